@@ -1,0 +1,122 @@
+"""Checks of arguments: what is wrong, which value was given and what is allowed.
+
+Every check returns its value unchanged, so it can stand where the value is used, and raises
+`ValueError` (`TypeError` for what is no number) with the argument's name first:
+
+>>> check_positive("mass", 2.0)
+2.0
+>>> check_positive("mass", [1.0, -2.0])
+Traceback (most recent call last):
+    ...
+ValueError: mass[1] = -2.0: it must be finite and positive.
+
+Values are Python numbers, NumPy or JAX arrays; every element is looked at. Values known only at run
+time (tracers under `jit`, `vmap`, `grad`) pass unread: a constructor runs at trace time, where they
+have no number yet. `as_parameter` then makes the float64 array that a module stores.
+"""
+
+from collections.abc import Callable, Collection
+from typing import Any, TypeVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+T = TypeVar("T")
+
+
+def is_concrete(value: Any) -> bool:
+    """Whether all array leaves of `value` hold numbers that can be read now."""
+    return not any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(value))
+
+
+def _numbers(name: str, value: Any) -> np.ndarray:
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind in "biuf":
+            return array
+    except (TypeError, ValueError):
+        pass
+    raise TypeError(f"{name} = {value!r}: it must be a real number or an array of real numbers.")
+
+
+def check_that(
+    name: str, value: T, holds: Callable[[np.ndarray], np.ndarray | bool], allowed: str
+) -> T:
+    """Refuse `value` unless `holds(value)` is true in every element.
+
+    **Arguments:**
+
+    - `name`: the argument as the caller wrote it; first word of the message.
+    - `value`: number or array; tracers pass unread.
+    - `holds`: elementwise condition on the NumPy array of the value.
+    - `allowed`: what is allowed, in the words that complete "it must be".
+    """
+    if not is_concrete(value):
+        return value
+    array = _numbers(name, value)
+    good = np.broadcast_to(holds(array), array.shape)
+    if not good.all():
+        where = tuple(int(i) for i in np.argwhere(~good)[0])
+        element = f"{name}[{', '.join(map(str, where))}]" if where else name
+        raise ValueError(f"{element} = {array[where].item()}: it must be {allowed}.")
+    return value
+
+
+def check_finite(name: str, value: T) -> T:
+    """Neither infinite nor NaN."""
+    return check_that(name, value, np.isfinite, "finite")
+
+
+def check_positive(name: str, value: T) -> T:
+    """Finite and greater than zero."""
+    return check_that(name, value, lambda x: np.isfinite(x) & (x > 0), "finite and positive")
+
+
+def check_nonnegative(name: str, value: T) -> T:
+    """Finite and not less than zero."""
+    return check_that(name, value, lambda x: np.isfinite(x) & (x >= 0), "finite and not negative")
+
+
+def check_between(name: str, value: T, low: float, high: float) -> T:
+    """In the closed interval from `low` to `high`; an infinite bound is no bound."""
+    return check_that(
+        name, value, lambda x: (x >= low) & (x <= high), f"between {low} and {high} inclusive"
+    )
+
+
+def check_at_least(name: str, value: T, bound_name: str, bound: Any) -> T:
+    """Not less than another argument, as in `check_at_least("t1", t1, "t0", t0)`."""
+    if not (is_concrete(value) and is_concrete(bound)):
+        return value
+    array, limit = np.broadcast_arrays(_numbers(name, value), _numbers(bound_name, bound))
+    good = array >= limit
+    if not good.all():
+        where = tuple(int(i) for i in np.argwhere(~good)[0])
+        element = f"{name}[{', '.join(map(str, where))}]" if where else name
+        raise ValueError(
+            f"{element} = {array[where].item()}: it must be at least {bound_name} = "
+            f"{limit[where].item()}."
+        )
+    return value
+
+
+def check_in(name: str, value: T, allowed: Collection[T]) -> T:
+    """One of `allowed`: for words and other discrete choices, which are never traced."""
+    if value not in allowed:
+        choices = ", ".join(repr(choice) for choice in allowed)
+        raise ValueError(f"{name} = {value!r}: it must be one of {choices}.")
+    return value
+
+
+def check_type(name: str, value: T, expected: type | tuple[type, ...], allowed: str) -> T:
+    """An instance of `expected`; `allowed` completes "it must be"."""
+    if not isinstance(value, expected):
+        raise TypeError(f"{name} is a {type(value).__name__}: it must be {allowed}.")
+    return value
+
+
+def as_parameter(value: Any) -> Float[Array, "..."]:
+    """The float64 array a module stores, so that every leaf can be traced and batched."""
+    return jnp.asarray(value, dtype=jnp.float64)
