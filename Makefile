@@ -1,0 +1,90 @@
+# Everything lives in .venv inside this checkout; the first call of any target creates it.
+PYTHON ?= python3
+WORKERS ?= 2
+
+VENV := .venv
+BIN := $(VENV)/bin
+RUN := $(BIN)/python
+READY := $(VENV)/.ready
+PACKAGES := stickslip corexy_jax experiments
+PEERS := numba heyoka
+# What a user's shell may hold that would let another installation leak into ours.
+unexport PYTHONPATH PYTHONHOME PIP_TARGET PIP_PREFIX PIP_USER
+# The interpreters of a checkout keep their own side files in .venv too, not in the home directory.
+export IPYTHONDIR := $(CURDIR)/$(VENV)/ipython
+export JUPYTER_RUNTIME_DIR := $(CURDIR)/$(VENV)/jupyter
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+export PIP_NO_INPUT := 1
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.PHONY: help setup demo figures notebooks test test-all bench lint lock clean distclean
+
+help: ## list the targets
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */  make \1\t/' | expand -t 20
+	@echo
+	@echo "PYTHON=python3.12 chooses the interpreter on first use, WORKERS=4 the test processes."
+
+# An interpreter asked for by name must be the one that runs; without a name, an existing .venv is kept.
+setup: $(READY) ## create or refresh .venv
+ifneq ($(origin PYTHON),file)
+	@wanted=$$($(PYTHON) -c 'import sys; print(sys.version.split()[0])') && \
+	found=$$($(RUN) -c 'import sys; print(sys.version.split()[0])') && \
+	[ "$$wanted" = "$$found" ] || { \
+	    echo "PYTHON=$(PYTHON) is Python $$wanted, but $(VENV) was made with $$found: run 'make distclean' first." >&2; exit 1; }
+endif
+
+$(READY): requirements.lock pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+	    echo "Python 3.11 or newer is needed, but '$(PYTHON)' is not: try 'make PYTHON=/path/to/python3.12 ...'." >&2; exit 1; }
+	@echo "Installing into $(VENV), once (a minute or two) ..."
+	@$(RUN) -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear $(VENV)
+	@$(RUN) -m pip install --quiet --no-deps -r requirements.lock
+	@$(RUN) -m pip install --quiet --no-deps --no-build-isolation -e .
+	@touch $@
+
+demo: setup ## the bifurcation diagram of the block on a belt: data and picture
+	@$(RUN) -m experiments demo
+
+figures: setup ## every figure of the papers at full resolution; resumes where it stopped
+	@$(RUN) -m experiments all
+
+notebooks: setup ## execute notebooks/*.py into notebooks/*.ipynb
+	@set -e; for source in notebooks/*.py; do \
+	    [ -e "$$source" ] || { echo "no notebooks yet"; break; }; \
+	    target="$${source%.py}.ipynb"; \
+	    echo "$$target"; \
+	    $(RUN) -m jupytext --quiet --to ipynb --set-kernel python3 --output "$$target" "$$source"; \
+	    $(BIN)/jupyter-execute --inplace "$$target"; \
+	done
+
+test: setup ## the quick suite
+	@$(RUN) -m pytest -q -n $(WORKERS) -m "not slow"
+
+test-all: setup ## every test, the slow ones too
+	@$(RUN) -m pytest -q -n $(WORKERS)
+
+bench: setup ## compare with the peers; those that cannot be installed are reported as absent
+	@for peer in $(PEERS); do \
+	    $(RUN) -m pip install --quiet --constraint requirements.lock "$$peer" \
+	        || echo "$$peer could not be installed; going on without it." >&2; \
+	done
+	@$(RUN) -m experiments.benchmarks
+
+lint: setup ## ruff and pyright
+	@$(RUN) -m ruff check .
+	@$(RUN) -m ruff format --check .
+	@PYRIGHT_PYTHON_CACHE_DIR=$(CURDIR)/$(VENV)/pyright $(RUN) -m pyright
+
+lock: setup ## resolve requirements.lock anew
+	@$(RUN) -m pip install --quiet uv
+	@$(BIN)/uv pip compile pyproject.toml --universal --python-version 3.11 --upgrade --quiet \
+	    --extra test --extra notebooks --extra lint --group build \
+	    --no-emit-index-url --custom-compile-command "make lock" --output-file requirements.lock
+
+clean: ## remove caches and executed notebooks, keep .venv and results
+	@rm -rf .pytest_cache .hypothesis .ruff_cache build dist notebooks/*.ipynb
+	@find $(PACKAGES) tests notebooks -name __pycache__ -type d -prune -exec rm -rf {} + 2>/dev/null || true
+
+distclean: clean ## clean, and remove .venv
+	@rm -rf $(VENV)

@@ -1,0 +1,45 @@
+"""Strict mode for every test: 64 bit, no silent promotion, warnings are errors.
+
+Shape and type annotations of both packages are checked at call time by the import hook that
+`addopts` in pyproject.toml installs before this file is read.
+"""
+
+import os
+
+# Two host devices, so that the multi-device paths run on any machine. XLA reads its flags when the
+# first array is made, so this has to come before any test module is imported.
+os.environ["XLA_FLAGS"] = (
+    os.environ.get("XLA_FLAGS", "") + " --xla_force_host_platform_device_count=2"
+)
+
+import hypothesis
+import jax
+import matplotlib
+import pytest
+
+jax.config.update("jax_enable_x64", True)
+jax.config.update("jax_numpy_rank_promotion", "raise")
+jax.config.update("jax_numpy_dtype_promotion", "strict")
+
+matplotlib.use("agg")
+
+# The same examples on every run, and no deadline: the first call of a jitted function compiles.
+hypothesis.settings.register_profile("reproducible", derandomize=True, deadline=None)
+hypothesis.settings.load_profile("reproducible")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Keep compiled programs between runs.
+
+    Programs with host callbacks, diffrax's own loop among them, are never cached by JAX.
+    """
+    if config.cache is not None:
+        jax.config.update("jax_compilation_cache_dir", str(config.cache.mkdir("jax")))
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
+
+
+@pytest.fixture
+def standard_dtype_promotion():
+    """For tests that call optax, which adds its integer step count to floats."""
+    with jax.numpy_dtype_promotion("standard"):
+        yield

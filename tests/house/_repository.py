@@ -1,0 +1,46 @@
+"""What the tests of the house look at: the tracked files and the syntax trees of this checkout."""
+
+import ast
+import re
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGES = ("stickslip", "corexy_jax")
+_UNTRACKED = {".git", ".venv", "__pycache__", ".pytest_cache", ".ruff_cache", ".hypothesis"}
+
+
+def tracked_files() -> list[Path]:
+    """Files under version control; in an unpacked archive, every file that is no by-product."""
+    if (ROOT / ".git").exists():
+        listing = subprocess.run(
+            ["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True
+        ).stdout
+        files = [ROOT / name for name in listing.split("\0") if name]
+    else:
+        files = [
+            path
+            for path in ROOT.rglob("*")
+            if path.is_file() and not _UNTRACKED.intersection(path.relative_to(ROOT).parts)
+        ]
+    # A file deleted but not yet committed is still listed.
+    return sorted(path for path in files if path.exists())
+
+
+def imported_modules(source: str, package: str) -> Iterator[tuple[int, str]]:
+    """Line and full module name of every import in a file of `package`, the indented ones too."""
+    parents = package.split(".")
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield node.lineno, alias.name
+        elif isinstance(node, ast.ImportFrom):
+            base = parents[: len(parents) - node.level + 1] if node.level else []
+            yield node.lineno, ".".join([*base, node.module] if node.module else base)
+
+
+def make_targets() -> set[str]:
+    """Targets a user may call."""
+    text = (ROOT / "Makefile").read_text(encoding="utf-8")
+    return set(re.findall(r"^([a-z-]+):.*##", text, flags=re.MULTILINE))

@@ -1,0 +1,140 @@
+"""The rules of the house, checked over the files themselves."""
+
+import importlib
+import inspect
+import pkgutil
+import re
+from pathlib import Path
+from types import ModuleType
+
+import equinox as eqx
+import pytest
+
+from tests.house._repository import PACKAGES, ROOT, imported_modules, tracked_files
+
+LONGEST_FILE = 450
+TOP_LEVEL = {
+    "pyproject.toml",
+    "corexy_jax",
+    "stickslip",
+    "experiments",
+    "tests",
+    "notebooks",
+    "README.md",
+    "Makefile",
+    "LICENSE",
+    "CHANGELOG.md",
+    "CONTRIBUTING.md",
+    "CITATION.cff",
+    "requirements.lock",
+}
+
+
+def python_files(package: str):
+    return [p for p in tracked_files() if p.suffix == ".py" and p.is_relative_to(ROOT / package)]
+
+
+def package_of(path: Path) -> str:
+    return ".".join(path.relative_to(ROOT).parts[:-1])
+
+
+def modules(package: str) -> list[ModuleType]:
+    root = importlib.import_module(package)
+    names = [info.name for info in pkgutil.walk_packages(root.__path__, f"{package}.")]
+    return [root, *map(importlib.import_module, names)]
+
+
+def public_objects(package: str):
+    """What a user reaches without an underscore: classes and functions that are ours."""
+    for module in modules(package):
+        if any(part.startswith("_") for part in module.__name__.split(".")):
+            continue
+        for name in getattr(module, "__all__", vars(module)):
+            thing = getattr(module, name)
+            named_by_us = getattr(thing, "__module__", None) or ""
+            if (
+                not name.startswith("_")
+                and (inspect.isclass(thing) or callable(thing))
+                and named_by_us.split(".")[0] in PACKAGES
+            ):
+                yield f"{module.__name__}.{name}", thing
+
+
+def modules_of_our_own(package: str) -> set[type]:
+    return {
+        thing
+        for module in modules(package)
+        for thing in vars(module).values()
+        if inspect.isclass(thing)
+        and issubclass(thing, eqx.Module)
+        and thing.__module__.split(".")[0] in PACKAGES
+    }
+
+
+@pytest.mark.parametrize(
+    ("package", "forbidden"),
+    [
+        ("stickslip", {"corexy_jax", "experiments", "tests"}),
+        ("corexy_jax", {"experiments", "tests"}),
+        ("experiments", {"tests"}),
+    ],
+)
+def test_imports_point_one_way(package, forbidden):
+    wrong = [
+        f"{path.relative_to(ROOT)}:{line} imports {name}"
+        for path in python_files(package)
+        for line, name in imported_modules(path.read_text(encoding="utf-8"), package_of(path))
+        if name.split(".")[0] in forbidden
+    ]
+    assert wrong == []
+
+
+def test_every_form_of_import_is_seen():
+    source = "import a.b\ndef f():\n    from ..c import d\nfrom . import e\n"
+    assert set(imported_modules(source, "p.q")) == {(1, "a.b"), (3, "p.c"), (4, "p.q")}
+
+
+def test_no_file_is_too_long():
+    watched = {".py", ".md", ".toml", ""}
+    lengths = {
+        str(path.relative_to(ROOT)): len(path.read_text(encoding="utf-8").splitlines())
+        for path in tracked_files()
+        if path.suffix in watched
+    }
+    assert {name: n for name, n in lengths.items() if n > LONGEST_FILE} == {}
+
+
+def test_no_path_of_a_machine():
+    # Written so that it does not find itself.
+    pattern = re.compile(rb"(?<![\w.])/(?:work|root|farm|home)/")
+    wrong = [str(p.relative_to(ROOT)) for p in tracked_files() if pattern.search(p.read_bytes())]
+    assert wrong == []
+
+
+def test_top_level_is_the_agreed_tree():
+    names = {path.relative_to(ROOT).parts[0] for path in tracked_files()}
+    assert {name for name in names if not name.startswith(".")} <= TOP_LEVEL
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_what_is_public_is_documented(package):
+    undocumented = [
+        name
+        for name, thing in public_objects(package)
+        # A dataclass without a docstring gets its signature as one.
+        if not thing.__doc__ or thing.__doc__.startswith(f"{thing.__name__}(")
+    ]
+    assert undocumented == []
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_modules_are_abstract_or_final(package):
+    """Only classes called `Abstract...` have heirs, so the method that runs is the one you read."""
+    wrong = [
+        f"{thing.__qualname__} inherits from {base.__qualname__}"
+        for thing in modules_of_our_own(package)
+        for base in thing.__bases__
+        if base.__module__.split(".")[0] in PACKAGES
+        and not base.__name__.lstrip("_").startswith("Abstract")
+    ]
+    assert wrong == []
