@@ -28,8 +28,8 @@ help: ## list the targets
 # An interpreter asked for by name must be the one that runs; without a name, an existing .venv is kept.
 setup: $(READY) ## create or refresh .venv
 ifneq ($(origin PYTHON),file)
-	@wanted=$$($(PYTHON) -c 'import sys; print(sys.version.split()[0])') && \
-	found=$$($(RUN) -c 'import sys; print(sys.version.split()[0])') && \
+	@wanted=$$($(PYTHON) -c 'import sys; print(sys.version.split()[0])') || exit 1; \
+	found=$$($(RUN) -c 'import sys; print(sys.version.split()[0])'); \
 	[ "$$wanted" = "$$found" ] || { \
 	    echo "PYTHON=$(PYTHON) is Python $$wanted, but $(VENV) was made with $$found: run 'make distclean' first." >&2; exit 1; }
 endif
@@ -39,7 +39,7 @@ $(READY): requirements.lock pyproject.toml
 	    echo "Python 3.11 or newer is needed, but '$(PYTHON)' is not: try 'make PYTHON=/path/to/python3.12 ...'." >&2; exit 1; }
 	@echo "Installing into $(VENV), once (a minute or two) ..."
 	@$(RUN) -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear $(VENV)
-	@$(RUN) -m pip install --quiet --no-deps -r requirements.lock
+	@$(RUN) -m pip install --quiet --no-compile --no-deps -r requirements.lock
 	@$(RUN) -m pip install --quiet --no-deps --no-build-isolation -e .
 	@touch $@
 
