@@ -1,0 +1,19 @@
+"""The hybrid engine: description of mode-switched systems and their exact, batched simulation."""
+
+from ._execute import FUSED as FUSED
+from ._execute import PORTABLE as PORTABLE
+from ._execute import current_executor as current_executor
+from ._execute import use_executor as use_executor
+from ._section import Section as Section
+from ._simulate import Integrator as Integrator
+from ._simulate import SaveAt as SaveAt
+from ._simulate import simulate as simulate
+from ._solution import EventLog as EventLog
+from ._solution import Solution as Solution
+from ._solution import StateLog as StateLog
+from ._solution import same_mode_sequence as same_mode_sequence
+from ._status import RESULTS as RESULTS
+from ._step_size import AdaptiveStep as AdaptiveStep
+from ._step_size import FixedStep as FixedStep
+from ._system import AbstractHybridSystem as AbstractHybridSystem
+from ._system import switch as switch

@@ -1,0 +1,153 @@
+"""The differentiable core: logs and end state as a function of parameters, start time and state.
+
+Forward mode differentiates the time loop itself (one pass carries the tangents). Reverse mode cannot
+go through a loop of unknown length; its sweep is written out in `_adjoint.py`. Both are offered by
+one function: its tangent map is a primitive of its own whose transpose is that sweep.
+"""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import equinox.internal as eqxi
+import jax
+import jax.numpy as jnp
+from jaxtyping import PyTree
+
+from ._adjoint import adjoint
+from ._attempt import Plan, start
+from ._record import Logs, Record, record
+
+_NO_SECOND = (
+    "second derivatives of a simulation (the event times are corrected to first order only); use "
+    "Gauss-Newton, or finite differences of the gradient"
+)
+
+
+class Smooth(NamedTuple):
+    """Floating-point results: what derivatives exist of."""
+
+    t: Any
+    y: PyTree
+    dy: PyTree
+    logs: Logs  # with None for every integer
+
+
+class Counts(NamedTuple):
+    """Integer results."""
+
+    mode: Any
+    status: Any
+    flags: Any
+    sequence: Any
+    attempts: Any
+    accepted: Any
+    events: Any
+    crossings: tuple
+    outputs: Any
+    steps: Any
+    fresh: Any
+    logs: Logs  # with None for every float
+
+
+def _raw(inputs, fixed, plan: Plan, spec: Record) -> tuple[Smooth, Counts]:
+    theta, t0, y0 = inputs
+    mode0, t1, outputs = fixed
+    lane = start(plan, t0, y0, y0, mode0)
+    lane, logs, steps = record(plan, spec, theta, lane, t1, outputs)
+    smooth_logs, integer_logs = eqx.partition(logs, eqx.is_inexact_array)
+    return (
+        Smooth(lane.t, lane.y, lane.dy, smooth_logs),
+        Counts(
+            mode=lane.mode,
+            status=lane.status,
+            flags=lane.flags,
+            sequence=lane.sequence,
+            attempts=lane.attempts,
+            accepted=lane.accepted,
+            events=lane.events,
+            crossings=lane.crossings,
+            outputs=lane.next_output,
+            steps=steps,
+            fresh=lane.fresh,
+            logs=integer_logs,
+        ),
+    )
+
+
+@eqx.filter_custom_jvp
+def core(inputs, *, fixed, plan: Plan, spec: Record) -> tuple[Smooth, Counts]:
+    """Run one lane. `inputs = (theta, t0, y0)` is differentiated; `fixed = (mode0, t1, outputs)` not."""
+    return _raw(inputs, fixed, plan, spec)
+
+
+@core.def_jvp
+def _core_jvp(primals, tangents, *, fixed, plan, spec):
+    (inputs,), (t_inputs,) = primals, tangents
+    out = core(inputs, fixed=fixed, plan=plan, spec=spec)
+    t_smooth = eqxi.filter_primitive_bind(_tangent_p, t_inputs, inputs, fixed, plan, spec)
+    return out, (t_smooth, jax.tree.map(lambda _: None, out[1]))
+
+
+def _tangent(t_inputs, inputs, fixed, plan, spec) -> Smooth:
+    moving = jax.tree.map(lambda t: t is not None, t_inputs, is_leaf=lambda t: t is None)
+    inexact, rest = eqx.partition(inputs, eqx.is_inexact_array)
+    varied, held = eqx.partition(inexact, moving)
+
+    def run(varied):
+        return _raw(eqx.combine(varied, held, rest), fixed, plan, spec)[0]
+
+    return jax.jvp(run, (varied,), (eqx.filter(t_inputs, moving),))[1]
+
+
+def _struct(tree):
+    return jax.tree.map(
+        lambda a: jax.ShapeDtypeStruct(a.shape, a.dtype) if hasattr(a, "shape") else a, tree
+    )
+
+
+@eqxi.filter_primitive_def
+def _tangent_abstract(t_inputs, inputs, fixed, plan, spec):
+    out = eqx.filter_eval_shape(
+        _tangent, *(_struct(a) for a in (t_inputs, inputs, fixed, plan)), spec
+    )
+    return jax.tree.map(lambda s: jax.core.ShapedArray(s.shape, s.dtype), out)
+
+
+@eqxi.filter_primitive_jvp
+def _tangent_jvp(primals, tangents):
+    t_t_inputs, *others = tangents
+    if any(leaf is not None for leaf in jax.tree.leaves(others)):
+        raise NotImplementedError(f"stickslip.simulate does not offer {_NO_SECOND}.")
+    out = eqxi.filter_primitive_bind(_tangent_p, *primals)
+    return out, eqxi.filter_primitive_bind(_tangent_p, t_t_inputs, *primals[1:])
+
+
+@eqxi.filter_primitive_transpose(materialise_zeros=True)
+def _tangent_transpose(operands, cotangents):
+    t_inputs, inputs, fixed, plan, spec = operands
+    is_none = lambda x: x is None  # noqa: E731
+    wanted = jax.tree.map(lambda t: isinstance(t, jax.interpreters.ad.UndefinedPrimal), t_inputs,
+                          is_leaf=lambda t: isinstance(t, jax.interpreters.ad.UndefinedPrimal))  # fmt: skip
+    inputs, fixed = eqxi.nondifferentiable((inputs, fixed), msg=f"stickslip: no {_NO_SECOND}")
+    bars = adjoint(inputs, fixed, plan, spec, cotangents, _raw_start)
+    bars = jax.tree.map(lambda w, b: b if w else None, wanted, bars, is_leaf=is_none)
+    nones = [jax.tree.map(lambda _: None, x) for x in (inputs, fixed, plan, spec)]
+    return (bars, *nones)
+
+
+def _raw_start(plan, inputs, mode0):
+    _, t0, y0 = inputs
+    return start(plan, t0, y0, y0, mode0)
+
+
+_tangent_p: Any = eqxi.create_vprim(
+    "stickslip_tangent",
+    eqxi.filter_primitive_def(_tangent),
+    _tangent_abstract,
+    _tangent_jvp,
+    _tangent_transpose,
+)
+eqxi.register_impl_finalisation(_tangent_p)
+
+__all__ = ["Counts", "Smooth", "core"]
+_ = jnp

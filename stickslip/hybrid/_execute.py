@@ -1,0 +1,110 @@
+"""How the integrator's inner loop is handed to XLA: portable, or fused into one compiled call."""
+
+import contextlib
+import contextvars
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.extend
+from jax.experimental.xla_metadata import set_xla_metadata
+
+# Attributes XLA's CPU compiler reads on a call. `inlineable="false"` keeps a call a call, so that a
+# stage sum is computed once instead of being recomputed by every later stage it is fused into;
+# `xla_cpu_small_call` compiles the whole time loop to one function without a dispatch per operation.
+# Both are internal to XLA: `_canary.py` proves in a subprocess that this jaxlib still honours them.
+_BOUNDARY = {"inlineable": "false"}
+_LOOP = {"inlineable": "false", "xla_cpu_small_call": "true"}
+
+
+class Executor(eqx.Module):
+    """Wraps the pieces of the integrator; the numbers are the same to rounding in both variants."""
+
+    fused: bool = eqx.field(static=True)
+
+    def boundary(self, function: Callable, *operands: Any) -> Any:
+        """Call `function` such that its result is computed once (fused) or plainly (portable)."""
+        if not self.fused:
+            return function(*operands)
+        return _call(_BOUNDARY, inline_jit(function), operands)
+
+    def loop(self, function: Callable, *operands: Any) -> Any:
+        """Call `function`, a whole time loop, as one compiled function (fused) or plainly."""
+        if not self.fused:
+            return function(*operands)
+        return _call(_LOOP, function, operands)
+
+
+def _call(attributes: dict[str, str], function: Callable, operands: tuple) -> Any:
+    with set_xla_metadata(**attributes):
+        return jax.jit(function)(*operands)
+
+
+PORTABLE = Executor(fused=False)
+FUSED = Executor(fused=True)
+_current: contextvars.ContextVar[Executor] = contextvars.ContextVar("executor", default=PORTABLE)
+
+
+def current_executor() -> Executor:
+    """Executor that `simulate` uses where it is called (read while tracing)."""
+    return _current.get()
+
+
+@contextlib.contextmanager
+def use_executor(executor: Executor) -> Iterator[None]:
+    """Have every `simulate` traced inside the block use `executor`."""
+    token = _current.set(executor)
+    try:
+        yield
+    finally:
+        _current.reset(token)
+
+
+def inline_jit(function: Callable) -> Callable:
+    """`function` with every `jit` inside it (such as `jnp.where`'s own) spelled out.
+
+    A jitted helper called where `inlineable="false"` is in force would become a call of its own.
+    """
+
+    def wrapped(*operands):
+        leaves, treedef = jax.tree.flatten(operands)
+        out_tree = None
+
+        def flat(*flat_leaves):
+            nonlocal out_tree
+            out, out_tree = jax.tree.flatten(function(*jax.tree.unflatten(treedef, flat_leaves)))
+            return out
+
+        closed = jax.make_jaxpr(flat)(*leaves)
+        out = _evaluate(closed.jaxpr, closed.consts, leaves)
+        return jax.tree.unflatten(out_tree, out)
+
+    return wrapped
+
+
+def _evaluate(jaxpr, consts, operands):
+    values = {}
+
+    def read(atom):
+        return atom.val if isinstance(atom, jax.extend.core.Literal) else values[atom]
+
+    for var, value in zip(jaxpr.constvars, consts, strict=True):
+        values[var] = value
+    for var, value in zip(jaxpr.invars, operands, strict=True):
+        values[var] = value
+    for eqn in jaxpr.eqns:
+        inputs = [read(atom) for atom in eqn.invars]
+        if eqn.primitive.name in ("jit", "pjit"):
+            inner = eqn.params["jaxpr"]
+            outputs = _evaluate(inner.jaxpr, inner.consts, inputs)
+        else:
+            # Up to JAX 0.9 the callables of a primitive come apart from its parameters.
+            found = eqn.primitive.get_bind_params(eqn.params)
+            functions, params = found if isinstance(found, tuple) else ((), found)
+            outputs = eqn.primitive.bind(*functions, *inputs, **params)
+            if not eqn.primitive.multiple_results:
+                outputs = [outputs]
+        for var, value in zip(eqn.outvars, outputs, strict=True):
+            values[var] = value
+    return [read(atom) for atom in jaxpr.outvars]

@@ -1,0 +1,179 @@
+"""Recording: blocks of attempts are dumped, and what happened is moved into per-lane logs.
+
+The inner loop of a block cannot scatter (not available inside a fused loop), and a scatter per
+attempt would cost more than the attempt. So each attempt writes one row of running counts and
+states; after the block the rows that matter are found by bisection on the counts.
+"""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import equinox.internal as eqxi
+import jax
+import jax.numpy as jnp
+from jaxtyping import PyTree
+
+from ._attempt import REFRESH, Lane, Outcome, Plan, is_event, moved_on
+from ._loop import run, run_block, running
+
+BLOCK = 128
+
+
+class Record(eqx.Module):
+    """What is recorded and how much room there is; static."""
+
+    events: int | None = eqx.field(static=True)  # capacity, or None
+    crossings: tuple[int, ...] = eqx.field(static=True)  # capacity per section
+    outputs: int = eqx.field(static=True)  # number of output times
+    steps: int | None = eqx.field(static=True)  # capacity, or None
+
+    @property
+    def nothing(self) -> bool:
+        return self.events is None and not self.crossings and not self.outputs and self.steps is None
+
+
+class States(NamedTuple):
+    """Rows of times and states; leading axis: row."""
+
+    t: Any
+    y: PyTree
+    dy: PyTree
+    mode: Any
+    jump: Any  # whether the row was reached by a jump at an event, not by motion
+
+
+class Events(NamedTuple):
+    """Rows of events; leading axis: row."""
+
+    t: Any
+    guard: Any
+    mode_before: Any
+    mode_after: Any
+    y_before: PyTree
+    y_after: PyTree
+
+
+class Logs(NamedTuple):
+    """All logs of one lane; rows past the count are zero."""
+
+    events: Events | None
+    crossings: tuple[States, ...]
+    outputs: States | None
+    steps: States | None
+
+
+class Row(NamedTuple):
+    """One dumped attempt."""
+
+    code: Any
+    guard: Any
+    t: Any
+    y: PyTree
+    y_before: PyTree
+    dy: PyTree
+    mode: Any
+    mode_before: Any
+    events: Any
+    crossings: tuple
+    next_output: Any
+
+
+def record(plan: Plan, spec: Record, theta, lane: Lane, t1, outputs) -> tuple[Lane, Logs, Any]:
+    """Run to the end; the lane at the end, its logs, and the number of recorded steps."""
+    none = jnp.zeros_like(lane.mode)
+    if spec.nothing:
+        return run(plan, theta, lane, t1, outputs), Logs(None, (), None, None), none
+    logs = _empty(spec, lane)
+
+    def dump(before: Lane, after: Lane, outcome: Outcome) -> Row:
+        return Row(
+            code=outcome.code,
+            guard=outcome.guard,
+            t=after.t,
+            y=after.y,
+            y_before=outcome.y_before,
+            dy=outcome.dy,
+            mode=after.mode,
+            mode_before=before.mode,
+            events=after.events,
+            crossings=after.crossings,
+            next_output=after.next_output,
+        )
+
+    def body(carry):
+        before, logs, steps = carry
+        after, rows, count = run_block(plan, theta, before, t1, outputs, BLOCK, dump)
+        logs, steps = _collect(spec, logs, steps, before, after, rows, count)
+        return after, logs, steps
+
+    return jax.lax.while_loop(lambda c: running(c[0]), body, (lane, logs, none))
+
+
+def _empty(spec: Record, lane: Lane) -> Logs:
+    def rows(capacity, tree):
+        return jax.tree.map(lambda a: jnp.zeros((capacity, *jnp.shape(a)), jnp.asarray(a).dtype), tree)
+
+    state = States(lane.t, lane.y, lane.dy, lane.mode, lane.mode)
+    event = Events(lane.t, lane.mode, lane.mode, lane.mode, lane.y, lane.y)
+    return Logs(
+        events=None if spec.events is None else rows(spec.events, event),
+        crossings=tuple(rows(capacity, state) for capacity in spec.crossings),
+        outputs=rows(spec.outputs, state) if spec.outputs else None,
+        steps=None if spec.steps is None else rows(spec.steps, state),
+    )
+
+
+def _collect(spec: Record, logs: Logs, steps, before: Lane, after: Lane, rows: Row, count):
+    def state(row: Row) -> States:
+        jump = row.code == REFRESH
+        return States(row.t, row.y_before, row.dy, row.mode_before, jump.astype(jnp.int32))
+
+    def event(row: Row) -> Events:
+        return Events(row.t, row.guard, row.mode_before, row.mode, row.y_before, row.y)
+
+    events, crossings, outputs, stepped = logs
+    if events is not None:
+        events = _move(events, rows, rows.events, before.events, after.events, event)
+    crossings = tuple(
+        _move(log, rows, rows.crossings[i], before.crossings[i], after.crossings[i], state)
+        for i, log in enumerate(crossings)
+    )
+    if outputs is not None:
+        outputs = _move(
+            outputs, rows, rows.next_output, before.next_output, after.next_output, state
+        )
+    if stepped is not None:
+        made = jnp.arange(BLOCK) < count
+        keep = made & (moved_on(rows.code) | is_event(rows.code))
+        place = jnp.where(keep, steps + jnp.cumsum(keep) - 1, stepped.t.shape[0])
+        stepped = jax.tree.map(
+            lambda log, row: log.at[place].set(row, mode="drop"), stepped, jax.vmap(state)(rows)
+        )
+        steps = steps + jnp.sum(keep).astype(jnp.int32)
+    return Logs(events, crossings, outputs, stepped), steps
+
+
+def _move(log, rows: Row, counts, first, last, pick):
+    """Copy into `log` the rows at which the running `counts` went up, from `first` to `last`."""
+    most = eqxi.unvmap_max(last - first)
+    # Rows past the attempts that were made are zero; a count never falls, so hide them.
+    counts = jax.lax.cummax(counts, axis=0)
+
+    def body(carry):
+        slot, log = carry
+        number = first + slot
+        low, high = jnp.zeros_like(number), jnp.full_like(number, BLOCK)
+        for _ in range(BLOCK.bit_length()):
+            middle = (low + high) // 2
+            reached = counts[jnp.minimum(middle, BLOCK - 1)] > number
+            low, high = jnp.where(reached, low, middle + 1), jnp.where(reached, middle, high)
+        where = jnp.minimum(high, BLOCK - 1)
+        row = pick(jax.tree.map(lambda a: a[where], rows))
+        size = jax.tree.leaves(log)[0].shape[0]
+        place = jnp.where(number < last, number, size)
+        log = jax.tree.map(lambda a, r: a.at[place].set(r, mode="drop"), log, row)
+        return slot + 1, log
+
+    return jax.lax.while_loop(
+        lambda carry: carry[0] < most, body, (jnp.zeros((), jnp.int32), log)
+    )[1]

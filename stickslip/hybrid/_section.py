@@ -1,0 +1,51 @@
+"""Sections: crossings that are recorded, not acted upon (Poincaré sections)."""
+
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+
+from ._system import DIRECTIONS
+
+
+class Section(eqx.Module):
+    """A scalar function of the motion whose zero crossings are recorded.
+
+    **Arguments**
+
+    - `function(t, y, dy, mode, args)`: scalar; `dy` is the time derivative of the state, so that an
+      acceleration is `dy.v`.
+    - `direction`: `"rising"` (from negative to positive), `"falling"`, or `"both"`.
+    - `terminal`: whether the motion ends at the first crossing.
+    - `name`: label in logs and datasets.
+
+    A crossing belongs to the half-open interval `(t0, t1]`. A value that starts at zero counts only
+    after it has left zero; a jump over zero at an event counts at the time of the event.
+
+    Errors: `ValueError` for an unknown direction, `TypeError` if `function` is not callable.
+    """
+
+    function: Callable = eqx.field(static=True)
+    direction: str = eqx.field(static=True, default="falling")
+    terminal: bool = eqx.field(static=True, default=False)
+    name: str = eqx.field(static=True, default="section")
+
+    def __check_init__(self):
+        if self.direction not in DIRECTIONS:
+            raise ValueError(f"direction={self.direction!r} is not known; allowed: {DIRECTIONS}")
+        if not callable(self.function):
+            raise TypeError(f"function={self.function!r} must be callable as f(t, y, dy, mode, args)")
+
+    def uses_slope(self, t: Any, y: Any, dy: Any, mode: Any, args: Any) -> bool:
+        """Whether the value depends on `dy`; then its own rate of change costs a field derivative."""
+
+        def of_slope(dy):
+            return self.function(t, y, dy, mode, args)
+
+        closed = jax.make_jaxpr(of_slope)(dy)
+        needed = set(closed.jaxpr.outvars)
+        for eqn in reversed(closed.jaxpr.eqns):
+            if any(out in needed for out in eqn.outvars):
+                needed |= {v for v in eqn.invars if not isinstance(v, jax.extend.core.Literal)}
+        return any(var in needed for var in closed.jaxpr.invars)

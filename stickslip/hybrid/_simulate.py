@@ -1,0 +1,285 @@
+"""`simulate`: the one way to run a hybrid system."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import PyTree
+
+from .._validation import check_in, is_concrete
+from . import _solution as out
+from ._attempt import Plan
+from ._core import core
+from ._events import event_functions
+from ._execute import current_executor
+from ._record import Record
+from ._section import Section
+from ._solution import Solution
+from ._status import CODE, RESULTS, to_result
+from ._step_size import AbstractStepSize, AdaptiveStep
+from ._stepper import as_stepper
+from ._system import AbstractHybridSystem, mode_index
+from ._tree import as_float64, shift
+
+
+class SaveAt(eqx.Module):
+    """What of the motion is kept besides its end.
+
+    - `ts`: output times [s], increasing, within `[t0, t1]`; the integrator lands on each.
+    - `steps`: every accepted step and both sides of every event; at most `max_rows` rows.
+    - `events`: the log of transitions (capacity `max_events` of `simulate`).
+    """
+
+    ts: Any = None
+    steps: bool = eqx.field(static=True, default=False)
+    events: bool = eqx.field(static=True, default=True)
+    max_rows: int = eqx.field(static=True, default=4096)
+
+
+class Integrator(eqx.Module):
+    """Method, step-size rule and limits.
+
+    - `method`: `"dop853"` (default; order 8), `"tsit5"`, `"rk4"`, or any diffrax solver; implicit
+      ones such as `diffrax.Kvaerno5()` for stiff smoothed friction.
+    - `step`: `AdaptiveStep(rtol, atol)` (default 1e-10) or `FixedStep(h)`.
+    - `max_steps`: attempts per lane before it ends with `RESULTS.max_steps_reached`.
+    - `detect_dips`: look into a step over which an event function may have gone through zero and
+      back. If the function is convex over the step, none is missed; otherwise excursions shorter
+      than a step can be, and `AdaptiveStep(dtmax=...)` or `FixedStep` bound the step.
+    """
+
+    method: Any = "dop853"
+    step: AbstractStepSize = eqx.field(default_factory=lambda: AdaptiveStep(1e-10, 1e-10))
+    max_steps: int = eqx.field(static=True, default=100_000)
+    detect_dips: bool = eqx.field(static=True, default=True)
+
+    def __check_init__(self):
+        stepper = as_stepper(self.method)
+        if self.step.adaptive and not stepper.has_error_estimate():
+            raise ValueError(
+                f"method={self.method!r} has no error estimate; allowed with it: step=FixedStep(h)"
+            )
+        if not isinstance(self.max_steps, int) or self.max_steps < 1:
+            raise ValueError(f"max_steps={self.max_steps!r} must be a positive integer")
+
+
+def simulate(
+    system: AbstractHybridSystem,
+    t0: Any,
+    t1: Any,
+    y0: PyTree,
+    mode0: Any = None,
+    args: PyTree = None,
+    *,
+    integrator: Integrator | None = None,
+    saveat: SaveAt | None = None,
+    sections: tuple[Section, ...] | Section = (),
+    max_events: int | None = 256,
+    max_crossings: int = 256,
+    throw: bool = True,
+) -> Solution:
+    r"""Simulate a hybrid system from `t0` to `t1`, every event located to rounding.
+
+    Solves $\dot y = f_m(t, y)$ with transitions of the mode $m$ where a guard crosses zero. Event
+    location is part of the step-size control: an attempt in which a guard changed sign is repeated
+    shorter until the guard is at rounding level.
+
+    **Arguments**
+
+    - `system`: the hybrid system; its fields are its parameters.
+    - `t0`, `t1`: start and end [s], `t1 >= t0`.
+    - `y0`: initial state, a pytree of floats.
+    - `mode0`: mode at `t0`, name or number; by default `system.initial_mode(t0, y0, args)`.
+    - `args`: anything the system's functions want, e.g. inputs; a pytree.
+    - `integrator`: an `Integrator`: method, step-size rule, limits.
+    - `saveat`: a `SaveAt`: output times, every step, events.
+    - `sections`: `Section`s whose crossings are recorded, up to `max_crossings` each.
+    - `max_events`: room in the log of events; a lane with more ends with
+      `RESULTS.max_events_reached`. `None` keeps no log and sets no limit.
+    - `throw`: raise if a lane fails. With `False` the failure is in `solution.result`, lane by lane,
+      and everything computed until then is returned.
+
+    **Returns** a `Solution`.
+
+    **Events.** A guard already violated at `t0` (below zero) fires at `t0`. A crossing of a section
+    belongs to `(t0, t1]`. An event at an output time is taken before the output. Two guards at one
+    instant fire in the order of their values, each with its own transition; the lane is flagged. An
+    event at `t1` is taken if it is located at or before `t1`.
+
+    **Derivatives.** `jax.jvp`, `jax.jacfwd` (few parameters) and `jax.grad`, `jax.jacrev` (many) are
+    exact with respect to the system's float fields, `args`, `y0`, `t0`, `t1` and output times, for
+    the end state, outputs, steps, events (their times too) and crossings. They hold as long as the
+    sequence of modes does not change; `solution.flags` tells where they do not exist. Step lengths
+    and the number of steps are not differentiated. Second derivatives raise an error.
+
+    **Errors** `ValueError`/`TypeError` naming the argument for wrong shapes, non-finite or float32
+    values, `t1 < t0`, an unknown mode, unordered output times, guards that are not scalars; all
+    before compilation.
+    """
+    integrator = Integrator() if integrator is None else integrator
+    saveat = SaveAt() if saveat is None else saveat
+    sections = (sections,) if isinstance(sections, Section) else tuple(sections)
+    if not isinstance(system, AbstractHybridSystem):
+        raise TypeError(f"system={system!r} must be an AbstractHybridSystem")
+    system = jax.tree.map(lambda a: jnp.asarray(a, jnp.float64) if isinstance(a, float) else a, system)
+    t0, t1 = (as_float64(name, value) for name, value in (("t0", t0), ("t1", t1)))
+    y0 = as_float64("y0", y0)
+    if t0.shape != () or t1.shape != ():
+        raise ValueError(f"t0, t1 have shapes {t0.shape}, {t1.shape}; allowed: scalars (use jax.vmap)")
+    if is_concrete((t0, t1)) and bool(t1 < t0):
+        raise ValueError(f"t1={float(t1)} is before t0={float(t0)}; allowed: t1 >= t0")
+    ts = _check_outputs(saveat.ts, t0, t1)
+    if max_events is not None and (not isinstance(max_events, int) or max_events < 0):
+        raise ValueError(f"max_events={max_events!r} must be a non-negative integer or None")
+    if not isinstance(max_crossings, int) or max_crossings < 1:
+        raise ValueError(f"max_crossings={max_crossings!r} must be a positive integer")
+    mode0 = system.initial_mode(t0, y0, args) if mode0 is None else mode_index(system, mode0)
+    mode0 = jnp.asarray(mode0, jnp.int32)
+    solution = _run(
+        system, args, t0, t1, y0, mode0, ts, integrator, saveat, sections, max_events, max_crossings,
+        current_executor(),
+    )  # fmt: skip
+    if throw:
+        solution = solution.result.error_if(solution, ~solution.successful)
+    return solution
+
+
+def _check_outputs(ts, t0, t1):
+    if ts is None:
+        return None
+    ts = as_float64("saveat.ts", ts)
+    if ts.ndim != 1:
+        raise ValueError(f"saveat.ts has shape {ts.shape}; allowed: one dimension (use jax.vmap)")
+    if ts.size == 0:
+        return None
+    if is_concrete((ts, t0, t1)):
+        values, low, high = np.asarray(ts), float(t0), float(t1)
+        if np.any(np.diff(values) < 0):
+            raise ValueError(f"saveat.ts must increase; it falls after ts={values[:-1][np.diff(values) < 0][0]}")
+        if values[0] < low or values[-1] > high:
+            raise ValueError(
+                f"saveat.ts spans [{values[0]}, {values[-1]}]; allowed: within [t0, t1]=[{low}, {high}]"
+            )
+    return ts
+
+
+@eqx.filter_jit
+def _run(
+    system, args, t0, t1, y0, mode0, ts, integrator, saveat, sections, max_events, max_crossings, execute
+) -> Solution:
+    sg = jax.lax.stop_gradient
+    theta = (system, args)
+    slope = eqx.filter_eval_shape(system.vector_field, t0, y0, mode0, args)
+    _check_slope(y0, slope)
+    functions = event_functions(system, sections, t0, y0, y0, mode0, args)
+    log_events = saveat.events and max_events is not None
+    plan = Plan(
+        stepper=as_stepper(integrator.method),
+        step_size=jax.tree.map(lambda a: sg(jnp.asarray(a, jnp.float64)), integrator.step),
+        functions=functions,
+        execute=execute,
+        max_events=max_events,
+        max_crossings=max_crossings,
+        max_steps=integrator.max_steps,
+        has_outputs=ts is not None,
+        detect_dips=integrator.detect_dips,
+    )
+    spec = Record(
+        events=max_events if log_events else None,
+        crossings=tuple(1 if s.terminal else max_crossings for s in sections),
+        outputs=0 if ts is None else ts.shape[0],
+        steps=saveat.max_rows if saveat.steps else None,
+    )
+    fixed = (mode0, sg(t1), None if ts is None else sg(ts))
+    smooth, counts = core((theta, t0, y0), fixed=fixed, plan=plan, spec=spec)
+    return _assemble(theta, t0, t1, ts, sections, functions, smooth, counts, spec)
+
+
+def _check_slope(y0, slope):
+    if jax.tree.structure(y0) != jax.tree.structure(slope):
+        raise ValueError(
+            f"vector_field returned the structure {jax.tree.structure(slope)}; allowed: that of y0, "
+            f"{jax.tree.structure(y0)}"
+        )
+    for (path, a), b in zip(
+        jax.tree_util.tree_leaves_with_path(y0), jax.tree.leaves(slope), strict=True
+    ):
+        if a.shape != b.shape or b.dtype != jnp.float64:
+            raise ValueError(
+                f"vector_field returned shape {b.shape}, dtype {b.dtype} for "
+                f"y0{jax.tree_util.keystr(path)}; allowed: {a.shape}, float64"
+            )
+
+
+def _assemble(theta, t0, t1, ts, sections, functions, smooth, counts, spec) -> Solution:
+    """Logs as the user sees them. Times that were landed on to rounding are made exact here, which
+    also carries the derivative with respect to them."""
+    logs = eqx.combine(smooth.logs, counts.logs)
+    finished = counts.status == CODE["successful"]
+    t_end, y_end, dy_end = smooth.t, smooth.y, smooth.dy
+    y1 = shift(y_end, dy_end, jnp.where(finished, t1 - t_end, 0.0))
+    t_stop = jnp.where(finished, t1, t_end)
+    outputs = None
+    if ts is not None:
+        rows = logs.outputs
+        y = jax.vmap(shift)(rows.y, rows.dy, jnp.where(jnp.arange(spec.outputs) < counts.outputs, ts - rows.t, 0.0))
+        outputs = _state_log(counts.outputs, ts, y, rows.dy, rows.mode, spec.outputs)
+    crossings = ()
+    for i, (section, count, rows) in enumerate(zip(sections, counts.crossings, logs.crossings, strict=True)):
+        size = spec.crossings[i]
+        count = jnp.minimum(count, size)
+        t, y, dy = jax.vmap(lambda row, s=section: _polish(theta, s, row))(rows)
+        crossings = (*crossings, _state_log(count, t, y, dy, rows.mode, size))
+        if section.terminal:
+            stopped = (counts.status == CODE["event_occurred"]) & (t[0] >= t_end - 1e-6 * jnp.abs(t_end)) & (count > 0)
+            first = jax.tree.map(lambda a: a[0], (t, y))
+            t_stop = jnp.where(stopped, first[0], t_stop)
+            y1 = jax.tree.map(lambda a, b, c=stopped: jnp.where(c, a, b), first[1], y1)
+    steps = None
+    if spec.steps is not None:
+        rows, count = logs.steps, jnp.minimum(counts.steps, spec.steps)
+        steps = _state_log(count, rows.t, rows.y, rows.dy, rows.mode, spec.steps)
+    events = None
+    if spec.events is not None:
+        count = jnp.minimum(counts.events, spec.events)
+        events = out.EventLog(count, *out.masked(tuple(logs.events), count, spec.events))
+    return Solution(
+        t0=t0,
+        t1=t_stop,
+        y1=y1,
+        dy1=dy_end,
+        mode1=counts.mode,
+        outputs=outputs,
+        steps=steps,
+        events=events,
+        crossings=crossings,
+        result=to_result(counts.status),
+        flags=counts.flags,
+        sequence=counts.sequence,
+        stats=out.Stats(counts.attempts, counts.accepted, counts.events),
+    )
+
+
+def _state_log(count, t, y, dy, mode, size) -> out.StateLog:
+    return out.StateLog(count, *out.masked((t, y, dy, mode), count, size))
+
+
+def _polish(theta, section: Section, row):
+    """One Newton step onto the section with the exact rate; its derivative is that of the crossing."""
+    system, args = theta
+
+    def along(t, y):
+        dy = system.vector_field(t, y, row.mode, args)
+        return section.function(t, y, dy, row.mode, args), dy
+
+    one = jnp.ones_like(row.t)
+    (value, dy), (rate, ddy) = jax.jvp(along, (row.t, row.y), (one, row.dy))
+    sg = jax.lax.stop_gradient
+    usable = (row.jump == 0) & (sg(rate) != 0)
+    dt = jnp.where(usable, -value / jnp.where(usable, sg(rate), 1.0), 0.0)
+    return row.t + dt, shift(row.y, sg(dy), dt), shift(dy, sg(ddy), dt)
+
+
+_ = (check_in, RESULTS)

@@ -1,0 +1,70 @@
+"""Result codes, as messages, and the verdict on derivatives."""
+
+import diffrax as dfx
+import jax.numpy as jnp
+from jaxtyping import Array, Int
+
+RUNNING = -1
+
+
+class RESULTS(dfx.RESULTS):  # pyright: ignore[reportGeneralTypeIssues]
+    """Outcome of a simulation, per lane; extends `diffrax.RESULTS`."""
+
+    successful = ""
+    max_events_reached = (
+        "The log of events is full. Increase `max_events`, or set `max_events=None` if the log is "
+        "not needed."
+    )
+    max_crossings_reached = "The log of a section is full. Increase `max_crossings`."
+    chattering = (
+        "Events follow each other without time passing (chattering or Zeno): the mode that "
+        "`transition` returns is left at once. Return a mode that is admissible right after the "
+        "event, such as sticking or resting."
+    )
+    no_admissible_mode = (
+        "No mode is admissible: `transition` or `initial_mode` returned -1 for this state."
+    )
+
+
+# The loop carries small integers; this is their order.
+CODES = (
+    "successful",
+    "max_steps_reached",
+    "dt_min_reached",
+    "event_occurred",
+    "max_events_reached",
+    "max_crossings_reached",
+    "chattering",
+    "no_admissible_mode",
+    "nonfinite",
+)
+CODE = {name: number for number, name in enumerate(CODES)}
+
+
+def to_result(code: Int[Array, "*batch"]) -> RESULTS:  # pyright: ignore[reportInvalidTypeForm]
+    """`RESULTS` item of an integer code of the loop."""
+    result = RESULTS.successful
+    for number, name in enumerate(CODES):
+        result = RESULTS.where(code == number, getattr(RESULTS, name), result)
+    return result
+
+
+# Bits of `Solution.flags`: where the derivative of the result does not exist or is not to be trusted.
+GRAZING = 1  # an event function touched zero with (nearly) no slope
+COINCIDENT = 2  # two guards reached zero at the same instant
+EVENT_AT_START = 4  # a guard was already violated when a mode began
+
+
+def describe_flags(flags: int) -> str:
+    """Words for the bits of `Solution.flags`."""
+    names = {
+        GRAZING: "grazing: a guard touched zero with almost no slope",
+        COINCIDENT: "coincident: two guards reached zero at the same instant",
+        EVENT_AT_START: "violated: a guard was already violated when a mode began",
+    }
+    return "; ".join(text for bit, text in names.items() if int(flags) & bit) or "none"
+
+
+def flag(condition, bit: int):
+    """`bit` where `condition`, else 0."""
+    return jnp.where(condition, bit, 0).astype(jnp.int32)

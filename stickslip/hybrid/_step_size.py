@@ -1,0 +1,89 @@
+"""Step-size rules: fixed, or adaptive by an error estimate."""
+
+import abc
+from typing import Any, ClassVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from .._validation import check_nonnegative, check_positive
+
+
+class AbstractStepSize(eqx.Module):
+    """How long the next step may be. Events and output times shorten it further."""
+
+    adaptive: eqx.AbstractClassVar[bool]  # whether the error estimate is used
+
+    @abc.abstractmethod
+    def initial(self, y: Any, dy: Any) -> Any:
+        """First step length to try."""
+
+
+class FixedStep(AbstractStepSize):
+    """Steps of length `h` [s] wherever no event and no output time is nearer.
+
+    Errors: `ValueError` if `h` is not positive and finite.
+    """
+
+    h: Any
+
+    adaptive: ClassVar = False
+
+    def __check_init__(self):
+        check_positive("h", self.h)
+
+    def initial(self, y, dy):
+        return jnp.asarray(self.h, jnp.float64)
+
+
+class AdaptiveStep(AbstractStepSize):
+    """Steps such that the local error estimate stays below `atol + rtol |y|` in every component.
+
+    After an accepted step of scaled error `E` the length is multiplied by
+    `safety * E**(-(icoeff + pcoeff)/k) * E_previous**(pcoeff/k)`, kept within `[factor_min,
+    factor_max]`, where `k` is the order of the method (Söderlind 2002; Hairer & Wanner IV.2).
+    `dtmax` [s] bounds the step: an excursion of a guard through zero and back that is shorter than
+    a step can be missed, so set it to the shortest excursion that matters. `dtmin` [s]: a step that
+    would have to be shorter ends the lane with `RESULTS.dt_min_reached`.
+
+    Errors: `ValueError` if a tolerance is not positive, or `dtmax <= 0`, or `dtmin < 0`.
+    """
+
+    rtol: Any
+    atol: Any
+    dtmax: Any = float("inf")
+    dtmin: Any = 0.0
+    h0: Any = None
+    pcoeff: float = eqx.field(static=True, default=0.0)
+    icoeff: float = eqx.field(static=True, default=1.0)
+    safety: float = eqx.field(static=True, default=0.9)
+    factor_min: float = eqx.field(static=True, default=0.2)
+    factor_max: float = eqx.field(static=True, default=10.0)
+
+    adaptive: ClassVar = True
+
+    def __check_init__(self):
+        check_positive("rtol", self.rtol)
+        check_positive("atol", self.atol)
+        check_nonnegative("dtmin", self.dtmin)
+        if self.h0 is not None:
+            check_positive("h0", self.h0)
+
+    def initial(self, y, dy):
+        """The given `h0`, else a hundredth of the time in which the state changes by itself."""
+        if self.h0 is not None:
+            return jnp.minimum(jnp.asarray(self.h0, jnp.float64), self.dtmax)
+        size = sum(jnp.sum((v / (self.atol + self.rtol * jnp.abs(v))) ** 2) for v in jax.tree.leaves(y))
+        pairs = zip(jax.tree.leaves(y), jax.tree.leaves(dy), strict=True)
+        rate = sum(jnp.sum((d / (self.atol + self.rtol * jnp.abs(v))) ** 2) for v, d in pairs)
+        usable = (size > 1e-10) & (rate > 1e-10)
+        guess = 0.01 * jnp.sqrt(jnp.where(usable, size, 1.0) / jnp.where(usable, rate, 1.0))
+        return jnp.minimum(jnp.where(usable, guess, 1e-6), self.dtmax)
+
+    def factor(self, error: Any, previous: Any, order: int) -> Any:
+        """Ratio of the next step to this one."""
+        error = jnp.maximum(error, 1e-10)
+        previous = jnp.maximum(previous, 1e-10)
+        raw = error ** (-(self.icoeff + self.pcoeff) / order) * previous ** (self.pcoeff / order)
+        return jnp.clip(self.safety * raw, self.factor_min, self.factor_max)

@@ -1,0 +1,194 @@
+"""One Runge-Kutta step: our fused explicit stages, or any solver of diffrax."""
+
+import abc
+from collections.abc import Callable
+from typing import Any
+
+import diffrax as dfx
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, PyTree
+
+from . import _tableau
+from ._execute import Executor
+from ._tree import combine, weighted
+
+VectorField = Callable[[Any, PyTree], PyTree]
+
+
+class AbstractStepper(eqx.Module):
+    """One step of length `h` from `(t, y)`, whose slope `dy = f(t, y)` is known."""
+
+    @abc.abstractmethod
+    def step(
+        self, field: VectorField, t: Any, y: PyTree, dy: PyTree, h: Any, execute: Executor
+    ) -> tuple[PyTree, PyTree, tuple[PyTree, ...]]:
+        """`(y1, dy1, error estimates)` at the end of the step; `dy1 = f(t + h, y1)`."""
+
+    @abc.abstractmethod
+    def vjp(
+        self, field: Callable, theta: PyTree, t: Any, y: PyTree, dy: PyTree, h: Any,
+        end: Callable, execute: Executor,
+    ) -> tuple[PyTree, tuple[PyTree, Any, PyTree, PyTree]]:  # fmt: skip
+        """Cotangents `(theta, t, y, dy)` of one step; `field(theta, t, y)` is the vector field.
+
+        `end(y1, dy1)` gives the cotangents of `(y1, dy1)` and anything else, which is handed through
+        as the first result.
+        """
+
+    @abc.abstractmethod
+    def order(self) -> int:
+        """Order of convergence."""
+
+    @abc.abstractmethod
+    def has_error_estimate(self) -> bool:
+        """Whether adaptive steps are possible."""
+
+
+class ExplicitRungeKutta(AbstractStepper):
+    """Explicit Runge-Kutta method given by a tableau; its stages are kept apart for the compiler."""
+
+    tableau: _tableau.Tableau = eqx.field(static=True)
+
+    def order(self) -> int:
+        return self.tableau.order
+
+    def has_error_estimate(self) -> bool:
+        return bool(self.tableau.error_weights)
+
+    def step(self, field, t, y, dy, h, execute):
+        tab = self.tableau
+        slopes = [dy]
+        for i in range(1, tab.stages):
+            stage = self._stage(i, y, slopes, h, execute)
+            slopes.append(execute.boundary(field, t + tab.c[i] * h, stage))
+        y1 = execute.boundary(lambda y, s, h: combine(y, s, tab.b, h), y, slopes, h)
+        dy1 = execute.boundary(field, t + h, y1)
+        errors = tuple(weighted([*slopes, dy1], row, h) for row in tab.error_weights)
+        return y1, dy1, errors
+
+    def _stage(self, i, y, slopes, h, execute):
+        row = self.tableau.a[i]
+        return execute.boundary(lambda y, s, h: combine(y, s, row, h), y, slopes, h)
+
+    def vjp(self, field, theta, t, y, dy, h, end, execute):
+        # Reverse sweep through the stages with each stage state recomputed once: the transpose of
+        # `step` written out, because differentiating the fused stages would recompute all of them
+        # for every one of them.
+        tab = self.tableau
+        stages, slopes = [y], [dy]
+        for i in range(1, tab.stages):
+            stages.append(self._stage(i, y, slopes, h, execute))
+            slopes.append(execute.boundary(field, theta, t + tab.c[i] * h, stages[i]))
+        y1 = execute.boundary(lambda y, s, h: combine(y, s, tab.b, h), y, slopes, h)
+
+        dy1 = execute.boundary(field, theta, t + h, y1)
+
+        def pull(theta, t, y, bar):
+            return jax.vjp(field, theta, t, y)[1](bar)
+
+        (y1_bar, dy1_bar), extra = end(y1, dy1)
+        theta_bar, t_bar, pulled = execute.boundary(pull, theta, t + h, y1, dy1_bar)
+        y1_bar = jax.tree.map(jnp.add, y1_bar, pulled)
+        stage_bars: list = [None] * tab.stages
+        for i in reversed(range(tab.stages)):
+            later = [stage_bars[j] for j in range(i + 1, tab.stages)]
+            weights = [tab.a[j][i] for j in range(i + 1, tab.stages)]
+
+            def slope_bar(bar, later, h, i=i, weights=weights):
+                return weighted([bar, *later], [tab.b[i], *weights], h)
+
+            bar = execute.boundary(slope_bar, y1_bar, later, h)
+            if i == 0:
+                dy_bar = bar
+                break
+            theta_i, t_i, stage_bars[i] = execute.boundary(
+                pull, theta, t + tab.c[i] * h, stages[i], bar
+            )
+            theta_bar = jax.tree.map(jnp.add, theta_bar, theta_i)
+            t_bar = t_bar + t_i
+        ones = [1.0] * (tab.stages - 1)
+        y_bar = execute.boundary(lambda y, s: combine(y, s, ones, 1.0), y1_bar, stage_bars[1:])
+        return extra, (theta_bar, t_bar, y_bar, dy_bar)
+
+
+class DiffraxStepper(AbstractStepper):
+    """Any diffrax solver through `solver.step`; implicit ones for stiff smoothed friction."""
+
+    solver: dfx.AbstractSolver
+
+    def order(self) -> int:
+        return int(self.solver.order(None) or 1)
+
+    def has_error_estimate(self) -> bool:
+        return isinstance(self.solver, dfx.AbstractAdaptiveSolver)
+
+    def step(self, field, t, y, dy, h, execute):
+        term = dfx.ODETerm(lambda t, y, args: field(t, y))
+        # A zero-length step only refreshes the slope, but implicit solvers divide by its length.
+        moves = h > 0
+        t1 = t + jnp.where(moves, h, 1e-8)
+        state = self.solver.init(term, t, t1, y, None)
+        y1, error, _, _, result = self.solver.step(term, t, t1, y, None, state, made_jump=True)
+        failed = result != dfx.RESULTS.successful
+        y1 = jax.tree.map(
+            lambda new, old: jnp.where(moves, jnp.where(failed, jnp.nan, new), old), y1, y
+        )
+        errors = () if error is None else (error,)
+        return y1, field(t + h, y1), errors
+
+    def vjp(self, field, theta, t, y, dy, h, end, execute):
+        def run(theta, t, y, dy):
+            y1, dy1, _ = self.step(lambda t, y: field(theta, t, y), t, y, dy, h, execute)
+            return y1, dy1
+
+        out, pull = jax.vjp(run, theta, t, y, dy)
+        cotangents, extra = end(*out)
+        return extra, pull(cotangents)
+
+
+def as_stepper(method: Any) -> AbstractStepper:
+    """Stepper from a name (`"dop853"`, `"tsit5"`, `"rk4"`), a tableau, or a diffrax solver.
+
+    Raises `ValueError` for anything else, naming what is allowed.
+    """
+    if isinstance(method, AbstractStepper):
+        return method
+    if isinstance(method, str) and method.lower() in _tableau.NAMED:
+        return ExplicitRungeKutta(_tableau.NAMED[method.lower()])
+    if isinstance(method, _tableau.Tableau):
+        return ExplicitRungeKutta(method)
+    if isinstance(method, dfx.AbstractERK) and not isinstance(method, dfx.AbstractItoSolver):
+        return ExplicitRungeKutta(_tableau.from_diffrax(method))
+    if isinstance(method, dfx.AbstractSolver):
+        return DiffraxStepper(method)
+    raise ValueError(
+        f"method={method!r} is not a solver; allowed: {sorted(_tableau.NAMED)}, a Tableau, or a "
+        f"diffrax solver such as diffrax.Dopri5() or diffrax.Kvaerno5()"
+    )
+
+
+def error_norm(errors: tuple[PyTree, ...], y0: PyTree, y1: PyTree, rtol: Any, atol: Any) -> Array:
+    """Root mean square of the error estimate relative to `atol + rtol max(|y0|, |y1|)`.
+
+    With two estimates (DOP853) they are combined as in Hairer, Norsett & Wanner II.10:
+    `e5^2 / sqrt(e5^2 + 0.01 e3^2)`.
+    """
+
+    def squares(error):
+        total, count = 0.0, 0
+        for e, a, b in zip(
+            jax.tree.leaves(error), jax.tree.leaves(y0), jax.tree.leaves(y1), strict=True
+        ):
+            scale = atol + rtol * jnp.maximum(jnp.abs(a), jnp.abs(b))
+            total = total + jnp.sum((e / scale) ** 2)
+            count += e.size
+        return total / count
+
+    first = squares(errors[0])
+    if len(errors) == 1:
+        return jnp.sqrt(first)
+    second = squares(errors[1])
+    denominator = first + 0.01 * second
+    return first / jnp.sqrt(jnp.where(denominator > 0, denominator, 1.0))
