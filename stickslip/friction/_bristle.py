@@ -1,0 +1,83 @@
+"""What the bristle laws share: a deflection that gives the contact a tangential stiffness."""
+
+import abc
+
+import equinox as eqx
+from jax import lax
+from jaxtyping import Array, Float
+
+from stickslip._fastmath import side_of
+from stickslip._validation import check_that, is_concrete
+from stickslip.friction._law import AbstractFrictionLaw, Number, State, in_dtype_of
+
+# A law whose branch starts at its static coefficient may miss it by rounding.
+_ROUNDING = 1e-12
+
+
+class AbstractBristleLaw(AbstractFrictionLaw):
+    """Friction carried by elastic bristles that break away one after the other.
+
+    The one internal state is the mean deflection z [m]. The force depends on it, so there is no
+    event and no set-valued coefficient: sticking is an elastic presliding displacement. Stiffness
+    and damping are per normal force, after Canudas de Wit and Tsiotras (1999), so that the same
+    parameters serve a normal force that varies.
+    """
+
+    law: eqx.AbstractVar[AbstractFrictionLaw]
+    sigma_0: eqx.AbstractVar[Float[Array, "..."]]
+
+    @abc.abstractmethod
+    def steady_magnitude(self, v: Number, sense: Number) -> Float[Array, "..."]:
+        """Coefficient of steady sliding in `sense` that the bristles themselves carry, positive."""
+
+    @property
+    def set_valued(self) -> bool:
+        return False
+
+    @property
+    def is_odd(self) -> bool:
+        return self.law.is_odd
+
+    @property
+    def is_dissipative(self) -> bool:
+        return self.law.is_dissipative
+
+    @property
+    def num_states(self) -> int:
+        return 1
+
+    def static_coefficient(self, sense: Number = 1) -> Float[Array, "..."]:
+        return self.law.static_coefficient(sense)
+
+    def drag(self, v: Number) -> Float[Array, "..."]:
+        return self.law.drag(v)
+
+    def steady_state(self, v: Number) -> State:
+        (v,) = in_dtype_of(v)
+        _, sigma_0 = in_dtype_of(v, self.sigma_0)
+        return (lax.sign(v) * self.steady_magnitude(v, side_of(v)) / sigma_0,)
+
+
+def check_steady_law(law: AbstractFrictionLaw) -> None:
+    """Refuse what bristles cannot settle at: a law without jump, or with none in one sense."""
+    if not law.set_valued or law.num_states > 0:
+        raise ValueError(
+            f"law = {type(law).__name__}: it must be a set-valued law without internal state; "
+            f"the bristles replace its jump."
+        )
+    for sense in (1, -1):
+        check_that(
+            f"law.kinetic_limit({sense})",
+            law.kinetic_limit(sense),
+            lambda x: x > 0,
+            "positive; bristles divide by it",
+        )
+
+
+def has_breakaway_jump(law: AbstractFrictionLaw) -> bool:
+    """Whether the static coefficient is known to exceed the kinetic one in either direction."""
+    return any(
+        bool((law.breakaway_jump(sense) > _ROUNDING * law.static_coefficient(sense)).any())
+        for sense in (1, -1)
+        if is_concrete(law)
+    )

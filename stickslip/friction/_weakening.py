@@ -1,0 +1,69 @@
+"""Friction that weakens hyperbolically with the slip velocity."""
+
+from typing import ClassVar
+
+from jax import lax
+from jaxtyping import Array, Float
+
+from stickslip._fastmath import where
+from stickslip._validation import as_parameter, check_nonnegative
+from stickslip.friction._law import AbstractDryFrictionLaw, Number, in_dtype_of
+
+
+def weakening_factor(speed: Float[Array, "..."], gamma: Float[Array, "..."]) -> Float[Array, "..."]:
+    r"""Denominator $1 + \gamma s$ of the hyperbolic laws, for slip speeds of both signs.
+
+    Held at 1/2 beyond $s = -1/(2\gamma)$: the pole at $-1/\gamma$ is then out of reach of trial
+    steps, while near $s = 0$, where events are located, nothing is changed.
+    """
+    factor = 1.0 + gamma * speed
+    return lax.max(factor, lax.full_like(factor, 0.5))
+
+
+class HyperbolicWeakening(AbstractDryFrictionLaw):
+    r"""Kinetic friction that falls as the reciprocal of the slip velocity.
+
+    $$\mu(v) = \frac{\mu_k}{1 + \gamma|v|}\,\mathrm{sgn}\,v \quad (v \ne 0), \qquad
+    |\mu(0)| \le \max(\mu_s, \mu_k)$$
+
+    - At rest: the interval $[-\mu_s, \mu_s]$, or $[-\mu_k, \mu_k]$ where $\mu_s < \mu_k$.
+    - Limits: $\mu(0^\pm) = \pm\mu_k$ with slope $-\gamma\mu_k$, $\mu(\pm\infty) = 0$.
+    - Set-valued, odd, dissipative.
+
+    With `mu_k` left out it is the law of the beam jointed to an oscillator on a belt, printed there
+    with $1 + \gamma v$, which has a pole. With $\mu_k = \mu_0$ and a greater $\mu_s$ it is what
+    `SmoothHyperbolicWeakening` tends to.
+
+    **Arguments:**
+
+    - `mu_s`: static coefficient [-], not negative.
+    - `gamma`: rate of weakening [s/m], not negative.
+    - `mu_k`: kinetic coefficient as slip begins [-], not negative; equal to `mu_s` if left out.
+
+    ??? cite "Reference"
+
+        *Non-linear Dynamics of Jointed Systems Under Dry Friction Forces*, Eqs. (2.8) and (2.16).
+    """
+
+    mu_s: Float[Array, "..."]
+    gamma: Float[Array, "..."]
+    mu_k: Float[Array, "..."]
+
+    set_valued: ClassVar[bool] = True
+    is_odd: ClassVar[bool] = True
+    is_dissipative: ClassVar[bool] = True
+
+    def __init__(self, mu_s: Number, gamma: Number, mu_k: Number | None = None):
+        self.mu_s = as_parameter(check_nonnegative("mu_s", mu_s))
+        self.gamma = as_parameter(check_nonnegative("gamma", gamma))
+        self.mu_k = as_parameter(check_nonnegative("mu_k", mu_s if mu_k is None else mu_k))
+
+    def kinetic(self, v: Number, sense: Number) -> Float[Array, "..."]:
+        v, sense, mu_k, gamma = in_dtype_of(v, sense, self.mu_k, self.gamma)
+        return sense * mu_k / weakening_factor(sense * v, gamma)
+
+    def static_coefficient(self, sense: Number = 1) -> Float[Array, "..."]:
+        return where(self.mu_k > self.mu_s, self.mu_k, self.mu_s)
+
+    def set_valued_limit(self) -> "HyperbolicWeakening":
+        return self
