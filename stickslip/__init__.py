@@ -8,3 +8,16 @@ from stickslip._version import __version__ as __version__
 
 # Before every other import of the package, so that no constant is made in single precision.
 _require_float64()
+
+from .hybrid import RESULTS as RESULTS  # noqa: E402
+from .hybrid import AbstractHybridSystem as AbstractHybridSystem  # noqa: E402
+from .hybrid import AdaptiveStep as AdaptiveStep  # noqa: E402
+from .hybrid import FixedStep as FixedStep  # noqa: E402
+from .hybrid import Integrator as Integrator  # noqa: E402
+from .hybrid import SaveAt as SaveAt  # noqa: E402
+from .hybrid import Section as Section  # noqa: E402
+from .hybrid import Solution as Solution  # noqa: E402
+from .hybrid import same_mode_sequence as same_mode_sequence  # noqa: E402
+from .hybrid import simulate as simulate  # noqa: E402
+from .hybrid import switch as switch  # noqa: E402
+from .sweep import map_lanes as map_lanes  # noqa: E402

@@ -70,7 +70,11 @@ def adjoint(inputs, fixed, plan: Plan, spec: Record, cotangents, make_start) -> 
 
     varied, held = eqx.partition(theta, eqx.is_inexact_array)
     zero = jax.tree.map(jnp.zeros_like, (varied, t0, y0, y0))
-    bars = (zero[0], zero[1] + cotangents.t, *_add((zero[2], zero[3]), (cotangents.y, cotangents.dy)))
+    bars = (
+        zero[0],
+        zero[1] + cotangents.t,
+        *_add((zero[2], zero[3]), (cotangents.y, cotangents.dy)),
+    )
 
     def backward(carry):
         number, bars = carry
@@ -124,7 +128,9 @@ def _tape(plan: Plan, theta, lane: Lane, steps, t1, outputs, size):
             count, lane, steps, rows = carry
             lane, steps, row = one(lane, steps)
             rows = jax.tree.map(
-                lambda buffer, r: jax.lax.dynamic_update_index_in_dim(buffer, r, count, 0), rows, row
+                lambda buffer, r: jax.lax.dynamic_update_index_in_dim(buffer, r, count, 0),
+                rows,
+                row,
             )
             return count + 1, lane, steps, rows
 

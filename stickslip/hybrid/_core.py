@@ -107,9 +107,7 @@ def _struct(tree):
 
 @eqxi.filter_primitive_def
 def _tangent_abstract(t_inputs, inputs, fixed, plan, spec):
-    out = eqx.filter_eval_shape(
-        _tangent, *(_struct(a) for a in (t_inputs, inputs, fixed, plan)), spec
-    )
+    out = eqx.filter_eval_shape(_tangent, *(_struct(a) for a in (t_inputs, inputs, fixed, plan)), spec)
     return jax.tree.map(lambda s: jax.core.ShapedArray(s.shape, s.dtype), out)
 
 

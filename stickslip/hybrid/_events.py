@@ -94,7 +94,10 @@ def event_functions(
             f"guards(t, y, ...) returned {len(values)} values; allowed: {len(names)}, one for each "
             f"of guard_names={names}"
         )
-    for given, label in ((guard_directions(system), "directions"), (guard_scales(system), "scales")):
+    for given, label in (
+        (guard_directions(system), "directions"),
+        (guard_scales(system), "scales"),
+    ):
         if len(given) != len(names):
             raise ValueError(f"guard_{label}={given} must have {len(names)} entries, one per guard")
     for section in sections:

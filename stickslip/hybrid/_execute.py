@@ -27,7 +27,24 @@ class Executor(eqx.Module):
         """Call `function` such that its result is computed once (fused) or plainly (portable)."""
         if not self.fused:
             return function(*operands)
-        return _call(_BOUNDARY, inline_jit(function), operands)
+        leaves, treedef = jax.tree.flatten(operands)
+        jaxpr, consts, out_tree = _trace(function, leaves, treedef)
+        # The compiler aborts on a call that only hands its operands through, so such results stay
+        # outside the call.
+        handed = {*jaxpr.invars, *jaxpr.constvars}
+        inside = [not isinstance(v, jax.extend.core.Literal) and v not in handed for v in jaxpr.outvars]
+
+        def evaluate(*flat):
+            out = _evaluate(jaxpr, consts, flat)
+            return [value for value, keep in zip(out, inside, strict=True) if keep]
+
+        computed = iter(_call(_BOUNDARY, evaluate, leaves) if any(inside) else [])
+        values = dict(zip([*jaxpr.invars, *jaxpr.constvars], [*leaves, *consts], strict=True))
+        out = [
+            next(computed) if keep else v.val if isinstance(v, jax.extend.core.Literal) else values[v]
+            for v, keep in zip(jaxpr.outvars, inside, strict=True)
+        ]
+        return jax.tree.unflatten(out_tree, out)
 
     def loop(self, function: Callable, *operands: Any) -> Any:
         """Call `function`, a whole time loop, as one compiled function (fused) or plainly."""
@@ -61,29 +78,24 @@ def use_executor(executor: Executor) -> Iterator[None]:
         _current.reset(token)
 
 
-def inline_jit(function: Callable) -> Callable:
-    """`function` with every `jit` inside it (such as `jnp.where`'s own) spelled out.
+def _trace(function: Callable, leaves: list, treedef: Any) -> tuple:
+    """Jaxpr of `function` on flat operands, its constants and the structure of its result."""
+    out_tree = None
 
-    A jitted helper called where `inlineable="false"` is in force would become a call of its own.
-    """
+    def flat(*flat_leaves):
+        nonlocal out_tree
+        out, out_tree = jax.tree.flatten(function(*jax.tree.unflatten(treedef, flat_leaves)))
+        return out
 
-    def wrapped(*operands):
-        leaves, treedef = jax.tree.flatten(operands)
-        out_tree = None
-
-        def flat(*flat_leaves):
-            nonlocal out_tree
-            out, out_tree = jax.tree.flatten(function(*jax.tree.unflatten(treedef, flat_leaves)))
-            return out
-
-        closed = jax.make_jaxpr(flat)(*leaves)
-        out = _evaluate(closed.jaxpr, closed.consts, leaves)
-        return jax.tree.unflatten(out_tree, out)
-
-    return wrapped
+    closed = jax.make_jaxpr(flat)(*leaves)
+    return closed.jaxpr, closed.consts, out_tree
 
 
 def _evaluate(jaxpr, consts, operands):
+    """Evaluate with every `jit` inside (such as `jnp.where`'s own) spelled out.
+
+    A jitted helper traced where `inlineable="false"` is in force would become a call of its own.
+    """
     values = {}
 
     def read(atom):

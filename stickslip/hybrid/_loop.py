@@ -62,7 +62,9 @@ def run_block(
             count, lane, rows = carry
             lane, row = one(lane)
             rows = jax.tree.map(
-                lambda buffer, r: jax.lax.dynamic_update_index_in_dim(buffer, r, count, 0), rows, row
+                lambda buffer, r: jax.lax.dynamic_update_index_in_dim(buffer, r, count, 0),
+                rows,
+                row,
             )
             return count + 1, lane, rows
 

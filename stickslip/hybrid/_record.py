@@ -139,9 +139,7 @@ def _collect(spec: Record, logs: Logs, steps, before: Lane, after: Lane, rows: R
         for i, log in enumerate(crossings)
     )
     if outputs is not None:
-        outputs = _move(
-            outputs, rows, rows.next_output, before.next_output, after.next_output, state
-        )
+        outputs = _move(outputs, rows, rows.next_output, before.next_output, after.next_output, state)
     if stepped is not None:
         made = jnp.arange(BLOCK) < count
         keep = made & (moved_on(rows.code) | is_event(rows.code))
@@ -174,6 +172,4 @@ def _move(log, rows: Row, counts, first, last, pick):
         log = jax.tree.map(lambda a, r: a.at[place].set(r, mode="drop"), log, row)
         return slot + 1, log
 
-    return jax.lax.while_loop(
-        lambda carry: carry[0] < most, body, (jnp.zeros((), jnp.int32), log)
-    )[1]
+    return jax.lax.while_loop(lambda carry: carry[0] < most, body, (jnp.zeros((), jnp.int32), log))[1]

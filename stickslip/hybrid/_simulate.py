@@ -157,7 +157,9 @@ def _check_outputs(ts, t0, t1):
     if is_concrete((ts, t0, t1)):
         values, low, high = np.asarray(ts), float(t0), float(t1)
         if np.any(np.diff(values) < 0):
-            raise ValueError(f"saveat.ts must increase; it falls after ts={values[:-1][np.diff(values) < 0][0]}")
+            raise ValueError(
+                f"saveat.ts must increase; it falls after ts={values[:-1][np.diff(values) < 0][0]}"
+            )
         if values[0] < low or values[-1] > high:
             raise ValueError(
                 f"saveat.ts spans [{values[0]}, {values[-1]}]; allowed: within [t0, t1]=[{low}, {high}]"
@@ -167,7 +169,19 @@ def _check_outputs(ts, t0, t1):
 
 @eqx.filter_jit
 def _run(
-    system, args, t0, t1, y0, mode0, ts, integrator, saveat, sections, max_events, max_crossings, execute
+    system,
+    args,
+    t0,
+    t1,
+    y0,
+    mode0,
+    ts,
+    integrator,
+    saveat,
+    sections,
+    max_events,
+    max_crossings,
+    execute,
 ) -> Solution:
     sg = jax.lax.stop_gradient
     theta = (system, args)
@@ -224,16 +238,24 @@ def _assemble(theta, t0, t1, ts, sections, functions, smooth, counts, spec) -> S
     outputs = None
     if ts is not None:
         rows = logs.outputs
-        y = jax.vmap(shift)(rows.y, rows.dy, jnp.where(jnp.arange(spec.outputs) < counts.outputs, ts - rows.t, 0.0))
+        y = jax.vmap(shift)(
+            rows.y, rows.dy, jnp.where(jnp.arange(spec.outputs) < counts.outputs, ts - rows.t, 0.0)
+        )
         outputs = _state_log(counts.outputs, ts, y, rows.dy, rows.mode, spec.outputs)
     crossings = ()
-    for i, (section, count, rows) in enumerate(zip(sections, counts.crossings, logs.crossings, strict=True)):
+    for i, (section, count, rows) in enumerate(
+        zip(sections, counts.crossings, logs.crossings, strict=True)
+    ):
         size = spec.crossings[i]
         count = jnp.minimum(count, size)
         t, y, dy = jax.vmap(lambda row, s=section: _polish(theta, s, row))(rows)
         crossings = (*crossings, _state_log(count, t, y, dy, rows.mode, size))
         if section.terminal:
-            stopped = (counts.status == CODE["event_occurred"]) & (t[0] >= t_end - 1e-6 * jnp.abs(t_end)) & (count > 0)
+            stopped = (
+                (counts.status == CODE["event_occurred"])
+                & (t[0] >= t_end - 1e-6 * jnp.abs(t_end))
+                & (count > 0)
+            )
             first = jax.tree.map(lambda a: a[0], (t, y))
             t_stop = jnp.where(stopped, first[0], t_stop)
             y1 = jax.tree.map(lambda a, b, c=stopped: jnp.where(c, a, b), first[1], y1)

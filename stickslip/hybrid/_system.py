@@ -103,9 +103,7 @@ class AbstractHybridSystem(eqx.Module):
         """Values of all guards, a tuple of scalars in the order of `guard_names`."""
 
     @abc.abstractmethod
-    def transition(
-        self, t: Any, y: PyTree, mode: Any, guard: Any, args: PyTree
-    ) -> tuple[PyTree, Any]:
+    def transition(self, t: Any, y: PyTree, mode: Any, guard: Any, args: PyTree) -> tuple[PyTree, Any]:
         """State and mode right after guard number `guard` has fired."""
 
     @abc.abstractmethod
@@ -141,11 +139,15 @@ def mode_index(system: AbstractHybridSystem, mode: Any) -> Array:
     """
     if isinstance(mode, str):
         if mode not in system.mode_names:
-            raise ValueError(f"mode0={mode!r} is not a mode of the system; allowed: {system.mode_names}")
+            raise ValueError(
+                f"mode0={mode!r} is not a mode of the system; allowed: {system.mode_names}"
+            )
         return jnp.asarray(system.mode_names.index(mode), jnp.int32)
     array = jnp.asarray(mode)
     if not jnp.issubdtype(array.dtype, jnp.integer):
-        raise ValueError(f"mode0={mode!r} must be a mode name or an integer, one of {system.mode_names}")
+        raise ValueError(
+            f"mode0={mode!r} must be a mode name or an integer, one of {system.mode_names}"
+        )
     if not isinstance(array, jax.core.Tracer) and bool(
         jnp.any((array < 0) | (array >= len(system.mode_names)))
     ):

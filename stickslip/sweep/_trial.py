@@ -1,0 +1,65 @@
+"""The trial behind `_canary`: run as a program, it prints "fused agrees" if it does."""
+
+from typing import Any, ClassVar, NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from ..hybrid import FixedStep, Integrator, Section, simulate
+from ..hybrid._system import AbstractHybridSystem
+from ._lanes import map_lanes
+
+
+class _State(NamedTuple):
+    x: Any
+    v: Any
+
+
+class _Block(AbstractHybridSystem):
+    belt_speed: Any
+    mode_names: ClassVar = ("stick", "slip")
+    guard_names: ClassVar = ("breaks loose", "sticks")
+
+    def vector_field(self, t, y, mode, args):
+        return _State(y.v, jnp.where(mode == 0, 0.0, 0.5 - jnp.sin(y.x)))
+
+    def guards(self, t, y, mode, args):
+        return jnp.where(mode == 0, 0.8 - y.x, 1.0), jnp.where(mode == 0, 1.0, self.belt_speed - y.v)
+
+    def transition(self, t, y, mode, guard, args):
+        return _State(y.x, self.belt_speed), 1 - mode
+
+    def initial_mode(self, t, y, args):
+        return 0
+
+
+def _lane(belt_speed):
+    section = Section(lambda t, y, dy, mode, args: y.x - 0.3, "rising")
+
+    def end(belt_speed):
+        solution = simulate(
+            _Block(belt_speed), 0.0, 12.0, _State(0.0 * belt_speed, belt_speed), 0,
+            integrator=Integrator(step=FixedStep(0.3), max_steps=256),
+            sections=section, max_events=8, max_crossings=8, throw=False,
+        )  # fmt: skip
+        return solution.y1.x, (solution.events.t, solution.crossings[0].t)
+
+    value, rest = end(belt_speed)
+    forward = jax.jvp(lambda v: end(v)[0], (belt_speed,), (1.0,))[1]
+    return value, rest, forward, jax.grad(lambda v: end(v)[0])(belt_speed)
+
+
+def main() -> None:
+    """Compare both executors on 128 lanes."""
+    speeds = jnp.linspace(0.2, 0.4, 128)
+    fused, portable = (
+        map_lanes(_lane, executor=executor)(speeds) for executor in ("fused", "portable")
+    )
+    for a, b in zip(jax.tree.leaves(fused), jax.tree.leaves(portable), strict=True):
+        if not bool(jnp.all((jnp.abs(a - b) < 1e-9) | (jnp.isnan(a) & jnp.isnan(b)))):
+            raise SystemExit("fused and portable disagree")
+    print("fused agrees")
+
+
+if __name__ == "__main__":
+    main()
