@@ -117,6 +117,7 @@ def power(
 def _power_jvp(primals, tangents):
     base, exponent, odd = primals
     value = power(base, exponent, odd)
-    lower = where(exponent == 0, 0.0, exponent * power(base, exponent - 1.0, ~odd))
+    # A constant has no lower power: any finite one does, as the factor is zero.
+    lower = exponent * power(base, where(exponent == 0, 1.0, exponent - 1.0), ~odd)
     log_base = lax.log(where(base == 0, 1.0, lax.abs(base)))
     return value, lower * tangents[0] + value * log_base * tangents[1]

@@ -123,9 +123,7 @@ def _limit(law: AbstractFrictionLaw) -> Iterator[str]:
             yield f"set_valued_limit must keep static_coefficient({sense:+})"
 
 
-def check_friction_law(
-    law: AbstractFrictionLaw, speeds: Float[np.ndarray, " n"] | None = None
-) -> None:
+def check_friction_law(law: AbstractFrictionLaw, speeds: Float[np.ndarray, " n"] | None = None) -> None:
     """Raise `ValueError` with every claim of `law` that does not hold at the given speeds.
 
     For a law of one's own: it looks at rest and at the limits there, at both directions of motion,

@@ -48,7 +48,8 @@ class Stribeck(AbstractDryFrictionLaw):
     mu_k: Float[Array, "..."]
     v_s: Float[Array, "..."]
     _free_exponent: Float[Array, "..."] | None
-    _fixed_exponent: float | None = eqx.field(static=True)
+    # Read only where the exponent is no array.
+    _fixed_exponent: float = eqx.field(static=True)
 
     set_valued: ClassVar[bool] = True
     is_odd: ClassVar[bool] = True
@@ -62,16 +63,16 @@ class Stribeck(AbstractDryFrictionLaw):
         self.v_s = as_parameter(check_positive("v_s", v_s))
         check_positive("exponent", exponent)
         fixed = isinstance(exponent, int | float)
-        self._fixed_exponent = float(exponent) if fixed else None
+        self._fixed_exponent = float(exponent) if fixed else 0.0
         self._free_exponent = None if fixed else as_parameter(exponent)
 
     @property
-    def exponent(self) -> float | Float[Array, "..."]:
+    def exponent(self) -> Number:
         """The exponent as it was given: a float of the structure, or an array."""
-        return self._free_exponent if self._fixed_exponent is None else self._fixed_exponent
+        return self._fixed_exponent if self._free_exponent is None else self._free_exponent
 
     def _power(self, u: Float[Array, "..."]) -> Float[Array, "..."]:
-        if self._fixed_exponent is not None and self._fixed_exponent.is_integer():
+        if self._free_exponent is None and self._fixed_exponent.is_integer():
             return lax.integer_pow(u, int(self._fixed_exponent))
         u, exponent = in_dtype_of(u, self.exponent)
         u, exponent = shaped_like(exponent, u), shaped_like(u, exponent)

@@ -75,9 +75,7 @@ class Sum(AbstractFrictionLaw):
         return tuple(z for law in self.laws for z in law.steady_state(v))
 
     def state_rate(self, v: Number, state: GivenState) -> State:
-        return tuple(
-            rate for law, own in self._with_states(state) for rate in law.state_rate(v, own)
-        )
+        return tuple(rate for law, own in self._with_states(state) for rate in law.state_rate(v, own))
 
     def coefficient_from_state(self, v: Number, state: GivenState) -> Float[Array, "..."]:
         return reduce(

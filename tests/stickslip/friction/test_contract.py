@@ -52,9 +52,7 @@ def test_one_trace_serves_all_parameters(law):
 
     for factor in (1.0, 1.5, 2.0):
         scaled = jax.tree.map(lambda leaf, factor=factor: leaf * factor, law)
-        np.testing.assert_allclose(
-            force(scaled, V, 2.0), scaled.force(V, 2.0), rtol=1e-13, atol=1e-15
-        )
+        np.testing.assert_allclose(force(scaled, V, 2.0), scaled.force(V, 2.0), rtol=1e-13, atol=1e-15)
     assert traces == 1
 
 

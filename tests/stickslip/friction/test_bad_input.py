@@ -1,0 +1,128 @@
+"""Constructors refuse bad parameters by name, value and what is allowed; tracers pass."""
+
+import re
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from stickslip.friction import (
+    Asymmetric,
+    Coulomb,
+    Dahl,
+    HyperbolicWeakening,
+    LuGre,
+    Regularised,
+    SmoothHyperbolicWeakening,
+    Stribeck,
+    Sum,
+    ViscousDamping,
+    ViscousFriction,
+)
+
+COULOMB = Coulomb(0.4, 0.3)
+SMOOTH = SmoothHyperbolicWeakening(0.26, 190.0, 0.9, 1.75)
+NOT_NEGATIVE = "it must be finite and not negative."
+POSITIVE = "it must be finite and positive."
+
+
+@pytest.mark.parametrize(
+    ("construct", "message"),
+    [
+        (lambda: Coulomb(-0.1), f"mu_s = -0.1: {NOT_NEGATIVE}"),
+        (lambda: Coulomb(0.1, np.nan), f"mu_k = nan: {NOT_NEGATIVE}"),
+        (lambda: Coulomb(jnp.array([0.1, -0.2])), f"mu_s[1] = -0.2: {NOT_NEGATIVE}"),
+        (lambda: Stribeck(0.3, 0.4, 0.1), "mu_s = 0.3: it must be at least mu_k = 0.4."),
+        (lambda: Stribeck(0.3, -0.4, 0.1), f"mu_k = -0.4: {NOT_NEGATIVE}"),
+        (lambda: Stribeck(np.inf, 0.4, 0.1), f"mu_s = inf: {NOT_NEGATIVE}"),
+        (lambda: Stribeck(0.4, 0.3, 0.0), f"v_s = 0.0: {POSITIVE}"),
+        (lambda: Stribeck(0.4, 0.3, 0.1, -2), f"exponent = -2: {POSITIVE}"),
+        (lambda: Stribeck(0.4, 0.3, 0.1, jnp.array(0.0)), f"exponent = 0.0: {POSITIVE}"),
+        (lambda: HyperbolicWeakening(0.3, -1.0), f"gamma = -1.0: {NOT_NEGATIVE}"),
+        (lambda: HyperbolicWeakening(-0.3, 1.0), f"mu_s = -0.3: {NOT_NEGATIVE}"),
+        (lambda: HyperbolicWeakening(0.3, 1.0, -0.1), f"mu_k = -0.1: {NOT_NEGATIVE}"),
+        (lambda: SmoothHyperbolicWeakening(-1, 1, 1, 1), f"mu_0 = -1: {NOT_NEGATIVE}"),
+        (lambda: SmoothHyperbolicWeakening(1, 0, 1, 1), f"alpha = 0: {POSITIVE}"),
+        (lambda: SmoothHyperbolicWeakening(1, np.inf, 1, 1), f"alpha = inf: {POSITIVE}"),
+        (lambda: SmoothHyperbolicWeakening(1, 1, -1, 1), f"beta = -1: {NOT_NEGATIVE}"),
+        (lambda: SmoothHyperbolicWeakening(1, 1, 1, -1), f"gamma = -1: {NOT_NEGATIVE}"),
+        (lambda: ViscousFriction(-0.1), f"mu_v = -0.1: {NOT_NEGATIVE}"),
+        (lambda: ViscousDamping(-0.1), f"c = -0.1: {NOT_NEGATIVE}"),
+        (lambda: Regularised(COULOMB, 0.0), f"v_reg = 0.0: {POSITIVE}"),
+        (lambda: Regularised(COULOMB, 1e-3, v_brk=-1.0), f"v_brk = -1.0: {POSITIVE}"),
+        (
+            lambda: Regularised(COULOMB, 1e-3, "cubic"),
+            "kind = 'cubic': it must be one of 'tanh', 'arctan', 'sqrt'.",
+        ),
+        (
+            lambda: Regularised(SMOOTH, 1e-3),
+            "law = SmoothHyperbolicWeakening: it must be a set-valued law without internal state",
+        ),
+        (lambda: Regularised(Dahl(Coulomb(0.3), 1e3), 1e-3), "law = Dahl: it must be a set-valued"),
+        (
+            lambda: Asymmetric(COULOMB, SMOOTH),
+            "backward = SmoothHyperbolicWeakening is smooth: it must be set-valued as "
+            "forward = Coulomb is.",
+        ),
+        (
+            lambda: Asymmetric(COULOMB, Dahl(Coulomb(0.3), 1e3)),
+            "backward = Dahl: it must be a law without internal state.",
+        ),
+        (lambda: Sum(), "laws = (): it must be at least one friction law."),
+        (lambda: Dahl(Coulomb(0.3), 0.0), f"sigma_0 = 0.0: {POSITIVE}"),
+        (lambda: Dahl(Coulomb(0.3), 1e3, exponent=-1.0), f"exponent = -1.0: {POSITIVE}"),
+        (lambda: Dahl(COULOMB, 1e3), "law = Coulomb has a static coefficient above its kinetic"),
+        (lambda: Dahl(SMOOTH, 1e3), "law = SmoothHyperbolicWeakening: it must be a set-valued law"),
+        (
+            lambda: Dahl(Coulomb(0.0), 1e3),
+            "law.kinetic_limit(1) = 0.0: it must be positive; bristles divide by it.",
+        ),
+        (
+            lambda: LuGre(Asymmetric(Coulomb(0.3), Coulomb(0.0)), 1e3),
+            "law.kinetic_limit(-1) = 0.0: it must be positive; bristles divide by it.",
+        ),
+        (lambda: LuGre(COULOMB, 1e3), "v_s = None: it must be a positive Stribeck velocity"),
+        (lambda: LuGre(Coulomb(0.3), 1e3, -1.0), f"sigma_1 = -1.0: {NOT_NEGATIVE}"),
+        (lambda: LuGre(Coulomb(0.3), 1e3, 0.0, -1.0), f"sigma_2 = -1.0: {NOT_NEGATIVE}"),
+        (lambda: LuGre(Coulomb(0.3), np.nan), f"sigma_0 = nan: {POSITIVE}"),
+        (lambda: LuGre(COULOMB, 1e3, v_s=0.0), f"v_s = 0.0: {POSITIVE}"),
+    ],
+)
+def test_bad_parameters_are_named(construct, message):
+    with pytest.raises(ValueError, match=f"^{re.escape(message)}"):
+        construct()
+
+
+def build_everything(scale):
+    coulomb = Coulomb(0.4 * scale, 0.3 * scale)
+    stribeck = Stribeck(0.4 * scale, 0.3 * scale, 0.02 * scale, 2.0 * scale)
+    return (
+        coulomb,
+        stribeck,
+        HyperbolicWeakening(0.3 * scale, scale),
+        SmoothHyperbolicWeakening(0.26 * scale, 190 * scale, 0.9 * scale, scale),
+        Asymmetric(coulomb, stribeck),
+        Sum(stribeck, ViscousFriction(scale), ViscousDamping(scale)),
+        Regularised(coulomb, 1e-3 * scale),
+        Dahl(stribeck, 1e3 * scale),
+        LuGre(coulomb, 1e3 * scale, scale, scale, v_s=scale),
+    )
+
+
+def test_laws_are_built_under_every_transformation():
+    """Tracers have no number to check: construction inside jit, vmap and grad just works."""
+
+    def total(scale):
+        return sum(law.force(0.01, 2.0) for law in build_everything(scale))
+
+    values = jax.jit(jax.vmap(total))(jnp.array([1.0, 1.1]))
+    np.testing.assert_allclose(values, [total(1.0), total(1.1)], rtol=1e-13)
+    step = 1e-6
+    difference = (total(1.1 + step) - total(1.1 - step)) / (2 * step)
+    np.testing.assert_allclose(jax.jit(jax.grad(total))(1.1), difference, rtol=1e-7)
+
+
+def test_numbers_known_at_trace_time_are_checked_there():
+    with pytest.raises(ValueError, match=r"^mu_k = -0\.1"):
+        jax.jit(lambda mu_s: Coulomb(mu_s, -0.1).coefficient(1.0))(0.4)

@@ -1,0 +1,142 @@
+"""Accuracy of the elementary functions against extended precision, and their derivatives."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from stickslip import _fastmath as fast
+
+RANDOM = np.random.default_rng(20)
+
+
+def worst(value, reference):
+    return float(np.max(np.abs(np.asarray(value).astype(np.longdouble) - reference)))
+
+
+def test_exp_is_exact_over_its_range():
+    z = np.concatenate(
+        [
+            RANDOM.uniform(-708.0, 709.0, 200_000),
+            RANDOM.uniform(-1.0, 1.0, 200_000),
+            # Half-way between two powers of two the rounding of the exponent may go either way.
+            (np.arange(-1020, 1022) + 0.5) * np.log(2.0),
+            np.nextafter((np.arange(-1020, 1022) + 0.5) * np.log(2.0), 0.0),
+            -(10.0 ** RANDOM.uniform(-300, 2.8, 20_000)),
+        ]
+    )
+    reference = np.exp(z.astype(np.longdouble))
+    assert worst(np.asarray(jax.jit(fast.exp)(z)) / reference, 1.0) < 4e-16
+
+
+@pytest.mark.parametrize(
+    ("z", "value"),
+    [
+        (0.0, 1.0),
+        (-0.0, 1.0),
+        (-5e-324, 1.0),
+        (-708.0, np.exp(-708.0)),
+        (-1e308, np.exp(-708.0)),
+        (-np.inf, np.exp(-708.0)),
+        (709.0, np.exp(709.0)),
+        (1e308, np.exp(709.0)),
+        (np.inf, np.exp(709.0)),
+        (np.nan, np.nan),
+        (-np.nan, np.nan),
+    ],
+)
+def test_exp_at_the_ends(z, value):
+    np.testing.assert_allclose(fast.exp(jnp.array(z)), value, rtol=4e-16)
+    assert (fast.exp(jnp.zeros(3)) == 1.0).all()
+
+
+def test_exp_in_single_precision():
+    z = jnp.linspace(-80.0, 80.0, 1001, dtype=jnp.float32)
+    value = fast.exp(z)
+    assert value.dtype == jnp.float32
+    np.testing.assert_allclose(value, np.exp(np.asarray(z, np.float64)), rtol=2e-5)
+    assert fast.tanh(z).dtype == fast.side_of(z).dtype == jnp.float32
+
+
+def test_derivatives_of_exp_are_its_value():
+    z = jnp.array([-700.0, -1.0, 0.0, 2.0, 300.0])
+    value = jax.vmap(fast.exp)(z)
+    for derivative in (
+        jax.grad(fast.exp),
+        jax.jacfwd(jax.jacfwd(fast.exp)),
+        jax.jacrev(jax.jacfwd(fast.exp)),
+        jax.jacfwd(jax.jacrev(fast.exp)),
+    ):
+        np.testing.assert_array_equal(jax.jit(jax.vmap(derivative))(z), value)
+
+
+def test_tanh():
+    x = np.concatenate([RANDOM.uniform(-25.0, 25.0, 100_000), 10.0 ** RANDOM.uniform(-300, 300, 5000)])
+    value = jax.jit(fast.tanh)(x)
+    assert worst(value, np.tanh(x.astype(np.longdouble))) < 3e-16
+    assert np.abs(value).max() == 1.0
+    np.testing.assert_array_equal(jax.jit(fast.tanh)(-x), -value)
+    assert fast.tanh(jnp.array(0.0)) == 0.0
+    assert np.isnan(fast.tanh(jnp.array(np.nan)))
+    slopes = jax.vmap(jax.grad(fast.tanh))(x)
+    assert worst(slopes, 1.0 / np.cosh(np.clip(x, -300, 300).astype(np.longdouble)) ** 2) < 5e-16
+    assert jax.grad(fast.tanh)(0.0) == 1.0
+    assert jax.grad(jax.grad(fast.tanh))(0.0) == 0.0
+    np.testing.assert_allclose(jax.grad(jax.grad(jax.grad(fast.tanh)))(0.0), -2.0, rtol=1e-14)
+
+
+def test_where_broadcasts_and_keeps_types():
+    condition = jnp.array([True, False])
+    value = fast.where(condition, 1.0, jnp.array([3.0, 4.0], dtype=jnp.float32))
+    assert value.dtype == jnp.float32
+    np.testing.assert_array_equal(value, [1.0, 4.0])
+    assert fast.where(True, 1, 2).shape == ()
+
+
+def test_side_of():
+    np.testing.assert_array_equal(fast.side_of(jnp.array([-2.0, -0.0, 0.0, 3.0])), [-1, 1, 1, 1])
+
+
+@pytest.mark.parametrize("exponent", [0.5, 1.0, 1.5, 2.0, 3.0])
+@pytest.mark.parametrize("odd", [False, True])
+def test_power_and_its_derivatives(exponent, odd):
+    def power(base, exponent):
+        return fast.power(base, exponent, jnp.array(odd))
+
+    base, exponent = np.array([-2.0, -0.3, 0.7, 5.0]), jnp.array(exponent)
+    sign = np.sign(base) if odd else np.ones(4)
+    other_sign = np.ones(4) if odd else np.sign(base)
+    at = jax.vmap(power, in_axes=(0, None))
+    np.testing.assert_allclose(at(base, exponent), sign * abs(base) ** exponent, rtol=1e-14)
+    first = jax.vmap(jax.grad(power), in_axes=(0, None))(base, exponent)
+    np.testing.assert_allclose(first, other_sign * exponent * abs(base) ** (exponent - 1), rtol=1e-14)
+    second = jax.vmap(jax.jacfwd(jax.grad(power)), in_axes=(0, None))(base, exponent)
+    expected = sign * exponent * (exponent - 1) * abs(base) ** (exponent - 2)
+    np.testing.assert_allclose(second, expected, rtol=1e-14)
+    by_exponent = jax.vmap(jax.grad(power, argnums=1), in_axes=(0, None))(base, exponent)
+    expected = sign * abs(base) ** exponent * np.log(abs(base))
+    np.testing.assert_allclose(by_exponent, expected, rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("exponent", "odd", "derivatives"),
+    [(1.0, True, (1.0, 0.0, 0.0)), (2.0, False, (0.0, 2.0, 0.0)), (3.0, True, (0.0, 0.0, 6.0))],
+)
+def test_integer_powers_are_polynomials_through_zero(exponent, odd, derivatives):
+    zero, exponent, odd = jnp.array(0.0), jnp.array(exponent), jnp.array(odd)
+    derivative = fast.power
+    for expected in derivatives:
+        derivative = jax.grad(derivative)
+        assert derivative(zero, exponent, odd) == expected
+    assert jax.grad(fast.power, argnums=1)(zero, exponent, odd) == 0.0
+
+
+def test_compiles_without_calls():
+    """64 lanes, the size of the fused executor's chunks: everything must end up in line."""
+
+    def step(z):
+        return fast.exp(-z * z) + fast.tanh(z) * fast.side_of(z)
+
+    program = jax.jit(step).lower(jnp.zeros(64)).compile().as_text()
+    assert " call(" not in program
+    assert "custom-call" not in program
