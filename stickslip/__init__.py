@@ -14,9 +14,12 @@ from .hybrid import AbstractHybridSystem as AbstractHybridSystem  # noqa: E402
 from .hybrid import AdaptiveStep as AdaptiveStep  # noqa: E402
 from .hybrid import FixedStep as FixedStep  # noqa: E402
 from .hybrid import Integrator as Integrator  # noqa: E402
+from .hybrid import ProgressMeter as ProgressMeter  # noqa: E402
 from .hybrid import SaveAt as SaveAt  # noqa: E402
 from .hybrid import Section as Section  # noqa: E402
 from .hybrid import Solution as Solution  # noqa: E402
+from .hybrid import interpolate as interpolate  # noqa: E402
+from .hybrid import saltation_matrix as saltation_matrix  # noqa: E402
 from .hybrid import same_mode_sequence as same_mode_sequence  # noqa: E402
 from .hybrid import simulate as simulate  # noqa: E402
 from .hybrid import switch as switch  # noqa: E402

@@ -4,6 +4,9 @@ from ._execute import FUSED as FUSED
 from ._execute import PORTABLE as PORTABLE
 from ._execute import current_executor as current_executor
 from ._execute import use_executor as use_executor
+from ._interpolate import interpolate as interpolate
+from ._progress import ProgressMeter as ProgressMeter
+from ._saltation import saltation_matrix as saltation_matrix
 from ._section import Section as Section
 from ._simulate import Integrator as Integrator
 from ._simulate import SaveAt as SaveAt

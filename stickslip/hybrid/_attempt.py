@@ -11,6 +11,7 @@ from . import _locate
 from ._events import FAR, SLACK, EventFunctions, Values
 from ._execute import Executor
 from ._locate import Bracket
+from ._progress import ProgressMeter
 from ._status import CODE, COINCIDENT, EVENT_AT_START, GRAZING, RUNNING
 from ._step_size import AbstractStepSize
 from ._stepper import AbstractStepper, error_norm
@@ -83,6 +84,7 @@ class Plan(eqx.Module):
     max_steps: int = eqx.field(static=True)
     has_outputs: bool = eqx.field(static=True)
     detect_dips: bool = eqx.field(static=True)
+    progress: ProgressMeter | None = None
 
 
 def is_event(code: Any) -> Any:
@@ -164,7 +166,7 @@ def attempt(plan: Plan, theta, lane: Lane, t1, outputs) -> tuple[Lane, Outcome]:
 
     t_end, y_before, y_jump, mode_jump = t + h, y1, lane.y, lane.mode
     if functions.num_guards:
-        t_end, y_before = once(_newton, code, first, t + h, y1, dy1)
+        t_end, y_before = once(_newton, code, first, t + h, h, y1, dy1)
 
         def jump(t, y, mode, guard):
             y_new, mode_new = system.transition(t, y, mode, guard, args)
@@ -317,7 +319,7 @@ def _decide(plan: Plan, lane: Lane, h, first: _First, finite, error):
     return jnp.where(lane.status == RUNNING, code, HOLD).astype(jnp.int32)
 
 
-def _newton(code, first: _First, t, y, dy):
+def _newton(code, first: _First, t, h, y, dy):
     """Newton correction at the event: `dt = -g/(dg/dt)`.
 
     Its value removes what is left of the location error; its derivative is that of the event time,
@@ -326,6 +328,7 @@ def _newton(code, first: _First, t, y, dy):
     sg = jax.lax.stop_gradient
     usable = code == EVENT
     dt = jnp.where(usable, -first.value / jnp.where(usable, sg(first.rate), 1.0), 0.0)
+    dt = dt + sg(jnp.maximum(-h - dt, 0.0))  # time does not run back, not even by rounding
     return t + dt, shift(y, sg(dy), dt)
 
 

@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import equinox.internal as eqxi
 import jax
-import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ._adjoint import adjoint
@@ -146,6 +145,3 @@ _tangent_p: Any = eqxi.create_vprim(
     _tangent_transpose,
 )
 eqxi.register_impl_finalisation(_tangent_p)
-
-__all__ = ["Counts", "Smooth", "core"]
-_ = jnp

@@ -2,7 +2,7 @@
 
 import contextlib
 import contextvars
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -53,7 +53,7 @@ class Executor(eqx.Module):
         return _call(_LOOP, function, operands)
 
 
-def _call(attributes: dict[str, str], function: Callable, operands: tuple) -> Any:
+def _call(attributes: dict[str, str], function: Callable, operands: Sequence) -> Any:
     with set_xla_metadata(**attributes):
         return jax.jit(function)(*operands)
 

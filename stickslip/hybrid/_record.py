@@ -81,7 +81,7 @@ class Row(NamedTuple):
 def record(plan: Plan, spec: Record, theta, lane: Lane, t1, outputs) -> tuple[Lane, Logs, Any]:
     """Run to the end; the lane at the end, its logs, and the number of recorded steps."""
     none = jnp.zeros_like(lane.mode)
-    if spec.nothing:
+    if spec.nothing and plan.progress is None:
         return run(plan, theta, lane, t1, outputs), Logs(None, (), None, None), none
     logs = _empty(spec, lane)
 
@@ -104,6 +104,8 @@ def record(plan: Plan, spec: Record, theta, lane: Lane, t1, outputs) -> tuple[La
         before, logs, steps = carry
         after, rows, count = run_block(plan, theta, before, t1, outputs, BLOCK, dump)
         logs, steps = _collect(spec, logs, steps, before, after, rows, count)
+        if plan.progress is not None:
+            plan.progress.report(lane.t, after.t, t1, after.status)
         return after, logs, steps
 
     return jax.lax.while_loop(lambda c: running(c[0]), body, (lane, logs, none))
@@ -141,13 +143,13 @@ def _collect(spec: Record, logs: Logs, steps, before: Lane, after: Lane, rows: R
     if outputs is not None:
         outputs = _move(outputs, rows, rows.next_output, before.next_output, after.next_output, state)
     if stepped is not None:
-        made = jnp.arange(BLOCK) < count
+        made = jnp.arange(BLOCK, dtype=jnp.int32) < count
         keep = made & (moved_on(rows.code) | is_event(rows.code))
-        place = jnp.where(keep, steps + jnp.cumsum(keep) - 1, stepped.t.shape[0])
+        place = jnp.where(keep, steps + jnp.cumsum(keep, dtype=jnp.int32) - 1, stepped.t.shape[0])
         stepped = jax.tree.map(
             lambda log, row: log.at[place].set(row, mode="drop"), stepped, jax.vmap(state)(rows)
         )
-        steps = steps + jnp.sum(keep).astype(jnp.int32)
+        steps = steps + jnp.sum(keep, dtype=jnp.int32)
     return Logs(events, crossings, outputs, stepped), steps
 
 

@@ -8,16 +8,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from .._validation import check_in, is_concrete
+from .._validation import is_concrete
 from . import _solution as out
 from ._attempt import Plan
 from ._core import core
 from ._events import event_functions
 from ._execute import current_executor
+from ._progress import ProgressMeter
 from ._record import Record
 from ._section import Section
 from ._solution import Solution
-from ._status import CODE, RESULTS, to_result
+from ._status import CODE, to_result
 from ._step_size import AbstractStepSize, AdaptiveStep
 from ._stepper import as_stepper
 from ._system import AbstractHybridSystem, mode_index
@@ -48,12 +49,14 @@ class Integrator(eqx.Module):
     - `detect_dips`: look into a step over which an event function may have gone through zero and
       back. If the function is convex over the step, none is missed; otherwise excursions shorter
       than a step can be, and `AdaptiveStep(dtmax=...)` or `FixedStep` bound the step.
+    - `progress`: a `ProgressMeter` for long runs; off by default.
     """
 
     method: Any = "dop853"
     step: AbstractStepSize = eqx.field(default_factory=lambda: AdaptiveStep(1e-10, 1e-10))
     max_steps: int = eqx.field(static=True, default=100_000)
     detect_dips: bool = eqx.field(static=True, default=True)
+    progress: ProgressMeter | None = None
 
     def __check_init__(self):
         stepper = as_stepper(self.method)
@@ -149,7 +152,7 @@ def simulate(
 def _check_outputs(ts, t0, t1):
     if ts is None:
         return None
-    ts = as_float64("saveat.ts", ts)
+    ts = as_float64("saveat.ts", jnp.asarray(ts))
     if ts.ndim != 1:
         raise ValueError(f"saveat.ts has shape {ts.shape}; allowed: one dimension (use jax.vmap)")
     if ts.size == 0:
@@ -199,6 +202,7 @@ def _run(
         max_steps=integrator.max_steps,
         has_outputs=ts is not None,
         detect_dips=integrator.detect_dips,
+        progress=integrator.progress,
     )
     spec = Record(
         events=max_events if log_events else None,
@@ -239,7 +243,7 @@ def _assemble(theta, t0, t1, ts, sections, functions, smooth, counts, spec) -> S
     if ts is not None:
         rows = logs.outputs
         y = jax.vmap(shift)(
-            rows.y, rows.dy, jnp.where(jnp.arange(spec.outputs) < counts.outputs, ts - rows.t, 0.0)
+            rows.y, rows.dy, jnp.where(jnp.arange(spec.outputs, dtype=jnp.int32) < counts.outputs, ts - rows.t, 0.0)
         )
         outputs = _state_log(counts.outputs, ts, y, rows.dy, rows.mode, spec.outputs)
     crossings = ()
@@ -303,5 +307,3 @@ def _polish(theta, section: Section, row):
     dt = jnp.where(usable, -value / jnp.where(usable, sg(rate), 1.0), 0.0)
     return row.t + dt, shift(row.y, sg(dy), dt), shift(dy, sg(ddy), dt)
 
-
-_ = (check_in, RESULTS)

@@ -113,7 +113,7 @@ def same_mode_sequence(one: Solution, other: Solution) -> Bool[Array, "*batch"]:
 
 def masked(rows: PyTree, count: Any, size: int) -> PyTree:
     """`rows` with NaN (floats) or -1 (integers) past `count`."""
-    valid = jnp.arange(size) < count
+    valid = jnp.arange(size, dtype=jnp.int32) < count
 
     def mask(a):
         keep = valid.reshape((size,) + (1,) * (a.ndim - 1))

@@ -1,0 +1,56 @@
+"""Dense output: the state between recorded steps, by a step of the method itself."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import PyTree
+
+from ._execute import PORTABLE
+from ._simulate import Integrator
+from ._solution import Solution
+from ._stepper import as_stepper
+from ._system import AbstractHybridSystem
+from ._tree import as_float64
+
+
+def interpolate(
+    system: AbstractHybridSystem,
+    solution: Solution,
+    ts: Any,
+    args: PyTree = None,
+    integrator: Integrator | None = None,
+) -> PyTree:
+    """States at any times of a run that was made with `SaveAt(steps=True)`.
+
+    From the last recorded state before each time one Runge-Kutta step of the remaining length is
+    taken, so that the accuracy is that of the run and not of a polynomial through it. At the time of
+    an event it is the state after the event.
+
+    **Arguments**: `system`, `args`, `integrator` as in `simulate`; `solution`: one lane; `ts`: times
+    [s], shape `[n]`. **Returns** states with a leading axis `n`; NaN outside the recorded time.
+
+    **Errors** `ValueError` if the solution holds no steps.
+    """
+    if solution.steps is None:
+        raise ValueError("solution.steps is None; simulate with saveat=SaveAt(steps=True)")
+    ts = as_float64("ts", jnp.asarray(ts))
+    stepper = as_stepper((Integrator() if integrator is None else integrator).method)
+    log = solution.steps
+    rows = jnp.arange(log.t.shape[0], dtype=jnp.int32)
+    times = jnp.where(rows < log.count, log.t, jnp.inf)
+
+    def one(t):
+        at = jnp.searchsorted(times, t, side="right") - 1
+        inside = (at >= 0) & (t <= solution.t1)
+        at = jnp.maximum(at, 0)
+        t0, y0, dy0, mode = jax.tree.map(lambda a: a[at], (log.t, log.y, log.dy, log.mode))
+
+        def field(t, y):
+            return system.vector_field(t, y, mode, args)
+
+        h = jnp.where(inside, t - t0, 0.0)
+        y, _, _ = stepper.step(field, t0, y0, dy0, h, PORTABLE)
+        return jax.tree.map(lambda a: jnp.where(inside, a, jnp.nan), y)
+
+    return jax.vmap(one)(ts)
