@@ -1,0 +1,24 @@
+"""Reference systems with closed forms: small mechanisms that every analysis can be tried on.
+
+>>> import stickslip as ss
+>>> from stickslip.systems import CoulombOscillator, Motion
+>>> block = CoulombOscillator(
+...     mass=1.0, stiffness=1.0, static_force=1.0, kinetic_force=0.5, belt_speed=0.2
+... )
+>>> solution = ss.simulate(block, 0.0, 50.0, Motion(x=0.0, v=0.2))
+>>> print(f"{solution.y1.x:.10f}")
+1.0354672757
+>>> [block.mode_names[m] for m in solution.events.mode_after[:3]]
+['slip backward', 'stick', 'slip backward']
+"""
+
+from ._between_stops import OscillatorBetweenStops as OscillatorBetweenStops
+from ._bouncing_ball import BouncingBall as BouncingBall
+from ._coulomb_oscillator import CoulombOscillator as CoulombOscillator
+from ._mechanical import AbstractMechanicalSystem as AbstractMechanicalSystem
+from ._mechanical import Motion as Motion
+from ._sliding_block import SlidingBlock as SlidingBlock
+from ._two_blocks import PairMotion as PairMotion
+from ._two_blocks import TwoBlocksOnBelt as TwoBlocksOnBelt
+from ._with_integrals import Augmented as Augmented
+from ._with_integrals import WithIntegrals as WithIntegrals

@@ -1,0 +1,136 @@
+"""Linear oscillator between two rigid stops."""
+
+from typing import Any, ClassVar
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from stickslip._fastmath import where
+from stickslip._validation import (
+    as_parameter,
+    check_between,
+    check_finite,
+    check_nonnegative,
+    check_positive,
+)
+from stickslip.hybrid._system import NO_MODE
+from stickslip.systems._mechanical import AbstractMechanicalSystem, Motion, Number
+
+
+class OscillatorBetweenStops(AbstractMechanicalSystem):
+    r"""A driven linear oscillator whose displacement is limited by two rigid stops.
+
+    $$m\ddot x + c\dot x + kx = P\cos\Omega t \quad (a < x < b), \qquad
+      \dot x^+ = -e\,\dot x^- \quad (x = a\ \text{or}\ x = b)$$
+
+    - State `Motion`: `x` [m] from the unloaded spring, `v` [m/s].
+    - Modes: `"free"`, `"at the lower stop"`, `"at the upper stop"`: pressed against it and at rest.
+    - Guards: the distances to the stops [m], and in a mode of rest the force on the stop [N].
+    - An impact that would leave no more than `rest_speed` under a force towards the stop ends in
+      rest. With `rest_speed=0` and $0 < e < 1$ such impacts accumulate (Zeno), and the simulation
+      ends with `RESULTS.chattering`.
+    - Closed form: damped and driven harmonic motion between impacts.
+
+    **Arguments:**
+
+    - `mass` $m$ [kg] and `stiffness` $k$ [N/m], positive; `damping` $c$ [N s/m], not negative.
+    - `lower` $a$ and `upper` $b$ [m], $a < b$; any side of the unloaded spring.
+    - `restitution` $e$ [-], between 0 and 1; `rest_speed` [m/s], not negative.
+    - `force_amplitude` $P$ [N] and `force_frequency` $\Omega$ [rad/s].
+
+    ??? cite "Reference"
+
+        S. W. Shaw, P. J. Holmes, "A periodically forced piecewise linear oscillator", Journal of
+        Sound and Vibration 90, 1983; F. Peterka, "Part 1: Theoretical analysis of n-multiple
+        (1/n)-impact solutions", Acta Technica ČSAV 19, 1974.
+    """
+
+    mass: Float[Array, "..."]
+    stiffness: Float[Array, "..."]
+    damping: Float[Array, "..."]
+    lower: Float[Array, "..."]
+    upper: Float[Array, "..."]
+    restitution: Float[Array, "..."]
+    rest_speed: Float[Array, "..."]
+    force_amplitude: Float[Array, "..."]
+    force_frequency: Float[Array, "..."]
+
+    mode_names: ClassVar = ("free", "at the lower stop", "at the upper stop")
+    guard_names: ClassVar = (
+        "the mass meets the lower stop",
+        "the mass meets the upper stop",
+        "the force leaves the stop",
+    )
+    units: ClassVar = {"x": "m", "v": "m/s"}
+
+    def __init__(
+        self,
+        mass: Number,
+        stiffness: Number,
+        *,
+        lower: Number,
+        upper: Number,
+        restitution: Number,
+        damping: Number = 0.0,
+        rest_speed: Number = 1e-6,
+        force_amplitude: Number = 0.0,
+        force_frequency: Number = 1.0,
+    ):
+        self.mass = as_parameter(check_positive("mass", mass))
+        self.stiffness = as_parameter(check_positive("stiffness", stiffness))
+        self.damping = as_parameter(check_nonnegative("damping", damping))
+        self.lower = as_parameter(check_finite("lower", lower))
+        self.upper = as_parameter(check_finite("upper", upper))
+        check_positive("upper - lower", self.upper - self.lower)
+        self.restitution = as_parameter(check_between("restitution", restitution, 0.0, 1.0))
+        self.rest_speed = as_parameter(check_nonnegative("rest_speed", rest_speed))
+        self.force_amplitude = as_parameter(check_finite("force_amplitude", force_amplitude))
+        self.force_frequency = as_parameter(check_finite("force_frequency", force_frequency))
+
+    def drive(self, t: Any) -> Any:
+        """Driving force [N]."""
+        return self.force_amplitude * jnp.cos(self.force_frequency * t)
+
+    def vector_field(self, t, y, mode, args):
+        free = (self.drive(t) - self.damping * y.v - self.stiffness * y.x) / self.mass
+        return Motion(x=y.v, v=where(mode == 0, free, 0.0))
+
+    def guards(self, t, y, mode, args):
+        free = mode == 0
+        towards_upper = self.drive(t) - self.stiffness * y.x
+        return (
+            where(free, y.x - self.lower, 1.0),
+            where(free, self.upper - y.x, 1.0),
+            where(free, 1.0, where(mode == 2, towards_upper, -towards_upper)),
+        )
+
+    def transition(self, t, y, mode, guard, args):
+        at_upper, impact = guard == 1, guard <= 1
+        stop = where(at_upper, self.upper, self.lower)
+        rebound = -self.restitution * y.v
+        rests = impact & self._stays(t, stop, rebound, at_upper)
+        after = Motion(
+            x=where(impact, stop, y.x), v=where(impact & ~rests, rebound, jnp.zeros_like(y.v))
+        )
+        return after, where(rests, where(at_upper, 2, 1), 0)
+
+    def _stays(self, t, stop, v, at_upper):
+        """Whether the mass is slow enough and pressed against the stop."""
+        towards_upper = self.drive(t) - self.stiffness * stop
+        pressed = where(at_upper, towards_upper, -towards_upper) > 0.0
+        return (jnp.abs(v) <= self.rest_speed) & pressed
+
+    def initial_mode(self, t, y, args):
+        outside = (y.x < self.lower) | (y.x > self.upper)
+        still = y.v == 0.0
+        at_lower = still & (y.x == self.lower) & self._stays(t, y.x, y.v, y.x > self.lower)
+        at_upper = still & (y.x == self.upper) & self._stays(t, y.x, y.v, y.x > self.lower)
+        return where(outside, NO_MODE, where(at_lower, 1, where(at_upper, 2, 0)))
+
+    def energy(self, y):
+        """Kinetic energy and energy of the spring [J]."""
+        return 0.5 * (self.mass * y.v**2 + self.stiffness * y.x**2)
+
+    def powers(self, t, y, mode, args):
+        """`force`: work of the drive; `damping`: its loss [W]. Losses at impacts: the log of events."""
+        return {"force": self.drive(t) * y.v, "damping": -self.damping * y.v**2}

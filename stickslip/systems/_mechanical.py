@@ -1,0 +1,64 @@
+"""What every mechanical reference system offers beyond the hybrid interface: its energy account."""
+
+import abc
+from typing import Any, NamedTuple
+
+from jaxtyping import ArrayLike, Real
+
+from stickslip._fastmath import where
+from stickslip.hybrid import AbstractHybridSystem
+
+Number = Real[ArrayLike, "..."]
+
+SLIP_MODES = ("slip backward", "stick", "slip forward")
+
+
+class Motion(NamedTuple):
+    """State of a point on a line: position `x` [m] and velocity `v` [m/s]."""
+
+    x: Any
+    v: Any
+
+
+class AbstractMechanicalSystem(AbstractHybridSystem):
+    r"""A hybrid system that keeps account of its mechanical energy.
+
+    Between events $\dot E = \sum_i P_i$ with the energy `energy(y)` [J] and the powers
+    `powers(t, y, mode, args)` [W]; every power is counted as it enters the mechanical energy, so
+    that a loss is negative. At an event the energy may drop (impact), which the event log shows:
+    `energy(events.y_after) - energy(events.y_before)`. `WithIntegrals` integrates the powers along
+    a motion.
+    """
+
+    @abc.abstractmethod
+    def energy(self, y: Any) -> Any:
+        """Kinetic and potential energy [J]."""
+
+    @abc.abstractmethod
+    def powers(self, t: Any, y: Any, mode: Any, args: Any) -> dict[str, Any]:
+        """Powers into the mechanical energy [W] by name; friction, damping and the like are <= 0."""
+
+
+def holding_force(static_force: Any, kinetic_force: Any) -> Any:
+    """Largest friction force at rest: a body held by less than it would slide with cannot leave rest
+    (Filippov's sliding mode), so the kinetic force is the threshold where it is the greater one."""
+    return where(kinetic_force > static_force, kinetic_force, static_force)
+
+
+def slip_sense(mode: Any) -> Any:
+    """Sign of the relative velocity, -1, 0 or +1, in the modes `SLIP_MODES`."""
+    return where(mode == 1, 0.0, where(mode == 0, -1.0, 1.0))
+
+
+def mode_at_rest(load: Any, limit: Any) -> Any:
+    """Mode of a contact without relative velocity under `load` [N], all force but friction.
+
+    Beyond `limit` [N] the load starts a slip in its own sense.
+    """
+    return where(load > limit, 2, where(load < -limit, 0, 1))
+
+
+def contact_mode(relative_velocity: Any, load: Any, limit: Any) -> Any:
+    """Mode of a contact: the sense of its slip; without one the load decides."""
+    at_rest = mode_at_rest(load, limit)
+    return where(relative_velocity < 0.0, 0, where(relative_velocity > 0.0, 2, at_rest))

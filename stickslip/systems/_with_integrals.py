@@ -1,0 +1,125 @@
+"""A hybrid system together with time integrals along its motion."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import PyTree
+
+from stickslip._validation import check_type
+from stickslip.hybrid import AbstractHybridSystem
+
+Integrands = Callable[[AbstractHybridSystem, Any, PyTree, Any, PyTree], Mapping[str, Any]]
+
+
+class Augmented(NamedTuple):
+    """State `y` of the system and the integrals so far, by name."""
+
+    y: PyTree
+    integrals: dict[str, Any]
+
+
+class WithIntegrals(AbstractHybridSystem):
+    r"""The same system with more state: $\dot I_i = p_i(t, y, m)$, integrated with the motion.
+
+    Modes, guards and transitions are those of `system`, so that every analysis takes the one for the
+    other. The integrals obey the step-size control like any component and have derivatives.
+
+    >>> import stickslip as ss
+    >>> from stickslip.systems import CoulombOscillator, Motion, WithIntegrals
+    >>> block = CoulombOscillator(1.0, 1.0, 1.0, 0.5, 0.2)
+    >>> ledger = WithIntegrals(block, CoulombOscillator.powers, units={"belt": "J", "friction": "J"})
+    >>> solution = ss.simulate(ledger, 0.0, 9.0, ledger.start(Motion(x=0.0, v=0.2)))
+    >>> state, work = solution.y1
+    >>> gain = block.energy(state) - 0.5 * 0.2**2
+    >>> bool(abs(work["belt"] + work["friction"] - gain) < 1e-9)
+    True
+
+    **Arguments:**
+
+    - `system`: any hybrid system.
+    - `integrands(system, t, y, mode, args)`: dict of named scalars. It is handed the system, so that
+      its parameters are those being differentiated or batched; an unbound method does.
+    - `units`: unit of each integral, by name; added to those of the system.
+
+    **Errors** `TypeError` for what is no hybrid system or no function, `ValueError` for an integral
+    named like a component of the state.
+    """
+
+    system: AbstractHybridSystem
+    integrands: Integrands = eqx.field(static=True)
+    integral_units: tuple[tuple[str, str], ...] = eqx.field(static=True)
+
+    def __init__(
+        self,
+        system: AbstractHybridSystem,
+        integrands: Integrands,
+        *,
+        units: Mapping[str, str] | None = None,
+    ):
+        self.system = check_type("system", system, AbstractHybridSystem, "a hybrid system")
+        if not callable(integrands):
+            raise TypeError(
+                f"integrands is a {type(integrands).__name__}: it must be a function "
+                "(system, t, y, mode, args) of named scalars."
+            )
+        self.integrands = integrands
+        self.integral_units = tuple((units or {}).items())
+        for name, _ in self.integral_units:
+            if name in system.units:
+                raise ValueError(
+                    f"units[{name!r}]: the state of the system has a component of this name; "
+                    f"allowed: none of {', '.join(system.units)}."
+                )
+
+    @property
+    def mode_names(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Those of the system."""
+        return self.system.mode_names
+
+    @property
+    def guard_names(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Those of the system."""
+        return self.system.guard_names
+
+    @property
+    def guard_directions(self) -> tuple[str, ...] | None:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Those of the system."""
+        return self.system.guard_directions
+
+    @property
+    def guard_scales(self) -> tuple[float, ...] | None:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Those of the system."""
+        return self.system.guard_scales
+
+    @property
+    def units(self) -> dict[str, str]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Those of the system and of the integrals."""
+        return {**self.system.units, **dict(self.integral_units)}
+
+    def start(self, y: PyTree, t: Any = 0.0, args: PyTree = None) -> Augmented:
+        """Initial state: `y` with all integrals zero."""
+        mode = jnp.zeros((), jnp.int32)
+
+        def rates(t, y):
+            return dict(self.integrands(self.system, t, y, mode, args))
+
+        y = jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.float64), y)
+        shapes = eqx.filter_eval_shape(rates, jnp.asarray(t, jnp.float64), y)
+        return Augmented(y, jax.tree.map(lambda s: jnp.zeros(s.shape, jnp.float64), shapes))
+
+    def vector_field(self, t, y, mode, args):
+        rates = self.integrands(self.system, t, y.y, mode, args)
+        return Augmented(self.system.vector_field(t, y.y, mode, args), dict(rates))
+
+    def guards(self, t, y, mode, args):
+        return self.system.guards(t, y.y, mode, args)
+
+    def transition(self, t, y, mode, guard, args):
+        after, mode = self.system.transition(t, y.y, mode, guard, args)
+        return Augmented(after, y.integrals), mode
+
+    def initial_mode(self, t, y, args):
+        return self.system.initial_mode(t, y.y, args)
