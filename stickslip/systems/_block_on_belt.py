@@ -1,0 +1,225 @@
+"""Block on a belt of constant speed, its normal force intensified by a pendulum."""
+
+from typing import Any, ClassVar
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._fastmath import where
+from .._validation import as_parameter, check_finite
+from ..friction import AbstractFrictionLaw
+from ..friction._law import Number
+from ._block_mechanics import (
+    BELT_SPEED,
+    AbstractBlockOnBelt,
+    BlockState,
+    block_parameters,
+    check_law,
+    scaled_block,
+    set_a,
+)
+
+BACKWARD, STICK, FORWARD = 0, 1, 2
+
+
+def sense_of(contact: Any) -> Float[Array, "..."]:
+    """+1 where the block slips forward on the belt, else -1."""
+    return where(contact == FORWARD, 1.0, -1.0)
+
+
+class BlockOnBelt(AbstractBlockOnBelt):
+    r"""Simplified model, Eqs. (8)-(12): the belt runs at a constant speed $V_b$; smooth friction.
+
+    `AbstractBlockOnBelt` has the equations and the parameters. The state is
+    `BlockState(x, vx, y, vy)`. There is one mode and no guard: with the smooth law (12) the block
+    creeps instead of sticking.
+
+    The contact is stiff: near rest the friction acts like a damper with the rate
+    $\mu_0\alpha(1+\beta)N/m$, about 2,000 1/s for set A, which bounds the step of explicit methods.
+
+    `BlockOnBelt.constructed(k3=85.0)` is set A; its parameters are **constructed**, the paper prints
+    none. Errors: `ValueError` naming a parameter, its value and what is allowed.
+
+    ??? cite "Reference"
+
+        *Influence of Frequency of Excitation on Bifurcational Behaviour of an Experimental 2-DoF
+        Mechanical System with Stick-Slip Friction*, Eqs. (8)-(12), first case.
+    """
+
+    V_b: Float[Array, "..."]
+
+    mode_names: ClassVar = ("motion",)
+    guard_names: ClassVar = ()
+    units: ClassVar = {"x": "m", "vx": "m/s", "y": "m", "vy": "m/s"}
+
+    def __init__(
+        self,
+        *,
+        m: Number,
+        M: Number,
+        J: Number,
+        k1: Number,
+        k2: Number,
+        k3: Number,
+        c1: Number,
+        c2: Number,
+        r: Number,
+        Q: Number,
+        V_b: Number,
+        law: AbstractFrictionLaw,
+        g: Number = 9.81,
+    ):
+        given = block_parameters(m=m, M=M, J=J, k1=k1, k2=k2, k3=k3, c1=c1, c2=c2, r=r, Q=Q, g=g)
+        for name, value in given.items():
+            setattr(self, name, value)
+        self.law = check_law(law, set_valued=False)
+        self.V_b = as_parameter(check_finite("V_b", V_b))
+
+    @classmethod
+    def constructed(cls, k3: Number, **changes: Any) -> "BlockOnBelt":
+        """Set A of **constructed** parameters at the bifurcation parameter `k3` [N/m].
+
+        `changes` replace single parameters; `J` and `Q` follow `M`, `g` and `r` unless they are given.
+        """
+        return cls(**{"V_b": BELT_SPEED, **set_a(k3, changes)})
+
+    def belt_velocity(self, y: BlockState) -> Float[Array, "..."]:
+        """Velocity of the belt, constant [m/s]."""
+        return self.V_b
+
+    def friction_force(self, t: Any, y: BlockState, mode: Any = 0, args: Any = None) -> Any:
+        """Friction force $T_s$ [N] as in (11); the block feels $-T_s$."""
+        v = y.vx - self.V_b
+        return self.law.coefficient(v) * self.loads(y).normal + self.law.drag(v)
+
+    def vector_field(self, t, y, mode, args):
+        loads = self.loads(y)
+        v = y.vx - self.V_b
+        T_s = self.law.coefficient(v) * loads.normal + self.law.drag(v)
+        return self.slope(y, loads, T_s)
+
+    def guards(self, t, y, mode, args):
+        return ()
+
+    def transition(self, t, y, mode, guard, args):
+        return y, mode
+
+    def initial_mode(self, t, y, args):
+        return jnp.zeros((), jnp.int32)
+
+    def scaled(self, factor: Number) -> "BlockOnBelt":
+        """All masses, stiffnesses, dampings and `Q` times `factor`: the motion is the same."""
+        return scaled_block(self, factor)
+
+
+class BlockOnBeltSetValued(AbstractBlockOnBelt):
+    r"""Simplified model, Eqs. (8)-(11), with a set-valued law: the block sticks and slips.
+
+    `AbstractBlockOnBelt` has the equations and the parameters. The state is
+    `BlockState(x, vx, y, vy)`. Modes:
+
+    | mode | holds | left when |
+    |---|---|---|
+    | `"stick"` | $\dot x = V_b$, $T_s$ whatever keeps it so | $T_s/N$ leaves the law's static interval |
+    | `"slip backward"` | $V_r < 0$ | $V_r$ reaches 0 |
+    | `"slip forward"` | $V_r > 0$ | $V_r$ reaches 0 |
+
+    At $V_r = 0$ the block sticks if the static interval can hold the load, and otherwise slips the way
+    the load pulls (Filippov). The static interval is that of $N > 0$; watch `normal_force`.
+
+    `BlockOnBeltSetValued.constructed(k3=85.0)` is set A (**constructed**) with the set-valued limit of
+    law (12), i.e. $\alpha \to \infty$. Errors as for `BlockOnBelt`.
+
+    ??? cite "Reference"
+
+        Equations as for `BlockOnBelt`. A. F. Filippov, *Differential Equations with Discontinuous
+        Righthand Sides*, Kluwer, 1988.
+    """
+
+    V_b: Float[Array, "..."]
+
+    mode_names: ClassVar = ("slip backward", "stick", "slip forward")
+    guard_names: ClassVar = (
+        "friction reaches its upper static limit",
+        "friction reaches its lower static limit",
+        "relative velocity reaches zero",
+    )
+    units: ClassVar = {"x": "m", "vx": "m/s", "y": "m", "vy": "m/s"}
+
+    def __init__(
+        self,
+        *,
+        m: Number,
+        M: Number,
+        J: Number,
+        k1: Number,
+        k2: Number,
+        k3: Number,
+        c1: Number,
+        c2: Number,
+        r: Number,
+        Q: Number,
+        V_b: Number,
+        law: AbstractFrictionLaw,
+        g: Number = 9.81,
+    ):
+        given = block_parameters(m=m, M=M, J=J, k1=k1, k2=k2, k3=k3, c1=c1, c2=c2, r=r, Q=Q, g=g)
+        for name, value in given.items():
+            setattr(self, name, value)
+        self.law = check_law(law, set_valued=True)
+        self.V_b = as_parameter(check_finite("V_b", V_b))
+
+    @classmethod
+    def constructed(cls, k3: Number, **changes: Any) -> "BlockOnBeltSetValued":
+        """Set A of **constructed** parameters with the set-valued limit of its law.
+
+        `changes` replace single parameters; `J` and `Q` follow `M`, `g` and `r` unless they are given.
+        """
+        given = {"V_b": BELT_SPEED, **set_a(k3, changes)}
+        if "law" not in changes:
+            given["law"] = given["law"].set_valued_limit()
+        return cls(**given)
+
+    def belt_velocity(self, y: BlockState) -> Float[Array, "..."]:
+        """Velocity of the belt, constant [m/s]."""
+        return self.V_b
+
+    def friction_force(self, t: Any, y: BlockState, mode: Any, args: Any = None) -> Any:
+        """Friction force $T_s$ [N] as in (11); the block feels $-T_s$. At rest, what holds it."""
+        loads, v = self.loads(y), y.vx - self.V_b
+        slip = self.law.kinetic(v, sense_of(mode)) * loads.normal + self.law.drag(v)
+        return where(mode == STICK, -loads.on_block, slip)
+
+    def vector_field(self, t, y, mode, args):
+        dy = self.slope(y, self.loads(y), self.friction_force(t, y, mode, args))
+        return dy._replace(vx=where(mode == STICK, 0.0, dy.vx))
+
+    def guards(self, t, y, mode, args):
+        loads, stick = self.loads(y), mode == STICK
+        low, high = self.law.static_interval()
+        return (
+            where(stick, high * loads.normal + loads.on_block, 1.0),
+            where(stick, -loads.on_block - low * loads.normal, 1.0),
+            where(stick, 1.0, sense_of(mode) * (y.vx - self.V_b)),
+        )
+
+    def transition(self, t, y, mode, guard, args):
+        landed = y._replace(vx=self.V_b)
+        arrival = self._at_rest(landed)
+        return landed, where(guard == 0, FORWARD, where(guard == 1, BACKWARD, arrival))
+
+    def initial_mode(self, t, y, args):
+        slips = where(y.vx > self.V_b, FORWARD, BACKWARD)
+        return where(y.vx == self.V_b, self._at_rest(y), slips)
+
+    def _at_rest(self, y):
+        """Mode that a block moving with the belt takes."""
+        loads = self.loads(y)
+        low, high = self.law.static_interval()
+        above = -loads.on_block > high * loads.normal
+        below = -loads.on_block < low * loads.normal
+        return where(above, FORWARD, where(below, BACKWARD, STICK))
+
+    def scaled(self, factor: Number) -> "BlockOnBeltSetValued":
+        """All masses, stiffnesses, dampings and `Q` times `factor`: the motion is the same."""
+        return scaled_block(self, factor)

@@ -1,0 +1,270 @@
+"""DC motor with a worm gear and a belt pulley; dry friction of its own at rest."""
+
+from typing import Any, ClassVar, Literal, NamedTuple, get_args
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._fastmath import where
+from .._validation import (
+    as_parameter,
+    check_at_least,
+    check_finite,
+    check_in,
+    check_nonnegative,
+    check_positive,
+)
+from ..friction._law import Number
+from ..hybrid import AbstractHybridSystem
+
+Sign = Literal["consistent", "printed"]
+
+TURNING_BACKWARD, RESTING, TURNING_FORWARD = 0, 1, 2
+
+# Constructed: the paper prints no parameters.
+DRIVE_A = {
+    "L_w": 2e-3, "R_w": 2.0, "k_e": 0.05, "k_m": 0.05, "J_dc": 5e-5, "b": 2e-5, "T_k": 5e-3,
+    "rho": 20.0, "eta": 0.6, "J_bp": 1e-4, "r_bp": 0.03,
+}  # fmt: skip
+# Voltages [V] at which the belt of the coupled model, set A and k3 = 85 N/m, runs at 0.12 m/s on
+# average over 100 s after 100 s: what `voltage_for_belt_speed` finds. Without coupling it would be
+# the same for both signs.
+U_IN_A: dict[Sign, float] = {"consistent": 4.33, "printed": 4.28}
+
+POSITIVE = ("L_w", "R_w", "J_dc", "rho", "eta", "r_bp")
+NONNEGATIVE = ("k_e", "k_m", "b", "T_k", "J_bp")
+# Torques, inertias and the force constant: with the block's parameters, what one factor may multiply.
+SCALED = ("k_m", "J_dc", "J_bp", "b", "T_k", "T_st")
+
+
+class DriveState(NamedTuple):
+    """Rotor and winding."""
+
+    omega: Any  # speed of the rotor [rad/s]
+    i_w: Any  # current of the winding [A]
+
+
+def turning_sense(mode: Any) -> Float[Array, "..."]:
+    """+1 turning forward, -1 turning backward, 0 resting."""
+    return where(mode == TURNING_FORWARD, 1.0, where(mode == RESTING, 0.0, -1.0))
+
+
+class DCDrive(AbstractHybridSystem):
+    r"""DC motor that drives the belt through a worm gear, Eqs. (1)-(7).
+
+    $$L_w\dot i_w = U_\mathrm{in} - k_e\omega - R_w i_w \tag{1}$$
+    $$\left(J_\mathrm{dc} + \frac{J_\mathrm{bp}}{\eta\rho^2}\right)\dot\omega = k_m i_w
+      + \frac{r_\mathrm{bp}}{\eta\rho}T_s - b\,\omega - T_k\,\mathrm{sgn}\,\omega,\qquad
+      V_b = \frac{r_\mathrm{bp}}{\rho}\omega \tag{7}$$
+
+    $T_s$ is the friction force of the belt on the block, as in (11); the block pulls the belt with
+    $+T_s$. At $\omega = 0$ dry friction holds any torque up to $T_\mathrm{st}$ (3): the modes are
+    `"turning backward"`, `"resting"`, `"turning forward"`. A rest that cannot be held is left in the
+    sense of the torque.
+
+    **Where the paper contradicts itself**, `"consistent"` is the default and `"printed"` takes the
+    paper's sign:
+
+    - `motor_friction` (B-E1): (2), (3) and (7) print $-T_C$ with $T_C = -T_k\,\mathrm{sgn}\,\omega$,
+      which accelerates; consistent is $-T_k\,\mathrm{sgn}\,\omega$.
+    - `belt_reaction` (B-E2): (4) and (7) print $-T_s$ with the $T_s$ of (11); consistent is $+T_s$, the
+      reaction to $-T_s$ on the block. As printed, the pair creates energy.
+
+    A constant efficiency $\eta < 1$ divides the load whatever the direction of the power: it is a loss
+    while the motor drives ($T_s\omega < 0$) and a source while it is driven.
+
+    **Stiffness.** The electrical time constant $L_w/R_w$ (1 ms for set A) is far below those of the
+    mechanics: explicit methods need steps of about three of it at most, or an implicit diffrax solver
+    such as `diffrax.Kvaerno5()`.
+
+    **Parameters** (SI): `L_w` [H], `R_w` [ohm], `J_dc` [kg m^2], `rho`, `eta` [-], `r_bp` [m] positive;
+    `k_e` [V s], `k_m` [N m/A], `b` [N m s], `T_k` [N m], `J_bp` [kg m^2] not negative; `T_st` [N m],
+    at least `T_k`, which it is if left out; `U_in` [V] finite. The state is `DriveState(omega, i_w)`.
+
+    Alone, the drive turns under the belt force `args` [N] ($T_s$, 0 for `None`).
+    `DCDrive.constructed()` has **constructed** parameters; the paper prints none.
+
+    Errors: `ValueError` naming a parameter, its value and what is allowed.
+
+    ??? cite "Reference"
+
+        *Influence of Frequency of Excitation on Bifurcational Behaviour of an Experimental 2-DoF
+        Mechanical System with Stick-Slip Friction*, Eqs. (1)-(7).
+    """
+
+    L_w: Float[Array, "..."]
+    R_w: Float[Array, "..."]
+    k_e: Float[Array, "..."]
+    k_m: Float[Array, "..."]
+    J_dc: Float[Array, "..."]
+    b: Float[Array, "..."]
+    T_k: Float[Array, "..."]
+    T_st: Float[Array, "..."]
+    rho: Float[Array, "..."]
+    eta: Float[Array, "..."]
+    J_bp: Float[Array, "..."]
+    r_bp: Float[Array, "..."]
+    U_in: Float[Array, "..."]
+    motor_friction: Sign = eqx.field(static=True)
+    belt_reaction: Sign = eqx.field(static=True)
+
+    mode_names: ClassVar = ("turning backward", "resting", "turning forward")
+    guard_names: ClassVar = (
+        "rotor comes to rest",
+        "torque reaches the upper static limit",
+        "torque reaches the lower static limit",
+    )
+    guard_scales: ClassVar = (1.0, 1e-3, 1e-3)
+    units: ClassVar = {"omega": "rad/s", "i_w": "A"}
+
+    def __init__(
+        self,
+        *,
+        L_w: Number,
+        R_w: Number,
+        k_e: Number,
+        k_m: Number,
+        J_dc: Number,
+        b: Number,
+        T_k: Number,
+        rho: Number,
+        eta: Number,
+        J_bp: Number,
+        r_bp: Number,
+        U_in: Number,
+        T_st: Number | None = None,
+        motor_friction: str = "consistent",
+        belt_reaction: str = "consistent",
+    ):
+        given = {
+            "L_w": L_w, "R_w": R_w, "k_e": k_e, "k_m": k_m, "J_dc": J_dc, "b": b, "T_k": T_k,
+            "rho": rho, "eta": eta, "J_bp": J_bp, "r_bp": r_bp,
+        }  # fmt: skip
+        for name, value in given.items():
+            check = check_positive if name in POSITIVE else check_nonnegative
+            setattr(self, name, as_parameter(check(name, value)))
+        T_st = T_k if T_st is None else check_at_least("T_st", check_finite("T_st", T_st), "T_k", T_k)
+        self.T_st = as_parameter(T_st)
+        self.U_in = as_parameter(check_finite("U_in", U_in))
+        self.motor_friction = check_in("motor_friction", motor_friction, get_args(Sign))
+        self.belt_reaction = check_in("belt_reaction", belt_reaction, get_args(Sign))
+
+    @classmethod
+    def constructed(cls, **changes: Any) -> "DCDrive":
+        """**Constructed** drive; `changes` replace single parameters.
+
+        `U_in` is such that the belt of `BlockOnDrivenBelt.constructed(k3=85.0)` runs at 0.12 m/s on
+        average, for the sign `belt_reaction` in use.
+        """
+        sign = check_in("belt_reaction", changes.get("belt_reaction", "consistent"), get_args(Sign))
+        return cls(**{**DRIVE_A, "U_in": U_IN_A[sign], **changes})
+
+    @property
+    def inertia(self) -> Float[Array, "..."]:
+        """Inertia seen by the rotor [kg m^2]."""
+        return self.J_dc + self.J_bp / (self.eta * self.rho * self.rho)
+
+    @property
+    def transmission(self) -> Float[Array, "..."]:
+        """Belt velocity per speed of the rotor [m]."""
+        return self.r_bp / self.rho
+
+    @property
+    def reaction(self) -> Float[Array, "..."]:
+        """Torque on the rotor per $T_s$ [m], signed by `belt_reaction`."""
+        sign = 1.0 if self.belt_reaction == "consistent" else -1.0
+        return sign * self.transmission / self.eta
+
+    @property
+    def kinetic_torque(self) -> Float[Array, "..."]:
+        """Dry friction of the turning rotor [N m], positive if it brakes: `motor_friction`."""
+        return self.T_k if self.motor_friction == "consistent" else -self.T_k
+
+    def belt_velocity(self, y: Any) -> Float[Array, "..."]:
+        """Velocity of the belt $V_b$ [m/s]."""
+        return self.transmission * y.omega
+
+    def torque(self, y: Any, T_s: Any) -> Float[Array, "..."]:
+        """Torque on the rotor without its dry friction and inertia [N m]."""
+        return self.k_m * y.i_w + self.reaction * T_s - self.b * y.omega
+
+    def current_rate(self, y: Any) -> Float[Array, "..."]:
+        """Rate of the current, Eq. (1) [A/s]."""
+        return (self.U_in - self.k_e * y.omega - self.R_w * y.i_w) / self.L_w
+
+    def slope(self, y: Any, T_s: Any, mode: Any) -> DriveState:
+        """Time derivative of rotor and winding under the belt force `T_s`, in a mode of the drive."""
+        braked = self.torque(y, T_s) - turning_sense(mode) * self.kinetic_torque
+        return DriveState(
+            omega=where(mode == RESTING, 0.0, braked / self.inertia), i_w=self.current_rate(y)
+        )
+
+    def drive_guards(self, y: Any, T_s: Any, mode: Any) -> tuple:
+        """Guards of the drive under the belt force `T_s`."""
+        rest, torque = mode == RESTING, self.torque(y, T_s)
+        return (
+            where(rest, 1.0, turning_sense(mode) * y.omega),
+            where(rest, self.T_st - torque, 1.0),
+            where(rest, self.T_st + torque, 1.0),
+        )
+
+    def mode_at_rest(self, y: Any, T_s: Any) -> Any:
+        """Mode that a rotor at rest takes under the belt force `T_s`."""
+        torque = self.torque(y, T_s)
+        turning = where(torque > 0, TURNING_FORWARD, TURNING_BACKWARD)
+        return where(jnp.abs(torque) <= self.T_st, RESTING, turning)
+
+    def mode_after(self, y: Any, T_s: Any, guard: Any) -> Any:
+        """Mode after guard 0, 1 or 2 of the drive, with `omega` already set to zero."""
+        turning = where(guard == 1, TURNING_FORWARD, TURNING_BACKWARD)
+        return where(guard == 0, self.mode_at_rest(y, T_s), turning)
+
+    def vector_field(self, t, y, mode, args):
+        return self.slope(y, _belt_force(args), mode)
+
+    def guards(self, t, y, mode, args):
+        return self.drive_guards(y, _belt_force(args), mode)
+
+    def transition(self, t, y, mode, guard, args):
+        landed = y._replace(omega=jnp.zeros_like(y.omega))
+        return landed, self.mode_after(landed, _belt_force(args), guard)
+
+    def initial_mode(self, t, y, args):
+        turning = where(y.omega > 0, TURNING_FORWARD, TURNING_BACKWARD)
+        return where(y.omega == 0, self.mode_at_rest(y, _belt_force(args)), turning)
+
+    def stored_energy(self, t: Any, y: Any, mode: Any = 0, args: Any = None) -> Any:
+        """Energy of the winding and of the turning parts, as the rotor sees them [J]."""
+        return 0.5 * (self.L_w * y.i_w * y.i_w + self.inertia * y.omega * y.omega)
+
+    def electrical_power(self, t: Any, y: Any, mode: Any = 0, args: Any = None) -> Any:
+        """Power drawn from the supply [W]."""
+        return self.U_in * y.i_w
+
+    def loss_power(self, t: Any, y: Any, mode: Any = 0, args: Any = None) -> Any:
+        """Power of resistance, bearing and dry friction, and of `k_m` unequal `k_e` [W].
+
+        Not positive for `k_m = k_e` and the consistent sign of `motor_friction`.
+        """
+        bearing = self.b * y.omega * y.omega + self.kinetic_torque * jnp.abs(y.omega)
+        unequal = (self.k_m - self.k_e) * y.i_w * y.omega
+        return unequal - self.R_w * y.i_w * y.i_w - bearing
+
+    def load_power(self, y: Any, T_s: Any) -> Float[Array, "..."]:
+        """Power that the belt force `T_s` feeds into the rotor through the gear [W]."""
+        return self.reaction * T_s * y.omega
+
+    def scaled(self, factor: Number) -> "DCDrive":
+        """Inertias, torques and `k_m` times `factor`: the same motion under `factor` times the load."""
+        factor = as_parameter(check_positive("factor", factor))
+
+        def parts(s):
+            return [getattr(s, name) for name in SCALED]
+
+        return eqx.tree_at(parts, self, jax.tree.map(lambda a: a * factor, parts(self)))
+
+
+def _belt_force(args: Any) -> Any:
+    return 0.0 if args is None else args

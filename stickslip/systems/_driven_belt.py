@@ -1,0 +1,130 @@
+"""Block on a belt that a DC drive moves: the full model, with smooth friction."""
+
+from typing import Any, ClassVar, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._validation import check_type
+from ..friction import AbstractFrictionLaw
+from ..friction._law import Number
+from ._block_mechanics import AbstractBlockOnBelt, block_parameters, check_law, scaled_block, set_a
+from ._dc_drive import DCDrive
+
+
+class DrivenBlockState(NamedTuple):
+    """Block, pendulum and drive."""
+
+    x: Any  # displacement of the block [m]
+    vx: Any  # its velocity [m/s]
+    y: Any  # displacement of the pendulum's rim [m]
+    vy: Any  # its velocity [m/s]
+    omega: Any  # speed of the rotor [rad/s]
+    i_w: Any  # current of the winding [A]
+
+
+DRIVEN_UNITS = {"x": "m", "vx": "m/s", "y": "m", "vy": "m/s", "omega": "rad/s", "i_w": "A"}
+
+
+def driven_keywords(k3: Number, changes: dict[str, Any]) -> dict[str, Any]:
+    """Keyword arguments of a driven block: set A, the constructed drive, and `changes`."""
+    given = set_a(k3, changes)
+    if "drive" not in given:
+        given["drive"] = DCDrive.constructed()
+    return given
+
+
+class BlockOnDrivenBelt(AbstractBlockOnBelt):
+    r"""Full model, Eqs. (1)-(12): the block on the belt loads the drive, which moves the belt.
+
+    `AbstractBlockOnBelt` has the equations of block and pendulum, `DCDrive` those of the drive with the
+    switches for the signs that the paper prints (`belt_reaction`, `motor_friction`). The state is
+    `DrivenBlockState(x, vx, y, vy, omega, i_w)`, $V_b = r_\mathrm{bp}\omega/\rho$; the modes are those of
+    the drive. The law is smooth.
+
+    **Stiffness**: contact (about 2,000 1/s for set A) and winding ($R_w/L_w$ = 1,000 1/s) both bound
+    the step of explicit methods; see `DCDrive`.
+
+    `BlockOnDrivenBelt.constructed(k3=85.0)` is set A with the drive `DCDrive.constructed()`, all
+    **constructed**. Errors: `ValueError` naming a parameter, its value and what is allowed.
+
+    ??? cite "Reference"
+
+        *Influence of Frequency of Excitation on Bifurcational Behaviour of an Experimental 2-DoF
+        Mechanical System with Stick-Slip Friction*, Eqs. (1)-(12), second case.
+    """
+
+    drive: DCDrive
+
+    mode_names: ClassVar = DCDrive.mode_names
+    guard_names: ClassVar = DCDrive.guard_names
+    guard_scales: ClassVar = DCDrive.guard_scales
+    units: ClassVar = DRIVEN_UNITS
+
+    def __init__(
+        self,
+        *,
+        m: Number,
+        M: Number,
+        J: Number,
+        k1: Number,
+        k2: Number,
+        k3: Number,
+        c1: Number,
+        c2: Number,
+        r: Number,
+        Q: Number,
+        law: AbstractFrictionLaw,
+        drive: DCDrive,
+        g: Number = 9.81,
+    ):
+        given = block_parameters(m=m, M=M, J=J, k1=k1, k2=k2, k3=k3, c1=c1, c2=c2, r=r, Q=Q, g=g)
+        for name, value in given.items():
+            setattr(self, name, value)
+        self.law = check_law(law, set_valued=False)
+        self.drive = check_type("drive", drive, DCDrive, "a DCDrive")
+
+    @classmethod
+    def constructed(cls, k3: Number, **changes: Any) -> "BlockOnDrivenBelt":
+        """Set A and the **constructed** drive at `k3` [N/m]; `changes` replace single parameters."""
+        return cls(**driven_keywords(k3, changes))
+
+    def belt_velocity(self, y: DrivenBlockState) -> Float[Array, "..."]:
+        """Velocity of the belt $V_b$ [m/s]."""
+        return self.drive.belt_velocity(y)
+
+    def friction_force(self, t: Any, y: DrivenBlockState, mode: Any = 0, args: Any = None) -> Any:
+        """Friction force $T_s$ [N] as in (11); the block feels $-T_s$."""
+        v = y.vx - self.belt_velocity(y)
+        return self.law.coefficient(v) * self.loads(y).normal + self.law.drag(v)
+
+    def contact_power(self, t: Any, y: Any, mode: Any = 0, args: Any = None) -> Any:
+        """Power of the contact on block and belt as the equations in use have it [W].
+
+        With the consistent `belt_reaction` it is `friction_power`, not positive; as printed the belt
+        feels $-T_s$ and the contact creates energy.
+        """
+        sign = 1.0 if self.drive.belt_reaction == "consistent" else -1.0
+        return self.friction_force(t, y, mode, args) * (sign * self.belt_velocity(y) - y.vx)
+
+    def vector_field(self, t, y, mode, args):
+        loads = self.loads(y)
+        v = y.vx - self.belt_velocity(y)
+        T_s = self.law.coefficient(v) * loads.normal + self.law.drag(v)
+        return DrivenBlockState(*self.slope(y, loads, T_s), *self.drive.slope(y, T_s, mode))
+
+    def guards(self, t, y, mode, args):
+        return self.drive.drive_guards(y, self.friction_force(t, y), mode)
+
+    def transition(self, t, y, mode, guard, args):
+        landed = y._replace(omega=jnp.zeros_like(y.omega))
+        return landed, self.drive.mode_after(landed, self.friction_force(t, landed), guard)
+
+    def initial_mode(self, t, y, args):
+        return self.drive.initial_mode(t, y, self.friction_force(t, y))
+
+    def scaled(self, factor: Number) -> "BlockOnDrivenBelt":
+        """Block and drive with all masses, forces and torques times `factor`: the motion is the same."""
+        changed = scaled_block(self, factor)
+        return eqx.tree_at(lambda s: s.drive, changed, self.drive.scaled(factor))
