@@ -13,8 +13,17 @@
 """
 
 from ._between_stops import OscillatorBetweenStops as OscillatorBetweenStops
+from ._block_mechanics import AbstractBlockOnBelt as AbstractBlockOnBelt
+from ._block_mechanics import BlockState as BlockState
+from ._block_on_belt import BlockOnBelt as BlockOnBelt
+from ._block_on_belt import BlockOnBeltSetValued as BlockOnBeltSetValued
 from ._bouncing_ball import BouncingBall as BouncingBall
 from ._coulomb_oscillator import CoulombOscillator as CoulombOscillator
+from ._dc_drive import DCDrive as DCDrive
+from ._dc_drive import DriveState as DriveState
+from ._driven_belt import BlockOnDrivenBelt as BlockOnDrivenBelt
+from ._driven_belt import DrivenBlockState as DrivenBlockState
+from ._driven_belt_set_valued import BlockOnDrivenBeltSetValued as BlockOnDrivenBeltSetValued
 from ._mechanical import AbstractMechanicalSystem as AbstractMechanicalSystem
 from ._mechanical import Motion as Motion
 from ._sliding_block import SlidingBlock as SlidingBlock

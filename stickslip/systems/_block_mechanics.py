@@ -10,7 +10,8 @@ from jaxtyping import Array, Float
 from .._validation import as_parameter, check_finite, check_nonnegative, check_positive, check_type
 from ..friction import AbstractFrictionLaw, SmoothHyperbolicWeakening
 from ..friction._law import Number
-from ..hybrid import AbstractHybridSystem, Section
+from ..hybrid import Section
+from ._mechanical import AbstractMechanicalSystem
 
 # Set A. Constructed: the paper prints no parameters; found by random search and rounded by hand.
 # J = 3 M r^2 and Q = -3/4 M g r, which balances the pendulum's weight at y = 0.
@@ -43,7 +44,7 @@ class Loads(NamedTuple):
     normal: Any  # normal force [N]
 
 
-class AbstractBlockOnBelt(AbstractHybridSystem):
+class AbstractBlockOnBelt(AbstractMechanicalSystem):
     r"""Block (mass $m$) on a belt, held by springs and pressed down by a pendulum ($M$, $J$).
 
     With the rim displacement $y = r\varphi$, $z = x + y$, the stretch $q = y + x^2/(2r)$ of spring
@@ -60,8 +61,8 @@ class AbstractBlockOnBelt(AbstractHybridSystem):
 
     **Parameters** (SI): `m`, `M` [kg], `J` [kg m^2], `r` [m], `g` [m/s^2] positive; `k1`, `k2`, `k3`
     [N/m], `c1`, `c2` [N s/m] not negative; `Q` [N m], resistance torque of the pivot, finite; `law`, a
-    friction law. Each may be a number per lane under `jax.vmap`. Multiplying `m`, `M`, `J`, all `k`, all
-    `c` and `Q` by one factor (`scaled`) leaves the motion unchanged.
+    friction law. Each may be a number per lane under `jax.vmap`. Multiplying `m`, `M`, `J`, all `k`,
+    all `c` and `Q` by one factor (`scaled`) leaves the motion unchanged.
 
     Observables take `(t, y, mode, args)`. Between events `energy(y)` grows at the rate of the sum of
     `powers(t, y, mode, args)`: belt, friction, dampers.
@@ -79,6 +80,8 @@ class AbstractBlockOnBelt(AbstractHybridSystem):
     Q: Float[Array, "..."]
     g: Float[Array, "..."]
     law: AbstractFrictionLaw
+
+    set_valued: eqx.AbstractClassVar[bool]  # whether the block sticks
 
     @abc.abstractmethod
     def belt_velocity(self, y: Any) -> Float[Array, "..."]:
@@ -157,18 +160,6 @@ class AbstractBlockOnBelt(AbstractHybridSystem):
         zd = y.vx + y.vy
         return -self.c1 * zd * zd - self.c2 * y.vy * y.vy
 
-    def energy(self, y: Any) -> Any:
-        """Kinetic and potential energy of block and pendulum [J]."""
-        return self.kinetic_energy(0.0, y) + self.potential_energy(0.0, y)
-
-    def powers(self, t: Any, y: Any, mode: Any, args: Any) -> dict[str, Any]:
-        """Powers into `energy` [W]; friction and dampers are not positive."""
-        return {
-            "belt": self.belt_power(t, y, mode, args),
-            "friction": self.friction_power(t, y, mode, args),
-            "dampers": self.damper_power(t, y, mode, args),
-        }
-
     def zero_acceleration_section(self) -> Section:
         """The paper's Poincaré map: the acceleration of `m` crosses zero from positive to negative.
 
@@ -195,7 +186,7 @@ def check_law(law: Any, set_valued: bool) -> AbstractFrictionLaw:
     check_type("law", law, AbstractFrictionLaw, "a friction law of stickslip.friction")
     kind = "set-valued" if set_valued else "smooth"
     if law.num_states or law.set_valued != set_valued:
-        other = "its set_valued_limit()" if set_valued else "the model ending in SetValued"
+        other = "its set_valued_limit()" if set_valued else "the class whose name ends in SetValued"
         raise ValueError(
             f"law = {type(law).__name__}: it must be a {kind} law without internal state "
             f"(otherwise take {other})."
@@ -203,13 +194,14 @@ def check_law(law: Any, set_valued: bool) -> AbstractFrictionLaw:
     return law
 
 
-def set_a(k3: Number, changes: dict[str, Any]) -> dict[str, Any]:
+def set_a(k3: Number, changes: dict[str, Any], set_valued: bool) -> dict[str, Any]:
     """Keyword arguments of a block with set A and `changes`; `J` and `Q` follow `M`, `g`, `r`."""
     given = {**SET_A, "k3": k3, **changes}
     given.setdefault("J", 3.0 * given["M"] * given["r"] ** 2)
     given.setdefault("Q", -LEVER * given["M"] * given["g"] * given["r"])
     if "law" not in given:
-        given["law"] = SmoothHyperbolicWeakening(**LAW_A)
+        law = SmoothHyperbolicWeakening(**LAW_A)
+        given["law"] = law.set_valued_limit() if set_valued else law
     return given
 
 

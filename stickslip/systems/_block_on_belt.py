@@ -1,6 +1,6 @@
 """Block on a belt of constant speed, its normal force intensified by a pendulum."""
 
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -27,30 +27,10 @@ def sense_of(contact: Any) -> Float[Array, "..."]:
     return where(contact == FORWARD, 1.0, -1.0)
 
 
-class BlockOnBelt(AbstractBlockOnBelt):
-    r"""Simplified model, Eqs. (8)-(12): the belt runs at a constant speed $V_b$; smooth friction.
-
-    `AbstractBlockOnBelt` has the equations and the parameters. The state is
-    `BlockState(x, vx, y, vy)`. There is one mode and no guard: with the smooth law (12) the block
-    creeps instead of sticking.
-
-    The contact is stiff: near rest the friction acts like a damper with the rate
-    $\mu_0\alpha(1+\beta)N/m$, about 2,000 1/s for set A, which bounds the step of explicit methods.
-
-    `BlockOnBelt.constructed(k3=85.0)` is set A; its parameters are **constructed**, the paper prints
-    none. Errors: `ValueError` naming a parameter, its value and what is allowed.
-
-    ??? cite "Reference"
-
-        *Influence of Frequency of Excitation on Bifurcational Behaviour of an Experimental 2-DoF
-        Mechanical System with Stick-Slip Friction*, Eqs. (8)-(12), first case.
-    """
+class AbstractBlockOnSteadyBelt(AbstractBlockOnBelt):
+    """Simplified model: a belt of constant speed `V_b` [m/s] under the block."""
 
     V_b: Float[Array, "..."]
-
-    mode_names: ClassVar = ("motion",)
-    guard_names: ClassVar = ()
-    units: ClassVar = {"x": "m", "vx": "m/s", "y": "m", "vy": "m/s"}
 
     def __init__(
         self,
@@ -72,20 +52,61 @@ class BlockOnBelt(AbstractBlockOnBelt):
         given = block_parameters(m=m, M=M, J=J, k1=k1, k2=k2, k3=k3, c1=c1, c2=c2, r=r, Q=Q, g=g)
         for name, value in given.items():
             setattr(self, name, value)
-        self.law = check_law(law, set_valued=False)
+        self.law = check_law(law, self.set_valued)
         self.V_b = as_parameter(check_finite("V_b", V_b))
 
     @classmethod
-    def constructed(cls, k3: Number, **changes: Any) -> "BlockOnBelt":
+    def constructed(cls, k3: Number, **changes: Any) -> Self:
         """Set A of **constructed** parameters at the bifurcation parameter `k3` [N/m].
 
         `changes` replace single parameters; `J` and `Q` follow `M`, `g` and `r` unless they are given.
         """
-        return cls(**{"V_b": BELT_SPEED, **set_a(k3, changes)})
+        return cls(**{"V_b": BELT_SPEED, **set_a(k3, changes, cls.set_valued)})
 
     def belt_velocity(self, y: BlockState) -> Float[Array, "..."]:
         """Velocity of the belt, constant [m/s]."""
         return self.V_b
+
+    def energy(self, y: BlockState) -> Any:
+        """Kinetic and potential energy of block and pendulum [J]."""
+        return self.kinetic_energy(0.0, y) + self.potential_energy(0.0, y)
+
+    def powers(self, t: Any, y: Any, mode: Any, args: Any) -> dict[str, Any]:
+        """Powers into `energy` [W]; friction and dampers are not positive."""
+        return {
+            "belt": self.belt_power(t, y, mode, args),
+            "friction": self.friction_power(t, y, mode, args),
+            "dampers": self.damper_power(t, y, mode, args),
+        }
+
+    def scaled(self, factor: Number) -> Self:
+        """All masses, stiffnesses, dampings and `Q` times `factor`: the motion is the same."""
+        return scaled_block(self, factor)
+
+
+class BlockOnBelt(AbstractBlockOnSteadyBelt):
+    r"""Simplified model, Eqs. (8)-(12): the belt runs at a constant speed $V_b$; smooth friction.
+
+    `AbstractBlockOnBelt` has the equations and the parameters. The state is
+    `BlockState(x, vx, y, vy)`. There is one mode and no guard: with the smooth law (12) the block
+    creeps instead of sticking.
+
+    The contact is stiff: near rest the friction acts like a damper with the rate
+    $\mu_0\alpha(1+\beta)N/m$, about 2,000 1/s for set A, which bounds the step of explicit methods.
+
+    `BlockOnBelt.constructed(k3=85.0)` is set A; its parameters are **constructed**, the paper prints
+    none. Errors: `ValueError` naming a parameter, its value and what is allowed.
+
+    ??? cite "Reference"
+
+        *Influence of Frequency of Excitation on Bifurcational Behaviour of an Experimental 2-DoF
+        Mechanical System with Stick-Slip Friction*, Eqs. (8)-(12), first case.
+    """
+
+    set_valued: ClassVar = False
+    mode_names: ClassVar = ("motion",)
+    guard_names: ClassVar = ()
+    units: ClassVar = {"x": "m", "vx": "m/s", "y": "m", "vy": "m/s"}
 
     def friction_force(self, t: Any, y: BlockState, mode: Any = 0, args: Any = None) -> Any:
         """Friction force $T_s$ [N] as in (11); the block feels $-T_s$."""
@@ -107,12 +128,8 @@ class BlockOnBelt(AbstractBlockOnBelt):
     def initial_mode(self, t, y, args):
         return jnp.zeros((), jnp.int32)
 
-    def scaled(self, factor: Number) -> "BlockOnBelt":
-        """All masses, stiffnesses, dampings and `Q` times `factor`: the motion is the same."""
-        return scaled_block(self, factor)
 
-
-class BlockOnBeltSetValued(AbstractBlockOnBelt):
+class BlockOnBeltSetValued(AbstractBlockOnSteadyBelt):
     r"""Simplified model, Eqs. (8)-(11), with a set-valued law: the block sticks and slips.
 
     `AbstractBlockOnBelt` has the equations and the parameters. The state is
@@ -120,7 +137,7 @@ class BlockOnBeltSetValued(AbstractBlockOnBelt):
 
     | mode | holds | left when |
     |---|---|---|
-    | `"stick"` | $\dot x = V_b$, $T_s$ whatever keeps it so | $T_s/N$ leaves the law's static interval |
+    | `"stick"` | $\dot x = V_b$, by whatever $T_s$ | $T_s/N$ leaves the law's static interval |
     | `"slip backward"` | $V_r < 0$ | $V_r$ reaches 0 |
     | `"slip forward"` | $V_r > 0$ | $V_r$ reaches 0 |
 
@@ -136,8 +153,7 @@ class BlockOnBeltSetValued(AbstractBlockOnBelt):
         Righthand Sides*, Kluwer, 1988.
     """
 
-    V_b: Float[Array, "..."]
-
+    set_valued: ClassVar = True
     mode_names: ClassVar = ("slip backward", "stick", "slip forward")
     guard_names: ClassVar = (
         "friction reaches its upper static limit",
@@ -145,44 +161,6 @@ class BlockOnBeltSetValued(AbstractBlockOnBelt):
         "relative velocity reaches zero",
     )
     units: ClassVar = {"x": "m", "vx": "m/s", "y": "m", "vy": "m/s"}
-
-    def __init__(
-        self,
-        *,
-        m: Number,
-        M: Number,
-        J: Number,
-        k1: Number,
-        k2: Number,
-        k3: Number,
-        c1: Number,
-        c2: Number,
-        r: Number,
-        Q: Number,
-        V_b: Number,
-        law: AbstractFrictionLaw,
-        g: Number = 9.81,
-    ):
-        given = block_parameters(m=m, M=M, J=J, k1=k1, k2=k2, k3=k3, c1=c1, c2=c2, r=r, Q=Q, g=g)
-        for name, value in given.items():
-            setattr(self, name, value)
-        self.law = check_law(law, set_valued=True)
-        self.V_b = as_parameter(check_finite("V_b", V_b))
-
-    @classmethod
-    def constructed(cls, k3: Number, **changes: Any) -> "BlockOnBeltSetValued":
-        """Set A of **constructed** parameters with the set-valued limit of its law.
-
-        `changes` replace single parameters; `J` and `Q` follow `M`, `g` and `r` unless they are given.
-        """
-        given = {"V_b": BELT_SPEED, **set_a(k3, changes)}
-        if "law" not in changes:
-            given["law"] = given["law"].set_valued_limit()
-        return cls(**given)
-
-    def belt_velocity(self, y: BlockState) -> Float[Array, "..."]:
-        """Velocity of the belt, constant [m/s]."""
-        return self.V_b
 
     def friction_force(self, t: Any, y: BlockState, mode: Any, args: Any = None) -> Any:
         """Friction force $T_s$ [N] as in (11); the block feels $-T_s$. At rest, what holds it."""
@@ -219,7 +197,3 @@ class BlockOnBeltSetValued(AbstractBlockOnBelt):
         above = -loads.on_block > high * loads.normal
         below = -loads.on_block < low * loads.normal
         return where(above, FORWARD, where(below, BACKWARD, STICK))
-
-    def scaled(self, factor: Number) -> "BlockOnBeltSetValued":
-        """All masses, stiffnesses, dampings and `Q` times `factor`: the motion is the same."""
-        return scaled_block(self, factor)

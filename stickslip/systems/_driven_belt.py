@@ -1,6 +1,6 @@
 """Block on a belt that a DC drive moves: the full model, with smooth friction."""
 
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, Self
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -27,40 +27,10 @@ class DrivenBlockState(NamedTuple):
 DRIVEN_UNITS = {"x": "m", "vx": "m/s", "y": "m", "vy": "m/s", "omega": "rad/s", "i_w": "A"}
 
 
-def driven_keywords(k3: Number, changes: dict[str, Any]) -> dict[str, Any]:
-    """Keyword arguments of a driven block: set A, the constructed drive, and `changes`."""
-    given = set_a(k3, changes)
-    if "drive" not in given:
-        given["drive"] = DCDrive.constructed()
-    return given
-
-
-class BlockOnDrivenBelt(AbstractBlockOnBelt):
-    r"""Full model, Eqs. (1)-(12): the block on the belt loads the drive, which moves the belt.
-
-    `AbstractBlockOnBelt` has the equations of block and pendulum, `DCDrive` those of the drive with the
-    switches for the signs that the paper prints (`belt_reaction`, `motor_friction`). The state is
-    `DrivenBlockState(x, vx, y, vy, omega, i_w)`, $V_b = r_\mathrm{bp}\omega/\rho$; the modes are those of
-    the drive. The law is smooth.
-
-    **Stiffness**: contact (about 2,000 1/s for set A) and winding ($R_w/L_w$ = 1,000 1/s) both bound
-    the step of explicit methods; see `DCDrive`.
-
-    `BlockOnDrivenBelt.constructed(k3=85.0)` is set A with the drive `DCDrive.constructed()`, all
-    **constructed**. Errors: `ValueError` naming a parameter, its value and what is allowed.
-
-    ??? cite "Reference"
-
-        *Influence of Frequency of Excitation on Bifurcational Behaviour of an Experimental 2-DoF
-        Mechanical System with Stick-Slip Friction*, Eqs. (1)-(12), second case.
-    """
+class AbstractBlockOnDrivenBelt(AbstractBlockOnBelt):
+    """Full model: a drive moves the belt under the block, which loads it."""
 
     drive: DCDrive
-
-    mode_names: ClassVar = DCDrive.mode_names
-    guard_names: ClassVar = DCDrive.guard_names
-    guard_scales: ClassVar = DCDrive.guard_scales
-    units: ClassVar = DRIVEN_UNITS
 
     def __init__(
         self,
@@ -82,31 +52,90 @@ class BlockOnDrivenBelt(AbstractBlockOnBelt):
         given = block_parameters(m=m, M=M, J=J, k1=k1, k2=k2, k3=k3, c1=c1, c2=c2, r=r, Q=Q, g=g)
         for name, value in given.items():
             setattr(self, name, value)
-        self.law = check_law(law, set_valued=False)
+        self.law = check_law(law, self.set_valued)
         self.drive = check_type("drive", drive, DCDrive, "a DCDrive")
 
     @classmethod
-    def constructed(cls, k3: Number, **changes: Any) -> "BlockOnDrivenBelt":
+    def constructed(cls, k3: Number, **changes: Any) -> Self:
         """Set A and the **constructed** drive at `k3` [N/m]; `changes` replace single parameters."""
-        return cls(**driven_keywords(k3, changes))
+        given = set_a(k3, changes, cls.set_valued)
+        if "drive" not in given:
+            given["drive"] = DCDrive.constructed()
+        return cls(**given)
 
     def belt_velocity(self, y: DrivenBlockState) -> Float[Array, "..."]:
         """Velocity of the belt $V_b$ [m/s]."""
         return self.drive.belt_velocity(y)
 
-    def friction_force(self, t: Any, y: DrivenBlockState, mode: Any = 0, args: Any = None) -> Any:
-        """Friction force $T_s$ [N] as in (11); the block feels $-T_s$."""
-        v = y.vx - self.belt_velocity(y)
-        return self.law.coefficient(v) * self.loads(y).normal + self.law.drag(v)
+    def energy(self, y: DrivenBlockState) -> Any:
+        """Energy of block, pendulum, turning parts and winding [J]."""
+        block = self.kinetic_energy(0.0, y) + self.potential_energy(0.0, y)
+        return block + self.drive.stored_energy(0.0, y)
 
-    def contact_power(self, t: Any, y: Any, mode: Any = 0, args: Any = None) -> Any:
+    def contact_power(self, t: Any, y: Any, mode: Any, args: Any = None) -> Any:
         """Power of the contact on block and belt as the equations in use have it [W].
 
         With the consistent `belt_reaction` it is `friction_power`, not positive; as printed the belt
         feels $-T_s$ and the contact creates energy.
         """
-        sign = 1.0 if self.drive.belt_reaction == "consistent" else -1.0
-        return self.friction_force(t, y, mode, args) * (sign * self.belt_velocity(y) - y.vx)
+        on_belt = self._sign * self.belt_velocity(y)
+        return self.friction_force(t, y, mode, args) * (on_belt - y.vx)
+
+    def gear_power(self, t: Any, y: Any, mode: Any, args: Any = None) -> Any:
+        """Power of the worm gear [W]: a loss while the motor drives, see `DCDrive` on `eta`."""
+        T_s = self.friction_force(t, y, mode, args)
+        return self.drive.load_power(y, T_s) - self._sign * T_s * self.belt_velocity(y)
+
+    def powers(self, t: Any, y: Any, mode: Any, args: Any) -> dict[str, Any]:
+        """Powers into `energy` [W]."""
+        return {
+            "supply": self.drive.electrical_power(t, y, mode, args),
+            "motor": self.drive.loss_power(t, y, mode, args),
+            "gear": self.gear_power(t, y, mode, args),
+            "contact": self.contact_power(t, y, mode, args),
+            "dampers": self.damper_power(t, y, mode, args),
+        }
+
+    @property
+    def _sign(self) -> float:
+        return 1.0 if self.drive.belt_reaction == "consistent" else -1.0
+
+    def scaled(self, factor: Number) -> Self:
+        """All masses, forces and torques of block and drive times `factor`: the motion is the same."""
+        changed = scaled_block(self, factor)
+        return eqx.tree_at(lambda s: s.drive, changed, self.drive.scaled(factor))
+
+
+class BlockOnDrivenBelt(AbstractBlockOnDrivenBelt):
+    r"""Full model, Eqs. (1)-(12): the block on the belt loads the drive, which moves the belt.
+
+    `AbstractBlockOnBelt` has the equations of block and pendulum, `DCDrive` those of the drive with
+    the switches for the signs that the paper prints (`belt_reaction`, `motor_friction`). The state is
+    `DrivenBlockState(x, vx, y, vy, omega, i_w)`, $V_b = r_\mathrm{bp}\omega/\rho$; the modes are those
+    of the drive. The law is smooth.
+
+    **Stiffness**: contact (about 2,000 1/s for set A) and winding ($R_w/L_w$ = 1,000 1/s) both bound
+    the step of explicit methods; see `DCDrive`.
+
+    `BlockOnDrivenBelt.constructed(k3=85.0)` is set A with the drive `DCDrive.constructed()`, all
+    **constructed**. Errors: `ValueError` naming a parameter, its value and what is allowed.
+
+    ??? cite "Reference"
+
+        *Influence of Frequency of Excitation on Bifurcational Behaviour of an Experimental 2-DoF
+        Mechanical System with Stick-Slip Friction*, Eqs. (1)-(12), second case.
+    """
+
+    set_valued: ClassVar = False
+    mode_names: ClassVar = DCDrive.mode_names
+    guard_names: ClassVar = DCDrive.guard_names
+    guard_scales: ClassVar = DCDrive.guard_scales
+    units: ClassVar = DRIVEN_UNITS
+
+    def friction_force(self, t: Any, y: DrivenBlockState, mode: Any = 0, args: Any = None) -> Any:
+        """Friction force $T_s$ [N] as in (11); the block feels $-T_s$."""
+        v = y.vx - self.belt_velocity(y)
+        return self.law.coefficient(v) * self.loads(y).normal + self.law.drag(v)
 
     def vector_field(self, t, y, mode, args):
         loads = self.loads(y)
@@ -123,8 +152,3 @@ class BlockOnDrivenBelt(AbstractBlockOnBelt):
 
     def initial_mode(self, t, y, args):
         return self.drive.initial_mode(t, y, self.friction_force(t, y))
-
-    def scaled(self, factor: Number) -> "BlockOnDrivenBelt":
-        """Block and drive with all masses, forces and torques times `factor`: the motion is the same."""
-        changed = scaled_block(self, factor)
-        return eqx.tree_at(lambda s: s.drive, changed, self.drive.scaled(factor))

@@ -2,19 +2,14 @@
 
 from typing import Any, ClassVar, NamedTuple
 
-import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
 from .._fastmath import where
-from .._validation import check_type
-from ..friction import AbstractFrictionLaw
-from ..friction._law import Number
 from ..hybrid._system import NO_MODE
-from ._block_mechanics import AbstractBlockOnBelt, Loads, block_parameters, check_law, scaled_block
+from ._block_mechanics import Loads
 from ._block_on_belt import BACKWARD, FORWARD, STICK, sense_of
 from ._dc_drive import RESTING, TURNING_BACKWARD, TURNING_FORWARD, DCDrive, turning_sense
-from ._driven_belt import DRIVEN_UNITS, DrivenBlockState, driven_keywords
+from ._driven_belt import DRIVEN_UNITS, AbstractBlockOnDrivenBelt, DrivenBlockState
 
 # Rest before motion, and contact before drive: the order in which modes are tried.
 _PREFERENCE = tuple(
@@ -35,22 +30,21 @@ class _Motion(NamedTuple):
     domega: Any
 
 
-class BlockOnDrivenBeltSetValued(AbstractBlockOnBelt):
+class BlockOnDrivenBeltSetValued(AbstractBlockOnDrivenBelt):
     r"""Full model, Eqs. (1)-(11), with a set-valued law: the block sticks and slips.
 
-    As `BlockOnDrivenBelt`, with the contact of `BlockOnBeltSetValued`. Each of the nine modes is one of
-    the drive (`"turning backward"`, `"resting"`, `"turning forward"`) with one of the contact (`"slip
-    backward"`, `"stick"`, `"slip forward"`); mode number = 3 drive + contact. A sticking block moves with
-    the belt, $\ddot x = \dot V_b$, so that block and rotor share one acceleration and $T_s$ follows
-    from it. At an event the mode is the first, rest before motion, whose forces lie within their limits
-    and whose accelerations have the sense of its motion; `-1` if there is none.
+    As `BlockOnDrivenBelt`, with the contact of `BlockOnBeltSetValued`. Each of the nine modes is one
+    of the drive (`"turning backward"`, `"resting"`, `"turning forward"`) with one of the contact
+    (`"slip backward"`, `"stick"`, `"slip forward"`); mode number = 3 drive + contact. A sticking block
+    moves with the belt, $\ddot x = \dot V_b$, so that block and rotor share one acceleration and
+    $T_s$ follows from it. At an event the mode is the first, rest before motion, whose forces lie
+    within their limits and whose accelerations have the sense of its motion; `-1` if there is none.
 
     `BlockOnDrivenBeltSetValued.constructed(k3=85.0)` is set A (**constructed**) with the set-valued
     limit of its law. Errors as for `BlockOnDrivenBelt`.
     """
 
-    drive: DCDrive
-
+    set_valued: ClassVar = True
     mode_names: ClassVar = tuple(
         f"{drive}, {contact}"
         for drive in DCDrive.mode_names
@@ -64,41 +58,6 @@ class BlockOnDrivenBeltSetValued(AbstractBlockOnBelt):
     )
     guard_scales: ClassVar = (1.0, 1.0, 1.0, *DCDrive.guard_scales)
     units: ClassVar = DRIVEN_UNITS
-
-    def __init__(
-        self,
-        *,
-        m: Number,
-        M: Number,
-        J: Number,
-        k1: Number,
-        k2: Number,
-        k3: Number,
-        c1: Number,
-        c2: Number,
-        r: Number,
-        Q: Number,
-        law: AbstractFrictionLaw,
-        drive: DCDrive,
-        g: Number = 9.81,
-    ):
-        given = block_parameters(m=m, M=M, J=J, k1=k1, k2=k2, k3=k3, c1=c1, c2=c2, r=r, Q=Q, g=g)
-        for name, value in given.items():
-            setattr(self, name, value)
-        self.law = check_law(law, set_valued=True)
-        self.drive = check_type("drive", drive, DCDrive, "a DCDrive")
-
-    @classmethod
-    def constructed(cls, k3: Number, **changes: Any) -> "BlockOnDrivenBeltSetValued":
-        """Set A and the **constructed** drive at `k3` [N/m]; `changes` replace single parameters."""
-        given = driven_keywords(k3, changes)
-        if "law" not in changes:
-            given["law"] = given["law"].set_valued_limit()
-        return cls(**given)
-
-    def belt_velocity(self, y: DrivenBlockState) -> Float[Array, "..."]:
-        """Velocity of the belt $V_b$ [m/s]."""
-        return self.drive.belt_velocity(y)
 
     def friction_force(self, t: Any, y: DrivenBlockState, mode: Any, args: Any = None) -> Any:
         """Friction force $T_s$ [N] as in (11); the block feels $-T_s$. At rest, what holds it."""
@@ -176,8 +135,3 @@ class BlockOnDrivenBeltSetValued(AbstractBlockOnBelt):
             rests = where(forced_drive == NO_MODE, rests, forced_drive == drive)
             found = where(holds & rests, 3 * drive + contact, found)
         return found
-
-    def scaled(self, factor: Number) -> "BlockOnDrivenBeltSetValued":
-        """Block and drive with all masses, forces and torques times `factor`: the motion is the same."""
-        changed = scaled_block(self, factor)
-        return eqx.tree_at(lambda s: s.drive, changed, self.drive.scaled(factor))

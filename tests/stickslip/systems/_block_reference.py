@@ -125,7 +125,7 @@ def set_valued(model, s0, t_end):
         return rhs
 
     def stick(t, s):
-        x, xd, y, yd = s
+        x, _, y, yd = s
         return [V_b, 0.0, yd, model.accelerations(x, V_b, y, yd, 0.0)[1]]
 
     def holding(s):
