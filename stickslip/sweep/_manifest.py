@@ -1,0 +1,133 @@
+"""What a sweep is: everything that decides its numbers, as JSON, and how two of them differ."""
+
+import dataclasses
+import functools
+import hashlib
+import math
+import pathlib
+import platform
+import subprocess
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import diffrax
+import equinox as eqx
+import jax
+import jaxlib
+import numpy as np
+import xarray as xr
+import zarr
+
+from .. import _version
+
+FORMAT = 1
+LONGEST_LIST = 64
+
+
+def as_json(value: Any) -> Any:
+    """`value` in JSON's terms: modules and dataclasses by field, arrays by value or digest.
+
+    Functions are named only: what they compute is in the digest of the compiled program.
+    """
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    if isinstance(value, float):
+        return value if math.isfinite(value) else str(value)
+    if isinstance(value, np.generic):
+        return as_json(value.item())
+    if isinstance(value, np.ndarray | jax.Array):
+        array = np.asarray(value)
+        if array.size <= LONGEST_LIST:
+            return as_json(array.tolist())
+        return {"shape": list(array.shape), "dtype": str(array.dtype), "sha256": digest(array)}
+    if isinstance(value, Mapping):
+        return {str(key): as_json(item) for key, item in value.items()}
+    if isinstance(value, tuple) and hasattr(value, "_fields"):
+        return {name: as_json(getattr(value, name)) for name in value._fields}
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        fields = {f.name: as_json(getattr(value, f.name, None)) for f in dataclasses.fields(value)}
+        return {"class": type(value).__qualname__, **fields}
+    if isinstance(value, Sequence | set | frozenset | range):
+        return [as_json(item) for item in value]
+    if callable(value):
+        return getattr(value, "__qualname__", type(value).__qualname__)
+    return str(value)
+
+
+def digest(*values: Any) -> str:
+    """SHA-256 over dtype, shape and bytes of arrays, and over texts."""
+    total = hashlib.sha256()
+    for value in values:
+        if isinstance(value, str):
+            total.update(b"text" + value.encode())
+        else:
+            array = np.ascontiguousarray(value)
+            total.update(f"{array.dtype.str}{array.shape}".encode() + array.tobytes())
+    return total.hexdigest()
+
+
+@functools.cache
+def code_revision() -> str | None:
+    """Commit of the checkout this package runs from, with `+changes` if files differ from it.
+
+    `None` for an installed copy: a repository that merely contains the environment is not ours.
+    """
+    here = pathlib.Path(_version.__file__).parent
+
+    def git(*command: str) -> str:
+        done = subprocess.run(
+            ["git", "-C", str(here), *command], capture_output=True, text=True, timeout=20, check=True
+        )
+        return done.stdout.strip()
+
+    try:
+        git("ls-files", "--error-unmatch", "_version.py")
+        changed = git("status", "--porcelain", "--untracked-files=no")
+        return git("rev-parse", "HEAD") + ("+changes" if changed else "")
+    except (OSError, subprocess.SubprocessError):
+        return None
+
+
+def versions() -> dict[str, str]:
+    """Versions of what the numbers go through."""
+    return {
+        "stickslip": _version.__version__,
+        "python": platform.python_version(),
+        "jax": jax.__version__,
+        "jaxlib": jaxlib.__version__,
+        "diffrax": diffrax.__version__,
+        "equinox": eqx.__version__,
+        "numpy": np.__version__,
+        "xarray": xr.__version__,
+        "zarr": zarr.__version__,
+    }
+
+
+# Recorded, yet free to differ when a sweep is resumed: they do not reach the numbers, or do so only
+# through the compiled program, which has a digest of its own.
+FREE = ("information",)
+
+
+def differences(stored: Any, wanted: Any, path: str = "") -> list[str]:
+    """Each place where two manifests differ, in words."""
+    if isinstance(stored, dict) and isinstance(wanted, dict):
+        found = []
+        for key in [*stored, *(k for k in wanted if k not in stored)]:
+            if not path and key in FREE:
+                continue
+            name = f"{path}.{key}" if path else key
+            if key not in stored:
+                found.append(f"{name} is new here ({_shown(wanted[key])})")
+            elif key not in wanted:
+                found.append(f"{name} = {_shown(stored[key])} is in the store only")
+            else:
+                found += differences(stored[key], wanted[key], name)
+        return found
+    if stored != wanted:
+        return [f"{path} is {_shown(stored)} in the store, {_shown(wanted)} now"]
+    return []
+
+
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 70 else text[:67] + "..."

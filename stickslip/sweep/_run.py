@@ -1,0 +1,251 @@
+"""Sweeps over grids, block by block, that go on where they were interrupted."""
+
+import time
+from collections.abc import Mapping
+from typing import Any
+
+import jax
+import numpy as np
+import xarray as xr
+from jaxtyping import PyTree
+
+from ._evaluate import Evaluate, output_names
+from ._grid import CHUNK, Block, block_shape, blocks, check_grid
+from ._manifest import FORMAT, as_json, code_revision, digest, versions
+from ._progress import Progress
+from ._store import Layout, Store, Variable, open_dataset
+
+
+def run_sweep(
+    function: Any,
+    grid: Any,
+    *,
+    carry: PyTree = None,
+    along: Any = None,
+    backward: bool = False,
+    inputs: Mapping[str, PyTree] | None = None,
+    store: Any = None,
+    variables: Mapping[str, Variable] | None = None,
+    settings: Mapping[str, Any] | None = None,
+    attrs: Mapping[str, Any] | None = None,
+    chunk: Any = None,
+    resume: Any = True,
+    progress: bool | None = None,
+    name: str = "sweep",
+    executor: str = "auto",
+    workers: int | None = None,
+) -> xr.Dataset:
+    """Evaluate `function` at every point of a grid; with a `store`, survive any interruption.
+
+    ```python
+    dataset = ss.sweep.run_sweep(lambda k3: {"x": end_of(k3)}, {"k3": values}, store="results/end")
+    ```
+
+    **Arguments**
+
+    - `function(**point, **inputs) -> pytree of arrays`: one lane. Each leaf becomes a variable, named
+      by its path; shapes must not depend on the point.
+    - `grid`: coordinate name to vector of values; several are combined to all pairs, triples, ...
+    - `carry`: with it, lanes follow each other: `function(carry, **point) -> (carry, results)` gets
+      what its neighbour before it in the direction `along` (default: the first coordinate) handed on.
+      That is sequential by nature: only the other coordinates are computed side by side. `backward`
+      runs from the last value to the first.
+    - `inputs`: further arguments that differ from lane to lane, pytrees of arrays whose leading axes
+      are those of the grid.
+    - `store`: directory of results, made if absent. A later call with the same arguments goes on where
+      this one stopped; a block whose file is truncated or altered is computed again. Another sweep in
+      it is refused. Without a store, results are kept in memory.
+    - `variables`: labels of results and coordinates by name, see `Variable`.
+    - `settings`: parameters, seeds and whatever else describes the sweep, for its manifest; they must
+      match when it is resumed, as must the compiled program itself.
+    - `attrs`: attributes of the dataset.
+    - `chunk`: lanes per block (default 4096; 65,536 off the CPU). Memory grows with it, not with the
+      number of lanes.
+    - `resume`: with `False` the sweep in the store is removed first.
+    - `progress`: a line on stderr with rate and time left; by default where stderr is a terminal.
+    - `executor`, `workers`: as for `map_lanes`.
+
+    **Returns** an `xarray.Dataset` with the grid's dimensions first; from a store it is read when used.
+
+    **Errors** `ValueError`/`TypeError` naming a wrong argument, before anything is compiled;
+    `SweepMismatchError` (a `ValueError`) if the store holds another sweep; `SweepWriteError` (an
+    `OSError`) if results cannot be written, e.g. on a full disk: finished blocks are kept.
+    """
+    coords = check_grid(grid)
+    if not callable(function):
+        raise TypeError(f"function = {function!r}: it must be callable as f(**point).")
+    variables, settings, inputs = dict(variables or {}), dict(settings or {}), dict(inputs or {})
+    axis = _carried_axis(coords, carry, along, backward)
+    _check_number("chunk", chunk)
+    if not isinstance(resume, bool):
+        raise TypeError(f"resume = {resume!r}: it must be True or False.")
+    inputs = _check_inputs(inputs, coords)
+    shape = tuple(values.size for values in coords.values())
+    if chunk is None:
+        chunk = CHUNK if jax.default_backend() == "cpu" else 16 * CHUNK
+    sides = block_shape(shape, chunk, axis)
+    evaluate = Evaluate(function, coords, inputs, sides, carry, axis, backward, executor, workers)
+    outputs = _labelled(evaluate.output_shapes(), coords, variables)
+    layout = Layout(
+        coords=coords,
+        outputs=outputs,
+        sides=sides,
+        labels=variables,
+        attrs={"title": name, **as_json(dict(attrs or {}))},
+    )
+    manifest = {
+        "format": FORMAT,
+        "grid": {
+            key: {
+                "size": values.size,
+                "first": float(values[0]),
+                "last": float(values[-1]),
+                "sha256": digest(values),
+            }
+            for key, values in coords.items()
+        },
+        "block": list(sides),
+        "carried": None
+        if axis is None
+        else {"along": list(coords)[axis], "backward": backward, "start": as_json(carry)},
+        "inputs": {key: digest(*jax.tree.leaves(value)) for key, value in inputs.items()},
+        "outputs": {
+            key: {"shape": list(tail), "dtype": str(dtype), "dims": list(label.dims)}
+            for key, (tail, dtype, label) in outputs.items()
+        },
+        "settings": as_json(settings),
+        "program": evaluate.program_digest(),
+        "computed_with": {
+            "executor": evaluate.lanes.executor,
+            "backend": jax.default_backend(),
+            **{key: versions()[key] for key in ("jax", "jaxlib")},
+        },
+        "information": {
+            "versions": versions(),
+            "code_revision": code_revision(),
+            "attrs": layout.attrs,
+        },
+    }
+    pieces = blocks(shape, sides, axis if backward else None)
+    if store is None:
+        return _in_memory(evaluate, layout, pieces, progress, name)
+    _on_disk(evaluate, Store(store, layout, manifest), pieces, resume, progress, name)
+    return open_dataset(store)
+
+
+def _on_disk(evaluate, store: Store, pieces: list[Block], resume, progress, name) -> None:
+    with store:
+        store.open(resume=resume)
+        todo = []
+        for block in pieces:
+            # A carried block is computed from the one before it, so all after a damaged one count.
+            if (todo and evaluate.axis is not None) or not store.is_finished(block):
+                todo.append(block)
+        total = sum(_lanes(block) for block in pieces)
+        missing = sum(_lanes(block) for block in todo)
+        meter = Progress(total, total - missing, name=name, shown=progress)
+        if not todo:
+            meter.show(f"all {total:,} lanes were finished before")
+            meter.close()
+            return
+        begin = time.monotonic()
+        store.log(
+            event="begin", blocks_to_do=len(todo), blocks=len(pieces),
+            code_revision=code_revision(), workers=evaluate.workers,
+        )  # fmt: skip
+        try:
+            meter.show("compiling")
+            for block in todo:
+                store.write(block, evaluate(block, store.read))
+                meter.advance(_lanes(block))
+        finally:
+            meter.close()
+        store.log(event="end", seconds=round(time.monotonic() - begin, 3), lanes=missing)
+
+
+def _in_memory(evaluate, layout: Layout, pieces: list[Block], progress, name) -> xr.Dataset:
+    arrays = {
+        key: np.zeros((*layout.shape, *tail), dtype) for key, (tail, dtype, _) in layout.outputs.items()
+    }
+    meter = Progress(sum(_lanes(block) for block in pieces), name=name, shown=progress)
+    try:
+        meter.show("compiling")
+        for block in pieces:
+            for key, value in evaluate(block, lambda key, region: arrays[key][region]).items():
+                arrays[key][block.region] = value
+            meter.advance(_lanes(block))
+    finally:
+        meter.close()
+    return xr.Dataset(
+        {
+            key: (layout.dims(key), arrays[key], label.attributes())
+            for key, (_, _, label) in layout.outputs.items()
+        },
+        {
+            key: ((key,), values, layout.labels.get(key, Variable()).attributes())
+            for key, values in layout.coords.items()
+        },
+        attrs=dict(layout.attrs),
+    )
+
+
+def _lanes(block: Block) -> int:
+    return int(np.prod(block.shape))
+
+
+def _check_number(name: str, value: Any) -> None:
+    if value is not None and (not isinstance(value, int) or isinstance(value, bool) or value < 1):
+        raise ValueError(f"{name} = {value!r}: it must be a positive integer.")
+
+
+def _carried_axis(coords, carry, along, backward) -> int | None:
+    if carry is None:
+        if along is not None or backward:
+            raise ValueError(
+                f"along = {along!r}, backward = {backward!r}: they must stay unset without a carry."
+            )
+        return None
+    if along is None:
+        return 0
+    if along not in coords:
+        raise ValueError(f"along = {along!r}: it must be one of {', '.join(map(repr, coords))}.")
+    return list(coords).index(along)
+
+
+def _check_inputs(inputs, coords):
+    shape = tuple(values.size for values in coords.values())
+    checked = {}
+    for key, tree in inputs.items():
+        if key in coords:
+            raise ValueError(f"inputs has the name {key!r}, which is a coordinate: it must be another.")
+        for leaf in jax.tree.leaves(tree):
+            if np.shape(leaf)[: len(shape)] != shape:
+                raise ValueError(
+                    f"inputs[{key!r}] has an array of shape {np.shape(leaf)}: its leading axes must be "
+                    f"those of the grid, {shape}."
+                )
+        checked[key] = jax.tree.map(np.asarray, tree)
+    return checked
+
+
+def _labelled(shapes, coords, variables):
+    outputs = {}
+    for key, struct in output_names(shapes).items():
+        label = variables.get(key, Variable())
+        dims = label.dims or tuple(f"{key}_{i}" for i in range(len(struct.shape)))
+        if len(dims) != len(struct.shape):
+            raise ValueError(
+                f"variables[{key!r}].dims = {dims}: it must name the {len(struct.shape)} axes of a "
+                f"result of shape {struct.shape}."
+            )
+        if key in coords:
+            raise ValueError(f"function returned {key!r}, which is a coordinate: rename the result.")
+        label = Variable(dims, label.units, label.long_name, label.attrs)
+        outputs[key] = (tuple(struct.shape), np.dtype(struct.dtype), label)
+    unknown = set(variables) - set(outputs) - set(coords)
+    if unknown:
+        raise ValueError(
+            f"variables has {sorted(unknown)[0]!r}: it must label one of "
+            f"{', '.join(map(repr, [*coords, *outputs]))}."
+        )
+    return outputs

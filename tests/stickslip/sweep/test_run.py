@@ -1,0 +1,139 @@
+"""Sweeps in memory: blocks, carried lanes, labels, progress, refusals."""
+
+import io
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from stickslip.sweep import Variable, run_sweep
+from stickslip.sweep._grid import block_shape, blocks
+from stickslip.sweep._progress import Progress, clock
+from tests.stickslip.sweep._killable import sweep
+
+GRID = {"k": np.linspace(0.0, 1.0, 23), "b": np.array([1.0, 2.0, 3.0])}
+
+
+@pytest.mark.parametrize("shape", [(1,), (17,), (5, 7), (3, 1, 4)])
+@pytest.mark.parametrize("chunk", [1, 4, 6, 1000])
+@pytest.mark.parametrize("first", [None, 0])
+def test_blocks_cover_the_grid_once(shape, chunk, first):
+    sides = block_shape(shape, chunk, first)
+    assert np.prod(sides) <= chunk
+    seen = np.zeros(shape, int)
+    pieces = blocks(shape, sides)
+    for block in pieces:
+        seen[block.region] += 1
+    assert (seen == 1).all()
+    assert [block.number for block in pieces] == list(range(len(pieces)))
+
+
+@pytest.mark.parametrize("options", [{"chunk": 1}, {"chunk": 50}, {"chunk": 4096}, {"workers": 2}])
+def test_results_do_not_depend_on_how_they_are_cut(options):
+    ours, other = sweep(None), sweep(None, **options)
+    for name in ours.data_vars:
+        np.testing.assert_allclose(other[name], ours[name], rtol=1e-12)
+
+
+def carried(carry, k, b):
+    state = 0.5 * carry["s"] + k * b
+    return {"s": state}, {"y": state}
+
+
+def by_hand(backward):
+    out, state = np.zeros((23, 3)), np.ones(3)
+    for i in range(22, -1, -1) if backward else range(23):
+        state = 0.5 * state + GRID["k"][i] * GRID["b"]
+        out[i] = state
+    return out
+
+
+@pytest.mark.parametrize("backward", [False, True])
+@pytest.mark.parametrize("chunk", [2, 12, 1000])
+def test_carried_lanes_follow_each_other(backward, chunk, tmp_path):
+    options = {"carry": {"s": 1.0}, "backward": backward, "chunk": chunk, "executor": "portable"}
+    memory = run_sweep(carried, GRID, **options)
+    np.testing.assert_allclose(memory.y, by_hand(backward), rtol=1e-14)
+    stored = run_sweep(carried, GRID, store=tmp_path / "store", **options)
+    assert stored.load().equals(memory)
+
+
+def test_a_carried_sweep_goes_on_from_the_state_in_the_store(tmp_path):
+    options = {"carry": {"s": 1.0}, "chunk": 12, "executor": "portable", "store": tmp_path / "s"}
+    whole = run_sweep(carried, GRID, **options).load()
+    (tmp_path / "s" / "finished" / "000002.json").unlink()
+    assert run_sweep(carried, GRID, **options).load().equals(whole)
+
+
+def test_carried_along_the_second_coordinate():
+    result = run_sweep(carried, GRID, carry={"s": 1.0}, along="b", chunk=7, executor="portable")
+    state = np.ones(23)
+    for j, b in enumerate(GRID["b"]):
+        state = 0.5 * state + GRID["k"] * b
+        np.testing.assert_allclose(result.y[:, j], state, rtol=1e-14)
+
+
+def test_inputs_differ_from_lane_to_lane():
+    start = {"u": np.arange(69.0).reshape(23, 3)}
+    result = run_sweep(
+        lambda k, b, start: start["u"] + 0.0 * k * b, GRID, inputs={"start": start}, chunk=10,
+        executor="portable",
+    )  # fmt: skip
+    np.testing.assert_array_equal(result.value, start["u"])
+
+
+def test_a_lane_that_is_not_finite_leaves_its_neighbours_alone():
+    plain = run_sweep(lambda k: jnp.exp(k), {"k": GRID["k"]}, executor="portable")
+    odd = run_sweep(
+        lambda k: jnp.exp(jnp.where(k == GRID["k"][5], jnp.inf, k)),
+        {"k": GRID["k"]},
+        executor="portable",
+    )
+    others = np.arange(23) != 5
+    np.testing.assert_array_equal(odd.value[others], plain.value[others])
+    assert np.isinf(odd.value[5])
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "text"),
+    [
+        ({"grid": {}}, TypeError, "grid = {}"),
+        ({"grid": {"k": []}}, ValueError, r"grid\['k'\] has shape \(0,\)"),
+        ({"grid": {"k": [[1.0]]}}, ValueError, r"grid\['k'\] has shape \(1, 1\)"),
+        ({"grid": {"k": [0.0, np.nan]}}, ValueError, r"grid\['k'\]\[1\] = nan: it must be finite"),
+        ({"grid": {"k": "abc"}}, TypeError, r"grid\['k'\] = 'abc'"),
+        ({"grid": {"k": [1j]}}, TypeError, r"grid\['k'\] = \[1j\]"),
+        ({"grid": {"k 3": [1.0]}}, ValueError, "'k 3': it must be a Python identifier"),
+        ({"function": 3}, TypeError, "function = 3"),
+        ({"chunk": 0}, ValueError, "chunk = 0: it must be a positive integer"),
+        ({"chunk": 2.5}, ValueError, "chunk = 2.5"),
+        ({"resume": "yes"}, TypeError, "resume = 'yes'"),
+        ({"along": "k"}, ValueError, "without a carry"),
+        ({"carry": 1.0, "along": "z"}, ValueError, "along = 'z': it must be one of 'k'"),
+        ({"inputs": {"u": np.zeros(3)}}, ValueError, r"inputs\['u'\] has an array of shape \(3,\)"),
+        ({"variables": {"w": Variable()}}, ValueError, "variables has 'w'"),
+        ({"variables": {"value": Variable(("p",))}}, ValueError, r"variables\['value'\].dims"),
+        ({"function": lambda k: {}}, ValueError, "returned no array"),
+        ({"function": lambda k: {"k": k}}, ValueError, "returned 'k', which is a coordinate"),
+    ],
+)
+def test_wrong_arguments_are_named(change, error, text):
+    call = {"function": lambda k: k, "grid": {"k": [1.0, 2.0]}, "executor": "portable", **change}
+    with pytest.raises(error, match=text):
+        run_sweep(**call)
+
+
+def test_progress_tells_rate_and_time_left():
+    stream = io.StringIO()
+    meter = Progress(1000, 200, name="diagram", shown=True, stream=stream)
+    meter.begin -= 10.0
+    meter.advance(400)
+    assert stream.getvalue() == "diagram: 600 of 1,000 lanes (60%), 40 per s, 0:10 gone, 0:10 left\n"
+    assert clock(4000.0) == "1:06:40"
+
+
+def test_progress_is_silent_unless_asked_or_on_a_terminal(capsys):
+    sweep(None)
+    assert capsys.readouterr().err == ""
+    sweep(None, progress=True)
+    assert "309 of 309 lanes (100%)" in capsys.readouterr().err
