@@ -22,3 +22,7 @@ def require_float64() -> None:
             f"then import stickslip again."
         )
     jax.config.update("jax_enable_x64", True)
+
+
+# On import, so that the package can list this module first and hold nothing but imports.
+require_float64()
