@@ -1,0 +1,162 @@
+"""Numbers read off a motion: components of the state, methods of the system, functions."""
+
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import PyTree
+
+from ..hybrid import AbstractHybridSystem, Section
+
+Observable = Callable[[AbstractHybridSystem, Any, PyTree, PyTree, Any, PyTree], Any]
+
+
+class Maximum(eqx.Module):
+    """Section at the local maxima along the motion of an observable (smooth, without slopes in it)."""
+
+    observable: Any = eqx.field(static=True)
+    direction: ClassVar = "falling"
+    word: ClassVar = "maximum"
+
+
+class Minimum(eqx.Module):
+    """Section at the local minima along the motion of an observable (smooth, without slopes in it)."""
+
+    observable: Any = eqx.field(static=True)
+    direction: ClassVar = "rising"
+    word: ClassVar = "minimum"
+
+
+def as_observable(
+    argument: str, what: Any, system: AbstractHybridSystem, y0: PyTree
+) -> tuple[Observable, str | None]:
+    """Function `(system, t, y, dy, mode, args)` of an observable, and its unit if that is known.
+
+    - `"x"`: a component of the state; `"t"`: time; `"slope of x"`: its time derivative.
+    - the name of a method `(t, y, mode, args)` of the system, such as `"normal_force"`.
+    - a function `(t, y, dy, mode, args)`, as a `Section` takes it.
+    """
+    if callable(what) and not isinstance(what, str):
+        function: Any = what
+        return (lambda system, t, y, dy, mode, args: function(t, y, dy, mode, args)), None
+    components = [name for name in getattr(y0, "_fields", ()) or vars_of(y0)]
+    if what == "t":
+        return (lambda system, t, y, dy, mode, args: t), "s"
+    if isinstance(what, str):
+        name = what.removeprefix("slope of ")
+        unit = system.units.get(name)
+        if name in components:
+            if name != what:
+                return (lambda system, t, y, dy, mode, args: getattr(dy, name)), (
+                    f"{unit}/s" if unit else None
+                )
+            return (lambda system, t, y, dy, mode, args: getattr(y, name)), unit
+        if name == what and callable(getattr(type(system), name, None)) and name[:1] != "_":
+            return (lambda system, t, y, dy, mode, args: getattr(system, name)(t, y, mode, args)), None
+    raise ValueError(
+        f"{argument} = {what!r}: it must be a component of the state ({', '.join(components)}), "
+        "'slope of' one, 't', the name of a method (t, y, mode, args) of the system, or a function "
+        "(t, y, dy, mode, args)."
+    )
+
+
+def vars_of(y0: PyTree) -> list[str]:
+    """Field names of a state that is a module."""
+    return list(vars(y0)) if isinstance(y0, eqx.Module) else []
+
+
+class InArgs(AbstractHybridSystem):
+    """The same system, run with `args = (system, args)`, so that sections see its parameters.
+
+    A section that closed over a system with one parameter value per lane would be a new function for
+    every trace; handed over as an argument it is one function for all.
+    """
+
+    system: AbstractHybridSystem
+
+    @property
+    def mode_names(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return self.system.mode_names
+
+    @property
+    def guard_names(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return self.system.guard_names
+
+    @property
+    def guard_directions(self) -> tuple[str, ...] | None:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return self.system.guard_directions
+
+    @property
+    def guard_scales(self) -> tuple[float, ...] | None:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return self.system.guard_scales
+
+    @property
+    def units(self) -> dict[str, str]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return self.system.units
+
+    def vector_field(self, t, y, mode, args):
+        return self.system.vector_field(t, y, mode, args[1])
+
+    def guards(self, t, y, mode, args):
+        return self.system.guards(t, y, mode, args[1])
+
+    def transition(self, t, y, mode, guard, args):
+        return self.system.transition(t, y, mode, guard, args[1])
+
+    def initial_mode(self, t, y, args):
+        return self.system.initial_mode(t, y, args[1])
+
+
+def as_section(section: Any, system: AbstractHybridSystem, y0: PyTree) -> Section:
+    """Section over `args = (system, args)` of a `Section`, a `Maximum` or a `Minimum`."""
+    if isinstance(section, Section):
+        inner = section.function
+        return Section(
+            lambda t, y, dy, mode, args: inner(t, y, dy, mode, args[1]),
+            section.direction,
+            name=section.name,
+        )
+    if isinstance(section, Maximum | Minimum):
+        what = section.observable
+        value, _ = as_observable("section.observable", what, system, y0)
+
+        def rate(t, y, dy, mode, args):
+            def along(t, y):
+                return value(args[0], t, y, dy, mode, args[1])
+
+            return jax.jvp(along, (t, y), (jnp.ones_like(t), dy))[1]
+
+        label = what if isinstance(what, str) else "observable"
+        return Section(rate, section.direction, name=f"{section.word} of {label}")
+    raise TypeError(f"section = {section!r}: it must be a Section, a Maximum or a Minimum.")
+
+
+def with_parameters(system: AbstractHybridSystem, values: dict[str, Any]) -> AbstractHybridSystem:
+    """`system` with the parameters at dotted paths, e.g. `"drive.U_in"` as `drive__U_in`, replaced."""
+    for name, value in values.items():
+        path = name.split("__")
+
+        def find(tree, path=path):
+            for part in path:
+                tree = getattr(tree, part)
+            return tree
+
+        system = eqx.tree_at(find, system, value)
+    return system
+
+
+def check_parameter(system: AbstractHybridSystem, name: str) -> None:
+    """Refuse a name that is no number in the system."""
+    tree: Any = system
+    for part in name.split("__"):
+        known = [key for key, v in vars(tree).items()] if isinstance(tree, eqx.Module) else []
+        if part not in known:
+            raise ValueError(
+                f"grid has the name {name!r}: it must be a parameter of {type(system).__name__}, here "
+                f"one of {', '.join(known) or 'none'} (a__b for b inside a)."
+            )
+        tree = getattr(tree, part)
+    if jnp.shape(tree) != () or not eqx.is_inexact_array_like(tree):
+        raise ValueError(f"grid has the name {name!r}: that parameter is {tree!r}, no real number.")

@@ -1,0 +1,347 @@
+"""Orbit diagrams by brute force: the points of a section over one or two parameters."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+from jaxtyping import PyTree
+
+from .._validation import check_in
+from ..hybrid import AbstractHybridSystem, Integrator
+from ..hybrid._system import mode_index
+from ..sweep import Variable, run_sweep
+from ..sweep._grid import check_grid
+from ._observable import as_observable, as_section, check_parameter, with_parameters
+from ._orbit_lane import STATUS, Plan, halved, run_lane
+
+CARRIED = ("upwards", "downwards")
+
+
+def orbit_diagram(
+    system: Any,
+    grid: Any,
+    y0: PyTree,
+    *,
+    section: Any,
+    observables: Any,
+    transient: Any,
+    duration: Any,
+    points: Any = None,
+    max_points: Any = 256,
+    t0: Any = 0.0,
+    mode0: Any = None,
+    args: PyTree = None,
+    integrator: Any = None,
+    domain: Any = (),
+    carried: Any = None,
+    along: Any = None,
+    period_tolerance: Any = 1e-4,
+    max_period: Any = 16,
+    check: Any = 32,
+    labels: Mapping[str, Variable] | None = None,
+    settings: Mapping[str, Any] | None = None,
+    attrs: Mapping[str, Any] | None = None,
+    name: str = "orbit diagram",
+    **sweep: Any,
+) -> xr.Dataset:
+    r"""Points at which the motion crosses a section, over one or two parameters of a system.
+
+    Each lane runs from `t0` to `t0 + transient` unrecorded, then for `duration`, and every crossing of
+    `section` gives a point. The diagram shows what a motion from the given initial state comes to, not
+    all attractors and no unstable ones: it is no continuation.
+
+    **Arguments**
+
+    - `system`: a hybrid system; its parameters are the grid's names (`drive__U_in` for `U_in` of its
+      part `drive`). Or a function `(**point) -> system`.
+    - `grid`: parameter name to vector of values; with two names, all pairs.
+    - `y0`: initial state: scalars for all lanes, or arrays of the grid's shape, a state per lane.
+    - `section`: a `Section` (direction in words), or `Maximum("x")`, `Minimum("x")` of an observable.
+    - `observables`: name or sequence of names: a component of the state, `"slope of x"`, `"t"`, a
+      method `(t, y, mode, args)` of the system; or a mapping from names to those or to functions
+      `(t, y, dy, mode, args)`.
+    - `transient`: time dropped [s]; `duration`: time recorded [s]; `points`: stop after so many.
+    - `max_points`: room per lane without `points`; a lane with more is marked `buffer_full`.
+    - `domain`: observables that must not fall below zero; a lane in which one does ends there.
+    - `carried`: `"upwards"` or `"downwards"`: each lane starts from the end of its neighbour below or
+      above along the parameter `along` (default: the first), which shows hysteresis. Sequential by
+      nature: as many lanes at a time as the other parameter has values, one without another. A lane
+      that failed hands on what it was given. The clock starts at `t0` in every lane: give an explicit
+      forcing its phase as a state, or let `transient + duration` be a multiple of its period.
+    - `period_tolerance`, `max_period`: see `period` below.
+    - `check`: so many lanes, evenly spaced, are computed again at half the step (`FixedStep`) or a
+      32nd of the tolerances, for an error estimate. 0 leaves it out.
+    - `labels`: `Variable`s with units and names of parameters and observables.
+    - `integrator`, `args`, `mode0`, `t0`: as for `simulate`.
+    - `settings`, `attrs`, `name` and `store`, `chunk`, `resume`, `progress`, `executor`, `workers`: as
+      for `run_sweep`.
+
+    **Returns** an `xarray.Dataset` with the dimensions of the grid and `point`:
+
+    - one variable per observable, NaN past `count` points;
+    - `status`: 0 "ok", else why the lane is not to be trusted (`attrs["flag_meanings"]`): left the
+      domain, no crossing, buffer full, or the engine's result code;
+    - `period`: number of points after which the last quarter of them repeats within
+      `period_tolerance` of the largest value; 0 if not, up to `max_period`;
+    - `slow_transient`: the first points are not yet those of the attractor: drop more time;
+    - `end_...`: the state at the end (`carry_...` if carried);
+    - with `check`, along `checked`: `checked_<parameter>`, and per observable `error_<name>`, the
+      largest difference over the points of the lane, NaN where their number differs. Lanes of a
+      chaotic attractor differ by its size: look at those with a period (`checked_period`).
+
+    **Errors** `ValueError`/`TypeError` naming the argument, before anything is compiled.
+    """
+    coords = check_grid(grid)
+    shape = tuple(v.size for v in coords.values())
+    if len(coords) > 2:
+        raise ValueError(f"grid has the names {', '.join(coords)}: at most two are allowed.")
+    build = _builder(system, coords)
+    first = build({key: float(v[0]) for key, v in coords.items()})
+    if not isinstance(first, AbstractHybridSystem):
+        raise TypeError(f"system(**point) returned {first!r}: it must be an AbstractHybridSystem.")
+    y0, per_lane = _check_state(y0, shape)
+    observed = _named(observables)
+    found = {
+        key: as_observable(f"observables[{key!r}]", what, first, y0) for key, what in observed.items()
+    }
+    for key in found:
+        if key in coords or key in ("count", "status", "period", "slow_transient"):
+            raise ValueError(f"observables has the name {key!r}: it is taken, give it another.")
+    if isinstance(domain, str) or callable(domain):
+        domain = (domain,)
+    borders = tuple(as_observable("domain", what, first, y0)[0] for what in domain)
+    _real("t0", t0, -math.inf, open_low=False)
+    _real("transient", transient, 0.0, open_low=False)
+    _real("duration", duration, 0.0, open_low=True)
+    _real("period_tolerance", period_tolerance, 0.0, open_low=True)
+    for key, value, low in (
+        ("max_points", max_points, 1),
+        ("max_period", max_period, 1),
+        ("check", check, 0),
+    ):
+        _integer(key, value, low)
+    if points is not None:
+        _integer("points", points, 1)
+    if carried is not None:
+        check_in("carried", carried, CARRIED)
+        if per_lane:
+            raise ValueError("y0 has a state per lane: it must be one state for a carried diagram.")
+    elif along is not None:
+        raise ValueError(f"along = {along!r}: it must stay unset without carried.")
+    integrator = Integrator() if integrator is None else integrator
+    if not isinstance(integrator, Integrator):
+        raise TypeError(f"integrator = {integrator!r}: it must be an Integrator.")
+    plan = Plan(
+        build=build,
+        section=as_section(section, first, y0),
+        observables={key: function for key, (function, _) in found.items()},
+        domain=borders,
+        t0=float(t0),
+        transient=float(transient),
+        duration=float(duration),
+        size=max_points if points is None else points,
+        stops=points is not None,
+        mode0=None if mode0 is None else mode_index(first, mode0),
+        args=args,
+        period_tolerance=float(period_tolerance),
+        max_period=max_period,
+    )
+    _try(plan, integrator, y0, coords)
+    settings = {
+        "system": system if isinstance(system, AbstractHybridSystem) else first,
+        "section": {"name": plan.section.name, "direction": plan.section.direction},
+        "transient": transient,
+        "duration": duration,
+        "points": points,
+        "initial_state": None if per_lane else y0,
+        "carried": carried,
+        "integrator": integrator,
+        **(settings or {}),
+    }
+    variables = _labels(plan, found, coords, labels, first)
+    if carried is None:
+
+        def lane(start=None, **point):
+            end, results = run_lane(plan, integrator, y0 if start is None else start, point)
+            return {**results, "end": end}
+
+        dataset = run_sweep(
+            lane, coords, inputs={"start": y0} if per_lane else None,
+            variables=variables, settings=settings, attrs=attrs, name=name, **sweep,
+        )  # fmt: skip
+    else:
+
+        def step(carry, **point):
+            return run_lane(plan, integrator, carry, point)
+
+        dataset = run_sweep(
+            step, coords, carry=y0, along=along, backward=carried == "downwards",
+            variables=variables, settings=settings, attrs=attrs, name=name, **sweep,
+        )  # fmt: skip
+    if check:
+        starts = _starts(dataset, y0, per_lane, carried, along, coords)
+        extra = _check(plan, integrator, coords, starts, check, dataset, sweep)
+        dataset = dataset.assign(extra)
+    return dataset
+
+
+def _builder(system, coords):
+    if isinstance(system, AbstractHybridSystem):
+        for key in coords:
+            check_parameter(system, key)
+        return lambda point: with_parameters(system, point)
+    if callable(system):
+        return lambda point: system(**point)
+    raise TypeError(
+        f"system = {system!r}: it must be an AbstractHybridSystem or a function (**point) of one."
+    )
+
+
+def _named(observables) -> dict[str, Any]:
+    if isinstance(observables, str):
+        observables = (observables,)
+    if isinstance(observables, Mapping):
+        named = dict(observables)
+    elif isinstance(observables, Sequence) and all(isinstance(o, str) for o in observables):
+        named = {o.replace(" ", "_"): o for o in observables}
+    else:
+        raise TypeError(
+            f"observables = {observables!r}: it must be a name, a sequence of names, or a mapping from "
+            "names to names or functions."
+        )
+    if not named:
+        raise ValueError("observables is empty: it must name at least one.")
+    return named
+
+
+def _check_state(y0, shape):
+    leaves = jax.tree_util.tree_leaves_with_path(y0)
+    if not leaves:
+        raise ValueError(f"y0 = {y0!r}: it must be a state with at least one component.")
+    shapes = set()
+    for path, leaf in leaves:
+        label = "y0" + jax.tree_util.keystr(path)
+        try:
+            array = np.asarray(leaf, np.float64)
+        except (TypeError, ValueError):
+            raise TypeError(f"{label} = {leaf!r}: it must be a real number.") from None
+        if not np.isfinite(array).all():
+            raise ValueError(f"{label} = {leaf!r}: it must be finite.")
+        shapes.add(array.shape)
+    if shapes not in ({()}, {shape}):
+        raise ValueError(
+            f"y0 has components of shape {sorted(shapes)}: they must all be scalars, or all have the "
+            f"shape of the grid, {shape}."
+        )
+    convert = np.asarray if shapes == {shape} else float
+    return jax.tree.map(lambda a: convert(np.asarray(a, np.float64)), y0), shapes == {shape}
+
+
+def _real(name, value, low, *, open_low):
+    good = isinstance(value, int | float | np.number) and not isinstance(value, bool)
+    if not good or not math.isfinite(value) or value < low or (open_low and value == low):
+        allowed = "finite" if low == -math.inf else f"{'above' if open_low else 'at least'} {low:g}"
+        raise ValueError(f"{name} = {value!r}: it must be a number, {allowed}.")
+
+
+def _integer(name, value, low):
+    if not isinstance(value, int) or isinstance(value, bool) or value < low:
+        raise ValueError(f"{name} = {value!r}: it must be an integer of at least {low}.")
+
+
+def _try(plan: Plan, integrator, y0, coords):
+    """Trace one lane: what fails there is an argument, and shall fail before anything is compiled."""
+
+    def lane(start, point):
+        return run_lane(plan, integrator, start, point)
+
+    scalar = jax.ShapeDtypeStruct((), jnp.float64)
+    jax.eval_shape(lane, jax.tree.map(lambda _: scalar, y0), {key: scalar for key in coords})
+
+
+def _labels(plan: Plan, found, coords, labels, first) -> dict[str, Variable]:
+    labels = dict(labels or {})
+    unknown = set(labels) - set(found) - set(coords)
+    if unknown:
+        raise ValueError(
+            f"labels has {sorted(unknown)[0]!r}: it must be one of {', '.join([*coords, *found])}."
+        )
+    variables = {key: labels[key] for key in coords if key in labels}
+    for key, (_, unit) in found.items():
+        given = labels.get(key, Variable())
+        variables[key] = Variable(
+            ("point",), given.units or unit, given.long_name or key, dict(given.attrs)
+        )
+    variables["count"] = Variable(long_name="number of points")
+    variables["status"] = Variable(
+        long_name="what became of the lane",
+        attrs={"flag_values": list(range(len(STATUS))), "flag_meanings": " ".join(STATUS)},
+    )
+    variables["period"] = Variable(
+        units="1",
+        long_name="points after which the attractor repeats, 0 if none",
+        attrs={"tolerance": plan.period_tolerance, "max_period": plan.max_period},
+    )
+    variables["slow_transient"] = Variable(long_name="still approaching the attractor")
+    return variables
+
+
+def _starts(dataset, y0, per_lane, carried, along, coords):
+    """State every lane started from, flat over the grid."""
+    shape = tuple(v.size for v in coords.values())
+    if carried is None:
+        return jax.tree.map(lambda a: np.broadcast_to(a, shape).reshape(-1), y0)
+    axis = list(coords).index(along) if along else 0
+    names = [
+        "carry_" + jax.tree_util.keystr(path, simple=True, separator="_")
+        for path, _ in jax.tree_util.tree_leaves_with_path(y0)
+    ]
+    leaves = []
+    for name, given in zip(names, jax.tree.leaves(y0), strict=True):
+        ends = np.moveaxis(np.asarray(dataset[name]), axis, 0)
+        begin = np.full_like(ends[:1], given)
+        ends = [ends[1:], begin] if carried == "downwards" else [begin, ends[:-1]]
+        leaves.append(np.moveaxis(np.concatenate(ends), 0, axis).reshape(-1))
+    return jax.tree.unflatten(jax.tree.structure(y0), leaves)
+
+
+def _check(plan, integrator, coords, starts, check, dataset, sweep):
+    """Some lanes again, more accurately, and how far their points moved."""
+    shape = tuple(v.size for v in coords.values())
+    lanes = math.prod(shape)
+    picked = np.unique(np.linspace(0, lanes - 1, min(check, lanes)).round().astype(int))
+    place = np.unravel_index(picked, shape)
+    inputs = {
+        "start": jax.tree.map(lambda a: np.asarray(a)[picked], starts),
+        "point": {key: v[i] for (key, v), i in zip(coords.items(), place, strict=True)},
+    }
+    finer = halved(integrator)
+
+    def lane(checked, start, point):
+        _, results = run_lane(plan, finer, start, point)
+        return {key: results[key] for key in (*plan.observables, "count")}
+
+    options = {k: v for k, v in sweep.items() if k in ("executor", "workers")}
+    again = run_sweep(
+        lane, {"checked": np.arange(picked.size, dtype=float)}, inputs=inputs, progress=False, **options
+    )
+    index = {key: xr.DataArray(i, dims="checked") for key, i in zip(coords, place, strict=True)}
+    before = dataset[[*plan.observables, "count", "period"]].isel(index)
+    same = np.asarray(before["count"]) == np.asarray(again["count"])
+    extra = {
+        f"checked_{key}": ("checked", inputs["point"][key], dict(dataset[key].attrs)) for key in coords
+    }
+    extra["checked_period"] = ("checked", np.asarray(before["period"]), {})
+    for key in plan.observables:
+        gap = np.abs(np.asarray(before[key]) - np.asarray(again[key]))
+        gap = np.where(np.isnan(gap), 0.0, gap).max(axis=1)
+        attrs = {
+            "long_name": f"error estimate of {key}: largest difference to a finer integration",
+            **{k: v for k, v in dataset[key].attrs.items() if k == "units"},
+        }
+        extra[f"error_{key}"] = ("checked", np.where(same, gap, np.nan), attrs)
+    return extra
