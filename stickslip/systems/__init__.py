@@ -21,6 +21,8 @@ from ._bouncing_ball import BouncingBall as BouncingBall
 from ._coulomb_oscillator import CoulombOscillator as CoulombOscillator
 from ._dc_drive import DCDrive as DCDrive
 from ._dc_drive import DriveState as DriveState
+from ._drive_voltage import mean_belt_speed as mean_belt_speed
+from ._drive_voltage import voltage_for_belt_speed as voltage_for_belt_speed
 from ._driven_belt import BlockOnDrivenBelt as BlockOnDrivenBelt
 from ._driven_belt import DrivenBlockState as DrivenBlockState
 from ._driven_belt_set_valued import BlockOnDrivenBeltSetValued as BlockOnDrivenBeltSetValued

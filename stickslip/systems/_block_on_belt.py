@@ -1,6 +1,6 @@
 """Block on a belt of constant speed, its normal force intensified by a pendulum."""
 
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -12,6 +12,7 @@ from ..friction._law import Number
 from ._block_mechanics import (
     BELT_SPEED,
     AbstractBlockOnBelt,
+    Block,
     BlockState,
     block_parameters,
     check_law,
@@ -56,7 +57,7 @@ class AbstractBlockOnSteadyBelt(AbstractBlockOnBelt):
         self.V_b = as_parameter(check_finite("V_b", V_b))
 
     @classmethod
-    def constructed(cls, k3: Number, **changes: Any) -> Self:
+    def constructed(cls: type[Block], k3: Number, **changes: Any) -> Block:
         """Set A of **constructed** parameters at the bifurcation parameter `k3` [N/m].
 
         `changes` replace single parameters; `J` and `Q` follow `M`, `g` and `r` unless they are given.
@@ -79,7 +80,7 @@ class AbstractBlockOnSteadyBelt(AbstractBlockOnBelt):
             "dampers": self.damper_power(t, y, mode, args),
         }
 
-    def scaled(self, factor: Number) -> Self:
+    def scaled(self: Block, factor: Number) -> Block:
         """All masses, stiffnesses, dampings and `Q` times `factor`: the motion is the same."""
         return scaled_block(self, factor)
 

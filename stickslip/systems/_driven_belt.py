@@ -1,6 +1,6 @@
 """Block on a belt that a DC drive moves: the full model, with smooth friction."""
 
-from typing import Any, ClassVar, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -9,7 +9,14 @@ from jaxtyping import Array, Float
 from .._validation import check_type
 from ..friction import AbstractFrictionLaw
 from ..friction._law import Number
-from ._block_mechanics import AbstractBlockOnBelt, block_parameters, check_law, scaled_block, set_a
+from ._block_mechanics import (
+    AbstractBlockOnBelt,
+    Block,
+    block_parameters,
+    check_law,
+    scaled_block,
+    set_a,
+)
 from ._dc_drive import DCDrive
 
 
@@ -56,7 +63,7 @@ class AbstractBlockOnDrivenBelt(AbstractBlockOnBelt):
         self.drive = check_type("drive", drive, DCDrive, "a DCDrive")
 
     @classmethod
-    def constructed(cls, k3: Number, **changes: Any) -> Self:
+    def constructed(cls: type[Block], k3: Number, **changes: Any) -> Block:
         """Set A and the **constructed** drive at `k3` [N/m]; `changes` replace single parameters."""
         given = set_a(k3, changes, cls.set_valued)
         if "drive" not in given:
@@ -100,7 +107,7 @@ class AbstractBlockOnDrivenBelt(AbstractBlockOnBelt):
     def _sign(self) -> float:
         return 1.0 if self.drive.belt_reaction == "consistent" else -1.0
 
-    def scaled(self, factor: Number) -> Self:
+    def scaled(self, factor: Number) -> Any:
         """All masses, forces and torques of block and drive times `factor`: the motion is the same."""
         changed = scaled_block(self, factor)
         return eqx.tree_at(lambda s: s.drive, changed, self.drive.scaled(factor))

@@ -125,13 +125,13 @@ class BlockOnDrivenBeltSetValued(AbstractBlockOnDrivenBelt):
                 holds = together & (T_s <= high * normal) & (T_s >= low * normal)
             else:
                 sense = 1.0 if contact == FORWARD else -1.0
-                holds = where(together, relative * sense > 0, v * sense > 0)
+                holds = jnp.where(together, relative * sense > 0, v * sense > 0)
             if drive == RESTING:
                 rests = still & (jnp.abs(motion.torque) <= self.drive.T_st)
             else:
                 sense = 1.0 if drive == TURNING_FORWARD else -1.0
-                rests = where(still, motion.domega * sense > 0, y.omega * sense > 0)
-            holds = where(forced_contact == NO_MODE, holds, forced_contact == contact)
-            rests = where(forced_drive == NO_MODE, rests, forced_drive == drive)
+                rests = jnp.where(still, motion.domega * sense > 0, y.omega * sense > 0)
+            holds = jnp.where(forced_contact == NO_MODE, holds, forced_contact == contact)
+            rests = jnp.where(forced_drive == NO_MODE, rests, forced_drive == drive)
             found = where(holds & rests, 3 * drive + contact, found)
         return found
