@@ -303,7 +303,9 @@ def _decide(plan: Plan, lane: Lane, h, first: _First, finite, error):
             rate = jnp.where(first.exact == 1, rate, secant)
         tolerance = jnp.where(is_guard, _locate.TOLERANCE, _locate.TOLERANCE_SECTION)
         full = jnp.where(free, h, lane.full)
-        near = jnp.abs(first.value) <= -rate * tolerance * full
+        # The correction must be small against the step that led here too: a hop may be tiny.
+        reach = jnp.where(h == 0, tolerance * full, jnp.minimum(tolerance * full, 1e-3 * h))
+        near = jnp.abs(first.value) <= -rate * reach
         hit = first.value < jnp.where(is_guard, -SLACK, 1e-300)
         collapsed = b.high - b.low <= 4e-16 * jnp.maximum(jnp.abs(lane.t), b.high)
         shrink = fresh & (hit | ~free)
@@ -452,7 +454,12 @@ def _keep(functions: EventFunctions, code, lane: Lane, values: Values, fired):
     keep = moved_on(code) | is_event(code)
     kept = [jnp.where(keep, v, old) for v, old in zip(values.value, lane.values, strict=True)]
     for i, f in enumerate(fired, start=functions.num_guards):
-        kept[i] = jnp.where(f, 0.0, kept[i])
+        # A section that has just fired must not fire again by rounding. One that fires both ways is
+        # on its other side now, however little.
+        other_side = 0.0
+        if functions.directions[i] == "both":
+            other_side = -1e-300 * jnp.sign(lane.values[i])
+        kept[i] = jnp.where(f, other_side, kept[i])
     rates = tuple(
         None if r is None else jnp.where(keep, r, old)
         for r, old in zip(values.rate, lane.rates, strict=True)

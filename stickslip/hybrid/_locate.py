@@ -64,8 +64,8 @@ def propose(b: Bracket, full: Any) -> Any:
 
     The inverse Hermite polynomial `h(g)` through both ends with their rates has error of fourth order
     in the width of the bracket and needs no iteration. Where the guard starts at zero and rises, the
-    zero at the start is not the one sought: halve until a positive value is found. Where it starts at
-    zero and falls, the event is at the start of the step.
+    zero at the start is not the one sought: take the other zero of the parabola through the start,
+    its rate and the far end. Where it starts at zero and falls, the event is at the start of the step.
     """
     width = b.high - b.low
     drop = b.value_high - b.value_low  # negative
@@ -84,8 +84,12 @@ def propose(b: Bracket, full: Any) -> Any:
     at_first = b.low == 0.0
     resting = at_first & (b.rate_low >= 0) & (b.value_low <= 1e-12)
     forced = (tries >= BISECT_EVERY) & (jnp.floor(tries * 0.5) * 2.0 == tries)
-    halve = resting | forced | ~(inside_hermite | inside_secant)
+    rise = b.rate_low * b.high
+    hop = rise - b.value_high
+    hop = rise * b.high / jnp.where(resting & (hop > 0), hop, 1.0)
+    halve = forced | ~(inside_hermite | inside_secant | resting) | (resting & ~(hop > 0))
     guess = jnp.where(inside_hermite, hermite, secant)
+    guess = jnp.where(resting, hop, guess)
     guess = jnp.where(halve, b.low + 0.5 * width, guess)
     at_start = at_first & (b.rate_low < 0) & (b.value_low <= -TOLERANCE * full * b.rate_low)
     return jnp.where(at_start, 0.0, guess)

@@ -8,12 +8,14 @@ import diffrax as dfx
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import optimistix as optx
 from jaxtyping import Array, PyTree
 
 from . import _tableau
 from ._execute import Executor
 from ._tree import combine, weighted
 
+ROOT_TOLERANCE = 1e-12  # of the stage equations of implicit methods
 VectorField = Callable[[Any, PyTree], PyTree]
 
 
@@ -162,10 +164,35 @@ def as_stepper(method: Any) -> AbstractStepper:
     if isinstance(method, dfx.AbstractERK) and not isinstance(method, dfx.AbstractItoSolver):
         return ExplicitRungeKutta(_tableau.from_diffrax(method))
     if isinstance(method, dfx.AbstractSolver):
-        return DiffraxStepper(method)
+        return DiffraxStepper(_with_root_tolerance(method))
     raise ValueError(
         f"method={method!r} is not a solver; allowed: {sorted(_tableau.NAMED)}, a Tableau, or a "
         f"diffrax solver such as diffrax.Dopri5() or diffrax.Kvaerno5()"
+    )
+
+
+def _with_root_tolerance(solver: dfx.AbstractSolver) -> dfx.AbstractSolver:
+    """An implicit solver whose stage equations are solved to rounding.
+
+    Its root finder takes its tolerances from diffrax's step-size controller, which is not used here.
+    An unconverged stage would be an error that the step-size rule does not see.
+    """
+    if not isinstance(solver, dfx.AbstractImplicitSolver):
+        return solver
+    finder = solver.root_finder
+    defaults = {"rtol": ROOT_TOLERANCE, "atol": ROOT_TOLERANCE, "norm": optx.max_norm}
+    unset = [
+        name
+        for name in defaults
+        if hasattr(finder, name) and not isinstance(getattr(finder, name), float | jax.Array | Callable)
+    ]
+    if not unset:
+        return solver
+    return eqx.tree_at(
+        lambda s: [getattr(s.root_finder, name) for name in unset],
+        solver,
+        [defaults[name] for name in unset],
+        is_leaf=lambda x: x is None,
     )
 
 
