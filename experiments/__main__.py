@@ -1,0 +1,135 @@
+"""Command line: `python -m experiments --list`, `NAME`, `all`, `demo`, `statements`."""
+
+import argparse
+import contextlib
+import os
+import pathlib
+import sys
+import time
+
+DEMO = "block-fig02"
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m experiments", description="Compute and draw the figures of the papers."
+    )
+    parser.add_argument(
+        "name", nargs="?", help="an experiment, 'all', 'demo', or 'statements' for the scoreboard"
+    )
+    parser.add_argument("--list", action="store_true", help="list the experiments and stop")
+    parser.add_argument("--quick", action="store_true", help="coarse, for a first look")
+    parser.add_argument("--out", default="results", metavar="DIR", help="directory to write to")
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE", dest="changes",
+        help="change a parameter; may be repeated",
+    )  # fmt: skip
+    parser.add_argument(
+        "--fresh", action="store_true", help="compute anew instead of going on from what is stored"
+    )
+    parser.add_argument("--progress", action="store_true", help="show progress off a terminal too")
+    return parser
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line; the exit status."""
+    parser = _parser()
+    options = parser.parse_args(arguments)
+    from ._experiment import chosen, load
+    from ._scoreboard import scoreboard
+
+    out = pathlib.Path(options.out)
+    if options.name == "statements":
+        print(scoreboard(out))
+        return 0
+    experiments = load()
+    if options.list or options.name is None:
+        print(f"{'demo':<14} {experiments[DEMO].title}: the paper's protocol alone")
+        for name, experiment in experiments.items():
+            print(f"{name:<14} {experiment.title}")
+        return 0
+    if options.name not in (*experiments, "all", "demo"):
+        print(
+            f"{options.name!r} is no experiment; known: demo, all, statements, "
+            f"{', '.join(experiments)}.",
+            file=sys.stderr,
+        )
+        return 2
+    if options.name == "all" and options.changes:
+        print("--set changes one experiment: name it instead of 'all'.", file=sys.stderr)
+        return 2
+    names = list(experiments) if options.name == "all" else [options.name]
+    # A wrong --set is refused before the engine is loaded or anything is compiled.
+    try:
+        for name in names:
+            chosen(experiments[DEMO if name == "demo" else name], options.quick, options.changes)
+    except ValueError as error:
+        print(error, file=sys.stderr)
+        return 2
+    _keep_compiled(out)
+    failed = []
+    for name in names:
+        if not _run_one(name, experiments, options, out):
+            failed.append(name)
+    if failed and len(names) > 1:
+        print(f"failed: {', '.join(failed)}", file=sys.stderr)
+    return 1 if failed else 0
+
+
+def _run_one(name: str, experiments, options, out: pathlib.Path) -> bool:
+    import dataclasses
+
+    from stickslip.sweep import SweepMismatchError, SweepWriteError
+
+    from ._experiment import chosen
+    from ._output import run, same_run
+
+    experiment = experiments[DEMO if name == "demo" else name]
+    changes = list(options.changes)
+    if name == "demo":
+        experiment = dataclasses.replace(experiment, name="demo")
+        changes = ["converged_duration=0", "exponents=0", *changes]
+    record = out / f"{experiment.name}.json"
+    parameters = chosen(experiment, options.quick, changes)
+    if options.name == "all" and not options.fresh and same_run(record, parameters):
+        print(f"{name}: done before, see {record}")
+        return True
+    begin = time.monotonic()
+    print(f"{name}: {experiment.title}", flush=True)
+    shown = True if options.progress or name == "demo" else None
+    try:
+        files = run(
+            experiment, out, quick=options.quick, changes=changes, progress=shown, fresh=options.fresh
+        )
+    except SweepMismatchError as error:
+        text = str(error).partition("Use another store")[0]
+        print(f"{text}Choose another --out, or compute anew with --fresh.", file=sys.stderr)
+        return False
+    except (SweepWriteError, ValueError) as error:
+        print(error, file=sys.stderr)
+        return False
+    for path in files:
+        print(f"  wrote {path}")
+    print(f"  {time.monotonic() - begin:.1f} s")
+    return True
+
+
+def _keep_compiled(out: pathlib.Path) -> None:
+    """Keep compiled programs, so that a second call starts at once."""
+    import jax
+
+    if os.environ.get("JAX_COMPILATION_CACHE_DIR"):
+        return
+    with contextlib.suppress(OSError):
+        folder = out / "stores" / "compiled"
+        folder.mkdir(parents=True, exist_ok=True)
+        jax.config.update("jax_compilation_cache_dir", str(folder.resolve()))
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main())
+    except KeyboardInterrupt:
+        print("\ninterrupted; the same command goes on from here", file=sys.stderr)
+        sys.exit(130)

@@ -1,0 +1,92 @@
+"""What an experiment is, and the list of all of them."""
+
+import dataclasses
+import importlib
+import pathlib
+import pkgutil
+import re
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import xarray as xr
+from matplotlib.figure import Figure
+
+GROUPS = ("block",)
+
+
+@dataclasses.dataclass(frozen=True)
+class Context:
+    """Where a computation may keep what it has finished, and whether it should talk."""
+
+    stores: pathlib.Path
+    progress: bool | None = None
+    fresh: bool = False
+
+
+@dataclasses.dataclass(frozen=True)
+class Statement:
+    """A claim of a paper, and what was measured; `holds` is None where nothing can be said."""
+
+    id: str
+    claim: str
+    holds: bool | None
+    measured: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Experiment:
+    """One figure: what is computed, how it is drawn, what it says about the paper's claims.
+
+    - `parameters`: names with their values at full resolution; `quick` replaces some of them.
+    - `compute(parameters, context) -> Dataset`; `draw(dataset) -> Figure`;
+      `judge(dataset) -> list of Statement`: each reads nothing but its arguments, so that a picture
+      can be drawn again from the file.
+    """
+
+    name: str
+    title: str
+    parameters: Mapping[str, Any]
+    quick: Mapping[str, Any]
+    compute: Callable[[dict[str, Any], Context], xr.Dataset]
+    draw: Callable[[xr.Dataset], Figure]
+    judge: Callable[[xr.Dataset], list[Statement]] = lambda dataset: []
+
+
+def load() -> dict[str, Experiment]:
+    """All experiments by name, in the order of the papers."""
+    found = {}
+    for group in GROUPS:
+        package = importlib.import_module(f"{__package__}.{group}")
+        for info in pkgutil.iter_modules(package.__path__):
+            if info.name.startswith("_"):
+                continue
+            module = importlib.import_module(f"{package.__name__}.{info.name}")
+            found[module.EXPERIMENT.name] = module.EXPERIMENT
+    return dict(sorted(found.items(), key=lambda item: _natural(item[0])))
+
+
+def _natural(name: str) -> list[Any]:
+    return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", name)]
+
+
+def chosen(experiment: Experiment, quick: bool, changes: list[str]) -> dict[str, Any]:
+    """Parameters of a run; `changes` are `key=value` texts.
+
+    Errors: `ValueError` naming an unknown key, or a value that is not of the parameter's type.
+    """
+    values = dict(experiment.parameters) | (dict(experiment.quick) if quick else {})
+    for change in changes:
+        key, sign, text = change.partition("=")
+        if not sign or key not in values:
+            raise ValueError(
+                f"--set {change}: it must be key=value with one of the keys {', '.join(values)}."
+            )
+        kind = type(values[key])
+        try:
+            if kind is bool:
+                values[key] = {"true": True, "false": False}[text.lower()]
+            else:
+                values[key] = kind(text)
+        except (ValueError, KeyError):
+            raise ValueError(f"--set {change}: it must be a {kind.__name__}.") from None
+    return values

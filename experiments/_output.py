@@ -1,0 +1,118 @@
+"""Files of an experiment: picture, data, and a record of how they came about."""
+
+import dataclasses
+import json
+import os
+import pathlib
+import time
+from typing import Any
+
+import jax
+import matplotlib
+import matplotlib.pyplot as plt
+import xarray as xr
+
+from stickslip.sweep._manifest import as_json, code_revision, versions
+
+from ._experiment import Context, Experiment, chosen
+
+STYLE = {
+    "font.size": 9,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.7,
+    "xtick.major.width": 0.7,
+    "ytick.major.width": 0.7,
+    "figure.constrained_layout.use": True,
+    "savefig.dpi": 220,
+    "svg.hashsalt": "stickslip",
+}
+
+
+def run(
+    experiment: Experiment,
+    out: pathlib.Path,
+    *,
+    quick: bool = False,
+    changes: list[str] | None = None,
+    progress: bool | None = None,
+    fresh: bool = False,
+) -> list[pathlib.Path]:
+    """Compute, draw, judge and write; the files written."""
+    parameters = chosen(experiment, quick, changes or [])
+    begin = time.monotonic()
+    dataset = experiment.compute(parameters, Context(out / "stores", progress, fresh))
+    dataset = dataset.assign_attrs(experiment=experiment.name, title=experiment.title)
+    computed = time.monotonic() - begin
+    out.mkdir(parents=True, exist_ok=True)
+    files = [write_data(dataset, out / f"{experiment.name}.nc")]
+    files += draw(experiment, dataset, out)
+    record = {
+        "name": experiment.name,
+        "title": experiment.title,
+        "quick": quick,
+        "parameters": parameters,
+        "seeds": {},
+        "versions": {**versions(), "matplotlib": matplotlib.__version__},
+        "code_revision": code_revision(),
+        "device": str(jax.devices()[0]),
+        "cpu_count": os.cpu_count(),
+        "date": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
+        "wall_time_s": {
+            "compute": round(computed, 3),
+            "total": round(time.monotonic() - begin, 3),
+        },
+        "statements": [dataclasses.asdict(s) for s in experiment.judge(dataset)],
+    }
+    path = out / f"{experiment.name}.json"
+    temporary = path.with_suffix(".json.part")
+    temporary.write_text(json.dumps(as_json(record), indent=1, ensure_ascii=False) + "\n")
+    os.replace(temporary, path)
+    return [*files, path]
+
+
+def draw(experiment: Experiment, dataset: xr.Dataset, out: pathlib.Path) -> list[pathlib.Path]:
+    """The picture as PNG and SVG."""
+    paths = [out / f"{experiment.name}.{kind}" for kind in ("png", "svg")]
+    with matplotlib.rc_context(STYLE):
+        figure = experiment.draw(dataset)
+        for path in paths:
+            kind = path.suffix[1:]
+            temporary = path.with_name(path.name + ".part")
+            # A date in the file would make two equal pictures differ.
+            metadata: dict[str, Any] = {"Date": None} if kind == "svg" else {}
+            figure.savefig(temporary, format=kind, metadata=metadata)
+            os.replace(temporary, path)
+        plt.close(figure)
+    return paths
+
+
+def write_data(dataset: xr.Dataset, path: pathlib.Path) -> pathlib.Path:
+    """The dataset as compressed netCDF 4, all of it or nothing."""
+    temporary = path.with_name(path.name + ".part")
+    encoding = {
+        str(name): {"zlib": True, "complevel": 4, "shuffle": True}
+        for name, variable in dataset.variables.items()
+        if variable.ndim and variable.dtype.kind in "fiub"
+    }
+    plain = {
+        k: v if isinstance(v, str | int | float) else json.dumps(as_json(v))
+        for k, v in dataset.attrs.items()
+    }
+    dataset.assign_attrs(plain).to_netcdf(temporary, engine="h5netcdf", encoding=encoding)
+    os.replace(temporary, path)
+    return path
+
+
+def same_run(path: pathlib.Path, parameters: dict[str, Any]) -> bool:
+    """Whether the record at `path` is of a run with these parameters and this code."""
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+        return (
+            record["parameters"] == as_json(parameters)
+            and record["code_revision"] == code_revision()
+            and not str(record["code_revision"]).endswith("+changes")
+            and all(path.with_suffix(f".{kind}").exists() for kind in ("nc", "png", "svg"))
+        )
+    except (OSError, ValueError, KeyError):
+        return False

@@ -1,0 +1,170 @@
+"""Bifurcation diagrams over k3 of both models, by the paper's protocol and by a converged one."""
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+import stickslip as ss
+from stickslip.analysis import orbit_diagram
+from stickslip.sweep import Variable
+from stickslip.systems import (
+    BlockOnBelt,
+    BlockOnDrivenBelt,
+    BlockState,
+    DCDrive,
+    DrivenBlockState,
+)
+
+from .._experiment import Context
+from ._exponent import largest_exponents
+
+# Frozen at the paper's 40 s with the first 15 s dropped; "converged" drops so much that the slowest
+# branches of set A have settled, and then records a little more than the paper.
+PROTOCOL = {
+    "k3_step": 0.001,
+    "transient": 15.0,
+    "duration": 25.0,
+    "converged_transient": 200.0,
+    "converged_duration": 40.0,
+    "h": 1e-3,
+    "method": "tsit5",
+    "exponents": 501,
+    "max_points": 96,
+}
+QUICK = {
+    "k3_step": 0.25,
+    "converged_transient": 60.0,
+    "converged_duration": 20.0,
+    "exponents": 11,
+}
+MODELS = ("simplified", "full, sign as printed", "full, consistent sign")
+WORDS = dict(zip(MODELS, ("simplified", "full-printed", "full-consistent"), strict=True))
+CONSTRUCTED = (
+    "Constructed parameters (set A): the paper prints none. 64-bit, {method} with steps of {h:g} s, "
+    "crossings located to rounding. Section: acceleration of m crosses zero from positive to negative."
+)
+
+
+def system_of(model: str, k3: Any):
+    """The model at `k3` [N/m] and its initial state, all zero."""
+    if model == "simplified":
+        return BlockOnBelt.constructed(k3), BlockState(0.0, 0.0, 0.0, 0.0)
+    sign = "printed" if "printed" in model else "consistent"
+    drive = DCDrive.constructed(belt_reaction=sign)
+    start = DrivenBlockState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    return BlockOnDrivenBelt.constructed(k3, drive=drive), start
+
+
+def protocols(parameters: Mapping[str, Any]) -> Iterator[tuple[str, float, float]]:
+    """Name, time dropped and time recorded [s] of each protocol that is asked for."""
+    yield "paper", parameters["transient"], parameters["duration"]
+    if parameters["converged_duration"] > 0:
+        yield "converged", parameters["converged_transient"], parameters["converged_duration"]
+
+
+def diagrams(
+    models: tuple[str, ...], low: float, high: float, parameters: Mapping[str, Any], context: Context
+) -> xr.Dataset:
+    """Diagrams of the models over k3 from `low` to `high`, along the dimensions model and protocol."""
+    count = round((high - low) / parameters["k3_step"]) + 1
+    # Counted in steps, so that the windows fall on the very values of the whole diagram.
+    first = round(low / parameters["k3_step"])
+    k3 = (first + np.arange(count)) * parameters["k3_step"]
+    per_model = []
+    for model in models:
+        parts = [
+            _diagram(model, k3, dropped, kept, name, parameters, context)
+            for name, dropped, kept in protocols(parameters)
+        ]
+        names = [name for name, *_ in protocols(parameters)]
+        joined = xr.concat(parts, xr.Variable("protocol", names), join="outer")
+        if parameters["exponents"] > 0:
+            joined = joined.merge(_exponents(model, k3, parameters, context))
+        per_model.append(joined)
+    result = xr.concat(
+        per_model, xr.Variable("model", list(models)), join="outer", combine_attrs="override"
+    )
+    times = {name: (dropped, kept) for name, dropped, kept in protocols(parameters)}
+    result = result.assign_coords(
+        transient=("protocol", [times[n][0] for n in names], {"units": "s"}),
+        duration=("protocol", [times[n][1] for n in names], {"units": "s"}),
+    )
+    return result.assign_attrs(
+        caption=CONSTRUCTED.format(method=parameters["method"], h=parameters["h"]),
+        method=parameters["method"],
+        h=parameters["h"],
+    )
+
+
+def _integrator(parameters):
+    return ss.Integrator(parameters["method"], ss.FixedStep(parameters["h"]), max_steps=100_000_000)
+
+
+def _options(kind: str, model: str, settings: Mapping[str, Any], context: Context) -> dict[str, Any]:
+    digest = hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()[:8]
+    word = {"simplified": "simplified"}.get(
+        model, "full-" + ("printed" if "printed" in model else "consistent")
+    )
+    return {
+        "store": context.stores / f"block-{kind}-{word}-{digest}",
+        "progress": context.progress,
+        "resume": not context.fresh,
+        "name": f"{kind}, {model}",
+    }
+
+
+def _diagram(model, k3, transient, duration, protocol, parameters, context) -> xr.Dataset:
+    system, start = system_of(model, float(k3[0]))
+    keys = ("h", "method", "max_points")
+    settings = {
+        "k3": [float(k3[0]), float(k3[-1]), k3.size],
+        "times": [transient, duration],
+        **{key: parameters[key] for key in keys},
+    }
+    result = orbit_diagram(
+        system,
+        {"k3": k3},
+        start,
+        section=system.zero_acceleration_section(),
+        observables="x",
+        transient=transient,
+        duration=duration,
+        max_points=parameters["max_points"],
+        integrator=_integrator(parameters),
+        period_tolerance=1e-3,
+        labels={
+            "k3": Variable(units="N/m", long_name="stiffness k3"),
+            "x": Variable(long_name="displacement x of the block"),
+        },
+        **_options(f"diagram-{protocol}", model, settings, context),
+    )
+    return result.drop_vars([name for name in result.data_vars if str(name).startswith("end_")]).load()
+
+
+def _exponents(model, k3, parameters, context) -> xr.Dataset:
+    values = (
+        k3
+        if k3.size <= parameters["exponents"]
+        else np.linspace(k3[0], k3[-1], parameters["exponents"])
+    )
+    dropped = max(parameters["transient"], min(parameters["converged_transient"], 100.0))
+    settings = {
+        "k3": [float(values[0]), float(values[-1]), values.size],
+        "transient": dropped,
+        "h": parameters["h"],
+        "method": parameters["method"],
+    }
+    result = largest_exponents(
+        lambda k3: system_of(model, k3)[0],
+        {"k3": values},
+        system_of(model, 85.0)[1],
+        transient=dropped,
+        segments=100 if parameters["converged_transient"] >= 100 else 30,
+        integrator=_integrator(parameters),
+        **_options("exponent", model, settings, context),
+    )
+    return result.rename(k3="k3_exponent").load()
