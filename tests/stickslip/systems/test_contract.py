@@ -1,0 +1,152 @@
+"""What holds for every reference system: the contract of a system, and its energy account."""
+
+import functools
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import stickslip as ss
+from stickslip.systems import WithIntegrals
+from tests.stickslip.systems._systems import CASES
+
+every_case = pytest.mark.parametrize("name", CASES)
+PRECISE = ss.Integrator(step=ss.AdaptiveStep(1e-12, 1e-12))
+
+
+def powers(system, t, y, mode, args):
+    return system.powers(t, y, mode, args)
+
+
+def ledger(system):
+    return WithIntegrals(system, powers)
+
+
+@functools.cache
+def history(name):
+    """The run of a case with all powers integrated, every step kept."""
+    case = CASES[name]
+    system = ledger(case.system)
+    saveat = ss.SaveAt(steps=True, max_rows=512)
+    y0 = system.start(case.start)
+    return ss.simulate(system, 0.0, case.t1, y0, integrator=PRECISE, saveat=saveat, max_events=64)
+
+
+def kept_steps(name):
+    """(t, state, mode) at all steps of the run, inside modes only."""
+    steps = history(name).steps
+    count = int(steps.count)
+    assert count < 512
+    return jax.tree.map(lambda a: a[:count], (steps.t, steps.y.y, steps.mode))
+
+
+@every_case
+def test_names_and_units(name):
+    case = CASES[name]
+    for system, components in ((case.system, case.start._fields), (ledger(case.system), None)):
+        assert len(set(system.mode_names)) == len(system.mode_names)
+        assert len(set(system.guard_names)) == len(system.guard_names)
+        assert set(components or system.units) == set(system.units)
+        assert all(system.units.values())
+
+
+@every_case
+def test_initial_mode_is_admissible(name):
+    case = CASES[name]
+    y0 = jax.tree.map(jnp.asarray, case.start)
+    mode = int(case.system.initial_mode(0.0, y0, None))
+    assert 0 <= mode < len(case.system.mode_names)
+    guards = case.system.guards(0.0, y0, mode, None)
+    assert len(guards) == len(case.system.guard_names)
+    assert all(np.shape(g) == () and g >= 0 for g in guards)
+
+
+@every_case
+def test_transitions_keep_the_structure_and_lead_to_modes(name):
+    case = CASES[name]
+    y0 = jax.tree.map(jnp.asarray, case.start)
+    shapes = jax.tree.map(lambda a: (a.shape, a.dtype), y0)
+    for guard in range(len(case.system.guard_names)):
+        for mode in range(len(case.system.mode_names)):
+            y, after = case.system.transition(jnp.asarray(0.0), y0, mode, guard, None)
+            assert jax.tree.map(lambda a: (jnp.shape(a), a.dtype), y) == shapes
+            assert 0 <= int(after) < len(case.system.mode_names)
+            slope = case.system.vector_field(jnp.asarray(0.0), y0, mode, None)
+            assert jax.tree.map(lambda a: (jnp.shape(a), a.dtype), slope) == shapes
+
+
+@every_case
+def test_run_is_a_success_with_events(name):
+    solution = history(name)
+    assert bool(solution.successful)
+    assert int(solution.num_events) >= 1
+    assert bool(solution.differentiable)
+
+
+@every_case
+def test_guards_hold_inside_their_modes(name):
+    system = CASES[name].system
+    values = jax.vmap(lambda t, y, mode: system.guards(t, y, mode, None))(*kept_steps(name))
+    assert min(float(jnp.min(v)) for v in values) >= -1e-11
+
+
+@every_case
+def test_no_contact_moves_against_its_friction(name):
+    case = CASES[name]
+    values = jax.vmap(lambda t, y, mode: case.system.powers(t, y, mode, None))(*kept_steps(name))
+    assert set(case.losses) <= set(values)
+    for loss in case.losses:
+        # In slip the speed at an event is zero to rounding, of either sign.
+        assert float(jnp.max(values[loss])) <= 1e-13
+
+
+@every_case
+def test_energy_is_accounted_for(name):
+    """Work in = change of mechanical energy + loss by friction + loss at impacts, to 1e-9."""
+    case, solution = CASES[name], history(name)
+    energy = case.system.energy
+    start = energy(jax.tree.map(jnp.asarray, case.start))
+    count = int(solution.num_events)
+    before, after = (
+        energy(jax.tree.map(lambda a: a[:count], y.y))
+        for y in (solution.events.y_before, solution.events.y_after)
+    )
+    impacts = after - before
+    assert float(jnp.max(impacts)) <= 1e-12
+    works = {k: float(w) for k, w in solution.y1.integrals.items()}
+    change = float(energy(solution.y1.y) - start)
+    turnover = max([abs(change), float(start), *map(abs, works.values())])
+    assert abs(sum(works.values()) + float(jnp.sum(impacts)) - change) <= 1e-9 * turnover
+    assert all(works[loss] <= 0.0 for loss in case.losses)
+
+
+@pytest.mark.parametrize("name", list(CASES)[::2])
+def test_batched_equals_a_loop_and_slopes_are_finite(name):
+    case = CASES[name]
+    # A method of few stages: what is compared is the system, twice.
+    integrator = ss.Integrator("rk4", ss.FixedStep(0.05))
+
+    def end(factor):
+        # The first parameter is a mass in all of them, the second a force, stiffness or gravity.
+        system = eqx.tree_at(
+            lambda s: jax.tree.leaves(s)[:2],
+            case.system,
+            [leaf * factor for leaf in jax.tree.leaves(case.system)[:2]],
+        )
+        solution = ss.simulate(
+            system, 0.0, case.t1, case.start, integrator=integrator, max_events=None, throw=False
+        )
+        return jnp.stack(jax.tree.leaves(solution.y1)), (solution.mode1, solution.num_events)
+
+    factors = jnp.array([0.98, 1.0, 1.03])
+    one = jnp.ones_like(factors)
+    batch = jax.jit(lambda f: jax.jvp(jax.vmap(end), (f,), (one,), has_aux=True))
+    batched, slopes, counts = batch(factors)
+    assert np.all(np.isfinite(slopes))
+    single = jax.jit(end)
+    for i, factor in enumerate(factors):
+        y, count = single(factor)
+        np.testing.assert_allclose(batched[i], y, rtol=1e-12, atol=1e-12)
+        assert [int(c[i]) for c in counts] == [int(c) for c in count]
