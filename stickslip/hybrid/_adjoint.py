@@ -14,7 +14,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ._attempt import EVENT, Lane, Outcome, Plan, attempt, is_event, moved_on
+from ._attempt import attempt
+from ._lane import EVENT, Lane, Outcome, Plan, is_event, moved_on
 from ._loop import running
 from ._record import Logs, Record
 from ._tree import select, shift
@@ -181,10 +182,13 @@ def _pull(plan: Plan, spec: Record, varied, held, row: Tape, bars, logs: Logs):
     before_bar = jax.tree.map(jnp.zeros_like, y_bar)
     slope_bar, after_bar, time_bar = before_bar, before_bar, jnp.zeros_like(t_bar)
     states = [
-        *((log, n, f == 1) for log, n, f in zip(logs.crossings, row.crossing_numbers, row.fired, strict=True)),
+        *(
+            (log, number, f == 1)
+            for log, number, f in zip(logs.crossings, row.crossing_numbers, row.fired, strict=True)
+        ),
         (logs.outputs, row.output_number, row.landed == 1),
         (logs.steps, row.step_number, event | moved),
-    ]  # fmt: skip
+    ]
     for log, number, present in states:
         if log is not None and jax.tree.leaves(log):
             bar = _row_bar(log, number, present)

@@ -13,7 +13,7 @@ import jax
 from jaxtyping import PyTree
 
 from ._adjoint import adjoint
-from ._attempt import Plan, start
+from ._lane import Plan, start
 from ._record import Logs, Record, record
 
 _NO_SECOND = (
@@ -75,7 +75,10 @@ def _raw(inputs, fixed, plan: Plan, spec: Record) -> tuple[Smooth, Counts]:
 
 @eqx.filter_custom_jvp
 def core(inputs, *, fixed, plan: Plan, spec: Record) -> tuple[Smooth, Counts]:
-    """Run one lane. `inputs = (theta, t0, y0)` is differentiated; `fixed = (mode0, t1, outputs)` not."""
+    """Run one lane; derivatives exist by `inputs = (theta, t0, y0)`, not by `fixed`.
+
+    `fixed = (mode0, t1, outputs)`: the end and the output times enter after the run.
+    """
     return _raw(inputs, fixed, plan, spec)
 
 
@@ -122,12 +125,14 @@ def _tangent_jvp(primals, tangents):
 @eqxi.filter_primitive_transpose(materialise_zeros=True)
 def _tangent_transpose(operands, cotangents):
     t_inputs, inputs, fixed, plan, spec = operands
-    is_none = lambda x: x is None  # noqa: E731
-    wanted = jax.tree.map(lambda t: isinstance(t, jax.interpreters.ad.UndefinedPrimal), t_inputs,
-                          is_leaf=lambda t: isinstance(t, jax.interpreters.ad.UndefinedPrimal))  # fmt: skip
+
+    def is_linear(x):
+        return isinstance(x, jax.interpreters.ad.UndefinedPrimal)
+
+    wanted = jax.tree.map(is_linear, t_inputs, is_leaf=is_linear)
     inputs, fixed = eqxi.nondifferentiable((inputs, fixed), msg=f"stickslip: no {_NO_SECOND}")
     bars = adjoint(inputs, fixed, plan, spec, cotangents, _raw_start)
-    bars = jax.tree.map(lambda w, b: b if w else None, wanted, bars, is_leaf=is_none)
+    bars = jax.tree.map(lambda w, b: b if w else None, wanted, bars, is_leaf=lambda x: x is None)
     nones = [jax.tree.map(lambda _: None, x) for x in (inputs, fixed, plan, spec)]
     return (bars, *nones)
 

@@ -8,7 +8,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ._attempt import Lane, Outcome, Plan, attempt
+from ._attempt import attempt
+from ._lane import Lane, Outcome, Plan
 from ._status import RUNNING
 
 

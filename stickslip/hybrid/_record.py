@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ._attempt import REFRESH, Lane, Outcome, Plan, is_event, moved_on
+from ._lane import REFRESH, Lane, Outcome, Plan, is_event, moved_on
 from ._loop import run, run_block, running
 
 BLOCK = 128

@@ -10,10 +10,10 @@ from jaxtyping import PyTree
 
 from .._validation import is_concrete
 from . import _solution as out
-from ._attempt import Plan
 from ._core import core
 from ._events import event_functions
 from ._execute import current_executor
+from ._lane import Plan
 from ._progress import ProgressMeter
 from ._record import Record
 from ._section import Section
@@ -243,7 +243,9 @@ def _assemble(theta, t0, t1, ts, sections, functions, smooth, counts, spec) -> S
     if ts is not None:
         rows = logs.outputs
         y = jax.vmap(shift)(
-            rows.y, rows.dy, jnp.where(jnp.arange(spec.outputs, dtype=jnp.int32) < counts.outputs, ts - rows.t, 0.0)
+            rows.y,
+            rows.dy,
+            jnp.where(jnp.arange(spec.outputs, dtype=jnp.int32) < counts.outputs, ts - rows.t, 0.0),
         )
         outputs = _state_log(counts.outputs, ts, y, rows.dy, rows.mode, spec.outputs)
     crossings = ()
@@ -306,4 +308,3 @@ def _polish(theta, section: Section, row):
     usable = (row.jump == 0) & (sg(rate) != 0)
     dt = jnp.where(usable, -value / jnp.where(usable, sg(rate), 1.0), 0.0)
     return row.t + dt, shift(row.y, sg(dy), dt), shift(dy, sg(ddy), dt)
-

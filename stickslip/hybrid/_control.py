@@ -1,0 +1,124 @@
+"""What comes after an attempt: the next step length, counters, flags and the result code."""
+
+from typing import Any
+
+import jax.numpy as jnp
+
+from ._first import First
+from ._lane import (
+    COLLAPSED,
+    DIP,
+    EVENT,
+    HOLD,
+    PLAIN,
+    REFRESH,
+    REJECT,
+    SECTION,
+    SHRINK,
+    VIOLATED,
+    Lane,
+    Plan,
+    is_event,
+    moved_on,
+)
+from ._status import CODE, COINCIDENT, EVENT_AT_START, GRAZING, RUNNING
+
+MAX_ZERO_LENGTH = 16  # events without time passing before the lane is called chattering
+GRAZING_RATIO = 1e-6  # slope at the event over the change of slope within the step
+
+
+def _target(plan: Plan, next_output, t1, outputs):
+    """Time the lane must land on next, and whether that is the end rather than an output time."""
+    if not plan.has_outputs:
+        return t1, jnp.ones_like(next_output) > 0
+    n = outputs.shape[0]
+    is_last = next_output >= n
+    return jnp.where(is_last, t1, outputs[jnp.minimum(next_output, n - 1)]), is_last
+
+
+def control(plan: Plan, code, lane: Lane, h, h_located, h_dip, error, t, y, dy, t1, outputs):
+    """Next step length, and whether the lane has arrived."""
+    rule: Any = plan.step_size
+    tiny = 4e-16 * jnp.maximum(jnp.abs(t), jnp.abs(t1))
+    moved = moved_on(code)
+    target, is_last = _target(plan, lane.next_output, t1, outputs)
+    landed = (code == PLAIN) | (code == REFRESH)
+    landed = landed & (target - t <= tiny) & ~is_last
+    next_output = lane.next_output + jnp.where(landed, 1, 0)
+    finished = moved & (t1 - t <= tiny)
+    if plan.has_outputs:
+        finished = finished & (next_output >= outputs.shape[0])
+        target, _ = _target(plan, next_output, t1, outputs)
+    h_rejected, exhausted = h, jnp.zeros_like(landed)
+    if rule.adaptive:
+        order = plan.stepper.order()
+        safe = jnp.where(error < 1e10, error, 1e10)
+        grown = h * rule.factor(safe, lane.error, order)
+        grown = jnp.where(landed | (lane.bracket.tries != 0), jnp.maximum(grown, lane.h_free), grown)
+        first = jnp.where(lane.h_free == 0, rule.initial(y, dy), lane.h_free)
+        h_rejected = h * jnp.minimum(rule.factor(safe, 1.0, order), 0.9)
+        h_free = jnp.where(code == PLAIN, grown, first)
+        h_free = jnp.minimum(jnp.where(code == REJECT, h_rejected, h_free), rule.dtmax)
+        exhausted = (code == REJECT) & (h_rejected <= jnp.maximum(rule.dtmin, tiny))
+    else:
+        h_free = rule.initial(y, dy) + jnp.zeros_like(h)
+        exhausted = code == REJECT
+    remaining = target - t
+    h_next = jnp.where(remaining <= h_free * (1.0 + 1e-9), jnp.maximum(remaining, 0.0), h_free)
+    h_next = jnp.where(is_event(code), 0.0, h_next)
+    h_next = jnp.where(code == SHRINK, h_located, h_next)
+    h_next = jnp.where(code == DIP, h_dip, h_next)
+    h_next = jnp.where(code == REJECT, h_rejected, h_next)
+    return h_next, h_free, next_output, landed, finished, exhausted
+
+
+def books(plan: Plan, code, lane: Lane, t, mode, mode_jump, first: First, fired, finished, exhausted):
+    """Counters, flags and the result code."""
+    event = is_event(code)
+    one = jnp.where(event, 1, 0)
+    # A Zeno sequence ends in intervals that are lost in the rounding of the time.
+    short = t - lane.t_event <= 4e-16 * jnp.maximum(jnp.abs(t), 1e-300)
+    zero_events = jnp.where(event, jnp.where(short, lane.zero_events + 1, 0), lane.zero_events)
+    events = lane.events + one
+    attempts = lane.attempts + jnp.where(code == HOLD, 0, 1)
+    crossings = tuple(c + jnp.where(f, 1, 0) for c, f in zip(lane.crossings, fired, strict=True))
+    flags, sequence = lane.flags, lane.sequence
+    if plan.functions.num_guards:
+        bend = jnp.abs(first.rate - first.rate_start) * lane.full
+        grazes = (lane.h > 0) & (jnp.abs(first.rate) * lane.h < GRAZING_RATIO * bend)
+        grazes = (code == COLLAPSED) | ((code == EVENT) & grazes)
+        flags = flags | jnp.where(grazes, GRAZING, 0)
+        flags = flags | jnp.where(event & (first.close > 1), COINCIDENT, 0)
+        flags = flags | jnp.where(code == VIOLATED, EVENT_AT_START, 0)
+        letter = (first.index * 64 + mode_jump + 1).astype(jnp.uint32)
+        sequence = jnp.where(event, sequence * jnp.uint32(1000003) + letter, sequence)
+
+    status = jnp.full_like(code, RUNNING)
+    status = jnp.where(attempts >= plan.max_steps, CODE["max_steps_reached"], status)
+    if plan.max_events is not None:
+        status = jnp.where(events > plan.max_events, CODE["max_events_reached"], status)
+    for count, section in zip(crossings, plan.functions.sections, strict=True):
+        if not section.terminal:
+            full = count > plan.max_crossings
+            status = jnp.where(full, CODE["max_crossings_reached"], status)
+    status = jnp.where(zero_events > MAX_ZERO_LENGTH, CODE["chattering"], status)
+    status = jnp.where(mode < 0, CODE["no_admissible_mode"], status)
+    failure = CODE["dt_min_reached"] if plan.step_size.adaptive else CODE["nonfinite"]
+    status = jnp.where(exhausted, failure, status)
+    status = jnp.where(finished, CODE["successful"], status)
+    for f, section in zip(fired, plan.functions.sections, strict=True):
+        if section.terminal:
+            status = jnp.where(f, CODE["event_occurred"], status)
+    fresh = jnp.where(event, 0, jnp.where(moved_on(code), 1, lane.fresh))
+    return dict(
+        fresh=fresh,
+        t_event=jnp.where(event, t, lane.t_event),
+        zero_events=zero_events,
+        events=events,
+        attempts=attempts,
+        accepted=lane.accepted + jnp.where((code == PLAIN) | (code == SECTION) | event, 1, 0),
+        crossings=crossings,
+        flags=flags,
+        sequence=sequence,
+        status=jnp.where(code == HOLD, lane.status, status).astype(jnp.int32),
+    )

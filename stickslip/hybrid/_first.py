@@ -1,0 +1,175 @@
+"""Which event function comes first, and what that makes of the attempt."""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from . import _locate
+from ._events import FAR, SLACK, EventFunctions, Values
+from ._lane import (
+    COLLAPSED,
+    DIP,
+    EVENT,
+    HOLD,
+    PLAIN,
+    REFRESH,
+    REJECT,
+    SECTION,
+    SHRINK,
+    VIOLATED,
+    Lane,
+    Plan,
+    is_event,
+    moved_on,
+)  # fmt: skip
+from ._status import RUNNING
+from ._tree import shift
+
+COINCIDENCE = 1e-9  # fraction of a full step within which two guards fire "at the same instant"
+
+
+class First(NamedTuple):
+    """The lowest of all event functions that can fire, turned so that its crossing is a fall."""
+
+    index: Any
+    value: Any
+    rate: Any  # 0 where no exact rate is known
+    value_start: Any
+    rate_start: Any
+    exact: Any  # whether the rate is known exactly
+    close: Any  # number of guards within rounding of zero
+    h_dip: Any  # where a function may have gone through zero and back; 0 if none
+
+
+def no_event(lane: Lane) -> First:
+    zero, izero = jnp.zeros_like(lane.h), jnp.zeros_like(lane.mode)
+    return First(izero, zero + FAR, zero, zero + FAR, zero, izero, izero, zero)
+
+
+def lowest(plan: Plan, lane: Lane, values: Values) -> First:
+    functions, sg = plan.functions, jax.lax.stop_gradient
+    best = no_event(lane)
+    full = jnp.where(lane.bracket.tries == 0, lane.h, lane.full)
+    for i in range(functions.count):
+        is_guard, known = i < functions.num_guards, values.rate[i] is not None
+        start_value = lane.values[i]
+        if is_guard and functions.directions[i] == "both":
+            start_value = jnp.where(start_value == 0, sg(values.value[i]), start_value)
+        sign = functions.sign(i, start_value)
+        value, value0 = sign * values.value[i], sign * start_value
+        rate = sg(sign * values.rate[i]) if known else jnp.zeros_like(lane.h)
+        rate0 = sign * lane.rates[i] if known else jnp.zeros_like(lane.h)
+        lower = sg(value) < sg(best.value)
+        if not is_guard:
+            lower = lower & (value0 > 0)
+        h_dip, close = best.h_dip, best.close
+        if known and plan.detect_dips:
+            dips, place = _locate.dip(value0, rate0, sg(value), rate, lane.h)
+            h_dip = jnp.where(dips & ((h_dip == 0) | (place < h_dip)), place, h_dip)
+        if is_guard and functions.num_guards > 1:
+            near = jnp.abs(sg(value)) <= -rate * COINCIDENCE * full
+            close = close + jnp.where(near, 1, 0)
+        best = First(
+            index=jnp.where(lower, i, best.index),
+            value=jnp.where(lower, value, best.value),
+            rate=jnp.where(lower, rate, best.rate),
+            value_start=jnp.where(lower, value0, best.value_start),
+            rate_start=jnp.where(lower, rate0, best.rate_start),
+            exact=jnp.where(lower, int(known), best.exact),
+            close=close,
+            h_dip=h_dip,
+        )
+    return best
+
+
+def decide(plan: Plan, lane: Lane, h, first: First, finite, error):
+    """Code of the attempt; later lines take precedence."""
+    functions = plan.functions
+    free, fresh = lane.bracket.tries == 0, lane.fresh == 1
+    code = jnp.where(fresh, PLAIN, REFRESH)
+    if functions.count:
+        n, b = functions.num_guards, lane.bracket
+        if n == 0:
+            is_guard = jnp.zeros_like(fresh)
+        elif n == functions.count:
+            is_guard = jnp.ones_like(fresh)
+        else:
+            is_guard = first.index < n
+        rate = first.rate
+        if not all(functions.exact_rate):
+            # Secant through the other end of the bracket where the exact rate is unknown.
+            high = (first.value > 0) & ~free
+            other_h = jnp.where(free, 0.0, jnp.where(high, b.high, b.low))
+            low_value = jnp.where(free, first.value_start, b.value_low)
+            other = jnp.where(high, b.value_high, low_value)
+            span = h - other_h
+            secant = (first.value - other) / jnp.where(span == 0, 1.0, span)
+            rate = jnp.where(first.exact == 1, rate, secant)
+        tolerance = jnp.where(is_guard, _locate.TOLERANCE, _locate.TOLERANCE_SECTION)
+        full = jnp.where(free, h, lane.full)
+        # The correction must be small against the step that led here too: a hop may be tiny.
+        reach = jnp.where(h == 0, tolerance * full, jnp.minimum(tolerance * full, 1e-3 * h))
+        near = jnp.abs(first.value) <= -rate * reach
+        hit = first.value < jnp.where(is_guard, -SLACK, 1e-300)
+        collapsed = b.high - b.low <= 4e-16 * jnp.maximum(jnp.abs(lane.t), b.high)
+        shrink = fresh & (hit | ~free)
+        code = jnp.where(fresh & (first.h_dip > 0) & free, DIP, code)
+        code = jnp.where(shrink, SHRINK, code)
+        code = jnp.where(shrink & collapsed & ~free, jnp.where(is_guard, COLLAPSED, SECTION), code)
+        code = jnp.where(shrink & near, jnp.where(is_guard, EVENT, SECTION), code)
+        code = jnp.where(~fresh & hit & is_guard, VIOLATED, code)
+    bad = ~finite
+    if plan.step_size.adaptive:
+        bad = bad | ((error > 1.0) & free & fresh)
+    code = jnp.where(bad, REJECT, code)
+    return jnp.where(lane.status == RUNNING, code, HOLD).astype(jnp.int32)
+
+
+def newton(code, first: First, t, h, y, dy):
+    """Newton correction at the event: `dt = -g/(dg/dt)`.
+
+    Its value removes what is left of the location error; its derivative is that of the event time,
+    and the derivative of the corrected state is the saltation formula's first half.
+    """
+    sg = jax.lax.stop_gradient
+    usable = code == EVENT
+    dt = jnp.where(usable, -first.value / jnp.where(usable, sg(first.rate), 1.0), 0.0)
+    dt = dt + sg(jnp.maximum(-h - dt, 0.0))  # time does not run back, not even by rounding
+    return t + dt, shift(y, sg(dy), dt)
+
+
+def fired_sections(functions: EventFunctions, code, lane: Lane, values: Values):
+    """Which sections this attempt crosses, landing on them or jumping over them at an event."""
+    fired = ()
+    full = jnp.where(lane.bracket.tries == 0, lane.h, lane.full)
+    for i in range(functions.num_guards, functions.count):
+        sign = functions.sign(i, lane.values[i])
+        value, value0 = sign * values.value[i], sign * lane.values[i]
+        rate = values.rate[i]
+        if rate is None:
+            slope = (value - value0) / jnp.where(lane.h > 0, lane.h, 1.0)
+        else:
+            slope = sign * rate
+        near = jnp.abs(value) <= -slope * _locate.TOLERANCE_SECTION * full
+        crossed = (value <= 0) | (near & (code >= SECTION))
+        fired = (*fired, (moved_on(code) | is_event(code)) & (value0 > 0) & crossed)
+    return fired
+
+
+def keep_values(functions: EventFunctions, code, lane: Lane, values: Values, fired):
+    """Event functions at the start of the next attempt."""
+    keep = moved_on(code) | is_event(code)
+    kept = [jnp.where(keep, v, old) for v, old in zip(values.value, lane.values, strict=True)]
+    for i, f in enumerate(fired, start=functions.num_guards):
+        # A section that has just fired must not fire again by rounding. One that fires both ways is
+        # on its other side now, however little.
+        other_side = 0.0
+        if functions.directions[i] == "both":
+            other_side = -1e-300 * jnp.sign(lane.values[i])
+        kept[i] = jnp.where(f, other_side, kept[i])
+    rates = tuple(
+        None if r is None else jnp.where(keep, r, old)
+        for r, old in zip(values.rate, lane.rates, strict=True)
+    )
+    return tuple(kept), rates

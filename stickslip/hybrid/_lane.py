@@ -1,0 +1,130 @@
+"""What one lane carries from attempt to attempt, and what an attempt did."""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import PyTree
+
+from . import _locate
+from ._events import EventFunctions
+from ._execute import Executor
+from ._locate import Bracket
+from ._progress import ProgressMeter
+from ._status import CODE, RUNNING
+from ._step_size import AbstractStepSize
+from ._stepper import AbstractStepper
+
+# What became of an attempt. The decision is one number, computed once; everything else selects on it.
+HOLD = 0  # the lane had ended
+PLAIN = 1  # accepted, no event
+REFRESH = 2  # accepted, of length zero: slope and event functions in the new mode
+SECTION = 3  # accepted, ends on a section
+EVENT = 4  # accepted, ends on a guard
+COLLAPSED = 5  # accepted, ends on a guard that has no slope there
+VIOLATED = 6  # a guard was violated before the first step of the mode
+SHRINK = 7  # an event function changed sign: try shorter
+DIP = 8  # an event function may have gone through zero and back: look there
+REJECT = 9  # error estimate too large
+
+
+class Lane(NamedTuple):
+    """Everything one lane carries from attempt to attempt; scalars but for arrays in the state."""
+
+    t: Any
+    y: PyTree
+    dy: PyTree  # slope at (t, y, mode); stale right after an event, until an attempt of length zero
+    mode: Any
+    fresh: Any  # whether `dy` and `values` belong to the present mode
+    values: tuple  # event functions at (t, y); 0 for a section that has just fired
+    rates: tuple
+    h: Any  # length of the next attempt
+    h_free: Any  # what the step-size rule alone would take
+    error: Any  # last accepted scaled error
+    bracket: Bracket
+    full: Any  # length of the attempt that opened the bracket
+    next_output: Any
+    t_event: Any
+    zero_events: Any
+    status: Any
+    flags: Any
+    sequence: Any  # hash of the events so far: equal hashes mean equal mode sequences
+    attempts: Any
+    accepted: Any
+    events: Any
+    crossings: tuple  # per section
+
+
+class Outcome(NamedTuple):
+    """What one attempt did, for the recorder and for the reverse sweep."""
+
+    code: Any
+    guard: Any
+    landed: Any  # on an output time
+    fired: tuple  # per section
+    y_before: PyTree  # at the event, before the transition; else the end of the attempt
+    dy: PyTree
+
+
+class Plan(eqx.Module):
+    """Static choices of a run, and its numbers that are not differentiated."""
+
+    stepper: AbstractStepper
+    step_size: AbstractStepSize
+    functions: EventFunctions
+    execute: Executor
+    max_events: int | None = eqx.field(static=True)
+    max_crossings: int = eqx.field(static=True)
+    max_steps: int = eqx.field(static=True)
+    has_outputs: bool = eqx.field(static=True)
+    detect_dips: bool = eqx.field(static=True)
+    progress: ProgressMeter | None = None
+
+
+def is_event(code: Any) -> Any:
+    """Whether the attempt ended in a transition."""
+    return (code >= EVENT) & (code <= VIOLATED)
+
+
+def moved_on(code: Any) -> Any:
+    """Whether the attempt was accepted without a transition."""
+    return (code >= PLAIN) & (code <= SECTION)
+
+
+def start(plan: Plan, t0, y0, dy_like, mode0) -> Lane:
+    """Lane at `t0`, before its first attempt, which has length zero and computes the slope."""
+    zero = jnp.zeros_like(t0)
+    izero = jnp.zeros(jnp.shape(t0), jnp.int32)
+    n = plan.functions.count
+    status = jnp.where(mode0 < 0, CODE["no_admissible_mode"], RUNNING).astype(jnp.int32)
+    return Lane(
+        t=t0,
+        y=y0,
+        dy=jax.tree.map(jnp.zeros_like, dy_like),
+        mode=mode0,
+        fresh=izero,
+        values=(zero,) * n,
+        rates=tuple(zero if exact else None for exact in plan.functions.exact_rate),
+        h=zero,
+        h_free=zero,
+        error=zero + 1.0,
+        bracket=_locate.empty(zero),
+        full=zero,
+        next_output=izero,
+        t_event=zero - jnp.inf,
+        zero_events=izero,
+        status=status,
+        flags=izero,
+        sequence=izero.astype(jnp.uint32),
+        attempts=izero,
+        accepted=izero,
+        events=izero,
+        crossings=(izero,) * len(plan.functions.sections),
+    )
+
+
+def without_state(lane: Lane) -> Lane:
+    """The lane's bookkeeping alone, free of derivatives."""
+    bare = lane._replace(y=None, dy=None)
+    return jax.tree.map(jax.lax.stop_gradient, bare)
