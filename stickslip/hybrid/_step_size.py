@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from .._validation import check_nonnegative, check_positive
+from .._validation import check_nonnegative, check_positive, check_that
 
 
 class AbstractStepSize(eqx.Module):
@@ -66,6 +66,7 @@ class AdaptiveStep(AbstractStepSize):
     def __check_init__(self):
         check_positive("rtol", self.rtol)
         check_positive("atol", self.atol)
+        check_that("dtmax", self.dtmax, lambda a: a > 0, "positive (infinity for no bound)")
         check_nonnegative("dtmin", self.dtmin)
         if self.h0 is not None:
             check_positive("h0", self.h0)
