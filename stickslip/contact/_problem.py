@@ -1,0 +1,112 @@
+"""The arguments that all functions of the package share, checked and as arrays."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from stickslip._validation import as_parameter, check_finite, check_nonnegative, is_concrete
+
+
+def _as_vector(name: str, value: Any, size: int, of: str) -> Float[Array, " size"]:
+    array = as_parameter(check_finite(name, value))
+    if array.shape != (size,):
+        raise ValueError(f"{name} has shape {array.shape}: it must be ({size},), one value per {of}.")
+    return array
+
+
+def as_normals(normals: Any, size: int | None = None) -> Float[Array, "m n"]:
+    """Rows `n_c`; at least one, and as long as the velocity if its size is given."""
+    array = as_parameter(check_finite("normals", normals))
+    if array.ndim != 2 or 0 in array.shape or (size is not None and array.shape[1] != size):
+        columns = "n" if size is None else size
+        raise ValueError(
+            f"normals has shape {array.shape}: it must be (m, {columns}), one row per contact, m at "
+            f"least 1; batch with jax.vmap."
+        )
+    return array
+
+
+def as_limits(limits: Any, normals: Float[Array, "m n"]) -> Float[Array, " m"]:
+    """Greatest friction forces `R_c`."""
+    return _as_vector("limits", check_nonnegative("limits", limits), len(normals), "contact")
+
+
+def as_force(force: Any, size: int) -> Float[Array, " n"]:
+    """Generalised force `F`."""
+    return _as_vector("force", force, size, "velocity")
+
+
+def as_active(name: str, active: Any, normals: Float[Array, "m n"]) -> Bool[Array, " m"]:
+    """Mask of contacts; all if not given."""
+    if active is None:
+        return jnp.ones(len(normals), bool)
+    array = jnp.asarray(active)
+    if array.dtype != bool or array.shape != (len(normals),):
+        raise ValueError(
+            f"{name} has shape {array.shape} and type {array.dtype}: it must be booleans of shape "
+            f"({len(normals)},), one per contact."
+        )
+    return array
+
+
+def as_mass_matrix(mass_matrix: Any) -> Float[Array, "n n"]:
+    """Symmetric positive definite matrix; traced ones are made symmetric and not looked at."""
+    array = as_parameter(check_finite("mass_matrix", mass_matrix))
+    if array.ndim != 2 or array.shape[0] != array.shape[1] or array.shape[0] == 0:
+        raise ValueError(
+            f"mass_matrix has shape {array.shape}: it must be (n, n), n at least 1; batch "
+            f"with jax.vmap."
+        )
+    if is_concrete(array):
+        matrix = np.asarray(array)
+        uneven = np.abs(matrix - matrix.T)
+        if uneven.max() > 1e-10 * np.abs(matrix).max():
+            i, j = map(int, np.unravel_index(uneven.argmax(), matrix.shape))
+            raise ValueError(
+                f"mass_matrix[{i}, {j}] = {matrix[i, j]} and mass_matrix[{j}, {i}] = {matrix[j, i]}: "
+                f"it must be symmetric."
+            )
+        smallest = np.linalg.eigvalsh(matrix)[0]
+        if smallest <= 0:
+            raise ValueError(
+                f"mass_matrix has the eigenvalue {smallest}: it must be positive definite."
+            )
+    return (array + array.T) / 2
+
+
+@dataclass(frozen=True)
+class Problem:
+    """`M`, `F`, the normals, the limits and the mask, of fitting shapes."""
+
+    mass_matrix: Float[Array, "n n"]
+    force: Float[Array, " n"]
+    normals: Float[Array, "m n"]
+    limits: Float[Array, " m"]
+    active: Bool[Array, " m"]
+
+    def per_contact(self, name: str, value: Any) -> Float[Array, " m"]:
+        """One more argument with a value per contact."""
+        return _as_vector(name, value, len(self.normals), "contact")
+
+
+def as_problem(
+    mass_matrix: Any,
+    force: Any,
+    normals: Any,
+    limits: Any,
+    active: Any,
+    active_name: str = "active",
+) -> Problem:
+    """Check all of a problem; limits of `None` are zero."""
+    matrix = as_mass_matrix(mass_matrix)
+    rows = as_normals(normals, len(matrix))
+    return Problem(
+        matrix,
+        as_force(force, len(matrix)),
+        rows,
+        jnp.zeros(len(rows)) if limits is None else as_limits(limits, rows),
+        as_active(active_name, active, rows),
+    )

@@ -1,0 +1,122 @@
+"""The dead zone of several contacts as a set of forces: the zonotope spanned by `R_c n_c`."""
+
+import itertools
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+from jaxtyping import Array, Bool, Float
+
+from stickslip.contact._active_set import DEPENDENT, EPSILON, NOISE
+from stickslip.contact._linear_algebra import gram_schmidt, reject, safe_norm
+from stickslip.contact._problem import as_active, as_force, as_limits, as_normals
+
+
+def zonotope_vertices(normals: ArrayLike, limits: ArrayLike) -> Float[Array, "corner 2"]:
+    r"""Corners of the dead zone of contacts in the plane.
+
+    $$Z = \Bigl\{ \sum_c \lambda_c n_c : |\lambda_c| \le R_c \Bigr\},$$
+
+    the forces under which nothing moves, for any mass matrix.
+
+    **Arguments:**
+
+    - `normals`: `n_c`, shape `[m, 2]`.
+    - `limits`: greatest static friction `R_c >= 0`, shape `[m]` (N, N m).
+
+    **Returns:** `2 m` corners, counterclockwise, each edge twice a vector `R_c n_c`; the second
+    half mirrors the first. Parallel normals and zero limits give corners on edges, or repeated
+    ones.
+
+    **Raises:** `ValueError` for wrong shapes, values not finite, negative limits.
+    """
+    rows = as_normals(normals, 2)
+    return _vertices(as_limits(limits, rows)[:, None] * rows)
+
+
+@eqx.filter_jit
+def _vertices(edges: Float[Array, "m 2"]) -> Float[Array, "corner 2"]:
+    # Turned into the half plane 0 <= angle < 180°, in the order of their angles, they bound the set.
+    x, y = edges[:, 0], edges[:, 1]
+    edges = jnp.where(((y < 0) | ((y == 0) & (x < 0)))[:, None], -edges, edges)
+    edges = edges[jnp.argsort(jnp.arctan2(edges[:, 1], edges[:, 0]))]
+    half = -jnp.sum(edges, axis=0)[None] + 2 * (jnp.cumsum(edges, axis=0) - edges)
+    return jnp.concatenate([half, -half])
+
+
+def dead_zone_gauge(
+    force: ArrayLike, normals: ArrayLike, limits: ArrayLike, *, active: ArrayLike | None = None
+) -> Float[Array, ""]:
+    r"""Share of the dead zone a force uses: below one nothing moves, at one something is about to.
+
+    $$\gamma(F) = \min \{ t \ge 0 : F \in t Z \}
+    = \max_d \frac{d \cdot F}{\sum_c R_c |n_c \cdot d|}$$
+
+    over the normals `d` of the facets of the zonotope `Z`. Its reciprocal is the factor by which
+    the load may grow. It does not depend on the mass matrix, is unique where the single friction
+    forces are not, positively homogeneous and piecewise smooth: the guard `1 - gauge` ends a regime
+    of sticking.
+
+    **Arguments:**
+
+    - `force`: `F`, shape `[n]` (N, N m ...).
+    - `normals`: `n_c`, shape `[m, n]`; may be dependent, repeated or zero.
+    - `limits`: greatest static friction `R_c >= 0`, shape `[m]` (N, N m).
+    - `active`: which contacts count, booleans of shape `[m]`; all if not given.
+
+    **Returns:** the gauge, a scalar without unit; infinite where no multiple of the set holds the
+    force.
+
+    **Raises:** `ValueError` for wrong shapes, values not finite, negative limits.
+    """
+    rows = as_normals(normals)
+    load = as_force(force, rows.shape[1])
+    mask = as_active("active", active, rows)
+    return _gauge(load, rows, jnp.where(mask, as_limits(limits, rows), 0.0))
+
+
+@eqx.filter_jit
+def _gauge(
+    load: Float[Array, " n"], rows: Float[Array, "m n"], bounds: Float[Array, " m"]
+) -> Float[Array, ""]:
+    # A facet is spanned by contacts, and the part of F orthogonal to these is its normal. The
+    # maximum over all parts orthogonal to up to n - 1 contacts therefore is the gauge, also of a
+    # flat zonotope.
+    count, size = rows.shape
+    subsets = np.array(
+        [
+            np.isin(np.arange(count), chosen)
+            for order in range(min(size, count + 1))
+            for chosen in itertools.combinations(range(count), order)
+        ]
+    )
+    strength = safe_norm(load, axis=0)
+    rounding = 64 * EPSILON * strength * safe_norm(rows, axis=1)
+
+    def use(subset: Bool[Array, " m"]) -> Float[Array, ""]:
+        basis = gram_schmidt(rows, subset & (bounds > 0), NOISE)
+        normal = reject(basis.q, load)
+        along = rows @ normal
+        resistance = jnp.sum(jnp.where(jnp.abs(along) > rounding, bounds * jnp.abs(along), 0.0))
+        resists = resistance > 0
+        ratio = jnp.sum(normal * normal) / jnp.where(resists, resistance, 1.0)
+        ratio = jnp.where(resists, ratio, jnp.inf)
+        return jnp.where(safe_norm(normal, axis=0) > DEPENDENT * strength, ratio, 0.0)
+
+    return jnp.max(jax.vmap(use)(jnp.asarray(subsets)))
+
+
+def in_dead_zone(
+    force: ArrayLike, normals: ArrayLike, limits: ArrayLike, *, active: ArrayLike | None = None
+) -> Bool[Array, ""]:
+    """Whether nothing moves under this force: `resolve` would give `a = 0`.
+
+    The dead zone is closed: a force on its border, to rounding, belongs to it. Arguments and errors
+    as for `dead_zone_gauge`.
+
+    **Returns:** a boolean.
+    """
+    gauge = dead_zone_gauge(force, normals, limits, active=active)
+    return gauge <= 1 + 64 * EPSILON
