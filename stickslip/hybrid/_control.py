@@ -24,7 +24,8 @@ from ._lane import (
 from ._status import CODE, COINCIDENT, EVENT_AT_START, GRAZING, RUNNING
 
 MAX_ZERO_LENGTH = 16  # events without time passing before the lane is called chattering
-GRAZING_RATIO = 1e-6  # slope at the event over the change of slope within the step
+# A guard that comes back to zero within this part of a step has (nearly) touched it only.
+GRAZING_RATIO = 1e-4
 
 
 def _target(plan: Plan, next_output, t1, outputs):

@@ -22,7 +22,7 @@ from ._status import CODE, to_result
 from ._step_size import AbstractStepSize, AdaptiveStep
 from ._stepper import as_stepper
 from ._system import AbstractHybridSystem, mode_index
-from ._tree import as_float64, shift
+from ._tree import as_float64, select, shift
 
 
 class SaveAt(eqx.Module):
@@ -237,17 +237,20 @@ def _assemble(theta, t0, t1, ts, sections, functions, smooth, counts, spec) -> S
     logs = eqx.combine(smooth.logs, counts.logs)
     finished = counts.status == CODE["successful"]
     t_end, y_end, dy_end = smooth.t, smooth.y, smooth.dy
-    y1 = shift(y_end, dy_end, jnp.where(finished, t1 - t_end, 0.0))
+    system, args = theta
+
+    def landed(t, target, y, dy, mode, valid):
+        y = shift(y, dy, jnp.where(valid, target - t, 0.0))
+        return y, system.vector_field(jnp.where(valid, target, t), y, mode, args)
+
+    y1, dy1 = landed(t_end, t1, y_end, dy_end, counts.mode, finished)
     t_stop = jnp.where(finished, t1, t_end)
     outputs = None
     if ts is not None:
         rows = logs.outputs
-        y = jax.vmap(shift)(
-            rows.y,
-            rows.dy,
-            jnp.where(jnp.arange(spec.outputs, dtype=jnp.int32) < counts.outputs, ts - rows.t, 0.0),
-        )
-        outputs = _state_log(counts.outputs, ts, y, rows.dy, rows.mode, spec.outputs)
+        reached = jnp.arange(spec.outputs, dtype=jnp.int32) < counts.outputs
+        y, dy = jax.vmap(landed)(rows.t, ts, rows.y, rows.dy, rows.mode, reached)
+        outputs = _state_log(counts.outputs, ts, y, dy, rows.mode, spec.outputs)
     crossings = ()
     for i, (section, count, rows) in enumerate(
         zip(sections, counts.crossings, logs.crossings, strict=True)
@@ -262,9 +265,9 @@ def _assemble(theta, t0, t1, ts, sections, functions, smooth, counts, spec) -> S
                 & (t[0] >= t_end - 1e-6 * jnp.abs(t_end))
                 & (count > 0)
             )
-            first = jax.tree.map(lambda a: a[0], (t, y))
-            t_stop = jnp.where(stopped, first[0], t_stop)
-            y1 = jax.tree.map(lambda a, b, c=stopped: jnp.where(c, a, b), first[1], y1)
+            t_first, *end = jax.tree.map(lambda a: a[0], (t, y, dy))
+            t_stop = jnp.where(stopped, t_first, t_stop)
+            y1, dy1 = select(stopped, tuple(end), (y1, dy1))
     steps = None
     if spec.steps is not None:
         rows, count = logs.steps, jnp.minimum(counts.steps, spec.steps)
@@ -277,7 +280,7 @@ def _assemble(theta, t0, t1, ts, sections, functions, smooth, counts, spec) -> S
         t0=t0,
         t1=t_stop,
         y1=y1,
-        dy1=dy_end,
+        dy1=dy1,
         mode1=counts.mode,
         outputs=outputs,
         steps=steps,

@@ -131,6 +131,13 @@ class Circle(ss.AbstractHybridSystem):
         return jnp.where(y.x >= self.level, 0, 1)
 
 
+class Parabola(Circle):
+    """x'' = 1: the steps are exact, whatever their length."""
+
+    def vector_field(self, t, y, mode, args):
+        return State(y.v, 1.0 + 0.0 * y.x)
+
+
 def fixed(h, method="dop853", **kwargs):
     """Integrator with fixed steps."""
     return ss.Integrator(method=method, step=ss.FixedStep(h), max_steps=2000, **kwargs)

@@ -9,6 +9,7 @@ import stickslip as ss
 from tests.stickslip.hybrid._systems import (
     Circle,
     Flight,
+    Parabola,
     Pendulum,
     State,
     StickSlip,
@@ -20,7 +21,14 @@ from tests.stickslip.hybrid._systems import (
 def end_of_stick_slip(parameters, t=30.0, h=0.25, **kwargs):
     v, fs, fk = parameters
     return ss.simulate(
-        StickSlip(v, fs, fk), 0.0, t, State(0.0 * v, v), 0, integrator=fixed(h), max_events=None, **kwargs
+        StickSlip(v, fs, fk),
+        0.0,
+        t,
+        State(0.0 * v, v),
+        0,
+        integrator=fixed(h),
+        max_events=None,
+        **kwargs,
     )
 
 
@@ -123,7 +131,7 @@ def test_saltation_matrix_against_its_closed_form():
     """Slip to stick: v is set to v_b, x is kept: rank one. Stick to slip: the field jumps."""
     system, v = StickSlip(0.2), 0.2
     release = ss.saltation_matrix(system, 5.0, State(1.0, v), 0, 0)
-    np.testing.assert_allclose(release, [[1.0, 0.0], [0.5 / v, 0.0]], atol=1e-14)
+    np.testing.assert_allclose(release, [[1.0, 0.0], [-0.5 / v, 0.0]], atol=1e-14)
     sticks = ss.saltation_matrix(system, 8.9, State(0.0, v), 1, 1)
     np.testing.assert_allclose(sticks, [[1.0, 0.0], [0.0, 0.0]], atol=1e-14)
 
@@ -133,7 +141,9 @@ def test_monodromy_of_the_stick_slip_cycle():
     v, a = 0.2, 0.5
     stick, slip = 1.0 / v, 2 * np.pi - 2 * np.arctan(a / v)
     period, angle = stick + slip, 1.0
-    z0 = jnp.array([0.5 + a * np.cos(angle) + v * np.sin(angle), -a * np.sin(angle) + v * np.cos(angle)])
+    z0 = jnp.array(
+        [0.5 + a * np.cos(angle) + v * np.sin(angle), -a * np.sin(angle) + v * np.cos(angle)]
+    )
 
     def after_period(z):
         run = ss.simulate(StickSlip(v), 0.0, period, State(z[0], z[1]), 1, integrator=fixed(0.2))
@@ -146,13 +156,11 @@ def test_monodromy_of_the_stick_slip_cycle():
     assert abs(np.linalg.det(monodromy)) < 1e-12
     # Closed form: rotation to the return, projection, stick, release, rotation back to the start.
     rotation = lambda t: np.array([[np.cos(t), np.sin(t)], [-np.sin(t), np.cos(t)]])  # noqa: E731
-    release = np.array([[1.0, 0.0], [a / v, 0.0]])
+    release = np.array([[1.0, 0.0], [-a / v, 0.0]])
     closed = rotation(angle) @ release @ np.diag([1.0, 0.0]) @ rotation(slip - angle)
     np.testing.assert_allclose(monodromy, closed, atol=1e-9)
     e = 1e-6
-    columns = [
-        (after_period(z0 + e * d) - after_period(z0 - e * d)) / (2 * e) for d in np.eye(2)
-    ]
+    columns = [(after_period(z0 + e * d) - after_period(z0 - e * d)) / (2 * e) for d in np.eye(2)]
     np.testing.assert_allclose(monodromy, np.stack(columns, 1), atol=1e-7)
     np.testing.assert_allclose(jax.jacrev(after_period)(z0), monodromy, atol=1e-12)
 
@@ -200,9 +208,13 @@ def test_second_derivatives_are_refused():
         jax.jacfwd(jax.grad(x))(0.2)
 
 
-@pytest.mark.parametrize(("level", "flag"), [(-1.0 + 1e-14, 1), (-0.9, 0)])
-def test_grazing_is_flagged(level, flag):
-    run = ss.simulate(Circle(level), 0.0, 5.0, State(1.0, 0.0), integrator=fixed(0.4))
+@pytest.mark.parametrize(("depth", "flag"), [(1e-10, 1), (1e-3, 0)])
+def test_grazing_is_flagged(depth, flag):
+    """A parabola that touches the level with next to no slope: no derivative of its event times."""
+    run = ss.simulate(
+        Parabola(0.0), 0.0, 4.0, State(1.0 - depth, -(2.0**0.5)), integrator=fixed(1.1, "rk4")
+    )
+    assert run.num_events == 2
     assert (run.flags & 1) == flag
     assert bool(run.differentiable) == (flag == 0)
 
@@ -213,7 +225,9 @@ def test_coincident_guards_are_flagged():
 
         def guards(self, t, y, mode, args):
             above = mode == 0
-            return jnp.where(above, y.x - self.level, 1.0), jnp.where(above, 2 * (y.x - self.level), 1.0)
+            return jnp.where(above, y.x - self.level, 1.0), jnp.where(
+                above, 2 * (y.x - self.level), 1.0
+            )
 
         def transition(self, t, y, mode, guard, args):
             return y, 1
@@ -224,6 +238,6 @@ def test_coincident_guards_are_flagged():
 
 
 def test_changed_mode_sequence_is_seen_by_the_hash():
-    ends = [end_of_stick_slip((v, 1.0, 0.5), 14.0) for v in (0.2, 0.2001, 0.3)]
+    ends = [end_of_stick_slip((v, 1.0, 0.5), 16.0) for v in (0.2, 0.2001, 0.3)]
     assert ss.same_mode_sequence(ends[0], ends[1])
     assert not ss.same_mode_sequence(ends[0], ends[2])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from tests.stickslip.hybrid._systems import Circle, Flight, State, StickSlip, fixed
+from tests.stickslip.hybrid._systems import Circle, Flight, Parabola, State, StickSlip, fixed
 
 
 def test_guard_violated_at_the_start_fires_at_the_start():
@@ -43,13 +43,6 @@ def test_short_rise_from_zero_within_one_step():
     )
     assert run.num_events == 1
     assert abs(run.events.t[0] - 0.02) < 1e-15
-
-
-class Parabola(Circle):
-    """x'' = 1: the steps are exact, whatever their length."""
-
-    def vector_field(self, t, y, mode, args):
-        return State(y.v, 1.0 + 0.0 * y.x)
 
 
 @pytest.mark.parametrize("depth", [0.1, 1e-3, 1e-6, 1e-10])
@@ -220,7 +213,14 @@ def test_lanes_fail_each_in_their_own_way():
 def test_good_lanes_are_not_disturbed_by_bad_ones():
     def lane(v):
         return ss.simulate(
-            StickSlip(v), 0.0, 20.0, State(0.0 * v, v), 0, integrator=fixed(0.3), throw=False, max_events=16
+            StickSlip(v),
+            0.0,
+            20.0,
+            State(0.0 * v, v),
+            0,
+            integrator=fixed(0.3),
+            throw=False,
+            max_events=16,
         )
 
     alone = jax.vmap(lane)(jnp.array([0.2, 0.3]))

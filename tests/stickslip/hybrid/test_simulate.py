@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-
 from tests.stickslip.hybrid._systems import Circle, Pendulum, State, StickSlip, fixed, stick_slip_motion
 
 START = State(0.0, 0.2)
@@ -123,7 +122,13 @@ def test_order_between_and_across_events(method, order):
 
     def end(h):
         return ss.simulate(
-            StickSlip(0.31), 0.0, 21.0, State(0.0, 0.31), 0, integrator=fixed(h, method), max_events=None
+            StickSlip(0.31),
+            0.0,
+            21.0,
+            State(0.0, 0.31),
+            0,
+            integrator=fixed(h, method),
+            max_events=None,
         ).y1.x
 
     errors = [abs(float(end(h)) - x) for h in hs]
@@ -156,9 +161,7 @@ def test_zero_length_run_and_output_at_start():
 def test_terminal_section_ends_the_run_on_the_section():
     section = ss.Section(lambda t, y, dy, mode, args: y.x - 0.25, "falling", terminal=True)
     exact = ss.Integrator(step=ss.AdaptiveStep(1e-14, 1e-14))
-    run = ss.simulate(
-        Circle(level=-2.0), 0.0, 9.0, State(1.0, 0.0), sections=section, integrator=exact
-    )
+    run = ss.simulate(Circle(level=-2.0), 0.0, 9.0, State(1.0, 0.0), sections=section, integrator=exact)
     assert run.result == ss.RESULTS.event_occurred
     assert abs(run.t1 - np.arccos(0.25)) < 1e-13
     assert abs(run.y1.x - 0.25) < 1e-15

@@ -1,0 +1,1 @@
+"""Speed against peers, always with the error beside it; `python -m experiments.benchmarks`."""

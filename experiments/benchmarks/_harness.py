@@ -1,0 +1,76 @@
+"""Timing side by side: candidates take turns, and what counts is the ratio within a round."""
+
+import dataclasses
+import importlib.util
+import os
+import platform
+import statistics
+import time
+from collections.abc import Callable
+
+import jax
+
+
+@dataclasses.dataclass
+class Candidate:
+    """One way to do the job. `share` is the part of the job that one call does."""
+
+    name: str
+    call: Callable[[], object]
+    error: float | None = None
+    share: float = 1.0
+    rounds: int | None = None  # slow ones may sit out after this many
+
+
+def absent(module: str) -> bool:
+    """Whether an optional peer is not installed."""
+    return importlib.util.find_spec(module) is None
+
+
+def interleave(candidates: list[Candidate], rounds: int = 7) -> list[dict]:
+    """Run the candidates in turn. The first is the reference of all ratios.
+
+    Returns one row per candidate: best and median seconds for the whole job, and the median over the
+    rounds of its time divided by the reference's in the same round.
+    """
+    for candidate in candidates:
+        candidate.call()
+    times: dict[str, list[float]] = {c.name: [] for c in candidates}
+    for number in range(rounds):
+        for c in candidates:
+            if c.rounds is not None and number >= c.rounds:
+                continue
+            start = time.perf_counter()
+            c.call()
+            times[c.name].append((time.perf_counter() - start) / c.share)
+    reference = times[candidates[0].name]
+    return [
+        dict(
+            name=c.name,
+            best=min(times[c.name]),
+            median=statistics.median(times[c.name]),
+            ratio=statistics.median(a / b for a, b in zip(times[c.name], reference, strict=False)),
+            error=c.error,
+        )
+        for c in candidates
+    ]
+
+
+def table(title: str, rows: list[dict], missing: list[str]) -> str:
+    """Text table of `interleave`'s rows, with the peers that were not there."""
+    lines = [title, f"  {'':46s} {'best s':>9s} {'median s':>9s} {'ratio':>8s} {'error':>9s}"]
+    for row in rows:
+        error = "" if row["error"] is None else f"{row['error']:.1e}"
+        lines.append(
+            f"  {row['name']:46s} {row['best']:9.4f} {row['median']:9.4f} {row['ratio']:8.2f} {error:>9s}"
+        )
+    lines += [f"  {name}: absent, not measured" for name in missing]
+    return "\n".join(lines)
+
+
+def machine() -> str:
+    """One line about where the numbers come from."""
+    return (
+        f"{platform.machine()}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}, Python "
+        f"{platform.python_version()}, JAX {jax.__version__} on {jax.default_backend()}"
+    )

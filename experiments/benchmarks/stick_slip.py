@@ -1,0 +1,193 @@
+"""25,000 stick-slip motions with exact events: the engine against peers, errors beside the times.
+
+Block on belt, m = k = 1, F_s = 1, F_k = 0.5, belt speed 0.2 to 0.4, start stuck at x = 0, T = 50;
+the closed form is the truth.
+"""
+
+import concurrent.futures
+import functools
+import os
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import stickslip as ss
+from stickslip.systems import CoulombOscillator, Motion
+
+from ._harness import Candidate, absent, interleave, table
+
+END = 50.0
+LANES = 25_088  # 25,000, filled up to whole chunks on two cores
+
+
+def closed_form(v: float, end: float = END, fs: float = 1.0, fk: float = 0.5) -> float:
+    """x(end), phase by phase."""
+    t, x, a = 0.0, 0.0, fs - fk
+    slip = 2 * np.pi - 2 * np.arctan(a / v)
+    while True:
+        stick = (fs - x) / v
+        if t + stick >= end:
+            return x + v * (end - t)
+        t += stick
+        if t + slip >= end:
+            return fk + a * np.cos(end - t) + v * np.sin(end - t)
+        t += slip
+        x = fk + a * np.cos(slip) + v * np.sin(slip)
+
+
+def engine(step: ss.FixedStep | ss.AdaptiveStep, executor: str):
+    """x(T) of one lane through the public interface, mapped over lanes."""
+
+    def lane(v):
+        system = CoulombOscillator(1.0, 1.0, 1.0, 0.5, v)
+        run = ss.simulate(
+            system, 0.0, END, Motion(0.0 * v, v), "stick", max_events=None, throw=False,
+            integrator=ss.Integrator(step=step, max_steps=2048),
+        )  # fmt: skip
+        return run.y1.x
+
+    return ss.map_lanes(lane, executor=executor)
+
+
+def diffrax_loop(speeds):
+    """The pattern diffrax's maintainers advise: an outer loop of solves that end at an event."""
+    import diffrax as dfx
+    import optimistix as optx
+
+    finder = optx.Newton(1e-10, 1e-10)
+
+    def guard(t, y, args, **_):
+        mode, v = args
+        return jnp.where(mode == 0, 1.0 - y[0], v - y[1])
+
+    def field(t, y, args):
+        mode, _ = args
+        return jnp.stack([y[1], jnp.where(mode == 0, 0.0, 0.5 - y[0])])
+
+    def lane(v):
+        def body(state):
+            t, y, mode, count = state
+            solution = dfx.diffeqsolve(
+                dfx.ODETerm(field), dfx.Dopri8(), t, END, 0.1, y, args=(mode, v),
+                stepsize_controller=dfx.PIDController(rtol=1e-8, atol=1e-8),
+                event=dfx.Event(guard, finder, direction=False), max_steps=4096, throw=False,
+                adjoint=dfx.ForwardMode(),
+            )  # fmt: skip
+            y = solution.ys[0]
+            return solution.ts[0], jnp.stack([y[0], jnp.where(mode == 1, v, y[1])]), 1 - mode, count + 1
+
+        state = (jnp.zeros(()), jnp.stack([0.0 * v, v]), jnp.zeros((), jnp.int32), 0)
+        return jax.lax.while_loop(lambda s: (s[0] < END) & (s[3] < 100), body, state)[1][0]
+
+    program = jax.jit(jax.vmap(lane))
+    return lambda: jax.block_until_ready(program(speeds))
+
+
+def heyoka_equations(hy):
+    """Right-hand side and event of the Taylor integrator; par: mode (0 stick, 1 slip), belt speed."""
+    x, u = hy.make_vars("x", "u")
+    mode, v = hy.par[0], hy.par[1]
+    equations = [(x, u), (u, mode * (0.5 - x))]
+    event = (1.0 - mode) * (1.0 - x) + mode * (v - u)
+    return equations, event
+
+
+def heyoka_serial(speeds):
+    """One trajectory after the other in one thread, terminal event with a callback."""
+    import heyoka as hy
+
+    equations, event = heyoka_equations(hy)
+
+    def turn(ta, sign):
+        if ta.pars[0] == 1.0:
+            ta.state[1] = ta.pars[1]
+        ta.pars[0] = 1.0 - ta.pars[0]
+        return True
+
+    ev = hy.t_event(event, callback=turn, direction=hy.event_direction.negative)
+    ta = hy.taylor_adaptive(equations, [0.0, 0.2], pars=[0.0, 0.2], t_events=[ev])
+
+    def run():
+        out = np.empty(len(speeds))
+        for i, v in enumerate(speeds):
+            ta.time = 0.0
+            ta.state[:] = (0.0, v)
+            ta.pars[:] = (0.0, v)
+            ta.propagate_until(END)
+            out[i] = ta.state[0]
+        return out
+
+    return run
+
+
+def heyoka_batch(speeds, threads=2):
+    """Batch mode at the SIMD width, one integrator per thread: heyoka at its best."""
+    import heyoka as hy
+
+    equations, event = heyoka_equations(hy)
+    width = hy.recommended_simd_size()
+
+    def turn(ta, sign, lane):
+        if ta.pars[0, lane] == 1.0:
+            ta.state[1, lane] = ta.pars[1, lane]
+        ta.pars[0, lane] = 1.0 - ta.pars[0, lane]
+        return True
+
+    def make():
+        ev = hy.t_event_batch(event, callback=turn, direction=hy.event_direction.negative)
+        return hy.taylor_adaptive_batch(
+            equations, np.zeros((2, width)), pars=np.zeros((2, width)), t_events=[ev]
+        )
+
+    workers = [make() for _ in range(threads)]
+    groups = np.array_split(speeds[: len(speeds) // width * width].reshape(-1, width), threads)
+
+    def work(ta, group):
+        out = np.empty(group.shape)
+        for i, v in enumerate(group):
+            ta.set_time(0.0)
+            ta.state[0], ta.state[1] = 0.0, v
+            ta.pars[0], ta.pars[1] = 0.0, v
+            while np.any(ta.time < END):
+                ta.propagate_until(END)
+            out[i] = ta.state[0]
+        return out
+
+    def run():
+        with concurrent.futures.ThreadPoolExecutor(threads) as pool:
+            return np.concatenate(list(pool.map(work, workers, groups))).ravel()
+
+    return run
+
+
+def main(quick: bool = False) -> str:
+    """The table: engine in its variants, heyoka, diffrax."""
+    speeds = np.linspace(0.2, 0.4, LANES)
+    truth = np.array([closed_form(v) for v in speeds])
+    few = speeds[:: LANES // 1024][:1024]
+    candidates, missing = [], []
+
+    def add(name, call, lanes=speeds, rounds=None):
+        reference = truth if len(lanes) == LANES else np.array([closed_form(v) for v in lanes])
+        out = np.asarray(call())
+        error = float(np.max(np.abs(out - reference[: len(out)])))
+        candidates.append(Candidate(name, call, error, len(out) / LANES, rounds))
+
+    def mapped(step, executor):
+        program = engine(step, executor)
+        return functools.partial(lambda p: jax.block_until_ready(p(speeds)), program)
+
+    add("engine, fused, fixed steps 0.35", mapped(ss.FixedStep(0.35), "fused"))
+    add("engine, fused, adaptive 1e-10", mapped(ss.AdaptiveStep(1e-10, 1e-10), "fused"))
+    add("engine, portable, fixed steps 0.35", mapped(ss.FixedStep(0.35), "portable"))
+    if absent("heyoka"):
+        missing.append("heyoka")
+    else:
+        part = speeds[::8] if quick else speeds
+        add("heyoka, one after the other, one thread", heyoka_serial(part), part, 3)
+        threads = os.cpu_count() or 1
+        add(f"heyoka, batches, {threads} threads", heyoka_batch(part, threads), part, 3)
+    add("diffrax, outer loop (1,024 lanes, scaled)", diffrax_loop(jnp.asarray(few)), few, 3)
+    rows = interleave(candidates, 3 if quick else 9)
+    return table(f"{LANES} stick-slip motions to T = {END:g} (whole job)", rows, missing)
