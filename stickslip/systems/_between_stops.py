@@ -28,7 +28,7 @@ class OscillatorBetweenStops(AbstractMechanicalSystem):
     - Guards: the distances to the stops [m], and in a mode of rest the force on the stop [N].
     - An impact that would leave no more than `rest_speed` under a force towards the stop ends in
       rest. With `rest_speed=0` and $0 < e < 1$ such impacts accumulate (Zeno), and the simulation
-      ends with `RESULTS.chattering`.
+      ends with `RESULTS.chattering`, or with `RESULTS.max_events_reached` when the log is full.
     - Closed form: damped and driven harmonic motion between impacts.
 
     **Arguments:**

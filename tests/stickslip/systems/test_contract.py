@@ -102,6 +102,18 @@ def test_no_contact_moves_against_its_friction(name):
         assert float(jnp.max(values[loss])) <= 1e-13
 
 
+@pytest.mark.parametrize("name", [name for name in CASES if hasattr(CASES[name].system, "belt_speed")])
+def test_stick_has_exactly_the_speed_of_the_belt(name):
+    case = CASES[name]
+    _, y, mode = kept_steps(name)
+    pair = "two" in name
+    contacts = ((y.v_1, mode // 3), (y.v_2, mode % 3)) if pair else ((y.v, mode),)
+    for v, contact in contacts:
+        # The row of the event that ends a slip still has the mode of the slip.
+        assert jnp.any(contact == 1)
+        assert jnp.all(jnp.where(contact == 1, v - case.system.belt_speed, 0.0) == 0.0)
+
+
 @every_case
 def test_energy_is_accounted_for(name):
     """Work in = change of mechanical energy + loss by friction + loss at impacts, to 1e-9."""

@@ -98,3 +98,23 @@ def test_derivatives_at_the_first_belt():
     v, slopes = slopes_of_all_belts(jax.jacfwd)
     assert v[0] == 0.2
     np.testing.assert_allclose(slopes[0], [16.2232182593, -5.1724137931, 5.1724137931], rtol=1e-10)
+
+
+def test_weaker_static_than_kinetic_friction():
+    """Faster than the belt at first, then held up to the kinetic force (Filippov's sliding mode)."""
+    v_b, static, kinetic, x, v = 0.2, 0.5, 1.0, 0.6, 0.4
+    system = CoulombOscillator(1.0, 1.0, static, kinetic, v_b)
+    solution = ss.simulate(system, 0.0, 3.0, Motion(x, v), integrator=STEPS)
+    # Harmonic about -F_k/k while faster than the belt.
+    u, size = x + kinetic, np.hypot(x + kinetic, v)
+    catch = np.arccos(v_b / size) - np.arctan2(u, v)
+    held = u * np.cos(catch) + v * np.sin(catch) - kinetic
+    assert static < held < kinetic
+    leave = catch + (kinetic - held) / v_b
+    np.testing.assert_allclose(solution.events.t[:2], [catch, leave], atol=1e-12)
+    assert [system.mode_names[m] for m in solution.events.mode_after[:2]] == [
+        "stick",
+        "slip backward",
+    ]
+    end = kinetic + v_b * np.sin(3.0 - leave)
+    np.testing.assert_allclose(solution.y1.x, end, atol=1e-12)
