@@ -26,6 +26,7 @@ from ._lane import (
 from ._status import RUNNING
 from ._tree import shift
 
+REACH = 1e-3  # part of the step to an event that the Newton correction may be
 COINCIDENCE = 1e-9  # fraction of a full step within which two guards fire "at the same instant"
 
 
@@ -109,7 +110,7 @@ def decide(plan: Plan, lane: Lane, h, first: First, finite, error):
         tolerance = jnp.where(is_guard, _locate.TOLERANCE, _locate.TOLERANCE_SECTION)
         full = jnp.where(free, h, lane.full)
         # The correction must be small against the step that led here too: a hop may be tiny.
-        reach = jnp.where(h == 0, tolerance * full, jnp.minimum(tolerance * full, 1e-3 * h))
+        reach = jnp.where(h == 0, tolerance * full, jnp.minimum(tolerance * full, REACH * h))
         near = jnp.abs(first.value) <= -rate * reach
         hit = first.value < jnp.where(is_guard, -SLACK, 1e-300)
         collapsed = b.high - b.low <= 4e-16 * jnp.maximum(jnp.abs(lane.t), b.high)
