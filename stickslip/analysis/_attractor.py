@@ -24,11 +24,11 @@ def period_of(
     those of the attractor, and more time should be dropped.
     """
     size = points.shape[0]
-    index = jnp.arange(size)
+    index = jnp.arange(size, dtype=count.dtype)
     valid = (index < count)[:, None]
     scale = jnp.max(jnp.where(valid, jnp.abs(points), 0.0), axis=0)
     scale = jnp.where(scale > 0, scale, 1.0)
-    scaled = jnp.where(valid, points, 0.0) / scale
+    scaled = jnp.where(valid, points, 0.0) / scale[None, :]
     quarter = jnp.maximum(count // 4, 3)
     period, slow = jnp.zeros_like(count), jnp.zeros((), bool)
     for p in range(min(max_period, size // 2), 0, -1):

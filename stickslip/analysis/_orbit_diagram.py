@@ -150,7 +150,6 @@ def orbit_diagram(
         period_tolerance=float(period_tolerance),
         max_period=max_period,
     )
-    _try(plan, integrator, y0, coords)
     settings = {
         "system": system if isinstance(system, AbstractHybridSystem) else first,
         "section": {"name": plan.section.name, "direction": plan.section.direction},
@@ -251,16 +250,6 @@ def _real(name, value, low, *, open_low):
 def _integer(name, value, low):
     if not isinstance(value, int) or isinstance(value, bool) or value < low:
         raise ValueError(f"{name} = {value!r}: it must be an integer of at least {low}.")
-
-
-def _try(plan: Plan, integrator, y0, coords):
-    """Trace one lane: what fails there is an argument, and shall fail before anything is compiled."""
-
-    def lane(start, point):
-        return run_lane(plan, integrator, start, point)
-
-    scalar = jax.ShapeDtypeStruct((), jnp.float64)
-    jax.eval_shape(lane, jax.tree.map(lambda _: scalar, y0), {key: scalar for key in coords})
 
 
 def _labels(plan: Plan, found, coords, labels, first) -> dict[str, Variable]:

@@ -67,8 +67,9 @@ def run_lane(plan: Plan, integrator: Integrator, y0: PyTree, point: dict[str, An
     options: dict[str, Any] = {"integrator": integrator, "max_events": None, "throw": False}
     if plan.transient > 0:
         settled = simulate(
-            system, start, jnp.where(inside, begin, start), y0, mode, args, sections=borders, **options
-        )
+            system, start, jnp.where(inside, begin, start), y0, mode, args,
+            sections=borders or _NEVER, **options,
+        )  # fmt: skip
         y, mode, early = settled.y1, settled.mode1, _engine_status(settled.result)
     else:
         y, early = y0, jnp.zeros((), jnp.int32)
@@ -79,7 +80,7 @@ def run_lane(plan: Plan, integrator: Integrator, y0: PyTree, point: dict[str, An
         sections=(plan.section, *borders), max_crossings=plan.size, **options,
     )  # fmt: skip
     rows = recorded.crossings[0]
-    valid = jnp.arange(plan.size) < rows.count
+    valid = jnp.arange(plan.size, dtype=rows.count.dtype) < rows.count
 
     def values(f):
         seen = jax.vmap(lambda t, y, dy, m: f(inner, t, y, dy, m, plan.args))(
@@ -107,6 +108,11 @@ def run_lane(plan: Plan, integrator: Integrator, y0: PyTree, point: dict[str, An
     # A lane that failed has nothing to hand on.
     end = jax.tree.map(lambda a, b: jnp.where(usable & jnp.isfinite(a), a, b), recorded.y1, y0)
     return end, results
+
+
+# The fused executor aborts in jaxlib 0.10 on a run that records nothing, followed by one that does, in
+# one program; with a section both are compiled the same way.
+_NEVER = (Section(lambda t, y, dy, mode, args: 1.0 + 0.0 * t, "falling", terminal=True),)
 
 
 def _engine_status(result: RESULTS) -> Any:  # pyright: ignore[reportInvalidTypeForm]

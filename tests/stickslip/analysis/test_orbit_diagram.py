@@ -1,0 +1,220 @@
+"""Orbit diagrams of systems whose attractors are known."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import stickslip as ss
+from stickslip.analysis import Maximum, Minimum, orbit_diagram
+from stickslip.systems import CoulombOscillator, Motion
+from tests.stickslip.analysis._forced import (
+    BlowUp,
+    HopfOscillator,
+    Hysteresis,
+    Level,
+    Quadratic,
+    Rotor,
+)
+
+STEP = ss.Integrator("rk4", ss.FixedStep(0.05))
+MU = np.array([0.25, 0.49, 1.0, 1.44])
+
+
+def up(t, y, dy, mode, args):
+    return y.v
+
+
+def clock(t, y, dy, mode, args):
+    return y.s
+
+
+HOPF = {
+    "system": HopfOscillator(mu=1.0),
+    "grid": {"mu": MU},
+    "y0": Rotor(0.5, 0.1),
+    "section": ss.Section(up, "rising"),
+    "observables": "u",
+    "transient": 40.0,
+    "duration": 50.0,
+    "max_points": 16,
+    "integrator": STEP,
+    "check": 0,
+    "executor": "portable",
+}
+
+
+def meanings(dataset):
+    words = dataset.status.attrs["flag_meanings"].split()
+    return [words[int(s)] for s in np.ravel(dataset.status)]
+
+
+def test_radius_period_and_labels():
+    result = orbit_diagram(**{**HOPF, "check": 4})
+    np.testing.assert_allclose(result.u[:, :7], np.sqrt(MU)[:, None] * np.ones(7), rtol=1e-4)
+    assert result.u.dims == ("mu", "point")
+    assert result.u.attrs["units"] == "m"
+    assert set(meanings(result)) == {"ok"}
+    assert (result.period == 1).all()
+    assert not result.slow_transient.any()
+    assert (result["count"] == np.isfinite(result.u).sum("point")).all()
+    # A step of half the length of a method of order 4: the estimate is near the error itself.
+    error = np.abs(result.u - np.sqrt(result.mu)).max("point")
+    np.testing.assert_allclose(result.error_u, error, rtol=0.3, atol=1e-12)
+    np.testing.assert_array_equal(result.checked_mu, MU)
+
+
+def test_maxima_are_a_section():
+    high = orbit_diagram(**{**HOPF, "section": Maximum("u")})
+    low = orbit_diagram(**{**HOPF, "section": Minimum("u")})
+    np.testing.assert_allclose(high.u[:, 0], np.sqrt(MU), rtol=1e-4)
+    np.testing.assert_allclose(low.u[:, 0], -np.sqrt(MU), rtol=1e-4)
+
+
+def test_slow_transient_is_flagged():
+    result = orbit_diagram(**{**HOPF, "transient": 0.0, "duration": 100.0, "max_points": 32})
+    assert bool(result.slow_transient[0])
+    assert (result.period == 1).all()
+
+
+def test_status_of_lanes_that_leave_overflow_or_never_cross():
+    left = orbit_diagram(**{**HOPF, "domain": "gap"})
+    assert meanings(left) == ["ok", "ok", "ok", "left_domain"]
+    full = orbit_diagram(**{**HOPF, "max_points": 3})
+    assert set(meanings(full)) == {"buffer_full"}
+    enough = orbit_diagram(**{**HOPF, "points": 3})
+    assert set(meanings(enough)) == {"ok"}
+    assert enough.sizes["point"] == 3
+    outside = orbit_diagram(**{**HOPF, "y0": Rotor(-1.2, 0.0), "domain": ("gap",)})
+    assert set(meanings(outside)) == {"left_domain"}
+    never = orbit_diagram(**{**HOPF, "section": ss.Section(lambda t, y, dy, m, a: y.u + 9.0, "both")})
+    assert set(meanings(never)) == {"no_crossing"}
+    assert not np.isfinite(never.u).any()
+
+
+def test_a_lane_that_blows_up_is_marked_and_leaves_the_others_alone():
+    call = {
+        "system": Quadratic(p=0.0),
+        "y0": BlowUp(1.0, 1.0, 0.0),
+        "section": ss.Section(clock, "rising"),
+        "observables": ("x", "t"),
+        "transient": 2.0,
+        "duration": 5.0,
+        "max_points": 8,
+        "integrator": ss.Integrator("rk4", ss.FixedStep(0.02)),
+        "check": 0,
+        "executor": "portable",
+    }
+    odd = orbit_diagram(grid={"p": [0.0, 1.0, 0.01]}, **call)
+    assert meanings(odd)[1] == "nonfinite"
+    assert int(odd["count"][1]) == 0
+    alone = orbit_diagram(grid={"p": [0.0, 0.0, 0.01]}, **call)
+    np.testing.assert_array_equal(odd.x[[0, 2]], alone.x[[0, 2]])
+    np.testing.assert_allclose(odd.t[0, :5], [2.0, 3.0, 4.0, 5.0, 6.0], atol=1e-4)
+
+
+def test_carried_lanes_show_hysteresis():
+    p = np.linspace(-0.6, 0.6, 25)
+    call = {
+        "system": Hysteresis(p=0.0),
+        "grid": {"p": p},
+        "section": ss.Section(clock, "rising"),
+        "observables": "x",
+        "transient": 30.0,
+        "duration": 2.2,
+        "max_points": 4,
+        "integrator": ss.Integrator("rk4", ss.FixedStep(0.1)),
+        "executor": "portable",
+        "chunk": 7,
+    }
+    fold = 2.0 / (3.0 * np.sqrt(3.0))
+    up = orbit_diagram(y0=Level(-1.0, 1.0, 0.0), carried="upwards", **call)
+    down = orbit_diagram(y0=Level(1.0, 1.0, 0.0), carried="downwards", **call)
+    np.testing.assert_array_equal(np.sign(up.x[:, 0]), np.where(p < fold, -1.0, 1.0))
+    np.testing.assert_array_equal(np.sign(down.x[:, 0]), np.where(p > -fold, 1.0, -1.0))
+    # The check restarts each lane from what its neighbour handed on.
+    assert float(up.error_x.max()) < 1e-4
+    assert float(down.error_x.max()) < 1e-4
+
+
+def test_two_parameters_and_a_state_per_lane():
+    start = Rotor(np.full((4, 2), 0.5), np.array([[0.1, -0.1]] * 4))
+    result = orbit_diagram(
+        **{
+            **HOPF,
+            "system": lambda mu, scale: HopfOscillator(mu=mu * scale),
+            "grid": {"mu": MU, "scale": [1.0, 0.5]},
+            "y0": start,
+            "check": 3,
+        }
+    )
+    assert result.u.dims == ("mu", "scale", "point")
+    radius = np.sqrt(MU[:, None] * np.array([1.0, 0.5]))
+    np.testing.assert_allclose(result.u[..., 0], radius, rtol=2e-3)
+    np.testing.assert_array_equal(result.checked_scale, [1.0, 1.0, 0.5])
+
+
+def test_dry_friction_and_the_result_does_not_depend_on_the_cut():
+    block = CoulombOscillator(1.0, 1.0, 1.0, 0.5, 0.2)
+    call = {
+        "system": block,
+        "grid": {"belt_speed": np.linspace(0.1, 0.4, 9)},
+        "y0": Motion(0.0, 0.0),
+        "section": Maximum("x"),
+        "observables": "x",
+        "transient": 20.0,
+        "duration": 60.0,
+        "integrator": ss.Integrator("rk4", ss.FixedStep(0.01)),
+        "max_points": 16,
+        "check": 0,
+        "executor": "portable",
+    }
+    result = orbit_diagram(**call)
+    # Sticks until the spring holds 1 N, then swings about 0.5: a cycle of one maximum.
+    expected = 0.5 + np.sqrt(0.25 + result.belt_speed**2)
+    np.testing.assert_allclose(result.x[:, 0], expected, rtol=1e-8)
+    assert (result.period == 1).all()
+    other = orbit_diagram(**call, chunk=2)
+    np.testing.assert_allclose(other.x, result.x, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "text"),
+    [
+        ({"grid": {"nu": MU}}, ValueError, "grid has the name 'nu'.*one of mu"),
+        ({"grid": {"mu": []}}, ValueError, "grid"),
+        ({"grid": {"a": [1.0], "b": [1.0], "c": [1.0]}}, ValueError, "at most two"),
+        ({"system": 3}, TypeError, "system = 3"),
+        ({"system": lambda mu: mu}, TypeError, "it must be an AbstractHybridSystem"),
+        ({"y0": Rotor(0.0, np.nan)}, ValueError, r"y0.v = nan: it must be finite"),
+        ({"y0": Rotor("a", 0.0)}, TypeError, "y0.u = 'a'"),
+        ({"y0": Rotor(np.zeros(3), np.zeros(3))}, ValueError, r"the shape of the grid, \(4,\)"),
+        ({"section": "up"}, TypeError, "section = 'up'"),
+        ({"section": Maximum("w")}, ValueError, "section.observable = 'w'"),
+        ({"observables": "w"}, ValueError, r"observables\['w'\] = 'w': it must be a component"),
+        ({"observables": []}, ValueError, "observables is empty"),
+        ({"observables": {"count": "u"}}, ValueError, "the name 'count'"),
+        ({"observables": 4}, TypeError, "observables = 4"),
+        ({"domain": "wall"}, ValueError, "domain = 'wall'"),
+        ({"transient": -1.0}, ValueError, "transient = -1.0: it must be a number, at least 0"),
+        ({"transient": "long"}, ValueError, "transient = 'long'"),
+        ({"duration": 0.0}, ValueError, "duration = 0.0: it must be a number, above 0"),
+        ({"duration": np.inf}, ValueError, "duration = inf"),
+        ({"points": 0}, ValueError, "points = 0: it must be an integer of at least 1"),
+        ({"max_points": 2.0}, ValueError, "max_points = 2.0"),
+        ({"check": -1}, ValueError, "check = -1"),
+        ({"carried": "sideways"}, ValueError, "carried = 'sideways'"),
+        ({"along": "mu"}, ValueError, "along = 'mu'"),
+        ({"integrator": "rk4"}, TypeError, "integrator = 'rk4'"),
+        ({"labels": {"w": ss.sweep.Variable()}}, ValueError, "labels has 'w'"),
+        ({"mode0": "flying"}, ValueError, "mode0='flying'"),
+    ],
+)
+def test_wrong_arguments_are_named(change, error, text):
+    with pytest.raises(error, match=text):
+        orbit_diagram(**{**HOPF, **change})
+
+
+def test_a_section_that_is_no_number_is_refused_before_anything_is_compiled():
+    wrong = ss.Section(lambda t, y, dy, mode, args: jnp.stack([y.u, y.v]), "both")
+    with pytest.raises(ValueError, match="section"):
+        orbit_diagram(**{**HOPF, "section": wrong})
