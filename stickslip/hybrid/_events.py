@@ -27,7 +27,7 @@ class EventFunctions(eqx.Module):
 
     num_guards: int = eqx.field(static=True)
     directions: tuple = eqx.field(static=True)
-    scales: tuple = eqx.field(static=True)
+    scales: tuple
     sections: tuple[Section, ...] = eqx.field(static=True)
     exact_rate: tuple = eqx.field(static=True)
 
@@ -55,10 +55,8 @@ class EventFunctions(eqx.Module):
             else:
                 v, r = value(t, y, dy), None
             values, rates = (*values, v), (*rates, r)
-        scaled = tuple(v / s for v, s in zip(values, self.scales, strict=True))
         return Values(
-            scaled,
-            tuple(None if r is None else r / s for r, s in zip(rates, self.scales, strict=True)),
+            tuple(map(_scaled, values, self.scales)), tuple(map(_scaled, rates, self.scales))
         )
 
     def sign(self, index: int, start: Any) -> Any:
@@ -69,6 +67,16 @@ class EventFunctions(eqx.Module):
         if direction == "rising":
             return -1.0
         return jnp.sign(start)
+
+
+def _scaled(value: Any, scale: Any) -> Any:
+    if value is None or (isinstance(scale, float) and scale == 1.0):
+        return value
+    return value / scale
+
+
+def _frozen(scale: Any) -> Any:
+    return float(scale) if isinstance(scale, int | float) else jax.lax.stop_gradient(scale)
 
 
 def event_functions(
@@ -106,7 +114,7 @@ def event_functions(
     return EventFunctions(
         num_guards=len(names),
         directions=guard_directions(system) + tuple(s.direction for s in sections),
-        scales=tuple(map(float, guard_scales(system))) + (1.0,) * len(sections),
+        scales=tuple(map(_frozen, guard_scales(system))) + (1.0,) * len(sections),
         sections=sections,
         exact_rate=(True,) * len(names) + exact,
     )

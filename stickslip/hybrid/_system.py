@@ -76,8 +76,9 @@ class AbstractHybridSystem(eqx.Module):
     - `guards(t, y, mode, args) -> tuple of scalars`, one per entry of `guard_names`. With the
       default direction `"falling"`, positive means inside the mode; a guard that does not belong to
       `mode` returns a positive constant. `guard_directions` may say `"rising"` or `"both"`.
-      `guard_scales` are the magnitudes at which a guard value counts as large (default 1); a guard
-      is taken as violated below `-1e-12` of its scale.
+      `guard_scales` are magnitudes at which a guard value
+      counts as large (default 1 each; a property may compute them from the parameters); a guard is
+      taken as violated below `-1e-12` of its scale.
     - `transition(t, y, mode, guard, args) -> (y, mode)`: called at the located zero of guard number
       `guard`. It must return a mode that is admissible right afterwards; `-1` where there is none
       (the lane then ends with `RESULTS.no_admissible_mode`).
@@ -92,7 +93,7 @@ class AbstractHybridSystem(eqx.Module):
     guard_names: eqx.AbstractClassVar[tuple[str, ...]]
     units: ClassVar[dict[str, str]] = {}
     guard_directions: ClassVar[tuple[str, ...] | None] = None
-    guard_scales: ClassVar[tuple[float, ...] | None] = None
+    guard_scales: ClassVar[Any] = None
 
     @abc.abstractmethod
     def vector_field(self, t: Any, y: PyTree, mode: Any, args: PyTree) -> PyTree:
@@ -126,9 +127,10 @@ def guard_directions(system: AbstractHybridSystem) -> tuple[str, ...]:
     return system.guard_directions or ("falling",) * len(system.guard_names)
 
 
-def guard_scales(system: AbstractHybridSystem) -> tuple[float, ...]:
+def guard_scales(system: AbstractHybridSystem) -> tuple:
     """Magnitudes of all guards, 1 where the system is silent."""
-    return system.guard_scales or (1.0,) * len(system.guard_names)
+    scales = system.guard_scales
+    return (1.0,) * len(system.guard_names) if scales is None else tuple(scales)
 
 
 def mode_index(system: AbstractHybridSystem, mode: Any) -> Array:
