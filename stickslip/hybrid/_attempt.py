@@ -11,7 +11,7 @@ from ._events import Values
 from ._first import decide, fired_sections, keep_values, lowest, newton, no_event
 from ._lane import PLAIN, SHRINK, Lane, Outcome, Plan, is_event, moved_on, without_state
 from ._stepper import error_norm
-from ._tree import all_finite, select
+from ._tree import all_finite, select, shift
 
 
 def attempt(plan: Plan, theta, lane: Lane, t1, outputs) -> tuple[Lane, Outcome]:
@@ -49,26 +49,26 @@ def attempt(plan: Plan, theta, lane: Lane, t1, outputs) -> tuple[Lane, Outcome]:
         without_state(lane), h, sg(first), sg(y1), sg(dy1), error,
     )  # fmt: skip
 
-    t_end, y_before, y_jump, mode_jump = t + h, y1, lane.y, lane.mode
+    dt, y_jump, mode_jump = jnp.zeros_like(h), lane.y, lane.mode
     if functions.num_guards:
-        t_end, y_before = once(newton, code, first, t + h, h, y1, dy1)
+        dt = once(newton, code, first, h)
 
-        def jump(t, y, mode, guard):
-            y_new, mode_new = system.transition(t, y, mode, guard, args)
+        def jump(t, y, dy, mode, guard, dt):
+            y_new, mode_new = system.transition(t + dt, shift(y, sg(dy), dt), mode, guard, args)
             return y_new, jnp.asarray(mode_new, jnp.int32)
 
-        y_jump, mode_jump = once(jump, t_end, y_before, lane.mode, first.index)
+        y_jump, mode_jump = once(jump, t + h, y1, dy1, lane.mode, first.index, dt)
 
-    def advance(code, lane, y1, dy1, y_jump, mode_jump, t_end):
+    def advance(code, lane, y1, dy1, y_jump, mode_jump, t_end, dt):
         event, moved = is_event(code), moved_on(code)
         return (
-            jnp.where(event | moved, t_end, lane.t),
+            jnp.where(event | moved, t_end + dt, lane.t),
             select(event, y_jump, select(moved, y1, lane.y)),
             select(moved, dy1, lane.dy),
             jnp.where(event, mode_jump, lane.mode),
         )
 
-    t_new, y_new, dy_new, mode_new = once(advance, code, lane, y1, dy1, y_jump, mode_jump, t_end)
+    t_new, y_new, dy_new, mode_new = once(advance, code, lane, y1, dy1, y_jump, mode_jump, t + h, dt)
     fired = once(lambda *a: fired_sections(functions, *a), code, without_state(lane), sg(values))
     bracket, full = lane.bracket, lane.full
     h_located = h
@@ -82,16 +82,15 @@ def attempt(plan: Plan, theta, lane: Lane, t1, outputs) -> tuple[Lane, Outcome]:
         full = once(lambda b, h, full: jnp.where(b.tries == 0, h, full), lane.bracket, h, lane.full)
         h_located = once(_locate.propose, bracket, full)
 
-    steering = once(
+    h_next, h_free, next_output, landed = once(
         lambda *a: control(plan, *a),
         code, without_state(lane), h, h_located, first.h_dip, error, sg(t_new), sg(y_new), sg(dy_new),
         sg(t1), sg(outputs),
     )  # fmt: skip
-    h_next, h_free, next_output, landed, finished, exhausted = steering
     accounts = once(
         lambda *a: books(plan, *a),
-        code, without_state(lane), sg(t_new), mode_new, mode_jump, sg(first), fired, finished,
-        exhausted,
+        code, without_state(lane), h, sg(t_new), mode_new, mode_jump, sg(first), fired, next_output,
+        h_next, sg(t1), sg(outputs),
     )  # fmt: skip
     new_values, new_rates = once(lambda *a: keep_values(functions, *a), code, lane, sg(values), fired)
     new = Lane(
@@ -101,4 +100,5 @@ def attempt(plan: Plan, theta, lane: Lane, t1, outputs) -> tuple[Lane, Outcome]:
         if adaptive else lane.error,
         **accounts,
     )  # fmt: skip
+    y_before = once(lambda y, dy, dt: shift(y, sg(dy), dt), y1, dy1, dt)
     return new, Outcome(code, first.index, landed, fired, y_before, dy1)

@@ -37,20 +37,21 @@ def _target(plan: Plan, next_output, t1, outputs):
     return jnp.where(is_last, t1, outputs[jnp.minimum(next_output, n - 1)]), is_last
 
 
+def _rounding(t, t1):
+    return 4e-16 * jnp.maximum(jnp.abs(t), jnp.abs(t1))
+
+
 def control(plan: Plan, code, lane: Lane, h, h_located, h_dip, error, t, y, dy, t1, outputs):
-    """Next step length, and whether the lane has arrived."""
+    """Next step length, and whether this attempt landed on an output time."""
     rule: Any = plan.step_size
-    tiny = 4e-16 * jnp.maximum(jnp.abs(t), jnp.abs(t1))
-    moved = moved_on(code)
-    target, is_last = _target(plan, lane.next_output, t1, outputs)
-    landed = (code == PLAIN) | (code == REFRESH)
-    landed = landed & (target - t <= tiny) & ~is_last
-    next_output = lane.next_output + jnp.where(landed, 1, 0)
-    finished = moved & (t1 - t <= tiny)
+    landed, next_output, target = jnp.zeros_like(code) > 0, lane.next_output, t1
     if plan.has_outputs:
-        finished = finished & (next_output >= outputs.shape[0])
+        target, is_last = _target(plan, next_output, t1, outputs)
+        landed = (code == PLAIN) | (code == REFRESH)
+        landed = landed & (target - t <= _rounding(t, t1)) & ~is_last
+        next_output = next_output + jnp.where(landed, 1, 0)
         target, _ = _target(plan, next_output, t1, outputs)
-    h_rejected, exhausted = h, jnp.zeros_like(landed)
+    h_free = lane.h_free
     if rule.adaptive:
         order = plan.stepper.order()
         safe = jnp.where(error < 1e10, error, 1e10)
@@ -60,31 +61,41 @@ def control(plan: Plan, code, lane: Lane, h, h_located, h_dip, error, t, y, dy, 
         h_rejected = h * jnp.minimum(rule.factor(safe, 1.0, order), 0.9)
         h_free = jnp.where(code == PLAIN, grown, first)
         h_free = jnp.minimum(jnp.where(code == REJECT, h_rejected, h_free), rule.dtmax)
-        exhausted = (code == REJECT) & (h_rejected <= jnp.maximum(rule.dtmin, tiny))
+        h_take = h_free
     else:
-        h_free = rule.initial(y, dy) + jnp.zeros_like(h)
-        exhausted = code == REJECT
+        h_take, h_rejected = rule.initial(y, dy), h
     remaining = target - t
-    h_next = jnp.where(remaining <= h_free * (1.0 + 1e-9), jnp.maximum(remaining, 0.0), h_free)
+    h_next = jnp.where(remaining <= h_take * (1.0 + 1e-9), jnp.maximum(remaining, 0.0), h_take)
     h_next = jnp.where(is_event(code), 0.0, h_next)
     h_next = jnp.where(code == SHRINK, h_located, h_next)
     h_next = jnp.where(code == DIP, h_dip, h_next)
     h_next = jnp.where(code == REJECT, h_rejected, h_next)
-    return h_next, h_free, next_output, landed, finished, exhausted
+    return h_next, h_free, next_output, landed
 
 
-def books(plan: Plan, code, lane: Lane, t, mode, mode_jump, first: First, fired, finished, exhausted):
+def books(
+    plan: Plan, code, lane: Lane, h, t, mode, mode_jump, first: First, fired, next_output, h_next, t1,
+    outputs,
+):  # fmt: skip
     """Counters, flags and the result code."""
-    event = is_event(code)
+    event, moved = is_event(code), moved_on(code)
     one = jnp.where(event, 1, 0)
-    # A Zeno sequence ends in intervals that are lost in the rounding of the time.
-    short = t - lane.t_event <= 4e-16 * jnp.maximum(jnp.abs(t), 1e-300)
-    zero_events = jnp.where(event, jnp.where(short, lane.zero_events + 1, 0), lane.zero_events)
+    finished = moved & (t1 - t <= _rounding(t, t1))
+    if plan.has_outputs:
+        finished = finished & (next_output >= outputs.shape[0])
+    exhausted = code == REJECT
+    if plan.step_size.adaptive:
+        rule: Any = plan.step_size
+        exhausted = exhausted & (h_next <= jnp.maximum(rule.dtmin, _rounding(t, t1)))
     events = lane.events + one
     attempts = lane.attempts + jnp.where(code == HOLD, 0, 1)
     crossings = tuple(c + jnp.where(f, 1, 0) for c, f in zip(lane.crossings, fired, strict=True))
-    flags, sequence = lane.flags, lane.sequence
+    flags, sequence, zero_events = lane.flags, lane.sequence, lane.zero_events
     if plan.functions.num_guards:
+        # A Zeno sequence ends in hops that are lost in the rounding of the time.
+        short = h <= 4e-16 * jnp.maximum(jnp.abs(t), 1e-300)
+        zero_events = jnp.where(event & short, zero_events + 1, zero_events)
+        zero_events = jnp.where((event | (code == PLAIN)) & ~short, 0, zero_events)
         bend = jnp.abs(first.rate - first.rate_start) * lane.full
         grazes = (lane.h > 0) & (jnp.abs(first.rate) * lane.h < GRAZING_RATIO * bend)
         grazes = (code == COLLAPSED) | ((code == EVENT) & grazes)
@@ -110,10 +121,9 @@ def books(plan: Plan, code, lane: Lane, t, mode, mode_jump, first: First, fired,
     for f, section in zip(fired, plan.functions.sections, strict=True):
         if section.terminal:
             status = jnp.where(f, CODE["event_occurred"], status)
-    fresh = jnp.where(event, 0, jnp.where(moved_on(code), 1, lane.fresh))
+    fresh = jnp.where(event, 0, jnp.where(moved, 1, lane.fresh))
     return dict(
         fresh=fresh,
-        t_event=jnp.where(event, t, lane.t_event),
         zero_events=zero_events,
         events=events,
         attempts=attempts,

@@ -55,9 +55,7 @@ class EventFunctions(eqx.Module):
             else:
                 v, r = value(t, y, dy), None
             values, rates = (*values, v), (*rates, r)
-        return Values(
-            tuple(map(_scaled, values, self.scales)), tuple(map(_scaled, rates, self.scales))
-        )
+        return Values(tuple(map(_scaled, values, self.scales)), tuple(map(_scaled, rates, self.scales)))
 
     def sign(self, index: int, start: Any) -> Any:
         """Factor that makes a crossing of function `index` a fall, given its value at the start."""

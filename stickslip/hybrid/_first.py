@@ -24,7 +24,6 @@ from ._lane import (
     moved_on,
 )  # fmt: skip
 from ._status import RUNNING
-from ._tree import shift
 
 REACH = 1e-3  # part of the step to an event that the Newton correction may be
 COINCIDENCE = 1e-9  # fraction of a full step within which two guards fire "at the same instant"
@@ -38,14 +37,14 @@ class First(NamedTuple):
     rate: Any  # 0 where no exact rate is known
     value_start: Any
     rate_start: Any
-    exact: Any  # whether the rate is known exactly
+    exact: Any  # 1 if the rate is known exactly; not kept up to date where all are
     close: Any  # number of guards within rounding of zero
     h_dip: Any  # where a function may have gone through zero and back; 0 if none
 
 
 def no_event(lane: Lane) -> First:
     zero, izero = jnp.zeros_like(lane.h), jnp.zeros_like(lane.mode)
-    return First(izero, zero + FAR, zero, zero + FAR, zero, izero, izero, zero)
+    return First(izero, zero + FAR, zero, zero + FAR, zero, izero + 1, izero, zero)
 
 
 def lowest(plan: Plan, lane: Lane, values: Values) -> First:
@@ -61,25 +60,28 @@ def lowest(plan: Plan, lane: Lane, values: Values) -> First:
         value, value0 = sign * values.value[i], sign * start_value
         rate = sg(sign * values.rate[i]) if known else jnp.zeros_like(lane.h)
         rate0 = sign * lane.rates[i] if known else jnp.zeros_like(lane.h)
-        lower = sg(value) < sg(best.value)
-        if not is_guard:
-            lower = lower & (value0 > 0)
-        h_dip, close = best.h_dip, best.close
+        h_dip, close, exact = best.h_dip, best.close, best.exact
         if known and plan.detect_dips:
             dips, place = _locate.dip(value0, rate0, sg(value), rate, lane.h)
             h_dip = jnp.where(dips & ((h_dip == 0) | (place < h_dip)), place, h_dip)
         if is_guard and functions.num_guards > 1:
             near = jnp.abs(sg(value)) <= -rate * COINCIDENCE * full
             close = close + jnp.where(near, 1, 0)
+        found = (value, rate, value0, rate0)
+        if i == 0 and is_guard:
+            best = First(best.index, *found, exact, close, h_dip)
+            continue
+        lower = sg(value) < sg(best.value)
+        if not is_guard:
+            lower = lower & (value0 > 0)
+        if not all(functions.exact_rate):
+            exact = jnp.where(lower, int(known), exact)
         best = First(
-            index=jnp.where(lower, i, best.index),
-            value=jnp.where(lower, value, best.value),
-            rate=jnp.where(lower, rate, best.rate),
-            value_start=jnp.where(lower, value0, best.value_start),
-            rate_start=jnp.where(lower, rate0, best.rate_start),
-            exact=jnp.where(lower, int(known), best.exact),
-            close=close,
-            h_dip=h_dip,
+            jnp.where(lower, i, best.index),
+            *(jnp.where(lower, new, old) for new, old in zip(found, best[1:5], strict=True)),
+            exact,
+            close,
+            h_dip,
         )
     return best
 
@@ -127,17 +129,16 @@ def decide(plan: Plan, lane: Lane, h, first: First, finite, error):
     return jnp.where(lane.status == RUNNING, code, HOLD).astype(jnp.int32)
 
 
-def newton(code, first: First, t, h, y, dy):
-    """Newton correction at the event: `dt = -g/(dg/dt)`.
+def newton(code, first: First, h):
+    """Newton correction of the time of the event: `dt = -g/(dg/dt)`.
 
     Its value removes what is left of the location error; its derivative is that of the event time,
-    and the derivative of the corrected state is the saltation formula's first half.
+    and `y + f dt` then carries the first half of the saltation formula.
     """
     sg = jax.lax.stop_gradient
     usable = code == EVENT
     dt = jnp.where(usable, -first.value / jnp.where(usable, sg(first.rate), 1.0), 0.0)
-    dt = dt + sg(jnp.maximum(-h - dt, 0.0))  # time does not run back, not even by rounding
-    return t + dt, shift(y, sg(dy), dt)
+    return dt + sg(jnp.maximum(-h - dt, 0.0))  # time does not run back, not even by rounding
 
 
 def fired_sections(functions: EventFunctions, code, lane: Lane, values: Values):

@@ -45,7 +45,6 @@ class Lane(NamedTuple):
     bracket: Bracket
     full: Any  # length of the attempt that opened the bracket
     next_output: Any
-    t_event: Any
     zero_events: Any
     status: Any
     flags: Any
@@ -112,7 +111,6 @@ def start(plan: Plan, t0, y0, dy_like, mode0) -> Lane:
         bracket=_locate.empty(zero),
         full=zero,
         next_output=izero,
-        t_event=zero - jnp.inf,
         zero_events=izero,
         status=status,
         flags=izero,
