@@ -35,14 +35,15 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command line; the exit status."""
     parser = _parser()
     options = parser.parse_args(arguments)
-    from ._experiment import chosen, load
+    from . import _experiment
+    from ._experiment import chosen
     from ._scoreboard import scoreboard
 
     out = pathlib.Path(options.out)
     if options.name == "statements":
         print(scoreboard(out))
         return 0
-    experiments = load()
+    experiments = _experiment.load()
     if options.list or options.name is None:
         print(f"{'demo':<14} {experiments[DEMO].title}: the paper's protocol alone")
         for name, experiment in experiments.items():

@@ -1,5 +1,7 @@
 """Pictures of the diagrams."""
 
+import textwrap
+
 import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
@@ -18,8 +20,8 @@ def _cloud(axis, part: xr.Dataset, colour: str) -> None:
     shown = np.isfinite(x)
     count = int(shown.sum())
     # The denser the cloud, the smaller the point; below half a pixel it would fade.
-    size = float(np.clip(3.0e4 / max(count, 1), 0.25, 4.0))
-    alpha = 0.35 if count > 2e5 else 0.8
+    size = float(np.clip(3.0e4 / max(count, 1), 0.4, 4.0))
+    alpha = 0.6 if count > 2e5 else 0.8
     axis.plot(
         k3[shown], x[shown], ".", color=colour, markersize=size, markeredgewidth=0, alpha=alpha,
         rasterized=True,
@@ -57,7 +59,7 @@ def draw_diagrams(dataset: xr.Dataset) -> Figure:
             axes[row + 1, 0].set_ylabel("exponent [1/s]")
     for axis in axes[-1]:
         axis.set_xlabel("stiffness $k_3$ [N/m]")
-    _caption(figure, dataset)
+    caption(figure, dataset)
     return figure
 
 
@@ -86,13 +88,12 @@ def draw_overlay(dataset: xr.Dataset) -> Figure:
         axes[i, 0].set_ylabel("displacement $x$ [m]")
     for axis in axes[-1]:
         axis.set_xlabel("stiffness $k_3$ [N/m]")
-    _caption(figure, dataset)
+    caption(figure, dataset)
     return figure
 
 
-def _caption(figure: Figure, dataset: xr.Dataset) -> None:
-    import textwrap
-
+def caption(figure: Figure, dataset: xr.Dataset) -> None:
+    """What was done and what is constructed, under the picture."""
     width = 24 * figure.get_figwidth()
     text = "\n".join(textwrap.wrap(dataset.attrs["caption"], int(width / 1.4)))
     figure.supxlabel(text, fontsize=7.5, color="0.35", ha="center")

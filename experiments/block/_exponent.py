@@ -9,6 +9,7 @@ import xarray as xr
 import stickslip as ss
 from stickslip.sweep import Variable, run_sweep
 
+WARM_UP = 20  # segments left out: the distance must first turn into the direction that grows
 APART = 1e-7  # distance the two trajectories are set to: far above rounding, far below the attractor
 
 
@@ -46,7 +47,9 @@ def largest_exponents(
             return (pair, modes), jnp.log(distance / APART)
 
         pair = jax.tree.map(lambda a, b: jnp.stack([a, b]), y, other)
-        growth = jax.lax.scan(step, (pair, jnp.stack([mode, mode])), None, length=segments)[1]
+        growth = jax.lax.scan(step, (pair, jnp.stack([mode, mode])), None, length=segments + WARM_UP)[
+            1
+        ][WARM_UP:]
         quarters = growth[: 4 * (segments // 4)].reshape(4, -1).mean(axis=1) / segment
         return {"exponent": growth.mean() / segment, "spread": jnp.std(quarters)}
 

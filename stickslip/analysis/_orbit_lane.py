@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
+import equinox.internal as eqxi
 import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
@@ -65,14 +66,26 @@ def run_lane(plan: Plan, integrator: Integrator, y0: PyTree, point: dict[str, An
             # A terminal section sees crossings only, not a start on the wrong side.
             inside &= f(inner, start, y0, slope, mode, plan.args) >= 0
     options: dict[str, Any] = {"integrator": integrator, "max_events": None, "throw": False}
+    early = jnp.zeros((), jnp.int32)
+    y = y0
     if plan.transient > 0:
-        settled = simulate(
-            system, start, jnp.where(inside, begin, start), y0, mode, args,
-            sections=borders or _NEVER, **options,
-        )  # fmt: skip
-        y, mode, early = settled.y1, settled.mode1, _engine_status(settled.result)
-    else:
-        y, early = y0, jnp.zeros((), jnp.int32)
+
+        def settle(carry):
+            end = simulate(
+                system, start, jnp.where(inside, begin, start), y0, mode, args,
+                sections=borders, **options,
+            )  # fmt: skip
+            return jnp.zeros((), bool), end.y1, end.mode1, _engine_status(end.result)
+
+        # A loop of one turn, which the compiler cannot know: the fused executor aborts in jaxlib 0.10
+        # on a run that records nothing next to one that does, unless it stands in a computation of its
+        # own.
+        turn = jnp.isfinite(next(iter(point.values())))
+        _, y, mode, early = jax.lax.while_loop(
+            lambda carry: eqxi.unvmap_any(carry[0]),
+            settle,
+            (turn, y0, jnp.asarray(mode, jnp.int32), early),
+        )
     early = jnp.where(inside, early, STATUS.index("left_domain"))
     going = early == 0
     recorded = simulate(
@@ -108,11 +121,6 @@ def run_lane(plan: Plan, integrator: Integrator, y0: PyTree, point: dict[str, An
     # A lane that failed has nothing to hand on.
     end = jax.tree.map(lambda a, b: jnp.where(usable & jnp.isfinite(a), a, b), recorded.y1, y0)
     return end, results
-
-
-# The fused executor aborts in jaxlib 0.10 on a run that records nothing, followed by one that does, in
-# one program; with a section both are compiled the same way.
-_NEVER = (Section(lambda t, y, dy, mode, args: 1.0 + 0.0 * t, "falling", terminal=True),)
 
 
 def _engine_status(result: RESULTS) -> Any:  # pyright: ignore[reportInvalidTypeForm]

@@ -1,0 +1,106 @@
+"""Fig. 11: phase planes of the block at k3 = 87.968 N/m, simplified and full model."""
+
+import jax.numpy as jnp
+import matplotlib.pyplot as plt
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+
+import stickslip as ss
+
+from .._experiment import Context, Experiment, Statement
+from ._diagram import CONSTRUCTED, MODELS, system_of
+from ._draw import COLOURS, caption
+from ._exponent import largest_exponents
+from ._judge import CHAOTIC, CLAIMS, SHORT
+
+
+def compute(parameters, context: Context) -> xr.Dataset:
+    """Motion and Poincaré points of each model after a transient, and its largest exponent."""
+    integrator = ss.Integrator(
+        parameters["method"], ss.FixedStep(parameters["h"]), max_steps=100_000_000
+    )
+    parts = []
+    for model in MODELS:
+        system, start = system_of(model, parameters["k3"])
+        first = parameters["transient"]
+        settled = ss.simulate(system, 0.0, first, start, integrator=integrator, max_events=None)
+        section = system.zero_acceleration_section()
+        times = first + np.arange(0.0, parameters["shown"], 0.005)
+        end = first + parameters["duration"]
+        motion = ss.simulate(
+            system, first, end, settled.y1, settled.mode1, integrator=integrator, max_events=None,
+            sections=section, max_crossings=2048, saveat=ss.SaveAt(ts=jnp.asarray(times)),
+        )  # fmt: skip
+        points = motion.crossings[0]
+        exponent = largest_exponents(
+            lambda k3, model=model: system_of(model, k3)[0],
+            {"k3": [parameters["k3"]]},
+            start,
+            transient=first,
+            segments=parameters["segments"],
+            integrator=integrator,
+        )
+        parts.append(
+            xr.Dataset(
+                {
+                    "x": ("time", np.asarray(motion.outputs.y.x), {"units": "m"}),
+                    "vx": ("time", np.asarray(motion.outputs.y.vx), {"units": "m/s"}),
+                    "x_section": ("point", np.asarray(points.y.x), {"units": "m"}),
+                    "vx_section": ("point", np.asarray(points.y.vx), {"units": "m/s"}),
+                    "exponent": exponent.exponent.isel(k3=0, drop=True),
+                    "spread": exponent.spread.isel(k3=0, drop=True),
+                },
+                {"time": ("time", times, {"units": "s"})},
+            )
+        )
+    result = xr.concat(parts, xr.Variable("model", list(MODELS)))
+    text = CONSTRUCTED.format(method=parameters["method"], h=parameters["h"])
+    return result.assign_attrs(k3=parameters["k3"], caption=text)
+
+
+def draw(dataset: xr.Dataset) -> Figure:
+    """Velocity over displacement, Poincaré points in red."""
+    figure, axes = plt.subplots(
+        1, dataset.sizes["model"], sharex=True, sharey=True, figsize=(11.5, 4.4)
+    )
+    for axis, model in zip(axes, dataset.model.values, strict=True):
+        part = dataset.sel(model=model)
+        axis.plot(part.x, part.vx, color=COLOURS[model], linewidth=0.4, alpha=0.7)
+        axis.plot(part.x_section, part.vx_section, "o", color="red", markersize=2.5, zorder=3)
+        exponent = f"{float(part.exponent):.3f} ± {float(part.spread):.3f} 1/s"
+        axis.set_title(f"{model}, $k_3$ = {dataset.attrs['k3']:g} N/m\nexponent {exponent}", fontsize=9)
+        axis.set_xlabel("displacement $x$ [m]")
+    axes[0].set_ylabel("velocity $\\dot x$ [m/s]")
+    caption(figure, dataset)
+    return figure
+
+
+def judge(dataset: xr.Dataset) -> list[Statement]:
+    """B5 for each sign of the full model."""
+    value = {m: float(dataset.exponent.sel(model=m)) for m in MODELS}
+    limit = {m: max(CHAOTIC, 2 * float(dataset.spread.sel(model=m))) for m in MODELS}
+    simple = MODELS[0]
+    return [
+        Statement(
+            f"B5 ({SHORT[model]})",
+            CLAIMS["B5"],
+            bool(value[simple] <= limit[simple] and value[model] > limit[model]),
+            f"largest exponent {value[simple]:.3f} 1/s (simplified), {value[model]:.3f} 1/s (full)",
+        )
+        for model in MODELS[1:]
+    ]
+
+
+EXPERIMENT = Experiment(
+    name="block-fig11",
+    title="Phase planes of the block on a belt at k3 = 87.968 N/m, simplified and full model",
+    parameters={
+        "k3": 87.968, "transient": 300.0, "duration": 300.0, "shown": 40.0, "segments": 300,
+        "h": 1e-3, "method": "tsit5",
+    },
+    quick={"transient": 60.0, "duration": 60.0, "shown": 20.0, "segments": 40},
+    compute=compute,
+    draw=draw,
+    judge=judge,
+)  # fmt: skip

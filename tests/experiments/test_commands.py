@@ -1,0 +1,111 @@
+"""The command line and the files of an experiment, on one that takes no time."""
+
+import json
+
+import numpy as np
+import pytest
+import xarray as xr
+from matplotlib.figure import Figure
+
+from experiments import __main__ as command
+from experiments import _experiment
+from experiments._experiment import Experiment, Statement, chosen, load
+from experiments._output import run
+from experiments._scoreboard import scoreboard
+
+
+def _compute(parameters, context):
+    x = np.linspace(0.0, 1.0, parameters["points"])
+    return xr.Dataset(
+        {"y": ("x", parameters["slope"] * x, {"units": "m"})}, {"x": ("x", x, {"units": "s"})}
+    )
+
+
+def _draw(dataset):
+    figure = Figure()
+    figure.add_subplot().plot(dataset.x, dataset.y)
+    return figure
+
+
+LINE = Experiment(
+    name="test-line",
+    title="A line",
+    parameters={"points": 100, "slope": 2.0},
+    quick={"points": 5},
+    compute=_compute,
+    draw=_draw,
+    judge=lambda d: [
+        Statement("T1", "The line rises.", bool(d.y[-1] > d.y[0]), f"by {float(d.y[-1]):g} m"),
+        Statement("T2", "It is green.", None, "not looked at"),
+    ],
+)
+
+
+@pytest.fixture
+def only_line(monkeypatch):
+    monkeypatch.setattr(_experiment, "load", lambda: {"test-line": LINE})
+    monkeypatch.setattr(command, "DEMO", "test-line")
+    monkeypatch.setattr(command, "_keep_compiled", lambda out: None)
+
+
+def test_files_of_a_run(tmp_path):
+    files = run(LINE, tmp_path, quick=True, changes=["slope=3"])
+    assert sorted(p.name for p in files) == [f"test-line.{k}" for k in ("json", "nc", "png", "svg")]
+    with xr.open_dataset(tmp_path / "test-line.nc", engine="h5netcdf") as data:
+        assert data.y.attrs["units"] == "m"
+        np.testing.assert_allclose(data.y, 3.0 * data.x)
+    record = json.loads((tmp_path / "test-line.json").read_text())
+    assert record["parameters"] == {"points": 5, "slope": 3.0}
+    assert record["quick"] is True
+    assert record["wall_time_s"]["total"] >= record["wall_time_s"]["compute"]
+    assert record["statements"][0] == {
+        "id": "T1", "claim": "The line rises.", "holds": True, "measured": "by 3 m"
+    }  # fmt: skip
+
+
+def test_equal_runs_draw_equal_pictures(tmp_path):
+    one, other = tmp_path / "one", tmp_path / "other"
+    run(LINE, one)
+    run(LINE, other)
+    assert (one / "test-line.svg").read_bytes() == (other / "test-line.svg").read_bytes()
+
+
+def test_scoreboard(tmp_path):
+    assert "No statements" in scoreboard(tmp_path)
+    run(LINE, tmp_path, changes=["slope=-1"])
+    text = scoreboard(tmp_path)
+    assert "T1               does not hold  test-line" in text
+    assert "0 holds, 1 does not hold, 1 open" in text
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [("depth=3", "one of the keys points, slope"), ("slope", "must be key=value"),
+     ("points=3.5", "must be a int"), ("slope=steep", "must be a float")],
+)  # fmt: skip
+def test_wrong_settings_are_named(change, text):
+    with pytest.raises(ValueError, match=f"--set {change}: .*{text}"):
+        chosen(LINE, False, [change])
+
+
+@pytest.mark.usefixtures("only_line")
+def test_commands(tmp_path, capsys):
+    out = ["--out", str(tmp_path)]
+    assert command.main(["--list"]) == 0
+    assert "test-line" in capsys.readouterr().out
+    assert command.main(["test-line", "--quick", *out]) == 0
+    assert "test-line.png" in capsys.readouterr().out
+    assert command.main(["statements", *out]) == 0
+    assert "1 holds" in capsys.readouterr().out
+    assert command.main(["no-such", *out]) == 2
+    assert "'no-such' is no experiment" in capsys.readouterr().err
+    assert command.main(["test-line", "--set", "points=x", *out]) == 2
+    assert command.main(["all", "--set", "points=3", *out]) == 2
+
+
+def test_every_figure_of_the_paper_is_listed():
+    names = [name for name in load() if name.startswith("block-")]
+    assert names[:10] == [f"block-fig{n:02d}" for n in range(2, 12)]
+    for name, experiment in load().items():
+        assert experiment.name == name
+        assert set(experiment.quick) <= set(experiment.parameters)
