@@ -43,6 +43,9 @@ HOPF = {
 }
 
 
+FAR = ss.Section(lambda t, y, dy, mode, args: y.u + 9.0, "both")
+
+
 def meanings(dataset):
     words = dataset.status.attrs["flag_meanings"].split()
     return [words[int(s)] for s in np.ravel(dataset.status)]
@@ -63,6 +66,7 @@ def test_radius_period_and_labels():
     np.testing.assert_array_equal(result.checked_mu, MU)
 
 
+@pytest.mark.slow
 def test_maxima_are_a_section():
     high = orbit_diagram(**{**HOPF, "section": Maximum("u")})
     low = orbit_diagram(**{**HOPF, "section": Minimum("u")})
@@ -70,25 +74,31 @@ def test_maxima_are_a_section():
     np.testing.assert_allclose(low.u[:, 0], -np.sqrt(MU), rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_slow_transient_is_flagged():
     result = orbit_diagram(**{**HOPF, "transient": 0.0, "duration": 100.0, "max_points": 32})
     assert bool(result.slow_transient[0])
     assert (result.period == 1).all()
 
 
-def test_status_of_lanes_that_leave_overflow_or_never_cross():
-    left = orbit_diagram(**{**HOPF, "domain": "gap"})
-    assert meanings(left) == ["ok", "ok", "ok", "left_domain"]
-    full = orbit_diagram(**{**HOPF, "max_points": 3})
-    assert set(meanings(full)) == {"buffer_full"}
-    enough = orbit_diagram(**{**HOPF, "points": 3})
-    assert set(meanings(enough)) == {"ok"}
-    assert enough.sizes["point"] == 3
-    outside = orbit_diagram(**{**HOPF, "y0": Rotor(-1.2, 0.0), "domain": ("gap",)})
-    assert set(meanings(outside)) == {"left_domain"}
-    never = orbit_diagram(**{**HOPF, "section": ss.Section(lambda t, y, dy, m, a: y.u + 9.0, "both")})
-    assert set(meanings(never)) == {"no_crossing"}
-    assert not np.isfinite(never.u).any()
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"domain": "gap"}, ["ok", "ok", "ok", "left_domain"]),
+        pytest.param({"max_points": 3}, ["buffer_full"] * 4, marks=pytest.mark.slow),
+        pytest.param({"points": 3}, ["ok"] * 4, marks=pytest.mark.slow),
+        pytest.param(
+            {"y0": Rotor(-1.2, 0.0), "domain": ("gap",)}, ["left_domain"] * 4, marks=pytest.mark.slow
+        ),
+        pytest.param({"section": FAR}, ["no_crossing"] * 4, marks=pytest.mark.slow),
+    ],
+    ids=["leaves", "overflows", "stops", "outside", "never crosses"],
+)
+def test_status_of_a_lane(change, words):
+    result = orbit_diagram(**{**HOPF, **change})
+    assert meanings(result) == words
+    assert result.sizes["point"] == change.get("points", change.get("max_points", 16))
+    assert (result["count"] == np.isfinite(result.u).sum("point")).all()
 
 
 def test_a_lane_that_blows_up_is_marked_and_leaves_the_others_alone():
@@ -112,30 +122,36 @@ def test_a_lane_that_blows_up_is_marked_and_leaves_the_others_alone():
     np.testing.assert_allclose(odd.t[0, :5], [2.0, 3.0, 4.0, 5.0, 6.0], atol=1e-4)
 
 
-def test_carried_lanes_show_hysteresis():
+@pytest.mark.parametrize(
+    ("carried", "check"), [("upwards", 0), pytest.param("downwards", 25, marks=pytest.mark.slow)]
+)
+def test_carried_lanes_show_hysteresis(carried, check):
     p = np.linspace(-0.6, 0.6, 25)
-    call = {
-        "system": Hysteresis(p=0.0),
-        "grid": {"p": p},
-        "section": ss.Section(clock, "rising"),
-        "observables": "x",
-        "transient": 30.0,
-        "duration": 2.2,
-        "max_points": 4,
-        "integrator": ss.Integrator("rk4", ss.FixedStep(0.1)),
-        "executor": "portable",
-        "chunk": 7,
-    }
+    upwards = carried == "upwards"
+    result = orbit_diagram(
+        Hysteresis(p=0.0),
+        {"p": p},
+        Level(-1.0 if upwards else 1.0, 1.0, 0.0),
+        section=ss.Section(clock, "rising"),
+        observables="x",
+        transient=30.0,
+        duration=2.2,
+        max_points=4,
+        integrator=ss.Integrator("rk4", ss.FixedStep(0.1)),
+        carried=carried,
+        check=check,
+        chunk=7,
+        executor="portable",
+    )
     fold = 2.0 / (3.0 * np.sqrt(3.0))
-    up = orbit_diagram(y0=Level(-1.0, 1.0, 0.0), carried="upwards", **call)
-    down = orbit_diagram(y0=Level(1.0, 1.0, 0.0), carried="downwards", **call)
-    np.testing.assert_array_equal(np.sign(up.x[:, 0]), np.where(p < fold, -1.0, 1.0))
-    np.testing.assert_array_equal(np.sign(down.x[:, 0]), np.where(p > -fold, 1.0, -1.0))
-    # The check restarts each lane from what its neighbour handed on.
-    assert float(up.error_x.max()) < 1e-4
-    assert float(down.error_x.max()) < 1e-4
+    upper = p > fold if upwards else p > -fold
+    np.testing.assert_array_equal(np.sign(result.x[:, 0]), np.where(upper, 1.0, -1.0))
+    if check:
+        # The check restarts each lane from what its neighbour handed on.
+        assert float(result.error_x.max()) < 1e-4
 
 
+@pytest.mark.slow
 def test_two_parameters_and_a_state_per_lane():
     start = Rotor(np.full((4, 2), 0.5), np.array([[0.1, -0.1]] * 4))
     result = orbit_diagram(
