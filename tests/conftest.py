@@ -9,7 +9,10 @@ import os
 # Two host devices, so that the multi-device paths run on any machine. XLA reads its flags when the
 # first array is made, so this has to come before any test module is imported.
 os.environ["XLA_FLAGS"] = (
-    os.environ.get("XLA_FLAGS", "") + " --xla_force_host_platform_device_count=2"
+    os.environ.get("XLA_FLAGS", "")
+    + " --xla_force_host_platform_device_count=2"
+    # Most of the suite's time is compilation of programs that run once.
+    + " --xla_llvm_disable_expensive_passes=true"
 )
 
 import hypothesis
