@@ -217,7 +217,8 @@ def search(
     residual = jnp.maximum(jnp.max(jnp.abs(natural), axis=0), safe_norm(balance, axis=0))
     return ActiveSet(
         acceleration,
-        jnp.where(present, found.force * scale[None] / length, 0.0),
+        # A sliding contact has its limit exactly.
+        jnp.where(held, found.force * scale[None] / length, found.side * limits),
         held,
         jnp.where(held, 0.0, found.side).astype(jnp.int32),
         at_rest,

@@ -110,16 +110,23 @@ def _project(
     free = accelerate(load)
     best = [jnp.where(total > 0, 0.0, component) for component in free]
     least = jnp.full_like(total, jnp.inf)
+    # Half of the pairs: the others differ in sign.
+    pairs = {}
+    for c, n in enumerate(normal):
+        for k, other in enumerate(normal[: c + 1]):
+            pairs[c, k] = _cross(n, other)
+            pairs[k, c] = -pairs[c, k]
+    # Products of parallel normals cancel to rounding; their contacts share the line.
+    together = {
+        (c, k): jnp.abs(product) <= 4 * EPSILON * length[c] * length[k]
+        for (c, k), product in pairs.items()
+    }
     for c, n in enumerate(normal):
         present = length[c] > 0
         n = (jnp.where(present, n[0], 1.0), n[1])
         line = (-n[1], n[0])
-        along = [_inner(line, other) for other in normal]
-        # Products of parallel normals cancel to rounding; their contacts share the line.
-        parallel = [
-            jnp.abs(product) <= 4 * EPSILON * size * (jnp.abs(n[0]) + jnp.abs(n[1]))
-            for product, size in zip(along, length, strict=True)
-        ]
+        along = [pairs[c, k] for k in range(len(normal))]
+        parallel = [together[c, k] for k in range(len(normal))]
         push = _inner(line, load)
         sense = jnp.sign(push)
         resisting = push * 0.0

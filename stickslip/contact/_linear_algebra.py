@@ -148,7 +148,8 @@ def gram_schmidt(
             # otherwise compute each again for every later row.
             rest = reject(jnp.stack(q), rest)
         distance = safe_norm(rest, axis=0)
-        kept.append(distance > least[c])
+        # A NaN is kept, so that it is seen.
+        kept.append(~(distance <= least[c]))
         direction = rest / jnp.where(kept[c], distance, 1.0)[None]
         q.append(jnp.where(kept[c][None], direction, 0.0))
     basis = jnp.stack(q)

@@ -105,7 +105,9 @@ def _gauge(
         ratio = jnp.where(resists, ratio, jnp.inf)
         return jnp.where(safe_norm(normal, axis=0) > DEPENDENT * strength, ratio, 0.0)
 
-    return jnp.max(jax.vmap(use)(jnp.asarray(subsets)))
+    # No comparison with NaN holds, so that NaN would look like no force.
+    bad = jnp.isnan(jnp.sum(load) + jnp.sum(rows) + jnp.sum(bounds))
+    return jnp.where(bad, jnp.nan, jnp.max(jax.vmap(use)(jnp.asarray(subsets))))
 
 
 def in_dead_zone(

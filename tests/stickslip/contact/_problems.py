@@ -87,7 +87,7 @@ def random_problem(rng, n: int, m: int, kind: str) -> Problem:
         scales = 10.0 ** rng.uniform(-1, 1, size=n)
         M = M * scales * scales[:, None]
     if kind == "tie":
-        # On the border of the dead zone, or with more contacts exactly at their limit while others slide.
+        # On the border of the dead zone, or with contacts at their limit while others slide.
         signs = rng.choice([-1.0, 0.0, 1.0], size=m)
         moving = null_space(N[signs == 0], n) @ rng.normal(size=(null_space(N[signs == 0], n)).shape[1])
         moving = moving * rng.integers(0, 2)
@@ -119,8 +119,8 @@ def batch(problems: list[Problem]) -> Problem:
 def optimality_gap(problem: Problem, acceleration, contact_force) -> float:
     """Largest violation of the conditions that are necessary and sufficient, over the load.
 
-    Balance `M a = F + N' lambda`; friction within its limit; a sliding contact at its limit, against its
-    motion. All in the metric of the mass matrix, in which the load is `|F|`.
+    Balance `M a = F + N' lambda`; friction within its limit; a sliding contact at its limit, against
+    its motion. All in the metric of the mass matrix, in which the load is `|F|`.
     """
     M, F, N, R = problem
     a, friction = np.asarray(acceleration), np.asarray(contact_force)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import scipy.optimize
 
+import stickslip.contact
 import stickslip.contact._resolve
 from stickslip.contact import resolve
 from tests.stickslip.contact._problems import (
@@ -167,8 +168,9 @@ def test_ill_conditioned_mass():
         assert found.residual <= 1e-12
 
 
-def test_examples_of_the_docstring():
-    failed, tried = doctest.testmod(stickslip.contact._resolve)
+@pytest.mark.parametrize("module", [stickslip.contact, stickslip.contact._resolve])
+def test_examples_of_the_docstrings(module):
+    failed, tried = doctest.testmod(module)
     assert (failed, tried > 0) == (0, True)
 
 
