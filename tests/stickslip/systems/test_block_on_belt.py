@@ -134,8 +134,18 @@ def test_derivatives_forward_reverse_and_by_differences(model):
 def test_poincare_points_of_periodic_lanes_are_scipys():
     """After the transients: periods one, two and three, points to 1e-8 m over several periods."""
     k3 = jnp.array([75.0, 82.0, 89.5])
-    settled = jax.vmap(lambda k: run(BlockOnBelt, k, 150.0, max_events=None, throw=False).y1)(k3)
-    runs = jax.vmap(lambda k, y0: run(BlockOnBelt, k, 8.0, y0))(k3, settled)
+    # Transients fall by 8 % a period only; they need not be exact.
+    steps = ss.Integrator(method="tsit5", step=ss.FixedStep(1e-3), max_steps=10**6)
+
+    def settle(k):
+        return ss.simulate(
+            BlockOnBelt.constructed(k3=k), 0.0, 300.0, REST, integrator=steps, max_events=None
+        ).y1
+
+    settled = jax.vmap(settle)(k3)
+    # Where the acceleration passes zero slowly, 1e-10 in the state is 2e-8 m in the point.
+    precise = ss.Integrator(step=ss.AdaptiveStep(1e-12, 1e-12))
+    runs = jax.vmap(lambda k, y0: run(BlockOnBelt, k, 8.0, y0, integrator=precise))(k3, settled)
     (crossings,) = runs.crossings
     for i, (k, period) in enumerate(zip(k3, (1, 2, 3), strict=True)):
         model, count = Reference(float(k)), int(crossings.count[i])
