@@ -83,7 +83,7 @@ def judge_models(dataset: xr.Dataset) -> list[Statement]:
         if low in (one, other):
             text += ", the window's edge: a doubling below it or a second crossing per cycle"
         found.append(_statement("B2", model, holds, text))
-        if "exponent" not in dataset or dataset.k3_exponent.diff("k3_exponent").max() > FINE:
+        if "exponent" not in dataset or dataset.k3_exponent.diff("k3_exponent").max() > 1.001 * FINE:
             text = f"no exponents at a spacing of {FINE:g} N/m or less"
             found += [_statement(i, model, None, text) for i in ("B3", "B4", "B6")]
             continue
