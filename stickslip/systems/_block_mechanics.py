@@ -1,6 +1,7 @@
 """Mechanics of the block on a belt and of its pendulum, whatever moves the belt."""
 
 import abc
+from collections.abc import Callable
 from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
@@ -175,7 +176,7 @@ def _acceleration(t, y, dy, mode, args):
 
 def block_parameters(**given: Number) -> dict[str, Float[Array, "..."]]:
     """Checked mechanical parameters as float64 arrays."""
-    checks = dict.fromkeys(("m", "M", "J", "r", "g"), check_positive)
+    checks: dict[str, Callable] = dict.fromkeys(("m", "M", "J", "r", "g"), check_positive)
     checks |= dict.fromkeys(("k1", "k2", "k3", "c1", "c2"), check_nonnegative)
     checks["Q"] = check_finite
     return {name: as_parameter(checks[name](name, value)) for name, value in given.items()}

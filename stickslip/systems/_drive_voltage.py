@@ -26,7 +26,7 @@ def mean_belt_speed(
     By default with steps of 1 ms of Tsit5, which the winding and the contact of set A allow.
     """
     if integrator is None:
-        integrator = Integrator(method="tsit5", step=FixedStep(1e-3), max_steps=10**9)
+        integrator = Integrator(method="tsit5", step=FixedStep(1e-3), max_steps=10**9)  # pyright: ignore[reportCallIssue]
     check_positive("duration", duration)
     check_positive("transient", transient)
     travelling = WithIntegrals(system, _belt_velocity, units={"travel": "m"})
@@ -36,6 +36,7 @@ def mean_belt_speed(
         travelling, 0.0, transient + duration, start,
         integrator=integrator, saveat=SaveAt(ts=ts, events=False), max_events=None,
     )  # fmt: skip
+    assert solution.outputs is not None
     travel = solution.outputs.y.integrals["travel"]
     return (travel[1] - travel[0]) / duration
 
