@@ -180,7 +180,7 @@ def _pull(plan: Plan, spec: Record, varied, held, row: Tape, bars, logs: Logs):
 
     # Cotangents of the rows this attempt wrote into the logs.
     before_bar = jax.tree.map(jnp.zeros_like, y_bar)
-    slope_bar, after_bar, time_bar = before_bar, before_bar, jnp.zeros_like(t_bar)
+    after_bar, time_bar = before_bar, jnp.zeros_like(t_bar)
     states = [
         *(
             (log, number, f == 1)
@@ -193,7 +193,7 @@ def _pull(plan: Plan, spec: Record, varied, held, row: Tape, bars, logs: Logs):
         if log is not None and jax.tree.leaves(log):
             bar = _row_bar(log, number, present)
             time_bar = time_bar + bar.t
-            before_bar, slope_bar = _add(before_bar, bar.y), _add(slope_bar, bar.dy)
+            before_bar = _add(before_bar, bar.y)
     if logs.events is not None:
         bar = _row_bar(logs.events, row.event_number, event)
         time_bar = time_bar + bar.t
@@ -209,7 +209,7 @@ def _pull(plan: Plan, spec: Record, varied, held, row: Tape, bars, logs: Logs):
         """Cotangents of the end of the Runge-Kutta step, and those of parameters and time there."""
         end_t_bar = jnp.where(event | moved, t_bar + time_bar, 0.0)
         y1_bar = select(moved, _add(y_bar, before_bar), zero)
-        dy1_bar = select(moved, _add(dy_bar, slope_bar), select(event, slope_bar, zero))
+        dy1_bar = select(moved, dy_bar, zero)
         if not plan.functions.num_guards:
             return (y1_bar, dy1_bar), (jax.tree.map(jnp.zeros_like, varied), end_t_bar)
         end_theta, jump_t, jump_y1 = once(

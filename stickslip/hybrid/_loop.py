@@ -33,43 +33,48 @@ def run(plan: Plan, theta: PyTree, lane: Lane, t1: Any, outputs: Any) -> Lane:
     return plan.execute.loop(whole, theta, lane, t1, outputs)
 
 
+def empty_rows(plan: Plan, theta: PyTree, lane: Lane, t1: Any, outputs: Any, size: int, dump) -> PyTree:
+    """Room for `size` dumped attempts."""
+
+    def one(lane):
+        after, outcome = attempt(plan, theta, lane, t1, outputs)
+        return dump(lane, after, outcome)
+
+    shapes = jax.eval_shape(one, lane)
+    return jax.tree.map(lambda s: jnp.zeros((size, *s.shape), s.dtype), shapes)
+
+
 def run_block(
     plan: Plan,
     theta: PyTree,
     lane: Lane,
     t1: Any,
     outputs: Any,
-    size: int,
+    rows: PyTree,
     dump: Callable[[Lane, Lane, Outcome], PyTree],
 ) -> tuple[Lane, PyTree, Any]:
-    """Up to `size` attempts with `dump(before, after, outcome)` of each, stacked, and their number.
+    """As many attempts as `rows` has room for, `dump(before, after, outcome)` of each written there.
 
-    Rows past the number of attempts made are zero.
+    Returns the lane, the rows and the number of attempts made; rows past it keep their content.
     """
+    size = jax.tree.leaves(rows)[0].shape[0]
 
-    def whole(theta, lane, t1, outputs):
-        def one(lane):
-            after, outcome = attempt(plan, theta, lane, t1, outputs)
-            return after, dump(lane, after, outcome)
-
-        shapes = jax.eval_shape(one, lane)[1]
-        rows = jax.tree.map(lambda s: jnp.zeros((size, *s.shape), s.dtype), shapes)
-
+    def whole(theta, lane, t1, outputs, rows):
         def cond(carry):
             count, lane, _ = carry
             return (count < size) & running(lane)
 
         def body(carry):
-            count, lane, rows = carry
-            lane, row = one(lane)
+            count, before, rows = carry
+            lane, outcome = attempt(plan, theta, before, t1, outputs)
             rows = jax.tree.map(
                 lambda buffer, r: jax.lax.dynamic_update_index_in_dim(buffer, r, count, 0),
                 rows,
-                row,
+                dump(before, lane, outcome),
             )
             return count + 1, lane, rows
 
         return jax.lax.while_loop(cond, body, (jnp.zeros((), jnp.int32), lane, rows))
 
-    count, lane, rows = plan.execute.loop(whole, theta, lane, t1, outputs)
+    count, lane, rows = plan.execute.loop(whole, theta, lane, t1, outputs, rows)
     return lane, rows, count

@@ -14,9 +14,9 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ._lane import REFRESH, Lane, Outcome, Plan, is_event, moved_on
-from ._loop import run, run_block, running
+from ._loop import empty_rows, run, run_block, running
 
-BLOCK = 128
+BLOCK = 64
 
 
 class Record(eqx.Module):
@@ -37,7 +37,6 @@ class States(NamedTuple):
 
     t: Any
     y: PyTree
-    dy: PyTree
     mode: Any
     jump: Any  # whether the row was reached by a jump at an event, not by motion
 
@@ -63,14 +62,13 @@ class Logs(NamedTuple):
 
 
 class Row(NamedTuple):
-    """One dumped attempt."""
+    """One dumped attempt; None where the run has no use for it, because writing rows costs time."""
 
     code: Any
     guard: Any
     t: Any
     y: PyTree
-    y_before: PyTree
-    dy: PyTree
+    y_before: PyTree  # None without guards: it is then `y`
     mode: Any
     mode_before: Any
     events: Any
@@ -85,37 +83,42 @@ def record(plan: Plan, spec: Record, theta, lane: Lane, t1, outputs) -> tuple[La
         return run(plan, theta, lane, t1, outputs), Logs(None, (), None, None), none
     logs = _empty(spec, lane)
 
+    guards = plan.functions.num_guards > 0
+    logged = spec.events is not None and guards
+    rowwise = spec.steps is not None
+
     def dump(before: Lane, after: Lane, outcome: Outcome) -> Row:
         return Row(
-            code=outcome.code,
-            guard=outcome.guard,
+            code=outcome.code if guards or rowwise else None,
+            guard=outcome.guard if logged else None,
             t=after.t,
-            y=after.y,
-            y_before=outcome.y_before,
-            dy=outcome.dy,
-            mode=after.mode,
-            mode_before=before.mode,
-            events=after.events,
+            y=after.y if logged or not guards else None,
+            y_before=outcome.y_before if guards else None,
+            mode=after.mode if logged else None,
+            mode_before=before.mode if guards else None,
+            events=after.events if logged else None,
             crossings=after.crossings,
-            next_output=after.next_output,
+            next_output=after.next_output if spec.outputs else None,
         )
 
+    blank = empty_rows(plan, theta, lane, t1, outputs, BLOCK, dump)
+
     def body(carry):
-        before, logs, steps = carry
-        after, rows, count = run_block(plan, theta, before, t1, outputs, BLOCK, dump)
+        before, logs, steps, rows = carry
+        after, rows, count = run_block(plan, theta, before, t1, outputs, rows, dump)
         logs, steps = _collect(spec, logs, steps, before, after, rows, count)
         if plan.progress is not None:
             plan.progress.report(lane.t, after.t, t1, after.status)
-        return after, logs, steps
+        return after, logs, steps, rows
 
-    return jax.lax.while_loop(lambda c: running(c[0]), body, (lane, logs, none))
+    return jax.lax.while_loop(lambda c: running(c[0]), body, (lane, logs, none, blank))[:3]
 
 
 def _empty(spec: Record, lane: Lane) -> Logs:
     def rows(capacity, tree):
         return jax.tree.map(lambda a: jnp.zeros((capacity, *jnp.shape(a)), jnp.asarray(a).dtype), tree)
 
-    state = States(lane.t, lane.y, lane.dy, lane.mode, lane.mode)
+    state = States(lane.t, lane.y, lane.mode, lane.mode)
     event = Events(lane.t, lane.mode, lane.mode, lane.mode, lane.y, lane.y)
     return Logs(
         events=None if spec.events is None else rows(spec.events, event),
@@ -127,14 +130,16 @@ def _empty(spec: Record, lane: Lane) -> Logs:
 
 def _collect(spec: Record, logs: Logs, steps, before: Lane, after: Lane, rows: Row, count):
     def state(row: Row) -> States:
-        jump = row.code == REFRESH
-        return States(row.t, row.y_before, row.dy, row.mode_before, jump.astype(jnp.int32))
+        if row.mode_before is None:
+            return States(row.t, row.y, before.mode, jnp.zeros_like(before.mode))
+        jump = (row.code == REFRESH).astype(jnp.int32)
+        return States(row.t, row.y_before, row.mode_before, jump)
 
     def event(row: Row) -> Events:
         return Events(row.t, row.guard, row.mode_before, row.mode, row.y_before, row.y)
 
     events, crossings, outputs, stepped = logs
-    if events is not None:
+    if events is not None and rows.events is not None:
         events = _move(events, rows, rows.events, before.events, after.events, event)
     crossings = tuple(
         _move(log, rows, rows.crossings[i], before.crossings[i], after.crossings[i], state)
@@ -156,7 +161,7 @@ def _collect(spec: Record, logs: Logs, steps, before: Lane, after: Lane, rows: R
 def _move(log, rows: Row, counts, first, last, pick):
     """Copy into `log` the rows at which the running `counts` went up, from `first` to `last`."""
     most = eqxi.unvmap_max(last - first)
-    # Rows past the attempts that were made are zero; a count never falls, so hide them.
+    # Rows past the attempts that were made are of an earlier block; a count never falls.
     counts = jax.lax.cummax(counts, axis=0)
 
     def body(carry):

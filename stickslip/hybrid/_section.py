@@ -5,6 +5,7 @@ from typing import Any
 
 import equinox as eqx
 import jax
+import jax.extend
 
 from ._system import DIRECTIONS
 
@@ -44,8 +45,9 @@ class Section(eqx.Module):
             return self.function(t, y, dy, mode, args)
 
         closed = jax.make_jaxpr(of_slope)(dy)
-        needed = set(closed.jaxpr.outvars)
+        literal = jax.extend.core.Literal
+        needed = {v for v in closed.jaxpr.outvars if not isinstance(v, literal)}
         for eqn in reversed(closed.jaxpr.eqns):
             if any(out in needed for out in eqn.outvars):
-                needed |= {v for v in eqn.invars if not isinstance(v, jax.extend.core.Literal)}
+                needed |= {v for v in eqn.invars if not isinstance(v, literal)}
         return any(var in needed for var in closed.jaxpr.invars)

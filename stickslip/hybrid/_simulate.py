@@ -236,20 +236,23 @@ def _assemble(theta, t0, t1, ts, sections, functions, smooth, counts, spec) -> S
     also carries the derivative with respect to them."""
     logs = eqx.combine(smooth.logs, counts.logs)
     finished = counts.status == CODE["successful"]
-    t_end, y_end, dy_end = smooth.t, smooth.y, smooth.dy
+    t_end, y_end = smooth.t, smooth.y
     system, args = theta
 
-    def landed(t, target, y, dy, mode, valid):
-        y = shift(y, dy, jnp.where(valid, target - t, 0.0))
-        return y, system.vector_field(jnp.where(valid, target, t), y, mode, args)
+    def slope(t, y, mode):
+        return system.vector_field(t, y, mode, args)
 
-    y1, dy1 = landed(t_end, t1, y_end, dy_end, counts.mode, finished)
+    def landed(t, target, y, mode, valid):
+        y = shift(y, jax.lax.stop_gradient(slope(t, y, mode)), jnp.where(valid, target - t, 0.0))
+        return y, slope(jnp.where(valid, target, t), y, mode)
+
+    y1, dy1 = landed(t_end, t1, y_end, counts.mode, finished)
     t_stop = jnp.where(finished, t1, t_end)
     outputs = None
     if ts is not None:
         rows = logs.outputs
         reached = jnp.arange(spec.outputs, dtype=jnp.int32) < counts.outputs
-        y, dy = jax.vmap(landed)(rows.t, ts, rows.y, rows.dy, rows.mode, reached)
+        y, dy = jax.vmap(landed)(rows.t, ts, rows.y, rows.mode, reached)
         outputs = _state_log(counts.outputs, ts, y, dy, rows.mode, spec.outputs)
     crossings = ()
     for i, (section, count, rows) in enumerate(
@@ -271,7 +274,8 @@ def _assemble(theta, t0, t1, ts, sections, functions, smooth, counts, spec) -> S
     steps = None
     if spec.steps is not None:
         rows, count = logs.steps, jnp.minimum(counts.steps, spec.steps)
-        steps = _state_log(count, rows.t, rows.y, rows.dy, rows.mode, spec.steps)
+        dy = jax.vmap(slope)(rows.t, rows.y, rows.mode)
+        steps = _state_log(count, rows.t, rows.y, dy, rows.mode, spec.steps)
     events = None
     if spec.events is not None:
         count = jnp.minimum(counts.events, spec.events)
@@ -305,9 +309,10 @@ def _polish(theta, section: Section, row):
         dy = system.vector_field(t, y, row.mode, args)
         return section.function(t, y, dy, row.mode, args), dy
 
-    one = jnp.ones_like(row.t)
-    (value, dy), (rate, ddy) = jax.jvp(along, (row.t, row.y), (one, row.dy))
     sg = jax.lax.stop_gradient
+    one = jnp.ones_like(row.t)
+    slope = sg(system.vector_field(row.t, row.y, row.mode, args))
+    (value, dy), (rate, ddy) = jax.jvp(along, (row.t, row.y), (one, slope))
     usable = (row.jump == 0) & (sg(rate) != 0)
     dt = jnp.where(usable, -value / jnp.where(usable, sg(rate), 1.0), 0.0)
     return row.t + dt, shift(row.y, sg(dy), dt), shift(dy, sg(ddy), dt)
