@@ -18,7 +18,7 @@ from ._attempt import attempt
 from ._lane import EVENT, Lane, Outcome, Plan, is_event, moved_on
 from ._loop import running
 from ._record import Logs, Record
-from ._tree import select, shift
+from ._tree import select, shift, write_row
 
 
 class Tape(NamedTuple):
@@ -55,10 +55,7 @@ def adjoint(inputs, fixed, plan: Plan, spec: Record, cotangents, make_start) -> 
 
     def forward(carry):
         number, lane, steps, kept = carry
-        kept = jax.tree.map(
-            lambda buffer, a: jax.lax.dynamic_update_index_in_dim(buffer, a, number, 0),
-            kept, (lane, steps),
-        )  # fmt: skip
+        kept = write_row(kept, (lane, steps), number)
         lane, steps = _advance(plan, theta, lane, steps, t1, outputs, size)
         return number + 1, lane, steps, kept
 
@@ -80,17 +77,15 @@ def adjoint(inputs, fixed, plan: Plan, spec: Record, cotangents, make_start) -> 
     def backward(carry):
         number, bars = carry
         lane, steps = jax.tree.map(lambda buffer: buffer[number - 1], kept)
-        rows, count = _tape(plan, theta, lane, steps, t1, outputs, size)
+        rows = _tape(plan, theta, lane, steps, t1, outputs, size)
 
-        def sweep(varied, rows, count, bars, logs):
-            def body(carry):
-                index, bars = carry
-                row = jax.tree.map(lambda a: a[index - 1], rows)
-                return index - 1, _pull(plan, spec, varied, held, row, bars, logs)
+        def sweep(varied, rows, bars, logs):
+            def body(bars, row):
+                return _pull(plan, spec, varied, held, row, bars, logs), None
 
-            return jax.lax.while_loop(lambda c: c[0] > 0, body, (count, bars))[1]
+            return jax.lax.scan(body, bars, rows, reverse=True)[0]
 
-        bars = plan.execute.loop(sweep, varied, rows, count, bars, cotangents.logs)
+        bars = plan.execute.loop(sweep, varied, rows, bars, cotangents.logs)
         return number - 1, bars
 
     _, bars = jax.lax.while_loop(lambda c: c[0] > 0, backward, (number, bars))
@@ -117,27 +112,12 @@ def _advance(plan: Plan, theta, lane: Lane, steps, t1, outputs, size):
 
 def _tape(plan: Plan, theta, lane: Lane, steps, t1, outputs, size):
     def whole(theta, lane, steps, t1, outputs):
-        def one(lane, steps):
+        def body(carry, _):
+            lane, steps = carry
             after, outcome = attempt(plan, theta, lane, t1, outputs)
-            row = _tape_row(lane, after, outcome, steps)
-            return after, _counted(steps, outcome.code), row
+            return (after, _counted(steps, outcome.code)), _tape_row(lane, after, outcome, steps)
 
-        shapes = jax.eval_shape(one, lane, steps)[2]
-        rows = jax.tree.map(lambda s: jnp.zeros((size, *s.shape), s.dtype), shapes)
-
-        def body(carry):
-            count, lane, steps, rows = carry
-            lane, steps, row = one(lane, steps)
-            rows = jax.tree.map(
-                lambda buffer, r: jax.lax.dynamic_update_index_in_dim(buffer, r, count, 0),
-                rows,
-                row,
-            )
-            return count + 1, lane, steps, rows
-
-        start = (jnp.zeros((), jnp.int32), lane, steps, rows)
-        end = jax.lax.while_loop(lambda c: (c[0] < size) & running(c[1]), body, start)
-        return end[3], end[0]
+        return jax.lax.scan(body, (lane, steps), None, length=size)[1]
 
     return plan.execute.loop(whole, theta, lane, steps, t1, outputs)
 

@@ -5,7 +5,6 @@ from typing import Any
 
 import equinox.internal as eqxi
 import jax
-import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ._attempt import attempt
@@ -33,48 +32,26 @@ def run(plan: Plan, theta: PyTree, lane: Lane, t1: Any, outputs: Any) -> Lane:
     return plan.execute.loop(whole, theta, lane, t1, outputs)
 
 
-def empty_rows(plan: Plan, theta: PyTree, lane: Lane, t1: Any, outputs: Any, size: int, dump) -> PyTree:
-    """Room for `size` dumped attempts."""
-
-    def one(lane):
-        after, outcome = attempt(plan, theta, lane, t1, outputs)
-        return dump(lane, after, outcome)
-
-    shapes = jax.eval_shape(one, lane)
-    return jax.tree.map(lambda s: jnp.zeros((size, *s.shape), s.dtype), shapes)
-
-
 def run_block(
     plan: Plan,
     theta: PyTree,
     lane: Lane,
     t1: Any,
     outputs: Any,
-    rows: PyTree,
+    size: int,
     dump: Callable[[Lane, Lane, Outcome], PyTree],
-) -> tuple[Lane, PyTree, Any]:
-    """As many attempts as `rows` has room for, `dump(before, after, outcome)` of each written there.
+) -> tuple[Lane, PyTree]:
+    """`size` attempts with `dump(before, after, outcome)` of each, stacked.
 
-    Returns the lane, the rows and the number of attempts made; rows past it keep their content.
+    A scan and not a loop that ends early: what it stacks lies with the lanes side by side, so that
+    writing a row is one contiguous store. A lane that has ended holds still.
     """
-    size = jax.tree.leaves(rows)[0].shape[0]
 
-    def whole(theta, lane, t1, outputs, rows):
-        def cond(carry):
-            count, lane, _ = carry
-            return (count < size) & running(lane)
+    def whole(theta, lane, t1, outputs):
+        def body(before, _):
+            after, outcome = attempt(plan, theta, before, t1, outputs)
+            return after, dump(before, after, outcome)
 
-        def body(carry):
-            count, before, rows = carry
-            lane, outcome = attempt(plan, theta, before, t1, outputs)
-            rows = jax.tree.map(
-                lambda buffer, r: jax.lax.dynamic_update_index_in_dim(buffer, r, count, 0),
-                rows,
-                dump(before, lane, outcome),
-            )
-            return count + 1, lane, rows
+        return jax.lax.scan(body, lane, None, length=size)
 
-        return jax.lax.while_loop(cond, body, (jnp.zeros((), jnp.int32), lane, rows))
-
-    count, lane, rows = plan.execute.loop(whole, theta, lane, t1, outputs, rows)
-    return lane, rows, count
+    return plan.execute.loop(whole, theta, lane, t1, outputs)

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ._lane import REFRESH, Lane, Outcome, Plan, is_event, moved_on
-from ._loop import empty_rows, run, run_block, running
+from ._loop import run, run_block, running
 
 BLOCK = 64
 
@@ -101,17 +101,15 @@ def record(plan: Plan, spec: Record, theta, lane: Lane, t1, outputs) -> tuple[La
             next_output=after.next_output if spec.outputs else None,
         )
 
-    blank = empty_rows(plan, theta, lane, t1, outputs, BLOCK, dump)
-
     def body(carry):
-        before, logs, steps, rows = carry
-        after, rows, count = run_block(plan, theta, before, t1, outputs, rows, dump)
-        logs, steps = _collect(spec, logs, steps, before, after, rows, count)
+        before, logs, steps = carry
+        after, rows = run_block(plan, theta, before, t1, outputs, BLOCK, dump)
+        logs, steps = _collect(spec, logs, steps, before, after, rows)
         if plan.progress is not None:
             plan.progress.report(lane.t, after.t, t1, after.status)
-        return after, logs, steps, rows
+        return after, logs, steps
 
-    return jax.lax.while_loop(lambda c: running(c[0]), body, (lane, logs, none, blank))[:3]
+    return jax.lax.while_loop(lambda c: running(c[0]), body, (lane, logs, none))
 
 
 def _empty(spec: Record, lane: Lane) -> Logs:
@@ -128,7 +126,7 @@ def _empty(spec: Record, lane: Lane) -> Logs:
     )
 
 
-def _collect(spec: Record, logs: Logs, steps, before: Lane, after: Lane, rows: Row, count):
+def _collect(spec: Record, logs: Logs, steps, before: Lane, after: Lane, rows: Row):
     def state(row: Row) -> States:
         if row.mode_before is None:
             return States(row.t, row.y, before.mode, jnp.zeros_like(before.mode))
@@ -148,8 +146,7 @@ def _collect(spec: Record, logs: Logs, steps, before: Lane, after: Lane, rows: R
     if outputs is not None:
         outputs = _move(outputs, rows, rows.next_output, before.next_output, after.next_output, state)
     if stepped is not None:
-        made = jnp.arange(BLOCK, dtype=jnp.int32) < count
-        keep = made & (moved_on(rows.code) | is_event(rows.code))
+        keep = moved_on(rows.code) | is_event(rows.code)
         place = jnp.where(keep, steps + jnp.cumsum(keep, dtype=jnp.int32) - 1, stepped.t.shape[0])
         stepped = jax.tree.map(
             lambda log, row: log.at[place].set(row, mode="drop"), stepped, jax.vmap(state)(rows)
@@ -161,8 +158,6 @@ def _collect(spec: Record, logs: Logs, steps, before: Lane, after: Lane, rows: R
 def _move(log, rows: Row, counts, first, last, pick):
     """Copy into `log` the rows at which the running `counts` went up, from `first` to `last`."""
     most = eqxi.unvmap_max(last - first)
-    # Rows past the attempts that were made are of an earlier block; a count never falls.
-    counts = jax.lax.cummax(counts, axis=0)
 
     def body(carry):
         slot, log = carry

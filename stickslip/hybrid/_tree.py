@@ -33,6 +33,21 @@ def shift(y: PyTree, slope: PyTree, dt: Any) -> PyTree:
     return jax.tree.map(lambda a, b: a + b * dt, y, slope)
 
 
+def write_row(rows: PyTree, row: PyTree, index: Any) -> PyTree:
+    """`rows` with `row` written at `index` of the leading axis, in place inside a loop.
+
+    With the primitive itself: `dynamic_update_index_in_dim` is jitted, and inside the fused loop that
+    call would copy the whole buffer.
+    """
+
+    def write(buffer, value):
+        value = jax.lax.expand_dims(jnp.asarray(value), (0,))
+        start = (index, *(jnp.zeros((), jnp.int32),) * (buffer.ndim - 1))
+        return jax.lax.dynamic_update_slice(buffer, value, start)
+
+    return jax.tree.map(write, rows, row)
+
+
 def all_finite(tree: PyTree) -> Array:
     """One boolean: no NaN and no infinity in any leaf."""
     flags = [jnp.all(jnp.isfinite(leaf)) for leaf in jax.tree.leaves(tree)]
