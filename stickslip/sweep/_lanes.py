@@ -34,7 +34,10 @@ class map_lanes:
     - `chunk_size`: lanes per chunk; by default 64 on a CPU and 65,536 elsewhere.
     - `executor`: `"fused"` compiles the time loop to one function (3 to 6 times faster on a CPU);
       `"portable"` uses nothing but public JAX; `"auto"` is `"fused"` on a CPU if a trial in a
-      subprocess has shown that this jaxlib compiles it and agrees in value.
+      subprocess has shown that this jaxlib compiles it and agrees in value. The trial cannot cover
+      every program: XLA aborts the process while compiling some (known case: a lane that runs a
+      `simulate` which records nothing and then one which records). If that happens, use
+      `"portable"` here or `STICKSLIP_EXECUTOR=portable` in the environment.
     - `workers`: devices or, with a single CPU device, threads to use; by default all.
 
     **Returns** a callable with the results' leading axis as long as the inputs'. It is compiled on
