@@ -61,9 +61,8 @@ def table(title: str, rows: list[dict], missing: list[str]) -> str:
     lines = [title, f"  {'':46s} {'best s':>9s} {'median s':>9s} {'ratio':>8s} {'error':>9s}"]
     for row in rows:
         error = "" if row["error"] is None else f"{row['error']:.1e}"
-        lines.append(
-            f"  {row['name']:46s} {row['best']:9.4f} {row['median']:9.4f} {row['ratio']:8.2f} {error:>9s}"
-        )
+        figures = f"{row['best']:9.4f} {row['median']:9.4f} {row['ratio']:8.2f} {error:>9s}"
+        lines.append(f"  {row['name']:46s} {figures}")
     lines += [f"  {name}: absent, not measured" for name in missing]
     return "\n".join(lines)
 
