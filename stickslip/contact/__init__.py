@@ -25,7 +25,7 @@ The first rail and both pulleys begin to slide forward, the second rail holds, w
 | function | for |
 |---|---|
 | `resolve` | any few velocities and contacts: a search that ends, exact to rounding |
-| `vector_dead_zone` | two velocities, in closed form; ten times faster in large batches |
+| `vector_dead_zone` | two velocities, in closed form; several times faster in batches |
 | `dead_zone` | one velocity: Eq. (30) of the paper on the CoreXY mechanism |
 | `hold` | the motion while known contacts hold: the smooth field between events |
 | `dead_zone_gauge` | the share of the dead zone a load uses: the guard that ends sticking |

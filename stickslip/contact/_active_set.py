@@ -30,7 +30,6 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from stickslip.contact._linear_algebra import (
-    apart,
     cholesky,
     combine,
     dots,
@@ -68,7 +67,7 @@ class ActiveSet(NamedTuple):
 
 
 class _Search(NamedTuple):
-    basis: Float[Array, "k n lane"]  # orthonormal, of the contacts that were free
+    basis: Float[Array, "m n lane"]  # orthonormal, of the contacts that were free
     force: Float[Array, "m lane"]
     side: Float[Array, "m lane"]
     free: Bool[Array, "m lane"]
@@ -86,9 +85,9 @@ def _sweep(pull, rows, limits) -> _Search:
         slides = (jnp.abs(moved) >= limit) & (limit > 0)
         force.append(jnp.where(slides, taken, 0.0))
         side.append(jnp.where(slides, jnp.sign(taken), 0.0))
-    size, *lanes = pull.shape
+    lanes = limits.shape[1:]
     return _Search(
-        jnp.zeros((min(rows.shape[:2]), size, *lanes)),
+        jnp.zeros_like(rows),
         jnp.stack(force),
         jnp.stack(side),
         jnp.zeros(limits.shape, bool),
@@ -100,16 +99,9 @@ def _sweep(pull, rows, limits) -> _Search:
 def _advance(now: _Search, pull, rows, limits) -> _Search:
     """One step of the search in every lane that has not settled."""
     contact = jnp.arange(rows.shape[0])[:, None]
-    # No more contacts can be free than there are velocities: these many slots are enough.
-    slot = jnp.arange(now.basis.shape[0])[:, None, None]
-    place = jnp.cumsum(now.free, axis=0) - 1
-    taken = now.free[None] & (place[None] == slot)
-    chosen = jnp.sum(jnp.where(taken[:, :, None], rows[None], 0.0), axis=1)
-    basis = gram_schmidt(chosen, jnp.any(taken, axis=1), NOISE)
+    basis = gram_schmidt(rows, now.free, NOISE)
     loaded = pull + combine(rows, jnp.where(now.free, 0.0, now.force))
-    weights = -basis.weights(dots(basis.q, loaded))
-    target = jnp.sum(jnp.where(taken, weights[:, None], 0.0), axis=0)
-    target = jnp.where(now.free, target, now.force)
+    target = jnp.where(now.free, -basis.weights(dots(basis.q, loaded)), now.force)
 
     change = target - now.force
     # A target within rounding of its bound counts as there: a free contact is strictly inside.
@@ -143,6 +135,11 @@ def _advance(now: _Search, pull, rows, limits) -> _Search:
     )
 
 
+def _apart(rows, basis):
+    """Parts of the rows outside a basis; once, since only their rough size counts."""
+    return jnp.stack([row - combine(basis, dots(basis, row)) for row in rows])
+
+
 def _complete(basis, rows, parked):
     """Parked contacts that make the free ones a basis of all that hold; parts of `rows` outside it.
 
@@ -163,12 +160,12 @@ def _complete(basis, rows, parked):
         hit = (contact == jnp.argmax(distance, axis=0, keepdims=True)) & (largest > DEPENDENT)[None]
         direction = jnp.sum(jnp.where(hit[:, None], outside, 0.0), axis=0)
         direction = direction / jnp.where(largest > DEPENDENT, largest, 1.0)[None]
-        return added | hit, apart(outside, direction[None])
+        return added | hit, _apart(outside, direction[None])
 
     def incomplete(state):
         return jnp.any(distances(state) > DEPENDENT)
 
-    return jax.lax.while_loop(incomplete, add, (jnp.zeros_like(parked), apart(rows, basis)))
+    return jax.lax.while_loop(incomplete, add, (jnp.zeros_like(parked), _apart(rows, basis)))
 
 
 def search(
@@ -215,6 +212,8 @@ def search(
     natural = found.force - jnp.clip(found.force - moved, -bounds, bounds)
     balance = moved_body - pull - combine(rows, found.force)
     residual = jnp.maximum(jnp.max(jnp.abs(natural), axis=0), safe_norm(balance, axis=0))
+    # Nearly dependent contacts can press against each other with forces far above the load.
+    residual = residual / jnp.maximum(1.0, jnp.max(jnp.abs(found.force), axis=0))
     return ActiveSet(
         acceleration,
         # A sliding contact has its limit exactly.

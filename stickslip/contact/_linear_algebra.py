@@ -1,9 +1,8 @@
 """Small dense factorisations, unrolled, with any lanes on the trailing axes.
 
-XLA on CPU vectorises over the last axis. A batch of 6-by-6 problems is therefore fast with the
-batch last, and slow with the batch first, which is where `vmap` puts it: measured 5 against 90
-microseconds per problem for the search in `_active_set`. All loops run over static sizes of at most
-a few.
+XLA on CPU vectorises over the last axis. Small problems in batches are therefore fast with the batch
+last, and an order of magnitude slower with the batch first, which is where `vmap` puts it. All loops
+run over static sizes of at most a few.
 """
 
 from dataclasses import dataclass
@@ -82,49 +81,38 @@ def reject(
     return vector
 
 
-def apart(
-    vectors: Float[Array, "m n *lanes"], basis: Float[Array, "k n *lanes"]
-) -> Float[Array, "m n *lanes"]:
-    """`reject` for every one of several vectors."""
-    for _ in range(2):
-        products = jnp.sum(vectors[:, None] * basis[None], axis=2)
-        vectors = vectors - jnp.sum(products[:, :, None] * basis[None], axis=1)
-    return vectors
-
-
 @dataclass(frozen=True)
 class Basis:
     """Orthonormal rows `q`, and how the rows kept were made of them.
 
-    Kept rows obey `rows[c] = sum_k table[c, k] q[k]`, `k <= c`. A row not kept has `q[c] = 0`.
+    Kept rows obey `rows[c] = sum_k earlier[c][k] q[k] + height[c] q[c]`, `k < c`. A row not kept has
+    `q[c] = 0` and an infinite height.
     """
 
     q: Float[Array, "m n *lanes"]
-    table: Float[Array, "m m *lanes"]
-    kept: Bool[Array, "m *lanes"]
+    earlier: list[Float[Array, "_ *lanes"]]
+    height: list[Float[Array, "*lanes"]]
 
-    def _height(self, c: int) -> Float[Array, "*lanes"]:
-        return jnp.where(self.kept[c], self.table[c, c], 1.0)
+    @property
+    def kept(self) -> Bool[Array, "m *lanes"]:
+        """Which rows span the basis."""
+        return jnp.stack(self.height) < jnp.inf
 
     def weights(self, components: Float[Array, "m *lanes"]) -> Float[Array, "m *lanes"]:
         """Weights of the kept rows whose sum has these components along `q`; zero on the others."""
-        rest = components
-        result = []
+        rest, result = components, []
         for c in reversed(range(len(self.q))):
-            weight = jnp.where(self.kept[c], rest[c] / self._height(c), 0.0)
-            rest = rest[:c] - self.table[c, :c] * weight[None]
-            result.append(weight)
+            result.append(rest[c] / self.height[c])
+            rest = rest[:c] - self.earlier[c] * result[-1][None]
         return jnp.stack(result[::-1])
 
     def components(self, products: Float[Array, "m *lanes"]) -> Float[Array, "m *lanes"]:
         """Components along `q` of the vector in their span with these products with the rows."""
-        rest = products
-        result = []
+        result = jnp.zeros_like(products[:0])
         for c in range(len(self.q)):
-            component = jnp.where(self.kept[c], rest[0] / self._height(c), 0.0)
-            rest = rest[1:] - self.table[c + 1 :, c] * component[None]
-            result.append(component)
-        return jnp.stack(result)
+            rest = products[c] - jnp.sum(self.earlier[c] * result, axis=0)
+            result = jnp.concatenate([result, (rest / self.height[c])[None]])
+        return result
 
 
 def gram_schmidt(
@@ -134,23 +122,25 @@ def gram_schmidt(
 ) -> Basis:
     """Orthonormal basis of the rows to keep, in order.
 
-    A row is left out where its distance to the span of the earlier ones is at most `tolerance`
-    times its length. Every row is orthogonalised twice, which makes the result orthogonal to
-    rounding for any angles between the rows.
+    A row is left out where its distance to the span of the earlier ones is at most `tolerance` times
+    its length. Every row is orthogonalised twice, which makes the result orthogonal to rounding for
+    any angles between the rows.
+
+    The form is chosen for XLA on CPU, which stores the results of reductions and divisions and
+    computes everything else again for every use: three times faster than with a mask on all rows, or
+    one on the quotients.
     """
-    rows = jnp.where(keep[:, None], rows, 0.0)
     least = tolerance * safe_norm(rows, axis=1)
-    q, kept = [], []
+    q, earlier, height = rows[:0], [], []
     for c in range(len(rows)):
-        rest = rows[c]
-        if c:
-            # Against all earlier rows at once: stacking makes XLA store them, where it would
-            # otherwise compute each again for every later row.
-            rest = reject(jnp.stack(q), rest)
+        rest, along = jnp.where(keep[c][None], rows[c], 0.0), jnp.zeros_like(q[:, 0])
+        for _ in range(2 if c else 0):
+            step = dots(q, rest)
+            rest = rest - combine(q, step)
+            along = along + step
         distance = safe_norm(rest, axis=0)
         # A NaN is kept, so that it is seen.
-        kept.append(~(distance <= least[c]))
-        direction = rest / jnp.where(kept[c], distance, 1.0)[None]
-        q.append(jnp.where(kept[c][None], direction, 0.0))
-    basis = jnp.stack(q)
-    return Basis(basis, jnp.sum(rows[:, None] * basis[None], axis=2), jnp.stack(kept))
+        height.append(jnp.where(distance <= least[c], jnp.inf, distance))
+        earlier.append(along)
+        q = jnp.concatenate([q, (rest / height[c][None])[None]])
+    return Basis(q, earlier, height)

@@ -15,6 +15,9 @@ from stickslip.contact._hold import constrained
 from stickslip.contact._lanes import solver
 from stickslip.contact._problem import as_problem
 
+# Far above the rounding of any well-posed problem, far below an error that matters.
+ACCURATE = 1e-10
+
 
 class RESULTS(eqx.Enumeration):
     """Outcome of `resolve`, per lane."""
@@ -23,6 +26,10 @@ class RESULTS(eqx.Enumeration):
     max_steps_reached = (
         "The search for the sliding contacts did not end within `max_steps`; the acceleration is "
         "the last iterate. Increase `max_steps`; should that not help, report the problem."
+    )
+    inaccurate = (
+        "The search ended, but the acceleration violates the optimality conditions by more than "
+        "rounding: see `residual`. Scale the velocities alike, or report the problem."
     )
     mass_matrix_not_positive_definite = (
         "The mass matrix is not positive definite in this lane. Check masses and inertias."
@@ -47,8 +54,8 @@ class Resolution(eqx.Module):
       interval have independent normals. Use `M a - F` where a unique value is needed.
     - `on_kink`: a contact rests with its force at its limit, so that it is about to slide: `a` is
       continuous there but has no derivative; autodiff gives the derivative of one side.
-    - `residual`: largest violation of the optimality conditions, relative to `|F|`, both in the
-      metric of the mass matrix; a few 1e-16 is normal.
+    - `residual`: largest violation of the optimality conditions, relative to `|F|` or to the largest
+      friction, whichever is greater, in the metric of the mass matrix; some 1e-15 is normal.
     - `num_steps`: steps of the search.
     - `result`: a [`RESULTS`][] code; where it is not `successful` because of bad input, all numbers
       are NaN.
@@ -119,7 +126,9 @@ def _resolve(mass_matrix, force, normals, limits, active, max_steps: int) -> Res
     finite = jnp.all(jnp.array([jnp.all(jnp.isfinite(x)) for x in inputs]))
     positive = jnp.all(jnp.isfinite(found.acceleration))
     allowed = jnp.all(bounds >= 0)
-    result = RESULTS.where(found.settled, RESULTS.successful, RESULTS.max_steps_reached)
+    result = RESULTS.successful
+    result = RESULTS.where(found.residual > ACCURATE, RESULTS.inaccurate, result)
+    result = RESULTS.where(found.settled, result, RESULTS.max_steps_reached)
     result = RESULTS.where(positive, result, RESULTS.mass_matrix_not_positive_definite)
     result = RESULTS.where(allowed, result, RESULTS.negative_limit)
     result = RESULTS.where(finite, result, RESULTS.nonfinite)

@@ -3,7 +3,6 @@
 import itertools
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
@@ -66,6 +65,9 @@ def dead_zone_gauge(
     - `limits`: greatest static friction `R_c >= 0`, shape `[m]` (N, N m).
     - `active`: which contacts count, booleans of shape `[m]`; all if not given.
 
+    The cost grows with the number of facets: at most 5 for 2 velocities and 4 contacts, 93 for 4 and
+    8, 219 for 6 and 8.
+
     **Returns:** the gauge, a scalar without unit; infinite where no multiple of the set holds the
     force.
 
@@ -85,29 +87,27 @@ def _gauge(
     # maximum over all parts orthogonal to up to n - 1 contacts therefore is the gauge, also of a
     # flat zonotope.
     count, size = rows.shape
-    subsets = np.array(
-        [
-            np.isin(np.arange(count), chosen)
-            for order in range(min(size, count + 1))
-            for chosen in itertools.combinations(range(count), order)
-        ]
-    )
+    most = min(size - 1, count)
+    subsets = [
+        chosen for order in range(most + 1) for chosen in itertools.combinations(range(count), order)
+    ]
+    member = np.array([chosen + (0,) * (most - len(chosen)) for chosen in subsets]).T.astype(int)
+    used = np.arange(most)[:, None] < np.array([len(chosen) for chosen in subsets])
+    spanning = jnp.moveaxis(rows[member], -1, 1)
+    basis = gram_schmidt(spanning, used & (bounds > 0)[member], NOISE)
+    normal = reject(basis.q, jnp.broadcast_to(load[:, None], (size, len(subsets))))
+
     strength = safe_norm(load, axis=0)
-    rounding = 64 * EPSILON * strength * safe_norm(rows, axis=1)
-
-    def use(subset: Bool[Array, " m"]) -> Float[Array, ""]:
-        basis = gram_schmidt(rows, subset & (bounds > 0), NOISE)
-        normal = reject(basis.q, load)
-        along = rows @ normal
-        resistance = jnp.sum(jnp.where(jnp.abs(along) > rounding, bounds * jnp.abs(along), 0.0))
-        resists = resistance > 0
-        ratio = jnp.sum(normal * normal) / jnp.where(resists, resistance, 1.0)
-        ratio = jnp.where(resists, ratio, jnp.inf)
-        return jnp.where(safe_norm(normal, axis=0) > DEPENDENT * strength, ratio, 0.0)
-
+    along = jnp.abs(jnp.sum(rows[:, :, None] * normal[None], axis=1))
+    felt = along > 64 * EPSILON * strength * safe_norm(rows, axis=1)[:, None]
+    resistance = jnp.sum(jnp.where(felt, bounds[:, None] * along, 0.0), axis=0)
+    resists = resistance > 0
+    share = jnp.sum(normal * normal, axis=0) / jnp.where(resists, resistance, 1.0)
+    share = jnp.where(resists, share, jnp.inf)
+    share = jnp.where(safe_norm(normal, axis=0) > DEPENDENT * strength, share, 0.0)
     # No comparison with NaN holds, so that NaN would look like no force.
     bad = jnp.isnan(jnp.sum(load) + jnp.sum(rows) + jnp.sum(bounds))
-    return jnp.where(bad, jnp.nan, jnp.max(jax.vmap(use)(jnp.asarray(subsets))))
+    return jnp.where(bad, jnp.nan, jnp.max(share))
 
 
 def in_dead_zone(

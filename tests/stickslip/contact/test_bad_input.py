@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import stickslip.contact._resolve
 from stickslip.contact import (
     RESULTS,
     dead_zone,
@@ -118,3 +119,11 @@ def test_lanes_of_the_other_functions_fail_alone():
     assert np.all(jax.vmap(lambda F: in_dead_zone(F, N, R))(forces) == np.array([True, False]))
     motions = jax.vmap(lambda F: hold(M, F, N, np.ones(3, bool)).constraint_force)(forces)
     np.testing.assert_array_equal(np.isnan(motions).any(axis=1), [False, True])
+
+
+def test_violated_optimality_conditions_say_so(monkeypatch):
+    # No problem is known that ends inaccurate, so the threshold comes to the rounding instead.
+    monkeypatch.setattr(stickslip.contact._resolve, "ACCURATE", -1.0)
+    found = resolve(np.eye(2), np.ones(2), np.ones((7, 2)), np.ones(7))
+    assert bool(found.result == RESULTS.inaccurate)
+    assert not found.converged
