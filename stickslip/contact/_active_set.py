@@ -105,7 +105,7 @@ def _advance(now: _Search, pull, rows, limits) -> _Search:
 
     change = target - now.force
     # A target within rounding of its bound counts as there: a free contact is strictly inside.
-    leaves = now.free & (jnp.abs(target) >= limits * (1 - 4 * EPSILON))
+    leaves = now.free & (jnp.abs(target) >= limits - NOISE * (1 + limits))
     bound = jnp.where(target > 0, limits, -limits)
     share = (bound - now.force) / jnp.where(change == 0, 1.0, change)
     share = jnp.where(leaves, jnp.clip(share, 0.0, 1.0), 2.0)

@@ -88,11 +88,11 @@ def random_problem(rng, n: int, m: int, kind: str) -> Problem:
         M = M * scales * scales[:, None]
     if kind == "tie":
         # On the border of the dead zone, or with contacts at their limit while others slide.
-        signs = rng.choice([-1.0, 0.0, 1.0], size=m)
-        moving = null_space(N[signs == 0], n) @ rng.normal(size=(null_space(N[signs == 0], n)).shape[1])
-        moving = moving * rng.integers(0, 2)
-        senses = np.where(np.abs(N @ moving) > 1e-9, np.sign(N @ moving), rng.choice([-1, 1], size=m))
-        F = M @ moving + N.T @ (senses * R)
+        basis = null_space(N[rng.permutation(m) < rng.integers(0, n)], n)
+        sense = basis @ rng.normal(size=basis.shape[1])
+        pace = N @ sense
+        friction = np.where(np.abs(pace) > 1e-9, np.sign(pace), rng.choice([-1, 1], size=m)) * R
+        F = M @ sense * rng.integers(0, 2) + N.T @ friction
     return Problem(M, F, N, R)
 
 
