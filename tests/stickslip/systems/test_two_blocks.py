@@ -86,7 +86,8 @@ def test_simultaneous_events_of_equal_blocks():
     solution, _ = program(values_of(**alike), 0.0)
     cycle = BeltCycle(*(PAIR[f"{k}_1"] for k in ("mass", "stiffness", "static_force", "kinetic_force")),
                       PAIR["belt_speed"])  # fmt: skip
-    assert solution.y1.x_1 == solution.y1.x_2
+    # Compilers may contract the products of one block and not those of the other.
+    assert abs(float(solution.y1.x_1 - solution.y1.x_2)) <= 1e-13
     assert abs(float(solution.y1.x_1) - cycle.position(T1)) <= 1e-11
     count = int(solution.num_events)
     assert count % 2 == 0
