@@ -1,0 +1,34 @@
+"""The three scenarios of the paper, Table 2."""
+
+from typing import NamedTuple
+
+from stickslip._validation import check_in
+
+from ._parameters import CoreXYParameters
+from ._voltage import AbstractVoltage, Harmonic, SquareWave
+
+
+class Scenario(NamedTuple):
+    """A machine and its input."""
+
+    parameters: CoreXYParameters
+    voltage: AbstractVoltage
+
+
+def scenario(number: int) -> Scenario:
+    """Scenario 1, 2 or 3 of Table 2, with the input of scenario 3 as erratum A6 corrects it.
+
+    **Raises** `ValueError` for another number.
+    """
+    check_in("number", number, (1, 2, 3))
+    if number == 1:
+        return Scenario(
+            CoreXYParameters(P1=20.0, P2=20.0, mu_1s_b=10.0, mu_2s_b=0.1), Harmonic(10.0, 5.0)
+        )
+    if number == 2:
+        return Scenario(
+            CoreXYParameters(P1=30.0, P2=30.0, mu_1s_b=0.001, mu_2s_b=0.001), Harmonic(20.0, 10.0)
+        )
+    return Scenario(
+        CoreXYParameters(P1=20.0, P2=30.0, mu_1s_b=10.0, mu_2s_b=10.0), SquareWave(20.0, 10.0)
+    )

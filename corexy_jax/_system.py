@@ -1,0 +1,246 @@
+"""The machine as a hybrid system: the law of all contacts at once."""
+
+from typing import Any, ClassVar, NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from stickslip._fastmath import where
+from stickslip._validation import check_type
+from stickslip.systems._mechanical import AbstractMechanicalSystem
+
+from ._contact_motion import (
+    contact_motion,
+    kinetic_friction,
+    onset,
+    onset_signs,
+    resolve_signs,
+)
+from ._contacts import (
+    BELT_1,
+    BELT_2,
+    CONTACT_NAMES,
+    MOTOR_1,
+    MOTOR_2,
+    NUM_CONTACTS,
+    U,
+    W,
+    X,
+    Y,
+    Line,
+    closure,
+    line_masses,
+    project,
+    sliding_speeds,
+    static_limits,
+)
+from ._modes import MODE_NAMES, mode_number, mode_signs
+from ._motors import motor_torque
+from ._parameters import CoreXYParameters
+from ._voltage import AbstractVoltage
+
+GIVES_WAY, NEXT_PIECE = NUM_CONTACTS, NUM_CONTACTS + 1
+AT_REST = 1e-12  # sliding speeds below it are rounding of the given state [m/s]
+
+
+class CoreXYState(NamedTuple):
+    """Position `x`, `y` [m] and velocity `vx`, `vy` [m/s] of the collar, angles `theta_1`, `theta_2`
+    [rad] and speeds `omega_1`, `omega_2` [rad/s] of the motor pulleys, number `piece` of the piece of
+    the input."""
+
+    x: Any
+    y: Any
+    vx: Any
+    vy: Any
+    theta_1: Any
+    theta_2: Any
+    omega_1: Any
+    omega_2: Any
+    piece: Any
+
+
+STATE_UNITS = {
+    "x": "m",
+    "y": "m",
+    "vx": "m/s",
+    "vy": "m/s",
+    "theta_1": "rad",
+    "theta_2": "rad",
+    "omega_1": "rad/s",
+    "omega_2": "rad/s",
+    "piece": "1",
+}
+
+
+class CoreXY(AbstractMechanicalSystem):
+    r"""CoreXY mechanism with slipping motor pulleys; all eight dry contacts at once.
+
+    With $q = (\dot x, \dot y, r\omega_1, r\omega_2)$ and the contacts of `CONTACT_NAMES`,
+
+    $$\dot q = \arg\min_a \; \tfrac12 a^T M a - a^T F
+      + \sum_{c\ \text{at rest}} R_c\,|n_c\cdot a|, \qquad R_c = \max(\mu_s, \mu_k) N_c,$$
+
+    $F$ being motor torques and kinetic friction of the sliding contacts. Within a mode this is
+    Eq. (35): motor $i$ rolls while belt $i$ does not slide, so the four dynamic models DMN1-4 are
+    read off.
+
+    - State `CoreXYState`. Modes: the 369 ways in which the contacts can rest and slide together, named
+      like `"RS 0+++++0-"`: dynamic model, then the sense of every contact.
+    - Guards: the sliding speed of every contact, in its sense [m/s]; the friction left to the resting
+      contacts along the line on which they would give way [N]; the time to the end of the piece of
+      the input [s].
+    - A contact that stops is at rest and stays so if the law of all contacts lets it (erratum A12);
+      what starts is under kinetic friction at once, which may start others at the same instant.
+    - Two contacts that always slide together are one guard, so that they do not count as coincident.
+
+    **Arguments:** `parameters`, a `CoreXYParameters`; `voltage`, an `AbstractVoltage`.
+    **Raises** `TypeError` for anything else.
+
+    Source: Eqs. (1)-(71), errata A1-A12 corrected; Gauss' principle as in `stickslip.contact`.
+    """
+
+    parameters: CoreXYParameters
+    voltage: AbstractVoltage
+
+    mode_names: ClassVar = MODE_NAMES
+    guard_names: ClassVar = (
+        *(f"{name} stops" for name in CONTACT_NAMES),
+        "resting contacts give way",
+        "input jumps",
+    )
+    units: ClassVar = STATE_UNITS
+
+    def __init__(self, parameters: CoreXYParameters, voltage: AbstractVoltage):
+        self.parameters = check_type("parameters", parameters, CoreXYParameters, "CoreXYParameters")
+        self.voltage = check_type("voltage", voltage, AbstractVoltage, "an AbstractVoltage")
+
+    @property
+    def guard_scales(self):  # pyright: ignore[reportIncompatibleVariableOverride]
+        """1 m/s, all static friction together [N], 1 s."""
+        limits = static_limits(self.parameters)
+        return (1.0,) * NUM_CONTACTS + (sum(limits[1:], limits[0]), 1.0)
+
+    def state(
+        self,
+        x: Any = 0.0,
+        y: Any = 0.0,
+        vx: Any = 0.0,
+        vy: Any = 0.0,
+        theta_1: Any = 0.0,
+        theta_2: Any = 0.0,
+        omega_1: Any = None,
+        omega_2: Any = None,
+        t: Any = 0.0,
+    ) -> CoreXYState:
+        """State at time `t` [s]; arguments as the components. A motor whose speed is not given rolls."""
+        numbers = [jnp.asarray(a, jnp.float64) for a in (x, y, vx, vy, theta_1, theta_2)]
+        vx, vy = numbers[2], numbers[3]
+        r = self.parameters.r
+        one = (vx + vy) / r if omega_1 is None else jnp.asarray(omega_1, jnp.float64)
+        two = (vx - vy) / r if omega_2 is None else jnp.asarray(omega_2, jnp.float64)
+        piece = self.voltage.piece_of(jnp.asarray(t, jnp.float64))
+        return CoreXYState(*numbers, one, two, piece)
+
+    def velocities(self, y: CoreXYState) -> Line:
+        """The four line velocities [m/s]."""
+        r = self.parameters.r
+        return Line(y.vx, y.vy, r * y.omega_1, r * y.omega_2)
+
+    def torques(self, t: Any, y: CoreXYState) -> tuple[Any, Any]:
+        """Motor torques [N m], Eq. (3)."""
+        p = self.parameters
+        v1, v2 = self.voltage.volts(t, y.piece)
+        return motor_torque(p, v1, y.omega_1), motor_torque(p, v2, y.omega_2)
+
+    def vector_field(self, t, y, mode, args):
+        p = self.parameters
+        a = contact_motion(p, self.torques(t, y), mode_signs(mode)).acceleration
+        return CoreXYState(
+            x=y.vx,
+            y=y.vy,
+            vx=a.x,
+            vy=a.y,
+            theta_1=y.omega_1,
+            theta_2=y.omega_2,
+            omega_1=a.one / p.r,
+            omega_2=a.two / p.r,
+            piece=jnp.zeros_like(y.piece),
+        )
+
+    def guards(self, t, y, mode, args):
+        signs = mode_signs(mode)
+        rest = [s == 0.0 for s in signs]
+        alone = [jnp.zeros_like(r) for r in rest]
+        # The carriage on one of its lines has one speed; so has a motor that rolls, or that stands or
+        # whose virtual pulley stands.
+        tied = rest[X] | rest[Y] | rest[U] | rest[W]
+        alone[U] = alone[W] = tied
+        alone[X], alone[Y] = jnp.zeros_like(tied), rest[U] | rest[W]
+        for motor, belt, turn in ((MOTOR_1, BELT_1, U), (MOTOR_2, BELT_2, W)):
+            alone[motor], alone[belt] = rest[belt], rest[motor] | rest[turn]
+        speeds = tuple(
+            where((s == 0.0) | covered, 1.0, s * speed)
+            for s, covered, speed in zip(signs, alone, sliding_speeds(self.velocities(y)), strict=True)
+        )
+        reaction = contact_motion(self.parameters, self.torques(t, y), signs).reaction
+        reserve = onset(self.parameters, signs, reaction).reserve
+        left = jnp.ones_like(t)
+        if self.voltage.has_breaks:
+            left = self.voltage.piece_end(y.piece) - t
+        return (*speeds, reserve, left)
+
+    def transition(self, t, y, mode, guard, args):
+        p, signs = self.parameters, mode_signs(mode)
+        stopped = closure(tuple((s == 0.0) | (guard == c) for c, s in enumerate(signs)))
+        after_stop = tuple(where(rest, 0.0, s) for rest, s in zip(stopped, signs, strict=True))
+        before = jax.lax.stop_gradient((p, self.torques(t, y)))
+        motion = contact_motion(*before, signs)
+        after_start = onset_signs(signs, onset(before[0], signs, motion.reaction))
+        gave_way = guard == GIVES_WAY
+        signs = tuple(where(gave_way, a, b) for a, b in zip(after_start, after_stop, strict=True))
+        started = tuple(
+            gave_way & (old == 0.0) & (new != 0.0)
+            for old, new in zip(mode_signs(mode), signs, strict=True)
+        )
+        on_plane = project(self.velocities(y), stopped)
+        moved = guard < NUM_CONTACTS
+        y = y._replace(
+            vx=where(moved, on_plane.x, y.vx),
+            vy=where(moved, on_plane.y, y.vy),
+            omega_1=where(moved, on_plane.one / p.r, y.omega_1),
+            omega_2=where(moved, on_plane.two / p.r, y.omega_2),
+            piece=y.piece + where(guard == NEXT_PIECE, 1.0, 0.0),
+        )
+        return y, mode_number(resolve_signs(p, self.torques(t, y), signs, started))
+
+    def initial_mode(self, t, y, args):
+        speeds = sliding_speeds(self.velocities(y))
+        rest = closure(tuple(jnp.abs(v) <= AT_REST for v in speeds))
+        signs = tuple(where(r, 0.0, jnp.sign(v)) for r, v in zip(rest, speeds, strict=True))
+        return mode_number(resolve_signs(self.parameters, self.torques(t, y), signs))
+
+    def energy(self, y):
+        """Kinetic energy [J]."""
+        masses, q = line_masses(self.parameters), self.velocities(y)
+        return 0.5 * sum(m * v * v for m, v in zip(masses, q, strict=True))
+
+    def powers(self, t, y, mode, args):
+        """`motor_1`, `motor_2`: work of the motors; `friction_...`: loss at each contact [W]."""
+        one, two = self.torques(t, y)
+        friction = kinetic_friction(self.parameters, mode_signs(mode))
+        speeds = sliding_speeds(self.velocities(y))
+        losses = {
+            f"friction_{name}": f * v for name, f, v in zip(LOSS_NAMES, friction, speeds, strict=True)
+        }
+        return {"motor_1": one * y.omega_1, "motor_2": two * y.omega_2, **losses}
+
+    def slips(self, t, y, mode, args):
+        """`slip_1`, `slip_2`: rates of the slip distances of the belts [m/s]."""
+        signs, speeds = mode_signs(mode), sliding_speeds(self.velocities(y))
+        return {
+            "slip_1": signs[BELT_1] * speeds[BELT_1],
+            "slip_2": signs[BELT_2] * speeds[BELT_2],
+        }
+
+
+LOSS_NAMES = ("x", "y", "u", "w", "motor_1", "motor_2", "belt_1", "belt_2")

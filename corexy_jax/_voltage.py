@@ -1,0 +1,205 @@
+"""Voltages of the two motors as functions of time, smooth between known breaks."""
+
+import abc
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float, PyTree
+
+from stickslip._fastmath import where
+from stickslip._validation import (
+    as_parameter,
+    check_finite,
+    check_positive,
+    check_that,
+    check_type,
+    is_concrete,
+)
+
+NEVER = 1e300  # time of a break that does not come [s]
+
+
+class AbstractVoltage(eqx.Module):
+    """Input $(v_1, v_2)$ [V] of the two motors.
+
+    The time axis is cut into pieces at known breaks; within piece number `piece` the voltages are
+    smooth, also a little beyond its ends. Event-driven simulation lands on every break.
+    """
+
+    has_breaks: ClassVar[bool] = True
+
+    @abc.abstractmethod
+    def volts(self, t: Any, piece: Any) -> tuple[Any, Any]:
+        """Voltages [V] at time `t` [s] as piece number `piece` (a float) has them."""
+
+    @abc.abstractmethod
+    def piece_of(self, t: Any) -> Any:
+        """Number of the piece that begins at or before `t` [s], as a float."""
+
+    @abc.abstractmethod
+    def piece_end(self, piece: Any) -> Any:
+        """Time [s] at which the piece ends."""
+
+    def __call__(self, t: Any) -> tuple[Any, Any]:
+        """Voltages [V] at time `t` [s]."""
+        t = jnp.asarray(t, jnp.float64)
+        return self.volts(t, self.piece_of(t))
+
+
+class Harmonic(AbstractVoltage):
+    r"""$v_1 = v_{01}\sin 2\pi f t$, $v_2 = v_{02}\cos 2\pi f t$, the input of scenarios 1 and 2.
+
+    **Arguments:** amplitudes `v01`, `v02` [V]; `frequency` $f$ [Hz], positive. Table 1 gives
+    $\omega_v = 0.5$ "rad/s" and uses it as $2\pi\omega_v t$, so it is 0.5 Hz (erratum A5).
+    """
+
+    v01: Float[Array, "..."]
+    v02: Float[Array, "..."]
+    frequency: Float[Array, "..."]
+
+    has_breaks: ClassVar[bool] = False
+
+    def __init__(self, v01: Any, v02: Any, frequency: Any = 0.5):
+        self.v01 = as_parameter(check_finite("v01", v01))
+        self.v02 = as_parameter(check_finite("v02", v02))
+        self.frequency = as_parameter(check_positive("frequency", frequency))
+
+    def volts(self, t, piece):
+        angle = 2 * jnp.pi * self.frequency * t
+        return self.v01 * jnp.sin(angle), self.v02 * jnp.cos(angle)
+
+    def piece_of(self, t):
+        return jnp.zeros_like(t)
+
+    def piece_end(self, piece):
+        return jnp.full_like(piece, NEVER)
+
+
+class SquareWave(AbstractVoltage):
+    r"""$v_1 = v_{01}\,\mathrm{sign}\sin 2\pi f t$, $v_2 = v_{02}\,\mathrm{sign}\cos 2\pi f t$.
+
+    The piecewise step of scenario 3. The paper prints $\mathrm{sign}|\sin|$, which is constant
+    (erratum A6).
+
+    **Arguments:** amplitudes `v01`, `v02` [V]; `frequency` $f$ [Hz], positive. Pieces are quarter
+    periods; `t >= 0`.
+    """
+
+    v01: Float[Array, "..."]
+    v02: Float[Array, "..."]
+    frequency: Float[Array, "..."]
+
+    def __init__(self, v01: Any, v02: Any, frequency: Any = 0.5):
+        self.v01 = as_parameter(check_finite("v01", v01))
+        self.v02 = as_parameter(check_finite("v02", v02))
+        self.frequency = as_parameter(check_positive("frequency", frequency))
+
+    def volts(self, t, piece):
+        quarter = piece - 4.0 * jnp.floor(piece / 4.0)
+        sine = where(quarter < 2.0, 1.0, -1.0)
+        cosine = where((quarter < 1.0) | (quarter >= 3.0), 1.0, -1.0)
+        return self.v01 * sine, self.v02 * cosine
+
+    def piece_of(self, t):
+        return jnp.floor(4.0 * self.frequency * t)
+
+    def piece_end(self, piece):
+        return (piece + 1.0) / (4.0 * self.frequency)
+
+
+class AbstractTable(AbstractVoltage):
+    """Rows of voltages at increasing times; base of what is given by a table."""
+
+    times: Float[Array, " row"]
+    v1: Float[Array, " row"]
+    v2: Float[Array, " row"]
+
+    def __init__(self, times: Any, v1: Any, v2: Any):
+        self.times = as_parameter(check_finite("times", times))
+        self.v1 = as_parameter(check_finite("v1", v1))
+        self.v2 = as_parameter(check_finite("v2", v2))
+        rows = self.times.shape
+        if len(rows) != 1 or rows[0] < 2:
+            raise ValueError(f"times has shape {rows}: it must be one row of at least two.")
+        for name in ("v1", "v2"):
+            if getattr(self, name).shape != rows:
+                raise ValueError(
+                    f"{name} has shape {getattr(self, name).shape}: it must be {rows}, as times."
+                )
+        if is_concrete(times):
+            steps = jnp.diff(self.times)
+            check_that("difference of times", steps, lambda d: d > 0, "positive: times must increase")
+
+    def _row(self, piece):
+        return jnp.clip(piece, 0.0, self.times.shape[0] - 1.0).astype(jnp.int32)
+
+    def piece_of(self, t):
+        after = jnp.sum((self.times <= t).astype(jnp.float64))
+        return jnp.maximum(after - 1.0, 0.0)
+
+    def piece_end(self, piece):
+        last = self.times.shape[0] - 1
+        row = self._row(piece)
+        return where(row >= last, NEVER, self.times[jnp.minimum(row + 1, last)])
+
+
+class PiecewiseStep(AbstractTable):
+    """Voltages `v1`, `v2` [V] held from each of `times` [s] to the next, the last for ever.
+
+    Before the first time the first row holds.
+
+    **Raises** `ValueError` for shapes that differ, fewer than two rows, times that do not increase,
+    values that are not finite.
+    """
+
+    def volts(self, t, piece):
+        row = self._row(piece)
+        return self.v1[row], self.v2[row]
+
+
+class Sampled(AbstractTable):
+    """Samples `v1`, `v2` [V] at `times` [s], linear in between, constant after the last.
+
+    Before the first time the first piece is continued. Errors as for `PiecewiseStep`.
+    """
+
+    def volts(self, t, piece):
+        last = self.times.shape[0] - 1
+        row = self._row(piece)
+        after = jnp.minimum(row + 1, last)
+        span = self.times[after] - self.times[row]
+        share = where(row >= last, 0.0, (t - self.times[row]) / where(row >= last, 1.0, span))
+
+        def between(v):
+            return v[row] + share * (v[after] - v[row])
+
+        return between(self.v1), between(self.v2)
+
+
+class UserVoltage(AbstractVoltage):
+    """Voltages from a function `(t, args) -> (v1, v2)` [V], smooth in `t` [s].
+
+    **Arguments:** `function`; `args`, a pytree of its parameters, which may be differentiated.
+    **Raises** `TypeError` for what is no function.
+    """
+
+    function: Callable = eqx.field(static=True)
+    args: PyTree
+
+    has_breaks: ClassVar[bool] = False
+
+    def __init__(self, function: Callable, args: PyTree = None):
+        self.function = check_type("function", function, Callable, "a function (t, args)")  # pyright: ignore[reportArgumentType]
+        self.args = args
+
+    def volts(self, t, piece):
+        v1, v2 = self.function(t, self.args)
+        return jnp.asarray(v1, jnp.float64), jnp.asarray(v2, jnp.float64)
+
+    def piece_of(self, t):
+        return jnp.zeros_like(t)
+
+    def piece_end(self, piece):
+        return jnp.full_like(piece, NEVER)
