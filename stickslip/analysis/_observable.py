@@ -89,7 +89,7 @@ class InArgs(AbstractHybridSystem):
         return self.system.guard_directions
 
     @property
-    def guard_scales(self) -> tuple[float, ...] | None:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def guard_scales(self) -> tuple | None:  # pyright: ignore[reportIncompatibleVariableOverride]
         return self.system.guard_scales
 
     @property

@@ -77,15 +77,7 @@ def run_lane(plan: Plan, integrator: Integrator, y0: PyTree, point: dict[str, An
             )  # fmt: skip
             return jnp.zeros((), bool), end.y1, end.mode1, _engine_status(end.result)
 
-        # A loop of one turn, which the compiler cannot know: the fused executor aborts in jaxlib 0.10
-        # on a run that records nothing next to one that does, unless it stands in a computation of its
-        # own.
-        turn = jnp.isfinite(next(iter(point.values())))
-        _, y, mode, early = jax.lax.while_loop(
-            lambda carry: eqxi.unvmap_any(carry[0]),
-            settle,
-            (turn, y0, jnp.asarray(mode, jnp.int32), early),
-        )
+        _, y, mode, early = settle(None)
     early = jnp.where(inside, early, STATUS.index("left_domain"))
     going = early == 0
     recorded = simulate(
