@@ -4,8 +4,9 @@ from typing import NamedTuple
 
 from stickslip._validation import check_in
 
+from ._errata import Errata
 from ._parameters import CoreXYParameters
-from ._voltage import AbstractVoltage, Harmonic, SquareWave
+from ._voltage import AbstractVoltage, Harmonic, PiecewiseStep, SquareWave
 
 
 class Scenario(NamedTuple):
@@ -15,10 +16,11 @@ class Scenario(NamedTuple):
     voltage: AbstractVoltage
 
 
-def scenario(number: int) -> Scenario:
-    """Scenario 1, 2 or 3 of Table 2, with the input of scenario 3 as erratum A6 corrects it.
+def scenario(number: int, errata: Errata | None = None) -> Scenario:
+    """Scenario 1, 2 or 3 of Table 2.
 
-    **Raises** `ValueError` for another number.
+    The input of scenario 3 is `v0 sign(sin)`, `v0 sign(cos)`; with `errata` given and its `A6` false
+    it is `v0 sign|sin|` as printed, which is constant. **Raises** `ValueError` for another number.
     """
     check_in("number", number, (1, 2, 3))
     if number == 1:
@@ -29,6 +31,7 @@ def scenario(number: int) -> Scenario:
         return Scenario(
             CoreXYParameters(P1=30.0, P2=30.0, mu_1s_b=0.001, mu_2s_b=0.001), Harmonic(20.0, 10.0)
         )
-    return Scenario(
-        CoreXYParameters(P1=20.0, P2=30.0, mu_1s_b=10.0, mu_2s_b=10.0), SquareWave(20.0, 10.0)
-    )
+    voltage = SquareWave(20.0, 10.0)
+    if errata is not None and not errata.A6:
+        voltage = PiecewiseStep([0.0, 1.0], [20.0, 20.0], [10.0, 10.0])
+    return Scenario(CoreXYParameters(P1=20.0, P2=30.0, mu_1s_b=10.0, mu_2s_b=10.0), voltage)

@@ -1,0 +1,127 @@
+r"""The four dynamic models DMN1-4, Eqs. (35)-(71): $M^\sigma [\ddot x, \ddot y]^T = b^\sigma + \tau^\sigma$.
+
+Rows are force times radius [N m], as printed. The signs that errata A1 and A2 correct are arguments.
+"""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ._errata import Errata
+from ._kinematics import PassivePulleys
+from ._parameters import CoreXYParameters
+
+
+class Frictions(NamedTuple):
+    r"""Friction on every part, each in the positive sense of that part's own motion.
+
+    - `f_x`, `f_y` [N]: rails. `pulleys` [N m]: torques $\tau_i^j$ on the passive pulleys.
+    - `tau_1_0`, `tau_2_0` [N m]: ground on the motor pulleys.
+    - `f_1_b`, `f_2_b` [N]: force of a belt on its slipping motor pulley, Eqs. (31)-(32); 0 rolling.
+    """
+
+    f_x: Any
+    f_y: Any
+    pulleys: PassivePulleys
+    tau_1_0: Any
+    tau_2_0: Any
+    f_1_b: Any
+    f_2_b: Any
+
+
+class DynamicModel(NamedTuple):
+    """Matrix `M` [kg m], friction `b` and drive `tau` [N m] of Eq. (35)."""
+
+    M: Float[Array, "2 2"]
+    b: Float[Array, "2"]
+    tau: Float[Array, "2"]
+
+
+def _matrix(p, rolling_1, rolling_2):
+    motors = (rolling_1 + rolling_2) * p.J / p.r
+    coupling = (rolling_1 - rolling_2) * p.J / p.r
+    m_x = p.m * p.r + 8.0 * p.J_passive / p.r + motors
+    m_y = (p.M + p.m) * p.r + 4.0 * p.J_passive / p.r + motors
+    return jnp.stack([jnp.stack([m_x, coupling]), jnp.stack([coupling, m_y])])
+
+
+def _friction(p, f: Frictions, errata, rolling_1, rolling_2):
+    t, one, two = f.pulleys, rolling_1 * f.tau_1_0, rolling_2 * f.tau_2_0
+    outer = t.theta_1_1 + t.theta_2_1
+    outer = -outer if errata.A1 else outer
+    b_x = one + t.theta_1_2 + t.theta_1_3 + t.theta_1_4 + two + t.theta_2_2 + t.theta_2_3 + t.theta_2_4
+    b_y = one + t.theta_1_2 + t.theta_1_3 - two - t.theta_2_2 - t.theta_2_3
+    return jnp.stack([b_x + outer + f.f_x * p.r, b_y + f.f_y * p.r])
+
+
+def _belt(p, force, errata):
+    return (-force if errata.A2 else force) * p.r
+
+
+def _drive(one, two):
+    return jnp.stack([one + two, one - two])
+
+
+def dmn_1(p: CoreXYParameters, f: Frictions, torques: tuple[Any, Any], errata: Errata) -> DynamicModel:
+    """RR, both motors roll: Eqs. (38)-(40). `torques`: those of the motors [N m]."""
+    return DynamicModel(_matrix(p, 1, 1), _friction(p, f, errata, 1, 1), _drive(*torques))
+
+
+def dmn_2(p: CoreXYParameters, f: Frictions, torques: tuple[Any, Any], errata: Errata) -> DynamicModel:
+    """SR, motor 1 slips, motor 2 rolls: Eqs. (47)-(49)."""
+    drive = _drive(_belt(p, f.f_1_b, errata), torques[1])
+    return DynamicModel(_matrix(p, 0, 1), _friction(p, f, errata, 0, 1), drive)
+
+
+def dmn_3(p: CoreXYParameters, f: Frictions, torques: tuple[Any, Any], errata: Errata) -> DynamicModel:
+    """RS, motor 1 rolls, motor 2 slips: Eqs. (56)-(58)."""
+    drive = _drive(torques[0], _belt(p, f.f_2_b, errata))
+    return DynamicModel(_matrix(p, 1, 0), _friction(p, f, errata, 1, 0), drive)
+
+
+def dmn_4(p: CoreXYParameters, f: Frictions, torques: tuple[Any, Any], errata: Errata) -> DynamicModel:
+    """SS, both motors slip: Eqs. (65)-(67)."""
+    drive = _drive(_belt(p, f.f_1_b, errata), _belt(p, f.f_2_b, errata))
+    return DynamicModel(_matrix(p, 0, 0), _friction(p, f, errata, 0, 0), drive)
+
+
+def dynamic_model(
+    number: Any,
+    p: CoreXYParameters,
+    f: Frictions,
+    torques: tuple[Any, Any],
+    errata: Errata | None = None,
+) -> DynamicModel:
+    """Dynamic model of the given number, 1 RR, 2 SR, 3 RS, 4 SS, by `lax.switch`.
+
+    All models are as printed unless `errata` says otherwise (A1, A2).
+    """
+    errata = Errata() if errata is None else errata
+    branches = [
+        lambda p, f, torques, model=model: model(p, f, torques, errata)
+        for model in (dmn_1, dmn_2, dmn_3, dmn_4)
+    ]
+    index = jnp.clip(jnp.asarray(number, jnp.int32) - 1, 0, 3)
+    operands = jax.tree.map(lambda a: jnp.asarray(a, jnp.float64), (p, f, tuple(torques)))
+    return jax.lax.switch(index, branches, *operands)
+
+
+def slipping_motor(p: CoreXYParameters, torque: Any, tau_0: Any, f_b: Any) -> Any:
+    r"""Acceleration of a slipping motor pulley [rad/s²], $J\alpha = \tau^0 + \tau^E + f^b r$, Eqs.
+    (50), (60), (68), (69); (60) prints $f_{2k}^E$ (erratum A10)."""
+    return (tau_0 + torque + f_b * p.r) / p.J
+
+
+def rolling_motors(ax: Any, ay: Any, r: Any) -> tuple[Any, Any]:
+    """Accelerations of rolling motor pulleys [rad/s²], Eqs. (41), (42), (51), (59), (75), (76)."""
+    return (ax + ay) / r, (ax - ay) / r
+
+
+def solve(M: Float[Array, "2 2"], right: Float[Array, "2"]) -> tuple[Any, Any]:
+    """Accelerations of x and y [m/s²] under the row torques `right` [N m]."""
+    determinant = M[0, 0] * M[1, 1] - M[0, 1] * M[1, 0]
+    ax = (M[1, 1] * right[0] - M[0, 1] * right[1]) / determinant
+    ay = (M[0, 0] * right[1] - M[1, 0] * right[0]) / determinant
+    return ax, ay

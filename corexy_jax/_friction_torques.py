@@ -1,0 +1,56 @@
+"""Friction of every part of the machine in the paper's terms, Eqs. (26)-(34)."""
+
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+
+from ._dynamics import Frictions
+from ._kinematics import PassivePulleys
+from ._parameters import CoreXYParameters
+
+
+class Senses(NamedTuple):
+    """Sense (-1, 0, 1) of `x`, `y`, `x + y`, `x - y` and of the motor pulleys `one`, `two`."""
+
+    x: Any
+    y: Any
+    along: Any
+    against: Any
+    one: Any
+    two: Any
+
+
+def ground_friction(p: CoreXYParameters, mu: Any, senses: Senses) -> Frictions:
+    r"""Friction $-\mu N\,\mathrm{sign}$ of all contacts with the ground, Eqs. (26)-(27); belts 0.
+
+    Normal forces of section 2.4: rails $mg$, $(M+m)g$; passive pulleys $\sqrt2 P_i$, motor pulleys
+    $2P_i$, both at the arm `r_f`.
+    """
+    passive_1, passive_2 = (2.0**0.5 * mu * P * p.r_f for P in (p.P1, p.P2))
+    s = senses
+    pulleys = PassivePulleys(
+        theta_1_1=passive_1 * s.x,
+        theta_1_2=-passive_1 * s.along,
+        theta_1_3=-passive_1 * s.along,
+        theta_1_4=-passive_1 * s.x,
+        theta_2_1=passive_2 * s.x,
+        theta_2_2=-passive_2 * s.against,
+        theta_2_3=-passive_2 * s.against,
+        theta_2_4=-passive_2 * s.x,
+    )
+    zero = jnp.zeros_like(p.r)
+    return Frictions(
+        f_x=-mu * p.m * p.g * s.x,
+        f_y=-mu * (p.M + p.m) * p.g * s.y,
+        pulleys=pulleys,
+        tau_1_0=-mu * 2.0 * p.P1 * p.r_f * s.one,
+        tau_2_0=-mu * 2.0 * p.P2 * p.r_f * s.two,
+        f_1_b=zero,
+        f_2_b=zero,
+    )
+
+
+def belt_friction(p: CoreXYParameters, sense_1: Any, sense_2: Any) -> tuple[Any, Any]:
+    r"""Kinetic friction of the belts on the motor pulleys [N], Eqs. (31)-(32), from the senses of
+    $\omega_i - \dot\theta_i^v$."""
+    return -2.0 * p.mu_1k_b * p.P1 * sense_1, -2.0 * p.mu_2k_b * p.P2 * sense_2

@@ -1,0 +1,177 @@
+"""`simulate`: one machine, three ways to compute its motion."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+import stickslip as ss
+from stickslip import RESULTS, Integrator, SaveAt
+from stickslip._validation import as_parameter, check_in, check_positive, check_type, is_concrete
+from stickslip.systems import WithIntegrals
+
+from ._contacts import Line, kinetic_limits, sliding_speeds
+from ._errata import Errata
+from ._fixed_step import march
+from ._modes import mode_dmn, mode_signs
+from ._parameters import CoreXYParameters
+from ._solution import Accelerations, CoreXYSolution, Ledger
+from ._system import CoreXY, CoreXYState
+from ._voltage import AbstractVoltage
+
+WAYS = ("consistent", "as_printed")
+
+
+def simulate(
+    parameters: CoreXYParameters,
+    voltage: AbstractVoltage,
+    t1: Any = 6.0,
+    *,
+    way: str = "consistent",
+    rows: int = 601,
+    y0: CoreXYState | None = None,
+    **options: Any,
+) -> CoreXYSolution:
+    """Motion of the machine from `t = 0` to `t1` [s].
+
+    **Arguments**
+
+    - `parameters`, `voltage`: e.g. `*scenario(1)`.
+    - `way`: `"consistent"` (all contacts at once, event-driven; the default) or `"as_printed"` (the
+      paper's algorithm).
+    - `rows`: number of equally spaced output times, both ends included.
+    - `y0`: initial state, `CoreXY.state(...)`; at rest at the origin if not given.
+    - `options`: those of `simulate_consistent` or `simulate_as_printed`.
+
+    **Returns** a `CoreXYSolution`. **Raises** `ValueError`, `TypeError` for bad arguments, before
+    compilation.
+    """
+    check_in("way", way, WAYS)
+    run = {"consistent": simulate_consistent, "as_printed": simulate_as_printed}[way]
+    return run(parameters, voltage, t1, rows=rows, y0=y0, **options)
+
+
+def prepared(parameters, voltage, t1, rows, y0):
+    """The checked system, end, and initial state."""
+    system = CoreXY(parameters, voltage)
+    t1 = as_parameter(check_positive("t1", t1))
+    if not isinstance(rows, int) or rows < 2:
+        raise ValueError(f"rows = {rows!r}: it must be an integer of at least 2.")
+    y0 = system.state() if y0 is None else check_type("y0", y0, CoreXYState, "a CoreXYState")
+    return system, t1, y0
+
+
+def motor_work(system: CoreXY, t: Any, y: CoreXYState, mode: Any, args: Any) -> dict[str, Any]:
+    """Power of both motors [W]."""
+    one, two = system.torques(t, y)
+    return {"motor_1": one * y.omega_1, "motor_2": two * y.omega_2}
+
+
+def simulate_consistent(
+    parameters: CoreXYParameters,
+    voltage: AbstractVoltage,
+    t1: Any = 6.0,
+    *,
+    rows: int = 601,
+    y0: CoreXYState | None = None,
+    integrator: Integrator | None = None,
+    max_events: int = 1024,
+    throw: bool = True,
+) -> CoreXYSolution:
+    """Event-driven motion under the law of all contacts at once; exact derivatives.
+
+    **Arguments** as for `simulate`, and: `integrator`, by default Dormand-Prince 8(5,3) with
+    tolerance 1e-10; `max_events`, room in the log; `throw`, raise where the run fails, else say so in
+    `result`. Friction losses follow from the log: within a mode every contact loses its kinetic
+    friction times its path.
+    """
+    system, t1, y0 = prepared(parameters, voltage, t1, rows, y0)
+    ts = jnp.linspace(0.0, 1.0, rows) * t1
+    ledger = WithIntegrals(system, motor_work, units={"motor_1": "J", "motor_2": "J"})
+    solution = ss.simulate(
+        ledger, 0.0, t1, ledger.start(y0), integrator=integrator, saveat=SaveAt(ts=ts),
+        max_events=max_events, throw=throw,
+    )  # fmt: skip
+    return _from_engine(system, y0, solution)
+
+
+def _from_engine(system: CoreXY, y0: CoreXYState, solution: ss.Solution) -> CoreXYSolution:
+    log, outputs = solution.events, solution.outputs
+    assert log is not None and outputs is not None
+    y, dy = outputs.y.y, outputs.dy.y
+    senses = jnp.stack(mode_signs(jnp.maximum(outputs.mode, 0)), axis=-1)
+    work = outputs.y.integrals
+    friction, slip = _losses(system, y0, log, outputs.t, y, outputs.mode)
+    ledger = Ledger(work["motor_1"], work["motor_2"], friction, slip)
+    a = Accelerations(dy.vx, dy.vy, dy.omega_1, dy.omega_2)
+    dmn = jnp.where(outputs.mode < 0, -1, mode_dmn(jnp.maximum(outputs.mode, 0)))
+    return CoreXYSolution(
+        system.parameters, system.voltage, outputs.t, y, a, dmn, senses, ledger,
+        eqx.tree_at(lambda e: (e.y_before, e.y_after), log, (log.y_before.y, log.y_after.y)),
+        solution.flags, solution.result, "consistent",
+    )  # fmt: skip
+
+
+def _paths(system: CoreXY, y: CoreXYState) -> jax.Array:
+    """Sliding coordinate of every contact [m]; its rate is the sliding speed."""
+    r = system.parameters.r
+    return jnp.stack(sliding_speeds(Line(y.x, y.y, r * y.theta_1, r * y.theta_2)), axis=-1)
+
+
+def _losses(system, y0, log, t, y, mode):
+    """Friction energy and slip distances at the output times, from the log of events."""
+    happened = jnp.arange(log.t.shape[0], dtype=jnp.int32) < log.count
+    at_event = jnp.where(happened[:, None], _paths(system, log.y_before.y), 0.0)
+    ends = jnp.concatenate([_paths(system, y0)[None], at_event])
+    signs = jnp.stack(mode_signs(jnp.maximum(log.mode_before, 0)), axis=-1)
+    lengths = jnp.where(happened[:, None], signs * jnp.diff(ends, axis=0), 0.0)
+    until = jnp.concatenate([jnp.zeros((1, lengths.shape[1])), jnp.cumsum(lengths, axis=0)])
+    times = jnp.where(happened, log.t, jnp.inf)
+    last = jnp.searchsorted(jax.lax.stop_gradient(times), jax.lax.stop_gradient(t), side="right")
+    since = jnp.stack(mode_signs(jnp.maximum(mode, 0)), axis=-1) * (_paths(system, y) - ends[last])
+    length = until[last] + since
+    return -jnp.stack(kinetic_limits(system.parameters)) * length, length[:, 6:]
+
+
+def simulate_as_printed(
+    parameters: CoreXYParameters,
+    voltage: AbstractVoltage,
+    t1: Any = 6.0,
+    *,
+    rows: int = 601,
+    y0: CoreXYState | None = None,
+    dt: float = 1e-4,
+    errata: Errata | None = None,
+) -> CoreXYSolution:
+    """The paper's fixed-step algorithm with time step `dt` [s] (T = 1e-4 s in Table 1).
+
+    In each step: the ideal acceleration and the friction that rolling needs (74)-(84), the dynamic
+    model of the step (72), its accelerations with the dead zone of each axis at zero velocity
+    (28)-(30), one explicit Euler step (the paper says "integrate"), the speeds after it (73).
+
+    **Arguments** as for `simulate`, and `errata`: which errata are corrected, none by default. `t1`
+    must be a multiple of `dt` times `rows - 1`; `ValueError` otherwise.
+    """
+    system, t1, y0 = prepared(parameters, voltage, t1, rows, y0)
+    check_positive("dt", dt)
+    errata = Errata() if errata is None else check_type("errata", errata, Errata, "an Errata")
+    if not is_concrete((t1, dt)):
+        raise ValueError("t1 and dt fix the number of steps: they must not be traced.")
+    stride = round(float(t1) / dt / (rows - 1))
+    if stride < 1 or abs(stride * dt * (rows - 1) - float(t1)) > 1e-9 * float(t1):
+        raise ValueError(
+            f"t1 = {float(t1)}: it must be a multiple of dt * (rows - 1) = {dt * (rows - 1)}."
+        )
+    found = _march(system, y0, jnp.asarray(dt, jnp.float64), rows, stride, errata)
+    finite = jnp.all(jnp.isfinite(found.y.vx) & jnp.isfinite(found.y.vy))
+    result = RESULTS.where(finite, RESULTS.successful, RESULTS.nonfinite)
+    return CoreXYSolution(
+        system.parameters, system.voltage, found.t, found.y, found.a, found.dmn, found.senses,
+        found.ledger, None, jnp.zeros((), jnp.int32), result, "as_printed",
+    )  # fmt: skip
+
+
+@eqx.filter_jit
+def _march(system, y0, dt, rows: int, stride: int, errata: Errata):
+    return march(system.parameters, system.voltage, y0, dt, rows, stride, errata)
