@@ -26,6 +26,9 @@ from ._drive_voltage import voltage_for_belt_speed as voltage_for_belt_speed
 from ._driven_belt import BlockOnDrivenBelt as BlockOnDrivenBelt
 from ._driven_belt import DrivenBlockState as DrivenBlockState
 from ._driven_belt_set_valued import BlockOnDrivenBeltSetValued as BlockOnDrivenBeltSetValued
+from ._jointed_beam import JointedBeam as JointedBeam
+from ._jointed_beam import JointedBeamState as JointedBeamState
+from ._jointed_beam_scales import BeamScales as BeamScales
 from ._mechanical import AbstractMechanicalSystem as AbstractMechanicalSystem
 from ._mechanical import Motion as Motion
 from ._sliding_block import SlidingBlock as SlidingBlock

@@ -90,7 +90,7 @@ class WithIntegrals(AbstractHybridSystem):
         return self.system.guard_directions
 
     @property
-    def guard_scales(self) -> tuple[float, ...] | None:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def guard_scales(self) -> tuple | None:  # pyright: ignore[reportIncompatibleVariableOverride]
         """Those of the system."""
         return self.system.guard_scales
 

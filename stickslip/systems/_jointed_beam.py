@@ -1,0 +1,383 @@
+"""Beam jointed by a spring to an oscillator that a belt drags along."""
+
+import math
+from typing import Any, ClassVar, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._fastmath import where
+from .._validation import (
+    as_parameter,
+    check_finite,
+    check_in,
+    check_nonnegative,
+    check_positive,
+    check_that,
+    check_type,
+)
+from ..friction._law import Number
+from ..friction._weakening import weakening_factor
+from ._jointed_beam_scales import BeamScales, times_scale
+from ._mechanical import AbstractMechanicalSystem
+
+BACKWARD, STICK, FORWARD, APART = 0, 1, 2, 3
+WORDS = ("consistent", "printed")
+
+# Constructed: the paper's table of parameters is missing. The period of x and the frequency of the
+# mass on its joint are those the text names, 0.54 and 0.25.
+CONSTRUCTED = {
+    "m": 0.1, "k1": 0.25, "k2": 7.6, "k3": 22.8, "mu_s": 0.30, "gamma": 10.0, "z_A": 0.4,
+}  # fmt: skip
+CONSTRUCTED_X = 9.2e-4  # x at the start, constructed too
+# The constant $\sqrt2$ that makes sin(i pi z) orthonormal on [0, 1].
+NORMAL = math.sqrt(2.0)
+
+
+class JointedBeamState(NamedTuple):
+    """Mass and beam. Numbers without a unit where the system is dimensionless."""
+
+    x: Any  # displacement of the mass across the belt, into it positive [m]
+    vx: Any  # its velocity [m/s]
+    y: Any  # displacement of the mass along the belt [m]
+    vy: Any  # its velocity [m/s]
+    q: Any  # modal coordinates of the beam, shape [modes] [m]
+    p: Any  # their velocities, shape [modes] [m/s]
+
+
+class JointedBeam(AbstractMechanicalSystem):
+    r"""Simply supported Euler-Bernoulli beam, jointed by a spring to a mass on a running belt.
+
+    The mass $m$ moves by $x$ across the belt, which it touches for $x > 0$, and by $y$ along it; the
+    joint $k_1$ pulls the beam $w(z, t)$ at $z_A$; $V = \dot y - v$.
+
+    $$EI\,w'''' + \rho A\,\ddot w = k_1[y - w(z_A)]\,\delta(z - z_A) \tag{2.1}$$
+    $$m\ddot x + k_2 x + N = 0, \qquad N = k_3 \max(x, 0) \tag{2.2, 2.3}$$
+    $$\text{stick: } \ddot y = 0 \text{ while } |k_1(y - w(z_A))| < \mu_s N \tag{2.4, 2.5}$$
+    $$\text{slip: } m\ddot y + k_1(y - w(z_A)) = T_d, \qquad
+      T_d = -\frac{\mu_s N}{1 + \gamma|V|}\,\mathrm{sgn}\,V \tag{2.7, 2.8}$$
+
+    With $w = \sum_i \phi_i(z) q_i$, $\phi_i = \sqrt2\sin(i\pi z/L)$, $\omega_i =
+    (i\pi/L)^2\sqrt{EI/\rho A}$ and the damping ratio $\zeta$ (none in the paper), for $j = 1 \dots n$
+
+    $$\rho A L\,(\ddot q_j + 2\zeta\omega_j\dot q_j + \omega_j^2 q_j) =
+      k_1\phi_j(z_A)\Bigl[y - \sum_i\phi_i(z_A) q_i\Bigr] \tag{2.21}$$
+
+    **Modes:** `"slip backward"` ($V < 0$), `"stick"`, `"slip forward"` ($V > 0$), `"no contact"`
+    ($x \le 0$, no friction). **Guards:** $x$ reaches 0; $V$ reaches 0 in slip; the force of the joint
+    reaches $\mu_s N$ in stick, in either sense. Without relative velocity the mass sticks if the
+    static limit can hold it, else it slips the way the joint pulls.
+
+    **State** `JointedBeamState(x, vx, y, vy, q, p)`, `q` and `p` of shape `[n]`.
+
+    **Arguments:**
+
+    - `m` [kg], `k1`, `k2` [N/m], positive; `k3` [N/m], `mu_s` [-], `gamma` [s/m], `damping` ($\zeta$,
+      [-]) not negative; `v` [m/s], speed of the belt, finite; `z_A` [m], inside the beam.
+    - `modes`: $n$, at least 1.
+    - `scales`: `BeamScales` of the beam. Without it everything is dimensionless, Eqs. (2.10)-(2.21):
+      $EI = L = \rho A = 1$. `dimensionless()`, `dimensional(scales)` convert by Eq. (2.9).
+    - Where the paper contradicts itself, `"consistent"` (default) or `"printed"`:
+
+    | argument | printed | consistent |
+    |---|---|---|
+    | `joint` (C-E1) | the beam feels $k_2$ in (2.10), (2.21) | $k_1$ |
+    | `friction` (C-E2) | $1 + \gamma V$ in (2.8), (2.16): a pole | $1 + \gamma\lvert V\rvert$ |
+    | `shape` (C-E3) | $\phi_i = \sin(i\pi z/L)$ in (2.18) | $\sqrt2\sin(i\pi z/L)$ |
+    | `coupling` (C-E4) | only $i = j$ of the sum in (2.21) | the full sum |
+
+      (C-E5, no damping, is the default `damping=0`.) As printed the joint is not conservative:
+      `powers` then has an entry `"inconsistency"` that is not zero.
+
+    `JointedBeam.constructed(v=5e-4)` has **constructed** parameters, the paper's table is lost.
+    **Errors** `ValueError`/`TypeError` naming the argument, its value and what is allowed.
+
+    ??? cite "Reference"
+
+        *Non-linear Dynamics of Jointed Systems Under Dry Friction Forces*, Eqs. (2.1)-(2.23).
+    """
+
+    m: Float[Array, "..."]
+    k1: Float[Array, "..."]
+    k2: Float[Array, "..."]
+    k3: Float[Array, "..."]
+    mu_s: Float[Array, "..."]
+    gamma: Float[Array, "..."]
+    v: Float[Array, "..."]
+    z_A: Float[Array, "..."]
+    damping: Float[Array, "..."]
+    scales: BeamScales
+    modes: int = eqx.field(static=True)
+    is_dimensionless: bool = eqx.field(static=True)
+    joint: str = eqx.field(static=True)
+    friction: str = eqx.field(static=True)
+    shape: str = eqx.field(static=True)
+    coupling: str = eqx.field(static=True)
+
+    mode_names: ClassVar = ("slip backward", "stick", "slip forward", "no contact")
+    guard_names: ClassVar = (
+        "contact opens or closes",
+        "relative velocity reaches zero",
+        "joint reaches the static limit forward",
+        "joint reaches the static limit backward",
+    )
+
+    def __init__(
+        self,
+        *,
+        m: Number,
+        k1: Number,
+        k2: Number,
+        k3: Number,
+        mu_s: Number,
+        gamma: Number,
+        v: Number,
+        z_A: Number,
+        modes: Any = 5,
+        damping: Number = 0.0,
+        scales: Any = None,
+        joint: Any = "consistent",
+        friction: Any = "consistent",
+        shape: Any = "consistent",
+        coupling: Any = "consistent",
+    ):
+        self.m = as_parameter(check_positive("m", m))
+        self.k1 = as_parameter(check_positive("k1", k1))
+        self.k2 = as_parameter(check_positive("k2", k2))
+        self.k3 = as_parameter(check_nonnegative("k3", k3))
+        self.mu_s = as_parameter(check_nonnegative("mu_s", mu_s))
+        self.gamma = as_parameter(check_nonnegative("gamma", gamma))
+        self.v = as_parameter(check_finite("v", v))
+        self.damping = as_parameter(check_nonnegative("damping", damping))
+        if not isinstance(modes, int) or isinstance(modes, bool) or modes < 1:
+            raise ValueError(f"modes = {modes!r}: it must be a positive integer.")
+        self.modes = modes
+        if scales is not None:
+            check_type("scales", scales, BeamScales, "a BeamScales, or None for dimensionless numbers")
+        self.is_dimensionless = scales is None
+        self.scales = BeamScales() if scales is None else scales
+        inside = "inside the beam: above 0 and below 1"
+        check_that("z_A / L", z_A / self.scales.L, lambda z: (z > 0) & (z < 1), inside)
+        self.z_A = as_parameter(z_A)
+        self.joint = check_in("joint", joint, WORDS)
+        self.friction = check_in("friction", friction, WORDS)
+        self.shape = check_in("shape", shape, WORDS)
+        self.coupling = check_in("coupling", coupling, WORDS)
+
+    @classmethod
+    def constructed(cls, v: Number, **changes: Any) -> "JointedBeam":
+        """Dimensionless system with **constructed** parameters; `changes` replace some of them."""
+        return cls(**{**CONSTRUCTED, "v": v, **changes})
+
+    @classmethod
+    def printed(cls, v: Number, **changes: Any) -> "JointedBeam":
+        """As `constructed`, with all equations as the paper prints them (C-E1 to C-E4)."""
+        words = dict.fromkeys(("joint", "friction", "shape", "coupling"), "printed")
+        return cls.constructed(v, **{**words, **changes})
+
+    @property
+    def units(self) -> dict[str, str]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Units of the state; `"1"` where the system is dimensionless."""
+        length, speed = ("1", "1") if self.is_dimensionless else ("m", "m/s")
+        return {"x": length, "vx": speed, "y": length, "vy": speed, "q": length, "p": speed}
+
+    @property
+    def guard_scales(self) -> tuple:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Guards are small if the belt is slow: a length and a force that belong to its speed."""
+        speed = where(self.v == 0.0, self.scales.speed, abs(self.v))
+        length = speed * jnp.sqrt(self.m / self.k2)
+        return (length, speed, self.k1 * length, self.k1 * length)
+
+    def start(self, x: Number | None = None) -> JointedBeamState:
+        """State (2.6): the mass moves with the belt at `y = 0`, the beam rests; `x` is its depth [m].
+
+        Without `x` it is the constructed 9.2e-4 (times the length of the beam).
+        """
+        x = CONSTRUCTED_X * self.scales.length if x is None else as_parameter(check_finite("x", x))
+        zero = jnp.zeros_like(x + self.v)
+        still = jnp.zeros(self.modes)
+        return JointedBeamState(x=x + zero, vx=zero, y=zero, vy=self.v + zero, q=still, p=still)
+
+    def shapes(self, z: Any) -> Float[Array, " modes"]:
+        r"""Values $\phi_i(z)$ of the eigenfunctions, Eq. (2.18); `z` [m]."""
+        factor = NORMAL if self.shape == "consistent" else 1.0
+        return factor * jnp.sin(math.pi * self._numbers() * (z / self.scales.L))
+
+    def frequencies(self) -> Float[Array, " modes"]:
+        r"""Angular frequencies $\omega_i$ of the beam alone, Eq. (2.19) [rad/s]."""
+        return (math.pi * self._numbers()) ** 2 / self.scales.time
+
+    def _numbers(self) -> Float[Array, " modes"]:
+        return jnp.arange(1, self.modes + 1, dtype=jnp.float64)
+
+    def deflection(self, y: JointedBeamState, z: Any) -> Float[Array, "..."]:
+        """Deflection of the beam at `z`, Eq. (2.17) [m]."""
+        return jnp.sum(self.shapes(z) * y.q)
+
+    def w(self, t: Any, y: JointedBeamState, mode: Any = 0, args: Any = None) -> Any:
+        """Deflection of the beam at the joint [m]."""
+        return self.deflection(y, self.z_A)
+
+    def w_rate(self, t: Any, y: JointedBeamState, mode: Any = 0, args: Any = None) -> Any:
+        """Velocity of the beam at the joint [m/s]."""
+        return jnp.sum(self.shapes(self.z_A) * y.p)
+
+    def relative_velocity(self, t: Any, y: JointedBeamState, mode: Any = 0, args: Any = None) -> Any:
+        """Velocity of the mass against the belt [m/s]."""
+        return y.vy - self.v
+
+    def normal_force(self, t: Any, y: JointedBeamState, mode: Any, args: Any = None) -> Any:
+        """Normal force $N$, Eq. (2.2) [N]."""
+        return where(mode == APART, 0.0, self.k3 * y.x)
+
+    def friction_force(self, t: Any, y: JointedBeamState, mode: Any, args: Any = None) -> Any:
+        """Force of the belt on the mass along the belt [N]; in stick what holds it."""
+        sense = where(mode == FORWARD, 1.0, -1.0)
+        V = y.vy - self.v
+        factor = 1.0 + self.gamma * V
+        if self.friction == "consistent":
+            factor = weakening_factor(sense * V, self.gamma)
+        slip = -sense * self.mu_s * self.normal_force(t, y, mode) / factor
+        return where(mode == STICK, self._joint_force(y), slip)
+
+    def friction_power(self, t: Any, y: JointedBeamState, mode: Any, args: Any = None) -> Any:
+        r"""$W_f = T\,V$: power of the friction in the contact [W], zero in stick, never positive."""
+        return self.friction_force(t, y, mode) * (y.vy - self.v)
+
+    def beam_power(self, t: Any, y: JointedBeamState, mode: Any, args: Any = None) -> Any:
+        r"""$W_b = k_1(y - w_A)\dot w_A$: power from the mass to the beam through the joint [W]."""
+        return self._joint_force(y) * self.w_rate(t, y)
+
+    def _joint_force(self, y: JointedBeamState) -> Any:
+        return self.k1 * (y.y - self.w(0.0, y))
+
+    def _modal_forces(self, y: JointedBeamState, shapes: Any, w: Any) -> Float[Array, " modes"]:
+        """Right-hand sides of (2.21) [N]."""
+        stiffness = self.k1 if self.joint == "consistent" else self.k2
+        if self.coupling == "consistent":
+            return stiffness * shapes * (y.y - w)
+        return stiffness * shapes * (y.y - shapes * y.q)
+
+    def vector_field(self, t, y, mode, args):
+        shapes = self.shapes(self.z_A)
+        w = jnp.sum(shapes * y.q)
+        omega = self.frequencies()
+        modal = self._modal_forces(y, shapes, w) / self.scales.mass
+        per_mass = 1.0 / self.m
+        friction = self.friction_force(t, y, mode)
+        slip = (friction - self.k1 * (y.y - w)) * per_mass
+        return JointedBeamState(
+            x=y.vx,
+            vx=-(self.k2 * y.x + self.normal_force(t, y, mode)) * per_mass,
+            y=y.vy,
+            vy=where(mode == STICK, 0.0, slip),
+            q=y.p,
+            p=modal - omega * (omega * y.q + 2.0 * self.damping * y.p),
+        )
+
+    def guards(self, t, y, mode, args):
+        stick, apart = mode == STICK, mode == APART
+        limit, force = self.mu_s * self.k3 * y.x, self._joint_force(y)
+        sense = where(mode == FORWARD, 1.0, -1.0)
+        return (
+            where(apart, -y.x, y.x),
+            where(stick | apart, 1.0, sense * (y.vy - self.v)),
+            where(stick, limit + force, 1.0),
+            where(stick, limit - force, 1.0),
+        )
+
+    def transition(self, t, y, mode, guard, args):
+        on_belt = y._replace(vy=self.v + 0.0 * y.vy)
+        touching = y._replace(x=jnp.zeros_like(y.x))
+        closes = where(y.vy > self.v, FORWARD, where(y.vy < self.v, BACKWARD, self._at_rest(touching)))
+        contact = where(mode == APART, closes, APART)
+        slips = where(guard == 2, FORWARD, BACKWARD)
+        rest = where(guard == 1, self._at_rest(on_belt), slips)
+        border = guard == 0
+        new = y._replace(
+            x=where(border, touching.x, y.x),
+            vy=where(border, y.vy, on_belt.vy),
+        )
+        return new, where(border, contact, rest)
+
+    def initial_mode(self, t, y, args):
+        slips = where(y.vy > self.v, FORWARD, BACKWARD)
+        touching = where(y.vy == self.v, self._at_rest(y), slips)
+        apart = (y.x < 0.0) | ((y.x == 0.0) & (y.vx <= 0.0))
+        return where(apart, APART, touching)
+
+    def _at_rest(self, y: JointedBeamState) -> Any:
+        """Mode of a mass in contact that moves with the belt."""
+        limit, force = self.mu_s * self.k3 * y.x, self._joint_force(y)
+        return where(force > limit, BACKWARD, where(-force > limit, FORWARD, STICK))
+
+    def energy(self, y: JointedBeamState) -> Any:
+        """Energy of mass, springs and beam [J]; the contact spring counts while pressed."""
+        depth = where(y.x > 0.0, y.x, 0.0)
+        mass = self.m * (y.vx * y.vx + y.vy * y.vy)
+        stretch = y.y - self.w(0.0, y)
+        springs = self.k2 * y.x * y.x + self.k3 * depth * depth + self.k1 * stretch * stretch
+        beam = jnp.sum(y.p * y.p + (self.frequencies() * y.q) ** 2)
+        return 0.5 * (mass + springs + self.scales.mass * beam)
+
+    def powers(self, t: Any, y: JointedBeamState, mode: Any, args: Any) -> dict[str, Any]:
+        """Powers into `energy` [W]: `belt` (drive), `friction` (loss), `damping` (loss in the beam).
+
+        With equations as printed also `inconsistency`: what the joint gives the beam beyond what it
+        takes from the mass.
+        """
+        force = self.friction_force(t, y, mode)
+        powers = {
+            "belt": force * self.v,
+            "friction": force * (y.vy - self.v),
+            "damping": -2.0 * self.damping * self.scales.mass * jnp.sum(self.frequencies() * y.p * y.p),
+        }
+        if "printed" in (self.joint, self.coupling):
+            shapes = self.shapes(self.z_A)
+            given = jnp.sum(self._modal_forces(y, shapes, jnp.sum(shapes * y.q)) * y.p)
+            powers["inconsistency"] = given - self._joint_force(y) * jnp.sum(shapes * y.p)
+        return powers
+
+    def dimensional(self, scales: BeamScales) -> "JointedBeam":
+        """The same system in SI units for a beam of these `scales`, Eq. (2.9).
+
+        Errors: `ValueError` if the system is dimensional already.
+        """
+        if not self.is_dimensionless:
+            raise ValueError("the system has SI units already: it must be a dimensionless one.")
+        check_type("scales", scales, BeamScales, "a BeamScales")
+        return self._in_units(scales, scales)
+
+    def dimensionless(self) -> "JointedBeam":
+        """The same system in dimensionless numbers, Eq. (2.9)."""
+        s = self.scales
+        inverse = BeamScales(1.0 / s.EI, 1.0 / s.L, 1.0 / s.rhoA)
+        return self._in_units(inverse, None)
+
+    def _in_units(self, by: BeamScales, scales: BeamScales | None) -> "JointedBeam":
+        return JointedBeam(
+            m=self.m * by.mass,
+            k1=self.k1 * by.stiffness,
+            k2=self.k2 * by.stiffness,
+            k3=self.k3 * by.stiffness,
+            mu_s=self.mu_s,
+            gamma=self.gamma / by.speed,
+            v=self.v * by.speed,
+            z_A=self.z_A * by.length,
+            modes=self.modes,
+            damping=self.damping,
+            scales=scales,
+            joint=self.joint,
+            friction=self.friction,
+            shape=self.shape,
+            coupling=self.coupling,
+        )
+
+    def state_in_units(self, y: JointedBeamState) -> JointedBeamState:
+        """A dimensionless state in the units of this system."""
+        return times_scale(y, self.scales, 1)
+
+    def state_dimensionless(self, y: JointedBeamState) -> JointedBeamState:
+        """A state of this system in dimensionless numbers."""
+        return times_scale(y, self.scales, -1)

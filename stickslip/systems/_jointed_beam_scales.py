@@ -1,0 +1,102 @@
+"""Dimensional and dimensionless quantities of a beam."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+from jaxtyping import Array, Float
+
+from .._validation import as_parameter, check_positive
+from ..friction._law import Number
+
+
+class BeamScales(eqx.Module):
+    r"""What turns dimensional quantities of a beam into dimensionless ones, Eq. (2.9).
+
+    With $\alpha_1 = EI$, $\alpha_2 = L$, $\alpha_3 = \rho A$ as units, a dimensionless quantity is the
+    dimensional one divided by
+
+    | quantity | unit | |
+    |---|---|---|
+    | time | $L^2\sqrt{\rho A/EI}$ | [s] |
+    | length $x, y, w$ | $L$ | [m] |
+    | speed | $\sqrt{EI/\rho A}/L$ | [m/s] |
+    | mass | $\rho A L$ | [kg] |
+    | stiffness | $EI/L^3$ | [N/m] |
+    | force | $EI/L^2$ | [N] |
+    | energy | $EI/L$ | [J] |
+    | power | $\sqrt{EI/\rho A}\,EI/L^3$ | [W] |
+
+    and $\gamma^* = \gamma\sqrt{EI/\rho A}/L$.
+
+    **Arguments:** `EI` [N m^2], `L` [m], `rhoA` [kg/m], positive. **Errors** `ValueError` otherwise.
+
+    ??? cite "Reference"
+
+        *Non-linear Dynamics of Jointed Systems Under Dry Friction Forces*, Eq. (2.9).
+    """
+
+    EI: Float[Array, "..."]
+    L: Float[Array, "..."]
+    rhoA: Float[Array, "..."]
+
+    def __init__(self, EI: Number = 1.0, L: Number = 1.0, rhoA: Number = 1.0):
+        self.EI = as_parameter(check_positive("EI", EI))
+        self.L = as_parameter(check_positive("L", L))
+        self.rhoA = as_parameter(check_positive("rhoA", rhoA))
+
+    @property
+    def length(self) -> Float[Array, "..."]:
+        """Unit of length [m]."""
+        return self.L
+
+    @property
+    def speed(self) -> Float[Array, "..."]:
+        """Unit of speed [m/s]."""
+        return jax.lax.sqrt(self.EI / self.rhoA) / self.L
+
+    @property
+    def time(self) -> Float[Array, "..."]:
+        """Unit of time [s]."""
+        return self.L / self.speed
+
+    @property
+    def mass(self) -> Float[Array, "..."]:
+        """Unit of mass [kg]: that of the beam."""
+        return self.rhoA * self.L
+
+    @property
+    def stiffness(self) -> Float[Array, "..."]:
+        """Unit of stiffness [N/m]."""
+        return self.EI / (self.L * self.L * self.L)
+
+    @property
+    def force(self) -> Float[Array, "..."]:
+        """Unit of force [N]."""
+        return self.stiffness * self.L
+
+    @property
+    def energy(self) -> Float[Array, "..."]:
+        """Unit of energy [J]."""
+        return self.force * self.L
+
+    @property
+    def power(self) -> Float[Array, "..."]:
+        """Unit of power [W]."""
+        return self.force * self.speed
+
+
+def times_scale(state: Any, scales: BeamScales, power: int) -> Any:
+    """State whose lengths and speeds are multiplied by their units to the `power` +1 or -1."""
+
+    def scaled(value, unit):
+        return value * unit if power > 0 else value / unit
+
+    return type(state)(
+        x=scaled(state.x, scales.length),
+        vx=scaled(state.vx, scales.speed),
+        y=scaled(state.y, scales.length),
+        vy=scaled(state.vy, scales.speed),
+        q=scaled(state.q, scales.length),
+        p=scaled(state.p, scales.speed),
+    )
