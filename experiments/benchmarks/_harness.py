@@ -20,6 +20,7 @@ class Candidate:
     error: float | None = None
     share: float = 1.0
     rounds: int | None = None  # slow ones may sit out after this many
+    error_t: float | None = None  # of times, where they are compared too
 
 
 def absent(module: str) -> bool:
@@ -51,6 +52,7 @@ def interleave(candidates: list[Candidate], rounds: int = 7) -> list[dict]:
             median=statistics.median(times[c.name]),
             ratio=statistics.median(a / b for a, b in zip(times[c.name], reference, strict=False)),
             error=c.error,
+            error_t=c.error_t,
         )
         for c in candidates
     ]
@@ -58,11 +60,14 @@ def interleave(candidates: list[Candidate], rounds: int = 7) -> list[dict]:
 
 def table(title: str, rows: list[dict], missing: list[str]) -> str:
     """Text table of `interleave`'s rows, with the peers that were not there."""
-    lines = [title, f"  {'':46s} {'best s':>9s} {'median s':>9s} {'ratio':>8s} {'error':>9s}"]
+    names = ["error", "error t"] if any(row["error_t"] is not None for row in rows) else ["error"]
+    head = " ".join(f"{word:>9s}" for word in ("best s", "median s", "ratio", *names))
+    lines = [title, f"  {'':50s} {head}"]
     for row in rows:
-        error = "" if row["error"] is None else f"{row['error']:.1e}"
-        figures = f"{row['best']:9.4f} {row['median']:9.4f} {row['ratio']:8.2f} {error:>9s}"
-        lines.append(f"  {row['name']:46s} {figures}")
+        errors = [row["error"], row["error_t"]][: len(names)]
+        words = ["" if error is None else f"{error:.1e}" for error in errors]
+        figures = f"{row['best']:9.4f} {row['median']:9.4f} {row['ratio']:9.2f} "
+        lines.append(f"  {row['name']:50s} {figures}" + " ".join(f"{word:>9s}" for word in words))
     lines += [f"  {name}: absent, not measured" for name in missing]
     return "\n".join(lines)
 

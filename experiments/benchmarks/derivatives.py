@@ -11,9 +11,9 @@ from ._harness import Candidate, interleave, table
 END = 50.0
 
 
-def main(quick: bool = False) -> str:
+def main(size: str = "normal") -> str:
     """Table: plain, forward in 1, 3 and 8 parameters, reverse in 8."""
-    lanes = 1280 if quick else 6400
+    lanes = 1280 if size == "quick" else 6400
     speeds = jnp.linspace(0.2, 0.4, lanes)
     nominal = jnp.array([0.0, 1.0, 0.5, 1.0, 1.0, 0.0, 0.0, 0.0])
 

@@ -161,8 +161,9 @@ def heyoka_batch(speeds, threads=2):
     return run
 
 
-def main(quick: bool = False) -> str:
+def main(size: str = "normal") -> str:
     """The table: engine in its variants, heyoka, diffrax."""
+    quick = size == "quick"
     speeds = np.linspace(0.2, 0.4, LANES)
     truth = np.array([closed_form(v) for v in speeds])
     few = speeds[:: LANES // 1024][:1024]

@@ -1,0 +1,105 @@
+"""The C file compiled for this machine, with the widths and flags that run fastest here."""
+
+import ctypes
+import dataclasses
+import itertools
+import pathlib
+import shutil
+import subprocess
+import tempfile
+import time
+
+import numpy as np
+
+from ._diagram_job import Case, Job, Points, tsit5
+
+SOURCE = pathlib.Path(__file__).with_name("diagram.c")
+# No -ffast-math: the exponential needs its order of operations. What is here changes no value but by
+# contraction to fused multiply-adds.
+FLAGS = ("-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast")
+SCHEDULING = ("-fschedule-insns", "-fsched-pressure")
+_folder = tempfile.TemporaryDirectory(prefix="stickslip-bench-")
+
+
+class CompilerAbsentError(RuntimeError):
+    """There is no C compiler, or it does not take the file."""
+
+
+def _header(case: Case) -> str:
+    a, b = tsit5()
+    values = {**case.values, "START_X": case.start[0], "START_Y": case.start[1]}
+    values |= {f"A_{i}_{j}": float(a[i, j]) for i in range(6) for j in range(i)}
+    values |= {f"B_{i}": float(value) for i, value in enumerate(b)}
+    return "".join(f"#define {name} ({value!r})\n" for name, value in values.items())
+
+
+@dataclasses.dataclass(frozen=True)
+class Build:
+    """One compilation: lanes in a register, registers interleaved, further flags."""
+
+    width: int
+    groups: int
+    flags: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        flags = ", scheduled" if self.flags else ""
+        return f"width {self.width} x {self.groups}{flags}"
+
+    def load(self, case: Case):
+        compiler = shutil.which("cc") or shutil.which("gcc")
+        if compiler is None:
+            raise CompilerAbsentError("no C compiler")
+        folder = pathlib.Path(_folder.name, case.name.replace(" ", "-"))
+        folder.mkdir(exist_ok=True)
+        (folder / "job.h").write_text(_header(case))
+        library = folder / f"diagram-{self.width}-{self.groups}-{len(self.flags)}.so"
+        if not library.exists():
+            command = [
+                compiler, *FLAGS, *self.flags, "-Wno-psabi", "-fopenmp", "-fPIC", "-shared",
+                f"-DWIDTH={self.width}", f"-DGROUPS={self.groups}", f"-I{folder}",
+                str(SOURCE), "-o", str(library), "-lm",
+            ]  # fmt: skip
+            done = subprocess.run(command, capture_output=True, text=True, check=False)
+            if done.returncode:
+                raise CompilerAbsentError(f"{compiler}: {done.stderr.strip()[-300:]}")
+        function = ctypes.CDLL(str(library)).diagram
+        number, pointer = ctypes.c_long, ctypes.c_void_p
+        function.argtypes = [
+            number, pointer, ctypes.c_double, number, number, number, ctypes.c_int,
+            pointer, pointer, pointer, pointer,
+        ]  # fmt: skip
+        function.restype = None
+        return function
+
+
+def runner(build: Build, job: Job, threads: int):
+    """Function of k3 that gives the job's points."""
+    function = build.load(job.case)
+
+    def run(k3: np.ndarray) -> Points:
+        k3 = np.ascontiguousarray(k3, np.float64)
+        out, end = job.empty(k3.size), np.zeros(k3.size)
+        pointers = [a.ctypes.data for a in (*out, end)]
+        function(k3.size, k3.ctypes.data, job.h, job.steps, job.first, job.room, threads, *pointers)
+        return out
+
+    return run
+
+
+def widths() -> list[Build]:
+    """What is worth a trial: registers of 256 and 512 bits, one to three in flight."""
+    pairs = [(4, 2), (4, 3), (8, 1), (8, 2), (8, 3), (16, 1)]
+    return [Build(w, g, f) for (w, g), f in itertools.product(pairs, ((), SCHEDULING))]
+
+
+def fastest(case: Case) -> Build:
+    """The build that takes the least time for a part of the job on one thread here."""
+    job = Job(case, lanes=96, transient=1.0, duration=1.5)
+    best = {}
+    programs = {build: runner(build, job, 1) for build in widths()}
+    for _ in range(5):
+        for build, program in programs.items():
+            start = time.perf_counter()
+            program(job.k3)
+            best[build] = min(best.get(build, np.inf), time.perf_counter() - start)
+    return min(best, key=lambda build: best[build])

@@ -1,0 +1,56 @@
+"""One run of the job in this process alone: time of the first call, of the next, and memory."""
+
+import os
+
+os.environ.setdefault("XLA_FLAGS", f"--xla_force_host_platform_device_count={os.cpu_count()}")
+
+import json
+import resource
+import sys
+import time
+
+import numpy as np
+
+from stickslip.analysis import orbit_diagram
+
+from ._diagram_job import Job, set_a
+from .diagram import engine, steps_of
+
+
+def diagram(job: Job, check: int):
+    """The same through `orbit_diagram`, with labels, periods and, with `check`, an error estimate."""
+    system, start = job.case.system(80.0), job.case.initial
+
+    def run(k3: np.ndarray):
+        return orbit_diagram(
+            system, {"k3": k3}, start, section=system.zero_acceleration_section(),
+            observables="x", transient=job.transient, duration=job.duration, max_points=job.room,
+            integrator=steps_of(tolerance=1e-8),
+            check=check, progress=False,
+        )  # fmt: skip
+
+    return run
+
+
+def main() -> None:
+    """Print the figures as JSON."""
+    what, lanes, seconds = sys.argv[1], int(sys.argv[2]), float(sys.argv[3])
+    job = Job(set_a(), lanes, transient=0.375 * seconds, duration=0.625 * seconds)
+    again = what.startswith("map_lanes")
+    if again:
+        run = engine(job, what.split(", ")[1], steps_of(tolerance=1e-8))
+    else:
+        run = diagram(job, 0 if "no check" in what else 32)
+    times = []
+    for _ in range(2 if again else 1):
+        start = time.perf_counter()
+        run(job.k3)
+        times.append(time.perf_counter() - start)
+    # Kilobytes on Linux, bytes on macOS.
+    unit = 1e9 if sys.platform == "darwin" else 1e6
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit
+    print(json.dumps({"first": times[0], "again": times[1] if again else None, "memory": memory}))
+
+
+if __name__ == "__main__":
+    main()
