@@ -1,4 +1,6 @@
-r"""The four dynamic models DMN1-4, Eqs. (35)-(71): $M^\sigma [\ddot x, \ddot y]^T = b^\sigma + \tau^\sigma$.
+r"""The four dynamic models DMN1-4, Eqs. (35)-(71).
+
+$$M^\sigma [\ddot x, \ddot y]^T = b^\sigma + \tau^\sigma.$$
 
 Rows are force times radius [N m], as printed. The signs that errata A1 and A2 correct are arguments.
 """

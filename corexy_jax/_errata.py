@@ -34,14 +34,14 @@ class Errata(eqx.Module):
     `Errata.corrected()` corrects all. **Raises** `ValueError` for a value that is no boolean.
     """
 
-    A1: bool = eqx.field(static=True, default=False)
-    A2: bool = eqx.field(static=True, default=False)
-    A3: bool = eqx.field(static=True, default=False)
-    A4: bool = eqx.field(static=True, default=False)
-    A6: bool = eqx.field(static=True, default=False)
-    A8: bool = eqx.field(static=True, default=False)
-    A9: bool = eqx.field(static=True, default=False)
-    A12: bool = eqx.field(static=True, default=False)
+    A1: Any = eqx.field(static=True, default=False)
+    A2: Any = eqx.field(static=True, default=False)
+    A3: Any = eqx.field(static=True, default=False)
+    A4: Any = eqx.field(static=True, default=False)
+    A6: Any = eqx.field(static=True, default=False)
+    A8: Any = eqx.field(static=True, default=False)
+    A9: Any = eqx.field(static=True, default=False)
+    A12: Any = eqx.field(static=True, default=False)
 
     def __check_init__(self):
         for name in SWITCHES:

@@ -98,7 +98,8 @@ def simulate_consistent(
 
 def _from_engine(system: CoreXY, y0: CoreXYState, solution: ss.Solution) -> CoreXYSolution:
     log, outputs = solution.events, solution.outputs
-    assert log is not None and outputs is not None
+    assert log is not None
+    assert outputs is not None
     y, dy = outputs.y.y, outputs.dy.y
     senses = jnp.stack(mode_signs(jnp.maximum(outputs.mode, 0)), axis=-1)
     work = outputs.y.integrals

@@ -110,7 +110,7 @@ class CoreXY(AbstractMechanicalSystem):
     )
     units: ClassVar = STATE_UNITS
 
-    def __init__(self, parameters: CoreXYParameters, voltage: AbstractVoltage):
+    def __init__(self, parameters: Any, voltage: Any):
         self.parameters = check_type("parameters", parameters, CoreXYParameters, "CoreXYParameters")
         self.voltage = check_type("voltage", voltage, AbstractVoltage, "an AbstractVoltage")
 
@@ -132,7 +132,7 @@ class CoreXY(AbstractMechanicalSystem):
         omega_2: Any = None,
         t: Any = 0.0,
     ) -> CoreXYState:
-        """State at time `t` [s]; arguments as the components. A motor whose speed is not given rolls."""
+        """State at time `t` [s], components as in `CoreXYState`; a motor without a speed rolls."""
         numbers = [jnp.asarray(a, jnp.float64) for a in (x, y, vx, vy, theta_1, theta_2)]
         vx, vy = numbers[2], numbers[3]
         r = self.parameters.r

@@ -14,7 +14,6 @@ from stickslip._validation import (
     check_finite,
     check_positive,
     check_that,
-    check_type,
     is_concrete,
 )
 
@@ -190,8 +189,12 @@ class UserVoltage(AbstractVoltage):
 
     has_breaks: ClassVar[bool] = False
 
-    def __init__(self, function: Callable, args: PyTree = None):
-        self.function = check_type("function", function, Callable, "a function (t, args)")  # pyright: ignore[reportArgumentType]
+    def __init__(self, function: Any, args: PyTree = None):
+        if not callable(function):
+            raise TypeError(
+                f"function is a {type(function).__name__}: it must be a function (t, args)."
+            )
+        self.function = function
         self.args = args
 
     def volts(self, t, piece):
