@@ -16,7 +16,7 @@ from stickslip.sweep._manifest import as_json, code_revision, versions
 
 from ._experiment import Context, Experiment, chosen
 
-STYLE = {
+STYLE: dict[Any, Any] = {
     "font.size": 9,
     "axes.spines.top": False,
     "axes.spines.right": False,

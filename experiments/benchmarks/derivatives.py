@@ -21,9 +21,10 @@ def main(size: str = "normal") -> str:
         # Eight parameters: belt speed, forces, mass, spring, initial state and duration.
         system = CoulombOscillator(p[3], p[4], p[1], p[2], speed + p[0])
         start = Motion(p[5], speed + p[0] + p[6])
+        step = ss.FixedStep(0.35)  # pyright: ignore[reportCallIssue]
         run = ss.simulate(
             system, 0.0, END + p[7], start, "stick", max_events=None, throw=False,
-            integrator=ss.Integrator(step=ss.FixedStep(0.35), max_steps=1024),
+            integrator=ss.Integrator(step=step, max_steps=1024),
         )  # fmt: skip
         return run.y1.x
 

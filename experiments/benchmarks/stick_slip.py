@@ -74,6 +74,8 @@ def diffrax_loop(speeds):
                 event=dfx.Event(guard, finder, direction=False), max_steps=4096, throw=False,
                 adjoint=dfx.ForwardMode(),
             )  # fmt: skip
+            assert solution.ys is not None
+            assert solution.ts is not None
             y = solution.ys[0]
             return solution.ts[0], jnp.stack([y[0], jnp.where(mode == 1, v, y[1])]), 1 - mode, count + 1
 
@@ -179,9 +181,11 @@ def main(size: str = "normal") -> str:
         program = engine(step, executor)
         return functools.partial(lambda p: jax.block_until_ready(p(speeds)), program)
 
-    add("engine, fused, fixed steps 0.35", mapped(ss.FixedStep(0.35), "fused"))
-    add("engine, fused, adaptive 1e-10", mapped(ss.AdaptiveStep(1e-10, 1e-10), "fused"))
-    add("engine, portable, fixed steps 0.35", mapped(ss.FixedStep(0.35), "portable"))
+    fixed = ss.FixedStep(0.35)  # pyright: ignore[reportCallIssue]
+    adaptive = ss.AdaptiveStep(1e-10, 1e-10)  # pyright: ignore[reportCallIssue]
+    add("engine, fused, fixed steps 0.35", mapped(fixed, "fused"))
+    add("engine, fused, adaptive 1e-10", mapped(adaptive, "fused"))
+    add("engine, portable, fixed steps 0.35", mapped(fixed, "portable"))
     if absent("heyoka"):
         missing.append("heyoka")
     else:

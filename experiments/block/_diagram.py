@@ -100,8 +100,10 @@ def diagrams(
     )
 
 
-def _integrator(parameters):
-    return ss.Integrator(parameters["method"], ss.FixedStep(parameters["h"]), max_steps=100_000_000)
+def integrator_of(parameters: Mapping[str, Any]) -> ss.Integrator:
+    """Method and fixed step of an experiment."""
+    step = ss.FixedStep(parameters["h"])  # pyright: ignore[reportCallIssue]
+    return ss.Integrator(parameters["method"], step, max_steps=100_000_000)
 
 
 def _options(kind: str, model: str, settings: Mapping[str, Any], context: Context) -> dict[str, Any]:
@@ -134,7 +136,7 @@ def _diagram(model, k3, transient, duration, protocol, parameters, context) -> x
         transient=transient,
         duration=duration,
         max_points=parameters["max_points"],
-        integrator=_integrator(parameters),
+        integrator=integrator_of(parameters),
         period_tolerance=1e-3,
         labels={
             "k3": Variable(units="N/m", long_name="stiffness k3"),
@@ -164,7 +166,7 @@ def _exponents(model, k3, parameters, context) -> xr.Dataset:
         system_of(model, 85.0)[1],
         transient=dropped,
         segments=100 if parameters["converged_transient"] >= 100 else 30,
-        integrator=_integrator(parameters),
+        integrator=integrator_of(parameters),
         **_options("exponent", model, settings, context),
     )
     return result.rename(k3="k3_exponent").load()

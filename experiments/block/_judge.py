@@ -77,8 +77,10 @@ def judge_models(dataset: xr.Dataset) -> list[Statement]:
         one, other = first_doubling(dataset, simple), first_doubling(dataset, model)
         low = float(dataset.k3[0])
         # Two branches from the start may be a doubling below the window or a second crossing per cycle.
-        unclear = one is None or other is None or low in (one, other)
-        holds = None if unclear else bool(other < one)
+        if one is None or other is None or low in (one, other):
+            holds = None
+        else:
+            holds = bool(other < one)
         text = f"more than one branch from k3 = {_number(one)} (simplified), {_number(other)} (full)"
         if low in (one, other):
             text += ", the window's edge: a doubling below it or a second crossing per cycle"
@@ -92,8 +94,8 @@ def judge_models(dataset: xr.Dataset) -> list[Statement]:
         step = float(k3[1] - k3[0]) if k3.size > 1 else 0.0
         text = f"chaos over {a.sum() * step:.2f} N/m (simplified), {b.sum() * step:.2f} N/m (full)"
         found.append(_statement("B3", model, bool(b.sum() > a.sum()), text))
-        ends = [float(k3[c].max()) if c.any() else None for c in (a, b)]
-        near = None not in ends and abs(ends[0] - ends[1]) < 0.5 and abs(ends[0] - 95.1) < 0.5
+        ends = [float(k3[c].max()) if c.any() else np.nan for c in (a, b)]
+        near = bool(abs(ends[0] - ends[1]) < 0.5 and abs(ends[0] - 95.1) < 0.5)
         text = f"chaos ends at k3 = {_number(ends[0])} (simplified), {_number(ends[1])} (full)"
         found.append(_statement("B4", model, near, text))
         inside = a | b
@@ -104,4 +106,4 @@ def judge_models(dataset: xr.Dataset) -> list[Statement]:
 
 
 def _number(value: float | None) -> str:
-    return "none" if value is None else f"{value:.2f}"
+    return "none" if value is None or np.isnan(value) else f"{value:.2f}"

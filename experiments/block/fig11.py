@@ -1,5 +1,7 @@
 """Fig. 11: phase planes of the block at k3 = 87.968 N/m, simplified and full model."""
 
+from typing import Any
+
 import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
@@ -9,7 +11,7 @@ from matplotlib.figure import Figure
 import stickslip as ss
 
 from .._experiment import Context, Experiment, Statement
-from ._diagram import CONSTRUCTED, MODELS, system_of
+from ._diagram import CONSTRUCTED, MODELS, integrator_of, system_of
 from ._draw import COLOURS, caption
 from ._exponent import largest_exponents
 from ._judge import CHAOTIC, CLAIMS, SHORT
@@ -17,9 +19,7 @@ from ._judge import CHAOTIC, CLAIMS, SHORT
 
 def compute(parameters, context: Context) -> xr.Dataset:
     """Motion and Poincaré points of each model after a transient, and its largest exponent."""
-    integrator = ss.Integrator(
-        parameters["method"], ss.FixedStep(parameters["h"]), max_steps=100_000_000
-    )
+    integrator = integrator_of(parameters)
     parts = []
     for model in MODELS:
         system, start = system_of(model, parameters["k3"])
@@ -32,7 +32,8 @@ def compute(parameters, context: Context) -> xr.Dataset:
             system, first, end, settled.y1, settled.mode1, integrator=integrator, max_events=None,
             sections=section, max_crossings=2048, saveat=ss.SaveAt(ts=jnp.asarray(times)),
         )  # fmt: skip
-        points = motion.crossings[0]
+        points: Any = motion.crossings[0]
+        shown: Any = motion.outputs
         exponent = largest_exponents(
             lambda k3, model=model: system_of(model, k3)[0],
             {"k3": [parameters["k3"]]},
@@ -44,8 +45,8 @@ def compute(parameters, context: Context) -> xr.Dataset:
         parts.append(
             xr.Dataset(
                 {
-                    "x": ("time", np.asarray(motion.outputs.y.x), {"units": "m"}),
-                    "vx": ("time", np.asarray(motion.outputs.y.vx), {"units": "m/s"}),
+                    "x": ("time", np.asarray(shown.y.x), {"units": "m"}),
+                    "vx": ("time", np.asarray(shown.y.vx), {"units": "m/s"}),
                     "x_section": ("point", np.asarray(points.y.x), {"units": "m"}),
                     "vx_section": ("point", np.asarray(points.y.vx), {"units": "m/s"}),
                     "exponent": exponent.exponent.isel(k3=0, drop=True),

@@ -8,6 +8,7 @@ version and processor.
 
 import functools
 import hashlib
+import importlib.metadata
 import json
 import os
 import pathlib
@@ -15,20 +16,22 @@ import platform
 import subprocess
 import sys
 
-import jaxlib
-
 from .. import _version
 
 TIMEOUT = 300  # s; a trial takes about ten seconds
+
+
+def _jaxlib() -> str:
+    return importlib.metadata.version("jaxlib")
 
 
 def _cache_file() -> pathlib.Path:
     root = os.environ.get("STICKSLIP_CACHE") or os.path.join(
         os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"), "stickslip"
     )
-    what = (jaxlib.__version__, platform.machine(), sys.version_info[:2], _version.__version__)
+    what = (_jaxlib(), platform.machine(), sys.version_info[:2], _version.__version__)
     digest = hashlib.sha256(repr(what).encode()).hexdigest()[:12]
-    return pathlib.Path(root) / f"fused-{jaxlib.__version__}-{digest}.json"
+    return pathlib.Path(root) / f"fused-{_jaxlib()}-{digest}.json"
 
 
 @functools.cache
@@ -44,7 +47,7 @@ def fused_is_trusted() -> bool:
     verdict = run_trial()
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps({"trusted": verdict, "jaxlib": jaxlib.__version__}))
+        path.write_text(json.dumps({"trusted": verdict, "jaxlib": _jaxlib()}))
     except OSError:
         pass  # a read-only home costs a trial per process, nothing else
     return verdict

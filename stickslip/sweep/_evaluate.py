@@ -45,22 +45,27 @@ class Evaluate:
         workers: int | None,
     ):
         self.coords, self.inputs, self.sides = coords, inputs, sides
-        self.axis, self.backward = axis, backward
+        self.axis: Any = axis  # None where lanes are side by side
+        self.backward = backward
         self.carry = jax.tree.map(lambda a: jnp.asarray(a), carry)
         self.workers = workers
         if axis is None:
 
-            def lane(arguments):
+            def side_by_side(arguments):
                 return function(**arguments)
+
+            lane: Callable = side_by_side
         else:
 
-            def lane(arguments):
+            def row(arguments):
                 def step(carry, point):
                     carry, results = function(carry, **point)
                     return carry, {**_as_dict(results), CARRY: carry}
 
                 start, points = arguments
                 return jax.lax.scan(step, start, points)[1]
+
+            lane = row
 
         self.lane = lane
         # One lane of a carried sweep is a whole row, of which there are few.

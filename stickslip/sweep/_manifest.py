@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 import hashlib
+import importlib.metadata
 import math
 import pathlib
 import platform
@@ -13,7 +14,6 @@ from typing import Any
 import diffrax
 import equinox as eqx
 import jax
-import jaxlib
 import numpy as np
 import xarray as xr
 import zarr
@@ -43,7 +43,8 @@ def as_json(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {str(key): as_json(item) for key, item in value.items()}
     if isinstance(value, tuple) and hasattr(value, "_fields"):
-        return {name: as_json(getattr(value, name)) for name in value._fields}
+        fields: Any = value
+        return {name: as_json(getattr(value, name)) for name in fields._fields}
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         fields = {f.name: as_json(getattr(value, f.name, None)) for f in dataclasses.fields(value)}
         return {"class": type(value).__qualname__, **fields}
@@ -94,7 +95,7 @@ def versions() -> dict[str, str]:
         "stickslip": _version.__version__,
         "python": platform.python_version(),
         "jax": jax.__version__,
-        "jaxlib": jaxlib.__version__,
+        "jaxlib": importlib.metadata.version("jaxlib"),
         "diffrax": diffrax.__version__,
         "equinox": eqx.__version__,
         "numpy": np.__version__,

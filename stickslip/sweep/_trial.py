@@ -37,9 +37,11 @@ def _lane(belt_speed):
     section = Section(lambda t, y, dy, mode, args: y.x - 0.3, "rising")
 
     def end(belt_speed):
-        solution = simulate(
-            _Block(belt_speed), 0.0, 12.0, _State(0.0 * belt_speed, belt_speed), 0,
-            integrator=Integrator("rk4", FixedStep(0.05), max_steps=512),
+        block = _Block(belt_speed)  # pyright: ignore[reportCallIssue]
+        step = FixedStep(0.05)  # pyright: ignore[reportCallIssue]
+        solution: Any = simulate(
+            block, 0.0, 12.0, _State(0.0 * belt_speed, belt_speed), 0,
+            integrator=Integrator("rk4", step, max_steps=512),
             sections=section, max_events=8, max_crossings=8, throw=False,
         )  # fmt: skip
         return solution.y1.x, (solution.events.t, solution.crossings[0].t)
