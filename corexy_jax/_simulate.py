@@ -132,7 +132,7 @@ def _losses(system, y0, log, t, y, mode):
     last = jnp.searchsorted(jax.lax.stop_gradient(times), jax.lax.stop_gradient(t), side="right")
     since = jnp.stack(mode_signs(jnp.maximum(mode, 0)), axis=-1) * (_paths(system, y) - ends[last])
     length = until[last] + since
-    return -jnp.stack(kinetic_limits(system.parameters)) * length, length[:, 6:]
+    return -jnp.stack(kinetic_limits(system.parameters))[None] * length, length[:, 6:]
 
 
 def simulate_as_printed(

@@ -212,6 +212,7 @@ def test_modes_are_the_faces_of_the_arrangement():
 
 def test_closure_and_projection():
     """What cannot slide while given contacts rest, by the rank of their normals."""
+    cases = []
     for rest in itertools.product((False, True), repeat=8):
         held = np.array(rest)
         closed = np.array(closure(tuple(map(np.bool_, rest))))
@@ -225,10 +226,17 @@ def test_closure_and_projection():
         _, size, basis = np.linalg.svd(np.vstack([NORMALS[held], np.zeros((1, 4))]))
         null = basis[np.sum(size > 1e-9) :]
         inside = null.T @ (null @ v)
-        projected = project(Line(*map(jnp.asarray, inside)), tuple(map(jnp.asarray, closed)))
-        np.testing.assert_allclose(projected, inside, atol=1e-14)
-        speeds = np.array(sliding_speeds(project(Line(*map(jnp.asarray, v)), tuple(closed))))
-        assert np.all(speeds[closed] == 0)
+        cases.append((closed, inside, v))
+    closed, inside, v = (jnp.asarray(np.array(column)) for column in zip(*cases, strict=True))
+
+    @jax.jit
+    @jax.vmap
+    def projected(q, held):
+        return jnp.stack(project(Line(*q), tuple(held)))
+
+    np.testing.assert_allclose(projected(inside, closed), inside, atol=1e-14)
+    speeds = np.array(projected(v, closed)) @ NORMALS.T
+    assert np.all(speeds[np.asarray(closed)] == 0)
 
 
 def test_lines_on_which_the_machine_gives_way():
