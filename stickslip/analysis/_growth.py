@@ -1,0 +1,139 @@
+"""Growth of small deviations: re-orthonormalisation, averages and their errors."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int, PyTree
+
+# Below this part of the longest image a direction counts as lost: it lies in the span of the others
+# to rounding.
+LOST = 1e-11
+
+
+class LyapunovSpectrum(eqx.Module):
+    r"""Lyapunov exponents, greatest first, and how sure they are. Batch axes come in front.
+
+    - `exponents` [1/s] (per iteration for a map): mean growth rates. `-inf` for a direction that is
+      lost in finite time: where slip turns into stick the tangent map loses rank.
+    - `error` [1/s]: the larger of two estimates: standard error of the mean from block means, which
+      covers what fluctuates, and the change of the mean if only the second half counts, which covers
+      what still drifts. NaN where the exponent is not finite.
+    - `local` [1/s], `[segment, exponent]`: growth rates segment by segment.
+    - `time` [s], `[segment]`: end of each segment, from the start of the average.
+    - `lost`: in how many segments each direction was lost.
+    - `t1`, `y1`, `mode1`: where the motion ended (`None` for the mode of a map).
+    - `result`: worst result code of all segments (`None` for a map); where it is no success the
+      exponents are NaN. `flags`: as in `Solution`, of all segments together.
+    """
+
+    exponents: Float[Array, "*batch exponent"]
+    error: Float[Array, "*batch exponent"]
+    local: Float[Array, "*batch segment exponent"]
+    time: Float[Array, "*batch segment"]
+    lost: Int[Array, "*batch exponent"]
+    t1: Any
+    y1: PyTree
+    mode1: Any = None
+    result: Any = None
+    flags: Any = None
+
+    @property
+    def running(self) -> Float[Array, "*batch segment exponent"]:
+        """Mean growth rates up to each `time` [1/s]: the exponent as it converges."""
+        steps = jnp.arange(1, self.local.shape[-2] + 1, dtype=jnp.float64)
+        return jnp.cumsum(self.local, axis=-2) / steps.reshape(-1, 1)
+
+    @property
+    def sum(self) -> Float[Array, "*batch"]:
+        """Sum of the exponents [1/s]: of the full spectrum, the mean growth of volume."""
+        return jnp.sum(self.exponents, axis=-1)
+
+    @property
+    def kaplan_yorke_dimension(self) -> Float[Array, "*batch"]:
+        r"""$j + \sum_{i \le j}\lambda_i/|\lambda_{j+1}|$, $j$ the last with a sum not below zero.
+
+        Of the full spectrum, an estimate of the information dimension of the attractor (Kaplan &
+        Yorke 1979). 0 where all exponents are negative, the dimension of the state where no partial
+        sum is. An exponent that is zero counts with the error it has.
+        """
+        sums = jnp.cumsum(self.exponents, axis=-1)
+        size = self.exponents.shape[-1]
+        j = jnp.sum(jnp.cumprod((sums >= 0).astype(jnp.int32), axis=-1), axis=-1)
+        before = jnp.take_along_axis(sums, jnp.maximum(j - 1, 0)[..., None], axis=-1)[..., 0]
+        nearest = jnp.minimum(j, size - 1)[..., None]
+        after = jnp.take_along_axis(self.exponents, nearest, axis=-1)[..., 0]
+        inside = (j > 0) & (j < size)
+        part = jnp.where(inside, before / jnp.where(inside, jnp.abs(after), 1.0), 0.0)
+        return j.astype(jnp.float64) + part
+
+
+def first_frame(size: int, count: int) -> Float[Array, "size count"]:
+    """Orthonormal columns in general position, the same on every call."""
+    rows = jnp.arange(1.0, size + 1)[:, None]
+    columns = jnp.arange(1.0, count + 1)[None, :]
+    return jnp.linalg.qr(jnp.sin(rows * columns * columns + 0.7 * rows * rows))[0]
+
+
+def orthonormalised(
+    images: Float[Array, "size count"],
+) -> tuple[Float[Array, "size count"], Float[Array, " count"]]:
+    """Orthonormal columns that span the images one after the other, and the logarithms of growth.
+
+    `-inf` for a column that lies in the span of those before it; another direction takes its place.
+    """
+    q, r = jnp.linalg.qr(images)
+    growth = jnp.abs(jnp.diagonal(r))
+    longest = jnp.max(jnp.sqrt(jnp.sum(images * images, axis=0)))
+    alive = growth > LOST * longest
+    return q, jnp.where(alive, jnp.log(jnp.where(alive, growth, 1.0)), -jnp.inf)
+
+
+def averaged(
+    local: Float[Array, "segment exponent"], blocks: int
+) -> tuple[Float[Array, " exponent"], Float[Array, " exponent"]]:
+    """Mean over the segments and its error, see `LyapunovSpectrum.error`."""
+    size = local.shape[0] // blocks
+    used = local[local.shape[0] - size * blocks :]
+    means = jnp.mean(used.reshape(blocks, size, -1), axis=1)
+    mean = jnp.mean(local, axis=0)
+    finite = jnp.isfinite(mean)[None, :]
+    means = jnp.where(finite, means, 0.0)
+    spread = jnp.std(means, axis=0, ddof=1) / blocks**0.5
+    late = jnp.where(finite[0], jnp.mean(local[local.shape[0] // 2 :], axis=0), 0.0)
+    drift = jnp.abs(late - jnp.where(finite[0], mean, 0.0))
+    return mean, jnp.where(finite[0], jnp.maximum(spread, drift), jnp.nan)
+
+
+def check_counts(segments: Any, warm_up: Any, blocks: Any, exponents: Any, size: int) -> None:
+    """Refuse numbers of segments, blocks and exponents that make no average."""
+    for name, value, low in (
+        ("segments", segments, 4),
+        ("warm_up", warm_up, 0),
+        ("blocks", blocks, 2),
+        ("exponents", exponents, 1),
+    ):
+        if not isinstance(value, int) or isinstance(value, bool) or value < low:
+            raise ValueError(f"{name} = {value!r}: it must be an integer of at least {low}.")
+    if exponents > size:
+        raise ValueError(
+            f"exponents = {exponents}: it must be at most {size}, the number of directions."
+        )
+    if segments < 2 * blocks:
+        raise ValueError(f"segments = {segments}: it must be at least 2 blocks = {2 * blocks}.")
+
+
+def accumulate(step, carry, frame, *, count, warm_up) -> tuple[Any, Float[Array, "segment exponent"]]:
+    """Carry after `warm_up` and `count` segments, and the logarithms of growth over the latter.
+
+    `step(carry, frame) -> (carry, images)` maps the columns of the frame through one segment.
+    """
+
+    def segment(state, _):
+        carry, images = step(*state)
+        frame, growth = orthonormalised(images)
+        return (carry, frame), growth
+
+    (carry, _), growth = jax.lax.scan(segment, (carry, frame), None, length=warm_up + count)
+    return carry, growth[warm_up:]

@@ -1,0 +1,72 @@
+"""Lyapunov exponents of maps."""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jax.flatten_util import ravel_pytree
+from jaxtyping import PyTree
+
+from .._validation import check_that
+from ..hybrid._tree import as_float64
+from ._growth import LyapunovSpectrum, accumulate, averaged, check_counts, first_frame
+
+
+def lyapunov_spectrum_of_map(
+    function: Callable[[PyTree], PyTree],
+    z0: PyTree,
+    *,
+    iterations: Any,
+    transient: Any = 0,
+    warm_up: Any = None,
+    exponents: Any = None,
+    blocks: Any = 10,
+) -> LyapunovSpectrum:
+    r"""Lyapunov exponents of $z_{n+1} = F(z_n)$, per iteration.
+
+    $$\lambda_i = \lim_{n \to \infty} \frac1n \sum_k \ln R^{(k)}_{ii}, \qquad
+      DF(z_k)\,Q^{(k-1)} = Q^{(k)} R^{(k)}$$
+
+    **Arguments**
+
+    - `function(z) -> z`: the map, differentiable where the orbit goes; `z` is a pytree of floats. A
+      Poincaré map by `simulate` with a terminal section is one.
+    - `z0`: start. `transient`: iterations dropped.
+    - `iterations`: how many are averaged, `blocks` of them for the error, after `warm_up` (default: a
+      tenth).
+    - `exponents`: how many, greatest first (default: all).
+
+    **Returns** a `LyapunovSpectrum` with `time` counted in iterations.
+
+    **Errors** `ValueError`/`TypeError` naming the argument.
+    """
+    if not callable(function):
+        raise TypeError(f"function = {function!r}: it must be callable as f(z).")
+    z0 = as_float64("z0", z0)
+    flat, unravel = ravel_pytree(z0)
+    check_that("transient", transient, lambda n: n >= 0, "an integer of at least 0")
+    if isinstance(iterations, int) and warm_up is None:
+        warm_up = iterations // 10
+    count = flat.size if exponents is None else exponents
+    check_counts(iterations, warm_up, blocks, count, flat.size)
+
+    def flow(flat):
+        return ravel_pytree(function(unravel(flat)))[0]
+
+    def step(flat, frame):
+        return flow(flat), jax.vmap(lambda c: jax.jvp(flow, (flat,), (c,))[1], 1, 1)(frame)
+
+    flat = jax.lax.fori_loop(0, transient, lambda _, flat: flow(flat), flat)
+    frame = first_frame(flat.size, count)
+    flat, local = accumulate(step, flat, frame, count=iterations, warm_up=warm_up)
+    mean, error = averaged(local, blocks)
+    return LyapunovSpectrum(
+        exponents=mean,
+        error=error,
+        local=local,
+        time=jnp.arange(1.0, iterations + 1),
+        lost=jnp.sum(jnp.isneginf(local), axis=0, dtype=jnp.int32),
+        t1=jnp.asarray(float(iterations + warm_up)) + transient,
+        y1=unravel(flat),
+    )

@@ -1,0 +1,140 @@
+"""The greatest Lyapunov exponent from the distance of two motions."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Bool, Float, PyTree
+
+from .._validation import check_nonnegative, check_positive, check_type
+from ..hybrid import AbstractHybridSystem, Integrator, simulate
+from ..hybrid._system import mode_index
+from ..hybrid._tree import as_float64
+from ._growth import averaged, check_counts
+from ._lyapunov import moving_components
+
+
+class Separation(eqx.Module):
+    r"""Distance of two motions and the exponent it gives.
+
+    - `exponent` [1/s] and `error` [1/s] (see `LyapunovSpectrum.error`; NaN without renormalisation,
+      which leaves one number and nothing to average).
+    - `time` [s] and `running` [1/s], `[segment]`: $\ln(\Delta(t)/\Delta(0))/t$ as it develops.
+    - `distance`, `[segment]`: $\Delta(t)$ in the units of the state.
+    - `successful`: whether both motions reached the end.
+    """
+
+    exponent: Float[Array, "*batch"]
+    error: Float[Array, "*batch"]
+    time: Float[Array, "*batch segment"]
+    running: Float[Array, "*batch segment"]
+    distance: Float[Array, "*batch segment"]
+    successful: Bool[Array, "*batch"]
+
+
+def two_trajectory_exponent(
+    system: Any,
+    y0: PyTree,
+    *,
+    segment: Any,
+    segments: Any,
+    distance: Any = 1e-8,
+    renormalise: bool = True,
+    transient: Any = 0.0,
+    warm_up: Any = None,
+    components: Any = None,
+    t0: Any = 0.0,
+    mode0: Any = None,
+    args: PyTree = None,
+    integrator: Any = None,
+    blocks: Any = 10,
+) -> Separation:
+    r"""Greatest Lyapunov exponent by its definition with two motions,
+
+    $$\Lambda = \lim_{t \to \infty}\lim_{\Delta(0) \to 0} \frac1t \ln\frac{\Delta(t)}{\Delta(0)}
+      \tag{2.25}$$
+
+    with the Euclidean distance $\Delta$ of the states. For comparison: `lyapunov_spectrum` takes the
+    limit $\Delta(0) \to 0$ exactly and needs no small number.
+
+    **Arguments** as for `lyapunov_spectrum`, and
+
+    - `distance`: $\Delta(0)$, in the units of the state; spread evenly over `components`.
+    - `renormalise`: set the distance back to $\Delta(0)$ after each `segment` (Benettin et al. 1976).
+      With `False`, Eq. (2.25) to the letter: the distance saturates at the size of the attractor, so
+      that any bounded motion comes out as $\Lambda \to 0$ from above as $t$ grows.
+
+    **Returns** a `Separation`. **Errors** `ValueError`/`TypeError` naming the argument.
+
+    ??? cite "Reference"
+
+        *Non-linear Dynamics of Jointed Systems Under Dry Friction Forces*, Eq. (2.25).
+    """
+    check_type("system", system, AbstractHybridSystem, "an AbstractHybridSystem")
+    integrator = Integrator() if integrator is None else integrator
+    check_type("integrator", integrator, Integrator, "an Integrator")
+    segment = jnp.asarray(check_positive("segment", segment), jnp.float64)
+    distance = jnp.asarray(check_positive("distance", distance), jnp.float64)
+    check_nonnegative("transient", transient)
+    check_type("renormalise", renormalise, bool, "True or False")
+    y0, t0 = as_float64("y0", y0), as_float64("t0", t0)
+    moving = moving_components(y0, components)
+    if warm_up is None and isinstance(segments, int):
+        warm_up = segments // 10 if renormalise else 0
+    warm_up = 0 if warm_up is None else warm_up
+    check_counts(segments, warm_up, blocks, 1, 1)
+    flat, unravel = ravel_pytree(y0)
+    mode = system.initial_mode(t0, y0, args) if mode0 is None else mode_index(system, mode0)
+    mode = jnp.asarray(mode, jnp.int32)
+
+    def run(begin, end, flat, mode):
+        solution = simulate(
+            system, begin, end, unravel(flat), mode, args,
+            integrator=integrator, max_events=None, throw=False,
+        )  # fmt: skip
+        return ravel_pytree(solution.y1)[0], solution.mode1, solution.successful
+
+    good = jnp.ones((), bool)
+    begin = t0
+    if not (isinstance(transient, int | float) and transient == 0):
+        begin = t0 + transient
+        flat, mode, good = run(t0, begin, flat, mode)
+
+    def mode_of(t, flat):
+        return jnp.asarray(system.initial_mode(t, unravel(flat), args), jnp.int32)
+
+    gap = jnp.asarray(moving, jnp.float64) * (distance / float(moving.sum()) ** 0.5)
+    other = flat + gap
+
+    def step(carry, number):
+        pair, modes, good, before = carry
+        start, end = begin + segment * number, begin + segment * (number + 1.0)
+        # Both in one batch: one program.
+        pair, modes, well = jax.vmap(lambda f, m: run(start, end, f, m))(pair, modes)
+        gap = pair[1] - pair[0]
+        now = jnp.sqrt(jnp.sum(gap * gap))
+        kept = jnp.where(now > 0, now, distance)
+        growth = jnp.log(now / before)
+        if renormalise:
+            pair = pair.at[1].set(pair[0] + gap * (distance / kept))
+            modes = modes.at[1].set(mode_of(end, pair[1]))
+        after = distance if renormalise else kept
+        return (pair, modes, good & jnp.all(well), after), (growth, now)
+
+    numbers = jnp.arange(segments + warm_up, dtype=jnp.float64)
+    modes = jnp.stack([mode, mode_of(begin, other)])
+    carry = (jnp.stack([flat, other]), modes, good, distance)
+    (_, _, good, _), (growth, apart) = jax.lax.scan(step, carry, numbers)
+    local = jnp.where(good, growth[warm_up:] / segment, jnp.nan)[:, None]
+    mean, error = averaged(local, blocks)
+    steps = jnp.arange(1.0, segments + 1)
+    return Separation(
+        exponent=mean[0],
+        error=error[0] if renormalise else jnp.full_like(error[0], jnp.nan),
+        time=segment * steps,
+        running=jnp.cumsum(local[:, 0]) / steps,
+        distance=apart[warm_up:],
+        successful=good,
+    )

@@ -1,0 +1,78 @@
+"""Mean growth of volume in the space of states: what the exponents add up to."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Float, PyTree
+
+from .._validation import check_positive, check_type
+from ..hybrid import AbstractHybridSystem, Integrator, SaveAt, saltation_matrix, simulate
+from ..systems._with_integrals import WithIntegrals
+
+
+def divergence(
+    system: AbstractHybridSystem, t: Any, y: PyTree, mode: Any, args: PyTree = None
+) -> Float[Array, ""]:
+    r"""Divergence $\mathrm{div}\,f_m = \mathrm{tr}\,\partial f_m/\partial y$ of the field [1/s]."""
+    flat, unravel = ravel_pytree(y)
+
+    def field(flat):
+        return ravel_pytree(system.vector_field(t, unravel(flat), mode, args))[0]
+
+    return jnp.trace(jax.jacfwd(field)(flat))
+
+
+def volume_growth(
+    system: Any,
+    y0: PyTree,
+    *,
+    duration: Any,
+    t0: Any = 0.0,
+    mode0: Any = None,
+    args: PyTree = None,
+    integrator: Any = None,
+    max_events: int = 256,
+) -> Float[Array, ""]:
+    r"""Mean growth rate of an infinitesimal volume along the motion from `y0` [1/s],
+
+    $$\frac1T\Bigl[\int_0^T \mathrm{div}\,f\,dt + \sum_{\text{events}} \ln|\det S|\Bigr],$$
+
+    with the saltation matrix $S$ of each event. It equals the sum of all Lyapunov exponents, and is
+    computed without tangents: an independent check of `lyapunov_spectrum`. `-inf` where an event
+    loses rank (slip to stick).
+
+    **Arguments**: as for `simulate`; `duration` $T$ [s]; `max_events`, room for the events.
+    **Errors** as `simulate`, `RESULTS.max_events_reached` among them.
+    """
+    check_type("system", system, AbstractHybridSystem, "an AbstractHybridSystem")
+    check_positive("duration", duration)
+    integrator = Integrator() if integrator is None else integrator
+    ledger = WithIntegrals(system, _rates)
+    solution = simulate(
+        ledger, t0, t0 + duration, ledger.start(y0, t0, args), mode0, args,
+        integrator=integrator, saveat=SaveAt(events=True), max_events=max_events,
+    )  # fmt: skip
+    events = solution.events
+    assert events is not None
+    size = ravel_pytree(y0)[0].size
+
+    def jump(t, y, mode, guard, valid):
+        matrix = saltation_matrix(system, t, y, jnp.maximum(mode, 0), jnp.maximum(guard, 0), args)
+        matrix = jnp.where(valid, matrix, jnp.eye(size))
+        return jnp.linalg.slogdet(matrix)[1]
+
+    valid = jnp.arange(max_events, dtype=jnp.int32) < events.count
+    filled = jax.tree.map(
+        lambda a, b: jnp.where(valid.reshape(-1, *(1,) * (a.ndim - 1)), a, b),
+        events.y_before.y,
+        jax.tree.map(lambda a: jnp.asarray(a, jnp.float64), y0),
+    )
+    times = jnp.where(valid, events.t, t0)
+    jumps = jax.vmap(jump)(times, filled, events.mode_before, events.guard, valid)
+    return (solution.y1.integrals["divergence"] + jnp.sum(jumps)) / duration
+
+
+def _rates(system, t, y, mode, args):
+    return {"divergence": divergence(system, t, y, mode, args)}
