@@ -1,0 +1,25 @@
+"""Every notebook runs at quick size; what it must show it asserts itself."""
+
+import runpy
+
+import matplotlib.pyplot as plt
+import pytest
+
+from tests.house._repository import ROOT
+
+NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.py"))
+
+
+def test_there_are_notebooks():
+    assert NOTEBOOKS
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_notebook(path, monkeypatch):
+    monkeypatch.setenv("NOTEBOOK_QUICK", "1")
+    # A cell shows its picture when it is run in Jupyter; here the pictures are only made.
+    try:
+        done = runpy.run_path(str(path))
+    finally:
+        plt.close("all")
+    assert done["QUICK"] is True
