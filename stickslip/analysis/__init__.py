@@ -1,11 +1,17 @@
 """Analyses of any hybrid system: none knows which machine it looks at."""
 
 from ._growth import LyapunovSpectrum as LyapunovSpectrum
+from ._history import energy_ledger as energy_ledger
+from ._history import time_history as time_history
 from ._lyapunov import lyapunov_spectrum as lyapunov_spectrum
 from ._lyapunov_map import lyapunov_spectrum_of_map as lyapunov_spectrum_of_map
 from ._observable import Maximum as Maximum
 from ._observable import Minimum as Minimum
 from ._orbit_diagram import orbit_diagram as orbit_diagram
+from ._spectrum import Peak as Peak
+from ._spectrum import Spectrum as Spectrum
+from ._spectrum import amplitude_spectrum as amplitude_spectrum
+from ._spectrum import spectral_peaks as spectral_peaks
 from ._tangent import Deviating as Deviating
 from ._tangent import WithDeviations as WithDeviations
 from ._two_trajectories import Separation as Separation

@@ -1,0 +1,196 @@
+"""Time histories of any observables, their Poincaré points, and the energy ledger, with labels."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+from jaxtyping import PyTree
+
+from .._validation import check_nonnegative, check_type
+from ..hybrid import AbstractHybridSystem, Integrator, SaveAt, simulate
+from ..hybrid._tree import as_float64
+from ..systems._with_integrals import WithIntegrals
+from ._observable import InArgs, as_observable, as_section
+
+
+def time_history(
+    system: Any,
+    y0: PyTree,
+    t: Any,
+    observables: Any,
+    *,
+    sections: Any = None,
+    transient: Any = 0.0,
+    mode0: Any = None,
+    args: PyTree = None,
+    integrator: Any = None,
+    max_crossings: int = 256,
+    labels: Mapping[str, str] | None = None,
+) -> xr.Dataset:
+    r"""Observables of a motion at times `t`, and at the crossings of any number of sections.
+
+    A phase portrait is one observable over another; a Poincaré section is any scalar of the motion.
+
+    **Arguments**
+
+    - `system`, `y0`, `mode0`, `args`, `integrator`: as for `simulate`, which starts at `t[0] -
+      transient`; `t` [s] increases.
+    - `observables`: names of scalar components of the state, `"slope of x"`, `"t"`, methods
+      `(t, y, mode, args)` of the system; or a mapping from names to those or to functions
+      `(t, y, dy, mode, args)`.
+    - `sections`: mapping from names to a `Section` (any scalar, direction in words), `Maximum("x")` or
+      `Minimum("x")` of an observable. Crossings before `t[0]` are left out.
+    - `labels`: units of observables by name, where the system does not know them.
+
+    **Returns** an `xarray.Dataset`: each observable over `time`, `mode` (with `attrs["mode_names"]`),
+    and for each section `at_<section>_<observable>` and `at_<section>_t` over `<section>_point`.
+
+    **Errors** `ValueError`/`TypeError` naming the argument; `EquinoxRuntimeError` where the motion
+    fails.
+    """
+    check_type("system", system, AbstractHybridSystem, "an AbstractHybridSystem")
+    check_nonnegative("transient", transient)
+    times = np.asarray(t, np.float64)
+    if times.ndim != 1 or times.size < 2 or not (np.diff(times) > 0).all():
+        raise ValueError(f"t has the shape {times.shape}: it must be a vector that increases.")
+    y0 = as_float64("y0", y0)
+    named = _named(observables)
+    found = {k: as_observable(f"observables[{k!r}]", what, system, y0) for k, what in named.items()}
+    sections = dict(sections or {})
+    cuts = tuple(as_section(section, system, y0) for section in sections.values())
+    data = _run(
+        system, y0, jnp.asarray(times), float(transient), mode0, args,
+        Integrator() if integrator is None else integrator,
+        cuts, max_crossings, tuple((k, f) for k, (f, _) in found.items()),
+    )  # fmt: skip
+    values, mode, points = jax.tree.map(np.asarray, data)
+    units = {k: (labels or {}).get(k, unit) for k, (_, unit) in found.items()}
+    attrs = {k: {"units": u} if u else {} for k, u in units.items()}
+    variables: dict[str, Any] = {k: ("time", v, attrs[k]) for k, v in values.items()}
+    variables["mode"] = ("time", mode, {})
+    for name, (when, at) in zip(sections, points, strict=True):
+        # Sorted by time: what the log has room for beyond the crossings, and what is too early, goes.
+        kept = np.isfinite(when) & (when >= times[0])
+        variables[f"at_{name}_t"] = (f"{name}_point", when[kept], {"units": "s"})
+        for k, v in at.items():
+            variables[f"at_{name}_{k}"] = (f"{name}_point", v[kept], attrs[k])
+    return xr.Dataset(
+        variables,
+        {"time": ("time", times, {"units": "s"})},
+        {"mode_names": list(system.mode_names)},
+    )
+
+
+@eqx.filter_jit
+def _run(system, y0, t, transient, mode0, args, integrator, cuts, max_crossings, functions):
+    inner = InArgs(system)  # pyright: ignore[reportCallIssue]
+    solution = simulate(
+        inner, t[0] - transient, t[-1], y0, mode0, (system, args), integrator=integrator,
+        saveat=SaveAt(ts=t, events=False), sections=cuts, max_crossings=max_crossings, max_events=None,
+    )  # fmt: skip
+
+    def read(log):
+        def values(t, y, dy, mode):
+            return {k: f(system, t, y, dy, mode, args) for k, f in functions}
+
+        return jax.vmap(values)(log.t, log.y, log.dy, log.mode)
+
+    outputs = solution.outputs
+    assert outputs is not None
+    return read(outputs), outputs.mode, [(log.t, read(log)) for log in solution.crossings]
+
+
+def energy_ledger(
+    system: Any,
+    y0: PyTree,
+    t: Any,
+    *,
+    mode0: Any = None,
+    args: PyTree = None,
+    integrator: Any = None,
+    max_events: int = 4096,
+) -> xr.Dataset:
+    r"""Where the energy of a motion comes from and goes: powers, works and what is left over.
+
+    $$E(t) - E(t_0) = \sum_i \int_{t_0}^t P_i\,dt + \sum_{\text{events}} \Delta E$$
+
+    **Arguments**: as for `simulate`; `t` [s], from which the ledger is kept, increases. The system
+    must have `energy(y)` and `powers(t, y, mode, args)`, as an `AbstractMechanicalSystem` has.
+
+    **Returns** an `xarray.Dataset` over `time`: `energy`, `power_<name>`, `work_<name>`,
+    `loss_at_events` (the sum of $\Delta E$ so far), and `imbalance`, what the equation above leaves
+    over: the error of the account.
+
+    **Errors** `TypeError` for a system without an account; else as `simulate`.
+    """
+    check_type("system", system, AbstractHybridSystem, "an AbstractHybridSystem")
+    for method in ("energy", "powers"):
+        if not callable(getattr(system, method, None)):
+            raise TypeError(f"system is a {type(system).__name__}: it must have a method `{method}`.")
+    times = np.asarray(t, np.float64)
+    if times.ndim != 1 or times.size < 2 or not (np.diff(times) > 0).all():
+        raise ValueError(f"t has the shape {times.shape}: it must be a vector that increases.")
+    y0 = as_float64("y0", y0)
+    integrator = Integrator() if integrator is None else integrator
+    energy, powers, works, when, jumps = jax.tree.map(
+        np.asarray, _account(system, y0, jnp.asarray(times), mode0, args, integrator, max_events)
+    )
+    jumps = np.where(np.isfinite(when), jumps, 0.0)
+    # An event at an output time is taken before the output.
+    counted = np.where(np.isfinite(when), when, np.inf)[None, :] <= times[:, None]
+    lost = (counted * jumps[None, :]).sum(axis=1)
+    joule, watt = {"units": "J"}, {"units": "W"}
+    if getattr(system, "is_dimensionless", False):
+        joule, watt = {"units": "1"}, {"units": "1"}
+    imbalance = energy - energy[0] - sum(works.values()) - lost
+    return xr.Dataset(
+        {
+            "energy": ("time", energy, joule),
+            **{f"power_{k}": ("time", v, watt) for k, v in powers.items()},
+            **{f"work_{k}": ("time", v, joule) for k, v in works.items()},
+            "loss_at_events": ("time", lost, joule),
+            "imbalance": ("time", imbalance, joule),
+        },
+        {"time": ("time", times, {"units": "s"})},
+    )
+
+
+@eqx.filter_jit
+def _account(system, y0, t, mode0, args, integrator, max_events):
+    ledger = WithIntegrals(system, _powers)
+    solution = simulate(
+        ledger, t[0], t[-1], ledger.start(y0, t[0], args), mode0, args,
+        integrator=integrator, saveat=SaveAt(ts=t), max_events=max_events,
+    )  # fmt: skip
+    log, events = solution.outputs, solution.events
+    assert log is not None
+    assert events is not None
+    energy = jax.vmap(system.energy)
+    powers = jax.vmap(lambda t, y, mode: system.powers(t, y, mode, args))(log.t, log.y.y, log.mode)
+    jumps = energy(events.y_after.y) - energy(events.y_before.y)
+    return energy(log.y.y), powers, log.y.integrals, events.t, jumps
+
+
+def _powers(system, t, y, mode, args):
+    return system.powers(t, y, mode, args)
+
+
+def _named(observables: Any) -> dict[str, Any]:
+    if isinstance(observables, str):
+        observables = (observables,)
+    if isinstance(observables, Mapping):
+        named = dict(observables)
+    elif isinstance(observables, Sequence) and all(isinstance(o, str) for o in observables):
+        named = {o.replace(" ", "_"): o for o in observables}
+    else:
+        named = {}
+    if not named:
+        raise ValueError(
+            f"observables = {observables!r}: it must be names, or a mapping from names to names or "
+            "functions."
+        )
+    return named
