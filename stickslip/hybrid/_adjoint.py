@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ._attempt import attempt
-from ._lane import EVENT, Lane, Outcome, Plan, is_event, moved_on
+from ._lane import EVENT, Lane, Outcome, Plan, accepted, is_event, moved_on
 from ._loop import running
 from ._record import Logs, Record
 from ._tree import select, shift, write_row
@@ -94,7 +94,7 @@ def adjoint(inputs, fixed, plan: Plan, spec: Record, cotangents, make_start) -> 
 
 
 def _counted(steps, code):
-    return steps + jnp.where(is_event(code) | moved_on(code), 1, 0).astype(steps.dtype)
+    return steps + jnp.where(accepted(code), 1, 0).astype(steps.dtype)
 
 
 def _advance(plan: Plan, theta, lane: Lane, steps, t1, outputs, size):
@@ -147,7 +147,7 @@ def _add(a, b):
 def _row_bar(log, number, present):
     """Cotangent of one row of a log, zero where this attempt wrote none."""
     size = jax.tree.leaves(log)[0].shape[0]
-    place = jnp.minimum(number, size - 1)
+    place = jnp.minimum(number, size - 1).astype(jnp.int32)
     present = present & (number < size)
     return jax.tree.map(lambda a: jnp.where(present, a[place], 0.0), log)
 

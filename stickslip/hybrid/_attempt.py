@@ -1,17 +1,40 @@
 """One Runge-Kutta attempt of one lane: accepted, shortened by an event, or by its error estimate."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
+import equinox.internal as eqxi
 import jax
 import jax.numpy as jnp
+from jaxtyping import PyTree
 
 from . import _locate
-from ._control import books, control
+from ._control import books, control, quiet_books
 from ._events import Values
-from ._first import decide, fired_sections, keep_values, lowest, newton, no_event
-from ._lane import PLAIN, SHRINK, Lane, Outcome, Plan, is_event, moved_on, without_state
+from ._first import (
+    First,
+    decide,
+    fired_sections,
+    keep_values,
+    lowest,
+    newton,
+    no_event,
+    nothing_happens,
+)
+from ._lane import HOLD, PLAIN, SHRINK, Lane, Outcome, Plan, is_event, moved_on, without_state
+from ._status import RUNNING
 from ._stepper import error_norm
 from ._tree import all_finite, select, shift
+
+
+class Step(NamedTuple):
+    """A Runge-Kutta step that is not yet accepted, and the event functions at its end."""
+
+    h: Any
+    y1: PyTree
+    dy1: PyTree
+    error: Any
+    values: Values
+    first: First
 
 
 def attempt(plan: Plan, theta, lane: Lane, t1, outputs) -> tuple[Lane, Outcome]:
@@ -44,6 +67,59 @@ def attempt(plan: Plan, theta, lane: Lane, t1, outputs) -> tuple[Lane, Outcome]:
         first = once(lambda lane, values: lowest(plan, lane, values), without_state(lane), values)
     else:
         values, first = Values((), ()), no_event(lane)
+    step = Step(h, y1, dy1, error, values, first)
+    if not functions.count:
+        return _eventful(plan, theta, lane, step, t1, outputs)
+    calm = once(
+        lambda lane, h, first, end, e: nothing_happens(plan, lane, h, first, all_finite(end), e),
+        without_state(lane), h, sg(first), sg((y1, dy1)), error,
+    )  # fmt: skip
+    # One branch for the whole batch, so that `vmap` does not make it a selection of both.
+    return jax.lax.cond(
+        eqxi.unvmap_all(calm),
+        lambda *a: _uneventful(plan, *a),
+        lambda *a: _eventful(plan, theta, *a),
+        lane, step, t1, outputs,
+    )  # fmt: skip
+
+
+def _uneventful(plan: Plan, lane: Lane, step: Step, t1, outputs) -> tuple[Lane, Outcome]:
+    """What `_eventful` comes to where each lane is accepted without event or has ended."""
+    once, sg = plan.execute.boundary, jax.lax.stop_gradient
+    h = step.h
+
+    def advance(status, t, old, new):
+        moves = status == RUNNING
+        return jnp.where(moves, PLAIN, HOLD), jnp.where(moves, t + h, t), select(moves, new, old)
+
+    old = (lane.y, lane.dy, lane.values, lane.rates)
+    new = (step.y1, step.dy1, sg(step.values.value), sg(step.values.rate))
+    code, t_new, (y, dy, values, rates) = once(advance, lane.status, lane.t, old, new)
+    bare = without_state(lane)
+    h_next, h_free, next_output, landed = once(
+        lambda *a: control(plan, *a),
+        code, bare, h, h, jnp.zeros_like(h), step.error, sg(t_new), sg(y), sg(dy), sg(t1), sg(outputs),
+    )  # fmt: skip
+    accounts = once(
+        lambda *a: quiet_books(plan, *a), code, bare, h, sg(t_new), next_output, sg(t1), sg(outputs)
+    )
+    error = lane.error
+    if plan.step_size.adaptive:
+        error = once(lambda c, e, old: jnp.where(c == PLAIN, e, old), code, step.error, lane.error)
+    new = lane._replace(
+        t=t_new, y=y, dy=dy, values=values, rates=rates, h=h_next, h_free=h_free, full=h,
+        next_output=next_output, error=error, **accounts,
+    )  # fmt: skip
+    never = (code < HOLD,) * len(plan.functions.sections)
+    return new, Outcome(code, jnp.zeros_like(lane.mode), landed, never, step.y1, step.dy1)
+
+
+def _eventful(plan: Plan, theta, lane: Lane, step: Step, t1, outputs) -> tuple[Lane, Outcome]:
+    system, args = theta
+    functions, once = plan.functions, plan.execute.boundary
+    sg = jax.lax.stop_gradient
+    t, (h, y1, dy1, error, values, first) = lane.t, step
+    adaptive = plan.step_size.adaptive
     code = once(
         lambda lane, h, first, y1, dy1, e: decide(plan, lane, h, first, all_finite((y1, dy1)), e),
         without_state(lane), h, sg(first), sg(y1), sg(dy1), error,

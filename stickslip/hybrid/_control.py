@@ -13,7 +13,6 @@ from ._lane import (
     PLAIN,
     REFRESH,
     REJECT,
-    SECTION,
     SHRINK,
     VIOLATED,
     Lane,
@@ -23,6 +22,7 @@ from ._lane import (
 )
 from ._status import CODE, COINCIDENT, EVENT_AT_START, GRAZING, RUNNING
 
+_STATUS = {name: float(number) for name, number in CODE.items()}
 MAX_ZERO_LENGTH = 16  # events without time passing before the lane is called chattering
 # A guard that comes back to zero within this part of a step has (nearly) touched it only.
 GRAZING_RATIO = 1e-4
@@ -41,10 +41,15 @@ def _rounding(t, t1):
     return 4e-16 * jnp.maximum(jnp.abs(t), jnp.abs(t1))
 
 
+def _short(h, t):
+    """A Zeno sequence ends in hops that are lost in the rounding of the time."""
+    return h <= 4e-16 * jnp.maximum(jnp.abs(t), 1e-300)
+
+
 def control(plan: Plan, code, lane: Lane, h, h_located, h_dip, error, t, y, dy, t1, outputs):
     """Next step length, and whether this attempt landed on an output time."""
     rule: Any = plan.step_size
-    landed, next_output, target = jnp.zeros_like(code) > 0, lane.next_output, t1
+    landed, next_output, target = code < HOLD, lane.next_output, t1
     if plan.has_outputs:
         target, is_last = _target(plan, next_output, t1, outputs)
         landed = (code == PLAIN) | (code == REFRESH)
@@ -79,7 +84,7 @@ def books(
 ):  # fmt: skip
     """Counters, flags and the result code."""
     event, moved = is_event(code), moved_on(code)
-    one = jnp.where(event, 1, 0)
+    one = jnp.where(event, 1.0, 0.0)
     finished = moved & (t1 - t <= _rounding(t, t1))
     if plan.has_outputs:
         finished = finished & (next_output >= outputs.shape[0])
@@ -88,14 +93,13 @@ def books(
         rule: Any = plan.step_size
         exhausted = exhausted & (h_next <= jnp.maximum(rule.dtmin, _rounding(t, t1)))
     events = lane.events + one
-    attempts = lane.attempts + jnp.where(code == HOLD, 0, 1)
-    crossings = tuple(c + jnp.where(f, 1, 0) for c, f in zip(lane.crossings, fired, strict=True))
+    attempts = lane.attempts + jnp.where(code == HOLD, 0.0, 1.0)
+    crossings = tuple(c + jnp.where(f, 1.0, 0.0) for c, f in zip(lane.crossings, fired, strict=True))
     flags, sequence, zero_events = lane.flags, lane.sequence, lane.zero_events
     if plan.functions.num_guards:
-        # A Zeno sequence ends in hops that are lost in the rounding of the time.
-        short = h <= 4e-16 * jnp.maximum(jnp.abs(t), 1e-300)
-        zero_events = jnp.where(event & short, zero_events + 1, zero_events)
-        zero_events = jnp.where((event | (code == PLAIN)) & ~short, 0, zero_events)
+        short = _short(h, t)
+        zero_events = jnp.where(event & short, zero_events + 1.0, zero_events)
+        zero_events = jnp.where((event | (code == PLAIN)) & ~short, 0.0, zero_events)
         bend = jnp.abs(first.rate - first.rate_start) * lane.full
         grazes = (lane.h > 0) & (jnp.abs(first.rate) * lane.h < GRAZING_RATIO * bend)
         grazes = (code == COLLAPSED) | ((code == EVENT) & grazes)
@@ -105,31 +109,51 @@ def books(
         letter = (first.index * 64 + mode_jump + 1).astype(jnp.uint32)
         sequence = jnp.where(event, sequence * jnp.uint32(1000003) + letter, sequence)
 
-    status = jnp.full_like(code, RUNNING)
-    status = jnp.where(attempts >= plan.max_steps, CODE["max_steps_reached"], status)
+    status = jnp.full_like(code, float(RUNNING))
+    status = jnp.where(attempts >= plan.max_steps, _STATUS["max_steps_reached"], status)
     if plan.max_events is not None:
-        status = jnp.where(events > plan.max_events, CODE["max_events_reached"], status)
+        status = jnp.where(events > plan.max_events, _STATUS["max_events_reached"], status)
     for count, section in zip(crossings, plan.functions.sections, strict=True):
         if not section.terminal:
             full = count > plan.max_crossings
-            status = jnp.where(full, CODE["max_crossings_reached"], status)
-    status = jnp.where(zero_events > MAX_ZERO_LENGTH, CODE["chattering"], status)
-    status = jnp.where(mode < 0, CODE["no_admissible_mode"], status)
-    failure = CODE["dt_min_reached"] if plan.step_size.adaptive else CODE["nonfinite"]
+            status = jnp.where(full, _STATUS["max_crossings_reached"], status)
+    status = jnp.where(zero_events > MAX_ZERO_LENGTH, _STATUS["chattering"], status)
+    status = jnp.where(mode < 0, _STATUS["no_admissible_mode"], status)
+    failure = _STATUS["dt_min_reached"] if plan.step_size.adaptive else _STATUS["nonfinite"]
     status = jnp.where(exhausted, failure, status)
-    status = jnp.where(finished, CODE["successful"], status)
+    status = jnp.where(finished, _STATUS["successful"], status)
     for f, section in zip(fired, plan.functions.sections, strict=True):
         if section.terminal:
-            status = jnp.where(f, CODE["event_occurred"], status)
-    fresh = jnp.where(event, 0, jnp.where(moved, 1, lane.fresh))
+            status = jnp.where(f, _STATUS["event_occurred"], status)
+    fresh = jnp.where(event, 0.0, jnp.where(moved, 1.0, lane.fresh))
     return dict(
         fresh=fresh,
         zero_events=zero_events,
         events=events,
         attempts=attempts,
-        accepted=lane.accepted + jnp.where((code == PLAIN) | (code == SECTION) | event, 1, 0),
+        accepted=lane.accepted + jnp.where((code >= PLAIN) & (code != REFRESH), 1.0, 0.0),
         crossings=crossings,
         flags=flags,
         sequence=sequence,
-        status=jnp.where(code == HOLD, lane.status, status).astype(jnp.int32),
+        status=jnp.where(code == HOLD, lane.status, status),
     )
+
+
+def quiet_books(plan: Plan, code, lane: Lane, h, t, next_output, t1, outputs):
+    """`books` where every lane is accepted without event or has ended."""
+    moved = code == PLAIN
+    one = jnp.where(moved, 1.0, 0.0)
+    finished = moved & (t1 - t <= _rounding(t, t1))
+    if plan.has_outputs:
+        finished = finished & (next_output >= outputs.shape[0])
+    attempts = lane.attempts + one
+    status = jnp.where(attempts >= plan.max_steps, _STATUS["max_steps_reached"], lane.status)
+    status = jnp.where(finished, _STATUS["successful"], status)
+    accounts = dict(
+        attempts=attempts,
+        accepted=lane.accepted + one,
+        status=jnp.where(moved, status, lane.status),
+    )
+    if plan.functions.num_guards:
+        accounts["zero_events"] = jnp.where(moved & ~_short(h, t), 0.0, lane.zero_events)
+    return accounts

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import equinox.internal as eqxi
 import jax
+import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ._adjoint import adjoint
@@ -53,21 +54,25 @@ def _raw(inputs, fixed, plan: Plan, spec: Record) -> tuple[Smooth, Counts]:
     mode0, t1, outputs = fixed
     lane = start(plan, t0, y0, y0, mode0)
     lane, logs, steps = record(plan, spec, theta, lane, t1, outputs)
+
+    def count(value):
+        return value.astype(jnp.int32)
+
     smooth_logs, integer_logs = eqx.partition(logs, eqx.is_inexact_array)
     return (
         Smooth(lane.t, lane.y, lane.dy, smooth_logs),
         Counts(
             mode=lane.mode,
-            status=lane.status,
+            status=count(lane.status),
             flags=lane.flags,
             sequence=lane.sequence,
-            attempts=lane.attempts,
-            accepted=lane.accepted,
-            events=lane.events,
-            crossings=lane.crossings,
+            attempts=count(lane.attempts),
+            accepted=count(lane.accepted),
+            events=count(lane.events),
+            crossings=tuple(map(count, lane.crossings)),
             outputs=lane.next_output,
             steps=steps,
-            fresh=lane.fresh,
+            fresh=count(lane.fresh),
             logs=integer_logs,
         ),
     )

@@ -20,8 +20,7 @@ from ._lane import (
     VIOLATED,
     Lane,
     Plan,
-    is_event,
-    moved_on,
+    accepted,
 )  # fmt: skip
 from ._status import RUNNING
 
@@ -86,19 +85,35 @@ def lowest(plan: Plan, lane: Lane, values: Values) -> First:
     return best
 
 
+def _is_guard(functions: EventFunctions, first: First):
+    n = functions.num_guards
+    if n == 0:
+        return first.index < 0
+    if n == functions.count:
+        return first.index >= 0
+    return first.index < n
+
+
+def _hit(first: First, is_guard):
+    return first.value < jnp.where(is_guard, -SLACK, 1e-300)
+
+
+def nothing_happens(plan: Plan, lane: Lane, h, first: First, finite, error):
+    """Whether `decide` would say `PLAIN` or `HOLD`, at a fraction of its price."""
+    hit = _hit(first, _is_guard(plan.functions, first))
+    plain = (lane.fresh == 1.0) & (lane.bracket.tries == 0) & ~hit & (first.h_dip <= 0) & finite
+    if plan.step_size.adaptive:
+        plain = plain & (error <= 1.0)
+    return plain | (lane.status != RUNNING)
+
+
 def decide(plan: Plan, lane: Lane, h, first: First, finite, error):
     """Code of the attempt; later lines take precedence."""
     functions = plan.functions
-    free, fresh = lane.bracket.tries == 0, lane.fresh == 1
+    free, fresh = lane.bracket.tries == 0, lane.fresh == 1.0
     code = jnp.where(fresh, PLAIN, REFRESH)
     if functions.count:
-        n, b = functions.num_guards, lane.bracket
-        if n == 0:
-            is_guard = jnp.zeros_like(fresh)
-        elif n == functions.count:
-            is_guard = jnp.ones_like(fresh)
-        else:
-            is_guard = first.index < n
+        b, is_guard = lane.bracket, _is_guard(functions, first)
         rate = first.rate
         if not all(functions.exact_rate):
             # Secant through the other end of the bracket where the exact rate is unknown.
@@ -114,7 +129,7 @@ def decide(plan: Plan, lane: Lane, h, first: First, finite, error):
         # The correction must be small against the step that led here too: a hop may be tiny.
         reach = jnp.where(h == 0, tolerance * full, jnp.minimum(tolerance * full, REACH * h))
         near = jnp.abs(first.value) <= -rate * reach
-        hit = first.value < jnp.where(is_guard, -SLACK, 1e-300)
+        hit = _hit(first, is_guard)
         collapsed = b.high - b.low <= 4e-16 * jnp.maximum(jnp.abs(lane.t), b.high)
         shrink = fresh & (hit | ~free)
         code = jnp.where(fresh & (first.h_dip > 0) & free, DIP, code)
@@ -126,7 +141,7 @@ def decide(plan: Plan, lane: Lane, h, first: First, finite, error):
     if plan.step_size.adaptive:
         bad = bad | ((error > 1.0) & free & fresh)
     code = jnp.where(bad, REJECT, code)
-    return jnp.where(lane.status == RUNNING, code, HOLD).astype(jnp.int32)
+    return jnp.where(lane.status == RUNNING, code, HOLD)
 
 
 def newton(code, first: First, h):
@@ -155,13 +170,13 @@ def fired_sections(functions: EventFunctions, code, lane: Lane, values: Values):
             slope = sign * rate
         near = jnp.abs(value) <= -slope * _locate.TOLERANCE_SECTION * full
         crossed = (value <= 0) | (near & (code >= SECTION))
-        fired = (*fired, (moved_on(code) | is_event(code)) & (value0 > 0) & crossed)
+        fired = (*fired, accepted(code) & (value0 > 0) & crossed)
     return fired
 
 
 def keep_values(functions: EventFunctions, code, lane: Lane, values: Values, fired):
     """Event functions at the start of the next attempt."""
-    keep = moved_on(code) | is_event(code)
+    keep = accepted(code)
     kept = [jnp.where(keep, v, old) for v, old in zip(values.value, lane.values, strict=True)]
     for i, f in enumerate(fired, start=functions.num_guards):
         # A section that has just fired must not fire again by rounding. One that fires both ways is

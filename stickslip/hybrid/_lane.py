@@ -17,16 +17,18 @@ from ._step_size import AbstractStepSize
 from ._stepper import AbstractStepper
 
 # What became of an attempt. The decision is one number, computed once; everything else selects on it.
-HOLD = 0  # the lane had ended
-PLAIN = 1  # accepted, no event
-REFRESH = 2  # accepted, of length zero: slope and event functions in the new mode
-SECTION = 3  # accepted, ends on a section
-EVENT = 4  # accepted, ends on a guard
-COLLAPSED = 5  # accepted, ends on a guard that has no slope there
-VIOLATED = 6  # a guard was violated before the first step of the mode
-SHRINK = 7  # an event function changed sign: try shorter
-DIP = 8  # an event function may have gone through zero and back: look there
-REJECT = 9  # error estimate too large
+# Codes, counters and marks are floating-point numbers: masks that come from and go to vectors of the
+# width of the state need no packing. The order makes each question about a code one comparison.
+HOLD = 0.0  # the lane had ended
+SHRINK = 1.0  # an event function changed sign: try shorter
+DIP = 2.0  # an event function may have gone through zero and back: look there
+REJECT = 3.0  # error estimate too large
+PLAIN = 4.0  # accepted, no event
+REFRESH = 5.0  # accepted, of length zero: slope and event functions in the new mode
+SECTION = 6.0  # accepted, ends on a section
+EVENT = 7.0  # accepted, ends on a guard
+COLLAPSED = 8.0  # accepted, ends on a guard that has no slope there
+VIOLATED = 9.0  # a guard was violated before the first step of the mode
 
 
 class Lane(NamedTuple):
@@ -83,12 +85,17 @@ class Plan(eqx.Module):
 
 def is_event(code: Any) -> Any:
     """Whether the attempt ended in a transition."""
-    return (code >= EVENT) & (code <= VIOLATED)
+    return code >= EVENT
+
+
+def accepted(code: Any) -> Any:
+    """Whether the attempt was accepted, with or without a transition."""
+    return code >= PLAIN
 
 
 def moved_on(code: Any) -> Any:
     """Whether the attempt was accepted without a transition."""
-    return (code >= PLAIN) & (code <= SECTION)
+    return (code >= PLAIN) & (code < EVENT)
 
 
 def start(plan: Plan, t0, y0, dy_like, mode0) -> Lane:
@@ -96,13 +103,13 @@ def start(plan: Plan, t0, y0, dy_like, mode0) -> Lane:
     zero = jnp.zeros_like(t0)
     izero = jnp.zeros(jnp.shape(t0), jnp.int32)
     n = plan.functions.count
-    status = jnp.where(mode0 < 0, CODE["no_admissible_mode"], RUNNING).astype(jnp.int32)
+    status = jnp.where(mode0 < 0, float(CODE["no_admissible_mode"]), float(RUNNING))
     return Lane(
         t=t0,
         y=y0,
         dy=jax.tree.map(jnp.zeros_like, dy_like),
         mode=mode0,
-        fresh=izero,
+        fresh=zero,
         values=(zero,) * n,
         rates=tuple(zero if exact else None for exact in plan.functions.exact_rate),
         h=zero,
@@ -111,14 +118,14 @@ def start(plan: Plan, t0, y0, dy_like, mode0) -> Lane:
         bracket=_locate.empty(zero),
         full=zero,
         next_output=izero,
-        zero_events=izero,
+        zero_events=zero,
         status=status,
         flags=izero,
         sequence=izero.astype(jnp.uint32),
-        attempts=izero,
-        accepted=izero,
-        events=izero,
-        crossings=(izero,) * len(plan.functions.sections),
+        attempts=zero,
+        accepted=zero,
+        events=zero,
+        crossings=(zero,) * len(plan.functions.sections),
     )
 
 

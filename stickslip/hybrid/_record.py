@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ._lane import REFRESH, Lane, Outcome, Plan, is_event, moved_on
+from ._lane import REFRESH, Lane, Outcome, Plan, accepted
 from ._loop import run, run_block, running
 
 BLOCK = 64
@@ -146,7 +146,7 @@ def _collect(spec: Record, logs: Logs, steps, before: Lane, after: Lane, rows: R
     if outputs is not None:
         outputs = _move(outputs, rows, rows.next_output, before.next_output, after.next_output, state)
     if stepped is not None:
-        keep = moved_on(rows.code) | is_event(rows.code)
+        keep = accepted(rows.code)
         place = jnp.where(keep, steps + jnp.cumsum(keep, dtype=jnp.int32) - 1, stepped.t.shape[0])
         stepped = jax.tree.map(
             lambda log, row: log.at[place].set(row, mode="drop"), stepped, jax.vmap(state)(rows)
@@ -162,7 +162,8 @@ def _move(log, rows: Row, counts, first, last, pick):
     def body(carry):
         slot, log = carry
         number = first + slot
-        low, high = jnp.zeros_like(number), jnp.full_like(number, BLOCK)
+        low = jnp.zeros(number.shape, jnp.int32)
+        high = jnp.full(number.shape, BLOCK, jnp.int32)
         for _ in range(BLOCK.bit_length()):
             middle = (low + high) // 2
             reached = counts[jnp.minimum(middle, BLOCK - 1)] > number
@@ -170,8 +171,8 @@ def _move(log, rows: Row, counts, first, last, pick):
         where = jnp.minimum(high, BLOCK - 1)
         row = pick(jax.tree.map(lambda a: a[where], rows))
         size = jax.tree.leaves(log)[0].shape[0]
-        place = jnp.where(number < last, number, size)
+        place = jnp.where(number < last, number.astype(jnp.int32), size)
         log = jax.tree.map(lambda a, r: a.at[place].set(r, mode="drop"), log, row)
         return slot + 1, log
 
-    return jax.lax.while_loop(lambda carry: carry[0] < most, body, (jnp.zeros((), jnp.int32), log))[1]
+    return jax.lax.while_loop(lambda carry: carry[0] < most, body, (jnp.zeros((), first.dtype), log))[1]
