@@ -1,0 +1,51 @@
+"""The score of the parameter search on regimes made up so that the answer is known."""
+
+import numpy as np
+import pytest
+
+from experiments.block._score import Regimes, cascade, chaotic, doubling, end_of_chaos, score
+
+K3 = np.linspace(72.0, 97.0, 51)
+
+
+def made_up(*pieces, special=(1, False)):
+    """`(from, period)` pieces along k3; period 0 is chaos."""
+    period = np.zeros(K3.size, int)
+    for low, value in pieces:
+        period[low <= K3] = value
+    return Regimes(K3, period, period == 0, *special)
+
+
+def test_what_the_paper_says_scores_full():
+    simple = made_up((72, 1), (80, 2), (84, 4), (88, 0), (95.2, 2))
+    full = made_up(
+        (72, 1), (76, 2), (80, 4), (82, 0), (87.0, 3), (87.5, 0), (95.2, 2), special=(0, True)
+    )
+    found = score(simple, full)
+    assert {name: value for name, value in found.items() if name != "B4"} == {
+        "B1": 1.0, "B2": 1.0, "B3": 1.0, "B5": 1.0, "B6": 1.0, "cascade": 1.0
+    }  # fmt: skip
+    assert found["B4"] == pytest.approx(0.975)
+    assert end_of_chaos(simple) == 95.0
+
+
+def test_what_it_denies_scores_nothing():
+    simple = made_up((72, 1), (80, 2), (82, 0), special=(0, True))
+    full = made_up((72, 1), (84, 2))
+    found = score(simple, full)
+    assert [found[name] for name in ("B2", "B3", "B4", "B5")] == [0.0, 0.0, 0.0, 0.0]
+    assert end_of_chaos(simple) is None
+    assert end_of_chaos(full) is None
+
+
+def test_doubling_and_cascade():
+    assert doubling(made_up((72, 1), (80, 2))) == 80.0
+    assert doubling(made_up((72, 2))) is None
+    assert cascade(made_up((72, 1), (80, 2), (90, 0))) == pytest.approx(2 / 3)
+    assert cascade(made_up((72, 1), (80, 2), (85, 3), (90, 0))) == pytest.approx(1 / 6)
+    assert cascade(made_up((72, 1))) == 0.0
+
+
+def test_chaos_needs_a_positive_exponent_and_no_period():
+    found = chaotic(np.array([0, 0, 2]), np.array([0.2, 0.01, 0.2]))
+    np.testing.assert_array_equal(found, [True, False, False])
