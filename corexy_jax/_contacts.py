@@ -103,6 +103,11 @@ def static_limits(p: CoreXYParameters) -> tuple[Any, ...]:
     return tuple(where(s > k, s, k) * n for s, k, n in pairs)
 
 
+def kinetic_friction(p: CoreXYParameters, signs: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Friction of every sliding contact [N], against its sense, Eqs. (27), (31), (32)."""
+    return tuple(-s * limit for s, limit in zip(signs, kinetic_limits(p), strict=True))
+
+
 def line_force(forces: tuple[Any, ...]) -> Line:
     """Force on every velocity [N] from the friction force of every contact along its speed [N]."""
     x, y, along, against, one, two, belt_1, belt_2 = forces

@@ -13,6 +13,7 @@ import numpy as np
 
 from ._contacts import BELT_1, BELT_2, NORMALS, NUM_CONTACTS
 
+NO_SENSE = 9.0  # in place of a sense that could not be found
 DMN_NAMES = ("RR", "SR", "RS", "SS")
 
 
@@ -69,11 +70,11 @@ def mode_signs(mode: Any) -> tuple[Any, ...]:
 
 
 def mode_number(signs: tuple[Any, ...]) -> Any:
-    """Mode with these senses (floats); -1 if the geometry does not admit them."""
+    """Mode with these senses (floats); -1 if the geometry does not admit them, or one is `NO_SENSE`."""
     index = jnp.zeros(jnp.shape(signs[0]), jnp.int32)
     for c in range(NUM_CONTACTS):
         index = index + jnp.int32(3**c) * (signs[c].astype(jnp.int32) + 1)
-    return jnp.asarray(_NUMBER)[index]
+    return jnp.where(signs[0] == NO_SENSE, jnp.int32(-1), jnp.asarray(_NUMBER)[index])
 
 
 def mode_dmn(mode: Any) -> Any:

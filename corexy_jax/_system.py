@@ -9,13 +9,7 @@ from stickslip._fastmath import where
 from stickslip._validation import check_type
 from stickslip.systems._mechanical import AbstractMechanicalSystem
 
-from ._contact_motion import (
-    contact_motion,
-    kinetic_friction,
-    onset,
-    onset_signs,
-    resolve_signs,
-)
+from ._contact_motion import ContactMotion, contact_motion, onset, onset_signs
 from ._contacts import (
     BELT_1,
     BELT_2,
@@ -29,6 +23,8 @@ from ._contacts import (
     X,
     Y,
     closure,
+    kinetic_friction,
+    kinetic_limits,
     line_masses,
     project,
     sliding_speeds,
@@ -37,6 +33,7 @@ from ._contacts import (
 from ._modes import MODE_NAMES, mode_number, mode_signs
 from ._motors import motor_torque
 from ._parameters import CoreXYParameters
+from ._resolve_signs import resolve_signs
 from ._voltage import AbstractVoltage
 
 GIVES_WAY, NEXT_PIECE = NUM_CONTACTS, NUM_CONTACTS + 1
@@ -152,9 +149,29 @@ class CoreXY(AbstractMechanicalSystem):
         v1, v2 = self.voltage.volts(t, y.piece)
         return motor_torque(p, v1, y.omega_1), motor_torque(p, v2, y.omega_2)
 
+    def line_drive(self, t: Any, y: CoreXYState) -> tuple[Any, Any]:
+        """Forces of the motors on the belt line [N]."""
+        one, two = self.torques(t, y)
+        return one / self.parameters.r, two / self.parameters.r
+
+    def motion(self, t: Any, y: CoreXYState, signs: tuple[Any, ...]) -> ContactMotion:
+        """Acceleration and reaction with the contacts resting and sliding as in `signs`."""
+        p = self.parameters
+        rest = tuple(s == 0.0 for s in signs)
+        return contact_motion(line_masses(p), self.line_drive(t, y), kinetic_friction(p, signs), rest)
+
+    def next_mode(
+        self, t: Any, y: CoreXYState, signs: tuple[Any, ...], started: tuple[Any, ...]
+    ) -> Any:
+        """Mode an instant later, by the law of all contacts; see `resolve_signs`."""
+        p = self.parameters
+        limits = static_limits(p), kinetic_limits(p)
+        drive = self.line_drive(t, y)
+        return mode_number(resolve_signs(line_masses(p), drive, *limits, signs, started))
+
     def vector_field(self, t, y, mode, args):
         p = self.parameters
-        a = contact_motion(p, self.torques(t, y), mode_signs(mode)).acceleration
+        a = self.motion(t, y, mode_signs(mode)).acceleration
         return CoreXYState(
             x=y.vx,
             y=y.vy,
@@ -182,8 +199,8 @@ class CoreXY(AbstractMechanicalSystem):
             where((s == 0.0) | covered, 1.0, s * speed)
             for s, covered, speed in zip(signs, alone, sliding_speeds(self.velocities(y)), strict=True)
         )
-        reaction = contact_motion(self.parameters, self.torques(t, y), signs).reaction
-        reserve = onset(self.parameters, signs, reaction).reserve
+        reaction = self.motion(t, y, signs).reaction
+        reserve = onset(static_limits(self.parameters), tuple(rest), reaction).reserve
         left = jnp.ones_like(t)
         if self.voltage.has_breaks:
             left = self.voltage.piece_end(y.piece) - t
@@ -193,9 +210,9 @@ class CoreXY(AbstractMechanicalSystem):
         p, signs = self.parameters, mode_signs(mode)
         stopped = closure(tuple((s == 0.0) | (guard == c) for c, s in enumerate(signs)))
         after_stop = tuple(where(rest, 0.0, s) for rest, s in zip(stopped, signs, strict=True))
-        before = jax.lax.stop_gradient((p, self.torques(t, y)))
-        motion = contact_motion(*before, signs)
-        after_start = onset_signs(signs, onset(before[0], signs, motion.reaction))
+        rest = tuple(s == 0.0 for s in signs)
+        reaction = jax.lax.stop_gradient(self.motion(t, y, signs).reaction)
+        after_start = onset_signs(signs, onset(static_limits(p), rest, reaction))
         gave_way = guard == GIVES_WAY
         signs = tuple(where(gave_way, a, b) for a, b in zip(after_start, after_stop, strict=True))
         started = tuple(
@@ -211,13 +228,13 @@ class CoreXY(AbstractMechanicalSystem):
             omega_2=where(moved, on_plane.two / p.r, y.omega_2),
             piece=y.piece + where(guard == NEXT_PIECE, 1.0, 0.0),
         )
-        return y, mode_number(resolve_signs(p, self.torques(t, y), signs, started))
+        return y, self.next_mode(t, y, signs, started)
 
     def initial_mode(self, t, y, args):
         speeds = sliding_speeds(self.velocities(y))
         rest = closure(tuple(jnp.abs(v) <= AT_REST for v in speeds))
         signs = tuple(where(r, 0.0, jnp.sign(v)) for r, v in zip(rest, speeds, strict=True))
-        return mode_number(resolve_signs(self.parameters, self.torques(t, y), signs))
+        return self.next_mode(t, y, signs, tuple(jnp.zeros_like(r) for r in rest))
 
     def energy(self, y):
         """Kinetic energy [J]."""

@@ -57,9 +57,7 @@ def test_forward_reverse_and_differences_agree(number, t1):
     for i, name in enumerate(NAMES):
         gaps = []
         for step in (3e-5, 1e-5):
-            high, low = (
-                outcome(theta.at[i].multiply(1 + sign * step), t1, wave) for sign in (1, -1)
-            )
+            high, low = (outcome(theta.at[i].multiply(1 + sign * step), t1, wave) for sign in (1, -1))
             assert int(high[1][0]) == int(low[1][0]) == int(sequence), name
             slope = np.asarray(high[0] - low[0]) / (2 * step)
             gaps.append(np.abs(slope - exact[:, i]) / size)
