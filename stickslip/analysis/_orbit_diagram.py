@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import equinox as eqx
 import jax
 import numpy as np
 import xarray as xr
@@ -13,11 +14,13 @@ from .._validation import check_in
 from ..hybrid import AbstractHybridSystem, Integrator
 from ..hybrid._system import mode_index
 from ..sweep import Variable, run_sweep
-from ..sweep._grid import check_grid
+from ..sweep._evaluate import lanes_of
+from ..sweep._grid import block_shape, check_grid
 from ._observable import as_observable, as_section, check_parameter, with_parameters
-from ._orbit_lane import STATUS, Plan, halved, run_lane
+from ._orbit_lane import STATUS, Numbers, Plan, halved, run_lane
 
 CARRIED = ("upwards", "downwards")
+CHUNK_CPU = 512  # lanes per block: so few that the check can run the same program on as many
 
 
 def orbit_diagram(
@@ -139,9 +142,7 @@ def orbit_diagram(
         section=as_section(section, first, y0),
         observables={key: function for key, (function, _) in found.items()},
         domain=borders,
-        t0=float(t0),
-        transient=float(transient),
-        duration=float(duration),
+        settles=transient > 0,
         size=max_points if points is None else points,
         stops=points is not None,
         mode0=None if mode0 is None else mode_index(first, mode0),
@@ -161,20 +162,25 @@ def orbit_diagram(
         **(settings or {}),
     }
     variables = _labels(plan, found, coords, labels, first)
+    # Numbers enter as inputs, so that other times and steps do not make another program.
+    numbers, static = _numbers(integrator, t0, transient, duration)
+
+    def lane(numbers, start=None, **point):
+        end, results = run_lane(plan, static, numbers, y0 if start is None else start, point)
+        return {**results, "end": end}
+
     if carried is None:
-
-        def lane(start=None, **point):
-            end, results = run_lane(plan, integrator, y0 if start is None else start, point)
-            return {**results, "end": end}
-
+        if jax.default_backend() == "cpu" and sweep.get("chunk") is None:
+            sweep["chunk"] = CHUNK_CPU
         dataset = run_sweep(
-            lane, coords, inputs={"start": y0} if per_lane else None,
+            lane, coords,
+            inputs={"numbers": _spread(numbers, shape), **({"start": y0} if per_lane else {})},
             variables=variables, settings=settings, attrs=attrs, name=name, **sweep,
         )  # fmt: skip
     else:
 
         def step(carry, **point):
-            return run_lane(plan, integrator, carry, point)
+            return run_lane(plan, static, numbers, carry, point)
 
         dataset = run_sweep(
             step, coords, carry=y0, along=along, backward=carried == "downwards",
@@ -182,7 +188,9 @@ def orbit_diagram(
         )  # fmt: skip
     if check:
         starts = _starts(dataset, y0, per_lane, carried, along, coords)
-        extra = _check(plan, integrator, coords, starts, check, dataset, sweep)
+        finer, _ = _numbers(halved(integrator), t0, transient, duration)
+        given = per_lane or carried is not None
+        extra = _check(lane, finer, coords, starts if given else None, check, dataset, observed, sweep)
         dataset = dataset.assign(extra)
     return dataset
 
@@ -297,34 +305,43 @@ def _starts(dataset, y0, per_lane, carried, along, coords):
     return jax.tree.unflatten(jax.tree.structure(y0), leaves)
 
 
-def _check(plan, integrator, coords, starts, check, dataset, sweep):
+def _numbers(integrator, t0, transient, duration):
+    """The numbers of a run, and the integrator without its own."""
+    step, rest = eqx.partition(integrator.step, eqx.is_inexact_array_like)
+    static = eqx.tree_at(lambda i: i.step, integrator, rest)
+    return Numbers(float(t0), float(transient), float(duration), step), static
+
+
+def _spread(numbers, shape):
+    return jax.tree.map(lambda a: np.broadcast_to(np.asarray(a, np.float64), shape), numbers)
+
+
+def _check(lane, numbers, coords, starts, check, dataset, observed, sweep):
     """Some lanes again, more accurately, and how far their points moved."""
     shape = tuple(v.size for v in coords.values())
     lanes = math.prod(shape)
     picked = np.unique(np.linspace(0, lanes - 1, min(check, lanes)).round().astype(int))
     place = np.unravel_index(picked, shape)
-    inputs = {
-        "start": jax.tree.map(lambda a: np.asarray(a)[picked], starts),
-        "point": {key: v[i] for (key, v), i in zip(coords.items(), place, strict=True)},
+    # As many lanes as a block of the sweep has, so that its program serves, unless that is a lot more.
+    block = math.prod(block_shape(shape, sweep.get("chunk") or 0))
+    filled = np.resize(picked, block) if picked.size <= block <= CHUNK_CPU else picked
+    points = {
+        key: v[i] for (key, v), i in zip(coords.items(), np.unravel_index(filled, shape), strict=True)
     }
-    finer = halved(integrator)
-
-    def lane(checked, start, point):
-        _, results = run_lane(plan, finer, start, point)
-        return {key: results[key] for key in (*plan.observables, "count")}
-
-    options = {k: v for k, v in sweep.items() if k in ("executor", "workers")}
-    again = run_sweep(
-        lane, {"checked": np.arange(picked.size, dtype=float)}, inputs=inputs, progress=False, **options
-    )
+    arguments = {**points, "numbers": _spread(numbers, filled.shape)}
+    if starts is not None:
+        arguments["start"] = jax.tree.map(lambda a: np.asarray(a)[filled], starts)
+    program = lanes_of(lane, sweep.get("executor", "auto"), sweep.get("workers"))
+    again = jax.tree.map(lambda a: np.asarray(a)[: picked.size], program(arguments))
     index = {key: xr.DataArray(i, dims="checked") for key, i in zip(coords, place, strict=True)}
-    before = dataset[[*plan.observables, "count", "period"]].isel(index)
+    before = dataset[[*observed, "count", "period"]].isel(index)
     same = np.asarray(before["count"]) == np.asarray(again["count"])
     extra = {
-        f"checked_{key}": ("checked", inputs["point"][key], dict(dataset[key].attrs)) for key in coords
+        f"checked_{key}": ("checked", points[key][: picked.size], dict(dataset[key].attrs))
+        for key in coords
     }
     extra["checked_period"] = ("checked", np.asarray(before["period"]), {})
-    for key in plan.observables:
+    for key in observed:
         gap = np.abs(np.asarray(before[key]) - np.asarray(again[key]))
         gap = np.where(np.isnan(gap), 0.0, gap).max(axis=1)
         attrs = {

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
-import equinox.internal as eqxi
 import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
@@ -36,9 +35,7 @@ class Plan(NamedTuple):
     section: Section  # over args = (system, args)
     observables: dict[str, Observable]
     domain: tuple[Observable, ...]
-    t0: float
-    transient: float
-    duration: float
+    settles: bool  # whether a transient is dropped
     size: int  # points recorded at most
     stops: bool  # whether a full record is the end, not a failure
     mode0: Any
@@ -47,12 +44,23 @@ class Plan(NamedTuple):
     max_period: int
 
 
-def run_lane(plan: Plan, integrator: Integrator, y0: PyTree, point: dict[str, Any]):
+class Numbers(NamedTuple):
+    """What may differ between two runs of one compiled program."""
+
+    t0: Any
+    transient: Any
+    duration: Any
+    step: Any  # step-size rule of the integrator, with `None` for all that is not a number
+
+
+def run_lane(plan: Plan, integrator: Integrator, numbers: Numbers, y0: PyTree, point: dict[str, Any]):
     """End state, and the results of the lane by name."""
+    step = eqx.combine(numbers.step, integrator.step)
+    integrator = eqx.tree_at(lambda i: i.step, integrator, step)
     inner = plan.build(point)
     system, args = InArgs(inner), (inner, plan.args)
-    start = jnp.asarray(plan.t0, jnp.float64)
-    begin = start + plan.transient
+    start = jnp.asarray(numbers.t0, jnp.float64)
+    begin = start + numbers.transient
     y0 = jax.tree.map(lambda a: jnp.asarray(a, jnp.float64), y0)
     mode = system.initial_mode(start, y0, args) if plan.mode0 is None else plan.mode0
     borders = tuple(
@@ -68,20 +76,15 @@ def run_lane(plan: Plan, integrator: Integrator, y0: PyTree, point: dict[str, An
     options: dict[str, Any] = {"integrator": integrator, "max_events": None, "throw": False}
     early = jnp.zeros((), jnp.int32)
     y = y0
-    if plan.transient > 0:
-
-        def settle(carry):
-            end = simulate(
-                system, start, jnp.where(inside, begin, start), y0, mode, args,
-                sections=borders, **options,
-            )  # fmt: skip
-            return jnp.zeros((), bool), end.y1, end.mode1, _engine_status(end.result)
-
-        _, y, mode, early = settle(None)
+    if plan.settles:
+        settled = simulate(
+            system, start, jnp.where(inside, begin, start), y0, mode, args, sections=borders, **options
+        )
+        y, mode, early = settled.y1, settled.mode1, _engine_status(settled.result)
     early = jnp.where(inside, early, STATUS.index("left_domain"))
     going = early == 0
     recorded = simulate(
-        system, begin, jnp.where(going, begin + plan.duration, begin), y, mode, args,
+        system, begin, jnp.where(going, begin + numbers.duration, begin), y, mode, args,
         sections=(plan.section, *borders), max_crossings=plan.size, **options,
     )  # fmt: skip
     rows = recorded.crossings[0]

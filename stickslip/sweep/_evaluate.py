@@ -1,5 +1,6 @@
 """Evaluation of one block of a sweep: side by side, or carried from point to point."""
 
+import functools
 import re
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -29,6 +30,22 @@ def output_names(tree: PyTree) -> dict[str, Any]:
     return names
 
 
+def lanes_of(function: Callable, executor: str, workers: int | None) -> map_lanes:
+    """`map_lanes` over dictionaries of arguments: the same object for a function that comes again."""
+    try:
+        return _cached_lanes(function, executor, workers)
+    except TypeError:  # not hashable
+        return _cached_lanes.__wrapped__(function, executor, workers)
+
+
+@functools.lru_cache(maxsize=4)
+def _cached_lanes(function, executor, workers):
+    def side_by_side(arguments):
+        return function(**arguments)
+
+    return map_lanes(side_by_side, executor=executor, workers=workers)
+
+
 class Evaluate:
     """Calls a lane function on whole blocks, all of one shape, so that it is compiled once."""
 
@@ -50,11 +67,7 @@ class Evaluate:
         self.carry = jax.tree.map(lambda a: jnp.asarray(a), carry)
         self.workers = workers
         if axis is None:
-
-            def side_by_side(arguments):
-                return function(**arguments)
-
-            lane: Callable = side_by_side
+            self.lanes = lanes_of(function, executor, workers)
         else:
 
             def row(arguments):
@@ -65,11 +78,9 @@ class Evaluate:
                 start, points = arguments
                 return jax.lax.scan(step, start, points)[1]
 
-            lane = row
-
-        self.lane = lane
-        # One lane of a carried sweep is a whole row, of which there are few.
-        self.lanes = map_lanes(lane, executor=executor, workers=workers)
+            # One lane of a carried sweep is a whole row, of which there are few.
+            self.lanes = map_lanes(row, executor=executor, workers=workers)
+        self.lane = self.lanes.function
 
     def _arguments(self, region: tuple[slice, ...], read: Callable) -> PyTree:
         """Points of a block, filled up to its full shape by repeating the last one along each axis."""

@@ -1,6 +1,8 @@
 """Many independent lanes of one function: small chunks, all cores, the fast executor."""
 
+import collections
 import concurrent.futures
+import hashlib
 import os
 from collections.abc import Callable
 
@@ -19,6 +21,21 @@ CHUNK_CPU = 64  # lanes whose state fits the first-level cache
 CHUNK_ACCELERATOR = 65536
 
 
+_PROGRAMS: collections.OrderedDict = collections.OrderedDict()
+PROGRAMS_KEPT = 16
+
+
+def _compiled(lowered: jax.stages.Lowered, devices) -> jax.stages.Compiled:
+    """Compiled program; functions that come to the same program share it."""
+    key = hashlib.sha256(f"{devices} {lowered.as_text()}".encode()).digest()
+    if key not in _PROGRAMS:
+        _PROGRAMS[key] = lowered.compile()
+    _PROGRAMS.move_to_end(key)
+    while len(_PROGRAMS) > PROGRAMS_KEPT:
+        _PROGRAMS.popitem(last=False)
+    return _PROGRAMS[key]
+
+
 class map_lanes:
     """`jax.vmap` for many lanes: `map_lanes(function)(inputs)` maps over the leading axis.
 
@@ -35,9 +52,8 @@ class map_lanes:
     - `executor`: `"fused"` compiles the time loop to one function (3 to 6 times faster on a CPU);
       `"portable"` uses nothing but public JAX; `"auto"` is `"fused"` on a CPU if a trial in a
       subprocess has shown that this jaxlib compiles it and agrees in value. The trial cannot cover
-      every program: XLA aborts the process while compiling some (known case: a lane that runs a
-      `simulate` which records nothing and then one which records). If that happens, use
-      `"portable"` here or `STICKSLIP_EXECUTOR=portable` in the environment.
+      every program: should XLA ever abort while compiling yours, use `"portable"` here or
+      `STICKSLIP_EXECUTOR=portable` in the environment.
     - `workers`: devices or, with a single CPU device, threads to use; by default all.
 
     **Returns** a callable with the results' leading axis as long as the inputs'. It is compiled on
@@ -133,7 +149,8 @@ class map_lanes:
             options = None
             if self.devices[0].platform == "cpu":
                 options = {"xla_cpu_prefer_vector_width": "512"}
-            self._compiled[key] = jax.jit(run, compiler_options=options).lower(chunks).compile()
+            lowered = jax.jit(run, compiler_options=options).lower(chunks)
+            self._compiled[key] = _compiled(lowered, self.devices)
         return self._compiled[key]
 
     def _threaded(self, chunks, chunk):
