@@ -5,6 +5,10 @@ import stickslip as _stickslip  # noqa: F401
 
 # isort: split
 from ._contacts import CONTACT_NAMES as CONTACT_NAMES
+from ._dead_zone import axis_dead_zones as axis_dead_zones
+from ._dead_zone import motor_dead_zone as motor_dead_zone
+from ._dead_zone import torque_dead_zone as torque_dead_zone
+from ._dead_zone import voltage_dead_zone as voltage_dead_zone
 from ._dynamics import DynamicModel as DynamicModel
 from ._dynamics import Frictions as Frictions
 from ._dynamics import dmn_1 as dmn_1
@@ -24,6 +28,7 @@ from ._kinematics import virtual_pulleys as virtual_pulleys
 from ._motors import motor_current as motor_current
 from ._motors import motor_torque as motor_torque
 from ._motors import voltage_for_torque as voltage_for_torque
+from ._outputs import outputs as outputs
 from ._parameters import CoreXYParameters as CoreXYParameters
 from ._scenarios import Scenario as Scenario
 from ._scenarios import scenario as scenario
