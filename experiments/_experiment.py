@@ -11,7 +11,7 @@ from typing import Any
 import xarray as xr
 from matplotlib.figure import Figure
 
-GROUPS = ("block",)
+GROUPS = ("beam", "block")
 
 
 @dataclasses.dataclass(frozen=True)

@@ -6,8 +6,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.flatten_util import ravel_pytree
-from jaxtyping import PyTree
+from jaxtyping import Array, Float, PyTree
 
 from .._validation import check_nonnegative, check_positive, check_type
 from ..hybrid import RESULTS, AbstractHybridSystem, Integrator, simulate
@@ -33,6 +32,7 @@ def lyapunov_spectrum(
     warm_up: Any = None,
     exponents: Any = None,
     components: Any = None,
+    scales: PyTree = None,
     t0: Any = 0.0,
     mode0: Any = None,
     args: PyTree = None,
@@ -62,6 +62,9 @@ def lyapunov_spectrum(
       not depend on them, these are the exponents of the driven part; otherwise conditional exponents
       (Pecora & Carroll 1990). An undamped or forced part that moves by itself has exponents of zero,
       which hide a negative one of what it drives.
+    - `scales`: a state of positive numbers, the units in which deviations are measured (default 1).
+      Exponents do not depend on them, but how fast they converge does: with speeds in units of a
+      frequency times the length, an oscillation has the same size all the time.
 
     **Returns** a `LyapunovSpectrum`. The function works under `jit`, `vmap`, `map_lanes` and
     `run_sweep`, whose grids it is meant for: `lyapunov_diagram`.
@@ -99,14 +102,15 @@ def lyapunov_spectrum(
         result, good = solution.result, solution.successful
     tangent = WithDeviations(system)
     mask = jnp.asarray(moving, jnp.float64)[:, None]
+    unit = _flat_scales(scales, y0)[:, None]
 
     def step(carry, frame):
         number, y, mode, flags, result, good = carry
         start, end = begin + segment * number, begin + segment * (number + 1.0)
-        solution = run(tangent, start, end, tangent.start(y, frame), mode)
+        solution = run(tangent, start, end, tangent.start(y, unit * frame), mode)
         # A lane that failed stays where it is; its numbers are discarded.
         usable = good & solution.successful
-        images = jnp.where(usable, mask * tangent.columns(solution.y1), frame)
+        images = jnp.where(usable, mask * tangent.columns(solution.y1) / unit, frame)
         carry = (
             number + 1.0,
             jax.tree.map(lambda a, b: jnp.where(usable, a, b), solution.y1.y, y),
@@ -139,11 +143,25 @@ def lyapunov_spectrum(
     )
 
 
+def _flat_scales(scales: PyTree, y0: PyTree) -> Float[Array, " size"]:
+    """Units of the deviations in the order of the flattened state."""
+    if scales is None:
+        return jnp.ones(sum(a.size for a in jax.tree.leaves(y0)))
+    if jax.tree.structure(scales) != jax.tree.structure(y0):
+        raise ValueError(f"scales = {scales!r}: it must have the structure of y0.")
+    pairs = zip(jax.tree.leaves(scales), jax.tree.leaves(y0), strict=True)
+    return jnp.concatenate(
+        [
+            jnp.ravel(jnp.broadcast_to(jnp.asarray(check_positive("scales", s), jnp.float64), a.shape))
+            for s, a in pairs
+        ]
+    )
+
+
 def moving_components(y0: PyTree, components: Any) -> np.ndarray:
     """Which numbers of the flattened state belong to the named components (all for None)."""
-    flat, unravel = ravel_pytree(jax.tree.map(lambda a: jnp.zeros(jnp.shape(a)), y0))
     if components is None:
-        return np.ones(flat.size, bool)
+        return np.ones(sum(int(np.prod(jnp.shape(a))) for a in jax.tree.leaves(y0)), bool)
     names = getattr(y0, "_fields", None) or tuple(getattr(y0, "__dict__", ()))
     components = (components,) if isinstance(components, str) else components
     good = isinstance(components, Sequence) and len(components) > 0
@@ -152,8 +170,5 @@ def moving_components(y0: PyTree, components: Any) -> np.ndarray:
             f"components = {components!r}: it must be names of components of the state, of "
             f"{', '.join(names)}."
         )
-    numbers = unravel(jnp.arange(flat.size, dtype=jnp.float64))
-    picked = [np.ravel(leaf) for name in components for leaf in jax.tree.leaves(getattr(numbers, name))]
-    moving = np.zeros(flat.size, bool)
-    moving[np.concatenate(picked).astype(int)] = True
-    return moving
+    parts = [(name, leaf) for name in names for leaf in jax.tree.leaves(getattr(y0, name))]
+    return np.concatenate([np.full(int(np.prod(jnp.shape(a))), n in components) for n, a in parts])

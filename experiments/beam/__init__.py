@@ -1,0 +1,1 @@
+"""Figures of "Non-linear Dynamics of Jointed Systems Under Dry Friction Forces"."""

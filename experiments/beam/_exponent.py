@@ -1,0 +1,93 @@
+"""Lyapunov exponents over belt speed: the beam and the mass, and Eq. (2.25) to the letter."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from stickslip.analysis import LyapunovSpectrum, Separation, lyapunov_spectrum, two_trajectory_exponent
+from stickslip.sweep import Variable, run_sweep
+
+from .._experiment import Context
+from ._model import CAPTION, VARIANTS, fixed_step, norm_of, store_options, system_of
+
+DRIVEN = ("y", "vy", "q", "p")
+PARAMETERS = {
+    "v_min": 1e-4, "v_max": 3e-2, "speeds": 300, "transient": 200.0, "segment": 0.5, "segments": 800,
+    "distance": 1e-8, "h": 0.005, "modes": 4,
+}  # fmt: skip
+QUICK = {"speeds": 8, "transient": 40.0, "segments": 120}
+NOTE = (
+    "x moves by itself and is neutral (two exponents of 0), and so is a mode with a node at the joint: "
+    "the exponents are those of y and of the modes that it drives, {modes} of them."
+)
+
+
+def spectrum(variant: str, v: Any, parameters: Mapping[str, Any]) -> LyapunovSpectrum:
+    """All exponents of the driven part."""
+    system = system_of(variant, v, parameters["modes"])
+    return lyapunov_spectrum(
+        system,
+        system.start(),
+        segment=parameters["segment"],
+        segments=parameters["segments"],
+        transient=parameters["transient"],
+        components=DRIVEN,
+        scales=norm_of(system),
+        integrator=fixed_step(parameters["h"]),
+    )
+
+
+def letter(variant: str, v: Any, parameters: Mapping[str, Any]) -> Separation:
+    """Eq. (2.25) to the letter: two motions from neighbouring starts, never brought together again."""
+    system = system_of(variant, v, parameters["modes"])
+    return two_trajectory_exponent(
+        system,
+        system.start(),
+        segment=parameters["segment"],
+        segments=parameters["segments"],
+        distance=parameters["distance"],
+        renormalise=False,
+        integrator=fixed_step(parameters["h"]),
+    )
+
+
+def exponents(parameters: Mapping[str, Any], context: Context) -> xr.Dataset:
+    """Both over the belt speeds and both readings of the equations."""
+    speeds = np.linspace(parameters["v_min"], parameters["v_max"], parameters["speeds"])
+    speed = Variable(units="1", long_name="belt speed v")
+    parts = []
+    for variant in VARIANTS:
+
+        def tangent(v, variant=variant):
+            found = spectrum(variant, v, parameters)
+            return {"exponents": found.exponents, "error": found.error, "flags": found.flags}
+
+        def separation(v, variant=variant):
+            return {"letter": letter(variant, v, parameters).exponent}
+
+        both = [
+            run_sweep(
+                tangent,
+                {"v": speeds},
+                variables={
+                    "v": speed,
+                    "exponents": Variable(("exponent",), "1", "Lyapunov exponents of y and the beam"),
+                    "error": Variable(("exponent",), "1", "error of the exponents"),
+                },
+                chunk=32,
+                **store_options("spectrum", variant, parameters, context),
+            ),
+            run_sweep(
+                separation,
+                {"v": speeds},
+                variables={"v": speed, "letter": Variable(units="1", long_name="last value of (2.25)")},
+                chunk=64,
+                **store_options("letter", variant, parameters, context),
+            ),
+        ]
+        parts.append(xr.merge([p.load() for p in both], combine_attrs="override"))
+    joined = xr.concat(parts, xr.Variable("variant", list(VARIANTS)), combine_attrs="override")
+    caption = CAPTION.format(modes=parameters["modes"]) + " " + NOTE.format(modes=parameters["modes"])
+    return joined.assign_attrs(caption=caption)

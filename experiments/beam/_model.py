@@ -1,0 +1,75 @@
+"""The jointed beam as the figures use it: both readings of the equations, constructed parameters."""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import jax.numpy as jnp
+
+import stickslip as ss
+from stickslip.systems import JointedBeam, JointedBeamState
+
+from .._experiment import Context
+
+VARIANTS = ("consistent", "as printed")
+STICK = JointedBeam.mode_names.index("stick")
+# Borders between the kinds of motion in the paper's text.
+STICK_SLIP_BELOW, SLIP_ABOVE = 2.5e-3, 9e-3
+CONTACT_PERIOD = 0.5405  # of x with the constructed parameters, pi sqrt(m/(k2+k3)) + pi sqrt(m/k2)
+CAPTION = (
+    "Constructed parameters: the paper's table is lost. Dimensionless. Equations consistent (C-E1 to "
+    "C-E4 corrected) or as printed; no damping (C-E5). {modes} modes, the fifth with a node at z_A."
+)
+
+
+def system_of(variant: str, v: Any, modes: int = 5, **changes: Any) -> JointedBeam:
+    """The system at belt speed `v` in one reading of the equations."""
+    build = JointedBeam.constructed if variant == "consistent" else JointedBeam.printed
+    return build(v, modes=modes, **changes)
+
+
+def fixed_step(h: float) -> ss.Integrator:
+    """For sweeps: order 8, which leaves the fastest mode its amplitude."""
+    return ss.Integrator("dop853", ss.FixedStep(h), max_steps=100_000_000)  # pyright: ignore[reportCallIssue]
+
+
+def accurate() -> ss.Integrator:
+    """For single motions; the beam's coordinates are small, so the absolute tolerance is."""
+    return ss.Integrator("dop853", ss.AdaptiveStep(1e-10, 1e-16), max_steps=10_000_000)  # pyright: ignore[reportCallIssue]
+
+
+def norm_of(system: JointedBeam) -> JointedBeamState:
+    """Units in which an oscillation of the beam or of the mass has one size all the time."""
+    one, swing = jnp.ones(()), jnp.sqrt(system.k1 / system.m)
+    bounce = jnp.sqrt(system.k2 / system.m)
+    return JointedBeamState(one, bounce, one, swing, jnp.ones(system.modes), system.frequencies())
+
+
+# The sections L_i' = 0; `args` is the system, which knows its joint.
+SECTIONS = {
+    "x": lambda t, y, dy, mode, args: y.vx,
+    "y": lambda t, y, dy, mode, args: y.vy,
+    "w": lambda t, y, dy, mode, args: args.w_rate(t, y),
+}
+
+
+def stick_section() -> ss.Section:
+    """Beginnings of stick: the mode jumps over zero."""
+    return ss.Section(
+        lambda t, y, dy, mode, args: jnp.where(mode == STICK, 1.0, -1.0), "rising", name="stick"
+    )
+
+
+def store_options(
+    kind: str, variant: str, settings: Mapping[str, Any], context: Context
+) -> dict[str, Any]:
+    """Where a sweep is kept, and how it reports."""
+    digest = hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()[:8]
+    return {
+        "store": context.stores / f"beam-{kind}-{variant.replace(' ', '-')}-{digest}",
+        "progress": context.progress,
+        "resume": not context.fresh,
+        "name": f"{kind}, {variant}",
+        "settings": dict(settings),
+    }

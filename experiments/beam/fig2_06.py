@@ -1,0 +1,5 @@
+"""Fig. 2.6: w(z_A) and its rate at v = 0.0005, over time and frequency."""
+
+from ._figure import history_figure
+
+EXPERIMENT = history_figure(6, 0.0005, "w")

@@ -1,0 +1,6 @@
+"""Fig. 2.7: the powers W_f and W_b at v = 0.0005, over time and frequency."""
+
+from ._figure import history_figure
+from ._judge import judge_powers
+
+EXPERIMENT = history_figure(7, 0.0005, "powers", judge_powers)

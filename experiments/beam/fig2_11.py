@@ -1,0 +1,5 @@
+"""Fig. 2.11: the powers W_f and W_b at v = 0.005, over time and frequency."""
+
+from ._figure import history_figure
+
+EXPERIMENT = history_figure(11, 0.005, "powers")

@@ -1,0 +1,135 @@
+"""Judgement of the beam's figures on data made up so that the answer is known."""
+
+import numpy as np
+import xarray as xr
+
+from experiments._experiment import load
+from experiments.beam._judge import (
+    change_over,
+    judge_diagrams,
+    judge_exponents,
+    judge_powers,
+    judge_slow_frequency,
+    judge_stick_slip,
+)
+from experiments.beam.fig2_02 import EXPERIMENT as FRICTION
+from stickslip.analysis import amplitude_spectrum
+
+V = np.linspace(1e-4, 3e-2, 60)
+T = np.arange(0.0, 200.0, 0.01)
+
+
+def holds(statements):
+    return {s.id.partition(" ")[0]: s.holds for s in statements}
+
+
+def diagram(**faults):
+    """What the paper claims, unless a fault is planted."""
+    one = np.ones((1, V.size, 6))
+    wobble = np.linspace(-1, 1, 6)[None, None, :]
+    middle = ((V >= 2.5e-3) & (V <= 9e-3))[None, :, None]
+    sticks = np.where(V < 2.5e-3, 100, 0)[None, :]
+    data = {
+        "x": 9e-4 * one * (1 + faults.get("x", 0.0) * wobble),
+        "y": 0.01 * one * (1 + 0.2 * wobble * (middle if "y" not in faults else 0)),
+        "w": V[None, :, None] * one * (1 + faults.get("w", 0.0) * wobble),
+    }
+    return xr.Dataset(
+        {
+            **{k: (("variant", "v", "point"), a) for k, a in data.items()},
+            "sticks": (("variant", "v"), sticks if "sticks" not in faults else 0 * sticks + 3),
+            "stick_share": (("variant", "v"), 0.3 * sticks / 100.0),
+            "ok": (("variant", "v"), np.ones((1, V.size), int)),
+        },
+        {"variant": ["consistent"], "v": V},
+        {"duration": 54.05},
+    )
+
+
+def test_diagrams():
+    ids = ["C1", "C2", "C3", "C4a", "C4b", "C5"]
+    assert holds(judge_diagrams(diagram())) == dict.fromkeys(ids, True)
+    assert holds(judge_diagrams(diagram(x=1e-3)))["C1"] is False
+    assert holds(judge_diagrams(diagram(w=0.3)))["C2"] is False
+    assert holds(judge_diagrams(diagram(y=0)))["C4a"] is False
+    wrong = holds(judge_diagrams(diagram(sticks=3)))
+    assert [wrong[i] for i in ("C3", "C4b", "C5")] == [False, False, False]
+
+
+def motion(**signals):
+    data = {}
+    for name, u in signals.items():
+        data[name] = (("variant", "time"), u[None])
+        spectrum = amplitude_spectrum(u, 0.01)
+        data[f"{name}_amplitude"] = (("variant", "frequency"), np.asarray(spectrum.amplitude)[None])
+        frequency = np.asarray(spectrum.frequency)
+    return xr.Dataset(
+        data,
+        {"variant": ["consistent"], "time": T, "frequency": frequency},
+        {"dropped": 0.0},
+    )
+
+
+def saw(f, count):
+    return sum(np.sin(2 * np.pi * n * f * T) / n for n in range(1, count + 1))
+
+
+def test_stick_slip_and_its_superharmonics():
+    y, w = saw(1 / 0.5405, 9), saw(1 / 0.5405, 5)
+    data = motion(y=y, w=w)
+    begins = np.full((1, 400), np.nan)
+    begins[0, :370] = 0.5405 * np.arange(370) + 0.1
+    data["stick_begins"] = (("variant", "stick"), begins)
+    assert holds(judge_stick_slip(data)) == {"C6": True}
+    data["stick_begins"] = (("variant", "stick"), 1.1 * begins)
+    assert holds(judge_stick_slip(data)) == {"C6": False}
+
+
+def test_powers():
+    stuck = (T % 0.54054) < 0.2
+    regular = np.where(stuck, 0.0, -np.abs(np.sin(np.pi * (T % 0.54054) / 0.54054)))
+    data = motion(W_f=regular, W_b=np.sin(np.pi * T * np.sqrt(2)))
+    data["mode"] = (("variant", "time"), np.where(stuck, 1, 0)[None])
+    assert holds(judge_powers(data)) == {"C7": True}
+    data["W_f"] = data.W_f - 1e-3
+    assert holds(judge_powers(data)) == {"C7": False}
+    assert change_over(np.sin(2 * np.pi * T), 0.01, 1.0) < 1e-10
+    assert abs(change_over(np.sin(2 * np.pi * T), 0.01, 0.5) - 2.0) < 1e-2
+
+
+def test_slow_frequency():
+    assert holds(judge_slow_frequency(motion(y=saw(0.25, 5)))) == {"C8": True}
+    assert holds(judge_slow_frequency(motion(y=saw(0.31, 5)))) == {"C8": False}
+    assert holds(judge_slow_frequency(motion(y=0.1 * saw(0.25, 3) + saw(1.85, 3)))) == {"C8": False}
+
+
+def test_exponents():
+    tent = np.interp(V, [1e-4, 2.5e-3, 9e-3, 3e-2], [0.4, 0.1, 0.5, 0.2])
+
+    def data(greatest):
+        values = np.stack([greatest, -0.5 + 0 * V, -np.inf + 0 * V], axis=1)[None]
+        return xr.Dataset(
+            {
+                "exponents": (("variant", "v", "exponent"), values),
+                "error": (("variant", "v", "exponent"), np.full(values.shape, 0.01)),
+                "letter": (("variant", "v"), greatest[None]),
+            },
+            {"variant": ["consistent"], "v": V},
+        )
+
+    assert holds(judge_exponents(data(tent))) == {"C9a": True, "C9b": True}
+    assert holds(judge_exponents(data(-tent))) == {"C9a": False, "C9b": False}
+
+
+def test_friction_curve_is_the_formula():
+    curve = FRICTION.compute({"V_max": 0.3, "points": 60}, None)
+    V = np.asarray(curve.V)
+    np.testing.assert_allclose(curve.T_d.sel(variant="consistent"), -np.sign(V) / (1 + 10 * abs(V)))
+    printed = np.asarray(curve.T_d.sel(variant="as printed"))
+    exact = -np.sign(V) / (1 + 10 * V)
+    np.testing.assert_allclose(printed, np.where(abs(exact) < 50, exact, np.nan))
+
+
+def test_all_figures_are_there():
+    names = [name for name in load() if name.startswith("beam-")]
+    assert names == [f"beam-fig2.{n}" for n in range(2, 14)]
