@@ -35,6 +35,9 @@ from ._scenarios import scenario as scenario
 from ._simulate import simulate as simulate
 from ._simulate import simulate_as_printed as simulate_as_printed
 from ._simulate import simulate_consistent as simulate_consistent
+from ._smoothed import SmoothedCoreXY as SmoothedCoreXY
+from ._smoothed import SmoothedState as SmoothedState
+from ._smoothed import simulate_smoothed as simulate_smoothed
 from ._solution import Accelerations as Accelerations
 from ._solution import CoreXYSolution as CoreXYSolution
 from ._solution import Ledger as Ledger

@@ -20,7 +20,7 @@ from ._solution import Accelerations, CoreXYSolution, Ledger
 from ._system import CoreXY, CoreXYState
 from ._voltage import AbstractVoltage
 
-WAYS = ("consistent", "as_printed")
+WAYS = ("consistent", "as_printed", "smoothed")
 
 
 def simulate(
@@ -38,17 +38,23 @@ def simulate(
     **Arguments**
 
     - `parameters`, `voltage`: e.g. `*scenario(1)`.
-    - `way`: `"consistent"` (all contacts at once, event-driven; the default) or `"as_printed"` (the
-      paper's algorithm).
+    - `way`: `"consistent"` (all contacts at once, event-driven; the default), `"as_printed"` (the
+      paper's algorithm), `"smoothed"` (regularised friction).
     - `rows`: number of equally spaced output times, both ends included.
     - `y0`: initial state, `CoreXY.state(...)`; at rest at the origin if not given.
-    - `options`: those of `simulate_consistent` or `simulate_as_printed`.
+    - `options`: those of `simulate_consistent`, `simulate_as_printed` or `simulate_smoothed`.
 
     **Returns** a `CoreXYSolution`. **Raises** `ValueError`, `TypeError` for bad arguments, before
     compilation.
     """
+    from ._smoothed import simulate_smoothed  # it builds on what this module offers
+
     check_in("way", way, WAYS)
-    run = {"consistent": simulate_consistent, "as_printed": simulate_as_printed}[way]
+    run = {
+        "consistent": simulate_consistent,
+        "as_printed": simulate_as_printed,
+        "smoothed": simulate_smoothed,
+    }[way]
     return run(parameters, voltage, t1, rows=rows, y0=y0, **options)
 
 

@@ -1,0 +1,234 @@
+"""The machine with regularised friction on belts and ground: one smooth vector field."""
+
+from typing import Any, ClassVar, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array, Float
+
+import stickslip as ss
+from stickslip import Integrator, SaveAt
+from stickslip._fastmath import exp, tanh, where
+from stickslip._validation import as_parameter, check_in, check_positive
+from stickslip.systems import WithIntegrals
+from stickslip.systems._mechanical import AbstractMechanicalSystem
+
+from ._contacts import (
+    NUM_CONTACTS,
+    kinetic_limits,
+    line_force,
+    line_masses,
+    sliding_speeds,
+    static_limits,
+)
+from ._parameters import CoreXYParameters
+from ._simulate import prepared
+from ._solution import Accelerations, CoreXYSolution, Ledger
+from ._system import LOSS_NAMES, STATE_UNITS, CoreXY, CoreXYState
+from ._transitions import number_of
+from ._voltage import AbstractVoltage
+
+VARIANTS = ("tanh", "stribeck", "bristle")
+REFERENCE_SPEED = 0.1  # [m/s], so that the default Stribeck speed is sqrt(width * REFERENCE_SPEED)
+RESTS_BELOW = 3.0  # widths: what is slower is reported at rest
+
+
+class SmoothedState(NamedTuple):
+    """State `y` of the machine, deflections [m] of the eight bristles (0 but for `"bristle"`)."""
+
+    y: CoreXYState
+    bristles: tuple[Any, ...]
+
+
+class Friction(NamedTuple):
+    """Force on a contact along its speed [N] and rate of its bristle [m/s]."""
+
+    force: Any
+    rate: Any
+
+
+def _level(v, kinetic, static, decay):
+    return kinetic + (static - kinetic) * decay(v)
+
+
+def tanh_friction(v: Any, z: Any, kinetic: Any, static: Any, width: Any, speed: Any) -> Friction:
+    r"""$-[K + (R-K)\,(1-\tanh^2(v/v_s))]\tanh(v/\varepsilon)$."""
+
+    def decay(v):
+        share = tanh(v / speed)
+        return 1.0 - share * share
+
+    return Friction(-_level(v, kinetic, static, decay) * tanh(v / width), jnp.zeros_like(v))
+
+
+def stribeck_friction(v: Any, z: Any, kinetic: Any, static: Any, width: Any, speed: Any) -> Friction:
+    r"""$-[K + (R-K)\,e^{-(v/v_s)^2}]\,v/\sqrt{v^2+\varepsilon^2}$."""
+    level = _level(v, kinetic, static, lambda v: exp(-((v / speed) ** 2)))
+    return Friction(-level * v * lax.rsqrt(v * v + width * width), jnp.zeros_like(v))
+
+
+def bristle_friction(v: Any, z: Any, kinetic: Any, static: Any, width: Any, speed: Any) -> Friction:
+    r"""LuGre: $\dot z = v - \sigma|v|z/g(v)$, force $-\sigma z$, $g = K + (R-K)e^{-(v/v_s)^2}$.
+
+    The stiffness $\sigma = R/\ell$ lets a contact give by $\ell = \varepsilon\cdot$ 0.01 s before it
+    slides; $|v|$ is smoothed by the width.
+    """
+    level = _level(v, kinetic, static, lambda v: exp(-((v / speed) ** 2)))
+    stiffness = static / (0.01 * width)
+    size = v * v * lax.rsqrt(v * v + 1e-6 * width * width)
+    return Friction(-stiffness * z, v - stiffness * size * z / level)
+
+
+_LAWS = (tanh_friction, stribeck_friction, bristle_friction)
+
+
+class SmoothedCoreXY(AbstractMechanicalSystem):
+    r"""CoreXY with friction that is a function of the sliding speed, or of a bristle's deflection.
+
+    Every contact has its kinetic friction $K$, and its static friction $R = \max(\mu_s,\mu_k)N$ at
+    speeds between the width $\varepsilon$ of the law and its Stribeck speed $v_s$. As
+    $\varepsilon \to 0$ with $v_s \to 0$, $\varepsilon/v_s \to 0$, it becomes the law of `CoreXY`; both
+    scales are needed, because contacts that start together slide with different speeds and must
+    reach their static limits together.
+
+    **Arguments:** `parameters`, `voltage`; `variant`, one of `VARIANTS` or its number (traced numbers
+    select by `lax.switch`); `width` $\varepsilon$ [m/s]; `stribeck_speed` $v_s$ [m/s], by default
+    $\sqrt{0.1\,\varepsilon}$. **Raises** `ValueError` for an unknown variant and what is not positive.
+    """
+
+    machine: CoreXY
+    variant: Any
+    width: Float[Array, "..."]
+    stribeck_speed: Float[Array, "..."]
+
+    mode_names: ClassVar = ("smooth",)
+    guard_names: ClassVar = ("input jumps",)
+    units: ClassVar = STATE_UNITS
+
+    def __init__(
+        self,
+        parameters: Any,
+        voltage: Any,
+        *,
+        variant: Any = "tanh",
+        width: Any = 1e-2,
+        stribeck_speed: Any = None,
+    ):
+        self.machine = CoreXY(parameters, voltage)
+        if isinstance(variant, str):
+            variant = VARIANTS.index(check_in("variant", variant, VARIANTS))
+        self.variant = jnp.asarray(variant, jnp.int32)
+        self.width = as_parameter(check_positive("width", width))
+        default = jnp.sqrt(REFERENCE_SPEED * self.width)
+        given = default if stribeck_speed is None else check_positive("stribeck_speed", stribeck_speed)
+        self.stribeck_speed = as_parameter(given)
+
+    def state(self, y: CoreXYState) -> SmoothedState:
+        """The machine's state with all bristles undeflected."""
+        return SmoothedState(y, (jnp.zeros(()),) * NUM_CONTACTS)
+
+    def friction(self, s: SmoothedState) -> Friction:
+        """Friction and bristle rates of all contacts, each a tuple."""
+        p = self.machine.parameters
+        speeds = jnp.stack(sliding_speeds(self.machine.velocities(s.y)))
+        kinetic, static = jnp.stack(kinetic_limits(p)), jnp.stack(static_limits(p))
+        operands = (speeds, jnp.stack(s.bristles), kinetic, static, self.width, self.stribeck_speed)
+        return lax.switch(jnp.clip(self.variant, 0, len(_LAWS) - 1), _LAWS, *operands)
+
+    def vector_field(self, t, y, mode, args):
+        p, found = self.machine.parameters, self.friction(y)
+        force = line_force(tuple(found.force))
+        one, two = self.machine.line_drive(t, y.y)
+        mass = line_masses(p)
+        dy = CoreXYState(
+            x=y.y.vx,
+            y=y.y.vy,
+            vx=force.x / mass.x,
+            vy=force.y / mass.y,
+            theta_1=y.y.omega_1,
+            theta_2=y.y.omega_2,
+            omega_1=(force.one + one) / (mass.one * p.r),
+            omega_2=(force.two + two) / (mass.two * p.r),
+            piece=jnp.zeros_like(y.y.piece),
+        )
+        return SmoothedState(dy, tuple(found.rate[c] for c in range(NUM_CONTACTS)))
+
+    def guards(self, t, y, mode, args):
+        voltage = self.machine.voltage
+        return (voltage.piece_end(y.y.piece) - t if voltage.has_breaks else jnp.ones_like(t),)
+
+    def transition(self, t, y, mode, guard, args):
+        return y._replace(y=y.y._replace(piece=y.y.piece + 1.0)), mode
+
+    def initial_mode(self, t, y, args):
+        return jnp.zeros((), jnp.int32)
+
+    def energy(self, y):
+        """Kinetic energy [J]; the bristles' energy is counted as friction."""
+        return self.machine.energy(y.y)
+
+    def powers(self, t, y, mode, args):
+        """As `CoreXY.powers` [W]."""
+        names = list(self.machine.powers(t, y.y, jnp.zeros((), jnp.int32), args))
+        one, two = self.machine.torques(t, y.y)
+        friction = self.friction(y).force
+        speeds = sliding_speeds(self.machine.velocities(y.y))
+        work = [one * y.y.omega_1, two * y.y.omega_2]
+        work += [friction[c] * speeds[c] for c in range(NUM_CONTACTS)]
+        return dict(zip(names, work, strict=True))
+
+
+def _account(system, t, y, mode, args):
+    speeds = sliding_speeds(system.machine.velocities(y.y))
+    slip = {"slip_1": jnp.abs(speeds[6]), "slip_2": jnp.abs(speeds[7])}
+    return {**system.powers(t, y, mode, args), **slip}
+
+
+def simulate_smoothed(
+    parameters: CoreXYParameters,
+    voltage: AbstractVoltage,
+    t1: Any = 6.0,
+    *,
+    rows: int = 601,
+    y0: CoreXYState | None = None,
+    variant: Any = "tanh",
+    width: Any = 1e-2,
+    stribeck_speed: Any = None,
+    integrator: Integrator | None = None,
+    throw: bool = True,
+) -> CoreXYSolution:
+    """Motion of `SmoothedCoreXY`; `simulate` says what the first arguments are.
+
+    By default with Tsit5 and tolerance 1e-7, whose steps the width limits to about
+    `width / 2000` s per m/s; for a small width give an implicit method, e.g.
+    `Integrator(method=diffrax.Kvaerno5(), ...)`. A contact slower than three widths is reported at
+    rest, and a motor as rolling.
+    """
+    machine, t1, y0 = prepared(parameters, voltage, t1, rows, y0)
+    system = SmoothedCoreXY(
+        machine.parameters, machine.voltage, variant=variant, width=width, stribeck_speed=stribeck_speed
+    )
+    if integrator is None:
+        step = ss.AdaptiveStep(1e-7, 1e-7)
+        integrator = Integrator(method="tsit5", step=step, max_steps=10_000_000)  # pyright: ignore[reportCallIssue]
+    ledger = WithIntegrals(system, _account)
+    ts = jnp.linspace(0.0, 1.0, rows) * t1
+    solution = ss.simulate(
+        ledger, 0.0, t1, ledger.start(system.state(y0)), integrator=integrator,
+        saveat=SaveAt(ts=ts, events=False), max_events=None, throw=throw,
+    )  # fmt: skip
+    found = solution.outputs
+    assert found is not None
+    y, dy, sums = found.y.y.y, found.dy.y.y, found.y.integrals
+    friction = jnp.stack([sums[f"friction_{name}"] for name in LOSS_NAMES], axis=-1)
+    slip = jnp.stack([sums["slip_1"], sums["slip_2"]], axis=-1)
+    speeds = jnp.stack(jax.vmap(lambda y: sliding_speeds(machine.velocities(y)))(y), axis=-1)
+    senses = where(jnp.abs(speeds) < RESTS_BELOW * system.width, 0.0, jnp.sign(speeds))
+    dmn = jnp.where(found.mode < 0, -1, number_of(senses[:, 6] != 0.0, senses[:, 7] != 0.0))
+    return CoreXYSolution(
+        machine.parameters, machine.voltage, found.t, y,
+        Accelerations(dy.vx, dy.vy, dy.omega_1, dy.omega_2), dmn.astype(jnp.int32), senses,
+        Ledger(sums["motor_1"], sums["motor_2"], friction, slip), None, solution.flags,
+        solution.result, "smoothed",
+    )  # fmt: skip
