@@ -105,7 +105,8 @@ def check_at_least(name: str, value: T, bound_name: str, bound: Any) -> T:
 
 def check_in(name: str, value: T, allowed: Collection[T]) -> T:
     """One of `allowed`: for words and other discrete choices, which are never traced."""
-    if value not in allowed:
+    # An array has no single answer to whether it is in a collection.
+    if not any(isinstance(value, type(choice)) and value == choice for choice in allowed):
         choices = ", ".join(repr(choice) for choice in allowed)
         raise ValueError(f"{name} = {value!r}: it must be one of {choices}.")
     return value

@@ -1,16 +1,20 @@
 """Sweeps over grids, block by block, that go on where they were interrupted."""
 
+import os
 import time
 from collections.abc import Mapping
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 from jaxtyping import PyTree
 
+from .._validation import check_in, check_type
 from ._evaluate import Evaluate, output_names
 from ._grid import CHUNK, Block, block_shape, blocks, check_grid
+from ._lanes import EXECUTORS
 from ._manifest import FORMAT, as_json, code_revision, digest, versions
 from ._progress import Progress
 from ._store import Layout, Store, Variable, open_dataset
@@ -22,18 +26,18 @@ def run_sweep(
     *,
     carry: PyTree = None,
     along: Any = None,
-    backward: bool = False,
-    inputs: Mapping[str, PyTree] | None = None,
+    backward: Any = False,
+    inputs: Any = None,
     store: Any = None,
-    variables: Mapping[str, Variable] | None = None,
-    settings: Mapping[str, Any] | None = None,
-    attrs: Mapping[str, Any] | None = None,
+    variables: Any = None,
+    settings: Any = None,
+    attrs: Any = None,
     chunk: Any = None,
     resume: Any = True,
     progress: bool | None = None,
     name: str = "sweep",
-    executor: str = "auto",
-    workers: int | None = None,
+    executor: Any = "auto",
+    workers: Any = None,
 ) -> xr.Dataset:
     """Evaluate `function` at every point of a grid; with a `store`, survive any interruption.
 
@@ -74,11 +78,23 @@ def run_sweep(
     coords = check_grid(grid)
     if not callable(function):
         raise TypeError(f"function = {function!r}: it must be callable as f(**point).")
-    variables, settings, inputs = dict(variables or {}), dict(settings or {}), dict(inputs or {})
+    variables, settings, inputs, attrs = (
+        _mapping(key, value)
+        for key, value in (
+            ("variables", variables), ("settings", settings), ("inputs", inputs), ("attrs", attrs)
+        )
+    )  # fmt: skip
+    for key, label in variables.items():
+        check_type(f"variables[{key!r}]", label, Variable, "a Variable")
+    for key, value in (("resume", resume), ("backward", backward)):
+        if not isinstance(value, bool):
+            raise TypeError(f"{key} = {value!r}: it must be True or False.")
+    carry = _check_carry(carry)
     axis = _carried_axis(coords, carry, along, backward)
     _check_number("chunk", chunk)
-    if not isinstance(resume, bool):
-        raise TypeError(f"resume = {resume!r}: it must be True or False.")
+    _check_number("workers", workers)
+    check_in("executor", executor, EXECUTORS)
+    _check_store(store)
     inputs = _check_inputs(inputs, coords)
     shape = tuple(values.size for values in coords.values())
     if chunk is None:
@@ -91,7 +107,7 @@ def run_sweep(
         outputs=outputs,
         sides=sides,
         labels=variables,
-        attrs={"title": name, **as_json(dict(attrs or {}))},
+        attrs={"title": name, **as_json(attrs)},
     )
     manifest = {
         "format": FORMAT,
@@ -198,6 +214,38 @@ def _check_number(name: str, value: Any) -> None:
         raise ValueError(f"{name} = {value!r}: it must be a positive integer.")
 
 
+def _mapping(name: str, value: Any) -> dict[str, Any]:
+    if value is None:
+        return {}
+    if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
+        raise TypeError(f"{name} = {value!r}: it must be a mapping from names.")
+    return dict(value)
+
+
+def _check_carry(carry: PyTree) -> PyTree:
+    """Refuse leaves that the compiler would not take."""
+    for path, leaf in jax.tree_util.tree_leaves_with_path(carry):
+        _check_numbers("carry" + jax.tree_util.keystr(path), leaf)
+    return carry
+
+
+def _check_numbers(name: str, leaf: Any) -> None:
+    try:
+        if np.asarray(leaf).dtype.kind in "biufc":
+            jnp.asarray(leaf)
+            return
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise TypeError(f"{name} = {leaf!r}: it must be a number or an array of numbers.")
+
+
+def _check_store(store: Any) -> None:
+    if store is not None and not isinstance(store, str | os.PathLike):
+        raise TypeError(f"store = {store!r}: it must be the path of a directory, or None.")
+    if store is not None and (not os.fspath(store) or "\0" in str(os.fspath(store))):
+        raise ValueError(f"store = {store!r}: it must be the path of a directory, or None.")
+
+
 def _carried_axis(coords, carry, along, backward) -> int | None:
     if carry is None:
         if along is not None or backward:
@@ -207,7 +255,7 @@ def _carried_axis(coords, carry, along, backward) -> int | None:
         return None
     if along is None:
         return 0
-    if along not in coords:
+    if not isinstance(along, str) or along not in coords:
         raise ValueError(f"along = {along!r}: it must be one of {', '.join(map(repr, coords))}.")
     return list(coords).index(along)
 
@@ -218,7 +266,8 @@ def _check_inputs(inputs, coords):
     for key, tree in inputs.items():
         if key in coords:
             raise ValueError(f"inputs has the name {key!r}, which is a coordinate: it must be another.")
-        for leaf in jax.tree.leaves(tree):
+        for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
+            _check_numbers(f"inputs[{key!r}]" + jax.tree_util.keystr(path), leaf)
             if np.shape(leaf)[: len(shape)] != shape:
                 raise ValueError(
                     f"inputs[{key!r}] has an array of shape {np.shape(leaf)}: its leading axes must be "
