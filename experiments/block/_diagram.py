@@ -31,6 +31,7 @@ PROTOCOL = {
     "converged_transient": 200.0,
     "converged_duration": 40.0,
     "h": 1e-3,
+    "tolerance": 0.0,  # with one, adaptive steps instead of steps of h
     "method": "tsit5",
     "exponents": 501,
     "max_points": 96,
@@ -44,7 +45,7 @@ QUICK = {
 MODELS = ("simplified", "full, sign as printed", "full, consistent sign")
 WORDS = dict(zip(MODELS, ("simplified", "full-printed", "full-consistent"), strict=True))
 CONSTRUCTED = (
-    "Constructed parameters (set A): the paper prints none. 64-bit, {method} with steps of {h:g} s, "
+    "Constructed parameters (set A): the paper prints none. 64-bit, {method} with {steps}, "
     "crossings located to rounding. Section: acceleration of m crosses zero from positive to negative."
 )
 
@@ -94,15 +95,27 @@ def diagrams(
         duration=("protocol", [times[n][1] for n in names], {"units": "s"}),
     )
     return result.assign_attrs(
-        caption=CONSTRUCTED.format(method=parameters["method"], h=parameters["h"]),
+        caption=constructed(parameters),
         method=parameters["method"],
         h=parameters["h"],
+        tolerance=parameters["tolerance"],
     )
 
 
+def constructed(parameters: Mapping[str, Any]) -> str:
+    """Caption: what the parameters are and how the motion was computed."""
+    tolerance, h = parameters["tolerance"], parameters["h"]
+    steps = f"adaptive steps at {tolerance:g}" if tolerance > 0 else f"steps of {h:g} s"
+    return CONSTRUCTED.format(method=parameters["method"], steps=steps)
+
+
 def integrator_of(parameters: Mapping[str, Any]) -> ss.Integrator:
-    """Method and fixed step of an experiment."""
-    step = ss.FixedStep(parameters["h"])  # pyright: ignore[reportCallIssue]
+    """Method and steps of an experiment: of length `h`, or adaptive if a `tolerance` is given."""
+    tolerance = parameters["tolerance"]
+    if tolerance > 0:
+        step = ss.AdaptiveStep(tolerance, 0.1 * tolerance)  # pyright: ignore[reportCallIssue]
+    else:
+        step = ss.FixedStep(parameters["h"])  # pyright: ignore[reportCallIssue]
     return ss.Integrator(parameters["method"], step, max_steps=100_000_000)
 
 
@@ -121,7 +134,7 @@ def _options(kind: str, model: str, settings: Mapping[str, Any], context: Contex
 
 def _diagram(model, k3, transient, duration, protocol, parameters, context) -> xr.Dataset:
     system, start = system_of(model, float(k3[0]))
-    keys = ("h", "method", "max_points")
+    keys = ("h", "tolerance", "method", "max_points")
     settings = {
         "k3": [float(k3[0]), float(k3[-1]), k3.size],
         "times": [transient, duration],
@@ -158,6 +171,7 @@ def _exponents(model, k3, parameters, context) -> xr.Dataset:
         "k3": [float(values[0]), float(values[-1]), values.size],
         "transient": dropped,
         "h": parameters["h"],
+        "tolerance": parameters["tolerance"],
         "method": parameters["method"],
     }
     result = largest_exponents(

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 import stickslip as ss
 
 from .._experiment import Context, Experiment, Statement
-from ._diagram import CONSTRUCTED, MODELS, integrator_of, system_of
+from ._diagram import MODELS, constructed, integrator_of, system_of
 from ._draw import COLOURS, caption
 from ._exponent import largest_exponents
 from ._judge import CHAOTIC, CLAIMS, SHORT
@@ -56,7 +56,7 @@ def compute(parameters, context: Context) -> xr.Dataset:
             )
         )
     result = xr.concat(parts, xr.Variable("model", list(MODELS)))
-    text = CONSTRUCTED.format(method=parameters["method"], h=parameters["h"])
+    text = constructed(parameters)
     return result.assign_attrs(k3=parameters["k3"], caption=text)
 
 
@@ -98,7 +98,7 @@ EXPERIMENT = Experiment(
     title="Phase planes of the block on a belt at k3 = 87.968 N/m, simplified and full model",
     parameters={
         "k3": 87.968, "transient": 300.0, "duration": 300.0, "shown": 40.0, "segments": 300,
-        "h": 1e-3, "method": "tsit5",
+        "h": 1e-3, "tolerance": 0.0, "method": "tsit5",
     },
     quick={"transient": 60.0, "duration": 60.0, "shown": 20.0, "segments": 40},
     compute=compute,
