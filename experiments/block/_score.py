@@ -13,7 +13,7 @@ ITEMS = ("B1", "B2", "B3", "B4", "B5", "B6", "cascade")
 class Regimes(NamedTuple):
     """What a model does along rising k3, and at `SPECIAL`.
 
-    `period`: points after which the motion repeats, 0 if it does not; `chaotic`: whether it is chaos,
+    `period`: maxima of x after which the motion repeats, 0 if it does not; `chaotic`: whether it is chaos,
     judged by the exponent or, in the first look, by the missing period.
     """
 
@@ -35,12 +35,14 @@ def chaotic(period: np.ndarray, exponent: np.ndarray) -> np.ndarray:
 
 def doubling(model: Regimes) -> float | None:
     """Least k3 at which the first period has doubled, from there on; None if it begins doubled."""
-    first = model.period[0]
-    if first == 0:
+    # A lane without a period that is not chaos has not settled: it tells nothing.
+    told = (model.period > 0) | model.chaotic
+    period, wild, k3 = model.period[told], model.chaotic[told], model.k3[told]
+    if period.size < 3 or period[0] == 0 or period[0] != period[:3].min():
         return None
-    more = (model.period >= 2 * first) | (model.period == 0)
+    more = (period >= 2 * period[0]) | wild
     settled = np.flatnonzero(more[:-1] & more[1:])
-    return float(model.k3[settled[0]]) if settled.size else None
+    return float(k3[settled[0]]) if settled.size else None
 
 
 def cascade(model: Regimes) -> float:
