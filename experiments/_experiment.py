@@ -11,7 +11,7 @@ from typing import Any
 import xarray as xr
 from matplotlib.figure import Figure
 
-GROUPS = ("beam", "block")
+GROUPS = ("beam", "block", "corexy")
 
 
 @dataclasses.dataclass(frozen=True)
