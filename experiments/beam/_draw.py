@@ -33,6 +33,8 @@ def draw_diagrams(dataset: xr.Dataset) -> Figure:
             axes[row, 0].set_ylabel(LABELS[name])
         axes[0, column].set_title(variant)
         axes[-1, column].set_xlabel("belt speed $v$")
+    # x is the same to rounding, which no axis should magnify.
+    axes[0, 0].set_ylim(0.0, 1.5 * float(dataset.x.max()))
     caption(figure, dataset)
     return figure
 

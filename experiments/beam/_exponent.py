@@ -19,8 +19,8 @@ PARAMETERS = {
 }  # fmt: skip
 QUICK = {"speeds": 8, "transient": 40.0, "segments": 120}
 NOTE = (
-    "x moves by itself and is neutral (two exponents of 0), and so is a mode with a node at the joint: "
-    "the exponents are those of y and of the modes that it drives, {modes} of them."
+    "x moves by itself and is neutral (two exponents of 0), and so is the fifth mode, with its node at "
+    "the joint: the exponents are those of y and of {modes} modes."
 )
 
 

@@ -26,6 +26,7 @@ CLAIMS = {
 }
 SINGLE = 0.01  # points that differ by less than this part of their size are one branch
 NEAR = 0.05  # a superharmonic this near to a frequency of the beam counts as close
+BORDER = 0.05  # the text gives the borders of the ranges to two digits: not judged this close
 REGULAR = 0.1  # change over a period, against the size, below which a signal is regular
 
 
@@ -69,7 +70,8 @@ def judge_diagrams(dataset: xr.Dataset) -> list[Statement]:
 
 def _judge_y(variant, part, v, width, tail) -> list[Statement]:
     low, high = STICK_SLIP_BELOW, SLIP_ABOVE
-    slow, middle, fast = v < low, (v >= low) & (v <= high), v > high
+    less, more = 1 - BORDER, 1 + BORDER
+    slow, middle, fast = v < less * low, (v > more * low) & (v < less * high), v > more * high
     sticks, share = np.asarray(part.sticks), np.asarray(part.stick_share)
     cycles = float(part.attrs["duration"]) / 0.5405
     per_cycle = sticks / cycles
@@ -78,7 +80,8 @@ def _judge_y(variant, part, v, width, tail) -> list[Statement]:
     if slow.any():
         text = (
             f"the mass sticks {per_cycle[slow].min():.2f} to {per_cycle[slow].max():.2f} times per "
-            f"contact, {share[slow].min():.1%} to {share[slow].max():.1%} of the time{tail}"
+            f"contact, {share[slow].min():.1%} to {share[slow].max():.1%} of the time; at every "
+            f"contact up to v = {_up_to(v, every):.4g}{tail}"
         )
         found.append(statement("C3", variant, bool(every[slow].all()), text))
     if middle.any():
@@ -99,6 +102,13 @@ def _judge_y(variant, part, v, width, tail) -> list[Statement]:
         holds = bool((sticks[fast] == 0).all() and single.all())
         found.append(statement("C5", variant, holds, text))
     return found
+
+
+def _up_to(v: np.ndarray, true: np.ndarray) -> float:
+    """Greatest v up to which it is true, NaN if not even at the first."""
+    wrong = np.flatnonzero(~true)
+    last = v.size if wrong.size == 0 else int(wrong[0])
+    return float(v[last - 1]) if last else float("nan")
 
 
 def peaks_of(part: xr.Dataset, name: str, bases: dict[str, float], count: int = 10) -> list[Peak]:

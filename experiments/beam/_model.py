@@ -19,7 +19,7 @@ STICK_SLIP_BELOW, SLIP_ABOVE = 2.5e-3, 9e-3
 CONTACT_PERIOD = 0.5405  # of x with the constructed parameters, pi sqrt(m/(k2+k3)) + pi sqrt(m/k2)
 CAPTION = (
     "Constructed parameters: the paper's table is lost. Dimensionless. Equations consistent (C-E1 to "
-    "C-E4 corrected) or as printed; no damping (C-E5). {modes} modes, the fifth with a node at z_A."
+    "C-E4 corrected) or as printed; no damping (C-E5). {modes} modes."
 )
 
 
