@@ -13,8 +13,8 @@ ITEMS = ("B1", "B2", "B3", "B4", "B5", "B6", "cascade")
 class Regimes(NamedTuple):
     """What a model does along rising k3, and at `SPECIAL`.
 
-    `period`: maxima of x after which the motion repeats, 0 if it does not; `chaotic`: whether it is chaos,
-    judged by the exponent or, in the first look, by the missing period.
+    `period`: maxima of x after which the motion repeats, 0 if it does not; `chaotic`: whether it is
+    chaos, judged by the exponent or, in the first look, by the missing period.
     """
 
     k3: np.ndarray
