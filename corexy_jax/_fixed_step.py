@@ -232,10 +232,10 @@ def march(
     y0: CoreXYState,
     dt: Any,
     rows: int,
-    stride: int,
+    stride: Any,
     errata: Errata,
 ) -> Row:
-    """`rows` outputs, `stride` steps apart, by `lax.scan`; the start is the first."""
+    """`rows` outputs, `stride` (an array) steps apart, by `lax.scan`; the start is the first."""
     zero = jnp.zeros_like(y0.x)
     turn = virtual_pulleys(y0.vx, y0.vy, p.r)
     ledger = Ledger(zero, zero, jnp.zeros((8, *zero.shape)), jnp.zeros((2, *zero.shape)))

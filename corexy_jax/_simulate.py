@@ -170,7 +170,8 @@ def simulate_as_printed(
         raise ValueError(
             f"t1 = {float(t1)}: it must be a multiple of dt * (rows - 1) = {dt * (rows - 1)}."
         )
-    found = _march(system, y0, jnp.asarray(dt, jnp.float64), rows, stride, errata)
+    steps = jnp.asarray(stride, jnp.int32)
+    found = _march(system, y0, jnp.asarray(dt, jnp.float64), rows, steps, errata)
     finite = jnp.all(jnp.isfinite(found.y.vx) & jnp.isfinite(found.y.vy))
     result = RESULTS.where(finite, RESULTS.successful, RESULTS.nonfinite)
     return CoreXYSolution(
@@ -180,5 +181,5 @@ def simulate_as_printed(
 
 
 @eqx.filter_jit
-def _march(system, y0, dt, rows: int, stride: int, errata: Errata):
+def _march(system, y0, dt, rows: int, stride: jax.Array, errata: Errata):
     return march(system.parameters, system.voltage, y0, dt, rows, stride, errata)
