@@ -10,7 +10,7 @@ import xarray as xr
 
 import stickslip as ss
 from stickslip.sweep import Variable, run_sweep
-from stickslip.systems import WithIntegrals
+from stickslip.systems import JointedBeam, WithIntegrals
 
 from .._experiment import Context
 from ._model import (
@@ -39,6 +39,11 @@ def stick_share(system, t, y, mode, args):
 def lane(variant: str, v: Any, parameters: Mapping[str, Any]) -> dict[str, Any]:
     """Points of one belt speed."""
     system = system_of(variant, v, parameters["modes"])
+    return points(system, system.start(), parameters)
+
+
+def points(system: JointedBeam, start: Any, parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """Poincaré points of all coordinates, and the stick, of one system from one start."""
     integrator = fixed_step(parameters["h"])
     begin = float(parameters["transient"])
     counted = WithIntegrals(system, stick_share)
@@ -50,7 +55,7 @@ def lane(variant: str, v: Any, parameters: Mapping[str, Any]) -> dict[str, Any]:
 
     sections = (*(section(f) for f in SECTIONS.values()), stick_section())
     settled = ss.simulate(
-        counted, 0.0, begin, counted.start(system.start()), args=system, integrator=integrator,
+        counted, 0.0, begin, counted.start(start), args=system, integrator=integrator,
         max_events=None, throw=False,
     )  # fmt: skip
     run = ss.simulate(

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from ..block._draw import caption
 
-COLOURS = {"consistent": "#1f4e9c", "as printed": "#c0392b"}
+COLOURS = {"consistent": "#1f4e9c", "as printed": "#c0392b", "found by search": "#2e7d32"}
 LABELS = {
     "x": "$x$", "vx": r"$\dot x$", "y": "$y$", "vy": r"$\dot y$", "w": "$w(z_A)$",
     "w_rate": r"$\dot w(z_A)$", "W_f": "$W_f$", "W_b": "$W_b$",
@@ -18,8 +18,9 @@ def draw_diagrams(dataset: xr.Dataset) -> Figure:
     """A row per coordinate, a column per reading of the equations."""
     names = ("x", "y", "w")
     figure, axes = plt.subplots(
-        len(names), dataset.sizes["variant"], sharex=True, sharey="row", figsize=(10.5, 8.0)
-    )
+        len(names), dataset.sizes["variant"], sharex=True, sharey="row", squeeze=False,
+        figsize=(1.5 + 4.5 * dataset.sizes["variant"], 8.0),
+    )  # fmt: skip
     for column, variant in enumerate(dataset.variant.values):
         part = dataset.sel(variant=variant)
         for row, name in enumerate(names):

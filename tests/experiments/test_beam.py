@@ -12,7 +12,9 @@ from experiments.beam._judge import (
     judge_slow_frequency,
     judge_stick_slip,
 )
+from experiments.beam._score import ITEMS, SPEEDS, items
 from experiments.beam.fig2_02 import EXPERIMENT as FRICTION
+from experiments.beam.search import FIRST, MOST, physical
 from stickslip.analysis import amplitude_spectrum
 
 V = np.linspace(1e-4, 3e-2, 60)
@@ -132,4 +134,24 @@ def test_friction_curve_is_the_formula():
 
 def test_all_figures_are_there():
     names = [name for name in load() if name.startswith("beam-")]
-    assert names == [f"beam-fig2.{n}" for n in range(2, 14)]
+    assert names == [*(f"beam-fig2.{n}" for n in range(2, 14)), "beam-search"]
+
+
+def test_score_of_what_the_paper_claims():
+    """All claims at all speeds; then stick everywhere; then a width that is never small."""
+    middle = (SPEEDS > 2.5e-3) & (SPEEDS < 9e-3)
+    slow = SPEEDS < 2.5e-3
+    sticks, y, w = np.where(slow, 1.0, 0.0), np.where(middle, 0.3, 0.0), 0.0 * SPEEDS
+    np.testing.assert_array_equal(items(y, w, SPEEDS, sticks), np.ones(len(ITEMS)))
+    np.testing.assert_array_equal(items(y, w, SPEEDS, sticks + 1), [1, 1, 1, 0, 0])
+    np.testing.assert_array_equal(items(y + 1, w + 1, SPEEDS, sticks), [0.5, 1, 1, 1, 0])
+
+
+def test_coordinates_of_the_search():
+    """The constructed set is its first point, up to rounding by hand; the contact period is kept."""
+    p = {k: float(v) for k, v in physical(FIRST).items()}
+    for name, value in {"m": 0.1, "k1": 0.25, "k2": 7.6, "k3": 22.8, "z_A": 0.4}.items():
+        assert abs(p[name] - value) < 1e-3 * value
+    q = physical(MOST)
+    period = np.pi * np.sqrt(q["m"]) * (1 / np.sqrt(q["k2"] + q["k3"]) + 1 / np.sqrt(q["k2"]))
+    assert abs(float(period) - 0.5405) < 1e-12
