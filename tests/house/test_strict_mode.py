@@ -49,9 +49,7 @@ def test_annotations_are_checked_at_call_time(tmp_path):
         "    return 2 * x\n"
     )
     (tmp_path / "test_planted.py").write_text(
-        "import jax.numpy as jnp, stickslip\n"
-        "def test_planted():\n"
-        "    stickslip.double(jnp.ones(1))\n"
+        "import jax.numpy as jnp, stickslip\ndef test_planted():\n    stickslip.double(jnp.ones(1))\n"
     )
     options = ["-c", ROOT / "pyproject.toml", "--rootdir", tmp_path]
     options += ["-p", "no:cacheprovider", "-o", f"pythonpath={tmp_path}"]
