@@ -49,8 +49,12 @@ def draw_phases(dataset: xr.Dataset) -> Figure:
         part = dataset.sel(variant=variant)
         for column, (a, b) in enumerate(pairs):
             axis = axes[row, column]
-            axis.plot(part[a], part[b], color="0.8", linewidth=0.3)
-            axis.plot(part[a][late], part[b][late], color=COLOURS[variant], linewidth=0.3)
+            for chosen, colour in ((slice(None), "0.8"), (late, COLOURS[variant])):
+                axis.plot(
+                    part[a][chosen], part[b][chosen], color=colour, linewidth=0.3, rasterized=True
+                )
+            axis.locator_params(nbins=5)
+            axis.ticklabel_format(scilimits=(-2, 3))
             axis.set_xlabel(LABELS[a])
             axis.set_ylabel(LABELS[b])
         axes[row, 1].set_title(f"{variant}, $v$ = {dataset.attrs['v']:g}")
@@ -59,31 +63,28 @@ def draw_phases(dataset: xr.Dataset) -> Figure:
 
 
 def draw_histories(dataset: xr.Dataset, names: tuple[str, str]) -> Figure:
-    """Two observables over time, from the start, and their spectra."""
-    figure, axes = plt.subplots(2, 2, figsize=(11.0, 6.0))
+    """Two observables over time, from the start, and their spectra; each reading to its own scale."""
+    count = dataset.sizes["variant"]
+    figure, axes = plt.subplots(2, 2 * count, sharex="col", squeeze=False, figsize=(7.5 * count, 6.0))
     shown = dataset.time <= dataset.attrs["shown"]
-    for row, name in enumerate(names):
-        left, right = axes[row]
-        for variant in dataset.variant.values:
-            part, colour = dataset.sel(variant=variant), COLOURS[variant]
-            left.plot(
-                dataset.time[shown], part[name][shown], color=colour, linewidth=0.8, label=variant
-            )
-            right.semilogy(
-                dataset.frequency[1:], part[f"{name}_amplitude"][1:], color=colour, linewidth=0.5
-            )
-        for i in range(1, 5):
-            right.axvline(i * i * np.pi / 2, color="0.75", linewidth=0.6, zorder=0)
-        top = float(dataset[f"{name}_amplitude"][:, 1:].max())
-        right.set_ylim(1e-6 * top, 2 * top)
-        right.set_xlim(0, 26)
-        left.set_ylabel(LABELS[name])
-        right.set_ylabel(f"amplitude of {LABELS[name]}")
-    axes[0, 0].legend(frameon=False)
-    axes[0, 0].set_title(f"$v$ = {dataset.attrs['v']:g}")
-    axes[0, 1].set_title(f"from $t$ = {dataset.attrs['dropped']:g}; grey: the beam alone")
-    axes[1, 0].set_xlabel("time")
-    axes[1, 1].set_xlabel("frequency")
+    for k, variant in enumerate(dataset.variant.values):
+        part, colour = dataset.sel(variant=variant), COLOURS[variant]
+        for row, name in enumerate(names):
+            left, right = axes[row, 2 * k : 2 * k + 2]
+            left.plot(dataset.time[shown], part[name][shown], color=colour, linewidth=0.8)
+            amplitude = part[f"{name}_amplitude"][1:]
+            right.semilogy(dataset.frequency[1:], amplitude, color=colour, linewidth=0.5)
+            for i in range(1, 5):
+                right.axvline(i * i * np.pi / 2, color="0.75", linewidth=0.6, zorder=0)
+            right.set_ylim(1e-6 * float(amplitude.max()), 2 * float(amplitude.max()))
+            right.set_xlim(0, 26)
+            left.ticklabel_format(axis="y", scilimits=(-2, 3))
+            left.set_ylabel(LABELS[name])
+            right.set_ylabel(f"amplitude of {LABELS[name]}")
+        axes[0, 2 * k].set_title(f"{variant}, $v$ = {dataset.attrs['v']:g}")
+        axes[0, 2 * k + 1].set_title(f"from $t$ = {dataset.attrs['dropped']:g}; grey: the beam alone")
+        axes[1, 2 * k].set_xlabel("time")
+        axes[1, 2 * k + 1].set_xlabel("frequency")
     caption(figure, dataset)
     return figure
 
@@ -92,6 +93,7 @@ def draw_running(dataset: xr.Dataset) -> Figure:
     """Exponents as they converge, with the error of the last value."""
     figure, axes = plt.subplots(1, 3, figsize=(11.5, 3.8))
     titles = ("greatest exponent", "of the mass (last finite)", "Eq. (2.25) to the letter")
+    early = dataset.sizes["time"] // 40
     for axis, name, title in zip(axes, ("greatest", "mass", "letter"), titles, strict=True):
         for variant in dataset.variant.values:
             part, colour = dataset.sel(variant=variant), COLOURS[variant]
@@ -100,6 +102,10 @@ def draw_running(dataset: xr.Dataset) -> Figure:
                 value, error = float(part[name][-1]), float(part[f"{name}_error"])
                 axis.axhspan(value - error, value + error, color=colour, alpha=0.2)
         axis.axhline(0.0, color="0.6", linewidth=0.6)
+        # The first values are those of a few segments, far from where they go.
+        settled = np.append(np.asarray(dataset[name])[:, early:], 0.0)
+        room = 0.1 * (settled.max() - settled.min())
+        axis.set_ylim(settled.min() - room, settled.max() + room)
         axis.set_title(title)
         axis.set_xlabel("time")
     axes[0].set_ylabel("exponent")
