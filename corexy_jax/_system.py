@@ -30,7 +30,7 @@ from ._contacts import (
     sliding_speeds,
     static_limits,
 )
-from ._modes import MODE_NAMES, mode_number, mode_signs
+from ._modes import MODE_NAMES, mode_dmn, mode_number, mode_signs
 from ._motors import motor_torque
 from ._parameters import CoreXYParameters
 from ._resolve_signs import resolve_signs
@@ -250,6 +250,15 @@ class CoreXY(AbstractMechanicalSystem):
             f"friction_{name}": f * v for name, f, v in zip(LOSS_NAMES, friction, speeds, strict=True)
         }
         return {"motor_1": one * y.omega_1, "motor_2": two * y.omega_2, **losses}
+
+    def dmn(self, mode: Any) -> Any:
+        """Dynamic model number of a mode: 1 RR, 2 SR, 3 RS, 4 SS."""
+        return mode_dmn(mode)
+
+    def carriage_rests(self, mode: Any) -> Any:
+        """Whether neither x nor y moves in a mode."""
+        signs = mode_signs(mode)
+        return (signs[X] == 0.0) & (signs[Y] == 0.0)
 
     def slips(self, t, y, mode, args):
         """`slip_1`, `slip_2`: rates of the slip distances of the belts [m/s]."""
