@@ -9,6 +9,7 @@ import equinox as eqx
 import jax
 import jax.extend
 from jax.experimental.xla_metadata import set_xla_metadata
+from jax.interpreters.partial_eval import dce_jaxpr
 
 # Attributes XLA's CPU compiler reads on a call. `inlineable="false"` keeps a call a call, so that a
 # stage sum is computed once instead of being recomputed by every later stage it is fused into;
@@ -27,21 +28,18 @@ class Executor(eqx.Module):
         """Call `function` such that its result is computed once (fused) or plainly (portable)."""
         if not self.fused:
             return function(*operands)
-        leaves, treedef = jax.tree.flatten(operands)
-        jaxpr, consts, out_tree = _trace(function, leaves, treedef)
+        jaxpr, values, out_tree = _trace(function, operands)
         # The compiler aborts on a call that only hands its operands through, so such results stay
         # outside the call.
-        handed = {*jaxpr.invars, *jaxpr.constvars}
+        handed = dict(zip(jaxpr.invars, values, strict=True))
         inside = [not isinstance(v, jax.extend.core.Literal) and v not in handed for v in jaxpr.outvars]
 
         def evaluate(*flat):
-            out = _evaluate(jaxpr, consts, flat)
-            return [value for value, keep in zip(out, inside, strict=True) if keep]
+            return _pick(_evaluate(jaxpr, (), flat), inside)
 
-        computed = iter(_call(_BOUNDARY, evaluate, leaves) if any(inside) else [])
-        values = dict(zip([*jaxpr.invars, *jaxpr.constvars], [*leaves, *consts], strict=True))
+        computed = iter(_call(_BOUNDARY, evaluate, values) if any(inside) else [])
         out = [
-            next(computed) if keep else v.val if isinstance(v, jax.extend.core.Literal) else values[v]
+            next(computed) if keep else v.val if isinstance(v, jax.extend.core.Literal) else handed[v]
             for v, keep in zip(jaxpr.outvars, inside, strict=True)
         ]
         return jax.tree.unflatten(out_tree, out)
@@ -50,7 +48,16 @@ class Executor(eqx.Module):
         """Call `function`, a whole time loop, as one compiled function (fused) or plainly."""
         if not self.fused:
             return function(*operands)
-        return _call(_LOOP, function, operands)
+        jaxpr, values, out_tree = _trace(function, operands)
+        whole = jax.extend.core.jaxpr_as_fun(jax.extend.core.ClosedJaxpr(jaxpr, ()))
+
+        def evaluate(*values):
+            return jax.lax.optimization_barrier(whole(*values))
+
+        # The compiler aborts on a fused call with an operand that nothing depends on. The barriers
+        # keep it from making one: by moving a constant into the call, or by dropping what the loop
+        # carries when its last value is not wanted.
+        return jax.tree.unflatten(out_tree, _call(_LOOP, evaluate, jax.lax.optimization_barrier(values)))
 
 
 def _call(attributes: dict[str, str], function: Callable, operands: Sequence) -> Any:
@@ -78,8 +85,13 @@ def use_executor(executor: Executor) -> Iterator[None]:
         _current.reset(token)
 
 
-def _trace(function: Callable, leaves: list, treedef: Any) -> tuple:
-    """Jaxpr of `function` on flat operands, its constants and the structure of its result."""
+def _trace(function: Callable, operands: tuple) -> tuple:
+    """Jaxpr of `function` on the values it depends on, these values, and the form of its result.
+
+    The values are leaves of the operands and whatever arrays the function closes over. Those that
+    nothing depends on are left out: the compiler aborts on a fused call with such an operand.
+    """
+    leaves, treedef = jax.tree.flatten(operands)
     out_tree = None
 
     def flat(*flat_leaves):
@@ -88,7 +100,21 @@ def _trace(function: Callable, leaves: list, treedef: Any) -> tuple:
         return out
 
     closed = jax.make_jaxpr(flat)(*leaves)
-    return closed.jaxpr, closed.consts, out_tree
+    consts = closed.consts
+    if consts:
+
+        def opened(*values):
+            return jax.core.eval_jaxpr(closed.jaxpr, values[: len(consts)], *values[len(consts) :])
+
+        jaxpr = jax.make_jaxpr(opened)(*consts, *leaves).jaxpr
+    else:
+        jaxpr = closed.jaxpr
+    jaxpr, used = dce_jaxpr(jaxpr, [True] * len(jaxpr.outvars))
+    return jaxpr, _pick([*consts, *leaves], used), out_tree
+
+
+def _pick(items: Sequence, chosen: Sequence[bool]) -> list:
+    return [item for item, take in zip(items, chosen, strict=True) if take]
 
 
 def _evaluate(jaxpr, consts, operands):

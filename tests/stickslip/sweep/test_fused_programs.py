@@ -1,0 +1,50 @@
+"""Programs on which XLA aborted the process: fused calls with an operand that nothing depends on.
+
+Constants as parameters (moved into the call), results nobody reads (the loop stops carrying them),
+and arrays the system closes over (lifted to operands) each made one.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import stickslip as ss
+from stickslip.hybrid._execute import FUSED, use_executor
+from stickslip.systems import CoulombOscillator, Motion
+
+SPEEDS = jnp.linspace(0.2, 0.4, 200)
+STEP = ss.Integrator(method="tsit5", step=ss.FixedStep(0.1))
+
+
+def logged(v, mass):
+    block = CoulombOscillator(mass, 1.0, 1.0, 0.5, v)
+    return ss.simulate(block, 0.0, 8.0, Motion(x=0.0, v=v), "stick").y1.x
+
+
+def unread(v, mass):
+    block = CoulombOscillator(mass, 1.0, 1.0, 0.5, v)
+    start = Motion(x=0.0 * v, v=v)
+    return ss.simulate(
+        block, 0.0, 8.0, start, "stick", integrator=STEP, max_events=None, throw=False
+    ).y1.x
+
+
+def lanes(function, executor):
+    return ss.map_lanes(function, executor=executor)(SPEEDS)
+
+
+@pytest.mark.parametrize("function", [logged, unread])
+@pytest.mark.parametrize("mass", [1.0, np.array(1.0)], ids=["number", "array"])
+def test_constants_and_unread_results(function, mass):
+    fused, portable = (lanes(lambda v: function(v, mass), e) for e in ("fused", "portable"))
+    np.testing.assert_allclose(fused, portable, rtol=0, atol=1e-13)
+
+
+def test_a_single_lane():
+    def one(v):
+        return unread(v, jnp.asarray(1.0))
+
+    with use_executor(FUSED):
+        fused = jax.jit(one)(0.3)
+    np.testing.assert_allclose(fused, jax.jit(one)(0.3), rtol=0, atol=1e-13)
