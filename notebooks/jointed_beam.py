@@ -139,19 +139,19 @@ assert abs(float(known.exponents[0]) - np.log(2)) < 3 * float(known.error[0])
 # exponent of $-\infty$.
 
 # %%
-SEGMENTS = 60 if QUICK else 1600
+SEGMENTS, WARM_UP, MODES = (40, 10, 2) if QUICK else (1600, 40, 4)
 
 
 @jax.jit
 def exponents(v):
     """Spectrum of what the bounce drives, measured in units in which a free swing keeps its size."""
-    system = JointedBeam.constructed(v, modes=4)
+    system = JointedBeam.constructed(v, modes=MODES)
     one = jnp.ones(())
     scales = JointedBeamState(
-        one, one, one, jnp.sqrt(system.k1 / system.m), jnp.ones(4), system.frequencies()
+        one, one, one, jnp.sqrt(system.k1 / system.m), jnp.ones(MODES), system.frequencies()
     )
     return lyapunov_spectrum(
-        system, system.start(), segment=0.5, segments=SEGMENTS, warm_up=40,
+        system, system.start(), segment=0.5, segments=SEGMENTS, warm_up=WARM_UP,
         components=("y", "vy", "q", "p"), scales=scales, integrator=METHOD,
     )  # fmt: skip
 
@@ -182,7 +182,7 @@ for v in (SLOW, FAST):
 # zero from above as $1/t$: its last value tells when one stopped.
 
 # %%
-system = JointedBeam.constructed(FAST, modes=4)
+system = JointedBeam.constructed(FAST, modes=MODES)
 
 
 @jax.jit

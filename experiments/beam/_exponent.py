@@ -6,7 +6,13 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from stickslip.analysis import LyapunovSpectrum, Separation, lyapunov_spectrum, two_trajectory_exponent
+from stickslip.analysis import (
+    LyapunovSpectrum,
+    Separation,
+    lyapunov_diagram,
+    lyapunov_spectrum,
+    two_trajectory_exponent,
+)
 from stickslip.sweep import Variable, run_sweep
 
 from .._experiment import Context
@@ -24,19 +30,22 @@ NOTE = (
 )
 
 
+def options(parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """Options of the spectrum: all exponents of the driven part."""
+    return {
+        "transient": parameters["transient"],
+        "components": DRIVEN,
+        "integrator": fixed_step(parameters["h"]),
+    }
+
+
 def spectrum(variant: str, v: Any, parameters: Mapping[str, Any]) -> LyapunovSpectrum:
-    """All exponents of the driven part."""
+    """All exponents of the driven part at one belt speed."""
     system = system_of(variant, v, parameters["modes"])
     return lyapunov_spectrum(
-        system,
-        system.start(),
-        segment=parameters["segment"],
-        segments=parameters["segments"],
-        transient=parameters["transient"],
-        components=DRIVEN,
-        scales=norm_of(system),
-        integrator=fixed_step(parameters["h"]),
-    )
+        system, system.start(), segment=parameters["segment"], segments=parameters["segments"],
+        scales=norm_of(system), **options(parameters),
+    )  # fmt: skip
 
 
 def letter(variant: str, v: Any, parameters: Mapping[str, Any]) -> Separation:
@@ -60,22 +69,19 @@ def exponents(parameters: Mapping[str, Any], context: Context) -> xr.Dataset:
     parts = []
     for variant in VARIANTS:
 
-        def tangent(v, variant=variant):
-            found = spectrum(variant, v, parameters)
-            return {"exponents": found.exponents, "error": found.error, "flags": found.flags}
-
         def separation(v, variant=variant):
             return {"letter": letter(variant, v, parameters).exponent}
 
         both = [
-            run_sweep(
-                tangent,
+            lyapunov_diagram(
+                lambda v, variant=variant: system_of(variant, v, parameters["modes"]),
                 {"v": speeds},
-                variables={
-                    "v": speed,
-                    "exponents": Variable(("exponent",), "1", "Lyapunov exponents of y and the beam"),
-                    "error": Variable(("exponent",), "1", "error of the exponents"),
-                },
+                lambda system: system.start(),
+                segment=parameters["segment"],
+                segments=parameters["segments"],
+                scales=norm_of,
+                spectrum=options(parameters),
+                labels={"v": speed},
                 chunk=32,
                 **store_options("spectrum", variant, parameters, context),
             ),

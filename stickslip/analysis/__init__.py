@@ -4,6 +4,7 @@ from ._growth import LyapunovSpectrum as LyapunovSpectrum
 from ._history import energy_ledger as energy_ledger
 from ._history import time_history as time_history
 from ._lyapunov import lyapunov_spectrum as lyapunov_spectrum
+from ._lyapunov_diagram import lyapunov_diagram as lyapunov_diagram
 from ._lyapunov_map import lyapunov_spectrum_of_map as lyapunov_spectrum_of_map
 from ._observable import Maximum as Maximum
 from ._observable import Minimum as Minimum

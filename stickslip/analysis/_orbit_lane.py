@@ -80,7 +80,7 @@ def run_lane(plan: Plan, integrator: Integrator, numbers: Numbers, y0: PyTree, p
         settled = simulate(
             system, start, jnp.where(inside, begin, start), y0, mode, args, sections=borders, **options
         )
-        y, mode, early = settled.y1, settled.mode1, _engine_status(settled.result)
+        y, mode, early = settled.y1, settled.mode1, engine_status(settled.result)
     early = jnp.where(inside, early, STATUS.index("left_domain"))
     going = early == 0
     recorded = simulate(
@@ -97,7 +97,7 @@ def run_lane(plan: Plan, integrator: Integrator, numbers: Numbers, y0: PyTree, p
         return jnp.where(valid, seen, jnp.nan)
 
     points = {name: values(f) for name, f in plan.observables.items()}
-    late = _engine_status(recorded.result)
+    late = engine_status(recorded.result)
     full = recorded.result == RESULTS.max_crossings_reached
     late = jnp.where(full, 0 if plan.stops else STATUS.index("buffer_full"), late)
     late = jnp.where((late == 0) & (rows.count == 0), STATUS.index("no_crossing"), late)
@@ -118,7 +118,8 @@ def run_lane(plan: Plan, integrator: Integrator, numbers: Numbers, y0: PyTree, p
     return end, results
 
 
-def _engine_status(result: RESULTS) -> Any:  # pyright: ignore[reportInvalidTypeForm]
+def engine_status(result: RESULTS) -> Any:  # pyright: ignore[reportInvalidTypeForm]
+    """Index in `STATUS` of the engine's result code."""
     status = jnp.asarray(STATUS.index("other_failure"), jnp.int32)
     for name in ("successful", "event_occurred", *_ENGINE):
         number = {"successful": 0, "event_occurred": STATUS.index("left_domain")}.get(name)

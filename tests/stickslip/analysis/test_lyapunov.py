@@ -9,13 +9,25 @@ import stickslip as ss
 from stickslip.analysis import (
     LyapunovSpectrum,
     _tangent,
+    lyapunov_diagram,
     lyapunov_spectrum,
     lyapunov_spectrum_of_map,
     two_trajectory_exponent,
     volume_growth,
 )
 from stickslip.analysis._growth import averaged, first_frame, orthonormalised
-from stickslip.systems import CoulombOscillator, Motion, OscillatorBetweenStops
+from stickslip.systems import (
+    BlockOnBelt,
+    BlockOnDrivenBelt,
+    BlockState,
+    BouncingBall,
+    CoulombOscillator,
+    DrivenBlockState,
+    JointedBeam,
+    Motion,
+    OscillatorBetweenStops,
+)
+from tests.stickslip.systems._systems import CASES
 
 from ._chaos import Flow, Impacts, Point, lorenz
 
@@ -87,11 +99,29 @@ def test_lorenz():
     assert bool(found.result == ss.RESULTS.successful)
 
 
+def test_two_trajectories_of_a_linear_flow():
+    """Eq. (2.25), with and without bringing the motions together again: the slowest decay, -0.2."""
+    flow = Flow(jnp.diag(jnp.array([-0.2, -1.0, -2.0])), jnp.asarray(0.0), jnp.asarray(0.0))
+
+    def exponent(**options):
+        return two_trajectory_exponent(
+            flow, Point(1.0, 1.0, 1.0), segment=1.0, segments=20, distance=1e-3, integrator=SMOOTH,
+            **options,
+        )  # fmt: skip
+
+    again, letter = jax.jit(lambda: (exponent(warm_up=20), exponent(renormalise=False)))()
+    np.testing.assert_allclose(again.exponent, -0.2, atol=1e-6)
+    # Spread evenly over three components, of which two are soon gone.
+    np.testing.assert_allclose(letter.distance[-1], 1e-3 / 3**0.5 * np.exp(-4.0), rtol=1e-4)
+    np.testing.assert_allclose(letter.running[-1], -0.2 - 0.5 * np.log(3.0) / 20, atol=1e-5)
+    assert np.isnan(letter.error)
+
+
 # Maps
 
 
 def test_maps():
-    """Logistic at 4: ln 2. Tent of slope s: ln s exactly. Henon: 0.4192, sum ln 0.3."""
+    """Logistic at 4: ln 2. Tent of slope s: ln s exactly."""
     logistic = lyapunov_spectrum_of_map(
         lambda x: 4 * x * (1 - x), 0.2345, iterations=20_000, transient=100
     )
@@ -102,6 +132,11 @@ def test_maps():
     )
     np.testing.assert_allclose(tent.exponents, np.log(slope), rtol=1e-13)
     assert float(tent.error[0]) < 1e-12
+
+
+@pytest.mark.slow
+def test_henon_map():
+    """Sprott 2003: 0.4192; the determinant is -0.3 everywhere."""
     henon = lyapunov_spectrum_of_map(
         lambda z: (1 - 1.4 * z[0] ** 2 + z[1], 0.3 * z[0]), (0.1, 0.1), iterations=40_000, transient=100
     )
@@ -112,29 +147,55 @@ def test_maps():
 # Events
 
 
-@jax.jit
-def short(restitution):
-    """Growth of a frame over 30 s, a batch; segments in step with the computation by hand."""
+def switchable(monkeypatch):
+    """The engine's saltation where `args` is true, else what stands there if one forgets about it."""
+    right = _tangent.WithDeviations.transition
 
-    def lane(e):
-        found = lyapunov_spectrum(
-            impacting(e=e), START, segment=1.5, segments=20, warm_up=0, blocks=2, integrator=FINE
-        )
-        return found.local.sum(axis=0) * 1.5
+    def transition(self, t, y, mode, guard, args):
+        after, new = right(self, t, y, mode, guard, args)
 
-    return jax.vmap(lane)(restitution)
+        def through(d):
+            # As if every deviated motion met the event at the same time: the Jacobian of the jump.
+            jump = lambda s: self.system.transition(t, s, mode, guard, args)[0]  # noqa: E731
+            return jax.jvp(jump, (y.y,), (d,))[1]
+
+        frozen = jax.vmap(through, -1, -1)(y.deviations)
+        chosen = jax.tree.map(lambda a, b: jnp.where(args, a, b), after.deviations, frozen)
+        return after._replace(deviations=chosen), new
+
+    monkeypatch.setattr(_tangent.WithDeviations, "transition", transition)
 
 
-def by_hand(e):
-    return BY_HAND._replace(e=e).growth(START, 30.0, np.asarray(first_frame(2, 2)))
+def equals_the_computation_by_hand(growth, e):
+    """Growth of both directions over 30 s and a dozen impacts, from the same frame."""
+    exact = BY_HAND._replace(e=e).growth(START, 30.0, np.asarray(first_frame(2, 2)))
+    np.testing.assert_allclose(growth, exact, atol=1e-6)
 
 
-def test_impacts_equal_the_computation_by_hand():
-    """Same frame, same time: growth of both directions through a dozen impacts; a batch."""
-    found = np.asarray(short(jnp.array([0.8, 0.82])))
-    np.testing.assert_allclose(found, [by_hand(0.8), by_hand(0.82)], atol=1e-6)
+def test_impacts_equal_the_computation_by_hand(monkeypatch):
+    """Two restitutions in a batch; the same test fails once saltation is switched off."""
+    switchable(monkeypatch)
+
+    @jax.jit
+    def grown(restitution, saltation):
+        def lane(e, saltation):
+            # Segments in step with the computation by hand.
+            found = lyapunov_spectrum(
+                impacting(e=e), START, args=saltation, segment=1.5, segments=20, warm_up=0, blocks=2,
+                integrator=FINE,
+            )  # fmt: skip
+            return found.local.sum(axis=0) * 1.5
+
+        return jax.vmap(lane)(restitution, saltation)
+
+    found = np.asarray(grown(jnp.array([0.8, 0.82, 0.8]), jnp.array([True, True, False])))
+    equals_the_computation_by_hand(found[0], 0.8)
+    equals_the_computation_by_hand(found[1], 0.82)
     assert found[0, 0] > 3.0
     assert found[1, 0] < 0.0
+    with pytest.raises(AssertionError, match="Not equal to tolerance"):
+        equals_the_computation_by_hand(found[2], 0.8)
+    assert abs(found[2] - found[0]).max() > 0.5
 
     @jax.jit
     def volume():
@@ -143,28 +204,49 @@ def test_impacts_equal_the_computation_by_hand():
     np.testing.assert_allclose(found[0].sum(), 30.0 * volume(), atol=1e-7)
 
 
-def test_without_saltation_the_impacts_are_wrong(monkeypatch):
-    """The planted fault: event times that do not move with the state. The test above must see it."""
-    right = _tangent.WithDeviations.transition
+# The sum of the exponents is the mean growth of volume: divergence of the fields, ln |det S| of events.
 
-    def frozen(self, t, y, mode, guard, args):
-        """As if every deviated motion met the event at the same time: jump Jacobian, no saltation."""
-        after, new = right(self, t, y, mode, guard, args)
+STOPPED = OscillatorBetweenStops(
+    1.0, 2.0, damping=0.1, lower=-0.6, upper=1.0, restitution=0.8, rest_speed=0.0,
+    force_amplitude=0.7, force_frequency=1.3,
+)  # fmt: skip
+BELT = BlockOnBelt.constructed(85.0)
+DRIVEN = BlockOnDrivenBelt.constructed(85.0)
+FREE_BEAM = JointedBeam.constructed(5e-3, mu_s=0.0, damping=0.02, modes=2)
+SUMS = {
+    # system, start, duration, whether the exponents are finite
+    "between stops": (STOPPED, Motion(0.0, 1.5), 12.0, True),
+    "ball": (BouncingBall(0.5, 9.81, 0.7, 0.02), Motion(1.0, 0.0), 2.0, True),
+    "block on belt": (BELT, BlockState(0.0, 0.0, 0.0, 0.0), 4.0, True),
+    "block with drive": (DRIVEN, DrivenBlockState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 4.0, True),
+    "beam without friction": (FREE_BEAM, FREE_BEAM.start(), 4.0, True),
+    "beam": (JointedBeam.constructed(5e-3, modes=2), FREE_BEAM.start(), 4.0, False),
+    **{
+        name: (CASES[name].system, CASES[name].start, CASES[name].t1, False)
+        for name in ("oscillator on a belt", "sliding block", "two blocks")
+    },
+}
 
-        def through(d):
-            return jax.jvp(lambda s: self.system.transition(t, s, mode, guard, args)[0], (y.y,), (d,))[
-                1
-            ]
 
-        return after._replace(deviations=jax.vmap(through, -1, -1)(y.deviations)), new
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SUMS)
+def test_sum_of_exponents_is_the_growth_of_volume(name):
+    """Over the same time the two are one number; where slip ends in stick both are minus infinity."""
+    system, start, duration, finite = SUMS[name]
 
-    monkeypatch.setattr(_tangent.WithDeviations, "transition", frozen)
-    # Another limit of steps, so that no program compiled without the fault is used again.
-    faulty = lyapunov_spectrum(
-        impacting(), START, segment=1.5, segments=20, warm_up=0, blocks=2,
-        integrator=ss.Integrator("tsit5", max_steps=99_999),
-    )  # fmt: skip
-    assert not np.allclose(faulty.local.sum(axis=0) * 1.5, by_hand(0.8), atol=0.5)
+    @jax.jit
+    def both():
+        found = lyapunov_spectrum(
+            system, start, segment=duration / 40, segments=40, warm_up=0, integrator=FINE
+        )
+        return found.sum, volume_growth(system, start, duration=duration, integrator=FINE)
+
+    total, volume = (float(a) for a in both())
+    if finite:
+        assert volume != 0.0
+        np.testing.assert_allclose(total, volume, rtol=1e-6, atol=1e-7)
+    else:
+        assert total == volume == -np.inf
 
 
 @pytest.mark.slow
@@ -183,26 +265,26 @@ def test_impacts_over_a_long_time_and_by_two_trajectories():
     agree(two.exponent, exact[0], np.hypot(two.error, spread[0]), 0.025)
 
 
-@jax.jit
-def belt_spectrum(system, y0):
-    return lyapunov_spectrum(
-        system, y0, segment=2.0, segments=60, warm_up=10, integrator=SMOOTH, components=None
-    )
-
-
 def test_stick_slip_cycle_has_zero_and_minus_infinity():
     """One direction is along the cycle, the other is lost whenever the block comes to stick."""
-    system = CoulombOscillator(1.0, 1.0, 1.0, 0.5, 0.2)
-    found = belt_spectrum(system, Motion(0.0, 0.2))
-    assert abs(float(found.exponents[0])) <= 3 * float(found.error[0])
-    assert float(found.error[0]) < 0.05
-    assert float(found.exponents[1]) == -np.inf
-    assert np.isnan(found.error[1])
-    cycles = 120.0 / (5.0 + 2 * np.pi - 2 * np.arctan(2.5))
-    # Lost when the slip ends; what takes its place, against the stick, is lost when that ends.
-    assert abs(int(found.lost[1]) - 2 * cycles) <= 2
-    assert int(found.lost[0]) == 0
-    assert float(found.sum) == -np.inf
+    speeds = [0.2, 0.3]
+    found = lyapunov_diagram(
+        CoulombOscillator(1.0, 1.0, 1.0, 0.5, 0.2), {"belt_speed": speeds},
+        lambda system: Motion(0.0, system.belt_speed),
+        segment=2.0, segments=60, spectrum={"warm_up": 10, "integrator": SMOOTH}, executor="portable",
+    )  # fmt: skip
+    assert found.exponents.dims == ("belt_speed", "exponent")
+    assert found.exponents.units == "1/s"
+    np.testing.assert_array_equal(found.status, 0)
+    assert np.isneginf(found.exponents[:, 1]).all()
+    assert np.isnan(found.error[:, 1]).all()
+    assert (abs(found.exponents[:, 0]) <= 3 * found.error[:, 0]).all()
+    assert float(found.error[:, 0].max()) < 0.05
+    for lost, v in zip(found.lost.values, speeds, strict=True):
+        stick, slip = 1.0 / v, 2 * np.pi - 2 * np.arctan(0.5 / v)
+        # Lost when the slip ends; what takes its place, against the stick, is lost when that ends.
+        assert abs(lost[1] - 2 * 120.0 / (stick + slip)) <= 2
+        assert lost[0] == 0
 
 
 # The parts
@@ -256,6 +338,23 @@ def test_wrong_arguments_of_the_others():
         lyapunov_spectrum_of_map(lambda x: x, 0.1, iterations=3)
     with pytest.raises(TypeError, match="function"):
         lyapunov_spectrum_of_map(2.0, 0.1, iterations=100)
+    grid = {"damping": [0.1]}
+    for system, y0, message in (
+        ("oscillator", START, "system = 'oscillator'"),
+        (impacting(), START, "grid has the name 'wrong'"),
+    ):
+        with pytest.raises((ValueError, TypeError), match=message):
+            lyapunov_diagram(
+                system,
+                {"wrong": [1.0]} if system != "oscillator" else grid,
+                y0,
+                segment=1.0,
+                segments=20,
+            )
+    with pytest.raises(TypeError, match="spectrum is a list"):
+        lyapunov_diagram(impacting(), grid, START, segment=1.0, segments=20, spectrum=[1])
+    with pytest.raises(ValueError, match="segments = 3"):
+        lyapunov_diagram(impacting(), grid, START, segment=1.0, segments=3)
     with pytest.raises(ValueError, match=r"duration = -1\.0"):
         volume_growth(impacting(), START, duration=-1.0)
     assert LyapunovSpectrum.__doc__

@@ -28,26 +28,36 @@ def simulate(v, t, *, modes=5, x0=9.2e-4, printed=False, tolerance=1e-12, **chan
     phi = (1.0 if printed else np.sqrt(2.0)) * np.sin(i * np.pi * p["z_A"])
     beam_stiffness = k2 if printed else k1
 
-    def parts(s):
-        return s[0], s[1], s[2], s[3], s[4 : 4 + modes], s[4 + modes :]
-
     def joint(s):
         return k1 * (s[2] - phi @ s[4 : 4 + modes])
 
-    def rhs(phase, s):
-        x, vx, y, vy, q, qd = parts(s)
-        N = 0.0 if phase == "apart" else k3 * x
-        if phase == "stick":
-            ay = 0.0
-        elif phase == "apart":
-            ay = -joint(s) / m
-        else:
-            V, sign = vy - v, 1.0 if phase == "forward" else -1.0
-            weakening = 1 + gamma * (V if printed else sign * V)
-            ay = (-joint(s) - sign * mu * N / weakening) / m
-        pull = phi * (y - phi * q) if printed else phi * (y - phi @ q)
-        qdd = -omega2 * q + beam_stiffness * pull
-        return np.concatenate([[vx, -(k2 * x + N) / m, vy, ay], qd, qdd])
+    def linear(phase):
+        """Matrix of the phase without the friction: rows x', vx', y', vy', q', q''."""
+        size = 4 + 2 * modes
+        A = np.zeros((size, size))
+        A[0, 1] = A[2, 3] = 1.0
+        A[1, 0] = -(k2 + (0.0 if phase == "apart" else k3)) / m
+        if phase != "stick":
+            A[3, 2], A[3, 4 : 4 + modes] = -k1 / m, k1 * phi / m
+        A[4 : 4 + modes, 4 + modes :] = np.eye(modes)
+        A[4 + modes :, 2] = beam_stiffness * phi
+        coupling = np.diag(phi * phi) if printed else np.outer(phi, phi)
+        A[4 + modes :, 4 : 4 + modes] = -np.diag(omega2) - beam_stiffness * coupling
+        return A
+
+    matrices = {phase: linear(phase) for phase in ("stick", "forward", "backward", "apart")}
+
+    def field(phase):
+        A, sign = matrices[phase], {"forward": 1.0, "backward": -1.0}.get(phase, 0.0)
+
+        def rhs(_, s):
+            rate = A @ s
+            if sign:
+                V = s[3] - v
+                rate[3] -= sign * mu * k3 * s[0] / (1 + gamma * (V if printed else sign * V)) / m
+            return rate
+
+        return rhs
 
     def at_rest(s):
         limit = mu * k3 * s[0]
@@ -83,8 +93,8 @@ def simulate(v, t, *, modes=5, x0=9.2e-4, printed=False, tolerance=1e-12, **chan
             function.terminal, function.direction = True, -1.0
             functions.append(function)
         run = solve_ivp(
-            lambda time, s, phase=phase: rhs(phase, s), (now, end), state, method="DOP853",
-            rtol=tolerance, atol=tolerance * 1e-6, events=functions, dense_output=True, max_step=0.005,
+            field(phase), (now, end), state, method="DOP853", rtol=tolerance, atol=tolerance * 1e-6,
+            events=functions, dense_output=True, max_step=0.02,
         )  # fmt: skip
         inside = (t[done:] <= run.t[-1]).sum()
         if inside:

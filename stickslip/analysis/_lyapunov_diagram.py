@@ -1,0 +1,113 @@
+"""Lyapunov exponents over one or more parameters of a system."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import xarray as xr
+
+from .._validation import check_type
+from ..hybrid import AbstractHybridSystem
+from ..sweep import Variable, run_sweep
+from ..sweep._grid import check_grid
+from ._lyapunov import lyapunov_spectrum
+from ._observable import check_parameter, with_parameters
+from ._orbit_lane import STATUS, engine_status
+
+CHUNK = 64  # lanes per block: each is a motion with all its tangents
+
+
+def lyapunov_diagram(
+    system: Any,
+    grid: Any,
+    y0: Any,
+    *,
+    segment: Any,
+    segments: Any,
+    scales: Any = None,
+    labels: Mapping[str, Variable] | None = None,
+    settings: Mapping[str, Any] | None = None,
+    attrs: Mapping[str, Any] | None = None,
+    name: str = "Lyapunov exponents",
+    spectrum: Any = None,
+    **sweep: Any,
+) -> xr.Dataset:
+    r"""Lyapunov exponents over a grid of parameters: `lyapunov_spectrum` in every lane of a sweep.
+
+    **Arguments**
+
+    - `system`: a hybrid system; its parameters are the grid's names (`drive__U_in` for `U_in` of its
+      part `drive`). Or a function `(**point) -> system`.
+    - `grid`: parameter name to vector of values; all combinations.
+    - `y0`, `scales`: as for `lyapunov_spectrum`, or functions of the system that return them.
+    - `segment`, `segments`, and in `spectrum` its other options by name (`transient`, `exponents`,
+      `components`, `integrator`, ...): as for `lyapunov_spectrum`.
+    - `labels`: `Variable`s with units and names of the parameters.
+    - `settings`, `attrs`, `name` and `store`, `chunk`, `resume`, `progress`, `executor`, `workers`: as
+      for `run_sweep`; with a `store` a diagram that was interrupted goes on where it stopped.
+
+    **Returns** an `xarray.Dataset` with the dimensions of the grid and `exponent`: `exponents` [1/s],
+    greatest first, with their `error` [1/s] and the number of segments in which they were `lost`;
+    `flags` as in `Solution`; `status`: 0 "ok", else why the lane has no exponents
+    (`attrs["flag_meanings"]`).
+
+    **Errors** `ValueError`/`TypeError` naming the argument.
+    """
+    coords = check_grid(grid)
+    if isinstance(system, AbstractHybridSystem):
+        for key in coords:
+            check_parameter(system, key)
+
+        def build(point):
+            return with_parameters(system, point)
+    elif callable(system):
+
+        def build(point):
+            return system(**point)
+    else:
+        raise TypeError(
+            f"system = {system!r}: it must be an AbstractHybridSystem or a function (**point) of one."
+        )
+    options = dict(
+        check_type("spectrum", {} if spectrum is None else spectrum, Mapping, "options by name")
+    )
+
+    def lane(**point):
+        inner = build(point)
+        found = lyapunov_spectrum(
+            inner, _of(y0, inner), segment=segment, segments=segments, scales=_of(scales, inner),
+            **options,
+        )  # fmt: skip
+        return {
+            "exponents": found.exponents,
+            "error": found.error,
+            "lost": found.lost,
+            "flags": found.flags,
+            "status": engine_status(found.result),
+        }
+
+    per_time = "1" if getattr(build(_first(coords)), "is_dimensionless", False) else "1/s"
+    row = ("exponent",)
+    variables = {
+        **(labels or {}),
+        "exponents": Variable(row, per_time, "Lyapunov exponents, greatest first"),
+        "error": Variable(row, per_time, "error of the exponents"),
+        "lost": Variable(row, "1", "segments in which the direction was lost"),
+        "flags": Variable(long_name="where no derivative exists, as in Solution.flags"),
+        "status": Variable(
+            long_name="what became of the lane",
+            attrs={"flag_values": list(range(len(STATUS))), "flag_meanings": " ".join(STATUS)},
+        ),
+    }
+    return run_sweep(
+        lane, coords, variables=variables, attrs=attrs, name=name,
+        settings={"segment": segment, "segments": segments, **(settings or {})},
+        **{"chunk": CHUNK, **sweep},
+    )  # fmt: skip
+
+
+def _of(what: Any, system: AbstractHybridSystem) -> Any:
+    return what(system) if callable(what) else what
+
+
+def _first(coords: Mapping[str, Any]) -> dict[str, float]:
+    return {key: float(v[0]) for key, v in coords.items()}
