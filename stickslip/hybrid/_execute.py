@@ -57,7 +57,8 @@ class Executor(eqx.Module):
         # The compiler aborts on a fused call with an operand that nothing depends on. The barriers
         # keep it from making one: by moving a constant into the call, or by dropping what the loop
         # carries when its last value is not wanted.
-        return jax.tree.unflatten(out_tree, _call(_LOOP, evaluate, jax.lax.optimization_barrier(values)))
+        out = _call(_LOOP, evaluate, jax.lax.optimization_barrier(values))
+        return jax.tree.unflatten(out_tree, out)
 
 
 def _call(attributes: dict[str, str], function: Callable, operands: Sequence) -> Any:

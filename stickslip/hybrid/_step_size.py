@@ -86,5 +86,7 @@ class AdaptiveStep(AbstractStepSize):
         """Ratio of the next step to this one."""
         error = jnp.maximum(error, 1e-10)
         previous = jnp.maximum(previous, 1e-10)
-        raw = error ** (-(self.icoeff + self.pcoeff) / order) * previous ** (self.pcoeff / order)
-        return jnp.clip(self.safety * raw, self.factor_min, self.factor_max)
+        logarithm = -(self.icoeff + self.pcoeff) / order * jnp.log(error)
+        if self.pcoeff:
+            logarithm = logarithm + self.pcoeff / order * jnp.log(previous)
+        return jnp.clip(self.safety * jnp.exp(logarithm), self.factor_min, self.factor_max)

@@ -38,7 +38,8 @@ def lanes(function, executor):
 @pytest.mark.parametrize("mass", [1.0, np.array(1.0)], ids=["number", "array"])
 def test_constants_and_unread_results(function, mass):
     fused, portable = (lanes(lambda v: function(v, mass), e) for e in ("fused", "portable"))
-    np.testing.assert_allclose(fused, portable, rtol=0, atol=1e-13)
+    # Rounding moves the adaptive steps of `logged`, their own error is 1e-9.
+    np.testing.assert_allclose(fused, portable, rtol=0, atol=1e-11)
 
 
 def test_a_single_lane():
