@@ -3,6 +3,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 import stickslip as ss
 from stickslip.systems import PairMotion, TwoBlocksOnBelt
@@ -66,6 +67,15 @@ def test_derivatives():
     for name in CHANGED:
         scale = np.max(np.abs(expected[name]))
         np.testing.assert_allclose(slopes[name], expected[name], atol=1e-8 * scale)
+
+
+@pytest.mark.slow
+def test_reverse_mode():
+    slopes = jax.jit(jax.grad(lambda values: simulated(0.1, **values).y1.x_1))(values_of())
+    expected = derivatives(lambda **p: exact(**p)[0][:1], {name: PAIR[name] for name in CHANGED})
+    for name in CHANGED:
+        scale = np.max(np.abs(expected[name]))
+        np.testing.assert_allclose(slopes[name], expected[name][0], atol=1e-8 * scale)
 
 
 def test_without_coupling_two_oscillators():
