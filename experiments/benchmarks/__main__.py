@@ -6,13 +6,15 @@ import os
 # Both cores as devices; read by XLA before the first array.
 os.environ.setdefault("XLA_FLAGS", f"--xla_force_host_platform_device_count={os.cpu_count()}")
 
-from . import derivatives, diagram, stick_slip
+from . import beam, corexy, derivatives, diagram, stick_slip
 from ._harness import machine
 
 BENCHMARKS = {
     "stick-slip": stick_slip.main,
     "derivatives": derivatives.main,
     "diagram": diagram.main,
+    "beam": beam.main,
+    "corexy": corexy.main,
 }
 
 

@@ -54,6 +54,9 @@ def volume_growth(
         ledger, t0, t0 + duration, ledger.start(y0, t0, args), mode0, args,
         integrator=integrator, saveat=SaveAt(events=True), max_events=max_events,
     )  # fmt: skip
+    grown = solution.y1.integrals["divergence"]
+    if not system.guard_names:
+        return grown / duration
     events = solution.events
     assert events is not None
     size = ravel_pytree(y0)[0].size
@@ -71,7 +74,7 @@ def volume_growth(
     )
     times = jnp.where(valid, events.t, t0)
     jumps = jax.vmap(jump)(times, filled, events.mode_before, events.guard, valid)
-    return (solution.y1.integrals["divergence"] + jnp.sum(jumps)) / duration
+    return (grown + jnp.sum(jumps)) / duration
 
 
 def _rates(system, t, y, mode, args):

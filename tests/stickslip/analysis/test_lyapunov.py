@@ -233,11 +233,13 @@ SUMS = {
 def test_sum_of_exponents_is_the_growth_of_volume(name):
     """Over the same time the two are one number; where slip ends in stick both are minus infinity."""
     system, start, duration, finite = SUMS[name]
+    # In the stiff contact a direction shrinks by 1e11 within 0.05 s.
+    segments = 400 if "block " in name else 40
 
     @jax.jit
     def both():
         found = lyapunov_spectrum(
-            system, start, segment=duration / 40, segments=40, warm_up=0, integrator=FINE
+            system, start, segment=duration / segments, segments=segments, warm_up=0, integrator=FINE
         )
         return found.sum, volume_growth(system, start, duration=duration, integrator=FINE)
 
