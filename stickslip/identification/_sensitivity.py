@@ -1,0 +1,79 @@
+r"""Which combinations of the unknowns the data can see."""
+
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from ._unknowns import Values, checked, from_logs, to_logs
+
+
+class Sensitivity(eqx.Module):
+    r"""Scaled sensitivity $S_{ij} = \partial r_i/\partial\ln p_j$ and what follows from it.
+
+    With residuals in units of their standard deviation, $\|S\,\delta\|^2$ is the information on a
+    small relative change $\delta$ of the unknowns. Its singular value decomposition
+    $S = U\,\mathrm{diag}(s)\,V^T$ sorts the combinations $\prod_j p_j^{V_{jk}}$ of unknowns by how
+    well they are seen: the standard error of the logarithm of the $k$-th is $1/s_k$.
+
+    - `names` of the unknowns, in alphabetical order; `matrix` $S$.
+    - `singular_values` $s$, falling; `directions` $V^T$, a row each.
+
+    Source: Golub & Van Loan, Matrix Computations, section 5.5.
+    """
+
+    names: tuple[str, ...] = eqx.field(static=True)
+    matrix: Float[Array, "*batch row unknown"]
+    singular_values: Float[Array, "*batch unknown"]
+    directions: Float[Array, "*batch unknown unknown"]
+
+    def __init__(self, names: tuple[str, ...], matrix: Float[Array, "*batch row unknown"]):
+        self.names = names
+        self.matrix = matrix
+        # Rows of zeros change no singular value and make room for one per unknown.
+        short = max(len(names) - matrix.shape[-2], 0)
+        padding = [(0, 0)] * (matrix.ndim - 2) + [(0, short), (0, 0)]
+        _, self.singular_values, self.directions = jnp.linalg.svd(
+            jnp.pad(matrix, padding), full_matrices=False
+        )
+
+    def seen(self, threshold: Any = 1e-7) -> Bool[Array, "*batch unknown"]:
+        """Which combinations are seen: singular values above `threshold` times the largest."""
+        return self.singular_values > threshold * self.singular_values[..., :1]
+
+    def covariance(self, threshold: Any = 1e-7) -> Float[Array, "*batch unknown unknown"]:
+        r"""Covariance $(S^T S)^{-1}$ of the logarithms, to first order.
+
+        Combinations that are not `seen` are left out of the sum; the unknowns that they contain have
+        no finite variance, see `standard_errors`.
+        """
+        seen = self.seen(threshold)
+        weight = jnp.where(seen, 1.0 / jnp.where(seen, self.singular_values, 1.0) ** 2, 0.0)
+        return jnp.einsum("...ki,...k,...kj->...ij", self.directions, weight, self.directions)
+
+    def standard_errors(self, threshold: Any = 1e-7) -> Values:
+        """Relative standard error of every unknown; infinite if it is in a combination not seen."""
+        hidden = jnp.where(self.seen(threshold)[..., None], 0.0, jnp.abs(self.directions))
+        lost = jnp.max(hidden, axis=-2) > 1e-4
+        variance = jnp.diagonal(self.covariance(threshold), axis1=-2, axis2=-1)
+        errors = jnp.where(lost, jnp.inf, jnp.sqrt(variance))
+        return {name: errors[..., i] for i, name in enumerate(self.names)}
+
+
+def sensitivity(residual: Callable[[Values], Any], values: Any) -> Sensitivity:
+    """`Sensitivity` of the residuals at `values`, by forward mode through all events.
+
+    **Arguments:** `residual(values)`, one row of residuals in units of their standard deviation, e.g.
+    `(model - data) / sigma`; `values`, positive numbers by name. **Raises** `TypeError`, `ValueError`
+    for `values` that are not so. Works under `jit` and `vmap`.
+    """
+    values = checked("values", values)
+    names = tuple(values)
+
+    def by_logs(z):
+        return residual(from_logs(names, z))
+
+    return Sensitivity(names, jax.jacfwd(by_logs)(to_logs(values)))
