@@ -62,6 +62,7 @@ motion = time_history(
 )  # fmt: skip
 stuck = motion.mode.values == 1
 assert np.all(motion.vy.values[stuck] == SLOW)
+assert motion.time.units == motion.y.units == "1"
 
 figure, axes = plt.subplots(1, 3, figsize=(11, 3.2), layout="constrained")
 early = t < 8.0

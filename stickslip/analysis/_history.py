@@ -70,17 +70,18 @@ def time_history(
     values, mode, points = jax.tree.map(np.asarray, data)
     units = {k: (labels or {}).get(k, unit) for k, (_, unit) in found.items()}
     attrs = {k: {"units": u} if u else {} for k, u in units.items()}
+    second = _second(system)
     variables: dict[str, Any] = {k: ("time", v, attrs[k]) for k, v in values.items()}
     variables["mode"] = ("time", mode, {})
     for name, (when, at) in zip(sections, points, strict=True):
         # Sorted by time: what the log has room for beyond the crossings, and what is too early, goes.
         kept = np.isfinite(when) & (when >= times[0])
-        variables[f"at_{name}_t"] = (f"{name}_point", when[kept], {"units": "s"})
+        variables[f"at_{name}_t"] = (f"{name}_point", when[kept], second)
         for k, v in at.items():
             variables[f"at_{name}_{k}"] = (f"{name}_point", v[kept], attrs[k])
     return xr.Dataset(
         variables,
-        {"time": ("time", times, {"units": "s"})},
+        {"time": ("time", times, second)},
         {"mode_names": list(system.mode_names)},
     )
 
@@ -143,9 +144,8 @@ def energy_ledger(
     # An event at an output time is taken before the output.
     counted = np.where(np.isfinite(when), when, np.inf)[None, :] <= times[:, None]
     lost = (counted * jumps[None, :]).sum(axis=1)
-    joule, watt = {"units": "J"}, {"units": "W"}
-    if getattr(system, "is_dimensionless", False):
-        joule, watt = {"units": "1"}, {"units": "1"}
+    second = _second(system)
+    joule, watt = ({"units": "J"}, {"units": "W"}) if second["units"] == "s" else (second, second)
     imbalance = energy - energy[0] - sum(works.values()) - lost
     return xr.Dataset(
         {
@@ -155,7 +155,7 @@ def energy_ledger(
             "loss_at_events": ("time", lost, joule),
             "imbalance": ("time", imbalance, joule),
         },
-        {"time": ("time", times, {"units": "s"})},
+        {"time": ("time", times, second)},
     )
 
 
@@ -177,6 +177,11 @@ def _account(system, y0, t, mode0, args, integrator, max_events):
 
 def _powers(system, t, y, mode, args):
     return system.powers(t, y, mode, args)
+
+
+def _second(system: AbstractHybridSystem) -> dict[str, str]:
+    """Attributes of a time."""
+    return {"units": "1" if getattr(system, "is_dimensionless", False) else "s"}
 
 
 def _named(observables: Any) -> dict[str, Any]:
