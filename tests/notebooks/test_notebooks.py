@@ -8,13 +8,21 @@ import pytest
 from tests.house._repository import ROOT
 
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.py"))
+# Half a minute of compilation for functions whose numbers are tested one by one in the quick suite.
+SLOW = {"jointed_beam"}
+
+
+def marks(path):
+    return [pytest.mark.slow] if path.stem in SLOW else []
 
 
 def test_there_are_notebooks():
     assert NOTEBOOKS
 
 
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path", [pytest.param(path, id=path.stem, marks=marks(path)) for path in NOTEBOOKS]
+)
 def test_notebook(path, monkeypatch):
     monkeypatch.setenv("NOTEBOOK_QUICK", "1")
     # A cell shows its picture when it is run in Jupyter; here the pictures are only made.
