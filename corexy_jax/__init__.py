@@ -22,6 +22,13 @@ from ._errata import Errata as Errata
 from ._friction_torques import Senses as Senses
 from ._friction_torques import belt_friction as belt_friction
 from ._friction_torques import ground_friction as ground_friction
+from ._identification import NOISE as NOISE
+from ._identification import UNKNOWNS as UNKNOWNS
+from ._identification import Measurement as Measurement
+from ._identification import measurement as measurement
+from ._identification import misfit as misfit
+from ._identification import with_noise as with_noise
+from ._identification import with_values as with_values
 from ._kinematics import PassivePulleys as PassivePulleys
 from ._kinematics import passive_pulleys as passive_pulleys
 from ._kinematics import virtual_pulleys as virtual_pulleys

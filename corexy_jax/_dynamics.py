@@ -41,24 +41,48 @@ class DynamicModel(NamedTuple):
     tau: Float[Array, "2"]
 
 
-def _matrix(p, rolling_1, rolling_2):
+class Inertia(NamedTuple):
+    """Entries of the symmetric matrix M [kg m]."""
+
+    x: Any
+    y: Any
+    coupling: Any
+
+
+def inertia(p: CoreXYParameters, rolling_1: Any, rolling_2: Any) -> Inertia:
+    """Matrix of (38), (47), (56), (65); `rolling` is 1 for a motor that rolls, else 0."""
     motors = (rolling_1 + rolling_2) * p.J / p.r
     coupling = (rolling_1 - rolling_2) * p.J / p.r
     m_x = p.m * p.r + 8.0 * p.J_passive / p.r + motors
     m_y = (p.M + p.m) * p.r + 4.0 * p.J_passive / p.r + motors
-    return jnp.stack([jnp.stack([m_x, coupling]), jnp.stack([coupling, m_y])])
+    return Inertia(m_x, m_y, coupling)
+
+
+def _matrix(p, rolling_1, rolling_2):
+    m = inertia(p, rolling_1, rolling_2)
+    return jnp.stack([jnp.stack([m.x, m.coupling]), jnp.stack([m.coupling, m.y])])
 
 
 def _friction(p, f: Frictions, errata, rolling_1, rolling_2):
+    return jnp.stack(friction_rows(p, f, errata, rolling_1, rolling_2))
+
+
+def friction_rows(
+    p: CoreXYParameters, f: Frictions, errata: Errata, rolling_1: Any, rolling_2: Any
+) -> tuple[Any, Any]:
+    """Rows of b [N m], Eqs. (39), (48), (57), (66)."""
     t, one, two = f.pulleys, rolling_1 * f.tau_1_0, rolling_2 * f.tau_2_0
     outer = t.theta_1_1 + t.theta_2_1
     outer = -outer if errata.A1 else outer
-    b_x = one + t.theta_1_2 + t.theta_1_3 + t.theta_1_4 + two + t.theta_2_2 + t.theta_2_3 + t.theta_2_4
-    b_y = one + t.theta_1_2 + t.theta_1_3 - two - t.theta_2_2 - t.theta_2_3
-    return jnp.stack([b_x + outer + f.f_x * p.r, b_y + f.f_y * p.r])
+    inner_1, inner_2 = t.theta_1_2 + t.theta_1_3, t.theta_2_2 + t.theta_2_3
+    # What does not depend on rolling comes first, so that it is computed once for several models.
+    b_x = inner_1 + inner_2 + t.theta_1_4 + t.theta_2_4
+    b_y = inner_1 - inner_2
+    return b_x + outer + f.f_x * p.r + (one + two), b_y + f.f_y * p.r + (one - two)
 
 
-def _belt(p, force, errata):
+def belt_torque(p: CoreXYParameters, force: Any, errata: Errata) -> Any:
+    """Torque [N m] that a slipping pulley feeds into its belt, which presses on it with `force`."""
     return (-force if errata.A2 else force) * p.r
 
 
@@ -73,19 +97,19 @@ def dmn_1(p: CoreXYParameters, f: Frictions, torques: tuple[Any, Any], errata: E
 
 def dmn_2(p: CoreXYParameters, f: Frictions, torques: tuple[Any, Any], errata: Errata) -> DynamicModel:
     """SR, motor 1 slips, motor 2 rolls: Eqs. (47)-(49)."""
-    drive = _drive(_belt(p, f.f_1_b, errata), torques[1])
+    drive = _drive(belt_torque(p, f.f_1_b, errata), torques[1])
     return DynamicModel(_matrix(p, 0, 1), _friction(p, f, errata, 0, 1), drive)
 
 
 def dmn_3(p: CoreXYParameters, f: Frictions, torques: tuple[Any, Any], errata: Errata) -> DynamicModel:
     """RS, motor 1 rolls, motor 2 slips: Eqs. (56)-(58)."""
-    drive = _drive(torques[0], _belt(p, f.f_2_b, errata))
+    drive = _drive(torques[0], belt_torque(p, f.f_2_b, errata))
     return DynamicModel(_matrix(p, 1, 0), _friction(p, f, errata, 1, 0), drive)
 
 
 def dmn_4(p: CoreXYParameters, f: Frictions, torques: tuple[Any, Any], errata: Errata) -> DynamicModel:
     """SS, both motors slip: Eqs. (65)-(67)."""
-    drive = _drive(_belt(p, f.f_1_b, errata), _belt(p, f.f_2_b, errata))
+    drive = _drive(belt_torque(p, f.f_1_b, errata), belt_torque(p, f.f_2_b, errata))
     return DynamicModel(_matrix(p, 0, 0), _friction(p, f, errata, 0, 0), drive)
 
 
@@ -121,9 +145,7 @@ def rolling_motors(ax: Any, ay: Any, r: Any) -> tuple[Any, Any]:
     return (ax + ay) / r, (ax - ay) / r
 
 
-def solve(M: Float[Array, "2 2"], right: Float[Array, "2"]) -> tuple[Any, Any]:
-    """Accelerations of x and y [m/s²] under the row torques `right` [N m]."""
-    determinant = M[0, 0] * M[1, 1] - M[0, 1] * M[1, 0]
-    ax = (M[1, 1] * right[0] - M[0, 1] * right[1]) / determinant
-    ay = (M[0, 0] * right[1] - M[1, 0] * right[0]) / determinant
-    return ax, ay
+def solve(m: Inertia, x: Any, y: Any) -> tuple[Any, Any]:
+    """Accelerations of x and y [m/s²] under the row torques `x`, `y` [N m]."""
+    determinant = m.x * m.y - m.coupling * m.coupling
+    return (m.y * x - m.coupling * y) / determinant, (m.x * y - m.coupling * x) / determinant

@@ -7,12 +7,14 @@ import jax.numpy as jnp
 
 from stickslip._fastmath import where
 from stickslip.contact import vector_dead_zone
+from stickslip.hybrid._execute import current_executor
 
 from ._contacts import Line, contact_loads, sliding_speeds
 from ._dynamics import (
-    DynamicModel,
     Frictions,
-    dynamic_model,
+    belt_torque,
+    friction_rows,
+    inertia,
     rolling_motors,
     slipping_motor,
     solve,
@@ -70,30 +72,28 @@ def _static_bounds(p, rest: Senses, rolling, errata: Errata):
         one, two = direction[2], direction[3]
         senses = Senses(*(r * d for r, d in zip(rest, (*direction, one, two), strict=True)))
         f = ground_friction(p, p.mu_s, senses)
-        f = f._replace(
-            tau_1_0=where(rolling[0], f.tau_1_0, 0.0), tau_2_0=where(rolling[1], f.tau_2_0, 0.0)
-        )
-        # DMN1 has the rows of all contacts.
-        b = dynamic_model(1, p, f, (jnp.zeros_like(p.r),) * 2, errata).b
-        bounds.append(jnp.abs(b[axis]))
+        rows = friction_rows(p, f, errata, *(where(rolls, 1.0, 0.0) for rolls in rolling))
+        bounds.append(jnp.abs(rows[axis]))
     return bounds
 
 
-def _carriage(p, model: DynamicModel, rest: Senses, rolling, errata: Errata):
-    """Accelerations of x and y with the dead zone at zero velocity, Eqs. (28)-(30)."""
-    load = model.b + model.tau
+def _carriage(p, load, rest: Senses, rolling, errata: Errata):
+    """Accelerations of x and y under the rows `load` [N m] with the dead zone at zero velocity, Eqs.
+    (28)-(30). One formula for all four models: a batch would compute all of them to choose one."""
+    m = inertia(p, *(where(rolls, 1.0, 0.0) for rolls in rolling))
     if errata.A8:
         loads = [n * p.r for n in contact_loads(p)]
         along = p.mu_s * (loads[2] + where(rolling[0], loads[4], 0.0)) * rest.along
         against = p.mu_s * (loads[3] + where(rolling[1], loads[5], 0.0)) * rest.against
         x = loads[0] if errata.A1 else p.m * p.g * p.r
         limits = jnp.stack([p.mu_s * x * rest.x, p.mu_s * loads[1] * rest.y, along, against])
-        a = vector_dead_zone(model.M, load, _NORMALS, limits)
+        M = jnp.stack([jnp.stack([m.x, m.coupling]), jnp.stack([m.coupling, m.y])])
+        a = vector_dead_zone(M, jnp.stack(load), _NORMALS, limits)
         return a[0], a[1]
     bound_x, bound_y = _static_bounds(p, rest, rolling, errata)
     row_x = where(rest.x == 1.0, dead_zone_row(load[0], bound_x), load[0])
     row_y = where(rest.y == 1.0, dead_zone_row(load[1], bound_y), load[1])
-    return solve(model.M, jnp.stack([row_x, row_y]))
+    return solve(m, row_x, row_y)
 
 
 def _motion(p, y: CoreXYState, number, torques, belts, errata: Errata) -> Motion:
@@ -104,8 +104,12 @@ def _motion(p, y: CoreXYState, number, torques, belts, errata: Errata) -> Motion
     rolling = ((number == 1) | (number == 3), (number == 1) | (number == 2))
     kinetic = ground_friction(p, p.mu_k, senses)
     f: Frictions = kinetic._replace(f_1_b=belts[0], f_2_b=belts[1])
-    model = dynamic_model(number, p, f, torques, errata)
-    ax, ay = _carriage(p, model, rest, rolling, errata)
+    b_x, b_y = friction_rows(p, f, errata, *(where(rolls, 1.0, 0.0) for rolls in rolling))
+    one, two = (
+        where(rolls, torque, belt_torque(p, belt, errata))
+        for rolls, torque, belt in zip(rolling, torques, belts, strict=True)
+    )
+    ax, ay = _carriage(p, (b_x + one + two, b_y + one - two), rest, rolling, errata)
     alphas, grounds = [], []
     turning = zip(
         rolling, rolling_motors(ax, ay, p.r), (kinetic.tau_1_0, kinetic.tau_2_0), torques, belts,
@@ -184,8 +188,8 @@ def _account(p, y: CoreXYState, torques, motion: Motion, number, dt, ledger: Led
     return Ledger(
         ledger.motor_1 + dt * torques[0] * y.omega_1,
         ledger.motor_2 + dt * torques[1] * y.omega_2,
-        ledger.friction + dt * jnp.stack(friction),
-        ledger.slip + dt * jnp.stack(distance),
+        tuple(e + dt * f for e, f in zip(ledger.friction, friction, strict=True)),
+        tuple(d + dt * v for d, v in zip(ledger.slip, distance, strict=True)),
     )
 
 
@@ -222,7 +226,7 @@ def step(
     slipping = ((number == 2) | (number == 4), (number == 3) | (number == 4))
     own = [jnp.sign(v) for v in (y.vx, y.vy, y.vx + y.vy, y.vx - y.vy, y.omega_1, y.omega_2)]
     own += [where(s, sense, 0.0) for s, sense in zip(slipping, senses, strict=True)]
-    row = Row(t, y, motion.a, number, jnp.stack(own), carry.ledger)
+    row = Row(t, y, motion.a, number, tuple(own), carry.ledger)
     return Carry(new, slips[0], slips[1], ledger), row
 
 
@@ -238,16 +242,25 @@ def march(
     """`rows` outputs, `stride` (an array) steps apart, by `lax.scan`; the start is the first."""
     zero = jnp.zeros_like(y0.x)
     turn = virtual_pulleys(y0.vx, y0.vy, p.r)
-    ledger = Ledger(zero, zero, jnp.zeros((8, *zero.shape)), jnp.zeros((2, *zero.shape)))
+    # Numbers and not arrays: a batch then lies lane by lane in memory.
+    ledger = Ledger(zero, zero, (zero,) * 8, (zero,) * 2)
     start = Carry(y0, y0.omega_1 != turn[0], y0.omega_2 != turn[1], ledger)
 
-    def many(carry, row):
-        def one(i, carry):
-            number = row * stride + i
-            return step(p, voltage, number.astype(jnp.float64) * dt, dt, carry, errata)[0]
+    def whole(p, voltage, dt, stride, start):
+        def many(carry, row):
+            def one(i, carry):
+                number = row * stride + i
+                return step(p, voltage, number.astype(jnp.float64) * dt, dt, carry, errata)[0]
 
-        t = (row * stride).astype(jnp.float64) * dt
-        shown = step(p, voltage, t, dt, carry, errata)[1]
-        return jax.lax.fori_loop(0, stride, one, carry), shown
+            t = (row * stride).astype(jnp.float64) * dt
+            shown = step(p, voltage, t, dt, carry, errata)[1]
+            # Nothing comes after the last row.
+            steps = where(row < rows - 1, stride, 0)
+            return jax.lax.fori_loop(0, steps, one, carry), shown
 
-    return jax.lax.scan(many, start, jnp.arange(rows, dtype=jnp.int32))[1]
+        return jax.lax.scan(many, start, jnp.arange(rows, dtype=jnp.int32))[1]
+
+    shown = current_executor().loop(whole, p, voltage, dt, stride, start)
+    friction, slip = (jnp.stack(a, axis=-1) for a in (shown.ledger.friction, shown.ledger.slip))
+    ledger = shown.ledger._replace(friction=friction, slip=slip)
+    return shown._replace(ledger=ledger, senses=jnp.stack(shown.senses, axis=-1))

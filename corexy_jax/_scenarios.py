@@ -2,6 +2,8 @@
 
 from typing import NamedTuple
 
+import jax.numpy as jnp
+
 from stickslip._validation import check_in
 
 from ._errata import Errata
@@ -33,5 +35,5 @@ def scenario(number: int, errata: Errata | None = None) -> Scenario:
         )
     voltage = SquareWave(20.0, 10.0)
     if errata is not None and not errata.A6:
-        voltage = PiecewiseStep([0.0, 1.0], [20.0, 20.0], [10.0, 10.0])
+        voltage = PiecewiseStep(jnp.array([0.0, 1.0]), jnp.full(2, 20.0), jnp.full(2, 10.0))
     return Scenario(CoreXYParameters(P1=20.0, P2=30.0, mu_1s_b=10.0, mu_2s_b=10.0), voltage)

@@ -68,7 +68,7 @@ def prepared(parameters, voltage, t1, rows, y0):
     return system, t1, y0
 
 
-def motor_work(system: CoreXY, t: Any, y: CoreXYState, mode: Any, args: Any) -> dict[str, Any]:
+def motor_work(system: Any, t: Any, y: CoreXYState, mode: Any, args: Any) -> dict[str, Any]:
     """Power of both motors [W]."""
     one, two = system.torques(t, y)
     return {"motor_1": one * y.omega_1, "motor_2": two * y.omega_2}
@@ -160,20 +160,20 @@ def simulate_as_printed(
     **Arguments** as for `simulate`, and `errata`: which errata are corrected, none by default. `t1`
     must be a multiple of `dt` times `rows - 1`; `ValueError` otherwise.
     """
-    system, t1, y0 = prepared(parameters, voltage, t1, rows, y0)
+    system, _, y0 = prepared(parameters, voltage, t1, rows, y0)
     check_positive("dt", dt)
     errata = Errata() if errata is None else check_type("errata", errata, Errata, "an Errata")
     if not is_concrete((t1, dt)):
         raise ValueError("t1 and dt fix the number of steps: they must not be traced.")
-    stride = round(float(t1) / dt / (rows - 1))
-    if stride < 1 or abs(stride * dt * (rows - 1) - float(t1)) > 1e-9 * float(t1):
-        raise ValueError(
-            f"t1 = {float(t1)}: it must be a multiple of dt * (rows - 1) = {dt * (rows - 1)}."
-        )
+    end = float(t1)
+    stride = round(end / dt / (rows - 1))
+    if stride < 1 or abs(stride * dt * (rows - 1) - end) > 1e-9 * end:
+        raise ValueError(f"t1 = {end}: it must be a multiple of dt * (rows - 1) = {dt * (rows - 1)}.")
     steps = jnp.asarray(stride, jnp.int32)
     found = _march(system, y0, jnp.asarray(dt, jnp.float64), rows, steps, errata)
     finite = jnp.all(jnp.isfinite(found.y.vx) & jnp.isfinite(found.y.vy))
-    result = RESULTS.where(finite, RESULTS.successful, RESULTS.nonfinite)
+    outcomes: Any = RESULTS
+    result = outcomes.where(finite, RESULTS.successful, RESULTS.nonfinite)
     return CoreXYSolution(
         system.parameters, system.voltage, found.t, found.y, found.a, found.dmn, found.senses,
         found.ledger, None, jnp.zeros((), jnp.int32), result, "as_printed",

@@ -210,8 +210,8 @@ def simulate_smoothed(
         machine.parameters, machine.voltage, variant=variant, width=width, stribeck_speed=stribeck_speed
     )
     if integrator is None:
-        step = ss.AdaptiveStep(1e-7, 1e-7)
-        integrator = Integrator(method="tsit5", step=step, max_steps=10_000_000)  # pyright: ignore[reportCallIssue]
+        step = ss.AdaptiveStep(1e-7, 1e-7)  # pyright: ignore[reportCallIssue]
+        integrator = Integrator(method="tsit5", step=step, max_steps=10_000_000)
     ledger = WithIntegrals(system, _account)
     ts = jnp.linspace(0.0, 1.0, rows) * t1
     solution = ss.simulate(

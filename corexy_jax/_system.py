@@ -136,7 +136,7 @@ class CoreXY(AbstractMechanicalSystem):
         one = (vx + vy) / r if omega_1 is None else jnp.asarray(omega_1, jnp.float64)
         two = (vx - vy) / r if omega_2 is None else jnp.asarray(omega_2, jnp.float64)
         piece = self.voltage.piece_of(jnp.asarray(t, jnp.float64))
-        return CoreXYState(*numbers, one, two, piece)
+        return CoreXYState._make((*numbers, one, two, piece))
 
     def velocities(self, y: CoreXYState) -> Line:
         """The four line velocities [m/s]."""

@@ -1,5 +1,7 @@
 """Pictures of one scenario, laid out as the paper's captions say."""
 
+from typing import Any
+
 import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
@@ -39,7 +41,8 @@ def _lines(axis, data, name, label, select=None, scale=1.0):
 def draw_motion(data: xr.Dataset) -> Figure:
     """(a) motors and virtual pulleys, (b) torques with dead zones and motion along x and y."""
     figure = plt.figure(figsize=(11.5, 8.2))
-    left, right = figure.subfigures(1, 2)
+    halves: Any = figure.subfigures(1, 2)
+    left, right = halves
     axes = left.subplots(3, 2, sharex=True)
     names = (
         ("alpha", r"$\alpha$ [rad/s²]"),
@@ -82,7 +85,8 @@ def draw_motion(data: xr.Dataset) -> Figure:
 def draw_planes(data: xr.Dataset) -> Figure:
     """(a) trajectories and the input in planes, (b) voltages with mapped dead zones, torques."""
     figure = plt.figure(figsize=(11.5, 6.4))
-    left, right = figure.subfigures(1, 2)
+    halves: Any = figure.subfigures(1, 2)
+    left, right = halves
     axes = left.subplots(2, 2)
     for axis, (x, y, unit) in zip(
         axes.flat, (("x", "y", "m"), ("vx", "vy", "m/s"), ("ax", "ay", "m/s²")), strict=False

@@ -24,7 +24,7 @@ PARAMETERS = {"points": 100}
 QUICK = {"points": 12}
 
 
-def occupancy(system: CoreXY, t: Any, y: Any, mode: Any, args: Any) -> dict[str, Any]:
+def occupancy(system: Any, t: Any, y: Any, mode: Any, args: Any) -> dict[str, Any]:
     """Rates of the slip distances, of the times in DMN2-4 and of the time in motion."""
     dmn = system.dmn(mode)
     times = {f"dmn_{k}": jnp.where(dmn == k, 1.0, 0.0) for k in (2, 3, 4)}
@@ -36,8 +36,8 @@ def lane(parameters: cx.CoreXYParameters, voltage: cx.AbstractVoltage) -> dict[s
     """Slip distances [m], shares of the time and largest event count of one machine."""
     system = CoreXY(parameters, voltage)
     ledger = WithIntegrals(system, occupancy)
-    step = ss.AdaptiveStep(TOLERANCE, TOLERANCE)
-    integrator = ss.Integrator(method="tsit5", step=step)  # pyright: ignore[reportCallIssue]
+    step = ss.AdaptiveStep(TOLERANCE, TOLERANCE)  # pyright: ignore[reportCallIssue]
+    integrator = ss.Integrator(method="tsit5", step=step)
     found = ss.simulate(
         ledger, 0.0, DURATION, ledger.start(system.state()), integrator=integrator,
         saveat=ss.SaveAt(events=False), max_events=None, throw=False,

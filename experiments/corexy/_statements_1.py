@@ -89,6 +89,8 @@ def s10(d: View):
 
 def s11(d: View):
     top = np.abs(d.v).max(axis=0)
+    if not top.all():
+        return False, "a voltage is zero throughout"
     gap = float(np.max(np.abs(np.sum((d.v / top) ** 2, axis=1) - 1)))
     return gap < 1e-3, f"off the ellipse by {gap:.1g}"
 

@@ -9,6 +9,16 @@ STEP = 1e-4  # the paper's time step [s]: "per step" in the statements
 class View:
     """Arrays of one way of one scenario; motors are columns 0 and 1."""
 
+    x: np.ndarray
+    y: np.ndarray
+    vx: np.ndarray
+    vy: np.ndarray
+    ax: np.ndarray
+    ay: np.ndarray
+    dmn: np.ndarray
+    tau_x: np.ndarray
+    dead_x: np.ndarray
+
     def __init__(self, data: xr.Dataset):
         self.t = np.asarray(data.time)
         self.dt = float(self.t[1] - self.t[0])

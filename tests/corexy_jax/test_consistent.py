@@ -1,5 +1,6 @@
 """The event-driven motion against time stepping, energy, the printed models and itself."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -160,3 +161,33 @@ def test_scaling_all_forces_and_masses_changes_nothing():
     for a, b in zip(columns(other), columns(solution(1)), strict=True):
         np.testing.assert_allclose(a, b, rtol=0, atol=1e-8 * np.max(np.abs(b)))
     np.testing.assert_allclose(other.ledger.friction, 2 * solution(1).ledger.friction, atol=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_invariants_of_any_machine(seed):
+    """Machines and inputs at random: energy, no contact against its friction, a belt only loses."""
+    rng = np.random.default_rng(seed)
+    wave = shared(1 if seed % 2 else 3)[1]
+    amplitudes = [jnp.asarray(a) for a in rng.uniform(3.0, 25.0, 2)]
+    frequency = jnp.asarray(rng.uniform(0.2, 1.5))
+    v = eqx.tree_at(
+        lambda v: (v.harmonic, v.square),
+        wave,
+        (cx.Harmonic(*amplitudes, frequency), cx.SquareWave(*amplitudes, frequency)),
+    )
+    p = machine(seed)
+    friction = [jnp.asarray(a) for a in 10 ** rng.uniform(-1.0, 1.0, 2)]
+    p = eqx.tree_at(lambda p: (p.mu_1s_b, p.mu_2s_b), p, friction)
+    found = run(p, v, jnp.asarray(6.0), jnp.asarray(1e-10))
+    assert bool(found.successful)
+    work = found.ledger.friction
+    turned_over = float(jnp.max(jnp.abs(work[-1]))) + float(jnp.abs(found.ledger.motor_1[-1]))
+    assert float(jnp.max(jnp.abs(found.energy_error()))) < 1e-8 * turned_over
+    assert float(jnp.max(jnp.diff(work, axis=0))) < 1e-12 * turned_over
+    _, velocity = columns(found)
+    r = float(p.r)
+    speeds = (velocity * np.array([1.0, 1.0, r, r])) @ NORMALS.T
+    senses = np.asarray(found.senses)
+    scale = np.max(np.abs(speeds)) + 1e-300
+    assert np.all(senses * speeds >= -1e-12 * scale)
+    assert np.all(np.abs(speeds[senses == 0]) < 1e-11 * scale)
