@@ -100,6 +100,8 @@ def s12(d: View):
     runs = d.long_runs(resting)
     if not runs or runs[0][0] > 1:
         return False, "it does not begin in its dead zone for 1 ms"
+    if runs[0][1] >= d.t.size:
+        return False, "it never leaves its dead zone"
     leaves = bool(np.any(np.abs(d.torque[runs[0][1] :, 0]) > d.static[runs[0][1] :, 0]))
     return leaves, f"in its dead zone until {d.t[runs[0][1]]:.4g} s"
 

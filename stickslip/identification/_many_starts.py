@@ -20,7 +20,7 @@ def many_starts(
     chunk_size: int | None = None,
     **options: Any,
 ) -> Fit:
-    """`fit` from every start, in chunks on all cores; `best` picks the best of them.
+    """`fit` from every start, in chunks; `best` picks the best of them.
 
     **Arguments:** `residual(values, *shared)` and `options` as for `fit`, which is `least_squares` or
     `gradient_descent`; `starts`, one row of positive numbers for each name; `shared`, arrays that are
@@ -33,12 +33,12 @@ def many_starts(
     if count == () or any(a.shape != count for a in starts.values()):
         shapes = {name: a.shape for name, a in starts.items()}
         raise ValueError(f"starts has the shapes {shapes}: they must be rows of one length.")
-    # The linear solver refuses arrays that are spread over devices.
-    workers = 1 if len(jax.local_devices()) > 1 else None
+    # One worker: the linear solver refuses arrays that are spread over devices, and two threads whose
+    # programs hold linear algebra were seen to wait for each other for ever on a CPU.
 
     def one(start, shared):
         return fit(lambda values: residual(values, *shared), start, **options)
 
-    run = map_lanes(one, executor="portable", chunk_size=chunk_size, workers=workers)
+    run = map_lanes(one, executor="portable", chunk_size=chunk_size, workers=1)
     shared = jax.tree.map(lambda a: jnp.broadcast_to(a, count + jnp.shape(a)), shared)
     return run(starts, shared)
