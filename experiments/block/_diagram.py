@@ -30,8 +30,8 @@ PROTOCOL = {
     "duration": 25.0,
     "converged_transient": 200.0,
     "converged_duration": 40.0,
+    "tolerance": 1e-8,  # of adaptive steps; 0 takes steps of h instead
     "h": 1e-3,
-    "tolerance": 0.0,  # with one, adaptive steps instead of steps of h
     "method": "tsit5",
     "exponents": 501,
     "max_points": 96,

@@ -98,7 +98,7 @@ EXPERIMENT = Experiment(
     title="Phase planes of the block on a belt at k3 = 87.968 N/m, simplified and full model",
     parameters={
         "k3": 87.968, "transient": 300.0, "duration": 300.0, "shown": 40.0, "segments": 300,
-        "h": 1e-3, "tolerance": 0.0, "method": "tsit5",
+        "h": 1e-3, "tolerance": 1e-8, "method": "tsit5",
     },
     quick={"transient": 60.0, "duration": 60.0, "shown": 20.0, "segments": 40},
     compute=compute,
