@@ -5,8 +5,10 @@ import numpy as np
 from ._judge import SINGLE
 from ._model import SLIP_ABOVE, STICK_SLIP_BELOW
 
-# Within the ranges of the text, away from their borders.
-SPEEDS = np.array([3e-4, 1e-3, 2e-3, 3e-3, 4.5e-3, 6e-3, 8e-3, 1.1e-2, 1.6e-2, 2.4e-2])
+# Within the ranges of the text, up to near their borders.
+SPEEDS = np.array(
+    [3e-4, 1e-3, 1.8e-3, 2.3e-3, 2.8e-3, 4.5e-3, 6.3e-3, 8.3e-3, 1e-2, 1.5e-2, 2e-2, 2.9e-2]
+)
 ITEMS = ("C2", "C3", "C4a", "C4b", "C5")
 
 

@@ -10,11 +10,11 @@ import numpy as np
 import xarray as xr
 from jaxtyping import PyTree
 
-from .._validation import check_nonnegative, check_type
-from ..hybrid import AbstractHybridSystem, Integrator, SaveAt, simulate
-from ..hybrid._tree import as_float64
+from .._validation import check_type
+from ..hybrid import AbstractHybridSystem, SaveAt, Section, simulate
 from ..systems._with_integrals import WithIntegrals
-from ._observable import InArgs, as_observable, as_section
+from ._arguments import a_count, an_integrator, one_number, start_of, times_of
+from ._observable import InArgs, Maximum, Minimum, as_observable, as_section
 
 
 def time_history(
@@ -29,7 +29,7 @@ def time_history(
     args: PyTree = None,
     integrator: Any = None,
     max_crossings: int = 256,
-    labels: Mapping[str, str] | None = None,
+    labels: Any = None,
 ) -> xr.Dataset:
     r"""Observables of a motion at times `t`, and at the crossings of any number of sections.
 
@@ -53,18 +53,21 @@ def time_history(
     fails.
     """
     check_type("system", system, AbstractHybridSystem, "an AbstractHybridSystem")
-    check_nonnegative("transient", transient)
-    times = np.asarray(t, np.float64)
-    if times.ndim != 1 or times.size < 2 or not (np.diff(times) > 0).all():
-        raise ValueError(f"t has the shape {times.shape}: it must be a vector that increases.")
-    y0 = as_float64("y0", y0)
+    one_number("transient", transient, "not negative")
+    times = times_of(t)
+    y0, mode = start_of(system, times[0] - transient, y0, mode0, args)
+    a_count("max_crossings", max_crossings, 1)
+    for name, given in (("sections", sections), ("labels", labels)):
+        check_type(name, {} if given is None else given, Mapping, "a mapping by name")
     named = _named(observables)
     found = {k: as_observable(f"observables[{k!r}]", what, system, y0) for k, what in named.items()}
     sections = dict(sections or {})
+    for name, section in sections.items():
+        what = "a Section, a Maximum or a Minimum"
+        check_type(f"sections[{name!r}]", section, (Section, Maximum, Minimum), what)
     cuts = tuple(as_section(section, system, y0) for section in sections.values())
     data = _run(
-        system, y0, jnp.asarray(times), float(transient), mode0, args,
-        Integrator() if integrator is None else integrator,
+        system, y0, jnp.asarray(times), float(transient), mode, args, an_integrator(integrator),
         cuts, max_crossings, tuple((k, f) for k, (f, _) in found.items()),
     )  # fmt: skip
     values, mode, points = jax.tree.map(np.asarray, data)
@@ -132,13 +135,12 @@ def energy_ledger(
     for method in ("energy", "powers"):
         if not callable(getattr(system, method, None)):
             raise TypeError(f"system is a {type(system).__name__}: it must have a method `{method}`.")
-    times = np.asarray(t, np.float64)
-    if times.ndim != 1 or times.size < 2 or not (np.diff(times) > 0).all():
-        raise ValueError(f"t has the shape {times.shape}: it must be a vector that increases.")
-    y0 = as_float64("y0", y0)
-    integrator = Integrator() if integrator is None else integrator
+    times = times_of(t)
+    y0, mode = start_of(system, times[0], y0, mode0, args)
+    a_count("max_events", max_events, 1)
+    integrator = an_integrator(integrator)
     energy, powers, works, when, jumps = jax.tree.map(
-        np.asarray, _account(system, y0, jnp.asarray(times), mode0, args, integrator, max_events)
+        np.asarray, _account(system, y0, jnp.asarray(times), mode, args, integrator, max_events)
     )
     jumps = np.where(np.isfinite(when), jumps, 0.0)
     # An event at an output time is taken before the output.

@@ -8,10 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
-from .._validation import check_nonnegative, check_positive, check_type
-from ..hybrid import RESULTS, AbstractHybridSystem, Integrator, simulate
-from ..hybrid._system import mode_index
-from ..hybrid._tree import as_float64
+from .._validation import check_positive, check_type
+from ..hybrid import RESULTS, AbstractHybridSystem, simulate
+from ._arguments import an_integrator, one_number, start_of
 from ._growth import (
     LyapunovSpectrum,
     accumulate,
@@ -75,18 +74,15 @@ def lyapunov_spectrum(
     **Errors** `ValueError`/`TypeError` naming the argument, before compilation.
     """
     check_type("system", system, AbstractHybridSystem, "an AbstractHybridSystem")
-    integrator = Integrator() if integrator is None else integrator
-    check_type("integrator", integrator, Integrator, "an Integrator")
-    segment = jnp.asarray(check_positive("segment", segment), jnp.float64)
-    check_nonnegative("transient", transient)
-    y0 = as_float64("y0", y0)
-    t0 = as_float64("t0", t0)
+    integrator = an_integrator(integrator)
+    segment = jnp.asarray(one_number("segment", segment, "positive"), jnp.float64)
+    one_number("transient", transient, "not negative")
+    t0 = jnp.asarray(one_number("t0", t0), jnp.float64)
+    y0, mode = start_of(system, t0, y0, mode0, args)
     moving = moving_components(y0, components)
     count = int(moving.sum()) if exponents is None else exponents
     warm_up = segments // 10 if warm_up is None and isinstance(segments, int) else warm_up
     check_counts(segments, warm_up, blocks, count, int(moving.sum()))
-    mode = system.initial_mode(t0, y0, args) if mode0 is None else mode_index(system, mode0)
-    mode = jnp.asarray(mode, jnp.int32)
 
     def run(system, begin, end, y, mode):
         return simulate(
@@ -165,7 +161,7 @@ def moving_components(y0: PyTree, components: Any) -> np.ndarray:
     names = getattr(y0, "_fields", None) or tuple(getattr(y0, "__dict__", ()))
     components = (components,) if isinstance(components, str) else components
     good = isinstance(components, Sequence) and len(components) > 0
-    if not good or any(name not in names for name in components):
+    if not good or not all(isinstance(name, str) and name in names for name in components):
         raise ValueError(
             f"components = {components!r}: it must be names of components of the state, of "
             f"{', '.join(names)}."

@@ -24,9 +24,9 @@ def lyapunov_diagram(
     segment: Any,
     segments: Any,
     scales: Any = None,
-    labels: Mapping[str, Variable] | None = None,
-    settings: Mapping[str, Any] | None = None,
-    attrs: Mapping[str, Any] | None = None,
+    labels: Any = None,
+    settings: Any = None,
+    attrs: Any = None,
     name: str = "Lyapunov exponents",
     spectrum: Any = None,
     **sweep: Any,
@@ -67,8 +67,9 @@ def lyapunov_diagram(
         raise TypeError(
             f"system = {system!r}: it must be an AbstractHybridSystem or a function (**point) of one."
         )
-    options = dict(
-        check_type("spectrum", {} if spectrum is None else spectrum, Mapping, "options by name")
+    options, labels, settings = (
+        dict(check_type(key, {} if given is None else given, Mapping, "a mapping by name"))
+        for key, given in (("spectrum", spectrum), ("labels", labels), ("settings", settings))
     )
 
     def lane(**point):
@@ -88,7 +89,7 @@ def lyapunov_diagram(
     per_time = "1" if getattr(build(_first(coords)), "is_dimensionless", False) else "1/s"
     row = ("exponent",)
     variables = {
-        **(labels or {}),
+        **labels,
         "exponents": Variable(row, per_time, "Lyapunov exponents, greatest first"),
         "error": Variable(row, per_time, "error of the exponents"),
         "lost": Variable(row, "1", "segments in which the direction was lost"),
@@ -100,7 +101,7 @@ def lyapunov_diagram(
     }
     return run_sweep(
         lane, coords, variables=variables, attrs=attrs, name=name,
-        settings={"segment": segment, "segments": segments, **(settings or {})},
+        settings={"segment": segment, "segments": segments, **settings},
         **{"chunk": CHUNK, **sweep},
     )  # fmt: skip
 

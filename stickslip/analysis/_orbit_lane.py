@@ -58,7 +58,7 @@ def run_lane(plan: Plan, integrator: Integrator, numbers: Numbers, y0: PyTree, p
     step = eqx.combine(numbers.step, integrator.step)
     integrator = eqx.tree_at(lambda i: i.step, integrator, step)
     inner = plan.build(point)
-    system, args = InArgs(inner), (inner, plan.args)
+    system, args = InArgs(inner), (inner, plan.args)  # pyright: ignore[reportCallIssue]
     start = jnp.asarray(numbers.t0, jnp.float64)
     begin = start + numbers.transient
     y0 = jax.tree.map(lambda a: jnp.asarray(a, jnp.float64), y0)
@@ -130,7 +130,7 @@ def engine_status(result: RESULTS) -> Any:  # pyright: ignore[reportInvalidTypeF
 
 def halved(integrator: Integrator) -> Integrator:
     """The integrator to check another with: half the step, or a 32nd of the tolerances."""
-    step = integrator.step
+    step: Any = integrator.step
     if step.adaptive:
         step = eqx.tree_at(lambda s: (s.rtol, s.atol), step, (step.rtol / 32, step.atol / 32))
     else:

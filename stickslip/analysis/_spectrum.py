@@ -6,9 +6,10 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float, Real
+from jaxtyping import Array, Float
 
-from .._validation import check_in, check_positive
+from .._validation import check_in, check_that, check_type
+from ._arguments import a_count, one_number
 
 WINDOWS = ("hann", "rectangular")
 
@@ -44,9 +45,7 @@ class Peak(NamedTuple):
         return f"{self.number} {self.harmonic_of}" if self.number else ""
 
 
-def amplitude_spectrum(
-    signal: Real[ArrayLike, "*batch time"], dt: Any, *, window: str = "hann"
-) -> Spectrum:
+def amplitude_spectrum(signal: Any, dt: Any, *, window: Any = "hann") -> Spectrum:
     r"""Amplitude spectrum of an evenly sampled signal, in its own unit,
 
     $$A_k = \frac{c_k}{\sum_n h_n}\Bigl|\sum_n h_n (u_n - \bar u)\,e^{-2\pi i k n/M}\Bigr|,
@@ -61,8 +60,8 @@ def amplitude_spectrum(
     samples. Works under `jit` and `vmap`.
     """
     check_in("window", window, WINDOWS)
-    check_positive("dt", dt)
-    u = jnp.asarray(signal, jnp.float64)
+    one_number("dt", dt, "positive")
+    u = jnp.asarray(check_that("signal", signal, np.isfinite, "finite"), jnp.float64)
     if u.ndim == 0 or u.shape[-1] < 8:
         raise ValueError(f"signal has the shape {u.shape}: it must have at least 8 samples.")
     size = u.shape[-1]
@@ -81,10 +80,10 @@ def amplitude_spectrum(
 def spectral_peaks(
     spectrum: Spectrum,
     *,
-    count: int = 10,
-    floor: float = 1e-3,
-    bases: Mapping[str, float] | None = None,
-    tolerance: float = 1.0,
+    count: Any = 10,
+    floor: Any = 1e-3,
+    bases: Any = None,
+    tolerance: Any = 1.0,
 ) -> list[Peak]:
     r"""Highest lines of a spectrum of one signal, greatest first.
 
@@ -105,11 +104,12 @@ def spectral_peaks(
     amplitude, frequency = np.asarray(spectrum.amplitude), np.asarray(spectrum.frequency)
     if amplitude.ndim != 1:
         raise ValueError(f"spectrum has the shape {amplitude.shape}: it must be that of one signal.")
-    if not isinstance(count, int) or count < 1:
-        raise ValueError(f"count = {count!r}: it must be a positive integer.")
-    check_positive("tolerance", tolerance)
-    for name, base in (bases or {}).items():
-        check_positive(f"bases[{name!r}]", base)
+    a_count("count", count, 1)
+    one_number("floor", floor, "not negative")
+    one_number("tolerance", tolerance, "positive")
+    bases = check_type("bases", {} if bases is None else bases, Mapping, "frequencies by name")
+    for name, base in bases.items():
+        one_number(f"bases[{name!r}]", base, "positive")
     inner = np.arange(2, amplitude.size - 1)
     higher = (amplitude[inner] > amplitude[inner - 1]) & (amplitude[inner] >= amplitude[inner + 1])
     found = inner[higher]
@@ -121,7 +121,7 @@ def spectral_peaks(
     for k in (k for k in found if amplitude[k] >= floor * top):
         offset, gain = _between_bins(amplitude, int(k), spectrum.window)
         f = float((k + offset) * width)
-        name, number = _harmonic(f, bases or {}, width, tolerance)
+        name, number = _harmonic(f, bases, width, tolerance)
         peaks.append(Peak(f, float(amplitude[k] * gain), name, number))
     return peaks
 

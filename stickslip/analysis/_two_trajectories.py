@@ -8,10 +8,9 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, PyTree
 
-from .._validation import check_nonnegative, check_positive, check_type
-from ..hybrid import AbstractHybridSystem, Integrator, simulate
-from ..hybrid._system import mode_index
-from ..hybrid._tree import as_float64
+from .._validation import check_type
+from ..hybrid import AbstractHybridSystem, simulate
+from ._arguments import an_integrator, one_number, start_of
 from ._growth import averaged, check_counts
 from ._lyapunov import moving_components
 
@@ -41,7 +40,7 @@ def two_trajectory_exponent(
     segment: Any,
     segments: Any,
     distance: Any = 1e-8,
-    renormalise: bool = True,
+    renormalise: Any = True,
     transient: Any = 0.0,
     warm_up: Any = None,
     components: Any = None,
@@ -73,21 +72,19 @@ def two_trajectory_exponent(
         *Non-linear Dynamics of Jointed Systems Under Dry Friction Forces*, Eq. (2.25).
     """
     check_type("system", system, AbstractHybridSystem, "an AbstractHybridSystem")
-    integrator = Integrator() if integrator is None else integrator
-    check_type("integrator", integrator, Integrator, "an Integrator")
-    segment = jnp.asarray(check_positive("segment", segment), jnp.float64)
-    distance = jnp.asarray(check_positive("distance", distance), jnp.float64)
-    check_nonnegative("transient", transient)
+    integrator = an_integrator(integrator)
+    segment = jnp.asarray(one_number("segment", segment, "positive"), jnp.float64)
+    distance = jnp.asarray(one_number("distance", distance, "positive"), jnp.float64)
+    one_number("transient", transient, "not negative")
     check_type("renormalise", renormalise, bool, "True or False")
-    y0, t0 = as_float64("y0", y0), as_float64("t0", t0)
+    t0 = jnp.asarray(one_number("t0", t0), jnp.float64)
+    y0, mode = start_of(system, t0, y0, mode0, args)
     moving = moving_components(y0, components)
     if warm_up is None and isinstance(segments, int):
         warm_up = segments // 10 if renormalise else 0
     warm_up = 0 if warm_up is None else warm_up
     check_counts(segments, warm_up, blocks, 1, 1)
     flat, unravel = ravel_pytree(y0)
-    mode = system.initial_mode(t0, y0, args) if mode0 is None else mode_index(system, mode0)
-    mode = jnp.asarray(mode, jnp.int32)
 
     def run(begin, end, flat, mode):
         solution = simulate(

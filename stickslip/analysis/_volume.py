@@ -7,9 +7,10 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree
 
-from .._validation import check_positive, check_type
-from ..hybrid import AbstractHybridSystem, Integrator, SaveAt, saltation_matrix, simulate
+from .._validation import check_type
+from ..hybrid import AbstractHybridSystem, SaveAt, saltation_matrix, simulate
 from ..systems._with_integrals import WithIntegrals
+from ._arguments import a_count, an_integrator, one_number, start_of
 
 
 def divergence(
@@ -33,7 +34,7 @@ def volume_growth(
     mode0: Any = None,
     args: PyTree = None,
     integrator: Any = None,
-    max_events: int = 256,
+    max_events: Any = 256,
 ) -> Float[Array, ""]:
     r"""Mean growth rate of an infinitesimal volume along the motion from `y0` [1/s],
 
@@ -47,11 +48,14 @@ def volume_growth(
     **Errors** as `simulate`, `RESULTS.max_events_reached` among them.
     """
     check_type("system", system, AbstractHybridSystem, "an AbstractHybridSystem")
-    check_positive("duration", duration)
-    integrator = Integrator() if integrator is None else integrator
+    one_number("duration", duration, "positive")
+    one_number("t0", t0)
+    a_count("max_events", max_events, 1)
+    integrator = an_integrator(integrator)
+    y0, mode = start_of(system, t0, y0, mode0, args)
     ledger = WithIntegrals(system, _rates)
     solution = simulate(
-        ledger, t0, t0 + duration, ledger.start(y0, t0, args), mode0, args,
+        ledger, t0, t0 + duration, ledger.start(y0, t0, args), mode, args,
         integrator=integrator, saveat=SaveAt(events=True), max_events=max_events,
     )  # fmt: skip
     grown = solution.y1.integrals["divergence"]

@@ -158,8 +158,8 @@ class JointedBeam(AbstractMechanicalSystem):
         self.is_dimensionless = scales is None
         self.scales = BeamScales() if scales is None else scales
         inside = "inside the beam: above 0 and below 1"
-        check_that("z_A / L", z_A / self.scales.L, lambda z: (z > 0) & (z < 1), inside)
-        self.z_A = as_parameter(z_A)
+        self.z_A = as_parameter(check_finite("z_A", z_A))
+        check_that("z_A / L", self.z_A / self.scales.L, lambda z: (z > 0) & (z < 1), inside)
         self.joint = check_in("joint", joint, WORDS)
         self.friction = check_in("friction", friction, WORDS)
         self.shape = check_in("shape", shape, WORDS)

@@ -25,11 +25,21 @@ from hypothesis import strategies as st
 
 import stickslip as ss
 from experiments._experiment import chosen, load
-from stickslip.analysis import orbit_diagram
+from stickslip.analysis import (
+    amplitude_spectrum,
+    energy_ledger,
+    lyapunov_diagram,
+    lyapunov_spectrum,
+    orbit_diagram,
+    spectral_peaks,
+    time_history,
+    two_trajectory_exponent,
+    volume_growth,
+)
 from stickslip.friction import SmoothHyperbolicWeakening
 from stickslip.hybrid import _simulate
 from stickslip.sweep import _evaluate, run_sweep
-from stickslip.systems import BlockOnBelt, BlockOnBeltSetValued, BlockState, DCDrive
+from stickslip.systems import BlockOnBelt, BlockOnBeltSetValued, BlockState, DCDrive, JointedBeam
 
 EXAMPLES = int(sys.argv[1]) if len(sys.argv) > 1 else 300
 OURS = tuple(str(pathlib.Path(m.__file__).parent) for m in (ss, sys.modules["experiments"]))
@@ -39,6 +49,9 @@ DRIVE = dict(
     L_w=2e-3, R_w=2.0, k_e=0.05, k_m=0.05, J_dc=5e-5, b=2e-5, T_k=5e-3, rho=20.0, eta=0.6, J_bp=1e-4,
     r_bp=0.03, U_in=4.0,
 )  # fmt: skip
+BEAM = dict(
+    m=0.1, k1=0.25, k2=7.6, k3=22.8, mu_s=0.3, gamma=10.0, v=5e-4, z_A=0.4, modes=5, damping=0.0
+)
 LAW = dict(mu_0=0.26, alpha=190.0, beta=0.9, gamma=1.75)
 START = BlockState(0.0, 0.0, 0.0, 0.0)
 
@@ -69,6 +82,10 @@ class Target:
 def _diagram(**given: Any) -> Any:
     system = BlockOnBelt.constructed(k3=85.0)
     return orbit_diagram(system, **{"section": system.zero_acceleration_section(), **given})
+
+
+def _of_block(function: Callable) -> Callable:
+    return lambda **given: function(BlockOnBelt.constructed(k3=85.0), **given)
 
 
 def _experiment(**given: Any) -> Any:
@@ -133,6 +150,62 @@ TARGETS = [
     ),
     Target("--set", _experiment, dict(k3_min=72.0, exponents=3, method="tsit5"), ends=False),
 ]  # fmt: skip
+ANALYSES = [
+    Target(
+        "lyapunov_spectrum",
+        _of_block(lyapunov_spectrum),
+        dict(
+            y0=START, segment=1.0, segments=40, transient=1.0, warm_up=4, exponents=1,
+            components=("x",), scales=None, t0=0.0, mode0=0, integrator=ss.Integrator(), blocks=4,
+        ),
+    ),
+    Target(
+        "two_trajectory_exponent",
+        _of_block(two_trajectory_exponent),
+        dict(
+            y0=START, segment=1.0, segments=40, distance=1e-3, renormalise=True, transient=1.0,
+            warm_up=4, components=("x",), t0=0.0, mode0=0, integrator=ss.Integrator(), blocks=4,
+        ),
+    ),
+    Target(
+        "volume_growth",
+        _of_block(volume_growth),
+        dict(y0=START, duration=1.0, t0=0.0, mode0=0, integrator=ss.Integrator(), max_events=8),
+    ),
+    Target(
+        "lyapunov_diagram",
+        _of_block(lyapunov_diagram),
+        dict(
+            grid={"k3": [80.0, 81.0]}, y0=START, segment=1.0, segments=40, scales=None, labels=None,
+            settings=None, spectrum=None, chunk=4,
+        ),
+    ),
+    Target(
+        "time_history",
+        _of_block(time_history),
+        dict(
+            y0=START, t=[0.0, 1.0], observables="x", sections=None, transient=1.0, mode0=0,
+            integrator=ss.Integrator(), max_crossings=8, labels=None,
+        ),
+    ),
+    Target(
+        "energy_ledger",
+        _of_block(energy_ledger),
+        dict(y0=START, t=[0.0, 1.0], mode0=0, integrator=ss.Integrator(), max_events=8),
+    ),
+    Target(
+        "amplitude_spectrum", amplitude_spectrum, dict(signal=np.arange(16.0), dt=0.1, window="hann"),
+        ends=False,
+    ),
+    Target(
+        "spectral_peaks",
+        lambda **given: spectral_peaks(amplitude_spectrum(np.sin(np.arange(64.0)), 0.1), **given),
+        dict(count=3, floor=1e-3, bases={"f": 1.0}, tolerance=1.0),
+        ends=False,
+    ),
+    Target("JointedBeam", JointedBeam.constructed, {**BEAM, "joint": "printed"}, ends=False),
+]  # fmt: skip
+CHOSEN = ANALYSES if "analyses" in sys.argv else TARGETS
 
 NUMBERS = st.floats() | st.integers() | st.sampled_from([0.0, -1.0, -0.0, 1e-320, 1e308, 2**70])
 ARRAYS = st.builds(
@@ -180,7 +253,7 @@ def complaint(target: Target, name: str, value: Any) -> str | None:
 
 def good_calls_reach() -> None:
     """Every target accepts its good arguments, or all the rest would prove nothing."""
-    for target in TARGETS:
+    for target in CHOSEN:
         try:
             target.call(**target.good)
             assert not target.ends, target.name
@@ -194,7 +267,7 @@ def main() -> None:
     _evaluate.Evaluate.output_shapes = reached
     good_calls_reach()
     found: dict[tuple[str, str], str] = {}
-    pairs = [(target, name) for target in TARGETS for name in target.arguments]
+    pairs = [(target, name) for target in CHOSEN for name in target.arguments]
 
     @hypothesis.settings(
         max_examples=EXAMPLES,

@@ -4,6 +4,8 @@ import re
 import subprocess
 import sys
 
+import pytest
+
 from tests.house._repository import ROOT
 
 # Arguments whose nonsense is refused, if at all, by an error that does not say what is wrong.
@@ -15,10 +17,10 @@ KNOWN = {
 }  # fmt: skip
 
 
-def nonsense(examples: int) -> dict[str, str]:
+def nonsense(examples: int, *words: str) -> dict[str, str]:
     """What is wrong, by function and argument."""
     done = subprocess.run(
-        [sys.executable, "-W", "ignore", "-m", "tests.house._nonsense", str(examples)],
+        [sys.executable, "-W", "ignore", "-m", "tests.house._nonsense", str(examples), *words],
         cwd=ROOT, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr[-2000:]
@@ -28,3 +30,8 @@ def nonsense(examples: int) -> dict[str, str]:
 def test_nonsense_is_refused_properly():
     found = nonsense(12)
     assert {where: words for where, words in found.items() if where not in KNOWN} == {}
+
+
+@pytest.mark.slow
+def test_nonsense_for_the_analyses_is_refused_properly():
+    assert nonsense(12, "analyses") == {}
