@@ -65,7 +65,7 @@ def evaluate(sets: np.ndarray, speeds: np.ndarray, parameters: Mapping[str, Any]
     found = run(theta, jnp.asarray(np.tile(speeds, len(sets))))
     names: tuple[str, ...] = ("y_width", "w_width", "w_size", "sticks", "ok")
     shape = (len(sets), speeds.size)
-    out = dict(zip(names, (np.asarray(a).reshape(shape) for a in found), strict=True))
+    out: dict[str, Any] = dict(zip(names, (np.asarray(a).reshape(shape) for a in found), strict=True))
     out["per_contact"] = out.pop("sticks") * CONTACT_PERIOD / parameters["duration"]
     return out
 

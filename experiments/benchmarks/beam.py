@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import stickslip as ss
+from stickslip.analysis import lyapunov_spectrum
 from stickslip.analysis._growth import first_frame
 
 from ..beam._diagram import points
@@ -75,7 +76,7 @@ def engine_exponents(job: Job, executor: str):
 
     def lane(v):
         system = system_of("consistent", v, job.modes)
-        found = ss.analysis.lyapunov_spectrum(
+        found = lyapunov_spectrum(
             system, system.start(), segment=job.segment, segments=job.segments, scales=norm_of(system),
             **options(settings),
         )  # fmt: skip
@@ -89,9 +90,10 @@ def _beam(job: Job) -> Any:
     from ._beam_numba import Beam
 
     s: Any = system_of("consistent", 1e-3, job.modes)
-    numbers = (float(a) for a in (s.m, s.k1, s.k2, s.k3, s.mu_s, s.gamma))
+    m, k1, k2, k3, mu, gamma = (float(a) for a in (s.m, s.k1, s.k2, s.k3, s.mu_s, s.gamma))
     squares = np.asarray(s.frequencies()) ** 2
-    return Beam(*numbers, np.asarray(s.shapes(s.z_A)), squares, float(s.start().x))
+    phi = np.asarray(s.shapes(s.z_A))
+    return Beam(m, k1, k2, k3, mu, gamma, phi, squares, float(s.start().x))
 
 
 def numba_diagram(job: Job, threads: int = WORKERS):

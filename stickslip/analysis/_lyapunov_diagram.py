@@ -56,17 +56,16 @@ def lyapunov_diagram(
     if isinstance(system, AbstractHybridSystem):
         for key in coords:
             check_parameter(system, key)
-
-        def build(point):
-            return with_parameters(system, point)
-    elif callable(system):
-
-        def build(point):
-            return system(**point)
-    else:
+    elif not callable(system):
         raise TypeError(
             f"system = {system!r}: it must be an AbstractHybridSystem or a function (**point) of one."
         )
+
+    def build(point) -> Any:
+        if isinstance(system, AbstractHybridSystem):
+            return with_parameters(system, point)
+        return system(**point)
+
     options, labels, settings = (
         dict(check_type(key, {} if given is None else given, Mapping, "a mapping by name"))
         for key, given in (("spectrum", spectrum), ("labels", labels), ("settings", settings))
