@@ -2,6 +2,7 @@
 
 import functools
 from collections.abc import Callable
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -21,7 +22,7 @@ def _in_chunks(max_steps: int, *problem: Float[Array, "..."]) -> ActiveSet:
     """`search` over chunks of lanes one after the other."""
     lanes = problem[0].shape[-1]
     if lanes <= CHUNK:
-        return search(*problem, max_steps)
+        return _together(max_steps, *problem)
     count = -(-lanes // CHUNK)
 
     def split(array):
@@ -34,12 +35,13 @@ def _in_chunks(max_steps: int, *problem: Float[Array, "..."]) -> ActiveSet:
         array = jnp.moveaxis(array, 0, -2)
         return array.reshape(*array.shape[:-2], count * CHUNK)[..., :lanes]
 
-    chunks = jax.lax.map(lambda chunk: search(*chunk, max_steps), jax.tree.map(split, problem))
+    chunks = jax.lax.map(lambda chunk: _together(max_steps, *chunk), jax.tree.map(split, problem))
     return jax.tree.map(join, chunks)
 
 
 def _together(max_steps: int, *problem: Float[Array, "..."]) -> ActiveSet:
-    return search(*problem, max_steps)
+    rows: Any = (*problem, max_steps)
+    return search(*rows)
 
 
 @functools.cache

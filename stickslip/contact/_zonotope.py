@@ -94,7 +94,7 @@ def _gauge(
     member = np.array([chosen + (0,) * (most - len(chosen)) for chosen in subsets]).T.astype(int)
     used = np.arange(most)[:, None] < np.array([len(chosen) for chosen in subsets])
     spanning = jnp.moveaxis(rows[member], -1, 1)
-    basis = gram_schmidt(spanning, used & (bounds > 0)[member], NOISE)
+    basis = gram_schmidt(spanning, jnp.asarray(used & (bounds > 0)[member]), NOISE)
     normal = reject(basis.q, jnp.broadcast_to(load[:, None], (size, len(subsets))))
 
     strength = safe_norm(load, axis=0)

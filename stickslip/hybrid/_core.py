@@ -10,6 +10,8 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import equinox.internal as eqxi
 import jax
+import jax.core
+import jax.interpreters.ad
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
@@ -127,7 +129,7 @@ def _tangent_jvp(primals, tangents):
     return out, eqxi.filter_primitive_bind(_tangent_p, t_t_inputs, *primals[1:])
 
 
-@eqxi.filter_primitive_transpose(materialise_zeros=True)
+@eqxi.filter_primitive_transpose(materialise_zeros=True)  # pyright: ignore[reportCallIssue]
 def _tangent_transpose(operands, cotangents):
     t_inputs, inputs, fixed, plan, spec = operands
 

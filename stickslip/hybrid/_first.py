@@ -75,13 +75,8 @@ def lowest(plan: Plan, lane: Lane, values: Values) -> First:
             lower = lower & (value0 > 0)
         if not all(functions.exact_rate):
             exact = jnp.where(lower, int(known), exact)
-        best = First(
-            jnp.where(lower, i, best.index),
-            *(jnp.where(lower, new, old) for new, old in zip(found, best[1:5], strict=True)),
-            exact,
-            close,
-            h_dip,
-        )
+        chosen = [jnp.where(lower, new, old) for new, old in zip(found, best[1:5], strict=True)]
+        best = First._make([jnp.where(lower, i, best.index), *chosen, exact, close, h_dip])
     return best
 
 

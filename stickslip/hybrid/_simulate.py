@@ -53,7 +53,9 @@ class Integrator(eqx.Module):
     """
 
     method: Any = "dop853"
-    step: AbstractStepSize = eqx.field(default_factory=lambda: AdaptiveStep(1e-10, 1e-10))
+    step: AbstractStepSize = eqx.field(
+        default_factory=lambda: AdaptiveStep(1e-10, 1e-10)  # pyright: ignore[reportCallIssue]
+    )
     max_steps: int = eqx.field(static=True, default=100_000)
     detect_dips: bool = eqx.field(static=True, default=True)
     progress: ProgressMeter | None = None

@@ -1,6 +1,7 @@
 """Butcher tableaus of explicit Runge-Kutta methods, read from diffrax and SciPy."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import diffrax as dfx
 import numpy as np
@@ -35,7 +36,7 @@ def from_diffrax(solver: dfx.AbstractERK) -> Tableau:
     Its last stage is dropped where it is the slope at the end of the step (first same as last),
     since the integrator carries that slope itself.
     """
-    source = solver.tableau
+    source: Any = solver.tableau
     b = np.asarray(source.b_sol, float)
     n = len(b)
     a = np.zeros((n, n))
@@ -48,7 +49,7 @@ def from_diffrax(solver: dfx.AbstractERK) -> Tableau:
         a, b, c = a[:-1, :-1], b[:-1], c[:-1]
     else:
         weights = np.append(error, 0.0)
-    order = int(solver.order(None))
+    order = int(solver.order(None) or 1)
     return _freeze(type(solver).__name__, order, a, b, c, [weights], order)
 
 
