@@ -9,7 +9,7 @@ from tests.house._repository import ROOT
 
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.py"))
 # Half a minute of compilation for functions whose numbers are tested one by one in the quick suite.
-SLOW = {"jointed_beam"}
+SLOW = {"corexy", "jointed_beam"}
 
 
 def marks(path):
