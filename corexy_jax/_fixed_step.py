@@ -7,7 +7,6 @@ import jax.numpy as jnp
 
 from stickslip._fastmath import where
 from stickslip.contact import vector_dead_zone
-from stickslip.hybrid._execute import current_executor
 
 from ._contacts import Line, contact_loads, sliding_speeds
 from ._dynamics import (
@@ -246,21 +245,19 @@ def march(
     ledger = Ledger(zero, zero, (zero,) * 8, (zero,) * 2)
     start = Carry(y0, y0.omega_1 != turn[0], y0.omega_2 != turn[1], ledger)
 
-    def whole(p, voltage, dt, stride, start):
-        def many(carry, row):
-            def one(i, carry):
-                number = row * stride + i
-                return step(p, voltage, number.astype(jnp.float64) * dt, dt, carry, errata)[0]
+    def many(carry, row):
+        def one(i, carry):
+            number = row * stride + i
+            return step(p, voltage, number.astype(jnp.float64) * dt, dt, carry, errata)[0]
 
-            t = (row * stride).astype(jnp.float64) * dt
-            shown = step(p, voltage, t, dt, carry, errata)[1]
-            # Nothing comes after the last row.
-            steps = where(row < rows - 1, stride, 0)
-            return jax.lax.fori_loop(0, steps, one, carry), shown
+        t = (row * stride).astype(jnp.float64) * dt
+        shown = step(p, voltage, t, dt, carry, errata)[1]
+        # Nothing comes after the last row.
+        steps = where(row < rows - 1, stride, 0)
+        return jax.lax.fori_loop(0, steps, one, carry), shown
 
-        return jax.lax.scan(many, start, jnp.arange(rows, dtype=jnp.int32))[1]
-
-    shown = current_executor().loop(whole, p, voltage, dt, stride, start)
+    # Not through the executor: this loop is slower as one fused call (4.9 s against 3.7 s, measured).
+    shown = jax.lax.scan(many, start, jnp.arange(rows, dtype=jnp.int32))[1]
     friction, slip = (jnp.stack(a, axis=-1) for a in (shown.ledger.friction, shown.ledger.slip))
     ledger = shown.ledger._replace(friction=friction, slip=slip)
     return shown._replace(ledger=ledger, senses=jnp.stack(shown.senses, axis=-1))
