@@ -15,6 +15,7 @@ def test_all_are_there():
     assert names == figures | maps | {"corexy-dead-zone", "identify-corexy"}
 
 
+@pytest.mark.slow
 def test_corner_of_the_map_is_scenario_1(tmp_path):
     """Belts with mu_1s = 5 and mu_2s = 0.2 move as those of scenario 1: motor 1 needs at most 1.58."""
     experiment = load()["corexy-map-friction"]

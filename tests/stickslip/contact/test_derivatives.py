@@ -90,7 +90,9 @@ def test_accelerations_and_forces():
     assert mixed >= 5
 
 
-@pytest.mark.parametrize("kind", ["generic", "dependent", "repeated"])
+@pytest.mark.parametrize(
+    "kind", [pytest.param("generic", marks=pytest.mark.slow), "dependent", "repeated"]
+)
 def test_more_contacts_than_velocities(kind):
     """The held set must span all that rests, also contacts that carry nothing."""
 
@@ -148,6 +150,7 @@ def test_derivatives_in_a_batch():
         np.testing.assert_allclose(together[i], alone, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_vector_dead_zone():
     function = jax.jit(symmetrised(vector_dead_zone))
     arguments = (0, 1, 2, 3)
