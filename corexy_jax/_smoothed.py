@@ -90,7 +90,9 @@ class SmoothedCoreXY(AbstractMechanicalSystem):
     speeds between the width $\varepsilon$ of the law and its Stribeck speed $v_s$. As
     $\varepsilon \to 0$ with $v_s \to 0$, $\varepsilon/v_s \to 0$, it becomes the law of `CoreXY`; both
     scales are needed, because contacts that start together slide with different speeds and must
-    reach their static limits together.
+    reach their static limits together. With the default $v_s$ the distance to `CoreXY` should fall as
+    $\sqrt\varepsilon$. Measured over 2 s of scenario 1, from $\varepsilon$ = 5 to 1.25 mm/s: order 0.64
+    (tanh), 0.40 (Stribeck), 0.14 (bristle; 0.48 from 20 to 5 mm/s), distance 2.6, 5.3 and 3.5 mm.
 
     **Arguments:** `parameters`, `voltage`; `variant`, one of `VARIANTS` or its number (traced numbers
     select by `lax.switch`); `width` $\varepsilon$ [m/s]; `stribeck_speed` $v_s$ [m/s], by default

@@ -193,7 +193,7 @@ EXPERIMENT = Experiment(
     parameters={
         "generations": 6, "sets": 1000, "looks": 16, "parents": 6, "coarse": 14, "fine": 51,
         "transient": 40.0, "settled": 80.0, "duration": 30.0, "segments": 60, "tolerance": 1e-6,
-        "sign": "consistent", "executor": "portable", "seed": 1,
+        "sign": "consistent", "executor": "auto", "seed": 1,
     },
     quick={
         "generations": 2, "sets": 32, "looks": 4, "coarse": 8, "fine": 11, "transient": 20.0,
