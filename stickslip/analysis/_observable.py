@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ..hybrid import AbstractHybridSystem, Section
+from ..hybrid import AbstractHybridSystem, AbstractSystemWrapper, Section
 
 Observable = Callable[[AbstractHybridSystem, Any, PyTree, PyTree, Any, PyTree], Any]
 
@@ -67,7 +67,7 @@ def vars_of(y0: PyTree) -> list[str]:
     return list(vars(y0)) if isinstance(y0, eqx.Module) else []
 
 
-class InArgs(AbstractHybridSystem):
+class InArgs(AbstractSystemWrapper):
     """The same system, run with `args = (system, args)`, so that sections see its parameters.
 
     A section that closed over a system with one parameter value per lane would be a new function for
@@ -76,37 +76,14 @@ class InArgs(AbstractHybridSystem):
 
     system: AbstractHybridSystem
 
-    @property
-    def mode_names(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        return self.system.mode_names
-
-    @property
-    def guard_names(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        return self.system.guard_names
-
-    @property
-    def guard_directions(self) -> tuple[str, ...] | None:  # pyright: ignore[reportIncompatibleVariableOverride]
-        return self.system.guard_directions
-
-    @property
-    def guard_scales(self) -> tuple | None:  # pyright: ignore[reportIncompatibleVariableOverride]
-        return self.system.guard_scales
-
-    @property
-    def units(self) -> dict[str, str]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        return self.system.units
+    def inner(self, y, args):
+        return y, args[1]
 
     def vector_field(self, t, y, mode, args):
         return self.system.vector_field(t, y, mode, args[1])
 
-    def guards(self, t, y, mode, args):
-        return self.system.guards(t, y, mode, args[1])
-
     def transition(self, t, y, mode, guard, args):
         return self.system.transition(t, y, mode, guard, args[1])
-
-    def initial_mode(self, t, y, args):
-        return self.system.initial_mode(t, y, args[1])
 
 
 def as_section(section: Any, system: AbstractHybridSystem, y0: PyTree) -> Section:

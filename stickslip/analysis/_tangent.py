@@ -8,7 +8,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree
 
 from .._validation import check_type
-from ..hybrid import AbstractHybridSystem
+from ..hybrid import AbstractHybridSystem, AbstractSystemWrapper
 
 
 class Deviating(NamedTuple):
@@ -18,7 +18,7 @@ class Deviating(NamedTuple):
     deviations: PyTree
 
 
-class WithDeviations(AbstractHybridSystem):
+class WithDeviations(AbstractSystemWrapper):
     r"""The same system with infinitesimal deviations $\xi$ of its state: the tangent dynamics.
 
     Inside a mode $\dot\xi = f_y\,\xi$. At an event with guard $g$, jump $R$ and the fields $f^\pm$
@@ -31,6 +31,7 @@ class WithDeviations(AbstractHybridSystem):
     a direction is lost. Modes, guards and transitions are those of `system`, so that `simulate` takes
     the one for the other; unlike its derivatives, the deviations obey the step-size control. Where the
     guard has no slope (grazing) $\tau$ does not exist: it is taken as 0 and `Solution.flags` tells.
+    Deviations have the units of their components.
 
     **Argument** `system`: any hybrid system, differentiable inside its modes. **Errors** `TypeError`
     for anything else.
@@ -41,30 +42,8 @@ class WithDeviations(AbstractHybridSystem):
     def __init__(self, system: Any):
         self.system = check_type("system", system, AbstractHybridSystem, "an AbstractHybridSystem")
 
-    @property
-    def mode_names(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Those of the system."""
-        return self.system.mode_names
-
-    @property
-    def guard_names(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Those of the system."""
-        return self.system.guard_names
-
-    @property
-    def guard_directions(self) -> tuple[str, ...] | None:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Those of the system."""
-        return self.system.guard_directions
-
-    @property
-    def guard_scales(self) -> tuple | None:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Those of the system."""
-        return self.system.guard_scales
-
-    @property
-    def units(self) -> dict[str, str]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Those of the system; deviations have the same."""
-        return self.system.units
+    def inner(self, y, args):
+        return y.y, args
 
     def start(self, y: PyTree, columns: Float[Array, "size count"]) -> Deviating:
         """State with the deviations `columns` of the flattened `y`."""
@@ -84,9 +63,6 @@ class WithDeviations(AbstractHybridSystem):
 
         dy, rates = jax.vmap(along, in_axes=-1, out_axes=(None, -1))(y.deviations)
         return Deviating(dy, rates)
-
-    def guards(self, t, y, mode, args):
-        return self.system.guards(t, y.y, mode, args)
 
     def transition(self, t, y, mode, guard, args):
         system, t = self.system, jnp.asarray(t, jnp.float64)
@@ -117,6 +93,3 @@ class WithDeviations(AbstractHybridSystem):
 
         deviations = jax.vmap(through, in_axes=-1, out_axes=-1)(y.deviations)
         return Deviating(after, deviations), new_mode
-
-    def initial_mode(self, t, y, args):
-        return self.system.initial_mode(t, y.y, args)

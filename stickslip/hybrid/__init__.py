@@ -20,3 +20,4 @@ from ._step_size import AdaptiveStep as AdaptiveStep
 from ._step_size import FixedStep as FixedStep
 from ._system import AbstractHybridSystem as AbstractHybridSystem
 from ._system import switch as switch
+from ._wrapper import AbstractSystemWrapper as AbstractSystemWrapper

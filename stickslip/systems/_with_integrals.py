@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from stickslip._validation import check_type
-from stickslip.hybrid import AbstractHybridSystem
+from stickslip.hybrid import AbstractHybridSystem, AbstractSystemWrapper
 
 Integrands = Callable[[AbstractHybridSystem, Any, PyTree, Any, PyTree], Mapping[str, Any]]
 
@@ -21,7 +21,7 @@ class Augmented(NamedTuple):
     integrals: dict[str, Any]
 
 
-class WithIntegrals(AbstractHybridSystem):
+class WithIntegrals(AbstractSystemWrapper):
     r"""The same system with more state: $\dot I_i = p_i(t, y, m)$, integrated with the motion.
 
     Modes, guards and transitions are those of `system`, so that every analysis takes the one for the
@@ -75,29 +75,12 @@ class WithIntegrals(AbstractHybridSystem):
                 )
 
     @property
-    def mode_names(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Those of the system."""
-        return self.system.mode_names
-
-    @property
-    def guard_names(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Those of the system."""
-        return self.system.guard_names
-
-    @property
-    def guard_directions(self) -> tuple[str, ...] | None:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Those of the system."""
-        return self.system.guard_directions
-
-    @property
-    def guard_scales(self) -> tuple | None:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Those of the system."""
-        return self.system.guard_scales
-
-    @property
-    def units(self) -> dict[str, str]:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def units(self) -> dict[str, str]:
         """Those of the system and of the integrals."""
         return {**self.system.units, **dict(self.integral_units)}
+
+    def inner(self, y, args):
+        return y.y, args
 
     def start(self, y: PyTree, t: Any = 0.0, args: PyTree = None) -> Augmented:
         """Initial state: `y` with all integrals zero."""
@@ -114,12 +97,6 @@ class WithIntegrals(AbstractHybridSystem):
         rates = self.integrands(self.system, t, y.y, mode, args)
         return Augmented(self.system.vector_field(t, y.y, mode, args), dict(rates))
 
-    def guards(self, t, y, mode, args):
-        return self.system.guards(t, y.y, mode, args)
-
     def transition(self, t, y, mode, guard, args):
         after, mode = self.system.transition(t, y.y, mode, guard, args)
         return Augmented(after, y.integrals), mode
-
-    def initial_mode(self, t, y, args):
-        return self.system.initial_mode(t, y.y, args)

@@ -1,9 +1,13 @@
-"""The example in the docstring of `AbstractHybridSystem` runs as it stands and is right."""
+"""The examples in the docstrings of the classes to derive from run as they stand and are right."""
 
 import contextlib
+import doctest
+import importlib
 import inspect
 import io
 import re
+
+import pytest
 
 import stickslip as ss
 from tests.stickslip.hybrid._systems import stick_slip_motion
@@ -19,3 +23,10 @@ def test_writing_ones_own_system():
     number, events = re.fullmatch(r"x\(50\) = (\S+) after (\d+) events\n", printed.getvalue()).groups()
     assert abs(float(number) - x) < 1e-9
     assert int(events) == len(times)
+
+
+@pytest.mark.parametrize("module", ["_wrapper"])
+def test_examples(module):
+    failed, tried = doctest.testmod(importlib.import_module(f"stickslip.hybrid.{module}"))
+    assert failed == 0
+    assert tried > 5

@@ -1,0 +1,79 @@
+"""A system made of another one: the same modes and guards, around more state or other arguments."""
+
+import abc
+from typing import Any
+
+import equinox as eqx
+from jaxtyping import PyTree
+
+from ._system import AbstractHybridSystem
+
+
+class AbstractSystemWrapper(AbstractHybridSystem):
+    r"""A system around another one, whose modes, guards and units it has.
+
+    A subclass has the field `system` and says with `inner(y, args)` what of its own state and arguments
+    belongs to it; what is left to write is `vector_field` and `transition`, and `units` if the state
+    holds more. Here, a block with a clock that runs while it sticks:
+
+    >>> from typing import Any, NamedTuple
+    >>> import jax.numpy as jnp
+    >>> import stickslip as ss
+    >>> from stickslip.systems import CoulombOscillator, Motion
+    >>> class Clocked(NamedTuple):
+    ...     y: Any
+    ...     clock: Any  # [s]
+    >>> class WithClock(ss.AbstractSystemWrapper):
+    ...     system: ss.AbstractHybridSystem
+    ...     def inner(self, y, args):
+    ...         return y.y, args
+    ...     def vector_field(self, t, y, mode, args):
+    ...         rate = jnp.where(mode == self.mode_names.index("stick"), 1.0, 0.0)
+    ...         return Clocked(self.system.vector_field(t, y.y, mode, args), rate)
+    ...     def transition(self, t, y, mode, guard, args):
+    ...         after, mode = self.system.transition(t, y.y, mode, guard, args)
+    ...         return Clocked(after, y.clock), mode
+    >>> block = WithClock(CoulombOscillator(1.0, 1.0, 1.0, 0.5, 0.2))
+    >>> run = ss.simulate(block, 0.0, 8.5, Clocked(Motion(x=0.0, v=0.2), 0.0))
+    >>> print(f"{run.y1.clock:.9f} s")  # until the spring pulls with 1 N
+    5.000000000 s
+    """
+
+    system: eqx.AbstractVar[AbstractHybridSystem]
+
+    @abc.abstractmethod
+    def inner(self, y: PyTree, args: PyTree) -> tuple[PyTree, PyTree]:
+        """State and arguments of `system`, from those of this one."""
+
+    @property
+    def mode_names(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Those of `system`."""
+        return self.system.mode_names
+
+    @property
+    def guard_names(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Those of `system`."""
+        return self.system.guard_names
+
+    @property
+    def guard_directions(self) -> tuple[str, ...] | None:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Those of `system`."""
+        return self.system.guard_directions
+
+    @property
+    def guard_scales(self) -> Any:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Those of `system`."""
+        return self.system.guard_scales
+
+    @property
+    def units(self) -> dict[str, str]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Those of `system`."""
+        return self.system.units
+
+    def guards(self, t, y, mode, args):
+        y, args = self.inner(y, args)
+        return self.system.guards(t, y, mode, args)
+
+    def initial_mode(self, t, y, args):
+        y, args = self.inner(y, args)
+        return self.system.initial_mode(t, y, args)
