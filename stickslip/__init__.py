@@ -10,6 +10,7 @@ from . import _precision as _precision
 from ._version import __version__ as __version__
 from .hybrid import RESULTS as RESULTS
 from .hybrid import AbstractHybridSystem as AbstractHybridSystem
+from .hybrid import AbstractSmoothSystem as AbstractSmoothSystem
 from .hybrid import AbstractSystemWrapper as AbstractSystemWrapper
 from .hybrid import AdaptiveStep as AdaptiveStep
 from .hybrid import FixedStep as FixedStep

@@ -11,6 +11,7 @@ from ._section import Section as Section
 from ._simulate import Integrator as Integrator
 from ._simulate import SaveAt as SaveAt
 from ._simulate import simulate as simulate
+from ._smooth import AbstractSmoothSystem as AbstractSmoothSystem
 from ._solution import EventLog as EventLog
 from ._solution import Solution as Solution
 from ._solution import StateLog as StateLog

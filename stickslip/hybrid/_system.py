@@ -86,6 +86,9 @@ class AbstractHybridSystem(eqx.Module):
     - `initial_mode(t, y, args) -> mode`: admissible mode of a state; `-1` where there is none.
     - `mode_names`, `guard_names`, `units` (component name to SI unit) are class attributes.
 
+    A system without events derives from `AbstractSmoothSystem`, one around another system from
+    `AbstractSystemWrapper`.
+
     The state is a pytree of scalars: a `NamedTuple` or `equinox.Module` with named fields, so that
     `vmap` gives a structure of arrays and labelled output has names.
     """

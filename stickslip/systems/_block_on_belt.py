@@ -2,13 +2,13 @@
 
 from typing import Any, ClassVar
 
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._fastmath import where
 from .._validation import as_parameter, check_finite
 from ..friction import AbstractFrictionLaw
 from ..friction._law import Number
+from ..hybrid import AbstractSmoothSystem
 from ._block_mechanics import (
     BELT_SPEED,
     AbstractBlockOnBelt,
@@ -85,7 +85,7 @@ class AbstractBlockOnSteadyBelt(AbstractBlockOnBelt):
         return scaled_block(self, factor)
 
 
-class BlockOnBelt(AbstractBlockOnSteadyBelt):
+class BlockOnBelt(AbstractBlockOnSteadyBelt, AbstractSmoothSystem):
     r"""Simplified model, Eqs. (8)-(12): the belt runs at a constant speed $V_b$; smooth friction.
 
     `AbstractBlockOnBelt` has the equations and the parameters. The state is
@@ -105,8 +105,6 @@ class BlockOnBelt(AbstractBlockOnSteadyBelt):
     """
 
     set_valued: ClassVar = False
-    mode_names: ClassVar = ("motion",)
-    guard_names: ClassVar = ()
     units: ClassVar = {"x": "m", "vx": "m/s", "y": "m", "vy": "m/s"}
 
     def friction_force(self, t: Any, y: BlockState, mode: Any = 0, args: Any = None) -> Any:
@@ -119,15 +117,6 @@ class BlockOnBelt(AbstractBlockOnSteadyBelt):
         v = y.vx - self.V_b
         T_s = self.law.coefficient(v) * loads.normal + self.law.drag(v)
         return self.slope(y, loads, T_s)
-
-    def guards(self, t, y, mode, args):
-        return ()
-
-    def transition(self, t, y, mode, guard, args):
-        return y, mode
-
-    def initial_mode(self, t, y, args):
-        return jnp.zeros((), jnp.int32)
 
 
 class BlockOnBeltSetValued(AbstractBlockOnSteadyBelt):

@@ -1,6 +1,6 @@
 """Systems and maps with known Lyapunov exponents, and one computed by hand."""
 
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -15,7 +15,7 @@ class Point(NamedTuple):
     z: Any
 
 
-class Flow(ss.AbstractHybridSystem):
+class Flow(ss.AbstractSmoothSystem):
     r"""$\dot u = Au + b\,(0, -xz, xy) - c\,(x^2 + y^2)(x, y, 0)$.
 
     Linear; Lorenz's for `b = 1`; with `c = 1` and a rotation in `matrix` a circle that attracts.
@@ -24,8 +24,6 @@ class Flow(ss.AbstractHybridSystem):
     matrix: Any
     b: Any
     c: Any
-    mode_names: ClassVar = ("motion",)
-    guard_names: ClassVar = ()
 
     def vector_field(self, t, u, mode, args):
         A, r2 = self.matrix, u.x * u.x + u.y * u.y
@@ -35,15 +33,6 @@ class Flow(ss.AbstractHybridSystem):
             rows[1] - self.b * u.x * u.z - self.c * r2 * u.y,
             rows[2] + self.b * u.x * u.y,
         )
-
-    def guards(self, t, y, mode, args):
-        return ()
-
-    def transition(self, t, y, mode, guard, args):
-        return y, mode
-
-    def initial_mode(self, t, y, args):
-        return jnp.zeros((), jnp.int32)
 
 
 def lorenz(rho=28.0):

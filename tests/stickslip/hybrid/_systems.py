@@ -86,23 +86,11 @@ class Flight(ss.AbstractHybridSystem):
         return 0
 
 
-class Pendulum(ss.AbstractHybridSystem):
+class Pendulum(ss.AbstractSmoothSystem):
     """x'' = -sin x, no events: a smooth nonlinear system."""
-
-    mode_names: ClassVar = ("free",)
-    guard_names: ClassVar = ()
 
     def vector_field(self, t, y, mode, args):
         return State(y.v, -jnp.sin(y.x))
-
-    def guards(self, t, y, mode, args):
-        return ()
-
-    def transition(self, t, y, mode, guard, args):
-        return y, mode
-
-    def initial_mode(self, t, y, args):
-        return 0
 
 
 class Circle(ss.AbstractHybridSystem):
