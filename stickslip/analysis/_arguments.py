@@ -1,5 +1,6 @@
 """Checks of arguments that the analyses share."""
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import jax
@@ -27,6 +28,24 @@ def a_count(name: str, value: Any, low: int) -> int:
     if not isinstance(value, int) or isinstance(value, bool) or value < low:
         raise ValueError(f"{name} = {value!r}: it must be an integer of at least {low}.")
     return value
+
+
+def named_observables(observables: Any) -> dict[str, Any]:
+    """Observables by name: of a name, a sequence of names, or a mapping."""
+    if isinstance(observables, str):
+        observables = (observables,)
+    if isinstance(observables, Mapping):
+        named = dict(observables)
+    elif isinstance(observables, Sequence) and all(isinstance(o, str) for o in observables):
+        named = {o.replace(" ", "_"): o for o in observables}
+    else:
+        raise TypeError(
+            f"observables = {observables!r}: it must be a name, a sequence of names, or a mapping from "
+            "names to names or functions."
+        )
+    if not named:
+        raise ValueError(f"observables = {observables!r} is empty: it must name at least one.")
+    return named
 
 
 def times_of(t: Any) -> np.ndarray:

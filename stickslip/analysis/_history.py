@@ -1,6 +1,6 @@
 """Time histories of any observables, their Poincaré points, and the energy ledger, with labels."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import equinox as eqx
@@ -13,7 +13,14 @@ from jaxtyping import PyTree
 from .._validation import check_type
 from ..hybrid import AbstractHybridSystem, SaveAt, Section, simulate
 from ..systems._with_integrals import WithIntegrals
-from ._arguments import a_count, an_integrator, one_number, start_of, times_of
+from ._arguments import (
+    a_count,
+    an_integrator,
+    named_observables,
+    one_number,
+    start_of,
+    times_of,
+)
 from ._observable import InArgs, Maximum, Minimum, as_observable, as_section
 
 
@@ -59,7 +66,7 @@ def time_history(
     a_count("max_crossings", max_crossings, 1)
     for name, given in (("sections", sections), ("labels", labels)):
         check_type(name, {} if given is None else given, Mapping, "a mapping by name")
-    named = _named(observables)
+    named = named_observables(observables)
     found = {k: as_observable(f"observables[{k!r}]", what, system, y0) for k, what in named.items()}
     sections = dict(sections or {})
     for name, section in sections.items():
@@ -184,20 +191,3 @@ def _powers(system, t, y, mode, args):
 def _second(system: AbstractHybridSystem) -> dict[str, str]:
     """Attributes of a time."""
     return {"units": "1" if getattr(system, "is_dimensionless", False) else "s"}
-
-
-def _named(observables: Any) -> dict[str, Any]:
-    if isinstance(observables, str):
-        observables = (observables,)
-    if isinstance(observables, Mapping):
-        named = dict(observables)
-    elif isinstance(observables, Sequence) and all(isinstance(o, str) for o in observables):
-        named = {o.replace(" ", "_"): o for o in observables}
-    else:
-        named = {}
-    if not named:
-        raise ValueError(
-            f"observables = {observables!r}: it must be names, or a mapping from names to names or "
-            "functions."
-        )
-    return named

@@ -1,7 +1,7 @@
 """Orbit diagrams by brute force: the points of a section over one or two parameters."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import equinox as eqx
@@ -16,6 +16,7 @@ from ..hybrid._system import mode_index
 from ..sweep import Variable, run_sweep
 from ..sweep._evaluate import lanes_of
 from ..sweep._grid import block_shape, check_grid
+from ._arguments import a_count, named_observables
 from ._observable import as_observable, as_section, check_parameter, with_parameters
 from ._orbit_lane import STATUS, Numbers, Plan, halved, run_lane
 
@@ -106,7 +107,7 @@ def orbit_diagram(
     if not isinstance(first, AbstractHybridSystem):
         raise TypeError(f"system(**point) returned {first!r}: it must be an AbstractHybridSystem.")
     y0, per_lane = _check_state(y0, shape)
-    observed = _named(observables)
+    observed = named_observables(observables)
     found = {
         key: as_observable(f"observables[{key!r}]", what, first, y0) for key, what in observed.items()
     }
@@ -125,9 +126,9 @@ def orbit_diagram(
         ("max_period", max_period, 1),
         ("check", check, 0),
     ):
-        _integer(key, value, low)
+        a_count(key, value, low)
     if points is not None:
-        _integer("points", points, 1)
+        a_count("points", points, 1)
     if carried is not None:
         check_in("carried", carried, CARRIED)
         if per_lane:
@@ -207,23 +208,6 @@ def _builder(system, coords):
     )
 
 
-def _named(observables) -> dict[str, Any]:
-    if isinstance(observables, str):
-        observables = (observables,)
-    if isinstance(observables, Mapping):
-        named = dict(observables)
-    elif isinstance(observables, Sequence) and all(isinstance(o, str) for o in observables):
-        named = {o.replace(" ", "_"): o for o in observables}
-    else:
-        raise TypeError(
-            f"observables = {observables!r}: it must be a name, a sequence of names, or a mapping from "
-            "names to names or functions."
-        )
-    if not named:
-        raise ValueError("observables is empty: it must name at least one.")
-    return named
-
-
 def _check_state(y0, shape):
     leaves = jax.tree_util.tree_leaves_with_path(y0)
     if not leaves:
@@ -252,11 +236,6 @@ def _real(name, value, low, *, open_low):
     if not good or not math.isfinite(value) or value < low or (open_low and value == low):
         allowed = "finite" if low == -math.inf else f"{'above' if open_low else 'at least'} {low:g}"
         raise ValueError(f"{name} = {value!r}: it must be a number, {allowed}.")
-
-
-def _integer(name, value, low):
-    if not isinstance(value, int) or isinstance(value, bool) or value < low:
-        raise ValueError(f"{name} = {value!r}: it must be an integer of at least {low}.")
 
 
 def _labels(plan: Plan, found, coords, labels, first) -> dict[str, Variable]:
