@@ -3,8 +3,9 @@
 import numpy as np
 import xarray as xr
 
-from .._experiment import Context, Experiment
+from .._experiment import Context
 from ._draw import draw_friction
+from ._figure import figure
 from ._model import VARIANTS, system_of
 
 
@@ -32,11 +33,6 @@ def compute(parameters, context: Context) -> xr.Dataset:
     )
 
 
-EXPERIMENT = Experiment(
-    name="beam-fig2.2",
-    title="Friction force over relative velocity, consistent and as printed",
-    parameters={"V_max": 0.3, "points": 601},
-    quick={"points": 61},
-    compute=compute,
-    draw=draw_friction,
-)
+TITLE = "Friction force over relative velocity, consistent and as printed"
+PARAMETERS = {"V_max": 0.3, "points": 601}
+EXPERIMENT = figure(2, TITLE, PARAMETERS, {"points": 61}, compute, draw_friction)

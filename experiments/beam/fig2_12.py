@@ -4,9 +4,10 @@ import jax
 import numpy as np
 import xarray as xr
 
-from .._experiment import Context, Experiment
+from .._experiment import Context
 from ._draw import draw_running
 from ._exponent import NOTE, letter, spectrum
+from ._figure import figure
 from ._model import CAPTION, VARIANTS
 
 
@@ -45,14 +46,9 @@ def compute(parameters, context: Context) -> xr.Dataset:
     return joined.assign_attrs(v=parameters["v"], caption=text)
 
 
-EXPERIMENT = Experiment(
-    name="beam-fig2.12",
-    title="Running Lyapunov exponents at v = 0.0005, by tangent dynamics and by Eq. (2.25)",
-    parameters={
-        "v": 5e-4, "transient": 0.0, "segment": 0.5, "segments": 1600, "distance": 1e-8, "h": 0.005,
-        "modes": 4,
-    },
-    quick={"segments": 120},
-    compute=compute,
-    draw=draw_running,
-)  # fmt: skip
+TITLE = "Running Lyapunov exponents at v = 0.0005, by tangent dynamics and by Eq. (2.25)"
+PARAMETERS = {
+    "v": 5e-4, "transient": 0.0, "segment": 0.5, "segments": 1600, "distance": 1e-8, "h": 0.005,
+    "modes": 4,
+}  # fmt: skip
+EXPERIMENT = figure(12, TITLE, PARAMETERS, {"segments": 120}, compute, draw_running)
