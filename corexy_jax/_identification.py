@@ -9,7 +9,15 @@ from jaxtyping import Array, Float
 
 import stickslip as ss
 from stickslip import Integrator, SaveAt
-from stickslip._validation import as_parameter, check_positive, check_type
+from stickslip._validation import (
+    as_parameter,
+    check_finite,
+    check_nonnegative,
+    check_positive,
+    check_that,
+    check_type,
+    is_concrete,
+)
 
 from ._parameters import CoreXYParameters
 from ._system import CoreXY
@@ -40,10 +48,11 @@ def measurement(
 ) -> Measurement:
     """What the machine under the consistent law shows at `times` [s], from rest at 0, without noise.
 
-    NaN where the run fails. **Raises** `TypeError`, `ValueError` for bad arguments.
+    NaN where the run fails. **Raises** `TypeError`, `ValueError` for bad arguments: `times` must be
+    one row, not negative and increasing.
     """
     system = CoreXY(parameters, voltage)
-    times = as_parameter(times)
+    times = _checked_times(times)
     found = ss.simulate(
         system, 0.0, times[-1], system.state(), integrator=integrator,
         saveat=SaveAt(ts=times, events=False), max_events=None, throw=False,
@@ -51,6 +60,17 @@ def measurement(
     assert found.outputs is not None
     y = found.outputs.y
     return Measurement(y.omega_1, y.omega_2, y.x, y.y)
+
+
+def _checked_times(times: Any) -> Float[Array, " sample"]:
+    row = as_parameter(check_nonnegative("times", times))
+    if row.ndim != 1 or row.size == 0:
+        raise ValueError(f"times has shape {row.shape}: it must be one row of at least one.")
+    if is_concrete(times):
+        check_that(
+            "difference of times", jnp.diff(row), lambda d: d > 0, "positive: times must increase"
+        )
+    return row
 
 
 def with_noise(clean: Measurement, key: Any, noise: Measurement = NOISE) -> Measurement:
@@ -95,9 +115,16 @@ def misfit(
     **Arguments:** `values` of the unknowns by name, e.g. of `UNKNOWNS`; `data` at `times` [s];
     `parameters`, the machine but for the unknowns; `noise`, the standard deviations $\sigma$.
     **Returns** one row, signal after signal; NaN where the run fails. **Raises** `TypeError`,
-    `ValueError`.
+    `ValueError` for an unknown that is no parameter, data that are not finite or not as many as
+    `times`, a `noise` that is not positive.
     """
     check_type("data", data, Measurement, "a Measurement")
+    for name, row in zip(data._fields, data, strict=True):
+        if jnp.shape(row) != jnp.shape(times):
+            raise ValueError(
+                f"data.{name} has shape {jnp.shape(row)}: it must be {jnp.shape(times)}, as times."
+            )
+        check_finite(f"data.{name}", row)
     for name, sigma in zip(noise._fields, noise, strict=True):
         check_positive(f"noise.{name}", sigma)
     model = measurement(with_values(parameters, values), voltage, times, integrator=integrator)

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 import corexy_jax as cx
 import stickslip as ss
-from stickslip.identification import best, gradient_descent, many_starts, sensitivity
+from stickslip.identification import best, gradient_descent, many_starts, sensitivities
 
 from .._experiment import Context, Experiment
 from ._input import ramps, scenario_input
@@ -23,6 +23,7 @@ LABELS = {
 }  # fmt: skip
 INPUTS = ("scenario 1", "scenario 2", "scenario 3", "designed")
 DAMPING = 1e4
+LANES = 8  # of a chunk; the same everywhere, so that one program serves all
 
 
 def _integrator():
@@ -44,16 +45,16 @@ def design(parameters: dict[str, Any], p: cx.CoreXYParameters, times: Any) -> np
     pieces = scenario_input(1, parameters["duration"]).times.size
     ends = rng.uniform(-20.0, 20.0, (parameters["candidates"], pieces, 2, 2))
     ends[:, 0, 0] = 0.0
-    truth = _truth(p)
+    count = parameters["candidates"]
     nothing = cx.Measurement(*(jnp.zeros(times.size),) * 4)
-
-    def matrix(ends):
-        v = ramps(ends, parameters["duration"])
-        return sensitivity(lambda values: _residual(values, nothing, p, v, times), truth).matrix
-
-    found = np.asarray(ss.map_lanes(matrix, executor="portable", chunk_size=16)(ends))
-    found = np.where(np.isfinite(found), found, 0.0)
-    return ends[int(np.argmax(np.linalg.svd(found, compute_uv=False)[:, -1]))]
+    truth, *same = jax.tree.map(
+        lambda a: np.broadcast_to(a, (count, *np.shape(a))), (_truth(p), nothing, p)
+    )
+    inputs = jax.vmap(lambda ends: ramps(ends, parameters["duration"]))(ends)
+    each_times = np.broadcast_to(times, (count, times.size))
+    found = sensitivities(_residual, truth, *same, inputs, each_times, chunk_size=LANES)
+    weakest = found.singular_values[:, -1]
+    return ends[int(jnp.argmax(jnp.where(jnp.isfinite(weakest), weakest, 0.0)))]
 
 
 def _truth(p: cx.CoreXYParameters) -> dict[str, Any]:
@@ -78,7 +79,7 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
         starts = {name: truth[i] * factors[number, :, i] for i, name in enumerate(NAMES)}
         fits = many_starts(
             _residual, starts, data, p, v, times, damping=DAMPING, max_steps=parameters["steps"],
-            chunk_size=10,
+            chunk_size=LANES,
         )  # fmt: skip
         one = best(fits)
         errors = one.standard_errors()
@@ -123,12 +124,12 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
 
 def _by_adam(parameters, starts, number, *case) -> np.ndarray:
     """Reduced chi squared that Adam reaches on the designed input, from the first few starts."""
-    count = min(4, parameters["starts"])
+    count = min(2 * LANES, parameters["starts"])
     if not parameters["adam_steps"] or number < 3:
         return np.full(count, np.nan)
     some = {name: a[:count] for name, a in starts.items()}
     fits = many_starts(
-        _residual, some, *case, fit=gradient_descent, steps=parameters["adam_steps"], chunk_size=2
+        _residual, some, *case, fit=gradient_descent, steps=parameters["adam_steps"], chunk_size=LANES
     )
     return np.asarray(fits.reduced_chi_squared)
 

@@ -3,13 +3,10 @@
 from collections.abc import Callable
 from typing import Any
 
-import jax.numpy as jnp
-import optimistix as optx
-
-from .._validation import check_positive
+from ._evaluate import evaluation
 from ._fit import Fit
-from ._sensitivity import Sensitivity
-from ._unknowns import Values, checked, from_logs, to_logs, with_forward_slope
+from ._methods import levenberg_marquardt
+from ._unknowns import Values, checked, to_logs
 
 
 def least_squares(
@@ -48,26 +45,7 @@ def least_squares(
     is not positive. Works under `jit` and `vmap`; the estimate is not differentiated, because that
     would take second derivatives of the motion.
     """
+    method = levenberg_marquardt(damping=damping, tolerance=tolerance, max_steps=max_steps)
     start = checked("start", start)
-    for name, value in (("damping", damping), ("tolerance", tolerance), ("max_steps", max_steps)):
-        check_positive(name, value)
     names = tuple(start)
-    scale = 1.0 / jnp.sqrt(jnp.asarray(damping, jnp.float64))
-    # The method begins with damping 1: scaled residuals see `damping` instead.
-    scaled = with_forward_slope(lambda z: scale * residual(from_logs(names, z)))
-    found = optx.least_squares(
-        lambda z, args: scaled(z),
-        optx.LevenbergMarquardt(rtol=tolerance, atol=tolerance),
-        to_logs(start),
-        max_steps=int(max_steps),
-        throw=False,
-    )
-    at_end = found.state.f_info
-    matrix = at_end.jac.as_matrix() / scale
-    return Fit(
-        from_logs(names, found.value),
-        at_end.residual / scale,
-        Sensitivity(names, matrix),
-        found.stats["num_steps"],
-        found.result == optx.RESULTS.successful,
-    )
+    return method.solve(evaluation(residual, names), names, to_logs(start))

@@ -1,15 +1,28 @@
 """The same fit from many starts at once."""
 
-from collections.abc import Callable
+import functools
+from collections.abc import Callable, Iterator
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 
+from .._validation import check_finite, is_concrete
 from ..sweep import map_lanes
+from ._evaluate import evaluation
 from ._fit import Fit
+from ._gradient import gradient_descent
 from ._least_squares import least_squares
-from ._unknowns import checked
+from ._methods import AbstractMethod, descent, levenberg_marquardt
+from ._sensitivity import Sensitivity
+from ._unknowns import checked, to_logs
+
+METHODS: dict[Any, Callable[..., AbstractMethod]] = {
+    least_squares: levenberg_marquardt,
+    gradient_descent: descent,
+}
 
 
 def many_starts(
@@ -18,27 +31,146 @@ def many_starts(
     *shared: Any,
     fit: Callable[..., Fit] = least_squares,
     chunk_size: int | None = None,
+    executor: str = "auto",
     **options: Any,
 ) -> Fit:
-    """`fit` from every start, in chunks; `best` picks the best of them.
+    """`fit` from every start; `best` picks the best of them.
 
-    **Arguments:** `residual(values, *shared)` and `options` as for `fit`, which is `least_squares` or
-    `gradient_descent`; `starts`, one row of positive numbers for each name; `shared`, arrays that are
-    the same for all starts: handed over like this, other data of the same shape use the program that
-    is compiled already; `chunk_size` as for `stickslip.map_lanes`. **Returns** a `Fit` with the starts
-    in front. **Raises** as they do.
+    Residuals and Jacobians of all starts that are still on their way are evaluated together, on all
+    cores, by one compiled program that the methods have in common.
+
+    **Arguments**
+
+    - `residual(values, *shared)` and `options` as for `fit`, which is `least_squares` or
+      `gradient_descent`; `starts`, one row of positive numbers for each name.
+    - `shared`: arrays that are the same for all starts. Handed over like this, other data of the same
+      shape use the program that is compiled already, as long as `residual` is the same function.
+    - `chunk_size`, `executor` as for `stickslip.map_lanes`. With a `chunk_size`, other numbers of
+      starts use the same program too.
+
+    **Returns** a `Fit` with the starts in front. **Raises** as `fit` does, and `ValueError` for starts
+    of different lengths, an unknown `fit`, and `shared` with numbers that are not finite. It is a loop
+    of Python and does not work under `jit`.
     """
-    starts = checked("starts", starts)
-    count = next(iter(starts.values())).shape[:1]
-    if count == () or any(a.shape != count for a in starts.values()):
-        shapes = {name: a.shape for name, a in starts.items()}
-        raise ValueError(f"starts has the shapes {shapes}: they must be rows of one length.")
-    # One worker: the linear solver refuses arrays that are spread over devices, and two threads whose
-    # programs hold linear algebra were seen to wait for each other for ever on a CPU.
+    if fit not in METHODS:
+        raise ValueError(f"fit = {fit!r}: it must be least_squares or gradient_descent.")
+    method = METHODS[fit](**options)
+    starts, count = _rows("starts", starts)
+    names = tuple(starts)
+    for i, tree in enumerate(shared):
+        for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
+            check_finite(f"shared[{i}]{jax.tree_util.keystr(path)}", leaf)
+    shared = jax.tree.map(lambda a: np.broadcast_to(a, (count, *np.shape(a))), shared)
+    program = _evaluator(residual, names, chunk_size, executor)
+    now = done = None
+    todo, z = np.arange(count), to_logs(starts)
+    while todo.size:
+        out, matrix = _evaluated(program, z, shared, todo, chunk_size is not None)
+        if now is None:
+            now = _begin(method, jnp.asarray(z), out.shape[1])
+        now = _advance(method, now, jnp.asarray(out), jnp.asarray(matrix))
+        z, done = np.asarray(now.z), np.asarray(now.done)
+        todo = np.flatnonzero(~done)
+    return _finish(method, names, now)
 
-    def one(start, shared):
-        return fit(lambda values: residual(values, *shared), start, **options)
 
-    run = map_lanes(one, executor="portable", chunk_size=chunk_size, workers=1)
-    shared = jax.tree.map(lambda a: jnp.broadcast_to(a, count + jnp.shape(a)), shared)
-    return run(starts, shared)
+def sensitivities(
+    residual: Callable[..., Any],
+    values: Any,
+    *each: Any,
+    chunk_size: int | None = None,
+    executor: str = "auto",
+) -> Sensitivity:
+    """`sensitivity` of many, by the program of `many_starts`.
+
+    **Arguments:** `residual(values, *each)`; `values`, one row of positive numbers for each name;
+    `each`, arrays with as many rows. **Returns** a `Sensitivity` with the rows in front. **Raises**
+    `TypeError`, `ValueError` for what is not so.
+    """
+    values, count = _rows("values", values)
+    for i, tree in enumerate(each):
+        for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
+            if np.shape(leaf)[:1] != (count,):
+                raise ValueError(
+                    f"each[{i}]{jax.tree_util.keystr(path)} has shape {np.shape(leaf)}: it must have "
+                    f"{count} rows, as values."
+                )
+    names = tuple(values)
+    program = _evaluator(residual, names, chunk_size, executor)
+    each = jax.tree.map(np.asarray, each)
+    rows = np.arange(count)
+    matrix = _evaluated(program, to_logs(values), each, rows, chunk_size is not None)[1]
+    return Sensitivity(names, jnp.asarray(matrix))
+
+
+def _rows(name: str, values: Any) -> tuple[dict[str, Any], int]:
+    values = checked(name, values)
+    shapes = {key: a.shape for key, a in values.items()}
+    if len(set(shapes.values())) != 1 or len(next(iter(shapes.values()))) != 1:
+        raise ValueError(f"{name} has the shapes {shapes}: they must be rows of one length.")
+    if not is_concrete(values):
+        raise ValueError(
+            f"{name} is traced: this is a loop of Python, call it outside of jit and vmap."
+        )
+    (count,) = next(iter(shapes.values()))
+    if count == 0:
+        raise ValueError(f"{name} has the shapes {shapes}: there must be at least one row.")
+    return values, count
+
+
+@functools.lru_cache(maxsize=8)
+def _kept_evaluator(residual, names, chunk_size, executor) -> map_lanes:
+    def one(z, shared):
+        return evaluation(lambda values: residual(values, *shared), names)(z)
+
+    return map_lanes(one, executor=executor, chunk_size=chunk_size)
+
+
+def _evaluator(residual, names, chunk_size, executor) -> map_lanes:
+    try:
+        hash(residual)
+    except TypeError:
+        return _kept_evaluator.__wrapped__(residual, names, chunk_size, executor)
+    return _kept_evaluator(residual, names, chunk_size, executor)
+
+
+def _parts(rows: np.ndarray, width: int, whole: bool) -> Iterator[tuple[np.ndarray, int]]:
+    """Rows of one call of the program, the last one repeated to fill it, and how many there are."""
+    for first in range(0, rows.size, width):
+        part = rows[first : first + width]
+        size = width if whole or rows.size > width else rows.size
+        yield np.concatenate([part, np.full(size - part.size, part[-1])]), part.size
+
+
+def _evaluated(program: map_lanes, z, each, rows, whole: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Residuals and Jacobians of all lanes; those of lanes not in `rows` are zero."""
+    z, out, matrix = np.asarray(z), None, None
+    width = program.chunk_size * max(program.threads, len(program.devices))
+    for part, used in _parts(rows, width, whole):
+        found = program(z[part], jax.tree.map(lambda a, part=part: a[part], each))
+        if out is None:
+            out, matrix = (np.zeros((len(z), *a.shape[1:])) for a in found)
+        for all_rows, a in zip((out, matrix), found, strict=True):
+            all_rows[part[:used]] = np.asarray(a)[:used]
+    assert out is not None
+    assert matrix is not None
+    return out, matrix
+
+
+@eqx.filter_jit
+def _begin(method, z, rows: int):
+    return jax.vmap(lambda z: method.begin(z, rows))(z)
+
+
+@eqx.filter_jit
+def _advance(method, now, residual, matrix):
+    def one(now, residual, matrix):
+        new = method.advance(now, residual, matrix)
+        return jax.tree.map(lambda old, new: jnp.where(now.done, old, new), now, new)
+
+    return jax.vmap(one)(now, residual, matrix)
+
+
+@eqx.filter_jit
+def _finish(method, names: tuple[str, ...], now):
+    return jax.vmap(lambda now: method.fit(names, now))(now)

@@ -4,11 +4,11 @@ from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ._unknowns import Values, checked, from_logs, to_logs
+from ._evaluate import evaluation
+from ._unknowns import Values, checked, to_logs
 
 
 class Sensitivity(eqx.Module):
@@ -72,8 +72,4 @@ def sensitivity(residual: Callable[[Values], Any], values: Any) -> Sensitivity:
     """
     values = checked("values", values)
     names = tuple(values)
-
-    def by_logs(z):
-        return residual(from_logs(names, z))
-
-    return Sensitivity(names, jax.jacfwd(by_logs)(to_logs(values)))
+    return Sensitivity(names, evaluation(residual, names)(to_logs(values))[1])

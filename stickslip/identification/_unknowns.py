@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -30,29 +29,3 @@ def to_logs(values: Values) -> Float[Array, "*batch unknown"]:
 def from_logs(names: tuple[str, ...], logs: Float[Array, "*batch unknown"]) -> Values:
     """Values by name; the inverse of `to_logs`."""
     return {name: jnp.exp(logs[..., i]) for i, name in enumerate(names)}
-
-
-def with_forward_slope(function: Any) -> Any:
-    """`function` of one row whose derivative is its Jacobian by forward mode, computed with the value.
-
-    What linearises it then runs the simulation once, instead of once more for every product with the
-    Jacobian.
-    """
-
-    def both(z):
-        def twice(z):
-            out = function(z)
-            return out, out
-
-        slope, out = jax.jacfwd(twice, has_aux=True)(z)
-        return out, slope
-
-    wrapped = jax.custom_jvp(function)
-
-    @wrapped.defjvp
-    def _(primals, tangents):
-        (z,), (dz,) = primals, tangents
-        out, slope = both(z)
-        return out, slope @ dz
-
-    return wrapped

@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.identification import best, gradient_descent, least_squares, many_starts, sensitivity
+from stickslip.identification import (
+    best,
+    gradient_descent,
+    least_squares,
+    many_starts,
+    sensitivities,
+    sensitivity,
+)
 from stickslip.systems import CoulombOscillator, Motion
 
 TIMES = jnp.linspace(0.5, 20.0, 40)
@@ -130,6 +137,39 @@ def test_many_starts_and_the_best():
     assert float(best(found).values["a"]) == pytest.approx(1.0, abs=1e-6)
 
 
+@pytest.mark.slow
+def test_many_starts_through_events_are_single_fits():
+    """Starts of unequal length of way, in chunks that do not fit, by both executors."""
+    measured = data()
+    starts = {name: value * np.array([1.0, 0.98, 1.01, 1.005, 0.995]) for name, value in START.items()}
+
+    def residual(p, measured):
+        return (positions(p) - measured) / SIGMA
+
+    alone = fitted(starts, jnp.broadcast_to(measured, (5, 40)))
+    for executor in ("portable", "auto"):
+        found = many_starts(residual, starts, measured, damping=1e4, chunk_size=2, executor=executor)
+        assert bool(jnp.all(found.successful))
+        np.testing.assert_array_equal(found.steps, alone.steps)
+        np.testing.assert_allclose(products(found.values), products(alone.values), atol=1e-9)
+
+
+def test_sensitivities_are_those_of_each():
+    t = jnp.linspace(0.1, 1.0, 7)
+
+    def residual(p, t):
+        return p["a"] * jnp.exp(-p["b"] * t)
+
+    rows = {"a": np.array([3.0, 1.0, 2.0]), "b": np.array([2.0, 0.5, 1.0])}
+    times = np.stack([t, 2 * t, t + 1])
+    found = sensitivities(residual, rows, times)
+    for i in range(3):
+        one = sensitivity(lambda p, i=i: residual(p, times[i]), {k: a[i] for k, a in rows.items()})
+        np.testing.assert_allclose(found.matrix[i], one.matrix, rtol=1e-12)
+    with pytest.raises(ValueError, match=r"each\[0\] has shape \(2, 7\): it must have 3 rows"):
+        sensitivities(residual, rows, times[:2])
+
+
 def test_a_step_that_fails_is_refused():
     def residual(p):
         return jnp.where(p["a"] < 2.0, jnp.nan, jnp.stack([p["a"] - 2.5]))
@@ -151,7 +191,12 @@ def test_gradient_descent():
 @pytest.mark.usefixtures("standard_dtype_promotion")
 def test_gradient_descent_through_events():
     measured = data()
-    found = jax.jit(lambda p: gradient_descent(lambda p: (positions(p) - measured) / SIGMA, p))(START)
+
+    @jax.jit
+    def fit(start):
+        return gradient_descent(lambda p: (positions(p) - measured) / SIGMA, start, steps=1000)
+
+    found = fit(START)
     assert np.max(np.abs(products(START))) > 0.02
     assert np.max(np.abs(products(found.values))) < 0.01
 
@@ -169,6 +214,35 @@ def test_bad_input():
         least_squares(rosenbrock, dict(a=1.0, b=1.0), damping=0.0)
     with pytest.raises(TypeError, match="optimiser"):
         gradient_descent(rosenbrock, dict(a=1.0, b=1.0), optimiser=3)  # pyright: ignore
+    with pytest.raises(ValueError, match=r"residual returned shape \(\): it must be one array"):
+        least_squares(lambda p: p["a"], dict(a=1.0))
+    with pytest.raises(ValueError, match="residual returned a tuple"):
+        sensitivity(lambda p: (p["a"], p["a"]), dict(a=1.0))
+    with pytest.raises(TypeError, match="stepz"):
+        gradient_descent(rosenbrock, dict(a=1.0, b=1.0), stepz=3)  # pyright: ignore
     single = least_squares(rosenbrock, dict(a=1.0, b=1.0))
     with pytest.raises(ValueError, match="fits has batch shape"):
         best(single)
+
+
+def test_bad_input_of_many_starts():
+    rows = {"a": np.ones(3), "b": np.ones(3)}
+    for starts, text in (
+        ({"a": np.ones(3), "b": np.ones(2)}, "starts has the shapes"),
+        ({"a": 1.0, "b": 1.0}, "starts has the shapes"),
+        ({"a": np.ones(0), "b": np.ones(0)}, "at least one row"),
+        ({"a": np.ones(3), "b": np.array([1.0, np.nan, 1.0])}, r"starts\['b'\]\[1\] = nan"),
+        ({"a": np.ones(3), "b": np.array([1.0, 1.0, -2.0])}, r"starts\['b'\]\[2\] = -2.0"),
+    ):
+        with pytest.raises(ValueError, match=text):
+            many_starts(rosenbrock, starts)
+    with pytest.raises(ValueError, match=r"shared\[0\]\['x'\]\[1\] = inf: it must be finite"):
+        many_starts(lambda p, data: p["a"] - data["x"], rows, {"x": np.array([1.0, np.inf])})
+    with pytest.raises(ValueError, match="it must be least_squares or gradient_descent"):
+        many_starts(rosenbrock, rows, fit=best)
+    with pytest.raises(ValueError, match="max_steps = 0"):
+        many_starts(rosenbrock, rows, max_steps=0)
+    with pytest.raises(ValueError, match="executor='best'"):
+        many_starts(rosenbrock, rows, executor="best")
+    with pytest.raises(ValueError, match="starts is traced"):
+        jax.jit(lambda a: many_starts(rosenbrock, {"a": a, "b": a}).steps)(np.ones(3))
