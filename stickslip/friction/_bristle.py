@@ -9,12 +9,13 @@ from jaxtyping import Array, Float
 from stickslip._fastmath import side_of
 from stickslip._validation import check_that, is_concrete
 from stickslip.friction._law import AbstractFrictionLaw, Number, State, in_dtype_of
+from stickslip.friction._smoothed import AbstractSmoothedLaw
 
 # A law whose branch starts at its static coefficient may miss it by rounding.
 _ROUNDING = 1e-12
 
 
-class AbstractBristleLaw(AbstractFrictionLaw):
+class AbstractBristleLaw(AbstractSmoothedLaw):
     """Friction carried by elastic bristles that break away one after the other.
 
     The one internal state is the mean deflection z [m]. The force depends on it, so there is no
@@ -23,7 +24,6 @@ class AbstractBristleLaw(AbstractFrictionLaw):
     parameters serve a normal force that varies.
     """
 
-    law: eqx.AbstractVar[AbstractFrictionLaw]
     sigma_0: eqx.AbstractVar[Float[Array, "..."]]
 
     @abc.abstractmethod
@@ -31,26 +31,8 @@ class AbstractBristleLaw(AbstractFrictionLaw):
         """Coefficient of steady sliding in `sense` that the bristles themselves carry, positive."""
 
     @property
-    def set_valued(self) -> bool:
-        return False
-
-    @property
-    def is_odd(self) -> bool:
-        return self.law.is_odd
-
-    @property
-    def is_dissipative(self) -> bool:
-        return self.law.is_dissipative
-
-    @property
     def num_states(self) -> int:
         return 1
-
-    def static_coefficient(self, sense: Number = 1) -> Float[Array, "..."]:
-        return self.law.static_coefficient(sense)
-
-    def drag(self, v: Number) -> Float[Array, "..."]:
-        return self.law.drag(v)
 
     def steady_state(self, v: Number) -> State:
         (v,) = in_dtype_of(v)

@@ -75,6 +75,3 @@ class Dahl(AbstractBristleLaw):
     def coefficient_from_state(self, v: Number, state: GivenState) -> Float[Array, "..."]:
         _, z, sigma_0 = in_dtype_of(v, *state, self.sigma_0)
         return sigma_0 * z
-
-    def set_valued_limit(self) -> AbstractFrictionLaw:
-        return self.law

@@ -17,6 +17,7 @@ from stickslip.friction._law import (
     in_dtype_of,
     jump_in,
 )
+from stickslip.friction._smoothed import AbstractSmoothedLaw
 
 Kind = Literal["tanh", "arctan", "sqrt"]
 
@@ -42,7 +43,7 @@ _SIGN: dict[Kind, Callable[[Float[Array, "..."]], Float[Array, "..."]]] = {
 }
 
 
-class Regularised(AbstractMemorylessLaw):
+class Regularised(AbstractSmoothedLaw, AbstractMemorylessLaw):
     r"""A set-valued law with its jump at rest replaced by a steep smooth curve.
 
     $$\mu_\varepsilon(v) = \varphi(v/v_\mathrm{reg})\,|\mu(v)| +
@@ -108,30 +109,9 @@ class Regularised(AbstractMemorylessLaw):
             10.0 * self.v_reg if v_brk is None else as_parameter(check_positive("v_brk", v_brk))
         )
 
-    @property
-    def set_valued(self) -> bool:
-        return False
-
-    @property
-    def is_odd(self) -> bool:
-        return self.law.is_odd
-
-    @property
-    def is_dissipative(self) -> bool:
-        return self.law.is_dissipative
-
     def kinetic(self, v: Number, sense: Number) -> Float[Array, "..."]:
         v, sense, v_reg, v_brk = in_dtype_of(v, sense, self.v_reg, self.v_brk)
         _, jump = in_dtype_of(v, jump_in(self.law, sense))
         u = v / v_brk
         peak = _SQRT_E * u * fast.exp(-0.5 * (u * u))
         return _SIGN[self.kind](v / v_reg) * (sense * self.law.kinetic(v, sense)) + jump * peak
-
-    def static_coefficient(self, sense: Number = 1) -> Float[Array, "..."]:
-        return self.law.static_coefficient(sense)
-
-    def drag(self, v: Number) -> Float[Array, "..."]:
-        return self.law.drag(v)
-
-    def set_valued_limit(self) -> AbstractFrictionLaw:
-        return self.law
