@@ -26,7 +26,7 @@ from ._model import (
 
 PARAMETERS = {
     "v_min": 1e-4, "v_max": 3e-2, "speeds": 2000, "transient": 300.0, "duration": 54.05,
-    "direction": "falling", "max_points": 256, "h": 0.005, "modes": 5,
+    "direction": "falling", "max_points": 256, "h": 0.005, "modes": 5, "chunk": 256,
 }  # fmt: skip
 QUICK = {"speeds": 24, "transient": 40.0, "duration": 21.62}
 
@@ -90,7 +90,7 @@ def diagrams(parameters: Mapping[str, Any], context: Context) -> xr.Dataset:
                 "stick_share": Variable(units="1", long_name="share of the time in stick"),
                 "sticks": Variable(units="1", long_name="beginnings of stick"),
             },
-            chunk=256,
+            chunk=parameters["chunk"],
             **store_options("diagram", variant, parameters, context),
         ).load()
         for variant in VARIANTS

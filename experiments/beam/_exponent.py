@@ -21,7 +21,7 @@ from ._model import CAPTION, VARIANTS, fixed_step, norm_of, store_options, syste
 DRIVEN = ("y", "vy", "q", "p")
 PARAMETERS = {
     "v_min": 1e-4, "v_max": 3e-2, "speeds": 300, "transient": 200.0, "segment": 0.5, "segments": 800,
-    "distance": 1e-8, "h": 0.005, "modes": 4,
+    "distance": 1e-8, "h": 0.005, "modes": 4, "chunk": 32,
 }  # fmt: skip
 QUICK = {"speeds": 8, "transient": 40.0, "segments": 120}
 NOTE = (
@@ -82,14 +82,14 @@ def exponents(parameters: Mapping[str, Any], context: Context) -> xr.Dataset:
                 scales=norm_of,
                 spectrum=options(parameters),
                 labels={"v": speed},
-                chunk=32,
+                chunk=parameters["chunk"],
                 **store_options("spectrum", variant, parameters, context),
             ),
             run_sweep(
                 separation,
                 {"v": speeds},
                 variables={"v": speed, "letter": Variable(units="1", long_name="last value of (2.25)")},
-                chunk=64,
+                chunk=2 * parameters["chunk"],
                 **store_options("letter", variant, parameters, context),
             ),
         ]

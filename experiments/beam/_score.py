@@ -1,21 +1,43 @@
-"""How well a set of parameters does what the paper says, from a few belt speeds."""
+"""How many of the paper's statements a set of parameters satisfies, from a few belt speeds.
 
+C1 holds with every set, and the contact period is kept. C9b is left to the judge of the best set.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import jax
+import jax.numpy as jnp
 import numpy as np
+import xarray as xr
 
-from ._judge import SINGLE
-from ._model import SLIP_ABOVE, STICK_SLIP_BELOW
+import stickslip as ss
+from stickslip.analysis import amplitude_spectrum, lyapunov_spectrum
+
+from .._experiment import Statement
+from ._coordinates import system_and_start
+from ._diagram import points
+from ._exponent import DRIVEN
+from ._judge import SINGLE, judge_powers, judge_slow_frequency, judge_stick_slip
+from ._model import CONTACT_PERIOD, SLIP_ABOVE, STICK_SLIP_BELOW, fixed_step, norm_of, stick_section
 
 # Within the ranges of the text, up to near their borders.
 SPEEDS = np.array(
     [3e-4, 1e-3, 1.8e-3, 2.3e-3, 2.8e-3, 4.5e-3, 6.3e-3, 8.3e-3, 1e-2, 1.5e-2, 2e-2, 2.9e-2]
 )
-ITEMS = ("C2", "C3", "C4a", "C4b", "C5")
+ITEMS = ("C2", "C3", "C4a", "C4b", "C5", "C6", "C7", "C8")
+MOTIONS = (5e-4, 5e-3)  # belt speeds of Figs. 2.4 to 2.11
+FOUND = "found by search"
+Settings = Mapping[str, Any]
+Lane = Callable[[Any, Any], Any]
+Scorer = Callable[[np.ndarray], np.ndarray]
+Judge = Callable[[xr.Dataset], list[Statement]]
 
 
 def items(
     y_width: np.ndarray, w_width: np.ndarray, w_size: np.ndarray, per_contact: np.ndarray
 ) -> np.ndarray:
-    """Share of the speeds `SPEEDS` at which each claim holds, `[..., item]`; inputs `[..., speed]`.
+    """Share of the speeds `SPEEDS` at which C2 to C5 hold, `[..., item]`; inputs `[..., speed]`.
 
     C2 counts half for w being a single curve and half for its growth from speed to speed.
     """
@@ -31,3 +53,138 @@ def items(
         (free & (y_width < SINGLE))[..., fast].mean(axis=-1),
     )
     return np.stack(claims, axis=-1)
+
+
+def in_blocks(lane: Lane, speeds: np.ndarray, settings: Settings) -> Callable[[np.ndarray], Any]:
+    """`lane(theta, v)` for every set at every speed, arrays `[set, speed, ...]`; compiled once.
+
+    Sets are taken `block` at a time, the last block filled up, because another number of lanes is
+    another program.
+    """
+    run, size = ss.map_lanes(lane, executor=settings["executor"]), settings["block"]
+
+    def one(sets: np.ndarray) -> Any:
+        theta = jnp.asarray(np.repeat(sets, speeds.size, axis=0))
+        found = run(theta, jnp.asarray(np.tile(speeds, size)))
+        return jax.tree.map(lambda a: np.asarray(a).reshape((size, speeds.size, *a.shape[1:])), found)
+
+    def call(sets: np.ndarray) -> Any:
+        number = np.minimum(np.arange(-(-len(sets) // size) * size), len(sets) - 1)
+        parts = [one(sets[k]) for k in number.reshape(-1, size)]
+        return jax.tree.map(lambda *a: np.concatenate(a)[: len(sets)], *parts)
+
+    return call
+
+
+def diagram_scorer(settings: Settings) -> Scorer:
+    """C2 to C5 of each set; 0 for a set in which a lane failed."""
+
+    def width(a):
+        seen = jnp.isfinite(a)
+        top = jnp.max(jnp.where(seen, a, -jnp.inf))
+        low = jnp.min(jnp.where(seen, a, jnp.inf))
+        size = jnp.max(jnp.where(seen, jnp.abs(a), 0.0))
+        return (top - low) / jnp.where(size > 0, size, 1.0), top
+
+    def lane(theta, v):
+        out = points(*system_and_start(theta, v, settings["modes"]), settings)
+        (y_width, _), (w_width, w_size) = width(out["y"]), width(out["w"])
+        return y_width, w_width, w_size, out["sticks"], out["ok"]
+
+    run = in_blocks(lane, SPEEDS, settings)
+
+    def call(sets: np.ndarray) -> np.ndarray:
+        y_width, w_width, w_size, sticks, ok = run(sets)
+        per_contact = sticks * CONTACT_PERIOD / settings["duration"]
+        found = items(y_width, w_width, w_size, per_contact)
+        return np.where(ok.all(axis=1)[:, None], found, 0.0)
+
+    return call
+
+
+def motion_scorer(settings: Settings) -> Scorer:
+    """C6, C7 and C8 of each set, 1 where the predicates of Figs. 2.5, 2.7 and 2.9 are true."""
+    begin, dt = settings["transient"], settings["dt"]
+    t = begin + dt * np.arange(round(settings["recorded"] / dt))
+    frequency = np.fft.rfftfreq(t.size, dt)
+    options: dict[str, Any] = {
+        "integrator": fixed_step(settings["h"]), "max_events": None, "throw": False
+    }  # fmt: skip
+
+    def lane(theta, v):
+        system, start = system_and_start(theta, v, settings["modes"])
+        settled = ss.simulate(system, 0.0, begin, start, **options)
+        run = ss.simulate(
+            system, begin, t[-1], settled.y1, settled.mode1, saveat=ss.SaveAt(ts=t, events=False),
+            sections=stick_section(), max_crossings=512, **options,
+        )  # fmt: skip
+        log = run.outputs
+        assert log is not None
+
+        def read(t, y, mode):
+            return {
+                "y": y.y,
+                "w": system.w(t, y),
+                "W_f": system.friction_power(t, y, mode),
+                "W_b": system.beam_power(t, y, mode),
+            }
+
+        signals = jax.vmap(read)(log.t, log.y, log.mode)
+        good = settled.successful & run.successful
+        return {**signals, "mode": log.mode, "stick_begins": run.crossings[0].t, "ok": good}
+
+    run = in_blocks(lane, np.array(MOTIONS), settings)
+
+    def holds(found: dict[str, np.ndarray], judge: Judge) -> bool:
+        """Whether the one statement of a figure is true of a motion."""
+        if not found["ok"]:
+            return False
+        data = {name: ("time", found[name]) for name in ("y", "w", "W_f", "W_b", "mode")}
+        for name in ("y", "w"):
+            amplitude = np.asarray(amplitude_spectrum(found[name], dt).amplitude)
+            data[f"{name}_amplitude"] = ("frequency", amplitude)
+        data["stick_begins"] = ("stick", found["stick_begins"])
+        one = xr.Dataset(data, {"time": t, "frequency": frequency}, {"dropped": begin})
+        return bool(judge(one.expand_dims(variant=[FOUND]))[0].holds)
+
+    def call(sets: np.ndarray) -> np.ndarray:
+        found = run(sets)
+        # Belt speed and judge of C6, C7 and C8.
+        judges = ((0, judge_stick_slip), (0, judge_powers), (1, judge_slow_frequency))
+        return np.array(
+            [
+                [holds({k: a[i, speed] for k, a in found.items()}, judge) for speed, judge in judges]
+                for i in range(len(sets))
+            ],
+            float,
+        )
+
+    return call
+
+
+def greatest_exponent(theta: Any, v: Any, settings: Settings) -> dict[str, Any]:
+    """Greatest exponent of y and the beam, and its error."""
+    system, start = system_and_start(theta, v, settings["modes"])
+    found = lyapunov_spectrum(
+        system, start, segment=0.5, segments=settings["segments"], exponents=1,
+        transient=settings["transient"], components=DRIVEN, scales=norm_of(system),
+        integrator=fixed_step(settings["h"]),
+    )  # fmt: skip
+    return {"exponent": found.exponents[0], "error": found.error[0]}
+
+
+def exponent_scorer(settings: Settings) -> Scorer:
+    """C9a: share of `SPEEDS` at which the greatest exponent is above twice its error."""
+    run = in_blocks(lambda theta, v: greatest_exponent(theta, v, settings), SPEEDS, settings)
+
+    def call(sets: np.ndarray) -> np.ndarray:
+        found = run(sets)
+        return (found["exponent"] > 2 * found["error"]).mean(axis=1, keepdims=True)
+
+    return call
+
+
+def scorer(settings: Settings, *parts: Callable[[Settings], Scorer]) -> Scorer:
+    """Items of each set, `[set, item]`, of several scorers side by side."""
+    made = [part(settings) for part in parts]
+    return lambda sets: np.concatenate([part(sets) for part in made], axis=1)
