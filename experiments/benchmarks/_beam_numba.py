@@ -11,6 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ._illinois import compiled
+
 BACKWARD, STICK, FORWARD, APART = 0, 1, 2, 3
 TRIES = 60  # at most, to find an event within a step
 
@@ -55,6 +57,7 @@ def kernels() -> tuple[Callable, Callable]:
 
     jit = functools.partial(numba.njit, fastmath=True, error_model="numpy")
     step = _step(numba, "s.size")
+    secant, narrow = compiled()
 
     @jit(inline="always")
     def friction(x, V, mode, P):
@@ -160,26 +163,16 @@ def kernels() -> tuple[Callable, Callable]:
         g, which = guard(out, mode, v, P, unit)
         if g >= 0.0:
             return h, -1
-        low, high, at_high = 0.0, h, g
-        at_low = guard(s, mode, v, P, unit)[0]
-        side = 0
+        bracket = (0.0, h, guard(s, mode, v, P, unit)[0], g, 0)
         for _ in range(TRIES):
+            low, high, at_low, _at_high, _side = bracket
             # A guard at zero at the start: look for where it is positive first.
-            t = 0.5 * (low + high)
-            if at_low > 1e-14:
-                t = (low * at_high - high * at_low) / (at_high - at_low)
+            t = secant(bracket) if at_low > 1e-14 else 0.5 * (low + high)
             step(field, s, mode, t, v, P, K, out)
             g, which = guard(out, mode, v, P, unit)
             if abs(g) < 1e-13 or high - low < 1e-15:
                 return t, which
-            if g < 0.0:
-                high, at_high = t, g
-                at_low = 0.5 * at_low if side > 0 else at_low
-                side = 1
-            else:
-                low, at_low = t, g
-                at_high = 0.5 * at_high if side < 0 else at_high
-                side = -1
+            bracket = narrow(bracket, t, g)
         return t, which
 
     @jit
@@ -211,21 +204,14 @@ def kernels() -> tuple[Callable, Callable]:
     @jit
     def maximum(s, end, mode, h, v, P, K, out, number):
         """Value where the rate is zero within the step `h` from `s` to `end`."""
-        low, high, at_low, at_high, side = 0.0, h, rate(s, P, number), rate(end, P, number), 0
+        bracket = (0.0, h, rate(s, P, number), rate(end, P, number), 0)
         for _ in range(TRIES):
-            t = (low * at_high - high * at_low) / (at_high - at_low)
+            t = secant(bracket)
             step(slope, s, mode, t, v, P, K, out)
             g = rate(out, P, number)
-            if abs(g) < 1e-12 * v or high - low < 1e-14:
+            if abs(g) < 1e-12 * v or bracket[1] - bracket[0] < 1e-14:
                 break
-            if g <= 0.0:
-                high, at_high = t, g
-                at_low = 0.5 * at_low if side > 0 else at_low
-                side = 1
-            else:
-                low, at_low = t, g
-                at_high = 0.5 * at_high if side < 0 else at_high
-                side = -1
+            bracket = narrow(bracket, t, g)
         return value(out, P, number)
 
     @jit(parallel=True)

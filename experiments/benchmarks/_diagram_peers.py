@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ._diagram_job import Case, Job, Points, plain_field, slopes, tsit5
+from ._illinois import compiled
 
 
 def scipy_dop853(job: Job, tolerance: float) -> Callable[[np.ndarray], Points]:
@@ -139,6 +140,7 @@ def numba_lanes(job: Job, threads: int) -> Callable[[np.ndarray], Points]:
     A1, A2, A3, A4, A5 = nodes[1:]
     B = tuple(float(c) for c in b)
     jit = functools.partial(nb.njit, fastmath=True, inline="always", error_model="numpy")
+    secant, narrow = compiled()
 
     @jit
     def field(x, y, u, v, k3):
@@ -197,20 +199,13 @@ def numba_lanes(job: Job, threads: int) -> Callable[[np.ndarray], Points]:
             for it in range(steps + 1):
                 a, b = field(x, y, u, v, k3)
                 if pa > 0.0 and a <= 0.0 and it > first and n < xs.shape[1]:
-                    low, high, at_low, at_high, side = 0.0, 1.0, pa, a, 0
+                    bracket = (0.0, 1.0, pa, a, 0)
                     part, X = 0.0, px
                     for _ in range(6):
-                        part = (low * at_high - high * at_low) / (at_high - at_low)
+                        part = secant(bracket)
                         X, Y, U, V = step(px, py, pu, pv, k3, part * h, pa, pb)
                         value, _unused = field(X, Y, U, V, k3)
-                        if value <= 0.0:
-                            high, at_high = part, value
-                            at_low = 0.5 * at_low if side > 0 else at_low
-                            side = 1
-                        else:
-                            low, at_low = part, value
-                            at_high = 0.5 * at_high if side < 0 else at_high
-                            side = -1
+                        bracket = narrow(bracket, part, value)
                     xs[lane, n] = X
                     ts[lane, n] = h * (it - 1 + part)
                     n += 1
