@@ -33,7 +33,9 @@ def main() -> None:
     print(machine(), flush=True)
     for name in options.names or BENCHMARKS:
         print()
-        print(BENCHMARKS[name](size), flush=True)
+        parts = BENCHMARKS[name](size)
+        for part in [parts] if isinstance(parts, str) else parts:
+            print(part, flush=True)
 
 
 if __name__ == "__main__":
