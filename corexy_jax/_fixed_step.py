@@ -7,10 +7,10 @@ import jax.numpy as jnp
 
 from stickslip._fastmath import where
 from stickslip.contact import vector_dead_zone
+from stickslip.hybrid._execute import Executor
 
 from ._contacts import Line, contact_loads, sliding_speeds
 from ._dynamics import (
-    Frictions,
     belt_torque,
     friction_rows,
     inertia,
@@ -25,7 +25,7 @@ from ._motors import motor_torque
 from ._parameters import CoreXYParameters
 from ._solution import Accelerations, Ledger
 from ._system import CoreXYState
-from ._transitions import Needed, available_coefficients, needed_friction, next_dmn, number_of
+from ._transitions import available_coefficients, needed_friction, next_dmn, number_of
 from ._voltage import AbstractVoltage
 
 _NORMALS = jnp.array([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, -1.0]])
@@ -64,23 +64,75 @@ def dead_zone_row(load: Any, bound: Any) -> Any:
     return where(jnp.abs(load) < bound, 0.0, load - bound * jnp.sign(load))
 
 
-def _static_bounds(p, rest: Senses, rolling, errata: Errata):
-    """Greatest static friction of each row [N m], from the friction against a start along it."""
-    bounds = []
-    for axis, direction in enumerate(((1.0, 0.0, 1.0, 1.0), (0.0, 1.0, 1.0, -1.0))):
-        one, two = direction[2], direction[3]
-        senses = Senses(*(r * d for r, d in zip(rest, (*direction, one, two), strict=True)))
-        f = ground_friction(p, p.mu_s, senses)
-        rows = friction_rows(p, f, errata, *(where(rolls, 1.0, 0.0) for rolls in rolling))
-        bounds.append(jnp.abs(rows[axis]))
-    return bounds
+class Rows(NamedTuple):
+    """Friction with the ground in the rows of x and y but for the motor pulleys, and on these [N m].
+
+    Rows of any dynamic model follow by adding the motor pulleys that roll.
+    """
+
+    x: Any
+    y: Any
+    one: Any
+    two: Any
+
+    def row_x(self, rolling):
+        one, two = (where(r, f, 0.0) for r, f in zip(rolling, self[2:], strict=True))
+        return self.x + (one + two)
+
+    def row_y(self, rolling):
+        one, two = (where(r, f, 0.0) for r, f in zip(rolling, self[2:], strict=True))
+        return self.y + (one - two)
 
 
-def _carriage(p, load, rest: Senses, rolling, errata: Errata):
+def _rows(p, mu, senses: Senses, errata: Errata) -> Rows:
+    f = ground_friction(p, mu, senses)
+    rows = friction_rows(p, f._replace(tau_1_0=0.0, tau_2_0=0.0), errata, 0.0, 0.0)
+    return Rows(*rows, f.tau_1_0, f.tau_2_0)
+
+
+class Now(NamedTuple):
+    """What the dynamic models have in common at one instant."""
+
+    torques: tuple[Any, Any]  # of the motors [N m]
+    relative: tuple[Any, Any]  # senses of the motor pulleys against their belts
+    rest: Senses  # 1 where a part has no speed
+    kinetic: Rows
+    static_x: Rows  # friction against a start along x, and along y
+    static_y: Rows
+    static: tuple[Any, Any]  # greatest static friction of the motor pulleys on the ground [N m]
+
+
+def _now(p, y: CoreXYState, volts, errata: Errata, execute: Executor) -> Now:
+    once = execute.boundary
+
+    def senses_of(y):
+        speeds = (y.vx, y.vy, y.vx + y.vy, y.vx - y.vy, y.omega_1, y.omega_2)
+        rest = tuple(where(v == 0.0, 1.0, 0.0) for v in speeds)
+        turn = virtual_pulleys(y.vx, y.vy, p.r)
+        relative = jnp.sign(y.omega_1 - turn[0]), jnp.sign(y.omega_2 - turn[1])
+        return tuple(jnp.sign(v) for v in speeds), rest, relative
+
+    senses, rest, relative = once(senses_of, y)
+    torques = once(
+        lambda v, y: (motor_torque(p, v[0], y.omega_1), motor_torque(p, v[1], y.omega_2)), volts, y
+    )
+    kinetic = once(lambda s: _rows(p, p.mu_k, Senses(*s), errata), senses)
+
+    def against(rest, direction):
+        return _rows(p, p.mu_s, Senses(*(r * d for r, d in zip(rest, direction, strict=True))), errata)
+
+    starts = ((1.0, 0.0, 1.0, 1.0, 1.0, 1.0), (0.0, 1.0, 1.0, -1.0, 1.0, -1.0))
+    static_x, static_y = (once(lambda r, d=d: against(r, d), rest) for d in starts)
+    static = tuple(p.mu_s * 2.0 * P * p.r_f for P in (p.P1, p.P2))
+    return Now(torques, relative, Senses(*rest), kinetic, static_x, static_y, static)
+
+
+def _carriage(p, load, now: Now, rolling, errata: Errata, execute: Executor):
     """Accelerations of x and y under the rows `load` [N m] with the dead zone at zero velocity, Eqs.
     (28)-(30). One formula for all four models: a batch would compute all of them to choose one."""
-    m = inertia(p, *(where(rolls, 1.0, 0.0) for rolls in rolling))
+    rest = now.rest
     if errata.A8:
+        m = inertia(p, *(where(rolls, 1.0, 0.0) for rolls in rolling))
         loads = [n * p.r for n in contact_loads(p)]
         along = p.mu_s * (loads[2] + where(rolling[0], loads[4], 0.0)) * rest.along
         against = p.mu_s * (loads[3] + where(rolling[1], loads[5], 0.0)) * rest.against
@@ -89,46 +141,52 @@ def _carriage(p, load, rest: Senses, rolling, errata: Errata):
         M = jnp.stack([jnp.stack([m.x, m.coupling]), jnp.stack([m.coupling, m.y])])
         a = vector_dead_zone(M, jnp.stack(load), _NORMALS, limits)
         return a[0], a[1]
-    bound_x, bound_y = _static_bounds(p, rest, rolling, errata)
-    row_x = where(rest.x == 1.0, dead_zone_row(load[0], bound_x), load[0])
-    row_y = where(rest.y == 1.0, dead_zone_row(load[1], bound_y), load[1])
-    return solve(m, row_x, row_y)
+
+    def one(load, at_rest, bound):
+        return where(at_rest == 1.0, dead_zone_row(load, jnp.abs(bound)), load)
+
+    def both(load, rest, now_x, now_y, rolling):
+        m = inertia(p, *(where(rolls, 1.0, 0.0) for rolls in rolling))
+        row_x = one(load[0], rest.x, now_x.row_x(rolling))
+        row_y = one(load[1], rest.y, now_y.row_y(rolling))
+        return solve(m, row_x, row_y)
+
+    return execute.boundary(both, load, rest, now.static_x, now.static_y, rolling)
 
 
-def _motion(p, y: CoreXYState, number, torques, belts, errata: Errata) -> Motion:
+def _motion(p, now: Now, number, belts, errata: Errata, execute: Executor) -> Motion:
     """Accelerations in the dynamic model `number` with the given belt forces."""
-    speeds = (y.vx, y.vy, y.vx + y.vy, y.vx - y.vy, y.omega_1, y.omega_2)
-    senses = Senses(*(jnp.sign(v) for v in speeds))
-    rest = Senses(*(where(v == 0.0, 1.0, 0.0) for v in speeds))
+    once = execute.boundary
     rolling = ((number == 1) | (number == 3), (number == 1) | (number == 2))
-    kinetic = ground_friction(p, p.mu_k, senses)
-    f: Frictions = kinetic._replace(f_1_b=belts[0], f_2_b=belts[1])
-    b_x, b_y = friction_rows(p, f, errata, *(where(rolls, 1.0, 0.0) for rolls in rolling))
-    one, two = (
-        where(rolls, torque, belt_torque(p, belt, errata))
-        for rolls, torque, belt in zip(rolling, torques, belts, strict=True)
-    )
-    ax, ay = _carriage(p, (b_x + one + two, b_y + one - two), rest, rolling, errata)
-    alphas, grounds = [], []
+
+    def load(kinetic, rolling, torques, belts):
+        one, two = (
+            where(rolls, torque, belt_torque(p, belt, errata))
+            for rolls, torque, belt in zip(rolling, torques, belts, strict=True)
+        )
+        return kinetic.row_x(rolling) + one + two, kinetic.row_y(rolling) + one - two
+
+    loads = once(load, now.kinetic, rolling, now.torques, belts)
+    ax, ay = _carriage(p, loads, now, rolling, errata, execute)
     turning = zip(
-        rolling, rolling_motors(ax, ay, p.r), (kinetic.tau_1_0, kinetic.tau_2_0), torques, belts,
-        (p.P1, p.P2), (rest.one, rest.two), strict=True,
+        rolling, rolling_motors(ax, ay, p.r), now.kinetic[2:], now.torques, belts, now.static,
+        (now.rest.one, now.rest.two), strict=True,
     )  # fmt: skip
-    for rolls, with_belt, tau_0, torque, belt, P, standing in turning:
-        static = p.mu_s * 2.0 * P * p.r_f
+
+    def turn(rolls, with_belt, tau_0, torque, belt, static, standing):
         free = dead_zone_row(torque + belt * p.r, static) / p.J
         alone = where(standing == 1.0, free, slipping_motor(p, torque, tau_0, belt))
         alpha = where(rolls, with_belt, alone)
         holding = -jnp.clip(torque, -static, static)
         at_rest = where(alpha == 0.0, holding, -static * jnp.sign(alpha))
-        alphas.append(alpha)
-        grounds.append(where(standing == 1.0, at_rest, tau_0))
-    return Motion(Accelerations(ax, ay, *alphas), (grounds[0], grounds[1]), belts)
+        return alpha, where(standing == 1.0, at_rest, tau_0)
+
+    one, two = (once(turn, *side) for side in turning)
+    return Motion(Accelerations(ax, ay, one[0], two[0]), (one[1], two[1]), belts)
 
 
-def _advance(p, carry: Carry, number, motion: Motion, needed: Needed, dt, errata: Errata):
+def _advance(p, y: CoreXYState, number, a: Accelerations, dt, errata: Errata):
     """Explicit Euler step, and which motors roll after it, Eq. (73)."""
-    y, a = carry.y, motion.a
     vx, vy = y.vx + dt * a.x, y.vy + dt * a.y
     omegas = [y.omega_1 + dt * a.alpha_1, y.omega_2 + dt * a.alpha_2]
     if errata.A12:
@@ -168,7 +226,7 @@ def _advance(p, carry: Carry, number, motion: Motion, needed: Needed, dt, errata
     return new, slips
 
 
-def _account(p, y: CoreXYState, torques, motion: Motion, number, dt, ledger: Ledger, errata: Errata):
+def _account(p, y: CoreXYState, torques, belts, number, dt, ledger: Ledger, errata: Errata):
     """Energies of one step, with the forces as the equations have them."""
     turn = virtual_pulleys(y.vx, y.vy, p.r)
     q = Line(y.vx, y.vy, p.r * y.omega_1, p.r * y.omega_2)
@@ -179,9 +237,7 @@ def _account(p, y: CoreXYState, torques, motion: Motion, number, dt, ledger: Led
     friction = [-p.mu_k * n * jnp.abs(v) for n, v in zip(loads[:6], speeds[:6], strict=True)]
     back = -1.0 if errata.A2 else 1.0
     slips = ((number == 2) | (number == 4), (number == 3) | (number == 4))
-    for slipping, f, omega, virtual in zip(
-        slips, motion.belts, (y.omega_1, y.omega_2), turn, strict=True
-    ):
+    for slipping, f, omega, virtual in zip(slips, belts, (y.omega_1, y.omega_2), turn, strict=True):
         friction.append(where(slipping, f * p.r * (omega + back * virtual), 0.0))
     distance = [where(s, jnp.abs(v), 0.0) for s, v in zip(slips, speeds[6:], strict=True)]
     return Ledger(
@@ -193,14 +249,18 @@ def _account(p, y: CoreXYState, torques, motion: Motion, number, dt, ledger: Led
 
 
 def step(
-    p: CoreXYParameters, voltage: AbstractVoltage, t: Any, dt: Any, carry: Carry, errata: Errata
+    p: CoreXYParameters,
+    voltage: AbstractVoltage,
+    t: Any,
+    dt: Any,
+    carry: Carry,
+    errata: Errata,
+    execute: Executor,
 ) -> tuple[Carry, Row]:
     """One step of the algorithm from time `t` [s]; also the output at `t`."""
+    once = execute.boundary
     y = carry.y
-    v1, v2 = voltage(t)
-    torques = motor_torque(p, v1, y.omega_1), motor_torque(p, v2, y.omega_2)
-    turn = virtual_pulleys(y.vx, y.vy, p.r)
-    relative = jnp.sign(y.omega_1 - turn[0]), jnp.sign(y.omega_2 - turn[1])
+    now = _now(p, y, once(voltage, t), errata, execute)
     before = number_of(carry.slips_1, carry.slips_2)
 
     def belts_of(number, senses):
@@ -209,19 +269,30 @@ def step(
         one, two = (where(s, f, 0.0) for s, f in zip(slipping, forces, strict=True))
         return one, two
 
-    ideal = _motion(p, y, before, torques, belts_of(before, relative), errata)
-    needed = needed_friction(p, (ideal.a.alpha_1, ideal.a.alpha_2), torques, ideal.ground, errata)
-    number = next_dmn(before, needed, available_coefficients(p, errata))
-    senses = relative
-    if errata.A4:
-        # What begins to slip goes the way that the needed force could not prevent.
-        senses = tuple(
-            where(s == 0.0, -jnp.sign(f), s)
-            for s, f in zip(relative, (needed.f_1s, needed.f_2s), strict=True)
-        )
-    motion = _motion(p, y, number, torques, belts_of(number, senses), errata)
-    ledger = _account(p, y, torques, motion, number, dt, carry.ledger, errata)
-    new, slips = _advance(p, carry, number, motion, needed, dt, errata)
+    belts = once(belts_of, before, now.relative)
+    ideal = _motion(p, now, before, belts, errata, execute)
+
+    def choose(before, alphas, torques, ground, relative):
+        needed = needed_friction(p, alphas, torques, ground, errata)
+        senses = relative
+        if errata.A4:
+            # What begins to slip goes the way that the needed force could not prevent.
+            senses = tuple(
+                where(s == 0.0, -jnp.sign(f), s)
+                for s, f in zip(relative, (needed.f_1s, needed.f_2s), strict=True)
+            )
+        return next_dmn(before, needed, available_coefficients(p, errata)), senses
+
+    alphas = ideal.a.alpha_1, ideal.a.alpha_2
+    number, senses = once(choose, before, alphas, now.torques, ideal.ground, now.relative)
+    belts = once(belts_of, number, senses)
+    motion = _motion(p, now, number, belts, errata, execute)
+
+    def account(y, torques, belts, number, ledger):
+        return _account(p, y, torques, belts, number, dt, ledger, errata)
+
+    ledger = once(account, y, now.torques, belts, number, carry.ledger)
+    new, slips = once(lambda y, number, a: _advance(p, y, number, a, dt, errata), y, number, motion.a)
     slipping = ((number == 2) | (number == 4), (number == 3) | (number == 4))
     own = [jnp.sign(v) for v in (y.vx, y.vy, y.vx + y.vy, y.vx - y.vy, y.omega_1, y.omega_2)]
     own += [where(s, sense, 0.0) for s, sense in zip(slipping, senses, strict=True)]
@@ -237,6 +308,7 @@ def march(
     rows: int,
     stride: Any,
     errata: Errata,
+    execute: Executor,
 ) -> Row:
     """`rows` outputs, `stride` (an array) steps apart, by `lax.scan`; the start is the first."""
     zero = jnp.zeros_like(y0.x)
@@ -248,16 +320,18 @@ def march(
     def many(carry, row):
         def one(i, carry):
             number = row * stride + i
-            return step(p, voltage, number.astype(jnp.float64) * dt, dt, carry, errata)[0]
+            return step(p, voltage, number.astype(jnp.float64) * dt, dt, carry, errata, execute)[0]
 
         t = (row * stride).astype(jnp.float64) * dt
-        shown = step(p, voltage, t, dt, carry, errata)[1]
+        shown = step(p, voltage, t, dt, carry, errata, execute)[1]
         # Nothing comes after the last row.
         steps = where(row < rows - 1, stride, 0)
         return jax.lax.fori_loop(0, steps, one, carry), shown
 
-    # Not through the executor: this loop is slower as one fused call (4.9 s against 3.7 s, measured).
-    shown = jax.lax.scan(many, start, jnp.arange(rows, dtype=jnp.int32))[1]
+    def whole(start):
+        return jax.lax.scan(many, start, jnp.arange(rows, dtype=jnp.int32))[1]
+
+    shown = execute.loop(whole, start)
     friction, slip = (jnp.stack(a, axis=-1) for a in (shown.ledger.friction, shown.ledger.slip))
     ledger = shown.ledger._replace(friction=friction, slip=slip)
     return shown._replace(ledger=ledger, senses=jnp.stack(shown.senses, axis=-1))

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import stickslip as ss
 from stickslip import RESULTS, Integrator, SaveAt
 from stickslip._validation import as_parameter, check_in, check_positive, check_type, is_concrete
+from stickslip.hybrid._execute import Executor, current_executor
 from stickslip.systems import WithIntegrals
 
 from ._contacts import Line, kinetic_limits, sliding_speeds
@@ -170,7 +171,8 @@ def simulate_as_printed(
     if stride < 1 or abs(stride * dt * (rows - 1) - end) > 1e-9 * end:
         raise ValueError(f"t1 = {end}: it must be a multiple of dt * (rows - 1) = {dt * (rows - 1)}.")
     steps = jnp.asarray(stride, jnp.int32)
-    found = _march(system, y0, jnp.asarray(dt, jnp.float64), rows, steps, errata)
+    step = jnp.asarray(dt, jnp.float64)
+    found = _march(system, y0, step, rows, steps, errata, current_executor())
     finite = jnp.all(jnp.isfinite(found.y.vx) & jnp.isfinite(found.y.vy))
     outcomes: Any = RESULTS
     result = outcomes.where(finite, RESULTS.successful, RESULTS.nonfinite)
@@ -181,5 +183,5 @@ def simulate_as_printed(
 
 
 @eqx.filter_jit
-def _march(system, y0, dt, rows: int, stride: jax.Array, errata: Errata):
-    return march(system.parameters, system.voltage, y0, dt, rows, stride, errata)
+def _march(system, y0, dt, rows: int, stride: jax.Array, errata: Errata, execute: Executor):
+    return march(system.parameters, system.voltage, y0, dt, rows, stride, errata, execute)

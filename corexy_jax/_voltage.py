@@ -8,7 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
-from stickslip._fastmath import where
+from stickslip._fastmath import cos, sin, where
 from stickslip._validation import (
     as_parameter,
     check_finite,
@@ -67,7 +67,7 @@ class Harmonic(AbstractVoltage):
 
     def volts(self, t, piece):
         angle = 2 * jnp.pi * self.frequency * t
-        return self.v01 * jnp.sin(angle), self.v02 * jnp.cos(angle)
+        return self.v01 * sin(angle), self.v02 * cos(angle)
 
     def piece_of(self, t):
         return jnp.zeros_like(t)

@@ -28,6 +28,18 @@ _C6, _C7 = 0.0013888888917196719, 0.00019841269863040545
 _C8, _C9 = 2.4801521322368692e-05, 2.7557268480310024e-06
 _C10, _C11 = 2.7620075879983367e-07, 2.5100375832561234e-08
 
+# Half of pi in three parts; the first two have 33 bits, so their product with a count below 2**20 is
+# exact.
+_TWO_OVER_PI = 0.6366197723675814
+_HALF_PI = (1.5707963267341256, 6.077100506303966e-11, 2.0222662487959506e-21)
+# sin(f) = f + f^3 s(f^2), cos(f) = 1 - f^2/2 + f^4 c(f^2) on |f| <= pi/4, interpolated in the six
+# Chebyshev points of f^2: wrong by 1.4e-17 at most.
+_SIN_0, _SIN_1, _SIN_2 = -0.16666666666666666, 0.008333333333330943, -0.0001984126983674956
+_SIN_3, _SIN_4, _SIN_5 = 2.755731609787775e-06, -2.5051130870968297e-08, 1.591805913698281e-10
+_COS_0, _COS_1 = 0.041666666666666664, -0.0013888888888887393
+_COS_2, _COS_3 = 2.4801587298760048e-05, -2.755731726880539e-07
+_COS_4, _COS_5 = 2.0876145659059344e-09, -1.1382588535352522e-11
+
 
 def where(
     condition: Bool[ArrayLike, "..."], yes: Real[ArrayLike, "..."], no: Real[ArrayLike, "..."]
@@ -121,3 +133,45 @@ def _power_jvp(primals, tangents):
     lower = exponent * power(base, where(exponent == 0, 1.0, exponent - 1.0), ~odd)
     log_base = lax.log(where(base == 0, 1.0, lax.abs(base)))
     return value, lower * tangents[0] + value * log_base * tangents[1]
+
+
+def _sin_cos(x: Float[Array, "..."]) -> tuple[Float[Array, "..."], Float[Array, "..."]]:
+    n = lax.round(x * _TWO_OVER_PI, lax.RoundingMethod.TO_NEAREST_EVEN)
+    f = ((x - n * _HALF_PI[0]) - n * _HALF_PI[1]) - n * _HALF_PI[2]
+    u = f * f
+    u2 = u * u
+    odd = (_SIN_0 + u * _SIN_1) + u2 * ((_SIN_2 + u * _SIN_3) + u2 * (_SIN_4 + u * _SIN_5))
+    even = (_COS_0 + u * _COS_1) + u2 * ((_COS_2 + u * _COS_3) + u2 * (_COS_4 + u * _COS_5))
+    sine, cosine = f + f * u * odd, (1.0 - 0.5 * u) + u2 * even
+    quarter = n - 4.0 * lax.floor(n * 0.25)
+    swap = (quarter == 1.0) | (quarter == 3.0)
+    s, c = where(swap, cosine, sine), where(swap, sine, cosine)
+    return where(quarter >= 2.0, -s, s), where((quarter == 1.0) | (quarter == 2.0), -c, c)
+
+
+@jax.custom_jvp
+def sin(x: Float[Array, "..."]) -> Float[Array, "..."]:
+    """Sine with an absolute error below 3e-16 for |x| up to 1e6: arithmetic alone, no call.
+
+    Exactly 0 at 0; NaN and infinities give NaN. Other precisions than float64 take the library
+    function. Method: reduction to [-pi/4, pi/4] after Cody and Waite (1980), as in `exp`.
+    """
+    return _sin_cos(x)[0] if x.dtype == jnp.float64 else lax.sin(x)
+
+
+@sin.defjvp
+def _sin_jvp(primals, tangents):
+    (x,), (dx,) = primals, tangents
+    return sin(x), cos(x) * dx
+
+
+@jax.custom_jvp
+def cos(x: Float[Array, "..."]) -> Float[Array, "..."]:
+    """Cosine, as `sin`."""
+    return _sin_cos(x)[1] if x.dtype == jnp.float64 else lax.cos(x)
+
+
+@cos.defjvp
+def _cos_jvp(primals, tangents):
+    (x,), (dx,) = primals, tangents
+    return cos(x), -sin(x) * dx

@@ -20,7 +20,7 @@ from .._experiment import Context, Experiment
 
 DURATION = 6.0
 TOLERANCE = 1e-6
-PARAMETERS = {"points": 100}
+PARAMETERS = {"points": 100, "executor": "auto"}
 QUICK = {"points": 12}
 
 
@@ -65,7 +65,7 @@ def machine_map(
         n = parameters["points"] if len(axes) == 2 else parameters["points"] ** 2
         grids = [(np.geomspace if log else np.linspace)(a, b, n) for *_, a, b, log in axes]
         values = [g.ravel() for g in np.meshgrid(*grids, indexing="ij")]
-        run = ss.map_lanes(lambda *v: lane(*machine(*v)), executor="portable")
+        run = ss.map_lanes(lambda *v: lane(*machine(*v)), executor=parameters["executor"])
         found = run(*values)
         dims = tuple(axis[0] for axis in axes)
         units = {"slip_1": "m", "slip_2": "m"}

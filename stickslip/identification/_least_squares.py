@@ -38,8 +38,9 @@ def least_squares(
     - `start`: positive numbers by name.
     - `damping` $\lambda$ of the first step, $(J^TJ + \lambda)\,\delta = -J^Tr$: with residuals far
       above 1 a large value, say the square of a typical residual, saves steps that are refused.
-    - `tolerance`: relative and absolute, of the logarithms and of the cost. `max_steps`: limit,
-      refused ones included.
+    - `tolerance`: relative and absolute, of the logarithms and the residuals; or of the cost, by
+      what the next step would gain if the residual were linear. `max_steps`: limit, refused ones
+      included.
 
     **Returns** a `Fit`. **Raises** `TypeError`, `ValueError` for a `start` that is not so and for what
     is not positive. Works under `jit` and `vmap`; the estimate is not differentiated, because that

@@ -144,16 +144,14 @@ def _parts(rows: np.ndarray, width: int, whole: bool) -> Iterator[tuple[np.ndarr
 
 def _evaluated(program: map_lanes, z, each, rows, whole: bool) -> tuple[np.ndarray, np.ndarray]:
     """Residuals and Jacobians of all lanes; those of lanes not in `rows` are zero."""
-    z, out, matrix = np.asarray(z), None, None
+    z, filled = np.asarray(z), []
     width = program.chunk_size * max(program.threads, len(program.devices))
     for part, used in _parts(rows, width, whole):
         found = program(z[part], jax.tree.map(lambda a, part=part: a[part], each))
-        if out is None:
-            out, matrix = (np.zeros((len(z), *a.shape[1:])) for a in found)
-        for all_rows, a in zip((out, matrix), found, strict=True):
+        filled = filled or [np.zeros((len(z), *a.shape[1:])) for a in found]
+        for all_rows, a in zip(filled, found, strict=True):
             all_rows[part[:used]] = np.asarray(a)[:used]
-    assert out is not None
-    assert matrix is not None
+    out, matrix = filled
     return out, matrix
 
 

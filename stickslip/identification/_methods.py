@@ -73,6 +73,12 @@ def _known_jvp(primals, tangents):
     return residual, matrix @ tangents[0]
 
 
+def _foreseen(info, step):
+    """Fall of the cost over a step if the residual were linear."""
+    change = info.jac.mv(step)
+    return -jnp.sum(change * (info.residual + 0.5 * change))
+
+
 class LevenbergMarquardt(AbstractMethod):
     """Levenberg-Marquardt of optimistix, step by step."""
 
@@ -108,6 +114,12 @@ class LevenbergMarquardt(AbstractMethod):
         y_new, state, _ = solver.step(known, y, args, options, state, tags)
         ended, result = solver.terminate(known, y_new, args, options, state, tags)
         failed = ~jnp.all(jnp.isfinite(y_new)) | (result != optx.RESULTS.successful)
+        # At the minimum along what the data see: a step along the rest may go on for ever.
+        gain = _foreseen(state.f_info, state.y_eval - y_new)
+        cost = 0.5 * jnp.sum(state.f_info.residual**2)
+        flat = gain <= self.tolerance * (self.tolerance + cost)
+        accepted = state.num_accepted_steps > arrays.num_accepted_steps
+        ended = ended | (flat & accepted)
         steps = now.steps + 1
         kept = (y_new, eqx.filter(state, eqx.is_array), ended & ~failed)
         return Progress(state.y_eval, kept, steps, ended | failed | (steps >= self.max_steps))
@@ -151,7 +163,8 @@ class GradientDescent(AbstractMethod):
         slope = jnp.where(jnp.isfinite(cost), matrix.T @ residual, 0.0)
         change, state = self.optimiser.update(slope, state, now.z)
         steps = now.steps + 1
-        return Progress(optax.apply_updates(now.z, change), (state, best), steps, steps >= self.steps)
+        z: Any = optax.apply_updates(now.z, change)
+        return Progress(z, (state, best), steps, steps >= self.steps)
 
     def fit(self, names, now):
         cost, z, residual, matrix = now.kept[1]

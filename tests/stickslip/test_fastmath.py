@@ -140,3 +140,28 @@ def test_compiles_without_calls():
     program = jax.jit(step).lower(jnp.zeros(64)).compile().as_text()
     assert " call(" not in program
     assert "custom-call" not in program
+
+
+@pytest.mark.parametrize(("fast_one", "exact"), [(fast.sin, np.sin), (fast.cos, np.cos)])
+def test_sine_and_cosine(fast_one, exact):
+    x = np.concatenate(
+        [
+            RANDOM.uniform(-1e6, 1e6, 200_000),
+            RANDOM.uniform(-10.0, 10.0, 200_000),
+            np.arange(-2000, 2000) * (np.pi / 4),
+            np.nextafter(np.arange(-2000, 2000) * (np.pi / 4), 0.0),
+            10.0 ** RANDOM.uniform(-300, 0, 5000),
+        ]
+    )
+    assert worst(jax.jit(fast_one)(x), exact(x.astype(np.longdouble))) < 3e-16
+    assert np.isnan(jax.jit(fast_one)(jnp.array([np.nan, np.inf, -np.inf]))).all()
+    assert fast_one(jnp.zeros(1, jnp.float32)).dtype == jnp.float32
+
+
+def test_derivatives_of_sine_and_cosine():
+    x = jnp.linspace(-30.0, 30.0, 101)
+    first = jax.jit(jax.vmap(jax.grad(fast.sin)))(x)
+    np.testing.assert_allclose(first, np.cos(x), atol=3e-16)
+    second = jax.jit(jax.vmap(jax.jacfwd(jax.jacrev(fast.cos))))(x)
+    np.testing.assert_allclose(second, -np.cos(x), atol=3e-16)
+    assert float(fast.sin(jnp.array(0.0))) == 0.0
