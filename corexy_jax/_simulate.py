@@ -158,6 +158,11 @@ def simulate_as_printed(
     model of the step (72), its accelerations with the dead zone of each axis at zero velocity
     (28)-(30), one explicit Euler step (the paper says "integrate"), the speeds after it (73).
 
+    The paper leaves two things open. The state found with the numbers of a step, index k - 1 in Eq.
+    (74), rules that step here; taken one step later, the first step would be one of RR, which kicks
+    the machine out of its rest. And the dead zone of an axis is that of the contacts at rest, not of
+    all contacts. `experiments/corexy/_runs.py` says which statements depend on it.
+
     **Arguments** as for `simulate`, and `errata`: which errata are corrected, none by default. `t1`
     must be a multiple of `dt` times `rows - 1`; `ValueError` otherwise.
     """

@@ -1,4 +1,18 @@
-"""A scenario computed three ways, as one dataset."""
+"""A scenario computed three ways, as one dataset.
+
+Truth values of the statements that differ from those of an earlier fixed-step study hang on what the
+paper leaves open; a second implementation of Eqs. (1)-(84), written apart from this package in plain
+Python, gives the numbers of this package with its choices and those of the study with the others:
+
+- The state found in a step rules that step (here), or the next one. The latter begins with one step of
+  RR in scenarios 1 and 2: S1.12, S2.03, S2.04, S2.11 and S2.16 then fail as printed and S2.08 holds.
+- The static friction of an axis is that of its contacts at rest (here), or of all of them. With the
+  latter S1.06 fails with the errata corrected, and the net work of the belts in scenario 1 is +353 J
+  with the reaction as printed (A2) and -187 J with the third law, instead of -213 J and -143 J. In
+  scenario 3 it is -1621 J and -2279 J with either; the +934 J of the study was not found again.
+- A contact rests at speed zero (here), or below some 1e-4 m/s: only then S1.09 holds for the fixed
+  step, where an axis hovers about zero.
+"""
 
 from typing import Any
 
