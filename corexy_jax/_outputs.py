@@ -117,7 +117,8 @@ def _columns(s: CoreXYSolution, errata: Errata) -> dict[str, Any]:
     v = pair(*volts)
     tau = motor_torque(p, v, omega)
     sense = s.senses
-    slips = sense[:, 6:] != 0.0
+    # By the model, not by the sense: a belt that has only just begun to slip has no speed yet.
+    slips = pair((s.dmn == 2) | (s.dmn == 4), (s.dmn == 3) | (s.dmn == 4))
     static = pair(*motor_dead_zone(p))[None, :] + jnp.zeros_like(tau)
     kinetic = static * (p.mu_k / jnp.where(p.mu_s > 0, p.mu_s, 1.0))
     kinetic = jnp.where(p.mu_s > 0, kinetic, 2.0 * p.mu_k * pair(p.P1, p.P2)[None, :] * p.r_f)

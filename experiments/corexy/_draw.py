@@ -24,7 +24,8 @@ def _head(figure, data, text):
 
 
 def _legend(axis, **options):
-    axis.legend(frameon=False, fontsize=7, **options)
+    box = {"frameon": True, "framealpha": 0.85, "edgecolor": "none", "borderpad": 0.2}
+    axis.legend(fontsize=7, **(box | options))
 
 
 def _lines(axis, data, name, label, select=None, scale=1.0):

@@ -74,6 +74,10 @@ def test_first_step_as_printed_by_hand():
             other = eqx.tree_at(lambda p: (p.mu_1s_b, p.mu_2s_b), p, tuple(map(jnp.asarray, mu)))
             found = cx.simulate(other, v, 2e-4, way="as_printed", rows=3)
             assert int(found.dmn[0]) == (1 + 2**belt if slips else 1)
+    # Slipping from rest there is no sense and no friction yet, Eqs. (31)-(32), and no motor torque.
+    data = cx.outputs(cx.simulate(p, v, 2e-4, way="as_printed", rows=3), cx.Errata())
+    assert int(data.dmn[0]) == 4
+    np.testing.assert_array_equal(data.tau_belt[0], 0.0)
 
 
 def test_errata_are_described():
