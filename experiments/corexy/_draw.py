@@ -24,8 +24,14 @@ def _head(figure, data, text):
 
 
 def _legend(axis, **options):
-    box = {"frameon": True, "framealpha": 0.85, "edgecolor": "none", "borderpad": 0.2}
-    axis.legend(fontsize=7, **(box | options))
+    axis.legend(frameon=False, fontsize=7, **options)
+
+
+def _legend_above(axis):
+    """A legend over the curves, with room made for it."""
+    low, high = axis.get_ylim()
+    axis.set_ylim(low, high + 0.18 * (high - low))
+    _legend(axis, loc="upper center", ncols=2)
 
 
 def _lines(axis, data, name, label, select=None, scale=1.0):
@@ -95,6 +101,9 @@ def draw_planes(data: xr.Dataset) -> Figure:
         for way in SHOWN:
             part = data.sel(way=way)
             axis.plot(part[x], part[y], color=COLOURS[way], lw=0.8, label=way, rasterized=True)
+            # What never moves is a point.
+            axis.plot(part[x][0], part[y][0], ".", color=COLOURS[way], ms=4)
+        axis.locator_params(axis="x", nbins=4)
         axis.set_xlabel(f"{x} [{unit}]")
         axis.set_ylabel(f"{y} [{unit}]")
     _legend(axes[0, 0])
@@ -110,9 +119,9 @@ def draw_planes(data: xr.Dataset) -> Figure:
         axis.plot(part.time, part.v, color=COLOURS["consistent"], lw=1.1, label=f"$v_{motor}$")
         axis.set_ylabel(f"$v_{motor}$ [V]")
         axis.set_title(f"motor {motor}", fontsize=9)
-        _legend(axis)
+        _legend_above(axis)
         _lines(axes[1, column], data, "tau_belt", "torque on the belt [N m]", {"motor": motor})
-    _legend(axes[1, 0])
+    _legend_above(axes[1, 0])
     _time_axes(axes, data)
     right.suptitle("(b)", x=0.02, ha="left", fontsize=9)
     _head(figure, data, "planes, voltages and torques on the belts")
@@ -127,7 +136,7 @@ def draw_voltage_plane(axis, data: xr.Dataset) -> None:
     axis.plot(*np.asarray(part.v).T, color=COLOURS["consistent"], lw=1.0, label="input")
     axis.set_xlabel("$v_1$ [V]")
     axis.set_ylabel("$v_2$ [V]")
-    _legend(axis)
+    _legend_above(axis)
 
 
 def draw_modes(data: xr.Dataset) -> Figure:
