@@ -71,7 +71,8 @@ def adjoint(inputs, fixed, plan: Plan, spec: Record, cotangents, make_start) -> 
     bars = (
         zero[0],
         zero[1] + cotangents.t,
-        *_add((zero[2], zero[3]), (cotangents.y, cotangents.dy)),
+        _add(zero[2], cotangents.y),
+        zero[3],
     )
 
     def backward(carry):
@@ -162,10 +163,6 @@ def _pull(plan: Plan, spec: Record, varied, held, row: Tape, bars, logs: Logs):
     before_bar = jax.tree.map(jnp.zeros_like, y_bar)
     after_bar, time_bar = before_bar, jnp.zeros_like(t_bar)
     states = [
-        *(
-            (log, number, f == 1)
-            for log, number, f in zip(logs.crossings, row.crossing_numbers, row.fired, strict=True)
-        ),
         (logs.outputs, row.output_number, row.landed == 1),
         (logs.steps, row.step_number, event | moved),
     ]
@@ -204,10 +201,16 @@ def _pull(plan: Plan, spec: Record, varied, held, row: Tape, bars, logs: Logs):
         field, varied, row.t, row.y, row.dy, row.h, end, plan.execute
     )
     used = event | moved
+    start_t_bar = jnp.where(used, end_t_bar + step_t, t_bar)
+    start_y_bar = select(used, step_y, y_bar)
+    for log, number, f in zip(logs.crossings, row.crossing_numbers, row.fired, strict=True):
+        if jax.tree.leaves(log):
+            bar = _row_bar(log, number, f == 1)
+            start_t_bar, start_y_bar = start_t_bar + bar.t, _add(start_y_bar, bar.y)
     return (
         jax.tree.map(lambda a, b, c: a + jnp.where(used, b + c, 0.0), theta_bar, end_theta, step_theta),
-        jnp.where(used, end_t_bar + step_t, t_bar),
-        select(used, step_y, y_bar),
+        start_t_bar,
+        start_y_bar,
         select(moved, step_dy, select(event, _add(dy_bar, step_dy), dy_bar)),
     )
 

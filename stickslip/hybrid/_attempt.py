@@ -1,14 +1,13 @@
 """One Runge-Kutta attempt of one lane: accepted, shortened by an event, or by its error estimate."""
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox.internal as eqxi
 import jax
 import jax.numpy as jnp
-from jaxtyping import PyTree
 
 from . import _locate
-from ._control import books, control, quiet_books
+from ._control import books, control
 from ._events import Values
 from ._first import (
     First,
@@ -17,24 +16,12 @@ from ._first import (
     keep_values,
     lowest,
     newton,
-    no_event,
     nothing_happens,
 )
-from ._lane import HOLD, PLAIN, SHRINK, Lane, Outcome, Plan, is_event, moved_on, without_state
-from ._status import RUNNING
+from ._lane import PLAIN, SHRINK, Lane, Outcome, Plan, is_event, moved_on, without_state
+from ._quiet import Step, advance_quietly
 from ._stepper import error_norm
 from ._tree import all_finite, select, shift
-
-
-class Step(NamedTuple):
-    """A Runge-Kutta step that is not yet accepted, and the event functions at its end."""
-
-    h: Any
-    y1: PyTree
-    dy1: PyTree
-    error: Any
-    values: Values
-    first: First
 
 
 def attempt(plan: Plan, theta, lane: Lane, t1, outputs) -> tuple[Lane, Outcome]:
@@ -64,12 +51,12 @@ def attempt(plan: Plan, theta, lane: Lane, t1, outputs) -> tuple[Lane, Outcome]:
         values = once(
             lambda t, y, dy: functions.evaluate(system, t, y, dy, lane.mode, args), t + h, y1, dy1
         )
-        first = once(lambda lane, values: lowest(plan, lane, values), without_state(lane), values)
     else:
-        values, first = Values((), ()), no_event(lane)
-    step = Step(h, y1, dy1, error, values, first)
-    if not functions.count:
-        return _eventful(plan, theta, lane, step, t1, outputs)
+        values = Values((), ())
+    step = Step(h, y1, dy1, error, values)
+    if not plan.interrupts:
+        return advance_quietly(plan, lane, step, t1, outputs)
+    first = once(lambda lane, values: lowest(plan, lane, values), without_state(lane), values)
     calm = once(
         lambda lane, h, first, end, e: nothing_happens(plan, lane, h, first, all_finite(end), e),
         without_state(lane), h, sg(first), sg((y1, dy1)), error,
@@ -77,48 +64,19 @@ def attempt(plan: Plan, theta, lane: Lane, t1, outputs) -> tuple[Lane, Outcome]:
     # One branch for the whole batch, so that `vmap` does not make it a selection of both.
     return jax.lax.cond(
         eqxi.unvmap_all(calm),
-        lambda *a: _uneventful(plan, *a),
+        lambda lane, step, first, *a: advance_quietly(plan, lane, step, *a),
         lambda *a: _eventful(plan, theta, *a),
-        lane, step, t1, outputs,
+        lane, step, first, t1, outputs,
     )  # fmt: skip
 
 
-def _uneventful(plan: Plan, lane: Lane, step: Step, t1, outputs) -> tuple[Lane, Outcome]:
-    """What `_eventful` comes to where each lane is accepted without event or has ended."""
-    once, sg = plan.execute.boundary, jax.lax.stop_gradient
-    h = step.h
-
-    def advance(status, t, old, new):
-        moves = status == RUNNING
-        return jnp.where(moves, PLAIN, HOLD), jnp.where(moves, t + h, t), select(moves, new, old)
-
-    old = (lane.y, lane.dy, lane.values, lane.rates)
-    new = (step.y1, step.dy1, sg(step.values.value), sg(step.values.rate))
-    code, t_new, (y, dy, values, rates) = once(advance, lane.status, lane.t, old, new)
-    bare = without_state(lane)
-    h_next, h_free, next_output, landed = once(
-        lambda *a: control(plan, *a),
-        code, bare, h, h, jnp.zeros_like(h), step.error, sg(t_new), sg(y), sg(dy), sg(t1), sg(outputs),
-    )  # fmt: skip
-    accounts = once(
-        lambda *a: quiet_books(plan, *a), code, bare, h, sg(t_new), next_output, sg(t1), sg(outputs)
-    )
-    error = lane.error
-    if plan.step_size.adaptive:
-        error = once(lambda c, e, old: jnp.where(c == PLAIN, e, old), code, step.error, lane.error)
-    new = lane._replace(
-        t=t_new, y=y, dy=dy, values=values, rates=rates, h=h_next, h_free=h_free, full=h,
-        next_output=next_output, error=error, **accounts,
-    )  # fmt: skip
-    never = (code < HOLD,) * len(plan.functions.sections)
-    return new, Outcome(code, jnp.zeros_like(lane.mode), landed, never, step.y1, step.dy1)
-
-
-def _eventful(plan: Plan, theta, lane: Lane, step: Step, t1, outputs) -> tuple[Lane, Outcome]:
+def _eventful(
+    plan: Plan, theta, lane: Lane, step: Step, first: First, t1, outputs
+) -> tuple[Lane, Outcome]:
     system, args = theta
     functions, once = plan.functions, plan.execute.boundary
     sg = jax.lax.stop_gradient
-    t, (h, y1, dy1, error, values, first) = lane.t, step
+    t, (h, y1, dy1, error, values) = lane.t, step
     adaptive = plan.step_size.adaptive
     code = once(
         lambda lane, h, first, y1, dy1, e: decide(plan, lane, h, first, all_finite((y1, dy1)), e),
@@ -146,35 +104,32 @@ def _eventful(plan: Plan, theta, lane: Lane, step: Step, t1, outputs) -> tuple[L
 
     t_new, y_new, dy_new, mode_new = once(advance, code, lane, y1, dy1, y_jump, mode_jump, t + h, dt)
     fired = once(lambda *a: fired_sections(functions, *a), code, without_state(lane), sg(values))
-    bracket, full = lane.bracket, lane.full
-    h_located = h
-    if functions.count:
-        bracket = once(
-            lambda b, code, h, f: _locate.update(
-                b, code == SHRINK, h, f.value, f.rate, f.value_start, f.rate_start
-            ),
-            lane.bracket, code, h, sg(first),
-        )  # fmt: skip
-        full = once(lambda b, h, full: jnp.where(b.tries == 0, h, full), lane.bracket, h, lane.full)
-        h_located = once(_locate.propose, bracket, full)
+    bracket = once(
+        lambda b, code, h, f: _locate.update(
+            b, code == SHRINK, h, f.value, f.rate, f.value_start, f.rate_start
+        ),
+        lane.bracket, code, h, sg(first),
+    )  # fmt: skip
+    full = once(lambda b, h, full: jnp.where(b.tries == 0, h, full), lane.bracket, h, lane.full)
+    h_located = once(_locate.propose, bracket, full)
 
-    h_next, h_free, next_output, landed = once(
-        lambda *a: control(plan, *a),
-        code, without_state(lane), h, h_located, first.h_dip, error, sg(t_new), sg(y_new), sg(dy_new),
-        sg(t1), sg(outputs),
+    following = control(
+        plan, code, without_state(lane), h, h_located, first.h_dip, error, sg(t_new), sg(y_new),
+        sg(dy_new), sg(t1), sg(outputs), begins=True,
     )  # fmt: skip
     accounts = once(
         lambda *a: books(plan, *a),
-        code, without_state(lane), h, sg(t_new), mode_new, mode_jump, sg(first), fired, next_output,
-        h_next, sg(t1), sg(outputs),
+        code, without_state(lane), h, sg(t_new), mode_new, mode_jump, sg(first), fired,
+        following.output, following.h, sg(t1), sg(outputs),
     )  # fmt: skip
-    new_values, new_rates = once(lambda *a: keep_values(functions, *a), code, lane, sg(values), fired)
+    new_values, new_rates = once(keep_values, code, lane, sg(values))
     new = Lane(
         t=t_new, y=y_new, dy=dy_new, mode=mode_new, values=new_values, rates=new_rates,
-        h=h_next, h_free=h_free, bracket=bracket, full=full, next_output=next_output,
+        h=following.h, h_free=following.h_free, next_output=following.output, full=full,
+        bracket=bracket,
         error=once(lambda c, e, old: jnp.where(c == PLAIN, e, old), code, error, lane.error)
         if adaptive else lane.error,
         **accounts,
     )  # fmt: skip
     y_before = once(lambda y, dy, dt: shift(y, sg(dy), dt), y1, dy1, dt)
-    return new, Outcome(code, first.index, landed, fired, y_before, dy1)
+    return new, Outcome(code, first.index, following.landed, fired, y_before, dy1)

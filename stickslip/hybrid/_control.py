@@ -1,10 +1,13 @@
 """What comes after an attempt: the next step length, counters, flags and the result code."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
+import equinox.internal as eqxi
+import jax
 import jax.numpy as jnp
 
-from ._first import First
+from ._events import Values
+from ._first import First, crossed_sections
 from ._lane import (
     COLLAPSED,
     DIP,
@@ -17,6 +20,7 @@ from ._lane import (
     VIOLATED,
     Lane,
     Plan,
+    accepted,
     is_event,
     moved_on,
 )
@@ -46,36 +50,69 @@ def _short(h, t):
     return h <= 4e-16 * jnp.maximum(jnp.abs(t), 1e-300)
 
 
-def control(plan: Plan, code, lane: Lane, h, h_located, h_dip, error, t, y, dy, t1, outputs):
-    """Next step length, and whether this attempt landed on an output time."""
+class Next(NamedTuple):
+    """The next attempt: its length, what the step-size rule alone would take, the output aimed at."""
+
+    h: Any
+    h_free: Any
+    output: Any
+    landed: Any  # whether this attempt landed on an output time
+
+
+def control(
+    plan: Plan, code, lane: Lane, h, h_located, h_dip, error, t, y, dy, t1, outputs, begins: bool
+) -> Next:
+    """What to attempt next; `begins`: whether a lane may just have computed its first slope."""
     rule: Any = plan.step_size
-    landed, next_output, target = code < HOLD, lane.next_output, t1
+    once = plan.execute.boundary
+    landed, next_output = code < HOLD, lane.next_output
     if plan.has_outputs:
-        target, is_last = _target(plan, next_output, t1, outputs)
-        landed = (code == PLAIN) | (code == REFRESH)
-        landed = landed & (target - t <= _rounding(t, t1)) & ~is_last
-        next_output = next_output + jnp.where(landed, 1, 0)
-        target, _ = _target(plan, next_output, t1, outputs)
-    h_free = lane.h_free
+        landed, next_output = once(lambda *a: _landed(plan, *a), code, next_output, t, t1, outputs)
+    h_free, h_take, h_rejected = lane.h_free, None, h
     if rule.adaptive:
         order = plan.stepper.order()
-        safe = jnp.where(error < 1e10, error, 1e10)
-        grown = h * rule.factor(safe, lane.error, order)
-        grown = jnp.where(landed | (lane.bracket.tries != 0), jnp.maximum(grown, lane.h_free), grown)
-        first = jnp.where(lane.h_free == 0, rule.initial(y, dy), lane.h_free)
-        h_rejected = h * jnp.minimum(rule.factor(safe, 1.0, order), 0.9)
-        h_free = jnp.where(code == PLAIN, grown, first)
-        h_free = jnp.minimum(jnp.where(code == REJECT, h_rejected, h_free), rule.dtmax)
-        h_take = h_free
-    else:
-        h_take, h_rejected = rule.initial(y, dy), h
-    remaining = target - t
-    h_next = jnp.where(remaining <= h_take * (1.0 + 1e-9), jnp.maximum(remaining, 0.0), h_take)
-    h_next = jnp.where(is_event(code), 0.0, h_next)
-    h_next = jnp.where(code == SHRINK, h_located, h_next)
-    h_next = jnp.where(code == DIP, h_dip, h_next)
-    h_next = jnp.where(code == REJECT, h_rejected, h_next)
-    return h_next, h_free, next_output, landed
+        error = jnp.where(error < 1e10, error, 1e10)
+        factor = factor_rejected = once(lambda e, last: rule.factor(e, last, order), error, lane.error)
+        if rule.pcoeff:
+            factor_rejected = once(lambda e: rule.factor(e, 1.0, order), error)
+        first = h_free
+        if begins:
+            first = jax.lax.cond(
+                eqxi.unvmap_any(h_free == 0),
+                lambda y, dy, h_free: jnp.where(h_free == 0, rule.initial(y, dy), h_free),
+                lambda y, dy, h_free: h_free,
+                y, dy, h_free,
+            )  # fmt: skip
+
+        def free(code, h, h_free, first, factor, factor_rejected, tries, landed):
+            grown = h * factor
+            grown = jnp.where(landed | (tries != 0), jnp.maximum(grown, h_free), grown)
+            taken = jnp.where(code == PLAIN, grown, first)
+            rejected = h * jnp.minimum(factor_rejected, 0.9)
+            return jnp.minimum(jnp.where(code == REJECT, rejected, taken), rule.dtmax)
+
+        h_free = once(free, code, h, h_free, first, factor, factor_rejected, lane.bracket.tries, landed)
+        h_take = h_rejected = h_free
+
+    def length(code, h_take, h_rejected, h_located, h_dip, next_output, t, t1, outputs):
+        target = _target(plan, next_output, t1, outputs)[0] if plan.has_outputs else t1
+        h_take = rule.initial(y, dy) if h_take is None else h_take
+        remaining = target - t
+        h_next = jnp.where(remaining <= h_take * (1.0 + 1e-9), jnp.maximum(remaining, 0.0), h_take)
+        h_next = jnp.where(is_event(code), 0.0, h_next)
+        h_next = jnp.where(code == SHRINK, h_located, h_next)
+        h_next = jnp.where(code == DIP, h_dip, h_next)
+        return jnp.where(code == REJECT, h_rejected, h_next)
+
+    h_next = once(length, code, h_take, h_rejected, h_located, h_dip, next_output, t, t1, outputs)
+    return Next(h_next, h_free, next_output, landed)
+
+
+def _landed(plan: Plan, code, next_output, t, t1, outputs):
+    target, is_last = _target(plan, next_output, t1, outputs)
+    landed = (code == PLAIN) | (code == REFRESH)
+    landed = landed & (target - t <= _rounding(t, t1)) & ~is_last
+    return landed, next_output + jnp.where(landed, 1, 0)
 
 
 def books(
@@ -88,13 +125,8 @@ def books(
     finished = moved & (t1 - t <= _rounding(t, t1))
     if plan.has_outputs:
         finished = finished & (next_output >= outputs.shape[0])
-    exhausted = code == REJECT
-    if plan.step_size.adaptive:
-        rule: Any = plan.step_size
-        exhausted = exhausted & (h_next <= jnp.maximum(rule.dtmin, _rounding(t, t1)))
     events = lane.events + one
     attempts = lane.attempts + jnp.where(code == HOLD, 0.0, 1.0)
-    crossings = tuple(c + jnp.where(f, 1.0, 0.0) for c, f in zip(lane.crossings, fired, strict=True))
     flags, sequence, zero_events = lane.flags, lane.sequence, lane.zero_events
     if plan.functions.num_guards:
         short = _short(h, t)
@@ -113,14 +145,10 @@ def books(
     status = jnp.where(attempts >= plan.max_steps, _STATUS["max_steps_reached"], status)
     if plan.max_events is not None:
         status = jnp.where(events > plan.max_events, _STATUS["max_events_reached"], status)
-    for count, section in zip(crossings, plan.functions.sections, strict=True):
-        if not section.terminal:
-            full = count > plan.max_crossings
-            status = jnp.where(full, _STATUS["max_crossings_reached"], status)
+    crossings, status = _counted(plan, lane.crossings, fired, status)
     status = jnp.where(zero_events > MAX_ZERO_LENGTH, _STATUS["chattering"], status)
     status = jnp.where(mode < 0, _STATUS["no_admissible_mode"], status)
-    failure = _STATUS["dt_min_reached"] if plan.step_size.adaptive else _STATUS["nonfinite"]
-    status = jnp.where(exhausted, failure, status)
+    status = _exhausted(plan, code, h_next, t, t1, status)
     status = jnp.where(finished, _STATUS["successful"], status)
     for f, section in zip(fired, plan.functions.sections, strict=True):
         if section.terminal:
@@ -139,21 +167,45 @@ def books(
     )
 
 
-def quiet_books(plan: Plan, code, lane: Lane, h, t, next_output, t1, outputs):
-    """`books` where every lane is accepted without event or has ended."""
-    moved = code == PLAIN
-    one = jnp.where(moved, 1.0, 0.0)
-    finished = moved & (t1 - t <= _rounding(t, t1))
+def _counted(plan: Plan, crossings, fired, status):
+    """Crossings so far, and the result code where one section has more than there is room for."""
+    crossings = tuple(c + jnp.where(f, 1.0, 0.0) for c, f in zip(crossings, fired, strict=True))
+    for count, section in zip(crossings, plan.functions.sections, strict=True):
+        if not section.terminal:
+            full = count > plan.max_crossings
+            status = jnp.where(full, _STATUS["max_crossings_reached"], status)
+    return crossings, status
+
+
+def quiet_books(
+    plan: Plan, code, lane: Lane, h, t, values: Values, next_output, h_next, t1, outputs
+):  # fmt: skip
+    """`books` after an attempt without event: what can have changed."""
+    attempts = lane.attempts + jnp.where(code == HOLD, 0.0, 1.0)
+    status = jnp.where(attempts >= plan.max_steps, _STATUS["max_steps_reached"], lane.status)
+    fired = crossed_sections(plan.functions, code, lane, values)
+    crossings, status = _counted(plan, lane.crossings, fired, status)
+    if not plan.interrupts:
+        status = _exhausted(plan, code, h_next, t, t1, status)
+    finished = accepted(code) & (t1 - t <= _rounding(t, t1))
     if plan.has_outputs:
         finished = finished & (next_output >= outputs.shape[0])
-    attempts = lane.attempts + one
-    status = jnp.where(attempts >= plan.max_steps, _STATUS["max_steps_reached"], lane.status)
     status = jnp.where(finished, _STATUS["successful"], status)
     accounts = dict(
         attempts=attempts,
-        accepted=lane.accepted + one,
-        status=jnp.where(moved, status, lane.status),
+        accepted=lane.accepted + jnp.where(code == PLAIN, 1.0, 0.0),
+        crossings=crossings,
+        status=jnp.where(code == HOLD, lane.status, status),
     )
     if plan.functions.num_guards:
-        accounts["zero_events"] = jnp.where(moved & ~_short(h, t), 0.0, lane.zero_events)
+        accounts["zero_events"] = jnp.where(accepted(code) & ~_short(h, t), 0.0, lane.zero_events)
     return accounts
+
+
+def _exhausted(plan: Plan, code, h_next, t, t1, status):
+    """Result code where a rejected step cannot be made shorter."""
+    if not plan.step_size.adaptive:
+        return jnp.where(code == REJECT, _STATUS["nonfinite"], status)
+    rule: Any = plan.step_size
+    spent = (code == REJECT) & (h_next <= jnp.maximum(rule.dtmin, _rounding(t, t1)))
+    return jnp.where(spent, _STATUS["dt_min_reached"], status)

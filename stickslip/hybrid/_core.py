@@ -30,7 +30,6 @@ class Smooth(NamedTuple):
 
     t: Any
     y: PyTree
-    dy: PyTree
     logs: Logs  # with None for every integer
 
 
@@ -47,7 +46,6 @@ class Counts(NamedTuple):
     crossings: tuple
     outputs: Any
     steps: Any
-    fresh: Any
     logs: Logs  # with None for every float
 
 
@@ -62,7 +60,7 @@ def _raw(inputs, fixed, plan: Plan, spec: Record) -> tuple[Smooth, Counts]:
 
     smooth_logs, integer_logs = eqx.partition(logs, eqx.is_inexact_array)
     return (
-        Smooth(lane.t, lane.y, lane.dy, smooth_logs),
+        Smooth(lane.t, lane.y, smooth_logs),
         Counts(
             mode=lane.mode,
             status=count(lane.status),
@@ -74,7 +72,6 @@ def _raw(inputs, fixed, plan: Plan, spec: Record) -> tuple[Smooth, Counts]:
             crossings=tuple(map(count, lane.crossings)),
             outputs=lane.next_output,
             steps=steps,
-            fresh=count(lane.fresh),
             logs=integer_logs,
         ),
     )

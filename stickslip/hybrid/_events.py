@@ -35,6 +35,10 @@ class EventFunctions(eqx.Module):
     def count(self) -> int:
         return len(self.directions)
 
+    def acts(self, index: int) -> bool:
+        """Whether a crossing ends the step: guards and terminal sections, not recorded sections."""
+        return index < self.num_guards or self.sections[index - self.num_guards].terminal
+
     def evaluate(self, system: AbstractHybridSystem, t, y, dy, mode, args) -> Values:
         """All values at `(t, y)` and their rates of change along the motion."""
         one, zero_slope = jnp.ones_like(t), jax.tree.map(jnp.zeros_like, dy)

@@ -29,7 +29,7 @@ COINCIDENCE = 1e-9  # fraction of a full step within which two guards fire "at t
 
 
 class First(NamedTuple):
-    """The lowest of all event functions that can fire, turned so that its crossing is a fall."""
+    """The lowest of all event functions that act, turned so that its crossing is a fall."""
 
     index: Any
     value: Any
@@ -52,17 +52,24 @@ def lowest(plan: Plan, lane: Lane, values: Values) -> First:
     full = jnp.where(lane.bracket.tries == 0, lane.h, lane.full)
     for i in range(functions.count):
         is_guard, known = i < functions.num_guards, values.rate[i] is not None
+        acts = functions.acts(i)
+        if not acts and not plan.looks_into(i):
+            continue
         start_value = lane.values[i]
         if is_guard and functions.directions[i] == "both":
             start_value = jnp.where(start_value == 0, sg(values.value[i]), start_value)
-        sign = functions.sign(i, start_value)
+        # Of a section both halves of a short excursion count, whichever side it starts on.
+        sign = functions.sign(i, start_value) if acts else jnp.sign(start_value)
         value, value0 = sign * values.value[i], sign * start_value
         rate = sg(sign * values.rate[i]) if known else jnp.zeros_like(lane.h)
         rate0 = sign * lane.rates[i] if known else jnp.zeros_like(lane.h)
         h_dip, close, exact = best.h_dip, best.close, best.exact
-        if known and plan.detect_dips:
+        if plan.looks_into(i):
             dips, place = _locate.dip(value0, rate0, sg(value), rate, lane.h)
             h_dip = jnp.where(dips & ((h_dip == 0) | (place < h_dip)), place, h_dip)
+        if not acts:
+            best = best._replace(h_dip=h_dip)
+            continue
         if is_guard and functions.num_guards > 1:
             near = jnp.abs(sg(value)) <= -rate * COINCIDENCE * full
             close = close + jnp.where(near, 1, 0)
@@ -151,11 +158,27 @@ def newton(code, first: First, h):
     return dt + sg(jnp.maximum(-h - dt, 0.0))  # time does not run back, not even by rounding
 
 
+def crossed_sections(functions: EventFunctions, code, lane: Lane, values: Values):
+    """Which sections this attempt crosses if no terminal one does."""
+    crossed = ()
+    for i in range(functions.num_guards, functions.count):
+        sign = functions.sign(i, lane.values[i])
+        value, value0 = sign * values.value[i], sign * lane.values[i]
+        fires = accepted(code) & (value0 > 0) & (value <= 0)
+        crossed = (*crossed, accepted(code) & (code < HOLD) if functions.acts(i) else fires)
+    return crossed
+
+
 def fired_sections(functions: EventFunctions, code, lane: Lane, values: Values):
-    """Which sections this attempt crosses, landing on them or jumping over them at an event."""
+    """Which sections this attempt crosses; it lands on terminal ones or jumps over them at an event."""
     fired = ()
     full = jnp.where(lane.bracket.tries == 0, lane.h, lane.full)
-    for i in range(functions.num_guards, functions.count):
+    for i, fires in enumerate(
+        crossed_sections(functions, code, lane, values), start=functions.num_guards
+    ):
+        if not functions.acts(i):
+            fired = (*fired, fires)
+            continue
         sign = functions.sign(i, lane.values[i])
         value, value0 = sign * values.value[i], sign * lane.values[i]
         rate = values.rate[i]
@@ -169,17 +192,10 @@ def fired_sections(functions: EventFunctions, code, lane: Lane, values: Values):
     return fired
 
 
-def keep_values(functions: EventFunctions, code, lane: Lane, values: Values, fired):
+def keep_values(code, lane: Lane, values: Values):
     """Event functions at the start of the next attempt."""
     keep = accepted(code)
     kept = [jnp.where(keep, v, old) for v, old in zip(values.value, lane.values, strict=True)]
-    for i, f in enumerate(fired, start=functions.num_guards):
-        # A section that has just fired must not fire again by rounding. One that fires both ways is
-        # on its other side now, however little.
-        other_side = 0.0
-        if functions.directions[i] == "both":
-            other_side = -1e-300 * jnp.sign(lane.values[i])
-        kept[i] = jnp.where(f, other_side, kept[i])
     rates = tuple(
         None if r is None else jnp.where(keep, r, old)
         for r, old in zip(values.rate, lane.rates, strict=True)

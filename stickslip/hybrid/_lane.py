@@ -82,6 +82,16 @@ class Plan(eqx.Module):
     detect_dips: bool = eqx.field(static=True)
     progress: ProgressMeter | None = None
 
+    def looks_into(self, index: int) -> bool:
+        """Whether steps are looked into for short excursions of this event function."""
+        return self.detect_dips and self.functions.exact_rate[index]
+
+    @property
+    def interrupts(self) -> bool:
+        """Whether an event function can shorten a step: not if all are sections known at its end."""
+        functions = self.functions
+        return any(functions.acts(i) or self.looks_into(i) for i in range(functions.count))
+
 
 def is_event(code: Any) -> Any:
     """Whether the attempt ended in a transition."""

@@ -15,6 +15,7 @@ from jaxtyping import PyTree
 
 from ._lane import REFRESH, Lane, Outcome, Plan, accepted
 from ._loop import run, run_block, running
+from ._tree import select
 
 BLOCK = 64
 
@@ -41,6 +42,15 @@ class States(NamedTuple):
     jump: Any  # whether the row was reached by a jump at an event, not by motion
 
 
+class Starts(NamedTuple):
+    """Rows of accepted steps in which a section is crossed: where they start; leading axis: row."""
+
+    t: Any
+    y: PyTree
+    mode: Any
+    h: Any  # length of the step; not differentiated
+
+
 class Events(NamedTuple):
     """Rows of events; leading axis: row."""
 
@@ -56,7 +66,7 @@ class Logs(NamedTuple):
     """All logs of one lane; rows past the count are zero."""
 
     events: Events | None
-    crossings: tuple[States, ...]
+    crossings: tuple[Starts, ...]
     outputs: States | None
     steps: States | None
 
@@ -86,16 +96,18 @@ def record(plan: Plan, spec: Record, theta, lane: Lane, t1, outputs) -> tuple[La
     guards = plan.functions.num_guards > 0
     logged = spec.events is not None and guards
     rowwise = spec.steps is not None
+    starts = bool(spec.crossings)  # then the rows say where the next attempt starts
+    ends = guards and (logged or rowwise or spec.outputs > 0)
 
     def dump(before: Lane, after: Lane, outcome: Outcome) -> Row:
         return Row(
             code=outcome.code if guards or rowwise else None,
             guard=outcome.guard if logged else None,
             t=after.t,
-            y=after.y if logged or not guards else None,
-            y_before=outcome.y_before if guards else None,
-            mode=after.mode if logged else None,
-            mode_before=before.mode if guards else None,
+            y=after.y if logged or starts or not guards else None,
+            y_before=outcome.y_before if ends else None,
+            mode=after.mode if guards and (logged or starts) else None,
+            mode_before=before.mode if ends else None,
             events=after.events if logged else None,
             crossings=after.crossings,
             next_output=after.next_output if spec.outputs else None,
@@ -117,16 +129,26 @@ def _empty(spec: Record, lane: Lane) -> Logs:
         return jax.tree.map(lambda a: jnp.zeros((capacity, *jnp.shape(a)), jnp.asarray(a).dtype), tree)
 
     state = States(lane.t, lane.y, lane.mode, lane.mode)
+    begun = Starts(lane.t, lane.y, lane.mode, lane.t)
     event = Events(lane.t, lane.mode, lane.mode, lane.mode, lane.y, lane.y)
     return Logs(
         events=None if spec.events is None else rows(spec.events, event),
-        crossings=tuple(rows(capacity, state) for capacity in spec.crossings),
+        crossings=tuple(rows(capacity, begun) for capacity in spec.crossings),
         outputs=rows(spec.outputs, state) if spec.outputs else None,
         steps=None if spec.steps is None else rows(spec.steps, state),
     )
 
 
 def _collect(spec: Record, logs: Logs, steps, before: Lane, after: Lane, rows: Row):
+    def at(index) -> Row:
+        return jax.tree.map(lambda a: a[index], rows)
+
+    def start(index) -> Starts:
+        last = at(jnp.maximum(index - 1, 0))
+        mode = before.mode if last.mode is None else last.mode
+        t, y, mode = select(index == 0, (before.t, before.y, before.mode), (last.t, last.y, mode))
+        return Starts(t, y, mode, jax.lax.stop_gradient(rows.t[index] - t))
+
     def state(row: Row) -> States:
         if row.mode_before is None:
             return States(row.t, row.y, before.mode, jnp.zeros_like(before.mode))
@@ -138,13 +160,16 @@ def _collect(spec: Record, logs: Logs, steps, before: Lane, after: Lane, rows: R
 
     events, crossings, outputs, stepped = logs
     if events is not None and rows.events is not None:
-        events = _move(events, rows, rows.events, before.events, after.events, event)
+        events = _move(events, rows.events, before.events, after.events, lambda index: event(at(index)))
     crossings = tuple(
-        _move(log, rows, rows.crossings[i], before.crossings[i], after.crossings[i], state)
+        _move(log, rows.crossings[i], before.crossings[i], after.crossings[i], start)
         for i, log in enumerate(crossings)
     )
     if outputs is not None:
-        outputs = _move(outputs, rows, rows.next_output, before.next_output, after.next_output, state)
+        outputs = _move(
+            outputs, rows.next_output, before.next_output, after.next_output,
+            lambda index: state(at(index)),
+        )  # fmt: skip
     if stepped is not None:
         keep = accepted(rows.code)
         place = jnp.where(keep, steps + jnp.cumsum(keep, dtype=jnp.int32) - 1, stepped.t.shape[0])
@@ -155,8 +180,9 @@ def _collect(spec: Record, logs: Logs, steps, before: Lane, after: Lane, rows: R
     return Logs(events, crossings, outputs, stepped), steps
 
 
-def _move(log, rows: Row, counts, first, last, pick):
-    """Copy into `log` the rows at which the running `counts` went up, from `first` to `last`."""
+def _move(log, counts, first, last, pick):
+    """Write `pick(row)` into `log` for each row at which the `counts` went up, `first` to `last`."""
+    counts, first, last = jax.lax.stop_gradient((counts, first, last))
     most = eqxi.unvmap_max(last - first)
 
     def body(carry):
@@ -168,8 +194,7 @@ def _move(log, rows: Row, counts, first, last, pick):
             middle = (low + high) // 2
             reached = counts[jnp.minimum(middle, BLOCK - 1)] > number
             low, high = jnp.where(reached, low, middle + 1), jnp.where(reached, middle, high)
-        where = jnp.minimum(high, BLOCK - 1)
-        row = pick(jax.tree.map(lambda a: a[where], rows))
+        row = pick(jnp.minimum(high, BLOCK - 1))
         size = jax.tree.leaves(log)[0].shape[0]
         place = jnp.where(number < last, number.astype(jnp.int32), size)
         log = jax.tree.map(lambda a, r: a.at[place].set(r, mode="drop"), log, row)

@@ -11,6 +11,7 @@ from jaxtyping import PyTree
 from .._validation import is_concrete
 from . import _solution as out
 from ._core import core
+from ._crossing import crossings as located
 from ._events import event_functions
 from ._execute import current_executor
 from ._lane import Plan
@@ -214,7 +215,7 @@ def _run(
     )
     fixed = (mode0, sg(t1), None if ts is None else sg(ts))
     smooth, counts = core((theta, t0, y0), fixed=fixed, plan=plan, spec=spec)
-    return _assemble(theta, t0, t1, ts, sections, functions, smooth, counts, spec)
+    return _assemble(plan, theta, t0, t1, ts, smooth, counts, spec)
 
 
 def _check_slope(y0, slope):
@@ -233,7 +234,7 @@ def _check_slope(y0, slope):
             )
 
 
-def _assemble(theta, t0, t1, ts, sections, functions, smooth, counts, spec) -> Solution:
+def _assemble(plan: Plan, theta, t0, t1, ts, smooth, counts, spec) -> Solution:
     """Logs as the user sees them. Times that were landed on to rounding are made exact here, which
     also carries the derivative with respect to them."""
     logs = eqx.combine(smooth.logs, counts.logs)
@@ -258,11 +259,11 @@ def _assemble(theta, t0, t1, ts, sections, functions, smooth, counts, spec) -> S
         outputs = _state_log(counts.outputs, ts, y, dy, rows.mode, spec.outputs)
     crossings = ()
     for i, (section, count, rows) in enumerate(
-        zip(sections, counts.crossings, logs.crossings, strict=True)
+        zip(plan.functions.sections, counts.crossings, logs.crossings, strict=True)
     ):
         size = spec.crossings[i]
         count = jnp.minimum(count, size)
-        t, y, dy = jax.vmap(lambda row, s=section: _polish(theta, s, row))(rows)
+        t, y, dy = located(plan, theta, section, rows)
         crossings = (*crossings, _state_log(count, t, y, dy, rows.mode, size))
         if section.terminal:
             stopped = (
@@ -301,20 +302,3 @@ def _assemble(theta, t0, t1, ts, sections, functions, smooth, counts, spec) -> S
 
 def _state_log(count, t, y, dy, mode, size) -> out.StateLog:
     return out.StateLog(count, *out.masked((t, y, dy, mode), count, size))
-
-
-def _polish(theta, section: Section, row):
-    """One Newton step onto the section with the exact rate; its derivative is that of the crossing."""
-    system, args = theta
-
-    def along(t, y):
-        dy = system.vector_field(t, y, row.mode, args)
-        return section.function(t, y, dy, row.mode, args), dy
-
-    sg = jax.lax.stop_gradient
-    one = jnp.ones_like(row.t)
-    slope = sg(system.vector_field(row.t, row.y, row.mode, args))
-    (value, dy), (rate, ddy) = jax.jvp(along, (row.t, row.y), (one, slope))
-    usable = (row.jump == 0) & (sg(rate) != 0)
-    dt = jnp.where(usable, -value / jnp.where(usable, sg(rate), 1.0), 0.0)
-    return row.t + dt, shift(row.y, sg(dy), dt), shift(dy, sg(ddy), dt)

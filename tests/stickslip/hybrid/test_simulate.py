@@ -192,3 +192,39 @@ def test_one_lane_is_the_same_under_vmap_and_in_chunks():
         np.testing.assert_allclose(chunks.y1.x, together.y1.x, rtol=0, atol=1e-13)
         np.testing.assert_allclose(chunks.events.t, together.events.t, rtol=0, atol=1e-12)
         np.testing.assert_array_equal(chunks.sequence, together.sequence)
+
+
+def test_recorded_sections_do_not_change_the_motion():
+    sections = (
+        ss.Section(lambda t, y, dy, mode, args: dy.v + 0.2, "rising"),
+        ss.Section(lambda t, y, dy, mode, args: dy.v, "both"),
+    )
+
+    def end(sections):
+        return ss.simulate(StickSlip(0.2), 0.0, 20.0, START, sections=sections)
+
+    bare, cut = end(()), end(sections)
+    assert int(cut.crossings[0].count) > 0
+    assert int(cut.stats.num_accepted) == int(bare.stats.num_accepted)
+    assert int(cut.stats.num_attempts) == int(bare.stats.num_attempts)
+    np.testing.assert_allclose(cut.y1.x, bare.y1.x, rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_short_excursion_through_a_section_is_seen_from_both_sides(side):
+    """x = cos(t - 3) is above 0.999 for 0.09 s, between two ends of steps of 0.21 s."""
+
+    def gap(t, y, dy, mode, args):
+        return side * (0.999 - y.x)
+
+    both, falling = (
+        ss.simulate(
+            Circle(-5.0), 0.0, 6.0, State(float(np.cos(3.0)), float(np.sin(3.0))),
+            sections=ss.Section(gap, direction), integrator=fixed(0.21),
+        ).crossings[0]
+        for direction in ("both", "falling")
+    )  # fmt: skip
+    half = np.arccos(0.999)
+    assert (int(both.count), int(falling.count)) == (2, 1)
+    np.testing.assert_allclose(both.t[:2], [3.0 - half, 3.0 + half], rtol=0, atol=1e-10)
+    np.testing.assert_allclose(falling.t[0], 3.0 - side * half, rtol=0, atol=1e-10)

@@ -49,3 +49,29 @@ def test_a_single_lane():
     with use_executor(FUSED):
         fused = jax.jit(one)(0.3)
     np.testing.assert_allclose(fused, jax.jit(one)(0.3), rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("derivative", [jax.grad, jax.jacfwd], ids=["reverse", "forward"])
+def test_derivatives_of_recorded_crossings(derivative):
+    """Counts of rows come out of a fused call with zero tangents, which no reduction could take."""
+    section = ss.Section(lambda t, y, dy, mode, args: dy.v + 0.2, "rising")
+
+    def times(v):
+        block = CoulombOscillator(1.0, 1.0, 1.0, 0.5, v)
+        start = Motion(x=0.0 * v, v=v)
+        run = ss.simulate(
+            block, 0.0, 8.0, start, "stick", sections=section, max_crossings=2, max_events=4,
+            integrator=STEP, throw=False,
+        )  # fmt: skip
+        return run.crossings[0].t[0]
+
+    # Release at 1/v; then x falls through 0.7 at the angle that belongs to it.
+    v = np.asarray(SPEEDS)
+    h = 1e-6
+
+    def truth(v):
+        amplitude, phase = np.hypot(0.5, v), np.arctan2(v, 0.5)
+        return 1.0 / v + phase + np.arccos(0.2 / amplitude)
+
+    slope = (truth(v + h) - truth(v - h)) / (2 * h)
+    np.testing.assert_allclose(lanes(derivative(times), "fused"), slope, rtol=1e-6)
