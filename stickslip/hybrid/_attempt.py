@@ -20,6 +20,7 @@ from ._first import (
 )
 from ._lane import PLAIN, SHRINK, Lane, Outcome, Plan, is_event, moved_on, without_state
 from ._quiet import Step, advance_quietly
+from ._status import RUNNING
 from ._stepper import error_norm
 from ._tree import all_finite, select, shift
 
@@ -54,19 +55,35 @@ def attempt(plan: Plan, theta, lane: Lane, t1, outputs) -> tuple[Lane, Outcome]:
     else:
         values = Values((), ())
     step = Step(h, y1, dy1, error, values)
-    if not plan.interrupts:
-        return advance_quietly(plan, lane, step, t1, outputs)
-    first = once(lambda lane, values: lowest(plan, lane, values), without_state(lane), values)
-    calm = once(
-        lambda lane, h, first, end, e: nothing_happens(plan, lane, h, first, all_finite(end), e),
-        without_state(lane), h, sg(first), sg((y1, dy1)), error,
-    )  # fmt: skip
+    end = sg((y1, dy1))
+    if plan.interrupts:
+        first = once(lambda lane, values: lowest(plan, lane, values), without_state(lane), values)
+        calm = once(
+            lambda lane, h, first, end, e: nothing_happens(plan, lane, h, first, all_finite(end), e),
+            without_state(lane), h, sg(first), end, error,
+        )  # fmt: skip
+
+        def otherwise(lane, step, t1, outputs):
+            return _eventful(plan, theta, lane, step, first, t1, outputs)
+
+    else:
+
+        def otherwise(lane, step, t1, outputs):
+            return advance_quietly(plan, lane, step, t1, outputs, judged=False)
+
+        if plan.execute.fused:
+            return otherwise(lane, step, t1, outputs)
+        # Portable, the branch below keeps the compiler from computing the stages once per result.
+        calm = all_finite(end) & (lane.attempts > 0)
+        if adaptive:
+            calm = calm & (error <= 1.0)
+        calm = calm | (lane.status != RUNNING)
     # One branch for the whole batch, so that `vmap` does not make it a selection of both.
     return jax.lax.cond(
         eqxi.unvmap_all(calm),
-        lambda lane, step, first, *a: advance_quietly(plan, lane, step, *a),
-        lambda *a: _eventful(plan, theta, *a),
-        lane, step, first, t1, outputs,
+        lambda *a: advance_quietly(plan, *a, judged=True),
+        otherwise,
+        lane, step, t1, outputs,
     )  # fmt: skip
 
 

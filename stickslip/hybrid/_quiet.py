@@ -24,16 +24,16 @@ class Step(NamedTuple):
     values: Values
 
 
-def advance_quietly(plan: Plan, lane: Lane, step: Step, t1, outputs) -> tuple[Lane, Outcome]:
+def advance_quietly(
+    plan: Plan, lane: Lane, step: Step, t1, outputs, judged: bool
+) -> tuple[Lane, Outcome]:
     """The lane after an attempt without event.
 
-    Where event functions can shorten a step (`plan.interrupts`) this is called for a batch of which
-    each lane is accepted or has ended. Each piece is one pass over the batch, so that what no later
-    attempt reads is not kept up to date.
+    `judged`: each lane of the batch is known to be accepted or to have ended. Each piece is one pass
+    over the batch, so what no later attempt reads is not kept up to date.
     """
     once, sg = plan.execute.boundary, jax.lax.stop_gradient
     h, adaptive = step.h, plan.step_size.adaptive
-    judged = plan.interrupts
 
     def judge(status, attempts, end, error):
         code = PLAIN
@@ -69,7 +69,7 @@ def advance_quietly(plan: Plan, lane: Lane, step: Step, t1, outputs) -> tuple[La
         accounts["error"] = once(
             lambda c, e, old: jnp.where(c == PLAIN, e, old), code, step.error, lane.error
         )
-    if judged:
+    if plan.interrupts:
         accounts["full"] = h
     after = lane._replace(
         t=t, y=y, dy=dy, values=values, rates=rates, h=following.h, h_free=following.h_free,

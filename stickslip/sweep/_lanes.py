@@ -17,7 +17,8 @@ from ..hybrid._execute import FUSED, PORTABLE, use_executor
 from ._canary import fused_is_trusted
 
 EXECUTORS = ("auto", "fused", "portable")
-CHUNK_CPU = 64  # lanes whose state fits the first-level cache
+CHUNK_FUSED = 64  # lanes whose state fits the first-level cache
+CHUNK_PORTABLE = 512  # more: each operation is dispatched by itself
 CHUNK_ACCELERATOR = 65536
 
 
@@ -48,7 +49,8 @@ class map_lanes:
 
     - `function(*inputs)`: what one lane does, e.g. `lambda k: simulate(...).y1.x`; inputs and
       results are pytrees of arrays.
-    - `chunk_size`: lanes per chunk; by default 64 on a CPU and 65,536 elsewhere.
+    - `chunk_size`: most lanes per chunk; by default 64 fused, 512 portable on a CPU and 65,536
+      elsewhere.
     - `executor`: `"fused"` compiles the time loop to one function (3 to 6 times faster on a CPU);
       `"portable"` uses nothing but public JAX; `"auto"` is `"fused"` on a CPU if a trial in a
       subprocess has shown that this jaxlib compiles it and agrees in value. The trial cannot cover
@@ -82,7 +84,8 @@ class map_lanes:
             executor = "fused" if cpu and fused_is_trusted() else "portable"
         self.function = function
         self.executor = executor
-        self.chunk_size = chunk_size or (CHUNK_CPU if cpu else CHUNK_ACCELERATOR)
+        fitting = CHUNK_FUSED if executor == "fused" else CHUNK_PORTABLE
+        self.chunk_size = chunk_size or (fitting if cpu else CHUNK_ACCELERATOR)
         if executor == "fused":
             # The compiler does not take a fused loop over single numbers.
             self.chunk_size = max(self.chunk_size, 2)
@@ -104,15 +107,16 @@ class map_lanes:
         inputs = jax.tree.map(jnp.asarray, inputs)
         if n == 0:
             raise ValueError("inputs have no lanes: their leading axis has length 0")
-        chunk = min(self.chunk_size, max(n, 2))
+        parts = len(self.devices) if len(self.devices) > 1 else self.threads
+        chunk = min(self.chunk_size, max(-(-n // parts), 2))
         if not is_concrete(inputs):
             out = self._chunks(chunk, PORTABLE)(self._pad(inputs, n, chunk))
             return jax.tree.map(lambda a: a.reshape(-1, *a.shape[2:])[:n], out)
         if len(self.devices) > 1:
-            chunks = self._pad(inputs, n, chunk, len(self.devices))
+            chunks = self._pad(inputs, n, chunk, parts)
             out = self._program(chunks, chunk)(chunks)
         else:
-            out = self._threaded(self._pad(inputs, n, chunk, self.threads), chunk)
+            out = self._threaded(self._pad(inputs, n, chunk, parts), chunk)
         return jax.tree.map(lambda a: a.reshape(-1, *a.shape[2:])[:n], out)
 
     def _pad(self, inputs, n, chunk, parts=1):
