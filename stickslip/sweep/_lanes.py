@@ -18,7 +18,7 @@ from ._canary import fused_is_trusted
 
 EXECUTORS = ("auto", "fused", "portable")
 CHUNK_FUSED = 64  # lanes whose state fits the first-level cache
-CHUNK_PORTABLE = 512  # more: each operation is dispatched by itself
+CHUNK_PORTABLE = 1024  # more: each operation is dispatched by itself
 CHUNK_ACCELERATOR = 65536
 
 
@@ -49,7 +49,7 @@ class map_lanes:
 
     - `function(*inputs)`: what one lane does, e.g. `lambda k: simulate(...).y1.x`; inputs and
       results are pytrees of arrays.
-    - `chunk_size`: most lanes per chunk; by default 64 fused, 512 portable on a CPU and 65,536
+    - `chunk_size`: most lanes per chunk; by default 64 fused, 1,024 portable on a CPU and 65,536
       elsewhere.
     - `executor`: `"fused"` compiles the time loop to one function (3 to 6 times faster on a CPU);
       `"portable"` uses nothing but public JAX; `"auto"` is `"fused"` on a CPU if a trial in a
