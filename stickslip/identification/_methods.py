@@ -117,7 +117,7 @@ class LevenbergMarquardt(AbstractMethod):
         # At the minimum along what the data see: a step along the rest may go on for ever.
         gain = _foreseen(state.f_info, state.y_eval - y_new)
         cost = 0.5 * jnp.sum(state.f_info.residual**2)
-        flat = gain <= self.tolerance * (self.tolerance + cost)
+        flat = gain <= self.tolerance * cost
         accepted = state.num_accepted_steps > arrays.num_accepted_steps
         ended = ended | (flat & accepted)
         steps = now.steps + 1
