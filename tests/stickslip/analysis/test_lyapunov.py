@@ -18,7 +18,9 @@ from stickslip.analysis import (
 from stickslip.analysis._growth import averaged, first_frame, orthonormalised
 from stickslip.systems import (
     BlockOnBelt,
+    BlockOnBeltSetValued,
     BlockOnDrivenBelt,
+    BlockOnDrivenBeltSetValued,
     BlockState,
     BouncingBall,
     CoulombOscillator,
@@ -212,15 +214,25 @@ STOPPED = OscillatorBetweenStops(
 )  # fmt: skip
 BELT = BlockOnBelt.constructed(85.0)
 DRIVEN = BlockOnDrivenBelt.constructed(85.0)
+BELT_START = BlockState(0.0, 0.0, 0.0, 0.0)
+DRIVEN_START = DrivenBlockState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 FREE_BEAM = JointedBeam.constructed(5e-3, mu_s=0.0, damping=0.02, modes=2)
 SUMS = {
     # system, start, duration, whether the exponents are finite
     "between stops": (STOPPED, Motion(0.0, 1.5), 12.0, True),
     "ball": (BouncingBall(0.5, 9.81, 0.7, 0.02), Motion(1.0, 0.0), 2.0, True),
-    "block on belt": (BELT, BlockState(0.0, 0.0, 0.0, 0.0), 4.0, True),
-    "block with drive": (DRIVEN, DrivenBlockState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 4.0, True),
+    "block on belt": (BELT, BELT_START, 4.0, True),
+    "block with drive": (DRIVEN, DRIVEN_START, 4.0, True),
+    "set-valued block": (BlockOnBeltSetValued.constructed(85.0), BELT_START, 4.0, False),
+    "set-valued block with drive": (
+        BlockOnDrivenBeltSetValued.constructed(85.0),
+        DRIVEN_START,
+        4.0,
+        False,
+    ),
     "beam without friction": (FREE_BEAM, FREE_BEAM.start(), 4.0, True),
     "beam": (JointedBeam.constructed(5e-3, modes=2), FREE_BEAM.start(), 4.0, False),
+    "beam as printed": (JointedBeam.printed(5e-3, modes=2), FREE_BEAM.start(), 4.0, False),
     **{
         name: (CASES[name].system, CASES[name].start, CASES[name].t1, False)
         for name in ("oscillator on a belt", "sliding block", "two blocks")
