@@ -13,7 +13,7 @@ import statistics
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import jax
@@ -268,18 +268,15 @@ def fresh_processes(lanes: int, seconds: float) -> str:
     return "\n".join(lines)
 
 
-def main(size: str = "normal") -> str:
-    """All tables; `size` is "quick", "normal" (every 25th lane) or "full"."""
+def main(size: str = "normal") -> Iterator[str]:
+    """The tables, each when it is there; `size` is "quick", "normal" (every 25th lane) or "full"."""
     every = {"quick": 250, "normal": 25, "full": 1}[size]
     lanes = (LANES - 1) // every + 1
-    rounds = {"quick": 3, "normal": 5, "full": 5}[size]
+    rounds = {"quick": 3, "normal": 5, "full": 3}[size]
     few = {"quick": 16, "normal": 32, "full": 64}[size]
     numbers = [1_000, 10_000, 100_000, 1_000_000][: {"quick": 2, "normal": 3, "full": 4}[size]]
-    parts = [
-        comparison(Job(set_a(), lanes), rounds, few),
-        comparison(Job(mild(), lanes), rounds, few),
-        full_model(Job(set_a(), lanes), 2),
-        lanes_table(mild(), numbers),
-        fresh_processes(LANES, {"quick": 0.25, "normal": 2.0, "full": 40.0}[size]),
-    ]
-    return "\n\n".join(parts)
+    yield comparison(Job(set_a(), lanes), rounds, few)
+    yield "\n" + comparison(Job(mild(), lanes), rounds, few)
+    yield "\n" + full_model(Job(set_a(), lanes), 2)
+    yield "\n" + lanes_table(mild(), numbers)
+    yield "\n" + fresh_processes(LANES, {"quick": 0.25, "normal": 2.0, "full": 40.0}[size])

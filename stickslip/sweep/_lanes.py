@@ -20,6 +20,7 @@ EXECUTORS = ("auto", "fused", "portable")
 CHUNK_FUSED = 64  # lanes whose state fits the first-level cache
 CHUNK_PORTABLE = 1024  # more: each operation is dispatched by itself
 CHUNK_ACCELERATOR = 65536
+VECTOR = 8  # float64 lanes of the widest vector unit of a CPU
 
 
 _PROGRAMS: collections.OrderedDict = collections.OrderedDict()
@@ -108,7 +109,7 @@ class map_lanes:
         if n == 0:
             raise ValueError("inputs have no lanes: their leading axis has length 0")
         parts = len(self.devices) if len(self.devices) > 1 else self.threads
-        chunk = min(self.chunk_size, max(-(-n // parts), 2))
+        chunk = self._chunk(n, parts)
         if not is_concrete(inputs):
             out = self._chunks(chunk, PORTABLE)(self._pad(inputs, n, chunk))
             return jax.tree.map(lambda a: a.reshape(-1, *a.shape[2:])[:n], out)
@@ -118,6 +119,12 @@ class map_lanes:
         else:
             out = self._threaded(self._pad(inputs, n, chunk, parts), chunk)
         return jax.tree.map(lambda a: a.reshape(-1, *a.shape[2:])[:n], out)
+
+    def _chunk(self, n, parts):
+        """Lanes per chunk such that as few as possible have to be filled up."""
+        rounds = -(-n // (self.chunk_size * parts))
+        lanes = -(-n // (rounds * parts))
+        return min(self.chunk_size, max(-(-lanes // VECTOR) * VECTOR, 2))
 
     def _pad(self, inputs, n, chunk, parts=1):
         """Inputs as `[chunks, chunk, ...]`, the last lane repeated to fill the last chunks."""
