@@ -7,7 +7,7 @@ import jax.numpy as jnp
 
 from stickslip._fastmath import where
 from stickslip.contact import vector_dead_zone
-from stickslip.hybrid._execute import Executor
+from stickslip.hybrid import Executor
 
 from ._contacts import Line, contact_loads, sliding_speeds
 from ._dynamics import (

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import stickslip as ss
 from stickslip import RESULTS, Integrator, SaveAt
 from stickslip._validation import as_parameter, check_in, check_positive, check_type, is_concrete
-from stickslip.hybrid._execute import Executor, current_executor
+from stickslip.hybrid import Executor, current_executor
 from stickslip.systems import WithIntegrals
 
 from ._contacts import Line, kinetic_limits, sliding_speeds

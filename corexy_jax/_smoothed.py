@@ -11,8 +11,7 @@ import stickslip as ss
 from stickslip import Integrator, SaveAt
 from stickslip._fastmath import exp, tanh, where
 from stickslip._validation import as_parameter, check_in, check_positive
-from stickslip.systems import WithIntegrals
-from stickslip.systems._mechanical import AbstractMechanicalSystem
+from stickslip.systems import AbstractMechanicalSystem, WithIntegrals
 
 from ._contacts import (
     NUM_CONTACTS,

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 
 from stickslip._fastmath import where
 from stickslip._validation import check_type
-from stickslip.systems._mechanical import AbstractMechanicalSystem
+from stickslip.systems import AbstractMechanicalSystem
 
 from ._contact_motion import ContactMotion, contact_motion, onset, onset_signs
 from ._contacts import (

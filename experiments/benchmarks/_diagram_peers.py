@@ -225,29 +225,74 @@ def numba_lanes(job: Job, threads: int) -> Callable[[np.ndarray], Points]:
 
 def diffrax_end(job: Job, solver: str, tolerance: float) -> Callable[[np.ndarray], np.ndarray]:
     """`jit(vmap)` with a PID controller: x at the end, no crossings, one exponential a step."""
-    import diffrax as dfx
-
-    p = job.case.values
-
-    def field(t, s, k3):
-        x, y, u, v = s
-        e = jnp.exp(-p["ALPHA"] * jnp.abs(u - p["V_B"]))
-        one = 1.0 + e * e
-        a, b = slopes(
-            p, x, y, u, v, k3, absolute=jnp.abs,
-            tanh=lambda s: jnp.sign(s) * (1.0 - e * e) / one, cosh=lambda s: one / (2.0 * e),
-        )  # fmt: skip
-        return u, v, a, b
+    solve = _diffrax_solve(job, solver, tolerance, 1_000_000)
 
     def lane(k3):
-        start = tuple(jnp.asarray(c) for c in (*job.case.start, 0.0, 0.0))
-        solution = dfx.diffeqsolve(
-            dfx.ODETerm(field), getattr(dfx, solver)(), 0.0, job.end, 1e-3, start, args=k3,
-            stepsize_controller=dfx.PIDController(rtol=tolerance, atol=0.1 * tolerance),
-            max_steps=1_000_000, adjoint=dfx.ForwardMode(),
-        )  # fmt: skip
-        assert solution.ys is not None
-        return solution.ys[0][0]
+        ys = solve(k3).ys
+        assert ys is not None
+        return ys[0][0]
 
     program = jax.jit(jax.vmap(lane))
     return lambda k3s: np.asarray(program(jnp.asarray(k3s)))
+
+
+def diffrax_points(job: Job, solver: str, tolerance: float) -> Callable[[np.ndarray], Points]:
+    """The same with the points, by Newton steps on the dense output, for which all steps are kept."""
+    import diffrax as dfx
+
+    most = 4096
+    solve = _diffrax_solve(job, solver, tolerance, most, dfx.SaveAt(steps=True, dense=True))
+
+    def lane(k3):
+        solution = solve(k3)
+        ts = solution.ts
+        assert ts is not None
+
+        def acceleration(t):
+            return _diffrax_field(job.case, solution.evaluate(t), k3)[2]
+
+        value = jax.vmap(lambda *s: _diffrax_field(job.case, s, k3)[2])(*solution.ys)
+        over = (value[:-1] > 0.0) & (value[1:] <= 0.0) & (ts[1:] > job.transient) & (ts[1:] <= job.end)
+        (index,) = jnp.nonzero(over, size=job.room, fill_value=most)
+        inside = index < most
+        low, high = ts[index], ts[index + 1]
+        a, b = value[index], value[index + 1]
+        t = jnp.where(inside, low + (high - low) * a / (a - b), job.end)
+        for _ in range(4):
+            now, rate = jax.vmap(lambda t: jax.jvp(acceleration, (t,), (1.0,)))(t)
+            t = jnp.where(inside, jnp.clip(t - now / rate, low, high), job.end)
+        late = inside & (t > job.transient)
+        x = jax.vmap(lambda t: solution.evaluate(t)[0])(t)
+        order = jnp.argsort(~late, stable=True)
+        x, t = (jnp.where(late, a, jnp.nan)[order] for a in (x, t))
+        return x, t, late.sum()
+
+    program = jax.jit(jax.vmap(lane))
+    return lambda k3s: Points(*(np.asarray(a) for a in program(jnp.asarray(k3s))))
+
+
+def _diffrax_field(case: Case, s, k3):
+    p = case.values
+    x, y, u, v = s
+    e = jnp.exp(-p["ALPHA"] * jnp.abs(u - p["V_B"]))
+    one = 1.0 + e * e
+    a, b = slopes(
+        p, x, y, u, v, k3, absolute=jnp.abs,
+        tanh=lambda s: jnp.sign(s) * (1.0 - e * e) / one, cosh=lambda s: one / (2.0 * e),
+    )  # fmt: skip
+    return u, v, a, b
+
+
+def _diffrax_solve(job: Job, solver: str, tolerance: float, max_steps: int, saveat=None):
+    import diffrax as dfx
+
+    def solve(k3):
+        start = tuple(jnp.asarray(c) for c in (*job.case.start, 0.0, 0.0))
+        return dfx.diffeqsolve(
+            dfx.ODETerm(lambda t, s, k3: _diffrax_field(job.case, s, k3)), getattr(dfx, solver)(),
+            0.0, job.end, 1e-3, start, args=k3, saveat=saveat or dfx.SaveAt(t1=True),
+            stepsize_controller=dfx.PIDController(rtol=tolerance, atol=0.1 * tolerance),
+            max_steps=max_steps, adjoint=dfx.ForwardMode(),
+        )  # fmt: skip
+
+    return solve

@@ -175,9 +175,17 @@ class Field:
             )
         short = dataclasses.replace(job, lanes=256, transient=2.0, duration=3.0)
         share = 256 / job.lanes * short.end / job.end
+        sample = short.sample()
+        _, truth = reference(short, short.k3[sample])
         for solver in ("Dopri8", "Tsit5"):
+            run = peers.diffrax_points(short, solver, 1e-8)
+            error, error_t = errors(Points(*(a[sample] for a in run(short.k3))), truth)
+            name = f"diffrax, vmap, {solver}, 1e-8 (5 s of it)"
+            self.candidates.append(
+                Candidate(name, functools.partial(run, short.k3), error, share, 2, error_t)
+            )
             run = functools.partial(peers.diffrax_end(short, solver, 1e-8), short.k3)
-            name = f"diffrax, vmap, {solver}, 1e-8, end only (5 s of it)"
+            name = f"diffrax, {solver}, end only, no points (5 s of it)"
             self.candidates.append(Candidate(name, run, None, share, 2))
         run = peers.scipy_dop853(job, 1e-9)
         one = job.k3[self.sample[:1]]

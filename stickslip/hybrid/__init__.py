@@ -2,6 +2,7 @@
 
 from ._execute import FUSED as FUSED
 from ._execute import PORTABLE as PORTABLE
+from ._execute import Executor as Executor
 from ._execute import current_executor as current_executor
 from ._execute import use_executor as use_executor
 from ._interpolate import interpolate as interpolate

@@ -159,13 +159,13 @@ def newton(code, first: First, h):
 
 
 def crossed_sections(functions: EventFunctions, code, lane: Lane, values: Values):
-    """Which sections this attempt crosses if no terminal one does."""
+    """Which sections this attempt crosses; of terminal ones none."""
     crossed = ()
     for i in range(functions.num_guards, functions.count):
         sign = functions.sign(i, lane.values[i])
         value, value0 = sign * values.value[i], sign * lane.values[i]
         fires = accepted(code) & (value0 > 0) & (value <= 0)
-        crossed = (*crossed, accepted(code) & (code < HOLD) if functions.acts(i) else fires)
+        crossed = (*crossed, jnp.zeros_like(fires) if functions.acts(i) else fires)
     return crossed
 
 
