@@ -108,71 +108,89 @@ class map_lanes:
         inputs = jax.tree.map(jnp.asarray, inputs)
         if n == 0:
             raise ValueError("inputs have no lanes: their leading axis has length 0")
-        parts = len(self.devices) if len(self.devices) > 1 else self.threads
-        chunk = self._chunk(n, parts)
         if not is_concrete(inputs):
-            out = self._chunks(chunk, PORTABLE)(self._pad(inputs, n, chunk))
-            return jax.tree.map(lambda a: a.reshape(-1, *a.shape[2:])[:n], out)
-        if len(self.devices) > 1:
-            chunks = self._pad(inputs, n, chunk, parts)
-            out = self._program(chunks, chunk)(chunks)
-        else:
-            out = self._threaded(self._pad(inputs, n, chunk, parts), chunk)
-        return jax.tree.map(lambda a: a.reshape(-1, *a.shape[2:])[:n], out)
+            return self._mapped(n, PORTABLE)(inputs)
+        if len(self.devices) == 1 and self.threads > 1:
+            return self._threaded(inputs, n)
+        return self._joined(self._program(inputs, n)(inputs), n)
 
     def _chunk(self, n, parts):
         """Lanes per chunk such that as few as possible have to be filled up."""
         rounds = -(-n // (self.chunk_size * parts))
         lanes = -(-n // (rounds * parts))
-        return min(self.chunk_size, max(-(-lanes // VECTOR) * VECTOR, 2))
+        if lanes > VECTOR:
+            lanes = -(-lanes // VECTOR) * VECTOR
+        return min(self.chunk_size, max(lanes, 2))
 
-    def _pad(self, inputs, n, chunk, parts=1):
-        """Inputs as `[chunks, chunk, ...]`, the last lane repeated to fill the last chunks."""
-        count = -(-n // chunk)
-        count = -(-count // parts) * parts
+    def _mapped(self, n, executor, parts=1):
+        """Function of the inputs of `n` lanes, chunk by chunk; with several parts, one per device.
+
+        The results of several parts come as `[chunks, chunk, ...]`: to join them inside the program
+        would make the devices wait for each other.
+        """
+        chunk = self._chunk(n, parts)
+        count = -(-n // (chunk * parts)) * parts
 
         def cut(a):
+            # The last lane repeated fills the last chunks.
             index = jnp.minimum(jnp.arange(count * chunk), n - 1)
             return a[index].reshape(count, chunk, *a.shape[1:])
 
-        return jax.tree.map(cut, inputs)
-
-    def _chunks(self, chunk, executor):
-        def run(chunks):
+        def chunks(lanes):
             with use_executor(executor):
-                return jax.lax.map(lambda lanes: jax.vmap(self.function)(*lanes), chunks)
+                return jax.lax.map(lambda chunk: jax.vmap(self.function)(*chunk), lanes)
+
+        def run(inputs):
+            lanes = jax.tree.map(cut, inputs)
+            if parts == 1:
+                return jax.tree.map(lambda a: _lanes(a)[:n], chunks(lanes))
+            mesh = Mesh(np.array(self.devices), ("lanes",))
+            spec = PartitionSpec("lanes")
+            mapped = jax.shard_map(chunks, mesh=mesh, in_specs=spec, out_specs=spec, check_vma=False)
+            return mapped(lanes)
 
         return run
 
-    def _program(self, chunks, chunk):
+    def _joined(self, out, n):
+        """Results of several devices in one array each."""
+        if len(self.devices) == 1:
+            return out
+        on_cpu = self.devices[0].platform == "cpu"
+
+        def join(a):
+            # Through NumPy: to join host devices by a compiled program takes several times as long.
+            through_numpy = on_cpu and isinstance(a.dtype, np.dtype)  # keys are not
+            return jnp.asarray(_lanes(np.asarray(a) if through_numpy else a)[:n])
+
+        return jax.tree.map(join, out)
+
+    def _program(self, inputs, n):
         """Compiled program for inputs of this shape."""
-        key = (
-            chunk,
-            jax.tree.structure(chunks),
-            *((a.shape, a.dtype) for a in jax.tree.leaves(chunks)),
-        )
+        leaves = jax.tree.leaves(inputs)
+        key = (jax.tree.structure(inputs), *((a.shape, a.dtype) for a in leaves))
         if key not in self._compiled:
-            run = self._chunks(chunk, FUSED if self.executor == "fused" else PORTABLE)
-            if len(self.devices) > 1:
-                mesh = Mesh(np.array(self.devices), ("lanes",))
-                spec = PartitionSpec("lanes")
-                run = jax.shard_map(run, mesh=mesh, in_specs=spec, out_specs=spec, check_vma=False)
+            executor = FUSED if self.executor == "fused" else PORTABLE
+            run = self._mapped(n, executor, len(self.devices))
             options = None
             if self.devices[0].platform == "cpu":
                 options = {"xla_cpu_prefer_vector_width": "512"}
-            lowered = jax.jit(run, compiler_options=options).lower(chunks)
+            lowered = jax.jit(run, compiler_options=options).lower(inputs)
             self._compiled[key] = _compiled(lowered, self.devices)
         return self._compiled[key]
 
-    def _threaded(self, chunks, chunk):
-        if self.threads == 1:
-            return self._program(chunks, chunk)(chunks)
-        count = jax.tree.leaves(chunks)[0].shape[0] // self.threads
+    def _threaded(self, inputs, n):
+        """One device, several threads: as many lanes for each, the last lane repeated."""
+        count = -(-n // self.threads)
         parts = [
-            jax.tree.map(lambda a, i=i: a[i * count : (i + 1) * count], chunks)
-            for i in range(self.threads)
+            jax.tree.map(lambda a, i=i: a[jnp.minimum(jnp.arange(i, i + count), n - 1)], inputs)
+            for i in range(0, count * self.threads, count)
         ]
-        program = self._program(parts[0], chunk)
+        program = self._program(parts[0], count)
         with concurrent.futures.ThreadPoolExecutor(self.threads) as pool:
             outs = list(pool.map(lambda part: jax.block_until_ready(program(part)), parts))
-        return jax.tree.map(lambda *a: jnp.concatenate(a), *outs)
+        return jax.tree.map(lambda *a: jnp.concatenate(a)[:n], *outs)
+
+
+def _lanes(a):
+    """The leading axes of chunks and lanes as one."""
+    return a.reshape(-1, *a.shape[2:])
