@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import tempfile
 import time
+from typing import Any
 
 import numpy as np
 
@@ -28,9 +29,19 @@ class CompilerAbsentError(RuntimeError):
 def _header(case: Case) -> str:
     a, b = tsit5()
     values = {**case.values, "START_X": case.start[0], "START_Y": case.start[1]}
+    if case.drive is not None:
+        values |= _drive_values(case)
     values |= {f"A_{i}_{j}": float(a[i, j]) for i in range(6) for j in range(i)}
     values |= {f"B_{i}": float(value) for i, value in enumerate(b)}
     return "".join(f"#define {name} ({value!r})\n" for name, value in values.items())
+
+
+def _drive_values(case: Case) -> dict[str, float]:
+    drive: Any = case.drive
+    names = ("L_w", "R_w", "k_e", "k_m", "T_k", "rho", "eta", "r_bp", "U_in")
+    values = {name.upper(): float(getattr(drive, name)) for name in names}
+    values |= {"B_DC": float(drive.b), "J_DRIVE": float(drive.inertia)}
+    return {**values, "START_I_W": case.start_current}
 
 
 @dataclasses.dataclass(frozen=True)

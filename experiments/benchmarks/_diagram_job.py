@@ -9,7 +9,13 @@ import diffrax
 import numpy as np
 
 from stickslip.friction import SmoothHyperbolicWeakening
-from stickslip.systems import BlockOnBelt, BlockState
+from stickslip.systems import (
+    BlockOnBelt,
+    BlockOnDrivenBelt,
+    BlockState,
+    DCDrive,
+    DrivenBlockState,
+)
 
 LOW, HIGH = 72.0, 97.0  # [N/m]
 LANES = 25_001
@@ -21,7 +27,8 @@ class Case:
 
     `start`: x and y at the beginning; `h`: step [s] with which Tsit5 errs by 1e-8 per second in the
     largest component of the state; `settled`: k3 up to which errors do not grow, as the motion is
-    periodic.
+    periodic; `drive`: those of the drive in the full model, which begins with enough current that the
+    rotor turns at once.
     """
 
     name: str
@@ -29,19 +36,30 @@ class Case:
     start: tuple[float, float]
     h: float
     settled: float
+    drive: DCDrive | None = None
 
-    def system(self, k3) -> BlockOnBelt:
+    def system(self, k3) -> BlockOnBelt | BlockOnDrivenBelt:
         p = self.values
         law = SmoothHyperbolicWeakening(p["MU_0"], p["ALPHA"], p["BETA"], p["GAMMA"])
-        make: Any = BlockOnBelt
+        make: Any = BlockOnDrivenBelt if self.drive else BlockOnBelt
+        belt = {"drive": self.drive} if self.drive else {"V_b": p["V_B"]}
         return make(
             m=p["M_BLOCK"], M=p["M_PENDULUM"], J=p["J"], k1=p["K1"], k2=p["K2"], k3=k3, c1=p["C1"],
-            c2=p["C2"], r=p["R"], Q=p["Q"], V_b=p["V_B"], law=law, g=p["G"],
+            c2=p["C2"], r=p["R"], Q=p["Q"], law=law, g=p["G"], **belt,
         )  # fmt: skip
 
     @property
-    def initial(self) -> BlockState:
-        return BlockState(self.start[0], 0.0, self.start[1], 0.0)
+    def initial(self) -> BlockState | DrivenBlockState:
+        x, y = self.start
+        if self.drive:
+            return DrivenBlockState(x, 0.0, y, 0.0, 0.0, self.start_current)
+        return BlockState(x, 0.0, y, 0.0)
+
+    @property
+    def start_current(self) -> float:
+        """Current [A] that moves the rotor from rest with a tenth to spare."""
+        assert self.drive is not None
+        return 1.1 * float(self.drive.T_st) / float(self.drive.k_m)
 
 
 def _values(block: BlockOnBelt) -> dict[str, float]:
@@ -69,6 +87,15 @@ def mild() -> Case:
         m=1.0, M=0.5, J=0.01, k1=40.0, k2=50.0, k3=80.0, c1=0.3, c2=0.5, r=0.1, Q=0.0, V_b=0.1, law=law
     )
     return Case("a mild contact", _values(block), (0.0, -0.02), 1 / 300, HIGH)
+
+
+@functools.cache
+def full_model() -> Case:
+    """Set A on the belt with the drive, consistent sign."""
+    a = set_a()
+    return Case(
+        "the drive (full model), set A", a.values, a.start, a.h, a.settled, DCDrive.constructed()
+    )
 
 
 class Points(NamedTuple):

@@ -245,13 +245,14 @@ def diffrax_points(job: Job, solver: str, tolerance: float) -> Callable[[np.ndar
 
     def lane(k3):
         solution = solve(k3)
-        ts = solution.ts
+        ts, ys = solution.ts, solution.ys
         assert ts is not None
+        assert ys is not None
 
         def acceleration(t):
             return _diffrax_field(job.case, solution.evaluate(t), k3)[2]
 
-        value = jax.vmap(lambda *s: _diffrax_field(job.case, s, k3)[2])(*solution.ys)
+        value = jax.vmap(lambda *s: _diffrax_field(job.case, s, k3)[2])(*ys)
         over = (value[:-1] > 0.0) & (value[1:] <= 0.0) & (ts[1:] > job.transient) & (ts[1:] <= job.end)
         (index,) = jnp.nonzero(over, size=job.room, fill_value=most)
         inside = index < most

@@ -7,7 +7,8 @@
  *
  * job.h, written by diagram.py, defines the parameters of the model and the tableau. WIDTH is the
  * number of lanes in a register, GROUPS the registers of one kind. WIDTH 1 is plain C: the equations
- * as printed, with the exponential functions of the library.
+ * as printed, with the exponential functions of the library. With U_IN defined it is the full model
+ * with the drive, whose rotor must turn forward all the time.
  *
  * Compiled without -ffast-math: the rounding in `exponential` needs the order of operations. */
 #if defined(__AVX__)
@@ -33,9 +34,18 @@ typedef int64_t whole;
 #define LANE(value, i) (value)
 #endif
 
-typedef struct { real x, y, u, v; } state;   /* u, v: velocities */
-typedef struct { real u, v, a, b; } slope;   /* a, b: accelerations */
-typedef struct { long lane, step; double x, y, u, v; } crossing;
+#ifdef U_IN
+#define WITH_DRIVE(...) __VA_ARGS__
+#define BELT_VELOCITY(s) ((s).w * (R_BP / RHO))
+#else
+#define WITH_DRIVE(...)
+#define BELT_VELOCITY(s) V_B
+#endif
+
+/* u, v: velocities; a, b: accelerations; w, i_w: speed of the rotor and current, c, d: their rates */
+typedef struct { real x, y, u, v WITH_DRIVE(, w, i_w); } state;
+typedef struct { real u, v, a, b WITH_DRIVE(, c, d); } slope;
+typedef struct { long lane, step; double x, y, u, v WITH_DRIVE(, w, i_w); } crossing;
 
 #if WIDTH > 1
 INLINE whole bits(real a) { return (whole)a; }
@@ -91,7 +101,7 @@ INLINE real friction(real v, real normal) {
 }
 #endif
 
-/* Eqs. (8) to (11). */
+/* Eqs. (8) to (11), with the drive also (1) and (7). */
 INLINE slope field(state s, real k3) {
     real stretched = k3 * (s.y + s.x * s.x * (0.5 / R));
     real angle = s.y * (1.0 / R);
@@ -99,14 +109,18 @@ INLINE slope field(state s, real k3) {
     real on_rim = s.v * C2 + stretched;
     real normal = lever * (0.75 * M_PENDULUM * G) + (M_BLOCK * G) - on_rim;
     real shared = (s.u + s.v) * C1 + (s.x + s.y) * K2;
-    real force = shared + s.x * K1 + stretched * (s.x * (1.0 / R)) + friction(s.u - V_B, normal);
+    real dry = friction(s.u - BELT_VELOCITY(s), normal);
+    real force = shared + s.x * K1 + stretched * (s.x * (1.0 / R)) + dry;
     real torque = shared + on_rim + lever * (0.75 * M_PENDULUM * G) + (Q / R);
-    return (slope){s.u, s.v, force * (-1.0 / M_BLOCK), torque * (-R * R / J)};
+    WITH_DRIVE(real drive = s.i_w * K_M + dry * (R_BP / (ETA * RHO)) - s.w * B_DC - T_K;)
+    WITH_DRIVE(real volts = U_IN - s.w * K_E - s.i_w * R_W;)
+    return (slope){s.u, s.v, force * (-1.0 / M_BLOCK), torque * (-R * R / J)
+        WITH_DRIVE(, drive * (1.0 / J_DRIVE), volts * (1.0 / L_W))};
 }
 
 /* One step of length h from s, where the slope is k0. */
 INLINE state step(state s, slope k0, real k3, real h) {
-#define ALL(SUM) (state){SUM(x, u), SUM(y, v), SUM(u, a), SUM(v, b)}
+#define ALL(SUM) (state){SUM(x, u), SUM(y, v), SUM(u, a), SUM(v, b) WITH_DRIVE(, SUM(w, c), SUM(i_w, d))}
 #define STAGE_1(at, c) s.at + (h * A_1_0) * k0.c
     slope k1 = field(ALL(STAGE_1), k3);
 #define STAGE_2(at, c) s.at + (h * A_2_0) * k0.c + (h * A_2_1) * k1.c
@@ -131,7 +145,8 @@ INLINE real filled(double value) { return (real){0} + value; }
 INLINE long put_aside(crossing *found, long n, long lane, long number, whole crosses, state s) {
     for (int i = 0; i < WIDTH; i++)
         if (LANE(crosses, i))
-            found[n++] = (crossing){lane + i, number, LANE(s.x, i), LANE(s.y, i), LANE(s.u, i), LANE(s.v, i)};
+            found[n++] = (crossing){lane + i, number, LANE(s.x, i), LANE(s.y, i), LANE(s.u, i), LANE(s.v, i)
+                WITH_DRIVE(, LANE(s.w, i), LANE(s.i_w, i))};
     return n;
 }
 
@@ -142,7 +157,8 @@ static long run(long lane, const double *k3s, double h, long steps, long first, 
     long n = 0;
     for (int g = 0; g < GROUPS; g++) {
         memcpy(&k3[g], k3s + g * WIDTH, sizeof(real));
-        s[g] = before[g] = (state){filled(START_X), filled(START_Y), filled(0), filled(0)};
+        s[g] = before[g] = (state){filled(START_X), filled(START_Y), filled(0), filled(0)
+            WITH_DRIVE(, filled(0), filled(START_I_W))};
         last[g] = filled(-1);
     }
     for (long it = 0; it <= steps; it++) {
@@ -206,11 +222,12 @@ void diagram(long lanes, const double *k3, double h, long steps, long first, lon
             memcpy(end + lane, ends, sizeof(double) * here);
             memset(count + lane, 0, sizeof(int32_t) * here);
             for (long j = 0; j < n; j += WIDTH) {
-                state s = {filled(0), filled(0), filled(0), filled(0)};
+                state s = {filled(0), filled(0), filled(0), filled(0) WITH_DRIVE(, filled(0), filled(0))};
                 real k = filled(0), part, at;
                 for (int i = 0; i < WIDTH; i++) {
                     const crossing *c = found + (j + i < n ? j + i : n - 1);
                     LANE(s.x, i) = c->x, LANE(s.y, i) = c->y, LANE(s.u, i) = c->u, LANE(s.v, i) = c->v;
+                    WITH_DRIVE(LANE(s.w, i) = c->w, LANE(s.i_w, i) = c->i_w;)
                     LANE(k, i) = k3s[c->lane - lane];
                 }
                 locate(s, k, h, &part, &at);

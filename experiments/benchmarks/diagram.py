@@ -21,11 +21,10 @@ import jax.numpy as jnp
 import numpy as np
 
 import stickslip as ss
-from stickslip.systems import BlockOnDrivenBelt, DrivenBlockState
 
 from . import _diagram_peers as peers
 from ._diagram_c import Build, CompilerAbsentError, fastest, runner
-from ._diagram_job import LANES, Case, Job, Points, errors, mild, plain_field, set_a
+from ._diagram_job import LANES, Case, Job, Points, errors, full_model, mild, plain_field, set_a
 from ._harness import Candidate, absent, interleave, table
 
 REFERENCE = 1e-15  # tolerance of heyoka as reference; without it SciPy's DOP853 at
@@ -43,13 +42,13 @@ def steps_of(h: float | None = None, tolerance: float | None = None) -> ss.Integ
     return ss.Integrator("tsit5", step, max_steps=MANY)
 
 
-def engine(job: Job, executor: str, integrator=None, model=None) -> Callable[[np.ndarray], Points]:
+def engine(job: Job, executor: str, integrator=None) -> Callable[[np.ndarray], Points]:
     """The job through the public interface: two simulations a lane, mapped over the lanes."""
     options: Any = {"integrator": integrator or steps_of(job.h), "max_events": None, "throw": False}
 
     def lane(k3):
-        system, start = model(k3) if model else (job.case.system(k3), job.case.initial)
-        settled = ss.simulate(system, 0.0, job.transient, start, **options)
+        system = job.case.system(k3)
+        settled = ss.simulate(system, 0.0, job.transient, job.case.initial, **options)
         run = ss.simulate(
             system, job.transient, job.end, settled.y1, settled.mode1,
             sections=system.zero_acceleration_section(), max_crossings=job.room, **options,
@@ -67,13 +66,10 @@ def engine(job: Job, executor: str, integrator=None, model=None) -> Callable[[np
     return run
 
 
-def with_drive(k3):
-    """Full model, consistent sign, and its initial state."""
-    return BlockOnDrivenBelt.constructed(k3), DrivenBlockState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-
-
 def reference(job: Job, k3: np.ndarray) -> tuple[str, Points]:
     """The true points of a few lanes, by an independent integrator."""
+    if job.case.drive is not None:
+        return "the engine at 1e-11", engine(job, "auto", steps_of(tolerance=1e-11))(k3)
     if absent("heyoka"):
         run = peers.scipy_dop853(job, REFERENCE_SCIPY)
         return f"SciPy's DOP853 at {REFERENCE_SCIPY:g}", run(k3)
@@ -197,7 +193,8 @@ def comparison(job: Job, rounds: int, few: int) -> str:
     field = Field(job, few)
     field.add_c()
     field.add_engine()
-    field.add_peers()
+    if job.case.drive is None:
+        field.add_peers()
     rows = interleave(field.candidates, rounds)
     title = (
         f"Diagram with {job.case.name}: {job.lanes} of {LANES} lanes x {job.end:g} s, Tsit5 with steps "
@@ -205,7 +202,10 @@ def comparison(job: Job, rounds: int, few: int) -> str:
         f"{field.sample.size} lanes with k3 up to {job.case.settled:g} against {field.source};\n"
         f"  (*) a part of the lanes on one core, perfect scaling to {WORKERS} cores credited"
     )
-    return accuracy(job.case) + "\n" + table(title, rows, field.missing)
+    lines = [table(title, rows, field.missing)]
+    if job.case.drive is None:
+        lines.insert(0, accuracy(job.case))
+    return "\n".join(lines)
 
 
 def lanes_table(case: Case, numbers: list[int]) -> str:
@@ -231,27 +231,6 @@ def _seconds(run, argument) -> float:
     start = time.perf_counter()
     run(argument)
     return time.perf_counter() - start
-
-
-def full_model(job: Job, rounds: int) -> str:
-    """The model with the drive; errors against adaptive steps at 1e-11."""
-    sample = job.sample()
-    rows = []
-    finest = engine(job, "portable", steps_of(tolerance=1e-11), with_drive)(job.k3[sample])
-    for words, integrator in (
-        ("fixed steps", steps_of(job.h)),
-        ("adaptive 1e-8", steps_of(tolerance=1e-8)),
-    ):
-        for executor in ("fused", "portable"):
-            run = engine(job, executor, integrator, with_drive)
-            error, error_t = errors(Points(*(a[sample] for a in run(job.k3))), finest)
-            name = f"engine, {executor}, {words}, {WORKERS} workers"
-            rows.append(Candidate(name, functools.partial(run, job.k3), error, 1.0, None, error_t))
-    title = (
-        f"Full model with the drive: {job.lanes} of {LANES} lanes x {job.end:g} s, steps of "
-        f"1/{1 / job.h:g} s.\n  Errors on {sample.size} lanes against adaptive steps at 1e-11"
-    )
-    return table(title, interleave(rows, rounds), [])
 
 
 def fresh_processes(lanes: int, seconds: float) -> str:
@@ -285,6 +264,6 @@ def main(size: str = "normal") -> Iterator[str]:
     numbers = [1_000, 10_000, 100_000, 1_000_000][: {"quick": 2, "normal": 3, "full": 4}[size]]
     yield comparison(Job(set_a(), lanes), rounds, few)
     yield "\n" + comparison(Job(mild(), lanes), rounds, few)
-    yield "\n" + full_model(Job(set_a(), lanes), 2)
+    yield "\n" + comparison(Job(full_model(), lanes), rounds, few)
     yield "\n" + lanes_table(mild(), numbers)
     yield "\n" + fresh_processes(LANES, {"quick": 0.25, "normal": 2.0, "full": 40.0}[size])
