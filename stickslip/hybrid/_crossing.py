@@ -82,12 +82,7 @@ def _length(plan: Plan, theta, section: Section, row: Starts):
 
     start = execute.boundary(value, row.t, row.y, slope)
     sign = {"falling": 1.0, "rising": -1.0}.get(section.direction, jnp.sign(start[0]))
-    (value0, rate0), (value1, rate1) = turned(sign, start), turned(sign, look(row.h))
-    # Whether the step crosses was decided in the run; here rounding may see it otherwise.
-    inside = (row.h > 0) & (value0 > 0) & (value1 < 0)
-    one = jnp.ones_like(row.h)
-    bracket = _locate.Bracket(0.0 * one, row.h, value0, value1, rate0, rate1, one)
-    best = jnp.where((value0 > 0) & ~(value1 < 0), row.h, 0.0)
+    value0, rate0 = turned(sign, start)
 
     def cond(carry):
         _, _, searching, tries = carry
@@ -95,16 +90,19 @@ def _length(plan: Plan, theta, section: Section, row: Starts):
 
     def body(carry):
         bracket, best, searching, tries = carry
-        h = _locate.propose(bracket, row.h)
+        whole = tries == 0
+        h = jnp.where(whole, row.h, _locate.propose(bracket, row.h))
         value, rate = turned(sign, look(h))
         near = jnp.abs(value) <= -rate * _locate.TOLERANCE_SECTION * row.h
         collapsed = bracket.high - bracket.low <= 4e-16 * jnp.maximum(jnp.abs(row.t), bracket.high)
         best = jnp.where(searching, h, best)
-        searching = searching & ~near & ~collapsed
+        # Whether the step crosses was decided in the run; here rounding may see it otherwise.
+        searching = searching & jnp.where(whole, value < 0, ~near & ~collapsed)
         bracket = _locate.update(bracket, searching, h, value, rate, value0, rate0)
         return bracket, best, searching, tries + 1
 
-    carry = (bracket, best, inside, jnp.zeros((), jnp.int32))
+    zero = jnp.zeros_like(row.h)
+    carry = (_locate.empty(zero), zero, (row.h > 0) & (value0 > 0), jnp.zeros((), jnp.int32))
     return jax.lax.while_loop(cond, body, carry)[1]
 
 
