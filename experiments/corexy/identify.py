@@ -187,8 +187,10 @@ def draw(data: xr.Dataset) -> Figure:
     convergence.set_xlabel("start, sorted")
     convergence.set_ylabel(r"$\chi^2$ per degree of freedom at the end")
     convergence.set_title("random starts, part that reaches the noise", fontsize=9)
-    for axis in (values, spectrum, convergence):
+    for axis in (values, spectrum):
         axis.legend(frameon=False, fontsize=7)
+    # Between the curves: they all begin at 1 on the left.
+    convergence.legend(frameon=False, fontsize=7, loc="lower left", bbox_to_anchor=(0.0, 0.06))
     return figure
 
 
