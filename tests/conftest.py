@@ -36,7 +36,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
     Programs with host callbacks, diffrax's own loop among them, are never cached by JAX.
     """
-    if config.cache is not None:
+    if getattr(config, "cache", None) is not None:  # absent with `-p no:cacheprovider`
         jax.config.update("jax_compilation_cache_dir", str(config.cache.mkdir("jax")))
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
 
