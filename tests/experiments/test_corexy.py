@@ -19,7 +19,7 @@ def test_all_are_there():
 def test_corner_of_the_map_is_scenario_1(tmp_path):
     """Belts with mu_1s = 5 and mu_2s = 0.2 move as those of scenario 1: motor 1 needs at most 1.58."""
     experiment = load()["corexy-map-friction"]
-    data = experiment.compute({"points": 2}, Context(tmp_path))
+    data = experiment.compute({**experiment.parameters, "points": 2}, Context(tmp_path))
     plt.close(experiment.draw(data))
     corner = data.isel(mu_1s_b=1, mu_2s_b=0)
     h = 1e-3
