@@ -40,6 +40,7 @@ def clean() -> cx.Measurement:
     return cx.Measurement(*(row * sigma for row, sigma in zip(found, cx.NOISE, strict=True)))
 
 
+@pytest.mark.slow
 def test_it_is_what_the_reference_shows():
     h = 1e-4
     stepped = Reference(SCENARIOS[1], h).run(0.9, round(0.1 / h))
@@ -50,6 +51,7 @@ def test_it_is_what_the_reference_shows():
         assert got == pytest.approx(want, rel=2e-3, abs=2e-4), name
 
 
+@pytest.mark.slow
 def test_residuals_are_deviations_in_units_of_the_noise():
     assert np.abs(rows(truth(), clean())).max() < 1e-9
     moved = clean()._replace(x=clean().x.at[1].add(3 * cx.NOISE.x))

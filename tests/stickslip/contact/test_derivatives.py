@@ -123,6 +123,7 @@ def test_unloaded_contacts_hold_against_perturbations(force):
     np.testing.assert_allclose(jax.jacfwd(acceleration)(jnp.asarray(F)), expected, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_second_derivatives():
     problem = regular_problems(4, 1, 3, 2, ("generic",))[0]
 
@@ -137,6 +138,7 @@ def test_second_derivatives():
         np.testing.assert_allclose(exact, expected, atol=1e-6 * (1 + np.abs(expected).max()))
 
 
+@pytest.mark.slow
 def test_derivatives_in_a_batch():
     problems = regular_problems(5, 6, 3, 5, ("generic",))
 

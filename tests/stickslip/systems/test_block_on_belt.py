@@ -78,6 +78,7 @@ def test_sticking_block_has_the_belts_speed_to_the_last_bit(dry_runs):
     assert np.all(np.asarray(events.y_before.vx)[leaves] == 0.12)
 
 
+@pytest.mark.slow
 def test_steeper_laws_tend_to_the_set_valued_one():
     """First order in 1/alpha: the creep of a sticking block is a relative velocity of that order."""
     t_end = 2.0
