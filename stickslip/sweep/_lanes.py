@@ -108,11 +108,17 @@ class map_lanes:
         inputs = jax.tree.map(jnp.asarray, inputs)
         if n == 0:
             raise ValueError("inputs have no lanes: their leading axis has length 0")
+        parts = len(self.devices) if len(self.devices) > 1 else self.threads
+        chunk = self._chunk(n, parts)
         if not is_concrete(inputs):
-            return self._mapped(n, PORTABLE)(inputs)
-        if len(self.devices) == 1 and self.threads > 1:
-            return self._threaded(inputs, n)
-        return self._joined(self._program(inputs, n)(inputs), n)
+            out = self._chunks(chunk, PORTABLE)(self._pad(inputs, n, chunk))
+            return jax.tree.map(lambda a: _lanes(a)[:n], out)
+        if len(self.devices) > 1:
+            chunks = self._pad(inputs, n, chunk, parts)
+            out = self._program(chunks, chunk)(chunks)
+        else:
+            out = self._threaded(self._pad(inputs, n, chunk, parts), chunk)
+        return self._joined(out, n)
 
     def _chunk(self, n, parts):
         """Lanes per chunk such that as few as possible have to be filled up."""
@@ -122,39 +128,19 @@ class map_lanes:
             lanes = -(-lanes // VECTOR) * VECTOR
         return min(self.chunk_size, max(lanes, 2))
 
-    def _mapped(self, n, executor, parts=1):
-        """Function of the inputs of `n` lanes, chunk by chunk; with several parts, one per device.
-
-        The results of several parts come as `[chunks, chunk, ...]`: to join them inside the program
-        would make the devices wait for each other.
-        """
-        chunk = self._chunk(n, parts)
-        count = -(-n // (chunk * parts)) * parts
+    def _pad(self, inputs, n, chunk, parts=1):
+        """Inputs as `[chunks, chunk, ...]`, the last lane repeated to fill the last chunks."""
+        count = -(-n // chunk)
+        count = -(-count // parts) * parts
 
         def cut(a):
-            # The last lane repeated fills the last chunks.
             index = jnp.minimum(jnp.arange(count * chunk), n - 1)
             return a[index].reshape(count, chunk, *a.shape[1:])
 
-        def chunks(lanes):
-            with use_executor(executor):
-                return jax.lax.map(lambda chunk: jax.vmap(self.function)(*chunk), lanes)
-
-        def run(inputs):
-            lanes = jax.tree.map(cut, inputs)
-            if parts == 1:
-                return jax.tree.map(lambda a: _lanes(a)[:n], chunks(lanes))
-            mesh = Mesh(np.array(self.devices), ("lanes",))
-            spec = PartitionSpec("lanes")
-            mapped = jax.shard_map(chunks, mesh=mesh, in_specs=spec, out_specs=spec, check_vma=False)
-            return mapped(lanes)
-
-        return run
+        return jax.tree.map(cut, inputs)
 
     def _joined(self, out, n):
-        """Results of several devices in one array each."""
-        if len(self.devices) == 1:
-            return out
+        """Results of `n` lanes from `[chunks, chunk, ...]`."""
         on_cpu = self.devices[0].platform == "cpu"
 
         def join(a):
@@ -164,31 +150,45 @@ class map_lanes:
 
         return jax.tree.map(join, out)
 
-    def _program(self, inputs, n):
+    def _chunks(self, chunk, executor):
+        def run(chunks):
+            with use_executor(executor):
+                return jax.lax.map(lambda lanes: jax.vmap(self.function)(*lanes), chunks)
+
+        return run
+
+    def _program(self, chunks, chunk):
         """Compiled program for inputs of this shape."""
-        leaves = jax.tree.leaves(inputs)
-        key = (jax.tree.structure(inputs), *((a.shape, a.dtype) for a in leaves))
+        key = (
+            chunk,
+            jax.tree.structure(chunks),
+            *((a.shape, a.dtype) for a in jax.tree.leaves(chunks)),
+        )
         if key not in self._compiled:
-            executor = FUSED if self.executor == "fused" else PORTABLE
-            run = self._mapped(n, executor, len(self.devices))
+            run = self._chunks(chunk, FUSED if self.executor == "fused" else PORTABLE)
+            if len(self.devices) > 1:
+                mesh = Mesh(np.array(self.devices), ("lanes",))
+                spec = PartitionSpec("lanes")
+                run = jax.shard_map(run, mesh=mesh, in_specs=spec, out_specs=spec, check_vma=False)
             options = None
             if self.devices[0].platform == "cpu":
                 options = {"xla_cpu_prefer_vector_width": "512"}
-            lowered = jax.jit(run, compiler_options=options).lower(inputs)
+            lowered = jax.jit(run, compiler_options=options).lower(chunks)
             self._compiled[key] = _compiled(lowered, self.devices)
         return self._compiled[key]
 
-    def _threaded(self, inputs, n):
-        """One device, several threads: as many lanes for each, the last lane repeated."""
-        count = -(-n // self.threads)
+    def _threaded(self, chunks, chunk):
+        if self.threads == 1:
+            return self._program(chunks, chunk)(chunks)
+        count = jax.tree.leaves(chunks)[0].shape[0] // self.threads
         parts = [
-            jax.tree.map(lambda a, i=i: a[jnp.minimum(jnp.arange(i, i + count), n - 1)], inputs)
-            for i in range(0, count * self.threads, count)
+            jax.tree.map(lambda a, i=i: a[i * count : (i + 1) * count], chunks)
+            for i in range(self.threads)
         ]
-        program = self._program(parts[0], count)
+        program = self._program(parts[0], chunk)
         with concurrent.futures.ThreadPoolExecutor(self.threads) as pool:
             outs = list(pool.map(lambda part: jax.block_until_ready(program(part)), parts))
-        return jax.tree.map(lambda *a: jnp.concatenate(a)[:n], *outs)
+        return jax.tree.map(lambda *a: jnp.concatenate(a), *outs)
 
 
 def _lanes(a):

@@ -45,6 +45,13 @@ def test_chunks_are_filled():
     assert mapped._chunk(1, 2) == 2
 
 
+def test_numbers_that_fill_the_same_chunks_share_a_program():
+    mapped = ss.map_lanes(lane, executor="portable")
+    for n in (39, 40, 42):
+        mapped(*inputs(n))
+    assert len(mapped._compiled) == 1
+
+
 def test_inside_a_transformation():
     mapped = ss.map_lanes(lane, executor="portable", chunk_size=4)
     keys, x = inputs(11)
