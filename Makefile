@@ -10,6 +10,8 @@ PACKAGES := stickslip corexy_jax experiments
 PEERS := numba heyoka
 # What a user's shell may hold that would let another installation leak into ours.
 unexport PYTHONPATH PYTHONHOME PIP_TARGET PIP_PREFIX PIP_USER
+# Without bytecode every process of the tests would compile all libraries for six seconds.
+unexport PYTHONDONTWRITEBYTECODE
 # The interpreters of a checkout keep their own side files in .venv too, not in the home directory.
 export IPYTHONDIR := $(CURDIR)/$(VENV)/ipython
 export JUPYTER_RUNTIME_DIR := $(CURDIR)/$(VENV)/jupyter

@@ -6,15 +6,6 @@ Shape and type annotations of both packages are checked at call time by the impo
 
 import os
 
-# Two host devices, so that the multi-device paths run on any machine. XLA reads its flags when the
-# first array is made, so this has to come before any test module is imported.
-os.environ["XLA_FLAGS"] = (
-    os.environ.get("XLA_FLAGS", "")
-    + " --xla_force_host_platform_device_count=2"
-    # Most of the suite's time is compilation of programs that run once.
-    + " --xla_llvm_disable_expensive_passes=true"
-)
-
 import hypothesis
 import jax
 import matplotlib
@@ -32,10 +23,21 @@ hypothesis.settings.load_profile("reproducible")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Keep compiled programs between runs.
+    """Two host devices on any machine; programs compiled cheaply, and kept between runs.
 
-    Programs with host callbacks, diffrax's own loop among them, are never cached by JAX.
+    XLA reads its flags when the first array is made, which is later. Most of the quick suite's time is
+    compilation of programs that run once. `make test-all` compiles as users do, and so do the quick
+    tests that run the programs users start with in a process of their own.
+
+    Programs with host callbacks, diffrax's own loop among them, are never kept by JAX.
     """
+    flags = ["--xla_force_host_platform_device_count=2"]
+    if config.option.markexpr == "not slow":
+        jax.config.update("jax_disable_most_optimizations", True)
+        if jax.version.__version_info__ < (0, 11):
+            # Newer compilers know only the emitters that take half of the time here.
+            flags.append("--xla_cpu_use_fusion_emitters=false")
+    os.environ["XLA_FLAGS"] = " ".join([os.environ.get("XLA_FLAGS", ""), *flags])
     if getattr(config, "cache", None) is not None:  # absent with `-p no:cacheprovider`
         jax.config.update("jax_compilation_cache_dir", str(config.cache.mkdir("jax")))
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)

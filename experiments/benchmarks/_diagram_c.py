@@ -1,5 +1,6 @@
 """The C file compiled for this machine, with the widths and flags that run fastest here."""
 
+import atexit
 import ctypes
 import dataclasses
 import itertools
@@ -20,6 +21,7 @@ SOURCE = pathlib.Path(__file__).with_name("diagram.c")
 FLAGS = ("-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast")
 SCHEDULING = ("-fschedule-insns", "-fsched-pressure")
 _folder = tempfile.TemporaryDirectory(prefix="stickslip-bench-")
+atexit.register(_folder.cleanup)
 
 
 class CompilerAbsentError(RuntimeError):

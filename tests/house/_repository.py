@@ -1,8 +1,10 @@
 """What the tests of the house look at: the tracked files and the syntax trees of this checkout."""
 
 import ast
+import os
 import re
 import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -44,3 +46,16 @@ def make_targets() -> set[str]:
     """Targets a user may call."""
     text = (ROOT / "Makefile").read_text(encoding="utf-8")
     return set(re.findall(r"^([a-z-]+):.*##", text, flags=re.MULTILINE))
+
+
+def run_python(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Run `code` in an interpreter of its own, with JAX and XLA set as on a user's machine."""
+    inherited = {k: v for k, v in os.environ.items() if k not in {"JAX_ENABLE_X64", "XLA_FLAGS"}}
+    return subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=ROOT,
+        env=inherited | environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
