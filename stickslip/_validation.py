@@ -15,7 +15,8 @@ time (tracers under `jit`, `vmap`, `grad`) pass unread: a constructor runs at tr
 have no number yet. `as_parameter` then makes the float64 array that a module stores.
 """
 
-from collections.abc import Callable, Collection
+import reprlib
+from collections.abc import Callable, Collection, Mapping
 from typing import Any, TypeVar
 
 import jax
@@ -25,6 +26,8 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 T = TypeVar("T")
+_SHORT = reprlib.Repr()
+_SHORT.maxstring = _SHORT.maxother = 60
 
 
 def is_concrete(value: Any) -> bool:
@@ -112,11 +115,32 @@ def check_in(name: str, value: T, allowed: Collection[T]) -> T:
     return value
 
 
-def check_type(name: str, value: T, expected: type | tuple[type, ...], allowed: str) -> T:
-    """An instance of `expected`; `allowed` completes "it must be"."""
+def check_type(name: str, value: T, expected: Any, allowed: str) -> T:
+    """An instance of `expected`, a class or a union; `allowed` completes "it must be"."""
     if not isinstance(value, expected):
-        raise TypeError(f"{name} is a {type(value).__name__}: it must be {allowed}.")
+        raise TypeError(f"{name} = {_SHORT.repr(value)}: it must be {allowed}.")
     return value
+
+
+def check_flag(name: str, value: T) -> T:
+    """True or False, not a number or an array that counts as one of them."""
+    return check_type(name, value, bool, "True or False")
+
+
+def check_count(name: str, value: T, low: int) -> T:
+    """An integer of at least `low`; sizes of arrays, which are never traced."""
+    if not isinstance(value, int) or isinstance(value, bool) or value < low:
+        raise ValueError(f"{name} = {value!r}: it must be an integer of at least {low}.")
+    return value
+
+
+def check_mapping(name: str, value: Any) -> dict[str, Any]:
+    """A mapping from names, as a new dictionary; empty for `None`."""
+    if value is None:
+        return {}
+    if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
+        raise TypeError(f"{name} = {value!r}: it must be a mapping from names.")
+    return dict(value)
 
 
 def as_parameter(value: Any) -> Float[Array, "..."]:

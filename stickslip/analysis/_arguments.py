@@ -3,15 +3,14 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
 from .._validation import check_finite, check_nonnegative, check_positive, check_type
 from ..hybrid import AbstractHybridSystem, Integrator
-from ..hybrid._system import mode_index
-from ..hybrid._tree import as_float64
+from ..hybrid._arguments import check_field
+from ..hybrid._arguments import start_of as _start_of
 
 
 def one_number(name: str, value: Any, kind: str = "finite") -> Any:
@@ -20,13 +19,6 @@ def one_number(name: str, value: Any, kind: str = "finite") -> Any:
     check[kind](name, value)
     if jnp.shape(value) != ():
         raise ValueError(f"{name} has the shape {jnp.shape(value)}: it must be one number.")
-    return value
-
-
-def a_count(name: str, value: Any, low: int) -> int:
-    """An integer of at least `low`."""
-    if not isinstance(value, int) or isinstance(value, bool) or value < low:
-        raise ValueError(f"{name} = {value!r}: it must be an integer of at least {low}.")
     return value
 
 
@@ -71,30 +63,7 @@ def an_integrator(integrator: Any) -> Integrator:
 def start_of(
     system: AbstractHybridSystem, t0: Any, y0: PyTree, mode0: Any, args: PyTree
 ) -> tuple[PyTree, Any]:
-    """Initial state in float64, and the mode: the one given, checked, or that of the state."""
-    try:
-        y0 = as_float64("y0", y0)
-    except (TypeError, ValueError, OverflowError) as error:
-        # Some messages are those of the array library.
-        text = str(error) if str(error).startswith("y0") else f"y0 = {y0!r}: it must be a state."
-        kind = TypeError if isinstance(error, TypeError) else ValueError
-        raise kind(text) from None
-    if not jax.tree.leaves(y0):
-        raise ValueError(f"y0 = {y0!r}: it must be a state with at least one component.")
-    try:
-        first = system.initial_mode(t0, y0, args)
-        jax.eval_shape(lambda y: system.vector_field(t0, y, first, args), y0)
-    except (AttributeError, TypeError, IndexError, ValueError) as error:
-        raise ValueError(
-            f"y0 = {y0!r}: it must be a state of the {type(system).__name__} ({error})."
-        ) from error
-    if mode0 is None:
-        return y0, jnp.asarray(first, jnp.int32)
-    number = isinstance(mode0, int | np.integer | jax.Array) and not isinstance(mode0, bool)
-    if not isinstance(mode0, str) and (
-        not number or jnp.shape(mode0) != () or jnp.result_type(mode0).kind not in "iu"
-    ):
-        raise ValueError(f"mode0 = {mode0!r}: it must be a mode's name or number.")
-    if isinstance(mode0, int) and not 0 <= mode0 < len(system.mode_names):
-        raise ValueError(f"mode0 = {mode0!r}: it must be from 0 to {len(system.mode_names) - 1}.")
-    return y0, jnp.asarray(mode_index(system, mode0), jnp.int32)
+    """Initial state in float64 and mode, checked against the system."""
+    y0, mode = _start_of(system, t0, y0, mode0, args)
+    check_field(system, t0, y0, mode, args)
+    return y0, mode

@@ -10,11 +10,10 @@ import numpy as np
 import xarray as xr
 from jaxtyping import PyTree
 
-from .._validation import check_type
+from .._validation import check_count, check_type
 from ..hybrid import AbstractHybridSystem, SaveAt, Section, simulate
 from ..systems._with_integrals import WithIntegrals
 from ._arguments import (
-    a_count,
     an_integrator,
     named_observables,
     one_number,
@@ -63,7 +62,7 @@ def time_history(
     one_number("transient", transient, "not negative")
     times = times_of(t)
     y0, mode = start_of(system, times[0] - transient, y0, mode0, args)
-    a_count("max_crossings", max_crossings, 1)
+    check_count("max_crossings", max_crossings, 1)
     for name, given in (("sections", sections), ("labels", labels)):
         check_type(name, {} if given is None else given, Mapping, "a mapping by name")
     named = named_observables(observables)
@@ -144,7 +143,7 @@ def energy_ledger(
             raise TypeError(f"system is a {type(system).__name__}: it must have a method `{method}`.")
     times = times_of(t)
     y0, mode = start_of(system, times[0], y0, mode0, args)
-    a_count("max_events", max_events, 1)
+    check_count("max_events", max_events, 1)
     integrator = an_integrator(integrator)
     energy, powers, works, when, jumps = jax.tree.map(
         np.asarray, _account(system, y0, jnp.asarray(times), mode, args, integrator, max_events)

@@ -42,9 +42,9 @@ def as_observable(
         function: Any = what
         return (lambda system, t, y, dy, mode, args: function(t, y, dy, mode, args)), None
     components = [name for name in getattr(y0, "_fields", ()) or vars_of(y0)]
-    if what == "t":
-        return (lambda system, t, y, dy, mode, args: t), "s"
     if isinstance(what, str):
+        if what == "t":
+            return (lambda system, t, y, dy, mode, args: t), "s"
         name = what.removeprefix("slope of ")
         unit = system.units.get(name)
         if name in components:

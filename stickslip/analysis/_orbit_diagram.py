@@ -1,7 +1,6 @@
 """Orbit diagrams by brute force: the points of a section over one or two parameters."""
 
 import math
-from collections.abc import Mapping
 from typing import Any
 
 import equinox as eqx
@@ -10,13 +9,12 @@ import numpy as np
 import xarray as xr
 from jaxtyping import PyTree
 
-from .._validation import check_in
-from ..hybrid import AbstractHybridSystem, Integrator
-from ..hybrid._system import mode_index
+from .._validation import check_count, check_in, check_mapping, check_type
+from ..hybrid import AbstractHybridSystem
 from ..sweep import Variable, run_sweep
 from ..sweep._evaluate import lanes_of
 from ..sweep._grid import block_shape, check_grid
-from ._arguments import a_count, named_observables
+from ._arguments import an_integrator, named_observables, start_of
 from ._observable import as_observable, as_section, check_parameter, with_parameters
 from ._orbit_lane import STATUS, Numbers, Plan, halved, run_lane
 
@@ -45,9 +43,9 @@ def orbit_diagram(
     period_tolerance: Any = 1e-4,
     max_period: Any = 16,
     check: Any = 32,
-    labels: Mapping[str, Variable] | None = None,
-    settings: Mapping[str, Any] | None = None,
-    attrs: Mapping[str, Any] | None = None,
+    labels: Any = None,
+    settings: Any = None,
+    attrs: Any = None,
     name: str = "orbit diagram",
     **sweep: Any,
 ) -> xr.Dataset:
@@ -107,6 +105,8 @@ def orbit_diagram(
     if not isinstance(first, AbstractHybridSystem):
         raise TypeError(f"system(**point) returned {first!r}: it must be an AbstractHybridSystem.")
     y0, per_lane = _check_state(y0, shape)
+    _real("t0", t0, -math.inf, open_low=False)
+    _, mode = start_of(first, t0, jax.tree.map(lambda a: float(np.ravel(a)[0]), y0), mode0, args)
     observed = named_observables(observables)
     found = {
         key: as_observable(f"observables[{key!r}]", what, first, y0) for key, what in observed.items()
@@ -116,8 +116,8 @@ def orbit_diagram(
             raise ValueError(f"observables has the name {key!r}: it is taken, give it another.")
     if isinstance(domain, str) or callable(domain):
         domain = (domain,)
+    check_type("domain", domain, tuple | list, "an observable or a sequence of observables")
     borders = tuple(as_observable("domain", what, first, y0)[0] for what in domain)
-    _real("t0", t0, -math.inf, open_low=False)
     _real("transient", transient, 0.0, open_low=False)
     _real("duration", duration, 0.0, open_low=True)
     _real("period_tolerance", period_tolerance, 0.0, open_low=True)
@@ -126,18 +126,16 @@ def orbit_diagram(
         ("max_period", max_period, 1),
         ("check", check, 0),
     ):
-        a_count(key, value, low)
+        check_count(key, value, low)
     if points is not None:
-        a_count("points", points, 1)
+        check_count("points", points, 1)
     if carried is not None:
         check_in("carried", carried, CARRIED)
         if per_lane:
             raise ValueError("y0 has a state per lane: it must be one state for a carried diagram.")
     elif along is not None:
         raise ValueError(f"along = {along!r}: it must stay unset without carried.")
-    integrator = Integrator() if integrator is None else integrator
-    if not isinstance(integrator, Integrator):
-        raise TypeError(f"integrator = {integrator!r}: it must be an Integrator.")
+    integrator = an_integrator(integrator)
     plan = Plan(
         build=build,
         section=as_section(section, first, y0),
@@ -146,7 +144,7 @@ def orbit_diagram(
         settles=transient > 0,
         size=max_points if points is None else points,
         stops=points is not None,
-        mode0=None if mode0 is None else mode_index(first, mode0),
+        mode0=None if mode0 is None else mode,
         args=args,
         period_tolerance=float(period_tolerance),
         max_period=max_period,
@@ -160,7 +158,7 @@ def orbit_diagram(
         "initial_state": None if per_lane else y0,
         "carried": carried,
         "integrator": integrator,
-        **(settings or {}),
+        **check_mapping("settings", settings),
     }
     variables = _labels(plan, found, coords, labels, first)
     # Numbers enter as inputs, so that other times and steps do not make another program.
@@ -239,7 +237,9 @@ def _real(name, value, low, *, open_low):
 
 
 def _labels(plan: Plan, found, coords, labels, first) -> dict[str, Variable]:
-    labels = dict(labels or {})
+    labels = check_mapping("labels", labels)
+    for key, label in labels.items():
+        check_type(f"labels[{key!r}]", label, Variable, "a Variable")
     unknown = set(labels) - set(found) - set(coords)
     if unknown:
         raise ValueError(

@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._validation import check_in, check_that, check_type
-from ._arguments import a_count, one_number
+from .._validation import check_count, check_in, check_that, check_type
+from ._arguments import one_number
 
 WINDOWS = ("hann", "rectangular")
 
@@ -104,7 +104,7 @@ def spectral_peaks(
     amplitude, frequency = np.asarray(spectrum.amplitude), np.asarray(spectrum.frequency)
     if amplitude.ndim != 1:
         raise ValueError(f"spectrum has the shape {amplitude.shape}: it must be that of one signal.")
-    a_count("count", count, 1)
+    check_count("count", count, 1)
     one_number("floor", floor, "not negative")
     one_number("tolerance", tolerance, "positive")
     bases = check_type("bases", {} if bases is None else bases, Mapping, "frequencies by name")

@@ -7,10 +7,10 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree
 
-from .._validation import check_type
+from .._validation import check_count, check_type
 from ..hybrid import AbstractHybridSystem, SaveAt, saltation_matrix, simulate
 from ..systems._with_integrals import WithIntegrals
-from ._arguments import a_count, an_integrator, one_number, start_of
+from ._arguments import an_integrator, one_number, start_of
 
 
 def divergence(
@@ -50,7 +50,7 @@ def volume_growth(
     check_type("system", system, AbstractHybridSystem, "an AbstractHybridSystem")
     one_number("duration", duration, "positive")
     one_number("t0", t0)
-    a_count("max_events", max_events, 1)
+    check_count("max_events", max_events, 1)
     integrator = an_integrator(integrator)
     y0, mode = start_of(system, t0, y0, mode0, args)
     ledger = WithIntegrals(system, _rates)

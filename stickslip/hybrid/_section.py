@@ -7,6 +7,7 @@ import equinox as eqx
 import jax
 import jax.extend
 
+from .._validation import check_flag, check_in, check_type
 from ._system import DIRECTIONS
 
 
@@ -37,8 +38,9 @@ class Section(eqx.Module):
     name: str = eqx.field(static=True, default="section")
 
     def __check_init__(self):
-        if self.direction not in DIRECTIONS:
-            raise ValueError(f"direction={self.direction!r} is not known; allowed: {DIRECTIONS}")
+        check_in("direction", self.direction, DIRECTIONS)
+        check_flag("terminal", self.terminal)
+        check_type("name", self.name, str, "a word")
         if not callable(self.function):
             raise TypeError(f"function={self.function!r} must be callable as f(t, y, dy, mode, args)")
 

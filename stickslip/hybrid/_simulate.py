@@ -5,11 +5,11 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import PyTree
 
-from .._validation import is_concrete
+from .._validation import check_count, check_flag, check_type, is_concrete
 from . import _solution as out
+from ._arguments import a_time, check_field, output_times, sections_of, start_of
 from ._core import core
 from ._crossing import crossings as located
 from ._events import event_functions
@@ -22,8 +22,8 @@ from ._solution import Solution
 from ._status import CODE, to_result
 from ._step_size import AbstractStepSize, AdaptiveStep
 from ._stepper import as_stepper
-from ._system import AbstractHybridSystem, mode_index
-from ._tree import as_float64, select, shift
+from ._system import AbstractHybridSystem
+from ._tree import select, shift
 
 
 class SaveAt(eqx.Module):
@@ -38,6 +38,11 @@ class SaveAt(eqx.Module):
     steps: bool = eqx.field(static=True, default=False)
     events: bool = eqx.field(static=True, default=True)
     max_rows: int = eqx.field(static=True, default=4096)
+
+    def __check_init__(self):
+        check_flag("steps", self.steps)
+        check_flag("events", self.events)
+        check_count("max_rows", self.max_rows, 1)
 
 
 class Integrator(eqx.Module):
@@ -63,12 +68,14 @@ class Integrator(eqx.Module):
 
     def __check_init__(self):
         stepper = as_stepper(self.method)
+        check_type("step", self.step, AbstractStepSize, "an AdaptiveStep or a FixedStep")
         if self.step.adaptive and not stepper.has_error_estimate():
             raise ValueError(
                 f"method={self.method!r} has no error estimate; allowed with it: step=FixedStep(h)"
             )
-        if not isinstance(self.max_steps, int) or self.max_steps < 1:
-            raise ValueError(f"max_steps={self.max_steps!r} must be a positive integer")
+        check_count("max_steps", self.max_steps, 1)
+        check_flag("detect_dips", self.detect_dips)
+        check_type("progress", self.progress, ProgressMeter | None, "a ProgressMeter or None")
 
 
 def simulate(
@@ -126,23 +133,20 @@ def simulate(
     """
     integrator = Integrator() if integrator is None else integrator
     saveat = SaveAt() if saveat is None else saveat
-    sections = (sections,) if isinstance(sections, Section) else tuple(sections)
+    check_type("integrator", integrator, Integrator, "an Integrator")
+    check_type("saveat", saveat, SaveAt, "a SaveAt")
+    sections = sections_of(sections)
     if not isinstance(system, AbstractHybridSystem):
         raise TypeError(f"system={system!r} must be an AbstractHybridSystem")
     system = jax.tree.map(lambda a: jnp.asarray(a, jnp.float64) if isinstance(a, float) else a, system)
-    t0, t1 = (as_float64(name, value) for name, value in (("t0", t0), ("t1", t1)))
-    y0 = as_float64("y0", y0)
-    if t0.shape != () or t1.shape != ():
-        raise ValueError(f"t0, t1 have shapes {t0.shape}, {t1.shape}; allowed: scalars (use jax.vmap)")
+    t0, t1 = a_time("t0", t0), a_time("t1", t1)
     if is_concrete((t0, t1)) and bool(t1 < t0):
         raise ValueError(f"t1={float(t1)} is before t0={float(t0)}; allowed: t1 >= t0")
-    ts = _check_outputs(saveat.ts, t0, t1)
-    if max_events is not None and (not isinstance(max_events, int) or max_events < 0):
-        raise ValueError(f"max_events={max_events!r} must be a non-negative integer or None")
-    if not isinstance(max_crossings, int) or max_crossings < 1:
-        raise ValueError(f"max_crossings={max_crossings!r} must be a positive integer")
-    mode0 = system.initial_mode(t0, y0, args) if mode0 is None else mode_index(system, mode0)
-    mode0 = jnp.asarray(mode0, jnp.int32)
+    ts = output_times(saveat.ts, t0, t1)
+    if max_events is not None:
+        check_count("max_events", max_events, 0)
+    check_count("max_crossings", max_crossings, 1)
+    y0, mode0 = start_of(system, t0, y0, mode0, args)
     solution = _run(
         system, args, t0, t1, y0, mode0, ts, integrator, saveat, sections, max_events, max_crossings,
         current_executor(),
@@ -150,27 +154,6 @@ def simulate(
     if throw:
         solution = solution.result.error_if(solution, ~solution.successful)
     return solution
-
-
-def _check_outputs(ts, t0, t1):
-    if ts is None:
-        return None
-    ts = as_float64("saveat.ts", jnp.asarray(ts))
-    if ts.ndim != 1:
-        raise ValueError(f"saveat.ts has shape {ts.shape}; allowed: one dimension (use jax.vmap)")
-    if ts.size == 0:
-        return None
-    if is_concrete((ts, t0, t1)):
-        values, low, high = np.asarray(ts), float(t0), float(t1)
-        if np.any(np.diff(values) < 0):
-            raise ValueError(
-                f"saveat.ts must increase; it falls after ts={values[:-1][np.diff(values) < 0][0]}"
-            )
-        if values[0] < low or values[-1] > high:
-            raise ValueError(
-                f"saveat.ts spans [{values[0]}, {values[-1]}]; allowed: within [t0, t1]=[{low}, {high}]"
-            )
-    return ts
 
 
 @eqx.filter_jit
@@ -191,8 +174,7 @@ def _run(
 ) -> Solution:
     sg = jax.lax.stop_gradient
     theta = (system, args)
-    slope = eqx.filter_eval_shape(system.vector_field, t0, y0, mode0, args)
-    _check_slope(y0, slope)
+    check_field(system, t0, y0, mode0, args)
     functions = event_functions(system, sections, t0, y0, y0, mode0, args)
     log_events = saveat.events and max_events is not None
     plan = Plan(
@@ -216,22 +198,6 @@ def _run(
     fixed = (mode0, sg(t1), None if ts is None else sg(ts))
     smooth, counts = core((theta, t0, y0), fixed=fixed, plan=plan, spec=spec)
     return _assemble(plan, theta, t0, t1, ts, smooth, counts, spec)
-
-
-def _check_slope(y0, slope):
-    if jax.tree.structure(y0) != jax.tree.structure(slope):
-        raise ValueError(
-            f"vector_field returned the structure {jax.tree.structure(slope)}; allowed: that of y0, "
-            f"{jax.tree.structure(y0)}"
-        )
-    for (path, a), b in zip(
-        jax.tree_util.tree_leaves_with_path(y0), jax.tree.leaves(slope), strict=True
-    ):
-        if a.shape != b.shape or b.dtype != jnp.float64:
-            raise ValueError(
-                f"vector_field returned shape {b.shape}, dtype {b.dtype} for "
-                f"y0{jax.tree_util.keystr(path)}; allowed: {a.shape}, float64"
-            )
 
 
 def _assemble(plan: Plan, theta, t0, t1, ts, smooth, counts, spec) -> Solution:

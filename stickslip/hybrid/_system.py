@@ -6,9 +6,11 @@ from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
-import jax.core
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, PyTree
+
+from .._validation import is_concrete
 
 DIRECTIONS = ("rising", "falling", "both")
 NO_MODE = -1  # what `transition` and `initial_mode` return where no mode is admissible
@@ -149,16 +151,15 @@ def mode_index(system: AbstractHybridSystem, mode: Any) -> Array:
                 f"mode0={mode!r} is not a mode of the system; allowed: {system.mode_names}"
             )
         return jnp.asarray(system.mode_names.index(mode), jnp.int32)
-    array = jnp.asarray(mode)
-    if not jnp.issubdtype(array.dtype, jnp.integer):
+    whole = isinstance(mode, int | np.integer) and not isinstance(mode, bool)
+    scalar = isinstance(mode, np.ndarray | jax.Array) and mode.shape == () and mode.dtype.kind in "iu"
+    if not (whole or scalar):
         raise ValueError(
             f"mode0={mode!r} must be a mode name or an integer, one of {system.mode_names}"
         )
-    if not isinstance(array, jax.core.Tracer) and bool(
-        jnp.any((array < 0) | (array >= len(system.mode_names)))
-    ):
+    if is_concrete(mode) and not 0 <= int(mode) < len(system.mode_names):
         raise ValueError(
             f"mode0={mode!r} is not a mode of the system; allowed: 0 to {len(system.mode_names) - 1} "
             f"or one of {system.mode_names}"
         )
-    return array.astype(jnp.int32)
+    return jnp.asarray(mode, jnp.int32)

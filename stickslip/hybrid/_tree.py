@@ -69,7 +69,7 @@ def as_float64(name: str, tree: PyTree) -> PyTree:
         where = name + jax.tree_util.keystr(path)
         try:
             array = jnp.asarray(leaf)
-        except TypeError as error:
+        except (TypeError, ValueError, OverflowError) as error:
             raise TypeError(f"{where}={leaf!r} must be a real number or array") from error
         if array.dtype == jnp.bool_ or not (
             jnp.issubdtype(array.dtype, jnp.floating) or jnp.issubdtype(array.dtype, jnp.integer)

@@ -12,7 +12,7 @@ import numpy as np
 from jax.sharding import Mesh, PartitionSpec
 from jaxtyping import PyTree
 
-from .._validation import is_concrete
+from .._validation import check_count, check_in, is_concrete
 from ..hybrid._execute import FUSED, PORTABLE, use_executor
 from ._canary import fused_is_trusted
 
@@ -64,7 +64,7 @@ class map_lanes:
     `vmap` or `grad` it maps chunk by chunk with the portable executor.
 
     **Errors** `ValueError` for an unknown executor, a chunk size or number of workers below 1, or
-    inputs whose leading axes differ.
+    inputs whose leading axes differ; `TypeError` for inputs that are no arrays of numbers.
     """
 
     def __init__(
@@ -75,11 +75,12 @@ class map_lanes:
         executor: str = "auto",
         workers: int | None = None,
     ):
-        if executor not in EXECUTORS:
-            raise ValueError(f"executor={executor!r} is not known; allowed: {EXECUTORS}")
+        if not callable(function):
+            raise TypeError(f"function = {function!r}: it must be callable as f(*inputs).")
+        check_in("executor", executor, EXECUTORS)
         for name, value in (("chunk_size", chunk_size), ("workers", workers)):
-            if value is not None and (not isinstance(value, int) or value < 1):
-                raise ValueError(f"{name}={value!r} must be a positive integer")
+            if value is not None:
+                check_count(name, value, 1)
         cpu = jax.default_backend() == "cpu"
         if executor == "auto":
             executor = "fused" if cpu and fused_is_trusted() else "portable"
@@ -98,17 +99,10 @@ class map_lanes:
         self._compiled: dict = {}
 
     def __call__(self, *inputs: PyTree) -> PyTree:
-        leaves = jax.tree.leaves(inputs)
-        if not leaves:
-            raise ValueError("inputs hold no array to map over")
-        sizes = {np.shape(leaf)[:1] for leaf in leaves}
-        if len(sizes) != 1 or sizes == {()}:
-            raise ValueError(f"inputs have leading axes {sorted(sizes)}; allowed: one common length")
-        (n,) = sizes.pop()
+        n = _lanes_in(inputs)
         inputs = jax.tree.map(jnp.asarray, inputs)
-        if n == 0:
-            raise ValueError("inputs have no lanes: their leading axis has length 0")
-        parts = len(self.devices) if len(self.devices) > 1 else self.threads
+        # No more threads than lanes.
+        parts = len(self.devices) if len(self.devices) > 1 else min(self.threads, n)
         chunk = self._chunk(n, parts)
         if not is_concrete(inputs):
             out = self._chunks(chunk, PORTABLE)(self._pad(inputs, n, chunk))
@@ -117,7 +111,7 @@ class map_lanes:
             chunks = self._pad(inputs, n, chunk, parts)
             out = self._program(chunks, chunk)(chunks)
         else:
-            out = self._threaded(self._pad(inputs, n, chunk, parts), chunk)
+            out = self._threaded(self._pad(inputs, n, chunk, parts), chunk, parts)
         return self._joined(out, n)
 
     def _chunk(self, n, parts):
@@ -177,18 +171,41 @@ class map_lanes:
             self._compiled[key] = _compiled(lowered, self.devices)
         return self._compiled[key]
 
-    def _threaded(self, chunks, chunk):
-        if self.threads == 1:
+    def _threaded(self, chunks, chunk, threads):
+        if threads == 1:
             return self._program(chunks, chunk)(chunks)
-        count = jax.tree.leaves(chunks)[0].shape[0] // self.threads
+        count = jax.tree.leaves(chunks)[0].shape[0] // threads
         parts = [
-            jax.tree.map(lambda a, i=i: a[i * count : (i + 1) * count], chunks)
-            for i in range(self.threads)
+            jax.tree.map(lambda a, i=i: a[i * count : (i + 1) * count], chunks) for i in range(threads)
         ]
         program = self._program(parts[0], chunk)
-        with concurrent.futures.ThreadPoolExecutor(self.threads) as pool:
+        with concurrent.futures.ThreadPoolExecutor(threads) as pool:
             outs = list(pool.map(lambda part: jax.block_until_ready(program(part)), parts))
         return jax.tree.map(lambda *a: jnp.concatenate(a), *outs)
+
+
+def _lanes_in(inputs):
+    """Length of the leading axis that all inputs share."""
+    sizes = set()
+    inputs = inputs[0] if len(inputs) == 1 else inputs
+    for path, leaf in jax.tree_util.tree_leaves_with_path(inputs):
+        name = "inputs" + jax.tree_util.keystr(path)
+        try:
+            # Keys of random numbers are no numbers, but arrays all the same.
+            shape = (leaf if isinstance(leaf, jax.Array) else np.asarray(leaf)).shape
+            jnp.result_type(leaf)
+        except (TypeError, ValueError, OverflowError):
+            raise TypeError(f"{name} = {leaf!r}: it must be an array of numbers.") from None
+        if shape[:1] in ((), (0,)):
+            raise ValueError(f"{name} has the shape {shape}: it must have one lane or more in front.")
+        sizes.add(shape[0])
+    if not sizes:
+        raise ValueError(f"inputs = {inputs!r}: they must hold an array to map over.")
+    if len(sizes) != 1:
+        raise ValueError(
+            f"inputs have leading axes of {sorted(sizes)} lanes: they must be arrays of one length."
+        )
+    return sizes.pop()
 
 
 def _lanes(a):

@@ -2,7 +2,6 @@
 
 import os
 import time
-from collections.abc import Mapping
 from typing import Any
 
 import jax
@@ -11,7 +10,7 @@ import numpy as np
 import xarray as xr
 from jaxtyping import PyTree
 
-from .._validation import check_in, check_type
+from .._validation import check_count, check_flag, check_in, check_mapping, check_type
 from ._evaluate import Evaluate, output_names
 from ._grid import CHUNK, Block, block_shape, blocks, check_grid
 from ._lanes import EXECUTORS
@@ -79,20 +78,20 @@ def run_sweep(
     if not callable(function):
         raise TypeError(f"function = {function!r}: it must be callable as f(**point).")
     variables, settings, inputs, attrs = (
-        _mapping(key, value)
+        check_mapping(key, value)
         for key, value in (
             ("variables", variables), ("settings", settings), ("inputs", inputs), ("attrs", attrs)
         )
     )  # fmt: skip
     for key, label in variables.items():
         check_type(f"variables[{key!r}]", label, Variable, "a Variable")
-    for key, value in (("resume", resume), ("backward", backward)):
-        if not isinstance(value, bool):
-            raise TypeError(f"{key} = {value!r}: it must be True or False.")
+    check_flag("resume", resume)
+    check_flag("backward", backward)
     carry = _check_carry(carry)
     axis = _carried_axis(coords, carry, along, backward)
-    _check_number("chunk", chunk)
-    _check_number("workers", workers)
+    for key, value in (("chunk", chunk), ("workers", workers)):
+        if value is not None:
+            check_count(key, value, 1)
     check_in("executor", executor, EXECUTORS)
     _check_store(store)
     inputs = _check_inputs(inputs, coords)
@@ -207,19 +206,6 @@ def _in_memory(evaluate, layout: Layout, pieces: list[Block], progress, name) ->
 
 def _lanes(block: Block) -> int:
     return int(np.prod(block.shape))
-
-
-def _check_number(name: str, value: Any) -> None:
-    if value is not None and (not isinstance(value, int) or isinstance(value, bool) or value < 1):
-        raise ValueError(f"{name} = {value!r}: it must be a positive integer.")
-
-
-def _mapping(name: str, value: Any) -> dict[str, Any]:
-    if value is None:
-        return {}
-    if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
-        raise TypeError(f"{name} = {value!r}: it must be a mapping from names.")
-    return dict(value)
 
 
 def _check_carry(carry: PyTree) -> PyTree:

@@ -106,14 +106,29 @@ TARGETS = [
         "DCDrive", DCDrive, {**DRIVE, "motor_friction": "printed", "belt_reaction": "printed"},
         ends=False,
     ),
+    Target("SaveAt", ss.SaveAt, dict(steps=True, events=True, max_rows=8), ends=False),
+    Target(
+        "simulate-saveat",
+        lambda ts: ss.simulate(
+            BlockOnBelt.constructed(k3=85.0), 0.0, 1.0, START, 0, saveat=ss.SaveAt(ts)
+        ),
+        dict(ts=[0.5]),
+    ),
     Target("FixedStep", ss.FixedStep, dict(h=0.1), ends=False),
     Target("AdaptiveStep", ss.AdaptiveStep, dict(rtol=1e-6, atol=1e-8), ends=False),
     Target(
-        "Integrator", ss.Integrator, dict(method="tsit5", step=ss.FixedStep(0.1), max_steps=10),
+        "Integrator", ss.Integrator,
+        dict(
+            method="tsit5", step=ss.FixedStep(0.1), max_steps=10, detect_dips=True,
+            progress=ss.ProgressMeter(),
+        ),
         ends=False,
     ),
     Target(
-        "Section", ss.Section, dict(function=lambda t, y, dy, mode, args: y.x, direction="rising"),
+        "Section", ss.Section,
+        dict(
+            function=lambda t, y, dy, mode, args: y.x, direction="rising", terminal=False, name="top"
+        ),
         ends=False,
     ),
     Target(

@@ -92,7 +92,7 @@ def test_bad_input():
             time_history(OSCILLATOR, y0, wrong, "x")
         with pytest.raises(ValueError, match="t has the shape"):
             energy_ledger(OSCILLATOR, y0, wrong)
-    with pytest.raises(TypeError, match=r"sections\['a'\] is a str: it must be a Section"):
+    with pytest.raises(TypeError, match=r"sections\['a'\] = 'x': it must be a Section"):
         time_history(OSCILLATOR, y0, t, "x", sections={"a": "x"})
     with pytest.raises(TypeError, match="must have a method `energy`"):
         energy_ledger(lorenz(), Point(0.0, 0.0, jnp.asarray(0.0)), t)

@@ -105,7 +105,7 @@ def test_a_lane_that_is_not_finite_leaves_its_neighbours_alone():
         ({"grid": {"k": [1j]}}, TypeError, r"grid\['k'\] = \[1j\]"),
         ({"grid": {"k 3": [1.0]}}, ValueError, "'k 3': it must be a Python identifier"),
         ({"function": 3}, TypeError, "function = 3"),
-        ({"chunk": 0}, ValueError, "chunk = 0: it must be a positive integer"),
+        ({"chunk": 0}, ValueError, "chunk = 0: it must be an integer of at least 1"),
         ({"chunk": 2.5}, ValueError, "chunk = 2.5"),
         ({"resume": "yes"}, TypeError, "resume = 'yes'"),
         ({"along": "k"}, ValueError, "without a carry"),

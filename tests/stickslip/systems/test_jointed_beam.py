@@ -341,7 +341,7 @@ def test_wrong_parameter(name, value):
 
 
 def test_other_bad_input():
-    with pytest.raises(TypeError, match="scales is a tuple: it must be a BeamScales"):
+    with pytest.raises(TypeError, match=r"scales = \(1.0, 1.0, 1.0\): it must be a BeamScales"):
         JointedBeam(**GOOD, scales=(1.0, 1.0, 1.0))
     for name in ("EI", "L", "rhoA"):
         with pytest.raises(ValueError, match=rf"^{name} = 0.0: it must be finite and positive"):
