@@ -1,5 +1,6 @@
 """Numbers read off a motion: components of the state, methods of the system, functions."""
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any, ClassVar
 
@@ -29,6 +30,71 @@ class Minimum(eqx.Module):
     word: ClassVar = "minimum"
 
 
+# What is read off is a value, not a closure: equal ones make equal programs, which are traced once.
+
+
+@dataclasses.dataclass(frozen=True)
+class Time:
+    """Time itself."""
+
+    def __call__(self, system, t, y, dy, mode, args):
+        return t
+
+
+@dataclasses.dataclass(frozen=True)
+class Component:
+    """A component of the state, or its time derivative."""
+
+    name: str
+    slope: bool
+
+    def __call__(self, system, t, y, dy, mode, args):
+        return getattr(dy if self.slope else y, self.name)
+
+
+@dataclasses.dataclass(frozen=True)
+class Method:
+    """A method `(t, y, mode, args)` of the system."""
+
+    name: str
+
+    def __call__(self, system, t, y, dy, mode, args):
+        return getattr(system, self.name)(t, y, mode, args)
+
+
+@dataclasses.dataclass(frozen=True)
+class Function:
+    """A function `(t, y, dy, mode, args)`."""
+
+    function: Callable
+
+    def __call__(self, system, t, y, dy, mode, args):
+        return self.function(t, y, dy, mode, args)
+
+
+@dataclasses.dataclass(frozen=True)
+class RateOf:
+    """Rate of change along the motion of an observable without slopes in it."""
+
+    value: Observable
+
+    def __call__(self, system, t, y, dy, mode, args):
+        def along(t, y):
+            return self.value(system, t, y, dy, mode, args)
+
+        return jax.jvp(along, (t, y), (jnp.ones_like(t), dy))[1]
+
+
+@dataclasses.dataclass(frozen=True)
+class OverArgs:
+    """An observable as a section's function, run with `args = (system, args)` (see `InArgs`)."""
+
+    value: Observable
+
+    def __call__(self, t, y, dy, mode, args):
+        return self.value(args[0], t, y, dy, mode, args[1])
+
+
 def as_observable(
     argument: str, what: Any, system: AbstractHybridSystem, y0: PyTree
 ) -> tuple[Observable, str | None]:
@@ -39,22 +105,18 @@ def as_observable(
     - a function `(t, y, dy, mode, args)`, as a `Section` takes it.
     """
     if callable(what) and not isinstance(what, str):
-        function: Any = what
-        return (lambda system, t, y, dy, mode, args: function(t, y, dy, mode, args)), None
+        return Function(what), None
     components = [name for name in getattr(y0, "_fields", ()) or vars_of(y0)]
     if isinstance(what, str):
         if what == "t":
-            return (lambda system, t, y, dy, mode, args: t), "s"
+            return Time(), "s"
         name = what.removeprefix("slope of ")
         unit = system.units.get(name)
         if name in components:
-            if name != what:
-                return (lambda system, t, y, dy, mode, args: getattr(dy, name)), (
-                    f"{unit}/s" if unit else None
-                )
-            return (lambda system, t, y, dy, mode, args: getattr(y, name)), unit
+            slope = name != what
+            return Component(name, slope), f"{unit}/s" if unit and slope else unit
         if name == what and callable(getattr(type(system), name, None)) and name[:1] != "_":
-            return (lambda system, t, y, dy, mode, args: getattr(system, name)(t, y, mode, args)), None
+            return Method(name), None
     raise ValueError(
         f"{argument} = {what!r}: it must be a component of the state ({', '.join(components)}), "
         "'slope of' one, 't', the name of a method (t, y, mode, args) of the system, or a function "
@@ -89,24 +151,12 @@ class InArgs(AbstractSystemWrapper):
 def as_section(section: Any, system: AbstractHybridSystem, y0: PyTree) -> Section:
     """Section over `args = (system, args)` of a `Section`, a `Maximum` or a `Minimum`."""
     if isinstance(section, Section):
-        inner = section.function
-        return Section(
-            lambda t, y, dy, mode, args: inner(t, y, dy, mode, args[1]),
-            section.direction,
-            name=section.name,
-        )
+        return Section(OverArgs(Function(section.function)), section.direction, name=section.name)
     if isinstance(section, Maximum | Minimum):
         what = section.observable
         value, _ = as_observable("section.observable", what, system, y0)
-
-        def rate(t, y, dy, mode, args):
-            def along(t, y):
-                return value(args[0], t, y, dy, mode, args[1])
-
-            return jax.jvp(along, (t, y), (jnp.ones_like(t), dy))[1]
-
         label = what if isinstance(what, str) else "observable"
-        return Section(rate, section.direction, name=f"{section.word} of {label}")
+        return Section(OverArgs(RateOf(value)), section.direction, name=f"{section.word} of {label}")
     raise TypeError(f"section = {section!r}: it must be a Section, a Maximum or a Minimum.")
 
 

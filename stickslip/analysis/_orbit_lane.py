@@ -10,7 +10,7 @@ from jaxtyping import PyTree
 
 from ..hybrid import RESULTS, Integrator, Section, simulate
 from ._attractor import period_of
-from ._observable import InArgs, Observable
+from ._observable import InArgs, Observable, OverArgs
 
 # What became of a lane: ours first, then the engine's.
 STATUS = (
@@ -63,10 +63,7 @@ def run_lane(plan: Plan, integrator: Integrator, numbers: Numbers, y0: PyTree, p
     begin = start + numbers.transient
     y0 = jax.tree.map(lambda a: jnp.asarray(a, jnp.float64), y0)
     mode = system.initial_mode(start, y0, args) if plan.mode0 is None else plan.mode0
-    borders = tuple(
-        Section(lambda t, y, dy, m, a, f=f: f(a[0], t, y, dy, m, a[1]), "falling", terminal=True)
-        for f in plan.domain
-    )
+    borders = tuple(Section(OverArgs(f), "falling", terminal=True) for f in plan.domain)
     inside = jnp.ones((), bool)
     if plan.domain:
         slope = system.vector_field(start, y0, mode, args)

@@ -29,27 +29,32 @@ class Executor(eqx.Module):
         """Call `function` such that its result is computed once (fused) or plainly (portable)."""
         if not self.fused:
             return function(*operands)
-        jaxpr, values, out_tree = _trace(function, operands)
-        # The compiler aborts on a call that only hands its operands through, so such results stay
-        # outside the call.
-        handed = dict(zip(jaxpr.invars, values, strict=True))
-        inside = [not isinstance(v, jax.extend.core.Literal) and v not in handed for v in jaxpr.outvars]
+        return self.shared(function)(*operands)
 
-        def evaluate(*flat):
-            return _pick(_evaluate(jaxpr, (), flat), inside)
+    def shared(self, function: Callable) -> Callable:
+        """`function` as a boundary that is traced once for all calls with operands of one form.
 
-        computed = iter(_call(_BOUNDARY, evaluate, values) if any(inside) else [])
-        out = [
-            next(computed) if keep else v.val if isinstance(v, jax.extend.core.Literal) else handed[v]
-            for v, keep in zip(jaxpr.outvars, inside, strict=True)
-        ]
-        return jax.tree.unflatten(out_tree, out)
+        To be called where it was made: what the function closes over belongs to the trace around it.
+        """
+        if not self.fused:
+            return jax.jit(function, inline=True)
+        pieces: dict = {}
+
+        def call(*operands):
+            leaves, form = jax.tree.flatten(operands)
+            key = (form, *map(jax.typeof, leaves))
+            if key not in pieces:
+                pieces[key] = _Piece(function, operands)
+            return pieces[key](leaves)
+
+        return call
 
     def loop(self, function: Callable, *operands: Any) -> Any:
         """Call `function`, a whole time loop, as one compiled function (fused) or plainly."""
         if not self.fused:
             return function(*operands)
-        jaxpr, values, out_tree = _trace(function, operands)
+        jaxpr, consts, used, out_tree = _trace(function, operands)
+        values = _pick([*consts, *jax.tree.leaves(operands)], used)
         whole = jax.extend.core.jaxpr_as_fun(jax.extend.core.ClosedJaxpr(jaxpr, ()))
 
         def evaluate(*values):
@@ -58,13 +63,41 @@ class Executor(eqx.Module):
         # The compiler aborts on a fused call with an operand that nothing depends on. The barriers
         # keep it from making one: by moving a constant into the call, or by dropping what the loop
         # carries when its last value is not wanted.
-        out = _call(_LOOP, evaluate, jax.lax.optimization_barrier(values))
+        out = _call(_LOOP, jax.jit(evaluate), jax.lax.optimization_barrier(values))
         return jax.tree.unflatten(out_tree, out)
 
 
-def _call(attributes: dict[str, str], function: Callable, operands: Sequence) -> Any:
+class _Piece:
+    """A traced function and the compiled call that computes its results."""
+
+    def __init__(self, function: Callable, operands: tuple):
+        jaxpr, self.consts, self.used, self.form = _trace(function, operands)
+        self.taken, self.results = jaxpr.invars, jaxpr.outvars
+        # The compiler aborts on a call that only hands its operands through, so such results stay
+        # outside the call.
+        handed = set(jaxpr.invars)
+        inside = [not isinstance(v, jax.extend.core.Literal) and v not in handed for v in jaxpr.outvars]
+        self.inside = inside
+
+        def evaluate(*flat):
+            return _pick(_evaluate(jaxpr, (), flat), inside)
+
+        self.compiled = jax.jit(evaluate)
+
+    def __call__(self, leaves: Sequence) -> Any:
+        values = _pick([*self.consts, *leaves], self.used)
+        handed = dict(zip(self.taken, values, strict=True))
+        computed = iter(_call(_BOUNDARY, self.compiled, values) if any(self.inside) else [])
+        out = [
+            next(computed) if keep else v.val if isinstance(v, jax.extend.core.Literal) else handed[v]
+            for v, keep in zip(self.results, self.inside, strict=True)
+        ]
+        return jax.tree.unflatten(self.form, out)
+
+
+def _call(attributes: dict[str, str], compiled: Callable, operands: Sequence) -> Any:
     with set_xla_metadata(**attributes):
-        return jax.jit(function)(*operands)
+        return compiled(*operands)
 
 
 PORTABLE = Executor(fused=False)
@@ -88,10 +121,10 @@ def use_executor(executor: Executor) -> Iterator[None]:
 
 
 def _trace(function: Callable, operands: tuple) -> tuple:
-    """Jaxpr of `function` on the values it depends on, these values, and the form of its result.
+    """Jaxpr of `function`, the arrays it closes over, which operands it takes, its result's form.
 
-    The values are leaves of the operands and whatever arrays the function closes over. Those that
-    nothing depends on are left out: the compiler aborts on a fused call with such an operand.
+    It takes of the arrays and then the leaves of the operands those that something depends on: the
+    compiler aborts on a fused call with any other.
     """
     leaves, treedef = jax.tree.flatten(operands)
     out_tree = None
@@ -112,7 +145,7 @@ def _trace(function: Callable, operands: tuple) -> tuple:
     else:
         jaxpr = closed.jaxpr
     jaxpr, used = dce_jaxpr(jaxpr, [True] * len(jaxpr.outvars))
-    return jaxpr, _pick([*consts, *leaves], used), out_tree
+    return jaxpr, consts, used, out_tree
 
 
 def _pick(items: Sequence, chosen: Sequence[bool]) -> list:

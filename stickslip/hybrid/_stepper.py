@@ -60,13 +60,13 @@ class ExplicitRungeKutta(AbstractStepper):
         return bool(self.tableau.error_weights)
 
     def step(self, field, t, y, dy, h, execute):
-        tab = self.tableau
+        tab, field = self.tableau, execute.shared(field)
         slopes = [dy]
         for i in range(1, tab.stages):
             stage = self._stage(i, y, slopes, h, execute)
-            slopes.append(execute.boundary(field, t + tab.c[i] * h, stage))
+            slopes.append(field(t + tab.c[i] * h, stage))
         y1 = execute.boundary(lambda y, s, h: combine(y, s, tab.b, h), y, slopes, h)
-        dy1 = execute.boundary(field, t + h, y1)
+        dy1 = field(t + h, y1)
         errors = tuple(weighted([*slopes, dy1], row, h) for row in tab.error_weights)
         return y1, dy1, errors
 
@@ -78,20 +78,20 @@ class ExplicitRungeKutta(AbstractStepper):
         # Reverse sweep through the stages with each stage state recomputed once: the transpose of
         # `step` written out, because differentiating the fused stages would recompute all of them
         # for every one of them.
-        tab = self.tableau
+        tab, slope = self.tableau, execute.shared(field)
         stages, slopes = [y], [dy]
         for i in range(1, tab.stages):
             stages.append(self._stage(i, y, slopes, h, execute))
-            slopes.append(execute.boundary(field, theta, t + tab.c[i] * h, stages[i]))
+            slopes.append(slope(theta, t + tab.c[i] * h, stages[i]))
         y1 = execute.boundary(lambda y, s, h: combine(y, s, tab.b, h), y, slopes, h)
+        dy1 = slope(theta, t + h, y1)
 
-        dy1 = execute.boundary(field, theta, t + h, y1)
-
+        @execute.shared
         def pull(theta, t, y, bar):
             return jax.vjp(field, theta, t, y)[1](bar)
 
         (y1_bar, dy1_bar), extra = end(y1, dy1)
-        theta_bar, t_bar, pulled = execute.boundary(pull, theta, t + h, y1, dy1_bar)
+        theta_bar, t_bar, pulled = pull(theta, t + h, y1, dy1_bar)
         y1_bar = jax.tree.map(jnp.add, y1_bar, pulled)
         stage_bars: list = [None] * tab.stages
         for i in reversed(range(tab.stages)):
@@ -105,9 +105,7 @@ class ExplicitRungeKutta(AbstractStepper):
             if i == 0:
                 dy_bar = bar
                 break
-            theta_i, t_i, stage_bars[i] = execute.boundary(
-                pull, theta, t + tab.c[i] * h, stages[i], bar
-            )
+            theta_i, t_i, stage_bars[i] = pull(theta, t + tab.c[i] * h, stages[i], bar)
             theta_bar = jax.tree.map(jnp.add, theta_bar, theta_i)
             t_bar = t_bar + t_i
         ones = [1.0] * (tab.stages - 1)

@@ -142,7 +142,9 @@ class Evaluate:
 
     def output_shapes(self) -> PyTree:
         """Shapes and dtypes of one point's results."""
-        shapes = jax.eval_shape(self.lane, self._shapes())
+        # With the executor that will compute them, so that what is traced here is traced once.
+        with self.lanes.chosen():
+            shapes = jax.eval_shape(self.lane, self._shapes())
         if self.axis is None:
             return shapes
         return jax.tree.map(lambda s: jax.ShapeDtypeStruct(s.shape[1:], s.dtype), shapes)

@@ -114,6 +114,10 @@ class map_lanes:
             out = self._threaded(self._pad(inputs, n, chunk, parts), chunk, parts)
         return self._joined(out, n)
 
+    def chosen(self):
+        """Context in which `simulate` is traced for the executor of these lanes."""
+        return use_executor(FUSED if self.executor == "fused" else PORTABLE)
+
     def _chunk(self, n, parts):
         """Lanes per chunk such that as few as possible have to be filled up."""
         rounds = -(-n // (self.chunk_size * parts))

@@ -92,7 +92,10 @@ def test_simulate(kwargs, error, words):
         (lambda: ss.Section(lambda *a: 0.0, "up"), ["direction = 'up'", "rising"]),
         (lambda: ss.map_lanes(abs, executor="fast"), ["executor = 'fast'", "portable"]),
         (lambda: ss.map_lanes(abs, chunk_size=0), ["chunk_size = 0", "integer of at least 1"]),
-        (lambda: ss.map_lanes(abs, executor="portable")(jnp.zeros((0,))), ["inputs", "(0,)", "one lane"]),
+        (
+            lambda: ss.map_lanes(abs, executor="portable")(jnp.zeros((0,))),
+            ["inputs", "(0,)", "one lane"],
+        ),
         (lambda: ss.map_lanes(abs, executor="portable")({}), ["inputs = {}", "an array"]),
         (
             lambda: ss.map_lanes(abs, executor="portable")((jnp.zeros(2), jnp.zeros(3))),
