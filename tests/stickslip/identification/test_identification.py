@@ -242,7 +242,7 @@ def test_bad_input_of_many_starts():
         many_starts(rosenbrock, rows, fit=best)
     with pytest.raises(ValueError, match="max_steps = 0"):
         many_starts(rosenbrock, rows, max_steps=0)
-    with pytest.raises(ValueError, match="executor='best'"):
+    with pytest.raises(ValueError, match="executor = 'best'"):
         many_starts(rosenbrock, rows, executor="best")
     with pytest.raises(ValueError, match="starts is traced"):
         jax.jit(lambda a: many_starts(rosenbrock, {"a": a, "b": a}).steps)(np.ones(3))
