@@ -8,7 +8,15 @@ import jax.numpy as jnp
 
 import stickslip as ss
 from stickslip import RESULTS, Integrator, SaveAt
-from stickslip._validation import as_parameter, check_in, check_positive, check_type, is_concrete
+from stickslip._validation import (
+    as_parameter,
+    check_count,
+    check_in,
+    check_positive,
+    check_type,
+    is_concrete,
+    one_number,
+)
 from stickslip.hybrid import Executor, current_executor
 from stickslip.systems import WithIntegrals
 
@@ -62,9 +70,8 @@ def simulate(
 def prepared(parameters, voltage, t1, rows, y0):
     """The checked system, end, and initial state."""
     system = CoreXY(parameters, voltage)
-    t1 = as_parameter(check_positive("t1", t1))
-    if not isinstance(rows, int) or rows < 2:
-        raise ValueError(f"rows = {rows!r}: it must be an integer of at least 2.")
+    t1 = as_parameter(one_number("t1", t1, "positive"))
+    check_count("rows", rows, 2)
     y0 = system.state() if y0 is None else check_type("y0", y0, CoreXYState, "a CoreXYState")
     return system, t1, y0
 

@@ -26,6 +26,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 T = TypeVar("T")
+MOST = 2**31 - 1  # what an index of an array can count
 _SHORT = reprlib.Repr()
 _SHORT.maxstring = _SHORT.maxother = 60
 
@@ -106,6 +107,15 @@ def check_at_least(name: str, value: T, bound_name: str, bound: Any) -> T:
     return value
 
 
+def one_number(name: str, value: Any, kind: str = "finite") -> Any:
+    """A single finite, positive or not negative number, traced or not."""
+    check = {"finite": check_finite, "positive": check_positive, "not negative": check_nonnegative}
+    check[kind](name, value)
+    if np.shape(value) != ():
+        raise ValueError(f"{name} has the shape {np.shape(value)}: it must be one number.")
+    return value
+
+
 def check_in(name: str, value: T, allowed: Collection[T]) -> T:
     """One of `allowed`: for words and other discrete choices, which are never traced."""
     # An array has no single answer to whether it is in a collection.
@@ -131,6 +141,8 @@ def check_count(name: str, value: T, low: int) -> T:
     """An integer of at least `low`; sizes of arrays, which are never traced."""
     if not isinstance(value, int) or isinstance(value, bool) or value < low:
         raise ValueError(f"{name} = {value!r}: it must be an integer of at least {low}.")
+    if value > MOST:
+        raise ValueError(f"{name} = {value!r}: it must be at most {MOST}.")
     return value
 
 

@@ -3,23 +3,13 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from .._validation import check_finite, check_nonnegative, check_positive, check_type
+from .._validation import check_type
 from ..hybrid import AbstractHybridSystem, Integrator
 from ..hybrid._arguments import check_field
 from ..hybrid._arguments import start_of as _start_of
-
-
-def one_number(name: str, value: Any, kind: str = "finite") -> Any:
-    """A single finite, positive or not negative number, traced or not."""
-    check = {"finite": check_finite, "positive": check_positive, "not negative": check_nonnegative}
-    check[kind](name, value)
-    if jnp.shape(value) != ():
-        raise ValueError(f"{name} has the shape {jnp.shape(value)}: it must be one number.")
-    return value
 
 
 def named_observables(observables: Any) -> dict[str, Any]:

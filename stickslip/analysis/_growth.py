@@ -7,6 +7,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PyTree
 
+from .._validation import check_count
+
 # Below this part of the longest image a direction counts as lost: it lies in the span of the others
 # to rounding.
 LOST = 1e-11
@@ -114,8 +116,7 @@ def check_counts(segments: Any, warm_up: Any, blocks: Any, exponents: Any, size:
         ("blocks", blocks, 2),
         ("exponents", exponents, 1),
     ):
-        if not isinstance(value, int) or isinstance(value, bool) or value < low:
-            raise ValueError(f"{name} = {value!r}: it must be an integer of at least {low}.")
+        check_count(name, value, low)
     if exponents > size:
         raise ValueError(
             f"exponents = {exponents}: it must be at most {size}, the number of directions."

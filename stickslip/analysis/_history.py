@@ -10,13 +10,12 @@ import numpy as np
 import xarray as xr
 from jaxtyping import PyTree
 
-from .._validation import check_count, check_type
+from .._validation import check_count, check_type, one_number
 from ..hybrid import AbstractHybridSystem, SaveAt, Section, simulate
 from ..systems._with_integrals import WithIntegrals
 from ._arguments import (
     an_integrator,
     named_observables,
-    one_number,
     start_of,
     times_of,
 )

@@ -8,9 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
-from .._validation import check_positive, check_type
+from .._validation import check_positive, check_type, one_number
 from ..hybrid import RESULTS, AbstractHybridSystem, simulate
-from ._arguments import an_integrator, one_number, start_of
+from ._arguments import an_integrator, start_of
 from ._growth import (
     LyapunovSpectrum,
     accumulate,

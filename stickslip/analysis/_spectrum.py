@@ -8,8 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._validation import check_count, check_in, check_that, check_type
-from ._arguments import one_number
+from .._validation import check_count, check_in, check_that, check_type, one_number
 
 WINDOWS = ("hann", "rectangular")
 

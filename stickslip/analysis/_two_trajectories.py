@@ -8,9 +8,9 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, PyTree
 
-from .._validation import check_type
+from .._validation import check_type, one_number
 from ..hybrid import AbstractHybridSystem, simulate
-from ._arguments import an_integrator, one_number, start_of
+from ._arguments import an_integrator, start_of
 from ._growth import averaged, check_counts
 from ._lyapunov import moving_components
 

@@ -7,10 +7,10 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree
 
-from .._validation import check_count, check_type
+from .._validation import check_count, check_type, one_number
 from ..hybrid import AbstractHybridSystem, SaveAt, saltation_matrix, simulate
 from ..systems._with_integrals import WithIntegrals
-from ._arguments import an_integrator, one_number, start_of
+from ._arguments import an_integrator, start_of
 
 
 def divergence(

@@ -52,7 +52,7 @@ def many_starts(
     of different lengths, an unknown `fit`, and `shared` with numbers that are not finite. It is a loop
     of Python and does not work under `jit`.
     """
-    if fit not in METHODS:
+    if not callable(fit) or fit not in METHODS:
         raise ValueError(f"fit = {fit!r}: it must be least_squares or gradient_descent.")
     method = METHODS[fit](**options)
     starts, count = _rows("starts", starts)

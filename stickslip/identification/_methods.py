@@ -14,7 +14,7 @@ import optax
 import optimistix as optx
 from jaxtyping import Array, Bool, Float, Int
 
-from .._validation import check_positive, check_type
+from .._validation import check_count, check_type, one_number
 from ._evaluate import Evaluation
 from ._fit import Fit
 from ._sensitivity import Sensitivity
@@ -181,16 +181,17 @@ def levenberg_marquardt(
     *, damping: float = 1.0, tolerance: float = 1e-8, max_steps: int = 64
 ) -> LevenbergMarquardt:
     """The method with its options checked; see `least_squares`."""
-    for name, value in (("damping", damping), ("tolerance", tolerance), ("max_steps", max_steps)):
-        check_positive(name, value)
-    return LevenbergMarquardt(float(damping), float(tolerance), int(max_steps))
+    one_number("damping", damping, "positive")
+    one_number("tolerance", tolerance, "positive")
+    check_count("max_steps", max_steps, 1)
+    return LevenbergMarquardt(float(damping), float(tolerance), max_steps)
 
 
 def descent(*, optimiser: Any = None, steps: int = 300, tolerance: float = 0.1) -> GradientDescent:
     """The method with its options checked; see `gradient_descent`."""
-    check_positive("steps", steps)
-    check_positive("tolerance", tolerance)
+    check_count("steps", steps, 1)
+    one_number("tolerance", tolerance, "positive")
     if optimiser is None:
-        optimiser = optax.adam(optax.cosine_decay_schedule(0.03, int(steps)))
+        optimiser = optax.adam(optax.cosine_decay_schedule(0.03, steps))
     check_type("optimiser", optimiser, optax.GradientTransformation, "an optimiser of optax")
-    return GradientDescent(optimiser, int(steps), float(tolerance))
+    return GradientDescent(optimiser, steps, float(tolerance))

@@ -23,7 +23,17 @@ import jax.numpy as jnp
 import numpy as np
 from hypothesis import strategies as st
 
+import corexy_jax
 import stickslip as ss
+from corexy_jax import (
+    CoreXYParameters,
+    Harmonic,
+    PiecewiseStep,
+    Sampled,
+    SquareWave,
+    UserVoltage,
+    scenario,
+)
 from experiments._experiment import chosen, load
 from stickslip.analysis import (
     amplitude_spectrum,
@@ -38,11 +48,18 @@ from stickslip.analysis import (
 )
 from stickslip.friction import SmoothHyperbolicWeakening
 from stickslip.hybrid import _simulate
+from stickslip.identification import (
+    _many_starts,
+    _methods,
+    gradient_descent,
+    least_squares,
+    many_starts,
+)
 from stickslip.sweep import _evaluate, run_sweep
 from stickslip.systems import BlockOnBelt, BlockOnBeltSetValued, BlockState, DCDrive, JointedBeam
 
 EXAMPLES = int(sys.argv[1]) if len(sys.argv) > 1 else 300
-OURS = tuple(str(pathlib.Path(m.__file__).parent) for m in (ss, sys.modules["experiments"]))
+OURS = tuple(str(pathlib.Path(m.__file__).parent) for m in (ss, corexy_jax, sys.modules["experiments"]))
 LIMIT = 1.0  # s of the processor, so that a busy machine does not count
 BLOCK = dict(m=0.2, M=0.2, J=0.04, k1=17.0, k2=11.0, k3=85.0, c1=1.0, c2=0.03, r=0.25, Q=-0.4, V_b=0.1)
 DRIVE = dict(
@@ -220,7 +237,38 @@ ANALYSES = [
     ),
     Target("JointedBeam", JointedBeam.constructed, {**BEAM, "joint": "printed"}, ends=False),
 ]  # fmt: skip
-CHOSEN = ANALYSES if "analyses" in sys.argv else TARGETS
+MACHINE = [
+    Target("CoreXYParameters", CoreXYParameters, dict(m=0.5, mu_s=0.4, P1=20.0, r_f=0.05), ends=False),
+    Target("Harmonic", Harmonic, dict(v01=10.0, v02=5.0, frequency=0.5), ends=False),
+    Target("SquareWave", SquareWave, dict(v01=10.0, v02=5.0, frequency=0.5), ends=False),
+    Target("Sampled", Sampled, dict(times=[0.0, 1.0], v1=[1.0, 2.0], v2=[0.0, 0.0]), ends=False),
+    Target(
+        "PiecewiseStep", PiecewiseStep, dict(times=[0.0, 1.0], v1=[1.0, 2.0], v2=[0.0, 0.0]), ends=False
+    ),
+    Target("UserVoltage", UserVoltage, dict(function=lambda t, args: (t, t)), ends=False),
+    Target("scenario", scenario, dict(number=1, errata=None), ends=False),
+    Target(
+        "corexy-simulate",
+        corexy_jax.simulate,
+        dict(
+            parameters=CoreXYParameters(), voltage=Harmonic(10.0, 5.0), t1=1.0, way="consistent",
+            rows=11, y0=None,
+        ),
+    ),
+    Target(
+        "least_squares", lambda **given: least_squares(lambda p: p["a"], **given),
+        dict(start={"a": 1.0}, damping=1.0, tolerance=1e-8, max_steps=8),
+    ),
+    Target(
+        "gradient_descent", lambda **given: gradient_descent(lambda p: p["a"], **given),
+        dict(start={"a": 1.0}, steps=3, tolerance=0.1),
+    ),
+    Target(
+        "many_starts", lambda **given: many_starts(lambda p: p["a"], **given),
+        dict(starts={"a": [1.0, 2.0]}, fit=least_squares, chunk_size=2, executor="portable"),
+    ),
+]  # fmt: skip
+CHOSEN = {"analyses": ANALYSES, "machine": MACHINE}.get(sys.argv[-1], TARGETS)
 
 NUMBERS = st.floats() | st.integers() | st.sampled_from([0.0, -1.0, -0.0, 1e-320, 1e308, 2**70])
 ARRAYS = st.builds(
@@ -280,6 +328,10 @@ def main() -> None:
     """Print each kind of complaint once."""
     _simulate.core = reached
     _evaluate.Evaluate.output_shapes = reached
+    _methods.AbstractMethod.solve = reached
+    _many_starts._evaluator = reached
+    if CHOSEN is MACHINE:
+        ss.simulate = reached
     good_calls_reach()
     found: dict[tuple[str, str], str] = {}
     pairs = [(target, name) for target in CHOSEN for name in target.arguments]

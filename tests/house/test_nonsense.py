@@ -28,5 +28,6 @@ def test_much_nonsense_is_refused_properly():
 
 
 @pytest.mark.slow
-def test_nonsense_for_the_analyses_is_refused_properly():
-    assert nonsense(12, "analyses") == ""
+@pytest.mark.parametrize("what", ["analyses", "machine"])
+def test_nonsense_for_the_analyses_and_the_machine_is_refused_properly(what):
+    assert nonsense(12, what) == ""
