@@ -73,7 +73,8 @@ def diagrams(
     """Diagrams of the models over k3 from `low` to `high`, along the dimensions model and protocol."""
     count = round((high - low) / parameters["k3_step"]) + 1
     # Counted in steps, so that the windows fall on the very values of the whole diagram.
-    first = round(low / parameters["k3_step"])
+    first = low / parameters["k3_step"]
+    first = round(first) if abs(first - round(first)) < 1e-6 else first
     k3 = (first + np.arange(count)) * parameters["k3_step"]
     per_model = []
     for model in models:

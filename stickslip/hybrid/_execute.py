@@ -44,8 +44,8 @@ class Executor(eqx.Module):
             leaves, form = jax.tree.flatten(operands)
             key = (form, *map(jax.typeof, leaves))
             if key not in pieces:
-                pieces[key] = _Piece(function, operands)
-            return pieces[key](leaves)
+                pieces[key] = _Piece(function, operands, _spelled_out)
+            return pieces[key](leaves, _BOUNDARY)
 
         return call
 
@@ -53,51 +53,57 @@ class Executor(eqx.Module):
         """Call `function`, a whole time loop, as one compiled function (fused) or plainly."""
         if not self.fused:
             return function(*operands)
-        jaxpr, consts, used, out_tree = _trace(function, operands)
-        values = _pick([*consts, *jax.tree.leaves(operands)], used)
-        whole = jax.extend.core.jaxpr_as_fun(jax.extend.core.ClosedJaxpr(jaxpr, ()))
-
-        def evaluate(*values):
-            return jax.lax.optimization_barrier(whole(*values))
-
-        # The compiler aborts on a fused call with an operand that nothing depends on. The barriers
-        # keep it from making one: by moving a constant into the call, or by dropping what the loop
-        # carries when its last value is not wanted.
-        out = _call(_LOOP, jax.jit(evaluate), jax.lax.optimization_barrier(values))
-        return jax.tree.unflatten(out_tree, out)
+        piece = _Piece(function, operands, _whole)
+        # The compiler aborts on a fused call with an operand that nothing depends on. This barrier
+        # and that of `_whole` keep it from making one: by moving a constant into the call, or by
+        # dropping what the loop carries when its last value is not wanted.
+        return piece(jax.tree.leaves(operands), _LOOP, jax.lax.optimization_barrier)
 
 
 class _Piece:
-    """A traced function and the compiled call that computes its results."""
+    """A traced function and the compiled call that computes its results.
 
-    def __init__(self, function: Callable, operands: tuple):
-        jaxpr, self.consts, self.used, self.form = _trace(function, operands)
-        self.taken, self.results = jaxpr.invars, jaxpr.outvars
-        # The compiler aborts on a call that only hands its operands through, so such results stay
-        # outside the call.
-        handed = set(jaxpr.invars)
-        inside = [not isinstance(v, jax.extend.core.Literal) and v not in handed for v in jaxpr.outvars]
-        self.inside = inside
+    The compiler aborts on a call that only hands its operands through, and on operands that nothing
+    depends on. So results that are operands stay outside the call, and operands that only such
+    results need do too; derivatives of the call then have none either.
+    """
 
-        def evaluate(*flat):
-            return _pick(_evaluate(jaxpr, (), flat), inside)
+    def __init__(self, function: Callable, operands: tuple, evaluation: Callable):
+        jaxpr, self.consts, self.form = _trace(function, operands)
+        places = {v: i for i, v in enumerate(jaxpr.invars)}
+        literal = jax.extend.core.Literal
+        # Per result: its value, the operand it is, or that it is computed.
+        self.results: list[tuple[str, Any]] = [
+            ("value", v.val) if isinstance(v, literal)
+            else ("operand", places[v]) if v in places else ("computed", None)
+            for v in jaxpr.outvars
+        ]  # fmt: skip
+        inside = [kind == "computed" for kind, _ in self.results]
+        jaxpr, self.used = dce_jaxpr(jaxpr, inside)
+        self.compiled = jax.jit(evaluation(jaxpr)) if any(inside) else None
 
-        self.compiled = jax.jit(evaluate)
-
-    def __call__(self, leaves: Sequence) -> Any:
-        values = _pick([*self.consts, *leaves], self.used)
-        handed = dict(zip(self.taken, values, strict=True))
-        computed = iter(_call(_BOUNDARY, self.compiled, values) if any(self.inside) else [])
+    def __call__(
+        self, leaves: Sequence, attributes: dict[str, str], prepare: Callable = lambda values: values
+    ) -> Any:
+        given = [*self.consts, *leaves]
+        computed = iter(())
+        if self.compiled is not None:
+            with set_xla_metadata(**attributes):
+                computed = iter(self.compiled(*prepare(_pick(given, self.used))))
         out = [
-            next(computed) if keep else v.val if isinstance(v, jax.extend.core.Literal) else handed[v]
-            for v, keep in zip(self.results, self.inside, strict=True)
+            next(computed) if kind == "computed" else given[what] if kind == "operand" else what
+            for kind, what in self.results
         ]
         return jax.tree.unflatten(self.form, out)
 
 
-def _call(attributes: dict[str, str], compiled: Callable, operands: Sequence) -> Any:
-    with set_xla_metadata(**attributes):
-        return compiled(*operands)
+def _spelled_out(jaxpr: Any) -> Callable:
+    return lambda *values: _evaluate(jaxpr, (), values)
+
+
+def _whole(jaxpr: Any) -> Callable:
+    function = jax.extend.core.jaxpr_as_fun(jax.extend.core.ClosedJaxpr(jaxpr, ()))
+    return lambda *values: jax.lax.optimization_barrier(function(*values))
 
 
 PORTABLE = Executor(fused=False)
@@ -121,11 +127,7 @@ def use_executor(executor: Executor) -> Iterator[None]:
 
 
 def _trace(function: Callable, operands: tuple) -> tuple:
-    """Jaxpr of `function`, the arrays it closes over, which operands it takes, its result's form.
-
-    It takes of the arrays and then the leaves of the operands those that something depends on: the
-    compiler aborts on a fused call with any other.
-    """
+    """Jaxpr of `function` on the arrays it closes over and its operands, these arrays, its form."""
     leaves, treedef = jax.tree.flatten(operands)
     out_tree = None
 
@@ -144,8 +146,7 @@ def _trace(function: Callable, operands: tuple) -> tuple:
         jaxpr = jax.make_jaxpr(opened)(*consts, *leaves).jaxpr
     else:
         jaxpr = closed.jaxpr
-    jaxpr, used = dce_jaxpr(jaxpr, [True] * len(jaxpr.outvars))
-    return jaxpr, consts, used, out_tree
+    return jaxpr, consts, out_tree
 
 
 def _pick(items: Sequence, chosen: Sequence[bool]) -> list:

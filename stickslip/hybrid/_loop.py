@@ -5,6 +5,8 @@ from typing import Any
 
 import equinox.internal as eqxi
 import jax
+import jax.core
+from jax.interpreters.partial_eval import dce_jaxpr
 from jaxtyping import PyTree
 
 from ._attempt import attempt
@@ -21,13 +23,14 @@ def run(plan: Plan, theta: PyTree, lane: Lane, t1: Any, outputs: Any) -> Lane:
     """All attempts, nothing recorded."""
 
     def whole(theta, lane, t1, outputs):
-        def cond(lane):
-            return running(lane)
+        def once(lane):
+            return attempt(plan, theta, lane, t1, outputs)[0], None
 
-        def body(lane):
-            return attempt(plan, theta, lane, t1, outputs)[0]
-
-        return jax.lax.while_loop(cond, body, lane)
+        step, joined, changing = _changing(once, lane)
+        end = jax.lax.while_loop(
+            lambda carry: running(joined(carry)), lambda carry: step(carry)[0], changing
+        )
+        return joined(end)
 
     return plan.execute.loop(whole, theta, lane, t1, outputs)
 
@@ -48,10 +51,54 @@ def run_block(
     """
 
     def whole(theta, lane, t1, outputs):
-        def body(before, _):
+        def once(before):
             after, outcome = attempt(plan, theta, before, t1, outputs)
             return after, dump(before, after, outcome)
 
-        return jax.lax.scan(body, lane, None, length=size)
+        step, joined, changing = _changing(once, lane)
+        end, rows = jax.lax.scan(lambda carry, _: step(carry), changing, None, length=size)
+        return joined(end), rows
 
     return plan.execute.loop(whole, theta, lane, t1, outputs)
+
+
+def _changing(once: Callable, lane: Lane) -> tuple[Callable, Callable, list]:
+    """The part of `lane` that `once(lane) -> (lane, rest)` changes, and `once` on this part alone.
+
+    What no attempt changes is no operand of a fused loop, unless the loop reads it: an operand that it
+    only carries would become one that nothing depends on, with which the compiler aborts.
+
+    Returns the step `changing -> (changing, rest)`, the lane of a changing part, and that of `lane`.
+    """
+    leaves, form = jax.tree.flatten(lane)
+    rest_form: Any = None
+
+    def flat(*leaves):
+        nonlocal rest_form
+        after, rest = once(jax.tree.unflatten(form, leaves))
+        rest, rest_form = jax.tree.flatten(rest)
+        return [*jax.tree.leaves(after), *rest]
+
+    closed = jax.make_jaxpr(flat)(*leaves)
+    number = len(leaves)
+    changes = [
+        out is not leaf
+        for out, leaf in zip(closed.jaxpr.outvars[:number], closed.jaxpr.invars, strict=True)
+    ]
+
+    others = len(closed.jaxpr.outvars) - number
+    jaxpr, _ = dce_jaxpr(closed.jaxpr, [*changes, *[True] * others], instantiate=True)
+
+    def changing_of(leaves):
+        return [leaf for leaf, changed in zip(leaves, changes, strict=True) if changed]
+
+    def filled(carry):
+        carry = iter(carry)
+        return [next(carry) if changed else leaf for leaf, changed in zip(leaves, changes, strict=True)]
+
+    def step(carry):
+        out = jax.core.eval_jaxpr(jaxpr, closed.consts, *filled(carry))
+        changed, rest = out[: sum(changes)], out[sum(changes) :]
+        return changed, jax.tree.unflatten(rest_form, rest)
+
+    return step, lambda carry: jax.tree.unflatten(form, filled(carry)), changing_of(leaves)

@@ -1,8 +1,10 @@
 """The score of the parameter search on regimes made up so that the answer is known."""
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from experiments.block._lanes import look, simplified, start_values
 from experiments.block._score import Regimes, cascade, chaotic, doubling, end_of_chaos, score
 
 K3 = np.linspace(72.0, 97.0, 51)
@@ -49,3 +51,14 @@ def test_doubling_and_cascade():
 def test_chaos_needs_a_positive_exponent_and_no_period():
     found = chaotic(np.array([0, 0, 2]), np.array([0.2, 0.01, 0.2]))
     np.testing.assert_array_equal(found, [True, False, False])
+
+
+def test_the_look_at_a_set_compiles_fused_and_agrees_with_portable():
+    """XLA aborted on its tangent: without events most of a lane was carried and read by nobody."""
+    sets, k3 = jnp.asarray(np.tile(start_values(), (4, 1))), jnp.linspace(80.0, 90.0, 4)
+    options = {"transient": 0.5, "duration": 1.0, "segments": 1, "tolerance": 1e-9}
+    fused, portable = (
+        look(simplified, executor=e, **options)(sets, k3, jnp.zeros(4)) for e in ("fused", "portable")
+    )
+    np.testing.assert_allclose(fused["exponent"], portable["exponent"], rtol=0, atol=1e-5)
+    assert np.ptp(fused["exponent"]) > 1e-3

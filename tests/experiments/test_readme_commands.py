@@ -1,0 +1,73 @@
+"""The commands the README tells a user to type are run as they stand there, at quick size."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from experiments._experiment import load
+from tests.house._repository import ROOT
+
+FAMILIES = ("block", "corexy", "identify", "beam")
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def run(arguments, out):
+    """In a process of its own, compiled as for a user; programs are kept beside the results."""
+    environment = {k: v for k, v in os.environ.items() if k != "XLA_FLAGS"}
+    environment["JAX_COMPILATION_CACHE_DIR"] = str(out / "compiled")
+    done = subprocess.run(
+        [sys.executable, "-m", "experiments", *arguments, "--out", str(out)],
+        cwd=ROOT, env=environment, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr[-3000:]
+    return done.stdout
+
+
+def check_files(name, out):
+    """Picture, data with numbers in them, and the record."""
+    for kind in ("png", "svg"):
+        assert (out / f"{name}.{kind}").stat().st_size > 1000
+    with xr.open_dataset(out / f"{name}.nc", engine="h5netcdf") as data:
+        numbers = [v.values for v in data.values() if v.dtype.kind == "f"]
+        assert any(np.isfinite(v).any() for v in numbers)
+    assert json.loads((out / f"{name}.json").read_text())["name"] == name
+
+
+def test_every_experiment_belongs_to_a_family_and_is_in_the_readme():
+    ranges = re.findall(r"`(?:python -m experiments )?beam-fig2\.(\d+)` to `beam-fig2\.(\d+)`", README)
+    between = {f"beam-fig2.{n}" for low, high in ranges for n in range(int(low), int(high) + 1)}
+    named = between | set(re.findall(r"python -m experiments ([a-z][\w.-]*)", README))
+    assert set(load()) <= named
+    assert all(name.split("-")[0] in FAMILIES for name in load())
+
+
+def test_demo(tmp_path):
+    """What `make demo` runs, on eleven values of k3."""
+    dry = subprocess.run(
+        ["make", "--dry-run", "demo"], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout
+    assert dry.splitlines()[-1].endswith("-m experiments demo")
+    told = run(["demo", "--set", "k3_step=2.5"], tmp_path)
+    assert "wrote" in told
+    check_files("demo", tmp_path)
+    with xr.open_dataset(tmp_path / "demo.nc", engine="h5netcdf") as data:
+        np.testing.assert_allclose(data.k3, np.linspace(72.0, 97.0, 11))
+        assert (data["count"] > 0).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("family", FAMILIES)
+def test_every_figure_at_quick_size(family, tmp_path):
+    names = [name for name in load() if name.startswith(f"{family}-")]
+    assert names
+    for name in names:
+        run([name, "--quick"], tmp_path)
+        check_files(name, tmp_path)
+    if family != "identify":
+        assert "holds" in run(["statements"], tmp_path)
