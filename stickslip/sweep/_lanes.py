@@ -105,18 +105,22 @@ class map_lanes:
         parts = len(self.devices) if len(self.devices) > 1 else min(self.threads, n)
         chunk = self._chunk(n, parts)
         if not is_concrete(inputs):
-            out = self._chunks(chunk, PORTABLE)(self._pad(inputs, n, chunk))
+            out = self._chunks(PORTABLE)(self._pad(inputs, n, chunk))
             return jax.tree.map(lambda a: _lanes(a)[:n], out)
-        if len(self.devices) > 1:
-            chunks = self._pad(inputs, n, chunk, parts)
-            out = self._program(chunks, chunk)(chunks)
+        chunks = self._pad(inputs, n, chunk, parts)
+        if len(self.devices) > 1 or parts == 1:
+            out = self._program(chunks)(chunks)
         else:
-            out = self._threaded(self._pad(inputs, n, chunk, parts), chunk, parts)
+            out = self._threaded(chunks, parts)
         return self._joined(out, n)
 
     def chosen(self):
         """Context in which `simulate` is traced for the executor of these lanes."""
-        return use_executor(FUSED if self.executor == "fused" else PORTABLE)
+        return use_executor(self._executor)
+
+    @property
+    def _executor(self):
+        return FUSED if self.executor == "fused" else PORTABLE
 
     def _chunk(self, n, parts):
         """Lanes per chunk such that as few as possible have to be filled up."""
@@ -148,22 +152,19 @@ class map_lanes:
 
         return jax.tree.map(join, out)
 
-    def _chunks(self, chunk, executor):
+    def _chunks(self, executor):
         def run(chunks):
             with use_executor(executor):
                 return jax.lax.map(lambda lanes: jax.vmap(self.function)(*lanes), chunks)
 
         return run
 
-    def _program(self, chunks, chunk):
+    def _program(self, chunks):
         """Compiled program for inputs of this shape."""
-        key = (
-            chunk,
-            jax.tree.structure(chunks),
-            *((a.shape, a.dtype) for a in jax.tree.leaves(chunks)),
-        )
+        leaves = jax.tree.leaves(chunks)
+        key = (jax.tree.structure(chunks), *((a.shape, a.dtype) for a in leaves))
         if key not in self._compiled:
-            run = self._chunks(chunk, FUSED if self.executor == "fused" else PORTABLE)
+            run = self._chunks(self._executor)
             if len(self.devices) > 1:
                 mesh = Mesh(np.array(self.devices), ("lanes",))
                 spec = PartitionSpec("lanes")
@@ -175,14 +176,12 @@ class map_lanes:
             self._compiled[key] = _compiled(lowered, self.devices)
         return self._compiled[key]
 
-    def _threaded(self, chunks, chunk, threads):
-        if threads == 1:
-            return self._program(chunks, chunk)(chunks)
+    def _threaded(self, chunks, threads):
         count = jax.tree.leaves(chunks)[0].shape[0] // threads
         parts = [
             jax.tree.map(lambda a, i=i: a[i * count : (i + 1) * count], chunks) for i in range(threads)
         ]
-        program = self._program(parts[0], chunk)
+        program = self._program(parts[0])
         with concurrent.futures.ThreadPoolExecutor(threads) as pool:
             outs = list(pool.map(lambda part: jax.block_until_ready(program(part)), parts))
         return jax.tree.map(lambda *a: jnp.concatenate(a), *outs)
