@@ -21,10 +21,12 @@ from stickslip.systems import (
 
 from .._experiment import Context
 from ._exponent import largest_exponents
+from ._sets import found_set, simplified, with_drive
 
 # Frozen at the paper's 40 s with the first 15 s dropped; "converged" drops so much that the slowest
 # branches of set A have settled, and then records a little more than the paper.
 PROTOCOL = {
+    "set": "A",  # or one that the search has found, see `_sets.FOUND`
     "k3_step": 0.001,
     "transient": 15.0,
     "duration": 25.0,
@@ -45,16 +47,22 @@ QUICK = {
 MODELS = ("simplified", "full, sign as printed", "full, consistent sign")
 WORDS = dict(zip(MODELS, ("simplified", "full-printed", "full-consistent"), strict=True))
 CONSTRUCTED = (
-    "Constructed parameters (set A): the paper prints none. 64-bit, {method} with {steps}, "
+    "Constructed parameters (set {set}): the paper prints none. 64-bit, {method} with {steps}, "
     "crossings located to rounding. Section: acceleration of m crosses zero from positive to negative."
 )
 
 
-def system_of(model: str, k3: Any):
-    """The model at `k3` [N/m] and its initial state, all zero."""
+def system_of(model: str, k3: Any, name: str = "A"):
+    """The model at `k3` [N/m] with the parameter set `name`, and its initial state, all zero.
+
+    Errors: `ValueError` for a set that is neither A nor one of those found.
+    """
+    sign = "printed" if "printed" in model else "consistent"
+    if name != "A":
+        values, pull = found_set(name)
+        return simplified(values, k3) if model == "simplified" else with_drive(sign)(values, k3, pull)
     if model == "simplified":
         return BlockOnBelt.constructed(k3), BlockState(0.0, 0.0, 0.0, 0.0)
-    sign = "printed" if "printed" in model else "consistent"
     drive = DCDrive.constructed(belt_reaction=sign)
     start = DrivenBlockState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     return BlockOnDrivenBelt.constructed(k3, drive=drive), start
@@ -107,7 +115,7 @@ def constructed(parameters: Mapping[str, Any]) -> str:
     """Caption: what the parameters are and how the motion was computed."""
     tolerance, h = parameters["tolerance"], parameters["h"]
     steps = f"adaptive steps at {tolerance:g}" if tolerance > 0 else f"steps of {h:g} s"
-    return CONSTRUCTED.format(method=parameters["method"], steps=steps)
+    return CONSTRUCTED.format(set=parameters["set"], method=parameters["method"], steps=steps)
 
 
 def integrator_of(parameters: Mapping[str, Any]) -> ss.Integrator:
@@ -134,8 +142,8 @@ def _options(kind: str, model: str, settings: Mapping[str, Any], context: Contex
 
 
 def _diagram(model, k3, transient, duration, protocol, parameters, context) -> xr.Dataset:
-    system, start = system_of(model, float(k3[0]))
-    keys = ("h", "tolerance", "method", "max_points")
+    system, start = system_of(model, float(k3[0]), parameters["set"])
+    keys = ("set", "h", "tolerance", "method", "max_points")
     settings = {
         "k3": [float(k3[0]), float(k3[-1]), k3.size],
         "times": [transient, duration],
@@ -171,14 +179,15 @@ def _exponents(model, k3, parameters, context) -> xr.Dataset:
     settings = {
         "k3": [float(values[0]), float(values[-1]), values.size],
         "transient": dropped,
+        "set": parameters["set"],
         "h": parameters["h"],
         "tolerance": parameters["tolerance"],
         "method": parameters["method"],
     }
     result = largest_exponents(
-        lambda k3: system_of(model, k3)[0],
+        lambda k3: system_of(model, k3, parameters["set"])[0],
         {"k3": values},
-        system_of(model, 85.0)[1],
+        system_of(model, 85.0, parameters["set"])[1],
         transient=dropped,
         segments=100 if parameters["converged_transient"] >= 100 else 30,
         integrator=integrator_of(parameters),

@@ -22,7 +22,7 @@ def compute(parameters, context: Context) -> xr.Dataset:
     integrator = integrator_of(parameters)
     parts = []
     for model in MODELS:
-        system, start = system_of(model, parameters["k3"])
+        system, start = system_of(model, parameters["k3"], parameters["set"])
         first = parameters["transient"]
         settled = ss.simulate(system, 0.0, first, start, integrator=integrator, max_events=None)
         section = system.zero_acceleration_section()
@@ -35,7 +35,7 @@ def compute(parameters, context: Context) -> xr.Dataset:
         points: Any = motion.crossings[0]
         shown: Any = motion.outputs
         exponent = largest_exponents(
-            lambda k3, model=model: system_of(model, k3)[0],
+            lambda k3, model=model: system_of(model, k3, parameters["set"])[0],
             {"k3": [parameters["k3"]]},
             start,
             transient=first,
@@ -97,7 +97,7 @@ EXPERIMENT = Experiment(
     name="block-fig11",
     title="Phase planes of the block on a belt at k3 = 87.968 N/m, simplified and full model",
     parameters={
-        "k3": 87.968, "transient": 300.0, "duration": 300.0, "shown": 40.0, "segments": 300,
+        "set": "A", "k3": 87.968, "transient": 300.0, "duration": 300.0, "shown": 40.0, "segments": 300,
         "h": 1e-3, "tolerance": 1e-8, "method": "tsit5",
     },
     quick={"transient": 60.0, "duration": 60.0, "shown": 20.0, "segments": 40},

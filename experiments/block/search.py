@@ -16,8 +16,9 @@ from matplotlib.figure import Figure
 
 from .._experiment import Context, Experiment, Statement
 from ._draw import caption
-from ._lanes import NAMES, look, mean_friction, simplified, spreads, start_values, with_drive
+from ._lanes import look, mean_friction
 from ._score import ITEMS, SPECIAL, Regimes, chaotic, first_look, score
+from ._sets import NAMES, found_values, simplified, spreads, start_values, with_drive
 
 LOW, HIGH = 72.0, 97.0
 CAPTION = (
@@ -86,35 +87,57 @@ class Looker:
         return found
 
 
+def children(parents: np.ndarray, number: int, width: np.ndarray, rng: Any) -> np.ndarray:
+    """New sets [number, parameter]: each value from one of two parents, then varied by `width`.
+
+    `parents` are sets [parent, parameter], `width` the standard deviations of the logarithms. Every
+    second child has one parent only.
+    """
+    pairs = rng.integers(len(parents), size=(2, number))
+    pairs[1, ::2] = pairs[0, ::2]
+    second = rng.random((number, parents.shape[1])) < 0.5
+    chosen = np.where(second, parents[pairs[1]], parents[pairs[0]])
+    return chosen * np.exp(width * rng.normal(size=chosen.shape))
+
+
+def _scored(sets: np.ndarray, found: list) -> list[tuple[float, np.ndarray, Any]]:
+    """`(score, values, regimes)` of the sets of which no lane failed, the best first."""
+    entries = [
+        (sum(score(*regimes[:2]).values()), values, regimes)
+        for values, regimes in zip(sets, found, strict=True)
+        if regimes is not None
+    ]
+    return sorted(entries, key=lambda entry: -entry[0])
+
+
 def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     """Generations of random sets: sample, rank, look thoroughly, keep the best, narrow the spread."""
     q = parameters
     looker, rng = Looker(q), np.random.default_rng(q["seed"])
     begin, looked, seconds = time.monotonic(), 0, 0.0
-    base = start_values()[None, :]
-    (known,) = looker.regimes(base)
+    begun = start_values()[None, :]
+    if q["founders"]:
+        begun = np.concatenate([begun, found_values()])
+    first = looker.regimes(begun)
+    known = first[0]
     assert known is not None
-    pool = [(sum(score(*known[:2]).values()), base[0], known)]
+    pool = _scored(begun, first)
     for generation in range(q["generations"]):
-        width = spreads() * 0.7**generation
+        width = q["spread"] * spreads() * 0.7**generation
         parents = np.array([entry[1] for entry in pool[: q["parents"]]])
-        chosen = parents[rng.integers(len(parents), size=q["sets"])]
-        sets = chosen * np.exp(width * rng.normal(size=chosen.shape))
+        sets = children(parents, q["sets"], width, rng)
         start = time.monotonic()
         ranks = looker.first(sets)
         # The first call compiles; the rate is that of the others.
         seconds, looked = (0.0, 0) if generation == 0 else (seconds, looked)
         seconds, looked = seconds + time.monotonic() - start, looked + len(sets)
         best = sets[np.argsort(-ranks, kind="stable")[: q["looks"]]]
-        for values, found in zip(best, looker.regimes(best), strict=True):
-            if found is not None:
-                pool.append((sum(score(*found[:2]).values()), values, found))
-        pool.sort(key=lambda entry: -entry[0])
+        pool = sorted(pool + _scored(best, looker.regimes(best)), key=lambda entry: -entry[0])
         if context.progress:
             text = f"generation {generation + 1}: best score {pool[0][0]:.3f}"
             print(f"{text}, {time.monotonic() - begin:.0f} s", flush=True)
     winner = pool[0]
-    which = [("set A", base[0], known), ("best found", winner[1], winner[2])]
+    which = [("set A", begun[0], known), ("best found", winner[1], winner[2])]
     fine, models = looker.fine, ("simplified", "full")
     columns = ("set", "model", "k3")
 
@@ -194,6 +217,7 @@ EXPERIMENT = Experiment(
         "generations": 6, "sets": 1000, "looks": 16, "parents": 6, "coarse": 14, "fine": 51,
         "transient": 40.0, "settled": 80.0, "duration": 30.0, "segments": 60, "tolerance": 1e-6,
         "sign": "consistent", "executor": "auto", "seed": 1,
+        "founders": True, "spread": 0.5,
     },
     quick={
         "generations": 2, "sets": 32, "looks": 4, "coarse": 8, "fine": 11, "transient": 20.0,

@@ -4,8 +4,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from experiments.block._lanes import look, simplified, start_values
+import stickslip as ss
+from experiments.block._diagram import integrator_of, system_of
+from experiments.block._lanes import look
 from experiments.block._score import Regimes, cascade, chaotic, doubling, end_of_chaos, score
+from experiments.block._sets import FOUND, NAMES, simplified, start_values
+from experiments.block.search import children
 
 K3 = np.linspace(72.0, 97.0, 51)
 
@@ -62,3 +66,33 @@ def test_the_look_at_a_set_compiles_fused_and_agrees_with_portable():
     )
     np.testing.assert_allclose(fused["exponent"], portable["exponent"], rtol=0, atol=1e-5)
     assert np.ptp(fused["exponent"]) > 1e-3
+
+
+def test_children_take_each_value_from_one_of_two_parents():
+    parents = np.array([[1.0, 2.0, 3.0], [10.0, 20.0, 30.0], [100.0, 200.0, 300.0]])
+    sets = children(parents, 600, np.zeros(3), np.random.default_rng(0))
+    ratios = sets / parents[0]
+    assert set(ratios.ravel().tolist()) == {1.0, 10.0, 100.0}
+    kinds = np.array([np.unique(row).size for row in ratios])
+    assert (kinds[::2] == 1).all()
+    assert set(kinds[1::2].tolist()) == {1, 2}
+    varied = children(parents[:1], 4000, np.array([0.1, 0.2, 0.0]), np.random.default_rng(0))
+    np.testing.assert_allclose(np.log(varied / parents[0]).std(axis=0), [0.1, 0.2, 0.0], rtol=0.05)
+
+
+def test_found_sets_run_the_belt_at_its_speed_on_average():
+    """The full model has no `V_b`: its voltage must give it, whatever the sign of the reaction."""
+    for name, values in FOUND.items():
+        assert set(NAMES) == set(values) - {"pull"}
+        system, start = system_of("full, consistent sign", 85.0, name)
+        run = ss.simulate(
+            system, 0.0, 60.0, start, integrator=integrator_of({"tolerance": 1e-7, "method": "tsit5"}),
+            saveat=ss.SaveAt(ts=jnp.linspace(30.0, 60.0, 3001)), max_events=None,
+        )  # fmt: skip
+        speed = float(system.belt_velocity(run.outputs.y).mean())
+        assert speed == pytest.approx(values["V_b"], rel=0.01)
+
+
+def test_a_set_that_nobody_found_is_refused():
+    with pytest.raises(ValueError, match=r"set is 'B'; it must be one of A, found\."):
+        system_of("simplified", 85.0, "B")
