@@ -53,7 +53,7 @@ def _step(numba, columns: str) -> Any:
 @functools.cache
 def kernels() -> tuple[Callable, Callable]:
     """Compiled `diagram` and `exponents`."""
-    import numba
+    import numba  # pyright: ignore[reportMissingImports]
 
     jit = functools.partial(numba.njit, fastmath=True, error_model="numpy")
     step = _step(numba, "s.size")

@@ -12,7 +12,7 @@ ENDS = ("x", "y", "vx", "vy", "omega_1", "omega_2", "motor_1", "motor_2", "belt_
 
 def kernel(threads: int):
     """Compiled function `(machines [lane, 21], end [lane, 10], steps, dt)` that fills `end`."""
-    import numba
+    import numba  # pyright: ignore[reportMissingImports]
 
     numba.set_num_threads(threads)
 

@@ -51,7 +51,7 @@ def _heyoka_equations(hy, case: Case):
 
 def heyoka_serial(job: Job, tolerance: float) -> Callable[[np.ndarray], Points]:
     """One trajectory after the other: the reference, at the tightest tolerance."""
-    import heyoka as hy
+    import heyoka as hy  # pyright: ignore[reportMissingImports]
 
     equations, a = _heyoka_equations(hy, job.case)
     found = []
@@ -80,7 +80,7 @@ def heyoka_serial(job: Job, tolerance: float) -> Callable[[np.ndarray], Points]:
 
 def heyoka_batch(job: Job, tolerance: float, *, points: bool = True) -> Callable[[np.ndarray], Points]:
     """Batch mode at the SIMD width in one thread; without `points`, x at the crossings is left out."""
-    import heyoka as hy
+    import heyoka as hy  # pyright: ignore[reportMissingImports]
 
     equations, a = _heyoka_equations(hy, job.case)
     width = hy.recommended_simd_size()
@@ -127,7 +127,7 @@ def numba_lanes(job: Job, threads: int) -> Callable[[np.ndarray], Points]:
     """`prange` over the lanes: what a researcher writes who knows about one exponential and Tsit5."""
     import math
 
-    import numba as nb
+    import numba as nb  # pyright: ignore[reportMissingImports]
 
     p = job.case.values
     X0, Y0 = job.case.start

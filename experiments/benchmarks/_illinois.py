@@ -27,7 +27,7 @@ def narrow(bracket: Bracket, t: float, value: float) -> Bracket:
 @functools.cache
 def compiled() -> tuple[Callable, Callable]:
     """`secant` and `narrow` for functions that numba compiles."""
-    import numba
+    import numba  # pyright: ignore[reportMissingImports]
 
     jit = numba.njit(fastmath=True, inline="always", error_model="numpy")
     return jit(secant), jit(narrow)

@@ -99,7 +99,7 @@ def _beam(job: Job) -> Any:
 
 def numba_diagram(job: Job, threads: int = WORKERS):
     """The same by numba."""
-    import numba
+    import numba  # pyright: ignore[reportMissingImports]
 
     from ._beam_numba import kernels
 
@@ -117,7 +117,7 @@ def numba_diagram(job: Job, threads: int = WORKERS):
 
 def numba_exponents(job: Job, threads: int = WORKERS):
     """The same by numba."""
-    import numba
+    import numba  # pyright: ignore[reportMissingImports]
 
     from ._beam_numba import kernels
 

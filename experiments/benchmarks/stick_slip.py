@@ -97,7 +97,7 @@ def heyoka_equations(hy):
 
 def heyoka_serial(speeds):
     """One trajectory after the other in one thread, terminal event with a callback."""
-    import heyoka as hy
+    import heyoka as hy  # pyright: ignore[reportMissingImports]
 
     equations, event = heyoka_equations(hy)
 
@@ -125,7 +125,7 @@ def heyoka_serial(speeds):
 
 def heyoka_batch(speeds, threads=2):
     """Batch mode at the SIMD width, one integrator per thread: heyoka at its best."""
-    import heyoka as hy
+    import heyoka as hy  # pyright: ignore[reportMissingImports]
 
     equations, event = heyoka_equations(hy)
     width = hy.recommended_simd_size()
