@@ -1,7 +1,9 @@
 """Search for parameters with which the paper's statements hold better than with set A.
 
-The paper prints no parameters. Random sets around set A are ranked by what the simplified model does
-(thousands a minute); the best are looked at with the full model and exponents, and varied further.
+The paper prints no parameters. Random sets around set A and those found before are ranked by what the
+simplified model does (a thousand a minute or more); the best are looked at with the full model and
+exponents, crossed and varied further. `founders=false` begins from set A alone; `spread` is the first
+variation relative to that of `NAMES`.
 """
 
 import time
@@ -111,7 +113,7 @@ def _scored(sets: np.ndarray, found: list) -> list[tuple[float, np.ndarray, Any]
 
 
 def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
-    """Generations of random sets: sample, rank, look thoroughly, keep the best, narrow the spread."""
+    """Generations of sets: cross and vary, rank, look thoroughly, keep the best, narrow the spread."""
     q = parameters
     looker, rng = Looker(q), np.random.default_rng(q["seed"])
     begin, looked, seconds = time.monotonic(), 0, 0.0
