@@ -1,7 +1,7 @@
 """Search for parameters with which the paper's statements hold better than with set A.
 
 The paper prints no parameters. Random sets around set A and those found before are ranked by what the
-simplified model does (a thousand a minute or more); the best are looked at with the full model and
+simplified model does (thousands a minute); the best are looked at with the full model and
 exponents, crossed and varied further. `founders=false` begins from set A alone; `spread` is the first
 variation relative to that of `NAMES`.
 """
