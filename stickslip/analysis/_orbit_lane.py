@@ -129,7 +129,8 @@ def halved(integrator: Integrator) -> Integrator:
     """The integrator to check another with: half the step, or a 32nd of the tolerances."""
     step: Any = integrator.step
     if step.adaptive:
-        step = eqx.tree_at(lambda s: (s.rtol, s.atol), step, (step.rtol / 32, step.atol / 32))
+        finer = jax.tree.map(lambda tolerance: tolerance / 32, (step.rtol, step.atol))
+        step = eqx.tree_at(lambda s: (s.rtol, s.atol), step, finer, is_leaf=lambda a: a is None)
     else:
         step = eqx.tree_at(lambda s: s.h, step, step.h / 2)
     return eqx.tree_at(lambda i: i.step, integrator, step)

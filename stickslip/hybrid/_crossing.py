@@ -91,10 +91,10 @@ def _length(plan: Plan, theta, section: Section, row: Starts):
     def body(carry):
         bracket, best, searching, tries = carry
         whole = tries == 0
-        h = jnp.where(whole, row.h, _locate.propose(bracket, row.h))
+        h = jnp.where(whole, row.h, _locate.propose(bracket, row.h, row.t))
         value, rate = turned(sign, look(h))
         near = jnp.abs(value) <= -rate * _locate.TOLERANCE_SECTION * row.h
-        collapsed = bracket.high - bracket.low <= 4e-16 * jnp.maximum(jnp.abs(row.t), bracket.high)
+        collapsed = _locate.is_collapsed(bracket, row.t)
         best = jnp.where(searching, h, best)
         # Whether the step crosses was decided in the run; here rounding may see it otherwise.
         searching = searching & jnp.where(whole, value < 0, ~near & ~collapsed)

@@ -10,6 +10,7 @@ from jaxtyping import PyTree
 from .._validation import check_count, check_flag, check_type, is_concrete
 from . import _solution as out
 from ._arguments import a_time, check_field, output_times, sections_of, start_of
+from ._bound import RESOLUTION, bounded
 from ._core import core
 from ._crossing import crossings as located
 from ._events import event_functions
@@ -23,6 +24,7 @@ from ._status import CODE, to_result
 from ._step_size import AbstractStepSize, AdaptiveStep
 from ._stepper import as_stepper
 from ._system import AbstractHybridSystem
+from ._tolerance import cancelling, component_tolerances
 from ._tree import select, shift
 
 
@@ -60,7 +62,7 @@ class Integrator(eqx.Module):
 
     method: Any = "dop853"
     step: AbstractStepSize = eqx.field(
-        default_factory=lambda: AdaptiveStep(1e-10, 1e-10)  # pyright: ignore[reportCallIssue]
+        default_factory=lambda: AdaptiveStep(1e-10)  # pyright: ignore[reportCallIssue]
     )
     max_steps: int = eqx.field(static=True, default=100_000)
     detect_dips: bool = eqx.field(static=True, default=True)
@@ -177,15 +179,24 @@ def _run(
     check_field(system, t0, y0, mode0, args)
     functions = event_functions(system, sections, t0, y0, y0, mode0, args)
     log_events = saveat.events and max_events is not None
+    rule = bounded(integrator.step, system, sections, t0, t1 - t0, y0, mode0, args)
+    atols, noise = (None,) * len(jax.tree.leaves(y0)), y0
+    if rule.adaptive:
+        atols = component_tolerances(rule.atol, y0, system.units)
+        rule = eqx.tree_at(lambda r: r.atol, rule, None, is_leaf=lambda a: a is None)
+        noise = cancelling(lambda t, y: system.vector_field(t, y, mode0, args), t0, y0)
     plan = Plan(
         stepper=as_stepper(integrator.method),
-        step_size=jax.tree.map(lambda a: sg(jnp.asarray(a, jnp.float64)), integrator.step),
+        step_size=jax.tree.map(lambda a: sg(jnp.asarray(a, jnp.float64)), rule),
         functions=functions,
         execute=execute,
         max_events=max_events,
         max_crossings=max_crossings,
         max_steps=integrator.max_steps,
         has_outputs=ts is not None,
+        atols=atols,
+        noise=sg(noise),
+        resolution=sg(RESOLUTION * (t1 - t0)),
         detect_dips=integrator.detect_dips,
         progress=integrator.progress,
     )

@@ -9,7 +9,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import optimistix as optx
-from jaxtyping import Array, PyTree
+from jaxtyping import PyTree
 
 from . import _tableau
 from ._execute import Executor
@@ -192,28 +192,3 @@ def _with_root_tolerance(solver: dfx.AbstractSolver) -> dfx.AbstractSolver:
         [defaults[name] for name in unset],
         is_leaf=lambda x: x is None,
     )
-
-
-def error_norm(errors: tuple[PyTree, ...], y0: PyTree, y1: PyTree, rtol: Any, atol: Any) -> Array:
-    """Root mean square of the error estimate relative to `atol + rtol max(|y0|, |y1|)`.
-
-    With two estimates (DOP853) they are combined as in Hairer, Norsett & Wanner II.10:
-    `e5^2 / sqrt(e5^2 + 0.01 e3^2)`.
-    """
-
-    def squares(error):
-        total, count = 0.0, 0
-        for e, a, b in zip(
-            jax.tree.leaves(error), jax.tree.leaves(y0), jax.tree.leaves(y1), strict=True
-        ):
-            scale = atol + rtol * jnp.maximum(jnp.abs(a), jnp.abs(b))
-            total = total + jnp.sum((e / scale) ** 2)
-            count += e.size
-        return total / count
-
-    first = squares(errors[0])
-    if len(errors) == 1:
-        return jnp.sqrt(first)
-    second = squares(errors[1])
-    denominator = first + 0.01 * second
-    return first / jnp.sqrt(jnp.where(denominator > 0, denominator, 1.0))
