@@ -66,7 +66,7 @@ def _along(theta, section: Section, mode, t, y, dy):
 
 def _length(plan: Plan, theta, section: Section, row: Starts):
     """Length of the step from `row` that ends on the section, to a part in a million."""
-    execute = plan.execute
+    execute = plan.execute.for_the_ends()
     field, slope = _start(theta, row, execute)
 
     def value(t, y, dy):
@@ -108,8 +108,9 @@ def _length(plan: Plan, theta, section: Section, row: Starts):
 
 def _land(plan: Plan, theta, section: Section, row: Starts, h):
     """The shortened step and one Newton step onto the section with its exact rate."""
-    field, dy = _start(theta, row, plan.execute)
-    y, dy, _ = plan.stepper.step(field, row.t, row.y, dy, h, plan.execute)
+    execute = plan.execute.for_the_ends()
+    field, dy = _start(theta, row, execute)
+    y, dy, _ = plan.stepper.step(field, row.t, row.y, dy, h, execute)
     sg = jax.lax.stop_gradient
     t = row.t + h
     slope = sg(dy)

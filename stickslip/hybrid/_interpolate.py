@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ._execute import PORTABLE
+from ._execute import COMPACT
 from ._simulate import Integrator
 from ._solution import Solution
 from ._stepper import as_stepper
@@ -50,7 +50,7 @@ def interpolate(
             return system.vector_field(t, y, mode, args)
 
         h = jnp.where(inside, t - t0, 0.0)
-        y, _, _ = stepper.step(field, t0, y0, dy0, h, PORTABLE)
+        y, _, _ = stepper.step(field, t0, y0, dy0, h, COMPACT)
         return jax.tree.map(lambda a: jnp.where(inside, a, jnp.nan), y)
 
     return jax.vmap(one)(ts)

@@ -11,7 +11,8 @@ import jax.numpy as jnp
 import optimistix as optx
 from jaxtyping import PyTree
 
-from . import _tableau
+from . import _rolled, _tableau
+from ._alone import alone_or_batched
 from ._execute import Executor
 from ._tree import combine, weighted
 
@@ -49,7 +50,11 @@ class AbstractStepper(eqx.Module):
 
 
 class ExplicitRungeKutta(AbstractStepper):
-    """Explicit Runge-Kutta method given by a tableau; its stages are kept apart for the compiler."""
+    """Explicit Runge-Kutta method given by a tableau.
+
+    Its stages are a loop where one lane runs. In batches and in fused programs they are written out,
+    and kept apart for the compiler.
+    """
 
     tableau: _tableau.Tableau = eqx.field(static=True)
 
@@ -60,6 +65,17 @@ class ExplicitRungeKutta(AbstractStepper):
         return bool(self.tableau.error_weights)
 
     def step(self, field, t, y, dy, h, execute):
+        if execute.fused:
+            return self._step_written_out(field, t, y, dy, h, execute)
+        if execute.compact:
+            return _rolled.step(self.tableau, field, t, y, dy, h)
+        return alone_or_batched(
+            lambda *a: _rolled.step(self.tableau, *a),
+            lambda *a: self._step_written_out(*a, execute),
+            [(field, (t, y))], t, y, dy, h,
+        )  # fmt: skip
+
+    def _step_written_out(self, field, t, y, dy, h, execute):
         tab, field = self.tableau, execute.shared(field)
         slopes = [dy]
         for i in range(1, tab.stages):
@@ -75,6 +91,15 @@ class ExplicitRungeKutta(AbstractStepper):
         return execute.boundary(lambda y, s, h: combine(y, s, row, h), y, slopes, h)
 
     def vjp(self, field, theta, t, y, dy, h, end, execute):
+        if execute.fused:
+            return self._vjp_written_out(field, end, theta, t, y, dy, h, execute)
+        return alone_or_batched(
+            lambda *a: _rolled.vjp(self.tableau, *a),
+            lambda *a: self._vjp_written_out(*a, execute),
+            [(field, (theta, t, y)), (end, (y, dy))], theta, t, y, dy, h,
+        )  # fmt: skip
+
+    def _vjp_written_out(self, field, end, theta, t, y, dy, h, execute):
         # Reverse sweep through the stages with each stage state recomputed once: the transpose of
         # `step` written out, because differentiating the fused stages would recompute all of them
         # for every one of them.
