@@ -19,6 +19,7 @@ from .hybrid import ProgressMeter as ProgressMeter
 from .hybrid import SaveAt as SaveAt
 from .hybrid import Section as Section
 from .hybrid import Solution as Solution
+from .hybrid import WithBreaks as WithBreaks
 from .hybrid import interpolate as interpolate
 from .hybrid import saltation_matrix as saltation_matrix
 from .hybrid import same_mode_sequence as same_mode_sequence

@@ -40,21 +40,23 @@ def look_inside(
     """Values at the interior points of the step from `t`, scaled like those at its ends."""
     rows = []
     for point in POINTS:
-        a, b, c, d = _weights(point)
-
-        def cubic(y0, s0, y1, s1, a=a, b=b, c=c, d=d):
-            return a * y0 + c * y1 + h * (b * s0 + d * s1)
-
-        y = jax.tree.map(cubic, lane.y, lane.dy, y1, dy1)
+        y = jax.tree.map(
+            lambda y0, s0, y1, s1, x=point: _cubic(x, y0, h * s0, y1, h * s1),
+            lane.y, lane.dy, y1, dy1,
+        )  # fmt: skip
         rows.append(functions.values(system, t + point * h, y, dy1, lane.mode, args, scales))
     columns = zip(functions.doubtful, *rows, strict=True)
     return Inside(tuple(tuple(column) if doubtful else None for doubtful, *column in columns))
 
 
-def _weights(x: float) -> tuple[float, float, float, float]:
-    """Weights of start value, start slope, end value, end slope of the cubic at the fraction `x`."""
+def _cubic(x: float, start: Any, start_rise: Any, end: Any, end_rise: Any) -> Any:
+    """Cubic at the fraction `x` of a step through the values at its ends; rises: slopes times length.
+
+    What is constant stays so to the last bit: a component may be the number of a piece.
+    """
     rest = 1.0 - x
-    return (1.0 + 2.0 * x) * rest * rest, x * rest * rest, x * x * (3.0 - 2.0 * x), -x * x * rest
+    middle = start + x * x * (3.0 - 2.0 * x) * (end - start)
+    return middle + x * rest * (rest * start_rise - x * end_rise)
 
 
 def doubt(plan: Plan, lane: Lane, h: Any, values: Values, inside: Inside) -> tuple[Any, Any]:
@@ -76,9 +78,8 @@ def doubt(plan: Plan, lane: Lane, h: Any, values: Values, inside: Inside) -> tup
         v1, r1 = sign * values.value[i], sign * values.rate[i]
         mismatch, low, size = jnp.zeros_like(h), v1, jnp.maximum(jnp.abs(v0), jnp.abs(v1))
         for point, value in zip(POINTS, seen, strict=True):
-            a, b, c, d = _weights(point)
             value = sign * value
-            believed = a * v0 + c * v1 + h * (b * r0 + d * r1)
+            believed = _cubic(point, v0, h * r0, v1, h * r1)
             mismatch = jnp.maximum(mismatch, jnp.abs(value - believed))
             low, size = jnp.minimum(low, value), jnp.maximum(size, jnp.abs(value))
         rounding = NOISE * size
