@@ -33,8 +33,8 @@ class LyapunovSpectrum(eqx.Module):
       exponents are NaN. `flags`: as in `Solution`, of all segments together.
     - `status`, an exponent each, and `words` for it: 0 "ok"; 1 "lost", the exponent is `-inf`; 2
       "at_rest", the state stays where it is and no exponent is off zero by three errors, as in stick,
-      where the motion does not say what becomes of a deviation that leaves the stick: NaN; 3 "failed", the motion or
-      its growth is not finite or ended early: NaN.
+      where the motion does not say what becomes of a deviation that leaves the stick: NaN; 3
+      "failed", the motion or its growth is not finite or ended early: NaN.
     """
 
     exponents: Float[Array, "*batch exponent"]
@@ -130,7 +130,7 @@ def judged(
 ) -> tuple[Float[Array, " exponent"], Float[Array, " exponent"], Int[Array, " exponent"]]:
     """Exponents, errors and `LyapunovSpectrum.status`; `rests`: whether the state never moved."""
     mean, error = averaged(local, blocks)
-    # Where the linear field decides, deviations of a rest grow or shrink; else they do neither for sure.
+    # Where the linear field decides, deviations of a rest grow or shrink for sure.
     still = rests & jnp.all(jnp.abs(mean) <= 3.0 * error)
     mean, error = (jnp.where(still, jnp.nan, a) for a in (mean, error))
     status = jnp.zeros(mean.shape, jnp.int32)
