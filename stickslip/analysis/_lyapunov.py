@@ -14,9 +14,9 @@ from ._arguments import an_integrator, start_of
 from ._growth import (
     LyapunovSpectrum,
     accumulate,
-    averaged,
     check_counts,
     first_frame,
+    judged,
 )
 from ._tangent import WithDeviations
 
@@ -101,12 +101,13 @@ def lyapunov_spectrum(
     unit = _flat_scales(scales, y0)[:, None]
 
     def step(carry, frame):
-        number, y, mode, flags, result, good = carry
+        number, y, mode, flags, result, good, rests = carry
         start, end = begin + segment * number, begin + segment * (number + 1.0)
         solution = run(tangent, start, end, tangent.start(y, unit * frame), mode)
         # A lane that failed stays where it is; its numbers are discarded.
         usable = good & solution.successful
         images = jnp.where(usable, mask * tangent.columns(solution.y1) / unit, frame)
+        same = jax.tree.map(lambda a, b: jnp.all(a == b), solution.y1.y, y)
         carry = (
             number + 1.0,
             jax.tree.map(lambda a, b: jnp.where(usable, a, b), solution.y1.y, y),
@@ -114,17 +115,18 @@ def lyapunov_spectrum(
             flags | solution.flags,
             RESULTS.where(good, solution.result, result),
             usable,
+            rests & jnp.all(jnp.stack(jax.tree.leaves(same))),
         )
         return carry, images
 
     size = int(moving.sum())
     frame = jnp.zeros((moving.size, count)).at[np.flatnonzero(moving)].set(first_frame(size, count))
     flags = jnp.zeros((), jnp.int32)
-    carry = (jnp.zeros(()), y0, mode, flags, result, good)
+    carry = (jnp.zeros(()), y0, mode, flags, result, good, jnp.ones((), bool))
     carry, growth = accumulate(step, carry, frame, count=segments, warm_up=warm_up)
-    _, y1, mode, flags, result, good = carry
+    _, y1, mode, flags, result, good, rests = carry
     local = jnp.where(good, growth / segment, jnp.nan)
-    mean, error = averaged(local, blocks)
+    mean, error, status = judged(local, rests, blocks)
     return LyapunovSpectrum(
         exponents=mean,
         error=error,
@@ -136,6 +138,7 @@ def lyapunov_spectrum(
         mode1=mode,
         result=result,
         flags=flags,
+        status=status,
     )
 
 

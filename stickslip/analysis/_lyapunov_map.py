@@ -10,7 +10,7 @@ from jaxtyping import PyTree
 
 from .._validation import check_that
 from ..hybrid._tree import as_float64
-from ._growth import LyapunovSpectrum, accumulate, averaged, check_counts, first_frame
+from ._growth import LyapunovSpectrum, accumulate, check_counts, first_frame, judged
 
 
 def lyapunov_spectrum_of_map(
@@ -37,7 +37,8 @@ def lyapunov_spectrum_of_map(
       tenth).
     - `exponents`: how many, greatest first (default: all).
 
-    **Returns** a `LyapunovSpectrum` with `time` counted in iterations.
+    **Returns** a `LyapunovSpectrum` with `time` counted in iterations; the exponents of an orbit that
+    leaves the finite numbers are NaN, with `status` "failed".
 
     **Errors** `ValueError`/`TypeError` naming the argument.
     """
@@ -60,7 +61,8 @@ def lyapunov_spectrum_of_map(
     flat = jax.lax.fori_loop(0, transient, lambda _, flat: flow(flat), flat)
     frame = first_frame(flat.size, count)
     flat, local = accumulate(step, flat, frame, count=iterations, warm_up=warm_up)
-    mean, error = averaged(local, blocks)
+    # A fixed point of a map is no stick: the exponents of the identity are zero.
+    mean, error, status = judged(local, jnp.zeros((), bool), blocks)
     return LyapunovSpectrum(
         exponents=mean,
         error=error,
@@ -69,4 +71,5 @@ def lyapunov_spectrum_of_map(
         lost=jnp.sum(jnp.isneginf(local), axis=0, dtype=jnp.int32),
         t1=jnp.asarray(float(iterations + warm_up)) + transient,
         y1=unravel(flat),
+        status=status,
     )
