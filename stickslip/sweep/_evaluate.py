@@ -1,7 +1,7 @@
 """Evaluation of one block of a sweep: side by side, or carried from point to point."""
 
 import functools
-import re
+import types
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -12,7 +12,7 @@ from jaxtyping import PyTree
 
 from ._grid import Block, blocks
 from ._lanes import map_lanes
-from ._manifest import digest
+from ._programs import Identity, identify
 
 CARRY = "carry"
 
@@ -31,17 +31,50 @@ def output_names(tree: PyTree) -> dict[str, Any]:
 
 
 def lanes_of(function: Callable, executor: str, workers: int | None) -> map_lanes:
-    """`map_lanes` over dictionaries of arguments: the same object for a function that comes again."""
-    try:
-        return _cached_lanes(function, executor, workers)
-    except TypeError:  # not hashable
-        return _cached_lanes.__wrapped__(function, executor, workers)
+    """`map_lanes` over dictionaries of arguments: the same object for a function that comes again.
+
+    Again means the very function, holding the very things: a name in it that was bound anew counts.
+    """
+    return _cached_lanes(_Held(function), executor, workers)
+
+
+class _Held:
+    """A function and what it holds, equal if each is the same object."""
+
+    def __init__(self, function: Callable):
+        self.function = function
+        # References keep the objects alive, so that an id stands for one object only.
+        self.held = tuple(_holds(function))
+        self.ids = (id(function), *map(id, self.held))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Held) and self.ids == other.ids
+
+    def __hash__(self) -> int:
+        return hash(self.ids)
+
+
+_NOTHING = object()
+
+
+def _holds(function: Any) -> list[Any]:
+    """Cells, defaults and globals of a function; nothing for other callables."""
+    if not isinstance(function, types.FunctionType):
+        return []
+    held = [function.__code__, function.__defaults__, *(function.__kwdefaults__ or {}).values()]
+    for cell in function.__closure__ or ():
+        try:
+            held.append(cell.cell_contents)
+        except ValueError:  # not bound yet
+            held.append(_NOTHING)
+    names = function.__globals__
+    return held + [names.get(name, _NOTHING) for name in function.__code__.co_names]
 
 
 @functools.lru_cache(maxsize=4)
-def _cached_lanes(function, executor, workers):
+def _cached_lanes(held: _Held, executor, workers):
     def side_by_side(arguments):
-        return function(**arguments)
+        return held.function(**arguments)
 
     return map_lanes(side_by_side, executor=executor, workers=workers)
 
@@ -149,14 +182,13 @@ class Evaluate:
             return shapes
         return jax.tree.map(lambda s: jax.ShapeDtypeStruct(s.shape[1:], s.dtype), shapes)
 
-    def program_digest(self) -> str:
+    def program(self) -> Identity:
         """Digest of the program of one lane, with every constant that it holds.
 
         It tells apart what no list of settings could: another formula, another parameter in a closure.
         """
-        lowered = jax.jit(self.lane).lower(self._shapes())
-        text = re.sub(r"loc\([^)]*\)", "", lowered.as_text())
-        return digest(text)
+        traced = jax.jit(self.lane).trace(self._shapes())
+        return identify(traced, traced.lower())
 
     def __call__(self, block: Block, read: Callable) -> dict[str, np.ndarray]:
         """Results of a block by name. `read(name, region)` gives what was computed before."""

@@ -1,0 +1,94 @@
+"""Names, shapes and labels of what a sweep computes, and the files that hold them in a store."""
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import zarr
+
+from ._manifest import as_json
+
+DATA = "data.zarr"
+_FILL = {"f": np.nan, "c": np.nan, "i": -1, "u": 0, "b": False}
+
+
+@dataclasses.dataclass(frozen=True)
+class Variable:
+    """How a result of a lane is labelled.
+
+    - `dims`: names of its axes after those of the grid, e.g. `("point",)`.
+    - `units`, `long_name`: for axes of pictures and for readers of the file.
+    - `attrs`: further attributes, e.g. `flag_values` and `flag_meanings` of a code.
+    """
+
+    dims: tuple[str, ...] = ()
+    units: str | None = None
+    long_name: str | None = None
+    attrs: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+
+    def attributes(self) -> dict[str, Any]:
+        """Attributes of the array in the dataset."""
+        named = {"units": self.units, "long_name": self.long_name}
+        return {k: v for k, v in named.items() if v is not None} | dict(self.attrs)
+
+
+@dataclasses.dataclass(frozen=True)
+class Layout:
+    """Names, shapes and labels of everything in the store."""
+
+    coords: Mapping[str, np.ndarray]
+    outputs: Mapping[str, tuple[tuple[int, ...], np.dtype, Variable]]
+    sides: tuple[int, ...]
+    labels: Mapping[str, Variable]
+    attrs: Mapping[str, Any]
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return tuple(values.size for values in self.coords.values())
+
+    def dims(self, name: str) -> tuple[str, ...]:
+        return (*self.coords, *self.outputs[name][2].dims)
+
+    def attributes(self) -> dict[str, Any]:
+        """Attributes of the dataset and of each array, in JSON's terms; they reach no number."""
+        labels = {name: self.labels.get(name, Variable()) for name in self.coords}
+        labels |= {name: label for name, (_, _, label) in self.outputs.items()}
+        return {
+            "dataset": as_json(self.attrs),
+            **{f"array {name}": as_json(label.attributes()) for name, label in labels.items()},
+        }
+
+    def skeleton(self, attributes: Mapping[str, Any]) -> dict[str, bytes]:
+        """Files of a store in which no block is finished: headers and coordinates, by their path."""
+        files: Any = {}
+        # Without this a chunk that equals the fill value is no file, and could not be vouched for.
+        with zarr.config.set({"array.write_empty_chunks": True}):
+            group = zarr.create_group(
+                zarr.storage.MemoryStore(files), attributes=attributes["dataset"], zarr_format=3
+            )
+            for name, values in self.coords.items():
+                group.create_array(
+                    name, data=values, dimension_names=(name,), attributes=attributes[f"array {name}"]
+                )
+            for name, (tail, dtype, _) in self.outputs.items():
+                group.create_array(
+                    name,
+                    shape=(*self.shape, *tail),
+                    chunks=(*self.sides, *(max(n, 1) for n in tail)),
+                    dtype=dtype,
+                    fill_value=_FILL[dtype.kind],
+                    dimension_names=self.dims(name),
+                    attributes=attributes[f"array {name}"],
+                )
+        return {f"{DATA}/{key}": buffer.to_bytes() for key, buffer in files.items()}
+
+
+def chunk_file(name: str, place: tuple[int, ...], tail: int) -> str:
+    """Path of the file that holds a block of a variable whose lanes have `tail` axes of their own."""
+    return "/".join([DATA, name, "c", *(str(i) for i in (*place, *(0,) * tail))])
+
+
+def record_file(number: int) -> str:
+    """Path of the record that vouches for a block."""
+    return f"finished/{number:06d}.json"
