@@ -1,12 +1,15 @@
 """Names, shapes and labels of what a sweep computes, and the files that hold them in a store."""
 
 import dataclasses
-from collections.abc import Mapping
+import math
+import re
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 import zarr
 
+from ._grid import blocks
 from ._manifest import as_json
 
 DATA = "data.zarr"
@@ -92,3 +95,45 @@ def chunk_file(name: str, place: tuple[int, ...], tail: int) -> str:
 def record_file(number: int) -> str:
     """Path of the record that vouches for a block."""
     return f"finished/{number:06d}.json"
+
+
+class Files:
+    """Names of the files of a store, by its manifest alone."""
+
+    def __init__(self, manifest: Mapping[str, Any]):
+        grid = manifest["grid"]
+        self.coords = list(manifest.get("coordinates", grid))  # format 1 had none
+        self.shape = [grid[name]["size"] for name in self.coords]
+        self.sides = manifest["block"]
+        self.counts = [-(-n // side) for n, side in zip(self.shape, self.sides, strict=True)]
+        self.total = math.prod(self.counts)
+        self.tails = {name: len(output["shape"]) for name, output in manifest["outputs"].items()}
+
+    def blocks(self) -> Iterator[tuple[int, list[str]]]:
+        """Number of each block, and its files."""
+        for block in blocks(self.shape, self.sides):
+            yield (
+                block.number,
+                [chunk_file(name, block.place, tail) for name, tail in self.tails.items()],
+            )
+
+    def has(self, path: str) -> bool:
+        """Whether a path relative to the store is that of one of its files, half-written or not."""
+        path = re.sub(r"\.(part|[0-9a-f]+\.partial)$", "", path)
+        top, *rest = path.split("/")
+        if top == "finished":
+            number = re.fullmatch(r"finished/(\d{6,})\.json", path)
+            return number is not None and int(number[1]) < self.total
+        if top != DATA:
+            return False
+        if rest == ["zarr.json"]:
+            return True
+        name, *rest = rest
+        if name in self.coords:
+            return rest == ["zarr.json"] or re.fullmatch(r"c/\d+", "/".join(rest)) is not None
+        if name not in self.tails or rest == ["zarr.json"]:
+            return name in self.tails
+        most = [*self.counts, *(1,) * self.tails[name]]
+        if rest[:1] != ["c"] or len(rest) != 1 + len(most) or not all(map(str.isdecimal, rest[1:])):
+            return False
+        return all(int(i) < n for i, n in zip(rest[1:], most, strict=True))

@@ -1,6 +1,5 @@
 """The results in a store as a dataset, of which nothing is shown that is not vouched for."""
 
-import math
 import os
 import pathlib
 from collections.abc import AsyncIterator, Mapping
@@ -11,8 +10,7 @@ import zarr
 
 from .._validation import check_flag
 from ._files import check_path, checksum, read_json
-from ._grid import blocks
-from ._layout import DATA, chunk_file, record_file
+from ._layout import DATA, Files, record_file
 from ._manifest import fault, identity
 from ._store import is_record, record
 
@@ -75,34 +73,21 @@ def open_dataset(path: str | os.PathLike, *, verify: bool = True) -> xr.Dataset:
             raise ValueError(f"{begin} {why}: {_ASK}.")
         state, names = _verified(begin, path, manifest)
         return _dataset(begin, path, state, "yes", names)
-    state = "unknown" if why is not None else _state(*_count(path, manifest))
+    state = "unknown" if why is not None else _recorded(path, manifest)
     return _dataset(begin, path, state, "no", None)
 
 
 def finished_dataset(path: pathlib.Path, manifest: Mapping[str, Any]) -> xr.Dataset:
     """The dataset of a store all of whose files were verified or written a moment ago."""
     names = list(manifest["files"])
-    for _, files in _blocks(manifest):
+    for _, files in Files(manifest).blocks():
         names += files
     return _dataset(f"store = {str(path)!r}", path, "finished", "yes", names)
 
 
-def _blocks(manifest: Mapping[str, Any]) -> list[tuple[int, list[str]]]:
-    """Numbers of all blocks, and their files."""
-    sides = manifest["block"]
-    shape = [manifest["grid"][name]["size"] for name in manifest["coordinates"]]
-    tails = {name: len(output["shape"]) for name, output in manifest["outputs"].items()}
-    return [
-        (block.number, [chunk_file(name, block.place, tail) for name, tail in tails.items()])
-        for block in blocks(shape, sides)
-    ]
-
-
-def _count(path: pathlib.Path, manifest: Mapping[str, Any]) -> tuple[int, int]:
-    sides = manifest["block"]
-    shape = [manifest["grid"][name]["size"] for name in manifest["coordinates"]]
-    total = math.prod(-(-n // side) for n, side in zip(shape, sides, strict=True))
-    return sum((path / record_file(number)).is_file() for number in range(total)), total
+def _recorded(path: pathlib.Path, manifest: Mapping[str, Any]) -> str:
+    total = Files(manifest).total
+    return _state(sum((path / record_file(i)).is_file() for i in range(total)), total)
 
 
 def _state(done: int, total: int) -> str:
@@ -121,8 +106,8 @@ def _verified(begin: str, path: pathlib.Path, manifest: Mapping[str, Any]) -> tu
         if checksum(path / file) != sum_:
             raise damaged(file)
         names.append(file)
-    sweep, pieces, done = identity(manifest), _blocks(manifest), 0
-    for number, files in pieces:
+    sweep, wanted, done = identity(manifest), Files(manifest), 0
+    for number, files in wanted.blocks():
         own = record_file(number)
         try:
             recorded = read_json(path / own)
@@ -139,7 +124,7 @@ def _verified(begin: str, path: pathlib.Path, manifest: Mapping[str, Any]) -> tu
             raise damaged((bad or [own])[0])
         names += files
         done += 1
-    return _state(done, len(pieces)), names
+    return _state(done, wanted.total), names
 
 
 def _dataset(begin: str, path: pathlib.Path, state: str, verified: str, names: Any) -> xr.Dataset:

@@ -17,7 +17,6 @@ import errno
 import json
 import os
 import pathlib
-import re
 import time
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -27,7 +26,7 @@ import zarr
 
 from ._files import checksum, checksum_of, link_above, read_json, write_whole
 from ._grid import Block
-from ._layout import DATA, Layout, chunk_file, record_file
+from ._layout import DATA, Files, Layout, chunk_file, record_file
 from ._manifest import differences, fault, identity, is_manifest, sealed
 
 try:
@@ -38,12 +37,6 @@ except ImportError:  # no advisory locks on this system
 _OURS = {"manifest.json", DATA, "finished", "runs.jsonl", "lock"}
 _BEFORE_MANIFEST = {"lock", "manifest.json.part"}
 _READ_ONLY = (errno.EROFS, errno.EACCES, errno.EPERM)
-# What zarr and this module write below the store, and nothing else.
-_WRITTEN = re.compile(
-    r"data\.zarr/(zarr\.json|\w+/(zarr\.json|c(/\d+)+))(\.part|\.[0-9a-f]+\.partial)?"
-    r"|data\.zarr/(\w+/)?(c/)?([\d/]*/)?zarr\.[0-9a-f]+\.partial"
-    r"|finished/\d{6,}\.json(\.part)?"
-)
 _ELSE = "Use another store, or replace this one with resume=False."
 
 
@@ -129,7 +122,7 @@ class Store:
                 "new one; put the manifest back, or remove the directory by hand."
             )
         if stored is not None and not resume:
-            self._remove()
+            self._remove(stored)
             stored = None
         elif why is not None:
             raise SweepMismatchError(f"store = {str(self.path)!r} {why}. {_ELSE}")
@@ -188,17 +181,23 @@ class Store:
         if link is not None:
             raise OSError(errno.ELOOP, "a symbolic link leads out of the store", str(link))
         path.parent.mkdir(parents=True, exist_ok=True)
+        if path.is_dir() and not path.is_symlink():
+            raise OSError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
         return path
 
-    def _remove(self) -> None:
+    def _remove(self, stored: dict[str, Any]) -> None:
         """Remove the files of the sweep and directories that are empty then; follow no link."""
+        try:
+            files = Files(stored)
+        except (AttributeError, KeyError, TypeError, ValueError, ZeroDivisionError):
+            return  # altered: its files stay, and no record of theirs counts in another sweep
         with self._writing("remove the sweep"):
             for top in (DATA, "finished"):
                 if (self.path / top).is_symlink():
                     raise OSError(errno.ELOOP, "a symbolic link leads out of the store", top)
                 for folder, _, names in os.walk(self.path / top, topdown=False):
                     for path in (pathlib.Path(folder, name) for name in names):
-                        if _WRITTEN.fullmatch(path.relative_to(self.path).as_posix()):
+                        if files.has(path.relative_to(self.path).as_posix()):
                             path.unlink()
                     with contextlib.suppress(OSError):
                         os.rmdir(folder)
@@ -224,11 +223,13 @@ class Store:
 
     def _record(self, block: Block) -> dict[str, Any]:
         """What vouches for the block as its files are now."""
-        names = [
+        return record(self.path, self._identity, block.number, self._chunks(block))
+
+    def _chunks(self, block: Block) -> list[str]:
+        return [
             chunk_file(name, block.place, len(tail))
             for name, (tail, _, _) in self.layout.outputs.items()
         ]
-        return record(self.path, self._identity, block.number, names)
 
     def is_finished(self, block: Block) -> bool:
         """Whether the block is recorded and all its files are as they were written."""
@@ -242,11 +243,11 @@ class Store:
         """Results of a block, then its record."""
         with self._writing(f"write block {block.number}"):
             path = self._free(record_file(block.number))
-            path.unlink(missing_ok=True)
+            chunks = [self._free(name) for name in self._chunks(block)]
+            # A block at the edge is merged with the chunk that is there, which may be damaged.
+            for old in (path, *chunks):
+                old.unlink(missing_ok=True)
             for name, array in self._arrays.items():
-                # A block at the edge is merged with the chunk that is there, which may be damaged.
-                tail = len(self.layout.outputs[name][0])
-                self._free(chunk_file(name, block.place, tail)).unlink(missing_ok=True)
                 with zarr.config.set({"array.write_empty_chunks": True}):
                     array[block.region] = values[name]
             write_whole(path, json.dumps(self._record(block), indent=1) + "\n")
