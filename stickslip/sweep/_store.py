@@ -34,7 +34,7 @@ try:
 except ImportError:  # no advisory locks on this system
     fcntl = None
 
-_OURS = {"manifest.json", DATA, "finished", "runs.jsonl", "lock"}
+_OURS = {"manifest.json", "manifest.json.damaged", DATA, "finished", "runs.jsonl", "lock"}
 _BEFORE_MANIFEST = {"lock", "manifest.json.part"}
 _READ_ONLY = (errno.EROFS, errno.EACCES, errno.EPERM)
 _ELSE = "Use another store, or replace this one with resume=False."
@@ -62,8 +62,9 @@ class Store:
         if self.path.exists() and not self.path.is_dir():
             raise ValueError(f"store = {str(self.path)!r} is a file: it must be a directory.")
         self._check_ours()
-        with self._writing("make the store"):
+        with self._writing("make the directory"):
             self.path.mkdir(parents=True, exist_ok=True)
+        with self._writing("open the lock"):
             self._lock = _open_lock(self.path / "lock")
         if fcntl is not None and self._lock is not None:
             try:
@@ -93,7 +94,7 @@ class Store:
                 f"store = {str(self.path)!r} holds something else ({sorted(names - _OURS)[:3]}): "
                 "it must be a sweep's store, an empty directory or a new one."
             )
-        if names:
+        if names and not self._is_proven():
             raise ValueError(
                 f"store = {str(self.path)!r} holds {', '.join(sorted(names))} and has lost its "
                 "manifest.json: it must be a whole store, an empty directory or a new one; put the "
@@ -115,6 +116,9 @@ class Store:
             why = f"has an unreadable manifest.json ({error})"
         else:
             why = fault(stored)
+        if (why is not None or stored is None) and self._is_proven():
+            self._set_aside("manifest.json")
+            stored, why = self._set_up(self.manifest), None
         if why is not None and not is_manifest(stored):
             # It cannot be told whose files these are, so that not even resume=False may remove them.
             raise ValueError(
@@ -127,8 +131,7 @@ class Store:
         elif why is not None:
             raise SweepMismatchError(f"store = {str(self.path)!r} {why}. {_ELSE}")
         if stored is None:
-            files = self.layout.skeleton(self.manifest["attributes"])
-            self._set_up({**self.manifest, "files": _sums(files)}, files)
+            self._set_up(self.manifest)
         else:
             self._resume(stored)
         self._identity = identity(self.manifest)
@@ -159,20 +162,38 @@ class Store:
                     f"store = {str(self.path)!r} {what}, and was made with another version of zarr, "
                     f"so that it cannot be written anew. {_ELSE}"
                 )
-            files = self.layout.skeleton(attributes)
-            self._set_up({**stored, "attributes": attributes, "files": _sums(files)}, files)
+            self._set_up({**stored, "attributes": attributes})
         else:
             self.manifest = stored
 
-    def _set_up(self, manifest: dict[str, Any], files: dict[str, bytes]) -> None:
+    def _set_up(self, manifest: dict[str, Any]) -> dict[str, Any]:
         """Write the manifest, then every header and coordinate that is not as it says."""
-        with self._writing("make the store"):
-            self.manifest = sealed(manifest)
+        files = self.layout.skeleton(manifest["attributes"])
+        with self._writing("write headers and coordinates"):
+            self.manifest = sealed({**manifest, "files": _sums(files)})
             text = json.dumps(self.manifest, indent=1) + "\n"
             write_whole(self._free("manifest.json"), text)
             for name, data in files.items():
-                if checksum(self.path / name) != manifest["files"][name]:
+                if checksum(self.path / name) != self.manifest["files"][name]:
                     write_whole(self._free(name), data)
+        return self.manifest
+
+    def _is_proven(self) -> bool:
+        """Whether records and headers show that this is the very sweep, without its manifest."""
+        if self.manifest["host_code"]:
+            return False
+        wanted = identity(self.manifest)
+        if not any(_sweep_of(path) == wanted for path in (self.path / "finished").glob("*.json")):
+            return False
+        sums = _sums(self.layout.skeleton(self.manifest["attributes"]))
+        return all(checksum(self.path / name) == sum_ for name, sum_ in sums.items())
+
+    def _set_aside(self, name: str) -> None:
+        """Keep a file that is not ours, or no longer, under another name."""
+        path = self.path / name
+        if path.is_file() and not path.is_symlink():
+            with self._writing(f"set {name} aside"):
+                os.replace(path, path.with_name(name + ".damaged"))
 
     def _free(self, name: str) -> pathlib.Path:
         """Path of a file about to be written, in directories that exist and lie in the store."""
@@ -279,6 +300,14 @@ def is_record(value: Any) -> bool:
         and isinstance(value.get("files"), dict)
         and all(isinstance(sum_, str) for sum_ in value["files"].values())
     )
+
+
+def _sweep_of(path: pathlib.Path) -> Any:
+    try:
+        value = read_json(path)
+    except (OSError, ValueError):
+        return None
+    return value.get("sweep") if isinstance(value, dict) else None
 
 
 def _sums(files: Mapping[str, bytes]) -> dict[str, str]:

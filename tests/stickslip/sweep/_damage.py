@@ -242,6 +242,7 @@ STRUCTURE = {
     "a folder for a half-written record": lambda s, o: (
         (s / "finished/000001.json").unlink(), (s / "finished/000001.json.part").mkdir()
     ),
+    "a thesis for a manifest": lambda s, o: (s / "manifest.json").write_text(THESIS),
     "all records lost": lambda s, o: [p.unlink() for p in (s / "finished").iterdir()],
     "manifest and lock lost": lambda s, o: ((s / "manifest.json").unlink(), (s / "lock").unlink()),
     "manifest and records lost": lambda s, o: (
@@ -281,9 +282,9 @@ def kinds():
 
 
 def theses(top: pathlib.Path) -> list[str]:
-    """The user's own files below a directory, as far as they are whole."""
+    """The user's own files below a directory, as far as they are whole, set aside or not."""
     return sorted(
-        str(p.relative_to(top))
+        str(p.relative_to(top)).removesuffix(".damaged")
         for p in top.rglob("*")
         if not p.is_symlink() and p.is_file() and p.read_bytes() == THESIS.encode()
     )

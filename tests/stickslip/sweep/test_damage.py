@@ -15,7 +15,7 @@ KINDS = kinds()
 OUTCOMES = {}  # to be counted by whoever wants to know
 # Those that put something of the user's, or a way out of the store, where the sweep's files are.
 AROUND = [
-    kind for kind in KINDS if any(w in kind for w in ("thesis", "link", "inside", "lost", "more"))
+    kind for kind in KINDS if any(w in kind for w in ("thesis", "another", "inside", "lost", "more"))
 ]
 FILLED = {"x": np.isnan, "pair": np.isnan, "code": lambda a: a == -1}
 
