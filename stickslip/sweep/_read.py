@@ -136,5 +136,7 @@ def _dataset(begin: str, path: pathlib.Path, state: str, verified: str, names: A
         dataset = xr.open_zarr(store, chunks=None, consolidated=False, zarr_format=3, decode_cf=False)
     except Exception as error:  # whatever zarr meets in files that nobody has verified
         text = " ".join(str(error).split())[:80]
-        raise ValueError(f"{begin} cannot be read ({type(error).__name__}: {text}): {_ASK}.") from error
+        raise ValueError(
+            f"{begin} cannot be read ({type(error).__name__}: {text}): it must have whole headers."
+        ) from error
     return dataset.assign_attrs(sweep_state=state, sweep_verified=verified)

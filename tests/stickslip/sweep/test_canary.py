@@ -1,15 +1,15 @@
 """Verdicts of the trial of the fused executor: kept if they are verdicts, and read strictly."""
 
+import concurrent.futures
 import json
-import os
 import subprocess
-import sys
+import threading
+import time
 
 import pytest
 
 import stickslip as ss
 from stickslip.sweep import _canary
-from tests.house._repository import ROOT
 
 
 @pytest.fixture
@@ -23,7 +23,7 @@ def cache(tmp_path, monkeypatch):
 
 
 def tried(monkeypatch, verdict):
-    """How often the trial runs if it says `verdict`, over three first calls of a process, and the answers."""
+    """How often the trial runs if it says `verdict`, in three processes, and what they are told."""
     runs = []
 
     def trial(timeout):
@@ -108,34 +108,24 @@ def test_a_cache_that_cannot_be_written_costs_a_trial_per_process(cache, monkeyp
     assert tried(monkeypatch, True) == (3, [True] * 3)
 
 
-FIRST_START = """
-import pathlib, sys, time
-from stickslip.sweep import _canary
-def trial(timeout):
-    with open(sys.argv[1], "a") as file:
-        file.write("trial ")
-    time.sleep(2.0)
-    return True
-_canary.run_trial = trial
-pathlib.Path(sys.argv[2]).touch()
-while not pathlib.Path(sys.argv[3]).exists():
-    time.sleep(0.01)
-print(_canary.fused_is_trusted())
-"""
-
-
-def test_two_processes_at_first_start_share_one_trial(cache):
+def test_two_first_starts_at_once_share_one_trial(cache, monkeypatch):
+    """Threads stand for processes: the lock is one of the open file, not of the process."""
     pytest.importorskip("fcntl")
-    names = [str(cache / name) for name in ("trials", "ready 0", "ready 1")]
-    both = [
-        subprocess.Popen(
-            [sys.executable, "-c", FIRST_START, names[0], names[1 + i], names[2 - i]], cwd=ROOT,
-            stdout=subprocess.PIPE, text=True, env={**os.environ, "STICKSLIP_CACHE": str(cache)},
-        )
-        for i in range(2)
-    ]  # fmt: skip
-    assert [process.communicate(timeout=120)[0] for process in both] == ["True\n"] * 2
-    assert (cache / "trials").read_text() == "trial "
+    together, runs = threading.Barrier(2), []
+
+    def trial(timeout):
+        runs.append(timeout)
+        time.sleep(0.5)
+        return True
+
+    def first_start(_):
+        together.wait()
+        return _canary._tried.__wrapped__()
+
+    monkeypatch.setattr(_canary, "run_trial", trial)
+    with concurrent.futures.ThreadPoolExecutor(2) as pool:
+        assert list(pool.map(first_start, range(2))) == [True, True]
+    assert len(runs) == 1
 
 
 def test_who_waits_for_another_s_trial_gives_up_in_time(cache, monkeypatch):
@@ -151,7 +141,7 @@ def test_who_waits_for_another_s_trial_gives_up_in_time(cache, monkeypatch):
 def test_a_wish_that_is_none_is_refused_by_name(wish, monkeypatch):
     monkeypatch.setenv("STICKSLIP_EXECUTOR", wish)
     for executor in ("auto", "portable"):
-        with pytest.raises(ValueError, match="STICKSLIP_EXECUTOR = .*'auto', 'fused', 'portable'"):
+        with pytest.raises(ValueError, match=r"STICKSLIP_EXECUTOR = .*'auto', 'fused', 'portable'"):
             ss.map_lanes(abs, executor=executor)
 
 
