@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import zarr
+from zarr.storage import MemoryStore
 
 from ._grid import blocks
 from ._manifest import as_json
@@ -68,7 +69,7 @@ class Layout:
         # Without this a chunk that equals the fill value is no file, and could not be vouched for.
         with zarr.config.set({"array.write_empty_chunks": True}):
             group = zarr.create_group(
-                zarr.storage.MemoryStore(files), attributes=attributes["dataset"], zarr_format=3
+                MemoryStore(files), attributes=attributes["dataset"], zarr_format=3
             )
             for name, values in self.coords.items():
                 group.create_array(

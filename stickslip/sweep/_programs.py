@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.extend
+import jax.numpy as jnp
 import numpy as np
 
 _PROGRAMS: collections.OrderedDict = collections.OrderedDict()
@@ -44,7 +45,7 @@ def identify(traced: Any, lowered: jax.stages.Lowered) -> Identity:
     for kind, value in _outside(traced.jaxpr):
         if kind == "constant":
             array = np.asarray(
-                jax.random.key_data(value) if jax.dtypes.issubdtype(value.dtype, jax.dtypes.prng_key)
+                jax.random.key_data(value) if jnp.issubdtype(value.dtype, jax.dtypes.prng_key)
                 else value
             )  # fmt: skip
             total.update(f"{array.dtype.str}{array.shape}".encode() + array.tobytes())
@@ -120,7 +121,7 @@ def _jaxprs(params: dict[str, Any]) -> Iterator[Any]:
 
 def _function(params: dict[str, Any]) -> Any:
     """The function that a call of the host calls, out of what JAX wraps around it."""
-    function = params.get("callback")
+    function: Any = params.get("callback")
     while hasattr(function, "callback_func"):
         function = function.callback_func
     return function

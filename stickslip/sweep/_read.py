@@ -6,7 +6,7 @@ from collections.abc import AsyncIterator, Mapping
 from typing import Any
 
 import xarray as xr
-import zarr
+from zarr.storage import LocalStore, WrapperStore
 
 from .._validation import check_flag
 from ._files import check_path, checksum, read_json
@@ -17,7 +17,7 @@ from ._store import is_record, record
 _ASK = "it must be as run_sweep left it, or read unverified with verify=False"
 
 
-class _Vouched(zarr.storage.WrapperStore):
+class _Vouched(WrapperStore):
     """Files of a zarr store out of a set of names; all others are as if they were not there."""
 
     def __init__(self, store: Any, names: frozenset[str] = frozenset()):
@@ -61,13 +61,14 @@ def open_dataset(path: str | os.PathLike, *, verify: bool = True) -> xr.Dataset:
     begin = f"path = {str(path)!r}"
     if not path.is_dir():
         raise ValueError(f"{begin}: it must be the directory of a sweep's store.")
+    manifest: Any = None
     try:
-        manifest, why = read_json(path / "manifest.json"), None
+        manifest = read_json(path / "manifest.json")
+        why = fault(manifest)
     except FileNotFoundError:
-        manifest, why = None, "has no manifest.json"
+        why = "has no manifest.json"
     except ValueError as error:
-        manifest, why = None, f"has an unreadable manifest.json ({error})"
-    why = why or fault(manifest)
+        why = f"has an unreadable manifest.json ({error})"
     if verify:
         if why is not None:
             raise ValueError(f"{begin} {why}: {_ASK}.")
@@ -128,7 +129,7 @@ def _verified(begin: str, path: pathlib.Path, manifest: Mapping[str, Any]) -> tu
 
 
 def _dataset(begin: str, path: pathlib.Path, state: str, verified: str, names: Any) -> xr.Dataset:
-    store: Any = zarr.storage.LocalStore(path / DATA, read_only=True)
+    store: Any = LocalStore(path / DATA, read_only=True)
     if names is not None:
         store = _Vouched(store, frozenset(name.removeprefix(f"{DATA}/") for name in names))
     try:
