@@ -1,7 +1,5 @@
 """Evaluation of one block of a sweep: side by side, or carried from point to point."""
 
-import functools
-import types
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -30,51 +28,38 @@ def output_names(tree: PyTree) -> dict[str, Any]:
     return names
 
 
-def lanes_of(function: Callable, executor: str, workers: int | None) -> map_lanes:
-    """`map_lanes` over dictionaries of arguments: the same object for a function that comes again.
+class prepared:
+    """A lane function of this package that is used more than once, with what was traced of it.
 
-    Again means the very function, holding the very things: a name in it that was bound anew counts.
+    For functions whose surroundings are known not to change in between. A caller's function is traced
+    at every call: it may read what was bound anew or altered since, and nothing would tell.
     """
-    return _cached_lanes(_Held(function), executor, workers)
-
-
-class _Held:
-    """A function and what it holds, equal if each is the same object."""
 
     def __init__(self, function: Callable):
         self.function = function
-        # References keep the objects alive, so that an id stands for one object only.
-        self.held = tuple(_holds(function))
-        self.ids = (id(function), *map(id, self.held))
+        self._lanes: dict = {}
 
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Held) and self.ids == other.ids
+    def __call__(self, **point: Any) -> PyTree:
+        return self.function(**point)
 
-    def __hash__(self) -> int:
-        return hash(self.ids)
-
-
-_NOTHING = object()
-
-
-def _holds(function: Any) -> list[Any]:
-    """Cells, defaults and globals of a function; nothing for other callables."""
-    if not isinstance(function, types.FunctionType):
-        return []
-    held = [function.__code__, function.__defaults__, *(function.__kwdefaults__ or {}).values()]
-    for cell in function.__closure__ or ():
-        try:
-            held.append(cell.cell_contents)
-        except ValueError:  # not bound yet
-            held.append(_NOTHING)
-    names = function.__globals__
-    return held + [names.get(name, _NOTHING) for name in function.__code__.co_names]
+    def lanes(self, executor: str, workers: int | None) -> map_lanes:
+        """`map_lanes` of the function, the same object each time."""
+        key = executor, workers
+        if key not in self._lanes:
+            self._lanes[key] = _side_by_side(self, executor, workers)
+        return self._lanes[key]
 
 
-@functools.lru_cache(maxsize=4)
-def _cached_lanes(held: _Held, executor, workers):
+def lanes_of(function: Callable, executor: str, workers: int | None) -> map_lanes:
+    """`map_lanes` over dictionaries of arguments."""
+    if isinstance(function, prepared):
+        return function.lanes(executor, workers)
+    return _side_by_side(function, executor, workers)
+
+
+def _side_by_side(function, executor, workers):
     def side_by_side(arguments):
-        return held.function(**arguments)
+        return function(**arguments)
 
     return map_lanes(side_by_side, executor=executor, workers=workers)
 

@@ -116,18 +116,32 @@ def test_programs_with_equal_errors_are_shared():
     assert not compiled_anew(checked())
 
 
-def test_a_name_that_is_bound_anew_counts():
-    """`jax.jit` would not look again; the same function is given twice."""
-    factor = 1.0
+@pytest.mark.parametrize("what", ["name", "dictionary", "array", "object"])
+def test_what_was_altered_since_counts(what, tmp_path):
+    """`jax.jit` would not look again, for the same function is given twice."""
+    factor, table, array = 1.0, {"factor": 1.0}, np.ones(3000)
 
-    def lane(k):
-        return factor * k
+    class Line:
+        slope = 1.0
 
-    first = run_sweep(lane, {"k": [1.0, 2.0]}, executor="portable")
-    factor = 5.0
-    np.testing.assert_array_equal(
-        run_sweep(lane, {"k": [1.0, 2.0]}, executor="portable").value, 5.0 * first.value
-    )
+        def __call__(self, k):
+            return self.slope * k
+
+    line = Line()
+    lanes = {
+        "name": lambda k: factor * k,
+        "dictionary": lambda k: table["factor"] * k,
+        "array": lambda k: jnp.mean(array * k),
+        "object": line,
+    }
+    options = {"grid": {"k": [1.0, 2.0]}, "executor": "portable"}
+    run_sweep(lanes[what], **options)
+    run_sweep(lanes[what], store=tmp_path / "s", **options)
+    factor = table["factor"] = line.slope = 5.0
+    array *= 5.0
+    np.testing.assert_allclose(run_sweep(lanes[what], **options).value, [5.0, 10.0])
+    with pytest.raises(SweepMismatchError, match="program is"):
+        run_sweep(lanes[what], store=tmp_path / "s", **options)
 
 
 def measured(value):
