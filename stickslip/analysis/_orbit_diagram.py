@@ -12,7 +12,7 @@ from jaxtyping import PyTree
 from .._validation import check_count, check_in, check_mapping, check_type
 from ..hybrid import AbstractHybridSystem
 from ..sweep import Variable, run_sweep
-from ..sweep._evaluate import lanes_of
+from ..sweep._evaluate import lanes_of, prepared
 from ..sweep._grid import block_shape, check_grid
 from ._arguments import an_integrator, named_observables, start_of
 from ._attractor import PERIOD_STATUS
@@ -175,6 +175,7 @@ def orbit_diagram(
     # Numbers enter as inputs, so that other times and steps do not make another program.
     numbers, static = _numbers(integrator, t0, transient, duration)
 
+    @prepared
     def lane(numbers, start=None, **point):
         end, results = run_lane(plan, static, numbers, y0 if start is None else start, point)
         return {**results, "end": end}

@@ -1,6 +1,5 @@
 """Sweeps over grids, block by block, that go on where they were interrupted."""
 
-import os
 import time
 from typing import Any
 
@@ -12,11 +11,14 @@ from jaxtyping import PyTree
 
 from .._validation import check_count, check_flag, check_in, check_mapping, check_type
 from ._evaluate import Evaluate, output_names
+from ._files import check_path
 from ._grid import CHUNK, Block, block_shape, blocks, check_grid
 from ._lanes import EXECUTORS
+from ._layout import Layout, Variable
 from ._manifest import FORMAT, as_json, code_revision, digest, versions
 from ._progress import Progress
-from ._store import Layout, Store, Variable, open_dataset
+from ._read import finished_dataset
+from ._store import Store
 
 
 def run_sweep(
@@ -56,23 +58,27 @@ def run_sweep(
     - `inputs`: further arguments that differ from lane to lane, pytrees of arrays whose leading axes
       are those of the grid.
     - `store`: directory of results, made if absent. A later call with the same arguments goes on where
-      this one stopped; a block whose file is truncated or altered is computed again. Another sweep in
-      it is refused. Without a store, results are kept in memory.
+      this one stopped; a block whose file is lost or altered is computed again, headers and coordinates
+      are written again. Another sweep in it is refused, and so is one whose function calls the host
+      (`jax.pure_callback` and its like): what that computes cannot be compared. `name`, `attrs` and
+      `variables` may differ; they are written into the store. Without a store, results are kept in
+      memory.
     - `variables`: labels of results and coordinates by name, see `Variable`.
     - `settings`: parameters, seeds and whatever else describes the sweep, for its manifest; they must
       match when it is resumed, as must the compiled program itself.
     - `attrs`: attributes of the dataset.
     - `chunk`: lanes per block (default 4096; 65,536 off the CPU). Memory grows with it, not with the
       number of lanes.
-    - `resume`: with `False` the sweep in the store is removed first.
+    - `resume`: with `False` the sweep in the store is removed first, and no other file in it.
     - `progress`: a line on stderr with rate and time left; by default where stderr is a terminal.
     - `executor`, `workers`: as for `map_lanes`.
 
     **Returns** an `xarray.Dataset` with the grid's dimensions first; from a store it is read when used.
 
     **Errors** `ValueError`/`TypeError` naming a wrong argument, before anything is compiled;
-    `SweepMismatchError` (a `ValueError`) if the store holds another sweep; `SweepWriteError` (an
-    `OSError`) if results cannot be written, e.g. on a full disk: finished blocks are kept.
+    `SweepMismatchError` (a `ValueError`) if the store holds another sweep or is of an older format;
+    `SweepWriteError` (an `OSError`) if results cannot be written, e.g. on a full disk: finished blocks
+    are kept. `KeyboardInterrupt` says how many, and the same call goes on.
     """
     coords = check_grid(grid)
     if not callable(function):
@@ -93,7 +99,7 @@ def run_sweep(
         if value is not None:
             check_count(key, value, 1)
     check_in("executor", executor, EXECUTORS)
-    _check_store(store)
+    path = None if store is None else check_path("store", store)
     inputs = _check_inputs(inputs, coords)
     shape = tuple(values.size for values in coords.values())
     if chunk is None:
@@ -108,8 +114,11 @@ def run_sweep(
         labels=variables,
         attrs={"title": name, **as_json(attrs)},
     )
+    program = evaluate.program()
     manifest = {
         "format": FORMAT,
+        # In this order: blocks of a square grid look alike in any.
+        "coordinates": list(coords),
         "grid": {
             key: {
                 "size": values.size,
@@ -122,30 +131,34 @@ def run_sweep(
         "block": list(sides),
         "carried": None
         if axis is None
-        else {"along": list(coords)[axis], "backward": backward, "start": as_json(carry)},
+        else {
+            "along": list(coords)[axis],
+            "backward": backward,
+            "start": as_json(carry),
+            "sha256": digest(*map(np.asarray, jax.tree.leaves(carry))),
+        },
         "inputs": {key: digest(*jax.tree.leaves(value)) for key, value in inputs.items()},
         "outputs": {
             key: {"shape": list(tail), "dtype": str(dtype), "dims": list(label.dims)}
             for key, (tail, dtype, label) in outputs.items()
         },
         "settings": as_json(settings),
-        "program": evaluate.program_digest(),
+        "program": program.digest,
+        "host_code": list(program.unknown),
         "computed_with": {
             "executor": evaluate.lanes.executor,
             "backend": jax.default_backend(),
             **{key: versions()[key] for key in ("jax", "jaxlib")},
         },
-        "information": {
-            "versions": versions(),
-            "code_revision": code_revision(),
-            "attrs": layout.attrs,
-        },
+        "attributes": layout.attributes(),
+        "information": {"versions": versions(), "code_revision": code_revision()},
     }
     pieces = blocks(shape, sides, axis if backward else None)
-    if store is None:
+    if path is None:
         return _in_memory(evaluate, layout, pieces, progress, name)
-    _on_disk(evaluate, Store(store, layout, manifest), pieces, resume, progress, name)
-    return open_dataset(store)
+    held = Store(path, layout, manifest)
+    _on_disk(evaluate, held, pieces, resume, progress, name)
+    return finished_dataset(path, held.manifest)
 
 
 def _on_disk(evaluate, store: Store, pieces: list[Block], resume, progress, name) -> None:
@@ -173,6 +186,11 @@ def _on_disk(evaluate, store: Store, pieces: list[Block], resume, progress, name
             for block in todo:
                 store.write(block, evaluate(block, store.read))
                 meter.advance(_lanes(block))
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(
+                f"interrupted: {store.finished()} of {len(pieces)} blocks are kept in store "
+                f"{str(store.path)!r}, and the same call goes on from there"
+            ) from None
         finally:
             meter.close()
         store.log(event="end", seconds=round(time.monotonic() - begin, 3), lanes=missing)
@@ -223,13 +241,6 @@ def _check_numbers(name: str, leaf: Any) -> None:
     except (TypeError, ValueError, OverflowError):
         pass
     raise TypeError(f"{name} = {leaf!r}: it must be a number or an array of numbers.")
-
-
-def _check_store(store: Any) -> None:
-    if store is not None and not isinstance(store, str | os.PathLike):
-        raise TypeError(f"store = {store!r}: it must be the path of a directory, or None.")
-    if store is not None and (not os.fspath(store) or "\0" in str(os.fspath(store))):
-        raise ValueError(f"store = {store!r}: it must be the path of a directory, or None.")
 
 
 def _carried_axis(coords, carry, along, backward) -> int | None:

@@ -45,7 +45,7 @@ LINE = Experiment(
 def only_line(monkeypatch):
     monkeypatch.setattr(_experiment, "load", lambda: {"test-line": LINE})
     monkeypatch.setattr(command, "DEMO", "test-line")
-    monkeypatch.setattr(command, "_keep_compiled", lambda out: None)
+    monkeypatch.setattr(command, "_keep_compiled", lambda: None)
 
 
 def test_files_of_a_run(tmp_path):
