@@ -48,7 +48,7 @@ def attempt(plan: Plan, theta, lane: Lane, t1, outputs) -> tuple[Lane, Outcome]:
         rule: Any = plan.step_size
         error = once(
             lambda e, n, s, ends: error_norm(e, scales(rule, plan.atols, n, s, ends)),
-            sg(errors), plan.noise, sg(lane.size), sg(Ends(t, h, lane.y, y1, lane.dy, dy1)),
+            sg(errors), plan.noise, sg(lane.size), sg(Ends(h, lane.y, y1, lane.dy, dy1)),
         )  # fmt: skip
     own = error
     kept = values = Values((), ())

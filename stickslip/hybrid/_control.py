@@ -31,8 +31,8 @@ _STATUS = {name: float(number) for name, number in CODE.items()}
 MAX_ZERO_LENGTH = 16  # events without time passing before the lane is called chattering
 # A step this much shorter than those before it, accepted only because its error is small now, holds a
 # jump of the field: what is smooth is resolved long before.
-SUDDEN = 1e-6
-FORGETS = 0.8  # part of the longest step that is remembered after one more
+SUDDEN = 1e-5
+FORGETS = 0.95  # part of the longest step that is remembered after one more
 
 
 def _target(plan: Plan, next_output, t1, outputs):
@@ -84,7 +84,7 @@ def control(
                 eqxi.unvmap_any(h_free == 0),
                 lambda y, dy, size, h_free: jnp.where(
                     h_free == 0,
-                    rule.initial(y, dy, scales(rule, plan.atols, plan.noise, size, Ends(t, h, y, y, dy, dy))),
+                    rule.initial(y, dy, scales(rule, plan.atols, plan.noise, size, Ends(h, y, y, dy, dy))),
                     h_free,
                 ),
                 lambda y, dy, size, h_free: h_free,

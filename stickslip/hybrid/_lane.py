@@ -15,7 +15,7 @@ from ._progress import ProgressMeter
 from ._status import CODE, RUNNING
 from ._step_size import AbstractStepSize
 from ._stepper import AbstractStepper
-from ._tolerance import sizes
+from ._tolerance import Noise, sizes
 
 # What became of an attempt. The decision is one number, computed once; everything else selects on it.
 # Codes, counters and marks are floating-point numbers: masks that come from and go to vectors of the
@@ -84,7 +84,7 @@ class Plan(eqx.Module):
     max_steps: int = eqx.field(static=True)
     has_outputs: bool = eqx.field(static=True)
     atols: tuple  # absolute tolerance of each leaf of the state; None: by the size of the motion
-    noise: PyTree  # size of the terms of the field, whose rounding no step can undercut
+    noise: Noise  # whose rounding no step can undercut
     resolution: Any  # steps below it are not cut for the sake of an event function [s]
     detect_dips: bool = eqx.field(static=True)
     progress: ProgressMeter | None = None

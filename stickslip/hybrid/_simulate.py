@@ -24,7 +24,7 @@ from ._status import CODE, to_result
 from ._step_size import AbstractStepSize, AdaptiveStep
 from ._stepper import as_stepper
 from ._system import AbstractHybridSystem
-from ._tolerance import cancelling, component_tolerances
+from ._tolerance import Noise, cancelling, component_tolerances
 from ._tree import select, shift
 
 
@@ -180,11 +180,11 @@ def _run(
     functions = event_functions(system, sections, t0, y0, y0, mode0, args)
     log_events = saveat.events and max_events is not None
     rule = bounded(integrator.step, system, sections, t0, t1 - t0, y0, mode0, args)
-    atols, noise = (None,) * len(jax.tree.leaves(y0)), y0
+    atols, terms = (None,) * len(jax.tree.leaves(y0)), y0
     if rule.adaptive:
         atols = component_tolerances(rule.atol, y0, system.units)
         rule = eqx.tree_at(lambda r: r.atol, rule, None, is_leaf=lambda a: a is None)
-        noise = cancelling(lambda t, y: system.vector_field(t, y, mode0, args), t0, y0)
+        terms = cancelling(lambda t, y: system.vector_field(t, y, mode0, args), t0, y0)
     plan = Plan(
         stepper=as_stepper(integrator.method),
         step_size=jax.tree.map(lambda a: sg(jnp.asarray(a, jnp.float64)), rule),
@@ -195,7 +195,7 @@ def _run(
         max_steps=integrator.max_steps,
         has_outputs=ts is not None,
         atols=atols,
-        noise=sg(noise),
+        noise=sg(Noise(jnp.maximum(jnp.abs(t0), jnp.abs(t1)), terms)),
         resolution=sg(RESOLUTION * (t1 - t0)),
         detect_dips=integrator.detect_dips,
         progress=integrator.progress,

@@ -89,10 +89,16 @@ def cancelling(field: Any, t: Any, y: PyTree) -> PyTree:
     return jax.lax.stop_gradient(jax.tree.map(jnp.abs, moved))
 
 
+class Noise(NamedTuple):
+    """What rounding is a part of."""
+
+    time: Any  # largest time of the run [s]
+    terms: PyTree  # terms that add up to the slope
+
+
 class Ends(NamedTuple):
     """A step between two states, and their slopes."""
 
-    t: Any
     h: Any
     y0: PyTree
     y1: PyTree
@@ -100,7 +106,7 @@ class Ends(NamedTuple):
     dy1: PyTree
 
 
-def scales(rule: Any, atols: tuple, noise: PyTree, size: PyTree, step: Ends) -> list:
+def scales(rule: Any, atols: tuple, noise: Noise, size: PyTree, step: Ends) -> list:
     """What an error of 1 means in each leaf: `atol + rtol max(|y0|, |y1|)`.
 
     Without an absolute tolerance, `rtol` times the largest magnitude so far, of the component itself
@@ -108,9 +114,8 @@ def scales(rule: Any, atols: tuple, noise: PyTree, size: PyTree, step: Ends) -> 
     does within the rounding of the time: a field that jumps where the state is still zero leaves an
     error of the size of the motion however short the step.
     """
-    t, h = jnp.abs(step.t), step.h
     leaves = [
-        jax.tree.leaves(tree) for tree in (size, step.y0, step.y1, noise, step.dy0, step.dy1)
+        jax.tree.leaves(tree) for tree in (size, step.y0, step.y1, noise.terms, step.dy0, step.dy1)
     ]
     most: Any = TINY
     if any(a is None for a in atols):
@@ -121,7 +126,7 @@ def scales(rule: Any, atols: tuple, noise: PyTree, size: PyTree, step: Ends) -> 
         here = jnp.maximum(jnp.abs(a), jnp.abs(b))
         if atol is None:
             here = jnp.maximum(jnp.maximum(s, here), SMALLEST * most)
-            unsure = n * h + (t + h) * jnp.maximum(jnp.abs(da), jnp.abs(db))
+            unsure = n * step.h + noise.time * jnp.maximum(jnp.abs(da), jnp.abs(db))
             found.append(rule.rtol * here + ROUNDING * unsure)
         else:
             found.append(atol + rule.rtol * here)
