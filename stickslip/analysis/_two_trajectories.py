@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, PyTree
 
+from .._compiled_once import compiled_once
 from .._validation import check_type, one_number
 from ..hybrid import AbstractHybridSystem, simulate
 from ._arguments import an_integrator, start_of
@@ -123,7 +124,8 @@ def two_trajectory_exponent(
     numbers = jnp.arange(segments + warm_up, dtype=jnp.float64)
     modes = jnp.stack([mode, mode_of(begin, other)])
     carry = (jnp.stack([flat, other]), modes, good, distance)
-    (_, _, good, _), (growth, apart) = jax.lax.scan(step, carry, numbers)
+    carry, (growth, apart) = compiled_once(lambda *a: jax.lax.scan(step, *a), carry, numbers)
+    good = carry[2]
     local = jnp.where(good, growth[warm_up:] / segment, jnp.nan)[:, None]
     mean, error = averaged(local, blocks)
     steps = jnp.arange(1.0, segments + 1)
