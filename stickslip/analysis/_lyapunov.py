@@ -3,13 +3,15 @@
 from collections.abc import Sequence
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
-from .._validation import check_positive, check_type, one_number
-from ..hybrid import RESULTS, AbstractHybridSystem, simulate
+from .._validation import check_positive, check_type, is_concrete, one_number
+from ..hybrid import RESULTS, AbstractHybridSystem, current_executor, simulate, use_executor
+from ..hybrid._tree import with_float_arrays
 from ._arguments import an_integrator, start_of
 from ._growth import (
     LyapunovSpectrum,
@@ -84,21 +86,37 @@ def lyapunov_spectrum(
     warm_up = segments // 10 if warm_up is None and isinstance(segments, int) else warm_up
     check_counts(segments, warm_up, blocks, count, int(moving.sum()))
 
+    if isinstance(transient, int | float):
+        transient = None if transient == 0 else jnp.asarray(transient, jnp.float64)
+    system = with_float_arrays(system)
+    numbers = y0, mode, t0, segment, transient, _flat_scales(scales, y0)
+    # Called plainly it is compiled as a whole, for all calls with arguments of one form.
+    program = _compiled if is_concrete((system, args, numbers)) else _spectrum
+    return program(
+        system, args, integrator, current_executor(), *numbers,
+        segments=segments, warm_up=warm_up, blocks=blocks, count=count, moving=tuple(moving.tolist()),
+    )  # fmt: skip
+
+
+def _spectrum(
+    system, args, integrator, execute, y0, mode, t0, segment, transient, scales,
+    *, segments, warm_up, blocks, count, moving,
+):  # fmt: skip
     def run(system, begin, end, y, mode):
-        return simulate(
-            system, begin, end, y, mode, args, integrator=integrator, max_events=None, throw=False
-        )
+        with use_executor(execute):
+            return simulate(
+                system, begin, end, y, mode, args, integrator=integrator, max_events=None, throw=False
+            )
 
     result, good = RESULTS.successful, jnp.ones((), bool)
     begin = t0
-    if not (isinstance(transient, int | float) and transient == 0):
+    if transient is not None:
         begin = t0 + transient
         solution = run(system, t0, begin, y0, mode)
         y0, mode = solution.y1, solution.mode1
         result, good = solution.result, solution.successful
     tangent = WithDeviations(system)
-    mask = jnp.asarray(moving, jnp.float64)[:, None]
-    unit = _flat_scales(scales, y0)[:, None]
+    mask, unit = jnp.asarray(moving, jnp.float64)[:, None], scales[:, None]
 
     def step(carry, frame):
         number, y, mode, flags, result, good, rests = carry
@@ -119,8 +137,8 @@ def lyapunov_spectrum(
         )
         return carry, images
 
-    size = int(moving.sum())
-    frame = jnp.zeros((moving.size, count)).at[np.flatnonzero(moving)].set(first_frame(size, count))
+    size = sum(moving)
+    frame = jnp.zeros((len(moving), count)).at[np.flatnonzero(moving)].set(first_frame(size, count))
     flags = jnp.zeros((), jnp.int32)
     carry = (jnp.zeros(()), y0, mode, flags, result, good, jnp.ones((), bool))
     carry, growth = accumulate(step, carry, frame, count=segments, warm_up=warm_up)
@@ -140,6 +158,9 @@ def lyapunov_spectrum(
         flags=flags,
         status=status,
     )
+
+
+_compiled = eqx.filter_jit(_spectrum)
 
 
 def _flat_scales(scales: PyTree, y0: PyTree) -> Float[Array, " size"]:

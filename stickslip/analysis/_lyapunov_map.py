@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import PyTree
 
+from .._compiled_once import compiled_once
 from .._validation import check_that
 from ..hybrid._tree import as_float64
 from ._growth import LyapunovSpectrum, accumulate, check_counts, first_frame, judged
@@ -58,9 +59,12 @@ def lyapunov_spectrum_of_map(
     def step(flat, frame):
         return flow(flat), jax.vmap(lambda c: jax.jvp(flow, (flat,), (c,))[1], 1, 1)(frame)
 
-    flat = jax.lax.fori_loop(0, transient, lambda _, flat: flow(flat), flat)
-    frame = first_frame(flat.size, count)
-    flat, local = accumulate(step, flat, frame, count=iterations, warm_up=warm_up)
+    def run(flat, transient):
+        flat = jax.lax.fori_loop(0, transient, lambda _, flat: flow(flat), flat)
+        frame = first_frame(flat.size, count)
+        return accumulate(step, flat, frame, count=iterations, warm_up=warm_up)
+
+    flat, local = compiled_once(run, flat, jnp.asarray(transient, jnp.int32))
     # A fixed point of a map is no stick: the exponents of the identity are zero.
     mean, error, status = judged(local, jnp.zeros((), bool), blocks)
     return LyapunovSpectrum(

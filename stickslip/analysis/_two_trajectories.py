@@ -9,6 +9,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
+from .._compiled_once import compiled_once
 from .._validation import check_type, one_number
 from ..hybrid import AbstractHybridSystem, simulate
 from ._arguments import an_integrator, start_of
@@ -144,7 +145,8 @@ def two_trajectory_exponent(
     numbers = jnp.arange(segments + warm_up, dtype=jnp.float64)
     modes = jnp.stack([mode, mode_of(begin, other)])
     carry = (jnp.stack([flat, other]), modes, good, distance, flat, flat)
-    (_, _, good, _, low, high), (growth, apart, merged) = jax.lax.scan(step, carry, numbers)
+    carry, (growth, apart, merged) = compiled_once(lambda *a: jax.lax.scan(step, *a), carry, numbers)
+    _, _, good, _, low, high = carry
     local = jnp.where(good, growth[warm_up:] / segment, jnp.nan)[:, None]
     mean, error = averaged(local, blocks)
     size = 0.5 * jnp.sqrt(jnp.sum((high - low) ** 2))

@@ -75,8 +75,23 @@ def start_of(
         raise ValueError(f"y0 = {y0!r}: it must be a state with at least one component.")
     if mode0 is not None:
         return y0, mode_index(system, mode0)
-    first = _of_state("initial_mode", system, y0, lambda: system.initial_mode(t0, y0, args))
+    first = _of_state("initial_mode", system, y0, lambda: _first_mode(system, t0, y0, args))
     return y0, jnp.asarray(first, jnp.int32)
+
+
+def _first_mode(system: AbstractHybridSystem, t0: Any, y0: PyTree, args: PyTree) -> Any:
+    """The system's own initial mode. Loops and branches in it are compiled once for all calls."""
+    if is_concrete((system, t0, y0, args)):
+        try:
+            return _compiled_first_mode(system, t0, y0, args)
+        except jax.errors.ConcretizationTypeError:
+            pass  # it asks in Python which number it has
+    return system.initial_mode(t0, y0, args)
+
+
+@eqx.filter_jit
+def _compiled_first_mode(system, t0, y0, args):
+    return jnp.asarray(system.initial_mode(t0, y0, args), jnp.int32)
 
 
 def check_field(system: AbstractHybridSystem, t0: Any, y0: PyTree, mode: Any, args: PyTree) -> None:

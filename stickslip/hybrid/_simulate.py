@@ -25,7 +25,7 @@ from ._step_size import AbstractStepSize, AdaptiveStep
 from ._stepper import as_stepper
 from ._system import AbstractHybridSystem
 from ._tolerance import Noise, cancelling, component_tolerances
-from ._tree import select, shift
+from ._tree import select, shift, with_float_arrays
 
 
 class SaveAt(eqx.Module):
@@ -140,7 +140,7 @@ def simulate(
     sections = sections_of(sections)
     if not isinstance(system, AbstractHybridSystem):
         raise TypeError(f"system={system!r} must be an AbstractHybridSystem")
-    system = jax.tree.map(lambda a: jnp.asarray(a, jnp.float64) if isinstance(a, float) else a, system)
+    system = with_float_arrays(system)
     t0, t1 = a_time("t0", t0), a_time("t1", t1)
     if is_concrete((t0, t1)) and bool(t1 < t0):
         raise ValueError(f"t1={float(t1)} is before t0={float(t0)}; allowed: t1 >= t0")

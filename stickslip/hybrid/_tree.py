@@ -85,3 +85,8 @@ def as_float64(name: str, tree: PyTree) -> PyTree:
         return array.astype(jnp.float64)
 
     return jax.tree_util.tree_map_with_path(convert, tree)
+
+
+def with_float_arrays(tree: PyTree) -> PyTree:
+    """`tree` with its Python floats as arrays: another number then is not another program."""
+    return jax.tree.map(lambda a: jnp.asarray(a, jnp.float64) if isinstance(a, float) else a, tree)

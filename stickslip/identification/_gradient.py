@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from ._evaluate import evaluation
+from ._evaluate import solved
 from ._fit import Fit
 from ._methods import descent
 from ._unknowns import Values, checked, to_logs
@@ -30,4 +30,4 @@ def gradient_descent(
     method = descent(optimiser=optimiser, steps=steps, tolerance=tolerance)
     start = checked("start", start)
     names = tuple(start)
-    return method.solve(evaluation(residual, names), names, to_logs(start))
+    return solved(method, residual, names, to_logs(start))

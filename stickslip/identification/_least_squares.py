@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from ._evaluate import evaluation
+from ._evaluate import solved
 from ._fit import Fit
 from ._methods import levenberg_marquardt
 from ._unknowns import Values, checked, to_logs
@@ -43,10 +43,11 @@ def least_squares(
       included.
 
     **Returns** a `Fit`. **Raises** `TypeError`, `ValueError` for a `start` that is not so and for what
-    is not positive. Works under `jit` and `vmap`; the estimate is not differentiated, because that
-    would take second derivatives of the motion.
+    is not positive. The residual is traced at every call, and compiled where its program is a new one.
+    Works under `jit` and `vmap`; the estimate is not differentiated, because that would take second
+    derivatives of the motion.
     """
     method = levenberg_marquardt(damping=damping, tolerance=tolerance, max_steps=max_steps)
     start = checked("start", start)
     names = tuple(start)
-    return method.solve(evaluation(residual, names), names, to_logs(start))
+    return solved(method, residual, names, to_logs(start))
