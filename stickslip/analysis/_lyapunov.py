@@ -11,6 +11,7 @@ from jaxtyping import Array, Float, PyTree
 
 from .._validation import check_positive, check_type, is_concrete, one_number
 from ..hybrid import RESULTS, AbstractHybridSystem, current_executor, simulate, use_executor
+from ..hybrid._bound import spanning
 from ..hybrid._tree import with_float_arrays
 from ._arguments import an_integrator, start_of
 from ._growth import (
@@ -102,6 +103,9 @@ def _spectrum(
     system, args, integrator, execute, y0, mode, t0, segment, transient, scales,
     *, segments, warm_up, blocks, count, moving,
 ):  # fmt: skip
+    whole = (0.0 if transient is None else transient) + segment * (segments + warm_up)
+    integrator = spanning(integrator, system, t0, whole, y0, mode, args)
+
     def run(system, begin, end, y, mode):
         with use_executor(execute):
             return simulate(

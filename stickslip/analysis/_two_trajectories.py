@@ -12,6 +12,7 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 from .._compiled_once import compiled_once
 from .._validation import check_type, one_number
 from ..hybrid import AbstractHybridSystem, simulate
+from ..hybrid._bound import spanning
 from ._arguments import an_integrator, start_of
 from ._growth import averaged, check_counts
 from ._lyapunov import moving_components
@@ -105,6 +106,9 @@ def two_trajectory_exponent(
     warm_up = 0 if warm_up is None else warm_up
     check_counts(segments, warm_up, blocks, 1, 1)
     flat, unravel = ravel_pytree(y0)
+
+    whole = transient + segment * (segments + warm_up)
+    integrator = spanning(integrator, system, t0, whole, y0, mode, args)
 
     def run(begin, end, flat, mode):
         solution = simulate(

@@ -44,9 +44,19 @@ def bounded(
     return eqx.tree_at(lambda r: r.dtmax, rule, bound, is_leaf=lambda a: a is None)
 
 
+def spanning(
+    integrator: Any, system: AbstractHybridSystem, t0: Any, span: Any, y0: PyTree, mode0: Any,
+    args: PyTree,
+) -> Any:  # fmt: skip
+    """The integrator for an analysis that runs piece by piece: its steps are bounded by the whole."""
+    step = bounded(integrator.step, system, (), t0, span, y0, mode0, args)
+    return eqx.tree_at(lambda i: i.step, integrator, step)
+
+
 def depends_on_time(
-    system: AbstractHybridSystem, sections: tuple[Section, ...], t: Any, y: PyTree, mode: Any, args: PyTree
-) -> bool:
+    system: AbstractHybridSystem, sections: tuple[Section, ...], t: Any, y: PyTree, mode: Any,
+    args: PyTree,
+) -> bool:  # fmt: skip
     """Whether the field, a guard or a section changes with the time while the state does not."""
 
     def motion(t, y):

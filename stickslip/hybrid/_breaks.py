@@ -9,6 +9,7 @@ from jaxtyping import Array, Float, PyTree
 from .._validation import as_parameter, check_finite, check_that, check_type, is_concrete
 from ._events import SLACK
 from ._system import AbstractHybridSystem, guard_directions, guard_scales
+from ._tree import select
 from ._wrapper import AbstractSystemWrapper
 
 NEVER = 1e300  # time of the break after the last [s]
@@ -131,7 +132,7 @@ class WithBreaks(AbstractSystemWrapper):
         inside = self._inside(t, y.piece)
         after = self.system.transition(inside, y.y, mode, jnp.minimum(guard, number - 1), args)
         past = self._settled(t, y.y, mode, args)
-        state, mode = jax.tree.map(lambda a, b: jnp.where(breaks, a, b), past, after)
+        state, mode = select(breaks, past, after)
         return Pieced(state, y.piece + jnp.where(breaks, 1.0, 0.0)), mode
 
     def _settled(self, t, y, mode, args):
@@ -145,10 +146,8 @@ class WithBreaks(AbstractSystemWrapper):
             lowest = jnp.argmin(falls).astype(jnp.int32)
             jumped = self.system.transition(t, y, mode, lowest, args)
             violated = (falls[lowest] < -SLACK) & (mode >= 0)
-            y, mode = jax.tree.map(
-                lambda a, b: jnp.where(violated, a, b), (jumped[0], jnp.asarray(jumped[1], jnp.int32)),
-                (y, mode),
-            )  # fmt: skip
+            after = jumped[0], jnp.asarray(jumped[1], jnp.int32)
+            y, mode = select(violated, after, (y, mode))
         return y, mode
 
     def initial_mode(self, t, y, args):

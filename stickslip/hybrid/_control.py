@@ -84,7 +84,9 @@ def control(
                 eqxi.unvmap_any(h_free == 0),
                 lambda y, dy, size, h_free: jnp.where(
                     h_free == 0,
-                    rule.initial(y, dy, scales(rule, plan.atols, plan.noise, size, Ends(h, y, y, dy, dy))),
+                    rule.initial(
+                        y, dy, scales(rule, plan.atols, plan.noise, size, Ends(h, y, y, dy, dy))
+                    ),
                     h_free,
                 ),
                 lambda y, dy, size, h_free: h_free,

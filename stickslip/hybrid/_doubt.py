@@ -28,7 +28,7 @@ NOISE = 1e-13  # mismatches below this part of the values are rounding
 
 
 class Inside(NamedTuple):
-    """Doubtful event functions at the interior points: per function a value at each; None if certain."""
+    """Event functions at the interior points: a value at each, or None for one without doubt."""
 
     values: tuple
 

@@ -80,7 +80,7 @@ def generic(size: PyTree) -> PyTree:
 
 
 def cancelling(field: Any, t: Any, y: PyTree) -> PyTree:
-    r"""Size of the terms that add up to the slope at the start, $|J y|$ with $J = \partial f/\partial y$.
+    r"""Size of the terms that add up to the slope at the start, $|J y|$, $J$ the slope of the field.
 
     At a rest the terms of a force cancel, and what is left of them is rounding: an error estimate
     below it means nothing.

@@ -86,9 +86,8 @@ def random_loads(number: int, seed: int) -> tuple[Load, np.ndarray]:
     rows, kinds = [], []
     for _ in range(number):
         kind = KINDS[rng.integers(len(KINDS))]
-        row = dict.fromkeys(Load._fields, 0.0) | {
-            name: none for name in Load._fields[:9]
-        } | {"omega": none + 1, "pulse_width": none + 1, "chirp_omega": 1.0, "ramp_lasts": 1.0}  # fmt: skip
+        row: dict[str, Any] = dict.fromkeys(Load._fields, 0.0) | dict.fromkeys(Load._fields[:9], none)
+        row |= dict(omega=none + 1, pulse_width=none + 1, chirp_omega=1.0, ramp_lasts=1.0)
         row["step_at"] = np.array([END + 1.0, END + 3.0])
         row["step_lasts"] = none + 1
         if kind in ("two tones", "tones and pulses", "all"):
