@@ -109,12 +109,23 @@ def test_unverified_is_read_as_it_is_and_says_so(tmp_path):
         open_dataset(tmp_path / "s", verify=False)
 
 
-def test_units_of_time_stay_numbers(tmp_path):
-    """xarray would make spans of time of them."""
-    options = {"variables": {"value": Variable(units="days")}, "executor": "portable"}
-    dataset = run_sweep(lambda k: 2.0 * k, {"k": [1.0, 2.0]}, store=tmp_path / "s", **options)
+@pytest.mark.parametrize(
+    "label",
+    [
+        Variable(units="days"),
+        Variable(units="days since 2000-01-01"),
+        Variable(attrs={"scale_factor": 3.0}),
+    ],
+    ids=["span", "date", "scale"],
+)
+def test_labels_leave_numbers_alone(label, tmp_path):
+    """By default xarray would make dates of them, or scale them."""
+    options = {"variables": {"value": label}, "executor": "portable", "store": tmp_path / "s"}
+    run_sweep(lambda k: 2.0 * k, {"k": [1.0, 2.0]}, **options)
+    dataset = open_dataset(tmp_path / "s")
     np.testing.assert_array_equal(dataset.value, [2.0, 4.0])
     assert dataset.value.dtype == np.float64
+    assert dataset.value.attrs == label.attributes()
 
 
 def test_format_1_is_refused_by_name(tmp_path):
