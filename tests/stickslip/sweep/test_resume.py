@@ -255,3 +255,16 @@ def test_the_command_line_says_so_too_and_ends_with_130(tmp_path):
     )
     assert not (tmp_path / "stores" / "compiled").exists()
     assert (tmp_path / "cache" / "compiled").is_dir()
+
+
+@pytest.mark.parametrize("resume", [True, False])
+@pytest.mark.parametrize("own", ["data.zarr/zarr.json", "finished/000001.json", "manifest.json"])
+def test_a_folder_that_only_looks_like_a_store_is_left_alone(own, resume, tmp_path):
+    path = tmp_path / "s" / own
+    path.parent.mkdir(parents=True, exist_ok=True)
+    (tmp_path / "s" / "lock").touch()
+    path.write_text('{"somebody": "else"}')
+    with pytest.raises(ValueError, match=r"^store = .* has .*manifest.json"):
+        sweep(tmp_path / "s", resume=resume)
+    assert path.read_text() == '{"somebody": "else"}'
+    assert {p.name for p in (tmp_path / "s").iterdir()} == {"lock", own.partition("/")[0]}
