@@ -109,12 +109,23 @@ def test_unverified_is_read_as_it_is_and_says_so(tmp_path):
         open_dataset(tmp_path / "s", verify=False)
 
 
-def test_units_of_time_stay_numbers(tmp_path):
-    """xarray would make spans of time of them."""
-    options = {"variables": {"value": Variable(units="days")}, "executor": "portable"}
-    dataset = run_sweep(lambda k: 2.0 * k, {"k": [1.0, 2.0]}, store=tmp_path / "s", **options)
+@pytest.mark.parametrize(
+    "label",
+    [
+        Variable(units="days"),
+        Variable(units="days since 2000-01-01"),
+        Variable(attrs={"scale_factor": 3.0}),
+    ],
+    ids=["span", "date", "scale"],
+)
+def test_labels_leave_numbers_alone(label, tmp_path):
+    """By default xarray would make dates of them, or scale them."""
+    options = {"variables": {"value": label}, "executor": "portable", "store": tmp_path / "s"}
+    run_sweep(lambda k: 2.0 * k, {"k": [1.0, 2.0]}, **options)
+    dataset = open_dataset(tmp_path / "s")
     np.testing.assert_array_equal(dataset.value, [2.0, 4.0])
     assert dataset.value.dtype == np.float64
+    assert dataset.value.attrs == label.attributes()
 
 
 def test_format_1_is_refused_by_name(tmp_path):
@@ -244,3 +255,16 @@ def test_the_command_line_says_so_too_and_ends_with_130(tmp_path):
     )
     assert not (tmp_path / "stores" / "compiled").exists()
     assert (tmp_path / "cache" / "compiled").is_dir()
+
+
+@pytest.mark.parametrize("resume", [True, False])
+@pytest.mark.parametrize("own", ["data.zarr/zarr.json", "finished/000001.json", "manifest.json"])
+def test_a_folder_that_only_looks_like_a_store_is_left_alone(own, resume, tmp_path):
+    path = tmp_path / "s" / own
+    path.parent.mkdir(parents=True, exist_ok=True)
+    (tmp_path / "s" / "lock").touch()
+    path.write_text('{"somebody": "else"}')
+    with pytest.raises(ValueError, match=r"^store = .* has .*manifest.json"):
+        sweep(tmp_path / "s", resume=resume)
+    assert path.read_text() == '{"somebody": "else"}'
+    assert {p.name for p in (tmp_path / "s").iterdir()} == {"lock", own.partition("/")[0]}
