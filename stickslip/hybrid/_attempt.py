@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 
 from . import _locate
-from ._control import books, control
+from ._control import books, control, sudden
 from ._doubt import doubt, first_below, look_inside
 from ._events import Values, divided
 from ._first import (
@@ -19,7 +19,7 @@ from ._first import (
     newton,
     nothing_happens,
 )
-from ._lane import PLAIN, SHRINK, Lane, Outcome, Plan, accepted, is_event, moved_on, without_state
+from ._lane import PLAIN, SHRINK, Lane, Outcome, Plan, is_event, moved_on, without_state
 from ._quiet import Step, advance_quietly
 from ._status import RUNNING
 from ._tolerance import Ends, error_norm, grown, scales
@@ -36,12 +36,12 @@ def attempt(plan: Plan, theta, lane: Lane, t1, outputs) -> tuple[Lane, Outcome]:
     functions, once = plan.functions, plan.execute.boundary
     sg = jax.lax.stop_gradient
     t, h = lane.t, sg(lane.h)
+    lane = lane._replace(size=once(grown, lane.size, sg(lane.y)))
 
     def field(t, y):
         return system.vector_field(t, y, lane.mode, args)
 
     y1, dy1, errors = plan.stepper.step(field, t, lane.y, lane.dy, h, plan.execute)
-    size = once(grown, sg(lane.size), sg(y1))
     adaptive = plan.step_size.adaptive
     error = lane.error
     if adaptive:
@@ -50,13 +50,16 @@ def attempt(plan: Plan, theta, lane: Lane, t1, outputs) -> tuple[Lane, Outcome]:
             lambda e, n, s, ends: error_norm(e, scales(rule, plan.atols, n, s, ends)),
             sg(errors), plan.noise, sg(lane.size), sg(Ends(h, lane.y, y1, lane.dy, dy1)),
         )  # fmt: skip
-    own = error
+        peak, flags = once(sudden, without_state(lane), error)
+        lane = lane._replace(peak=peak, flags=flags)
     kept = values = Values((), ())
     h_seen, jumps = jnp.zeros_like(h), jnp.zeros_like(h) > 0
     if functions.count:
         values = once(
-            lambda t, y, dy, size: functions.evaluate(system, t, y, dy, lane.mode, args, size),
-            t + h, y1, dy1, size,
+            lambda t, y, dy, size: functions.evaluate(
+                system, t, y, dy, lane.mode, args, grown(size, jax.lax.stop_gradient(y))
+            ),
+            t + h, y1, dy1, lane.size,
         )  # fmt: skip
         kept = values
         if functions.learned:
@@ -75,7 +78,7 @@ def attempt(plan: Plan, theta, lane: Lane, t1, outputs) -> tuple[Lane, Outcome]:
             )
             # Squared, because it falls with the fourth power of the step and the error with the eighth.
             error = jnp.maximum(error, doubts**2)
-    step = Step(h, y1, dy1, own, error, size, values, kept)
+    step = Step(h, y1, dy1, error, values, kept)
     end = sg((y1, dy1))
     if plan.interrupts:
         first = once(
@@ -117,7 +120,7 @@ def _eventful(
     system, args = theta
     functions, once = plan.functions, plan.execute.boundary
     sg = jax.lax.stop_gradient
-    t, (h, y1, dy1, own, error, size, values, kept) = lane.t, step
+    t, (h, y1, dy1, error, values, kept) = lane.t, step
     adaptive = plan.step_size.adaptive
     code = once(
         lambda lane, h, first, y1, dy1, e: decide(plan, lane, h, first, all_finite((y1, dy1)), e),
@@ -160,13 +163,13 @@ def _eventful(
     )  # fmt: skip
     accounts = once(
         lambda *a: books(plan, *a),
-        code, without_state(lane), h, own, sg(t_new), mode_new, mode_jump, sg(first), fired,
+        code, without_state(lane), h, sg(t_new), mode_new, mode_jump, sg(first), fired,
         following.output, following.h, sg(t1), sg(outputs),
     )  # fmt: skip
     new_values, new_rates, new_scales = once(keep_values, code, without_state(lane), sg(kept))
     new = Lane(
         t=t_new, y=y_new, dy=dy_new, mode=mode_new, values=new_values, rates=new_rates,
-        scales=new_scales, size=once(_larger, code, lane.size, size, sg(y_new)),
+        scales=new_scales, size=lane.size, peak=lane.peak,
         h=following.h, h_free=following.h_free, next_output=following.output, full=full,
         bracket=bracket,
         error=once(lambda c, e, old: jnp.where(c == PLAIN, e, old), code, error, lane.error)
@@ -189,9 +192,3 @@ def _rescaled(fresh, scales: tuple, values: Values) -> tuple[Values, Values]:
         return Values(divided(values.value, scales), divided(values.rate, scales), values.scale)
 
     return over(used), over(values.scale)
-
-
-def _larger(code, old, new, y):
-    """Largest magnitudes so far, the state after a transition included."""
-    grew = jax.tree.map(lambda a, b: jnp.maximum(a, jnp.abs(b)), new, y)
-    return select(accepted(code), grew, old)

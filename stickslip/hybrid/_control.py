@@ -125,8 +125,8 @@ def _landed(plan: Plan, code, next_output, t, t1, outputs):
 
 
 def books(
-    plan: Plan, code, lane: Lane, h, error, t, mode, mode_jump, first: First, fired, next_output,
-    h_next, t1, outputs,
+    plan: Plan, code, lane: Lane, h, t, mode, mode_jump, first: First, fired, next_output, h_next, t1,
+    outputs,
 ):  # fmt: skip
     """Counters, flags and the result code."""
     event, moved = is_event(code), moved_on(code)
@@ -137,8 +137,6 @@ def books(
     events = lane.events + one
     attempts = lane.attempts + jnp.where(code == HOLD, 0.0, 1.0)
     flags, sequence, zero_events = lane.flags, lane.sequence, lane.zero_events
-    peak, sudden = _sudden(plan, code, lane, h, error)
-    flags = flags | flag(sudden, DISCONTINUOUS)
     if plan.functions.num_guards:
         short = _short(h, t)
         zero_events = jnp.where(event & short, zero_events + 1.0, zero_events)
@@ -176,7 +174,6 @@ def books(
         accepted=lane.accepted + jnp.where((code >= PLAIN) & (code != REFRESH), 1.0, 0.0),
         crossings=crossings,
         flags=flags,
-        peak=peak,
         sequence=sequence,
         status=jnp.where(code == HOLD, lane.status, status),
     )
@@ -193,10 +190,9 @@ def _counted(plan: Plan, crossings, fired, status):
 
 
 def quiet_books(
-    plan: Plan, code, lane: Lane, h, error, t, values: Values, next_output, h_next, t1, outputs
+    plan: Plan, code, lane: Lane, h, t, values: Values, next_output, h_next, t1, outputs
 ):  # fmt: skip
     """`books` after an attempt without event: what can have changed."""
-    peak, sudden = _sudden(plan, code, lane, h, error)
     attempts = lane.attempts + jnp.where(code == HOLD, 0.0, 1.0)
     status = jnp.where(attempts >= plan.max_steps, _STATUS["max_steps_reached"], lane.status)
     fired = crossed_sections(plan.functions, code, lane, values)
@@ -211,28 +207,24 @@ def quiet_books(
         attempts=attempts,
         accepted=lane.accepted + jnp.where(code == PLAIN, 1.0, 0.0),
         crossings=crossings,
-        peak=peak,
         status=jnp.where(code == HOLD, lane.status, status),
     )
-    if plan.step_size.adaptive:
-        accounts["flags"] = lane.flags | flag(sudden, DISCONTINUOUS)
     if plan.functions.num_guards:
         accounts["zero_events"] = jnp.where(accepted(code) & ~_short(h, t), 0.0, lane.zero_events)
     return accounts
 
 
-def _sudden(plan: Plan, code, lane: Lane, h, error):
-    """Longest of the last steps, and whether this one had to become short all at once.
+def sudden(lane: Lane, error) -> tuple[Any, Any]:
+    """Longest of the last steps, and the flag of one that had to become short all at once.
 
     A field that jumps inside a step has an error in proportion to the length, whatever the order of
     the method: attempts collapse onto the jump until it no longer matters. The motion is right, but
     its derivative by the time of the jump is lost.
     """
-    if not plan.step_size.adaptive:
-        return lane.peak, jnp.zeros_like(code) > 0
-    plain = code == PLAIN
-    sudden = plain & (h < SUDDEN * lane.peak) & (error > 1e-3)
-    return jnp.where(plain, jnp.maximum(h, FORGETS * lane.peak), lane.peak), sudden
+    fits = (lane.status == RUNNING) & (lane.fresh == 1.0) & (lane.bracket.tries == 0) & (error <= 1.0)
+    jumps = fits & (lane.h < SUDDEN * lane.peak) & (lane.h > 0) & (error > 1e-3)
+    peak = jnp.where(fits, jnp.maximum(lane.h, FORGETS * lane.peak), lane.peak)
+    return peak, lane.flags | flag(jumps, DISCONTINUOUS)
 
 
 def _exhausted(plan: Plan, code, h_next, t, t1, status):

@@ -20,9 +20,7 @@ class Step(NamedTuple):
     h: Any
     y1: PyTree
     dy1: PyTree
-    own: Any  # scaled error of the state
-    error: Any  # that, or the doubt about an event function where it is larger
-    size: PyTree  # largest magnitudes so far, those at its end included
+    error: Any  # scaled error of the state, or the doubt about an event function where it is larger
     values: Values
     kept: Values  # the same by the magnitudes of the guards at the end
 
@@ -55,7 +53,6 @@ def advance_quietly(
         return select(accepted(code), new, old)
 
     t, y = once(advance, code, (lane.t, lane.y), (lane.t + h, step.y1))
-    size = once(advance, code, lane.size, step.size)
     new = (step.dy1, sg(step.kept))
     if adaptive and not judged:  # a rejected lane tries again from the same slope
         old = (lane.dy, Values(lane.values, lane.rates, lane.scales))
@@ -68,7 +65,7 @@ def advance_quietly(
     )  # fmt: skip
     accounts = once(
         lambda *a: quiet_books(plan, *a),
-        code, bare, h, step.own, sg(t), sg(step.values), following.output, following.h, sg(t1),
+        code, bare, h, sg(t), sg(step.values), following.output, following.h, sg(t1),
         sg(outputs),
     )  # fmt: skip
     if adaptive:
@@ -78,7 +75,7 @@ def advance_quietly(
     if plan.interrupts:
         accounts["full"] = h
     after = lane._replace(
-        t=t, y=y, dy=dy, values=values, rates=rates, scales=scales, size=size, h=following.h,
+        t=t, y=y, dy=dy, values=values, rates=rates, scales=scales, h=following.h,
         h_free=following.h_free, next_output=following.output, **accounts,
     )  # fmt: skip
     guard = jnp.zeros_like(lane.mode)

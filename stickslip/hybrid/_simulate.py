@@ -184,7 +184,8 @@ def _run(
     if rule.adaptive:
         atols = component_tolerances(rule.atol, y0, system.units)
         rule = eqx.tree_at(lambda r: r.atol, rule, None, is_leaf=lambda a: a is None)
-        terms = cancelling(lambda t, y: system.vector_field(t, y, mode0, args), t0, y0)
+        if any(atol is None for atol in atols):
+            terms = cancelling(lambda t, y: system.vector_field(t, y, mode0, args), t0, y0)
     plan = Plan(
         stepper=as_stepper(integrator.method),
         step_size=jax.tree.map(lambda a: sg(jnp.asarray(a, jnp.float64)), rule),
