@@ -11,12 +11,14 @@ import stickslip as ss
 from stickslip._compilation_cache import _shrink
 
 PROGRAM = """
+import os
 import jax.monitoring
 import jax.numpy as jnp
-jnp.ones(3) * 2.0  # JAX has compiled something before the cache is there
 import stickslip as ss
 from stickslip.systems import CoulombOscillator, Motion
 
+ss.enable_compilation_cache(os.environ["STICKSLIP_CACHE"] + "-other")
+jnp.ones(3) * 2.0  # JAX has opened a cache, and not the one that is wanted
 read = []
 jax.monitoring.register_event_listener(lambda event, **_: read.append(event))
 folder = ss.enable_compilation_cache()
