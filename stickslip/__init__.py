@@ -7,6 +7,7 @@ Importing the package switches JAX to 64-bit floating point, see `stickslip._pre
 from . import _precision as _precision
 
 # isort: split
+from ._compilation_cache import enable_compilation_cache as enable_compilation_cache
 from ._version import __version__ as __version__
 from .hybrid import RESULTS as RESULTS
 from .hybrid import AbstractHybridSystem as AbstractHybridSystem
