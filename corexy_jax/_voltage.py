@@ -191,22 +191,30 @@ class Sampled(AbstractTable):
 class UserVoltage(AbstractVoltage):
     """Voltages from a function `(t, args) -> (v1, v2)` [V], smooth in `t` [s].
 
-    **Arguments:** `function`; `args`, a pytree of its parameters, which may be differentiated.
-    **Raises** `TypeError` for what is no function.
+    **Arguments:** `function`; `args`, a pytree of its parameters, which may be differentiated;
+        checked = None if shortest is None else as_parameter(check_positive("shortest", shortest))
+        self.shortest = checked
+    the steps while the machine rests; not given, a pulse shorter than 1/2500 of the run can be missed.
+    **Raises** `TypeError` for what is not a function, `ValueError` for a time that is not positive.
     """
 
     function: Callable = eqx.field(static=True)
     args: PyTree
+    shortest: Any
 
     has_breaks: ClassVar[bool] = False
 
-    def __init__(self, function: Any, args: PyTree = None):
+    def __init__(self, function: Any, args: PyTree = None, shortest: Any = None):
         if not callable(function):
             raise TypeError(
                 f"function is a {type(function).__name__}: it must be a function (t, args)."
             )
         self.function = function
         self.args = args
+        self.shortest = None if shortest is None else as_parameter(check_positive("shortest", shortest))
+
+    def time_scale(self):
+        return self.shortest
 
     def volts(self, t, piece):
         v1, v2 = self.function(t, self.args)
