@@ -192,8 +192,7 @@ class UserVoltage(AbstractVoltage):
     """Voltages from a function `(t, args) -> (v1, v2)` [V], smooth in `t` [s].
 
     **Arguments:** `function`; `args`, a pytree of its parameters, which may be differentiated;
-        checked = None if shortest is None else as_parameter(check_positive("shortest", shortest))
-        self.shortest = checked
+    `shortest` [s], the shortest time in which the voltages change by their own size. It bounds
     the steps while the machine rests; not given, a pulse shorter than 1/2500 of the run can be missed.
     **Raises** `TypeError` for what is not a function, `ValueError` for a time that is not positive.
     """
@@ -211,7 +210,8 @@ class UserVoltage(AbstractVoltage):
             )
         self.function = function
         self.args = args
-        self.shortest = None if shortest is None else as_parameter(check_positive("shortest", shortest))
+        checked = None if shortest is None else as_parameter(check_positive("shortest", shortest))
+        self.shortest = checked
 
     def time_scale(self):
         return self.shortest
