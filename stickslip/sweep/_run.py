@@ -1,16 +1,27 @@
 """Sweeps over grids, block by block, that go on where they were interrupted."""
 
-import os
 import time
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 from jaxtyping import PyTree
 
-from .._validation import check_count, check_flag, check_in, check_mapping, check_type
+from .._validation import (
+    check_callable,
+    check_count,
+    check_flag,
+    check_in,
+    check_mapping,
+    check_path,
+    check_text,
+    check_type,
+    leaves_of,
+    misshaped,
+    numbers,
+    refusal,
+)
 from ._evaluate import Evaluate, output_names
 from ._grid import CHUNK, Block, block_shape, blocks, check_grid
 from ._lanes import EXECUTORS
@@ -75,8 +86,8 @@ def run_sweep(
     `OSError`) if results cannot be written, e.g. on a full disk: finished blocks are kept.
     """
     coords = check_grid(grid)
-    if not callable(function):
-        raise TypeError(f"function = {function!r}: it must be callable as f(**point).")
+    check_text("name", name)
+    check_type("progress", progress, bool | None, "True, False or None")
     variables, settings, inputs, attrs = (
         check_mapping(key, value)
         for key, value in (
@@ -95,6 +106,8 @@ def run_sweep(
     check_in("executor", executor, EXECUTORS)
     _check_store(store)
     inputs = _check_inputs(inputs, coords)
+    call = f"f({'' if carry is None else 'carry, '}{', '.join([*coords, *inputs])})"
+    check_callable("function", function, call, *[carry][: carry is not None], **coords, **inputs)
     shape = tuple(values.size for values in coords.values())
     if chunk is None:
         chunk = CHUNK if jax.default_backend() == "cpu" else 16 * CHUNK
@@ -210,39 +223,36 @@ def _lanes(block: Block) -> int:
 
 def _check_carry(carry: PyTree) -> PyTree:
     """Refuse leaves that the compiler would not take."""
-    for path, leaf in jax.tree_util.tree_leaves_with_path(carry):
-        _check_numbers("carry" + jax.tree_util.keystr(path), leaf)
+    found = leaves_of("carry", carry)
+    if carry is not None and not found:
+        raise refusal("carry", carry, "a pytree with at least one array, or None")
+    for name, leaf in found:
+        _check_numbers(name, leaf)
     return carry
 
 
 def _check_numbers(name: str, leaf: Any) -> None:
-    try:
-        if np.asarray(leaf).dtype.kind in "biufc":
-            jnp.asarray(leaf)
-            return
-    except (TypeError, ValueError, OverflowError):
-        pass
-    raise TypeError(f"{name} = {leaf!r}: it must be a number or an array of numbers.")
+    # Also booleans and complex numbers, which are nobody's parameters but may be handed on.
+    known = isinstance(leaf, bool | complex | np.generic | np.ndarray | jax.Array)
+    if not known or isinstance(leaf, np.ma.MaskedArray) or np.asarray(leaf).dtype.kind not in "bc":
+        numbers(name, leaf, "a number or an array of numbers")
 
 
 def _check_store(store: Any) -> None:
-    if store is not None and not isinstance(store, str | os.PathLike):
-        raise TypeError(f"store = {store!r}: it must be the path of a directory, or None.")
-    if store is not None and (not os.fspath(store) or "\0" in str(os.fspath(store))):
-        raise ValueError(f"store = {store!r}: it must be the path of a directory, or None.")
+    if store is not None:
+        check_path("store", store, "the path of a directory, or None")
 
 
 def _carried_axis(coords, carry, along, backward) -> int | None:
     if carry is None:
         if along is not None or backward:
-            raise ValueError(
-                f"along = {along!r}, backward = {backward!r}: they must stay unset without a carry."
-            )
+            name, value = ("along", along) if along is not None else ("backward", backward)
+            raise refusal(name, value, "unset without a carry")
         return None
     if along is None:
         return 0
     if not isinstance(along, str) or along not in coords:
-        raise ValueError(f"along = {along!r}: it must be one of {', '.join(map(repr, coords))}.")
+        raise refusal("along", along, f"one of {', '.join(map(repr, coords))}")
     return list(coords).index(along)
 
 
@@ -251,14 +261,11 @@ def _check_inputs(inputs, coords):
     checked = {}
     for key, tree in inputs.items():
         if key in coords:
-            raise ValueError(f"inputs has the name {key!r}, which is a coordinate: it must be another.")
-        for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
-            _check_numbers(f"inputs[{key!r}]" + jax.tree_util.keystr(path), leaf)
+            raise refusal(f"inputs[{key!r}]", tree, "named otherwise than a coordinate")
+        for where, leaf in leaves_of(f"inputs[{key!r}]", tree):
+            _check_numbers(where, leaf)
             if np.shape(leaf)[: len(shape)] != shape:
-                raise ValueError(
-                    f"inputs[{key!r}] has an array of shape {np.shape(leaf)}: its leading axes must be "
-                    f"those of the grid, {shape}."
-                )
+                raise misshaped(where, leaf, f"of the leading axes of the grid, {shape}")
         checked[key] = jax.tree.map(np.asarray, tree)
     return checked
 
@@ -269,18 +276,15 @@ def _labelled(shapes, coords, variables):
         label = variables.get(key, Variable())
         dims = label.dims or tuple(f"{key}_{i}" for i in range(len(struct.shape)))
         if len(dims) != len(struct.shape):
-            raise ValueError(
-                f"variables[{key!r}].dims = {dims}: it must name the {len(struct.shape)} axes of a "
-                f"result of shape {struct.shape}."
-            )
+            named = f"names of the {len(struct.shape)} axes of a result of shape {struct.shape}"
+            raise refusal(f"variables[{key!r}].dims", dims, named)
         if key in coords:
-            raise ValueError(f"function returned {key!r}, which is a coordinate: rename the result.")
+            raise refusal("function", key, "one whose results are not named like a coordinate")
         label = Variable(dims, label.units, label.long_name, label.attrs)
         outputs[key] = (tuple(struct.shape), np.dtype(struct.dtype), label)
     unknown = set(variables) - set(outputs) - set(coords)
     if unknown:
-        raise ValueError(
-            f"variables has {sorted(unknown)[0]!r}: it must label one of "
-            f"{', '.join(map(repr, [*coords, *outputs]))}."
-        )
+        key = sorted(unknown)[0]
+        known = ", ".join(map(repr, [*coords, *outputs]))
+        raise refusal(f"variables[{key!r}]", variables[key], f"a label of one of {known}")
     return outputs

@@ -26,6 +26,7 @@ import numpy as np
 import xarray as xr
 import zarr
 
+from .._validation import check_mapping, check_path, check_type, refusal
 from ._grid import Block
 from ._manifest import differences
 
@@ -53,12 +54,23 @@ class Variable:
     - `dims`: names of its axes after those of the grid, e.g. `("point",)`.
     - `units`, `long_name`: for axes of pictures and for readers of the file.
     - `attrs`: further attributes, e.g. `flag_values` and `flag_meanings` of a code.
+
+    Errors: `TypeError` for what is no name, text or mapping.
     """
 
     dims: tuple[str, ...] = ()
     units: str | None = None
     long_name: str | None = None
     attrs: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+
+    def __post_init__(self):
+        names = isinstance(self.dims, tuple) and all(isinstance(dim, str) for dim in self.dims)
+        if not names:
+            raise refusal("dims", self.dims, "a tuple of names of axes", TypeError)
+        check_type("units", self.units, str | None, "a text or None")
+        check_type("long_name", self.long_name, str | None, "a text or None")
+        check_type("attrs", self.attrs, Mapping, "a mapping from names")
+        check_mapping("attrs", self.attrs)
 
     def attributes(self) -> dict[str, Any]:
         """Attributes of the array in the dataset."""
@@ -260,7 +272,13 @@ def _checksum(path: pathlib.Path) -> str:
 
 
 def open_dataset(path: str | os.PathLike) -> xr.Dataset:
-    """The results in a store, read from disk when they are used."""
+    """The results in a store, read from disk when they are used.
+
+    Errors: `TypeError` for what is no path, `ValueError` where there is no store.
+    """
+    check_path("path", path, "the path of a directory")
+    if not (pathlib.Path(path) / "data.zarr").is_dir():
+        raise refusal("path", path, "the directory of a sweep, which holds data.zarr")
     return xr.open_zarr(
         pathlib.Path(path) / "data.zarr", chunks=None, consolidated=False, zarr_format=3
     )
