@@ -30,6 +30,7 @@ import reprlib
 from collections.abc import Callable, Collection, Mapping
 from typing import Any, TypeVar
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -47,6 +48,8 @@ DEEPEST = 64  # levels of lists in lists and the like
 
 def shown(value: Any) -> str:
     """`value` as messages show it: short, on one line, whatever its own `repr` does."""
+    if isinstance(value, eqx.Module):
+        return type(value).__name__
     try:
         return " ".join(_SHORT.repr(value).split())
     except Exception:  # e.g. an integer of too many digits

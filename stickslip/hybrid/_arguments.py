@@ -107,7 +107,7 @@ def check_field(
     form = jax.tree.structure(y0)
     if form != jax.tree.structure(slope):
         raise refusal(
-            "vector_field(t, y, mode, args)", jax.tree.structure(slope), f"{form}, as {name} is"
+            "vector_field(t, y, mode, args)", jax.tree.structure(slope), f"of the structure {form}, as {name} is"
         )
     for (where, a), b in zip(leaves_of(name, y0), jax.tree.leaves(slope), strict=True):
         if a.shape != b.shape or b.dtype != jnp.float64:
@@ -147,7 +147,8 @@ def mode_index(name: str, system: AbstractHybridSystem, mode: Any) -> Array:
     except (TypeError, ValueError) as error:
         words = ", ".join(map(repr, names))
         allowed = f"a mode of the system, an integer from 0 to {len(names) - 1} or one of {words}"
-        raise refusal(name, mode, allowed, type(error)) from None
+        kind = ValueError if isinstance(mode, str) else type(error)
+        raise refusal(name, mode, allowed, kind) from None
 
 
 def _of_state(

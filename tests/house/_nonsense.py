@@ -29,7 +29,6 @@ import corexy_jax
 import stickslip
 from corexy_jax import _outputs as machine_outputs
 from corexy_jax import _simulate as machine
-from stickslip import analysis, contact, friction, hybrid, identification, sweep, systems
 from stickslip.analysis import _volume
 from stickslip.contact import _dead_zone, _hold, _resolve, _zonotope
 from stickslip.friction import _contract
@@ -38,11 +37,9 @@ from stickslip.identification import _many_starts, _methods, _sensitivity
 from stickslip.sweep import _evaluate
 from tests.house import _nonsense_analyses, _nonsense_engine, _nonsense_laws, _nonsense_machine
 from tests.house._nonsense_kinds import allowed, kinds
+from tests.house._nonsense_public import arguments_of, public_callables
 from tests.house._nonsense_target import Reached, Target, reached
 
-PACKAGES = (
-    stickslip, friction, contact, systems, sweep, analysis, identification, hybrid, corexy_jax,
-)  # fmt: skip
 TARGETS: list[Target] = [
     *_nonsense_laws.TARGETS,
     *_nonsense_engine.TARGETS,
@@ -128,6 +125,21 @@ def outcome(target: Target, name: str, kind: str, value: Any) -> tuple[str, str]
     return ("refused" if result == "refused" else "right"), ""
 
 
+def missing() -> list[str]:
+    """Public callables without a template, and arguments that no template of theirs gives."""
+    given: dict[str, set[str]] = {}
+    for target in TARGETS:
+        given.setdefault(target.name, set()).update(target.arguments)
+    lost = []
+    for name, thing in public_callables().items():
+        # A method that a class inherits has the name of the class that defines it.
+        known = given.get(name, given.get(getattr(thing, "__qualname__", name)))
+        lost += [name] if known is None else [
+            f"{name}({argument})" for argument in sorted(arguments_of(name, thing) - known)
+        ]  # fmt: skip
+    return lost
+
+
 def chosen(target: Target, name: str, share: int) -> list[str]:
     """Names of the nonsense fed to an argument: other ones to each, the same each time."""
     first = zlib.crc32(f"{target.name} {name}".encode())
@@ -161,7 +173,12 @@ def main(share: int) -> dict[str, Any]:
                 counts[word] += 1
                 if text:
                     complaints.append([target.name, name, kind, word, text])
-    return {"counts": counts, "complaints": complaints, "cpu_s": time.process_time()}
+    return {
+        "counts": counts,
+        "complaints": complaints,
+        "missing": missing(),
+        "cpu_s": time.process_time(),
+    }
 
 
 if __name__ == "__main__":
