@@ -23,6 +23,7 @@ only at run time (tracers under `jit`, `vmap`, `grad`) pass unread: a constructo
 where they have no number yet. `as_parameter` then makes the float64 array that a module stores.
 """
 
+import contextlib
 import inspect
 import operator
 import os
@@ -50,6 +51,9 @@ def shown(value: Any) -> str:
     """`value` as messages show it: short, on one line, whatever its own `repr` does."""
     if isinstance(value, eqx.Module):
         return type(value).__name__
+    if isinstance(value, np.ndarray | jax.Array) and value.ndim == 0 and is_concrete(value):
+        with contextlib.suppress(TypeError):  # keys of random numbers
+            value = value.item()
     try:
         return " ".join(_SHORT.repr(value).split())
     except Exception:  # e.g. an integer of too many digits
@@ -332,9 +336,7 @@ def check_flag(name: str, value: T) -> T:
 def check_count(name: str, value: T, low: int, high: int = MOST) -> T:
     """An integer from `low` to `high`; sizes of arrays, which are never traced."""
     allowed = f"an integer of at least {low}"
-    if not isinstance(value, int) or isinstance(value, bool):
-        raise refusal(name, value, allowed, TypeError)
-    if value < low:
+    if not isinstance(value, int) or isinstance(value, bool) or value < low:
         raise refusal(name, value, allowed)
     if value > high:
         raise refusal(name, value, f"at most {high}")

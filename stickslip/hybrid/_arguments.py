@@ -107,7 +107,9 @@ def check_field(
     form = jax.tree.structure(y0)
     if form != jax.tree.structure(slope):
         raise refusal(
-            "vector_field(t, y, mode, args)", jax.tree.structure(slope), f"of the structure {form}, as {name} is"
+            "vector_field(t, y, mode, args)",
+            jax.tree.structure(slope),
+            f"of the structure {form}, as {name} is",
         )
     for (where, a), b in zip(leaves_of(name, y0), jax.tree.leaves(slope), strict=True):
         if a.shape != b.shape or b.dtype != jnp.float64:
@@ -137,18 +139,17 @@ def mode_index(name: str, system: AbstractHybridSystem, mode: Any) -> Array:
     """Mode number from a name or a number.
 
     Raises `ValueError` where `mode` is a name the system does not have or a concrete number outside
-    its range, `TypeError` where it is neither.
+    its range, or where it is neither.
     """
     names = system.mode_names
     if isinstance(mode, str) and mode in names:
         return jnp.asarray(names.index(mode), jnp.int32)
     try:
         return jnp.asarray(whole_number(name, mode, 0, len(names) - 1), jnp.int32)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError):
         words = ", ".join(map(repr, names))
         allowed = f"a mode of the system, an integer from 0 to {len(names) - 1} or one of {words}"
-        kind = ValueError if isinstance(mode, str) else type(error)
-        raise refusal(name, mode, allowed, kind) from None
+        raise refusal(name, mode, allowed) from None
 
 
 def _of_state(

@@ -265,7 +265,7 @@ def _check_inputs(inputs, coords):
         for where, leaf in leaves_of(f"inputs[{key!r}]", tree):
             _check_numbers(where, leaf)
             if np.shape(leaf)[: len(shape)] != shape:
-                raise misshaped(where, leaf, f"of the leading axes of the grid, {shape}")
+                raise misshaped(where, leaf, f"an array with the leading axes of the grid, {shape}")
         checked[key] = jax.tree.map(np.asarray, tree)
     return checked
 

@@ -20,13 +20,18 @@ COMMON = {
     "system": SYSTEM, "y0": arg(START), "mode0": MODE, "args": ARGS, "integrator": INTEGRATOR,
 }  # fmt: skip
 AVERAGE = {
-    "segment": DURATION, "segments": arg(40), "transient": TRANSIENT, "warm_up": arg(4, "none", "count"),
+    "segment": DURATION, "segments": arg(40), "transient": TRANSIENT,
+    "warm_up": arg(4, "none", "count"),
     "components": arg(("x",), "none"), "t0": arg(0.0, "finite"), "blocks": arg(4),
 }  # fmt: skip
 SPECTRUM = analysis.Spectrum(jnp.arange(9.0), jnp.array([0, 1, 5, 1, 0, 2, 0.5, 0.2, 0.1]), "hann")
 SECTION = ss.Section(lambda t, y, dy, m, a: dy.vx)
 GRID = arg({"k3": [80.0, 81.0]})
 BUILDER = arg(BLOCK)
+
+
+def _logistic(z):
+    return jax.tree.map(lambda x: 3.9 * x * (1.0 - x), z)
 
 
 def _swept(function):
@@ -58,7 +63,7 @@ TARGETS = [
     Target(
         analysis.lyapunov_spectrum_of_map,
         {
-            "function": arg(lambda z: jax.tree.map(lambda x: 3.9 * x * (1.0 - x), z)), "z0": arg(0.3, "states"),
+            "function": arg(_logistic), "z0": arg(0.3, "states"),
             "iterations": arg(40), "transient": arg(0, "count"), "warm_up": arg(4, "none", "count"),
             "exponents": arg(1, "none"), "blocks": arg(4),
         },

@@ -206,7 +206,9 @@ IDENTIFICATION = [
     ),
     Target(
         identification.sensitivities,
-        {"residual": RESIDUAL, "values": arg({"a": [1.0, 2.0]}), "each": arg(np.ones(2), "shared"), **LANES},
+        {
+            "residual": RESIDUAL, "values": arg({"a": [1.0, 2.0]}),
+            "each": arg(np.ones(2), "shared"), **LANES},
         lambda residual, values, each, **given: identification.sensitivities(
             residual, values, each, **given
         ),

@@ -30,7 +30,10 @@ def finite(**values):
 
 
 LAWS = [
-    Target(friction.Coulomb, {"mu_s": arg(0.4, *NOT_NEGATIVE), "mu_k": arg(0.3, "none", *NOT_NEGATIVE)}),
+    Target(
+        friction.Coulomb,
+        {"mu_s": arg(0.4, *NOT_NEGATIVE), "mu_k": arg(0.3, "none", *NOT_NEGATIVE)},
+    ),
     Target(
         friction.Stribeck,
         {**not_negative(mu_s=0.4, mu_k=0.3), **positive(v_s=0.01, exponent=2)},

@@ -33,11 +33,12 @@ MACHINE = {"parameters": arg(PARAMETERS), "voltage": arg(VOLTAGE)}
 RUN = {**MACHINE, "t1": arg(1.0, "positive", "float32"), "rows": arg(11), "y0": arg(None, "none")}
 FLOW = {"integrator": RK4, "throw": arg(True, "flag")}
 SMOOTH = {
-    "variant": arg("tanh", "whole"), **positive(width=1e-2), "stribeck_speed": arg(0.1, "none", *POSITIVE),
+    "variant": arg("tanh", "whole"), **positive(width=1e-2),
+    "stribeck_speed": arg(0.1, "none", *POSITIVE),
 }  # fmt: skip
 TABLE = {"times": arg([0.0, 1.0], "times"), "v1": arg([1.0, 2.0], "row"), "v2": arg([0.0, 0.0], "row")}
-NUMBERS = {"m": 0.5, "M": 1.0, "J": 1e-3, "J_passive": 5e-4, "r": 0.05, "R": 0.9, "K_t": 2.0, "P1": 20.0,
-           "P2": 20.0, "g": 9.81}  # fmt: skip
+NUMBERS = {"m": 0.5, "M": 1.0, "J": 1e-3, "J_passive": 5e-4, "r": 0.05, "R": 0.9, "K_t": 2.0,
+           "P1": 20.0, "P2": 20.0, "g": 9.81}  # fmt: skip
 COEFFICIENTS = {"K_e": 0.03, "mu_s": 0.4, "mu_k": 0.1, "mu_1s_b": 10.0, "mu_2s_b": 0.1, "mu_1k_b": 0.2,
                 "mu_2k_b": 0.2}  # fmt: skip
 SWITCHES = ("A1", "A2", "A3", "A4", "A6", "A8", "A9", "A12")

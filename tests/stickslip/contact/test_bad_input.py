@@ -63,15 +63,15 @@ def test_vector_dead_zone_refuses_the_same(name, value, message):
 
 
 def test_mistakes_of_the_other_functions():
-    with pytest.raises(ValueError, match=r"force has shape \(3,\): it must be \(2,\)"):
+    with pytest.raises(ValueError, match=r"force = .*, of shape \(3,\): it must be of shape \(2,\)"):
         vector_dead_zone(np.eye(3), np.ones(3), np.ones((2, 3)), np.ones(2))
     with pytest.raises(ValueError, match=r"limit = -1.0: it must be finite and not negative"):
         dead_zone(1.0, -1.0)
-    with pytest.raises(ValueError, match="held has shape"):
+    with pytest.raises(ValueError, match=r"held = .*, of shape"):
         hold(M, F, N, np.ones(2, bool))
-    with pytest.raises(ValueError, match=r"contact_acceleration has shape \(2,\)"):
+    with pytest.raises(ValueError, match=r"contact_acceleration = .*, of shape \(2,\)"):
         hold(M, F, N, np.ones(3, bool), np.ones(2))
-    with pytest.raises(ValueError, match=r"normals has shape \(3, 3\): it must be \(m, 2\)"):
+    with pytest.raises(ValueError, match=r"of shape \(3, 3\): it must be of shape \(m, 2\)"):
         zonotope_vertices(np.ones((3, 3)), R)
     for function in (dead_zone_gauge, in_dead_zone):
         with pytest.raises(ValueError, match="limits"):

@@ -56,7 +56,7 @@ def run(system=None, t0=0.0, t1=1.0, y0=Y0, mode0=None, **kwargs):
         (dict(y0=State(jnp.float32(1.0), 0.0)), ValueError, ["y0.x", "float32", "float64"]),
         (dict(mode0="sideways"), ValueError, ["mode0", "sideways", "above"]),
         (dict(mode0=7), ValueError, ["mode0", "7", "0 to 1"]),
-        (dict(mode0=0.5), TypeError, ["mode0", "0.5", "integer"]),
+        (dict(mode0=0.5), ValueError, ["mode0", "0.5", "integer"]),
         (dict(system=ThreeGuards()), ValueError, ["guards", "3 values", "2"]),
         (dict(system=VectorGuard()), ValueError, ["guards", "(2,)", "scalars"]),
         (dict(system=WrongSlope()), ValueError, ["vector_field", "structure", "y0"]),
