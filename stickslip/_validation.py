@@ -185,7 +185,7 @@ def check_nonnegative(name: str, value: T) -> T:
     return check_that(name, value, lambda x: np.isfinite(x) & (x >= 0), "finite and not negative")
 
 
-def check_between(name: str, value: T, low: float, high: float) -> T:
+def check_between(name: str, value: T, low: float | int, high: float | int) -> T:
     """In the closed interval from `low` to `high`; an infinite bound is no bound."""
     return check_that(
         name, value, lambda x: (x >= low) & (x <= high), f"between {low} and {high} inclusive"

@@ -186,7 +186,7 @@ class AbstractDryFrictionLaw(AbstractMemorylessLaw):
 
 
 def check_law(name: str, law: Any, kind: str = "") -> Any:
-    """A friction law; of a `kind`, `"set-valued"` or `"smooth"`, and without internal state if given."""
+    """A friction law; of a `kind`, `"set-valued"` or `"smooth"`, and without state if given."""
     check_type(name, law, AbstractFrictionLaw, "a friction law of stickslip.friction")
     if kind and (law.num_states > 0 or law.set_valued != (kind == "set-valued")):
         raise refusal(name, law, f"a {kind} law without internal state")

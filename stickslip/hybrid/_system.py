@@ -19,81 +19,80 @@ NO_MODE = -1  # what `transition` and `initial_mode` return where no mode is adm
 class AbstractHybridSystem(eqx.Module):
     r"""A few smooth vector fields, guards between them, jumps in the mode and the state.
 
-        In mode $m$ the state follows $\dot y = f_m(t, y)$ as long as no guard of that mode fires. A guard
-        is a scalar function $g_i(t, y, m)$; it fires when it crosses zero in its direction. Then
-        $(y, m) \mapsto$ `transition(t, y, m, i)` and the motion goes on in the new mode.
+    In mode $m$ the state follows $\dot y = f_m(t, y)$ as long as no guard of that mode fires. A guard
+    is a scalar function $g_i(t, y, m)$; it fires when it crosses zero in its direction. Then
+    $(y, m) \mapsto$ `transition(t, y, m, i)` and the motion goes on in the new mode.
 
-        Write a system as a subclass. Its parameters are its fields, so that `jax.vmap`, `jax.grad` and
-        `jax.jit` reach them; nothing else is needed for sweeps, gradients, Poincaré maps or
-        identification. A stick-slip oscillator (mass $m$ on a belt of speed $v_b$, spring $k$, friction
-        $F_s$ at rest and $F_k$ in motion):
+    Write a system as a subclass. Its parameters are its fields, so that `jax.vmap`, `jax.grad` and
+    `jax.jit` reach them; nothing else is needed for sweeps, gradients, Poincaré maps or
+    identification. A stick-slip oscillator (mass $m$ on a belt of speed $v_b$, spring $k$, friction
+    $F_s$ at rest and $F_k$ in motion):
 
-        ```python
-        from typing import ClassVar, NamedTuple
-        import jax.numpy as jnp
-    import numpy as np
-        import stickslip as ss
+    ```python
+    from typing import ClassVar, NamedTuple
+    import jax.numpy as jnp
+    import stickslip as ss
 
-        class State(NamedTuple):
-            x: float   # displacement [m]
-            v: float   # speed [m/s]
+    class State(NamedTuple):
+        x: float   # displacement [m]
+        v: float   # speed [m/s]
 
-        class Oscillator(ss.AbstractHybridSystem):
-            mass: float
-            stiffness: float
-            static_force: float
-            kinetic_force: float
-            belt_speed: float
+    class Oscillator(ss.AbstractHybridSystem):
+        mass: float
+        stiffness: float
+        static_force: float
+        kinetic_force: float
+        belt_speed: float
 
-            mode_names: ClassVar = ("stick", "slip")
-            guard_names: ClassVar = ("force reaches its static limit", "speed reaches the belt's")
-            units: ClassVar = {"x": "m", "v": "m/s"}
+        mode_names: ClassVar = ("stick", "slip")
+        guard_names: ClassVar = ("force reaches its static limit", "speed reaches the belt's")
+        units: ClassVar = {"x": "m", "v": "m/s"}
 
-            def vector_field(self, t, y, mode, args):
-                slip = (self.kinetic_force - self.stiffness * y.x) / self.mass
-                return State(x=y.v, v=jnp.where(mode == 0, 0.0, slip))
+        def vector_field(self, t, y, mode, args):
+            slip = (self.kinetic_force - self.stiffness * y.x) / self.mass
+            return State(x=y.v, v=jnp.where(mode == 0, 0.0, slip))
 
-            def guards(self, t, y, mode, args):            # positive inside the mode, 0 at its border
-                stick = mode == 0
-                return (
-                    jnp.where(stick, self.static_force - self.stiffness * y.x, 1.0),
-                    jnp.where(stick, 1.0, self.belt_speed - y.v),
-                )
+        def guards(self, t, y, mode, args):            # positive inside the mode, 0 at its border
+            stick = mode == 0
+            return (
+                jnp.where(stick, self.static_force - self.stiffness * y.x, 1.0),
+                jnp.where(stick, 1.0, self.belt_speed - y.v),
+            )
 
-            def transition(self, t, y, mode, guard, args):
-                return State(x=y.x, v=self.belt_speed), 1 - mode
+        def transition(self, t, y, mode, guard, args):
+            return State(x=y.x, v=self.belt_speed), 1 - mode
 
-            def initial_mode(self, t, y, args):
-                return jnp.where(y.v == self.belt_speed, 0, 1)
+        def initial_mode(self, t, y, args):
+            return jnp.where(y.v == self.belt_speed, 0, 1)
 
-        system = Oscillator(1.0, 1.0, 1.0, 0.5, 0.2)
-        solution = ss.simulate(system, 0.0, 50.0, State(x=0.0, v=0.2))
-        print(f"x(50) = {solution.y1.x:.10f} after {solution.num_events} events")
-        ```
+    system = Oscillator(1.0, 1.0, 1.0, 0.5, 0.2)
+    solution = ss.simulate(system, 0.0, 50.0, State(x=0.0, v=0.2))
+    print(f"x(50) = {solution.y1.x:.10f} after {solution.num_events} events")
+    ```
 
-        **Contract**
+    **Contract**
 
-        - `vector_field(t, y, mode, args) -> dy`: same structure as `y`. `mode` is an integer scalar,
-          traced: choose with `jnp.where`, or list one function per mode and call
-          `switch(mode, functions, ...)`. Each branch must be smooth through its own border (use the
-          sign that belongs to the mode, not `sign(v)`).
-        - `guards(t, y, mode, args) -> tuple of scalars`, one per entry of `guard_names`. With the
-          default direction `"falling"`, positive means inside the mode; a guard that does not belong to
-          `mode` returns a positive constant. `guard_directions` may say `"rising"` or `"both"`.
-          `guard_scales` are magnitudes at which a guard value
-          counts as large (default 1 each; a property may compute them from the parameters); a guard is
-          taken as violated below `-1e-12` of its scale.
-        - `transition(t, y, mode, guard, args) -> (y, mode)`: called at the located zero of guard number
-          `guard`. It must return a mode that is admissible right afterwards; `-1` where there is none
-          (the lane then ends with `RESULTS.no_admissible_mode`).
-        - `initial_mode(t, y, args) -> mode`: admissible mode of a state; `-1` where there is none.
-        - `mode_names`, `guard_names`, `units` (component name to SI unit) are class attributes.
+    - `vector_field(t, y, mode, args) -> dy`: same structure as `y`. `mode` is an integer scalar,
+      traced: choose with `jnp.where`, or list one function per mode and call
+      `switch(mode, functions, ...)`. Each branch must be smooth through its own border (use the
+      sign that belongs to the mode, not `sign(v)`).
+    - `guards(t, y, mode, args) -> tuple of scalars`, one per entry of `guard_names`. With the
+      default direction `"falling"`, positive means inside the mode; a guard that does not belong to
+      `mode` returns a positive constant. `guard_directions` may say `"rising"` or `"both"`.
+      `guard_scales` are magnitudes at which a guard value
+      counts as large (default 1 each; a property may compute them from the parameters); a guard is
+      taken as violated below `-1e-12` of its scale.
+    - `transition(t, y, mode, guard, args) -> (y, mode)`: called at the located zero of guard number
+      `guard`. It must return a mode that is admissible right afterwards; `-1` where there is none
+      (the lane then ends with `RESULTS.no_admissible_mode`).
+    - `initial_mode(t, y, args) -> mode`: admissible mode of a state; `-1` where there is none.
+    - `mode_names`, `guard_names`, `units` (component name to SI unit) are class attributes.
 
-        A system without events derives from `AbstractSmoothSystem`, one around another system from
-        `AbstractSystemWrapper`.
+    A system without events derives from `AbstractSmoothSystem`, one around another system from
+    `AbstractSystemWrapper`.
 
-        The state is a pytree of scalars: a `NamedTuple` or `equinox.Module` with named fields, so that
-        `vmap` gives a structure of arrays and labelled output has names.
+    The state is a pytree of scalars: a `NamedTuple` or `equinox.Module` with named fields, so that
+    `vmap` gives a structure of arrays and labelled output has names.
     """
 
     mode_names: eqx.AbstractClassVar[tuple[str, ...]]

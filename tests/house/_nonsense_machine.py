@@ -117,7 +117,8 @@ TARGETS = [
     Target(
         cx.misfit,
         {
-            "values": arg({"mu_s": 0.3}, "mapping"), "data": arg(DATA), **MACHINE, "times": arg(TIMES, "times"),
+            "values": arg({"mu_s": 0.3}, "mapping"), "data": arg(DATA), **MACHINE,
+            "times": arg(TIMES, "times"),
             "noise": arg(cx.NOISE), "integrator": RK4,
         },
     ),

@@ -88,9 +88,9 @@ def test_bad_input():
     with pytest.raises(ValueError, match=r"observables = \(\): it must be a name.*at least one"):
         time_history(OSCILLATOR, y0, t, ())
     for wrong in ([1.0], [1.0, 0.0], np.zeros((2, 2))):
-        with pytest.raises(ValueError, match="t = .*, of shape"):
+        with pytest.raises(ValueError, match=r"^t(\[1\])? = "):
             time_history(OSCILLATOR, y0, wrong, "x")
-        with pytest.raises(ValueError, match="t = .*, of shape"):
+        with pytest.raises(ValueError, match=r"^t(\[1\])? = "):
             energy_ledger(OSCILLATOR, y0, wrong)
     with pytest.raises(TypeError, match=r"sections\['a'\] = 'x': it must be a Section"):
         time_history(OSCILLATOR, y0, t, "x", sections={"a": "x"})

@@ -355,7 +355,7 @@ def test_wrong_arguments_of_the_others():
     grid = {"damping": [0.1]}
     for system, y0, message in (
         ("oscillator", START, "system = 'oscillator'"),
-        (impacting(), START, "grid\['wrong'\]"),
+        (impacting(), START, r"grid\['wrong'\]"),
     ):
         with pytest.raises((ValueError, TypeError), match=message):
             lyapunov_diagram(
