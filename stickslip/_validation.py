@@ -52,7 +52,7 @@ def shown(value: Any) -> str:
     if isinstance(value, eqx.Module):
         return type(value).__name__
     if isinstance(value, np.ndarray | jax.Array) and value.ndim == 0 and is_concrete(value):
-        with contextlib.suppress(TypeError):  # keys of random numbers
+        with contextlib.suppress(Exception):  # keys of random numbers have no item
             value = value.item()
     try:
         return " ".join(_SHORT.repr(value).split())
