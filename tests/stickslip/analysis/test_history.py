@@ -94,5 +94,5 @@ def test_bad_input():
             energy_ledger(OSCILLATOR, y0, wrong)
     with pytest.raises(TypeError, match=r"sections\['a'\] = 'x': it must be a Section"):
         time_history(OSCILLATOR, y0, t, "x", sections={"a": "x"})
-    with pytest.raises(TypeError, match="must have a method `energy`"):
+    with pytest.raises(TypeError, match="must be a system with a method `energy`"):
         energy_ledger(lorenz(), Point(0.0, 0.0, jnp.asarray(0.0)), t)
