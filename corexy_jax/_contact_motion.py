@@ -97,10 +97,13 @@ def contact_motion(
 class Onset(NamedTuple):
     """The line along which the resting contacts are next to give way.
 
-    - `reserve`: friction left along it [N]; below zero the contacts cannot hold.
+    - `share`: part of the friction along it that is used up; beyond 1 the contacts cannot hold. -1
+      where no contact rests. Unlike the reserve it does not jump where another line comes first.
+    - `reserve`: friction left along it [N].
     - `number` of the line in `LINES`, `sense` (1 or -1) in which it would be travelled.
     """
 
+    share: Any
     reserve: Any
     number: Any
     sense: Any
@@ -134,9 +137,8 @@ def onset(limits: tuple[Any, ...], rest: tuple[Any, ...], reaction: Line) -> Ons
         ]
         loads.append(sum(terms[1:], terms[0]))
     tiny = 1e-200
-    worst = Onset(jnp.full_like(reaction.x, FREE), jnp.zeros_like(rest[0], jnp.int32), reaction.x)
-    used, reserve = jnp.full_like(reaction.x, -1.0), worst.reserve
-    number, load = worst.number, reaction.x
+    used, reserve = jnp.full_like(reaction.x, -1.0), jnp.full_like(reaction.x, FREE)
+    number, load = jnp.zeros_like(rest[0], jnp.int32), reaction.x
     for i in range(len(LINES)):
         share = where(resists[i], jnp.abs(loads[i]) / (resistances[i] + tiny), -1.0)
         more = share > used
@@ -144,7 +146,7 @@ def onset(limits: tuple[Any, ...], rest: tuple[Any, ...], reaction: Line) -> Ons
         reserve = where(more, resistances[i] - jnp.abs(loads[i]), reserve)
         number = where(more, jnp.int32(i), number)
         load = where(more, loads[i], load)
-    return Onset(reserve, number, where(load > 0.0, -1.0, 1.0))
+    return Onset(used, reserve, number, where(load > 0.0, -1.0, 1.0))
 
 
 def onset_signs(signs: tuple[Any, ...], giving_way: Onset) -> tuple[Any, ...]:

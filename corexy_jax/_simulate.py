@@ -116,6 +116,7 @@ def simulate_consistent(
     return _from_engine(system, y0, solution)
 
 
+@eqx.filter_jit
 def _from_engine(system: CoreXY, y0: CoreXYState, solution: ss.Solution) -> CoreXYSolution:
     log, outputs = solution.events, solution.outputs
     assert log is not None

@@ -83,9 +83,9 @@ class CoreXY(AbstractMechanicalSystem):
 
     - State `CoreXYState`. Modes: the 369 ways in which the contacts can rest and slide together, named
       like `"RS 0+++++0-"`: dynamic model, then the sense of every contact.
-    - Guards: the sliding speed of every contact, in its sense [m/s]; the friction left to the resting
-      contacts along the line on which they would give way [N]; the time to the end of the piece of
-      the input [s].
+    - Guards: the sliding speed of every contact, in its sense [m/s]; the part of the friction left to
+      the resting contacts along the line on which they would give way; the time to the end of the
+      piece of the input [s].
     - A contact that stops is at rest and stays so if the law of all contacts lets it (erratum A12);
       what starts is under kinetic friction at once, which may start others at the same instant.
     - Two contacts that always slide together are one guard, so that they do not count as coincident.
@@ -113,9 +113,8 @@ class CoreXY(AbstractMechanicalSystem):
 
     @property
     def guard_scales(self):  # pyright: ignore[reportIncompatibleVariableOverride]
-        """1 m/s, all static friction together [N], 1 s."""
-        limits = static_limits(self.parameters)
-        return (1.0,) * NUM_CONTACTS + (sum(limits[1:], limits[0]), 1.0)
+        """1 m/s, all friction of a line, 1 s."""
+        return (1.0,) * (NUM_CONTACTS + 2)
 
     def state(
         self,
@@ -176,6 +175,10 @@ class CoreXY(AbstractMechanicalSystem):
         drive = self.line_drive(t, y)
         return mode_number(resolve_signs(line_masses(p), drive, *limits, signs, started))
 
+    def time_scale(self, args):
+        """That of the voltage."""
+        return self.voltage.time_scale()
+
     def vector_field(self, t, y, mode, args):
         p = self.parameters
         a = self.motion(t, y, mode_signs(mode)).acceleration
@@ -207,11 +210,11 @@ class CoreXY(AbstractMechanicalSystem):
             for s, covered, speed in zip(signs, alone, sliding_speeds(self.velocities(y)), strict=True)
         )
         reaction = self.motion(t, y, signs).reaction
-        reserve = onset(static_limits(self.parameters), tuple(rest), reaction).reserve
+        share = onset(static_limits(self.parameters), tuple(rest), reaction).share
         left = jnp.ones_like(t)
         if self.voltage.has_breaks:
             left = self.voltage.piece_end(y.piece) - t
-        return (*speeds, reserve, left)
+        return (*speeds, 1.0 - jnp.minimum(share, 1e6), left)
 
     def transition(self, t, y, mode, guard, args):
         p, signs = self.parameters, mode_signs(mode)

@@ -44,6 +44,14 @@ class AbstractVoltage(eqx.Module):
     def piece_end(self, piece: Any) -> Any:
         """Time [s] at which the piece ends."""
 
+    def time_scale(self) -> Any:
+        """Shortest time [s] in which the voltages change by their own size within a piece.
+
+        It bounds the steps while the machine rests; `None` if it is not known. By default they are
+        taken as constant or linear between their breaks.
+        """
+        return jnp.inf if self.has_breaks else None
+
     def __call__(self, t: Any) -> tuple[Any, Any]:
         """Voltages [V] at time `t` [s]."""
         t = jnp.asarray(t, jnp.float64)
@@ -71,6 +79,9 @@ class Harmonic(AbstractVoltage):
     def volts(self, t, piece):
         angle = 2 * jnp.pi * self.frequency * t
         return self.v01 * sin(angle), self.v02 * cos(angle)
+
+    def time_scale(self):
+        return 1.0 / (2 * jnp.pi * self.frequency)
 
     def piece_of(self, t):
         return jnp.zeros_like(t)

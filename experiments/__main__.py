@@ -70,7 +70,7 @@ def main(arguments: list[str] | None = None) -> int:
     except ValueError as error:
         print(error, file=sys.stderr)
         return 2
-    _keep_compiled(out)
+    _keep_compiled()
     failed = []
     for name in names:
         if not _run_one(name, experiments, options, out):
@@ -118,22 +118,29 @@ def _run_one(name: str, experiments, options, out: pathlib.Path) -> bool:
     return True
 
 
-def _keep_compiled(out: pathlib.Path) -> None:
-    """Keep compiled programs, so that a second call starts at once."""
+def _keep_compiled() -> None:
+    """Keep compiled programs, so that a second call starts at once.
+
+    In the user's cache: they are run as they are, and a folder of results may come from anybody.
+    """
     import jax
+
+    from stickslip.sweep._cache import cache_directory
 
     if os.environ.get("JAX_COMPILATION_CACHE_DIR"):
         return
     with contextlib.suppress(OSError):
-        folder = out / "stores" / "compiled"
-        folder.mkdir(parents=True, exist_ok=True)
-        jax.config.update("jax_compilation_cache_dir", str(folder.resolve()))
+        folder = cache_directory() / "compiled"
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        jax.config.update("jax_compilation_cache_dir", str(folder))
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
 
 
 if __name__ == "__main__":
     try:
         sys.exit(main())
-    except KeyboardInterrupt:
-        print("\ninterrupted; the same command goes on from here", file=sys.stderr)
+    except KeyboardInterrupt as interrupt:
+        # A sweep says what it keeps.
+        print(f"\n{interrupt}" if str(interrupt) else "\ninterrupted", file=sys.stderr)
+        print("the same command goes on from here", file=sys.stderr)
         sys.exit(130)

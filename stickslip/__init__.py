@@ -7,6 +7,7 @@ Importing the package switches JAX to 64-bit floating point, see `stickslip._pre
 from . import _precision as _precision
 
 # isort: split
+from ._compilation_cache import enable_compilation_cache as enable_compilation_cache
 from ._version import __version__ as __version__
 from .hybrid import RESULTS as RESULTS
 from .hybrid import AbstractHybridSystem as AbstractHybridSystem
@@ -19,6 +20,7 @@ from .hybrid import ProgressMeter as ProgressMeter
 from .hybrid import SaveAt as SaveAt
 from .hybrid import Section as Section
 from .hybrid import Solution as Solution
+from .hybrid import WithBreaks as WithBreaks
 from .hybrid import interpolate as interpolate
 from .hybrid import saltation_matrix as saltation_matrix
 from .hybrid import same_mode_sequence as same_mode_sequence

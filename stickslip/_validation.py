@@ -26,7 +26,6 @@ where they have no number yet. `as_parameter` then makes the float64 array that 
 import contextlib
 import inspect
 import operator
-import os
 import reprlib
 from collections.abc import Callable, Collection, Mapping
 from typing import Any, TypeVar
@@ -318,16 +317,6 @@ def check_text(name: str, value: T, allowed: str = "a text") -> T:
     return value
 
 
-def check_path(name: str, value: T, allowed: str) -> T:
-    """The path of a file or directory, a text or `os.PathLike`, not empty."""
-    if not isinstance(value, str | os.PathLike):
-        raise refusal(name, value, allowed, TypeError)
-    text = os.fspath(value)
-    if not text or not isinstance(text, str) or "\0" in text:
-        raise refusal(name, value, allowed)
-    return value
-
-
 def check_flag(name: str, value: T) -> T:
     """True or False, not a number or an array that counts as one of them."""
     return check_type(name, value, bool, "True or False")
@@ -393,6 +382,11 @@ def as_float64(name: str, tree: Any) -> Any:
 
 
 def _float64(name: str, leaf: Any) -> Array:
+    return jnp.asarray(check_float64(name, leaf), jnp.float64)
+
+
+def check_float64(name: str, leaf: Any) -> Any:
+    """One leaf of what `as_float64` takes: the traced array, or the array of NumPy that it is."""
     if isinstance(leaf, Tracer):
         array: Any = leaf
         real = jnp.issubdtype(array.dtype, jnp.floating) or jnp.issubdtype(array.dtype, jnp.integer)
@@ -408,7 +402,7 @@ def _float64(name: str, leaf: Any) -> Array:
             name, leaf, "of float64 (convert it with jnp.asarray(..., dtype=jnp.float64) if the lost "
             "digits do not matter)", but=f"of dtype {array.dtype}",
         )  # fmt: skip
-    return jnp.asarray(array, jnp.float64)
+    return array
 
 
 def as_parameter(value: Any) -> Float[Array, "..."]:

@@ -20,7 +20,7 @@ from .._experiment import Context, Experiment, Statement
 from ._coordinates import FIRST, NAMES, START, draw_sets, physical, system_and_start
 from ._diagram import points
 from ._draw import draw_diagrams
-from ._judge import judge_diagrams
+from ._judge import judge_diagrams, judge_positive
 from ._model import store_options
 from ._score import (
     FOUND,
@@ -111,8 +111,6 @@ def judge(dataset: xr.Dataset) -> list[Statement]:
         return f"{float(row.sum()):.2f} ({each})"
 
     part = dataset.isel(variant=0)
-    values, error = np.asarray(part.exponent), np.asarray(part.error)
-    positive = values > 2 * error
     return [
         Statement(
             "C search",
@@ -122,13 +120,7 @@ def judge(dataset: xr.Dataset) -> list[Statement]:
             f"{dataset.attrs['tried']} sets tried",
         ),
         *judge_diagrams(dataset),
-        Statement(
-            f"C9a ({FOUND})",
-            "Maximum Lyapunov exponent: positive at every v.",
-            bool(positive.all()),
-            f"greatest of y and the beam {np.nanmin(values):+.1e} to {np.nanmax(values):+.1e}, above "
-            f"twice its error at {positive.mean():.0%} of the speeds",
-        ),
+        judge_positive(FOUND, np.asarray(part.exponent), np.asarray(part.error)),
     ]
 
 

@@ -11,6 +11,7 @@ from stickslip.sweep import Variable, run_sweep
 
 WARM_UP = 20  # segments left out: the distance must first turn into the direction that grows
 APART = 1e-7  # distance the two trajectories are set to: far above rounding, far below the attractor
+FAR = 1e-2  # a tenth of the size of the motion: beyond, a distance is not small
 
 
 def largest_exponents(
@@ -19,7 +20,8 @@ def largest_exponents(
     """Largest exponent over a grid: mean growth rate of a small distance, reset every `segment` s.
 
     Returns `exponent` [1/s] and `spread`, the standard deviation of the means over four quarters of
-    the time, a measure of how far it has converged. A lane that fails gives NaN.
+    the time, a measure of how far it has converged. Both are NaN where a motion ends early, where the
+    two trajectories merge to rounding, and where they part within a segment by `FAR`.
     """
 
     def lane(**point):
@@ -29,27 +31,29 @@ def largest_exponents(
             end = ss.simulate(
                 system, 0.0, duration, y, mode, integrator=integrator, max_events=None, throw=False
             )
-            return end.y1, end.mode1
+            return end.y1, end.mode1, end.successful
 
         start = jax.tree.map(lambda a: jnp.asarray(a, jnp.float64), y0)
         mode = jnp.asarray(system.initial_mode(0.0, start, None), jnp.int32)
-        y, mode = run(start, mode, transient)
+        y, mode, good = run(start, mode, transient)
         other = y._replace(x=y.x + APART)
 
         def step(carry, _):
             # One simulation for both, batched, is compiled once.
-            (pair, modes) = carry
-            pair, modes = jax.vmap(lambda y, m: run(y, m, segment))(pair, modes)
+            pair, modes, good = carry
+            pair, modes, well = jax.vmap(lambda y, m: run(y, m, segment))(pair, modes)
             gap = jax.tree.map(lambda a: a[1] - a[0], pair)
             distance = jnp.sqrt(sum(jnp.sum(g * g) for g in jax.tree.leaves(gap)))
             scale = APART / jnp.maximum(distance, 1e-300)
             pair = jax.tree.map(lambda a, g: jnp.stack([a[0], a[0] + scale * g]), pair, gap)
-            return (pair, modes), jnp.log(distance / APART)
+            size = jnp.sqrt(sum(a[0] * a[0] for a in jax.tree.leaves(pair)))
+            tells = (distance > 64 * 2.0**-52 * size) & (distance < FAR)
+            return (pair, modes, good & jnp.all(well) & tells), jnp.log(distance / APART)
 
         pair = jax.tree.map(lambda a, b: jnp.stack([a, b]), y, other)
-        growth = jax.lax.scan(step, (pair, jnp.stack([mode, mode])), None, length=segments + WARM_UP)[
-            1
-        ][WARM_UP:]
+        carry = (pair, jnp.stack([mode, mode]), good)
+        (_, _, good), growth = jax.lax.scan(step, carry, None, length=segments + WARM_UP)
+        growth = jnp.where(good, growth[WARM_UP:], jnp.nan)
         quarters = growth[: 4 * (segments // 4)].reshape(4, -1).mean(axis=1) / segment
         return {"exponent": growth.mean() / segment, "spread": jnp.std(quarters)}
 

@@ -7,7 +7,8 @@ import jax
 import jax.numpy as jnp
 
 import stickslip as ss
-from stickslip.analysis._attractor import period_of
+from stickslip.analysis._attractor import CANNOT_TELL, period_of
+from stickslip.analysis._orbit_lane import LOOKS
 
 from ._sets import simplified
 
@@ -28,7 +29,7 @@ def look(
     """Mapped function of (parameters, k3, pull): period, exponent, whether it lifted off, or failed.
 
     The exponent [1/s] is the mean growth of a tangent over `segments` seconds after five more; NaN
-    with `segments = 0`.
+    with `segments = 0`. The period is -1 where it cannot be told.
     """
     step: Any = ss.AdaptiveStep
     integrator = ss.Integrator("tsit5", step(tolerance, 0.1 * tolerance), max_steps=2_000_000)
@@ -40,13 +41,16 @@ def look(
         # one that does not, see `map_lanes`.
         run: Any = ss.simulate(
             system, 0.0, transient + duration, start, sections=MAXIMA,
-            max_crossings=ROOM, **options,
+            max_crossings=ROOM, saveat=ss.SaveAt(ts=transient + duration * LOOKS), **options,
         )  # fmt: skip
-        rows = run.crossings[0]
+        rows, looks = run.crossings[0], run.outputs
+        seen = jnp.stack([looks.y.x, looks.y.y], axis=1)
+        seen = jnp.where(jnp.isfinite(seen), seen, seen[:1])
         early = jnp.sum(rows.t < transient, dtype=rows.count.dtype)
         count = rows.count - early
         points = jnp.roll(jnp.stack([rows.y.x, rows.y.y], axis=1), -early, axis=0)
-        period, _ = period_of(points, count, tolerance=5e-3, max_period=16)
+        span = jnp.stack([seen.min(axis=0), seen.max(axis=0)])
+        period = period_of(points, count, span, tolerance=5e-3, max_period=16).period
         normal = jax.vmap(lambda t, y: system.normal_force(t, y))(rows.t, rows.y)
         lifted = jnp.any((rows.t >= transient) & (normal < 0.0))
         ok = run.successful & (count >= 8)
@@ -67,6 +71,7 @@ def look(
             exponent = growth[5:].mean()
         else:
             exponent = jnp.full((), jnp.nan)
+        period = jnp.where(ok, period, CANNOT_TELL)
         return {"period": period, "exponent": exponent, "lifted": lifted, "ok": ok}
 
     return ss.map_lanes(lane, executor=executor)

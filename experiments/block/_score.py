@@ -13,7 +13,8 @@ ITEMS = ("B1", "B2", "B3", "B4", "B5", "B6", "cascade")
 class Regimes(NamedTuple):
     """What a model does along rising k3, and at `SPECIAL`.
 
-    `period`: maxima of x after which the motion repeats, 0 if it does not; `chaotic`: whether it is
+    `period`: maxima of x after which the motion repeats, 0 if it does not, -1 if that cannot be told;
+    `chaotic`: whether it is
     chaos, judged by the exponent or, in the first look, by the missing period.
     """
 
@@ -38,7 +39,7 @@ def doubling(model: Regimes) -> float | None:
     # A lane without a period that is not chaos has not settled: it tells nothing.
     told = (model.period > 0) | model.chaotic
     period, wild, k3 = model.period[told], model.chaotic[told], model.k3[told]
-    if period.size < 3 or period[0] == 0 or period[0] != period[:3].min():
+    if period.size < 3 or period[0] <= 0 or period[0] != period[:3].min():
         return None
     more = (period >= 2 * period[0]) | wild
     settled = np.flatnonzero(more[:-1] & more[1:])
@@ -52,12 +53,12 @@ def cascade(model: Regimes) -> float:
     if another period comes in between. Lanes without a period that are not chaos are passed over.
     """
     first, ratio, doublings = model.period[0], 1, 0
-    if first == 0:
+    if first <= 0:
         return 0.0
     for period, is_chaotic in zip(model.period, model.chaotic, strict=True):
         if is_chaotic:
             return (min(doublings, 2) + 1) / 3 if doublings else 0.0
-        if period in (0, ratio * first):
+        if period <= 0 or period == ratio * first:
             continue
         if period == 2 * ratio * first:
             ratio, doublings = 2 * ratio, doublings + 1

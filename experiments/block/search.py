@@ -55,7 +55,7 @@ class Looker:
         return jax.tree.map(lambda a: np.asarray(a).reshape(shape), out)
 
     def first(self, sets: np.ndarray) -> np.ndarray:
-        """Rank of each set by the simplified model; chaos is what has no period."""
+        """Rank of each set by the simplified model; chaos is what is told to have no period."""
         out = self._run(self.quick, sets, self.coarse, np.zeros(len(sets)))
         found = np.zeros(len(sets))
         for i in range(len(sets)):
@@ -186,7 +186,7 @@ def draw(dataset: xr.Dataset) -> Figure:
         axes[1, j].axhline(0.0, color="0.6", linewidth=0.6)
         axes[1, j].axvline(SPECIAL, color="0.6", linewidth=0.6, linestyle=":")
         axes[1, j].set_xlabel("stiffness $k_3$ [N/m]")
-    axes[0, 0].set_ylabel("period [maxima of x], 0: none")
+    axes[0, 0].set_ylabel("period [maxima of x], 0: none, -1: not told")
     axes[1, 0].set_ylabel("exponent [1/s]")
     axes[0, 0].legend()
     caption(figure, dataset)

@@ -2,17 +2,19 @@
 
 import numpy as np
 
-from ._view import STEP, View
+from ._view import STEP, Untold, View
 
 PERIOD = 2.0
 
 
 def s01(d: View):
+    d.resolves(0.02)
     t = d.first(d.slips[:, 0])
     return t >= 0.02, f"first slip of motor 1 at {t:.4g} s"
 
 
 def s02(d: View):
+    d.resolves(1e-3)
     t, share = d.first(d.slips[:, 1]), d.share(d.slips[:, 1], d.between(0, 0.05))
     return t <= 1e-3 and share >= 0.9, f"from {t:.4g} s, {share:.0%} of the first 50 ms"
 
@@ -41,6 +43,8 @@ def s05(d: View):
 
 def s06(d: View):
     begin = d.first(d.moving)
+    if not np.isfinite(begin):
+        return False, "it never moves"
     rows = d.between(begin, begin + 0.02) & d.slips[:, 1]
     power = float(np.mean((d.belt[:, 1] * d.turn[:, 1])[rows])) if rows.any() else 0.0
     return power > 1e-12, f"mean power of motor 2 on its belt {power:.3g} W"
@@ -57,7 +61,10 @@ def s07(d: View):
     if rest is None:
         return False, "it never halts for 1 ms"
     i = rest[0]
-    ratio = abs(d.v[i, 0]) / np.max(np.abs(d.v[: i + 1, 0]))
+    peak = np.max(np.abs(d.v[: i + 1, 0]))
+    if peak == 0:
+        raise Untold("the voltage of motor 1 is zero until then")
+    ratio = abs(d.v[i, 0]) / peak
     good = d.t[i] - begin < PERIOD and ratio < 0.7
     return good, f"halts at {d.t[i]:.4g} s with |v1| at {ratio:.0%} of its peak"
 
@@ -107,12 +114,15 @@ def s12(d: View):
 
 
 def s13(d: View):
+    d.reaches(PERIOD)
     seen = []
     for begin in np.arange(0.0, d.t[-1], PERIOD):
+        if begin + 0.95 * PERIOD > d.t[-1]:
+            break
         near = d.between(begin - 0.05 * PERIOD, begin + 0.05 * PERIOD)
         later = d.between(begin + 0.05 * PERIOD, begin + 0.95 * PERIOD)
         seen.append(bool(d.inside[near, 0].any() and (~d.inside[later, 0]).any()))
-    return all(seen), f"in {sum(seen)} of {len(seen)} waves"
+    return bool(seen) and all(seen), f"in {sum(seen)} of {len(seen)} waves"
 
 
 def s14(d: View):

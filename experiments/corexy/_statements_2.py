@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from ._view import View
+from ._view import Untold, View
 
 
 def s01(d: View):
+    d.resolves(0.02)
     t = d.first(d.dmn == 4)
     return t <= 0.02, f"both slip from {t:.4g} s"
 
@@ -17,6 +18,8 @@ def s02(d: View):
 
 def s03(d: View):
     speed = float(np.abs(d.vx).max())
+    if not d.dead_x.all():
+        raise Untold("the bound of the dead zone along x is zero at times")
     use = float(np.max(np.abs(d.tau_x) / d.dead_x))
     return speed == 0 and use < 1, f"torque up to {use:.0%} of the bound, |vx| up to {speed:.3g} m/s"
 
@@ -29,6 +32,7 @@ def s04(d: View):
 def s05(d: View):
     moving = np.abs(d.vy) > 1e-12
     runs, share = d.runs(moving), d.share(moving)
+    d.reaches(0.1)
     late = any(d.t[a] > 0.1 for a, _ in runs)
     good = len(runs) >= 2 and late and 1e-4 <= share <= 0.5
     return good, f"{len(runs)} intervals of motion, {share:.2%} of the time"
@@ -40,6 +44,7 @@ def s06(d: View):
 
 
 def s07(d: View):
+    d.reaches(1.0)
     top = float(np.abs(d.ay).max())
     if top <= 1e-9:
         return False, "no acceleration along y"
@@ -74,7 +79,7 @@ def s11(d: View):
     uses = []
     for i in (0, 1):
         for a, b in d.long_runs(np.abs(d.omega[:, i]) <= 1e-12):
-            if b < d.t.size:
+            if b < d.t.size and d.static[a, i] > 0:
                 uses.append(float(np.abs(d.torque[b - 1 : b + 1, i]).max() / d.static[a, i]))
     if not uses:
         return False, "the motors never rest"
@@ -82,7 +87,7 @@ def s11(d: View):
 
 
 def s12(d: View):
-    late = d.t > 0.02
+    late = d.after(0.02)
     counts = [int(np.sum(d.inside[late, i])) for i in (0, 1)]
     return min(counts) > 0, f"inside in {counts[0]} and {counts[1]} rows of {int(late.sum())}"
 
@@ -104,7 +109,8 @@ def s15(d: View):
 
 
 def s16(d: View):
-    runs = d.runs((d.dmn != 4) & (d.t > 0.02))
+    d.resolves(0.05)
+    runs = d.runs((d.dmn != 4) & d.after(0.02))
     longest = max(((b - a) * d.dt for a, b in runs), default=0.0)
     return 0 < longest <= 0.05, f"{len(runs)} episodes, the longest {1e3 * longest:.3g} ms"
 

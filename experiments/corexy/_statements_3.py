@@ -26,22 +26,23 @@ def s03(d: View):
 
 
 def s04(d: View):
-    share = d.share(d.dmn == 4, d.t > 2.6)
+    share = d.share(d.dmn == 4, d.after(2.6))
     return share >= 0.99, f"SS {share:.0%} after 2.6 s"
 
 
 def s05(d: View):
-    late = d.greatest(np.hypot(d.vx, d.vy), d.t > 3)
+    late = d.greatest(np.hypot(d.vx, d.vy), d.after(3))
     return late <= 1e-12 and bool(d.moving.any()), f"speed up to {late:.3g} m/s after 3 s"
 
 
 def s06(d: View):
+    d.reaches(2.7)
     last = float(d.t[np.flatnonzero(d.moving)[-1]]) if d.moving.any() else 0.0
     return 1.9 <= last <= 2.7, f"last motion at {last:.4g} s"
 
 
 def s07(d: View):
-    still = (d.t > 2.7) & ~d.moving
+    still = d.after(2.7) & ~d.moving
     count = int(np.sum(still & (np.hypot(d.ax, d.ay) > 1e-9)))
     return count > 0 and d.share(still, d.t > 2.7) == 1, f"{count} such rows"
 
@@ -51,32 +52,36 @@ def _range(d: View, rows) -> float:
 
 
 def s08(d: View):
+    d.reaches(2)
     size = _range(d, d.t <= 2)
     return size > 0.01, f"{size:.4g} m in the first 2 s"
 
 
 def s09(d: View):
+    d.reaches(2)
     share = d.share(np.all(~d.inside, axis=1), d.t <= 2)
     return share >= 0.9, f"{share:.0%} of the first 2 s"
 
 
 def s10(d: View):
+    d.reaches(2)
     share = d.share(np.all(~d.slips, axis=1), d.t < 2)
     return share >= 0.9, f"{share:.0%} of the first 2 s"
 
 
 def s11(d: View):
-    late, early = d.greatest(d.belt, d.t > 2.6), d.greatest(d.belt, d.t < 1.9)
+    late, early = d.greatest(d.belt, d.after(2.6)), d.greatest(d.belt, d.t < 1.9)
     return late < 0.25 * early, f"{late:.4g} N m against {early:.4g} N m"
 
 
 def s12(d: View):
-    slips = bool(np.any(d.slips[d.t > 2.6]))
-    late, early = _range(d, d.t > 3), _range(d, d.t < 2)
+    slips = bool(np.any(d.slips[d.after(2.6)]))
+    late, early = _range(d, d.after(3)), _range(d, d.t < 2)
     return slips and late < 1e-3 and early > 1e-3, f"{late:.3g} m after 3 s"
 
 
 def s13(d: View):
+    d.resolves(5e-3)
     begins = np.flatnonzero(np.any(d.slips, axis=1))
     jumps = _jumps(d)
     jumps = jumps[jumps > 0.1]
@@ -88,12 +93,14 @@ def s13(d: View):
 
 
 def s14(d: View):
+    d.reaches(2.7)
     rr, ss = d.share(d.dmn == 1), d.share(d.dmn == 4)
     mixed = d.share(np.isin(d.dmn, (2, 3)))
     return rr >= 0.1 and ss >= 0.1 and mixed < 0.05, f"RR {rr:.0%}, SS {ss:.0%}, SR and RS {mixed:.0%}"
 
 
 def s15(d: View):
+    d.reaches(2)
     levels = max(np.unique(np.round(d.v[:, i], 9)).size for i in (0, 1))
     jumps = int(np.sum(_jumps(d) > 0))
     return levels <= 3 and jumps > 0, f"{levels} levels, {jumps} jumps after the start"

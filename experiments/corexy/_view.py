@@ -6,6 +6,17 @@ import xarray as xr
 STEP = 1e-4  # the paper's time step [s]: "per step" in the statements
 
 
+# What the statements read of a run.
+READ = (
+    "x", "y", "vx", "vy", "ax", "ay", "dmn", "tau_x", "dead_x", "omega", "omega_v", "tau_motor",
+    "tau_belt", "dead_motor", "v", "v_high", "v_low", "kinetic_belt",
+)  # fmt: skip
+
+
+class Untold(Exception):
+    """Raised where a run does not say whether a statement holds; the message says why."""
+
+
 class View:
     """Arrays of one way of one scenario; motors are columns 0 and 1."""
 
@@ -40,11 +51,28 @@ class View:
         return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
     def long_runs(self, mask, least: float = 1e-3) -> list[tuple[int, int]]:
-        """Runs of at least `least` seconds."""
+        """Runs of at least `least` seconds. Raises `Untold` where the rows are farther apart."""
+        self.resolves(least)
         return [(a, b) for a, b in self.runs(mask) if (b - a) * self.dt >= least]
 
+    def resolves(self, interval: float) -> None:
+        """Raises `Untold` where the rows are farther apart than `interval` [s]."""
+        if self.dt > interval * (1 + 1e-6):
+            raise Untold(f"rows every {self.dt:.3g} s do not show {interval:.3g} s")
+
+    def reaches(self, end: float) -> None:
+        """Raises `Untold` where the record ends before `end` [s]."""
+        if self.t[-1] < end - 1e-9:
+            raise Untold(f"the record ends at {self.t[-1]:.4g} s, before {end:.4g} s")
+
+    def after(self, start: float):
+        """Rows later than `start` [s]; raises `Untold` if there are none."""
+        self.reaches(start + self.dt)
+        return self.t > start
+
     def between(self, start: float, end: float):
-        """Rows with `start <= t <= end`."""
+        """Rows with `start <= t <= end`. Raises `Untold` where the record ends before."""
+        self.reaches(end)
         return (self.t >= start - 1e-9) & (self.t <= end + 1e-9)
 
     def first(self, mask) -> float:
@@ -63,3 +91,14 @@ class View:
     def at_kinetic(self):
         """Rows in which each belt torque is its kinetic friction."""
         return np.isclose(np.abs(self.belt), self.kinetic[None], rtol=1e-6)
+
+
+def what_is_wrong(data: xr.Dataset) -> str:
+    """Why a run says nothing at all: too few rows, or not finite; empty if it does."""
+    if data.sizes.get("time", 0) < 10:
+        return f"the run has {data.sizes.get('time', 0)} rows"
+    for name in READ:
+        values = data[name]
+        if values.dtype.kind == "f" and not np.isfinite(values).all():
+            return f"{name} of the run is not finite"
+    return ""

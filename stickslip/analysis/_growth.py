@@ -5,6 +5,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
 
 from .._validation import check_count, refusal
@@ -12,6 +13,8 @@ from .._validation import check_count, refusal
 # Below this part of the longest image a direction counts as lost: it lies in the span of the others
 # to rounding.
 LOST = 1e-11
+# What an exponent is. New words go to the end.
+EXPONENT_STATUS = ("ok", "lost", "at_rest", "failed")
 
 
 class LyapunovSpectrum(eqx.Module):
@@ -26,8 +29,12 @@ class LyapunovSpectrum(eqx.Module):
     - `time` [s], `[segment]`: end of each segment, from the start of the average.
     - `lost`: in how many segments each direction was lost.
     - `t1`, `y1`, `mode1`: where the motion ended (`None` for the mode of a map).
-    - `result`: worst result code of all segments (`None` for a map); where it is no success the
+    - `result`: worst result code of all segments (`None` for a map); where it is not a success the
       exponents are NaN. `flags`: as in `Solution`, of all segments together.
+    - `status`, an exponent each, and `words` for it: 0 "ok"; 1 "lost", the exponent is `-inf`; 2
+      "at_rest", the state stays where it is and no exponent is off zero by three errors, as in stick,
+      where the motion does not say what becomes of a deviation that leaves the stick: NaN; 3
+      "failed", the motion or its growth is not finite or ended early: NaN.
     """
 
     exponents: Float[Array, "*batch exponent"]
@@ -40,6 +47,12 @@ class LyapunovSpectrum(eqx.Module):
     mode1: Any = None
     result: Any = None
     flags: Any = None
+    status: Any = None
+
+    @property
+    def words(self) -> Any:
+        """`status` in words, as a NumPy array of texts."""
+        return np.asarray(EXPONENT_STATUS)[np.asarray(self.status)]
 
     @property
     def running(self) -> Float[Array, "*batch segment exponent"]:
@@ -58,7 +71,7 @@ class LyapunovSpectrum(eqx.Module):
 
         Of the full spectrum, an estimate of the information dimension of the attractor (Kaplan &
         Yorke 1979). 0 where all exponents are negative, the dimension of the state where no partial
-        sum is. An exponent that is zero counts with the error it has.
+        sum is. An exponent that is zero counts with the error it has. NaN where an exponent is.
         """
         sums = jnp.cumsum(self.exponents, axis=-1)
         size = self.exponents.shape[-1]
@@ -68,7 +81,8 @@ class LyapunovSpectrum(eqx.Module):
         after = jnp.take_along_axis(self.exponents, nearest, axis=-1)[..., 0]
         inside = (j > 0) & (j < size)
         part = jnp.where(inside, before / jnp.where(inside, jnp.abs(after), 1.0), 0.0)
-        return j.astype(jnp.float64) + part
+        unknown = jnp.any(jnp.isnan(self.exponents), axis=-1)
+        return jnp.where(unknown, jnp.nan, j.astype(jnp.float64) + part)
 
 
 def first_frame(size: int, count: int) -> Float[Array, "size count"]:
@@ -84,12 +98,15 @@ def orthonormalised(
     """Orthonormal columns that span the images one after the other, and the logarithms of growth.
 
     `-inf` for a column that lies in the span of those before it; another direction takes its place.
+    NaN where an image is not finite.
     """
     q, r = jnp.linalg.qr(images)
     growth = jnp.abs(jnp.diagonal(r))
     longest = jnp.max(jnp.sqrt(jnp.sum(images * images, axis=0)))
     alive = growth > LOST * longest
-    return q, jnp.where(alive, jnp.log(jnp.where(alive, growth, 1.0)), -jnp.inf)
+    growth = jnp.where(alive, jnp.log(jnp.where(alive, growth, 1.0)), -jnp.inf)
+    # A comparison with NaN or infinity is false, which is not the same as lost.
+    return q, jnp.where(jnp.all(jnp.isfinite(images)), growth, jnp.nan)
 
 
 def averaged(
@@ -106,6 +123,24 @@ def averaged(
     late = jnp.where(finite[0], jnp.mean(local[local.shape[0] // 2 :], axis=0), 0.0)
     drift = jnp.abs(late - jnp.where(finite[0], mean, 0.0))
     return mean, jnp.where(finite[0], jnp.maximum(spread, drift), jnp.nan)
+
+
+def judged(
+    local: Float[Array, "segment exponent"], rests: Any, blocks: int
+) -> tuple[Float[Array, " exponent"], Float[Array, " exponent"], Int[Array, " exponent"]]:
+    """Exponents, errors and `LyapunovSpectrum.status`; `rests`: whether the state never moved."""
+    mean, error = averaged(local, blocks)
+    # Where the linear field decides, deviations of a rest grow or shrink for sure.
+    still = rests & jnp.all(jnp.abs(mean) <= 3.0 * error)
+    mean, error = (jnp.where(still, jnp.nan, a) for a in (mean, error))
+    status = jnp.zeros(mean.shape, jnp.int32)
+    for word, applies in (
+        ("lost", jnp.isneginf(mean)),
+        ("failed", jnp.isnan(mean) | jnp.isposinf(mean)),
+        ("at_rest", still),
+    ):
+        status = jnp.where(applies, EXPONENT_STATUS.index(word), status)
+    return jnp.where(jnp.isposinf(mean), jnp.nan, mean), error, status
 
 
 def check_counts(

@@ -3,21 +3,32 @@
 from collections.abc import Sequence
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
-from .._validation import as_parameter, check_positive, leaves_of, misshaped, one_number, refusal
-from ..hybrid import RESULTS, simulate
+from .._validation import (
+    as_parameter,
+    check_positive,
+    is_concrete,
+    leaves_of,
+    misshaped,
+    one_number,
+    refusal,
+)
+from ..hybrid import RESULTS, current_executor, simulate, use_executor
 from ..hybrid._arguments import a_time, the_system
+from ..hybrid._bound import spanning
+from ..hybrid._tree import with_float_arrays
 from ._arguments import an_integrator, start_of
 from ._growth import (
     LyapunovSpectrum,
     accumulate,
-    averaged,
     check_counts,
     first_frame,
+    judged,
 )
 from ._tangent import WithDeviations
 
@@ -84,30 +95,51 @@ def lyapunov_spectrum(
     count = int(moving.sum()) if exponents is None else exponents
     warm_up = segments // 10 if warm_up is None and isinstance(segments, int) else warm_up
     check_counts(segments, warm_up, blocks, count, int(moving.sum()))
-    unit = _flat_scales(scales, y0)[:, None]
+    units = _flat_scales(scales, y0)
+
+    if isinstance(transient, int | float):
+        transient = None if transient == 0 else jnp.asarray(transient, jnp.float64)
+    system = with_float_arrays(system)
+    numbers = y0, mode, t0, segment, transient, units
+    # Called plainly it is compiled as a whole, for all calls with arguments of one form.
+    program = _compiled if is_concrete((system, args, numbers)) else _spectrum
+    return program(
+        system, args, integrator, current_executor(), *numbers,
+        segments=segments, warm_up=warm_up, blocks=blocks, count=count, moving=tuple(moving.tolist()),
+    )  # fmt: skip
+
+
+def _spectrum(
+    system, args, integrator, execute, y0, mode, t0, segment, transient, scales,
+    *, segments, warm_up, blocks, count, moving,
+):  # fmt: skip
+    whole = (0.0 if transient is None else transient) + segment * (segments + warm_up)
+    integrator = spanning(integrator, system, t0, whole, y0, mode, args)
 
     def run(system, begin, end, y, mode):
-        return simulate(
-            system, begin, end, y, mode, args, integrator=integrator, max_events=None, throw=False
-        )
+        with use_executor(execute):
+            return simulate(
+                system, begin, end, y, mode, args, integrator=integrator, max_events=None, throw=False
+            )
 
     result, good = RESULTS.successful, jnp.ones((), bool)
     begin = t0
-    if not (isinstance(transient, int | float) and transient == 0):
+    if transient is not None:
         begin = t0 + transient
         solution = run(system, t0, begin, y0, mode)
         y0, mode = solution.y1, solution.mode1
         result, good = solution.result, solution.successful
     tangent = WithDeviations(system)
-    mask = jnp.asarray(moving, jnp.float64)[:, None]
+    mask, unit = jnp.asarray(moving, jnp.float64)[:, None], scales[:, None]
 
     def step(carry, frame):
-        number, y, mode, flags, result, good = carry
+        number, y, mode, flags, result, good, rests = carry
         start, end = begin + segment * number, begin + segment * (number + 1.0)
         solution = run(tangent, start, end, tangent.start(y, unit * frame), mode)
         # A lane that failed stays where it is; its numbers are discarded.
         usable = good & solution.successful
         images = jnp.where(usable, mask * tangent.columns(solution.y1) / unit, frame)
+        same = jax.tree.map(lambda a, b: jnp.all(a == b), solution.y1.y, y)
         carry = (
             number + 1.0,
             jax.tree.map(lambda a, b: jnp.where(usable, a, b), solution.y1.y, y),
@@ -115,17 +147,18 @@ def lyapunov_spectrum(
             flags | solution.flags,
             RESULTS.where(good, solution.result, result),
             usable,
+            rests & jnp.all(jnp.stack(jax.tree.leaves(same))),
         )
         return carry, images
 
-    size = int(moving.sum())
-    frame = jnp.zeros((moving.size, count)).at[np.flatnonzero(moving)].set(first_frame(size, count))
+    size = sum(moving)
+    frame = jnp.zeros((len(moving), count)).at[np.flatnonzero(moving)].set(first_frame(size, count))
     flags = jnp.zeros((), jnp.int32)
-    carry = (jnp.zeros(()), y0, mode, flags, result, good)
+    carry = (jnp.zeros(()), y0, mode, flags, result, good, jnp.ones((), bool))
     carry, growth = accumulate(step, carry, frame, count=segments, warm_up=warm_up)
-    _, y1, mode, flags, result, good = carry
+    _, y1, mode, flags, result, good, rests = carry
     local = jnp.where(good, growth / segment, jnp.nan)
-    mean, error = averaged(local, blocks)
+    mean, error, status = judged(local, rests, blocks)
     return LyapunovSpectrum(
         exponents=mean,
         error=error,
@@ -137,7 +170,11 @@ def lyapunov_spectrum(
         mode1=mode,
         result=result,
         flags=flags,
+        status=status,
     )
+
+
+_compiled = eqx.filter_jit(_spectrum)
 
 
 def _flat_scales(scales: PyTree, y0: PyTree) -> Float[Array, " size"]:

@@ -11,6 +11,7 @@ from ..hybrid import AbstractHybridSystem
 from ..sweep import Variable, run_sweep
 from ..sweep._grid import check_grid
 from ._builder import builder_of, check_labels, check_options
+from ._growth import EXPONENT_STATUS
 from ._lyapunov import lyapunov_spectrum
 from ._orbit_lane import STATUS, engine_status
 
@@ -49,7 +50,8 @@ def lyapunov_diagram(
     **Returns** an `xarray.Dataset` with the dimensions of the grid and `exponent`: `exponents` [1/s],
     greatest first, with their `error` [1/s] and the number of segments in which they were `lost`;
     `flags` as in `Solution`; `status`: 0 "ok", else why the lane has no exponents
-    (`attrs["flag_meanings"]`).
+    (`attrs["flag_meanings"]`); `exponent_status`: why an exponent is not a number, as
+    `LyapunovSpectrum.status` (`attrs["flag_meanings"]`).
 
     **Errors** `ValueError`/`TypeError` naming the argument.
     """
@@ -77,6 +79,7 @@ def lyapunov_diagram(
             "lost": found.lost,
             "flags": found.flags,
             "status": engine_status(found.result),
+            "exponent_status": found.status,
         }
 
     per_time = "1" if getattr(build(_first(coords)), "is_dimensionless", False) else "1/s"
@@ -92,6 +95,14 @@ def lyapunov_diagram(
             attrs={"flag_values": list(range(len(STATUS))), "flag_meanings": " ".join(STATUS)},
         ),
     }
+    variables["exponent_status"] = Variable(
+        row,
+        long_name="what the exponent is",
+        attrs={
+            "flag_values": list(range(len(EXPONENT_STATUS))),
+            "flag_meanings": " ".join(EXPONENT_STATUS),
+        },
+    )
     return run_sweep(
         lane, coords, variables=variables, attrs=attrs, name=name,
         settings={"segment": segment, "segments": segments, **settings},

@@ -8,8 +8,9 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import PyTree
 
+from .._compiled_once import compiled_once
 from .._validation import as_float64, check_callable, check_count, refusal
-from ._growth import LyapunovSpectrum, accumulate, averaged, check_counts, first_frame
+from ._growth import LyapunovSpectrum, accumulate, check_counts, first_frame, judged
 
 
 def lyapunov_spectrum_of_map(
@@ -36,7 +37,8 @@ def lyapunov_spectrum_of_map(
       tenth).
     - `exponents`: how many, greatest first (default: all).
 
-    **Returns** a `LyapunovSpectrum` with `time` counted in iterations.
+    **Returns** a `LyapunovSpectrum` with `time` counted in iterations; the exponents of an orbit that
+    leaves the finite numbers are NaN, with `status` "failed".
 
     **Errors** `ValueError`/`TypeError` naming the argument.
     """
@@ -63,10 +65,14 @@ def lyapunov_spectrum_of_map(
     def step(flat, frame):
         return flow(flat), jax.vmap(lambda c: jax.jvp(flow, (flat,), (c,))[1], 1, 1)(frame)
 
-    flat = jax.lax.fori_loop(0, transient, lambda _, flat: flow(flat), flat)
-    frame = first_frame(flat.size, count)
-    flat, local = accumulate(step, flat, frame, count=iterations, warm_up=warm_up)
-    mean, error = averaged(local, blocks)
+    def run(flat, transient):
+        flat = jax.lax.fori_loop(0, transient, lambda _, flat: flow(flat), flat)
+        frame = first_frame(flat.size, count)
+        return accumulate(step, flat, frame, count=iterations, warm_up=warm_up)
+
+    flat, local = compiled_once(run, flat, jnp.asarray(transient, jnp.int32))
+    # A fixed point of a map is no stick: the exponents of the identity are zero.
+    mean, error, status = judged(local, jnp.zeros((), bool), blocks)
     return LyapunovSpectrum(
         exponents=mean,
         error=error,
@@ -75,4 +81,5 @@ def lyapunov_spectrum_of_map(
         lost=jnp.sum(jnp.isneginf(local), axis=0, dtype=jnp.int32),
         t1=jnp.asarray(float(iterations + warm_up)) + transient,
         y1=unravel(flat),
+        status=status,
     )

@@ -157,6 +157,9 @@ class InArgs(AbstractSystemWrapper):
     def inner(self, y, args):
         return y, args[1]
 
+    def time_scale(self, args):
+        return self.system.time_scale(args[1])
+
     def vector_field(self, t, y, mode, args):
         return self.system.vector_field(t, y, mode, args[1])
 

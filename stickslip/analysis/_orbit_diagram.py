@@ -22,14 +22,16 @@ from .._validation import (
 from ..hybrid import AbstractHybridSystem
 from ..hybrid._arguments import a_time
 from ..sweep import Variable, run_sweep
-from ..sweep._evaluate import lanes_of
+from ..sweep._evaluate import lanes_of, prepared
 from ..sweep._grid import block_shape, check_grid
 from ._arguments import an_integrator, named_observables, start_of
+from ._attractor import PERIOD_STATUS
 from ._builder import builder_of, check_labels, check_options
 from ._observable import as_observable, as_section
 from ._orbit_lane import STATUS, Numbers, Plan, halved, run_lane
 
 CARRIED = ("upwards", "downwards")
+RESULTS_OF_A_LANE = ("count", "status", "period", "period_status", "slow_transient", "flags")
 CHUNK_CPU = 512  # lanes per block: so few that the check can run the same program on as many
 
 
@@ -95,11 +97,20 @@ def orbit_diagram(
     **Returns** an `xarray.Dataset` with the dimensions of the grid and `point`:
 
     - one variable per observable, NaN past `count` points;
-    - `status`: 0 "ok", else why the lane is not to be trusted (`attrs["flag_meanings"]`): left the
-      domain, no crossing, buffer full, or the engine's result code;
-    - `period`: number of points after which the last quarter of them repeats within
-      `period_tolerance` of the largest value; 0 if not, up to `max_period`;
+    - `status`: 0 "ok", else why the lane is not to be trusted (`attrs["flag_meanings"]`): it left the
+      domain, never crossed the section, has more crossings than `max_points` (`buffer_full`) or fewer
+      than `points` (`fewer_points`), its first points are not yet those of the attractor although a
+      transient was dropped (`not_settled`), or the engine's result code;
+    - `period`: number of points after which the observables repeat; 0 if after none of 1 to
+      `max_period`; -1 where that cannot be told. `period_status` says why, by number with words in
+      `attrs["flag_meanings"]`: `repeats`; `none`; `lane_failed`; `too_few_points` (4 are needed for
+      period one, `2 * max_period` to say that there is none); `not_finite`; `not_settled`;
+      `constant` (a rest); `zero_on_section` (nothing was observed but what is zero there, as a speed
+      is at the maxima of its position); `below_rounding`. Points are the same if each observable
+      differs by at most `period_tolerance` of its range along the whole motion, over the last quarter
+      of the points. Time is left out, and what is not observed has no say;
     - `slow_transient`: the first points are not yet those of the attractor: drop more time;
+    - `flags`: as in `Solution`, of transient and record;
     - `end_...`: the state at the end (`carry_...` if carried);
     - with `check`, along `checked`: `checked_<parameter>`, and per observable `error_<name>`, the
       largest difference over the points of the lane, NaN where their number differs. Lanes of a
@@ -122,7 +133,7 @@ def orbit_diagram(
         key: as_observable(f"observables[{key!r}]", what, first, y0) for key, what in observed.items()
     }
     for key in found:
-        if key in coords or key in ("count", "status", "period", "slow_transient"):
+        if key in coords or key in RESULTS_OF_A_LANE:
             raise refusal(f"observables[{key!r}]", observed[key], "named otherwise: the name is taken")
     if isinstance(domain, str) or callable(domain):
         domain = (domain,)
@@ -174,6 +185,7 @@ def orbit_diagram(
     # Numbers enter as inputs, so that other times and steps do not make another program.
     numbers, static = _numbers(integrator, t0, transient, duration)
 
+    @prepared
     def lane(numbers, start=None, **point):
         end, results = run_lane(plan, static, numbers, y0 if start is None else start, point)
         return {**results, "end": end}
@@ -232,10 +244,18 @@ def _labels(plan: Plan, found, coords, labels, first) -> dict[str, Variable]:
     )
     variables["period"] = Variable(
         units="1",
-        long_name="points after which the attractor repeats, 0 if none",
+        long_name="points after which the attractor repeats, 0 if none, -1 if not to be told",
         attrs={"tolerance": plan.period_tolerance, "max_period": plan.max_period},
     )
+    variables["period_status"] = Variable(
+        long_name="what the period is based on, or why it cannot be told",
+        attrs={
+            "flag_values": list(range(len(PERIOD_STATUS))),
+            "flag_meanings": " ".join(PERIOD_STATUS),
+        },
+    )
     variables["slow_transient"] = Variable(long_name="still approaching the attractor")
+    variables["flags"] = Variable(long_name="where no derivative exists, as in Solution.flags")
     return variables
 
 

@@ -6,13 +6,14 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import PyTree
 
-from ..hybrid import RESULTS, Integrator, Section, simulate
-from ._attractor import period_of
+from ..hybrid import RESULTS, Integrator, SaveAt, Section, simulate
+from ._attractor import CANNOT_TELL, PERIOD_STATUS, period_of
 from ._observable import InArgs, Observable, OverArgs
 
-# What became of a lane: ours first, then the engine's.
+# What became of a lane. New words go to the end: stored numbers keep their meaning.
 STATUS = (
     "ok",
     "left_domain",
@@ -24,8 +25,17 @@ STATUS = (
     "no_admissible_mode",
     "nonfinite",
     "other_failure",
+    "not_settled",
+    "fewer_points",
 )
-_ENGINE = STATUS[4:-1]
+_ENGINE = STATUS[4:9]
+# Lanes whose points are those of the motion, though there may be more or the first are too early.
+USABLE = ("ok", "buffer_full", "not_settled", "fewer_points")
+# Fractions of the recorded time at which the motion is sampled for its size. Uneven, so that no period
+# of the motion is hit at one phase all the time; dense at the beginning, which is all there is where a
+# lane stops after so many points.
+LOOKS = ((np.arange(24) + 1.0) / 24) ** 3
+FEWEST_LOOKS = 8
 
 
 class Plan(NamedTuple):
@@ -71,48 +81,94 @@ def run_lane(plan: Plan, integrator: Integrator, numbers: Numbers, y0: PyTree, p
             # A terminal section sees crossings only, not a start on the wrong side.
             inside &= f(inner, start, y0, slope, mode, plan.args) >= 0
     options: dict[str, Any] = {"integrator": integrator, "max_events": None, "throw": False}
-    early = jnp.zeros((), jnp.int32)
-    y = y0
+    early, flags = jnp.zeros((), jnp.int32), jnp.zeros((), jnp.int32)
+    y, first_mode = y0, mode
     if plan.settles:
         settled = simulate(
             system, start, jnp.where(inside, begin, start), y0, mode, args, sections=borders, **options
         )
         y, mode, early = settled.y1, settled.mode1, engine_status(settled.result)
+        flags = settled.flags
     early = jnp.where(inside, early, STATUS.index("left_domain"))
     going = early == 0
+    length = jnp.where(going, numbers.duration, 0.0)
     recorded = simulate(
-        system, begin, jnp.where(going, begin + numbers.duration, begin), y, mode, args,
+        system, begin, begin + length, y, mode, args, saveat=SaveAt(ts=begin + length * LOOKS),
         sections=(plan.section, *borders), max_crossings=plan.size, **options,
     )  # fmt: skip
-    rows = recorded.crossings[0]
-    valid = jnp.arange(plan.size, dtype=rows.count.dtype) < rows.count
+    rows, looks = recorded.crossings[0], recorded.outputs
+    assert looks is not None
 
-    def values(f):
+    def values(f, log):
+        """Observable over the rows of a log, NaN past its count."""
         seen = jax.vmap(lambda t, y, dy, m: f(inner, t, y, dy, m, plan.args))(
-            rows.t, rows.y, rows.dy, rows.mode
+            log.t, log.y, log.dy, log.mode
         )
-        return jnp.where(valid, seen, jnp.nan)
+        return jnp.where(jnp.arange(log.t.size, dtype=log.count.dtype) < log.count, seen, jnp.nan)
 
-    points = {name: values(f) for name, f in plan.observables.items()}
+    points = {name: values(f, rows) for name, f in plan.observables.items()}
     late = engine_status(recorded.result)
     full = recorded.result == RESULTS.max_crossings_reached
     late = jnp.where(full, 0 if plan.stops else STATUS.index("buffer_full"), late)
     late = jnp.where((late == 0) & (rows.count == 0), STATUS.index("no_crossing"), late)
     status = jnp.where(going, late, early).astype(jnp.int32)
     count = jnp.where(going, rows.count, 0).astype(jnp.int32)
-    seen = jnp.stack([v for name, v in points.items() if name != "t"] or list(points.values()), axis=1)
-    period, slow = period_of(seen, count, tolerance=plan.period_tolerance, max_period=plan.max_period)
-    usable = (status == 0) | (status == STATUS.index("buffer_full"))
+    # Time never repeats: it has no say in the period unless it is all there is.
+    judged = [name for name in points if name != "t"] or list(points)
+    functions = [plan.observables[name] for name in judged]
+    slope0 = system.vector_field(start, y0, first_mode, args)
+    verdict = period_of(
+        jnp.stack([points[name] for name in judged], axis=1),
+        count,
+        _span(jnp.stack([values(f, looks) for f in functions], axis=1), looks.count),
+        tolerance=plan.period_tolerance,
+        max_period=plan.max_period,
+        start=jnp.stack(
+            [
+                jnp.asarray(f(inner, start, y0, slope0, first_mode, plan.args), jnp.float64)
+                for f in functions
+            ]
+        ),
+    )
+    usable = _is_one_of(status, USABLE[:2])
+    # So few looks at the motion do not give its size, which the tolerance refers to.
+    judged_by = jnp.where(
+        looks.count < FEWEST_LOOKS, PERIOD_STATUS.index("too_few_points"), verdict.status
+    )
+    failed = ~(usable | (status == STATUS.index("no_crossing")))
+    judged_by = jnp.where(failed, PERIOD_STATUS.index("lane_failed"), judged_by)
+    slow = usable & verdict.slow
+    short = (count < plan.size) if plan.stops else jnp.zeros((), bool)
+    status = jnp.where((status == 0) & short, STATUS.index("fewer_points"), status)
+    if plan.settles:
+        status = jnp.where((status == 0) & slow, STATUS.index("not_settled"), status)
+    told = judged_by <= PERIOD_STATUS.index("none")
     results = {
         **points,
         "count": count,
-        "status": status,
-        "period": jnp.where(usable, period, 0).astype(jnp.int32),
-        "slow_transient": usable & slow,
+        "status": status.astype(jnp.int32),
+        "period": jnp.where(told, verdict.period, CANNOT_TELL).astype(jnp.int32),
+        "period_status": judged_by.astype(jnp.int32),
+        "slow_transient": slow,
+        "flags": flags | recorded.flags,
     }
     # A lane that failed has nothing to hand on.
     end = jax.tree.map(lambda a, b: jnp.where(usable & jnp.isfinite(a), a, b), recorded.y1, y0)
     return end, results
+
+
+def _span(seen, count):
+    """Least and greatest of each observable over the rows in use; NaN where one is NaN."""
+    valid = (jnp.arange(seen.shape[0], dtype=count.dtype) < count)[:, None]
+    low = jnp.min(jnp.where(valid, seen, jnp.inf), axis=0)
+    high = jnp.max(jnp.where(valid, seen, -jnp.inf), axis=0)
+    # Without a look the points alone say how far the motion goes.
+    none = count == 0
+    return jnp.stack([jnp.where(none, 0.0, low), jnp.where(none, 0.0, high)])
+
+
+def _is_one_of(status, words):
+    return jnp.any(jnp.stack([status == STATUS.index(word) for word in words]), axis=0)
 
 
 def engine_status(result: RESULTS) -> Any:  # pyright: ignore[reportInvalidTypeForm]
@@ -129,7 +185,8 @@ def halved(integrator: Integrator) -> Integrator:
     """The integrator to check another with: half the step, or a 32nd of the tolerances."""
     step: Any = integrator.step
     if step.adaptive:
-        step = eqx.tree_at(lambda s: (s.rtol, s.atol), step, (step.rtol / 32, step.atol / 32))
+        finer = jax.tree.map(lambda tolerance: tolerance / 32, (step.rtol, step.atol))
+        step = eqx.tree_at(lambda s: (s.rtol, s.atol), step, finer, is_leaf=lambda a: a is None)
     else:
         step = eqx.tree_at(lambda s: s.h, step, step.h / 2)
     return eqx.tree_at(lambda i: i.step, integrator, step)

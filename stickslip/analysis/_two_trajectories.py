@@ -5,25 +5,36 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, Bool, Float, PyTree
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
+from .._compiled_once import compiled_once
 from .._validation import as_parameter, check_flag, one_number
 from ..hybrid import simulate
 from ..hybrid._arguments import a_time, the_system
+from ..hybrid._bound import spanning
 from ._arguments import an_integrator, start_of
 from ._growth import averaged, check_counts
 from ._lyapunov import moving_components
+
+SEPARATION_STATUS = ("ok", "failed", "merged", "saturated")
+LARGE = 0.1  # part of the size of the motion from which on a distance is not small
+ROUNDING = 64 * 2.0**-52
 
 
 class Separation(eqx.Module):
     r"""Distance of two motions and the exponent it gives.
 
     - `exponent` [1/s] and `error` [1/s] (see `LyapunovSpectrum.error`; NaN without renormalisation,
-      which leaves one number and nothing to average).
+      which leaves one number and nothing to average). The exponent is NaN unless `status` is 0.
     - `time` [s] and `running` [1/s], `[segment]`: $\ln(\Delta(t)/\Delta(0))/t$ as it develops.
     - `distance`, `[segment]`: $\Delta(t)$ in the units of the state.
     - `successful`: whether both motions reached the end.
+    - `status` and `words` for it: 0 "ok"; 1 "failed", a motion ended early or is not finite; 2
+      "merged", the distance fell to zero or to rounding (64 units in the last place of the state),
+      so that what is left is noise; 3 "saturated", it grew beyond a tenth of the size of the motion,
+      where it is not small. `running` and `distance` are given as they came out.
     """
 
     exponent: Float[Array, "*batch"]
@@ -32,6 +43,12 @@ class Separation(eqx.Module):
     running: Float[Array, "*batch segment"]
     distance: Float[Array, "*batch segment"]
     successful: Bool[Array, "*batch"]
+    status: Int[Array, "*batch"]
+
+    @property
+    def words(self) -> Any:
+        """`status` in words, as a NumPy array of texts."""
+        return np.asarray(SEPARATION_STATUS)[np.asarray(self.status)]
 
 
 def two_trajectory_exponent(
@@ -64,9 +81,13 @@ def two_trajectory_exponent(
     - `distance`: $\Delta(0)$, in the units of the state; spread evenly over `components`.
     - `renormalise`: set the distance back to $\Delta(0)$ after each `segment` (Benettin et al. 1976).
       With `False`, Eq. (2.25) to the letter: the distance saturates at the size of the attractor, so
-      that any bounded motion comes out as $\Lambda \to 0$ from above as $t$ grows.
+      that any bounded motion comes out as $\Lambda \to 0$ from above as $t$ grows. The last value of
+      `running` shows it; `exponent` is then NaN.
 
-    **Returns** a `Separation`. **Errors** `ValueError`/`TypeError` naming the argument.
+    **Returns** a `Separation`, whose `status` says whether the distance stayed where it tells
+    something. The size of the motion is the norm of the half ranges of its components, over the ends
+    of all segments.
+    **Errors** `ValueError`/`TypeError` naming the argument.
 
     ??? cite "Reference"
 
@@ -86,6 +107,9 @@ def two_trajectory_exponent(
     warm_up = 0 if warm_up is None else warm_up
     check_counts(segments, warm_up, blocks, 1, 1)
     flat, unravel = ravel_pytree(y0)
+
+    whole = transient + segment * (segments + warm_up)
+    integrator = spanning(integrator, system, t0, whole, y0, mode, args)
 
     def run(begin, end, flat, mode):
         solution = simulate(
@@ -107,7 +131,7 @@ def two_trajectory_exponent(
     other = flat + gap
 
     def step(carry, number):
-        pair, modes, good, before = carry
+        pair, modes, good, before, low, high = carry
         start, end = begin + segment * number, begin + segment * (number + 1.0)
         # Both in one batch: one program.
         pair, modes, well = jax.vmap(lambda f, m: run(start, end, f, m))(pair, modes)
@@ -119,20 +143,33 @@ def two_trajectory_exponent(
             pair = pair.at[1].set(pair[0] + gap * (distance / kept))
             modes = modes.at[1].set(mode_of(end, pair[1]))
         after = distance if renormalise else kept
-        return (pair, modes, good & jnp.all(well), after), (growth, now)
+        low, high = jnp.minimum(low, pair[0]), jnp.maximum(high, pair[0])
+        noise = ROUNDING * jnp.sqrt(jnp.sum(pair[0] * pair[0]))
+        return (pair, modes, good & jnp.all(well), after, low, high), (growth, now, now <= noise)
 
     numbers = jnp.arange(segments + warm_up, dtype=jnp.float64)
     modes = jnp.stack([mode, mode_of(begin, other)])
-    carry = (jnp.stack([flat, other]), modes, good, distance)
-    (_, _, good, _), (growth, apart) = jax.lax.scan(step, carry, numbers)
+    carry = (jnp.stack([flat, other]), modes, good, distance, flat, flat)
+    carry, (growth, apart, merged) = compiled_once(lambda *a: jax.lax.scan(step, *a), carry, numbers)
+    _, _, good, _, low, high = carry
     local = jnp.where(good, growth[warm_up:] / segment, jnp.nan)[:, None]
     mean, error = averaged(local, blocks)
+    size = 0.5 * jnp.sqrt(jnp.sum((high - low) ** 2))
+    status = jnp.zeros((), jnp.int32)
+    for word, applies in (
+        ("saturated", jnp.any((apart > LARGE * size) & (apart > distance))),
+        ("merged", jnp.any(merged)),
+        ("failed", ~good | ~jnp.all(jnp.isfinite(apart))),
+    ):
+        status = jnp.where(applies, SEPARATION_STATUS.index(word), status)
+    told = status == 0
     steps = jnp.arange(1.0, segments + 1)
     return Separation(
-        exponent=mean[0],
-        error=error[0] if renormalise else jnp.full_like(error[0], jnp.nan),
+        exponent=jnp.where(told, mean[0], jnp.nan),
+        error=jnp.where(told, error[0], jnp.nan) if renormalise else jnp.full_like(error[0], jnp.nan),
         time=segment * steps,
         running=jnp.cumsum(local[:, 0]) / steps,
         distance=apart[warm_up:],
         successful=good,
+        status=status,
     )

@@ -1,5 +1,7 @@
 """The hybrid engine: description of mode-switched systems and their exact, batched simulation."""
 
+from ._breaks import Pieced as Pieced
+from ._breaks import WithBreaks as WithBreaks
 from ._execute import FUSED as FUSED
 from ._execute import PORTABLE as PORTABLE
 from ._execute import Executor as Executor

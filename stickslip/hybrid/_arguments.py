@@ -11,6 +11,7 @@ from jaxtyping import Array, PyTree
 
 from .._validation import (
     as_float64,
+    check_float64,
     check_handed_on,
     check_type,
     is_concrete,
@@ -41,6 +42,12 @@ def _one_leaf(name: str, value: Any, allowed: str) -> Array:
 
 def times(name: str, ts: Any) -> Array:
     """A vector of finite real numbers in float64; empty if there are none."""
+    row = check_times(name, ts)
+    return jnp.asarray(ts if isinstance(ts, jax.Array) else row, jnp.float64)
+
+
+def check_times(name: str, ts: Any) -> Any:
+    """The same as it is traced, or as an array of NumPy: that compiles nothing."""
     if is_concrete(ts):
         empty = isinstance(ts, list | tuple) and not ts
         array = np.zeros(0) if empty else numbers(name, ts, "a vector of real numbers")
@@ -48,18 +55,18 @@ def times(name: str, ts: Any) -> Array:
         array = jnp.asarray(ts)
     if array.ndim != 1:
         raise misshaped(name, ts, "a vector (use jax.vmap)")
-    return as_float64(name, jnp.asarray(array) if isinstance(ts, list | tuple) else ts)
+    return check_float64(name, array)
 
 
 def output_times(ts: Any, t0: Any, t1: Any) -> Array | None:
     """`saveat.ts`, increasing and within `[t0, t1]`; None if there are none."""
     if ts is None:
         return None
-    ts = times("saveat.ts", ts)
-    if ts.size == 0:
+    row = check_times("saveat.ts", ts)
+    if row.size == 0:
         return None
-    if is_concrete((ts, t0, t1)):
-        values, low, high = np.asarray(ts), float(t0), float(t1)
+    if is_concrete((row, t0, t1)):
+        values, low, high = np.asarray(row), float(t0), float(t1)
         if np.any(np.diff(values) < 0):
             at = int(np.flatnonzero(np.diff(values) < 0)[0]) + 1
             allowed = f"at least the time before it, {values[at - 1]}: they must increase"
@@ -68,7 +75,7 @@ def output_times(ts: Any, t0: Any, t1: Any) -> Array | None:
             at = 0 if values[0] < low else values.size - 1
             allowed = f"within [t0, t1] = [{low}, {high}]"
             raise refusal(f"saveat.ts[{at}]", float(values[at]), allowed)
-    return ts
+    return times("saveat.ts", ts)
 
 
 def sections_of(sections: Any) -> tuple[Section, ...]:
@@ -90,8 +97,23 @@ def start_of(
         raise refusal("y0", y0, "a state with at least one component")
     if mode0 is not None:
         return y0, mode_index("mode0", system, mode0)
-    first = _of_state("y0", "initial_mode", system, y0, lambda: system.initial_mode(t0, y0, args))
+    first = _of_state("y0", "initial_mode", system, y0, lambda: _first_mode(system, t0, y0, args))
     return y0, jnp.asarray(first, jnp.int32)
+
+
+def _first_mode(system: AbstractHybridSystem, t0: Any, y0: PyTree, args: PyTree) -> Any:
+    """The system's own initial mode. Loops and branches in it are compiled once for all calls."""
+    if is_concrete((system, t0, y0, args)):
+        try:
+            return _compiled_first_mode(system, t0, y0, args)
+        except jax.errors.ConcretizationTypeError:
+            pass  # it asks in Python which number it has
+    return system.initial_mode(t0, y0, args)
+
+
+@eqx.filter_jit
+def _compiled_first_mode(system, t0, y0, args):
+    return jnp.asarray(system.initial_mode(t0, y0, args), jnp.int32)
 
 
 def check_field(

@@ -7,8 +7,9 @@ import jax
 import jax.numpy as jnp
 
 from . import _locate
-from ._control import books, control
-from ._events import Values
+from ._control import books, control, sudden
+from ._doubt import doubt, first_below, look_inside
+from ._events import Values, divided
 from ._first import (
     First,
     decide,
@@ -21,7 +22,7 @@ from ._first import (
 from ._lane import PLAIN, SHRINK, Lane, Outcome, Plan, is_event, moved_on, without_state
 from ._quiet import Step, advance_quietly
 from ._status import RUNNING
-from ._stepper import error_norm
+from ._tolerance import Ends, error_norm, grown, scales
 from ._tree import all_finite, select, shift
 
 
@@ -35,6 +36,7 @@ def attempt(plan: Plan, theta, lane: Lane, t1, outputs) -> tuple[Lane, Outcome]:
     functions, once = plan.functions, plan.execute.boundary
     sg = jax.lax.stop_gradient
     t, h = lane.t, sg(lane.h)
+    lane = lane._replace(size=once(grown, lane.size, sg(lane.y)))
 
     def field(t, y):
         return system.vector_field(t, y, lane.mode, args)
@@ -45,19 +47,44 @@ def attempt(plan: Plan, theta, lane: Lane, t1, outputs) -> tuple[Lane, Outcome]:
     if adaptive:
         rule: Any = plan.step_size
         error = once(
-            lambda e, y0, y1: error_norm(e, y0, y1, rule.rtol, rule.atol),
-            sg(errors), sg(lane.y), sg(y1),
+            lambda e, n, s, ends: error_norm(e, scales(rule, plan.atols, n, s, ends)),
+            sg(errors), plan.noise, sg(lane.size), sg(Ends(h, lane.y, y1, lane.dy, dy1)),
         )  # fmt: skip
+        peak, flags = once(sudden, without_state(lane), error)
+        lane = lane._replace(peak=peak, flags=flags)
+    kept = values = Values((), ())
+    h_seen, jumps = jnp.zeros_like(h), jnp.zeros_like(h) > 0
     if functions.count:
         values = once(
-            lambda t, y, dy: functions.evaluate(system, t, y, dy, lane.mode, args), t + h, y1, dy1
-        )
-    else:
-        values = Values((), ())
-    step = Step(h, y1, dy1, error, values)
+            lambda t, y, dy, size: functions.evaluate(
+                system, t, y, dy, lane.mode, args, grown(size, jax.lax.stop_gradient(y))
+            ),
+            t + h, y1, dy1, lane.size,
+        )  # fmt: skip
+        kept = values
+        if functions.learned:
+            values, kept = once(_rescaled, lane.fresh, sg(lane.scales), values)
+    if plan.looks_inside:
+        inside = once(
+            lambda lane, h, y1, dy1: look_inside(
+                functions, system, lane, lane.t, h, y1, dy1, args, lane.scales
+            ),
+            sg(lane), h, sg(y1), sg(dy1),
+        )  # fmt: skip
+        h_seen = once(lambda *a: first_below(functions, *a), without_state(lane), sg(inside), h)
+        if adaptive:
+            doubts, jumps = once(
+                lambda *a: doubt(plan, *a), without_state(lane), h, sg(values), sg(inside)
+            )
+            # Squared, because it falls with the fourth power of the step and the error with the eighth.
+            error = jnp.maximum(error, doubts**2)
+    step = Step(h, y1, dy1, error, values, kept)
     end = sg((y1, dy1))
     if plan.interrupts:
-        first = once(lambda lane, values: lowest(plan, lane, values), without_state(lane), values)
+        first = once(
+            lambda lane, values, *a: lowest(plan, lane, values, *a),
+            without_state(lane), values, h_seen, jumps,
+        )  # fmt: skip
         calm = once(
             lambda lane, h, first, end, e: nothing_happens(plan, lane, h, first, all_finite(end), e),
             without_state(lane), h, sg(first), end, error,
@@ -93,7 +120,7 @@ def _eventful(
     system, args = theta
     functions, once = plan.functions, plan.execute.boundary
     sg = jax.lax.stop_gradient
-    t, (h, y1, dy1, error, values) = lane.t, step
+    t, (h, y1, dy1, error, values, kept) = lane.t, step
     adaptive = plan.step_size.adaptive
     code = once(
         lambda lane, h, first, y1, dy1, e: decide(plan, lane, h, first, all_finite((y1, dy1)), e),
@@ -128,20 +155,21 @@ def _eventful(
         lane.bracket, code, h, sg(first),
     )  # fmt: skip
     full = once(lambda b, h, full: jnp.where(b.tries == 0, h, full), lane.bracket, h, lane.full)
-    h_located = once(_locate.propose, bracket, full)
+    h_located = once(_locate.propose, bracket, full, t)
 
     following = control(
         plan, code, without_state(lane), h, h_located, first.h_dip, error, sg(t_new), sg(y_new),
-        sg(dy_new), sg(t1), sg(outputs), begins=True,
+        sg(dy_new), sg(lane.size), sg(t1), sg(outputs), begins=True,
     )  # fmt: skip
     accounts = once(
         lambda *a: books(plan, *a),
         code, without_state(lane), h, sg(t_new), mode_new, mode_jump, sg(first), fired,
         following.output, following.h, sg(t1), sg(outputs),
     )  # fmt: skip
-    new_values, new_rates = once(keep_values, code, lane, sg(values))
+    new_values, new_rates, new_scales = once(keep_values, code, without_state(lane), sg(kept))
     new = Lane(
         t=t_new, y=y_new, dy=dy_new, mode=mode_new, values=new_values, rates=new_rates,
+        scales=new_scales, size=lane.size, peak=lane.peak,
         h=following.h, h_free=following.h_free, next_output=following.output, full=full,
         bracket=bracket,
         error=once(lambda c, e, old: jnp.where(c == PLAIN, e, old), code, error, lane.error)
@@ -150,3 +178,17 @@ def _eventful(
     )  # fmt: skip
     y_before = once(lambda y, dy, dt: shift(y, sg(dy), dt), y1, dy1, dt)
     return new, Outcome(code, first.index, following.landed, fired, y_before, dy1)
+
+
+def _rescaled(fresh, scales: tuple, values: Values) -> tuple[Values, Values]:
+    """Values over the magnitudes at the start of the step, and over those at its end to go on with.
+
+    Inside a step and while an event is located the magnitudes hold still. Those of another mode, which
+    a lane has right after an event, are replaced at once.
+    """
+    used = tuple(jnp.where(fresh == 1.0, s, v) for s, v in zip(scales, values.scale, strict=True))
+
+    def over(scales):
+        return Values(divided(values.value, scales), divided(values.rate, scales), values.scale)
+
+    return over(used), over(values.scale)

@@ -24,12 +24,15 @@ from ._lane import (
     is_event,
     moved_on,
 )
-from ._status import CODE, COINCIDENT, EVENT_AT_START, GRAZING, RUNNING
+from ._status import CODE, COINCIDENT, DISCONTINUOUS, EVENT_AT_START, GRAZING, RUNNING, flag
+from ._tolerance import Ends, scales
 
 _STATUS = {name: float(number) for name, number in CODE.items()}
 MAX_ZERO_LENGTH = 16  # events without time passing before the lane is called chattering
-# A guard that comes back to zero within this part of a step has (nearly) touched it only.
-GRAZING_RATIO = 1e-4
+# A step this much shorter than those before it, accepted only because its error is small now, holds a
+# jump of the field: what is smooth is resolved long before.
+SUDDEN = 1e-5
+FORGETS = 0.95  # part of the longest step that is remembered after one more
 
 
 def _target(plan: Plan, next_output, t1, outputs):
@@ -60,7 +63,7 @@ class Next(NamedTuple):
 
 
 def control(
-    plan: Plan, code, lane: Lane, h, h_located, h_dip, error, t, y, dy, t1, outputs, begins: bool
+    plan: Plan, code, lane: Lane, h, h_located, h_dip, error, t, y, dy, size, t1, outputs, begins: bool
 ) -> Next:
     """What to attempt next; `begins`: whether a lane may just have computed its first slope."""
     rule: Any = plan.step_size
@@ -79,9 +82,15 @@ def control(
         if begins:
             first = jax.lax.cond(
                 eqxi.unvmap_any(h_free == 0),
-                lambda y, dy, h_free: jnp.where(h_free == 0, rule.initial(y, dy), h_free),
-                lambda y, dy, h_free: h_free,
-                y, dy, h_free,
+                lambda y, dy, size, h_free: jnp.where(
+                    h_free == 0,
+                    rule.initial(
+                        y, dy, scales(rule, plan.atols, plan.noise, size, Ends(h, y, y, dy, dy))
+                    ),
+                    h_free,
+                ),
+                lambda y, dy, size, h_free: h_free,
+                y, dy, size, h_free,
             )  # fmt: skip
 
         def free(code, h, h_free, first, factor, factor_rejected, tries, landed):
@@ -96,7 +105,7 @@ def control(
 
     def length(code, h_take, h_rejected, h_located, h_dip, next_output, t, t1, outputs):
         target = _target(plan, next_output, t1, outputs)[0] if plan.has_outputs else t1
-        h_take = rule.initial(y, dy) if h_take is None else h_take
+        h_take = rule.initial(y, dy, None) if h_take is None else h_take
         remaining = target - t
         h_next = jnp.where(remaining <= h_take * (1.0 + 1e-9), jnp.maximum(remaining, 0.0), h_take)
         h_next = jnp.where(is_event(code), 0.0, h_next)
@@ -132,10 +141,13 @@ def books(
         short = _short(h, t)
         zero_events = jnp.where(event & short, zero_events + 1.0, zero_events)
         zero_events = jnp.where((event | (code == PLAIN)) & ~short, 0.0, zero_events)
-        bend = jnp.abs(first.rate - first.rate_start) * lane.full
-        grazes = (lane.h > 0) & (jnp.abs(first.rate) * lane.h < GRAZING_RATIO * bend)
+        # The slope of a crossing that is only just one is not known: it is the root of its depth.
+        bend = jnp.abs(first.rate - first.rate_start)
+        grazes = (lane.h > 0) & (first.rate**2 * lane.h < 2.0 * bend * plan.touching)
         grazes = (code == COLLAPSED) | ((code == EVENT) & grazes)
         flags = flags | jnp.where(grazes, GRAZING, 0)
+        # An attempt of length zero compares the guards of two modes.
+        flags = flags | jnp.where(moved & (code != REFRESH), first.marks, 0)
         flags = flags | jnp.where(event & (first.close > 1), COINCIDENT, 0)
         flags = flags | jnp.where(code == VIOLATED, EVENT_AT_START, 0)
         letter = (first.index * 64 + mode_jump + 1).astype(jnp.uint32)
@@ -200,6 +212,19 @@ def quiet_books(
     if plan.functions.num_guards:
         accounts["zero_events"] = jnp.where(accepted(code) & ~_short(h, t), 0.0, lane.zero_events)
     return accounts
+
+
+def sudden(lane: Lane, error) -> tuple[Any, Any]:
+    """Longest of the last steps, and the flag of one that had to become short all at once.
+
+    A field that jumps inside a step has an error in proportion to the length, whatever the order of
+    the method: attempts collapse onto the jump until it no longer matters. The motion is right, but
+    its derivative by the time of the jump is lost.
+    """
+    fits = (lane.status == RUNNING) & (lane.fresh == 1.0) & (lane.bracket.tries == 0) & (error <= 1.0)
+    jumps = fits & (lane.h < SUDDEN * lane.peak) & (lane.h > 0) & (error > 1e-3)
+    peak = jnp.where(fits, jnp.maximum(lane.h, FORGETS * lane.peak), lane.peak)
+    return peak, lane.flags | flag(jumps, DISCONTINUOUS)
 
 
 def _exhausted(plan: Plan, code, h_next, t, t1, status):

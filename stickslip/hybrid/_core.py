@@ -18,6 +18,8 @@ from jaxtyping import PyTree
 from ._adjoint import adjoint
 from ._lane import Plan, start
 from ._record import Logs, Record, record
+from ._status import COARSE, flag
+from ._tolerance import grown, too_loose
 
 _NO_SECOND = (
     "second derivatives of a simulation (the event times are corrected to first order only); use "
@@ -64,7 +66,7 @@ def _raw(inputs, fixed, plan: Plan, spec: Record) -> tuple[Smooth, Counts]:
         Counts(
             mode=lane.mode,
             status=count(lane.status),
-            flags=lane.flags,
+            flags=lane.flags | flag(too_loose(plan.atols, grown(lane.size, lane.y)), COARSE),
             sequence=lane.sequence,
             attempts=count(lane.attempts),
             accepted=count(lane.accepted),

@@ -66,7 +66,7 @@ def _along(theta, section: Section, mode, t, y, dy):
 
 def _length(plan: Plan, theta, section: Section, row: Starts):
     """Length of the step from `row` that ends on the section, to a part in a million."""
-    execute = plan.execute
+    execute = plan.execute.for_the_ends()
     field, slope = _start(theta, row, execute)
 
     def value(t, y, dy):
@@ -91,10 +91,10 @@ def _length(plan: Plan, theta, section: Section, row: Starts):
     def body(carry):
         bracket, best, searching, tries = carry
         whole = tries == 0
-        h = jnp.where(whole, row.h, _locate.propose(bracket, row.h))
+        h = jnp.where(whole, row.h, _locate.propose(bracket, row.h, row.t))
         value, rate = turned(sign, look(h))
         near = jnp.abs(value) <= -rate * _locate.TOLERANCE_SECTION * row.h
-        collapsed = bracket.high - bracket.low <= 4e-16 * jnp.maximum(jnp.abs(row.t), bracket.high)
+        collapsed = _locate.is_collapsed(bracket, row.t)
         best = jnp.where(searching, h, best)
         # Whether the step crosses was decided in the run; here rounding may see it otherwise.
         searching = searching & jnp.where(whole, value < 0, ~near & ~collapsed)
@@ -108,8 +108,9 @@ def _length(plan: Plan, theta, section: Section, row: Starts):
 
 def _land(plan: Plan, theta, section: Section, row: Starts, h):
     """The shortened step and one Newton step onto the section with its exact rate."""
-    field, dy = _start(theta, row, plan.execute)
-    y, dy, _ = plan.stepper.step(field, row.t, row.y, dy, h, plan.execute)
+    execute = plan.execute.for_the_ends()
+    field, dy = _start(theta, row, execute)
+    y, dy, _ = plan.stepper.step(field, row.t, row.y, dy, h, execute)
     sg = jax.lax.stop_gradient
     t = row.t + h
     slope = sg(dy)

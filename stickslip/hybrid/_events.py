@@ -7,8 +7,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from ._dependence import OTHER, degrees
 from ._section import Section
 from ._system import AbstractHybridSystem, guard_directions, guard_scales
+from ._tolerance import generic
 
 # A guard counts as violated below this fraction of its scale: rounding of the state, not motion.
 SLACK = 1e-12
@@ -20,6 +22,7 @@ class Values(NamedTuple):
 
     value: tuple
     rate: tuple
+    scale: tuple = ()  # magnitudes of the guards here, where the system does not state them
 
 
 class EventFunctions(eqx.Module):
@@ -27,9 +30,13 @@ class EventFunctions(eqx.Module):
 
     num_guards: int = eqx.field(static=True)
     directions: tuple = eqx.field(static=True)
-    scales: tuple
+    factors: tuple  # one over the stated magnitude of each
     sections: tuple[Section, ...] = eqx.field(static=True)
     exact_rate: tuple = eqx.field(static=True)
+    # What is checked inside a step: all that is not affine in time and state and has an exact rate.
+    doubtful: tuple = eqx.field(static=True)
+    # Whether magnitudes of the guards follow the motion, because the system states none.
+    learned: bool = eqx.field(static=True)
 
     @property
     def count(self) -> int:
@@ -39,16 +46,24 @@ class EventFunctions(eqx.Module):
         """Whether a crossing ends the step: guards and terminal sections, not recorded sections."""
         return index < self.num_guards or self.sections[index - self.num_guards].terminal
 
-    def evaluate(self, system: AbstractHybridSystem, t, y, dy, mode, args) -> Values:
-        """All values at `(t, y)` and their rates of change along the motion."""
+    def evaluate(self, system: AbstractHybridSystem, t, y, dy, mode, args, size=None) -> Values:
+        """All values at `(t, y)`, their rates of change along the motion, and magnitudes if learned.
+
+        The magnitude of a guard is how much it changes as the state goes from zero to the largest it
+        has been, `size`: what its terms amount to, and not what is left of them near a zero.
+        """
         one, zero_slope = jnp.ones_like(t), jax.tree.map(jnp.zeros_like, dy)
 
         def guards(t, y):
             return tuple(system.guards(t, y, mode, args))
 
-        values, rates = (), ()
+        values, rates, scale = (), (), ()
         if self.num_guards:
             values, rates = jax.jvp(guards, (t, y), (one, dy))
+            if self.learned and size is not None:
+                fixed = jax.lax.stop_gradient((t, y))
+                _, terms = jax.jvp(guards, fixed, (jnp.zeros_like(t), generic(size)))
+                scale = tuple(_magnitude(jax.lax.stop_gradient(term)) for term in terms)
         for section, exact in zip(self.sections, self.exact_rate[self.num_guards :], strict=True):
 
             def value(t, y, dy, section=section):
@@ -59,7 +74,16 @@ class EventFunctions(eqx.Module):
             else:
                 v, r = value(t, y, dy), None
             values, rates = (*values, v), (*rates, r)
-        return Values(tuple(map(_scaled, values, self.scales)), tuple(map(_scaled, rates, self.scales)))
+        return Values(
+            tuple(map(_scaled, values, self.factors)), tuple(map(_scaled, rates, self.factors)), scale
+        )
+
+    def values(self, system: AbstractHybridSystem, t, y, dy, mode, args, scales: tuple) -> tuple:
+        """Values alone, scaled by the stated magnitudes or by the learned `scales` of the guards."""
+        values = tuple(system.guards(t, y, mode, args)) if self.num_guards else ()
+        values += tuple(section.function(t, y, dy, mode, args) for section in self.sections)
+        values = tuple(map(_scaled, values, self.factors))
+        return divided(values, scales)
 
     def sign(self, index: int, start: Any) -> Any:
         """Factor that makes a crossing of function `index` a fall, given its value at the start."""
@@ -71,14 +95,24 @@ class EventFunctions(eqx.Module):
         return jnp.sign(start)
 
 
-def _scaled(value: Any, scale: Any) -> Any:
-    if value is None or (isinstance(scale, float) and scale == 1.0):
+def divided(values: tuple, scales: tuple) -> tuple:
+    """Values of the guards over their magnitudes; the sections, which come last, are left alone."""
+    return (*(v / s for v, s in zip(values, scales, strict=False)), *values[len(scales) :])
+
+
+def _magnitude(terms: Any) -> Any:
+    terms = jnp.abs(terms)
+    return jnp.where(terms > 1e-200, terms, 1.0)
+
+
+def _scaled(value: Any, factor: Any) -> Any:
+    if value is None or (isinstance(factor, float) and factor == 1.0):
         return value
-    return value / scale
+    return value * factor
 
 
-def _frozen(scale: Any) -> Any:
-    return float(scale) if isinstance(scale, int | float) else jax.lax.stop_gradient(scale)
+def _inverse(scale: Any) -> Any:
+    return 1.0 / float(scale) if isinstance(scale, int | float) else jax.lax.stop_gradient(1.0 / scale)
 
 
 def event_functions(
@@ -112,11 +146,26 @@ def event_functions(
             raise ValueError(f"guard_{label}={given} must have {len(names)} entries, one per guard")
     for section in sections:
         check(lambda t, y, dy, s=section: s.function(t, y, dy, mode, args), section.name, t, y, dy)
-    exact = tuple(not s.uses_slope(t, y, dy, mode, args) for s in sections)
+    exact = (True,) * len(names) + tuple(not s.uses_slope(t, y, dy, mode, args) for s in sections)
+    degree = degrees(all_values(system, sections, dy, mode, args), (t, y), (True, True))
     return EventFunctions(
         num_guards=len(names),
         directions=guard_directions(system) + tuple(s.direction for s in sections),
-        scales=tuple(map(_frozen, guard_scales(system))) + (1.0,) * len(sections),
+        factors=tuple(map(_inverse, guard_scales(system))) + (1.0,) * len(sections),
         sections=sections,
-        exact_rate=(True,) * len(names) + exact,
+        exact_rate=exact,
+        doubtful=tuple(known and degree == OTHER for known, degree in zip(exact, degree, strict=True)),
+        learned=bool(names) and system.guard_scales is None,
     )
+
+
+def all_values(
+    system: AbstractHybridSystem, sections: tuple[Section, ...], dy, mode, args
+) -> Callable[[Any, Any], list]:
+    """The event functions as one function of time and state."""
+
+    def values(t, y):
+        guards = tuple(system.guards(t, y, mode, args)) if system.guard_names else ()
+        return [*guards, *(s.function(t, y, dy, mode, args) for s in sections)]
+
+    return values

@@ -24,12 +24,21 @@ _LOOP = {"inlineable": "false", "xla_cpu_small_call": "true"}
 
 
 class Executor(eqx.Module, metaclass=CheckedModule):
-    """Wraps the pieces of the integrator; the numbers are the same to rounding in both variants."""
+    """Wraps the pieces of the integrator; the numbers are the same to rounding in all variants.
+
+    `compact`: the smallest program, whatever the batch.
+    """
 
     fused: bool = eqx.field(static=True)
+    compact: bool = eqx.field(static=True, default=False)
 
     def __check_init__(self):
         check_flag("fused", self.fused)
+        check_flag("compact", self.compact)
+
+    def for_the_ends(self) -> "Executor":
+        """For what is computed a few times after a run: then compiling costs more than running."""
+        return self if self.fused else COMPACT
 
     def boundary(self, function: Callable, *operands: Any) -> Any:
         """Call `function` such that its result is computed once (fused) or plainly (portable)."""
@@ -75,7 +84,7 @@ class _Piece:
     """
 
     def __init__(self, function: Callable, operands: tuple, evaluation: Callable):
-        jaxpr, self.consts, self.form = _trace(function, operands)
+        jaxpr, self.consts, self.form = traced(function, operands)
         places = {v: i for i, v in enumerate(jaxpr.invars)}
         literal = jax.extend.core.Literal
         # Per result: its value, the operand it is, or that it is computed.
@@ -114,6 +123,7 @@ def _whole(jaxpr: Any) -> Callable:
 
 PORTABLE = Executor(fused=False)
 FUSED = Executor(fused=True)
+COMPACT = Executor(fused=False, compact=True)
 _current: contextvars.ContextVar[Executor] = contextvars.ContextVar("executor", default=PORTABLE)
 
 
@@ -133,7 +143,7 @@ def use_executor(executor: Executor) -> Iterator[None]:
         _current.reset(token)
 
 
-def _trace(function: Callable, operands: tuple) -> tuple:
+def traced(function: Callable, operands: tuple) -> tuple:
     """Jaxpr of `function` on the arrays it closes over and its operands, these arrays, its form."""
     leaves, treedef = jax.tree.flatten(operands)
     out_tree = None

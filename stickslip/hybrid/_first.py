@@ -22,7 +22,7 @@ from ._lane import (
     Plan,
     accepted,
 )  # fmt: skip
-from ._status import RUNNING
+from ._status import DISCONTINUOUS, GRAZING, RUNNING, flag
 
 REACH = 1e-3  # part of the step to an event that the Newton correction may be
 COINCIDENCE = 1e-9  # fraction of a full step within which two guards fire "at the same instant"
@@ -38,17 +38,23 @@ class First(NamedTuple):
     rate_start: Any
     exact: Any  # 1 if the rate is known exactly; not kept up to date where all are
     close: Any  # number of guards within rounding of zero
-    h_dip: Any  # where a function may have gone through zero and back; 0 if none
+    h_dip: Any  # where a function may have gone, or was seen, through zero and back; 0 if none
+    marks: Any  # flags of a step in which nothing fires: a guard nearly touched, something jumped
 
 
 def no_event(lane: Lane) -> First:
     zero, izero = jnp.zeros_like(lane.h), jnp.zeros_like(lane.mode)
-    return First(izero, zero + FAR, zero, zero + FAR, zero, izero + 1, izero, zero)
+    return First(izero, zero + FAR, zero, zero + FAR, zero, izero + 1, izero, zero, izero)
 
 
-def lowest(plan: Plan, lane: Lane, values: Values) -> First:
+def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> First:
+    """The event function with the lowest scaled value, its sign chosen so that it crosses downwards.
+
+    `h_seen`: where a function was seen beyond zero inside the step (0: nowhere); `jumps`: whether one
+    jumps in it.
+    """
     functions, sg = plan.functions, jax.lax.stop_gradient
-    best = no_event(lane)
+    best = no_event(lane)._replace(h_dip=h_seen, marks=flag(jumps, DISCONTINUOUS))
     full = jnp.where(lane.bracket.tries == 0, lane.h, lane.full)
     for i in range(functions.count):
         is_guard, known = i < functions.num_guards, values.rate[i] is not None
@@ -70,12 +76,16 @@ def lowest(plan: Plan, lane: Lane, values: Values) -> First:
         if not acts:
             best = best._replace(h_dip=h_dip)
             continue
+        marks = best.marks
+        if is_guard:
+            touched = (rate0 < 0) & (rate > 0) & (jnp.minimum(value0, sg(value)) < plan.touching)
+            marks = marks | flag(touched, GRAZING)
         if is_guard and functions.num_guards > 1:
             near = jnp.abs(sg(value)) <= -rate * COINCIDENCE * full
             close = close + jnp.where(near, 1, 0)
         found = (value, rate, value0, rate0)
         if i == 0 and is_guard:
-            best = First(best.index, *found, exact, close, h_dip)
+            best = First(best.index, *found, exact, close, h_dip, marks)
             continue
         lower = sg(value) < sg(best.value)
         if not is_guard:
@@ -83,7 +93,7 @@ def lowest(plan: Plan, lane: Lane, values: Values) -> First:
         if not all(functions.exact_rate):
             exact = jnp.where(lower, int(known), exact)
         chosen = [jnp.where(lower, new, old) for new, old in zip(found, best[1:5], strict=True)]
-        best = First._make([jnp.where(lower, i, best.index), *chosen, exact, close, h_dip])
+        best = First._make([jnp.where(lower, i, best.index), *chosen, exact, close, h_dip, marks])
     return best
 
 
@@ -104,6 +114,7 @@ def nothing_happens(plan: Plan, lane: Lane, h, first: First, finite, error):
     """Whether `decide` would say `PLAIN` or `HOLD`, at a fraction of its price."""
     hit = _hit(first, _is_guard(plan.functions, first))
     plain = (lane.fresh == 1.0) & (lane.bracket.tries == 0) & ~hit & (first.h_dip <= 0) & finite
+    plain = plain & (first.marks == 0)
     if plan.step_size.adaptive:
         plain = plain & (error <= 1.0)
     return plain | (lane.status != RUNNING)
@@ -132,7 +143,8 @@ def decide(plan: Plan, lane: Lane, h, first: First, finite, error):
         reach = jnp.where(h == 0, tolerance * full, jnp.minimum(tolerance * full, REACH * h))
         near = jnp.abs(first.value) <= -rate * reach
         hit = _hit(first, is_guard)
-        collapsed = b.high - b.low <= 4e-16 * jnp.maximum(jnp.abs(lane.t), b.high)
+        # A jump through zero ends on its far side, where the new mode is what it will be.
+        collapsed = _locate.is_collapsed(b, lane.t) & (first.value < 0)
         shrink = fresh & (hit | ~free)
         code = jnp.where(fresh & (first.h_dip > 0) & free, DIP, code)
         code = jnp.where(shrink, SHRINK, code)
@@ -141,7 +153,7 @@ def decide(plan: Plan, lane: Lane, h, first: First, finite, error):
         code = jnp.where(~fresh & hit & is_guard, VIOLATED, code)
     bad = ~finite
     if plan.step_size.adaptive:
-        bad = bad | ((error > 1.0) & free & fresh)
+        bad = bad | (~(error <= 1.0) & free & fresh)
     code = jnp.where(bad, REJECT, code)
     return jnp.where(lane.status == RUNNING, code, HOLD)
 
@@ -193,11 +205,6 @@ def fired_sections(functions: EventFunctions, code, lane: Lane, values: Values):
 
 
 def keep_values(code, lane: Lane, values: Values):
-    """Event functions at the start of the next attempt."""
-    keep = accepted(code)
-    kept = [jnp.where(keep, v, old) for v, old in zip(values.value, lane.values, strict=True)]
-    rates = tuple(
-        None if r is None else jnp.where(keep, r, old)
-        for r, old in zip(values.rate, lane.rates, strict=True)
-    )
-    return tuple(kept), rates
+    """Event functions at the start of the next attempt, and the magnitudes behind them."""
+    old = Values(lane.values, lane.rates, lane.scales)
+    return jax.tree.map(lambda new, old: jnp.where(accepted(code), new, old), values, old)

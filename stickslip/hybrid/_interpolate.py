@@ -8,7 +8,7 @@ from jaxtyping import PyTree
 
 from .._validation import check_handed_on, check_type, refusal
 from ._arguments import the_system, times
-from ._execute import PORTABLE
+from ._execute import COMPACT
 from ._simulate import Integrator
 from ._solution import Solution
 from ._stepper import as_stepper
@@ -58,7 +58,7 @@ def interpolate(
             return system.vector_field(t, y, mode, args)
 
         h = jnp.where(inside, t - t0, 0.0)
-        y, _, _ = stepper.step(field, t0, y0, dy0, h, PORTABLE)
+        y, _, _ = stepper.step(field, t0, y0, dy0, h, COMPACT)
         return jax.tree.map(lambda a: jnp.where(inside, a, jnp.nan), y)
 
     return jax.vmap(one)(ts)

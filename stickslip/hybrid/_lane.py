@@ -15,6 +15,7 @@ from ._progress import ProgressMeter
 from ._status import CODE, RUNNING
 from ._step_size import AbstractStepSize
 from ._stepper import AbstractStepper
+from ._tolerance import Noise, sizes
 
 # What became of an attempt. The decision is one number, computed once; everything else selects on it.
 # Codes, counters and marks are floating-point numbers: masks that come from and go to vectors of the
@@ -41,9 +42,12 @@ class Lane(NamedTuple):
     fresh: Any  # whether `dy` and `values` belong to the present mode
     values: tuple  # event functions at (t, y); 0 for a section that has just fired
     rates: tuple
+    scales: tuple  # magnitudes of the guards behind `values`, where they are learned
+    size: PyTree  # largest magnitude of each component so far
     h: Any  # length of the next attempt
     h_free: Any  # what the step-size rule alone would take
     error: Any  # last accepted scaled error
+    peak: Any  # longest of the last steps, forgotten slowly
     bracket: Bracket
     full: Any  # length of the attempt that opened the bracket
     next_output: Any
@@ -79,12 +83,30 @@ class Plan(eqx.Module):
     max_crossings: int = eqx.field(static=True)
     max_steps: int = eqx.field(static=True)
     has_outputs: bool = eqx.field(static=True)
+    atols: tuple  # absolute tolerance of each leaf of the state; None: by the size of the motion
+    noise: Noise  # whose rounding no step can undercut
+    resolution: Any  # steps below it are not cut for the sake of an event function [s]
     detect_dips: bool = eqx.field(static=True)
     progress: ProgressMeter | None = None
 
     def looks_into(self, index: int) -> bool:
         """Whether steps are looked into for short excursions of this event function."""
         return self.detect_dips and self.functions.exact_rate[index]
+
+    @property
+    def looks_inside(self) -> bool:
+        """Whether an event function is compared with its cubic inside each step."""
+        return self.detect_dips and any(self.functions.doubtful)
+
+    @property
+    def touching(self) -> Any:
+        """Scaled value of a guard that tolerance and rounding do not tell from zero, for derivatives.
+
+        A value uncertain by `d` makes the slope of a crossing `sqrt(2 c D)` deep below a bend `c`
+        uncertain by `d / (2 D)` of itself, and with it the derivative: 1e-4 at `D = 5000 d`.
+        """
+        rule: Any = self.step_size
+        return 5e3 * rule.rtol if rule.adaptive else 5e-7
 
     @property
     def interrupts(self) -> bool:
@@ -122,9 +144,12 @@ def start(plan: Plan, t0, y0, dy_like, mode0) -> Lane:
         fresh=zero,
         values=(zero,) * n,
         rates=tuple(zero if exact else None for exact in plan.functions.exact_rate),
+        scales=(zero + 1.0,) * (plan.functions.num_guards if plan.functions.learned else 0),
+        size=jax.lax.stop_gradient(sizes(y0)),
         h=zero,
         h_free=zero,
         error=zero + 1.0,
+        peak=zero,
         bracket=_locate.empty(zero),
         full=zero,
         next_output=izero,
@@ -141,5 +166,5 @@ def start(plan: Plan, t0, y0, dy_like, mode0) -> Lane:
 
 def without_state(lane: Lane) -> Lane:
     """The lane's bookkeeping alone, free of derivatives."""
-    bare = lane._replace(y=None, dy=None)
+    bare = lane._replace(y=None, dy=None, size=None)
     return jax.tree.map(jax.lax.stop_gradient, bare)

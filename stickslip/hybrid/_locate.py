@@ -11,7 +11,7 @@ import jax.numpy as jnp
 
 # An event is accepted when the Newton correction that is left is this fraction of the full step;
 # the correction is then applied, so that its square is the location error.
-TOLERANCE = 1e-9
+TOLERANCE = 1e-10
 TOLERANCE_SECTION = 1e-6  # sections are corrected after the run with their exact rate
 BISECT_EVERY = 8
 
@@ -59,8 +59,15 @@ def update(
     )
 
 
-def propose(b: Bracket, full: Any) -> Any:
+def is_collapsed(b: Bracket, t: Any) -> Any:
+    """Whether the ends of the bracket are the same time to rounding; `t` is the start of the step."""
+    return b.high - b.low <= 4e-16 * jnp.maximum(jnp.abs(t), b.high)
+
+
+def propose(b: Bracket, full: Any, t: Any) -> Any:
     """Next step length: inverse cubic Hermite if both rates fall, else Illinois, else the middle.
+
+    A bracket that has collapsed around a jump is left by its far end.
 
     The inverse Hermite polynomial `h(g)` through both ends with their rates has error of fourth order
     in the width of the bracket and needs no iteration. Where the guard starts at zero and rises, the
@@ -92,7 +99,8 @@ def propose(b: Bracket, full: Any) -> Any:
     guess = jnp.where(resting, hop, guess)
     guess = jnp.where(halve, b.low + 0.5 * width, guess)
     at_start = at_first & (b.rate_low < 0) & (b.value_low <= -TOLERANCE * full * b.rate_low)
-    return jnp.where(at_start, 0.0, guess)
+    guess = jnp.where(at_start, 0.0, guess)
+    return jnp.where(is_collapsed(b, t) & (b.tries != 0), b.high, guess)
 
 
 def dip(value0: Any, rate0: Any, value1: Any, rate1: Any, h: Any) -> tuple[Any, Any]:

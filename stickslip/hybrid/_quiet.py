@@ -20,8 +20,9 @@ class Step(NamedTuple):
     h: Any
     y1: PyTree
     dy1: PyTree
-    error: Any
+    error: Any  # scaled error of the state, or the doubt about an event function where it is larger
     values: Values
+    kept: Values  # the same by the magnitudes of the guards at the end
 
 
 def advance_quietly(
@@ -52,18 +53,20 @@ def advance_quietly(
         return select(accepted(code), new, old)
 
     t, y = once(advance, code, (lane.t, lane.y), (lane.t + h, step.y1))
-    new = (step.dy1, sg(step.values.value), sg(step.values.rate))
+    new = (step.dy1, sg(step.kept))
     if adaptive and not judged:  # a rejected lane tries again from the same slope
-        new = once(advance, code, (lane.dy, lane.values, lane.rates), new)
-    dy, values, rates = new
+        old = (lane.dy, Values(lane.values, lane.rates, lane.scales))
+        new = once(advance, code, old, new)
+    dy, (values, rates, scales) = new
     bare = without_state(lane)
     following = control(
-        plan, code, bare, h, h, h, step.error, sg(t), sg(y), sg(dy), sg(t1), sg(outputs),
+        plan, code, bare, h, h, h, step.error, sg(t), sg(y), sg(dy), sg(lane.size), sg(t1), sg(outputs),
         begins=not judged,
     )  # fmt: skip
     accounts = once(
         lambda *a: quiet_books(plan, *a),
-        code, bare, h, sg(t), sg(step.values), following.output, following.h, sg(t1), sg(outputs),
+        code, bare, h, sg(t), sg(step.values), following.output, following.h, sg(t1),
+        sg(outputs),
     )  # fmt: skip
     if adaptive:
         accounts["error"] = once(
@@ -72,8 +75,8 @@ def advance_quietly(
     if plan.interrupts:
         accounts["full"] = h
     after = lane._replace(
-        t=t, y=y, dy=dy, values=values, rates=rates, h=following.h, h_free=following.h_free,
-        next_output=following.output, **accounts,
+        t=t, y=y, dy=dy, values=values, rates=rates, scales=scales, h=following.h,
+        h_free=following.h_free, next_output=following.output, **accounts,
     )  # fmt: skip
     guard = jnp.zeros_like(lane.mode)
     fired = crossed_sections(plan.functions, code, bare, sg(step.values))

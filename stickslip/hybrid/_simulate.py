@@ -14,12 +14,13 @@ from ._arguments import (
     a_time,
     check_field,
     check_sections,
+    check_times,
     output_times,
     sections_of,
     start_of,
     the_system,
-    times,
 )
+from ._bound import RESOLUTION, bounded
 from ._core import core
 from ._crossing import crossings as located
 from ._events import event_functions
@@ -33,7 +34,8 @@ from ._status import CODE, to_result
 from ._step_size import AbstractStepSize, AdaptiveStep
 from ._stepper import as_stepper
 from ._system import AbstractHybridSystem
-from ._tree import select, shift
+from ._tolerance import Noise, cancelling, component_tolerances
+from ._tree import select, shift, with_float_arrays
 
 
 class SaveAt(eqx.Module, metaclass=CheckedModule):
@@ -51,7 +53,7 @@ class SaveAt(eqx.Module, metaclass=CheckedModule):
 
     def __check_init__(self):
         if self.ts is not None:
-            times("ts", self.ts)
+            check_times("ts", self.ts)
         check_flag("steps", self.steps)
         check_flag("events", self.events)
         check_count("max_rows", self.max_rows, 1)
@@ -72,7 +74,7 @@ class Integrator(eqx.Module, metaclass=CheckedModule):
 
     method: Any = "dop853"
     step: AbstractStepSize = eqx.field(
-        default_factory=lambda: AdaptiveStep(1e-10, 1e-10)  # pyright: ignore[reportCallIssue]
+        default_factory=lambda: AdaptiveStep(1e-10)  # pyright: ignore[reportCallIssue]
     )
     max_steps: int = eqx.field(static=True, default=100_000)
     detect_dips: bool = eqx.field(static=True, default=True)
@@ -151,8 +153,7 @@ def simulate(
     check_type("saveat", saveat, SaveAt, "a SaveAt")
     sections = sections_of(sections)
     check_flag("throw", throw)
-    system = the_system(system)
-    system = jax.tree.map(lambda a: jnp.asarray(a, jnp.float64) if isinstance(a, float) else a, system)
+    system = with_float_arrays(the_system(system))
     t0, t1 = a_time("t0", t0), a_time("t1", t1)
     check_at_least("t1", t1, "t0", t0)
     ts = output_times(saveat.ts, t0, t1)
@@ -191,15 +192,25 @@ def _run(
     check_sections(sections, t0, y0, mode0, args)
     functions = event_functions(system, sections, t0, y0, y0, mode0, args)
     log_events = saveat.events and max_events is not None
+    rule = bounded(integrator.step, system, sections, t0, t1 - t0, y0, mode0, args)
+    atols, terms = (None,) * len(jax.tree.leaves(y0)), y0
+    if rule.adaptive:
+        atols = component_tolerances(rule.atol, y0, system.units)
+        rule = eqx.tree_at(lambda r: r.atol, rule, None, is_leaf=lambda a: a is None)
+        if any(atol is None for atol in atols):
+            terms = cancelling(lambda t, y: system.vector_field(t, y, mode0, args), t0, y0)
     plan = Plan(
         stepper=as_stepper(integrator.method),
-        step_size=jax.tree.map(lambda a: sg(jnp.asarray(a, jnp.float64)), integrator.step),
+        step_size=jax.tree.map(lambda a: sg(jnp.asarray(a, jnp.float64)), rule),
         functions=functions,
         execute=execute,
         max_events=max_events,
         max_crossings=max_crossings,
         max_steps=integrator.max_steps,
         has_outputs=ts is not None,
+        atols=atols,
+        noise=sg(Noise(jnp.maximum(jnp.abs(t0), jnp.abs(t1)), terms)),
+        resolution=sg(RESOLUTION * (t1 - t0)),
         detect_dips=integrator.detect_dips,
         progress=integrator.progress,
     )

@@ -50,17 +50,21 @@ def to_result(code: Int[Array, "*batch"]) -> RESULTS:  # pyright: ignore[reportI
 
 
 # Bits of `Solution.flags`: where the derivative of the result does not exist or is not to be trusted.
-GRAZING = 1  # an event function touched zero with (nearly) no slope
+GRAZING = 1  # a guard touched zero, or missed it, so closely that rounding and tolerance decide
 COINCIDENT = 2  # two guards reached zero at the same instant
 EVENT_AT_START = 4  # a guard was already violated when a mode began
+DISCONTINUOUS = 8  # a guard or the field jumped inside a step, at a time that nobody declared
+COARSE = 16  # an absolute tolerance is above the motion of a component
 
 
 def describe_flags(flags: int) -> str:
     """Words for the bits of `Solution.flags`."""
     names = {
-        GRAZING: "grazing: a guard touched zero with almost no slope",
+        GRAZING: "grazing: a guard touched or missed zero with almost no slope",
         COINCIDENT: "coincident: two guards reached zero at the same instant",
         EVENT_AT_START: "violated: a guard was already violated when a mode began",
+        DISCONTINUOUS: "discontinuous: a guard or the field jumped within a step",
+        COARSE: "coarse: an absolute tolerance is above the motion of a component",
     }
     return "; ".join(text for bit, text in names.items() if int(flags) & bit) or "none"
 

@@ -15,6 +15,7 @@ from .._validation import (
     one_number,
     one_static,
 )
+from ._tolerance import check_tolerances
 
 
 class AbstractStepSize(eqx.Module, metaclass=CheckedModule):
@@ -23,7 +24,7 @@ class AbstractStepSize(eqx.Module, metaclass=CheckedModule):
     adaptive: eqx.AbstractClassVar[bool]  # whether the error estimate is used
 
     @abc.abstractmethod
-    def initial(self, y: Any, dy: Any) -> Any:
+    def initial(self, y: Any, dy: Any, scale: Any) -> Any:
         """First step length to try."""
 
 
@@ -40,28 +41,37 @@ class FixedStep(AbstractStepSize):
     def __check_init__(self):
         one_number("h", self.h, "positive")
 
-    def initial(self, y, dy):
+    def initial(self, y, dy, scale):
         return jnp.asarray(self.h, jnp.float64)
 
 
 class AdaptiveStep(AbstractStepSize):
-    """Steps such that the local error estimate stays below `atol + rtol |y|` in every component.
+    r"""Steps such that the local error estimate stays below `atol + rtol |y|` in every component.
+
+    `atol` is a number, a mapping from names of components or from units (`{"m": 1e-12, "m/s": 1e-9}`),
+    or a pytree like the state. For `None`, the default and what a mapping leaves out, the size of the
+    motion itself takes its place: the error of a component stays below `rtol` times its largest
+    magnitude so far, but at least 1e-6 of that of the largest component, and above the rounding of the
+    field. So lengths may be in metres or in nanometres. An `atol` above 1e-4 of a component's motion
+    is flagged (`Solution.flags`).
 
     After an accepted step of scaled error `E` the length is multiplied by
     `safety * E**(-(icoeff + pcoeff)/k) * E_previous**(pcoeff/k)`, kept within `[factor_min,
     factor_max]`, where `k` is the order of the method (Söderlind 2002; Hairer & Wanner IV.2).
-    `dtmax` [s] bounds the step: an excursion of a guard through zero and back that is shorter than
-    a step can be missed, so set it to the shortest excursion that matters. `dtmin` [s]: a step that
-    would have to be shorter ends the lane with `RESULTS.dt_min_reached`.
+    `dtmax` [s] bounds the step. For `None`, the default, only the steps of a system are bounded whose
+    field or event functions depend on the time itself: by twice its `time_scale`, or, where it states
+    none, by 1/1000 of the run. A load that rises and falls again within 0.4 of the bound can be
+    missed; infinity is no bound. `dtmin` [s]: a step that would have to be shorter ends the lane with
+    `RESULTS.dt_min_reached`.
 
     Errors: `ValueError` if a tolerance is not positive, or `dtmin < 0`, or `dtmax` not above 0 or below
-    `dtmin`, or `safety` not in (0, 1],
-    or `factor_min` not in (0, 1), or `factor_max` below 1.
+    `dtmin`, or `safety` not in (0, 1], or `factor_min` not in (0, 1), or `factor_max` below 1. What of
+    `atol` does not go with the state is refused by `simulate`.
     """
 
     rtol: Any
-    atol: Any
-    dtmax: Any = float("inf")
+    atol: Any = None
+    dtmax: Any = None
     dtmin: Any = 0.0
     h0: Any = None
     pcoeff: float = eqx.field(static=True, default=0.0)
@@ -74,11 +84,12 @@ class AdaptiveStep(AbstractStepSize):
 
     def __check_init__(self):
         one_number("rtol", self.rtol, "positive")
-        one_number("atol", self.atol, "positive")
-        one_number("dtmax", self.dtmax, "any")
-        check_that("dtmax", self.dtmax, lambda a: a > 0, "positive (infinity for no bound)")
+        check_tolerances("atol", self.atol)
         one_number("dtmin", self.dtmin, "not negative")
-        check_at_least("dtmax", self.dtmax, "dtmin", self.dtmin)
+        if self.dtmax is not None:
+            one_number("dtmax", self.dtmax, "any")
+            check_that("dtmax", self.dtmax, lambda a: a > 0, "positive (infinity for no bound)")
+            check_at_least("dtmax", self.dtmax, "dtmin", self.dtmin)
         if self.h0 is not None:
             one_number("h0", self.h0, "positive")
         one_static("pcoeff", self.pcoeff)
@@ -90,13 +101,19 @@ class AdaptiveStep(AbstractStepSize):
         one_static("factor_max", self.factor_max, "positive")
         check_that("factor_max", self.factor_max, lambda a: a >= 1, "at least 1")
 
-    def initial(self, y, dy):
-        """The given `h0`, else a hundredth of the time in which the state changes by itself."""
+    def initial(self, y, dy, scale):
+        """The given `h0`, else a hundredth of the time in which the state changes by itself.
+
+        `scale`: what an error of 1 means in each leaf of `y`.
+        """
         if self.h0 is not None:
             return jnp.minimum(jnp.asarray(self.h0, jnp.float64), self.dtmax)
-        size = sum(jnp.sum((v / (self.atol + self.rtol * jnp.abs(v))) ** 2) for v in jax.tree.leaves(y))
-        pairs = zip(jax.tree.leaves(y), jax.tree.leaves(dy), strict=True)
-        rate = sum(jnp.sum((d / (self.atol + self.rtol * jnp.abs(v))) ** 2) for v, d in pairs)
+
+        def square(tree):
+            pairs = zip(jax.tree.leaves(tree), scale, strict=True)
+            return sum(jnp.sum(jnp.clip(v / s, -1e70, 1e70) ** 2) for v, s in pairs)
+
+        size, rate = square(y), square(dy)
         usable = (size > 1e-10) & (rate > 1e-10)
         guess = 0.01 * jnp.sqrt(jnp.where(usable, size, 1.0) / jnp.where(usable, rate, 1.0))
         return jnp.minimum(jnp.where(usable, guess, 1e-6), self.dtmax)

@@ -9,9 +9,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import optimistix as optx
-from jaxtyping import Array, PyTree
+from jaxtyping import PyTree
 
-from . import _tableau
+from . import _rolled, _tableau
+from ._alone import alone_or_batched
 from ._execute import Executor
 from ._tree import combine, weighted
 
@@ -49,7 +50,11 @@ class AbstractStepper(eqx.Module):
 
 
 class ExplicitRungeKutta(AbstractStepper):
-    """Explicit Runge-Kutta method given by a tableau; its stages are kept apart for the compiler."""
+    """Explicit Runge-Kutta method given by a tableau.
+
+    Its stages are a loop where one lane runs. In batches and in fused programs they are written out,
+    and kept apart for the compiler.
+    """
 
     tableau: _tableau.Tableau = eqx.field(static=True)
 
@@ -60,6 +65,17 @@ class ExplicitRungeKutta(AbstractStepper):
         return bool(self.tableau.error_weights)
 
     def step(self, field, t, y, dy, h, execute):
+        if execute.fused:
+            return self._step_written_out(field, t, y, dy, h, execute)
+        if execute.compact:
+            return _rolled.step(self.tableau, field, t, y, dy, h)
+        return alone_or_batched(
+            lambda *a: _rolled.step(self.tableau, *a),
+            lambda *a: self._step_written_out(*a, execute),
+            [(field, (t, y))], t, y, dy, h,
+        )  # fmt: skip
+
+    def _step_written_out(self, field, t, y, dy, h, execute):
         tab, field = self.tableau, execute.shared(field)
         slopes = [dy]
         for i in range(1, tab.stages):
@@ -75,6 +91,15 @@ class ExplicitRungeKutta(AbstractStepper):
         return execute.boundary(lambda y, s, h: combine(y, s, row, h), y, slopes, h)
 
     def vjp(self, field, theta, t, y, dy, h, end, execute):
+        if execute.fused:
+            return self._vjp_written_out(field, end, theta, t, y, dy, h, execute)
+        return alone_or_batched(
+            lambda *a: _rolled.vjp(self.tableau, *a),
+            lambda *a: self._vjp_written_out(*a, execute),
+            [(field, (theta, t, y)), (end, (y, dy))], theta, t, y, dy, h,
+        )  # fmt: skip
+
+    def _vjp_written_out(self, field, end, theta, t, y, dy, h, execute):
         # Reverse sweep through the stages with each stage state recomputed once: the transpose of
         # `step` written out, because differentiating the fused stages would recompute all of them
         # for every one of them.
@@ -192,28 +217,3 @@ def _with_root_tolerance(solver: dfx.AbstractSolver) -> dfx.AbstractSolver:
         [defaults[name] for name in unset],
         is_leaf=lambda x: x is None,
     )
-
-
-def error_norm(errors: tuple[PyTree, ...], y0: PyTree, y1: PyTree, rtol: Any, atol: Any) -> Array:
-    """Root mean square of the error estimate relative to `atol + rtol max(|y0|, |y1|)`.
-
-    With two estimates (DOP853) they are combined as in Hairer, Norsett & Wanner II.10:
-    `e5^2 / sqrt(e5^2 + 0.01 e3^2)`.
-    """
-
-    def squares(error):
-        total, count = 0.0, 0
-        for e, a, b in zip(
-            jax.tree.leaves(error), jax.tree.leaves(y0), jax.tree.leaves(y1), strict=True
-        ):
-            scale = atol + rtol * jnp.maximum(jnp.abs(a), jnp.abs(b))
-            total = total + jnp.sum((e / scale) ** 2)
-            count += e.size
-        return total / count
-
-    first = squares(errors[0])
-    if len(errors) == 1:
-        return jnp.sqrt(first)
-    second = squares(errors[1])
-    denominator = first + 0.01 * second
-    return first / jnp.sqrt(jnp.where(denominator > 0, denominator, 1.0))

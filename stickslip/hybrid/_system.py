@@ -79,9 +79,9 @@ class AbstractHybridSystem(eqx.Module):
     - `guards(t, y, mode, args) -> tuple of scalars`, one per entry of `guard_names`. With the
       default direction `"falling"`, positive means inside the mode; a guard that does not belong to
       `mode` returns a positive constant. `guard_directions` may say `"rising"` or `"both"`.
-      `guard_scales` are magnitudes at which a guard value
-      counts as large (default 1 each; a property may compute them from the parameters); a guard is
-      taken as violated below `-1e-12` of its scale.
+      A guard is taken as violated below `-1e-12` of its magnitude: by default, how much it changes
+      as the state goes from zero to the largest values of the motion so far (1 where it does not depend
+      on the state); `guard_scales` states magnitudes instead (a property may compute them).
     - `transition(t, y, mode, guard, args) -> (y, mode)`: called at the located zero of guard number
       `guard`. It must return a mode that is admissible right afterwards; `-1` where there is none
       (the lane then ends with `RESULTS.no_admissible_mode`).
@@ -100,6 +100,15 @@ class AbstractHybridSystem(eqx.Module):
     units: ClassVar[dict[str, str]] = {}
     guard_directions: ClassVar[tuple[str, ...] | None] = None
     guard_scales: ClassVar[Any] = None
+
+    def time_scale(self, args: PyTree) -> Any:
+        r"""Shortest time [s] in which what depends on the time itself changes by its own size.
+
+        $1/\omega$ for a load $\sin\omega t$, a quarter of its width for a pulse, infinity for what is
+        constant between declared breaks. `None`, the default: not known; `AdaptiveStep.dtmax` says how
+        steps are bounded then. No matter where the time does not enter.
+        """
+        return None
 
     @abc.abstractmethod
     def vector_field(self, t: Any, y: PyTree, mode: Any, args: PyTree) -> PyTree:
@@ -146,6 +155,6 @@ def guard_directions(system: AbstractHybridSystem) -> tuple[str, ...]:
 
 
 def guard_scales(system: AbstractHybridSystem) -> tuple:
-    """Magnitudes of all guards, 1 where the system is silent."""
+    """Stated magnitudes of all guards, 1 where the system is silent."""
     scales = system.guard_scales
     return (1.0,) * len(system.guard_names) if scales is None else tuple(scales)

@@ -1,11 +1,12 @@
-"""Butcher tableaus of explicit Runge-Kutta methods, read from diffrax and SciPy."""
+"""Butcher tableaus of explicit Runge-Kutta methods, one of them read from diffrax."""
 
 from dataclasses import dataclass, field
 from typing import Any
 
 import diffrax as dfx
 import numpy as np
-from scipy.integrate import DOP853 as _SciPyDOP853
+
+from . import _dop853
 
 
 @dataclass(frozen=True)
@@ -53,13 +54,6 @@ def from_diffrax(solver: dfx.AbstractERK) -> Tableau:
     return _freeze(type(solver).__name__, order, a, b, c, [weights], order)
 
 
-def _dop853() -> Tableau:
-    source = _SciPyDOP853
-    n = source.n_stages
-    # The fifth- and third-order estimates of Hairer, Norsett & Wanner, combined in `error_norm`.
-    return _freeze("DOP853", 8, source.A[:n, :n], source.B, source.C[:n], [source.E5, source.E3], 8)
-
-
 def _rk4() -> Tableau:
     a = np.zeros((4, 4))
     a[1, 0] = a[2, 1] = 0.5
@@ -79,7 +73,8 @@ def _freeze(name, order, a, b, c, error_weights, error_order) -> Tableau:
     )
 
 
-DOP853 = _dop853()
+# The fifth- and third-order estimates of Hairer, Norsett & Wanner, combined in `error_norm`.
+DOP853 = _freeze("DOP853", 8, _dop853.A, _dop853.B, _dop853.C, [_dop853.E5, _dop853.E3], 8)
 RK4 = _rk4()
 TSIT5 = from_diffrax(dfx.Tsit5())
 

@@ -54,3 +54,8 @@ def all_finite(tree: PyTree) -> Array:
     for flag in flags[1:]:
         result = result & flag
     return result
+
+
+def with_float_arrays(tree: PyTree) -> PyTree:
+    """`tree` with its Python floats as arrays: another number then is not another program."""
+    return jax.tree.map(lambda a: jnp.asarray(a, jnp.float64) if isinstance(a, float) else a, tree)

@@ -70,6 +70,10 @@ class AbstractSystemWrapper(AbstractHybridSystem):
         """Those of `system`."""
         return self.system.units
 
+    def time_scale(self, args):
+        """That of `system`, whose arguments are taken to be these."""
+        return self.system.time_scale(args)
+
     def guards(self, t, y, mode, args):
         y, args = self.inner(y, args)
         return self.system.guards(t, y, mode, args)

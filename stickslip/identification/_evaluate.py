@@ -4,8 +4,11 @@ from collections.abc import Callable
 from typing import Any
 
 import jax
+import jax.core
 from jaxtyping import Array, Float
 
+from .._compiled_once import compiled_once
+from ..hybrid._execute import traced
 from ._unknowns import Values, from_logs
 
 Evaluation = Callable[[Float[Array, " unknown"]], tuple[Array, Array]]
@@ -22,7 +25,7 @@ def evaluation(residual: Callable[[Values], Any], names: tuple[str, ...]) -> Eva
             out = residual(from_logs(names, z))
             if getattr(out, "ndim", None) != 1:
                 raise ValueError(
-                    f"residual returned {_shape(out)}: it must be one array with one dimension."
+                    f"residual(values) = {_shape(out)}: it must be one array with one dimension."
                 )
             return out, out
 
@@ -33,4 +36,20 @@ def evaluation(residual: Callable[[Values], Any], names: tuple[str, ...]) -> Eva
 
 
 def _shape(out: Any) -> str:
-    return f"shape {out.shape}" if hasattr(out, "shape") else f"a {type(out).__name__}"
+    return f"an array of shape {out.shape}" if hasattr(out, "shape") else f"a {type(out).__name__}"
+
+
+def solved(method: Any, residual: Callable[[Values], Any], names: tuple[str, ...], z: Array) -> Any:
+    """`method.solve` for the residual, compiled once for all residuals that differ in their data only.
+
+    The data that a residual closes over are made operands before a loop can make constants of them.
+    """
+    jaxpr, consts, form = traced(evaluation(residual, names), (z,))
+
+    def solve(z, consts):
+        def evaluate(z):
+            return jax.tree.unflatten(form, jax.core.eval_jaxpr(jaxpr, (), *consts, z))
+
+        return method.solve(evaluate, names, z)
+
+    return compiled_once(solve, z, consts)

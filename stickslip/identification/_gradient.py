@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 from .._validation import check_callable
-from ._evaluate import evaluation
+from ._evaluate import solved
 from ._fit import Fit
 from ._methods import descent
 from ._unknowns import Values, scalars, to_logs
@@ -32,4 +32,4 @@ def gradient_descent(
     check_callable("residual", residual, "f(values)", {})
     start = scalars("start", start)
     names = tuple(start)
-    return method.solve(evaluation(residual, names), names, to_logs(start))
+    return solved(method, residual, names, to_logs(start))

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 from .._validation import check_callable
-from ._evaluate import evaluation
+from ._evaluate import solved
 from ._fit import Fit
 from ._methods import levenberg_marquardt
 from ._unknowns import Values, scalars, to_logs
@@ -44,11 +44,12 @@ def least_squares(
       included.
 
     **Returns** a `Fit`. **Raises** `TypeError`, `ValueError` for a `start` that is not so and for what
-    is not positive. Works under `jit` and `vmap`; the estimate is not differentiated, because that
-    would take second derivatives of the motion.
+    is not positive. The residual is traced at every call, and compiled where its program is a new one.
+    Works under `jit` and `vmap`; the estimate is not differentiated, because that would take second
+    derivatives of the motion.
     """
     method = levenberg_marquardt(damping=damping, tolerance=tolerance, max_steps=max_steps)
     check_callable("residual", residual, "f(values)", {})
     start = scalars("start", start)
     names = tuple(start)
-    return method.solve(evaluation(residual, names), names, to_logs(start))
+    return solved(method, residual, names, to_logs(start))

@@ -1,8 +1,42 @@
 """Many lanes at once, on all cores, in pieces that survive an interruption."""
 
+import importlib
+from typing import TYPE_CHECKING, Any
+
 from ._lanes import map_lanes as map_lanes
-from ._run import run_sweep as run_sweep
-from ._store import SweepMismatchError as SweepMismatchError
-from ._store import SweepWriteError as SweepWriteError
-from ._store import Variable as Variable
-from ._store import open_dataset as open_dataset
+
+# xarray and zarr take longer to import than the rest of the package: they come with the first sweep.
+if TYPE_CHECKING:
+    from ._layout import Variable as Variable
+    from ._read import open_dataset as open_dataset
+    from ._run import run_sweep as run_sweep
+    from ._store import SweepMismatchError as SweepMismatchError
+    from ._store import SweepWriteError as SweepWriteError
+
+_LATER = {
+    "run_sweep": "_run",
+    "SweepMismatchError": "_store",
+    "SweepWriteError": "_store",
+    "Variable": "_layout",
+    "open_dataset": "_read",
+}
+__all__ = [  # noqa: RUF022  # the order of the documentation
+    "map_lanes",
+    "run_sweep",
+    "SweepMismatchError",
+    "SweepWriteError",
+    "Variable",
+    "open_dataset",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _LATER:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    thing = getattr(importlib.import_module(f".{_LATER[name]}", __name__), name)
+    globals()[name] = thing
+    return thing
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_LATER})

@@ -1,7 +1,5 @@
 """Evaluation of one block of a sweep: side by side, or carried from point to point."""
 
-import functools
-import re
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -12,7 +10,7 @@ from jaxtyping import PyTree
 
 from ._grid import Block, blocks
 from ._lanes import map_lanes
-from ._manifest import digest
+from ._programs import Identity, identify
 
 CARRY = "carry"
 
@@ -30,16 +28,36 @@ def output_names(tree: PyTree) -> dict[str, Any]:
     return names
 
 
+class prepared:
+    """A lane function of this package that is used more than once, with what was traced of it.
+
+    For functions whose surroundings are known not to change in between. A caller's function is traced
+    at every call: it may read what was bound anew or altered since, and nothing would tell.
+    """
+
+    def __init__(self, function: Callable):
+        self.function = function
+        self._lanes: dict = {}
+
+    def __call__(self, **point: Any) -> PyTree:
+        return self.function(**point)
+
+    def lanes(self, executor: str, workers: int | None) -> map_lanes:
+        """`map_lanes` of the function, the same object each time."""
+        key = executor, workers
+        if key not in self._lanes:
+            self._lanes[key] = _side_by_side(self, executor, workers)
+        return self._lanes[key]
+
+
 def lanes_of(function: Callable, executor: str, workers: int | None) -> map_lanes:
-    """`map_lanes` over dictionaries of arguments: the same object for a function that comes again."""
-    try:
-        return _cached_lanes(function, executor, workers)
-    except TypeError:  # not hashable
-        return _cached_lanes.__wrapped__(function, executor, workers)
+    """`map_lanes` over dictionaries of arguments."""
+    if isinstance(function, prepared):
+        return function.lanes(executor, workers)
+    return _side_by_side(function, executor, workers)
 
 
-@functools.lru_cache(maxsize=4)
-def _cached_lanes(function, executor, workers):
+def _side_by_side(function, executor, workers):
     def side_by_side(arguments):
         return function(**arguments)
 
@@ -149,14 +167,13 @@ class Evaluate:
             return shapes
         return jax.tree.map(lambda s: jax.ShapeDtypeStruct(s.shape[1:], s.dtype), shapes)
 
-    def program_digest(self) -> str:
+    def program(self) -> Identity:
         """Digest of the program of one lane, with every constant that it holds.
 
         It tells apart what no list of settings could: another formula, another parameter in a closure.
         """
-        lowered = jax.jit(self.lane).lower(self._shapes())
-        text = re.sub(r"loc\([^)]*\)", "", lowered.as_text())
-        return digest(text)
+        traced = jax.jit(self.lane).trace(self._shapes())
+        return identify(traced, traced.lower())
 
     def __call__(self, block: Block, read: Callable) -> dict[str, np.ndarray]:
         """Results of a block by name. `read(name, region)` gives what was computed before."""

@@ -1,8 +1,6 @@
 """Many independent lanes of one function: small chunks, all cores, the fast executor."""
 
-import collections
 import concurrent.futures
-import hashlib
 import os
 from collections.abc import Callable
 
@@ -22,28 +20,14 @@ from .._validation import (
     refusal,
 )
 from ..hybrid._execute import FUSED, PORTABLE, use_executor
-from ._canary import fused_is_trusted
+from ._canary import fused_is_trusted, wished_executor
+from ._programs import compiled
 
 EXECUTORS = ("auto", "fused", "portable")
 CHUNK_FUSED = 64  # lanes whose state fits the first-level cache
 CHUNK_PORTABLE = 1024  # more: each operation is dispatched by itself
 CHUNK_ACCELERATOR = 65536
 VECTOR = 8  # float64 lanes of the widest vector unit of a CPU
-
-
-_PROGRAMS: collections.OrderedDict = collections.OrderedDict()
-PROGRAMS_KEPT = 16
-
-
-def _compiled(lowered: jax.stages.Lowered, devices) -> jax.stages.Compiled:
-    """Compiled program; functions that come to the same program share it."""
-    key = hashlib.sha256(f"{devices} {lowered.as_text()}".encode()).digest()
-    if key not in _PROGRAMS:
-        _PROGRAMS[key] = lowered.compile()
-    _PROGRAMS.move_to_end(key)
-    while len(_PROGRAMS) > PROGRAMS_KEPT:
-        _PROGRAMS.popitem(last=False)
-    return _PROGRAMS[key]
 
 
 class map_lanes:
@@ -64,15 +48,17 @@ class map_lanes:
       `"portable"` uses nothing but public JAX; `"auto"` is `"fused"` on a CPU if a trial in a
       subprocess has shown that this jaxlib compiles it and agrees in value. The trial cannot cover
       every program: should XLA ever abort while compiling yours, use `"portable"` here or
-      `STICKSLIP_EXECUTOR=portable` in the environment.
+      `STICKSLIP_EXECUTOR=portable` in the environment, which may also be `fused` (without a trial)
+      or `auto`.
     - `workers`: devices or, with a single CPU device, threads to use; by default all.
 
     **Returns** a callable with the results' leading axis as long as the inputs'. It is compiled on
     first use; keep it to use it again. Its attribute `executor` says which one is used. Inside `jit`,
     `vmap` or `grad` it maps chunk by chunk with the portable executor.
 
-    **Errors** `ValueError` for an unknown executor, a chunk size or number of workers below 1, or
-    inputs whose leading axes differ; `TypeError` for inputs that are no arrays of numbers.
+    **Errors** `ValueError` for an unknown executor, here or in `STICKSLIP_EXECUTOR`, a chunk size or
+    number of workers below 1, or inputs whose leading axes differ; `TypeError` for inputs that are no
+    arrays of numbers.
     """
 
     def __init__(
@@ -88,6 +74,7 @@ class map_lanes:
         for name, value in (("chunk_size", chunk_size), ("workers", workers)):
             if value is not None:
                 check_count(name, value, 1)
+        wished_executor()  # nonsense in the environment is refused, whether it would matter or not
         cpu = jax.default_backend() == "cpu"
         if executor == "auto":
             executor = "fused" if cpu and fused_is_trusted() else "portable"
@@ -179,8 +166,8 @@ class map_lanes:
             options = None
             if self.devices[0].platform == "cpu":
                 options = {"xla_cpu_prefer_vector_width": "512"}
-            lowered = jax.jit(run, compiler_options=options).lower(chunks)
-            self._compiled[key] = _compiled(lowered, self.devices)
+            traced = jax.jit(run, compiler_options=options).trace(chunks)
+            self._compiled[key] = compiled(traced, traced.lower(), self.devices)
         return self._compiled[key]
 
     def _threaded(self, chunks, threads):

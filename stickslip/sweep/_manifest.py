@@ -4,6 +4,7 @@ import dataclasses
 import functools
 import hashlib
 import importlib.metadata
+import json
 import math
 import pathlib
 import platform
@@ -20,7 +21,7 @@ import zarr
 
 from .. import _version
 
-FORMAT = 1
+FORMAT = 2
 LONGEST_LIST = 64
 
 
@@ -106,7 +107,46 @@ def versions() -> dict[str, str]:
 
 # Recorded, yet free to differ when a sweep is resumed: they do not reach the numbers, or do so only
 # through the compiled program, which has a digest of its own.
-FREE = ("information",)
+FREE = ("information", "attributes", "files", "seal")
+
+
+def sealed(manifest: Mapping[str, Any]) -> dict[str, Any]:
+    """The manifest with a checksum of itself, by which an alteration is found."""
+    plain = {key: value for key, value in manifest.items() if key != "seal"}
+    return {**plain, "seal": digest(json.dumps(plain, sort_keys=True))}
+
+
+def identity(manifest: Mapping[str, Any]) -> str:
+    """Digest of what decides the numbers."""
+    deciding = {key: value for key, value in manifest.items() if key not in FREE}
+    return digest(json.dumps(deciding, sort_keys=True))
+
+
+def is_manifest(value: Any) -> bool:
+    """Whether this is the manifest of a sweep of any format, altered or not."""
+    return (
+        isinstance(value, dict)
+        and isinstance(value.get("format"), int)
+        and {"grid", "block", "outputs", "program"} <= set(value)
+    )
+
+
+def fault(value: Any) -> str | None:
+    """Why a manifest cannot be relied on; `None` if it can."""
+    if not is_manifest(value):
+        return "has a manifest.json that is not of a sweep"
+    if value["format"] != FORMAT:
+        by = value.get("information")
+        by = by.get("versions") if isinstance(by, dict) else None
+        by = by.get("stickslip") if isinstance(by, dict) else None
+        made = f", made by stickslip {by}" if isinstance(by, str) else ""
+        return f"is of format {value['format']}{made}, and this stickslip goes on with format {FORMAT}"
+    try:
+        if sealed(value).get("seal") == value.get("seal"):
+            return None
+    except RecursionError:
+        pass
+    return "has a manifest.json that was altered"
 
 
 def differences(stored: Any, wanted: Any, path: str = "") -> list[str]:

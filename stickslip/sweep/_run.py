@@ -4,17 +4,18 @@ import time
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 from jaxtyping import PyTree
 
+from .._paths import DIRECTORY, the_directory
 from .._validation import (
     check_callable,
     check_count,
     check_flag,
     check_in,
     check_mapping,
-    check_path,
     check_text,
     check_type,
     leaves_of,
@@ -25,9 +26,11 @@ from .._validation import (
 from ._evaluate import Evaluate, output_names
 from ._grid import CHUNK, Block, block_shape, blocks, check_grid
 from ._lanes import EXECUTORS
+from ._layout import Layout, Variable
 from ._manifest import FORMAT, as_json, code_revision, digest, versions
 from ._progress import Progress
-from ._store import Layout, Store, Variable, open_dataset
+from ._read import finished_dataset
+from ._store import Store
 
 
 def run_sweep(
@@ -67,23 +70,27 @@ def run_sweep(
     - `inputs`: further arguments that differ from lane to lane, pytrees of arrays whose leading axes
       are those of the grid.
     - `store`: directory of results, made if absent. A later call with the same arguments goes on where
-      this one stopped; a block whose file is truncated or altered is computed again. Another sweep in
-      it is refused. Without a store, results are kept in memory.
+      this one stopped; a block whose file is lost or altered is computed again, headers and coordinates
+      are written again. Another sweep in it is refused, and so is one whose function calls the host
+      (`jax.pure_callback` and its like): what that computes cannot be compared. `name`, `attrs` and
+      `variables` may differ; they are written into the store. Without a store, results are kept in
+      memory.
     - `variables`: labels of results and coordinates by name, see `Variable`.
     - `settings`: parameters, seeds and whatever else describes the sweep, for its manifest; they must
       match when it is resumed, as must the compiled program itself.
     - `attrs`: attributes of the dataset.
     - `chunk`: lanes per block (default 4096; 65,536 off the CPU). Memory grows with it, not with the
       number of lanes.
-    - `resume`: with `False` the sweep in the store is removed first.
+    - `resume`: with `False` the sweep in the store is removed first, and no other file in it.
     - `progress`: a line on stderr with rate and time left; by default where stderr is a terminal.
     - `executor`, `workers`: as for `map_lanes`.
 
     **Returns** an `xarray.Dataset` with the grid's dimensions first; from a store it is read when used.
 
     **Errors** `ValueError`/`TypeError` naming a wrong argument, before anything is compiled;
-    `SweepMismatchError` (a `ValueError`) if the store holds another sweep; `SweepWriteError` (an
-    `OSError`) if results cannot be written, e.g. on a full disk: finished blocks are kept.
+    `SweepMismatchError` (a `ValueError`) if the store holds another sweep or is of an older format;
+    `SweepWriteError` (an `OSError`) if results cannot be written, e.g. on a full disk: finished blocks
+    are kept. `KeyboardInterrupt` says how many, and the same call goes on.
     """
     coords = check_grid(grid)
     check_text("name", name)
@@ -104,7 +111,7 @@ def run_sweep(
         if value is not None:
             check_count(key, value, 1)
     check_in("executor", executor, EXECUTORS)
-    _check_store(store)
+    path = None if store is None else the_directory("store", store, f"{DIRECTORY}, or None")
     inputs = _check_inputs(inputs, coords)
     call = f"f({'' if carry is None else 'carry, '}{', '.join([*coords, *inputs])})"
     check_callable("function", function, call, *[carry][: carry is not None], **coords, **inputs)
@@ -121,8 +128,11 @@ def run_sweep(
         labels=variables,
         attrs={"title": name, **as_json(attrs)},
     )
+    program = evaluate.program()
     manifest = {
         "format": FORMAT,
+        # In this order: blocks of a square grid look alike in any.
+        "coordinates": list(coords),
         "grid": {
             key: {
                 "size": values.size,
@@ -135,30 +145,34 @@ def run_sweep(
         "block": list(sides),
         "carried": None
         if axis is None
-        else {"along": list(coords)[axis], "backward": backward, "start": as_json(carry)},
+        else {
+            "along": list(coords)[axis],
+            "backward": backward,
+            "start": as_json(carry),
+            "sha256": digest(*map(np.asarray, jax.tree.leaves(carry))),
+        },
         "inputs": {key: digest(*jax.tree.leaves(value)) for key, value in inputs.items()},
         "outputs": {
             key: {"shape": list(tail), "dtype": str(dtype), "dims": list(label.dims)}
             for key, (tail, dtype, label) in outputs.items()
         },
         "settings": as_json(settings),
-        "program": evaluate.program_digest(),
+        "program": program.digest,
+        "host_code": list(program.unknown),
         "computed_with": {
             "executor": evaluate.lanes.executor,
             "backend": jax.default_backend(),
             **{key: versions()[key] for key in ("jax", "jaxlib")},
         },
-        "information": {
-            "versions": versions(),
-            "code_revision": code_revision(),
-            "attrs": layout.attrs,
-        },
+        "attributes": layout.attributes(),
+        "information": {"versions": versions(), "code_revision": code_revision()},
     }
     pieces = blocks(shape, sides, axis if backward else None)
-    if store is None:
+    if path is None:
         return _in_memory(evaluate, layout, pieces, progress, name)
-    _on_disk(evaluate, Store(store, layout, manifest), pieces, resume, progress, name)
-    return open_dataset(store)
+    held = Store(path, layout, manifest)
+    _on_disk(evaluate, held, pieces, resume, progress, name)
+    return finished_dataset(path, held.manifest)
 
 
 def _on_disk(evaluate, store: Store, pieces: list[Block], resume, progress, name) -> None:
@@ -186,6 +200,11 @@ def _on_disk(evaluate, store: Store, pieces: list[Block], resume, progress, name
             for block in todo:
                 store.write(block, evaluate(block, store.read))
                 meter.advance(_lanes(block))
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(
+                f"interrupted: {store.finished()} of {len(pieces)} blocks are kept in store "
+                f"{str(store.path)!r}, and the same call goes on from there"
+            ) from None
         finally:
             meter.close()
         store.log(event="end", seconds=round(time.monotonic() - begin, 3), lanes=missing)
@@ -233,14 +252,10 @@ def _check_carry(carry: PyTree) -> PyTree:
 
 def _check_numbers(name: str, leaf: Any) -> None:
     # Also booleans and complex numbers, which are nobody's parameters but may be handed on.
-    known = isinstance(leaf, bool | complex | np.generic | np.ndarray | jax.Array)
-    if not known or isinstance(leaf, np.ma.MaskedArray) or np.asarray(leaf).dtype.kind not in "bc":
+    array = isinstance(leaf, np.generic | np.ndarray | jax.Array)
+    dtype = leaf.dtype if array and not isinstance(leaf, np.ma.MaskedArray) else type(leaf)
+    if not any(jnp.issubdtype(dtype, kind) for kind in (jnp.bool_, jnp.complexfloating)):
         numbers(name, leaf, "a number or an array of numbers")
-
-
-def _check_store(store: Any) -> None:
-    if store is not None:
-        check_path("store", store, "the path of a directory, or None")
 
 
 def _carried_axis(coords, carry, along, backward) -> int | None:

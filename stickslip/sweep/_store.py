@@ -1,42 +1,43 @@
 """A directory that holds a sweep: finished blocks in zarr, each vouched for by a checksum.
 
-    STORE/manifest.json      what the sweep is; written last when the store is made
+    STORE/manifest.json      what the sweep is, sealed, with checksums of headers and coordinates;
+                             written before anything else
     STORE/data.zarr/         the results, zarr format 3, one chunk per block and variable
     STORE/finished/0007.json checksums of the files of block 7; written after them, in one rename
     STORE/runs.jsonl         when and by what it was worked on; free to differ between equal stores
     STORE/lock               held while somebody works on it; freed by the system if he is killed
 
 A block counts as finished if its record exists and every file has the checksum recorded. So a run may
-be killed between any two instructions: what it had not vouched for is computed again.
+be killed between any two instructions: what it had not vouched for is computed again. Headers and
+coordinates follow from the sweep, so that lost ones are written again. Nothing else is ever removed.
 """
 
 import contextlib
-import dataclasses
 import errno
-import hashlib
 import json
 import os
 import pathlib
-import shutil
 import time
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-import xarray as xr
 import zarr
 
-from .._validation import check_mapping, check_path, check_type, refusal
+from ._files import checksum, checksum_of, link_above, read_json, write_whole
 from ._grid import Block
-from ._manifest import differences
+from ._layout import DATA, Files, Layout, chunk_file, record_file
+from ._manifest import differences, fault, identity, is_manifest, sealed
 
 try:
     import fcntl
 except ImportError:  # no advisory locks on this system
     fcntl = None
 
-_OURS = {"manifest.json", "data.zarr", "finished", "runs.jsonl", "lock"}
-_FILL = {"f": np.nan, "c": np.nan, "i": -1, "u": 0, "b": False}
+_OURS = {"manifest.json", "manifest.json.damaged", DATA, "finished", "runs.jsonl", "lock"}
+_BEFORE_MANIFEST = {"lock", "manifest.json.part"}
+_READ_ONLY = (errno.EROFS, errno.EACCES, errno.EPERM)
+_ELSE = "Use another store, or replace this one with resume=False."
 
 
 class SweepMismatchError(ValueError):
@@ -47,93 +48,29 @@ class SweepWriteError(OSError):
     """Results could not be written; the message says what is kept and what to do."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Variable:
-    """How a result of a lane is labelled.
-
-    - `dims`: names of its axes after those of the grid, e.g. `("point",)`.
-    - `units`, `long_name`: for axes of pictures and for readers of the file.
-    - `attrs`: further attributes, e.g. `flag_values` and `flag_meanings` of a code.
-
-    Errors: `TypeError` for what is no name, text or mapping.
-    """
-
-    dims: tuple[str, ...] = ()
-    units: str | None = None
-    long_name: str | None = None
-    attrs: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-
-    def __post_init__(self):
-        names = isinstance(self.dims, tuple) and all(isinstance(dim, str) for dim in self.dims)
-        if not names:
-            raise refusal("dims", self.dims, "a tuple of names of axes", TypeError)
-        check_type("units", self.units, str | None, "a text or None")
-        check_type("long_name", self.long_name, str | None, "a text or None")
-        check_type("attrs", self.attrs, Mapping, "a mapping from names")
-        check_mapping("attrs", self.attrs)
-
-    def attributes(self) -> dict[str, Any]:
-        """Attributes of the array in the dataset."""
-        named = {"units": self.units, "long_name": self.long_name}
-        return {k: v for k, v in named.items() if v is not None} | dict(self.attrs)
-
-
-@dataclasses.dataclass(frozen=True)
-class Layout:
-    """Names, shapes and labels of everything in the store."""
-
-    coords: Mapping[str, np.ndarray]
-    outputs: Mapping[str, tuple[tuple[int, ...], np.dtype, Variable]]
-    sides: tuple[int, ...]
-    labels: Mapping[str, Variable]
-    attrs: Mapping[str, Any]
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        return tuple(values.size for values in self.coords.values())
-
-    def dims(self, name: str) -> tuple[str, ...]:
-        return (*self.coords, *self.outputs[name][2].dims)
-
-
-def _write_atomically(path: pathlib.Path, text: str) -> None:
-    """All of `text` at `path`, or what was there before; also after a power cut."""
-    temporary = path.with_name(path.name + ".part")
-    with open(temporary, "w", encoding="utf-8") as file:
-        file.write(text)
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(temporary, path)
-
-
 class Store:
     """Blocks of a sweep on disk. Use as a context: the lock is held inside it."""
 
-    def __init__(self, path: str | os.PathLike, layout: Layout, manifest: dict[str, Any]):
-        self.path = pathlib.Path(path)
+    def __init__(self, path: pathlib.Path, layout: Layout, manifest: dict[str, Any]):
+        self.path = path
         self.layout, self.manifest = layout, manifest
-        self._lock = None
+        self._lock: int | None = None
         self._arrays: dict[str, zarr.Array] = {}
+        self._identity = ""
 
     def __enter__(self) -> "Store":
-        known = self.path / "lock"
         if self.path.exists() and not self.path.is_dir():
             raise ValueError(f"store = {str(self.path)!r} is a file: it must be a directory.")
-        if self.path.is_dir():
-            names = {p.name.removesuffix(".part") for p in self.path.iterdir()}
-            if names and (not known.exists() or names - _OURS):
-                raise ValueError(
-                    f"store = {str(self.path)!r} holds something else ({sorted(names - _OURS)[:3]}): "
-                    "it must be a sweep's store, an empty directory or a new one."
-                )
-        with self._writing("make the store"):
+        self._check_ours()
+        with self._writing("make the directory"):
             self.path.mkdir(parents=True, exist_ok=True)
-            self._lock = open(known, "a")  # kept open as long as it is held
-        if fcntl is not None:
+        with self._writing("open the lock"):
+            self._lock = _open_lock(self.path / "lock")
+        if fcntl is not None and self._lock is not None:
             try:
                 fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError as error:
-                self._lock.close()
+                self.__exit__()
                 if error.errno not in (errno.EAGAIN, errno.EACCES):
                     raise
                 raise ValueError(
@@ -144,116 +81,197 @@ class Store:
 
     def __exit__(self, *_: object) -> None:
         if self._lock is not None:
-            self._lock.close()
+            os.close(self._lock)
+            self._lock = None
+
+    def _check_ours(self) -> None:
+        """Refuse a directory that is neither new nor a store: what is in it may be somebody's work."""
+        if not self.path.is_dir() or os.path.lexists(self.path / "manifest.json"):
+            return
+        names = {p.name for p in self.path.iterdir()} - _BEFORE_MANIFEST
+        if names - _OURS:
+            raise ValueError(
+                f"store = {str(self.path)!r} holds something else ({sorted(names - _OURS)[:3]}): "
+                "it must be a sweep's store, an empty directory or a new one."
+            )
+        if names and not self._is_proven():
+            raise ValueError(
+                f"store = {str(self.path)!r} holds {', '.join(sorted(names))} and has lost its "
+                "manifest.json: it must be a whole store, an empty directory or a new one; put the "
+                "manifest back, or remove the directory by hand."
+            )
 
     def open(self, *, resume: bool) -> None:
         """Make the store, or check that it holds this very sweep.
 
-        With `resume=False` whatever sweep it held is removed first.
+        With `resume=False` the sweep that it held is removed first, and no file but those of a sweep.
         """
-        path = self.path / "manifest.json"
+        self._check_ours()
+        stored, why = None, None
         try:
-            stored = json.loads(path.read_text(encoding="utf-8"))
+            stored = read_json(self.path / "manifest.json")
         except FileNotFoundError:
-            stored = None
+            pass
         except ValueError as error:
-            raise SweepMismatchError(
-                f"store = {str(self.path)!r} has an unreadable manifest ({error}): use another store, "
-                "or replace this one with resume=False."
-            ) from None
-        if not resume:
-            stored = None
-        if stored is None:
-            self._create()
-            _write_atomically(path, json.dumps(self.manifest, indent=1) + "\n")
+            why = f"has an unreadable manifest.json ({error})"
         else:
-            found = differences(stored, self.manifest)
-            if found:
-                raise SweepMismatchError(
-                    f"store = {str(self.path)!r} holds another sweep: " + "; ".join(found) + ". Use "
-                    "another store, or replace this one with resume=False."
-                )
-        group = zarr.open_group(self.path / "data.zarr", mode="r+")
-        self._arrays = {name: self._array(group, name) for name in self.layout.outputs}
-
-    def _array(self, group: zarr.Group, name: str) -> zarr.Array:
+            why = fault(stored)
+        if (why is not None or stored is None) and self._is_proven():
+            self._set_aside("manifest.json")
+            stored, why = self._set_up(self.manifest), None
+        if why is not None and not is_manifest(stored):
+            # It cannot be told whose files these are, so that not even resume=False may remove them.
+            raise ValueError(
+                f"store = {str(self.path)!r} {why}: it must be a whole store, an empty directory or a "
+                "new one; put the manifest back, or remove the directory by hand."
+            )
+        if stored is not None and not resume:
+            self._remove(stored)
+            stored = None
+        elif why is not None:
+            raise SweepMismatchError(f"store = {str(self.path)!r} {why}. {_ELSE}")
+        if stored is None:
+            self._set_up(self.manifest)
+        else:
+            self._resume(stored)
+        self._identity = identity(self.manifest)
+        group = zarr.open_group(self.path / DATA, mode="r+")
         # Without this a chunk that equals the fill value is no file, and could not be vouched for.
         with zarr.config.set({"array.write_empty_chunks": True}):
-            array = group[name]
-        assert isinstance(array, zarr.Array)
-        return array
+            self._arrays = {name: _array(group, name) for name in self.layout.outputs}
 
-    def _create(self) -> None:
-        layout = self.layout
-        with self._writing("make the store"):
-            for name in ("manifest.json", "data.zarr", "finished"):
-                path = self.path / name
-                if path.is_dir():
-                    shutil.rmtree(path)
-                else:
-                    path.unlink(missing_ok=True)
-            (self.path / "finished").mkdir()
-            group = zarr.create_group(
-                self.path / "data.zarr", attributes=dict(layout.attrs), zarr_format=3
+    def _resume(self, stored: dict[str, Any]) -> None:
+        """Take up the sweep in the store; put lost headers and coordinates back, and new labels in."""
+        found = differences(stored, self.manifest)
+        if found:
+            raise SweepMismatchError(
+                f"store = {str(self.path)!r} holds another sweep: " + "; ".join(found) + f". {_ELSE}"
             )
-            for name, values in layout.coords.items():
-                label = layout.labels.get(name, Variable())
-                group.create_array(
-                    name, data=values, dimension_names=(name,), attributes=label.attributes()
+        if stored["host_code"]:
+            raise SweepMismatchError(
+                f"store = {str(self.path)!r} holds a sweep whose function calls the host "
+                f"({', '.join(stored['host_code'])}), and what that does has no digest to compare. "
+                f"{_ELSE}"
+            )
+        attributes = self.manifest["attributes"]
+        bad = [name for name, sum_ in stored["files"].items() if checksum(self.path / name) != sum_]
+        if bad or stored["attributes"] != attributes:
+            if _sums(self.layout.skeleton(stored["attributes"])) != stored["files"]:
+                what = f"has a damaged {bad[0]}" if bad else "has other labels"
+                raise SweepMismatchError(
+                    f"store = {str(self.path)!r} {what}, and was made with another version of zarr, "
+                    f"so that it cannot be written anew. {_ELSE}"
                 )
-            for name, (tail, dtype, label) in layout.outputs.items():
-                group.create_array(
-                    name,
-                    shape=(*layout.shape, *tail),
-                    chunks=(*layout.sides, *(max(n, 1) for n in tail)),
-                    dtype=dtype,
-                    fill_value=_FILL[dtype.kind],
-                    dimension_names=layout.dims(name),
-                    attributes=label.attributes(),
-                )
+            self._set_up({**stored, "attributes": attributes})
+        else:
+            self.manifest = stored
+
+    def _set_up(self, manifest: dict[str, Any]) -> dict[str, Any]:
+        """Write the manifest, then every header and coordinate that is not as it says."""
+        files = self.layout.skeleton(manifest["attributes"])
+        with self._writing("write headers and coordinates"):
+            self.manifest = sealed({**manifest, "files": _sums(files)})
+            text = json.dumps(self.manifest, indent=1) + "\n"
+            write_whole(self._free("manifest.json"), text)
+            for name, data in files.items():
+                if checksum(self.path / name) != self.manifest["files"][name]:
+                    write_whole(self._free(name), data)
+        return self.manifest
+
+    def _is_proven(self) -> bool:
+        """Whether records and headers show that this is the very sweep, without its manifest."""
+        if self.manifest["host_code"]:
+            return False
+        wanted = identity(self.manifest)
+        if not any(_sweep_of(path) == wanted for path in (self.path / "finished").glob("*.json")):
+            return False
+        sums = _sums(self.layout.skeleton(self.manifest["attributes"]))
+        return all(checksum(self.path / name) == sum_ for name, sum_ in sums.items())
+
+    def _set_aside(self, name: str) -> None:
+        """Keep a file that is not ours, or no longer, under another name."""
+        path = self.path / name
+        if path.is_file() and not path.is_symlink():
+            with self._writing(f"set {name} aside"):
+                os.replace(path, path.with_name(name + ".damaged"))
+
+    def _free(self, name: str) -> pathlib.Path:
+        """Path of a file about to be written, in directories that exist and lie in the store."""
+        path = self.path / name
+        link = link_above(path, self.path)
+        if link is not None:
+            raise OSError(errno.ELOOP, "a symbolic link leads out of the store", str(link))
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if path.is_dir() and not path.is_symlink():
+            raise OSError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+        return path
+
+    def _remove(self, stored: dict[str, Any]) -> None:
+        """Remove the files of the sweep and directories that are empty then; follow no link."""
+        try:
+            files = Files(stored)
+        except (AttributeError, KeyError, TypeError, ValueError, ZeroDivisionError):
+            return  # altered: its files stay, and no record of theirs counts in another sweep
+        with self._writing("remove the sweep"):
+            for top in (DATA, "finished"):
+                if (self.path / top).is_symlink():
+                    raise OSError(errno.ELOOP, "a symbolic link leads out of the store", top)
+                for folder, _, names in os.walk(self.path / top, topdown=False):
+                    for path in (pathlib.Path(folder, name) for name in names):
+                        if files.has(path.relative_to(self.path).as_posix()):
+                            path.unlink()
+                    with contextlib.suppress(OSError):
+                        os.rmdir(folder)
 
     @contextlib.contextmanager
     def _writing(self, what: str) -> Iterator[None]:
         try:
             yield
         except OSError as error:
-            finished = self.path / "finished"
-            kept = len(list(finished.glob("*.json"))) if finished.is_dir() else 0
+            file = error.filename2 or error.filename
+            at = f" ({os.fsdecode(file)})" if isinstance(file, str | bytes) else ""
             raise SweepWriteError(
                 error.errno or errno.EIO,
-                f"could not {what} in store {str(self.path)!r}: {error.strerror or error}. "
-                f"{kept} finished blocks are kept; put the cause right (space, permissions) and run "
-                "the same sweep again to go on from there",
+                f"could not {what} in store {str(self.path)!r}: {error.strerror or error}{at}. "
+                f"{self.finished()} finished blocks are kept; put the cause right (space, permissions) "
+                "and run the same sweep again to go on from there",
             ) from error
 
-    def _record(self, block: Block) -> pathlib.Path:
-        return self.path / "finished" / f"{block.number:06d}.json"
+    def finished(self) -> int:
+        """Number of blocks that have a record."""
+        folder = self.path / "finished"
+        return len(list(folder.glob("*.json"))) if folder.is_dir() else 0
 
-    def _file(self, name: str, block: Block) -> pathlib.Path:
-        tail = len(self.layout.outputs[name][0])
-        place = [str(i) for i in (*block.place, *(0,) * tail)]
-        return self.path.joinpath("data.zarr", name, "c", *place)
+    def _record(self, block: Block) -> dict[str, Any]:
+        """What vouches for the block as its files are now."""
+        return record(self.path, self._identity, block.number, self._chunks(block))
+
+    def _chunks(self, block: Block) -> list[str]:
+        return [
+            chunk_file(name, block.place, len(tail))
+            for name, (tail, _, _) in self.layout.outputs.items()
+        ]
 
     def is_finished(self, block: Block) -> bool:
         """Whether the block is recorded and all its files are as they were written."""
         try:
-            recorded = json.loads(self._record(block).read_text(encoding="utf-8"))
-            return recorded == {name: _checksum(self._file(name, block)) for name in self._arrays}
+            recorded = read_json(self.path / record_file(block.number))
         except (OSError, ValueError):
             return False
+        return is_record(recorded) and recorded == self._record(block)
 
     def write(self, block: Block, values: Mapping[str, np.ndarray]) -> None:
         """Results of a block, then its record."""
         with self._writing(f"write block {block.number}"):
-            record = self._record(block)
-            record.unlink(missing_ok=True)
+            path = self._free(record_file(block.number))
+            chunks = [self._free(name) for name in self._chunks(block)]
+            # A block at the edge is merged with the chunk that is there, which may be damaged.
+            for old in (path, *chunks):
+                old.unlink(missing_ok=True)
             for name, array in self._arrays.items():
-                # A block at the edge is merged with the chunk that is there, which may be damaged.
-                self._file(name, block).unlink(missing_ok=True)
                 with zarr.config.set({"array.write_empty_chunks": True}):
                     array[block.region] = values[name]
-            sums = {name: _checksum(self._file(name, block)) for name in self._arrays}
-            _write_atomically(record, json.dumps(sums, indent=1) + "\n")
+            write_whole(path, json.dumps(self._record(block), indent=1) + "\n")
 
     def read(self, name: str, region: tuple[Any, ...]) -> np.ndarray:
         """Part of a variable."""
@@ -262,23 +280,58 @@ class Store:
     def log(self, **entry: Any) -> None:
         """Add a line to the diary of runs."""
         entry = {"time": time.strftime("%Y-%m-%dT%H:%M:%S%z"), **entry}
-        with self._writing("write the diary"), open(self.path / "runs.jsonl", "a") as file:
-            file.write(json.dumps(entry) + "\n")
+        flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0)
+        with self._writing("write the diary"):
+            with open(os.open(self.path / "runs.jsonl", flags, 0o666), "a") as file:
+                file.write(json.dumps(entry) + "\n")
 
 
-def _checksum(path: pathlib.Path) -> str:
-    with open(path, "rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+def record(path: pathlib.Path, sweep: str, number: int, names: list[str]) -> dict[str, Any]:
+    """Record of a block: of which sweep, which one, and the checksums of its files."""
+    return {
+        "sweep": sweep, "block": number, "files": {name: checksum(path / name) for name in names}
+    }  # fmt: skip
 
 
-def open_dataset(path: str | os.PathLike) -> xr.Dataset:
-    """The results in a store, read from disk when they are used.
-
-    Errors: `TypeError` for what is no path, `ValueError` where there is no store.
-    """
-    check_path("path", path, "the path of a directory")
-    if not (pathlib.Path(path) / "data.zarr").is_dir():
-        raise refusal("path", path, "the directory of a sweep, which holds data.zarr")
-    return xr.open_zarr(
-        pathlib.Path(path) / "data.zarr", chunks=None, consolidated=False, zarr_format=3
+def is_record(value: Any) -> bool:
+    """Whether this vouches for files: a record of files that are not there does not."""
+    return (
+        isinstance(value, dict)
+        and isinstance(value.get("files"), dict)
+        and all(isinstance(sum_, str) for sum_ in value["files"].values())
     )
+
+
+def _sweep_of(path: pathlib.Path) -> Any:
+    try:
+        value = read_json(path)
+    except (OSError, ValueError):
+        return None
+    return value.get("sweep") if isinstance(value, dict) else None
+
+
+def _sums(files: Mapping[str, bytes]) -> dict[str, str]:
+    return {name: checksum_of(data) for name, data in files.items()}
+
+
+def _array(group: zarr.Group, name: str) -> zarr.Array:
+    array = group[name]
+    assert isinstance(array, zarr.Array)
+    return array
+
+
+def _open_lock(path: pathlib.Path) -> int | None:
+    """The lock's file, made if lost; `None` where it is lost and nothing can be written."""
+    keep = getattr(os, "O_NOFOLLOW", 0)
+    try:
+        return os.open(path, os.O_RDWR | os.O_CREAT | keep, 0o666)
+    except OSError as error:
+        if error.errno not in _READ_ONLY:
+            raise
+    # A finished store on a read-only file system can still be read.
+    try:
+        return os.open(path, os.O_RDONLY | keep)
+    except OSError as error:
+        if error.errno == errno.ENOENT or error.errno in _READ_ONLY:
+            return None
+        raise

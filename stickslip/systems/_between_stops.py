@@ -92,6 +92,11 @@ class OscillatorBetweenStops(AbstractMechanicalSystem):
         """Driving force [N]."""
         return self.force_amplitude * jnp.cos(self.force_frequency * t)
 
+    def time_scale(self, args):
+        """That of the driving force, one over its angular frequency [s]."""
+        still = self.force_frequency == 0.0
+        return where(still, jnp.inf, 1.0 / jnp.abs(where(still, 1.0, self.force_frequency)))
+
     def vector_field(self, t, y, mode, args):
         free = (self.drive(t) - self.damping * y.v - self.stiffness * y.x) / self.mass
         return Motion(x=y.v, v=where(mode == 0, free, 0.0))

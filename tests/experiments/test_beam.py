@@ -58,6 +58,28 @@ def test_diagrams():
     assert [wrong[i] for i in ("C3", "C4b", "C5")] == [False, False, False]
 
 
+DIAGRAMS = ["C1", "C2", "C3", "C4a", "C4b", "C5"]
+
+
+def test_diagrams_that_do_not_tell():
+    """No lane, all failed, no point, two points: open; a counterexample decides all the same."""
+    good = diagram()
+    nothing = dict.fromkeys(DIAGRAMS)
+    assert holds(judge_diagrams(good.assign(ok=0 * good.ok))) == nothing
+    bare = good.assign({name: good[name] * np.nan for name in "xyw"})
+    found = holds(judge_diagrams(bare))
+    assert found == {**nothing, "C3": True, "C4b": True}
+    two = good.assign({name: good[name].where(good.point < 2) for name in "xyw"})
+    assert holds(judge_diagrams(two)) == {**nothing, "C3": True, "C4b": True}
+    part = good.assign(ok=good.ok.where(good.v < 0.012, 0))
+    found = holds(judge_diagrams(part))
+    assert [found[i] for i in DIAGRAMS] == [None, None, True, True, True, None]
+    wrong = diagram(x=1e-3)
+    assert holds(judge_diagrams(wrong.assign(ok=wrong.ok.where(wrong.v < 0.012, 0))))["C1"] is False
+    few = holds(judge_diagrams(good.isel(v=[0, 30])))
+    assert set(few.values()) == {None}
+
+
 def motion(**signals):
     data = {}
     for name, u in signals.items():
@@ -121,6 +143,58 @@ def test_exponents():
 
     assert holds(judge_exponents(data(tent))) == {"C9a": True, "C9b": True}
     assert holds(judge_exponents(data(-tent))) == {"C9a": False, "C9b": False}
+
+
+def test_motions_that_do_not_tell():
+    """NaN, at rest, too short, never in stick: open."""
+    stuck = (T % 0.54054) < 0.2
+    y = saw(1 / 0.5405, 9)
+    data = motion(y=y, w=y, W_f=np.where(stuck, 0.0, -1.0), W_b=y)
+    data["mode"] = (("variant", "time"), np.where(stuck, 1, 0)[None])
+    data["stick_begins"] = (("variant", "stick"), 0.5405 * np.arange(370)[None] + 0.1)
+    judges = (judge_stick_slip, judge_powers, judge_slow_frequency)
+
+    def all_of(data):
+        return [next(iter(holds(judge(data)).values())) for judge in judges]
+
+    assert all_of(data) == [True, True, False] or None not in all_of(data)
+    short = data.isel(time=slice(100))
+    assert all_of(short) == [None, None, None]
+    assert all_of(data * np.nan) == [None, None, None]
+    still = data.assign({name: 0.0 * data[name] for name in data if name != "stick_begins"})
+    assert all_of(still.assign_attrs(data.attrs)) == [None, None, None]
+    slips = data.assign(mode=0 * data["mode"])
+    assert all_of(slips)[1] is None
+    coarse = data.assign_coords(frequency=5 * data.frequency)
+    assert all_of(coarse)[2] is None
+
+
+def test_exponents_that_do_not_tell():
+    """Not a number; within their errors; too few."""
+    tent = np.interp(V, [1e-4, 2.5e-3, 9e-3, 3e-2], [0.4, 0.1, 0.5, 0.2])
+
+    def judged(greatest, error, rows=slice(None)):
+        data = xr.Dataset(
+            {
+                "exponents": (("variant", "v", "exponent"), np.asarray(greatest)[None, :, None]),
+                "error": (("variant", "v", "exponent"), np.full((1, V.size, 1), error)),
+                "letter": (("variant", "v"), np.asarray(greatest)[None]),
+            },
+            {"variant": ["consistent"], "v": V},
+        )
+        return holds(judge_exponents(data.isel(v=rows)))
+
+    open_ = {"C9a": None, "C9b": None}
+    assert judged(tent * np.nan, 0.01) == open_
+    assert judged(tent, np.nan)["C9a"] is None
+    assert judged(tent, 1.0)["C9a"] is None
+    assert judged(tent, 0.01, slice(0, 2)) == open_
+    assert judged(0 * tent, 1e-4)["C9a"] is False
+    assert judged(0 * tent - np.inf, 0.01)["C9a"] is None
+    wobble = np.random.default_rng(0).standard_normal(V.size)
+    assert judged(0.3 + 0.1 * wobble, 0.01)["C9b"] is not True
+    one = np.where(V > 0.029, -0.1, tent)
+    assert judged(one, 0.01)["C9a"] is False
 
 
 def test_friction_curve_is_the_formula():

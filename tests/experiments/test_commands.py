@@ -46,7 +46,7 @@ LINE = Experiment(
 def only_line(monkeypatch):
     monkeypatch.setattr(_experiment, "load", lambda: {"test-line": LINE})
     monkeypatch.setattr(command, "DEMO", "test-line")
-    monkeypatch.setattr(command, "_keep_compiled", lambda out: None)
+    monkeypatch.setattr(command, "_keep_compiled", lambda: None)
 
 
 def test_files_of_a_run(tmp_path):
@@ -76,7 +76,39 @@ def test_scoreboard(tmp_path):
     run(LINE, tmp_path, changes=["slope=-1"])
     text = scoreboard(tmp_path)
     assert "T1               does not hold  test-line" in text
-    assert "0 holds, 1 does not hold, 1 open" in text
+    assert "the papers' statements: 0 holds, 1 does not hold, 1 open" in text
+
+
+def _record(out, name, holds, **more):
+    statements = [{"id": "B1", "claim": "It moves.", "holds": holds, "measured": "by 1 m"}]
+    record = {"name": name, "statements": statements, "quick": False, "parameters": {}, **more}
+    (out / f"{name}.json").write_text(json.dumps(record))
+
+
+def test_scoreboard_counts_full_runs_of_the_papers_apart(tmp_path):
+    """Neither a quick run, nor the demo, nor a set that we found says anything on the papers."""
+    _record(tmp_path, "block-fig02", True)
+    _record(tmp_path, "block-fig03", True)
+    _record(tmp_path, "block-fig04", False, quick=True)
+    _record(tmp_path, "demo", False)
+    _record(tmp_path, "block-search", True)
+    _record(tmp_path, "block-fig05", False, parameters={"set": "found"})
+    text = scoreboard(tmp_path)
+    assert "the papers' statements: 1 holds, 0 does not hold, 0 open" in text
+    assert "quick runs and demo, a first look: 0 holds, 1 does not hold, 0 open" in text
+    apart = "0 holds, 0 does not hold, 1 open (1 of these because records do not agree)"
+    assert f"found by our searches: {apart}" in text
+
+
+def test_scoreboard_passes_over_what_is_no_record(tmp_path):
+    _record(tmp_path, "block-fig02", "maybe")
+    (tmp_path / "other.json").write_text('{"name": "x", "statements": [{"id": "B1"}]}')
+    (tmp_path / "list.json").write_text("[1]")
+    assert "No statements" in scoreboard(tmp_path)
+    _record(tmp_path, "block-fig03", None)
+    text = scoreboard(tmp_path)
+    assert text.count("not a record of an experiment") == 3
+    assert "the papers' statements: 0 holds, 0 does not hold, 1 open" in text
 
 
 @pytest.mark.parametrize(

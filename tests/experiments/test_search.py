@@ -7,7 +7,15 @@ import pytest
 import stickslip as ss
 from experiments.block._diagram import MODELS, integrator_of, system_of
 from experiments.block._lanes import look
-from experiments.block._score import Regimes, cascade, chaotic, doubling, end_of_chaos, score
+from experiments.block._score import (
+    Regimes,
+    cascade,
+    chaotic,
+    doubling,
+    end_of_chaos,
+    score,
+    variety,
+)
 from experiments.block._sets import FOUND, NAMES, simplified, start_values
 from experiments.block.search import children
 
@@ -50,6 +58,16 @@ def test_doubling_and_cascade():
     assert cascade(made_up((72, 1), (80, 2), (90, 0))) == pytest.approx(2 / 3)
     assert cascade(made_up((72, 1), (80, 2), (85, 3), (90, 0))) == pytest.approx(1 / 6)
     assert cascade(made_up((72, 1))) == 0.0
+
+
+def test_a_period_that_cannot_be_told_is_neither_chaos_nor_a_period():
+    np.testing.assert_array_equal(chaotic(np.array([-1, 0]), np.array([0.2, 0.2])), [False, True])
+    gaps = made_up((72, 1), (80, 2), (82, -1), (84, 4), (90, 0))
+    assert cascade(gaps) == pytest.approx(1.0)
+    assert doubling(gaps) == 80.0
+    assert cascade(made_up((72, -1))) == 0.0
+    assert doubling(made_up((72, -1))) is None
+    assert variety(made_up((72, 1), (80, -1))) == 0.0
 
 
 def test_chaos_needs_a_positive_exponent_and_no_period():

@@ -29,6 +29,7 @@ import corexy_jax
 import stickslip
 from corexy_jax import _outputs as machine_outputs
 from corexy_jax import _simulate as machine
+from stickslip import _compilation_cache
 from stickslip.analysis import _volume
 from stickslip.contact import _dead_zone, _hold, _resolve, _zonotope
 from stickslip.friction import _contract
@@ -51,7 +52,8 @@ LIMIT = 2.0  # s of the processor, so that a busy machine does not count
 COMPILING = "/jax/core/compile/backend_compile_duration"
 BEHIND = (
     (_simulate, "core"),
-    (_evaluate.Evaluate, "program_digest"),
+    (_evaluate.Evaluate, "program"),
+    (_compilation_cache, "_here"),
     (_methods.AbstractMethod, "solve"),
     (_many_starts, "_evaluator"),
     (_sensitivity, "evaluation"),

@@ -5,7 +5,6 @@ import tempfile
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-import zarr
 
 import stickslip as ss
 from stickslip import hybrid, identification, sweep
@@ -37,9 +36,13 @@ def _run() -> ss.Solution:
 RUN = _run()
 
 
+def _broken(system: ss.WithBreaks) -> ss.Solution:
+    return ss.simulate(system, 0.0, 1.0, system.start(START), 0, integrator=RK4)
+
+
 def _store() -> str:
     path = f"{INSIDE.name}/finished"
-    zarr.create_group(f"{path}/data.zarr")
+    sweep.run_sweep(lambda k: {"x": k}, {"k": [1.0]}, store=path, executor="portable")
     return path
 
 
@@ -56,8 +59,9 @@ ENGINE = [
     Target(
         ss.AdaptiveStep,
         {
-            "rtol": arg(1e-6, "positive", "float32"), "atol": arg(1e-8, "positive", "float32"),
-            "dtmax": arg(1.0, "positive", "float32", "infinite"),
+            "rtol": arg(1e-6, "positive", "float32"),
+            "atol": arg(1e-8, "none", "positive", "float32", "batch", "tolerances"),
+            "dtmax": arg(1.0, "none", "positive", "float32", "infinite"),
             "dtmin": arg(0.0, "not negative", "float32"),
             "h0": arg(None, "none", "positive", "float32"),
             "pcoeff": arg(0.0, "finite"), "icoeff": arg(1.0, "finite"),
@@ -113,7 +117,19 @@ ENGINE = [
         },
         lambda mode, functions, operands: ss.switch(mode, functions, operands),
     ),
-    Target(hybrid.Executor, {"fused": arg(False, "flag")}),
+    Target(
+        ss.WithBreaks,
+        {"system": SYSTEM, "times": arg([0.5, 1.5], "times")},
+        lambda **given: _broken(ss.WithBreaks(**given)),
+    ),
+    Target(
+        ss.enable_compilation_cache,
+        {"directory": arg("cache", "none", "path"), "max_bytes": arg(4e9, "positive")},
+        lambda directory, max_bytes: ss.enable_compilation_cache(
+            _inside(directory), max_bytes=max_bytes
+        ),
+    ),
+    Target(hybrid.Executor, {"fused": arg(False, "flag"), "compact": arg(False, "flag")}),
     Target(
         hybrid.use_executor, {"executor": arg(hybrid.PORTABLE)},
         lambda executor: hybrid.use_executor(executor).__enter__(),
@@ -161,7 +177,7 @@ SWEEPS = [
             "long_name": arg("length", "none", "empty text", "text"), "attrs": arg({}, "entries"),
         },
     ),
-    Target(sweep.open_dataset, {"path": arg(_store())}),
+    Target(sweep.open_dataset, {"path": arg(_store()), "verify": arg(True, "flag")}),
 ]  # fmt: skip
 
 

@@ -114,6 +114,10 @@ TAKEN: dict[str, tuple[frozenset[str], str]] = {
         "a parameter in float32 has a value, which float64 holds exactly; only states and times, whose "
         "digits were computed, must not have lost them",
     ),
+    "tolerances": (
+        frozenset({"{}", "{'a': 1}", "ragged"}),
+        "tolerances by names of components, or in a pytree; the state that says which is not known yet",
+    ),
     "batch": (
         ARRAYS,
         "parameters may be arrays, to be mapped over; their shapes meet when they are used",

@@ -54,7 +54,10 @@ def public_callables() -> dict[str, Any]:
     classes, by qualified name."""
     found = {}
     for package in PACKAGES:
-        for name, thing in vars(importlib.import_module(package)).items():
+        module = importlib.import_module(package)
+        # `__all__` knows also what is imported when it is first asked for.
+        for name in getattr(module, "__all__", dir(module)):
+            thing = getattr(module, name)
             if name.startswith("_") or inspect.ismodule(thing) or not hasattr(thing, "__qualname__"):
                 continue
             if not callable(thing) or exempt(thing):

@@ -54,3 +54,28 @@ class Quadratic(ss.AbstractSmoothSystem):
 
     def vector_field(self, t, y, mode, args):
         return beside_clock(self.p * y.x * y.x, y)
+
+
+class Driven(NamedTuple):
+    x: Any
+    v: Any
+    c: Any  # cos and sin of the drive's phase
+    s: Any
+
+
+class DoubleWell(ss.AbstractSmoothSystem):
+    r"""$\ddot x + 0.3\dot x - x + x^3 = f\cos 1.2t$, the driven beam between magnets.
+
+    A well-known cascade (textbooks; Wikipedia, "Duffing equation"): period 1 of the drive at
+    f = 0.20, 2 at 0.28, 4 at 0.29, 5 at 0.37, chaos at 0.50, 2 at 0.65.
+    """
+
+    f: Any
+
+    def vector_field(self, t, y, mode, args):
+        force = y.x - y.x**3 - 0.3 * y.v + self.f * y.c
+        return Driven(y.v, force, -1.2 * y.s, 1.2 * y.c)
+
+    def far(self, t, y, mode, args=None):
+        """x in hundredths, a million away."""
+        return 1e6 + 0.01 * y.x

@@ -8,6 +8,8 @@ import stickslip as ss
 from stickslip.analysis import Maximum, Minimum, orbit_diagram
 from stickslip.systems import CoulombOscillator, Motion
 from tests.stickslip.analysis._forced import (
+    DoubleWell,
+    Driven,
     HopfOscillator,
     Hysteresis,
     Level,
@@ -45,9 +47,9 @@ HOPF = {
 FAR = ss.Section(lambda t, y, dy, mode, args: y.u + 9.0, "both")
 
 
-def meanings(dataset):
-    words = dataset.status.attrs["flag_meanings"].split()
-    return [words[int(s)] for s in np.ravel(dataset.status)]
+def meanings(dataset, name="status"):
+    words = dataset[name].attrs["flag_meanings"].split()
+    return [words[int(s)] for s in np.ravel(dataset[name])]
 
 
 def test_radius_period_and_labels():
@@ -78,6 +80,67 @@ def test_slow_transient_is_flagged():
     result = orbit_diagram(**{**HOPF, "transient": 0.0, "duration": 100.0, "max_points": 32})
     assert bool(result.slow_transient[0])
     assert (result.period == 1).all()
+
+
+CASCADE = {
+    "system": DoubleWell(0.2),
+    "grid": {"f": [0.20, 0.28, 0.29, 0.37, 0.50, 0.65]},
+    "y0": Driven(1.0, 0.0, 1.0, 0.0),
+    "section": Maximum("x"),
+    "observables": {"x": "x", "v": "v", "far": "far", "zero": lambda t, y, dy, mode, args: 0.0 * t},
+    "transient": 300.0,
+    "duration": 500.0,
+    "max_points": 128,
+    "integrator": ss.Integrator("tsit5", ss.AdaptiveStep(1e-9, 1e-10)),
+    "check": 0,
+    "executor": "portable",
+}
+
+
+def test_periods_where_one_observable_vanishes_on_the_section():
+    """The speed is zero at the maxima of x to rounding, and must not spoil what x says.
+
+    Per period of the drive x has one maximum here.
+    """
+    result = orbit_diagram(**CASCADE)
+    assert result.period.values.tolist() == [1, 2, 4, 5, 0, 2]
+    assert meanings(result, "period_status") == [*["repeats"] * 4, "none", "repeats"]
+    assert set(meanings(result)) == {"ok"}
+    assert float(abs(result.v).max()) < 1e-9
+    assert not result.flags.any()
+    # By itself the speed says nothing, nor do two rounds of a period of 16 in 20 points.
+    speed = orbit_diagram(**{**CASCADE, "observables": "v"})
+    assert set(meanings(speed, "period_status")) == {"zero_on_section"}
+    assert (speed.period == -1).all()
+
+
+def test_a_record_too_short_or_too_early_does_not_say_chaos():
+    short = orbit_diagram(**{**CASCADE, "points": 20, "duration": 200.0})
+    assert set(meanings(short)) == {"ok"}
+    assert short.period.values.tolist() == [1, 2, 4, 5, -1, 2]
+    assert meanings(short, "period_status")[4] == "too_few_points"
+    fewer = orbit_diagram(**{**CASCADE, "points": 20, "duration": 60.0, "transient": 1.0})
+    assert set(meanings(fewer)) == {"fewer_points"}
+    assert not (fewer.period == 0).any()
+
+
+def test_a_motion_at_rest_has_no_period():
+    """A block on a belt at rest sticks: the section is never reached."""
+    result = orbit_diagram(
+        CoulombOscillator(1.0, 1.0, 1.0, 0.5, 0.2), {"belt_speed": [0.0, 0.3]}, Motion(0.0, 0.0),
+        section=Maximum("x"), observables=["x", "v"], transient=20.0, duration=60.0, check=0,
+        integrator=ss.Integrator("rk4", ss.FixedStep(0.01)), executor="portable",
+    )  # fmt: skip
+    assert meanings(result) == ["no_crossing", "ok"]
+    assert result.period.values.tolist() == [-1, 1]
+    assert meanings(result, "period_status") == ["too_few_points", "repeats"]
+
+
+def test_a_transient_that_did_not_settle_is_no_ok():
+    """r' = r (mu - r^2): at mu = 0.25 the distance falls by e^-0.5 a second, e^-pi a round."""
+    result = orbit_diagram(**{**HOPF, "transient": 1e-3, "duration": 100.0, "max_points": 32})
+    assert meanings(result)[0] == "not_settled"
+    assert int(result.period[0]) == 1
 
 
 @pytest.mark.parametrize(
@@ -115,6 +178,8 @@ def test_a_lane_that_blows_up_is_marked_and_leaves_the_others_alone():
     }
     odd = orbit_diagram(grid={"p": [0.0, 1.0, 0.01]}, **call)
     assert meanings(odd)[1] == "nonfinite"
+    assert meanings(odd, "period_status")[1] == "lane_failed"
+    assert int(odd.period[1]) == -1
     assert int(odd["count"][1]) == 0
     alone = orbit_diagram(grid={"p": [0.0, 0.0, 0.01]}, **call)
     np.testing.assert_array_equal(odd.x[[0, 2]], alone.x[[0, 2]])

@@ -98,8 +98,8 @@ def test_a_guard_evaluated_with_the_wrong_sign(monkeypatch, part):
     """Wrong values make another motion; with wrong rates every event looks like grazing."""
     real = _first.lowest
 
-    def lowest(plan, lane, values):
-        first = real(plan, lane, values)
+    def lowest(*operands):
+        first = real(*operands)
         return first._replace(**{part: -getattr(first, part)})
 
     def run():

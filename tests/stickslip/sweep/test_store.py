@@ -174,7 +174,7 @@ def test_replacing_must_be_asked_for(tmp_path):
 
 def test_full_disk_keeps_what_is_finished(tmp_path, whole, monkeypatch):
     path = tmp_path / "store"
-    write = store_module._write_atomically
+    write = store_module.write_whole
 
     def full(target, text):
         if target.name == "000007.json":
@@ -182,7 +182,7 @@ def test_full_disk_keeps_what_is_finished(tmp_path, whole, monkeypatch):
         write(target, text)
 
     with monkeypatch.context() as patch:
-        patch.setattr(store_module, "_write_atomically", full)
+        patch.setattr(store_module, "write_whole", full)
         with pytest.raises(SweepWriteError) as error:
             sweep(path)
     assert error.value.errno == errno.ENOSPC

@@ -1,0 +1,54 @@
+"""A function that comes anew at every call, compiled once for all that mean the same."""
+
+import collections
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.extend
+from jaxtyping import PyTree
+
+from ._validation import is_concrete
+from .hybrid._execute import traced
+
+MOST = 16  # programs kept
+_programs: collections.OrderedDict[Any, Any] = collections.OrderedDict()
+_turn = threading.Lock()
+
+
+def compiled_once(function: Callable[..., PyTree], *operands: PyTree) -> PyTree:
+    """`function(*operands)`, compiled unless a function with the same program was.
+
+    `jax.jit` knows a function by its identity and never looks again at what it closes over. Here it is
+    traced at every call, and known by the text of its program; the arrays it closes over are operands.
+    A function made anew costs no compiling, and one whose data changed is not mistaken for the old one.
+
+    Inside `jit`, `vmap` and `grad` it is called plainly.
+    """
+    if not is_concrete(operands):
+        return function(*operands)
+    rest: Any = None
+
+    def arrays(*operands):
+        nonlocal rest
+        found, rest = eqx.partition(function(*operands), eqx.is_array)
+        return found
+
+    jaxpr, consts, form = traced(arrays, operands)
+    given = [*consts, *jax.tree.leaves(operands)]
+    if not is_concrete(given):
+        return function(*operands)
+    run = jax.extend.core.jaxpr_as_fun(jax.extend.core.ClosedJaxpr(jaxpr, ()))
+    lowered = jax.jit(run).lower(*given)
+    key = lowered.as_text()
+    with _turn:
+        program = _programs.pop(key, None)
+    if program is None:
+        program = lowered.compile()
+    with _turn:
+        _programs[key] = program
+        while len(_programs) > MOST:
+            _programs.popitem(last=False)
+    return eqx.combine(jax.tree.unflatten(form, program(*given)), rest)

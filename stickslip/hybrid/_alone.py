@@ -1,0 +1,98 @@
+"""One computation in two forms: a small program for one lane, a fast one for a batch.
+
+Which of them is wanted shows only when the batch comes, and a function that was traced for one lane
+is batched later, without its Python code. So both forms are the two readings of one primitive.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import jax.extend
+import jax.numpy as jnp
+from jax.interpreters import ad, batching, mlir
+
+from ._execute import traced
+
+
+def alone_or_batched(
+    alone: Callable, batched: Callable, functions: Sequence[tuple[Callable, tuple]], *operands: Any
+) -> Any:
+    """`alone(*functions, *operands)`, and under `vmap` `batched(*functions, *operands)`.
+
+    Both give the same pytree of floats, to rounding. `functions` are those of the caller, each with
+    operands of the form it is called with: what they close over may be batched or differentiated
+    too. There is a forward derivative and no transpose.
+    """
+    opened = [traced(function, examples) for function, examples in functions]
+    leaves, form = jax.tree.flatten(([consts for _, consts, _ in opened], operands))
+    out_form: Any = None
+
+    def on_leaves(which):
+        def run(*leaves):
+            nonlocal out_form
+            all_consts, operands = jax.tree.unflatten(form, leaves)
+            called = [
+                _called(jaxpr, consts, form)
+                for (jaxpr, _, form), consts in zip(opened, all_consts, strict=True)
+            ]
+            out, out_form = jax.tree.flatten(which(*called, *operands))
+            return out
+
+        return jax.jit(run, inline=True)
+
+    leaves = map(jnp.asarray, leaves)
+    out = _alone_p.bind(*leaves, alone=on_leaves(alone), batched=on_leaves(batched))
+    return jax.tree.unflatten(out_form, out)
+
+
+def _called(jaxpr: Any, consts: Any, form: Any) -> Callable:
+    run = jax.extend.core.jaxpr_as_fun(jax.extend.core.ClosedJaxpr(jaxpr, ()))
+    return lambda *operands: jax.tree.unflatten(form, run(*consts, *jax.tree.leaves(operands)))
+
+
+def _run_alone(*leaves, alone, batched):
+    return alone(*leaves)
+
+
+def _shapes(*avals, alone, batched):
+    out = jax.eval_shape(alone, *(jax.ShapeDtypeStruct(a.shape, a.dtype) for a in avals))
+    return [jax.core.ShapedArray(a.shape, a.dtype) for a in out]
+
+
+def _push_forward(primals, tangents, *, alone, batched):
+    """The derivative of a form is the derivative of the program that it stands for."""
+    moving = [type(t) is not ad.Zero for t in tangents]
+
+    def along(form):
+        def run(*leaves):
+            values, rates = leaves[: len(primals)], leaves[len(primals) :]
+
+            def of_moving(*varied):
+                varied = iter(varied)
+                pairs = zip(values, moving, strict=True)
+                return form(*(next(varied) if moves else value for value, moves in pairs))
+
+            varied = [value for value, moves in zip(values, moving, strict=True) if moves]
+            out, rates = jax.jvp(of_moving, varied, list(rates))
+            return [*out, *rates]
+
+        return jax.jit(run, inline=True)
+
+    rates = [t for t, moves in zip(tangents, moving, strict=True) if moves]
+    out = _alone_p.bind(*primals, *rates, alone=along(alone), batched=along(batched))
+    return out[: len(out) // 2], out[len(out) // 2 :]
+
+
+def _batch(leaves, axes, *, alone, batched):
+    out = jax.vmap(batched, in_axes=tuple(axes))(*leaves)
+    return out, [0] * len(out)
+
+
+_alone_p = jax.extend.core.Primitive("stickslip_alone_or_batched")
+_alone_p.multiple_results = True
+_alone_p.def_impl(_run_alone)
+_alone_p.def_abstract_eval(_shapes)
+ad.primitive_jvps[_alone_p] = _push_forward
+batching.primitive_batchers[_alone_p] = _batch
+mlir.register_lowering(_alone_p, mlir.lower_fun(_run_alone, multiple_results=True))

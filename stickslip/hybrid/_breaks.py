@@ -1,0 +1,150 @@
+"""A system whose load jumps or bends at known times."""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, PyTree
+
+from .._validation import as_parameter, check_finite, check_increasing, check_type, misshaped
+from ._events import SLACK
+from ._system import AbstractHybridSystem, guard_directions, guard_scales
+from ._tree import select
+from ._wrapper import AbstractSystemWrapper
+
+NEVER = 1e300  # time of the break after the last [s]
+BEFORE = 4.5e-16  # the last instant before a break, as part of its time
+ROUNDS = 2  # guards that may be violated one after the other by one jump
+
+
+class Pieced(NamedTuple):
+    """State `y` of the system, and the number `piece` of breaks that are past."""
+
+    y: PyTree
+    piece: Any
+
+
+class WithBreaks(AbstractSystemWrapper):
+    r"""The same system, with the times at which its load or its field jumps or bends.
+
+    The motion lands on each of the `times` $t_b$ and goes on behind it: up to $t_b$ the system is
+    given times before $t_b$ only, afterwards $t_b$ and later ones. So a load such as
+    `jnp.where(t >= 2.0, 5.0, 0.0)` has its value before the jump until the jump, exactly. Where the
+    jump violates a guard, the transition of that guard follows in the same instant.
+
+    A jump that is not declared is found too, by ever shorter steps; it is flagged as discontinuous
+    because the derivative by its time is lost. Here it is exact, by the saltation formula:
+
+    >>> from typing import Any, NamedTuple
+    >>> import jax
+    >>> import jax.numpy as jnp
+    >>> import stickslip as ss
+    >>> from stickslip.systems import Motion
+    >>> class Pushed(ss.AbstractSmoothSystem):
+    ...     begin: Any
+    ...     def vector_field(self, t, y, mode, args):
+    ...         return Motion(x=y.v, v=jnp.where(t >= self.begin, 2.0, 0.0))
+    >>> def end(begin):  # (t - begin)^2 at t = 3
+    ...     pushed = ss.WithBreaks(Pushed(begin), jnp.stack([begin]))
+    ...     return ss.simulate(pushed, 0.0, 3.0, pushed.start(Motion(0.0, 0.0))).y1.y.x
+    >>> print(f"{end(jnp.asarray(1.0)):.6f}, {jax.grad(end)(jnp.asarray(1.0)):.6f}")
+    4.000000, -4.000000
+
+    - State `Pieced`; `start(y, t)` makes one. One more guard, the time to the next break [s].
+    - `times` [s]: a vector that increases; they may be parameters that are differentiated. What the
+      system does between two breaks may use its own `time_scale`.
+
+    **Errors** `TypeError` for what is not a hybrid system, `ValueError` for times that do not increase
+    or are not finite.
+    """
+
+    system: AbstractHybridSystem
+    times: Float[Array, " break"]
+
+    def __init__(self, system: Any, times: Any):
+        self.system = check_type("system", system, AbstractHybridSystem, "an AbstractHybridSystem")
+        self.times = as_parameter(check_finite("times", times))
+        if self.times.ndim != 1 or self.times.size == 0:
+            raise misshaped("times", times, "one row of times")
+        check_increasing("times", times)
+
+    @property
+    def guard_names(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Those of `system`, and `"the load breaks"`."""
+        return (*self.system.guard_names, "the load breaks")
+
+    @property
+    def guard_directions(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Those of `system`, then `"falling"`."""
+        return (*guard_directions(self.system), "falling")
+
+    @property
+    def guard_scales(self) -> Any:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Those of `system` if it states them, then 1 s."""
+        return None if self.system.guard_scales is None else (*guard_scales(self.system), 1.0)
+
+    @property
+    def units(self) -> dict[str, str]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Those of `system`."""
+        return {**self.system.units, "piece": "1"}
+
+    def inner(self, y, args):
+        return y.y, args
+
+    def start(self, y: PyTree, t: Any = 0.0) -> Pieced:
+        """State at time `t` [s]; a break at `t` itself is past."""
+        return Pieced(y, jnp.sum((self.times <= t).astype(jnp.float64)))
+
+    def _next(self, piece: Any) -> Any:
+        row = jnp.clip(piece, 0, self.times.size - 1).astype(jnp.int32)
+        return jnp.where(piece >= self.times.size, NEVER, self.times[row])
+
+    def _inside(self, t: Any, piece: Any) -> Any:
+        """`t`, or the first or last instant of the piece: with the slope 1 in all cases.
+
+        A break is located to rounding, and a lane may come out on either side of it.
+        """
+        begin, end = jax.lax.stop_gradient((self._next(piece - 1.0), self._next(piece)))
+        begin = jnp.where(piece > 0.0, begin, -NEVER)
+        last = end - BEFORE * jnp.abs(end) - 1e-300
+        now = jax.lax.stop_gradient(t)
+        within = jnp.minimum(jnp.maximum(now, begin), last)
+        return jnp.where(within == now, t, within + (t - now))
+
+    def vector_field(self, t, y, mode, args):
+        slope = self.system.vector_field(self._inside(t, y.piece), y.y, mode, args)
+        return Pieced(slope, jnp.zeros_like(y.piece))
+
+    def guards(self, t, y, mode, args):
+        inside = self._inside(t, y.piece)
+        return (*self.system.guards(inside, y.y, mode, args), self._next(y.piece) - t)
+
+    def transition(self, t, y, mode, guard, args):
+        number = len(self.system.guard_names)
+        if not number:
+            return Pieced(y.y, y.piece + 1.0), mode
+        breaks = guard == number
+        mode = jnp.asarray(mode, jnp.int32)
+        inside = self._inside(t, y.piece)
+        after = self.system.transition(inside, y.y, mode, jnp.minimum(guard, number - 1), args)
+        past = self._settled(t, y.y, mode, args)
+        state, mode = select(breaks, past, after)
+        return Pieced(state, y.piece + jnp.where(breaks, 1.0, 0.0)), mode
+
+    def _settled(self, t, y, mode, args):
+        """State and mode behind a jump of the load, which may violate guards at once."""
+        for _ in range(ROUNDS):
+            values = jnp.stack(self.system.guards(t, y, mode, args))
+            scales = jnp.asarray(guard_scales(self.system))
+            signs = jnp.asarray([-1.0 if d == "rising" else 1.0 for d in guard_directions(self.system)])
+            both = jnp.asarray([d == "both" for d in guard_directions(self.system)])
+            falls = jnp.where(both, 1.0, signs * values / scales)
+            lowest = jnp.argmin(falls).astype(jnp.int32)
+            jumped = self.system.transition(t, y, mode, lowest, args)
+            violated = (falls[lowest] < -SLACK) & (mode >= 0)
+            after = jumped[0], jnp.asarray(jumped[1], jnp.int32)
+            y, mode = select(violated, after, (y, mode))
+        return y, mode
+
+    def initial_mode(self, t, y, args):
+        return self.system.initial_mode(self._inside(t, y.piece), y.y, args)

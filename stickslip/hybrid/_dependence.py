@@ -1,0 +1,83 @@
+"""How the results of a function depend on its operands, read off its jaxpr while tracing.
+
+Two questions about a system are answered before it runs: does its motion depend on the time itself
+(then a rest may end without the state having changed), and which event functions are straight lines
+along a cubic (then the cubic through their ends is exact, and there is nothing to check).
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import jax.extend
+
+NONE, AFFINE, OTHER = 0, 1, 2  # degree of a result in the operands asked about
+
+_LINEAR = {
+    "add", "add_any", "sub", "neg", "copy", "copy_p", "convert_element_type", "broadcast_in_dim",
+    "reshape", "squeeze", "expand_dims", "slice", "concatenate", "reduce_sum", "transpose", "cumsum",
+    "rev", "split", "real", "optimization_barrier",
+}  # fmt: skip
+_BILINEAR = {"mul", "dot_general"}
+_INDEXED = {"gather", "dynamic_slice"}  # linear in the first operand if the others are constant
+_CALLS = ("jaxpr", "call_jaxpr", "fun_jaxpr")
+
+
+def degrees(function: Callable, operands: tuple, asked: Sequence[bool]) -> list[int]:
+    """Degree of each leaf of `function(*operands)` in the operands that are `asked` about.
+
+    `NONE`: independent of them. `AFFINE`: affine in them. `OTHER`: anything else, or unknown.
+    """
+    closed = jax.make_jaxpr(function)(*operands)
+    flags = [
+        AFFINE if wanted else NONE
+        for operand, wanted in zip(operands, asked, strict=True)
+        for _ in jax.tree.leaves(operand)
+    ]
+    return _walk(closed.jaxpr, flags)
+
+
+def _walk(jaxpr: Any, given: Sequence[int]) -> list[int]:
+    known: dict[Any, int] = dict(zip(jaxpr.invars, given, strict=True))
+
+    def of(atom: Any) -> int:
+        if isinstance(atom, jax.extend.core.Literal):
+            return NONE
+        return known.get(atom, NONE)
+
+    for eqn in jaxpr.eqns:
+        found = _equation(eqn, [of(atom) for atom in eqn.invars])
+        known.update(zip(eqn.outvars, found, strict=True))
+    return [of(atom) for atom in jaxpr.outvars]
+
+
+def _equation(eqn: Any, given: list[int]) -> list[int]:
+    name, count = eqn.primitive.name, len(eqn.outvars)
+    most = max(given, default=NONE)
+    if most == NONE:
+        return [NONE] * count
+    if name in _LINEAR:
+        # A conversion to an integer or a truth value is a step function.
+        smooth = all(_is_real(v) for v in eqn.outvars)
+        return [most if smooth else OTHER] * count
+    if name in _BILINEAR:
+        return [AFFINE if sum(given) == AFFINE else OTHER] * count
+    if name == "div":
+        return [most if given[1] == NONE else OTHER]
+    if name == "select_n" or name in _INDEXED:
+        fixed = given[:1] if name == "select_n" else given[1:]
+        return [most if max(fixed, default=NONE) == NONE else OTHER] * count
+    if name == "cond" and given[0] == NONE:
+        branches = [_walk(b.jaxpr, given[1:]) for b in eqn.params["branches"]]
+        return [max(column) for column in zip(*branches, strict=True)]
+    for key in _CALLS:
+        inner = eqn.params.get(key)
+        if inner is not None and name not in ("while", "scan"):
+            inner = getattr(inner, "jaxpr", inner)
+            if len(inner.invars) == len(given) and len(inner.outvars) == count:
+                return _walk(inner, given)
+    return [OTHER] * count
+
+
+def _is_real(var: Any) -> bool:
+    return jax.numpy.issubdtype(var.aval.dtype, jax.numpy.floating)

@@ -1,0 +1,190 @@
+"""The scaled error of a step: what counts as small in each component of the state."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, PyTree
+
+from .._validation import check_mapping, check_positive, leaves_of, misshaped, refusal
+
+# A component this much smaller than the largest of the motion is measured against the latter. In a
+# long chain the far end begins to move like a high power of the time, of which no method has a digit.
+SMALLEST = 1e-6
+# Rounding of the terms that cancel in the field, in units of the spacing of numbers.
+ROUNDING = 8 * 2.3e-16
+TINY = 1e-150  # its square is still a normal number
+# An absolute tolerance above this part of a component says nothing about the component.
+LOOSE = 1e-4
+
+
+TOLERANCE = (
+    "None, a positive number, a mapping from names of components or from units, or a pytree with the "
+    "structure of the state"
+)
+
+
+def check_tolerances(name: str, atol: Any) -> None:
+    """Refuse what is no absolute tolerance of any state."""
+    if isinstance(atol, Mapping):
+        check_mapping(name, atol, TOLERANCE)
+    elif atol is not None and not jax.tree.leaves(atol):
+        raise refusal(name, atol, TOLERANCE)
+    for where, leaf in leaves_of(name, atol):
+        check_positive(where, leaf)
+
+
+def component_tolerances(atol: Any, y: PyTree, units: Mapping[str, str]) -> tuple:
+    """Absolute tolerance of each leaf of `y`, None where it follows the size of the motion.
+
+    `atol` is None, a number, a pytree with the structure of `y`, or a mapping from names of
+    components or from units to numbers.
+
+    Raises `ValueError` or `TypeError` naming `atol` for anything else.
+    """
+    leaves, form = jax.tree.flatten(y)
+    if atol is None:
+        return (None,) * len(leaves)
+    if jax.tree.structure(atol) == form and not isinstance(atol, Mapping):
+        given = zip(leaves_of("atol", atol), leaves, strict=True)
+        return tuple(_number(name, value, like) for (name, value), like in given)
+    if isinstance(atol, Mapping):
+        names = [_name(path) for path, _ in jax.tree_util.tree_leaves_with_path(y)]
+        known = {*names, *(units.get(name) for name in names)} - {None}
+        for key in atol:
+            if key not in known:
+                choices = ", ".join(sorted(map(repr, known)))
+                raise refusal("atol", dict(atol), f"a mapping from some of {choices}")
+        keys = (name if name in atol else units.get(name) for name in names)
+        found = zip(keys, leaves, strict=True)
+        return tuple(
+            None if atol.get(key) is None else _number(f"atol[{key!r}]", atol[key], like)
+            for key, like in found
+        )
+    if jax.tree.structure(atol) != jax.tree.structure(0.0):
+        raise refusal("atol", atol, TOLERANCE)
+    return tuple(_number("atol", atol, like) for like in leaves)
+
+
+def _number(name: str, value: Any, like: Any) -> Array:
+    """The tolerance of a leaf of the state: one number, or one for each of its numbers."""
+    if jnp.shape(value) not in ((), jnp.shape(like)):
+        raise misshaped(name, value, f"one number or of shape {jnp.shape(like)}, as in the state")
+    return jax.lax.stop_gradient(jnp.asarray(check_positive(name, value), jnp.float64))
+
+
+def _name(path: tuple) -> str:
+    last = path[-1] if path else None
+    for attribute in ("name", "key", "idx"):
+        if hasattr(last, attribute):
+            return str(getattr(last, attribute))
+    return ""
+
+
+def sizes(y: PyTree) -> PyTree:
+    """Magnitude of each component; what the largest so far begins with."""
+    return jax.tree.map(jnp.abs, y)
+
+
+def grown(size: PyTree, y: PyTree) -> PyTree:
+    """Largest magnitude so far, of each component."""
+    return jax.tree.map(lambda s, a: jnp.maximum(s, jnp.abs(a)), size, y)
+
+
+def generic(size: PyTree) -> PyTree:
+    """`size`, each component times a factor near 1 of its own: sums of them do not cancel by chance."""
+    leaves, form = jax.tree.flatten(size)
+    factors = [0.75 + 0.5 * ((0.6180339887 * i) % 1.0) for i in range(len(leaves))]
+    return jax.tree.unflatten(form, [f * s for f, s in zip(factors, leaves, strict=True)])
+
+
+def cancelling(field: Any, t: Any, y: PyTree) -> PyTree:
+    r"""Size of the terms that add up to the slope at the start, $|J y|$, $J$ the slope of the field.
+
+    At a rest the terms of a force cancel, and what is left of them is rounding: an error estimate
+    below it means nothing.
+    """
+    _, moved = jax.jvp(lambda y: field(t, y), (y,), (generic(y),))
+    return jax.lax.stop_gradient(jax.tree.map(jnp.abs, moved))
+
+
+class Noise(NamedTuple):
+    """What rounding is a part of."""
+
+    time: Any  # largest time of the run [s]
+    terms: PyTree  # terms that add up to the slope
+
+
+class Ends(NamedTuple):
+    """A step between two states, and their slopes."""
+
+    h: Any
+    y0: PyTree
+    y1: PyTree
+    dy0: PyTree
+    dy1: PyTree
+
+
+def scales(rule: Any, atols: tuple, noise: Noise, size: PyTree, step: Ends) -> list:
+    """What an error of 1 means in each leaf: `atol + rtol max(|y0|, |y1|)`.
+
+    Without an absolute tolerance, `rtol` times the largest magnitude so far, of the component itself
+    or of `SMALLEST` of the largest component; on top the rounding of the field, and what the motion
+    does within the rounding of the time: a field that jumps where the state is still zero leaves an
+    error of the size of the motion however short the step.
+    """
+    leaves = [
+        jax.tree.leaves(tree) for tree in (size, step.y0, step.y1, noise.terms, step.dy0, step.dy1)
+    ]
+    most: Any = TINY
+    if any(a is None for a in atols):
+        for s, _, b, *_ in zip(*leaves, strict=True):
+            most = jnp.maximum(most, jnp.max(jnp.maximum(s, jnp.abs(b))))
+    found = []
+    for atol, s, a, b, n, da, db in zip(atols, *leaves, strict=True):
+        here = jnp.maximum(jnp.abs(a), jnp.abs(b))
+        if atol is None:
+            here = jnp.maximum(jnp.maximum(s, here), SMALLEST * most)
+            unsure = n * step.h + noise.time * jnp.maximum(jnp.abs(da), jnp.abs(db))
+            found.append(rule.rtol * here + ROUNDING * unsure)
+        else:
+            found.append(atol + rule.rtol * here)
+    return found
+
+
+def error_norm(errors: tuple[PyTree, ...], scale: list) -> Array:
+    """Root mean square of the error estimate relative to `scale`.
+
+    With two estimates (DOP853) they are combined as in Hairer, Norsett & Wanner II.10:
+    `e5^2 / sqrt(e5^2 + 0.01 e3^2)`.
+    """
+
+    def squares(error):
+        total, count = 0.0, 0
+        for e, s in zip(jax.tree.leaves(error), scale, strict=True):
+            # Clipped, lest the two squares become infinite and their ratio NaN.
+            total = total + jnp.sum(jnp.clip(e / s, -1e70, 1e70) ** 2)
+            count += e.size
+        return total / count
+
+    first = squares(errors[0])
+    if len(errors) == 1:
+        return jnp.sqrt(first)
+    second = squares(errors[1])
+    denominator = first + 0.01 * second
+    return first / jnp.sqrt(jnp.where(denominator > 0, denominator, 1.0))
+
+
+def too_loose(atols: tuple, size: PyTree) -> Any:
+    """Whether an absolute tolerance is above the motion of a component that does move."""
+    leaves = jax.tree.leaves(size)
+    most: Any = 0.0
+    for s in leaves:
+        most = jnp.maximum(most, jnp.max(s))
+    loose: Any = jnp.zeros((), bool)
+    for atol, s in zip(atols, leaves, strict=True):
+        if atol is not None:
+            # What is rounding next to the other components does not move.
+            loose = loose | jnp.any((s > 0) & (s > 1e-14 * most) & (atol > LOOSE * s))
+    return loose

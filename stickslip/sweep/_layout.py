@@ -1,0 +1,151 @@
+"""Names, shapes and labels of what a sweep computes, and the files that hold them in a store."""
+
+import dataclasses
+import math
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+import zarr
+from zarr.storage import MemoryStore
+
+from .._validation import check_mapping, check_type, refusal
+from ._grid import blocks
+from ._manifest import as_json
+
+DATA = "data.zarr"
+_FILL = {"f": np.nan, "c": np.nan, "i": -1, "u": 0, "b": False}
+
+
+@dataclasses.dataclass(frozen=True)
+class Variable:
+    """How a result of a lane is labelled.
+
+    - `dims`: names of its axes after those of the grid, e.g. `("point",)`.
+    - `units`, `long_name`: for axes of pictures and for readers of the file.
+    - `attrs`: further attributes, e.g. `flag_values` and `flag_meanings` of a code.
+
+    Errors: `TypeError` for what is no name, text or mapping.
+    """
+
+    dims: tuple[str, ...] = ()
+    units: str | None = None
+    long_name: str | None = None
+    attrs: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+
+    def __post_init__(self):
+        if not isinstance(self.dims, tuple) or not all(isinstance(dim, str) for dim in self.dims):
+            raise refusal("dims", self.dims, "a tuple of names of axes", TypeError)
+        check_type("units", self.units, str | None, "a text or None")
+        check_type("long_name", self.long_name, str | None, "a text or None")
+        check_type("attrs", self.attrs, Mapping, "a mapping from names")
+        check_mapping("attrs", self.attrs)
+
+    def attributes(self) -> dict[str, Any]:
+        """Attributes of the array in the dataset."""
+        named = {"units": self.units, "long_name": self.long_name}
+        return {k: v for k, v in named.items() if v is not None} | dict(self.attrs)
+
+
+@dataclasses.dataclass(frozen=True)
+class Layout:
+    """Names, shapes and labels of everything in the store."""
+
+    coords: Mapping[str, np.ndarray]
+    outputs: Mapping[str, tuple[tuple[int, ...], np.dtype, Variable]]
+    sides: tuple[int, ...]
+    labels: Mapping[str, Variable]
+    attrs: Mapping[str, Any]
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return tuple(values.size for values in self.coords.values())
+
+    def dims(self, name: str) -> tuple[str, ...]:
+        return (*self.coords, *self.outputs[name][2].dims)
+
+    def attributes(self) -> dict[str, Any]:
+        """Attributes of the dataset and of each array, in JSON's terms; they reach no number."""
+        labels = {name: self.labels.get(name, Variable()) for name in self.coords}
+        labels |= {name: label for name, (_, _, label) in self.outputs.items()}
+        return {
+            "dataset": as_json(self.attrs),
+            **{f"array {name}": as_json(label.attributes()) for name, label in labels.items()},
+        }
+
+    def skeleton(self, attributes: Mapping[str, Any]) -> dict[str, bytes]:
+        """Files of a store in which no block is finished: headers and coordinates, by their path."""
+        files: Any = {}
+        # Without this a chunk that equals the fill value is no file, and could not be vouched for.
+        with zarr.config.set({"array.write_empty_chunks": True}):
+            group = zarr.create_group(
+                MemoryStore(files), attributes=attributes["dataset"], zarr_format=3
+            )
+            for name, values in self.coords.items():
+                group.create_array(
+                    name, data=values, dimension_names=(name,), attributes=attributes[f"array {name}"]
+                )
+            for name, (tail, dtype, _) in self.outputs.items():
+                group.create_array(
+                    name,
+                    shape=(*self.shape, *tail),
+                    chunks=(*self.sides, *(max(n, 1) for n in tail)),
+                    dtype=dtype,
+                    fill_value=_FILL[dtype.kind],
+                    dimension_names=self.dims(name),
+                    attributes=attributes[f"array {name}"],
+                )
+        return {f"{DATA}/{key}": buffer.to_bytes() for key, buffer in files.items()}
+
+
+def chunk_file(name: str, place: tuple[int, ...], tail: int) -> str:
+    """Path of the file that holds a block of a variable whose lanes have `tail` axes of their own."""
+    return "/".join([DATA, name, "c", *(str(i) for i in (*place, *(0,) * tail))])
+
+
+def record_file(number: int) -> str:
+    """Path of the record that vouches for a block."""
+    return f"finished/{number:06d}.json"
+
+
+class Files:
+    """Names of the files of a store, by its manifest alone."""
+
+    def __init__(self, manifest: Mapping[str, Any]):
+        grid = manifest["grid"]
+        self.coords = list(manifest.get("coordinates", grid))  # format 1 had none
+        self.shape = [grid[name]["size"] for name in self.coords]
+        self.sides = manifest["block"]
+        self.counts = [-(-n // side) for n, side in zip(self.shape, self.sides, strict=True)]
+        self.total = math.prod(self.counts)
+        self.tails = {name: len(output["shape"]) for name, output in manifest["outputs"].items()}
+
+    def blocks(self) -> Iterator[tuple[int, list[str]]]:
+        """Number of each block, and its files."""
+        for block in blocks(self.shape, self.sides):
+            yield (
+                block.number,
+                [chunk_file(name, block.place, tail) for name, tail in self.tails.items()],
+            )
+
+    def has(self, path: str) -> bool:
+        """Whether a path relative to the store is that of one of its files, half-written or not."""
+        path = re.sub(r"\.(part|[0-9a-f]+\.partial)$", "", path)
+        top, *rest = path.split("/")
+        if top == "finished":
+            number = re.fullmatch(r"finished/(\d{6,})\.json", path)
+            return number is not None and int(number[1]) < self.total
+        if top != DATA:
+            return False
+        if rest == ["zarr.json"]:
+            return True
+        name, *rest = rest
+        if name in self.coords:
+            return rest == ["zarr.json"] or re.fullmatch(r"c/\d+", "/".join(rest)) is not None
+        if name not in self.tails or rest == ["zarr.json"]:
+            return name in self.tails
+        most = [*self.counts, *(1,) * self.tails[name]]
+        if rest[:1] != ["c"] or len(rest) != 1 + len(most) or not all(map(str.isdecimal, rest[1:])):
+            return False
+        return all(int(i) < n for i, n in zip(rest[1:], most, strict=True))

@@ -1,0 +1,136 @@
+"""What a traced program is: its text, its constants, and the code of the host that it calls.
+
+The text alone does not say which function a host callback calls: two programs that differ in it only
+have equal texts. Callbacks of `equinox.error_if` are known by their messages and never return. All
+others have no identity here, so that their programs are neither shared nor vouched for.
+"""
+
+import collections
+import hashlib
+import re
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import jax
+import jax.extend
+import jax.numpy as jnp
+import numpy as np
+
+_PROGRAMS: collections.OrderedDict = collections.OrderedDict()
+PROGRAMS_KEPT = 16
+# Primitives that run code which is not in the program's text. Those of `jax.debug` return nothing.
+_SILENT = ("debug_callback", "debug_print")
+_HOST = re.compile(r"callback|ffi_call|custom_partitioning|^debug_print$|^outside_call")
+_CALLBACK_IN_TEXT = re.compile(r"custom_call @\S*callback")
+
+
+class Identity(NamedTuple):
+    """Digest of a program, and the host code in it that the digest does not cover.
+
+    - `unknown`: names of what decides results, e.g. `"pure_callback of measured"`.
+    - `silent`: names of what only prints or records.
+    """
+
+    digest: str
+    unknown: tuple[str, ...]
+    silent: tuple[str, ...]
+
+
+def identify(traced: Any, lowered: jax.stages.Lowered) -> Identity:
+    """Identity of a program; that of an equal one in another process is equal."""
+    text = re.sub(r"loc\([^)]*\)", "", lowered.as_text())
+    total = hashlib.sha256(text.encode())
+    unknown, silent, messages = set(), set(), set()
+    called = False
+    for kind, value in _outside(traced.jaxpr):
+        if kind == "constant":
+            array = np.asarray(
+                jax.random.key_data(value) if jnp.issubdtype(value.dtype, jax.dtypes.prng_key)
+                else value
+            )  # fmt: skip
+            total.update(f"{array.dtype.str}{array.shape}".encode() + array.tobytes())
+            continue
+        called = True
+        function = _function(value)
+        known = _error_message(function)
+        if known is not None:
+            messages.add(known)
+        else:
+            name = getattr(function, "__qualname__", None) or type(function).__qualname__
+            what = kind if function is None else f"{kind} of {name}"
+            (silent if kind in _SILENT else unknown).add(what)
+    if not called and _CALLBACK_IN_TEXT.search(text):
+        unknown.add("a host callback")
+    total.update(repr(sorted(messages)).encode())
+    return Identity(total.hexdigest(), tuple(sorted(unknown)), tuple(sorted(silent)))
+
+
+def compiled(traced: Any, lowered: jax.stages.Lowered, devices: Any) -> jax.stages.Compiled:
+    """Compiled program; functions that come to the same program share it."""
+    identity = identify(traced, lowered)
+    if identity.unknown or identity.silent:
+        return lowered.compile()
+    # Equal texts may hand out different types: another class of tuple, keys instead of their words.
+    forms = [
+        (jax.tree.structure(tree), *((x.shape, x.dtype) for x in jax.tree.leaves(tree)))
+        for tree in (lowered.args_info, lowered.out_info)
+    ]
+    key = (identity.digest, repr(devices), *forms)
+    try:
+        known = key in _PROGRAMS
+    except Exception:  # static data of a class that cannot be hashed or compared
+        return lowered.compile()
+    if not known:
+        _PROGRAMS[key] = lowered.compile()
+    _PROGRAMS.move_to_end(key)
+    while len(_PROGRAMS) > PROGRAMS_KEPT:
+        _PROGRAMS.popitem(last=False)
+    return _PROGRAMS[key]
+
+
+def _outside(closed: Any) -> Iterator[tuple[str, Any]]:
+    """Constants that a program holds, and parameters of its calls of the host."""
+    seen = set()
+    todo = [closed]
+    while todo:
+        item = todo.pop()
+        if isinstance(item, jax.extend.core.ClosedJaxpr):
+            for value in item.consts:
+                if hasattr(value, "dtype"):
+                    yield "constant", value
+            item = item.jaxpr
+        if id(item) in seen:
+            continue
+        seen.add(id(item))
+        for eqn in item.eqns:
+            for atom in eqn.invars:
+                value = getattr(atom, "val", None)
+                if getattr(value, "ndim", 0):  # numbers are in the text, arrays may not be
+                    yield "constant", value
+            if _HOST.search(eqn.primitive.name):
+                yield eqn.primitive.name, eqn.params
+            todo += reversed(list(_jaxprs(eqn.params)))
+
+
+def _jaxprs(params: dict[str, Any]) -> Iterator[Any]:
+    for value in params.values():
+        for item in value if isinstance(value, tuple | list) else (value,):
+            if isinstance(item, jax.extend.core.ClosedJaxpr | jax.extend.core.Jaxpr):
+                yield item
+
+
+def _function(params: dict[str, Any]) -> Any:
+    """The function that a call of the host calls, out of what JAX wraps around it."""
+    function: Any = params.get("callback")
+    while hasattr(function, "callback_func"):
+        function = function.callback_func
+    return function
+
+
+def _error_message(function: Any) -> str | None:
+    """What `equinox.error_if` would say; `None` for any other function."""
+    if getattr(function, "__module__", None) != "equinox._errors":
+        return None
+    cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
+    held = {name: cell.cell_contents for name, cell in cells}
+    return f"{function.__qualname__} {held.get('msgs')!r}"

@@ -1,0 +1,145 @@
+"""The results in a store as a dataset, of which nothing is shown that is not vouched for."""
+
+import os
+import pathlib
+from collections.abc import AsyncIterator, Mapping
+from typing import Any
+
+import xarray as xr
+from zarr.storage import LocalStore, WrapperStore
+
+from .._paths import the_directory
+from .._validation import check_flag, refusal
+from ._files import checksum, read_json
+from ._layout import DATA, Files, record_file
+from ._manifest import fault, identity
+from ._store import is_record, record
+
+_ASK = "it must be as run_sweep left it, or read unverified with verify=False"
+
+
+class _Vouched(WrapperStore):
+    """Files of a zarr store out of a set of names; all others are as if they were not there."""
+
+    def __init__(self, store: Any, names: frozenset[str] = frozenset()):
+        super().__init__(store)
+        self._names = names
+        self._tops = {name.partition("/")[0] for name in names}
+
+    def _with_store(self, store: Any) -> "_Vouched":
+        return type(self)(store, self._names)
+
+    async def get(self, key: str, prototype: Any, byte_range: Any = None) -> Any:
+        return await super().get(key, prototype, byte_range) if key in self._names else None
+
+    async def exists(self, key: str) -> bool:
+        return key in self._names and await super().exists(key)
+
+    async def list_dir(self, prefix: str) -> AsyncIterator[str]:
+        async for name in super().list_dir(prefix):
+            if prefix.strip("/") or name in self._tops:
+                yield name
+
+
+def open_dataset(path: str | os.PathLike, *, verify: bool = True) -> xr.Dataset:
+    """The results in a store, read from disk when they are used.
+
+    **Arguments**
+
+    - `path`: the store of a `run_sweep`.
+    - `verify`: compare every file with its checksum first. `False` reads what is there, also from a
+      damaged store or one of an older format, as far as that goes.
+
+    **Returns** an `xarray.Dataset`. Its attribute `sweep_state` is `"finished"` or, e.g.,
+    `"unfinished: 3 of 8 blocks"`, where the others hold NaN, -1, 0 or `False`; `sweep_verified` is
+    `"yes"` or `"no"`.
+
+    **Errors** `TypeError` for what is no path, `ValueError` if `path` is not a store, or a file in it
+    is not as it was written: the message names the file. `run_sweep` with the same arguments repairs
+    most damage.
+    """
+    check_flag("verify", verify)
+    path = the_directory("path", path)
+    begin = f"path = {str(path)!r}"
+    if not path.is_dir():
+        raise refusal("path", str(path), "the directory of a sweep's store")
+    manifest: Any = None
+    try:
+        manifest = read_json(path / "manifest.json")
+        why = fault(manifest)
+    except FileNotFoundError:
+        why = "has no manifest.json"
+    except ValueError as error:
+        why = f"has an unreadable manifest.json ({error})"
+    if verify:
+        if why is not None:
+            raise ValueError(f"{begin} {why}: {_ASK}.")
+        state, names = _verified(begin, path, manifest)
+        return _dataset(begin, path, state, "yes", names)
+    state = "unknown" if why is not None else _recorded(path, manifest)
+    return _dataset(begin, path, state, "no", None)
+
+
+def finished_dataset(path: pathlib.Path, manifest: Mapping[str, Any]) -> xr.Dataset:
+    """The dataset of a store all of whose files were verified or written a moment ago."""
+    names = list(manifest["files"])
+    for _, files in Files(manifest).blocks():
+        names += files
+    return _dataset(f"store = {str(path)!r}", path, "finished", "yes", names)
+
+
+def _recorded(path: pathlib.Path, manifest: Mapping[str, Any]) -> str:
+    total = Files(manifest).total
+    return _state(sum((path / record_file(i)).is_file() for i in range(total)), total)
+
+
+def _state(done: int, total: int) -> str:
+    return "finished" if done == total else f"unfinished: {done} of {total} blocks"
+
+
+def _verified(begin: str, path: pathlib.Path, manifest: Mapping[str, Any]) -> tuple[str, list[str]]:
+    """State of the store and all files vouched for; `ValueError` naming the first that is damaged."""
+
+    def damaged(file: str) -> ValueError:
+        what = "is not as it was written" if os.path.lexists(path / file) else "is missing"
+        return ValueError(f"{begin} is damaged, {file} {what}: {_ASK}; the same sweep repairs most.")
+
+    names = []
+    for file, sum_ in manifest["files"].items():
+        if checksum(path / file) != sum_:
+            raise damaged(file)
+        names.append(file)
+    sweep, wanted, done = identity(manifest), Files(manifest), 0
+    for number, files in wanted.blocks():
+        own = record_file(number)
+        try:
+            recorded = read_json(path / own)
+        except FileNotFoundError:
+            continue
+        except ValueError:
+            raise damaged(own) from None
+        now = record(path, sweep, number, files)
+        if not is_record(recorded) or recorded.keys() != now.keys():
+            raise damaged(own)
+        if recorded != now:
+            sums = recorded["files"]
+            bad = [file for file in files if sums.get(file) != now["files"][file]]
+            raise damaged((bad or [own])[0])
+        names += files
+        done += 1
+    return _state(done, wanted.total), names
+
+
+def _dataset(begin: str, path: pathlib.Path, state: str, verified: str, names: Any) -> xr.Dataset:
+    store: Any = LocalStore(path / DATA, read_only=True)
+    if names is not None:
+        store = _Vouched(store, frozenset(name.removeprefix(f"{DATA}/") for name in names))
+    try:
+        # Nothing is decoded: a result in units of "days" is a number like any other.
+        dataset = xr.open_zarr(store, chunks=None, consolidated=False, zarr_format=3, decode_cf=False)
+    except Exception as error:  # whatever zarr meets in files that nobody has verified
+        text = " ".join(str(error).split())[:80]
+        raise ValueError(
+            f"{begin} cannot be read ({type(error).__name__}: {text}): it must have whole headers."
+        ) from error
+    return dataset.assign_attrs(sweep_state=state, sweep_verified=verified)

@@ -1,0 +1,147 @@
+"""A block on rough ground under random loads, and a march by hand that knows nothing of events."""
+
+from typing import Any, ClassVar, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import stickslip as ss
+from stickslip.systems import Motion
+
+END = 30.0
+KINDS = ("two tones", "tones and pulses", "pulses", "steps", "chirp", "ramp", "all")
+
+
+class Load(NamedTuple):
+    """Two tones, two Gaussian pulses, two steps that last, a chirp and a ramp."""
+
+    tone: Any
+    omega: Any
+    phase: Any
+    pulse: Any
+    pulse_at: Any
+    pulse_width: Any
+    step: Any
+    step_at: Any
+    step_lasts: Any
+    chirp: Any
+    chirp_omega: Any
+    chirp_rate: Any
+    ramp: Any
+    ramp_at: Any
+    ramp_lasts: Any
+
+    def __call__(self, t):
+        """Force [N]."""
+        inside = (t >= self.step_at) & (t < self.step_at + self.step_lasts)
+        return (
+            jnp.sum(self.tone * jnp.sin(self.omega * t + self.phase))
+            + jnp.sum(self.pulse * jnp.exp(-(((t - self.pulse_at) / self.pulse_width) ** 2)))
+            + jnp.sum(jnp.where(inside, self.step, 0.0))
+            + self.chirp * jnp.sin(self.chirp_omega * t + 0.5 * self.chirp_rate * t * t)
+            + self.ramp * jnp.clip((t - self.ramp_at) / self.ramp_lasts, 0.0, 1.0)
+        )
+
+    @property
+    def breaks(self):
+        """Times at which the steps jump [s]."""
+        return jnp.sort(jnp.concatenate([self.step_at, self.step_at + self.step_lasts]))
+
+
+class Block(ss.AbstractHybridSystem):
+    """1 kg on rough ground: 1 N at rest, 0.5 N in motion."""
+
+    load: Load
+
+    mode_names: ClassVar = ("backward", "rest", "forward")
+    guard_names: ClassVar = ("stops", "starts forward", "starts backward")
+    units: ClassVar = {"x": "m", "v": "m/s"}
+
+    def vector_field(self, t, y, mode, args):
+        sense = jnp.where(mode == 0, -1.0, 1.0)
+        return Motion(x=y.v, v=jnp.where(mode == 1, 0.0, self.load(t) - 0.5 * sense))
+
+    def guards(self, t, y, mode, args):
+        sense, force = jnp.where(mode == 0, -1.0, 1.0), self.load(t)
+        return (
+            jnp.where(mode == 1, 1.0, sense * y.v),
+            jnp.where(mode == 1, 1.0 - force, 1.0),
+            jnp.where(mode == 1, 1.0 + force, 1.0),
+        )
+
+    def transition(self, t, y, mode, guard, args):
+        stopped = self.initial_mode(t, y, args)
+        return Motion(y.x, 0.0 * y.v), jnp.where(guard == 0, stopped, jnp.where(guard == 1, 2, 0))
+
+    def initial_mode(self, t, y, args):
+        force = self.load(t)
+        return jnp.where(force > 1.0, 2, jnp.where(force < -1.0, 0, 1))
+
+
+def random_loads(number: int, seed: int) -> tuple[Load, np.ndarray]:
+    """Loads, one a row, and their kinds."""
+    rng = np.random.default_rng(seed)
+    none = np.zeros(2)
+    rows, kinds = [], []
+    for _ in range(number):
+        kind = KINDS[rng.integers(len(KINDS))]
+        row: dict[str, Any] = dict.fromkeys(Load._fields, 0.0) | dict.fromkeys(Load._fields[:9], none)
+        row |= dict(omega=none + 1, pulse_width=none + 1, chirp_omega=1.0, ramp_lasts=1.0)
+        row["step_at"] = np.array([END + 1.0, END + 3.0])
+        row["step_lasts"] = none + 1
+        if kind in ("two tones", "tones and pulses", "all"):
+            row["tone"] = rng.uniform(0.3 if kind == "two tones" else 0.0, 0.9, 2)
+        if kind == "ramp":
+            row["tone"] = rng.uniform(0, 0.4, 2)
+            row |= dict(ramp=rng.uniform(0.5, 1.5), ramp_at=rng.uniform(0, END))
+            row["ramp_lasts"] = 10 ** rng.uniform(-1, 1)
+        row["omega"], row["phase"] = 10 ** rng.uniform(-0.7, 1.2, 2), rng.uniform(0, 2 * np.pi, 2)
+        if kind in ("tones and pulses", "pulses", "all"):
+            row |= dict(pulse=rng.uniform(-2, 2, 2), pulse_at=rng.uniform(0, END, 2))
+            row["pulse_width"] = 10 ** rng.uniform(-1, 0.5, 2)
+        if kind in ("steps", "all"):
+            row |= dict(step=rng.uniform(-2, 2, 2), step_at=rng.uniform(0, END, 2))
+            row["step_lasts"] = 10 ** rng.uniform(-1, 0.7, 2)
+        if kind == "chirp":
+            row |= dict(chirp=rng.uniform(0.9, 1.5), chirp_omega=rng.uniform(0.1, 3))
+            row["chirp_rate"] = rng.uniform(0, 1)
+        rows.append(Load(**row))
+        kinds.append(kind)
+    stacked = jax.tree.map(lambda *a: jnp.asarray(np.stack([np.asarray(x, float) for x in a])), *rows)
+    return stacked, np.array(kinds)
+
+
+@jax.jit
+@jax.vmap
+def march(load: Load):
+    """x at the end and the number of starts and stops, by 600,000 steps of 5e-5 s."""
+    number = 600_000
+    h = END / number
+
+    def starts(force):
+        return jnp.where(force > 1.0, 1.0, jnp.where(force < -1.0, -1.0, 0.0))
+
+    def step(carry, i):
+        x, v, sense, events, now = carry
+        t = i * h
+        middle, end = load(t + h / 2), load(t + h)
+        v1 = v + h / 6 * (now + 4 * middle + end - 3.0 * sense)
+        x1 = x + h * v + h * h / 6 * (now + 2 * middle - 1.5 * sense)
+        rests = sense == 0.0
+        go = starts(end)
+        stops = ~rests & (v1 * sense <= 0.0)
+        happened = (rests & (go != 0.0)) | stops
+        carry = (
+            jnp.where(rests, x, x1),
+            jnp.where(rests | stops, 0.0, v1),
+            jnp.where(rests | stops, go, sense),
+            events + happened.astype(jnp.int32),
+            end,
+        )
+        return carry, None
+
+    begin = load(jnp.zeros(()))
+    carry = (jnp.zeros(()), jnp.zeros(()), starts(begin), jnp.zeros((), jnp.int32), begin)
+    x, _, _, events, _ = jax.lax.scan(step, carry, jnp.arange(number, dtype=jnp.float64))[0]
+    return x, events

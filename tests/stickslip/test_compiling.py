@@ -1,0 +1,177 @@
+"""No call of a public function compiles anything the second time; counted from JAX's own events."""
+
+import jax
+import jax.monitoring
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import corexy_jax
+import stickslip as ss
+from stickslip.analysis import (
+    Maximum,
+    lyapunov_spectrum,
+    lyapunov_spectrum_of_map,
+    orbit_diagram,
+    two_trajectory_exponent,
+)
+from stickslip.identification import gradient_descent, least_squares
+from stickslip.systems import CoulombOscillator, Motion
+
+
+@pytest.fixture
+def compiled():
+    """A list that grows by one entry with every program that is compiled or read from a cache."""
+    events: list[str] = []
+
+    def hear(event, seconds, **_):
+        if event.endswith("backend_compile_duration"):
+            events.append(event)
+
+    jax.monitoring.register_event_duration_secs_listener(hear)
+    yield events
+    jax.monitoring.unregister_event_duration_listener(hear)
+
+
+def block(belt_speed=0.2):
+    return CoulombOscillator(1.0, 1.0, 1.0, 0.5, belt_speed)
+
+
+def simulate(belt_speed=0.2, t1=8.0, **options):
+    return ss.simulate(block(belt_speed), 0.0, t1, Motion(x=0.0, v=belt_speed), **options).y1.x
+
+
+class Searching(CoulombOscillator):
+    """Its initial mode comes out of a loop and a branch, as that of a machine with many contacts."""
+
+    def initial_mode(self, t, y, args):
+        number = jax.lax.while_loop(lambda n: n < 3, lambda n: n + 1, jnp.zeros((), jnp.int32))
+        return jax.lax.cond(number > 2, lambda: self.mode_index("stick"), lambda: jnp.int32(0))
+
+    def mode_index(self, name):
+        return jnp.asarray(self.mode_names.index(name), jnp.int32)
+
+
+def search(belt_speed=0.2):
+    system = Searching(1.0, 1.0, 1.0, 0.5, belt_speed)
+    return ss.simulate(system, 0.0, 4.0, Motion(x=0.0, v=belt_speed)).y1.x
+
+
+def spectrum(belt_speed=0.2, segment=1.0):
+    start = Motion(x=0.0, v=belt_speed)
+    return lyapunov_spectrum(block(belt_speed), start, segment=segment, segments=20, transient=2.0)
+
+
+def separation(belt_speed=0.2):
+    return two_trajectory_exponent(block(belt_speed), Motion(x=0.5, v=0.1), segment=1.0, segments=20)
+
+
+def of_map(a=1.4):
+    def henon(z):
+        return 1.0 - a * z[0] * z[0] + z[1], 0.3 * z[0]
+
+    return lyapunov_spectrum_of_map(henon, (0.1, 0.1), iterations=100)
+
+
+def fit(method, rate=2.0):
+    t = jnp.linspace(0.0, 1.0, 20)
+    data = 3.0 * jnp.exp(-rate * t)
+    return method(
+        lambda p: (p["size"] * jnp.exp(-p["rate"] * t) - data) / 0.01, {"size": 1.0, "rate": 1.0}
+    )
+
+
+def diagram(last=0.3):
+    return orbit_diagram(
+        block(), {"belt_speed": np.linspace(0.2, last, 4)}, Motion(x=0.0, v=0.2),
+        section=Maximum("x"), observables="x", transient=5.0, duration=10.0, check=0,
+    )  # fmt: skip
+
+
+def machine(way, t1=0.1, gain=1.0, **options):
+    parameters, voltage = corexy_jax.scenario(1)
+    parameters = jax.tree.map(lambda a: a * gain, parameters)
+    return corexy_jax.simulate(parameters, voltage, t1, way=way, rows=11, **options).y.x
+
+
+# What is called first, then again, then with other numbers.
+CALLS = {
+    "simulate": (simulate, lambda: simulate(0.25), lambda: simulate(0.2, 5.0)),
+    "initial mode": (search, lambda: search(0.25)),
+    "lyapunov_spectrum": (spectrum, lambda: spectrum(0.25), lambda: spectrum(0.2, 0.9)),
+    "two_trajectory_exponent": (separation, lambda: separation(0.25)),
+    "lyapunov_spectrum_of_map": (of_map,),
+    "least_squares": (lambda: fit(least_squares), lambda: fit(least_squares, 1.9)),
+    "gradient_descent": (lambda: fit(gradient_descent),),
+    "orbit_diagram": (diagram, lambda: diagram(0.35)),
+    "corexy_jax as printed": (lambda: machine("as_printed"), lambda: machine("as_printed", 0.2)),
+    "corexy_jax smoothed": (
+        lambda: machine("smoothed", width=0.1),
+        lambda: machine("smoothed", 0.09, 1.01, width=0.11),
+    ),
+}
+
+
+def nothing_more_is_compiled(calls, compiled):
+    first, *others = calls
+    jax.block_until_ready(first())
+    assert compiled
+    for call in (first, *others):
+        compiled.clear()
+        jax.block_until_ready(call())
+        assert not compiled
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_second_call_compiles_nothing(name, compiled, standard_dtype_promotion):
+    jax.clear_caches()
+    nothing_more_is_compiled(CALLS[name], compiled)
+
+
+@pytest.mark.slow
+def test_second_call_of_the_consistent_machine_compiles_nothing(compiled):
+    calls = lambda: machine("consistent"), lambda: machine("consistent", 0.09, 1.01)
+    nothing_more_is_compiled(calls, compiled)
+
+
+def test_least_squares_sees_data_that_changed():
+    """Not those of the program compiled before, although the function is the same object."""
+    data = {"rate": 2.0, "t": np.linspace(0.0, 1.0, 20)}
+
+    def residual(p):
+        return jnp.exp(-p["rate"] * data["t"]) - jnp.exp(-data["rate"] * data["t"])
+
+    for rate in (2.0, 1.5):
+        data["rate"] = rate
+        found = least_squares(residual, {"rate": 1.0})
+        np.testing.assert_allclose(found.values["rate"], rate, rtol=1e-6)
+
+
+def test_least_squares_names_its_results_as_asked():
+    """One program, two names."""
+    for name in ("rate", "speed"):
+        found = least_squares(lambda p, name=name: p[name] - jnp.arange(1.0, 4.0), {name: 1.0})
+        assert list(found.values) == [name]
+        np.testing.assert_allclose(found.values[name], 2.0, rtol=1e-3)
+
+
+def test_least_squares_with_traced_data():
+    t = jnp.linspace(0.0, 1.0, 20)
+
+    @jax.jit
+    def fitted(rate):
+        return least_squares(
+            lambda p: jnp.exp(-p["rate"] * t) - jnp.exp(-rate * t), {"rate": 1.0}
+        ).values
+
+    np.testing.assert_allclose(fitted(2.0)["rate"], 2.0, rtol=1e-6)
+    np.testing.assert_allclose(jax.vmap(fitted)(jnp.array([2.0, 3.0]))["rate"], [2.0, 3.0], rtol=1e-6)
+
+
+def test_initial_mode_may_ask_in_python():
+    class Asking(CoulombOscillator):
+        def initial_mode(self, t, y, args):
+            return self.mode_names.index("stick") if y.x < 1.0 else 0
+
+    system = Asking(1.0, 1.0, 1.0, 0.5, 0.2)
+    assert float(ss.simulate(system, 0.0, 4.0, Motion(x=0.0, v=0.2)).y1.x) == pytest.approx(0.8)
