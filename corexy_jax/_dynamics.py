@@ -3,6 +3,8 @@ r"""The four dynamic models DMN1-4, Eqs. (35)-(71).
 $$M^\sigma [\ddot x, \ddot y]^T = b^\sigma + \tau^\sigma.$$
 
 Rows are force times radius [N m], as printed. The signs that errata A1 and A2 correct are arguments.
+
+Wrong arguments raise `ValueError` or `TypeError`.
 """
 
 from typing import Any, NamedTuple
@@ -11,6 +13,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from stickslip._validation import check_positive, check_type
+
+from ._arguments import dmn_number, finite, named, pair, the_errata, the_machine
 from ._errata import Errata
 from ._kinematics import PassivePulleys
 from ._parameters import CoreXYParameters
@@ -90,25 +95,36 @@ def _drive(one, two):
     return jnp.stack([one + two, one - two])
 
 
+def _check(p, f, torques, errata) -> tuple[Any, Any]:
+    the_machine(p)
+    named("f", f, Frictions)
+    check_type("errata", errata, Errata, "an Errata")
+    return pair("torques", torques, scalar=True)
+
+
 def dmn_1(p: CoreXYParameters, f: Frictions, torques: tuple[Any, Any], errata: Errata) -> DynamicModel:
     """RR, both motors roll: Eqs. (38)-(40). `torques`: those of the motors [N m]."""
+    torques = _check(p, f, torques, errata)
     return DynamicModel(_matrix(p, 1, 1), _friction(p, f, errata, 1, 1), _drive(*torques))
 
 
 def dmn_2(p: CoreXYParameters, f: Frictions, torques: tuple[Any, Any], errata: Errata) -> DynamicModel:
     """SR, motor 1 slips, motor 2 rolls: Eqs. (47)-(49)."""
+    torques = _check(p, f, torques, errata)
     drive = _drive(belt_torque(p, f.f_1_b, errata), torques[1])
     return DynamicModel(_matrix(p, 0, 1), _friction(p, f, errata, 0, 1), drive)
 
 
 def dmn_3(p: CoreXYParameters, f: Frictions, torques: tuple[Any, Any], errata: Errata) -> DynamicModel:
     """RS, motor 1 rolls, motor 2 slips: Eqs. (56)-(58)."""
+    torques = _check(p, f, torques, errata)
     drive = _drive(torques[0], belt_torque(p, f.f_2_b, errata))
     return DynamicModel(_matrix(p, 1, 0), _friction(p, f, errata, 1, 0), drive)
 
 
 def dmn_4(p: CoreXYParameters, f: Frictions, torques: tuple[Any, Any], errata: Errata) -> DynamicModel:
     """SS, both motors slip: Eqs. (65)-(67)."""
+    torques = _check(p, f, torques, errata)
     drive = _drive(belt_torque(p, f.f_1_b, errata), belt_torque(p, f.f_2_b, errata))
     return DynamicModel(_matrix(p, 0, 0), _friction(p, f, errata, 0, 0), drive)
 
@@ -124,7 +140,9 @@ def dynamic_model(
 
     All models are as printed unless `errata` says otherwise (A1, A2).
     """
-    errata = Errata() if errata is None else errata
+    errata = the_errata(errata)
+    torques = _check(p, f, torques, errata)
+    dmn_number("number", number)
     branches = [
         lambda p, f, torques, model=model: model(p, f, torques, errata)
         for model in (dmn_1, dmn_2, dmn_3, dmn_4)
@@ -137,11 +155,15 @@ def dynamic_model(
 def slipping_motor(p: CoreXYParameters, torque: Any, tau_0: Any, f_b: Any) -> Any:
     r"""Acceleration of a slipping motor pulley [rad/s²], $J\alpha = \tau^0 + \tau^E + f^b r$, Eqs.
     (50), (60), (68), (69); (60) prints $f_{2k}^E$ (erratum A10)."""
+    the_machine(p)
+    torque, tau_0, f_b = finite(torque=torque, tau_0=tau_0, f_b=f_b)
     return (tau_0 + torque + f_b * p.r) / p.J
 
 
 def rolling_motors(ax: Any, ay: Any, r: Any) -> tuple[Any, Any]:
     """Accelerations of rolling motor pulleys [rad/s²], Eqs. (41), (42), (51), (59), (75), (76)."""
+    check_positive("r", r)
+    ax, ay, r = finite(ax=ax, ay=ay, r=r)
     return (ax + ay) / r, (ax - ay) / r
 
 

@@ -4,7 +4,8 @@ from typing import Any
 
 import equinox as eqx
 
-from stickslip._validation import check_in
+from stickslip._checked import CheckedModule
+from stickslip._validation import check_flag, check_in
 
 CLAIMS = {
     "A1": "x rows of (39), (48), (57), (66): minus before the torques of pulleys 1_1 and 2_1",
@@ -23,7 +24,7 @@ CLAIMS = {
 CHOICES = ("A5", "A7", "A10", "A11")
 
 
-class Errata(eqx.Module):
+class Errata(eqx.Module, metaclass=CheckedModule):
     """Which errata of the paper are corrected; none by default, so that all is as printed.
 
     Fields `A1`, `A2`, `A3`, `A4`, `A6`, `A8`, `A9`, `A12`: true where corrected, see
@@ -31,7 +32,7 @@ class Errata(eqx.Module):
     printed formula already takes 0.5 in Hz), A7 (`r_f` of the parameters), A10 (a misprint without a
     second meaning), A11 (the printed values are kept). `A6` acts through `scenario(3, errata)`.
 
-    `Errata.corrected()` corrects all. **Raises** `ValueError` for a value that is no boolean.
+    `Errata.corrected()` corrects all. **Raises** `TypeError` for a value that is no boolean.
     """
 
     A1: Any = eqx.field(static=True, default=False)
@@ -45,7 +46,7 @@ class Errata(eqx.Module):
 
     def __check_init__(self):
         for name in SWITCHES:
-            check_in(name, getattr(self, name), (False, True))
+            check_flag(name, getattr(self, name))
 
     @staticmethod
     def corrected(**changes: Any) -> "Errata":

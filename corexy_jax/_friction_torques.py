@@ -1,9 +1,15 @@
-"""Friction of every part of the machine in the paper's terms, Eqs. (26)-(34)."""
+"""Friction of every part of the machine in the paper's terms, Eqs. (26)-(34).
+
+Wrong arguments raise `ValueError` or `TypeError`.
+"""
 
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 
+from stickslip._validation import check_nonnegative
+
+from ._arguments import finite, named, the_machine
 from ._dynamics import Frictions
 from ._kinematics import PassivePulleys
 from ._parameters import CoreXYParameters
@@ -26,6 +32,10 @@ def ground_friction(p: CoreXYParameters, mu: Any, senses: Senses) -> Frictions:
     Normal forces of section 2.4: rails $mg$, $(M+m)g$; passive pulleys $\sqrt2 P_i$, motor pulleys
     $2P_i$, both at the arm `r_f`.
     """
+    the_machine(p)
+    check_nonnegative("mu", mu)
+    (mu,) = finite(mu=mu)
+    named("senses", senses, Senses)
     passive_1, passive_2 = (2.0**0.5 * mu * P * p.r_f for P in (p.P1, p.P2))
     s = senses
     pulleys = PassivePulleys(
@@ -53,4 +63,6 @@ def ground_friction(p: CoreXYParameters, mu: Any, senses: Senses) -> Frictions:
 def belt_friction(p: CoreXYParameters, sense_1: Any, sense_2: Any) -> tuple[Any, Any]:
     r"""Kinetic friction of the belts on the motor pulleys [N], Eqs. (31)-(32), from the senses of
     $\omega_i - \dot\theta_i^v$."""
+    the_machine(p)
+    sense_1, sense_2 = finite(sense_1=sense_1, sense_2=sense_2)
     return -2.0 * p.mu_1k_b * p.P1 * sense_1, -2.0 * p.mu_2k_b * p.P2 * sense_2

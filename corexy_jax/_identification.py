@@ -10,16 +10,19 @@ from jaxtyping import Array, Float
 import stickslip as ss
 from stickslip import Integrator, SaveAt
 from stickslip._validation import (
+    as_float64,
     as_parameter,
-    check_finite,
+    check_increasing,
+    check_mapping,
     check_nonnegative,
     check_positive,
-    check_that,
-    check_type,
-    is_concrete,
+    misshaped,
+    one_row,
+    refusal,
 )
 
-from ._parameters import CoreXYParameters
+from ._arguments import named, the_integrator, the_machine
+from ._parameters import CoreXYParameters, check_parameter
 from ._system import CoreXY
 from ._voltage import AbstractVoltage
 
@@ -52,6 +55,7 @@ def measurement(
     one row, not negative and increasing.
     """
     system = CoreXY(parameters, voltage)
+    the_integrator(integrator)
     times = _checked_times(times)
     found = ss.simulate(
         system, 0.0, times[-1], system.state(), integrator=integrator,
@@ -63,18 +67,31 @@ def measurement(
 
 
 def _checked_times(times: Any) -> Float[Array, " sample"]:
-    row = as_parameter(check_nonnegative("times", times))
-    if row.ndim != 1 or row.size == 0:
-        raise ValueError(f"times has shape {row.shape}: it must be one row of at least one.")
-    if is_concrete(times):
-        check_that(
-            "difference of times", jnp.diff(row), lambda d: d > 0, "positive: times must increase"
-        )
-    return row
+    return as_float64("times", check_increasing("times", _row_of("times", times)))
+
+
+def _row_of(name: str, values: Any) -> Any:
+    one_row(name, values, "not negative")
+    return jnp.asarray(values) if isinstance(values, list | tuple) else values
+
+
+def _check_noise(noise: Any) -> None:
+    named("noise", noise, Measurement)
+    for name, sigma in zip(noise._fields, noise, strict=True):
+        check_nonnegative(f"noise.{name}", sigma)
 
 
 def with_noise(clean: Measurement, key: Any, noise: Measurement = NOISE) -> Measurement:
-    """`clean` with normal noise of the standard deviations `noise`, independent in every sample."""
+    """`clean` with normal noise of the standard deviations `noise`, independent in every sample.
+
+    **Raises** `TypeError`, `ValueError` for what is no `Measurement`, no key, or negative.
+    """
+    named("clean", clean, Measurement)
+    _check_noise(noise)
+    one_key = isinstance(key, jax.Array) and jnp.issubdtype(key.dtype, jax.dtypes.prng_key)
+    old_key = isinstance(key, jax.Array) and key.dtype == jnp.uint32 and key.shape == (2,)
+    if not ((one_key and key.shape == ()) or old_key):
+        raise refusal("key", key, "one key of jax.random", TypeError)
     keys = jax.random.split(key, len(clean))
     return Measurement(
         *(
@@ -85,13 +102,18 @@ def with_noise(clean: Measurement, key: Any, noise: Measurement = NOISE) -> Meas
 
 
 def with_values(parameters: CoreXYParameters, values: dict[str, Any]) -> CoreXYParameters:
-    """`parameters` with some replaced by name. **Raises** `ValueError` for an unknown name."""
-    for name in values:
-        if name not in parameters.__dataclass_fields__:
-            raise ValueError(
-                f"values has {name!r}: it must be a parameter of the machine, one of "
-                f"{', '.join(parameters.__dataclass_fields__)}."
-            )
+    """`parameters` with some replaced by name.
+
+    **Raises** `ValueError` for an unknown name, and as `CoreXYParameters` for a value.
+    """
+    the_machine(parameters, "parameters")
+    if values is None:
+        raise refusal("values", values, "a mapping from names", TypeError)
+    values, known = check_mapping("values", values), parameters.__dataclass_fields__
+    for name, value in values.items():
+        if name not in known:
+            raise refusal(f"values[{name!r}]", value, f"named after one of {', '.join(known)}")
+        check_parameter(f"values[{name!r}]", name, value)
     names = sorted(values)
     return eqx.tree_at(
         lambda p: [getattr(p, name) for name in names],
@@ -118,13 +140,12 @@ def misfit(
     `ValueError` for an unknown that is no parameter, data that are not finite or not as many as
     `times`, a `noise` that is not positive.
     """
-    check_type("data", data, Measurement, "a Measurement")
+    times = _checked_times(times)
+    named("data", data, Measurement)
     for name, row in zip(data._fields, data, strict=True):
         if jnp.shape(row) != jnp.shape(times):
-            raise ValueError(
-                f"data.{name} has shape {jnp.shape(row)}: it must be {jnp.shape(times)}, as times."
-            )
-        check_finite(f"data.{name}", row)
+            raise misshaped(f"data.{name}", row, f"of shape {jnp.shape(times)}, as times")
+    _check_noise(noise)
     for name, sigma in zip(noise._fields, noise, strict=True):
         check_positive(f"noise.{name}", sigma)
     model = measurement(with_values(parameters, values), voltage, times, integrator=integrator)

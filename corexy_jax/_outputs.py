@@ -8,8 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from stickslip._validation import check_type
+from stickslip._validation import check_type, refusal
 
+from ._arguments import the_errata
 from ._contacts import CONTACT_NAMES, MOTOR_1
 from ._dead_zone import axis_dead_zones, motor_dead_zone, voltage_dead_zone
 from ._errata import Errata
@@ -44,8 +45,8 @@ def outputs(solution: CoreXYSolution, errata: Errata | None = None) -> xr.Datase
     """
     check_type("solution", solution, CoreXYSolution, "a CoreXYSolution")
     if jnp.ndim(solution.t) != 1:
-        raise ValueError(f"solution.t has shape {solution.t.shape}: it must be one run, not a batch.")
-    errata = _CORRECTED if errata is None else errata
+        raise refusal("solution", solution, "one run, not a batch", but=f"of shape {solution.t.shape}")
+    errata = _CORRECTED if errata is None else the_errata(errata)
     columns = jax.tree.map(np.asarray, _columns(solution, errata))
     by = {"motor": ("time", "motor"), "contact": ("time", "contact"), "time": ("time",)}
     data = {

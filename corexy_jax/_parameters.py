@@ -5,7 +5,7 @@ from typing import Any
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from stickslip._validation import as_parameter, check_nonnegative, check_positive
+from stickslip._validation import as_parameter, check_nonnegative, check_positive, refusal
 
 _POSITIVE = ("m", "M", "J", "J_passive", "r", "R", "K_t", "P1", "P2", "g")
 
@@ -78,11 +78,15 @@ class CoreXYParameters(eqx.Module):
     def __init__(self, *, r_f: Any = None, **values: Any):
         unknown = sorted(set(values) - set(TABLE_1))
         if unknown:
-            raise TypeError(
-                f"{unknown[0]} is no parameter of the machine; allowed: {', '.join(TABLE_1)}, r_f."
-            )
+            known = f"left out: the parameters of the machine are {', '.join(TABLE_1)}, r_f"
+            raise refusal(unknown[0], values[unknown[0]], known, TypeError)
         given = {**TABLE_1, **values}
         given["r_f"] = given["r"] if r_f is None else r_f
         for name, value in given.items():
-            check = check_positive if name in _POSITIVE else check_nonnegative
-            setattr(self, name, as_parameter(check(name, value)))
+            setattr(self, name, as_parameter(check_parameter(name, name, value)))
+
+
+def check_parameter(called: str, name: str, value: Any) -> Any:
+    """A value for the parameter `name`, which the caller knows as `called`."""
+    check = check_positive if name in _POSITIVE else check_nonnegative
+    return check(called, value)

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from stickslip._validation import check_in
+from stickslip._validation import check_count, check_in, check_type
 
 from ._errata import Errata
 from ._parameters import CoreXYParameters
@@ -24,7 +24,8 @@ def scenario(number: int, errata: Errata | None = None) -> Scenario:
     The input of scenario 3 is `v0 sign(sin)`, `v0 sign(cos)`; with `errata` given and its `A6` false
     it is `v0 sign|sin|` as printed, which is constant. **Raises** `ValueError` for another number.
     """
-    check_in("number", number, (1, 2, 3))
+    check_in("number", check_count("number", number, 1), (1, 2, 3))
+    check_type("errata", errata, Errata | None, "an Errata or None")
     if number == 1:
         return Scenario(
             CoreXYParameters(P1=20.0, P2=20.0, mu_1s_b=10.0, mu_2s_b=0.1), Harmonic(10.0, 5.0)

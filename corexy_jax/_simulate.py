@@ -9,17 +9,20 @@ import jax.numpy as jnp
 import stickslip as ss
 from stickslip import RESULTS, Integrator, SaveAt
 from stickslip._validation import (
+    MOST,
+    as_float64,
     as_parameter,
     check_count,
     check_in,
-    check_positive,
     check_type,
-    is_concrete,
+    one_concrete,
     one_number,
+    refusal,
 )
 from stickslip.hybrid import Executor, current_executor
 from stickslip.systems import WithIntegrals
 
+from ._arguments import the_errata, the_integrator
 from ._contacts import Line, kinetic_limits, sliding_speeds
 from ._errata import Errata
 from ._fixed_step import march
@@ -69,10 +72,12 @@ def simulate(
 
 def prepared(parameters, voltage, t1, rows, y0):
     """The checked system, end, and initial state."""
-    system = CoreXY(parameters, voltage)
+    system = CoreXY(parameters, voltage)  # which checks them
     t1 = as_parameter(one_number("t1", t1, "positive"))
     check_count("rows", rows, 2)
-    y0 = system.state() if y0 is None else check_type("y0", y0, CoreXYState, "a CoreXYState")
+    if y0 is None:
+        return system, t1, system.state()
+    y0 = as_float64("y0", check_type("y0", y0, CoreXYState, "a CoreXYState"))
     return system, t1, y0
 
 
@@ -101,6 +106,7 @@ def simulate_consistent(
     friction times its path.
     """
     system, t1, y0 = prepared(parameters, voltage, t1, rows, y0)
+    the_integrator(integrator)
     ts = jnp.linspace(0.0, 1.0, rows) * t1
     ledger = WithIntegrals(system, motor_work, units={"motor_1": "J", "motor_2": "J"})
     solution = ss.simulate(
@@ -175,14 +181,15 @@ def simulate_as_printed(
     must be a multiple of `dt` times `rows - 1`; `ValueError` otherwise.
     """
     system, _, y0 = prepared(parameters, voltage, t1, rows, y0)
-    check_positive("dt", dt)
-    errata = Errata() if errata is None else check_type("errata", errata, Errata, "an Errata")
-    if not is_concrete((t1, dt)):
-        raise ValueError("t1 and dt fix the number of steps: they must not be traced.")
+    dt = float(one_concrete("dt", dt, "positive"))
+    errata = the_errata(errata)
+    one_concrete("t1", t1)
     end = float(t1)
+    if end / dt > MOST:
+        raise refusal("t1", end, f"at most {MOST} steps of dt = {dt}")
     stride = round(end / dt / (rows - 1))
     if stride < 1 or abs(stride * dt * (rows - 1) - end) > 1e-9 * end:
-        raise ValueError(f"t1 = {end}: it must be a multiple of dt * (rows - 1) = {dt * (rows - 1)}.")
+        raise refusal("t1", end, f"a multiple of dt * (rows - 1) = {dt * (rows - 1)}, dt = {dt}")
     steps = jnp.asarray(stride, jnp.int32)
     step = jnp.asarray(dt, jnp.float64)
     found = _march(system, y0, step, rows, steps, errata, current_executor())

@@ -10,9 +10,10 @@ from jaxtyping import Array, Float
 import stickslip as ss
 from stickslip import Integrator, SaveAt
 from stickslip._fastmath import exp, tanh, where
-from stickslip._validation import as_parameter, check_in, check_positive
+from stickslip._validation import as_parameter, check_in, check_positive, one_number, whole_number
 from stickslip.systems import AbstractMechanicalSystem, WithIntegrals
 
+from ._arguments import the_integrator
 from ._contacts import (
     NUM_CONTACTS,
     kinetic_limits,
@@ -119,7 +120,7 @@ class SmoothedCoreXY(AbstractMechanicalSystem):
         self.machine = CoreXY(parameters, voltage)
         if isinstance(variant, str):
             variant = VARIANTS.index(check_in("variant", variant, VARIANTS))
-        self.variant = jnp.asarray(variant, jnp.int32)
+        self.variant = jnp.asarray(whole_number("variant", variant, 0, len(VARIANTS) - 1), jnp.int32)
         self.width = as_parameter(check_positive("width", width))
         default = jnp.sqrt(REFERENCE_SPEED * self.width)
         given = default if stribeck_speed is None else check_positive("stribeck_speed", stribeck_speed)
@@ -207,9 +208,13 @@ def simulate_smoothed(
     rest, and a motor as rolling.
     """
     machine, t1, y0 = prepared(parameters, voltage, t1, rows, y0)
+    one_number("width", width, "positive")
+    if stribeck_speed is not None:
+        one_number("stribeck_speed", stribeck_speed, "positive")
     system = SmoothedCoreXY(
         machine.parameters, machine.voltage, variant=variant, width=width, stribeck_speed=stribeck_speed
     )
+    the_integrator(integrator)
     if integrator is None:
         step = ss.AdaptiveStep(1e-7, 1e-7)  # pyright: ignore[reportCallIssue]
         integrator = Integrator(method="tsit5", step=step, max_steps=10_000_000)

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 
 from stickslip._fastmath import where
-from stickslip._validation import check_type
+from stickslip._validation import as_parameter, check_finite, check_type, one_number
 from stickslip.systems import AbstractMechanicalSystem
 
 from ._contact_motion import ContactMotion, contact_motion, onset, onset_signs
@@ -128,13 +128,20 @@ class CoreXY(AbstractMechanicalSystem):
         omega_2: Any = None,
         t: Any = 0.0,
     ) -> CoreXYState:
-        """State at time `t` [s], components as in `CoreXYState`; a motor without a speed rolls."""
-        numbers = [jnp.asarray(a, jnp.float64) for a in (x, y, vx, vy, theta_1, theta_2)]
+        """State at time `t` [s], components as in `CoreXYState`; a motor without a speed rolls.
+
+        **Raises** `ValueError`, `TypeError` for what is not finite.
+        """
+        given = {"x": x, "y": y, "vx": vx, "vy": vy, "theta_1": theta_1, "theta_2": theta_2}
+        numbers = [as_parameter(check_finite(name, value)) for name, value in given.items()]
         vx, vy = numbers[2], numbers[3]
         r = self.parameters.r
-        one = (vx + vy) / r if omega_1 is None else jnp.asarray(omega_1, jnp.float64)
-        two = (vx - vy) / r if omega_2 is None else jnp.asarray(omega_2, jnp.float64)
-        piece = self.voltage.piece_of(jnp.asarray(t, jnp.float64))
+        one, two = (vx + vy) / r, (vx - vy) / r
+        if omega_1 is not None:
+            one = as_parameter(check_finite("omega_1", omega_1))
+        if omega_2 is not None:
+            two = as_parameter(check_finite("omega_2", omega_2))
+        piece = self.voltage.piece_of(as_parameter(one_number("t", t)))
         return CoreXYState._make((*numbers, one, two, piece))
 
     def velocities(self, y: CoreXYState) -> Line:

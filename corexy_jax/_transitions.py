@@ -1,9 +1,13 @@
-"""Rolling or slipping in the next step, Eqs. (72)-(84)."""
+"""Rolling or slipping in the next step, Eqs. (72)-(84).
+
+Wrong arguments raise `ValueError` or `TypeError`.
+"""
 
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 
+from ._arguments import dmn_number, named, pair, the_errata, the_machine
 from ._errata import Errata
 from ._parameters import CoreXYParameters
 
@@ -33,7 +37,10 @@ def needed_friction(
     torques of the ground on the pulleys [N m]. Printed, (81)-(84) multiply the torques by `J` too;
     `errata.A3` corrects it.
     """
-    errata = Errata() if errata is None else errata
+    the_machine(p)
+    errata = the_errata(errata)
+    accelerations = pair("accelerations", accelerations)
+    torques, ground = pair("torques", torques), pair("ground", ground)
     inertia = [p.J * a / p.r for a in accelerations]
     load = [(tau_0 + tau) / p.r for tau_0, tau in zip(ground, torques, strict=True)]
     f_1s, f_2s = (i - f for i, f in zip(inertia, load, strict=True))
@@ -46,7 +53,8 @@ def needed_friction(
 def available_coefficients(p: CoreXYParameters, errata: Errata | None = None) -> tuple[Any, Any]:
     """Coefficients up to which the belts hold; as printed the static ones, with A9 corrected
     `max(mu_s, mu_k)`."""
-    if errata is not None and not errata.A9:
+    the_machine(p)
+    if errata is not None and not the_errata(errata).A9:
         return p.mu_1s_b, p.mu_2s_b
     return jnp.maximum(p.mu_1s_b, p.mu_1k_b), jnp.maximum(p.mu_2s_b, p.mu_2k_b)
 
@@ -57,7 +65,9 @@ def next_dmn(number: Any, needed: Needed, available: tuple[Any, Any]) -> Any:
     A rolling motor goes on while `mu_is* <= mu_is^b`; a slipping one stays so, whatever is needed:
     it comes back by Eq. (73).
     """
-    number = jnp.asarray(number, jnp.int32)
+    number = jnp.asarray(dmn_number("number", number), jnp.int32)
+    named("needed", needed, Needed)
+    available = pair("available", available)
     rolls_1, rolls_2 = (number == 1) | (number == 3), (number == 1) | (number == 2)
     slips_1 = ~rolls_1 | (needed.mu_1s > available[0])
     slips_2 = ~rolls_2 | (needed.mu_2s > available[1])

@@ -11,10 +11,13 @@ from jaxtyping import Array, Float, PyTree
 from stickslip._fastmath import cos, sin, where
 from stickslip._validation import (
     as_parameter,
+    check_callable,
     check_finite,
+    check_handed_on,
+    check_increasing,
     check_positive,
-    check_that,
-    is_concrete,
+    misshaped,
+    one_row,
 )
 
 NEVER = 1e300  # time of a break that does not come [s]
@@ -127,20 +130,12 @@ class AbstractTable(AbstractVoltage):
     v2: Float[Array, " row"]
 
     def __init__(self, times: Any, v1: Any, v2: Any):
-        self.times = as_parameter(check_finite("times", times))
-        self.v1 = as_parameter(check_finite("v1", v1))
-        self.v2 = as_parameter(check_finite("v2", v2))
+        self.times = as_parameter(check_increasing("times", one_row("times", times, least=2)))
         rows = self.times.shape
-        if len(rows) != 1 or rows[0] < 2:
-            raise ValueError(f"times has shape {rows}: it must be one row of at least two.")
-        for name in ("v1", "v2"):
+        for name, volts in (("v1", v1), ("v2", v2)):
+            setattr(self, name, as_parameter(check_finite(name, volts)))
             if getattr(self, name).shape != rows:
-                raise ValueError(
-                    f"{name} has shape {getattr(self, name).shape}: it must be {rows}, as times."
-                )
-        if is_concrete(times):
-            steps = jnp.diff(self.times)
-            check_that("difference of times", steps, lambda d: d > 0, "positive: times must increase")
+                raise misshaped(name, volts, f"of shape {rows}, as times")
 
     def _row(self, piece):
         return jnp.clip(piece, 0.0, self.times.shape[0] - 1.0).astype(jnp.int32)
@@ -204,14 +199,11 @@ class UserVoltage(AbstractVoltage):
     has_breaks: ClassVar[bool] = False
 
     def __init__(self, function: Any, args: PyTree = None, shortest: Any = None):
-        if not callable(function):
-            raise TypeError(
-                f"function is a {type(function).__name__}: it must be a function (t, args)."
-            )
-        self.function = function
-        self.args = args
-        checked = None if shortest is None else as_parameter(check_positive("shortest", shortest))
-        self.shortest = checked
+        self.function = check_callable("function", function, "f(t, args) -> (v1, v2)", 0.0, args)
+        self.args = check_handed_on("args", args)
+        if shortest is not None:
+            shortest = as_parameter(one_number("shortest", shortest, "positive"))
+        self.shortest = shortest
 
     def time_scale(self):
         return self.shortest

@@ -41,6 +41,9 @@ def main(arguments: list[str] | None = None) -> int:
 
     out = pathlib.Path(options.out)
     if options.name == "statements":
+        if not out.is_dir():
+            print(f"--out {out}: it must be a directory of results.", file=sys.stderr)
+            return 2
         print(scoreboard(out))
         return 0
     experiments = _experiment.load()

@@ -11,6 +11,8 @@ from typing import Any
 import xarray as xr
 from matplotlib.figure import Figure
 
+from . import _settings
+
 GROUPS = ("beam", "block", "corexy")
 
 
@@ -72,21 +74,17 @@ def _natural(name: str) -> list[Any]:
 def chosen(experiment: Experiment, quick: bool, changes: list[str]) -> dict[str, Any]:
     """Parameters of a run; `changes` are `key=value` texts.
 
-    Errors: `ValueError` naming an unknown key, or a value that is not of the parameter's type.
+    Errors: `ValueError` naming an unknown key, or a value that the experiment cannot run with.
     """
     values = dict(experiment.parameters) | (dict(experiment.quick) if quick else {})
+    changed = {}
     for change in changes:
         key, sign, text = change.partition("=")
         if not sign or key not in values:
             raise ValueError(
                 f"--set {change}: it must be key=value with one of the keys {', '.join(values)}."
             )
-        kind = type(values[key])
-        try:
-            if kind is bool:
-                values[key] = {"true": True, "false": False}[text.lower()]
-            else:
-                values[key] = kind(text)
-        except (ValueError, KeyError):
-            raise ValueError(f"--set {change}: it must be a {kind.__name__}.") from None
+        values[key] = _settings.parsed(key, text, values[key])
+        changed[key] = text
+    _settings.check(values, changed)
     return values

@@ -25,7 +25,7 @@ def scoreboard(out: pathlib.Path) -> str:
         try:
             record = json.loads(path.read_text(encoding="utf-8"))
             group, rows = _group(record), [_row(record, s) for s in record["statements"]]
-        except (ValueError, KeyError, TypeError, AttributeError):
+        except (OSError, ValueError, KeyError, TypeError, AttributeError):
             lines.append(f"{path.name}: not a record of an experiment")
             continue
         for id, holds, row in rows:

@@ -11,7 +11,8 @@ from typing import Any
 import jax
 from jax.experimental.compilation_cache import compilation_cache
 
-from ._validation import check_positive, check_type
+from ._paths import the_directory
+from ._validation import one_static
 
 WORTH = 0.1  # s of compiling: a first call is many programs of this length and a few long ones
 _SUFFIX = "-cache"
@@ -33,11 +34,12 @@ def enable_compilation_cache(directory: Any = None, *, max_bytes: float = 4e9) -
     **Returns** the folder in which the programs lie; `None`, and nothing is kept, if it cannot be made.
     **Raises** `TypeError` for what is no path, `ValueError` for a size that is not positive.
     """
-    if directory is not None:
-        check_type("directory", directory, str | os.PathLike, "a path")
-    check_positive("max_bytes", max_bytes)
-    root = pathlib.Path(directory) if directory is not None else _default_directory()
-    folder = root.expanduser().resolve() / "compiled" / _here()
+    one_static("max_bytes", max_bytes, "positive")
+    if directory is None:
+        root = _default_directory().expanduser()
+    else:
+        root = the_directory("directory", directory, "the path of a directory, or None")
+    folder = root.resolve() / "compiled" / _here()
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError:

@@ -6,10 +6,20 @@ from typing import Any
 import numpy as np
 from jaxtyping import PyTree
 
-from .._validation import check_type
+from .._validation import (
+    as_float64,
+    check_increasing,
+    check_type,
+    is_concrete,
+    numbers,
+    one_row,
+    refusal,
+)
 from ..hybrid import AbstractHybridSystem, Integrator
-from ..hybrid._arguments import check_field
+from ..hybrid._arguments import a_time, check_field, the_system
 from ..hybrid._arguments import start_of as _start_of
+
+OBSERVABLES = "a name, a sequence of names, or a mapping from names to names or functions"
 
 
 def named_observables(observables: Any) -> dict[str, Any]:
@@ -21,39 +31,36 @@ def named_observables(observables: Any) -> dict[str, Any]:
     elif isinstance(observables, Sequence) and all(isinstance(o, str) for o in observables):
         named = {o.replace(" ", "_"): o for o in observables}
     else:
-        raise TypeError(
-            f"observables = {observables!r}: it must be a name, a sequence of names, or a mapping from "
-            "names to names or functions."
-        )
-    if not named:
-        raise ValueError(f"observables = {observables!r} is empty: it must name at least one.")
+        raise refusal("observables", observables, OBSERVABLES, TypeError)
+    if not named or not all(isinstance(name, str) and name for name in named):
+        raise refusal("observables", observables, f"{OBSERVABLES}, at least one")
     return named
 
 
 def times_of(t: Any) -> np.ndarray:
     """Output times as a vector that increases."""
-    try:
-        times = np.asarray(t, np.float64)
-    except (TypeError, ValueError):
-        raise TypeError(f"t = {t!r}: it must be a vector of real numbers.") from None
-    good = (
-        times.ndim == 1 and times.size > 1 and np.isfinite(times).all() and np.all(np.diff(times) > 0)
-    )
-    if not good:
-        raise ValueError(f"t has the shape {times.shape}: it must be a vector that increases.")
-    return times
+    if not is_concrete(t):
+        raise refusal("t", t, "known: it becomes a coordinate, so call this outside of jit and vmap")
+    return np.asarray(check_increasing("t", one_row("t", as_float64("t", _no_tree(t)), least=2)))
+
+
+def _no_tree(t: Any) -> Any:
+    """A row as a list or an array, not a pytree of single numbers."""
+    return numbers("t", t, "a vector of real numbers")
 
 
 def an_integrator(integrator: Any) -> Integrator:
     """The integrator, the default one for `None`."""
     integrator = Integrator() if integrator is None else integrator
-    return check_type("integrator", integrator, Integrator, "an Integrator")
+    return check_type("integrator", integrator, Integrator, "an Integrator or None")
 
 
 def start_of(
     system: AbstractHybridSystem, t0: Any, y0: PyTree, mode0: Any, args: PyTree
 ) -> tuple[PyTree, Any]:
-    """Initial state in float64 and mode, checked against the system."""
+    """Initial state in float64 and mode, checked against the system, which is checked first."""
+    the_system(system)
+    t0 = a_time("t0", t0)
     y0, mode = _start_of(system, t0, y0, mode0, args)
     check_field(system, t0, y0, mode, args)
     return y0, mode

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
 
-from .._validation import check_count
+from .._validation import check_count, refusal
 
 # Below this part of the longest image a direction counts as lost: it lies in the span of the others
 # to rounding.
@@ -143,21 +143,22 @@ def judged(
     return jnp.where(jnp.isposinf(mean), jnp.nan, mean), error, status
 
 
-def check_counts(segments: Any, warm_up: Any, blocks: Any, exponents: Any, size: int) -> None:
-    """Refuse numbers of segments, blocks and exponents that make no average."""
-    for name, value, low in (
-        ("segments", segments, 4),
+def check_counts(
+    segments: Any, warm_up: Any, blocks: Any, exponents: Any, size: int, name: str = "segments"
+) -> None:
+    """Refuse numbers of segments, which the caller knows by `name`, of blocks and exponents that make
+    no average."""
+    for argument, value, low in (
+        (name, segments, 4),
         ("warm_up", warm_up, 0),
         ("blocks", blocks, 2),
         ("exponents", exponents, 1),
     ):
-        check_count(name, value, low)
+        check_count(argument, value, low)
     if exponents > size:
-        raise ValueError(
-            f"exponents = {exponents}: it must be at most {size}, the number of directions."
-        )
+        raise refusal("exponents", exponents, f"at most {size}, the number of directions")
     if segments < 2 * blocks:
-        raise ValueError(f"segments = {segments}: it must be at least 2 blocks = {2 * blocks}.")
+        raise refusal(name, segments, f"at least 2 blocks = {2 * blocks}, with blocks = {blocks}")
 
 
 def accumulate(step, carry, frame, *, count, warm_up) -> tuple[Any, Float[Array, "segment exponent"]]:

@@ -1,6 +1,5 @@
 """Time histories of any observables, their Poincaré points, and the energy ledger, with labels."""
 
-from collections.abc import Mapping
 from typing import Any
 
 import equinox as eqx
@@ -10,8 +9,9 @@ import numpy as np
 import xarray as xr
 from jaxtyping import PyTree
 
-from .._validation import check_count, check_type, one_number
+from .._validation import check_count, check_mapping, check_type, one_concrete, refusal
 from ..hybrid import AbstractHybridSystem, SaveAt, Section, simulate
+from ..hybrid._arguments import the_system
 from ..systems._with_integrals import WithIntegrals
 from ._arguments import (
     an_integrator,
@@ -57,26 +57,28 @@ def time_history(
     **Errors** `ValueError`/`TypeError` naming the argument; `EquinoxRuntimeError` where the motion
     fails.
     """
-    check_type("system", system, AbstractHybridSystem, "an AbstractHybridSystem")
-    one_number("transient", transient, "not negative")
+    the_system(system)
+    one_concrete("transient", transient, "not negative")
     times = times_of(t)
     y0, mode = start_of(system, times[0] - transient, y0, mode0, args)
     check_count("max_crossings", max_crossings, 1)
-    for name, given in (("sections", sections), ("labels", labels)):
-        check_type(name, {} if given is None else given, Mapping, "a mapping by name")
+    integrator = an_integrator(integrator)
+    sections, labels = check_mapping("sections", sections), check_mapping("labels", labels)
     named = named_observables(observables)
     found = {k: as_observable(f"observables[{k!r}]", what, system, y0) for k, what in named.items()}
-    sections = dict(sections or {})
     for name, section in sections.items():
         what = "a Section, a Maximum or a Minimum"
         check_type(f"sections[{name!r}]", section, (Section, Maximum, Minimum), what)
     cuts = tuple(as_section(section, system, y0) for section in sections.values())
+    for name, unit in labels.items():
+        if name not in found or not isinstance(unit, str):
+            raise refusal(f"labels[{name!r}]", unit, f"the unit of one of {', '.join(found)}")
     data = _run(
-        system, y0, jnp.asarray(times), float(transient), mode, args, an_integrator(integrator),
+        system, y0, jnp.asarray(times), float(transient), mode, args, integrator,
         cuts, max_crossings, tuple((k, f) for k, (f, _) in found.items()),
     )  # fmt: skip
     values, mode, points = jax.tree.map(np.asarray, data)
-    units = {k: (labels or {}).get(k, unit) for k, (_, unit) in found.items()}
+    units = {k: labels.get(k, unit) for k, (_, unit) in found.items()}
     attrs = {k: {"units": u} if u else {} for k, u in units.items()}
     second = _second(system)
     variables: dict[str, Any] = {k: ("time", v, attrs[k]) for k, v in values.items()}
@@ -136,10 +138,10 @@ def energy_ledger(
 
     **Errors** `TypeError` for a system without an account; else as `simulate`.
     """
-    check_type("system", system, AbstractHybridSystem, "an AbstractHybridSystem")
+    the_system(system)
     for method in ("energy", "powers"):
         if not callable(getattr(system, method, None)):
-            raise TypeError(f"system is a {type(system).__name__}: it must have a method `{method}`.")
+            raise refusal("system", system, f"a system with a method `{method}`", TypeError)
     times = times_of(t)
     y0, mode = start_of(system, times[0], y0, mode0, args)
     check_count("max_events", max_events, 1)

@@ -9,8 +9,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
-from .._validation import check_positive, check_type, is_concrete, one_number
-from ..hybrid import RESULTS, AbstractHybridSystem, current_executor, simulate, use_executor
+from .._validation import (
+    as_parameter,
+    check_positive,
+    is_concrete,
+    leaves_of,
+    misshaped,
+    one_number,
+    refusal,
+)
+from ..hybrid import RESULTS, current_executor, simulate, use_executor
+from ..hybrid._arguments import a_time, the_system
 from ..hybrid._bound import spanning
 from ..hybrid._tree import with_float_arrays
 from ._arguments import an_integrator, start_of
@@ -76,21 +85,22 @@ def lyapunov_spectrum(
 
     **Errors** `ValueError`/`TypeError` naming the argument, before compilation.
     """
-    check_type("system", system, AbstractHybridSystem, "an AbstractHybridSystem")
+    the_system(system)
     integrator = an_integrator(integrator)
-    segment = jnp.asarray(one_number("segment", segment, "positive"), jnp.float64)
+    segment = as_parameter(one_number("segment", segment, "positive"))
     one_number("transient", transient, "not negative")
-    t0 = jnp.asarray(one_number("t0", t0), jnp.float64)
+    t0 = a_time("t0", t0)
     y0, mode = start_of(system, t0, y0, mode0, args)
     moving = moving_components(y0, components)
     count = int(moving.sum()) if exponents is None else exponents
     warm_up = segments // 10 if warm_up is None and isinstance(segments, int) else warm_up
     check_counts(segments, warm_up, blocks, count, int(moving.sum()))
+    units = _flat_scales(scales, y0)
 
     if isinstance(transient, int | float):
         transient = None if transient == 0 else jnp.asarray(transient, jnp.float64)
     system = with_float_arrays(system)
-    numbers = y0, mode, t0, segment, transient, _flat_scales(scales, y0)
+    numbers = y0, mode, t0, segment, transient, units
     # Called plainly it is compiled as a whole, for all calls with arguments of one form.
     program = _compiled if is_concrete((system, args, numbers)) else _spectrum
     return program(
@@ -171,15 +181,16 @@ def _flat_scales(scales: PyTree, y0: PyTree) -> Float[Array, " size"]:
     """Units of the deviations in the order of the flattened state."""
     if scales is None:
         return jnp.ones(sum(a.size for a in jax.tree.leaves(y0)))
+    named = leaves_of("scales", scales)
     if jax.tree.structure(scales) != jax.tree.structure(y0):
-        raise ValueError(f"scales = {scales!r}: it must have the structure of y0.")
-    pairs = zip(jax.tree.leaves(scales), jax.tree.leaves(y0), strict=True)
-    return jnp.concatenate(
-        [
-            jnp.ravel(jnp.broadcast_to(jnp.asarray(check_positive("scales", s), jnp.float64), a.shape))
-            for s, a in pairs
-        ]
-    )
+        raise refusal("scales", scales, f"of the structure of y0, {jax.tree.structure(y0)}", TypeError)
+    flat = []
+    for (name, s), a in zip(named, jax.tree.leaves(y0), strict=True):
+        check_positive(name, s)
+        if jnp.shape(s) not in ((), a.shape):
+            raise misshaped(name, s, f"one number or of shape {a.shape}, as in y0")
+        flat.append(jnp.ravel(jnp.broadcast_to(as_parameter(s), a.shape)))
+    return jnp.concatenate(flat)
 
 
 def moving_components(y0: PyTree, components: Any) -> np.ndarray:
@@ -190,9 +201,7 @@ def moving_components(y0: PyTree, components: Any) -> np.ndarray:
     components = (components,) if isinstance(components, str) else components
     good = isinstance(components, Sequence) and len(components) > 0
     if not good or not all(isinstance(name, str) and name in names for name in components):
-        raise ValueError(
-            f"components = {components!r}: it must be names of components of the state, of "
-            f"{', '.join(names)}."
-        )
+        named = f"names of components of the state, of {', '.join(names)}"
+        raise refusal("components", components, named)
     parts = [(name, leaf) for name in names for leaf in jax.tree.leaves(getattr(y0, name))]
     return np.concatenate([np.full(int(np.prod(jnp.shape(a))), n in components) for n, a in parts])

@@ -1,17 +1,18 @@
 """Lyapunov exponents over one or more parameters of a system."""
 
+import inspect
 from collections.abc import Mapping
 from typing import Any
 
 import xarray as xr
 
-from .._validation import check_type
+from .._validation import check_count, check_mapping, one_number, refusal
 from ..hybrid import AbstractHybridSystem
 from ..sweep import Variable, run_sweep
 from ..sweep._grid import check_grid
+from ._builder import builder_of, check_labels, check_options
 from ._growth import EXPONENT_STATUS
 from ._lyapunov import lyapunov_spectrum
-from ._observable import check_parameter, with_parameters
 from ._orbit_lane import STATUS, engine_status
 
 CHUNK = 64  # lanes per block: each is a motion with all its tangents
@@ -55,23 +56,16 @@ def lyapunov_diagram(
     **Errors** `ValueError`/`TypeError` naming the argument.
     """
     coords = check_grid(grid)
-    if isinstance(system, AbstractHybridSystem):
-        for key in coords:
-            check_parameter(system, key)
-    elif not callable(system):
-        raise TypeError(
-            f"system = {system!r}: it must be an AbstractHybridSystem or a function (**point) of one."
-        )
-
-    def build(point) -> Any:
-        if isinstance(system, AbstractHybridSystem):
-            return with_parameters(system, point)
-        return system(**point)
-
+    check_options(sweep)
+    build = builder_of(system, coords)
     options, labels, settings = (
-        dict(check_type(key, {} if given is None else given, Mapping, "a mapping by name"))
+        check_mapping(key, given)
         for key, given in (("spectrum", spectrum), ("labels", labels), ("settings", settings))
     )
+    check_labels(labels, coords)
+    one_number("segment", segment, "positive")
+    check_count("segments", segments, 4)
+    _check_options(options)
 
     def lane(**point):
         inner = build(point)
@@ -116,8 +110,17 @@ def lyapunov_diagram(
     )  # fmt: skip
 
 
+def _check_options(options: Mapping[str, Any]) -> None:
+    """Refuse what `lyapunov_spectrum` does not know, or is told of otherwise."""
+    own = ("system", "y0", "segment", "segments", "scales")
+    allowed = [name for name in inspect.signature(lyapunov_spectrum).parameters if name not in own]
+    for name in options:
+        if name not in allowed:
+            raise refusal(f"spectrum[{name!r}]", options[name], f"one of {', '.join(allowed)}")
+
+
 def _of(what: Any, system: AbstractHybridSystem) -> Any:
-    return what(system) if callable(what) else what
+    return what(system) if callable(what) and not isinstance(what, type) else what
 
 
 def _first(coords: Mapping[str, Any]) -> dict[str, float]:

@@ -9,8 +9,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import PyTree
 
 from .._compiled_once import compiled_once
-from .._validation import check_that
-from ..hybrid._tree import as_float64
+from .._validation import as_float64, check_callable, check_count, refusal
 from ._growth import LyapunovSpectrum, accumulate, check_counts, first_frame, judged
 
 
@@ -43,15 +42,22 @@ def lyapunov_spectrum_of_map(
 
     **Errors** `ValueError`/`TypeError` naming the argument.
     """
-    if not callable(function):
-        raise TypeError(f"function = {function!r}: it must be callable as f(z).")
+    check_callable("function", function, "f(z)", z0)
     z0 = as_float64("z0", z0)
+    if not sum(a.size for a in jax.tree.leaves(z0)):
+        raise refusal("z0", z0, "a state with at least one component")
+    image = jax.eval_shape(function, z0)
+    if jax.tree.structure(image) != jax.tree.structure(z0) or not all(
+        a.shape == b.shape and jnp.issubdtype(b.dtype, jnp.floating)
+        for a, b in zip(jax.tree.leaves(z0), jax.tree.leaves(image), strict=True)
+    ):
+        raise refusal("function(z)", image, "of floats, with the structure and the shapes of z")
     flat, unravel = ravel_pytree(z0)
-    check_that("transient", transient, lambda n: n >= 0, "an integer of at least 0")
+    check_count("transient", transient, 0)
     if isinstance(iterations, int) and warm_up is None:
         warm_up = iterations // 10
     count = flat.size if exponents is None else exponents
-    check_counts(iterations, warm_up, blocks, count, flat.size)
+    check_counts(iterations, warm_up, blocks, count, flat.size, "iterations")
 
     def flow(flat):
         return ravel_pytree(function(unravel(flat)))[0]

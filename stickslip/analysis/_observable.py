@@ -9,25 +9,41 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
+from .._checked import CheckedModule
+from .._validation import check_callable, check_text, refusal, shown
 from ..hybrid import AbstractHybridSystem, AbstractSystemWrapper, Section
 
+CALL = "f(t, y, dy, mode, args)"
 Observable = Callable[[AbstractHybridSystem, Any, PyTree, PyTree, Any, PyTree], Any]
 
 
-class Maximum(eqx.Module):
+class Maximum(eqx.Module, metaclass=CheckedModule):
     """Section at the local maxima along the motion of an observable (smooth, without slopes in it)."""
 
-    observable: Any = eqx.field(static=True)
+    observable: str | Callable = eqx.field(static=True)
     direction: ClassVar = "falling"
     word: ClassVar = "maximum"
 
+    def __check_init__(self):
+        _check_observable(self.observable)
 
-class Minimum(eqx.Module):
+
+class Minimum(eqx.Module, metaclass=CheckedModule):
     """Section at the local minima along the motion of an observable (smooth, without slopes in it)."""
 
-    observable: Any = eqx.field(static=True)
+    observable: str | Callable = eqx.field(static=True)
     direction: ClassVar = "rising"
     word: ClassVar = "minimum"
+
+    def __check_init__(self):
+        _check_observable(self.observable)
+
+
+def _check_observable(observable: Any) -> None:
+    if callable(observable) and not isinstance(observable, type):
+        check_callable("observable", observable, CALL, *range(5))
+    else:
+        check_text("observable", observable, f"the name of an observable or a function {CALL}")
 
 
 # What is read off is a value, not a closure: equal ones make equal programs, which are traced once.
@@ -104,8 +120,8 @@ def as_observable(
     - the name of a method `(t, y, mode, args)` of the system, such as `"normal_force"`.
     - a function `(t, y, dy, mode, args)`, as a `Section` takes it.
     """
-    if callable(what) and not isinstance(what, str):
-        return Function(what), None
+    if callable(what) and not isinstance(what, type):
+        return Function(check_callable(argument, what, CALL, *range(5))), None
     components = [name for name in getattr(y0, "_fields", ()) or vars_of(y0)]
     if isinstance(what, str):
         if what == "t":
@@ -117,11 +133,11 @@ def as_observable(
             return Component(name, slope), f"{unit}/s" if unit and slope else unit
         if name == what and callable(getattr(type(system), name, None)) and name[:1] != "_":
             return Method(name), None
-    raise ValueError(
-        f"{argument} = {what!r}: it must be a component of the state ({', '.join(components)}), "
-        "'slope of' one, 't', the name of a method (t, y, mode, args) of the system, or a function "
-        "(t, y, dy, mode, args)."
+    allowed = (
+        f"a component of the state ({', '.join(components)}), 'slope of' one, 't', the name of a "
+        "method (t, y, mode, args) of the system, or a function (t, y, dy, mode, args)"
     )
+    raise refusal(argument, what, allowed)
 
 
 def vars_of(y0: PyTree) -> list[str]:
@@ -160,7 +176,7 @@ def as_section(section: Any, system: AbstractHybridSystem, y0: PyTree) -> Sectio
         value, _ = as_observable("section.observable", what, system, y0)
         label = what if isinstance(what, str) else "observable"
         return Section(OverArgs(RateOf(value)), section.direction, name=f"{section.word} of {label}")
-    raise TypeError(f"section = {section!r}: it must be a Section, a Maximum or a Minimum.")
+    raise refusal("section", section, "a Section, a Maximum or a Minimum", TypeError)
 
 
 def with_parameters(system: AbstractHybridSystem, values: dict[str, Any]) -> AbstractHybridSystem:
@@ -183,10 +199,10 @@ def check_parameter(system: AbstractHybridSystem, name: str) -> None:
     for part in name.split("__"):
         known = [key for key, v in vars(tree).items()] if isinstance(tree, eqx.Module) else []
         if part not in known:
-            raise ValueError(
-                f"grid has the name {name!r}: it must be a parameter of {type(system).__name__}, here "
-                f"one of {', '.join(known) or 'none'} (a__b for b inside a)."
-            )
+            here = f"one of {', '.join(known) or 'none'} (a__b for b inside a)"
+            named = f"named after a parameter of {type(system).__name__}, here {here}"
+            raise refusal(f"grid[{name!r}]", name, named)
         tree = getattr(tree, part)
     if jnp.shape(tree) != () or not eqx.is_inexact_array_like(tree):
-        raise ValueError(f"grid has the name {name!r}: that parameter is {tree!r}, no real number.")
+        named = f"named after a parameter that is a real number, not {shown(tree)}"
+        raise refusal(f"grid[{name!r}]", name, named)

@@ -9,14 +9,25 @@ import numpy as np
 import xarray as xr
 from jaxtyping import PyTree
 
-from .._validation import check_count, check_in, check_mapping, check_type
+from .._validation import (
+    check_count,
+    check_finite,
+    check_in,
+    check_mapping,
+    check_type,
+    leaves_of,
+    one_concrete,
+    refusal,
+)
 from ..hybrid import AbstractHybridSystem
+from ..hybrid._arguments import a_time
 from ..sweep import Variable, run_sweep
 from ..sweep._evaluate import lanes_of, prepared
 from ..sweep._grid import block_shape, check_grid
 from ._arguments import an_integrator, named_observables, start_of
 from ._attractor import PERIOD_STATUS
-from ._observable import as_observable, as_section, check_parameter, with_parameters
+from ._builder import builder_of, check_labels, check_options
+from ._observable import as_observable, as_section
 from ._orbit_lane import STATUS, Numbers, Plan, halved, run_lane
 
 CARRIED = ("upwards", "downwards")
@@ -108,15 +119,14 @@ def orbit_diagram(
     **Errors** `ValueError`/`TypeError` naming the argument, before anything is compiled.
     """
     coords = check_grid(grid)
+    check_options(sweep)
     shape = tuple(v.size for v in coords.values())
     if len(coords) > 2:
-        raise ValueError(f"grid has the names {', '.join(coords)}: at most two are allowed.")
-    build = _builder(system, coords)
+        raise refusal("grid", grid, "of at most two parameters")
+    build = builder_of(system, coords)
     first = build({key: float(v[0]) for key, v in coords.items()})
-    if not isinstance(first, AbstractHybridSystem):
-        raise TypeError(f"system(**point) returned {first!r}: it must be an AbstractHybridSystem.")
     y0, per_lane = _check_state(y0, shape)
-    _real("t0", t0, -math.inf, open_low=False)
+    t0 = float(a_time("t0", one_concrete("t0", t0)))
     _, mode = start_of(first, t0, jax.tree.map(lambda a: float(np.ravel(a)[0]), y0), mode0, args)
     observed = named_observables(observables)
     found = {
@@ -124,14 +134,14 @@ def orbit_diagram(
     }
     for key in found:
         if key in coords or key in RESULTS_OF_A_LANE:
-            raise ValueError(f"observables has the name {key!r}: it is taken, give it another.")
+            raise refusal(f"observables[{key!r}]", observed[key], "named otherwise: the name is taken")
     if isinstance(domain, str) or callable(domain):
         domain = (domain,)
     check_type("domain", domain, tuple | list, "an observable or a sequence of observables")
     borders = tuple(as_observable("domain", what, first, y0)[0] for what in domain)
-    _real("transient", transient, 0.0, open_low=False)
-    _real("duration", duration, 0.0, open_low=True)
-    _real("period_tolerance", period_tolerance, 0.0, open_low=True)
+    transient = float(one_concrete("transient", transient, "not negative"))
+    duration = float(one_concrete("duration", duration, "positive"))
+    period_tolerance = float(one_concrete("period_tolerance", period_tolerance, "positive"))
     for key, value, low in (
         ("max_points", max_points, 1),
         ("max_period", max_period, 1),
@@ -143,9 +153,9 @@ def orbit_diagram(
     if carried is not None:
         check_in("carried", carried, CARRIED)
         if per_lane:
-            raise ValueError("y0 has a state per lane: it must be one state for a carried diagram.")
+            raise refusal("y0", y0, "one state for a carried diagram, not one per lane")
     elif along is not None:
-        raise ValueError(f"along = {along!r}: it must stay unset without carried.")
+        raise refusal("along", along, "None without carried")
     integrator = an_integrator(integrator)
     plan = Plan(
         build=build,
@@ -157,7 +167,7 @@ def orbit_diagram(
         stops=points is not None,
         mode0=None if mode0 is None else mode,
         args=args,
-        period_tolerance=float(period_tolerance),
+        period_tolerance=period_tolerance,
         max_period=max_period,
     )
     settings = {
@@ -206,57 +216,21 @@ def orbit_diagram(
     return dataset
 
 
-def _builder(system, coords):
-    if isinstance(system, AbstractHybridSystem):
-        for key in coords:
-            check_parameter(system, key)
-        return lambda point: with_parameters(system, point)
-    if callable(system):
-        return lambda point: system(**point)
-    raise TypeError(
-        f"system = {system!r}: it must be an AbstractHybridSystem or a function (**point) of one."
-    )
-
-
 def _check_state(y0, shape):
-    leaves = jax.tree_util.tree_leaves_with_path(y0)
-    if not leaves:
-        raise ValueError(f"y0 = {y0!r}: it must be a state with at least one component.")
-    shapes = set()
-    for path, leaf in leaves:
-        label = "y0" + jax.tree_util.keystr(path)
-        try:
-            array = np.asarray(leaf, np.float64)
-        except (TypeError, ValueError):
-            raise TypeError(f"{label} = {leaf!r}: it must be a real number.") from None
-        if not np.isfinite(array).all():
-            raise ValueError(f"{label} = {leaf!r}: it must be finite.")
-        shapes.add(array.shape)
+    found = leaves_of("y0", y0)
+    if not found:
+        raise refusal("y0", y0, "a state with at least one component")
+    shapes = {np.shape(check_finite(name, leaf)) for name, leaf in found}
     if shapes not in ({()}, {shape}):
-        raise ValueError(
-            f"y0 has components of shape {sorted(shapes)}: they must all be scalars, or all have the "
-            f"shape of the grid, {shape}."
-        )
+        some = f"with components of shapes {sorted(shapes)}"
+        raise refusal("y0", y0, f"of scalars, or of arrays of the grid's shape {shape}", but=some)
     convert = np.asarray if shapes == {shape} else float
     return jax.tree.map(lambda a: convert(np.asarray(a, np.float64)), y0), shapes == {shape}
 
 
-def _real(name, value, low, *, open_low):
-    good = isinstance(value, int | float | np.number) and not isinstance(value, bool)
-    if not good or not math.isfinite(value) or value < low or (open_low and value == low):
-        allowed = "finite" if low == -math.inf else f"{'above' if open_low else 'at least'} {low:g}"
-        raise ValueError(f"{name} = {value!r}: it must be a number, {allowed}.")
-
-
 def _labels(plan: Plan, found, coords, labels, first) -> dict[str, Variable]:
     labels = check_mapping("labels", labels)
-    for key, label in labels.items():
-        check_type(f"labels[{key!r}]", label, Variable, "a Variable")
-    unknown = set(labels) - set(found) - set(coords)
-    if unknown:
-        raise ValueError(
-            f"labels has {sorted(unknown)[0]!r}: it must be one of {', '.join([*coords, *found])}."
-        )
+    check_labels(labels, [*coords, *found])
     variables = {key: labels[key] for key in coords if key in labels}
     for key, (_, unit) in found.items():
         given = labels.get(key, Variable())

@@ -8,7 +8,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._validation import check_count, check_in, check_that, check_type, one_number
+from .._validation import (
+    check_count,
+    check_finite,
+    check_in,
+    check_mapping,
+    check_type,
+    misshaped,
+    one_number,
+    refusal,
+)
 
 WINDOWS = ("hann", "rectangular")
 
@@ -60,9 +69,9 @@ def amplitude_spectrum(signal: Any, dt: Any, *, window: Any = "hann") -> Spectru
     """
     check_in("window", window, WINDOWS)
     one_number("dt", dt, "positive")
-    u = jnp.asarray(check_that("signal", signal, np.isfinite, "finite"), jnp.float64)
+    u = jnp.asarray(check_finite("signal", signal), jnp.float64)
     if u.ndim == 0 or u.shape[-1] < 8:
-        raise ValueError(f"signal has the shape {u.shape}: it must have at least 8 samples.")
+        raise misshaped("signal", signal, "an array of at least 8 samples, along its last axis")
     size = u.shape[-1]
     angle = 2 * np.pi * np.arange(size) / size
     h = jnp.asarray(0.5 - 0.5 * np.cos(angle) if window == "hann" else np.ones(size))
@@ -100,13 +109,14 @@ def spectral_peaks(
 
     **Errors** `ValueError` for a batch, a `count` below 1, or a base that is not positive.
     """
+    check_type("spectrum", spectrum, Spectrum, "a Spectrum")
     amplitude, frequency = np.asarray(spectrum.amplitude), np.asarray(spectrum.frequency)
     if amplitude.ndim != 1:
-        raise ValueError(f"spectrum has the shape {amplitude.shape}: it must be that of one signal.")
+        raise refusal("spectrum", spectrum, "that of one signal", but=f"of shape {amplitude.shape}")
     check_count("count", count, 1)
     one_number("floor", floor, "not negative")
     one_number("tolerance", tolerance, "positive")
-    bases = check_type("bases", {} if bases is None else bases, Mapping, "frequencies by name")
+    bases = check_mapping("bases", bases, "a mapping from names to frequencies")
     for name, base in bases.items():
         one_number(f"bases[{name!r}]", base, "positive")
     inner = np.arange(2, amplitude.size - 1)

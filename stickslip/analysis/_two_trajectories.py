@@ -10,8 +10,9 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from .._compiled_once import compiled_once
-from .._validation import check_type, one_number
-from ..hybrid import AbstractHybridSystem, simulate
+from .._validation import as_parameter, check_flag, one_number
+from ..hybrid import simulate
+from ..hybrid._arguments import a_time, the_system
 from ..hybrid._bound import spanning
 from ._arguments import an_integrator, start_of
 from ._growth import averaged, check_counts
@@ -92,13 +93,13 @@ def two_trajectory_exponent(
 
         *Non-linear Dynamics of Jointed Systems Under Dry Friction Forces*, Eq. (2.25).
     """
-    check_type("system", system, AbstractHybridSystem, "an AbstractHybridSystem")
+    the_system(system)
     integrator = an_integrator(integrator)
-    segment = jnp.asarray(one_number("segment", segment, "positive"), jnp.float64)
-    distance = jnp.asarray(one_number("distance", distance, "positive"), jnp.float64)
+    segment = as_parameter(one_number("segment", segment, "positive"))
+    distance = as_parameter(one_number("distance", distance, "positive"))
     one_number("transient", transient, "not negative")
-    check_type("renormalise", renormalise, bool, "True or False")
-    t0 = jnp.asarray(one_number("t0", t0), jnp.float64)
+    check_flag("renormalise", renormalise)
+    t0 = a_time("t0", t0)
     y0, mode = start_of(system, t0, y0, mode0, args)
     moving = moving_components(y0, components)
     if warm_up is None and isinstance(segments, int):

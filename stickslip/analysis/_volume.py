@@ -7,8 +7,9 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree
 
-from .._validation import check_count, check_type, one_number
+from .._validation import as_float64, as_parameter, check_count, check_handed_on, one_number
 from ..hybrid import AbstractHybridSystem, SaveAt, saltation_matrix, simulate
+from ..hybrid._arguments import a_time, check_field, mode_index, the_system
 from ..systems._with_integrals import WithIntegrals
 from ._arguments import an_integrator, start_of
 
@@ -16,7 +17,14 @@ from ._arguments import an_integrator, start_of
 def divergence(
     system: AbstractHybridSystem, t: Any, y: PyTree, mode: Any, args: PyTree = None
 ) -> Float[Array, ""]:
-    r"""Divergence $\mathrm{div}\,f_m = \mathrm{tr}\,\partial f_m/\partial y$ of the field [1/s]."""
+    r"""Divergence $\mathrm{div}\,f_m = \mathrm{tr}\,\partial f_m/\partial y$ of the field [1/s].
+
+    **Errors** `ValueError`/`TypeError` naming the argument.
+    """
+    the_system(system)
+    check_handed_on("args", args)
+    t, y, mode = a_time("t", t), as_float64("y", y), mode_index("mode", system, mode)
+    check_field(system, t, y, mode, args, name="y")
     flat, unravel = ravel_pytree(y)
 
     def field(flat):
@@ -47,9 +55,9 @@ def volume_growth(
     **Arguments**: as for `simulate`; `duration` $T$ [s]; `max_events`, room for the events.
     **Errors** as `simulate`, `RESULTS.max_events_reached` among them.
     """
-    check_type("system", system, AbstractHybridSystem, "an AbstractHybridSystem")
-    one_number("duration", duration, "positive")
-    one_number("t0", t0)
+    the_system(system)
+    duration = as_parameter(one_number("duration", duration, "positive"))
+    t0 = a_time("t0", t0)
     check_count("max_events", max_events, 1)
     integrator = an_integrator(integrator)
     y0, mode = start_of(system, t0, y0, mode0, args)

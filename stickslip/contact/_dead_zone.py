@@ -5,7 +5,13 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
-from stickslip._validation import as_parameter, check_finite, check_nonnegative
+from stickslip._validation import (
+    as_parameter,
+    check_broadcast,
+    check_finite,
+    check_nonnegative,
+    misshaped,
+)
 from stickslip.contact._active_set import EPSILON
 from stickslip.contact._problem import as_problem
 
@@ -30,6 +36,7 @@ def dead_zone(force: ArrayLike, limit: ArrayLike) -> Float[Array, "..."]:
     """
     force = as_parameter(check_finite("force", force))
     limit = as_parameter(check_nonnegative("limit", limit))
+    check_broadcast("limit", limit, "force", force)
     force, limit = jnp.broadcast_arrays(force, limit)
     return jnp.where(jnp.abs(force) > limit, force - limit * jnp.sign(force), 0.0)
 
@@ -81,7 +88,7 @@ def vector_dead_zone(
     """
     problem = as_problem(mass_matrix, force, normals, limits, active)
     if problem.force.shape != (2,):
-        raise ValueError(f"force has shape {problem.force.shape}: it must be (2,); see resolve.")
+        raise misshaped("force", force, "of shape (2,); see resolve")
     limits = jnp.where(problem.active, problem.limits, 0.0)
     return _project(problem.mass_matrix, problem.force, problem.normals, limits)
 

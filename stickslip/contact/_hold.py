@@ -5,6 +5,7 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float
 
+from stickslip._validation import refusal
 from stickslip.contact._active_set import DEPENDENT, NOISE
 from stickslip.contact._linear_algebra import (
     cholesky,
@@ -15,7 +16,7 @@ from stickslip.contact._linear_algebra import (
     solve_lower,
     solve_upper,
 )
-from stickslip.contact._problem import as_problem
+from stickslip.contact._problem import NONE_HOLD, as_problem
 
 
 class Held(eqx.Module):
@@ -96,7 +97,9 @@ def hold(
 
     Source: Gauss (1829), "Über ein neues allgemeines Grundgesetz der Mechanik" (least constraint).
     """
-    problem = as_problem(mass_matrix, force, normals, None, held, active_name="held")
+    if held is None:
+        raise refusal("held", held, "booleans, one per contact", TypeError)
+    problem = as_problem(mass_matrix, force, normals, NONE_HOLD, held, active_name="held")
     if contact_acceleration is None:
         prescribed = jnp.zeros(problem.limits.shape)
     else:

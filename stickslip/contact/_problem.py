@@ -3,17 +3,25 @@
 from dataclasses import dataclass
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from stickslip._validation import as_parameter, check_finite, check_nonnegative, is_concrete
+from stickslip._validation import (
+    as_parameter,
+    check_finite,
+    check_nonnegative,
+    is_concrete,
+    misshaped,
+    refusal,
+)
 
 
 def _as_vector(name: str, value: Any, size: int, of: str) -> Float[Array, " size"]:
     array = as_parameter(check_finite(name, value))
     if array.shape != (size,):
-        raise ValueError(f"{name} has shape {array.shape}: it must be ({size},), one value per {of}.")
+        raise misshaped(name, value, f"of shape ({size},), one value per {of}, as the normals have")
     return array
 
 
@@ -22,10 +30,8 @@ def as_normals(normals: Any, size: int | None = None) -> Float[Array, "m n"]:
     array = as_parameter(check_finite("normals", normals))
     if array.ndim != 2 or 0 in array.shape or (size is not None and array.shape[1] != size):
         columns = "n" if size is None else size
-        raise ValueError(
-            f"normals has shape {array.shape}: it must be (m, {columns}), one row per contact, m at "
-            f"least 1; batch with jax.vmap."
-        )
+        allowed = f"of shape (m, {columns}), one row per contact, m at least 1; batch with jax.vmap"
+        raise misshaped("normals", normals, allowed)
     return array
 
 
@@ -43,38 +49,38 @@ def as_active(name: str, active: Any, normals: Float[Array, "m n"]) -> Bool[Arra
     """Mask of contacts; all if not given."""
     if active is None:
         return jnp.ones(len(normals), bool)
-    array = jnp.asarray(active)
+    allowed = f"booleans of shape ({len(normals)},), one per contact, a row of the normals"
+    array: Any = active
+    if isinstance(active, list | tuple) and all(isinstance(a, bool | np.bool_) for a in active):
+        array = np.asarray(active, bool)
+    if not isinstance(array, np.ndarray | jax.Array) or isinstance(array, np.ma.MaskedArray):
+        raise refusal(name, active, allowed, TypeError)
     if array.dtype != bool or array.shape != (len(normals),):
-        raise ValueError(
-            f"{name} has shape {array.shape} and type {array.dtype}: it must be booleans of shape "
-            f"({len(normals)},), one per contact."
-        )
-    return array
+        raise refusal(name, active, allowed, but=f"of shape {array.shape} and type {array.dtype}")
+    return jnp.asarray(array)
 
 
 def as_mass_matrix(mass_matrix: Any) -> Float[Array, "n n"]:
     """Symmetric positive definite matrix; traced ones are made symmetric and not looked at."""
     array = as_parameter(check_finite("mass_matrix", mass_matrix))
     if array.ndim != 2 or array.shape[0] != array.shape[1] or array.shape[0] == 0:
-        raise ValueError(
-            f"mass_matrix has shape {array.shape}: it must be (n, n), n at least 1; batch "
-            f"with jax.vmap."
-        )
+        allowed = "of shape (n, n), n at least 1; batch with jax.vmap"
+        raise misshaped("mass_matrix", mass_matrix, allowed)
     if is_concrete(array):
         matrix = np.asarray(array)
         uneven = np.abs(matrix - matrix.T)
         if uneven.max() > 1e-10 * np.abs(matrix).max():
             i, j = map(int, np.unravel_index(uneven.argmax(), matrix.shape))
-            raise ValueError(
-                f"mass_matrix[{i}, {j}] = {matrix[i, j]} and mass_matrix[{j}, {i}] = {matrix[j, i]}: "
-                f"it must be symmetric."
-            )
+            symmetric = f"mass_matrix[{j}, {i}] = {matrix[j, i]}: the matrix must be symmetric"
+            raise refusal(f"mass_matrix[{i}, {j}]", float(matrix[i, j]), symmetric)
         smallest = np.linalg.eigvalsh(matrix)[0]
         if smallest <= 0:
-            raise ValueError(
-                f"mass_matrix has the eigenvalue {smallest}: it must be positive definite."
-            )
+            with_it = f"with the eigenvalue {smallest}"
+            raise refusal("mass_matrix", mass_matrix, "positive definite", but=with_it)
     return (array + array.T) / 2
+
+
+NONE_HOLD = object()  # where there are no limits
 
 
 @dataclass(frozen=True)
@@ -100,13 +106,13 @@ def as_problem(
     active: Any,
     active_name: str = "active",
 ) -> Problem:
-    """Check all of a problem; limits of `None` are zero."""
+    """Check all of a problem; limits of `NONE_HOLD` are zero."""
     matrix = as_mass_matrix(mass_matrix)
     rows = as_normals(normals, len(matrix))
     return Problem(
         matrix,
         as_force(force, len(matrix)),
         rows,
-        jnp.zeros(len(rows)) if limits is None else as_limits(limits, rows),
+        jnp.zeros(len(rows)) if limits is NONE_HOLD else as_limits(limits, rows),
         as_active(active_name, active, rows),
     )

@@ -9,7 +9,7 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
-from stickslip._validation import check_that
+from stickslip._validation import check_count
 from stickslip.contact._active_set import ActiveSet
 from stickslip.contact._hold import constrained
 from stickslip.contact._lanes import solver
@@ -210,7 +210,7 @@ def resolve(
     finite freedom dynamics"; C. Glocker (2001), "Set-Valued Force Laws", on the principle with such
     sets. On one axis: Eqs. (28)-(30) of the paper on the CoreXY mechanism.
     """
-    check_that("max_steps", max_steps, lambda steps: steps >= 1, "at least 1")
+    check_count("max_steps", max_steps, 1)
     problem = as_problem(mass_matrix, force, normals, limits, active)
     return _resolve(
         problem.mass_matrix,

@@ -3,7 +3,14 @@
 from jaxtyping import Array, Float
 
 from stickslip._fastmath import where
-from stickslip.friction._law import AbstractFrictionLaw, AbstractMemorylessLaw, Number, in_dtype_of
+from stickslip._validation import refusal, shown
+from stickslip.friction._law import (
+    AbstractFrictionLaw,
+    AbstractMemorylessLaw,
+    Number,
+    check_law,
+    in_dtype_of,
+)
 
 
 class Asymmetric(AbstractMemorylessLaw):
@@ -34,17 +41,12 @@ class Asymmetric(AbstractMemorylessLaw):
 
     def __init__(self, forward: AbstractFrictionLaw, backward: AbstractFrictionLaw):
         for name, law in (("forward", forward), ("backward", backward)):
-            if law.num_states > 0:
-                raise ValueError(
-                    f"{name} = {type(law).__name__}: it must be a law without internal state. Wrap "
-                    f"the asymmetric law in the bristle law instead."
-                )
+            if check_law(name, law).num_states > 0:
+                wrapped = "a law without internal state (wrap the asymmetric law in the bristle law)"
+                raise refusal(name, law, wrapped)
         if forward.set_valued != backward.set_valued:
-            kinds = {True: "set-valued", False: "smooth"}
-            raise ValueError(
-                f"backward = {type(backward).__name__} is {kinds[backward.set_valued]}: it must be "
-                f"{kinds[forward.set_valued]} as forward = {type(forward).__name__} is."
-            )
+            kind = "set-valued" if forward.set_valued else "smooth"
+            raise refusal("backward", backward, f"{kind}, as forward = {shown(forward)} is")
         self.forward = forward
         self.backward = backward
 

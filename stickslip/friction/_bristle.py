@@ -8,7 +8,13 @@ from jaxtyping import Array, Float
 
 from stickslip._fastmath import side_of
 from stickslip._validation import check_that, is_concrete
-from stickslip.friction._law import AbstractFrictionLaw, Number, State, in_dtype_of
+from stickslip.friction._law import (
+    AbstractFrictionLaw,
+    Number,
+    State,
+    check_law,
+    in_dtype_of,
+)
 from stickslip.friction._smoothed import AbstractSmoothedLaw
 
 # A law whose branch starts at its static coefficient may miss it by rounding.
@@ -42,11 +48,7 @@ class AbstractBristleLaw(AbstractSmoothedLaw):
 
 def check_steady_law(law: AbstractFrictionLaw) -> None:
     """Refuse what bristles cannot settle at: a law without jump, or with none in one sense."""
-    if not law.set_valued or law.num_states > 0:
-        raise ValueError(
-            f"law = {type(law).__name__}: it must be a set-valued law without internal state; "
-            f"the bristles replace its jump."
-        )
+    check_law("law", law, "set-valued")  # the bristles replace its jump
     for sense in (1, -1):
         check_that(
             f"law.kinetic_limit({sense})",

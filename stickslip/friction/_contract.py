@@ -9,7 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from stickslip.friction._law import AbstractFrictionLaw, Number, State
+from stickslip._validation import one_row
+from stickslip.friction._law import AbstractFrictionLaw, Number, State, check_law
 
 # Close to rest in every law's own scale of velocity, yet far from the smallest number.
 _CREEP = 1e-30
@@ -123,7 +124,7 @@ def _limit(law: AbstractFrictionLaw) -> Iterator[str]:
             yield f"set_valued_limit must keep static_coefficient({sense:+})"
 
 
-def check_friction_law(law: AbstractFrictionLaw, speeds: Float[np.ndarray, " n"] | None = None) -> None:
+def check_friction_law(law: AbstractFrictionLaw, speeds: Any = None) -> None:
     """Raise `ValueError` with every claim of `law` that does not hold at the given speeds.
 
     For a law of one's own: it looks at rest and at the limits there, at both directions of motion,
@@ -133,11 +134,13 @@ def check_friction_law(law: AbstractFrictionLaw, speeds: Float[np.ndarray, " n"]
     **Arguments:**
 
     - `law`: the law, with scalar parameters.
-    - `speeds`: positive speeds [m/s] to look at in both directions; from 1e-9 to 100 if left out.
+    - `speeds`: a row of positive speeds [m/s] to look at in both directions; from 1e-9 to 100 if left
+      out.
     """
-    if speeds is None:
-        speeds = np.geomspace(1e-9, 1e2, 45)
-    v = jnp.concatenate([-jnp.asarray(speeds)[::-1], jnp.asarray(speeds)])
+    check_law("law", law)
+    speeds = np.geomspace(1e-9, 1e2, 45) if speeds is None else one_row("speeds", speeds, "positive")
+    v = np.asarray(speeds, np.float64)
+    v = jnp.concatenate([-v[::-1], v])
     # Numbers of the wrong form cannot be compared.
     broken = [*_form(law, v)] or [
         *_rest(law),

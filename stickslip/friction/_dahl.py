@@ -5,7 +5,7 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from stickslip import _fastmath as fast
-from stickslip._validation import as_parameter, check_positive
+from stickslip._validation import as_parameter, check_positive, one_static, refusal
 from stickslip.friction._bristle import AbstractBristleLaw, check_steady_law, has_breakaway_jump
 from stickslip.friction._law import AbstractFrictionLaw, GivenState, Number, State, in_dtype_of
 
@@ -48,13 +48,11 @@ class Dahl(AbstractBristleLaw):
     def __init__(self, law: AbstractFrictionLaw, sigma_0: Number, exponent: float | int = 1):
         check_steady_law(law)
         if has_breakaway_jump(law):
-            raise ValueError(
-                f"law = {type(law).__name__} has a static coefficient above its kinetic one: the "
-                f"two must be equal at rest, as Dahl's law has no breakaway peak. LuGre has one."
-            )
+            equal = "one whose static and kinetic coefficients are equal at rest (LuGre takes any)"
+            raise refusal("law", law, equal)
         self.law = law
         self.sigma_0 = as_parameter(check_positive("sigma_0", sigma_0))
-        self.exponent = float(check_positive("exponent", exponent))
+        self.exponent = float(one_static("exponent", exponent, "positive"))
 
     def steady_magnitude(self, v: Number, sense: Number) -> Float[Array, "..."]:
         v, sense = in_dtype_of(v, sense)

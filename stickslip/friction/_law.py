@@ -1,6 +1,7 @@
 """What every friction law offers to a mechanism, whatever its form."""
 
 import abc
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -8,6 +9,7 @@ from jax import lax
 from jaxtyping import Array, ArrayLike, Float, Real
 
 from stickslip._fastmath import side_of, where
+from stickslip._validation import check_type, refusal
 
 Number = Real[ArrayLike, "..."]
 State = tuple[Float[Array, "..."], ...]
@@ -181,3 +183,11 @@ class AbstractDryFrictionLaw(AbstractMemorylessLaw):
     def drag(self, v: Number) -> Float[Array, "..."]:
         (v,) = in_dtype_of(v)
         return lax.full_like(v, 0.0)
+
+
+def check_law(name: str, law: Any, kind: str = "") -> Any:
+    """A friction law; of a `kind`, `"set-valued"` or `"smooth"`, and without state if given."""
+    check_type(name, law, AbstractFrictionLaw, "a friction law of stickslip.friction")
+    if kind and (law.num_states > 0 or law.set_valued != (kind == "set-valued")):
+        raise refusal(name, law, f"a {kind} law without internal state")
+    return law

@@ -3,7 +3,7 @@
 from jaxtyping import Array, Float
 
 from stickslip import _fastmath as fast
-from stickslip._validation import as_parameter, check_nonnegative, check_positive
+from stickslip._validation import as_parameter, check_nonnegative, check_positive, refusal, shown
 from stickslip.friction._bristle import AbstractBristleLaw, check_steady_law, has_breakaway_jump
 from stickslip.friction._law import (
     AbstractFrictionLaw,
@@ -73,10 +73,8 @@ class LuGre(AbstractBristleLaw):
     ):
         check_steady_law(law)
         if v_s is None and has_breakaway_jump(law):
-            raise ValueError(
-                f"v_s = None: it must be a positive Stribeck velocity, because "
-                f"law = {type(law).__name__} has a static coefficient above its kinetic one."
-            )
+            why = f"law = {shown(law)} has a static coefficient above its kinetic one"
+            raise refusal("v_s", None, f"a positive Stribeck velocity, because {why}")
         self.law = law
         self.sigma_0 = as_parameter(check_positive("sigma_0", sigma_0))
         self.sigma_1 = as_parameter(check_nonnegative("sigma_1", sigma_1))

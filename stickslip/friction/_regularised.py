@@ -14,6 +14,7 @@ from stickslip.friction._law import (
     AbstractFrictionLaw,
     AbstractMemorylessLaw,
     Number,
+    check_law,
     in_dtype_of,
     jump_in,
 )
@@ -97,12 +98,8 @@ class Regularised(AbstractSmoothedLaw, AbstractMemorylessLaw):
         kind: str = "tanh",
         v_brk: Number | None = None,
     ):
-        if not law.set_valued or law.num_states > 0:
-            raise ValueError(
-                f"law = {type(law).__name__}: it must be a set-valued law without internal state; "
-                f"this one has no jump to round off."
-            )
-        self.law = law
+        # Any other has no jump to round off.
+        self.law = check_law("law", law, "set-valued")
         self.v_reg = as_parameter(check_positive("v_reg", v_reg))
         self.kind = check_in("kind", kind, get_args(Kind))
         self.v_brk = (

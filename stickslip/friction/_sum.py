@@ -5,7 +5,15 @@ from functools import reduce
 
 from jaxtyping import Array, Float
 
-from stickslip.friction._law import AbstractFrictionLaw, GivenState, Number, State, in_dtype_of
+from stickslip._validation import refusal
+from stickslip.friction._law import (
+    AbstractFrictionLaw,
+    GivenState,
+    Number,
+    State,
+    check_law,
+    in_dtype_of,
+)
 
 
 class Sum(AbstractFrictionLaw):
@@ -22,6 +30,8 @@ class Sum(AbstractFrictionLaw):
 
     - `laws`: at least one law.
 
+    Errors: `TypeError` for what is no friction law.
+
     ??? cite "Reference"
 
         B. Armstrong-Hélouvry, P. Dupont and C. Canudas de Wit, *A survey of models, analysis tools
@@ -32,7 +42,9 @@ class Sum(AbstractFrictionLaw):
 
     def __init__(self, *laws: AbstractFrictionLaw):
         if not laws:
-            raise ValueError("laws = (): it must be at least one friction law.")
+            raise refusal("laws", laws, "at least one friction law")
+        for i, law in enumerate(laws):
+            check_law(f"laws[{i}]", law)
         self.laws = laws
 
     @property

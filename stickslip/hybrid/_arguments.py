@@ -9,52 +9,73 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
-from .._validation import is_concrete
+from .._validation import (
+    as_float64,
+    check_float64,
+    check_handed_on,
+    check_type,
+    is_concrete,
+    leaves_of,
+    misshaped,
+    numbers,
+    refusal,
+    whole_number,
+)
 from ._section import Section
-from ._system import AbstractHybridSystem, mode_index
-from ._tree import as_float64
+from ._system import AbstractHybridSystem
 
 
 def a_time(name: str, value: Any) -> Array:
     """One finite real number as a float64 scalar."""
-    if jax.tree.structure(value) != jax.tree.structure(0.0):
-        raise TypeError(f"{name} = {value!r}: it must be a real number.")
-    time = as_float64(name, value)
+    time = _one_leaf(name, value, "a real number")
     if time.shape != ():
-        raise ValueError(f"{name} has the shape {time.shape}; allowed: scalars (use jax.vmap)")
+        raise misshaped(name, value, "one number (use jax.vmap)")
     return time
 
 
+def _one_leaf(name: str, value: Any, allowed: str) -> Array:
+    """A number or an array, no tree of several."""
+    if leaves_of(name, value) != [(name, value)]:
+        raise refusal(name, value, allowed, TypeError)
+    return as_float64(name, value)
+
+
 def times(name: str, ts: Any) -> Array:
-    """A vector of finite real numbers in float64."""
-    try:
+    """A vector of finite real numbers in float64; empty if there are none."""
+    row = check_times(name, ts)
+    return jnp.asarray(ts if isinstance(ts, jax.Array) else row, jnp.float64)
+
+
+def check_times(name: str, ts: Any) -> Any:
+    """The same as it is traced, or as an array of NumPy: that compiles nothing."""
+    if is_concrete(ts):
+        empty = isinstance(ts, list | tuple) and not ts
+        array = np.zeros(0) if empty else numbers(name, ts, "a vector of real numbers")
+    else:
         array = jnp.asarray(ts)
-    except (TypeError, ValueError, OverflowError):
-        raise TypeError(f"{name} = {ts!r}: it must be a vector of real numbers.") from None
-    array = as_float64(name, array)
     if array.ndim != 1:
-        raise ValueError(f"{name} has shape {array.shape}; allowed: one dimension (use jax.vmap)")
-    return array
+        raise misshaped(name, ts, "a vector (use jax.vmap)")
+    return check_float64(name, array)
 
 
 def output_times(ts: Any, t0: Any, t1: Any) -> Array | None:
     """`saveat.ts`, increasing and within `[t0, t1]`; None if there are none."""
     if ts is None:
         return None
-    ts = times("saveat.ts", ts)
-    if ts.size == 0:
+    row = check_times("saveat.ts", ts)
+    if row.size == 0:
         return None
-    if is_concrete((ts, t0, t1)):
-        values, low, high = np.asarray(ts), float(t0), float(t1)
+    if is_concrete((row, t0, t1)):
+        values, low, high = np.asarray(row), float(t0), float(t1)
         if np.any(np.diff(values) < 0):
-            raise ValueError(
-                f"saveat.ts must increase; it falls after ts={values[:-1][np.diff(values) < 0][0]}"
-            )
+            at = int(np.flatnonzero(np.diff(values) < 0)[0]) + 1
+            allowed = f"at least the time before it, {values[at - 1]}: they must increase"
+            raise refusal(f"saveat.ts[{at}]", float(values[at]), allowed)
         if values[0] < low or values[-1] > high:
-            raise ValueError(
-                f"saveat.ts spans [{values[0]}, {values[-1]}]; allowed: within [t0, t1]=[{low}, {high}]"
-            )
-    return ts
+            at = 0 if values[0] < low else values.size - 1
+            allowed = f"within [t0, t1] = [{low}, {high}]"
+            raise refusal(f"saveat.ts[{at}]", float(values[at]), allowed)
+    return times("saveat.ts", ts)
 
 
 def sections_of(sections: Any) -> tuple[Section, ...]:
@@ -63,7 +84,7 @@ def sections_of(sections: Any) -> tuple[Section, ...]:
         return (sections,)
     if isinstance(sections, list | tuple) and all(isinstance(s, Section) for s in sections):
         return tuple(sections)
-    raise TypeError(f"sections = {sections!r}: it must be a Section or a sequence of Sections.")
+    raise refusal("sections", sections, "a Section or a sequence of Sections", TypeError)
 
 
 def start_of(
@@ -71,11 +92,12 @@ def start_of(
 ) -> tuple[PyTree, Array]:
     """Initial state in float64, and the mode: the one given, checked, or that of the state."""
     y0 = as_float64("y0", y0)
+    check_handed_on("args", args)
     if not jax.tree.leaves(y0):
-        raise ValueError(f"y0 = {y0!r}: it must be a state with at least one component.")
+        raise refusal("y0", y0, "a state with at least one component")
     if mode0 is not None:
-        return y0, mode_index(system, mode0)
-    first = _of_state("initial_mode", system, y0, lambda: _first_mode(system, t0, y0, args))
+        return y0, mode_index("mode0", system, mode0)
+    first = _of_state("y0", "initial_mode", system, y0, lambda: _first_mode(system, t0, y0, args))
     return y0, jnp.asarray(first, jnp.int32)
 
 
@@ -94,34 +116,74 @@ def _compiled_first_mode(system, t0, y0, args):
     return jnp.asarray(system.initial_mode(t0, y0, args), jnp.int32)
 
 
-def check_field(system: AbstractHybridSystem, t0: Any, y0: PyTree, mode: Any, args: PyTree) -> None:
+def check_field(
+    system: AbstractHybridSystem, t0: Any, y0: PyTree, mode: Any, args: PyTree, name: str = "y0"
+) -> None:
     """Refuse a state whose time derivative the system cannot give, or gives in another form."""
+    if not jax.tree.leaves(y0):
+        raise refusal(name, y0, "a state with at least one component")
     slope = _of_state(
-        "vector_field", system, y0,
+        name, "vector_field", system, y0,
         lambda: eqx.filter_eval_shape(system.vector_field, t0, y0, mode, args),
     )  # fmt: skip
-    if jax.tree.structure(y0) != jax.tree.structure(slope):
-        raise ValueError(
-            f"vector_field returned the structure {jax.tree.structure(slope)}; allowed: that of y0, "
-            f"{jax.tree.structure(y0)}"
+    form = jax.tree.structure(y0)
+    if form != jax.tree.structure(slope):
+        raise refusal(
+            "vector_field(t, y, mode, args)",
+            jax.tree.structure(slope),
+            f"of the structure {form}, as {name} is",
         )
-    for (path, a), b in zip(
-        jax.tree_util.tree_leaves_with_path(y0), jax.tree.leaves(slope), strict=True
-    ):
+    for (where, a), b in zip(leaves_of(name, y0), jax.tree.leaves(slope), strict=True):
         if a.shape != b.shape or b.dtype != jnp.float64:
             raise ValueError(
-                f"vector_field returned shape {b.shape}, dtype {b.dtype} for "
-                f"y0{jax.tree_util.keystr(path)}; allowed: {a.shape}, float64"
+                f"vector_field(t, y, mode, args) = an array of shape {b.shape}, dtype {b.dtype} for "
+                f"{where}: it must be of shape {a.shape}, dtype float64."
             )
 
 
-def _of_state(what: str, system: AbstractHybridSystem, y0: PyTree, call: Callable[[], Any]) -> Any:
+def check_sections(sections: tuple[Section, ...], t0: Any, y0: PyTree, mode: Any, args: PyTree) -> None:
+    """Refuse sections whose functions give no scalar of the motion."""
+    for section in sections:
+        found = eqx.filter_eval_shape(section.function, t0, y0, y0, mode, args)
+        number = isinstance(found, int | float) and not isinstance(found, bool)
+        array = isinstance(found, jax.ShapeDtypeStruct) and found.shape == ()
+        if not (number or (array and jnp.issubdtype(found.dtype, jnp.number))):
+            what = f"sections: the function of {section.name!r} of (t, y, dy, mode, args)"
+            raise refusal(what, found, "a real number")
+
+
+def the_system(system: Any) -> AbstractHybridSystem:
+    """`system`, if it is one."""
+    return check_type("system", system, AbstractHybridSystem, "an AbstractHybridSystem")
+
+
+def mode_index(name: str, system: AbstractHybridSystem, mode: Any) -> Array:
+    """Mode number from a name or a number.
+
+    Raises `ValueError` where `mode` is a name the system does not have or a concrete number outside
+    its range, or where it is neither.
+    """
+    names = system.mode_names
+    if isinstance(mode, str) and mode in names:
+        return jnp.asarray(names.index(mode), jnp.int32)
+    try:
+        return jnp.asarray(whole_number(name, mode, 0, len(names) - 1), jnp.int32)
+    except (TypeError, ValueError):
+        words = ", ".join(map(repr, names))
+        allowed = f"a mode of the system, an integer from 0 to {len(names) - 1} or one of {words}"
+        raise refusal(name, mode, allowed) from None
+
+
+def _of_state(
+    name: str, what: str, system: AbstractHybridSystem, y0: PyTree, call: Callable[[], Any]
+) -> Any:
     try:
         return call()
     except (jax.errors.JAXTypeError, jax.errors.JAXIndexError):
         raise  # of the function's own making, and explained by JAX
     except (AttributeError, TypeError, IndexError, ValueError) as error:
-        raise ValueError(
-            f"y0 has the structure {jax.tree.structure(y0)}: it must be a state that {what} of the "
-            f"{type(system).__name__} can take ({type(error).__name__}: {error})."
-        ) from error
+        allowed = (
+            f"a state that {what} of the {type(system).__name__} can take "
+            f"({type(error).__name__}: {error})"
+        )
+        raise refusal(name, y0, allowed) from error

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
-from .._validation import as_parameter, check_finite, check_that, check_type, is_concrete
+from .._validation import as_parameter, check_finite, check_increasing, check_type, misshaped
 from ._events import SLACK
 from ._system import AbstractHybridSystem, guard_directions, guard_scales
 from ._tree import select
@@ -65,12 +65,8 @@ class WithBreaks(AbstractSystemWrapper):
         self.system = check_type("system", system, AbstractHybridSystem, "an AbstractHybridSystem")
         self.times = as_parameter(check_finite("times", times))
         if self.times.ndim != 1 or self.times.size == 0:
-            raise ValueError(f"times has the shape {self.times.shape}: it must be one row of times.")
-        if is_concrete(times):
-            check_that(
-                "difference of times", jnp.diff(self.times), lambda d: d > 0,
-                "positive: times must increase",
-            )  # fmt: skip
+            raise misshaped("times", times, "one row of times")
+        check_increasing("times", times)
 
     @property
     def guard_names(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]

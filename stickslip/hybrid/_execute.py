@@ -12,6 +12,9 @@ import jax.extend
 from jax.experimental.xla_metadata import set_xla_metadata
 from jax.interpreters.partial_eval import dce_jaxpr
 
+from .._checked import CheckedModule
+from .._validation import check_flag, check_type
+
 # Attributes XLA's CPU compiler reads on a call. `inlineable="false"` keeps a call a call, so that a
 # stage sum is computed once instead of being recomputed by every later stage it is fused into;
 # `xla_cpu_small_call` compiles the whole time loop to one function without a dispatch per operation.
@@ -20,7 +23,7 @@ _BOUNDARY = {"inlineable": "false"}
 _LOOP = {"inlineable": "false", "xla_cpu_small_call": "true"}
 
 
-class Executor(eqx.Module):
+class Executor(eqx.Module, metaclass=CheckedModule):
     """Wraps the pieces of the integrator; the numbers are the same to rounding in all variants.
 
     `compact`: the smallest program, whatever the batch.
@@ -28,6 +31,10 @@ class Executor(eqx.Module):
 
     fused: bool = eqx.field(static=True)
     compact: bool = eqx.field(static=True, default=False)
+
+    def __check_init__(self):
+        check_flag("fused", self.fused)
+        check_flag("compact", self.compact)
 
     def for_the_ends(self) -> "Executor":
         """For what is computed a few times after a run: then compiling costs more than running."""
@@ -127,7 +134,8 @@ def current_executor() -> Executor:
 
 @contextlib.contextmanager
 def use_executor(executor: Executor) -> Iterator[None]:
-    """Have every `simulate` traced inside the block use `executor`."""
+    """Have every `simulate` traced inside the block use `executor`; `TypeError` for what is none."""
+    check_type("executor", executor, Executor, "an Executor, FUSED or PORTABLE")
     token = _current.set(executor)
     try:
         yield

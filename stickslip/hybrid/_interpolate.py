@@ -6,12 +6,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
+from .._validation import check_handed_on, check_type, refusal
+from ._arguments import the_system, times
 from ._execute import COMPACT
 from ._simulate import Integrator
 from ._solution import Solution
 from ._stepper import as_stepper
 from ._system import AbstractHybridSystem
-from ._tree import as_float64
 
 
 def interpolate(
@@ -30,18 +31,25 @@ def interpolate(
     **Arguments**: `system`, `args`, `integrator` as in `simulate`; `solution`: one lane; `ts`: times
     [s], shape `[n]`. **Returns** states with a leading axis `n`; NaN outside the recorded time.
 
-    **Errors** `ValueError` if the solution holds no steps.
+    **Errors** `ValueError` if the solution holds no steps or is a batch; `ValueError`/`TypeError`
+    naming any other argument that is wrong.
     """
-    if solution.steps is None:
-        raise ValueError("solution.steps is None; simulate with saveat=SaveAt(steps=True)")
-    ts = as_float64("ts", jnp.asarray(ts))
-    stepper = as_stepper((Integrator() if integrator is None else integrator).method)
+    the_system(system)
+    check_handed_on("args", args)
+    check_type("solution", solution, Solution, "a Solution")
+    if solution.steps is None or jnp.ndim(solution.t1) != 0:
+        kept = "one lane, of a run with saveat=SaveAt(steps=True)"
+        raise refusal("solution", solution, kept)
+    ts = times("ts", ts)
+    integrator = Integrator() if integrator is None else integrator
+    check_type("integrator", integrator, Integrator, "an Integrator or None")
+    stepper = as_stepper(integrator.method)
     log = solution.steps
     rows = jnp.arange(log.t.shape[0], dtype=jnp.int32)
-    times = jnp.where(rows < log.count, log.t, jnp.inf)
+    begins = jnp.where(rows < log.count, log.t, jnp.inf)
 
     def one(t):
-        at = jnp.searchsorted(times, t, side="right") - 1
+        at = jnp.searchsorted(begins, t, side="right") - 1
         inside = (at >= 0) & (t <= solution.t1)
         at = jnp.maximum(at, 0)
         t0, y0, dy0, mode = jax.tree.map(lambda a: a[at], (log.t, log.y, log.dy, log.mode))

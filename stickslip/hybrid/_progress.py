@@ -9,18 +9,27 @@ import equinox.internal as eqxi
 import jax
 import jax.numpy as jnp
 
+from .._checked import CheckedModule
+from .._validation import check_text, one_static
 from ._status import RUNNING
 
 
-class ProgressMeter(eqx.Module):
+class ProgressMeter(eqx.Module, metaclass=CheckedModule):
     """Writes `name: 42 % (t = 21 of 50 s), 3 s left` to stderr, at most every `interval` seconds.
 
     Off unless given to `Integrator(progress=...)`. Safe under `jit` and `vmap`: it shows the slowest
     lane. It costs a host callback per 128 attempts.
+
+    Errors: `TypeError`, `ValueError` for a name that is no text, an interval that is negative or no
+    number of Python.
     """
 
     name: str = eqx.field(static=True, default="simulate")
     interval: float = eqx.field(static=True, default=0.5)
+
+    def __check_init__(self):
+        check_text("name", self.name)
+        one_static("interval", self.interval, "not negative")
 
     def report(self, t0: Any, t: Any, t1: Any, status: Any) -> None:
         """Called inside the loop, once per block of attempts."""

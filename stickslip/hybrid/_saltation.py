@@ -7,6 +7,8 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree
 
+from .._validation import as_float64, check_handed_on, whole_number
+from ._arguments import a_time, check_field, mode_index, the_system
 from ._system import AbstractHybridSystem
 
 
@@ -27,7 +29,15 @@ def saltation_matrix(
     **Arguments**: `t` [s], `y` (state before the event, e.g. `solution.events.y_before`), `mode`
     (mode before), `guard` (number), `args`. **Returns** an array of shape `[n, n]`, infinite where
     the guard has no slope (grazing).
+
+    **Errors** `ValueError`/`TypeError` naming the argument.
     """
+    the_system(system)
+    check_handed_on("args", args)
+    t, y = a_time("t", t), as_float64("y", y)
+    mode = mode_index("mode", system, mode)
+    whole_number("guard", guard, 0, len(system.guard_names) - 1)
+    check_field(system, t, y, mode, args, name="y")
     flat, unravel = ravel_pytree(y)
     t = jnp.asarray(t, flat.dtype)
 

@@ -7,11 +7,12 @@ import equinox as eqx
 import jax
 import jax.extend
 
-from .._validation import check_flag, check_in, check_type
+from .._checked import CheckedModule
+from .._validation import check_callable, check_flag, check_in, check_text
 from ._system import DIRECTIONS
 
 
-class Section(eqx.Module):
+class Section(eqx.Module, metaclass=CheckedModule):
     """A scalar function of the motion whose zero crossings are recorded.
 
     **Arguments**
@@ -41,9 +42,8 @@ class Section(eqx.Module):
     def __check_init__(self):
         check_in("direction", self.direction, DIRECTIONS)
         check_flag("terminal", self.terminal)
-        check_type("name", self.name, str, "a word")
-        if not callable(self.function):
-            raise TypeError(f"function={self.function!r} must be callable as f(t, y, dy, mode, args)")
+        check_text("name", self.name)
+        check_callable("function", self.function, "f(t, y, dy, mode, args)", *range(5))
 
     def uses_slope(self, t: Any, y: Any, dy: Any, mode: Any, args: Any) -> bool:
         """Whether the value depends on `dy`; then its own rate of change costs a field derivative."""

@@ -7,9 +7,19 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from .._validation import check_count, check_flag, check_type, is_concrete
+from .._checked import CheckedModule
+from .._validation import check_at_least, check_count, check_flag, check_type, refusal
 from . import _solution as out
-from ._arguments import a_time, check_field, output_times, sections_of, start_of
+from ._arguments import (
+    a_time,
+    check_field,
+    check_sections,
+    check_times,
+    output_times,
+    sections_of,
+    start_of,
+    the_system,
+)
 from ._bound import RESOLUTION, bounded
 from ._core import core
 from ._crossing import crossings as located
@@ -28,7 +38,7 @@ from ._tolerance import Noise, cancelling, component_tolerances
 from ._tree import select, shift, with_float_arrays
 
 
-class SaveAt(eqx.Module):
+class SaveAt(eqx.Module, metaclass=CheckedModule):
     """What of the motion is kept besides its end.
 
     - `ts`: output times [s], increasing, within `[t0, t1]`; the integrator lands on each.
@@ -42,12 +52,14 @@ class SaveAt(eqx.Module):
     max_rows: int = eqx.field(static=True, default=4096)
 
     def __check_init__(self):
+        if self.ts is not None:
+            check_times("ts", self.ts)
         check_flag("steps", self.steps)
         check_flag("events", self.events)
         check_count("max_rows", self.max_rows, 1)
 
 
-class Integrator(eqx.Module):
+class Integrator(eqx.Module, metaclass=CheckedModule):
     """Method, step-size rule and limits.
 
     - `method`: `"dop853"` (default; order 8), `"tsit5"`, `"rk4"`, or any diffrax solver; implicit
@@ -70,12 +82,14 @@ class Integrator(eqx.Module):
     progress: ProgressMeter | None = None
 
     def __check_init__(self):
-        stepper = as_stepper(self.method)
+        try:
+            stepper = as_stepper(self.method)
+        except ValueError:
+            named = "'dop853', 'tsit5', 'rk4', or a solver of diffrax such as diffrax.Kvaerno5()"
+            raise refusal("method", self.method, named) from None
         check_type("step", self.step, AbstractStepSize, "an AdaptiveStep or a FixedStep")
         if self.step.adaptive and not stepper.has_error_estimate():
-            raise ValueError(
-                f"method={self.method!r} has no error estimate; allowed with it: step=FixedStep(h)"
-            )
+            raise refusal("step", self.step, f"FixedStep(h): {self.method!r} has no error estimate")
         check_count("max_steps", self.max_steps, 1)
         check_flag("detect_dips", self.detect_dips)
         check_type("progress", self.progress, ProgressMeter | None, "a ProgressMeter or None")
@@ -140,12 +154,10 @@ def simulate(
     check_type("integrator", integrator, Integrator, "an Integrator")
     check_type("saveat", saveat, SaveAt, "a SaveAt")
     sections = sections_of(sections)
-    if not isinstance(system, AbstractHybridSystem):
-        raise TypeError(f"system={system!r} must be an AbstractHybridSystem")
-    system = with_float_arrays(system)
+    check_flag("throw", throw)
+    system = with_float_arrays(the_system(system))
     t0, t1 = a_time("t0", t0), a_time("t1", t1)
-    if is_concrete((t0, t1)) and bool(t1 < t0):
-        raise ValueError(f"t1={float(t1)} is before t0={float(t0)}; allowed: t1 >= t0")
+    check_at_least("t1", t1, "t0", t0)
     ts = output_times(saveat.ts, t0, t1)
     if max_events is not None:
         check_count("max_events", max_events, 0)
@@ -179,6 +191,7 @@ def _run(
     sg = jax.lax.stop_gradient
     theta = (system, args)
     check_field(system, t0, y0, mode0, args)
+    check_sections(sections, t0, y0, mode0, args)
     functions = event_functions(system, sections, t0, y0, y0, mode0, args)
     log_events = saveat.events and max_events is not None
     rule = bounded(integrator.step, system, sections, t0, t1 - t0, y0, mode0, args)

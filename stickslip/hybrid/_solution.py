@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PyTree, UInt
 
+from .._validation import check_broadcast, check_type
 from ._status import RESULTS, describe_flags
 
 
@@ -108,7 +109,13 @@ class Solution(eqx.Module):
 
 
 def same_mode_sequence(one: Solution, other: Solution) -> Bool[Array, "*batch"]:
-    """Whether two runs went through the same events in the same order (by hash and number)."""
+    """Whether two runs went through the same events in the same order (by hash and number).
+
+    Errors: `TypeError` for what is no `Solution`, `ValueError` for batches that do not go together.
+    """
+    check_type("one", one, Solution, "a Solution")
+    check_type("other", other, Solution, "a Solution")
+    check_broadcast("other.t1", other.t1, "one.t1", one.t1)
     return (one.sequence == other.sequence) & (one.num_events == other.num_events)
 
 

@@ -7,10 +7,18 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from .._validation import check_nonnegative, check_positive, check_that
+from .._checked import CheckedModule
+from .._validation import (
+    check_at_least,
+    check_between,
+    check_that,
+    one_number,
+    one_static,
+)
+from ._tolerance import check_tolerances
 
 
-class AbstractStepSize(eqx.Module):
+class AbstractStepSize(eqx.Module, metaclass=CheckedModule):
     """How long the next step may be. Events and output times shorten it further."""
 
     adaptive: eqx.AbstractClassVar[bool]  # whether the error estimate is used
@@ -31,7 +39,7 @@ class FixedStep(AbstractStepSize):
     adaptive: ClassVar = False
 
     def __check_init__(self):
-        check_positive("h", self.h)
+        one_number("h", self.h, "positive")
 
     def initial(self, y, dy, scale):
         return jnp.asarray(self.h, jnp.float64)
@@ -56,7 +64,9 @@ class AdaptiveStep(AbstractStepSize):
     missed; infinity is no bound. `dtmin` [s]: a step that would have to be shorter ends the lane with
     `RESULTS.dt_min_reached`.
 
-    Errors: `ValueError` if a tolerance is not positive, or `dtmax <= 0`, or `dtmin < 0`.
+    Errors: `ValueError` if a tolerance is not positive, or `dtmin < 0`, or `dtmax` not above 0 or below
+    `dtmin`, or `safety` not in (0, 1], or `factor_min` not in (0, 1), or `factor_max` below 1. What of
+    `atol` does not go with the state is refused by `simulate`.
     """
 
     rtol: Any
@@ -73,14 +83,23 @@ class AdaptiveStep(AbstractStepSize):
     adaptive: ClassVar = True
 
     def __check_init__(self):
-        check_positive("rtol", self.rtol)
-        for atol in jax.tree.leaves(self.atol):
-            check_positive("atol", atol)
+        one_number("rtol", self.rtol, "positive")
+        check_tolerances("atol", self.atol)
+        one_number("dtmin", self.dtmin, "not negative")
         if self.dtmax is not None:
+            one_number("dtmax", self.dtmax, "any")
             check_that("dtmax", self.dtmax, lambda a: a > 0, "positive (infinity for no bound)")
-        check_nonnegative("dtmin", self.dtmin)
+            check_at_least("dtmax", self.dtmax, "dtmin", self.dtmin)
         if self.h0 is not None:
-            check_positive("h0", self.h0)
+            one_number("h0", self.h0, "positive")
+        one_static("pcoeff", self.pcoeff)
+        one_static("icoeff", self.icoeff)
+        one_static("safety", self.safety, "positive")
+        check_between("safety", self.safety, 0.0, 1.0)
+        one_static("factor_min", self.factor_min, "positive")
+        check_that("factor_min", self.factor_min, lambda a: a < 1, "below 1")
+        one_static("factor_max", self.factor_max, "positive")
+        check_that("factor_max", self.factor_max, lambda a: a >= 1, "at least 1")
 
     def initial(self, y, dy, scale):
         """The given `h0`, else a hundredth of the time in which the state changes by itself.

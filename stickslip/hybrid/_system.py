@@ -8,9 +8,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, PyTree
+from jaxtyping import PyTree
 
-from .._validation import is_concrete
+from .._validation import MOST, check_callable, leaves_of, numbers, refusal, whole_number
 
 DIRECTIONS = ("rising", "falling", "both")
 NO_MODE = -1  # what `transition` and `initial_mode` return where no mode is admissible
@@ -131,8 +131,20 @@ def switch(mode: Any, functions: tuple[Callable, ...], *operands: Any) -> PyTree
     """`functions[mode](*operands)` by `jax.lax.switch`, jit-able and batched.
 
     Under `vmap` with a mode per lane every branch is evaluated and the lane's own one selected, so
-    each branch must be free of NaN where it is not selected if gradients are wanted.
+    each branch must be free of NaN where it is not selected if gradients are wanted. A mode below 0
+    takes the first function, one beyond the last the last.
+
+    Errors: `TypeError` for a mode that is no integer and for what is no sequence of functions.
     """
+    if not isinstance(functions, tuple | list) or not functions:
+        raise refusal("functions", functions, "a sequence of at least one function", TypeError)
+    for i, function in enumerate(functions):
+        check_callable(f"functions[{i}]", function, "f(*operands)", *operands)
+    for where, leaf in leaves_of("operands", operands):
+        # Whatever else JAX can trace has a type of its own there: keys of random numbers, for one.
+        if not isinstance(leaf, bool | jax.Array | np.bool_):
+            numbers(where, leaf)
+    whole_number("mode", mode, -MOST, MOST)
     index = jnp.clip(jnp.asarray(mode, jnp.int32), 0, len(functions) - 1)
     return jax.lax.switch(index, functions, *operands)
 
@@ -146,29 +158,3 @@ def guard_scales(system: AbstractHybridSystem) -> tuple:
     """Stated magnitudes of all guards, 1 where the system is silent."""
     scales = system.guard_scales
     return (1.0,) * len(system.guard_names) if scales is None else tuple(scales)
-
-
-def mode_index(system: AbstractHybridSystem, mode: Any) -> Array:
-    """Mode number from a name or a number.
-
-    Raises `ValueError` where `mode` is a name the system does not have or a concrete number outside
-    its range.
-    """
-    if isinstance(mode, str):
-        if mode not in system.mode_names:
-            raise ValueError(
-                f"mode0={mode!r} is not a mode of the system; allowed: {system.mode_names}"
-            )
-        return jnp.asarray(system.mode_names.index(mode), jnp.int32)
-    whole = isinstance(mode, int | np.integer) and not isinstance(mode, bool)
-    scalar = isinstance(mode, np.ndarray | jax.Array) and mode.shape == () and mode.dtype.kind in "iu"
-    if not (whole or scalar):
-        raise ValueError(
-            f"mode0={mode!r} must be a mode name or an integer, one of {system.mode_names}"
-        )
-    if is_concrete(mode) and not 0 <= int(mode) < len(system.mode_names):
-        raise ValueError(
-            f"mode0={mode!r} is not a mode of the system; allowed: 0 to {len(system.mode_names) - 1} "
-            f"or one of {system.mode_names}"
-        )
-    return jnp.asarray(mode, jnp.int32)

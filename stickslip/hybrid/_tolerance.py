@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
-from .._validation import check_positive
+from .._validation import check_mapping, check_positive, leaves_of, misshaped, refusal
 
 # A component this much smaller than the largest of the motion is measured against the latter. In a
 # long chain the far end begins to move like a high power of the time, of which no method has a digit.
@@ -17,6 +17,22 @@ ROUNDING = 8 * 2.3e-16
 TINY = 1e-150  # its square is still a normal number
 # An absolute tolerance above this part of a component says nothing about the component.
 LOOSE = 1e-4
+
+
+TOLERANCE = (
+    "None, a positive number, a mapping from names of components or from units, or a pytree with the "
+    "structure of the state"
+)
+
+
+def check_tolerances(name: str, atol: Any) -> None:
+    """Refuse what is no absolute tolerance of any state."""
+    if isinstance(atol, Mapping):
+        check_mapping(name, atol, TOLERANCE)
+    elif atol is not None and not jax.tree.leaves(atol):
+        raise refusal(name, atol, TOLERANCE)
+    for where, leaf in leaves_of(name, atol):
+        check_positive(where, leaf)
 
 
 def component_tolerances(atol: Any, y: PyTree, units: Mapping[str, str]) -> tuple:
@@ -31,26 +47,30 @@ def component_tolerances(atol: Any, y: PyTree, units: Mapping[str, str]) -> tupl
     if atol is None:
         return (None,) * len(leaves)
     if jax.tree.structure(atol) == form and not isinstance(atol, Mapping):
-        given = jax.tree.leaves(atol)
-        return tuple(map(_number, ("atol",) * len(given), given))
+        given = zip(leaves_of("atol", atol), leaves, strict=True)
+        return tuple(_number(name, value, like) for (name, value), like in given)
     if isinstance(atol, Mapping):
         names = [_name(path) for path, _ in jax.tree_util.tree_leaves_with_path(y)]
         known = {*names, *(units.get(name) for name in names)} - {None}
         for key in atol:
             if key not in known:
                 choices = ", ".join(sorted(map(repr, known)))
-                raise ValueError(f"atol = {dict(atol)!r}: it must be a mapping from some of {choices}.")
-        found = (atol.get(name, atol.get(units.get(name))) for name in names)
-        return tuple(None if a is None else _number("atol", a) for a in found)
-    if jax.tree.structure(atol) != jax.tree.structure(0.0):
-        raise ValueError(
-            f"atol = {atol!r}: it must be a positive number, a mapping from names of components or "
-            f"from units, or a pytree with the structure of the state."
+                raise refusal("atol", dict(atol), f"a mapping from some of {choices}")
+        keys = (name if name in atol else units.get(name) for name in names)
+        found = zip(keys, leaves, strict=True)
+        return tuple(
+            None if atol.get(key) is None else _number(f"atol[{key!r}]", atol[key], like)
+            for key, like in found
         )
-    return (_number("atol", atol),) * len(leaves)
+    if jax.tree.structure(atol) != jax.tree.structure(0.0):
+        raise refusal("atol", atol, TOLERANCE)
+    return tuple(_number("atol", atol, like) for like in leaves)
 
 
-def _number(name: str, value: Any) -> Array:
+def _number(name: str, value: Any, like: Any) -> Array:
+    """The tolerance of a leaf of the state: one number, or one for each of its numbers."""
+    if jnp.shape(value) not in ((), jnp.shape(like)):
+        raise misshaped(name, value, f"one number or of shape {jnp.shape(like)}, as in the state")
     return jax.lax.stop_gradient(jnp.asarray(check_positive(name, value), jnp.float64))
 
 

@@ -4,9 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import jax
-import jax.core
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, PyTree
 
 
@@ -56,35 +54,6 @@ def all_finite(tree: PyTree) -> Array:
     for flag in flags[1:]:
         result = result & flag
     return result
-
-
-def as_float64(name: str, tree: PyTree) -> PyTree:
-    """`tree` with float64 scalars or arrays as leaves.
-
-    Raises `TypeError` for leaves that are not real numbers and `ValueError` for concrete leaves that
-    are float32 arrays (silent loss of digits) or not finite.
-    """
-
-    def convert(path, leaf):
-        where = name + jax.tree_util.keystr(path)
-        try:
-            array = jnp.asarray(leaf)
-        except (TypeError, ValueError, OverflowError) as error:
-            raise TypeError(f"{where}={leaf!r} must be a real number or array") from error
-        if array.dtype == jnp.bool_ or not (
-            jnp.issubdtype(array.dtype, jnp.floating) or jnp.issubdtype(array.dtype, jnp.integer)
-        ):
-            raise TypeError(f"{where} has dtype {array.dtype}; allowed: real numbers")
-        if array.dtype in (jnp.float32, jnp.float16, jnp.bfloat16):
-            raise ValueError(
-                f"{where} has dtype {array.dtype}; allowed: float64 (convert it explicitly with "
-                f"jnp.asarray(..., dtype=jnp.float64) if the lost digits do not matter)"
-            )
-        if not isinstance(array, jax.core.Tracer) and not np.all(np.isfinite(np.asarray(array))):
-            raise ValueError(f"{where}={leaf!r} must be finite")
-        return array.astype(jnp.float64)
-
-    return jax.tree_util.tree_map_with_path(convert, tree)
 
 
 def with_float_arrays(tree: PyTree) -> PyTree:

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from .._validation import check_type
+from .._validation import check_type, refusal
 from ._fit import Fit
 
 
@@ -17,6 +17,6 @@ def best(fits: Any) -> Fit:
     """
     check_type("fits", fits, Fit, "a Fit")
     if fits.steps.ndim != 1:
-        raise ValueError(f"fits has batch shape {fits.steps.shape}: it must be one row of fits.")
+        raise refusal("fits", fits, "one row of fits", but=f"of shape {fits.steps.shape}")
     row = jnp.argmin(fits.cost)
     return jax.tree.map(lambda a: a[row] if eqx.is_array(a) else a, fits)

@@ -25,7 +25,7 @@ def evaluation(residual: Callable[[Values], Any], names: tuple[str, ...]) -> Eva
             out = residual(from_logs(names, z))
             if getattr(out, "ndim", None) != 1:
                 raise ValueError(
-                    f"residual returned {_shape(out)}: it must be one array with one dimension."
+                    f"residual(values) = {_shape(out)}: it must be one array with one dimension."
                 )
             return out, out
 
@@ -36,7 +36,7 @@ def evaluation(residual: Callable[[Values], Any], names: tuple[str, ...]) -> Eva
 
 
 def _shape(out: Any) -> str:
-    return f"shape {out.shape}" if hasattr(out, "shape") else f"a {type(out).__name__}"
+    return f"an array of shape {out.shape}" if hasattr(out, "shape") else f"a {type(out).__name__}"
 
 
 def solved(method: Any, residual: Callable[[Values], Any], names: tuple[str, ...], z: Array) -> Any:

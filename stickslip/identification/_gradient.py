@@ -3,10 +3,11 @@
 from collections.abc import Callable
 from typing import Any
 
+from .._validation import check_callable
 from ._evaluate import solved
 from ._fit import Fit
 from ._methods import descent
-from ._unknowns import Values, checked, to_logs
+from ._unknowns import Values, scalars, to_logs
 
 
 def gradient_descent(
@@ -28,6 +29,7 @@ def gradient_descent(
     `Fit` on the way. **Raises** as `least_squares`, and `TypeError` for what is no optimiser.
     """
     method = descent(optimiser=optimiser, steps=steps, tolerance=tolerance)
-    start = checked("start", start)
+    check_callable("residual", residual, "f(values)", {})
+    start = scalars("start", start)
     names = tuple(start)
     return solved(method, residual, names, to_logs(start))

@@ -3,10 +3,11 @@
 from collections.abc import Callable
 from typing import Any
 
+from .._validation import check_callable
 from ._evaluate import solved
 from ._fit import Fit
 from ._methods import levenberg_marquardt
-from ._unknowns import Values, checked, to_logs
+from ._unknowns import Values, scalars, to_logs
 
 
 def least_squares(
@@ -48,6 +49,7 @@ def least_squares(
     derivatives of the motion.
     """
     method = levenberg_marquardt(damping=damping, tolerance=tolerance, max_steps=max_steps)
-    start = checked("start", start)
+    check_callable("residual", residual, "f(values)", {})
+    start = scalars("start", start)
     names = tuple(start)
     return solved(method, residual, names, to_logs(start))

@@ -9,8 +9,19 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .._validation import check_finite, is_concrete
+from .._validation import (
+    check_callable,
+    check_count,
+    check_finite,
+    check_in,
+    is_concrete,
+    leaves_of,
+    misshaped,
+    numbers,
+    refusal,
+)
 from ..sweep import map_lanes
+from ..sweep._lanes import EXECUTORS
 from ._evaluate import evaluation
 from ._fit import Fit
 from ._gradient import gradient_descent
@@ -52,14 +63,16 @@ def many_starts(
     of different lengths, an unknown `fit`, and `shared` with numbers that are not finite. It is a loop
     of Python and does not work under `jit`.
     """
-    if not callable(fit) or fit not in METHODS:
-        raise ValueError(f"fit = {fit!r}: it must be least_squares or gradient_descent.")
+    if fit is not least_squares and fit is not gradient_descent:
+        raise refusal("fit", fit, "least_squares or gradient_descent")
     method = METHODS[fit](**options)
+    check_callable("residual", residual, "f(values, *shared)", {}, *shared)
+    _check_lanes(chunk_size, executor)
     starts, count = _rows("starts", starts)
     names = tuple(starts)
     for i, tree in enumerate(shared):
-        for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
-            check_finite(f"shared[{i}]{jax.tree_util.keystr(path)}", leaf)
+        for name, leaf in leaves_of(f"shared[{i}]", tree):
+            check_finite(name, numbers(name, leaf))
     shared = jax.tree.map(lambda a: np.broadcast_to(a, (count, *np.shape(a))), shared)
     program = _evaluator(residual, names, chunk_size, executor)
     now = done = None
@@ -87,14 +100,14 @@ def sensitivities(
     `each`, arrays with as many rows. **Returns** a `Sensitivity` with the rows in front. **Raises**
     `TypeError`, `ValueError` for what is not so.
     """
+    check_callable("residual", residual, "f(values, *each)", {}, *each)
+    _check_lanes(chunk_size, executor)
     values, count = _rows("values", values)
     for i, tree in enumerate(each):
-        for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
+        for name, leaf in leaves_of(f"each[{i}]", tree):
+            check_finite(name, leaf)
             if np.shape(leaf)[:1] != (count,):
-                raise ValueError(
-                    f"each[{i}]{jax.tree_util.keystr(path)} has shape {np.shape(leaf)}: it must have "
-                    f"{count} rows, as values."
-                )
+                raise misshaped(name, leaf, f"an array of {count} rows, as values")
     names = tuple(values)
     program = _evaluator(residual, names, chunk_size, executor)
     each = jax.tree.map(np.asarray, each)
@@ -107,15 +120,17 @@ def _rows(name: str, values: Any) -> tuple[dict[str, Any], int]:
     values = checked(name, values)
     shapes = {key: a.shape for key, a in values.items()}
     if len(set(shapes.values())) != 1 or len(next(iter(shapes.values()))) != 1:
-        raise ValueError(f"{name} has the shapes {shapes}: they must be rows of one length.")
+        raise refusal(name, values, "rows of one length by name", but=f"of shapes {shapes}")
     if not is_concrete(values):
-        raise ValueError(
-            f"{name} is traced: this is a loop of Python, call it outside of jit and vmap."
-        )
+        raise refusal(name, values, "known: this is a loop of Python, call it outside of jit and vmap")
     (count,) = next(iter(shapes.values()))
-    if count == 0:
-        raise ValueError(f"{name} has the shapes {shapes}: there must be at least one row.")
     return values, count
+
+
+def _check_lanes(chunk_size: Any, executor: Any) -> None:
+    if chunk_size is not None:
+        check_count("chunk_size", chunk_size, 1)
+    check_in("executor", executor, EXECUTORS)
 
 
 @functools.lru_cache(maxsize=8)

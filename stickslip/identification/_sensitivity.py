@@ -7,8 +7,9 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from .._validation import check_callable
 from ._evaluate import evaluation
-from ._unknowns import Values, checked, to_logs
+from ._unknowns import Values, scalars, to_logs
 
 
 class Sensitivity(eqx.Module):
@@ -68,8 +69,9 @@ def sensitivity(residual: Callable[[Values], Any], values: Any) -> Sensitivity:
 
     **Arguments:** `residual(values)`, one row of residuals in units of their standard deviation, e.g.
     `(model - data) / sigma`; `values`, positive numbers by name. **Raises** `TypeError`, `ValueError`
-    for `values` that are not so. Works under `jit` and `vmap`.
+    for what is not so. Works under `jit` and `vmap`.
     """
-    values = checked("values", values)
+    check_callable("residual", residual, "f(values)", {})
+    values = scalars("values", values)
     names = tuple(values)
     return Sensitivity(names, evaluation(residual, names)(to_logs(values))[1])

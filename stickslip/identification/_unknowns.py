@@ -6,19 +6,28 @@ from typing import Any
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._validation import as_parameter, check_positive
+from .._validation import as_parameter, check_positive, misshaped, refusal
 
 Values = dict[str, Any]
 
 
 def checked(name: str, values: Any) -> Values:
-    """A mapping of names to positive scalars, in alphabetical order."""
-    if not isinstance(values, Mapping) or not values:
-        raise TypeError(f"{name} = {values!r}: it must be a mapping of names to positive numbers.")
+    """A mapping of names to positive numbers or rows of them, in alphabetical order."""
+    if not isinstance(values, Mapping) or not values or not all(isinstance(k, str) for k in values):
+        raise refusal(name, values, "a mapping from names to positive numbers, not empty", TypeError)
     return {
         key: as_parameter(check_positive(f"{name}[{key!r}]", value))
         for key, value in sorted(values.items())
     }
+
+
+def scalars(name: str, values: Any) -> Values:
+    """A mapping of names to one positive number each."""
+    found = checked(name, values)
+    for key, value in found.items():
+        if value.shape != ():
+            raise misshaped(f"{name}[{key!r}]", values[key], "one number (many_starts takes rows)")
+    return found
 
 
 def to_logs(values: Values) -> Float[Array, "*batch unknown"]:

@@ -1,13 +1,10 @@
 """Files that are written whole or not at all, and read with nothing taken for granted."""
 
-import errno
 import hashlib
 import json
 import os
 import pathlib
 from typing import Any
-
-LONGEST_NAME = 255
 
 
 def write_whole(path: pathlib.Path, content: str | bytes) -> None:
@@ -51,32 +48,6 @@ def checksum(path: pathlib.Path) -> str | None:
 def checksum_of(data: bytes) -> str:
     """SHA-256 of what would be in a file."""
     return hashlib.sha256(data).hexdigest()
-
-
-def check_path(name: str, path: Any) -> pathlib.Path:
-    """The path of a directory, `~` expanded; `TypeError` or `ValueError` for what cannot be one."""
-    if not isinstance(path, str | os.PathLike):
-        raise TypeError(f"{name} = {path!r}: it must be the path of a directory.")
-    text = os.fsdecode(path)
-    if not text or "\0" in text:
-        raise ValueError(f"{name} = {text!r}: it must be the path of a directory.")
-    try:
-        expanded = pathlib.Path(text).expanduser()
-    except RuntimeError:
-        raise ValueError(
-            f"{name} = {text!r}: it must begin with the name of a user who has a home, or without '~'."
-        ) from None
-    shown = text if len(text) <= 60 else text[:57] + "..."
-    try:
-        os.lstat(expanded)
-    except OSError as error:
-        if error.errno == errno.ENAMETOOLONG:
-            raise ValueError(
-                f"{name} = {shown!r}: it must be a path whose names have at most {LONGEST_NAME} bytes."
-            ) from None
-    except ValueError as error:
-        raise ValueError(f"{name} = {shown!r}: it must be the path of a directory ({error}).") from None
-    return expanded
 
 
 def link_above(path: pathlib.Path, top: pathlib.Path) -> pathlib.Path | None:

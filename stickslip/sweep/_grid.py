@@ -7,6 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .._validation import numbers, one_row, refusal
+
 CHUNK = 4096  # lanes per block: large against a chunk of `map_lanes`, small against a long sweep
 MAX_LANES = 2**40
 
@@ -26,40 +28,19 @@ class Block(NamedTuple):
 def check_grid(grid: Any) -> dict[str, np.ndarray]:
     """Coordinates as float64 vectors; `ValueError` or `TypeError` naming the one that is not."""
     if not isinstance(grid, Mapping) or not grid:
-        raise TypeError(
-            f"grid = {grid!r}: it must be a non-empty mapping from coordinate names to values, such as "
-            "{'k3': numpy.linspace(72.0, 97.0, 251)}."
-        )
+        such = "such as {'k3': numpy.linspace(72.0, 97.0, 251)}"
+        allowed = f"a mapping, not empty, from coordinate names to values, {such}"
+        raise refusal("grid", grid, allowed, TypeError)
     checked = {}
     for name, values in grid.items():
         if not isinstance(name, str) or not name.isidentifier():
-            raise ValueError(f"grid has the name {name!r}: it must be a Python identifier.")
-        try:
-            array = np.asarray(values)
-            if array.dtype.kind not in "iuf":
-                raise TypeError
-            array = array.astype(np.float64)
-        except (TypeError, ValueError):
-            raise TypeError(
-                f"grid[{name!r}] = {_short(values)}: it must be a vector of real numbers."
-            ) from None
-        if array.ndim != 1 or array.size == 0:
-            raise ValueError(
-                f"grid[{name!r}] has shape {array.shape}: it must be one-dimensional and not empty."
-            )
-        if not np.isfinite(array).all():
-            where = int(np.flatnonzero(~np.isfinite(array))[0])
-            raise ValueError(f"grid[{name!r}][{where}] = {array[where]}: it must be finite.")
-        checked[name] = array
+            raise refusal(f"grid[{name!r}]", values, "named by a Python identifier")
+        array = numbers(f"grid[{name!r}]", values, "a vector of real numbers")
+        checked[name] = np.asarray(one_row(f"grid[{name!r}]", array), np.float64)
     lanes = math.prod(a.size for a in checked.values())
     if lanes > MAX_LANES:
-        raise ValueError(f"grid has {lanes} points: at most {MAX_LANES} are allowed.")
+        raise refusal("grid", grid, f"of at most {MAX_LANES} points, not {lanes}")
     return checked
-
-
-def _short(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 80 else text[:77] + "..."
 
 
 def block_shape(shape: Sequence[int], chunk: int, first: int | None = None) -> tuple[int, ...]:

@@ -10,7 +10,15 @@ import numpy as np
 from jax.sharding import Mesh, PartitionSpec
 from jaxtyping import PyTree
 
-from .._validation import check_count, check_in, is_concrete
+from .._validation import (
+    check_callable,
+    check_count,
+    check_in,
+    is_concrete,
+    leaves_of,
+    misshaped,
+    refusal,
+)
 from ..hybrid._execute import FUSED, PORTABLE, use_executor
 from ._canary import fused_is_trusted, wished_executor
 from ._programs import compiled
@@ -61,8 +69,7 @@ class map_lanes:
         executor: str = "auto",
         workers: int | None = None,
     ):
-        if not callable(function):
-            raise TypeError(f"function = {function!r}: it must be callable as f(*inputs).")
+        check_callable("function", function, "f(*inputs)")
         check_in("executor", executor, EXECUTORS)
         for name, value in (("chunk_size", chunk_size), ("workers", workers)):
             if value is not None:
@@ -178,23 +185,23 @@ def _lanes_in(inputs):
     """Length of the leading axis that all inputs share."""
     sizes = set()
     inputs = inputs[0] if len(inputs) == 1 else inputs
-    for path, leaf in jax.tree_util.tree_leaves_with_path(inputs):
-        name = "inputs" + jax.tree_util.keystr(path)
+    for name, leaf in leaves_of("inputs", inputs):
         try:
+            if isinstance(leaf, np.ma.MaskedArray):
+                raise TypeError
             # Keys of random numbers are no numbers, but arrays all the same.
             shape = (leaf if isinstance(leaf, jax.Array) else np.asarray(leaf)).shape
             jnp.result_type(leaf)
         except (TypeError, ValueError, OverflowError):
-            raise TypeError(f"{name} = {leaf!r}: it must be an array of numbers.") from None
+            raise refusal(name, leaf, "an array of numbers", TypeError) from None
         if shape[:1] in ((), (0,)):
-            raise ValueError(f"{name} has the shape {shape}: it must have one lane or more in front.")
+            raise misshaped(name, leaf, "an array with one lane or more in front")
         sizes.add(shape[0])
     if not sizes:
-        raise ValueError(f"inputs = {inputs!r}: they must hold an array to map over.")
+        raise refusal("inputs", inputs, "a pytree with an array to map over")
     if len(sizes) != 1:
-        raise ValueError(
-            f"inputs have leading axes of {sorted(sizes)} lanes: they must be arrays of one length."
-        )
+        some = f"with leading axes of {sorted(sizes)} lanes"
+        raise refusal("inputs", inputs, "arrays of one length", but=some)
     return sizes.pop()
 
 

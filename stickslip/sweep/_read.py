@@ -8,8 +8,9 @@ from typing import Any
 import xarray as xr
 from zarr.storage import LocalStore, WrapperStore
 
-from .._validation import check_flag
-from ._files import check_path, checksum, read_json
+from .._paths import the_directory
+from .._validation import check_flag, refusal
+from ._files import checksum, read_json
 from ._layout import DATA, Files, record_file
 from ._manifest import fault, identity
 from ._store import is_record, record
@@ -53,14 +54,15 @@ def open_dataset(path: str | os.PathLike, *, verify: bool = True) -> xr.Dataset:
     `"unfinished: 3 of 8 blocks"`, where the others hold NaN, -1, 0 or `False`; `sweep_verified` is
     `"yes"` or `"no"`.
 
-    **Errors** `ValueError` if `path` is not a store, or a file in it is not as it was written: the
-    message names the file. `run_sweep` with the same arguments repairs most damage.
+    **Errors** `TypeError` for what is no path, `ValueError` if `path` is not a store, or a file in it
+    is not as it was written: the message names the file. `run_sweep` with the same arguments repairs
+    most damage.
     """
     check_flag("verify", verify)
-    path = check_path("path", path)
+    path = the_directory("path", path)
     begin = f"path = {str(path)!r}"
     if not path.is_dir():
-        raise ValueError(f"{begin}: it must be the directory of a sweep's store.")
+        raise refusal("path", str(path), "the directory of a sweep's store")
     manifest: Any = None
     try:
         manifest = read_json(path / "manifest.json")

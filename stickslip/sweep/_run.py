@@ -9,9 +9,21 @@ import numpy as np
 import xarray as xr
 from jaxtyping import PyTree
 
-from .._validation import check_count, check_flag, check_in, check_mapping, check_type
+from .._paths import DIRECTORY, the_directory
+from .._validation import (
+    check_callable,
+    check_count,
+    check_flag,
+    check_in,
+    check_mapping,
+    check_text,
+    check_type,
+    leaves_of,
+    misshaped,
+    numbers,
+    refusal,
+)
 from ._evaluate import Evaluate, output_names
-from ._files import check_path
 from ._grid import CHUNK, Block, block_shape, blocks, check_grid
 from ._lanes import EXECUTORS
 from ._layout import Layout, Variable
@@ -81,8 +93,8 @@ def run_sweep(
     are kept. `KeyboardInterrupt` says how many, and the same call goes on.
     """
     coords = check_grid(grid)
-    if not callable(function):
-        raise TypeError(f"function = {function!r}: it must be callable as f(**point).")
+    check_text("name", name)
+    check_type("progress", progress, bool | None, "True, False or None")
     variables, settings, inputs, attrs = (
         check_mapping(key, value)
         for key, value in (
@@ -99,8 +111,10 @@ def run_sweep(
         if value is not None:
             check_count(key, value, 1)
     check_in("executor", executor, EXECUTORS)
-    path = None if store is None else check_path("store", store)
+    path = None if store is None else the_directory("store", store, f"{DIRECTORY}, or None")
     inputs = _check_inputs(inputs, coords)
+    call = f"f({'' if carry is None else 'carry, '}{', '.join([*coords, *inputs])})"
+    check_callable("function", function, call, *[carry][: carry is not None], **coords, **inputs)
     shape = tuple(values.size for values in coords.values())
     if chunk is None:
         chunk = CHUNK if jax.default_backend() == "cpu" else 16 * CHUNK
@@ -228,32 +242,32 @@ def _lanes(block: Block) -> int:
 
 def _check_carry(carry: PyTree) -> PyTree:
     """Refuse leaves that the compiler would not take."""
-    for path, leaf in jax.tree_util.tree_leaves_with_path(carry):
-        _check_numbers("carry" + jax.tree_util.keystr(path), leaf)
+    found = leaves_of("carry", carry)
+    if carry is not None and not found:
+        raise refusal("carry", carry, "a pytree with at least one array, or None")
+    for name, leaf in found:
+        _check_numbers(name, leaf)
     return carry
 
 
 def _check_numbers(name: str, leaf: Any) -> None:
-    try:
-        if np.asarray(leaf).dtype.kind in "biufc":
-            jnp.asarray(leaf)
-            return
-    except (TypeError, ValueError, OverflowError):
-        pass
-    raise TypeError(f"{name} = {leaf!r}: it must be a number or an array of numbers.")
+    # Also booleans and complex numbers, which are nobody's parameters but may be handed on.
+    array = isinstance(leaf, np.generic | np.ndarray | jax.Array)
+    dtype = leaf.dtype if array and not isinstance(leaf, np.ma.MaskedArray) else type(leaf)
+    if not any(jnp.issubdtype(dtype, kind) for kind in (jnp.bool_, jnp.complexfloating)):
+        numbers(name, leaf, "a number or an array of numbers")
 
 
 def _carried_axis(coords, carry, along, backward) -> int | None:
     if carry is None:
         if along is not None or backward:
-            raise ValueError(
-                f"along = {along!r}, backward = {backward!r}: they must stay unset without a carry."
-            )
+            name, value = ("along", along) if along is not None else ("backward", backward)
+            raise refusal(name, value, "unset without a carry")
         return None
     if along is None:
         return 0
     if not isinstance(along, str) or along not in coords:
-        raise ValueError(f"along = {along!r}: it must be one of {', '.join(map(repr, coords))}.")
+        raise refusal("along", along, f"one of {', '.join(map(repr, coords))}")
     return list(coords).index(along)
 
 
@@ -262,14 +276,11 @@ def _check_inputs(inputs, coords):
     checked = {}
     for key, tree in inputs.items():
         if key in coords:
-            raise ValueError(f"inputs has the name {key!r}, which is a coordinate: it must be another.")
-        for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
-            _check_numbers(f"inputs[{key!r}]" + jax.tree_util.keystr(path), leaf)
+            raise refusal(f"inputs[{key!r}]", tree, "named otherwise than a coordinate")
+        for where, leaf in leaves_of(f"inputs[{key!r}]", tree):
+            _check_numbers(where, leaf)
             if np.shape(leaf)[: len(shape)] != shape:
-                raise ValueError(
-                    f"inputs[{key!r}] has an array of shape {np.shape(leaf)}: its leading axes must be "
-                    f"those of the grid, {shape}."
-                )
+                raise misshaped(where, leaf, f"an array with the leading axes of the grid, {shape}")
         checked[key] = jax.tree.map(np.asarray, tree)
     return checked
 
@@ -280,18 +291,15 @@ def _labelled(shapes, coords, variables):
         label = variables.get(key, Variable())
         dims = label.dims or tuple(f"{key}_{i}" for i in range(len(struct.shape)))
         if len(dims) != len(struct.shape):
-            raise ValueError(
-                f"variables[{key!r}].dims = {dims}: it must name the {len(struct.shape)} axes of a "
-                f"result of shape {struct.shape}."
-            )
+            named = f"names of the {len(struct.shape)} axes of a result of shape {struct.shape}"
+            raise refusal(f"variables[{key!r}].dims", dims, named)
         if key in coords:
-            raise ValueError(f"function returned {key!r}, which is a coordinate: rename the result.")
+            raise refusal("function", key, "one whose results are not named like a coordinate")
         label = Variable(dims, label.units, label.long_name, label.attrs)
         outputs[key] = (tuple(struct.shape), np.dtype(struct.dtype), label)
     unknown = set(variables) - set(outputs) - set(coords)
     if unknown:
-        raise ValueError(
-            f"variables has {sorted(unknown)[0]!r}: it must label one of "
-            f"{', '.join(map(repr, [*coords, *outputs]))}."
-        )
+        key = sorted(unknown)[0]
+        known = ", ".join(map(repr, [*coords, *outputs]))
+        raise refusal(f"variables[{key!r}]", variables[key], f"a label of one of {known}")
     return outputs

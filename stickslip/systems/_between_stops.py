@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 from stickslip._fastmath import where
 from stickslip._validation import (
     as_parameter,
+    check_above,
     check_between,
     check_finite,
     check_nonnegative,
@@ -81,7 +82,7 @@ class OscillatorBetweenStops(AbstractMechanicalSystem):
         self.damping = as_parameter(check_nonnegative("damping", damping))
         self.lower = as_parameter(check_finite("lower", lower))
         self.upper = as_parameter(check_finite("upper", upper))
-        check_positive("upper - lower", self.upper - self.lower)
+        check_above("upper", upper, "lower", lower)
         self.restitution = as_parameter(check_between("restitution", restitution, 0.0, 1.0))
         self.rest_speed = as_parameter(check_nonnegative("rest_speed", rest_speed))
         self.force_amplitude = as_parameter(check_finite("force_amplitude", force_amplitude))

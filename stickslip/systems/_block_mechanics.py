@@ -8,9 +8,10 @@ import equinox as eqx
 import jax
 from jaxtyping import Array, Float
 
-from .._validation import as_parameter, check_finite, check_nonnegative, check_positive, check_type
+from .._validation import as_parameter, check_finite, check_nonnegative, check_positive, refusal
 from ..friction import AbstractFrictionLaw, SmoothHyperbolicWeakening
 from ..friction._law import Number
+from ..friction._law import check_law as is_law
 from ..hybrid import Section
 from ._mechanical import AbstractMechanicalSystem
 
@@ -184,14 +185,11 @@ def block_parameters(**given: Number) -> dict[str, Float[Array, "..."]]:
 
 def check_law(law: Any, set_valued: bool) -> AbstractFrictionLaw:
     """`law` if it is memoryless and of the kind that the model's modes are made for."""
-    check_type("law", law, AbstractFrictionLaw, "a friction law of stickslip.friction")
+    is_law("law", law)
     kind = "set-valued" if set_valued else "smooth"
     if law.num_states or law.set_valued != set_valued:
         other = "its set_valued_limit()" if set_valued else "the class whose name ends in SetValued"
-        raise ValueError(
-            f"law = {type(law).__name__}: it must be a {kind} law without internal state "
-            f"(otherwise take {other})."
-        )
+        raise refusal("law", law, f"a {kind} law without internal state (otherwise take {other})")
     return law
 
 

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from .._validation import check_finite, check_positive, check_type
+from .._validation import as_parameter, check_type, one_number
 from ..hybrid import FixedStep, Integrator, SaveAt, simulate
 from ._driven_belt import AbstractBlockOnDrivenBelt, DrivenBlockState
 from ._with_integrals import WithIntegrals
@@ -23,15 +23,18 @@ def mean_belt_speed(
 ) -> Any:
     """Mean of the belt velocity [m/s] over `duration` [s] after `transient` [s], started at rest.
 
-    By default with steps of 1 ms of Tsit5, which the winding and the contact of set A allow.
+    By default with steps of 1 ms of Tsit5, which the winding and the contact of set A allow. Errors:
+    `ValueError`/`TypeError` naming the argument.
     """
+    _check_system(system)
+    check_type("integrator", integrator, Integrator | None, "an Integrator or None")
     if integrator is None:
         integrator = Integrator(method="tsit5", step=FixedStep(1e-3), max_steps=10**9)  # pyright: ignore[reportCallIssue]
-    check_positive("duration", duration)
-    check_positive("transient", transient)
+    duration = as_parameter(one_number("duration", duration, "positive"))
+    transient = as_parameter(one_number("transient", transient, "positive"))
     travelling = WithIntegrals(system, _belt_velocity, units={"travel": "m"})
     start = travelling.start(DrivenBlockState(*(jnp.zeros(()),) * 6))
-    ts = jnp.array([transient, transient + duration])
+    ts = jnp.stack([transient, transient + duration])
     solution = simulate(
         travelling, 0.0, transient + duration, start,
         integrator=integrator, saveat=SaveAt(ts=ts, events=False), max_events=None,
@@ -53,9 +56,9 @@ def voltage_for_belt_speed(
     Errors: `ValueError` for a speed or tolerance that is not positive; `RuntimeError` if the speed
     does not come within `tolerance` [m/s] after 20 evaluations, e.g. because the drive stays at rest.
     """
-    check_type("system", system, AbstractBlockOnDrivenBelt, "a block on a driven belt")
-    check_positive("speed", check_finite("speed", speed))
-    check_positive("tolerance", tolerance)
+    _check_system(system)
+    one_number("speed", speed, "positive")
+    one_number("tolerance", tolerance, "positive")
 
     @jax.jit
     def error(U_in):
@@ -78,6 +81,11 @@ def voltage_for_belt_speed(
         f"the mean belt speed is {last_error + speed:.6g} m/s at U_in = {last_U} V, not {speed} m/s; "
         f"{MAX_EVALUATIONS} evaluations were made."
     )
+
+
+def _check_system(system: Any) -> None:
+    allowed = "a BlockOnDrivenBelt or a BlockOnDrivenBeltSetValued"
+    check_type("system", system, AbstractBlockOnDrivenBelt, allowed)
 
 
 def _belt_velocity(system, t, y, mode, args):

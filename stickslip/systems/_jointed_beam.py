@@ -5,17 +5,21 @@ from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from .._fastmath import where
 from .._validation import (
     as_parameter,
+    check_count,
     check_finite,
     check_in,
     check_nonnegative,
     check_positive,
-    check_that,
     check_type,
+    is_concrete,
+    refusal,
+    shown,
 )
 from ..friction._law import Number
 from ..friction._weakening import weakening_factor
@@ -150,16 +154,17 @@ class JointedBeam(AbstractMechanicalSystem):
         self.gamma = as_parameter(check_nonnegative("gamma", gamma))
         self.v = as_parameter(check_finite("v", v))
         self.damping = as_parameter(check_nonnegative("damping", damping))
-        if not isinstance(modes, int) or isinstance(modes, bool) or modes < 1:
-            raise ValueError(f"modes = {modes!r}: it must be a positive integer.")
-        self.modes = modes
+        self.modes = check_count("modes", modes, 1)
         if scales is not None:
             check_type("scales", scales, BeamScales, "a BeamScales, or None for dimensionless numbers")
         self.is_dimensionless = scales is None
         self.scales = BeamScales() if scales is None else scales
         inside = "inside the beam: above 0 and below 1"
         self.z_A = as_parameter(check_finite("z_A", z_A))
-        check_that("z_A / L", self.z_A / self.scales.L, lambda z: (z > 0) & (z < 1), inside)
+        if is_concrete((z_A, self.scales)):
+            share = np.asarray(z_A) / np.asarray(self.scales.L)
+            if not np.all((share > 0) & (share < 1)):
+                raise refusal("z_A", z_A, f"{inside} times its length L = {shown(self.scales.L)}")
         self.joint = check_in("joint", joint, WORDS)
         self.friction = check_in("friction", friction, WORDS)
         self.shape = check_in("shape", shape, WORDS)
@@ -345,7 +350,7 @@ class JointedBeam(AbstractMechanicalSystem):
         Errors: `ValueError` if the system is dimensional already.
         """
         if not self.is_dimensionless:
-            raise ValueError("the system has SI units already: it must be a dimensionless one.")
+            raise refusal("the system", self, "a dimensionless one: it has SI units already")
         check_type("scales", scales, BeamScales, "a BeamScales")
         return self._in_units(scales, scales)
 

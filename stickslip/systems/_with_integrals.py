@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from stickslip._validation import check_type
+from stickslip._validation import check_callable, check_mapping, check_type, refusal
 from stickslip.hybrid import AbstractHybridSystem, AbstractSystemWrapper
 
 Integrands = Callable[[AbstractHybridSystem, Any, PyTree, Any, PyTree], Mapping[str, Any]]
@@ -59,20 +59,17 @@ class WithIntegrals(AbstractSystemWrapper):
         *,
         units: Mapping[str, str] | None = None,
     ):
-        self.system = check_type("system", system, AbstractHybridSystem, "a hybrid system")
-        if not callable(integrands):
-            raise TypeError(
-                f"integrands is a {type(integrands).__name__}: it must be a function "
-                "(system, t, y, mode, args) of named scalars."
-            )
-        self.integrands = integrands
-        self.integral_units = tuple((units or {}).items())
+        self.system = check_type("system", system, AbstractHybridSystem, "an AbstractHybridSystem")
+        form = "f(system, t, y, mode, args) -> named scalars"
+        self.integrands = check_callable("integrands", integrands, form, *range(5))
+        named = check_mapping("units", units)
+        for name, unit in named.items():
+            check_type(f"units[{name!r}]", unit, str, "a unit, a text")
+        self.integral_units = tuple(named.items())
         for name, _ in self.integral_units:
             if name in system.units:
-                raise ValueError(
-                    f"units[{name!r}]: the state of the system has a component of this name; "
-                    f"allowed: none of {', '.join(system.units)}."
-                )
+                taken = f"named unlike the components of the state, {', '.join(system.units)}"
+                raise refusal(f"units[{name!r}]", named[name], taken)
 
     @property
     def units(self) -> dict[str, str]:

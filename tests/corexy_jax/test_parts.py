@@ -53,7 +53,7 @@ def test_positive_parameters(name):
 def test_bad_input_is_named():
     with refused(ValueError, "mu_2s_b = -0.1"):
         cx.CoreXYParameters(mu_2s_b=-0.1)
-    with refused(TypeError, "tension is no parameter"):
+    with refused(TypeError, "tension = 3.0: it must be left out"):
         cx.CoreXYParameters(tension=3.0)
     with refused(TypeError, "m = 'heavy'"):
         cx.CoreXYParameters(m="heavy")
@@ -61,9 +61,9 @@ def test_bad_input_is_named():
         cx.scenario(4)
     with refused(ValueError, "frequency = 0"):
         cx.Harmonic(1.0, 1.0, 0.0)
-    with refused(ValueError, "v2 has shape"):
+    with refused(ValueError, "v2 = [1.0], of shape (1,)"):
         cx.PiecewiseStep([0.0, 1.0], [1.0, 2.0], [1.0])
-    with refused(ValueError, "times must increase"):
+    with refused(ValueError, "times[1] = 0.0: it must be above"):
         cx.Sampled([0.0, 0.0], [1.0, 2.0], [1.0, 2.0])
     with refused(ValueError, "one row"):
         cx.PiecewiseStep([0.0], [1.0], [1.0])
@@ -80,7 +80,7 @@ def test_bad_input_is_named():
         cx.simulate(p, v, 0.0)
     with refused(ValueError, "t1 = 1.0: it must be a multiple"):
         cx.simulate(p, v, 1.0, way="as_printed", dt=0.3, rows=2)
-    with refused(ValueError, "A2 = 'yes'"):
+    with refused(TypeError, "A2 = 'yes'"):
         cx.Errata(A2="yes")  # pyright: ignore
 
 

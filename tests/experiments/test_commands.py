@@ -1,6 +1,7 @@
 """The command line and the files of an experiment, on one that takes no time."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from experiments import __main__ as command
-from experiments import _experiment
+from experiments import _experiment, _settings
 from experiments._experiment import Experiment, Statement, chosen, load
 from experiments._output import run
 from experiments._scoreboard import scoreboard
@@ -113,11 +114,53 @@ def test_scoreboard_passes_over_what_is_no_record(tmp_path):
 @pytest.mark.parametrize(
     ("change", "text"),
     [("depth=3", "one of the keys points, slope"), ("slope", "must be key=value"),
-     ("points=3.5", "must be a int"), ("slope=steep", "must be a float")],
+     ("points=3.5", "must be an integer"), ("slope=steep", "must be a number")],
 )  # fmt: skip
 def test_wrong_settings_are_named(change, text):
     with pytest.raises(ValueError, match=f"--set {change}: .*{text}"):
         chosen(LINE, False, [change])
+
+
+@pytest.mark.parametrize(
+    "change",
+    ["k3_step=0", "k3_step=-0.25", "k3_step=nan", "k3_step=1e-300", "k3_step=100", "k3_min=99",
+     "k3_max=72", "tolerance=-1", "tolerance=nan", "method=euler", "set=B", "h=0", "transient=-1",
+     "max_points=0", "exponents=-1", "duration=0", "duration=inf"],
+)  # fmt: skip
+def test_values_that_no_diagram_can_have_are_named(change, capsys):
+    key = change.partition("=")[0]
+    assert command.main(["block-fig02", "--quick", "--set", change]) == 2
+    assert re.match(rf"--set {key}=\S+: it must be .+\.\n$", capsys.readouterr().err)
+
+
+def test_a_window_that_is_empty_is_named_by_its_end(capsys):
+    assert command.main(["block-fig02", "--set", "k3_min=99", "--set", "k3_max=72"]) == 2
+    assert capsys.readouterr().err == "--set k3_max=72: it must be above k3_min = 99.0.\n"
+
+
+def test_all_parameters_are_of_the_kind_that_is_allowed():
+    for experiment in load().values():
+        for quick in (False, True):
+            values = chosen(experiment, quick, [])
+            _settings.check(values, {key: str(value) for key, value in values.items()})
+
+
+@pytest.mark.parametrize(
+    "record", ["[]", "{}", "3", '{"statements": [{"id": "x"}]}', '{"statements": 3}', "{", "null",
+               '{"name": "a", "statements": [{"id": "b", "claim": "c", "holds": "maybe",'
+               ' "measured": "d"}]}'],
+)  # fmt: skip
+def test_other_json_is_no_record(record, tmp_path):
+    (tmp_path / "other.json").write_text(record)
+    run(LINE, tmp_path)
+    text = scoreboard(tmp_path)
+    assert "other.json: not a record of an experiment" in text
+    assert "1 holds, 0 does not hold, 1 open" in text
+
+
+def test_statements_of_no_directory(tmp_path, capsys):
+    assert command.main(["statements", "--out", str(tmp_path / "none")]) == 2
+    assert "none: it must be a directory of results" in capsys.readouterr().err
 
 
 @pytest.mark.usefixtures("only_line")

@@ -85,14 +85,14 @@ def test_bad_input():
     y0, t = Motion(0.0, 0.2), np.linspace(0.0, 1.0, 5)
     with pytest.raises(ValueError, match=r"observables\['z'\] = 'z': it must be a component"):
         time_history(OSCILLATOR, y0, t, "z")
-    with pytest.raises(ValueError, match=r"observables = \(\) is empty"):
+    with pytest.raises(ValueError, match=r"observables = \(\): it must be a name.*at least one"):
         time_history(OSCILLATOR, y0, t, ())
     for wrong in ([1.0], [1.0, 0.0], np.zeros((2, 2))):
-        with pytest.raises(ValueError, match="t has the shape"):
+        with pytest.raises(ValueError, match=r"^t(\[1\])? = "):
             time_history(OSCILLATOR, y0, wrong, "x")
-        with pytest.raises(ValueError, match="t has the shape"):
+        with pytest.raises(ValueError, match=r"^t(\[1\])? = "):
             energy_ledger(OSCILLATOR, y0, wrong)
     with pytest.raises(TypeError, match=r"sections\['a'\] = 'x': it must be a Section"):
         time_history(OSCILLATOR, y0, t, "x", sections={"a": "x"})
-    with pytest.raises(TypeError, match="must have a method `energy`"):
+    with pytest.raises(TypeError, match="must be a system with a method `energy`"):
         energy_ledger(lorenz(), Point(0.0, 0.0, jnp.asarray(0.0)), t)

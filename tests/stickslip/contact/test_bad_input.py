@@ -26,27 +26,27 @@ R = np.array([0.5, 0.25, 1.0])
 ARGUMENTS = {"mass_matrix": M, "force": F, "normals": N, "limits": R}
 
 MISTAKES = [
-    ("mass_matrix", np.eye(3)[:2], "has shape (2, 3): it must be (n, n)"),
+    ("mass_matrix", np.eye(3)[:2], "of shape (2, 3): it must be of shape (n, n)"),
     ("mass_matrix", np.ones((4, 2, 2)), "batch with jax.vmap"),
     (
         "mass_matrix",
         np.array([[1.0, 2], [0, 1]]),
-        "mass_matrix[0, 1] = 2.0 and mass_matrix[1, 0] = 0.0",
+        "mass_matrix[0, 1] = 2.0: it must be mass_matrix[1, 0] = 0.0",
     ),
     ("mass_matrix", np.diag([1.0, -3]), "the eigenvalue -3.0: it must be positive definite"),
     ("mass_matrix", np.diag([1.0, 0]), "the eigenvalue 0.0: it must be positive definite"),
     ("mass_matrix", np.diag([1.0, np.nan]), "mass_matrix[1, 1] = nan: it must be finite"),
-    ("force", np.ones(3), "force has shape (3,): it must be (2,), one value per velocity"),
+    ("force", np.ones(3), "of shape (3,): it must be of shape (2,), one value per velocity"),
     ("force", np.array([1.0, np.inf]), "force[1] = inf: it must be finite"),
-    ("normals", np.ones((3, 3)), "normals has shape (3, 3): it must be (m, 2)"),
-    ("normals", np.ones((0, 2)), "normals has shape (0, 2)"),
+    ("normals", np.ones((3, 3)), "of shape (3, 3): it must be of shape (m, 2)"),
+    ("normals", np.ones((0, 2)), "of shape (0, 2)"),
     ("normals", np.full((3, 2), np.nan), "normals[0, 0] = nan: it must be finite"),
-    ("limits", np.ones(2), "limits has shape (2,): it must be (3,), one value per contact"),
+    ("limits", np.ones(2), "of shape (2,): it must be of shape (3,), one value per contact"),
     ("limits", np.array([1.0, -0.5, 1]), "limits[1] = -0.5: it must be finite and not negative"),
     ("limits", np.array([1.0, np.inf, 1]), "limits[1] = inf: it must be finite and not negative"),
-    ("active", np.ones(3), "active has shape (3,) and type float64: it must be booleans"),
-    ("active", np.ones(2, bool), "active has shape (2,) and type bool: it must be booleans"),
-    ("max_steps", 0, "max_steps = 0: it must be at least 1"),
+    ("active", np.ones(3), "of shape (3,) and type float64: it must be booleans"),
+    ("active", np.ones(2, bool), "of shape (2,) and type bool: it must be booleans"),
+    ("max_steps", 0, "max_steps = 0: it must be an integer of at least 1"),
 ]
 
 
@@ -63,15 +63,15 @@ def test_vector_dead_zone_refuses_the_same(name, value, message):
 
 
 def test_mistakes_of_the_other_functions():
-    with pytest.raises(ValueError, match=r"force has shape \(3,\): it must be \(2,\)"):
+    with pytest.raises(ValueError, match=r"force = .*, of shape \(3,\): it must be of shape \(2,\)"):
         vector_dead_zone(np.eye(3), np.ones(3), np.ones((2, 3)), np.ones(2))
     with pytest.raises(ValueError, match=r"limit = -1.0: it must be finite and not negative"):
         dead_zone(1.0, -1.0)
-    with pytest.raises(ValueError, match="held has shape"):
+    with pytest.raises(ValueError, match=r"held = .*, of shape"):
         hold(M, F, N, np.ones(2, bool))
-    with pytest.raises(ValueError, match=r"contact_acceleration has shape \(2,\)"):
+    with pytest.raises(ValueError, match=r"contact_acceleration = .*, of shape \(2,\)"):
         hold(M, F, N, np.ones(3, bool), np.ones(2))
-    with pytest.raises(ValueError, match=r"normals has shape \(3, 3\): it must be \(m, 2\)"):
+    with pytest.raises(ValueError, match=r"of shape \(3, 3\): it must be of shape \(m, 2\)"):
         zonotope_vertices(np.ones((3, 3)), R)
     for function in (dead_zone_gauge, in_dead_zone):
         with pytest.raises(ValueError, match="limits"):

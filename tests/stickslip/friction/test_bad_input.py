@@ -62,17 +62,16 @@ POSITIVE = "it must be finite and positive."
         (lambda: Regularised(Dahl(Coulomb(0.3), 1e3), 1e-3), "law = Dahl: it must be a set-valued"),
         (
             lambda: Asymmetric(COULOMB, SMOOTH),
-            "backward = SmoothHyperbolicWeakening is smooth: it must be set-valued as "
-            "forward = Coulomb is.",
+            "backward = SmoothHyperbolicWeakening: it must be set-valued, as forward = Coulomb is.",
         ),
         (
             lambda: Asymmetric(COULOMB, Dahl(Coulomb(0.3), 1e3)),
-            "backward = Dahl: it must be a law without internal state.",
+            "backward = Dahl: it must be a law without internal state (",
         ),
         (lambda: Sum(), "laws = (): it must be at least one friction law."),
         (lambda: Dahl(Coulomb(0.3), 0.0), f"sigma_0 = 0.0: {POSITIVE}"),
         (lambda: Dahl(Coulomb(0.3), 1e3, exponent=-1.0), f"exponent = -1.0: {POSITIVE}"),
-        (lambda: Dahl(COULOMB, 1e3), "law = Coulomb has a static coefficient above its kinetic"),
+        (lambda: Dahl(COULOMB, 1e3), "law = Coulomb: it must be one whose static and kinetic"),
         (lambda: Dahl(SMOOTH, 1e3), "law = SmoothHyperbolicWeakening: it must be a set-valued law"),
         (
             lambda: Dahl(Coulomb(0.0), 1e3),

@@ -166,7 +166,7 @@ def test_sensitivities_are_those_of_each():
     for i in range(3):
         one = sensitivity(lambda p, i=i: residual(p, times[i]), {k: a[i] for k, a in rows.items()})
         np.testing.assert_allclose(found.matrix[i], one.matrix, rtol=1e-12)
-    with pytest.raises(ValueError, match=r"each\[0\] has shape \(2, 7\): it must have 3 rows"):
+    with pytest.raises(ValueError, match=r"each\[0\] = .*, of shape \(2, 7\): it must be"):
         sensitivities(residual, rows, times[:2])
 
 
@@ -214,23 +214,25 @@ def test_bad_input():
         least_squares(rosenbrock, dict(a=1.0, b=1.0), damping=0.0)
     with pytest.raises(TypeError, match="optimiser"):
         gradient_descent(rosenbrock, dict(a=1.0, b=1.0), optimiser=3)  # pyright: ignore
-    with pytest.raises(ValueError, match=r"residual returned shape \(\): it must be one array"):
+    with pytest.raises(
+        ValueError, match=r"residual\(values\) = an array of shape \(\): it must be one array"
+    ):
         least_squares(lambda p: p["a"], dict(a=1.0))
-    with pytest.raises(ValueError, match="residual returned a tuple"):
+    with pytest.raises(ValueError, match=r"residual\(values\) = a tuple"):
         sensitivity(lambda p: (p["a"], p["a"]), dict(a=1.0))
     with pytest.raises(TypeError, match="stepz"):
         gradient_descent(rosenbrock, dict(a=1.0, b=1.0), stepz=3)  # pyright: ignore
     single = least_squares(rosenbrock, dict(a=1.0, b=1.0))
-    with pytest.raises(ValueError, match="fits has batch shape"):
+    with pytest.raises(ValueError, match=r"fits = Fit, of shape"):
         best(single)
 
 
 def test_bad_input_of_many_starts():
     rows = {"a": np.ones(3), "b": np.ones(3)}
     for starts, text in (
-        ({"a": np.ones(3), "b": np.ones(2)}, "starts has the shapes"),
-        ({"a": 1.0, "b": 1.0}, "starts has the shapes"),
-        ({"a": np.ones(0), "b": np.ones(0)}, "at least one row"),
+        ({"a": np.ones(3), "b": np.ones(2)}, "starts = .* of shapes"),
+        ({"a": 1.0, "b": 1.0}, "starts = .* of shapes"),
+        ({"a": np.ones(0), "b": np.ones(0)}, "at least one element"),
         ({"a": np.ones(3), "b": np.array([1.0, np.nan, 1.0])}, r"starts\['b'\]\[1\] = nan"),
         ({"a": np.ones(3), "b": np.array([1.0, 1.0, -2.0])}, r"starts\['b'\]\[2\] = -2.0"),
     ):
@@ -244,5 +246,5 @@ def test_bad_input_of_many_starts():
         many_starts(rosenbrock, rows, max_steps=0)
     with pytest.raises(ValueError, match="executor = 'best'"):
         many_starts(rosenbrock, rows, executor="best")
-    with pytest.raises(ValueError, match="starts is traced"):
+    with pytest.raises(ValueError, match=r"starts = .*: it must be known"):
         jax.jit(lambda a: many_starts(rosenbrock, {"a": a, "b": a}).steps)(np.ones(3))

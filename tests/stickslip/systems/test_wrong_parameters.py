@@ -62,5 +62,5 @@ def test_traced_parameters_pass():
 
 def test_wrong_integrals():
     block = CoulombOscillator(**OSCILLATOR)
-    with pytest.raises(ValueError, match=r"units\['x'\].* allowed: none of x, v"):
+    with pytest.raises(ValueError, match=r"units\['x'\] = .*: it must be named unlike .* x, v"):
         WithIntegrals(block, lambda *_: {"x": jnp.zeros(())}, units={"x": "J"})

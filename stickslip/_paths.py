@@ -1,0 +1,37 @@
+"""Checks of paths that a caller gives."""
+
+import errno
+import os
+import pathlib
+from typing import Any
+
+from ._validation import refusal
+
+LONGEST_NAME = 255
+DIRECTORY = "the path of a directory"
+
+
+def the_directory(name: str, path: Any, allowed: str = DIRECTORY) -> pathlib.Path:
+    """The path of a directory that is there or could be, `~` expanded.
+
+    `TypeError` or `ValueError` naming the argument for what cannot be one.
+    """
+    if not isinstance(path, str | os.PathLike) or not isinstance(os.fspath(path), str):
+        raise refusal(name, path, allowed, TypeError)
+    text = os.fspath(path)
+    if not text or "\0" in text:
+        raise refusal(name, path, allowed)
+    try:
+        expanded = pathlib.Path(text).expanduser()
+    except RuntimeError:
+        whose = f"{allowed}; with '~', that of a user who has a home"
+        raise refusal(name, text, whose) from None
+    try:
+        os.lstat(expanded)
+    except OSError as error:
+        if error.errno == errno.ENAMETOOLONG:
+            short = f"{allowed} whose names have at most {LONGEST_NAME} bytes"
+            raise refusal(name, text, short) from None
+    except ValueError as error:
+        raise refusal(name, text, f"{allowed} ({error})") from None
+    return expanded

@@ -1,0 +1,48 @@
+"""What makes the system of each point of a grid, and the labels of such a diagram."""
+
+from collections.abc import Callable, Collection, Mapping
+from typing import Any
+
+from .._validation import check_callable, check_type, refusal
+from ..hybrid import AbstractHybridSystem
+from ..sweep import Variable
+from ._observable import check_parameter, with_parameters
+
+Build = Callable[[dict[str, Any]], AbstractHybridSystem]
+
+
+def builder_of(system: Any, coords: Mapping[str, Any]) -> Build:
+    """Function of a point: the system with its parameters replaced, or what the given function makes.
+
+    The function is called here once, with the first point, so that what it cannot take is told now.
+    """
+    allowed = "an AbstractHybridSystem or a function (**point) of one"
+    if isinstance(system, AbstractHybridSystem):
+        for key in coords:
+            check_parameter(system, key)
+        return lambda point: with_parameters(system, point)
+    if not callable(system):
+        raise refusal("system", system, allowed, TypeError)
+    call = f"system({', '.join(f'{key}=...' for key in coords)}), or an AbstractHybridSystem"
+    check_callable("system", system, call, **coords)
+    first = system(**{key: float(values[0]) for key, values in coords.items()})
+    check_type("system(**point)", first, AbstractHybridSystem, "an AbstractHybridSystem")
+    return lambda point: system(**point)
+
+
+def check_labels(labels: Mapping[str, Any], known: Collection[str]) -> None:
+    """Refuse what is no `Variable`, and labels of what the diagram has not."""
+    for key, label in labels.items():
+        check_type(f"labels[{key!r}]", label, Variable, "a Variable")
+        if key not in known:
+            raise refusal(f"labels[{key!r}]", label, f"a label of one of {', '.join(known)}")
+
+
+SWEEP = ("store", "chunk", "resume", "progress", "executor", "workers")
+
+
+def check_options(options: Mapping[str, Any]) -> None:
+    """Refuse what is no option of `run_sweep`, or one that the diagram decides."""
+    for name, value in options.items():
+        if name not in SWEEP:
+            raise refusal(name, value, f"left out: further options are {', '.join(SWEEP)}", TypeError)

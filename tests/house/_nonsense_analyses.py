@@ -1,0 +1,113 @@
+"""Right arguments of the analyses."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import stickslip as ss
+from stickslip import analysis
+from stickslip.systems import BlockOnBelt, BlockState
+from tests.house._nonsense_engine import ARGS, INTEGRATOR, SWEEP, TIME, _inside
+from tests.house._nonsense_target import Target, arg
+
+BLOCK = BlockOnBelt.constructed(k3=85.0)
+SYSTEM = arg(BLOCK)
+START = BlockState(0.0, 0.0, 0.0, 0.0)
+MODE = arg(0, "none", "whole")
+DURATION = arg(1.0, "positive", "float32")
+TRANSIENT = arg(1.0, "not negative", "float32")
+COMMON = {
+    "system": SYSTEM, "y0": arg(START), "mode0": MODE, "args": ARGS, "integrator": INTEGRATOR,
+}  # fmt: skip
+AVERAGE = {
+    "segment": DURATION, "segments": arg(40), "transient": TRANSIENT,
+    "warm_up": arg(4, "none", "count"),
+    "components": arg(("x",), "none"), "t0": arg(0.0, "finite"), "blocks": arg(4),
+}  # fmt: skip
+SPECTRUM = analysis.Spectrum(jnp.arange(9.0), jnp.array([0, 1, 5, 1, 0, 2, 0.5, 0.2, 0.1]), "hann")
+SECTION = ss.Section(lambda t, y, dy, m, a: dy.vx)
+GRID = arg({"k3": [80.0, 81.0]})
+BUILDER = arg(BLOCK)
+
+
+def _logistic(z):
+    return jax.tree.map(lambda x: 3.9 * x * (1.0 - x), z)
+
+
+def _swept(function):
+    return lambda store=None, **given: function(store=_inside(store), **given)
+
+
+TARGETS = [
+    Target(
+        analysis.lyapunov_spectrum,
+        {**COMMON, **AVERAGE, "exponents": arg(1, "none"), "scales": arg(None, "none")},
+    ),
+    Target(
+        analysis.two_trajectory_exponent,
+        {
+            **COMMON, **AVERAGE, "distance": arg(1e-3, "positive", "float32"),
+            "renormalise": arg(True, "flag"),
+        },
+    ),
+    Target(analysis.volume_growth, {**COMMON, "duration": DURATION, "t0": TIME, "max_events": arg(8)}),
+    Target(
+        analysis.lyapunov_diagram,
+        {
+            "system": BUILDER, "grid": GRID, "y0": arg(START), "segment": DURATION, "segments": arg(40),
+            "scales": arg(None, "none"), "labels": arg(None, "none", "mapping"),
+            "spectrum": arg(None, "none", "mapping"), **SWEEP,
+        },
+        _swept(analysis.lyapunov_diagram),
+    ),
+    Target(
+        analysis.lyapunov_spectrum_of_map,
+        {
+            "function": arg(_logistic), "z0": arg(0.3, "states"),
+            "iterations": arg(40), "transient": arg(0, "count"), "warm_up": arg(4, "none", "count"),
+            "exponents": arg(1, "none"), "blocks": arg(4),
+        },
+    ),
+    Target(
+        analysis.time_history,
+        {
+            **COMMON, "t": arg([0.0, 1.0], "times"), "observables": arg("x"),
+            "sections": arg(None, "none", "mapping"), "transient": TRANSIENT, "max_crossings": arg(8),
+            "labels": arg(None, "none", "mapping"),
+        },
+    ),
+    Target(analysis.energy_ledger, {**COMMON, "t": arg([0.0, 1.0], "times"), "max_events": arg(8)}),
+    Target(
+        analysis.orbit_diagram,
+        {
+            **COMMON, "system": BUILDER, "grid": GRID, "section": arg(SECTION),
+            "observables": arg("x"), "transient": TRANSIENT, "duration": DURATION,
+            "points": arg(4, "none"), "max_points": arg(8), "t0": arg(0.0, "finite"),
+            "domain": arg((), "none of them", "constant"), "carried": arg(None, "none"),
+            "along": arg(None, "none"), "period_tolerance": arg(1e-4, "positive", "float32"),
+            "max_period": arg(4), "check": arg(0, "count"), "labels": arg(None, "none", "mapping"),
+            **SWEEP,
+        },
+        _swept(analysis.orbit_diagram),
+    ),
+    Target(analysis.Maximum, {"observable": arg("x", "text", "constant")}),
+    Target(analysis.Minimum, {"observable": arg("x", "text", "constant")}),
+    Target(
+        analysis.amplitude_spectrum,
+        {"signal": arg(np.arange(16.0)), "dt": DURATION, "window": arg("hann")},
+    ),
+    Target(
+        analysis.spectral_peaks,
+        {
+            "spectrum": arg(SPECTRUM), "count": arg(3), "floor": arg(1e-3, "not negative", "float32"),
+            "bases": arg({"f": 1.0}, "none", "unknowns", "mapping"), "tolerance": DURATION,
+        },
+    ),
+    Target(
+        analysis.divergence,
+        {
+            "system": SYSTEM, "t": TIME, "y": arg(START), "mode": arg(0, "whole"), "args": ARGS,
+        },
+    ),
+    Target(analysis.WithDeviations, {"system": SYSTEM}),
+]  # fmt: skip

@@ -1,0 +1,237 @@
+"""Right arguments of the engine, the sweeps and the identification."""
+
+import tempfile
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+import stickslip as ss
+from stickslip import hybrid, identification, sweep
+from stickslip.systems import CoulombOscillator, Motion
+from tests.house._nonsense_target import Target, arg, reached
+
+OSCILLATOR = CoulombOscillator(1.0, 1.0, 1.0, 0.5, 0.2)
+START = Motion(x=0.0, v=0.2)
+RK4 = ss.Integrator("rk4", ss.FixedStep(0.1))
+INSIDE = tempfile.TemporaryDirectory()
+
+SYSTEM = arg(OSCILLATOR)
+STATE = arg(START)
+TIME = arg(0.0, "finite")
+INTEGRATOR = arg(RK4, "none")
+MODE = arg(0, "none", "whole")
+ARGS = arg(None, "handed on")
+COUNT = arg(8, "count")
+ENGINE_ONLY = {"system": SYSTEM, "args": ARGS}
+
+
+def _run() -> ss.Solution:
+    return ss.simulate(
+        OSCILLATOR, 0.0, 0.3, START, 0, integrator=RK4,
+        saveat=ss.SaveAt(steps=True, events=False, max_rows=8), max_events=None,
+    )  # fmt: skip
+
+
+RUN = _run()
+
+
+def _broken(system: ss.WithBreaks) -> ss.Solution:
+    return ss.simulate(system, 0.0, 1.0, system.start(START), 0, integrator=RK4)
+
+
+def _store() -> str:
+    path = f"{INSIDE.name}/finished"
+    sweep.run_sweep(lambda k: {"x": k}, {"k": [1.0]}, store=path, executor="portable")
+    return path
+
+
+ENGINE = [
+    Target(
+        ss.SaveAt,
+        {
+            "ts": arg([0.5], "none", "no times"), "steps": arg(True, "flag"),
+            "events": arg(True, "flag"), "max_rows": arg(8),
+        },
+        lambda **given: ss.simulate(OSCILLATOR, 0.0, 1.0, START, 0, saveat=ss.SaveAt(**given)),
+    ),
+    Target(ss.FixedStep, {"h": arg(0.1, "positive", "float32")}),
+    Target(
+        ss.AdaptiveStep,
+        {
+            "rtol": arg(1e-6, "positive", "float32"),
+            "atol": arg(1e-8, "none", "positive", "float32", "batch", "tolerances"),
+            "dtmax": arg(1.0, "none", "positive", "float32", "infinite"),
+            "dtmin": arg(0.0, "not negative", "float32"),
+            "h0": arg(None, "none", "positive", "float32"),
+            "pcoeff": arg(0.0, "finite"), "icoeff": arg(1.0, "finite"),
+            "safety": arg(0.9), "factor_min": arg(0.2), "factor_max": arg(10.0, "positive"),
+        },
+    ),
+    Target(
+        ss.Integrator,
+        {
+            "method": arg("tsit5"), "step": arg(ss.FixedStep(0.1)), "max_steps": arg(10),
+            "detect_dips": arg(True, "flag"), "progress": arg(None, "none"),
+        },
+    ),
+    Target(ss.ProgressMeter, {"name": arg("run", "text"), "interval": arg(0.5, "not negative")}),
+    Target(
+        ss.Section,
+        {
+            "function": arg(lambda t, y, dy, mode, args: y.x, "constant"), "direction": arg("rising"),
+            "terminal": arg(False, "flag"), "name": arg("top", "text"),
+        },
+        lambda **given: ss.simulate(OSCILLATOR, 0.0, 1.0, START, 0, sections=ss.Section(**given)),
+    ),
+    Target(
+        ss.simulate,
+        {
+            "system": SYSTEM, "t0": TIME, "t1": arg(1.0, "finite"), "y0": STATE, "mode0": MODE,
+            "args": ARGS, "integrator": INTEGRATOR, "saveat": arg(ss.SaveAt(), "none"),
+            "sections": arg((), "none of them"), "max_events": arg(8, "none", "count"),
+            "max_crossings": arg(8), "throw": arg(True, "flag"),
+        },
+    ),
+    Target(
+        ss.interpolate,
+        {
+            "system": SYSTEM, "solution": arg(RUN), "ts": arg([0.1], "times", "no times"), "args": ARGS,
+            "integrator": INTEGRATOR,
+        },
+    ),
+    Target(
+        ss.saltation_matrix,
+        {
+            "system": SYSTEM, "t": TIME, "y": STATE, "mode": arg(0, "whole"), "guard": arg(0, "whole"),
+            "args": ARGS,
+        },
+    ),
+    Target(ss.same_mode_sequence, {"one": arg(RUN), "other": arg(RUN)}),
+    Target(
+        ss.switch,
+        {
+            "mode": arg(0, "whole", "any whole"),
+            "functions": arg((lambda x: x, lambda x: x)),
+            "operands": arg(1.0, "numbers"),
+        },
+        lambda mode, functions, operands: ss.switch(mode, functions, operands),
+    ),
+    Target(
+        ss.WithBreaks,
+        {"system": SYSTEM, "times": arg([0.5, 1.5], "times")},
+        lambda **given: _broken(ss.WithBreaks(**given)),
+    ),
+    Target(
+        ss.enable_compilation_cache,
+        {"directory": arg("cache", "none", "path"), "max_bytes": arg(4e9, "positive")},
+        lambda directory, max_bytes: ss.enable_compilation_cache(
+            _inside(directory), max_bytes=max_bytes
+        ),
+    ),
+    Target(hybrid.Executor, {"fused": arg(False, "flag"), "compact": arg(False, "flag")}),
+    Target(
+        hybrid.use_executor, {"executor": arg(hybrid.PORTABLE)},
+        lambda executor: hybrid.use_executor(executor).__enter__(),
+    ),
+]  # fmt: skip
+
+SWEEP = {
+    "store": arg(None, "none", "path"),
+    "settings": arg(None, "none", "entries"), "attrs": arg(None, "none", "entries"),
+    "chunk": arg(4, "none"), "resume": arg(True, "flag"), "progress": arg(None, "none", "flag"),
+    "name": arg("a sweep", "text"), "executor": arg("portable"), "workers": arg(1, "none"),
+}  # fmt: skip
+SWEEPS = [
+    Target(
+        ss.map_lanes,
+        {
+            "function": arg(reached, "any function"), "chunk_size": arg(4, "none"),
+            "executor": arg("portable"), "workers": arg(1, "none"),
+        },
+    ),
+    Target(
+        ss.map_lanes.__call__, {"inputs": arg(np.arange(3.0), "lanes")},
+        lambda inputs: ss.map_lanes(reached, executor="portable")(inputs),
+    ),
+    Target(
+        sweep.run_sweep,
+        {
+            "function": arg(lambda k: {"x": k}, "function"), "grid": arg({"k": [1.0, 2.0]}),
+            "inputs": arg(None, "none", "mapping"), "variables": arg(None, "none", "mapping"), **SWEEP,
+        },
+        lambda store, **given: sweep.run_sweep(store=_inside(store), **given),
+    ),
+    Target(
+        sweep.run_sweep,
+        {
+            "carry": arg(1.0, "numbers"), "along": arg("k", "none"),
+            "backward": arg(True, "flag"),
+        },
+        lambda **given: sweep.run_sweep(lambda c=0, *, k: (c, k), {"k": [1.0, 2.0]}, **given),
+    ),
+    Target(
+        sweep.Variable,
+        {
+            "dims": arg(("point",), "none of them"), "units": arg("m", "none", "empty text", "text"),
+            "long_name": arg("length", "none", "empty text", "text"), "attrs": arg({}, "entries"),
+        },
+    ),
+    Target(sweep.open_dataset, {"path": arg(_store()), "verify": arg(True, "flag")}),
+]  # fmt: skip
+
+
+def _inside(store):
+    """Not in the working directory."""
+    return f"{INSIDE.name}/{store}" if isinstance(store, str) and store else store
+
+
+UNKNOWN = {"a": 2.0}
+RESIDUAL = arg(lambda p, *shared: p["a"][None], "function")
+FITS = identification.Fit(
+    {"a": jnp.ones(2)}, jnp.ones((2, 3)),
+    eqx.filter_vmap(lambda m: identification.Sensitivity(("a",), m))(jnp.ones((2, 3, 1))),
+    jnp.ones(2, jnp.int32), jnp.ones(2, bool),
+)  # fmt: skip
+LEVENBERG = {
+    "damping": arg(1.0, "positive", "float32"), "tolerance": arg(1e-8, "positive", "float32"),
+    "max_steps": arg(8),
+}  # fmt: skip
+LANES = {"chunk_size": arg(2, "none"), "executor": arg("portable")}
+IDENTIFICATION = [
+    Target(
+        identification.least_squares,
+        {"residual": RESIDUAL, "start": arg(UNKNOWN, "unknowns"), **LEVENBERG},
+    ),
+    Target(
+        identification.gradient_descent,
+        {
+            "residual": RESIDUAL, "start": arg(UNKNOWN, "unknowns"), "optimiser": arg(None, "none"),
+            "steps": arg(3), "tolerance": arg(0.1, "positive", "float32"),
+        },
+    ),
+    Target(
+        identification.many_starts,
+        {
+            "residual": RESIDUAL, "starts": arg({"a": [1.0, 2.0]}), "shared": arg(1.0, "shared"),
+            "fit": arg(identification.least_squares), **LANES, **LEVENBERG,
+        },
+        lambda residual, starts, shared, **given: identification.many_starts(
+            residual, starts, shared, **given
+        ),
+    ),
+    Target(
+        identification.sensitivities,
+        {
+            "residual": RESIDUAL, "values": arg({"a": [1.0, 2.0]}),
+            "each": arg(np.ones(2), "shared"), **LANES},
+        lambda residual, values, each, **given: identification.sensitivities(
+            residual, values, each, **given
+        ),
+    ),
+    Target(
+        identification.sensitivity, {"residual": RESIDUAL, "values": arg(UNKNOWN, "unknowns")},
+    ),
+    Target(identification.best, {"fits": arg(FITS)}),
+]  # fmt: skip
+TARGETS = [*ENGINE, *SWEEPS, *IDENTIFICATION]

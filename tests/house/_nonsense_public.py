@@ -1,0 +1,76 @@
+"""The public callables, and which of them take no arguments of users, with the reason."""
+
+import importlib
+import inspect
+from typing import Any
+
+PACKAGES = (
+    "stickslip", "stickslip.friction", "stickslip.contact", "stickslip.systems", "stickslip.sweep",
+    "stickslip.analysis", "stickslip.identification", "stickslip.hybrid", "corexy_jax",
+)  # fmt: skip
+RETURNED = "returned to users, not made by them"
+EXEMPT = {
+    "Solution": RETURNED,
+    "EventLog": RETURNED,
+    "StateLog": RETURNED,
+    "Held": RETURNED,
+    "Resolution": RETURNED,
+    "LyapunovSpectrum": RETURNED,
+    "Spectrum": RETURNED,
+    "Separation": RETURNED,
+    "Fit": RETURNED,
+    "Sensitivity": RETURNED,
+    "CoreXYSolution": RETURNED,
+    "current_executor": "takes nothing",
+}
+# Arguments of a callable that no template has to give.
+ELSEWHERE = {
+    "self": "what the method belongs to",
+    "cls": "what the method belongs to",
+    "options": "each option is an argument of its own in the template",
+    "changes": "each parameter is an argument of its own in the template of the class",
+    "values of CoreXYParameters": "each parameter is an argument of its own in the template",
+    "sweep": "each option is an argument of its own in the template",
+}
+
+
+def exempt(thing: Any) -> str | None:
+    """Why a public object needs no template."""
+    if not inspect.isclass(thing):
+        return EXEMPT.get(thing.__name__)
+    if issubclass(thing, BaseException):
+        return "raised, not called"
+    if thing.__name__ == "RESULTS":
+        return "an enumeration"
+    if hasattr(thing, "_fields"):
+        return "a named tuple of whatever is traced; looked at by whoever is given it"
+    if thing.__name__.startswith("Abstract"):
+        return "abstract: cannot be made"
+    return EXEMPT.get(thing.__name__)
+
+
+def public_callables() -> dict[str, Any]:
+    """Everything that the packages export and that can be called, with the class and static methods of
+    classes, by qualified name."""
+    found = {}
+    for package in PACKAGES:
+        module = importlib.import_module(package)
+        # `__all__` knows also what is imported when it is first asked for.
+        for name in getattr(module, "__all__", dir(module)):
+            thing = getattr(module, name)
+            if name.startswith("_") or inspect.ismodule(thing) or not hasattr(thing, "__qualname__"):
+                continue
+            if not callable(thing) or exempt(thing):
+                continue
+            found[thing.__qualname__] = thing
+            for part, method in inspect.getmembers(thing) if inspect.isclass(thing) else ():
+                kind = inspect.getattr_static(thing, part)
+                if isinstance(kind, classmethod | staticmethod) and not part.startswith("_"):
+                    found[f"{thing.__qualname__}.{part}"] = method
+    return found
+
+
+def arguments_of(name: str, thing: Any) -> set[str]:
+    """Names of the arguments that a template must give."""
+    parameters = set(inspect.signature(thing).parameters)
+    return {p for p in parameters if p not in ELSEWHERE and f"{p} of {name}" not in ELSEWHERE}
