@@ -17,6 +17,7 @@ from stickslip._validation import (
     check_increasing,
     check_positive,
     misshaped,
+    one_number,
     one_row,
 )
 
