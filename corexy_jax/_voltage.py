@@ -186,18 +186,26 @@ class Sampled(AbstractTable):
 class UserVoltage(AbstractVoltage):
     """Voltages from a function `(t, args) -> (v1, v2)` [V], smooth in `t` [s].
 
-    **Arguments:** `function`; `args`, a pytree of its parameters, which may be differentiated.
-    **Raises** `TypeError` for what is no function.
+    **Arguments:** `function`; `args`, a pytree of its parameters, which may be differentiated;
+    `shortest` [s], the shortest time in which the voltages change by their own size. It bounds
+    the steps while the machine rests; not given, a pulse shorter than 1/2500 of the run can be missed.
+    **Raises** `TypeError` for what is not a function, `ValueError` for a time that is not positive.
     """
 
     function: Callable = eqx.field(static=True)
     args: PyTree
+    shortest: Any
 
     has_breaks: ClassVar[bool] = False
 
-    def __init__(self, function: Any, args: PyTree = None):
+    def __init__(self, function: Any, args: PyTree = None, shortest: Any = None):
         self.function = check_callable("function", function, "f(t, args) -> (v1, v2)", 0.0, args)
         self.args = check_handed_on("args", args)
+        checked = None if shortest is None else as_parameter(check_positive("shortest", shortest))
+        self.shortest = checked
+
+    def time_scale(self):
+        return self.shortest
 
     def volts(self, t, piece):
         v1, v2 = self.function(t, self.args)

@@ -126,9 +126,9 @@ class WithBreaks(AbstractSystemWrapper):
         breaks = guard == number
         mode = jnp.asarray(mode, jnp.int32)
         inside = self._inside(t, y.piece)
-        after = self.system.transition(inside, y.y, mode, jnp.minimum(guard, number - 1), args)
+        after, new = self.system.transition(inside, y.y, mode, jnp.minimum(guard, number - 1), args)
         past = self._settled(t, y.y, mode, args)
-        state, mode = select(breaks, past, after)
+        state, mode = select(breaks, past, (after, jnp.asarray(new, jnp.int32)))
         return Pieced(state, y.piece + jnp.where(breaks, 1.0, 0.0)), mode
 
     def _settled(self, t, y, mode, args):

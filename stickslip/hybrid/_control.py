@@ -221,8 +221,8 @@ def sudden(lane: Lane, error) -> tuple[Any, Any]:
     the method: attempts collapse onto the jump until it no longer matters. The motion is right, but
     its derivative by the time of the jump is lost.
     """
-    fits = (lane.status == RUNNING) & (lane.fresh == 1.0) & (lane.bracket.tries == 0) & (error <= 1.0)
-    jumps = fits & (lane.h < SUDDEN * lane.peak) & (lane.h > 0) & (error > 1e-3)
+    fits = (lane.status == RUNNING) & (lane.h > 0) & (lane.bracket.tries == 0) & (error <= 1.0)
+    jumps = fits & (lane.h < SUDDEN * lane.peak) & (error > 1e-3)
     peak = jnp.where(fits, jnp.maximum(lane.h, FORGETS * lane.peak), lane.peak)
     return peak, lane.flags | flag(jumps, DISCONTINUOUS)
 

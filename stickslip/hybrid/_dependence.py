@@ -16,7 +16,7 @@ NONE, AFFINE, OTHER = 0, 1, 2  # degree of a result in the operands asked about
 _LINEAR = {
     "add", "add_any", "sub", "neg", "copy", "copy_p", "convert_element_type", "broadcast_in_dim",
     "reshape", "squeeze", "expand_dims", "slice", "concatenate", "reduce_sum", "transpose", "cumsum",
-    "rev", "split", "real", "optimization_barrier",
+    "rev", "split", "stack", "unstack", "real", "optimization_barrier",
 }  # fmt: skip
 _BILINEAR = {"mul", "dot_general"}
 _INDEXED = {"gather", "dynamic_slice"}  # linear in the first operand if the others are constant

@@ -26,9 +26,10 @@ class Section(eqx.Module, metaclass=CheckedModule):
     A crossing belongs to the half-open interval `(t0, t1]`. A value that starts at zero counts only
     after it has left zero; a jump over zero at an event counts at the time of the event. Recorded
     sections do not change the motion: a crossing is a change of sign over a step, located after the
-    run by repeating this step shorter, to rounding. Of crossings closer together than a step, two are
-    found if the value is convex over the step and does not depend on `dy` (`Integrator.detect_dips`),
-    of three or more one; `AdaptiveStep(dtmax=...)` bounds the step.
+    run by repeating this step shorter, to rounding. Where the value does not depend on `dy`, adaptive
+    steps are short enough to know it between their ends (`Integrator.detect_dips`). Otherwise, of
+    crossings closer together than a step, two are found if the value is convex over the step, of three
+    or more one; `AdaptiveStep(dtmax=...)` bounds the step.
 
     Errors: `ValueError` for an unknown direction, `TypeError` if `function` is not callable.
     """

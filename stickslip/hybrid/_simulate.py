@@ -64,11 +64,12 @@ class Integrator(eqx.Module, metaclass=CheckedModule):
 
     - `method`: `"dop853"` (default; order 8), `"tsit5"`, `"rk4"`, or any diffrax solver; implicit
       ones such as `diffrax.Kvaerno5()` for stiff smoothed friction.
-    - `step`: `AdaptiveStep(rtol, atol)` (default 1e-10) or `FixedStep(h)`.
+    - `step`: `AdaptiveStep(rtol, atol)` (default `rtol` 1e-10 of the motion's size) or `FixedStep(h)`.
     - `max_steps`: attempts per lane before it ends with `RESULTS.max_steps_reached`.
-    - `detect_dips`: look into a step over which an event function may have gone through zero and
-      back. If the function is convex over the step, none is missed; otherwise excursions shorter
-      than a step can be, and `AdaptiveStep(dtmax=...)` or `FixedStep` bound the step.
+    - `detect_dips`: look inside steps. One over which an event function may have gone through zero and
+      back is divided there; with adaptive steps, one over which an event function is not the cubic
+      through its ends is made shorter. What remains: with fixed steps, excursions that are not convex
+      over a step; with adaptive ones those shorter than 0.4 of the longest step (`AdaptiveStep`).
     - `progress`: a `ProgressMeter` for long runs; off by default.
     """
 
@@ -140,7 +141,8 @@ def simulate(
     **Derivatives.** `jax.jvp`, `jax.jacfwd` (few parameters) and `jax.grad`, `jax.jacrev` (many) are
     exact with respect to the system's float fields, `args`, `y0`, `t0`, `t1` and output times, for
     the end state, outputs, steps, events (their times too) and crossings. They hold as long as the
-    sequence of modes does not change; `solution.flags` tells where they do not exist. Step lengths
+    sequence of modes does not change; `solution.flags` marks runs where they do not exist or are not
+    to be trusted: grazing or nearly so, coincident events, jumps that were not declared. Step lengths
     and the number of steps are not differentiated. Second derivatives raise an error.
 
     **Errors** `ValueError`/`TypeError` naming the argument for wrong shapes, non-finite or float32
