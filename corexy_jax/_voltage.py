@@ -17,6 +17,7 @@ from stickslip._validation import (
     check_increasing,
     check_positive,
     misshaped,
+    one_number,
     one_row,
 )
 
@@ -201,8 +202,9 @@ class UserVoltage(AbstractVoltage):
     def __init__(self, function: Any, args: PyTree = None, shortest: Any = None):
         self.function = check_callable("function", function, "f(t, args) -> (v1, v2)", 0.0, args)
         self.args = check_handed_on("args", args)
-        checked = None if shortest is None else as_parameter(check_positive("shortest", shortest))
-        self.shortest = checked
+        if shortest is not None:
+            shortest = as_parameter(one_number("shortest", shortest, "positive"))
+        self.shortest = shortest
 
     def time_scale(self):
         return self.shortest

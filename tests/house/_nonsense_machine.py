@@ -60,7 +60,7 @@ TARGETS = [
         cx.UserVoltage,
         {
             "function": arg(lambda t, args: (t, t), "function"), "args": arg(None, "handed on"),
-            "shortest": arg(None, "none", *POSITIVE),
+            "shortest": arg(None, "none", "positive", "float32"),
         },
     ),
     Target(cx.scenario, {"number": arg(1), "errata": ERRATA}),
