@@ -58,7 +58,10 @@ TARGETS = [
     *(Target(kind, TABLE) for kind in (cx.Sampled, cx.PiecewiseStep)),
     Target(
         cx.UserVoltage,
-        {"function": arg(lambda t, args: (t, t), "function"), "args": arg(None, "handed on")},
+        {
+            "function": arg(lambda t, args: (t, t), "function"), "args": arg(None, "handed on"),
+            "shortest": arg(None, "none", "positive", "float32"),
+        },
     ),
     Target(cx.scenario, {"number": arg(1), "errata": ERRATA}),
     Target(cx.Errata, dict.fromkeys(SWITCHES, arg(False, "flag"))),

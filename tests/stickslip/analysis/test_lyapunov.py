@@ -367,7 +367,7 @@ def test_wrong_arguments_of_the_others():
             )
     with pytest.raises(TypeError, match=r"spectrum = \[1\]: it must be"):
         lyapunov_diagram(impacting(), grid, START, segment=1.0, segments=20, spectrum=[1])
-    with pytest.raises(ValueError, match="iterations = 3"):
+    with pytest.raises(ValueError, match="segments = 3"):
         lyapunov_diagram(impacting(), grid, START, segment=1.0, segments=3)
     with pytest.raises(ValueError, match=r"duration = -1\.0"):
         volume_growth(impacting(), START, duration=-1.0)

@@ -40,6 +40,10 @@ class WrongScales(Circle):
     guard_scales: ClassVar = (1.0,)
 
 
+def with_atol(atol):
+    return ss.Integrator(step=ss.AdaptiveStep(1e-8, atol))
+
+
 def run(system=None, t0=0.0, t1=1.0, y0=Y0, mode0=None, **kwargs):
     return ss.simulate(Circle() if system is None else system, t0, t1, y0, mode0, **kwargs)
 
@@ -64,6 +68,9 @@ def run(system=None, t0=0.0, t1=1.0, y0=Y0, mode0=None, **kwargs):
         (dict(system="a spring"), TypeError, ["system", "a spring", "AbstractHybridSystem"]),
         (dict(saveat=ss.SaveAt(ts=[0.5, 0.2])), ValueError, ["saveat.ts[1] = 0.2", "increase", "0.5"]),
         (dict(saveat=ss.SaveAt(ts=[0.5, 2.0])), ValueError, ["saveat.ts", "2.0", "[0.0, 1.0]"]),
+        (dict(integrator=with_atol({"kg": 1e-9})), ValueError, ["atol = {'kg': 1e-09}", "'x'"]),
+        (dict(integrator=with_atol([1e-9])), ValueError, ["atol = ", "structure of the state"]),
+        (dict(integrator=with_atol(jnp.ones(2))), ValueError, ["atol = ", "(2,)", "one number"]),
         (dict(max_events=-1), ValueError, ["max_events = -1", "integer of at least 0"]),
         (dict(max_crossings=0), ValueError, ["max_crossings = 0", "integer of at least 1"]),
     ],
@@ -82,6 +89,12 @@ def test_simulate(kwargs, error, words):
         (lambda: ss.FixedStep(float("nan")), ["h = nan", "finite"]),
         (lambda: ss.AdaptiveStep(-1e-8, 1e-8), ["rtol", "positive"]),
         (lambda: ss.AdaptiveStep(1e-8, 0.0), ["atol", "positive"]),
+        (lambda: ss.AdaptiveStep(1e-8, {"x": -1.0}), ["atol", "['x'] = -1.0", "positive"]),
+        (lambda: ss.AdaptiveStep(1e-8, State(1e-9, 0.0)), ["atol.v = 0.0", "positive"]),
+        (lambda: ss.AdaptiveStep(1e-8, []), ["atol = []", "None, a positive number"]),
+        (lambda: ss.AdaptiveStep(1e-8, dtmax=0.1, dtmin=1.0), ["dtmax = 0.1", "dtmin = 1.0"]),
+        (lambda: ss.WithBreaks(Circle(), [2.0, 1.0]), ["times", "[1] = 1.0", "increase"]),
+        (lambda: ss.WithBreaks(Circle(), 1.0), ["times = 1.0, of shape ()", "one row"]),
         (lambda: ss.AdaptiveStep(1e-8, 1e-8, dtmin=-1.0), ["dtmin", "-1"]),
         (lambda: ss.AdaptiveStep(1e-8, 1e-8, dtmax=0.0), ["dtmax", "positive"]),
         (lambda: ss.Integrator("euler's"), ["method", "euler's", "dop853"]),
