@@ -191,8 +191,11 @@ print(lines(end), lines(jax.grad(lambda k3: end(k3).x)))
 
 
 def test_programs_of_a_smooth_system_are_small():
-    """Lines that XLA leaves, compiled as for users: 13,155 and 67,008 with every stage written out."""
+    """Lines that XLA leaves, compiled as for users: 13,155 and 67,008 with every stage written out.
+
+    3,494 and 8,228 without tolerances that follow the size of the motion and without the flags.
+    """
     run = subprocess.run([sys.executable, "-c", SIZES], capture_output=True, text=True, check=True)
     plain, gradient = map(int, run.stdout.split())
-    assert plain <= 4_500
+    assert plain <= 5_400
     assert gradient <= 10_000
