@@ -36,7 +36,8 @@ def attempt(plan: Plan, theta, lane: Lane, t1, outputs) -> tuple[Lane, Outcome]:
     functions, once = plan.functions, plan.execute.boundary
     sg = jax.lax.stop_gradient
     t, h = lane.t, sg(lane.h)
-    lane = lane._replace(size=once(grown, lane.size, sg(lane.y)))
+    if plan.follows_size:
+        lane = lane._replace(size=once(grown, lane.size, sg(lane.y)))
 
     def field(t, y):
         return system.vector_field(t, y, lane.mode, args)
@@ -50,14 +51,16 @@ def attempt(plan: Plan, theta, lane: Lane, t1, outputs) -> tuple[Lane, Outcome]:
             lambda e, n, s, ends: error_norm(e, scales(rule, plan.atols, n, s, ends)),
             sg(errors), plan.noise, sg(lane.size), sg(Ends(h, lane.y, y1, lane.dy, dy1)),
         )  # fmt: skip
-        peak, flags = once(sudden, without_state(lane), error)
-        lane = lane._replace(peak=peak, flags=flags)
+        if plan.watches_jumps:
+            peak, flags = once(sudden, without_state(lane), error)
+            lane = lane._replace(peak=peak, flags=flags)
     kept = values = Values((), ())
     h_seen, jumps = jnp.zeros_like(h), jnp.zeros_like(h) > 0
     if functions.count:
         values = once(
             lambda t, y, dy, size: functions.evaluate(
-                system, t, y, dy, lane.mode, args, grown(size, jax.lax.stop_gradient(y))
+                system, t, y, dy, lane.mode, args,
+                grown(size, jax.lax.stop_gradient(y)) if functions.learned else None,
             ),
             t + h, y1, dy1, lane.size,
         )  # fmt: skip

@@ -19,7 +19,7 @@ from ._adjoint import adjoint
 from ._lane import Plan, start
 from ._record import Logs, Record, record
 from ._status import COARSE, flag
-from ._tolerance import grown, too_loose
+from ._tolerance import grown, sizes, too_loose
 
 _NO_SECOND = (
     "second derivatives of a simulation (the event times are corrected to first order only); use "
@@ -66,7 +66,7 @@ def _raw(inputs, fixed, plan: Plan, spec: Record) -> tuple[Smooth, Counts]:
         Counts(
             mode=lane.mode,
             status=count(lane.status),
-            flags=lane.flags | flag(too_loose(plan.atols, grown(lane.size, lane.y)), COARSE),
+            flags=lane.flags | flag(too_loose(plan.atols, _size(lane, y0)), COARSE),
             sequence=lane.sequence,
             attempts=count(lane.attempts),
             accepted=count(lane.accepted),
@@ -77,6 +77,13 @@ def _raw(inputs, fixed, plan: Plan, spec: Record) -> tuple[Smooth, Counts]:
             logs=integer_logs,
         ),
     )
+
+
+def _size(lane, y0):
+    """Largest magnitudes: those followed, those at the ends, and what the last free step changed."""
+    moved = jax.tree.map(lambda slope: lane.h_free * slope, lane.dy)
+    followed = sizes(y0) if lane.size is None else lane.size
+    return grown(grown(followed, lane.y), moved)
 
 
 @eqx.filter_custom_jvp

@@ -20,6 +20,7 @@ _LINEAR = {
 }  # fmt: skip
 _BILINEAR = {"mul", "dot_general"}
 _INDEXED = {"gather", "dynamic_slice"}  # linear in the first operand if the others are constant
+_STEPS = {"sign", "floor", "ceil", "round", "rem"}
 _CALLS = ("jaxpr", "call_jaxpr", "fun_jaxpr")
 
 
@@ -35,6 +36,37 @@ def degrees(function: Callable, operands: tuple, asked: Sequence[bool]) -> list[
         for _ in jax.tree.leaves(operand)
     ]
     return _walk(closed.jaxpr, flags)
+
+
+def may_jump(function: Callable, operands: tuple) -> bool:
+    """Whether `function` compares or rounds what depends on its operands.
+
+    A function with a derivative of its own making (`jax.custom_jvp`) is taken as smooth.
+    """
+    closed = jax.make_jaxpr(function)(*operands)
+    return _jumps(closed.jaxpr, [AFFINE] * len(closed.jaxpr.invars))
+
+
+def _jumps(jaxpr: Any, given: Sequence[int]) -> bool:
+    known: dict[Any, int] = dict(zip(jaxpr.invars, given, strict=True))
+
+    def of(atom: Any) -> int:
+        return NONE if isinstance(atom, jax.extend.core.Literal) else known.get(atom, NONE)
+
+    for eqn in jaxpr.eqns:
+        name, inputs = eqn.primitive.name, [of(atom) for atom in eqn.invars]
+        known.update(zip(eqn.outvars, _equation(eqn, inputs), strict=True))
+        if max(inputs, default=NONE) == NONE or name.startswith("custom_jvp"):
+            continue
+        if name in _STEPS or name in ("while", "scan") or not all(map(_is_real, eqn.outvars)):
+            return True
+        inner = [b.jaxpr for b in eqn.params["branches"]] if name == "cond" else []
+        inner += [getattr(p, "jaxpr", p) for p in map(eqn.params.get, _CALLS) if p is not None]
+        for body in inner:
+            operands = inputs[1:] if name == "cond" else inputs
+            if len(body.invars) != len(operands) or _jumps(body, operands):
+                return True
+    return False
 
 
 def _walk(jaxpr: Any, given: Sequence[int]) -> list[int]:

@@ -43,11 +43,11 @@ class Lane(NamedTuple):
     values: tuple  # event functions at (t, y); 0 for a section that has just fired
     rates: tuple
     scales: tuple  # magnitudes of the guards behind `values`, where they are learned
-    size: PyTree  # largest magnitude of each component so far
+    size: PyTree  # largest magnitude of each component so far; None if nothing follows it
     h: Any  # length of the next attempt
     h_free: Any  # what the step-size rule alone would take
     error: Any  # last accepted scaled error
-    peak: Any  # longest of the last steps, forgotten slowly
+    peak: Any  # longest of the last steps, forgotten slowly; None if the field cannot jump
     bracket: Bracket
     full: Any  # length of the attempt that opened the bracket
     next_output: Any
@@ -87,11 +87,22 @@ class Plan(eqx.Module):
     noise: Noise  # whose rounding no step can undercut
     resolution: Any  # steps below it are not cut for the sake of an event function [s]
     detect_dips: bool = eqx.field(static=True)
+    switches: bool = eqx.field(static=True)  # whether the field may jump inside a mode
     progress: ProgressMeter | None = None
 
     def looks_into(self, index: int) -> bool:
         """Whether steps are looked into for short excursions of this event function."""
         return self.detect_dips and self.functions.exact_rate[index]
+
+    @property
+    def watches_jumps(self) -> bool:
+        """Whether steps are watched for jumps of the field inside them."""
+        return self.switches and self.step_size.adaptive
+
+    @property
+    def follows_size(self) -> bool:
+        """Whether tolerances or magnitudes of guards follow the size of the motion."""
+        return self.functions.learned or any(atol is None for atol in self.atols)
 
     @property
     def looks_inside(self) -> bool:
@@ -145,11 +156,12 @@ def start(plan: Plan, t0, y0, dy_like, mode0) -> Lane:
         values=(zero,) * n,
         rates=tuple(zero if exact else None for exact in plan.functions.exact_rate),
         scales=(zero + 1.0,) * (plan.functions.num_guards if plan.functions.learned else 0),
-        size=jax.lax.stop_gradient(sizes(y0)),
+        # What no attempt changes is not carried: the fused loop could not be compiled.
+        size=jax.lax.stop_gradient(sizes(y0)) if plan.follows_size else None,
         h=zero,
         h_free=zero,
         error=zero + 1.0,
-        peak=zero,
+        peak=zero if plan.watches_jumps else None,
         bracket=_locate.empty(zero),
         full=zero,
         next_output=izero,

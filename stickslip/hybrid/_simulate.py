@@ -23,6 +23,7 @@ from ._arguments import (
 from ._bound import RESOLUTION, bounded
 from ._core import core
 from ._crossing import crossings as located
+from ._dependence import may_jump
 from ._events import event_functions
 from ._execute import current_executor
 from ._lane import Plan
@@ -195,7 +196,7 @@ def _run(
     functions = event_functions(system, sections, t0, y0, y0, mode0, args)
     log_events = saveat.events and max_events is not None
     rule = bounded(integrator.step, system, sections, t0, t1 - t0, y0, mode0, args)
-    atols, terms = (None,) * len(jax.tree.leaves(y0)), y0
+    atols, terms = (), y0  # no tolerances with fixed steps
     if rule.adaptive:
         atols = component_tolerances(rule.atol, y0, system.units)
         rule = eqx.tree_at(lambda r: r.atol, rule, None, is_leaf=lambda a: a is None)
@@ -214,6 +215,7 @@ def _run(
         noise=sg(Noise(jnp.maximum(jnp.abs(t0), jnp.abs(t1)), terms)),
         resolution=sg(RESOLUTION * (t1 - t0)),
         detect_dips=integrator.detect_dips,
+        switches=may_jump(lambda t, y: system.vector_field(t, y, mode0, args), (t0, y0)),
         progress=integrator.progress,
     )
     spec = Record(

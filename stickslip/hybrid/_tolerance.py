@@ -134,6 +134,7 @@ def scales(rule: Any, atols: tuple, noise: Noise, size: PyTree, step: Ends) -> l
     does within the rounding of the time: a field that jumps where the state is still zero leaves an
     error of the size of the motion however short the step.
     """
+    size = step.y0 if size is None else size
     leaves = [
         jax.tree.leaves(tree) for tree in (size, step.y0, step.y1, noise.terms, step.dy0, step.dy1)
     ]
@@ -178,7 +179,7 @@ def error_norm(errors: tuple[PyTree, ...], scale: list) -> Array:
 
 def too_loose(atols: tuple, size: PyTree) -> Any:
     """Whether an absolute tolerance is above the motion of a component that does move."""
-    leaves = jax.tree.leaves(size)
+    leaves = jax.tree.leaves(size) if atols else []
     most: Any = 0.0
     for s in leaves:
         most = jnp.maximum(most, jnp.max(s))

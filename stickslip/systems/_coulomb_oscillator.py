@@ -30,7 +30,8 @@ class CoulombOscillator(AbstractMechanicalSystem):
     - Modes: `"slip backward"` (slower than the belt), `"stick"` (with the belt), `"slip forward"`
       (faster than the belt).
     - One guard. In stick: distance of the spring force to the limit that the belt is driving it to,
-      the other limit recedes [N]. In slip: relative speed [m/s].
+      the other limit recedes [N]. In slip: relative speed times $\sqrt{km}$, so that it is in newtons
+      too, and has one magnitude.
     - At rest with $F_s < F_k$ the threshold is $F_k$ (sliding mode of Filippov).
     - In every mode the motion is harmonic or uniform, so that all of it has a closed form. Started
       in stick, with $F_k \le F_s$ and $D = (F_s - F_k)/k$, $\omega^2 = k/m$, it has the period
@@ -84,7 +85,14 @@ class CoulombOscillator(AbstractMechanicalSystem):
         limit = holding_force(self.static_force, self.kinetic_force)
         reserve = limit - jnp.sign(self.belt_speed) * self.stiffness * y.x
         speed = slip_sense(mode) * (y.v - self.belt_speed)
-        return (where(mode == 1, reserve, speed),)
+        return (where(mode == 1, reserve, jnp.sqrt(self.stiffness * self.mass) * speed),)
+
+    @property
+    def guard_scales(self) -> tuple:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """The largest friction force, or what stops the speed of the belt in a quarter period [N]."""
+        inertia = jnp.sqrt(self.stiffness * self.mass) * jnp.abs(self.belt_speed)
+        scale = jnp.maximum(jnp.maximum(self.static_force, self.kinetic_force), inertia)
+        return (where(scale > 0.0, scale, 1.0),)
 
     def transition(self, t, y, mode, guard, args):
         limit = holding_force(self.static_force, self.kinetic_force)
