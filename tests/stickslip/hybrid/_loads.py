@@ -1,5 +1,6 @@
 """A block on rough ground under random loads, and a march by hand that knows nothing of events."""
 
+import functools
 from typing import Any, ClassVar, NamedTuple
 
 import jax
@@ -112,36 +113,77 @@ def random_loads(number: int, seed: int) -> tuple[Load, np.ndarray]:
     return stacked, np.array(kinds)
 
 
-@jax.jit
-@jax.vmap
-def march(load: Load):
-    """x at the end and the number of starts and stops, by 600,000 steps of 5e-5 s."""
-    number = 600_000
-    h = END / number
+@functools.partial(jax.jit, static_argnums=1)
+@functools.partial(jax.vmap, in_axes=(0, None))
+def march(load: Load, number: int):
+    """x at the end and the number of starts and stops, by `number` steps and those that end at the jumps
+    of the load.
+
+    Within a step the load is the parabola through its beginning, middle and end, the speed and the way
+    its integrals, and at most one event is looked for, by the sign at the ends; what is left of the step
+    is gone in the mode that follows.
+    """
+    edges = jnp.linspace(0.0, END, number + 1)
+    edges = jnp.sort(jnp.concatenate([edges, jnp.clip(load.breaks, 0.0, END)]))
 
     def starts(force):
         return jnp.where(force > 1.0, 1.0, jnp.where(force < -1.0, -1.0, 0.0))
 
-    def step(carry, i):
-        x, v, sense, events, now = carry
-        t = i * h
-        middle, end = load(t + h / 2), load(t + h)
-        v1 = v + h / 6 * (now + 4 * middle + end - 3.0 * sense)
-        x1 = x + h * v + h * h / 6 * (now + 2 * middle - 1.5 * sense)
+    def root(function, slope):
+        """Where in (0, 1) a function that changes its sign there is zero."""
+        begin, end = function(0.0), function(1.0)
+        s = begin / jnp.where(begin == end, 1.0, begin - end)
+        for _ in range(4):
+            rate = slope(s)
+            s = jnp.clip(s - function(s) / jnp.where(rate == 0.0, 1.0, rate), 0.0, 1.0)
+        return s
+
+    def step(carry, ends):
+        x, v, sense, events = carry
+        begin, end = ends
+        h = end - begin
+        inside = 1e-9 * h  # the load of this side of a jump
+        f0, f1, f2 = load(begin + inside), load(0.5 * (begin + end)), load(end - inside)
+        b, c = 4.0 * f1 - 3.0 * f0 - f2, 2.0 * (f0 + f2) - 4.0 * f1
+
+        def force(s):
+            return f0 + s * (b + s * c)
+
+        def gained(s):
+            """Integral of the force."""
+            return h * s * (f0 + s * (b / 2 + s * c / 3))
+
+        def gone(s):
+            """Integral of what was gained."""
+            return h * h * s * s * (f0 / 2 + s * (b / 6 + s * c / 12))
+
+        # A jump of the load may set a resting block in motion at the beginning of the step.
+        at_once = jnp.where(sense == 0.0, starts(f0), 0.0)
+        events = events + (at_once != 0.0).astype(jnp.int32)
+        sense = sense + at_once
         rests = sense == 0.0
-        go = starts(end)
-        stops = ~rests & (v1 * sense <= 0.0)
-        happened = (rests & (go != 0.0)) | stops
-        carry = (
-            jnp.where(rests, x, x1),
-            jnp.where(rests | stops, 0.0, v1),
-            jnp.where(rests | stops, go, sense),
-            events + happened.astype(jnp.int32),
-            end,
-        )
-        return carry, None
+        friction = 0.5 * sense
+
+        def speed(s):
+            return v + gained(s) - friction * h * s
+
+        go = starts(f2)
+        loose = root(lambda s: go * force(s) - 1.0, lambda s: go * (b + 2.0 * c * s))
+        halt = root(speed, lambda s: h * (force(s) - friction))
+        happens = jnp.where(rests, go != 0.0, speed(1.0) * sense < 0.0)
+        s = jnp.where(happens, jnp.where(rests, loose, halt), 1.0)
+        x = x + jnp.where(rests, 0.0, v * h * s + gone(s) - friction * (h * s) ** 2 / 2)
+        v = jnp.where(happens | rests, 0.0, speed(s))
+        sense = jnp.where(happens, jnp.where(rests, go, starts(force(s))), sense)
+        # The rest of the step, from standstill, if there is an event.
+        left = 1.0 - s
+        moves = happens & (sense != 0.0)
+        v = v + jnp.where(moves, gained(1.0) - gained(s) - 0.5 * sense * h * left, 0.0)
+        way = gone(1.0) - gone(s) - gained(s) * h * left - 0.5 * sense * (h * left) ** 2 / 2
+        x = x + jnp.where(moves, way, 0.0)
+        return (x, v, sense, events + happens.astype(jnp.int32)), None
 
     begin = load(jnp.zeros(()))
-    carry = (jnp.zeros(()), jnp.zeros(()), starts(begin), jnp.zeros((), jnp.int32), begin)
-    x, _, _, events, _ = jax.lax.scan(step, carry, jnp.arange(number, dtype=jnp.float64))[0]
+    carry = (jnp.zeros(()), jnp.zeros(()), starts(begin), jnp.zeros((), jnp.int32))
+    x, _, _, events = jax.lax.scan(step, carry, (edges[:-1], edges[1:]))[0]
     return x, events
