@@ -116,12 +116,11 @@ def random_loads(number: int, seed: int) -> tuple[Load, np.ndarray]:
 @functools.partial(jax.jit, static_argnums=1)
 @functools.partial(jax.vmap, in_axes=(0, None))
 def march(load: Load, number: int):
-    """x at the end and the number of starts and stops, by `number` steps and those that end at the jumps
-    of the load.
+    """x at the end and the number of starts and stops, by `number` steps and some that end at jumps.
 
-    Within a step the load is the parabola through its beginning, middle and end, the speed and the way
-    its integrals, and at most one event is looked for, by the sign at the ends; what is left of the step
-    is gone in the mode that follows.
+    Within a step the load is the parabola through its beginning, middle and end, the speed and the
+    way its integrals, and at most one event is looked for, by the sign at the ends; what is left of
+    the step is gone in the mode that follows.
     """
     edges = jnp.linspace(0.0, END, number + 1)
     edges = jnp.sort(jnp.concatenate([edges, jnp.clip(load.breaks, 0.0, END)]))
