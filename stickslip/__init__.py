@@ -10,8 +10,11 @@ from . import _precision as _precision
 from ._compilation_cache import enable_compilation_cache as enable_compilation_cache
 from ._version import __version__ as __version__
 from .hybrid import RESULTS as RESULTS
+from .hybrid import AbstractAdaptiveStep as AbstractAdaptiveStep
 from .hybrid import AbstractHybridSystem as AbstractHybridSystem
 from .hybrid import AbstractSmoothSystem as AbstractSmoothSystem
+from .hybrid import AbstractStepper as AbstractStepper
+from .hybrid import AbstractStepSize as AbstractStepSize
 from .hybrid import AbstractSystemWrapper as AbstractSystemWrapper
 from .hybrid import AdaptiveStep as AdaptiveStep
 from .hybrid import FixedStep as FixedStep
@@ -20,6 +23,7 @@ from .hybrid import ProgressMeter as ProgressMeter
 from .hybrid import SaveAt as SaveAt
 from .hybrid import Section as Section
 from .hybrid import Solution as Solution
+from .hybrid import Tableau as Tableau
 from .hybrid import WithBreaks as WithBreaks
 from .hybrid import interpolate as interpolate
 from .hybrid import saltation_matrix as saltation_matrix

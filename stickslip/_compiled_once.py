@@ -11,7 +11,7 @@ import jax.extend
 from jaxtyping import PyTree
 
 from ._validation import is_concrete
-from .hybrid._execute import traced
+from .hybrid._xla import traced
 
 MOST = 16  # programs kept
 _programs: collections.OrderedDict[Any, Any] = collections.OrderedDict()

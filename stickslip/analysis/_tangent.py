@@ -9,6 +9,7 @@ from jaxtyping import Array, Float, PyTree
 
 from .._validation import check_type
 from ..hybrid import AbstractHybridSystem, AbstractSystemWrapper
+from ..hybrid._event_time import event_delay
 
 
 class Deviating(NamedTuple):
@@ -81,12 +82,10 @@ class WithDeviations(AbstractSystemWrapper):
         rate = jax.jvp(value, (t, y.y), (one, before))[1]
         after, new_mode = jump(t, y.y)
         slope = system.vector_field(t, after, new_mode, args)
-        sloping = rate != 0
-        per_rate = jnp.where(sloping, 1.0 / jnp.where(sloping, rate, 1.0), 0.0)
 
         def through(deviation):
             change = jax.jvp(lambda state: value(t, state), (y.y,), (deviation,))[1]
-            late = -change * per_rate
+            late = event_delay(change, rate, rate != 0)
             arriving = jax.tree.map(lambda d, f: d + f * late, deviation, before)
             leaving = jax.jvp(lambda t, s: jump(t, s)[0], (t, y.y), (late, arriving))[1]
             return jax.tree.map(lambda d, f: d - f * late, leaving, slope)

@@ -2,11 +2,6 @@
 
 from ._breaks import Pieced as Pieced
 from ._breaks import WithBreaks as WithBreaks
-from ._execute import FUSED as FUSED
-from ._execute import PORTABLE as PORTABLE
-from ._execute import Executor as Executor
-from ._execute import current_executor as current_executor
-from ._execute import use_executor as use_executor
 from ._interpolate import interpolate as interpolate
 from ._progress import ProgressMeter as ProgressMeter
 from ._saltation import saltation_matrix as saltation_matrix
@@ -20,8 +15,17 @@ from ._solution import Solution as Solution
 from ._solution import StateLog as StateLog
 from ._solution import same_mode_sequence as same_mode_sequence
 from ._status import RESULTS as RESULTS
+from ._step_size import AbstractAdaptiveStep as AbstractAdaptiveStep
+from ._step_size import AbstractStepSize as AbstractStepSize
 from ._step_size import AdaptiveStep as AdaptiveStep
 from ._step_size import FixedStep as FixedStep
+from ._stepper import AbstractStepper as AbstractStepper
 from ._system import AbstractHybridSystem as AbstractHybridSystem
 from ._system import switch as switch
+from ._tableau import Tableau as Tableau
 from ._wrapper import AbstractSystemWrapper as AbstractSystemWrapper
+from ._xla import FUSED as FUSED
+from ._xla import PORTABLE as PORTABLE
+from ._xla import Executor as Executor
+from ._xla import current_executor as current_executor
+from ._xla import use_executor as use_executor

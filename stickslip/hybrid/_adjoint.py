@@ -15,6 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ._attempt import attempt
+from ._event_time import event_delay
 from ._lane import EVENT, Lane, Outcome, Plan, accepted, is_event, moved_on
 from ._loop import running
 from ._record import Logs, Record
@@ -224,9 +225,7 @@ def _pull_jump(plan: Plan, held, varied, row: Tape, y1, dy1, t_bar, before_bar, 
         for i in range(1, functions.num_guards):
             value = jnp.where(row.guard == i, values.value[i], value)
             rate = jnp.where(row.guard == i, values.rate[i], rate)
-        usable = row.code == EVENT
-        rate = jax.lax.stop_gradient(rate)
-        dt = jnp.where(usable, -value / jnp.where(usable, rate, 1.0), 0.0)
+        dt = event_delay(value, jax.lax.stop_gradient(rate), row.code == EVENT)
         before = shift(y1, dy1, dt)
         after, _ = system.transition(t + dt, before, row.mode, row.guard, args)
         return t + dt, before, after

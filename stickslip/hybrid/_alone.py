@@ -12,7 +12,7 @@ import jax.extend
 import jax.numpy as jnp
 from jax.interpreters import ad, batching, mlir
 
-from ._execute import traced
+from ._xla import traced
 
 
 def alone_or_batched(

@@ -9,11 +9,12 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from . import _locate
-from ._execute import Executor
+from ._event_time import event_delay
 from ._lane import Plan
 from ._record import Starts
 from ._section import Section
 from ._tree import shift
+from ._xla import Executor
 
 MOST_TRIES = 64
 
@@ -117,5 +118,5 @@ def _land(plan: Plan, theta, section: Section, row: Starts, h):
     (value, dy), (rate, ddy) = _along(theta, section, row.mode, t, y, slope)
     # A jump over the section is a step of length zero: its time is that of the event.
     usable = (row.h > 0) & (sg(rate) != 0)
-    dt = jnp.where(usable, -value / jnp.where(usable, sg(rate), 1.0), 0.0)
+    dt = event_delay(value, sg(rate), usable)
     return t + dt, shift(y, slope, dt), shift(dy, sg(ddy), dt)

@@ -8,11 +8,11 @@ from jaxtyping import PyTree
 
 from .._validation import check_handed_on, check_type, refusal
 from ._arguments import the_system, times
-from ._execute import COMPACT
 from ._simulate import Integrator
 from ._solution import Solution
 from ._stepper import as_stepper
 from ._system import AbstractHybridSystem
+from ._xla import COMPACT
 
 
 def interpolate(

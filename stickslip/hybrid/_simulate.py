@@ -25,7 +25,6 @@ from ._core import core
 from ._crossing import crossings as located
 from ._dependence import may_jump
 from ._events import event_functions
-from ._execute import current_executor
 from ._lane import Plan
 from ._progress import ProgressMeter
 from ._record import Record
@@ -37,6 +36,7 @@ from ._stepper import as_stepper
 from ._system import AbstractHybridSystem
 from ._tolerance import Noise, cancelling, component_tolerances
 from ._tree import select, shift, with_float_arrays
+from ._xla import current_executor
 
 
 class SaveAt(eqx.Module, metaclass=CheckedModule):
@@ -64,8 +64,10 @@ class Integrator(eqx.Module, metaclass=CheckedModule):
     """Method, step-size rule and limits.
 
     - `method`: `"dop853"` (default; order 8), `"tsit5"`, `"rk4"`, or any diffrax solver; implicit
-      ones such as `diffrax.Kvaerno5()` for stiff smoothed friction.
-    - `step`: `AdaptiveStep(rtol, atol)` (default `rtol` 1e-10 of the motion's size) or `FixedStep(h)`.
+      ones such as `diffrax.Kvaerno5()` for stiff smoothed friction. One's own is a `Tableau` or an
+      `AbstractStepper`.
+    - `step`: `AdaptiveStep(rtol, atol)` (default `rtol` 1e-10 of the motion's size), `FixedStep(h)`, or
+      one's own `AbstractAdaptiveStep`.
     - `max_steps`: attempts per lane before it ends with `RESULTS.max_steps_reached`.
     - `detect_dips`: look inside steps. One over which an event function may have gone through zero and
       back is divided there; with adaptive steps, one over which an event function is not the cubic
@@ -86,7 +88,7 @@ class Integrator(eqx.Module, metaclass=CheckedModule):
         try:
             stepper = as_stepper(self.method)
         except ValueError:
-            named = "'dop853', 'tsit5', 'rk4', or a solver of diffrax such as diffrax.Kvaerno5()"
+            named = "'dop853', 'tsit5', 'rk4', a Tableau, or a solver such as diffrax.Kvaerno5()"
             raise refusal("method", self.method, named) from None
         check_type("step", self.step, AbstractStepSize, "an AdaptiveStep or a FixedStep")
         if self.step.adaptive and not stepper.has_error_estimate():

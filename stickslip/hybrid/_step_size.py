@@ -19,13 +19,65 @@ from ._tolerance import check_tolerances
 
 
 class AbstractStepSize(eqx.Module, metaclass=CheckedModule):
-    """How long the next step may be. Events and output times shorten it further."""
+    """How long the next step may be. Events and output times shorten it further.
+
+    Two kinds exist. A rule that is not `adaptive` takes steps of `initial(None, None, None)` all along,
+    and needs nothing else. An adaptive one is an `AbstractAdaptiveStep`.
+    """
 
     adaptive: eqx.AbstractClassVar[bool]  # whether the error estimate is used
 
     @abc.abstractmethod
     def initial(self, y: Any, dy: Any, scale: Any) -> Any:
-        """First step length to try."""
+        """First step length to try [s], a positive float64 scalar.
+
+        `y`, `dy`: state and its slope at the start; `scale`: what an error of 1 means in each leaf of
+        `y`, in the order of `jax.tree.leaves`.
+        """
+
+
+class AbstractAdaptiveStep(AbstractStepSize):
+    r"""A rule that sets the step by the scaled error $E$ of the last one; $E \le 1$ is accepted.
+
+    $E$ is the largest over the components of the error estimate divided by `atol + rtol |y|`; see
+    `AdaptiveStep` for `atol=None`. The doubt about an event function replaces it where it is larger.
+    Whatever `factor` says, a rejected step becomes shorter by a tenth at least, no step is longer than
+    `dtmax`, and one that would have to be shorter than `dtmin` ends the run with
+    `RESULTS.dt_min_reached`.
+
+    A rule of one's own, here one that halves and doubles:
+
+    ```python
+    class Doubling(stickslip.AbstractAdaptiveStep):
+        rtol: float = 1e-9
+        atol: float | None = None
+        dtmax: float | None = None
+        dtmin: float = 0.0
+        remembers: ClassVar = False
+
+        def initial(self, y, dy, scale):
+            return jnp.asarray(1e-3)
+
+        def factor(self, error, previous, order):
+            return jnp.where(error > 1.0, 0.5, jnp.where(error < 2.0**-order, 2.0, 1.0))
+    ```
+    """
+
+    rtol: eqx.AbstractVar[Any]
+    atol: eqx.AbstractVar[Any]  # as in `AdaptiveStep`
+    dtmax: eqx.AbstractVar[Any]  # [s]; None: as in `AdaptiveStep`
+    dtmin: eqx.AbstractVar[Any]  # [s]
+    remembers: eqx.AbstractVar[bool]  # whether `factor` depends on the error before the last
+
+    adaptive: ClassVar = True
+
+    @abc.abstractmethod
+    def factor(self, error: Any, previous: Any, order: int) -> Any:
+        """Ratio of the next step to this one.
+
+        `error`: scaled error of this step; `previous`: that of the last accepted one, 1 for a step that
+        is tried again; `order`: order of the method.
+        """
 
 
 class FixedStep(AbstractStepSize):
@@ -45,7 +97,7 @@ class FixedStep(AbstractStepSize):
         return jnp.asarray(self.h, jnp.float64)
 
 
-class AdaptiveStep(AbstractStepSize):
+class AdaptiveStep(AbstractAdaptiveStep):
     r"""Steps such that the local error estimate stays below `atol + rtol |y|` in every component.
 
     `atol` is a number, a mapping from names of components or from units (`{"m": 1e-12, "m/s": 1e-9}`),
@@ -80,7 +132,9 @@ class AdaptiveStep(AbstractStepSize):
     factor_min: float = eqx.field(static=True, default=0.2)
     factor_max: float = eqx.field(static=True, default=10.0)
 
-    adaptive: ClassVar = True
+    @property
+    def remembers(self) -> bool:
+        return self.pcoeff != 0.0
 
     def __check_init__(self):
         one_number("rtol", self.rtol, "positive")

@@ -13,23 +13,33 @@ from jaxtyping import PyTree
 
 from . import _rolled, _tableau
 from ._alone import alone_or_batched
-from ._execute import Executor
 from ._tree import combine, weighted
+from ._xla import Executor
 
 ROOT_TOLERANCE = 1e-12  # of the stage equations of implicit methods
 VectorField = Callable[[Any, PyTree], PyTree]
 
 
 class AbstractStepper(eqx.Module):
-    """One step of length `h` from `(t, y)`, whose slope `dy = f(t, y)` is known."""
+    """A one-step method, for `Integrator(method=...)`.
+
+    An explicit Runge-Kutta method needs no class of its own: `Integrator` takes its `Tableau`. Any
+    other method states `step`, `order` and `has_error_estimate`.
+    """
 
     @abc.abstractmethod
     def step(
         self, field: VectorField, t: Any, y: PyTree, dy: PyTree, h: Any, execute: Executor
     ) -> tuple[PyTree, PyTree, tuple[PyTree, ...]]:
-        """`(y1, dy1, error estimates)` at the end of the step; `dy1 = f(t + h, y1)`."""
+        """The step of length `h` from `(t, y)`, whose slope `dy = field(t, y)` is known.
 
-    @abc.abstractmethod
+        Returns `(y1, dy1, errors)`: the state at the end, its slope `field(t + h, y1)`, and error
+        estimates of the form of `y` (none, one, or two as in `Tableau`). `h` is zero in the first
+        attempt after an event, where `y1 = y` and only the slope counts. The function is pure and is
+        differentiated by JAX by all but `h`. A step that fails returns NaN, and is tried again shorter.
+        `execute` says how the program is compiled; a method may ignore it.
+        """
+
     def vjp(
         self, field: Callable, theta: PyTree, t: Any, y: PyTree, dy: PyTree, h: Any,
         end: Callable, execute: Executor,
@@ -37,8 +47,16 @@ class AbstractStepper(eqx.Module):
         """Cotangents `(theta, t, y, dy)` of one step; `field(theta, t, y)` is the vector field.
 
         `end(y1, dy1)` gives the cotangents of `(y1, dy1)` and anything else, which is handed through
-        as the first result.
+        as the first result. The default is the transpose of `step` by `jax.vjp`.
         """
+
+        def run(theta, t, y, dy):
+            y1, dy1, _ = self.step(lambda t, y: field(theta, t, y), t, y, dy, h, execute)
+            return y1, dy1
+
+        out, pull = jax.vjp(run, theta, t, y, dy)
+        cotangents, extra = end(*out)
+        return extra, pull(cotangents)
 
     @abc.abstractmethod
     def order(self) -> int:
@@ -162,15 +180,6 @@ class DiffraxStepper(AbstractStepper):
         )
         errors = () if error is None else (error,)
         return y1, field(t + h, y1), errors
-
-    def vjp(self, field, theta, t, y, dy, h, end, execute):
-        def run(theta, t, y, dy):
-            y1, dy1, _ = self.step(lambda t, y: field(theta, t, y), t, y, dy, h, execute)
-            return y1, dy1
-
-        out, pull = jax.vjp(run, theta, t, y, dy)
-        cotangents, extra = end(*out)
-        return extra, pull(cotangents)
 
 
 def as_stepper(method: Any) -> AbstractStepper:

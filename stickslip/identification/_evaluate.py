@@ -8,7 +8,7 @@ import jax.core
 from jaxtyping import Array, Float
 
 from .._compiled_once import compiled_once
-from ..hybrid._execute import traced
+from ..hybrid._xla import traced
 from ._unknowns import Values, from_logs
 
 Evaluation = Callable[[Float[Array, " unknown"]], tuple[Array, Array]]

@@ -19,7 +19,7 @@ from .._validation import (
     misshaped,
     refusal,
 )
-from ..hybrid._execute import FUSED, PORTABLE, use_executor
+from ..hybrid._xla import FUSED, PORTABLE, use_executor
 from ._canary import fused_is_trusted, wished_executor
 from ._programs import compiled
 

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import pytest
 
 import stickslip as ss
-from stickslip.hybrid import _attempt, _first, _locate
+from stickslip.hybrid import _attempt, _event_decision, _locate
 from tests.stickslip.hybrid._systems import State, StickSlip, stick_slip_motion
 
 V = 0.2
@@ -48,12 +48,12 @@ def test_without_a_fault():
 def test_no_saltation(monkeypatch):
     """The event time is not differentiated: the value stays, the derivative does not."""
 
-    real = _first.newton
+    real = _attempt.event_delay
 
-    def newton(code, first, h):
-        return jax.lax.stop_gradient(real(code, first, h))
+    def event_delay(*operands):
+        return jax.lax.stop_gradient(real(*operands))
 
-    monkeypatch.setattr(_attempt, "newton", newton)
+    monkeypatch.setattr(_attempt, "event_delay", event_delay)
     x, slope, _ = errors()
     assert x < 1e-8
     assert slope > 1.0
@@ -62,7 +62,7 @@ def test_no_saltation(monkeypatch):
 def test_event_by_linear_interpolation(monkeypatch):
     """The first attempt past the guard is accepted after one linear correction."""
     monkeypatch.setattr(_locate, "TOLERANCE", 1e3)
-    monkeypatch.setattr(_first, "REACH", 1e3)
+    monkeypatch.setattr(_event_decision, "REACH", 1e3)
     _, _, time = errors()
     assert time > 1e-5
 
@@ -96,7 +96,7 @@ def test_kinetic_instead_of_static_threshold():
 @pytest.mark.parametrize("part", ["value", "rate"])
 def test_a_guard_evaluated_with_the_wrong_sign(monkeypatch, part):
     """Wrong values make another motion; with wrong rates every event looks like grazing."""
-    real = _first.lowest
+    real = _event_decision.lowest
 
     def lowest(*operands):
         first = real(*operands)

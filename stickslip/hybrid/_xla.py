@@ -1,7 +1,14 @@
-"""How the integrator's inner loop is handed to XLA: portable, or fused into one compiled call."""
+"""How the engine is handed to XLA: portable, or fused into one compiled call. All of it is here.
+
+The parts of an attempt are marked where they are defined: `piece` for those that are differentiated,
+`bookkeeping` for those that are not. In a fused program each is a call that the compiler keeps, so that
+it is computed once, and yields few numbers, because what several results of one call share is computed
+for each. In a portable program the marks do nothing.
+"""
 
 import contextlib
 import contextvars
+import functools
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
@@ -73,6 +80,31 @@ class Executor(eqx.Module, metaclass=CheckedModule):
         # and that of `_whole` keep it from making one: by moving a constant into the call, or by
         # dropping what the loop carries when its last value is not wanted.
         return piece(jax.tree.leaves(operands), _LOOP, jax.lax.optimization_barrier)
+
+
+def piece(function: Callable) -> Callable:
+    """Mark `function(plan, *operands, **held)` as a part of an attempt that is computed once.
+
+    `operands` are pytrees of arrays. What is `held`, such as the system with its arguments, may hold
+    anything.
+    """
+
+    @functools.wraps(function)
+    def call(plan: Any, *operands: Any, **held: Any) -> Any:
+        return plan.execute.boundary(functools.partial(function, plan, **held), *operands)
+
+    return call
+
+
+def bookkeeping(function: Callable) -> Callable:
+    """The same for a part that nothing is differentiated through: gradients end at its operands."""
+
+    @functools.wraps(function)
+    def call(plan: Any, *operands: Any, **held: Any) -> Any:
+        operands = jax.lax.stop_gradient(operands)
+        return plan.execute.boundary(functools.partial(function, plan, **held), *operands)
+
+    return call
 
 
 class _Piece:

@@ -1,0 +1,154 @@
+"""What is kept of an attempt beside the motion: counters, flags and the result code."""
+
+from typing import Any
+
+import jax.numpy as jnp
+
+from . import _locate
+from ._control import rounding
+from ._event_decision import First
+from ._events import Values
+from ._lane import (
+    COLLAPSED,
+    EVENT,
+    HOLD,
+    PLAIN,
+    REFRESH,
+    REJECT,
+    SECTION,
+    VIOLATED,
+    Lane,
+    Plan,
+    accepted,
+    is_event,
+    moved_on,
+)
+from ._status import CODE, COINCIDENT, EVENT_AT_START, GRAZING, RUNNING
+from ._xla import bookkeeping
+
+_STATUS = {name: float(number) for name, number in CODE.items()}
+MAX_ZERO_LENGTH = 16  # events without time passing before the lane is called chattering
+
+
+@bookkeeping
+def crossed_sections(plan: Plan, code: Any, lane: Lane, values: Values, *, meets: bool) -> tuple:
+    """Which sections this attempt crosses.
+
+    `meets`: whether it may land on a terminal one, or jump over it at an event; else it crosses none
+    of those.
+    """
+    functions, crossed = plan.functions, ()
+    full = jnp.where(lane.bracket.tries == 0, lane.h, lane.full)
+    for i in range(functions.num_guards, functions.count):
+        sign = functions.sign(i, lane.values[i])
+        value, value0 = sign * values.value[i], sign * lane.values[i]
+        beyond = value <= 0
+        if functions.acts(i):
+            if not meets:
+                crossed = (*crossed, jnp.zeros_like(beyond))
+                continue
+            rate = values.rate[i]
+            if rate is None:
+                slope = (value - value0) / jnp.where(lane.h > 0, lane.h, 1.0)
+            else:
+                slope = sign * rate
+            near = jnp.abs(value) <= -slope * _locate.TOLERANCE_SECTION * full
+            beyond = beyond | (near & (code >= SECTION))
+        crossed = (*crossed, accepted(code) & (value0 > 0) & beyond)
+    return crossed
+
+
+@bookkeeping
+def accounts(
+    plan: Plan, code: Any, lane: Lane, h: Any, t: Any, mode: Any, first: First | None, fired: tuple,
+    next_output: Any, h_next: Any, t1: Any, outputs: Any, *, judged: bool,
+) -> dict[str, Any]:  # fmt: skip
+    """Counters, flags and the result code, by the names of the fields of `Lane`.
+
+    `first` is None where no event function interferes, `judged` if no lane is rejected: what cannot
+    have changed then is not there.
+    """
+    attempts = lane.attempts + jnp.where(code == HOLD, 0.0, 1.0)
+    finished = accepted(code) & ~is_event(code) if first is not None else accepted(code)
+    finished = finished & (t1 - t <= rounding(t, t1))
+    if plan.has_outputs:
+        finished = finished & (next_output >= outputs.shape[0])
+    kept = dict(
+        attempts=attempts,
+        accepted=lane.accepted + jnp.where(accepted(code) & (code != REFRESH), 1.0, 0.0),
+    )
+
+    # Later lines take precedence.
+    status = jnp.full_like(code, float(RUNNING))
+    status = jnp.where(attempts >= plan.max_steps, _STATUS["max_steps_reached"], status)
+    if first is not None:
+        kept |= _of_events(plan, code, lane, h, t, mode, first)
+        if plan.max_events is not None:
+            status = jnp.where(kept["events"] > plan.max_events, _STATUS["max_events_reached"], status)
+    elif plan.functions.num_guards:
+        kept["zero_events"] = jnp.where(accepted(code) & ~_short(h, t), 0.0, lane.zero_events)
+    kept["crossings"], status = _counted(plan, lane.crossings, fired, status)
+    if first is not None:
+        if plan.functions.num_guards:
+            chatters = kept["zero_events"] > MAX_ZERO_LENGTH
+            status = jnp.where(chatters, _STATUS["chattering"], status)
+        status = jnp.where(mode < 0, _STATUS["no_admissible_mode"], status)
+    if not judged:
+        status = _exhausted(plan, code, h_next, t, t1, status)
+    status = jnp.where(finished, _STATUS["successful"], status)
+    if first is not None:
+        for met, section in zip(fired, plan.functions.sections, strict=True):
+            if section.terminal:
+                status = jnp.where(met, _STATUS["event_occurred"], status)
+    return kept | dict(status=jnp.where(code == HOLD, lane.status, status))
+
+
+def _of_events(plan: Plan, code, lane: Lane, h, t, mode, first: First) -> dict[str, Any]:
+    """Counters and flags that only events change."""
+    event, moved = is_event(code), moved_on(code)
+    kept = dict(
+        fresh=jnp.where(event, 0.0, jnp.where(moved, 1.0, lane.fresh)),
+        events=lane.events + jnp.where(event, 1.0, 0.0),
+    )
+    if not plan.functions.num_guards:
+        return kept
+    short = _short(h, t)
+    zero_events = jnp.where(event & short, lane.zero_events + 1.0, lane.zero_events)
+    zero_events = jnp.where((event | (code == PLAIN)) & ~short, 0.0, zero_events)
+    # The slope of a crossing that is only just one is not known: it is the root of its depth.
+    bend = jnp.abs(first.rate - first.rate_start)
+    grazes = (lane.h > 0) & (first.rate**2 * lane.h < 2.0 * bend * plan.touching)
+    grazes = (code == COLLAPSED) | ((code == EVENT) & grazes)
+    flags = lane.flags | jnp.where(grazes, GRAZING, 0)
+    # An attempt of length zero compares the guards of two modes.
+    flags = flags | jnp.where(moved & (code != REFRESH), first.marks, 0)
+    flags = flags | jnp.where(event & (first.close > 1), COINCIDENT, 0)
+    flags = flags | jnp.where(code == VIOLATED, EVENT_AT_START, 0)
+    letter = (first.index * 64 + mode + 1).astype(jnp.uint32)
+    sequence = jnp.where(event, lane.sequence * jnp.uint32(1000003) + letter, lane.sequence)
+    return kept | dict(zero_events=zero_events, flags=flags, sequence=sequence)
+
+
+def _counted(plan: Plan, crossings, fired, status):
+    """Crossings so far, and the result code where one section has more than there is room for."""
+    crossings = tuple(c + jnp.where(f, 1.0, 0.0) for c, f in zip(crossings, fired, strict=True))
+    for count, section in zip(crossings, plan.functions.sections, strict=True):
+        if not section.terminal:
+            full = count > plan.max_crossings
+            status = jnp.where(full, _STATUS["max_crossings_reached"], status)
+    return crossings, status
+
+
+def _short(h, t):
+    """A Zeno sequence ends in hops that are lost in the rounding of the time."""
+    return h <= 4e-16 * jnp.maximum(jnp.abs(t), 1e-300)
+
+
+def _exhausted(plan: Plan, code, h_next, t, t1, status):
+    """Result code where a rejected step cannot be made shorter."""
+    if not plan.step_size.adaptive:
+        return jnp.where(code == REJECT, _STATUS["nonfinite"], status)
+    rule: Any = plan.step_size
+    shortest = jnp.maximum(rule.dtmin, rounding(t, t1))
+    spent = (code == REJECT) & (h_next <= shortest)
+    return jnp.where(spent, _STATUS["dt_min_reached"], status)

@@ -1,0 +1,182 @@
+"""Which event function comes first, and what that makes of the attempt."""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from . import _locate
+from ._events import FAR, SLACK, EventFunctions, Values
+from ._lane import (
+    COLLAPSED,
+    DIP,
+    EVENT,
+    HOLD,
+    PLAIN,
+    REFRESH,
+    REJECT,
+    SECTION,
+    SHRINK,
+    VIOLATED,
+    Lane,
+    Plan,
+)
+from ._locate import Bracket
+from ._status import DISCONTINUOUS, GRAZING, RUNNING, flag
+from ._step import Step
+from ._tree import all_finite
+from ._xla import bookkeeping, piece
+
+REACH = 1e-3  # part of the step to an event that the Newton correction may be
+COINCIDENCE = 1e-9  # fraction of a full step within which two guards fire "at the same instant"
+
+
+class First(NamedTuple):
+    """The lowest of all event functions that act, turned so that its crossing is a fall."""
+
+    index: Any
+    value: Any
+    rate: Any  # 0 where no exact rate is known
+    value_start: Any
+    rate_start: Any
+    exact: Any  # 1 if the rate is known exactly; not kept up to date where all are
+    close: Any  # number of guards within rounding of zero
+    h_dip: Any  # where a function may have gone, or was seen, through zero and back; 0 if none
+    marks: Any  # flags of a step in which nothing fires: a guard nearly touched, something jumped
+
+
+def _no_event(lane: Lane) -> First:
+    zero, izero = jnp.zeros_like(lane.h), jnp.zeros_like(lane.mode)
+    return First(izero, zero + FAR, zero, zero + FAR, zero, izero + 1, izero, zero, izero)
+
+
+@piece
+def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> First:
+    """The event function with the lowest scaled value, its sign chosen so that it crosses downwards.
+
+    `h_seen`: where a function was seen beyond zero inside the step (0: nowhere); `jumps`: whether one
+    jumps in it.
+    """
+    functions, sg = plan.functions, jax.lax.stop_gradient
+    best = _no_event(lane)._replace(h_dip=h_seen, marks=flag(jumps, DISCONTINUOUS))
+    full = jnp.where(lane.bracket.tries == 0, lane.h, lane.full)
+    for i in range(functions.count):
+        is_guard, known = i < functions.num_guards, values.rate[i] is not None
+        acts = functions.acts(i)
+        if not acts and not plan.looks_into(i):
+            continue
+        start_value = lane.values[i]
+        if is_guard and functions.directions[i] == "both":
+            start_value = jnp.where(start_value == 0, sg(values.value[i]), start_value)
+        # Of a section both halves of a short excursion count, whichever side it starts on.
+        sign = functions.sign(i, start_value) if acts else jnp.sign(start_value)
+        value, value0 = sign * values.value[i], sign * start_value
+        rate = sg(sign * values.rate[i]) if known else jnp.zeros_like(lane.h)
+        rate0 = sign * lane.rates[i] if known else jnp.zeros_like(lane.h)
+        h_dip, close, exact = best.h_dip, best.close, best.exact
+        if plan.looks_into(i):
+            dips, place = _locate.dip(value0, rate0, sg(value), rate, lane.h)
+            h_dip = jnp.where(dips & ((h_dip == 0) | (place < h_dip)), place, h_dip)
+        if not acts:
+            best = best._replace(h_dip=h_dip)
+            continue
+        marks = best.marks
+        if is_guard:
+            touched = (rate0 < 0) & (rate > 0) & (jnp.minimum(value0, sg(value)) < plan.touching)
+            marks = marks | flag(touched, GRAZING)
+        if is_guard and functions.num_guards > 1:
+            near = jnp.abs(sg(value)) <= -rate * COINCIDENCE * full
+            close = close + jnp.where(near, 1, 0)
+        found = (value, rate, value0, rate0)
+        if i == 0 and is_guard:
+            best = First(best.index, *found, exact, close, h_dip, marks)
+            continue
+        lower = sg(value) < sg(best.value)
+        if not is_guard:
+            lower = lower & (value0 > 0)
+        if not all(functions.exact_rate):
+            exact = jnp.where(lower, int(known), exact)
+        chosen = [jnp.where(lower, new, old) for new, old in zip(found, best[1:5], strict=True)]
+        best = First._make([jnp.where(lower, i, best.index), *chosen, exact, close, h_dip, marks])
+    return best
+
+
+def _is_guard(functions: EventFunctions, first: First):
+    n = functions.num_guards
+    if n == 0:
+        return first.index < 0
+    if n == functions.count:
+        return first.index >= 0
+    return first.index < n
+
+
+@bookkeeping
+def decide(plan: Plan, lane: Lane, step: Step, first: First | None) -> Any:
+    """Code of the attempt; later lines take precedence. `first` is None without event functions."""
+    # The first attempt in a mode has length zero and computes the slope.
+    knows_slope = lane.attempts > 0 if first is None else lane.fresh == 1.0
+    code = jnp.where(knows_slope, PLAIN, REFRESH)
+    if first is not None:
+        code = _what_fires(plan, lane, step.h, first, code)
+    bad = ~all_finite((step.y1, step.dy1))
+    if plan.step_size.adaptive:
+        inaccurate = ~(step.error <= 1.0)
+        if first is not None:
+            inaccurate = inaccurate & (lane.bracket.tries == 0) & knows_slope
+        bad = bad | inaccurate
+    code = jnp.where(bad, REJECT, code)
+    return jnp.where(lane.status == RUNNING, code, HOLD)
+
+
+def _what_fires(plan: Plan, lane: Lane, h: Any, first: First, code: Any) -> Any:
+    functions, b = plan.functions, lane.bracket
+    free, fresh = b.tries == 0, lane.fresh == 1.0
+    is_guard = _is_guard(functions, first)
+    rate = first.rate
+    if not all(functions.exact_rate):
+        # Secant through the other end of the bracket where the exact rate is unknown.
+        high = (first.value > 0) & ~free
+        other_h = jnp.where(free, 0.0, jnp.where(high, b.high, b.low))
+        low_value = jnp.where(free, first.value_start, b.value_low)
+        other = jnp.where(high, b.value_high, low_value)
+        span = h - other_h
+        secant = (first.value - other) / jnp.where(span == 0, 1.0, span)
+        rate = jnp.where(first.exact == 1, rate, secant)
+    tolerance = jnp.where(is_guard, _locate.TOLERANCE, _locate.TOLERANCE_SECTION)
+    full = jnp.where(free, h, lane.full)
+    # The correction must be small against the step that led here too: a hop may be tiny.
+    reach = jnp.where(h == 0, tolerance * full, jnp.minimum(tolerance * full, REACH * h))
+    near = jnp.abs(first.value) <= -rate * reach
+    hit = first.value < jnp.where(is_guard, -SLACK, 1e-300)
+    # A jump through zero ends on its far side, where the new mode is what it will be.
+    collapsed = _locate.is_collapsed(b, lane.t) & (first.value < 0)
+    shrink = fresh & (hit | ~free)
+    code = jnp.where(fresh & (first.h_dip > 0) & free, DIP, code)
+    code = jnp.where(shrink, SHRINK, code)
+    code = jnp.where(shrink & collapsed & ~free, jnp.where(is_guard, COLLAPSED, SECTION), code)
+    code = jnp.where(shrink & near, jnp.where(is_guard, EVENT, SECTION), code)
+    return jnp.where(~fresh & hit & is_guard, VIOLATED, code)
+
+
+def searched(plan: Plan, lane: Lane, code: Any, h: Any, first: First) -> tuple[Bracket, Any, Any]:
+    """Bracket around the event after the attempt, length of the one that opened it, where to look."""
+    bracket = _bracket(plan, lane.bracket, code, h, first)
+    full = _full(plan, lane.bracket, h, lane.full)
+    return bracket, full, _proposed(plan, bracket, full, lane.t)
+
+
+@bookkeeping
+def _bracket(plan: Plan, bracket: Bracket, code, h, first: First) -> Bracket:
+    return _locate.update(
+        bracket, code == SHRINK, h, first.value, first.rate, first.value_start, first.rate_start
+    )
+
+
+@bookkeeping
+def _full(plan: Plan, bracket: Bracket, h, full):
+    return jnp.where(bracket.tries == 0, h, full)
+
+
+@bookkeeping
+def _proposed(plan: Plan, bracket: Bracket, full, t):
+    return _locate.propose(bracket, full, t)

@@ -1,0 +1,127 @@
+"""A Runge-Kutta step that is not yet accepted: its end, its error, and the event functions there."""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import PyTree
+
+from ._doubt import doubt, first_below, look_inside
+from ._events import Values, divided
+from ._lane import Lane, Plan, without_state
+from ._status import DISCONTINUOUS, RUNNING, flag
+from ._tolerance import Ends, error_norm, grown, scales
+from ._xla import bookkeeping, piece
+
+# A step this much shorter than those before it, accepted only because its error is small now, holds a
+# jump of the field: what is smooth is resolved long before.
+SUDDEN = 1e-5
+FORGETS = 0.95  # part of the longest step that is remembered after one more
+
+
+class Step(NamedTuple):
+    """A step of length `h` from the lane's state, and what was seen of the event functions."""
+
+    h: Any
+    y1: PyTree
+    dy1: PyTree
+    error: Any  # scaled error of the state, or the doubt about an event function where it is larger
+    values: Values  # event functions at the end, by the magnitudes of the guards at the start
+    kept: Values  # the same by the magnitudes at the end
+    h_seen: Any  # where an event function was seen beyond zero inside the step; 0 if nowhere
+    jumps: Any  # whether an event function jumps inside it
+
+
+def take(plan: Plan, theta: PyTree, lane: Lane) -> tuple[Lane, Step]:
+    """The step, and the lane with what follows the size of the motion brought up to date."""
+    system, args = theta
+    h = jax.lax.stop_gradient(lane.h)
+    if plan.follows_size:
+        lane = lane._replace(size=_followed(plan, lane.size, lane.y))
+
+    def field(t, y):
+        return system.vector_field(t, y, lane.mode, args)
+
+    y1, dy1, errors = plan.stepper.step(field, lane.t, lane.y, lane.dy, h, plan.execute)
+    error = lane.error
+    if plan.step_size.adaptive:
+        error = _scaled_error(plan, errors, plan.noise, lane.size, Ends(h, lane.y, y1, lane.dy, dy1))
+        if plan.watches_jumps:
+            peak, flags = _sudden(plan, without_state(lane), error)
+            lane = lane._replace(peak=peak, flags=flags)
+    kept = values = Values((), ())
+    h_seen, jumps = jnp.zeros_like(h), jnp.zeros_like(h) > 0
+    if plan.functions.count:
+        kept = values = _look(plan, lane.mode, lane.t + h, y1, dy1, lane.size, theta=theta)
+        if plan.functions.learned:
+            values, kept = _rescaled(plan, lane.fresh, jax.lax.stop_gradient(lane.scales), values)
+    if plan.looks_inside:
+        inside = _look_inside(plan, lane, h, y1, dy1, theta=theta)
+        h_seen = _first_below(plan, without_state(lane), inside, h)
+        if plan.step_size.adaptive:
+            doubts, jumps = _doubt(plan, without_state(lane), h, values, inside)
+            # Squared, because it falls with the fourth power of the step and the error with the eighth.
+            error = jnp.maximum(error, doubts**2)
+    return lane, Step(h, y1, dy1, error, values, kept, h_seen, jumps)
+
+
+@bookkeeping
+def _followed(plan: Plan, size, y):
+    return grown(size, y)
+
+
+@bookkeeping
+def _scaled_error(plan: Plan, errors, noise, size, ends: Ends):
+    return error_norm(errors, scales(plan.step_size, plan.atols, noise, size, ends))
+
+
+@bookkeeping
+def _sudden(plan: Plan, lane: Lane, error):
+    """Longest of the last steps, and the flag of one that had to become short all at once.
+
+    A field that jumps inside a step has an error in proportion to the length, whatever the order of
+    the method: attempts collapse onto the jump until it no longer matters. The motion is right, but
+    its derivative by the time of the jump is lost.
+    """
+    fits = (lane.status == RUNNING) & (lane.h > 0) & (lane.bracket.tries == 0) & (error <= 1.0)
+    jumps = fits & (lane.h < SUDDEN * lane.peak) & (error > 1e-3)
+    peak = jnp.where(fits, jnp.maximum(lane.h, FORGETS * lane.peak), lane.peak)
+    return peak, lane.flags | flag(jumps, DISCONTINUOUS)
+
+
+@piece
+def _look(plan: Plan, mode, t, y, dy, size, *, theta) -> Values:
+    system, args = theta
+    size = grown(size, jax.lax.stop_gradient(y)) if plan.functions.learned else None
+    return plan.functions.evaluate(system, t, y, dy, mode, args, size)
+
+
+@bookkeeping
+def _look_inside(plan: Plan, lane: Lane, h, y1, dy1, *, theta):
+    system, args = theta
+    return look_inside(plan.functions, system, lane, lane.t, h, y1, dy1, args, lane.scales)
+
+
+@bookkeeping
+def _first_below(plan: Plan, lane: Lane, inside, h):
+    return first_below(plan.functions, lane, inside, h)
+
+
+@bookkeeping
+def _doubt(plan: Plan, lane: Lane, h, values: Values, inside):
+    return doubt(plan, lane, h, values, inside)
+
+
+@piece
+def _rescaled(plan: Plan, fresh, scales: tuple, values: Values) -> tuple[Values, Values]:
+    """Values over the magnitudes at the start of the step, and over those at its end to go on with.
+
+    Inside a step and while an event is located the magnitudes hold still. Those of another mode, which
+    a lane has right after an event, are replaced at once.
+    """
+    used = tuple(jnp.where(fresh == 1.0, s, v) for s, v in zip(scales, values.scale, strict=True))
+
+    def over(scales):
+        return Values(divided(values.value, scales), divided(values.rate, scales), values.scale)
+
+    return over(used), over(values.scale)

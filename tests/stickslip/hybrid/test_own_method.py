@@ -1,0 +1,109 @@
+"""A step-size rule, a tableau and a method written with the public names alone."""
+
+from typing import Any, ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import stickslip as ss
+from stickslip.systems import CoulombOscillator, Motion
+
+V = 0.2
+EXACT, SLOPE = 0.6584367552929, 16.2232182593  # x(30) and its derivative, in closed form
+
+
+def end(integrator, v=V):
+    block = CoulombOscillator(1.0, 1.0, 1.0, 0.5, v)
+    return ss.simulate(block, 0.0, 30.0, Motion(x=0.0, v=v), "stick", integrator=integrator)
+
+
+class Doubling(ss.AbstractAdaptiveStep):
+    rtol: float = 1e-10
+    atol: Any = None
+    dtmax: Any = None
+    dtmin: float = 0.0
+    remembers: ClassVar = False
+
+    def initial(self, y, dy, scale):
+        return jnp.asarray(1e-3)
+
+    def factor(self, error, previous, order):
+        return jnp.where(error > 1.0, 0.5, jnp.where(error < 2.0**-order, 2.0, 1.0))
+
+
+class Kutta38(ss.AbstractStepper):
+    """The 3/8 rule."""
+
+    def order(self):
+        return 4
+
+    def has_error_estimate(self):
+        return False
+
+    def step(self, field, t, y, dy, h, execute):
+        def along(weights, *slopes):
+            move = lambda y, *k: y + h * sum(w * s for w, s in zip(weights, k, strict=True))  # noqa: E731
+            return jax.tree.map(move, y, *slopes)
+
+        k2 = field(t + h / 3, along((1 / 3,), dy))
+        k3 = field(t + 2 * h / 3, along((-1 / 3, 1.0), dy, k2))
+        k4 = field(t + h, along((1.0, -1.0, 1.0), dy, k2, k3))
+        y1 = along((1 / 8, 3 / 8, 3 / 8, 1 / 8), dy, k2, k3, k4)
+        return y1, field(t + h, y1), ()
+
+
+HEUN = ss.Tableau(
+    "Heun", 3, [[0, 0, 0], [1 / 3, 0, 0], [0, 2 / 3, 0]], [1 / 4, 0, 3 / 4], [0, 1 / 3, 2 / 3]
+)
+BOGACKI = ss.Tableau(
+    "Bogacki-Shampine", 3, [[0, 0, 0], [1 / 2, 0, 0], [0, 3 / 4, 0]], [2 / 9, 1 / 3, 4 / 9],
+    [0, 1 / 2, 3 / 4], [[2 / 9 - 7 / 24, 1 / 3 - 1 / 4, 4 / 9 - 1 / 3, -1 / 8]],
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("integrator", "error"),
+    [
+        (ss.Integrator(step=Doubling()), 1e-9),
+        (ss.Integrator(BOGACKI, ss.AdaptiveStep(1e-9)), 1e-6),
+        (ss.Integrator(BOGACKI, Doubling(1e-9)), 1e-6),
+        (ss.Integrator(HEUN, ss.FixedStep(0.01)), 1e-6),
+        (ss.Integrator(Kutta38(), ss.FixedStep(0.01)), 1e-8),
+    ],
+)
+def test_motion_and_derivatives(integrator, error):
+    run = end(integrator)
+    assert bool(run.successful)
+    assert int(run.num_events) == 6
+    np.testing.assert_allclose(run.y1.x, EXACT, atol=error)
+    for slope in (jax.jacfwd, jax.grad):
+        np.testing.assert_allclose(slope(lambda v: end(integrator, v).y1.x)(V), SLOPE, atol=100 * error)
+
+
+@pytest.mark.parametrize(("method", "order"), [(HEUN, 3), (Kutta38(), 4), (BOGACKI, 3)])
+def test_order_of_convergence(method, order):
+    def error(h):
+        integrator = ss.Integrator(method, ss.FixedStep(h), max_steps=10_000)
+        return abs(float(end(integrator).y1.x) - EXACT)
+
+    assert np.log2(error(0.1) / error(0.05)) == pytest.approx(order, abs=0.4)
+
+
+@pytest.mark.parametrize(
+    ("change", "name"),
+    [
+        (dict(a=[[0, 0], [0.5, 0.1]]), "a"),
+        (dict(a=[[0, 0]]), "a"),
+        (dict(b=[0.5, 0.6]), "b"),
+        (dict(c=[0.0, 0.4]), "c"),
+        (dict(error_weights=[[1.0, 0.0]]), "error_weights"),
+        (dict(order=0), "order"),
+    ],
+)
+def test_a_wrong_tableau_is_refused(change, name):
+    right = dict(name="midpoint", order=2, a=[[0, 0], [0.5, 0]], b=[0, 1.0], c=[0, 0.5])
+    ss.Tableau(**right)
+    with pytest.raises(ValueError, match=rf"^{name}"):
+        ss.Tableau(**right | change)
