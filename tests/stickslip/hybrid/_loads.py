@@ -119,8 +119,8 @@ def march(load: Load, number: int):
     """x at the end and the number of starts and stops, by `number` steps and some that end at jumps.
 
     Within a step the load is the parabola through its beginning, middle and end, the speed and the
-    way its integrals, and at most one event is looked for, by the sign at the ends; what is left of
-    the step is gone in the mode that follows.
+    way are its integrals, and up to two events are looked for, one after the other, by the sign at the
+    end of what is left of the step.
     """
     edges = jnp.linspace(0.0, END, number + 1)
     edges = jnp.sort(jnp.concatenate([edges, jnp.clip(load.breaks, 0.0, END)]))
@@ -128,17 +128,16 @@ def march(load: Load, number: int):
     def starts(force):
         return jnp.where(force > 1.0, 1.0, jnp.where(force < -1.0, -1.0, 0.0))
 
-    def root(function, slope):
-        """Where in (0, 1) a function that changes its sign there is zero."""
-        begin, end = function(0.0), function(1.0)
-        s = begin / jnp.where(begin == end, 1.0, begin - end)
+    def root(function, slope, low):
+        """Where between `low` and 1 a function that changes its sign there is zero."""
+        begin, end = function(low), function(1.0)
+        s = low + (1.0 - low) * begin / jnp.where(begin == end, 1.0, begin - end)
         for _ in range(4):
             rate = slope(s)
-            s = jnp.clip(s - function(s) / jnp.where(rate == 0.0, 1.0, rate), 0.0, 1.0)
+            s = jnp.clip(s - function(s) / jnp.where(rate == 0.0, 1.0, rate), low, 1.0)
         return s
 
     def step(carry, ends):
-        x, v, sense, events = carry
         begin, end = ends
         h = end - begin
         inside = 1e-9 * h  # the load of this side of a jump
@@ -156,31 +155,36 @@ def march(load: Load, number: int):
             """Integral of what was gained."""
             return h * h * s * s * (f0 / 2 + s * (b / 6 + s * c / 12))
 
+        def until(carry, low, last):
+            """From `low` to the next event, which the `last` part has none of, or to the end."""
+            x, v, sense, events = carry
+            rests, friction = sense == 0.0, 0.5 * sense
+
+            def speed(s):
+                return v + gained(s) - gained(low) - friction * h * (s - low)
+
+            go = starts(f2)
+            loose = root(lambda s: go * force(s) - 1.0, lambda s: go * (b + 2.0 * c * s), low)
+            halt = root(speed, lambda s: h * (force(s) - friction), low)
+            happens = jnp.where(rests, go != 0.0, speed(1.0) * sense < 0.0) & (not last)
+            s = jnp.where(happens, jnp.where(rests, loose, halt), 1.0)
+            left = h * (s - low)
+            way = v * left + gone(s) - gone(low) - gained(low) * left - friction * left**2 / 2
+            return (
+                x + jnp.where(rests, 0.0, way),
+                jnp.where(happens | rests, 0.0, speed(s)),
+                jnp.where(happens, jnp.where(rests, go, starts(force(s))), sense),
+                events + happens.astype(jnp.int32),
+            ), s
+
         # A jump of the load may set a resting block in motion at the beginning of the step.
+        x, v, sense, events = carry
         at_once = jnp.where(sense == 0.0, starts(f0), 0.0)
-        events = events + (at_once != 0.0).astype(jnp.int32)
-        sense = sense + at_once
-        rests = sense == 0.0
-        friction = 0.5 * sense
-
-        def speed(s):
-            return v + gained(s) - friction * h * s
-
-        go = starts(f2)
-        loose = root(lambda s: go * force(s) - 1.0, lambda s: go * (b + 2.0 * c * s))
-        halt = root(speed, lambda s: h * (force(s) - friction))
-        happens = jnp.where(rests, go != 0.0, speed(1.0) * sense < 0.0)
-        s = jnp.where(happens, jnp.where(rests, loose, halt), 1.0)
-        x = x + jnp.where(rests, 0.0, v * h * s + gone(s) - friction * (h * s) ** 2 / 2)
-        v = jnp.where(happens | rests, 0.0, speed(s))
-        sense = jnp.where(happens, jnp.where(rests, go, starts(force(s))), sense)
-        # The rest of the step, from standstill, if there is an event.
-        left = 1.0 - s
-        moves = happens & (sense != 0.0)
-        v = v + jnp.where(moves, gained(1.0) - gained(s) - 0.5 * sense * h * left, 0.0)
-        way = gone(1.0) - gone(s) - gained(s) * h * left - 0.5 * sense * (h * left) ** 2 / 2
-        x = x + jnp.where(moves, way, 0.0)
-        return (x, v, sense, events + happens.astype(jnp.int32)), None
+        carry = x, v, sense + at_once, events + (at_once != 0.0).astype(jnp.int32)
+        low = jnp.zeros(())
+        for last in (False, False, True):
+            carry, low = until(carry, low, last)
+        return carry, None
 
     begin = load(jnp.zeros(()))
     carry = (jnp.zeros(()), jnp.zeros(()), starts(begin), jnp.zeros((), jnp.int32))

@@ -33,7 +33,7 @@ def wrong(x, run, reference, events):
     return off | (np.asarray(run.num_events) != np.asarray(events))
 
 
-MANY = pytest.param(1000, 300_000, marks=pytest.mark.slow)
+MANY = pytest.param(1000, 100_000, marks=pytest.mark.slow)
 
 
 @pytest.mark.parametrize(("number", "steps"), [(60, 60_000), MANY])
