@@ -1,7 +1,6 @@
 """Command line: `python -m experiments --list`, `NAME`, `all`, `demo`, `statements`."""
 
 import argparse
-import contextlib
 import os
 import pathlib
 import sys
@@ -123,17 +122,10 @@ def _keep_compiled() -> None:
 
     In the user's cache: they are run as they are, and a folder of results may come from anybody.
     """
-    import jax
+    if not os.environ.get("JAX_COMPILATION_CACHE_DIR"):
+        from stickslip import enable_compilation_cache
 
-    from stickslip.sweep._cache import cache_directory
-
-    if os.environ.get("JAX_COMPILATION_CACHE_DIR"):
-        return
-    with contextlib.suppress(OSError):
-        folder = cache_directory() / "compiled"
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        jax.config.update("jax_compilation_cache_dir", str(folder))
-        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
+        enable_compilation_cache()
 
 
 if __name__ == "__main__":

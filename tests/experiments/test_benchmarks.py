@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+from experiments.benchmarks import latency
 from experiments.benchmarks._diagram_c import Build, CompilerAbsentError, runner
 from experiments.benchmarks._diagram_job import Job, Points, errors, mild, set_a
 from experiments.benchmarks._diagram_peers import scipy_dop853
@@ -59,3 +60,12 @@ def test_ratios_are_to_the_first_and_scaled_by_the_share():
     text = table("title", rows, ["peer"])
     assert "1.0e-09   1.0e-08" in text
     assert "peer: absent, not measured" in text
+
+
+@pytest.mark.slow
+def test_latency_measures_every_part():
+    lines = latency.main("quick").splitlines()
+    sizes = {line[2:52].strip(): line.split()[-1] for line in lines if line.split()[-1].isdigit()}
+    assert 1_000 < int(sizes["block on belt"]) < 5_400
+    assert sum("import" in line for line in lines) == 4
+    assert any("another process" in line for line in lines)
