@@ -10,7 +10,16 @@ from jaxtyping import Array, Float
 import stickslip as ss
 from stickslip import Integrator, SaveAt
 from stickslip._fastmath import exp, tanh, where
-from stickslip._validation import as_parameter, check_in, check_positive, one_number, whole_number
+from stickslip._looks_at import looks_at, modes, reals, with_components
+from stickslip._validation import (
+    as_parameter,
+    check_in,
+    check_positive,
+    check_type,
+    one_number,
+    refusal,
+    whole_number,
+)
 from stickslip.systems import AbstractMechanicalSystem, WithIntegrals
 
 from ._arguments import the_integrator
@@ -83,6 +92,21 @@ def bristle_friction(v: Any, z: Any, kinetic: Any, static: Any, width: Any, spee
 _LAWS = (tanh_friction, stribeck_friction, bristle_friction)
 
 
+def _of_machine(owner: Any, name: str, value: Any) -> Any:
+    """A state of the machine."""
+    return with_components(name, value, CoreXYState._fields)
+
+
+def _smoothed(owner: Any, name: str, value: Any) -> Any:
+    """A state of the machine with its bristles."""
+    check_type(name, value, SmoothedState, "a SmoothedState, as `state` makes it")
+    bristles = value.bristles
+    if not isinstance(bristles, tuple) or len(bristles) != NUM_CONTACTS:
+        raise refusal(f"{name}.bristles", bristles, f"a tuple of {NUM_CONTACTS} deflections")
+    _of_machine(owner, f"{name}.y", value.y)
+    return value
+
+
 class SmoothedCoreXY(AbstractMechanicalSystem):
     r"""CoreXY with friction that is a function of the sliding speed, or of a bristle's deflection.
 
@@ -126,10 +150,12 @@ class SmoothedCoreXY(AbstractMechanicalSystem):
         given = default if stribeck_speed is None else check_positive("stribeck_speed", stribeck_speed)
         self.stribeck_speed = as_parameter(given)
 
+    @looks_at(y=_of_machine)
     def state(self, y: CoreXYState) -> SmoothedState:
         """The machine's state with all bristles undeflected."""
         return SmoothedState(y, (jnp.zeros(()),) * NUM_CONTACTS)
 
+    @looks_at(s=_smoothed)
     def friction(self, s: SmoothedState) -> Friction:
         """Friction and bristle rates of all contacts, each a tuple."""
         p = self.machine.parameters
@@ -163,13 +189,16 @@ class SmoothedCoreXY(AbstractMechanicalSystem):
     def transition(self, t, y, mode, guard, args):
         return y._replace(y=y.y._replace(piece=y.y.piece + 1.0)), mode
 
+    @looks_at(t=reals, y=_smoothed)
     def initial_mode(self, t, y, args):
         return jnp.zeros((), jnp.int32)
 
+    @looks_at(y=_smoothed)
     def energy(self, y):
         """Kinetic energy [J]; the bristles' energy is counted as friction."""
         return self.machine.energy(y.y)
 
+    @looks_at(t=reals, y=_smoothed, mode=modes)
     def powers(self, t, y, mode, args):
         """As `CoreXY.powers` [W]."""
         names = list(self.machine.powers(t, y.y, jnp.zeros((), jnp.int32), args))

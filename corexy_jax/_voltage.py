@@ -6,9 +6,11 @@ from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, PyTree
 
 from stickslip._fastmath import cos, sin, where
+from stickslip._looks_at import Look, look_at_own, looks_at, one_real, reals
 from stickslip._validation import (
     as_parameter,
     check_callable,
@@ -16,12 +18,33 @@ from stickslip._validation import (
     check_handed_on,
     check_increasing,
     check_positive,
+    is_concrete,
     misshaped,
     one_number,
     one_row,
+    refusal,
 )
 
 NEVER = 1e300  # time of a break that does not come [s]
+
+
+def pieces(owner: Any, name: str, value: Any) -> Any:
+    """Number of a piece, a float without fraction, or an array of them."""
+    value = reals(owner, name, value)
+    if is_concrete(value):
+        array = np.asarray(value)
+        fraction = (np.floor(array) != array) & ~np.isnan(array)
+        if fraction.any():
+            raise refusal(name, array[fraction].flat[0].item(), "the number of a piece, a whole one")
+    return value
+
+
+# What the methods that a voltage defines look at: their arguments in order.
+_LOOKS: dict[str, dict[str, Look]] = {
+    "volts": {"t": reals, "piece": pieces},
+    "piece_of": {"t": reals},
+    "piece_end": {"piece": pieces},
+}
 
 
 class AbstractVoltage(eqx.Module):
@@ -32,6 +55,10 @@ class AbstractVoltage(eqx.Module):
     """
 
     has_breaks: ClassVar[bool] = True
+
+    def __init_subclass__(cls, **kwargs: Any):
+        super().__init_subclass__(**kwargs)
+        look_at_own(cls, _LOOKS)
 
     @abc.abstractmethod
     def volts(self, t: Any, piece: Any) -> tuple[Any, Any]:
@@ -53,6 +80,7 @@ class AbstractVoltage(eqx.Module):
         """
         return jnp.inf if self.has_breaks else None
 
+    @looks_at(t=reals)
     def __call__(self, t: Any) -> tuple[Any, Any]:
         """Voltages [V] at time `t` [s]."""
         t = jnp.asarray(t, jnp.float64)
@@ -141,6 +169,7 @@ class AbstractTable(AbstractVoltage):
     def _row(self, piece):
         return jnp.clip(piece, 0.0, self.times.shape[0] - 1.0).astype(jnp.int32)
 
+    @looks_at(t=one_real)
     def piece_of(self, t):
         after = jnp.sum((self.times <= t).astype(jnp.float64))
         return jnp.maximum(after - 1.0, 0.0)

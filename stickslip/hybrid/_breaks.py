@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
+from .._looks_at import instance, looks_at, reals, time, whole_state
 from .._validation import as_parameter, check_finite, check_increasing, check_type, misshaped
 from ._events import SLACK
 from ._system import AbstractHybridSystem, guard_directions, guard_scales
@@ -22,6 +23,9 @@ class Pieced(NamedTuple):
 
     y: PyTree
     piece: Any
+
+
+_pieced = instance(Pieced, "a Pieced, as `start` makes it")
 
 
 class WithBreaks(AbstractSystemWrapper):
@@ -88,9 +92,11 @@ class WithBreaks(AbstractSystemWrapper):
         """Those of `system`."""
         return {**self.system.units, "piece": "1"}
 
+    @looks_at(y=_pieced)
     def inner(self, y, args):
         return y.y, args
 
+    @looks_at(y=whole_state, t=time)
     def start(self, y: PyTree, t: Any = 0.0) -> Pieced:
         """State at time `t` [s]; a break at `t` itself is past."""
         return Pieced(y, jnp.sum((self.times <= t).astype(jnp.float64)))
@@ -146,5 +152,6 @@ class WithBreaks(AbstractSystemWrapper):
             y, mode = select(violated, after, (y, mode))
         return y, mode
 
+    @looks_at(t=reals, y=_pieced)
     def initial_mode(self, t, y, args):
         return self.system.initial_mode(self._inside(t, y.piece), y.y, args)

@@ -6,6 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from .._looks_at import looks_at, not_negative_number
 from ._sensitivity import Sensitivity
 from ._unknowns import Values
 
@@ -34,6 +35,7 @@ class Fit(eqx.Module):
         r"""$\|r\|^2/(n - p)$ of $n$ residuals and $p$ unknowns; near 1 if the noise is as assumed."""
         return 2.0 * self.cost / (self.residual.shape[-1] - len(self.sensitivity.names))
 
+    @looks_at(threshold=not_negative_number)
     def standard_errors(self, threshold: Any = 1e-7) -> Values:
         """Standard error of every estimate, in its own unit; infinite if the data do not see it."""
         relative = self.sensitivity.standard_errors(threshold)

@@ -5,6 +5,7 @@ from typing import Any, ClassVar
 from jaxtyping import Array, Float
 
 from .._fastmath import where
+from .._looks_at import OBSERVABLE, looks_at, reals, state
 from .._validation import as_parameter, check_finite
 from ..friction import AbstractFrictionLaw
 from ..friction._law import Number
@@ -64,14 +65,17 @@ class AbstractBlockOnSteadyBelt(AbstractBlockOnBelt):
         """
         return cls(**{"V_b": BELT_SPEED, **set_a(k3, changes, cls.set_valued)})
 
+    @looks_at(y=state)
     def belt_velocity(self, y: BlockState) -> Float[Array, "..."]:
         """Velocity of the belt, constant [m/s]."""
         return self.V_b
 
+    @looks_at(y=state)
     def energy(self, y: BlockState) -> Any:
         """Kinetic and potential energy of block and pendulum [J]."""
         return self.kinetic_energy(0.0, y) + self.potential_energy(0.0, y)
 
+    @looks_at(**OBSERVABLE)
     def powers(self, t: Any, y: Any, mode: Any, args: Any) -> dict[str, Any]:
         """Powers into `energy` [W]; friction and dampers are not positive."""
         return {
@@ -107,6 +111,7 @@ class BlockOnBelt(AbstractBlockOnSteadyBelt, AbstractSmoothSystem):
     set_valued: ClassVar = False
     units: ClassVar = {"x": "m", "vx": "m/s", "y": "m", "vy": "m/s"}
 
+    @looks_at(**OBSERVABLE)
     def friction_force(self, t: Any, y: BlockState, mode: Any = 0, args: Any = None) -> Any:
         """Friction force $T_s$ [N] as in (11); the block feels $-T_s$."""
         v = y.vx - self.V_b
@@ -152,6 +157,7 @@ class BlockOnBeltSetValued(AbstractBlockOnSteadyBelt):
     )
     units: ClassVar = {"x": "m", "vx": "m/s", "y": "m", "vy": "m/s"}
 
+    @looks_at(**OBSERVABLE)
     def friction_force(self, t: Any, y: BlockState, mode: Any, args: Any = None) -> Any:
         """Friction force $T_s$ [N] as in (11); the block feels $-T_s$. At rest, what holds it."""
         loads, v = self.loads(y), y.vx - self.V_b
@@ -176,6 +182,7 @@ class BlockOnBeltSetValued(AbstractBlockOnSteadyBelt):
         arrival = self._at_rest(landed)
         return landed, where(guard == 0, FORWARD, where(guard == 1, BACKWARD, arrival))
 
+    @looks_at(t=reals, y=state)
     def initial_mode(self, t, y, args):
         slips = where(y.vx > self.V_b, FORWARD, BACKWARD)
         return where(y.vx == self.V_b, self._at_rest(y), slips)
