@@ -1,18 +1,20 @@
 """The machine with regularised friction on belts and ground: one smooth vector field."""
 
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jax import lax
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 import stickslip as ss
 from stickslip import Integrator, SaveAt
 from stickslip._fastmath import exp, tanh, where
 from stickslip._looks_at import looks_at, modes, reals, with_components
+from stickslip._types import Given, Numeric
 from stickslip._validation import (
     as_parameter,
+    check_between,
     check_in,
     check_positive,
     check_type,
@@ -38,6 +40,7 @@ from ._system import LOSS_NAMES, STATE_UNITS, CoreXY, CoreXYState
 from ._transitions import number_of
 from ._voltage import AbstractVoltage
 
+LATEST = 1e12  # [s]; sines of much greater arguments have no digit left
 VARIANTS = ("tanh", "stribeck", "bristle")
 REFERENCE_SPEED = 0.1  # [m/s], so that the default Stribeck speed is sqrt(width * REFERENCE_SPEED)
 RESTS_BELOW = 3.0  # widths: what is slower is reported at rest
@@ -97,6 +100,11 @@ def _of_machine(owner: Any, name: str, value: Any) -> Any:
     return with_components(name, value, CoreXYState._fields)
 
 
+def _times(owner: Any, name: str, value: Any) -> Any:
+    """Times at which the voltages are numbers."""
+    return check_between(name, reals(owner, name, value), -LATEST, LATEST)
+
+
 def _smoothed(owner: Any, name: str, value: Any) -> Any:
     """A state of the machine with its bristles."""
     check_type(name, value, SmoothedState, "a SmoothedState, as `state` makes it")
@@ -124,7 +132,7 @@ class SmoothedCoreXY(AbstractMechanicalSystem):
     """
 
     machine: CoreXY
-    variant: Any
+    variant: Int[Array, "..."]
     width: Float[Array, "..."]
     stribeck_speed: Float[Array, "..."]
 
@@ -134,12 +142,12 @@ class SmoothedCoreXY(AbstractMechanicalSystem):
 
     def __init__(
         self,
-        parameters: Any,
-        voltage: Any,
+        parameters: Given[CoreXYParameters],
+        voltage: Given[AbstractVoltage],
         *,
-        variant: Any = "tanh",
-        width: Any = 1e-2,
-        stribeck_speed: Any = None,
+        variant: Given[Literal["tanh", "stribeck", "bristle"] | int | Array] = "tanh",
+        width: Numeric = 1e-2,
+        stribeck_speed: Numeric | None = None,
     ):
         self.machine = CoreXY(parameters, voltage)
         if isinstance(variant, str):
@@ -198,7 +206,7 @@ class SmoothedCoreXY(AbstractMechanicalSystem):
         """Kinetic energy [J]; the bristles' energy is counted as friction."""
         return self.machine.energy(y.y)
 
-    @looks_at(t=reals, y=_smoothed, mode=modes)
+    @looks_at(t=_times, y=_smoothed, mode=modes)
     def powers(self, t, y, mode, args):
         """As `CoreXY.powers` [W]."""
         names = list(self.machine.powers(t, y.y, jnp.zeros((), jnp.int32), args))
@@ -219,13 +227,13 @@ def _account(system, t, y, mode, args):
 def simulate_smoothed(
     parameters: CoreXYParameters,
     voltage: AbstractVoltage,
-    t1: Any = 6.0,
+    t1: Numeric = 6.0,
     *,
     rows: int = 601,
     y0: CoreXYState | None = None,
-    variant: Any = "tanh",
-    width: Any = 1e-2,
-    stribeck_speed: Any = None,
+    variant: Given[Literal["tanh", "stribeck", "bristle"] | int | Array] = "tanh",
+    width: Numeric = 1e-2,
+    stribeck_speed: Numeric | None = None,
     integrator: Integrator | None = None,
     throw: bool = True,
 ) -> CoreXYSolution:

@@ -11,6 +11,7 @@ from jaxtyping import Array, Float, PyTree
 
 from stickslip._fastmath import cos, sin, where
 from stickslip._looks_at import Look, look_at_own, looks_at, one_real, reals
+from stickslip._types import Given, Numeric, Row
 from stickslip._validation import (
     as_parameter,
     check_callable,
@@ -61,15 +62,15 @@ class AbstractVoltage(eqx.Module):
         look_at_own(cls, _LOOKS)
 
     @abc.abstractmethod
-    def volts(self, t: Any, piece: Any) -> tuple[Any, Any]:
+    def volts(self, t: Numeric, piece: Numeric) -> tuple[Any, Any]:
         """Voltages [V] at time `t` [s] as piece number `piece` (a float) has them."""
 
     @abc.abstractmethod
-    def piece_of(self, t: Any) -> Any:
+    def piece_of(self, t: Numeric) -> Any:
         """Number of the piece that begins at or before `t` [s], as a float."""
 
     @abc.abstractmethod
-    def piece_end(self, piece: Any) -> Any:
+    def piece_end(self, piece: Numeric) -> Any:
         """Time [s] at which the piece ends."""
 
     def time_scale(self) -> Any:
@@ -81,7 +82,7 @@ class AbstractVoltage(eqx.Module):
         return jnp.inf if self.has_breaks else None
 
     @looks_at(t=reals)
-    def __call__(self, t: Any) -> tuple[Any, Any]:
+    def __call__(self, t: Numeric) -> tuple[Any, Any]:
         """Voltages [V] at time `t` [s]."""
         t = jnp.asarray(t, jnp.float64)
         return self.volts(t, self.piece_of(t))
@@ -100,7 +101,7 @@ class Harmonic(AbstractVoltage):
 
     has_breaks: ClassVar[bool] = False
 
-    def __init__(self, v01: Any, v02: Any, frequency: Any = 0.5):
+    def __init__(self, v01: Numeric, v02: Numeric, frequency: Numeric = 0.5):
         self.v01 = as_parameter(check_finite("v01", v01))
         self.v02 = as_parameter(check_finite("v02", v02))
         self.frequency = as_parameter(check_positive("frequency", frequency))
@@ -133,7 +134,7 @@ class SquareWave(AbstractVoltage):
     v02: Float[Array, "..."]
     frequency: Float[Array, "..."]
 
-    def __init__(self, v01: Any, v02: Any, frequency: Any = 0.5):
+    def __init__(self, v01: Numeric, v02: Numeric, frequency: Numeric = 0.5):
         self.v01 = as_parameter(check_finite("v01", v01))
         self.v02 = as_parameter(check_finite("v02", v02))
         self.frequency = as_parameter(check_positive("frequency", frequency))
@@ -158,7 +159,7 @@ class AbstractTable(AbstractVoltage):
     v1: Float[Array, " row"]
     v2: Float[Array, " row"]
 
-    def __init__(self, times: Any, v1: Any, v2: Any):
+    def __init__(self, times: Row, v1: Row, v2: Row):
         self.times = as_parameter(check_increasing("times", one_row("times", times, least=2)))
         rows = self.times.shape
         for name, volts in (("v1", v1), ("v2", v2)):
@@ -224,11 +225,16 @@ class UserVoltage(AbstractVoltage):
 
     function: Callable = eqx.field(static=True)
     args: PyTree
-    shortest: Any
+    shortest: Numeric | None
 
     has_breaks: ClassVar[bool] = False
 
-    def __init__(self, function: Any, args: PyTree = None, shortest: Any = None):
+    def __init__(
+        self,
+        function: Given[Callable[[Any, Any], tuple[Any, Any]]],
+        args: PyTree = None,
+        shortest: Numeric | None = None,
+    ):
         self.function = check_callable("function", function, "f(t, args) -> (v1, v2)", 0.0, args)
         self.args = check_handed_on("args", args)
         if shortest is not None:

@@ -1,6 +1,6 @@
 """A hybrid system together with small deviations of its state."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -9,6 +9,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree
 
 from .._looks_at import instance, looks_at, reals, whole_state
+from .._types import Given
 from .._validation import check_type, misshaped
 from ..hybrid import AbstractHybridSystem, AbstractSystemWrapper
 
@@ -44,7 +45,7 @@ class WithDeviations(AbstractSystemWrapper):
 
     system: AbstractHybridSystem
 
-    def __init__(self, system: Any):
+    def __init__(self, system: Given[AbstractHybridSystem]):
         self.system = check_type("system", system, AbstractHybridSystem, "an AbstractHybridSystem")
 
     @looks_at(y=_deviating)

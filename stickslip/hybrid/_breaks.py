@@ -6,6 +6,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
+from stickslip._types import Given, Numeric, Row
+
 from .._looks_at import instance, looks_at, reals, time, whole_state
 from .._validation import as_parameter, check_finite, check_increasing, check_type, misshaped
 from ._events import SLACK
@@ -65,7 +67,7 @@ class WithBreaks(AbstractSystemWrapper):
     system: AbstractHybridSystem
     times: Float[Array, " break"]
 
-    def __init__(self, system: Any, times: Any):
+    def __init__(self, system: Given[AbstractHybridSystem], times: Row):
         self.system = check_type("system", system, AbstractHybridSystem, "an AbstractHybridSystem")
         self.times = as_parameter(check_finite("times", times))
         if self.times.ndim != 1 or self.times.size == 0:
@@ -97,7 +99,7 @@ class WithBreaks(AbstractSystemWrapper):
         return y.y, args
 
     @looks_at(y=whole_state, t=time)
-    def start(self, y: PyTree, t: Any = 0.0) -> Pieced:
+    def start(self, y: PyTree, t: Numeric = 0.0) -> Pieced:
         """State at time `t` [s]; a break at `t` itself is past."""
         return Pieced(y, jnp.sum((self.times <= t).astype(jnp.float64)))
 

@@ -7,6 +7,7 @@ from jaxtyping import Array, Float
 
 from stickslip._fastmath import where
 from stickslip._looks_at import OBSERVABLE, looks_at, reals, state
+from stickslip._types import Numeric
 from stickslip._validation import (
     as_parameter,
     check_above,
@@ -90,7 +91,7 @@ class OscillatorBetweenStops(AbstractMechanicalSystem):
         self.force_frequency = as_parameter(check_finite("force_frequency", force_frequency))
 
     @looks_at(t=reals)
-    def drive(self, t: Any) -> Any:
+    def drive(self, t: Numeric) -> Any:
         """Driving force [N]."""
         return self.force_amplitude * jnp.cos(self.force_frequency * t)
 

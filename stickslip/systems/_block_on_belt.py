@@ -2,10 +2,12 @@
 
 from typing import Any, ClassVar
 
-from jaxtyping import Array, Float
+from jax.typing import ArrayLike
+from jaxtyping import Array, Float, PyTree
 
 from .._fastmath import where
 from .._looks_at import OBSERVABLE, looks_at, reals, state
+from .._types import Given, Numeric, Whole
 from .._validation import as_parameter, check_finite
 from ..friction import AbstractFrictionLaw
 from ..friction._law import Number
@@ -58,7 +60,9 @@ class AbstractBlockOnSteadyBelt(AbstractBlockOnBelt):
         self.V_b = as_parameter(check_finite("V_b", V_b))
 
     @classmethod
-    def constructed(cls: type[Block], k3: Number, **changes: Any) -> Block:
+    def constructed(
+        cls: type[Block], k3: Number, **changes: Given[ArrayLike | AbstractFrictionLaw]
+    ) -> Block:
         """Set A of **constructed** parameters at the bifurcation parameter `k3` [N/m].
 
         `changes` replace single parameters; `J` and `Q` follow `M`, `g` and `r` unless they are given.
@@ -76,7 +80,7 @@ class AbstractBlockOnSteadyBelt(AbstractBlockOnBelt):
         return self.kinetic_energy(0.0, y) + self.potential_energy(0.0, y)
 
     @looks_at(**OBSERVABLE)
-    def powers(self, t: Any, y: Any, mode: Any, args: Any) -> dict[str, Any]:
+    def powers(self, t: Numeric, y: PyTree, mode: Whole, args: PyTree) -> dict[str, Any]:
         """Powers into `energy` [W]; friction and dampers are not positive."""
         return {
             "belt": self.belt_power(t, y, mode, args),
@@ -112,7 +116,7 @@ class BlockOnBelt(AbstractBlockOnSteadyBelt, AbstractSmoothSystem):
     units: ClassVar = {"x": "m", "vx": "m/s", "y": "m", "vy": "m/s"}
 
     @looks_at(**OBSERVABLE)
-    def friction_force(self, t: Any, y: BlockState, mode: Any = 0, args: Any = None) -> Any:
+    def friction_force(self, t: Numeric, y: BlockState, mode: Whole = 0, args: PyTree = None) -> Any:
         """Friction force $T_s$ [N] as in (11); the block feels $-T_s$."""
         v = y.vx - self.V_b
         return self.law.coefficient(v) * self.loads(y).normal + self.law.drag(v)
@@ -158,7 +162,7 @@ class BlockOnBeltSetValued(AbstractBlockOnSteadyBelt):
     units: ClassVar = {"x": "m", "vx": "m/s", "y": "m", "vy": "m/s"}
 
     @looks_at(**OBSERVABLE)
-    def friction_force(self, t: Any, y: BlockState, mode: Any, args: Any = None) -> Any:
+    def friction_force(self, t: Numeric, y: BlockState, mode: Whole, args: PyTree = None) -> Any:
         """Friction force $T_s$ [N] as in (11); the block feels $-T_s$. At rest, what holds it."""
         loads, v = self.loads(y), y.vx - self.V_b
         slip = self.law.kinetic(v, sense_of(mode)) * loads.normal + self.law.drag(v)

@@ -7,6 +7,7 @@ from jaxtyping import Array, Float
 
 from stickslip._fastmath import where
 from stickslip._looks_at import OBSERVABLE, looks_at, modes, reals, state
+from stickslip._types import Whole
 from stickslip._validation import as_parameter, check_finite, check_nonnegative, check_positive
 from stickslip.systems._mechanical import (
     SLIP_MODES,
@@ -75,7 +76,7 @@ class CoulombOscillator(AbstractMechanicalSystem):
         self.belt_speed = as_parameter(check_finite("belt_speed", belt_speed))
 
     @looks_at(y=state, mode=modes)
-    def friction(self, y: Motion, mode: Any) -> Any:
+    def friction(self, y: Motion, mode: Whole) -> Any:
         """Force of the belt on the block [N]."""
         return where(mode == 1, self.stiffness * y.x, -slip_sense(mode) * self.kinetic_force)
 

@@ -1,14 +1,16 @@
 """DC motor with a worm gear and a belt pulley; dry friction of its own at rest."""
 
-from typing import Any, ClassVar, Literal, NamedTuple, get_args
+from typing import Any, ClassVar, Literal, NamedTuple, cast, get_args
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jax.typing import ArrayLike
+from jaxtyping import Array, Float, PyTree
 
 from .._fastmath import where
 from .._looks_at import OBSERVABLE, guard_numbers, looks_at, modes, or_none, reals, state
+from .._types import Given, Numeric, Whole
 from .._validation import (
     as_parameter,
     check_at_least,
@@ -152,14 +154,14 @@ class DCDrive(AbstractHybridSystem):
         self.belt_reaction = check_in("belt_reaction", belt_reaction, get_args(Sign))
 
     @classmethod
-    def constructed(cls, **changes: Any) -> "DCDrive":
+    def constructed(cls, **changes: Given[ArrayLike | str]) -> "DCDrive":
         """**Constructed** drive; `changes` replace single parameters.
 
         `U_in` is such that the belt of `BlockOnDrivenBelt.constructed(k3=85.0)` runs at 0.12 m/s on
         average, for the sign `belt_reaction` in use.
         """
         sign = check_in("belt_reaction", changes.get("belt_reaction", "consistent"), get_args(Sign))
-        return cls(**{**DRIVE_A, "U_in": U_IN_A[sign], **changes})
+        return cls(**{**DRIVE_A, "U_in": U_IN_A[cast("Sign", sign)], **changes})
 
     @property
     def inertia(self) -> Float[Array, "..."]:
@@ -183,22 +185,22 @@ class DCDrive(AbstractHybridSystem):
         return self.T_k if self.motor_friction == "consistent" else -self.T_k
 
     @looks_at(y=state)
-    def belt_velocity(self, y: Any) -> Float[Array, "..."]:
+    def belt_velocity(self, y: PyTree) -> Float[Array, "..."]:
         """Velocity of the belt $V_b$ [m/s]."""
         return self.transmission * y.omega
 
     @looks_at(y=state, T_s=reals)
-    def torque(self, y: Any, T_s: Any) -> Float[Array, "..."]:
+    def torque(self, y: PyTree, T_s: Numeric) -> Float[Array, "..."]:
         """Torque on the rotor without its dry friction and inertia [N m]."""
         return self.k_m * y.i_w + self.reaction * T_s - self.b * y.omega
 
     @looks_at(y=state)
-    def current_rate(self, y: Any) -> Float[Array, "..."]:
+    def current_rate(self, y: PyTree) -> Float[Array, "..."]:
         """Rate of the current, Eq. (1) [A/s]."""
         return (self.U_in - self.k_e * y.omega - self.R_w * y.i_w) / self.L_w
 
     @looks_at(y=state, T_s=reals, mode=modes)
-    def slope(self, y: Any, T_s: Any, mode: Any) -> DriveState:
+    def slope(self, y: PyTree, T_s: Numeric, mode: Whole) -> DriveState:
         """Time derivative of rotor and winding under the belt force `T_s`, in a mode of the drive."""
         braked = self.torque(y, T_s) - turning_sense(mode) * self.kinetic_torque
         return DriveState(
@@ -206,7 +208,7 @@ class DCDrive(AbstractHybridSystem):
         )
 
     @looks_at(y=state, T_s=reals, mode=modes)
-    def drive_guards(self, y: Any, T_s: Any, mode: Any) -> tuple:
+    def drive_guards(self, y: PyTree, T_s: Numeric, mode: Whole) -> tuple:
         """Guards of the drive under the belt force `T_s`."""
         rest, torque = mode == RESTING, self.torque(y, T_s)
         return (
@@ -216,14 +218,14 @@ class DCDrive(AbstractHybridSystem):
         )
 
     @looks_at(y=state, T_s=reals)
-    def mode_at_rest(self, y: Any, T_s: Any) -> Any:
+    def mode_at_rest(self, y: PyTree, T_s: Numeric) -> Any:
         """Mode that a rotor at rest takes under the belt force `T_s`."""
         torque = self.torque(y, T_s)
         turning = where(torque > 0, TURNING_FORWARD, TURNING_BACKWARD)
         return where(jnp.abs(torque) <= self.T_st, RESTING, turning)
 
     @looks_at(y=state, T_s=reals, guard=guard_numbers)
-    def mode_after(self, y: Any, T_s: Any, guard: Any) -> Any:
+    def mode_after(self, y: PyTree, T_s: Numeric, guard: Whole) -> Any:
         """Mode after guard 0, 1 or 2 of the drive, with `omega` already set to zero."""
         turning = where(guard == 1, TURNING_FORWARD, TURNING_BACKWARD)
         return where(guard == 0, self.mode_at_rest(y, T_s), turning)
@@ -244,17 +246,17 @@ class DCDrive(AbstractHybridSystem):
         return where(y.omega == 0, self.mode_at_rest(y, _belt_force(args)), turning)
 
     @looks_at(**OBSERVABLE)
-    def stored_energy(self, t: Any, y: Any, mode: Any = 0, args: Any = None) -> Any:
+    def stored_energy(self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None) -> Any:
         """Energy of the winding and of the turning parts, as the rotor sees them [J]."""
         return 0.5 * (self.L_w * y.i_w * y.i_w + self.inertia * y.omega * y.omega)
 
     @looks_at(**OBSERVABLE)
-    def electrical_power(self, t: Any, y: Any, mode: Any = 0, args: Any = None) -> Any:
+    def electrical_power(self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None) -> Any:
         """Power drawn from the supply [W]."""
         return self.U_in * y.i_w
 
     @looks_at(**OBSERVABLE)
-    def loss_power(self, t: Any, y: Any, mode: Any = 0, args: Any = None) -> Any:
+    def loss_power(self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None) -> Any:
         """Power of resistance, bearing and dry friction, and of `k_m` unequal `k_e` [W].
 
         Not positive for `k_m = k_e` and the consistent sign of `motor_friction`.
@@ -264,7 +266,7 @@ class DCDrive(AbstractHybridSystem):
         return unequal - self.R_w * y.i_w * y.i_w - bearing
 
     @looks_at(y=state, T_s=reals)
-    def load_power(self, y: Any, T_s: Any) -> Float[Array, "..."]:
+    def load_power(self, y: PyTree, T_s: Numeric) -> Float[Array, "..."]:
         """Power that the belt force `T_s` feeds into the rotor through the gear [W]."""
         return self.reaction * T_s * y.omega
 

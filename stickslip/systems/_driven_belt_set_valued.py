@@ -3,9 +3,11 @@
 from typing import Any, ClassVar, NamedTuple
 
 import jax.numpy as jnp
+from jaxtyping import PyTree
 
 from .._fastmath import where
 from .._looks_at import OBSERVABLE, looks_at, reals, state
+from .._types import Numeric, Whole
 from ..hybrid._system import NO_MODE
 from ._block_mechanics import Loads
 from ._block_on_belt import BACKWARD, FORWARD, STICK, sense_of
@@ -61,7 +63,7 @@ class BlockOnDrivenBeltSetValued(AbstractBlockOnDrivenBelt):
     units: ClassVar = DRIVEN_UNITS
 
     @looks_at(**OBSERVABLE)
-    def friction_force(self, t: Any, y: DrivenBlockState, mode: Any, args: Any = None) -> Any:
+    def friction_force(self, t: Numeric, y: DrivenBlockState, mode: Whole, args: PyTree = None) -> Any:
         """Friction force $T_s$ [N] as in (11); the block feels $-T_s$. At rest, what holds it."""
         return self._motion(y, mode // 3, mode % 3).T_s
 

@@ -1,15 +1,17 @@
 """Beam jointed by a spring to an oscillator that a belt drags along."""
 
 import math
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jax.typing import ArrayLike
+from jaxtyping import Array, Float, PyTree
 
 from .._fastmath import where
 from .._looks_at import OBSERVABLE, looks_at, one_real, reals, state
+from .._types import Given, Numeric, Whole
 from .._validation import (
     as_parameter,
     check_count,
@@ -28,6 +30,7 @@ from ._jointed_beam_scales import BeamScales, times_scale
 from ._mechanical import AbstractMechanicalSystem
 
 BACKWARD, STICK, FORWARD, APART = 0, 1, 2, 3
+Word: TypeAlias = Given[Literal["consistent", "printed"]]
 WORDS = ("consistent", "printed")
 
 # Constructed: the paper's table of parameters is missing. The period of x and the frequency of the
@@ -128,10 +131,10 @@ class JointedBeam(AbstractMechanicalSystem):
     scales: BeamScales
     modes: int = eqx.field(static=True)
     is_dimensionless: bool = eqx.field(static=True)
-    joint: str = eqx.field(static=True)
-    friction: str = eqx.field(static=True)
-    shape: str = eqx.field(static=True)
-    coupling: str = eqx.field(static=True)
+    joint: Word = eqx.field(static=True)
+    friction: Word = eqx.field(static=True)
+    shape: Word = eqx.field(static=True)
+    coupling: Word = eqx.field(static=True)
 
     mode_names: ClassVar = ("slip backward", "stick", "slip forward", "no contact")
     guard_names: ClassVar = (
@@ -152,13 +155,13 @@ class JointedBeam(AbstractMechanicalSystem):
         gamma: Number,
         v: Number,
         z_A: Number,
-        modes: Any = 5,
+        modes: Given[int] = 5,
         damping: Number = 0.0,
-        scales: Any = None,
-        joint: Any = "consistent",
-        friction: Any = "consistent",
-        shape: Any = "consistent",
-        coupling: Any = "consistent",
+        scales: Given[BeamScales | None] = None,
+        joint: Word = "consistent",
+        friction: Word = "consistent",
+        shape: Word = "consistent",
+        coupling: Word = "consistent",
     ):
         self.m = as_parameter(check_positive("m", m))
         self.k1 = as_parameter(check_positive("k1", k1))
@@ -185,12 +188,12 @@ class JointedBeam(AbstractMechanicalSystem):
         self.coupling = check_in("coupling", coupling, WORDS)
 
     @classmethod
-    def constructed(cls, v: Number, **changes: Any) -> "JointedBeam":
+    def constructed(cls, v: Number, **changes: Given[ArrayLike | str | BeamScales]) -> "JointedBeam":
         """Dimensionless system with **constructed** parameters; `changes` replace some of them."""
         return cls(**{**CONSTRUCTED, "v": v, **changes})
 
     @classmethod
-    def printed(cls, v: Number, **changes: Any) -> "JointedBeam":
+    def printed(cls, v: Number, **changes: Given[ArrayLike | str | BeamScales]) -> "JointedBeam":
         """As `constructed`, with all equations as the paper prints them (C-E1 to C-E4)."""
         words = dict.fromkeys(("joint", "friction", "shape", "coupling"), "printed")
         return cls.constructed(v, **{**words, **changes})
@@ -219,7 +222,7 @@ class JointedBeam(AbstractMechanicalSystem):
         return JointedBeamState(x=x + zero, vx=zero, y=zero, vy=self.v + zero, q=still, p=still)
 
     @looks_at(z=one_real)
-    def shapes(self, z: Any) -> Float[Array, " modes"]:
+    def shapes(self, z: Numeric) -> Float[Array, " modes"]:
         r"""Values $\phi_i(z)$ of the eigenfunctions, Eq. (2.18); `z` [m]."""
         factor = NORMAL if self.shape == "consistent" else 1.0
         return factor * jnp.sin(math.pi * self._numbers() * (z / self.scales.L))
@@ -232,32 +235,34 @@ class JointedBeam(AbstractMechanicalSystem):
         return jnp.arange(1, self.modes + 1, dtype=jnp.float64)
 
     @looks_at(y=_one_state, z=one_real)
-    def deflection(self, y: JointedBeamState, z: Any) -> Float[Array, "..."]:
+    def deflection(self, y: JointedBeamState, z: Numeric) -> Float[Array, "..."]:
         """Deflection of the beam at `z`, Eq. (2.17) [m]."""
         return jnp.sum(self.shapes(z) * y.q)
 
     @looks_at(**_OF_ONE)
-    def w(self, t: Any, y: JointedBeamState, mode: Any = 0, args: Any = None) -> Any:
+    def w(self, t: Numeric, y: JointedBeamState, mode: Whole = 0, args: PyTree = None) -> Any:
         """Deflection of the beam at the joint [m]."""
         return self.deflection(y, self.z_A)
 
     @looks_at(**_OF_ONE)
-    def w_rate(self, t: Any, y: JointedBeamState, mode: Any = 0, args: Any = None) -> Any:
+    def w_rate(self, t: Numeric, y: JointedBeamState, mode: Whole = 0, args: PyTree = None) -> Any:
         """Velocity of the beam at the joint [m/s]."""
         return jnp.sum(self.shapes(self.z_A) * y.p)
 
     @looks_at(**OBSERVABLE)
-    def relative_velocity(self, t: Any, y: JointedBeamState, mode: Any = 0, args: Any = None) -> Any:
+    def relative_velocity(
+        self, t: Numeric, y: JointedBeamState, mode: Whole = 0, args: PyTree = None
+    ) -> Any:
         """Velocity of the mass against the belt [m/s]."""
         return y.vy - self.v
 
     @looks_at(**OBSERVABLE)
-    def normal_force(self, t: Any, y: JointedBeamState, mode: Any, args: Any = None) -> Any:
+    def normal_force(self, t: Numeric, y: JointedBeamState, mode: Whole, args: PyTree = None) -> Any:
         """Normal force $N$, Eq. (2.2) [N]."""
         return where(mode == APART, 0.0, self.k3 * y.x)
 
     @looks_at(**_OF_ONE)
-    def friction_force(self, t: Any, y: JointedBeamState, mode: Any, args: Any = None) -> Any:
+    def friction_force(self, t: Numeric, y: JointedBeamState, mode: Whole, args: PyTree = None) -> Any:
         """Force of the belt on the mass along the belt [N]; in stick what holds it."""
         sense = where(mode == FORWARD, 1.0, -1.0)
         V = y.vy - self.v
@@ -268,12 +273,12 @@ class JointedBeam(AbstractMechanicalSystem):
         return where(mode == STICK, self._joint_force(y), slip)
 
     @looks_at(**_OF_ONE)
-    def friction_power(self, t: Any, y: JointedBeamState, mode: Any, args: Any = None) -> Any:
+    def friction_power(self, t: Numeric, y: JointedBeamState, mode: Whole, args: PyTree = None) -> Any:
         r"""$W_f = T\,V$: power of the friction in the contact [W], zero in stick, never positive."""
         return self.friction_force(t, y, mode) * (y.vy - self.v)
 
     @looks_at(**_OF_ONE)
-    def beam_power(self, t: Any, y: JointedBeamState, mode: Any, args: Any = None) -> Any:
+    def beam_power(self, t: Numeric, y: JointedBeamState, mode: Whole, args: PyTree = None) -> Any:
         r"""$W_b = k_1(y - w_A)\dot w_A$: power from the mass to the beam through the joint [W]."""
         return self._joint_force(y) * self.w_rate(t, y)
 
@@ -352,7 +357,7 @@ class JointedBeam(AbstractMechanicalSystem):
         return 0.5 * (mass + springs + self.scales.mass * beam)
 
     @looks_at(**_OF_ONE)
-    def powers(self, t: Any, y: JointedBeamState, mode: Any, args: Any) -> dict[str, Any]:
+    def powers(self, t: Numeric, y: JointedBeamState, mode: Whole, args: PyTree) -> dict[str, Any]:
         """Powers into `energy` [W]: `belt` (drive), `friction` (loss), `damping` (loss in the beam).
 
         With equations as printed also `inconsistency`: what the joint gives the beam beyond what it

@@ -3,9 +3,10 @@
 import abc
 from typing import Any, NamedTuple
 
-from jaxtyping import ArrayLike, Real
+from jaxtyping import ArrayLike, PyTree, Real
 
 from stickslip._fastmath import where
+from stickslip._types import Numeric, Whole
 from stickslip.hybrid import AbstractHybridSystem
 
 Number = Real[ArrayLike, "..."]
@@ -31,11 +32,11 @@ class AbstractMechanicalSystem(AbstractHybridSystem):
     """
 
     @abc.abstractmethod
-    def energy(self, y: Any) -> Any:
+    def energy(self, y: PyTree) -> Any:
         """Kinetic and potential energy [J]."""
 
     @abc.abstractmethod
-    def powers(self, t: Any, y: Any, mode: Any, args: Any) -> dict[str, Any]:
+    def powers(self, t: Numeric, y: PyTree, mode: Whole, args: PyTree) -> dict[str, Any]:
         """Powers into the mechanical energy [W] by name; friction, damping and the like are <= 0."""
 
 

@@ -7,6 +7,7 @@ from jaxtyping import Array, Float
 
 from stickslip._fastmath import where
 from stickslip._looks_at import OBSERVABLE, looks_at, modes, reals, state
+from stickslip._types import Whole
 from stickslip._validation import as_parameter, check_finite, check_nonnegative, check_positive
 from stickslip.systems._mechanical import (
     SLIP_MODES,
@@ -116,7 +117,7 @@ class TwoBlocksOnBelt(AbstractMechanicalSystem):
         )
 
     @looks_at(y=state, mode=modes)
-    def frictions(self, y: PairMotion, mode: Any) -> tuple[Any, Any]:
+    def frictions(self, y: PairMotion, mode: Whole) -> tuple[Any, Any]:
         """Force of the belt on each block [N]."""
         kinetic = (self.kinetic_force_1, self.kinetic_force_2)
         pairs = zip(_each(mode), self.loads(y), kinetic, strict=True)

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from stickslip._looks_at import instance, looks_at, time, whole_state
+from stickslip._types import Numeric
 from stickslip._validation import check_callable, check_mapping, check_type, refusal
 from stickslip.hybrid import AbstractHybridSystem, AbstractSystemWrapper
 
@@ -82,7 +83,7 @@ class WithIntegrals(AbstractSystemWrapper):
         return y.y, args
 
     @looks_at(y=whole_state, t=time)
-    def start(self, y: PyTree, t: Any = 0.0, args: PyTree = None) -> Augmented:
+    def start(self, y: PyTree, t: Numeric = 0.0, args: PyTree = None) -> Augmented:
         """Initial state: `y` with all integrals zero."""
         mode = jnp.zeros((), jnp.int32)
 

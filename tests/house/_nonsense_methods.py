@@ -94,7 +94,7 @@ TARGETS = [
         y=arg(BROKEN.start(START))),
     *of(LEDGER, start__y=arg(START), start__t=arg(0.0, "finite", "float32"),
         y=arg(LEDGER.start(START))),
-    *of(TANGENT, start__y=arg(START, "row"), columns=arg(np.ones((2, 1))), y=arg(DEVIATING),
+    *of(TANGENT, start__y=arg(START, STATES), columns=arg(np.ones((2, 1))), y=arg(DEVIATING),
         state=arg(DEVIATING)),
     *of(FITS),
     *of(identification.Sensitivity(("a",), jnp.ones((3, 1)))),
@@ -103,5 +103,5 @@ TARGETS = [
       for target in of(kind(*TABLE), piece_of__t=arg(0.1, "real"), __call____t=arg(0.1, "real"))),
     *of(cx.UserVoltage(lambda t, args: (t, t))),
     *of(SMOOTHED, y=arg(SMOOTHED.state(CARRIAGE)), s=arg(SMOOTHED.state(CARRIAGE)),
-        state__y=arg(CARRIAGE)),
+        state__y=arg(CARRIAGE), powers__t=arg(0.1, "finite", "float32", "batch")),
 ]  # fmt: skip
