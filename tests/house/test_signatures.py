@@ -19,8 +19,8 @@ REASONS = {
     "corexy_jax._solution.CoreXYSolution.result": RESULT,
     "stickslip.hybrid._solution.Solution.result": RESULT,
     "stickslip.analysis._growth.LyapunovSpectrum.result": RESULT,
-    "stickslip.analysis._lyapunov_diagram.lyapunov_diagram.sweep": "the options of run_sweep, which says",
-    "stickslip.analysis._orbit_diagram.orbit_diagram.sweep": "the options of run_sweep, which says",
+    "stickslip.analysis._lyapunov_diagram.lyapunov_diagram.sweep": "the options of run_sweep",
+    "stickslip.analysis._orbit_diagram.orbit_diagram.sweep": "the options of run_sweep",
     "stickslip.identification._many_starts.many_starts.options": "what the function `fit` takes",
     "stickslip.systems._drive_voltage.voltage_for_belt_speed.options": "those of mean_belt_speed",
 }
