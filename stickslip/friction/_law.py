@@ -75,6 +75,9 @@ class AbstractFrictionLaw(eqx.Module):
     `check_friction_law` verifies them. Parameters are float64 arrays: batch, trace and
     differentiate them as any leaf of a pytree. The result has the floating-point type of `v`.
 
+    **Raises**, in all methods and in those of heirs: `TypeError` or `ValueError` naming the argument,
+    its value and what is allowed. Infinite and NaN velocities are allowed, as logs have them.
+
     To write a law of one's own, subclass `AbstractDryFrictionLaw`: three claims and three methods.
     """
 

@@ -29,6 +29,9 @@ class AbstractMechanicalSystem(AbstractHybridSystem):
     that a loss is negative. At an event the energy may drop (impact), which the event log shows:
     `energy(events.y_after) - energy(events.y_before)`. `WithIntegrals` integrates the powers along
     a motion.
+
+    Methods of the reference systems **raise** `TypeError` or `ValueError` naming the argument: for
+    what has not the components of the state, is no number, no mode.
     """
 
     @abc.abstractmethod
