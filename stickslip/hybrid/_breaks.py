@@ -6,9 +6,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
-from stickslip._types import Given, Numeric, Row
-
 from .._looks_at import instance, looks_at, reals, time, whole_state
+from .._types import Given, Numeric, Row
 from .._validation import as_parameter, check_finite, check_increasing, check_type, misshaped
 from ._events import SLACK
 from ._system import AbstractHybridSystem, guard_directions, guard_scales
