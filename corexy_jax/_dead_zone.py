@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from stickslip._types import Numeric
 from stickslip.contact import zonotope_vertices
 
 from ._arguments import finite, the_machine
@@ -54,7 +55,7 @@ def motor_dead_zone(p: CoreXYParameters) -> tuple[Any, Any]:
     return 2.0 * p.mu_s * p.P1 * p.r_f, 2.0 * p.mu_s * p.P2 * p.r_f
 
 
-def axis_dead_zones(p: CoreXYParameters, rolls_1: Any, rolls_2: Any) -> tuple[Any, Any]:
+def axis_dead_zones(p: CoreXYParameters, rolls_1: Numeric, rolls_2: Numeric) -> tuple[Any, Any]:
     """Bounds of the dead zones along x and y [N m] with motors rolling (1.0) or slipping (0.0): static
     friction of every ground contact that moves with the axis, as in figures 4b, 7b and 10b."""
     the_machine(p)

@@ -1,10 +1,9 @@
 """Where the paper contradicts itself: one switch an erratum."""
 
-from typing import Any
-
 import equinox as eqx
 
 from stickslip._checked import CheckedModule
+from stickslip._types import Given
 from stickslip._validation import check_flag, check_in
 
 CLAIMS = {
@@ -35,21 +34,21 @@ class Errata(eqx.Module, metaclass=CheckedModule):
     `Errata.corrected()` corrects all. **Raises** `TypeError` for a value that is no boolean.
     """
 
-    A1: Any = eqx.field(static=True, default=False)
-    A2: Any = eqx.field(static=True, default=False)
-    A3: Any = eqx.field(static=True, default=False)
-    A4: Any = eqx.field(static=True, default=False)
-    A6: Any = eqx.field(static=True, default=False)
-    A8: Any = eqx.field(static=True, default=False)
-    A9: Any = eqx.field(static=True, default=False)
-    A12: Any = eqx.field(static=True, default=False)
+    A1: Given[bool] = eqx.field(static=True, default=False)
+    A2: Given[bool] = eqx.field(static=True, default=False)
+    A3: Given[bool] = eqx.field(static=True, default=False)
+    A4: Given[bool] = eqx.field(static=True, default=False)
+    A6: Given[bool] = eqx.field(static=True, default=False)
+    A8: Given[bool] = eqx.field(static=True, default=False)
+    A9: Given[bool] = eqx.field(static=True, default=False)
+    A12: Given[bool] = eqx.field(static=True, default=False)
 
     def __check_init__(self):
         for name in SWITCHES:
             check_flag(name, getattr(self, name))
 
     @staticmethod
-    def corrected(**changes: Any) -> "Errata":
+    def corrected(**changes: Given[bool]) -> "Errata":
         """All corrected but for `changes`, e.g. `Errata.corrected(A8=False)`."""
         return Errata(**{**dict.fromkeys(SWITCHES, True), **changes})
 

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 
+from stickslip._types import Numeric
 from stickslip._validation import check_nonnegative
 
 from ._arguments import finite, named, the_machine
@@ -26,7 +27,7 @@ class Senses(NamedTuple):
     two: Any
 
 
-def ground_friction(p: CoreXYParameters, mu: Any, senses: Senses) -> Frictions:
+def ground_friction(p: CoreXYParameters, mu: Numeric, senses: Senses) -> Frictions:
     r"""Friction $-\mu N\,\mathrm{sign}$ of all contacts with the ground, Eqs. (26)-(27); belts 0.
 
     Normal forces of section 2.4: rails $mg$, $(M+m)g$; passive pulleys $\sqrt2 P_i$, motor pulleys
@@ -60,7 +61,7 @@ def ground_friction(p: CoreXYParameters, mu: Any, senses: Senses) -> Frictions:
     )
 
 
-def belt_friction(p: CoreXYParameters, sense_1: Any, sense_2: Any) -> tuple[Any, Any]:
+def belt_friction(p: CoreXYParameters, sense_1: Numeric, sense_2: Numeric) -> tuple[Any, Any]:
     r"""Kinetic friction of the belts on the motor pulleys [N], Eqs. (31)-(32), from the senses of
     $\omega_i - \dot\theta_i^v$."""
     the_machine(p)

@@ -9,6 +9,7 @@ from jaxtyping import Array, Float
 
 import stickslip as ss
 from stickslip import Integrator, SaveAt
+from stickslip._types import Given
 from stickslip._validation import (
     as_float64,
     as_parameter,
@@ -81,7 +82,7 @@ def _check_noise(noise: Any) -> None:
         check_nonnegative(f"noise.{name}", sigma)
 
 
-def with_noise(clean: Measurement, key: Any, noise: Measurement = NOISE) -> Measurement:
+def with_noise(clean: Measurement, key: Given[Array], noise: Measurement = NOISE) -> Measurement:
     """`clean` with normal noise of the standard deviations `noise`, independent in every sample.
 
     **Raises** `TypeError`, `ValueError` for what is no `Measurement`, no key, or negative.

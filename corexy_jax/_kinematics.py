@@ -2,6 +2,7 @@
 
 from typing import Any, NamedTuple
 
+from stickslip._types import Numeric
 from stickslip._validation import check_positive
 
 from ._arguments import finite
@@ -25,7 +26,7 @@ def _checked(vx: Any, vy: Any, r: Any) -> list[Any]:
     return finite(vx=vx, vy=vy, r=r)
 
 
-def virtual_pulleys(vx: Any, vy: Any, r: Any) -> tuple[Any, Any]:
+def virtual_pulleys(vx: Numeric, vy: Numeric, r: Numeric) -> tuple[Any, Any]:
     r"""Speeds of the virtual pulleys $\dot\theta_1^v = (\dot x + \dot y)/r$,
     $\dot\theta_2^v = (\dot x - \dot y)/r$ [rad/s], Eqs. (12)-(13), from speeds [m/s]; from
     accelerations [m/s²] the accelerations [rad/s²], Eqs. (14)-(15); from positions the angles."""
@@ -33,7 +34,7 @@ def virtual_pulleys(vx: Any, vy: Any, r: Any) -> tuple[Any, Any]:
     return (vx + vy) / r, (vx - vy) / r
 
 
-def passive_pulleys(vx: Any, vy: Any, r: Any) -> PassivePulleys:
+def passive_pulleys(vx: Numeric, vy: Numeric, r: Numeric) -> PassivePulleys:
     """Speeds of the eight passive pulleys [rad/s], Eqs. (4)-(11), from `vx`, `vy` [m/s] and the radius
     `r` [m]; accelerations from accelerations."""
     vx, vy, r = _checked(vx, vy, r)

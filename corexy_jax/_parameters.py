@@ -5,6 +5,7 @@ from typing import Any
 import equinox as eqx
 from jaxtyping import Array, Float
 
+from stickslip._types import Numeric
 from stickslip._validation import as_parameter, check_nonnegative, check_positive, refusal
 
 _POSITIVE = ("m", "M", "J", "J_passive", "r", "R", "K_t", "P1", "P2", "g")
@@ -75,7 +76,7 @@ class CoreXYParameters(eqx.Module):
     g: Float[Array, "..."]
     r_f: Float[Array, "..."]
 
-    def __init__(self, *, r_f: Any = None, **values: Any):
+    def __init__(self, *, r_f: Numeric | None = None, **values: Numeric):
         unknown = sorted(set(values) - set(TABLE_1))
         if unknown:
             known = f"left out: the parameters of the machine are {', '.join(TABLE_1)}, r_f"

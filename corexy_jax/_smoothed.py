@@ -1,16 +1,27 @@
 """The machine with regularised friction on belts and ground: one smooth vector field."""
 
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jax import lax
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 import stickslip as ss
 from stickslip import Integrator, SaveAt
 from stickslip._fastmath import exp, tanh, where
-from stickslip._validation import as_parameter, check_in, check_positive, one_number, whole_number
+from stickslip._looks_at import looks_at, modes, reals, with_components
+from stickslip._types import Given, Numeric
+from stickslip._validation import (
+    as_parameter,
+    check_between,
+    check_in,
+    check_positive,
+    check_type,
+    one_number,
+    refusal,
+    whole_number,
+)
 from stickslip.systems import AbstractMechanicalSystem, WithIntegrals
 
 from ._arguments import the_integrator
@@ -29,6 +40,7 @@ from ._system import LOSS_NAMES, STATE_UNITS, CoreXY, CoreXYState
 from ._transitions import number_of
 from ._voltage import AbstractVoltage
 
+LATEST = 1e12  # [s]; sines of much greater arguments have no digit left
 VARIANTS = ("tanh", "stribeck", "bristle")
 REFERENCE_SPEED = 0.1  # [m/s], so that the default Stribeck speed is sqrt(width * REFERENCE_SPEED)
 RESTS_BELOW = 3.0  # widths: what is slower is reported at rest
@@ -83,6 +95,26 @@ def bristle_friction(v: Any, z: Any, kinetic: Any, static: Any, width: Any, spee
 _LAWS = (tanh_friction, stribeck_friction, bristle_friction)
 
 
+def _of_machine(owner: Any, name: str, value: Any) -> Any:
+    """A state of the machine."""
+    return with_components(name, value, CoreXYState._fields)
+
+
+def _times(owner: Any, name: str, value: Any) -> Any:
+    """Times at which the voltages are numbers."""
+    return check_between(name, reals(owner, name, value), -LATEST, LATEST)
+
+
+def _smoothed(owner: Any, name: str, value: Any) -> Any:
+    """A state of the machine with its bristles."""
+    check_type(name, value, SmoothedState, "a SmoothedState, as `state` makes it")
+    bristles = value.bristles
+    if not isinstance(bristles, tuple) or len(bristles) != NUM_CONTACTS:
+        raise refusal(f"{name}.bristles", bristles, f"a tuple of {NUM_CONTACTS} deflections")
+    _of_machine(owner, f"{name}.y", value.y)
+    return value
+
+
 class SmoothedCoreXY(AbstractMechanicalSystem):
     r"""CoreXY with friction that is a function of the sliding speed, or of a bristle's deflection.
 
@@ -100,7 +132,7 @@ class SmoothedCoreXY(AbstractMechanicalSystem):
     """
 
     machine: CoreXY
-    variant: Any
+    variant: Int[Array, "..."]
     width: Float[Array, "..."]
     stribeck_speed: Float[Array, "..."]
 
@@ -110,12 +142,12 @@ class SmoothedCoreXY(AbstractMechanicalSystem):
 
     def __init__(
         self,
-        parameters: Any,
-        voltage: Any,
+        parameters: Given[CoreXYParameters],
+        voltage: Given[AbstractVoltage],
         *,
-        variant: Any = "tanh",
-        width: Any = 1e-2,
-        stribeck_speed: Any = None,
+        variant: Given[Literal["tanh", "stribeck", "bristle"] | int | Array] = "tanh",
+        width: Numeric = 1e-2,
+        stribeck_speed: Numeric | None = None,
     ):
         self.machine = CoreXY(parameters, voltage)
         if isinstance(variant, str):
@@ -126,10 +158,12 @@ class SmoothedCoreXY(AbstractMechanicalSystem):
         given = default if stribeck_speed is None else check_positive("stribeck_speed", stribeck_speed)
         self.stribeck_speed = as_parameter(given)
 
+    @looks_at(y=_of_machine)
     def state(self, y: CoreXYState) -> SmoothedState:
         """The machine's state with all bristles undeflected."""
         return SmoothedState(y, (jnp.zeros(()),) * NUM_CONTACTS)
 
+    @looks_at(s=_smoothed)
     def friction(self, s: SmoothedState) -> Friction:
         """Friction and bristle rates of all contacts, each a tuple."""
         p = self.machine.parameters
@@ -163,13 +197,16 @@ class SmoothedCoreXY(AbstractMechanicalSystem):
     def transition(self, t, y, mode, guard, args):
         return y._replace(y=y.y._replace(piece=y.y.piece + 1.0)), mode
 
+    @looks_at(t=reals, y=_smoothed)
     def initial_mode(self, t, y, args):
         return jnp.zeros((), jnp.int32)
 
+    @looks_at(y=_smoothed)
     def energy(self, y):
         """Kinetic energy [J]; the bristles' energy is counted as friction."""
         return self.machine.energy(y.y)
 
+    @looks_at(t=_times, y=_smoothed, mode=modes)
     def powers(self, t, y, mode, args):
         """As `CoreXY.powers` [W]."""
         names = list(self.machine.powers(t, y.y, jnp.zeros((), jnp.int32), args))
@@ -190,13 +227,13 @@ def _account(system, t, y, mode, args):
 def simulate_smoothed(
     parameters: CoreXYParameters,
     voltage: AbstractVoltage,
-    t1: Any = 6.0,
+    t1: Numeric = 6.0,
     *,
     rows: int = 601,
     y0: CoreXYState | None = None,
-    variant: Any = "tanh",
-    width: Any = 1e-2,
-    stribeck_speed: Any = None,
+    variant: Given[Literal["tanh", "stribeck", "bristle"] | int | Array] = "tanh",
+    width: Numeric = 1e-2,
+    stribeck_speed: Numeric | None = None,
     integrator: Integrator | None = None,
     throw: bool = True,
 ) -> CoreXYSolution:

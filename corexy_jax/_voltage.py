@@ -6,9 +6,12 @@ from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, PyTree
 
 from stickslip._fastmath import cos, sin, where
+from stickslip._looks_at import Look, look_at_own, looks_at, one_real, reals
+from stickslip._types import Given, Numeric, Row
 from stickslip._validation import (
     as_parameter,
     check_callable,
@@ -16,12 +19,33 @@ from stickslip._validation import (
     check_handed_on,
     check_increasing,
     check_positive,
+    is_concrete,
     misshaped,
     one_number,
     one_row,
+    refusal,
 )
 
 NEVER = 1e300  # time of a break that does not come [s]
+
+
+def pieces(owner: Any, name: str, value: Any) -> Any:
+    """Number of a piece, a float without fraction, or an array of them."""
+    value = reals(owner, name, value)
+    if is_concrete(value):
+        array = np.asarray(value)
+        fraction = (np.floor(array) != array) & ~np.isnan(array)
+        if fraction.any():
+            raise refusal(name, array[fraction].flat[0].item(), "the number of a piece, a whole one")
+    return value
+
+
+# What the methods that a voltage defines look at: their arguments in order.
+_LOOKS: dict[str, dict[str, Look]] = {
+    "volts": {"t": reals, "piece": pieces},
+    "piece_of": {"t": reals},
+    "piece_end": {"piece": pieces},
+}
 
 
 class AbstractVoltage(eqx.Module):
@@ -29,20 +53,27 @@ class AbstractVoltage(eqx.Module):
 
     The time axis is cut into pieces at known breaks; within piece number `piece` the voltages are
     smooth, also a little beyond its ends. Event-driven simulation lands on every break.
+
+    **Raises**, in all methods: `TypeError` for what is no number, `ValueError` for a piece that is no
+    whole one.
     """
 
     has_breaks: ClassVar[bool] = True
 
+    def __init_subclass__(cls, **kwargs: Any):
+        super().__init_subclass__(**kwargs)
+        look_at_own(cls, _LOOKS)
+
     @abc.abstractmethod
-    def volts(self, t: Any, piece: Any) -> tuple[Any, Any]:
+    def volts(self, t: Numeric, piece: Numeric) -> tuple[Any, Any]:
         """Voltages [V] at time `t` [s] as piece number `piece` (a float) has them."""
 
     @abc.abstractmethod
-    def piece_of(self, t: Any) -> Any:
+    def piece_of(self, t: Numeric) -> Any:
         """Number of the piece that begins at or before `t` [s], as a float."""
 
     @abc.abstractmethod
-    def piece_end(self, piece: Any) -> Any:
+    def piece_end(self, piece: Numeric) -> Any:
         """Time [s] at which the piece ends."""
 
     def time_scale(self) -> Any:
@@ -53,7 +84,8 @@ class AbstractVoltage(eqx.Module):
         """
         return jnp.inf if self.has_breaks else None
 
-    def __call__(self, t: Any) -> tuple[Any, Any]:
+    @looks_at(t=reals)
+    def __call__(self, t: Numeric) -> tuple[Any, Any]:
         """Voltages [V] at time `t` [s]."""
         t = jnp.asarray(t, jnp.float64)
         return self.volts(t, self.piece_of(t))
@@ -72,7 +104,7 @@ class Harmonic(AbstractVoltage):
 
     has_breaks: ClassVar[bool] = False
 
-    def __init__(self, v01: Any, v02: Any, frequency: Any = 0.5):
+    def __init__(self, v01: Numeric, v02: Numeric, frequency: Numeric = 0.5):
         self.v01 = as_parameter(check_finite("v01", v01))
         self.v02 = as_parameter(check_finite("v02", v02))
         self.frequency = as_parameter(check_positive("frequency", frequency))
@@ -105,7 +137,7 @@ class SquareWave(AbstractVoltage):
     v02: Float[Array, "..."]
     frequency: Float[Array, "..."]
 
-    def __init__(self, v01: Any, v02: Any, frequency: Any = 0.5):
+    def __init__(self, v01: Numeric, v02: Numeric, frequency: Numeric = 0.5):
         self.v01 = as_parameter(check_finite("v01", v01))
         self.v02 = as_parameter(check_finite("v02", v02))
         self.frequency = as_parameter(check_positive("frequency", frequency))
@@ -130,7 +162,7 @@ class AbstractTable(AbstractVoltage):
     v1: Float[Array, " row"]
     v2: Float[Array, " row"]
 
-    def __init__(self, times: Any, v1: Any, v2: Any):
+    def __init__(self, times: Row, v1: Row, v2: Row):
         self.times = as_parameter(check_increasing("times", one_row("times", times, least=2)))
         rows = self.times.shape
         for name, volts in (("v1", v1), ("v2", v2)):
@@ -141,6 +173,7 @@ class AbstractTable(AbstractVoltage):
     def _row(self, piece):
         return jnp.clip(piece, 0.0, self.times.shape[0] - 1.0).astype(jnp.int32)
 
+    @looks_at(t=one_real)
     def piece_of(self, t):
         after = jnp.sum((self.times <= t).astype(jnp.float64))
         return jnp.maximum(after - 1.0, 0.0)
@@ -195,11 +228,16 @@ class UserVoltage(AbstractVoltage):
 
     function: Callable = eqx.field(static=True)
     args: PyTree
-    shortest: Any
+    shortest: Numeric | None
 
     has_breaks: ClassVar[bool] = False
 
-    def __init__(self, function: Any, args: PyTree = None, shortest: Any = None):
+    def __init__(
+        self,
+        function: Given[Callable[[Any, Any], tuple[Any, Any]]],
+        args: PyTree = None,
+        shortest: Numeric | None = None,
+    ):
         self.function = check_callable("function", function, "f(t, args) -> (v1, v2)", 0.0, args)
         self.args = check_handed_on("args", args)
         if shortest is not None:

@@ -6,19 +6,21 @@ import importlib.metadata
 import os
 import pathlib
 import platform
-from typing import Any
 
 import jax
 from jax.experimental.compilation_cache import compilation_cache
 
 from ._paths import the_directory
+from ._types import Path
 from ._validation import one_static
 
 WORTH = 0.1  # s of compiling: a first call is many programs of this length and a few long ones
 _SUFFIX = "-cache"
 
 
-def enable_compilation_cache(directory: Any = None, *, max_bytes: float = 4e9) -> pathlib.Path | None:
+def enable_compilation_cache(
+    directory: Path | None = None, *, max_bytes: float = 4e9
+) -> pathlib.Path | None:
     """Keep compiled programs on disk from now on: a program is compiled once, not once per process.
 
     JAX's own persistent cache, with thresholds that fit this package. Several processes may share the

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
 
+from .._types import Numeric, Whole
 from .._validation import check_count, refusal
 
 # Below this part of the longest image a direction counts as lost: it lies in the span of the others
@@ -42,12 +43,12 @@ class LyapunovSpectrum(eqx.Module):
     local: Float[Array, "*batch segment exponent"]
     time: Float[Array, "*batch segment"]
     lost: Int[Array, "*batch exponent"]
-    t1: Any
+    t1: Numeric
     y1: PyTree
-    mode1: Any = None
+    mode1: Whole | None = None
     result: Any = None
-    flags: Any = None
-    status: Any = None
+    flags: Whole | None = None
+    status: Whole | None = None
 
     @property
     def words(self) -> Any:

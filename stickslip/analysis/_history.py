@@ -1,5 +1,6 @@
 """Time histories of any observables, their Poincaré points, and the energy ledger, with labels."""
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -9,8 +10,9 @@ import numpy as np
 import xarray as xr
 from jaxtyping import PyTree
 
+from .._types import Given, Mode, Named, Numeric, Row
 from .._validation import check_count, check_mapping, check_type, one_concrete, refusal
-from ..hybrid import AbstractHybridSystem, SaveAt, Section, simulate
+from ..hybrid import AbstractHybridSystem, Integrator, SaveAt, Section, simulate
 from ..hybrid._arguments import the_system
 from ..systems._with_integrals import WithIntegrals
 from ._arguments import (
@@ -23,18 +25,18 @@ from ._observable import InArgs, Maximum, Minimum, as_observable, as_section
 
 
 def time_history(
-    system: Any,
+    system: Given[AbstractHybridSystem],
     y0: PyTree,
-    t: Any,
-    observables: Any,
+    t: Row,
+    observables: Given[str | Sequence[str] | Named],
     *,
-    sections: Any = None,
-    transient: Any = 0.0,
-    mode0: Any = None,
+    sections: Given[Mapping[str, Section | Maximum | Minimum] | None] = None,
+    transient: Numeric = 0.0,
+    mode0: Mode | None = None,
     args: PyTree = None,
-    integrator: Any = None,
+    integrator: Given[Integrator | None] = None,
     max_crossings: int = 256,
-    labels: Any = None,
+    labels: Given[Mapping[str, str] | None] = None,
 ) -> xr.Dataset:
     r"""Observables of a motion at times `t`, and at the crossings of any number of sections.
 
@@ -116,13 +118,13 @@ def _run(system, y0, t, transient, mode0, args, integrator, cuts, max_crossings,
 
 
 def energy_ledger(
-    system: Any,
+    system: Given[AbstractHybridSystem],
     y0: PyTree,
-    t: Any,
+    t: Row,
     *,
-    mode0: Any = None,
+    mode0: Mode | None = None,
     args: PyTree = None,
-    integrator: Any = None,
+    integrator: Given[Integrator | None] = None,
     max_events: int = 4096,
 ) -> xr.Dataset:
     r"""Where the energy of a motion comes from and goes: powers, works and what is left over.

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
+from .._types import Given, Mode, Numeric
 from .._validation import (
     as_parameter,
     check_positive,
@@ -18,7 +19,7 @@ from .._validation import (
     one_number,
     refusal,
 )
-from ..hybrid import RESULTS, current_executor, simulate, use_executor
+from ..hybrid import RESULTS, AbstractHybridSystem, Integrator, current_executor, simulate, use_executor
 from ..hybrid._arguments import a_time, the_system
 from ..hybrid._bound import spanning
 from ..hybrid._tree import with_float_arrays
@@ -34,21 +35,21 @@ from ._tangent import WithDeviations
 
 
 def lyapunov_spectrum(
-    system: Any,
+    system: Given[AbstractHybridSystem],
     y0: PyTree,
     *,
-    segment: Any,
-    segments: Any,
-    transient: Any = 0.0,
-    warm_up: Any = None,
-    exponents: Any = None,
-    components: Any = None,
+    segment: Numeric,
+    segments: Given[int],
+    transient: Numeric = 0.0,
+    warm_up: Given[int | None] = None,
+    exponents: Given[int | None] = None,
+    components: Given[Sequence[str] | None] = None,
     scales: PyTree = None,
-    t0: Any = 0.0,
-    mode0: Any = None,
+    t0: Numeric = 0.0,
+    mode0: Mode | None = None,
     args: PyTree = None,
-    integrator: Any = None,
-    blocks: Any = 10,
+    integrator: Given[Integrator | None] = None,
+    blocks: Given[int] = 10,
 ) -> LyapunovSpectrum:
     r"""Lyapunov exponents of the motion from `y0`: growth rates of small deviations of the state.
 
@@ -97,10 +98,11 @@ def lyapunov_spectrum(
     check_counts(segments, warm_up, blocks, count, int(moving.sum()))
     units = _flat_scales(scales, y0)
 
+    dropped = transient
     if isinstance(transient, int | float):
-        transient = None if transient == 0 else jnp.asarray(transient, jnp.float64)
+        dropped = None if transient == 0 else jnp.asarray(transient, jnp.float64)
     system = with_float_arrays(system)
-    numbers = y0, mode, t0, segment, transient, units
+    numbers = y0, mode, t0, segment, dropped, units
     # Called plainly it is compiled as a whole, for all calls with arguments of one form.
     program = _compiled if is_concrete((system, args, numbers)) else _spectrum
     return program(

@@ -1,11 +1,13 @@
 """Lyapunov exponents over one or more parameters of a system."""
 
 import inspect
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import xarray as xr
+from jaxtyping import PyTree
 
+from .._types import Given, Named, NamedRows, Numeric
 from .._validation import check_count, check_mapping, one_number, refusal
 from ..hybrid import AbstractHybridSystem
 from ..sweep import Variable, run_sweep
@@ -19,18 +21,18 @@ CHUNK = 64  # lanes per block: each is a motion with all its tangents
 
 
 def lyapunov_diagram(
-    system: Any,
-    grid: Any,
-    y0: Any,
+    system: Given[AbstractHybridSystem | Callable[..., AbstractHybridSystem]],
+    grid: NamedRows,
+    y0: PyTree,
     *,
-    segment: Any,
-    segments: Any,
-    scales: Any = None,
-    labels: Any = None,
-    settings: Any = None,
-    attrs: Any = None,
+    segment: Numeric,
+    segments: Given[int],
+    scales: PyTree = None,
+    labels: Named | None = None,
+    settings: Named | None = None,
+    attrs: Named | None = None,
     name: str = "Lyapunov exponents",
-    spectrum: Any = None,
+    spectrum: Named | None = None,
     **sweep: Any,
 ) -> xr.Dataset:
     r"""Lyapunov exponents over a grid of parameters: `lyapunov_spectrum` in every lane of a sweep.

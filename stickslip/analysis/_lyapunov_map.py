@@ -1,7 +1,6 @@
 """Lyapunov exponents of maps."""
 
 from collections.abc import Callable
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -9,6 +8,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import PyTree
 
 from .._compiled_once import compiled_once
+from .._types import Given
 from .._validation import as_float64, check_callable, check_count, refusal
 from ._growth import LyapunovSpectrum, accumulate, check_counts, first_frame, judged
 
@@ -17,11 +17,11 @@ def lyapunov_spectrum_of_map(
     function: Callable[[PyTree], PyTree],
     z0: PyTree,
     *,
-    iterations: Any,
-    transient: Any = 0,
-    warm_up: Any = None,
-    exponents: Any = None,
-    blocks: Any = 10,
+    iterations: Given[int],
+    transient: Given[int] = 0,
+    warm_up: Given[int | None] = None,
+    exponents: Given[int | None] = None,
+    blocks: Given[int] = 10,
 ) -> LyapunovSpectrum:
     r"""Lyapunov exponents of $z_{n+1} = F(z_n)$, per iteration.
 
@@ -79,7 +79,7 @@ def lyapunov_spectrum_of_map(
         local=local,
         time=jnp.arange(1.0, iterations + 1),
         lost=jnp.sum(jnp.isneginf(local), axis=0, dtype=jnp.int32),
-        t1=jnp.asarray(float(iterations + warm_up)) + transient,
+        t1=jnp.asarray(float(iterations + warm_up)) + transient,  # pyright: ignore[reportOperatorIssue]
         y1=unravel(flat),
         status=status,
     )

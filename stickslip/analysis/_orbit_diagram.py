@@ -1,7 +1,8 @@
 """Orbit diagrams by brute force: the points of a section over one or two parameters."""
 
 import math
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, Literal
 
 import equinox as eqx
 import jax
@@ -9,6 +10,7 @@ import numpy as np
 import xarray as xr
 from jaxtyping import PyTree
 
+from .._types import Given, Mode, Named, NamedRows, Numeric
 from .._validation import (
     check_count,
     check_finite,
@@ -19,7 +21,7 @@ from .._validation import (
     one_concrete,
     refusal,
 )
-from ..hybrid import AbstractHybridSystem
+from ..hybrid import AbstractHybridSystem, Integrator, Section
 from ..hybrid._arguments import a_time
 from ..sweep import Variable, run_sweep
 from ..sweep._evaluate import lanes_of, prepared
@@ -27,7 +29,7 @@ from ..sweep._grid import block_shape, check_grid
 from ._arguments import an_integrator, named_observables, start_of
 from ._attractor import PERIOD_STATUS
 from ._builder import builder_of, check_labels, check_options
-from ._observable import as_observable, as_section
+from ._observable import Maximum, Minimum, as_observable, as_section
 from ._orbit_lane import STATUS, Numbers, Plan, halved, run_lane
 
 CARRIED = ("upwards", "downwards")
@@ -36,29 +38,29 @@ CHUNK_CPU = 512  # lanes per block: so few that the check can run the same progr
 
 
 def orbit_diagram(
-    system: Any,
-    grid: Any,
+    system: Given[AbstractHybridSystem | Callable[..., AbstractHybridSystem]],
+    grid: NamedRows,
     y0: PyTree,
     *,
-    section: Any,
-    observables: Any,
-    transient: Any,
-    duration: Any,
-    points: Any = None,
-    max_points: Any = 256,
-    t0: Any = 0.0,
-    mode0: Any = None,
+    section: Given[Section | Maximum | Minimum],
+    observables: Given[str | Sequence[str] | Named],
+    transient: Numeric,
+    duration: Numeric,
+    points: Given[int | None] = None,
+    max_points: Given[int] = 256,
+    t0: Numeric = 0.0,
+    mode0: Mode | None = None,
     args: PyTree = None,
-    integrator: Any = None,
-    domain: Any = (),
-    carried: Any = None,
-    along: Any = None,
-    period_tolerance: Any = 1e-4,
-    max_period: Any = 16,
-    check: Any = 32,
-    labels: Any = None,
-    settings: Any = None,
-    attrs: Any = None,
+    integrator: Given[Integrator | None] = None,
+    domain: Given[Sequence[Any]] = (),
+    carried: Given[Literal["upwards", "downwards"] | None] = None,
+    along: Given[str | None] = None,
+    period_tolerance: Numeric = 1e-4,
+    max_period: Given[int] = 16,
+    check: Given[int] = 32,
+    labels: Named | None = None,
+    settings: Named | None = None,
+    attrs: Named | None = None,
     name: str = "orbit diagram",
     **sweep: Any,
 ) -> xr.Dataset:

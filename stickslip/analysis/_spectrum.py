@@ -1,13 +1,14 @@
 """Amplitude spectra of time histories, their peaks, and what these are harmonics of."""
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Literal, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._types import Given, NamedNumbers, Numeric, Row
 from .._validation import (
     check_count,
     check_finite,
@@ -53,7 +54,9 @@ class Peak(NamedTuple):
         return f"{self.number} {self.harmonic_of}" if self.number else ""
 
 
-def amplitude_spectrum(signal: Any, dt: Any, *, window: Any = "hann") -> Spectrum:
+def amplitude_spectrum(
+    signal: Row, dt: Numeric, *, window: Given[Literal["hann", "rectangular"]] = "hann"
+) -> Spectrum:
     r"""Amplitude spectrum of an evenly sampled signal, in its own unit,
 
     $$A_k = \frac{c_k}{\sum_n h_n}\Bigl|\sum_n h_n (u_n - \bar u)\,e^{-2\pi i k n/M}\Bigr|,
@@ -88,10 +91,10 @@ def amplitude_spectrum(signal: Any, dt: Any, *, window: Any = "hann") -> Spectru
 def spectral_peaks(
     spectrum: Spectrum,
     *,
-    count: Any = 10,
-    floor: Any = 1e-3,
-    bases: Any = None,
-    tolerance: Any = 1.0,
+    count: Given[int] = 10,
+    floor: Numeric = 1e-3,
+    bases: NamedNumbers | None = None,
+    tolerance: Given[float] = 1.0,
 ) -> list[Peak]:
     r"""Highest lines of a spectrum of one signal, greatest first.
 

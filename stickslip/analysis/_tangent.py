@@ -1,13 +1,16 @@
 """A hybrid system together with small deviations of its state."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree
 
-from .._validation import check_type
+from .._looks_at import instance, looks_at, reals, whole_state
+from .._types import Given
+from .._validation import check_type, misshaped
 from ..hybrid import AbstractHybridSystem, AbstractSystemWrapper
 from ..hybrid._event_time import event_delay
 
@@ -17,6 +20,9 @@ class Deviating(NamedTuple):
 
     y: PyTree
     deviations: PyTree
+
+
+_deviating = instance(Deviating, "a Deviating, as `start` makes it")
 
 
 class WithDeviations(AbstractSystemWrapper):
@@ -40,17 +46,23 @@ class WithDeviations(AbstractSystemWrapper):
 
     system: AbstractHybridSystem
 
-    def __init__(self, system: Any):
+    def __init__(self, system: Given[AbstractHybridSystem]):
         self.system = check_type("system", system, AbstractHybridSystem, "an AbstractHybridSystem")
 
+    @looks_at(y=_deviating)
     def inner(self, y, args):
         return y.y, args
 
+    @looks_at(y=whole_state, columns=reals)
     def start(self, y: PyTree, columns: Float[Array, "size count"]) -> Deviating:
         """State with the deviations `columns` of the flattened `y`."""
+        size = sum(np.size(leaf) for leaf in jax.tree.leaves(y))
+        if np.ndim(columns) != 2 or np.shape(columns)[0] != size:
+            raise misshaped("columns", columns, f"columns of {size}, as many as y has components")
         unravel = ravel_pytree(y)[1]
         return Deviating(y, jax.vmap(unravel, in_axes=1, out_axes=-1)(columns))
 
+    @looks_at(state=_deviating)
     def columns(self, state: Deviating) -> Float[Array, "size count"]:
         """Deviations as columns, in the order of the flattened `y`."""
         return jax.vmap(lambda d: ravel_pytree(d)[0], in_axes=-1, out_axes=1)(state.deviations)

@@ -1,5 +1,6 @@
 """The greatest Lyapunov exponent from the distance of two motions."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
@@ -10,8 +11,9 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from .._compiled_once import compiled_once
+from .._types import Given, Mode, Numeric
 from .._validation import as_parameter, check_flag, one_number
-from ..hybrid import simulate
+from ..hybrid import AbstractHybridSystem, Integrator, simulate
 from ..hybrid._arguments import a_time, the_system
 from ..hybrid._bound import spanning
 from ._arguments import an_integrator, start_of
@@ -52,21 +54,21 @@ class Separation(eqx.Module):
 
 
 def two_trajectory_exponent(
-    system: Any,
+    system: Given[AbstractHybridSystem],
     y0: PyTree,
     *,
-    segment: Any,
-    segments: Any,
-    distance: Any = 1e-8,
-    renormalise: Any = True,
-    transient: Any = 0.0,
-    warm_up: Any = None,
-    components: Any = None,
-    t0: Any = 0.0,
-    mode0: Any = None,
+    segment: Numeric,
+    segments: Given[int],
+    distance: Numeric = 1e-8,
+    renormalise: Given[bool] = True,
+    transient: Numeric = 0.0,
+    warm_up: Given[int | None] = None,
+    components: Given[Sequence[str] | None] = None,
+    t0: Numeric = 0.0,
+    mode0: Mode | None = None,
     args: PyTree = None,
-    integrator: Any = None,
-    blocks: Any = 10,
+    integrator: Given[Integrator | None] = None,
+    blocks: Given[int] = 10,
 ) -> Separation:
     r"""Greatest Lyapunov exponent by its definition with two motions,
 

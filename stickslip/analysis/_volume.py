@@ -1,21 +1,20 @@
 """Mean growth of volume in the space of states: what the exponents add up to."""
 
-from typing import Any
-
 import jax
 import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree
 
+from .._types import Given, Mode, Numeric, Whole
 from .._validation import as_float64, as_parameter, check_count, check_handed_on, one_number
-from ..hybrid import AbstractHybridSystem, SaveAt, saltation_matrix, simulate
+from ..hybrid import AbstractHybridSystem, Integrator, SaveAt, saltation_matrix, simulate
 from ..hybrid._arguments import a_time, check_field, mode_index, the_system
 from ..systems._with_integrals import WithIntegrals
 from ._arguments import an_integrator, start_of
 
 
 def divergence(
-    system: AbstractHybridSystem, t: Any, y: PyTree, mode: Any, args: PyTree = None
+    system: AbstractHybridSystem, t: Numeric, y: PyTree, mode: Whole, args: PyTree = None
 ) -> Float[Array, ""]:
     r"""Divergence $\mathrm{div}\,f_m = \mathrm{tr}\,\partial f_m/\partial y$ of the field [1/s].
 
@@ -34,15 +33,15 @@ def divergence(
 
 
 def volume_growth(
-    system: Any,
+    system: Given[AbstractHybridSystem],
     y0: PyTree,
     *,
-    duration: Any,
-    t0: Any = 0.0,
-    mode0: Any = None,
+    duration: Numeric,
+    t0: Numeric = 0.0,
+    mode0: Mode | None = None,
     args: PyTree = None,
-    integrator: Any = None,
-    max_events: Any = 256,
+    integrator: Given[Integrator | None] = None,
+    max_events: Given[int | None] = 256,
 ) -> Float[Array, ""]:
     r"""Mean growth rate of an infinitesimal volume along the motion from `y0` [1/s],
 

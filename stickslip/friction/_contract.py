@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from stickslip._types import Row
 from stickslip._validation import one_row
 from stickslip.friction._law import AbstractFrictionLaw, Number, State, check_law
 
@@ -124,7 +125,7 @@ def _limit(law: AbstractFrictionLaw) -> Iterator[str]:
             yield f"set_valued_limit must keep static_coefficient({sense:+})"
 
 
-def check_friction_law(law: AbstractFrictionLaw, speeds: Any = None) -> None:
+def check_friction_law(law: AbstractFrictionLaw, speeds: Row | None = None) -> None:
     """Raise `ValueError` with every claim of `law` that does not hold at the given speeds.
 
     For a law of one's own: it looks at rest and at the limits there, at both directions of motion,

@@ -9,6 +9,7 @@ from jax import lax
 from jaxtyping import Array, ArrayLike, Float, Real
 
 from stickslip._fastmath import side_of, where
+from stickslip._looks_at import Look, look_at_own, looks_at, reals, senses
 from stickslip._validation import check_type, refusal
 
 Number = Real[ArrayLike, "..."]
@@ -26,6 +27,26 @@ def in_dtype_of(v: Number, *values: Number) -> tuple[Float[Array, "..."], ...]:
 def shaped_like(v: Float[Array, "..."], value: Float[Array, "..."]) -> Float[Array, "..."]:
     """`value` in the common shape of both, for laws that do not depend on `v`."""
     return jnp.broadcast_to(value, lax.broadcast_shapes(v.shape, value.shape))
+
+
+def _deformation(law: "AbstractFrictionLaw", name: str, value: Any) -> Any:
+    """The internal state of a law: as many numbers, or arrays of them, as it has states."""
+    count = law.num_states
+    if not isinstance(value, tuple | list) or len(value) != count:
+        raise refusal(name, value, f"the internal state of {type(law).__name__}, a tuple of {count}")
+    return tuple(reals(law, f"{name}[{i}]", item) for i, item in enumerate(value))
+
+
+# What the methods that a law defines look at: their arguments in order.
+_LOOKS: dict[str, dict[str, Look]] = {
+    "kinetic": {"v": reals, "sense": senses},
+    "static_coefficient": {"sense": senses},
+    "drag": {"v": reals},
+    "steady_state": {"v": reals},
+    "steady_magnitude": {"v": reals, "sense": senses},
+    "state_rate": {"v": reals, "state": _deformation},
+    "coefficient_from_state": {"v": reals, "state": _deformation},
+}
 
 
 class AbstractFrictionLaw(eqx.Module):
@@ -54,8 +75,15 @@ class AbstractFrictionLaw(eqx.Module):
     `check_friction_law` verifies them. Parameters are float64 arrays: batch, trace and
     differentiate them as any leaf of a pytree. The result has the floating-point type of `v`.
 
+    **Raises**, in all methods and in those of heirs: `TypeError` or `ValueError` naming the argument,
+    its value and what is allowed. Infinite and NaN velocities are allowed, as logs have them.
+
     To write a law of one's own, subclass `AbstractDryFrictionLaw`: three claims and three methods.
     """
+
+    def __init_subclass__(cls, **kwargs: Any):
+        super().__init_subclass__(**kwargs)
+        look_at_own(cls, _LOOKS)
 
     @property
     @abc.abstractmethod
@@ -113,6 +141,7 @@ class AbstractFrictionLaw(eqx.Module):
     def coefficient_from_state(self, v: Number, state: GivenState) -> Float[Array, "..."]:
         """Signed coefficient for the internal state; `coefficient(v)` where there is none."""
 
+    @looks_at(v=reals)
     def coefficient(self, v: Number) -> Float[Array, "..."]:
         """Signed friction coefficient at relative velocity `v` [m/s], of steady sliding.
 
@@ -123,11 +152,13 @@ class AbstractFrictionLaw(eqx.Module):
         jumps = self.set_valued or self.num_states > 0
         return self.kinetic(v, lax.sign(v) if jumps else side_of(v))
 
+    @looks_at(sense=senses)
     def kinetic_limit(self, sense: Number = 1) -> Float[Array, "..."]:
         """Magnitude of the coefficient as slip in `sense` begins, the limit v -> 0; 0 if smooth."""
         zero, sense = in_dtype_of(0.0, sense)
         return sense * self.kinetic(zero, sense)
 
+    @looks_at(sense=senses)
     def breakaway_jump(self, sense: Number = 1) -> Float[Array, "..."]:
         """How far the static coefficient lies above the coefficient as slip in `sense` begins."""
         return self.static_coefficient(sense) - self.kinetic_limit(sense)
@@ -136,16 +167,19 @@ class AbstractFrictionLaw(eqx.Module):
         """Coefficients at rest, lowest and highest; the body slips forward above the highest."""
         return -self.static_coefficient(-1), self.static_coefficient(1)
 
+    @looks_at(v=reals, normal_force=reals)
     def force(self, v: Number, normal_force: Number) -> Float[Array, "..."]:
         """Friction force on the body [N], from `coefficient` and `drag`."""
         v, normal_force = in_dtype_of(v, normal_force)
         return -(self.coefficient(v) * normal_force + self.drag(v))
 
+    @looks_at(v=reals, normal_force=reals, sense=senses)
     def slip_force(self, v: Number, normal_force: Number, sense: Number) -> Float[Array, "..."]:
         """Friction force on the body [N] in the mode slipping in `sense`, smooth through v = 0."""
         v, normal_force = in_dtype_of(v, normal_force)
         return -(self.kinetic(v, sense) * normal_force + self.drag(v))
 
+    @looks_at(v=reals, normal_force=reals, state=_deformation)
     def force_from_state(
         self, v: Number, normal_force: Number, state: GivenState
     ) -> Float[Array, "..."]:

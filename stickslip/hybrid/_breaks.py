@@ -6,6 +6,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
+from .._looks_at import instance, looks_at, reals, time, whole_state
+from .._types import Given, Numeric, Row
 from .._validation import as_parameter, check_finite, check_increasing, check_type, misshaped
 from ._events import SLACK
 from ._system import AbstractHybridSystem, guard_directions, guard_scales
@@ -22,6 +24,9 @@ class Pieced(NamedTuple):
 
     y: PyTree
     piece: Any
+
+
+_pieced = instance(Pieced, "a Pieced, as `start` makes it")
 
 
 class WithBreaks(AbstractSystemWrapper):
@@ -61,7 +66,7 @@ class WithBreaks(AbstractSystemWrapper):
     system: AbstractHybridSystem
     times: Float[Array, " break"]
 
-    def __init__(self, system: Any, times: Any):
+    def __init__(self, system: Given[AbstractHybridSystem], times: Row):
         self.system = check_type("system", system, AbstractHybridSystem, "an AbstractHybridSystem")
         self.times = as_parameter(check_finite("times", times))
         if self.times.ndim != 1 or self.times.size == 0:
@@ -88,10 +93,12 @@ class WithBreaks(AbstractSystemWrapper):
         """Those of `system`."""
         return {**self.system.units, "piece": "1"}
 
+    @looks_at(y=_pieced)
     def inner(self, y, args):
         return y.y, args
 
-    def start(self, y: PyTree, t: Any = 0.0) -> Pieced:
+    @looks_at(y=whole_state, t=time)
+    def start(self, y: PyTree, t: Numeric = 0.0) -> Pieced:
         """State at time `t` [s]; a break at `t` itself is past."""
         return Pieced(y, jnp.sum((self.times <= t).astype(jnp.float64)))
 
@@ -146,5 +153,6 @@ class WithBreaks(AbstractSystemWrapper):
             y, mode = select(violated, after, (y, mode))
         return y, mode
 
+    @looks_at(t=reals, y=_pieced)
     def initial_mode(self, t, y, args):
         return self.system.initial_mode(self._inside(t, y.piece), y.y, args)

@@ -1,11 +1,10 @@
 """Dense output: the state between recorded steps, by a step of the method itself."""
 
-from typing import Any
-
 import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
+from .._types import Row
 from .._validation import check_handed_on, check_type, refusal
 from ._arguments import the_system, times
 from ._simulate import Integrator
@@ -18,7 +17,7 @@ from ._xla import COMPACT
 def interpolate(
     system: AbstractHybridSystem,
     solution: Solution,
-    ts: Any,
+    ts: Row,
     args: PyTree = None,
     integrator: Integrator | None = None,
 ) -> PyTree:

@@ -2,7 +2,6 @@
 
 import sys
 import time
-from typing import Any
 
 import equinox as eqx
 import equinox.internal as eqxi
@@ -10,6 +9,7 @@ import jax
 import jax.numpy as jnp
 
 from .._checked import CheckedModule
+from .._types import Numeric, Whole
 from .._validation import check_text, one_static
 from ._status import RUNNING
 
@@ -31,7 +31,7 @@ class ProgressMeter(eqx.Module, metaclass=CheckedModule):
         check_text("name", self.name)
         one_static("interval", self.interval, "not negative")
 
-    def report(self, t0: Any, t: Any, t1: Any, status: Any) -> None:
+    def report(self, t0: Numeric, t: Numeric, t1: Numeric, status: Whole) -> None:
         """Called inside the loop, once per block of attempts."""
         left = jnp.where(status == RUNNING, t1 - t, 0.0)
         slowest = eqxi.unvmap_max(left)

@@ -1,19 +1,18 @@
 """The saltation matrix: how a small deviation of the state is changed by an event."""
 
-from typing import Any
-
 import jax
 import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree
 
+from .._types import Numeric, Whole
 from .._validation import as_float64, check_handed_on, whole_number
 from ._arguments import a_time, check_field, mode_index, the_system
 from ._system import AbstractHybridSystem
 
 
 def saltation_matrix(
-    system: AbstractHybridSystem, t: Any, y: PyTree, mode: Any, guard: Any, args: PyTree = None
+    system: AbstractHybridSystem, t: Numeric, y: PyTree, mode: Whole, guard: Whole, args: PyTree = None
 ) -> Float[Array, "n n"]:
     r"""Saltation matrix $S$ of the transition at guard `guard` from state `y` in `mode`.
 

@@ -1,13 +1,14 @@
 """Sections: crossings that are recorded, not acted upon (Poincaré sections)."""
 
 from collections.abc import Callable
-from typing import Any
 
 import equinox as eqx
 import jax
 import jax.extend
+from jaxtyping import PyTree
 
 from .._checked import CheckedModule
+from .._types import Numeric, Whole
 from .._validation import check_callable, check_flag, check_in, check_text
 from ._system import DIRECTIONS
 
@@ -45,7 +46,7 @@ class Section(eqx.Module, metaclass=CheckedModule):
         check_text("name", self.name)
         check_callable("function", self.function, "f(t, y, dy, mode, args)", *range(5))
 
-    def uses_slope(self, t: Any, y: Any, dy: Any, mode: Any, args: Any) -> bool:
+    def uses_slope(self, t: Numeric, y: PyTree, dy: PyTree, mode: Whole, args: PyTree) -> bool:
         """Whether the value depends on `dy`; then its own rate of change costs a field derivative."""
 
         def of_slope(dy):

@@ -1,6 +1,6 @@
 """`simulate`: the one way to run a hybrid system."""
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import equinox as eqx
 import jax
@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from .._checked import CheckedModule
+from .._types import Given, Mode, Numeric, Row
 from .._validation import check_at_least, check_count, check_flag, check_type, refusal
 from . import _solution as out
 from ._arguments import (
@@ -38,6 +39,11 @@ from ._tolerance import Noise, cancelling, component_tolerances
 from ._tree import select, shift, with_float_arrays
 from ._xla import current_executor
 
+if TYPE_CHECKING:
+    from typing import Literal
+
+    import diffrax
+
 
 class SaveAt(eqx.Module, metaclass=CheckedModule):
     """What of the motion is kept besides its end.
@@ -47,7 +53,7 @@ class SaveAt(eqx.Module, metaclass=CheckedModule):
     - `events`: the log of transitions (capacity `max_events` of `simulate`).
     """
 
-    ts: Any = None
+    ts: Row | None = None
     steps: bool = eqx.field(static=True, default=False)
     events: bool = eqx.field(static=True, default=True)
     max_rows: int = eqx.field(static=True, default=4096)
@@ -76,7 +82,7 @@ class Integrator(eqx.Module, metaclass=CheckedModule):
     - `progress`: a `ProgressMeter` for long runs; off by default.
     """
 
-    method: Any = "dop853"
+    method: Given["Literal['dop853', 'tsit5', 'rk4'] | diffrax.AbstractSolver"] = "dop853"
     step: AbstractStepSize = eqx.field(
         default_factory=lambda: AdaptiveStep(1e-10)  # pyright: ignore[reportCallIssue]
     )
@@ -100,10 +106,10 @@ class Integrator(eqx.Module, metaclass=CheckedModule):
 
 def simulate(
     system: AbstractHybridSystem,
-    t0: Any,
-    t1: Any,
+    t0: Numeric,
+    t1: Numeric,
     y0: PyTree,
-    mode0: Any = None,
+    mode0: Mode | None = None,
     args: PyTree = None,
     *,
     integrator: Integrator | None = None,

@@ -6,8 +6,10 @@ from typing import Any, ClassVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jaxtyping import PyTree
 
 from .._checked import CheckedModule
+from .._types import Numeric
 from .._validation import (
     check_at_least,
     check_between,
@@ -28,7 +30,7 @@ class AbstractStepSize(eqx.Module, metaclass=CheckedModule):
     adaptive: eqx.AbstractClassVar[bool]  # whether the error estimate is used
 
     @abc.abstractmethod
-    def initial(self, y: Any, dy: Any, scale: Any) -> Any:
+    def initial(self, y: PyTree, dy: PyTree, scale: PyTree) -> Any:
         """First step length to try [s], a positive float64 scalar.
 
         `y`, `dy`: state and its slope at the start; `scale`: what an error of 1 means in each leaf of
@@ -72,7 +74,7 @@ class AbstractAdaptiveStep(AbstractStepSize):
     adaptive: ClassVar = True
 
     @abc.abstractmethod
-    def factor(self, error: Any, previous: Any, order: int) -> Any:
+    def factor(self, error: Numeric, previous: Numeric, order: int) -> Any:
         """Ratio of the next step to this one.
 
         `error`: scaled error of this step; `previous`: that of the last accepted one, 1 for a step that
@@ -86,7 +88,7 @@ class FixedStep(AbstractStepSize):
     Errors: `ValueError` if `h` is not positive and finite.
     """
 
-    h: Any
+    h: Numeric
 
     adaptive: ClassVar = False
 
@@ -121,11 +123,11 @@ class AdaptiveStep(AbstractAdaptiveStep):
     `atol` does not go with the state is refused by `simulate`.
     """
 
-    rtol: Any
-    atol: Any = None
-    dtmax: Any = None
-    dtmin: Any = 0.0
-    h0: Any = None
+    rtol: Numeric
+    atol: Numeric | PyTree | None = None
+    dtmax: Numeric | None = None
+    dtmin: Numeric = 0.0
+    h0: Numeric | None = None
     pcoeff: float = eqx.field(static=True, default=0.0)
     icoeff: float = eqx.field(static=True, default=1.0)
     safety: float = eqx.field(static=True, default=0.9)
@@ -161,7 +163,7 @@ class AdaptiveStep(AbstractAdaptiveStep):
         `scale`: what an error of 1 means in each leaf of `y`.
         """
         if self.h0 is not None:
-            return jnp.minimum(jnp.asarray(self.h0, jnp.float64), self.dtmax)
+            return jnp.minimum(jnp.asarray(self.h0, jnp.float64), self.dtmax)  # pyright: ignore[reportArgumentType]
 
         def square(tree):
             pairs = zip(jax.tree.leaves(tree), scale, strict=True)
@@ -170,9 +172,9 @@ class AdaptiveStep(AbstractAdaptiveStep):
         size, rate = square(y), square(dy)
         usable = (size > 1e-10) & (rate > 1e-10)
         guess = 0.01 * jnp.sqrt(jnp.where(usable, size, 1.0) / jnp.where(usable, rate, 1.0))
-        return jnp.minimum(jnp.where(usable, guess, 1e-6), self.dtmax)
+        return jnp.minimum(jnp.where(usable, guess, 1e-6), self.dtmax)  # pyright: ignore[reportArgumentType]
 
-    def factor(self, error: Any, previous: Any, order: int) -> Any:
+    def factor(self, error: Numeric, previous: Numeric, order: int) -> Any:
         """Ratio of the next step to this one."""
         error = jnp.maximum(error, 1e-10)
         previous = jnp.maximum(previous, 1e-10)

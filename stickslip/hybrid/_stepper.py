@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import optimistix as optx
 from jaxtyping import PyTree
 
+from .._types import Numeric
 from . import _rolled, _tableau
 from ._alone import alone_or_batched
 from ._tree import combine, weighted
@@ -29,7 +30,7 @@ class AbstractStepper(eqx.Module):
 
     @abc.abstractmethod
     def step(
-        self, field: VectorField, t: Any, y: PyTree, dy: PyTree, h: Any, execute: Executor
+        self, field: VectorField, t: Numeric, y: PyTree, dy: PyTree, h: Numeric, execute: Executor
     ) -> tuple[PyTree, PyTree, tuple[PyTree, ...]]:
         """The step of length `h` from `(t, y)`, whose slope `dy = field(t, y)` is known.
 
@@ -41,7 +42,7 @@ class AbstractStepper(eqx.Module):
         """
 
     def vjp(
-        self, field: Callable, theta: PyTree, t: Any, y: PyTree, dy: PyTree, h: Any,
+        self, field: Callable, theta: PyTree, t: Numeric, y: PyTree, dy: PyTree, h: Numeric,
         end: Callable, execute: Executor,
     ) -> tuple[PyTree, tuple[PyTree, Any, PyTree, PyTree]]:  # fmt: skip
         """Cotangents `(theta, t, y, dy)` of one step; `field(theta, t, y)` is the vector field.

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
+from .._types import Numeric, Whole
 from .._validation import MOST, check_callable, leaves_of, numbers, refusal, whole_number
 
 DIRECTIONS = ("rising", "falling", "both")
@@ -111,23 +112,25 @@ class AbstractHybridSystem(eqx.Module):
         return None
 
     @abc.abstractmethod
-    def vector_field(self, t: Any, y: PyTree, mode: Any, args: PyTree) -> PyTree:
+    def vector_field(self, t: Numeric, y: PyTree, mode: Whole, args: PyTree) -> PyTree:
         """Time derivative of the state in `mode`, with the structure of `y` [unit of y per s]."""
 
     @abc.abstractmethod
-    def guards(self, t: Any, y: PyTree, mode: Any, args: PyTree) -> tuple:
+    def guards(self, t: Numeric, y: PyTree, mode: Whole, args: PyTree) -> tuple:
         """Values of all guards, a tuple of scalars in the order of `guard_names`."""
 
     @abc.abstractmethod
-    def transition(self, t: Any, y: PyTree, mode: Any, guard: Any, args: PyTree) -> tuple[PyTree, Any]:
+    def transition(
+        self, t: Numeric, y: PyTree, mode: Whole, guard: Whole, args: PyTree
+    ) -> tuple[PyTree, Any]:
         """State and mode right after guard number `guard` has fired."""
 
     @abc.abstractmethod
-    def initial_mode(self, t: Any, y: PyTree, args: PyTree) -> Any:
+    def initial_mode(self, t: Numeric, y: PyTree, args: PyTree) -> Any:
         """An admissible mode for the state `y` at time `t`, or -1."""
 
 
-def switch(mode: Any, functions: tuple[Callable, ...], *operands: Any) -> PyTree:
+def switch(mode: Whole, functions: tuple[Callable, ...], *operands: PyTree) -> PyTree:
     """`functions[mode](*operands)` by `jax.lax.switch`, jit-able and batched.
 
     Under `vmap` with a mode per lane every branch is evaluated and the lane's own one selected, so

@@ -1,12 +1,12 @@
 """Butcher tableaus of explicit Runge-Kutta methods, one of them read from diffrax."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import diffrax as dfx
 import numpy as np
 
+from .._types import Given, Row, Rows
 from .._validation import (
     check_count,
     check_finite,
@@ -40,19 +40,21 @@ class Tableau:
     on, or the sums of `a` are not `c`, or those of `b` not 1, to 1e-12.
     """
 
-    name: str
-    order: int
-    a: Sequence[Any] | np.ndarray
-    b: Sequence[Any] | np.ndarray
-    c: Sequence[Any] | np.ndarray
-    error_weights: Sequence[Any] | np.ndarray = ()
+    name: Given[str]
+    order: Given[int]
+    a: Rows
+    b: Row
+    c: Row
+    error_weights: Rows = ()
 
     def __post_init__(self):
         check_text("name", self.name)
         check_count("order", self.order, 1)
         n = len(one_row("b", self.b))
         a, b, c = _square(self.a), numbers("b", self.b), numbers("c", self.c)
-        weights = numbers("error_weights", self.error_weights) if len(self.error_weights) else None
+        none = isinstance(self.error_weights, list | tuple) and not self.error_weights
+        weights = None if none else check_finite("error_weights", self.error_weights)
+        weights = None if weights is None else numbers("error_weights", weights)
         if a.shape != (n, n):
             raise misshaped("a", self.a, f"{n} rows of {n} numbers, one per stage")
         if c.shape != (n,):
@@ -83,10 +85,13 @@ def _square(rows: Any) -> np.ndarray:
     """The rows of `a` as an array; such as end at the diagonal are filled up with zeros."""
     if not isinstance(rows, list | tuple):
         return numbers("a", rows)
-    rows = [numbers(f"a[{i}]", row) if len(row) else np.zeros(0) for i, row in enumerate(rows)]
-    if any(row.ndim != 1 or row.size > len(rows) for row in rows):
-        return np.zeros((0, 0))
-    return np.array([np.pad(row, (0, len(rows) - row.size)) for row in rows], float)
+    found = [
+        np.zeros(0) if isinstance(row, list | tuple) and not row else numbers(f"a[{i}]", row)
+        for i, row in enumerate(rows)
+    ]
+    if any(row.ndim != 1 or row.size > len(rows) for row in found):
+        return np.zeros((0, 0))  # refused for its shape
+    return np.array([np.pad(row, (0, len(rows) - row.size)) for row in found], float)
 
 
 def from_diffrax(solver: dfx.AbstractERK) -> Tableau:

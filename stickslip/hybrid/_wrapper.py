@@ -6,6 +6,7 @@ from typing import Any
 import equinox as eqx
 from jaxtyping import PyTree
 
+from .._looks_at import looks_at, reals
 from ._system import AbstractHybridSystem
 
 
@@ -78,6 +79,7 @@ class AbstractSystemWrapper(AbstractHybridSystem):
         y, args = self.inner(y, args)
         return self.system.guards(t, y, mode, args)
 
+    @looks_at(t=reals)
     def initial_mode(self, t, y, args):
         y, args = self.inner(y, args)
         return self.system.initial_mode(t, y, args)

@@ -18,6 +18,7 @@ import jax.core
 import jax.extend
 from jax.experimental.xla_metadata import set_xla_metadata
 from jax.interpreters.partial_eval import dce_jaxpr
+from jaxtyping import PyTree
 
 from .._checked import CheckedModule
 from .._validation import check_flag, check_type
@@ -47,7 +48,7 @@ class Executor(eqx.Module, metaclass=CheckedModule):
         """For what is computed a few times after a run: then compiling costs more than running."""
         return self if self.fused else COMPACT
 
-    def boundary(self, function: Callable, *operands: Any) -> Any:
+    def boundary(self, function: Callable, *operands: PyTree) -> Any:
         """Call `function` such that its result is computed once (fused) or plainly (portable)."""
         if not self.fused:
             return function(*operands)
@@ -71,7 +72,7 @@ class Executor(eqx.Module, metaclass=CheckedModule):
 
         return call
 
-    def loop(self, function: Callable, *operands: Any) -> Any:
+    def loop(self, function: Callable, *operands: PyTree) -> Any:
         """Call `function`, a whole time loop, as one compiled function (fused) or plainly."""
         if not self.fused:
             return function(*operands)

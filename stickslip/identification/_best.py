@@ -1,16 +1,15 @@
 """The best of many fits."""
 
-from typing import Any
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from .._types import Given
 from .._validation import check_type, refusal
 from ._fit import Fit
 
 
-def best(fits: Any) -> Fit:
+def best(fits: Given[Fit]) -> Fit:
     """The fit of least cost; `fits` as from `many_starts`.
 
     **Raises** `TypeError` for anything else, `ValueError` for a single fit.

@@ -1,11 +1,11 @@
 """What a fit returns."""
 
-from typing import Any
-
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from .._looks_at import looks_at, not_negative_number
+from .._types import Numeric
 from ._sensitivity import Sensitivity
 from ._unknowns import Values
 
@@ -34,7 +34,8 @@ class Fit(eqx.Module):
         r"""$\|r\|^2/(n - p)$ of $n$ residuals and $p$ unknowns; near 1 if the noise is as assumed."""
         return 2.0 * self.cost / (self.residual.shape[-1] - len(self.sensitivity.names))
 
-    def standard_errors(self, threshold: Any = 1e-7) -> Values:
+    @looks_at(threshold=not_negative_number)
+    def standard_errors(self, threshold: Numeric = 1e-7) -> Values:
         """Standard error of every estimate, in its own unit; infinite if the data do not see it."""
         relative = self.sensitivity.standard_errors(threshold)
         return {name: relative[name] * self.values[name] for name in relative}

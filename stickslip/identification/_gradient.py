@@ -1,20 +1,24 @@
 """First-order methods of optax on the same problem."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from .._types import Given, NamedNumbers
 from .._validation import check_callable
 from ._evaluate import solved
 from ._fit import Fit
 from ._methods import descent
 from ._unknowns import Values, scalars, to_logs
 
+if TYPE_CHECKING:
+    import optax
+
 
 def gradient_descent(
     residual: Callable[[Values], Any],
-    start: Any,
+    start: NamedNumbers,
     *,
-    optimiser: Any = None,
+    optimiser: Given["optax.GradientTransformation | None"] = None,
     steps: int = 300,
     tolerance: float = 0.1,
 ) -> Fit:

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
+from .._types import NamedNumbers
 from .._validation import check_callable
 from ._evaluate import solved
 from ._fit import Fit
@@ -12,7 +13,7 @@ from ._unknowns import Values, scalars, to_logs
 
 def least_squares(
     residual: Callable[[Values], Any],
-    start: Any,
+    start: NamedNumbers,
     *,
     damping: float = 1.0,
     tolerance: float = 1e-8,

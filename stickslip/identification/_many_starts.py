@@ -8,7 +8,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import PyTree
 
+from .._types import NamedNumbers, NamedRows
 from .._validation import (
     check_callable,
     check_count,
@@ -38,8 +40,8 @@ METHODS: dict[Any, Callable[..., AbstractMethod]] = {
 
 def many_starts(
     residual: Callable[..., Any],
-    starts: Any,
-    *shared: Any,
+    starts: NamedRows,
+    *shared: PyTree,
     fit: Callable[..., Fit] = least_squares,
     chunk_size: int | None = None,
     executor: str = "auto",
@@ -89,8 +91,8 @@ def many_starts(
 
 def sensitivities(
     residual: Callable[..., Any],
-    values: Any,
-    *each: Any,
+    values: NamedNumbers,
+    *each: PyTree,
     chunk_size: int | None = None,
     executor: str = "auto",
 ) -> Sensitivity:

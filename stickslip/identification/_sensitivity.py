@@ -7,6 +7,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from .._looks_at import looks_at, not_negative_number
+from .._types import NamedNumbers, Numeric
 from .._validation import check_callable
 from ._evaluate import evaluation
 from ._unknowns import Values, scalars, to_logs
@@ -41,11 +43,13 @@ class Sensitivity(eqx.Module):
             jnp.pad(matrix, padding), full_matrices=False
         )
 
-    def seen(self, threshold: Any = 1e-7) -> Bool[Array, "*batch unknown"]:
+    @looks_at(threshold=not_negative_number)
+    def seen(self, threshold: Numeric = 1e-7) -> Bool[Array, "*batch unknown"]:
         """Which combinations are seen: singular values above `threshold` times the largest."""
         return self.singular_values > threshold * self.singular_values[..., :1]
 
-    def covariance(self, threshold: Any = 1e-7) -> Float[Array, "*batch unknown unknown"]:
+    @looks_at(threshold=not_negative_number)
+    def covariance(self, threshold: Numeric = 1e-7) -> Float[Array, "*batch unknown unknown"]:
         r"""Covariance $(S^T S)^{-1}$ of the logarithms, to first order.
 
         Combinations that are not `seen` are left out of the sum; the unknowns that they contain have
@@ -55,7 +59,8 @@ class Sensitivity(eqx.Module):
         weight = jnp.where(seen, 1.0 / jnp.where(seen, self.singular_values, 1.0) ** 2, 0.0)
         return jnp.einsum("...ki,...k,...kj->...ij", self.directions, weight, self.directions)
 
-    def standard_errors(self, threshold: Any = 1e-7) -> Values:
+    @looks_at(threshold=not_negative_number)
+    def standard_errors(self, threshold: Numeric = 1e-7) -> Values:
         """Relative standard error of every unknown; infinite if it is in a combination not seen."""
         hidden = jnp.where(self.seen(threshold)[..., None], 0.0, jnp.abs(self.directions))
         lost = jnp.max(hidden, axis=-2) > 1e-4
@@ -64,7 +69,7 @@ class Sensitivity(eqx.Module):
         return {name: errors[..., i] for i, name in enumerate(self.names)}
 
 
-def sensitivity(residual: Callable[[Values], Any], values: Any) -> Sensitivity:
+def sensitivity(residual: Callable[[Values], Any], values: NamedNumbers) -> Sensitivity:
     """`Sensitivity` of the residuals at `values`, by forward mode through all events.
 
     **Arguments:** `residual(values)`, one row of residuals in units of their standard deviation, e.g.

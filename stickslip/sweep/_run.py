@@ -1,7 +1,8 @@
 """Sweeps over grids, block by block, that go on where they were interrupted."""
 
 import time
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, Literal
 
 import jax
 import jax.numpy as jnp
@@ -10,6 +11,7 @@ import xarray as xr
 from jaxtyping import PyTree
 
 from .._paths import DIRECTORY, the_directory
+from .._types import Given, Named, NamedRows, Path
 from .._validation import (
     check_callable,
     check_count,
@@ -34,23 +36,23 @@ from ._store import Store
 
 
 def run_sweep(
-    function: Any,
-    grid: Any,
+    function: Given[Callable[..., Any]],
+    grid: NamedRows,
     *,
     carry: PyTree = None,
-    along: Any = None,
-    backward: Any = False,
-    inputs: Any = None,
-    store: Any = None,
-    variables: Any = None,
-    settings: Any = None,
-    attrs: Any = None,
-    chunk: Any = None,
-    resume: Any = True,
+    along: Given[str | None] = None,
+    backward: Given[bool] = False,
+    inputs: Named | None = None,
+    store: Path | None = None,
+    variables: Given[Mapping[str, Variable] | None] = None,
+    settings: Named | None = None,
+    attrs: Named | None = None,
+    chunk: Given[int | None] = None,
+    resume: Given[bool] = True,
     progress: bool | None = None,
     name: str = "sweep",
-    executor: Any = "auto",
-    workers: Any = None,
+    executor: Given[Literal["auto", "fused", "portable"]] = "auto",
+    workers: Given[int | None] = None,
 ) -> xr.Dataset:
     """Evaluate `function` at every point of a grid; with a `store`, survive any interruption.
 

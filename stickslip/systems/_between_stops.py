@@ -6,6 +6,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from stickslip._fastmath import where
+from stickslip._looks_at import OBSERVABLE, looks_at, reals, state
+from stickslip._types import Numeric
 from stickslip._validation import (
     as_parameter,
     check_above,
@@ -88,7 +90,8 @@ class OscillatorBetweenStops(AbstractMechanicalSystem):
         self.force_amplitude = as_parameter(check_finite("force_amplitude", force_amplitude))
         self.force_frequency = as_parameter(check_finite("force_frequency", force_frequency))
 
-    def drive(self, t: Any) -> Any:
+    @looks_at(t=reals)
+    def drive(self, t: Numeric) -> Any:
         """Driving force [N]."""
         return self.force_amplitude * jnp.cos(self.force_frequency * t)
 
@@ -126,6 +129,7 @@ class OscillatorBetweenStops(AbstractMechanicalSystem):
         pressed = where(at_upper, towards_upper, -towards_upper) > 0.0
         return (jnp.abs(v) <= self.rest_speed) & pressed
 
+    @looks_at(t=reals, y=state)
     def initial_mode(self, t, y, args):
         outside = (y.x < self.lower) | (y.x > self.upper)
         still = y.v == 0.0
@@ -133,10 +137,12 @@ class OscillatorBetweenStops(AbstractMechanicalSystem):
         at_upper = still & (y.x == self.upper) & self._stays(t, y.x, y.v, y.x > self.lower)
         return where(outside, NO_MODE, where(at_lower, 1, where(at_upper, 2, 0)))
 
+    @looks_at(y=state)
     def energy(self, y):
         """Kinetic energy and energy of the spring [J]."""
         return 0.5 * (self.mass * y.v**2 + self.stiffness * y.x**2)
 
+    @looks_at(**OBSERVABLE)
     def powers(self, t, y, mode, args):
         """`force`: work of the drive; `damping`: its loss [W]. Losses at impacts: the log of events."""
         return {"force": self.drive(t) * y.v, "damping": -self.damping * y.v**2}

@@ -6,8 +6,10 @@ from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
+from .._looks_at import OBSERVABLE, instance, looks_at, reals, state
+from .._types import Numeric, Whole
 from .._validation import as_parameter, check_finite, check_nonnegative, check_positive, refusal
 from ..friction import AbstractFrictionLaw, SmoothHyperbolicWeakening
 from ..friction._law import Number
@@ -86,14 +88,15 @@ class AbstractBlockOnBelt(AbstractMechanicalSystem):
     set_valued: eqx.AbstractClassVar[bool]  # whether the block sticks
 
     @abc.abstractmethod
-    def belt_velocity(self, y: Any) -> Float[Array, "..."]:
+    def belt_velocity(self, y: PyTree) -> Float[Array, "..."]:
         """Velocity of the belt [m/s]."""
 
     @abc.abstractmethod
-    def friction_force(self, t: Any, y: Any, mode: Any, args: Any = None) -> Any:
+    def friction_force(self, t: Numeric, y: PyTree, mode: Whole, args: PyTree = None) -> Any:
         """Friction force $T_s$ [N] as in (11); the block feels $-T_s$."""
 
-    def loads(self, y: Any) -> Loads:
+    @looks_at(y=state)
+    def loads(self, y: PyTree) -> Loads:
         """Forces of springs, dampers and weight; one reciprocal, so that compiled loops stay fast."""
         per_r = 1.0 / self.r
         x = y.x
@@ -110,7 +113,8 @@ class AbstractBlockOnBelt(AbstractMechanicalSystem):
             normal=self.m * self.g + weight - on_rim,
         )
 
-    def slope(self, y: Any, loads: Loads, T_s: Any) -> BlockState:
+    @looks_at(y=state, loads=instance(Loads, "what `loads` returns"), T_s=reals)
+    def slope(self, y: PyTree, loads: Loads, T_s: Numeric) -> BlockState:
         """Time derivative of block and pendulum under the friction force `T_s`."""
         return BlockState(
             x=y.vx,
@@ -119,45 +123,54 @@ class AbstractBlockOnBelt(AbstractMechanicalSystem):
             vy=(-self.r * self.r / self.J) * loads.on_rim,
         )
 
-    def relative_velocity(self, t: Any, y: Any, mode: Any = 0, args: Any = None) -> Any:
+    @looks_at(**OBSERVABLE)
+    def relative_velocity(self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None) -> Any:
         """Velocity of the block over the belt, $V_r$ [m/s]."""
         return y.vx - self.belt_velocity(y)
 
-    def normal_force(self, t: Any, y: Any, mode: Any = 0, args: Any = None) -> Any:
+    @looks_at(**OBSERVABLE)
+    def normal_force(self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None) -> Any:
         """Normal force $N$ between block and belt [N], Eq. (11); below zero outside the model."""
         return self.loads(y).normal
 
-    def friction_coefficient(self, t: Any, y: Any, mode: Any = 0, args: Any = None) -> Any:
+    @looks_at(**OBSERVABLE)
+    def friction_coefficient(self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None) -> Any:
         """$T_s/N$ [-]; while the block sticks, the part of the static interval that is in use."""
         return self.friction_force(t, y, mode, args) / self.normal_force(t, y, mode, args)
 
-    def elastic_energy(self, t: Any, y: Any, mode: Any = 0, args: Any = None) -> Any:
+    @looks_at(**OBSERVABLE)
+    def elastic_energy(self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None) -> Any:
         """Energy of the three springs [J]."""
         stretch = y.y + y.x * y.x / (2.0 * self.r)
         z = y.x + y.y
         return 0.5 * (self.k1 * y.x * y.x + self.k2 * z * z + self.k3 * stretch * stretch)
 
-    def potential_energy(self, t: Any, y: Any, mode: Any = 0, args: Any = None) -> Any:
+    @looks_at(**OBSERVABLE)
+    def potential_energy(self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None) -> Any:
         """Energy of the springs, of the pendulum's weight and of the torque `Q` [J]; 0 at x = y = 0."""
         angle = y.y / self.r
         raised = angle * (1.0 + angle * (0.5 - angle * (1.0 / 6.0 + angle / 24.0)))
         weight = LEVER * self.M * self.g * self.r * raised
         return self.elastic_energy(t, y, mode, args) + weight + self.Q * angle
 
-    def kinetic_energy(self, t: Any, y: Any, mode: Any = 0, args: Any = None) -> Any:
+    @looks_at(**OBSERVABLE)
+    def kinetic_energy(self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None) -> Any:
         """Kinetic energy of block and pendulum [J]."""
         spin = y.vy / self.r
         return 0.5 * (self.m * y.vx * y.vx + self.J * spin * spin)
 
-    def belt_power(self, t: Any, y: Any, mode: Any = 0, args: Any = None) -> Any:
+    @looks_at(**OBSERVABLE)
+    def belt_power(self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None) -> Any:
         """Power that the belt feeds into block and contact [W]: $-T_s V_b$."""
         return -self.friction_force(t, y, mode, args) * self.belt_velocity(y)
 
-    def friction_power(self, t: Any, y: Any, mode: Any = 0, args: Any = None) -> Any:
+    @looks_at(**OBSERVABLE)
+    def friction_power(self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None) -> Any:
         """Power of friction on block and belt together [W]: $-T_s V_r$, not positive while N >= 0."""
         return -self.friction_force(t, y, mode, args) * self.relative_velocity(t, y, mode, args)
 
-    def damper_power(self, t: Any, y: Any, mode: Any = 0, args: Any = None) -> Any:
+    @looks_at(**OBSERVABLE)
+    def damper_power(self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None) -> Any:
         """Power of the dampers [W], not positive: $-c_1\\dot z^2 - c_2\\dot y^2$."""
         zd = y.vx + y.vy
         return -self.c1 * zd * zd - self.c2 * y.vy * y.vy

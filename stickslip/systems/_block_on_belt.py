@@ -2,9 +2,12 @@
 
 from typing import Any, ClassVar
 
-from jaxtyping import Array, Float
+from jax.typing import ArrayLike
+from jaxtyping import Array, Float, PyTree
 
 from .._fastmath import where
+from .._looks_at import OBSERVABLE, looks_at, reals, state
+from .._types import Given, Numeric, Whole
 from .._validation import as_parameter, check_finite
 from ..friction import AbstractFrictionLaw
 from ..friction._law import Number
@@ -57,22 +60,27 @@ class AbstractBlockOnSteadyBelt(AbstractBlockOnBelt):
         self.V_b = as_parameter(check_finite("V_b", V_b))
 
     @classmethod
-    def constructed(cls: type[Block], k3: Number, **changes: Any) -> Block:
+    def constructed(
+        cls: type[Block], k3: Number, **changes: Given[ArrayLike | AbstractFrictionLaw]
+    ) -> Block:
         """Set A of **constructed** parameters at the bifurcation parameter `k3` [N/m].
 
         `changes` replace single parameters; `J` and `Q` follow `M`, `g` and `r` unless they are given.
         """
         return cls(**{"V_b": BELT_SPEED, **set_a(k3, changes, cls.set_valued)})
 
+    @looks_at(y=state)
     def belt_velocity(self, y: BlockState) -> Float[Array, "..."]:
         """Velocity of the belt, constant [m/s]."""
         return self.V_b
 
+    @looks_at(y=state)
     def energy(self, y: BlockState) -> Any:
         """Kinetic and potential energy of block and pendulum [J]."""
         return self.kinetic_energy(0.0, y) + self.potential_energy(0.0, y)
 
-    def powers(self, t: Any, y: Any, mode: Any, args: Any) -> dict[str, Any]:
+    @looks_at(**OBSERVABLE)
+    def powers(self, t: Numeric, y: PyTree, mode: Whole, args: PyTree) -> dict[str, Any]:
         """Powers into `energy` [W]; friction and dampers are not positive."""
         return {
             "belt": self.belt_power(t, y, mode, args),
@@ -107,7 +115,8 @@ class BlockOnBelt(AbstractBlockOnSteadyBelt, AbstractSmoothSystem):
     set_valued: ClassVar = False
     units: ClassVar = {"x": "m", "vx": "m/s", "y": "m", "vy": "m/s"}
 
-    def friction_force(self, t: Any, y: BlockState, mode: Any = 0, args: Any = None) -> Any:
+    @looks_at(**OBSERVABLE)
+    def friction_force(self, t: Numeric, y: BlockState, mode: Whole = 0, args: PyTree = None) -> Any:
         """Friction force $T_s$ [N] as in (11); the block feels $-T_s$."""
         v = y.vx - self.V_b
         return self.law.coefficient(v) * self.loads(y).normal + self.law.drag(v)
@@ -152,7 +161,8 @@ class BlockOnBeltSetValued(AbstractBlockOnSteadyBelt):
     )
     units: ClassVar = {"x": "m", "vx": "m/s", "y": "m", "vy": "m/s"}
 
-    def friction_force(self, t: Any, y: BlockState, mode: Any, args: Any = None) -> Any:
+    @looks_at(**OBSERVABLE)
+    def friction_force(self, t: Numeric, y: BlockState, mode: Whole, args: PyTree = None) -> Any:
         """Friction force $T_s$ [N] as in (11); the block feels $-T_s$. At rest, what holds it."""
         loads, v = self.loads(y), y.vx - self.V_b
         slip = self.law.kinetic(v, sense_of(mode)) * loads.normal + self.law.drag(v)
@@ -176,6 +186,7 @@ class BlockOnBeltSetValued(AbstractBlockOnSteadyBelt):
         arrival = self._at_rest(landed)
         return landed, where(guard == 0, FORWARD, where(guard == 1, BACKWARD, arrival))
 
+    @looks_at(t=reals, y=state)
     def initial_mode(self, t, y, args):
         slips = where(y.vx > self.V_b, FORWARD, BACKWARD)
         return where(y.vx == self.V_b, self._at_rest(y), slips)

@@ -6,6 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from stickslip._fastmath import where
+from stickslip._looks_at import OBSERVABLE, looks_at, reals, state
 from stickslip._validation import as_parameter, check_between, check_nonnegative, check_positive
 from stickslip.hybrid._system import NO_MODE
 from stickslip.systems._mechanical import AbstractMechanicalSystem, Motion, Number
@@ -63,14 +64,17 @@ class BouncingBall(AbstractMechanicalSystem):
         # On the ground whatever the parameters: the height has no derivative left at an impact.
         return Motion(x=jnp.zeros_like(y.x), v=where(rests, 0.0, rebound)), where(rests, 1, 0)
 
+    @looks_at(t=reals, y=state)
     def initial_mode(self, t, y, args):
         lies = (y.x == 0.0) & (y.v == 0.0)
         return where(y.x < 0.0, NO_MODE, where(lies, 1, 0))
 
+    @looks_at(y=state)
     def energy(self, y):
         """Kinetic energy and energy of height [J]."""
         return self.mass * (0.5 * y.v**2 + self.gravity * y.x)
 
+    @looks_at(**OBSERVABLE)
     def powers(self, t, y, mode, args):
         """None: the ball loses energy at impacts only, see the log of events."""
         return {}

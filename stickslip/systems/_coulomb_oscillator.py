@@ -6,6 +6,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from stickslip._fastmath import where
+from stickslip._looks_at import OBSERVABLE, looks_at, modes, reals, state
+from stickslip._types import Whole
 from stickslip._validation import as_parameter, check_finite, check_nonnegative, check_positive
 from stickslip.systems._mechanical import (
     SLIP_MODES,
@@ -73,7 +75,8 @@ class CoulombOscillator(AbstractMechanicalSystem):
         self.kinetic_force = as_parameter(check_nonnegative("kinetic_force", kinetic_force))
         self.belt_speed = as_parameter(check_finite("belt_speed", belt_speed))
 
-    def friction(self, y: Motion, mode: Any) -> Any:
+    @looks_at(y=state, mode=modes)
+    def friction(self, y: Motion, mode: Whole) -> Any:
         """Force of the belt on the block [N]."""
         return where(mode == 1, self.stiffness * y.x, -slip_sense(mode) * self.kinetic_force)
 
@@ -101,14 +104,17 @@ class CoulombOscillator(AbstractMechanicalSystem):
         mode = where(mode == 1, onset, mode_at_rest(load, limit))
         return Motion(x=y.x, v=self.belt_speed), mode
 
+    @looks_at(t=reals, y=state)
     def initial_mode(self, t, y, args):
         limit = holding_force(self.static_force, self.kinetic_force)
         return contact_mode(y.v - self.belt_speed, -self.stiffness * y.x, limit)
 
+    @looks_at(y=state)
     def energy(self, y):
         """Kinetic energy and energy of the spring [J]."""
         return 0.5 * (self.mass * y.v**2 + self.stiffness * y.x**2)
 
+    @looks_at(**OBSERVABLE)
     def powers(self, t, y, mode, args):
         """`belt`: work of the drive; `friction`: loss in the contact [W]."""
         friction = self.friction(y, mode)

@@ -4,8 +4,11 @@ from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jax.typing import ArrayLike
+from jaxtyping import Array, Float, PyTree
 
+from .._looks_at import OBSERVABLE, looks_at, reals, state
+from .._types import Given, Numeric, Whole
 from .._validation import check_type
 from ..friction import AbstractFrictionLaw
 from ..friction._law import Number
@@ -63,23 +66,28 @@ class AbstractBlockOnDrivenBelt(AbstractBlockOnBelt):
         self.drive = check_type("drive", drive, DCDrive, "a DCDrive")
 
     @classmethod
-    def constructed(cls: type[Block], k3: Number, **changes: Any) -> Block:
+    def constructed(
+        cls: type[Block], k3: Number, **changes: Given[ArrayLike | AbstractFrictionLaw | DCDrive]
+    ) -> Block:
         """Set A and the **constructed** drive at `k3` [N/m]; `changes` replace single parameters."""
         given = set_a(k3, changes, cls.set_valued)
         if "drive" not in given:
             given["drive"] = DCDrive.constructed()
         return cls(**given)
 
+    @looks_at(y=state)
     def belt_velocity(self, y: DrivenBlockState) -> Float[Array, "..."]:
         """Velocity of the belt $V_b$ [m/s]."""
         return self.drive.belt_velocity(y)
 
+    @looks_at(y=state)
     def energy(self, y: DrivenBlockState) -> Any:
         """Energy of block, pendulum, turning parts and winding [J]."""
         block = self.kinetic_energy(0.0, y) + self.potential_energy(0.0, y)
         return block + self.drive.stored_energy(0.0, y)
 
-    def contact_power(self, t: Any, y: Any, mode: Any, args: Any = None) -> Any:
+    @looks_at(**OBSERVABLE)
+    def contact_power(self, t: Numeric, y: PyTree, mode: Whole, args: PyTree = None) -> Any:
         """Power of the contact on block and belt as the equations in use have it [W].
 
         With the consistent `belt_reaction` it is `friction_power`, not positive; as printed the belt
@@ -88,12 +96,14 @@ class AbstractBlockOnDrivenBelt(AbstractBlockOnBelt):
         on_belt = self._sign * self.belt_velocity(y)
         return self.friction_force(t, y, mode, args) * (on_belt - y.vx)
 
-    def gear_power(self, t: Any, y: Any, mode: Any, args: Any = None) -> Any:
+    @looks_at(**OBSERVABLE)
+    def gear_power(self, t: Numeric, y: PyTree, mode: Whole, args: PyTree = None) -> Any:
         """Power of the worm gear [W]: a loss while the motor drives, see `DCDrive` on `eta`."""
         T_s = self.friction_force(t, y, mode, args)
         return self.drive.load_power(y, T_s) - self._sign * T_s * self.belt_velocity(y)
 
-    def powers(self, t: Any, y: Any, mode: Any, args: Any) -> dict[str, Any]:
+    @looks_at(**OBSERVABLE)
+    def powers(self, t: Numeric, y: PyTree, mode: Whole, args: PyTree) -> dict[str, Any]:
         """Powers into `energy` [W]."""
         return {
             "supply": self.drive.electrical_power(t, y, mode, args),
@@ -139,7 +149,10 @@ class BlockOnDrivenBelt(AbstractBlockOnDrivenBelt):
     guard_scales: ClassVar = DCDrive.guard_scales
     units: ClassVar = DRIVEN_UNITS
 
-    def friction_force(self, t: Any, y: DrivenBlockState, mode: Any = 0, args: Any = None) -> Any:
+    @looks_at(**OBSERVABLE)
+    def friction_force(
+        self, t: Numeric, y: DrivenBlockState, mode: Whole = 0, args: PyTree = None
+    ) -> Any:
         """Friction force $T_s$ [N] as in (11); the block feels $-T_s$."""
         v = y.vx - self.belt_velocity(y)
         return self.law.coefficient(v) * self.loads(y).normal + self.law.drag(v)
@@ -157,5 +170,6 @@ class BlockOnDrivenBelt(AbstractBlockOnDrivenBelt):
         landed = y._replace(omega=jnp.zeros_like(y.omega))
         return landed, self.drive.mode_after(landed, self.friction_force(t, landed), guard)
 
+    @looks_at(t=reals, y=state)
     def initial_mode(self, t, y, args):
         return self.drive.initial_mode(t, y, self.friction_force(t, y))

@@ -3,8 +3,11 @@
 from typing import Any, ClassVar, NamedTuple
 
 import jax.numpy as jnp
+from jaxtyping import PyTree
 
 from .._fastmath import where
+from .._looks_at import OBSERVABLE, looks_at, reals, state
+from .._types import Numeric, Whole
 from ..hybrid._system import NO_MODE
 from ._block_mechanics import Loads
 from ._block_on_belt import BACKWARD, FORWARD, STICK, sense_of
@@ -59,7 +62,8 @@ class BlockOnDrivenBeltSetValued(AbstractBlockOnDrivenBelt):
     guard_scales: ClassVar = (1.0, 1.0, 1.0, *DCDrive.guard_scales)
     units: ClassVar = DRIVEN_UNITS
 
-    def friction_force(self, t: Any, y: DrivenBlockState, mode: Any, args: Any = None) -> Any:
+    @looks_at(**OBSERVABLE)
+    def friction_force(self, t: Numeric, y: DrivenBlockState, mode: Whole, args: PyTree = None) -> Any:
         """Friction force $T_s$ [N] as in (11); the block feels $-T_s$. At rest, what holds it."""
         return self._motion(y, mode // 3, mode % 3).T_s
 
@@ -106,6 +110,7 @@ class BlockOnDrivenBeltSetValued(AbstractBlockOnDrivenBelt):
         # A rotor that was already at rest, or a block already stuck, may lose its hold as well.
         return y, self._admissible(y, (guard <= 2) | stuck, forced_contact, forced_drive)
 
+    @looks_at(t=reals, y=state)
     def initial_mode(self, t, y, args):
         together = y.vx == self.belt_velocity(y)
         return self._admissible(y, together, jnp.asarray(NO_MODE), jnp.asarray(NO_MODE))

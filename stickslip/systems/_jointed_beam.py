@@ -1,14 +1,17 @@
 """Beam jointed by a spring to an oscillator that a belt drags along."""
 
 import math
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jax.typing import ArrayLike
+from jaxtyping import Array, Float, PyTree
 
 from .._fastmath import where
+from .._looks_at import OBSERVABLE, looks_at, one_real, reals, state
+from .._types import Given, Numeric, Whole
 from .._validation import (
     as_parameter,
     check_count,
@@ -27,6 +30,7 @@ from ._jointed_beam_scales import BeamScales, times_scale
 from ._mechanical import AbstractMechanicalSystem
 
 BACKWARD, STICK, FORWARD, APART = 0, 1, 2, 3
+Word: TypeAlias = Given[Literal["consistent", "printed"]]
 WORDS = ("consistent", "printed")
 
 # Constructed: the paper's table of parameters is missing. The period of x and the frequency of the
@@ -48,6 +52,19 @@ class JointedBeamState(NamedTuple):
     vy: Any  # its velocity [m/s]
     q: Any  # modal coordinates of the beam, shape [modes] [m]
     p: Any  # their velocities, shape [modes] [m/s]
+
+
+def _one_state(owner: Any, name: str, value: Any) -> Any:
+    """One state of the beam: sums over its modes would go over the rows of a log too."""
+    state(owner, name, value)
+    if np.shape(value.q) != (owner.modes,) or np.shape(value.p) != (owner.modes,):
+        row = f"one state, with one row of {owner.modes} in q and in p (for a log, use jax.vmap)"
+        shapes = f"of shapes {np.shape(value.q)} and {np.shape(value.p)}"
+        raise refusal(name, value, row, but=shapes)
+    return value
+
+
+_OF_ONE = {**OBSERVABLE, "y": _one_state}
 
 
 class JointedBeam(AbstractMechanicalSystem):
@@ -114,10 +131,10 @@ class JointedBeam(AbstractMechanicalSystem):
     scales: BeamScales
     modes: int = eqx.field(static=True)
     is_dimensionless: bool = eqx.field(static=True)
-    joint: str = eqx.field(static=True)
-    friction: str = eqx.field(static=True)
-    shape: str = eqx.field(static=True)
-    coupling: str = eqx.field(static=True)
+    joint: Word = eqx.field(static=True)
+    friction: Word = eqx.field(static=True)
+    shape: Word = eqx.field(static=True)
+    coupling: Word = eqx.field(static=True)
 
     mode_names: ClassVar = ("slip backward", "stick", "slip forward", "no contact")
     guard_names: ClassVar = (
@@ -138,13 +155,13 @@ class JointedBeam(AbstractMechanicalSystem):
         gamma: Number,
         v: Number,
         z_A: Number,
-        modes: Any = 5,
+        modes: Given[int] = 5,
         damping: Number = 0.0,
-        scales: Any = None,
-        joint: Any = "consistent",
-        friction: Any = "consistent",
-        shape: Any = "consistent",
-        coupling: Any = "consistent",
+        scales: Given[BeamScales | None] = None,
+        joint: Word = "consistent",
+        friction: Word = "consistent",
+        shape: Word = "consistent",
+        coupling: Word = "consistent",
     ):
         self.m = as_parameter(check_positive("m", m))
         self.k1 = as_parameter(check_positive("k1", k1))
@@ -171,12 +188,12 @@ class JointedBeam(AbstractMechanicalSystem):
         self.coupling = check_in("coupling", coupling, WORDS)
 
     @classmethod
-    def constructed(cls, v: Number, **changes: Any) -> "JointedBeam":
+    def constructed(cls, v: Number, **changes: Given[ArrayLike | str | BeamScales]) -> "JointedBeam":
         """Dimensionless system with **constructed** parameters; `changes` replace some of them."""
         return cls(**{**CONSTRUCTED, "v": v, **changes})
 
     @classmethod
-    def printed(cls, v: Number, **changes: Any) -> "JointedBeam":
+    def printed(cls, v: Number, **changes: Given[ArrayLike | str | BeamScales]) -> "JointedBeam":
         """As `constructed`, with all equations as the paper prints them (C-E1 to C-E4)."""
         words = dict.fromkeys(("joint", "friction", "shape", "coupling"), "printed")
         return cls.constructed(v, **{**words, **changes})
@@ -204,7 +221,8 @@ class JointedBeam(AbstractMechanicalSystem):
         still = jnp.zeros(self.modes)
         return JointedBeamState(x=x + zero, vx=zero, y=zero, vy=self.v + zero, q=still, p=still)
 
-    def shapes(self, z: Any) -> Float[Array, " modes"]:
+    @looks_at(z=one_real)
+    def shapes(self, z: Numeric) -> Float[Array, " modes"]:
         r"""Values $\phi_i(z)$ of the eigenfunctions, Eq. (2.18); `z` [m]."""
         factor = NORMAL if self.shape == "consistent" else 1.0
         return factor * jnp.sin(math.pi * self._numbers() * (z / self.scales.L))
@@ -216,27 +234,35 @@ class JointedBeam(AbstractMechanicalSystem):
     def _numbers(self) -> Float[Array, " modes"]:
         return jnp.arange(1, self.modes + 1, dtype=jnp.float64)
 
-    def deflection(self, y: JointedBeamState, z: Any) -> Float[Array, "..."]:
+    @looks_at(y=_one_state, z=one_real)
+    def deflection(self, y: JointedBeamState, z: Numeric) -> Float[Array, "..."]:
         """Deflection of the beam at `z`, Eq. (2.17) [m]."""
         return jnp.sum(self.shapes(z) * y.q)
 
-    def w(self, t: Any, y: JointedBeamState, mode: Any = 0, args: Any = None) -> Any:
+    @looks_at(**_OF_ONE)
+    def w(self, t: Numeric, y: JointedBeamState, mode: Whole = 0, args: PyTree = None) -> Any:
         """Deflection of the beam at the joint [m]."""
         return self.deflection(y, self.z_A)
 
-    def w_rate(self, t: Any, y: JointedBeamState, mode: Any = 0, args: Any = None) -> Any:
+    @looks_at(**_OF_ONE)
+    def w_rate(self, t: Numeric, y: JointedBeamState, mode: Whole = 0, args: PyTree = None) -> Any:
         """Velocity of the beam at the joint [m/s]."""
         return jnp.sum(self.shapes(self.z_A) * y.p)
 
-    def relative_velocity(self, t: Any, y: JointedBeamState, mode: Any = 0, args: Any = None) -> Any:
+    @looks_at(**OBSERVABLE)
+    def relative_velocity(
+        self, t: Numeric, y: JointedBeamState, mode: Whole = 0, args: PyTree = None
+    ) -> Any:
         """Velocity of the mass against the belt [m/s]."""
         return y.vy - self.v
 
-    def normal_force(self, t: Any, y: JointedBeamState, mode: Any, args: Any = None) -> Any:
+    @looks_at(**OBSERVABLE)
+    def normal_force(self, t: Numeric, y: JointedBeamState, mode: Whole, args: PyTree = None) -> Any:
         """Normal force $N$, Eq. (2.2) [N]."""
         return where(mode == APART, 0.0, self.k3 * y.x)
 
-    def friction_force(self, t: Any, y: JointedBeamState, mode: Any, args: Any = None) -> Any:
+    @looks_at(**_OF_ONE)
+    def friction_force(self, t: Numeric, y: JointedBeamState, mode: Whole, args: PyTree = None) -> Any:
         """Force of the belt on the mass along the belt [N]; in stick what holds it."""
         sense = where(mode == FORWARD, 1.0, -1.0)
         V = y.vy - self.v
@@ -246,11 +272,13 @@ class JointedBeam(AbstractMechanicalSystem):
         slip = -sense * self.mu_s * self.normal_force(t, y, mode) / factor
         return where(mode == STICK, self._joint_force(y), slip)
 
-    def friction_power(self, t: Any, y: JointedBeamState, mode: Any, args: Any = None) -> Any:
+    @looks_at(**_OF_ONE)
+    def friction_power(self, t: Numeric, y: JointedBeamState, mode: Whole, args: PyTree = None) -> Any:
         r"""$W_f = T\,V$: power of the friction in the contact [W], zero in stick, never positive."""
         return self.friction_force(t, y, mode) * (y.vy - self.v)
 
-    def beam_power(self, t: Any, y: JointedBeamState, mode: Any, args: Any = None) -> Any:
+    @looks_at(**_OF_ONE)
+    def beam_power(self, t: Numeric, y: JointedBeamState, mode: Whole, args: PyTree = None) -> Any:
         r"""$W_b = k_1(y - w_A)\dot w_A$: power from the mass to the beam through the joint [W]."""
         return self._joint_force(y) * self.w_rate(t, y)
 
@@ -306,6 +334,7 @@ class JointedBeam(AbstractMechanicalSystem):
         )
         return new, where(border, contact, rest)
 
+    @looks_at(t=reals, y=_one_state)
     def initial_mode(self, t, y, args):
         slips = where(y.vy > self.v, FORWARD, BACKWARD)
         touching = where(y.vy == self.v, self._at_rest(y), slips)
@@ -317,6 +346,7 @@ class JointedBeam(AbstractMechanicalSystem):
         limit, force = self.mu_s * self.k3 * y.x, self._joint_force(y)
         return where(force > limit, BACKWARD, where(-force > limit, FORWARD, STICK))
 
+    @looks_at(y=_one_state)
     def energy(self, y: JointedBeamState) -> Any:
         """Energy of mass, springs and beam [J]; the contact spring counts while pressed."""
         depth = where(y.x > 0.0, y.x, 0.0)
@@ -326,7 +356,8 @@ class JointedBeam(AbstractMechanicalSystem):
         beam = jnp.sum(y.p * y.p + (self.frequencies() * y.q) ** 2)
         return 0.5 * (mass + springs + self.scales.mass * beam)
 
-    def powers(self, t: Any, y: JointedBeamState, mode: Any, args: Any) -> dict[str, Any]:
+    @looks_at(**_OF_ONE)
+    def powers(self, t: Numeric, y: JointedBeamState, mode: Whole, args: PyTree) -> dict[str, Any]:
         """Powers into `energy` [W]: `belt` (drive), `friction` (loss), `damping` (loss in the beam).
 
         With equations as printed also `inconsistency`: what the joint gives the beam beyond what it
@@ -379,10 +410,12 @@ class JointedBeam(AbstractMechanicalSystem):
             coupling=self.coupling,
         )
 
+    @looks_at(y=state)
     def state_in_units(self, y: JointedBeamState) -> JointedBeamState:
         """A dimensionless state in the units of this system."""
         return times_scale(y, self.scales, 1)
 
+    @looks_at(y=state)
     def state_dimensionless(self, y: JointedBeamState) -> JointedBeamState:
         """A state of this system in dimensionless numbers."""
         return times_scale(y, self.scales, -1)

@@ -3,9 +3,10 @@
 import abc
 from typing import Any, NamedTuple
 
-from jaxtyping import ArrayLike, Real
+from jaxtyping import ArrayLike, PyTree, Real
 
 from stickslip._fastmath import where
+from stickslip._types import Numeric, Whole
 from stickslip.hybrid import AbstractHybridSystem
 
 Number = Real[ArrayLike, "..."]
@@ -28,14 +29,17 @@ class AbstractMechanicalSystem(AbstractHybridSystem):
     that a loss is negative. At an event the energy may drop (impact), which the event log shows:
     `energy(events.y_after) - energy(events.y_before)`. `WithIntegrals` integrates the powers along
     a motion.
+
+    Methods of the reference systems **raise** `TypeError` or `ValueError` naming the argument: for
+    what has not the components of the state, is no number, no mode.
     """
 
     @abc.abstractmethod
-    def energy(self, y: Any) -> Any:
+    def energy(self, y: PyTree) -> Any:
         """Kinetic and potential energy [J]."""
 
     @abc.abstractmethod
-    def powers(self, t: Any, y: Any, mode: Any, args: Any) -> dict[str, Any]:
+    def powers(self, t: Numeric, y: PyTree, mode: Whole, args: PyTree) -> dict[str, Any]:
         """Powers into the mechanical energy [W] by name; friction, damping and the like are <= 0."""
 
 

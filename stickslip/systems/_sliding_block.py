@@ -6,6 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from stickslip._fastmath import where
+from stickslip._looks_at import OBSERVABLE, looks_at, reals, state
 from stickslip._validation import as_parameter, check_finite, check_nonnegative, check_positive
 from stickslip.systems._mechanical import (
     AbstractMechanicalSystem,
@@ -69,14 +70,17 @@ class SlidingBlock(AbstractMechanicalSystem):
         limit = holding_force(self.static_force, self.kinetic_force)
         return Motion(x=y.x, v=jnp.zeros_like(y.v)), mode_at_rest(self.force, limit)
 
+    @looks_at(t=reals, y=state)
     def initial_mode(self, t, y, args):
         limit = holding_force(self.static_force, self.kinetic_force)
         return contact_mode(y.v, self.force, limit)
 
+    @looks_at(y=state)
     def energy(self, y):
         """Kinetic energy [J]."""
         return 0.5 * self.mass * y.v**2
 
+    @looks_at(**OBSERVABLE)
     def powers(self, t, y, mode, args):
         """`force`: work of the constant force; `friction`: loss in the contact [W]."""
         friction = -slip_sense(mode) * self.kinetic_force

@@ -6,6 +6,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from stickslip._fastmath import where
+from stickslip._looks_at import OBSERVABLE, looks_at, modes, reals, state
+from stickslip._types import Whole
 from stickslip._validation import as_parameter, check_finite, check_nonnegative, check_positive
 from stickslip.systems._mechanical import (
     SLIP_MODES,
@@ -101,6 +103,7 @@ class TwoBlocksOnBelt(AbstractMechanicalSystem):
         self.kinetic_force_2 = as_parameter(check_nonnegative("kinetic_force_2", kinetic_force_2))
         self.belt_speed = as_parameter(check_finite("belt_speed", belt_speed))
 
+    @looks_at(y=state)
     def loads(self, y: PairMotion) -> tuple[Any, Any]:
         """Force of the springs on each block [N]."""
         between = self.coupling * (y.x_1 - y.x_2)
@@ -113,7 +116,8 @@ class TwoBlocksOnBelt(AbstractMechanicalSystem):
             holding_force(self.static_force_2, self.kinetic_force_2),
         )
 
-    def frictions(self, y: PairMotion, mode: Any) -> tuple[Any, Any]:
+    @looks_at(y=state, mode=modes)
+    def frictions(self, y: PairMotion, mode: Whole) -> tuple[Any, Any]:
         """Force of the belt on each block [N]."""
         kinetic = (self.kinetic_force_1, self.kinetic_force_2)
         pairs = zip(_each(mode), self.loads(y), kinetic, strict=True)
@@ -153,11 +157,13 @@ class TwoBlocksOnBelt(AbstractMechanicalSystem):
             v_2=where(guard >= 2, self.belt_speed, y.v_2),
         ), 3 * one + two
 
+    @looks_at(t=reals, y=state)
     def initial_mode(self, t, y, args):
         contacts = zip((y.v_1, y.v_2), self.loads(y), self.limits(), strict=True)
         one, two = (contact_mode(v - self.belt_speed, load, limit) for v, load, limit in contacts)
         return 3 * one + two
 
+    @looks_at(y=state)
     def energy(self, y):
         """Kinetic energy and energy of the three springs [J]."""
         return 0.5 * (
@@ -168,6 +174,7 @@ class TwoBlocksOnBelt(AbstractMechanicalSystem):
             + self.coupling * (y.x_1 - y.x_2) ** 2
         )
 
+    @looks_at(**OBSERVABLE)
     def powers(self, t, y, mode, args):
         """`belt`: work of the drive; `friction_1`, `friction_2`: losses in the contacts [W]."""
         one, two = self.frictions(y, mode)

@@ -8,6 +8,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
+from stickslip._looks_at import instance, looks_at, time, whole_state
+from stickslip._types import Numeric
 from stickslip._validation import check_callable, check_mapping, check_type, refusal
 from stickslip.hybrid import AbstractHybridSystem, AbstractSystemWrapper
 
@@ -76,10 +78,12 @@ class WithIntegrals(AbstractSystemWrapper):
         """Those of the system and of the integrals."""
         return {**self.system.units, **dict(self.integral_units)}
 
+    @looks_at(y=instance(Augmented, "an Augmented, as `start` makes it"))
     def inner(self, y, args):
         return y.y, args
 
-    def start(self, y: PyTree, t: Any = 0.0, args: PyTree = None) -> Augmented:
+    @looks_at(y=whole_state, t=time)
+    def start(self, y: PyTree, t: Numeric = 0.0, args: PyTree = None) -> Augmented:
         """Initial state: `y` with all integrals zero."""
         mode = jnp.zeros((), jnp.int32)
 

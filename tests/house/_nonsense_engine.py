@@ -69,6 +69,14 @@ ENGINE = [
         },
     ),
     Target(
+        ss.Tableau,
+        {
+            "name": arg("midpoint", "text"), "order": arg(2, "count"),
+            "a": arg([[0.0, 0.0], [0.5, 0.0]]), "b": arg([0.0, 1.0], "float32"), "c": arg([0.0, 0.5]),
+            "error_weights": arg(((1.0, -1.0, 0.0),), "no times"),
+        },
+    ),
+    Target(
         ss.Integrator,
         {
             "method": arg("tsit5"), "step": arg(ss.FixedStep(0.1)), "max_steps": arg(10),

@@ -129,6 +129,27 @@ TAKEN: dict[str, tuple[frozenset[str], str]] = {
     "count": (frozenset({"0"}), "counts from 0 on"),
     "whole": (frozenset({"0"}), "number of a mode, a guard or the like, which begins with 0"),
     "any whole": (frozenset({"-1"}), "as documented: below 0 the first function is taken"),
+    "reals": (
+        FINITE | ARRAYS | FLOAT32
+        | {"nan", "inf", "-inf", "[nan]", "nans", "[]", "()", "no rows"},
+        "a number or an array of them, of any value: logs have NaN in rows that were never reached",
+    ),
+    "real": (
+        FINITE | FLOAT32 | {"nan", "inf", "-inf"}, "one number of any value, since logs have NaN"
+    ),
+    "senses": (
+        frozenset({"-1", "0", "nan", "[nan]", "nans", "3 x 2", "[]", "()", "no rows"}),
+        "+1 or -1, 0 at rest, and NaN where the motion is NaN",
+    ),
+    "modes": (frozenset({"-1", "0"}), "number of a mode or guard; -1 in rows never reached"),
+    "pieces": (
+        (FINITE | ARRAYS | {"nan", "inf", "-inf", "[nan]", "nans", "[]", "()", "no rows"})
+        - {"float32 array"},
+        "whole numbers, and what a voltage makes of times that are no numbers",
+    ),
+    "no state": (frozenset({"()", "[]"}), "a law without internal state has none"),
+    "one state": (frozenset({"[nan]"}), "one deflection, NaN in rows that were never reached"),
+    "unused": (EVERYTHING, "no reference system takes arguments: they are never looked at"),
     "flag": (frozenset({"True"}), "it is a switch"),
     "text": (frozenset({"'abc'"}), "a name is free"),
     "empty text": (frozenset({"''"}), "a dimensionless unit, a long name that says nothing"),

@@ -33,6 +33,65 @@ ELSEWHERE = {
     "sweep": "each option is an argument of its own in the template",
 }
 
+OURS = ("stickslip", "corexy_jax")
+CALLED_BY_ENGINE = "what an author writes and the engine calls, inside of its programs"
+BUILT_BY_ENGINE = "what the engine asks its own parts, inside of its programs"
+# Public methods that are not fed nonsense, by name or by class and name.
+EXEMPT_METHODS = {
+    **dict.fromkeys(("vector_field", "guards", "transition", "inner", "time_scale"), CALLED_BY_ENGINE),
+    "AbstractSmoothSystem.initial_mode": "there is one mode, whatever is given",
+    "AbstractSystemWrapper.initial_mode": "takes what the author's `inner` takes",
+    **dict.fromkeys(
+        (
+            "Section.uses_slope", "AdaptiveStep.factor", "AdaptiveStep.initial", "FixedStep.initial",
+            "AbstractStepper.vjp",
+            "ProgressMeter.report", "Executor.boundary", "Executor.loop", "Executor.shared",
+        ),
+        BUILT_BY_ENGINE,
+    ),
+    **dict.fromkeys(
+        (
+            "CoreXY.carriage_rests", "CoreXY.dmn", "CoreXY.energy", "CoreXY.initial_mode",
+            "CoreXY.line_drive", "CoreXY.motion", "CoreXY.next_mode", "CoreXY.powers", "CoreXY.slips",
+            "CoreXY.torques", "CoreXY.velocities",
+        ),
+        "parts of the machine's vector field, called inside of its programs",
+    ),
+    "CoreXY.state": "has a template with the constructors",
+    "map_lanes.__call__": "has a template with the constructors",
+}  # fmt: skip
+
+
+def methods_of(cls: type) -> dict[str, Any]:
+    """Public methods that take something, of a class of ours, by the name of the definition."""
+    found = {}
+    for part in dir(cls):
+        if part.startswith("_") and part != "__call__":
+            continue
+        owner = next((c for c in cls.__mro__ if part in vars(c)), None)
+        method = vars(owner).get(part) if owner else None
+        method = getattr(method, "method", method)  # equinox wraps what modules define
+        ours = owner is not None and owner.__module__.split(".")[0] in OURS
+        if not ours or not inspect.isfunction(method) or getattr(method, "__isabstractmethod__", False):
+            continue
+        name = f"{owner.__name__}.{part}"
+        if {part, name} & EXEMPT_METHODS.keys() or len(inspect.signature(method).parameters) < 2:
+            continue
+        found[name] = method
+    return found
+
+
+def public_methods() -> dict[str, Any]:
+    """Those of all classes that the packages export."""
+    found = {}
+    for package in PACKAGES:
+        module = importlib.import_module(package)
+        for name in getattr(module, "__all__", dir(module)):
+            thing = getattr(module, name)
+            if not name.startswith("_") and inspect.isclass(thing):
+                found |= methods_of(thing)
+    return found
+
 
 def exempt(thing: Any) -> str | None:
     """Why a public object needs no template."""

@@ -77,7 +77,7 @@ def test_without_the_doubt_most_events_at_rest_are_missed(monkeypatch):
     def run(load):
         return ss.simulate(Block(load), 0.0, END, REST, max_events=512, throw=False, integrator=free)
 
-    off = wrong((found := run(loads)).y1.x, found, *march(loads))
+    off = wrong((found := run(loads)).y1.x, found, *march(loads, 60_000))
     assert np.sum(off & (np.asarray(found.flags) == 0)) > 10
 
 

@@ -1,0 +1,55 @@
+"""Types of arguments that what is called looks at itself.
+
+`Given[T]` is `T` to readers and to static checkers. When it runs it admits everything: the check of
+types at call time, which the tests switch on, would otherwise come before the function's own, whose
+error names the argument, its value and what is allowed.
+
+>>> Given[int | None]
+stickslip._types.Given[int | None]
+>>> isinstance("seven", Given[int])
+True
+"""
+
+import os
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar
+
+import numpy as np
+from jax import Array
+
+T = TypeVar("T")
+
+if TYPE_CHECKING:
+    Given = Annotated[T, "looked at by what is called"]
+else:
+
+    class _Unread(type):
+        """Class of types that every value is an instance of."""
+
+        def __instancecheck__(cls, value: Any) -> bool:
+            return True
+
+        def __repr__(cls) -> str:
+            return f"{cls.__module__}.{cls.__qualname__}"
+
+    class Given(metaclass=_Unread):
+        """`Given[T]`: a `T`, looked at by what is called."""
+
+        allowed: Any = Any
+
+        def __class_getitem__(cls, allowed: Any) -> type:
+            shown = allowed.__qualname__ if isinstance(allowed, type) else str(allowed)
+            named = {"allowed": allowed, "__module__": __name__, "__qualname__": f"Given[{shown}]"}
+            return _Unread("Given", (), named)
+
+
+# A real number or an array of them, traced or not.
+Numeric: TypeAlias = Given[float | int | np.floating | np.integer | np.ndarray | Array]
+Row: TypeAlias = Given[Sequence[float] | Array | np.ndarray]  # a row of real numbers
+Rows: TypeAlias = Given[Sequence[Row] | np.ndarray]  # rows of real numbers
+Whole: TypeAlias = Given[int | np.integer | Array | np.ndarray]  # an integer, traced or not
+Mode: TypeAlias = Given[str | int | np.integer | Array | np.ndarray]  # of a mode: its name or number
+Path: TypeAlias = Given[str | os.PathLike[str]]
+Named: TypeAlias = Given[Mapping[str, Any]]  # values of any type by name
+NamedNumbers: TypeAlias = Given[Mapping[str, float | np.ndarray | Array]]
+NamedRows: TypeAlias = Given[Mapping[str, Sequence[Any] | Array | np.ndarray]]

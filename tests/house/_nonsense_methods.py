@@ -1,0 +1,107 @@
+"""Right arguments of the public methods of what users make or are returned: one object of each class.
+
+Arguments are told by their names, which mean the same in all methods of a kind.
+"""
+
+import inspect
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+import corexy_jax as cx
+import stickslip as ss
+from stickslip import analysis, friction, identification, systems
+from tests.house._nonsense_engine import FITS, OSCILLATOR, START
+from tests.house._nonsense_laws import BLOCK, DRY, SMOOTH
+from tests.house._nonsense_machine import PARAMETERS, VOLTAGE
+from tests.house._nonsense_public import methods_of
+from tests.house._nonsense_target import Argument, Target, arg
+
+REALS = ("reals",)
+BEAM = systems.JointedBeam.constructed(v=5e-4)
+BROKEN = ss.WithBreaks(OSCILLATOR, [0.5, 1.5])
+LEDGER = systems.WithIntegrals(OSCILLATOR, systems.CoulombOscillator.powers)
+TANGENT = analysis.WithDeviations(OSCILLATOR)
+DEVIATING = TANGENT.start(START, np.eye(2))
+DRIVE = systems.DCDrive.constructed()
+SMOOTHED = cx.SmoothedCoreXY(PARAMETERS, VOLTAGE)
+CARRIAGE = cx.CoreXYState(*(0.0,) * 9)
+TABLE = ([0.0, 1.0], [1.0, 2.0], [0.0, 0.0])
+
+# What an argument of a name takes, whatever the method.
+NAMED = {
+    **dict.fromkeys(("v", "normal_force", "t", "T_s"), arg(0.1, *REALS)),
+    "sense": arg(1, "senses"), "mode": arg(0, "modes"), "guard": arg(0, "modes"),
+    "args": arg(None, "unused"), "threshold": arg(1e-7, "not negative", "float32"),
+    "piece": arg(0.0, "pieces"), "z": arg(0.1, "real"),
+    "factor": arg(2.0, "positive", "float32", "batch"),
+    "loads": arg(BLOCK.loads(systems.DrivenBlockState(*(0.0,) * 6))),
+}  # fmt: skip
+
+
+def of(thing: Any, **special: Argument) -> list[Target]:
+    """All public methods of an object; arguments that are `special` to it are given by name, those of
+    one method only as `method__argument`."""
+    found = []
+    for method in methods_of(type(thing)).values():
+        name = method.__name__
+        known = {
+            argument: special.get(f"{name}__{argument}", special.get(argument, NAMED.get(argument)))
+            for argument in list(inspect.signature(method).parameters)[1:]
+        }
+        found.append(Target(method, known, getattr(thing, name)))
+    return found
+
+
+LAWS = [
+    DRY, SMOOTH, friction.Stribeck(0.4, 0.3, 0.01, 2.0), friction.HyperbolicWeakening(0.4, 1.0),
+    friction.ViscousFriction(0.1), friction.ViscousDamping(0.1), friction.Regularised(DRY, 1e-3),
+    friction.Asymmetric(DRY, DRY), friction.Sum(DRY, DRY),
+]  # fmt: skip
+BRISTLES = [
+    friction.Dahl(DRY, 1e4), friction.LuGre(DRY, 1e4),
+    friction.Sum(friction.LuGre(DRY, 1e4), friction.ViscousFriction(0.1)),
+]  # fmt: skip
+PAIR = systems.TwoBlocksOnBelt(
+    **dict.fromkeys(
+        ("mass_1", "mass_2", "stiffness_1", "stiffness_2", "coupling", "static_force_1",
+         "static_force_2", "kinetic_force_1", "kinetic_force_2", "belt_speed"), 1.0,
+    )
+)  # fmt: skip
+MOTION = arg(START)
+BLOCK_STATE = arg(systems.BlockState(*(0.0,) * 4))
+DRIVEN_STATE = arg(systems.DrivenBlockState(*(0.0,) * 6))
+STATES = "states"
+TARGETS = [
+    *(target for law in LAWS for target in of(law, state=arg((), "no state"))),
+    *(target for law in BRISTLES for target in of(law, state=arg((0.0,), "one state"))),
+    *of(OSCILLATOR, y=MOTION),
+    *of(systems.SlidingBlock(1.0, 1.0, 0.5, 0.2), y=MOTION),
+    *of(systems.BouncingBall(1.0, 9.81, 0.5, 1e-3), y=MOTION),
+    *of(systems.OscillatorBetweenStops(1.0, 1.0, lower=-1.0, upper=1.0, restitution=0.5), y=MOTION),
+    *of(PAIR, y=arg(systems.PairMotion(*(0.0,) * 4))),
+    *of(systems.BlockOnBelt.constructed(k3=85.0), y=BLOCK_STATE),
+    *of(systems.BlockOnBeltSetValued.constructed(k3=85.0), y=BLOCK_STATE),
+    *of(BLOCK, y=DRIVEN_STATE),
+    *of(systems.BlockOnDrivenBeltSetValued.constructed(k3=85.0), y=DRIVEN_STATE),
+    *of(DRIVE, y=arg(systems.DriveState(0.0, 0.0)), initial_mode__args=arg(0.0, "none", *REALS)),
+    *of(
+        BEAM, y=arg(BEAM.start()), start__x=arg(1e-3, "none", "finite", "float32", "batch"),
+        scales=arg(systems.BeamScales(2.0, 2.0, 2.0)),
+    ),
+    *of(BROKEN, start__y=arg(START, STATES), start__t=arg(0.0, "finite", "float32"),
+        y=arg(BROKEN.start(START))),
+    *of(LEDGER, start__y=arg(START), start__t=arg(0.0, "finite", "float32"),
+        y=arg(LEDGER.start(START))),
+    *of(TANGENT, start__y=arg(START, STATES), columns=arg(np.ones((2, 1))), y=arg(DEVIATING),
+        state=arg(DEVIATING)),
+    *of(FITS),
+    *of(identification.Sensitivity(("a",), jnp.ones((3, 1)))),
+    *(target for kind in (cx.Harmonic, cx.SquareWave) for target in of(kind(1.0, 2.0))),
+    *(target for kind in (cx.Sampled, cx.PiecewiseStep)
+      for target in of(kind(*TABLE), piece_of__t=arg(0.1, "real"), __call____t=arg(0.1, "real"))),
+    *of(cx.UserVoltage(lambda t, args: (t, t))),
+    *of(SMOOTHED, y=arg(SMOOTHED.state(CARRIAGE)), s=arg(SMOOTHED.state(CARRIAGE)),
+        state__y=arg(CARRIAGE), powers__t=arg(0.1, "finite", "float32", "batch")),
+]  # fmt: skip
