@@ -8,7 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
-from stickslip._fastmath import cos, sin, where
+from stickslip._fastmath import sin_cos, where
 from stickslip._validation import (
     as_parameter,
     check_callable,
@@ -20,6 +20,8 @@ from stickslip._validation import (
     one_number,
     one_row,
 )
+
+from ._rows import row
 
 NEVER = 1e300  # time of a break that does not come [s]
 
@@ -79,7 +81,8 @@ class Harmonic(AbstractVoltage):
 
     def volts(self, t, piece):
         angle = 2 * jnp.pi * self.frequency * t
-        return self.v01 * sin(angle), self.v02 * cos(angle)
+        sine, cosine = row(sin_cos(angle))
+        return self.v01 * sine, self.v02 * cosine
 
     def time_scale(self):
         return 1.0 / (2 * jnp.pi * self.frequency)
