@@ -106,14 +106,13 @@ def _by_tables(mass: Line, drive: tuple[Any, Any], friction: Row, rest: Row) -> 
     masses, zero = row(mass), jnp.zeros_like(drive[0])
     force = through(NORMALS.T, friction) + row((zero, zero, *drive))
     here = set_number(rest)
-    inertias = (
-        jnp.sum(jnp.asarray(_INERTIAS)[here] * masses[None, None, :], axis=-1)
-        + jnp.asarray(_ABSENT)[here]
-    )
-    along, across = jnp.sum(jnp.asarray(_FREEDOMS)[here] * force[None, None, :], axis=-1)
-    own, others, mixed = inertias
-    rates = (others * along - mixed * across) / (own * others - mixed * mixed)
-    acceleration = jnp.sum(jnp.asarray(_FREEDOMS)[here, 0] * rates[:, None], axis=0)
+    inertias = jnp.sum(jnp.asarray(_INERTIAS)[here] * masses[None, None, :], axis=-1)
+    own, others, mixed = (inertias + jnp.asarray(_ABSENT)[here])[:, :, None]
+    freedoms, partners = jnp.asarray(_FREEDOMS)[here]
+    # All but the force stays what it is while the mode does, and is computed outside of the stages.
+    mobility = (others * freedoms - mixed * partners) / (own * others - mixed * mixed)
+    rates = jnp.sum(mobility * force[None, :], axis=1)
+    acceleration = jnp.sum(freedoms * rates[:, None], axis=0)
     return ContactMotion(acceleration, masses * acceleration - force)
 
 

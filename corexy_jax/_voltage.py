@@ -21,8 +21,6 @@ from stickslip._validation import (
     one_row,
 )
 
-from ._rows import row
-
 NEVER = 1e300  # time of a break that does not come [s]
 
 
@@ -81,7 +79,7 @@ class Harmonic(AbstractVoltage):
 
     def volts(self, t, piece):
         angle = 2 * jnp.pi * self.frequency * t
-        sine, cosine = row(sin_cos(angle))
+        sine, cosine = sin_cos(angle)
         return self.v01 * sine, self.v02 * cosine
 
     def time_scale(self):
