@@ -163,7 +163,7 @@ def onset(limits: Row, rest: Row, reaction: Line | Row) -> Onset:
     rest = row(rest)
     held = each(lambda r, limit: where(r, limit, 0.0), rest, row(limits))
     resistances, loads = through(np.abs(ALONG), held), through(LINES, row(reaction))
-    tiny = 1e-200
+    tiny = 1e-150  # its square is a number too, which derivatives divide by
     shares = each(
         lambda some, load, most: where(some, jnp.abs(load) / (most + tiny), NO_SHARE),
         any_through(ALONG, rest), loads, resistances,
