@@ -23,14 +23,16 @@ from ._contacts import (
     MOTOR_1,
     MOTOR_2,
     NORMALS,
-    NUM_CONTACTS,
+    SETS,
     Line,
     U,
     W,
     X,
     Y,
     line_force,
+    set_number,
 )
+from ._rows import Row, any_through, each, first_greatest, row, through
 
 LINES = np.array(
     [
@@ -45,29 +47,30 @@ LINES = np.array(
 )
 ALONG = LINES @ NORMALS.T  # [line, contact]: sliding speed of the contact as the line is travelled
 FREE = 1e30  # reserve of a line that no resting contact resists [N]
+NO_SHARE = -1.0  # share of such a line
 
 
 class ContactMotion(NamedTuple):
-    """Motion while each contact rests or slides in a known sense.
+    """Motion while each contact rests or slides in a known sense; each four numbers, as in `Line`.
 
     - `acceleration`: of the four line velocities [m/s²].
     - `reaction`: `M a - F`, force of all resting contacts together [N]; unique even where the
       single forces are not.
     """
 
-    acceleration: Line
-    reaction: Line
+    acceleration: Line | Row
+    reaction: Line | Row
 
 
-def contact_motion(
-    mass: Line, drive: tuple[Any, Any], friction: tuple[Any, ...], rest: tuple[Any, ...]
-) -> ContactMotion:
+def contact_motion(mass: Line, drive: tuple[Any, Any], friction: Row, rest: Row) -> ContactMotion:
     """Acceleration and reaction while the contacts in `rest` hold.
 
     **Arguments:** `mass` [kg]; `drive`, forces of the motors on the belt line [N]; `friction`, forces
     on the contacts along their speeds [N], besides the reaction sought; `rest`, booleans, closed in
     the sense of `closure`.
     """
+    if not isinstance(row(rest), tuple):
+        return _by_tables(mass, drive, row(friction), row(rest))
     force = line_force(friction)
     force = force._replace(one=force.one + drive[0], two=force.two + drive[1])
     # A rolling motor belongs to the carriage, Eqs. (38), (47), (56), (65).
@@ -94,6 +97,48 @@ def contact_motion(
     return ContactMotion(a, reaction)
 
 
+def _by_tables(mass: Line, drive: tuple[Any, Any], friction: Row, rest: Row) -> ContactMotion:
+    """The same for one machine: the freedoms come from a table, no number is computed in two places.
+
+    The freedoms are pairs, the two of the carriage and the two motors that turn alone; each is found
+    from the two by two equations of its pair.
+    """
+    masses, zero = row(mass), jnp.zeros_like(drive[0])
+    force = through(NORMALS.T, friction) + row((zero, zero, *drive))
+    here = set_number(rest)
+    inertias = jnp.sum(jnp.asarray(_INERTIAS)[here] * masses[None, None, :], axis=-1)
+    own, others, mixed = (inertias + jnp.asarray(_ABSENT)[here])[:, :, None]
+    freedoms, partners = jnp.asarray(_FREEDOMS)[here]
+    # All but the force stays what it is while the mode does, and is computed outside of the stages.
+    mobility = (others * freedoms - mixed * partners) / (own * others - mixed * mixed)
+    rates = jnp.sum(mobility * force[None, :], axis=1)
+    acceleration = jnp.sum(freedoms * rates[:, None], axis=0)
+    return ContactMotion(acceleration, masses * acceleration - force)
+
+
+def _freedoms(rest: np.ndarray) -> np.ndarray:
+    """Directions [freedom, velocity] in which the machine can move, zero where there are fewer."""
+    found = np.zeros((4, 4))
+    if not (rest[X] or rest[Y] or rest[U] or rest[W]):
+        found[0, 0] = found[1, 1] = 1.0
+    elif not (rest[X] and rest[Y]):
+        found[0, :2] = 0.0 if rest[X] else 1.0, 0.0 if rest[Y] else (-1.0 if rest[U] else 1.0)
+    for motor, belt, of_belt, turn in ((2, BELT_1, MOTOR_1, [1, 1]), (3, BELT_2, MOTOR_2, [1, -1])):
+        if rest[belt]:
+            found[:2, motor] = found[:2, :2] @ turn
+        elif not rest[of_belt]:
+            found[motor, motor] = 1.0
+    return found
+
+
+_OWN = np.stack([_freedoms(rest) for rest in SETS])  # [set, freedom, velocity]
+_PARTNER = _OWN[:, [1, 0, 3, 2]]
+_FREEDOMS = np.stack([_OWN, _PARTNER], axis=1)
+_INERTIAS = np.stack([_OWN**2, _PARTNER**2, _OWN * _PARTNER], axis=1)
+# A freedom that is absent has the inertia 1 and feels no force.
+_ABSENT = np.all(_INERTIAS == 0.0, axis=-1) * np.array([1.0, 1.0, 0.0])[:, None]
+
+
 class Onset(NamedTuple):
     """The line along which the resting contacts are next to give way.
 
@@ -109,47 +154,30 @@ class Onset(NamedTuple):
     sense: Any
 
 
-def onset(limits: tuple[Any, ...], rest: tuple[Any, ...], reaction: Line) -> Onset:
+def onset(limits: Row, rest: Row, reaction: Line | Row) -> Onset:
     """How far the contacts in `rest` with the static limits [N] are from giving way, and where.
 
     Of the lines that cannot hold, the one that is overloaded most in proportion to its resistance:
     it spans a facet of the set of forces that hold, sums of such lines do not.
     """
-    held = [where(r, limit, 0.0) for r, limit in zip(rest, limits, strict=True)]
-    resistances, loads, resists = [], [], []
-    for line, along in zip(LINES, ALONG, strict=True):
-        once = [held[c] for c in range(NUM_CONTACTS) if abs(along[c]) == 1.0]
-        twice = [held[c] for c in range(NUM_CONTACTS) if abs(along[c]) == 2.0]
-        total = sum(once[1:], once[0]) if once else None
-        if twice:
-            both = 2.0 * sum(twice[1:], twice[0])
-            total = both if total is None else total + both
-        resistances.append(total)
-        felt = [rest[c] for c in range(NUM_CONTACTS) if along[c]]
-        some = felt[0]
-        for r in felt[1:]:
-            some = some | r
-        resists.append(some)
-        terms = [
-            f if d == 1 else (-f if d == -1 else float(d) * f)
-            for d, f in zip(line, reaction, strict=True)
-            if d
-        ]
-        loads.append(sum(terms[1:], terms[0]))
-    tiny = 1e-200
-    used, reserve = jnp.full_like(reaction.x, -1.0), jnp.full_like(reaction.x, FREE)
-    number, load = jnp.zeros_like(rest[0], jnp.int32), reaction.x
-    for i in range(len(LINES)):
-        share = where(resists[i], jnp.abs(loads[i]) / (resistances[i] + tiny), -1.0)
-        more = share > used
-        used = where(more, share, used)
-        reserve = where(more, resistances[i] - jnp.abs(loads[i]), reserve)
-        number = where(more, jnp.int32(i), number)
-        load = where(more, loads[i], load)
+    rest = row(rest)
+    held = each(lambda r, limit: where(r, limit, 0.0), rest, row(limits))
+    resistances, loads = through(np.abs(ALONG), held), through(LINES, row(reaction))
+    tiny = 1e-150  # its square is a number too, which derivatives divide by
+    shares = each(
+        lambda some, load, most: where(some, jnp.abs(load) / (most + tiny), NO_SHARE),
+        any_through(ALONG, rest), loads, resistances,
+    )  # fmt: skip
+    reserves = each(lambda most, load: most - jnp.abs(load), resistances, loads)
+    used, number, reserve, load = first_greatest(shares, NO_SHARE, reserves, loads)
+    reserve = where(used > NO_SHARE, reserve, FREE)
     return Onset(used, reserve, number, where(load > 0.0, -1.0, 1.0))
 
 
-def onset_signs(signs: tuple[Any, ...], giving_way: Onset) -> tuple[Any, ...]:
+def onset_signs(signs: Row, giving_way: Onset) -> Row:
     """Senses right after the contacts at rest gave way along a line."""
-    along = jnp.asarray(np.sign(ALONG))[giving_way.number]
-    return tuple(where(s == 0.0, giving_way.sense * along[c], s) for c, s in enumerate(signs))
+    along, sense = jnp.asarray(np.sign(ALONG))[giving_way.number], giving_way.sense
+    signs = row(signs)
+    if isinstance(signs, tuple):
+        along = tuple(along[c] for c in range(len(signs)))
+    return each(lambda s, d: where(s == 0.0, sense * d, s), signs, along)

@@ -14,6 +14,7 @@ import numpy as np
 from stickslip._fastmath import where
 
 from ._parameters import CoreXYParameters
+from ._rows import Row, each, row, through
 
 CONTACT_NAMES = (
     "rail and pulleys along x",
@@ -59,10 +60,13 @@ def line_masses(p: CoreXYParameters) -> Line:
     return Line(p.m + 8.0 * pulley, p.M + p.m + 4.0 * pulley, motor, motor)
 
 
-def sliding_speeds(q: Line) -> tuple[Any, ...]:
+def sliding_speeds(q: Line | Row) -> Row:
     """Sliding speed [m/s] of every contact, in the order of `CONTACT_NAMES`."""
-    along, against = q.x + q.y, q.x - q.y
-    return q.x, q.y, along, against, q.one, q.two, q.one - along, q.two - against
+    if not isinstance(q, tuple):
+        return through(NORMALS, q)
+    x, y, one, two = q
+    along, against = x + y, x - y
+    return x, y, along, against, one, two, one - along, two - against
 
 
 def contact_loads(p: CoreXYParameters) -> tuple[Any, ...]:
@@ -103,24 +107,32 @@ def static_limits(p: CoreXYParameters) -> tuple[Any, ...]:
     return tuple(where(s > k, s, k) * n for s, k, n in pairs)
 
 
-def kinetic_friction(p: CoreXYParameters, signs: tuple[Any, ...]) -> tuple[Any, ...]:
+def kinetic_friction(p: CoreXYParameters, signs: Row) -> Row:
     """Friction of every sliding contact [N], against its sense, Eqs. (27), (31), (32)."""
-    return tuple(-s * limit for s, limit in zip(signs, kinetic_limits(p), strict=True))
+    return each(lambda s, limit: -s * limit, row(signs), row(kinetic_limits(p)))
 
 
-def line_force(forces: tuple[Any, ...]) -> Line:
+def line_force(forces: Row) -> Line:
     """Force on every velocity [N] from the friction force of every contact along its speed [N]."""
+    if not isinstance(forces, tuple):
+        return Line(*through(NORMALS.T, forces))
     x, y, along, against, one, two, belt_1, belt_2 = forces
     along, against = along - belt_1, against - belt_2
     return Line(x + along + against, y + along - against, one + belt_1, two + belt_2)
 
 
-def closure(rest: tuple[Any, ...]) -> tuple[Any, ...]:
+def closure(rest: Row) -> Row:
     """Contacts that cannot slide while those in `rest` (booleans) do not.
 
     Two of the four contacts of the carriage stop it; belt, motor pulley and virtual pulley are all at
     rest as soon as two of them are.
     """
+    if not isinstance(rest, tuple):
+        return jnp.asarray(_CLOSED)[set_number(rest)]
+    return _closed(rest)
+
+
+def _closed(rest: tuple[Any, ...]) -> tuple[Any, ...]:
     x, y, along, against, one, two, belt_1, belt_2 = rest
     along, against = along | (one & belt_1), against | (two & belt_2)
     stopped = (x & y) | (along & against) | ((x | y) & (along | against))
@@ -136,6 +148,15 @@ def closure(rest: tuple[Any, ...]) -> tuple[Any, ...]:
         belt_1 | first,
         belt_2 | second,
     )
+
+
+SETS = (np.arange(2**NUM_CONTACTS)[:, None] >> np.arange(NUM_CONTACTS)) % 2 == 1  # [set, contact]
+_CLOSED = np.stack(_closed(tuple(SETS.T)), axis=1)
+
+
+def set_number(contacts: Any) -> Any:
+    """Number in `SETS` of a vector of booleans: its bits."""
+    return jnp.sum(jnp.where(contacts, jnp.asarray(2 ** np.arange(NUM_CONTACTS), jnp.int32), 0))
 
 
 def project(q: Line, rest: tuple[Any, ...]) -> Line:

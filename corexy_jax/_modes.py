@@ -11,7 +11,10 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from stickslip.hybrid import current_executor
+
 from ._contacts import BELT_1, BELT_2, NORMALS, NUM_CONTACTS
+from ._rows import Row
 
 NO_SENSE = 9.0  # in place of a sense that could not be found
 DMN_NAMES = ("RR", "SR", "RS", "SS")
@@ -60,8 +63,10 @@ _NUMBER[np.sum((SIGNS.astype(np.int64) + 1) * 3 ** np.arange(NUM_CONTACTS), axis
 )
 
 
-def mode_signs(mode: Any) -> tuple[Any, ...]:
+def mode_signs(mode: Any) -> Row:
     """Sense of every contact in a mode: -1, 0 (at rest) or 1, as floats."""
+    if not current_executor().fused:
+        return jnp.asarray(SIGNS.T, jnp.float64)[:, mode]
     packed = jnp.asarray(_PACKED)[mode]
     return tuple(
         ((packed >> jnp.int32(2 * c)) & jnp.int32(3)).astype(jnp.float64) - 1.0
@@ -69,11 +74,15 @@ def mode_signs(mode: Any) -> tuple[Any, ...]:
     )
 
 
-def mode_number(signs: tuple[Any, ...]) -> Any:
+def mode_number(signs: Row) -> Any:
     """Mode with these senses (floats); -1 if the geometry does not admit them, or one is `NO_SENSE`."""
-    index = jnp.zeros(jnp.shape(signs[0]), jnp.int32)
-    for c in range(NUM_CONTACTS):
-        index = index + jnp.int32(3**c) * (signs[c].astype(jnp.int32) + 1)
+    if isinstance(signs, tuple):
+        index = jnp.zeros(jnp.shape(signs[0]), jnp.int32)
+        for c in range(NUM_CONTACTS):
+            index = index + jnp.int32(3**c) * (signs[c].astype(jnp.int32) + 1)
+    else:
+        weights = jnp.asarray(3 ** np.arange(NUM_CONTACTS), jnp.float64)
+        index = jnp.sum(weights * (signs + 1.0)).astype(jnp.int32)
     return jnp.where(signs[0] == NO_SENSE, jnp.int32(-1), jnp.asarray(_NUMBER)[index])
 
 

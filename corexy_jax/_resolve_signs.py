@@ -4,6 +4,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 
 from stickslip._fastmath import where
@@ -11,15 +12,16 @@ from stickslip._fastmath import where
 from ._contact_motion import contact_motion, onset, onset_signs
 from ._contacts import NUM_CONTACTS, Line, closure, sliding_speeds
 from ._modes import NO_SENSE
+from ._rows import Row, any_of, each, first_greatest, row, through, with_place
 
 MAX_PIVOTS = 128
 SLACK = 1e-11  # of all forces: overloads below it are rounding
 
 
 class _Search(NamedTuple):
-    signs: tuple[Any, ...]  # the face of the search
-    given: tuple[Any, ...]  # senses that the friction of contacts without speed belongs to
-    acceleration: Line
+    signs: Row  # the face of the search
+    given: Row  # senses that the friction of contacts without speed belongs to
+    acceleration: Row
     pivots: Any
     settled: Any
 
@@ -27,11 +29,11 @@ class _Search(NamedTuple):
 def resolve_signs(
     mass: Line,
     drive: tuple[Any, Any],
-    static: tuple[Any, ...],
-    kinetic: tuple[Any, ...],
-    signs: tuple[Any, ...],
-    started: tuple[Any, ...],
-) -> tuple[Any, ...]:
+    static: Row,
+    kinetic: Row,
+    signs: Row,
+    started: Row,
+) -> Row:
     r"""Senses of all contacts an instant later: those without speed by the law of all contacts.
 
     $$a = \arg\min \tfrac12 a^T M a - a^T F + \sum_{c\ \text{without speed}} \phi_c(n_c\cdot a)$$
@@ -52,64 +54,65 @@ def resolve_signs(
 
     **Returns** the senses; `NO_SENSE` for all, which is no mode, if the search does not end.
     """
+    static, kinetic, signs, started = map(row, (static, kinetic, signs, started))
     mass, drive, static, kinetic, signs = lax.stop_gradient((mass, drive, static, kinetic, signs))
-    standing = tuple((s == 0.0) | start for s, start in zip(signs, started, strict=True))
+    standing = each(lambda s, start: (s == 0.0) | start, signs, started)
     # At its limit without a drop of friction a contact begins with no acceleration, but it begins.
-    creeping = tuple(s & (R == K) for s, R, K in zip(started, static, kinetic, strict=True))
-    size = sum(static[1:], static[0]) + jnp.abs(drive[0]) + jnp.abs(drive[1])
+    creeping = each(lambda start, R, K: start & (R == K), started, static, kinetic)
+    size = through(np.ones((1, NUM_CONTACTS)), static)[0] + jnp.abs(drive[0]) + jnp.abs(drive[1])
     still = SLACK * size
     # Slower than what an overload of this size brings about.
     slow = 0.1 * still / (mass.x + mass.y + mass.one + mass.two)
+    # The two kinds of friction of what has begun: half their difference and half their sum.
+    drop, middle = (each(lambda R, K, s=s: 0.5 * (R + s * K), static, kinetic) for s in (-1.0, 1.0))
 
     def pivot(now: _Search) -> _Search:
-        friction, limits = [], []
-        for s, given, stands, R, K in zip(now.signs, now.given, standing, static, kinetic, strict=True):
-            drop, width = where(given == 0.0, 0.0, 0.5 * (R - K)), where(given == 0.0, R, 0.5 * (R + K))
-            friction.append(where(stands, given * drop - s * width, -s * K))
-            limits.append(width)
-        rest = tuple(s == 0.0 for s in now.signs)
-        found = contact_motion(mass, drive, tuple(friction), rest)
-        before, after = sliding_speeds(now.acceleration), sliding_speeds(found.acceleration)
-        share, first = jnp.full_like(size, 2.0), jnp.full_like(now.pivots, -1)
-        for c in range(NUM_CONTACTS):
-            v0, v1 = now.signs[c] * before[c], now.signs[c] * after[c]
-            stops = standing[c] & ~rest[c] & (v1 < slow)
-            path = where(stops, jnp.maximum(v0, 0.0) / (jnp.maximum(v0, 0.0) - v1 + 2.0 * slow), 2.0)
-            sooner = path < share
-            share, first = where(sooner, path, share), where(sooner, jnp.int32(c), first)
-        blocked = first >= 0
-        part = jnp.clip(share, 0.0, 1.0)
-        reached = Line(*(
-            where(blocked, a + part * (b - a), b)
-            for a, b in zip(now.acceleration, found.acceleration, strict=True)
-        ))  # fmt: skip
-        at_rest = closure(tuple(r | (first == c) for c, r in enumerate(rest)))
-        giving_way = onset(tuple(limits), rest, found.reaction)
+        limits = each(lambda given, R, m: where(given == 0.0, R, m), now.given, static, middle)
+        friction = each(
+            lambda s, given, stands, K, d, width: where(
+                stands, given * where(given == 0.0, 0.0, d) - s * width, -s * K
+            ),
+            now.signs, now.given, standing, kinetic, drop, limits,
+        )  # fmt: skip
+        rest = each(lambda s: s == 0.0, now.signs)
+        found = contact_motion(mass, drive, friction, rest)
+        before, after = row(sliding_speeds(now.acceleration)), row(sliding_speeds(found.acceleration))
+
+        def path(s, v0, v1, stands, rests):
+            v0, v1 = jnp.maximum(s * v0, 0.0), s * v1
+            stops = stands & ~rests & (v1 < slow)
+            return where(stops, -v0 / (v0 - v1 + 2.0 * slow), -2.0)
+
+        # The part of the way to the first contact that stops.
+        paths = each(path, now.signs, before, after, standing, rest)
+        share, first = first_greatest(paths, -2.0)
+        blocked, part = share > -2.0, jnp.clip(-share, 0.0, 1.0)
+        reached = each(
+            lambda a, b: where(blocked, a + part * (b - a), b), now.acceleration, found.acceleration
+        )
+        at_rest = closure(with_place(rest, first))
+        giving_way = onset(limits, rest, found.reaction)
         overloaded = ~blocked & (giving_way.reserve < -still)
-        released = onset_signs(now.signs, giving_way)
-        new = tuple(
-            where(blocked & r, 0.0, where(overloaded, out, s))
-            for r, out, s in zip(at_rest, released, now.signs, strict=True)
-        )
+        new = each(
+            lambda r, out, s: where(blocked & r, 0.0, where(overloaded, out, s)),
+            at_rest, onset_signs(now.signs, giving_way), now.signs,
+        )  # fmt: skip
         minimum = ~blocked & ~overloaded
-        found_signs = tuple(
-            where(creeps & (s == 0.0), old, s)
-            for creeps, old, s in zip(creeping, signs, now.signs, strict=True)
+        found_signs = each(
+            lambda creeps, old, s: where(creeps & (s == 0.0), old, s), creeping, signs, now.signs
         )
-        changed = jnp.zeros_like(blocked)
-        for s, given in zip(found_signs, now.given, strict=True):
-            changed = changed | (s != given)
+        changed = any_of(each(lambda s, given: s != given, found_signs, now.given))
         again, settled = minimum & changed, minimum & ~changed
         # The next search begins at rest: started on the face found, all its speeds zero, it could
         # stop and release the same contacts for ever.
-        new = tuple(
-            where(again & stands, 0.0, where(settled, found, s))
-            for stands, found, s in zip(standing, found_signs, new, strict=True)
-        )
+        new = each(
+            lambda stands, found, s: where(again & stands, 0.0, where(settled, found, s)),
+            standing, found_signs, new,
+        )  # fmt: skip
         return _Search(
             new,
-            tuple(where(again, s, given) for s, given in zip(found_signs, now.given, strict=True)),
-            Line(*(where(again, 0.0, a) for a in reached)),
+            each(lambda s, given: where(again, s, given), found_signs, now.given),
+            each(lambda a: where(again, 0.0, a), reached),
             now.pivots + 1,
             settled,
         )
@@ -118,9 +121,9 @@ def resolve_signs(
         return ~now.settled & (now.pivots < MAX_PIVOTS)
 
     zero = jnp.zeros_like(size)
-    at_rest = tuple(where(stands, 0.0, s) for stands, s in zip(standing, signs, strict=True))
+    at_rest = each(lambda stands, s: where(stands, 0.0, s), standing, signs)
     start = _Search(
-        at_rest, signs, Line(zero, zero, zero, zero), jnp.zeros_like(size, jnp.int32), size < -1.0
+        at_rest, signs, row(Line(zero, zero, zero, zero)), jnp.zeros_like(size, jnp.int32), size < -1.0
     )
     end = lax.while_loop(unsettled, pivot, jax.tree.map(jnp.asarray, start))
-    return tuple(where(end.settled, s, NO_SENSE) for s in end.signs)
+    return each(lambda s: where(end.settled, s, NO_SENSE), end.signs)

@@ -20,7 +20,7 @@ from stickslip._validation import (
     refusal,
 )
 from stickslip.hybrid import Executor, current_executor
-from stickslip.systems import WithIntegrals
+from stickslip.systems import Augmented, WithIntegrals
 
 from ._arguments import the_errata, the_integrator
 from ._contacts import Line, kinetic_limits, sliding_speeds
@@ -32,6 +32,7 @@ from ._solution import Accelerations, CoreXYSolution, Ledger
 from ._system import CoreXY, CoreXYState
 from ._voltage import AbstractVoltage
 
+MOTORS = ("motor_1", "motor_2")
 WAYS = ("consistent", "as_printed", "smoothed")
 
 
@@ -84,7 +85,7 @@ def prepared(parameters, voltage, t1, rows, y0):
 def motor_work(system: Any, t: Any, y: CoreXYState, mode: Any, args: Any) -> dict[str, Any]:
     """Power of both motors [W]."""
     one, two = system.torques(t, y)
-    return {"motor_1": one * y.omega_1, "motor_2": two * y.omega_2}
+    return dict(zip(MOTORS, (one * y.omega_1, two * y.omega_2), strict=True))
 
 
 def simulate_consistent(
@@ -108,9 +109,11 @@ def simulate_consistent(
     system, t1, y0 = prepared(parameters, voltage, t1, rows, y0)
     the_integrator(integrator)
     ts = jnp.linspace(0.0, 1.0, rows) * t1
-    ledger = WithIntegrals(system, motor_work, units={"motor_1": "J", "motor_2": "J"})
+    ledger = WithIntegrals(system, motor_work, units=dict.fromkeys(MOTORS, "J"))
+    # As `ledger.start` would have it, which traces the integrands to know their names.
+    start = Augmented(y0, dict.fromkeys(MOTORS, jnp.zeros(())))
     solution = ss.simulate(
-        ledger, 0.0, t1, ledger.start(y0), integrator=integrator, saveat=SaveAt(ts=ts),
+        ledger, 0.0, t1, start, integrator=integrator, saveat=SaveAt(ts=ts),
         max_events=max_events, throw=throw,
     )  # fmt: skip
     return _from_engine(system, y0, solution)

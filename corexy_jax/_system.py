@@ -4,6 +4,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from stickslip._fastmath import where
 from stickslip._validation import as_parameter, check_finite, check_type, one_number
@@ -34,6 +35,7 @@ from ._modes import MODE_NAMES, mode_dmn, mode_number, mode_signs
 from ._motors import motor_torque
 from ._parameters import CoreXYParameters
 from ._resolve_signs import resolve_signs
+from ._rows import Row, any_through, each, row, with_place
 from ._voltage import AbstractVoltage
 
 GIVES_WAY, NEXT_PIECE = NUM_CONTACTS, NUM_CONTACTS + 1
@@ -160,15 +162,13 @@ class CoreXY(AbstractMechanicalSystem):
         one, two = self.torques(t, y)
         return one / self.parameters.r, two / self.parameters.r
 
-    def motion(self, t: Any, y: CoreXYState, signs: tuple[Any, ...]) -> ContactMotion:
+    def motion(self, t: Any, y: CoreXYState, signs: Row) -> ContactMotion:
         """Acceleration and reaction with the contacts resting and sliding as in `signs`."""
         p = self.parameters
-        rest = tuple(s == 0.0 for s in signs)
+        rest = each(lambda s: s == 0.0, row(signs))
         return contact_motion(line_masses(p), self.line_drive(t, y), kinetic_friction(p, signs), rest)
 
-    def next_mode(
-        self, t: Any, y: CoreXYState, signs: tuple[Any, ...], started: tuple[Any, ...]
-    ) -> Any:
+    def next_mode(self, t: Any, y: CoreXYState, signs: Row, started: Row) -> Any:
         """Mode an instant later, by the law of all contacts; see `resolve_signs`."""
         p = self.parameters
         limits = static_limits(p), kinetic_limits(p)
@@ -181,7 +181,7 @@ class CoreXY(AbstractMechanicalSystem):
 
     def vector_field(self, t, y, mode, args):
         p = self.parameters
-        a = self.motion(t, y, mode_signs(mode)).acceleration
+        a = Line(*self.motion(t, y, mode_signs(mode)).acceleration)
         return CoreXYState(
             x=y.vx,
             y=y.vy,
@@ -196,40 +196,31 @@ class CoreXY(AbstractMechanicalSystem):
 
     def guards(self, t, y, mode, args):
         signs = mode_signs(mode)
-        rest = [s == 0.0 for s in signs]
-        alone = [jnp.zeros_like(r) for r in rest]
+        rest = each(lambda s: s == 0.0, signs)
         # The carriage on one of its lines has one speed; so has a motor that rolls, or that stands or
         # whose virtual pulley stands.
-        tied = rest[X] | rest[Y] | rest[U] | rest[W]
-        alone[U] = alone[W] = tied
-        alone[X], alone[Y] = jnp.zeros_like(tied), rest[U] | rest[W]
-        for motor, belt, turn in ((MOTOR_1, BELT_1, U), (MOTOR_2, BELT_2, W)):
-            alone[motor], alone[belt] = rest[belt], rest[motor] | rest[turn]
-        speeds = tuple(
-            where((s == 0.0) | covered, 1.0, s * speed)
-            for s, covered, speed in zip(signs, alone, sliding_speeds(self.velocities(y)), strict=True)
-        )
+        speeds = each(
+            lambda s, tied, speed: where((s == 0.0) | tied, 1.0, s * speed),
+            signs, any_through(NOT_ALONE, rest), row(sliding_speeds(self.velocities(y))),
+        )  # fmt: skip
         reaction = self.motion(t, y, signs).reaction
-        share = onset(static_limits(self.parameters), tuple(rest), reaction).share
+        share = onset(static_limits(self.parameters), rest, reaction).share
         left = jnp.ones_like(t)
         if self.voltage.has_breaks:
             left = self.voltage.piece_end(y.piece) - t
         return (*speeds, 1.0 - jnp.minimum(share, 1e6), left)
 
     def transition(self, t, y, mode, guard, args):
-        p, signs = self.parameters, mode_signs(mode)
-        stopped = closure(tuple((s == 0.0) | (guard == c) for c, s in enumerate(signs)))
-        after_stop = tuple(where(rest, 0.0, s) for rest, s in zip(stopped, signs, strict=True))
-        rest = tuple(s == 0.0 for s in signs)
-        reaction = jax.lax.stop_gradient(self.motion(t, y, signs).reaction)
-        after_start = onset_signs(signs, onset(static_limits(p), rest, reaction))
+        p, old = self.parameters, mode_signs(mode)
+        rest = each(lambda s: s == 0.0, old)
+        stopped = closure(with_place(rest, guard))
+        after_stop = each(lambda rest, s: where(rest, 0.0, s), stopped, old)
+        reaction = jax.lax.stop_gradient(self.motion(t, y, old).reaction)
+        after_start = onset_signs(old, onset(static_limits(p), rest, reaction))
         gave_way = guard == GIVES_WAY
-        signs = tuple(where(gave_way, a, b) for a, b in zip(after_start, after_stop, strict=True))
-        started = tuple(
-            gave_way & (old == 0.0) & (new != 0.0)
-            for old, new in zip(mode_signs(mode), signs, strict=True)
-        )
-        on_plane = project(self.velocities(y), stopped)
+        signs = each(lambda a, b: where(gave_way, a, b), after_start, after_stop)
+        started = each(lambda old, new: gave_way & (old == 0.0) & (new != 0.0), old, signs)
+        on_plane = project(self.velocities(y), tuple(stopped))
         moved = guard < NUM_CONTACTS
         y = y._replace(
             vx=where(moved, on_plane.x, y.vx),
@@ -241,10 +232,10 @@ class CoreXY(AbstractMechanicalSystem):
         return y, self.next_mode(t, y, signs, started)
 
     def initial_mode(self, t, y, args):
-        speeds = sliding_speeds(self.velocities(y))
-        rest = closure(tuple(jnp.abs(v) <= AT_REST for v in speeds))
-        signs = tuple(where(r, 0.0, jnp.sign(v)) for r, v in zip(rest, speeds, strict=True))
-        return self.next_mode(t, y, signs, tuple(jnp.zeros_like(r) for r in rest))
+        speeds = row(sliding_speeds(self.velocities(y)))
+        rest = closure(each(lambda v: jnp.abs(v) <= AT_REST, speeds))
+        signs = each(lambda r, v: where(r, 0.0, jnp.sign(v)), rest, speeds)
+        return self.next_mode(t, y, signs, each(jnp.zeros_like, rest))
 
     def energy(self, y):
         """Kinetic energy [J]."""
@@ -278,5 +269,11 @@ class CoreXY(AbstractMechanicalSystem):
             "slip_2": signs[BELT_2] * speeds[BELT_2],
         }
 
+
+# [contact, others]: at rest, one of them takes the contact's speed from the list of guards.
+NOT_ALONE = np.zeros((NUM_CONTACTS, NUM_CONTACTS))
+NOT_ALONE[[[U], [W]], [X, Y, U, W]] = NOT_ALONE[Y, [U, W]] = 1.0
+for _motor, _belt, _turn in ((MOTOR_1, BELT_1, U), (MOTOR_2, BELT_2, W)):
+    NOT_ALONE[_motor, _belt] = NOT_ALONE[_belt, [_motor, _turn]] = 1.0
 
 LOSS_NAMES = ("x", "y", "u", "w", "motor_1", "motor_2", "belt_1", "belt_2")

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
-from stickslip._fastmath import cos, sin, where
+from stickslip._fastmath import sin_cos, where
 from stickslip._looks_at import Look, look_at_own, looks_at, one_real, reals
 from stickslip._types import Given, Numeric, Row
 from stickslip._validation import (
@@ -111,7 +111,8 @@ class Harmonic(AbstractVoltage):
 
     def volts(self, t, piece):
         angle = 2 * jnp.pi * self.frequency * t
-        return self.v01 * sin(angle), self.v02 * cos(angle)
+        sine, cosine = sin_cos(angle)
+        return self.v01 * sine, self.v02 * cosine
 
     def time_scale(self):
         return 1.0 / (2 * jnp.pi * self.frequency)

@@ -166,6 +166,19 @@ def _sin_jvp(primals, tangents):
 
 
 @jax.custom_jvp
+def sin_cos(x: Float[Array, "..."]) -> tuple[Float[Array, "..."], Float[Array, "..."]]:
+    """`sin(x), cos(x)`, which have almost all of their work in common, derivatives included."""
+    return _sin_cos(x) if x.dtype == jnp.float64 else (lax.sin(x), lax.cos(x))
+
+
+@sin_cos.defjvp
+def _sin_cos_jvp(primals, tangents):
+    (x,), (dx,) = primals, tangents
+    s, c = sin_cos(x)
+    return (s, c), (c * dx, -s * dx)
+
+
+@jax.custom_jvp
 def cos(x: Float[Array, "..."]) -> Float[Array, "..."]:
     """Cosine, as `sin`."""
     return _sin_cos(x)[1] if x.dtype == jnp.float64 else lax.cos(x)

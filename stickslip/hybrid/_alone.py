@@ -41,8 +41,10 @@ def alone_or_batched(
 
         return jax.jit(run, inline=True)
 
-    leaves = map(jnp.asarray, leaves)
-    out = _alone_p.bind(*leaves, alone=on_leaves(alone), batched=on_leaves(batched))
+    leaves = list(map(jnp.asarray, leaves))
+    out = _alone_p.bind(
+        *leaves, alone=on_leaves(alone), batched=on_leaves(batched), given=(len(leaves), 0)
+    )  # fmt: skip
     return jax.tree.unflatten(out_form, out)
 
 
@@ -51,16 +53,16 @@ def _called(jaxpr: Any, consts: Any, form: Any) -> Callable:
     return lambda *operands: jax.tree.unflatten(form, run(*consts, *jax.tree.leaves(operands)))
 
 
-def _run_alone(*leaves, alone, batched):
+def _run_alone(*leaves, alone, batched, given):
     return alone(*leaves)
 
 
-def _shapes(*avals, alone, batched):
+def _shapes(*avals, alone, batched, given):
     out = jax.eval_shape(alone, *(jax.ShapeDtypeStruct(a.shape, a.dtype) for a in avals))
     return [jax.core.ShapedArray(a.shape, a.dtype) for a in out]
 
 
-def _push_forward(primals, tangents, *, alone, batched):
+def _push_forward(primals, tangents, *, alone, batched, given):
     """The derivative of a form is the derivative of the program that it stands for."""
     moving = [type(t) is not ad.Zero for t in tangents]
 
@@ -80,13 +82,31 @@ def _push_forward(primals, tangents, *, alone, batched):
         return jax.jit(run, inline=True)
 
     rates = [t for t, moves in zip(tangents, moving, strict=True) if moves]
-    out = _alone_p.bind(*primals, *rates, alone=along(alone), batched=along(batched))
+    # What the leading leaves decide: the values, if this is the first derivative.
+    deciding, decided = given
+    if deciding == len(primals):
+        decided = len(_shapes(*map(jax.typeof, primals), alone=alone, batched=batched, given=given))
+    given = deciding, decided
+    out = _alone_p.bind(*primals, *rates, alone=along(alone), batched=along(batched), given=given)
     return out[: len(out) // 2], out[len(out) // 2 :]
 
 
-def _batch(leaves, axes, *, alone, batched):
-    out = jax.vmap(batched, in_axes=tuple(axes))(*leaves)
-    return out, [0] * len(out)
+def _batch(leaves, axes, *, alone, batched, given):
+    """One lane with a batch of tangents is still one lane, and its values are no batch."""
+    deciding, decided = given
+    if any(axis is not None for axis in axes[:deciding]):
+        out = jax.vmap(batched, in_axes=tuple(axes))(*leaves)
+        return out, [0] * len(out)
+
+    def together(form):
+        def run(*leaves):
+            out = jax.vmap(form, in_axes=tuple(axes))(*leaves)
+            return [*(value[0] for value in out[:decided]), *out[decided:]]
+
+        return jax.jit(run, inline=True)
+
+    out = _alone_p.bind(*leaves, alone=together(alone), batched=together(batched), given=given)
+    return out, [None] * decided + [0] * (len(out) - decided)
 
 
 _alone_p = jax.extend.core.Primitive("stickslip_alone_or_batched")

@@ -99,11 +99,13 @@ def core(inputs, *, fixed, plan: Plan, spec: Record) -> tuple[Smooth, Counts]:
 def _core_jvp(primals, tangents, *, fixed, plan, spec):
     (inputs,), (t_inputs,) = primals, tangents
     out = core(inputs, fixed=fixed, plan=plan, spec=spec)
-    t_smooth = eqxi.filter_primitive_bind(_tangent_p, t_inputs, inputs, fixed, plan, spec)
+    # The form of the tangents is that of the results; to find it otherwise means tracing all again.
+    like = _struct(out[0])
+    t_smooth = eqxi.filter_primitive_bind(_tangent_p, t_inputs, inputs, fixed, plan, spec, like)
     return out, (t_smooth, jax.tree.map(lambda _: None, out[1]))
 
 
-def _tangent(t_inputs, inputs, fixed, plan, spec) -> Smooth:
+def _tangent(t_inputs, inputs, fixed, plan, spec, like) -> Smooth:
     moving = jax.tree.map(lambda t: t is not None, t_inputs, is_leaf=lambda t: t is None)
     inexact, rest = eqx.partition(inputs, eqx.is_inexact_array)
     varied, held = eqx.partition(inexact, moving)
@@ -121,9 +123,8 @@ def _struct(tree):
 
 
 @eqxi.filter_primitive_def
-def _tangent_abstract(t_inputs, inputs, fixed, plan, spec):
-    out = eqx.filter_eval_shape(_tangent, *(_struct(a) for a in (t_inputs, inputs, fixed, plan)), spec)
-    return jax.tree.map(lambda s: jax.core.ShapedArray(s.shape, s.dtype), out)
+def _tangent_abstract(t_inputs, inputs, fixed, plan, spec, like):
+    return jax.tree.map(lambda s: jax.core.ShapedArray(s.shape, s.dtype), like)
 
 
 @eqxi.filter_primitive_jvp
@@ -137,7 +138,7 @@ def _tangent_jvp(primals, tangents):
 
 @eqxi.filter_primitive_transpose(materialise_zeros=True)  # pyright: ignore[reportCallIssue]
 def _tangent_transpose(operands, cotangents):
-    t_inputs, inputs, fixed, plan, spec = operands
+    t_inputs, inputs, fixed, plan, spec, like = operands
 
     def is_linear(x):
         return isinstance(x, jax.interpreters.ad.UndefinedPrimal)
@@ -146,7 +147,7 @@ def _tangent_transpose(operands, cotangents):
     inputs, fixed = eqxi.nondifferentiable((inputs, fixed), msg=f"stickslip: no {_NO_SECOND}")
     bars = adjoint(inputs, fixed, plan, spec, cotangents, _raw_start)
     bars = jax.tree.map(lambda w, b: b if w else None, wanted, bars, is_leaf=lambda x: x is None)
-    nones = [jax.tree.map(lambda _: None, x) for x in (inputs, fixed, plan, spec)]
+    nones = [jax.tree.map(lambda _: None, x) for x in (inputs, fixed, plan, spec, like)]
     return (bars, *nones)
 
 

@@ -2,7 +2,7 @@
 
 The inner loop of a block cannot scatter (not available inside a fused loop), and a scatter per
 attempt would cost more than the attempt. So each attempt writes one row of running counts and
-states; after the block the rows that matter are found by bisection on the counts.
+states; after the block the rows that matter are found by their counts.
 """
 
 from typing import Any, NamedTuple
@@ -188,13 +188,10 @@ def _move(log, counts, first, last, pick):
     def body(carry):
         slot, log = carry
         number = first + slot
-        low = jnp.zeros(number.shape, jnp.int32)
-        high = jnp.full(number.shape, BLOCK, jnp.int32)
-        for _ in range(BLOCK.bit_length()):
-            middle = (low + high) // 2
-            reached = counts[jnp.minimum(middle, BLOCK - 1)] > number
-            low, high = jnp.where(reached, low, middle + 1), jnp.where(reached, middle, high)
-        row = pick(jnp.minimum(high, BLOCK - 1))
+        # The first row at which the count is beyond `number`. A sum and no bisection: the compiler
+        # computes it once, and the bisection again for every number of the row.
+        index = jnp.sum(counts <= number, dtype=jnp.int32)
+        row = pick(jnp.minimum(index, BLOCK - 1))
         size = jax.tree.leaves(log)[0].shape[0]
         place = jnp.where(number < last, number.astype(jnp.int32), size)
         log = jax.tree.map(lambda a, r: a.at[place].set(r, mode="drop"), log, row)

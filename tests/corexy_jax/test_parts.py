@@ -203,7 +203,7 @@ def test_modes_are_the_faces_of_the_arrangement():
     assert len(found) > 330
     numbers = jnp.arange(NUM_MODES, dtype=jnp.int32)
     signs = jax.vmap(mode_signs)(numbers)
-    np.testing.assert_array_equal(np.stack(signs, axis=1), SIGNS)
+    np.testing.assert_array_equal(signs, SIGNS)
     np.testing.assert_array_equal(jax.vmap(mode_number)(signs), numbers)
     assert int(mode_number(tuple(jnp.asarray(s) for s in (1.0, 0, 0, 0, 0, 0, 0, 0)))) == -1
     expected = 1 + (SIGNS[:, 6] != 0) + 2 * (SIGNS[:, 7] != 0)
