@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from stickslip._types import Numeric, Whole
 from stickslip._validation import check_positive, check_type
 
 from ._arguments import dmn_number, finite, named, pair, the_errata, the_machine
@@ -130,7 +131,7 @@ def dmn_4(p: CoreXYParameters, f: Frictions, torques: tuple[Any, Any], errata: E
 
 
 def dynamic_model(
-    number: Any,
+    number: Whole,
     p: CoreXYParameters,
     f: Frictions,
     torques: tuple[Any, Any],
@@ -152,7 +153,7 @@ def dynamic_model(
     return jax.lax.switch(index, branches, *operands)
 
 
-def slipping_motor(p: CoreXYParameters, torque: Any, tau_0: Any, f_b: Any) -> Any:
+def slipping_motor(p: CoreXYParameters, torque: Numeric, tau_0: Numeric, f_b: Numeric) -> Any:
     r"""Acceleration of a slipping motor pulley [rad/s²], $J\alpha = \tau^0 + \tau^E + f^b r$, Eqs.
     (50), (60), (68), (69); (60) prints $f_{2k}^E$ (erratum A10)."""
     the_machine(p)
@@ -160,7 +161,7 @@ def slipping_motor(p: CoreXYParameters, torque: Any, tau_0: Any, f_b: Any) -> An
     return (tau_0 + torque + f_b * p.r) / p.J
 
 
-def rolling_motors(ax: Any, ay: Any, r: Any) -> tuple[Any, Any]:
+def rolling_motors(ax: Numeric, ay: Numeric, r: Numeric) -> tuple[Any, Any]:
     """Accelerations of rolling motor pulleys [rad/s²], Eqs. (41), (42), (51), (59), (75), (76)."""
     check_positive("r", r)
     ax, ay, r = finite(ax=ax, ay=ay, r=r)

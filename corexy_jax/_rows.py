@@ -8,6 +8,7 @@ machines already, so there they stay apart, in a tuple.
 from collections.abc import Callable
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
@@ -15,7 +16,7 @@ from jax import lax
 from stickslip._fastmath import where
 from stickslip.hybrid import current_executor
 
-Row = Any  # a tuple of numbers or an array with one axis
+Row = tuple | jax.Array  # of numbers, one a contact: a tuple of scalars, or an array with one axis
 
 
 def row(values: Any) -> Row:

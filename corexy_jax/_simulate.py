@@ -8,6 +8,7 @@ import jax.numpy as jnp
 
 import stickslip as ss
 from stickslip import RESULTS, Integrator, SaveAt
+from stickslip._types import Numeric
 from stickslip._validation import (
     MOST,
     as_float64,
@@ -39,7 +40,7 @@ WAYS = ("consistent", "as_printed", "smoothed")
 def simulate(
     parameters: CoreXYParameters,
     voltage: AbstractVoltage,
-    t1: Any = 6.0,
+    t1: Numeric = 6.0,
     *,
     way: str = "consistent",
     rows: int = 601,
@@ -91,7 +92,7 @@ def motor_work(system: Any, t: Any, y: CoreXYState, mode: Any, args: Any) -> dic
 def simulate_consistent(
     parameters: CoreXYParameters,
     voltage: AbstractVoltage,
-    t1: Any = 6.0,
+    t1: Numeric = 6.0,
     *,
     rows: int = 601,
     y0: CoreXYState | None = None,
@@ -162,7 +163,7 @@ def _losses(system, y0, log, t, y, mode):
 def simulate_as_printed(
     parameters: CoreXYParameters,
     voltage: AbstractVoltage,
-    t1: Any = 6.0,
+    t1: Numeric = 6.0,
     *,
     rows: int = 601,
     y0: CoreXYState | None = None,

@@ -5,8 +5,10 @@ from typing import Any, ClassVar, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import PyTree
 
 from stickslip._fastmath import where
+from stickslip._types import Given, Numeric, Whole
 from stickslip._validation import as_parameter, check_finite, check_type, one_number
 from stickslip.systems import AbstractMechanicalSystem
 
@@ -109,7 +111,7 @@ class CoreXY(AbstractMechanicalSystem):
     )
     units: ClassVar = STATE_UNITS
 
-    def __init__(self, parameters: Any, voltage: Any):
+    def __init__(self, parameters: Given[CoreXYParameters], voltage: Given[AbstractVoltage]):
         self.parameters = check_type("parameters", parameters, CoreXYParameters, "CoreXYParameters")
         self.voltage = check_type("voltage", voltage, AbstractVoltage, "an AbstractVoltage")
 
@@ -120,15 +122,15 @@ class CoreXY(AbstractMechanicalSystem):
 
     def state(
         self,
-        x: Any = 0.0,
-        y: Any = 0.0,
-        vx: Any = 0.0,
-        vy: Any = 0.0,
-        theta_1: Any = 0.0,
-        theta_2: Any = 0.0,
-        omega_1: Any = None,
-        omega_2: Any = None,
-        t: Any = 0.0,
+        x: Numeric = 0.0,
+        y: Numeric = 0.0,
+        vx: Numeric = 0.0,
+        vy: Numeric = 0.0,
+        theta_1: Numeric = 0.0,
+        theta_2: Numeric = 0.0,
+        omega_1: Numeric | None = None,
+        omega_2: Numeric | None = None,
+        t: Numeric = 0.0,
     ) -> CoreXYState:
         """State at time `t` [s], components as in `CoreXYState`; a motor without a speed rolls.
 
@@ -151,24 +153,24 @@ class CoreXY(AbstractMechanicalSystem):
         r = self.parameters.r
         return Line(y.vx, y.vy, r * y.omega_1, r * y.omega_2)
 
-    def torques(self, t: Any, y: CoreXYState) -> tuple[Any, Any]:
+    def torques(self, t: Numeric, y: CoreXYState) -> tuple[Any, Any]:
         """Motor torques [N m], Eq. (3)."""
         p = self.parameters
         v1, v2 = self.voltage.volts(t, y.piece)
         return motor_torque(p, v1, y.omega_1), motor_torque(p, v2, y.omega_2)
 
-    def line_drive(self, t: Any, y: CoreXYState) -> tuple[Any, Any]:
+    def line_drive(self, t: Numeric, y: CoreXYState) -> tuple[Any, Any]:
         """Forces of the motors on the belt line [N]."""
         one, two = self.torques(t, y)
         return one / self.parameters.r, two / self.parameters.r
 
-    def motion(self, t: Any, y: CoreXYState, signs: Row) -> ContactMotion:
+    def motion(self, t: Numeric, y: CoreXYState, signs: Row) -> ContactMotion:
         """Acceleration and reaction with the contacts resting and sliding as in `signs`."""
         p = self.parameters
         rest = each(lambda s: s == 0.0, row(signs))
         return contact_motion(line_masses(p), self.line_drive(t, y), kinetic_friction(p, signs), rest)
 
-    def next_mode(self, t: Any, y: CoreXYState, signs: Row, started: Row) -> Any:
+    def next_mode(self, t: Numeric, y: CoreXYState, signs: Row, started: Row) -> Any:
         """Mode an instant later, by the law of all contacts; see `resolve_signs`."""
         p = self.parameters
         limits = static_limits(p), kinetic_limits(p)
@@ -252,16 +254,16 @@ class CoreXY(AbstractMechanicalSystem):
         }
         return {"motor_1": one * y.omega_1, "motor_2": two * y.omega_2, **losses}
 
-    def dmn(self, mode: Any) -> Any:
+    def dmn(self, mode: Whole) -> Any:
         """Dynamic model number of a mode: 1 RR, 2 SR, 3 RS, 4 SS."""
         return mode_dmn(mode)
 
-    def carriage_rests(self, mode: Any) -> Any:
+    def carriage_rests(self, mode: Whole) -> Any:
         """Whether neither x nor y moves in a mode."""
         signs = mode_signs(mode)
         return (signs[X] == 0.0) & (signs[Y] == 0.0)
 
-    def slips(self, t, y, mode, args):
+    def slips(self, t: Numeric, y: CoreXYState, mode: Whole, args: PyTree):
         """`slip_1`, `slip_2`: rates of the slip distances of the belts [m/s]."""
         signs, speeds = mode_signs(mode), sliding_speeds(self.velocities(y))
         return {

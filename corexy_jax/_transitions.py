@@ -7,6 +7,8 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 
+from stickslip._types import Whole
+
 from ._arguments import dmn_number, named, pair, the_errata, the_machine
 from ._errata import Errata
 from ._parameters import CoreXYParameters
@@ -59,7 +61,7 @@ def available_coefficients(p: CoreXYParameters, errata: Errata | None = None) ->
     return jnp.maximum(p.mu_1s_b, p.mu_1k_b), jnp.maximum(p.mu_2s_b, p.mu_2k_b)
 
 
-def next_dmn(number: Any, needed: Needed, available: tuple[Any, Any]) -> Any:
+def next_dmn(number: Whole, needed: Needed, available: tuple[Any, Any]) -> Any:
     """Dynamic model of the next step from rolling motors, Eq. (72) and the cases RR, SR, RS, SS.
 
     A rolling motor goes on while `mu_is* <= mu_is^b`; a slipping one stays so, whatever is needed:

@@ -12,10 +12,7 @@ from tests.house._nonsense_public import OURS, PACKAGES
 RESULT = "an item of RESULTS, whose class equinox keeps to itself"
 # Parameters that may be `Any`, as module.callable.parameter; the module may stand alone.
 REASONS = {
-    "corexy_jax._system": "the machine's vector field is being taken apart",
-    "corexy_jax._simulate": "the machine's vector field is being taken apart",
-    "corexy_jax._dynamics": "the machine's vector field is being taken apart",
-    "corexy_jax._transitions": "the machine's vector field is being taken apart",
+    "corexy_jax._simulate.simulate.options": "those of the three ways to simulate",
     "corexy_jax._solution.CoreXYSolution.result": RESULT,
     "stickslip.hybrid._solution.Solution.result": RESULT,
     "stickslip.analysis._growth.LyapunovSpectrum.result": RESULT,
