@@ -89,7 +89,8 @@ def random_voltages(number, seed):
 
 @pytest.mark.slow
 def test_random_voltages_give_the_motion_of_small_steps_or_a_flag():
-    rows, tensions, kinds = random_voltages(300, seed=1)
+    number = 1000
+    rows, tensions, kinds = random_voltages(number, seed=1)
 
     def found(step):
         lanes = ss.map_lanes(lambda a, p, q: ends(cx.UserVoltage(volts, a), p, q, step=step))
@@ -101,4 +102,4 @@ def test_random_voltages_give_the_motion_of_small_steps_or_a_flag():
     assert np.all(coarse[2])
     assert not np.any(wrong & (coarse[3] == 0))
     assert not np.any(coarse[3][kinds != 3])  # only undeclared steps are flagged
-    assert np.sum(wrong) <= 3
+    assert np.sum(wrong) <= number // 100
