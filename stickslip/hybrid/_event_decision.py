@@ -151,10 +151,11 @@ def _what_fires(plan: Plan, lane: Lane, h: Any, first: First, code: Any) -> Any:
     # A jump through zero ends on its far side, where the new mode is what it will be.
     collapsed = _locate.is_collapsed(b, lane.t) & (first.value < 0)
     shrink = fresh & (hit | ~free)
-    code = jnp.where(fresh & (first.h_dip > 0) & free, DIP, code)
     code = jnp.where(shrink, SHRINK, code)
     code = jnp.where(shrink & collapsed & ~free, jnp.where(is_guard, COLLAPSED, SECTION), code)
     code = jnp.where(shrink & near, jnp.where(is_guard, EVENT, SECTION), code)
+    # A dip of one function may lie before the crossing of another: it is looked at first.
+    code = jnp.where(fresh & (first.h_dip > 0) & free, DIP, code)
     return jnp.where(~fresh & hit & is_guard, VIOLATED, code)
 
 
