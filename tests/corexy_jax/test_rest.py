@@ -102,7 +102,7 @@ def test_random_voltages_give_the_motion_of_small_steps_or_a_flag():
     wrong = np.any(np.abs(coarse[0] - fine[0]) > 1e-6 * size, axis=-1) | (coarse[1] != fine[1])
     assert np.all(coarse[2])
     assert not np.any(wrong & (coarse[3] == 0))
-    # Besides undeclared steps, which are flagged, a guard is now and then just touched or missed: 8 times.
+    # Besides undeclared steps, which are flagged, a guard is now and then just touched or missed.
     others = coarse[3][kinds != 3]
     assert np.all(np.isin(others, [0, GRAZING]))
     assert np.mean(others != 0) < 0.02
