@@ -72,7 +72,7 @@ ENGINE = [
         ss.Tableau,
         {
             "name": arg("midpoint", "text"), "order": arg(2, "count"),
-            "a": arg([[0.0, 0.0], [0.5, 0.0]]), "b": arg([0.0, 1.0]), "c": arg([0.0, 0.5]),
+            "a": arg([[0.0, 0.0], [0.5, 0.0]]), "b": arg([0.0, 1.0], "row"), "c": arg([0.0, 0.5]),
             "error_weights": arg(((1.0, -1.0, 0.0),), "no times"),
         },
     ),
