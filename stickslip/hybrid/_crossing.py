@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import equinox as eqx
 import equinox.internal as eqxi
 import jax
 import jax.numpy as jnp
@@ -13,7 +12,7 @@ from ._event_time import event_delay
 from ._lane import Plan
 from ._record import Starts
 from ._section import Section
-from ._tree import shift
+from ._tree import frozen, shift
 from ._xla import Executor
 
 MOST_TRIES = 64
@@ -37,12 +36,8 @@ def crossings(plan: Plan, theta: PyTree, section: Section, rows: Starts) -> tupl
 
         return jax.lax.map(length, rows) if plan.execute.fused else jax.vmap(length)(rows)
 
-    h = plan.execute.loop(whole, *_frozen((theta, rows)))
+    h = plan.execute.loop(whole, *frozen((theta, rows)))
     return jax.vmap(lambda row, h: _land(plan, theta, section, row, h))(rows, h)
-
-
-def _frozen(tree: PyTree) -> PyTree:
-    return jax.tree.map(lambda a: jax.lax.stop_gradient(a) if eqx.is_array(a) else a, tree)
 
 
 def _start(theta, row: Starts, execute: Executor):
