@@ -293,7 +293,7 @@ def _assemble(plan: Plan, theta, t0, t1, ts, smooth, counts, spec) -> Solution:
     ):
         size = spec.crossings[i]
         count = jnp.minimum(count, size)
-        t, y, dy = located(plan, theta, section, rows)
+        t, y, dy = located(plan, theta, section, rows, count)
         crossings = (*crossings, _state_log(count, t, y, dy, rows.mode, size))
         if section.terminal:
             stopped = (
