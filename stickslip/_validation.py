@@ -59,6 +59,10 @@ def shown(value: Any) -> str:
         return f"<{type(value).__name__}>"
 
 
+class DeclarationError(ValueError):
+    """A system declares what cannot be; found while tracing, and no fault of the state it was given."""
+
+
 def refusal(
     name: str, value: Any, allowed: str, kind: type[Exception] = ValueError, *, but: str = ""
 ) -> Exception:

@@ -175,6 +175,7 @@ def simulate(
         check_count("max_events", max_events, 0)
     check_count("max_crossings", max_crossings, 1)
     y0, mode0 = the_start(system, y0, mode0, args)
+    system.check_start(t0, y0, args)
 
     def run(mode0):
         return _run(

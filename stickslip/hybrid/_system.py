@@ -111,6 +111,12 @@ class AbstractHybridSystem(eqx.Module):
         """
         return None
 
+    def check_start(self, t: Numeric, y: PyTree, args: PyTree) -> None:
+        """Raise `ValueError` for what no motion can begin with; nothing unless a system says so.
+
+        `simulate` calls it before anything is compiled. Numbers may be traced: these pass unread.
+        """
+
     @abc.abstractmethod
     def vector_field(self, t: Numeric, y: PyTree, mode: Whole, args: PyTree) -> PyTree:
         """Time derivative of the state in `mode`, with the structure of `y` [unit of y per s]."""
