@@ -67,8 +67,8 @@ def orbit_diagram(
     r"""Points at which the motion crosses a section, over one or two parameters of a system.
 
     Each lane runs from `t0` to `t0 + transient` unrecorded, then for `duration`, and every crossing of
-    `section` gives a point. The diagram shows what a motion from the given initial state comes to, not
-    all attractors and no unstable ones: it is no continuation.
+    `section` gives a point. The diagram shows what a motion from the given initial state comes to: one
+    attractor per parameter value, never an unstable one. This is not continuation.
 
     **Arguments**
 
@@ -241,7 +241,7 @@ def _labels(plan: Plan, found, coords, labels, first) -> dict[str, Variable]:
         )
     variables["count"] = Variable(long_name="number of points")
     variables["status"] = Variable(
-        long_name="what became of the lane",
+        long_name="status of the run",
         attrs={"flag_values": list(range(len(STATUS))), "flag_meanings": " ".join(STATUS)},
     )
     variables["period"] = Variable(

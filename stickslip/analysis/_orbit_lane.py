@@ -1,4 +1,4 @@
-"""One lane of an orbit diagram: drop the transient, record points, say what became of it."""
+"""One lane of an orbit diagram: drop the transient, record points, say how it ended."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple

@@ -32,7 +32,7 @@ COINCIDENCE = 1e-9  # fraction of a full step within which two guards fire "at t
 
 
 class First(NamedTuple):
-    """The lowest of all event functions that act, turned so that its crossing is a fall."""
+    """The lowest of all event functions that act, with the sign in which it crosses downwards."""
 
     index: Any
     value: Any
@@ -68,7 +68,7 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         start_value = lane.values[i]
         if is_guard and functions.directions[i] == "both":
             start_value = jnp.where(start_value == 0, sg(values.value[i]), start_value)
-        # Of a section both halves of a short excursion count, whichever side it starts on.
+        # For sections, both crossings of a short excursion count, from either side.
         sign = functions.sign(i, start_value) if acts else jnp.sign(start_value)
         value, value0 = sign * values.value[i], sign * start_value
         rate = sg(sign * values.rate[i]) if known else jnp.zeros_like(lane.h)

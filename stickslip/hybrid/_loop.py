@@ -65,8 +65,8 @@ def run_block(
 def _changing(once: Callable, lane: Lane) -> tuple[Callable, Callable, list]:
     """The part of `lane` that `once(lane) -> (lane, rest)` changes, and `once` on this part alone.
 
-    What no attempt changes is no operand of a fused loop, unless the loop reads it: an operand that it
-    only carries would become one that nothing depends on, with which the compiler aborts.
+    Leaves that never change are closed over: XLA aborts on an operand of a fused loop that is carried
+    and never read.
 
     Returns the step `changing -> (changing, rest)`, the lane of a changing part, and that of `lane`.
     """

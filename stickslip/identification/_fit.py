@@ -14,7 +14,7 @@ class Fit(eqx.Module):
     """Estimates and how far to trust them; under `vmap` every array has the batch axes in front.
 
     - `values`: the estimates by name. `residual` there, in units of its standard deviation.
-    - `sensitivity` there. `steps` taken. `successful`: whether the method came to rest.
+    - `sensitivity`: at the estimate. `steps`: iterations. `successful`: whether it converged.
     """
 
     values: dict[str, Float[Array, "*batch"]]

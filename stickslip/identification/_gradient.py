@@ -30,7 +30,8 @@ def gradient_descent(
     **Arguments:** `residual`, `start` as for `least_squares`; `optimiser`, by default Adam with a rate
     that falls from 0.03 to 0 along a cosine; `steps`, how many; `tolerance`: a fit is successful if the
     minimum is nearer than this, in standard errors, by the linearised problem. **Returns** the best
-    `Fit` on the way. **Raises** as `least_squares`, and `TypeError` for what is no optimiser.
+    `Fit` on the way. **Raises** as `least_squares`, and `TypeError` if `optimiser` is not an
+    `optax.GradientTransformation`.
     """
     method = descent(optimiser=optimiser, steps=steps, tolerance=tolerance)
     check_callable("residual", residual, "f(values)", {})

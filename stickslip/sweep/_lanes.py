@@ -189,7 +189,7 @@ def _lanes_in(inputs):
         try:
             if isinstance(leaf, np.ma.MaskedArray):
                 raise TypeError
-            # Keys of random numbers are no numbers, but arrays all the same.
+            # PRNG keys are arrays, but not numeric.
             shape = (leaf if isinstance(leaf, jax.Array) else np.asarray(leaf)).shape
             jnp.result_type(leaf)
         except (TypeError, ValueError, OverflowError):
