@@ -4,6 +4,7 @@ Shape and type annotations of both packages are checked at call time by the impo
 `addopts` in pyproject.toml installs before this file is read.
 """
 
+import gc
 import importlib
 import os
 
@@ -39,6 +40,11 @@ def pytest_configure(config: pytest.Config) -> None:
         if jax.version.__version_info__ < (0, 11):
             # Newer compilers know only the emitters that take half of the time here.
             flags.append("--xla_cpu_use_fusion_emitters=false")
+            # One module a program: cut into 32 for as many cores, each is optimised and linked apart.
+            flags.append("--xla_cpu_parallel_codegen_split_count=1")
+    # Tracing makes millions of small objects that live on; to look through them all again and again
+    # takes a sixth of its time.
+    gc.set_threshold(100_000, 20, 100)
     os.environ["XLA_FLAGS"] = " ".join([os.environ.get("XLA_FLAGS", ""), *flags])
     if getattr(config, "cache", None) is not None:  # absent with `-p no:cacheprovider`
         os.environ["STICKSLIP_CACHE"] = str(config.cache.mkdir("programs"))

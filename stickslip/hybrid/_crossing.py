@@ -14,7 +14,7 @@ from ._lane import Plan
 from ._record import Starts
 from ._section import Section
 from ._tree import shift
-from ._xla import Executor
+from ._xla import Executor, piece, time_loop
 
 MOST_TRIES = 64
 
@@ -26,7 +26,8 @@ def crossings(plan: Plan, theta: PyTree, section: Section, rows: Starts) -> tupl
     onto the section, whose derivative is that of the crossing.
     """
 
-    def whole(theta, rows):
+    @time_loop
+    def whole(plan, theta, rows):
         def length(row):
             # Fused, one row of all lanes fits the first-level cache, and rows not in use cost nothing.
             return jax.lax.cond(
@@ -37,7 +38,7 @@ def crossings(plan: Plan, theta: PyTree, section: Section, rows: Starts) -> tupl
 
         return jax.lax.map(length, rows) if plan.execute.fused else jax.vmap(length)(rows)
 
-    h = plan.execute.loop(whole, *_frozen((theta, rows)))
+    h = whole(plan, *_frozen((theta, rows)))
     return jax.vmap(lambda row, h: _land(plan, theta, section, row, h))(rows, h)
 
 
@@ -51,7 +52,11 @@ def _start(theta, row: Starts, execute: Executor):
     def field(t, y):
         return system.vector_field(t, y, row.mode, args)
 
-    return field, execute.boundary(field, row.t, row.y)
+    @piece
+    def start(execute, t, y):
+        return field(t, y)
+
+    return field, start(execute, row.t, row.y)
 
 
 def _along(theta, section: Section, mode, t, y, dy):
@@ -70,18 +75,19 @@ def _length(plan: Plan, theta, section: Section, row: Starts):
     execute = plan.execute.for_the_ends()
     field, slope = _start(theta, row, execute)
 
-    def value(t, y, dy):
+    @piece
+    def value(execute, t, y, dy):
         (value, _), (rate, _) = _along(theta, section, row.mode, t, y, dy)
         return value, rate
 
     def look(h):
         y, dy, _ = plan.stepper.step(field, row.t, row.y, slope, h, execute)
-        return execute.boundary(value, row.t + h, y, dy)
+        return value(execute, row.t + h, y, dy)
 
     def turned(sign, found):
         return tuple(sign * a for a in found)
 
-    start = execute.boundary(value, row.t, row.y, slope)
+    start = value(execute, row.t, row.y, slope)
     sign = {"falling": 1.0, "rising": -1.0}.get(section.direction, jnp.sign(start[0]))
     value0, rate0 = turned(sign, start)
 

@@ -44,6 +44,11 @@ class Executor(eqx.Module, metaclass=CheckedModule):
         check_flag("fused", self.fused)
         check_flag("compact", self.compact)
 
+    @property
+    def execute(self) -> "Executor":
+        """Itself: what asks a plan for its executor may be given the executor alone."""
+        return self
+
     def for_the_ends(self) -> "Executor":
         """For what is computed a few times after a run: then compiling costs more than running."""
         return self if self.fused else COMPACT
@@ -87,7 +92,7 @@ def piece(function: Callable) -> Callable:
     """Mark `function(plan, *operands, **held)` as a part of an attempt that is computed once.
 
     `operands` are pytrees of arrays. What is `held`, such as the system with its arguments, may hold
-    anything.
+    anything. Below the attempt, where there is no plan, an `Executor` stands in its place.
     """
 
     @functools.wraps(function)
@@ -104,6 +109,16 @@ def bookkeeping(function: Callable) -> Callable:
     def call(plan: Any, *operands: Any, **held: Any) -> Any:
         operands = jax.lax.stop_gradient(operands)
         return plan.execute.boundary(functools.partial(function, plan, **held), *operands)
+
+    return call
+
+
+def time_loop(function: Callable) -> Callable:
+    """Mark `function(plan, *operands, **held)` as a whole time loop: fused, one compiled function."""
+
+    @functools.wraps(function)
+    def call(plan: Any, *operands: Any, **held: Any) -> Any:
+        return plan.execute.loop(functools.partial(function, plan, **held), *operands)
 
     return call
 
