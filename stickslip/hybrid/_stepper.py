@@ -109,6 +109,7 @@ class ExplicitRungeKutta(AbstractStepper):
         )  # fmt: skip
 
     def _step_written_out(self, field, t, y, dy, h, execute):
+        # Traced once and called in every stage, however large the field is.
         tab, field = self.tableau, execute.shared(field)
         slopes = [dy]
         for i in range(1, tab.stages):
@@ -158,6 +159,7 @@ class ExplicitRungeKutta(AbstractStepper):
             theta_i, t_i, stage_bars[i] = pull(theta, t + tab.c[i] * h, stages[i], bar)
             theta_bar = jax.tree.map(jnp.add, theta_bar, theta_i)
             t_bar = t_bar + t_i
+        # Every stage starts from `y`: its cotangents are summed with weight one.
         ones = [1.0] * (tab.stages - 1)
         y_bar = _moved(execute, y1_bar, stage_bars[1:], h=1.0, weights=ones)
         return extra, (theta_bar, t_bar, y_bar, dy_bar)

@@ -66,6 +66,7 @@ class Executor(eqx.Module, metaclass=CheckedModule):
         """
         if not self.fused:
             return jax.jit(function, inline=True)
+        # Traced once per form of operands: the stages of a step call one field a dozen times.
         pieces: dict = {}
 
         def call(*operands):
@@ -203,6 +204,7 @@ def traced(function: Callable, operands: tuple) -> tuple:
 
     closed = jax.make_jaxpr(flat)(*leaves)
     consts = closed.consts
+    # Constants of a jaxpr would be copied into every call; as operands they are handed over.
     if consts:
 
         def opened(*values):
