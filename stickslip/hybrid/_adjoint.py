@@ -20,7 +20,6 @@ from ._lane import EVENT, Lane, Outcome, Plan, accepted, is_event, moved_on
 from ._loop import running
 from ._record import Logs, Record
 from ._tree import select, shift, write_row
-from ._xla import piece, time_loop
 
 
 class Tape(NamedTuple):
@@ -82,14 +81,13 @@ def adjoint(inputs, fixed, plan: Plan, spec: Record, cotangents, make_start) -> 
         lane, steps = jax.tree.map(lambda buffer: buffer[number - 1], kept)
         rows = _tape(plan, theta, lane, steps, t1, outputs, size)
 
-        @time_loop
-        def sweep(plan, varied, rows, bars, logs):
+        def sweep(varied, rows, bars, logs):
             def body(bars, row):
                 return _pull(plan, spec, varied, held, row, bars, logs), None
 
             return jax.lax.scan(body, bars, rows, reverse=True)[0]
 
-        bars = sweep(plan, varied, rows, bars, cotangents.logs)
+        bars = plan.execute.loop(sweep, varied, rows, bars, cotangents.logs)
         return number - 1, bars
 
     _, bars = jax.lax.while_loop(lambda c: c[0] > 0, backward, (number, bars))
@@ -102,8 +100,7 @@ def _counted(steps, code):
 
 
 def _advance(plan: Plan, theta, lane: Lane, steps, t1, outputs, size):
-    @time_loop
-    def whole(plan, theta, lane, steps, t1, outputs):
+    def whole(theta, lane, steps, t1, outputs):
         def body(carry):
             count, lane, steps = carry
             lane, outcome = attempt(plan, theta, lane, t1, outputs)
@@ -112,12 +109,11 @@ def _advance(plan: Plan, theta, lane: Lane, steps, t1, outputs, size):
         start = (jnp.zeros((), jnp.int32), lane, steps)
         return jax.lax.while_loop(lambda c: (c[0] < size) & running(c[1]), body, start)[1:]
 
-    return whole(plan, theta, lane, steps, t1, outputs)
+    return plan.execute.loop(whole, theta, lane, steps, t1, outputs)
 
 
 def _tape(plan: Plan, theta, lane: Lane, steps, t1, outputs, size):
-    @time_loop
-    def whole(plan, theta, lane, steps, t1, outputs):
+    def whole(theta, lane, steps, t1, outputs):
         def body(carry, _):
             lane, steps = carry
             after, outcome = attempt(plan, theta, lane, t1, outputs)
@@ -125,7 +121,7 @@ def _tape(plan: Plan, theta, lane: Lane, steps, t1, outputs, size):
 
         return jax.lax.scan(body, (lane, steps), None, length=size)[1]
 
-    return whole(plan, theta, lane, steps, t1, outputs)
+    return plan.execute.loop(whole, theta, lane, steps, t1, outputs)
 
 
 def _tape_row(before: Lane, after: Lane, outcome: Outcome, steps) -> Tape:
@@ -161,6 +157,7 @@ def _row_bar(log, number, present):
 def _pull(plan: Plan, spec: Record, varied, held, row: Tape, bars, logs: Logs):
     """Cotangents before one attempt from those after it."""
     theta_bar, t_bar, y_bar, dy_bar = bars
+    once = plan.execute.boundary
     event, moved = is_event(row.code), moved_on(row.code)
 
     # Cotangents of the rows this attempt wrote into the logs.
@@ -193,9 +190,10 @@ def _pull(plan: Plan, spec: Record, varied, held, row: Tape, bars, logs: Logs):
         dy1_bar = select(moved, dy_bar, zero)
         if not plan.functions.num_guards:
             return (y1_bar, dy1_bar), (jax.tree.map(jnp.zeros_like, varied), end_t_bar)
-        end_theta, jump_t, jump_y1 = _pull_jump(
-            plan, varied, row, y1, dy1, jnp.where(event, end_t_bar, 0.0),
-            select(event, before_bar, zero), select(event, _add(y_bar, after_bar), zero), held=held,
+        end_theta, jump_t, jump_y1 = once(
+            lambda *a: _pull_jump(plan, held, *a),
+            varied, row, y1, dy1, jnp.where(event, end_t_bar, 0.0),
+            select(event, before_bar, zero), select(event, _add(y_bar, after_bar), zero),
         )  # fmt: skip
         end_t_bar = jnp.where(event, jump_t, end_t_bar)
         return (select(event, jump_y1, y1_bar), dy1_bar), (end_theta, end_t_bar)
@@ -218,8 +216,7 @@ def _pull(plan: Plan, spec: Record, varied, held, row: Tape, bars, logs: Logs):
     )
 
 
-@piece
-def _pull_jump(plan: Plan, varied, row: Tape, y1, dy1, t_bar, before_bar, after_bar, *, held):
+def _pull_jump(plan: Plan, held, varied, row: Tape, y1, dy1, t_bar, before_bar, after_bar):
     def end(varied, t, y1):
         system, args = eqx.combine(varied, held)
         functions = plan.functions
