@@ -48,7 +48,7 @@ class Motion(NamedTuple):
     belts: tuple[Any, Any]  # force of each belt on its slipping motor pulley [N]
 
 
-class Row(NamedTuple):
+class Output(NamedTuple):
     """One output."""
 
     t: Any
@@ -258,7 +258,7 @@ def step(
     carry: Carry,
     errata: Errata,
     execute: Executor,
-) -> tuple[Carry, Row]:
+) -> tuple[Carry, Output]:
     """One step of the algorithm from time `t` [s]; also the output at `t`."""
     once = execute.boundary
     y = carry.y
@@ -298,7 +298,7 @@ def step(
     slipping = ((number == 2) | (number == 4), (number == 3) | (number == 4))
     own = [jnp.sign(v) for v in (y.vx, y.vy, y.vx + y.vy, y.vx - y.vy, y.omega_1, y.omega_2)]
     own += [where(s, sense, 0.0) for s, sense in zip(slipping, senses, strict=True)]
-    row = Row(t, y, motion.a, number, tuple(own), carry.ledger)
+    row = Output(t, y, motion.a, number, tuple(own), carry.ledger)
     return Carry(new, slips[0], slips[1], ledger), row
 
 
@@ -311,7 +311,7 @@ def march(
     stride: Any,
     errata: Errata,
     execute: Executor,
-) -> Row:
+) -> Output:
     """`rows` outputs, `stride` (an array) steps apart, by `lax.scan`; the start is the first."""
     zero = jnp.zeros_like(y0.x)
     turn = virtual_pulleys(y0.vx, y0.vy, p.r)

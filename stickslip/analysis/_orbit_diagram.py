@@ -30,7 +30,7 @@ from ._arguments import an_integrator, named_observables, start_of
 from ._attractor import PERIOD_STATUS
 from ._builder import builder_of, check_labels, check_options
 from ._observable import Maximum, Minimum, as_observable, as_section
-from ._orbit_lane import STATUS, Numbers, Plan, halved, run_lane
+from ._orbit_lane import STATUS, Numbers, OrbitPlan, halved, run_lane
 
 CARRIED = ("upwards", "downwards")
 RESULTS_OF_A_LANE = ("count", "status", "period", "period_status", "slow_transient", "flags")
@@ -159,7 +159,7 @@ def orbit_diagram(
     elif along is not None:
         raise refusal("along", along, "None without carried")
     integrator = an_integrator(integrator)
-    plan = Plan(
+    plan = OrbitPlan(
         build=build,
         section=as_section(section, first, y0),
         observables={key: function for key, (function, _) in found.items()},
@@ -230,7 +230,7 @@ def _check_state(y0, shape):
     return jax.tree.map(lambda a: convert(np.asarray(a, np.float64)), y0), shapes == {shape}
 
 
-def _labels(plan: Plan, found, coords, labels, first) -> dict[str, Variable]:
+def _labels(plan: OrbitPlan, found, coords, labels, first) -> dict[str, Variable]:
     labels = check_mapping("labels", labels)
     check_labels(labels, [*coords, *found])
     variables = {key: labels[key] for key in coords if key in labels}

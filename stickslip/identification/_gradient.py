@@ -8,14 +8,14 @@ from .._validation import check_callable
 from ._evaluate import solved
 from ._fit import Fit
 from ._methods import descent
-from ._unknowns import Values, scalars, to_logs
+from ._unknowns import NamedValues, scalars, to_logs
 
 if TYPE_CHECKING:
     import optax
 
 
 def gradient_descent(
-    residual: Callable[[Values], Any],
+    residual: Callable[[NamedValues], Any],
     start: NamedNumbers,
     *,
     optimiser: Given["optax.GradientTransformation | None"] = None,

@@ -8,11 +8,11 @@ from .._validation import check_callable
 from ._evaluate import solved
 from ._fit import Fit
 from ._methods import levenberg_marquardt
-from ._unknowns import Values, scalars, to_logs
+from ._unknowns import NamedValues, scalars, to_logs
 
 
 def least_squares(
-    residual: Callable[[Values], Any],
+    residual: Callable[[NamedValues], Any],
     start: NamedNumbers,
     *,
     damping: float = 1.0,
