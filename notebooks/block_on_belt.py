@@ -265,6 +265,6 @@ for i, name in enumerate(NAMES):
 np.testing.assert_allclose(slopes, differences, rtol=1e-5, atol=1e-8)
 
 # %% [markdown]
-# Where to go on: the docstring of `stickslip.AbstractHybridSystem` shows a system of one's own in
+# Where to go on: the docstring of `stickslip.AbstractHybridSystem` shows a system of your own in
 # thirty lines; `python -m experiments --list` names the figures; `map_lanes` maps anything over
 # many lanes.

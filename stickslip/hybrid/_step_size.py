@@ -47,7 +47,7 @@ class AbstractAdaptiveStep(AbstractStepSize):
     `dtmax`, and one that would have to be shorter than `dtmin` ends the run with
     `RESULTS.dt_min_reached`.
 
-    A rule of one's own, here one that halves and doubles:
+    Your own rule, here one that halves and doubles:
 
     ```python
     class Doubling(stickslip.AbstractAdaptiveStep):

@@ -24,7 +24,7 @@ def gradient_descent(
 ) -> Fit:
     r"""Minimise $\tfrac12\|r(p)\|^2$ by an optimiser of optax, in the logarithms of the unknowns.
 
-    For noise in the objective, schedules and constraints of one's own; `least_squares` takes far fewer
+    For noise in the objective, schedules and constraints of your own; `least_squares` takes far fewer
     runs. The gradient is $J^T r$ with the Jacobian by forward mode through all events.
 
     **Arguments:** `residual`, `start` as for `least_squares`; `optimiser`, by default Adam with a rate
