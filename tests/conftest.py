@@ -37,6 +37,8 @@ def pytest_configure(config: pytest.Config) -> None:
     flags = ["--xla_force_host_platform_device_count=2"]
     if config.option.markexpr == "not slow":
         jax.config.update("jax_disable_most_optimizations", True)
+        # Without the trial, which takes half a minute: `make test-all` has it.
+        os.environ.setdefault("STICKSLIP_EXECUTOR", "fused")
         if jax.version.__version_info__ < (0, 11):
             # Newer compilers know only the emitters that take half of the time here.
             flags.append("--xla_cpu_use_fusion_emitters=false")
