@@ -189,7 +189,7 @@ def check_nonnegative(name: str, value: T) -> T:
 
 
 def check_between(name: str, value: T, low: float | int, high: float | int) -> T:
-    """In the closed interval from `low` to `high`; an infinite bound is no bound."""
+    """In the closed interval from `low` to `high`; an infinite bound is not a bound."""
     return check_that(
         name, value, lambda x: (x >= low) & (x <= high), f"between {low} and {high} inclusive"
     )

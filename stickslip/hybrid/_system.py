@@ -143,7 +143,7 @@ def switch(mode: Whole, functions: tuple[Callable, ...], *operands: PyTree) -> P
     each branch must be free of NaN where it is not selected if gradients are wanted. A mode below 0
     takes the first function, one beyond the last the last.
 
-    Errors: `TypeError` for a mode that is no integer and for what is no sequence of functions.
+    Errors: `TypeError` for a mode that is not an integer and for guards that are not a sequence.
     """
     if not isinstance(functions, tuple | list) or not functions:
         raise refusal("functions", functions, "a sequence of at least one function", TypeError)
