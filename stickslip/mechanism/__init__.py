@@ -1,8 +1,8 @@
 """Declare a mechanism by its masses, forces and contacts; the hybrid system follows.
 
-A user states what an engineer writes down first: coordinates, inertia, forces, and for each dry contact
-its direction, the speed of the counter surface, the normal force and the friction law. `AbstractMechanism`
-tells how. The one declaration has three forms:
+A user states what an engineer writes down first: coordinates, inertia, forces, and for each dry
+contact its direction, the speed of the counter surface, the normal force and the friction law;
+`AbstractMechanism` says how. The one declaration has three forms:
 
 | form | system | for |
 |---|---|---|
@@ -16,5 +16,5 @@ from ._contact import Contact as Contact
 from ._forms import BristleMechanism as BristleMechanism
 from ._forms import BristleState as BristleState
 from ._forms import RegularisedMechanism as RegularisedMechanism
+from ._instant import Instant as Instant
 from ._mechanism import AbstractMechanism as AbstractMechanism
-from ._mechanism import Instant as Instant

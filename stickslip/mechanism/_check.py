@@ -1,4 +1,4 @@
-"""Declarations that cannot be right are refused by the name of what is wrong, before anything compiles."""
+"""Declarations that cannot be right are refused by name, before anything compiles."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -29,7 +29,7 @@ def check_declaration(mechanism: Any) -> None:
         if name not in coordinates:
             choices = ", ".join(map(repr, coordinates))
             raise refusal("velocities", name, f"a mapping with keys out of {choices}")
-    names = mechanism._names
+    names = mechanism.names
     fields = (*names.coordinates, *names.velocities)
     for name in fields:
         if fields.count(name) > 1:
@@ -43,7 +43,7 @@ def check_declaration(mechanism: Any) -> None:
     if len(names.contacts) > 31:
         raise refusal("contact_directions", len(names.contacts), "at most 31 contacts")
     directions_of(mechanism.contact_directions, names.coordinates)
-    for island in mechanism._islands:
+    for island in mechanism.islands:
         if island.dependent and not hasattr(island, "lines"):
             those = ", ".join(names.contacts[c] for c in island.rows)
             why = "constant where they depend on each other, of at most 12 contacts of a group"
@@ -53,7 +53,7 @@ def check_declaration(mechanism: Any) -> None:
 
 def _check_mass(mechanism: Any) -> None:
     """Refuse a mass matrix that is not symmetric positive definite where the coordinates are 0."""
-    names = mechanism._names.coordinates
+    names = mechanism.names.coordinates
     given = mechanism.mass_matrix(coordinates_type(names)(*[0.0] * len(names)))
     mass = mass_of(given, names)
     entries = mass.diagonal if mass.full is None else [x for row in mass.full for x in row]
@@ -73,7 +73,7 @@ def _check_mass(mechanism: Any) -> None:
 
 def check_contacts(mechanism: Any, given: Any) -> list[Contact]:
     """The contacts in order, with laws that the event-driven form admits."""
-    names = mechanism._names.contacts
+    names = mechanism.names.contacts
     if isinstance(given, Mapping):
         missing = [name for name in names if name not in given]
         if missing:

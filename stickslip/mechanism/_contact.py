@@ -15,10 +15,10 @@ class Contact(NamedTuple):
     - `law`: the friction law, one of `stickslip.friction`.
     - `normal_force` $N$ [N]; 1 if left out, so that the coefficients of the law are forces.
     - `surface_speed` $w$ [m/s]: speed of the counter surface along the contact; 0 if left out.
-    - `direction` $n$: a row of numbers or a mapping from coordinates, where `contact_directions` of the
-      mechanism holds None because it depends on the state or on parameters.
-    - `normal_direction`: the generalised force of a normal force of 1 N on the mechanism, likewise; only
-      for a contact that may open, since it vanishes with the contact.
+    - `direction` $n$: a row of numbers or a mapping from coordinates, where `contact_directions` of
+      the mechanism holds None because it depends on the state or on parameters.
+    - `normal_direction`: the generalised force of a normal force of 1 N on the mechanism, likewise;
+      only for a contact that may open, since it vanishes with the contact.
     """
 
     law: Given[AbstractFrictionLaw]

@@ -86,7 +86,7 @@ def mass_of(given: Any, names: Sequence[str]) -> Mass:
 
 
 def directions_of(given: Mapping[str, Any], coordinates: Sequence[str]) -> np.ndarray:
-    """Directions [contact, coordinate] as numbers; NaN in the rows that depend on state or parameters."""
+    """Directions [contact, coordinate]; NaN in the rows that depend on state or parameters."""
     rows = []
     for contact, row in given.items():
         if row is GIVEN:
@@ -106,7 +106,7 @@ def directions_of(given: Mapping[str, Any], coordinates: Sequence[str]) -> np.nd
 
 
 def abstract(system: Any) -> tuple[list[Any], Any]:
-    """Leaves of a pytree as abstract numbers, so that no value counts as structure; others as they are."""
+    """Leaves of a pytree as abstract numbers, so that no value of them counts as structure."""
     leaves, form = jax.tree.flatten(system)
     kinds = (bool, int, float, np.ndarray, np.generic, jax.Array, jax.ShapeDtypeStruct)
 

@@ -14,7 +14,8 @@ from stickslip.friction import AbstractBristleLaw, AbstractFrictionLaw, LuGre, R
 from stickslip.systems._mechanical import AbstractMechanicalSystem
 
 from ._check import DeclarationError
-from ._mechanism import AbstractMechanism, Instant
+from ._instant import Instant, push_of
+from ._mechanism import AbstractMechanism
 from ._scalars import times, total
 
 KINDS = ("tanh", "sqrt", "arctan")
@@ -47,7 +48,7 @@ class _AbstractSmoothForm(AbstractMechanicalSystem):
         machine, force = self.mechanism, list(at.force)
         for c, (n, f) in enumerate(zip(at.directions, friction, strict=True)):
             force = [total((g, times(x, f))) for g, x in zip(force, n, strict=True)]
-            push = machine.push_of(at, c)
+            push = push_of(machine, at, c)
             if push is not None:
                 pressed = _pressing(at.contacts[c].normal_force)
                 force = [total((g, times(x, pressed))) for g, x in zip(force, push, strict=True)]
