@@ -94,7 +94,7 @@ def surface_accelerations(machine: "AbstractMechanism", t: Any, at: Instant, arg
     depends = degrees(speeds, (t, q), (True, True))
     if all(d == NONE for d in depends):
         return [0.0] * len(depends)
-    if any(d != NONE and i.dependent for i in machine.islands for c in i.rows for d in (depends[c],)):
+    if any(depends[c] != NONE for island in machine.islands if island.dependent for c in island.rows):
         those = ", ".join(name for name, d in zip(names, depends, strict=True) if d != NONE)
         what = "surfaces of contacts whose directions depend on each other"
         raise DeclarationError(str(refusal(what, those, "of constant speed")))

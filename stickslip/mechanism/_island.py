@@ -44,9 +44,9 @@ class Island:
     $$M a = F + J_H^T\lambda_H, \qquad J_H a = \gamma_H
       \quad\Rightarrow\quad (J_H M^{-1} J_H^T)\,\lambda_H = \gamma_H - J_H M^{-1} F$$
 
-    Where directions depend on each other, a largest independent part of $H$ leads and bears all. Constant
-    directions that do not are taken as coordinates: a contact that rests is then an equation that is
-    left out, and its speed is held to the last digit.
+    Where directions depend on each other, a largest independent part of $H$ leads and bears all.
+    Constant directions that do not are taken as coordinates: a contact that rests is then an equation
+    that is left out, and its speed is held to the last digit.
     """
 
     def __init__(self, columns: tuple[int, ...], rows: tuple[int, ...], directions: np.ndarray):
@@ -188,7 +188,7 @@ class Island:
         return Motion([a], [needed], [times(1.0 / n, needed)])
 
     def project(self, M: Mass, v: list, J: list[list], rest: list, speeds: list) -> list:
-        """The velocities nearest to `v`, by the inertia, at which the contacts in `rest` do not slide."""
+        """The velocities nearest to `v`, by the inertia, at which those in `rest` do not slide."""
         none = [jnp.zeros_like(x) for x in v]
         change = self.motion(M, none, J, rest, [times(-1.0, u) for u in speeds]).acceleration
         some = any_of(rest)
@@ -204,9 +204,9 @@ class Island:
         the sense of each as they do so, 0 for those that stay. `slack` [N] more can be borne.
 
         Of dependent contacts the forces are not unique. The reaction $f$ can be borne if
-        $-f\cdot d \le \sum_H \max_\lambda(-\lambda_c\,n_c\cdot d)$ along every line $d$ on which all but
-        one degree of freedom is held: they are the normals of the facets of the zonotope that the
-        contacts span.
+        $f\cdot d \le \sum_H \max_\lambda(\lambda_c\,n_c\cdot d)$ along both senses of every line $d$
+        on which all but one degree of freedom is held: they are the normals of the facets of the
+        zonotope that the contacts span.
         """
         like = jnp.zeros_like(low[0])
         used, sense, number = like + UNRESISTED, like, jnp.zeros_like(like, jnp.int32)
@@ -238,7 +238,7 @@ class Island:
 
 def _completed_inverse(J: np.ndarray) -> np.ndarray:
     """Inverse of `J` completed by unit rows to a square matrix; whole numbers stay exact."""
-    m, n = J.shape
+    n = J.shape[1]
     rows = list(J)
     for unit in np.eye(n):
         if len(rows) < n and np.linalg.matrix_rank(np.array([*rows, unit])) > len(rows):

@@ -106,9 +106,9 @@ class AbstractMechanism(AbstractMechanicalSystem):
     - A contact that does not open and loses its normal force ends the run with
       `RESULTS.no_admissible_mode`; its guard is the last in the log.
 
-    **Limits.** Normal forces that depend on friction or accelerations (Painlevé), impacts, and dependent
-    directions that vary are not covered; the last are refused. Surfaces of dependent contacts need
-    speeds that stay what they are.
+    **Limits.** Normal forces that depend on friction or accelerations (Painlevé) and impacts are not
+    covered. Dependent directions that vary, and surfaces of dependent contacts whose speeds vary, are
+    refused.
 
     **Raises** `DeclarationError`, `ValueError` or `TypeError` that name what is declared wrongly,
     before anything is compiled: directions of the wrong length, a mass matrix that is not positive

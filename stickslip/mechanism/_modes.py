@@ -15,7 +15,7 @@ MOST_IN_32 = 15  # contacts whose mode is a 32-bit integer
 
 
 class ModeNames(Sequence):
-    """Names of all modes, `"stick / slip forward"`: a sequence that is not kept, of $4^m$ for m contacts.
+    """Names of all modes, `"stick / slip forward"`: $4^m$ for m contacts, made when asked for.
 
     Modes in which a contact that does not open is open have names too, and are never taken.
     """

@@ -1,4 +1,4 @@
-"""Which contacts of an island begin to slide, and in which sense: the law of all of them at one instant."""
+"""Which contacts of an island begin to slide, and in which sense: their law at one instant."""
 
 from typing import Any, NamedTuple
 
@@ -44,7 +44,8 @@ def settled(
 ) -> tuple[list[Any], Any]:
     r"""States of all contacts an instant later: those without speed by the law of all contacts.
 
-    $$a = \arg\min \tfrac12 a^T M a - a^T F + \sum_{c\ \text{without speed}} \phi_c(n_c\cdot a - \gamma_c)$$
+    $$a = \arg\min \tfrac12 a^T M a - a^T F
+      + \sum_{c\ \text{without speed}} \phi_c(n_c\cdot a - \gamma_c)$$
 
     For a contact at rest $\phi_c$ is its static friction times the relative acceleration. What begins
     to slide is under kinetic friction from then on: kinetic ahead, static behind. That may make others
@@ -52,8 +53,8 @@ def settled(
     steps of no length would, until the senses stay.
 
     The minimum is found by the primal active-set method on the faces of the arrangement of the planes
-    $n_c\cdot a = \gamma_c$: go to the minimum of the face, or to the first contact that stops on the way
-    and rest it; at the minimum release what is overloaded most. The function falls from face to face,
+    $n_c\cdot a = \gamma_c$: go to the minimum of the face, or to the first contact that stops on the
+    way and rest it; at the minimum release what is overloaded most. The function falls from face to face,
     so none returns.
 
     **Arguments:** inertia, forces without the friction of contacts without speed, directions, relative
