@@ -28,6 +28,7 @@ from ._tree import all_finite
 from ._xla import bookkeeping, piece
 
 REACH = 1e-3  # part of the step to an event that the Newton correction may be
+ROUNDING = 1e-15  # of the time: no event is located better
 COINCIDENCE = 1e-9  # fraction of a full step within which two guards fire "at the same instant"
 
 
@@ -152,8 +153,10 @@ def _what_fires(plan: Plan, lane: Lane, h: Any, first: First, code: Any) -> Any:
         rate = jnp.where(first.exact == 1, rate, secant)
     tolerance = jnp.where(is_guard, _locate.TOLERANCE, _locate.TOLERANCE_SECTION)
     full = jnp.where(free, h, lane.full)
-    # The correction must be small against the step that led here too: a hop may be tiny.
-    reach = jnp.where(h == 0, tolerance * full, jnp.minimum(tolerance * full, REACH * h))
+    # A short step late in a run cannot be divided further than the time can be told. The correction
+    # must be small against the step that led here too: a hop may be tiny.
+    fine = jnp.maximum(tolerance * full, ROUNDING * jnp.abs(lane.t))
+    reach = jnp.where(h == 0, tolerance * full, jnp.minimum(fine, REACH * h))
     near = jnp.abs(first.value) <= -rate * reach
     # Guards at rest lie at zero to rounding; only what is clearly beyond fires.
     hit = first.value < jnp.where(is_guard, -SLACK, 1e-300)
