@@ -11,8 +11,8 @@ from stickslip._looks_at import OBSERVABLE, looks_at, reals
 from stickslip._types import Given, Numeric
 from stickslip._validation import as_parameter, check_in, check_positive, check_type, refusal
 from stickslip.friction import AbstractBristleLaw, AbstractFrictionLaw, LuGre, Regularised
-from stickslip.systems._mechanical import AbstractMechanicalSystem
 
+from ._account import AbstractMechanicalSystem
 from ._check import DeclarationError
 from ._instant import Instant, push_of
 from ._mechanism import AbstractMechanism

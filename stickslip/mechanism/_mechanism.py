@@ -17,9 +17,9 @@ from stickslip._types import Numeric
 from stickslip._validation import as_parameter, check_finite, is_concrete
 from stickslip.friction import AbstractBristleLaw, LuGre
 from stickslip.hybrid._dependence import NONE, degrees
-from stickslip.systems._mechanical import AbstractMechanicalSystem
 
 from . import _changes
+from ._account import AbstractMechanicalSystem
 from ._check import check_declaration, check_law, check_load
 from ._contact import Contact
 from ._declaration import (
@@ -64,7 +64,7 @@ class AbstractMechanism(AbstractMechanicalSystem):
     ...     def mass_matrix(self, q):
     ...         return {"x": self.mass}
     ...
-    ...     def force(self, t, q, v, args):
+    ...     def forces(self, t, q, v, args):
     ...         return {"x": -self.stiffness * q.x}
     ...
     ...     def contacts(self, t, q, v, args):
@@ -83,10 +83,12 @@ class AbstractMechanism(AbstractMechanicalSystem):
       sliding speed out of the velocities: a mapping from coordinates to constant numbers, or a row of
       them. None where it depends on the state or on parameters; then `contacts` returns it.
     - `velocities`: names of their rates $v$ in the state, by coordinate; `"v_x"` for `"x"` if left out.
+    - `state_class`: named tuple of the state, its fields the coordinates and velocities in any order;
+      made from their names if left out.
     - `opening`: names of the contacts that open where their normal force falls to zero, and close
       where it rises again.
 
-    and as methods `mass_matrix(q)`, `force(t, q, v, args)`, `contacts(t, q, v, args)`,
+    and as methods `mass_matrix(q)`, `forces(t, q, v, args)`, `contacts(t, q, v, args)`,
     `potential_energy(q)` (for the energy account only) and, if the forces depend on the time,
     `time_scale(args)`. In them `q` and `v` are named tuples, both by the names of the coordinates.
     Python and NumPy constants in what they return are structure: a mass matrix whose constant zeros
@@ -124,6 +126,7 @@ class AbstractMechanism(AbstractMechanicalSystem):
     contact_directions: ClassVar[Mapping[str, Any]] = {}
     velocities: ClassVar[Mapping[str, str]] = {}
     opening: ClassVar[tuple[str, ...]] = ()
+    state_class: ClassVar[type | None] = None
 
     # -- what the user declares
 
@@ -135,7 +138,7 @@ class AbstractMechanism(AbstractMechanicalSystem):
         """
 
     @abc.abstractmethod
-    def force(self, t: Numeric, q: Any, v: Any, args: PyTree) -> Any:
+    def forces(self, t: Numeric, q: Any, v: Any, args: PyTree) -> Any:
         """Generalised forces [N] other than those of the contacts, gyroscopic ones too.
 
         A mapping by coordinate, where a missing one is 0, or a sequence in their order.
@@ -249,8 +252,9 @@ class AbstractMechanism(AbstractMechanicalSystem):
 
     def from_coordinates(self, q: Any, v: Any) -> Any:
         """The state of these coordinates and velocities; linear, so that it takes rates too."""
-        names = self.names
-        return state_type((*names.coordinates, *names.velocities))(*q, *v)
+        names = (*self.names.coordinates, *self.names.velocities)
+        kind = self.state_class or state_type(names)
+        return kind(**dict(zip(names, (*q, *v), strict=True)))
 
     def to_coordinates(self, y: Any) -> tuple[Any, Any]:
         """Coordinates and velocities of a state, each under the names of the coordinates."""
