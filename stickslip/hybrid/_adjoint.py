@@ -22,13 +22,15 @@ from ._pull import Tape, pull, tape_row
 from ._tree import write_row
 
 BLOCK = 8  # attempts after which it is asked whether the lanes have ended
-SEGMENT = 256  # most attempts on the tape
+BLOCK_FUSED = 32  # the same where to enter the loop costs as much as an attempt
+SEGMENT = 256  # most rows of the tape
 
 
 class Layout(NamedTuple):
-    """How the attempts of a run are divided: blocks of a segment, segments of a chapter, chapters."""
+    """How a run is divided: rows of a segment, segments of a chapter, chapters."""
 
-    blocks: int
+    block: int  # rows that are written and walked through together
+    rows: int
     segments: int
     chapters: int
 
@@ -43,19 +45,19 @@ class Layout(NamedTuple):
         return self.segments + self.chapters + 1
 
 
-def layout(max_steps: int) -> Layout:
+def layout(max_steps: int, fused: bool) -> Layout:
     """A tape for the whole run, up to `SEGMENT`; as many segments in a chapter as chapters."""
-    blocks = -(-min(max_steps, SEGMENT) // BLOCK)
-    number = -(-max_steps // (blocks * BLOCK))
+    block = BLOCK_FUSED if fused else BLOCK
+    rows = -(-min(max_steps, SEGMENT) // block) * block
+    number = -(-max_steps // rows)
     segments = math.isqrt(number - 1) + 1
-    return Layout(blocks, segments, -(-number // segments))
+    return Layout(block, rows, segments, -(-number // segments))
 
 
 class _Sweep(NamedTuple):
     number: Any  # segment to run next
     goal: Any  # segment to walk back through next; beyond all of them until the last one is known
     kept: PyTree  # starts of segments
-    tape: Tape  # by block and attempt
     bars: PyTree  # cotangents before what has been walked through
 
 
@@ -112,47 +114,52 @@ def _swept(given: _Given, axes: _Given | None, wanted, make_start) -> PyTree:
         batched = jax.vmap(function, in_axes=(axes, *others), out_axes=out)
         return lambda *operands: batched(given, *operands)
 
-    parts = layout(given.plan.max_steps)
-    counts_steps = given.cotangents.logs.steps is not None
+    plan, logs = given.plan, given.cotangents.logs
+    parts = layout(plan.max_steps, plan.execute.fused)
     number = jnp.zeros((), jnp.int32)
-    block = mapped(_block, 0, out=(0, 1))
+    attempted = mapped(lambda given, lane: _attempted(given, parts.block, lane), 0, out=(0, 1))
     pulled = mapped(lambda given, rows, bars: _pulled(given, wanted, rows, bars), 1, 0)
 
     def begin(given: _Given):
         mode0 = given.fixed[0]
         lane = make_start(given.plan, given.inputs, mode0)
-        return lane, jnp.zeros_like(mode0) if counts_steps else None
+        return lane, None if logs.steps is None else jnp.zeros_like(mode0)
 
     def ends(given: _Given):
         (theta, t0, y0), results = given.inputs, given.cotangents
         zero = jax.tree.map(jnp.zeros_like, (eqx.filter(theta, wanted[0]), t0, y0))
         return zero[0], zero[1] + results.t, jax.tree.map(jnp.add, zero[2], results.y), zero[2]
 
-    def ahead(begun, tape):
-        """One segment, put on the tape: where it ends, number of its blocks, the tape."""
+    def ahead(begun):
+        """One segment, put on a tape: where it ends, the tape, number of its rows."""
 
         def body(carry):
-            count, begun, tape = carry
-            begun, rows = block(begun)
-            return count + 1, begun, write_row(tape, rows, count)
+            count, (lane, steps), tape = carry
+            lane, rows = attempted(lane)
+            goes = accepted(rows.code)
+            if steps is not None:
+                done = steps + jnp.cumsum(goes, axis=0, dtype=steps.dtype)
+                rows, steps = rows._replace(step_number=done - goes.astype(steps.dtype)), done[-1]
+            return count + parts.block, (lane, steps), _write_rows(tape, rows, count)
 
         def goes_on(carry):
-            return (carry[0] < parts.blocks) & running(carry[1][0])
+            return (carry[0] < parts.rows) & running(carry[1][0])
 
-        count, begun, tape = jax.lax.while_loop(goes_on, body, (number, begun, tape))
-        return begun, count, tape
+        count, begun, tape = jax.lax.while_loop(goes_on, body, (number, begun, empty))
+        return begun, tape, count
 
     def back(count, tape, bars):
-        """Cotangents before the first `count` blocks of the tape from those after them."""
+        """Cotangents before the first `count` rows of the tape from those after them."""
 
         def body(carry):
             count, bars = carry
-            return count - 1, pulled(_read_row(tape, count - 1), bars)
+            return count - parts.block, pulled(_read_rows(tape, count - parts.block, parts.block), bars)
 
         return jax.lax.while_loop(lambda carry: carry[0] > 0, body, (count, bars))[1]
 
     def body(now: _Sweep):
-        begun, count, tape = ahead(_read_row(now.kept, parts.place(now.number)), now.tape)
+        begun = _read_row(now.kept, parts.place(now.number))
+        begun, tape, count = ahead(begun)
         kept = write_row(now.kept, begun, parts.place(now.number + 1))
         # The last segment is known when it has been run for the first time.
         found = (now.goal == total) & ~(running(begun[0]) & (now.number < total - 1))
@@ -160,36 +167,35 @@ def _swept(given: _Given, axes: _Given | None, wanted, make_start) -> PyTree:
         bars = back(jnp.where(meets, count, 0), tape, now.bars)
         goal = jnp.where(meets, now.number - 1, now.goal)
         # Before the start of this chapter, the segments of another have to be found again.
-        turned = jnp.where(now.number % parts.segments == 0, goal // parts.segments * parts.segments, goal)
-        return _Sweep(jnp.where(meets, turned, now.number + 1), goal, kept, tape, bars)
+        turned = jnp.where(
+            now.number % parts.segments == 0, goal // parts.segments * parts.segments, goal
+        )
+        return _Sweep(jnp.where(meets, turned, now.number + 1), goal, kept, bars)
 
     total = parts.segments * parts.chapters
     begun = mapped(begin)()
     kept = write_row(_room(begun, parts.places), begun, parts.place(number))
-    tape = _room(jax.eval_shape(block, begun)[1], parts.blocks)
-    start = _Sweep(number, number + total, kept, tape, mapped(ends)())
+    rows = jax.eval_shape(attempted, begun[0])[1]
+    if begun[1] is not None:
+        rows = rows._replace(step_number=begun[1][None])
+    empty = jax.tree.map(lambda a: jnp.zeros((parts.rows, *a.shape[1:]), a.dtype), rows)
+    start = _Sweep(number, number + total, kept, mapped(ends)())
     return jax.lax.while_loop(lambda now: now.goal >= 0, body, start).bars[:3]
 
 
-def _block(given: _Given, begun):
-    """Some attempts: where they end, and their rows."""
+def _attempted(given: _Given, block: int, lane: Lane):
+    """A block of attempts: the lane after them, and their rows."""
     plan, (theta, _, _), (_, t1, outputs) = given.plan, given.inputs, given.fixed
-    logs, (lane, steps) = given.cotangents.logs, begun
 
     def dump(before, after, outcome):
-        return tape_row(plan, logs, before, outcome)
+        return tape_row(plan, given.cotangents.logs, before, outcome)
 
-    lane, rows = run_block(plan, theta, lane, t1, outputs, BLOCK, dump)
-    if steps is not None:
-        goes = accepted(rows.code).astype(steps.dtype)
-        count = steps + jnp.cumsum(goes, dtype=steps.dtype)
-        rows, steps = rows._replace(step_number=count - goes), count[-1]
-    return (lane, steps), rows
+    return run_block(plan, theta, lane, t1, outputs, block, dump)
 
 
 def _pulled(given: _Given, wanted, rows: Tape, bars):
     """Cotangents before a block of attempts from those after it."""
-    plan, mode0 = given.plan, given.fixed[0]
+    plan, mode0, logs = given.plan, given.fixed[0], given.cotangents.logs
     varied, held = eqx.partition(given.inputs[0], wanted[0])
 
     def sweep(varied, rows, bars, logs, mode0):
@@ -199,11 +205,23 @@ def _pulled(given: _Given, wanted, rows: Tape, bars):
 
         return jax.lax.scan(body, bars, rows, reverse=True)[0]
 
-    return plan.execute.loop(sweep, varied, rows, bars, given.cotangents.logs, mode0)
+    return plan.execute.loop(sweep, varied, rows, bars, logs, mode0)
 
 
 def _room(tree, count: int):
     return jax.tree.map(lambda a: jnp.zeros((count, *a.shape), a.dtype), tree)
+
+
+def _write_rows(buffers, rows, start):
+    def write(buffer, rows):
+        places = (start, *(jnp.zeros((), jnp.int32),) * (buffer.ndim - 1))
+        return jax.lax.dynamic_update_slice(buffer, rows, places)
+
+    return jax.tree.map(write, buffers, rows)
+
+
+def _read_rows(buffers, start, count: int):
+    return jax.tree.map(lambda a: jax.lax.dynamic_slice_in_dim(a, start, count), buffers)
 
 
 def _read_row(rows, index):

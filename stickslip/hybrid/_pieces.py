@@ -1,4 +1,4 @@
-"""A function with several results as pieces of a fused program, so that what they share is computed once.
+"""A function with several results as pieces of a fused program: what they share is computed once.
 
 Within one call the compiler computes for every result all that it depends on. What is expensive and
 wanted by more than one result becomes a call of its own here.
@@ -19,7 +19,12 @@ _DEAR = {
     "acos", "asin", "atan", "atan2", "cbrt", "cos", "cosh", "div", "erf", "exp", "exp2", "expm1", "log",
     "log1p", "pow", "rem", "rsqrt", "sin", "sinh", "sqrt", "tan", "tanh",
 }  # fmt: skip
-_INLINED = {"jit": "jaxpr", "pjit": "jaxpr", "closed_call": "call_jaxpr", "custom_jvp_call": "call_jaxpr"}
+_INLINED = {
+    "jit": "jaxpr",
+    "pjit": "jaxpr",
+    "closed_call": "call_jaxpr",
+    "custom_jvp_call": "call_jaxpr",
+}
 WORTH = 8  # operations that must be saved: a call has to store its result and to be read again
 
 
@@ -163,7 +168,9 @@ def _part(equations, made_by, at_hand, wanted) -> tuple[list, Callable]:
             found = eqn.primitive.get_bind_params(eqn.params)
             functions, params = found if isinstance(found, tuple) else ((), found)
             out = eqn.primitive.bind(*functions, *given, **params)
-            values.update(zip(eqn.outvars, out if eqn.primitive.multiple_results else [out], strict=True))
+            values.update(
+                zip(eqn.outvars, out if eqn.primitive.multiple_results else [out], strict=True)
+            )
         return [values[var] for var in wanted]
 
     return inputs, program
