@@ -138,7 +138,7 @@ def _swept(given: _Given, axes: _Given | None, wanted, make_start) -> PyTree:
             lane, rows = attempted(lane)
             goes = accepted(rows.code)
             if steps is not None:
-                done = steps + jnp.cumsum(goes, axis=0, dtype=steps.dtype)
+                done = steps[None] + jnp.cumsum(goes, axis=0, dtype=steps.dtype)
                 rows, steps = rows._replace(step_number=done - goes.astype(steps.dtype)), done[-1]
             return count + parts.block, (lane, steps), _write_rows(tape, rows, count)
 
