@@ -14,13 +14,15 @@ from stickslip._validation import (
     as_float64,
     as_parameter,
     check_count,
+    check_flag,
     check_in,
     check_type,
     one_concrete,
     one_number,
     refusal,
 )
-from stickslip.hybrid import Executor, current_executor
+from stickslip.hybrid import Executor, current_executor, use_executor
+from stickslip.hybrid._simulate import raising
 from stickslip.systems import Augmented, WithIntegrals
 
 from ._arguments import the_errata, the_integrator
@@ -74,12 +76,17 @@ def simulate(
 
 def prepared(parameters, voltage, t1, rows, y0):
     """The checked system, end, and initial state."""
+    system, t1, y0 = checked(parameters, voltage, t1, rows, y0)
+    return system, t1, system.state() if y0 is None else y0
+
+
+def checked(parameters, voltage, t1, rows, y0):
+    """The same, with no state for none that is given."""
     system = CoreXY(parameters, voltage)  # which checks them
     t1 = as_parameter(one_number("t1", t1, "positive"))
     check_count("rows", rows, 2)
-    if y0 is None:
-        return system, t1, system.state()
-    y0 = as_float64("y0", check_type("y0", y0, CoreXYState, "a CoreXYState"))
+    if y0 is not None:
+        y0 = as_float64("y0", check_type("y0", y0, CoreXYState, "a CoreXYState"))
     return system, t1, y0
 
 
@@ -107,20 +114,31 @@ def simulate_consistent(
     `result`. Friction losses follow from the log: within a mode every contact loses its kinetic
     friction times its path.
     """
-    system, t1, y0 = prepared(parameters, voltage, t1, rows, y0)
+    system, t1, y0 = checked(parameters, voltage, t1, rows, y0)
     the_integrator(integrator)
-    ts = jnp.linspace(0.0, 1.0, rows) * t1
-    ledger = WithIntegrals(system, motor_work, units=dict.fromkeys(MOTORS, "J"))
-    # As `ledger.start` would have it, which traces the integrands to know their names.
-    start = Augmented(y0, dict.fromkeys(MOTORS, jnp.zeros(())))
-    solution = ss.simulate(
-        ledger, 0.0, t1, start, integrator=integrator, saveat=SaveAt(ts=ts),
-        max_events=max_events, throw=throw,
-    )  # fmt: skip
-    return _from_engine(system, y0, solution)
+    check_count("max_events", max_events, 0)
+    check_flag("throw", throw)
+    found, fine = _consistent(system, t1, y0, rows, integrator, max_events, current_executor())
+    return raising(found, fine) if throw else found
 
 
 @eqx.filter_jit
+def _consistent(system: CoreXY, t1, y0, rows: int, integrator, max_events, execute: Executor):
+    """The solution, and whether the run reached its end; all that is computed, as one program."""
+    if y0 is None:
+        y0 = system.state()
+    ledger = WithIntegrals(system, motor_work, units=dict.fromkeys(MOTORS, "J"))
+    # As `ledger.start` would have it, which traces the integrands to know their names.
+    start = Augmented(y0, dict.fromkeys(MOTORS, jnp.zeros(())))
+    ts = jnp.linspace(0.0, 1.0, rows) * t1
+    with use_executor(execute):
+        solution = ss.simulate(
+            ledger, 0.0, t1, start, integrator=integrator, saveat=SaveAt(ts=ts),
+            max_events=max_events, throw=False,
+        )  # fmt: skip
+    return _from_engine(system, y0, solution), solution.successful
+
+
 def _from_engine(system: CoreXY, y0: CoreXYState, solution: ss.Solution) -> CoreXYSolution:
     log, outputs = solution.events, solution.outputs
     assert log is not None

@@ -382,7 +382,8 @@ def as_float64(name: str, tree: Any) -> Any:
 
 
 def _float64(name: str, leaf: Any) -> Array:
-    return jnp.asarray(check_float64(name, leaf), jnp.float64)
+    array = check_float64(name, leaf)
+    return as_parameter(leaf if isinstance(leaf, jax.Array) else array)
 
 
 def check_float64(name: str, leaf: Any) -> Any:
@@ -407,4 +408,8 @@ def check_float64(name: str, leaf: Any) -> Any:
 
 def as_parameter(value: Any) -> Float[Array, "..."]:
     """The float64 array a module stores, so that every leaf can be traced and batched."""
+    # A copy of what is one already costs as much as all its checks.
+    kept = isinstance(value, jax.Array) and not isinstance(value, Tracer)
+    if kept and value.dtype == jnp.float64 and not value.weak_type:
+        return value
     return jnp.asarray(value, dtype=jnp.float64)

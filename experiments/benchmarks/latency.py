@@ -1,7 +1,7 @@
 """How long until the first result: imports, tracing, compiling; beside diffrax in the same run.
 
-Each program runs in a process of its own, one after the other, in turns. Lines of the compiled program
-are exact counts; seconds move with whatever else the machine does.
+Each program runs in a process of its own, one after the other, in turns. Instructions of the
+compiled program are exact counts; seconds move with whatever else the machine does.
 """
 
 import json
@@ -47,7 +47,7 @@ def _median(rows: list[dict[str, float]]) -> dict[str, float]:
 
 
 def main(size: str = "normal") -> str:
-    """Table: seconds of imports; seconds to trace, to compile and to the first result; lines; runs."""
+    """Table: seconds of imports; seconds to trace, to compile and to the first result; size; runs."""
     rounds = {"quick": 1, "normal": 3, "full": 5}[size]
     names = ("block_diffrax", "block", "stick_slip") if size == "quick" else tuple(PROGRAMS)
     warm = [name for name in CACHED if name in names]
@@ -70,11 +70,11 @@ def main(size: str = "normal") -> str:
     for name, rows in imports.items():
         own = _median(rows)["import"]
         lines.append(_row(name, f"{own:.2f}", f"{own / peer:.2f}"))
-    lines.append(_row("compiled by jax.jit", "trace", "compile", "first", "next", "HLO lines"))
+    lines.append(_row("compiled by jax.jit", "trace", "compile", "first", "next", "instr."))
     for name, rows in programs.items():
         row = _median(rows)
         times = [f"{row[key]:.2f}" for key in ("trace", "compile", "first")]
-        lines.append(_row(PROGRAMS[name], *times, f"{row['next']:.4f}", f"{row['lines']:.0f}"))
+        lines.append(_row(PROGRAMS[name], *times, f"{row['next']:.4f}", f"{row['size']:.0f}"))
     lines.append(_row("plain calls, programs kept on disk", "", "", "first", "next"))
     for key, rows in calls.items():
         name, kind = key.split()

@@ -87,33 +87,38 @@ def sections_of(sections: Any) -> tuple[Section, ...]:
     raise refusal("sections", sections, "a Section or a sequence of Sections", TypeError)
 
 
-def start_of(
-    system: AbstractHybridSystem, t0: Any, y0: PyTree, mode0: Any, args: PyTree
-) -> tuple[PyTree, Array]:
-    """Initial state in float64, and the mode: the one given, checked, or that of the state."""
+def the_start(system: AbstractHybridSystem, y0: PyTree, mode0: Any, args: PyTree) -> tuple:
+    """Initial state in float64, and the number of the mode; None where none is given."""
     y0 = as_float64("y0", y0)
     check_handed_on("args", args)
     if not jax.tree.leaves(y0):
         raise refusal("y0", y0, "a state with at least one component")
-    if mode0 is not None:
-        return y0, mode_index("mode0", system, mode0)
-    first = _of_state("y0", "initial_mode", system, y0, lambda: _first_mode(system, t0, y0, args))
-    return y0, jnp.asarray(first, jnp.int32)
+    return y0, None if mode0 is None else mode_index("mode0", system, mode0)
 
 
-def _first_mode(system: AbstractHybridSystem, t0: Any, y0: PyTree, args: PyTree) -> Any:
-    """The system's own initial mode. Loops and branches in it are compiled once for all calls."""
+def start_of(
+    system: AbstractHybridSystem, t0: Any, y0: PyTree, mode0: Any, args: PyTree
+) -> tuple[PyTree, Array]:
+    """Initial state in float64, and the mode: the one given, checked, or that of the state."""
+    y0, mode = the_start(system, y0, mode0, args)
+    if mode is not None:
+        return y0, mode
     if is_concrete((system, t0, y0, args)):
         try:
-            return _compiled_first_mode(system, t0, y0, args)
+            return y0, _compiled_first_mode(system, t0, y0, args)
         except jax.errors.ConcretizationTypeError:
             pass  # it asks in Python which number it has
-    return system.initial_mode(t0, y0, args)
+    return y0, first_mode(system, t0, y0, args)
 
 
-@eqx.filter_jit
-def _compiled_first_mode(system, t0, y0, args):
-    return jnp.asarray(system.initial_mode(t0, y0, args), jnp.int32)
+def first_mode(system: AbstractHybridSystem, t0: Any, y0: PyTree, args: PyTree) -> Array:
+    """The mode of the state, which the system says."""
+    mode = _of_state("y0", "initial_mode", system, y0, lambda: system.initial_mode(t0, y0, args))
+    return jnp.asarray(mode, jnp.int32)
+
+
+# Loops and branches in it are compiled once for all calls.
+_compiled_first_mode = eqx.filter_jit(first_mode)
 
 
 def check_field(

@@ -1,11 +1,17 @@
-"""Crossings of sections, located after the run: the step they lie in is repeated, shorter."""
+"""Crossings of sections, located after the run: the step they lie in is repeated, shorter.
 
+The length of the shortened step is not differentiated: from where it ends a Newton step leads onto the
+section, whose derivative is that of the crossing.
+"""
+
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
 import equinox.internal as eqxi
 import jax
 import jax.numpy as jnp
+from jax.flatten_util import ravel_pytree
 from jaxtyping import PyTree
 
 from . import _locate
@@ -13,45 +19,110 @@ from ._event_time import event_delay
 from ._lane import Plan
 from ._record import Starts
 from ._section import Section
-from ._tree import shift
-from ._xla import Executor
+from ._tree import frozen, select, shift, write_row
 
 MOST_TRIES = 64
 
 
-def crossings(plan: Plan, theta: PyTree, section: Section, rows: Starts) -> tuple[Any, PyTree, PyTree]:
+def crossings(
+    plan: Plan, theta: PyTree, section: Section, rows: Starts, count: Any
+) -> tuple[Any, PyTree, PyTree]:
     """Times, states and slopes at the crossings in `rows`; the motion itself knows nothing of them.
 
-    The length of the shortened step is not differentiated: from where it ends a Newton step leads
-    onto the section, whose derivative is that of the crossing.
+    Of the rows past the `count` nothing can be said.
     """
+    return _crossings((theta, rows, count), plan=plan, section=section)
+
+
+@eqx.filter_custom_jvp
+def _crossings(inputs, *, plan: Plan, section: Section) -> tuple[Any, PyTree, PyTree]:
+    if plan.execute.fused:
+        return _repeated(inputs, _lengths(inputs, plan, section), plan, section)
+    theta, rows, count = inputs
+
+    def crossing(row):
+        # The search has been where it leads to: repeating that step would double the program.
+        return _landed(theta, section, row, *_search(plan, theta, section, row))
+
+    return _of_each(crossing, rows, count, (rows.t, rows.y, rows.y))
+
+
+@_crossings.def_jvp
+def _crossings_jvp(primals, tangents, *, plan: Plan, section: Section):
+    (inputs,), (rates,) = primals, tangents
+    h = _lengths(inputs, plan, section)
+    moving = jax.tree.map(lambda rate: rate is not None, rates, is_leaf=lambda rate: rate is None)
+    varied, held = eqx.partition(inputs, moving)
+
+    def run(varied):
+        return _repeated(eqx.combine(varied, held), h, plan, section)
+
+    return jax.jvp(run, (varied,), (rates,))
+
+
+def _lengths(inputs, plan: Plan, section: Section) -> Any:
+    """Lengths of the steps that end on the section, to a part in a million."""
+    inputs = frozen(inputs)
+
+    def length(theta, row):
+        return _search(plan, theta, section, row)[0]
 
     def whole(theta, rows):
-        def length(row):
-            # Fused, one row of all lanes fits the first-level cache, and rows not in use cost nothing.
+        def in_use(row):
+            # One row of all lanes fits the first-level cache, and rows not in use cost nothing.
             return jax.lax.cond(
-                eqxi.unvmap_any(row.h > 0),
-                lambda row: _length(plan, theta, section, row), lambda row: row.h,
-                row,
-            )  # fmt: skip
+                eqxi.unvmap_any(row.h > 0), lambda row: length(theta, row), lambda row: row.h, row
+            )
 
-        return jax.lax.map(length, rows) if plan.execute.fused else jax.vmap(length)(rows)
+        return jax.lax.map(in_use, rows)
 
-    h = plan.execute.loop(whole, *_frozen((theta, rows)))
-    return jax.vmap(lambda row, h: _land(plan, theta, section, row, h))(rows, h)
-
-
-def _frozen(tree: PyTree) -> PyTree:
-    return jax.tree.map(lambda a: jax.lax.stop_gradient(a) if eqx.is_array(a) else a, tree)
+    theta, rows, count = inputs
+    if plan.execute.fused:
+        return plan.execute.loop(whole, theta, rows)
+    return _of_each(lambda row: length(theta, row), rows, count, rows.h)
 
 
-def _start(theta, row: Starts, execute: Executor):
+def _of_each(function: Callable, rows: Starts, count: Any, like: PyTree) -> PyTree:
+    """`function` of the rows in use, one after the other: side by side it compiles three times as
+    long. Zero for the others; `like` is what all results look like."""
+    most = eqxi.unvmap_max(count)
+
+    def body(carry):
+        i, out = carry
+        return i + 1, write_row(out, function(jax.tree.map(lambda a: a[i], rows)), i)
+
+    begun = jnp.zeros((), jnp.int32), jax.tree.map(jnp.zeros_like, like)
+    return jax.lax.while_loop(lambda carry: carry[0] < most, body, begun)[1]
+
+
+def _repeated(inputs, h, plan: Plan, section: Section) -> tuple[Any, PyTree, PyTree]:
+    """The crossings at the ends of the steps of length `h`, with their derivatives."""
+    theta, rows, _ = inputs
+    execute = plan.execute.for_the_ends()
+
+    def land(row, h):
+        field = _field(theta, row)
+        dy = execute.boundary(field, row.t, row.y)
+        y, dy, _ = plan.stepper.step(field, row.t, row.y, dy, h, execute)
+        return _landed(theta, section, row, h, y, dy)
+
+    return jax.vmap(land)(rows, h)
+
+
+def _landed(theta, section: Section, row: Starts, h, y, dy) -> tuple[Any, PyTree, PyTree]:
+    """From the end of the shortened step one Newton step onto the section with its exact rate."""
+    sg = jax.lax.stop_gradient
+    t, slope = row.t + h, sg(dy)
+    (value, dy), (rate, ddy) = _along(theta, section, row.mode, t, y, slope)
+    # A jump over the section is a step of length zero: its time is that of the event.
+    usable = (row.h > 0) & (sg(rate) != 0)
+    dt = event_delay(value, sg(rate), usable)
+    return t + dt, shift(y, slope, dt), shift(dy, sg(ddy), dt)
+
+
+def _field(theta, row: Starts):
     system, args = theta
-
-    def field(t, y):
-        return system.vector_field(t, y, row.mode, args)
-
-    return field, execute.boundary(field, row.t, row.y)
+    return lambda t, y: system.vector_field(t, y, row.mode, args)
 
 
 def _along(theta, section: Section, mode, t, y, dy):
@@ -65,58 +136,44 @@ def _along(theta, section: Section, mode, t, y, dy):
     return jax.jvp(look, (t, y), (jnp.ones_like(t), dy))
 
 
-def _length(plan: Plan, theta, section: Section, row: Starts):
-    """Length of the step from `row` that ends on the section, to a part in a million."""
-    execute = plan.execute.for_the_ends()
-    field, slope = _start(theta, row, execute)
+def _search(plan: Plan, theta, section: Section, row: Starts) -> tuple[Any, PyTree, PyTree]:
+    """Length of the step from `row` that ends on the section, to a part in a million, and its end.
 
-    def value(t, y, dy):
+    The first step has length zero and says what the section is at the start, the second is whole.
+    """
+    execute = plan.execute.for_the_ends()
+    field = _field(theta, row)
+
+    def value_of(t, y, dy):
         (value, _), (rate, _) = _along(theta, section, row.mode, t, y, dy)
         return value, rate
 
-    def look(h):
-        y, dy, _ = plan.stepper.step(field, row.t, row.y, slope, h, execute)
-        return execute.boundary(value, row.t + h, y, dy)
-
-    def turned(sign, found):
-        return tuple(sign * a for a in found)
-
-    start = execute.boundary(value, row.t, row.y, slope)
-    sign = {"falling": 1.0, "rising": -1.0}.get(section.direction, jnp.sign(start[0]))
-    value0, rate0 = turned(sign, start)
-
     def cond(carry):
-        _, _, searching, tries = carry
+        *_, searching, tries = carry
         return eqxi.unvmap_any(searching) & (tries < MOST_TRIES)
 
     def body(carry):
-        bracket, best, searching, tries = carry
-        whole = tries == 0
+        bracket, best, (slope, *start), searching, tries = carry
+        begins, whole = tries == 0, tries == 1
         h = jnp.where(whole, row.h, _locate.propose(bracket, row.h, row.t))
-        value, rate = turned(sign, look(h))
+        h = jnp.where(begins, 0.0, h)
+        y, dy, _ = plan.stepper.step(field, row.t, row.y, tree(slope), h, execute)
+        found = execute.boundary(value_of, row.t + h, y, dy)
+        y, dy = ravel_pytree(y)[0], ravel_pytree(dy)[0]
+        slope, *start = select(begins, (dy, *found), (slope, *start))
+        sign = {"falling": 1.0, "rising": -1.0}.get(section.direction, jnp.sign(start[0]))
+        value, rate, value0, rate0 = (sign * a for a in (*found, *start))
         near = jnp.abs(value) <= -rate * _locate.TOLERANCE_SECTION * row.h
         collapsed = _locate.is_collapsed(bracket, row.t)
-        best = jnp.where(searching, h, best)
+        best = select(searching, (h, y, dy), best)
         # Whether the step crosses was decided in the run; here rounding may see it otherwise.
         searching = searching & jnp.where(whole, value < 0, ~near & ~collapsed)
-        bracket = _locate.update(bracket, searching, h, value, rate, value0, rate0)
-        return bracket, best, searching, tries + 1
+        searching = jnp.where(begins, (row.h > 0) & (value0 > 0), searching)
+        bracket = _locate.update(bracket, searching & ~begins, h, value, rate, value0, rate0)
+        return bracket, best, (slope, *start), searching, tries + 1
 
-    zero = jnp.zeros_like(row.h)
-    carry = (_locate.empty(zero), zero, (row.h > 0) & (value0 > 0), jnp.zeros((), jnp.int32))
-    return jax.lax.while_loop(cond, body, carry)[1]
-
-
-def _land(plan: Plan, theta, section: Section, row: Starts, h):
-    """The shortened step and one Newton step onto the section with its exact rate."""
-    execute = plan.execute.for_the_ends()
-    field, dy = _start(theta, row, execute)
-    y, dy, _ = plan.stepper.step(field, row.t, row.y, dy, h, execute)
-    sg = jax.lax.stop_gradient
-    t = row.t + h
-    slope = sg(dy)
-    (value, dy), (rate, ddy) = _along(theta, section, row.mode, t, y, slope)
-    # A jump over the section is a step of length zero: its time is that of the event.
-    usable = (row.h > 0) & (sg(rate) != 0)
-    dt = event_delay(value, sg(rate), usable)
-    return t + dt, shift(y, slope, dt), shift(dy, sg(ddy), dt)
+    zero, (y, tree) = jnp.zeros_like(row.h), ravel_pytree(row.y)
+    nowhere = (jnp.zeros_like(y), zero, zero)
+    begun = (_locate.empty(zero), (zero, y, y), nowhere, zero == 0, jnp.zeros((), jnp.int32))
+    _, (h, y, dy), *_ = jax.lax.while_loop(cond, body, begun)
+    return h, tree(y), tree(dy)

@@ -1,24 +1,27 @@
 """`simulate`: the one way to run a hybrid system."""
 
-from typing import TYPE_CHECKING
+import functools
+from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import PyTree
 
 from .._checked import CheckedModule
 from .._types import Given, Mode, Numeric, Row
-from .._validation import check_at_least, check_count, check_flag, check_type, refusal
+from .._validation import check_at_least, check_count, check_flag, check_type, is_concrete, refusal
 from . import _solution as out
 from ._arguments import (
     a_time,
     check_field,
     check_sections,
     check_times,
+    first_mode,
     output_times,
     sections_of,
-    start_of,
+    the_start,
     the_system,
 )
 from ._bound import RESOLUTION, bounded
@@ -36,7 +39,7 @@ from ._step_size import AbstractStepSize, AdaptiveStep
 from ._stepper import as_stepper
 from ._system import AbstractHybridSystem
 from ._tolerance import Noise, cancelling, component_tolerances
-from ._tree import select, shift, with_float_arrays
+from ._tree import frozen, select, shift, with_float_arrays
 from ._xla import current_executor
 
 if TYPE_CHECKING:
@@ -158,8 +161,8 @@ def simulate(
     values, `t1 < t0`, an unknown mode, unordered output times, guards that are not scalars; all
     before compilation.
     """
-    integrator = Integrator() if integrator is None else integrator
-    saveat = SaveAt() if saveat is None else saveat
+    integrator = _default(Integrator) if integrator is None else integrator
+    saveat = _default(SaveAt) if saveat is None else saveat
     check_type("integrator", integrator, Integrator, "an Integrator")
     check_type("saveat", saveat, SaveAt, "a SaveAt")
     sections = sections_of(sections)
@@ -171,14 +174,35 @@ def simulate(
     if max_events is not None:
         check_count("max_events", max_events, 0)
     check_count("max_crossings", max_crossings, 1)
-    y0, mode0 = start_of(system, t0, y0, mode0, args)
-    solution = _run(
-        system, args, t0, t1, y0, mode0, ts, integrator, saveat, sections, max_events, max_crossings,
-        current_executor(),
-    )  # fmt: skip
-    if throw:
-        solution = solution.result.error_if(solution, ~solution.successful)
-    return solution
+    y0, mode0 = the_start(system, y0, mode0, args)
+
+    def run(mode0):
+        return _run(
+            system, args, t0, t1, y0, mode0, ts, integrator, saveat, sections, max_events,
+            max_crossings, current_executor(),
+        )  # fmt: skip
+
+    try:
+        solution, fine = run(mode0)
+    except jax.errors.ConcretizationTypeError:
+        if mode0 is not None:
+            raise
+        # Perhaps `initial_mode` asks in Python which number it has.
+        solution, fine = run(first_mode(system, t0, y0, args))
+    return raising(solution, fine) if throw else solution
+
+
+@functools.cache
+def _default(kind: type) -> Any:
+    """One object for all calls that do not give their own: it was checked when it was made."""
+    return kind()
+
+
+def raising(solution: Any, fine: Any) -> Any:
+    """`solution`, or the error of its result where a lane of it is not `fine`."""
+    if is_concrete(fine) and np.asarray(fine).all():
+        return solution
+    return solution.result.error_if(solution, ~fine)
 
 
 @eqx.filter_jit
@@ -196,8 +220,10 @@ def _run(
     max_events,
     max_crossings,
     execute,
-) -> Solution:
+) -> tuple[Solution, Any]:
     sg = jax.lax.stop_gradient
+    if mode0 is None:
+        mode0 = first_mode(*frozen((system, t0, y0, args)))
     theta = (system, args)
     check_field(system, t0, y0, mode0, args)
     check_sections(sections, t0, y0, mode0, args)
@@ -234,7 +260,8 @@ def _run(
     )
     fixed = (mode0, sg(t1), None if ts is None else sg(ts))
     smooth, counts = core((theta, t0, y0), fixed=fixed, plan=plan, spec=spec)
-    return _assemble(plan, theta, t0, t1, ts, smooth, counts, spec)
+    solution = _assemble(plan, theta, t0, t1, ts, smooth, counts, spec)
+    return solution, solution.successful
 
 
 def _assemble(plan: Plan, theta, t0, t1, ts, smooth, counts, spec) -> Solution:
@@ -266,7 +293,7 @@ def _assemble(plan: Plan, theta, t0, t1, ts, smooth, counts, spec) -> Solution:
     ):
         size = spec.crossings[i]
         count = jnp.minimum(count, size)
-        t, y, dy = located(plan, theta, section, rows)
+        t, y, dy = located(plan, theta, section, rows, count)
         crossings = (*crossings, _state_log(count, t, y, dy, rows.mode, size))
         if section.terminal:
             stopped = (

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, PyTree
@@ -59,3 +60,8 @@ def all_finite(tree: PyTree) -> Array:
 def with_float_arrays(tree: PyTree) -> PyTree:
     """`tree` with its Python floats as arrays: another number then is not another program."""
     return jax.tree.map(lambda a: jnp.asarray(a, jnp.float64) if isinstance(a, float) else a, tree)
+
+
+def frozen(tree: PyTree) -> PyTree:
+    """`tree` without derivatives."""
+    return jax.tree.map(lambda a: jax.lax.stop_gradient(a) if eqx.is_array(a) else a, tree)

@@ -166,8 +166,11 @@ class map_lanes:
             options = None
             if self.devices[0].platform == "cpu":
                 options = {"xla_cpu_prefer_vector_width": "512"}
-            traced = jax.jit(run, compiler_options=options).trace(chunks)
-            self._compiled[key] = compiled(traced, traced.lower(), self.devices)
+            # Some of the engine is traced only as the program is lowered.
+            with self.chosen():
+                traced = jax.jit(run, compiler_options=options).trace(chunks)
+                lowered = traced.lower()
+            self._compiled[key] = compiled(traced, lowered, self.devices)
         return self._compiled[key]
 
     def _threaded(self, chunks, threads):

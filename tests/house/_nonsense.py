@@ -179,7 +179,7 @@ def main(share: int) -> dict[str, Any]:
     for target in TARGETS if share == 1 else first_of_each(TARGETS):
         if target.of is corexy_jax.simulate:
             # Its engine has been asked often enough, and the initial mode of the machine takes long.
-            _simulate.start_of = reached
+            _simulate.the_start = reached
         try:
             target({})
         except Reached:
