@@ -1,5 +1,7 @@
 """The reverse sweep over runs of one segment, of several, and of several chapters."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,6 +13,7 @@ from stickslip.hybrid._pieces import in_pieces
 from stickslip.hybrid._xla import FUSED, PORTABLE
 from stickslip.systems import BlockOnBelt, BlockState
 from tests.stickslip.hybrid._systems import State, StickSlip, fixed
+from tests.stickslip.hybrid.test_own_method import Doubling
 
 P = jnp.array([0.2, 1.0, 0.5])
 
@@ -124,3 +127,35 @@ def test_thousands_of_steps_without_events():
     value = ss.map_lanes(end)
     rough, fine = ((value(k3 + h) - value(k3 - h)) / (2 * h) for h in (2e-2, 1e-2))
     np.testing.assert_allclose(found, (4 * fine - rough) / 3, rtol=1e-7)
+
+
+class _LogDecay(ss.AbstractSmoothSystem):
+    """y' = -r y log y, that is log y = log y0 exp(-r t); a step far too long ends where no log is."""
+
+    rate: Any
+
+    def vector_field(self, t, y, mode, args):
+        return -self.rate * y * jnp.log(y)
+
+
+@pytest.mark.parametrize("batch", [False, True], ids=["alone", "batch"])
+def test_rejected_steps_into_nan_leave_no_trace(batch):
+    class Bold(Doubling):
+        def initial(self, y, dy, scale):
+            return jnp.asarray(0.5)
+
+    def end(rate, y0):
+        integrator = ss.Integrator(step=Bold(), max_steps=256)
+        return ss.simulate(_LogDecay(rate), 0.0, 0.1, y0, integrator=integrator)
+
+    rates, y0 = jnp.array([50.0, 40.0]), jnp.array([2.0, 3.0])
+    slope = jax.grad(lambda *a: end(*a).y1, argnums=(0, 1))
+    if batch:
+        found = jax.jit(jax.vmap(slope))(rates, y0)
+    else:
+        found = jax.tree.map(lambda *a: jnp.stack(a), *map(jax.jit(slope), rates, y0))
+    left = np.exp(-0.1 * rates)
+    y1 = y0**left
+    expected = -0.1 * left * np.log(y0) * y1, left * y1 / y0
+    for a, b in zip(found, expected, strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-7)
