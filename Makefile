@@ -61,10 +61,10 @@ notebooks: setup ## execute notebooks/*.py into notebooks/*.ipynb
 	done
 
 test: setup ## the quick suite
-	@$(RUN) -m pytest -q -n $(WORKERS) -m "not slow"
+	@$(RUN) -m pytest -q -n $(WORKERS) --dist worksteal -m "not slow"
 
 test-all: setup ## every test, the slow ones too
-	@$(RUN) -m pytest -q -n $(WORKERS)
+	@$(RUN) -m pytest -q -n $(WORKERS) --dist worksteal
 
 bench: setup ## compare with the peers; those that cannot be installed are reported as absent
 	@for peer in $(PEERS); do \

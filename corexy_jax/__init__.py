@@ -10,7 +10,7 @@ from ._dead_zone import motor_dead_zone as motor_dead_zone
 from ._dead_zone import torque_dead_zone as torque_dead_zone
 from ._dead_zone import voltage_dead_zone as voltage_dead_zone
 from ._dynamics import DynamicModel as DynamicModel
-from ._dynamics import Frictions as Frictions
+from ._dynamics import FrictionForces as FrictionForces
 from ._dynamics import dmn_1 as dmn_1
 from ._dynamics import dmn_2 as dmn_2
 from ._dynamics import dmn_3 as dmn_3
@@ -19,7 +19,7 @@ from ._dynamics import dynamic_model as dynamic_model
 from ._dynamics import rolling_motors as rolling_motors
 from ._dynamics import slipping_motor as slipping_motor
 from ._errata import Errata as Errata
-from ._friction_torques import Senses as Senses
+from ._friction_torques import SlipDirections as SlipDirections
 from ._friction_torques import belt_friction as belt_friction
 from ._friction_torques import ground_friction as ground_friction
 from ._identification import NOISE as NOISE
@@ -50,7 +50,7 @@ from ._solution import CoreXYSolution as CoreXYSolution
 from ._solution import Ledger as Ledger
 from ._system import CoreXY as CoreXY
 from ._system import CoreXYState as CoreXYState
-from ._transitions import Needed as Needed
+from ._transitions import RollingRequirement as RollingRequirement
 from ._transitions import available_coefficients as available_coefficients
 from ._transitions import needed_friction as needed_friction
 from ._transitions import next_dmn as next_dmn

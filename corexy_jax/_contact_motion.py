@@ -175,7 +175,7 @@ def onset(limits: Row, rest: Row, reaction: Line | Row) -> Onset:
 
 
 def onset_signs(signs: Row, giving_way: Onset) -> Row:
-    """Senses right after the contacts at rest gave way along a line."""
+    """Directions right after the contacts at rest gave way along a line."""
     along, sense = jnp.asarray(np.sign(ALONG))[giving_way.number], giving_way.sense
     signs = row(signs)
     if isinstance(signs, tuple):

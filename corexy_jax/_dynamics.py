@@ -22,7 +22,7 @@ from ._kinematics import PassivePulleys
 from ._parameters import CoreXYParameters
 
 
-class Frictions(NamedTuple):
+class FrictionForces(NamedTuple):
     r"""Friction on every part, each in the positive sense of that part's own motion.
 
     - `f_x`, `f_y` [N]: rails. `pulleys` [N m]: torques $\tau_i^j$ on the passive pulleys.
@@ -69,12 +69,12 @@ def _matrix(p, rolling_1, rolling_2):
     return jnp.stack([jnp.stack([m.x, m.coupling]), jnp.stack([m.coupling, m.y])])
 
 
-def _friction(p, f: Frictions, errata, rolling_1, rolling_2):
+def _friction(p, f: FrictionForces, errata, rolling_1, rolling_2):
     return jnp.stack(friction_rows(p, f, errata, rolling_1, rolling_2))
 
 
 def friction_rows(
-    p: CoreXYParameters, f: Frictions, errata: Errata, rolling_1: Any, rolling_2: Any
+    p: CoreXYParameters, f: FrictionForces, errata: Errata, rolling_1: Any, rolling_2: Any
 ) -> tuple[Any, Any]:
     """Rows of b [N m], Eqs. (39), (48), (57), (66)."""
     t, one, two = f.pulleys, rolling_1 * f.tau_1_0, rolling_2 * f.tau_2_0
@@ -98,32 +98,40 @@ def _drive(one, two):
 
 def _check(p, f, torques, errata) -> tuple[Any, Any]:
     the_machine(p)
-    named("f", f, Frictions)
+    named("f", f, FrictionForces)
     check_type("errata", errata, Errata, "an Errata")
     return pair("torques", torques, scalar=True)
 
 
-def dmn_1(p: CoreXYParameters, f: Frictions, torques: tuple[Any, Any], errata: Errata) -> DynamicModel:
+def dmn_1(
+    p: CoreXYParameters, f: FrictionForces, torques: tuple[Any, Any], errata: Errata
+) -> DynamicModel:
     """RR, both motors roll: Eqs. (38)-(40). `torques`: those of the motors [N m]."""
     torques = _check(p, f, torques, errata)
     return DynamicModel(_matrix(p, 1, 1), _friction(p, f, errata, 1, 1), _drive(*torques))
 
 
-def dmn_2(p: CoreXYParameters, f: Frictions, torques: tuple[Any, Any], errata: Errata) -> DynamicModel:
+def dmn_2(
+    p: CoreXYParameters, f: FrictionForces, torques: tuple[Any, Any], errata: Errata
+) -> DynamicModel:
     """SR, motor 1 slips, motor 2 rolls: Eqs. (47)-(49)."""
     torques = _check(p, f, torques, errata)
     drive = _drive(belt_torque(p, f.f_1_b, errata), torques[1])
     return DynamicModel(_matrix(p, 0, 1), _friction(p, f, errata, 0, 1), drive)
 
 
-def dmn_3(p: CoreXYParameters, f: Frictions, torques: tuple[Any, Any], errata: Errata) -> DynamicModel:
+def dmn_3(
+    p: CoreXYParameters, f: FrictionForces, torques: tuple[Any, Any], errata: Errata
+) -> DynamicModel:
     """RS, motor 1 rolls, motor 2 slips: Eqs. (56)-(58)."""
     torques = _check(p, f, torques, errata)
     drive = _drive(torques[0], belt_torque(p, f.f_2_b, errata))
     return DynamicModel(_matrix(p, 1, 0), _friction(p, f, errata, 1, 0), drive)
 
 
-def dmn_4(p: CoreXYParameters, f: Frictions, torques: tuple[Any, Any], errata: Errata) -> DynamicModel:
+def dmn_4(
+    p: CoreXYParameters, f: FrictionForces, torques: tuple[Any, Any], errata: Errata
+) -> DynamicModel:
     """SS, both motors slip: Eqs. (65)-(67)."""
     torques = _check(p, f, torques, errata)
     drive = _drive(belt_torque(p, f.f_1_b, errata), belt_torque(p, f.f_2_b, errata))
@@ -133,7 +141,7 @@ def dmn_4(p: CoreXYParameters, f: Frictions, torques: tuple[Any, Any], errata: E
 def dynamic_model(
     number: Whole,
     p: CoreXYParameters,
-    f: Frictions,
+    f: FrictionForces,
     torques: tuple[Any, Any],
     errata: Errata | None = None,
 ) -> DynamicModel:

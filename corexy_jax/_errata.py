@@ -31,7 +31,7 @@ class Errata(eqx.Module, metaclass=CheckedModule):
     printed formula already takes 0.5 in Hz), A7 (`r_f` of the parameters), A10 (a misprint without a
     second meaning), A11 (the printed values are kept). `A6` acts through `scenario(3, errata)`.
 
-    `Errata.corrected()` corrects all. **Raises** `TypeError` for a value that is no boolean.
+    `Errata.corrected()` corrects all. **Raises** `TypeError` for a value that is not a boolean.
     """
 
     A1: Given[bool] = eqx.field(static=True, default=False)

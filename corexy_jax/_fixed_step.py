@@ -19,7 +19,7 @@ from ._dynamics import (
     solve,
 )
 from ._errata import Errata
-from ._friction_torques import Senses, belt_friction, ground_friction
+from ._friction_torques import SlipDirections, belt_friction, ground_friction
 from ._kinematics import virtual_pulleys
 from ._motors import motor_torque
 from ._parameters import CoreXYParameters
@@ -48,7 +48,7 @@ class Motion(NamedTuple):
     belts: tuple[Any, Any]  # force of each belt on its slipping motor pulley [N]
 
 
-class Row(NamedTuple):
+class Output(NamedTuple):
     """One output."""
 
     t: Any
@@ -84,7 +84,7 @@ class Rows(NamedTuple):
         return self.y + (one - two)
 
 
-def _rows(p, mu, senses: Senses, errata: Errata) -> Rows:
+def _rows(p, mu, senses: SlipDirections, errata: Errata) -> Rows:
     f = ground_friction(p, mu, senses)
     rows = friction_rows(p, f._replace(tau_1_0=0.0, tau_2_0=0.0), errata, 0.0, 0.0)
     return Rows(*rows, f.tau_1_0, f.tau_2_0)
@@ -95,7 +95,7 @@ class Now(NamedTuple):
 
     torques: tuple[Any, Any]  # of the motors [N m]
     relative: tuple[Any, Any]  # senses of the motor pulleys against their belts
-    rest: Senses  # 1 where a part has no speed
+    rest: SlipDirections  # 1 where a part has no speed
     kinetic: Rows
     static_x: Rows  # friction against a start along x, and along y
     static_y: Rows
@@ -116,15 +116,17 @@ def _now(p, y: CoreXYState, volts, errata: Errata, execute: Executor) -> Now:
     torques = once(
         lambda v, y: (motor_torque(p, v[0], y.omega_1), motor_torque(p, v[1], y.omega_2)), volts, y
     )
-    kinetic = once(lambda s: _rows(p, p.mu_k, Senses(*s), errata), senses)
+    kinetic = once(lambda s: _rows(p, p.mu_k, SlipDirections(*s), errata), senses)
 
     def against(rest, direction):
-        return _rows(p, p.mu_s, Senses(*(r * d for r, d in zip(rest, direction, strict=True))), errata)
+        return _rows(
+            p, p.mu_s, SlipDirections(*(r * d for r, d in zip(rest, direction, strict=True))), errata
+        )
 
     starts = ((1.0, 0.0, 1.0, 1.0, 1.0, 1.0), (0.0, 1.0, 1.0, -1.0, 1.0, -1.0))
     static_x, static_y = (once(lambda r, d=d: against(r, d), rest) for d in starts)
     static = tuple(p.mu_s * 2.0 * P * p.r_f for P in (p.P1, p.P2))
-    return Now(torques, relative, Senses(*rest), kinetic, static_x, static_y, static)
+    return Now(torques, relative, SlipDirections(*rest), kinetic, static_x, static_y, static)
 
 
 def _carriage(p, load, now: Now, rolling, errata: Errata, execute: Executor):
@@ -256,7 +258,7 @@ def step(
     carry: Carry,
     errata: Errata,
     execute: Executor,
-) -> tuple[Carry, Row]:
+) -> tuple[Carry, Output]:
     """One step of the algorithm from time `t` [s]; also the output at `t`."""
     once = execute.boundary
     y = carry.y
@@ -276,7 +278,7 @@ def step(
         needed = needed_friction(p, alphas, torques, ground, errata)
         senses = relative
         if errata.A4:
-            # What begins to slip goes the way that the needed force could not prevent.
+            # A belt that starts to slip does so against the friction it lacked.
             senses = tuple(
                 where(s == 0.0, -jnp.sign(f), s)
                 for s, f in zip(relative, (needed.f_1s, needed.f_2s), strict=True)
@@ -296,7 +298,7 @@ def step(
     slipping = ((number == 2) | (number == 4), (number == 3) | (number == 4))
     own = [jnp.sign(v) for v in (y.vx, y.vy, y.vx + y.vy, y.vx - y.vy, y.omega_1, y.omega_2)]
     own += [where(s, sense, 0.0) for s, sense in zip(slipping, senses, strict=True)]
-    row = Row(t, y, motion.a, number, tuple(own), carry.ledger)
+    row = Output(t, y, motion.a, number, tuple(own), carry.ledger)
     return Carry(new, slips[0], slips[1], ledger), row
 
 
@@ -309,7 +311,7 @@ def march(
     stride: Any,
     errata: Errata,
     execute: Executor,
-) -> Row:
+) -> Output:
     """`rows` outputs, `stride` (an array) steps apart, by `lax.scan`; the start is the first."""
     zero = jnp.zeros_like(y0.x)
     turn = virtual_pulleys(y0.vx, y0.vy, p.r)

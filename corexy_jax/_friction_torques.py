@@ -11,13 +11,13 @@ from stickslip._types import Numeric
 from stickslip._validation import check_nonnegative
 
 from ._arguments import finite, named, the_machine
-from ._dynamics import Frictions
+from ._dynamics import FrictionForces
 from ._kinematics import PassivePulleys
 from ._parameters import CoreXYParameters
 
 
-class Senses(NamedTuple):
-    """Sense (-1, 0, 1) of `x`, `y`, `x + y`, `x - y` and of the motor pulleys `one`, `two`."""
+class SlipDirections(NamedTuple):
+    """Direction (-1, 0, 1) of `x`, `y`, `x + y`, `x - y` and of the motor pulleys `one`, `two`."""
 
     x: Any
     y: Any
@@ -27,7 +27,7 @@ class Senses(NamedTuple):
     two: Any
 
 
-def ground_friction(p: CoreXYParameters, mu: Numeric, senses: Senses) -> Frictions:
+def ground_friction(p: CoreXYParameters, mu: Numeric, senses: SlipDirections) -> FrictionForces:
     r"""Friction $-\mu N\,\mathrm{sign}$ of all contacts with the ground, Eqs. (26)-(27); belts 0.
 
     Normal forces of section 2.4: rails $mg$, $(M+m)g$; passive pulleys $\sqrt2 P_i$, motor pulleys
@@ -36,7 +36,7 @@ def ground_friction(p: CoreXYParameters, mu: Numeric, senses: Senses) -> Frictio
     the_machine(p)
     check_nonnegative("mu", mu)
     (mu,) = finite(mu=mu)
-    named("senses", senses, Senses)
+    named("senses", senses, SlipDirections)
     passive_1, passive_2 = (2.0**0.5 * mu * P * p.r_f for P in (p.P1, p.P2))
     s = senses
     pulleys = PassivePulleys(
@@ -50,7 +50,7 @@ def ground_friction(p: CoreXYParameters, mu: Numeric, senses: Senses) -> Frictio
         theta_2_4=-passive_2 * s.x,
     )
     zero = jnp.zeros_like(p.r)
-    return Frictions(
+    return FrictionForces(
         f_x=-mu * p.m * p.g * s.x,
         f_y=-mu * (p.M + p.m) * p.g * s.y,
         pulleys=pulleys,

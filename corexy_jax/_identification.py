@@ -138,7 +138,7 @@ def misfit(
     **Arguments:** `values` of the unknowns by name, e.g. of `UNKNOWNS`; `data` at `times` [s];
     `parameters`, the machine but for the unknowns; `noise`, the standard deviations $\sigma$.
     **Returns** one row, signal after signal; NaN where the run fails. **Raises** `TypeError`,
-    `ValueError` for an unknown that is no parameter, data that are not finite or not as many as
+    `ValueError` for an unknown that is not a parameter, data that are not finite or not as many as
     `times`, a `noise` that is not positive.
     """
     times = _checked_times(times)

@@ -14,8 +14,8 @@ from ._errata import Errata
 from ._parameters import CoreXYParameters
 
 
-class Needed(NamedTuple):
-    r"""What rolling takes: belt forces $f_{is}^b$ [N], coefficients $\mu_{is}^\star$."""
+class RollingRequirement(NamedTuple):
+    r"""What rolling requires: belt forces $f_{is}^b$ [N], coefficients $\mu_{is}^\star$."""
 
     f_1s: Any
     f_2s: Any
@@ -29,8 +29,8 @@ def needed_friction(
     torques: tuple[Any, Any],
     ground: tuple[Any, Any],
     errata: Errata | None = None,
-) -> Needed:
-    r"""Friction that rolling on needs, Eqs. (77)-(84).
+) -> RollingRequirement:
+    r"""Friction required to keep rolling, Eqs. (77)-(84).
 
     $$f_{is}^b = J\hat\alpha_i/r - (\tau_i^0 + \tau_i^E)/r, \qquad
       \mu_{is}^\star = |f_{is}^b|/(2P_i)$$
@@ -49,7 +49,9 @@ def needed_friction(
     share_1, share_2 = (
         f if errata.A3 else i - p.J * t for f, i, t in zip((f_1s, f_2s), inertia, load, strict=True)
     )
-    return Needed(f_1s, f_2s, jnp.abs(share_1) / (2.0 * p.P1), jnp.abs(share_2) / (2.0 * p.P2))
+    return RollingRequirement(
+        f_1s, f_2s, jnp.abs(share_1) / (2.0 * p.P1), jnp.abs(share_2) / (2.0 * p.P2)
+    )
 
 
 def available_coefficients(p: CoreXYParameters, errata: Errata | None = None) -> tuple[Any, Any]:
@@ -61,14 +63,14 @@ def available_coefficients(p: CoreXYParameters, errata: Errata | None = None) ->
     return jnp.maximum(p.mu_1s_b, p.mu_1k_b), jnp.maximum(p.mu_2s_b, p.mu_2k_b)
 
 
-def next_dmn(number: Whole, needed: Needed, available: tuple[Any, Any]) -> Any:
+def next_dmn(number: Whole, needed: RollingRequirement, available: tuple[Any, Any]) -> Any:
     """Dynamic model of the next step from rolling motors, Eq. (72) and the cases RR, SR, RS, SS.
 
     A rolling motor goes on while `mu_is* <= mu_is^b`; a slipping one stays so, whatever is needed:
     it comes back by Eq. (73).
     """
     number = jnp.asarray(dmn_number("number", number), jnp.int32)
-    named("needed", needed, Needed)
+    named("needed", needed, RollingRequirement)
     available = pair("available", available)
     rolls_1, rolls_2 = (number == 1) | (number == 3), (number == 1) | (number == 2)
     slips_1 = ~rolls_1 | (needed.mu_1s > available[0])

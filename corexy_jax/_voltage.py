@@ -54,8 +54,8 @@ class AbstractVoltage(eqx.Module):
     The time axis is cut into pieces at known breaks; within piece number `piece` the voltages are
     smooth, also a little beyond its ends. Event-driven simulation lands on every break.
 
-    **Raises**, in all methods: `TypeError` for what is no number, `ValueError` for a piece that is no
-    whole one.
+    **Raises**, in all methods: `TypeError` for what is not a number, `ValueError` for a piece that is
+    not a whole one.
     """
 
     has_breaks: ClassVar[bool] = True

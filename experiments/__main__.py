@@ -53,7 +53,7 @@ def main(arguments: list[str] | None = None) -> int:
         return 0
     if options.name not in (*experiments, "all", "demo"):
         print(
-            f"{options.name!r} is no experiment; known: demo, all, statements, "
+            f"{options.name!r} is not an experiment; known: demo, all, statements, "
             f"{', '.join(experiments)}.",
             file=sys.stderr,
         )

@@ -18,7 +18,7 @@ GROUPS = ("beam", "block", "corexy")
 
 @dataclasses.dataclass(frozen=True)
 class Context:
-    """Where a computation may keep what it has finished, and whether it should talk."""
+    """Cache directory of a run, and whether it shows progress."""
 
     stores: pathlib.Path
     progress: bool | None = None

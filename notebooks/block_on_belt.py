@@ -32,6 +32,7 @@ import stickslip as ss
 from stickslip.analysis import orbit_diagram
 from stickslip.systems import BlockOnBelt, BlockOnBeltSetValued, BlockState
 
+ss.enable_compilation_cache()  # what a run compiles, the next one reads from disk
 QUICK = os.environ.get("NOTEBOOK_QUICK", "0") not in ("", "0")
 EXECUTOR = "portable" if QUICK else "auto"  # the fused one is for many lanes
 START = BlockState(x=0.0, vx=0.0, y=0.0, vy=0.0)
@@ -264,6 +265,6 @@ for i, name in enumerate(NAMES):
 np.testing.assert_allclose(slopes, differences, rtol=1e-5, atol=1e-8)
 
 # %% [markdown]
-# Where to go on: the docstring of `stickslip.AbstractHybridSystem` shows a system of one's own in
+# Where to go on: the docstring of `stickslip.AbstractHybridSystem` shows a system of your own in
 # thirty lines; `python -m experiments --list` names the figures; `map_lanes` maps anything over
 # many lanes.

@@ -30,7 +30,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import corexy_jax as cx
+import stickslip as ss
 
+ss.enable_compilation_cache()  # what a run compiles, the next one reads from disk
 QUICK = os.environ.get("NOTEBOOK_QUICK", "0") not in ("", "0")
 END, ROWS = 6.0, 601
 MODELS = ("RR", "SR", "RS", "SS")

@@ -39,6 +39,7 @@ from stickslip.analysis import (
 )
 from stickslip.systems import JointedBeam, JointedBeamState
 
+ss.enable_compilation_cache()  # what a run compiles, the next one reads from disk
 QUICK = os.environ.get("NOTEBOOK_QUICK", "0") not in ("", "0")
 SLOW, FAST = 5e-4, 5e-3  # speeds of the belt
 END, DROPPED = (44.0, 12.0) if QUICK else (400.0, 200.0)

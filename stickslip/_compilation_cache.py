@@ -34,7 +34,7 @@ def enable_compilation_cache(
     - `max_bytes`: what was not used for longest is deleted at this call until the rest is smaller.
 
     **Returns** the folder in which the programs lie; `None`, and nothing is kept, if it cannot be made.
-    **Raises** `TypeError` for what is no path, `ValueError` for a size that is not positive.
+    **Raises** `TypeError` for what is not a path, `ValueError` for a size that is not positive.
     """
     one_static("max_bytes", max_bytes, "positive")
     if directory is None:
@@ -71,7 +71,7 @@ def _here() -> str:
 
 
 def _processor() -> str:
-    """The instructions of the processor where the system tells them, else its name."""
+    """The instructions of the processor where the system lists them, else its name."""
     with contextlib.suppress(OSError):
         for line in pathlib.Path("/proc/cpuinfo").read_text().splitlines():
             if line.startswith(("flags", "Features")):

@@ -59,6 +59,10 @@ def shown(value: Any) -> str:
         return f"<{type(value).__name__}>"
 
 
+class DeclarationError(ValueError):
+    """A system declares what cannot be; found while tracing, and no fault of the state it was given."""
+
+
 def refusal(
     name: str, value: Any, allowed: str, kind: type[Exception] = ValueError, *, but: str = ""
 ) -> Exception:
@@ -185,7 +189,7 @@ def check_nonnegative(name: str, value: T) -> T:
 
 
 def check_between(name: str, value: T, low: float | int, high: float | int) -> T:
-    """In the closed interval from `low` to `high`; an infinite bound is no bound."""
+    """In the closed interval from `low` to `high`; an infinite bound is not a bound."""
     return check_that(
         name, value, lambda x: (x >= low) & (x <= high), f"between {low} and {high} inclusive"
     )

@@ -4,6 +4,8 @@ Shape and type annotations of both packages are checked at call time by the impo
 `addopts` in pyproject.toml installs before this file is read.
 """
 
+import gc
+import importlib
 import os
 
 import hypothesis
@@ -29,7 +31,8 @@ def pytest_configure(config: pytest.Config) -> None:
     compilation of programs that run once. `make test-all` compiles as users do, and so do the quick
     tests that run the programs users start with in a process of their own.
 
-    Programs with host callbacks, diffrax's own loop among them, are never kept by JAX.
+    Programs with host callbacks, diffrax's own loop among them, are never kept by JAX. Processes that
+    the tests start keep theirs in the same directory, which git ignores, and not in the home directory.
     """
     flags = ["--xla_force_host_platform_device_count=2"]
     if config.option.markexpr == "not slow":
@@ -37,10 +40,16 @@ def pytest_configure(config: pytest.Config) -> None:
         if jax.version.__version_info__ < (0, 11):
             # Newer compilers know only the emitters that take half of the time here.
             flags.append("--xla_cpu_use_fusion_emitters=false")
+            # One module a program: cut into 32 for as many cores, each is optimised and linked apart.
+            flags.append("--xla_cpu_parallel_codegen_split_count=1")
+    # Tracing makes millions of small objects that live on; to look through them all again and again
+    # takes a sixth of its time.
+    gc.set_threshold(100_000, 20, 100)
     os.environ["XLA_FLAGS"] = " ".join([os.environ.get("XLA_FLAGS", ""), *flags])
     if getattr(config, "cache", None) is not None:  # absent with `-p no:cacheprovider`
-        jax.config.update("jax_compilation_cache_dir", str(config.cache.mkdir("jax")))
-        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
+        os.environ["STICKSLIP_CACHE"] = str(config.cache.mkdir("programs"))
+        # Only now: the import hook and JAX's settings are in place.
+        importlib.import_module("stickslip").enable_compilation_cache()
 
 
 @pytest.fixture

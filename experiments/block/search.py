@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 
 from .._experiment import Context, Experiment, Statement
 from ._draw import caption
-from ._lanes import look, mean_friction
+from ._regimes import look, mean_friction
 from ._score import ITEMS, SPECIAL, Regimes, chaotic, first_look, score
 from ._sets import NAMES, found_values, simplified, spreads, start_values, with_drive
 
@@ -29,7 +29,7 @@ CAPTION = (
 )
 
 
-class Looker:
+class RegimeSearch:
     """Programs of one search: a quick look at the simplified model, a thorough one at both."""
 
     def __init__(self, parameters: dict[str, Any]):
@@ -115,7 +115,7 @@ def _scored(sets: np.ndarray, found: list) -> list[tuple[float, np.ndarray, Any]
 def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     """Generations of sets: cross and vary, rank, look thoroughly, keep the best, narrow the spread."""
     q = parameters
-    looker, rng = Looker(q), np.random.default_rng(q["seed"])
+    looker, rng = RegimeSearch(q), np.random.default_rng(q["seed"])
     begin, looked, seconds = time.monotonic(), 0, 0.0
     begun = start_values()[None, :]
     if q["founders"]:

@@ -14,7 +14,7 @@ Build = Callable[[dict[str, Any]], AbstractHybridSystem]
 def builder_of(system: Any, coords: Mapping[str, Any]) -> Build:
     """Function of a point: the system with its parameters replaced, or what the given function makes.
 
-    The function is called here once, with the first point, so that what it cannot take is told now.
+    The function is called here once, with the first point, so that what it cannot take is reported now.
     """
     allowed = "an AbstractHybridSystem or a function (**point) of one"
     if isinstance(system, AbstractHybridSystem):
@@ -42,7 +42,7 @@ SWEEP = ("store", "chunk", "resume", "progress", "executor", "workers")
 
 
 def check_options(options: Mapping[str, Any]) -> None:
-    """Refuse what is no option of `run_sweep`, or one that the diagram decides."""
+    """Raise for a keyword that is not an option of `run_sweep`, or that the diagram decides."""
     for name, value in options.items():
         if name not in SWEEP:
             raise refusal(name, value, f"left out: further options are {', '.join(SWEEP)}", TypeError)

@@ -82,7 +82,7 @@ def lyapunov_spectrum(
     `run_sweep`, whose grids it is meant for: `lyapunov_diagram`.
 
     An autonomous motion other than a rest has an exponent of zero along itself. A state in stick at
-    the start has deviations that leave the stick; they die with the first event.
+    the start has deviations off the sticking set, which the first event projects out.
 
     **Errors** `ValueError`/`TypeError` naming the argument, before compilation.
     """

@@ -93,7 +93,7 @@ def lyapunov_diagram(
         "lost": Variable(row, "1", "segments in which the direction was lost"),
         "flags": Variable(long_name="where no derivative exists, as in Solution.flags"),
         "status": Variable(
-            long_name="what became of the lane",
+            long_name="status of the run",
             attrs={"flag_values": list(range(len(STATUS))), "flag_meanings": " ".join(STATUS)},
         ),
     }
@@ -113,7 +113,7 @@ def lyapunov_diagram(
 
 
 def _check_options(options: Mapping[str, Any]) -> None:
-    """Refuse what `lyapunov_spectrum` does not know, or is told of otherwise."""
+    """Raise for what `lyapunov_spectrum` does not know, or takes from elsewhere."""
     own = ("system", "y0", "segment", "segments", "scales")
     allowed = [name for name in inspect.signature(lyapunov_spectrum).parameters if name not in own]
     for name in options:

@@ -71,7 +71,7 @@ def lyapunov_spectrum_of_map(
         return accumulate(step, flat, frame, count=iterations, warm_up=warm_up)
 
     flat, local = compiled_once(run, flat, jnp.asarray(transient, jnp.int32))
-    # A fixed point of a map is no stick: the exponents of the identity are zero.
+    # A fixed point of a map is not stick: the exponents of the identity are zero.
     mean, error, status = judged(local, jnp.zeros((), bool), blocks)
     return LyapunovSpectrum(
         exponents=mean,

@@ -194,7 +194,7 @@ def with_parameters(system: AbstractHybridSystem, values: dict[str, Any]) -> Abs
 
 
 def check_parameter(system: AbstractHybridSystem, name: str) -> None:
-    """Refuse a name that is no number in the system."""
+    """Raise for a name that is not a number in the system."""
     tree: Any = system
     for part in name.split("__"):
         known = [key for key, v in vars(tree).items()] if isinstance(tree, eqx.Module) else []

@@ -30,7 +30,7 @@ from ._arguments import an_integrator, named_observables, start_of
 from ._attractor import PERIOD_STATUS
 from ._builder import builder_of, check_labels, check_options
 from ._observable import Maximum, Minimum, as_observable, as_section
-from ._orbit_lane import STATUS, Numbers, Plan, halved, run_lane
+from ._orbit_lane import STATUS, Numbers, OrbitPlan, halved, run_lane
 
 CARRIED = ("upwards", "downwards")
 RESULTS_OF_A_LANE = ("count", "status", "period", "period_status", "slow_transient", "flags")
@@ -67,8 +67,8 @@ def orbit_diagram(
     r"""Points at which the motion crosses a section, over one or two parameters of a system.
 
     Each lane runs from `t0` to `t0 + transient` unrecorded, then for `duration`, and every crossing of
-    `section` gives a point. The diagram shows what a motion from the given initial state comes to, not
-    all attractors and no unstable ones: it is no continuation.
+    `section` gives a point. The diagram shows what a motion from the given initial state comes to: one
+    attractor per parameter value, never an unstable one. This is not continuation.
 
     **Arguments**
 
@@ -159,7 +159,7 @@ def orbit_diagram(
     elif along is not None:
         raise refusal("along", along, "None without carried")
     integrator = an_integrator(integrator)
-    plan = Plan(
+    plan = OrbitPlan(
         build=build,
         section=as_section(section, first, y0),
         observables={key: function for key, (function, _) in found.items()},
@@ -230,7 +230,7 @@ def _check_state(y0, shape):
     return jax.tree.map(lambda a: convert(np.asarray(a, np.float64)), y0), shapes == {shape}
 
 
-def _labels(plan: Plan, found, coords, labels, first) -> dict[str, Variable]:
+def _labels(plan: OrbitPlan, found, coords, labels, first) -> dict[str, Variable]:
     labels = check_mapping("labels", labels)
     check_labels(labels, [*coords, *found])
     variables = {key: labels[key] for key in coords if key in labels}
@@ -241,7 +241,7 @@ def _labels(plan: Plan, found, coords, labels, first) -> dict[str, Variable]:
         )
     variables["count"] = Variable(long_name="number of points")
     variables["status"] = Variable(
-        long_name="what became of the lane",
+        long_name="status of the run",
         attrs={"flag_values": list(range(len(STATUS))), "flag_meanings": " ".join(STATUS)},
     )
     variables["period"] = Variable(

@@ -1,4 +1,4 @@
-"""One lane of an orbit diagram: drop the transient, record points, say what became of it."""
+"""One lane of an orbit diagram: drop the transient, record points, say how it ended."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -38,7 +38,7 @@ LOOKS = ((np.arange(24) + 1.0) / 24) ** 3
 FEWEST_LOOKS = 8
 
 
-class Plan(NamedTuple):
+class OrbitPlan(NamedTuple):
     """All that the lanes of a diagram have in common."""
 
     build: Callable  # system of a point of the grid
@@ -63,7 +63,9 @@ class Numbers(NamedTuple):
     step: Any  # step-size rule of the integrator, with `None` for all that is not a number
 
 
-def run_lane(plan: Plan, integrator: Integrator, numbers: Numbers, y0: PyTree, point: dict[str, Any]):
+def run_lane(
+    plan: OrbitPlan, integrator: Integrator, numbers: Numbers, y0: PyTree, point: dict[str, Any]
+):
     """End state, and the results of the lane by name."""
     step = eqx.combine(numbers.step, integrator.step)
     integrator = eqx.tree_at(lambda i: i.step, integrator, step)

@@ -50,7 +50,7 @@ class Peak(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Such as `"3 f_s"`; empty if it is no harmonic of a named base."""
+        """Such as `"3 f_s"`; empty if it is not a harmonic of a named base."""
         return f"{self.number} {self.harmonic_of}" if self.number else ""
 
 

@@ -35,10 +35,10 @@ class WithDeviations(AbstractSystemWrapper):
 
     with $\tau$, by which the deviated motion is late at the event: the saltation matrix times $\xi$
     (Aizerman & Gantmakher 1958; Müller 1995), by directional derivatives. Where slip turns into stick
-    a direction is lost. Modes, guards and transitions are those of `system`, so that `simulate` takes
-    the one for the other; unlike its derivatives, the deviations obey the step-size control. Where the
-    guard has no slope (grazing) $\tau$ does not exist: it is taken as 0 and `Solution.flags` tells.
-    Deviations have the units of their components.
+    a direction is lost. Modes, guards and transitions are those of `system`, so that it can be
+    simulated wherever the original can; unlike its derivatives, the deviations obey the step-size
+    control. Where the guard has no slope (grazing) $\tau$ does not exist: it is taken as 0 and
+    `Solution.flags` marks it. Deviations have the units of their components.
 
     **Argument** `system`: any hybrid system, differentiable inside its modes. **Errors** `TypeError`
     for anything else.

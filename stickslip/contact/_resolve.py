@@ -11,8 +11,8 @@ from jaxtyping import Array, Bool, Float, Int
 
 from stickslip._validation import check_count
 from stickslip.contact._active_set import ActiveSet
+from stickslip.contact._batching import solver
 from stickslip.contact._hold import constrained
-from stickslip.contact._lanes import solver
 from stickslip.contact._problem import as_problem
 
 # Far above the rounding of any well-posed problem, far below an error that matters.
@@ -91,7 +91,7 @@ def _solve(max_steps, mass_matrix, force, normals, limits) -> ActiveSet:
 
 @_solve.defjvp
 def _solve_jvp(max_steps, problem, tangents):
-    """The derivative solves the same problem, what holds held and the sensitivities as forces.
+    """The tangent solves the same problem with the active set fixed and the input tangents as forces.
 
     Differentiating `M a = F + N' lambda` and `n_c · a = 0` with the active set fixed, which it is
     almost everywhere, gives a problem for `da` and `dlambda` that `hold` solves; so it is linear,
@@ -171,7 +171,7 @@ def resolve(
     which contacts hold, and one linear problem gives the motion (`_active_set` says how). For a few
     velocities and contacts (say n <= 6, m <= 8), fixed shapes; one problem a call, batched by
     `jax.vmap`, which searches all lanes together. Derivatives, forward and reverse and of any
-    order, are those of the linear problem; `on_kink` tells where there is none. Derivatives by
+    order, are those of the linear problem; `on_kink` marks where there is none. Derivatives by
     `normals` presume that dependent normals at rest stay dependent.
 
     **Arguments:**

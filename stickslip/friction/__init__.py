@@ -40,8 +40,8 @@ Parameters are differentiable and batched leaves:
 >>> print(jax.vmap(lambda mu: Coulomb(mu).force(1.0, 2.0))(jnp.array([0.1, 0.2])))
 [-0.2 -0.4]
 
-A law of one's own states three claims and three methods; `check_friction_law` tells which of them
-do not hold:
+To write a law, declare three properties and implement three methods; `check_friction_law` verifies
+them:
 
 >>> from typing import ClassVar
 >>> from stickslip.friction import AbstractDryFrictionLaw, check_friction_law

@@ -128,7 +128,7 @@ def _limit(law: AbstractFrictionLaw) -> Iterator[str]:
 def check_friction_law(law: AbstractFrictionLaw, speeds: Row | None = None) -> None:
     """Raise `ValueError` with every claim of `law` that does not hold at the given speeds.
 
-    For a law of one's own: it looks at rest and at the limits there, at both directions of motion,
+    For a law of your own: it looks at rest and at the limits there, at both directions of motion,
     at oddness and dissipation as claimed, at derivatives, types and `vmap`, at steady sliding for
     laws with internal states, and at the set-valued limit.
 

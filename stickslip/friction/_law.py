@@ -78,7 +78,7 @@ class AbstractFrictionLaw(eqx.Module):
     **Raises**, in all methods and in those of heirs: `TypeError` or `ValueError` naming the argument,
     its value and what is allowed. Infinite and NaN velocities are allowed, as logs have them.
 
-    To write a law of one's own, subclass `AbstractDryFrictionLaw`: three claims and three methods.
+    To write your own law, subclass `AbstractDryFrictionLaw`: three properties and three methods.
     """
 
     def __init_subclass__(cls, **kwargs: Any):

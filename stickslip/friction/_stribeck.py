@@ -48,7 +48,7 @@ class Stribeck(AbstractDryFrictionLaw):
     mu_k: Float[Array, "..."]
     v_s: Float[Array, "..."]
     _free_exponent: Float[Array, "..."] | None
-    # Read only where the exponent is no array.
+    # Read only where the exponent is not an array.
     _fixed_exponent: float = eqx.field(static=True)
 
     set_valued: ClassVar[bool] = True

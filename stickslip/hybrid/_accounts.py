@@ -42,6 +42,8 @@ def crossed_sections(plan: Plan, code: Any, lane: Lane, values: Values, *, meets
     for i in range(functions.num_guards, functions.count):
         sign = functions.sign(i, lane.values[i])
         value, value0 = sign * values.value[i], sign * lane.values[i]
+        # Zero counts as crossed at the end of a step and not at its start, so that a crossing exactly
+        # at the joint of two steps is counted once.
         beyond = value <= 0
         if functions.acts(i):
             if not meets:
@@ -68,8 +70,10 @@ def accounts(
     `first` is None where no event function interferes, `judged` if no lane is rejected: what cannot
     have changed then is not there.
     """
+    # A lane that has ended waits for the others of its batch: that is no attempt.
     attempts = lane.attempts + jnp.where(code == HOLD, 0.0, 1.0)
     finished = accepted(code) & ~is_event(code) if first is not None else accepted(code)
+    # After an event at `t1` one more attempt computes the slope in the mode that it led to.
     finished = finished & (t1 - t <= rounding(t, t1))
     if plan.has_outputs:
         finished = finished & (next_output >= outputs.shape[0])
@@ -112,6 +116,8 @@ def _of_events(plan: Plan, code, lane: Lane, h, t, mode, first: First) -> dict[s
     )
     if not plan.functions.num_guards:
         return kept
+    # Counted as chattering only without time in between: two events at one instant are common, and
+    # sixteen are a sequence of transitions that sends the lane round in circles, or a Zeno point.
     short = _short(h, t)
     zero_events = jnp.where(event & short, lane.zero_events + 1.0, lane.zero_events)
     zero_events = jnp.where((event | (code == PLAIN)) & ~short, 0.0, zero_events)
@@ -124,6 +130,7 @@ def _of_events(plan: Plan, code, lane: Lane, h, t, mode, first: First) -> dict[s
     flags = flags | jnp.where(moved & (code != REFRESH), first.marks, 0)
     flags = flags | jnp.where(event & (first.close > 1), COINCIDENT, 0)
     flags = flags | jnp.where(code == VIOLATED, EVENT_AT_START, 0)
+    # A hash of guards and modes in their order: two runs can be compared without their logs.
     letter = (first.index * 64 + mode + 1).astype(jnp.uint32)
     sequence = jnp.where(event, lane.sequence * jnp.uint32(1000003) + letter, lane.sequence)
     return kept | dict(zero_events=zero_events, flags=flags, sequence=sequence)
@@ -149,6 +156,7 @@ def _exhausted(plan: Plan, code, h_next, t, t1, status):
     if not plan.step_size.adaptive:
         return jnp.where(code == REJECT, _STATUS["nonfinite"], status)
     rule: Any = plan.step_size
+    # Below the rounding of the time a shorter step would be the same step again, forever.
     shortest = jnp.maximum(rule.dtmin, rounding(t, t1))
     spent = (code == REJECT) & (h_next <= shortest)
     return jnp.where(spent, _STATUS["dt_min_reached"], status)

@@ -24,6 +24,8 @@ def alone_or_batched(
     operands of the form it is called with: what they close over may be batched or differentiated
     too. There is a forward derivative and no transpose.
     """
+    # A primitive sees arrays only. What the functions close over is made an operand, or `vmap` and
+    # `jvp` would not see it.
     opened = [traced(function, examples) for function, examples in functions]
     leaves, form = jax.tree.flatten(([consts for _, consts, _ in opened], operands))
     out_form: Any = None
@@ -41,6 +43,7 @@ def alone_or_batched(
 
         return jax.jit(run, inline=True)
 
+    # Both forms are jitted functions of leaves: hashable parameters, traced once for all batches.
     leaves = list(map(jnp.asarray, leaves))
     out = _alone_p.bind(
         *leaves, alone=on_leaves(alone), batched=on_leaves(batched), given=(len(leaves), 0)
@@ -64,6 +67,7 @@ def _shapes(*avals, alone, batched, given):
 
 def _push_forward(primals, tangents, *, alone, batched, given):
     """The derivative of a form is the derivative of the program that it stands for."""
+    # Tangents that are zero stay symbolic: instantiated, each would be differentiated along.
     moving = [type(t) is not ad.Zero for t in tangents]
 
     def along(form):
@@ -93,6 +97,8 @@ def _push_forward(primals, tangents, *, alone, batched, given):
 
 def _batch(leaves, axes, *, alone, batched, given):
     """One lane with a batch of tangents is still one lane, and its values are no batch."""
+    # A batch of the leading leaves is a batch of lanes. A batch of the others alone is `jacfwd`: one
+    # lane, many tangents, for which the small program is the right one.
     deciding, decided = given
     if any(axis is not None for axis in axes[:deciding]):
         out = jax.vmap(batched, in_axes=tuple(axes))(*leaves)
@@ -101,6 +107,7 @@ def _batch(leaves, axes, *, alone, batched, given):
     def together(form):
         def run(*leaves):
             out = jax.vmap(form, in_axes=tuple(axes))(*leaves)
+            # The values are the same for all tangents; unbatched, the loop around stays that of a lane.
             return [*(value[0] for value in out[:decided]), *out[decided:]]
 
         return jax.jit(run, inline=True)
@@ -111,6 +118,8 @@ def _batch(leaves, axes, *, alone, batched, given):
 
 _alone_p = jax.extend.core.Primitive("stickslip_alone_or_batched")
 _alone_p.multiple_results = True
+# Run or lowered as it is, it was not batched. There is no transpose: the reverse sweep is written out
+# in `_adjoint.py` and asks for the two forms of `vjp` itself.
 _alone_p.def_impl(_run_alone)
 _alone_p.def_abstract_eval(_shapes)
 ad.primitive_jvps[_alone_p] = _push_forward

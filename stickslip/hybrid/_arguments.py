@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, PyTree
 
 from .._validation import (
+    DeclarationError,
     as_float64,
     check_float64,
     check_handed_on,
@@ -184,7 +185,7 @@ def _of_state(
 ) -> Any:
     try:
         return call()
-    except (jax.errors.JAXTypeError, jax.errors.JAXIndexError):
+    except (jax.errors.JAXTypeError, jax.errors.JAXIndexError, DeclarationError):
         raise  # of the function's own making, and explained by JAX
     except (AttributeError, TypeError, IndexError, ValueError) as error:
         allowed = (

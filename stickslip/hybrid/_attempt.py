@@ -25,6 +25,7 @@ from ._xla import bookkeeping, piece
 def attempt(plan: Plan, theta: PyTree, lane: Lane, t1: Any, outputs: Any) -> tuple[Lane, Outcome]:
     """One attempt of one lane. `theta = (system, args)`; `outputs` are the output times or None."""
     lane, step = take(plan, theta, lane)
+    # What only decides is not given the state, nor its gradient.
     bare = without_state(lane)
     first = None
     if plan.interrupts:
@@ -42,6 +43,7 @@ def attempt(plan: Plan, theta: PyTree, lane: Lane, t1: Any, outputs: Any) -> tup
 
     # One branch for the whole batch, so that `vmap` does not make it a selection of both. It also
     # keeps the compiler from computing the stages of a portable program once per result.
+    # A lane that has ended is calm too: one that waits must not send the others down the long way.
     calm = (code == PLAIN) | (code == HOLD)
     if first is not None:
         calm = calm & (first.marks == 0)
@@ -62,6 +64,8 @@ def _advance(
     guarded = first is not None and plan.functions.num_guards > 0
     dt, jump, y_before = None, None, step.y1
     if guarded:
+        # Computed in every lane, because a batch selects afterwards: where there is no event, `dt` is 0
+        # and what the transition makes of the state is thrown away.
         dt = _delay(plan, code, first, step.h)
         jump = _transition(plan, lane.mode, first.index, step, lane.t + step.h, dt, theta=theta)
         y_before = _shifted(plan, step.y1, jax.lax.stop_gradient(step.dy1), dt)
@@ -71,12 +75,16 @@ def _advance(
     known = _known(plan, code, bare, step.kept, keeps=keeps)
     fired = crossed_sections(plan, code, bare, step.values, meets=first is not None)
 
+    # The length that opened the bracket outlives the attempts inside it: tolerances are parts of it,
+    # because a hop of the search may be arbitrarily short.
     search, bracket, full = None, lane.bracket, lane.full
     if first is not None:
         bracket, full, h_located = searched(plan, bare, code, step.h, first)
         search = h_located, first.h_dip
     elif plan.interrupts:
         full = step.h
+    # The next length is chosen from the new time: an output or the end may be nearer than the rule's
+    # step, and an event has moved the time by `dt`.
     following = control(
         plan, code, bare, step.h, search, step.error, t, y, dy, lane.size, t1, outputs,
         begins=not judged,
@@ -113,6 +121,7 @@ def _shifted(plan: Plan, y, slope, dt):
 def _transition(plan: Plan, mode, guard, step: Step, t_end, dt, *, theta):
     """State and mode right after the event."""
     system, args = theta
+    # The slope is held: its derivative would enter times `dt`, which is zero but for rounding.
     y = shift(step.y1, jax.lax.stop_gradient(step.dy1), dt)
     y_new, mode_new = system.transition(t_end + dt, y, mode, guard, args)
     return y_new, jnp.asarray(mode_new, jnp.int32)

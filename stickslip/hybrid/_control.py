@@ -17,6 +17,7 @@ def _target(plan: Plan, next_output, t1, outputs):
         return t1, jnp.ones_like(next_output) > 0
     n = outputs.shape[0]
     is_last = next_output >= n
+    # Past the last row the index is held, or a batch would read outside of the array.
     return jnp.where(is_last, t1, outputs[jnp.minimum(next_output, n - 1)]), is_last
 
 
@@ -70,6 +71,7 @@ def _factors(plan: Plan, error, last):
 def _begun(plan: Plan, h_free, h, y, dy, size):
     """The length that the rule takes, of its own choice where a lane has just begun."""
     rule: Any = plan.step_size
+    # Step lengths are not differentiated: the grid is a choice, not part of the motion.
     h_free, h, y, dy, size = jax.lax.stop_gradient((h_free, h, y, dy, size))
 
     def initial(y, dy, size, h_free):
@@ -90,6 +92,7 @@ def _free(plan: Plan, code, h, h_free, first, factors, tries, landed):
     # What an event or an output time has shortened says nothing on the length that is possible.
     grown = jnp.where(landed | (tries != 0), jnp.maximum(grown, h_free), grown)
     taken = jnp.where(code == PLAIN, grown, first)
+    # A rejected step must become shorter whatever the rule says, or it would be repeated as it is.
     rejected = h * jnp.minimum(factors[-1], 0.9)
     return jnp.minimum(jnp.where(code == REJECT, rejected, taken), rule.dtmax)
 
@@ -99,10 +102,13 @@ def _length(plan: Plan, code, h_take, h_rejected, search, next_output, t, t1, ou
     """Length of the next attempt: to the end or the next output time, unless an event is located."""
     target = _target(plan, next_output, t1, outputs)[0] if plan.has_outputs else t1
     h_take = plan.step_size.initial(None, None, None) if h_take is None else h_take
+    # A remainder that is longer by rounding alone is taken whole; else a step of some 1e-16 s would
+    # follow, whose scaled error means nothing.
     remaining = target - t
     h_next = jnp.where(remaining <= h_take * (1.0 + 1e-9), jnp.maximum(remaining, 0.0), h_take)
     if search is not None:
         h_located, h_dip = search
+        # In the new mode slope and event functions are not known yet: an attempt of length zero.
         h_next = jnp.where(is_event(code), 0.0, h_next)
         h_next = jnp.where(code == SHRINK, h_located, h_next)
         h_next = jnp.where(code == DIP, h_dip, h_next)

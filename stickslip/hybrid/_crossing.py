@@ -20,6 +20,7 @@ from ._lane import Plan
 from ._record import Starts
 from ._section import Section
 from ._tree import frozen, select, shift, write_row
+from ._xla import piece, time_loop
 
 MOST_TRIES = 64
 
@@ -67,7 +68,8 @@ def _lengths(inputs, plan: Plan, section: Section) -> Any:
     def length(theta, row):
         return _search(plan, theta, section, row)[0]
 
-    def whole(theta, rows):
+    @time_loop
+    def whole(plan, theta, rows):
         def in_use(row):
             # One row of all lanes fits the first-level cache, and rows not in use cost nothing.
             return jax.lax.cond(
@@ -78,7 +80,7 @@ def _lengths(inputs, plan: Plan, section: Section) -> Any:
 
     theta, rows, count = inputs
     if plan.execute.fused:
-        return plan.execute.loop(whole, theta, rows)
+        return whole(plan, theta, rows)
     return _of_each(lambda row: length(theta, row), rows, count, rows.h)
 
 
@@ -102,7 +104,12 @@ def _repeated(inputs, h, plan: Plan, section: Section) -> tuple[Any, PyTree, PyT
 
     def land(row, h):
         field = _field(theta, row)
-        dy = execute.boundary(field, row.t, row.y)
+
+        @piece
+        def start(execute, t, y):
+            return field(t, y)
+
+        dy = start(execute, row.t, row.y)
         y, dy, _ = plan.stepper.step(field, row.t, row.y, dy, h, execute)
         return _landed(theta, section, row, h, y, dy)
 
@@ -144,7 +151,8 @@ def _search(plan: Plan, theta, section: Section, row: Starts) -> tuple[Any, PyTr
     execute = plan.execute.for_the_ends()
     field = _field(theta, row)
 
-    def value_of(t, y, dy):
+    @piece
+    def value_of(execute, t, y, dy):
         (value, _), (rate, _) = _along(theta, section, row.mode, t, y, dy)
         return value, rate
 
@@ -158,7 +166,7 @@ def _search(plan: Plan, theta, section: Section, row: Starts) -> tuple[Any, PyTr
         h = jnp.where(whole, row.h, _locate.propose(bracket, row.h, row.t))
         h = jnp.where(begins, 0.0, h)
         y, dy, _ = plan.stepper.step(field, row.t, row.y, tree(slope), h, execute)
-        found = execute.boundary(value_of, row.t + h, y, dy)
+        found = value_of(execute, row.t + h, y, dy)
         y, dy = ravel_pytree(y)[0], ravel_pytree(dy)[0]
         slope, *start = select(begins, (dy, *found), (slope, *start))
         sign = {"falling": 1.0, "rising": -1.0}.get(section.direction, jnp.sign(start[0]))

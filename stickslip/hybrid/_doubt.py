@@ -83,7 +83,9 @@ def doubt(plan: Plan, lane: Lane, h: Any, values: Values, inside: Inside) -> tup
             mismatch = jnp.maximum(mismatch, jnp.abs(value - believed))
             low, size = jnp.minimum(low, value), jnp.maximum(size, jnp.abs(value))
         rounding = NOISE * size
+        # Of an affine function the mismatch is rounding, and at zero room it would still be a doubt.
         mismatch = jnp.where(mismatch <= rounding, 0.0, mismatch)
+        # Where the function ends beyond zero its crossing is found anyway: only its size counts.
         room = jnp.where(v1 < 0, jnp.maximum(jnp.abs(v0), jnp.abs(v1)), low)
         # An excursion that was seen is looked into at once, by its place and not by its doubt.
         seen_below = (low < -SLACK) & (v1 >= 0)
@@ -93,6 +95,7 @@ def doubt(plan: Plan, lane: Lane, h: Any, values: Values, inside: Inside) -> tup
             0.0,
         )
         worst = jnp.maximum(worst, found)
+        # What is smooth changes by its slope times the length; a jump does not know of the length.
         slopes = (jnp.abs(r0) + jnp.abs(r1)) * h
         jumps = jumps | (short & (mismatch > 2.0 * slopes + 1e-9 * size))
     return jnp.where(short, 0.0, worst), jumps

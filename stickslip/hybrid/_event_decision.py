@@ -32,7 +32,7 @@ COINCIDENCE = 1e-9  # fraction of a full step within which two guards fire "at t
 
 
 class First(NamedTuple):
-    """The lowest of all event functions that act, turned so that its crossing is a fall."""
+    """The lowest of all event functions that act, with the sign in which it crosses downwards."""
 
     index: Any
     value: Any
@@ -47,6 +47,7 @@ class First(NamedTuple):
 
 def _no_event(lane: Lane) -> First:
     zero, izero = jnp.zeros_like(lane.h), jnp.zeros_like(lane.mode)
+    # Far above zero, so that any function is lower; positive at the start, so that none has crossed.
     return First(izero, zero + FAR, zero, zero + FAR, zero, izero + 1, izero, zero, izero)
 
 
@@ -66,9 +67,10 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         if not acts and not plan.looks_into(i):
             continue
         start_value = lane.values[i]
+        # A guard that fires both ways and starts at zero has just fired: it has the sign it goes to.
         if is_guard and functions.directions[i] == "both":
             start_value = jnp.where(start_value == 0, sg(values.value[i]), start_value)
-        # Of a section both halves of a short excursion count, whichever side it starts on.
+        # For sections, both crossings of a short excursion count, from either side.
         sign = functions.sign(i, start_value) if acts else jnp.sign(start_value)
         value, value0 = sign * values.value[i], sign * start_value
         rate = sg(sign * values.rate[i]) if known else jnp.zeros_like(lane.h)
@@ -80,6 +82,7 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         if not acts:
             best = best._replace(h_dip=h_dip)
             continue
+        # It turned back above zero, by less than what the tolerance of the state can decide.
         marks = best.marks
         if is_guard:
             touched = (rate0 < 0) & (rate > 0) & (jnp.minimum(value0, sg(value)) < plan.touching)
@@ -91,6 +94,8 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         if i == 0 and is_guard:
             best = First(best.index, *found, exact, close, h_dip, marks)
             continue
+        # Values are scaled by the magnitudes of the guards, which makes them comparable. Of two that
+        # are below zero the lower one was, as a rule, crossed first; if not, the other is met next.
         lower = sg(value) < sg(best.value)
         if not is_guard:
             lower = lower & (value0 > 0)
@@ -118,9 +123,12 @@ def decide(plan: Plan, lane: Lane, step: Step, first: First | None) -> Any:
     code = jnp.where(knows_slope, PLAIN, REFRESH)
     if first is not None:
         code = _what_fires(plan, lane, step.h, first, code)
+    # A step into a pole is tried again shorter, where steps adapt, until its length ends the lane.
     bad = ~all_finite((step.y1, step.dy1))
     if plan.step_size.adaptive:
         inaccurate = ~(step.error <= 1.0)
+        # Inside a bracket the steps are parts of one whose error was accepted; the first attempt in a
+        # mode, of length zero, still has the slope of the mode before.
         if first is not None:
             inaccurate = inaccurate & (lane.bracket.tries == 0) & knows_slope
         bad = bad | inaccurate
@@ -147,10 +155,13 @@ def _what_fires(plan: Plan, lane: Lane, h: Any, first: First, code: Any) -> Any:
     # The correction must be small against the step that led here too: a hop may be tiny.
     reach = jnp.where(h == 0, tolerance * full, jnp.minimum(tolerance * full, REACH * h))
     near = jnp.abs(first.value) <= -rate * reach
+    # Guards at rest lie at zero to rounding; only what is clearly beyond fires.
     hit = first.value < jnp.where(is_guard, -SLACK, 1e-300)
     # A jump through zero ends on its far side, where the new mode is what it will be.
     collapsed = _locate.is_collapsed(b, lane.t) & (first.value < 0)
     shrink = fresh & (hit | ~free)
+    # An attempt inside a bracket is never accepted for being on the near side of the zero: it goes on
+    # until it is near enough for the Newton correction, or the bracket has no width left.
     code = jnp.where(shrink, SHRINK, code)
     code = jnp.where(shrink & collapsed & ~free, jnp.where(is_guard, COLLAPSED, SECTION), code)
     code = jnp.where(shrink & near, jnp.where(is_guard, EVENT, SECTION), code)

@@ -156,7 +156,7 @@ def start(plan: Plan, t0, y0, dy_like, mode0) -> Lane:
         values=(zero,) * n,
         rates=tuple(zero if exact else None for exact in plan.functions.exact_rate),
         scales=(zero + 1.0,) * (plan.functions.num_guards if plan.functions.learned else 0),
-        # What no attempt changes is not carried: the fused loop could not be compiled.
+        # Left out where it never changes: the fused loop could not be compiled.
         size=jax.lax.stop_gradient(sizes(y0)) if plan.follows_size else None,
         h=zero,
         h_free=zero,

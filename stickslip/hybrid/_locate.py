@@ -13,6 +13,7 @@ import jax.numpy as jnp
 # the correction is then applied, so that its square is the location error.
 TOLERANCE = 1e-10
 TOLERANCE_SECTION = 1e-6  # sections are corrected after the run with their exact rate
+# Steep on one side and flat on the other, interpolation may creep; halving now and then bounds it.
 BISECT_EVERY = 8
 
 
@@ -43,6 +44,7 @@ def update(
     at an end that stays twice in a row is halved (Illinois), which keeps the secant from stalling.
     Where not `shrink`, the bracket is closed.
     """
+    # The sign of `tries` is the end that moved last, so that one number says both things.
     new = b.tries == 0.0
     negative = new | (value < 0)
     value_low = jnp.where(new, value_start, jnp.where(b.tries > 0, 0.5, 1.0) * b.value_low)
@@ -76,6 +78,7 @@ def propose(b: Bracket, full: Any, t: Any) -> Any:
     """
     width = b.high - b.low
     drop = b.value_high - b.value_low  # negative
+    # The place of the zero if the function were linear, from either end.
     u = b.value_low / jnp.where(drop < 0, -drop, 1.0)
     v = 1.0 - u
     falls = (b.rate_low < 0) & (b.rate_high < 0)
@@ -85,10 +88,12 @@ def propose(b: Bracket, full: Any, t: Any) -> Any:
     linear = v * v * (1.0 + 2.0 * u) * b.low + u * u * (1.0 + 2.0 * v) * b.high
     hermite = linear + bend
     secant = b.low + u * width
+    # Outside of the bracket an interpolation has seen another zero, or none.
     inside_hermite = falls & (hermite > b.low) & (hermite < b.high)
     inside_secant = (secant > b.low) & (secant < b.high)
     tries = jnp.abs(b.tries)
     at_first = b.low == 0.0
+    # A guard that has just fired starts at zero: every interpolation would find that zero again.
     resting = at_first & (b.rate_low >= 0) & (b.value_low <= 1e-12)
     forced = (tries >= BISECT_EVERY) & (jnp.floor(tries * 0.5) * 2.0 == tries)
     rise = b.rate_low * b.high
@@ -98,6 +103,7 @@ def propose(b: Bracket, full: Any, t: Any) -> Any:
     guess = jnp.where(inside_hermite, hermite, secant)
     guess = jnp.where(resting, hop, guess)
     guess = jnp.where(halve, b.low + 0.5 * width, guess)
+    # Falling, and so near zero at the start that the Newton correction reaches it: the event is there.
     at_start = at_first & (b.rate_low < 0) & (b.value_low <= -TOLERANCE * full * b.rate_low)
     guess = jnp.where(at_start, 0.0, guess)
     return jnp.where(is_collapsed(b, t) & (b.tries != 0), b.high, guess)
@@ -113,4 +119,5 @@ def dip(value0: Any, rate0: Any, value1: Any, rate1: Any, h: Any) -> tuple[Any, 
     below = rate0 * value1 - rate1 * value0 - rate0 * rate1 * h > 0
     dips = (rate0 < 0) & (rate1 > 0) & (value0 > 0) & (value1 > 0) & below
     where = h * rate0 / jnp.where(dips, rate0 - rate1, 1.0)
+    # Not too near an end, where the look would cost a step and show what is known.
     return dips, jnp.clip(where, 0.1 * h, 0.9 * h)

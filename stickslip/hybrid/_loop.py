@@ -12,6 +12,7 @@ from jaxtyping import PyTree
 from ._attempt import attempt
 from ._lane import Lane, Outcome, Plan
 from ._status import RUNNING
+from ._xla import time_loop
 
 
 def running(lane: Lane) -> Any:
@@ -22,7 +23,8 @@ def running(lane: Lane) -> Any:
 def run(plan: Plan, theta: PyTree, lane: Lane, t1: Any, outputs: Any) -> Lane:
     """All attempts, nothing recorded."""
 
-    def whole(theta, lane, t1, outputs):
+    @time_loop
+    def whole(plan, theta, lane, t1, outputs):
         def once(lane):
             return attempt(plan, theta, lane, t1, outputs)[0], None
 
@@ -32,7 +34,7 @@ def run(plan: Plan, theta: PyTree, lane: Lane, t1: Any, outputs: Any) -> Lane:
         )
         return joined(end)
 
-    return plan.execute.loop(whole, theta, lane, t1, outputs)
+    return whole(plan, theta, lane, t1, outputs)
 
 
 def run_block(
@@ -50,7 +52,8 @@ def run_block(
     writing a row is one contiguous store. A lane that has ended holds still.
     """
 
-    def whole(theta, lane, t1, outputs):
+    @time_loop
+    def whole(plan, theta, lane, t1, outputs):
         def once(before):
             after, outcome = attempt(plan, theta, before, t1, outputs)
             return after, dump(before, after, outcome)
@@ -59,14 +62,14 @@ def run_block(
         end, rows = jax.lax.scan(lambda carry, _: step(carry), changing, None, length=size)
         return joined(end), rows
 
-    return plan.execute.loop(whole, theta, lane, t1, outputs)
+    return whole(plan, theta, lane, t1, outputs)
 
 
 def _changing(once: Callable, lane: Lane) -> tuple[Callable, Callable, list]:
     """The part of `lane` that `once(lane) -> (lane, rest)` changes, and `once` on this part alone.
 
-    What no attempt changes is no operand of a fused loop, unless the loop reads it: an operand that it
-    only carries would become one that nothing depends on, with which the compiler aborts.
+    Leaves that never change are closed over: XLA aborts on an operand of a fused loop that is carried
+    and never read.
 
     Returns the step `changing -> (changing, rest)`, the lane of a changing part, and that of `lane`.
     """

@@ -20,7 +20,7 @@ class ProgressMeter(eqx.Module, metaclass=CheckedModule):
     Off unless given to `Integrator(progress=...)`. Safe under `jit` and `vmap`: it shows the slowest
     lane. It costs a host callback per 128 attempts.
 
-    Errors: `TypeError`, `ValueError` for a name that is no text, an interval that is negative or no
+    Errors: `TypeError`, `ValueError` for a name that is not a text, an interval that is negative or no
     number of Python.
     """
 

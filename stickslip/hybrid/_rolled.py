@@ -20,6 +20,7 @@ from ._tableau import Tableau
 def _coefficients(tableau: Tableau) -> tuple[np.ndarray, np.ndarray]:
     """Rows and nodes of all stages and, as the last one, of the end of the step."""
     n = tableau.stages
+    # Full rows with zeros instead of the triangle: all turns of a loop do the same.
     rows = np.zeros((n + 1, n + 1))
     for i in range(1, n):
         rows[i, :i] = tableau.a[i][:i]
@@ -81,6 +82,7 @@ def vjp(
     def pull(carry, now):
         theta_bar, t_bar, state_bars = carry
         column, node, i, state, given_slope, given_state = now
+        # The slope of a stage goes into the states of all later ones, whose cotangents are known here.
         bar = given_slope + h * jnp.sum(column[:, None] * state_bars, axis=0)
         back = jax.vjp(field, theta, t + node * h, tree(state))[1]
         theta_i, t_i, pulled = back(tree(bar))
@@ -95,5 +97,6 @@ def vjp(
     zero = jax.tree.map(jnp.zeros_like, theta), jnp.zeros_like(t), jnp.zeros((n + 1, *start.shape))
     stages = jnp.asarray(rows.T[1:]), all_nodes, numbers, states, given_slopes, given_states
     (theta_bar, t_bar, state_bars), _ = jax.lax.scan(pull, zero, stages, reverse=True)
+    # The first slope came from the step before: its cotangent is handed on and not pulled here.
     dy_bar = h * jnp.sum(jnp.asarray(rows[:, :1]) * state_bars, axis=0)
     return extra, (theta_bar, t_bar, tree(jnp.sum(state_bars, axis=0)), tree(dy_bar))

@@ -134,7 +134,7 @@ def simulate(
     - `t0`, `t1`: start and end [s], `t1 >= t0`.
     - `y0`: initial state, a pytree of floats.
     - `mode0`: mode at `t0`, name or number; by default `system.initial_mode(t0, y0, args)`.
-    - `args`: anything the system's functions want, e.g. inputs; a pytree.
+    - `args`: passed through to the system's functions, e.g. inputs; a pytree.
     - `integrator`: an `Integrator`: method, step-size rule, limits.
     - `saveat`: a `SaveAt`: output times, every step, events.
     - `sections`: `Section`s whose crossings are recorded, up to `max_crossings` each.
@@ -175,6 +175,7 @@ def simulate(
         check_count("max_events", max_events, 0)
     check_count("max_crossings", max_crossings, 1)
     y0, mode0 = the_start(system, y0, mode0, args)
+    system.check_start(t0, y0, args)
 
     def run(mode0):
         return _run(

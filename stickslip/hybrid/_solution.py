@@ -33,7 +33,8 @@ class StateLog(eqx.Module):
     """States at output times, at crossings of a section, or at every step.
 
     Rows past `count` are NaN (mode -1). `dy` is the slope of the state there: an acceleration is
-    `dy.v`. Along a mode change the row holds the state that reached that time.
+    `dy.v`. If the mode changes at that time, the row holds the state before the
+    event.
     """
 
     count: Int[Array, "*batch"]

@@ -35,6 +35,8 @@ class Step(NamedTuple):
 def take(plan: Plan, theta: PyTree, lane: Lane) -> tuple[Lane, Step]:
     """The step, and the lane with what follows the size of the motion brought up to date."""
     system, args = theta
+    # The grid of steps is not differentiated; where a step ends at an event, the Newton correction
+    # brings the derivative of the event time back in.
     h = jax.lax.stop_gradient(lane.h)
     if plan.follows_size:
         lane = lane._replace(size=_followed(plan, lane.size, lane.y))
@@ -54,9 +56,12 @@ def take(plan: Plan, theta: PyTree, lane: Lane) -> tuple[Lane, Step]:
     if plan.functions.count:
         kept = values = _look(plan, lane.mode, lane.t + h, y1, dy1, lane.size, theta=theta)
         if plan.functions.learned:
+            # What ends this step begins the next, which measures by what it finds there.
             values, kept = _rescaled(plan, lane.fresh, jax.lax.stop_gradient(lane.scales), values)
     if plan.looks_inside:
         inside = _look_inside(plan, lane, h, y1, dy1, theta=theta)
+        # A value seen beyond zero is a fact: it is looked into at any step size. The doubt, which only
+        # says that more may be hidden, can be answered by shorter steps alone.
         h_seen = _first_below(plan, without_state(lane), inside, h)
         if plan.step_size.adaptive:
             doubts, jumps = _doubt(plan, without_state(lane), h, values, inside)
@@ -92,6 +97,7 @@ def _sudden(plan: Plan, lane: Lane, error):
 @piece
 def _look(plan: Plan, mode, t, y, dy, size, *, theta) -> Values:
     system, args = theta
+    # The magnitude of the motion includes the end of this step: a motion from rest has none before.
     size = grown(size, jax.lax.stop_gradient(y)) if plan.functions.learned else None
     return plan.functions.evaluate(system, t, y, dy, mode, args, size)
 

@@ -47,7 +47,7 @@ class AbstractAdaptiveStep(AbstractStepSize):
     `dtmax`, and one that would have to be shorter than `dtmin` ends the run with
     `RESULTS.dt_min_reached`.
 
-    A rule of one's own, here one that halves and doubles:
+    Your own rule, here one that halves and doubles:
 
     ```python
     class Doubling(stickslip.AbstractAdaptiveStep):
@@ -115,8 +115,8 @@ class AdaptiveStep(AbstractAdaptiveStep):
     `dtmax` [s] bounds the step. For `None`, the default, only the steps of a system are bounded whose
     field or event functions depend on the time itself: by twice its `time_scale`, or, where it states
     none, by 1/1000 of the run. A load that rises and falls again within 0.4 of the bound can be
-    missed; infinity is no bound. `dtmin` [s]: a step that would have to be shorter ends the lane with
-    `RESULTS.dt_min_reached`.
+    missed; infinity means no bound. `dtmin` [s]: a step that would have to be shorter ends the lane
+    with `RESULTS.dt_min_reached`.
 
     Errors: `ValueError` if a tolerance is not positive, or `dtmin < 0`, or `dtmax` not above 0 or below
     `dtmin`, or `safety` not in (0, 1], or `factor_min` not in (0, 1), or `factor_max` below 1. What of

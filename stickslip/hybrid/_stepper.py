@@ -16,7 +16,7 @@ from . import _rolled, _tableau
 from ._alone import alone_or_batched
 from ._pieces import in_pieces
 from ._tree import combine, weighted
-from ._xla import Executor
+from ._xla import Executor, piece
 
 ROOT_TOLERANCE = 1e-12  # of the stage equations of implicit methods
 VectorField = Callable[[Any, PyTree], PyTree]
@@ -69,6 +69,20 @@ class AbstractStepper(eqx.Module):
         """Whether adaptive steps are possible."""
 
 
+# A stage is a sum that all later ones read: without the marks a fused program would form it anew in
+# each of them, and a step of s stages would cost s^2 sums.
+
+
+@piece
+def _moved(execute, y, slopes, h, *, weights):
+    return combine(y, slopes, weights, h)
+
+
+@piece
+def _summed(execute, slopes, h, *, weights):
+    return weighted(slopes, weights, h)
+
+
 class ExplicitRungeKutta(AbstractStepper):
     """Explicit Runge-Kutta method given by a tableau.
 
@@ -96,19 +110,16 @@ class ExplicitRungeKutta(AbstractStepper):
         )  # fmt: skip
 
     def _step_written_out(self, field, t, y, dy, h, execute):
+        # Traced once and called in every stage, however large the field is.
         tab, field = self.tableau, execute.shared(field)
         slopes = [dy]
         for i in range(1, tab.stages):
-            stage = self._stage(i, y, slopes, h, execute)
+            stage = _moved(execute, y, slopes, h, weights=tab.a[i])
             slopes.append(field(t + tab.c[i] * h, stage))
-        y1 = execute.boundary(lambda y, s, h: combine(y, s, tab.b, h), y, slopes, h)
+        y1 = _moved(execute, y, slopes, h, weights=tab.b)
         dy1 = field(t + h, y1)
         errors = tuple(weighted([*slopes, dy1], row, h) for row in tab.error_weights)
         return y1, dy1, errors
-
-    def _stage(self, i, y, slopes, h, execute):
-        row = self.tableau.a[i]
-        return execute.boundary(lambda y, s, h: combine(y, s, row, h), y, slopes, h)
 
     def vjp(self, field, theta, t, y, dy, h, end, execute):
         if execute.fused:
@@ -126,9 +137,9 @@ class ExplicitRungeKutta(AbstractStepper):
         tab, slope = self.tableau, execute.shared(field)
         stages, slopes = [y], [dy]
         for i in range(1, tab.stages):
-            stages.append(self._stage(i, y, slopes, h, execute))
+            stages.append(_moved(execute, y, slopes, h, weights=tab.a[i]))
             slopes.append(slope(theta, t + tab.c[i] * h, stages[i]))
-        y1 = execute.boundary(lambda y, s, h: combine(y, s, tab.b, h), y, slopes, h)
+        y1 = _moved(execute, y, slopes, h, weights=tab.b)
         dy1 = slope(theta, t + h, y1)
 
         def pulled(theta, t, y, bar):
@@ -142,20 +153,17 @@ class ExplicitRungeKutta(AbstractStepper):
         stage_bars: list = [None] * tab.stages
         for i in reversed(range(tab.stages)):
             later = [stage_bars[j] for j in range(i + 1, tab.stages)]
-            weights = [tab.a[j][i] for j in range(i + 1, tab.stages)]
-
-            def slope_bar(bar, later, h, i=i, weights=weights):
-                return weighted([bar, *later], [tab.b[i], *weights], h)
-
-            bar = execute.boundary(slope_bar, y1_bar, later, h)
+            weights = [tab.b[i], *(tab.a[j][i] for j in range(i + 1, tab.stages))]
+            bar = _summed(execute, [y1_bar, *later], h, weights=weights)
             if i == 0:
                 dy_bar = bar
                 break
             theta_i, t_i, stage_bars[i] = pull(theta, t + tab.c[i] * h, stages[i], bar)
             theta_bar = jax.tree.map(jnp.add, theta_bar, theta_i)
             t_bar = t_bar + t_i
+        # Every stage starts from `y`: its cotangents are summed with weight one.
         ones = [1.0] * (tab.stages - 1)
-        y_bar = execute.boundary(lambda y, s: combine(y, s, ones, 1.0), y1_bar, stage_bars[1:])
+        y_bar = _moved(execute, y1_bar, stage_bars[1:], h=1.0, weights=ones)
         return extra, (theta_bar, t_bar, y_bar, dy_bar)
 
 

@@ -111,6 +111,12 @@ class AbstractHybridSystem(eqx.Module):
         """
         return None
 
+    def check_start(self, t: Numeric, y: PyTree, args: PyTree) -> None:
+        """Raise `ValueError` for what no motion can begin with; nothing unless a system says so.
+
+        `simulate` calls it before anything is compiled. Numbers may be traced: these pass unread.
+        """
+
     @abc.abstractmethod
     def vector_field(self, t: Numeric, y: PyTree, mode: Whole, args: PyTree) -> PyTree:
         """Time derivative of the state in `mode`, with the structure of `y` [unit of y per s]."""
@@ -137,7 +143,7 @@ def switch(mode: Whole, functions: tuple[Callable, ...], *operands: PyTree) -> P
     each branch must be free of NaN where it is not selected if gradients are wanted. A mode below 0
     takes the first function, one beyond the last the last.
 
-    Errors: `TypeError` for a mode that is no integer and for what is no sequence of functions.
+    Errors: `TypeError` for a mode that is not an integer and for guards that are not a sequence.
     """
     if not isinstance(functions, tuple | list) or not functions:
         raise refusal("functions", functions, "a sequence of at least one function", TypeError)

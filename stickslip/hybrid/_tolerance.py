@@ -26,7 +26,7 @@ TOLERANCE = (
 
 
 def check_tolerances(name: str, atol: Any) -> None:
-    """Refuse what is no absolute tolerance of any state."""
+    """Raise for what cannot be the absolute tolerance of any state."""
     if isinstance(atol, Mapping):
         check_mapping(name, atol, TOLERANCE)
     elif atol is not None and not jax.tree.leaves(atol):

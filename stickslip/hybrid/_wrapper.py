@@ -75,6 +75,11 @@ class AbstractSystemWrapper(AbstractHybridSystem):
         """That of `system`, whose arguments are taken to be these."""
         return self.system.time_scale(args)
 
+    def check_start(self, t, y, args):
+        """That of `system`."""
+        inner, given = self.inner(y, args)
+        self.system.check_start(t, inner, given)
+
     def guards(self, t, y, mode, args):
         y, args = self.inner(y, args)
         return self.system.guards(t, y, mode, args)

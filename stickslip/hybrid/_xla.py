@@ -44,6 +44,11 @@ class Executor(eqx.Module, metaclass=CheckedModule):
         check_flag("fused", self.fused)
         check_flag("compact", self.compact)
 
+    @property
+    def execute(self) -> "Executor":
+        """Itself: what asks a plan for its executor may be given the executor alone."""
+        return self
+
     def for_the_ends(self) -> "Executor":
         """For what is computed a few times after a run: then compiling costs more than running."""
         return self if self.fused else COMPACT
@@ -61,6 +66,7 @@ class Executor(eqx.Module, metaclass=CheckedModule):
         """
         if not self.fused:
             return jax.jit(function, inline=True)
+        # Traced once per form of operands: the stages of a step call one field a dozen times.
         pieces: dict = {}
 
         def call(*operands):
@@ -87,7 +93,7 @@ def piece(function: Callable) -> Callable:
     """Mark `function(plan, *operands, **held)` as a part of an attempt that is computed once.
 
     `operands` are pytrees of arrays. What is `held`, such as the system with its arguments, may hold
-    anything.
+    anything. Below the attempt, where there is no plan, an `Executor` stands in its place.
     """
 
     @functools.wraps(function)
@@ -104,6 +110,16 @@ def bookkeeping(function: Callable) -> Callable:
     def call(plan: Any, *operands: Any, **held: Any) -> Any:
         operands = jax.lax.stop_gradient(operands)
         return plan.execute.boundary(functools.partial(function, plan, **held), *operands)
+
+    return call
+
+
+def time_loop(function: Callable) -> Callable:
+    """Mark `function(plan, *operands, **held)` as a whole time loop: fused, one compiled function."""
+
+    @functools.wraps(function)
+    def call(plan: Any, *operands: Any, **held: Any) -> Any:
+        return plan.execute.loop(functools.partial(function, plan, **held), *operands)
 
     return call
 
@@ -188,6 +204,7 @@ def traced(function: Callable, operands: tuple) -> tuple:
 
     closed = jax.make_jaxpr(flat)(*leaves)
     consts = closed.consts
+    # Constants of a jaxpr would be copied into every call; as operands they are handed over.
     if consts:
 
         def opened(*values):

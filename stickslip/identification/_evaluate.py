@@ -9,12 +9,12 @@ from jaxtyping import Array, Float
 
 from .._compiled_once import compiled_once
 from ..hybrid._xla import traced
-from ._unknowns import Values, from_logs
+from ._unknowns import NamedValues, from_logs
 
 Evaluation = Callable[[Float[Array, " unknown"]], tuple[Array, Array]]
 
 
-def evaluation(residual: Callable[[Values], Any], names: tuple[str, ...]) -> Evaluation:
+def evaluation(residual: Callable[[NamedValues], Any], names: tuple[str, ...]) -> Evaluation:
     """Function of the logarithms of the unknowns: row of residuals, its Jacobian by forward mode.
 
     **Raises** `ValueError`, when it is traced, for residuals that are not one row.
@@ -39,7 +39,9 @@ def _shape(out: Any) -> str:
     return f"an array of shape {out.shape}" if hasattr(out, "shape") else f"a {type(out).__name__}"
 
 
-def solved(method: Any, residual: Callable[[Values], Any], names: tuple[str, ...], z: Array) -> Any:
+def solved(
+    method: Any, residual: Callable[[NamedValues], Any], names: tuple[str, ...], z: Array
+) -> Any:
     """`method.solve` for the residual, compiled once for all residuals that differ in their data only.
 
     The data that a residual closes over are made operands before a loop can make constants of them.

@@ -7,14 +7,14 @@ from jaxtyping import Array, Bool, Float, Int
 from .._looks_at import looks_at, not_negative_number
 from .._types import Numeric
 from ._sensitivity import Sensitivity
-from ._unknowns import Values
+from ._unknowns import NamedValues
 
 
 class Fit(eqx.Module):
     """Estimates and how far to trust them; under `vmap` every array has the batch axes in front.
 
     - `values`: the estimates by name. `residual` there, in units of its standard deviation.
-    - `sensitivity` there. `steps` taken. `successful`: whether the method came to rest.
+    - `sensitivity`: at the estimate. `steps`: iterations. `successful`: whether it converged.
     """
 
     values: dict[str, Float[Array, "*batch"]]
@@ -35,7 +35,7 @@ class Fit(eqx.Module):
         return 2.0 * self.cost / (self.residual.shape[-1] - len(self.sensitivity.names))
 
     @looks_at(threshold=not_negative_number)
-    def standard_errors(self, threshold: Numeric = 1e-7) -> Values:
+    def standard_errors(self, threshold: Numeric = 1e-7) -> NamedValues:
         """Standard error of every estimate, in its own unit; infinite if the data do not see it."""
         relative = self.sensitivity.standard_errors(threshold)
         return {name: relative[name] * self.values[name] for name in relative}

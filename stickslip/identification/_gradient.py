@@ -8,14 +8,14 @@ from .._validation import check_callable
 from ._evaluate import solved
 from ._fit import Fit
 from ._methods import descent
-from ._unknowns import Values, scalars, to_logs
+from ._unknowns import NamedValues, scalars, to_logs
 
 if TYPE_CHECKING:
     import optax
 
 
 def gradient_descent(
-    residual: Callable[[Values], Any],
+    residual: Callable[[NamedValues], Any],
     start: NamedNumbers,
     *,
     optimiser: Given["optax.GradientTransformation | None"] = None,
@@ -24,13 +24,14 @@ def gradient_descent(
 ) -> Fit:
     r"""Minimise $\tfrac12\|r(p)\|^2$ by an optimiser of optax, in the logarithms of the unknowns.
 
-    For noise in the objective, schedules and constraints of one's own; `least_squares` takes far fewer
+    For noise in the objective, schedules and constraints of your own; `least_squares` takes far fewer
     runs. The gradient is $J^T r$ with the Jacobian by forward mode through all events.
 
     **Arguments:** `residual`, `start` as for `least_squares`; `optimiser`, by default Adam with a rate
     that falls from 0.03 to 0 along a cosine; `steps`, how many; `tolerance`: a fit is successful if the
     minimum is nearer than this, in standard errors, by the linearised problem. **Returns** the best
-    `Fit` on the way. **Raises** as `least_squares`, and `TypeError` for what is no optimiser.
+    `Fit` on the way. **Raises** as `least_squares`, and `TypeError` if `optimiser` is not an
+    `optax.GradientTransformation`.
     """
     method = descent(optimiser=optimiser, steps=steps, tolerance=tolerance)
     check_callable("residual", residual, "f(values)", {})

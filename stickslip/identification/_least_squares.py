@@ -8,11 +8,11 @@ from .._validation import check_callable
 from ._evaluate import solved
 from ._fit import Fit
 from ._methods import levenberg_marquardt
-from ._unknowns import Values, scalars, to_logs
+from ._unknowns import NamedValues, scalars, to_logs
 
 
 def least_squares(
-    residual: Callable[[Values], Any],
+    residual: Callable[[NamedValues], Any],
     start: NamedNumbers,
     *,
     damping: float = 1.0,
@@ -44,10 +44,10 @@ def least_squares(
       what the next step would gain if the residual were linear. `max_steps`: limit, refused ones
       included.
 
-    **Returns** a `Fit`. **Raises** `TypeError`, `ValueError` for a `start` that is not so and for what
-    is not positive. The residual is traced at every call, and compiled where its program is a new one.
-    Works under `jit` and `vmap`; the estimate is not differentiated, because that would take second
-    derivatives of the motion.
+    **Returns** a `Fit`. **Raises** `TypeError`, `ValueError` if `start` is not a mapping from names to
+    positive numbers, or if another number is not positive. The residual is traced at every call, and
+    compiled where its program is a new one. Works under `jit` and `vmap`; the estimate is not
+    differentiated, because that would take second derivatives of the motion.
     """
     method = levenberg_marquardt(damping=damping, tolerance=tolerance, max_steps=max_steps)
     check_callable("residual", residual, "f(values)", {})

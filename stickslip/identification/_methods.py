@@ -21,7 +21,7 @@ from ._sensitivity import Sensitivity
 from ._unknowns import from_logs
 
 
-class Progress(NamedTuple):
+class Iteration(NamedTuple):
     """How far a method has come: `z`, where it wants the next evaluation, and what it keeps."""
 
     z: Float[Array, " unknown"]
@@ -34,20 +34,20 @@ class AbstractMethod(eqx.Module):
     """A method for one start; `jax.vmap` over its functions serves many."""
 
     @abc.abstractmethod
-    def begin(self, z: Float[Array, " unknown"], rows: int) -> Progress:
+    def begin(self, z: Float[Array, " unknown"], rows: int) -> Iteration:
         """Before the first evaluation."""
 
     @abc.abstractmethod
     def advance(
         self,
-        now: Progress,
+        now: Iteration,
         residual: Float[Array, " row"],
         matrix: Float[Array, "row unknown"],
-    ) -> Progress:
+    ) -> Iteration:
         """After an evaluation at `now.z`."""
 
     @abc.abstractmethod
-    def fit(self, names: tuple[str, ...], now: Progress) -> Fit:
+    def fit(self, names: tuple[str, ...], now: Iteration) -> Fit:
         """Result."""
 
     def solve(self, evaluate: Evaluation, names: tuple[str, ...], z: Float[Array, " unknown"]) -> Fit:
@@ -101,7 +101,7 @@ class LevenbergMarquardt(AbstractMethod):
         empty = jnp.zeros(rows), jnp.zeros((rows, z.shape[0]))
         state = eqx.filter(self._start(z, *empty)[1], eqx.is_array)
         never = jnp.zeros((), bool)
-        return Progress(z, (z, state, never), jnp.zeros((), jnp.int32), never)
+        return Iteration(z, (z, state, never), jnp.zeros((), jnp.int32), never)
 
     def advance(self, now, residual, matrix):
         y, arrays, _ = now.kept
@@ -122,7 +122,7 @@ class LevenbergMarquardt(AbstractMethod):
         ended = ended | (flat & accepted)
         steps = now.steps + 1
         kept = (y_new, eqx.filter(state, eqx.is_array), ended & ~failed)
-        return Progress(state.y_eval, kept, steps, ended | failed | (steps >= self.max_steps))
+        return Iteration(state.y_eval, kept, steps, ended | failed | (steps >= self.max_steps))
 
     def fit(self, names, now):
         y, arrays, successful = now.kept
@@ -150,7 +150,7 @@ class GradientDescent(AbstractMethod):
     def begin(self, z, rows):
         nothing = jnp.full((rows,), jnp.nan), jnp.full((rows, z.shape[0]), jnp.nan)
         best = (jnp.asarray(jnp.inf), z, *nothing)
-        return Progress(
+        return Iteration(
             z, (self.optimiser.init(z), best), jnp.zeros((), jnp.int32), jnp.zeros((), bool)
         )
 
@@ -164,7 +164,7 @@ class GradientDescent(AbstractMethod):
         change, state = self.optimiser.update(slope, state, now.z)
         steps = now.steps + 1
         z: Any = optax.apply_updates(now.z, change)
-        return Progress(z, (state, best), steps, steps >= self.steps)
+        return Iteration(z, (state, best), steps, steps >= self.steps)
 
     def fit(self, names, now):
         cost, z, residual, matrix = now.kept[1]

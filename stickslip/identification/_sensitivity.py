@@ -11,7 +11,7 @@ from .._looks_at import looks_at, not_negative_number
 from .._types import NamedNumbers, Numeric
 from .._validation import check_callable
 from ._evaluate import evaluation
-from ._unknowns import Values, scalars, to_logs
+from ._unknowns import NamedValues, scalars, to_logs
 
 
 class Sensitivity(eqx.Module):
@@ -60,7 +60,7 @@ class Sensitivity(eqx.Module):
         return jnp.einsum("...ki,...k,...kj->...ij", self.directions, weight, self.directions)
 
     @looks_at(threshold=not_negative_number)
-    def standard_errors(self, threshold: Numeric = 1e-7) -> Values:
+    def standard_errors(self, threshold: Numeric = 1e-7) -> NamedValues:
         """Relative standard error of every unknown; infinite if it is in a combination not seen."""
         hidden = jnp.where(self.seen(threshold)[..., None], 0.0, jnp.abs(self.directions))
         lost = jnp.max(hidden, axis=-2) > 1e-4
@@ -69,7 +69,7 @@ class Sensitivity(eqx.Module):
         return {name: errors[..., i] for i, name in enumerate(self.names)}
 
 
-def sensitivity(residual: Callable[[Values], Any], values: NamedNumbers) -> Sensitivity:
+def sensitivity(residual: Callable[[NamedValues], Any], values: NamedNumbers) -> Sensitivity:
     """`Sensitivity` of the residuals at `values`, by forward mode through all events.
 
     **Arguments:** `residual(values)`, one row of residuals in units of their standard deviation, e.g.

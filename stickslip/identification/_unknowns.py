@@ -8,10 +8,10 @@ from jaxtyping import Array, Float
 
 from .._validation import as_parameter, check_positive, misshaped, refusal
 
-Values = dict[str, Any]
+NamedValues = dict[str, Any]
 
 
-def checked(name: str, values: Any) -> Values:
+def checked(name: str, values: Any) -> NamedValues:
     """A mapping of names to positive numbers or rows of them, in alphabetical order."""
     if not isinstance(values, Mapping) or not values or not all(isinstance(k, str) for k in values):
         raise refusal(name, values, "a mapping from names to positive numbers, not empty", TypeError)
@@ -21,7 +21,7 @@ def checked(name: str, values: Any) -> Values:
     }
 
 
-def scalars(name: str, values: Any) -> Values:
+def scalars(name: str, values: Any) -> NamedValues:
     """A mapping of names to one positive number each."""
     found = checked(name, values)
     for key, value in found.items():
@@ -30,11 +30,11 @@ def scalars(name: str, values: Any) -> Values:
     return found
 
 
-def to_logs(values: Values) -> Float[Array, "*batch unknown"]:
+def to_logs(values: NamedValues) -> Float[Array, "*batch unknown"]:
     """Logarithms, the last axis the unknown."""
     return jnp.log(jnp.stack([values[name] for name in sorted(values)], axis=-1))
 
 
-def from_logs(names: tuple[str, ...], logs: Float[Array, "*batch unknown"]) -> Values:
+def from_logs(names: tuple[str, ...], logs: Float[Array, "*batch unknown"]) -> NamedValues:
     """Values by name; the inverse of `to_logs`."""
     return {name: jnp.exp(logs[..., i]) for i, name in enumerate(names)}

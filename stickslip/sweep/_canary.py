@@ -3,7 +3,7 @@
 The fused executor rests on attributes internal to XLA. A compiler that does not take them may abort
 the process, so the trial runs in another one: a stick-slip motion with events, sections and
 derivatives, compared in value with the portable executor. The verdict is kept on disk per jaxlib
-version and processor. What ends the trial from outside, such as the time-out, is no verdict.
+version and processor. What ends the trial from outside, such as the time-out, gives no verdict.
 """
 
 import contextlib
@@ -48,7 +48,7 @@ def _cache_file() -> pathlib.Path:
 
 
 def wished_executor() -> str:
-    """`STICKSLIP_EXECUTOR`, by default `"auto"`; `ValueError` for what is no executor."""
+    """`STICKSLIP_EXECUTOR`, by default `"auto"`; `ValueError` for what is not an executor."""
     given = os.environ.get("STICKSLIP_EXECUTOR", "")
     wish = given.strip().lower() or "auto"
     if wish not in WISHES:

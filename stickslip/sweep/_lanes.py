@@ -33,10 +33,10 @@ VECTOR = 8  # float64 lanes of the widest vector unit of a CPU
 class map_lanes:
     """`jax.vmap` for many lanes: `map_lanes(function)(inputs)` maps over the leading axis.
 
-    The lanes are cut into chunks of `chunk_size`, one after the other on each core or device, so
-    that memory does not grow with their number and a chunk's working set stays in the cache. Every
-    `simulate` inside `function` uses the chosen executor. Results do not depend on chunk size, number
-    of cores or executor beyond rounding.
+    A lane is one element of the batch. The lanes are cut into chunks of `chunk_size`, one after the
+    other on each core or device, so that memory does not grow with their number and a chunk's working
+    set stays in the cache. Every `simulate` inside `function` uses the chosen executor. Results do not
+    depend on chunk size, number of cores or executor beyond rounding.
 
     **Arguments**
 
@@ -192,7 +192,7 @@ def _lanes_in(inputs):
         try:
             if isinstance(leaf, np.ma.MaskedArray):
                 raise TypeError
-            # Keys of random numbers are no numbers, but arrays all the same.
+            # PRNG keys are arrays, but not numeric.
             shape = (leaf if isinstance(leaf, jax.Array) else np.asarray(leaf)).shape
             jnp.result_type(leaf)
         except (TypeError, ValueError, OverflowError):

@@ -26,7 +26,7 @@ class Variable:
     - `units`, `long_name`: for axes of pictures and for readers of the file.
     - `attrs`: further attributes, e.g. `flag_values` and `flag_meanings` of a code.
 
-    Errors: `TypeError` for what is no name, text or mapping.
+    Errors: `TypeError` for what is not a name, text or mapping.
     """
 
     dims: tuple[str, ...] = ()
@@ -77,7 +77,7 @@ class Layout:
     def skeleton(self, attributes: Mapping[str, Any]) -> dict[str, bytes]:
         """Files of a store in which no block is finished: headers and coordinates, by their path."""
         files: Any = {}
-        # Without this a chunk that equals the fill value is no file, and could not be vouched for.
+        # Without this a chunk that equals the fill value is not a file, and could not have a checksum.
         with zarr.config.set({"array.write_empty_chunks": True}):
             group = zarr.create_group(
                 MemoryStore(files), attributes=attributes["dataset"], zarr_format=3

@@ -1,4 +1,4 @@
-"""One line on stderr: how far, how fast, how long still."""
+"""One line on stderr: progress, rate and time remaining."""
 
 import math
 import sys

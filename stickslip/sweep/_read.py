@@ -1,4 +1,4 @@
-"""The results in a store as a dataset, of which nothing is shown that is not vouched for."""
+"""The results in a store as a dataset; only blocks with a valid checksum are shown."""
 
 import os
 import pathlib
@@ -54,8 +54,8 @@ def open_dataset(path: str | os.PathLike, *, verify: bool = True) -> xr.Dataset:
     `"unfinished: 3 of 8 blocks"`, where the others hold NaN, -1, 0 or `False`; `sweep_verified` is
     `"yes"` or `"no"`.
 
-    **Errors** `TypeError` for what is no path, `ValueError` if `path` is not a store, or a file in it
-    is not as it was written: the message names the file. `run_sweep` with the same arguments repairs
+    **Errors** `TypeError` for what is not a path, `ValueError` if `path` is not a store, or a file in
+    it is not as it was written: the message names the file. `run_sweep` with the same arguments repairs
     most damage.
     """
     check_flag("verify", verify)
@@ -98,7 +98,7 @@ def _state(done: int, total: int) -> str:
 
 
 def _verified(begin: str, path: pathlib.Path, manifest: Mapping[str, Any]) -> tuple[str, list[str]]:
-    """State of the store and all files vouched for; `ValueError` naming the first that is damaged."""
+    """State of the store and the files with a checksum; `ValueError` naming the first damaged one."""
 
     def damaged(file: str) -> ValueError:
         what = "is not as it was written" if os.path.lexists(path / file) else "is missing"

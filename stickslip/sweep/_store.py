@@ -1,4 +1,4 @@
-"""A directory that holds a sweep: finished blocks in zarr, each vouched for by a checksum.
+"""A directory that holds a sweep: finished blocks in zarr, each with a checksum.
 
     STORE/manifest.json      what the sweep is, sealed, with checksums of headers and coordinates;
                              written before anything else
@@ -8,7 +8,7 @@
     STORE/lock               held while somebody works on it; freed by the system if he is killed
 
 A block counts as finished if its record exists and every file has the checksum recorded. So a run may
-be killed between any two instructions: what it had not vouched for is computed again. Headers and
+be killed between any two instructions: blocks without a valid checksum are computed again. Headers and
 coordinates follow from the sweep, so that lost ones are written again. Nothing else is ever removed.
 """
 
@@ -136,7 +136,7 @@ class Store:
             self._resume(stored)
         self._identity = identity(self.manifest)
         group = zarr.open_group(self.path / DATA, mode="r+")
-        # Without this a chunk that equals the fill value is no file, and could not be vouched for.
+        # Without this a chunk that equals the fill value is not a file, and could not have a checksum.
         with zarr.config.set({"array.write_empty_chunks": True}):
             self._arrays = {name: _array(group, name) for name in self.layout.outputs}
 

@@ -61,7 +61,7 @@ class AbstractBlockOnBelt(AbstractMechanicalSystem):
 
     The elastic terms are the gradient of $\frac12k_1x^2 + \frac12k_2(x+y)^2 + \frac12k_3q^2$. The
     damping $c_1\dot z$ stands in (8) and in (9) (B-E3: as printed, and consistent: its power is
-    $-c_1\dot z^2$). A negative $N$ (lift-off) is outside the model: `normal_force` tells.
+    $-c_1\dot z^2$). A negative $N$ (lift-off) is outside the model; monitor `normal_force`.
 
     **Parameters** (SI): `m`, `M` [kg], `J` [kg m^2], `r` [m], `g` [m/s^2] positive; `k1`, `k2`, `k3`
     [N/m], `c1`, `c2` [N s/m] not negative; `Q` [N m], resistance torque of the pivot, finite; `law`, a

@@ -26,8 +26,8 @@ class Augmented(NamedTuple):
 class WithIntegrals(AbstractSystemWrapper):
     r"""The same system with more state: $\dot I_i = p_i(t, y, m)$, integrated with the motion.
 
-    Modes, guards and transitions are those of `system`, so that every analysis takes the one for the
-    other. The integrals obey the step-size control like any component and have derivatives.
+    Modes, guards and transitions are those of `system`, so it can be used wherever the original
+    system can. The integrals obey the step-size control like any component and have derivatives.
 
     >>> import stickslip as ss
     >>> from stickslip.systems import CoulombOscillator, Motion, WithIntegrals
@@ -46,8 +46,8 @@ class WithIntegrals(AbstractSystemWrapper):
       its parameters are those being differentiated or batched; an unbound method does.
     - `units`: unit of each integral, by name; added to those of the system.
 
-    **Errors** `TypeError` for what is no hybrid system or no function, `ValueError` for an integral
-    named like a component of the state.
+    **Errors** `TypeError` for what is not a hybrid system or not a function, `ValueError` for an
+    integral named like a component of the state.
     """
 
     system: AbstractHybridSystem

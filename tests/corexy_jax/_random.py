@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 
-from corexy_jax import CoreXYParameters, Frictions, PassivePulleys
+from corexy_jax import CoreXYParameters, FrictionForces, PassivePulleys
 from corexy_jax._parameters import TABLE_1
 
 
@@ -14,10 +14,10 @@ def machine(seed: int) -> CoreXYParameters:
     return CoreXYParameters(**values, r_f=0.05 * rng.uniform(0.5, 2.0))
 
 
-def frictions(seed: int) -> Frictions:
+def frictions(seed: int) -> FrictionForces:
     """Thirteen unrelated numbers, so that every entry of a formula shows."""
     draw = np.random.default_rng(seed + 1000).normal(size=14)
-    return Frictions(
+    return FrictionForces(
         jnp.asarray(draw[0]),
         jnp.asarray(draw[1]),
         PassivePulleys(*map(jnp.asarray, draw[2:10])),

@@ -115,7 +115,7 @@ def test_within_a_mode_the_printed_models_hold():
     def both(sense):
         rolls = sense[6:] == 0
         own = jnp.where(rolls, sense[2:4], sense[4:6])
-        ground = cx.ground_friction(p, p.mu_k, cx.Senses(*sense[:4], *own))
+        ground = cx.ground_friction(p, p.mu_k, cx.SlipDirections(*sense[:4], *own))
         belts = cx.belt_friction(p, sense[6], sense[7])
         f = ground._replace(f_1_b=belts[0], f_2_b=belts[1])
         number = 1 + (~rolls[0]).astype(int) + 2 * (~rolls[1]).astype(int)

@@ -164,7 +164,7 @@ def test_friction_of_the_parts_is_that_of_the_contacts():
         p = machine(seed)
         q = np.random.default_rng(seed).normal(size=4)
         senses = np.sign(NORMALS @ q)
-        ground = cx.ground_friction(p, p.mu_k, cx.Senses(*map(jnp.asarray, senses[:6])))
+        ground = cx.ground_friction(p, p.mu_k, cx.SlipDirections(*map(jnp.asarray, senses[:6])))
         belts = cx.belt_friction(p, senses[6], senses[7])
         f = ground._replace(f_1_b=belts[0], f_2_b=belts[1])
         model = cx.dynamic_model(4, p, f, (0.0, 0.0), cx.Errata.corrected())
@@ -276,11 +276,11 @@ def test_needed_friction_and_next_model():
         np.testing.assert_allclose(J * alphas[i], float(ground[i]) + torques[i] + f_s * r, rtol=1e-12)
     low, high = (jnp.asarray(0.1), jnp.asarray(0.9))
     for number, first, second in itertools.product((1, 2, 3, 4), (False, True), (False, True)):
-        needed = cx.Needed(low, low, high if first else low, high if second else low)
+        needed = cx.RollingRequirement(low, low, high if first else low, high if second else low)
         after = int(cx.next_dmn(number, needed, (jnp.asarray(0.5), jnp.asarray(0.5))))
         slips_1, slips_2 = number in (2, 4) or first, number in (3, 4) or second
         assert after == 1 + slips_1 + 2 * slips_2
-    equal = cx.Needed(low, low, jnp.asarray(0.5), jnp.asarray(0.5))
+    equal = cx.RollingRequirement(low, low, jnp.asarray(0.5), jnp.asarray(0.5))
     assert int(cx.next_dmn(1, equal, (jnp.asarray(0.5), jnp.asarray(0.5)))) == 1
 
 

@@ -173,7 +173,7 @@ def test_commands(tmp_path, capsys):
     assert command.main(["statements", *out]) == 0
     assert "1 holds" in capsys.readouterr().out
     assert command.main(["no-such", *out]) == 2
-    assert "'no-such' is no experiment" in capsys.readouterr().err
+    assert "'no-such' is not an experiment" in capsys.readouterr().err
     assert command.main(["test-line", "--set", "points=x", *out]) == 2
     assert command.main(["all", "--set", "points=3", *out]) == 2
 

@@ -6,7 +6,7 @@ import pytest
 
 import stickslip as ss
 from experiments.block._diagram import MODELS, integrator_of, system_of
-from experiments.block._lanes import look
+from experiments.block._regimes import look
 from experiments.block._score import (
     Regimes,
     cascade,

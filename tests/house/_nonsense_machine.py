@@ -11,9 +11,9 @@ from tests.house._nonsense_target import Target, arg
 PARAMETERS = cx.CoreXYParameters()
 VOLTAGE = cx.Harmonic(10.0, 5.0)
 ZERO = jnp.zeros(())
-SENSES = cx.Senses(1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
-FRICTIONS = cx.Frictions(0.1, 0.1, cx.PassivePulleys(*(0.01,) * 8), 0.1, 0.1, 0.1, 0.1)
-NEEDED = cx.Needed(0.1, 0.1, 0.1, 0.1)
+SENSES = cx.SlipDirections(1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
+FRICTIONS = cx.FrictionForces(0.1, 0.1, cx.PassivePulleys(*(0.01,) * 8), 0.1, 0.1, 0.1, 0.1)
+NEEDED = cx.RollingRequirement(0.1, 0.1, 0.1, 0.1)
 ROW = jnp.zeros(3)
 DATA = cx.Measurement(ROW, ROW, ROW, ROW)
 TIMES = [0.1, 0.2, 0.3]

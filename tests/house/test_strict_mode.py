@@ -1,8 +1,10 @@
 """The strictness itself: a fault of each kind must fail here, or it would pass everywhere."""
 
+import os
 import subprocess
 import sys
 import warnings
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -61,6 +63,16 @@ def test_annotations_are_checked_at_call_time(tmp_path):
         check=False,
     )
     assert "TypeCheckError" in done.stdout, done.stdout + done.stderr
+
+
+def test_programs_are_kept_in_the_checkout_where_git_does_not_look(pytestconfig):
+    """Those of this process and of the processes that it starts."""
+    if getattr(pytestconfig, "cache", None) is None:
+        pytest.skip("run with `-p no:cacheprovider`, which keeps nothing")
+    kept = Path(os.environ["STICKSLIP_CACHE"])
+    assert Path(jax.config.jax_compilation_cache_dir).is_relative_to(kept)
+    assert kept.is_relative_to(ROOT / pytestconfig.getini("cache_dir"))
+    assert ".pytest_cache/" in (ROOT / ".gitignore").read_text(encoding="utf-8").splitlines()
 
 
 def test_unknown_markers_are_refused(pytestconfig):

@@ -20,6 +20,13 @@ def test_there_are_notebooks():
     assert NOTEBOOKS
 
 
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_the_first_cell_keeps_what_is_compiled(path):
+    text = path.read_text(encoding="utf-8")
+    cells = [cell for cell in text.split("\n# %%")[1:] if not cell.startswith(" [markdown]")]
+    assert "\nss.enable_compilation_cache()" in cells[0]
+
+
 @pytest.mark.parametrize(
     "path", [pytest.param(path, id=path.stem, marks=marks(path)) for path in NOTEBOOKS]
 )

@@ -32,6 +32,17 @@ def end_of_stick_slip(parameters, t=30.0, h=0.25, **kwargs):
     )
 
 
+def value_and_jacobians(function, p):
+    """`function(p)` and its Jacobian, forward and reverse, from two programs."""
+
+    def twice(p):
+        value = function(p)
+        return value, value
+
+    forward, value = jax.jit(jax.jacfwd(twice, has_aux=True))(p)
+    return value, forward, jax.jit(jax.jacrev(function))(p)
+
+
 def test_forward_and_reverse_equal_the_closed_form():
     p = jnp.array([0.2, 1.0, 0.5])
     expected = [16.2232182593, -5.1724137931, 5.1724137931]
@@ -39,8 +50,9 @@ def test_forward_and_reverse_equal_the_closed_form():
     def x(p):
         return end_of_stick_slip(p).y1.x
 
-    np.testing.assert_allclose(jax.jacfwd(x)(p), expected, rtol=1e-9)
-    np.testing.assert_allclose(jax.grad(x)(p), expected, rtol=1e-9)
+    _, forward, reverse = value_and_jacobians(x, p)
+    np.testing.assert_allclose(forward, expected, rtol=1e-9)
+    np.testing.assert_allclose(reverse, expected, rtol=1e-9)
 
 
 def test_derivatives_of_event_times():
@@ -59,9 +71,11 @@ def test_derivatives_of_event_times():
         release = fs / v
         return jnp.stack([release, release + 2 * jnp.pi - 2 * jnp.arctan((fs - fk) / v)])
 
-    np.testing.assert_allclose(times(p), exact(p), atol=1e-11)
-    np.testing.assert_allclose(jax.jacfwd(times)(p), jax.jacfwd(exact)(p), atol=1e-8)
-    np.testing.assert_allclose(jax.jacrev(times)(p), jax.jacfwd(exact)(p), atol=1e-8)
+    value, forward, reverse = value_and_jacobians(times, p)
+    expected, slopes = jax.jit(lambda p: (exact(p), jax.jacfwd(exact)(p)))(p)
+    np.testing.assert_allclose(value, expected, atol=1e-11)
+    np.testing.assert_allclose(forward, slopes, atol=1e-8)
+    np.testing.assert_allclose(reverse, slopes, atol=1e-8)
 
 
 def test_curved_guard_and_explicit_time():
@@ -84,9 +98,11 @@ def test_curved_guard_and_explicit_time():
         return jnp.stack([t, x + v * rest - 0.5 * rest * rest, v - rest])
 
     p = jnp.array([-0.2, 0.3, 1.0, 0.1])
-    np.testing.assert_allclose(times(p), exact(p), atol=1e-13)
-    np.testing.assert_allclose(jax.jacfwd(times)(p), jax.jacfwd(exact)(p), atol=1e-12)
-    np.testing.assert_allclose(jax.jacrev(times)(p), jax.jacfwd(exact)(p), atol=1e-12)
+    value, forward, reverse = value_and_jacobians(times, p)
+    expected, slopes = jax.jit(lambda p: (exact(p), jax.jacfwd(exact)(p)))(p)
+    np.testing.assert_allclose(value, expected, atol=1e-13)
+    np.testing.assert_allclose(forward, slopes, atol=1e-12)
+    np.testing.assert_allclose(reverse, slopes, atol=1e-12)
 
 
 def everything(q, ts):
@@ -112,7 +128,8 @@ def everything(q, ts):
 
 def test_every_kind_of_result_forward_reverse_and_finite_differences():
     q, ts = jnp.array([0.3, 1.0, 0.1, 0.05, 9.3]), jnp.array([1.0, 4.1, 7.7])
-    forward, reverse = jax.jit(jax.jacfwd(everything))(q, ts), jax.jit(jax.jacrev(everything))(q, ts)
+    forward, by_time = jax.jit(jax.jacfwd(everything, argnums=(0, 1)))(q, ts)
+    reverse, reverse_by_time = jax.jit(jax.jacrev(everything, argnums=(0, 1)))(q, ts)
     np.testing.assert_allclose(forward, reverse, rtol=0, atol=1e-11)
     value = jax.jit(everything)
     step = 1e-5
@@ -121,10 +138,9 @@ def test_every_kind_of_result_forward_reverse_and_finite_differences():
         e = jnp.zeros(5).at[i].set(step)
         difference = (value(q + e, ts) - value(q - e, ts)) / (2 * step)
         np.testing.assert_allclose(forward[:, i], difference, rtol=0, atol=2e-6)
-    by_time = jax.jacfwd(everything, argnums=1)(q, ts)
     difference = (value(q, ts + 1e-5) - value(q, ts - 1e-5)) / 2e-5
     np.testing.assert_allclose(by_time.sum(1), difference, rtol=0, atol=2e-6)
-    np.testing.assert_allclose(jax.jacrev(everything, argnums=1)(q, ts), by_time, atol=1e-12)
+    np.testing.assert_allclose(reverse_by_time, by_time, atol=1e-12)
 
 
 def test_saltation_matrix_against_its_closed_form():
@@ -145,12 +161,13 @@ def test_monodromy_of_the_stick_slip_cycle():
         [0.5 + a * np.cos(angle) + v * np.sin(angle), -a * np.sin(angle) + v * np.cos(angle)]
     )
 
+    @jax.jit
     def after_period(z):
         run = ss.simulate(StickSlip(v), 0.0, period, State(z[0], z[1]), 1, integrator=fixed(0.2))
         return jnp.stack([run.y1.x, run.y1.v])
 
     np.testing.assert_allclose(after_period(z0), z0, atol=1e-11)
-    monodromy = np.asarray(jax.jacfwd(after_period)(z0))
+    monodromy = np.asarray(jax.jit(jax.jacfwd(after_period))(z0))
     multipliers = np.sort(np.abs(np.linalg.eigvals(monodromy)))
     np.testing.assert_allclose(multipliers, [0.0, 1.0], atol=1e-9)
     assert abs(np.linalg.det(monodromy)) < 1e-12
@@ -162,17 +179,18 @@ def test_monodromy_of_the_stick_slip_cycle():
     e = 1e-6
     columns = [(after_period(z0 + e * d) - after_period(z0 - e * d)) / (2 * e) for d in np.eye(2)]
     np.testing.assert_allclose(monodromy, np.stack(columns, 1), atol=1e-7)
-    np.testing.assert_allclose(jax.jacrev(after_period)(z0), monodromy, atol=1e-12)
+    np.testing.assert_allclose(jax.jit(jax.jacrev(after_period))(z0), monodromy, atol=1e-12)
 
 
 def test_adaptive_steps_and_smooth_systems_too():
+    @jax.jit
     def end(z):
         y1 = ss.simulate(Pendulum(), 0.0, 3.0, State(z[0], z[1])).y1
         return jnp.stack([y1.x, y1.v])
 
     z = jnp.array([1.0, 0.3])
-    forward = jax.jacfwd(end)(z)
-    np.testing.assert_allclose(jax.jacrev(end)(z), forward, atol=1e-12)
+    forward = jax.jit(jax.jacfwd(end))(z)
+    np.testing.assert_allclose(jax.jit(jax.jacrev(end))(z), forward, atol=1e-12)
     assert abs(np.linalg.det(forward) - 1.0) < 1e-8  # Liouville: no friction, no contraction
     e = 1e-6
     difference = [(end(z + e * d) - end(z - e * d)) / (2 * e) for d in np.eye(2)]

@@ -142,12 +142,13 @@ def test_what_lasts_for_less_than_the_documented_bound_is_what_can_be_missed():
         return run.num_events, run.y1.x
 
     begin = moments(60, lasts)
-    events, x = jax.jit(jax.vmap(lambda b: block(b, lasts)))(begin)
+    blocks = jax.jit(jax.vmap(block, in_axes=(0, None)))
+    events, x = blocks(begin, lasts)
     # It slides for 12 ms at 1.5 m/s^2 and then slows down by 0.5 m/s^2.
     speed = 1.5 * lasts
     np.testing.assert_array_equal(events, 2)
     np.testing.assert_allclose(x, speed * lasts / 2 + speed**2 / (2 * 0.5), rtol=1e-6)
-    events, _ = jax.jit(jax.vmap(lambda b: block(b, lasts / 50)))(begin)
+    events, _ = blocks(begin, lasts / 50)
     assert np.mean(np.asarray(events) == 0) > 0.5  # so that the bound is one
 
 

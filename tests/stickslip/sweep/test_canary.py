@@ -158,3 +158,8 @@ def test_a_wish_does_without_a_trial(wish, executor, cache, monkeypatch):
 def test_no_wish_leaves_it_to_the_trial(wish, cache, monkeypatch):
     monkeypatch.setenv("STICKSLIP_EXECUTOR", wish)
     assert tried(monkeypatch, True) == (1, [True] * 3)
+
+
+@pytest.mark.slow
+def test_this_compiler_passes_the_trial():
+    assert _canary.run_trial() is True

@@ -26,7 +26,7 @@ def _in_chunks(max_steps: int, *problem: Float[Array, "..."]) -> ActiveSet:
     count = -(-lanes // CHUNK)
 
     def split(array):
-        # The last lane fills the gap: a valid problem, and one that costs no extra step.
+        # Padded with the last lane: it is well posed and adds no iterations.
         widths = [(0, 0)] * (array.ndim - 1) + [(0, count * CHUNK - lanes)]
         padded = jnp.pad(array, widths, mode="edge")
         return jnp.moveaxis(padded.reshape(*array.shape[:-1], count, CHUNK), -2, 0)

@@ -1,0 +1,196 @@
+"""Changes of the mode: what fires, what stops and gives way, and the mode of a given state."""
+
+from typing import TYPE_CHECKING, Any
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+
+from stickslip._fastmath import where
+from stickslip.hybrid._system import NO_MODE
+
+from ._instant import (
+    Instant,
+    instant_of,
+    landed,
+    limits_of,
+    loaded,
+    motion_of,
+    rows_of,
+    slow_contacts,
+    surface_accelerations,
+)
+from ._island import Island
+from ._modes import mode_of, states_of
+from ._scalars import any_of
+from ._settle import settled
+
+if TYPE_CHECKING:
+    from ._mechanism import AbstractMechanism
+
+MOST_SHARE = 1e6  # a share of friction beyond it says no more
+
+
+def guards(machine: "AbstractMechanism", t: Any, y: Any, mode: Any, args: Any) -> tuple:
+    """Values of all guards: of each contact, of each group of dependent ones, of each that may open."""
+    at, states = machine.instant(t, y, args), states_of(mode, len(machine.names.contacts))
+    force, gamma = loaded(machine, at, states), surface_accelerations(machine, t, at, args)
+    own: list[Any] = [None] * len(at.contacts)
+    shared = []
+    for island in machine.islands:
+        if not island.rows:
+            continue
+        motion = motion_of(island, at, states, force, gamma)
+        limits = limits_of(island, at, "static_coefficient")
+        rest = [states[c] == 0.0 for c in island.rows]
+        slip = [states[c] * at.speeds[c] for c in island.rows]
+        if island.dependent:
+            # One of those that always slide together is enough; two would count as coincident.
+            for c, r, tied, u in zip(island.rows, rest, island.tied(rest), slip, strict=True):
+                own[c] = where(r | tied, 1.0, u)
+            share = island.onset(*limits, rest, motion)[0]
+            shared.append(1.0 - jnp.minimum(share, MOST_SHARE))
+            continue
+        for i, c in enumerate(island.rows):
+            low, high, borne = limits.low[i], limits.high[i], motion.force[i]
+            if at.contacts[c].law.is_odd:
+                reserve = high - jnp.abs(borne)
+            else:
+                reserve = jnp.minimum(high - borne, borne - low)
+            own[c] = where(rest[i], reserve, slip[i])
+    opens = []
+    for name in machine.opening:
+        c = machine.names.contacts.index(name)
+        opens.append(where(states[c] == 2.0, -1.0, 1.0) * at.contacts[c].normal_force)
+        own[c] = where(states[c] == 2.0, 1.0, own[c])
+    lifts = [at.contacts[c].normal_force for c in machine.lifting]
+    return tuple(jnp.asarray(x, jnp.float64) for x in (*own, *shared, *opens, *lifts))
+
+
+def transition(
+    machine: "AbstractMechanism", t: Any, y: Any, mode: Any, guard: Any, args: Any
+) -> tuple[Any, Any]:
+    """State and mode right after guard number `guard` has fired."""
+    names = machine.names
+    count = len(names.contacts)
+    at, states = machine.instant(t, y, args), states_of(mode, count)
+    force, gamma = loaded(machine, at, states), surface_accelerations(machine, t, at, args)
+    v, new = [jnp.asarray(x, jnp.float64) for x in at.v], list(states)
+    shared, opens = count, count + sum(island.dependent for island in machine.islands)
+    toggled = {name: guard == opens + k for k, name in enumerate(names.opening)}
+    failed = guard >= opens + len(toggled)  # a contact that cannot open has lost its normal force
+    for island in machine.islands:
+        if not island.rows:
+            continue
+        s = [states[c] for c in island.rows]
+        rest = [x == 0.0 for x in s]
+        hit = [guard == c for c in island.rows]
+        motion = jax.tree.map(lax.stop_gradient, motion_of(island, at, states, force, gamma))
+        if island.dependent:
+            gives_way, stops = guard == shared, any_of(hit)
+            shared += 1
+            limits = lax.stop_gradient(limits_of(island, at, "static_coefficient"))
+            _, released = island.onset(*limits, rest, motion)
+        else:
+            # What it bears pushes back: it gives way against it.
+            released = [
+                where(h & r, where(borne > 0.0, -1.0, 1.0), 0.0)
+                for h, r, borne in zip(hit, rest, motion.force, strict=True)
+            ]
+            gives_way = any_of(h & r for h, r in zip(hit, rest, strict=True))
+            stops = any_of(hit) & ~gives_way
+        now = [where(gives_way & r, way, x) for r, way, x in zip(rest, released, s, strict=True)]
+        started = [gives_way & r & (way != 0.0) for r, way in zip(rest, released, strict=True)]
+        # What stops, rests at once, with all that has no speed then; the law decides what stays.
+        slow = slow_contacts(at, island)
+        still = island.closed([r | (h & stops) for r, h in zip(rest, hit, strict=True)], slow)
+        now = [where(stops & r, 0.0, x) for r, x in zip(still, now, strict=True)]
+        for j, x in zip(island.columns, landed(island, at, still), strict=True):
+            v[j] = where(stops, x, v[j])
+        touched = stops | gives_way
+        for i, c in enumerate(island.rows):
+            toggle = toggled.get(names.contacts[c])
+            if toggle is not None:
+                closes = where(slow[i], 0.0, jnp.sign(at.speeds[c]))
+                now[i] = where(toggle, where(s[i] == 2.0, closes, 2.0), now[i])
+                touched = touched | toggle
+        found, ended = _settled(machine, at, island, states, now, started, gamma, touched)
+        failed = failed | (touched & ~ended)
+        for c, x in zip(island.rows, found, strict=True):
+            new[c] = where(touched, x, new[c])
+    return machine.from_coordinates(at.q, type(at.q)(*v)), _mode(new, failed)
+
+
+def initial_mode(machine: "AbstractMechanism", t: Any, y: Any, args: Any) -> Any:
+    """The mode of a state: contacts with a speed slide, the law of all contacts decides the others."""
+    at = machine.instant(t, y, args)
+    gamma = surface_accelerations(machine, t, at, args)
+    states = [jnp.sign(u) for u in at.speeds]
+    failed = jnp.zeros((), bool)
+    for c in machine.lifting:
+        failed = failed | (at.contacts[c].normal_force < 0.0)
+    for name in machine.opening:
+        c = machine.names.contacts.index(name)
+        states[c] = where(_presses(machine, t, at, c, args), states[c], 2.0)
+    for island in machine.islands:
+        if not island.rows:
+            continue
+        slow = slow_contacts(at, island)
+        now = [
+            where(x & (states[c] != 2.0), 0.0, states[c])
+            for x, c in zip(slow, island.rows, strict=True)
+        ]
+        none = [jnp.zeros_like(x) for x in slow]
+        found, ended = _settled(machine, at, island, states, now, none, gamma, ~none[0])
+        failed = failed | ~ended
+        for c, x in zip(island.rows, found, strict=True):
+            states[c] = x
+    return _mode(states, failed)
+
+
+def _mode(states: list, failed: Any) -> Any:
+    mode = mode_of(states)
+    return where(failed, jnp.asarray(NO_MODE, mode.dtype), mode)
+
+
+def _presses(machine: "AbstractMechanism", t: Any, at: Instant, c: int, args: Any) -> Any:
+    """Whether contact `c` presses now, or in an instant."""
+
+    def load(t, q):
+        now = instant_of(machine, t, q, at.v, args).contacts[c]
+        return jnp.asarray(now.normal_force, jnp.float64) + 0.0 * t
+
+    t = jnp.asarray(t, jnp.float64)
+    q, v = (jax.tree.map(lambda x: jnp.asarray(x, jnp.float64), z) for z in (at.q, at.v))
+    now, rate = jax.jvp(load, (t, q), (jnp.ones_like(t), v))
+    return (now > 0.0) | ((now == 0.0) & (rate > 0.0))
+
+
+def _settled(
+    machine: "AbstractMechanism",
+    at: Instant,
+    island: Island,
+    states: list,
+    now: list,
+    started: list,
+    gamma: list,
+    active: Any,
+) -> tuple[list[Any], Any]:
+    """The law of all contacts of an island whose states are `now`, if `active`."""
+    standing = [(s == 0.0) | b for s, b in zip(now, started, strict=True)]
+    without, given = [jnp.zeros_like(active)] * len(states), list(states)
+    for c, stands, s in zip(island.rows, standing, now, strict=True):
+        without[c], given[c] = stands, s
+    force = loaded(machine, at, given, without)
+    return settled(
+        island,
+        at.mass.of(island.columns),
+        [force[j] for j in island.columns],
+        rows_of(island, at),
+        [gamma[c] for c in island.rows],
+        limits_of(island, at, "static_coefficient"),
+        limits_of(island, at, "kinetic_limit"),
+        now,
+        started,
+        active,
+    )

@@ -1,0 +1,28 @@
+"""What a mechanism says about one dry contact at one instant."""
+
+from typing import Any, NamedTuple
+
+from stickslip._types import Given
+from stickslip.friction import AbstractFrictionLaw
+
+
+class Contact(NamedTuple):
+    r"""One dry contact at one instant, as `AbstractMechanism.contacts` returns it.
+
+    With the direction $n$ of the contact its sliding speed is $u = n \cdot v - w$ [m/s], and friction
+    acts on the velocities with the force $n\,\lambda$, $-\lambda \in \mu(u) N + d(u)$ [N].
+
+    - `law`: the friction law, one of `stickslip.friction`.
+    - `normal_force` $N$ [N]; 1 if left out, so that the coefficients of the law are forces.
+    - `surface_speed` $w$ [m/s]: speed of the counter surface along the contact; 0 if left out.
+    - `direction` $n$: a row of numbers or a mapping from coordinates, where `contact_directions` of
+      the mechanism holds None because it depends on the state or on parameters.
+    - `normal_direction`: the generalised force of a normal force of 1 N on the mechanism, likewise;
+      only for a contact that may open, since it vanishes with the contact.
+    """
+
+    law: Given[AbstractFrictionLaw]
+    normal_force: Any = 1.0
+    surface_speed: Any = 0.0
+    direction: Any = None
+    normal_direction: Any = None

@@ -1,0 +1,132 @@
+"""What a mechanism declares, read while tracing: names, directions, inertia and their structure."""
+
+import functools
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from stickslip._validation import refusal
+
+from ._scalars import Mass, is_zero
+
+GIVEN = None  # a direction that `contacts` returns
+
+
+class Names(NamedTuple):
+    """Names that a mechanism states, in order."""
+
+    coordinates: tuple[str, ...]
+    velocities: tuple[str, ...]
+    contacts: tuple[str, ...]
+    opening: tuple[str, ...]
+
+
+@functools.lru_cache(maxsize=256)
+def coordinates_type(names: tuple[str, ...]) -> type:
+    """Named tuple of the coordinates, or of their rates under the same names."""
+    return NamedTuple("Coordinates", [(name, Any) for name in names])
+
+
+@functools.lru_cache(maxsize=256)
+def state_type(names: tuple[str, ...]) -> type:
+    """Named tuple of coordinates and velocities."""
+    return NamedTuple("MechanismState", [(name, Any) for name in names])
+
+
+def in_order(what: str, given: Any, names: Sequence[str], allowed: str) -> list[Any]:
+    """One entry per name: of a mapping by name, where a missing one is 0; of a sequence; of one number.
+
+    Raises `ValueError` naming `what` for anything else.
+    """
+    if isinstance(given, Mapping):
+        for name in given:
+            if name not in names:
+                choices = ", ".join(map(repr, names))
+                raise refusal(what, dict(given), f"a mapping with keys out of {choices}: {allowed}")
+        return [given.get(name, 0.0) for name in names]
+    if isinstance(given, tuple | list) or getattr(given, "ndim", 0) == 1:
+        if len(given) != len(names):
+            raise refusal(
+                what, given, f"{len(names)} entries, in the order {', '.join(names)}: {allowed}"
+            )
+        return list(given)
+    if (
+        len(names) == 1
+        and getattr(given, "ndim", 0) == 0
+        and not isinstance(given, str)
+        and given is not None
+    ):
+        return [given]
+    raise refusal(what, given, f"a mapping by name or {len(names)} entries: {allowed}")
+
+
+def mass_of(given: Any, names: Sequence[str]) -> Mass:
+    """The mass matrix from what `mass_matrix` returned."""
+    n, allowed = len(names), "the mass of each coordinate, or the rows of a symmetric matrix"
+    if getattr(given, "ndim", None) == 2:
+        if given.shape != (n, n):
+            raise refusal("mass_matrix(q)", given, f"of shape ({n}, {n}): {allowed}")
+        given = [[given[i, j] for j in range(n)] for i in range(n)]
+    entries = in_order("mass_matrix(q)", given, names, allowed)
+    full = [isinstance(x, tuple | list | Mapping) or getattr(x, "ndim", 0) == 1 for x in entries]
+    if not any(full):
+        return Mass(diagonal=entries)
+    if not all(full):
+        raise refusal("mass_matrix(q)", given, allowed)
+    rows = [
+        in_order(f"mass_matrix(q)[{name!r}]", row, names, allowed)
+        for name, row in zip(names, entries, strict=True)
+    ]
+    if all(is_zero(rows[i][j]) for i in range(n) for j in range(n) if i != j):
+        return Mass(diagonal=[rows[i][i] for i in range(n)])
+    return Mass(full=rows)
+
+
+def directions_of(given: Mapping[str, Any], coordinates: Sequence[str]) -> np.ndarray:
+    """Directions [contact, coordinate]; NaN in the rows that depend on state or parameters."""
+    rows = []
+    for contact, row in given.items():
+        if row is GIVEN:
+            rows.append([np.nan] * len(coordinates))
+            continue
+        what = f"contact_directions[{contact!r}]"
+        allowed = "constant numbers (None for a direction that `contacts` returns)"
+        entries = in_order(what, row, coordinates, allowed)
+        try:
+            numbers = [float(x) for x in entries]
+        except (TypeError, ValueError):
+            raise refusal(what, row, allowed) from None
+        if not np.isfinite(numbers).all() or not any(numbers):
+            raise refusal(what, row, "finite numbers, not all of them 0")
+        rows.append(numbers)
+    return np.array(rows, float).reshape(len(rows), len(coordinates))
+
+
+def abstract(system: Any) -> tuple[list[Any], Any]:
+    """Leaves of a pytree as abstract numbers, so that no value of them counts as structure."""
+    leaves, form = jax.tree.flatten(system)
+    kinds = (bool, int, float, np.ndarray, np.generic, jax.Array, jax.ShapeDtypeStruct)
+
+    def shape(x):
+        return jax.ShapeDtypeStruct(jnp.shape(x), jnp.float64)
+
+    return [shape(x) if isinstance(x, kinds) else x for x in leaves], form
+
+
+def traced_with(function: Any, system: Any, *operands: Any) -> Any:
+    """`function(system, *operands)`, evaluated for its structure with all numbers abstract."""
+    leaves, form = abstract(system)
+    numbers = [x for x in leaves if isinstance(x, jax.ShapeDtypeStruct)]
+    seen: list[Any] = []
+
+    def run(numbers, operands):
+        given = iter(numbers)
+        whole = [next(given) if isinstance(x, jax.ShapeDtypeStruct) else x for x in leaves]
+        seen.append(function(jax.tree.unflatten(form, whole), *operands))
+        return 0.0
+
+    jax.eval_shape(run, numbers, operands)
+    return seen[0]

@@ -1,0 +1,208 @@
+"""The same mechanism with friction that is smooth: regularised laws, or bristles with their states."""
+
+from typing import Any, ClassVar, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from stickslip._fastmath import where
+from stickslip._looks_at import OBSERVABLE, looks_at, reals
+from stickslip._types import Given, Numeric
+from stickslip._validation import as_parameter, check_in, check_positive, check_type, refusal
+from stickslip.friction import AbstractBristleLaw, AbstractFrictionLaw, LuGre, Regularised
+from stickslip.systems._mechanical import AbstractMechanicalSystem
+
+from ._check import DeclarationError
+from ._instant import Instant, push_of
+from ._mechanism import AbstractMechanism
+from ._scalars import times, total
+
+KINDS = ("tanh", "sqrt", "arctan")
+
+
+class _AbstractSmoothForm(AbstractMechanicalSystem):
+    """A mechanism whose contacts have no modes: what its two smooth forms share."""
+
+    mechanism: eqx.AbstractVar[AbstractMechanism]
+
+    mode_names: ClassVar = ("motion",)
+    guard_names: ClassVar = ()
+
+    def time_scale(self, args):
+        """That of the mechanism."""
+        return self.mechanism.time_scale(args)
+
+    def guards(self, t, y, mode, args):
+        return ()
+
+    def transition(self, t, y, mode, guard, args):
+        return y, mode
+
+    @looks_at(t=reals)
+    def initial_mode(self, t, y, args):
+        return jnp.zeros((), jnp.int32)
+
+    def _motion(self, at: Instant, friction: list) -> tuple[Any, Any]:
+        """Rates of coordinates and velocities under the friction of all contacts."""
+        machine, force = self.mechanism, list(at.force)
+        for c, (n, f) in enumerate(zip(at.directions, friction, strict=True)):
+            force = [total((g, times(x, f))) for g, x in zip(force, n, strict=True)]
+            push = push_of(machine, at, c)
+            if push is not None:
+                pressed = _pressing(at.contacts[c].normal_force)
+                force = [total((g, times(x, pressed))) for g, x in zip(force, push, strict=True)]
+        a = [jnp.asarray(x, jnp.float64) for x in at.mass.solve(force)]
+        return at.v, type(at.v)(*a)
+
+    def _powers(self, at: Instant, friction: list) -> dict[str, Any]:
+        machine = self.mechanism
+        closed = [where(_pressing(c.normal_force) > 0.0, 0.0, 2.0) for c in at.contacts]
+        found = {"forces": machine.declared_power(at, closed)}
+        for name, contact, u, f in zip(
+            machine.contact_directions, at.contacts, at.speeds, friction, strict=True
+        ):
+            found[f"friction of {name}"] = f * u
+            found[f"drive of {name}"] = f * contact.surface_speed
+        return found
+
+
+class RegularisedMechanism(_AbstractSmoothForm):
+    r"""A mechanism whose set-valued laws are `Regularised`: one mode, no guard, contacts creep.
+
+    `AbstractMechanism.regularised` makes it. Laws that are smooth already stay what they are. The
+    motion tends to that of the mechanism as `v_reg` goes to 0, and becomes stiff: the rate of the
+    contact is the friction force over `v_reg` and the mass.
+
+    - State: that of the mechanism.
+    - A contact that may open has the normal force $\max(N, 0)$.
+
+    **Arguments:** `mechanism`; `v_reg` [m/s], positive; `kind` of the rounding, as in `Regularised`.
+    **Raises** `TypeError`, `ValueError` for anything else, and for a law with bristles, by the name of
+    its contact.
+    """
+
+    mechanism: AbstractMechanism
+    v_reg: Float[Array, "..."]
+    kind: str = eqx.field(static=True)
+
+    def __init__(self, mechanism: Given[AbstractMechanism], v_reg: Numeric, kind: str = "tanh"):
+        self.mechanism = check_type("mechanism", mechanism, AbstractMechanism, "an AbstractMechanism")
+        self.v_reg = as_parameter(check_positive("v_reg", v_reg))
+        self.kind = check_in("kind", kind, KINDS)
+
+    @property
+    def units(self) -> dict[str, str]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Those of the mechanism."""
+        return self.mechanism.units
+
+    def _friction(self, at: Instant) -> list[Any]:
+        found = []
+        for name, contact, u in zip(
+            self.mechanism.contact_directions, at.contacts, at.speeds, strict=True
+        ):
+            law = contact.law
+            if law.num_states:
+                why = "a law without internal state; `.bristles()` of the mechanism takes this one"
+                raise DeclarationError(str(refusal(f"the law of contact {name!r}", law, why)))
+            smooth = Regularised(law, self.v_reg, self.kind) if law.set_valued else law
+            found.append(smooth.force(u, _load(self.mechanism, name, contact)))
+        return found
+
+    def vector_field(self, t, y, mode, args):
+        at = self.mechanism.instant(t, y, args)
+        return self.mechanism.from_coordinates(*self._motion(at, self._friction(at)))
+
+    def energy(self, y):
+        """Kinetic and potential energy [J]."""
+        return self.mechanism.energy(y)
+
+    @looks_at(**OBSERVABLE)
+    def powers(self, t, y, mode, args):
+        """As `AbstractMechanism.powers`, under the regularised laws [W]."""
+        at = self.mechanism.instant(t, y, args)
+        return self._powers(at, self._friction(at))
+
+
+class BristleState(NamedTuple):
+    """State `y` of the mechanism, and the deflections `z` of the bristles [m], a tuple a contact."""
+
+    y: Any
+    z: tuple
+
+
+class BristleMechanism(_AbstractSmoothForm):
+    r"""A mechanism whose contacts have elastic bristles, LuGre's or Dahl's: sticking is elastic.
+
+    `AbstractMechanism.bristles` makes it. Each set-valued law is wrapped in `kind(law, **parameters)`;
+    laws with bristles of their own and smooth ones stay what they are. The motion tends to that of the
+    mechanism as the stiffness `sigma_0` grows, the damping like its square root.
+
+    - State `BristleState`; `start(y)` makes one with bristles that are not deflected.
+    - A contact that may open has the normal force $\max(N, 0)$.
+
+    **Arguments:** `mechanism`; `kind`, `LuGre` or `Dahl` or another bristle law; `parameters` of it.
+    **Raises** `TypeError`, `ValueError` for anything else; the law itself raises where it cannot wrap
+    that of a contact.
+    """
+
+    mechanism: AbstractMechanism
+    kind: type[AbstractBristleLaw] = eqx.field(static=True)
+    parameters: dict[str, Any]
+
+    def __init__(
+        self,
+        mechanism: Given[AbstractMechanism],
+        kind: type[AbstractBristleLaw] = LuGre,
+        parameters: dict[str, Any] | None = None,
+    ):
+        self.mechanism = check_type("mechanism", mechanism, AbstractMechanism, "an AbstractMechanism")
+        if not (isinstance(kind, type) and issubclass(kind, AbstractBristleLaw)):
+            raise refusal("kind", kind, "LuGre, Dahl or another class of bristle laws", TypeError)
+        self.kind = kind
+        self.parameters = dict(parameters or {})
+
+    @property
+    def units(self) -> dict[str, str]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Those of the mechanism; the deflections are in metres."""
+        return self.mechanism.units
+
+    def _law(self, law: AbstractFrictionLaw) -> AbstractFrictionLaw:
+        return self.kind(law, **self.parameters) if law.set_valued and not law.num_states else law
+
+    def start(self, y: Any, t: Numeric = 0.0, args: Any = None) -> BristleState:
+        """The state `y` of the mechanism with bristles that are not deflected."""
+        contacts = self.mechanism.instant(t, y, args).contacts
+        return BristleState(y, tuple((jnp.zeros(()),) * self._law(c.law).num_states for c in contacts))
+
+    def _friction(self, at: Instant, z: tuple) -> tuple[list[Any], tuple]:
+        forces, rates = [], []
+        names = self.mechanism.contact_directions
+        for name, contact, u, deflection in zip(names, at.contacts, at.speeds, z, strict=True):
+            law = self._law(contact.law)
+            load = _load(self.mechanism, name, contact)
+            forces.append(law.force_from_state(u, load, tuple(deflection)))
+            rates.append(tuple(law.state_rate(u, tuple(deflection))))
+        return forces, tuple(rates)
+
+    def vector_field(self, t, y, mode, args):
+        at = self.mechanism.instant(t, y.y, args)
+        friction, rates = self._friction(at, y.z)
+        return BristleState(self.mechanism.from_coordinates(*self._motion(at, friction)), rates)
+
+    def energy(self, y):
+        """Kinetic and potential energy [J], without that in the bristles."""
+        return self.mechanism.energy(y.y)
+
+    def powers(self, t, y, mode, args):
+        """As `AbstractMechanism.powers` [W]; friction counts what the bristles take and give back."""
+        at = self.mechanism.instant(t, y.y, args)
+        return self._powers(at, self._friction(at, y.z)[0])
+
+
+def _pressing(load: Any) -> Any:
+    return jnp.maximum(jnp.asarray(load, jnp.float64), 0.0)
+
+
+def _load(machine: AbstractMechanism, name: str, contact: Any) -> Any:
+    return _pressing(contact.normal_force) if name in machine.opening else contact.normal_force

@@ -1,0 +1,194 @@
+"""What a mechanism declares at one instant, and the motion that follows in a known mode."""
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from stickslip._fastmath import where
+from stickslip._validation import DeclarationError, refusal
+from stickslip.hybrid._dependence import NONE, degrees
+
+from ._check import check_contacts
+from ._contact import Contact
+from ._declaration import in_order, mass_of
+from ._island import Island, Motion
+from ._modes import sense_of
+from ._scalars import Mass, dot, is_zero, minus, times, total
+from ._settle import Limits
+
+if TYPE_CHECKING:
+    from ._mechanism import AbstractMechanism
+
+ROUNDING = 8 * 2.3e-16  # of the terms of a sliding speed
+
+
+class Instant(NamedTuple):
+    """Everything that the declaration says about one instant.
+
+    - `q`, `v`: coordinates and their rates, by the names of the coordinates.
+    - `mass`, `force`: inertia, and all forces but those of the contacts [N].
+    - `contacts`, `directions`: one `Contact` and one row a contact.
+    - `speeds`: sliding speeds $u = n \\cdot v - w$ [m/s].
+    """
+
+    q: Any
+    v: Any
+    mass: Mass
+    force: list[Any]
+    contacts: list[Contact]
+    directions: list[list[Any]]
+    speeds: list[Any]
+
+
+def instant_of(machine: "AbstractMechanism", t: Any, q: Any, v: Any, args: Any) -> Instant:
+    """What `machine` declares at time `t`, at the coordinates `q` with the rates `v`."""
+    names = machine.names
+    force = in_order("force(t, q, v, args)", machine.force(t, q, v, args), names.coordinates, "forces")
+    contacts = check_contacts(machine, machine.contacts(t, q, v, args))
+    rows = []
+    for name, row, contact in zip(names.contacts, machine.directions, contacts, strict=True):
+        if np.isnan(row).any():
+            what = f"contacts(...)[{name!r}].direction"
+            rows.append(in_order(what, contact.direction, names.coordinates, "numbers"))
+        else:
+            rows.append([float(x) for x in row])
+    speeds = [
+        jnp.asarray(minus(dot(row, v), contact.surface_speed), jnp.float64)
+        for row, contact in zip(rows, contacts, strict=True)
+    ]
+    mass = mass_of(machine.mass_matrix(q), names.coordinates)
+    return Instant(q, v, mass, force, contacts, rows, speeds)
+
+
+def surface_accelerations(machine: "AbstractMechanism", t: Any, at: Instant, args: Any) -> list[Any]:
+    r"""$\gamma = \dot w - \dot n \cdot v$: what $n \cdot a$ is while the contact rests.
+
+    The constant 0 where neither direction nor surface speed depends on time or coordinates. Raises
+    `DeclarationError` where one of them depends on the velocities.
+    """
+    if not at.contacts:
+        return []
+    names = machine.names.contacts
+
+    def speeds(t, q):
+        return instant_of(machine, t, q, at.v, args).speeds
+
+    def given(v):
+        now = instant_of(machine, t, at.q, v, args)
+        return [
+            sum(jnp.asarray(x, jnp.float64) + 0.0 for x in (contact.surface_speed, *row))
+            for contact, row in zip(now.contacts, now.directions, strict=True)
+        ]
+
+    t = jnp.asarray(t, jnp.float64)
+    q, v = _floats(at.q), _floats(at.v)
+    for name, depends in zip(names, degrees(given, (v,), (True,)), strict=True):
+        if depends != NONE:
+            what = f"surface_speed and direction of contact {name!r}"
+            allowed = (
+                "functions of time and coordinates (a surface that moves belongs to the direction)"
+            )
+            raise DeclarationError(str(refusal(what, "functions of the velocities", allowed)))
+    depends = degrees(speeds, (t, q), (True, True))
+    if all(d == NONE for d in depends):
+        return [0.0] * len(depends)
+    if any(depends[c] != NONE for island in machine.islands if island.dependent for c in island.rows):
+        those = ", ".join(name for name, d in zip(names, depends, strict=True) if d != NONE)
+        what = "surfaces of contacts whose directions depend on each other"
+        raise DeclarationError(str(refusal(what, those, "of constant speed")))
+    rates = jax.jvp(speeds, (t, q), (jnp.ones_like(t), type(q)(*v)))[1]
+    return [0.0 if d == NONE else -r for d, r in zip(depends, rates, strict=True)]
+
+
+def _floats(numbers: Any) -> Any:
+    return jax.tree.map(lambda x: jnp.asarray(x, jnp.float64), numbers)
+
+
+def loaded(
+    machine: "AbstractMechanism", at: Instant, states: list, without: list | None = None
+) -> list[Any]:
+    """All forces [N]: those declared, friction of the sliding contacts, normal forces of closed ones.
+
+    `without`: contacts whose friction is left out too.
+    """
+    force = list(at.force)
+    for c, (contact, s) in enumerate(zip(at.contacts, states, strict=True)):
+        idle = s == 0.0
+        if machine.names.contacts[c] in machine.opening:
+            idle = idle | (s == 2.0)
+        if without is not None:
+            idle = idle | without[c]
+        friction = contact.law.slip_force(at.speeds[c], contact.normal_force, sense_of(s))
+        friction = where(idle, 0.0, friction)
+        force = [total((f, times(n, friction))) for f, n in zip(force, at.directions[c], strict=True)]
+        force = pushed(machine, force, at, c, s)
+    return force
+
+
+def push_of(machine: "AbstractMechanism", at: Instant, c: int) -> list[Any] | None:
+    """Generalised force of a normal force of 1 N in contact number `c`; None where it has none."""
+    direction, names = at.contacts[c].normal_direction, machine.names
+    if direction is None:
+        return None
+    what = f"contacts(...)[{names.contacts[c]!r}].normal_direction"
+    return in_order(what, direction, names.coordinates, "numbers")
+
+
+def pushed(machine: "AbstractMechanism", force: list, at: Instant, c: int, s: Any) -> list[Any]:
+    """`force`, and that of the normal force of contact `c` unless it is open."""
+    push = push_of(machine, at, c)
+    if push is None:
+        return force
+    pressed = where(s == 2.0, 0.0, at.contacts[c].normal_force)
+    return [total((f, times(n, pressed))) for f, n in zip(force, push, strict=True)]
+
+
+def rows_of(island: Island, at: Instant) -> list[list[Any]]:
+    """Directions of the contacts of an island."""
+    return [[at.directions[c][j] for j in island.columns] for c in island.rows]
+
+
+def motion_of(island: Island, at: Instant, states: list, force: list, gamma: list) -> Motion:
+    """Motion of an island in the mode of these states under all forces."""
+    rest = [states[c] == 0.0 for c in island.rows]
+    own = [force[j] for j in island.columns]
+    surface = [gamma[c] for c in island.rows]
+    return island.motion(at.mass.of(island.columns), own, rows_of(island, at), rest, surface)
+
+
+def limits_of(island: Island, at: Instant, which: str) -> Limits:
+    """Friction that each contact can bear [N], by the coefficient of its law named `which`."""
+    low, high = [], []
+    for c in island.rows:
+        law, load = at.contacts[c].law, at.contacts[c].normal_force
+        ahead = getattr(law, which)(1) * load
+        behind = ahead if law.is_odd else getattr(law, which)(-1) * load
+        low.append(-ahead)
+        high.append(behind)
+    return Limits(low, high)
+
+
+def slow_contacts(at: Instant, island: Island) -> list[Any]:
+    """Whether a sliding speed is rounding of the terms that it is the sum of."""
+    largest: Any = 0.0
+    for c in island.rows:
+        terms = [times(n, x) for n, x in zip(at.directions[c], at.v, strict=True) if not is_zero(n)]
+        size = total(jnp.abs(x) for x in (*terms, jnp.asarray(at.contacts[c].surface_speed)))
+        largest = jnp.maximum(largest, size)
+    return [jnp.abs(at.speeds[c]) <= ROUNDING * largest for c in island.rows]
+
+
+def landed(island: Island, at: Instant, still: list) -> list[Any]:
+    """Velocities of an island with the contacts in `still` at rest, to the last digit."""
+    v = [jnp.asarray(at.v[j], jnp.float64) for j in island.columns]
+    rows, speeds = rows_of(island, at), [at.speeds[c] for c in island.rows]
+    if not island.alone:
+        v = island.project(at.mass.of(island.columns), v, rows, still, speeds)
+    for row, c, rests in zip(rows, island.rows, still, strict=True):
+        own = [j for j, n in enumerate(row) if not is_zero(n)]
+        if len(own) == 1:
+            (j,) = own
+            v[j] = where(rests, times(1.0 / row[j], at.contacts[c].surface_speed), v[j])
+    return v

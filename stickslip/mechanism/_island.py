@@ -1,0 +1,321 @@
+"""Velocities that contacts and inertia couple, and their motion while some of the contacts rest.
+
+Contacts of different islands cannot change each other's accelerations, so each island is treated alone:
+the cost of a mechanism grows with the sizes of its islands and not with the number of its modes.
+"""
+
+import functools
+import itertools
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from stickslip._fastmath import where
+
+from ._scalars import Factors, Mass, any_of, chosen, dot, is_zero, minus, times, total
+
+SMALL = 1e-9  # of the largest entry: zero in a computation with directions
+MOST_DEPENDENT = 12  # contacts of an island with dependent directions: tables over all sets of them
+NOTHING = 1e-150  # its square is a number too, which derivatives divide by
+UNRESISTED = -1.0  # share of a line that no resting contact resists
+
+
+class Motion(NamedTuple):
+    """Motion while each contact rests or slides in a known sense.
+
+    - `acceleration` of each velocity;
+    - `reaction`: generalised force of all resting contacts together, unique even where theirs are not;
+    - `force` of each resting contact, 0 where it slides. Of contacts with dependent directions, those
+      that lead bear all of it.
+    """
+
+    acceleration: list[Any]
+    reaction: list[Any]
+    force: list[Any]
+
+
+class Island:
+    r"""Some velocities and contacts of a mechanism, with all that is known of them while tracing.
+
+    With the inertia $M$, the directions $J$ and the forces $F$ (friction of the sliding contacts among
+    them) the contacts $H$ that rest bear $\lambda_H$:
+
+    $$M a = F + J_H^T\lambda_H, \qquad J_H a = \gamma_H
+      \quad\Rightarrow\quad (J_H M^{-1} J_H^T)\,\lambda_H = \gamma_H - J_H M^{-1} F$$
+
+    Where directions depend on each other, a largest independent part of $H$ leads and bears all.
+    Constant directions that do not are taken as coordinates: a contact that rests is then an equation
+    that is left out, and its speed is held to the last digit.
+    """
+
+    def __init__(self, columns: tuple[int, ...], rows: tuple[int, ...], directions: np.ndarray):
+        self.columns, self.rows, self.directions = columns, rows, directions
+        self.m, self.n = directions.shape
+        self.varies = bool(np.isnan(directions).any())
+        # A direction that varies is taken to be in general position.
+        generic = np.random.default_rng(0).normal(size=directions.shape)
+        known = np.where(np.isnan(directions), generic, directions)
+        self.rank = int(np.linalg.matrix_rank(known)) if self.m else 0
+        self.dependent = self.rank < self.m
+        self.alone = (self.m, self.n) == (1, 1)
+        if self.dependent and not self.varies and self.m <= MOST_DEPENDENT:
+            self._tabulate()
+        if not self.dependent and not self.varies:
+            self.inverse = _completed_inverse(directions)
+
+    def _tabulate(self) -> None:
+        J, m = self.directions, self.m
+        self.leaders = np.zeros(2**m, np.int32)  # an independent part of each set, as bits
+        self.closure = np.zeros(2**m, np.int32)  # contacts that rest wherever the set does
+        self.covered = np.zeros(2**m, np.int32)  # contacts whose speed is proportional to another's
+        for bits in range(2**m):
+            rest = [c for c in range(m) if bits >> c & 1]
+            leaders: list[int] = []
+            for c in rest:
+                if np.linalg.matrix_rank(J[[*leaders, c]]) > len(leaders):
+                    leaders.append(c)
+            self.leaders[bits] = sum(1 << c for c in leaders)
+            speeds = J @ null_space(J[leaders], self.n)
+            still = [c for c in range(m) if np.abs(speeds[c]).max(initial=0.0) < SMALL]
+            self.closure[bits] = sum(1 << c for c in still)
+            seen: list[np.ndarray] = []
+            for c in range(m):
+                if c in still:
+                    continue
+                unit = speeds[c] / np.linalg.norm(speeds[c])
+                if any(abs(abs(unit @ other) - 1.0) < SMALL for other in seen):
+                    self.covered[bits] |= 1 << c
+                else:
+                    seen.append(unit)
+        self.lines = lines_of(J)
+        self.along = np.where(np.abs(self.lines @ J.T) < SMALL, 0.0, self.lines @ J.T)
+
+    def _looked_up(self, table: np.ndarray, rest: list[Any]) -> list[Any]:
+        parts = (where(r, jnp.int32(1 << c), jnp.int32(0)) for c, r in enumerate(rest))
+        bits = jnp.asarray(table)[functools.reduce(lambda a, b: a + b, parts)]
+        return [((bits >> jnp.int32(c)) & jnp.int32(1)) == 1 for c in range(self.m)]
+
+    def closed(self, rest: list[Any], slow: list[Any]) -> list[Any]:
+        """`rest`, and the contacts that rest wherever these do: those of them without speed, `slow`."""
+        if not self.dependent:
+            return rest
+        with_them = self._looked_up(self.closure, rest)
+        return [r | (w & s) for r, w, s in zip(rest, with_them, slow, strict=True)]
+
+    def tied(self, rest: list[Any]) -> list[Any]:
+        """Contacts whose sliding speed is proportional to that of an earlier one while `rest` rest."""
+        return self._looked_up(self.covered, rest)
+
+    def motion(self, M: Mass, F: list, J: list[list], rest: list, gamma: list) -> Motion:
+        """Motion while the contacts in `rest` have the relative acceleration `gamma`."""
+        if self.alone:
+            return self._of_one(M, F, J, rest, gamma)
+        if not self.m:
+            return Motion(M.solve(F), [], [])
+        if not self.dependent and not self.varies:
+            return self._along_contacts(M, F, rest, gamma)
+        free = M.solve(F)
+        mobility = [M.solve(row) for row in J]
+        gram = [[dot(p, row) for row in J] for p in mobility]
+        held = self._looked_up(self.leaders, rest) if self.dependent else rest
+        A = [
+            [
+                where(held[c], gram[c][c], 1.0)
+                if c == d
+                else 0.0
+                if is_zero(gram[c][d])
+                else where(held[c] & held[d], gram[c][d], 0.0)
+                for d in range(self.m)
+            ]
+            for c in range(self.m)
+        ]
+        sought = [minus(g, dot(row, free)) for g, row in zip(gamma, J, strict=True)]
+        force = Factors(A).solve([where(h, s, 0.0) for h, s in zip(held, sought, strict=True)])
+        a = [
+            total((x, *(times(mobility[c][j], force[c]) for c in range(self.m))))
+            for j, x in enumerate(free)
+        ]
+        for c in range(self.m):
+            # A velocity that a resting contact alone decides has no rounding of a sum.
+            own = [j for j in range(self.n) if not is_zero(J[c][j])]
+            if len(own) == 1:
+                (j,) = own
+                a[j] = where(rest[c], times(1.0 / J[c][j], gamma[c]), a[j])
+        if self.rank == self.n and all(map(is_zero, gamma)):
+            every = total(where(h, 1, 0) for h in held) == self.n
+            a = [where(every, 0.0, x) for x in a]
+        reaction = [total(times(J[c][j], force[c]) for c in range(self.m)) for j in range(self.n)]
+        return Motion(a, reaction, force)
+
+    def _along_contacts(self, M: Mass, F: list, rest: list, gamma: list) -> Motion:
+        """The same with the speeds along the contacts, and some others, as velocities."""
+        T = self.inverse
+        columns = [[float(x) for x in T[:, i]] for i in range(self.n)]
+        momenta = [M.times(column) for column in columns]
+        inertia = [[dot(column, p) for p in momenta] for column in columns]
+        force = [dot(column, F) for column in columns]
+        everything = range(self.n)
+        held = [rest[i] if i < self.m else None for i in everything]
+
+        def kept(i: int, j: int) -> Any:
+            if is_zero(inertia[i][j]):
+                return 0.0
+            those = [h for h in (held[i], held[j]) if h is not None]
+            if not those:
+                return inertia[i][j]
+            return where(any_of(those), 1.0 if i == j else 0.0, inertia[i][j])
+
+        A = [[kept(i, j) for j in everything] for i in everything]
+        surface = [chosen(r, g, 0.0) for r, g in zip(rest, gamma, strict=True)]
+        b = [
+            minus(f, total(times(inertia[i][j], surface[j]) for j in range(self.m)))
+            for i, f in enumerate(force)
+        ]
+        b = [
+            x if h is None else where(h, gamma[i], x)
+            for i, (h, x) in enumerate(zip(held, b, strict=True))
+        ]
+        along = Factors(A).solve(b)
+        borne = [where(rest[i], minus(dot(inertia[i], along), force[i]), 0.0) for i in range(self.m)]
+        return Motion([dot([float(x) for x in row], along) for row in T], [], borne)
+
+    def _of_one(self, M: Mass, F: list, J: list[list], rest: list, gamma: list) -> Motion:
+        (m,), n = M.diagonal or (M.full or [[None]])[0], J[0][0]
+        held = times(1.0 / n, gamma[0])
+        a = where(rest[0], held, F[0] / m)
+        needed = where(rest[0], minus(times(m, held), F[0]), 0.0)
+        return Motion([a], [needed], [times(1.0 / n, needed)])
+
+    def project(self, M: Mass, v: list, J: list[list], rest: list, speeds: list) -> list:
+        """The velocities nearest to `v`, by the inertia, at which those in `rest` do not slide."""
+        none = [jnp.zeros_like(x) for x in v]
+        change = self.motion(M, none, J, rest, [times(-1.0, u) for u in speeds]).acceleration
+        some = any_of(rest)
+        return [where(some, x + d, x) for x, d in zip(v, change, strict=True)]
+
+    def onset(
+        self, low: list, high: list, rest: list, motion: Motion, slack: Any = NOTHING
+    ) -> tuple[Any, list[Any]]:
+        r"""How much of the friction the contacts in `rest` use, and the way in which they give way.
+
+        Each contact bears $\lambda_c$ between `low` and `high`, an interval around 0. Returns the share
+        of what can be borne, beyond 1 where the contacts give way, `UNRESISTED` where none rests; and
+        the sense of each as they do so, 0 for those that stay. `slack` [N] more can be borne.
+
+        Of dependent contacts the forces are not unique. The reaction $f$ can be borne if
+        $f\cdot d \le \sum_H \max_\lambda(\lambda_c\,n_c\cdot d)$ along both senses of every line $d$
+        on which all but one degree of freedom is held: they are the normals of the facets of the
+        zonotope that the contacts span.
+        """
+        like = jnp.zeros_like(low[0])
+        used, sense, number = like + UNRESISTED, like, jnp.zeros_like(like, jnp.int32)
+        if not self.dependent:
+            for c, r in enumerate(rest):
+                borne = motion.force[c]
+                share = where(borne > 0.0, borne / (high[c] + slack), borne / (low[c] - slack))
+                more = r & (share > used)
+                used = where(more, share, used)
+                sense = where(more, where(borne > 0.0, -1.0, 1.0), sense)
+                number = where(more, jnp.int32(c), number)
+            return used, [where(r & (number == c), sense, 0.0) for c, r in enumerate(rest)]
+        low = [where(r, x, 0.0) for r, x in zip(rest, low, strict=True)]
+        high = [where(r, x, 0.0) for r, x in zip(rest, high, strict=True)]
+        for i, (line, along) in enumerate(zip(self.lines, self.along, strict=True)):
+            on = [c for c in range(self.m) if along[c]]
+            load = dot(line, motion.reaction)
+            most = total(times(along[c], high[c] if along[c] > 0 else low[c]) for c in on)
+            least = total(times(along[c], low[c] if along[c] > 0 else high[c]) for c in on)
+            share = where(load > 0.0, load / (most + slack), load / (least - slack))
+            more = any_of(rest[c] for c in on) & (share > used)
+            used = where(more, share, used)
+            # The reaction pushes back: they give way against it.
+            sense = where(more, where(load > 0.0, -1.0, 1.0), sense)
+            number = where(more, jnp.int32(i), number)
+        ways = jnp.asarray(np.sign(self.along))[number]
+        return used, [where(r, sense * ways[c], 0.0) for c, r in enumerate(rest)]
+
+
+def _completed_inverse(J: np.ndarray) -> np.ndarray:
+    """Inverse of `J` completed by unit rows to a square matrix; whole numbers stay exact."""
+    n = J.shape[1]
+    rows = list(J)
+    for unit in np.eye(n):
+        if len(rows) < n and np.linalg.matrix_rank(np.array([*rows, unit])) > len(rows):
+            rows.append(unit)
+    inverse = np.linalg.inv(np.array(rows).reshape(n, n))
+    return _whole(inverse)
+
+
+def _whole(A: np.ndarray) -> np.ndarray:
+    nearest = np.round(A)
+    return np.where(np.abs(A - nearest) < 1e-12, nearest, A) + 0.0
+
+
+def null_space(A: np.ndarray, n: int) -> np.ndarray:
+    """Columns that span the null space, by the reduced row echelon form: small numbers stay exact."""
+    A = np.array(A, float).reshape(-1, n)
+    pivots: list[int] = []
+    row = 0
+    for column in range(n):
+        if row == len(A):
+            break
+        best = row + int(np.argmax(np.abs(A[row:, column])))
+        if abs(A[best, column]) < 1e-10:
+            continue
+        A[[row, best]] = A[[best, row]]
+        A[row] /= A[row, column]
+        others = [i for i in range(len(A)) if i != row]
+        A[others] -= np.outer(A[others, column], A[row])
+        pivots.append(column)
+        row += 1
+    free = [c for c in range(n) if c not in pivots]
+    basis = np.zeros((n, len(free)))
+    for k, c in enumerate(free):
+        basis[c, k] = 1.0
+        basis[pivots, k] = -A[: len(pivots), c]
+    return np.where(np.abs(basis) < 1e-12, 0.0, basis)
+
+
+def lines_of(J: np.ndarray) -> np.ndarray:
+    """All lines on which all but one of the degrees of freedom that contacts can hold are held."""
+    rank = int(np.linalg.matrix_rank(J))
+    held = np.linalg.svd(J)[2][:rank]
+    found: list[np.ndarray] = []
+    for some in itertools.combinations(range(len(J)), rank - 1):
+        part = J[list(some)]
+        if np.linalg.matrix_rank(part) < rank - 1:
+            continue
+        line = null_space(part @ held.T, rank)[:, 0] @ held
+        line = np.where(np.abs(line) < 1e-12, 0.0, line)
+        line = line / np.abs(line[np.abs(line) > SMALL]).min()
+        whole = np.round(line)
+        line = np.where(np.abs(line - whole) < SMALL, whole, line)
+        if not any(np.allclose(line, s * other) for other in found for s in (1, -1)):
+            found.append(line)
+    return np.array(found)
+
+
+@functools.lru_cache(maxsize=256)
+def islands_of(directions: bytes, shape: tuple[int, int], coupled: bytes) -> tuple[Island, ...]:
+    """The islands of contacts with these directions [contact, velocity] and coupled velocities.
+
+    Both as bytes of arrays, so that a mechanism is analysed once.
+    """
+    J = np.frombuffer(directions).reshape(shape)
+    n = shape[1]
+    joined = np.frombuffer(coupled, bool).reshape(n, n).copy()
+    for row in J:
+        touched = np.isnan(row) | (row != 0)
+        joined |= np.outer(touched, touched)
+    label = list(range(n))
+    for _ in range(n):
+        for i, j in zip(*np.nonzero(joined), strict=True):
+            label[i] = label[j] = min(label[i], label[j])
+    found = []
+    for one in sorted(set(label)):
+        columns = tuple(j for j in range(n) if label[j] == one)
+        part = J[:, columns]
+        rows = tuple(c for c in range(len(J)) if (np.isnan(part[c]) | (part[c] != 0)).any())
+        found.append(Island(columns, rows, part[list(rows)]))
+    return tuple(found)

@@ -1,0 +1,401 @@
+"""Declare masses, forces and contacts of a mechanism; its modes, guards and transitions follow."""
+
+import abc
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import PyTree
+
+from stickslip._fastmath import where
+from stickslip._looks_at import OBSERVABLE, looks_at, reals
+from stickslip._looks_at import state as some_state
+from stickslip._types import Numeric
+from stickslip._validation import as_parameter, check_finite, is_concrete
+from stickslip.friction import AbstractBristleLaw, LuGre
+from stickslip.hybrid._dependence import NONE, degrees
+from stickslip.systems._mechanical import AbstractMechanicalSystem
+
+from . import _changes
+from ._check import check_declaration, check_law, check_load
+from ._contact import Contact
+from ._declaration import (
+    Names,
+    coordinates_type,
+    directions_of,
+    in_order,
+    mass_of,
+    state_type,
+    traced_with,
+)
+from ._instant import Instant, instant_of, loaded, motion_of, pushed, surface_accelerations
+from ._island import Island, islands_of
+from ._modes import ModeNames, sense_of, states_of
+from ._scalars import dot, is_zero, total
+
+if TYPE_CHECKING:
+    from ._forms import BristleMechanism, RegularisedMechanism
+
+
+class AbstractMechanism(AbstractMechanicalSystem):
+    r"""A mechanism with dry contacts, declared by its inertia, forces and contacts.
+
+    $$M(q)\,\dot v = f(t, q, v) + \sum_c n_c\,\lambda_c, \qquad \dot q = v, \qquad
+      u_c = n_c\cdot v - w_c, \qquad -\lambda_c \in \mu_c(u_c)\,N_c + d_c(u_c)$$
+
+    From the declaration follow the state, the modes and their names, the field, the guards, the
+    transitions, the initial mode, the energy account and the observables. A block on a belt:
+
+    >>> from typing import ClassVar
+    >>> import stickslip as ss
+    >>> from stickslip.friction import AbstractFrictionLaw, Coulomb
+    >>> from stickslip.mechanism import AbstractMechanism, Contact
+    >>> class Block(AbstractMechanism):
+    ...     mass: float
+    ...     stiffness: float
+    ...     law: AbstractFrictionLaw
+    ...     belt_speed: float
+    ...     coordinates: ClassVar = {"x": "m"}
+    ...     contact_directions: ClassVar = {"belt": {"x": 1.0}}
+    ...
+    ...     def mass_matrix(self, q):
+    ...         return {"x": self.mass}
+    ...
+    ...     def force(self, t, q, v, args):
+    ...         return {"x": -self.stiffness * q.x}
+    ...
+    ...     def contacts(self, t, q, v, args):
+    ...         return {"belt": Contact(self.law, surface_speed=self.belt_speed)}
+    >>> block = Block(1.0, 1.0, Coulomb(1.0, 0.5), 0.2)
+    >>> run = ss.simulate(block, 0.0, 50.0, block.state(v_x=0.2))
+    >>> print(f"{run.y1.x:.10f}")
+    1.0354672757
+    >>> [block.mode_names[m] for m in run.events.mode_after[:3]]
+    ['slip backward', 'stick', 'slip backward']
+
+    **To declare**, as class attributes (or properties, where a number of parts is a static field):
+
+    - `coordinates`: names of the generalised coordinates $q$ and their units.
+    - `contact_directions`: names of the contacts, and the direction $n_c$ of each, which makes its
+      sliding speed out of the velocities: a mapping from coordinates to constant numbers, or a row of
+      them. None where it depends on the state or on parameters; then `contacts` returns it.
+    - `velocities`: names of their rates $v$ in the state, by coordinate; `"v_x"` for `"x"` if left out.
+    - `opening`: names of the contacts that open where their normal force falls to zero, and close
+      where it rises again.
+
+    and as methods `mass_matrix(q)`, `force(t, q, v, args)`, `contacts(t, q, v, args)`,
+    `potential_energy(q)` (for the energy account only) and, if the forces depend on the time,
+    `time_scale(args)`. In them `q` and `v` are named tuples, both by the names of the coordinates.
+    Python and NumPy constants in what they return are structure: a mass matrix whose constant zeros
+    part the mechanism is treated part by part. Loads that jump at known times: `WithBreaks`.
+
+    **What follows**
+
+    - Modes: each contact slips backward, sticks, slips forward, or is open.
+    - Within a mode: Gauss' principle, with the contacts at rest as constraints
+      $n_c\cdot a = \dot w_c - \dot n_c\cdot v$; directions of contacts may depend on each other.
+    - Guards: for each contact the friction that is left to it [N], or its sliding speed in the sense of
+      its slip [m/s]; of dependent contacts the least part of their friction that is left together; the
+      normal force of one that opens, or may vanish.
+    - Transitions: a contact that stops is at rest, and stays so if the law of all contacts lets it; the
+      threshold is the greater of static and kinetic friction; what begins to slide is under kinetic
+      friction at once, which may start others at the same instant.
+    - A contact that does not open and loses its normal force ends the run with
+      `RESULTS.no_admissible_mode`; its guard is the last in the log.
+
+    **Limits.** Normal forces that depend on friction or accelerations (Painlevé) and impacts are not
+    covered. Dependent directions that vary, and surfaces of dependent contacts whose speeds vary, are
+    refused.
+
+    **Raises** `DeclarationError`, `ValueError` or `TypeError` that name what is declared wrongly,
+    before anything is compiled: directions of the wrong length, a mass matrix that is not positive
+    definite, a law that has no set-valued form, a normal force that is negative at the start.
+
+    ??? cite "Reference"
+
+        Ch. Glocker, *Set-Valued Force Laws*, Springer, 2001; F. Pfeiffer, Ch. Glocker, *Multibody
+        Dynamics with Unilateral Contacts*, Wiley, 1996.
+    """
+
+    coordinates: eqx.AbstractClassVar[Mapping[str, str]]
+    contact_directions: ClassVar[Mapping[str, Any]] = {}
+    velocities: ClassVar[Mapping[str, str]] = {}
+    opening: ClassVar[tuple[str, ...]] = ()
+
+    # -- what the user declares
+
+    @abc.abstractmethod
+    def mass_matrix(self, q: Any) -> Any:
+        """Inertia: a mass for each coordinate, or the rows of a symmetric positive definite matrix.
+
+        A mapping by coordinate or a sequence in their order, its entries numbers or again such rows.
+        """
+
+    @abc.abstractmethod
+    def force(self, t: Numeric, q: Any, v: Any, args: PyTree) -> Any:
+        """Generalised forces [N] other than those of the contacts, gyroscopic ones too.
+
+        A mapping by coordinate, where a missing one is 0, or a sequence in their order.
+        """
+
+    def contacts(self, t: Numeric, q: Any, v: Any, args: PyTree) -> Mapping[str, Contact]:
+        """A `Contact` for each name in `contact_directions`."""
+        return {}
+
+    def potential_energy(self, q: Any) -> Any:
+        """Potential energy [J] of those forces that have one; 0 if left out."""
+        return 0.0
+
+    # -- names and structure
+
+    def __check_init__(self):
+        check_declaration(self)
+
+    @property
+    def names(self) -> Names:
+        """Names of coordinates, velocities and contacts, and of the contacts that open."""
+        coordinates = tuple(self.coordinates)
+        velocities = tuple(self.velocities.get(name, f"v_{name}") for name in coordinates)
+        return Names(coordinates, velocities, tuple(self.contact_directions), tuple(self.opening))
+
+    @property
+    def directions(self) -> np.ndarray:
+        """Directions of the contacts `[contact, coordinate]`, NaN where `contacts` returns them."""
+        return directions_of(self.contact_directions, tuple(self.coordinates))
+
+    @property
+    def islands(self) -> tuple[Island, ...]:
+        """Groups of velocities that contacts and inertia couple."""
+        names, directions = self.names, self.directions
+        n = len(names.coordinates)
+        kind = coordinates_type(names.coordinates)
+        mass = traced_with(
+            lambda s, q: mass_of(s.mass_matrix(q), names.coordinates), self, kind(*[0.0] * n)
+        )
+        coupled = np.eye(n, dtype=bool)
+        if mass.full is not None:
+            coupled = np.array([[not is_zero(x) for x in row] for row in mass.full])
+            coupled = coupled | coupled.T
+        return islands_of(directions.tobytes(), directions.shape, coupled.tobytes())
+
+    @property
+    def lifting(self) -> tuple[int, ...]:
+        """Contacts that do not open, and whose normal force changes with time or state."""
+        names = self.names
+        n = len(names.coordinates)
+        kind = coordinates_type(names.coordinates)
+
+        def loads(system, t, q, v):
+            contacts = in_order("contacts(...)", system.contacts(t, q, v, None), names.contacts, "")
+            return [jnp.asarray(c.normal_force, jnp.float64) + 0.0 for c in contacts]
+
+        fixed = [c for c, name in enumerate(names.contacts) if name not in names.opening]
+        zero = jnp.zeros(())
+        try:
+            operands = (zero, kind(*[zero] * n), kind(*[zero] * n))
+            found = degrees(lambda t, q, v: loads(self, t, q, v), operands, (True,) * 3)
+        except Exception:
+            return tuple(fixed)  # it looks at `args`, which are not known here
+        return tuple(c for c in fixed if found[c] != NONE)
+
+    @property
+    def shared(self) -> tuple[Island, ...]:
+        """Islands whose resting contacts have one guard together."""
+        return tuple(island for island in self.islands if island.dependent)
+
+    @property
+    def mode_names(self) -> Any:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """`"slip backward"`, `"stick"`, `"slip forward"` or `"open"` of each contact."""
+        return ModeNames(len(self.contact_directions))
+
+    @property
+    def guard_names(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """One of each contact, one of each group of dependent contacts, one of each that may open."""
+        names = self.names
+        own = [f"{name} stops or gives way" for name in names.contacts]
+        for island in self.shared:
+            own.append(" and ".join(names.contacts[c] for c in island.rows) + " give way")
+        own += [f"{name} opens or closes" for name in names.opening]
+        own += [f"{names.contacts[c]} loses its normal force" for c in self.lifting]
+        return tuple(own)
+
+    @property
+    def units(self) -> dict[str, str]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Those of the coordinates, and of their rates."""
+        names, given = self.names, self.coordinates
+        rates = {
+            v: _per_second(given[q]) for q, v in zip(names.coordinates, names.velocities, strict=True)
+        }
+        return {**given, **rates}
+
+    # -- states
+
+    def state(self, **values: Numeric) -> Any:
+        """A state by the names of coordinates and velocities; what is left out is 0.
+
+        **Raises** `TypeError` for a name that is none, `ValueError` for what is not finite.
+        """
+        names = self.names
+        known = (*names.coordinates, *names.velocities)
+        for name in values:
+            if name not in known:
+                raise TypeError(f"state() has no component {name!r}: there are {', '.join(known)}.")
+        numbers = [as_parameter(check_finite(name, values.get(name, 0.0))) for name in known]
+        n = len(names.coordinates)
+        return self.from_coordinates(self._tuple(numbers[:n]), self._tuple(numbers[n:]))
+
+    def from_coordinates(self, q: Any, v: Any) -> Any:
+        """The state of these coordinates and velocities; linear, so that it takes rates too."""
+        names = self.names
+        return state_type((*names.coordinates, *names.velocities))(*q, *v)
+
+    def to_coordinates(self, y: Any) -> tuple[Any, Any]:
+        """Coordinates and velocities of a state, each under the names of the coordinates."""
+        names = self.names
+        return (
+            self._tuple([getattr(y, name) for name in names.coordinates]),
+            self._tuple([getattr(y, name) for name in names.velocities]),
+        )
+
+    def _tuple(self, entries: Any) -> Any:
+        return coordinates_type(tuple(self.coordinates))(*entries)
+
+    # -- one instant, and the hybrid system
+
+    def instant(self, t: Numeric, y: Any, args: PyTree) -> Instant:
+        """What the declaration says at time `t` in state `y`."""
+        return instant_of(self, t, *self.to_coordinates(y), args)
+
+    def vector_field(self, t, y, mode, args):
+        at, states = self.instant(t, y, args), states_of(mode, len(self.contact_directions))
+        for name, contact in zip(self.names.contacts, at.contacts, strict=True):
+            check_law(name, contact.law)
+        force, gamma = loaded(self, at, states), surface_accelerations(self, t, at, args)
+        a: list[Any] = [None] * len(at.force)
+        for island in self.islands:
+            motion = motion_of(island, at, states, force, gamma)
+            for j, x in zip(island.columns, motion.acceleration, strict=True):
+                a[j] = jnp.asarray(x, jnp.float64)
+        return self.from_coordinates(at.v, self._tuple(a))
+
+    def guards(self, t, y, mode, args):
+        return _changes.guards(self, t, y, mode, args)
+
+    def transition(self, t, y, mode, guard, args):
+        return _changes.transition(self, t, y, mode, guard, args)
+
+    @looks_at(t=reals, y=some_state)
+    def initial_mode(self, t, y, args):
+        return _changes.initial_mode(self, t, y, args)
+
+    def check_start(self, t, y, args):
+        """Raise `ValueError` for a contact that pulls at the start: no motion begins with it."""
+        fixed = [c for c, name in enumerate(self.names.contacts) if name not in self.opening]
+        if fixed and is_concrete((self, t, y, args)):
+            for c, load in zip(fixed, _loads_at(self, t, y, args), strict=True):
+                check_load(self.names.contacts[c], load)
+
+    # -- the same declaration in other forms
+
+    def regularised(self, v_reg: Numeric, kind: str = "tanh") -> "RegularisedMechanism":
+        """The mechanism with `Regularised` laws of the width `v_reg` [m/s]: a smooth system."""
+        from ._forms import RegularisedMechanism
+
+        return RegularisedMechanism(self, v_reg, kind)
+
+    def bristles(
+        self, kind: type[AbstractBristleLaw] = LuGre, **parameters: Numeric
+    ) -> "BristleMechanism":
+        """The mechanism with elastic bristles in its contacts: `bristles(LuGre, sigma_0=1e5)`."""
+        from ._forms import BristleMechanism
+
+        return BristleMechanism(self, kind, parameters)
+
+    # -- energy and observables
+
+    @looks_at(y=some_state)
+    def energy(self, y):
+        """Kinetic and potential energy [J]."""
+        q, v = self.to_coordinates(y)
+        momentum = mass_of(self.mass_matrix(q), self.names.coordinates).times(v)
+        return total((0.5 * dot(v, momentum), self.potential_energy(q)))
+
+    @looks_at(**OBSERVABLE)
+    def powers(self, t, y, mode, args):
+        r"""Powers into the energy [W], by name.
+
+        `forces`: of all declared forces but those that `potential_energy` accounts for;
+        `friction of NAME`, the loss $\lambda u$ in a contact; `drive of NAME`, the work $\lambda w$ of
+        its counter surface.
+        """
+        at = self.instant(t, y, args)
+        found = {"forces": self.declared_power(at, states_of(mode, len(at.contacts)))}
+        friction = self.friction_forces(t, y, mode, args)
+        for c, name in enumerate(self.names.contacts):
+            found[f"friction of {name}"] = friction[name] * at.speeds[c]
+            if not is_zero(at.contacts[c].surface_speed):
+                found[f"drive of {name}"] = friction[name] * at.contacts[c].surface_speed
+        return found
+
+    def declared_power(self, at: Instant, states: list) -> Any:
+        """Power of all forces but friction, less what the potential and the changing inertia take."""
+        force = list(at.force)
+        for c, s in enumerate(states):
+            force = pushed(self, force, at, c, s)
+
+        def stored(q):
+            momentum = mass_of(self.mass_matrix(q), self.names.coordinates).times(at.v)
+            zero = 0.0 * jnp.asarray(q[0], jnp.float64)
+            return total((0.5 * dot(at.v, momentum), self.potential_energy(q), zero))
+
+        q = jax.tree.map(lambda x: jnp.asarray(x, jnp.float64), at.q)
+        v = jax.tree.map(lambda x: jnp.asarray(x, jnp.float64), at.v)
+        _, rate = jax.jvp(stored, (q,), (v,))
+        return total((dot(force, at.v), rate))
+
+    @looks_at(**OBSERVABLE)
+    def friction_forces(self, t, y, mode, args=None) -> dict[str, Any]:
+        """Friction on the mechanism along each contact [N], by name.
+
+        Contacts at rest with dependent directions share a load in no unique way: those that lead bear
+        all of it.
+        """
+        at, states = self.instant(t, y, args), states_of(mode, len(self.contact_directions))
+        force, gamma = loaded(self, at, states), surface_accelerations(self, t, at, args)
+        found: dict[str, Any] = dict.fromkeys(self.names.contacts)
+        for island in self.islands:
+            motion = motion_of(island, at, states, force, gamma)
+            for c, borne in zip(island.rows, motion.force, strict=True):
+                contact, s = at.contacts[c], states[c]
+                slips = contact.law.slip_force(at.speeds[c], contact.normal_force, sense_of(s))
+                name = self.names.contacts[c]
+                found[name] = where(s == 0.0, borne, where(s == 2.0, 0.0, slips))
+        return found
+
+    @looks_at(**OBSERVABLE)
+    def normal_forces(self, t, y, mode=0, args=None) -> dict[str, Any]:
+        """Normal force in each contact [N], by name; 0 where it is open."""
+        at, states = self.instant(t, y, args), states_of(mode, len(self.contact_directions))
+        return {
+            name: where(s == 2.0, 0.0, contact.normal_force)
+            for name, contact, s in zip(self.names.contacts, at.contacts, states, strict=True)
+        }
+
+    @looks_at(**OBSERVABLE)
+    def relative_velocities(self, t, y, mode=0, args=None) -> dict[str, Any]:
+        """Sliding speed of each contact [m/s], by name."""
+        return dict(zip(self.names.contacts, self.instant(t, y, args).speeds, strict=True))
+
+
+@eqx.filter_jit
+def _loads_at(machine: AbstractMechanism, t, y, args) -> list[Any]:
+    at, names = machine.instant(t, y, args), machine.names
+    loads = zip(names.contacts, at.contacts, strict=True)
+    return [jnp.asarray(c.normal_force, jnp.float64) for name, c in loads if name not in names.opening]
+
+
+def _per_second(unit: str) -> str:
+    return {"1": "1/s"}.get(unit, f"{unit}/s")

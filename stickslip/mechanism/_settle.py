@@ -1,0 +1,178 @@
+"""Which contacts of an island begin to slide, and in which sense: their law at one instant."""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+
+from stickslip._fastmath import where
+
+from ._island import Island
+from ._scalars import Mass, any_of, dot, is_zero, minus, times, total
+
+MOST_PIVOTS = 128
+SLACK = 1e-11  # of all forces: overloads below it are rounding
+
+
+class Limits(NamedTuple):
+    """Friction that each contact can bear [N], from `low` <= 0 to `high` >= 0."""
+
+    low: list[Any]
+    high: list[Any]
+
+
+class _Search(NamedTuple):
+    states: list[Any]  # the face of the search: 0 at rest, else the sense
+    given: list[Any]  # senses that the friction of contacts without speed belongs to
+    acceleration: list[Any]
+    pivots: Any
+    settled: Any
+
+
+def settled(
+    island: Island,
+    M: Mass,
+    F: list,
+    J: list[list],
+    gamma: list,
+    static: Limits,
+    kinetic: Limits,
+    states: list,
+    started: list,
+    active: Any,
+) -> tuple[list[Any], Any]:
+    r"""States of all contacts an instant later: those without speed by the law of all contacts.
+
+    $$a = \arg\min \tfrac12 a^T M a - a^T F
+      + \sum_{c\ \text{without speed}} \phi_c(n_c\cdot a - \gamma_c)$$
+
+    For a contact at rest $\phi_c$ is its static friction times the relative acceleration. What begins
+    to slide is under kinetic friction from then on: kinetic ahead, static behind. That may make others
+    slide, or send one back that had only just begun. So the law is asked again, as time stepping with
+    steps of no length would, until the senses stay.
+
+    The minimum is found by the primal active-set method on the faces of the arrangement of the planes
+    $n_c\cdot a = \gamma_c$: go to the minimum of the face, or to the first contact that stops on the
+    way and rest it; at the minimum release what is overloaded most. The function falls from face to
+    face, so none returns.
+
+    **Arguments:** inertia, forces without the friction of contacts without speed, directions, relative
+    accelerations of the surfaces; the limits of friction; `states`, 0 for every contact at rest;
+    `started`, which contacts with a sense have no speed yet; `active`, whether the answer is wanted.
+
+    **Returns** the states and whether the search ended.
+    """
+    fixed = lax.stop_gradient((F, gamma, J, static, kinetic, states))
+    F, gamma, J, static, kinetic, states = fixed
+    M = Mass(lax.stop_gradient(M.diagonal), lax.stop_gradient(M.full))
+    standing = [(s == 0.0) | start for s, start in zip(states, started, strict=True)]
+    if island.m == 1:
+        # The law of one contact: what it bears at rest decides.
+        borne = island.motion(M, F, J, [jnp.ones_like(standing[0])], gamma).force[0]
+        low, high = static.low[0], static.high[0]
+        leaves = where(borne > high, -1.0, where(borne < low, 1.0, 0.0))
+        after = where(states[0] == 0.0, leaves, states[0])
+        return [after], jnp.ones_like(standing[0])
+    size = _size(island, F, J, static)
+    still = SLACK * size
+    slow = (
+        0.1 * still / _inertia(island, M, J)
+    )  # slower than what an overload of this size brings about
+    zero = jnp.zeros_like(size)
+    # At its limit without a drop of friction a contact begins with no acceleration, but it begins.
+    creeping = [
+        start & where(s > 0.0, static.low[c] == kinetic.low[c], static.high[c] == kinetic.high[c])
+        for c, (start, s) in enumerate(zip(started, states, strict=True))
+    ]
+
+    def pivot(now: _Search) -> _Search:
+        low, high, load = [], [], list(F)
+        for c, (s, given, stands) in enumerate(zip(now.states, now.given, standing, strict=True)):
+            least = where(given > 0.0, kinetic.low[c], static.low[c])
+            most = where(given < 0.0, kinetic.high[c], static.high[c])
+            # The middle of the interval is a force, so that what is left to bear lies around 0.
+            middle = 0.5 * (least + most)
+            low.append(least - middle)
+            high.append(most - middle)
+            friction = where(stands, where(s > 0.0, least, where(s < 0.0, most, middle)), 0.0)
+            load = [total((f, times(j, friction))) for f, j in zip(load, J[c], strict=True)]
+        rest = [s == 0.0 for s in now.states]
+        found = island.motion(M, load, J, rest, gamma)
+        share, first = jnp.full_like(size, 2.0), jnp.full_like(now.pivots, -1)
+        for c, s in enumerate(now.states):
+            before = jnp.maximum(s * minus(dot(J[c], now.acceleration), gamma[c]), 0.0)
+            after = s * minus(dot(J[c], found.acceleration), gamma[c])
+            stops = standing[c] & ~rest[c] & (after < slow)
+            path = where(stops, before / (before - after + 2.0 * slow), 2.0)
+            sooner = path < share
+            share, first = where(sooner, path, share), where(sooner, jnp.int32(c), first)
+        blocked, part = first >= 0, jnp.clip(share, 0.0, 1.0)
+        reached = [
+            where(blocked, a + part * (b - a), b)
+            for a, b in zip(now.acceleration, found.acceleration, strict=True)
+        ]
+        # Of dependent contacts those that have no speed and would have none by the others' rest.
+        stopped = island.closed([r | (first == c) for c, r in enumerate(rest)], standing)
+        used, released = island.onset(low, high, rest, found, slack=still)
+        overloaded = ~blocked & (used > 1.0)
+        states_now = [
+            where(blocked & r, 0.0, where(overloaded & (s == 0.0), way, s))
+            for r, way, s in zip(stopped, released, now.states, strict=True)
+        ]
+        minimum = ~blocked & ~overloaded
+        ends = [
+            where(creeps & (s == 0.0), old, s)
+            for creeps, old, s in zip(creeping, states, now.states, strict=True)
+        ]
+        changed = any_of(s != given for s, given in zip(ends, now.given, strict=True))
+        again, done = minimum & changed, minimum & ~changed
+        # The next search begins at rest: started on the face found, all its speeds zero, it could
+        # stop and release the same contacts for ever.
+        states_now = [
+            where(again & stands, 0.0, where(done, end, s))
+            for stands, end, s in zip(standing, ends, states_now, strict=True)
+        ]
+        given = [where(again, end, g) for end, g in zip(ends, now.given, strict=True)]
+        reached = [where(again, start, a) for start, a in zip(origin, reached, strict=True)]
+        return _Search(states_now, given, reached, now.pivots + 1, done)
+
+    face = [where(stands, 0.0, s) for stands, s in zip(standing, states, strict=True)]
+    origin = [zero] * island.n
+    if not all(map(is_zero, gamma)):
+        origin = island.motion(M, origin, J, standing, gamma).acceleration
+    given = [jnp.asarray(s) for s in states]
+    start = _Search(face, given, origin, jnp.zeros_like(size, jnp.int32), ~active)
+    end = lax.while_loop(
+        lambda now: ~now.settled & (now.pivots < MOST_PIVOTS), pivot, jax.tree.map(jnp.asarray, start)
+    )
+    return list(end.states), end.settled
+
+
+def _levers(island: Island, J: list[list]) -> list[Any]:
+    """Contact speed per unit of each velocity: coordinates may have different units."""
+    levers: list[Any] = []
+    for j in range(island.n):
+        largest: Any = 0.0
+        for row in J:
+            if not is_zero(row[j]):
+                size = abs(row[j]) if isinstance(row[j], float) else jnp.abs(row[j])
+                largest = size if is_zero(largest) else jnp.maximum(largest, size)
+        levers.append(largest)
+    return levers
+
+
+def _size(island: Island, F: list, J: list[list], static: Limits) -> Any:
+    """All forces at the contacts together [N]."""
+    borne = [high - low for low, high in zip(static.low, static.high, strict=True)]
+    levers = _levers(island, J)
+    loads = [jnp.abs(f) / x for f, x in zip(F, levers, strict=True) if not is_zero(x)]
+    return total((*borne, *loads)) + 1e-300
+
+
+def _inertia(island: Island, M: Mass, J: list[list]) -> Any:
+    """All inertia that contacts feel together [kg]."""
+    diagonal = M.diagonal or [row[i] for i, row in enumerate(M.full or [])]
+    levers = _levers(island, J)
+    parts = ((m, x) for m, x in zip(diagonal, levers, strict=True) if not is_zero(x))
+    return total(times(m, 1.0 / (x * x)) for m, x in parts)
