@@ -1,9 +1,11 @@
 """Reverse sweep through a simulation, with memory bounded by checkpoints.
 
-Only accepted attempts carry derivatives. The motion is computed once more, its state kept every
-block; then, block by block from the end, the accepted attempts of a block are dumped and walked
-backwards. Each is a Runge-Kutta step, at an event followed by the Newton correction of the event
-time and the transition, so its transpose is the transpose of the saltation formula.
+The motion is run once more, in segments whose attempts are put on a tape. Where it ends within its
+first segment, the tape is walked backwards at once, and nothing is computed twice. Of a longer run the
+lane is kept at the start of every segment of the present chapter, and of every chapter; segment by
+segment from the end the tape is then written again, after a chapter that is not the last has been run
+through again. So one segment costs one forward sweep, a chapter two, and any longer run three, besides
+the walk back. The memory is a tape, and a lane for twice the root of the number of segments.
 """
 
 import math
@@ -14,221 +16,216 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ._attempt import attempt
-from ._event_time import event_delay
-from ._lane import EVENT, Lane, Outcome, Plan, accepted, is_event, moved_on
-from ._loop import running
-from ._record import Logs, Record
-from ._tree import select, shift, write_row
+from ._lane import Lane, Plan, accepted
+from ._loop import run_block, running
+from ._pull import Tape, pull, tape_row
+from ._tree import write_row
+
+BLOCK = 8  # attempts after which it is asked whether the lanes have ended
+BLOCK_FUSED = 32  # the same where to enter the loop costs as much as an attempt
+SEGMENT = 256  # most rows of the tape
 
 
-class Tape(NamedTuple):
-    """One attempt as the reverse sweep needs it: where it started, its length, what became of it."""
+class Layout(NamedTuple):
+    """How a run is divided: rows of a segment, segments of a chapter, chapters."""
 
-    code: Any
-    guard: Any
-    t: Any
-    y: PyTree
-    dy: PyTree
-    mode: Any
-    h: Any
-    event_number: Any
-    crossing_numbers: tuple
-    fired: tuple
-    output_number: Any
-    landed: Any
-    step_number: Any
+    block: int  # rows that are written and walked through together
+    rows: int
+    segments: int
+    chapters: int
 
+    def place(self, number: Any) -> Any:
+        """Where the start of a segment is kept: with the chapters or, within one, by its number."""
+        page = number % self.segments
+        return jnp.where(page == 0, self.segments + number // self.segments, page)
 
-def block_length(max_steps: int) -> int:
-    """Attempts between checkpoints: the root of their number balances both memories."""
-    return min(256, max(16, math.isqrt(max(max_steps - 1, 1)) + 1))
+    @property
+    def places(self) -> int:
+        """One more than are needed, for what comes after the last segment."""
+        return self.segments + self.chapters + 1
 
 
-def adjoint(inputs, fixed, plan: Plan, spec: Record, cotangents, make_start) -> PyTree:
-    """Cotangents of `inputs = (theta, t0, y0)` for the cotangents of the smooth results."""
-    theta, t0, y0 = inputs
-    mode0, t1, outputs = fixed
-    size = block_length(plan.max_steps)
-    blocks = -(-plan.max_steps // size)
-    first = make_start(plan, inputs, mode0)
-    steps0 = jnp.zeros_like(mode0)
-
-    def forward(carry):
-        number, lane, steps, kept = carry
-        kept = write_row(kept, (lane, steps), number)
-        lane, steps = _advance(plan, theta, lane, steps, t1, outputs, size)
-        return number + 1, lane, steps, kept
-
-    kept = jax.tree.map(lambda a: jnp.zeros((blocks, *a.shape), a.dtype), (first, steps0))
-    number, _, _, kept = jax.lax.while_loop(
-        lambda c: running(c[1]) & (c[0] < blocks),
-        forward,
-        (jnp.zeros((), jnp.int32), first, steps0, kept),
-    )
-
-    varied, held = eqx.partition(theta, eqx.is_inexact_array)
-    zero = jax.tree.map(jnp.zeros_like, (varied, t0, y0, y0))
-    bars = (
-        zero[0],
-        zero[1] + cotangents.t,
-        _add(zero[2], cotangents.y),
-        zero[3],
-    )
-
-    def backward(carry):
-        number, bars = carry
-        lane, steps = jax.tree.map(lambda buffer: buffer[number - 1], kept)
-        rows = _tape(plan, theta, lane, steps, t1, outputs, size)
-
-        def sweep(varied, rows, bars, logs):
-            def body(bars, row):
-                return _pull(plan, spec, varied, held, row, bars, logs), None
-
-            return jax.lax.scan(body, bars, rows, reverse=True)[0]
-
-        bars = plan.execute.loop(sweep, varied, rows, bars, cotangents.logs)
-        return number - 1, bars
-
-    _, bars = jax.lax.while_loop(lambda c: c[0] > 0, backward, (number, bars))
-    theta_bar, t_bar, y_bar, _ = bars
-    return theta_bar, t_bar, y_bar
+def layout(max_steps: int, fused: bool) -> Layout:
+    """A tape for the whole run, up to `SEGMENT`; as many segments in a chapter as chapters."""
+    block = BLOCK_FUSED if fused else BLOCK
+    rows = -(-min(max_steps, SEGMENT) // block) * block
+    number = -(-max_steps // rows)
+    segments = math.isqrt(number - 1) + 1
+    return Layout(block, rows, segments, -(-number // segments))
 
 
-def _counted(steps, code):
-    return steps + jnp.where(accepted(code), 1, 0).astype(steps.dtype)
+class _Sweep(NamedTuple):
+    number: Any  # segment to run next
+    goal: Any  # segment to walk back through next; beyond all of them until the last one is known
+    kept: PyTree  # starts of segments
+    bars: PyTree  # cotangents before what has been walked through
 
 
-def _advance(plan: Plan, theta, lane: Lane, steps, t1, outputs, size):
-    def whole(theta, lane, steps, t1, outputs):
+def adjoint(inputs, fixed, wanted, plan: Plan, cotangents, make_start) -> PyTree:
+    """Cotangents of `inputs = (theta, t0, y0)` for the cotangents of the smooth results.
+
+    `wanted`: a tree of flags like `inputs`; the others get None. A log without cotangents is None.
+    """
+    leaves, form = jax.tree.flatten((inputs, fixed, plan, cotangents))
+    dynamic = [eqx.is_array(leaf) for leaf in leaves]
+    out_form: Any = None
+
+    def swept(axes, values):
+        nonlocal out_form
+        values = iter(values)
+        filled = [next(values) if moves else leaf for leaf, moves in zip(leaves, dynamic, strict=True)]
+        given = _Given(*jax.tree.unflatten(form, filled))
+        if axes is not None:
+            axes = iter(axes)
+            places = [next(axes) if moves else None for moves in dynamic]
+            axes = _Given(*jax.tree.unflatten(form, places))
+        bars, out_form = jax.tree.flatten(_swept(given, axes, wanted, make_start))
+        return bars
+
+    # Batched by hand: the tape then lies with the lanes of an attempt side by side, and a row is
+    # written by one contiguous store.
+    @jax.custom_batching.custom_vmap
+    def run(*values):
+        return swept(None, values)
+
+    @run.def_vmap
+    def run_batch(size, batched, *values):
+        bars = swept([0 if moves else None for moves in batched], values)
+        return bars, [True] * len(bars)
+
+    bars = run(*(leaf for leaf, moves in zip(leaves, dynamic, strict=True) if moves))
+    return jax.tree.unflatten(out_form, bars)
+
+
+class _Given(NamedTuple):
+    inputs: Any
+    fixed: Any
+    plan: Any
+    cotangents: Any
+
+
+def _swept(given: _Given, axes: _Given | None, wanted, make_start) -> PyTree:
+    """The sweep, of one lane or, where the operands have `axes`, of a batch."""
+
+    def mapped(function, *others: int, out: Any = 0):
+        """`function(given, *operands)` of the lanes; `others`: the axes of the operands."""
+        if axes is None:
+            return lambda *operands: function(given, *operands)
+        batched = jax.vmap(function, in_axes=(axes, *others), out_axes=out)
+        return lambda *operands: batched(given, *operands)
+
+    plan, logs = given.plan, given.cotangents.logs
+    parts = layout(plan.max_steps, plan.execute.fused)
+    number = jnp.zeros((), jnp.int32)
+    attempted = mapped(lambda given, lane: _attempted(given, parts.block, lane), 0, out=(0, 1))
+    pulled = mapped(lambda given, rows, bars: _pulled(given, wanted, rows, bars), 1, 0)
+
+    def begin(given: _Given):
+        mode0 = given.fixed[0]
+        lane = make_start(given.plan, given.inputs, mode0)
+        return lane, None if logs.steps is None else jnp.zeros_like(mode0)
+
+    def ends(given: _Given):
+        (theta, t0, y0), results = given.inputs, given.cotangents
+        zero = jax.tree.map(jnp.zeros_like, (eqx.filter(theta, wanted[0]), t0, y0))
+        return zero[0], zero[1] + results.t, jax.tree.map(jnp.add, zero[2], results.y), zero[2]
+
+    def ahead(begun):
+        """One segment, put on a tape: where it ends, the tape, number of its rows."""
+
         def body(carry):
-            count, lane, steps = carry
-            lane, outcome = attempt(plan, theta, lane, t1, outputs)
-            return count + 1, lane, _counted(steps, outcome.code)
+            count, (lane, steps), tape = carry
+            lane, rows = attempted(lane)
+            goes = accepted(rows.code)
+            if steps is not None:
+                done = steps[None] + jnp.cumsum(goes, axis=0, dtype=steps.dtype)
+                rows, steps = rows._replace(step_number=done - goes.astype(steps.dtype)), done[-1]
+            return count + parts.block, (lane, steps), _write_rows(tape, rows, count)
 
-        start = (jnp.zeros((), jnp.int32), lane, steps)
-        return jax.lax.while_loop(lambda c: (c[0] < size) & running(c[1]), body, start)[1:]
+        def goes_on(carry):
+            return (carry[0] < parts.rows) & running(carry[1][0])
 
-    return plan.execute.loop(whole, theta, lane, steps, t1, outputs)
+        count, begun, tape = jax.lax.while_loop(goes_on, body, (number, begun, empty))
+        return begun, tape, count
 
+    def back(count, tape, bars):
+        """Cotangents before the first `count` rows of the tape from those after them."""
 
-def _tape(plan: Plan, theta, lane: Lane, steps, t1, outputs, size):
-    def whole(theta, lane, steps, t1, outputs):
-        def body(carry, _):
-            lane, steps = carry
-            after, outcome = attempt(plan, theta, lane, t1, outputs)
-            return (after, _counted(steps, outcome.code)), _tape_row(lane, after, outcome, steps)
+        def body(carry):
+            count, bars = carry
+            return count - parts.block, pulled(_read_rows(tape, count - parts.block, parts.block), bars)
 
-        return jax.lax.scan(body, (lane, steps), None, length=size)[1]
+        return jax.lax.while_loop(lambda carry: carry[0] > 0, body, (count, bars))[1]
 
-    return plan.execute.loop(whole, theta, lane, steps, t1, outputs)
+    def body(now: _Sweep):
+        begun = _read_row(now.kept, parts.place(now.number))
+        begun, tape, count = ahead(begun)
+        kept = write_row(now.kept, begun, parts.place(now.number + 1))
+        # The last segment is known when it has been run for the first time.
+        found = (now.goal == total) & ~(running(begun[0]) & (now.number < total - 1))
+        meets = found | (now.number == now.goal)
+        bars = back(jnp.where(meets, count, 0), tape, now.bars)
+        goal = jnp.where(meets, now.number - 1, now.goal)
+        # Before the start of this chapter, the segments of another have to be found again.
+        turned = jnp.where(
+            now.number % parts.segments == 0, goal // parts.segments * parts.segments, goal
+        )
+        return _Sweep(jnp.where(meets, turned, now.number + 1), goal, kept, bars)
 
-
-def _tape_row(before: Lane, after: Lane, outcome: Outcome, steps) -> Tape:
-    return Tape(
-        code=outcome.code,
-        guard=outcome.guard,
-        t=before.t,
-        y=before.y,
-        dy=before.dy,
-        mode=before.mode,
-        h=before.h,
-        event_number=before.events,
-        crossing_numbers=before.crossings,
-        fired=tuple(f.astype(jnp.int32) for f in outcome.fired),
-        output_number=before.next_output,
-        landed=outcome.landed.astype(jnp.int32),
-        step_number=steps,
-    )
-
-
-def _add(a, b):
-    return jax.tree.map(jnp.add, a, b)
-
-
-def _row_bar(log, number, present):
-    """Cotangent of one row of a log, zero where this attempt wrote none."""
-    size = jax.tree.leaves(log)[0].shape[0]
-    place = jnp.minimum(number, size - 1).astype(jnp.int32)
-    present = present & (number < size)
-    return jax.tree.map(lambda a: jnp.where(present, a[place], 0.0), log)
+    total = parts.segments * parts.chapters
+    begun = mapped(begin)()
+    kept = write_row(_room(begun, parts.places), begun, parts.place(number))
+    rows = jax.eval_shape(attempted, begun[0])[1]
+    if begun[1] is not None:
+        rows = rows._replace(step_number=begun[1][None])
+    empty = jax.tree.map(lambda a: jnp.zeros((parts.rows, *a.shape[1:]), a.dtype), rows)
+    start = _Sweep(number, number + total, kept, mapped(ends)())
+    return jax.lax.while_loop(lambda now: now.goal >= 0, body, start).bars[:3]
 
 
-def _pull(plan: Plan, spec: Record, varied, held, row: Tape, bars, logs: Logs):
-    """Cotangents before one attempt from those after it."""
-    theta_bar, t_bar, y_bar, dy_bar = bars
-    once = plan.execute.boundary
-    event, moved = is_event(row.code), moved_on(row.code)
+def _attempted(given: _Given, block: int, lane: Lane):
+    """A block of attempts: the lane after them, and their rows."""
+    plan, (theta, _, _), (_, t1, outputs) = given.plan, given.inputs, given.fixed
 
-    # Cotangents of the rows this attempt wrote into the logs.
-    before_bar = jax.tree.map(jnp.zeros_like, y_bar)
-    after_bar, time_bar = before_bar, jnp.zeros_like(t_bar)
-    states = [
-        (logs.outputs, row.output_number, row.landed == 1),
-        (logs.steps, row.step_number, event | moved),
-    ]
-    for log, number, present in states:
-        if log is not None and jax.tree.leaves(log):
-            bar = _row_bar(log, number, present)
-            time_bar = time_bar + bar.t
-            before_bar = _add(before_bar, bar.y)
-    if logs.events is not None:
-        bar = _row_bar(logs.events, row.event_number, event)
-        time_bar = time_bar + bar.t
-        before_bar, after_bar = _add(before_bar, bar.y_before), _add(after_bar, bar.y_after)
+    def dump(before, after, outcome):
+        return tape_row(plan, given.cotangents.logs, before, outcome)
 
-    def field(varied, t, y):
-        system, args = eqx.combine(varied, held)
-        return system.vector_field(t, y, row.mode, args)
-
-    zero = jax.tree.map(jnp.zeros_like, y_bar)
-
-    def end(y1, dy1):
-        """Cotangents of the end of the Runge-Kutta step, and those of parameters and time there."""
-        end_t_bar = jnp.where(event | moved, t_bar + time_bar, 0.0)
-        y1_bar = select(moved, _add(y_bar, before_bar), zero)
-        dy1_bar = select(moved, dy_bar, zero)
-        if not plan.functions.num_guards:
-            return (y1_bar, dy1_bar), (jax.tree.map(jnp.zeros_like, varied), end_t_bar)
-        end_theta, jump_t, jump_y1 = once(
-            lambda *a: _pull_jump(plan, held, *a),
-            varied, row, y1, dy1, jnp.where(event, end_t_bar, 0.0),
-            select(event, before_bar, zero), select(event, _add(y_bar, after_bar), zero),
-        )  # fmt: skip
-        end_t_bar = jnp.where(event, jump_t, end_t_bar)
-        return (select(event, jump_y1, y1_bar), dy1_bar), (end_theta, end_t_bar)
-
-    (end_theta, end_t_bar), (step_theta, step_t, step_y, step_dy) = plan.stepper.vjp(
-        field, varied, row.t, row.y, row.dy, row.h, end, plan.execute
-    )
-    used = event | moved
-    start_t_bar = jnp.where(used, end_t_bar + step_t, t_bar)
-    start_y_bar = select(used, step_y, y_bar)
-    for log, number, f in zip(logs.crossings, row.crossing_numbers, row.fired, strict=True):
-        if jax.tree.leaves(log):
-            bar = _row_bar(log, number, f == 1)
-            start_t_bar, start_y_bar = start_t_bar + bar.t, _add(start_y_bar, bar.y)
-    return (
-        jax.tree.map(lambda a, b, c: a + jnp.where(used, b + c, 0.0), theta_bar, end_theta, step_theta),
-        start_t_bar,
-        start_y_bar,
-        select(moved, step_dy, select(event, _add(dy_bar, step_dy), dy_bar)),
-    )
+    return run_block(plan, theta, lane, t1, outputs, block, dump)
 
 
-def _pull_jump(plan: Plan, held, varied, row: Tape, y1, dy1, t_bar, before_bar, after_bar):
-    def end(varied, t, y1):
-        system, args = eqx.combine(varied, held)
-        functions = plan.functions
-        values = functions.evaluate(system, t, y1, dy1, row.mode, args)
-        value, rate = values.value[0], values.rate[0]
-        for i in range(1, functions.num_guards):
-            value = jnp.where(row.guard == i, values.value[i], value)
-            rate = jnp.where(row.guard == i, values.rate[i], rate)
-        dt = event_delay(value, jax.lax.stop_gradient(rate), row.code == EVENT)
-        before = shift(y1, dy1, dt)
-        after, _ = system.transition(t + dt, before, row.mode, row.guard, args)
-        return t + dt, before, after
+def _pulled(given: _Given, wanted, rows: Tape, bars):
+    """Cotangents before a block of attempts from those after it."""
+    plan, mode0, logs = given.plan, given.fixed[0], given.cotangents.logs
+    varied, held = eqx.partition(given.inputs[0], wanted[0])
 
-    _, pull = jax.vjp(end, varied, row.t + row.h, y1)
-    return pull((t_bar, before_bar, after_bar))
+    def sweep(varied, rows, bars, logs, mode0):
+        def body(bars, row):
+            row = row if row.mode is not None else row._replace(mode=mode0)
+            return pull(plan, varied, held, row, bars, logs), None
+
+        return jax.lax.scan(body, bars, rows, reverse=True)[0]
+
+    return plan.execute.loop(sweep, varied, rows, bars, logs, mode0)
+
+
+def _room(tree, count: int):
+    return jax.tree.map(lambda a: jnp.zeros((count, *a.shape), a.dtype), tree)
+
+
+def _write_rows(buffers, rows, start):
+    def write(buffer, rows):
+        places = (start, *(jnp.zeros((), jnp.int32),) * (buffer.ndim - 1))
+        return jax.lax.dynamic_update_slice(buffer, rows, places)
+
+    return jax.tree.map(write, buffers, rows)
+
+
+def _read_rows(buffers, start, count: int):
+    return jax.tree.map(lambda a: jax.lax.dynamic_slice_in_dim(a, start, count), buffers)
+
+
+def _read_row(rows, index):
+    def read(buffer):
+        return jax.lax.dynamic_index_in_dim(buffer, index, 0, keepdims=False)
+
+    return jax.tree.map(read, rows)

@@ -136,19 +136,44 @@ def _tangent_jvp(primals, tangents):
     return out, eqxi.filter_primitive_bind(_tangent_p, t_t_inputs, *primals[1:])
 
 
-@eqxi.filter_primitive_transpose(materialise_zeros=True)  # pyright: ignore[reportCallIssue]
+@eqxi.filter_primitive_transpose
 def _tangent_transpose(operands, cotangents):
     t_inputs, inputs, fixed, plan, spec, like = operands
 
     def is_linear(x):
         return isinstance(x, jax.interpreters.ad.UndefinedPrimal)
 
-    wanted = jax.tree.map(is_linear, t_inputs, is_leaf=is_linear)
+    wanted = jax.tree.map(is_linear, t_inputs, is_leaf=lambda x: x is None or is_linear(x))
     inputs, fixed = eqxi.nondifferentiable((inputs, fixed), msg=f"stickslip: no {_NO_SECOND}")
-    bars = adjoint(inputs, fixed, plan, spec, cotangents, _raw_start)
-    bars = jax.tree.map(lambda w, b: b if w else None, wanted, bars, is_leaf=lambda x: x is None)
+    bars = adjoint(inputs, fixed, wanted, plan, _with_zeros(cotangents, like), _raw_start)
+    bars = jax.tree.map(lambda w, b: b if w else None, wanted, bars)
     nones = [jax.tree.map(lambda _: None, x) for x in (inputs, fixed, plan, spec, like)]
     return (bars, *nones)
+
+
+def _with_zeros(cotangents: Smooth, like: Smooth) -> Smooth:
+    """The cotangents with their zeros written out, but None for a log that has none else."""
+
+    def filled(given, like):
+        def fill(s, bar):
+            return jnp.zeros(s.shape, s.dtype) if bar is None else bar
+
+        return jax.tree.map(fill, like, given)
+
+    def log(given, like):
+        return filled(given, like) if jax.tree.leaves(given) else None
+
+    logs, forms = cotangents.logs, like.logs
+    return Smooth(
+        filled(cotangents.t, like.t),
+        filled(cotangents.y, like.y),
+        Logs(
+            events=log(logs.events, forms.events),
+            crossings=tuple(map(log, logs.crossings, forms.crossings)),
+            outputs=log(logs.outputs, forms.outputs),
+            steps=log(logs.steps, forms.steps),
+        ),
+    )
 
 
 def _raw_start(plan, inputs, mode0):

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 
 # An event is accepted when the Newton correction that is left is this fraction of the full step;
 # the correction is then applied, so that its square is the location error.
-TOLERANCE = 1e-10
+TOLERANCE = 1e-11
 TOLERANCE_SECTION = 1e-6  # sections are corrected after the run with their exact rate
 # Steep on one side and flat on the other, interpolation may creep; halving now and then bounds it.
 BISECT_EVERY = 8

@@ -14,6 +14,7 @@ from jaxtyping import PyTree
 from .._types import Numeric
 from . import _rolled, _tableau
 from ._alone import alone_or_batched
+from ._pieces import in_pieces
 from ._tree import combine, weighted
 from ._xla import Executor, piece
 
@@ -141,9 +142,10 @@ class ExplicitRungeKutta(AbstractStepper):
         y1 = _moved(execute, y, slopes, h, weights=tab.b)
         dy1 = slope(theta, t + h, y1)
 
-        @execute.shared
-        def pull(theta, t, y, bar):
+        def pulled(theta, t, y, bar):
             return jax.vjp(field, theta, t, y)[1](bar)
+
+        pull = in_pieces(execute, pulled)
 
         (y1_bar, dy1_bar), extra = end(y1, dy1)
         theta_bar, t_bar, pulled = pull(theta, t + h, y1, dy1_bar)

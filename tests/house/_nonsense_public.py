@@ -38,7 +38,9 @@ CALLED_BY_ENGINE = "what an author writes and the engine calls, inside of its pr
 BUILT_BY_ENGINE = "what the engine asks its own parts, inside of its programs"
 # Public methods that are not fed nonsense, by name or by class and name.
 EXEMPT_METHODS = {
-    **dict.fromkeys(("vector_field", "guards", "transition", "inner", "time_scale"), CALLED_BY_ENGINE),
+    **dict.fromkeys(
+        ("vector_field", "guards", "transition", "inner", "time_scale", "check_start"), CALLED_BY_ENGINE
+    ),
     "AbstractSmoothSystem.initial_mode": "there is one mode, whatever is given",
     "AbstractSystemWrapper.initial_mode": "takes what the author's `inner` takes",
     **dict.fromkeys(

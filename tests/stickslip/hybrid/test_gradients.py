@@ -79,25 +79,29 @@ def test_derivatives_of_event_times():
 
 
 def test_curved_guard_and_explicit_time():
-    """Ball on a floor that moves as s t + c t^2/2: impact where the parabolas meet."""
+    """Ball on a floor that moves as s t + c t^2/2: impact where the parabolas meet.
+
+    It starts at a time of its own, on which the impact depends by way of the floor.
+    """
 
     def times(p):
-        slope, curvature, x0, v0 = p
+        slope, curvature, x0, v0, t0 = p
         run = ss.simulate(
-            Flight(-1.0, 0.5, slope, curvature), 0.0, 2.0, State(x0, v0), 0,
+            Flight(-1.0, 0.5, slope, curvature), t0, 2.0, State(x0, v0), 0,
             integrator=fixed(0.5, "rk4"), max_events=1,
         )  # fmt: skip
         return jnp.stack([run.events.t[0], run.y1.x, run.y1.v])
 
     def exact(p):
-        slope, curvature, x0, v0 = p
-        b, a = v0 - slope, 0.5 * (-1.0 - curvature)
-        t = (-b - jnp.sqrt(b * b - 4 * a * x0)) / (2 * a)
+        slope, curvature, x0, v0, t0 = p
+        height = x0 - slope * t0 - 0.5 * curvature * t0 * t0
+        b, a = v0 - slope - curvature * t0, 0.5 * (-1.0 - curvature)
+        t = (-b - jnp.sqrt(b * b - 4 * a * height)) / (2 * a)
         v = -0.5 * (v0 - t)
-        x, rest = x0 + v0 * t - 0.5 * t * t, 2.0 - t
-        return jnp.stack([t, x + v * rest - 0.5 * rest * rest, v - rest])
+        x, rest = x0 + v0 * t - 0.5 * t * t, 2.0 - t0 - t
+        return jnp.stack([t0 + t, x + v * rest - 0.5 * rest * rest, v - rest])
 
-    p = jnp.array([-0.2, 0.3, 1.0, 0.1])
+    p = jnp.array([-0.2, 0.3, 1.0, 0.1, 0.15])
     value, forward, reverse = value_and_jacobians(times, p)
     expected, slopes = jax.jit(lambda p: (exact(p), jax.jacfwd(exact)(p)))(p)
     np.testing.assert_allclose(value, expected, atol=1e-13)

@@ -1,0 +1,156 @@
+"""Cotangents through one accepted attempt: the transpose of a step, at an event of its saltation.
+
+Nothing of the step-size control is here, nor any guard but the one that fired: a step is known by where
+it started, its length and its mode, and an event by the formula of its time.
+"""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import PyTree
+
+from ._event_time import event_delay
+from ._lane import EVENT, Lane, Outcome, Plan, is_event, moved_on
+from ._record import Logs
+from ._tree import select, shift
+
+
+class Tape(NamedTuple):
+    """One attempt as the reverse sweep needs it: where it started, its length, what became of it.
+
+    Places in logs are None where the log has no cotangent.
+    """
+
+    code: Any
+    guard: Any
+    t: Any
+    y: PyTree
+    dy: PyTree
+    mode: Any
+    h: Any
+    event_number: Any
+    crossing_numbers: tuple
+    fired: tuple
+    output_number: Any
+    landed: Any
+    step_number: Any
+
+
+def tape_row(plan: Plan, logs: Logs, before: Lane, outcome: Outcome) -> Tape:
+    """The row of an attempt, with places in those `logs` that have cotangents.
+
+    What no attempt changes is left out, and the number of the step, which nobody has counted here.
+    """
+    crossed = [
+        (None, None) if log is None else (number, fired.astype(jnp.int32))
+        for log, number, fired in zip(logs.crossings, before.crossings, outcome.fired, strict=True)
+    ]
+    outputs, guards = logs.outputs is not None, plan.functions.num_guards > 0
+    return Tape(
+        code=outcome.code,
+        guard=outcome.guard if guards else None,
+        t=before.t,
+        y=before.y,
+        dy=before.dy,
+        mode=before.mode if guards else None,
+        h=before.h,
+        event_number=None if logs.events is None else before.events,
+        crossing_numbers=tuple(number for number, _ in crossed),
+        fired=tuple(fired for _, fired in crossed),
+        output_number=before.next_output if outputs else None,
+        landed=outcome.landed.astype(jnp.int32) if outputs else None,
+        step_number=None,
+    )
+
+
+def _add(a, b):
+    return jax.tree.map(jnp.add, a, b)
+
+
+def _row_bar(log, number, present):
+    """Cotangent of one row of a log, zero where this attempt wrote none."""
+    size = jax.tree.leaves(log)[0].shape[0]
+    place = jnp.minimum(number, size - 1).astype(jnp.int32)
+    present = present & (number < size)
+    return jax.tree.map(lambda a: jnp.where(present, a[place], 0.0), log)
+
+
+def pull(plan: Plan, varied: PyTree, held: PyTree, row: Tape, bars: tuple, logs: Logs) -> tuple:
+    """Cotangents `(theta, t, y, dy)` before one attempt from those after it."""
+    theta_bar, t_bar, y_bar, dy_bar = bars
+    once = plan.execute.boundary
+    event, moved = is_event(row.code), moved_on(row.code)
+
+    # Cotangents of the rows this attempt wrote into the logs.
+    before_bar = jax.tree.map(jnp.zeros_like, y_bar)
+    after_bar, time_bar = before_bar, jnp.zeros_like(t_bar)
+    used = event | moved
+    for log, number, present in (
+        (logs.outputs, row.output_number, None if row.landed is None else row.landed == 1),
+        (logs.steps, row.step_number, used),
+    ):
+        if log is not None:
+            bar = _row_bar(log, number, present)
+            time_bar = time_bar + bar.t
+            before_bar = _add(before_bar, bar.y)
+    if logs.events is not None:
+        bar = _row_bar(logs.events, row.event_number, event)
+        time_bar = time_bar + bar.t
+        before_bar, after_bar = _add(before_bar, bar.y_before), _add(after_bar, bar.y_after)
+
+    def field(varied, t, y):
+        system, args = eqx.combine(varied, held)
+        return system.vector_field(t, y, row.mode, args)
+
+    zero = jax.tree.map(jnp.zeros_like, y_bar)
+
+    def end(y1, dy1):
+        """Cotangents of the end of the Runge-Kutta step, and those of parameters and time there."""
+        end_t_bar = jnp.where(used, t_bar + time_bar, 0.0)
+        y1_bar = select(moved, _add(y_bar, before_bar), zero)
+        dy1_bar = select(moved, dy_bar, zero)
+        if not plan.functions.num_guards:
+            return (y1_bar, dy1_bar), (jax.tree.map(jnp.zeros_like, varied), end_t_bar)
+        end_theta, jump_t, jump_y1 = once(
+            lambda *a: _pull_jump(plan, held, *a),
+            varied, row, y1, dy1, jnp.where(event, end_t_bar, 0.0),
+            select(event, before_bar, zero), select(event, _add(y_bar, after_bar), zero),
+        )  # fmt: skip
+        end_t_bar = jnp.where(event, jump_t, end_t_bar)
+        return (select(event, jump_y1, y1_bar), dy1_bar), (end_theta, end_t_bar)
+
+    (end_theta, end_t_bar), (step_theta, step_t, step_y, step_dy) = plan.stepper.vjp(
+        field, varied, row.t, row.y, row.dy, row.h, end, plan.execute
+    )
+    start_t_bar = jnp.where(used, end_t_bar + step_t, t_bar)
+    start_y_bar = select(used, step_y, y_bar)
+    for log, number, f in zip(logs.crossings, row.crossing_numbers, row.fired, strict=True):
+        if log is not None:
+            bar = _row_bar(log, number, f == 1)
+            start_t_bar, start_y_bar = start_t_bar + bar.t, _add(start_y_bar, bar.y)
+    return (
+        jax.tree.map(lambda a, b, c: a + jnp.where(used, b + c, 0.0), theta_bar, end_theta, step_theta),
+        start_t_bar,
+        start_y_bar,
+        select(moved, step_dy, select(event, _add(dy_bar, step_dy), dy_bar)),
+    )
+
+
+def _pull_jump(plan: Plan, held, varied, row: Tape, y1, dy1, t_bar, before_bar, after_bar):
+    def end(varied, t, y1):
+        system, args = eqx.combine(varied, held)
+        functions = plan.functions
+        values = functions.evaluate(system, t, y1, dy1, row.mode, args)
+        value, rate = values.value[0], values.rate[0]
+        for i in range(1, functions.num_guards):
+            value = jnp.where(row.guard == i, values.value[i], value)
+            rate = jnp.where(row.guard == i, values.rate[i], rate)
+        dt = event_delay(value, jax.lax.stop_gradient(rate), row.code == EVENT)
+        before = shift(y1, dy1, dt)
+        after, _ = system.transition(t + dt, before, row.mode, row.guard, args)
+        return t + dt, before, after
+
+    _, pull = jax.vjp(end, varied, row.t + row.h, y1)
+    return pull((t_bar, before_bar, after_bar))
