@@ -101,16 +101,23 @@ def doubt(plan: Plan, lane: Lane, h: Any, values: Values, inside: Inside) -> tup
     return jnp.where(short, 0.0, worst), jumps
 
 
-def first_below(functions: EventFunctions, lane: Lane, inside: Inside, h: Any) -> Any:
-    """Where a doubtful event function was first seen beyond zero inside the step; 0 if nowhere."""
+def first_below(functions: EventFunctions, lane: Lane, inside: Inside, values: Values, h: Any) -> Any:
+    """Where a doubtful event function was first seen beyond zero and back again; 0 if nowhere.
+
+    One that stays beyond to the end of the step crosses in it, which is found without a look: to look
+    there first would cut a step that begins on the zero again and again.
+    """
     place = jnp.zeros_like(h)
     for i, seen in enumerate(inside.values):
         if seen is None:
             continue
         start = lane.values[i]
         sign = functions.sign(i, start) if i < functions.num_guards else jnp.sign(start)
-        for point, value in zip(POINTS, seen, strict=True):
-            below = (sign * start > 0) & (sign * value < -SLACK)
-            here = point * h
-            place = jnp.where(below & ((place == 0) | (here < place)), here, place)
+        back = sign * values.value[i] >= 0
+        for point, value in reversed(list(zip(POINTS, seen, strict=True))):
+            beyond = sign * value < -SLACK
+            here = (sign * start > 0) & beyond & back
+            first = (place == 0) | (point * h < place)
+            place = jnp.where(here & first, point * h, place)
+            back = back | ~beyond
     return place

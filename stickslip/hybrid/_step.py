@@ -62,7 +62,7 @@ def take(plan: Plan, theta: PyTree, lane: Lane) -> tuple[Lane, Step]:
         inside = _look_inside(plan, lane, h, y1, dy1, theta=theta)
         # A value seen beyond zero is a fact: it is looked into at any step size. The doubt, which only
         # says that more may be hidden, can be answered by shorter steps alone.
-        h_seen = _first_below(plan, without_state(lane), inside, h)
+        h_seen = _first_below(plan, without_state(lane), inside, values, h)
         if plan.step_size.adaptive:
             doubts, jumps = _doubt(plan, without_state(lane), h, values, inside)
             # Squared, because it falls with the fourth power of the step and the error with the eighth.
@@ -109,8 +109,8 @@ def _look_inside(plan: Plan, lane: Lane, h, y1, dy1, *, theta):
 
 
 @bookkeeping
-def _first_below(plan: Plan, lane: Lane, inside, h):
-    return first_below(plan.functions, lane, inside, h)
+def _first_below(plan: Plan, lane: Lane, inside, values: Values, h):
+    return first_below(plan.functions, lane, inside, values, h)
 
 
 @bookkeeping

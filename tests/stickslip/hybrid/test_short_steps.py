@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.systems import Motion
+from stickslip.systems import CoulombOscillator, Motion
 from tests.stickslip.hybrid._loads import Block
 
 
@@ -42,3 +42,30 @@ def test_an_event_in_a_short_step_is_no_grazing(t0, h):
     slope = jax.jacfwd(lambda at: run(at, t0, h).events.t[0])(at)
     # The slope of the guard there is known as well as the time is.
     np.testing.assert_allclose(slope, 1.0, rtol=1e-9 + 1e-15 * t0 / h)
+
+
+class Bent(CoulombOscillator):
+    """The oscillator with a guard at rest that is no straight line: it is looked at inside of steps."""
+
+    guard_scales = None
+
+    def guards(self, t, y, mode, args):
+        (value,) = super().guards(t, y, mode, args)
+        return (jnp.where(mode == 1, self.static_force - jnp.abs(self.stiffness * y.x), value),)
+
+
+def held(speed):
+    block = Bent(1.0, 1.0, 1.0, 0.5, speed)
+    fixed = ss.Integrator(step=ss.FixedStep(0.2))
+    return ss.simulate(block, 0.0, 4.1, Motion(0.0, speed), integrator=fixed, max_events=4)
+
+
+def test_a_guard_that_reaches_zero_as_a_step_ends_is_found_in_the_next():
+    """The limit 1 N is reached at t = 4, after twenty steps, to rounding."""
+    speed = jnp.asarray(0.25)
+    solution = held(speed)
+    np.testing.assert_allclose(solution.events.t[0], 4.0, rtol=0, atol=1e-14)
+    assert int(solution.flags) == 0
+    assert int(solution.stats.num_attempts) <= 28
+    slope = jax.jacfwd(lambda speed: held(speed).events.t[0])(speed)
+    np.testing.assert_allclose(slope, -16.0, rtol=1e-10)
