@@ -13,7 +13,7 @@ from jaxtyping import PyTree
 from stickslip._fastmath import where
 from stickslip._looks_at import OBSERVABLE, looks_at, reals
 from stickslip._looks_at import state as some_state
-from stickslip._types import Numeric
+from stickslip._types import Numeric, Whole
 from stickslip._validation import as_parameter, check_finite, is_concrete
 from stickslip.friction import AbstractBristleLaw, LuGre
 from stickslip.hybrid._dependence import NONE, degrees
@@ -131,24 +131,24 @@ class AbstractMechanism(AbstractMechanicalSystem):
     # -- what the user declares
 
     @abc.abstractmethod
-    def mass_matrix(self, q: Any) -> Any:
+    def mass_matrix(self, q: PyTree) -> Any:
         """Inertia: a mass for each coordinate, or the rows of a symmetric positive definite matrix.
 
         A mapping by coordinate or a sequence in their order, its entries numbers or again such rows.
         """
 
     @abc.abstractmethod
-    def forces(self, t: Numeric, q: Any, v: Any, args: PyTree) -> Any:
+    def forces(self, t: Numeric, q: PyTree, v: PyTree, args: PyTree) -> Any:
         """Generalised forces [N] other than those of the contacts, gyroscopic ones too.
 
         A mapping by coordinate, where a missing one is 0, or a sequence in their order.
         """
 
-    def contacts(self, t: Numeric, q: Any, v: Any, args: PyTree) -> Mapping[str, Contact]:
+    def contacts(self, t: Numeric, q: PyTree, v: PyTree, args: PyTree) -> Mapping[str, Contact]:
         """A `Contact` for each name in `contact_directions`."""
         return {}
 
-    def potential_energy(self, q: Any) -> Any:
+    def potential_energy(self, q: PyTree) -> Any:
         """Potential energy [J] of those forces that have one; 0 if left out."""
         return 0.0
 
@@ -250,13 +250,13 @@ class AbstractMechanism(AbstractMechanicalSystem):
         n = len(names.coordinates)
         return self.from_coordinates(self._tuple(numbers[:n]), self._tuple(numbers[n:]))
 
-    def from_coordinates(self, q: Any, v: Any) -> Any:
+    def from_coordinates(self, q: PyTree, v: PyTree) -> Any:
         """The state of these coordinates and velocities; linear, so that it takes rates too."""
         names = (*self.names.coordinates, *self.names.velocities)
         kind = self.state_class or state_type(names)
         return kind(**dict(zip(names, (*q, *v), strict=True)))
 
-    def to_coordinates(self, y: Any) -> tuple[Any, Any]:
+    def to_coordinates(self, y: PyTree) -> tuple[Any, Any]:
         """Coordinates and velocities of a state, each under the names of the coordinates."""
         names = self.names
         return (
@@ -269,7 +269,7 @@ class AbstractMechanism(AbstractMechanicalSystem):
 
     # -- one instant, and the hybrid system
 
-    def instant(self, t: Numeric, y: Any, args: PyTree) -> Instant:
+    def instant(self, t: Numeric, y: PyTree, args: PyTree) -> Instant:
         """What the declaration says at time `t` in state `y`."""
         return instant_of(self, t, *self.to_coordinates(y), args)
 
@@ -361,7 +361,9 @@ class AbstractMechanism(AbstractMechanicalSystem):
         return total((dot(force, at.v), rate))
 
     @looks_at(**OBSERVABLE)
-    def friction_forces(self, t, y, mode, args=None) -> dict[str, Any]:
+    def friction_forces(
+        self, t: Numeric, y: PyTree, mode: Whole, args: PyTree = None
+    ) -> dict[str, Any]:
         """Friction on the mechanism along each contact [N], by name.
 
         Contacts at rest with dependent directions share a load in no unique way: those that lead bear
@@ -380,7 +382,9 @@ class AbstractMechanism(AbstractMechanicalSystem):
         return found
 
     @looks_at(**OBSERVABLE)
-    def normal_forces(self, t, y, mode=0, args=None) -> dict[str, Any]:
+    def normal_forces(
+        self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None
+    ) -> dict[str, Any]:
         """Normal force in each contact [N], by name; 0 where it is open."""
         at, states = self.instant(t, y, args), states_of(mode, len(self.contact_directions))
         return {
@@ -389,7 +393,9 @@ class AbstractMechanism(AbstractMechanicalSystem):
         }
 
     @looks_at(**OBSERVABLE)
-    def relative_velocities(self, t, y, mode=0, args=None) -> dict[str, Any]:
+    def relative_velocities(
+        self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None
+    ) -> dict[str, Any]:
         """Sliding speed of each contact [m/s], by name."""
         return dict(zip(self.names.contacts, self.instant(t, y, args).speeds, strict=True))
 

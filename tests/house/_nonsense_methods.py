@@ -35,6 +35,7 @@ NAMED = {
     "sense": arg(1, "senses"), "mode": arg(0, "modes"), "guard": arg(0, "modes"),
     "args": arg(None, "unused"), "threshold": arg(1e-7, "not negative", "float32"),
     "piece": arg(0.0, "pieces"), "z": arg(0.1, "real"),
+    "v_reg": arg(1e-3, "positive", "float32", "batch"), "kind": arg("tanh"),
     "factor": arg(2.0, "positive", "float32", "batch"),
     "loads": arg(BLOCK.loads(systems.DrivenBlockState(*(0.0,) * 6))),
 }  # fmt: skip
