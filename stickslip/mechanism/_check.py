@@ -13,6 +13,7 @@ from stickslip.hybrid._dependence import NONE, degrees
 
 from ._contact import Contact
 from ._declaration import coordinates_type, directions_of, in_order, mass_of
+from ._modes import MOST_IN_32
 
 
 def check_declaration(mechanism: Any) -> None:
@@ -43,8 +44,9 @@ def check_declaration(mechanism: Any) -> None:
     for name in names.opening:
         if name not in names.contacts:
             raise refusal("opening", name, f"names of contacts: {', '.join(map(repr, names.contacts))}")
-    if len(names.contacts) > 31:
-        raise refusal("contact_directions", len(names.contacts), "at most 31 contacts")
+    if len(names.contacts) > MOST_IN_32:
+        allowed = f"at most {MOST_IN_32} contacts, whose mode is a number of 32 bits"
+        raise refusal("contact_directions", f"{len(names.contacts)} contacts", allowed)
     directions_of(mechanism.contact_directions, names.coordinates)
     for island in mechanism.islands:
         if island.dependent and not hasattr(island, "lines"):
