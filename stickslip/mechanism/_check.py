@@ -117,7 +117,9 @@ def check_contacts(mechanism: Any, given: Any) -> list[Contact]:
             raise refusal(f"contacts(...)[{name!r}]", contact, "a Contact", TypeError)
         if not isinstance(contact.law, AbstractFrictionLaw):
             what = f"the law of contact {name!r}"
-            raise DeclarationError(str(refusal(what, contact.law, "a friction law of stickslip.friction")))
+            raise DeclarationError(
+                str(refusal(what, contact.law, "a friction law of stickslip.friction"))
+            )
     return contacts
 
 

@@ -292,7 +292,7 @@ class AbstractMechanism(AbstractMechanicalSystem):
         return _changes.initial_mode(self, t, y, args)
 
     def check_start(self, t, y, args):
-        """Raise `ValueError` for a contact that pulls at the start, or an inertia that is none there."""
+        """Raise `ValueError` for a contact that pulls at the start, or an inertia that is none."""
         if is_concrete((self, y)):
             check_mass(self, self.to_coordinates(y)[0])
         fixed = [c for c, name in enumerate(self.names.contacts) if name not in self.opening]

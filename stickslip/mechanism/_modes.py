@@ -78,7 +78,10 @@ def states_of(mode: Any, contacts: int) -> list[Any]:
     mode = jnp.asarray(mode, jnp.int32)
     if contacts == 1:
         return [mode.astype(jnp.float64) - 1.0]
-    return [((mode >> jnp.int32(BITS * c)) & jnp.int32(3)).astype(jnp.float64) - 1.0 for c in range(contacts)]
+    return [
+        ((mode >> jnp.int32(BITS * c)) & jnp.int32(3)).astype(jnp.float64) - 1.0
+        for c in range(contacts)
+    ]
 
 
 def mode_of(states: Sequence[Any]) -> Any:

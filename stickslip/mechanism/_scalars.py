@@ -58,7 +58,7 @@ def chosen(condition: Any, yes: Any, no: Any) -> Any:
 
 
 def without_slope(tree: Any) -> Any:
-    """`stop_gradient` that leaves constants what they are: made arrays, their zeros would be unknown."""
+    """`stop_gradient` that leaves constants what they are: as arrays their zeros would be unknown."""
 
     def fixed(x: Any) -> Any:
         return x if isinstance(x, int | float | np.number) else jax.lax.stop_gradient(x)

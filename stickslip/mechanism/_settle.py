@@ -57,8 +57,8 @@ def settled(
 
     The minimum is found by the primal active-set method on the faces of the arrangement of the planes
     $n_c\cdot a = \gamma_c$: go to the minimum of the face, or to the first contact that stops on the
-    way and rest it; at the minimum release what is overloaded most. The function falls from face to face,
-    so none returns.
+    way and rest it; at the minimum release what is overloaded most. The function falls from face to
+    face, so none returns.
 
     **Arguments:** inertia, forces without the friction of contacts without speed, directions, relative
     accelerations of the surfaces; the limits of friction; `states`, 0 for every contact at rest;

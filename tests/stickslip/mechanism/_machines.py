@@ -54,7 +54,7 @@ class Pushed(AbstractMechanism):
 
 
 class Chain(AbstractMechanism):
-    """Blocks in a row on rough ground, each pulled along by a spring: the model of Burridge and Knopoff.
+    """Blocks in a row on rough ground, each pulled along by a spring (Burridge and Knopoff).
 
     The coordinates are places of the blocks.
     """
@@ -115,7 +115,7 @@ def chain(blocks, kind=Chain, kinetic=0.6, speed=0.1, mass=1.0):
 
 
 class Arm(AbstractMechanism):
-    """Two links of length 1 m with dry joints, driven in both; the mass matrix depends on the angles."""
+    """Two links of length 1 m with dry joints, driven in both: the mass matrix is not constant."""
 
     m: Any
     torque: Any

@@ -42,7 +42,9 @@ CASES = {
     "opening contact": (lambda: (m := bouncing(), m.state(x=0.3, y=-0.1)), 20.0, 10),
     "dependent contacts": (lambda: (m := carriage(1.3), m.state()), 12.0, 8),
     "between belts": (
-        lambda: (m := BetweenBelts(1.0, (Coulomb(0.4, 0.3), Coulomb(0.7)), (0.1, 0.5)), m.state()), 20.0, 3,
+        lambda: (m := BetweenBelts(1.0, (Coulomb(0.4, 0.3), Coulomb(0.7)), (0.1, 0.5)), m.state()),
+        20.0,
+        3,
     ),
 }  # fmt: skip
 

@@ -36,7 +36,9 @@ def row_of(kind):
         speed, kinetic, mass, first = p
         laws = tuple(Coulomb(1.0 + 0.1 * i, kinetic) for i in range(3))
         machine = kind(mass, 1.0, 2.0, laws, speed, 3)
-        y0 = machine.state(x_1=first, x_2=-0.8 if kind is Chain else -0.8 - first)
+        # Places 0.5, -0.8 and 0, or the distances between them.
+        other = dict(x_2=-0.8) if kind is Chain else dict(x_2=-0.8 - first, x_3=0.8)
+        y0 = machine.state(x_1=first, **other)
         return ss.simulate(machine, 0.0, 18.0, y0, max_events=None)
 
     return run, [0.2, 0.6, 1.0, 0.5], 6
@@ -74,7 +76,7 @@ FORWARD = [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow)
 
 def differences(run, p, h=1e-5):
     """Central differences; all runs in one program, all through the same events."""
-    moved = p + h * jnp.concatenate([jnp.zeros((1, len(p))), jnp.eye(len(p)), -jnp.eye(len(p))])
+    moved = p[None] + h * jnp.concatenate([jnp.zeros((1, len(p))), jnp.eye(len(p)), -jnp.eye(len(p))])
 
     def end(p):
         found = run(p)
@@ -105,13 +107,9 @@ def test_both_modes_as_central_differences(name):
     np.testing.assert_allclose(reverse, weights @ forward, rtol=1e-7, atol=1e-9 * size)
 
 
-def test_equal_blocks_that_stop_and_start_together():
-    """Along what keeps them equal the derivative is that of the block alone, though flagged."""
-
-    def end(speed, blocks):
-        machine = Chain(1.0, 1.0, 2.0, (Coulomb(1.0, 0.5),) * blocks, speed, blocks)
-        start = {f"x_{i + 1}": 1.3 for i in range(blocks)}
-        return ss.simulate(machine, 0.0, 20.0, machine.state(**start), max_events=None).y1[0]
-
-    slopes = [jax.jit(jax.jacfwd(end), static_argnums=1)(0.2, blocks) for blocks in (1, 2)]
-    np.testing.assert_allclose(slopes[1], slopes[0], rtol=1e-7)
+def test_equal_blocks_that_stop_and_start_together_are_flagged():
+    """Which event of two at one instant is first is rounding, and derivatives may depend on it."""
+    machine = Chain(1.0, 1.0, 2.0, (Coulomb(1.0, 0.5),) * 2, 0.2, 2)
+    run = ss.simulate(machine, 0.0, 20.0, machine.state(x_1=1.3, x_2=1.3), max_events=None)
+    assert int(run.num_events) >= 4
+    assert not run.differentiable

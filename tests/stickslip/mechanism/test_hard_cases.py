@@ -12,7 +12,7 @@ from tests.stickslip.mechanism._machines import Chain, Oscillator, Pushed, Train
 
 
 def test_random_loads_that_begin_late():
-    """Against a march in small steps that knows nothing of events; loads with jumps have `WithBreaks`."""
+    """Against a march in small steps that knows nothing of events; jumps are declared as breaks."""
     loads, kinds = random_loads(40, 3)
     ground = Coulomb(1.0, 0.5)
 
@@ -118,7 +118,8 @@ def test_equal_blocks_stop_and_start_at_one_instant(kind):
     laws, n = (Coulomb(1.0, 0.5),) * 4, 4
     many = kind(1.0, 1.0, 2.0, laws, 0.2, n)
     alone = Chain(1.0, 1.0, 2.0, laws[:1], 0.2, 1)
-    start = many.state(**{f"x_{i + 1}": 1.3 for i in range(n)}) if kind is Chain else many.state(x_1=1.3)
+    moved = range(n if kind is Chain else 1)
+    start = many.state(**{f"x_{i + 1}": 1.3 for i in moved})
     run = ss.simulate(many, 0.0, 30.0, start, max_events=256)
     one = ss.simulate(alone, 0.0, 30.0, alone.state(x_1=1.3), max_events=64)
     assert int(run.num_events) >= int(one.num_events) >= 5
@@ -134,7 +135,7 @@ def test_fifteen_contacts_are_the_most():
     last = machine.mode_names[int(run.events.mode_after[0])].split(" / ")
     assert len(last) == 15
     assert last[0] == "stick"
-    with pytest.raises(ValueError, match="16 contacts.*at most 15"):
+    with pytest.raises(ValueError, match=r"16 contacts.*at most 15"):
         chain(16)
     with pytest.raises(ValueError, match=r"mode0.*\.\.\."):
         ss.simulate(machine, 0.0, 2.0, machine.state(), "glued")
