@@ -20,7 +20,7 @@ from stickslip.hybrid._dependence import NONE, degrees
 
 from . import _changes
 from ._account import AbstractMechanicalSystem
-from ._check import check_declaration, check_law, check_load
+from ._check import check_declaration, check_law, check_load, check_mass
 from ._contact import Contact
 from ._declaration import (
     Names,
@@ -296,7 +296,9 @@ class AbstractMechanism(AbstractMechanicalSystem):
         return _changes.initial_mode(self, t, y, args)
 
     def check_start(self, t, y, args):
-        """Raise `ValueError` for a contact that pulls at the start: no motion begins with it."""
+        """Raise `ValueError` for a contact that pulls at the start, or an inertia that is none."""
+        if is_concrete((self, y)):
+            check_mass(self, self.to_coordinates(y)[0])
         fixed = [c for c, name in enumerate(self.names.contacts) if name not in self.opening]
         if fixed and is_concrete((self, t, y, args)):
             for c, load in zip(fixed, _loads_at(self, t, y, args), strict=True):
