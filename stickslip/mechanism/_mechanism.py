@@ -106,7 +106,8 @@ class AbstractMechanism(AbstractMechanicalSystem):
       threshold is the greater of static and kinetic friction; what begins to slide is under kinetic
       friction at once, which may start others at the same instant.
     - A contact that does not open and loses its normal force ends the run with
-      `RESULTS.no_admissible_mode`; its guard is the last in the log.
+      `RESULTS.no_admissible_mode`; its guard is the last in the log (one that bears nothing at rest
+      gives way as it does so, and is logged as that).
 
     **Limits.** Normal forces that depend on friction or accelerations (Painlevé) and impacts are not
     covered. Dependent directions that vary, and surfaces of dependent contacts whose speeds vary, are

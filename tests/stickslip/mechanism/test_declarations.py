@@ -169,18 +169,21 @@ def test_an_inertia_that_vanishes_where_the_coordinates_are_zero():
         ss.simulate(machine, 0.0, 1.0, machine.state(v_y=1.0))
 
 
-def test_a_normal_force_that_vanishes_ends_the_run():
-    """Of a contact that does not open: the run says so at that time, and under which guard."""
+@pytest.mark.parametrize(
+    ("load", "guard"), [(0.3, "pad loses its normal force"), (0.0, "pad stops or gives way")]
+)
+def test_a_normal_force_that_vanishes_ends_the_run(load, guard):
+    """Of a contact that does not open; one that bears nothing gives way at the same instant."""
     machine = declared(
         mass=(1.0, 1.0),
-        force=lambda t, q, v: (0.0, -1.0),
+        force=lambda t, q, v: (load, -1.0),
         contacts=lambda t, q, v: pad(normal_force=1.0 + q.y),
     )
     run = ss.simulate(machine, 0.0, 5.0, machine.state(), throw=False)
     assert run.result == ss.RESULTS.no_admissible_mode
     np.testing.assert_allclose(run.t1, np.sqrt(2.0), rtol=1e-9)
     last = int(run.events.guard[int(run.num_events) - 1])
-    assert machine.guard_names[last] == "pad loses its normal force"
+    assert machine.guard_names[last] == guard
 
 
 def test_names_of_modes():
