@@ -38,7 +38,7 @@ def test_a_chain_at_rest_that_is_barely_moved():
 
     class Shaken(Chain):
         def forces(self, t, q, v, args):
-            f = list(super().force(0.0, q, v, args))
+            f = list(super().forces(0.0, q, v, args))
             f[1] = f[1] + 1.001 * jnp.sin(t)
             return f
 
