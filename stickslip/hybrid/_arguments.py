@@ -1,5 +1,6 @@
 """Checks of what a run is given: times, initial state, mode, sections; before anything is compiled."""
 
+import itertools
 from collections.abc import Callable
 from typing import Any
 
@@ -24,6 +25,8 @@ from .._validation import (
 )
 from ._section import Section
 from ._system import AbstractHybridSystem
+
+MOST_NAMES = 9  # of modes, that a message lists
 
 
 def a_time(name: str, value: Any) -> Array:
@@ -175,8 +178,9 @@ def mode_index(name: str, system: AbstractHybridSystem, mode: Any) -> Array:
     try:
         return jnp.asarray(whole_number(name, mode, 0, len(names) - 1), jnp.int32)
     except (TypeError, ValueError):
-        words = ", ".join(map(repr, names))
-        allowed = f"a mode of the system, an integer from 0 to {len(names) - 1} or one of {words}"
+        words = ", ".join(map(repr, itertools.islice(names, MOST_NAMES)))
+        more = ", ..." if len(names) > MOST_NAMES else ""
+        allowed = f"a mode of the system, an integer from 0 to {len(names) - 1} or one of {words}{more}"
         raise refusal(name, mode, allowed) from None
 
 

@@ -1,7 +1,7 @@
 """Description of a mode-switched (hybrid) system: the one interface every analysis knows."""
 
 import abc
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -96,7 +96,7 @@ class AbstractHybridSystem(eqx.Module):
     `vmap` gives a structure of arrays and labelled output has names.
     """
 
-    mode_names: eqx.AbstractClassVar[tuple[str, ...]]
+    mode_names: eqx.AbstractClassVar[Sequence[str]]
     guard_names: eqx.AbstractClassVar[tuple[str, ...]]
     units: ClassVar[dict[str, str]] = {}
     guard_directions: ClassVar[tuple[str, ...] | None] = None

@@ -1,6 +1,7 @@
 """A system made of another one: the same modes and guards, around more state or other arguments."""
 
 import abc
+from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
@@ -47,7 +48,7 @@ class AbstractSystemWrapper(AbstractHybridSystem):
         """State and arguments of `system`, from those of this one."""
 
     @property
-    def mode_names(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def mode_names(self) -> Sequence[str]:  # pyright: ignore[reportIncompatibleVariableOverride]
         """Those of `system`."""
         return self.system.mode_names
 

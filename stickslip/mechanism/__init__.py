@@ -12,6 +12,7 @@ contact its direction, the speed of the counter surface, the normal force and th
 """
 
 from .._validation import DeclarationError as DeclarationError
+from ._account import AbstractMechanicalSystem as AbstractMechanicalSystem
 from ._contact import Contact as Contact
 from ._forms import BristleMechanism as BristleMechanism
 from ._forms import BristleState as BristleState

@@ -36,7 +36,8 @@ def guards(machine: "AbstractMechanism", t: Any, y: Any, mode: Any, args: Any) -
     at, states = machine.instant(t, y, args), states_of(mode, len(machine.names.contacts))
     force, gamma = loaded(machine, at, states), surface_accelerations(machine, t, at, args)
     own: list[Any] = [None] * len(at.contacts)
-    shared = []
+    shared: list[Any] = []
+    names = machine.names
     for island in machine.islands:
         if not island.rows:
             continue
@@ -60,7 +61,7 @@ def guards(machine: "AbstractMechanism", t: Any, y: Any, mode: Any, args: Any) -
             own[c] = where(rest[i], reserve, slip[i])
     opens = []
     for name in machine.opening:
-        c = machine.names.contacts.index(name)
+        c = names.contacts.index(name)
         opens.append(where(states[c] == 2.0, -1.0, 1.0) * at.contacts[c].normal_force)
         own[c] = where(states[c] == 2.0, 1.0, own[c])
     lifts = [at.contacts[c].normal_force for c in machine.lifting]
@@ -78,6 +79,7 @@ def transition(
     v, new = [jnp.asarray(x, jnp.float64) for x in at.v], list(states)
     shared, opens = count, count + sum(island.dependent for island in machine.islands)
     toggled = {name: guard == opens + k for k, name in enumerate(names.opening)}
+    lifting = machine.lifting
     failed = guard >= opens + len(toggled)  # a contact that cannot open has lost its normal force
     for island in machine.islands:
         if not island.rows:
@@ -98,6 +100,10 @@ def transition(
                 for h, r, borne in zip(hit, rest, motion.force, strict=True)
             ]
             gives_way = any_of(h & r for h, r in zip(hit, rest, strict=True))
+            for c, h, r, borne in zip(island.rows, hit, rest, motion.force, strict=True):
+                if c in lifting:
+                    # What bears nothing gives way only where nothing presses it on any more.
+                    failed = failed | (h & r & (borne == 0.0))
             stops = any_of(hit) & ~gives_way
         now = [where(gives_way & r, way, x) for r, way, x in zip(rest, released, s, strict=True)]
         started = [gives_way & r & (way != 0.0) for r, way in zip(rest, released, strict=True)]

@@ -1,15 +1,20 @@
 """Declarations that cannot be right are refused by name, before anything compiles."""
 
+import keyword
 from collections.abc import Mapping
 from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 from stickslip._validation import DeclarationError, is_concrete, refusal
 from stickslip.friction import AbstractFrictionLaw
+from stickslip.hybrid._dependence import NONE, degrees
 
 from ._contact import Contact
 from ._declaration import coordinates_type, directions_of, in_order, mass_of
+from ._modes import MOST_IN_32
 
 
 def check_declaration(mechanism: Any) -> None:
@@ -21,14 +26,14 @@ def check_declaration(mechanism: Any) -> None:
     if not coordinates:
         raise refusal("coordinates", coordinates, "a mapping from at least one name to its unit")
     for name, unit in coordinates.items():
-        if not isinstance(name, str) or not name.isidentifier() or name.startswith("_"):
-            raise refusal("coordinates", name, "names that are identifiers, as fields of the state")
+        _check_field("coordinates", name)
         if not isinstance(unit, str):
             raise refusal(f"coordinates[{name!r}]", unit, "a unit, such as 'm'", TypeError)
     for name in mechanism.velocities:
         if name not in coordinates:
             choices = ", ".join(map(repr, coordinates))
             raise refusal("velocities", name, f"a mapping with keys out of {choices}")
+        _check_field("velocities", mechanism.velocities[name])
     names = mechanism.names
     fields = (*names.coordinates, *names.velocities)
     for name in fields:
@@ -40,25 +45,52 @@ def check_declaration(mechanism: Any) -> None:
     for name in names.opening:
         if name not in names.contacts:
             raise refusal("opening", name, f"names of contacts: {', '.join(map(repr, names.contacts))}")
-    if len(names.contacts) > 31:
-        raise refusal("contact_directions", len(names.contacts), "at most 31 contacts")
+    if len(names.contacts) > MOST_IN_32:
+        allowed = f"at most {MOST_IN_32} contacts, whose mode is a number of 32 bits"
+        raise refusal("contact_directions", f"{len(names.contacts)} contacts", allowed)
     directions_of(mechanism.contact_directions, names.coordinates)
+    try:
+        _check_structure(mechanism)
+        check_mass(mechanism)
+    except (TypeError, ValueError, IndexError):
+        # Parameters of many lanes at once are judged where a lane is traced.
+        if not any(np.ndim(leaf) for leaf in jax.tree.leaves(mechanism)):
+            raise
+
+
+def _check_structure(mechanism: Any) -> None:
     for island in mechanism.islands:
         if island.dependent and not hasattr(island, "lines"):
-            those = ", ".join(names.contacts[c] for c in island.rows)
+            those = ", ".join(mechanism.names.contacts[c] for c in island.rows)
             why = "constant where they depend on each other, of at most 12 contacts of a group"
             raise refusal("contact_directions", those, why)
-    _check_mass(mechanism)
 
 
-def _check_mass(mechanism: Any) -> None:
-    """Refuse a mass matrix that is not symmetric positive definite where the coordinates are 0."""
+def _check_field(what: str, name: Any) -> None:
+    if (
+        not isinstance(name, str)
+        or not name.isidentifier()
+        or name.startswith("_")
+        or keyword.iskeyword(name)
+    ):
+        raise refusal(what, name, "names that are identifiers, as fields of the state")
+
+
+def check_mass(mechanism: Any, q: Any = None) -> None:
+    """Refuse a mass matrix that is not symmetric positive definite at `q`.
+
+    Without `q` only what does not depend on the coordinates is judged: an inertia may vanish somewhere,
+    as in polar coordinates.
+    """
     names = mechanism.names.coordinates
-    given = mechanism.mass_matrix(coordinates_type(names)(*[0.0] * len(names)))
+    kind = coordinates_type(names)
+    given = mechanism.mass_matrix(kind(*[0.0] * len(names)) if q is None else q)
     mass = mass_of(given, names)
     entries = mass.diagonal if mass.full is None else [x for row in mass.full for x in row]
     if not all(is_concrete(x) for x in entries) or any(np.ndim(x) for x in entries):
         return  # traced, or one for each lane
+    if q is None and _varies(mechanism, kind(*[jnp.zeros(())] * len(names))):
+        return
     if mass.full is None:
         for name, m in zip(names, entries, strict=True):
             if not float(m) > 0.0 or not np.isfinite(float(m)):
@@ -69,6 +101,17 @@ def _check_mass(mechanism: Any) -> None:
         raise refusal("mass_matrix(q)", matrix.tolist(), "finite and symmetric")
     if np.linalg.eigvalsh(matrix).min() <= 0.0:
         raise refusal("mass_matrix(q)", matrix.tolist(), "positive definite")
+
+
+def _varies(mechanism: Any, q: Any) -> bool:
+    """Whether the inertia depends on the coordinates."""
+
+    def entries(q):
+        mass = mass_of(mechanism.mass_matrix(q), mechanism.names.coordinates)
+        those = mass.diagonal if mass.full is None else [x for row in mass.full for x in row]
+        return [jnp.asarray(x, jnp.float64) + 0.0 for x in those]
+
+    return any(d != NONE for d in degrees(entries, (q,), (True,)))
 
 
 def check_contacts(mechanism: Any, given: Any) -> list[Contact]:
@@ -82,14 +125,16 @@ def check_contacts(mechanism: Any, given: Any) -> list[Contact]:
     for name, contact in zip(names, contacts, strict=True):
         if not isinstance(contact, Contact):
             raise refusal(f"contacts(...)[{name!r}]", contact, "a Contact", TypeError)
+        if not isinstance(contact.law, AbstractFrictionLaw):
+            what = f"the law of contact {name!r}"
+            raise DeclarationError(
+                str(refusal(what, contact.law, "a friction law of stickslip.friction"))
+            )
     return contacts
 
 
 def check_law(name: str, law: Any) -> None:
     """Refuse a law that has no set-valued form, by the name of its contact."""
-    if not isinstance(law, AbstractFrictionLaw):
-        what = f"the law of contact {name!r}"
-        raise DeclarationError(str(refusal(what, law, "a friction law of stickslip.friction")))
     if law.num_states or not law.set_valued:
         form = "bristles" if law.num_states else "regularised"
         why = f"a set-valued law without internal state; `.{form}()` of the mechanism takes this one"

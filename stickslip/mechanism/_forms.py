@@ -11,8 +11,8 @@ from stickslip._looks_at import OBSERVABLE, looks_at, reals
 from stickslip._types import Given, Numeric
 from stickslip._validation import as_parameter, check_in, check_positive, check_type, refusal
 from stickslip.friction import AbstractBristleLaw, AbstractFrictionLaw, LuGre, Regularised
-from stickslip.systems._mechanical import AbstractMechanicalSystem
 
+from ._account import AbstractMechanicalSystem
 from ._check import DeclarationError
 from ._instant import Instant, push_of
 from ._mechanism import AbstractMechanism
@@ -167,19 +167,27 @@ class BristleMechanism(_AbstractSmoothForm):
         """Those of the mechanism; the deflections are in metres."""
         return self.mechanism.units
 
-    def _law(self, law: AbstractFrictionLaw) -> AbstractFrictionLaw:
-        return self.kind(law, **self.parameters) if law.set_valued and not law.num_states else law
+    def _law(self, name: str, law: AbstractFrictionLaw) -> AbstractFrictionLaw:
+        if law.num_states or not law.set_valued:
+            return law
+        try:
+            return self.kind(law, **self.parameters)
+        except (TypeError, ValueError) as refused:
+            what = f"the law of contact {name!r}, in {self.kind.__name__}"
+            raise DeclarationError(f"{what}: {refused}") from None
 
     def start(self, y: Any, t: Numeric = 0.0, args: Any = None) -> BristleState:
         """The state `y` of the mechanism with bristles that are not deflected."""
         contacts = self.mechanism.instant(t, y, args).contacts
-        return BristleState(y, tuple((jnp.zeros(()),) * self._law(c.law).num_states for c in contacts))
+        pairs = zip(self.mechanism.contact_directions, contacts, strict=True)
+        counts = [self._law(name, c.law).num_states for name, c in pairs]
+        return BristleState(y, tuple((jnp.zeros(()),) * n for n in counts))
 
     def _friction(self, at: Instant, z: tuple) -> tuple[list[Any], tuple]:
         forces, rates = [], []
         names = self.mechanism.contact_directions
         for name, contact, u, deflection in zip(names, at.contacts, at.speeds, z, strict=True):
-            law = self._law(contact.law)
+            law = self._law(name, contact.law)
             load = _load(self.mechanism, name, contact)
             forces.append(law.force_from_state(u, load, tuple(deflection)))
             rates.append(tuple(law.state_rate(u, tuple(deflection))))

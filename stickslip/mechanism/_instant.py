@@ -45,7 +45,9 @@ class Instant(NamedTuple):
 def instant_of(machine: "AbstractMechanism", t: Any, q: Any, v: Any, args: Any) -> Instant:
     """What `machine` declares at time `t`, at the coordinates `q` with the rates `v`."""
     names = machine.names
-    force = in_order("force(t, q, v, args)", machine.force(t, q, v, args), names.coordinates, "forces")
+    force = in_order(
+        "forces(t, q, v, args)", machine.forces(t, q, v, args), names.coordinates, "forces"
+    )
     contacts = check_contacts(machine, machine.contacts(t, q, v, args))
     rows = []
     for name, row, contact in zip(names.contacts, machine.directions, contacts, strict=True):

@@ -142,10 +142,11 @@ class Island:
             if len(own) == 1:
                 (j,) = own
                 a[j] = where(rest[c], times(1.0 / J[c][j], gamma[c]), a[j])
+        reaction = [total(times(J[c][j], force[c]) for c in range(self.m)) for j in range(self.n)]
         if self.rank == self.n and all(map(is_zero, gamma)):
             every = total(where(h, 1, 0) for h in held) == self.n
             a = [where(every, 0.0, x) for x in a]
-        reaction = [total(times(J[c][j], force[c]) for c in range(self.m)) for j in range(self.n)]
+            reaction = [where(every, times(-1.0, f), x) for f, x in zip(F, reaction, strict=True)]
         return Motion(a, reaction, force)
 
     def _along_contacts(self, M: Mass, F: list, rest: list, gamma: list) -> Motion:
@@ -221,7 +222,7 @@ class Island:
             return used, [where(r & (number == c), sense, 0.0) for c, r in enumerate(rest)]
         low = [where(r, x, 0.0) for r, x in zip(rest, low, strict=True)]
         high = [where(r, x, 0.0) for r, x in zip(rest, high, strict=True)]
-        for i, (line, along) in enumerate(zip(self.lines, self.along, strict=True)):
+        for i, (line, along) in enumerate(zip(self.lines.tolist(), self.along.tolist(), strict=True)):
             on = [c for c in range(self.m) if along[c]]
             load = dot(line, motion.reaction)
             most = total(times(along[c], high[c] if along[c] > 0 else low[c]) for c in on)

@@ -13,14 +13,14 @@ from jaxtyping import PyTree
 from stickslip._fastmath import where
 from stickslip._looks_at import OBSERVABLE, looks_at, reals
 from stickslip._looks_at import state as some_state
-from stickslip._types import Numeric
+from stickslip._types import Numeric, Whole
 from stickslip._validation import as_parameter, check_finite, is_concrete
 from stickslip.friction import AbstractBristleLaw, LuGre
 from stickslip.hybrid._dependence import NONE, degrees
-from stickslip.systems._mechanical import AbstractMechanicalSystem
 
 from . import _changes
-from ._check import check_declaration, check_law, check_load
+from ._account import AbstractMechanicalSystem
+from ._check import check_declaration, check_law, check_load, check_mass
 from ._contact import Contact
 from ._declaration import (
     Names,
@@ -64,7 +64,7 @@ class AbstractMechanism(AbstractMechanicalSystem):
     ...     def mass_matrix(self, q):
     ...         return {"x": self.mass}
     ...
-    ...     def force(self, t, q, v, args):
+    ...     def forces(self, t, q, v, args):
     ...         return {"x": -self.stiffness * q.x}
     ...
     ...     def contacts(self, t, q, v, args):
@@ -72,7 +72,7 @@ class AbstractMechanism(AbstractMechanicalSystem):
     >>> block = Block(1.0, 1.0, Coulomb(1.0, 0.5), 0.2)
     >>> run = ss.simulate(block, 0.0, 50.0, block.state(v_x=0.2))
     >>> print(f"{run.y1.x:.10f}")
-    1.0354672757
+    1.0354672845
     >>> [block.mode_names[m] for m in run.events.mode_after[:3]]
     ['slip backward', 'stick', 'slip backward']
 
@@ -83,10 +83,12 @@ class AbstractMechanism(AbstractMechanicalSystem):
       sliding speed out of the velocities: a mapping from coordinates to constant numbers, or a row of
       them. None where it depends on the state or on parameters; then `contacts` returns it.
     - `velocities`: names of their rates $v$ in the state, by coordinate; `"v_x"` for `"x"` if left out.
+    - `state_class`: named tuple of the state, its fields the coordinates and velocities in any order;
+      made from their names if left out.
     - `opening`: names of the contacts that open where their normal force falls to zero, and close
       where it rises again.
 
-    and as methods `mass_matrix(q)`, `force(t, q, v, args)`, `contacts(t, q, v, args)`,
+    and as methods `mass_matrix(q)`, `forces(t, q, v, args)`, `contacts(t, q, v, args)`,
     `potential_energy(q)` (for the energy account only) and, if the forces depend on the time,
     `time_scale(args)`. In them `q` and `v` are named tuples, both by the names of the coordinates.
     Python and NumPy constants in what they return are structure: a mass matrix whose constant zeros
@@ -104,7 +106,8 @@ class AbstractMechanism(AbstractMechanicalSystem):
       threshold is the greater of static and kinetic friction; what begins to slide is under kinetic
       friction at once, which may start others at the same instant.
     - A contact that does not open and loses its normal force ends the run with
-      `RESULTS.no_admissible_mode`; its guard is the last in the log.
+      `RESULTS.no_admissible_mode`; its guard is the last in the log (one that bears nothing at rest
+      gives way as it does so, and is logged as that).
 
     **Limits.** Normal forces that depend on friction or accelerations (Painlevé) and impacts are not
     covered. Dependent directions that vary, and surfaces of dependent contacts whose speeds vary, are
@@ -124,28 +127,29 @@ class AbstractMechanism(AbstractMechanicalSystem):
     contact_directions: ClassVar[Mapping[str, Any]] = {}
     velocities: ClassVar[Mapping[str, str]] = {}
     opening: ClassVar[tuple[str, ...]] = ()
+    state_class: ClassVar[type | None] = None
 
     # -- what the user declares
 
     @abc.abstractmethod
-    def mass_matrix(self, q: Any) -> Any:
+    def mass_matrix(self, q: PyTree) -> Any:
         """Inertia: a mass for each coordinate, or the rows of a symmetric positive definite matrix.
 
         A mapping by coordinate or a sequence in their order, its entries numbers or again such rows.
         """
 
     @abc.abstractmethod
-    def force(self, t: Numeric, q: Any, v: Any, args: PyTree) -> Any:
+    def forces(self, t: Numeric, q: PyTree, v: PyTree, args: PyTree) -> Any:
         """Generalised forces [N] other than those of the contacts, gyroscopic ones too.
 
         A mapping by coordinate, where a missing one is 0, or a sequence in their order.
         """
 
-    def contacts(self, t: Numeric, q: Any, v: Any, args: PyTree) -> Mapping[str, Contact]:
+    def contacts(self, t: Numeric, q: PyTree, v: PyTree, args: PyTree) -> Mapping[str, Contact]:
         """A `Contact` for each name in `contact_directions`."""
         return {}
 
-    def potential_energy(self, q: Any) -> Any:
+    def potential_energy(self, q: PyTree) -> Any:
         """Potential energy [J] of those forces that have one; 0 if left out."""
         return 0.0
 
@@ -247,12 +251,13 @@ class AbstractMechanism(AbstractMechanicalSystem):
         n = len(names.coordinates)
         return self.from_coordinates(self._tuple(numbers[:n]), self._tuple(numbers[n:]))
 
-    def from_coordinates(self, q: Any, v: Any) -> Any:
+    def from_coordinates(self, q: PyTree, v: PyTree) -> Any:
         """The state of these coordinates and velocities; linear, so that it takes rates too."""
-        names = self.names
-        return state_type((*names.coordinates, *names.velocities))(*q, *v)
+        names = (*self.names.coordinates, *self.names.velocities)
+        kind = self.state_class or state_type(names)
+        return kind(**dict(zip(names, (*q, *v), strict=True)))
 
-    def to_coordinates(self, y: Any) -> tuple[Any, Any]:
+    def to_coordinates(self, y: PyTree) -> tuple[Any, Any]:
         """Coordinates and velocities of a state, each under the names of the coordinates."""
         names = self.names
         return (
@@ -265,7 +270,7 @@ class AbstractMechanism(AbstractMechanicalSystem):
 
     # -- one instant, and the hybrid system
 
-    def instant(self, t: Numeric, y: Any, args: PyTree) -> Instant:
+    def instant(self, t: Numeric, y: PyTree, args: PyTree) -> Instant:
         """What the declaration says at time `t` in state `y`."""
         return instant_of(self, t, *self.to_coordinates(y), args)
 
@@ -292,7 +297,9 @@ class AbstractMechanism(AbstractMechanicalSystem):
         return _changes.initial_mode(self, t, y, args)
 
     def check_start(self, t, y, args):
-        """Raise `ValueError` for a contact that pulls at the start: no motion begins with it."""
+        """Raise `ValueError` for a contact that pulls at the start, or an inertia that is none."""
+        if is_concrete((self, y)):
+            check_mass(self, self.to_coordinates(y)[0])
         fixed = [c for c, name in enumerate(self.names.contacts) if name not in self.opening]
         if fixed and is_concrete((self, t, y, args)):
             for c, load in zip(fixed, _loads_at(self, t, y, args), strict=True):
@@ -357,7 +364,9 @@ class AbstractMechanism(AbstractMechanicalSystem):
         return total((dot(force, at.v), rate))
 
     @looks_at(**OBSERVABLE)
-    def friction_forces(self, t, y, mode, args=None) -> dict[str, Any]:
+    def friction_forces(
+        self, t: Numeric, y: PyTree, mode: Whole, args: PyTree = None
+    ) -> dict[str, Any]:
         """Friction on the mechanism along each contact [N], by name.
 
         Contacts at rest with dependent directions share a load in no unique way: those that lead bear
@@ -376,7 +385,9 @@ class AbstractMechanism(AbstractMechanicalSystem):
         return found
 
     @looks_at(**OBSERVABLE)
-    def normal_forces(self, t, y, mode=0, args=None) -> dict[str, Any]:
+    def normal_forces(
+        self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None
+    ) -> dict[str, Any]:
         """Normal force in each contact [N], by name; 0 where it is open."""
         at, states = self.instant(t, y, args), states_of(mode, len(self.contact_directions))
         return {
@@ -385,7 +396,9 @@ class AbstractMechanism(AbstractMechanicalSystem):
         }
 
     @looks_at(**OBSERVABLE)
-    def relative_velocities(self, t, y, mode=0, args=None) -> dict[str, Any]:
+    def relative_velocities(
+        self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None
+    ) -> dict[str, Any]:
         """Sliding speed of each contact [m/s], by name."""
         return dict(zip(self.names.contacts, self.instant(t, y, args).speeds, strict=True))
 

@@ -11,7 +11,7 @@ from stickslip._fastmath import where
 BACKWARD, REST, FORWARD, OPEN = 0, 1, 2, 3
 WORDS = ("slip backward", "stick", "slip forward", "open")
 BITS = 2  # of each contact, the first contact the lowest
-MOST_IN_32 = 15  # contacts whose mode is a 32-bit integer
+MOST_IN_32 = 15  # contacts whose mode is a 32-bit integer, as the engine keeps it
 
 
 class ModeNames(Sequence):
@@ -73,27 +73,24 @@ class ModeNames(Sequence):
         return f"ModeNames({self.contacts})"
 
 
-def mode_dtype(contacts: int) -> Any:
-    """Integer type of a mode."""
-    return jnp.int32 if contacts <= MOST_IN_32 else jnp.int64
-
-
 def states_of(mode: Any, contacts: int) -> list[Any]:
     """-1, 0 or 1 for each contact, the sense of its slip, and 2 where it is open; from the mode."""
-    kind = mode_dtype(contacts)
-    mode = jnp.asarray(mode, kind)
+    mode = jnp.asarray(mode, jnp.int32)
     if contacts == 1:
         return [mode.astype(jnp.float64) - 1.0]
-    return [((mode >> kind(BITS * c)) & kind(3)).astype(jnp.float64) - 1.0 for c in range(contacts)]
+    return [
+        ((mode >> jnp.int32(BITS * c)) & jnp.int32(3)).astype(jnp.float64) - 1.0
+        for c in range(contacts)
+    ]
 
 
 def mode_of(states: Sequence[Any]) -> Any:
     """The mode of such states."""
-    kind, mode = mode_dtype(len(states)), None
+    mode = None
     for c, s in enumerate(states):
-        part = (jnp.asarray(s) + 1.0).astype(kind) * kind(4**c)
+        part = (jnp.asarray(s) + 1.0).astype(jnp.int32) * jnp.int32(4**c)
         mode = part if mode is None else mode + part
-    return jnp.zeros((), kind) if mode is None else mode
+    return jnp.zeros((), jnp.int32) if mode is None else mode
 
 
 def sense_of(state: Any) -> Any:

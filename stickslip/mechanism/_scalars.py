@@ -10,6 +10,7 @@ import operator
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+import jax
 import numpy as np
 
 from stickslip._fastmath import where
@@ -54,6 +55,15 @@ def any_of(conditions: Iterable[Any]) -> Any:
 def chosen(condition: Any, yes: Any, no: Any) -> Any:
     """`where`, without an operation where both are the constant 0."""
     return 0.0 if is_zero(yes) and is_zero(no) else where(condition, yes, no)
+
+
+def without_slope(tree: Any) -> Any:
+    """`stop_gradient` that leaves constants what they are: as arrays their zeros would be unknown."""
+
+    def fixed(x: Any) -> Any:
+        return x if isinstance(x, int | float | np.number) else jax.lax.stop_gradient(x)
+
+    return jax.tree.map(fixed, tree)
 
 
 class Factors:

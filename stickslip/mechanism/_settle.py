@@ -1,5 +1,6 @@
 """Which contacts of an island begin to slide, and in which sense: their law at one instant."""
 
+import functools
 from typing import Any, NamedTuple
 
 import jax
@@ -9,10 +10,11 @@ from jax import lax
 from stickslip._fastmath import where
 
 from ._island import Island
-from ._scalars import Mass, any_of, dot, is_zero, minus, times, total
+from ._scalars import Mass, any_of, dot, is_zero, minus, times, total, without_slope
 
 MOST_PIVOTS = 128
 SLACK = 1e-11  # of all forces: overloads below it are rounding
+PATIENCE = 16  # pivots after which more is taken for rounding: ten times as much each time
 
 
 class Limits(NamedTuple):
@@ -28,6 +30,7 @@ class _Search(NamedTuple):
     acceleration: list[Any]
     pivots: Any
     settled: Any
+    still: Any  # overloads below it are rounding [N]
 
 
 def settled(
@@ -63,9 +66,8 @@ def settled(
 
     **Returns** the states and whether the search ended.
     """
-    fixed = lax.stop_gradient((F, gamma, J, static, kinetic, states))
-    F, gamma, J, static, kinetic, states = fixed
-    M = Mass(lax.stop_gradient(M.diagonal), lax.stop_gradient(M.full))
+    F, gamma, J, static, kinetic, states = without_slope((F, gamma, J, static, kinetic, states))
+    M = Mass(without_slope(M.diagonal), without_slope(M.full))
     standing = [(s == 0.0) | start for s, start in zip(states, started, strict=True)]
     if island.m == 1:
         # The law of one contact: what it bears at rest decides.
@@ -74,19 +76,19 @@ def settled(
         leaves = where(borne > high, -1.0, where(borne < low, 1.0, 0.0))
         after = where(states[0] == 0.0, leaves, states[0])
         return [after], jnp.ones_like(standing[0])
-    size = _size(island, F, J, static)
-    still = SLACK * size
-    slow = (
-        0.1 * still / _inertia(island, M, J)
-    )  # slower than what an overload of this size brings about
+    felt = _inertia(island, M, J)
+    inertia, least = total(felt), functools.reduce(jnp.minimum, map(jnp.asarray, felt))
+    # Of what accelerated surfaces carry only the lightest counts: a heavy part has no say over it.
+    size = _size(island, F, J, static, [times(least, g) for g in gamma])
     zero = jnp.zeros_like(size)
     # At its limit without a drop of friction a contact begins with no acceleration, but it begins.
-    creeping = [
-        start & where(s > 0.0, static.low[c] == kinetic.low[c], static.high[c] == kinetic.high[c])
-        for c, (start, s) in enumerate(zip(started, states, strict=True))
-    ]
+    creeping = []
+    for c, (start, s) in enumerate(zip(started, states, strict=True)):
+        ahead, behind = static.low[c] == kinetic.low[c], static.high[c] == kinetic.high[c]
+        creeping.append(start & (((s > 0.0) & ahead) | ((s <= 0.0) & behind)))
 
     def pivot(now: _Search) -> _Search:
+        slow = 0.1 * now.still / inertia  # slower than what an overload of this size brings about
         low, high, load = [], [], list(F)
         for c, (s, given, stands) in enumerate(zip(now.states, now.given, standing, strict=True)):
             least = where(given > 0.0, kinetic.low[c], static.low[c])
@@ -114,7 +116,7 @@ def settled(
         ]
         # Of dependent contacts those that have no speed and would have none by the others' rest.
         stopped = island.closed([r | (first == c) for c, r in enumerate(rest)], standing)
-        used, released = island.onset(low, high, rest, found, slack=still)
+        used, released = island.onset(low, high, rest, found, slack=now.still)
         overloaded = ~blocked & (used > 1.0)
         states_now = [
             where(blocked & r, 0.0, where(overloaded & (s == 0.0), way, s))
@@ -135,14 +137,17 @@ def settled(
         ]
         given = [where(again, end, g) for end, g in zip(ends, now.given, strict=True)]
         reached = [where(again, start, a) for start, a in zip(origin, reached, strict=True)]
-        return _Search(states_now, given, reached, now.pivots + 1, done)
+        # A tie within rounding of an ill-conditioned inertia may send a contact to and fro.
+        tired = (now.pivots % PATIENCE) == PATIENCE - 1
+        still = where(tired, 10.0 * now.still, now.still)
+        return _Search(states_now, given, reached, now.pivots + 1, done, still)
 
     face = [where(stands, 0.0, s) for stands, s in zip(standing, states, strict=True)]
     origin = [zero] * island.n
     if not all(map(is_zero, gamma)):
         origin = island.motion(M, origin, J, standing, gamma).acceleration
     given = [jnp.asarray(s) for s in states]
-    start = _Search(face, given, origin, jnp.zeros_like(size, jnp.int32), ~active)
+    start = _Search(face, given, origin, jnp.zeros_like(size, jnp.int32), ~active, SLACK * size)
     end = lax.while_loop(
         lambda now: ~now.settled & (now.pivots < MOST_PIVOTS), pivot, jax.tree.map(jnp.asarray, start)
     )
@@ -162,17 +167,17 @@ def _levers(island: Island, J: list[list]) -> list[Any]:
     return levers
 
 
-def _size(island: Island, F: list, J: list[list], static: Limits) -> Any:
-    """All forces at the contacts together [N]."""
-    borne = [high - low for low, high in zip(static.low, static.high, strict=True)]
+def _size(island: Island, F: list, J: list[list], static: Limits, carried: list) -> Any:
+    """All forces at the contacts together [N], `carried` by accelerated surfaces among them."""
+    borne = [jnp.abs(high - low) for low, high in zip(static.low, static.high, strict=True)]
     levers = _levers(island, J)
     loads = [jnp.abs(f) / x for f, x in zip(F, levers, strict=True) if not is_zero(x)]
-    return total((*borne, *loads)) + 1e-300
+    return total((*borne, *loads, *(jnp.abs(x) for x in carried if not is_zero(x)))) + 1e-300
 
 
-def _inertia(island: Island, M: Mass, J: list[list]) -> Any:
-    """All inertia that contacts feel together [kg]."""
+def _inertia(island: Island, M: Mass, J: list[list]) -> list[Any]:
+    """Inertia that contacts feel [kg], by the velocities that they touch."""
     diagonal = M.diagonal or [row[i] for i, row in enumerate(M.full or [])]
     levers = _levers(island, J)
     parts = ((m, x) for m, x in zip(diagonal, levers, strict=True) if not is_zero(x))
-    return total(times(m, 1.0 / (x * x)) for m, x in parts)
+    return [times(m, 1.0 / (x * x)) for m, x in parts]

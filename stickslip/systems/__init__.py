@@ -7,7 +7,7 @@
 ... )
 >>> solution = ss.simulate(block, 0.0, 50.0, Motion(x=0.0, v=0.2))
 >>> print(f"{solution.y1.x:.10f}")
-1.0354672757
+1.0354672845
 >>> [block.mode_names[m] for m in solution.events.mode_after[:3]]
 ['slip backward', 'stick', 'slip backward']
 """

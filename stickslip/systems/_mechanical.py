@@ -1,13 +1,11 @@
-"""What every mechanical reference system offers beyond the hybrid interface: its energy account."""
+"""What the reference systems share: the state of a point, names of modes, the law of one contact."""
 
-import abc
 from typing import Any, NamedTuple
 
-from jaxtyping import ArrayLike, PyTree, Real
+from jaxtyping import ArrayLike, Real
 
 from stickslip._fastmath import where
-from stickslip._types import Numeric, Whole
-from stickslip.hybrid import AbstractHybridSystem
+from stickslip.mechanism._account import AbstractMechanicalSystem as AbstractMechanicalSystem
 
 Number = Real[ArrayLike, "..."]
 
@@ -19,28 +17,6 @@ class Motion(NamedTuple):
 
     x: Any
     v: Any
-
-
-class AbstractMechanicalSystem(AbstractHybridSystem):
-    r"""A hybrid system that keeps account of its mechanical energy.
-
-    Between events $\dot E = \sum_i P_i$ with the energy `energy(y)` [J] and the powers
-    `powers(t, y, mode, args)` [W]; every power is counted as it enters the mechanical energy, so
-    that a loss is negative. At an event the energy may drop (impact), which the event log shows:
-    `energy(events.y_after) - energy(events.y_before)`. `WithIntegrals` integrates the powers along
-    a motion.
-
-    Methods of the reference systems **raise** `TypeError` or `ValueError` naming the argument: for
-    what has not the components of the state, is no number, no mode.
-    """
-
-    @abc.abstractmethod
-    def energy(self, y: PyTree) -> Any:
-        """Kinetic and potential energy [J]."""
-
-    @abc.abstractmethod
-    def powers(self, t: Numeric, y: PyTree, mode: Whole, args: PyTree) -> dict[str, Any]:
-        """Powers into the mechanical energy [W] by name; friction, damping and the like are <= 0."""
 
 
 def holding_force(static_force: Any, kinetic_force: Any) -> Any:
