@@ -110,8 +110,9 @@ class AbstractMechanism(AbstractMechanicalSystem):
       gives way as it does so, and is logged as that).
 
     **Limits.** Normal forces that depend on friction or accelerations (Painlevé) and impacts are not
-    covered. Dependent directions that vary, and surfaces of dependent contacts whose speeds vary, are
-    refused.
+    covered. Dependent directions that vary, surfaces of dependent contacts whose speeds vary, and more
+    than 15 contacts are refused. Where contacts have directions across the coordinates, accelerations
+    lose as many digits as the inertias that they join have in their ratio.
 
     **Raises** `DeclarationError`, `ValueError` or `TypeError` that name what is declared wrongly,
     before anything is compiled: directions of the wrong length, a mass matrix that is not positive
