@@ -23,6 +23,8 @@ from ._arguments import (
 )
 from ._observable import InArgs, Maximum, Minimum, as_observable, as_section
 
+MOST_NAMES = 1024  # of more modes only those are named that occur
+
 
 def time_history(
     system: Given[AbstractHybridSystem],
@@ -53,8 +55,10 @@ def time_history(
       `Minimum("x")` of an observable. Crossings before `t[0]` are left out.
     - `labels`: units of observables by name, where the system does not know them.
 
-    **Returns** an `xarray.Dataset`: each observable over `time`, `mode` (with `attrs["mode_names"]`),
-    and for each section `at_<section>_<observable>` and `at_<section>_t` over `<section>_point`.
+    **Returns** an `xarray.Dataset`: each observable over `time`, `mode`, and for each section
+    `at_<section>_<observable>` and `at_<section>_t` over `<section>_point`. `attrs["mode_names"]` names
+    the modes; of a system with more than 1024 only those that occur, numbered in
+    `attrs["mode_numbers"]`.
 
     **Errors** `ValueError`/`TypeError` naming the argument; `EquinoxRuntimeError` where the motion
     fails.
@@ -94,8 +98,16 @@ def time_history(
     return xr.Dataset(
         variables,
         {"time": ("time", times, second)},
-        {"mode_names": list(system.mode_names)},
+        _mode_names(system, mode),
     )
+
+
+def _mode_names(system: Any, mode: np.ndarray) -> dict[str, list]:
+    names = system.mode_names
+    if len(names) <= MOST_NAMES:
+        return {"mode_names": list(names)}
+    met = [int(number) for number in np.unique(mode) if number >= 0]
+    return {"mode_numbers": met, "mode_names": [names[number] for number in met]}
 
 
 @eqx.filter_jit
