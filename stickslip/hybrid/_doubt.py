@@ -76,7 +76,10 @@ def doubt(plan: Plan, lane: Lane, h: Any, values: Values, inside: Inside) -> tup
         sign = functions.sign(i, start) if i < functions.num_guards else jnp.sign(start)
         v0, r0 = sign * start, sign * lane.rates[i]
         v1, r1 = sign * values.value[i], sign * values.rate[i]
-        mismatch, low, size = jnp.zeros_like(h), v1, jnp.maximum(jnp.abs(v0), jnp.abs(v1))
+        # A function that falls at the start may go through zero before the first point; one that has
+        # just fired starts at zero and rises.
+        low = jnp.where(r0 < 0, jnp.minimum(v0, v1), v1)
+        mismatch, size = jnp.zeros_like(h), jnp.maximum(jnp.abs(v0), jnp.abs(v1))
         for point, value in zip(POINTS, seen, strict=True):
             value = sign * value
             believed = _cubic(point, v0, h * r0, v1, h * r1)
