@@ -108,3 +108,16 @@ def test_random_voltages_give_the_motion_of_small_steps_or_a_flag():
     assert np.all(fine[3][touched] & GRAZING)  # steps of 1 ms find the same
     assert np.sum(touched) <= number // 100
     assert np.sum(wrong) <= number // 100
+
+
+@pytest.mark.parametrize(
+    ("tension", "amplitude"),
+    [(46.93070429808473, 3.323232323232323), (73.88951717746787, 5.181818181818182)],
+)
+def test_a_peak_soon_after_a_step_begins_is_not_missed(tension, amplitude):
+    """At the border of motion; twelve events by steps of a millisecond with a tolerance of 1e-11."""
+    parameters = cx.CoreXYParameters(P1=tension, P2=tension, mu_1s_b=2.0, mu_2s_b=2.0)
+    system = cx.CoreXY(parameters, cx.Harmonic(amplitude, 0.5 * amplitude))
+    loose = ss.Integrator("tsit5", ss.AdaptiveStep(1e-9, 1e-9))
+    run = ss.simulate(system, 0.0, 6.0, system.state(), integrator=loose, max_events=32)
+    assert int(run.num_events) == 12
