@@ -11,6 +11,7 @@ from stickslip.hybrid._system import NO_MODE
 
 from ._instant import (
     Instant,
+    floats,
     instant_of,
     landed,
     limits_of,
@@ -167,8 +168,7 @@ def _presses(machine: "AbstractMechanism", t: Any, at: Instant, c: int, args: An
         return jnp.asarray(now.normal_force, jnp.float64) + 0.0 * t
 
     t = jnp.asarray(t, jnp.float64)
-    q, v = (jax.tree.map(lambda x: jnp.asarray(x, jnp.float64), z) for z in (at.q, at.v))
-    now, rate = jax.jvp(load, (t, q), (jnp.ones_like(t), v))
+    now, rate = jax.jvp(load, (t, floats(at.q)), (jnp.ones_like(t), floats(at.v)))
     return (now > 0.0) | ((now == 0.0) & (rate > 0.0))
 
 

@@ -85,7 +85,7 @@ def surface_accelerations(machine: "AbstractMechanism", t: Any, at: Instant, arg
         ]
 
     t = jnp.asarray(t, jnp.float64)
-    q, v = _floats(at.q), _floats(at.v)
+    q, v = floats(at.q), floats(at.v)
     for name, depends in zip(names, degrees(given, (v,), (True,)), strict=True):
         if depends != NONE:
             what = f"surface_speed and direction of contact {name!r}"
@@ -104,7 +104,8 @@ def surface_accelerations(machine: "AbstractMechanism", t: Any, at: Instant, arg
     return [0.0 if d == NONE else -r for d, r in zip(depends, rates, strict=True)]
 
 
-def _floats(numbers: Any) -> Any:
+def floats(numbers: Any) -> Any:
+    """Numbers of a state as arrays, as `jax.jvp` wants them."""
     return jax.tree.map(lambda x: jnp.asarray(x, jnp.float64), numbers)
 
 

@@ -31,7 +31,7 @@ from ._declaration import (
     state_type,
     traced_with,
 )
-from ._instant import Instant, instant_of, loaded, motion_of, pushed, surface_accelerations
+from ._instant import Instant, floats, instant_of, loaded, motion_of, pushed, surface_accelerations
 from ._island import Island, islands_of
 from ._modes import ModeNames, sense_of, states_of
 from ._scalars import dot, is_zero, total
@@ -202,7 +202,7 @@ class AbstractMechanism(AbstractMechanicalSystem):
         try:
             operands = (zero, kind(*[zero] * n), kind(*[zero] * n))
             found = degrees(lambda t, q, v: loads(self, t, q, v), operands, (True,) * 3)
-        except Exception:
+        except (AttributeError, IndexError, KeyError, TypeError):
             return tuple(fixed)  # it looks at `args`, which are not known here
         return tuple(c for c in fixed if found[c] != NONE)
 
@@ -359,9 +359,7 @@ class AbstractMechanism(AbstractMechanicalSystem):
             zero = 0.0 * jnp.asarray(q[0], jnp.float64)
             return total((0.5 * dot(at.v, momentum), self.potential_energy(q), zero))
 
-        q = jax.tree.map(lambda x: jnp.asarray(x, jnp.float64), at.q)
-        v = jax.tree.map(lambda x: jnp.asarray(x, jnp.float64), at.v)
-        _, rate = jax.jvp(stored, (q,), (v,))
+        _, rate = jax.jvp(stored, (floats(at.q),), (floats(at.v),))
         return total((dot(force, at.v), rate))
 
     @looks_at(**OBSERVABLE)

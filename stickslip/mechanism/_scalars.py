@@ -132,10 +132,3 @@ class Mass:
         if self.diagonal is not None:
             return [f if is_zero(f) else f / m for f, m in zip(force, self.diagonal, strict=True)]
         return self._factors.solve(force)
-
-    def trace(self) -> Any:
-        """Sum of the entries on the diagonal."""
-        if self.diagonal is not None:
-            return total(self.diagonal)
-        assert self.full is not None
-        return total(row[i] for i, row in enumerate(self.full))
