@@ -46,7 +46,7 @@ EXEMPT_METHODS = {
     **dict.fromkeys(
         (
             "Section.uses_slope", "AdaptiveStep.factor", "AdaptiveStep.initial", "FixedStep.initial",
-            "AbstractStepper.vjp",
+            "AbstractStepper.step_and_look", "AbstractStepper.vjp",
             "ProgressMeter.report", "Executor.boundary", "Executor.loop", "Executor.shared",
         ),
         BUILT_BY_ENGINE,
