@@ -18,6 +18,7 @@ A 40, 1989.
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
@@ -33,6 +34,7 @@ from ._look import verdict
 
 MASS, PULL, COUPLING = 1.0, 1.0, 4.0  # [kg], [N/m], [N/m]
 STATIC, KINETIC, FALL = 1.0, 0.5, 0.5  # [N], [N], [m/s]
+STARTS = 16  # motions that are compared with time stepping
 SLOW = 0.05  # speed of the belt in the picture [m/s]
 CLOSE = ss.Integrator("dop853", ss.AdaptiveStep(1e-11, 1e-12), max_steps=1_000_000)
 
@@ -89,9 +91,9 @@ def weakening() -> Stribeck:
     return Stribeck(STATIC, KINETIC, FALL, 1)
 
 
-def uneven(blocks: int) -> np.ndarray:
+def uneven(*shape: int) -> np.ndarray:
     """Places without any order, the same ones each time [m]."""
-    return 0.4 * np.random.default_rng(1).uniform(-1.0, 1.0, blocks)
+    return 0.4 * np.random.default_rng(1).uniform(-1.0, 1.0, shape)
 
 
 def slipping(blocks: int, seconds: float) -> tuple[np.ndarray, np.ndarray]:
@@ -132,18 +134,19 @@ def alike(blocks: int, belt_speed: float = 0.2) -> tuple[float, float, np.ndarra
     return float(np.diff(released[0]).mean()), float(known), released
 
 
-def stepped(blocks: int, belt_speed: float, seconds: float, h: float) -> np.ndarray:
+def stepped(x: np.ndarray, belt_speed: float, seconds: float, h: float) -> np.ndarray:
     """Places after `seconds` by time stepping (Moreau) that knows neither modes nor events [m].
 
-    Velocities at whole steps, places between them; friction of the new sliding speed has the old
-    speed's size.
+    From the places `x` [start, block]. Velocities at whole steps, places between them; friction of the
+    new sliding speed has the old speed's size.
     """
-    v, x = np.full(blocks, belt_speed), uneven(blocks)
+    v = np.full(x.shape, belt_speed)
     x = x + 0.5 * h * v
     for step in range(round(seconds / h)):
         force = -PULL * x
-        force[:-1] += COUPLING * (x[1:] - x[:-1])
-        force[1:] -= COUPLING * (x[1:] - x[:-1])
+        between = COUPLING * (x[:, 1:] - x[:, :-1])
+        force[:, :-1] += between
+        force[:, 1:] -= between
         most = KINETIC + (STATIC - KINETIC) * np.exp(-np.abs(v - belt_speed) / FALL)
         u = v + h * force / MASS - belt_speed
         v = belt_speed + np.sign(u) * np.maximum(np.abs(u) - h * most / MASS, 0.0)
@@ -158,12 +161,19 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     modes = [slipping(n, 20.0) for n in sizes]
     period, known, released = alike(q["compared"])
     machine = chain(q["compared"], weakening(), 0.1)
-    run = ss.simulate(
-        machine, 0.0, 10.0, machine.at(uneven(q["compared"]), 0.1), integrator=CLOSE, max_events=None
-    )
-    places = np.array([float(x) for x in run.y1[: q["compared"]]])
-    steps = q["step"] * 0.5 ** np.arange(7)
-    errors = [np.abs(stepped(q["compared"], 0.1, 10.0, h) - places).max() for h in steps]
+    starts = uneven(STARTS, q["compared"])
+
+    def motion_from(places):
+        run = ss.simulate(
+            machine, 0.0, 10.0, machine.at(places, 0.1), integrator=CLOSE, max_events=None, throw=False
+        )
+        return jnp.stack(run.y1[: q["compared"]]), run.num_events
+
+    places, events = jax.jit(jax.vmap(motion_from))(jnp.asarray(starts))
+    steps = q["step"] * 0.5 ** np.arange(6)
+    apart = [stepped(starts, 0.1, 10.0, h) - np.asarray(places) for h in steps]
+    # One error rises and falls with where steps meet events: the mean over several motions.
+    errors = [np.sqrt(np.mean(x**2)) for x in apart]
     shown = np.linspace(0.0, q["shown"], 2001)
     whole = chain(q["blocks"], weakening(), SLOW)
     motion = ss.simulate(
@@ -186,7 +196,7 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
             "time": ("time", shown, {"units": "s"}), "block": np.arange(1, q["blocks"] + 1),
         },
         attrs={
-            "period": period, "known": known, "events": int(run.num_events),
+            "period": period, "known": known, "events": int(events.sum()),
             "compared": q["compared"], "all_events": int(motion.num_events),
         },
     )  # fmt: skip
@@ -208,8 +218,8 @@ def draw(dataset: xr.Dataset) -> Figure:
     axes["share"].set(xlabel="$t$ [s]", ylabel="share of blocks that stick")
     axes["error"].loglog(dataset.step, dataset.error, "o-", color="#c0392b", ms=3)
     axes["error"].set(
-        xlabel="step of time stepping [s]", ylabel="its largest error after 10 s [m]",
-        title=f"{dataset.attrs['compared']} blocks, {dataset.attrs['events']} events",
+        xlabel="step of time stepping [s]", ylabel="its error after 10 s [m]",
+        title=f"{dataset.attrs['compared']} blocks, {STARTS} motions",
     )  # fmt: skip
     return figure
 
@@ -220,7 +230,6 @@ def judge(dataset: xr.Dataset) -> list[Statement]:
     spread = float((dataset.released.sel(which="last") - dataset.released.sel(which="first")).max())
     off = abs(attrs["period"] / attrs["known"] - 1.0)
     error = np.asarray(dataset.error)
-    # A single error rises and falls with where a step meets an event: the slope of all of them.
     order = np.polyfit(np.log(dataset.step), np.log(error), 1)[0]
     return [
         verdict(
@@ -237,7 +246,7 @@ def judge(dataset: xr.Dataset) -> list[Statement]:
         verdict(
             "M1.3", "Time stepping tends to the same motion, its error falling with the step.",
             abs(float(order) - 1.0), 0.25,
-            f"errors {', '.join(f'{e:.2g}' for e in error)} m over {attrs['events']} events, order "
+            f"errors {', '.join(f'{e:.2g}' for e in error)} m, {STARTS} motions, {attrs['events']} events, order "
             f"{order:.2f}",
         ),
     ]  # fmt: skip
