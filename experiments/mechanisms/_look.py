@@ -18,8 +18,8 @@ BAND = "0.8"
 def flow_matrix(machine: AbstractMechanism, y: Any, duration: float, steps: int = 100) -> jax.Array:
     """Derivative of the state after `duration` [s] by the state `y`, through `simulate`.
 
-    In steps of equal length: at an equilibrium, which moves nowhere, an adaptive one would be as long as
-    the run, and its derivative would be that of one step.
+    In steps of equal length: at an equilibrium, which moves nowhere, an adaptive one would be as long
+    as the run, and its derivative would be that of one step.
     """
     leaves, form = jax.tree.flatten(y)
     start = jnp.stack([jnp.asarray(x, jnp.float64) for x in leaves])

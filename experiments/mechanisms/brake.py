@@ -169,7 +169,7 @@ def draw(dataset: xr.Dataset) -> Figure:
     axes["size"].set(xlabel=r"coefficient $\mu$", ylabel="lightly damped, settled: [m], [1]")
     for name in ("growth", "size"):
         axes[name].axvline(critical(), color="0.5", lw=0.8, ls=":")
-    x, v, y, mode = np.asarray(dataset.motion)
+    x, _, y, mode = np.asarray(dataset.motion)
     time = np.asarray(dataset.time)
     shade(axes["motion"], time, mode == 1, label="stick")
     axes["motion"].fill_between(

@@ -1,16 +1,16 @@
-r"""A belt drive whose carriage rubs on its rail by Dahl's law: friction that is a spring before it slides.
+r"""A belt drive whose carriage rubs on its rail by Dahl's law: a spring before it slides.
 
 $$m_p\ddot p = K\,(A\sin\omega t - p) - D\dot p - k\,(p - x) - c\,(\dot p - \dot x), \qquad
   m\ddot x = k\,(p - x) + c\,(\dot p - \dot x) - \lambda$$
 
 A servo moves the pulley to and fro (its angle times its radius is $p$), the belt takes the carriage
-along. Dahl's friction $\lambda$ of the stiffness $\sigma$ and the greatest force $F$ knows no time, only
-distance: between turning points $\dot\lambda = \sigma\,(1 \mp \lambda/F)\,\dot x$. Known are therefore
+along. Dahl's friction $\lambda$ of the stiffness $\sigma$ and the greatest force $F$ knows no time,
+only distance: between turning points $\dot\lambda = \sigma\,(1 \mp \lambda/F)\,\dot x$. Known are
 
 - the loop between turning points $\pm a$: from $\mp\lambda_m$ to $\pm\lambda_m$ along an exponential,
   with $\lambda_m = F\tanh(\sigma a/F)$, of the area $4F(a - \lambda_m/\sigma)$, however fast;
-- before it slides: small swings about rest see the spring $\sigma$, so their squared frequencies are the
-  eigenvalues of $M^{-1}K$ with it;
+- before it slides: small swings about rest see the spring $\sigma$, so they have the frequencies of the
+  linear system with it;
 - for $\sigma \to \infty$ the area $4Fa$ of Coulomb's law, which the event-driven form has exactly.
 
 P. R. Dahl, *Solid friction damping of mechanical vibrations*, AIAA Journal 14, 1976.
@@ -190,7 +190,9 @@ def draw(dataset: xr.Dataset) -> Figure:
     loops.set(xlabel="carriage [mm]", ylabel="friction [N]", title="two periods from rest")
     a = np.geomspace(float(dataset.turn.min()), float(dataset.turn.max()), 300)
     areas.loglog(1e3 * a, area(a), color="0.6", lw=3.0, label="closed form, Dahl")
-    areas.loglog(1e3 * a, 4.0 * FRICTION * a, color="0.6", lw=1.0, ls="--", label="closed form, Coulomb")
+    areas.loglog(
+        1e3 * a, 4.0 * FRICTION * a, color="0.6", lw=1.0, ls="--", label="closed form, Coulomb"
+    )
     for omega in dataset.omega.values:
         part = dataset.sel(omega=omega)
         areas.loglog(1e3 * part.turn, part.lost, ".", ms=4, label=f"bristles, {omega:g} rad/s")
@@ -221,7 +223,7 @@ def judge(dataset: xr.Dataset) -> list[Statement]:
         verdict(
             "M5.1", "A loop takes 4F (a - λ/σ), however fast it is run through.", off, 1e-4,
             f"{known.size} loops, a from {1e3 * float(dataset.turn.min()):.3g} to "
-            f"{1e3 * float(dataset.turn.max()):.3g} mm, {dataset.omega.values.tolist()} rad/s; relative",
+            f"{1e3 * float(dataset.turn.max()):.3g} mm, rad/s {dataset.omega.values.tolist()}",
         ),
         verdict(
             "M5.2", "Small swings about rest see the bristles as a spring.", off_small, 1e-5,

@@ -35,7 +35,7 @@ from stickslip.friction import AbstractFrictionLaw, Stribeck
 from stickslip.mechanism import AbstractMechanism, Contact
 
 from .._experiment import Context, Experiment, Statement
-from ._look import FAST, flow_matrix, rates_of, shade, verdict
+from ._look import FAST, flow_matrix, shade, verdict
 
 RPM = 2.0 * np.pi / 60.0
 INERTIA, BIT = 2000.0, 400.0  # [kg m²]
@@ -152,9 +152,7 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     # Steady drilling, disturbed by a hundredth of its speed.
     even = np.array([_steady_speed(s) for s in aim])
     steady = ss.map_lanes(
-        lambda s, w: settled(
-            s, lambda m: m.steady(w)._replace(v_bit=1.01 * w), q["duration"]
-        )
+        lambda s, w: settled(s, lambda m: m.steady(w)._replace(v_bit=1.01 * w), q["duration"])
     )
     (range_rest, stuck_rest, fine), (range_even, stuck_even, fine_even) = (
         jax.tree.map(np.asarray, found)
@@ -224,7 +222,12 @@ def draw(dataset: xr.Dataset) -> Figure:
         for end in ("least", "greatest"):
             values = dataset["range"].sel(start=start, end=end) / RPM
             axes["range"].plot(
-                aim, values, style, color=colour, ms=3, label=f"from {start}" if end == "least" else None
+                aim,
+                values,
+                style,
+                color=colour,
+                ms=3,
+                label=f"from {start}" if end == "least" else None,
             )
     axes["range"].axvline(aimed(known) / RPM, color="0.5", lw=0.8, ls=":", label="closed form")
     axes["range"].set(
@@ -249,13 +252,13 @@ def judge(dataset: xr.Dataset) -> list[Statement]:
     critical = float(aimed(known))
     return [
         verdict(
-            "M2.1", "Disturbances of steady drilling grow at the rate of the characteristic polynomial.",
+            "M2.1", "Disturbances of steady drilling grow as the characteristic polynomial says.",
             off, 1e-9, f"{len(roots)} speeds; relative to the largest",
         ),
         verdict(
             "M2.2", "Steady drilling loses its stability at the speed of the Hopf bifurcation.",
             abs(found / known - 1.0), 1e-6,
-            f"{found / RPM:.4f} 1/min, closed form {known / RPM:.4f} at {frequency:.4f} rad/s; relative",
+            f"{found / RPM:.4f} 1/min, closed form {known / RPM:.4f}, {frequency:.4f} rad/s",
         ),
         verdict(
             "M2.3", "Motions begun beside steady drilling end in stick-slip below that speed only.",

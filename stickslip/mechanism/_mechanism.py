@@ -26,6 +26,7 @@ from ._declaration import (
     Names,
     coordinates_type,
     directions_of,
+    generic_mass,
     in_order,
     mass_of,
     state_type,
@@ -180,11 +181,13 @@ class AbstractMechanism(AbstractMechanicalSystem):
         mass = traced_with(
             lambda s, q: mass_of(s.mass_matrix(q), names.coordinates), self, kind(*[0.0] * n)
         )
-        coupled = np.eye(n, dtype=bool)
+        coupled, generic = np.eye(n, dtype=bool), None
         if mass.full is not None:
             coupled = np.array([[not is_zero(x) for x in row] for row in mass.full])
             coupled = coupled | coupled.T
-        return islands_of(directions.tobytes(), directions.shape, coupled.tobytes())
+            generic = generic_mass(self, names.coordinates)
+        sample = b"" if generic is None else generic.tobytes()
+        return islands_of(directions.tobytes(), directions.shape, coupled.tobytes(), sample)
 
     @property
     def lifting(self) -> tuple[int, ...]:
