@@ -117,7 +117,10 @@ def row(blocks: int, lanes: int, rounds: int, relative: bool) -> str:
             now.append((time.process_time() - begin) / lanes)
         times.append(now)
     cost = [statistics.median(column) for column in zip(*times, strict=True)]
-    line = f"  {blocks:6d} {float(np.mean(outs[0][1])):8.1f} {1e6 * cost[0]:12.1f} {firsts[0] - lanes * cost[0]:12.1f}"
+    line = (
+        f"  {blocks:6d} {float(np.mean(outs[0][1])):8.1f} {1e6 * cost[0]:12.1f} "
+        f"{firsts[0] - lanes * cost[0]:12.1f}"
+    )
     if relative:
         ratio = statistics.median(b / a for a, b in times)
         apart = np.abs(np.asarray(outs[1][0]) - np.asarray(outs[0][0])).max(axis=1)
@@ -152,8 +155,8 @@ def main(size: str) -> Iterator[str]:
     lanes = 256 if size == "quick" else 2048
     rounds = 3
     yield (
-        "Chain of blocks on a belt, 10 s, fused: processor time of a lane [microseconds] and of tracing "
-        "and compiling [s]\n"
+        "Chain of blocks on a belt, 10 s, fused: processor time of a lane [microseconds] and of "
+        "tracing and compiling [s]\n"
         f"  {'blocks':>6s} {'events':>8s} {'places':>12s} {'first call':>12s} {'distances':>12s} "
         f"{'first call':>12s} {'ratio':>8s} {'apart, m':>9s}"
     )
