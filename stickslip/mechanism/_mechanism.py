@@ -112,7 +112,7 @@ class AbstractMechanism(AbstractMechanicalSystem):
 
     **Limits.** Normal forces that depend on friction or accelerations (Painlevé) and impacts are not
     covered. Dependent directions that vary, surfaces of dependent contacts whose speeds vary, and more
-    than 15 contacts are refused. Where contacts have directions across the coordinates, accelerations
+    than 31 contacts are refused. Where contacts have directions across the coordinates, accelerations
     lose as many digits as the inertias that they join have in their ratio.
 
     **Raises** `DeclarationError`, `ValueError` or `TypeError` that name what is declared wrongly,

@@ -199,5 +199,5 @@ def test_a_chain_at_rest_stays():
 
 
 def test_too_many_blocks_are_refused_by_name():
-    with pytest.raises(ValueError, match=r"contact_directions.*16 contacts"):
-        chain.chain(16, chain.weakening(), 0.1)
+    with pytest.raises(ValueError, match=r"contact_directions.*32 contacts"):
+        chain.chain(32, chain.weakening(), 0.1)
