@@ -17,8 +17,8 @@ ends it here is found by sweeping the speed, and by an integration that shares n
 
 The parameters are constructed, of the size of a rig: a shaft of kilometres, turned by a table of the
 inertia of a few tonnes. N. Mihajlović, *Torsional and Lateral Vibrations in Flexible Rotor Systems with
-Friction*, Eindhoven University of Technology, 2005, has the same model, with measurements on a rig in
-the laboratory.
+Friction*, Eindhoven University of Technology, 2005, treats drill strings with friction beside
+measurements on a rig in the laboratory.
 """
 
 from typing import Any, ClassVar
