@@ -14,7 +14,7 @@ from stickslip.hybrid._dependence import NONE, degrees
 
 from ._contact import Contact
 from ._declaration import coordinates_type, directions_of, in_order, mass_of
-from ._modes import MOST_IN_32
+from ._modes import MOST
 
 
 def check_declaration(mechanism: Any) -> None:
@@ -45,8 +45,8 @@ def check_declaration(mechanism: Any) -> None:
     for name in names.opening:
         if name not in names.contacts:
             raise refusal("opening", name, f"names of contacts: {', '.join(map(repr, names.contacts))}")
-    if len(names.contacts) > MOST_IN_32:
-        allowed = f"at most {MOST_IN_32} contacts, whose mode is a number of 32 bits"
+    if len(names.contacts) > MOST:
+        allowed = f"at most {MOST} contacts, whose mode is a number of 64 bits"
         raise refusal("contact_directions", f"{len(names.contacts)} contacts", allowed)
     directions_of(mechanism.contact_directions, names.coordinates)
     try:

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from stickslip._validation import refusal
+from stickslip.hybrid._dependence import OTHER, degrees
 
 from ._scalars import Mass, is_zero
 
@@ -130,3 +131,32 @@ def traced_with(function: Any, system: Any, *operands: Any) -> Any:
 
     jax.eval_shape(run, numbers, operands)
     return seen[0]
+
+
+def generic_mass(system: Any, names: Sequence[str]) -> np.ndarray | None:
+    """A full mass matrix at parameters and coordinates in general position.
+
+    None unless its entries are affine in them: then a linear combination of entries that vanishes here
+    vanishes everywhere.
+    """
+    leaves, form = abstract(system)
+    shapes = [x for x in leaves if isinstance(x, jax.ShapeDtypeStruct)]
+
+    def entries(numbers, q):
+        given = iter(numbers)
+        whole = [next(given) if isinstance(x, jax.ShapeDtypeStruct) else x for x in leaves]
+        machine = jax.tree.unflatten(form, whole)
+        full = mass_of(machine.mass_matrix(coordinates_type(tuple(names))(*q)), names).full
+        assert full is not None
+        return [jnp.asarray(x, jnp.float64) + 0.0 for row in full for x in row]
+
+    rng = np.random.default_rng(0)
+    numbers = [rng.uniform(0.5, 1.5, x.shape) for x in shapes]
+    q = list(rng.uniform(0.5, 1.5, len(names)))
+    with jax.ensure_compile_time_eval():
+        if OTHER in degrees(entries, (numbers, q), (True, True)):
+            return None
+        found = [np.asarray(x) for x in entries(*jax.tree.map(jnp.asarray, (numbers, q)))]
+    if any(x.ndim for x in found):
+        return None
+    return np.array(found, float).reshape(len(names), len(names))

@@ -49,7 +49,13 @@ class Island:
     that is left out, and its speed is held to the last digit.
     """
 
-    def __init__(self, columns: tuple[int, ...], rows: tuple[int, ...], directions: np.ndarray):
+    def __init__(
+        self,
+        columns: tuple[int, ...],
+        rows: tuple[int, ...],
+        directions: np.ndarray,
+        inertia: np.ndarray | None = None,
+    ):
         self.columns, self.rows, self.directions = columns, rows, directions
         self.m, self.n = directions.shape
         self.varies = bool(np.isnan(directions).any())
@@ -62,7 +68,23 @@ class Island:
         if self.dependent and not self.varies and self.m <= MOST_DEPENDENT:
             self._tabulate()
         if not self.dependent and not self.varies:
-            self.inverse = _completed_inverse(directions)
+            self.inverse = T = _completed_inverse(directions)
+            # Inertia between speeds along contacts that vanishes whatever the parameters are.
+            self.parted = np.zeros((self.n, self.n), bool)
+            if inertia is not None:
+                size = np.abs(T.T) @ np.abs(inertia) @ np.abs(T)
+                self.parted = np.abs(T.T @ inertia @ T) < 1e-12 * size
+
+    @property
+    def separate(self) -> bool:
+        """Whether the friction of one contact changes the acceleration along no other."""
+        if self.m == 1:
+            return True
+        return (
+            not self.dependent
+            and not self.varies
+            and bool((self.parted | np.eye(self.n, dtype=bool)).all())
+        )
 
     def _tabulate(self) -> None:
         J, m = self.directions, self.m
@@ -154,7 +176,10 @@ class Island:
         T = self.inverse
         columns = [[float(x) for x in T[:, i]] for i in range(self.n)]
         momenta = [M.times(column) for column in columns]
-        inertia = [[dot(column, p) for p in momenta] for column in columns]
+        inertia = [
+            [0.0 if self.parted[i, j] else dot(column, p) for j, p in enumerate(momenta)]
+            for i, column in enumerate(columns)
+        ]
         force = [dot(column, F) for column in columns]
         everything = range(self.n)
         held = [rest[i] if i < self.m else None for i in everything]
@@ -298,13 +323,17 @@ def lines_of(J: np.ndarray) -> np.ndarray:
 
 
 @functools.lru_cache(maxsize=256)
-def islands_of(directions: bytes, shape: tuple[int, int], coupled: bytes) -> tuple[Island, ...]:
+def islands_of(
+    directions: bytes, shape: tuple[int, int], coupled: bytes, inertia: bytes = b""
+) -> tuple[Island, ...]:
     """The islands of contacts with these directions [contact, velocity] and coupled velocities.
 
-    Both as bytes of arrays, so that a mechanism is analysed once.
+    `inertia`: the mass matrix in general position, if it is known. All as bytes of arrays, so that a
+    mechanism is analysed once.
     """
     J = np.frombuffer(directions).reshape(shape)
     n = shape[1]
+    M = np.frombuffer(inertia).reshape(n, n) if inertia else None
     joined = np.frombuffer(coupled, bool).reshape(n, n).copy()
     for row in J:
         touched = np.isnan(row) | (row != 0)
@@ -318,5 +347,6 @@ def islands_of(directions: bytes, shape: tuple[int, int], coupled: bytes) -> tup
         columns = tuple(j for j in range(n) if label[j] == one)
         part = J[:, columns]
         rows = tuple(c for c in range(len(J)) if (np.isnan(part[c]) | (part[c] != 0)).any())
-        found.append(Island(columns, rows, part[list(rows)]))
+        block = None if M is None else M[np.ix_(columns, columns)]
+        found.append(Island(columns, rows, part[list(rows)], block))
     return tuple(found)

@@ -26,6 +26,7 @@ from ._declaration import (
     Names,
     coordinates_type,
     directions_of,
+    generic_mass,
     in_order,
     mass_of,
     state_type,
@@ -111,7 +112,7 @@ class AbstractMechanism(AbstractMechanicalSystem):
 
     **Limits.** Normal forces that depend on friction or accelerations (Painlevé) and impacts are not
     covered. Dependent directions that vary, surfaces of dependent contacts whose speeds vary, and more
-    than 15 contacts are refused. Where contacts have directions across the coordinates, accelerations
+    than 31 contacts are refused. Where contacts have directions across the coordinates, accelerations
     lose as many digits as the inertias that they join have in their ratio.
 
     **Raises** `DeclarationError`, `ValueError` or `TypeError` that name what is declared wrongly,
@@ -180,11 +181,13 @@ class AbstractMechanism(AbstractMechanicalSystem):
         mass = traced_with(
             lambda s, q: mass_of(s.mass_matrix(q), names.coordinates), self, kind(*[0.0] * n)
         )
-        coupled = np.eye(n, dtype=bool)
+        coupled, generic = np.eye(n, dtype=bool), None
         if mass.full is not None:
             coupled = np.array([[not is_zero(x) for x in row] for row in mass.full])
             coupled = coupled | coupled.T
-        return islands_of(directions.tobytes(), directions.shape, coupled.tobytes())
+            generic = generic_mass(self, names.coordinates)
+        sample = b"" if generic is None else generic.tobytes()
+        return islands_of(directions.tobytes(), directions.shape, coupled.tobytes(), sample)
 
     @property
     def lifting(self) -> tuple[int, ...]:

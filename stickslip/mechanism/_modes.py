@@ -11,7 +11,7 @@ from stickslip._fastmath import where
 BACKWARD, REST, FORWARD, OPEN = 0, 1, 2, 3
 WORDS = ("slip backward", "stick", "slip forward", "open")
 BITS = 2  # of each contact, the first contact the lowest
-MOST_IN_32 = 15  # contacts whose mode is a 32-bit integer, as the engine keeps it
+MOST_IN_32, MOST = 15, 31  # contacts whose mode is an integer of 32, and of 64 bits
 
 
 class ModeNames(Sequence):
@@ -73,22 +73,25 @@ class ModeNames(Sequence):
         return f"ModeNames({self.contacts})"
 
 
+def _word(contacts: int) -> Any:
+    """Integers of as many bits as the mode of so many contacts needs."""
+    return jnp.int64 if contacts > MOST_IN_32 else jnp.int32
+
+
 def states_of(mode: Any, contacts: int) -> list[Any]:
     """-1, 0 or 1 for each contact, the sense of its slip, and 2 where it is open; from the mode."""
-    mode = jnp.asarray(mode, jnp.int32)
+    word = _word(contacts)
+    mode = jnp.asarray(mode, word)
     if contacts == 1:
         return [mode.astype(jnp.float64) - 1.0]
-    return [
-        ((mode >> jnp.int32(BITS * c)) & jnp.int32(3)).astype(jnp.float64) - 1.0
-        for c in range(contacts)
-    ]
+    return [((mode >> word(BITS * c)) & word(3)).astype(jnp.float64) - 1.0 for c in range(contacts)]
 
 
 def mode_of(states: Sequence[Any]) -> Any:
     """The mode of such states."""
-    mode = None
+    mode, word = None, _word(len(states))
     for c, s in enumerate(states):
-        part = (jnp.asarray(s) + 1.0).astype(jnp.int32) * jnp.int32(4**c)
+        part = (jnp.asarray(s) + 1.0).astype(word) * word(4**c)
         mode = part if mode is None else mode + part
     return jnp.zeros((), jnp.int32) if mode is None else mode
 
