@@ -71,7 +71,11 @@ def mass_of(given: Any, names: Sequence[str]) -> Mass:
             raise refusal("mass_matrix(q)", given, f"of shape ({n}, {n}): {allowed}")
         given = [[given[i, j] for j in range(n)] for i in range(n)]
     entries = in_order("mass_matrix(q)", given, names, allowed)
-    full = [isinstance(x, tuple | list | Mapping) or getattr(x, "ndim", 0) == 1 for x in entries]
+    # Arrays by name are numbers, one for each lane; in a sequence they are rows.
+    arrays = 0 if isinstance(given, Mapping) else 1
+    full = [
+        isinstance(x, tuple | list | Mapping) or (arrays and getattr(x, "ndim", 0) == 1) for x in entries
+    ]
     if not any(full):
         return Mass(diagonal=entries)
     if not all(full):
@@ -116,17 +120,42 @@ def abstract(system: Any) -> tuple[list[Any], Any]:
     return [shape(x) if isinstance(x, kinds) else x for x in leaves], form
 
 
-def traced_with(function: Any, system: Any, *operands: Any) -> Any:
-    """`function(system, *operands)`, evaluated for its structure with all numbers abstract."""
+def traced_with(function: Any, system: Any) -> Any:
+    """`function(system)`, which gives no numbers but its structure, with all numbers abstract.
+
+    Kept for the next system of this structure, so `function` has a name and is no lambda.
+    """
     leaves, form = abstract(system)
+    key = (function, form, tuple(leaves))
+    try:
+        hash(key)
+    except TypeError:
+        return _traced.__wrapped__(*key)
+    return _traced(*key)
+
+
+@functools.lru_cache(maxsize=256)
+def _traced(function: Any, form: Any, leaves: tuple) -> Any:
     numbers = [x for x in leaves if isinstance(x, jax.ShapeDtypeStruct)]
     seen: list[Any] = []
 
-    def run(numbers, operands):
+    def run(numbers):
         given = iter(numbers)
         whole = [next(given) if isinstance(x, jax.ShapeDtypeStruct) else x for x in leaves]
-        seen.append(function(jax.tree.unflatten(form, whole), *operands))
+        seen.append(function(jax.tree.unflatten(form, whole)))
         return 0.0
 
-    jax.eval_shape(run, numbers, operands)
+    jax.eval_shape(run, numbers)
     return seen[0]
+
+
+def coupled(mechanism: Any) -> bytes:
+    """Which velocities the inertia couples, as bytes of booleans `[n, n]`."""
+    names = mechanism.names.coordinates
+    n = len(names)
+    mass = mass_of(mechanism.mass_matrix(coordinates_type(names)(*[0.0] * n)), names)
+    found = np.eye(n, dtype=bool)
+    if mass.full is not None:
+        found = np.array([[not is_zero(x) for x in row] for row in mass.full])
+        found = found | found.T
+    return found.tobytes()

@@ -25,6 +25,7 @@ from ._contact import Contact
 from ._declaration import (
     Names,
     coordinates_type,
+    coupled,
     directions_of,
     in_order,
     mass_of,
@@ -33,6 +34,7 @@ from ._declaration import (
 )
 from ._instant import Instant, floats, instant_of, loaded, motion_of, pushed, surface_accelerations
 from ._island import Island, islands_of
+from ._known import known
 from ._modes import ModeNames, sense_of, states_of
 from ._scalars import dot, is_zero, total
 
@@ -137,6 +139,7 @@ class AbstractMechanism(AbstractMechanicalSystem):
         """Inertia: a mass for each coordinate, or the rows of a symmetric positive definite matrix.
 
         A mapping by coordinate or a sequence in their order, its entries numbers or again such rows.
+        A row is an array in a sequence only: by name, arrays are masses of many lanes.
         """
 
     @abc.abstractmethod
@@ -174,37 +177,13 @@ class AbstractMechanism(AbstractMechanicalSystem):
     @property
     def islands(self) -> tuple[Island, ...]:
         """Groups of velocities that contacts and inertia couple."""
-        names, directions = self.names, self.directions
-        n = len(names.coordinates)
-        kind = coordinates_type(names.coordinates)
-        mass = traced_with(
-            lambda s, q: mass_of(s.mass_matrix(q), names.coordinates), self, kind(*[0.0] * n)
-        )
-        coupled = np.eye(n, dtype=bool)
-        if mass.full is not None:
-            coupled = np.array([[not is_zero(x) for x in row] for row in mass.full])
-            coupled = coupled | coupled.T
-        return islands_of(directions.tobytes(), directions.shape, coupled.tobytes())
+        directions = self.directions
+        return islands_of(directions.tobytes(), directions.shape, traced_with(coupled, self))
 
     @property
     def lifting(self) -> tuple[int, ...]:
         """Contacts that do not open, and whose normal force changes with time or state."""
-        names = self.names
-        n = len(names.coordinates)
-        kind = coordinates_type(names.coordinates)
-
-        def loads(system, t, q, v):
-            contacts = in_order("contacts(...)", system.contacts(t, q, v, None), names.contacts, "")
-            return [jnp.asarray(c.normal_force, jnp.float64) + 0.0 for c in contacts]
-
-        fixed = [c for c, name in enumerate(names.contacts) if name not in names.opening]
-        zero = jnp.zeros(())
-        try:
-            operands = (zero, kind(*[zero] * n), kind(*[zero] * n))
-            found = degrees(lambda t, q, v: loads(self, t, q, v), operands, (True,) * 3)
-        except (AttributeError, IndexError, KeyError, TypeError):
-            return tuple(fixed)  # it looks at `args`, which are not known here
-        return tuple(c for c in fixed if found[c] != NONE)
+        return traced_with(_lifting, self)
 
     @property
     def shared(self) -> tuple[Island, ...]:
@@ -299,12 +278,17 @@ class AbstractMechanism(AbstractMechanicalSystem):
 
     def check_start(self, t, y, args):
         """Raise `ValueError` for a contact that pulls at the start, or an inertia that is none."""
+        names = self.names
+        if not all(hasattr(y, name) for name in (*names.coordinates, *names.velocities)):
+            return  # no state of this mechanism, as the run says
         if is_concrete((self, y)):
             check_mass(self, self.to_coordinates(y)[0])
-        fixed = [c for c, name in enumerate(self.names.contacts) if name not in self.opening]
+        fixed = [name for name in names.contacts if name not in names.opening]
         if fixed and is_concrete((self, t, y, args)):
-            for c, load in zip(fixed, _loads_at(self, t, y, args), strict=True):
-                check_load(self.names.contacts[c], load)
+            loads = known(_loads, self, t, y, args)
+            loads = eqx.filter_jit(_loads)(self, t, y, args) if loads is None else loads
+            for name, load in zip(fixed, loads, strict=True):
+                check_load(name, load)
 
     # -- the same declaration in other forms
 
@@ -402,11 +386,27 @@ class AbstractMechanism(AbstractMechanicalSystem):
         return dict(zip(self.names.contacts, self.instant(t, y, args).speeds, strict=True))
 
 
-@eqx.filter_jit
-def _loads_at(machine: AbstractMechanism, t, y, args) -> list[Any]:
+def _loads(machine: AbstractMechanism, t: Any, y: Any, args: Any) -> list[Any]:
+    """Normal forces of the contacts that do not open [N]."""
     at, names = machine.instant(t, y, args), machine.names
     loads = zip(names.contacts, at.contacts, strict=True)
     return [jnp.asarray(c.normal_force, jnp.float64) for name, c in loads if name not in names.opening]
+
+
+def _lifting(machine: AbstractMechanism) -> tuple[int, ...]:
+    names = machine.names
+
+    def loads(t, q, v):
+        contacts = in_order("contacts(...)", machine.contacts(t, q, v, None), names.contacts, "")
+        return [jnp.asarray(c.normal_force, jnp.float64) + 0.0 for c in contacts]
+
+    fixed = [c for c, name in enumerate(names.contacts) if name not in names.opening]
+    zeros = coordinates_type(names.coordinates)(*[jnp.zeros(())] * len(names.coordinates))
+    try:
+        found = degrees(loads, (jnp.zeros(()), zeros, zeros), (True,) * 3)
+    except (AttributeError, IndexError, KeyError, TypeError):
+        return tuple(fixed)  # it looks at `args`, which are not known here
+    return tuple(c for c in fixed if found[c] != NONE)
 
 
 def _per_second(unit: str) -> str:
