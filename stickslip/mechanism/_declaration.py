@@ -72,9 +72,10 @@ def mass_of(given: Any, names: Sequence[str]) -> Mass:
         given = [[given[i, j] for j in range(n)] for i in range(n)]
     entries = in_order("mass_matrix(q)", given, names, allowed)
     # Arrays by name are numbers, one for each lane; in a sequence they are rows.
-    arrays = 0 if isinstance(given, Mapping) else 1
+    named = isinstance(given, Mapping)
     full = [
-        isinstance(x, tuple | list | Mapping) or (arrays and getattr(x, "ndim", 0) == 1) for x in entries
+        isinstance(x, tuple | list | Mapping) or (not named and getattr(x, "ndim", 0) == 1)
+        for x in entries
     ]
     if not any(full):
         return Mass(diagonal=entries)

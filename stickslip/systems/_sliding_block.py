@@ -20,8 +20,8 @@ class SlidingBlock(AbstractMechanism):
 
     - State `Motion`: `x` [m], `v` [m/s].
     - Modes: `"slip backward"`, `"rest"`, `"slip forward"`.
-    - One guard: the speed in the sense of the slip [m/s], and at rest the friction that is left [N]. Nothing
-      ends a rest: the force is constant and stays in the dead zone.
+    - One guard: the speed in the sense of the slip [m/s], and at rest the friction that is left [N].
+      Nothing ends a rest: the force is constant and stays in the dead zone.
     - Closed form: with $a = (F_k - P\,\mathrm{sgn}\,v_0)/m > 0$ it stops after $|v_0|/a$ at the
       distance $v_0^2/(2a)$.
 

@@ -102,6 +102,3 @@ def test_masses_of_lanes_by_name_are_no_rows_of_a_matrix():
         TwoBlocksOnBelt(**{**PAIR, "mass_1": m, "mass_2": 3.0 * m}).energy(y) for m in masses.tolist()
     ]
     np.testing.assert_allclose(lanes.energy(y), expected, rtol=1e-15)
-    a = jax.vmap(lambda s: s.vector_field(0.0, jax.tree.map(jnp.asarray, y), 0, None).v_2,
-                 in_axes=(jax.tree.map(lambda x: 0 if jnp.ndim(x) else None, lanes),))(lanes)  # fmt: skip
-    np.testing.assert_allclose(a[0], 2.0 * a[1], rtol=1e-15)

@@ -111,6 +111,7 @@ def test_simultaneous_events_of_equal_blocks():
     times = np.asarray(solution.events.t[:count]).reshape(-1, 2)
     np.testing.assert_allclose(times, cycle.events(count // 2)[:, None] * np.ones(2), atol=1e-11)
     together = ("slip backward / slip backward", "stick / stick")
-    assert names_of(solution.events.mode_after[1:count:2]) == [together[i % 2] for i in range(count // 2)]
+    after = names_of(solution.events.mode_after[1:count:2])
+    assert after == [together[i % 2] for i in range(count // 2)]
     # No derivative exists where two events are one: which comes first depends on the parameter.
     assert not bool(solution.differentiable)
