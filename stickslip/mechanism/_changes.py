@@ -12,7 +12,6 @@ from stickslip.hybrid._system import NO_MODE
 from ._instant import (
     Instant,
     floats,
-    instant_of,
     landed,
     limits_of,
     loaded,
@@ -20,6 +19,7 @@ from ._instant import (
     rows_of,
     slow_contacts,
     surface_accelerations,
+    touching,
 )
 from ._island import Island
 from ._modes import mode_of, states_of
@@ -35,7 +35,8 @@ MOST_SHARE = 1e6  # a share of friction beyond it says no more
 def guards(machine: "AbstractMechanism", t: Any, y: Any, mode: Any, args: Any) -> tuple:
     """Values of all guards: of each contact, of each group of dependent ones, of each that may open."""
     at, states = machine.instant(t, y, args), states_of(mode, len(machine.names.contacts))
-    force, gamma = loaded(machine, at, states), surface_accelerations(machine, t, at, args)
+    force = loaded(machine, at, states, lone=False)
+    gamma = surface_accelerations(machine, t, at, args)
     own: list[Any] = [None] * len(at.contacts)
     shared: list[Any] = []
     names = machine.names
@@ -76,7 +77,8 @@ def transition(
     names = machine.names
     count = len(names.contacts)
     at, states = machine.instant(t, y, args), states_of(mode, count)
-    force, gamma = loaded(machine, at, states), surface_accelerations(machine, t, at, args)
+    force = loaded(machine, at, states, lone=False)
+    gamma = surface_accelerations(machine, t, at, args)
     v, new = [jnp.asarray(x, jnp.float64) for x in at.v], list(states)
     shared, opens = count, count + sum(island.dependent for island in machine.islands)
     toggled = {name: guard == opens + k for k, name in enumerate(names.opening)}
@@ -164,7 +166,7 @@ def _presses(machine: "AbstractMechanism", t: Any, at: Instant, c: int, args: An
     """Whether contact `c` presses now, or in an instant."""
 
     def load(t, q):
-        now = instant_of(machine, t, q, at.v, args).contacts[c]
+        now = touching(machine, t, q, at.v, args)[0][c]
         return jnp.asarray(now.normal_force, jnp.float64) + 0.0 * t
 
     t = jnp.asarray(t, jnp.float64)
@@ -187,7 +189,7 @@ def _settled(
     without, given = [jnp.zeros_like(active)] * len(states), list(states)
     for c, stands, s in zip(island.rows, standing, now, strict=True):
         without[c], given[c] = stands, s
-    force = loaded(machine, at, given, without)
+    force = loaded(machine, at, given, without, lone=False)
     return settled(
         island,
         at.mass.of(island.columns),

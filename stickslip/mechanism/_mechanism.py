@@ -32,7 +32,16 @@ from ._declaration import (
     state_type,
     traced_with,
 )
-from ._instant import Instant, floats, instant_of, loaded, motion_of, pushed, surface_accelerations
+from ._instant import (
+    Instant,
+    floats,
+    instant_of,
+    loaded,
+    motion_of,
+    pushed,
+    surface_accelerations,
+    touching,
+)
 from ._island import Island, islands_of
 from ._known import known
 from ._modes import ModeNames, sense_of, states_of
@@ -388,8 +397,9 @@ class AbstractMechanism(AbstractMechanicalSystem):
 
 def _loads(machine: AbstractMechanism, t: Any, y: Any, args: Any) -> list[Any]:
     """Normal forces of the contacts that do not open [N]."""
-    at, names = machine.instant(t, y, args), machine.names
-    loads = zip(names.contacts, at.contacts, strict=True)
+    names = machine.names
+    contacts, _, _ = touching(machine, t, *machine.to_coordinates(y), args)
+    loads = zip(names.contacts, contacts, strict=True)
     return [jnp.asarray(c.normal_force, jnp.float64) for name, c in loads if name not in names.opening]
 
 
