@@ -7,8 +7,10 @@ import jax.numpy as jnp
 from jax import lax
 
 from stickslip._fastmath import where
+from stickslip.hybrid._dependence import OTHER, degrees
 from stickslip.hybrid._system import NO_MODE
 
+from ._declaration import coordinates_type
 from ._instant import (
     Instant,
     floats,
@@ -38,6 +40,7 @@ def guards(machine: "AbstractMechanism", t: Any, y: Any, mode: Any, args: Any) -
     force = loaded(machine, at, states, lone=False)
     gamma = surface_accelerations(machine, t, at, args)
     own: list[Any] = [None] * len(at.contacts)
+    parted: dict[int, Any] = dict.fromkeys(machine.parted)
     shared: list[Any] = []
     names = machine.names
     for island in machine.islands:
@@ -56,7 +59,10 @@ def guards(machine: "AbstractMechanism", t: Any, y: Any, mode: Any, args: Any) -
             continue
         for i, c in enumerate(island.rows):
             low, high, borne = limits.low[i], limits.high[i], motion.force[i]
-            if at.contacts[c].law.is_odd:
+            if c in parted:
+                reserve = high - borne
+                parted[c] = where(rest[i], borne - low, 1.0)
+            elif at.contacts[c].law.is_odd:
                 reserve = high - jnp.abs(borne)
             else:
                 reserve = jnp.minimum(high - borne, borne - low)
@@ -67,7 +73,40 @@ def guards(machine: "AbstractMechanism", t: Any, y: Any, mode: Any, args: Any) -
         opens.append(where(states[c] == 2.0, -1.0, 1.0) * at.contacts[c].normal_force)
         own[c] = where(states[c] == 2.0, 1.0, own[c])
     lifts = [at.contacts[c].normal_force for c in machine.lifting]
-    return tuple(jnp.asarray(x, jnp.float64) for x in (*own, *shared, *opens, *lifts))
+    return tuple(jnp.asarray(x, jnp.float64) for x in (*own, *parted.values(), *shared, *opens, *lifts))
+
+
+def parted(machine: "AbstractMechanism") -> tuple[int, ...]:
+    """Contacts at rest whose friction left on either side is affine in time and state.
+
+    Each side then has a guard of its own, a straight line along the motion: nothing has to be looked for
+    between the ends of a step, as it must where the lesser of the two is one guard.
+    """
+    names = machine.names
+    count = len(names.contacts)
+
+    def sides(t, y):
+        at, states = machine.instant(t, y, None), [jnp.zeros(())] * count
+        force = loaded(machine, at, states, lone=False)
+        gamma = surface_accelerations(machine, t, at, None)
+        found: list[Any] = [at.v[0] * at.v[0]] * (2 * count)
+        for island in machine.islands:
+            if island.dependent or not island.rows:
+                continue
+            motion = motion_of(island, at, states, force, gamma)
+            limits = limits_of(island, at, "static_coefficient")
+            for i, c in enumerate(island.rows):
+                found[2 * c] = limits.high[i] - motion.force[i]
+                found[2 * c + 1] = motion.force[i] - limits.low[i]
+        return [jnp.asarray(x, jnp.float64) + 0.0 for x in found]
+
+    zeros = coordinates_type(names.coordinates)(*[jnp.zeros(())] * len(names.coordinates))
+    y = machine.from_coordinates(zeros, zeros)
+    try:
+        degree = degrees(sides, (jnp.zeros(()), y), (True, True))
+    except (AttributeError, IndexError, KeyError, TypeError, ValueError):
+        return ()  # it looks at `args`, which are not known here, or is refused elsewhere
+    return tuple(c for c in range(count) if OTHER not in degree[2 * c : 2 * c + 2])
 
 
 def transition(
@@ -80,7 +119,9 @@ def transition(
     force = loaded(machine, at, states, lone=False)
     gamma = surface_accelerations(machine, t, at, args)
     v, new = [jnp.asarray(x, jnp.float64) for x in at.v], list(states)
-    shared, opens = count, count + sum(island.dependent for island in machine.islands)
+    shared = count + len(machine.parted)
+    opens = shared + sum(island.dependent for island in machine.islands)
+    lower = {c: guard == count + k for k, c in enumerate(machine.parted)}
     toggled = {name: guard == opens + k for k, name in enumerate(names.opening)}
     lifting = machine.lifting
     failed = guard >= opens + len(toggled)  # a contact that cannot open has lost its normal force
@@ -89,7 +130,7 @@ def transition(
             continue
         s = [states[c] for c in island.rows]
         rest = [x == 0.0 for x in s]
-        hit = [guard == c for c in island.rows]
+        hit = [(guard == c) | lower[c] if c in lower else guard == c for c in island.rows]
         motion = jax.tree.map(lax.stop_gradient, motion_of(island, at, states, force, gamma))
         if island.dependent:
             gives_way, stops = guard == shared, any_of(hit)

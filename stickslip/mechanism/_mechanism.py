@@ -195,6 +195,11 @@ class AbstractMechanism(AbstractMechanicalSystem):
         return traced_with(_lifting, self)
 
     @property
+    def parted(self) -> tuple[int, ...]:
+        """Contacts with a guard for each of the two limits of their friction at rest."""
+        return traced_with(_changes.parted, self)
+
+    @property
     def shared(self) -> tuple[Island, ...]:
         """Islands whose resting contacts have one guard together."""
         return tuple(island for island in self.islands if island.dependent)
@@ -209,6 +214,7 @@ class AbstractMechanism(AbstractMechanicalSystem):
         """One of each contact, one of each group of dependent contacts, one of each that may open."""
         names = self.names
         own = [f"{name} stops or gives way" for name in names.contacts]
+        own += [f"{names.contacts[c]} gives way forward" for c in self.parted]
         for island in self.shared:
             own.append(" and ".join(names.contacts[c] for c in island.rows) + " give way")
         own += [f"{name} opens or closes" for name in names.opening]

@@ -249,7 +249,7 @@ class JointedBeam(AbstractMechanism):
     def guard_scales(self) -> tuple:  # pyright: ignore[reportIncompatibleVariableOverride]
         """Guards are small if the belt is slow: its speed, and a force that belongs to it."""
         speed = where(self.v == 0.0, self.scales.speed, abs(self.v))
-        return (speed, self.k3 * speed * jnp.sqrt(self.m / self.k2))
+        return (speed, speed, self.k3 * speed * jnp.sqrt(self.m / self.k2))
 
     def start(self, x: Number | None = None) -> JointedBeamState:
         """State (2.6): the mass moves with the belt at `y = 0`, the beam rests; `x` is its depth [m].
