@@ -79,8 +79,8 @@ def guards(machine: "AbstractMechanism", t: Any, y: Any, mode: Any, args: Any) -
 def parted(machine: "AbstractMechanism") -> tuple[int, ...]:
     """Contacts at rest whose friction left on either side is affine in time and state.
 
-    Each side then has a guard of its own, a straight line along the motion: nothing has to be looked for
-    between the ends of a step, as it must where the lesser of the two is one guard.
+    Each side then has a guard of its own, a straight line along the motion: nothing has to be looked
+    for between the ends of a step, as it must where the lesser of the two is one guard.
     """
     names = machine.names
     count = len(names.contacts)

@@ -25,9 +25,10 @@ from .._validation import (
     shown,
 )
 from ..friction import AbstractFrictionLaw, HyperbolicWeakening
-from ..friction._law import AbstractDryFrictionLaw, Number
+from ..friction._law import Number
 from ..mechanism import AbstractMechanism, Contact
 from ._jointed_beam_scales import BeamScales, times_scale
+from ._printed_weakening import PrintedWeakening
 
 Word: TypeAlias = Given[Literal["consistent", "printed"]]
 WORDS = ("consistent", "printed")
@@ -51,26 +52,6 @@ class JointedBeamState(NamedTuple):
     vy: Any  # its velocity [m/s]
     q: Any  # modal coordinates of the beam, shape [modes] [m]
     p: Any  # their velocities, shape [modes] [m/s]
-
-
-class PrintedWeakening(AbstractDryFrictionLaw):
-    r"""The law as the paper prints it, $\mu_s/(1 + \gamma V)\,\mathrm{sgn}\,V$, with a pole (C-E2)."""
-
-    mu_s: Float[Array, "..."]
-    gamma: Float[Array, "..."]
-
-    set_valued: ClassVar[bool] = True
-    is_odd: ClassVar[bool] = False
-    is_dissipative: ClassVar[bool] = False
-
-    def kinetic(self, v: Number, sense: Number) -> Float[Array, "..."]:
-        return sense * self.mu_s / (1.0 + self.gamma * v)
-
-    def static_coefficient(self, sense: Number = 1) -> Float[Array, "..."]:
-        return self.mu_s
-
-    def set_valued_limit(self) -> "PrintedWeakening":
-        return self
 
 
 def _one_state(owner: Any, name: str, value: Any) -> Any:
@@ -116,6 +97,8 @@ class JointedBeam(AbstractMechanism):
     - `m` [kg], `k1`, `k2` [N/m], positive; `k3` [N/m], `mu_s` [-], `gamma` [s/m], `damping` ($\zeta$,
       [-]) not negative; `v` [m/s], speed of the belt, finite; `z_A` [m], inside the beam.
     - `modes`: $n$, at least 1.
+    - `law`: a set-valued friction law in place of (2.4), (2.8), with its own units; `mu_s` and `gamma`
+      are then not used.
     - `scales`: `BeamScales` of the beam. Without it everything is dimensionless, Eqs. (2.10)-(2.21):
       $EI = L = \rho A = 1$. `dimensionless()`, `dimensional(scales)` convert by Eq. (2.9).
     - Where the paper contradicts itself, `"consistent"` (default) or `"printed"`:
@@ -147,6 +130,7 @@ class JointedBeam(AbstractMechanism):
     v: Float[Array, "..."]
     z_A: Float[Array, "..."]
     damping: Float[Array, "..."]
+    law: AbstractFrictionLaw | None
     scales: BeamScales
     modes: int = eqx.field(static=True)
     is_dimensionless: bool = eqx.field(static=True)
@@ -175,6 +159,7 @@ class JointedBeam(AbstractMechanism):
         z_A: Number,
         modes: Given[int] = 5,
         damping: Number = 0.0,
+        law: Given[AbstractFrictionLaw | None] = None,
         scales: Given[BeamScales | None] = None,
         joint: Word = "consistent",
         friction: Word = "consistent",
@@ -189,6 +174,7 @@ class JointedBeam(AbstractMechanism):
         self.gamma = as_parameter(check_nonnegative("gamma", gamma))
         self.v = as_parameter(check_finite("v", v))
         self.damping = as_parameter(check_nonnegative("damping", damping))
+        self.law = None if law is None else check_law("law", law, "set-valued")
         self.modes = check_count("modes", modes, 1)
         if scales is not None:
             check_type("scales", scales, BeamScales, "a BeamScales, or None for dimensionless numbers")
@@ -223,8 +209,10 @@ class JointedBeam(AbstractMechanism):
         return {"x": length, "vx": speed, "y": length, "vy": speed, "q": length, "p": speed}
 
     @property
-    def law(self) -> AbstractFrictionLaw:
-        """The friction law, Eq. (2.8)."""
+    def friction_law(self) -> AbstractFrictionLaw:
+        """The friction law: the one that was given, else that of Eqs. (2.4), (2.8)."""
+        if self.law is not None:
+            return self.law
         kind = HyperbolicWeakening if self.friction == "consistent" else PrintedWeakening
         return kind(self.mu_s, self.gamma)
 
@@ -243,13 +231,16 @@ class JointedBeam(AbstractMechanism):
 
     def contacts(self, t, q, v, args):
         N = self.k3 * q.x
-        return {"belt": Contact(self.law, N, surface_speed=self.v, normal_direction={"x": -1.0})}
+        return {
+            "belt": Contact(self.friction_law, N, surface_speed=self.v, normal_direction={"x": -1.0})
+        }
 
     @property
     def guard_scales(self) -> tuple:  # pyright: ignore[reportIncompatibleVariableOverride]
         """Guards are small if the belt is slow: its speed, and a force that belongs to it."""
         speed = where(self.v == 0.0, self.scales.speed, abs(self.v))
-        return (speed, speed, self.k3 * speed * jnp.sqrt(self.m / self.k2))
+        force = where(self.k3 > 0.0, self.k3, self.k2) * speed * jnp.sqrt(self.m / self.k2)
+        return (*[speed] * (1 + len(self.parted)), force)
 
     def start(self, x: Number | None = None) -> JointedBeamState:
         """State (2.6): the mass moves with the belt at `y = 0`, the beam rests; `x` is its depth [m].
@@ -372,6 +363,8 @@ class JointedBeam(AbstractMechanism):
         return self._in_units(inverse, None)
 
     def _in_units(self, by: BeamScales, scales: BeamScales | None) -> "JointedBeam":
+        if self.law is not None:
+            raise refusal("law", self.law, "None: the speeds that a law of its own holds are not known")
         return JointedBeam(
             m=self.m * by.mass,
             k1=self.k1 * by.stiffness,

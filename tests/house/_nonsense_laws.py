@@ -116,6 +116,7 @@ BEAM = {
     **finite(v=5e-4),
     "z_A": arg(0.4, "float32", "batch"),
     "modes": arg(5),
+    "law": arg(None, "none"),
     "scales": arg(None, "none"),
     **dict.fromkeys(("joint", "friction", "shape", "coupling"), arg("printed")),
 }
