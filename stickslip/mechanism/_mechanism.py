@@ -105,14 +105,18 @@ class AbstractMechanism(AbstractMechanicalSystem):
     Python and NumPy constants in what they return are structure: a mass matrix whose constant zeros
     part the mechanism is treated part by part. Loads that jump at known times: `WithBreaks`.
 
+    A coordinate may stand for an array of them, as those of a beam, if no contact and no other inertia
+    touches it; `energy` then has to be overridden, and states made by `state_class`.
+
     **What follows**
 
     - Modes: each contact slips backward, sticks, slips forward, or is open.
     - Within a mode: Gauss' principle, with the contacts at rest as constraints
       $n_c\cdot a = \dot w_c - \dot n_c\cdot v$; directions of contacts may depend on each other.
     - Guards: for each contact the friction that is left to it [N], or its sliding speed in the sense of
-      its slip [m/s]; of dependent contacts the least part of their friction that is left together; the
-      normal force of one that opens, or may vanish.
+      its slip [m/s]; one more for the other sense, where what is left in each is affine in time and
+      state; of dependent contacts the least part of their friction that is left together; the normal
+      force of one that opens, or may vanish.
     - Transitions: a contact that stops is at rest, and stays so if the law of all contacts lets it; the
       threshold is the greater of static and kinetic friction; what begins to slide is under kinetic
       friction at once, which may start others at the same instant.
