@@ -205,7 +205,7 @@ def block_parameters(**given: Number) -> dict[str, Float[Array, "..."]]:
     if is_concrete(found):
         r, J = np.asarray(found["r"]), np.asarray(found["J"])
         with np.errstate(over="ignore", under="ignore"):
-            light = not np.all(J / (r * r) > 0.0)
+            light = not J.min() / (r * r).max() > 0.0
         if light:
             raise refusal("r", given["r"], "so small that the rim's inertia J / r^2 is above 0")
     return found
