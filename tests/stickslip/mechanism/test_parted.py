@@ -26,4 +26,6 @@ def test_the_one_that_is_reached_fires(belt_speed, guard, name):
     assert system.mode_names[int(run.mode1)] == f"slip {name}"
     t = 3.0
     expected = np.sign(belt_speed) * (0.5 + 0.5 * np.cos(t) + 0.2 * np.sin(t))
-    np.testing.assert_allclose(run.y1.x, expected, rtol=1e-11)
+    np.testing.assert_allclose(
+        run.y1.x, expected, atol=1e-10
+    )  # of a motion of 1 m, as steps are chosen
