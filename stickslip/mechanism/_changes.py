@@ -7,12 +7,13 @@ import jax.numpy as jnp
 from jax import lax
 
 from stickslip._fastmath import where
+from stickslip.hybrid._dependence import OTHER, degrees
 from stickslip.hybrid._system import NO_MODE
 
+from ._declaration import coordinates_type
 from ._instant import (
     Instant,
     floats,
-    instant_of,
     landed,
     limits_of,
     loaded,
@@ -20,6 +21,7 @@ from ._instant import (
     rows_of,
     slow_contacts,
     surface_accelerations,
+    touching,
 )
 from ._island import Island
 from ._modes import mode_of, states_of
@@ -35,8 +37,10 @@ MOST_SHARE = 1e6  # a share of friction beyond it says no more
 def guards(machine: "AbstractMechanism", t: Any, y: Any, mode: Any, args: Any) -> tuple:
     """Values of all guards: of each contact, of each group of dependent ones, of each that may open."""
     at, states = machine.instant(t, y, args), states_of(mode, len(machine.names.contacts))
-    force, gamma = loaded(machine, at, states), surface_accelerations(machine, t, at, args)
+    force = loaded(machine, at, states, lone=False)
+    gamma = surface_accelerations(machine, t, at, args)
     own: list[Any] = [None] * len(at.contacts)
+    parted: dict[int, Any] = dict.fromkeys(machine.parted)
     shared: list[Any] = []
     names = machine.names
     for island in machine.islands:
@@ -55,7 +59,10 @@ def guards(machine: "AbstractMechanism", t: Any, y: Any, mode: Any, args: Any) -
             continue
         for i, c in enumerate(island.rows):
             low, high, borne = limits.low[i], limits.high[i], motion.force[i]
-            if at.contacts[c].law.is_odd:
+            if c in parted:
+                reserve = high - borne
+                parted[c] = where(rest[i], borne - low, 1.0)
+            elif at.contacts[c].law.is_odd:
                 reserve = high - jnp.abs(borne)
             else:
                 reserve = jnp.minimum(high - borne, borne - low)
@@ -66,7 +73,40 @@ def guards(machine: "AbstractMechanism", t: Any, y: Any, mode: Any, args: Any) -
         opens.append(where(states[c] == 2.0, -1.0, 1.0) * at.contacts[c].normal_force)
         own[c] = where(states[c] == 2.0, 1.0, own[c])
     lifts = [at.contacts[c].normal_force for c in machine.lifting]
-    return tuple(jnp.asarray(x, jnp.float64) for x in (*own, *shared, *opens, *lifts))
+    return tuple(jnp.asarray(x, jnp.float64) for x in (*own, *parted.values(), *shared, *opens, *lifts))
+
+
+def parted(machine: "AbstractMechanism") -> tuple[int, ...]:
+    """Contacts at rest whose friction left on either side is affine in time and state.
+
+    Each side then has a guard of its own, a straight line along the motion: nothing has to be looked
+    for between the ends of a step, as it must where the lesser of the two is one guard.
+    """
+    names = machine.names
+    count = len(names.contacts)
+
+    def sides(t, y):
+        at, states = machine.instant(t, y, None), [jnp.zeros(())] * count
+        force = loaded(machine, at, states, lone=False)
+        gamma = surface_accelerations(machine, t, at, None)
+        found: list[Any] = [at.v[0] * at.v[0]] * (2 * count)
+        for island in machine.islands:
+            if island.dependent or not island.rows:
+                continue
+            motion = motion_of(island, at, states, force, gamma)
+            limits = limits_of(island, at, "static_coefficient")
+            for i, c in enumerate(island.rows):
+                found[2 * c] = limits.high[i] - motion.force[i]
+                found[2 * c + 1] = motion.force[i] - limits.low[i]
+        return [jnp.asarray(x, jnp.float64) + 0.0 for x in found]
+
+    zeros = coordinates_type(names.coordinates)(*[jnp.zeros(())] * len(names.coordinates))
+    y = machine.from_coordinates(zeros, zeros)
+    try:
+        degree = degrees(sides, (jnp.zeros(()), y), (True, True))
+    except (AttributeError, IndexError, KeyError, TypeError, ValueError):
+        return ()  # it looks at `args`, which are not known here, or is refused elsewhere
+    return tuple(c for c in range(count) if OTHER not in degree[2 * c : 2 * c + 2])
 
 
 def transition(
@@ -76,9 +116,12 @@ def transition(
     names = machine.names
     count = len(names.contacts)
     at, states = machine.instant(t, y, args), states_of(mode, count)
-    force, gamma = loaded(machine, at, states), surface_accelerations(machine, t, at, args)
+    force = loaded(machine, at, states, lone=False)
+    gamma = surface_accelerations(machine, t, at, args)
     v, new = [jnp.asarray(x, jnp.float64) for x in at.v], list(states)
-    shared, opens = count, count + sum(island.dependent for island in machine.islands)
+    shared = count + len(machine.parted)
+    opens = shared + sum(island.dependent for island in machine.islands)
+    lower = {c: guard == count + k for k, c in enumerate(machine.parted)}
     toggled = {name: guard == opens + k for k, name in enumerate(names.opening)}
     lifting = machine.lifting
     failed = guard >= opens + len(toggled)  # a contact that cannot open has lost its normal force
@@ -87,7 +130,7 @@ def transition(
             continue
         s = [states[c] for c in island.rows]
         rest = [x == 0.0 for x in s]
-        hit = [guard == c for c in island.rows]
+        hit = [(guard == c) | lower[c] if c in lower else guard == c for c in island.rows]
         motion = jax.tree.map(lax.stop_gradient, motion_of(island, at, states, force, gamma))
         if island.dependent:
             gives_way, stops = guard == shared, any_of(hit)
@@ -164,7 +207,7 @@ def _presses(machine: "AbstractMechanism", t: Any, at: Instant, c: int, args: An
     """Whether contact `c` presses now, or in an instant."""
 
     def load(t, q):
-        now = instant_of(machine, t, q, at.v, args).contacts[c]
+        now = touching(machine, t, q, at.v, args)[0][c]
         return jnp.asarray(now.normal_force, jnp.float64) + 0.0 * t
 
     t = jnp.asarray(t, jnp.float64)
@@ -187,7 +230,7 @@ def _settled(
     without, given = [jnp.zeros_like(active)] * len(states), list(states)
     for c, stands, s in zip(island.rows, standing, now, strict=True):
         without[c], given[c] = stands, s
-    force = loaded(machine, at, given, without)
+    force = loaded(machine, at, given, without, lone=False)
     return settled(
         island,
         at.mass.of(island.columns),

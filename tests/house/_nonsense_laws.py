@@ -6,6 +6,7 @@ import stickslip.contact as contact
 import stickslip.friction as friction
 import stickslip.systems as systems
 from stickslip import FixedStep, Integrator
+from stickslip.mechanism import AbstractMechanism
 from tests.house._nonsense_target import Target, arg
 
 POSITIVE = ("positive", "float32", "batch")
@@ -115,6 +116,7 @@ BEAM = {
     **finite(v=5e-4),
     "z_A": arg(0.4, "float32", "batch"),
     "modes": arg(5),
+    "law": arg(None, "none"),
     "scales": arg(None, "none"),
     **dict.fromkeys(("joint", "friction", "shape", "coupling"), arg("printed")),
 }
@@ -193,6 +195,8 @@ SYSTEMS = [
             **DRIVE_WORDS,
         },
     ),
+    Target(AbstractMechanism.state, finite(x=0.0, v=0.0), OSCILLATOR.state),
+    Target(AbstractMechanism.bristles, {"kind": arg(friction.LuGre)}, OSCILLATOR.bristles),
     Target(systems.DCDrive.constructed, {**finite(U_in=4.0), **DRIVE_WORDS}),
     Target(systems.JointedBeam, BEAM),
     Target(systems.JointedBeam.constructed, finite(v=5e-4)),

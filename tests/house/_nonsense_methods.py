@@ -36,6 +36,7 @@ NAMED = {
     "args": arg(None, "unused"), "threshold": arg(1e-7, "not negative", "float32"),
     "piece": arg(0.0, "pieces"), "z": arg(0.1, "real"),
     "factor": arg(2.0, "positive", "float32", "batch"),
+    "v_reg": arg(1e-3, "positive", "float32", "batch"), "kind": arg("tanh"),
     "loads": arg(BLOCK.loads(systems.DrivenBlockState(*(0.0,) * 6))),
 }  # fmt: skip
 

@@ -39,7 +39,11 @@ BUILT_BY_ENGINE = "what the engine asks its own parts, inside of its programs"
 # Public methods that are not fed nonsense, by name or by class and name.
 EXEMPT_METHODS = {
     **dict.fromkeys(
-        ("vector_field", "guards", "transition", "inner", "time_scale", "check_start"), CALLED_BY_ENGINE
+        (
+            "vector_field", "guards", "transition", "inner", "time_scale", "check_start", "mass_matrix",
+            "forces", "contacts",
+        ),
+        CALLED_BY_ENGINE,
     ),
     "AbstractSmoothSystem.initial_mode": "there is one mode, whatever is given",
     "AbstractSystemWrapper.initial_mode": "takes what the author's `inner` takes",
@@ -59,7 +63,24 @@ EXEMPT_METHODS = {
         ),
         "parts of the machine's vector field, called inside of its programs",
     ),
-    "CoreXY.state": "has a template with the constructors",
+    **dict.fromkeys(
+        (
+            "AbstractMechanism.declared_power", "AbstractMechanism.from_coordinates",
+            "AbstractMechanism.instant", "AbstractMechanism.to_coordinates",
+        ),
+        "parts of a machine's vector field, called inside of its programs",
+    ),
+    **dict.fromkeys(
+        (
+            "AbstractMechanism.potential_energy", "CoulombOscillator.potential_energy",
+            "TwoBlocksOnBelt.potential_energy",
+        ),
+        CALLED_BY_ENGINE,
+    ),
+    **dict.fromkeys(
+        ("AbstractMechanism.bristles", "AbstractMechanism.state", "CoreXY.state"),
+        "has a template with the constructors",
+    ),
     "map_lanes.__call__": "has a template with the constructors",
 }  # fmt: skip
 
