@@ -131,7 +131,8 @@ def _of_events(plan: Plan, code, lane: Lane, h, t, mode, first: First) -> dict[s
     flags = flags | jnp.where(event & (first.close > 1), COINCIDENT, 0)
     flags = flags | jnp.where(code == VIOLATED, EVENT_AT_START, 0)
     # A hash of guards and modes in their order: two runs can be compared without their logs.
-    letter = (first.index * 64 + mode + 1).astype(jnp.uint32)
+    # The golden ratio of 2^32 keeps guard and mode apart, however many modes there are.
+    letter = (mode + 1).astype(jnp.uint32) + first.index.astype(jnp.uint32) * jnp.uint32(2654435769)
     if jnp.asarray(mode).dtype == jnp.int64:
         letter = letter + (mode >> 31).astype(jnp.uint32) * jnp.uint32(2654435761)
     sequence = jnp.where(event, lane.sequence * jnp.uint32(1000003) + letter, lane.sequence)

@@ -24,6 +24,8 @@ POINTS = (0.3819660112501051, 0.7236067977499789)
 CERTAIN = 3.0  # a mismatch of a third of the room is accepted
 LARGEST = 1e4  # a doubt beyond this says no more than that the step is much too long
 NOISE = 1e-13  # mismatches below this part of the values are rounding
+# So are those below this part of the magnitude of a guard, whose terms may all but cancel.
+ROUNDING = 1e-15
 
 
 class Verdict(NamedTuple):
@@ -68,7 +70,7 @@ def judge(
         if not seen:
             continue
         course = _course(functions, i, lane, values, seen, h)
-        mismatch, size = _mismatch(course)
+        mismatch, size = _mismatch(course, ROUNDING if i < functions.num_guards else 0.0)
         room, here = _room(course), _beyond(course, mismatch, short)
         place = jnp.where((here > 0) & ((place == 0) | (here < place)), here, place)
         # The largest of the ratios, with one division for all.
@@ -118,7 +120,7 @@ def _course(
     )  # fmt: skip
 
 
-def _mismatch(course: _Course) -> tuple[Any, Any]:
+def _mismatch(course: _Course, rounding: float) -> tuple[Any, Any]:
     """Largest difference between the function and its cubic, and the largest of its values."""
     v0, a, v1, b, seen = course
     mismatch, size = jnp.zeros_like(v0), jnp.maximum(jnp.abs(v0), jnp.abs(v1))
@@ -126,7 +128,7 @@ def _mismatch(course: _Course) -> tuple[Any, Any]:
         mismatch = jnp.maximum(mismatch, jnp.abs(value - cubic(point, v0, a, v1, b)))
         size = jnp.maximum(size, jnp.abs(value))
     # Of a straight line the mismatch is rounding, and at zero room it would still be a doubt.
-    return jnp.where(mismatch <= NOISE * size, 0.0, mismatch), size
+    return jnp.where(mismatch <= NOISE * size + rounding, 0.0, mismatch), size
 
 
 def _room(course: _Course) -> Any:

@@ -87,7 +87,10 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         # It turned back above zero, by less than what the tolerance of the state can decide.
         marks = best.marks
         if is_guard:
+            # What has just fired and leaves zero without a slope may fall at first by rounding.
+            leaves = (jnp.abs(value0) <= SLACK) & (rate0 * lane.h >= -SLACK)
             touched = (rate0 < 0) & (rate > 0) & (jnp.minimum(value0, sg(value)) < plan.touching)
+            touched = touched & ~leaves
             marks = marks | flag(touched, GRAZING)
         if is_guard and functions.num_guards > 1:
             near = jnp.abs(sg(value)) <= -rate * COINCIDENCE * full

@@ -52,7 +52,8 @@ def guards(machine: "AbstractMechanism", t: Any, y: Any, mode: Any, args: Any) -
         slip = [states[c] * at.speeds[c] for c in island.rows]
         if island.dependent:
             # One of those that always slide together is enough; two would count as coincident.
-            for c, r, tied, u in zip(island.rows, rest, island.tied(rest), slip, strict=True):
+            tied_to = island.tied(rest, [at.contacts[c].surface_speed for c in island.rows])
+            for c, r, tied, u in zip(island.rows, rest, tied_to, slip, strict=True):
                 own[c] = where(r | tied, 1.0, u)
             share = island.onset(*limits, rest, motion)[0]
             shared.append(1.0 - jnp.minimum(share, MOST_SHARE))

@@ -164,6 +164,19 @@ def coupled(mechanism: Any) -> bytes:
     return found.tobytes()
 
 
+def driven(mechanism: Any) -> tuple[str, ...]:
+    """Contacts whose counter surface may move: whatever value a parameter has, it is no constant 0."""
+    names = mechanism.names
+    zeros = coordinates_type(names.coordinates)(*[jnp.zeros(())] * len(names.coordinates))
+    try:
+        given = mechanism.contacts(jnp.zeros(()), zeros, zeros, None)
+    except (AttributeError, IndexError, KeyError, TypeError):
+        return names.contacts  # it looks at `args`, which are not known here
+    contacts = in_order("contacts(...)", given, names.contacts, "a Contact for each")
+    rows = zip(names.contacts, contacts, strict=True)
+    return tuple(name for name, contact in rows if not is_zero(contact.surface_speed))
+
+
 def generic_mass(system: Any) -> bytes:
     """A full mass matrix at parameters and coordinates in general position, as bytes of floats.
 

@@ -110,6 +110,8 @@ class Island:
                     self.covered[bits] |= 1 << c
                 else:
                     seen.append(unit)
+        # Combinations of the sliding speeds that no velocity changes.
+        self.fixed = null_space(J.T, m)
         self.lines = lines_of(J)
         self.along = np.where(np.abs(self.lines @ J.T) < SMALL, 0.0, self.lines @ J.T)
 
@@ -125,9 +127,21 @@ class Island:
         with_them = self._looked_up(self.closure, rest)
         return [r | (w & s) for r, w, s in zip(rest, with_them, slow, strict=True)]
 
-    def tied(self, rest: list[Any]) -> list[Any]:
-        """Contacts whose sliding speed is proportional to that of an earlier one while `rest` rest."""
-        return self._looked_up(self.covered, rest)
+    def tied(self, rest: list[Any], surface: list[Any]) -> list[Any]:
+        """Contacts whose sliding speed is proportional to that of an earlier one while `rest` rest.
+
+        None unless the speeds of the surfaces are those of one rigid motion of them all: two belts of
+        different speeds under one body stop sliding at different times.
+        """
+        tied = self._looked_up(self.covered, rest)
+        for column in self.fixed.T.tolist():
+            terms = [times(x, w) for x, w in zip(column, surface, strict=True) if x]
+            if all(map(is_zero, terms)):
+                continue
+            size = total(abs(term) for term in terms)
+            agree = jnp.abs(jnp.asarray(total(terms))) <= SMALL * size
+            tied = [t & agree for t in tied]
+        return tied
 
     def motion(self, M: Mass, F: list, J: list[list], rest: list, gamma: list) -> Motion:
         """Motion while the contacts in `rest` have the relative acceleration `gamma`."""

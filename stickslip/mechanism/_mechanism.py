@@ -27,6 +27,7 @@ from ._declaration import (
     coordinates_type,
     coupled,
     directions_of,
+    driven,
     generic_mass,
     in_order,
     mass_of,
@@ -46,7 +47,7 @@ from ._instant import (
 from ._island import Island, islands_of
 from ._known import known
 from ._modes import ModeNames, sense_of, states_of
-from ._scalars import dot, is_zero, total
+from ._scalars import dot, total
 
 if TYPE_CHECKING:
     from ._forms import BristleMechanism, RegularisedMechanism
@@ -347,9 +348,10 @@ class AbstractMechanism(AbstractMechanicalSystem):
         at = self.instant(t, y, args)
         found = {"forces": self.declared_power(at, states_of(mode, len(at.contacts)))}
         friction = self.friction_forces(t, y, mode, args)
+        moving = traced_with(driven, self)
         for c, name in enumerate(self.names.contacts):
             found[f"friction of {name}"] = friction[name] * at.speeds[c]
-            if not is_zero(at.contacts[c].surface_speed):
+            if name in moving:
                 found[f"drive of {name}"] = friction[name] * at.contacts[c].surface_speed
         return found
 

@@ -1,0 +1,132 @@
+"""Contacts whose directions depend on each other, on surfaces with speeds of their own.
+
+They never all rest at once: each stops at its own time, which one guard for all of them would miss.
+"""
+
+from typing import Any, ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import stickslip as ss
+from stickslip.friction import Coulomb
+from stickslip.mechanism import AbstractMechanism, Contact
+from tests.stickslip.mechanism.test_against_moreau import moreau
+
+END = 10.0
+
+
+class BetweenSurfaces(AbstractMechanism):
+    """1 kg on a spring between two belts."""
+
+    p: Any
+
+    coordinates: ClassVar = {"x": "m"}
+    contact_directions: ClassVar = {"lower": {"x": 1.0}, "upper": {"x": -1.0}}
+
+    def mass_matrix(self, q):
+        return {"x": 1.0}
+
+    def forces(self, t, q, v, args):
+        stiffness, *_, amplitude, rate = self.p
+        return {"x": amplitude * jnp.cos(rate * t) - stiffness * q.x}
+
+    def time_scale(self, args):
+        return 1.0 / self.p[-1]
+
+    def contacts(self, t, q, v, args):
+        _, lower, upper, first, second, _, _ = self.p
+        return {
+            "lower": Contact(Coulomb(1.0), normal_force=first, surface_speed=lower),
+            "upper": Contact(Coulomb(1.0), normal_force=second, surface_speed=-upper),
+        }
+
+
+class Table(AbstractMechanism):
+    """A slab in a plane on four guides; the third and fourth depend on the first two."""
+
+    limits: Any
+    speeds: Any
+    rates: Any
+
+    coordinates: ClassVar = {"x": "m", "y": "m"}
+    contact_directions: ClassVar = {
+        "x": {"x": 1.0}, "y": {"y": 1.0}, "sum": (1.0, 1.0), "difference": (1.0, -1.0),
+    }  # fmt: skip
+
+    def mass_matrix(self, q):
+        return {"x": 1.0, "y": 1.5}
+
+    def forces(self, t, q, v, args):
+        a, b = 3.0 * jnp.sin(self.rates[0] * t), 2.5 * jnp.sin(self.rates[1] * t + 0.3)
+        return {"x": a - 0.5 * q.x, "y": b - 0.5 * q.y}
+
+    def time_scale(self, args):
+        return 1.0 / jnp.max(self.rates)
+
+    def contacts(self, t, q, v, args):
+        return {
+            name: Contact(Coulomb(1.0), normal_force=self.limits[c], surface_speed=self.speeds[c])
+            for c, name in enumerate(("x", "y", "sum", "difference"))
+        }
+
+
+def along_the_line(p, start, steps=20_000):
+    """Moreau's time stepping of one velocity, its inclusion solved exactly in each step."""
+    stiffness, lower, upper, first, second, amplitude, rate = p.T
+    x, v, h = np.full(len(p), start), np.zeros(len(p)), END / steps
+    swap = lower > upper
+    w1, w2 = np.minimum(lower, upper), np.maximum(lower, upper)
+    f1, f2 = np.where(swap, second, first), np.where(swap, first, second)
+    for i in range(steps):
+        force = amplitude * np.cos(rate * (i + 0.5) * h) - stiffness * (x + 0.5 * h * v)
+        b = v + h * force
+        # Friction falls as the speed passes either belt: the solution is the middle of these.
+        below, between, above = b + h * (f1 + f2), b + h * (f2 - f1), b - h * (f1 + f2)
+        fast = np.where(above <= w2, w2, above)
+        middle = np.where(between <= w1, w1, np.where(between < w2, between, fast))
+        u = np.where(below < w1, below, middle)
+        x, v = x + 0.5 * h * (u + v), u
+    return x, v
+
+
+def test_one_velocity_between_two_belts():
+    low = [0.5, -0.5, -0.5, 0.1, 0.1, 0.0, 0.3]
+    high = [4.0, 0.5, 0.5, 0.6, 0.6, 2.0, 4.0]
+    p = np.random.default_rng(0).uniform(low, high, (40, 7))
+
+    @jax.jit
+    @jax.vmap
+    def run(p):
+        block = BetweenSurfaces(p)
+        return ss.simulate(block, 0.0, END, block.state(x=0.3), throw=False, max_events=256)
+
+    found = run(jnp.asarray(p))
+    assert np.all(found.successful)
+    assert np.sum(found.num_events) > 300
+    x, v = along_the_line(p, 0.3)
+    np.testing.assert_allclose(found.y1.x, x, atol=2e-3)
+    np.testing.assert_allclose(found.y1.v_x, v, atol=1e-2)
+    # Every other run stops on a belt without a drop of friction; none of that is a reason to doubt.
+    assert np.mean(np.asarray(found.flags) == 0) > 0.9
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_slab_on_four_guides(seed):
+    rng = np.random.default_rng(seed)
+    limits, speeds = rng.uniform(0.2, 1.0, 4), rng.uniform(-0.5, 0.5, 4)
+    rates = rng.uniform(0.8, 2.0, 2)
+    table = Table(*map(jnp.asarray, (limits, speeds, rates)))
+    run = ss.simulate(table, 0.0, END, table.state(), max_events=256)
+    assert int(run.num_events) > 10
+    J = np.array([[1, 0], [0, 1], [1, 1], [1, -1]], float)
+
+    def force(t, q):
+        a, b = 3.0 * np.sin(rates[0] * t), 2.5 * np.sin(rates[1] * t + 0.3)
+        return np.array([a, b]) - 0.5 * q
+
+    exact = np.array([run.y1.x, run.y1.y, run.y1.v_x, run.y1.v_y])
+    found = moreau(np.diag([1.0, 1.5]), force, J, speeds, limits, np.zeros(2), END, 4000)
+    np.testing.assert_allclose(found, exact, atol=1e-2)
