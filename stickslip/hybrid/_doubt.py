@@ -14,6 +14,7 @@ not see the same phase three times.
 
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 
 from ._events import SLACK, EventFunctions, Values
@@ -42,6 +43,16 @@ JUMPS = 4.0 * LARGEST
 TOGETHER = 4  # functions judged in one call
 
 
+class _Course(NamedTuple):
+    """An event function over the step, in the sign that makes it positive at the start."""
+
+    v0: Any
+    rise0: Any  # rate times the length of the step
+    v1: Any
+    rise1: Any
+    seen: tuple  # at the interior points
+
+
 def look_inside(
     plan: Plan, system: Any, lane: Lane, h: Any, states: tuple, dy: Any, args: Any
 ) -> tuple[tuple, ...]:
@@ -62,24 +73,49 @@ def judge(
     A jump keeps its mismatch however short the step, and so does, next to a zero, a kink. Below
     `plan.resolution` the step is taken as it is.
     """
-    functions, zero = plan.functions, jnp.zeros_like(h)
-    worst, room_there, place, jumps = zero, zero + 1.0, zero, zero > 0
+    looked = [i for i in range(first, min(last, len(inside))) if inside[i]]
+    if not looked:
+        return jnp.zeros_like(h)
+    functions = plan.functions
+    courses = [_course(functions, i, lane, values, inside[i], h) for i in looked]
+    roundings = [ROUNDING if i < functions.num_guards else 0.0 for i in looked]
     short = h <= plan.resolution
-    for i in range(first, min(last, len(inside))):
-        seen = inside[i]
-        if not seen:
-            continue
-        course = _course(functions, i, lane, values, seen, h)
-        mismatch, size = _mismatch(course, ROUNDING if i < functions.num_guards else 0.0)
-        room, here = _room(course), _beyond(course, mismatch, short)
-        place = jnp.where((here > 0) & ((place == 0) | (here < place)), here, place)
+    if plan.execute.fused:
+        found = [_looked(*of_one, short) for of_one in zip(courses, roundings, strict=True)]
+    else:
+        # One small program for all of them.
+        course = jax.tree.map(lambda *rows: jnp.stack(rows), *courses)
+        columns = _looked(course, jnp.asarray(roundings), short)
+        found = [_Looked(*(column[k] for column in columns)) for k in range(len(looked))]
+    return _verdict(found, short)
+
+
+class _Looked(NamedTuple):
+    mismatch: Any
+    room: Any
+    place: Any
+    jumps: Any
+
+
+def _looked(course: _Course, rounding: Any, short: Any) -> _Looked:
+    mismatch, size = _mismatch(course, rounding)
+    # What is smooth changes by its slope times the length; a jump does not know of the length.
+    slopes = jnp.abs(course.rise0) + jnp.abs(course.rise1)
+    jumps = mismatch > 2.0 * slopes + 1e-9 * size
+    return _Looked(mismatch, _room(course), _beyond(course, mismatch, short), jumps)
+
+
+def _verdict(found: list[_Looked], short: Any) -> Any:
+    worst, room, place, jumps = found[0]
+    for other in found[1:]:
+        sooner = (other.place > 0) & ((place == 0) | (other.place < place))
+        place = jnp.where(sooner, other.place, place)
         # The largest of the ratios, with one division for all.
-        larger = mismatch * room_there > worst * room
-        worst, room_there = jnp.where(larger, mismatch, worst), jnp.where(larger, room, room_there)
-        # What is smooth changes by its slope times the length; a jump does not know of the length.
-        slopes = jnp.abs(course.rise0) + jnp.abs(course.rise1)
-        jumps = jumps | (mismatch > 2.0 * slopes + 1e-9 * size)
-    doubt = jnp.minimum(CERTAIN * worst / room_there, LARGEST)
+        larger = other.mismatch * room > worst * other.room
+        worst = jnp.where(larger, other.mismatch, worst)
+        room = jnp.where(larger, other.room, room)
+        jumps = jumps | other.jumps
+    doubt = jnp.minimum(CERTAIN * worst / room, LARGEST)
     doubt = jnp.where(short, jnp.where(jumps, JUMPS, 0.0), doubt)
     return jnp.where(place > 0, -place, doubt)
 
@@ -96,16 +132,6 @@ def told(verdicts: list) -> Verdict:
     return Verdict(doubt, jnp.maximum(-verdict, 0.0), jumps)
 
 
-class _Course(NamedTuple):
-    """An event function over the step, in the sign that makes it positive at the start."""
-
-    v0: Any
-    rise0: Any  # rate times the length of the step
-    v1: Any
-    rise1: Any
-    seen: tuple  # at the interior points
-
-
 def _course(
     functions: EventFunctions, i: int, lane: Lane, values: Values, seen: tuple, h: Any
 ) -> _Course:
@@ -120,7 +146,7 @@ def _course(
     )  # fmt: skip
 
 
-def _mismatch(course: _Course, rounding: float) -> tuple[Any, Any]:
+def _mismatch(course: _Course, rounding: Any) -> tuple[Any, Any]:
     """Largest difference between the function and its cubic, and the largest of its values."""
     v0, a, v1, b, seen = course
     mismatch, size = jnp.zeros_like(v0), jnp.maximum(jnp.abs(v0), jnp.abs(v1))

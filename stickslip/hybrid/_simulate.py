@@ -34,9 +34,10 @@ from ._progress import ProgressMeter
 from ._record import Record
 from ._section import Section
 from ._solution import Solution
-from ._status import CODE, to_result
+from ._status import CODE, STILL, flag, to_result
 from ._step_size import AbstractStepSize, AdaptiveStep
-from ._stepper import as_stepper
+from ._stepper import ExplicitRungeKutta, as_stepper
+from ._still import too_still
 from ._system import AbstractHybridSystem
 from ._tolerance import Noise, cancelling, component_tolerances
 from ._tree import frozen, select, shift, with_float_arrays
@@ -261,11 +262,11 @@ def _run(
     )
     fixed = (mode0, sg(t1), None if ts is None else sg(ts))
     smooth, counts = core((theta, t0, y0), fixed=fixed, plan=plan, spec=spec)
-    solution = _assemble(plan, theta, t0, t1, ts, smooth, counts, spec)
+    solution = _assemble(plan, theta, t0, t1, (y0, mode0), ts, smooth, counts, spec)
     return solution, solution.successful
 
 
-def _assemble(plan: Plan, theta, t0, t1, ts, smooth, counts, spec) -> Solution:
+def _assemble(plan: Plan, theta, t0, t1, start, ts, smooth, counts, spec) -> Solution:
     """Logs as the user sees them. Times that were landed on to rounding are made exact here, which
     also carries the derivative with respect to them."""
     logs = eqx.combine(smooth.logs, counts.logs)
@@ -280,6 +281,13 @@ def _assemble(plan: Plan, theta, t0, t1, ts, smooth, counts, spec) -> Solution:
         y = shift(y, jax.lax.stop_gradient(slope(t, y, mode)), jnp.where(valid, target - t, 0.0))
         return y, slope(jnp.where(valid, target, t), y, mode)
 
+    flags = counts.flags
+    # Implicit methods are right with steps that are long against the rates of the field.
+    if plan.step_size.adaptive and isinstance(plan.stepper, ExplicitRungeKutta):
+        y0, mode0 = start
+        lasts, field = t_end - t0, lambda t, y: slope(t, y, mode0)
+        still = too_still(plan, field, t0, lasts, counts.accepted, y0, y_end)
+        flags = flags | flag(still & finished & (counts.events == 0), STILL)
     y1, dy1 = landed(t_end, t1, y_end, counts.mode, finished)
     t_stop = jnp.where(finished, t1, t_end)
     outputs = None
@@ -325,7 +333,7 @@ def _assemble(plan: Plan, theta, t0, t1, ts, smooth, counts, spec) -> Solution:
         events=events,
         crossings=crossings,
         result=to_result(counts.status),
-        flags=counts.flags,
+        flags=flags,
         sequence=counts.sequence,
         stats=out.Stats(counts.attempts, counts.accepted, counts.events),
     )

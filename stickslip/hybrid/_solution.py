@@ -62,8 +62,9 @@ class Solution(eqx.Module):
       not asked for.
     - `result`: a `RESULTS` item per lane.
     - `flags`: bits that say why a derivative does not exist or is not to be trusted, 0 if none: 1
-      grazing, 2 coincident events, 4 a guard violated when a mode began. `differentiable` is
-      `flags == 0`.
+      grazing, 2 coincident events, 4 a guard violated when a mode began, 8 a jump inside a step, 16 an
+      absolute tolerance above the motion, 32 an equilibrium with steps too long for derivatives.
+      `differentiable` is `flags == 0`.
     - `sequence`: hash of the sequence of guards and modes. Where it differs between two parameter
       values the mode sequence changed between them, and so no derivative connects them.
     """

@@ -55,6 +55,7 @@ COINCIDENT = 2  # two guards reached zero at the same instant
 EVENT_AT_START = 4  # a guard was already violated when a mode began
 DISCONTINUOUS = 8  # a guard or the field jumped inside a step, at a time that nobody declared
 COARSE = 16  # an absolute tolerance is above the motion of a component
+STILL = 32  # the motion is too small to set the steps that its derivative needs
 
 
 def describe_flags(flags: int) -> str:
@@ -65,6 +66,7 @@ def describe_flags(flags: int) -> str:
         EVENT_AT_START: "violated: a guard was already violated when a mode began",
         DISCONTINUOUS: "discontinuous: a guard or the field jumped within a step",
         COARSE: "coarse: an absolute tolerance is above the motion of a component",
+        STILL: "still: at an equilibrium the steps are too long for derivatives; give dtmax",
     }
     return "; ".join(text for bit, text in names.items() if int(flags) & bit) or "none"
 

@@ -64,7 +64,8 @@ def take(plan: Plan, theta: PyTree, lane: Lane) -> tuple[Lane, Step]:
     if looks:
         bare = without_state(lane)
         inside = _look_inside(plan, bare, h, within, dy1, theta=theta)
-        groups = range(0, plan.functions.count, TOGETHER)
+        count = plan.functions.count
+        groups = range(0, count, TOGETHER if plan.execute.fused else count)
         verdict = told([_judge(plan, bare, h, values, inside, first=first) for first in groups])
         # A value seen beyond zero is a fact: it is looked into at any step size. The doubt, which only
         # says that more may be hidden, can be answered by shorter steps alone.
@@ -116,7 +117,8 @@ def _look_inside(plan: Plan, lane: Lane, h, within: tuple, dy, *, theta):
 
 @bookkeeping
 def _judge(plan: Plan, lane: Lane, h, values: Values, inside, *, first: int):
-    return judge(plan, lane, h, values, inside, first, first + TOGETHER)
+    last = first + TOGETHER if plan.execute.fused else len(inside)
+    return judge(plan, lane, h, values, inside, first, last)
 
 
 @piece

@@ -18,7 +18,7 @@ from stickslip._fastmath import where
 
 def is_zero(x: Any) -> bool:
     """Whether `x` is the constant 0, known while tracing."""
-    return isinstance(x, int | float | np.number) and x == 0
+    return isinstance(x, int | float | np.number) and bool(x == 0)
 
 
 def times(a: Any, b: Any) -> Any:
