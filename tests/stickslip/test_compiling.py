@@ -148,7 +148,10 @@ def test_a_first_call_compiles_one_program(compiled):
 
 
 def test_the_program_of_the_consistent_machine_is_small():
-    """12,596 instructions when it was written; twice as many lines, with those of the stack frames."""
+    """13,525 instructions, and twice as many lines, with those of the stack frames.
+
+    12,596 before guards that are affine in the state were looked at inside of steps.
+    """
     parameters, voltage = corexy_jax.scenario(1)
 
     def run(parameters, voltage):
@@ -157,7 +160,7 @@ def test_the_program_of_the_consistent_machine_is_small():
 
     lowered = jax.jit(run).lower(parameters, voltage)
     assert len(lowered.as_text().splitlines()) < 10_000
-    assert lowered.compile().as_text().count(" = ") < 13_500
+    assert lowered.compile().as_text().count(" = ") < 14_000
 
 
 def test_least_squares_sees_data_that_changed():
