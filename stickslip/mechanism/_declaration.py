@@ -22,6 +22,7 @@ class Names(NamedTuple):
     velocities: tuple[str, ...]
     contacts: tuple[str, ...]
     opening: tuple[str, ...]
+    stops: tuple[str, ...] = ()
 
 
 @functools.lru_cache(maxsize=256)

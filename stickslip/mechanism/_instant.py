@@ -15,8 +15,10 @@ from ._contact import Contact
 from ._declaration import in_order, mass_of
 from ._island import Island, Motion
 from ._modes import sense_of
+from ._reserve import NO_LIMIT
 from ._scalars import Mass, dot, is_zero, minus, times, total
 from ._settle import Limits
+from ._stop import StopNow, stops_at
 
 if TYPE_CHECKING:
     from ._mechanism import AbstractMechanism
@@ -29,8 +31,10 @@ class Instant(NamedTuple):
 
     - `q`, `v`: coordinates and their rates, by the names of the coordinates.
     - `mass`, `force`: inertia, and all forces but those of the contacts [N].
-    - `contacts`, `directions`: one `Contact` and one row a contact.
-    - `speeds`: sliding speeds $u = n \\cdot v - w$ [m/s].
+    - `contacts`, `stops`: a `Contact` for each contact, a `StopNow` for each stop.
+    - `directions`: a row for each contact and then for each stop, the gradient of its gap.
+    - `surfaces`: speeds $w$ of the counter surfaces [m/s], those of moving stops too.
+    - `speeds`: sliding speeds $u = n \\cdot v - w$ [m/s]; of stops the rates of their gaps.
     """
 
     q: Any
@@ -40,6 +44,8 @@ class Instant(NamedTuple):
     contacts: list[Contact]
     directions: list[list[Any]]
     speeds: list[Any]
+    stops: list[StopNow]
+    surfaces: list[Any]
 
 
 def instant_of(machine: "AbstractMechanism", t: Any, q: Any, v: Any, args: Any) -> Instant:
@@ -56,12 +62,16 @@ def instant_of(machine: "AbstractMechanism", t: Any, q: Any, v: Any, args: Any) 
             rows.append(in_order(what, contact.direction, names.coordinates, "numbers"))
         else:
             rows.append([float(x) for x in row])
+    stops = stops_at(machine, t, q, args)
+    rows += [stop.row for stop in stops]
+    surfaces = [contact.surface_speed for contact in contacts]
+    surfaces += [times(-1.0, stop.rate) for stop in stops]
     speeds = [
-        jnp.asarray(minus(dot(row, v), contact.surface_speed), jnp.float64)
-        for row, contact in zip(rows, contacts, strict=True)
+        jnp.asarray(minus(dot(row, v), surface), jnp.float64)
+        for row, surface in zip(rows, surfaces, strict=True)
     ]
     mass = mass_of(machine.mass_matrix(q), names.coordinates)
-    return Instant(q, v, mass, force, contacts, rows, speeds)
+    return Instant(q, v, mass, force, contacts, rows, speeds, stops, surfaces)
 
 
 def surface_accelerations(machine: "AbstractMechanism", t: Any, at: Instant, args: Any) -> list[Any]:
@@ -70,7 +80,7 @@ def surface_accelerations(machine: "AbstractMechanism", t: Any, at: Instant, arg
     The constant 0 where neither direction nor surface speed depends on time or coordinates. Raises
     `DeclarationError` where one of them depends on the velocities.
     """
-    if not at.contacts:
+    if not at.speeds:
         return []
     names = machine.names.contacts
 
@@ -86,7 +96,7 @@ def surface_accelerations(machine: "AbstractMechanism", t: Any, at: Instant, arg
 
     t = jnp.asarray(t, jnp.float64)
     q, v = floats(at.q), floats(at.v)
-    for name, depends in zip(names, degrees(given, (v,), (True,)), strict=True):
+    for name, depends in zip(names, degrees(given, (v,), (True,)) if names else [], strict=True):
         if depends != NONE:
             what = f"surface_speed and direction of contact {name!r}"
             allowed = (
@@ -96,12 +106,24 @@ def surface_accelerations(machine: "AbstractMechanism", t: Any, at: Instant, arg
     depends = degrees(speeds, (t, q), (True, True))
     if all(d == NONE for d in depends):
         return [0.0] * len(depends)
-    if any(depends[c] != NONE for island in machine.islands if island.dependent for c in island.rows):
-        those = ", ".join(name for name, d in zip(names, depends, strict=True) if d != NONE)
-        what = "surfaces of contacts whose directions depend on each other"
-        raise DeclarationError(str(refusal(what, those, "of constant speed")))
+    # Of one velocity a stop without a speed of its own holds everything that is at rest.
+    still = [len(names) + k for k, rate in enumerate(machine.slopes[:, -1]) if rate == 0.0]
+    for island in machine.islands:
+        if not island.dependent:
+            continue
+        moves = [c for c in island.rows if depends[c] != NONE and not (island.shut and c in still)]
+        if moves:
+            what = "surfaces of contacts and stops whose directions depend on each other"
+            those = ", ".join(names_of_rows(machine, moves))
+            raise DeclarationError(str(refusal(what, those, "of constant speed")))
     rates = jax.jvp(speeds, (t, q), (jnp.ones_like(t), type(q)(*v)))[1]
     return [0.0 if d == NONE else -r for d, r in zip(depends, rates, strict=True)]
+
+
+def names_of_rows(machine: "AbstractMechanism", rows: Any) -> list[str]:
+    """Names of some of the contacts and stops."""
+    names = machine.names.contacts + machine.names.stops
+    return [names[c] for c in rows]
 
 
 def floats(numbers: Any) -> Any:
@@ -117,7 +139,7 @@ def loaded(
     `without`: contacts whose friction is left out too.
     """
     force = list(at.force)
-    for c, (contact, s) in enumerate(zip(at.contacts, states, strict=True)):
+    for c, (contact, s) in enumerate(zip(at.contacts, states, strict=False)):
         idle = s == 0.0
         if machine.names.contacts[c] in machine.opening:
             idle = idle | (s == 2.0)
@@ -165,6 +187,10 @@ def limits_of(island: Island, at: Instant, which: str) -> Limits:
     """Friction that each contact can bear [N], by the coefficient of its law named `which`."""
     low, high = [], []
     for c in island.rows:
+        if c >= len(at.contacts):
+            low.append(0.0)
+            high.append(NO_LIMIT)
+            continue
         law, load = at.contacts[c].law, at.contacts[c].normal_force
         ahead = getattr(law, which)(1) * load
         behind = ahead if law.is_odd else getattr(law, which)(-1) * load
@@ -178,7 +204,7 @@ def slow_contacts(at: Instant, island: Island) -> list[Any]:
     largest: Any = 0.0
     for c in island.rows:
         terms = [times(n, x) for n, x in zip(at.directions[c], at.v, strict=True) if not is_zero(n)]
-        size = total(jnp.abs(x) for x in (*terms, jnp.asarray(at.contacts[c].surface_speed)))
+        size = total(jnp.abs(x) for x in (*terms, jnp.asarray(at.surfaces[c])))
         largest = jnp.maximum(largest, size)
     return [jnp.abs(at.speeds[c]) <= ROUNDING * largest for c in island.rows]
 
@@ -193,5 +219,5 @@ def landed(island: Island, at: Instant, still: list) -> list[Any]:
         own = [j for j, n in enumerate(row) if not is_zero(n)]
         if len(own) == 1:
             (j,) = own
-            v[j] = where(rests, times(1.0 / row[j], at.contacts[c].surface_speed), v[j])
+            v[j] = where(rests, times(1.0 / row[j], at.surfaces[c]), v[j])
     return v
