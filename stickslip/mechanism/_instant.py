@@ -91,7 +91,7 @@ def surface_accelerations(machine: "AbstractMechanism", t: Any, at: Instant, arg
         now = instant_of(machine, t, at.q, v, args)
         return [
             sum(jnp.asarray(x, jnp.float64) + 0.0 for x in (contact.surface_speed, *row))
-            for contact, row in zip(now.contacts, now.directions, strict=True)
+            for contact, row in zip(now.contacts, now.directions, strict=False)
         ]
 
     t = jnp.asarray(t, jnp.float64)
