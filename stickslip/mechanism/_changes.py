@@ -25,7 +25,7 @@ from ._instant import (
 from ._island import Island
 from ._modes import mode_of
 from ._reserve import least_reserve, lone_reaction
-from ._scalars import any_of, without_slope
+from ._scalars import any_of, dot, minus, without_slope
 from ._settle import settled
 
 if TYPE_CHECKING:
@@ -134,14 +134,14 @@ def transition(
         now = [where(gives_way & r, way, x) for r, way, x in zip(rest, released, s, strict=True)]
         started = [gives_way & r & (way != 0.0) for r, way in zip(rest, released, strict=True)]
         # What stops, rests at once, with all that has no speed then; the law decides what stays.
-        slow = _slow(at, island, states)
-        still = island.closed([r | (h & stops) for r, h in zip(rest, hit, strict=True)], slow)
+        on = [r | (h & stops) for r, h in zip(rest, hit, strict=True)]
+        slow = _slow(at, island, states, on)
+        still = island.closed(on, slow)
         now = [where(stops & r, 0.0, x) for r, x in zip(still, now, strict=True)]
+        lands = stops | any_of(met[c] for c in island.rows) if island.stops else stops
         for j, x in zip(island.columns, landed(island, at, still), strict=True):
-            v[j] = where(stops, x, v[j])
-        touched = stops | gives_way
-        if island.stops:
-            touched = touched | any_of(met[c] for c in island.rows)
+            v[j] = where(lands, x, v[j])
+        touched = lands | gives_way
         for i, c in enumerate(island.rows[: island.contacts]):
             toggle = toggled.get(names.contacts[c])
             if toggle is not None:
@@ -169,11 +169,20 @@ def _law_of(machine: "AbstractMechanism", t: Any, args: Any) -> Any:
     return law
 
 
-def _slow(at: Instant, island: Island, states: list) -> list[Any]:
-    """Contacts without speed; of the stops only those that are closed."""
+def _slow(at: Instant, island: Island, states: list, on: list) -> list[Any]:
+    """Contacts without speed while those in `on` rest; of the stops only those that are closed."""
+    if not island.stops:
+        return slow_contacts(at, island)
+    speeds = list(at.v)
+    for j, x in zip(island.columns, landed(island, at, on), strict=True):
+        speeds[j] = x
+    still = [
+        jnp.asarray(minus(dot(n, speeds), w)) for n, w in zip(at.directions, at.surfaces, strict=True)
+    ]
+    slow = slow_contacts(at._replace(speeds=still), island)
     return [
-        slow if c < len(at.contacts) else slow & (states[c] == 0.0)
-        for c, slow in zip(island.rows, slow_contacts(at, island), strict=True)
+        x if c < len(at.contacts) else x & (states[c] == 0.0)
+        for c, x in zip(island.rows, slow, strict=True)
     ]
 
 

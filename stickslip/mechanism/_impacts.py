@@ -88,7 +88,7 @@ def struck(
     kind = type(at.q)
     still = instant_of(machine, t, kind(*q), kind(*v_rest), args)
     for island, bump in bumps:
-        given = _begun(island, still, new, bump, slow)
+        given = _begun(island, still, at, new, bump, slow)
         found = law(still, island, given, bump)
         for c, x in zip(island.rows, found, strict=True):
             if c >= first:
@@ -99,7 +99,7 @@ def struck(
             v[j] = where(rests, v_rest[j], v[j])
     after = instant_of(machine, t, kind(*q), kind(*v), args)
     for island, bump in bumps:
-        given = _begun(island, after, new, bump, slow)
+        given = _begun(island, after, at, new, bump, slow)
         for c, s in zip(island.rows, given, strict=True):
             new[c] = s
     return Struck(after, new, met, jammed)
@@ -109,10 +109,12 @@ def _either(some: list, others: list) -> list:
     return [a | b for a, b in zip(some, others, strict=True)]
 
 
-def _begun(island: Island, at: Instant, states: list, bump: Any, closes: list) -> list[Any]:
+def _begun(
+    island: Island, at: Instant, before: Instant, states: list, bump: Any, closes: list
+) -> list[Any]:
     """States of an island after an impact: contacts by their speeds, stops that may close at rest."""
     found = []
-    for c, slow in zip(island.rows, slow_contacts(at, island), strict=True):
+    for c, slow in zip(island.rows, slow_contacts(at, island, before), strict=True):
         if c < len(at.contacts):
             speed = where(slow, 0.0, jnp.sign(at.speeds[c]))
             found.append(where(bump & (states[c] != 2.0), speed, states[c]))

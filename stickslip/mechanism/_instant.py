@@ -199,13 +199,18 @@ def limits_of(island: Island, at: Instant, which: str) -> Limits:
     return Limits(low, high)
 
 
-def slow_contacts(at: Instant, island: Island) -> list[Any]:
-    """Whether a sliding speed is rounding of the terms that it is the sum of."""
+def slow_contacts(at: Instant, island: Island, before: Instant | None = None) -> list[Any]:
+    """Whether a sliding speed is rounding of the terms that it is the sum of.
+
+    `before`: an instant whose terms count too, of which these speeds are what an event has left.
+    """
     largest: Any = 0.0
     for c in island.rows:
-        terms = [times(n, x) for n, x in zip(at.directions[c], at.v, strict=True) if not is_zero(n)]
-        size = total(jnp.abs(x) for x in (*terms, jnp.asarray(at.surfaces[c])))
-        largest = jnp.maximum(largest, size)
+        for one in (at,) if before is None else (at, before):
+            pairs = zip(one.directions[c], one.v, strict=True)
+            terms = [times(n, x) for n, x in pairs if not is_zero(n)]
+            size = total(jnp.abs(x) for x in (*terms, jnp.asarray(one.surfaces[c])))
+            largest = jnp.maximum(largest, size)
     return [jnp.abs(at.speeds[c]) <= ROUNDING * largest for c in island.rows]
 
 
