@@ -11,7 +11,7 @@ from stickslip._fastmath import where
 from ._instant import Instant, instant_of, rows_of, slow_contacts
 from ._island import Island
 from ._reserve import NO_LIMIT
-from ._scalars import any_of, is_zero, times, total
+from ._scalars import any_of, dot, is_zero, times, total
 from ._settle import Limits, settled
 
 if TYPE_CHECKING:
@@ -60,49 +60,69 @@ def struck(
     q, v, v_rest = list(at.q), list(at.v), list(at.v)
     hit = [jnp.zeros((), bool)] * first + [number == k for k in range(len(at.stops))]
     met = [h & (s == 2.0) for h, s in zip(hit, states, strict=True)]
-    new, slow, jammed = list(states), list(hit), jnp.zeros((), bool)
-    bumps: list[tuple[Island, Any]] = []
+    new, jammed = list(states), jnp.zeros((), bool)
+    bumps: list[_Bump] = []
     for island in machine.islands:
         if not island.stops:
             continue
         M, J = at.mass.of(island.columns), rows_of(island, at)
         own, here = [hit[c] for c in island.rows], [met[c] for c in island.rows]
         closed = [hit[c] & False if c < first else states[c] == 0.0 for c in island.rows]
-        some, bump = any_of(own), any_of(here)
-        bumps.append((island, bump))
-        _place(island, at, M, J, q, own if island.shut else _either(own, closed), some)
+        bump = any_of(here)
+        _place(island, at, M, J, q, own if island.shut else _either(own, closed), any_of(own))
         kept = _impulses(island, at, M, J, here, closed)
         target = _rebounds(island, at, here)
-        rest = [where(h, 0.0, x) for h, x in zip(here, target, strict=True)]
         _hurry(island, at, M, J, v, kept, target, bump)
-        _hurry(island, at, M, J, v_rest, kept, rest, bump)
-        for i, c in enumerate(island.rows):
-            if c < first:
-                continue
-            stop = at.stops[c - first].stop
-            slow[c] = here[i] & (target[i] <= stop.rest_speed) & (at.speeds[c] <= 0.0)
-            new[c] = where(bump & ~kept[i], 2.0, states[c])
+        slow = _slow(island, at, J, v, here, closed, target)
+        held = kept if island.shut else _either(here, closed)
+        _hurry(island, at, M, J, v_rest, held, [0.0 * x for x in target], bump)
+        for i, c in enumerate(island.rows[island.contacts :], island.contacts):
             if island.shut:
                 onward = times(J[i][0], v_rest[island.columns[0]]) - at.surfaces[c]
                 jammed = jammed | (bump & closed[i] & (onward < 0.0))
+        bumps.append(_Bump(island, bump, here, closed, kept, held, slow))
     kind = type(at.q)
     still = instant_of(machine, t, kind(*q), kind(*v_rest), args)
-    for island, bump in bumps:
-        given = _begun(island, still, at, new, bump, slow)
-        found = law(still, island, given, bump)
-        for c, x in zip(island.rows, found, strict=True):
-            if c >= first:
-                slow[c] = slow[c] & (x == 0.0)
-    for island, _ in bumps:
-        rests = any_of(slow[c] for c in island.rows)
+    for island, bump, here, closed, kept, held, slow in bumps:
+        given = _begun(island, still, at, states, bump, held)
+        found = law(still, island, given, bump & slow)
+        rests = slow & any_of(h & (x == 0.0) for h, x in zip(here, found, strict=True))
+        for i, c in enumerate(island.rows[island.contacts :], island.contacts):
+            stays = where(rests, held[i] & (found[i] == 0.0), kept[i] & closed[i])
+            new[c] = where(bump, where(stays, 0.0, 2.0), states[c])
         for j in island.columns:
             v[j] = where(rests, v_rest[j], v[j])
     after = instant_of(machine, t, kind(*q), kind(*v), args)
-    for island, bump in bumps:
-        given = _begun(island, after, at, new, bump, slow)
-        for c, s in zip(island.rows, given, strict=True):
+    for island, bump, *_ in bumps:
+        on = [new[c] == 0.0 for c in island.rows]
+        for c, s in zip(island.rows, _begun(island, after, at, new, bump, on), strict=True):
             new[c] = s
     return Struck(after, new, met, jammed)
+
+
+class _Bump(NamedTuple):
+    """An island, whether one of its stops has been met, and by row: which, which are closed already,
+    which take an impulse or stay on, which would rest; and whether the impact leaves little enough."""
+
+    island: Island
+    bump: Any
+    here: list[Any]
+    closed: list[Any]
+    kept: list[Any]
+    held: list[Any]
+    slow: Any
+
+
+def _slow(island: Island, at: Instant, J: list, v: list, here: list, closed: list, target: list) -> Any:
+    """Whether nothing moves off the stops that are met or closed at more than their speeds of rest."""
+    slow = any_of(here)
+    for i, c in enumerate(island.rows[island.contacts :], island.contacts):
+        rest_speed = at.stops[c - len(at.contacts)].stop.rest_speed
+        off = dot(J[i], [v[j] for j in island.columns]) - at.surfaces[c]
+        slow = slow & (~here[i] | ((target[i] <= rest_speed) & (at.speeds[c] <= 0.0)))
+        if not island.shut:
+            slow = slow & (~closed[i] | (off <= rest_speed))
+    return slow
 
 
 def _either(some: list, others: list) -> list:
@@ -114,12 +134,13 @@ def _begun(
 ) -> list[Any]:
     """States of an island after an impact: contacts by their speeds, stops that may close at rest."""
     found = []
-    for c, slow in zip(island.rows, slow_contacts(at, island, before), strict=True):
+    slows = slow_contacts(at, island, before)
+    for c, slow, on in zip(island.rows, slows, closes, strict=True):
         if c < len(at.contacts):
             speed = where(slow, 0.0, jnp.sign(at.speeds[c]))
             found.append(where(bump & (states[c] != 2.0), speed, states[c]))
         else:
-            found.append(where(closes[c], 0.0, states[c]))
+            found.append(where(bump & on, 0.0, states[c]))
     return found
 
 
