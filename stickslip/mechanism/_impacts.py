@@ -88,7 +88,7 @@ def struck(
         found = law(still, island, given, bump & slow)
         rests = slow & any_of(h & (x == 0.0) for h, x in zip(here, found, strict=True))
         for i, c in enumerate(island.rows[island.contacts :], island.contacts):
-            stays = where(rests, held[i] & (found[i] == 0.0), kept[i] & closed[i])
+            stays = (rests & held[i] & (found[i] == 0.0)) | (~rests & kept[i] & closed[i])
             new[c] = where(bump, where(stays, 0.0, 2.0), states[c])
         for j in island.columns:
             v[j] = where(rests, v_rest[j], v[j])
