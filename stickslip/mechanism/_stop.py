@@ -19,6 +19,10 @@ if TYPE_CHECKING:
 MISSING_ARGS = (AttributeError, IndexError, KeyError, TypeError)
 
 
+class _LooksAtArgs(Exception):
+    """What a mechanism declares depends on `args`."""
+
+
 class Stop(NamedTuple):
     r"""One rigid stop at one instant, as `AbstractMechanism.gaps` returns it.
 
@@ -161,7 +165,11 @@ def _slopes(form: Any, shapes: tuple, static: tuple) -> np.ndarray:
         machine = whole(numbers)
 
         def gaps(t, q):
-            found = check_stops(machine, machine.gaps(t, q, None))
+            try:
+                given = machine.gaps(t, q, None)
+            except MISSING_ARGS as error:
+                raise _LooksAtArgs from error
+            found = check_stops(machine, given)
             return [jnp.asarray(stop.gap, jnp.float64) + 0.0 * t for stop in found]
 
         ways = np.eye(n + 1)
@@ -173,7 +181,7 @@ def _slopes(form: Any, shapes: tuple, static: tuple) -> np.ndarray:
     scalar = jax.ShapeDtypeStruct((), jnp.float64)
     try:
         found = folded(columns, (numbers, scalar, kind(*[scalar] * n)))
-    except MISSING_ARGS:
+    except _LooksAtArgs:
         found = None
     if found is None:  # the gaps look at `args`, which are not known here
         return np.full((len(names.stops), n + 1), np.nan)

@@ -124,7 +124,7 @@ class Pushed(AbstractMechanism):
     e: Any
     width: Any = 1.0
     rest: Any = 1e-6
-    belt: Any = 0.0
+    belt: Any = eqx.field(default=0.0, converter=jnp.asarray)  # no number that is known while tracing
     coordinates: ClassVar = {"x": "m"}
     contact_directions: ClassVar = {"ground": {"x": 1}}
     stops: ClassVar = ("left", "right")
