@@ -138,10 +138,12 @@ def transition(
         slow = _slow(at, island, states, on)
         still = island.closed(on, slow)
         now = [where(stops & r, 0.0, x) for r, x in zip(still, now, strict=True)]
-        lands = stops | any_of(met[c] for c in island.rows) if island.stops else stops
+        touched = stops | gives_way
+        if island.stops:
+            touched = touched | any_of(met[c] for c in island.rows)
+        lands = touched if island.stops else stops
         for j, x in zip(island.columns, landed(island, at, still), strict=True):
             v[j] = where(lands, x, v[j])
-        touched = lands | gives_way
         for i, c in enumerate(island.rows[: island.contacts]):
             toggle = toggled.get(names.contacts[c])
             if toggle is not None:

@@ -225,4 +225,8 @@ def landed(island: Island, at: Instant, still: list) -> list[Any]:
         if len(own) == 1:
             (j,) = own
             v[j] = where(rests, times(1.0 / row[j], at.surfaces[c]), v[j])
+        elif c >= len(at.contacts):
+            # A gap that rounding still closes as it opens would look as if it were touched.
+            j, others = own[-1], dot([row[i] for i in own[:-1]], [v[i] for i in own[:-1]])
+            v[j] = where(rests, times(1.0 / row[j], minus(at.surfaces[c], others)), v[j])
     return v

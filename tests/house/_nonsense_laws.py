@@ -6,6 +6,7 @@ import stickslip.contact as contact
 import stickslip.friction as friction
 import stickslip.systems as systems
 from stickslip import FixedStep, Integrator
+from stickslip.mechanism import AbstractMechanism
 from tests.house._nonsense_target import Target, arg
 
 POSITIVE = ("positive", "float32", "batch")
@@ -121,7 +122,9 @@ BEAM = {
 DRIVE_WORDS = {"motor_friction": arg("printed"), "belt_reaction": arg("printed")}
 BLOCK = systems.BlockOnDrivenBelt.constructed(k3=85.0)
 OSCILLATOR = systems.CoulombOscillator(1.0, 1.0, 1.0, 0.5, 0.2)
+BALL = systems.BouncingBall(1.0, 9.81, 0.5)
 SYSTEMS = [
+    Target(AbstractMechanism.state, finite(x=0.0, v=0.0), BALL.state),
     Target(
         systems.OscillatorBetweenStops,
         {
