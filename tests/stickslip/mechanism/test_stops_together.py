@@ -116,8 +116,8 @@ def test_powers_and_impacts_account_for_the_energy(name):
 
 
 def blocks(p):
-    mass, static, e = p
-    row = Row((mass, 2.0, 1.5), (Coulomb(static), Coulomb(0.5, 0.4), Coulomb(0.7)), e, 0.02)
+    mass, drive, e = p
+    row = Row((mass, 2.0, 1.5), (), e, 0.02, drive=drive)
     return ss.simulate(row, 0.0, 4.0, row.state(x_0=0.1), max_events=None)
 
 
@@ -150,7 +150,7 @@ SLOPES = {
     "shaken ball": (shaken, [0.6, 0.2, 1.0], 3),
     "mass on a block": (landed, [1.0, 0.3, 50.0, 10.0], 3),
     "bead": (bead, [1.0, 0.3, 1.0], 3),
-    "blocks": (blocks, [1.0, 0.6, 0.4], 8),
+    "blocks": (blocks, [1.0, 2.0, 0.4], 6),
 }
 QUICK = ("pendulum", "mass on a block")
 
