@@ -35,7 +35,7 @@ class AbstractWithStops(AbstractMechanicalSystem):
         """-1, 0, 1 or 2 for each contact, backward to open; 0 or 2 for each stop, closed or open."""
         return states_of(mode, len(self.contact_directions), len(self.stops))
 
-    def held(self, t: Any, at: Instant, states: list, args: Any) -> list[Any]:
+    def held(self, t: Numeric, at: Instant, states: list, args: PyTree) -> list[Any]:
         """Force in each contact and each stop if it is at rest."""
         force, gamma = loaded(self, at, states), surface_accelerations(self, t, at, args)
         held: list[Any] = [0.0] * len(states)
@@ -60,7 +60,7 @@ class AbstractWithStops(AbstractMechanicalSystem):
             for k, name in enumerate(self.stops)
         }
 
-    def drives_of_stops(self, t: Any, y: Any, mode: Any, args: Any) -> dict[str, Any]:
+    def drives_of_stops(self, t: Numeric, y: PyTree, mode: Whole, args: PyTree) -> dict[str, Any]:
         """Power of each stop that moves [W], by name, while the mechanism rests on it."""
         stops = self.instant(t, y, args).stops
         moving = [k for k, stop in enumerate(stops) if not is_zero(stop.rate)]
