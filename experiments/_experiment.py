@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from . import _settings
 
-GROUPS = ("beam", "block", "corexy")
+GROUPS = ("beam", "block", "corexy", "mechanisms")
 
 
 @dataclasses.dataclass(frozen=True)

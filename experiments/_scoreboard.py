@@ -9,6 +9,7 @@ from typing import Any
 WORDS = {True: "holds", False: "does not hold", None: "open"}
 OF_THE_PAPERS = "the papers' statements"
 OWN = "statements on sets found by our searches"
+MACHINES = "known results of declared machines"
 QUICK = "quick runs and demo, a first look"
 
 
@@ -16,11 +17,11 @@ def scoreboard(out: pathlib.Path) -> str:
     """One line per statement from the records in `out`, and how many of them hold.
 
     Full runs with the constructed parameters are counted apart from those with parameters that our
-    searches found, and both from quick runs. A statement that several figures measure counts once;
-    if they do not agree it is open.
+    searches found, both from known results of the machines declared here, and all from quick runs. A
+    statement that several figures measure counts once; if they do not agree it is open.
     """
     lines: list[str] = []
-    verdicts: dict[str, dict[str, set]] = {OF_THE_PAPERS: {}, OWN: {}, QUICK: {}}
+    verdicts: dict[str, dict[str, set]] = {OF_THE_PAPERS: {}, OWN: {}, MACHINES: {}, QUICK: {}}
     for path in sorted(out.glob("*.json")):
         try:
             record = json.loads(path.read_text(encoding="utf-8"))
@@ -40,6 +41,8 @@ def scoreboard(out: pathlib.Path) -> str:
 def _group(record: Mapping[str, Any]) -> str:
     if record.get("quick") or record["name"] == "demo":
         return QUICK
+    if record["name"].startswith("mechanism-"):
+        return MACHINES
     found = record["name"].endswith("-search") or record.get("parameters", {}).get("set", "A") != "A"
     return OWN if found else OF_THE_PAPERS
 

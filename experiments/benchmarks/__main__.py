@@ -6,7 +6,7 @@ import os
 # Both cores as devices; read by XLA before the first array.
 os.environ.setdefault("XLA_FLAGS", f"--xla_force_host_platform_device_count={os.cpu_count()}")
 
-from . import beam, corexy, derivatives, diagram, latency, stick_slip
+from . import beam, chain, corexy, derivatives, diagram, latency, stick_slip
 from ._harness import machine
 
 BENCHMARKS = {
@@ -15,6 +15,7 @@ BENCHMARKS = {
     "diagram": diagram.main,
     "beam": beam.main,
     "corexy": corexy.main,
+    "chain": chain.main,
     "latency": latency.main,
 }
 

@@ -16,6 +16,7 @@ from .._validation import as_parameter, check_flag, one_number
 from ..hybrid import AbstractHybridSystem, Integrator, simulate
 from ..hybrid._arguments import a_time, the_system
 from ..hybrid._bound import spanning
+from ..hybrid._system import mode_type
 from ._arguments import an_integrator, start_of
 from ._growth import averaged, check_counts
 from ._lyapunov import moving_components
@@ -127,7 +128,7 @@ def two_trajectory_exponent(
         flat, mode, good = run(t0, begin, flat, mode)
 
     def mode_of(t, flat):
-        return jnp.asarray(system.initial_mode(t, unravel(flat), args), jnp.int32)
+        return jnp.asarray(system.initial_mode(t, unravel(flat), args), mode_type(system))
 
     gap = jnp.asarray(moving, jnp.float64) * (distance / float(moving.sum()) ** 0.5)
     other = flat + gap

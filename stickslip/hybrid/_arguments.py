@@ -24,7 +24,7 @@ from .._validation import (
     whole_number,
 )
 from ._section import Section
-from ._system import AbstractHybridSystem
+from ._system import AbstractHybridSystem, mode_type
 
 MOST_NAMES = 9  # of modes, that a message lists
 
@@ -118,7 +118,7 @@ def start_of(
 def first_mode(system: AbstractHybridSystem, t0: Any, y0: PyTree, args: PyTree) -> Array:
     """The mode of the state, which the system says."""
     mode = _of_state("y0", "initial_mode", system, y0, lambda: system.initial_mode(t0, y0, args))
-    return jnp.asarray(mode, jnp.int32)
+    return jnp.asarray(mode, mode_type(system))
 
 
 # Loops and branches in it are compiled once for all calls.
@@ -174,9 +174,9 @@ def mode_index(name: str, system: AbstractHybridSystem, mode: Any) -> Array:
     """
     names = system.mode_names
     if isinstance(mode, str) and mode in names:
-        return jnp.asarray(names.index(mode), jnp.int32)
+        return jnp.asarray(names.index(mode), mode_type(system))
     try:
-        return jnp.asarray(whole_number(name, mode, 0, len(names) - 1), jnp.int32)
+        return jnp.asarray(whole_number(name, mode, 0, len(names) - 1), mode_type(system))
     except (TypeError, ValueError):
         words = ", ".join(map(repr, itertools.islice(names, MOST_NAMES)))
         more = ", ..." if len(names) > MOST_NAMES else ""

@@ -18,6 +18,7 @@ from ._event_time import event_delay
 from ._events import Values
 from ._lane import EVENT, HOLD, PLAIN, Lane, Outcome, Plan, accepted, is_event, moved_on, without_state
 from ._step import Step, take
+from ._system import mode_type
 from ._tree import select, shift
 from ._xla import bookkeeping, piece
 
@@ -124,7 +125,7 @@ def _transition(plan: Plan, mode, guard, step: Step, t_end, dt, *, theta):
     # The slope is held: its derivative would enter times `dt`, which is zero but for rounding.
     y = shift(step.y1, jax.lax.stop_gradient(step.dy1), dt)
     y_new, mode_new = system.transition(t_end + dt, y, mode, guard, args)
-    return y_new, jnp.asarray(mode_new, jnp.int32)
+    return y_new, jnp.asarray(mode_new, mode_type(system))
 
 
 @piece

@@ -10,7 +10,7 @@ from .._looks_at import instance, looks_at, reals, time, whole_state
 from .._types import Given, Numeric, Row
 from .._validation import as_parameter, check_finite, check_increasing, check_type, misshaped
 from ._events import SLACK
-from ._system import AbstractHybridSystem, guard_directions, guard_scales
+from ._system import AbstractHybridSystem, guard_directions, guard_scales, mode_type
 from ._tree import select
 from ._wrapper import AbstractSystemWrapper
 
@@ -131,11 +131,11 @@ class WithBreaks(AbstractSystemWrapper):
         if not number:
             return Pieced(y.y, y.piece + 1.0), mode
         breaks = guard == number
-        mode = jnp.asarray(mode, jnp.int32)
+        mode = jnp.asarray(mode, mode_type(self))
         inside = self._inside(t, y.piece)
         after, new = self.system.transition(inside, y.y, mode, jnp.minimum(guard, number - 1), args)
         past = self._settled(t, y.y, mode, args)
-        state, mode = select(breaks, past, (after, jnp.asarray(new, jnp.int32)))
+        state, mode = select(breaks, past, (after, jnp.asarray(new, mode_type(self))))
         return Pieced(state, y.piece + jnp.where(breaks, 1.0, 0.0)), mode
 
     def _settled(self, t, y, mode, args):
@@ -149,7 +149,7 @@ class WithBreaks(AbstractSystemWrapper):
             lowest = jnp.argmin(falls).astype(jnp.int32)
             jumped = self.system.transition(t, y, mode, lowest, args)
             violated = (falls[lowest] < -SLACK) & (mode >= 0)
-            after = jumped[0], jnp.asarray(jumped[1], jnp.int32)
+            after = jumped[0], jnp.asarray(jumped[1], mode_type(self))
             y, mode = select(violated, after, (y, mode))
         return y, mode
 

@@ -1,12 +1,12 @@
 r"""Event functions under error control: is a step short enough to know them between its ends?
 
 What the engine believes of an event function $g$ within a step is the cubic $p$ through its values and
-exact rates at both ends. It is compared with $g$ itself at two interior points, where the state is
-taken from the cubic through its own ends. With the largest mismatch $e$ and the room $g$ has (its
-lowest value seen, or its size where it changes sign), the doubt is $3e/\mathrm{room}$: beyond 1, a
-zero could hide between the points, and the step is tried again shorter by the rule that serves the
-error of the state. For a function that is affine in time and state, $p$ is $g$ along the cubic of the
-state and nothing is computed; see `_dependence.py`.
+exact rates at both ends. It is compared with $g$ itself at two interior points, where the method tells
+the state to a higher order (`_within.py`). With the largest mismatch $e$ and the room $g$ has (its
+lowest value seen, or its size where it changes sign), the doubt is $3e/\mathrm{room}$: beyond 1, a zero
+could hide between the points, and the step is tried again shorter by the rule that serves the error of
+the state. Where a value is seen beyond zero, or the cubic less its mismatch goes there between the
+points, the step is tried again up to that place.
 
 The two points are no multiples of a common fraction of the step, so that a step of whole periods does
 not see the same phase three times.
@@ -14,12 +14,11 @@ not see the same phase three times.
 
 from typing import Any, NamedTuple
 
-import jax
 import jax.numpy as jnp
-from jaxtyping import PyTree
 
 from ._events import SLACK, EventFunctions, Values
 from ._lane import Lane, Plan
+from ._tree import cubic
 
 POINTS = (0.3819660112501051, 0.7236067977499789)
 CERTAIN = 3.0  # a mismatch of a third of the room is accepted
@@ -27,100 +26,140 @@ LARGEST = 1e4  # a doubt beyond this says no more than that the step is much too
 NOISE = 1e-13  # mismatches below this part of the values are rounding
 
 
-class Inside(NamedTuple):
-    """Event functions at the interior points: a value at each, or None for one without doubt."""
+class Verdict(NamedTuple):
+    """What the looks inside a step say of it."""
 
-    values: tuple
+    doubt: Any  # largest of all event functions; not told where `place` is
+    place: Any  # fraction of the step at which one is or may be beyond zero, and back; 0 if nowhere
+    jumps: Any  # whether one jumps in a step too short to be cut
+
+
+# The compiler computes what several results of a call share for each of them: there is only one. It
+# would run a call that is too large on several threads, which a fused program cannot.
+JUMPS = 4.0 * LARGEST
+TOGETHER = 4  # functions judged in one call
 
 
 def look_inside(
-    functions: EventFunctions, system: Any, lane: Lane, t: Any, h: Any, y1: PyTree, dy1: PyTree,
-    args: PyTree, scales: tuple,
-) -> Inside:  # fmt: skip
-    """Values at the interior points of the step from `t`, scaled like those at its ends."""
-    rows = []
-    for point in POINTS:
-        y = jax.tree.map(
-            lambda y0, s0, y1, s1, x=point: _cubic(x, y0, h * s0, y1, h * s1),
-            lane.y, lane.dy, y1, dy1,
-        )  # fmt: skip
-        rows.append(functions.values(system, t + point * h, y, dy1, lane.mode, args, scales))
-    columns = zip(functions.doubtful, *rows, strict=True)
-    return Inside(tuple(tuple(column) if doubtful else None for doubtful, *column in columns))
+    plan: Plan, system: Any, lane: Lane, h: Any, states: tuple, dy: Any, args: Any
+) -> tuple[tuple, ...]:
+    """Values of the event functions in the `states` at the interior points; none of those not asked."""
+    rows = [
+        plan.functions.values(system, lane.t + point * h, y, dy, lane.mode, args, lane.scales)
+        for point, y in zip(POINTS, states, strict=True)
+    ]
+    columns = zip(plan.looked_at_inside, *rows, strict=True)
+    return tuple(tuple(column) if looked else () for looked, *column in columns)
 
 
-def _cubic(x: float, start: Any, start_rise: Any, end: Any, end_rise: Any) -> Any:
-    """Cubic at the fraction `x` of a step through the values at its ends; rises: slopes times length.
-
-    What is constant stays so to the last bit: a component may be the number of a piece.
-    """
-    rest = 1.0 - x
-    middle = start + x * x * (3.0 - 2.0 * x) * (end - start)
-    return middle + x * rest * (rest * start_rise - x * end_rise)
-
-
-def doubt(plan: Plan, lane: Lane, h: Any, values: Values, inside: Inside) -> tuple[Any, Any]:
-    """Largest doubt of all event functions, and whether one jumps in a step too short to be cut.
+def judge(
+    plan: Plan, lane: Lane, h: Any, values: Values, inside: tuple[tuple, ...], first: int, last: int
+) -> Any:
+    """The verdict on the step, as one number, by the functions `first` to before `last`; see `told`.
 
     A jump keeps its mismatch however short the step, and so does, next to a zero, a kink. Below
     `plan.resolution` the step is taken as it is.
     """
-    functions = plan.functions
-    worst, jumps = jnp.zeros_like(h), jnp.zeros_like(h) > 0
+    functions, zero = plan.functions, jnp.zeros_like(h)
+    worst, room_there, place, jumps = zero, zero + 1.0, zero, zero > 0
     short = h <= plan.resolution
-    for i, seen in enumerate(inside.values):
-        if seen is None:
+    for i in range(first, min(last, len(inside))):
+        seen = inside[i]
+        if not seen:
             continue
-        # The sign of the start for all: of a section both halves of an excursion count.
-        start = lane.values[i]
-        sign = functions.sign(i, start) if i < functions.num_guards else jnp.sign(start)
-        v0, r0 = sign * start, sign * lane.rates[i]
-        v1, r1 = sign * values.value[i], sign * values.rate[i]
-        # A function that falls at the start may go through zero before the first point; one that has
-        # just fired starts at zero and rises.
-        low = jnp.where(r0 < 0, jnp.minimum(v0, v1), v1)
-        mismatch, size = jnp.zeros_like(h), jnp.maximum(jnp.abs(v0), jnp.abs(v1))
-        for point, value in zip(POINTS, seen, strict=True):
-            value = sign * value
-            believed = _cubic(point, v0, h * r0, v1, h * r1)
-            mismatch = jnp.maximum(mismatch, jnp.abs(value - believed))
-            low, size = jnp.minimum(low, value), jnp.maximum(size, jnp.abs(value))
-        rounding = NOISE * size
-        # Of an affine function the mismatch is rounding, and at zero room it would still be a doubt.
-        mismatch = jnp.where(mismatch <= rounding, 0.0, mismatch)
-        # Where the function ends beyond zero its crossing is found anyway: only its size counts.
-        room = jnp.where(v1 < 0, jnp.maximum(jnp.abs(v0), jnp.abs(v1)), low)
-        # An excursion that was seen is looked into at once, by its place and not by its doubt.
-        seen_below = (low < -SLACK) & (v1 >= 0)
-        found = jnp.where(
-            (mismatch > 0) & ~seen_below,
-            jnp.minimum(CERTAIN * mismatch / jnp.maximum(room, 1e-300), LARGEST),
-            0.0,
-        )
-        worst = jnp.maximum(worst, found)
+        course = _course(functions, i, lane, values, seen, h)
+        mismatch, size = _mismatch(course)
+        room, here = _room(course), _beyond(course, mismatch, short)
+        place = jnp.where((here > 0) & ((place == 0) | (here < place)), here, place)
+        # The largest of the ratios, with one division for all.
+        larger = mismatch * room_there > worst * room
+        worst, room_there = jnp.where(larger, mismatch, worst), jnp.where(larger, room, room_there)
         # What is smooth changes by its slope times the length; a jump does not know of the length.
-        slopes = (jnp.abs(r0) + jnp.abs(r1)) * h
-        jumps = jumps | (short & (mismatch > 2.0 * slopes + 1e-9 * size))
-    return jnp.where(short, 0.0, worst), jumps
+        slopes = jnp.abs(course.rise0) + jnp.abs(course.rise1)
+        jumps = jumps | (mismatch > 2.0 * slopes + 1e-9 * size)
+    doubt = jnp.minimum(CERTAIN * worst / room_there, LARGEST)
+    doubt = jnp.where(short, jnp.where(jumps, JUMPS, 0.0), doubt)
+    return jnp.where(place > 0, -place, doubt)
 
 
-def first_below(functions: EventFunctions, lane: Lane, inside: Inside, values: Values, h: Any) -> Any:
-    """Where a doubtful event function was first seen beyond zero and back again; 0 if nowhere.
+def told(verdicts: list) -> Verdict:
+    """The parts of the numbers that `judge` gives, all together."""
+    verdict = verdicts[0]
+    for other in verdicts[1:]:
+        # Places are negative, the nearest one the largest of them, and come before any doubt.
+        lower, higher = jnp.minimum(verdict, other), jnp.maximum(verdict, other)
+        verdict = jnp.where((lower < 0) & (higher >= 0), lower, higher)
+    jumps = verdict == JUMPS
+    doubt = jnp.where(jumps, 0.0, jnp.maximum(verdict, 0.0))
+    return Verdict(doubt, jnp.maximum(-verdict, 0.0), jumps)
+
+
+class _Course(NamedTuple):
+    """An event function over the step, in the sign that makes it positive at the start."""
+
+    v0: Any
+    rise0: Any  # rate times the length of the step
+    v1: Any
+    rise1: Any
+    seen: tuple  # at the interior points
+
+
+def _course(
+    functions: EventFunctions, i: int, lane: Lane, values: Values, seen: tuple, h: Any
+) -> _Course:
+    start, rate = lane.values[i], lane.rates[i]
+    # The sign of the start for all: of a section both halves of an excursion count. What has just
+    # fired starts at zero, and has the sign it goes to.
+    side = jnp.where(start == 0, rate, start)
+    sign = functions.sign(i, side) if i < functions.num_guards else jnp.sign(start)
+    return _Course(
+        sign * start, sign * rate * h, sign * values.value[i], sign * values.rate[i] * h,
+        tuple(sign * value for value in seen),
+    )  # fmt: skip
+
+
+def _mismatch(course: _Course) -> tuple[Any, Any]:
+    """Largest difference between the function and its cubic, and the largest of its values."""
+    v0, a, v1, b, seen = course
+    mismatch, size = jnp.zeros_like(v0), jnp.maximum(jnp.abs(v0), jnp.abs(v1))
+    for point, value in zip(POINTS, seen, strict=True):
+        mismatch = jnp.maximum(mismatch, jnp.abs(value - cubic(point, v0, a, v1, b)))
+        size = jnp.maximum(size, jnp.abs(value))
+    # Of a straight line the mismatch is rounding, and at zero room it would still be a doubt.
+    return jnp.where(mismatch <= NOISE * size, 0.0, mismatch), size
+
+
+def _room(course: _Course) -> Any:
+    """How far the function keeps from zero."""
+    v0, a, v1, _, seen = course
+    # One that falls at the start may go through zero before the first point; one that has just fired
+    # starts at zero and rises.
+    low = jnp.where(a < 0, jnp.minimum(v0, v1), v1)
+    for value in seen:
+        low = jnp.minimum(low, value)
+    # Where it ends beyond zero its crossing is found anyway: only its size counts.
+    room = jnp.where(v1 < 0, jnp.maximum(jnp.abs(v0), jnp.abs(v1)), low)
+    return jnp.maximum(room, 1e-150)
+
+
+def _beyond(course: _Course, mismatch: Any, short: Any) -> Any:
+    """Where the function is first seen, or may be, beyond zero and back again; 0 if nowhere.
 
     One that stays beyond to the end of the step crosses in it, which is found without a look: to look
     there first would cut a step that begins on the zero again and again.
     """
-    place = jnp.zeros_like(h)
-    for i, seen in enumerate(inside.values):
-        if seen is None:
-            continue
-        start = lane.values[i]
-        sign = functions.sign(i, start) if i < functions.num_guards else jnp.sign(start)
-        back = sign * values.value[i] >= 0
-        for point, value in reversed(list(zip(POINTS, seen, strict=True))):
-            beyond = sign * value < -SLACK
-            here = (sign * start > 0) & beyond & back
-            first = (place == 0) | (point * h < place)
-            place = jnp.where(here & first, point * h, place)
-            back = back | ~beyond
-    return place
+    v0, a, v1, b, seen = course
+    # Bernstein coefficients of the cubic less a parabola of one and a half times the mismatch, which
+    # leaves the ends as they are. The cubic has no zero inside if all are positive, nor if it has no
+    # three real zeros.
+    b1, b2 = v0 + a / 3.0 - 2.0 * mismatch, v1 - b / 3.0 - 2.0 * mismatch
+    left, middle, right = v0 * b2 - b1 * b1, v0 * v1 - b1 * b2, b1 * v1 - b2 * b2
+    dips = (jnp.minimum(b1, b2) < -SLACK) & (4.0 * left * right > middle * middle)
+    begins = (v0 > 0) | ((v0 >= -SLACK) & (a > 0))
+    back = v1 >= 0
+    place = jnp.where(dips & back & ~short, POINTS[0], 0.0)
+    for point, value in reversed(list(zip(POINTS, seen, strict=True))):
+        beyond = value < -SLACK
+        place = jnp.where(beyond & back, point, place)
+        back = back | ~beyond
+    return jnp.where(begins, place, 0.0)

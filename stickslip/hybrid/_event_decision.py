@@ -67,12 +67,13 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         acts = functions.acts(i)
         if not acts and not plan.looks_into(i):
             continue
-        start_value = lane.values[i]
+        side = start_value = lane.values[i]
         # A guard that fires both ways and starts at zero has just fired: it has the sign it goes to.
         if is_guard and functions.directions[i] == "both":
-            start_value = jnp.where(start_value == 0, sg(values.value[i]), start_value)
+            goes = jnp.where(lane.rates[i] == 0, sg(values.value[i]), lane.rates[i])
+            side = jnp.where(start_value == 0, goes, start_value)
         # For sections, both crossings of a short excursion count, from either side.
-        sign = functions.sign(i, start_value) if acts else jnp.sign(start_value)
+        sign = functions.sign(i, side) if acts else jnp.sign(side)
         value, value0 = sign * values.value[i], sign * start_value
         rate = sg(sign * values.rate[i]) if known else jnp.zeros_like(lane.h)
         rate0 = sign * lane.rates[i] if known else jnp.zeros_like(lane.h)

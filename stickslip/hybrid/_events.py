@@ -6,8 +6,9 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.interpreters.partial_eval import dce_jaxpr
 
-from ._dependence import OTHER, degrees
+from ._dependence import AFFINE, NONE, OTHER, degrees
 from ._section import Section
 from ._system import AbstractHybridSystem, guard_directions, guard_scales
 from ._tolerance import generic
@@ -33,8 +34,10 @@ class EventFunctions(eqx.Module):
     factors: tuple  # one over the stated magnitude of each
     sections: tuple[Section, ...] = eqx.field(static=True)
     exact_rate: tuple = eqx.field(static=True)
-    # What is checked inside a step: all that is not affine in time and state and has an exact rate.
-    doubtful: tuple = eqx.field(static=True)
+    # Those with an exact rate, by what they are of time and state: not affine, or affine.
+    bent: tuple = eqx.field(static=True)
+    straight: tuple = eqx.field(static=True)
+    read: tuple = eqx.field(static=True)  # which leaves of the state those depend on
     # Whether magnitudes of the guards follow the motion, because the system states none.
     learned: bool = eqx.field(static=True)
 
@@ -147,16 +150,27 @@ def event_functions(
     for section in sections:
         check(lambda t, y, dy, s=section: s.function(t, y, dy, mode, args), section.name, t, y, dy)
     exact = (True,) * len(names) + tuple(not s.uses_slope(t, y, dy, mode, args) for s in sections)
-    degree = degrees(all_values(system, sections, dy, mode, args), (t, y), (True, True))
+    function = all_values(system, sections, dy, mode, args)
+    degree = degrees(function, (t, y), (True, True))
+    kept = [known and d != NONE for known, d in zip(exact, degree, strict=True)]
     return EventFunctions(
         num_guards=len(names),
         directions=guard_directions(system) + tuple(s.direction for s in sections),
         factors=tuple(map(_inverse, guard_scales(system))) + (1.0,) * len(sections),
         sections=sections,
         exact_rate=exact,
-        doubtful=tuple(known and degree == OTHER for known, degree in zip(exact, degree, strict=True)),
+        bent=tuple(known and d == OTHER for known, d in zip(exact, degree, strict=True)),
+        straight=tuple(known and d == AFFINE for known, d in zip(exact, degree, strict=True)),
+        read=_read(function, t, y, kept),
         learned=bool(names) and system.guard_scales is None,
     )
+
+
+def _read(function: Callable, t, y, kept: list[bool]) -> tuple[bool, ...]:
+    """Which leaves of the state the `kept` results of `function(t, y)` depend on."""
+    closed = jax.make_jaxpr(function)(t, y)
+    used = dce_jaxpr(closed.jaxpr, kept)[1]
+    return tuple(used[len(jax.tree.leaves(t)) :])
 
 
 def all_values(

@@ -105,9 +105,16 @@ class Plan(eqx.Module):
         return self.functions.learned or any(atol is None for atol in self.atols)
 
     @property
-    def looks_inside(self) -> bool:
-        """Whether an event function is compared with its cubic inside each step."""
-        return self.detect_dips and any(self.functions.doubtful)
+    def looked_at_inside(self) -> tuple[bool, ...]:
+        """Which event functions are compared with their cubics inside each step.
+
+        One that is affine in time and state is so along the motion only as far as the motion is a
+        cubic: with steps of its own choice the engine makes them short enough for that.
+        """
+        functions = self.functions
+        rows = zip(functions.bent, functions.straight, strict=True)
+        adaptive = self.step_size.adaptive
+        return tuple(self.detect_dips and (bent or (adaptive and line)) for bent, line in rows)
 
     @property
     def touching(self) -> Any:

@@ -5,7 +5,7 @@ the right form for a million lanes, but most of what a single run waits for. Her
 once. The slope at the end of the step is one stage more, with the weights `b` as its row of `a`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import jax
@@ -29,19 +29,24 @@ def _coefficients(tableau: Tableau) -> tuple[np.ndarray, np.ndarray]:
 
 
 def step(
-    tableau: Tableau, field: Callable, t: Any, y: PyTree, dy: PyTree, h: Any
-) -> tuple[PyTree, PyTree, tuple[PyTree, ...]]:
-    """`(y1, dy1, error estimates)`, as `AbstractStepper.step`."""
+    tableau: Tableau, field: Callable, t: Any, y: PyTree, dy: PyTree, h: Any, inside: Sequence = ()
+) -> tuple[PyTree, PyTree, tuple[PyTree, ...], tuple[PyTree, ...]]:
+    """`(y1, dy1, error estimates, states inside)`, as `AbstractStepper.step_and_look`.
+
+    `inside`: the weights of each of those states.
+    """
     rows, nodes = _coefficients(tableau)
     n, estimates = tableau.stages, len(tableau.error_weights)
     start, tree = ravel_pytree(y)
     # Every slope is added, when it is known, to all sums that want it: the states of the stages, then
-    # the error estimates. Keeping the slopes instead takes twice as long in forward derivatives.
-    weights = np.concatenate([rows, np.zeros((estimates, n + 1))])
-    for place, row in enumerate(tableau.error_weights, n + 1):
+    # those inside and the error estimates. Keeping the slopes instead takes twice as long in forward
+    # derivatives.
+    states = n + 1 + len(inside)
+    weights = np.concatenate([rows, np.zeros((len(inside) + estimates, n + 1))])
+    for place, row in enumerate((*inside, *tableau.error_weights), n + 1):
         weights[place, : len(row)] = row
-    is_state = np.zeros((n + 1 + estimates, 1))
-    is_state[: n + 1] = 1.0
+    is_state = np.zeros((states + estimates, 1))
+    is_state[:states] = 1.0
 
     def stage(carry, now):
         sums, _ = carry
@@ -55,7 +60,9 @@ def step(
     numbers = jnp.arange(1, n + 1, dtype=jnp.int32)
     stages = jnp.asarray(weights.T[1:]), jnp.asarray(nodes[1:]), numbers
     (sums, slope), _ = jax.lax.scan(stage, (sums, first), stages)
-    return tree(sums[n]), tree(slope), tuple(tree(sums[n + 1 + i]) for i in range(estimates))
+    seen = tuple(tree(sums[i]) for i in range(n + 1, states))
+    errors = tuple(tree(sums[i]) for i in range(states, states + estimates))
+    return tree(sums[n]), tree(slope), errors, seen
 
 
 def vjp(

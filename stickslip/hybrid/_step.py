@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ._doubt import doubt, first_below, look_inside
+from ._doubt import POINTS, TOGETHER, judge, look_inside, told
 from ._events import Values, divided
 from ._lane import Lane, Plan, without_state
 from ._status import DISCONTINUOUS, RUNNING, flag
@@ -44,7 +44,10 @@ def take(plan: Plan, theta: PyTree, lane: Lane) -> tuple[Lane, Step]:
     def field(t, y):
         return system.vector_field(t, y, lane.mode, args)
 
-    y1, dy1, errors = plan.stepper.step(field, lane.t, lane.y, lane.dy, h, plan.execute)
+    looks = any(plan.looked_at_inside)
+    y1, dy1, errors, within = plan.stepper.step_and_look(
+        field, lane.t, lane.y, lane.dy, h, plan.execute, POINTS if looks else (), plan.functions.read
+    )
     error = lane.error
     if plan.step_size.adaptive:
         error = _scaled_error(plan, errors, plan.noise, lane.size, Ends(h, lane.y, y1, lane.dy, dy1))
@@ -58,15 +61,18 @@ def take(plan: Plan, theta: PyTree, lane: Lane) -> tuple[Lane, Step]:
         if plan.functions.learned:
             # What ends this step begins the next, which measures by what it finds there.
             values, kept = _rescaled(plan, lane.fresh, jax.lax.stop_gradient(lane.scales), values)
-    if plan.looks_inside:
-        inside = _look_inside(plan, lane, h, y1, dy1, theta=theta)
+    if looks:
+        bare = without_state(lane)
+        inside = _look_inside(plan, bare, h, within, dy1, theta=theta)
+        groups = range(0, plan.functions.count, TOGETHER)
+        verdict = told([_judge(plan, bare, h, values, inside, first=first) for first in groups])
         # A value seen beyond zero is a fact: it is looked into at any step size. The doubt, which only
         # says that more may be hidden, can be answered by shorter steps alone.
-        h_seen = _first_below(plan, without_state(lane), inside, values, h)
+        h_seen = verdict.place * h
         if plan.step_size.adaptive:
-            doubts, jumps = _doubt(plan, without_state(lane), h, values, inside)
+            jumps = verdict.jumps
             # Squared, because it falls with the fourth power of the step and the error with the eighth.
-            error = jnp.maximum(error, doubts**2)
+            error = jnp.maximum(error, verdict.doubt**2)
     return lane, Step(h, y1, dy1, error, values, kept, h_seen, jumps)
 
 
@@ -103,19 +109,14 @@ def _look(plan: Plan, mode, t, y, dy, size, *, theta) -> Values:
 
 
 @bookkeeping
-def _look_inside(plan: Plan, lane: Lane, h, y1, dy1, *, theta):
+def _look_inside(plan: Plan, lane: Lane, h, within: tuple, dy, *, theta):
     system, args = theta
-    return look_inside(plan.functions, system, lane, lane.t, h, y1, dy1, args, lane.scales)
+    return look_inside(plan, system, lane, h, within, dy, args)
 
 
 @bookkeeping
-def _first_below(plan: Plan, lane: Lane, inside, values: Values, h):
-    return first_below(plan.functions, lane, inside, values, h)
-
-
-@bookkeeping
-def _doubt(plan: Plan, lane: Lane, h, values: Values, inside):
-    return doubt(plan, lane, h, values, inside)
+def _judge(plan: Plan, lane: Lane, h, values: Values, inside, *, first: int):
+    return judge(plan, lane, h, values, inside, first, first + TOGETHER)
 
 
 @piece

@@ -15,11 +15,13 @@ from .._types import Numeric
 from . import _rolled, _tableau
 from ._alone import alone_or_batched
 from ._pieces import in_pieces
-from ._tree import combine, weighted
+from ._tree import combine, cubics, weighted
+from ._within import weights_within
 from ._xla import Executor, piece
 
 ROOT_TOLERANCE = 1e-12  # of the stage equations of implicit methods
 VectorField = Callable[[Any, PyTree], PyTree]
+Points = tuple[float, ...]  # fractions of a step
 
 
 class AbstractStepper(eqx.Module):
@@ -41,6 +43,20 @@ class AbstractStepper(eqx.Module):
         differentiated by JAX by all but `h`. A step that fails returns NaN, and is tried again shorter.
         `execute` says how the program is compiled; a method may ignore it.
         """
+
+    def step_and_look(
+        self, field: VectorField, t: Numeric, y: PyTree, dy: PyTree, h: Numeric, execute: Executor,
+        points: Points, wanted: tuple[bool, ...],
+    ) -> tuple[PyTree, PyTree, tuple[PyTree, ...], tuple[PyTree, ...]]:  # fmt: skip
+        r"""`step`, and the states at $t + \theta h$ for the `points` $\theta$ inside it.
+
+        There the event functions are looked at. `wanted` says which leaves of the state they depend
+        on; of the others anything will do. The default is the cubic through the state and its slope at
+        both ends, which knows of no excursion that the ends do not show; a method of an order above 3,
+        whose steps are long, should know better.
+        """
+        y1, dy1, errors = self.step(field, t, y, dy, h, execute)
+        return y1, dy1, errors, tuple(cubics(points, y, dy, y1, dy1, h))
 
     def vjp(
         self, field: Callable, theta: PyTree, t: Numeric, y: PyTree, dy: PyTree, h: Numeric,
@@ -83,6 +99,10 @@ def _summed(execute, slopes, h, *, weights):
     return weighted(slopes, weights, h)
 
 
+def _leaves(tree: PyTree, wanted: tuple[bool, ...]) -> list:
+    return [leaf for leaf, w in zip(jax.tree.leaves(tree), wanted, strict=True) if w]
+
+
 class ExplicitRungeKutta(AbstractStepper):
     """Explicit Runge-Kutta method given by a tableau.
 
@@ -99,17 +119,25 @@ class ExplicitRungeKutta(AbstractStepper):
         return bool(self.tableau.error_weights)
 
     def step(self, field, t, y, dy, h, execute):
+        return self._step(field, t, y, dy, h, execute)[:3]
+
+    def step_and_look(self, field, t, y, dy, h, execute, points, wanted):
+        y1, dy1, errors, states = self._step(field, t, y, dy, h, execute, points, wanted)
+        return y1, dy1, errors, states or tuple(cubics(points, y, dy, y1, dy1, h))
+
+    def _step(self, field, t, y, dy, h, execute, points: Points = (), wanted: tuple = ()):
+        rows = weights_within(self.tableau, points) if points else ()
         if execute.fused:
-            return self._step_written_out(field, t, y, dy, h, execute)
+            return self._step_written_out(field, t, y, dy, h, execute, rows, wanted)
         if execute.compact:
-            return _rolled.step(self.tableau, field, t, y, dy, h)
+            return _rolled.step(self.tableau, field, t, y, dy, h, rows)
         return alone_or_batched(
-            lambda *a: _rolled.step(self.tableau, *a),
-            lambda *a: self._step_written_out(*a, execute),
+            lambda *a: _rolled.step(self.tableau, *a, rows),
+            lambda *a: self._step_written_out(*a, execute, rows, wanted),
             [(field, (t, y))], t, y, dy, h,
         )  # fmt: skip
 
-    def _step_written_out(self, field, t, y, dy, h, execute):
+    def _step_written_out(self, field, t, y, dy, h, execute, inside, wanted):
         # Traced once and called in every stage, however large the field is.
         tab, field = self.tableau, execute.shared(field)
         slopes = [dy]
@@ -119,7 +147,17 @@ class ExplicitRungeKutta(AbstractStepper):
         y1 = _moved(execute, y, slopes, h, weights=tab.b)
         dy1 = field(t + h, y1)
         errors = tuple(weighted([*slopes, dy1], row, h) for row in tab.error_weights)
-        return y1, dy1, errors
+        states = ()
+        if inside:
+            form = jax.tree.structure(y)
+            parts = [_leaves(k, wanted) for k in (y, *slopes, dy1)]
+            for row in inside:
+                seen = iter(_moved(execute, parts[0], parts[1:], h, weights=row))
+                leaves = [
+                    next(seen) if w else a for w, a in zip(wanted, jax.tree.leaves(y1), strict=True)
+                ]
+                states += (jax.tree.unflatten(form, leaves),)
+        return y1, dy1, errors, states
 
     def vjp(self, field, theta, t, y, dy, h, end, execute):
         if execute.fused:

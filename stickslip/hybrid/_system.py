@@ -17,6 +17,11 @@ DIRECTIONS = ("rising", "falling", "both")
 NO_MODE = -1  # what `transition` and `initial_mode` return where no mode is admissible
 
 
+def mode_type(system: Any) -> Any:
+    """Type of the numbers of modes: of 64 bits where there are more than 32 bits can tell apart."""
+    return jnp.int64 if len(system.mode_names) > 2**31 else jnp.int32
+
+
 class AbstractHybridSystem(eqx.Module):
     r"""A few smooth vector fields, guards between them, jumps in the mode and the state.
 

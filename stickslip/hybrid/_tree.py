@@ -33,6 +33,24 @@ def shift(y: PyTree, slope: PyTree, dt: Any) -> PyTree:
     return jax.tree.map(lambda a, b: a + b * dt, y, slope)
 
 
+def cubics(points: Sequence[float], y0: PyTree, dy0: PyTree, y1: PyTree, dy1: PyTree, h: Any) -> list:
+    """States at the `points`, fractions of a step, on the cubic through its ends with their slopes."""
+    return [
+        jax.tree.map(lambda a, s, b, e, x=x: cubic(x, a, h * s, b, h * e), y0, dy0, y1, dy1)
+        for x in points
+    ]
+
+
+def cubic(x: float, start: Any, start_rise: Any, end: Any, end_rise: Any) -> Any:
+    """Cubic at the fraction `x` of a step through the values at its ends; rises: slopes times length.
+
+    What is constant stays so to the last bit: a component may be the number of a piece.
+    """
+    rest = 1.0 - x
+    middle = start + x * x * (3.0 - 2.0 * x) * (end - start)
+    return middle + x * rest * (rest * start_rise - x * end_rise)
+
+
 def write_row(rows: PyTree, row: PyTree, index: Any) -> PyTree:
     """`rows` with `row` written at `index` of the leading axis, in place inside a loop.
 

@@ -7,13 +7,14 @@ import jax.numpy as jnp
 from jax import lax
 
 from stickslip._fastmath import where
+from stickslip.hybrid._dependence import OTHER, degrees
 from stickslip.hybrid._system import NO_MODE
 
+from ._declaration import coordinates_type
 from ._impacts import struck, touches
 from ._instant import (
     Instant,
     floats,
-    instant_of,
     landed,
     limits_of,
     loaded,
@@ -21,6 +22,7 @@ from ._instant import (
     rows_of,
     slow_contacts,
     surface_accelerations,
+    touching,
 )
 from ._island import Island
 from ._modes import mode_of
@@ -37,8 +39,10 @@ MOST_SHARE = 1e6  # a share of friction beyond it says no more
 def guards(machine: "AbstractMechanism", t: Any, y: Any, mode: Any, args: Any) -> tuple:
     """Values of all guards, in the order of their names."""
     at, states = machine.instant(t, y, args), machine.states(mode)
-    force, gamma = loaded(machine, at, states), surface_accelerations(machine, t, at, args)
+    force = loaded(machine, at, states, lone=False)
+    gamma = surface_accelerations(machine, t, at, args)
     own: list[Any] = [None] * len(states)
+    parted: dict[int, Any] = dict.fromkeys(machine.parted)
     shared: list[Any] = []
     names = machine.names
     for island in machine.islands:
@@ -65,7 +69,10 @@ def guards(machine: "AbstractMechanism", t: Any, y: Any, mode: Any, args: Any) -
             continue
         for i, c in enumerate(island.rows[: island.contacts]):
             low, high, borne = limits.low[i], limits.high[i], motion.force[i]
-            if at.contacts[c].law.is_odd:
+            if c in parted:
+                reserve = high - borne
+                parted[c] = where(rest[i], borne - low, 1.0)
+            elif at.contacts[c].law.is_odd:
                 reserve = high - jnp.abs(borne)
             else:
                 reserve = jnp.minimum(high - borne, borne - low)
@@ -76,8 +83,46 @@ def guards(machine: "AbstractMechanism", t: Any, y: Any, mode: Any, args: Any) -
         opens.append(where(states[c] == 2.0, -1.0, 1.0) * at.contacts[c].normal_force)
         own[c] = where(states[c] == 2.0, 1.0, own[c])
     lifts = [at.contacts[c].normal_force for c in machine.lifting]
-    contacts, stops = own[: len(at.contacts)], own[len(at.contacts) :]
-    return tuple(jnp.asarray(x, jnp.float64) for x in (*contacts, *shared, *opens, *lifts, *stops))
+    first = len(at.contacts)
+    found = (*own[:first], *parted.values(), *shared, *opens, *lifts, *own[first:])
+    return tuple(jnp.asarray(x, jnp.float64) for x in found)
+
+
+def parted(machine: "AbstractMechanism") -> tuple[int, ...]:
+    """Contacts at rest whose friction left on either side is affine in time and state.
+
+    Each side then has a guard of its own, a straight line along the motion: nothing has to be looked
+    for between the ends of a step, as it must where the lesser of the two is one guard.
+    """
+    names = machine.names
+    count, stops = len(names.contacts), len(names.stops)
+    if not count:
+        return ()
+
+    def sides(t, y):
+        # What is chosen by a state counts with all it may be: stops that are open, and closed.
+        at = machine.instant(t, y, None)
+        states = [jnp.zeros(())] * count + [jnp.full((), 2.0)] * stops
+        force = loaded(machine, at, states, lone=False)
+        gamma = surface_accelerations(machine, t, at, None)
+        found: list[Any] = [at.v[0] * at.v[0]] * (2 * count)
+        for island in machine.islands:
+            if island.dependent or not island.rows:
+                continue
+            motion = motion_of(island, at, states, force, gamma)
+            limits = limits_of(island, at, "static_coefficient")
+            for i, c in enumerate(island.rows[: island.contacts]):
+                found[2 * c] = limits.high[i] - motion.force[i]
+                found[2 * c + 1] = motion.force[i] - limits.low[i]
+        return [jnp.asarray(x, jnp.float64) + 0.0 for x in found]
+
+    zeros = coordinates_type(names.coordinates)(*[jnp.zeros(())] * len(names.coordinates))
+    y = machine.from_coordinates(zeros, zeros)
+    try:
+        degree = degrees(sides, (jnp.zeros(()), y), (True, True))
+    except (AttributeError, IndexError, KeyError, TypeError, ValueError):
+        return ()  # it looks at `args`, which are not known here, or is refused elsewhere
+    return tuple(c for c in range(count) if OTHER not in degree[2 * c : 2 * c + 2])
 
 
 def transition(
@@ -87,7 +132,11 @@ def transition(
     names = machine.names
     count = len(names.contacts)
     at, states = machine.instant(t, y, args), machine.states(mode)
-    shared, opens = count, count + sum(island.dependent for island in machine.islands)
+    shared = count + len(machine.parted)
+    opens = shared + sum(island.dependent for island in machine.islands)
+    fired = [guard == c for c in range(count)]
+    for k, c in enumerate(machine.parted):
+        fired[c] = fired[c] | (guard == count + k)
     toggled = {name: guard == opens + k for k, name in enumerate(names.opening)}
     lifting = machine.lifting
     lifts = opens + len(toggled)
@@ -101,14 +150,15 @@ def transition(
             machine, t, at, states, guard - first_stop, args, _law_of(machine, t, args)
         )
         failed = failed | jammed
-    force, gamma = loaded(machine, at, states), surface_accelerations(machine, t, at, args)
+    force = loaded(machine, at, states, lone=False)
+    gamma = surface_accelerations(machine, t, at, args)
     v, new = [jnp.asarray(x, jnp.float64) for x in at.v], list(states)
     for island in machine.islands:
         if not island.rows:
             continue
         s = [states[c] for c in island.rows]
         rest = [x == 0.0 for x in s]
-        hit = [guard == c if c < count else left[c] for c in island.rows]
+        hit = [fired[c] if c < count else left[c] for c in island.rows]
         motion = jax.tree.map(lax.stop_gradient, motion_of(island, at, states, force, gamma))
         if island.dependent:
             gives_way, stops = guard == shared, any_of(hit)
@@ -220,7 +270,7 @@ def initial_mode(machine: "AbstractMechanism", t: Any, y: Any, args: Any) -> Any
 
 
 def _mode(machine: "AbstractMechanism", states: list, failed: Any) -> Any:
-    mode = mode_of(states, len(machine.names.contacts))
+    mode = mode_of(states, len(machine.names.stops))
     return where(failed, jnp.asarray(NO_MODE, mode.dtype), mode)
 
 
@@ -228,7 +278,7 @@ def _presses(machine: "AbstractMechanism", t: Any, at: Instant, c: int, args: An
     """Whether contact `c` presses now, or in an instant."""
 
     def load(t, q):
-        now = instant_of(machine, t, q, at.v, args).contacts[c]
+        now = touching(machine, t, q, at.v, args)[0][c]
         return jnp.asarray(now.normal_force, jnp.float64) + 0.0 * t
 
     t = jnp.asarray(t, jnp.float64)
@@ -251,7 +301,7 @@ def _settled(
     without, given = [jnp.zeros_like(active)] * len(states), list(states)
     for c, stands, s in zip(island.rows, standing, now, strict=True):
         without[c], given[c] = stands, s
-    force = loaded(machine, at, given, without)
+    force = loaded(machine, at, given, without, lone=False)
     return settled(
         island,
         at.mass.of(island.columns),

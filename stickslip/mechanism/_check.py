@@ -13,8 +13,9 @@ from stickslip.friction import AbstractFrictionLaw
 from stickslip.hybrid._dependence import NONE, degrees
 
 from ._contact import Contact
-from ._declaration import coordinates_type, directions_of, in_order, mass_of
-from ._modes import MOST_IN_32
+from ._declaration import coordinates_type, directions_of, in_order, mass_of, traced_with
+from ._known import known
+from ._modes import MOST
 from ._stop import check_names
 
 
@@ -46,8 +47,8 @@ def check_declaration(mechanism: Any) -> None:
     for name in names.opening:
         if name not in names.contacts:
             raise refusal("opening", name, f"names of contacts: {', '.join(map(repr, names.contacts))}")
-    if len(names.contacts) > MOST_IN_32:
-        allowed = f"at most {MOST_IN_32} contacts, whose mode is a number of 32 bits"
+    if len(names.contacts) > MOST:
+        allowed = f"at most {MOST} contacts, whose mode is a number of 64 bits"
         raise refusal("contact_directions", f"{len(names.contacts)} contacts", allowed)
     check_names(mechanism)
     directions_of(mechanism.contact_directions, names.coordinates)
@@ -92,34 +93,41 @@ def check_mass(mechanism: Any, q: Any = None) -> None:
     as in polar coordinates.
     """
     names = mechanism.names.coordinates
-    kind = coordinates_type(names)
-    given = mechanism.mass_matrix(kind(*[0.0] * len(names)) if q is None else q)
-    mass = mass_of(given, names)
-    entries = mass.diagonal if mass.full is None else [x for row in mass.full for x in row]
+    n = len(names)
+    if q is None and traced_with(_varies, mechanism):
+        return
+    q = coordinates_type(names)(*[0.0] * n) if q is None else q
+    entries = known(_inertia, mechanism, q) if is_concrete((mechanism, q)) else None
+    entries = _inertia(mechanism, q) if entries is None else entries
     if not all(is_concrete(x) for x in entries) or any(np.ndim(x) for x in entries):
         return  # traced, or one for each lane
-    if q is None and _varies(mechanism, kind(*[jnp.zeros(())] * len(names))):
-        return
-    if mass.full is None:
-        for name, m in zip(names, entries, strict=True):
-            if not float(m) > 0.0 or not np.isfinite(float(m)):
+    numbers = np.array([float(x) for x in entries])
+    if n == numbers.size:
+        for name, m in zip(names, numbers, strict=True):
+            if not m > 0.0 or not np.isfinite(m):
                 raise refusal(f"mass_matrix(q)[{name!r}]", float(m), "finite and positive")
         return
-    matrix = np.array([[float(x) for x in row] for row in mass.full])
+    matrix = numbers.reshape(n, n)
     if not np.isfinite(matrix).all() or not np.allclose(matrix, matrix.T, rtol=1e-12, atol=0.0):
         raise refusal("mass_matrix(q)", matrix.tolist(), "finite and symmetric")
     if np.linalg.eigvalsh(matrix).min() <= 0.0:
         raise refusal("mass_matrix(q)", matrix.tolist(), "positive definite")
 
 
-def _varies(mechanism: Any, q: Any) -> bool:
+def _inertia(mechanism: Any, q: Any) -> list[Any]:
+    """Entries of the mass matrix: of its diagonal, or row by row."""
+    mass = mass_of(mechanism.mass_matrix(q), mechanism.names.coordinates)
+    return mass.diagonal if mass.full is None else [x for row in mass.full for x in row]
+
+
+def _varies(mechanism: Any) -> bool:
     """Whether the inertia depends on the coordinates."""
 
     def entries(q):
-        mass = mass_of(mechanism.mass_matrix(q), mechanism.names.coordinates)
-        those = mass.diagonal if mass.full is None else [x for row in mass.full for x in row]
-        return [jnp.asarray(x, jnp.float64) + 0.0 for x in those]
+        return [jnp.asarray(x, jnp.float64) + 0.0 for x in _inertia(mechanism, q)]
 
+    names = mechanism.names.coordinates
+    q = coordinates_type(names)(*[jnp.zeros(())] * len(names))
     return any(d != NONE for d in degrees(entries, (q,), (True,)))
 
 

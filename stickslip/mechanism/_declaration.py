@@ -9,7 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from stickslip._validation import refusal
+from stickslip.hybrid._dependence import OTHER, degrees
 
+from ._known import evaluated
 from ._scalars import Mass, is_zero
 
 GIVEN = None  # a direction that `contacts` returns
@@ -72,7 +74,12 @@ def mass_of(given: Any, names: Sequence[str]) -> Mass:
             raise refusal("mass_matrix(q)", given, f"of shape ({n}, {n}): {allowed}")
         given = [[given[i, j] for j in range(n)] for i in range(n)]
     entries = in_order("mass_matrix(q)", given, names, allowed)
-    full = [isinstance(x, tuple | list | Mapping) or getattr(x, "ndim", 0) == 1 for x in entries]
+    # Arrays by name are numbers, one for each lane; in a sequence they are rows.
+    named = isinstance(given, Mapping)
+    full = [
+        isinstance(x, tuple | list | Mapping) or (not named and getattr(x, "ndim", 0) == 1)
+        for x in entries
+    ]
     if not any(full):
         return Mass(diagonal=entries)
     if not all(full):
@@ -117,17 +124,77 @@ def abstract(system: Any) -> tuple[list[Any], Any]:
     return [shape(x) if isinstance(x, kinds) else x for x in leaves], form
 
 
-def traced_with(function: Any, system: Any, *operands: Any) -> Any:
-    """`function(system, *operands)`, evaluated for its structure with all numbers abstract."""
+def traced_with(function: Any, system: Any) -> Any:
+    """`function(system)`, which gives no numbers but its structure, with all numbers abstract.
+
+    Kept for the next system of this structure, so `function` has a name and is no lambda.
+    """
     leaves, form = abstract(system)
+    key = (function, form, tuple(leaves))
+    try:
+        hash(key)
+    except TypeError:
+        return _traced.__wrapped__(*key)
+    return _traced(*key)
+
+
+@functools.lru_cache(maxsize=256)
+def _traced(function: Any, form: Any, leaves: tuple) -> Any:
     numbers = [x for x in leaves if isinstance(x, jax.ShapeDtypeStruct)]
     seen: list[Any] = []
 
-    def run(numbers, operands):
+    def run(numbers):
         given = iter(numbers)
         whole = [next(given) if isinstance(x, jax.ShapeDtypeStruct) else x for x in leaves]
-        seen.append(function(jax.tree.unflatten(form, whole), *operands))
+        seen.append(function(jax.tree.unflatten(form, whole)))
         return 0.0
 
-    jax.eval_shape(run, numbers, operands)
+    jax.eval_shape(run, numbers)
     return seen[0]
+
+
+def coupled(mechanism: Any) -> bytes:
+    """Which velocities the inertia couples, as bytes of booleans `[n, n]`."""
+    names = mechanism.names.coordinates
+    n = len(names)
+    mass = mass_of(mechanism.mass_matrix(coordinates_type(names)(*[0.0] * n)), names)
+    found = np.eye(n, dtype=bool)
+    if mass.full is not None:
+        found = np.array([[not is_zero(x) for x in row] for row in mass.full])
+        found = found | found.T
+    return found.tobytes()
+
+
+def generic_mass(system: Any) -> bytes:
+    """A full mass matrix at parameters and coordinates in general position, as bytes of floats.
+
+    Empty where the mass is diagonal, and unless its entries are affine in parameters and coordinates:
+    then a linear combination of entries that vanishes here vanishes everywhere. Kept by structure.
+    """
+    leaves, form = abstract(system)
+    key = (tuple(system.coordinates), form, tuple(leaves))
+    try:
+        hash(key)
+    except TypeError:
+        return _generic.__wrapped__(*key)
+    return _generic(*key)
+
+
+@functools.lru_cache(maxsize=256)
+def _generic(names: tuple[str, ...], form: Any, leaves: tuple) -> bytes:
+    def entries(numbers, q):
+        given = iter(numbers)
+        whole = [next(given) if isinstance(x, jax.ShapeDtypeStruct) else x for x in leaves]
+        machine = jax.tree.unflatten(form, whole)
+        full = mass_of(machine.mass_matrix(coordinates_type(names)(*q)), names).full
+        return [jnp.asarray(x, jnp.float64) + 0.0 for row in full or [] for x in row]
+
+    rng = np.random.default_rng(0)
+    numbers = [rng.uniform(0.5, 1.5, x.shape) for x in leaves if isinstance(x, jax.ShapeDtypeStruct)]
+    q = list(rng.uniform(0.5, 1.5, len(names)))
+    if OTHER in degrees(entries, (numbers, q), (True, True)):
+        return b""
+    found = evaluated(jax.make_jaxpr(entries)(numbers, q), [*numbers, *map(np.asarray, q)])
+    if found is None or any(np.ndim(x) for x in found):
+        return b""
+    return np.array(found, float).tobytes()

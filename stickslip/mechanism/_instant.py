@@ -54,6 +54,13 @@ def instant_of(machine: "AbstractMechanism", t: Any, q: Any, v: Any, args: Any) 
     force = in_order(
         "forces(t, q, v, args)", machine.forces(t, q, v, args), names.coordinates, "forces"
     )
+    mass = mass_of(machine.mass_matrix(q), names.coordinates)
+    return Instant(q, v, mass, force, *touching(machine, t, q, v, args))
+
+
+def touching(machine: "AbstractMechanism", t: Any, q: Any, v: Any, args: Any) -> tuple:
+    """What an `Instant` has after its forces: contacts, directions, speeds, stops and surfaces."""
+    names = machine.names
     contacts = check_contacts(machine, machine.contacts(t, q, v, args))
     rows = []
     for name, row, contact in zip(names.contacts, machine.directions, contacts, strict=True):
@@ -70,8 +77,7 @@ def instant_of(machine: "AbstractMechanism", t: Any, q: Any, v: Any, args: Any) 
         jnp.asarray(minus(dot(row, v), surface), jnp.float64)
         for row, surface in zip(rows, surfaces, strict=True)
     ]
-    mass = mass_of(machine.mass_matrix(q), names.coordinates)
-    return Instant(q, v, mass, force, contacts, rows, speeds, stops, surfaces)
+    return contacts, rows, speeds, stops, surfaces
 
 
 def surface_accelerations(machine: "AbstractMechanism", t: Any, at: Instant, args: Any) -> list[Any]:
@@ -85,13 +91,13 @@ def surface_accelerations(machine: "AbstractMechanism", t: Any, at: Instant, arg
     names = machine.names.contacts
 
     def speeds(t, q):
-        return instant_of(machine, t, q, at.v, args).speeds
+        return touching(machine, t, q, at.v, args)[2]
 
     def given(v):
-        now = instant_of(machine, t, at.q, v, args)
+        contacts, rows, *_ = touching(machine, t, at.q, v, args)
         return [
             sum(jnp.asarray(x, jnp.float64) + 0.0 for x in (contact.surface_speed, *row))
-            for contact, row in zip(now.contacts, now.directions, strict=False)
+            for contact, row in zip(contacts, rows, strict=False)
         ]
 
     t = jnp.asarray(t, jnp.float64)
@@ -132,14 +138,23 @@ def floats(numbers: Any) -> Any:
 
 
 def loaded(
-    machine: "AbstractMechanism", at: Instant, states: list, without: list | None = None
+    machine: "AbstractMechanism",
+    at: Instant,
+    states: list,
+    without: list | None = None,
+    lone: bool = True,
 ) -> list[Any]:
     """All forces [N]: those declared, friction of the sliding contacts, normal forces of closed ones.
 
-    `without`: contacts whose friction is left out too.
+    `without`: contacts whose friction is left out too. `lone`: whether friction of contacts that are
+    alone in their island counts: what they would bear at rest does not depend on it.
     """
     force = list(at.force)
+    skipped = {island.rows[0] for island in machine.islands if island.m == 1 and not lone}
     for c, (contact, s) in enumerate(zip(at.contacts, states, strict=False)):
+        if c in skipped:
+            force = pushed(machine, force, at, c, s)
+            continue
         idle = s == 0.0
         if machine.names.contacts[c] in machine.opening:
             idle = idle | (s == 2.0)

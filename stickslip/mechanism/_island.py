@@ -53,7 +53,12 @@ class Island:
     """
 
     def __init__(
-        self, columns: tuple[int, ...], rows: tuple[int, ...], directions: np.ndarray, stops: int = 0
+        self,
+        columns: tuple[int, ...],
+        rows: tuple[int, ...],
+        directions: np.ndarray,
+        inertia: np.ndarray | None = None,
+        stops: int = 0,
     ):
         self.columns, self.rows, self.directions = columns, rows, directions
         self.m, self.n = directions.shape
@@ -72,7 +77,24 @@ class Island:
         elif self.dependent and not self.varies and self.m <= MOST_DEPENDENT:
             self._tabulate()
         if self.rank == self.m and not self.varies:
-            self.inverse = _completed_inverse(directions)
+            self.inverse = T = _completed_inverse(directions)
+            # Inertia between speeds along contacts that vanishes whatever the parameters are.
+            self.parted = np.zeros((self.n, self.n), bool)
+            if inertia is not None:
+                size = np.abs(T.T) @ np.abs(inertia) @ np.abs(T)
+                self.parted = np.abs(T.T @ inertia @ T) < 1e-12 * size
+
+    @property
+    def separate(self) -> bool:
+        """Whether what one contact or stop bears changes the acceleration along no other."""
+        if self.m == 1:
+            return True
+        return (
+            not self.dependent
+            and not self.shut
+            and not self.varies
+            and bool((self.parted | np.eye(self.n, dtype=bool)).all())
+        )
 
     def _tabulate(self) -> None:
         J, m = self.directions, self.m
@@ -171,7 +193,10 @@ class Island:
         T = self.inverse
         columns = [[float(x) for x in T[:, i]] for i in range(self.n)]
         momenta = [M.times(column) for column in columns]
-        inertia = [[dot(column, p) for p in momenta] for column in columns]
+        inertia = [
+            [0.0 if self.parted[i, j] else dot(column, p) for j, p in enumerate(momenta)]
+            for i, column in enumerate(columns)
+        ]
         force = [dot(column, F) for column in columns]
         everything = range(self.n)
         held = [rest[i] if i < self.m else None for i in everything]
@@ -336,14 +361,20 @@ def lines_of(J: np.ndarray) -> np.ndarray:
 
 @functools.lru_cache(maxsize=256)
 def islands_of(
-    directions: bytes, shape: tuple[int, int], coupled: bytes, stops: int = 0
+    directions: bytes,
+    shape: tuple[int, int],
+    coupled: bytes,
+    inertia: bytes = b"",
+    stops: int = 0,
 ) -> tuple[Island, ...]:
     """The islands of contacts with these directions [contact, velocity] and coupled velocities.
 
-    Both as bytes of arrays, so that a mechanism is analysed once. The last `stops` rows are stops.
+    `inertia`: the mass matrix in general position, if it is known. The last `stops` rows are stops. All
+    arrays as bytes, so that a mechanism is analysed once.
     """
     J = np.frombuffer(directions).reshape(shape)
     n = shape[1]
+    M = np.frombuffer(inertia).reshape(n, n) if inertia else None
     joined = np.frombuffer(coupled, bool).reshape(n, n).copy()
     for row in J:
         touched = np.isnan(row) | (row != 0)
@@ -358,5 +389,6 @@ def islands_of(
         part = J[:, columns]
         rows = tuple(c for c in range(len(J)) if (np.isnan(part[c]) | (part[c] != 0)).any())
         own = sum(c >= len(J) - stops for c in rows)
-        found.append(Island(columns, rows, part[list(rows)], own))
+        block = None if M is None else M[np.ix_(columns, columns)]
+        found.append(Island(columns, rows, part[list(rows)], block, own))
     return tuple(found)

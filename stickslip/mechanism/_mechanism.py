@@ -24,7 +24,9 @@ from ._contact import Contact
 from ._declaration import (
     Names,
     coordinates_type,
+    coupled,
     directions_of,
+    generic_mass,
     in_order,
     mass_of,
     state_type,
@@ -39,8 +41,10 @@ from ._instant import (
     names_of_rows,
     pushed,
     surface_accelerations,
+    touching,
 )
 from ._island import Island, islands_of
+from ._known import known
 from ._modes import ModeNames, sense_of
 from ._scalars import dot, is_zero, total
 from ._stop import check_gaps
@@ -106,6 +110,9 @@ class AbstractMechanism(AbstractWithStops):
     a mass matrix whose constant zeros part the mechanism is treated part by part. Loads that jump at
     known times: `WithBreaks`.
 
+    A coordinate may stand for an array of them, as those of a beam, if no contact and no other inertia
+    touches it; `energy` then has to be overridden, and states made by `state_class`.
+
     **What follows**
 
     - Modes: each contact slips backward, sticks, slips forward, or is open; after the contacts each
@@ -113,8 +120,9 @@ class AbstractMechanism(AbstractWithStops):
     - Within a mode: Gauss' principle, with the contacts at rest as constraints
       $n_c\cdot a = \dot w_c - \dot n_c\cdot v$; directions of contacts may depend on each other.
     - Guards: for each contact the friction that is left to it [N], or its sliding speed in the sense of
-      its slip [m/s]; of dependent contacts the least part of their friction that is left together; the
-      normal force of one that opens, or may vanish; of a stop its gap [m], or what it bears [N].
+      its slip [m/s]; one more for the other sense, where what is left in each is affine in time and
+      state; of dependent contacts the least part of their friction that is left together; the normal
+      force of one that opens, or may vanish; of a stop its gap [m], or what it bears [N].
     - Transitions: a contact that stops is at rest, and stays so if the law of all contacts lets it; the
       threshold is the greater of static and kinetic friction; what begins to slide is under kinetic
       friction at once, which may start others at the same instant.
@@ -127,8 +135,9 @@ class AbstractMechanism(AbstractWithStops):
 
     **Limits.** Normal forces that depend on friction or accelerations (Painlevé) are not covered, nor
     is friction in a stop. Dependent directions that vary, surfaces of dependent contacts whose speeds
-    vary, and more than 15 contacts are refused. Where contacts have directions across the
-    coordinates, accelerations lose as many digits as the inertias that they join have in their ratio.
+    vary, and more than 31 contacts (a stop counts as half of one) are refused. Where contacts have
+    directions across the coordinates, accelerations lose as many digits as the inertias that they join
+    have in their ratio.
 
     **Raises** `DeclarationError`, `ValueError` or `TypeError` that name what is declared wrongly,
     before anything is compiled: directions of the wrong length, a mass matrix that is not positive
@@ -153,6 +162,7 @@ class AbstractMechanism(AbstractWithStops):
         """Inertia: a mass for each coordinate, or the rows of a symmetric positive definite matrix.
 
         A mapping by coordinate or a sequence in their order, its entries numbers or again such rows.
+        A row is an array in a sequence only: by name, arrays are masses of many lanes.
         """
 
     @abc.abstractmethod
@@ -191,38 +201,19 @@ class AbstractMechanism(AbstractWithStops):
     @property
     def islands(self) -> tuple[Island, ...]:
         """Groups of velocities that contacts and inertia couple."""
-        names, directions = self.names, np.vstack([self.directions, self.slopes[:, :-1]])
-        n = len(names.coordinates)
-        kind = coordinates_type(names.coordinates)
-        mass = traced_with(
-            lambda s, q: mass_of(s.mass_matrix(q), names.coordinates), self, kind(*[0.0] * n)
-        )
-        coupled = np.eye(n, dtype=bool)
-        if mass.full is not None:
-            coupled = np.array([[not is_zero(x) for x in row] for row in mass.full])
-            coupled = coupled | coupled.T
-        stops = len(names.stops)
-        return islands_of(directions.tobytes(), directions.shape, coupled.tobytes(), stops)
+        directions = np.vstack([self.directions, self.slopes[:, :-1]])
+        joined, inertia, stops = traced_with(coupled, self), generic_mass(self), len(self.stops)
+        return islands_of(directions.tobytes(), directions.shape, joined, inertia, stops)
 
     @property
     def lifting(self) -> tuple[int, ...]:
         """Contacts that do not open, and whose normal force changes with time or state."""
-        names = self.names
-        n = len(names.coordinates)
-        kind = coordinates_type(names.coordinates)
+        return traced_with(_lifting, self)
 
-        def loads(system, t, q, v):
-            contacts = in_order("contacts(...)", system.contacts(t, q, v, None), names.contacts, "")
-            return [jnp.asarray(c.normal_force, jnp.float64) + 0.0 for c in contacts]
-
-        fixed = [c for c, name in enumerate(names.contacts) if name not in names.opening]
-        zero = jnp.zeros(())
-        try:
-            operands = (zero, kind(*[zero] * n), kind(*[zero] * n))
-            found = degrees(lambda t, q, v: loads(self, t, q, v), operands, (True,) * 3)
-        except (AttributeError, IndexError, KeyError, TypeError):
-            return tuple(fixed)  # it looks at `args`, which are not known here
-        return tuple(c for c in fixed if found[c] != NONE)
+    @property
+    def parted(self) -> tuple[int, ...]:
+        """Contacts with a guard for each of the two limits of their friction at rest."""
+        return traced_with(_changes.parted, self)
 
     @property
     def shared(self) -> tuple[Island, ...]:
@@ -241,6 +232,7 @@ class AbstractMechanism(AbstractWithStops):
         one of each stop."""
         names = self.names
         own = [f"{name} stops or gives way" for name in names.contacts]
+        own += [f"{names.contacts[c]} gives way forward" for c in self.parted]
         for island in self.shared:
             own.append(" and ".join(names_of_rows(self, island.rows)) + " give way")
         own += [f"{name} opens or closes" for name in names.opening]
@@ -320,13 +312,18 @@ class AbstractMechanism(AbstractWithStops):
 
     def check_start(self, t, y, args):
         """Raise `ValueError` for a contact that pulls at the start, or what is no inertia, no stop."""
+        names = self.names
+        if not all(hasattr(y, name) for name in (*names.coordinates, *names.velocities)):
+            return  # no state of this mechanism, as the run says
         check_gaps(self, t, y, args)
         if is_concrete((self, y)):
             check_mass(self, self.to_coordinates(y)[0])
-        fixed = [c for c, name in enumerate(self.names.contacts) if name not in self.opening]
+        fixed = [name for name in names.contacts if name not in names.opening]
         if fixed and is_concrete((self, t, y, args)):
-            for c, load in zip(fixed, _loads_at(self, t, y, args), strict=True):
-                check_load(self.names.contacts[c], load)
+            loads = known(_loads, self, t, y, args)
+            loads = eqx.filter_jit(_loads)(self, t, y, args) if loads is None else loads
+            for name, load in zip(fixed, loads, strict=True):
+                check_load(name, load)
 
     # -- the same declaration in other forms
 
@@ -423,11 +420,28 @@ class AbstractMechanism(AbstractWithStops):
         return dict(zip(names.contacts + names.stops, speeds, strict=True))
 
 
-@eqx.filter_jit
-def _loads_at(machine: AbstractMechanism, t, y, args) -> list[Any]:
-    at, names = machine.instant(t, y, args), machine.names
-    loads = zip(names.contacts, at.contacts, strict=True)
+def _loads(machine: AbstractMechanism, t: Any, y: Any, args: Any) -> list[Any]:
+    """Normal forces of the contacts that do not open [N]."""
+    names = machine.names
+    contacts, *_ = touching(machine, t, *machine.to_coordinates(y), args)
+    loads = zip(names.contacts, contacts, strict=True)
     return [jnp.asarray(c.normal_force, jnp.float64) for name, c in loads if name not in names.opening]
+
+
+def _lifting(machine: AbstractMechanism) -> tuple[int, ...]:
+    names = machine.names
+
+    def loads(t, q, v):
+        contacts = in_order("contacts(...)", machine.contacts(t, q, v, None), names.contacts, "")
+        return [jnp.asarray(c.normal_force, jnp.float64) + 0.0 for c in contacts]
+
+    fixed = [c for c, name in enumerate(names.contacts) if name not in names.opening]
+    zeros = coordinates_type(names.coordinates)(*[jnp.zeros(())] * len(names.coordinates))
+    try:
+        found = degrees(loads, (jnp.zeros(()), zeros, zeros), (True,) * 3)
+    except (AttributeError, IndexError, KeyError, TypeError):
+        return tuple(fixed)  # it looks at `args`, which are not known here
+    return tuple(c for c in fixed if found[c] != NONE)
 
 
 def _per_second(unit: str) -> str:

@@ -11,7 +11,7 @@ BACKWARD, REST, FORWARD, OPEN = 0, 1, 2, 3
 WORDS = ("slip backward", "stick", "slip forward", "open")
 STOP_WORDS = ("open", "closed")
 BITS = 2  # of each contact, the first contact the lowest; each stop has one, above all contacts
-MOST_IN_32 = 15  # contacts whose mode is a 32-bit integer, as the engine keeps it
+MOST_IN_32, MOST = 15, 31  # contacts whose mode is an integer of 32, and of 64 bits
 
 
 class ModeNames(Sequence):
@@ -75,34 +75,37 @@ class ModeNames(Sequence):
         return f"ModeNames({self.contacts}, {self.stops})"
 
 
+def _word(contacts: int, stops: int) -> Any:
+    """Integers of as many bits as the mode of so many contacts and stops needs."""
+    return jnp.int64 if BITS * contacts + stops > BITS * MOST_IN_32 else jnp.int32
+
+
 def states_of(mode: Any, contacts: int, stops: int = 0) -> list[Any]:
     """-1, 0 or 1 for each contact, the sense of its slip, and 2 where it is open; from the mode.
 
     Then 0 for each stop that is closed, and 2 where it is open.
     """
-    mode = jnp.asarray(mode, jnp.int32)
+    word = _word(contacts, stops)
+    mode = jnp.asarray(mode, word)
     if (contacts, stops) == (1, 0):
         return [mode.astype(jnp.float64) - 1.0]
-    found = [
-        ((mode >> jnp.int32(BITS * c)) & jnp.int32(3)).astype(jnp.float64) - 1.0
-        for c in range(contacts)
-    ]
+    found = [((mode >> word(BITS * c)) & word(3)).astype(jnp.float64) - 1.0 for c in range(contacts)]
     for k in range(stops):
-        closed = (mode >> jnp.int32(BITS * contacts + k)) & jnp.int32(1)
+        closed = (mode >> word(BITS * contacts + k)) & word(1)
         found.append(where(closed == 1, 0.0, 2.0))
     return found
 
 
-def mode_of(states: Sequence[Any], contacts: int) -> Any:
-    """The mode of such states."""
-    mode, place = None, 1
+def mode_of(states: Sequence[Any], stops: int = 0) -> Any:
+    """The mode of such states; the last `stops` of them are those of stops."""
+    contacts = len(states) - stops
+    mode, word = None, _word(contacts, stops)
     for c, s in enumerate(states):
         if c < contacts:
-            part, count = (jnp.asarray(s) + 1.0).astype(jnp.int32), 4
+            part = (jnp.asarray(s) + 1.0).astype(word) * word(4**c)
         else:
-            part, count = where(s == 0.0, jnp.int32(1), jnp.int32(0)), 2
-        mode = part * jnp.int32(place) if mode is None else mode + part * jnp.int32(place)
-        place *= count
+            part = where(s == 0.0, word(4**contacts * 2 ** (c - contacts)), word(0))
+        mode = part if mode is None else mode + part
     return jnp.zeros((), jnp.int32) if mode is None else mode
 
 

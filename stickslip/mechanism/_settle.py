@@ -73,15 +73,18 @@ def settled(
     F, gamma, J, static, kinetic, states = without_slope((F, gamma, J, static, kinetic, states))
     M = Mass(without_slope(M.diagonal), without_slope(M.full))
     standing = [(s == 0.0) | start for s, start in zip(states, started, strict=True)]
-    if island.stops == island.m and (island.m == 1 or island.shut):
+    if island.shut and island.stops == island.m:
         return stops_alone(island, M, F, J, gamma, states, standing), jnp.ones_like(standing[0])
-    if island.m == 1:
-        # The law of one contact: what it bears at rest decides.
-        borne = island.motion(M, F, J, [jnp.ones_like(standing[0])], gamma).force[0]
-        low, high = static.low[0], static.high[0]
-        leaves = where(borne > high, -1.0, where(borne < low, 1.0, 0.0))
-        after = where(states[0] == 0.0, leaves, states[0])
-        return [after], jnp.ones_like(standing[0])
+    if island.separate:
+        # The law of each contact and stop: what it bears at rest decides.
+        every = [jnp.ones_like(x) for x in standing]
+        after = []
+        for c, borne in enumerate(island.motion(M, F, J, every, gamma).force):
+            leaves = where(borne < static.low[c], 1.0, 0.0)
+            if static.high[c] is not NO_LIMIT:
+                leaves = where(borne > static.high[c], -1.0, leaves)
+            after.append(where(states[c] == 0.0, leaves, states[c]))
+        return after, every[0]
     felt = _inertia(island, M, J)
     inertia, least = total(felt), functools.reduce(jnp.minimum, map(jnp.asarray, felt))
     # Of what accelerated surfaces carry only the lightest counts: a heavy part has no say over it.

@@ -11,7 +11,7 @@ from stickslip._validation import DeclarationError, is_concrete, refusal
 
 from ._declaration import abstract, coordinates_type, in_order
 from ._folding import folded
-from ._modes import MOST_IN_32
+from ._modes import BITS, MOST
 
 if TYPE_CHECKING:
     from ._mechanism import AbstractMechanism
@@ -59,8 +59,8 @@ def check_names(machine: "AbstractMechanism") -> None:
             raise refusal("stops", name, "names of stops: texts without ' / '")
         if name in names.contacts or names.stops.count(name) > 1:
             raise refusal("stops", name, "a name that no contact and no other stop has")
-    if 2 * len(names.contacts) + len(names.stops) > 2 * MOST_IN_32:
-        allowed = f"at most {2 * MOST_IN_32} less two for each contact: the mode is a 32-bit integer"
+    if BITS * len(names.contacts) + len(names.stops) > BITS * MOST:
+        allowed = f"at most {BITS * MOST} less two for each contact: the mode is a number of 64 bits"
         raise refusal("stops", f"{len(names.stops)} stops", allowed)
 
 

@@ -6,11 +6,19 @@ from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
+import numpy as np
 from jaxtyping import Array, Float, PyTree
 
 from .._looks_at import OBSERVABLE, instance, looks_at, reals, state
 from .._types import Numeric, Whole
-from .._validation import as_parameter, check_finite, check_nonnegative, check_positive, refusal
+from .._validation import (
+    as_parameter,
+    check_finite,
+    check_nonnegative,
+    check_positive,
+    is_concrete,
+    refusal,
+)
 from ..friction import AbstractFrictionLaw, SmoothHyperbolicWeakening
 from ..friction._law import Number
 from ..friction._law import check_law as is_law
@@ -193,7 +201,14 @@ def block_parameters(**given: Number) -> dict[str, Float[Array, "..."]]:
     checks: dict[str, Callable] = dict.fromkeys(("m", "M", "J", "r", "g"), check_positive)
     checks |= dict.fromkeys(("k1", "k2", "k3", "c1", "c2"), check_nonnegative)
     checks["Q"] = check_finite
-    return {name: as_parameter(checks[name](name, value)) for name, value in given.items()}
+    found = {name: as_parameter(checks[name](name, value)) for name, value in given.items()}
+    if is_concrete(found):
+        r, J = np.asarray(found["r"]), np.asarray(found["J"])
+        with np.errstate(over="ignore", under="ignore"):
+            light = not J.min() / (r * r).max() > 0.0
+        if light:
+            raise refusal("r", given["r"], "so small that the rim's inertia J / r^2 is above 0")
+    return found
 
 
 def check_law(law: Any, set_valued: bool) -> AbstractFrictionLaw:

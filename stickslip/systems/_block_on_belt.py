@@ -6,12 +6,13 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float, PyTree
 
 from .._fastmath import where
-from .._looks_at import OBSERVABLE, looks_at, reals, state
+from .._looks_at import OBSERVABLE, looks_at, state
 from .._types import Given, Numeric, Whole
 from .._validation import as_parameter, check_finite
 from ..friction import AbstractFrictionLaw
 from ..friction._law import Number
 from ..hybrid import AbstractSmoothSystem
+from ..mechanism import AbstractMechanism, Contact
 from ._block_mechanics import (
     BELT_SPEED,
     AbstractBlockOnBelt,
@@ -128,7 +129,7 @@ class BlockOnBelt(AbstractBlockOnSteadyBelt, AbstractSmoothSystem):
         return self.slope(y, loads, T_s)
 
 
-class BlockOnBeltSetValued(AbstractBlockOnSteadyBelt):
+class BlockOnBeltSetValued(AbstractBlockOnSteadyBelt, AbstractMechanism):
     r"""Simplified model, Eqs. (8)-(11), with a set-valued law: the block sticks and slips.
 
     `AbstractBlockOnBelt` has the equations and the parameters. The state is
@@ -141,7 +142,7 @@ class BlockOnBeltSetValued(AbstractBlockOnSteadyBelt):
     | `"slip forward"` | $V_r > 0$ | $V_r$ reaches 0 |
 
     At $V_r = 0$ the block sticks if the static interval can hold the load, and otherwise slips the way
-    the load pulls (Filippov). The static interval is that of $N > 0$; watch `normal_force`.
+    the load pulls (Filippov). The run ends with `RESULTS.no_admissible_mode` where $N$ falls to zero.
 
     `BlockOnBeltSetValued.constructed(k3=85.0)` is set A (**constructed**) with the set-valued limit of
     law (12), i.e. $\alpha \to \infty$. Errors as for `BlockOnBelt`.
@@ -153,48 +154,24 @@ class BlockOnBeltSetValued(AbstractBlockOnSteadyBelt):
     """
 
     set_valued: ClassVar = True
+    coordinates: ClassVar = {"x": "m", "y": "m"}
+    velocities: ClassVar = {"x": "vx", "y": "vy"}
+    contact_directions: ClassVar = {"belt": {"x": 1.0}}
+    state_class: ClassVar = BlockState
     mode_names: ClassVar = ("slip backward", "stick", "slip forward")
-    guard_names: ClassVar = (
-        "friction reaches its upper static limit",
-        "friction reaches its lower static limit",
-        "relative velocity reaches zero",
-    )
-    units: ClassVar = {"x": "m", "vx": "m/s", "y": "m", "vy": "m/s"}
+
+    def mass_matrix(self, q):
+        return {"x": self.m, "y": self.J / (self.r * self.r)}
+
+    def forces(self, t, q, v, args):
+        loads = self.loads(self.from_coordinates(q, v))
+        return {"x": -loads.on_block, "y": -loads.on_rim}
+
+    def contacts(self, t, q, v, args):
+        N = self.loads(self.from_coordinates(q, v)).normal
+        return {"belt": Contact(self.law, N, surface_speed=self.V_b)}
 
     @looks_at(**OBSERVABLE)
     def friction_force(self, t: Numeric, y: BlockState, mode: Whole, args: PyTree = None) -> Any:
         """Friction force $T_s$ [N] as in (11); the block feels $-T_s$. At rest, what holds it."""
-        loads, v = self.loads(y), y.vx - self.V_b
-        slip = self.law.kinetic(v, sense_of(mode)) * loads.normal + self.law.drag(v)
-        return where(mode == STICK, -loads.on_block, slip)
-
-    def vector_field(self, t, y, mode, args):
-        dy = self.slope(y, self.loads(y), self.friction_force(t, y, mode, args))
-        return dy._replace(vx=where(mode == STICK, 0.0, dy.vx))
-
-    def guards(self, t, y, mode, args):
-        loads, stick = self.loads(y), mode == STICK
-        low, high = self.law.static_interval()
-        return (
-            where(stick, high * loads.normal + loads.on_block, 1.0),
-            where(stick, -loads.on_block - low * loads.normal, 1.0),
-            where(stick, 1.0, sense_of(mode) * (y.vx - self.V_b)),
-        )
-
-    def transition(self, t, y, mode, guard, args):
-        landed = y._replace(vx=self.V_b)
-        arrival = self._at_rest(landed)
-        return landed, where(guard == 0, FORWARD, where(guard == 1, BACKWARD, arrival))
-
-    @looks_at(t=reals, y=state)
-    def initial_mode(self, t, y, args):
-        slips = where(y.vx > self.V_b, FORWARD, BACKWARD)
-        return where(y.vx == self.V_b, self._at_rest(y), slips)
-
-    def _at_rest(self, y):
-        """Mode that a block moving with the belt takes."""
-        loads = self.loads(y)
-        low, high = self.law.static_interval()
-        above = -loads.on_block > high * loads.normal
-        below = -loads.on_block < low * loads.normal
-        return where(above, FORWARD, where(below, BACKWARD, STICK))
+        return -self.friction_forces(t, y, mode, args)["belt"]

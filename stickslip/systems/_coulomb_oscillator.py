@@ -2,26 +2,17 @@
 
 from typing import Any, ClassVar
 
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from stickslip._fastmath import where
-from stickslip._looks_at import OBSERVABLE, looks_at, modes, reals, state
+from stickslip._looks_at import OBSERVABLE, looks_at, modes, state
 from stickslip._types import Whole
 from stickslip._validation import as_parameter, check_finite, check_nonnegative, check_positive
-from stickslip.systems._mechanical import (
-    SLIP_MODES,
-    AbstractMechanicalSystem,
-    Motion,
-    Number,
-    contact_mode,
-    holding_force,
-    mode_at_rest,
-    slip_sense,
-)
+from stickslip.friction import Coulomb
+from stickslip.mechanism import AbstractMechanism, Contact
+from stickslip.systems._mechanical import SLIP_MODES, Motion, Number
 
 
-class CoulombOscillator(AbstractMechanicalSystem):
+class CoulombOscillator(AbstractMechanism):
     r"""Stick-slip oscillator: mass and spring on a belt, Coulomb friction between block and belt.
 
     $$m\ddot x + kx = T, \qquad
@@ -31,9 +22,7 @@ class CoulombOscillator(AbstractMechanicalSystem):
     - State `Motion`: `x` [m] from the unloaded spring, `v` [m/s]; both against the ground.
     - Modes: `"slip backward"` (slower than the belt), `"stick"` (with the belt), `"slip forward"`
       (faster than the belt).
-    - One guard. In stick: distance of the spring force to the limit that the belt is driving it to,
-      the other limit recedes [N]. In slip: relative speed times $\sqrt{km}$, so that it is in newtons
-      too, and has one magnitude.
+    - One guard: in stick the friction that is left [N], in slip the relative speed in its sense [m/s].
     - At rest with $F_s < F_k$ the threshold is $F_k$ (sliding mode of Filippov).
     - In every mode the motion is harmonic or uniform, so that all of it has a closed form. Started
       in stick, with $F_k \le F_s$ and $D = (F_s - F_k)/k$, $\omega^2 = k/m$, it has the period
@@ -57,9 +46,11 @@ class CoulombOscillator(AbstractMechanicalSystem):
     kinetic_force: Float[Array, "..."]
     belt_speed: Float[Array, "..."]
 
+    coordinates: ClassVar = {"x": "m"}
+    velocities: ClassVar = {"x": "v"}
+    contact_directions: ClassVar = {"belt": {"x": 1.0}}
+    state_class: ClassVar = Motion
     mode_names: ClassVar = SLIP_MODES
-    guard_names: ClassVar = ("friction reaches its limit, or the block the speed of the belt",)
-    units: ClassVar = {"x": "m", "v": "m/s"}
 
     def __init__(
         self,
@@ -75,44 +66,23 @@ class CoulombOscillator(AbstractMechanicalSystem):
         self.kinetic_force = as_parameter(check_nonnegative("kinetic_force", kinetic_force))
         self.belt_speed = as_parameter(check_finite("belt_speed", belt_speed))
 
+    def mass_matrix(self, q):
+        return {"x": self.mass}
+
+    def forces(self, t, q, v, args):
+        return {"x": -self.stiffness * q.x}
+
+    def contacts(self, t, q, v, args):
+        law = Coulomb(self.static_force, self.kinetic_force)
+        return {"belt": Contact(law, surface_speed=self.belt_speed)}
+
+    def potential_energy(self, q):
+        return 0.5 * self.stiffness * q.x**2
+
     @looks_at(y=state, mode=modes)
     def friction(self, y: Motion, mode: Whole) -> Any:
         """Force of the belt on the block [N]."""
-        return where(mode == 1, self.stiffness * y.x, -slip_sense(mode) * self.kinetic_force)
-
-    def vector_field(self, t, y, mode, args):
-        slip = -slip_sense(mode) * self.kinetic_force - self.stiffness * y.x
-        return Motion(x=y.v, v=where(mode == 1, 0.0, slip / self.mass))
-
-    def guards(self, t, y, mode, args):
-        limit = holding_force(self.static_force, self.kinetic_force)
-        reserve = limit - jnp.sign(self.belt_speed) * self.stiffness * y.x
-        speed = slip_sense(mode) * (y.v - self.belt_speed)
-        return (where(mode == 1, reserve, jnp.sqrt(self.stiffness * self.mass) * speed),)
-
-    @property
-    def guard_scales(self) -> tuple:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """The largest friction force, or what stops the speed of the belt in a quarter period [N]."""
-        inertia = jnp.sqrt(self.stiffness * self.mass) * jnp.abs(self.belt_speed)
-        scale = jnp.maximum(jnp.maximum(self.static_force, self.kinetic_force), inertia)
-        return (where(scale > 0.0, scale, 1.0),)
-
-    def transition(self, t, y, mode, guard, args):
-        limit = holding_force(self.static_force, self.kinetic_force)
-        load = -self.stiffness * y.x
-        onset = where(load > 0.0, 2, 0)
-        mode = where(mode == 1, onset, mode_at_rest(load, limit))
-        return Motion(x=y.x, v=self.belt_speed), mode
-
-    @looks_at(t=reals, y=state)
-    def initial_mode(self, t, y, args):
-        limit = holding_force(self.static_force, self.kinetic_force)
-        return contact_mode(y.v - self.belt_speed, -self.stiffness * y.x, limit)
-
-    @looks_at(y=state)
-    def energy(self, y):
-        """Kinetic energy and energy of the spring [J]."""
-        return 0.5 * (self.mass * y.v**2 + self.stiffness * y.x**2)
+        return self.friction_forces(0.0, y, mode)["belt"]
 
     @looks_at(**OBSERVABLE)
     def powers(self, t, y, mode, args):

@@ -10,7 +10,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float, PyTree
 
 from .._fastmath import where
-from .._looks_at import OBSERVABLE, looks_at, one_real, reals, state
+from .._looks_at import OBSERVABLE, looks_at, one_real, state
 from .._types import Given, Numeric, Whole
 from .._validation import (
     as_parameter,
@@ -24,12 +24,12 @@ from .._validation import (
     refusal,
     shown,
 )
-from ..friction._law import Number
-from ..friction._weakening import weakening_factor
+from ..friction import AbstractFrictionLaw, HyperbolicWeakening
+from ..friction._law import Number, check_law
+from ..mechanism import AbstractMechanism, Contact
 from ._jointed_beam_scales import BeamScales, times_scale
-from ._mechanical import AbstractMechanicalSystem
+from ._printed_weakening import PrintedWeakening
 
-BACKWARD, STICK, FORWARD, APART = 0, 1, 2, 3
 Word: TypeAlias = Given[Literal["consistent", "printed"]]
 WORDS = ("consistent", "printed")
 
@@ -67,7 +67,7 @@ def _one_state(owner: Any, name: str, value: Any) -> Any:
 _OF_ONE = {**OBSERVABLE, "y": _one_state}
 
 
-class JointedBeam(AbstractMechanicalSystem):
+class JointedBeam(AbstractMechanism):
     r"""Simply supported Euler-Bernoulli beam, jointed by a spring to a mass on a running belt.
 
     The mass $m$ moves by $x$ across the belt, which it touches for $x > 0$, and by $y$ along it; the
@@ -97,6 +97,8 @@ class JointedBeam(AbstractMechanicalSystem):
     - `m` [kg], `k1`, `k2` [N/m], positive; `k3` [N/m], `mu_s` [-], `gamma` [s/m], `damping` ($\zeta$,
       [-]) not negative; `v` [m/s], speed of the belt, finite; `z_A` [m], inside the beam.
     - `modes`: $n$, at least 1.
+    - `law`: a set-valued friction law in place of (2.4), (2.8), with its own units; `mu_s` and `gamma`
+      are then not used.
     - `scales`: `BeamScales` of the beam. Without it everything is dimensionless, Eqs. (2.10)-(2.21):
       $EI = L = \rho A = 1$. `dimensionless()`, `dimensional(scales)` convert by Eq. (2.9).
     - Where the paper contradicts itself, `"consistent"` (default) or `"printed"`:
@@ -128,6 +130,7 @@ class JointedBeam(AbstractMechanicalSystem):
     v: Float[Array, "..."]
     z_A: Float[Array, "..."]
     damping: Float[Array, "..."]
+    law: AbstractFrictionLaw | None
     scales: BeamScales
     modes: int = eqx.field(static=True)
     is_dimensionless: bool = eqx.field(static=True)
@@ -136,13 +139,12 @@ class JointedBeam(AbstractMechanicalSystem):
     shape: Word = eqx.field(static=True)
     coupling: Word = eqx.field(static=True)
 
+    coordinates: ClassVar = {"x": "m", "y": "m", "q": "m"}
+    velocities: ClassVar = {"x": "vx", "y": "vy", "q": "p"}
+    contact_directions: ClassVar = {"belt": {"y": 1.0}}
+    opening: ClassVar = ("belt",)
+    state_class: ClassVar = JointedBeamState
     mode_names: ClassVar = ("slip backward", "stick", "slip forward", "no contact")
-    guard_names: ClassVar = (
-        "contact opens or closes",
-        "relative velocity reaches zero",
-        "joint reaches the static limit forward",
-        "joint reaches the static limit backward",
-    )
 
     def __init__(
         self,
@@ -157,6 +159,7 @@ class JointedBeam(AbstractMechanicalSystem):
         z_A: Number,
         modes: Given[int] = 5,
         damping: Number = 0.0,
+        law: Given[AbstractFrictionLaw | None] = None,
         scales: Given[BeamScales | None] = None,
         joint: Word = "consistent",
         friction: Word = "consistent",
@@ -171,6 +174,7 @@ class JointedBeam(AbstractMechanicalSystem):
         self.gamma = as_parameter(check_nonnegative("gamma", gamma))
         self.v = as_parameter(check_finite("v", v))
         self.damping = as_parameter(check_nonnegative("damping", damping))
+        self.law = None if law is None else check_law("law", law, "set-valued")
         self.modes = check_count("modes", modes, 1)
         if scales is not None:
             check_type("scales", scales, BeamScales, "a BeamScales, or None for dimensionless numbers")
@@ -205,11 +209,38 @@ class JointedBeam(AbstractMechanicalSystem):
         return {"x": length, "vx": speed, "y": length, "vy": speed, "q": length, "p": speed}
 
     @property
+    def friction_law(self) -> AbstractFrictionLaw:
+        """The friction law: the one that was given, else that of Eqs. (2.4), (2.8)."""
+        if self.law is not None:
+            return self.law
+        kind = HyperbolicWeakening if self.friction == "consistent" else PrintedWeakening
+        return kind(self.mu_s, self.gamma)
+
+    def mass_matrix(self, q):
+        return {"x": self.m, "y": self.m, "q": self.scales.mass}
+
+    def forces(self, t, q, v, args):
+        shapes, omega = self.shapes(self.z_A), self.frequencies()
+        w = jnp.sum(shapes * q.q)
+        inner = self.scales.mass * omega * (omega * q.q + 2.0 * self.damping * v.q)
+        return {
+            "x": -self.k2 * q.x,
+            "y": -self.k1 * (q.y - w),
+            "q": self._modal_forces(q, shapes, w) - inner,
+        }
+
+    def contacts(self, t, q, v, args):
+        N = self.k3 * q.x
+        return {
+            "belt": Contact(self.friction_law, N, surface_speed=self.v, normal_direction={"x": -1.0})
+        }
+
+    @property
     def guard_scales(self) -> tuple:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Guards are small if the belt is slow: a length and a force that belong to its speed."""
+        """Guards are small if the belt is slow: its speed, and a force that belongs to it."""
         speed = where(self.v == 0.0, self.scales.speed, abs(self.v))
-        length = speed * jnp.sqrt(self.m / self.k2)
-        return (length, speed, self.k1 * length, self.k1 * length)
+        force = where(self.k3 > 0.0, self.k3, self.k2) * speed * jnp.sqrt(self.m / self.k2)
+        return (*[speed] * (1 + len(self.parted)), force)
 
     def start(self, x: Number | None = None) -> JointedBeamState:
         """State (2.6): the mass moves with the belt at `y = 0`, the beam rests; `x` is its depth [m].
@@ -259,18 +290,12 @@ class JointedBeam(AbstractMechanicalSystem):
     @looks_at(**OBSERVABLE)
     def normal_force(self, t: Numeric, y: JointedBeamState, mode: Whole, args: PyTree = None) -> Any:
         """Normal force $N$, Eq. (2.2) [N]."""
-        return where(mode == APART, 0.0, self.k3 * y.x)
+        return self.normal_forces(t, y, mode, args)["belt"]
 
     @looks_at(**_OF_ONE)
     def friction_force(self, t: Numeric, y: JointedBeamState, mode: Whole, args: PyTree = None) -> Any:
         """Force of the belt on the mass along the belt [N]; in stick what holds it."""
-        sense = where(mode == FORWARD, 1.0, -1.0)
-        V = y.vy - self.v
-        factor = 1.0 + self.gamma * V
-        if self.friction == "consistent":
-            factor = weakening_factor(sense * V, self.gamma)
-        slip = -sense * self.mu_s * self.normal_force(t, y, mode) / factor
-        return where(mode == STICK, self._joint_force(y), slip)
+        return self.friction_forces(t, y, mode, args)["belt"]
 
     @looks_at(**_OF_ONE)
     def friction_power(self, t: Numeric, y: JointedBeamState, mode: Whole, args: PyTree = None) -> Any:
@@ -285,66 +310,12 @@ class JointedBeam(AbstractMechanicalSystem):
     def _joint_force(self, y: JointedBeamState) -> Any:
         return self.k1 * (y.y - self.w(0.0, y))
 
-    def _modal_forces(self, y: JointedBeamState, shapes: Any, w: Any) -> Float[Array, " modes"]:
+    def _modal_forces(self, y: Any, shapes: Any, w: Any) -> Float[Array, " modes"]:
         """Right-hand sides of (2.21) [N]."""
         stiffness = self.k1 if self.joint == "consistent" else self.k2
         if self.coupling == "consistent":
             return stiffness * shapes * (y.y - w)
         return stiffness * shapes * (y.y - shapes * y.q)
-
-    def vector_field(self, t, y, mode, args):
-        shapes = self.shapes(self.z_A)
-        w = jnp.sum(shapes * y.q)
-        omega = self.frequencies()
-        modal = self._modal_forces(y, shapes, w) / self.scales.mass
-        per_mass = 1.0 / self.m
-        friction = self.friction_force(t, y, mode)
-        slip = (friction - self.k1 * (y.y - w)) * per_mass
-        return JointedBeamState(
-            x=y.vx,
-            vx=-(self.k2 * y.x + self.normal_force(t, y, mode)) * per_mass,
-            y=y.vy,
-            vy=where(mode == STICK, 0.0, slip),
-            q=y.p,
-            p=modal - omega * (omega * y.q + 2.0 * self.damping * y.p),
-        )
-
-    def guards(self, t, y, mode, args):
-        stick, apart = mode == STICK, mode == APART
-        limit, force = self.mu_s * self.k3 * y.x, self._joint_force(y)
-        sense = where(mode == FORWARD, 1.0, -1.0)
-        return (
-            where(apart, -y.x, y.x),
-            where(stick | apart, 1.0, sense * (y.vy - self.v)),
-            where(stick, limit + force, 1.0),
-            where(stick, limit - force, 1.0),
-        )
-
-    def transition(self, t, y, mode, guard, args):
-        on_belt = y._replace(vy=self.v + 0.0 * y.vy)
-        touching = y._replace(x=jnp.zeros_like(y.x))
-        closes = where(y.vy > self.v, FORWARD, where(y.vy < self.v, BACKWARD, self._at_rest(touching)))
-        contact = where(mode == APART, closes, APART)
-        slips = where(guard == 2, FORWARD, BACKWARD)
-        rest = where(guard == 1, self._at_rest(on_belt), slips)
-        border = guard == 0
-        new = y._replace(
-            x=where(border, touching.x, y.x),
-            vy=where(border, y.vy, on_belt.vy),
-        )
-        return new, where(border, contact, rest)
-
-    @looks_at(t=reals, y=_one_state)
-    def initial_mode(self, t, y, args):
-        slips = where(y.vy > self.v, FORWARD, BACKWARD)
-        touching = where(y.vy == self.v, self._at_rest(y), slips)
-        apart = (y.x < 0.0) | ((y.x == 0.0) & (y.vx <= 0.0))
-        return where(apart, APART, touching)
-
-    def _at_rest(self, y: JointedBeamState) -> Any:
-        """Mode of a mass in contact that moves with the belt."""
-        limit, force = self.mu_s * self.k3 * y.x, self._joint_force(y)
-        return where(force > limit, BACKWARD, where(-force > limit, FORWARD, STICK))
 
     @looks_at(y=_one_state)
     def energy(self, y: JointedBeamState) -> Any:
@@ -392,6 +363,8 @@ class JointedBeam(AbstractMechanicalSystem):
         return self._in_units(inverse, None)
 
     def _in_units(self, by: BeamScales, scales: BeamScales | None) -> "JointedBeam":
+        if self.law is not None:
+            raise refusal("law", self.law, "None: the speeds that a law of its own holds are not known")
         return JointedBeam(
             m=self.m * by.mass,
             k1=self.k1 * by.stiffness,

@@ -2,24 +2,16 @@
 
 from typing import ClassVar
 
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from stickslip._fastmath import where
-from stickslip._looks_at import OBSERVABLE, looks_at, reals, state
+from stickslip._looks_at import OBSERVABLE, looks_at
 from stickslip._validation import as_parameter, check_finite, check_nonnegative, check_positive
-from stickslip.systems._mechanical import (
-    AbstractMechanicalSystem,
-    Motion,
-    Number,
-    contact_mode,
-    holding_force,
-    mode_at_rest,
-    slip_sense,
-)
+from stickslip.friction import Coulomb
+from stickslip.mechanism import AbstractMechanism, Contact
+from stickslip.systems._mechanical import Motion, Number
 
 
-class SlidingBlock(AbstractMechanicalSystem):
+class SlidingBlock(AbstractMechanism):
     r"""A block thrown over rough ground: slows down, comes to rest and stays, or turns around.
 
     $$m\ddot x = P + T, \qquad
@@ -28,8 +20,8 @@ class SlidingBlock(AbstractMechanicalSystem):
 
     - State `Motion`: `x` [m], `v` [m/s].
     - Modes: `"slip backward"`, `"rest"`, `"slip forward"`.
-    - One guard, the speed in the sense of the slip [m/s]. Nothing ends a rest: the force is constant
-      and stays in the dead zone.
+    - One guard: the speed in the sense of the slip [m/s], and at rest the friction that is left [N].
+      Nothing ends a rest: the force is constant and stays in the dead zone.
     - Closed form: with $a = (F_k - P\,\mathrm{sgn}\,v_0)/m > 0$ it stops after $|v_0|/a$ at the
       distance $v_0^2/(2a)$.
 
@@ -49,9 +41,11 @@ class SlidingBlock(AbstractMechanicalSystem):
     kinetic_force: Float[Array, "..."]
     force: Float[Array, "..."]
 
+    coordinates: ClassVar = {"x": "m"}
+    velocities: ClassVar = {"x": "v"}
+    contact_directions: ClassVar = {"ground": {"x": 1.0}}
+    state_class: ClassVar = Motion
     mode_names: ClassVar = ("slip backward", "rest", "slip forward")
-    guard_names: ClassVar = ("the block stops",)
-    units: ClassVar = {"x": "m", "v": "m/s"}
 
     def __init__(self, mass: Number, static_force: Number, kinetic_force: Number, force: Number = 0.0):
         self.mass = as_parameter(check_positive("mass", mass))
@@ -59,29 +53,17 @@ class SlidingBlock(AbstractMechanicalSystem):
         self.kinetic_force = as_parameter(check_nonnegative("kinetic_force", kinetic_force))
         self.force = as_parameter(check_finite("force", force))
 
-    def vector_field(self, t, y, mode, args):
-        slip = (self.force - slip_sense(mode) * self.kinetic_force) / self.mass
-        return Motion(x=y.v, v=where(mode == 1, 0.0, slip))
+    def mass_matrix(self, q):
+        return {"x": self.mass}
 
-    def guards(self, t, y, mode, args):
-        return (where(mode == 1, 1.0, slip_sense(mode) * y.v),)
+    def forces(self, t, q, v, args):
+        return {"x": self.force}
 
-    def transition(self, t, y, mode, guard, args):
-        limit = holding_force(self.static_force, self.kinetic_force)
-        return Motion(x=y.x, v=jnp.zeros_like(y.v)), mode_at_rest(self.force, limit)
-
-    @looks_at(t=reals, y=state)
-    def initial_mode(self, t, y, args):
-        limit = holding_force(self.static_force, self.kinetic_force)
-        return contact_mode(y.v, self.force, limit)
-
-    @looks_at(y=state)
-    def energy(self, y):
-        """Kinetic energy [J]."""
-        return 0.5 * self.mass * y.v**2
+    def contacts(self, t, q, v, args):
+        return {"ground": Contact(Coulomb(self.static_force, self.kinetic_force))}
 
     @looks_at(**OBSERVABLE)
     def powers(self, t, y, mode, args):
         """`force`: work of the constant force; `friction`: loss in the contact [W]."""
-        friction = -slip_sense(mode) * self.kinetic_force
+        friction = self.friction_forces(t, y, mode, args)["ground"]
         return {"force": self.force * y.v, "friction": friction * y.v}

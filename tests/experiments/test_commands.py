@@ -93,11 +93,13 @@ def test_scoreboard_counts_full_runs_of_the_papers_apart(tmp_path):
     _record(tmp_path, "demo", False)
     _record(tmp_path, "block-search", True)
     _record(tmp_path, "block-fig05", False, parameters={"set": "found"})
+    _record(tmp_path, "mechanism-froude", False)
     text = scoreboard(tmp_path)
     assert "the papers' statements: 1 holds, 0 does not hold, 0 open" in text
     assert "quick runs and demo, a first look: 0 holds, 1 does not hold, 0 open" in text
     apart = "0 holds, 0 does not hold, 1 open (1 of these because records do not agree)"
     assert f"found by our searches: {apart}" in text
+    assert "known results of declared machines: 0 holds, 1 does not hold, 0 open" in text
 
 
 def test_scoreboard_passes_over_what_is_no_record(tmp_path):

@@ -13,7 +13,7 @@ import xarray as xr
 from experiments._experiment import load
 from tests.house._repository import ROOT
 
-FAMILIES = ("block", "corexy", "identify", "beam")
+FAMILIES = ("block", "corexy", "identify", "beam", "mechanism")
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 

@@ -116,15 +116,14 @@ BEAM = {
     **finite(v=5e-4),
     "z_A": arg(0.4, "float32", "batch"),
     "modes": arg(5),
+    "law": arg(None, "none"),
     "scales": arg(None, "none"),
     **dict.fromkeys(("joint", "friction", "shape", "coupling"), arg("printed")),
 }
 DRIVE_WORDS = {"motor_friction": arg("printed"), "belt_reaction": arg("printed")}
 BLOCK = systems.BlockOnDrivenBelt.constructed(k3=85.0)
 OSCILLATOR = systems.CoulombOscillator(1.0, 1.0, 1.0, 0.5, 0.2)
-BALL = systems.BouncingBall(1.0, 9.81, 0.5)
 SYSTEMS = [
-    Target(AbstractMechanism.state, finite(x=0.0, v=0.0), BALL.state),
     Target(
         systems.OscillatorBetweenStops,
         {
@@ -196,6 +195,8 @@ SYSTEMS = [
             **DRIVE_WORDS,
         },
     ),
+    Target(AbstractMechanism.state, finite(x=0.0, v=0.0), OSCILLATOR.state),
+    Target(AbstractMechanism.bristles, {"kind": arg(friction.LuGre)}, OSCILLATOR.bristles),
     Target(systems.DCDrive.constructed, {**finite(U_in=4.0), **DRIVE_WORDS}),
     Target(systems.JointedBeam, BEAM),
     Target(systems.JointedBeam.constructed, finite(v=5e-4)),

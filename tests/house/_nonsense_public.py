@@ -53,16 +53,12 @@ EXEMPT_METHODS = {
         ),
         "parts of a machine's vector field, called inside of its programs",
     ),
-    **dict.fromkeys(
-        ("AbstractMechanism.regularised", "AbstractMechanism.bristles"),
-        "a machine with stops has no smooth form",
-    ),
     "AbstractSmoothSystem.initial_mode": "there is one mode, whatever is given",
     "AbstractSystemWrapper.initial_mode": "takes what the author's `inner` takes",
     **dict.fromkeys(
         (
             "Section.uses_slope", "AdaptiveStep.factor", "AdaptiveStep.initial", "FixedStep.initial",
-            "AbstractStepper.vjp",
+            "AbstractStepper.step_and_look", "AbstractStepper.vjp",
             "ProgressMeter.report", "Executor.boundary", "Executor.loop", "Executor.shared",
         ),
         BUILT_BY_ENGINE,
@@ -76,7 +72,8 @@ EXEMPT_METHODS = {
         "parts of the machine's vector field, called inside of its programs",
     ),
     **dict.fromkeys(
-        ("AbstractMechanism.state", "CoreXY.state"), "has a template with the constructors"
+        ("AbstractMechanism.bristles", "AbstractMechanism.state", "CoreXY.state"),
+        "has a template with the constructors",
     ),
     "map_lanes.__call__": "has a template with the constructors",
 }  # fmt: skip

@@ -1,5 +1,6 @@
 """Every notebook runs at quick size; what it must show it asserts itself."""
 
+import ast
 import runpy
 
 import matplotlib.pyplot as plt
@@ -9,7 +10,7 @@ from tests.house._repository import ROOT
 
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.py"))
 # Half a minute of compilation for functions whose numbers are tested one by one in the quick suite.
-SLOW = {"corexy", "jointed_beam"}
+SLOW = {"corexy", "jointed_beam", "own_mechanism"}
 
 
 def marks(path):
@@ -25,6 +26,13 @@ def test_the_first_cell_keeps_what_is_compiled(path):
     text = path.read_text(encoding="utf-8")
     cells = [cell for cell in text.split("\n# %%")[1:] if not cell.startswith(" [markdown]")]
     assert "\nss.enable_compilation_cache()" in cells[0]
+
+
+def test_a_mechanism_of_ones_own_takes_25_lines():
+    text = (ROOT / "notebooks" / "own_mechanism.py").read_text(encoding="utf-8")
+    (declared,) = (node for node in ast.parse(text).body if isinstance(node, ast.ClassDef))
+    assert declared.end_lineno is not None
+    assert declared.end_lineno - declared.lineno + 1 <= 25
 
 
 @pytest.mark.parametrize(

@@ -204,11 +204,12 @@ def test_programs_of_a_smooth_system_are_small():
     """Lines that XLA leaves, compiled as for users: 13,155 and 67,008 with every stage written out.
 
     3,494 and 8,228 without tolerances that follow the size of the motion and without the flags. With a
-    recorded section 3,091 instructions (there are as many lines for the stack frames); 3,887 where a
-    crossing took a step of its own after the search.
+    recorded section 3,889 instructions (there are as many lines for the stack frames): 3,091 before a
+    section that is affine in the state was looked at inside of steps, 800 more where a crossing took a
+    step of its own after the search.
     """
     run = subprocess.run([sys.executable, "-c", SIZES], capture_output=True, text=True, check=True)
     plain, gradient, section = map(int, run.stdout.split())
     assert plain <= 5_400
     assert gradient <= 10_000
-    assert section <= 3_400
+    assert section <= 4_200

@@ -73,7 +73,7 @@ CONSTRUCTED = {
     "contact with the joint of names": (dict(directions={"a / b": (1, 0)}), "directions.*a / b"),
     "opening contact that is none": (dict(opening=("lid",)), "opening.*'lid'.*'pad'"),
     "too many contacts": (
-        dict(directions={f"c{i}": (1, 0) for i in range(16)}), "contact_directions.*16.*at most 15",
+        dict(directions={f"c{i}": (1, 0) for i in range(32)}), "contact_directions.*32.*at most 31",
     ),
     "dependent direction given later": (
         dict(directions={"pad": (1, 0), "lid": None, "belt": (0, 1)}), "pad, lid, belt.*constant",

@@ -7,6 +7,7 @@ import pytest
 
 import stickslip as ss
 from stickslip.friction import Coulomb
+from stickslip.mechanism._modes import ModeNames, mode_of, states_of
 from tests.stickslip.hybrid._loads import END, march, random_loads
 from tests.stickslip.mechanism._machines import Chain, Oscillator, Pushed, Train, chain, flat
 
@@ -129,17 +130,56 @@ def test_equal_blocks_stop_and_start_at_one_instant(kind):
 
 
 @pytest.mark.slow
-def test_fifteen_contacts_are_the_most():
+def test_as_many_contacts_as_32_bits_hold():
     machine = chain(15)
     run = ss.simulate(machine, 0.0, 2.0, machine.state(x_15=3.0), max_events=64)
     assert int(run.num_events) > 0
     last = machine.mode_names[int(run.events.mode_after[0])].split(" / ")
     assert len(last) == 15
     assert last[0] == "stick"
-    with pytest.raises(ValueError, match=r"16 contacts.*at most 15"):
-        chain(16)
     with pytest.raises(ValueError, match=r"mode0.*\.\.\."):
         ss.simulate(machine, 0.0, 2.0, machine.state(), "glued")
+
+
+def test_more_contacts_than_64_bits_hold_are_refused():
+    with pytest.raises(ValueError, match=r"32 contacts.*at most 31"):
+        chain(32)
+
+
+@pytest.mark.parametrize("contacts", [1, 15, 16, 31])
+def test_modes_of_many_contacts(contacts):
+    """States to and fro, and the names of the modes."""
+    states = np.random.default_rng(contacts).integers(-1, 3, (50, contacts)).astype(float)
+    modes = jax.vmap(lambda row: mode_of(list(row)))(jnp.asarray(states))
+    assert modes.dtype == (jnp.int32 if contacts <= 15 else jnp.int64)
+    assert (modes >= 0).all()
+    back = jax.vmap(lambda mode: jnp.stack(states_of(mode, contacts)))(modes)
+    np.testing.assert_array_equal(back, states)
+    names, words = ModeNames(contacts), ("slip backward", "stick", "slip forward", "open")
+    for mode, row in zip(modes, states, strict=True):
+        expected = " / ".join(words[int(s) + 1] for s in row)
+        assert names[int(mode)] == expected
+        assert names.index(expected) == int(mode)
+
+
+@pytest.mark.slow
+def test_modes_beyond_32_bits():
+    """Seventeen blocks, the last one displaced: it slides back to its stop, in closed form."""
+    n = 17
+    machine = chain(n, speed=0.0)
+    run = ss.simulate(machine, 0.0, 6.0, machine.state(x_17=0.45), max_events=8)
+    assert run.mode1.dtype == jnp.int64
+    assert int(run.num_events) == 1
+    before, after = (
+        machine.mode_names[int(m[0])] for m in (run.events.mode_before, run.events.mode_after)
+    )
+    assert before == " / ".join([*["stick"] * (n - 1), "slip backward"])
+    assert after == " / ".join(["stick"] * n)
+    assert float(run.events.t[0]) == pytest.approx(np.pi / np.sqrt(3.0), rel=1e-9)
+    assert float(run.y1.x_17) == pytest.approx(-0.05, abs=1e-9)
+    again = ss.simulate(machine, 0.0, 6.0, machine.state(x_17=0.45), before, max_events=8)
+    assert int(again.sequence) == int(run.sequence)
+    assert int(again.mode1) == int(run.mode1) == machine.mode_names.index(after)
 
 
 def test_parameters_of_many_lanes_at_once():

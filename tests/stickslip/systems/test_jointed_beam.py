@@ -11,9 +11,11 @@ import pytest
 from scipy.optimize import brentq
 
 import stickslip as ss
+from stickslip.friction import Coulomb, LuGre, Regularised
 from stickslip.systems import BeamScales, JointedBeam, JointedBeamState, WithIntegrals
 
 from . import _jointed_beam_reference as reference
+from ._jointed_beam_reference import PARAMETERS
 
 STEEL = BeamScales(EI=2.1e3, L=1.7, rhoA=3.2)
 MODES = ("backward", "stick", "forward", "apart")  # the reference's words, in the system's order
@@ -236,6 +238,25 @@ def test_derivative_by_the_belt_speed_through_all_events():
     program = jax.jit(end)
     difference = (program(5e-4 + step) - program(5e-4 - step)) / (2 * step)
     np.testing.assert_allclose(slope, difference, rtol=1e-7)
+
+
+# Other laws
+
+
+def test_coulomb_friction_against_scipy():
+    """The paper's law without weakening, given as a law of its own; the numbers of the paper's play no
+    part then."""
+    law = Coulomb(PARAMETERS["mu_s"])
+    system = JointedBeam.constructed(5e-4, law=law, mu_s=0.9, gamma=77.0)
+    compare(run(system, 20.0), 5e-4, gamma=0.0)
+
+
+def test_a_law_that_the_beam_does_not_take():
+    for law in (Regularised(Coulomb(0.3), 1e-3), LuGre(Coulomb(0.3), 1e4), 0.3):
+        with pytest.raises((TypeError, ValueError), match=r"^law = .*: it must be a .*law"):
+            JointedBeam.constructed(5e-4, law=law)
+    with pytest.raises(ValueError, match=r"^law = Coulomb: it must be None"):
+        JointedBeam.constructed(5e-4, law=Coulomb(0.3)).dimensional(STEEL)
 
 
 # Conversion (2.9)

@@ -1,0 +1,175 @@
+# ---
+# jupyter:
+#   jupytext:
+#     formats: py:percent
+#   kernelspec:
+#     display_name: Python 3
+#     language: python
+#     name: python3
+# ---
+
+# %% [markdown]
+# # Your own mechanism in 25 lines
+#
+# State coordinates, inertia, forces and contacts. Modes, guards and transitions follow, and with them
+# the motion with its events, two smooth forms, sweeps over all cores and derivatives.
+#
+# The machine: a motor drags a sledge over rough ground, and the sledge drags another one, each on an
+# elastic rope. `NOTEBOOK_QUICK=1` in the environment makes it short.
+
+# %%
+import os
+from typing import Any, ClassVar
+
+import jax
+import jax.numpy as jnp
+import matplotlib.pyplot as plt
+import numpy as np
+
+import stickslip as ss
+from stickslip.friction import LuGre, Stribeck
+from stickslip.mechanism import AbstractMechanism, Contact
+
+ss.enable_compilation_cache()  # what a run compiles, the next one reads from disk
+QUICK = os.environ.get("NOTEBOOK_QUICK", "0") not in ("", "0")
+
+
+# %%
+class Sledges(AbstractMechanism):
+    """Two sledges in a row, the first one dragged by a motor."""
+
+    masses: Any
+    rope: Any
+    law: Any
+    speed: Any
+    coordinates: ClassVar = {"x": "m", "y": "m"}
+    contact_directions: ClassVar = {"front": {"x": 1}, "rear": {"y": 1}}
+
+    def mass_matrix(self, q):
+        return {"x": self.masses[0], "y": self.masses[1]}
+
+    def forces(self, t, q, v, args):
+        motor, rope = self.rope * (self.speed * t - q.x), self.rope * (q.x - q.y)
+        return {"x": motor - rope, "y": rope}
+
+    def contacts(self, t, q, v, args):
+        return [Contact(self.law, 9.81 * mass) for mass in self.masses]
+
+
+# %% [markdown]
+# That is all. A contact is a law and a normal force [N]; its direction says which velocities it rubs
+# against.
+
+# %%
+sledges = Sledges((2.0, 1.0), 20.0, Stribeck(0.5, 0.3, 0.05), 0.4)
+END = 20.0
+grid = np.linspace(0.0, END, 2001)
+start = sledges.state()
+run = ss.simulate(sledges, 0.0, END, start, saveat=ss.SaveAt(ts=jnp.asarray(grid)))
+print(run)
+for t, mode in zip(run.events.t[:5], run.events.mode_after[:5], strict=True):
+    print(f"{t:.6f} s: {sledges.mode_names[mode]}")
+
+# The front one lets go when its rope pulls with the friction that it bears at rest.
+assert abs(float(run.events.t[0]) - 0.5 * 2.0 * 9.81 / (20.0 * 0.4)) < 1e-9
+assert bool(run.successful)
+
+# %% [markdown]
+# The modes tell when each sledge sticks: a word of two bits for each contact, of which `mode_names`
+# makes the text.
+
+# %%
+names = [sledges.mode_names[m].split(" / ") for m in run.outputs.mode]
+sticks = np.array([[word == "stick" for word in words] for words in names])
+figure, axes = plt.subplots(2, 1, sharex=True, figsize=(9, 5), layout="constrained")
+for axis, rate, stick, name in zip(
+    axes, (run.outputs.y.v_x, run.outputs.y.v_y), sticks.T, ("front", "rear"), strict=True
+):
+    axis.fill_between(
+        grid, 0, 1, where=stick, transform=axis.get_xaxis_transform(), color="0.85", label="stick"
+    )
+    axis.plot(grid, rate)
+    axis.set_ylabel(f"{name} [m/s]")
+axes[0].legend(loc="upper right")
+axes[1].set_xlabel("t [s]")
+assert np.abs(np.asarray(run.outputs.y.v_x)[sticks[:, 0]]).max() < 1e-12
+
+# %% [markdown]
+# ## Three forms of one declaration
+#
+# Regularised laws creep instead of sticking; bristles give a little before they slide. Both tend to
+# the set-valued form.
+
+# %%
+SHORT = 4.0
+sharp = ss.simulate(sledges, 0.0, SHORT, start).y1.x
+fine = ss.Integrator("dop853", ss.AdaptiveStep(1e-8, 1e-9), max_steps=1_000_000)
+gaps = []
+for v_reg in (1e-2, 1e-3):
+    smooth = sledges.regularised(v_reg)
+    y = ss.simulate(smooth, 0.0, SHORT, start, integrator=fine, max_events=None).y1
+    gaps.append(abs(float(y.x - sharp)))
+    print(f"regularised, {v_reg:g} m/s: {gaps[-1]:.1e} m off")
+for stiffness in (1e2, 1e4):
+    form = sledges.bristles(LuGre, sigma_0=stiffness, sigma_1=2.0 * stiffness**0.5)
+    y = ss.simulate(form, 0.0, SHORT, form.start(start), integrator=fine, max_events=None).y1
+    gaps.append(abs(float(y.y.x - sharp)))
+    print(f"bristles, {stiffness:g} 1/m: {gaps[-1]:.1e} m off")
+assert gaps[1] < gaps[0]
+assert gaps[3] < gaps[2]
+
+
+# %% [markdown]
+# ## A derivative
+#
+# Through all events, in the speed of the motor and the friction at rest; beside it differences.
+
+
+# %%
+def place(p):
+    """Where the rear sledge is after the run, for `p` = (speed, coefficient at rest)."""
+    machine = Sledges((2.0, 1.0), 20.0, Stribeck(p[1], 0.3, 0.05), p[0])
+    tight = ss.Integrator("dop853", ss.AdaptiveStep(1e-10, 1e-11))
+    return ss.simulate(machine, 0.0, SHORT, machine.state(), integrator=tight, throw=False).y1.y
+
+
+p = jnp.array([0.4, 0.5])
+slope = jax.jit(jax.jacfwd(place))(p)
+ends = jax.jit(jax.vmap(place))(p + 1e-5 * jnp.array([[1, 0], [-1, 0], [0, 1], [0, -1]]))
+differences = (ends[::2] - ends[1::2]) / 2e-5
+print(f"exact {slope}, differences {differences}")
+np.testing.assert_allclose(slope, differences, rtol=1e-5)
+
+# %% [markdown]
+# ## A sweep
+#
+# `map_lanes` runs one lane for each speed of the motor, in chunks on all cores: at which does the
+# front sledge no longer come to rest?
+
+# %%
+LANES = 16 if QUICK else 400
+speeds = jnp.linspace(0.05, 1.5, LANES)
+
+
+def share(speed):
+    """Share of the last 20 of 60 s in which the front sledge sticks."""
+    machine = Sledges((2.0, 1.0), 20.0, sledges.law, speed)
+    saved = ss.SaveAt(ts=jnp.linspace(40.0, 60.0, 401), events=False)
+    out = ss.simulate(
+        machine, 0.0, 60.0, machine.state(), saveat=saved, max_events=None, throw=False
+    ).outputs
+    return jnp.mean(jnp.asarray(out.mode & 3 == 1, jnp.float64))
+
+
+shares = np.asarray(ss.map_lanes(share, executor="portable" if QUICK else "auto")(speeds))
+figure, axis = plt.subplots(figsize=(9, 2.5), layout="constrained")
+axis.plot(speeds, shares, ".-")
+axis.set(xlabel="speed of the motor [m/s]", ylabel="time that the front sticks")
+print(
+    f"sticks {shares[0]:.0%} of the time at {speeds[0]:.2f} m/s, {shares[-1]:.0%} at {speeds[-1]:.2f}"
+)
+assert shares[0] > 0.5 > shares[-1]
+
+# %% [markdown]
+# More: the docstring of `AbstractMechanism` says what is declared how; `experiments/mechanisms/` holds
+# a drill string, a brake, a pendulum on a shaft, a belt drive and a chain, each beside a known result.

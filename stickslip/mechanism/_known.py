@@ -1,0 +1,108 @@
+"""Numbers that a declaration gives for known operands, without a program of their own.
+
+JAX compiles a program for every operation on arrays that are no part of one. So a declaration is traced
+once, and the arithmetic of what it traced to is done by NumPy.
+"""
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.extend
+import numpy as np
+
+_OPERATIONS: dict[str, Callable] = {
+    "add": np.add, "add_any": np.add, "sub": np.subtract, "mul": np.multiply, "neg": np.negative,
+    "max": np.maximum, "min": np.minimum, "abs": np.abs, "sign": np.sign, "square": np.square,
+    "sqrt": np.sqrt, "exp": np.exp, "log": np.log, "sin": np.sin, "cos": np.cos, "tan": np.tan,
+    "tanh": np.tanh, "pow": np.power, "copy": np.positive,
+    "stop_gradient": np.positive, "gt": np.greater, "ge": np.greater_equal,
+    "lt": np.less, "le": np.less_equal, "eq": np.equal, "ne": np.not_equal,
+}  # fmt: skip
+_INNER = ("jaxpr", "call_jaxpr")
+
+
+class _Unknown(Exception):
+    """An operation that is none of the arithmetic on numbers."""
+
+
+def known(function: Callable, *operands: Any) -> list[Any] | None:
+    """Leaves of `function(*operands)`, numbers of NumPy; None where they are more than arithmetic.
+
+    A function that is known by its name, no lambda: its trace is kept for the next call.
+    """
+    leaves, form = jax.tree.flatten(operands)
+    arrays = [isinstance(x, jax.Array | np.ndarray | float) for x in leaves]
+    rest = tuple(x for x, array in zip(leaves, arrays, strict=True) if not array)
+    numbers = [np.asarray(x) for x, array in zip(leaves, arrays, strict=True) if array]
+    shapes = tuple((x.shape, x.dtype) for x in numbers)
+    key = (function, form, tuple(arrays), rest, shapes)
+    try:
+        hash(key)
+    except TypeError:
+        return None
+    return evaluated(_traced(*key), numbers)
+
+
+def evaluated(closed: Any, numbers: list[Any]) -> list[Any] | None:
+    """Results of a traced function, numbers of NumPy; None where they are more than arithmetic."""
+    try:
+        return _evaluated(closed.jaxpr, closed.consts, numbers)
+    except _Unknown:
+        return None
+
+
+@functools.lru_cache(maxsize=128)
+def _traced(function: Callable, form: Any, arrays: tuple, rest: tuple, shapes: tuple) -> Any:
+    def of(numbers):
+        given, others = iter(numbers), iter(rest)
+        leaves = [next(given) if array else next(others) for array in arrays]
+        return function(*jax.tree.unflatten(form, leaves))
+
+    return jax.make_jaxpr(of)([jax.ShapeDtypeStruct(*shape) for shape in shapes])
+
+
+def _evaluated(jaxpr: Any, consts: Any, operands: Any) -> list[Any]:
+    values = dict(zip(jaxpr.constvars, consts, strict=True))
+    values |= dict(zip(jaxpr.invars, operands, strict=True))
+
+    def of(atom: Any) -> Any:
+        return atom.val if isinstance(atom, jax.extend.core.Literal) else values[atom]
+
+    for eqn in _needed(jaxpr):
+        found = _result(eqn, [of(atom) for atom in eqn.invars])
+        values.update(zip(eqn.outvars, found, strict=True))
+    return [np.asarray(of(atom)) for atom in jaxpr.outvars]
+
+
+def _needed(jaxpr: Any) -> list[Any]:
+    """The equations that the results come from: a contact declares more than its normal force."""
+    sought, found = set(map(id, jaxpr.outvars)), []
+    for eqn in reversed(jaxpr.eqns):
+        if any(id(var) in sought for var in eqn.outvars):
+            sought.update(map(id, eqn.invars))
+            found.append(eqn)
+    return found[::-1]
+
+
+def _result(eqn: Any, given: list[Any]) -> list[Any]:
+    name = eqn.primitive.name
+    for key in _INNER:
+        inner = eqn.params.get(key)
+        if inner is not None and name in ("jit", "pjit", "custom_jvp_call", "closed_call"):
+            return _evaluated(getattr(inner, "jaxpr", inner), getattr(inner, "consts", ()), given)
+    if name == "convert_element_type":
+        return [np.asarray(given[0]).astype(eqn.params["new_dtype"])]
+    if any(np.ndim(x) for x in given):
+        raise _Unknown
+    with np.errstate(all="ignore"):
+        if name == "integer_pow":
+            return [np.asarray(given[0]) ** float(eqn.params["y"])]
+        if name == "div" and np.asarray(given[0]).dtype.kind == "f":
+            return [np.true_divide(*given)]
+        if name == "select_n":
+            return [given[1 + int(given[0])]]
+        if name in _OPERATIONS:
+            return [_OPERATIONS[name](*given)]
+    raise _Unknown

@@ -1,0 +1,117 @@
+"""What a declaration says of the start is read without a program: counted from JAX's own events."""
+
+from typing import Any, ClassVar
+
+import jax
+import jax.monitoring
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import stickslip as ss
+from stickslip.friction import Coulomb
+from stickslip.mechanism import AbstractMechanism, Contact
+from stickslip.mechanism._known import known
+from stickslip.systems import BouncingBall, OscillatorBetweenStops, PairMotion, TwoBlocksOnBelt
+from tests.stickslip.mechanism._stopped import Guided
+from tests.stickslip.systems._systems import PAIR
+
+
+@pytest.fixture
+def compiled():
+    """A list that grows by one entry with every program that is compiled."""
+    events: list[str] = []
+
+    def hear(event, seconds, **_):
+        if event.endswith("backend_compile_duration"):
+            events.append(event)
+
+    jax.monitoring.register_event_duration_secs_listener(hear)
+    yield events
+    jax.monitoring.unregister_event_duration_listener(hear)
+
+
+class Pressed(AbstractMechanism):
+    """A block with a load that depends on everything, and an inertia that is computed."""
+
+    mass: Any
+    gravity: Any
+    lift: Any
+    curved: bool = False
+
+    coordinates: ClassVar = {"x": "m", "phi": "rad"}
+    contact_directions: ClassVar = {"floor": {"x": 1.0}}
+
+    def mass_matrix(self, q):
+        return {"x": self.mass, "phi": self.mass * (2.0 + jnp.cos(q.phi)) ** 2}
+
+    def forces(self, t, q, v, args):
+        return {"x": -q.x}
+
+    def contacts(self, t, q, v, args):
+        load = self.mass * self.gravity - self.lift * jnp.where(q.x > 0.0, q.x**3, -v.phi) + t
+        if self.curved:
+            load = load + 0.0 * jnp.sum(jnp.stack([q.x, q.phi]))
+        return {"floor": Contact(Coulomb(0.4, 0.3), load)}
+
+
+def loads(machine, y):
+    return [c.normal_force for c in machine.instant(0.5, y, None).contacts]
+
+
+@pytest.mark.parametrize("x", [2.0, -1.0])
+def test_arithmetic_is_done_without_a_program(x, compiled):
+    machine = Pressed(1.5, 9.81, 0.7)
+    y = machine.state(x=x, v_phi=0.3)
+    compiled.clear()
+    (found,) = known(loads, machine, y)
+    assert not compiled
+    expected = 1.5 * 9.81 - 0.7 * (8.0 if x > 0 else -0.3) + 0.5
+    np.testing.assert_allclose(found, expected, rtol=1e-15)
+
+
+def test_more_than_arithmetic_is_left_alone():
+    machine = Pressed(1.5, 9.81, 0.7, curved=True)
+    assert known(loads, machine, machine.state()) is None
+
+
+@pytest.mark.parametrize("curved", [False, True])
+def test_a_load_that_pulls_is_refused_by_name(curved, compiled):
+    machine = Pressed(1.5, 9.81, 10.0, curved)
+    y = machine.state(x=2.0)
+    compiled.clear()
+    with pytest.raises(ValueError, match=r"normal force of contact 'floor' at the start = -65\.285"):
+        ss.simulate(machine, 0.0, 1.0, y)
+    assert len(compiled) <= curved
+
+
+MADE = {
+    "load": lambda m: Pressed(m, 9.81, 0.7),
+    "ball": lambda m: BouncingBall(m, 9.81, 0.5),
+    "stops": lambda m: OscillatorBetweenStops(m, 1.0, lower=-1.0, upper=1.0, restitution=0.5),
+    "friction and stops": lambda m: Guided((2.0, m), 0.3, Coulomb(100.0, 50.0)),
+}
+
+
+@pytest.mark.parametrize("name", MADE)
+def test_the_first_call_of_a_declared_machine_compiles_one_program(name, compiled):
+    make = MADE[name]
+    ss.simulate(make(1.0), 0.0, 0.1, make(1.0).state())  # shares arrays
+    jax.clear_caches()
+    machine = make(1.5)
+    y = machine.state(**{machine.names.coordinates[-1]: 0.1})
+    compiled.clear()
+    jax.block_until_ready(ss.simulate(machine, 0.0, 0.1, y, max_events=9).y1)
+    assert len(compiled) == 1
+    jax.block_until_ready(ss.simulate(make(1.6), 0.0, 0.12, y, max_events=9).y1)
+    assert len(compiled) == 1
+
+
+def test_masses_of_lanes_by_name_are_no_rows_of_a_matrix():
+    masses = np.array([1.0, 2.0])  # as many as there are coordinates
+    lanes = TwoBlocksOnBelt(**{**PAIR, "mass_1": masses, "mass_2": 3.0 * masses})
+    y = PairMotion(0.1, 0.2, 0.3, 0.4)
+    expected = [
+        TwoBlocksOnBelt(**{**PAIR, "mass_1": m, "mass_2": 3.0 * m}).energy(y) for m in masses.tolist()
+    ]
+    np.testing.assert_allclose(lanes.energy(y), expected, rtol=1e-15)

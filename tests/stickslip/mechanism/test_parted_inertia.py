@@ -1,0 +1,109 @@
+"""Contacts that constant inertia does not join are treated each by itself, and only those."""
+
+from typing import Any, ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import stickslip as ss
+from stickslip.friction import Coulomb
+from stickslip.mechanism import AbstractMechanism, Contact
+from stickslip.mechanism._island import Island
+from stickslip.mechanism._scalars import Mass
+from stickslip.mechanism._settle import Limits, settled
+from tests.stickslip.mechanism._machines import Chain, Train, chain
+
+
+class Wagons(AbstractMechanism):
+    """Two wagons, the distance between them a coordinate; `joint` is inertia that both share."""
+
+    mass: Any
+    joint: Any
+    kind: Any
+    coordinates: ClassVar = {"x": "m", "gap": "m"}
+    contact_directions: ClassVar = {"first": (1, 0), "second": (1, 1)}
+
+    def mass_matrix(self, q):
+        first, second, joint = self.kind(self.mass, self.joint)
+        return ((first + second + 2.0 * joint, second + joint), (second + joint, second))
+
+    def forces(self, t, q, v, args):
+        return (2.0, 1.0)
+
+    def contacts(self, t, q, v, args):
+        return [Contact(Coulomb(1.0, 0.5))] * 2
+
+
+@pytest.mark.parametrize(
+    ("kind", "separate"),
+    [
+        (lambda m, j: (m, 2.0 * m, 0.0), True),
+        (lambda m, j: (m, 2.0 * m, j), False),
+        # Neither is known to vanish: at these parameters it does, at others it does not.
+        (lambda m, j: (m, m, jnp.maximum(j, 0.0)), False),
+        (lambda m, j: (m, m, m * j), False),
+    ],
+)
+def test_what_vanishes_is_read_off_the_declaration(kind, separate):
+    (island,) = Wagons(1.0, 0.0, kind).islands
+    assert island.separate is separate
+
+
+@pytest.mark.parametrize("blocks", [1, 2, 5])
+def test_relative_coordinates_are_parted(blocks):
+    (island,) = chain(blocks, Train).islands
+    assert island.separate
+    np.testing.assert_array_equal(island.parted, ~np.eye(blocks, dtype=bool))
+
+
+def test_a_group_and_each_by_itself_find_the_same():
+    """Random loads below, at and above the limits, against the search over all contacts."""
+    n, rng = 4, np.random.default_rng(3)
+    J = np.tril(np.ones((n, n)))
+    generic = J.T @ np.diag([0.7, 1.1, 1.3, 0.9]) @ J
+    alone = Island((0, 1, 2, 3), (0, 1, 2, 3), J, generic)
+    together = Island((0, 1, 2, 3), (0, 1, 2, 3), J)
+    assert alone.separate
+    assert not together.separate
+    rows = [[float(x) for x in row] for row in J]
+
+    def states(island, masses, load, limit):
+        M = Mass(full=[list(row) for row in J.T @ jnp.diag(masses) @ J])
+        limits = Limits([-x for x in limit], list(limit))
+        zero = jnp.zeros(())
+        none = [zero > 1.0] * n
+        found, ended = settled(
+            island, M, list(load), rows, [0.0] * n, limits, limits, [zero] * n, none, zero < 1.0
+        )
+        return jnp.stack(found), ended
+
+    count = 300
+    given = (
+        jnp.asarray(10.0 ** rng.uniform(-2, 2, (count, n))),
+        jnp.asarray(rng.normal(size=(count, n)) @ J),
+        jnp.asarray(rng.uniform(0.1, 2.0, (count, n))),
+    )
+    one, ended = jax.vmap(lambda *x: states(alone, *x))(*given)
+    other, also = jax.vmap(lambda *x: states(together, *x))(*given)
+    assert ended.all()
+    assert also.all()
+    assert {*np.unique(one)} == {-1.0, 0.0, 1.0}
+    np.testing.assert_array_equal(one, other)
+
+
+def test_the_motion_is_that_of_the_places():
+    """The same chain in its two sets of coordinates: events and ends."""
+    ends = []
+    for kind in (Chain, Train):
+        machine = chain(3, kind, speed=0.2)
+        first = dict(x_1=0.5, x_2=-0.8) if kind is Chain else dict(x_1=0.5, x_2=-1.3, x_3=0.8)
+        tight = ss.Integrator("dop853", ss.AdaptiveStep(1e-11, 1e-12))
+        run = ss.simulate(machine, 0.0, 12.0, machine.state(**first), integrator=tight)
+        x = np.array([float(v) for v in run.y1[:3]])
+        ends.append((x if kind is Chain else np.cumsum(x), np.asarray(run.events.t)))
+    (places, times), (relative, others) = ends
+    assert np.isfinite(times).sum() >= 6
+    np.testing.assert_allclose(relative, places, atol=1e-8)
+    np.testing.assert_allclose(others, times, atol=1e-7)
