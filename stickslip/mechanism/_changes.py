@@ -129,7 +129,7 @@ def transition(
     machine: "AbstractMechanism", t: Any, y: Any, mode: Any, guard: Any, args: Any
 ) -> tuple[Any, Any]:
     """State and mode right after guard number `guard` has fired."""
-    names = machine.names
+    names, guard = machine.names, jnp.asarray(guard)
     count = len(names.contacts)
     at, states = machine.instant(t, y, args), machine.states(mode)
     shared = count + len(machine.parted)

