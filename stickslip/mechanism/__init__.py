@@ -19,3 +19,4 @@ from ._forms import BristleState as BristleState
 from ._forms import RegularisedMechanism as RegularisedMechanism
 from ._instant import Instant as Instant
 from ._mechanism import AbstractMechanism as AbstractMechanism
+from ._stop import Stop as Stop

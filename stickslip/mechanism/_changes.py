@@ -11,6 +11,7 @@ from stickslip.hybrid._dependence import OTHER, degrees
 from stickslip.hybrid._system import NO_MODE
 
 from ._declaration import coordinates_type
+from ._impacts import struck, touches
 from ._instant import (
     Instant,
     floats,
@@ -24,8 +25,9 @@ from ._instant import (
     touching,
 )
 from ._island import Island
-from ._modes import mode_of, states_of
-from ._scalars import any_of
+from ._modes import mode_of
+from ._reserve import least_reserve, lone_reaction
+from ._scalars import any_of, dot, minus, without_slope
 from ._settle import settled
 
 if TYPE_CHECKING:
@@ -35,11 +37,11 @@ MOST_SHARE = 1e6  # a share of friction beyond it says no more
 
 
 def guards(machine: "AbstractMechanism", t: Any, y: Any, mode: Any, args: Any) -> tuple:
-    """Values of all guards: of each contact, of each group of dependent ones, of each that may open."""
-    at, states = machine.instant(t, y, args), states_of(mode, len(machine.names.contacts))
+    """Values of all guards, in the order of their names."""
+    at, states = machine.instant(t, y, args), machine.states(mode)
     force = loaded(machine, at, states, lone=False)
     gamma = surface_accelerations(machine, t, at, args)
-    own: list[Any] = [None] * len(at.contacts)
+    own: list[Any] = [None] * len(states)
     parted: dict[int, Any] = dict.fromkeys(machine.parted)
     shared: list[Any] = []
     names = machine.names
@@ -49,16 +51,24 @@ def guards(machine: "AbstractMechanism", t: Any, y: Any, mode: Any, args: Any) -
         motion = motion_of(island, at, states, force, gamma)
         limits = limits_of(island, at, "static_coefficient")
         rest = [states[c] == 0.0 for c in island.rows]
-        slip = [states[c] * at.speeds[c] for c in island.rows]
+        slip = [states[c] * at.speeds[c] for c in island.rows[: island.contacts]]
+        for i, c in enumerate(island.rows[island.contacts :], island.contacts):
+            gap = jnp.asarray(at.stops[c - len(at.contacts)].stop.gap, jnp.float64)
+            alone = 1.0 if island.dependent else lone_reaction(island, rows_of(island, at), motion, i)
+            own[c] = where(rest[i], alone, gap)
         if island.dependent:
             # One of those that always slide together is enough; two would count as coincident.
-            tied_to = island.tied(rest, [at.contacts[c].surface_speed for c in island.rows])
-            for c, r, tied, u in zip(island.rows, rest, tied_to, slip, strict=True):
+            tied_to = island.tied(rest, [at.surfaces[c] for c in island.rows])
+            for c, r, tied, u in zip(island.rows, rest, tied_to, slip, strict=False):
                 own[c] = where(r | tied, 1.0, u)
+            if island.stops:
+                reserve = least_reserve(island, *limits, rows_of(island, at), rest, motion)[0]
+                shared.append(where(reserve < jnp.inf, reserve, 1.0))
+                continue
             share = island.onset(*limits, rest, motion)[0]
             shared.append(1.0 - jnp.minimum(share, MOST_SHARE))
             continue
-        for i, c in enumerate(island.rows):
+        for i, c in enumerate(island.rows[: island.contacts]):
             low, high, borne = limits.low[i], limits.high[i], motion.force[i]
             if c in parted:
                 reserve = high - borne
@@ -74,7 +84,9 @@ def guards(machine: "AbstractMechanism", t: Any, y: Any, mode: Any, args: Any) -
         opens.append(where(states[c] == 2.0, -1.0, 1.0) * at.contacts[c].normal_force)
         own[c] = where(states[c] == 2.0, 1.0, own[c])
     lifts = [at.contacts[c].normal_force for c in machine.lifting]
-    return tuple(jnp.asarray(x, jnp.float64) for x in (*own, *parted.values(), *shared, *opens, *lifts))
+    first = len(at.contacts)
+    found = (*own[:first], *parted.values(), *shared, *opens, *lifts, *own[first:])
+    return tuple(jnp.asarray(x, jnp.float64) for x in found)
 
 
 def parted(machine: "AbstractMechanism") -> tuple[int, ...]:
@@ -84,10 +96,14 @@ def parted(machine: "AbstractMechanism") -> tuple[int, ...]:
     for between the ends of a step, as it must where the lesser of the two is one guard.
     """
     names = machine.names
-    count = len(names.contacts)
+    count, stops = len(names.contacts), len(names.stops)
+    if not count:
+        return ()
 
     def sides(t, y):
-        at, states = machine.instant(t, y, None), [jnp.zeros(())] * count
+        # What is chosen by a state counts with all it may be: stops that are open, and closed.
+        at = machine.instant(t, y, None)
+        states = [jnp.zeros(())] * count + [jnp.full((), 2.0)] * stops
         force = loaded(machine, at, states, lone=False)
         gamma = surface_accelerations(machine, t, at, None)
         found: list[Any] = [at.v[0] * at.v[0]] * (2 * count)
@@ -96,7 +112,7 @@ def parted(machine: "AbstractMechanism") -> tuple[int, ...]:
                 continue
             motion = motion_of(island, at, states, force, gamma)
             limits = limits_of(island, at, "static_coefficient")
-            for i, c in enumerate(island.rows):
+            for i, c in enumerate(island.rows[: island.contacts]):
                 found[2 * c] = limits.high[i] - motion.force[i]
                 found[2 * c + 1] = motion.force[i] - limits.low[i]
         return [jnp.asarray(x, jnp.float64) + 0.0 for x in found]
@@ -114,35 +130,51 @@ def transition(
     machine: "AbstractMechanism", t: Any, y: Any, mode: Any, guard: Any, args: Any
 ) -> tuple[Any, Any]:
     """State and mode right after guard number `guard` has fired."""
-    names = machine.names
+    names, guard = machine.names, jnp.asarray(guard)
     count = len(names.contacts)
-    at, states = machine.instant(t, y, args), states_of(mode, count)
+    at, states = machine.instant(t, y, args), machine.states(mode)
+    shared = count + len(machine.parted)
+    opens = shared + sum(island.dependent for island in machine.islands)
+    fired = [guard == c for c in range(count)]
+    for k, c in enumerate(machine.parted):
+        fired[c] = fired[c] | (guard == count + k)
+    toggled = {name: guard == opens + k for k, name in enumerate(names.opening)}
+    lifting = machine.lifting
+    lifts = opens + len(toggled)
+    first_stop = lifts + len(lifting)
+    # A contact that cannot open has lost its normal force.
+    failed = (guard >= lifts) & (guard < first_stop) if names.stops else guard >= lifts
+    left = met = [failed & False] * len(states)
+    if names.stops:
+        left = [(guard == first_stop + c - count) & (s == 0.0) for c, s in enumerate(states)]
+        at, states, met, jammed = struck(
+            machine, t, at, states, guard - first_stop, args, _law_of(machine, t, args)
+        )
+        failed = failed | jammed
     force = loaded(machine, at, states, lone=False)
     gamma = surface_accelerations(machine, t, at, args)
     v, new = [jnp.asarray(x, jnp.float64) for x in at.v], list(states)
-    shared = count + len(machine.parted)
-    opens = shared + sum(island.dependent for island in machine.islands)
-    lower = {c: guard == count + k for k, c in enumerate(machine.parted)}
-    toggled = {name: guard == opens + k for k, name in enumerate(names.opening)}
-    lifting = machine.lifting
-    failed = guard >= opens + len(toggled)  # a contact that cannot open has lost its normal force
     for island in machine.islands:
         if not island.rows:
             continue
         s = [states[c] for c in island.rows]
         rest = [x == 0.0 for x in s]
-        hit = [(guard == c) | lower[c] if c in lower else guard == c for c in island.rows]
+        hit = [fired[c] if c < count else left[c] for c in island.rows]
         motion = jax.tree.map(lax.stop_gradient, motion_of(island, at, states, force, gamma))
         if island.dependent:
             gives_way, stops = guard == shared, any_of(hit)
             shared += 1
-            limits = lax.stop_gradient(limits_of(island, at, "static_coefficient"))
-            _, released = island.onset(*limits, rest, motion)
+            limits = without_slope(limits_of(island, at, "static_coefficient"))
+            if island.stops:
+                rows = rows_of(island, at)
+                _, released = least_reserve(island, *limits, rows, rest, motion)
+            else:
+                _, released = island.onset(*limits, rest, motion)
         else:
             # What it bears pushes back: it gives way against it.
             released = [
-                where(h & r, where(borne > 0.0, -1.0, 1.0), 0.0)
-                for h, r, borne in zip(hit, rest, motion.force, strict=True)
+                where(h & r, where(borne > 0.0, -1.0, 1.0) if c < count else 1.0, 0.0)
+                for c, h, r, borne in zip(island.rows, hit, rest, motion.force, strict=True)
             ]
             gives_way = any_of(h & r for h, r in zip(hit, rest, strict=True))
             for c, h, r, borne in zip(island.rows, hit, rest, motion.force, strict=True):
@@ -153,13 +185,17 @@ def transition(
         now = [where(gives_way & r, way, x) for r, way, x in zip(rest, released, s, strict=True)]
         started = [gives_way & r & (way != 0.0) for r, way in zip(rest, released, strict=True)]
         # What stops, rests at once, with all that has no speed then; the law decides what stays.
-        slow = slow_contacts(at, island)
-        still = island.closed([r | (h & stops) for r, h in zip(rest, hit, strict=True)], slow)
+        on = [r | (h & stops) for r, h in zip(rest, hit, strict=True)]
+        slow = _slow(at, island, states, on)
+        still = island.closed(on, slow)
         now = [where(stops & r, 0.0, x) for r, x in zip(still, now, strict=True)]
-        for j, x in zip(island.columns, landed(island, at, still), strict=True):
-            v[j] = where(stops, x, v[j])
         touched = stops | gives_way
-        for i, c in enumerate(island.rows):
+        if island.stops:
+            touched = touched | any_of(met[c] for c in island.rows)
+        lands = touched if island.stops else stops
+        for j, x in zip(island.columns, landed(island, at, still), strict=True):
+            v[j] = where(lands, x, v[j])
+        for i, c in enumerate(island.rows[: island.contacts]):
             toggle = toggled.get(names.contacts[c])
             if toggle is not None:
                 closes = where(slow[i], 0.0, jnp.sign(at.speeds[c]))
@@ -169,7 +205,38 @@ def transition(
         failed = failed | (touched & ~ended)
         for c, x in zip(island.rows, found, strict=True):
             new[c] = where(touched, x, new[c])
-    return machine.from_coordinates(at.q, type(at.q)(*v)), _mode(new, failed)
+    return machine.from_coordinates(at.q, type(at.q)(*v)), _mode(machine, new, failed)
+
+
+def _law_of(machine: "AbstractMechanism", t: Any, args: Any) -> Any:
+    """The law of all contacts of an island, as a function of the instant, the island and its states."""
+
+    def law(at: Instant, island: Island, given: list, active: Any) -> list[Any]:
+        states: list[Any] = [2.0] * len(at.speeds)
+        for c, s in zip(island.rows, given, strict=True):
+            states[c] = s
+        gamma = surface_accelerations(machine, t, at, args)
+        none = [s == 9.0 for s in given]
+        return _settled(machine, at, island, states, given, none, gamma, active)[0]
+
+    return law
+
+
+def _slow(at: Instant, island: Island, states: list, on: list) -> list[Any]:
+    """Contacts without speed while those in `on` rest; of the stops only those that are closed."""
+    if not island.stops:
+        return slow_contacts(at, island)
+    speeds = list(at.v)
+    for j, x in zip(island.columns, landed(island, at, on), strict=True):
+        speeds[j] = x
+    still = [
+        jnp.asarray(minus(dot(n, speeds), w)) for n, w in zip(at.directions, at.surfaces, strict=True)
+    ]
+    slow = slow_contacts(at._replace(speeds=still), island)
+    return [
+        x if c < len(at.contacts) else x & (states[c] == 0.0)
+        for c, x in zip(island.rows, slow, strict=True)
+    ]
 
 
 def initial_mode(machine: "AbstractMechanism", t: Any, y: Any, args: Any) -> Any:
@@ -178,6 +245,10 @@ def initial_mode(machine: "AbstractMechanism", t: Any, y: Any, args: Any) -> Any
     gamma = surface_accelerations(machine, t, at, args)
     states = [jnp.sign(u) for u in at.speeds]
     failed = jnp.zeros((), bool)
+    for k in range(len(at.stops)):
+        met, beyond = touches(at, k)
+        states[len(at.contacts) + k] = where(met, 0.0, 2.0)
+        failed = failed | beyond
     for c in machine.lifting:
         failed = failed | (at.contacts[c].normal_force < 0.0)
     for name in machine.opening:
@@ -188,7 +259,7 @@ def initial_mode(machine: "AbstractMechanism", t: Any, y: Any, args: Any) -> Any
             continue
         slow = slow_contacts(at, island)
         now = [
-            where(x & (states[c] != 2.0), 0.0, states[c])
+            where(x & (states[c] != 2.0), 0.0, states[c] if c < len(at.contacts) else 2.0)
             for x, c in zip(slow, island.rows, strict=True)
         ]
         none = [jnp.zeros_like(x) for x in slow]
@@ -196,11 +267,11 @@ def initial_mode(machine: "AbstractMechanism", t: Any, y: Any, args: Any) -> Any
         failed = failed | ~ended
         for c, x in zip(island.rows, found, strict=True):
             states[c] = x
-    return _mode(states, failed)
+    return _mode(machine, states, failed)
 
 
-def _mode(states: list, failed: Any) -> Any:
-    mode = mode_of(states)
+def _mode(machine: "AbstractMechanism", states: list, failed: Any) -> Any:
+    mode = mode_of(states, len(machine.names.stops))
     return where(failed, jnp.asarray(NO_MODE, mode.dtype), mode)
 
 

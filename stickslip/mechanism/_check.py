@@ -16,6 +16,7 @@ from ._contact import Contact
 from ._declaration import coordinates_type, directions_of, in_order, mass_of, traced_with
 from ._known import known
 from ._modes import MOST
+from ._stop import check_names
 
 
 def check_declaration(mechanism: Any) -> None:
@@ -49,6 +50,7 @@ def check_declaration(mechanism: Any) -> None:
     if len(names.contacts) > MOST:
         allowed = f"at most {MOST} contacts, whose mode is a number of 64 bits"
         raise refusal("contact_directions", f"{len(names.contacts)} contacts", allowed)
+    check_names(mechanism)
     directions_of(mechanism.contact_directions, names.coordinates)
     try:
         _check_structure(mechanism)
@@ -60,11 +62,18 @@ def check_declaration(mechanism: Any) -> None:
 
 
 def _check_structure(mechanism: Any) -> None:
+    for name, row in zip(mechanism.names.stops, mechanism.slopes[:, :-1], strict=True):
+        if not row.any():
+            why = "a function of the coordinates"
+            raise DeclarationError(str(refusal(f"the gap of stop {name!r}", "a constant", why)))
     for island in mechanism.islands:
-        if island.dependent and not hasattr(island, "lines"):
-            those = ", ".join(mechanism.names.contacts[c] for c in island.rows)
+        if island.dependent and not island.shut and not hasattr(island, "lines"):
+            everything = mechanism.names.contacts + mechanism.names.stops
+            those = ", ".join(everything[c] for c in island.rows)
             why = "constant where they depend on each other, of at most 12 contacts of a group"
-            raise refusal("contact_directions", those, why)
+            if not island.stops:
+                raise refusal("contact_directions", those, why)
+            raise DeclarationError(str(refusal("directions of contacts and stops", those, why)))
 
 
 def _check_field(what: str, name: Any) -> None:

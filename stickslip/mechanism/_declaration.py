@@ -24,6 +24,7 @@ class Names(NamedTuple):
     velocities: tuple[str, ...]
     contacts: tuple[str, ...]
     opening: tuple[str, ...]
+    stops: tuple[str, ...] = ()
 
 
 @functools.lru_cache(maxsize=256)

@@ -76,6 +76,7 @@ class RegularisedMechanism(_AbstractSmoothForm):
 
     - State: that of the mechanism.
     - A contact that may open has the normal force $\max(N, 0)$.
+    - Rigid stops have impacts, and no smooth form: a mechanism with some is refused.
 
     **Arguments:** `mechanism`; `v_reg` [m/s], positive; `kind` of the rounding, as in `Regularised`.
     **Raises** `TypeError`, `ValueError` for anything else, and for a law with bristles, by the name of
@@ -87,7 +88,7 @@ class RegularisedMechanism(_AbstractSmoothForm):
     kind: str = eqx.field(static=True)
 
     def __init__(self, mechanism: Given[AbstractMechanism], v_reg: Numeric, kind: str = "tanh"):
-        self.mechanism = check_type("mechanism", mechanism, AbstractMechanism, "an AbstractMechanism")
+        self.mechanism = _without_stops(mechanism)
         self.v_reg = as_parameter(check_positive("v_reg", v_reg))
         self.kind = check_in("kind", kind, KINDS)
 
@@ -139,7 +140,7 @@ class BristleMechanism(_AbstractSmoothForm):
     mechanism as the stiffness `sigma_0` grows, the damping like its square root.
 
     - State `BristleState`; `start(y)` makes one with bristles that are not deflected.
-    - A contact that may open has the normal force $\max(N, 0)$.
+    - A contact that may open has the normal force $\max(N, 0)$. Rigid stops are refused.
 
     **Arguments:** `mechanism`; `kind`, `LuGre` or `Dahl` or another bristle law; `parameters` of it.
     **Raises** `TypeError`, `ValueError` for anything else; the law itself raises where it cannot wrap
@@ -156,7 +157,7 @@ class BristleMechanism(_AbstractSmoothForm):
         kind: type[AbstractBristleLaw] = LuGre,
         parameters: dict[str, Any] | None = None,
     ):
-        self.mechanism = check_type("mechanism", mechanism, AbstractMechanism, "an AbstractMechanism")
+        self.mechanism = _without_stops(mechanism)
         if not (isinstance(kind, type) and issubclass(kind, AbstractBristleLaw)):
             raise refusal("kind", kind, "LuGre, Dahl or another class of bristle laws", TypeError)
         self.kind = kind
@@ -206,6 +207,15 @@ class BristleMechanism(_AbstractSmoothForm):
         """As `AbstractMechanism.powers` [W]; friction counts what the bristles take and give back."""
         at = self.mechanism.instant(t, y.y, args)
         return self._powers(at, self._friction(at, y.z)[0])
+
+
+def _without_stops(mechanism: Any) -> AbstractMechanism:
+    check_type("mechanism", mechanism, AbstractMechanism, "an AbstractMechanism")
+    if mechanism.stops:
+        those = ", ".join(map(repr, mechanism.stops))
+        why = "of the event-driven form only: a smooth form has no impacts"
+        raise DeclarationError(str(refusal("stops", those, why)))
+    return mechanism
 
 
 def _pressing(load: Any) -> Any:

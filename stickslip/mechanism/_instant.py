@@ -15,8 +15,10 @@ from ._contact import Contact
 from ._declaration import in_order, mass_of
 from ._island import Island, Motion
 from ._modes import sense_of
+from ._reserve import NO_LIMIT
 from ._scalars import Mass, dot, is_zero, minus, times, total
 from ._settle import Limits
+from ._stop import StopNow, stops_at
 
 if TYPE_CHECKING:
     from ._mechanism import AbstractMechanism
@@ -29,8 +31,10 @@ class Instant(NamedTuple):
 
     - `q`, `v`: coordinates and their rates, by the names of the coordinates.
     - `mass`, `force`: inertia, and all forces but those of the contacts [N].
-    - `contacts`, `directions`: one `Contact` and one row a contact.
-    - `speeds`: sliding speeds $u = n \\cdot v - w$ [m/s].
+    - `contacts`, `stops`: a `Contact` for each contact, a `StopNow` for each stop.
+    - `directions`: a row for each contact and then for each stop, the gradient of its gap.
+    - `surfaces`: speeds $w$ of the counter surfaces [m/s], those of moving stops too.
+    - `speeds`: sliding speeds $u = n \\cdot v - w$ [m/s]; of stops the rates of their gaps.
     """
 
     q: Any
@@ -40,6 +44,8 @@ class Instant(NamedTuple):
     contacts: list[Contact]
     directions: list[list[Any]]
     speeds: list[Any]
+    stops: list[StopNow]
+    surfaces: list[Any]
 
 
 def instant_of(machine: "AbstractMechanism", t: Any, q: Any, v: Any, args: Any) -> Instant:
@@ -53,7 +59,7 @@ def instant_of(machine: "AbstractMechanism", t: Any, q: Any, v: Any, args: Any) 
 
 
 def touching(machine: "AbstractMechanism", t: Any, q: Any, v: Any, args: Any) -> tuple:
-    """Contacts, directions and sliding speeds alone, as an `Instant` has them."""
+    """What an `Instant` has after its forces: contacts, directions, speeds, stops and surfaces."""
     names = machine.names
     contacts = check_contacts(machine, machine.contacts(t, q, v, args))
     rows = []
@@ -63,11 +69,15 @@ def touching(machine: "AbstractMechanism", t: Any, q: Any, v: Any, args: Any) ->
             rows.append(in_order(what, contact.direction, names.coordinates, "numbers"))
         else:
             rows.append([float(x) for x in row])
+    stops = stops_at(machine, t, q, args)
+    rows += [stop.row for stop in stops]
+    surfaces = [contact.surface_speed for contact in contacts]
+    surfaces += [times(-1.0, stop.rate) for stop in stops]
     speeds = [
-        jnp.asarray(minus(dot(row, v), contact.surface_speed), jnp.float64)
-        for row, contact in zip(rows, contacts, strict=True)
+        jnp.asarray(minus(dot(row, v), surface), jnp.float64)
+        for row, surface in zip(rows, surfaces, strict=True)
     ]
-    return contacts, rows, speeds
+    return contacts, rows, speeds, stops, surfaces
 
 
 def surface_accelerations(machine: "AbstractMechanism", t: Any, at: Instant, args: Any) -> list[Any]:
@@ -76,7 +86,7 @@ def surface_accelerations(machine: "AbstractMechanism", t: Any, at: Instant, arg
     The constant 0 where neither direction nor surface speed depends on time or coordinates. Raises
     `DeclarationError` where one of them depends on the velocities.
     """
-    if not at.contacts:
+    if not at.speeds:
         return []
     names = machine.names.contacts
 
@@ -84,15 +94,15 @@ def surface_accelerations(machine: "AbstractMechanism", t: Any, at: Instant, arg
         return touching(machine, t, q, at.v, args)[2]
 
     def given(v):
-        contacts, rows, _ = touching(machine, t, at.q, v, args)
+        contacts, rows, *_ = touching(machine, t, at.q, v, args)
         return [
             sum(jnp.asarray(x, jnp.float64) + 0.0 for x in (contact.surface_speed, *row))
-            for contact, row in zip(contacts, rows, strict=True)
+            for contact, row in zip(contacts, rows, strict=False)
         ]
 
     t = jnp.asarray(t, jnp.float64)
     q, v = floats(at.q), floats(at.v)
-    for name, depends in zip(names, degrees(given, (v,), (True,)), strict=True):
+    for name, depends in zip(names, degrees(given, (v,), (True,)) if names else [], strict=True):
         if depends != NONE:
             what = f"surface_speed and direction of contact {name!r}"
             allowed = (
@@ -102,12 +112,24 @@ def surface_accelerations(machine: "AbstractMechanism", t: Any, at: Instant, arg
     depends = degrees(speeds, (t, q), (True, True))
     if all(d == NONE for d in depends):
         return [0.0] * len(depends)
-    if any(depends[c] != NONE for island in machine.islands if island.dependent for c in island.rows):
-        those = ", ".join(name for name, d in zip(names, depends, strict=True) if d != NONE)
-        what = "surfaces of contacts whose directions depend on each other"
-        raise DeclarationError(str(refusal(what, those, "of constant speed")))
+    # Of one velocity a stop without a speed of its own holds everything that is at rest.
+    still = [len(names) + k for k, rate in enumerate(machine.slopes[:, -1]) if rate == 0.0]
+    for island in machine.islands:
+        if not island.dependent:
+            continue
+        moves = [c for c in island.rows if depends[c] != NONE and not (island.shut and c in still)]
+        if moves:
+            what = "surfaces of contacts and stops whose directions depend on each other"
+            those = ", ".join(names_of_rows(machine, moves))
+            raise DeclarationError(str(refusal(what, those, "of constant speed")))
     rates = jax.jvp(speeds, (t, q), (jnp.ones_like(t), type(q)(*v)))[1]
     return [0.0 if d == NONE else -r for d, r in zip(depends, rates, strict=True)]
+
+
+def names_of_rows(machine: "AbstractMechanism", rows: Any) -> list[str]:
+    """Names of some of the contacts and stops."""
+    names = machine.names.contacts + machine.names.stops
+    return [names[c] for c in rows]
 
 
 def floats(numbers: Any) -> Any:
@@ -129,7 +151,7 @@ def loaded(
     """
     force = list(at.force)
     skipped = {island.rows[0] for island in machine.islands if island.m == 1 and not lone}
-    for c, (contact, s) in enumerate(zip(at.contacts, states, strict=True)):
+    for c, (contact, s) in enumerate(zip(at.contacts, states, strict=False)):
         if c in skipped:
             force = pushed(machine, force, at, c, s)
             continue
@@ -180,6 +202,10 @@ def limits_of(island: Island, at: Instant, which: str) -> Limits:
     """Friction that each contact can bear [N], by the coefficient of its law named `which`."""
     low, high = [], []
     for c in island.rows:
+        if c >= len(at.contacts):
+            low.append(0.0)
+            high.append(NO_LIMIT)
+            continue
         law, load = at.contacts[c].law, at.contacts[c].normal_force
         ahead = getattr(law, which)(1) * load
         behind = ahead if law.is_odd else getattr(law, which)(-1) * load
@@ -188,13 +214,18 @@ def limits_of(island: Island, at: Instant, which: str) -> Limits:
     return Limits(low, high)
 
 
-def slow_contacts(at: Instant, island: Island) -> list[Any]:
-    """Whether a sliding speed is rounding of the terms that it is the sum of."""
+def slow_contacts(at: Instant, island: Island, before: Instant | None = None) -> list[Any]:
+    """Whether a sliding speed is rounding of the terms that it is the sum of.
+
+    `before`: an instant whose terms count too, of which these speeds are what an event has left.
+    """
     largest: Any = 0.0
     for c in island.rows:
-        terms = [times(n, x) for n, x in zip(at.directions[c], at.v, strict=True) if not is_zero(n)]
-        size = total(jnp.abs(x) for x in (*terms, jnp.asarray(at.contacts[c].surface_speed)))
-        largest = jnp.maximum(largest, size)
+        for one in (at,) if before is None else (at, before):
+            pairs = zip(one.directions[c], one.v, strict=True)
+            terms = [times(n, x) for n, x in pairs if not is_zero(n)]
+            size = total(jnp.abs(x) for x in (*terms, jnp.asarray(one.surfaces[c])))
+            largest = jnp.maximum(largest, size)
     return [jnp.abs(at.speeds[c]) <= ROUNDING * largest for c in island.rows]
 
 
@@ -208,5 +239,9 @@ def landed(island: Island, at: Instant, still: list) -> list[Any]:
         own = [j for j, n in enumerate(row) if not is_zero(n)]
         if len(own) == 1:
             (j,) = own
-            v[j] = where(rests, times(1.0 / row[j], at.contacts[c].surface_speed), v[j])
+            v[j] = where(rests, times(1.0 / row[j], at.surfaces[c]), v[j])
+        elif c >= len(at.contacts):
+            # A gap that rounding still closes as it opens would look as if it were touched.
+            j, others = own[-1], dot([row[i] for i in own[:-1]], [v[i] for i in own[:-1]])
+            v[j] = where(rests, times(1.0 / row[j], minus(at.surfaces[c], others)), v[j])
     return v

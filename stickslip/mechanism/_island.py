@@ -47,6 +47,9 @@ class Island:
     Where directions depend on each other, a largest independent part of $H$ leads and bears all.
     Constant directions that do not are taken as coordinates: a contact that rests is then an equation
     that is left out, and its speed is held to the last digit.
+
+    A stop is a contact like the others, with the gradient of its gap as direction, that can bear any
+    force off it and none towards it. The last `stops` of the rows are stops.
     """
 
     def __init__(
@@ -55,9 +58,11 @@ class Island:
         rows: tuple[int, ...],
         directions: np.ndarray,
         inertia: np.ndarray | None = None,
+        stops: int = 0,
     ):
         self.columns, self.rows, self.directions = columns, rows, directions
         self.m, self.n = directions.shape
+        self.stops, self.contacts = stops, self.m - stops
         self.varies = bool(np.isnan(directions).any())
         # A direction that varies is taken to be in general position.
         generic = np.random.default_rng(0).normal(size=directions.shape)
@@ -65,9 +70,13 @@ class Island:
         self.rank = int(np.linalg.matrix_rank(known)) if self.m else 0
         self.dependent = self.rank < self.m
         self.alone = (self.m, self.n) == (1, 1)
-        if self.dependent and not self.varies and self.m <= MOST_DEPENDENT:
+        # One velocity and a stop: what rests, holds it.
+        self.shut = self.n == 1 and self.m > 1 and stops > 0
+        if self.shut:
+            self.dependent = self.contacts > 0  # stops alone bear the load one at a time
+        elif self.dependent and not self.varies and self.m <= MOST_DEPENDENT:
             self._tabulate()
-        if not self.dependent and not self.varies:
+        if self.rank == self.m and not self.varies:
             self.inverse = T = _completed_inverse(directions)
             # Inertia between speeds along contacts that vanishes whatever the parameters are.
             self.parted = np.zeros((self.n, self.n), bool)
@@ -77,11 +86,12 @@ class Island:
 
     @property
     def separate(self) -> bool:
-        """Whether the friction of one contact changes the acceleration along no other."""
+        """Whether what one contact or stop bears changes the acceleration along no other."""
         if self.m == 1:
             return True
         return (
             not self.dependent
+            and not self.shut
             and not self.varies
             and bool((self.parted | np.eye(self.n, dtype=bool)).all())
         )
@@ -122,6 +132,9 @@ class Island:
 
     def closed(self, rest: list[Any], slow: list[Any]) -> list[Any]:
         """`rest`, and the contacts that rest wherever these do: those of them without speed, `slow`."""
+        if self.shut:
+            some = any_of(rest)
+            return [r | (some & s) for r, s in zip(rest, slow, strict=True)]
         if not self.dependent:
             return rest
         with_them = self._looked_up(self.closure, rest)
@@ -133,6 +146,8 @@ class Island:
         None unless the speeds of the surfaces are those of one rigid motion of them all: two belts of
         different speeds under one body stop sliding at different times.
         """
+        if self.shut:
+            return [rest[0] & False] * self.m
         tied = self._looked_up(self.covered, rest)
         for column in self.fixed.T.tolist():
             terms = [times(x, w) for x, w in zip(column, surface, strict=True) if x]
@@ -147,6 +162,8 @@ class Island:
         """Motion while the contacts in `rest` have the relative acceleration `gamma`."""
         if self.alone:
             return self._of_one(M, F, J, rest, gamma)
+        if self.shut:
+            return self._of_one_velocity(M, F, J, rest, gamma)
         if not self.m:
             return Motion(M.solve(F), [], [])
         if not self.dependent and not self.varies:
@@ -226,6 +243,26 @@ class Island:
         a = where(rest[0], held, F[0] / m)
         needed = where(rest[0], minus(times(m, held), F[0]), 0.0)
         return Motion([a], [needed], [times(1.0 / n, needed)])
+
+    def _of_one_velocity(self, M: Mass, F: list, J: list[list], rest: list, gamma: list) -> Motion:
+        (m,) = M.diagonal or (M.full or [[None]])[0]
+        # The first that rests leads; stops come before friction.
+        order = [*range(self.contacts, self.m), *range(self.contacts)]
+        held: Any = 0.0
+        for c in reversed(order):
+            held = chosen(rest[c], times(1.0 / J[c][0], gamma[c]), held)
+        some = any_of(rest)
+        a = where(some, held, F[0] / m)
+        needed = where(some, minus(times(m, held), F[0]), 0.0)
+        force: list[Any] = [None] * self.m
+        leads = rest[order[0]]
+        led = leads
+        for c in order:
+            force[c] = where(leads, times(1.0 / J[c][0], needed), 0.0)
+            if c != order[-1]:
+                following = rest[order[order.index(c) + 1]]
+                leads, led = following & ~led, led | following
+        return Motion([a], [needed], force)
 
     def project(self, M: Mass, v: list, J: list[list], rest: list, speeds: list) -> list:
         """The velocities nearest to `v`, by the inertia, at which those in `rest` do not slide."""
@@ -338,12 +375,16 @@ def lines_of(J: np.ndarray) -> np.ndarray:
 
 @functools.lru_cache(maxsize=256)
 def islands_of(
-    directions: bytes, shape: tuple[int, int], coupled: bytes, inertia: bytes = b""
+    directions: bytes,
+    shape: tuple[int, int],
+    coupled: bytes,
+    inertia: bytes = b"",
+    stops: int = 0,
 ) -> tuple[Island, ...]:
     """The islands of contacts with these directions [contact, velocity] and coupled velocities.
 
-    `inertia`: the mass matrix in general position, if it is known. All as bytes of arrays, so that a
-    mechanism is analysed once.
+    `inertia`: the mass matrix in general position, if it is known. The last `stops` rows are stops. All
+    arrays as bytes, so that a mechanism is analysed once.
     """
     J = np.frombuffer(directions).reshape(shape)
     n = shape[1]
@@ -361,6 +402,7 @@ def islands_of(
         columns = tuple(j for j in range(n) if label[j] == one)
         part = J[:, columns]
         rows = tuple(c for c in range(len(J)) if (np.isnan(part[c]) | (part[c] != 0)).any())
+        own = sum(c >= len(J) - stops for c in rows)
         block = None if M is None else M[np.ix_(columns, columns)]
-        found.append(Island(columns, rows, part[list(rows)], block))
+        found.append(Island(columns, rows, part[list(rows)], block, own))
     return tuple(found)

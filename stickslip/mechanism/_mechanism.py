@@ -19,7 +19,6 @@ from stickslip.friction import AbstractBristleLaw, LuGre
 from stickslip.hybrid._dependence import NONE, degrees
 
 from . import _changes
-from ._account import AbstractMechanicalSystem
 from ._check import check_declaration, check_law, check_load, check_mass
 from ._contact import Contact
 from ._declaration import (
@@ -40,20 +39,23 @@ from ._instant import (
     instant_of,
     loaded,
     motion_of,
+    names_of_rows,
     pushed,
     surface_accelerations,
     touching,
 )
 from ._island import Island, islands_of
 from ._known import known
-from ._modes import ModeNames, sense_of, states_of
+from ._modes import ModeNames, sense_of
 from ._scalars import dot, total
+from ._stop import check_gaps
+from ._with_stops import AbstractWithStops
 
 if TYPE_CHECKING:
     from ._forms import BristleMechanism, RegularisedMechanism
 
 
-class AbstractMechanism(AbstractMechanicalSystem):
+class AbstractMechanism(AbstractWithStops):
     r"""A mechanism with dry contacts, declared by its inertia, forces and contacts.
 
     $$M(q)\,\dot v = f(t, q, v) + \sum_c n_c\,\lambda_c, \qquad \dot q = v, \qquad
@@ -100,25 +102,28 @@ class AbstractMechanism(AbstractMechanicalSystem):
       made from their names if left out.
     - `opening`: names of the contacts that open where their normal force falls to zero, and close
       where it rises again.
+    - `stops`: names of rigid stops, which end the motion towards them with an impact.
 
     and as methods `mass_matrix(q)`, `forces(t, q, v, args)`, `contacts(t, q, v, args)`,
-    `potential_energy(q)` (for the energy account only) and, if the forces depend on the time,
-    `time_scale(args)`. In them `q` and `v` are named tuples, both by the names of the coordinates.
-    Python and NumPy constants in what they return are structure: a mass matrix whose constant zeros
-    part the mechanism is treated part by part. Loads that jump at known times: `WithBreaks`.
+    `gaps(t, q, args)` (where there are stops), `potential_energy(q)` (for the energy account only)
+    and, if the forces depend on the time, `time_scale(args)`. In them `q` and `v` are named tuples,
+    both by the names of the coordinates. Python and NumPy constants in what they return are structure:
+    a mass matrix whose constant zeros part the mechanism is treated part by part. Loads that jump at
+    known times: `WithBreaks`.
 
     A coordinate may stand for an array of them, as those of a beam, if no contact and no other inertia
     touches it; `energy` then has to be overridden, and states made by `state_class`.
 
     **What follows**
 
-    - Modes: each contact slips backward, sticks, slips forward, or is open.
+    - Modes: each contact slips backward, sticks, slips forward, or is open; after the contacts each
+      stop is open or closed.
     - Within a mode: Gauss' principle, with the contacts at rest as constraints
       $n_c\cdot a = \dot w_c - \dot n_c\cdot v$; directions of contacts may depend on each other.
     - Guards: for each contact the friction that is left to it [N], or its sliding speed in the sense of
       its slip [m/s]; one more for the other sense, where what is left in each is affine in time and
       state; of dependent contacts the least part of their friction that is left together; the normal
-      force of one that opens, or may vanish.
+      force of one that opens, or may vanish; of a stop its gap [m], or what it bears [N].
     - Transitions: a contact that stops is at rest, and stays so if the law of all contacts lets it; the
       threshold is the greater of static and kinetic friction; what begins to slide is under kinetic
       friction at once, which may start others at the same instant.
@@ -126,10 +131,14 @@ class AbstractMechanism(AbstractMechanicalSystem):
       `RESULTS.no_admissible_mode`; its guard is the last in the log (one that bears nothing at rest
       gives way as it does so, and is logged as that).
 
-    **Limits.** Normal forces that depend on friction or accelerations (Painlevé) and impacts are not
-    covered. Dependent directions that vary, surfaces of dependent contacts whose speeds vary, and more
-    than 31 contacts are refused. Where contacts have directions across the coordinates, accelerations
-    lose as many digits as the inertias that they join have in their ratio.
+    - At an impact stops that are closed take impulses too, by Newton's law with no speed before it:
+      they are pushed on, or left. Friction is finite and takes none, but what sticks may slide then.
+
+    **Limits.** Normal forces that depend on friction or accelerations (Painlevé) are not covered, nor
+    is friction in a stop. Dependent directions that vary, surfaces of dependent contacts whose speeds
+    vary, and more than 31 contacts (a stop counts as half of one) are refused. Where contacts have
+    directions across the coordinates, accelerations lose as many digits as the inertias that they join
+    have in their ratio.
 
     **Raises** `DeclarationError`, `ValueError` or `TypeError` that name what is declared wrongly,
     before anything is compiled: directions of the wrong length, a mass matrix that is not positive
@@ -179,10 +188,11 @@ class AbstractMechanism(AbstractMechanicalSystem):
 
     @property
     def names(self) -> Names:
-        """Names of coordinates, velocities and contacts, and of the contacts that open."""
+        """Names of coordinates, velocities and contacts, of the contacts that open, and of stops."""
         coordinates = tuple(self.coordinates)
         velocities = tuple(self.velocities.get(name, f"v_{name}") for name in coordinates)
-        return Names(coordinates, velocities, tuple(self.contact_directions), tuple(self.opening))
+        contacts, opening = tuple(self.contact_directions), tuple(self.opening)
+        return Names(coordinates, velocities, contacts, opening, tuple(self.stops))
 
     @property
     def directions(self) -> np.ndarray:
@@ -192,9 +202,9 @@ class AbstractMechanism(AbstractMechanicalSystem):
     @property
     def islands(self) -> tuple[Island, ...]:
         """Groups of velocities that contacts and inertia couple."""
-        directions = self.directions
-        joined = traced_with(coupled, self)
-        return islands_of(directions.tobytes(), directions.shape, joined, generic_mass(self))
+        directions = np.vstack([self.directions, self.slopes[:, :-1]])
+        joined, inertia, stops = traced_with(coupled, self), generic_mass(self), len(self.stops)
+        return islands_of(directions.tobytes(), directions.shape, joined, inertia, stops)
 
     @property
     def lifting(self) -> tuple[int, ...]:
@@ -213,19 +223,22 @@ class AbstractMechanism(AbstractMechanicalSystem):
 
     @property
     def mode_names(self) -> Any:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """`"slip backward"`, `"stick"`, `"slip forward"` or `"open"` of each contact."""
-        return ModeNames(len(self.contact_directions))
+        """`"slip backward"`, `"stick"`, `"slip forward"` or `"open"` of each contact; of each stop
+        `"open"` or `"closed"`."""
+        return ModeNames(len(self.contact_directions), len(self.stops))
 
     @property
     def guard_names(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """One of each contact, one of each group of dependent contacts, one of each that may open."""
+        """One of each contact, one of each group of dependent contacts, one of each that may open, and
+        one of each stop."""
         names = self.names
         own = [f"{name} stops or gives way" for name in names.contacts]
         own += [f"{names.contacts[c]} gives way forward" for c in self.parted]
         for island in self.shared:
-            own.append(" and ".join(names.contacts[c] for c in island.rows) + " give way")
+            own.append(" and ".join(names_of_rows(self, island.rows)) + " give way")
         own += [f"{name} opens or closes" for name in names.opening]
         own += [f"{names.contacts[c]} loses its normal force" for c in self.lifting]
+        own += [f"{name} is met or left" for name in names.stops]
         return tuple(own)
 
     @property
@@ -277,7 +290,7 @@ class AbstractMechanism(AbstractMechanicalSystem):
         return instant_of(self, t, *self.to_coordinates(y), args)
 
     def vector_field(self, t, y, mode, args):
-        at, states = self.instant(t, y, args), states_of(mode, len(self.contact_directions))
+        at, states = self.instant(t, y, args), self.states(mode)
         for name, contact in zip(self.names.contacts, at.contacts, strict=True):
             check_law(name, contact.law)
         force, gamma = loaded(self, at, states), surface_accelerations(self, t, at, args)
@@ -299,10 +312,11 @@ class AbstractMechanism(AbstractMechanicalSystem):
         return _changes.initial_mode(self, t, y, args)
 
     def check_start(self, t, y, args):
-        """Raise `ValueError` for a contact that pulls at the start, or an inertia that is none."""
+        """Raise `ValueError` for a contact that pulls at the start, or what is no inertia, no stop."""
         names = self.names
         if not all(hasattr(y, name) for name in (*names.coordinates, *names.velocities)):
             return  # no state of this mechanism, as the run says
+        check_gaps(self, t, y, args)
         if is_concrete((self, y)):
             check_mass(self, self.to_coordinates(y)[0])
         fixed = [name for name in names.contacts if name not in names.opening]
@@ -343,22 +357,23 @@ class AbstractMechanism(AbstractMechanicalSystem):
 
         `forces`: of all declared forces but those that `potential_energy` accounts for;
         `friction of NAME`, the loss $\lambda u$ in a contact; `drive of NAME`, the work $\lambda w$ of
-        its counter surface.
+        its counter surface; `drive of NAME`, likewise, of a stop that moves. Losses at impacts are in
+        the log of events.
         """
         at = self.instant(t, y, args)
-        found = {"forces": self.declared_power(at, states_of(mode, len(at.contacts)))}
+        found = {"forces": self.declared_power(at, self.states(mode))}
         friction = self.friction_forces(t, y, mode, args)
         moving = traced_with(driven, self)
         for c, name in enumerate(self.names.contacts):
             found[f"friction of {name}"] = friction[name] * at.speeds[c]
             if name in moving:
                 found[f"drive of {name}"] = friction[name] * at.contacts[c].surface_speed
-        return found
+        return {**found, **self.drives_of_stops(t, y, mode, args)}
 
     def declared_power(self, at: Instant, states: list) -> Any:
         """Power of all forces but friction, less what the potential and the changing inertia take."""
         force = list(at.force)
-        for c, s in enumerate(states):
+        for c, s in enumerate(states[: len(at.contacts)]):
             force = pushed(self, force, at, c, s)
 
         def stored(q):
@@ -378,16 +393,12 @@ class AbstractMechanism(AbstractMechanicalSystem):
         Contacts at rest with dependent directions share a load in no unique way: those that lead bear
         all of it.
         """
-        at, states = self.instant(t, y, args), states_of(mode, len(self.contact_directions))
-        force, gamma = loaded(self, at, states), surface_accelerations(self, t, at, args)
-        found: dict[str, Any] = dict.fromkeys(self.names.contacts)
-        for island in self.islands:
-            motion = motion_of(island, at, states, force, gamma)
-            for c, borne in zip(island.rows, motion.force, strict=True):
-                contact, s = at.contacts[c], states[c]
-                slips = contact.law.slip_force(at.speeds[c], contact.normal_force, sense_of(s))
-                name = self.names.contacts[c]
-                found[name] = where(s == 0.0, borne, where(s == 2.0, 0.0, slips))
+        at, states = self.instant(t, y, args), self.states(mode)
+        held, found = self.held(t, at, states, args), {}
+        for c, (name, contact) in enumerate(zip(self.names.contacts, at.contacts, strict=True)):
+            s = states[c]
+            slips = contact.law.slip_force(at.speeds[c], contact.normal_force, sense_of(s))
+            found[name] = where(s == 0.0, held[c], where(s == 2.0, 0.0, slips))
         return found
 
     @looks_at(**OBSERVABLE)
@@ -395,24 +406,26 @@ class AbstractMechanism(AbstractMechanicalSystem):
         self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None
     ) -> dict[str, Any]:
         """Normal force in each contact [N], by name; 0 where it is open."""
-        at, states = self.instant(t, y, args), states_of(mode, len(self.contact_directions))
+        at, states = self.instant(t, y, args), self.states(mode)
         return {
             name: where(s == 2.0, 0.0, contact.normal_force)
-            for name, contact, s in zip(self.names.contacts, at.contacts, states, strict=True)
+            for name, contact, s in zip(self.names.contacts, at.contacts, states, strict=False)
         }
 
     @looks_at(**OBSERVABLE)
     def relative_velocities(
         self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None
     ) -> dict[str, Any]:
-        """Sliding speed of each contact [m/s], by name."""
-        return dict(zip(self.names.contacts, self.instant(t, y, args).speeds, strict=True))
+        """Sliding speed of each contact, and rate of the gap of each stop [m/s], by name."""
+        names = self.names
+        speeds = self.instant(t, y, args).speeds
+        return dict(zip(names.contacts + names.stops, speeds, strict=True))
 
 
 def _loads(machine: AbstractMechanism, t: Any, y: Any, args: Any) -> list[Any]:
     """Normal forces of the contacts that do not open [N]."""
     names = machine.names
-    contacts, _, _ = touching(machine, t, *machine.to_coordinates(y), args)
+    contacts, *_ = touching(machine, t, *machine.to_coordinates(y), args)
     loads = zip(names.contacts, contacts, strict=True)
     return [jnp.asarray(c.normal_force, jnp.float64) for name, c in loads if name not in names.opening]
 

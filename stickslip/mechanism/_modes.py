@@ -1,6 +1,5 @@
-"""Modes of several contacts: two bits each, and names made when they are asked for."""
+"""Modes: two bits a contact, one a stop, and names made when they are asked for."""
 
-import itertools
 from collections.abc import Sequence
 from typing import Any, overload
 
@@ -10,21 +9,23 @@ from stickslip._fastmath import where
 
 BACKWARD, REST, FORWARD, OPEN = 0, 1, 2, 3
 WORDS = ("slip backward", "stick", "slip forward", "open")
-BITS = 2  # of each contact, the first contact the lowest
+STOP_WORDS = ("open", "closed")
+BITS = 2  # of each contact, the first contact the lowest; each stop has one, above all contacts
 MOST_IN_32, MOST = 15, 31  # contacts whose mode is an integer of 32, and of 64 bits
 
 
 class ModeNames(Sequence):
-    """Names of all modes, `"stick / slip forward"`: $4^m$ for m contacts, made when asked for.
+    """Names of all modes, `"stick / slip forward"`: $4^m 2^s$ for m contacts and s stops.
 
-    Modes in which a contact that does not open is open have names too, and are never taken.
+    They are made when asked for. Modes in which a contact that does not open is open have names too,
+    and are never taken.
     """
 
-    def __init__(self, contacts: int):
-        self.contacts = contacts
+    def __init__(self, contacts: int, stops: int = 0):
+        self.contacts, self.stops = contacts, stops
 
     def __len__(self) -> int:
-        return 4**self.contacts if self.contacts else 1
+        return 4**self.contacts * 2**self.stops
 
     @overload
     def __getitem__(self, index: int) -> str: ...
@@ -37,17 +38,21 @@ class ModeNames(Sequence):
         number += len(self) if number < 0 else 0
         if not 0 <= number < len(self):
             raise IndexError(f"mode {index} of {len(self)}")
-        if not self.contacts:
-            return "motion"
-        return " / ".join(WORDS[(number >> BITS * c) & 3] for c in range(self.contacts))
+        words = [WORDS[(number >> BITS * c) & 3] for c in range(self.contacts)]
+        number >>= BITS * self.contacts
+        words += [STOP_WORDS[(number >> k) & 1] for k in range(self.stops)]
+        return " / ".join(words) or "motion"
 
     def index(self, value: Any, start: int = 0, stop: int | None = None) -> int:
         if isinstance(value, str):
-            words = value.split(" / ") if self.contacts else []
-            if value == "motion" and not self.contacts:
-                return 0
-            if len(words) == self.contacts and set(words) <= set(WORDS):
-                return sum(WORDS.index(word) << BITS * c for c, word in enumerate(words))
+            all_words = [WORDS] * self.contacts + [STOP_WORDS] * self.stops or [("motion",)]
+            words = value.split(" / ")
+            if len(words) == len(all_words) and all(map(tuple.__contains__, all_words, words)):
+                number, place = 0, 1
+                for known, word in zip(all_words, words, strict=True):
+                    number += known.index(word) * place
+                    place *= len(known)
+                return number
         raise ValueError(f"{value!r} is not the name of a mode")
 
     def __contains__(self, value: object) -> bool:
@@ -58,40 +63,48 @@ class ModeNames(Sequence):
         return True
 
     def __iter__(self):
-        if not self.contacts:
-            return iter(("motion",))
-        names = itertools.product(WORDS, repeat=self.contacts)
-        return (" / ".join(reversed(name)) for name in names)
+        return (self[i] for i in range(len(self)))
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, ModeNames) and other.contacts == self.contacts
+        return isinstance(other, ModeNames) and hash(self) == hash(other)
 
     def __hash__(self) -> int:
-        return hash((ModeNames, self.contacts))
+        return hash((ModeNames, self.contacts, self.stops))
 
     def __repr__(self) -> str:
-        return f"ModeNames({self.contacts})"
+        return f"ModeNames({self.contacts}, {self.stops})"
 
 
-def _word(contacts: int) -> Any:
-    """Integers of as many bits as the mode of so many contacts needs."""
-    return jnp.int64 if contacts > MOST_IN_32 else jnp.int32
+def _word(contacts: int, stops: int) -> Any:
+    """Integers of as many bits as the mode of so many contacts and stops needs."""
+    return jnp.int64 if BITS * contacts + stops > BITS * MOST_IN_32 else jnp.int32
 
 
-def states_of(mode: Any, contacts: int) -> list[Any]:
-    """-1, 0 or 1 for each contact, the sense of its slip, and 2 where it is open; from the mode."""
-    word = _word(contacts)
+def states_of(mode: Any, contacts: int, stops: int = 0) -> list[Any]:
+    """-1, 0 or 1 for each contact, the sense of its slip, and 2 where it is open; from the mode.
+
+    Then 0 for each stop that is closed, and 2 where it is open.
+    """
+    word = _word(contacts, stops)
     mode = jnp.asarray(mode, word)
-    if contacts == 1:
+    if (contacts, stops) == (1, 0):
         return [mode.astype(jnp.float64) - 1.0]
-    return [((mode >> word(BITS * c)) & word(3)).astype(jnp.float64) - 1.0 for c in range(contacts)]
+    found = [((mode >> word(BITS * c)) & word(3)).astype(jnp.float64) - 1.0 for c in range(contacts)]
+    for k in range(stops):
+        closed = (mode >> word(BITS * contacts + k)) & word(1)
+        found.append(where(closed == 1, 0.0, 2.0))
+    return found
 
 
-def mode_of(states: Sequence[Any]) -> Any:
-    """The mode of such states."""
-    mode, word = None, _word(len(states))
+def mode_of(states: Sequence[Any], stops: int = 0) -> Any:
+    """The mode of such states; the last `stops` of them are those of stops."""
+    contacts = len(states) - stops
+    mode, word = None, _word(contacts, stops)
     for c, s in enumerate(states):
-        part = (jnp.asarray(s) + 1.0).astype(word) * word(4**c)
+        if c < contacts:
+            part = (jnp.asarray(s) + 1.0).astype(word) * word(4**c)
+        else:
+            part = where(s == 0.0, word(4**contacts * 2 ** (c - contacts)), word(0))
         mode = part if mode is None else mode + part
     return jnp.zeros((), jnp.int32) if mode is None else mode
 

@@ -10,6 +10,7 @@ from jax import lax
 from stickslip._fastmath import where
 
 from ._island import Island
+from ._reserve import NO_LIMIT, least_reserve, stops_alone
 from ._scalars import Mass, any_of, dot, is_zero, minus, times, total, without_slope
 
 MOST_PIVOTS = 128
@@ -18,7 +19,8 @@ PATIENCE = 16  # pivots after which more is taken for rounding: ten times as muc
 
 
 class Limits(NamedTuple):
-    """Friction that each contact can bear [N], from `low` <= 0 to `high` >= 0."""
+    """Friction that each contact can bear [N], from `low` <= 0 to `high` >= 0; a stop bears any
+    force off it, from 0 to the constant `NO_LIMIT`."""
 
     low: list[Any]
     high: list[Any]
@@ -64,17 +66,23 @@ def settled(
     accelerations of the surfaces; the limits of friction; `states`, 0 for every contact at rest;
     `started`, which contacts with a sense have no speed yet; `active`, whether the answer is wanted.
 
+    A stop is a contact that begins to move off with the sense 1, and bears nothing then.
+
     **Returns** the states and whether the search ended.
     """
     F, gamma, J, static, kinetic, states = without_slope((F, gamma, J, static, kinetic, states))
     M = Mass(without_slope(M.diagonal), without_slope(M.full))
     standing = [(s == 0.0) | start for s, start in zip(states, started, strict=True)]
+    if island.shut and island.stops == island.m:
+        return stops_alone(island, M, F, J, gamma, states, standing), jnp.ones_like(standing[0])
     if island.separate:
-        # The law of each contact: what it bears at rest decides.
+        # The law of each contact and stop: what it bears at rest decides.
         every = [jnp.ones_like(x) for x in standing]
         after = []
         for c, borne in enumerate(island.motion(M, F, J, every, gamma).force):
-            leaves = where(borne > static.high[c], -1.0, where(borne < static.low[c], 1.0, 0.0))
+            leaves = where(borne < static.low[c], 1.0, 0.0)
+            if static.high[c] is not NO_LIMIT:
+                leaves = where(borne > static.high[c], -1.0, leaves)
             after.append(where(states[c] == 0.0, leaves, states[c]))
         return after, every[0]
     felt = _inertia(island, M, J)
@@ -95,7 +103,7 @@ def settled(
             least = where(given > 0.0, kinetic.low[c], static.low[c])
             most = where(given < 0.0, kinetic.high[c], static.high[c])
             # The middle of the interval is a force, so that what is left to bear lies around 0.
-            middle = 0.5 * (least + most)
+            middle = 0.0 if static.high[c] is NO_LIMIT else 0.5 * (least + most)
             low.append(least - middle)
             high.append(most - middle)
             friction = where(stands, where(s > 0.0, least, where(s < 0.0, most, middle)), 0.0)
@@ -117,8 +125,12 @@ def settled(
         ]
         # Of dependent contacts those that have no speed and would have none by the others' rest.
         stopped = island.closed([r | (first == c) for c, r in enumerate(rest)], standing)
-        used, released = island.onset(low, high, rest, found, slack=now.still)
-        overloaded = ~blocked & (used > 1.0)
+        if island.stops:
+            reserve, released = least_reserve(island, low, high, J, rest, found)
+            overloaded = ~blocked & (reserve < -now.still)
+        else:
+            used, released = island.onset(low, high, rest, found, slack=now.still)
+            overloaded = ~blocked & (used > 1.0)
         states_now = [
             where(blocked & r, 0.0, where(overloaded & (s == 0.0), way, s))
             for r, way, s in zip(stopped, released, now.states, strict=True)
@@ -170,7 +182,8 @@ def _levers(island: Island, J: list[list]) -> list[Any]:
 
 def _size(island: Island, F: list, J: list[list], static: Limits, carried: list) -> Any:
     """All forces at the contacts together [N], `carried` by accelerated surfaces among them."""
-    borne = [jnp.abs(high - low) for low, high in zip(static.low, static.high, strict=True)]
+    limits = zip(static.low, static.high, strict=True)
+    borne = [jnp.abs(high - low) for low, high in limits if high is not NO_LIMIT]
     levers = _levers(island, J)
     loads = [jnp.abs(f) / x for f, x in zip(F, levers, strict=True) if not is_zero(x)]
     return total((*borne, *loads, *(jnp.abs(x) for x in carried if not is_zero(x)))) + 1e-300

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from stickslip._fastmath import where
-from stickslip._looks_at import OBSERVABLE, looks_at, reals, state
+from stickslip._looks_at import OBSERVABLE, looks_at, reals
 from stickslip._types import Numeric
 from stickslip._validation import (
     as_parameter,
@@ -16,11 +16,11 @@ from stickslip._validation import (
     check_nonnegative,
     check_positive,
 )
-from stickslip.hybrid._system import NO_MODE
-from stickslip.systems._mechanical import AbstractMechanicalSystem, Motion, Number
+from stickslip.mechanism import AbstractMechanism, Stop
+from stickslip.systems._mechanical import Motion, Number
 
 
-class OscillatorBetweenStops(AbstractMechanicalSystem):
+class OscillatorBetweenStops(AbstractMechanism):
     r"""A driven linear oscillator whose displacement is limited by two rigid stops.
 
     $$m\ddot x + c\dot x + kx = P\cos\Omega t \quad (a < x < b), \qquad
@@ -28,7 +28,7 @@ class OscillatorBetweenStops(AbstractMechanicalSystem):
 
     - State `Motion`: `x` [m] from the unloaded spring, `v` [m/s].
     - Modes: `"free"`, `"at the lower stop"`, `"at the upper stop"`: pressed against it and at rest.
-    - Guards: the distances to the stops [m], and in a mode of rest the force on the stop [N].
+    - Guards: for each stop the distance to it [m], and while the mass rests there the force on it [N].
     - An impact that would leave no more than `rest_speed` under a force towards the stop ends in
       rest. With `rest_speed=0` and $0 < e < 1$ such impacts accumulate (Zeno), and the simulation
       ends with `RESULTS.chattering`, or with `RESULTS.max_events_reached` when the log is full.
@@ -58,13 +58,15 @@ class OscillatorBetweenStops(AbstractMechanicalSystem):
     force_amplitude: Float[Array, "..."]
     force_frequency: Float[Array, "..."]
 
+    coordinates: ClassVar = {"x": "m"}
+    velocities: ClassVar = {"x": "v"}
+    state_class: ClassVar = Motion
+    stops: ClassVar = ("lower stop", "upper stop")
     mode_names: ClassVar = ("free", "at the lower stop", "at the upper stop")
     guard_names: ClassVar = (
-        "the mass meets the lower stop",
-        "the mass meets the upper stop",
-        "the force leaves the stop",
+        "the mass meets or leaves the lower stop",
+        "the mass meets or leaves the upper stop",
     )
-    units: ClassVar = {"x": "m", "v": "m/s"}
 
     def __init__(
         self,
@@ -100,47 +102,20 @@ class OscillatorBetweenStops(AbstractMechanicalSystem):
         still = self.force_frequency == 0.0
         return where(still, jnp.inf, 1.0 / jnp.abs(where(still, 1.0, self.force_frequency)))
 
-    def vector_field(self, t, y, mode, args):
-        free = (self.drive(t) - self.damping * y.v - self.stiffness * y.x) / self.mass
-        return Motion(x=y.v, v=where(mode == 0, free, 0.0))
+    def mass_matrix(self, q):
+        return {"x": self.mass}
 
-    def guards(self, t, y, mode, args):
-        free = mode == 0
-        towards_upper = self.drive(t) - self.stiffness * y.x
-        return (
-            where(free, y.x - self.lower, 1.0),
-            where(free, self.upper - y.x, 1.0),
-            where(free, 1.0, where(mode == 2, towards_upper, -towards_upper)),
-        )
+    def forces(self, t, q, v, args):
+        return {"x": self.drive(t) - self.damping * v.x - self.stiffness * q.x}
 
-    def transition(self, t, y, mode, guard, args):
-        at_upper, impact = guard == 1, guard <= 1
-        stop = where(at_upper, self.upper, self.lower)
-        rebound = -self.restitution * y.v
-        rests = impact & self._stays(t, stop, rebound, at_upper)
-        after = Motion(
-            x=where(impact, stop, y.x), v=where(impact & ~rests, rebound, jnp.zeros_like(y.v))
-        )
-        return after, where(rests, where(at_upper, 2, 1), 0)
+    def gaps(self, t, q, args):
+        return {
+            "lower stop": Stop(q.x - self.lower, self.restitution, self.rest_speed),
+            "upper stop": Stop(self.upper - q.x, self.restitution, self.rest_speed),
+        }
 
-    def _stays(self, t, stop, v, at_upper):
-        """Whether the mass is slow enough and pressed against the stop."""
-        towards_upper = self.drive(t) - self.stiffness * stop
-        pressed = where(at_upper, towards_upper, -towards_upper) > 0.0
-        return (jnp.abs(v) <= self.rest_speed) & pressed
-
-    @looks_at(t=reals, y=state)
-    def initial_mode(self, t, y, args):
-        outside = (y.x < self.lower) | (y.x > self.upper)
-        still = y.v == 0.0
-        at_lower = still & (y.x == self.lower) & self._stays(t, y.x, y.v, y.x > self.lower)
-        at_upper = still & (y.x == self.upper) & self._stays(t, y.x, y.v, y.x > self.lower)
-        return where(outside, NO_MODE, where(at_lower, 1, where(at_upper, 2, 0)))
-
-    @looks_at(y=state)
-    def energy(self, y):
-        """Kinetic energy and energy of the spring [J]."""
-        return 0.5 * (self.mass * y.v**2 + self.stiffness * y.x**2)
+    def potential_energy(self, q):
+        return 0.5 * self.stiffness * q.x**2
 
     @looks_at(**OBSERVABLE)
     def powers(self, t, y, mode, args):

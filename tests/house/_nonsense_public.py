@@ -41,9 +41,17 @@ EXEMPT_METHODS = {
     **dict.fromkeys(
         (
             "vector_field", "guards", "transition", "inner", "time_scale", "check_start", "mass_matrix",
-            "forces", "contacts",
+            "forces", "contacts", "gaps", "potential_energy",
         ),
         CALLED_BY_ENGINE,
+    ),
+    **dict.fromkeys(
+        (
+            "AbstractMechanism.declared_power", "AbstractMechanism.from_coordinates",
+            "AbstractMechanism.instant", "AbstractMechanism.to_coordinates", "AbstractWithStops.states",
+            "AbstractWithStops.held", "AbstractWithStops.drives_of_stops",
+        ),
+        "parts of a machine's vector field, called inside of its programs",
     ),
     "AbstractSmoothSystem.initial_mode": "there is one mode, whatever is given",
     "AbstractSystemWrapper.initial_mode": "takes what the author's `inner` takes",
@@ -62,20 +70,6 @@ EXEMPT_METHODS = {
             "CoreXY.torques", "CoreXY.velocities",
         ),
         "parts of the machine's vector field, called inside of its programs",
-    ),
-    **dict.fromkeys(
-        (
-            "AbstractMechanism.declared_power", "AbstractMechanism.from_coordinates",
-            "AbstractMechanism.instant", "AbstractMechanism.to_coordinates",
-        ),
-        "parts of a machine's vector field, called inside of its programs",
-    ),
-    **dict.fromkeys(
-        (
-            "AbstractMechanism.potential_energy", "CoulombOscillator.potential_energy",
-            "TwoBlocksOnBelt.potential_energy",
-        ),
-        CALLED_BY_ENGINE,
     ),
     **dict.fromkeys(
         ("AbstractMechanism.bristles", "AbstractMechanism.state", "CoreXY.state"),

@@ -16,25 +16,33 @@ from tests.stickslip.mechanism._machines import (
 )
 
 
-def moreau(M, force, J, w, limit, q, t1, steps):
+def moreau(M, force, J, w, limit, q, t1, steps, stops=None, v=0.0):
     """Steps of `h`: contact impulses by projected Gauss-Seidel, Coulomb friction without a drop.
 
     M v' = f + J' lambda with -lambda in limit * Sign(J v - w), implicit in v; the force is taken in
-    the middle of the step.
+    the middle of the step. `stops`: gradients and offsets of linear gaps, and a restitution; where a
+    gap is closed in the middle of a step, 0 <= impulse, 0 <= u after + e * u before, one of them 0.
     """
-    h, v = t1 / steps, np.zeros(len(q))
+    h, v = t1 / steps, np.zeros(len(q)) + v
     inverse = np.linalg.inv(M)
+    G, offset, e = stops or (np.zeros((0, len(q))), 0.0, 0.0)
+    count, J = len(J), np.vstack([J, G])
     D = J @ inverse @ J.T
     impulse = np.zeros(len(J))
+    lowest, highest = np.zeros(len(J)), np.zeros(len(J))
+    lowest[:count], highest[:count] = -h * np.array(limit), h * np.array(limit)
     for k in range(steps):
         middle = q + 0.5 * h * v
         free = v + h * inverse @ force((k + 0.5) * h, middle)
-        slip = J @ free - w
+        slip = J @ free
+        slip[:count] -= w
+        slip[count:] += e * (G @ v)
+        highest[count:] = np.where(G @ middle + offset <= 0.0, np.inf, 0.0)
         for _ in range(2000):
             before = impulse.copy()
             for c in range(len(J)):
                 other = slip[c] + D[c] @ impulse - D[c, c] * impulse[c]
-                impulse[c] = np.clip(-other / D[c, c], -h * limit[c], h * limit[c])
+                impulse[c] = np.clip(-other / D[c, c], lowest[c], highest[c])
             if np.abs(impulse - before).max() < 1e-13 * h:
                 break
         v = free + inverse @ (J.T @ impulse)

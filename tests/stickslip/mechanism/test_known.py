@@ -12,7 +12,8 @@ import stickslip as ss
 from stickslip.friction import Coulomb
 from stickslip.mechanism import AbstractMechanism, Contact
 from stickslip.mechanism._known import known
-from stickslip.systems import PairMotion, TwoBlocksOnBelt
+from stickslip.systems import BouncingBall, OscillatorBetweenStops, PairMotion, TwoBlocksOnBelt
+from tests.stickslip.mechanism._stopped import Guided
 from tests.stickslip.systems._systems import PAIR
 
 
@@ -84,13 +85,25 @@ def test_a_load_that_pulls_is_refused_by_name(curved, compiled):
     assert len(compiled) <= curved
 
 
-def test_the_first_call_of_a_declared_machine_compiles_one_program(compiled):
-    ss.simulate(Pressed(1.0, 9.81, 0.1), 0.0, 0.1, Pressed(1.0, 9.81, 0.1).state())  # shares arrays
+MADE = {
+    "load": lambda m: Pressed(m, 9.81, 0.7),
+    "ball": lambda m: BouncingBall(m, 9.81, 0.5),
+    "stops": lambda m: OscillatorBetweenStops(m, 1.0, lower=-1.0, upper=1.0, restitution=0.5),
+    "friction and stops": lambda m: Guided((2.0, m), 0.3, Coulomb(100.0, 50.0)),
+}
+
+
+@pytest.mark.parametrize("name", MADE)
+def test_the_first_call_of_a_declared_machine_compiles_one_program(name, compiled):
+    make = MADE[name]
+    ss.simulate(make(1.0), 0.0, 0.1, make(1.0).state())  # shares arrays
     jax.clear_caches()
-    machine = Pressed(1.5, 9.81, 0.7)
-    y = machine.state(x=0.1)
+    machine = make(1.5)
+    y = machine.state(**{machine.names.coordinates[-1]: 0.1})
     compiled.clear()
-    jax.block_until_ready(ss.simulate(machine, 0.0, 0.2, y, max_events=9).y1)
+    jax.block_until_ready(ss.simulate(machine, 0.0, 0.1, y, max_events=9).y1)
+    assert len(compiled) == 1
+    jax.block_until_ready(ss.simulate(make(1.6), 0.0, 0.12, y, max_events=9).y1)
     assert len(compiled) == 1
 
 

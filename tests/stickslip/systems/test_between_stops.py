@@ -83,9 +83,10 @@ def pressed(restitution, rest_speed, **options):
 def test_rest_at_a_stop_until_the_drive_lifts_it_off(restitution):
     solution = pressed(restitution, 1e-3)
     count = int(solution.num_events)
-    guards = [int(g) for g in solution.events.guard[:count]]
-    rest = guards.index(2)
-    assert int(solution.events.mode_before[rest]) == 1
+    names = OscillatorBetweenStops.mode_names
+    modes = [names[int(m)] for m in solution.events.mode_before[:count]]
+    rest = modes.index("at the lower stop")
+    assert int(solution.events.guard[rest]) == 0
     # It leaves when -0.8 cos(0.1 t) exceeds the force of the spring, 0.5.
     lift = np.arccos(-0.5 / 0.8) / 0.1
     assert float(solution.events.t[rest]) == pytest.approx(lift, rel=1e-13)

@@ -1,0 +1,192 @@
+"""What a mechanism says about one rigid stop, and its direction: the gradient of its gap."""
+
+import functools
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from stickslip._validation import DeclarationError, is_concrete, refusal
+
+from ._declaration import abstract, coordinates_type, in_order
+from ._folding import folded
+from ._modes import BITS, MOST
+
+if TYPE_CHECKING:
+    from ._mechanism import AbstractMechanism
+
+MISSING_ARGS = (AttributeError, IndexError, KeyError, TypeError)
+
+
+class _LooksAtArgs(Exception):
+    """What a mechanism declares depends on `args`."""
+
+
+class Stop(NamedTuple):
+    r"""One rigid stop at one instant, as `AbstractMechanism.gaps` returns it.
+
+    The gap $g(t, q)$ [m] is positive where the mechanism is off the stop. At $g = 0$ an approach
+    $u = \dot g < 0$ ends in an impact by Newton's law, $u^+ = -e\,u^-$, with an impulse along the
+    gradient of $g$ by the coordinates.
+
+    - `gap` $g$ [m], a function of the coordinates and the time.
+    - `restitution` $e$ [-], between 0 and 1.
+    - `rest_speed` [m/s], not negative: an impact that would leave no more, under a force towards the
+      stop, ends in rest. With 0 and $0 < e < 1$ such impacts accumulate.
+    """
+
+    gap: Any
+    restitution: Any
+    rest_speed: Any = 1e-6
+
+
+class StopNow(NamedTuple):
+    """A stop with its gradient: `row` by the coordinates, `rate` by the time."""
+
+    stop: Stop
+    row: list[Any]
+    rate: Any
+
+
+def check_names(machine: "AbstractMechanism") -> None:
+    """Refuse names that are none, or that a contact has too."""
+    names = machine.names
+    if isinstance(machine.stops, str):
+        raise refusal("stops", machine.stops, "a tuple of names", TypeError)
+    for name in names.stops:
+        if not isinstance(name, str) or not name or " / " in name:
+            raise refusal("stops", name, "names of stops: texts without ' / '")
+        if name in names.contacts or names.stops.count(name) > 1:
+            raise refusal("stops", name, "a name that no contact and no other stop has")
+    if BITS * len(names.contacts) + len(names.stops) > BITS * MOST:
+        allowed = f"at most {BITS * MOST} less two for each contact: the mode is a number of 64 bits"
+        raise refusal("stops", f"{len(names.stops)} stops", allowed)
+
+
+def check_stops(machine: "AbstractMechanism", given: Any) -> list[Stop]:
+    """The stops in order."""
+    names = machine.names.stops
+    what = "gaps(t, q, args)"
+    for name in names if isinstance(given, dict) else ():
+        if name not in given:
+            raise DeclarationError(str(refusal(what, sorted(given), f"a Stop for {name!r} too")))
+    stops = in_order(what, given, names, "a Stop for each")
+    for name, stop in zip(names, stops, strict=True):
+        if not isinstance(stop, Stop):
+            raise refusal(f"gaps(...)[{name!r}]", stop, "a Stop", TypeError)
+        if jnp.ndim(stop.gap):
+            raise refusal(f"the gap of stop {name!r}", stop.gap, "one number")
+        check_numbers(name, stop)
+    return stops
+
+
+def check_numbers(name: str, stop: Stop) -> None:
+    """Refuse a restitution or a speed of rest that is none, where it is known."""
+    for what, value, most in (
+        ("restitution", stop.restitution, 1.0),
+        ("rest_speed", stop.rest_speed, np.inf),
+    ):
+        if not is_concrete(value):
+            continue
+        try:
+            right = bool(np.all((np.asarray(value, float) >= 0.0) & (np.asarray(value) <= most)))
+        except (TypeError, ValueError):
+            right = False
+        if not right:
+            allowed = "between 0 and 1" if most == 1.0 else "a speed [m/s], not negative"
+            raise refusal(f"the {what} of stop {name!r}", value, allowed)
+
+
+def check_gaps(machine: "AbstractMechanism", t: Any, y: Any, args: Any) -> None:
+    """Refuse stops that are none, by name, without compiling anything."""
+    if machine.stops:
+
+        def gaps(t, q):
+            check_stops(machine, machine.gaps(t, q, args))
+            return 0.0
+
+        q = jax.tree.map(jnp.asarray, machine.to_coordinates(y)[0])
+        jax.eval_shape(gaps, jnp.asarray(t), q)
+
+
+def stops_at(machine: "AbstractMechanism", t: Any, q: Any, args: Any) -> list[StopNow]:
+    """All stops and their gradients at time `t` and the coordinates `q`."""
+    if not machine.stops:
+        return []
+    t, q = jnp.asarray(t, jnp.float64), jax.tree.map(lambda x: jnp.asarray(x, jnp.float64), q)
+    zero, one = jnp.zeros_like(t), jnp.ones_like(t)
+
+    def gaps(t, q):
+        given = check_stops(machine, machine.gaps(t, q, args))
+        return [jnp.asarray(stop.gap, jnp.float64) + 0.0 * t for stop in given]
+
+    slopes = machine.slopes  # [stop, coordinate, and time last], NaN where it varies
+    stops = check_stops(machine, machine.gaps(t, q, args))
+    found = [list(map(float, row)) for row in slopes]
+    rows: list[list[Any]] = [list(row) for row in found]
+    for j in range(slopes.shape[1]):
+        if not np.isnan(slopes[:, j]).any():
+            continue
+        way = [one if i == j else zero for i in range(slopes.shape[1])]
+        rates = jax.jvp(gaps, (t, q), (way[-1], type(q)(*way[:-1])))[1]
+        for row, known, rate in zip(rows, slopes[:, j], rates, strict=True):
+            if np.isnan(known):
+                row[j] = rate
+    return [StopNow(s, row[:-1], row[-1]) for s, row in zip(stops, rows, strict=True)]
+
+
+def slopes_of(machine: "AbstractMechanism") -> np.ndarray:
+    """Slopes of all gaps [stop, coordinate, and time last]; NaN where they are no constants."""
+    names = machine.names
+    if not names.stops:
+        return np.zeros((0, len(names.coordinates) + 1))
+    leaves, form = abstract(machine)
+    static = tuple(x for x in leaves if not isinstance(x, jax.ShapeDtypeStruct))
+    shapes = tuple(x.shape if isinstance(x, jax.ShapeDtypeStruct) else None for x in leaves)
+    try:
+        return _known_slopes(form, shapes, static)
+    except TypeError:  # something static has no hash
+        return _slopes(form, shapes, static)
+
+
+def _slopes(form: Any, shapes: tuple, static: tuple) -> np.ndarray:
+    numbers = [jax.ShapeDtypeStruct(s, jnp.float64) for s in shapes if s is not None]
+
+    def whole(numbers: list) -> Any:
+        given, others = iter(numbers), iter(static)
+        return jax.tree.unflatten(form, [next(others if s is None else given) for s in shapes])
+
+    names = whole(numbers).names
+    n = len(names.coordinates)
+    kind = coordinates_type(names.coordinates)
+
+    def columns(numbers, t, q):
+        machine = whole(numbers)
+
+        def gaps(t, q):
+            try:
+                given = machine.gaps(t, q, None)
+            except MISSING_ARGS as error:
+                raise _LooksAtArgs from error
+            found = check_stops(machine, given)
+            return [jnp.asarray(stop.gap, jnp.float64) + 0.0 * t for stop in found]
+
+        ways = np.eye(n + 1)
+        return [
+            jax.jvp(gaps, (t, q), (jnp.float64(way[-1]), kind(*map(jnp.float64, way[:-1]))))[1]
+            for way in ways
+        ]
+
+    scalar = jax.ShapeDtypeStruct((), jnp.float64)
+    try:
+        found = folded(columns, (numbers, scalar, kind(*[scalar] * n)))
+    except _LooksAtArgs:
+        found = None
+    if found is None:  # the gaps look at `args`, which are not known here
+        return np.full((len(names.stops), n + 1), np.nan)
+    known = [np.nan if x is None else x for x in found]
+    return np.array(known, float).reshape(n + 1, len(names.stops)).T
+
+
+_known_slopes = functools.lru_cache(maxsize=256)(_slopes)
