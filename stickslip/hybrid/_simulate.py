@@ -281,14 +281,14 @@ def _assemble(plan: Plan, theta, t0, t1, start, ts, smooth, counts, spec) -> Sol
         y = shift(y, jax.lax.stop_gradient(slope(t, y, mode)), jnp.where(valid, target - t, 0.0))
         return y, slope(jnp.where(valid, target, t), y, mode)
 
+    y1, dy1 = landed(t_end, t1, y_end, counts.mode, finished)
     flags = counts.flags
     # Implicit methods are right with steps that are long against the rates of the field.
     if plan.step_size.adaptive and isinstance(plan.stepper, ExplicitRungeKutta):
         y0, mode0 = start
         lasts, field = t_end - t0, lambda t, y: slope(t, y, mode0)
-        still = too_still(plan, field, t0, lasts, counts.accepted, y0, y_end)
+        still = too_still(plan, field, t0, lasts, counts.accepted, y0, y_end, dy1)
         flags = flags | flag(still & finished & (counts.events == 0), STILL)
-    y1, dy1 = landed(t_end, t1, y_end, counts.mode, finished)
     t_stop = jnp.where(finished, t1, t_end)
     outputs = None
     if ts is not None:

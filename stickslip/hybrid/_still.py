@@ -16,47 +16,54 @@ from jaxtyping import PyTree
 from ._lane import Plan
 from ._tolerance import ROUNDING, SMALLEST
 
-UNSEEN = 1e7  # a motion of fewer tolerances than this does not set the length of its steps
+UNSEEN = 1e7  # a motion of fewer tolerances than this does not set the length of its steps,
+SEEN = 1e-3  # but one of this part of the state does
 # A step times the rate of the field, to the power of the order: derivatives may be 1e-4 off beyond it.
 LONGEST = 1e-3
 BEGINNING = 10  # steps in which the length may have grown from that of the first to that of the run
 
 
 def too_still(
-    plan: Plan, field: Callable, t: Any, lasts: Any, steps: Any, y0: PyTree, y1: PyTree
+    plan: Plan, field: Callable, t: Any, lasts: Any, steps: Any, y0: PyTree, y1: PyTree, dy1: PyTree
 ) -> Any:
     """Whether a run from `y0` to `y1` moved too little for its derivative to be right.
 
-    `lasts` and `steps`: its length [s] and the number of its steps, none of which met an event.
+    `lasts` and `steps`: its length [s] and the number of its steps, none of which met an event; `dy1`:
+    the slope at its end. A motion that is back where it began has slopes there.
     """
     rule: Any = plan.step_size
+    y0, y1, dy1 = jax.lax.stop_gradient((y0, y1, dy1))
+    dy0, rate = _start(field, t, y0)
     mean_step = lasts / jnp.maximum(steps - BEGINNING, 1).astype(jnp.float64)
-    leaves0, leaves1 = map(jax.tree.leaves, jax.lax.stop_gradient((y0, y1)))
-    sizes = [jnp.maximum(jnp.abs(a), jnp.abs(b)) for a, b in zip(leaves0, leaves1, strict=True)]
-    most: Any = 0.0
-    for size in sizes:
-        most = jnp.maximum(most, jnp.max(size))
-    still = jnp.ones_like(t) > 0
     terms = jax.tree.leaves(plan.noise.terms)
-    for a, b, size, atol, term in zip(leaves0, leaves1, sizes, plan.atols, terms, strict=True):
+    leaves = [jax.tree.leaves(tree) for tree in (y0, y1, dy0, dy1)]
+    most: Any = 0.0
+    for a, b, *_ in zip(*leaves, strict=True):
+        most = jnp.maximum(most, jnp.max(jnp.maximum(jnp.abs(a), jnp.abs(b))))
+    still = jnp.ones_like(t) > 0
+    for a, b, da, db, atol, term in zip(*leaves, plan.atols, terms, strict=True):
+        size = jnp.maximum(jnp.abs(a), jnp.abs(b))
         seen = rule.rtol * jnp.maximum(size, SMALLEST * most)
-        seen = seen + (ROUNDING * term * mean_step if atol is None else atol)
-        still = still & jnp.all(jnp.abs(b - a) <= UNSEEN * seen)
+        seen = UNSEEN * (seen + (ROUNDING * term * mean_step if atol is None else atol))
+        seen = jnp.minimum(seen, SEEN * jnp.maximum(size, most))
+        moved = jnp.maximum(jnp.abs(b - a), mean_step * jnp.maximum(jnp.abs(da), jnp.abs(db)))
+        still = still & jnp.all(moved <= seen)
     longest = LONGEST ** (1.0 / plan.stepper.order())
-    rate = _rate(field, t, y0)
     # A run shorter than one over the rate is right even in one step.
     return still & (lasts * rate > 1.0) & (mean_step * rate > longest)
 
 
-def _rate(field: Callable, t: Any, y: PyTree) -> Any:
-    """Rate of the linearised field [1/s]: twice applied, so that units of the state cancel."""
-    y = jax.lax.stop_gradient(y)
+def _start(field: Callable, t: Any, y: PyTree) -> tuple[PyTree, Any]:
+    """Slope at the start, and the rate of the linearised field there [1/s].
+
+    The field is applied twice, so that the units of the state cancel.
+    """
 
     def applied(direction):
-        return jax.jvp(lambda y: field(t, y), (y,), (direction,))[1]
+        return jax.jvp(lambda y: field(t, y), (y,), (direction,))
 
-    twice = applied(applied(jax.tree.map(jnp.ones_like, y)))
+    slope, once = applied(jax.tree.map(jnp.ones_like, y))
     largest: Any = 0.0
-    for leaf in jax.tree.leaves(twice):
+    for leaf in jax.tree.leaves(applied(once)[1]):
         largest = jnp.maximum(largest, jnp.max(jnp.abs(leaf)))
-    return jax.lax.stop_gradient(jnp.sqrt(largest))
+    return jax.lax.stop_gradient((slope, jnp.sqrt(largest)))
