@@ -14,6 +14,7 @@ from ._declaration import coordinates_type
 from ._instant import (
     Instant,
     floats,
+    held_contacts,
     landed,
     limits_of,
     loaded,
@@ -154,7 +155,8 @@ def transition(
         started = [gives_way & r & (way != 0.0) for r, way in zip(rest, released, strict=True)]
         # What stops, rests at once, with all that has no speed then; the law decides what stays.
         slow = slow_contacts(at, island)
-        still = island.closed([r | (h & stops) for r, h in zip(rest, hit, strict=True)], slow)
+        held = held_contacts(at, island, states)
+        still = island.closed([r | (h & stops) for r, h in zip(rest, hit, strict=True)], held)
         now = [where(stops & r, 0.0, x) for r, x in zip(still, now, strict=True)]
         for j, x in zip(island.columns, landed(island, at, still), strict=True):
             v[j] = where(stops, x, v[j])

@@ -188,6 +188,16 @@ def limits_of(island: Island, at: Instant, which: str) -> Limits:
     return Limits(low, high)
 
 
+def held_contacts(at: Instant, island: Island, states: list) -> list[Any]:
+    """Contacts that rest where those do that decide their speed; none that are open."""
+    if not island.dependent:
+        return [jnp.zeros((), bool)] * island.m
+    # Beside speeds that are all rounding none of them is small.
+    agree = island.agree([at.contacts[c].surface_speed for c in island.rows])
+    slow = slow_contacts(at, island)
+    return [(x | agree) & (states[c] != 2.0) for x, c in zip(slow, island.rows, strict=True)]
+
+
 def slow_contacts(at: Instant, island: Island) -> list[Any]:
     """Whether a sliding speed is rounding of the terms that it is the sum of."""
     largest: Any = 0.0
