@@ -54,6 +54,11 @@ def guards(machine: "AbstractMechanism", t: Any, y: Any, mode: Any, args: Any) -
         if island.dependent:
             # One of those that always slide together is enough; two would count as coincident.
             tied_to = island.tied(rest, [at.contacts[c].surface_speed for c in island.rows])
+            # One that is open looks after no other.
+            openings = [states[c] == 2.0 for c in island.rows if names.contacts[c] in names.opening]
+            if openings:
+                closed = ~any_of(openings)
+                tied_to = [tied & closed for tied in tied_to]
             for c, r, tied, u in zip(island.rows, rest, tied_to, slip, strict=True):
                 own[c] = where(r | tied, 1.0, u)
             share = island.onset(*limits, rest, motion)[0]
