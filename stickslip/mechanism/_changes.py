@@ -15,6 +15,7 @@ from ._impacts import struck, touches
 from ._instant import (
     Instant,
     floats,
+    held_contacts,
     landed,
     limits_of,
     loaded,
@@ -59,6 +60,12 @@ def guards(machine: "AbstractMechanism", t: Any, y: Any, mode: Any, args: Any) -
         if island.dependent:
             # One of those that always slide together is enough; two would count as coincident.
             tied_to = island.tied(rest, [at.surfaces[c] for c in island.rows])
+            # One that is open looks after no other.
+            rows = island.rows[: island.contacts]
+            openings = [states[c] == 2.0 for c in rows if names.contacts[c] in names.opening]
+            if openings:
+                closed = ~any_of(openings)
+                tied_to = [tied & closed for tied in tied_to]
             for c, r, tied, u in zip(island.rows, rest, tied_to, slip, strict=False):
                 own[c] = where(r | tied, 1.0, u)
             if island.stops:
@@ -187,7 +194,7 @@ def transition(
         # What stops, rests at once, with all that has no speed then; the law decides what stays.
         on = [r | (h & stops) for r, h in zip(rest, hit, strict=True)]
         slow = _slow(at, island, states, on)
-        still = island.closed(on, slow)
+        still = island.closed(on, held_contacts(at, island, states, slow))
         now = [where(stops & r, 0.0, x) for r, x in zip(still, now, strict=True)]
         touched = stops | gives_way
         if island.stops:

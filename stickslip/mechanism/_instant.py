@@ -214,6 +214,15 @@ def limits_of(island: Island, at: Instant, which: str) -> Limits:
     return Limits(low, high)
 
 
+def held_contacts(at: Instant, island: Island, states: list, slow: list) -> list[Any]:
+    """The `slow` contacts, which rest where those do that decide their speed; none that are open."""
+    if not island.dependent:
+        return slow
+    # Beside speeds that are all rounding none of them is small.
+    agree = False if island.stops else island.agree([at.surfaces[c] for c in island.rows])
+    return [(x | agree) & (states[c] != 2.0) for x, c in zip(slow, island.rows, strict=True)]
+
+
 def slow_contacts(at: Instant, island: Island, before: Instant | None = None) -> list[Any]:
     """Whether a sliding speed is rounding of the terms that it is the sum of.
 

@@ -143,20 +143,26 @@ class Island:
     def tied(self, rest: list[Any], surface: list[Any]) -> list[Any]:
         """Contacts whose sliding speed is proportional to that of an earlier one while `rest` rest.
 
-        None unless the speeds of the surfaces are those of one rigid motion of them all: two belts of
-        different speeds under one body stop sliding at different times.
+        None unless the speeds of the surfaces `agree`: two belts of different speeds under one body
+        stop sliding at different times.
         """
         if self.shut:
             return [rest[0] & False] * self.m
-        tied = self._looked_up(self.covered, rest)
+        agree = self.agree(surface)
+        return [t & agree for t in self._looked_up(self.covered, rest)]
+
+    def agree(self, surface: list[Any]) -> Any:
+        """Whether the speeds of the surfaces are those of one rigid motion of them all.
+
+        What the resting contacts hold then has no speed at all, whatever rounding left of it.
+        """
+        every: Any = True
         for column in self.fixed.T.tolist():
             terms = [times(x, w) for x, w in zip(column, surface, strict=True) if x]
-            if all(map(is_zero, terms)):
-                continue
-            size = total(abs(term) for term in terms)
-            agree = jnp.abs(jnp.asarray(total(terms))) <= SMALL * size
-            tied = [t & agree for t in tied]
-        return tied
+            if not all(map(is_zero, terms)):
+                size = total(abs(term) for term in terms)
+                every = every & (jnp.abs(jnp.asarray(total(terms))) <= SMALL * size)
+        return every
 
     def motion(self, M: Mass, F: list, J: list[list], rest: list, gamma: list) -> Motion:
         """Motion while the contacts in `rest` have the relative acceleration `gamma`."""

@@ -130,3 +130,33 @@ def test_a_slab_on_four_guides(seed):
     exact = np.array([run.y1.x, run.y1.y, run.y1.v_x, run.y1.v_y])
     found = moreau(np.diag([1.0, 1.5]), force, J, speeds, limits, np.zeros(2), END, 4000)
     np.testing.assert_allclose(found, exact, atol=1e-2)
+
+
+def test_what_two_contacts_hold_rests_with_them():
+    """On one surface: as the last of the speeds vanishes nothing but rounding is left to compare."""
+    rng = np.random.default_rng(5)
+    limits, rates = rng.uniform(0.2, 1.0, (24, 4)), rng.uniform(0.8, 2.0, (24, 2))
+    surface = np.concatenate([np.zeros((12, 2)), rng.uniform(-0.3, 0.3, (12, 2))])
+    J = np.array([[1, 0], [0, 1], [1, 1], [1, -1]], float)
+    speeds = surface @ J.T
+
+    @jax.jit
+    @jax.vmap
+    def run(limits, speeds, rates):
+        table = Table(limits, speeds, rates)
+        return ss.simulate(table, 0.0, END, table.state(), throw=False, max_events=256)
+
+    found = run(*map(jnp.asarray, (limits, speeds, rates)))
+    assert np.all(found.successful)
+    assert not np.any(np.asarray(found.flags))
+    for i in (0, 4, 13, 20):
+
+        def force(t, q, i=i):
+            a, b = 3.0 * np.sin(rates[i, 0] * t), 2.5 * np.sin(rates[i, 1] * t + 0.3)
+            return np.array([a, b]) - 0.5 * q
+
+        y = found.y1
+        exact = np.array([y.x[i], y.y[i], y.v_x[i], y.v_y[i]])
+        M = np.diag([1.0, 1.5])
+        stepped = moreau(M, force, J, speeds[i], limits[i], np.zeros(2), END, 4000)
+        np.testing.assert_allclose(stepped, exact, atol=1e-2)
