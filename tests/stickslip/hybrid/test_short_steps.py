@@ -50,9 +50,8 @@ class Bent(CoulombOscillator):
     guard_scales = None
 
     def guards(self, t, y, mode, args):
-        value, other = super().guards(t, y, mode, args)
-        bent = self.static_force - jnp.abs(self.stiffness * y.x)
-        return jnp.where(mode == 1, bent, value), jnp.where(mode == 1, 1.0, other)
+        (value,) = super().guards(t, y, mode, args)
+        return (jnp.where(mode == 1, self.static_force - jnp.abs(self.stiffness * y.x), value),)
 
 
 def held(speed):
