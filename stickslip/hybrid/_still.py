@@ -19,7 +19,7 @@ from ._tolerance import ROUNDING, SMALLEST
 UNSEEN = 1e7  # a motion of fewer tolerances than this does not set the length of its steps,
 SEEN = 1e-3  # but one of this part of the state does
 # A step times the rate of the field, to the power of the order: derivatives may be 1e-4 off beyond it.
-LONGEST = 1e-3
+LONGEST = 1e-4
 BEGINNING = 10  # steps in which the length may have grown from that of the first to that of the run
 
 
