@@ -10,6 +10,7 @@ import os
 
 import hypothesis
 import jax
+import jax.monitoring
 import matplotlib
 import pytest
 
@@ -57,3 +58,17 @@ def standard_dtype_promotion():
     """For tests that call optax, which adds its integer step count to floats."""
     with jax.numpy_dtype_promotion("standard"):
         yield
+
+
+@pytest.fixture
+def compiled():
+    """A list that grows by one entry with every program that is compiled or read from a cache."""
+    events: list[str] = []
+
+    def hear(event, seconds, **_):
+        if event.endswith("backend_compile_duration"):
+            events.append(event)
+
+    jax.monitoring.register_event_duration_secs_listener(hear)
+    yield events
+    jax.monitoring.unregister_event_duration_listener(hear)

@@ -1,7 +1,6 @@
 """No call of a public function compiles anything the second time; counted from JAX's own events."""
 
 import jax
-import jax.monitoring
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -17,20 +16,6 @@ from stickslip.analysis import (
 )
 from stickslip.identification import gradient_descent, least_squares
 from stickslip.systems import CoulombOscillator, Motion
-
-
-@pytest.fixture
-def compiled():
-    """A list that grows by one entry with every program that is compiled or read from a cache."""
-    events: list[str] = []
-
-    def hear(event, seconds, **_):
-        if event.endswith("backend_compile_duration"):
-            events.append(event)
-
-    jax.monitoring.register_event_duration_secs_listener(hear)
-    yield events
-    jax.monitoring.unregister_event_duration_listener(hear)
 
 
 def block(belt_speed=0.2):

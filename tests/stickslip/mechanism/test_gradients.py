@@ -91,9 +91,13 @@ def differences(run, p, h=1e-5):
 
 @pytest.mark.parametrize("name", FORWARD)
 def test_both_modes_as_central_differences(name):
-    run, p, least = CASES[name]
+    agree_with_differences(*CASES[name])
+
+
+def agree_with_differences(run, p, least, h=1e-5):
+    """Forward and reverse derivatives of the end of `run(p)`, which has `least` events or more."""
     p = jnp.array(p)
-    expected, events = differences(run, p)
+    expected, events = differences(run, p, h)
     assert events >= least
     size = np.abs(expected).max()
 

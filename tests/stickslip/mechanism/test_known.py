@@ -3,7 +3,6 @@
 from typing import Any, ClassVar
 
 import jax
-import jax.monitoring
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -15,20 +14,6 @@ from stickslip.mechanism._known import known
 from stickslip.systems import BouncingBall, OscillatorBetweenStops, PairMotion, TwoBlocksOnBelt
 from tests.stickslip.mechanism._stopped import Guided
 from tests.stickslip.systems._systems import PAIR
-
-
-@pytest.fixture
-def compiled():
-    """A list that grows by one entry with every program that is compiled."""
-    events: list[str] = []
-
-    def hear(event, seconds, **_):
-        if event.endswith("backend_compile_duration"):
-            events.append(event)
-
-    jax.monitoring.register_event_duration_secs_listener(hear)
-    yield events
-    jax.monitoring.unregister_event_duration_listener(hear)
 
 
 class Pressed(AbstractMechanism):

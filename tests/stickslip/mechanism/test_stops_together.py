@@ -24,7 +24,7 @@ from tests.stickslip.mechanism._stopped import (
 )
 from tests.stickslip.mechanism.test_against_moreau import moreau
 from tests.stickslip.mechanism.test_energy import accounted
-from tests.stickslip.mechanism.test_gradients import differences
+from tests.stickslip.mechanism.test_gradients import agree_with_differences
 
 DRY = (0.6, 0.5, 0.7)
 FINE = ss.Integrator(step=ss.AdaptiveStep(rtol=1e-12))
@@ -159,20 +159,7 @@ QUICK = ("pendulum", "mass on a block")
     "name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in SLOPES]
 )
 def test_derivatives_through_stops_as_central_differences(name):
-    run, p, least = SLOPES[name]
-    p = jnp.array(p)
-    expected, events = differences(run, p, 1e-6)
-    assert events >= least
-    size = np.abs(expected).max()
-
-    def end(p):
-        return flat(run(p).y1)
-
-    forward = jax.jit(jax.jacfwd(end))(p)
-    np.testing.assert_allclose(forward, expected, atol=2e-6 * size)
-    weights = jnp.cos(jnp.arange(len(expected), dtype=jnp.float64))
-    reverse = jax.jit(jax.grad(lambda p: end(p) @ weights))(p)
-    np.testing.assert_allclose(reverse, weights @ forward, rtol=1e-7, atol=1e-9 * size)
+    agree_with_differences(*SLOPES[name], h=1e-6)
 
 
 def test_random_pairs():
