@@ -29,6 +29,7 @@ from .._validation import check_flag, check_type
 # Both are internal to XLA: `_canary.py` proves in a subprocess that this jaxlib still honours them.
 _BOUNDARY = {"inlineable": "false"}
 _LOOP = {"inlineable": "false", "xla_cpu_small_call": "true"}
+LOOP_NAME = "fused_time_loop"  # of the call that holds a whole time loop, in a traced program
 
 
 class Executor(eqx.Module, metaclass=CheckedModule):
@@ -167,7 +168,12 @@ def _spelled_out(jaxpr: Any) -> Callable:
 
 def _whole(jaxpr: Any) -> Callable:
     function = jax.extend.core.jaxpr_as_fun(jax.extend.core.ClosedJaxpr(jaxpr, ()))
-    return lambda *values: jax.lax.optimization_barrier(function(*values))
+
+    def fused_time_loop(*values):
+        return jax.lax.optimization_barrier(function(*values))
+
+    assert fused_time_loop.__name__ == LOOP_NAME
+    return fused_time_loop
 
 
 PORTABLE = Executor(fused=False)

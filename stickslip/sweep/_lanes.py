@@ -2,6 +2,7 @@
 
 import concurrent.futures
 import os
+import warnings
 from collections.abc import Callable
 
 import jax
@@ -21,11 +22,18 @@ from .._validation import (
 )
 from ..hybrid._xla import FUSED, PORTABLE, use_executor
 from ._canary import fused_is_trusted, wished_executor
-from ._programs import compiled
+from ._fit import (
+    CHUNK_FUSED,
+    CHUNK_PORTABLE,
+    PORTABLE_INSTEAD,
+    Fit,
+    TooManyMotions,
+    check_motions,
+    smaller,
+)
+from ._programs import compiled, refused_to_fuse
 
 EXECUTORS = ("auto", "fused", "portable")
-CHUNK_FUSED = 64  # lanes whose state fits the first-level cache
-CHUNK_PORTABLE = 1024  # more: each operation is dispatched by itself
 CHUNK_ACCELERATOR = 65536
 VECTOR = 8  # float64 lanes of the widest vector unit of a CPU
 
@@ -43,13 +51,15 @@ class map_lanes:
     - `function(*inputs)`: what one lane does, e.g. `lambda k: simulate(...).y1.x`; inputs and
       results are pytrees of arrays.
     - `chunk_size`: most lanes per chunk; by default 64 fused, 1,024 portable on a CPU and 65,536
-      elsewhere.
+      elsewhere. Fused chunks are made smaller where the function runs several motions at once, and
+      where the compiler does not take them.
     - `executor`: `"fused"` compiles the time loop to one function (3 to 6 times faster on a CPU);
       `"portable"` uses nothing but public JAX; `"auto"` is `"fused"` on a CPU if a trial in a
       subprocess has shown that this jaxlib compiles it and agrees in value. The trial cannot cover
       every program: should XLA ever abort while compiling yours, use `"portable"` here or
       `STICKSLIP_EXECUTOR=portable` in the environment, which may also be `fused` (without a trial)
-      or `auto`.
+      or `auto`. A program that the compiler refuses to fuse, such as one with thousands of rows per
+      lane, is computed by the portable executor, and a warning says so.
     - `workers`: devices or, with a single CPU device, threads to use; by default all.
 
     **Returns** a callable with the results' leading axis as long as the inputs'. It is compiled on
@@ -91,22 +101,17 @@ class map_lanes:
         if cpu and len(devices) == 1:
             self.threads = workers or os.cpu_count() or 1
         self._compiled: dict = {}
+        self._fits: dict = {}  # what the compiler was found to take, by form of the inputs
 
     def __call__(self, *inputs: PyTree) -> PyTree:
         n = _lanes_in(inputs)
         inputs = jax.tree.map(jnp.asarray, inputs)
         # No more threads than lanes.
         parts = len(self.devices) if len(self.devices) > 1 else min(self.threads, n)
-        chunk = self._chunk(n, parts)
         if not is_concrete(inputs):
-            out = self._chunks(PORTABLE)(self._pad(inputs, n, chunk))
+            out = self._chunks(PORTABLE)(self._pad(inputs, n, self._chunk(n, parts)))
             return jax.tree.map(lambda a: _lanes(a)[:n], out)
-        chunks = self._pad(inputs, n, chunk, parts)
-        if len(self.devices) > 1 or parts == 1:
-            out = self._program(chunks)(chunks)
-        else:
-            out = self._threaded(chunks, parts)
-        return self._joined(out, n)
+        return self._joined(self._run(*self._fitted(inputs, n, parts)), n)
 
     def chosen(self):
         """Context in which `simulate` is traced for the executor of these lanes."""
@@ -116,13 +121,51 @@ class map_lanes:
     def _executor(self):
         return FUSED if self.executor == "fused" else PORTABLE
 
-    def _chunk(self, n, parts):
-        """Lanes per chunk such that as few as possible have to be filled up."""
-        rounds = -(-n // (self.chunk_size * parts))
+    def _chunk(self, n, parts, most=None):
+        """Lanes per chunk, `most` of them, such that as few as possible have to be filled up."""
+        most = most or self.chunk_size
+        rounds = -(-n // (most * parts))
         lanes = -(-n // (rounds * parts))
         if lanes > VECTOR:
             lanes = -(-lanes // VECTOR) * VECTOR
-        return min(self.chunk_size, max(lanes, 2))
+        return min(most, max(lanes, 2))
+
+    def _fitted(self, inputs, n, parts):
+        """Program, and the inputs cut into the chunks that it takes, one part for each thread."""
+        leaves = jax.tree.leaves(inputs)
+        form = (n, jax.tree.structure(inputs), *((a.shape[1:], a.dtype) for a in leaves))
+        if form in self._fits:
+            fit = self._fits[form]
+            cut = self._cut(inputs, n, parts, fit)
+            return self._program(cut[0], fit), cut
+        fit = Fit(self.executor, self.chunk_size)
+        while True:
+            cut = self._cut(inputs, n, parts, fit)
+            lanes = jax.tree.leaves(cut)[0].shape[1]
+            try:
+                program = self._program(cut[0], fit)
+            except TooManyMotions as error:
+                fit = Fit(fit.executor, error.lanes)
+            except jax.errors.JaxRuntimeError as error:
+                if fit.executor != "fused" or not refused_to_fuse(error):
+                    raise
+                fit = smaller(lanes)
+                if fit.executor != "fused":
+                    warnings.warn(PORTABLE_INSTEAD, stacklevel=3)
+            else:
+                self._fits[form] = fit
+                return program, cut
+
+    def _cut(self, inputs, n, parts, fit):
+        """Inputs as `[chunks, chunk, ...]`, one part for each thread."""
+        chunk = self._chunk(n, parts, fit.lanes)
+        chunks = self._pad(inputs, n, chunk, parts)
+        if len(self.devices) > 1 or parts == 1:
+            return [chunks]
+        count = jax.tree.leaves(chunks)[0].shape[0] // parts
+        return [
+            jax.tree.map(lambda a, i=i: a[i * count : (i + 1) * count], chunks) for i in range(parts)
+        ]
 
     def _pad(self, inputs, n, chunk, parts=1):
         """Inputs as `[chunks, chunk, ...]`, the last lane repeated to fill the last chunks."""
@@ -153,12 +196,13 @@ class map_lanes:
 
         return run
 
-    def _program(self, chunks):
-        """Compiled program for inputs of this shape."""
+    def _program(self, chunks, fit):
+        """Compiled program for this shape; raises `TooManyMotions` for chunks that are too large."""
         leaves = jax.tree.leaves(chunks)
-        key = (jax.tree.structure(chunks), *((a.shape, a.dtype) for a in leaves))
+        key = (fit.executor, jax.tree.structure(chunks), *((a.shape, a.dtype) for a in leaves))
         if key not in self._compiled:
-            run = self._chunks(self._executor)
+            executor = FUSED if fit.executor == "fused" else PORTABLE
+            run = self._chunks(executor)
             if len(self.devices) > 1:
                 mesh = Mesh(np.array(self.devices), ("lanes",))
                 spec = PartitionSpec("lanes")
@@ -167,19 +211,18 @@ class map_lanes:
             if self.devices[0].platform == "cpu":
                 options = {"xla_cpu_prefer_vector_width": "512"}
             # Some of the engine is traced only as the program is lowered.
-            with self.chosen():
+            with use_executor(executor):
                 traced = jax.jit(run, compiler_options=options).trace(chunks)
+                if fit.executor == "fused":
+                    check_motions(traced.jaxpr, leaves[0].shape[1])
                 lowered = traced.lower()
             self._compiled[key] = compiled(traced, lowered, self.devices)
         return self._compiled[key]
 
-    def _threaded(self, chunks, threads):
-        count = jax.tree.leaves(chunks)[0].shape[0] // threads
-        parts = [
-            jax.tree.map(lambda a, i=i: a[i * count : (i + 1) * count], chunks) for i in range(threads)
-        ]
-        program = self._program(parts[0])
-        with concurrent.futures.ThreadPoolExecutor(threads) as pool:
+    def _run(self, program, parts):
+        if len(parts) == 1:
+            return program(parts[0])
+        with concurrent.futures.ThreadPoolExecutor(len(parts)) as pool:
             outs = list(pool.map(lambda part: jax.block_until_ready(program(part)), parts))
         return jax.tree.map(lambda *a: jnp.concatenate(a), *outs)
 

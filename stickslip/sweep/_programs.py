@@ -81,11 +81,25 @@ def compiled(traced: Any, lowered: jax.stages.Lowered, devices: Any) -> jax.stag
     except Exception:  # static data of a class that cannot be hashed or compared
         return lowered.compile()
     if not known:
-        _PROGRAMS[key] = lowered.compile()
+        try:
+            _PROGRAMS[key] = lowered.compile()
+        except jax.errors.JaxRuntimeError as error:
+            if not refused_to_fuse(error):
+                raise
+            # To find that out again would take as long.
+            _PROGRAMS[key] = error
     _PROGRAMS.move_to_end(key)
     while len(_PROGRAMS) > PROGRAMS_KEPT:
         _PROGRAMS.popitem(last=False)
-    return _PROGRAMS[key]
+    found = _PROGRAMS[key]
+    if isinstance(found, Exception):
+        raise found.with_traceback(None)
+    return found
+
+
+def refused_to_fuse(error: Exception) -> bool:
+    """Whether the compiler split an operation of a fused loop over threads, which it cannot link."""
+    return "Failed to materialize symbols" in str(error)
 
 
 def _outside(closed: Any) -> Iterator[tuple[str, Any]]:
@@ -109,10 +123,11 @@ def _outside(closed: Any) -> Iterator[tuple[str, Any]]:
                     yield "constant", value
             if _HOST.search(eqn.primitive.name):
                 yield eqn.primitive.name, eqn.params
-            todo += reversed(list(_jaxprs(eqn.params)))
+            todo += reversed(list(jaxprs_in(eqn.params)))
 
 
-def _jaxprs(params: dict[str, Any]) -> Iterator[Any]:
+def jaxprs_in(params: dict[str, Any]) -> Iterator[Any]:
+    """Programs inside an equation: branches, bodies of loops, what is called."""
     for value in params.values():
         for item in value if isinstance(value, tuple | list) else (value,):
             if isinstance(item, jax.extend.core.ClosedJaxpr | jax.extend.core.Jaxpr):

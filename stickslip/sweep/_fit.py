@@ -1,0 +1,79 @@
+"""How many lanes a fused chunk may hold: what the cache takes, and what the compiler does.
+
+XLA's CPU compiler splits an operation over threads where it believes that it takes 0.1 ms and more;
+inside a fused time loop it then ends with an error. What it believes grows with the lanes of a chunk,
+so that smaller chunks compile.
+"""
+
+from collections import Counter
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..hybrid._xla import LOOP_NAME
+from ._programs import jaxprs_in
+
+CHUNK_FUSED = 64  # lanes whose state fits the first-level cache
+CHUNK_PORTABLE = 1024  # more: each operation is dispatched by itself
+FEWEST = 8  # lanes of the widest vector unit of a CPU: below, the portable executor is no slower
+PORTABLE_INSTEAD = (
+    "the compiler does not fuse this function: it is computed by the portable executor. Fewer output "
+    "times per lane may help."
+)
+
+
+class Fit(NamedTuple):
+    """Executor and the most lanes of a chunk."""
+
+    executor: str
+    lanes: int
+
+
+class TooManyMotions(Exception):
+    """A time loop of a traced program runs more motions at once than chunks should hold."""
+
+    def __init__(self, lanes: int):
+        super().__init__(lanes)
+        self.lanes = lanes
+
+
+def check_motions(closed: Any, lanes: int) -> None:
+    """Raise `TooManyMotions` where a lane runs so many motions at once that fewer lanes fit."""
+    motions = max((_motions(eqn) for eqn in _loops(closed)), default=lanes)
+    each = -(-motions // lanes)
+    fitting = CHUNK_FUSED // each
+    fitting = max(fitting - fitting % FEWEST if fitting > FEWEST else fitting, 2)
+    if each > 1 and lanes > fitting:
+        raise TooManyMotions(fitting)
+
+
+def smaller(lanes: int) -> Fit:
+    """What to try where the compiler refused to fuse `lanes` of them."""
+    if lanes // 4 >= FEWEST:
+        return Fit("fused", lanes // 4)
+    return Fit("portable", CHUNK_PORTABLE)
+
+
+def _motions(eqn: Any) -> int:
+    """Motions that a time loop runs at once: the size of most of its counters.
+
+    Counters have no derivatives, whose directions would be counted as motions.
+    """
+    sizes = Counter(
+        int(np.prod(v.aval.shape))
+        for v in eqn.outvars
+        if v.aval.shape and not jnp.issubdtype(v.aval.dtype, jnp.floating)
+    )
+    return sizes.most_common(1)[0][0] if sizes else 1
+
+
+def _loops(closed: Any) -> Iterator[Any]:
+    jaxpr = closed.jaxpr if isinstance(closed, jax.extend.core.ClosedJaxpr) else closed
+    for eqn in jaxpr.eqns:
+        if eqn.params.get("name") == LOOP_NAME:
+            yield eqn
+        for inner in jaxprs_in(eqn.params):
+            yield from _loops(inner)
