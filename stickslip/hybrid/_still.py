@@ -33,19 +33,20 @@ def too_still(
     """
     rule: Any = plan.step_size
     y0, y1, dy1 = jax.lax.stop_gradient((y0, y1, dy1))
-    dy0, rate = _start(field, t, y0)
+    sizes = jax.tree.map(lambda a, b: jnp.maximum(jnp.abs(a), jnp.abs(b)), y0, y1)
+    dy0, rate, driven = _start(field, t, y0, sizes)
     mean_step = lasts / jnp.maximum(steps - BEGINNING, 1).astype(jnp.float64)
     terms = jax.tree.leaves(plan.noise.terms)
-    leaves = [jax.tree.leaves(tree) for tree in (y0, y1, dy0, dy1)]
+    leaves = [jax.tree.leaves(tree) for tree in (y0, y1, dy0, dy1, sizes, driven)]
     most: Any = 0.0
-    for a, b, *_ in zip(*leaves, strict=True):
-        most = jnp.maximum(most, jnp.max(jnp.maximum(jnp.abs(a), jnp.abs(b))))
+    for size in leaves[4]:
+        most = jnp.maximum(most, jnp.max(size))
     still = jnp.ones_like(t) > 0
-    for a, b, da, db, atol, term in zip(*leaves, plan.atols, terms, strict=True):
-        size = jnp.maximum(jnp.abs(a), jnp.abs(b))
+    for a, b, da, db, size, by_others, atol, term in zip(*leaves, plan.atols, terms, strict=True):
         seen = rule.rtol * jnp.maximum(size, SMALLEST * most)
         seen = UNSEEN * (seen + (ROUNDING * term * mean_step if atol is None else atol))
-        seen = jnp.minimum(seen, SEEN * jnp.maximum(size, most))
+        # A velocity is zero at rest: what it is seen against comes from the positions, in its own unit.
+        seen = jnp.minimum(seen, SEEN * jnp.maximum(size, by_others))
         moved = jnp.maximum(jnp.abs(b - a), mean_step * jnp.maximum(jnp.abs(da), jnp.abs(db)))
         still = still & jnp.all(moved <= seen)
     longest = LONGEST ** (1.0 / plan.stepper.order())
@@ -53,8 +54,8 @@ def too_still(
     return still & (lasts * rate > 1.0) & (mean_step * rate > longest)
 
 
-def _start(field: Callable, t: Any, y: PyTree) -> tuple[PyTree, Any]:
-    """Slope at the start, and the rate of the linearised field there [1/s].
+def _start(field: Callable, t: Any, y: PyTree, sizes: PyTree) -> tuple[PyTree, Any, PyTree]:
+    """Slope at the start, rate of the linearised field there [1/s], and what `sizes` drive in one over it.
 
     The field is applied twice, so that the units of the state cancel.
     """
@@ -66,4 +67,7 @@ def _start(field: Callable, t: Any, y: PyTree) -> tuple[PyTree, Any]:
     largest: Any = 0.0
     for leaf in jax.tree.leaves(applied(once)[1]):
         largest = jnp.maximum(largest, jnp.max(jnp.abs(leaf)))
-    return jax.lax.stop_gradient((slope, jnp.sqrt(largest)))
+    rate = jnp.sqrt(largest)
+    time = jnp.where(rate > 0, 1.0 / jnp.where(rate > 0, rate, 1.0), 0.0)
+    driven = jax.tree.map(lambda a: time * jnp.abs(a), applied(sizes)[1])
+    return jax.lax.stop_gradient((slope, rate, driven))

@@ -69,6 +69,22 @@ def test_a_whole_number_of_periods_is_no_rest(phase, step):
     assert int(run.flags) & STILL == 0
 
 
+class WithShaft(ss.AbstractSmoothSystem):
+    """A mass on a spring beside a shaft that turns at a constant speed, a large number."""
+
+    def vector_field(self, t, y, mode, args):
+        return {"x": y["v"], "v": -y["x"], "speed": 80.0 - y["speed"]}
+
+
+def test_a_small_motion_beside_a_large_number_is_no_rest():
+    """Numbers of unlike units are not compared: 80 rad/s say nothing of 2 cm."""
+    start = {"x": 0.02, "v": 0.0, "speed": 80.0}
+    integrator = ss.Integrator("tsit5", ss.AdaptiveStep(1e-8, 1e-9))
+    run = ss.simulate(WithShaft(), 0.0, 20 * np.pi, start, integrator=integrator)
+    assert int(run.stats.num_attempts) < 63 / 0.158  # steps long against 1 / rate, or nothing is asked
+    assert int(run.flags) & STILL == 0
+
+
 def test_a_block_that_sticks_for_good_is_not_doubted():
     """At rest on ground, the state has no rate of its own: its derivative is right with any steps."""
     block = CoulombOscillator(1.0, 1.0, 1.0, 0.5, 0.0)
