@@ -63,11 +63,13 @@ def _start(field: Callable, t: Any, y: PyTree, sizes: PyTree) -> tuple[PyTree, A
     def applied(direction):
         return jax.jvp(lambda y: field(t, y), (y,), (direction,))
 
-    slope, once = applied(jax.tree.map(jnp.ones_like, y))
+    # Two directions in one batch: the field is in the program once for both.
+    directions = jax.tree.map(lambda a, size: jnp.stack([jnp.ones_like(a), size]), y, sizes)
+    slope, both = jax.vmap(applied, out_axes=(None, 0))(directions)
     largest: Any = 0.0
-    for leaf in jax.tree.leaves(applied(once)[1]):
+    for leaf in jax.tree.leaves(applied(jax.tree.map(lambda a: a[0], both))[1]):
         largest = jnp.maximum(largest, jnp.max(jnp.abs(leaf)))
     rate = jnp.sqrt(largest)
     time = jnp.where(rate > 0, 1.0 / jnp.where(rate > 0, rate, 1.0), 0.0)
-    driven = jax.tree.map(lambda a: time * jnp.abs(a), applied(sizes)[1])
+    driven = jax.tree.map(lambda a: time * jnp.abs(a[1]), both)
     return jax.lax.stop_gradient((slope, rate, driven))
