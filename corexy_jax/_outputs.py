@@ -65,7 +65,7 @@ def outputs(solution: CoreXYSolution, errata: Errata | None = None) -> xr.Datase
             "motor": [1, 2],
             "contact": list(CONTACT_NAMES),
         },
-        {"way": solution.way},
+        {"method": solution.method},
     )
 
 

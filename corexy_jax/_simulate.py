@@ -36,7 +36,7 @@ from ._system import CoreXY, CoreXYState
 from ._voltage import AbstractVoltage
 
 MOTORS = ("motor_1", "motor_2")
-WAYS = ("consistent", "as_printed", "smoothed")
+METHODS = ("consistent", "as_printed", "smoothed")
 
 
 def simulate(
@@ -44,7 +44,7 @@ def simulate(
     voltage: AbstractVoltage,
     t1: Numeric = 6.0,
     *,
-    way: str = "consistent",
+    method: str = "consistent",
     rows: int = 601,
     y0: CoreXYState | None = None,
     **options: Any,
@@ -54,7 +54,7 @@ def simulate(
     **Arguments**
 
     - `parameters`, `voltage`: e.g. `*scenario(1)`.
-    - `way`: `"consistent"` (all contacts at once, event-driven; the default), `"as_printed"` (the
+    - `method`: `"consistent"` (all contacts at once, event-driven; the default), `"as_printed"` (the
       paper's algorithm), `"smoothed"` (regularised friction).
     - `rows`: number of equally spaced output times, both ends included.
     - `y0`: initial state, `CoreXY.state(...)`; at rest at the origin if not given.
@@ -65,12 +65,12 @@ def simulate(
     """
     from ._smoothed import simulate_smoothed  # it builds on what this module offers
 
-    check_in("way", way, WAYS)
+    check_in("method", method, METHODS)
     run = {
         "consistent": simulate_consistent,
         "as_printed": simulate_as_printed,
         "smoothed": simulate_smoothed,
-    }[way]
+    }[method]
     return run(parameters, voltage, t1, rows=rows, y0=y0, **options)
 
 

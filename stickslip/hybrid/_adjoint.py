@@ -58,11 +58,11 @@ class _Sweep(NamedTuple):
     number: Any  # segment to run next
     goal: Any  # segment to walk back through next; beyond all of them until the last one is known
     kept: PyTree  # starts of segments
-    bars: PyTree  # cotangents before what has been walked through
+    bars: PyTree  # cotangents, called bars as in the literature, before what has been walked through
 
 
 def adjoint(inputs, fixed, wanted, plan: Plan, cotangents, make_start) -> PyTree:
-    """Cotangents of `inputs = (theta, t0, y0)` for the cotangents of the smooth results.
+    """Cotangents of `inputs = (problem, t0, y0)` for the cotangents of the smooth results.
 
     `wanted`: a tree of flags like `inputs`; the others get None. A log without cotangents is None.
     """
@@ -126,8 +126,8 @@ def _swept(given: _Given, axes: _Given | None, wanted, make_start) -> PyTree:
         return lane, None if logs.steps is None else jnp.zeros_like(mode0)
 
     def ends(given: _Given):
-        (theta, t0, y0), results = given.inputs, given.cotangents
-        zero = jax.tree.map(jnp.zeros_like, (eqx.filter(theta, wanted[0]), t0, y0))
+        (problem, t0, y0), results = given.inputs, given.cotangents
+        zero = jax.tree.map(jnp.zeros_like, (eqx.filter(problem, wanted[0]), t0, y0))
         return zero[0], zero[1] + results.t, jax.tree.map(jnp.add, zero[2], results.y), zero[2]
 
     def ahead(begun):
@@ -185,12 +185,12 @@ def _swept(given: _Given, axes: _Given | None, wanted, make_start) -> PyTree:
 
 def _attempted(given: _Given, block: int, lane: Lane):
     """A block of attempts: the lane after them, and their rows."""
-    plan, (theta, _, _), (_, t1, outputs) = given.plan, given.inputs, given.fixed
+    plan, (problem, _, _), (_, t1, outputs) = given.plan, given.inputs, given.fixed
 
-    def dump(before, after, outcome):
+    def row_of(before, after, outcome):
         return tape_row(plan, given.cotangents.logs, before, outcome)
 
-    return run_block(plan, theta, lane, t1, outputs, block, dump)
+    return run_block(plan, problem, lane, t1, outputs, block, row_of)
 
 
 def _pulled(given: _Given, wanted, rows: Tape, bars):
