@@ -8,9 +8,9 @@ import jax.numpy as jnp
 
 import stickslip as ss
 from stickslip import RESULTS, Integrator, SaveAt
-from stickslip._types import Numeric
-from stickslip._validation import (
+from stickslip.checks import (
     MOST,
+    Numeric,
     as_float64,
     as_parameter,
     check_count,
@@ -21,8 +21,7 @@ from stickslip._validation import (
     one_number,
     refusal,
 )
-from stickslip.hybrid import Executor, current_executor, use_executor
-from stickslip.hybrid._simulate import raising
+from stickslip.hybrid import Executor, current_executor, raise_failures, use_executor
 from stickslip.systems import Augmented, WithIntegrals
 
 from ._arguments import the_errata, the_integrator
@@ -119,7 +118,7 @@ def simulate_consistent(
     check_count("max_events", max_events, 0)
     check_flag("throw", throw)
     found, fine = _consistent(system, t1, y0, rows, integrator, max_events, current_executor())
-    return raising(found, fine) if throw else found
+    return raise_failures(found, fine) if throw else found
 
 
 @eqx.filter_jit

@@ -20,6 +20,7 @@ from ._lane import Lane, Plan, accepted
 from ._loop import run_block, running
 from ._pull import Tape, pull, tape_row
 from ._tree import write_row
+from ._xla import time_loop
 
 BLOCK = 8  # attempts after which it is asked whether the lanes have ended
 BLOCK_FUSED = 32  # the same where to enter the loop costs as much as an attempt
@@ -198,14 +199,15 @@ def _pulled(given: _Given, wanted, rows: Tape, bars):
     plan, mode0, logs = given.plan, given.fixed[0], given.cotangents.logs
     varied, held = eqx.partition(given.inputs[0], wanted[0])
 
-    def sweep(varied, rows, bars, logs, mode0):
+    @time_loop
+    def sweep(plan, varied, rows, bars, logs, mode0):
         def body(bars, row):
             row = row if row.mode is not None else row._replace(mode=mode0)
             return pull(plan, varied, held, row, bars, logs), None
 
         return jax.lax.scan(body, bars, rows, reverse=True)[0]
 
-    return plan.execute.loop(sweep, varied, rows, bars, logs, mode0)
+    return sweep(plan, varied, rows, bars, logs, mode0)
 
 
 def _room(tree, count: int):

@@ -6,13 +6,12 @@ from typing import TYPE_CHECKING, Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax.lax import stop_gradient
 from jaxtyping import PyTree
 
 from .._checked import CheckedModule
 from .._types import Given, Mode, Numeric, Row
-from .._validation import check_at_least, check_count, check_flag, check_type, is_concrete, refusal
+from .._validation import check_at_least, check_count, check_flag, check_type, refusal
 from . import _solution as out
 from ._arguments import (
     a_time,
@@ -34,7 +33,7 @@ from ._lane import Plan
 from ._progress import ProgressMeter
 from ._record import Capacities
 from ._section import Section
-from ._solution import Solution
+from ._solution import Solution, raise_failures
 from ._status import CODE, STILL, flag, to_result
 from ._step_size import AbstractStepSize, AdaptiveStep
 from ._stepper import ExplicitRungeKutta, as_stepper
@@ -192,20 +191,13 @@ def simulate(
             raise
         # Perhaps `initial_mode` asks in Python which number it has.
         solution, fine = run(first_mode(system, t0, y0, args))
-    return raising(solution, fine) if throw else solution
+    return raise_failures(solution, fine) if throw else solution
 
 
 @functools.cache
 def _default(kind: type) -> Any:
     """One object for all calls that do not give their own: it was checked when it was made."""
     return kind()
-
-
-def raising(solution: Any, fine: Any) -> Any:
-    """`solution`, or the error of its result where a lane of it is not `fine`."""
-    if is_concrete(fine) and np.asarray(fine).all():
-        return solution
-    return solution.result.error_if(solution, ~fine)
 
 
 @eqx.filter_jit
