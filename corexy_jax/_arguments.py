@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from stickslip import Integrator
-from stickslip._validation import (
+from stickslip.checks import (
     REAL,
     as_parameter,
     check_between,

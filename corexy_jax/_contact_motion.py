@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from stickslip._fastmath import where
+from stickslip.fastmath import where
 
 from ._contacts import (
     BELT_1,

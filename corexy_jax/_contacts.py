@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from stickslip._fastmath import where
+from stickslip.fastmath import where
 
 from ._parameters import CoreXYParameters
 from ._rows import Row, each, row, through

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from stickslip._types import Numeric
+from stickslip.checks import Numeric
 from stickslip.contact import zonotope_vertices
 
 from ._arguments import finite, the_machine

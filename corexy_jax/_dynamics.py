@@ -13,8 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from stickslip._types import Numeric, Whole
-from stickslip._validation import check_positive, check_type
+from stickslip.checks import Numeric, Whole, check_positive, check_type
 
 from ._arguments import dmn_number, finite, named, pair, the_errata, the_machine
 from ._errata import Errata

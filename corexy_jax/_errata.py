@@ -2,9 +2,7 @@
 
 import equinox as eqx
 
-from stickslip._checked import CheckedModule
-from stickslip._types import Given
-from stickslip._validation import check_flag, check_in
+from stickslip.checks import CheckedModule, Given, check_flag, check_in
 
 CLAIMS = {
     "A1": "x rows of (39), (48), (57), (66): minus before the torques of pulleys 1_1 and 2_1",

@@ -5,9 +5,9 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from stickslip._fastmath import where
 from stickslip.contact import vector_dead_zone
-from stickslip.hybrid import Executor
+from stickslip.fastmath import where
+from stickslip.hybrid import Executor, piece, time_loop
 
 from ._contacts import Line, contact_loads, sliding_speeds
 from ._dynamics import (
@@ -102,29 +102,39 @@ class Now(NamedTuple):
     static: tuple[Any, Any]  # greatest static friction of the motor pulleys on the ground [N m]
 
 
+@piece
+def _senses(execute, y: CoreXYState, *, p):
+    """Senses of all parts, which of them rest, and the senses of the pulleys against their belts."""
+    speeds = (y.vx, y.vy, y.vx + y.vy, y.vx - y.vy, y.omega_1, y.omega_2)
+    rest = tuple(where(v == 0.0, 1.0, 0.0) for v in speeds)
+    turn = virtual_pulleys(y.vx, y.vy, p.r)
+    relative = jnp.sign(y.omega_1 - turn[0]), jnp.sign(y.omega_2 - turn[1])
+    return tuple(jnp.sign(v) for v in speeds), rest, relative
+
+
+@piece
+def _torques(execute, volts, y: CoreXYState, *, p):
+    return motor_torque(p, volts[0], y.omega_1), motor_torque(p, volts[1], y.omega_2)
+
+
+@piece
+def _kinetic(execute, senses, *, p, errata: Errata) -> Rows:
+    return _rows(p, p.mu_k, SlipDirections(*senses), errata)
+
+
+@piece
+def _static(execute, rest, *, p, start, errata: Errata) -> Rows:
+    """Friction of what rests against a `start`, the senses that all parts would have then."""
+    senses = SlipDirections(*(r * d for r, d in zip(rest, start, strict=True)))
+    return _rows(p, p.mu_s, senses, errata)
+
+
 def _now(p, y: CoreXYState, volts, errata: Errata, execute: Executor) -> Now:
-    once = execute.boundary
-
-    def senses_of(y):
-        speeds = (y.vx, y.vy, y.vx + y.vy, y.vx - y.vy, y.omega_1, y.omega_2)
-        rest = tuple(where(v == 0.0, 1.0, 0.0) for v in speeds)
-        turn = virtual_pulleys(y.vx, y.vy, p.r)
-        relative = jnp.sign(y.omega_1 - turn[0]), jnp.sign(y.omega_2 - turn[1])
-        return tuple(jnp.sign(v) for v in speeds), rest, relative
-
-    senses, rest, relative = once(senses_of, y)
-    torques = once(
-        lambda v, y: (motor_torque(p, v[0], y.omega_1), motor_torque(p, v[1], y.omega_2)), volts, y
-    )
-    kinetic = once(lambda s: _rows(p, p.mu_k, SlipDirections(*s), errata), senses)
-
-    def against(rest, direction):
-        return _rows(
-            p, p.mu_s, SlipDirections(*(r * d for r, d in zip(rest, direction, strict=True))), errata
-        )
-
+    senses, rest, relative = _senses(execute, y, p=p)
+    torques = _torques(execute, volts, y, p=p)
+    kinetic = _kinetic(execute, senses, p=p, errata=errata)
     starts = ((1.0, 0.0, 1.0, 1.0, 1.0, 1.0), (0.0, 1.0, 1.0, -1.0, 1.0, -1.0))
-    static_x, static_y = (once(lambda r, d=d: against(r, d), rest) for d in starts)
+    static_x, static_y = (_static(execute, rest, p=p, start=d, errata=errata) for d in starts)
     static = tuple(p.mu_s * 2.0 * P * p.r_f for P in (p.P1, p.P2))
     return Now(torques, relative, SlipDirections(*rest), kinetic, static_x, static_y, static)
 
@@ -144,50 +154,60 @@ def _carriage(p, load, now: Now, rolling, errata: Errata, execute: Executor):
         a = vector_dead_zone(M, jnp.stack(load), _NORMALS, limits)
         return a[0], a[1]
 
+    return _by_axis(execute, load, rest, now.static_x, now.static_y, rolling, p=p)
+
+
+@piece
+def _by_axis(execute, load, rest: SlipDirections, static_x: Rows, static_y: Rows, rolling, *, p):
+    """The same with a dead zone for each axis, as the paper has it."""
+
     def one(load, at_rest, bound):
         return where(at_rest == 1.0, dead_zone_row(load, jnp.abs(bound)), load)
 
-    def both(load, rest, now_x, now_y, rolling):
-        m = inertia(p, *(where(rolls, 1.0, 0.0) for rolls in rolling))
-        row_x = one(load[0], rest.x, now_x.row_x(rolling))
-        row_y = one(load[1], rest.y, now_y.row_y(rolling))
-        return solve(m, row_x, row_y)
+    m = inertia(p, *(where(rolls, 1.0, 0.0) for rolls in rolling))
+    row_x = one(load[0], rest.x, static_x.row_x(rolling))
+    row_y = one(load[1], rest.y, static_y.row_y(rolling))
+    return solve(m, row_x, row_y)
 
-    return execute.boundary(both, load, rest, now.static_x, now.static_y, rolling)
+
+@piece
+def _loads(execute, kinetic: Rows, rolling, torques, belts, *, p, errata: Errata):
+    """Rows of x and y under friction, torques and belt forces [N m]."""
+    one, two = (
+        where(rolls, torque, belt_torque(p, belt, errata))
+        for rolls, torque, belt in zip(rolling, torques, belts, strict=True)
+    )
+    return kinetic.row_x(rolling) + one + two, kinetic.row_y(rolling) + one - two
+
+
+@piece
+def _turn(execute, rolls, with_belt, tau_0, torque, belt, static, standing, *, p):
+    """Acceleration of a motor pulley, and the friction of the ground on it."""
+    free = dead_zone_row(torque + belt * p.r, static) / p.J
+    alone = where(standing == 1.0, free, slipping_motor(p, torque, tau_0, belt))
+    alpha = where(rolls, with_belt, alone)
+    holding = -jnp.clip(torque, -static, static)
+    at_rest = where(alpha == 0.0, holding, -static * jnp.sign(alpha))
+    return alpha, where(standing == 1.0, at_rest, tau_0)
 
 
 def _motion(p, now: Now, number, belts, errata: Errata, execute: Executor) -> Motion:
     """Accelerations in the dynamic model `number` with the given belt forces."""
-    once = execute.boundary
     rolling = ((number == 1) | (number == 3), (number == 1) | (number == 2))
 
-    def load(kinetic, rolling, torques, belts):
-        one, two = (
-            where(rolls, torque, belt_torque(p, belt, errata))
-            for rolls, torque, belt in zip(rolling, torques, belts, strict=True)
-        )
-        return kinetic.row_x(rolling) + one + two, kinetic.row_y(rolling) + one - two
-
-    loads = once(load, now.kinetic, rolling, now.torques, belts)
+    loads = _loads(execute, now.kinetic, rolling, now.torques, belts, p=p, errata=errata)
     ax, ay = _carriage(p, loads, now, rolling, errata, execute)
     turning = zip(
         rolling, rolling_motors(ax, ay, p.r), now.kinetic[2:], now.torques, belts, now.static,
         (now.rest.one, now.rest.two), strict=True,
     )  # fmt: skip
 
-    def turn(rolls, with_belt, tau_0, torque, belt, static, standing):
-        free = dead_zone_row(torque + belt * p.r, static) / p.J
-        alone = where(standing == 1.0, free, slipping_motor(p, torque, tau_0, belt))
-        alpha = where(rolls, with_belt, alone)
-        holding = -jnp.clip(torque, -static, static)
-        at_rest = where(alpha == 0.0, holding, -static * jnp.sign(alpha))
-        return alpha, where(standing == 1.0, at_rest, tau_0)
-
-    one, two = (once(turn, *side) for side in turning)
+    one, two = (_turn(execute, *side, p=p) for side in turning)
     return Motion(Accelerations(ax, ay, one[0], two[0]), (one[1], two[1]), belts)
 
 
-def _advance(p, y: CoreXYState, number, a: Accelerations, dt, errata: Errata):
+@piece
+def _advance(execute, y: CoreXYState, number, a: Accelerations, *, p, dt, errata: Errata):
     """Explicit Euler step, and which motors roll after it, Eq. (73)."""
     vx, vy = y.vx + dt * a.x, y.vy + dt * a.y
     omegas = [y.omega_1 + dt * a.alpha_1, y.omega_2 + dt * a.alpha_2]
@@ -228,7 +248,8 @@ def _advance(p, y: CoreXYState, number, a: Accelerations, dt, errata: Errata):
     return new, slips
 
 
-def _account(p, y: CoreXYState, torques, belts, number, dt, ledger: Ledger, errata: Errata):
+@piece
+def _account(execute, y: CoreXYState, torques, belts, number, ledger: Ledger, *, p, dt, errata: Errata):
     """Energies of one step, with the forces as the equations have them."""
     turn = virtual_pulleys(y.vx, y.vy, p.r)
     q = Line(y.vx, y.vy, p.r * y.omega_1, p.r * y.omega_2)
@@ -250,6 +271,33 @@ def _account(p, y: CoreXYState, torques, belts, number, dt, ledger: Ledger, erra
     )
 
 
+@piece
+def _voltages(execute, t, *, voltage: AbstractVoltage):
+    return voltage(t)
+
+
+@piece
+def _belts(execute, number, senses, *, p):
+    """Forces of the belts that slip in the dynamic model `number`."""
+    slipping = ((number == 2) | (number == 4), (number == 3) | (number == 4))
+    one, two = (where(s, f, 0.0) for s, f in zip(slipping, belt_friction(p, *senses), strict=True))
+    return one, two
+
+
+@piece
+def _chosen(execute, before, alphas, torques, ground, relative, *, p, errata: Errata):
+    """The dynamic model that rules the step, and the senses of the belts in it."""
+    needed = needed_friction(p, alphas, torques, ground, errata)
+    senses = relative
+    if errata.A4:
+        # A belt that starts to slip does so against the friction it lacked.
+        senses = tuple(
+            where(s == 0.0, -jnp.sign(f), s)
+            for s, f in zip(relative, (needed.f_1s, needed.f_2s), strict=True)
+        )
+    return next_dmn(before, needed, available_coefficients(p, errata)), senses
+
+
 def step(
     p: CoreXYParameters,
     voltage: AbstractVoltage,
@@ -260,41 +308,20 @@ def step(
     execute: Executor,
 ) -> tuple[Carry, Output]:
     """One step of the algorithm from time `t` [s]; also the output at `t`."""
-    once = execute.boundary
     y = carry.y
-    now = _now(p, y, once(voltage, t), errata, execute)
+    now = _now(p, y, _voltages(execute, t, voltage=voltage), errata, execute)
     before = number_of(carry.slips_1, carry.slips_2)
 
-    def belts_of(number, senses):
-        slipping = ((number == 2) | (number == 4), (number == 3) | (number == 4))
-        forces = belt_friction(p, *senses)
-        one, two = (where(s, f, 0.0) for s, f in zip(slipping, forces, strict=True))
-        return one, two
-
-    belts = once(belts_of, before, now.relative)
+    belts = _belts(execute, before, now.relative, p=p)
     ideal = _motion(p, now, before, belts, errata, execute)
-
-    def choose(before, alphas, torques, ground, relative):
-        needed = needed_friction(p, alphas, torques, ground, errata)
-        senses = relative
-        if errata.A4:
-            # A belt that starts to slip does so against the friction it lacked.
-            senses = tuple(
-                where(s == 0.0, -jnp.sign(f), s)
-                for s, f in zip(relative, (needed.f_1s, needed.f_2s), strict=True)
-            )
-        return next_dmn(before, needed, available_coefficients(p, errata)), senses
-
     alphas = ideal.a.alpha_1, ideal.a.alpha_2
-    number, senses = once(choose, before, alphas, now.torques, ideal.ground, now.relative)
-    belts = once(belts_of, number, senses)
+    number, senses = _chosen(
+        execute, before, alphas, now.torques, ideal.ground, now.relative, p=p, errata=errata
+    )
+    belts = _belts(execute, number, senses, p=p)
     motion = _motion(p, now, number, belts, errata, execute)
-
-    def account(y, torques, belts, number, ledger):
-        return _account(p, y, torques, belts, number, dt, ledger, errata)
-
-    ledger = once(account, y, now.torques, belts, number, carry.ledger)
-    new, slips = once(lambda y, number, a: _advance(p, y, number, a, dt, errata), y, number, motion.a)
+    ledger = _account(execute, y, now.torques, belts, number, carry.ledger, p=p, dt=dt, errata=errata)
+    new, slips = _advance(execute, y, number, motion.a, p=p, dt=dt, errata=errata)
     slipping = ((number == 2) | (number == 4), (number == 3) | (number == 4))
     own = [jnp.sign(v) for v in (y.vx, y.vy, y.vx + y.vy, y.vx - y.vy, y.omega_1, y.omega_2)]
     own += [where(s, sense, 0.0) for s, sense in zip(slipping, senses, strict=True)]
@@ -330,10 +357,11 @@ def march(
         steps = where(row < rows - 1, stride, 0)
         return jax.lax.fori_loop(0, steps, one, carry), shown
 
-    def whole(start):
+    @time_loop
+    def whole(execute, start):
         return jax.lax.scan(many, start, jnp.arange(rows, dtype=jnp.int32))[1]
 
-    shown = execute.loop(whole, start)
+    shown = whole(execute, start)
     friction, slip = (jnp.stack(a, axis=-1) for a in (shown.ledger.friction, shown.ledger.slip))
     ledger = shown.ledger._replace(friction=friction, slip=slip)
     return shown._replace(ledger=ledger, senses=jnp.stack(shown.senses, axis=-1))

@@ -7,8 +7,7 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 
-from stickslip._types import Numeric
-from stickslip._validation import check_nonnegative
+from stickslip.checks import Numeric, check_nonnegative
 
 from ._arguments import finite, named, the_machine
 from ._dynamics import FrictionForces

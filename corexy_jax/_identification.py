@@ -9,8 +9,8 @@ from jaxtyping import Array, Float
 
 import stickslip as ss
 from stickslip import Integrator, SaveAt
-from stickslip._types import Given
-from stickslip._validation import (
+from stickslip.checks import (
+    Given,
     as_float64,
     as_parameter,
     check_increasing,

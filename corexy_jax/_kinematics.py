@@ -2,8 +2,7 @@
 
 from typing import Any, NamedTuple
 
-from stickslip._types import Numeric
-from stickslip._validation import check_positive
+from stickslip.checks import Numeric, check_positive
 
 from ._arguments import finite
 

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from stickslip._types import Numeric
+from stickslip.checks import Numeric
 
 from ._arguments import finite, the_machine
 from ._parameters import CoreXYParameters

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from stickslip._validation import check_type, refusal
+from stickslip.checks import check_type, refusal
 
 from ._arguments import the_errata
 from ._contacts import CONTACT_NAMES, MOTOR_1
@@ -65,7 +65,7 @@ def outputs(solution: CoreXYSolution, errata: Errata | None = None) -> xr.Datase
             "motor": [1, 2],
             "contact": list(CONTACT_NAMES),
         },
-        {"way": solution.way},
+        {"method": solution.method},
     )
 
 

@@ -5,8 +5,7 @@ from typing import Any
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from stickslip._types import Numeric
-from stickslip._validation import as_parameter, check_nonnegative, check_positive, refusal
+from stickslip.checks import Numeric, as_parameter, check_nonnegative, check_positive, refusal
 
 _POSITIVE = ("m", "M", "J", "J_passive", "r", "R", "K_t", "P1", "P2", "g")
 

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from stickslip._fastmath import where
+from stickslip.fastmath import where
 
 from ._contact_motion import contact_motion, onset, onset_signs
 from ._contacts import NUM_CONTACTS, Line, closure, sliding_speeds

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from stickslip._validation import check_count, check_in, check_type
+from stickslip.checks import check_count, check_in, check_type
 
 from ._errata import Errata
 from ._parameters import CoreXYParameters

@@ -8,9 +8,9 @@ import jax.numpy as jnp
 
 import stickslip as ss
 from stickslip import RESULTS, Integrator, SaveAt
-from stickslip._types import Numeric
-from stickslip._validation import (
+from stickslip.checks import (
     MOST,
+    Numeric,
     as_float64,
     as_parameter,
     check_count,
@@ -21,8 +21,7 @@ from stickslip._validation import (
     one_number,
     refusal,
 )
-from stickslip.hybrid import Executor, current_executor, use_executor
-from stickslip.hybrid._simulate import raising
+from stickslip.hybrid import Executor, current_executor, raise_failures, use_executor
 from stickslip.systems import Augmented, WithIntegrals
 
 from ._arguments import the_errata, the_integrator
@@ -36,7 +35,7 @@ from ._system import CoreXY, CoreXYState
 from ._voltage import AbstractVoltage
 
 MOTORS = ("motor_1", "motor_2")
-WAYS = ("consistent", "as_printed", "smoothed")
+METHODS = ("consistent", "as_printed", "smoothed")
 
 
 def simulate(
@@ -44,7 +43,7 @@ def simulate(
     voltage: AbstractVoltage,
     t1: Numeric = 6.0,
     *,
-    way: str = "consistent",
+    method: str = "consistent",
     rows: int = 601,
     y0: CoreXYState | None = None,
     **options: Any,
@@ -54,7 +53,7 @@ def simulate(
     **Arguments**
 
     - `parameters`, `voltage`: e.g. `*scenario(1)`.
-    - `way`: `"consistent"` (all contacts at once, event-driven; the default), `"as_printed"` (the
+    - `method`: `"consistent"` (all contacts at once, event-driven; the default), `"as_printed"` (the
       paper's algorithm), `"smoothed"` (regularised friction).
     - `rows`: number of equally spaced output times, both ends included.
     - `y0`: initial state, `CoreXY.state(...)`; at rest at the origin if not given.
@@ -65,12 +64,12 @@ def simulate(
     """
     from ._smoothed import simulate_smoothed  # it builds on what this module offers
 
-    check_in("way", way, WAYS)
+    check_in("method", method, METHODS)
     run = {
         "consistent": simulate_consistent,
         "as_printed": simulate_as_printed,
         "smoothed": simulate_smoothed,
-    }[way]
+    }[method]
     return run(parameters, voltage, t1, rows=rows, y0=y0, **options)
 
 
@@ -119,7 +118,7 @@ def simulate_consistent(
     check_count("max_events", max_events, 0)
     check_flag("throw", throw)
     found, fine = _consistent(system, t1, y0, rows, integrator, max_events, current_executor())
-    return raising(found, fine) if throw else found
+    return raise_failures(found, fine) if throw else found
 
 
 @eqx.filter_jit

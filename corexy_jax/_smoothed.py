@@ -9,19 +9,23 @@ from jaxtyping import Array, Float, Int
 
 import stickslip as ss
 from stickslip import Integrator, SaveAt
-from stickslip._fastmath import exp, tanh, where
-from stickslip._looks_at import looks_at, modes, reals, with_components
-from stickslip._types import Given, Numeric
-from stickslip._validation import (
+from stickslip.checks import (
+    Given,
+    Numeric,
     as_parameter,
     check_between,
     check_in,
     check_positive,
     check_type,
+    looks_at,
+    modes,
     one_number,
+    reals,
     refusal,
     whole_number,
+    with_components,
 )
+from stickslip.fastmath import exp, tanh, where
 from stickslip.systems import AbstractMechanicalSystem, WithIntegrals
 
 from ._arguments import the_integrator

@@ -1,4 +1,4 @@
-"""What a simulation of the machine returns, whichever way it was made."""
+"""What a simulation of the machine returns, by whichever method."""
 
 from typing import Any, NamedTuple
 
@@ -49,7 +49,7 @@ class CoreXYSolution(eqx.Module):
     - `ledger`: a `Ledger`.
     - `events`: the transitions of `consistent`, else `None`; `flags`: its bits where a derivative does
       not exist, else 0.
-    - `result`: `stickslip.RESULTS`. `way`: which of the three.
+    - `result`: `stickslip.RESULTS`. `method`: which of the three.
     """
 
     parameters: CoreXYParameters
@@ -63,7 +63,7 @@ class CoreXYSolution(eqx.Module):
     events: EventLog | None
     flags: Int[Array, "*batch"]
     result: Any
-    way: str = eqx.field(static=True)
+    method: str = eqx.field(static=True)
 
     @property
     def successful(self) -> Bool[Array, "*batch"]:

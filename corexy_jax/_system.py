@@ -7,9 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from stickslip._fastmath import where
-from stickslip._types import Given, Numeric, Whole
-from stickslip._validation import as_parameter, check_finite, check_type, one_number
+from stickslip.checks import Given, Numeric, Whole, as_parameter, check_finite, check_type, one_number
+from stickslip.fastmath import where
 from stickslip.systems import AbstractMechanicalSystem
 
 from ._contact_motion import ContactMotion, contact_motion, onset, onset_signs

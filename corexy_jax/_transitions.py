@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 
-from stickslip._types import Whole
+from stickslip.checks import Whole
 
 from ._arguments import dmn_number, named, pair, the_errata, the_machine
 from ._errata import Errata

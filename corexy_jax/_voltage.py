@@ -9,10 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
-from stickslip._fastmath import sin_cos, where
-from stickslip._looks_at import Look, look_at_own, looks_at, one_real, reals
-from stickslip._types import Given, Numeric, Row
-from stickslip._validation import (
+from stickslip.checks import (
+    Given,
+    Look,
+    Numeric,
+    Row,
     as_parameter,
     check_callable,
     check_finite,
@@ -20,11 +21,16 @@ from stickslip._validation import (
     check_increasing,
     check_positive,
     is_concrete,
+    look_at_own,
+    looks_at,
     misshaped,
     one_number,
+    one_real,
     one_row,
+    reals,
     refusal,
 )
+from stickslip.fastmath import sin_cos, where
 
 NEVER = 1e300  # time of a break that does not come [s]
 

@@ -12,7 +12,7 @@ import matplotlib
 import matplotlib.pyplot as plt
 import xarray as xr
 
-from stickslip.sweep._manifest import as_json, code_revision, versions
+from stickslip.sweep import as_json, code_revision, versions
 
 from ._experiment import Context, Experiment, chosen
 

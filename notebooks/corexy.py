@@ -156,7 +156,7 @@ print("friction work at the belts in 6 s [J]")
 for n in (1, 3):
     for A2 in (True, False):
         errata = cx.Errata.corrected(A2=A2, A8=False)
-        found = cx.simulate(*cx.scenario(n, errata), END, way="as_printed", errata=errata, rows=601)
+        found = cx.simulate(*cx.scenario(n, errata), END, method="as_printed", errata=errata, rows=601)
         work = jnp.sum(found.ledger.friction[:, 6:], axis=1)
         created = float(jnp.sum(jnp.maximum(jnp.diff(work), 0.0)))
         name = "third law" if A2 else "as printed"
@@ -175,7 +175,7 @@ reach = {}
 for A8 in (False, True):
     for A12 in (False, True):
         errata = cx.Errata.corrected(A8=A8, A12=A12)
-        found = cx.simulate(*cx.scenario(3, errata), END, way="as_printed", errata=errata, rows=601)
+        found = cx.simulate(*cx.scenario(3, errata), END, method="as_printed", errata=errata, rows=601)
         reach[A8, A12] = float(jnp.max(jnp.abs(found.y.x)))
         words = f"{'one zone' if A8 else 'a zone per axis'}, {'through' if A12 else 'over'} rest"
         print(f"  {words:>28}: {reach[A8, A12]:.3f}")

@@ -39,7 +39,10 @@ else:
 
         def __class_getitem__(cls, allowed: Any) -> type:
             shown = allowed.__qualname__ if isinstance(allowed, type) else str(allowed)
-            named = {"allowed": allowed, "__module__": __name__, "__qualname__": f"Given[{shown}]"}
+            named = {
+                "allowed": allowed, "__module__": __name__, "__qualname__": f"Given[{shown}]",
+                "__doc__": f"{shown}, looked at by what is called.",
+            }  # fmt: skip
             return _Unread("Given", (), named)
 
 

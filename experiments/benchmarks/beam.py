@@ -17,7 +17,6 @@ import numpy as np
 
 import stickslip as ss
 from stickslip.analysis import lyapunov_spectrum
-from stickslip.analysis._growth import first_frame
 
 from ..beam._diagram import points
 from ..beam._exponent import PARAMETERS as EXPONENTS
@@ -124,7 +123,9 @@ def numba_exponents(job: Job, threads: int = WORKERS):
     numba.set_num_threads(min(threads, numba.get_num_threads()))
     beam, run = _beam(job), kernels()[1]
     size = 2 + 2 * job.modes
-    frame = np.array(first_frame(size, size))
+    # The frame that the library starts from.
+    rows, columns = np.arange(1.0, size + 1)[:, None], np.arange(1.0, size + 1)[None, :]
+    frame = np.linalg.qr(np.sin(rows * columns**2 + 0.7 * rows**2))[0]
 
     def call(speeds) -> Found:
         found, lost = np.zeros((len(speeds), size)), np.zeros((len(speeds), size), np.int64)

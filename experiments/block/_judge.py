@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from stickslip.analysis._orbit_lane import STATUS
+from stickslip.analysis import STATUS
 
 from .._experiment import Statement
 

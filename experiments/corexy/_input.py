@@ -7,10 +7,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 import corexy_jax as cx
-from corexy_jax._voltage import AbstractTable
 
 
-class Input(AbstractTable):
+class Input(cx.AbstractTable):
     """Harmonic voltages plus a table of levels `v1`, `v2` [V] with slopes [V/s] from each time on."""
 
     slope_1: Float[Array, " row"]

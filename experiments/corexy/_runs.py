@@ -47,7 +47,7 @@ def scenario_runs(number: int, parameters: dict[str, Any], context: Context) -> 
             solution = cx.simulate(p, v, parameters["duration"], **shape)
         else:
             solution = cx.simulate(
-                p, v, parameters["duration"], way="as_printed", dt=parameters["step"], errata=errata,
+                p, v, parameters["duration"], method="as_printed", dt=parameters["step"], errata=errata,
                 **shape,
             )  # fmt: skip
         runs.append(cx.outputs(solution, errata).drop_attrs(deep=False))

@@ -1,5 +1,8 @@
 """Analyses of any hybrid system: none knows which machine it looks at."""
 
+from ._attractor import CANNOT_TELL as CANNOT_TELL
+from ._attractor import Verdict as Verdict
+from ._attractor import period_of as period_of
 from ._growth import LyapunovSpectrum as LyapunovSpectrum
 from ._history import energy_ledger as energy_ledger
 from ._history import time_history as time_history
@@ -9,6 +12,7 @@ from ._lyapunov_map import lyapunov_spectrum_of_map as lyapunov_spectrum_of_map
 from ._observable import Maximum as Maximum
 from ._observable import Minimum as Minimum
 from ._orbit_diagram import orbit_diagram as orbit_diagram
+from ._orbit_lane import STATUS as STATUS
 from ._spectrum import Peak as Peak
 from ._spectrum import Spectrum as Spectrum
 from ._spectrum import amplitude_spectrum as amplitude_spectrum

@@ -6,6 +6,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from .._types import Given, Numeric, Whole
+from .._validation import MOST, check_count, is_concrete, misshaped, numbers, one_number, whole_number
+
 # What `period` means, by number in `period_status`. Only "repeats" and "none" are measurements.
 PERIOD_STATUS = (
     "repeats",
@@ -47,13 +50,13 @@ def points_needed(period: int) -> int:
 
 
 def period_of(
-    points: Float[Array, "point observable"],
-    count: Int[Array, ""],
-    span: Float[Array, "2 observable"],
+    points: Given[Float[Array, "point observable"]],
+    count: Whole,
+    span: Given[Float[Array, "2 observable"]],
     *,
-    tolerance: Any,
+    tolerance: Numeric,
     max_period: int,
-    start: Float[Array, " observable"] | None = None,
+    start: Given[Float[Array, " observable"]] | None = None,
 ) -> Verdict:
     r"""Period of a sequence of points, or the reason why it cannot be told.
 
@@ -92,7 +95,20 @@ def period_of(
     (`lane_failed` is for the caller.) `slow` is true if for some $p$ the points $p$ apart differed by
     more than the tolerance over the first quarter, and by less than a tenth of that over the last: the
     points of the first quarter are then not those of the attractor, and more time should be dropped.
+
+    Errors: `ValueError`, `TypeError` for arguments of another kind or shape. Points may be NaN, which
+    is an outcome.
     """
+    points, span = _columns("points", points), _columns("span", span)
+    if span.shape != (2, points.shape[1]):
+        raise misshaped("span", span, f"of the shape {(2, points.shape[1])}")
+    count = jnp.asarray(whole_number("count", count, 0, MOST))
+    one_number("tolerance", tolerance, "positive")
+    check_count("max_period", max_period, 1)
+    if start is not None:
+        start = _numbers("start", start)
+        if start.shape != points.shape[1:]:
+            raise misshaped("start", start, f"of the shape {points.shape[1:]}")
     room = points.shape[0]
     quarter = jnp.maximum(count // 4, 3)
     # Counted from the end: row 0 is the last point.
@@ -140,6 +156,18 @@ def period_of(
     told = status <= PERIOD_STATUS.index("none")
     period = jnp.where(told, period, CANNOT_TELL)
     return Verdict(period.astype(jnp.int32), status.astype(jnp.int32), slow & finite)
+
+
+def _columns(name: str, values: Any) -> Any:
+    """A table of numbers, a column for each observable; NaN is allowed."""
+    values = _numbers(name, values)
+    if values.ndim != 2:
+        raise misshaped(name, values, "a table, a column for each observable")
+    return values
+
+
+def _numbers(name: str, values: Any) -> Any:
+    return jnp.asarray(numbers(name, values), jnp.float64) if is_concrete(values) else values
 
 
 def _away_from_last_round(scaled, window, p):

@@ -13,6 +13,7 @@ from ._smooth import AbstractSmoothSystem as AbstractSmoothSystem
 from ._solution import EventLog as EventLog
 from ._solution import Solution as Solution
 from ._solution import StateLog as StateLog
+from ._solution import raise_failures as raise_failures
 from ._solution import same_mode_sequence as same_mode_sequence
 from ._status import RESULTS as RESULTS
 from ._step_size import AbstractAdaptiveStep as AbstractAdaptiveStep
@@ -28,4 +29,6 @@ from ._xla import FUSED as FUSED
 from ._xla import PORTABLE as PORTABLE
 from ._xla import Executor as Executor
 from ._xla import current_executor as current_executor
+from ._xla import piece as piece
+from ._xla import time_loop as time_loop
 from ._xla import use_executor as use_executor

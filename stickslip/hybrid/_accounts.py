@@ -132,10 +132,10 @@ def _of_events(plan: Plan, code, lane: Lane, h, t, mode, first: First) -> dict[s
     flags = flags | jnp.where(code == VIOLATED, EVENT_AT_START, 0)
     # A hash of guards and modes in their order: two runs can be compared without their logs.
     # The golden ratio of 2^32 keeps guard and mode apart, however many modes there are.
-    letter = (mode + 1).astype(jnp.uint32) + first.index.astype(jnp.uint32) * jnp.uint32(2654435769)
+    symbol = (mode + 1).astype(jnp.uint32) + first.index.astype(jnp.uint32) * jnp.uint32(2654435769)
     if jnp.asarray(mode).dtype == jnp.int64:
-        letter = letter + (mode >> 31).astype(jnp.uint32) * jnp.uint32(2654435761)
-    sequence = jnp.where(event, lane.sequence * jnp.uint32(1000003) + letter, lane.sequence)
+        symbol = symbol + (mode >> 31).astype(jnp.uint32) * jnp.uint32(2654435761)
+    sequence = jnp.where(event, lane.sequence * jnp.uint32(1000003) + symbol, lane.sequence)
     return kept | dict(zero_events=zero_events, flags=flags, sequence=sequence)
 
 

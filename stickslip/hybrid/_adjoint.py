@@ -20,6 +20,7 @@ from ._lane import Lane, Plan, accepted
 from ._loop import run_block, running
 from ._pull import Tape, pull, tape_row
 from ._tree import write_row
+from ._xla import time_loop
 
 BLOCK = 8  # attempts after which it is asked whether the lanes have ended
 BLOCK_FUSED = 32  # the same where to enter the loop costs as much as an attempt
@@ -58,11 +59,11 @@ class _Sweep(NamedTuple):
     number: Any  # segment to run next
     goal: Any  # segment to walk back through next; beyond all of them until the last one is known
     kept: PyTree  # starts of segments
-    bars: PyTree  # cotangents before what has been walked through
+    bars: PyTree  # cotangents, called bars as in the literature, before what has been walked through
 
 
 def adjoint(inputs, fixed, wanted, plan: Plan, cotangents, make_start) -> PyTree:
-    """Cotangents of `inputs = (theta, t0, y0)` for the cotangents of the smooth results.
+    """Cotangents of `inputs = (problem, t0, y0)` for the cotangents of the smooth results.
 
     `wanted`: a tree of flags like `inputs`; the others get None. A log without cotangents is None.
     """
@@ -126,8 +127,8 @@ def _swept(given: _Given, axes: _Given | None, wanted, make_start) -> PyTree:
         return lane, None if logs.steps is None else jnp.zeros_like(mode0)
 
     def ends(given: _Given):
-        (theta, t0, y0), results = given.inputs, given.cotangents
-        zero = jax.tree.map(jnp.zeros_like, (eqx.filter(theta, wanted[0]), t0, y0))
+        (problem, t0, y0), results = given.inputs, given.cotangents
+        zero = jax.tree.map(jnp.zeros_like, (eqx.filter(problem, wanted[0]), t0, y0))
         return zero[0], zero[1] + results.t, jax.tree.map(jnp.add, zero[2], results.y), zero[2]
 
     def ahead(begun):
@@ -185,12 +186,12 @@ def _swept(given: _Given, axes: _Given | None, wanted, make_start) -> PyTree:
 
 def _attempted(given: _Given, block: int, lane: Lane):
     """A block of attempts: the lane after them, and their rows."""
-    plan, (theta, _, _), (_, t1, outputs) = given.plan, given.inputs, given.fixed
+    plan, (problem, _, _), (_, t1, outputs) = given.plan, given.inputs, given.fixed
 
-    def dump(before, after, outcome):
+    def row_of(before, after, outcome):
         return tape_row(plan, given.cotangents.logs, before, outcome)
 
-    return run_block(plan, theta, lane, t1, outputs, block, dump)
+    return run_block(plan, problem, lane, t1, outputs, block, row_of)
 
 
 def _pulled(given: _Given, wanted, rows: Tape, bars):
@@ -198,14 +199,15 @@ def _pulled(given: _Given, wanted, rows: Tape, bars):
     plan, mode0, logs = given.plan, given.fixed[0], given.cotangents.logs
     varied, held = eqx.partition(given.inputs[0], wanted[0])
 
-    def sweep(varied, rows, bars, logs, mode0):
+    @time_loop
+    def sweep(plan, varied, rows, bars, logs, mode0):
         def body(bars, row):
             row = row if row.mode is not None else row._replace(mode=mode0)
             return pull(plan, varied, held, row, bars, logs), None
 
         return jax.lax.scan(body, bars, rows, reverse=True)[0]
 
-    return plan.execute.loop(sweep, varied, rows, bars, logs, mode0)
+    return sweep(plan, varied, rows, bars, logs, mode0)
 
 
 def _room(tree, count: int):

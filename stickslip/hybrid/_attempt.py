@@ -23,9 +23,9 @@ from ._tree import select, shift
 from ._xla import bookkeeping, piece
 
 
-def attempt(plan: Plan, theta: PyTree, lane: Lane, t1: Any, outputs: Any) -> tuple[Lane, Outcome]:
-    """One attempt of one lane. `theta = (system, args)`; `outputs` are the output times or None."""
-    lane, step = take(plan, theta, lane)
+def attempt(plan: Plan, problem: PyTree, lane: Lane, t1: Any, outputs: Any) -> tuple[Lane, Outcome]:
+    """One attempt of one lane. `problem = (system, args)`; `outputs` are the output times or None."""
+    lane, step = take(plan, problem, lane)
     # What only decides is not given the state, nor its gradient.
     bare = without_state(lane)
     first = None
@@ -34,13 +34,13 @@ def attempt(plan: Plan, theta: PyTree, lane: Lane, t1: Any, outputs: Any) -> tup
     code = decide(plan, bare, step, first)
 
     def as_decided(lane, step, code, t1, outputs):
-        return _advance(plan, theta, lane, step, code, first, t1, outputs)
+        return _advance(plan, problem, lane, step, code, first, t1, outputs)
 
     if plan.execute.fused and not plan.interrupts:
         return as_decided(lane, step, code, t1, outputs)
 
     def undisturbed(lane, step, code, t1, outputs):
-        return _advance(plan, theta, lane, step, code, None, t1, outputs, judged=True)
+        return _advance(plan, problem, lane, step, code, None, t1, outputs, judged=True)
 
     # One branch for the whole batch, so that `vmap` does not make it a selection of both. It also
     # keeps the compiler from computing the stages of a portable program once per result.
@@ -52,7 +52,7 @@ def attempt(plan: Plan, theta: PyTree, lane: Lane, t1: Any, outputs: Any) -> tup
 
 
 def _advance(
-    plan: Plan, theta: PyTree, lane: Lane, step: Step, code: Any, first: First | None, t1: Any,
+    plan: Plan, problem: PyTree, lane: Lane, step: Step, code: Any, first: First | None, t1: Any,
     outputs: Any, judged: bool = False,
 ) -> tuple[Lane, Outcome]:  # fmt: skip
     """The lane after its attempt.
@@ -68,7 +68,7 @@ def _advance(
         # Computed in every lane, because a batch selects afterwards: where there is no event, `dt` is 0
         # and what the transition makes of the state is thrown away.
         dt = _delay(plan, code, first, step.h)
-        jump = _transition(plan, lane.mode, first.index, step, lane.t + step.h, dt, theta=theta)
+        jump = _transition(plan, lane.mode, first.index, step, lane.t + step.h, dt, problem=problem)
         y_before = _shifted(plan, step.y1, jax.lax.stop_gradient(step.dy1), dt)
 
     keeps = not judged and (first is not None or plan.step_size.adaptive)
@@ -90,14 +90,14 @@ def _advance(
         plan, code, bare, step.h, search, step.error, t, y, dy, lane.size, t1, outputs,
         begins=not judged,
     )  # fmt: skip
-    books = accounts(
+    counted = accounts(
         plan, code, bare, step.h, t, mode, first, fired, following.output, following.h, t1, outputs,
         judged=judged,
     )  # fmt: skip
     after = lane._replace(
         t=t, y=y, dy=dy, mode=mode, values=known.value, rates=known.rate, scales=known.scale,
         h=following.h, h_free=following.h_free, next_output=following.output, full=full,
-        bracket=bracket, **books,
+        bracket=bracket, **counted,
     )  # fmt: skip
     if plan.step_size.adaptive:
         after = after._replace(error=_error(plan, code, step.error, lane.error))
@@ -119,9 +119,9 @@ def _shifted(plan: Plan, y, slope, dt):
 
 
 @piece
-def _transition(plan: Plan, mode, guard, step: Step, t_end, dt, *, theta):
+def _transition(plan: Plan, mode, guard, step: Step, t_end, dt, *, problem):
     """State and mode right after the event."""
-    system, args = theta
+    system, args = problem
     # The slope is held: its derivative would enter times `dt`, which is zero but for rounding.
     y = shift(step.y1, jax.lax.stop_gradient(step.dy1), dt)
     y_new, mode_new = system.transition(t_end + dt, y, mode, guard, args)

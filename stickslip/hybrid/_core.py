@@ -17,7 +17,7 @@ from jaxtyping import PyTree
 
 from ._adjoint import adjoint
 from ._lane import Plan, start
-from ._record import Logs, Record, record
+from ._record import Capacities, Logs, record
 from ._status import COARSE, flag
 from ._tolerance import grown, sizes, too_loose
 
@@ -51,11 +51,11 @@ class Counts(NamedTuple):
     logs: Logs  # with None for every float
 
 
-def _raw(inputs, fixed, plan: Plan, spec: Record) -> tuple[Smooth, Counts]:
-    theta, t0, y0 = inputs
+def _raw(inputs, fixed, plan: Plan, capacities: Capacities) -> tuple[Smooth, Counts]:
+    problem, t0, y0 = inputs
     mode0, t1, outputs = fixed
     lane = start(plan, t0, y0, y0, mode0)
-    lane, logs, steps = record(plan, spec, theta, lane, t1, outputs)
+    lane, logs, steps = record(plan, capacities, problem, lane, t1, outputs)
 
     def count(value):
         return value.astype(jnp.int32)
@@ -87,31 +87,31 @@ def _size(lane, y0):
 
 
 @eqx.filter_custom_jvp
-def core(inputs, *, fixed, plan: Plan, spec: Record) -> tuple[Smooth, Counts]:
-    """Run one lane; derivatives exist by `inputs = (theta, t0, y0)`, not by `fixed`.
+def core(inputs, *, fixed, plan: Plan, capacities: Capacities) -> tuple[Smooth, Counts]:
+    """Run one lane; derivatives exist by `inputs = (problem, t0, y0)`, not by `fixed`.
 
     `fixed = (mode0, t1, outputs)`: the end and the output times enter after the run.
     """
-    return _raw(inputs, fixed, plan, spec)
+    return _raw(inputs, fixed, plan, capacities)
 
 
 @core.def_jvp
-def _core_jvp(primals, tangents, *, fixed, plan, spec):
+def _core_jvp(primals, tangents, *, fixed, plan, capacities):
     (inputs,), (t_inputs,) = primals, tangents
-    out = core(inputs, fixed=fixed, plan=plan, spec=spec)
+    out = core(inputs, fixed=fixed, plan=plan, capacities=capacities)
     # The form of the tangents is that of the results; to find it otherwise means tracing all again.
     like = _struct(out[0])
-    t_smooth = eqxi.filter_primitive_bind(_tangent_p, t_inputs, inputs, fixed, plan, spec, like)
+    t_smooth = eqxi.filter_primitive_bind(_tangent_p, t_inputs, inputs, fixed, plan, capacities, like)
     return out, (t_smooth, jax.tree.map(lambda _: None, out[1]))
 
 
-def _tangent(t_inputs, inputs, fixed, plan, spec, like) -> Smooth:
+def _tangent(t_inputs, inputs, fixed, plan, capacities, like) -> Smooth:
     moving = jax.tree.map(lambda t: t is not None, t_inputs, is_leaf=lambda t: t is None)
     inexact, rest = eqx.partition(inputs, eqx.is_inexact_array)
     varied, held = eqx.partition(inexact, moving)
 
     def run(varied):
-        return _raw(eqx.combine(varied, held, rest), fixed, plan, spec)[0]
+        return _raw(eqx.combine(varied, held, rest), fixed, plan, capacities)[0]
 
     return jax.jvp(run, (varied,), (eqx.filter(t_inputs, moving),))[1]
 
@@ -123,7 +123,7 @@ def _struct(tree):
 
 
 @eqxi.filter_primitive_def
-def _tangent_abstract(t_inputs, inputs, fixed, plan, spec, like):
+def _tangent_abstract(t_inputs, inputs, fixed, plan, capacities, like):
     return jax.tree.map(lambda s: jax.core.ShapedArray(s.shape, s.dtype), like)
 
 
@@ -138,7 +138,7 @@ def _tangent_jvp(primals, tangents):
 
 @eqxi.filter_primitive_transpose
 def _tangent_transpose(operands, cotangents):
-    t_inputs, inputs, fixed, plan, spec, like = operands
+    t_inputs, inputs, fixed, plan, capacities, like = operands
 
     def is_linear(x):
         return isinstance(x, jax.interpreters.ad.UndefinedPrimal)
@@ -147,7 +147,7 @@ def _tangent_transpose(operands, cotangents):
     inputs, fixed = eqxi.nondifferentiable((inputs, fixed), msg=f"stickslip: no {_NO_SECOND}")
     bars = adjoint(inputs, fixed, wanted, plan, _with_zeros(cotangents, like), _raw_start)
     bars = jax.tree.map(lambda w, b: b if w else None, wanted, bars)
-    nones = [jax.tree.map(lambda _: None, x) for x in (inputs, fixed, plan, spec, like)]
+    nones = [jax.tree.map(lambda _: None, x) for x in (inputs, fixed, plan, capacities, like)]
     return (bars, *nones)
 
 

@@ -12,6 +12,7 @@ import equinox.internal as eqxi
 import jax
 import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
+from jax.lax import stop_gradient
 from jaxtyping import PyTree
 
 from . import _locate
@@ -26,24 +27,24 @@ MOST_TRIES = 64
 
 
 def crossings(
-    plan: Plan, theta: PyTree, section: Section, rows: Starts, count: Any
+    plan: Plan, problem: PyTree, section: Section, rows: Starts, count: Any
 ) -> tuple[Any, PyTree, PyTree]:
     """Times, states and slopes at the crossings in `rows`; the motion itself knows nothing of them.
 
     Of the rows past the `count` nothing can be said.
     """
-    return _crossings((theta, rows, count), plan=plan, section=section)
+    return _crossings((problem, rows, count), plan=plan, section=section)
 
 
 @eqx.filter_custom_jvp
 def _crossings(inputs, *, plan: Plan, section: Section) -> tuple[Any, PyTree, PyTree]:
     if plan.execute.fused:
         return _repeated(inputs, _lengths(inputs, plan, section), plan, section)
-    theta, rows, count = inputs
+    problem, rows, count = inputs
 
     def crossing(row):
         # The search has been where it leads to: repeating that step would double the program.
-        return _landed(theta, section, row, *_search(plan, theta, section, row))
+        return _landed(problem, section, row, *_search(plan, problem, section, row))
 
     return _of_each(crossing, rows, count, (rows.t, rows.y, rows.y))
 
@@ -65,23 +66,23 @@ def _lengths(inputs, plan: Plan, section: Section) -> Any:
     """Lengths of the steps that end on the section, to a part in a million."""
     inputs = frozen(inputs)
 
-    def length(theta, row):
-        return _search(plan, theta, section, row)[0]
+    def length(problem, row):
+        return _search(plan, problem, section, row)[0]
 
     @time_loop
-    def whole(plan, theta, rows):
+    def whole(plan, problem, rows):
         def in_use(row):
             # One row of all lanes fits the first-level cache, and rows not in use cost nothing.
             return jax.lax.cond(
-                eqxi.unvmap_any(row.h > 0), lambda row: length(theta, row), lambda row: row.h, row
+                eqxi.unvmap_any(row.h > 0), lambda row: length(problem, row), lambda row: row.h, row
             )
 
         return jax.lax.map(in_use, rows)
 
-    theta, rows, count = inputs
+    problem, rows, count = inputs
     if plan.execute.fused:
-        return whole(plan, theta, rows)
-    return _of_each(lambda row: length(theta, row), rows, count, rows.h)
+        return whole(plan, problem, rows)
+    return _of_each(lambda row: length(problem, row), rows, count, rows.h)
 
 
 def _of_each(function: Callable, rows: Starts, count: Any, like: PyTree) -> PyTree:
@@ -99,11 +100,11 @@ def _of_each(function: Callable, rows: Starts, count: Any, like: PyTree) -> PyTr
 
 def _repeated(inputs, h, plan: Plan, section: Section) -> tuple[Any, PyTree, PyTree]:
     """The crossings at the ends of the steps of length `h`, with their derivatives."""
-    theta, rows, _ = inputs
+    problem, rows, _ = inputs
     execute = plan.execute.for_the_ends()
 
     def land(row, h):
-        field = _field(theta, row)
+        field = _field(problem, row)
 
         @piece
         def start(execute, t, y):
@@ -111,30 +112,29 @@ def _repeated(inputs, h, plan: Plan, section: Section) -> tuple[Any, PyTree, PyT
 
         dy = start(execute, row.t, row.y)
         y, dy, _ = plan.stepper.step(field, row.t, row.y, dy, h, execute)
-        return _landed(theta, section, row, h, y, dy)
+        return _landed(problem, section, row, h, y, dy)
 
     return jax.vmap(land)(rows, h)
 
 
-def _landed(theta, section: Section, row: Starts, h, y, dy) -> tuple[Any, PyTree, PyTree]:
+def _landed(problem, section: Section, row: Starts, h, y, dy) -> tuple[Any, PyTree, PyTree]:
     """From the end of the shortened step one Newton step onto the section with its exact rate."""
-    sg = jax.lax.stop_gradient
-    t, slope = row.t + h, sg(dy)
-    (value, dy), (rate, ddy) = _along(theta, section, row.mode, t, y, slope)
+    t, slope = row.t + h, stop_gradient(dy)
+    (value, dy), (rate, ddy) = _along(problem, section, row.mode, t, y, slope)
     # A jump over the section is a step of length zero: its time is that of the event.
-    usable = (row.h > 0) & (sg(rate) != 0)
-    dt = event_delay(value, sg(rate), usable)
-    return t + dt, shift(y, slope, dt), shift(dy, sg(ddy), dt)
+    usable = (row.h > 0) & (stop_gradient(rate) != 0)
+    dt = event_delay(value, stop_gradient(rate), usable)
+    return t + dt, shift(y, slope, dt), shift(dy, stop_gradient(ddy), dt)
 
 
-def _field(theta, row: Starts):
-    system, args = theta
+def _field(problem, row: Starts):
+    system, args = problem
     return lambda t, y: system.vector_field(t, y, row.mode, args)
 
 
-def _along(theta, section: Section, mode, t, y, dy):
+def _along(problem, section: Section, mode, t, y, dy):
     """Value of the section, the slope of the state, and the rates of both along the motion."""
-    system, args = theta
+    system, args = problem
 
     def look(t, y):
         slope = system.vector_field(t, y, mode, args)
@@ -143,17 +143,17 @@ def _along(theta, section: Section, mode, t, y, dy):
     return jax.jvp(look, (t, y), (jnp.ones_like(t), dy))
 
 
-def _search(plan: Plan, theta, section: Section, row: Starts) -> tuple[Any, PyTree, PyTree]:
+def _search(plan: Plan, problem, section: Section, row: Starts) -> tuple[Any, PyTree, PyTree]:
     """Length of the step from `row` that ends on the section, to a part in a million, and its end.
 
     The first step has length zero and says what the section is at the start, the second is whole.
     """
     execute = plan.execute.for_the_ends()
-    field = _field(theta, row)
+    field = _field(problem, row)
 
     @piece
     def value_of(execute, t, y, dy):
-        (value, _), (rate, _) = _along(theta, section, row.mode, t, y, dy)
+        (value, _), (rate, _) = _along(problem, section, row.mode, t, y, dy)
         return value, rate
 
     def cond(carry):

@@ -2,8 +2,8 @@
 
 from typing import Any, NamedTuple
 
-import jax
 import jax.numpy as jnp
+from jax.lax import stop_gradient
 
 from . import _locate
 from ._events import FAR, SLACK, EventFunctions, Values
@@ -60,7 +60,7 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
     `h_seen`: where a function was seen beyond zero inside the step (0: nowhere); `jumps`: whether one
     jumps in it.
     """
-    functions, sg = plan.functions, jax.lax.stop_gradient
+    functions = plan.functions
     best = _no_event(lane)._replace(h_dip=h_seen, marks=flag(jumps, DISCONTINUOUS))
     full = jnp.where(lane.bracket.tries == 0, lane.h, lane.full)
     for i in range(functions.count):
@@ -71,16 +71,16 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         side = start_value = lane.values[i]
         # A guard that fires both ways and starts at zero has just fired: it has the sign it goes to.
         if is_guard and functions.directions[i] == "both":
-            goes = jnp.where(lane.rates[i] == 0, sg(values.value[i]), lane.rates[i])
+            goes = jnp.where(lane.rates[i] == 0, stop_gradient(values.value[i]), lane.rates[i])
             side = jnp.where(start_value == 0, goes, start_value)
         # For sections, both crossings of a short excursion count, from either side.
         sign = functions.sign(i, side) if acts else jnp.sign(side)
         value, value0 = sign * values.value[i], sign * start_value
-        rate = sg(sign * values.rate[i]) if known else jnp.zeros_like(lane.h)
+        rate = stop_gradient(sign * values.rate[i]) if known else jnp.zeros_like(lane.h)
         rate0 = sign * lane.rates[i] if known else jnp.zeros_like(lane.h)
         h_dip, close, exact = best.h_dip, best.close, best.exact
         if plan.looks_into(i):
-            dips, place = _locate.dip(value0, rate0, sg(value), rate, lane.h)
+            dips, place = _locate.dip(value0, rate0, stop_gradient(value), rate, lane.h)
             h_dip = jnp.where(dips & ((h_dip == 0) | (place < h_dip)), place, h_dip)
         if not acts:
             best = best._replace(h_dip=h_dip)
@@ -92,10 +92,10 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
             # may touch where the step ends, with no slope left.
             leaves = (jnp.abs(value0) <= SLACK) & (-rate0 <= LEVEL * rate)
             turns = (rate0 < 0) & (rate > LEVEL * rate0) & ~leaves
-            touched = turns & (jnp.minimum(value0, sg(value)) < plan.touching)
+            touched = turns & (jnp.minimum(value0, stop_gradient(value)) < plan.touching)
             marks = marks | flag(touched, GRAZING)
         if is_guard and functions.num_guards > 1:
-            near = jnp.abs(sg(value)) <= -rate * COINCIDENCE * full
+            near = jnp.abs(stop_gradient(value)) <= -rate * COINCIDENCE * full
             close = close + jnp.where(near, 1, 0)
         found = (value, rate, value0, rate0)
         if i == 0 and is_guard:
@@ -103,7 +103,7 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
             continue
         # Values are scaled by the magnitudes of the guards, which makes them comparable. Of two that
         # are below zero the lower one was, as a rule, crossed first; if not, the other is met next.
-        lower = sg(value) < sg(best.value)
+        lower = stop_gradient(value) < stop_gradient(best.value)
         if not is_guard:
             lower = lower & (value0 > 0)
         if not all(functions.exact_rate):

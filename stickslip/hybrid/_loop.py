@@ -1,4 +1,4 @@
-"""The time loop: attempts until every lane has ended, plain or in blocks that are dumped."""
+"""The time loop: attempts until every lane has ended, plain or in blocks that leave rows."""
 
 from collections.abc import Callable
 from typing import Any
@@ -20,13 +20,13 @@ def running(lane: Lane) -> Any:
     return eqxi.unvmap_any(lane.status == RUNNING)
 
 
-def run(plan: Plan, theta: PyTree, lane: Lane, t1: Any, outputs: Any) -> Lane:
+def run(plan: Plan, problem: PyTree, lane: Lane, t1: Any, outputs: Any) -> Lane:
     """All attempts, nothing recorded."""
 
     @time_loop
-    def whole(plan, theta, lane, t1, outputs):
+    def whole(plan, problem, lane, t1, outputs):
         def once(lane):
-            return attempt(plan, theta, lane, t1, outputs)[0], None
+            return attempt(plan, problem, lane, t1, outputs)[0], None
 
         step, joined, changing = _changing(once, lane)
         end = jax.lax.while_loop(
@@ -34,35 +34,35 @@ def run(plan: Plan, theta: PyTree, lane: Lane, t1: Any, outputs: Any) -> Lane:
         )
         return joined(end)
 
-    return whole(plan, theta, lane, t1, outputs)
+    return whole(plan, problem, lane, t1, outputs)
 
 
 def run_block(
     plan: Plan,
-    theta: PyTree,
+    problem: PyTree,
     lane: Lane,
     t1: Any,
     outputs: Any,
     size: int,
-    dump: Callable[[Lane, Lane, Outcome], PyTree],
+    row_of: Callable[[Lane, Lane, Outcome], PyTree],
 ) -> tuple[Lane, PyTree]:
-    """`size` attempts with `dump(before, after, outcome)` of each, stacked.
+    """`size` attempts with `row_of(before, after, outcome)` of each, stacked.
 
     A scan and not a loop that ends early: what it stacks lies with the lanes side by side, so that
     writing a row is one contiguous store. A lane that has ended holds still.
     """
 
     @time_loop
-    def whole(plan, theta, lane, t1, outputs):
+    def whole(plan, problem, lane, t1, outputs):
         def once(before):
-            after, outcome = attempt(plan, theta, before, t1, outputs)
-            return after, dump(before, after, outcome)
+            after, outcome = attempt(plan, problem, before, t1, outputs)
+            return after, row_of(before, after, outcome)
 
         step, joined, changing = _changing(once, lane)
         end, rows = jax.lax.scan(lambda carry, _: step(carry), changing, None, length=size)
         return joined(end), rows
 
-    return whole(plan, theta, lane, t1, outputs)
+    return whole(plan, problem, lane, t1, outputs)
 
 
 def _changing(once: Callable, lane: Lane) -> tuple[Callable, Callable, list]:

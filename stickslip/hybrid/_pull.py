@@ -15,6 +15,7 @@ from ._event_time import event_delay
 from ._lane import EVENT, Lane, Outcome, Plan, is_event, moved_on
 from ._record import Logs
 from ._tree import select, shift
+from ._xla import piece
 
 
 class Tape(NamedTuple):
@@ -78,9 +79,8 @@ def _row_bar(log, number, present):
 
 
 def pull(plan: Plan, varied: PyTree, held: PyTree, row: Tape, bars: tuple, logs: Logs) -> tuple:
-    """Cotangents `(theta, t, y, dy)` before one attempt from those after it."""
-    theta_bar, t_bar, y_bar, dy_bar = bars
-    once = plan.execute.boundary
+    """Cotangents of `(problem, t, y, dy)` before one attempt from those after it; `x_bar`: of `x`."""
+    problem_bar, t_bar, y_bar, dy_bar = bars
     event, moved = is_event(row.code), moved_on(row.code)
 
     # Cotangents of the rows this attempt wrote into the logs.
@@ -113,15 +113,14 @@ def pull(plan: Plan, varied: PyTree, held: PyTree, row: Tape, bars: tuple, logs:
         dy1_bar = select(moved, dy_bar, zero)
         if not plan.functions.num_guards:
             return (y1_bar, dy1_bar), (jax.tree.map(jnp.zeros_like, varied), end_t_bar)
-        end_theta, jump_t, jump_y1 = once(
-            lambda *a: _pull_jump(plan, held, *a),
-            varied, row, y1, dy1, jnp.where(event, end_t_bar, 0.0),
-            select(event, before_bar, zero), select(event, _add(y_bar, after_bar), zero),
+        at_end, jump_t, jump_y1 = _pull_jump(
+            plan, varied, row, y1, dy1, jnp.where(event, end_t_bar, 0.0),
+            select(event, before_bar, zero), select(event, _add(y_bar, after_bar), zero), held=held,
         )  # fmt: skip
         end_t_bar = jnp.where(event, jump_t, end_t_bar)
-        return (select(event, jump_y1, y1_bar), dy1_bar), (end_theta, end_t_bar)
+        return (select(event, jump_y1, y1_bar), dy1_bar), (at_end, end_t_bar)
 
-    (end_theta, end_t_bar), (step_theta, step_t, step_y, step_dy) = plan.stepper.vjp(
+    (at_end, end_t_bar), (in_step, step_t, step_y, step_dy) = plan.stepper.vjp(
         field, varied, row.t, row.y, row.dy, row.h, end, plan.execute
     )
     start_t_bar = jnp.where(used, end_t_bar + step_t, t_bar)
@@ -131,14 +130,15 @@ def pull(plan: Plan, varied: PyTree, held: PyTree, row: Tape, bars: tuple, logs:
             bar = _row_bar(log, number, f == 1)
             start_t_bar, start_y_bar = start_t_bar + bar.t, _add(start_y_bar, bar.y)
     return (
-        jax.tree.map(lambda a, b, c: a + jnp.where(used, b + c, 0.0), theta_bar, end_theta, step_theta),
+        jax.tree.map(lambda a, b, c: a + jnp.where(used, b + c, 0.0), problem_bar, at_end, in_step),
         start_t_bar,
         start_y_bar,
         select(moved, step_dy, select(event, _add(dy_bar, step_dy), dy_bar)),
     )
 
 
-def _pull_jump(plan: Plan, held, varied, row: Tape, y1, dy1, t_bar, before_bar, after_bar):
+@piece
+def _pull_jump(plan: Plan, varied, row: Tape, y1, dy1, t_bar, before_bar, after_bar, *, held):
     def end(varied, t, y1):
         system, args = eqx.combine(varied, held)
         functions = plan.functions

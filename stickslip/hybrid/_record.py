@@ -1,4 +1,4 @@
-"""Recording: blocks of attempts are dumped, and what happened is moved into per-lane logs.
+"""Recording: each attempt of a block leaves a row, from which what happened is moved into logs.
 
 The inner loop of a block cannot scatter (not available inside a fused loop), and a scatter per
 attempt would cost more than the attempt. So each attempt writes one row of running counts and
@@ -20,7 +20,7 @@ from ._tree import select
 BLOCK = 64
 
 
-class Record(eqx.Module):
+class Capacities(eqx.Module):
     """What is recorded and how much room there is; static."""
 
     events: int | None = eqx.field(static=True)  # capacity, or None
@@ -72,7 +72,7 @@ class Logs(NamedTuple):
 
 
 class Row(NamedTuple):
-    """One dumped attempt; None where the run has no use for it, because writing rows costs time."""
+    """The row of one attempt; None where the run has no use for it, because writing rows costs time."""
 
     code: Any
     guard: Any
@@ -86,20 +86,22 @@ class Row(NamedTuple):
     next_output: Any
 
 
-def record(plan: Plan, spec: Record, theta, lane: Lane, t1, outputs) -> tuple[Lane, Logs, Any]:
+def record(
+    plan: Plan, capacities: Capacities, problem, lane: Lane, t1, outputs
+) -> tuple[Lane, Logs, Any]:
     """Run to the end; the lane at the end, its logs, and the number of recorded steps."""
     none = jnp.zeros_like(lane.mode)
-    if spec.nothing and plan.progress is None:
-        return run(plan, theta, lane, t1, outputs), Logs(None, (), None, None), none
-    logs = _empty(spec, lane)
+    if capacities.nothing and plan.progress is None:
+        return run(plan, problem, lane, t1, outputs), Logs(None, (), None, None), none
+    logs = _empty(capacities, lane)
 
     guards = plan.functions.num_guards > 0
-    logged = spec.events is not None and guards
-    rowwise = spec.steps is not None
-    starts = bool(spec.crossings)  # then the rows say where the next attempt starts
-    ends = guards and (logged or rowwise or spec.outputs > 0)
+    logged = capacities.events is not None and guards
+    rowwise = capacities.steps is not None
+    starts = bool(capacities.crossings)  # then the rows say where the next attempt starts
+    ends = guards and (logged or rowwise or capacities.outputs > 0)
 
-    def dump(before: Lane, after: Lane, outcome: Outcome) -> Row:
+    def row_of(before: Lane, after: Lane, outcome: Outcome) -> Row:
         return Row(
             code=outcome.code if guards or rowwise else None,
             guard=outcome.guard if logged else None,
@@ -110,13 +112,13 @@ def record(plan: Plan, spec: Record, theta, lane: Lane, t1, outputs) -> tuple[La
             mode_before=before.mode if ends else None,
             events=after.events if logged else None,
             crossings=after.crossings,
-            next_output=after.next_output if spec.outputs else None,
+            next_output=after.next_output if capacities.outputs else None,
         )
 
     def body(carry):
         before, logs, steps = carry
-        after, rows = run_block(plan, theta, before, t1, outputs, BLOCK, dump)
-        logs, steps = _collect(spec, logs, steps, before, after, rows)
+        after, rows = run_block(plan, problem, before, t1, outputs, BLOCK, row_of)
+        logs, steps = _collect(capacities, logs, steps, before, after, rows)
         if plan.progress is not None:
             plan.progress.report(lane.t, after.t, t1, after.status)
         return after, logs, steps
@@ -124,7 +126,7 @@ def record(plan: Plan, spec: Record, theta, lane: Lane, t1, outputs) -> tuple[La
     return jax.lax.while_loop(lambda c: running(c[0]), body, (lane, logs, none))
 
 
-def _empty(spec: Record, lane: Lane) -> Logs:
+def _empty(capacities: Capacities, lane: Lane) -> Logs:
     def rows(capacity, tree):
         return jax.tree.map(lambda a: jnp.zeros((capacity, *jnp.shape(a)), jnp.asarray(a).dtype), tree)
 
@@ -132,14 +134,14 @@ def _empty(spec: Record, lane: Lane) -> Logs:
     begun = Starts(lane.t, lane.y, lane.mode, lane.t)
     event = Events(lane.t, lane.mode, lane.mode, lane.mode, lane.y, lane.y)
     return Logs(
-        events=None if spec.events is None else rows(spec.events, event),
-        crossings=tuple(rows(capacity, begun) for capacity in spec.crossings),
-        outputs=rows(spec.outputs, state) if spec.outputs else None,
-        steps=None if spec.steps is None else rows(spec.steps, state),
+        events=None if capacities.events is None else rows(capacities.events, event),
+        crossings=tuple(rows(capacity, begun) for capacity in capacities.crossings),
+        outputs=rows(capacities.outputs, state) if capacities.outputs else None,
+        steps=None if capacities.steps is None else rows(capacities.steps, state),
     )
 
 
-def _collect(spec: Record, logs: Logs, steps, before: Lane, after: Lane, rows: Row):
+def _collect(capacities: Capacities, logs: Logs, steps, before: Lane, after: Lane, rows: Row):
     def at(index) -> Row:
         return jax.tree.map(lambda a: a[index], rows)
 

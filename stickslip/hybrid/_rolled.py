@@ -67,7 +67,7 @@ def step(
 
 def vjp(
     tableau: Tableau, field: Callable, end: Callable,
-    theta: PyTree, t: Any, y: PyTree, dy: PyTree, h: Any,
+    parameters: PyTree, t: Any, y: PyTree, dy: PyTree, h: Any,
 ) -> tuple[PyTree, tuple[PyTree, Any, PyTree, PyTree]]:  # fmt: skip
     """Cotangents of one step, as `AbstractStepper.vjp`: the transpose of `step` written out."""
     rows, nodes = _coefficients(tableau)
@@ -77,7 +77,7 @@ def vjp(
     def stage(slopes, now):
         row, node, i = now
         state = start + h * jnp.sum(row[:, None] * slopes, axis=0)
-        slope = ravel_pytree(field(theta, t + node * h, tree(state)))[0]
+        slope = ravel_pytree(field(parameters, t + node * h, tree(state)))[0]
         return jax.lax.dynamic_update_index_in_dim(slopes, slope, i, 0), state
 
     slopes = jnp.zeros((n + 1, *start.shape)).at[0].set(ravel_pytree(dy)[0])
@@ -87,23 +87,23 @@ def vjp(
     (y1_bar, dy1_bar), extra = end(tree(states[-1]), tree(slopes[-1]))
 
     def pull(carry, now):
-        theta_bar, t_bar, state_bars = carry
+        parameters_bar, t_bar, state_bars = carry
         column, node, i, state, given_slope, given_state = now
         # The slope of a stage goes into the states of all later ones, whose cotangents are known here.
         bar = given_slope + h * jnp.sum(column[:, None] * state_bars, axis=0)
-        back = jax.vjp(field, theta, t + node * h, tree(state))[1]
-        theta_i, t_i, pulled = back(tree(bar))
+        back = jax.vjp(field, parameters, t + node * h, tree(state))[1]
+        parameters_i, t_i, pulled = back(tree(bar))
         state_bar = given_state + ravel_pytree(pulled)[0]
         state_bars = jax.lax.dynamic_update_index_in_dim(state_bars, state_bar, i, 0)
-        return (jax.tree.map(jnp.add, theta_bar, theta_i), t_bar + t_i, state_bars), None
+        return (jax.tree.map(jnp.add, parameters_bar, parameters_i), t_bar + t_i, state_bars), None
 
     # From outside, cotangents come only to the last stage, the end of the step.
     nothing = jnp.zeros((n, *start.shape))
     given_slopes = nothing.at[-1].set(ravel_pytree(dy1_bar)[0])
     given_states = nothing.at[-1].set(ravel_pytree(y1_bar)[0])
-    zero = jax.tree.map(jnp.zeros_like, theta), jnp.zeros_like(t), jnp.zeros((n + 1, *start.shape))
+    zero = jax.tree.map(jnp.zeros_like, parameters), jnp.zeros_like(t), jnp.zeros((n + 1, *start.shape))
     stages = jnp.asarray(rows.T[1:]), all_nodes, numbers, states, given_slopes, given_states
-    (theta_bar, t_bar, state_bars), _ = jax.lax.scan(pull, zero, stages, reverse=True)
+    (parameters_bar, t_bar, state_bars), _ = jax.lax.scan(pull, zero, stages, reverse=True)
     # The first slope came from the step before: its cotangent is handed on and not pulled here.
     dy_bar = h * jnp.sum(jnp.asarray(rows[:, :1]) * state_bars, axis=0)
-    return extra, (theta_bar, t_bar, tree(jnp.sum(state_bars, axis=0)), tree(dy_bar))
+    return extra, (parameters_bar, t_bar, tree(jnp.sum(state_bars, axis=0)), tree(dy_bar))

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
+from jax.lax import stop_gradient
 from jaxtyping import PyTree
 
 from .._checked import CheckedModule
 from .._types import Given, Mode, Numeric, Row
-from .._validation import check_at_least, check_count, check_flag, check_type, is_concrete, refusal
+from .._validation import check_at_least, check_count, check_flag, check_type, refusal
 from . import _solution as out
 from ._arguments import (
     a_time,
@@ -31,9 +31,9 @@ from ._dependence import may_jump
 from ._events import event_functions
 from ._lane import Plan
 from ._progress import ProgressMeter
-from ._record import Record
+from ._record import Capacities
 from ._section import Section
-from ._solution import Solution
+from ._solution import Solution, raise_failures
 from ._status import CODE, STILL, flag, to_result
 from ._step_size import AbstractStepSize, AdaptiveStep
 from ._stepper import ExplicitRungeKutta, as_stepper
@@ -191,20 +191,13 @@ def simulate(
             raise
         # Perhaps `initial_mode` asks in Python which number it has.
         solution, fine = run(first_mode(system, t0, y0, args))
-    return raising(solution, fine) if throw else solution
+    return raise_failures(solution, fine) if throw else solution
 
 
 @functools.cache
 def _default(kind: type) -> Any:
     """One object for all calls that do not give their own: it was checked when it was made."""
     return kind()
-
-
-def raising(solution: Any, fine: Any) -> Any:
-    """`solution`, or the error of its result where a lane of it is not `fine`."""
-    if is_concrete(fine) and np.asarray(fine).all():
-        return solution
-    return solution.result.error_if(solution, ~fine)
 
 
 @eqx.filter_jit
@@ -223,10 +216,9 @@ def _run(
     max_crossings,
     execute,
 ) -> tuple[Solution, Any]:
-    sg = jax.lax.stop_gradient
     if mode0 is None:
         mode0 = first_mode(*frozen((system, t0, y0, args)))
-    theta = (system, args)
+    problem = (system, args)
     check_field(system, t0, y0, mode0, args)
     check_sections(sections, t0, y0, mode0, args)
     functions = event_functions(system, sections, t0, y0, y0, mode0, args)
@@ -240,7 +232,7 @@ def _run(
             terms = cancelling(lambda t, y: system.vector_field(t, y, mode0, args), t0, y0)
     plan = Plan(
         stepper=as_stepper(integrator.method),
-        step_size=jax.tree.map(lambda a: sg(jnp.asarray(a, jnp.float64)), rule),
+        step_size=jax.tree.map(lambda a: stop_gradient(jnp.asarray(a, jnp.float64)), rule),
         functions=functions,
         execute=execute,
         max_events=max_events,
@@ -248,37 +240,37 @@ def _run(
         max_steps=integrator.max_steps,
         has_outputs=ts is not None,
         atols=atols,
-        noise=sg(Noise(jnp.maximum(jnp.abs(t0), jnp.abs(t1)), terms)),
-        resolution=sg(RESOLUTION * (t1 - t0)),
+        noise=stop_gradient(Noise(jnp.maximum(jnp.abs(t0), jnp.abs(t1)), terms)),
+        resolution=stop_gradient(RESOLUTION * (t1 - t0)),
         detect_dips=integrator.detect_dips,
         switches=may_jump(lambda t, y: system.vector_field(t, y, mode0, args), (t0, y0)),
         progress=integrator.progress,
     )
-    spec = Record(
+    capacities = Capacities(
         events=max_events if log_events else None,
         crossings=tuple(1 if s.terminal else max_crossings for s in sections),
         outputs=0 if ts is None else ts.shape[0],
         steps=saveat.max_rows if saveat.steps else None,
     )
-    fixed = (mode0, sg(t1), None if ts is None else sg(ts))
-    smooth, counts = core((theta, t0, y0), fixed=fixed, plan=plan, spec=spec)
-    solution = _assemble(plan, theta, t0, t1, (y0, mode0), ts, smooth, counts, spec)
+    fixed = (mode0, stop_gradient(t1), None if ts is None else stop_gradient(ts))
+    smooth, counts = core((problem, t0, y0), fixed=fixed, plan=plan, capacities=capacities)
+    solution = _assemble(plan, problem, t0, t1, (y0, mode0), ts, smooth, counts, capacities)
     return solution, solution.successful
 
 
-def _assemble(plan: Plan, theta, t0, t1, start, ts, smooth, counts, spec) -> Solution:
+def _assemble(plan: Plan, problem, t0, t1, start, ts, smooth, counts, capacities) -> Solution:
     """Logs as the user sees them. Times that were landed on to rounding are made exact here, which
     also carries the derivative with respect to them."""
     logs = eqx.combine(smooth.logs, counts.logs)
     finished = counts.status == CODE["successful"]
     t_end, y_end = smooth.t, smooth.y
-    system, args = theta
+    system, args = problem
 
     def slope(t, y, mode):
         return system.vector_field(t, y, mode, args)
 
     def landed(t, target, y, mode, valid):
-        y = shift(y, jax.lax.stop_gradient(slope(t, y, mode)), jnp.where(valid, target - t, 0.0))
+        y = shift(y, stop_gradient(slope(t, y, mode)), jnp.where(valid, target - t, 0.0))
         return y, slope(jnp.where(valid, target, t), y, mode)
 
     y1, dy1 = landed(t_end, t1, y_end, counts.mode, finished)
@@ -293,16 +285,16 @@ def _assemble(plan: Plan, theta, t0, t1, start, ts, smooth, counts, spec) -> Sol
     outputs = None
     if ts is not None:
         rows = logs.outputs
-        reached = jnp.arange(spec.outputs, dtype=jnp.int32) < counts.outputs
+        reached = jnp.arange(capacities.outputs, dtype=jnp.int32) < counts.outputs
         y, dy = jax.vmap(landed)(rows.t, ts, rows.y, rows.mode, reached)
-        outputs = _state_log(counts.outputs, ts, y, dy, rows.mode, spec.outputs)
+        outputs = _state_log(counts.outputs, ts, y, dy, rows.mode, capacities.outputs)
     crossings = ()
     for i, (section, count, rows) in enumerate(
         zip(plan.functions.sections, counts.crossings, logs.crossings, strict=True)
     ):
-        size = spec.crossings[i]
+        size = capacities.crossings[i]
         count = jnp.minimum(count, size)
-        t, y, dy = located(plan, theta, section, rows, count)
+        t, y, dy = located(plan, problem, section, rows, count)
         crossings = (*crossings, _state_log(count, t, y, dy, rows.mode, size))
         if section.terminal:
             stopped = (
@@ -314,14 +306,14 @@ def _assemble(plan: Plan, theta, t0, t1, start, ts, smooth, counts, spec) -> Sol
             t_stop = jnp.where(stopped, t_first, t_stop)
             y1, dy1 = select(stopped, tuple(end), (y1, dy1))
     steps = None
-    if spec.steps is not None:
-        rows, count = logs.steps, jnp.minimum(counts.steps, spec.steps)
+    if capacities.steps is not None:
+        rows, count = logs.steps, jnp.minimum(counts.steps, capacities.steps)
         dy = jax.vmap(slope)(rows.t, rows.y, rows.mode)
-        steps = _state_log(count, rows.t, rows.y, dy, rows.mode, spec.steps)
+        steps = _state_log(count, rows.t, rows.y, dy, rows.mode, capacities.steps)
     events = None
-    if spec.events is not None:
-        count = jnp.minimum(counts.events, spec.events)
-        events = out.EventLog(count, *out.masked(tuple(logs.events), count, spec.events))
+    if capacities.events is not None:
+        count = jnp.minimum(counts.events, capacities.events)
+        events = out.EventLog(count, *out.masked(tuple(logs.events), count, capacities.events))
     return Solution(
         t0=t0,
         t1=t_stop,

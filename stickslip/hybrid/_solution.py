@@ -1,6 +1,6 @@
 """What a simulation returns."""
 
-from typing import Any
+from typing import Any, TypeVar
 
 import equinox as eqx
 import jax
@@ -9,8 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PyTree, UInt
 
-from .._validation import check_broadcast, check_type
+from .._types import Given
+from .._validation import check_broadcast, check_type, is_concrete, refusal
 from ._status import RESULTS, describe_flags
+
+ResultT = TypeVar("ResultT", bound=eqx.Module)
 
 
 class EventLog(eqx.Module):
@@ -108,6 +111,25 @@ class Solution(eqx.Module):
             f"{int(self.stats.num_attempts)}; {message}; derivative flags: "
             f"{describe_flags(int(self.flags))}"
         )
+
+
+def raise_failures(solution: ResultT, successful: Given[bool | np.ndarray | Array]) -> ResultT:
+    """`solution`, or the error of its `result` where a lane of it was not `successful`.
+
+    For whoever builds a `simulate` of their own on this one: to be called outside of its jit, with what
+    was found inside. Under a transformation the error is raised when the program runs.
+
+    Errors: `TypeError` for a `solution` that has no `result`, and for flags that are not booleans.
+    """
+    if not isinstance(solution, eqx.Module) or not hasattr(solution, "result"):
+        raise refusal("solution", solution, "a module with a field `result` of RESULTS", TypeError)
+    array = isinstance(successful, np.ndarray | jax.Array) and successful.dtype == np.bool_
+    if not (array or isinstance(successful, bool)):
+        raise refusal("successful", successful, "True or False, or an array of them", TypeError)
+    result: Any = solution
+    if is_concrete(successful) and np.asarray(successful).all():
+        return solution
+    return result.result.error_if(solution, ~jnp.asarray(successful))
 
 
 def same_mode_sequence(one: Solution, other: Solution) -> Bool[Array, "*batch"]:

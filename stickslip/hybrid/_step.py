@@ -32,9 +32,9 @@ class Step(NamedTuple):
     jumps: Any  # whether an event function jumps inside it
 
 
-def take(plan: Plan, theta: PyTree, lane: Lane) -> tuple[Lane, Step]:
+def take(plan: Plan, problem: PyTree, lane: Lane) -> tuple[Lane, Step]:
     """The step, and the lane with what follows the size of the motion brought up to date."""
-    system, args = theta
+    system, args = problem
     # The grid of steps is not differentiated; where a step ends at an event, the Newton correction
     # brings the derivative of the event time back in.
     h = jax.lax.stop_gradient(lane.h)
@@ -57,13 +57,13 @@ def take(plan: Plan, theta: PyTree, lane: Lane) -> tuple[Lane, Step]:
     kept = values = Values((), ())
     h_seen, jumps = jnp.zeros_like(h), jnp.zeros_like(h) > 0
     if plan.functions.count:
-        kept = values = _look(plan, lane.mode, lane.t + h, y1, dy1, lane.size, theta=theta)
+        kept = values = _look(plan, lane.mode, lane.t + h, y1, dy1, lane.size, problem=problem)
         if plan.functions.learned:
             # What ends this step begins the next, which measures by what it finds there.
             values, kept = _rescaled(plan, lane.fresh, jax.lax.stop_gradient(lane.scales), values)
     if looks:
         bare = without_state(lane)
-        inside = _look_inside(plan, bare, h, within, dy1, theta=theta)
+        inside = _look_inside(plan, bare, h, within, dy1, problem=problem)
         count = plan.functions.count
         groups = range(0, count, TOGETHER if plan.execute.fused else count)
         verdict = told([_judge(plan, bare, h, values, inside, first=first) for first in groups])
@@ -102,16 +102,16 @@ def _sudden(plan: Plan, lane: Lane, error):
 
 
 @piece
-def _look(plan: Plan, mode, t, y, dy, size, *, theta) -> Values:
-    system, args = theta
+def _look(plan: Plan, mode, t, y, dy, size, *, problem) -> Values:
+    system, args = problem
     # The magnitude of the motion includes the end of this step: a motion from rest has none before.
     size = grown(size, jax.lax.stop_gradient(y)) if plan.functions.learned else None
     return plan.functions.evaluate(system, t, y, dy, mode, args, size)
 
 
 @bookkeeping
-def _look_inside(plan: Plan, lane: Lane, h, within: tuple, dy, *, theta):
-    system, args = theta
+def _look_inside(plan: Plan, lane: Lane, h, within: tuple, dy, *, problem):
+    system, args = problem
     return look_inside(plan, system, lane, h, within, dy, args)
 
 

@@ -59,20 +59,20 @@ class AbstractStepper(eqx.Module):
         return y1, dy1, errors, tuple(cubics(points, y, dy, y1, dy1, h))
 
     def vjp(
-        self, field: Callable, theta: PyTree, t: Numeric, y: PyTree, dy: PyTree, h: Numeric,
+        self, field: Callable, parameters: PyTree, t: Numeric, y: PyTree, dy: PyTree, h: Numeric,
         end: Callable, execute: Executor,
     ) -> tuple[PyTree, tuple[PyTree, Any, PyTree, PyTree]]:  # fmt: skip
-        """Cotangents `(theta, t, y, dy)` of one step; `field(theta, t, y)` is the vector field.
+        """Cotangents of `(parameters, t, y, dy)` of one step with the field `field(parameters, t, y)`.
 
         `end(y1, dy1)` gives the cotangents of `(y1, dy1)` and anything else, which is handed through
         as the first result. The default is the transpose of `step` by `jax.vjp`.
         """
 
-        def run(theta, t, y, dy):
-            y1, dy1, _ = self.step(lambda t, y: field(theta, t, y), t, y, dy, h, execute)
+        def run(parameters, t, y, dy):
+            y1, dy1, _ = self.step(lambda t, y: field(parameters, t, y), t, y, dy, h, execute)
             return y1, dy1
 
-        out, pull = jax.vjp(run, theta, t, y, dy)
+        out, pull = jax.vjp(run, parameters, t, y, dy)
         cotangents, extra = end(*out)
         return extra, pull(cotangents)
 
@@ -159,16 +159,16 @@ class ExplicitRungeKutta(AbstractStepper):
                 states += (jax.tree.unflatten(form, leaves),)
         return y1, dy1, errors, states
 
-    def vjp(self, field, theta, t, y, dy, h, end, execute):
+    def vjp(self, field, parameters, t, y, dy, h, end, execute):
         if execute.fused:
-            return self._vjp_written_out(field, end, theta, t, y, dy, h, execute)
+            return self._vjp_written_out(field, end, parameters, t, y, dy, h, execute)
         return alone_or_batched(
             lambda *a: _rolled.vjp(self.tableau, *a),
             lambda *a: self._vjp_written_out(*a, execute),
-            [(field, (theta, t, y)), (end, (y, dy))], theta, t, y, dy, h,
+            [(field, (parameters, t, y)), (end, (y, dy))], parameters, t, y, dy, h,
         )  # fmt: skip
 
-    def _vjp_written_out(self, field, end, theta, t, y, dy, h, execute):
+    def _vjp_written_out(self, field, end, parameters, t, y, dy, h, execute):
         # Reverse sweep through the stages with each stage state recomputed once: the transpose of
         # `step` written out, because differentiating the fused stages would recompute all of them
         # for every one of them.
@@ -176,17 +176,17 @@ class ExplicitRungeKutta(AbstractStepper):
         stages, slopes = [y], [dy]
         for i in range(1, tab.stages):
             stages.append(_moved(execute, y, slopes, h, weights=tab.a[i]))
-            slopes.append(slope(theta, t + tab.c[i] * h, stages[i]))
+            slopes.append(slope(parameters, t + tab.c[i] * h, stages[i]))
         y1 = _moved(execute, y, slopes, h, weights=tab.b)
-        dy1 = slope(theta, t + h, y1)
+        dy1 = slope(parameters, t + h, y1)
 
-        def pulled(theta, t, y, bar):
-            return jax.vjp(field, theta, t, y)[1](bar)
+        def pulled(parameters, t, y, bar):
+            return jax.vjp(field, parameters, t, y)[1](bar)
 
         pull = in_pieces(execute, pulled)
 
         (y1_bar, dy1_bar), extra = end(y1, dy1)
-        theta_bar, t_bar, pulled = pull(theta, t + h, y1, dy1_bar)
+        parameters_bar, t_bar, pulled = pull(parameters, t + h, y1, dy1_bar)
         y1_bar = jax.tree.map(jnp.add, y1_bar, pulled)
         stage_bars: list = [None] * tab.stages
         for i in reversed(range(tab.stages)):
@@ -196,13 +196,13 @@ class ExplicitRungeKutta(AbstractStepper):
             if i == 0:
                 dy_bar = bar
                 break
-            theta_i, t_i, stage_bars[i] = pull(theta, t + tab.c[i] * h, stages[i], bar)
-            theta_bar = jax.tree.map(jnp.add, theta_bar, theta_i)
+            parameters_i, t_i, stage_bars[i] = pull(parameters, t + tab.c[i] * h, stages[i], bar)
+            parameters_bar = jax.tree.map(jnp.add, parameters_bar, parameters_i)
             t_bar = t_bar + t_i
         # Every stage starts from `y`: its cotangents are summed with weight one.
         ones = [1.0] * (tab.stages - 1)
         y_bar = _moved(execute, y1_bar, stage_bars[1:], h=1.0, weights=ones)
-        return extra, (theta_bar, t_bar, y_bar, dy_bar)
+        return extra, (parameters_bar, t_bar, y_bar, dy_bar)
 
 
 class DiffraxStepper(AbstractStepper):

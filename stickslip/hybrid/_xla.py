@@ -10,6 +10,7 @@ import contextlib
 import contextvars
 import functools
 from collections.abc import Callable, Iterator, Sequence
+from types import FunctionType
 from typing import Any
 
 import equinox as eqx
@@ -54,12 +55,6 @@ class Executor(eqx.Module, metaclass=CheckedModule):
         """For what is computed a few times after a run: then compiling costs more than running."""
         return self if self.fused else COMPACT
 
-    def boundary(self, function: Callable, *operands: PyTree) -> Any:
-        """Call `function` such that its result is computed once (fused) or plainly (portable)."""
-        if not self.fused:
-            return function(*operands)
-        return self.shared(function)(*operands)
-
     def shared(self, function: Callable) -> Callable:
         """`function` as a boundary that is traced once for all calls with operands of one form.
 
@@ -79,27 +74,25 @@ class Executor(eqx.Module, metaclass=CheckedModule):
 
         return call
 
-    def loop(self, function: Callable, *operands: PyTree) -> Any:
-        """Call `function`, a whole time loop, as one compiled function (fused) or plainly."""
-        if not self.fused:
-            return function(*operands)
-        piece = _Piece(function, operands, _whole)
-        # The compiler aborts on a fused call with an operand that nothing depends on. This barrier
-        # and that of `_whole` keep it from making one: by moving a constant into the call, or by
-        # dropping what the loop carries when its last value is not wanted.
-        return piece(jax.tree.leaves(operands), _LOOP, jax.lax.optimization_barrier)
-
 
 def piece(function: Callable) -> Callable:
     """Mark `function(plan, *operands, **held)` as a part of an attempt that is computed once.
 
     `operands` are pytrees of arrays. What is `held`, such as the system with its arguments, may hold
-    anything. Below the attempt, where there is no plan, an `Executor` stands in its place.
+    anything. Below the attempt, where there is no plan, an `Executor` stands in its place; so it does
+    in programs of authors, which need to know no more of compilers.
+
+    >>> @piece
+    ... def doubled(execute, x):
+    ...     return x + x
+    >>> float(doubled(PORTABLE, 1.0))
+    2.0
     """
+    check_type("function", function, FunctionType, "a function(execute, *operands, **held)")
 
     @functools.wraps(function)
     def call(plan: Any, *operands: Any, **held: Any) -> Any:
-        return plan.execute.boundary(functools.partial(function, plan, **held), *operands)
+        return _computed_once(plan.execute, functools.partial(function, plan, **held), *operands)
 
     return call
 
@@ -110,19 +103,39 @@ def bookkeeping(function: Callable) -> Callable:
     @functools.wraps(function)
     def call(plan: Any, *operands: Any, **held: Any) -> Any:
         operands = jax.lax.stop_gradient(operands)
-        return plan.execute.boundary(functools.partial(function, plan, **held), *operands)
+        return _computed_once(plan.execute, functools.partial(function, plan, **held), *operands)
 
     return call
 
 
 def time_loop(function: Callable) -> Callable:
-    """Mark `function(plan, *operands, **held)` as a whole time loop: fused, one compiled function."""
+    """Mark `function(plan, *operands, **held)` as a whole time loop: fused, one compiled function.
+
+    Arguments as for `piece`. A scatter is not available inside.
+    """
+    check_type("function", function, FunctionType, "a function(execute, *operands, **held)")
 
     @functools.wraps(function)
     def call(plan: Any, *operands: Any, **held: Any) -> Any:
-        return plan.execute.loop(functools.partial(function, plan, **held), *operands)
+        return _as_one(plan.execute, functools.partial(function, plan, **held), *operands)
 
     return call
+
+
+def _computed_once(execute: Executor, function: Callable, *operands: PyTree) -> Any:
+    """Call `function` such that its result is computed once (fused) or plainly (portable)."""
+    return execute.shared(function)(*operands) if execute.fused else function(*operands)
+
+
+def _as_one(execute: Executor, function: Callable, *operands: PyTree) -> Any:
+    """Call `function`, a whole time loop, as one compiled function (fused) or plainly."""
+    if not execute.fused:
+        return function(*operands)
+    whole = _Piece(function, operands, _whole)
+    # The compiler aborts on a fused call with an operand that nothing depends on. This barrier and
+    # that of `_whole` keep it from making one: by moving a constant into the call, or by dropping
+    # what the loop carries when its last value is not wanted.
+    return whole(jax.tree.leaves(operands), _LOOP, jax.lax.optimization_barrier)
 
 
 class _Piece:

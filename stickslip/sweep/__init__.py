@@ -8,6 +8,9 @@ from ._lanes import map_lanes as map_lanes
 # xarray and zarr take longer to import than the rest of the package: they come with the first sweep.
 if TYPE_CHECKING:
     from ._layout import Variable as Variable
+    from ._manifest import as_json as as_json
+    from ._manifest import code_revision as code_revision
+    from ._manifest import versions as versions
     from ._read import open_dataset as open_dataset
     from ._run import run_sweep as run_sweep
     from ._store import SweepMismatchError as SweepMismatchError
@@ -19,6 +22,9 @@ _LATER = {
     "SweepWriteError": "_store",
     "Variable": "_layout",
     "open_dataset": "_read",
+    "as_json": "_manifest",
+    "code_revision": "_manifest",
+    "versions": "_manifest",
 }
 __all__ = [  # noqa: RUF022  # the order of the documentation
     "map_lanes",
@@ -27,6 +33,9 @@ __all__ = [  # noqa: RUF022  # the order of the documentation
     "SweepWriteError",
     "Variable",
     "open_dataset",
+    "as_json",
+    "code_revision",
+    "versions",
 ]
 
 

@@ -13,7 +13,7 @@ from tests.corexy_jax._runs import columns, solution
 
 def fixed(number, errata, t1=2.0, rows=201, dt=1e-4):
     p, v = cx.scenario(number, errata)
-    return cx.simulate(p, v, t1, way="as_printed", errata=errata, rows=rows, dt=dt)
+    return cx.simulate(p, v, t1, method="as_printed", errata=errata, rows=rows, dt=dt)
 
 
 def test_dead_zone_of_one_axis():
@@ -72,10 +72,10 @@ def test_first_step_as_printed_by_hand():
             mu = [10.0, 10.0]
             mu[belt] = share * needed[belt]
             other = eqx.tree_at(lambda p: (p.mu_1s_b, p.mu_2s_b), p, tuple(map(jnp.asarray, mu)))
-            found = cx.simulate(other, v, 2e-4, way="as_printed", rows=3)
+            found = cx.simulate(other, v, 2e-4, method="as_printed", rows=3)
             assert int(found.dmn[0]) == (1 + 2**belt if slips else 1)
     # Slipping from rest there is no sense and no friction yet, Eqs. (31)-(32), and no motor torque.
-    data = cx.outputs(cx.simulate(p, v, 2e-4, way="as_printed", rows=3), cx.Errata())
+    data = cx.outputs(cx.simulate(p, v, 2e-4, method="as_printed", rows=3), cx.Errata())
     assert int(data.dmn[0]) == 4
     np.testing.assert_array_equal(data.tau_belt[0], 0.0)
 

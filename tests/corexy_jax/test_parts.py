@@ -72,14 +72,14 @@ def test_bad_input_is_named():
     with refused(TypeError, "voltage"):
         cx.CoreXY(cx.CoreXYParameters(), 5.0)  # pyright: ignore
     p, v = cx.scenario(1)
-    with refused(ValueError, "way = 'exact'"):
-        cx.simulate(p, v, way="exact")
+    with refused(ValueError, "method = 'exact'"):
+        cx.simulate(p, v, method="exact")
     with refused(ValueError, "rows = 1"):
         cx.simulate(p, v, rows=1)
     with refused(ValueError, "t1 = 0.0"):
         cx.simulate(p, v, 0.0)
     with refused(ValueError, "t1 = 1.0: it must be a multiple"):
-        cx.simulate(p, v, 1.0, way="as_printed", dt=0.3, rows=2)
+        cx.simulate(p, v, 1.0, method="as_printed", dt=0.3, rows=2)
     with refused(TypeError, "A2 = 'yes'"):
         cx.Errata(A2="yes")  # pyright: ignore
 

@@ -30,7 +30,7 @@ import stickslip
 from corexy_jax import _outputs as machine_outputs
 from corexy_jax import _simulate as machine
 from stickslip import _compilation_cache
-from stickslip.analysis import _volume
+from stickslip.analysis import _attractor, _volume
 from stickslip.contact import _dead_zone, _hold, _resolve, _zonotope
 from stickslip.friction import _contract
 from stickslip.hybrid import _interpolate, _saltation, _simulate
@@ -67,6 +67,7 @@ BEHIND = (
     (_saltation, "ravel_pytree"),
     (_volume, "ravel_pytree"),
     (_interpolate, "as_stepper"),
+    (_attractor, "_away_from_last_round"),
     (_contract, "_form"),
     (_dead_zone, "_project"),
     (_hold, "_hold"),

@@ -44,6 +44,14 @@ TARGETS = [
         {**COMMON, **AVERAGE, "exponents": arg(1, "none"), "scales": arg(None, "none")},
     ),
     Target(
+        analysis.period_of,
+        {
+            "points": arg([[0.0, 1.0], [1.0, 0.0]], "table"), "count": arg(2, "count"),
+            "span": arg([[0.0, 0.0], [1.0, 1.0]]), "tolerance": arg(1e-3, "positive", "float32"),
+            "max_period": arg(4), "start": arg(None, "none", "row", "nan row"),
+        },
+    ),
+    Target(
         analysis.two_trajectory_exponent,
         {
             **COMMON, **AVERAGE, "distance": arg(1e-3, "positive", "float32"),

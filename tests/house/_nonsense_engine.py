@@ -3,6 +3,7 @@
 import tempfile
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -136,6 +137,12 @@ ENGINE = [
         lambda directory, max_bytes: ss.enable_compilation_cache(
             _inside(directory), max_bytes=max_bytes
         ),
+    ),
+    Target(hybrid.piece, {"function": arg(lambda execute, x: x, "constant")}),
+    Target(hybrid.time_loop, {"function": arg(lambda execute, x: x, "constant")}),
+    Target(
+        hybrid.raise_failures, {"solution": arg(RUN), "successful": arg(True, "flag", "mask")},
+        lambda **given: jax.eval_shape(lambda: hybrid.raise_failures(**given)),
     ),
     Target(hybrid.Executor, {"fused": arg(False, "flag"), "compact": arg(False, "flag")}),
     Target(

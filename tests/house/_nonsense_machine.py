@@ -95,7 +95,7 @@ TARGETS = [
     ),
     Target(cx.next_dmn, {"number": arg(1), "needed": arg(NEEDED), "available": PAIR}),
     Target(cx.outputs, {"solution": arg(SOLUTION), "errata": ERRATA}),
-    Target(cx.simulate, {**RUN, "way": arg("consistent")}),
+    Target(cx.simulate, {**RUN, "method": arg("consistent")}),
     Target(cx.simulate_consistent, {**RUN, **FLOW, "max_events": arg(8, "none", "count")}),
     Target(
         cx.simulate_as_printed, {**RUN, "dt": arg(0.1, "float32"), "errata": ERRATA},

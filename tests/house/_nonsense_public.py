@@ -22,6 +22,9 @@ EXEMPT = {
     "Sensitivity": RETURNED,
     "CoreXYSolution": RETURNED,
     "current_executor": "takes nothing",
+    "code_revision": "takes nothing",
+    "versions": "takes nothing",
+    "as_json": "takes anything",
 }
 # Arguments of a callable that no template has to give.
 ELSEWHERE = {
@@ -59,7 +62,7 @@ EXEMPT_METHODS = {
         (
             "Section.uses_slope", "AdaptiveStep.factor", "AdaptiveStep.initial", "FixedStep.initial",
             "AbstractStepper.step_and_look", "AbstractStepper.vjp",
-            "ProgressMeter.report", "Executor.boundary", "Executor.loop", "Executor.shared",
+            "ProgressMeter.report", "Executor.shared",
         ),
         BUILT_BY_ENGINE,
     ),

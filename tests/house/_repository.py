@@ -42,6 +42,20 @@ def imported_modules(source: str, package: str) -> Iterator[tuple[int, str]]:
             yield node.lineno, ".".join([*base, node.module] if node.module else base)
 
 
+def imported_names(source: str, package: str) -> Iterator[tuple[int, str]]:
+    """The same with the name that is taken from the module, where one is."""
+    parents = package.split(".")
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield node.lineno, alias.name
+        elif isinstance(node, ast.ImportFrom):
+            base = parents[: len(parents) - node.level + 1] if node.level else []
+            module = [*base, node.module] if node.module else base
+            for alias in node.names:
+                yield node.lineno, ".".join([*module, alias.name])
+
+
 def make_targets() -> set[str]:
     """Targets a user may call."""
     text = (ROOT / "Makefile").read_text(encoding="utf-8")

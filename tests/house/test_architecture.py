@@ -10,7 +10,7 @@ from types import ModuleType
 import equinox as eqx
 import pytest
 
-from tests.house._repository import PACKAGES, ROOT, imported_modules, tracked_files
+from tests.house._repository import PACKAGES, ROOT, imported_modules, imported_names, tracked_files
 
 LONGEST_FILE = 450
 TOP_LEVEL = {
@@ -87,6 +87,31 @@ def test_imports_point_one_way(package, forbidden):
         if name.split(".")[0] in forbidden
     ]
     assert wrong == []
+
+
+def hidden(name: str) -> bool:
+    """Whether a module is private: a part of its name begins with one underscore."""
+    return any(part.startswith("_") and not part.startswith("__") for part in name.split("."))
+
+
+@pytest.mark.parametrize(
+    ("package", "others"),
+    [("corexy_jax", {"stickslip"}), ("experiments", {"stickslip", "corexy_jax"})],
+)
+def test_who_builds_on_a_package_uses_its_public_names(package, others):
+    wrong = [
+        f"{path.relative_to(ROOT)}:{line} imports {name}"
+        for path in python_files(package)
+        for line, name in imported_names(path.read_text(encoding="utf-8"), package_of(path))
+        if name.split(".")[0] in others and hidden(name)
+    ]
+    assert wrong == []
+
+
+def test_private_imports_are_seen():
+    source = "from a._b import c\nfrom a import _d, e\nimport a.f._g\nfrom a import __version__\n"
+    seen = [name for _, name in imported_names(source, "p") if hidden(name)]
+    assert seen == ["a._b.c", "a._d", "a.f._g"]
 
 
 def test_every_form_of_import_is_seen():

@@ -76,7 +76,7 @@ def diagram(last=0.3):
 def machine(way, t1=0.1, gain=1.0, **options):
     parameters, voltage = corexy_jax.scenario(1)
     parameters = jax.tree.map(lambda a: a * gain, parameters)
-    return corexy_jax.simulate(parameters, voltage, t1, way=way, rows=11, **options).y.x
+    return corexy_jax.simulate(parameters, voltage, t1, method=way, rows=11, **options).y.x
 
 
 # What is called first, then again, then with other numbers.
