@@ -174,8 +174,9 @@ def _what_fires(plan: Plan, lane: Lane, h: Any, first: First, code: Any) -> Any:
     code = jnp.where(shrink, SHRINK, code)
     code = jnp.where(shrink & collapsed & ~free, jnp.where(is_guard, COLLAPSED, SECTION), code)
     code = jnp.where(shrink & near, jnp.where(is_guard, EVENT, SECTION), code)
-    # A dip of one function may lie before the crossing of another: it is looked at first.
-    code = jnp.where(fresh & (first.h_dip > 0) & free, DIP, code)
+    # A dip of one function may lie before the crossing of another: it is looked at first. And the zero
+    # that was located may be the last of several.
+    code = jnp.where(fresh & (first.h_dip > 0) & (free | near), DIP, code)
     return jnp.where(~fresh & hit & is_guard, VIOLATED, code)
 
 
