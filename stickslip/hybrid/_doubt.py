@@ -41,6 +41,8 @@ class Verdict(NamedTuple):
 # would run a call that is too large on several threads, which a fused program cannot.
 JUMPS = 4.0 * LARGEST
 TOGETHER = 4  # functions judged in one call
+# A step that ends beyond a zero by less than this part of what its slope there amounts to ends on it.
+ON = 1e-3
 
 
 class _Course(NamedTuple):
@@ -174,7 +176,8 @@ def _beyond(course: _Course, mismatch: Any, short: Any) -> Any:
     """Where the function is first seen, or may be, beyond zero and back again; 0 if nowhere.
 
     One that stays beyond to the end of the step crosses in it, which is found without a look: to look
-    there first would cut a step that begins on the zero again and again.
+    there first would cut a step that begins on the zero again and again. One that ends on zero was
+    located there: of several zeros it may be the last.
     """
     v0, a, v1, b, seen = course
     # Bernstein coefficients of the cubic less a parabola of one and a half times the mismatch, which
@@ -184,7 +187,7 @@ def _beyond(course: _Course, mismatch: Any, short: Any) -> Any:
     left, middle, right = v0 * b2 - b1 * b1, v0 * v1 - b1 * b2, b1 * v1 - b2 * b2
     dips = (jnp.minimum(b1, b2) < -SLACK) & (4.0 * left * right > middle * middle)
     begins = (v0 > 0) | ((v0 >= -SLACK) & (a > 0))
-    back = v1 >= 0
+    back = (v1 >= 0) | (v1 >= ON * b)
     place = jnp.where(dips & back & ~short, POINTS[0], 0.0)
     for point, value in reversed(list(zip(POINTS, seen, strict=True))):
         beyond = value < -SLACK

@@ -30,6 +30,7 @@ from ._xla import bookkeeping, piece
 REACH = 1e-3  # part of the step to an event that the Newton correction may be
 ROUNDING = 1e-15  # of the time: no event is located better
 LEVEL = 1e-9  # a slope by which one of this part of it is none
+LEVEL_ON_ZERO = 1e-5  # the same where the value is none either: a step was led to where one touches
 COINCIDENCE = 1e-9  # fraction of a full step within which two guards fire "at the same instant"
 
 
@@ -91,7 +92,8 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
             # What has just fired and leaves zero without a slope may fall at first by rounding; and one
             # may touch where the step ends, with no slope left.
             leaves = (jnp.abs(value0) <= SLACK) & (-rate0 <= LEVEL * rate)
-            turns = (rate0 < 0) & (rate > LEVEL * rate0) & ~leaves
+            level = jnp.where(stop_gradient(value) <= SLACK, LEVEL_ON_ZERO, LEVEL)
+            turns = (rate0 < 0) & (rate > level * rate0) & ~leaves
             touched = turns & (jnp.minimum(value0, stop_gradient(value)) < plan.touching)
             marks = marks | flag(touched, GRAZING)
         if is_guard and functions.num_guards > 1:
@@ -174,8 +176,9 @@ def _what_fires(plan: Plan, lane: Lane, h: Any, first: First, code: Any) -> Any:
     code = jnp.where(shrink, SHRINK, code)
     code = jnp.where(shrink & collapsed & ~free, jnp.where(is_guard, COLLAPSED, SECTION), code)
     code = jnp.where(shrink & near, jnp.where(is_guard, EVENT, SECTION), code)
-    # A dip of one function may lie before the crossing of another: it is looked at first.
-    code = jnp.where(fresh & (first.h_dip > 0) & free, DIP, code)
+    # A dip of one function may lie before the crossing of another: it is looked at first. And the zero
+    # that was located may be the last of several.
+    code = jnp.where(fresh & (first.h_dip > 0) & (free | near), DIP, code)
     return jnp.where(~fresh & hit & is_guard, VIOLATED, code)
 
 

@@ -72,6 +72,28 @@ def test_derivatives_next_to_grazing_are_right_or_flagged(amplitude):
         assert int(events) == 1 or depth < 2e-12
 
 
+def test_steps_that_end_on_the_very_touch():
+    """A look is led to where the guard may touch: the slope there is none, or what rounding makes of it.
+
+    The start is somewhere along the motion, so that the steps before the touch are all kinds.
+    """
+    rng = np.random.default_rng(1)
+    depth = 10.0 ** np.concatenate([rng.uniform(-13, -12, 400), rng.uniform(-5.9, -3, 100)])
+    angle = rng.uniform(0.0, 1.2, len(depth))
+
+    @jax.jit
+    @jax.vmap
+    def run(wall, angle):
+        start = Motion(jnp.sin(angle), jnp.cos(angle))
+        done = ss.simulate(Grazing(wall, 1.0), 0.0, END, start, 0, throw=False)
+        return done.num_events, done.flags
+
+    events, flags = run(1.0 - depth, angle)
+    assert np.all(flags[:400] == GRAZING)
+    assert np.all(flags[400:] == 0)
+    assert np.all(events[400:] == 1)
+
+
 @pytest.mark.parametrize("amplitude", [1.0, 1e-9])
 def test_runs_that_nearly_touch_are_flagged(amplitude):
     run = with_derivative(amplitude)
