@@ -55,7 +55,7 @@ def too_still(
 
 
 def _start(field: Callable, t: Any, y: PyTree, sizes: PyTree) -> tuple[PyTree, Any, PyTree]:
-    """Slope at the start, rate of the linearised field there [1/s], and what `sizes` drive in one over it.
+    """Slope at the start, rate of the linearised field there, what `sizes` drive in one over it.
 
     The field is applied twice, so that the units of the state cancel.
     """

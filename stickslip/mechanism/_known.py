@@ -10,6 +10,7 @@ from typing import Any
 
 import jax
 import jax.extend
+import jax.numpy as jnp
 import numpy as np
 
 _OPERATIONS: dict[str, Callable] = {
@@ -33,6 +34,8 @@ def known(function: Callable, *operands: Any) -> list[Any] | None:
     A function that is known by its name, no lambda: its trace is kept for the next call.
     """
     leaves, form = jax.tree.flatten(operands)
+    if any(jnp.issubdtype(getattr(x, "dtype", float), jax.dtypes.prng_key) for x in leaves):
+        return None  # random keys are arrays, but not of numbers
     arrays = [isinstance(x, jax.Array | np.ndarray | float) for x in leaves]
     rest = tuple(x for x, array in zip(leaves, arrays, strict=True) if not array)
     numbers = [np.asarray(x) for x, array in zip(leaves, arrays, strict=True) if array]

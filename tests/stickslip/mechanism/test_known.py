@@ -100,3 +100,11 @@ def test_masses_of_lanes_by_name_are_no_rows_of_a_matrix():
         TwoBlocksOnBelt(**{**PAIR, "mass_1": m, "mass_2": 3.0 * m}).energy(y) for m in masses.tolist()
     ]
     np.testing.assert_allclose(lanes.energy(y), expected, rtol=1e-15)
+
+
+def test_random_keys_are_no_numbers():
+    """Arguments may hold a key: what depends on it is left to a program."""
+    assert known(jax.random.key_data, jax.random.key(0)) is None
+    key = jax.random.key(0)
+    run = ss.simulate(TwoBlocksOnBelt(**PAIR), 0.0, 0.1, PairMotion(0.1, 0.0, 0.0, 0.0), args=key)
+    assert bool(run.successful)
