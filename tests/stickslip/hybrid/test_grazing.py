@@ -73,7 +73,7 @@ def test_derivatives_next_to_grazing_are_right_or_flagged(amplitude):
 
 
 def test_steps_that_end_on_the_very_touch():
-    """A look is led to where the guard may touch: the slope there is none, or what rounding makes of it.
+    """A look is led to where the guard may touch: the slope there is none, or what rounding leaves.
 
     The start is somewhere along the motion, so that the steps before the touch are all kinds.
     """
