@@ -82,12 +82,15 @@ def judge(
     courses = [_course(functions, i, lane, values, inside[i], h) for i in looked]
     roundings = [ROUNDING if i < functions.num_guards else 0.0 for i in looked]
     short = h <= plan.resolution
-    if plan.execute.fused:
-        found = [_looked(*of_one, short) for of_one in zip(courses, roundings, strict=True)]
+    sections = [i >= functions.num_guards for i in looked]
+    if plan.execute.fused or len(looked) == 1:
+        ones = zip(courses, roundings, sections, strict=True)
+        found = [_looked(*of_one, short) for of_one in ones]
     else:
         # One small program for all of them.
         course = jax.tree.map(lambda *rows: jnp.stack(rows), *courses)
-        columns = _looked(course, jnp.asarray(roundings), short)
+        some = jnp.asarray(sections) if any(sections) else False
+        columns = _looked(course, jnp.asarray(roundings), some, short)
         found = [_Looked(*(column[k] for column in columns)) for k in range(len(looked))]
     return _verdict(found, short)
 
@@ -99,12 +102,12 @@ class _Looked(NamedTuple):
     jumps: Any
 
 
-def _looked(course: _Course, rounding: Any, short: Any) -> _Looked:
+def _looked(course: _Course, rounding: Any, section: Any, short: Any) -> _Looked:
     mismatch, size = _mismatch(course, rounding)
     # What is smooth changes by its slope times the length; a jump does not know of the length.
     slopes = jnp.abs(course.rise0) + jnp.abs(course.rise1)
     jumps = mismatch > 2.0 * slopes + 1e-9 * size
-    return _Looked(mismatch, _room(course), _beyond(course, mismatch, short), jumps)
+    return _Looked(mismatch, _room(course), _beyond(course, mismatch, section, short), jumps)
 
 
 def _verdict(found: list[_Looked], short: Any) -> Any:
@@ -172,12 +175,13 @@ def _room(course: _Course) -> Any:
     return jnp.maximum(room, 1e-150)
 
 
-def _beyond(course: _Course, mismatch: Any, short: Any) -> Any:
+def _beyond(course: _Course, mismatch: Any, section: Any, short: Any) -> Any:
     """Where the function is first seen, or may be, beyond zero and back again; 0 if nowhere.
 
     One that stays beyond to the end of the step crosses in it, which is found without a look: to look
     there first would cut a step that begins on the zero again and again. One that ends on zero was
-    located there: of several zeros it may be the last.
+    located there: of several zeros it may be the last. Those of a section are located after the run,
+    one in each step: a step that may hold three is cut at once.
     """
     v0, a, v1, b, seen = course
     # Bernstein coefficients of the cubic less a parabola of one and a half times the mismatch, which
@@ -188,7 +192,11 @@ def _beyond(course: _Course, mismatch: Any, short: Any) -> Any:
     dips = (jnp.minimum(b1, b2) < -SLACK) & (4.0 * left * right > middle * middle)
     begins = (v0 > 0) | ((v0 >= -SLACK) & (a > 0))
     back = (v1 >= 0) | (v1 >= ON * b)
-    place = jnp.where(dips & back & ~short, POINTS[0], 0.0)
+    cut = dips & back
+    if section is not False:
+        # Three zeros of the cubic need coefficients of changing sign, and three it may have.
+        cut = cut | (section & (v1 < 0) & (b1 < -SLACK) & (b2 + 4.0 * mismatch > SLACK))
+    place = jnp.where(cut & ~short, POINTS[0], 0.0)
     for point, value in reversed(list(zip(POINTS, seen, strict=True))):
         beyond = value < -SLACK
         place = jnp.where(beyond & back, point, place)

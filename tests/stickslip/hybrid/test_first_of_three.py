@@ -81,3 +81,45 @@ def test_first_of_three_zeros_fires(method):
     times, flags = jax.jit(jax.vmap(first))(*np.array(CHOSEN).T)
     np.testing.assert_allclose(times, [zeros[0] for zeros in truth], atol=1e-9)
     assert not flags.any()
+
+
+class Carriage(ss.AbstractSmoothSystem):
+    """What is carried at constant speed; its tone is known to the section alone."""
+
+    speed: Any
+    units: ClassVar = {"x": "m"}
+
+    def vector_field(self, t, y, mode, args):
+        return Carried(self.speed + 0.0 * y.x)
+
+    def time_scale(self, args):
+        return 1.0
+
+
+# Of these random loads a section that believed in one crossing a step recorded the last of three.
+RECORDED = [
+    (0.981332, 5.338964, 3.986117),
+    (0.946143, 4.555651, 4.615846),
+    (0.913134, 1.059637, 2.007298),
+    (0.856600, 1.959806, 0.806757),
+]
+
+
+@pytest.mark.parametrize("method", ["dop853", "tsit5"])
+@pytest.mark.parametrize(("direction", "chosen"), [("both", slice(3)), ("falling", slice(0, 3, 2))])
+def test_a_section_records_all_three(method, direction, chosen):
+    truth = np.array([zeros_of(*case) for case in RECORDED])[:, chosen]
+
+    def recorded(speed, threshold, phase):
+        section = ss.Section(
+            lambda t, y, dy, mode, args: threshold - y.x - jax.numpy.sin(t + phase), direction
+        )
+        run = ss.simulate(
+            Carriage(speed), 0.0, END, Carried(0.0), sections=section,
+            integrator=ss.Integrator(method, ss.AdaptiveStep(1e-8)),
+        )  # fmt: skip
+        return run.crossings[0].count, run.crossings[0].t[:3]
+
+    count, times = jax.jit(jax.vmap(recorded))(*np.array(RECORDED).T)
+    assert np.array_equal(count, [truth.shape[1]] * len(RECORDED))
+    np.testing.assert_allclose(times[:, : truth.shape[1]], truth, atol=1e-8)
