@@ -14,6 +14,8 @@ from .._validation import check_mapping, check_positive, leaves_of, misshaped, r
 SMALLEST = 1e-6
 # Rounding of the terms that cancel in the field, in units of the spacing of numbers.
 ROUNDING = 8 * 2.3e-16
+# Steps within this many roundings of the time may hold a jump that cannot be told any better.
+SHORT = 1e4
 TINY = 1e-150  # its square is still a normal number
 # An absolute tolerance above this part of a component says nothing about the component.
 LOOSE = 1e-4
@@ -132,7 +134,8 @@ def scales(rule: Any, atols: tuple, noise: Noise, size: PyTree, step: Ends) -> l
     Without an absolute tolerance, `rtol` times the largest magnitude so far, of the component itself
     or of `SMALLEST` of the largest component; on top the rounding of the field, and what the motion
     does within the rounding of the time: a field that jumps where the state is still zero leaves an
-    error of the size of the motion however short the step.
+    error of the size of the motion however short the step. Of a longer step the slope at its end does
+    not count: where a stiff motion explodes, it grows faster than the error.
     """
     size = step.y0 if size is None else size
     leaves = [
@@ -143,11 +146,13 @@ def scales(rule: Any, atols: tuple, noise: Noise, size: PyTree, step: Ends) -> l
         for s, _, b, *_ in zip(*leaves, strict=True):
             most = jnp.maximum(most, jnp.max(jnp.maximum(s, jnp.abs(b))))
     found = []
+    short = step.h <= SHORT * ROUNDING * noise.time
     for atol, s, a, b, n, da, db in zip(atols, *leaves, strict=True):
         here = jnp.maximum(jnp.abs(a), jnp.abs(b))
         if atol is None:
             here = jnp.maximum(jnp.maximum(s, here), SMALLEST * most)
-            unsure = n * step.h + noise.time * jnp.maximum(jnp.abs(da), jnp.abs(db))
+            ends = jnp.where(short, jnp.maximum(jnp.abs(da), jnp.abs(db)), jnp.abs(da))
+            unsure = n * step.h + noise.time * ends
             found.append(rule.rtol * here + ROUNDING * unsure)
         else:
             found.append(atol + rule.rtol * here)
