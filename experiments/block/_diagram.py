@@ -45,7 +45,6 @@ QUICK = {
     "exponents": 11,
 }
 MODELS = ("simplified", "full, sign as printed", "full, consistent sign")
-WORDS = dict(zip(MODELS, ("simplified", "full-printed", "full-consistent"), strict=True))
 CONSTRUCTED = (
     "Constructed parameters (set {set}): the paper prints none. 64-bit, {method} with {steps}, "
     "crossings located to rounding. Section: acceleration of m crosses zero from positive to negative."

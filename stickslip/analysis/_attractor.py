@@ -107,7 +107,7 @@ def period_of(
     check_count("max_period", max_period, 1)
     if start is not None:
         start = _numbers("start", start)
-        if start.shape != points.shape[1:]:
+        if jnp.shape(start) != points.shape[1:]:
             raise misshaped("start", start, f"of the shape {points.shape[1:]}")
     room = points.shape[0]
     quarter = jnp.maximum(count // 4, 3)
