@@ -53,7 +53,7 @@ class _AbstractSmoothForm(AbstractMechanicalSystem):
                 pressed = _pressing(at.contacts[c].normal_force)
                 force = [total((g, times(x, pressed))) for g, x in zip(force, push, strict=True)]
         a = [jnp.asarray(x, jnp.float64) for x in at.mass.solve(force)]
-        return at.v, type(at.v)(*a)
+        return at.q_rate, type(at.v)(*a)
 
     def _powers(self, at: Instant, friction: list) -> dict[str, Any]:
         machine = self.mechanism

@@ -81,8 +81,8 @@ def struck(
                 onward = times(J[i][0], v_rest[island.columns[0]]) - at.surfaces[c]
                 jammed = jammed | (bump & closed[i] & (onward < 0.0))
         bumps.append(_Bump(island, bump, here, closed, kept, held, slow))
-    kind = type(at.q)
-    still = instant_of(machine, t, kind(*q), kind(*v_rest), args)
+    places, speeds = type(at.q), type(at.v)
+    still = instant_of(machine, t, places(*q), speeds(*v_rest), args)
     for island, bump, here, closed, kept, held, slow in bumps:
         given = _begun(island, still, at, states, bump, held)
         found = law(still, island, given, bump & slow)
@@ -92,7 +92,7 @@ def struck(
             new[c] = where(bump, where(stays, 0.0, 2.0), states[c])
         for j in island.columns:
             v[j] = where(rests, v_rest[j], v[j])
-    after = instant_of(machine, t, kind(*q), kind(*v), args)
+    after = instant_of(machine, t, places(*q), speeds(*v), args)
     for island, bump, *_ in bumps:
         on = [new[c] == 0.0 for c in island.rows]
         for c, s in zip(island.rows, _begun(island, after, at, new, bump, on), strict=True):
@@ -209,7 +209,7 @@ def touches(at: Instant, k: int) -> tuple[Any, Any]:
     """Whether stop `k` is met at this instant to rounding, and whether the mechanism is beyond it."""
     stop = at.stops[k]
     gap = lax.stop_gradient(jnp.asarray(stop.stop.gap, jnp.float64))
-    terms = [times(n, x) for n, x in zip(stop.row, at.q, strict=True) if not is_zero(n)]
+    terms = [times(n, x) for n, x in zip(stop.row, at.q, strict=False) if not is_zero(n)]
     size = total(jnp.abs(jnp.asarray(x)) for x in terms)
     small = jax.tree.map(lax.stop_gradient, ROUNDING * size)
     return jnp.abs(gap) <= small, gap < -small
