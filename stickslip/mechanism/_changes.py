@@ -124,7 +124,7 @@ def parted(machine: "AbstractMechanism") -> tuple[int, ...]:
                 found[2 * c + 1] = motion.force[i] - limits.low[i]
         return [jnp.asarray(x, jnp.float64) + 0.0 for x in found]
 
-    y = machine.from_coordinates(at_zero(names.places), at_zero(names.coordinates))
+    y = machine.from_coordinates(*at_zero(names))
     try:
         degree = degrees(sides, (jnp.zeros(()), y), (True, True))
     except (AttributeError, IndexError, KeyError, TypeError, ValueError):

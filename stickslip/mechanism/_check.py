@@ -52,6 +52,9 @@ def check_declaration(mechanism: Any) -> None:
     if len(names.contacts) > MOST:
         allowed = f"at most {MOST} contacts, whose mode is a number of 64 bits"
         raise refusal("contact_directions", f"{len(names.contacts)} contacts", allowed)
+    for name in mechanism.cyclic:
+        if name not in coordinates:
+            raise refusal("cyclic", name, f"names of coordinates: {', '.join(map(repr, coordinates))}")
     check_names(mechanism)
     directions_of(mechanism.contact_directions, names.coordinates)
     try:
@@ -114,7 +117,7 @@ def check_mass(mechanism: Any, q: Any = None) -> None:
     n = len(names)
     if q is None and traced_with(_varies, mechanism):
         return
-    q = at_zero(mechanism.names.places, 0.0) if q is None else q
+    q = at_zero(mechanism.names, 0.0)[0] if q is None else q
     entries = known(_inertia, mechanism, q) if is_concrete((mechanism, q)) else None
     entries = _inertia(mechanism, q) if entries is None else entries
     if not all(is_concrete(x) for x in entries) or any(np.ndim(x) for x in entries):
@@ -144,7 +147,7 @@ def _varies(mechanism: Any) -> bool:
     def entries(q):
         return [jnp.asarray(x, jnp.float64) + 0.0 for x in _inertia(mechanism, q)]
 
-    q = at_zero(mechanism.names.places)
+    q, _ = at_zero(mechanism.names)
     return any(d != NONE for d in degrees(entries, (q,), (True,)))
 
 

@@ -26,11 +26,17 @@ class Names(NamedTuple):
     opening: tuple[str, ...]
     stops: tuple[str, ...] = ()
     first_order: tuple[str, ...] = ()
+    cyclic: tuple[str, ...] = ()
 
     @property
     def places(self) -> tuple[str, ...]:
         """Fields of `q`: the coordinates, and after them the states of first order."""
         return self.coordinates + self.first_order
+
+    @property
+    def kept(self) -> tuple[str, ...]:
+        """Those of them that the state has."""
+        return tuple(name for name in self.places if name not in self.cyclic)
 
 
 @functools.lru_cache(maxsize=256)
@@ -39,9 +45,12 @@ def coordinates_type(names: tuple[str, ...]) -> type:
     return NamedTuple("Coordinates", [(name, Any) for name in names])
 
 
-def at_zero(names: tuple[str, ...], zero: Any = None) -> Any:
-    """Zeros by these names."""
-    return coordinates_type(names)(*[jnp.zeros(()) if zero is None else zero] * len(names))
+def at_zero(names: Names, zero: Any = None) -> tuple[Any, Any]:
+    """`q` and `v` of zeros."""
+    zero = jnp.zeros(()) if zero is None else zero
+    q = (None if name in names.cyclic else zero for name in names.places)
+    v = (zero for _ in names.coordinates)
+    return coordinates_type(names.places)(*q), coordinates_type(names.coordinates)(*v)
 
 
 @functools.lru_cache(maxsize=256)
@@ -168,7 +177,7 @@ def coupled(mechanism: Any) -> bytes:
     """Which velocities the inertia couples, as bytes of booleans `[n, n]`."""
     names = mechanism.names.coordinates
     n = len(names)
-    q = at_zero(mechanism.names.places, 0.0)
+    q, _ = at_zero(mechanism.names, 0.0)
     mass = mass_of(mechanism.mass_matrix(q), names)
     found = np.eye(n, dtype=bool)
     if mass.full is not None:
@@ -180,7 +189,7 @@ def coupled(mechanism: Any) -> bytes:
 def driven(mechanism: Any) -> tuple[str, ...]:
     """Contacts whose counter surface may move: whatever value a parameter has, it is no constant 0."""
     names = mechanism.names
-    q, v = at_zero(names.places), at_zero(names.coordinates)
+    q, v = at_zero(names)
     try:
         given = mechanism.contacts(jnp.zeros(()), q, v, None)
     except (AttributeError, IndexError, KeyError, TypeError):

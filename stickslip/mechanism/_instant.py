@@ -53,7 +53,8 @@ class Instant(NamedTuple):
     @property
     def q_rate(self) -> Any:
         """Rates of all that `q` holds."""
-        return type(self.q)(*self.v, *self.rates)
+        both = zip(self.q, (*self.v, *self.rates), strict=True)
+        return type(self.q)(*(None if place is None else rate for place, rate in both))
 
 
 def instant_of(machine: "AbstractMechanism", t: Any, q: Any, v: Any, args: Any) -> Instant:

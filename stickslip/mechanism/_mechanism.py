@@ -99,6 +99,8 @@ class AbstractMechanism(AbstractWithStops):
     - `velocities`: names of their rates $v$ in the state, by coordinate; `"v_x"` for `"x"` if left out.
     - `first_order`: names and units of states $s$ that have a rate of their own and no inertia, as the
       current of a motor: $\dot s = $ `rates(t, q, v, args)`, a mapping by name.
+    - `cyclic`: names of coordinates on which nothing depends, as the angle of a rotor: the state has
+      their rates only, and `q` has None for them.
     - `state_class`: named tuple of the state, its fields the coordinates, velocities and states of
       first order in any order; made from their names if left out.
     - `opening`: names of the contacts that open where their normal force falls to zero, and close
@@ -265,7 +267,7 @@ class AbstractMechanism(AbstractWithStops):
     def check_start(self, t, y, args):
         """Raise `ValueError` for a contact that pulls at the start, or what is no inertia, no stop."""
         names = self.names
-        if not all(hasattr(y, name) for name in (*names.places, *names.velocities)):
+        if not all(hasattr(y, name) for name in (*names.kept, *names.velocities)):
             return  # no state of this mechanism, as the run says
         check_gaps(self, t, y, args)
         check_rates(self, t, y, args)
@@ -330,7 +332,7 @@ class AbstractMechanism(AbstractWithStops):
 
         def stored(q):
             momentum = mass_of(self.mass_matrix(q), self.names.coordinates).times(at.v)
-            zero = 0.0 * jnp.asarray(q[0], jnp.float64)
+            zero = 0.0 * jnp.asarray(at.v[0], jnp.float64)
             return total((0.5 * dot(at.v, momentum), self.potential_energy(q), zero))
 
         _, rate = jax.jvp(stored, (floats(at.q),), (floats(at.q_rate),))
@@ -350,7 +352,8 @@ class AbstractMechanism(AbstractWithStops):
         for c, (name, contact) in enumerate(zip(self.names.contacts, at.contacts, strict=True)):
             s = states[c]
             slips = contact.law.slip_force(at.speeds[c], contact.normal_force, sense_of(s))
-            found[name] = where(s == 0.0, held[c], where(s == 2.0, 0.0, slips))
+            slips = where(s == 2.0, 0.0, slips) if name in self.opening else slips
+            found[name] = where(s == 0.0, held[c], slips)
         return found
 
     @looks_at(**OBSERVABLE)
@@ -361,6 +364,8 @@ class AbstractMechanism(AbstractWithStops):
         at, states = self.instant(t, y, args), self.states(mode)
         return {
             name: where(s == 2.0, 0.0, contact.normal_force)
+            if name in self.opening
+            else contact.normal_force
             for name, contact, s in zip(self.names.contacts, at.contacts, states, strict=False)
         }
 
@@ -390,7 +395,7 @@ def _lifting(machine: AbstractMechanism) -> tuple[int, ...]:
         return [jnp.asarray(c.normal_force, jnp.float64) + 0.0 for c in contacts]
 
     fixed = [c for c, name in enumerate(names.contacts) if name not in names.opening]
-    q, v = at_zero(names.places), at_zero(names.coordinates)
+    q, v = at_zero(names)
     try:
         found = degrees(loads, (jnp.zeros(()), q, v), (True,) * 3)
     except (AttributeError, IndexError, KeyError, TypeError):

@@ -18,6 +18,7 @@ class AbstractWithStates(AbstractMechanicalSystem):
 
     coordinates: eqx.AbstractClassVar[Mapping[str, str]]
     first_order: ClassVar[Mapping[str, str]] = {}
+    cyclic: ClassVar[tuple[str, ...]] = ()
     contact_directions: ClassVar[Mapping[str, Any]] = {}
     velocities: ClassVar[Mapping[str, str]] = {}
     opening: ClassVar[tuple[str, ...]] = ()
@@ -34,8 +35,8 @@ class AbstractWithStates(AbstractMechanicalSystem):
         coordinates = tuple(self.coordinates)
         velocities = tuple(self.velocities.get(name, f"v_{name}") for name in coordinates)
         contacts, opening = tuple(self.contact_directions), tuple(self.opening)
-        stops, first_order = tuple(self.stops), tuple(self.first_order)
-        return Names(coordinates, velocities, contacts, opening, stops, first_order)
+        others = tuple(self.stops), tuple(self.first_order), tuple(self.cyclic)
+        return Names(coordinates, velocities, contacts, opening, *others)
 
     @property
     def units(self) -> dict[str, str]:  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -44,7 +45,8 @@ class AbstractWithStates(AbstractMechanicalSystem):
         rates = {
             v: _per_second(given[q]) for q, v in zip(names.coordinates, names.velocities, strict=True)
         }
-        return {**given, **rates, **self.first_order}
+        kept = {q: unit for q, unit in given.items() if q not in names.cyclic}
+        return {**kept, **rates, **self.first_order}
 
     def state(self, **values: Numeric) -> Any:
         """A state by the names of its components; what is left out is 0.
@@ -52,23 +54,25 @@ class AbstractWithStates(AbstractMechanicalSystem):
         **Raises** `TypeError` for a name that is none, `ValueError` for what is not finite.
         """
         names = self.names
-        known = (*names.places, *names.velocities)
+        known = (*names.kept, *names.velocities)
         for name in values:
             if name not in known:
                 raise TypeError(f"state() has no component {name!r}: there are {', '.join(known)}.")
         numbers = [as_parameter(check_finite(name, values.get(name, 0.0))) for name in known]
-        n = len(names.places)
-        q, v = coordinates_type(names.places), coordinates_type(names.coordinates)
-        return self.from_coordinates(q(*numbers[:n]), v(*numbers[n:]))
+        return self._kind(known)(**dict(zip(known, numbers, strict=True)))
 
     def from_coordinates(self, q: PyTree, v: PyTree) -> Any:
         """The state of these coordinates (after them the states of first order) and velocities.
 
         Linear, so that it takes rates too.
         """
-        names = (*self.names.places, *self.names.velocities)
-        kind = self.state_class or state_type(names)
-        return kind(**dict(zip(names, (*q, *v), strict=True)))
+        names = self.names
+        known = (*names.kept, *names.velocities)
+        places = [x for name, x in zip(names.places, q, strict=True) if name not in names.cyclic]
+        return self._kind(known)(**dict(zip(known, (*places, *v), strict=True)))
+
+    def _kind(self, names: tuple[str, ...]) -> type:
+        return self.state_class or state_type(names)
 
     def to_coordinates(self, y: PyTree) -> tuple[Any, Any]:
         """Coordinates (after them the states of first order) and velocities of a state.
@@ -77,9 +81,12 @@ class AbstractWithStates(AbstractMechanicalSystem):
         """
         names = self.names
         return (
-            coordinates_type(names.places)(*[getattr(y, name) for name in names.places]),
+            coordinates_type(names.places)(*[self._of(y, name) for name in names.places]),
             coordinates_type(names.coordinates)(*[getattr(y, name) for name in names.velocities]),
         )
+
+    def _of(self, y: PyTree, name: str) -> Any:
+        return None if name in self.cyclic else getattr(y, name)
 
 
 def _per_second(unit: str) -> str:

@@ -132,11 +132,13 @@ def stops_at(machine: "AbstractMechanism", t: Any, q: Any, args: Any) -> list[St
     found = [list(map(float, row)) for row in slopes]
     rows: list[list[Any]] = [list(row) for row in found]
     states = [jnp.zeros_like(x) for x in q[slopes.shape[1] - 1 :]]
+    cyclic = [x is None for x in q]
     for j in range(slopes.shape[1]):
         if not np.isnan(slopes[:, j]).any():
             continue
         way = [one if i == j else zero for i in range(slopes.shape[1])]
-        rates = jax.jvp(gaps, (t, q), (way[-1], type(q)(*way[:-1], *states)))[1]
+        ways = (None if left else x for left, x in zip(cyclic, (*way[:-1], *states), strict=True))
+        rates = jax.jvp(gaps, (t, q), (way[-1], type(q)(*ways)))[1]
         for row, known, rate in zip(rows, slopes[:, j], rates, strict=True):
             if np.isnan(known):
                 row[j] = rate
