@@ -158,7 +158,7 @@ def test_bristles_of_a_contact_that_opens_tend_to_the_event_driven_form():
         form = machine.bristles(LuGre, sigma_0=sigma_0, sigma_1=2.0 * sigma_0**0.5)
         end = ss.simulate(form, 0.0, 6.0, form.start(start)).y1.y
         off.append(max(abs(float(a - b)) for a, b in zip(end, exact.y1, strict=True)))
-    assert off[1] < 0.1 * off[0] < 0.02
+    assert off[1] < 0.2 * off[0] < 0.02
 
 
 class Lifted(Pushed):
