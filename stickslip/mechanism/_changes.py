@@ -10,7 +10,7 @@ from stickslip._fastmath import where
 from stickslip.hybrid._dependence import OTHER, degrees
 from stickslip.hybrid._system import NO_MODE
 
-from ._declaration import coordinates_type
+from ._declaration import at_zero
 from ._impacts import struck, touches
 from ._instant import (
     Instant,
@@ -124,8 +124,7 @@ def parted(machine: "AbstractMechanism") -> tuple[int, ...]:
                 found[2 * c + 1] = motion.force[i] - limits.low[i]
         return [jnp.asarray(x, jnp.float64) + 0.0 for x in found]
 
-    zeros = coordinates_type(names.coordinates)(*[jnp.zeros(())] * len(names.coordinates))
-    y = machine.from_coordinates(zeros, zeros)
+    y = machine.from_coordinates(*at_zero(names))
     try:
         degree = degrees(sides, (jnp.zeros(()), y), (True, True))
     except (AttributeError, IndexError, KeyError, TypeError, ValueError):
@@ -212,7 +211,7 @@ def transition(
         failed = failed | (touched & ~ended)
         for c, x in zip(island.rows, found, strict=True):
             new[c] = where(touched, x, new[c])
-    return machine.from_coordinates(at.q, type(at.q)(*v)), _mode(machine, new, failed)
+    return machine.from_coordinates(at.q, type(at.v)(*v)), _mode(machine, new, failed)
 
 
 def _law_of(machine: "AbstractMechanism", t: Any, args: Any) -> Any:
@@ -290,7 +289,7 @@ def _presses(machine: "AbstractMechanism", t: Any, at: Instant, c: int, args: An
         return jnp.asarray(now.normal_force, jnp.float64) + 0.0 * t
 
     t = jnp.asarray(t, jnp.float64)
-    now, rate = jax.jvp(load, (t, floats(at.q)), (jnp.ones_like(t), floats(at.v)))
+    now, rate = jax.jvp(load, (t, floats(at.q)), (jnp.ones_like(t), floats(at.q_rate)))
     return (now > 0.0) | ((now == 0.0) & (rate > 0.0))
 
 

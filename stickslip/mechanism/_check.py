@@ -13,9 +13,10 @@ from stickslip.friction import AbstractFrictionLaw
 from stickslip.hybrid._dependence import NONE, degrees
 
 from ._contact import Contact
-from ._declaration import coordinates_type, directions_of, in_order, mass_of, traced_with
+from ._declaration import at_zero, directions_of, in_order, mass_of, traced_with
 from ._known import known
 from ._modes import MOST
+from ._states import AbstractWithStates
 from ._stop import check_names
 
 
@@ -41,6 +42,7 @@ def check_declaration(mechanism: Any) -> None:
     for name in fields:
         if fields.count(name) > 1:
             raise refusal("velocities", name, "a name that no other coordinate or velocity has")
+    _check_first_order(mechanism, fields)
     for name in names.contacts:
         if not isinstance(name, str) or not name or " / " in name:
             raise refusal("contact_directions", name, "names of contacts: texts without ' / '")
@@ -50,6 +52,9 @@ def check_declaration(mechanism: Any) -> None:
     if len(names.contacts) > MOST:
         allowed = f"at most {MOST} contacts, whose mode is a number of 64 bits"
         raise refusal("contact_directions", f"{len(names.contacts)} contacts", allowed)
+    for name in mechanism.cyclic:
+        if name not in coordinates:
+            raise refusal("cyclic", name, f"names of coordinates: {', '.join(map(repr, coordinates))}")
     check_names(mechanism)
     directions_of(mechanism.contact_directions, names.coordinates)
     try:
@@ -59,6 +64,22 @@ def check_declaration(mechanism: Any) -> None:
         # Parameters of many lanes at once are judged where a lane is traced.
         if not any(np.ndim(leaf) for leaf in jax.tree.leaves(mechanism)):
             raise
+
+
+def _check_first_order(mechanism: Any, others: tuple[str, ...]) -> None:
+    given = mechanism.first_order
+    if not isinstance(given, Mapping):
+        raise refusal("first_order", given, "a mapping from names to units", TypeError)
+    for name, unit in given.items():
+        _check_field("first_order", name)
+        if name in others:
+            raise refusal("first_order", name, "a name that no coordinate and no velocity has")
+        if not isinstance(unit, str):
+            raise refusal(f"first_order[{name!r}]", unit, "a unit, such as 'A'", TypeError)
+    if given and type(mechanism).rates is AbstractWithStates.rates:
+        raise refusal(
+            "first_order", tuple(given), "with a method `rates` that returns the rate of each"
+        )
 
 
 def _check_structure(mechanism: Any) -> None:
@@ -96,7 +117,7 @@ def check_mass(mechanism: Any, q: Any = None) -> None:
     n = len(names)
     if q is None and traced_with(_varies, mechanism):
         return
-    q = coordinates_type(names)(*[0.0] * n) if q is None else q
+    q = at_zero(mechanism.names, 0.0)[0] if q is None else q
     entries = known(_inertia, mechanism, q) if is_concrete((mechanism, q)) else None
     entries = _inertia(mechanism, q) if entries is None else entries
     if not all(is_concrete(x) for x in entries) or any(np.ndim(x) for x in entries):
@@ -126,8 +147,7 @@ def _varies(mechanism: Any) -> bool:
     def entries(q):
         return [jnp.asarray(x, jnp.float64) + 0.0 for x in _inertia(mechanism, q)]
 
-    names = mechanism.names.coordinates
-    q = coordinates_type(names)(*[jnp.zeros(())] * len(names))
+    q, _ = at_zero(mechanism.names)
     return any(d != NONE for d in degrees(entries, (q,), (True,)))
 
 

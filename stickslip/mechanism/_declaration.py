@@ -25,12 +25,32 @@ class Names(NamedTuple):
     contacts: tuple[str, ...]
     opening: tuple[str, ...]
     stops: tuple[str, ...] = ()
+    first_order: tuple[str, ...] = ()
+    cyclic: tuple[str, ...] = ()
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Fields of `q`: the coordinates, and after them the states of first order."""
+        return self.coordinates + self.first_order
+
+    @property
+    def kept(self) -> tuple[str, ...]:
+        """Those of them that the state has."""
+        return tuple(name for name in self.places if name not in self.cyclic)
 
 
 @functools.lru_cache(maxsize=256)
 def coordinates_type(names: tuple[str, ...]) -> type:
     """Named tuple of the coordinates, or of their rates under the same names."""
     return NamedTuple("Coordinates", [(name, Any) for name in names])
+
+
+def at_zero(names: Names, zero: Any = None) -> tuple[Any, Any]:
+    """`q` and `v` of zeros."""
+    zero = jnp.zeros(()) if zero is None else zero
+    q = (None if name in names.cyclic else zero for name in names.places)
+    v = (zero for _ in names.coordinates)
+    return coordinates_type(names.places)(*q), coordinates_type(names.coordinates)(*v)
 
 
 @functools.lru_cache(maxsize=256)
@@ -157,7 +177,8 @@ def coupled(mechanism: Any) -> bytes:
     """Which velocities the inertia couples, as bytes of booleans `[n, n]`."""
     names = mechanism.names.coordinates
     n = len(names)
-    mass = mass_of(mechanism.mass_matrix(coordinates_type(names)(*[0.0] * n)), names)
+    q, _ = at_zero(mechanism.names, 0.0)
+    mass = mass_of(mechanism.mass_matrix(q), names)
     found = np.eye(n, dtype=bool)
     if mass.full is not None:
         found = np.array([[not is_zero(x) for x in row] for row in mass.full])
@@ -168,9 +189,9 @@ def coupled(mechanism: Any) -> bytes:
 def driven(mechanism: Any) -> tuple[str, ...]:
     """Contacts whose counter surface may move: whatever value a parameter has, it is no constant 0."""
     names = mechanism.names
-    zeros = coordinates_type(names.coordinates)(*[jnp.zeros(())] * len(names.coordinates))
+    q, v = at_zero(names)
     try:
-        given = mechanism.contacts(jnp.zeros(()), zeros, zeros, None)
+        given = mechanism.contacts(jnp.zeros(()), q, v, None)
     except (AttributeError, IndexError, KeyError, TypeError):
         return names.contacts  # it looks at `args`, which are not known here
     contacts = in_order("contacts(...)", given, names.contacts, "a Contact for each")
@@ -185,7 +206,7 @@ def generic_mass(system: Any) -> bytes:
     then a linear combination of entries that vanishes here vanishes everywhere. Kept by structure.
     """
     leaves, form = abstract(system)
-    key = (tuple(system.coordinates), form, tuple(leaves))
+    key = (system.names, form, tuple(leaves))
     try:
         hash(key)
     except TypeError:
@@ -194,17 +215,18 @@ def generic_mass(system: Any) -> bytes:
 
 
 @functools.lru_cache(maxsize=256)
-def _generic(names: tuple[str, ...], form: Any, leaves: tuple) -> bytes:
+def _generic(names: Names, form: Any, leaves: tuple) -> bytes:
     def entries(numbers, q):
         given = iter(numbers)
         whole = [next(given) if isinstance(x, jax.ShapeDtypeStruct) else x for x in leaves]
         machine = jax.tree.unflatten(form, whole)
-        full = mass_of(machine.mass_matrix(coordinates_type(names)(*q)), names).full
+        mass = machine.mass_matrix(coordinates_type(names.places)(*q))
+        full = mass_of(mass, names.coordinates).full
         return [jnp.asarray(x, jnp.float64) + 0.0 for row in full or [] for x in row]
 
     rng = np.random.default_rng(0)
     numbers = [rng.uniform(0.5, 1.5, x.shape) for x in leaves if isinstance(x, jax.ShapeDtypeStruct)]
-    q = list(rng.uniform(0.5, 1.5, len(names)))
+    q = list(rng.uniform(0.5, 1.5, len(names.places)))
     if OTHER in degrees(entries, (numbers, q), (True, True)):
         return b""
     found = evaluated(jax.make_jaxpr(entries)(numbers, q), [*numbers, *map(np.asarray, q)])

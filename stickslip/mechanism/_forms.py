@@ -1,16 +1,18 @@
 """The same mechanism with friction that is smooth: regularised laws, or bristles with their states."""
 
+import abc
 from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from stickslip._fastmath import where
 from stickslip._looks_at import OBSERVABLE, looks_at, reals
 from stickslip._types import Given, Numeric
 from stickslip._validation import as_parameter, check_in, check_positive, check_type, refusal
 from stickslip.friction import AbstractBristleLaw, AbstractFrictionLaw, LuGre, Regularised
+from stickslip.hybrid._system import NO_MODE
 
 from ._account import AbstractMechanicalSystem
 from ._check import DeclarationError
@@ -22,26 +24,47 @@ KINDS = ("tanh", "sqrt", "arctan")
 
 
 class _AbstractSmoothForm(AbstractMechanicalSystem):
-    """A mechanism whose contacts have no modes: what its two smooth forms share."""
+    """A mechanism whose contacts have no modes: what its two smooth forms share.
+
+    A contact that does not open and loses its normal force ends the run, as in the other form.
+    """
 
     mechanism: eqx.AbstractVar[AbstractMechanism]
 
     mode_names: ClassVar = ("motion",)
-    guard_names: ClassVar = ()
+
+    @abc.abstractmethod
+    def bare(self, y: PyTree) -> Any:
+        """The state of the mechanism in a state `y` of this form."""
+
+    @property
+    def guard_names(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """One of each contact that does not open and may lose its normal force."""
+        names = self.mechanism.names.contacts
+        return tuple(f"{names[c]} loses its normal force" for c in self.mechanism.lifting)
 
     def time_scale(self, args):
         """That of the mechanism."""
         return self.mechanism.time_scale(args)
 
+    def check_start(self, t, y, args):
+        """As that of the mechanism."""
+        self.mechanism.check_start(t, self.bare(y), args)
+
     def guards(self, t, y, mode, args):
-        return ()
+        at = self.mechanism.instant(t, self.bare(y), args)
+        loads = (at.contacts[c].normal_force for c in self.mechanism.lifting)
+        return tuple(jnp.asarray(load, jnp.float64) for load in loads)
 
     def transition(self, t, y, mode, guard, args):
-        return y, mode
+        return y, jnp.full_like(mode, NO_MODE)
 
     @looks_at(t=reals)
     def initial_mode(self, t, y, args):
-        return jnp.zeros((), jnp.int32)
+        mode = jnp.zeros((), jnp.int32)
+        for load in self.guards(t, y, mode, args):
+            mode = where(load < 0.0, jnp.full_like(mode, NO_MODE), mode)
+        return mode
 
     def _motion(self, at: Instant, friction: list) -> tuple[Any, Any]:
         """Rates of coordinates and velocities under the friction of all contacts."""
@@ -53,7 +76,7 @@ class _AbstractSmoothForm(AbstractMechanicalSystem):
                 pressed = _pressing(at.contacts[c].normal_force)
                 force = [total((g, times(x, pressed))) for g, x in zip(force, push, strict=True)]
         a = [jnp.asarray(x, jnp.float64) for x in at.mass.solve(force)]
-        return at.v, type(at.v)(*a)
+        return at.q_rate, type(at.v)(*a)
 
     def _powers(self, at: Instant, friction: list) -> dict[str, Any]:
         machine = self.mechanism
@@ -68,14 +91,15 @@ class _AbstractSmoothForm(AbstractMechanicalSystem):
 
 
 class RegularisedMechanism(_AbstractSmoothForm):
-    r"""A mechanism whose set-valued laws are `Regularised`: one mode, no guard, contacts creep.
+    r"""A mechanism whose set-valued laws are `Regularised`: one mode, contacts creep.
 
     `AbstractMechanism.regularised` makes it. Laws that are smooth already stay what they are. The
     motion tends to that of the mechanism as `v_reg` goes to 0, and becomes stiff: the rate of the
     contact is the friction force over `v_reg` and the mass.
 
     - State: that of the mechanism.
-    - A contact that may open has the normal force $\max(N, 0)$.
+    - A contact that may open has the normal force $\max(N, 0)$; one that may not ends the run with
+      `RESULTS.no_admissible_mode` where it loses its own.
     - Rigid stops have impacts, and no smooth form: a mechanism with some is refused.
 
     **Arguments:** `mechanism`; `v_reg` [m/s], positive; `kind` of the rounding, as in `Regularised`.
@@ -110,6 +134,10 @@ class RegularisedMechanism(_AbstractSmoothForm):
             found.append(smooth.force(u, _load(self.mechanism, name, contact)))
         return found
 
+    def bare(self, y: PyTree) -> Any:
+        """The state itself."""
+        return y
+
     def vector_field(self, t, y, mode, args):
         at = self.mechanism.instant(t, y, args)
         return self.mechanism.from_coordinates(*self._motion(at, self._friction(at)))
@@ -140,7 +168,9 @@ class BristleMechanism(_AbstractSmoothForm):
     mechanism as the stiffness `sigma_0` grows, the damping like its square root.
 
     - State `BristleState`; `start(y)` makes one with bristles that are not deflected.
-    - A contact that may open has the normal force $\max(N, 0)$. Rigid stops are refused.
+    - A contact that may open has the normal force $\max(N, 0)$, and its bristles follow its speed while
+      it is open; one that may not ends the run with `RESULTS.no_admissible_mode` where it loses its
+      normal force. Rigid stops are refused.
 
     **Arguments:** `mechanism`; `kind`, `LuGre` or `Dahl` or another bristle law; `parameters` of it.
     **Raises** `TypeError`, `ValueError` for anything else; the law itself raises where it cannot wrap
@@ -193,6 +223,10 @@ class BristleMechanism(_AbstractSmoothForm):
             forces.append(law.force_from_state(u, load, tuple(deflection)))
             rates.append(tuple(law.state_rate(u, tuple(deflection))))
         return forces, tuple(rates)
+
+    def bare(self, y: PyTree) -> Any:
+        """The state without the bristles."""
+        return y.y
 
     def vector_field(self, t, y, mode, args):
         at = self.mechanism.instant(t, y.y, args)

@@ -81,8 +81,8 @@ def struck(
                 onward = times(J[i][0], v_rest[island.columns[0]]) - at.surfaces[c]
                 jammed = jammed | (bump & closed[i] & (onward < 0.0))
         bumps.append(_Bump(island, bump, here, closed, kept, held, slow))
-    kind = type(at.q)
-    still = instant_of(machine, t, kind(*q), kind(*v_rest), args)
+    places, speeds = type(at.q), type(at.v)
+    still = instant_of(machine, t, places(*q), speeds(*v_rest), args)
     for island, bump, here, closed, kept, held, slow in bumps:
         given = _begun(island, still, at, states, bump, held)
         found = law(still, island, given, bump & slow)
@@ -92,7 +92,7 @@ def struck(
             new[c] = where(bump, where(stays, 0.0, 2.0), states[c])
         for j in island.columns:
             v[j] = where(rests, v_rest[j], v[j])
-    after = instant_of(machine, t, kind(*q), kind(*v), args)
+    after = instant_of(machine, t, places(*q), speeds(*v), args)
     for island, bump, *_ in bumps:
         on = [new[c] == 0.0 for c in island.rows]
         for c, s in zip(island.rows, _begun(island, after, at, new, bump, on), strict=True):
@@ -154,7 +154,8 @@ def _place(island: Island, at: Instant, M: Any, J: list, q: list, on: list, some
         for row, gap, is_on in zip(J, gaps, on, strict=True):
             if not is_zero(row[i]) and all(is_zero(x) for k, x in enumerate(row) if k != i):
                 shift[i] = where(is_on, times(-1.0 / row[i], gap), shift[i])
-        q[j] = where(some, q[j] + shift[i], q[j])
+        if q[j] is not None:
+            q[j] = where(some, q[j] + shift[i], q[j])
 
 
 def _gap(at: Instant, c: int) -> Any:
@@ -209,7 +210,7 @@ def touches(at: Instant, k: int) -> tuple[Any, Any]:
     """Whether stop `k` is met at this instant to rounding, and whether the mechanism is beyond it."""
     stop = at.stops[k]
     gap = lax.stop_gradient(jnp.asarray(stop.stop.gap, jnp.float64))
-    terms = [times(n, x) for n, x in zip(stop.row, at.q, strict=True) if not is_zero(n)]
-    size = total(jnp.abs(jnp.asarray(x)) for x in terms)
+    terms = [times(n, x) for n, x in zip(stop.row, at.q, strict=False) if x is not None]
+    size = total(jnp.abs(jnp.asarray(x)) for x in terms if not is_zero(x))
     small = jax.tree.map(lax.stop_gradient, ROUNDING * size)
     return jnp.abs(gap) <= small, gap < -small

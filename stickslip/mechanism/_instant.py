@@ -13,6 +13,7 @@ from stickslip.hybrid._dependence import NONE, degrees
 from ._check import check_contacts
 from ._contact import Contact
 from ._declaration import in_order, mass_of
+from ._first_order import rates_of
 from ._island import Island, Motion
 from ._modes import sense_of
 from ._reserve import NO_LIMIT
@@ -29,7 +30,8 @@ ROUNDING = 8 * 2.3e-16  # of the terms of a sliding speed
 class Instant(NamedTuple):
     """Everything that the declaration says about one instant.
 
-    - `q`, `v`: coordinates and their rates, by the names of the coordinates.
+    - `q`, `v`: coordinates with the states of first order after them, and rates of the coordinates.
+    - `rates` of the states of first order.
     - `mass`, `force`: inertia, and all forces but those of the contacts [N].
     - `contacts`, `stops`: a `Contact` for each contact, a `StopNow` for each stop.
     - `directions`: a row for each contact and then for each stop, the gradient of its gap.
@@ -46,6 +48,13 @@ class Instant(NamedTuple):
     speeds: list[Any]
     stops: list[StopNow]
     surfaces: list[Any]
+    rates: list[Any]
+
+    @property
+    def q_rate(self) -> Any:
+        """Rates of all that `q` holds."""
+        both = zip(self.q, (*self.v, *self.rates), strict=True)
+        return type(self.q)(*(None if place is None else rate for place, rate in both))
 
 
 def instant_of(machine: "AbstractMechanism", t: Any, q: Any, v: Any, args: Any) -> Instant:
@@ -55,7 +64,8 @@ def instant_of(machine: "AbstractMechanism", t: Any, q: Any, v: Any, args: Any) 
         "forces(t, q, v, args)", machine.forces(t, q, v, args), names.coordinates, "forces"
     )
     mass = mass_of(machine.mass_matrix(q), names.coordinates)
-    return Instant(q, v, mass, force, *touching(machine, t, q, v, args))
+    rates = rates_of(machine, t, q, v, args)
+    return Instant(q, v, mass, force, *touching(machine, t, q, v, args), rates)
 
 
 def touching(machine: "AbstractMechanism", t: Any, q: Any, v: Any, args: Any) -> tuple:
@@ -102,6 +112,7 @@ def surface_accelerations(machine: "AbstractMechanism", t: Any, at: Instant, arg
 
     t = jnp.asarray(t, jnp.float64)
     q, v = floats(at.q), floats(at.v)
+    q_rate = floats(at.q_rate)
     for name, depends in zip(names, degrees(given, (v,), (True,)) if names else [], strict=True):
         if depends != NONE:
             what = f"surface_speed and direction of contact {name!r}"
@@ -122,7 +133,7 @@ def surface_accelerations(machine: "AbstractMechanism", t: Any, at: Instant, arg
             what = "surfaces of contacts and stops whose directions depend on each other"
             those = ", ".join(names_of_rows(machine, moves))
             raise DeclarationError(str(refusal(what, those, "of constant speed")))
-    rates = jax.jvp(speeds, (t, q), (jnp.ones_like(t), type(q)(*v)))[1]
+    rates = jax.jvp(speeds, (t, q), (jnp.ones_like(t), q_rate))[1]
     return [0.0 if d == NONE else -r for d, r in zip(depends, rates, strict=True)]
 
 

@@ -5,7 +5,6 @@ the cost of a mechanism grows with the sizes of its islands and not with the num
 """
 
 import functools
-import itertools
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -13,9 +12,9 @@ import numpy as np
 
 from stickslip._fastmath import where
 
+from ._directions import SMALL, completed_inverse, lines_of, null_space
 from ._scalars import Factors, Mass, any_of, chosen, dot, is_zero, minus, times, total
 
-SMALL = 1e-9  # of the largest entry: zero in a computation with directions
 MOST_DEPENDENT = 12  # contacts of an island with dependent directions: tables over all sets of them
 NOTHING = 1e-150  # its square is a number too, which derivatives divide by
 UNRESISTED = -1.0  # share of a line that no resting contact resists
@@ -77,7 +76,7 @@ class Island:
         elif self.dependent and not self.varies and self.m <= MOST_DEPENDENT:
             self._tabulate()
         if self.rank == self.m and not self.varies:
-            self.inverse = T = _completed_inverse(directions)
+            self.inverse = T = completed_inverse(directions)
             # Inertia between speeds along contacts that vanishes whatever the parameters are.
             self.parted = np.zeros((self.n, self.n), bool)
             if inertia is not None:
@@ -317,66 +316,6 @@ class Island:
             number = where(more, jnp.int32(i), number)
         ways = jnp.asarray(np.sign(self.along))[number]
         return used, [where(r, sense * ways[c], 0.0) for c, r in enumerate(rest)]
-
-
-def _completed_inverse(J: np.ndarray) -> np.ndarray:
-    """Inverse of `J` completed by unit rows to a square matrix; whole numbers stay exact."""
-    n = J.shape[1]
-    rows = list(J)
-    for unit in np.eye(n):
-        if len(rows) < n and np.linalg.matrix_rank(np.array([*rows, unit])) > len(rows):
-            rows.append(unit)
-    inverse = np.linalg.inv(np.array(rows).reshape(n, n))
-    return _whole(inverse)
-
-
-def _whole(A: np.ndarray) -> np.ndarray:
-    nearest = np.round(A)
-    return np.where(np.abs(A - nearest) < 1e-12, nearest, A) + 0.0
-
-
-def null_space(A: np.ndarray, n: int) -> np.ndarray:
-    """Columns that span the null space, by the reduced row echelon form: small numbers stay exact."""
-    A = np.array(A, float).reshape(-1, n)
-    pivots: list[int] = []
-    row = 0
-    for column in range(n):
-        if row == len(A):
-            break
-        best = row + int(np.argmax(np.abs(A[row:, column])))
-        if abs(A[best, column]) < 1e-10:
-            continue
-        A[[row, best]] = A[[best, row]]
-        A[row] /= A[row, column]
-        others = [i for i in range(len(A)) if i != row]
-        A[others] -= np.outer(A[others, column], A[row])
-        pivots.append(column)
-        row += 1
-    free = [c for c in range(n) if c not in pivots]
-    basis = np.zeros((n, len(free)))
-    for k, c in enumerate(free):
-        basis[c, k] = 1.0
-        basis[pivots, k] = -A[: len(pivots), c]
-    return np.where(np.abs(basis) < 1e-12, 0.0, basis)
-
-
-def lines_of(J: np.ndarray) -> np.ndarray:
-    """All lines on which all but one of the degrees of freedom that contacts can hold are held."""
-    rank = int(np.linalg.matrix_rank(J))
-    held = np.linalg.svd(J)[2][:rank]
-    found: list[np.ndarray] = []
-    for some in itertools.combinations(range(len(J)), rank - 1):
-        part = J[list(some)]
-        if np.linalg.matrix_rank(part) < rank - 1:
-            continue
-        line = null_space(part @ held.T, rank)[:, 0] @ held
-        line = np.where(np.abs(line) < 1e-12, 0.0, line)
-        line = line / np.abs(line[np.abs(line) > SMALL]).min()
-        whole = np.round(line)
-        line = np.where(np.abs(line - whole) < SMALL, whole, line)
-        if not any(np.allclose(line, s * other) for other in found for s in (1, -1)):
-            found.append(line)
-    return np.array(found)
 
 
 @functools.lru_cache(maxsize=256)

@@ -2,19 +2,17 @@
 
 import abc
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from stickslip._fastmath import where
-from stickslip._looks_at import OBSERVABLE, looks_at, reals
+from stickslip._looks_at import looks_at, reals
 from stickslip._looks_at import state as some_state
-from stickslip._types import Numeric, Whole
-from stickslip._validation import as_parameter, check_finite, is_concrete
+from stickslip._types import Numeric
+from stickslip._validation import is_concrete
 from stickslip.friction import AbstractBristleLaw, LuGre
 from stickslip.hybrid._dependence import NONE, degrees
 
@@ -22,40 +20,34 @@ from . import _changes
 from ._check import check_declaration, check_law, check_load, check_mass
 from ._contact import Contact
 from ._declaration import (
-    Names,
-    coordinates_type,
+    at_zero,
     coupled,
     directions_of,
-    driven,
     generic_mass,
     in_order,
-    mass_of,
-    state_type,
     traced_with,
 )
+from ._first_order import check_rates
 from ._instant import (
     Instant,
-    floats,
     instant_of,
     loaded,
     motion_of,
     names_of_rows,
-    pushed,
     surface_accelerations,
     touching,
 )
 from ._island import Island, islands_of
 from ._known import known
-from ._modes import ModeNames, sense_of
-from ._scalars import dot, total
+from ._modes import ModeNames
+from ._observables import AbstractWithObservables
 from ._stop import check_gaps
-from ._with_stops import AbstractWithStops
 
 if TYPE_CHECKING:
     from ._forms import BristleMechanism, RegularisedMechanism
 
 
-class AbstractMechanism(AbstractWithStops):
+class AbstractMechanism(AbstractWithObservables):
     r"""A mechanism with dry contacts, declared by its inertia, forces and contacts.
 
     $$M(q)\,\dot v = f(t, q, v) + \sum_c n_c\,\lambda_c, \qquad \dot q = v, \qquad
@@ -98,8 +90,12 @@ class AbstractMechanism(AbstractWithStops):
       sliding speed out of the velocities: a mapping from coordinates to constant numbers, or a row of
       them. None where it depends on the state or on parameters; then `contacts` returns it.
     - `velocities`: names of their rates $v$ in the state, by coordinate; `"v_x"` for `"x"` if left out.
-    - `state_class`: named tuple of the state, its fields the coordinates and velocities in any order;
-      made from their names if left out.
+    - `first_order`: names and units of states $s$ that have a rate of their own and no inertia, as the
+      current of a motor: $\dot s = $ `rates(t, q, v, args)`, a mapping by name.
+    - `cyclic`: names of coordinates on which nothing depends, as the angle of a rotor: the state has
+      their rates only, and `q` has None for them.
+    - `state_class`: named tuple of the state, its fields the coordinates, velocities and states of
+      first order in any order; made from their names if left out.
     - `opening`: names of the contacts that open where their normal force falls to zero, and close
       where it rises again.
     - `stops`: names of rigid stops, which end the motion towards them with an impact.
@@ -107,12 +103,15 @@ class AbstractMechanism(AbstractWithStops):
     and as methods `mass_matrix(q)`, `forces(t, q, v, args)`, `contacts(t, q, v, args)`,
     `gaps(t, q, args)` (where there are stops), `potential_energy(q)` (for the energy account only)
     and, if the forces depend on the time, `time_scale(args)`. In them `q` and `v` are named tuples,
-    both by the names of the coordinates. Python and NumPy constants in what they return are structure:
+    both by the names of the coordinates. States of first order are fields of `q` too, after the
+    coordinates: as these they go on through every event unchanged, and all but a gap may depend on
+    them. Python and NumPy constants in what the methods return are structure:
     a mass matrix whose constant zeros part the mechanism is treated part by part. Loads that jump at
     known times: `WithBreaks`.
 
     A coordinate may stand for an array of them, as those of a beam, if no contact and no other inertia
-    touches it; `energy` then has to be overridden, and states made by `state_class`.
+    touches it; `energy` then has to be overridden, and states made by `state_class`. So may a state of
+    first order, as temperatures along a rod.
 
     **What follows**
 
@@ -150,12 +149,6 @@ class AbstractMechanism(AbstractWithStops):
         Dynamics with Unilateral Contacts*, Wiley, 1996.
     """
 
-    coordinates: eqx.AbstractClassVar[Mapping[str, str]]
-    contact_directions: ClassVar[Mapping[str, Any]] = {}
-    velocities: ClassVar[Mapping[str, str]] = {}
-    opening: ClassVar[tuple[str, ...]] = ()
-    state_class: ClassVar[type | None] = None
-
     # -- what the user declares
 
     @abc.abstractmethod
@@ -178,21 +171,16 @@ class AbstractMechanism(AbstractWithStops):
         return {}
 
     def potential_energy(self, q: PyTree) -> Any:
-        """Potential energy [J] of those forces that have one; 0 if left out."""
+        """Potential energy [J] of those forces that have one; 0 if left out.
+
+        What states of first order store belongs to it too, as $\\frac12 L i^2$ of a winding.
+        """
         return 0.0
 
     # -- names and structure
 
     def __check_init__(self):
         check_declaration(self)
-
-    @property
-    def names(self) -> Names:
-        """Names of coordinates, velocities and contacts, of the contacts that open, and of stops."""
-        coordinates = tuple(self.coordinates)
-        velocities = tuple(self.velocities.get(name, f"v_{name}") for name in coordinates)
-        contacts, opening = tuple(self.contact_directions), tuple(self.opening)
-        return Names(coordinates, velocities, contacts, opening, tuple(self.stops))
 
     @property
     def directions(self) -> np.ndarray:
@@ -241,48 +229,6 @@ class AbstractMechanism(AbstractWithStops):
         own += [f"{name} is met or left" for name in names.stops]
         return tuple(own)
 
-    @property
-    def units(self) -> dict[str, str]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Those of the coordinates, and of their rates."""
-        names, given = self.names, self.coordinates
-        rates = {
-            v: _per_second(given[q]) for q, v in zip(names.coordinates, names.velocities, strict=True)
-        }
-        return {**given, **rates}
-
-    # -- states
-
-    def state(self, **values: Numeric) -> Any:
-        """A state by the names of coordinates and velocities; what is left out is 0.
-
-        **Raises** `TypeError` for a name that is none, `ValueError` for what is not finite.
-        """
-        names = self.names
-        known = (*names.coordinates, *names.velocities)
-        for name in values:
-            if name not in known:
-                raise TypeError(f"state() has no component {name!r}: there are {', '.join(known)}.")
-        numbers = [as_parameter(check_finite(name, values.get(name, 0.0))) for name in known]
-        n = len(names.coordinates)
-        return self.from_coordinates(self._tuple(numbers[:n]), self._tuple(numbers[n:]))
-
-    def from_coordinates(self, q: PyTree, v: PyTree) -> Any:
-        """The state of these coordinates and velocities; linear, so that it takes rates too."""
-        names = (*self.names.coordinates, *self.names.velocities)
-        kind = self.state_class or state_type(names)
-        return kind(**dict(zip(names, (*q, *v), strict=True)))
-
-    def to_coordinates(self, y: PyTree) -> tuple[Any, Any]:
-        """Coordinates and velocities of a state, each under the names of the coordinates."""
-        names = self.names
-        return (
-            self._tuple([getattr(y, name) for name in names.coordinates]),
-            self._tuple([getattr(y, name) for name in names.velocities]),
-        )
-
-    def _tuple(self, entries: Any) -> Any:
-        return coordinates_type(tuple(self.coordinates))(*entries)
-
     # -- one instant, and the hybrid system
 
     def instant(self, t: Numeric, y: PyTree, args: PyTree) -> Instant:
@@ -299,7 +245,7 @@ class AbstractMechanism(AbstractWithStops):
             motion = motion_of(island, at, states, force, gamma)
             for j, x in zip(island.columns, motion.acceleration, strict=True):
                 a[j] = jnp.asarray(x, jnp.float64)
-        return self.from_coordinates(at.v, self._tuple(a))
+        return self.from_coordinates(at.q_rate, type(at.v)(*a))
 
     def guards(self, t, y, mode, args):
         return _changes.guards(self, t, y, mode, args)
@@ -314,9 +260,10 @@ class AbstractMechanism(AbstractWithStops):
     def check_start(self, t, y, args):
         """Raise `ValueError` for a contact that pulls at the start, or what is no inertia, no stop."""
         names = self.names
-        if not all(hasattr(y, name) for name in (*names.coordinates, *names.velocities)):
+        if not all(hasattr(y, name) for name in (*names.kept, *names.velocities)):
             return  # no state of this mechanism, as the run says
         check_gaps(self, t, y, args)
+        check_rates(self, t, y, args)
         if is_concrete((self, y)):
             check_mass(self, self.to_coordinates(y)[0])
         fixed = [name for name in names.contacts if name not in names.opening]
@@ -342,85 +289,6 @@ class AbstractMechanism(AbstractWithStops):
 
         return BristleMechanism(self, kind, parameters)
 
-    # -- energy and observables
-
-    @looks_at(y=some_state)
-    def energy(self, y):
-        """Kinetic and potential energy [J]."""
-        q, v = self.to_coordinates(y)
-        momentum = mass_of(self.mass_matrix(q), self.names.coordinates).times(v)
-        return total((0.5 * dot(v, momentum), self.potential_energy(q)))
-
-    @looks_at(**OBSERVABLE)
-    def powers(self, t, y, mode, args):
-        r"""Powers into the energy [W], by name.
-
-        `forces`: of all declared forces but those that `potential_energy` accounts for;
-        `friction of NAME`, the loss $\lambda u$ in a contact; `drive of NAME`, the work $\lambda w$ of
-        its counter surface; `drive of NAME`, likewise, of a stop that moves. Losses at impacts are in
-        the log of events.
-        """
-        at = self.instant(t, y, args)
-        found = {"forces": self.declared_power(at, self.states(mode))}
-        friction = self.friction_forces(t, y, mode, args)
-        moving = traced_with(driven, self)
-        for c, name in enumerate(self.names.contacts):
-            found[f"friction of {name}"] = friction[name] * at.speeds[c]
-            if name in moving:
-                found[f"drive of {name}"] = friction[name] * at.contacts[c].surface_speed
-        return {**found, **self.drives_of_stops(t, y, mode, args)}
-
-    def declared_power(self, at: Instant, states: list) -> Any:
-        """Power of all forces but friction, less what the potential and the changing inertia take."""
-        force = list(at.force)
-        for c, s in enumerate(states[: len(at.contacts)]):
-            force = pushed(self, force, at, c, s)
-
-        def stored(q):
-            momentum = mass_of(self.mass_matrix(q), self.names.coordinates).times(at.v)
-            zero = 0.0 * jnp.asarray(q[0], jnp.float64)
-            return total((0.5 * dot(at.v, momentum), self.potential_energy(q), zero))
-
-        _, rate = jax.jvp(stored, (floats(at.q),), (floats(at.v),))
-        return total((dot(force, at.v), rate))
-
-    @looks_at(**OBSERVABLE)
-    def friction_forces(
-        self, t: Numeric, y: PyTree, mode: Whole, args: PyTree = None
-    ) -> dict[str, Any]:
-        """Friction on the mechanism along each contact [N], by name.
-
-        Contacts at rest with dependent directions share a load in no unique way: those that lead bear
-        all of it.
-        """
-        at, states = self.instant(t, y, args), self.states(mode)
-        held, found = self.held(t, at, states, args), {}
-        for c, (name, contact) in enumerate(zip(self.names.contacts, at.contacts, strict=True)):
-            s = states[c]
-            slips = contact.law.slip_force(at.speeds[c], contact.normal_force, sense_of(s))
-            found[name] = where(s == 0.0, held[c], where(s == 2.0, 0.0, slips))
-        return found
-
-    @looks_at(**OBSERVABLE)
-    def normal_forces(
-        self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None
-    ) -> dict[str, Any]:
-        """Normal force in each contact [N], by name; 0 where it is open."""
-        at, states = self.instant(t, y, args), self.states(mode)
-        return {
-            name: where(s == 2.0, 0.0, contact.normal_force)
-            for name, contact, s in zip(self.names.contacts, at.contacts, states, strict=False)
-        }
-
-    @looks_at(**OBSERVABLE)
-    def relative_velocities(
-        self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None
-    ) -> dict[str, Any]:
-        """Sliding speed of each contact, and rate of the gap of each stop [m/s], by name."""
-        names = self.names
-        speeds = self.instant(t, y, args).speeds
-        return dict(zip(names.contacts + names.stops, speeds, strict=True))
-
 
 def _loads(machine: AbstractMechanism, t: Any, y: Any, args: Any) -> list[Any]:
     """Normal forces of the contacts that do not open [N]."""
@@ -438,13 +306,9 @@ def _lifting(machine: AbstractMechanism) -> tuple[int, ...]:
         return [jnp.asarray(c.normal_force, jnp.float64) + 0.0 for c in contacts]
 
     fixed = [c for c, name in enumerate(names.contacts) if name not in names.opening]
-    zeros = coordinates_type(names.coordinates)(*[jnp.zeros(())] * len(names.coordinates))
+    q, v = at_zero(names)
     try:
-        found = degrees(loads, (jnp.zeros(()), zeros, zeros), (True,) * 3)
+        found = degrees(loads, (jnp.zeros(()), q, v), (True,) * 3)
     except (AttributeError, IndexError, KeyError, TypeError):
         return tuple(fixed)  # it looks at `args`, which are not known here
     return tuple(c for c in fixed if found[c] != NONE)
-
-
-def _per_second(unit: str) -> str:
-    return {"1": "1/s"}.get(unit, f"{unit}/s")

@@ -8,8 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from stickslip._validation import DeclarationError, is_concrete, refusal
+from stickslip.hybrid._dependence import NONE, degrees
 
 from ._declaration import abstract, coordinates_type, in_order
+from ._first_order import refuse_gap
 from ._folding import folded
 from ._modes import BITS, MOST
 
@@ -101,13 +103,17 @@ def check_numbers(name: str, stop: Stop) -> None:
 def check_gaps(machine: "AbstractMechanism", t: Any, y: Any, args: Any) -> None:
     """Refuse stops that are none, by name, without compiling anything."""
     if machine.stops:
+        n = len(machine.names.coordinates)
 
-        def gaps(t, q):
-            check_stops(machine, machine.gaps(t, q, args))
-            return 0.0
+        def gaps(t, q, states):
+            given = check_stops(machine, machine.gaps(t, type(q)(*q[:n], *states), args))
+            return [jnp.asarray(stop.gap, jnp.float64) + 0.0 * t for stop in given]
 
-        q = jax.tree.map(jnp.asarray, machine.to_coordinates(y)[0])
-        jax.eval_shape(gaps, jnp.asarray(t), q)
+        t, q = jax.tree.map(jnp.asarray, (t, machine.to_coordinates(y)[0]))
+        found = degrees(gaps, (t, q, tuple(q[n:])), (False, False, True))
+        for name, degree in zip(machine.stops, found, strict=True):
+            if degree != NONE:
+                raise refuse_gap(name)
 
 
 def stops_at(machine: "AbstractMechanism", t: Any, q: Any, args: Any) -> list[StopNow]:
@@ -125,11 +131,14 @@ def stops_at(machine: "AbstractMechanism", t: Any, q: Any, args: Any) -> list[St
     stops = check_stops(machine, machine.gaps(t, q, args))
     found = [list(map(float, row)) for row in slopes]
     rows: list[list[Any]] = [list(row) for row in found]
+    states = [jnp.zeros_like(x) for x in q[slopes.shape[1] - 1 :]]
+    cyclic = [x is None for x in q]
     for j in range(slopes.shape[1]):
         if not np.isnan(slopes[:, j]).any():
             continue
         way = [one if i == j else zero for i in range(slopes.shape[1])]
-        rates = jax.jvp(gaps, (t, q), (way[-1], type(q)(*way[:-1])))[1]
+        ways = (None if left else x for left, x in zip(cyclic, (*way[:-1], *states), strict=True))
+        rates = jax.jvp(gaps, (t, q), (way[-1], type(q)(*ways)))[1]
         for row, known, rate in zip(rows, slopes[:, j], rates, strict=True):
             if np.isnan(known):
                 row[j] = rate
@@ -159,7 +168,7 @@ def _slopes(form: Any, shapes: tuple, static: tuple) -> np.ndarray:
 
     names = whole(numbers).names
     n = len(names.coordinates)
-    kind = coordinates_type(names.coordinates)
+    kind, others = coordinates_type(names.places), len(names.first_order)
 
     def columns(numbers, t, q):
         machine = whole(numbers)
@@ -175,12 +184,12 @@ def _slopes(form: Any, shapes: tuple, static: tuple) -> np.ndarray:
         ways = np.eye(n + 1)
         return [
             jax.jvp(gaps, (t, q), (jnp.float64(way[-1]), kind(*map(jnp.float64, way[:-1]))))[1]
-            for way in ways
+            for way in np.insert(ways, [n] * others, 0.0, axis=1)
         ]
 
     scalar = jax.ShapeDtypeStruct((), jnp.float64)
     try:
-        found = folded(columns, (numbers, scalar, kind(*[scalar] * n)))
+        found = folded(columns, (numbers, scalar, kind(*[scalar] * (n + others))))
     except _LooksAtArgs:
         found = None
     if found is None:  # the gaps look at `args`, which are not known here

@@ -1,7 +1,7 @@
 """What a mechanism with rigid stops declares and offers on top of one with contacts."""
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from jaxtyping import PyTree
@@ -10,17 +10,15 @@ from stickslip._fastmath import where
 from stickslip._looks_at import OBSERVABLE, looks_at
 from stickslip._types import Numeric, Whole
 
-from ._account import AbstractMechanicalSystem
 from ._instant import Instant, loaded, motion_of, surface_accelerations
 from ._modes import states_of
 from ._scalars import is_zero
+from ._states import AbstractWithStates
 from ._stop import Stop, slopes_of
 
 
-class AbstractWithStops(AbstractMechanicalSystem):
+class AbstractWithStops(AbstractWithStates):
     """A part of `AbstractMechanism`, which says what it declares."""
-
-    stops: ClassVar[tuple[str, ...]] = ()
 
     def gaps(self, t: Numeric, q: PyTree, args: PyTree) -> Mapping[str, Stop]:
         """A `Stop` for each name in `stops`; the gradient of its gap by `q` is its direction."""

@@ -12,7 +12,7 @@ from .._validation import as_parameter, check_finite
 from ..friction import AbstractFrictionLaw
 from ..friction._law import Number
 from ..hybrid import AbstractSmoothSystem
-from ..mechanism import AbstractMechanism, Contact
+from ..mechanism import AbstractMechanism, Contact, Instant
 from ._block_mechanics import (
     BELT_SPEED,
     AbstractBlockOnBelt,
@@ -170,6 +170,10 @@ class BlockOnBeltSetValued(AbstractBlockOnSteadyBelt, AbstractMechanism):
     def contacts(self, t, q, v, args):
         N = self.loads(self.from_coordinates(q, v)).normal
         return {"belt": Contact(self.law, N, surface_speed=self.V_b)}
+
+    def declared_power(self, at: Instant, states: list) -> Any:
+        """That of the dampers: all other forces have a potential [W]."""
+        return self.damper_power(0.0, self.from_coordinates(at.q, at.v))
 
     @looks_at(**OBSERVABLE)
     def friction_force(self, t: Numeric, y: BlockState, mode: Whole, args: PyTree = None) -> Any:

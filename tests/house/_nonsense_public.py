@@ -44,15 +44,14 @@ EXEMPT_METHODS = {
     **dict.fromkeys(
         (
             "vector_field", "guards", "transition", "inner", "time_scale", "check_start", "mass_matrix",
-            "forces", "contacts", "gaps", "potential_energy",
+            "forces", "contacts", "gaps", "potential_energy", "rates",
         ),
         CALLED_BY_ENGINE,
     ),
     **dict.fromkeys(
         (
-            "AbstractMechanism.declared_power", "AbstractMechanism.from_coordinates",
-            "AbstractMechanism.instant", "AbstractMechanism.to_coordinates", "AbstractWithStops.states",
-            "AbstractWithStops.held", "AbstractWithStops.drives_of_stops",
+            "declared_power", "from_coordinates", "to_coordinates", "AbstractMechanism.instant",
+            "AbstractWithStops.states", "AbstractWithStops.held", "AbstractWithStops.drives_of_stops",
         ),
         "parts of a machine's vector field, called inside of its programs",
     ),
@@ -75,7 +74,7 @@ EXEMPT_METHODS = {
         "parts of the machine's vector field, called inside of its programs",
     ),
     **dict.fromkeys(
-        ("AbstractMechanism.bristles", "AbstractMechanism.state", "CoreXY.state"),
+        ("AbstractMechanism.bristles", "AbstractWithStates.state", "CoreXY.state"),
         "has a template with the constructors",
     ),
     "map_lanes.__call__": "has a template with the constructors",

@@ -121,19 +121,14 @@ def test_a_refusal_is_remembered(monkeypatch):
     """To find out again that a program does not compile would take as long as to compile it."""
     tries = []
 
-    class Lowered:
-        args_info = out_info = ()
+    def refuse(self, *args, **kwargs):
+        tries.append(1)
+        raise jax.errors.JaxRuntimeError("INTERNAL: Failed to materialize symbols")
 
-        def as_text(self):
-            return "a program that no compiler takes"
-
-        def compile(self):
-            tries.append(1)
-            raise jax.errors.JaxRuntimeError("INTERNAL: Failed to materialize symbols")
-
+    monkeypatch.setattr(jax.stages.Lowered, "compile", refuse)
     monkeypatch.setattr(_programs, "_PROGRAMS", type(_programs._PROGRAMS)())
-    traced = jax.jit(lambda x: x).trace(1.0)
     for _ in range(2):
+        traced = jax.jit(lambda x: 2.0 * x).trace(1.0)
         with pytest.raises(jax.errors.JaxRuntimeError, match="materialize"):
-            _programs.compiled(traced, Lowered(), ())
+            _programs.compiled(traced, traced.lower(), ())
     assert len(tries) == 1

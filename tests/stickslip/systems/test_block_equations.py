@@ -93,7 +93,7 @@ def test_sticking_block_and_rotor_share_one_acceleration():
         row = row.copy()
         row[1] = 0.03 / 20 * row[4]
         y = DrivenBlockState(*map(jnp.asarray, row))
-        mode = 3 * (2 if row[4] > 0 else 0) + 1
+        mode = system.mode_names.index(f"turning {'forward' if row[4] > 0 else 'backward'}, stick")
         dy = system.vector_field(0.0, y, jnp.asarray(mode), None)
         T_s = float(system.friction_force(0.0, y, jnp.asarray(mode)))
         d = drive_parameters(float(system.drive.U_in))
@@ -283,3 +283,13 @@ def test_drive_rests_until_its_torque_is_large_enough():
     assert mode(0.0, 5.9e-3) == mode(0.0, -5.9e-3) == "resting"
     assert mode(0.0, 6.1e-3) == mode(1e-9, -1.0) == "turning forward"
     assert mode(0.0, -6.1e-3) == mode(-1e-9, 1.0) == "turning backward"
+
+
+@pytest.mark.parametrize("kind", ["tanh", "sqrt"])
+def test_energy_of_the_regularised_block_grows_at_the_rate_of_its_powers(kind):
+    block = make(BlockOnBeltSetValued).regularised(1e-2, kind)
+    for row in states(4):
+        y = state_of(BlockOnBeltSetValued, row)
+        dy = block.vector_field(0.0, y, 0, None)
+        rate = jax.jvp(block.energy, (y,), (dy,))[1]
+        assert float(rate) == pytest.approx(sum(map(float, block.powers(0.0, y, 0, None).values())))

@@ -146,6 +146,55 @@ def test_set_valued_full_model_starts_from_rest(dry):
     assert work["contact"] < 0
 
 
+class ByHand(BlockOnDrivenBeltSetValued):
+    """The same system with the modes tried one after the other, as for signs as printed."""
+
+    @property
+    def _printed(self):
+        return True
+
+
+@pytest.mark.parametrize(
+    ("changes", "y0"),
+    [
+        ({}, AT_REST),
+        ({}, RUNNING),
+        ({"U_in": 0.7, "T_st": 8e-3}, RUNNING),
+        ({"U_in": 0.199}, AT_REST._replace(x=0.05)),
+    ],
+    ids=["from rest", "running", "drive comes to rest", "drive never starts"],
+)
+def test_declared_modes_are_those_tried_by_hand(changes, y0):
+    drive = DCDrive.constructed(**changes)
+    declared, tried = (
+        ss.simulate(kind.constructed(k3=85.0, drive=drive), 0.0, 3.0, y0)
+        for kind in (BlockOnDrivenBeltSetValued, ByHand)
+    )
+    count = int(tried.num_events)
+    assert count == int(declared.num_events) >= 1
+    np.testing.assert_array_equal(declared.events.mode_after, tried.events.mode_after)
+    np.testing.assert_allclose(declared.events.t[:count], tried.events.t[:count], rtol=0, atol=1e-10)
+    np.testing.assert_allclose(declared.y1[:4], tried.y1[:4], rtol=0, atol=1e-10)
+    np.testing.assert_allclose(declared.y1.omega, tried.y1.omega, rtol=1e-10, atol=1e-9)
+    np.testing.assert_allclose(declared.y1.i_w, tried.y1.i_w, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("signs", [{"belt_reaction": "printed"}, {"motor_friction": "printed"}])
+def test_printed_signs_of_the_set_valued_model_create_energy(signs):
+    drive = DCDrive.constructed(U_in=2.0, **signs)
+    system = BlockOnDrivenBeltSetValued.constructed(k3=85.0, drive=drive)
+    names = ("supply", "motor", "gear", "contact", "dampers")
+    ledger = WithIntegrals(system, BlockOnDrivenBeltSetValued.powers, units=dict.fromkeys(names, "J"))
+    end = ss.simulate(ledger, 0.0, 2.0, ledger.start(RUNNING)).y1
+    start = DrivenBlockState(*map(jnp.asarray, RUNNING))
+    gain = float(system.energy(end.y) - system.energy(start))
+    work = {name: float(value) for name, value in end.integrals.items()}
+    assert abs(sum(work.values()) - gain) < 1e-9 * max(map(abs, work.values()))
+    assert (work["contact"] > 0.0) == ("belt_reaction" in signs)
+    with pytest.raises(ValueError, match=r"belt_reaction, motor_friction = .*printed"):
+        ss.simulate(system.regularised(1e-2), 0.0, 1.0, RUNNING)
+
+
 @pytest.mark.slow
 def test_set_valued_full_model_is_the_limit_of_the_smooth_one(dry):
     _, end = dry

@@ -1,0 +1,65 @@
+"""States of first order beside coordinates and velocities: a current, a temperature, a filter."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import jax
+import jax.numpy as jnp
+
+from stickslip._validation import DeclarationError, refusal
+
+if TYPE_CHECKING:
+    from ._mechanism import AbstractMechanism
+
+RATES = "rates(t, q, v, args)"
+
+
+def rates_of(machine: "AbstractMechanism", t: Any, q: Any, v: Any, args: Any) -> list[Any]:
+    """Rates of the states of first order, in their order."""
+    names = machine.names.first_order
+    if not names:
+        return []
+    given = machine.rates(t, q, v, args)
+    if not isinstance(given, Mapping):
+        raise refusal(RATES, given, f"a mapping with a rate for each of {_listed(names)}", TypeError)
+    for name in names:
+        if name not in given:
+            raise refusal(RATES, sorted(given), f"a mapping with a rate for {name!r} too")
+    for name in given:
+        if name not in names:
+            raise refusal(RATES, sorted(given), f"a mapping with keys out of {_listed(names)}")
+    found = []
+    for name in names:
+        rate, state = given[name], getattr(q, name)
+        try:
+            rate = jnp.asarray(rate, jnp.float64)
+        except (TypeError, ValueError):
+            raise refusal(f"rates(...)[{name!r}]", rate, "a rate [1/s of the state]") from None
+        if jnp.shape(rate) not in ((), jnp.shape(state)):
+            allowed = f"of the shape of the state, {jnp.shape(state)}"
+            raise refusal(f"the shape of rates(...)[{name!r}]", jnp.shape(rate), allowed)
+        found.append(jnp.broadcast_to(rate, jnp.shape(state)))
+    return found
+
+
+def check_rates(machine: "AbstractMechanism", t: Any, y: Any, args: Any) -> None:
+    """Refuse rates that are missing or of wrong shapes, by name, without compiling anything."""
+    if machine.first_order:
+
+        def rates(t, q, v):
+            return rates_of(machine, t, q, v, args)
+
+        t, (q, v) = jax.tree.map(jnp.asarray, (t, machine.to_coordinates(y)))
+        jax.eval_shape(rates, t, q, v)
+
+
+def refuse_gap(stop: str) -> DeclarationError:
+    """The error of a stop that a state of first order moves."""
+    allowed = "a function of the time and the coordinates only"
+    return DeclarationError(
+        str(refusal(f"the gap of stop {stop!r}", "a function of a first-order state", allowed))
+    )
+
+
+def _listed(names: tuple[str, ...]) -> str:
+    return ", ".join(map(repr, names))

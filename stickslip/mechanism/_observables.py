@@ -1,0 +1,102 @@
+"""Energy, powers and forces of a mechanism in a state and mode."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import PyTree
+
+from stickslip._fastmath import where
+from stickslip._looks_at import OBSERVABLE, looks_at
+from stickslip._looks_at import state as some_state
+from stickslip._types import Numeric, Whole
+
+from ._declaration import driven, mass_of, traced_with
+from ._instant import Instant, floats, pushed
+from ._modes import sense_of
+from ._scalars import dot, total
+from ._with_stops import AbstractWithStops
+
+
+class AbstractWithObservables(AbstractWithStops):
+    """A part of `AbstractMechanism`, which says what it declares."""
+
+    @looks_at(y=some_state)
+    def energy(self, y):
+        """Kinetic and potential energy [J]."""
+        q, v = self.to_coordinates(y)
+        momentum = mass_of(self.mass_matrix(q), self.names.coordinates).times(v)
+        return total((0.5 * dot(v, momentum), self.potential_energy(q)))
+
+    @looks_at(**OBSERVABLE)
+    def powers(self, t, y, mode, args):
+        r"""Powers into the energy [W], by name.
+
+        `forces`: of all declared forces but those that `potential_energy` accounts for;
+        `friction of NAME`, the loss $\lambda u$ in a contact; `drive of NAME`, the work $\lambda w$ of
+        its counter surface; `drive of NAME`, likewise, of a stop that moves. Losses at impacts are in
+        the log of events.
+        """
+        at = self.instant(t, y, args)
+        found = {"forces": self.declared_power(at, self.states(mode))}
+        friction = self.friction_forces(t, y, mode, args)
+        moving = traced_with(driven, self)
+        for c, name in enumerate(self.names.contacts):
+            found[f"friction of {name}"] = friction[name] * at.speeds[c]
+            if name in moving:
+                found[f"drive of {name}"] = friction[name] * at.contacts[c].surface_speed
+        return {**found, **self.drives_of_stops(t, y, mode, args)}
+
+    def declared_power(self, at: Instant, states: list) -> Any:
+        """Power of all forces but friction, less what the potential and the changing inertia take."""
+        force = list(at.force)
+        for c, s in enumerate(states[: len(at.contacts)]):
+            force = pushed(self, force, at, c, s)
+
+        def stored(q):
+            momentum = mass_of(self.mass_matrix(q), self.names.coordinates).times(at.v)
+            zero = 0.0 * jnp.asarray(at.v[0], jnp.float64)
+            return total((0.5 * dot(at.v, momentum), self.potential_energy(q), zero))
+
+        _, rate = jax.jvp(stored, (floats(at.q),), (floats(at.q_rate),))
+        return total((dot(force, at.v), rate))
+
+    @looks_at(**OBSERVABLE)
+    def friction_forces(
+        self, t: Numeric, y: PyTree, mode: Whole, args: PyTree = None
+    ) -> dict[str, Any]:
+        """Friction on the mechanism along each contact [N], by name.
+
+        Contacts at rest with dependent directions share a load in no unique way: those that lead bear
+        all of it.
+        """
+        at, states = self.instant(t, y, args), self.states(mode)
+        held, found = self.held(t, at, states, args), {}
+        for c, (name, contact) in enumerate(zip(self.names.contacts, at.contacts, strict=True)):
+            s = states[c]
+            slips = contact.law.slip_force(at.speeds[c], contact.normal_force, sense_of(s))
+            slips = where(s == 2.0, 0.0, slips) if name in self.opening else slips
+            found[name] = where(s == 0.0, held[c], slips)
+        return found
+
+    @looks_at(**OBSERVABLE)
+    def normal_forces(
+        self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None
+    ) -> dict[str, Any]:
+        """Normal force in each contact [N], by name; 0 where it is open."""
+        at, states = self.instant(t, y, args), self.states(mode)
+        return {
+            name: where(s == 2.0, 0.0, contact.normal_force)
+            if name in self.opening
+            else contact.normal_force
+            for name, contact, s in zip(self.names.contacts, at.contacts, states, strict=False)
+        }
+
+    @looks_at(**OBSERVABLE)
+    def relative_velocities(
+        self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None
+    ) -> dict[str, Any]:
+        """Sliding speed of each contact, and rate of the gap of each stop [m/s], by name."""
+        names = self.names
+        speeds = self.instant(t, y, args).speeds
+        return dict(zip(names.contacts + names.stops, speeds, strict=True))
