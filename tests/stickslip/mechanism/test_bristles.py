@@ -109,10 +109,8 @@ def parameters(count, seed):
     }
 
 
-# A step that explodes has so steep an end that its error counts as rounding of the time and passes.
-EXPLODES = pytest.mark.xfail(reason="`scales` in hybrid._tolerance", strict=True)
 CASES = [
-    pytest.param(name, kind, marks=[EXPLODES] if (name, kind) == ("block", Dahl) else [])
+    (name, kind)
     for name in REFERENCES
     for kind in (LuGre, Dahl)
     if (name, kind) != ("chain, distances", LuGre)
@@ -147,7 +145,6 @@ def test_bristles_without_a_load_are_free():
     np.testing.assert_allclose([end.x, end.v_x], [np.cos(8.0), -2.0 * np.sin(8.0)], atol=1e-9)
 
 
-@EXPLODES
 def test_bristles_of_a_contact_that_opens_tend_to_the_event_driven_form():
     machine = Bouncing(5.0, 3.0, 1.7, Coulomb(0.3), 0.2)
     start = machine.state(y=-0.1)
