@@ -166,8 +166,9 @@ class ByHand(BlockOnDrivenBeltSetValued):
 )
 def test_declared_modes_are_those_tried_by_hand(changes, y0):
     drive = DCDrive.constructed(**changes)
+    tight = ss.Integrator(step=ss.AdaptiveStep(1e-12))
     declared, tried = (
-        ss.simulate(kind.constructed(k3=85.0, drive=drive), 0.0, 3.0, y0)
+        ss.simulate(kind.constructed(k3=85.0, drive=drive), 0.0, 3.0, y0, integrator=tight)
         for kind in (BlockOnDrivenBeltSetValued, ByHand)
     )
     count = int(tried.num_events)
