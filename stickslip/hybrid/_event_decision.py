@@ -39,10 +39,9 @@ class First(NamedTuple):
 
     index: Any
     value: Any
-    rate: Any  # 0 where no exact rate is known
+    rate: Any
     value_start: Any
     rate_start: Any
-    exact: Any  # 1 if the rate is known exactly; not kept up to date where all are
     close: Any  # number of guards within rounding of zero
     h_dip: Any  # where a function may have gone, or was seen, through zero and back; 0 if none
     marks: Any  # flags of a step in which nothing fires: a guard nearly touched, something jumped
@@ -51,7 +50,7 @@ class First(NamedTuple):
 def _no_event(lane: Lane) -> First:
     zero, izero = jnp.zeros_like(lane.h), jnp.zeros_like(lane.mode)
     # Far above zero, so that any function is lower; positive at the start, so that none has crossed.
-    return First(izero, zero + FAR, zero, zero + FAR, zero, izero + 1, izero, zero, izero)
+    return First(izero, zero + FAR, zero, zero + FAR, zero, izero, zero, izero)
 
 
 @piece
@@ -65,9 +64,9 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
     best = _no_event(lane)._replace(h_dip=h_seen, marks=flag(jumps, DISCONTINUOUS))
     full = jnp.where(lane.bracket.tries == 0, lane.h, lane.full)
     for i in range(functions.count):
-        is_guard, known = i < functions.num_guards, values.rate[i] is not None
+        is_guard = i < functions.num_guards
         acts = functions.acts(i)
-        if not acts and not plan.looks_into(i):
+        if not acts and not plan.detect_dips:
             continue
         side = start_value = lane.values[i]
         # A guard that fires both ways and starts at zero has just fired: it has the sign it goes to.
@@ -77,10 +76,10 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         # For sections, both crossings of a short excursion count, from either side.
         sign = functions.sign(i, side) if acts else jnp.sign(side)
         value, value0 = sign * values.value[i], sign * start_value
-        rate = stop_gradient(sign * values.rate[i]) if known else jnp.zeros_like(lane.h)
-        rate0 = sign * lane.rates[i] if known else jnp.zeros_like(lane.h)
-        h_dip, close, exact = best.h_dip, best.close, best.exact
-        if plan.looks_into(i):
+        rate = stop_gradient(sign * values.rate[i])
+        rate0 = sign * lane.rates[i]
+        h_dip, close = best.h_dip, best.close
+        if plan.detect_dips:
             dips, place = _locate.dip(value0, rate0, stop_gradient(value), rate, lane.h)
             h_dip = jnp.where(dips & ((h_dip == 0) | (place < h_dip)), place, h_dip)
         if not acts:
@@ -101,17 +100,15 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
             close = close + jnp.where(near, 1, 0)
         found = (value, rate, value0, rate0)
         if i == 0 and is_guard:
-            best = First(best.index, *found, exact, close, h_dip, marks)
+            best = First(best.index, *found, close, h_dip, marks)
             continue
         # Values are scaled by the magnitudes of the guards, which makes them comparable. Of two that
         # are below zero the lower one was, as a rule, crossed first; if not, the other is met next.
         lower = stop_gradient(value) < stop_gradient(best.value)
         if not is_guard:
             lower = lower & (value0 > 0)
-        if not all(functions.exact_rate):
-            exact = jnp.where(lower, int(known), exact)
         chosen = [jnp.where(lower, new, old) for new, old in zip(found, best[1:5], strict=True)]
-        best = First._make([jnp.where(lower, i, best.index), *chosen, exact, close, h_dip, marks])
+        best = First._make([jnp.where(lower, i, best.index), *chosen, close, h_dip, marks])
     return best
 
 
@@ -150,15 +147,6 @@ def _what_fires(plan: Plan, lane: Lane, h: Any, first: First, code: Any) -> Any:
     free, fresh = b.tries == 0, lane.fresh == 1.0
     is_guard = _is_guard(functions, first)
     rate = first.rate
-    if not all(functions.exact_rate):
-        # Secant through the other end of the bracket where the exact rate is unknown.
-        high = (first.value > 0) & ~free
-        other_h = jnp.where(free, 0.0, jnp.where(high, b.high, b.low))
-        low_value = jnp.where(free, first.value_start, b.value_low)
-        other = jnp.where(high, b.value_high, low_value)
-        span = h - other_h
-        secant = (first.value - other) / jnp.where(span == 0, 1.0, span)
-        rate = jnp.where(first.exact == 1, rate, secant)
     tolerance = jnp.where(is_guard, _locate.TOLERANCE, _locate.TOLERANCE_SECTION)
     full = jnp.where(free, h, lane.full)
     # A short step late in a run cannot be divided further than the time can be told. The correction

@@ -19,7 +19,7 @@ FAR = 1e30  # value of an event function that cannot fire
 
 
 class Values(NamedTuple):
-    """Scaled values and rates of all event functions, guards first; rates are None where unknown."""
+    """Scaled values and rates of all event functions, guards first."""
 
     value: tuple
     rate: tuple
@@ -27,14 +27,14 @@ class Values(NamedTuple):
 
 
 class EventFunctions(eqx.Module):
-    """All event functions of a run; knows which are guards and which rates are exact."""
+    """All event functions of a run; knows which are guards."""
 
     num_guards: int = eqx.field(static=True)
     directions: tuple = eqx.field(static=True)
     factors: tuple  # one over the stated magnitude of each
     sections: tuple[Section, ...] = eqx.field(static=True)
-    exact_rate: tuple = eqx.field(static=True)
-    # Those with an exact rate, by what they are of time and state: not affine, or affine.
+    of_slope: tuple = eqx.field(static=True)  # of each section, whether it depends on the slope
+    # Those that do not, by what they are of time and state: not affine, or affine.
     bent: tuple = eqx.field(static=True)
     straight: tuple = eqx.field(static=True)
     read: tuple = eqx.field(static=True)  # which leaves of the state those depend on
@@ -60,6 +60,9 @@ class EventFunctions(eqx.Module):
         def guards(t, y):
             return tuple(system.guards(t, y, mode, args))
 
+        def field(t, y):
+            return system.vector_field(t, y, mode, args)
+
         values, rates, scale = (), (), ()
         if self.num_guards:
             values, rates = jax.jvp(guards, (t, y), (one, dy))
@@ -67,15 +70,15 @@ class EventFunctions(eqx.Module):
                 fixed = jax.lax.stop_gradient((t, y))
                 _, terms = jax.jvp(guards, fixed, (jnp.zeros_like(t), generic(size)))
                 scale = tuple(_magnitude(jax.lax.stop_gradient(term)) for term in terms)
-        for section, exact in zip(self.sections, self.exact_rate[self.num_guards :], strict=True):
+        for section, of_slope in zip(self.sections, self.of_slope, strict=True):
+            slope = zero_slope
+            if of_slope:
+                _, slope = jax.jvp(field, (t, y), (one, dy))
 
             def value(t, y, dy, section=section):
                 return section.function(t, y, dy, mode, args)
 
-            if exact:
-                v, r = jax.jvp(value, (t, y, dy), (one, dy, zero_slope))
-            else:
-                v, r = value(t, y, dy), None
+            v, r = jax.jvp(value, (t, y, dy), (one, dy, slope))
             values, rates = (*values, v), (*rates, r)
         return Values(
             tuple(map(_scaled, values, self.factors)), tuple(map(_scaled, rates, self.factors)), scale
@@ -109,7 +112,7 @@ def _magnitude(terms: Any) -> Any:
 
 
 def _scaled(value: Any, factor: Any) -> Any:
-    if value is None or (isinstance(factor, float) and factor == 1.0):
+    if isinstance(factor, float) and factor == 1.0:
         return value
     return value * factor
 
@@ -149,18 +152,19 @@ def event_functions(
             raise ValueError(f"guard_{label}={given} must have {len(names)} entries, one per guard")
     for section in sections:
         check(lambda t, y, dy, s=section: s.function(t, y, dy, mode, args), section.name, t, y, dy)
-    exact = (True,) * len(names) + tuple(not s.uses_slope(t, y, dy, mode, args) for s in sections)
+    of_slope = tuple(s.uses_slope(t, y, dy, mode, args) for s in sections)
+    judged = (True,) * len(names) + tuple(not slope for slope in of_slope)
     function = all_values(system, sections, dy, mode, args)
     degree = degrees(function, (t, y), (True, True))
-    kept = [known and d != NONE for known, d in zip(exact, degree, strict=True)]
+    kept = [known and d != NONE for known, d in zip(judged, degree, strict=True)]
     return EventFunctions(
         num_guards=len(names),
         directions=guard_directions(system) + tuple(s.direction for s in sections),
         factors=tuple(map(_inverse, guard_scales(system))) + (1.0,) * len(sections),
         sections=sections,
-        exact_rate=exact,
-        bent=tuple(known and d == OTHER for known, d in zip(exact, degree, strict=True)),
-        straight=tuple(known and d == AFFINE for known, d in zip(exact, degree, strict=True)),
+        of_slope=of_slope,
+        bent=tuple(known and d == OTHER for known, d in zip(judged, degree, strict=True)),
+        straight=tuple(known and d == AFFINE for known, d in zip(judged, degree, strict=True)),
         read=_read(function, t, y, kept),
         learned=bool(names) and system.guard_scales is None,
     )

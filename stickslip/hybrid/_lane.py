@@ -90,10 +90,6 @@ class Plan(eqx.Module):
     switches: bool = eqx.field(static=True)  # whether the field may jump inside a mode
     progress: ProgressMeter | None = None
 
-    def looks_into(self, index: int) -> bool:
-        """Whether steps are looked into for short excursions of this event function."""
-        return self.detect_dips and self.functions.exact_rate[index]
-
     @property
     def watches_jumps(self) -> bool:
         """Whether steps are watched for jumps of the field inside them."""
@@ -130,7 +126,7 @@ class Plan(eqx.Module):
     def interrupts(self) -> bool:
         """Whether an event function can shorten a step: not if all are sections known at its end."""
         functions = self.functions
-        return any(functions.acts(i) or self.looks_into(i) for i in range(functions.count))
+        return any(functions.acts(i) or self.detect_dips for i in range(functions.count))
 
 
 def is_event(code: Any) -> Any:
@@ -161,7 +157,7 @@ def start(plan: Plan, t0, y0, dy_like, mode0) -> Lane:
         mode=mode0,
         fresh=zero,
         values=(zero,) * n,
-        rates=tuple(zero if exact else None for exact in plan.functions.exact_rate),
+        rates=(zero,) * n,
         scales=(zero + 1.0,) * (plan.functions.num_guards if plan.functions.learned else 0),
         # Left out where it never changes: the fused loop could not be compiled.
         size=jax.lax.stop_gradient(sizes(y0)) if plan.follows_size else None,

@@ -47,7 +47,7 @@ class Section(eqx.Module, metaclass=CheckedModule):
         check_callable("function", self.function, "f(t, y, dy, mode, args)", *range(5))
 
     def uses_slope(self, t: Numeric, y: PyTree, dy: PyTree, mode: Whole, args: PyTree) -> bool:
-        """Whether the value depends on `dy`; then its own rate of change costs a field derivative."""
+        """Whether the value depends on `dy`; then its rate costs a derivative of the field."""
 
         def of_slope(dy):
             return self.function(t, y, dy, mode, args)
