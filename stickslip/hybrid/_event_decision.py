@@ -30,7 +30,7 @@ from ._xla import bookkeeping, piece
 REACH = 1e-3  # part of the step to an event that the Newton correction may be
 ROUNDING = 1e-15  # of the time: no event is located better
 LEVEL = 1e-9  # a slope by which one of this part of it is none
-LEVEL_ON_ZERO = 1e-5  # the same where the value is none either: a step was led to where one touches
+LEVEL_ON_ZERO = 1e-6  # the same where the value is none either: a step was led to where one touches
 COINCIDENCE = 1e-9  # fraction of a full step within which two guards fire "at the same instant"
 
 

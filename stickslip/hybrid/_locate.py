@@ -13,6 +13,7 @@ import jax.numpy as jnp
 # the correction is then applied, so that its square is the location error.
 TOLERANCE = 1e-11
 TOLERANCE_SECTION = 1e-6  # sections are corrected after the run with their exact rate
+LEVEL = 1e-9  # a slope below this part of the other one is none
 # Steep on one side and flat on the other, interpolation may creep; halving now and then bounds it.
 BISECT_EVERY = 8
 
@@ -93,18 +94,21 @@ def propose(b: Bracket, full: Any, t: Any) -> Any:
     inside_secant = (secant > b.low) & (secant < b.high)
     tries = jnp.abs(b.tries)
     at_first = b.low == 0.0
-    # A guard that has just fired starts at zero: every interpolation would find that zero again.
-    resting = at_first & (b.rate_low >= 0) & (b.value_low <= 1e-12)
+    # A guard that has just fired starts at zero: every interpolation would find that zero again. What
+    # leaves zero without a slope, as a block whose friction is just overcome, may fall by rounding.
+    level = jnp.abs(b.rate_low) <= LEVEL * jnp.abs(b.rate_high)
+    resting = at_first & ((b.rate_low >= 0) | level) & (b.value_low <= 1e-12)
     forced = (tries >= BISECT_EVERY) & (jnp.floor(tries * 0.5) * 2.0 == tries)
     rise = b.rate_low * b.high
     hop = rise - b.value_high
-    hop = rise * b.high / jnp.where(resting & (hop > 0), hop, 1.0)
-    halve = forced | ~(inside_hermite | inside_secant | resting) | (resting & ~(hop > 0))
+    leap = rise * b.high / jnp.where(resting & (hop > 0), hop, 1.0)
+    hops = (hop > 0) & (b.rate_low > 0) & ~level
+    halve = forced | ~(inside_hermite | inside_secant | resting) | (resting & ~hops)
     guess = jnp.where(inside_hermite, hermite, secant)
-    guess = jnp.where(resting, hop, guess)
+    guess = jnp.where(resting, leap, guess)
     guess = jnp.where(halve, b.low + 0.5 * width, guess)
     # Falling, and so near zero at the start that the Newton correction reaches it: the event is there.
-    at_start = at_first & (b.rate_low < 0) & (b.value_low <= -TOLERANCE * full * b.rate_low)
+    at_start = at_first & (b.rate_low < 0) & ~level & (b.value_low <= -TOLERANCE * full * b.rate_low)
     guess = jnp.where(at_start, 0.0, guess)
     return jnp.where(is_collapsed(b, t) & (b.tries != 0), b.high, guess)
 

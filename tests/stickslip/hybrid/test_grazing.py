@@ -69,7 +69,8 @@ def test_derivatives_next_to_grazing_are_right_or_flagged(amplitude):
         assert int(flags) in (0, GRAZING)
         assert error < 1e-4 or int(flags), f"{depth} deep: {error}"
         assert not int(flags) or depth < 1.0001e-6, f"{depth} deep is flagged"
-        assert int(events) == 1 or depth < 2e-12
+        # Depths below the tolerance of the motion are told by a flag at least.
+        assert int(events) == 1 or (int(flags) and depth < 1e-10)
 
 
 def test_steps_that_end_on_the_very_touch():
