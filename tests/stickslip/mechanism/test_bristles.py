@@ -109,8 +109,9 @@ def parameters(count, seed):
     }
 
 
+QUICK = [("block", LuGre), ("block", Dahl), ("two blocks", LuGre), ("arm", Dahl)]
 CASES = [
-    (name, kind)
+    pytest.param(name, kind, marks=() if (name, kind) in QUICK else pytest.mark.slow)
     for name in REFERENCES
     for kind in (LuGre, Dahl)
     if (name, kind) != ("chain, distances", LuGre)
