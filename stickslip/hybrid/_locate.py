@@ -96,13 +96,13 @@ def propose(b: Bracket, full: Any, t: Any) -> Any:
     at_first = b.low == 0.0
     # A guard that has just fired starts at zero: every interpolation would find that zero again. What
     # leaves zero without a slope, as a block whose friction is just overcome, may fall by rounding.
-    level = jnp.abs(b.rate_low) <= LEVEL * jnp.abs(b.rate_high)
+    level = (b.rate_low <= 0) & (-b.rate_low <= LEVEL * jnp.abs(b.rate_high))
     resting = at_first & ((b.rate_low >= 0) | level) & (b.value_low <= 1e-12)
     forced = (tries >= BISECT_EVERY) & (jnp.floor(tries * 0.5) * 2.0 == tries)
     rise = b.rate_low * b.high
     hop = rise - b.value_high
     leap = rise * b.high / jnp.where(resting & (hop > 0), hop, 1.0)
-    hops = (hop > 0) & (b.rate_low > 0) & ~level
+    hops = (hop > 0) & (b.rate_low > 0)
     halve = forced | ~(inside_hermite | inside_secant | resting) | (resting & ~hops)
     guess = jnp.where(inside_hermite, hermite, secant)
     guess = jnp.where(resting, leap, guess)
