@@ -32,28 +32,26 @@ def tracked_files() -> list[Path]:
 
 def imported_modules(source: str, package: str) -> Iterator[tuple[int, str]]:
     """Line and full module name of every import in a file of `package`, the indented ones too."""
-    parents = package.split(".")
-    for node in ast.walk(ast.parse(source)):
-        if isinstance(node, ast.Import):
-            for alias in node.names:
-                yield node.lineno, alias.name
-        elif isinstance(node, ast.ImportFrom):
-            base = parents[: len(parents) - node.level + 1] if node.level else []
-            yield node.lineno, ".".join([*base, node.module] if node.module else base)
+    yield from dict.fromkeys((line, module) for line, module, _ in _imports(source, package))
 
 
 def imported_names(source: str, package: str) -> Iterator[tuple[int, str]]:
     """The same with the name that is taken from the module, where one is."""
+    for line, module, name in _imports(source, package):
+        yield line, ".".join(filter(None, (module, name)))
+
+
+def _imports(source: str, package: str) -> Iterator[tuple[int, str, str]]:
     parents = package.split(".")
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):
             for alias in node.names:
-                yield node.lineno, alias.name
+                yield node.lineno, alias.name, ""
         elif isinstance(node, ast.ImportFrom):
             base = parents[: len(parents) - node.level + 1] if node.level else []
-            module = [*base, node.module] if node.module else base
+            module = ".".join([*base, node.module] if node.module else base)
             for alias in node.names:
-                yield node.lineno, ".".join([*module, alias.name])
+                yield node.lineno, module, alias.name
 
 
 def make_targets() -> set[str]:
