@@ -182,11 +182,11 @@ def _spelled_out(jaxpr: Any) -> Callable:
 def _whole(jaxpr: Any) -> Callable:
     function = jax.extend.core.jaxpr_as_fun(jax.extend.core.ClosedJaxpr(jaxpr, ()))
 
-    def fused_time_loop(*values):
+    def whole(*values):
         return jax.lax.optimization_barrier(function(*values))
 
-    assert fused_time_loop.__name__ == LOOP_NAME
-    return fused_time_loop
+    whole.__name__ = LOOP_NAME
+    return whole
 
 
 PORTABLE = Executor(fused=False)
