@@ -27,6 +27,7 @@ LARGEST = 1e4  # a doubt beyond this says no more than that the step is much too
 NOISE = 1e-13  # mismatches below this part of the values are rounding
 # So are those below this part of the magnitude of a guard, whose terms may all but cancel.
 ROUNDING = 1e-15
+NO_JUMP = SLACK / ROUNDING
 
 
 class Verdict(NamedTuple):
@@ -104,9 +105,10 @@ class _Looked(NamedTuple):
 
 def _looked(course: _Course, rounding: Any, section: Any, short: Any) -> _Looked:
     mismatch, size = _mismatch(course, rounding)
-    # What is smooth changes by its slope times the length; a jump does not know of the length.
+    # What is smooth changes by its slope times the length; a jump does not know of the length. Next to
+    # zero the terms of a guard cancel, and what is left of their rounding is no jump.
     slopes = jnp.abs(course.rise0) + jnp.abs(course.rise1)
-    jumps = mismatch > 2.0 * slopes + 1e-9 * size
+    jumps = mismatch > 2.0 * slopes + 1e-9 * size + NO_JUMP * rounding
     return _Looked(mismatch, _room(course), _beyond(course, mismatch, section, short), jumps)
 
 

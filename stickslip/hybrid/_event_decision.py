@@ -29,8 +29,9 @@ from ._xla import bookkeeping, piece
 
 REACH = 1e-3  # part of the step to an event that the Newton correction may be
 ROUNDING = 1e-15  # of the time: no event is located better
-LEVEL = 1e-9  # a slope by which one of this part of it is none
-LEVEL_ON_ZERO = 1e-6  # the same where the value is none either: a step was led to where one touches
+# A function is at its lowest where it falls by less than this on, of its magnitude: at the end of a
+# step, and at the start of the next one, where that was told. In between no touch is lost.
+LOWEST, WAS_LOWEST = 1e-16, 1e-17
 COINCIDENCE = 1e-9  # fraction of a full step within which two guards fire "at the same instant"
 
 
@@ -88,13 +89,8 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         # It turned back above zero, by less than what the tolerance of the state can decide.
         marks = best.marks
         if is_guard:
-            # What has just fired and leaves zero without a slope may fall at first by rounding; and one
-            # may touch where the step ends, with no slope left.
-            leaves = (jnp.abs(value0) <= SLACK) & (-rate0 <= LEVEL * rate)
-            level = jnp.where(stop_gradient(value) <= SLACK, LEVEL_ON_ZERO, LEVEL)
-            turns = (rate0 < 0) & (rate > level * rate0) & ~leaves
-            touched = turns & (jnp.minimum(value0, stop_gradient(value)) < plan.touching)
-            marks = marks | flag(touched, GRAZING)
+            low = jnp.minimum(value0, stop_gradient(value)) < plan.touching
+            marks = marks | flag(low & _turns(rate0, rate, lane.h), GRAZING)
         if is_guard and functions.num_guards > 1:
             near = jnp.abs(stop_gradient(value)) <= -rate * COINCIDENCE * full
             close = close + jnp.where(near, 1, 0)
@@ -110,6 +106,19 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         chosen = [jnp.where(lower, new, old) for new, old in zip(found, best[1:5], strict=True)]
         best = First._make([jnp.where(lower, i, best.index), *chosen, close, h_dip, marks])
     return best
+
+
+def _turns(rate0: Any, rate: Any, h: Any) -> Any:
+    """Whether a function is at its lowest inside the step or at its end, by its slopes at the ends.
+
+    A parabola with these slopes falls by `h rate^2 / 2 (rate - rate0)` from an end to its lowest point.
+    What has just fired and leaves zero without a slope may fall by rounding at first: it does not turn.
+    """
+    # Twice the bend of the parabola over the step; where it is positive it has a lowest point.
+    bend = rate - rate0
+    lowest_at_end = h * rate**2 <= 2.0 * LOWEST * bend
+    lowest_at_start = h * rate0**2 <= 2.0 * WAS_LOWEST * bend
+    return (rate0 < 0) & ((rate > 0) | lowest_at_end) & ~lowest_at_start
 
 
 def _is_guard(functions: EventFunctions, first: First):

@@ -139,14 +139,17 @@ def test_what_two_contacts_hold_rests_with_them():
     surface = np.concatenate([np.zeros((12, 2)), rng.uniform(-0.3, 0.3, (12, 2))])
     J = np.array([[1, 0], [0, 1], [1, 1], [1, -1]], float)
     speeds = surface @ J.T
+    # The times at which the engine looks depend on the end of the run, and the rounding on them.
+    lane = np.concatenate([np.arange(24), np.full(40, 14)])
+    ends = np.concatenate([np.full(24, END), np.linspace(0.5 * END, END, 40)])
 
     @jax.jit
     @jax.vmap
-    def run(limits, speeds, rates):
+    def run(limits, speeds, rates, end):
         table = Table(limits, speeds, rates)
-        return ss.simulate(table, 0.0, END, table.state(), throw=False, max_events=256)
+        return ss.simulate(table, 0.0, end, table.state(), throw=False, max_events=256)
 
-    found = run(*map(jnp.asarray, (limits, speeds, rates)))
+    found = run(*(jnp.asarray(a[lane]) for a in (limits, speeds, rates)), jnp.asarray(ends))
     assert np.all(found.successful)
     assert not np.any(np.asarray(found.flags))
     for i in (0, 4, 13, 20):
