@@ -138,7 +138,9 @@ DERIVATIVES = {
 }
 
 
-@pytest.mark.parametrize("what", DERIVATIVES)
+@pytest.mark.parametrize(
+    "what", [pytest.param("jvp", marks=pytest.mark.slow), *(w for w in DERIVATIVES if w != "jvp")]
+)
 def test_runs_alone_and_in_batches_agree(what):
     function, speed = DERIVATIVES[what], jnp.asarray(0.2)
     alone = jax.jit(function)(speed)

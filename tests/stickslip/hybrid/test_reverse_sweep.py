@@ -32,7 +32,9 @@ def results(p, max_steps, saveat=None):
 
 
 # About 160 attempts on tapes of 16 rows: the third is more than four chapters of four segments.
-@pytest.mark.parametrize("max_steps", [301, 4001, pytest.param(240, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "max_steps", [301, *(pytest.param(n, marks=pytest.mark.slow) for n in (240, 4001))]
+)
 @pytest.mark.parametrize("batch", [False, True], ids=["alone", "batch"])
 def test_segments_and_chapters(monkeypatch, max_steps, batch):
     """A limit on the attempts of its own makes each case a program of its own."""

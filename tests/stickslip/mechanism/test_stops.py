@@ -278,7 +278,7 @@ def test_a_bead_slides_on_a_curve():
     np.testing.assert_allclose(wire.stop_forces(0.0, low, closed)["bowl"], 1.0 + 2 * 0.4**2)
 
 
-@pytest.mark.parametrize("size", [1e-9, 1.0, 1e6])
+@pytest.mark.parametrize("size", [1e-9, *(pytest.param(s, marks=pytest.mark.slow) for s in (1.0, 1e6))])
 def test_no_length_is_special(size):
     """The same motion in nanometres and in thousands of kilometres."""
 
