@@ -6,8 +6,8 @@ import jax.numpy as jnp
 
 from . import _locate
 from ._control import rounding
-from ._event_decision import First
-from ._events import Values
+from ._event_decision import First, is_guard
+from ._events import SLACK, Values
 from ._lane import (
     COLLAPSED,
     EVENT,
@@ -128,6 +128,8 @@ def _of_events(plan: Plan, code, lane: Lane, h, t, mode, first: First) -> dict[s
     flags = lane.flags | jnp.where(grazes, GRAZING, 0)
     # An attempt of length zero compares the guards of two modes.
     flags = flags | jnp.where(moved & (code != REFRESH), first.marks, 0)
+    undecided = (code == REFRESH) & _is_undecided(plan, lane, first)
+    flags = flags | jnp.where(undecided, GRAZING, 0)
     flags = flags | jnp.where(event & (first.close > 1), COINCIDENT, 0)
     flags = flags | jnp.where(code == VIOLATED, EVENT_AT_START, 0)
     # A hash of guards and modes in their order: two runs can be compared without their logs.
@@ -137,6 +139,16 @@ def _of_events(plan: Plan, code, lane: Lane, h, t, mode, first: First) -> dict[s
         symbol = symbol + (mode >> 31).astype(jnp.uint32) * jnp.uint32(2654435761)
     sequence = jnp.where(event, lane.sequence * jnp.uint32(1000003) + symbol, lane.sequence)
     return kept | dict(zero_events=zero_events, flags=flags, sequence=sequence)
+
+
+def _is_undecided(plan: Plan, lane: Lane, first: First):
+    """Whether the mode that an event led to begins with a guard above zero by less than can be told.
+
+    A mode that leaves zero has its guard at zero to rounding as it begins. What lies beyond rounding and
+    below the tolerance might as well lie below zero, and another mode come next.
+    """
+    near = (first.value > SLACK) & (first.value < plan.touching)
+    return (lane.events > 0) & near & is_guard(plan.functions, first)
 
 
 def _counted(plan: Plan, crossings, fired, status):

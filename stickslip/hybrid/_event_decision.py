@@ -6,6 +6,7 @@ import jax.numpy as jnp
 from jax.lax import stop_gradient
 
 from . import _locate
+from ._bound import RESOLUTION
 from ._events import FAR, SLACK, EventFunctions, Values
 from ._lane import (
     COLLAPSED,
@@ -29,9 +30,9 @@ from ._xla import bookkeeping, piece
 
 REACH = 1e-3  # part of the step to an event that the Newton correction may be
 ROUNDING = 1e-15  # of the time: no event is located better
-# A function is at its lowest where it falls by less than this on, of its magnitude: at the end of a
-# step, and at the start of the next one, where that was told. In between no touch is lost.
-LOWEST, WAS_LOWEST = 1e-16, 1e-17
+# A function is at its lowest where it falls by less than this on, of its magnitude, at the end of a
+# step; at the start of the next one by less than this part of that. In between no touch is lost.
+LOWEST, WAS_LOWEST = 1e-16, 0.1
 COINCIDENCE = 1e-9  # fraction of a full step within which two guards fire "at the same instant"
 
 
@@ -105,7 +106,9 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
             lower = lower & (value0 > 0)
         chosen = [jnp.where(lower, new, old) for new, old in zip(found, best[1:5], strict=True)]
         best = First._make([jnp.where(lower, i, best.index), *chosen, close, h_dip, marks])
-    return best
+    if not functions.num_guards:
+        return best
+    return best._replace(marks=best.marks | flag(_rests_at_zero(plan, lane, best), GRAZING))
 
 
 def _turns(rate0: Any, rate: Any, h: Any) -> Any:
@@ -114,14 +117,27 @@ def _turns(rate0: Any, rate: Any, h: Any) -> Any:
     A parabola with these slopes falls by `h rate^2 / 2 (rate - rate0)` from an end to its lowest point.
     What has just fired and leaves zero without a slope may fall by rounding at first: it does not turn.
     """
-    # Twice the bend of the parabola over the step; where it is positive it has a lowest point.
-    bend = rate - rate0
-    lowest_at_end = h * rate**2 <= 2.0 * LOWEST * bend
-    lowest_at_start = h * rate0**2 <= 2.0 * WAS_LOWEST * bend
-    return (rate0 < 0) & ((rate > 0) | lowest_at_end) & ~lowest_at_start
+    # With the signs of the slopes, so that what falls is negative; it turns only if the bend is positive.
+    start, end = h * rate0 * jnp.abs(rate0), h * rate * jnp.abs(rate)
+    rounding = (-2.0 * LOWEST) * (rate - rate0)
+    return (end >= rounding) & (start < WAS_LOWEST * rounding)
 
 
-def _is_guard(functions: EventFunctions, first: First):
+def _rests_at_zero(plan: Plan, lane: Lane, first: First) -> Any:
+    """Whether the lowest guard is not told from zero, and stays so by slopes that lead nowhere.
+
+    What leaves zero, be it without a slope, has one of twice its value in the time that it took.
+    """
+    value = stop_gradient(first.value)
+    slope = jnp.maximum(jnp.abs(first.rate), jnp.abs(first.rate_start))
+    # `plan.resolution` is a known part of the run.
+    leads_nowhere = slope * plan.resolution <= RESOLUTION * jnp.maximum(value, SLACK)
+    low = jnp.maximum(value, stop_gradient(first.value_start)) < plan.touching
+    return low & leads_nowhere & (lane.h > 0) & is_guard(plan.functions, first)
+
+
+def is_guard(functions: EventFunctions, first: First):
+    """Whether the lowest event function is a guard."""
     n = functions.num_guards
     if n == 0:
         return first.index < 0
@@ -154,9 +170,9 @@ def decide(plan: Plan, lane: Lane, step: Step, first: First | None) -> Any:
 def _what_fires(plan: Plan, lane: Lane, h: Any, first: First, code: Any) -> Any:
     functions, b = plan.functions, lane.bracket
     free, fresh = b.tries == 0, lane.fresh == 1.0
-    is_guard = _is_guard(functions, first)
+    guards = is_guard(functions, first)
     rate = first.rate
-    tolerance = jnp.where(is_guard, _locate.TOLERANCE, _locate.TOLERANCE_SECTION)
+    tolerance = jnp.where(guards, _locate.TOLERANCE, _locate.TOLERANCE_SECTION)
     full = jnp.where(free, h, lane.full)
     # A short step late in a run cannot be divided further than the time can be told. The correction
     # must be small against the step that led here too: a hop may be tiny.
@@ -164,19 +180,19 @@ def _what_fires(plan: Plan, lane: Lane, h: Any, first: First, code: Any) -> Any:
     reach = jnp.where(h == 0, tolerance * full, jnp.minimum(fine, REACH * h))
     near = jnp.abs(first.value) <= -rate * reach
     # Guards at rest lie at zero to rounding; only what is clearly beyond fires.
-    hit = first.value < jnp.where(is_guard, -SLACK, 1e-300)
+    hit = first.value < jnp.where(guards, -SLACK, 1e-300)
     # A jump through zero ends on its far side, where the new mode is what it will be.
     collapsed = _locate.is_collapsed(b, lane.t) & (first.value < 0)
     shrink = fresh & (hit | ~free)
     # An attempt inside a bracket is never accepted for being on the near side of the zero: it goes on
     # until it is near enough for the Newton correction, or the bracket has no width left.
     code = jnp.where(shrink, SHRINK, code)
-    code = jnp.where(shrink & collapsed & ~free, jnp.where(is_guard, COLLAPSED, SECTION), code)
-    code = jnp.where(shrink & near, jnp.where(is_guard, EVENT, SECTION), code)
+    code = jnp.where(shrink & collapsed & ~free, jnp.where(guards, COLLAPSED, SECTION), code)
+    code = jnp.where(shrink & near, jnp.where(guards, EVENT, SECTION), code)
     # A dip of one function may lie before the crossing of another: it is looked at first. And the zero
     # that was located may be the last of several.
     code = jnp.where(fresh & (first.h_dip > 0) & (free | near), DIP, code)
-    return jnp.where(~fresh & hit & is_guard, VIOLATED, code)
+    return jnp.where(~fresh & hit & guards, VIOLATED, code)
 
 
 def searched(plan: Plan, lane: Lane, code: Any, h: Any, first: First) -> tuple[Bracket, Any, Any]:
