@@ -28,6 +28,7 @@ from ._xla import bookkeeping
 
 _STATUS = {name: float(number) for name, number in CODE.items()}
 MAX_ZERO_LENGTH = 16  # events without time passing before the lane is called chattering
+UNDECIDED = 0.02  # of what counts as touching for derivatives: a hundred tolerances
 
 
 @bookkeeping
@@ -142,12 +143,12 @@ def _of_events(plan: Plan, code, lane: Lane, h, t, mode, first: First) -> dict[s
 
 
 def _is_undecided(plan: Plan, lane: Lane, first: First):
-    """Whether the mode that an event led to begins with a guard above zero by less than can be told.
+    """Whether the mode that an event led to begins with a guard not told from zero.
 
-    A mode that leaves zero has its guard at zero to rounding as it begins. What lies beyond rounding and
-    below the tolerance might as well lie below zero, and another mode come next.
+    A mode that leaves zero has its guard at zero to rounding as it begins. What lies above rounding
+    and below the error of the state might as well lie below zero, and another mode come next.
     """
-    near = (first.value > SLACK) & (first.value < plan.touching)
+    near = (first.value > SLACK) & (first.value < UNDECIDED * plan.touching)
     return (lane.events > 0) & near & is_guard(plan.functions, first)
 
 

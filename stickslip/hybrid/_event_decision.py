@@ -117,7 +117,7 @@ def _turns(rate0: Any, rate: Any, h: Any) -> Any:
     A parabola with these slopes falls by `h rate^2 / 2 (rate - rate0)` from an end to its lowest point.
     What has just fired and leaves zero without a slope may fall by rounding at first: it does not turn.
     """
-    # With the signs of the slopes, so that what falls is negative; it turns only if the bend is positive.
+    # By the signs of the slopes, so that what falls is negative. It turns if the bend is positive.
     start, end = h * rate0 * jnp.abs(rate0), h * rate * jnp.abs(rate)
     rounding = (-2.0 * LOWEST) * (rate - rate0)
     return (end >= rounding) & (start < WAS_LOWEST * rounding)

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 
 import stickslip as ss
-from stickslip.hybrid._status import GRAZING
 from stickslip.friction import Coulomb
+from stickslip.hybrid._status import GRAZING
 from stickslip.mechanism import AbstractMechanism, Contact
 
 
@@ -33,10 +33,10 @@ class Ground(AbstractMechanism):
 
 
 def runs(start, mass, stiffness, limit, tolerance, t0=0.0):
-    """Friction that drops to a half: each swing is shorter by limit / stiffness than the one before.
+    """Friction that drops to a half: a swing is shorter by limit / stiffness than the last.
 
-    `start` in units of limit / stiffness: from 4 the block turns at -3, 2 and -1, where the spring pulls
-    just as strongly as friction can hold.
+    `start` in units of limit / stiffness: from 4 the block turns at -3, 2 and -1, where the spring
+    pulls just as strongly as friction can hold.
     """
 
     def one(start, mass, stiffness, limit):
