@@ -8,3 +8,5 @@ from ._many_starts import many_starts as many_starts
 from ._many_starts import sensitivities as sensitivities
 from ._sensitivity import Sensitivity as Sensitivity
 from ._sensitivity import sensitivity as sensitivity
+from ._unknown import Normal as Normal
+from ._unknown import Unknown as Unknown

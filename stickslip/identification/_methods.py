@@ -18,7 +18,7 @@ from .._validation import check_count, check_type, one_number
 from ._evaluate import Evaluation
 from ._fit import Fit
 from ._sensitivity import Sensitivity
-from ._unknowns import from_logs
+from ._unknowns import Space
 
 
 class Iteration(NamedTuple):
@@ -47,10 +47,10 @@ class AbstractMethod(eqx.Module):
         """After an evaluation at `now.z`."""
 
     @abc.abstractmethod
-    def fit(self, names: tuple[str, ...], now: Iteration) -> Fit:
+    def fit(self, space: Space, now: Iteration) -> Fit:
         """Result."""
 
-    def solve(self, evaluate: Evaluation, names: tuple[str, ...], z: Float[Array, " unknown"]) -> Fit:
+    def solve(self, evaluate: Evaluation, space: Space, z: Float[Array, " unknown"]) -> Fit:
         """From one start, under `jit` and `vmap`."""
         once = jax.jit(evaluate)  # traced once for its shape and for the loop
         rows = jax.eval_shape(once, z)[0].shape[0]
@@ -58,7 +58,7 @@ class AbstractMethod(eqx.Module):
         def step(now):
             return self.advance(now, *once(now.z))
 
-        return self.fit(names, jax.lax.while_loop(lambda now: ~now.done, step, self.begin(z, rows)))
+        return self.fit(space, jax.lax.while_loop(lambda now: ~now.done, step, self.begin(z, rows)))
 
 
 @jax.custom_jvp
@@ -124,7 +124,7 @@ class LevenbergMarquardt(AbstractMethod):
         kept = (y_new, eqx.filter(state, eqx.is_array), ended & ~failed)
         return Iteration(state.y_eval, kept, steps, ended | failed | (steps >= self.max_steps))
 
-    def fit(self, names, now):
+    def fit(self, space, now):
         y, arrays, successful = now.kept
         scale = 1.0 / jnp.sqrt(self.damping)
         info = arrays.f_info
@@ -132,11 +132,12 @@ class LevenbergMarquardt(AbstractMethod):
         like = eqx.filter(self._start(y, *empty)[1], eqx.is_array, inverse=True)
         matrix = eqx.combine(info.jac, like.f_info.jac).as_matrix() / scale
         return Fit(
-            from_logs(names, y),
+            space.values(y),
             info.residual / scale,
-            Sensitivity(names, matrix),
+            Sensitivity(space.names, matrix),
             now.steps,
             successful,
+            space,
         )
 
 
@@ -166,15 +167,15 @@ class GradientDescent(AbstractMethod):
         z: Any = optax.apply_updates(now.z, change)
         return Iteration(z, (state, best), steps, steps >= self.steps)
 
-    def fit(self, names, now):
+    def fit(self, space, now):
         cost, z, residual, matrix = now.kept[1]
-        found = Sensitivity(names, jnp.where(jnp.isfinite(matrix), matrix, 0.0))
+        found = Sensitivity(space.names, jnp.where(jnp.isfinite(matrix), matrix, 0.0))
         seen = found.seen()
         along = found.directions @ (found.matrix.T @ residual)
         along = along / jnp.where(seen, found.singular_values, 1.0)
         left = jnp.sqrt(jnp.sum(jnp.where(seen, along, 0.0) ** 2))
         near = jnp.isfinite(cost) & (left < self.tolerance)
-        return Fit(from_logs(names, z), residual, found, now.steps, near)
+        return Fit(space.values(z), residual, found, now.steps, near, space)
 
 
 def levenberg_marquardt(

@@ -248,5 +248,14 @@ IDENTIFICATION = [
         identification.sensitivity, {"residual": RESIDUAL, "values": arg(UNKNOWN, "unknowns")},
     ),
     Target(identification.best, {"fits": arg(FITS)}),
+    Target(identification.Normal, {"mean": TIME, "sd": arg(1.0, "positive", "float32")}),
+    Target(
+        identification.Unknown,
+        {
+            "start": arg(0.5, "batch", "float32", "finite"), "bounds": arg((None, None)),
+            "prior": arg(None, "none"), "unit": arg("m", "text", "empty text"),
+            "per_record": arg(False, "flag"), "scale": arg(None, "none", "positive", "float32"),
+        },
+    ),
 ]  # fmt: skip
 TARGETS = [*ENGINE, *SWEEPS, *IDENTIFICATION]
