@@ -58,8 +58,8 @@ def compare(
 ) -> Comparison:
     r"""Criteria and held-out scores of fits to the same data.
 
-    With $n$ residuals, $p$ unknowns and $\chi^2 = \|r\|^2$ the misfit is $D = \chi^2$ where the standard
-    deviation of the noise is known, and $D = n\ln(\chi^2/n)$ where it is not and is one unknown more
+    With $n$ residuals, $p$ unknowns and $\chi^2 = \|r\|^2$ the misfit is $D = \chi^2$ where the noise
+    is known, and $D = n\ln(\chi^2/n)$ where its standard deviation is one unknown more
     ($k = p + 1$ instead of $k = p$). Then AIC $= D + 2k$, AICc $=$ AIC $+ 2k(k+1)/(n-k-1)$,
     BIC $= D + k\ln n$. Use `noise_known=False` where the model's own errors outweigh the noise, which
     otherwise make every further unknown look well founded.

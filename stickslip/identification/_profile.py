@@ -40,21 +40,22 @@ FLAT = 1e-6  # of the level
 class Profile(eqx.Module):
     r"""Intervals of the unknowns; under `vmap` every array has the batch axes in front.
 
-    With $\Delta(p) = \min \|r\|^2 - \|\hat r\|^2$, the minimum over all other unknowns while one is held
-    at $p$, the interval is where $\Delta$ stays below the quantile `level` of $\chi^2$ with one degree
-    of freedom.
+    With $\Delta(p) = \min \|r\|^2 - \|\hat r\|^2$, the minimum over all other unknowns while one is
+    held at $p$, the interval is where $\Delta$ stays below the quantile `level` of $\chi^2$ with one
+    degree of freedom.
 
     - `names` profiled, in alphabetical order; `level`.
     - `estimate`, `lower`, `upper`, and `wald_lower`, `wald_upper` by the linearised problem, infinite
-      where it does not see the unknown: `[unknown]`, in the unknown's unit. Where the profile stays below
-      the level, the end is where the search stopped.
+      where it does not see the unknown: `[unknown]`, in its unit. Where the profile stays below the
+      level, the end is where the search stopped.
     - `ends`, `[unknown, side]`, lower side first: 0 found, 1 stays below the level up to the limit,
       2 a jump of the profile or the edge of where the model runs, 3 not found within `max_steps`.
-    - `verdict`, number of `VERDICTS`.
-    - `values`, `rises` $\Delta$, `[unknown, side, point]`: the profile, NaN past its last point; `others`,
-      `[unknown, side, point, all unknowns]`: the unknowns there, in the order of `all_names`.
-    - `fall`: how far below the fit's the least $\|r\|^2$ lies that was found on the way; above the level
-      the fit was at another minimum.
+    - `verdict`: 0 identifiable, 1 practically not, as the profile stays below on one or both sides,
+      2 structurally not, as it is flat or the linearised problem does not see it, 3 not decided.
+    - `values`, `rises` $\Delta$, `[unknown, side, point]`: the profile, NaN past its last point;
+      `others`, `[unknown, side, point, all unknowns]`: all there, in the order of `all_names`.
+    - `fall`: how far below the fit's the least $\|r\|^2$ lies that was found on the way; above the
+      level the fit was at another minimum.
     - `evaluations` of residual and Jacobian, `[unknown, side]`.
     """
 
@@ -89,21 +90,25 @@ class Profile(eqx.Module):
     def __str__(self) -> str:
         if isinstance(self.verdict, jax.core.Tracer) or self.verdict.ndim != 1:
             return f"Profile(batch of shape {self.verdict.shape[:-1]})"
-        rows = zip(self.names, self.estimate, self.lower, self.upper, self.ends, strict=True)
+        part = f"{100 * float(self.level):g}%"
         lines = []
-        for name, middle, low, high, ends in rows:
-            left = "<" if int(ends[0]) == BELOW else ""
-            right = ">" if int(ends[1]) == BELOW else ""
-            lines.append(
-                f"{name} = {float(middle):.6g}, {100 * float(self.level):g}% from {left}{float(low):.6g} "
-                f"to {right}{float(high):.6g}: {self.verdicts[name]}"
-            )
+        for i, name in enumerate(self.names):
+            low, high = self.shown(i)
+            middle = float(self.estimate[i])
+            lines.append(f"{name} = {middle:.6g}, {part} from {low} to {high}: {self.verdicts[name]}")
         return "\n".join(lines)
+
+    def shown(self, row: int) -> tuple[str, str]:
+        """Both ends of an interval, with a sign where the profile stays below the level beyond."""
+        check_count("row", row, 0, len(self.names) - 1)
+        ends = [int(end) == BELOW for end in self.ends[row]]
+        low, high = float(self.lower[row]), float(self.upper[row])
+        return f"{'<' if ends[0] else ''}{low:.6g}", f"{'>' if ends[1] else ''}{high:.6g}"
 
 
 def profile(
     residual: Callable[[NamedValues], Any],
-    fit: Fit,
+    fit: Given[Fit],
     names: Given[str | Sequence[str] | None] = None,
     *,
     limits: Named | None = None,
@@ -142,7 +147,9 @@ def profile(
     check_callable("residual", residual, "f(values)", {})
     check_type("fit", fit, Fit, "a Fit")
     if fit.steps.ndim != 0:
-        raise refusal("fit", fit, "one fit: use jax.vmap for a batch", but=f"of shape {fit.steps.shape}")
+        raise refusal(
+            "fit", fit, "one fit: use jax.vmap for a batch", but=f"of shape {fit.steps.shape}"
+        )
     check_that("level", level, lambda x: (x > 0) & (x < 1), "above 0 and below 1")
     if np.shape(level) != ():
         raise misshaped("level", level, "one number")
@@ -160,7 +167,8 @@ def profile(
             return jax.tree.unflatten(form, jax.core.eval_jaxpr(jaxpr, (), *consts, z))
 
         target = 2.0 * jax.lax.erf_inv(level) ** 2
-        walk = Walk(target, points, max_steps)
+        unbounded = jnp.asarray([bounds == (None, None) for bounds in space.bounds])
+        walk = Walk(target, points, max_steps, unbounded)
         indices = jnp.repeat(jnp.asarray(rows), 2)
         signs = jnp.tile(jnp.asarray([-1.0, 1.0]), len(rows))
 
@@ -197,8 +205,7 @@ def _limits(limits: Any, space: Space, z: Array, values: NamedValues) -> tuple[A
     """In coordinates, the lower first."""
     given = check_mapping("limits", limits)
     lows, highs = [], []
-    for i, name in enumerate(space.names):
-        low, high = space.bounds[i]
+    for i, (low, high) in enumerate(space.bounds):
         if low is not None and high is not None:
             far = jnp.maximum(-jnp.log(NEXT_TO), jnp.abs(z[i]) + 1.0)
             ends = (-far, far)
@@ -278,4 +285,3 @@ def _collected(sides: Any, fit: Fit, space: Space, names: tuple[str, ...], level
         estimate - wide, estimate + wide, status, verdict, own(points), rises,
         jnp.stack([every[name] for name in space.names], axis=-1), fall, evaluations,
     )  # fmt: skip
-

@@ -17,6 +17,7 @@ ROWS = 40  # points of a side that are kept
 LONGEST = 3.0  # how much a step may grow
 INNER = 25  # steps of the refit at one point
 LEAST = 1e-10  # combinations with a smaller part of the largest singular value are left where they are
+LIGHTEST = 1e-8  # change of the residuals, in standard deviations, for a coordinate that matters
 
 FOUND, BELOW, EDGE, FAILED = 0, 1, 2, 3  # how a side ends
 
@@ -25,8 +26,9 @@ class Linear(NamedTuple):
     """The problem linearised at a point, in columns of unit length; the unknown that is fixed has none.
 
     `weight`: size of the column of each unknown. `values`, `directions`: singular values and right
-    vectors. `along`: residual along the left vectors. `slope`: half the derivative of the sum of squares
-    by the fixed unknown. `drift`: how the others follow it. `curvature`: half the second derivative.
+    vectors. `along`: residual along the left vectors. `slope`: half the derivative of the sum of
+    squares by the fixed unknown. `drift`: how the others follow it. `curvature`: half the second
+    derivative.
     """
 
     weight: Float[Array, " unknown"]
@@ -47,7 +49,10 @@ def linear(residual: Array, matrix: Array, mask: Bool[Array, " unknown"], held: 
     own = matrix @ fixed.astype(matrix.dtype)
     free = jnp.where(fixed[None, :], 0.0, matrix)
     weight = jnp.sqrt(jnp.sum(free**2, axis=0))
-    weight = jnp.where(weight > 0.0, weight, 1.0)
+    # An unknown at its bound moves nothing any more, however far its coordinate goes.
+    matters = weight > LIGHTEST
+    free = jnp.where(matters[None, :], free, 0.0)
+    weight = jnp.where(matters, weight, 1.0)
     # A triangle first: the singular values of rows times unknowns cost far more.
     short = max(matrix.shape[1] - matrix.shape[0], 0)
     q, r = jnp.linalg.qr(jnp.pad(free / weight[None, :], [(0, short), (0, 0)]))
@@ -101,16 +106,16 @@ class Side(NamedTuple):
 
 
 class Walk(eqx.Module):
-    """`target`: rise of twice the cost at the end of the interval, reached in about `points` steps."""
+    """`target`: rise of twice the cost at the end of the interval, reached in about `points` steps.
+    `unbounded`: which unknowns have no bound."""
 
     target: Float[Array, ""]
     points: Float[Array, ""]
     max_steps: Int[Array, ""]
+    unbounded: Bool[Array, " unknown"]
 
-    def side(
-        self, evaluate: Evaluation, z: Array, index: Array, sign: Array, limits: Array
-    ) -> "Side":
-        """Outwards along coordinate `index` in the direction `sign`, no further than `limits` (low, high)."""
+    def side(self, evaluate: Evaluation, z: Array, index: Array, sign: Array, limits: Array) -> "Side":
+        """Along coordinate `index` in the direction `sign`, no further than `limits` (low, high)."""
         once = jax.jit(evaluate)
         mask = jnp.arange(z.shape[0]) == index
 
@@ -144,14 +149,10 @@ class Walk(eqx.Module):
         found = linear(residual, matrix, mask, ~now.start)
         here = jax.tree.map(lambda new, old: jnp.where(taken, new, old), found, now.here)
         gained = now.cost - cost
-        rough = now.damping > 0.0
-        damping = jnp.where(
-            now.fresh, 0.0,
-            jnp.where(
-                taken & (gained > 0.25 * now.foreseen), jnp.where(now.damping > 1e-7, 0.1 * now.damping, 0.0),
-                jnp.where(rough, 10.0 * now.damping, 1e-4),
-            ),
-        )  # fmt: skip
+        less = jnp.where(now.damping > 1e-7, 0.1 * now.damping, 0.0)
+        more = jnp.where(now.damping > 0.0, 10.0 * now.damping, 1e-4)
+        damping = jnp.where(taken & (gained > 0.25 * now.foreseen), less, more)
+        damping = jnp.where(now.fresh, 0.0, damping)
         tail = jnp.asarray(now.inner + 1, jnp.int32)
         stalled = ~now.fresh & (jnp.abs(gained) <= 1e-14 * jnp.abs(now.cost))
         now = now._replace(
@@ -159,7 +160,8 @@ class Walk(eqx.Module):
             damping=damping, inner=tail, turns=now.turns + 1,
         )  # fmt: skip
         left = 0.5 * jnp.sum(here.along**2)  # what is still to gain
-        good = left <= 1e-9 * self.target
+        # The minimum itself in more digits: the interval is measured from there.
+        good = left <= jnp.where(now.start, 1e-15, 1e-9) * self.target
         tired = stalled | (now.inner >= INNER) | (damping > 1e12)
         close = tired & (left <= 1e-4 * self.target)
         done = ~lost & (good | close)
@@ -177,6 +179,9 @@ class Walk(eqx.Module):
         damped = now.damping * now.here.values[0] ** 2
         part = jnp.where(seen, s**2 / (s**2 + damped), 0.0)
         step = -(now.here.directions.T @ (part / s * now.here.along)) / now.here.weight
+        over = jnp.max(jnp.abs(step) / self._longest(now.z))
+        part = part / jnp.maximum(over, 1.0)
+        step = step / jnp.maximum(over, 1.0)
         foreseen = jnp.sum((part - 0.5 * part**2) * now.here.along**2)
         return now._replace(trial=now.z + step, fresh=jnp.zeros((), bool), foreseen=foreseen)
 
@@ -212,14 +217,13 @@ class Walk(eqx.Module):
         open_end = within & (now.d >= reach) & ~begun
         narrow = jnp.isfinite(outside[0]) & (outside[0] - inside[0] <= 1e-9 * outside[0])
         lost_at_once = begun & lost
-        status = jnp.where(
-            hit, FOUND, jnp.where(open_end, BELOW, jnp.where(narrow, EDGE, now.status))
-        )
+        status = jnp.where(hit, FOUND, jnp.where(open_end, BELOW, jnp.where(narrow, EDGE, now.status)))
         status = jnp.where(lost_at_once, FAILED, status)
         # At an end that was hit the point itself is the answer, else the last one below the level.
         inside = jax.tree.map(lambda new, old: jnp.where(hit, new, old), mine, inside)
         shift = sign * (d - inside[0])
-        trial = inside[2] + shift * jnp.where(mask, 1.0, inside[3])
+        longest = self._longest(inside[2])
+        trial = inside[2] + jnp.clip(shift * inside[3], -longest, longest)
         trial = jnp.where(mask, best + sign * d * own, trial)
         return now._replace(
             trial=trial, fresh=jnp.ones((), bool), inner=jnp.zeros((), jnp.int32),
@@ -227,8 +231,12 @@ class Walk(eqx.Module):
             inside=inside, outside=outside, status=status,
         )  # fmt: skip
 
+    def _longest(self, z: Array) -> Array:
+        """How far a coordinate may go in a step: from one end of its bounds no step finds back."""
+        return jnp.where(self.unbounded, 10.0 * jnp.maximum(jnp.abs(z), 1.0), 3.0)
+
     def _step(self, now: Side, begun, root, slope, inside, outside, reach):
-        """The next distance: a part of the rise while all is below, then the root by Newton's method."""
+        """The next distance: a part of the rise while all is below, then Newton's method."""
         aim = jnp.sqrt(self.target)
         uphill = slope > 0.0
         steep = jnp.where(uphill, slope, 1.0)

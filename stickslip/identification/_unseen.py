@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from .._looks_at import not_negative_number
-from .._types import Numeric
+from .._types import Given, Numeric
 from .._validation import check_type, is_concrete, refusal
 from ._fit import Fit
 
@@ -14,7 +14,7 @@ PART = 1e-4  # of a unit vector that counts as none
 LARGEST = 6  # of a denominator
 
 
-def unseen(fit: Fit, threshold: Numeric = 1e-7) -> list[str]:
+def unseen(fit: Given[Fit], threshold: Numeric = 1e-7) -> list[str]:
     """What the data do not see, a sentence for each group of unknowns that hide each other.
 
     Positive unknowns hide each other in products, e.g. `"k1 * k2 is seen, k1 / k2 is not"`; others in

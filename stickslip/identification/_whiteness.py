@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from .._types import Numeric, Rows
+from .._types import Rows
 from .._validation import (
     as_parameter,
     check_count,
@@ -21,8 +21,8 @@ from .._validation import (
 
 
 class Correlation(eqx.Module):
-    """Correlation at `lags` [samples]; `band` holds that of noise with the probability `level`, each lag
-    by itself."""
+    """Correlation at `lags` [samples]; `band` holds that of noise with the probability `level`, each
+    lag by itself."""
 
     lags: Int[Array, " lag"]
     values: Float[Array, " lag"]
@@ -31,10 +31,10 @@ class Correlation(eqx.Module):
 
     @property
     def outside(self) -> Float[Array, ""]:
-        """Part of the lags, 0 left out for a series with itself, where the correlation leaves its band."""
+        """Part of the lags that are outside of the band; lag 0 of a series with itself has none."""
         own = jnp.isfinite(self.band)
         out = jnp.where(own, jnp.abs(self.values) > self.band, False)
-        return jnp.sum(out) / jnp.sum(own)
+        return _count(out) / _count(own)
 
 
 class LjungBox(eqx.Module):
@@ -54,21 +54,19 @@ def autocorrelation(series: Rows, lags: int = 20, *, level: float = 0.95) -> Cor
     filled up with NaN; each loses its own mean, and no product reaches from one into the next.
 
     **Arguments:** `series`, one row or several; `lags`, up to the shortest; `level` of the band
-    $\pm z \sqrt{n_k}/n$ of white noise, $n_k$ products at lag $k$ of $n$ samples. **Raises** `TypeError`,
-    `ValueError` for what is not so. Works under `jit`, `vmap` and `grad`.
+    $\pm z \sqrt{n_k}/n$ of white noise, $n_k$ products at lag $k$ of $n$ samples. **Raises**
+    `TypeError`, `ValueError` for what is not so. Works under `jit`, `vmap` and `grad`.
     """
     _check_level(level)
     rows, here = _rows("series", series, lags)
     sums, counts = _products(rows, here, rows, here, jnp.arange(lags + 1))
-    number = jnp.sum(here)
+    number = _count(here)
     band = _width(level) * jnp.sqrt(counts) / number
     band = jnp.where(jnp.arange(lags + 1) == 0, jnp.inf, band)
     return Correlation(jnp.arange(lags + 1), sums / sums[0], band, float(level))
 
 
-def cross_correlation(
-    series: Rows, other: Rows, lags: int = 20, *, level: float = 0.95
-) -> Correlation:
+def cross_correlation(series: Rows, other: Rows, lags: int = 20, *, level: float = 0.95) -> Correlation:
     r"""Correlation of residuals with an input, $\sum_t u_t e_{t+k}/\sqrt{\sum u^2 \sum e^2}$.
 
     At positive lags the residual follows the input: what is outside of the band there the model has
@@ -88,7 +86,7 @@ def cross_correlation(
     before, counts_before = _products(rows, here, inputs, there, shifts)
     sums = jnp.concatenate([before[:0:-1], after])
     counts = jnp.concatenate([counts_before[:0:-1], counts_after])
-    number = jnp.sum(here & there)
+    number = _count(here & there)
     size = jnp.sqrt(jnp.sum(rows**2) * jnp.sum(inputs**2))
     band = _width(level) * jnp.sqrt(counts) / number
     return Correlation(jnp.arange(-lags, lags + 1), sums / size, band, float(level))
@@ -112,7 +110,7 @@ def ljung_box(series: Rows, lags: int = 20, *, unknowns: int = 0) -> LjungBox:
     if unknowns >= lags:
         raise refusal("unknowns", unknowns, f"less than lags = {lags}")
     sums, counts = _products(rows, here, rows, here, jnp.arange(lags + 1))
-    number = jnp.sum(here).astype(jnp.float64)
+    number = _count(here)
     ratio = (sums[1:] / sums[0]) ** 2 / jnp.maximum(counts[1:], 1.0)
     statistic = number * (number + 2.0) * jnp.sum(ratio)
     degrees = lags - unknowns
@@ -184,9 +182,13 @@ def _rows(name: str, series: Any, lags: Any) -> tuple[Array, Array]:
     if is_concrete(series) and not (np.asarray(here).sum(axis=1) > 1).all():
         raise refusal(name, series, "rows with at least two samples that are not missing")
     filled = jnp.where(here, rows, 0.0)
-    counts = jnp.maximum(jnp.sum(here, axis=1, keepdims=True), 1)
+    counts = jnp.maximum(_count(here, axis=1), 1.0)[:, None]
     mean = jnp.sum(filled, axis=1, keepdims=True) / counts
     return jnp.where(here, filled - mean, 0.0), here
+
+
+def _count(true: Any, axis: int | None = None) -> Array:
+    return jnp.sum(true.astype(jnp.float64), axis=axis)
 
 
 def _products(first, present, second, there, lags) -> tuple[Array, Array]:
