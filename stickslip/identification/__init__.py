@@ -10,6 +10,8 @@ from ._many_starts import many_starts as many_starts
 from ._many_starts import sensitivities as sensitivities
 from ._profile import Profile as Profile
 from ._profile import profile as profile
+from ._report import Report as Report
+from ._report import report as report
 from ._sensitivity import Sensitivity as Sensitivity
 from ._sensitivity import sensitivity as sensitivity
 from ._unknown import Normal as Normal
