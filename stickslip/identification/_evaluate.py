@@ -10,15 +10,18 @@ from jaxtyping import Array, Float
 
 from .._compiled_once import compiled_once
 from ..hybrid._xla import traced
+from ._losses import AbstractLoss
 from ._unknowns import NamedValues, Space
 
 Evaluation = Callable[[Float[Array, " unknown"]], tuple[Array, Array]]
 
 
-def evaluation(residual: Callable[[NamedValues], Any], space: Space) -> Evaluation:
+def evaluation(
+    residual: Callable[[NamedValues], Any], space: Space, loss: AbstractLoss | None = None
+) -> Evaluation:
     """Function of the coordinates of the unknowns: row of residuals, its Jacobian by forward mode.
 
-    Priors are rows behind those of the data.
+    A robust loss has weighed the residuals. Priors are rows behind those of the data.
 
     **Raises** `ValueError`, when it is traced, for residuals that are not one row.
     """
@@ -31,6 +34,8 @@ def evaluation(residual: Callable[[NamedValues], Any], space: Space) -> Evaluati
                 raise ValueError(
                     f"residual(values) = {_shape(out)}: it must be one array with one dimension."
                 )
+            if loss is not None:
+                out = out * loss.weight(out)
             if space.num_priors:
                 out = jnp.concatenate([out, space.prior_rows(values)])
             return out, out
@@ -50,7 +55,7 @@ def solved(method: Any, residual: Callable[[NamedValues], Any], space: Space, z:
 
     The data that a residual closes over are made operands before a loop can make constants of them.
     """
-    jaxpr, consts, form = traced(evaluation(residual, space), (z,))
+    jaxpr, consts, form = traced(evaluation(residual, space, method.loss), (z,))
 
     def solve(z, consts):
         def evaluate(z):

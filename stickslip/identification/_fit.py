@@ -1,11 +1,14 @@
 """What a fit returns."""
 
+from typing import Any
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from .._looks_at import looks_at, not_negative_number
 from .._types import Numeric
+from ._results import CODE, to_result
 from ._sensitivity import Sensitivity
 from ._unknowns import NamedValues, Space, all_positive
 
@@ -16,6 +19,7 @@ class Fit(eqx.Module):
     - `values`: the estimates by name. `residual` there, in units of its standard deviation; rows of
       priors come last.
     - `sensitivity`: at the estimate. `steps`: iterations. `successful`: whether it converged.
+    - `code`: why the method stopped; `result` is the item of `RESULTS`, whose message says it.
     - `space`: of the unknowns, with their bounds, units and priors.
     """
 
@@ -25,6 +29,7 @@ class Fit(eqx.Module):
     steps: Int[Array, "*batch"]
     successful: Bool[Array, "*batch"]
     space: Space
+    code: Int[Array, "*batch"]
 
     def __init__(
         self,
@@ -34,10 +39,18 @@ class Fit(eqx.Module):
         steps: Array,
         successful: Array,
         space: Space | None = None,
+        code: Array | None = None,
     ):
         self.values, self.residual, self.sensitivity = values, residual, sensitivity
         self.steps, self.successful = steps, successful
         self.space = all_positive(sensitivity.names) if space is None else space
+        failed = CODE["max_steps_reached"]
+        self.code = jnp.where(successful, 0, failed).astype(jnp.int32) if code is None else code
+
+    @property
+    def result(self) -> Any:
+        """Item of `identification.RESULTS`."""
+        return to_result(self.code)
 
     @property
     def names(self) -> tuple[str, ...]:

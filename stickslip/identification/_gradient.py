@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Any
 
 from .._types import Given
 from .._validation import check_callable
+from ._descent import GradientDescent
 from ._evaluate import solved
 from ._fit import Fit
-from ._methods import descent
 from ._unknowns import NamedUnknowns, NamedValues, scalars
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def gradient_descent(
     `Fit` on the way. **Raises** as `least_squares`, and `TypeError` if `optimiser` is not an
     `optax.GradientTransformation`.
     """
-    method = descent(optimiser=optimiser, steps=steps, tolerance=tolerance)
+    method = GradientDescent(optimiser, steps, tolerance)
     check_callable("residual", residual, "f(values)", {})
     space, values = scalars("start", start)
     return solved(method, residual, space, space.coordinates(values))

@@ -3,10 +3,12 @@
 from collections.abc import Callable
 from typing import Any
 
+from .._types import Given
 from .._validation import check_callable
 from ._evaluate import solved
 from ._fit import Fit
-from ._methods import levenberg_marquardt
+from ._levenberg_marquardt import LevenbergMarquardt
+from ._losses import AbstractLoss
 from ._unknowns import NamedUnknowns, NamedValues, scalars
 
 
@@ -17,6 +19,7 @@ def least_squares(
     damping: float = 1.0,
     tolerance: float = 1e-8,
     max_steps: int = 64,
+    loss: Given[AbstractLoss | None] = None,
 ) -> Fit:
     r"""Minimise $\tfrac12\|r(p)\|^2$ over the unknowns $p$, in their unbounded coordinates.
 
@@ -43,13 +46,14 @@ def least_squares(
     - `tolerance`: relative and absolute, of the coordinates and the residuals; or of the cost, by
       what the next step would gain if the residual were linear. `max_steps`: limit, refused ones
       included.
+    - `loss`: a robust loss such as `Huber()` in place of squares, or `None`.
 
     **Returns** a `Fit`. **Raises** `TypeError`, `ValueError` if `start` is not a mapping from names to
     unknowns or positive numbers, or if another number is not positive. The residual is traced at every
     call, and compiled where its program is a new one. Works under `jit` and `vmap`; the estimate is
     not differentiated, because that would take second derivatives of the motion.
     """
-    method = levenberg_marquardt(damping=damping, tolerance=tolerance, max_steps=max_steps)
+    method = LevenbergMarquardt(damping, tolerance, max_steps, loss)
     check_callable("residual", residual, "f(values)", {})
     space, values = scalars("start", start)
     return solved(method, residual, space, space.coordinates(values))

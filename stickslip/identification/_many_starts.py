@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
+from .._types import Given
 from .._validation import (
     check_callable,
     check_count,
@@ -23,17 +24,19 @@ from .._validation import (
 )
 from ..sweep import map_lanes
 from ..sweep._lanes import EXECUTORS
+from ._descent import GradientDescent
 from ._evaluate import evaluation
 from ._fit import Fit
 from ._gradient import gradient_descent
 from ._least_squares import least_squares
-from ._methods import AbstractMethod, descent, levenberg_marquardt
+from ._levenberg_marquardt import LevenbergMarquardt
+from ._methods import AbstractMethod
 from ._sensitivity import Sensitivity
 from ._unknowns import NamedUnknownRows, NamedValues, Space, checked
 
 METHODS: dict[Any, Callable[..., AbstractMethod]] = {
-    least_squares: levenberg_marquardt,
-    gradient_descent: descent,
+    least_squares: LevenbergMarquardt,
+    gradient_descent: GradientDescent,
 }
 
 
@@ -41,7 +44,7 @@ def many_starts(
     residual: Callable[..., Any],
     starts: NamedUnknownRows,
     *shared: PyTree,
-    fit: Callable[..., Fit] = least_squares,
+    fit: Given[Callable[..., Fit] | AbstractMethod] = least_squares,
     chunk_size: int | None = None,
     executor: str = "auto",
     **options: Any,
@@ -53,8 +56,9 @@ def many_starts(
 
     **Arguments**
 
-    - `residual(values, *shared)` and `options` as for `fit`, which is `least_squares` or
-      `gradient_descent`; `starts`, by name one row of positive numbers, or an `Unknown` with a row.
+    - `residual(values, *shared)`; `fit`: `least_squares` or `gradient_descent`, with `options` as they
+      take them, or a method such as `LevenbergMarquardt()`; `starts`, by name one row of positive
+      numbers, or an `Unknown` with a row.
     - `shared`: arrays that are the same for all starts. Handed over like this, other data of the same
       shape use the program that is compiled already, as long as `residual` is the same function.
     - `chunk_size`, `executor` as for `stickslip.map_lanes`. With a `chunk_size`, other numbers of
@@ -64,9 +68,7 @@ def many_starts(
     of different lengths, an unknown `fit`, and `shared` with numbers that are not finite. It is a loop
     of Python and does not work under `jit`.
     """
-    if fit is not least_squares and fit is not gradient_descent:
-        raise refusal("fit", fit, "least_squares or gradient_descent")
-    method = METHODS[fit](**options)
+    method = _method(fit, options)
     check_callable("residual", residual, "f(values, *shared)", {}, *shared)
     _check_lanes(chunk_size, executor)
     space, found, count = _rows("starts", starts)
@@ -74,7 +76,7 @@ def many_starts(
         for name, leaf in leaves_of(f"shared[{i}]", tree):
             check_finite(name, numbers(name, leaf))
     shared = jax.tree.map(lambda a: np.broadcast_to(a, (count, *np.shape(a))), shared)
-    program, shared = _evaluator(residual, space, chunk_size, executor, count, shared)
+    program, shared = _evaluator(residual, space, chunk_size, executor, count, shared, method.loss)
     now = done = None
     todo, z = np.arange(count), space.coordinates(found)
     while todo.size:
@@ -115,6 +117,16 @@ def sensitivities(
     return Sensitivity(space.names, jnp.asarray(matrix))
 
 
+def _method(fit: Any, options: dict[str, Any]) -> AbstractMethod:
+    if isinstance(fit, AbstractMethod):
+        if options:
+            raise refusal("options", options, "empty where fit is a method, which has its own")
+        return fit
+    if fit is not least_squares and fit is not gradient_descent:
+        raise refusal("fit", fit, "least_squares or gradient_descent, or a method")
+    return METHODS[fit](**options)
+
+
 def _rows(name: str, values: Any) -> tuple[Space, NamedValues, int]:
     space, found = checked(name, values)
     shapes = {key: a.shape for key, a in found.items()}
@@ -133,10 +145,10 @@ def _check_lanes(chunk_size: Any, executor: Any) -> None:
 
 
 @functools.lru_cache(maxsize=8)
-def _kept_evaluator(residual, form: Space, chunk_size, executor) -> map_lanes:
+def _kept_evaluator(residual, form: Space, chunk_size, executor, loss) -> map_lanes:
     def one(z, scales, shared):
         space = eqx.combine(form, scales)
-        return evaluation(lambda values: residual(values, *shared), space)(z)
+        return evaluation(lambda values: residual(values, *shared), space, loss)(z)
 
     def each(z, rest):
         return one(z, *rest)
@@ -144,7 +156,9 @@ def _kept_evaluator(residual, form: Space, chunk_size, executor) -> map_lanes:
     return map_lanes(each, executor=executor, chunk_size=chunk_size)
 
 
-def _evaluator(residual, space: Space, chunk_size, executor, count: int, rest) -> tuple[map_lanes, Any]:
+def _evaluator(
+    residual, space: Space, chunk_size, executor, count: int, rest, loss=None
+) -> tuple[map_lanes, Any]:
     """The program, and what it takes besides coordinates: scales and priors are data too."""
     scales, form = eqx.partition(space, eqx.is_array)
     scales = jax.tree.map(lambda a: np.broadcast_to(a, (count, *np.shape(a))), scales)
@@ -153,7 +167,7 @@ def _evaluator(residual, space: Space, chunk_size, executor, count: int, rest) -
         make = _kept_evaluator
     except TypeError:
         make = _kept_evaluator.__wrapped__
-    return make(residual, form, chunk_size, executor), (scales, rest)
+    return make(residual, form, chunk_size, executor, loss), (scales, rest)
 
 
 def _parts(rows: np.ndarray, width: int, whole: bool) -> Iterator[tuple[np.ndarray, int]]:
@@ -193,4 +207,4 @@ def _advance(method, now, residual, matrix):
 
 @eqx.filter_jit
 def _finish(method, space: Space, now):
-    return jax.vmap(lambda now: method.fit(space, now))(now)
+    return jax.vmap(lambda now: method.finish(space, now))(now)
