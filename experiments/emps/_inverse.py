@@ -1,4 +1,4 @@
-"""Inverse dynamics: the force as a linear function of filtered accelerations and velocities (IDIM-LS)."""
+"""Inverse dynamics (IDIM-LS): the force as a linear function of filtered derivatives."""
 
 import numpy as np
 import scipy.signal
@@ -10,8 +10,8 @@ ENDS = 50  # samples that the filter falsifies
 
 
 def inverse_dynamics(record: Record, asymmetric: bool = False) -> tuple[dict, dict, float]:
-    """Least squares of `gain u = M a + F_v v + F_c sgn(v) + offset`; asymmetric with a viscous and a dry
-    term for each direction, in place of the offset, which these hold already.
+    """Least squares of `gain u = M a + F_v v + F_c sgn(v) + offset`; asymmetric with a viscous and a
+    dry term for each direction, in place of the offset, which these hold already.
 
     Position filtered forwards and backwards, then central differences, then every signal decimated by
     the same filter, so that what is lost is lost on both sides. **Returns** estimates, standard errors

@@ -69,8 +69,8 @@ class Stage(AbstractMechanism):
 
 
 def law_of(values: dict[str, Any]) -> AbstractFrictionLaw:
-    """Dry and viscous friction, one for both directions or one for each; with a `rise` towards rest over
-    the speed `v_s` if there is one."""
+    """Dry and viscous friction, one for both directions or one for each; with a `rise` towards rest
+    over the speed `v_s` if there is one."""
 
     def one(dry, viscous):
         if "rise" in values:

@@ -1,5 +1,6 @@
 """All that a fit tells and all that it leaves open, on one page."""
 
+import os
 from collections.abc import Mapping
 from typing import Any
 
@@ -190,7 +191,9 @@ class Report:
 
         **Raises** `TypeError` for a `path` that is none, `OSError` where it cannot be written.
         """
-        page(self, path)
+        if not isinstance(path, str | os.PathLike) or not os.fspath(path):
+            raise refusal("path", path, "the path of a file", TypeError)
+        page(self, os.fspath(path))
 
 
 def report(

@@ -5,8 +5,6 @@ import io
 import os
 from typing import Any
 
-from .._validation import refusal
-
 STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; max-width: 1180px; margin: 2em auto; padding: 0 1em;
        color: #222 }
@@ -18,10 +16,8 @@ th { font-weight: 600 } .no { color: #c0392b; font-weight: 600 }
 """
 
 
-def page(report: Any, path: Any) -> None:
+def page(report: Any, path: str) -> None:
     """Write it to `path`, all of it or nothing."""
-    if not isinstance(path, str | os.PathLike) or not os.fspath(path):
-        raise refusal("path", path, "the path of a file", TypeError)
     sentences = "".join(f"<li>{_marked(s)}</li>" for s in report.statements())
     names = report.fit.names
     matrix = [["", *names]]
@@ -41,11 +37,10 @@ def page(report: Any, path: Any) -> None:
         f"<title>{html.escape(report.title)}</title><style>{STYLE}</style></head>"
         f"<body>{''.join(parts)}</body></html>\n"
     )
-    target = os.fspath(path)
-    temporary = f"{target}.part"
+    temporary = f"{path}.part"
     with open(temporary, "w", encoding="utf-8") as file:
         file.write(text)
-    os.replace(temporary, target)
+    os.replace(temporary, path)
 
 
 def _marked(sentence: str) -> str:

@@ -34,7 +34,7 @@ from stickslip.analysis import _attractor, _volume
 from stickslip.contact import _dead_zone, _hold, _resolve, _zonotope
 from stickslip.friction import _contract
 from stickslip.hybrid import _interpolate, _saltation, _simulate
-from stickslip.identification import _many_starts, _methods, _sensitivity
+from stickslip.identification import _many_starts, _methods, _profile, _report, _sensitivity
 from stickslip.sweep import _evaluate
 from tests.house import (
     _nonsense_analyses,
@@ -42,6 +42,7 @@ from tests.house import (
     _nonsense_laws,
     _nonsense_machine,
     _nonsense_methods,
+    _nonsense_report,
 )  # fmt: skip
 from tests.house._nonsense_kinds import allowed, kinds
 from tests.house._nonsense_public import arguments_of, public_callables, public_methods
@@ -52,6 +53,7 @@ TARGETS: list[Target] = [
     *_nonsense_engine.TARGETS,
     *_nonsense_analyses.TARGETS,
     *_nonsense_machine.TARGETS,
+    *_nonsense_report.TARGETS,
     *_nonsense_methods.TARGETS,
 ]
 OURS = tuple(str(pathlib.Path(m.__file__).parent) + os.sep for m in (stickslip, corexy_jax))
@@ -64,6 +66,8 @@ BEHIND = (
     (_methods.AbstractMethod, "solve"),
     (_many_starts, "_evaluator"),
     (_sensitivity, "evaluation"),
+    (_profile, "traced"),
+    (_report, "page"),
     (_saltation, "ravel_pytree"),
     (_volume, "ravel_pytree"),
     (_interpolate, "as_stepper"),

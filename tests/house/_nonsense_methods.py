@@ -16,6 +16,7 @@ from tests.house._nonsense_engine import FITS, OSCILLATOR, START
 from tests.house._nonsense_laws import BLOCK, DRY, SMOOTH
 from tests.house._nonsense_machine import PARAMETERS, VOLTAGE
 from tests.house._nonsense_public import methods_of
+from tests.house._nonsense_report import COMPARISON, PROFILE, REPORT
 from tests.house._nonsense_target import Argument, Target, arg
 
 REALS = ("reals",)
@@ -104,6 +105,9 @@ TARGETS = [
     *of(TANGENT, start__y=arg(START, STATES), columns=arg(np.ones((2, 1))), y=arg(DEVIATING),
         state=arg(DEVIATING)),
     *of(FITS),
+    *of(PROFILE, row=arg(0, "count")),
+    *of(COMPARISON, by=arg("bic")),
+    *of(REPORT, path=arg("x", "path")),
     *of(identification.Sensitivity(("a",), jnp.ones((3, 1)))),
     *(target for kind in (cx.Harmonic, cx.SquareWave) for target in of(kind(1.0, 2.0))),
     *(target for kind in (cx.Sampled, cx.PiecewiseStep)

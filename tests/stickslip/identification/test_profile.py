@@ -96,7 +96,7 @@ def test_a_product_hides_its_factors():
 
 @pytest.mark.slow
 def test_flat_without_a_singular_sensitivity():
-    """A profile that is flat to rounding tells even where the Jacobian at the estimate has full rank."""
+    """A profile that is flat to rounding tells it even where the Jacobian has full rank."""
 
     def residual(p):
         return jnp.stack([jnp.where(p["a"] > 2.0, 0.0, p["a"] - 2.0), 1e-4 * jnp.sin(p["a"])])

@@ -103,7 +103,7 @@ def test_bad_input(tmp_path):
         report(fit, profile=profile(lambda p: jnp.stack([p["q"] - 1.0]), other))
     with pytest.raises(ValueError, match=r"inputs\['u'\] = .* of shape \(200,\), as series\['x'\]"):
         report(fit, series={"x": fit.residual}, inputs={"u": INPUT[:5]})
-    with pytest.raises(ValueError, match="other_runs = .* named as runs"):
+    with pytest.raises(ValueError, match=r"other_runs = .* named as runs"):
         report(fit, other_runs={"a": run(1.0)})
     with pytest.raises(TypeError, match="path = 3"):
         report(fit).to_html(3)  # pyright: ignore
