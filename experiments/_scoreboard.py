@@ -18,8 +18,9 @@ def scoreboard(out: pathlib.Path) -> str:
     """One line per statement from the records in `out`, and how many of them hold.
 
     Full runs with the constructed parameters are counted apart from those with parameters that our
-    searches found, both from known results of the machines declared here and on measured records, and all from quick runs. A
-    statement that several figures measure counts once; if they do not agree it is open.
+    searches found, both from known results of the machines declared here and on measured records, and
+    all from quick runs. A statement that several figures measure counts once; if they do not agree it
+    is open.
     """
     lines: list[str] = []
     verdicts: dict[str, dict[str, set]] = {

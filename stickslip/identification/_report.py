@@ -1,5 +1,6 @@
 """All that a fit tells and all that it leaves open, on one page."""
 
+import dataclasses
 import os
 from collections.abc import Mapping
 from typing import Any
@@ -48,6 +49,7 @@ class Whiteness:
         self.mean = float(np.nanmean(series) / np.nanstd(series) * np.sqrt(number))
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
 class Report:
     """Estimates, intervals, verdicts, what is not seen, tests of the residuals, held-out scores.
 
@@ -56,11 +58,14 @@ class Report:
     `hidden` sentences on combinations not seen, `modes` sentences on the runs.
     """
 
-    def __init__(
-        self, fit, profile, whiteness, held_out, comparison, modes, hidden, title
-    ):  # fmt: skip
-        self.fit, self.profile, self.whiteness, self.held_out = fit, profile, whiteness, held_out
-        self.comparison, self.modes, self.hidden, self.title = comparison, modes, hidden, title
+    fit: Fit
+    profile: Profile | None
+    whiteness: Mapping[str, Whiteness]
+    held_out: Mapping[str, float]
+    comparison: Comparison | None
+    modes: list[str]
+    hidden: list[str]
+    title: str
 
     def rows(self) -> list[list[str]]:
         """The table of estimates, its head first."""

@@ -6,6 +6,7 @@ import pathlib
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import xarray as xr
 
 from experiments import _data, _output
 from experiments.__main__ import main
@@ -119,8 +120,6 @@ def test_statements_on_the_measured_record(tmp_path):
     measured()
     folder = pathlib.Path(os.environ[_data.VARIABLE])
     _output.run(identify.EXPERIMENT, tmp_path, quick=True, data=folder)
-    import xarray as xr
-
     with xr.open_dataset(tmp_path / "identify-emps.nc", engine="h5netcdf") as data:
         holds = {s.id: s.holds for s in identify.judge(data.load())}
     assert all(holds[f"R1.{k}"] for k in range(1, 6))
