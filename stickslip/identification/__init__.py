@@ -14,6 +14,7 @@ from ._losses import SoftL1 as SoftL1
 from ._many_starts import many_starts as many_starts
 from ._many_starts import sensitivities as sensitivities
 from ._methods import AbstractMethod as AbstractMethod
+from ._multiple_shooting import MultipleShooting as MultipleShooting
 from ._problem import Observed as Observed
 from ._problem import Problem as Problem
 from ._problem import Simulation as Simulation

@@ -29,6 +29,7 @@ from ._fit import Fit
 from ._levenberg_marquardt import LevenbergMarquardt
 from ._many_starts import many_starts
 from ._methods import AbstractMethod
+from ._multiple_shooting import MultipleShooting
 from ._record import Record
 from ._run import Data, Run, motion_of, residual_of
 from ._signal import padded
@@ -138,6 +139,7 @@ class Problem:
             tuple(name for name in sorted(self.given) if name not in local),
             tuple((name, tuple(f"{name}[{label}]" for label in self.labels)) for name in local),
         )
+        self._lengths = tuple(record.times.size for record in self.records)
         self._data = _data(self.records, self.observed)
 
     @property
@@ -204,7 +206,7 @@ class Problem:
     def fit(
         self,
         *,
-        method: Given[AbstractMethod | None] = None,
+        method: Given[AbstractMethod | MultipleShooting | None] = None,
         start: NamedNumbers | None = None,
         starts: Given[int | None] = None,
         seed: int = 0,
@@ -212,13 +214,13 @@ class Problem:
     ) -> Fit:
         """Estimate the unknowns.
 
-        **Arguments:** `method`, by default `LevenbergMarquardt()`; `start`, values by name in place of
+        **Arguments:** `method`, by default `LevenbergMarquardt()`, or `MultipleShooting(...)`;
+        `start`, values by name in place of
         the unknowns' own; `starts`: the best of so many, spread by `sobol_starts` with `seed`;
         `chunk_size` as for `many_starts`. **Returns** a `Fit`. **Raises** `TypeError`, `ValueError` for
         what is not so.
         """
-        method = LevenbergMarquardt() if method is None else method
-        check_type("method", method, AbstractMethod, "a method such as LevenbergMarquardt()")
+        method = _method(method)
         unknowns = self.unknowns if start is None else self._from(start)
         if starts is not None:
             check_count("starts", starts, 1)
@@ -226,20 +228,35 @@ class Problem:
             return best(self.fits(rows, method=method, chunk_size=chunk_size))
         check_count("seed", seed, 0)
         space, first = scalars("unknowns", unknowns)
+        if isinstance(method, MultipleShooting):
+            near, taken = method.brought_near(self._run, self._data, self._lengths, space, first)
+            fit = solved(method.polish, self.residual_function, space, space.coordinates(near))
+            return _with_steps(fit, np.asarray(taken))
         return solved(method, self.residual_function, space, space.coordinates(first))
 
     def fits(
         self,
         starts: Given[Mapping[str, Any]],
         *,
-        method: Given[AbstractMethod | None] = None,
+        method: Given[AbstractMethod | MultipleShooting | None] = None,
         chunk_size: int | None = None,
     ) -> Fit:
         """One fit from each of many `starts`, rows of values by name; see `many_starts`."""
-        method = LevenbergMarquardt() if method is None else method
-        check_type("method", method, AbstractMethod, "a method such as LevenbergMarquardt()")
+        method = _method(method)
         rows = _placed(self.unknowns, check_mapping("starts", starts), "starts")
-        return many_starts(self._run, rows, self._data, fit=method, chunk_size=chunk_size)
+        if not isinstance(method, MultipleShooting):
+            return many_starts(self._run, rows, self._data, fit=method, chunk_size=chunk_size)
+        space, found = checked("starts", rows)
+        count = next(iter(found.values())).shape[0]
+        near, taken = [], []
+        for i in range(count):
+            one = {name: row[i] for name, row in found.items()}
+            values, steps = method.brought_near(self._run, self._data, self._lengths, space, one)
+            near.append(values)
+            taken.append(steps)
+        rows = _placed(rows, {name: np.stack([v[name] for v in near]) for name in rows}, "starts")
+        fits = many_starts(self._run, rows, self._data, fit=method.polish, chunk_size=chunk_size)
+        return _with_steps(fits, np.array(taken))
 
     def with_records(self, records: Given[Record | Sequence[Record]]) -> "Problem":
         """The same problem with other records; of the same shapes, they use the compiled programs."""
@@ -261,6 +278,18 @@ class Problem:
             if np.shape(value) != ():
                 raise misshaped(f"values[{name!r}]", value, "one number")
         return {name: as_parameter(values[name]) for name in names}
+
+
+def _method(method: Any) -> Any:
+    if method is None:
+        return LevenbergMarquardt()
+    allowed = "a method such as LevenbergMarquardt() or MultipleShooting(20)"
+    return check_type("method", method, AbstractMethod | MultipleShooting, allowed)
+
+
+def _with_steps(fit: Fit, taken: np.ndarray) -> Fit:
+    """With the steps that were taken before."""
+    return eqx.tree_at(lambda f: f.steps, fit, jnp.asarray(np.asarray(fit.steps) + taken, jnp.int32))
 
 
 def _placed(unknowns: dict[str, Any], starts: dict[str, Any], argument: str) -> dict[str, Any]:

@@ -31,6 +31,10 @@ class Data(eqx.Module):
     inputs: dict[str, Signal]
     known: dict[str, Any]
 
+    def begin_of(self, record: Any) -> Array:
+        """Time of the initial state of a record."""
+        return jnp.asarray(self.begin)[record]
+
 
 @dataclasses.dataclass(frozen=True)
 class Run:
@@ -51,10 +55,11 @@ class Run:
             name: jnp.stack([jnp.asarray(values[part]) for part in parts]) for name, parts in self.local
         }
 
-    def prepared(self, values: NamedValues, inputs: dict[str, Signal], begin: Any) -> tuple:
-        """The system, the same with the breaks of its inputs, and the state at the beginning."""
+    def with_breaks(
+        self, values: NamedValues, inputs: dict[str, Signal], y0: Any, begin: Any
+    ) -> tuple[Any, Any, Any]:
+        """The system, the same with the breaks of its inputs, and its state at `begin`."""
         system = self.system(values, inputs)
-        y0 = self.initial_state(values, inputs)
         breaks = breaks_of(system)
         if breaks is None:
             return system, system, y0
@@ -76,7 +81,8 @@ class Run:
     def one(self, values: NamedValues, one: tuple, log: bool) -> tuple[Array, Any]:
         """What is observed in one record; with its `Solution` if `log`."""
         times, begin, inputs = one
-        system, whole, y0 = self.prepared(values, inputs, begin)
+        y0 = self.initial_state(values, inputs)
+        system, whole, y0 = self.with_breaks(values, inputs, y0, begin)
         ts = self.times_of(values, times, begin)
         solution = simulate(
             whole, begin, ts[-1], y0, integrator=self.integrator,

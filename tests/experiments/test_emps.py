@@ -108,7 +108,7 @@ def test_published_estimates_from_the_measured_record():
 
 @pytest.mark.slow
 def test_open_loop_score_of_the_published_law():
-    """By our own trial integration, stick by implicit steps, 5.3 to 5.5 mm by how the state is begun."""
+    """Implicit steps of another integrator gave 5.3 to 5.5 mm, by how the state is begun."""
     record = measured()
     published = {k: jnp.asarray(v) for k, v in identify.PUBLISHED["symmetric"].items()}
     error = np.asarray(position(published, record, 1)) - record.q

@@ -34,11 +34,19 @@ from stickslip.analysis import _attractor, _volume
 from stickslip.contact import _dead_zone, _hold, _resolve, _zonotope
 from stickslip.friction import _contract
 from stickslip.hybrid import _interpolate, _saltation, _simulate
-from stickslip.identification import _many_starts, _methods, _profile, _report, _sensitivity
+from stickslip.identification import (
+    _many_starts,
+    _methods,
+    _problem,
+    _profile,
+    _report,
+    _sensitivity,
+)
 from stickslip.sweep import _evaluate
 from tests.house import (
     _nonsense_analyses,
     _nonsense_engine,
+    _nonsense_identification,
     _nonsense_laws,
     _nonsense_machine,
     _nonsense_methods,
@@ -52,6 +60,7 @@ TARGETS: list[Target] = [
     *_nonsense_laws.TARGETS,
     *_nonsense_engine.TARGETS,
     *_nonsense_analyses.TARGETS,
+    *_nonsense_identification.TARGETS,
     *_nonsense_machine.TARGETS,
     *_nonsense_report.TARGETS,
     *_nonsense_methods.TARGETS,
@@ -68,6 +77,10 @@ BEHIND = (
     (_sensitivity, "evaluation"),
     (_profile, "traced"),
     (_report, "page"),
+    (_problem, "residual_of"),
+    (_problem, "motion_of"),
+    (_problem, "solved"),
+    (_problem, "many_starts"),
     (_saltation, "ravel_pytree"),
     (_volume, "ravel_pytree"),
     (_interpolate, "as_stepper"),
