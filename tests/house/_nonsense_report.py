@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from stickslip import identification
-from tests.house._nonsense_engine import RESIDUAL
+from tests.house._nonsense_identification import RESIDUAL
 from tests.house._nonsense_target import Target, arg
 
 ONE = identification.Fit(
