@@ -26,6 +26,10 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--fresh", action="store_true", help="compute anew instead of going on from what is stored"
     )
+    parser.add_argument(
+        "--data", metavar="FOLDER", type=pathlib.Path,
+        help="where measured records lie; by default what STICKSLIP_DATA names",
+    )  # fmt: skip
     parser.add_argument("--progress", action="store_true", help="show progress off a terminal too")
     return parser
 
@@ -84,6 +88,7 @@ def _run_one(name: str, experiments, options, out: pathlib.Path) -> bool:
 
     from stickslip.sweep import SweepMismatchError, SweepWriteError
 
+    from ._data import MissingDataError
     from ._experiment import chosen
     from ._output import run, same_run
 
@@ -102,8 +107,13 @@ def _run_one(name: str, experiments, options, out: pathlib.Path) -> bool:
     shown = True if options.progress or name == "demo" else None
     try:
         files = run(
-            experiment, out, quick=options.quick, changes=changes, progress=shown, fresh=options.fresh
-        )
+            experiment, out, quick=options.quick, changes=changes, progress=shown,
+            fresh=options.fresh, data=options.data,
+        )  # fmt: skip
+    except MissingDataError as error:
+        print(error, file=sys.stderr)
+        # Figures that need no records are not held up by those that do.
+        return options.name == "all"
     except SweepMismatchError as error:
         text = str(error).partition("Use another store")[0]
         print(f"{text}Choose another --out, or compute anew with --fresh.", file=sys.stderr)

@@ -13,16 +13,17 @@ from matplotlib.figure import Figure
 
 from . import _settings
 
-GROUPS = ("beam", "block", "corexy", "mechanisms")
+GROUPS = ("beam", "block", "corexy", "emps", "mechanisms")
 
 
 @dataclasses.dataclass(frozen=True)
 class Context:
-    """Cache directory of a run, and whether it shows progress."""
+    """Cache directory of a run, whether it shows progress, and the folder of the user's records."""
 
     stores: pathlib.Path
     progress: bool | None = None
     fresh: bool = False
+    data: pathlib.Path | None = None
 
 
 @dataclasses.dataclass(frozen=True)

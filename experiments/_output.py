@@ -37,11 +37,12 @@ def run(
     changes: list[str] | None = None,
     progress: bool | None = None,
     fresh: bool = False,
+    data: pathlib.Path | None = None,
 ) -> list[pathlib.Path]:
     """Compute, draw, judge and write; the files written."""
     parameters = chosen(experiment, quick, changes or [])
     begin = time.monotonic()
-    dataset = experiment.compute(parameters, Context(out / "stores", progress, fresh))
+    dataset = experiment.compute(parameters, Context(out / "stores", progress, fresh, data))
     dataset = dataset.assign_attrs(experiment=experiment.name, title=experiment.title)
     computed = time.monotonic() - begin
     out.mkdir(parents=True, exist_ok=True)

@@ -10,6 +10,7 @@ WORDS = {True: "holds", False: "does not hold", None: "open"}
 OF_THE_PAPERS = "the papers' statements"
 OWN = "statements on sets found by our searches"
 MACHINES = "known results of declared machines"
+RECORDS = "what is published on measured records"
 QUICK = "quick runs and demo, a first look"
 
 
@@ -17,11 +18,18 @@ def scoreboard(out: pathlib.Path) -> str:
     """One line per statement from the records in `out`, and how many of them hold.
 
     Full runs with the constructed parameters are counted apart from those with parameters that our
-    searches found, both from known results of the machines declared here, and all from quick runs. A
-    statement that several figures measure counts once; if they do not agree it is open.
+    searches found, both from known results of the machines declared here and on measured records, and
+    all from quick runs. A statement that several figures measure counts once; if they do not agree it
+    is open.
     """
     lines: list[str] = []
-    verdicts: dict[str, dict[str, set]] = {OF_THE_PAPERS: {}, OWN: {}, MACHINES: {}, QUICK: {}}
+    verdicts: dict[str, dict[str, set]] = {
+        OF_THE_PAPERS: {},
+        OWN: {},
+        MACHINES: {},
+        RECORDS: {},
+        QUICK: {},
+    }
     for path in sorted(out.glob("*.json")):
         try:
             record = json.loads(path.read_text(encoding="utf-8"))
@@ -43,6 +51,8 @@ def _group(record: Mapping[str, Any]) -> str:
         return QUICK
     if record["name"].startswith("mechanism-"):
         return MACHINES
+    if record["name"].startswith("identify-"):
+        return RECORDS
     found = record["name"].endswith("-search") or record.get("parameters", {}).get("set", "A") != "A"
     return OWN if found else OF_THE_PAPERS
 

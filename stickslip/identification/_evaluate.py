@@ -5,28 +5,39 @@ from typing import Any
 
 import jax
 import jax.core
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._compiled_once import compiled_once
 from ..hybrid._xla import traced
-from ._unknowns import NamedValues, from_logs
+from ._losses import AbstractLoss
+from ._unknowns import NamedValues, Space
 
 Evaluation = Callable[[Float[Array, " unknown"]], tuple[Array, Array]]
 
 
-def evaluation(residual: Callable[[NamedValues], Any], names: tuple[str, ...]) -> Evaluation:
-    """Function of the logarithms of the unknowns: row of residuals, its Jacobian by forward mode.
+def evaluation(
+    residual: Callable[[NamedValues], Any], space: Space, loss: AbstractLoss | None = None
+) -> Evaluation:
+    """Function of the coordinates of the unknowns: row of residuals, its Jacobian by forward mode.
+
+    A robust loss has weighed the residuals. Priors are rows behind those of the data.
 
     **Raises** `ValueError`, when it is traced, for residuals that are not one row.
     """
 
     def evaluate(z):
         def twice(z):
-            out = residual(from_logs(names, z))
+            values = space.values(z)
+            out = residual(values)
             if getattr(out, "ndim", None) != 1:
                 raise ValueError(
                     f"residual(values) = {_shape(out)}: it must be one array with one dimension."
                 )
+            if loss is not None:
+                out = out * loss.weight(out)
+            if space.num_priors:
+                out = jnp.concatenate([out, space.prior_rows(values)])
             return out, out
 
         matrix, out = jax.jacfwd(twice, has_aux=True)(z)
@@ -39,19 +50,17 @@ def _shape(out: Any) -> str:
     return f"an array of shape {out.shape}" if hasattr(out, "shape") else f"a {type(out).__name__}"
 
 
-def solved(
-    method: Any, residual: Callable[[NamedValues], Any], names: tuple[str, ...], z: Array
-) -> Any:
+def solved(method: Any, residual: Callable[[NamedValues], Any], space: Space, z: Array) -> Any:
     """`method.solve` for the residual, compiled once for all residuals that differ in their data only.
 
     The data that a residual closes over are made operands before a loop can make constants of them.
     """
-    jaxpr, consts, form = traced(evaluation(residual, names), (z,))
+    jaxpr, consts, form = traced(evaluation(residual, space, method.loss), (z,))
 
     def solve(z, consts):
         def evaluate(z):
             return jax.tree.unflatten(form, jax.core.eval_jaxpr(jaxpr, (), *consts, z))
 
-        return method.solve(evaluate, names, z)
+        return method.solve(evaluate, space, z)
 
     return compiled_once(solve, z, consts)

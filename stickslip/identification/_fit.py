@@ -1,20 +1,26 @@
 """What a fit returns."""
 
+from typing import Any
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from .._looks_at import looks_at, not_negative_number
 from .._types import Numeric
+from ._results import CODE, to_result
 from ._sensitivity import Sensitivity
-from ._unknowns import NamedValues
+from ._unknowns import NamedValues, Space, all_positive
 
 
 class Fit(eqx.Module):
     """Estimates and how far to trust them; under `vmap` every array has the batch axes in front.
 
-    - `values`: the estimates by name. `residual` there, in units of its standard deviation.
+    - `values`: the estimates by name. `residual` there, in units of its standard deviation; rows of
+      priors come last.
     - `sensitivity`: at the estimate. `steps`: iterations. `successful`: whether it converged.
+    - `code`: why the method stopped; `result` is the item of `RESULTS`, whose message says it.
+    - `space`: of the unknowns, with their bounds, units and priors.
     """
 
     values: dict[str, Float[Array, "*batch"]]
@@ -22,6 +28,61 @@ class Fit(eqx.Module):
     sensitivity: Sensitivity
     steps: Int[Array, "*batch"]
     successful: Bool[Array, "*batch"]
+    space: Space
+    code: Int[Array, "*batch"]
+
+    def __init__(
+        self,
+        values: NamedValues,
+        residual: Array,
+        sensitivity: Sensitivity,
+        steps: Array,
+        successful: Array,
+        space: Space | None = None,
+        code: Array | None = None,
+    ):
+        self.values, self.residual, self.sensitivity = values, residual, sensitivity
+        self.steps, self.successful = steps, successful
+        self.space = all_positive(sensitivity.names) if space is None else space
+        failed = CODE["max_steps_reached"]
+        self.code = jnp.where(successful, 0, failed).astype(jnp.int32) if code is None else code
+
+    @property
+    def result(self) -> Any:
+        """Item of `identification.RESULTS`."""
+        return to_result(self.code)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The unknowns, in the order of rows and columns: alphabetical."""
+        return self.space.names
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units by name, as the unknowns state them."""
+        return dict(zip(self.space.names, self.space.units, strict=True))
+
+    @property
+    def slopes(self) -> Float[Array, "*batch unknown"]:
+        """Derivatives of the values by the coordinates in which the methods work."""
+        return self.space.slopes(self.values)
+
+    @property
+    def jacobian(self) -> Float[Array, "*batch row unknown"]:
+        """Derivatives of the residual by the values; zero by a value that lies at its bound."""
+        slopes = self.slopes[..., None, :]
+        free = slopes != 0.0
+        return jnp.where(free, self.sensitivity.matrix / jnp.where(free, slopes, 1.0), 0.0)
+
+    @property
+    def active_bounds(self) -> NamedValues:
+        """By name -1 or +1 where an estimate lies at its lower or upper bound, otherwise 0."""
+        return self.space.active(self.values)
+
+    @property
+    def data_residual(self) -> Float[Array, "*batch row"]:
+        """The residual without the rows of the priors."""
+        return self.residual[..., : self.residual.shape[-1] - self.space.num_priors]
 
     @property
     def cost(self) -> Float[Array, "*batch"]:
@@ -38,4 +99,11 @@ class Fit(eqx.Module):
     def standard_errors(self, threshold: Numeric = 1e-7) -> NamedValues:
         """Standard error of every estimate, in its own unit; infinite if the data do not see it."""
         relative = self.sensitivity.standard_errors(threshold)
-        return {name: relative[name] * self.values[name] for name in relative}
+        slopes = jnp.abs(self.slopes)
+        return {name: relative[name] * slopes[..., i] for i, name in enumerate(relative)}
+
+    @looks_at(threshold=not_negative_number)
+    def covariance(self, threshold: Numeric = 1e-7) -> Float[Array, "*batch unknown unknown"]:
+        """Covariance of the values, to first order; combinations not seen are left out of it."""
+        slopes = self.slopes
+        return slopes[..., :, None] * self.sensitivity.covariance(threshold) * slopes[..., None, :]

@@ -3,12 +3,12 @@
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from .._types import Given, NamedNumbers
+from .._types import Given
 from .._validation import check_callable
+from ._descent import GradientDescent
 from ._evaluate import solved
 from ._fit import Fit
-from ._methods import descent
-from ._unknowns import NamedValues, scalars, to_logs
+from ._unknowns import NamedUnknowns, NamedValues, scalars
 
 if TYPE_CHECKING:
     import optax
@@ -16,13 +16,13 @@ if TYPE_CHECKING:
 
 def gradient_descent(
     residual: Callable[[NamedValues], Any],
-    start: NamedNumbers,
+    start: NamedUnknowns,
     *,
     optimiser: Given["optax.GradientTransformation | None"] = None,
     steps: int = 300,
     tolerance: float = 0.1,
 ) -> Fit:
-    r"""Minimise $\tfrac12\|r(p)\|^2$ by an optimiser of optax, in the logarithms of the unknowns.
+    r"""Minimise $\tfrac12\|r(p)\|^2$ by an optimiser of optax, in the coordinates of the unknowns.
 
     For noise in the objective, schedules and constraints of your own; `least_squares` takes far fewer
     runs. The gradient is $J^T r$ with the Jacobian by forward mode through all events.
@@ -33,8 +33,7 @@ def gradient_descent(
     `Fit` on the way. **Raises** as `least_squares`, and `TypeError` if `optimiser` is not an
     `optax.GradientTransformation`.
     """
-    method = descent(optimiser=optimiser, steps=steps, tolerance=tolerance)
+    method = GradientDescent(optimiser, steps, tolerance)
     check_callable("residual", residual, "f(values)", {})
-    start = scalars("start", start)
-    names = tuple(start)
-    return solved(method, residual, names, to_logs(start))
+    space, values = scalars("start", start)
+    return solved(method, residual, space, space.coordinates(values))

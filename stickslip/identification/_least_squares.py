@@ -3,23 +3,25 @@
 from collections.abc import Callable
 from typing import Any
 
-from .._types import NamedNumbers
+from .._types import Given
 from .._validation import check_callable
 from ._evaluate import solved
 from ._fit import Fit
-from ._methods import levenberg_marquardt
-from ._unknowns import NamedValues, scalars, to_logs
+from ._levenberg_marquardt import LevenbergMarquardt
+from ._losses import AbstractLoss
+from ._unknowns import NamedUnknowns, NamedValues, scalars
 
 
 def least_squares(
     residual: Callable[[NamedValues], Any],
-    start: NamedNumbers,
+    start: NamedUnknowns,
     *,
     damping: float = 1.0,
     tolerance: float = 1e-8,
     max_steps: int = 64,
+    loss: Given[AbstractLoss | None] = None,
 ) -> Fit:
-    r"""Minimise $\tfrac12\|r(p)\|^2$ over positive unknowns $p$, in their logarithms.
+    r"""Minimise $\tfrac12\|r(p)\|^2$ over the unknowns $p$, in their unbounded coordinates.
 
     Levenberg-Marquardt of optimistix. The Jacobian of the residuals is taken by forward mode, so that
     it is exact through the events of a simulation, and once per step.
@@ -37,20 +39,21 @@ def least_squares(
 
     - `residual(values)`: one row of residuals in units of their standard deviation. A row that is not
       finite, e.g. of a run that failed, counts as a step too far.
-    - `start`: positive numbers by name.
+    - `start`: by name, an `Unknown` with its start, bounds and prior; or a plain positive number, which
+      is estimated in its logarithm.
     - `damping` $\lambda$ of the first step, $(J^TJ + \lambda)\,\delta = -J^Tr$: with residuals far
       above 1 a large value, say the square of a typical residual, saves steps that are refused.
-    - `tolerance`: relative and absolute, of the logarithms and the residuals; or of the cost, by
+    - `tolerance`: relative and absolute, of the coordinates and the residuals; or of the cost, by
       what the next step would gain if the residual were linear. `max_steps`: limit, refused ones
       included.
+    - `loss`: a robust loss such as `Huber()` in place of squares, or `None`.
 
     **Returns** a `Fit`. **Raises** `TypeError`, `ValueError` if `start` is not a mapping from names to
-    positive numbers, or if another number is not positive. The residual is traced at every call, and
-    compiled where its program is a new one. Works under `jit` and `vmap`; the estimate is not
-    differentiated, because that would take second derivatives of the motion.
+    unknowns or positive numbers, or if another number is not positive. The residual is traced at every
+    call, and compiled where its program is a new one. Works under `jit` and `vmap`; the estimate is
+    not differentiated, because that would take second derivatives of the motion.
     """
-    method = levenberg_marquardt(damping=damping, tolerance=tolerance, max_steps=max_steps)
+    method = LevenbergMarquardt(damping, tolerance, max_steps, loss)
     check_callable("residual", residual, "f(values)", {})
-    start = scalars("start", start)
-    names = tuple(start)
-    return solved(method, residual, names, to_logs(start))
+    space, values = scalars("start", start)
+    return solved(method, residual, space, space.coordinates(values))

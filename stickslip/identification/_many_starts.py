@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from .._types import NamedNumbers, NamedRows
+from .._types import Given
 from .._validation import (
     check_callable,
     check_count,
@@ -24,25 +24,27 @@ from .._validation import (
 )
 from ..sweep import map_lanes
 from ..sweep._lanes import EXECUTORS
+from ._descent import GradientDescent
 from ._evaluate import evaluation
 from ._fit import Fit
 from ._gradient import gradient_descent
 from ._least_squares import least_squares
-from ._methods import AbstractMethod, descent, levenberg_marquardt
+from ._levenberg_marquardt import LevenbergMarquardt
+from ._methods import AbstractMethod
 from ._sensitivity import Sensitivity
-from ._unknowns import checked, to_logs
+from ._unknowns import NamedUnknownRows, NamedValues, Space, checked
 
 METHODS: dict[Any, Callable[..., AbstractMethod]] = {
-    least_squares: levenberg_marquardt,
-    gradient_descent: descent,
+    least_squares: LevenbergMarquardt,
+    gradient_descent: GradientDescent,
 }
 
 
 def many_starts(
     residual: Callable[..., Any],
-    starts: NamedRows,
+    starts: NamedUnknownRows,
     *shared: PyTree,
-    fit: Callable[..., Fit] = least_squares,
+    fit: Given[Callable[..., Fit] | AbstractMethod] = least_squares,
     chunk_size: int | None = None,
     executor: str = "auto",
     **options: Any,
@@ -54,8 +56,9 @@ def many_starts(
 
     **Arguments**
 
-    - `residual(values, *shared)` and `options` as for `fit`, which is `least_squares` or
-      `gradient_descent`; `starts`, one row of positive numbers for each name.
+    - `residual(values, *shared)`; `fit`: `least_squares` or `gradient_descent`, with `options` as they
+      take them, or a method such as `LevenbergMarquardt()`; `starts`, by name one row of positive
+      numbers, or an `Unknown` with a row.
     - `shared`: arrays that are the same for all starts. Handed over like this, other data of the same
       shape use the program that is compiled already, as long as `residual` is the same function.
     - `chunk_size`, `executor` as for `stickslip.map_lanes`. With a `chunk_size`, other numbers of
@@ -65,20 +68,17 @@ def many_starts(
     of different lengths, an unknown `fit`, and `shared` with numbers that are not finite. It is a loop
     of Python and does not work under `jit`.
     """
-    if fit is not least_squares and fit is not gradient_descent:
-        raise refusal("fit", fit, "least_squares or gradient_descent")
-    method = METHODS[fit](**options)
+    method = _method(fit, options)
     check_callable("residual", residual, "f(values, *shared)", {}, *shared)
     _check_lanes(chunk_size, executor)
-    starts, count = _rows("starts", starts)
-    names = tuple(starts)
+    space, found, count = _rows("starts", starts)
     for i, tree in enumerate(shared):
         for name, leaf in leaves_of(f"shared[{i}]", tree):
             check_finite(name, numbers(name, leaf))
     shared = jax.tree.map(lambda a: np.broadcast_to(a, (count, *np.shape(a))), shared)
-    program = _evaluator(residual, names, chunk_size, executor)
+    program, shared = _evaluator(residual, space, chunk_size, executor, count, shared, method.loss)
     now = done = None
-    todo, z = np.arange(count), to_logs(starts)
+    todo, z = np.arange(count), space.coordinates(found)
     while todo.size:
         out, matrix = _evaluated(program, z, shared, todo, chunk_size is not None)
         if now is None:
@@ -86,47 +86,56 @@ def many_starts(
         now = _advance(method, now, jnp.asarray(out), jnp.asarray(matrix))
         z, done = np.asarray(now.z), np.asarray(now.done)
         todo = np.flatnonzero(~done)
-    return _finish(method, names, now)
+    return _finish(method, space, now)
 
 
 def sensitivities(
     residual: Callable[..., Any],
-    values: NamedNumbers,
+    values: NamedUnknownRows,
     *each: PyTree,
     chunk_size: int | None = None,
     executor: str = "auto",
 ) -> Sensitivity:
     """`sensitivity` of many, by the program of `many_starts`.
 
-    **Arguments:** `residual(values, *each)`; `values`, one row of positive numbers for each name;
-    `each`, arrays with as many rows. **Returns** a `Sensitivity` with the rows in front. **Raises**
-    `TypeError`, `ValueError` for what is not so.
+    **Arguments:** `residual(values, *each)`; `values`, by name one row of positive numbers, or an
+    `Unknown` with a row; `each`, arrays with as many rows. **Returns** a `Sensitivity` with the rows in
+    front. **Raises** `TypeError`, `ValueError` for what is not so.
     """
     check_callable("residual", residual, "f(values, *each)", {}, *each)
     _check_lanes(chunk_size, executor)
-    values, count = _rows("values", values)
+    space, found, count = _rows("values", values)
     for i, tree in enumerate(each):
         for name, leaf in leaves_of(f"each[{i}]", tree):
             check_finite(name, leaf)
             if np.shape(leaf)[:1] != (count,):
                 raise misshaped(name, leaf, f"an array of {count} rows, as values")
-    names = tuple(values)
-    program = _evaluator(residual, names, chunk_size, executor)
     each = jax.tree.map(np.asarray, each)
-    rows = np.arange(count)
-    matrix = _evaluated(program, to_logs(values), each, rows, chunk_size is not None)[1]
-    return Sensitivity(names, jnp.asarray(matrix))
+    program, each = _evaluator(residual, space, chunk_size, executor, count, each)
+    rows, z = np.arange(count), space.coordinates(found)
+    matrix = _evaluated(program, z, each, rows, chunk_size is not None)[1]
+    return Sensitivity(space.names, jnp.asarray(matrix))
 
 
-def _rows(name: str, values: Any) -> tuple[dict[str, Any], int]:
-    values = checked(name, values)
-    shapes = {key: a.shape for key, a in values.items()}
+def _method(fit: Any, options: dict[str, Any]) -> AbstractMethod:
+    if isinstance(fit, AbstractMethod):
+        if options:
+            raise refusal("options", options, "empty where fit is a method, which has its own")
+        return fit
+    if fit is not least_squares and fit is not gradient_descent:
+        raise refusal("fit", fit, "least_squares or gradient_descent, or a method")
+    return METHODS[fit](**options)
+
+
+def _rows(name: str, values: Any) -> tuple[Space, NamedValues, int]:
+    space, found = checked(name, values)
+    shapes = {key: a.shape for key, a in found.items()}
     if len(set(shapes.values())) != 1 or len(next(iter(shapes.values()))) != 1:
         raise refusal(name, values, "rows of one length by name", but=f"of shapes {shapes}")
-    if not is_concrete(values):
+    if not is_concrete(found):
         raise refusal(name, values, "known: this is a loop of Python, call it outside of jit and vmap")
     (count,) = next(iter(shapes.values()))
-    return values, count
+    return space, found, count
 
 
 def _check_lanes(chunk_size: Any, executor: Any) -> None:
@@ -136,19 +145,29 @@ def _check_lanes(chunk_size: Any, executor: Any) -> None:
 
 
 @functools.lru_cache(maxsize=8)
-def _kept_evaluator(residual, names, chunk_size, executor) -> map_lanes:
-    def one(z, shared):
-        return evaluation(lambda values: residual(values, *shared), names)(z)
+def _kept_evaluator(residual, form: Space, chunk_size, executor, loss) -> map_lanes:
+    def one(z, scales, shared):
+        space = eqx.combine(form, scales)
+        return evaluation(lambda values: residual(values, *shared), space, loss)(z)
 
-    return map_lanes(one, executor=executor, chunk_size=chunk_size)
+    def each(z, rest):
+        return one(z, *rest)
+
+    return map_lanes(each, executor=executor, chunk_size=chunk_size)
 
 
-def _evaluator(residual, names, chunk_size, executor) -> map_lanes:
+def _evaluator(
+    residual, space: Space, chunk_size, executor, count: int, rest, loss=None
+) -> tuple[map_lanes, Any]:
+    """The program, and what it takes besides coordinates: scales and priors are data too."""
+    scales, form = eqx.partition(space, eqx.is_array)
+    scales = jax.tree.map(lambda a: np.broadcast_to(a, (count, *np.shape(a))), scales)
     try:
         hash(residual)
+        make = _kept_evaluator
     except TypeError:
-        return _kept_evaluator.__wrapped__(residual, names, chunk_size, executor)
-    return _kept_evaluator(residual, names, chunk_size, executor)
+        make = _kept_evaluator.__wrapped__
+    return make(residual, form, chunk_size, executor, loss), (scales, rest)
 
 
 def _parts(rows: np.ndarray, width: int, whole: bool) -> Iterator[tuple[np.ndarray, int]]:
@@ -187,5 +206,5 @@ def _advance(method, now, residual, matrix):
 
 
 @eqx.filter_jit
-def _finish(method, names: tuple[str, ...], now):
-    return jax.vmap(lambda now: method.fit(names, now))(now)
+def _finish(method, space: Space, now):
+    return jax.vmap(lambda now: method.finish(space, now))(now)

@@ -8,10 +8,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from .._looks_at import looks_at, not_negative_number
-from .._types import NamedNumbers, Numeric
+from .._types import Numeric
 from .._validation import check_callable
 from ._evaluate import evaluation
-from ._unknowns import NamedValues, scalars, to_logs
+from ._unknowns import NamedUnknowns, NamedValues, scalars
 
 
 class Sensitivity(eqx.Module):
@@ -21,6 +21,8 @@ class Sensitivity(eqx.Module):
     small relative change $\delta$ of the unknowns. Its singular value decomposition
     $S = U\,\mathrm{diag}(s)\,V^T$ sorts the combinations $\prod_j p_j^{V_{jk}}$ of unknowns by how
     well they are seen: the standard error of the logarithm of the $k$-th is $1/s_k$.
+
+    For an `Unknown` with other bounds than `(0, None)` its coordinate stands in place of $\ln p_j$.
 
     - `names` of the unknowns, in alphabetical order; `matrix` $S$.
     - `singular_values` $s$, falling; `directions` $V^T$, a row each.
@@ -69,14 +71,13 @@ class Sensitivity(eqx.Module):
         return {name: errors[..., i] for i, name in enumerate(self.names)}
 
 
-def sensitivity(residual: Callable[[NamedValues], Any], values: NamedNumbers) -> Sensitivity:
+def sensitivity(residual: Callable[[NamedValues], Any], values: NamedUnknowns) -> Sensitivity:
     """`Sensitivity` of the residuals at `values`, by forward mode through all events.
 
     **Arguments:** `residual(values)`, one row of residuals in units of their standard deviation, e.g.
-    `(model - data) / sigma`; `values`, positive numbers by name. **Raises** `TypeError`, `ValueError`
-    for what is not so. Works under `jit` and `vmap`.
+    `(model - data) / sigma`; `values`, positive numbers or `Unknown`s by name. **Raises**
+    `TypeError`, `ValueError` for what is not so. Works under `jit` and `vmap`.
     """
     check_callable("residual", residual, "f(values)", {})
-    values = scalars("values", values)
-    names = tuple(values)
-    return Sensitivity(names, evaluation(residual, names)(to_logs(values))[1])
+    space, found = scalars("values", values)
+    return Sensitivity(space.names, evaluation(residual, space)(space.coordinates(found))[1])

@@ -34,14 +34,23 @@ from stickslip.analysis import _attractor, _volume
 from stickslip.contact import _dead_zone, _hold, _resolve, _zonotope
 from stickslip.friction import _contract
 from stickslip.hybrid import _interpolate, _saltation, _simulate
-from stickslip.identification import _many_starts, _methods, _sensitivity
+from stickslip.identification import (
+    _many_starts,
+    _methods,
+    _problem,
+    _profile,
+    _report,
+    _sensitivity,
+)
 from stickslip.sweep import _evaluate
 from tests.house import (
     _nonsense_analyses,
     _nonsense_engine,
+    _nonsense_identification,
     _nonsense_laws,
     _nonsense_machine,
     _nonsense_methods,
+    _nonsense_report,
 )  # fmt: skip
 from tests.house._nonsense_kinds import allowed, kinds
 from tests.house._nonsense_public import arguments_of, public_callables, public_methods
@@ -51,7 +60,9 @@ TARGETS: list[Target] = [
     *_nonsense_laws.TARGETS,
     *_nonsense_engine.TARGETS,
     *_nonsense_analyses.TARGETS,
+    *_nonsense_identification.TARGETS,
     *_nonsense_machine.TARGETS,
+    *_nonsense_report.TARGETS,
     *_nonsense_methods.TARGETS,
 ]
 OURS = tuple(str(pathlib.Path(m.__file__).parent) + os.sep for m in (stickslip, corexy_jax))
@@ -64,6 +75,12 @@ BEHIND = (
     (_methods.AbstractMethod, "solve"),
     (_many_starts, "_evaluator"),
     (_sensitivity, "evaluation"),
+    (_profile, "traced"),
+    (_report, "page"),
+    (_problem, "residual_of"),
+    (_problem, "motion_of"),
+    (_problem, "solved"),
+    (_problem, "many_starts"),
     (_saltation, "ravel_pytree"),
     (_volume, "ravel_pytree"),
     (_interpolate, "as_stepper"),

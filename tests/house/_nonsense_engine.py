@@ -1,14 +1,12 @@
-"""Right arguments of the engine, the sweeps and the identification."""
+"""Right arguments of the engine and the sweeps."""
 
 import tempfile
 
-import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 import stickslip as ss
-from stickslip import hybrid, identification, sweep
+from stickslip import hybrid, sweep
 from stickslip.systems import CoulombOscillator, Motion
 from tests.house._nonsense_target import Target, arg, reached
 
@@ -201,52 +199,4 @@ def _inside(store):
     return f"{INSIDE.name}/{store}" if isinstance(store, str) and store else store
 
 
-UNKNOWN = {"a": 2.0}
-RESIDUAL = arg(lambda p, *shared: p["a"][None], "function")
-FITS = identification.Fit(
-    {"a": jnp.ones(2)}, jnp.ones((2, 3)),
-    eqx.filter_vmap(lambda m: identification.Sensitivity(("a",), m))(jnp.ones((2, 3, 1))),
-    jnp.ones(2, jnp.int32), jnp.ones(2, bool),
-)  # fmt: skip
-LEVENBERG = {
-    "damping": arg(1.0, "positive", "float32"), "tolerance": arg(1e-8, "positive", "float32"),
-    "max_steps": arg(8),
-}  # fmt: skip
-LANES = {"chunk_size": arg(2, "none"), "executor": arg("portable")}
-IDENTIFICATION = [
-    Target(
-        identification.least_squares,
-        {"residual": RESIDUAL, "start": arg(UNKNOWN, "unknowns"), **LEVENBERG},
-    ),
-    Target(
-        identification.gradient_descent,
-        {
-            "residual": RESIDUAL, "start": arg(UNKNOWN, "unknowns"), "optimiser": arg(None, "none"),
-            "steps": arg(3), "tolerance": arg(0.1, "positive", "float32"),
-        },
-    ),
-    Target(
-        identification.many_starts,
-        {
-            "residual": RESIDUAL, "starts": arg({"a": [1.0, 2.0]}), "shared": arg(1.0, "shared"),
-            "fit": arg(identification.least_squares), **LANES, **LEVENBERG,
-        },
-        lambda residual, starts, shared, **given: identification.many_starts(
-            residual, starts, shared, **given
-        ),
-    ),
-    Target(
-        identification.sensitivities,
-        {
-            "residual": RESIDUAL, "values": arg({"a": [1.0, 2.0]}),
-            "each": arg(np.ones(2), "shared"), **LANES},
-        lambda residual, values, each, **given: identification.sensitivities(
-            residual, values, each, **given
-        ),
-    ),
-    Target(
-        identification.sensitivity, {"residual": RESIDUAL, "values": arg(UNKNOWN, "unknowns")},
-    ),
-    Target(identification.best, {"fits": arg(FITS)}),
-]  # fmt: skip
-TARGETS = [*ENGINE, *SWEEPS, *IDENTIFICATION]
+TARGETS = [*ENGINE, *SWEEPS]

@@ -12,10 +12,12 @@ import numpy as np
 import corexy_jax as cx
 import stickslip as ss
 from stickslip import analysis, friction, identification, systems
-from tests.house._nonsense_engine import FITS, OSCILLATOR, START
+from tests.house._nonsense_engine import OSCILLATOR, START
+from tests.house._nonsense_identification import FITS, PROBLEM, RECORD, SIGNAL, UNKNOWN
 from tests.house._nonsense_laws import BLOCK, DRY, SMOOTH
 from tests.house._nonsense_machine import PARAMETERS, VOLTAGE
 from tests.house._nonsense_public import methods_of
+from tests.house._nonsense_report import COMPARISON, PROFILE, REPORT
 from tests.house._nonsense_target import Argument, Target, arg
 
 REALS = ("reals",)
@@ -104,6 +106,19 @@ TARGETS = [
     *of(TANGENT, start__y=arg(START, STATES), columns=arg(np.ones((2, 1))), y=arg(DEVIATING),
         state=arg(DEVIATING)),
     *of(FITS),
+    *of(PROFILE, row=arg(0, "count")),
+    *of(COMPARISON, by=arg("bic")),
+    *of(REPORT, path=arg("x", "path")),
+    *of(SIGNAL, delay=arg(0.1, "real")),
+    *of(identification.Huber(1.0), residual=arg(0.1, *REALS)),
+    *of(identification.SoftL1(1.0), residual=arg(0.1, *REALS)),
+    *of(
+        PROBLEM, values=arg(UNKNOWN, "unknowns"), record=arg(0, "whole"),
+        residual=arg(np.zeros(2), "lanes"), method=arg(None, "none"),
+        start=arg(None, "none", "unknowns"),
+        starts=arg(None, "none"), fits__starts=arg({"a": [1.0, 2.0]}), seed=arg(0, "count"),
+        chunk_size=arg(None, "none"), records=arg(RECORD),
+    ),
     *of(identification.Sensitivity(("a",), jnp.ones((3, 1)))),
     *(target for kind in (cx.Harmonic, cx.SquareWave) for target in of(kind(1.0, 2.0))),
     *(target for kind in (cx.Sampled, cx.PiecewiseStep)

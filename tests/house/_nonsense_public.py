@@ -19,7 +19,13 @@ EXEMPT = {
     "Spectrum": RETURNED,
     "Separation": RETURNED,
     "Fit": RETURNED,
+    "Simulation": RETURNED,
     "Sensitivity": RETURNED,
+    "Profile": RETURNED,
+    "Correlation": RETURNED,
+    "LjungBox": RETURNED,
+    "Comparison": RETURNED,
+    "Report": RETURNED,
     "CoreXYSolution": RETURNED,
     "current_executor": "takes nothing",
     "code_revision": "takes nothing",
@@ -76,6 +82,14 @@ EXEMPT_METHODS = {
     **dict.fromkeys(
         ("AbstractMechanism.bristles", "AbstractWithStates.state", "CoreXY.state"),
         "has a template with the constructors",
+    ),
+    **dict.fromkeys(
+        (
+            "AbstractMethod.solve", "LevenbergMarquardt.begin", "LevenbergMarquardt.advance",
+            "LevenbergMarquardt.finish", "GradientDescent.begin", "GradientDescent.advance",
+            "GradientDescent.finish", "MultipleShooting.brought_near",
+        ),
+        "steps of a method, called inside of the programs of fits",
     ),
     "map_lanes.__call__": "has a template with the constructors",
 }  # fmt: skip

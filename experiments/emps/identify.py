@@ -1,0 +1,340 @@
+"""Mass and friction of the positioning system, by inverse dynamics and by simulation, and what is left.
+
+- Inverse dynamics: filtered derivatives and linear least squares, as the authors of the record do.
+- By simulation under the known controller: its command is compared with the measured one.
+- By simulation open loop from the measured command, which the benchmark scores by the position. There a
+  force of 0.01 N too much is an error of a millimetre at the end.
+"""
+
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+
+from stickslip.identification import (
+    Fit,
+    Unknown,
+    autocorrelation,
+    compare,
+    least_squares,
+    ljung_box,
+    profile,
+    report,
+)
+
+from .._experiment import Context, Experiment, Statement
+from ._inverse import inverse_dynamics
+from ._record import Record, load
+from ._stage import FIRST, command, position
+
+PUBLISHED = {
+    "symmetric": {"mass": 95.1089, "viscous": 203.5034, "dry": 20.3935, "offset": -3.1648},
+    "asymmetric": {
+        "mass": 95.1540, "viscous_forward": 166.7061, "dry_forward": 20.1440,
+        "viscous_backward": 240.4236, "dry_backward": 20.6277,
+    },
+}  # fmt: skip
+UNITS = {"mass": "kg", "offset": "N", "rise": "N", "v_s": "m/s"}
+UNKNOWNS = (
+    "mass", "viscous", "dry", "offset", "viscous_forward", "viscous_backward", "dry_forward",
+    "dry_backward", "rise", "v_s",
+)  # fmt: skip
+SIGMA = 0.05  # of a mean command [V]: what the residuals show
+SIGMA_Q = 1e-3  # of a position, open loop [m]
+LAGS = 20
+
+
+def unit_of(name: str) -> str:
+    return UNITS.get(name, "N s/m" if name.startswith("viscous") else "N")
+
+
+def blocks(row: Any, kept: int) -> Any:
+    """Means over `kept` samples at a time, of what is measured and of what is computed alike."""
+    whole = row.shape[0] // kept * kept
+    return row[:whole].reshape(-1, kept).mean(axis=1)
+
+
+def starts(law: str, rng: np.random.Generator, spread: float) -> dict[str, Unknown]:
+    """Unknowns that begin `spread` above or below what is published."""
+    found = {}
+    for name, value in PUBLISHED[law].items():
+        start = value * (1.0 + spread * rng.choice([-1.0, 1.0]))
+        bounds = (None, None) if name == "offset" else (0.0, None)
+        found[name] = Unknown(start, bounds=bounds, unit=unit_of(name))
+    return found
+
+
+def by_command(record: Record, measured: Any, kept: int):
+    """Residuals of the command under the controller, in standard deviations."""
+
+    def residual(values):
+        return (blocks(command(values, record, 1), kept) - measured) / SIGMA
+
+    return residual
+
+
+def by_position(record: Record, every: int):
+    """Residuals of the position open loop, in standard deviations."""
+
+    def residual(values):
+        return (position(values, record, every) - record.q[::every]) / SIGMA_Q
+
+    return residual
+
+
+def part(record: Record, begin: int, end: int) -> Record:
+    return record._replace(**{key: getattr(record, key)[begin:end] for key in ("q", "reference", "u")})
+
+
+def score(values: dict[str, Any], record: Record) -> float:
+    """Root mean square error of the position [m], open loop, after the samples for the state."""
+    error = np.asarray(position(values, record, 1)) - record.q
+    return float(np.sqrt(np.mean(error[FIRST:] ** 2)))
+
+
+def best_of(residual: Any, law: str, parameters: dict[str, Any], steps: int = 60) -> list[Fit]:
+    """Fits from the random starts, the best first."""
+    rng = np.random.default_rng(parameters["seed"])
+    fits = [
+        least_squares(residual, starts(law, rng, parameters["spread"]), damping=1e3, max_steps=steps)
+        for _ in range(parameters["starts"])
+    ]
+    return sorted(fits, key=lambda fit: float(fit.cost))
+
+
+def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
+    if not 0.2 <= parameters["split"] <= 0.8:
+        raise ValueError(f"--set split={parameters['split']}: it must be from 0.2 to 0.8.")
+    record = load(context.data)
+    kept = parameters["kept"]
+    size = record.q.size
+    if parameters["duration"] < 24.84:
+        size = round(parameters["duration"] * 1000)
+        record = part(record, 0, size)
+    measured = blocks(record.u, kept)
+    columns: dict[str, dict[str, Any]] = {}
+    residuals, fits = {}, {}
+    for law in PUBLISHED:
+        values, errors, relative = inverse_dynamics(record, law == "asymmetric")
+        columns[f"inverse dynamics, {law}"] = {"values": values, "errors": errors, "left": relative}
+        found = best_of(by_command(record, measured, kept), law, parameters)
+        fits[law] = found[0]
+        residuals[law] = np.asarray(found[0].residual)
+        apart = max(
+            abs(float(fit.values[name] / found[0].values[name]) - 1.0)
+            for fit in found for name in fit.names
+        )  # fmt: skip
+        columns[f"by command, {law}"] = _column(found[0], apart)
+    # What the true law leaves: its own run with white noise of the size that was found.
+    truth = {name: fits["asymmetric"].values[name] for name in fits["asymmetric"].names}
+    noise = np.random.default_rng(parameters["seed"] + 1).normal(size=measured.size)
+    made = np.asarray(blocks(command(truth, record, 1), kept)) + SIGMA * noise
+    again = best_of(by_command(record, made, kept), "asymmetric", parameters | {"starts": 1})[0]
+    residuals["asymmetric, simulated"] = np.asarray(again.residual)
+    split = round(parameters["split"] * size)
+    first, second = part(record, 0, split), part(record, split, size)
+    scores, ends = {}, {}
+    for law, values in PUBLISHED.items():
+        scores[f"published, {law}"] = [score(values, r) for r in (record, first, second)]
+    for law in PUBLISHED:
+        found = best_of(by_position(first, kept), law, parameters | {"starts": 1, "spread": 0.0})[0]
+        columns[f"by position, {law}"] = _column(found, 0.0)
+        name = f"position of the first part, {law}"
+        scores[name] = [score(found.values, r) for r in (record, first, second)]
+        ends[law] = found
+    richer = _with_rise(by_position(first, kept), ends["asymmetric"])
+    columns["by position, asymmetric with rise"] = _column(richer, 0.0)
+    scores["position of the first part, asymmetric with rise"] = [
+        score(richer.values, r) for r in (record, first, second)
+    ]
+    held_out = {}
+    later = measured.size * 6 // 10
+    for law in PUBLISHED:
+        # Fitted to the first part of the command alone, scored on the rest of the same run.
+        early = by_command(record, measured, kept)
+        known = least_squares(
+            lambda p, early=early: early(p)[:later], _near(fits[law]), damping=1e3, max_steps=40
+        )
+        held_out[law] = SIGMA * np.asarray(early(known.values))[later:]
+        scores[f"command of the first part, {law}"] = [
+            score(known.values, r) for r in (record, first, second)
+        ]
+    compared = compare(fits, held_out=held_out, sigma=SIGMA, noise_known=False)
+    intervals = None
+    if parameters["profile"]:
+        intervals = profile(
+            by_command(record, measured, kept), fits["asymmetric"], points=2, max_steps=100
+        )
+    told = report(
+        fits["asymmetric"], profile=intervals, series={"command": residuals["asymmetric"]},
+        inputs={"reference": np.gradient(blocks(record.reference, kept))},
+        held_out={"command [V]": held_out["asymmetric"]}, comparison=compared,
+        title="EMPS, asymmetric friction, by the command of the controller",
+    )  # fmt: skip
+    print(told)
+    shown = position(richer.values, record, kept)
+    return _dataset(columns, residuals, scores, compared, record, shown, split, kept, str(told))
+
+
+def _near(fit: Fit) -> dict[str, Unknown]:
+    return {
+        name: Unknown(float(fit.values[name]), bounds=fit.space.bounds[i])
+        for i, name in enumerate(fit.names)
+    }
+
+
+def _with_rise(residual: Any, fit: Fit) -> Fit:
+    """Friction that rises towards rest on top of a law that was fitted."""
+    start = _near(fit) | {
+        "rise": Unknown(0.5, bounds=(0.0, None)), "v_s": Unknown(5e-3, bounds=(1e-4, 0.1)),
+    }  # fmt: skip
+    return least_squares(residual, start, damping=1e3, max_steps=60)
+
+
+def _column(fit: Fit, apart: float) -> dict[str, Any]:
+    return {
+        "values": {name: float(v) for name, v in fit.values.items()},
+        "errors": {name: float(v) for name, v in fit.standard_errors().items()},
+        "left": float(fit.reduced_chi_squared), "apart": apart,
+    }  # fmt: skip
+
+
+def _dataset(columns, residuals, scores, compared, record, shown, split, kept, told) -> xr.Dataset:
+    def table(key):
+        return np.array([[c[key].get(n, np.nan) for n in UNKNOWNS] for c in columns.values()], float)
+
+    tests = [ljung_box(row, LAGS) for row in residuals.values()]
+    own = [np.asarray(autocorrelation(row, LAGS).values) for row in residuals.values()]
+    band = np.asarray(autocorrelation(next(iter(residuals.values())), LAGS).band)
+    data = {
+        "estimate": (("fit", "unknown"), table("values")),
+        "standard_error": (("fit", "unknown"), table("errors")),
+        "left": ("fit", [c["left"] for c in columns.values()]),
+        "apart": ("fit", [c.get("apart", np.nan) for c in columns.values()]),
+        "p_value": ("series", [float(t.p_value) for t in tests]),
+        "ljung_box": ("series", [float(t.statistic) for t in tests]),
+        "residual": (("series", "row"), list(residuals.values())),
+        "autocorrelation": (("series", "lag"), own),
+        "band": ("lag", band),
+        "score": (("model", "over"), np.array(list(scores.values())), {"units": "m"}),
+        "measured": ("time", record.q[::kept], {"units": "m"}),
+        "computed": ("time", np.asarray(shown), {"units": "m"}),
+        "unit": ("unknown", [unit_of(name) for name in UNKNOWNS]),
+    }
+    for column in ("aic", "bic", "held_out"):
+        data[column] = ("law", compared.table[column])
+    coords = {
+        "fit": list(columns), "unknown": list(UNKNOWNS), "series": list(residuals),
+        "lag": np.arange(LAGS + 1), "model": list(scores), "over": ["all", "first", "second"],
+        "law": list(compared.names), "time": ("time", 1e-3 * np.arange(record.q.size)[::kept]),
+    }  # fmt: skip
+    return xr.Dataset(data, coords, {"split": 1e-3 * split, "report": told, "step": 1e-3 * kept})
+
+
+def draw(data: xr.Dataset) -> Figure:
+    figure, axes = plt.subplots(2, 2, figsize=(11.0, 7.2))
+    motion, ratio, own, bars = axes.flat
+    time = data.time.values
+    motion.plot(time, 1e3 * (data.computed - data.measured), lw=0.9, color="#1f4e9c")
+    motion.axvline(data.attrs["split"], color="0.6", lw=0.7)
+    motion.set(
+        xlabel="time [s]", ylabel="error of the position [mm]",
+        title="open loop, asymmetric law with rise, fitted left of the line",
+    )  # fmt: skip
+    colours = ["#1f4e9c", "#b7791f", "#3d7a4b", "#c0392b", "#6b4fa0", "#555555", "#888888"]
+    for i, name in enumerate(data.fit.values):
+        law = "asymmetric" if "asymmetric" in str(name) else "symmetric"
+        names = list(PUBLISHED[law])
+        part_of = data.sel(fit=name, unknown=names)
+        known = np.array([PUBLISHED[law][n] for n in names])
+        place = np.array([UNKNOWNS.index(n) for n in names]) + 0.1 * (i - 3)
+        ratio.errorbar(
+            place, 100 * (part_of.estimate / known - 1.0),
+            200 * part_of.standard_error / np.abs(known),
+            fmt="o", ms=3, lw=1.0, color=colours[i % len(colours)], label=str(name),
+        )  # fmt: skip
+    ratio.axhline(0.0, color="0.6", lw=0.7)
+    ratio.set_xticks(range(8), [n.replace("_", "\n") for n in UNKNOWNS[:8]], fontsize=7)
+    ratio.set(ylabel="off what is published [%], 2 s.e.", ylim=(-20, 20), title="estimates")
+    for i, name in enumerate(data.series.values):
+        row = data.sel(series=name)
+        own.plot(
+            data.lag[1:], row.autocorrelation[1:], "o-", ms=3, lw=0.8, color=colours[i],
+            label=f"{name}: p = {float(row.p_value):.2g}",
+        )  # fmt: skip
+    own.fill_between(data.lag[1:], -data.band[1:], data.band[1:], color="0.88", lw=0)
+    step = data.attrs["step"]
+    own.set(xlabel=f"lag [{step:g} s]", title="autocorrelation of the residuals of the command")
+    place = np.arange(data.model.size)
+    for k, over in enumerate(("first", "second")):
+        bars.barh(place + 0.36 * (k - 0.5), 1e3 * data.score.sel(over=over), 0.34, label=f"{over} part")
+    bars.set_yticks(place, [str(m).replace(", ", "\n") for m in data.model.values], fontsize=7)
+    bars.invert_yaxis()
+    bars.set(xlabel="root mean square error, open loop [mm]", title="score of the benchmark")
+    for axis in (ratio, own, bars):
+        axis.legend(frameon=False, fontsize=6)
+    for axis in axes.flat:
+        axis.title.set_size(9)
+    return figure
+
+
+def judge(data: xr.Dataset) -> list[Statement]:
+    """Against what is published on the record."""
+
+    def off(fit: str, law: str) -> dict[str, float]:
+        row = data.estimate.sel(fit=f"{fit}, {law}")
+        known = PUBLISHED[law]
+        return {n: abs(float(row.sel(unknown=n)) / known[n] - 1.0) for n in known}
+
+    def told(found: dict[str, float]) -> str:
+        return ", ".join(f"{name} {100 * value:.2f}%" for name, value in found.items())
+
+    inverse, command_ = off("inverse dynamics", "symmetric"), off("by command", "symmetric")
+    p = dict(zip(map(str, data.series.values), map(float, data.p_value), strict=True))
+    by_law = {name: data[name].values for name in ("aic", "bic", "held_out")}
+    chosen = [str(data.law.values[int(np.argmin(values))]) for values in by_law.values()]
+    asymmetric = off("by command", "asymmetric")
+    both = data.score.sel(over="all")
+    scores = {str(m): 1e3 * float(v) for m, v in zip(data.model.values, both, strict=True)}
+    later = data.score.sel(over="second")
+    rest = {str(m): 1e3 * float(v) for m, v in zip(data.model.values, later, strict=True)}
+    fitted = rest["command of the first part, asymmetric"]
+    return [
+        Statement("R1.1", "Inverse dynamics gives the published values to 0.5%.",
+                  max(inverse.values()) < 5e-3, told(inverse)),
+        Statement("R1.2", "Simulation from starts 50% off gives M to 1%, Fv and Fc to 3%.",
+                  command_["mass"] < 0.01 and max(command_["viscous"], command_["dry"]) < 0.03,
+                  told(command_)),
+        Statement("R1.3", "All starts end at the same estimate, to 1e-3.",
+                  float(data.apart.sel(fit="by command, symmetric")) < 1e-3,
+                  f"{float(data.apart.sel(fit='by command, symmetric')):.2g} apart"),
+        Statement("R1.4", "Friction differs between the directions, and the comparison prefers it.",
+                  chosen == ["asymmetric"] * 3 and max(asymmetric.values()) < 0.05,
+                  f"AIC, BIC, held-out choose {', '.join(chosen)}; off what is published "
+                  f"{told(asymmetric)}"),
+        Statement("R1.5", "The residuals of the symmetric law are not white; those of a run of the "
+                  "true law with white noise are.",
+                  p["symmetric"] < 0.05 < p["asymmetric, simulated"],
+                  ", ".join(f"{name}: p = {value:.2g}" for name, value in p.items())),
+        Statement("R1.6", "Open loop, the asymmetric law fitted to the command of the first part "
+                  "scores better on the second than the published symmetric law, fitted to both.",
+                  fitted < rest["published, symmetric"],
+                  "second part: " + ", ".join(f"{m} {v:.2f} mm" for m, v in rest.items())
+                  + "; whole record: " + ", ".join(f"{m} {v:.2f} mm" for m, v in scores.items())),
+    ]  # fmt: skip
+
+
+EXPERIMENT = Experiment(
+    name="identify-emps",
+    title="EMPS: mass and friction of a positioning system from its measured record",
+    parameters={
+        "starts": 4, "spread": 0.5, "kept": 50, "split": 0.6, "duration": 24.84, "profile": True,
+        "seed": 0,
+    },
+    quick={"starts": 1, "profile": False},
+    compute=compute,
+    draw=draw,
+    judge=judge,
+)  # fmt: skip

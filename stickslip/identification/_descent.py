@@ -1,0 +1,79 @@
+"""First-order methods of optax as a method."""
+
+from typing import TYPE_CHECKING, Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import optax
+
+from .._types import Given
+from .._validation import check_count, check_type, one_number
+from ._fit import Fit
+from ._losses import AbstractLoss
+from ._methods import AbstractMethod, Iteration
+from ._results import CODE
+from ._sensitivity import Sensitivity
+
+if TYPE_CHECKING:
+    Optimiser = optax.GradientTransformation
+
+
+class GradientDescent(AbstractMethod):
+    """An optimiser of optax that follows the gradient; the best point on the way is kept.
+
+    **Arguments:** `optimiser`, `steps`, `tolerance` as for `gradient_descent`; `loss`, a robust loss
+    such as `Huber()`, or `None`. **Raises** `TypeError`, `ValueError` for what is not so.
+    """
+
+    optimiser: Any = eqx.field(static=True)
+    steps: int
+    tolerance: float
+    loss: AbstractLoss | None
+
+    def __init__(
+        self,
+        optimiser: Given["Optimiser | None"] = None,
+        steps: int = 300,
+        tolerance: float = 0.1,
+        loss: Given[AbstractLoss | None] = None,
+    ):
+        self.steps = check_count("steps", steps, 1)
+        self.tolerance = float(one_number("tolerance", tolerance, "positive"))
+        if optimiser is None:
+            optimiser = optax.adam(optax.cosine_decay_schedule(0.03, steps))
+        self.optimiser = check_type(
+            "optimiser", optimiser, optax.GradientTransformation, "an optimiser of optax"
+        )
+        self.loss = check_type("loss", loss, AbstractLoss | None, "a loss such as Huber(), or None")
+
+    def begin(self, z, rows):
+        nothing = jnp.full((rows,), jnp.nan), jnp.full((rows, z.shape[0]), jnp.nan)
+        best = (jnp.asarray(jnp.inf), z, *nothing)
+        return Iteration(
+            z, (self.optimiser.init(z), best), jnp.zeros((), jnp.int32), jnp.zeros((), bool)
+        )
+
+    def advance(self, now, residual, matrix):
+        state, best = now.kept
+        cost = 0.5 * jnp.sum(residual**2)
+        cost = jnp.where(jnp.isfinite(cost), cost, jnp.inf)
+        here = (cost, now.z, residual, matrix)
+        best = jax.tree.map(lambda a, b: jnp.where(cost < best[0], a, b), here, best)
+        slope = jnp.where(jnp.isfinite(cost), matrix.T @ residual, 0.0)
+        change, state = self.optimiser.update(slope, state, now.z)
+        steps = now.steps + 1
+        z: Any = optax.apply_updates(now.z, change)
+        return Iteration(z, (state, best), steps, steps >= self.steps)
+
+    def finish(self, space, now):
+        cost, z, residual, matrix = now.kept[1]
+        found = Sensitivity(space.names, jnp.where(jnp.isfinite(matrix), matrix, 0.0))
+        seen = found.seen()
+        along = found.directions @ (found.matrix.T @ residual)
+        along = along / jnp.where(seen, found.singular_values, 1.0)
+        left = jnp.sqrt(jnp.sum(jnp.where(seen, along, 0.0) ** 2))
+        near = jnp.isfinite(cost) & (left < self.tolerance)
+        code = jnp.where(near, CODE["successful"], CODE["far_from_minimum"])
+        code = jnp.where(jnp.isfinite(cost), code, CODE["start_not_finite"]).astype(jnp.int32)
+        return Fit(space.values(z), residual, found, now.steps, near, space, code)

@@ -1,0 +1,61 @@
+"""Robust losses: outliers pull less than their square."""
+
+import abc
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from .._checked import CheckedModule
+from .._looks_at import looks_at, reals
+from .._types import Numeric
+from .._validation import one_static
+
+
+class AbstractLoss(eqx.Module, metaclass=CheckedModule):
+    r"""A loss $\rho(r)$ in place of $r^2$, as a weight on residuals: $\rho(r) = (w(r)\,r)^2$.
+
+    What is minimised is $\tfrac12\sum\rho(r_i)$; priors keep their squares.
+    """
+
+    @abc.abstractmethod
+    def weight(self, residual: Numeric) -> Any:
+        """$w$ of residuals in standard deviations."""
+
+
+class Huber(AbstractLoss):
+    r"""$\rho = r^2$ up to the `corner` $c$, $2c|r| - c^2$ beyond, in standard deviations.
+
+    **Raises** `ValueError`, `TypeError` for a `corner` that is no positive number of Python.
+
+    Source: P. J. Huber, "Robust estimation of a location parameter", Ann. Math. Statist. 35, 1964.
+    """
+
+    corner: float = eqx.field(static=True, default=1.345)
+
+    def __check_init__(self):
+        one_static("corner", self.corner, "positive")
+
+    @looks_at(residual=reals)
+    def weight(self, residual: Numeric) -> Any:
+        size = jnp.abs(residual)
+        far = size > self.corner
+        safe = jnp.where(far, size, 1.0)
+        beyond = jnp.sqrt(2.0 * self.corner * safe - self.corner**2) / safe
+        return jnp.where(far, jnp.where(far, beyond, 1.0), 1.0)
+
+
+class SoftL1(AbstractLoss):
+    r"""$\rho = 2c^2(\sqrt{1 + (r/c)^2} - 1)$ with the `corner` $c$: smooth everywhere.
+
+    **Raises** `ValueError`, `TypeError` for a `corner` that is no positive number of Python.
+    """
+
+    corner: float = eqx.field(static=True, default=1.0)
+
+    def __check_init__(self):
+        one_static("corner", self.corner, "positive")
+
+    @looks_at(residual=reals)
+    def weight(self, residual: Numeric) -> Any:
+        return jnp.sqrt(2.0 / (1.0 + jnp.sqrt(1.0 + (residual / self.corner) ** 2)))

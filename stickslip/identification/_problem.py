@@ -1,0 +1,374 @@
+"""What is to be found, from what."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._types import Given, NamedNumbers, Numeric
+from .._validation import (
+    as_parameter,
+    check_callable,
+    check_count,
+    check_finite,
+    check_mapping,
+    check_type,
+    misshaped,
+    one_concrete,
+    refusal,
+    whole_number,
+)
+from ..hybrid import Integrator, Solution
+from ._best import best
+from ._evaluate import solved
+from ._fit import Fit
+from ._levenberg_marquardt import LevenbergMarquardt
+from ._many_starts import many_starts
+from ._methods import AbstractMethod
+from ._multiple_shooting import MultipleShooting
+from ._record import Record
+from ._run import Data, Run, motion_of, residual_of
+from ._signal import padded
+from ._starts import sobol_starts
+from ._unknown import Unknown
+from ._unknowns import NamedUnknowns, NamedValues, checked, scalars
+
+Observe = Callable[[Any, Any, Any], Any]
+
+
+class Observed(eqx.Module):
+    """A function `(t, y, system) -> number` of time [s] and state that is measured with normal noise.
+
+    **Arguments:** `function`; `sd`, the standard deviation of the noise, positive; `unit` of both.
+    **Raises** `TypeError`, `ValueError` for what is not so.
+    """
+
+    function: Callable[..., Any] = eqx.field(static=True)
+    sd: Float[Array, ""]
+    unit: str = eqx.field(static=True)
+
+    def __init__(self, function: Given[Observe], sd: Numeric, unit: str = ""):
+        self.function = check_callable("function", function, "f(t, y, system)", 0.0, None, None)
+        self.sd = as_parameter(one_concrete("sd", sd, "positive"))
+        self.unit = check_type("unit", unit, str, "a text")
+
+
+class Simulation(eqx.Module):
+    """What would have been observed in a record: rows by name at `times` [s], and the `Solution`.
+
+    With inputs that jump, states of the solution are those of `stickslip.WithBreaks`.
+    """
+
+    times: Float[Array, " time"]
+    observed: dict[str, Float[Array, " time"]]
+    solution: Solution
+
+
+class Problem:
+    r"""Unknowns of a system, and the records that tell of them.
+
+    >>> import numpy as np
+    >>> import stickslip as ss
+    >>> from stickslip.systems import CoulombOscillator, Motion
+    >>> times = np.linspace(0.0, 10.0, 21)
+    >>> problem = Problem(
+    ...     system=lambda p, inputs: CoulombOscillator(1.0, p["k"], 1.0, 0.5, 0.2),
+    ...     initial_state=lambda p, inputs: Motion(x=p["x"], v=0.2),
+    ...     unknowns={"k": 1.2, "x": Unknown(0.1, unit="m", per_record=True)},
+    ...     observed={"position": Observed(lambda t, y, system: y.x, 1e-3, "m")},
+    ...     records=Record(times, {"position": np.minimum(0.2 * times, 1.0)}),
+    ... )
+    >>> sorted(problem.unknowns)
+    ['k', 'x[0]']
+
+    **Arguments**
+
+    - `system(values, inputs)`: the hybrid system under values of the unknowns by name, and what is
+      `known` of the record; `inputs` are the record's `Signal`s by name. A signal that becomes a part
+      of the system, a field of it, makes its jumps and bends known to the engine.
+    - `initial_state(values, inputs)` at `begin` of the record.
+    - `unknowns`: by name an `Unknown` or a positive number. One that is `per_record` is as many
+      unknowns, `name[record]`, by the record's name or number; the two functions see it as `name`.
+    - `observed`: by name an `Observed`. Every value of a record has the name of one.
+    - `records`: a `Record` or several. All have the same inputs and the same `known` numbers. Records
+      of different lengths share one program.
+    - `integrator`: as for `simulate`.
+    - `delay`: name of the unknown, or the known number, by which stamps are later than the motion [s].
+
+    **Raises** `TypeError`, `ValueError` for what is not so, before anything is traced.
+    """
+
+    def __init__(
+        self,
+        system: Given[Callable[[NamedValues, dict], Any]],
+        initial_state: Given[Callable[[NamedValues, dict], Any]],
+        unknowns: NamedUnknowns,
+        observed: Given[Mapping[str, Observed]],
+        records: Given[Record | Sequence[Record]],
+        *,
+        integrator: Given[Integrator | None] = None,
+        delay: Given[str | None] = None,
+    ):
+        check_callable("system", system, "f(values, inputs)", {}, {})
+        check_callable("initial_state", initial_state, "f(values, inputs)", {}, {})
+        scalars("unknowns", unknowns)
+        self.given = dict(unknowns)
+        self.observed = _observed(observed)
+        self.records = _records(records, self.observed)
+        check_type("integrator", integrator, Integrator | None, "an Integrator or None")
+        self.labels = tuple(r.name or str(i) for i, r in enumerate(self.records))
+        if len(set(self.labels)) < len(self.labels):
+            raise refusal("records", self.labels, "records with different names")
+        for name in self.records[0].known:
+            if name in self.given:
+                raise refusal(f"unknowns[{name!r}]", self.given[name], "not also known of the records")
+        names = {*self.given, *self.records[0].known}
+        if delay is not None and (not isinstance(delay, str) or delay not in names):
+            raise refusal("delay", delay, f"None or one of {', '.join(sorted(names))}")
+        local = [name for name in sorted(self.given) if _is_local(self.given[name])]
+        self._run = Run(
+            system,
+            initial_state,
+            tuple((name, o.function) for name, o in self.observed.items()),
+            integrator,
+            delay,
+            tuple(name for name in sorted(self.given) if name not in local),
+            tuple((name, tuple(f"{name}[{label}]" for label in self.labels)) for name in local),
+        )
+        self._lengths = tuple(record.times.size for record in self.records)
+        self._data = _data(self.records, self.observed)
+
+    @property
+    def unknowns(self) -> dict[str, Any]:
+        """Every unknown by name, those per record one by one."""
+        found = {name: self.given[name] for name in self._run.shared}
+        for name, parts in self._run.local:
+            found |= dict.fromkeys(parts, self.given[name])
+        return found
+
+    @property
+    def residual_function(self) -> Callable[[NamedValues], Float[Array, " row"]]:
+        """`residual` without checks, a function of values by name for what calls it many times."""
+        run, data = self._run, self._data
+        return lambda values: run(values, data)
+
+    def residual(self, values: NamedNumbers) -> Float[Array, " row"]:
+        """Residuals (model - data)/sd of everything measured: record after record, in each one observed
+        quantity after the other, in each the times in order. Missing values have no row.
+
+        **Arguments:** `values`, numbers by the names of `unknowns`. **Raises** `TypeError`,
+        `ValueError` for a name too few or too many, or what is not finite. NaN in the row where a run
+        fails.
+        """
+        return residual_of(self._run, self._values(values), self._data)
+
+    def log_density(self, values: NamedNumbers) -> Float[Array, ""]:
+        r"""$-\tfrac12\|r\|^2$ and the logarithms of the priors, up to a constant; $-\infty$ where a run
+        fails. **Arguments**, **Raises** as `residual`."""
+        found = self._values(values)
+        row = residual_of(self._run, found, self._data)
+        prior = checked("unknowns", self.unknowns)[0].prior_rows(found)
+        density = -0.5 * (jnp.sum(row**2) + jnp.sum(prior**2))
+        return jnp.where(jnp.isfinite(density), density, -jnp.inf)
+
+    def simulate(self, values: NamedNumbers, record: int = 0) -> Simulation:
+        """The motion in one record, by its number. **Raises** as `residual`."""
+        found = self._values(values)
+        whole_number("record", record, 0, len(self.records) - 1)
+        rows, solution = motion_of(self._run, found, self._data, jnp.asarray(record))
+        times = self.records[record].times
+        names = self.observed
+        rows = {name: rows[i, : times.size] for i, name in enumerate(names)}
+        return Simulation(jnp.asarray(times), rows, solution)
+
+    def parts(self, residual: Given[Array | np.ndarray]) -> dict[str, dict[str, tuple[Any, Any]]]:
+        """A row of `residual` in parts: by record and observed quantity its times [s] and residuals.
+
+        **Raises** `ValueError` for a row of another length.
+        """
+        count = self._data.keep.size
+        if np.shape(residual) != (count,):
+            raise misshaped("residual", residual, f"one row of {count}")
+        found, at = {}, 0
+        for label, record in zip(self.labels, self.records, strict=True):
+            found[label] = {}
+            for name in self.observed:
+                if name in record.values:
+                    times = record.times[record.present[name]]
+                    found[label][name] = (times, residual[at : at + times.size])
+                    at += times.size
+        return found
+
+    def fit(
+        self,
+        *,
+        method: Given[AbstractMethod | MultipleShooting | None] = None,
+        start: NamedNumbers | None = None,
+        starts: Given[int | None] = None,
+        seed: int = 0,
+        chunk_size: int | None = None,
+    ) -> Fit:
+        """Estimate the unknowns.
+
+        **Arguments:** `method`, by default `LevenbergMarquardt()`, or `MultipleShooting(...)`;
+        `start`, values by name in place of
+        the unknowns' own; `starts`: the best of so many, spread by `sobol_starts` with `seed`;
+        `chunk_size` as for `many_starts`. **Returns** a `Fit`. **Raises** `TypeError`, `ValueError` for
+        what is not so.
+        """
+        method = _method(method)
+        unknowns = self.unknowns if start is None else self._from(start)
+        if starts is not None:
+            check_count("starts", starts, 1)
+            rows = sobol_starts(unknowns, starts, seed=seed)
+            return best(self.fits(rows, method=method, chunk_size=chunk_size))
+        check_count("seed", seed, 0)
+        space, first = scalars("unknowns", unknowns)
+        if isinstance(method, MultipleShooting):
+            near, taken = method.brought_near(self._run, self._data, self._lengths, space, first)
+            fit = solved(method.polish, self.residual_function, space, space.coordinates(near))
+            return _with_steps(fit, np.asarray(taken))
+        return solved(method, self.residual_function, space, space.coordinates(first))
+
+    def fits(
+        self,
+        starts: Given[Mapping[str, Any]],
+        *,
+        method: Given[AbstractMethod | MultipleShooting | None] = None,
+        chunk_size: int | None = None,
+    ) -> Fit:
+        """One fit from each of many `starts`, rows of values by name; see `many_starts`."""
+        method = _method(method)
+        rows = _placed(self.unknowns, check_mapping("starts", starts), "starts")
+        if not isinstance(method, MultipleShooting):
+            return many_starts(self._run, rows, self._data, fit=method, chunk_size=chunk_size)
+        space, found = checked("starts", rows)
+        count = next(iter(found.values())).shape[0]
+        near, taken = [], []
+        for i in range(count):
+            one = {name: row[i] for name, row in found.items()}
+            values, steps = method.brought_near(self._run, self._data, self._lengths, space, one)
+            near.append(values)
+            taken.append(steps)
+        rows = _placed(rows, {name: np.stack([v[name] for v in near]) for name in rows}, "starts")
+        fits = many_starts(self._run, rows, self._data, fit=method.polish, chunk_size=chunk_size)
+        return _with_steps(fits, np.array(taken))
+
+    def with_records(self, records: Given[Record | Sequence[Record]]) -> "Problem":
+        """The same problem with other records; of the same shapes, they use the compiled programs."""
+        run = self._run
+        return Problem(
+            run.system, run.initial_state, self.given, self.observed, records,
+            integrator=run.integrator, delay=run.delay,
+        )  # fmt: skip
+
+    def _from(self, start: Any) -> dict[str, Any]:
+        return _placed(self.unknowns, check_mapping("start", start), "start")
+
+    def _values(self, values: Any) -> NamedValues:
+        values, names = check_mapping("values", values), self.unknowns
+        if set(values) != set(names):
+            raise refusal("values", values, f"numbers by the names {', '.join(names)}")
+        for name, value in values.items():
+            check_finite(f"values[{name!r}]", value)
+            if np.shape(value) != ():
+                raise misshaped(f"values[{name!r}]", value, "one number")
+        return {name: as_parameter(values[name]) for name in names}
+
+
+def _method(method: Any) -> Any:
+    if method is None:
+        return LevenbergMarquardt()
+    allowed = "a method such as LevenbergMarquardt() or MultipleShooting(20)"
+    return check_type("method", method, AbstractMethod | MultipleShooting, allowed)
+
+
+def _with_steps(fit: Fit, taken: np.ndarray) -> Fit:
+    """With the steps that were taken before."""
+    return eqx.tree_at(lambda f: f.steps, fit, jnp.asarray(np.asarray(fit.steps) + taken, jnp.int32))
+
+
+def _placed(unknowns: dict[str, Any], starts: dict[str, Any], argument: str) -> dict[str, Any]:
+    """The same unknowns with other starts."""
+    if set(starts) != set(unknowns):
+        raise refusal(argument, starts, f"numbers by the names {', '.join(unknowns)}")
+    return {
+        name: Unknown(
+            starts[name], given.bounds, given.prior, given.unit, given.per_record, given.scale
+        )
+        if isinstance(given, Unknown)
+        else starts[name]
+        for name, given in unknowns.items()
+    }
+
+
+def _is_local(given: Any) -> bool:
+    return isinstance(given, Unknown) and given.per_record
+
+
+def _observed(observed: Any) -> dict[str, Observed]:
+    found = check_mapping("observed", observed)
+    if not found:
+        raise refusal("observed", observed, "a mapping from names to Observed, not empty")
+    for name, one in found.items():
+        check_type(f"observed[{name!r}]", one, Observed, "an Observed")
+    return found
+
+
+def _records(records: Any, observed: dict[str, Observed]) -> tuple[Record, ...]:
+    row = (records,) if isinstance(records, Record) else records
+    allowed = "a Record or a sequence of them, not empty"
+    if not isinstance(row, tuple | list) or not row:
+        raise refusal("records", records, allowed, TypeError)
+    for i, record in enumerate(row):
+        where = f"records[{i}]"
+        check_type(where, record, Record, "a Record")
+        for name in record.values:
+            if name not in observed:
+                allowed = f"of values named after one of observed, {', '.join(observed)}"
+                raise refusal(where, record, allowed, but=f"with values of {name!r}")
+            unit, expected = record.units.get(name), observed[name].unit
+            if unit is not None and unit != expected:
+                allowed = f"in {expected!r}, the unit of observed[{name!r}]"
+                raise refusal(f"{where}.units[{name!r}]", unit, allowed)
+        for kind in ("inputs", "known"):
+            names, first = set(getattr(record, kind)), set(getattr(row[0], kind))
+            if names != first:
+                raise refusal(where, record, f"with the {kind} of records[0], {sorted(first)}",
+                    but=f"with {sorted(names)}")  # fmt: skip
+    return tuple(row)
+
+
+def _data(records: tuple[Record, ...], observed: dict[str, Observed]) -> Data:
+    """Records of one length: the last time is repeated, which costs an attempt each."""
+    longest = max(record.times.size for record in records)
+    shape = (len(records), len(observed), longest)
+    values, present = np.zeros(shape), np.zeros(shape, bool)
+    for r, record in enumerate(records):
+        for i, name in enumerate(observed):
+            if name in record.values:
+                n = record.times.size
+                values[r, i, :n], present[r, i, :n] = record.values[name], record.present[name]
+    inputs = {}
+    for name in records[0].inputs:
+        signals = [record.inputs[name] for record in records]
+        most = [max(getattr(s, a).size for s in signals) for a in ("times", "breaks")]
+        inputs[name] = _stacked([padded(s, *most) for s in signals])
+    times = [np.pad(r.times, (0, longest - r.times.size), mode="edge") for r in records]
+    return Data(
+        times=np.stack(times),
+        begin=np.stack([r.begin for r in records]),
+        values=values,
+        keep=np.flatnonzero(present),
+        deviations=np.array([float(o.sd) for o in observed.values()]),
+        inputs=inputs,
+        known=_stacked([r.known for r in records]),
+    )  # fmt: skip
+
+
+def _stacked(trees: list[Any]) -> Any:
+    return jax.tree.map(lambda *rows: np.stack(rows), *trees)

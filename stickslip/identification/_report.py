@@ -1,0 +1,334 @@
+"""All that a fit tells and all that it leaves open, on one page."""
+
+import dataclasses
+import os
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+
+from .._types import Given, NamedRows, Path
+from .._validation import (
+    check_count,
+    check_flag,
+    check_text,
+    check_type,
+    is_concrete,
+    misshaped,
+    numbers,
+    refusal,
+)
+from ..hybrid._solution import Solution, same_mode_sequence
+from ..hybrid._status import describe_flags
+from ._compare import Comparison
+from ._fit import Fit
+from ._profile import Profile
+from ._report_html import page
+from ._report_plot import drawn
+from ._unseen import unseen
+from ._whiteness import (
+    Correlation,
+    LjungBox,
+    autocorrelation,
+    cross_correlation,
+    ljung_box,
+)
+
+QUANTILE = 1.959963984540054  # of the normal distribution, for 95%
+
+
+class Whiteness:
+    """Of one series of residuals: `series`, `own` correlation, `test`, `with_input` by input; `mean` in
+    standard errors of white noise."""
+
+    def __init__(self, series: np.ndarray, own: Correlation, test: LjungBox, with_input: dict):
+        self.series, self.own, self.test, self.with_input = series, own, test, with_input
+        number = np.isfinite(series).sum()
+        self.mean = float(np.nanmean(series) / np.nanstd(series) * np.sqrt(number))
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Report:
+    """Estimates, intervals, verdicts, what is not seen, tests of the residuals, held-out scores.
+
+    `print` shows it as text; `to_dataset`, `plot` and `to_html` as what they say. Fields: `fit`,
+    `profile`, `whiteness` by series, `held_out` root mean squares by name, `comparison`, `title`,
+    `hidden` sentences on combinations not seen, `modes` sentences on the runs.
+    """
+
+    fit: Fit
+    profile: Profile | None
+    whiteness: Mapping[str, Whiteness]
+    held_out: Mapping[str, float]
+    comparison: Comparison | None
+    modes: list[str]
+    hidden: list[str]
+    title: str
+
+    def rows(self) -> list[list[str]]:
+        """The table of estimates, its head first."""
+        head = ["unknown", "estimate", "unit", "standard error", "Wald 95%"]
+        with_profile = self.profile is not None
+        if with_profile:
+            head += [f"profile {100 * float(self.profile.level):g}%", "verdict"]
+        table = [[*head, "bound"]]
+        errors = self.fit.standard_errors()
+        for name, unit in self.fit.units.items():
+            value, error = float(self.fit.values[name]), float(errors[name])
+            row = [name, f"{value:.6g}", unit or "-", f"{error:.3g}"]
+            low, high = value - QUANTILE * error, value + QUANTILE * error
+            row += [f"{low:.6g} to {high:.6g}" if np.isfinite(error) else "none"]
+            if with_profile:
+                known = name in self.profile.names
+                at = self.profile.names.index(name) if known else 0
+                row += [" to ".join(self.profile.shown(at)) if known else "not asked for"]
+                row += [self.profile.verdicts[name] if known else ""]
+            side = int(self.fit.active_bounds[name])
+            table.append([*row, {0: "", -1: "at the lower", 1: "at the upper"}[side]])
+        return table
+
+    @property
+    def correlation(self) -> np.ndarray:
+        """Of the estimates, by the linearised problem; NaN for unknowns that it does not see."""
+        matrix = np.asarray(self.fit.covariance())
+        seen = np.array([np.isfinite(float(e)) for e in self.fit.standard_errors().values()])
+        size = np.where(seen, np.sqrt(np.diag(matrix)), np.nan)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return matrix / np.outer(size, size)
+
+    def statements(self) -> list[str]:
+        """What is to be said in sentences."""
+        fit = self.fit
+        said = [
+            f"{'Converged' if bool(fit.successful) else 'Did NOT converge'} in {int(fit.steps)} steps; "
+            f"reduced chi squared {float(fit.reduced_chi_squared):.4g} of "
+            f"{np.isfinite(np.asarray(fit.data_residual)).sum()} residuals."
+        ]
+        if self.profile is not None and float(self.profile.fall) > 0.1:
+            said.append(
+                f"The profile found a sum of squares {float(self.profile.fall):.3g} below the fit's: "
+                "the fit is not the best minimum."
+            )
+        hidden = [f"What the data see: {s}." for s in self.hidden]
+        said += hidden or ["The data see all unknowns, to first order."]
+        for name, found in self.whiteness.items():
+            test = found.test
+            p = float(test.p_value)
+            said.append(
+                f"{name}: {'NOT white' if p < 0.05 else 'white as far as it shows'}, Ljung-Box "
+                f"{float(test.statistic):.4g} with {test.degrees} degrees of freedom, p = {p:.2g}; "
+                f"autocorrelation outside of its band at {float(found.own.outside):.0%} of the lags; "
+                f"mean {found.mean:.2g} standard errors."
+            )
+            for other, both in found.with_input.items():
+                said.append(
+                    f"{name} with input {other}: correlation outside of its band at "
+                    f"{float(both.outside):.0%} of the lags, largest {_largest(both)}."
+                )
+        said += [
+            f"Held-out {name}: root mean square {score:.6g}." for name, score in self.held_out.items()
+        ]
+        if not self.held_out:
+            said.append("No held-out data were given.")
+        return said + (self.modes or ["Nothing was said on modes: no runs were given."])
+
+    def __str__(self) -> str:
+        parts = [self.title, "", *_aligned(self.rows()), "", "Correlation of the estimates"]
+        names = self.fit.names
+        table = [["", *names]]
+        for name, row in zip(names, self.correlation, strict=True):
+            table.append([name, *(f"{c:+.3f}" if np.isfinite(c) else "-" for c in row)])
+        parts += [*_aligned(table), "", *self.statements()]
+        if self.comparison is not None:
+            parts += ["", "Models compared", str(self.comparison)]
+        return "\n".join(parts)
+
+    def to_dataset(self) -> xr.Dataset:
+        """Everything with labels: dimensions `unknown`, `other` unknown, `side`, `point`, `series`,
+        `lag`, `record`."""
+        fit, names = self.fit, list(self.fit.names)
+        errors = fit.standard_errors()
+        data: dict[str, Any] = {
+            "estimate": ("unknown", [float(fit.values[n]) for n in names]),
+            "standard_error": ("unknown", [float(errors[n]) for n in names]),
+            "unit": ("unknown", list(fit.units.values())),
+            "active_bound": ("unknown", [int(fit.active_bounds[n]) for n in names]),
+            "correlation": (("unknown", "other"), self.correlation),
+        }
+        coords: dict[str, Any] = {"unknown": names, "other": names}
+        if self.profile is not None:
+            found = self.profile
+            rows = {
+                "lower": found.lower, "upper": found.upper, "verdict": found.verdict,
+                "end": found.ends, "profile_value": found.values, "profile_rise": found.rises,
+            }  # fmt: skip
+            for key, values in rows.items():
+                array = np.asarray(values, dtype=float)
+                whole = np.full((len(names), *array.shape[1:]), np.nan)
+                whole[[names.index(n) for n in found.names]] = array
+                data[key] = (("unknown", "side", "point")[: array.ndim], whole)
+            coords["side"] = ["lower", "upper"]
+        if self.whiteness:
+            tests = self.whiteness.values()
+            data["ljung_box"] = ("series", [float(w.test.statistic) for w in tests])
+            data["p_value"] = ("series", [float(w.test.p_value) for w in tests])
+            data["autocorrelation"] = (("series", "lag"), [np.asarray(w.own.values) for w in tests])
+            data["band"] = (("series", "lag"), [np.asarray(w.own.band) for w in tests])
+            coords["series"] = list(self.whiteness)
+        if self.held_out:
+            data["held_out"] = ("record", list(self.held_out.values()))
+            coords["record"] = list(self.held_out)
+        attributes = {
+            "title": self.title,
+            "reduced_chi_squared": float(fit.reduced_chi_squared),
+            "statements": "\n".join(self.statements()),
+        }
+        return xr.Dataset(data, coords, attributes)
+
+    def plot(self) -> Figure:
+        """Profiles, residuals with their correlations, correlation of the estimates, on one figure."""
+        return drawn(self)
+
+    def to_html(self, path: Path) -> None:
+        """One file that holds all of it, pictures too, and asks for nothing from elsewhere.
+
+        **Raises** `TypeError` for a `path` that is none, `OSError` where it cannot be written.
+        """
+        if not isinstance(path, str | os.PathLike) or not os.fspath(path):
+            raise refusal("path", path, "the path of a file", TypeError)
+        page(self, os.fspath(path))
+
+
+def report(
+    fit: Given[Fit],
+    *,
+    profile: Given[Profile | None] = None,
+    series: NamedRows | None = None,
+    inputs: NamedRows | None = None,
+    held_out: NamedRows | None = None,
+    comparison: Given[Comparison | None] = None,
+    runs: Given[Mapping[str, Solution] | None] = None,
+    other_runs: Given[Mapping[str, Solution] | None] = None,
+    lags: int = 20,
+    past_data: bool = False,
+    title: str = "Report of a fit",
+) -> Report:
+    """A `Report` of a fit, of whatever is given.
+
+    **Arguments**
+
+    - `fit`, one; `profile` of it, for intervals with verdicts.
+    - `series`: residuals in the order of time by name of the signal, a row or a row per record, NaN
+      where missing; by default the residual of the fit. `inputs` by name, of the same shapes.
+    - `held_out`: errors on data not used in the fit, by name of the record, in a unit of their own.
+    - `comparison` with other models.
+    - `runs`: the solution of each record at the estimate, whose events and derivative flags are told;
+      `other_runs`, of the same names, at other values, e.g. at the start or the true ones: whether
+      they go through the same modes, without which no derivative connects them.
+    - `lags` of the tests; `past_data`: whether the model predicted each sample from those before it, so
+      that the unknowns take degrees of freedom off the test, see `ljung_box`.
+
+    **Raises** `TypeError`, `ValueError` for what is not so. It reads numbers and does not work under
+    `jit`.
+    """
+    check_type("fit", fit, Fit, "a Fit")
+    if not is_concrete(fit) or fit.steps.ndim != 0:
+        raise refusal("fit", fit, "one fit, known: call this outside of jit and vmap")
+    check_type("profile", profile, Profile | None, "a Profile or None")
+    if profile is not None and (not is_concrete(profile) or profile.verdict.ndim != 1):
+        raise refusal("profile", profile, "one profile, known: call this outside of jit and vmap")
+    if profile is not None and profile.all_names != fit.names:
+        raise refusal("profile", profile, f"of the unknowns {', '.join(fit.names)}")
+    check_type("comparison", comparison, Comparison | None, "a Comparison or None")
+    check_text("title", title)
+    check_count("lags", lags, 1)
+    check_flag("past_data", past_data)
+    if past_data and lags <= len(fit.names):
+        raise refusal("lags", lags, f"more than the {len(fit.names)} unknowns")
+    given = _rows("series", series)
+    if series is None:
+        given = {"residual": np.asarray(fit.data_residual)}
+    driven = _rows("inputs", inputs)
+    whiteness = {}
+    for name, row in given.items():
+        if row.shape[-1] <= lags + 1:
+            if series is None:
+                continue  # too short for a test, and not asked for
+            raise misshaped(f"series[{name!r}]", row, f"of more than lags + 1 = {lags + 1} samples")
+        for other, u in driven.items():
+            if u.shape != row.shape:
+                raise misshaped(f"inputs[{other!r}]", u, f"of shape {row.shape}, as series[{name!r}]")
+        unknowns = len(fit.names) if past_data else 0
+        both = {other: cross_correlation(row, u, lags) for other, u in driven.items()}
+        test = ljung_box(row, lags, unknowns=unknowns)
+        whiteness[name] = Whiteness(row, autocorrelation(row, lags), test, both)
+    scores = {
+        name: float(np.sqrt(np.nanmean(row**2))) for name, row in _rows("held_out", held_out).items()
+    }
+    modes = _modes(_runs("runs", runs), _runs("other_runs", other_runs))
+    return Report(fit, profile, whiteness, scores, comparison, modes, unseen(fit), title)
+
+
+def _rows(name: str, given: Any) -> dict[str, np.ndarray]:
+    if given is None:
+        return {}
+    if not isinstance(given, Mapping) or not all(isinstance(key, str) for key in given):
+        raise refusal(name, given, "rows by name", TypeError)
+    found = {}
+    for key, row in given.items():
+        where = f"{name}[{key!r}]"
+        if not is_concrete(row):
+            raise refusal(where, row, "known: call this outside of jit and vmap", TypeError)
+        found[key] = numbers(where, row).astype(np.float64)
+        if found[key].ndim not in (1, 2) or not np.isfinite(found[key]).any():
+            raise misshaped(where, row, "a row, or one per record, not all of it missing")
+    return found
+
+
+def _runs(name: str, given: Any) -> Mapping[str, Solution]:
+    if given is None:
+        return {}
+    if not isinstance(given, Mapping):
+        raise refusal(name, given, "solutions by name of the record", TypeError)
+    for key, run in given.items():
+        check_type(f"{name}[{key!r}]", run, Solution, "a Solution")
+        if not is_concrete(run.flags) or run.flags.ndim != 0:
+            raise refusal(f"{name}[{key!r}]", run, "one solution, known")
+    return given
+
+
+def _modes(runs: Mapping[str, Solution], others: Mapping[str, Solution]) -> list[str]:
+    if set(others) - set(runs):
+        raise refusal("other_runs", others, f"named as runs: {', '.join(runs)}", but="by other names")
+    said = []
+    for name, run in runs.items():
+        text = f"Run {name}: {int(run.num_events)} events"
+        if not bool(run.successful):
+            text += ", it did NOT reach its end"
+        if bool(run.differentiable):
+            text += "; derivatives exist as far as it can tell"
+        else:
+            text += f"; NO derivative where {describe_flags(int(run.flags))}"
+        if name in others:
+            same = bool(same_mode_sequence(run, others[name]))
+            text += (
+                "; the other run goes through the same modes" if same
+                else "; the other run goes through OTHER modes: no derivative connects the two"
+            )  # fmt: skip
+        said.append(text + ".")
+    return said
+
+
+def _largest(found: Correlation) -> str:
+    ratio = np.abs(np.asarray(found.values)) / np.asarray(found.band)
+    at = int(np.argmax(ratio))
+    return f"{float(found.values[at]):+.3f} at lag {int(found.lags[at])}"
+
+
+def _aligned(table: list[list[str]]) -> list[str]:
+    widths = [max(len(row[i]) for row in table) for i in range(len(table[0]))]
+    return [
+        "  ".join(f"{cell:<{w}}" for cell, w in zip(row, widths, strict=True)).rstrip() for row in table
+    ]

@@ -1,0 +1,34 @@
+"""How fits end."""
+
+import equinox as eqx
+from jaxtyping import Array, Int
+
+
+class RESULTS(eqx.Enumeration):  # pyright: ignore[reportGeneralTypeIssues]
+    """Outcome of a fit; `RESULTS[fit.result]` is the message."""
+
+    successful = ""
+    max_steps_reached = (
+        "The limit of steps was reached before the fit converged. Increase `max_steps`, start nearer, "
+        "or see `fit.sensitivity` for combinations that the data do not see."
+    )
+    start_not_finite = (
+        "The residual at the start is not finite: the run from there failed. Begin elsewhere."
+    )
+    step_not_finite = "A step could not be computed: the Jacobian is not finite."
+    far_from_minimum = (
+        "The optimiser took its steps, and the minimum is further away than `tolerance` standard "
+        "errors. Give it more steps or another rate."
+    )
+
+
+CODES = ("successful", "max_steps_reached", "start_not_finite", "step_not_finite", "far_from_minimum")
+CODE = {name: number for number, name in enumerate(CODES)}
+
+
+def to_result(code: Int[Array, "*batch"]) -> RESULTS:  # pyright: ignore[reportInvalidTypeForm]
+    """`RESULTS` item of a code."""
+    result = RESULTS.successful
+    for number, name in enumerate(CODES):
+        result = RESULTS.where(code == number, getattr(RESULTS, name), result)
+    return result

@@ -1,0 +1,126 @@
+"""The program of a problem: from values of the unknowns to what would have been observed."""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from ..hybrid import Integrator, SaveAt, WithBreaks, simulate
+from ._signal import Signal, breaks_of
+from ._unknowns import NamedValues
+
+SystemOf = Callable[[NamedValues, dict[str, Signal]], Any]
+
+
+class Data(eqx.Module):
+    """All records, one row each, made equally long by repeating their last time.
+
+    `keep`: which of `[record, observed, time]`, flattened, were measured.
+    """
+
+    times: Float[Array | np.ndarray, "record time"]
+    begin: Float[Array | np.ndarray, " record"]
+    values: Float[Array | np.ndarray, "record observed time"]
+    keep: Int[Array | np.ndarray, " row"]
+    deviations: Float[Array | np.ndarray, " observed"]
+    inputs: dict[str, Signal]
+    known: dict[str, Any]
+
+    def begin_of(self, record: Any) -> Array:
+        """Time of the initial state of a record."""
+        return jnp.asarray(self.begin)[record]
+
+
+@dataclasses.dataclass(frozen=True)
+class Run:
+    """The functions of a problem and its settings: what its compiled program depends on."""
+
+    system: SystemOf
+    initial_state: SystemOf
+    observed: tuple[tuple[str, Callable[..., Any]], ...]
+    integrator: Integrator | None
+    delay: str | None
+    shared: tuple[str, ...]
+    local: tuple[tuple[str, tuple[str, ...]], ...]  # names with the names per record
+
+    def split(self, values: NamedValues) -> tuple[NamedValues, NamedValues]:
+        """Values of all records, and rows of values of each."""
+        common = {name: values[name] for name in self.shared}
+        return common, {
+            name: jnp.stack([jnp.asarray(values[part]) for part in parts]) for name, parts in self.local
+        }
+
+    def with_breaks(
+        self, values: NamedValues, inputs: dict[str, Signal], y0: Any, begin: Any
+    ) -> tuple[Any, Any, Any]:
+        """The system, the same with the breaks of its inputs, and its state at `begin`."""
+        system = self.system(values, inputs)
+        breaks = breaks_of(system)
+        if breaks is None:
+            return system, system, y0
+        whole = WithBreaks(system, breaks)
+        return system, whole, whole.start(y0, begin)
+
+    def observe(self, system: Any, times: Array, states: Any) -> Float[Array, "observed time"]:
+        """What is observed of the states at `times`."""
+        rows = [
+            jax.vmap(lambda t, y, f=f: jnp.asarray(f(t, y, system), jnp.float64))(times, states)
+            for _, f in self.observed
+        ]
+        return jnp.stack(rows)
+
+    def times_of(self, values: NamedValues, times: Array, begin: Any) -> Array:
+        """Times of the motion at the stamps, which are late by the delay."""
+        return times if self.delay is None else jnp.maximum(times - values[self.delay], begin)
+
+    def one(self, values: NamedValues, one: tuple, log: bool) -> tuple[Array, Any]:
+        """What is observed in one record; with its `Solution` if `log`."""
+        times, begin, inputs = one
+        y0 = self.initial_state(values, inputs)
+        system, whole, y0 = self.with_breaks(values, inputs, y0, begin)
+        ts = self.times_of(values, times, begin)
+        solution = simulate(
+            whole, begin, ts[-1], y0, integrator=self.integrator,
+            saveat=SaveAt(ts=ts, events=log), max_events=4096 if log else None, throw=False,
+        )  # fmt: skip
+        assert solution.outputs is not None
+        states = solution.outputs.y if whole is system else solution.outputs.y.y
+        return self.observe(system, ts, states), solution
+
+    def predictions(self, values: NamedValues, data: Data) -> Float[Array, "record observed time"]:
+        """What is observed in all records, one after the other by one program."""
+        common, local = self.split(values)
+
+        def predicted(row):
+            mine, known, one = row
+            return self.one({**known, **common, **mine}, one, log=False)[0]
+
+        rows = (local, data.known, (data.times, data.begin, data.inputs))
+        if data.times.shape[0] == 1:
+            return predicted(jax.tree.map(lambda a: jnp.asarray(a)[0], rows))[None]
+        return jax.lax.map(predicted, rows)
+
+    def __call__(self, values: NamedValues, data: Data) -> Float[Array, " row"]:
+        """Residuals of what was measured, in standard deviations: record, observed, time."""
+        off = self.predictions(values, data) - data.values
+        return (off / data.deviations[None, :, None]).reshape(-1)[data.keep]
+
+
+@eqx.filter_jit
+def residual_of(run: Run, values: NamedValues, data: Data) -> Float[Array, " row"]:
+    """`run(values, data)`, compiled."""
+    return run(values, data)
+
+
+@eqx.filter_jit
+def motion_of(run: Run, values: NamedValues, data: Data, record: Int[Array, ""]) -> tuple[Array, Any]:
+    """What is observed in one record, with its `Solution`."""
+    common, local = run.split(values)
+    rows = (local, data.known, (data.times, data.begin, data.inputs))
+    mine, known, one = jax.tree.map(lambda a: jnp.asarray(a)[record], rows)
+    return run.one({**known, **common, **mine}, one, log=True)

@@ -1,0 +1,145 @@
+"""Combinations of the unknowns that the data do not see, in words."""
+
+import fractions
+from typing import Any
+
+import numpy as np
+
+from .._looks_at import not_negative_number
+from .._types import Given, Numeric
+from .._validation import check_type, is_concrete, refusal
+from ._fit import Fit
+
+PART = 1e-4  # of a unit vector that counts as none
+LARGEST = 6  # of a denominator
+
+
+def unseen(fit: Given[Fit], threshold: Numeric = 1e-7) -> list[str]:
+    """What the data do not see, a sentence for each group of unknowns that hide each other.
+
+    Positive unknowns hide each other in products, e.g. `"k1 * k2 is seen, k1 / k2 is not"`; others in
+    sums, with coefficients in their units. To first order, at the estimate. Both lists of a sentence
+    name as many combinations as there are; other ones can be made of them.
+
+    >>> import jax.numpy as jnp
+    >>> from stickslip.identification import least_squares
+    >>> fit = least_squares(
+    ...     lambda p: jnp.stack([p["k1"] * p["k2"] - 6.0, p["c"] - 1.0]), dict(k1=1.0, k2=1.0, c=2.0)
+    ... )
+    >>> unseen(fit)
+    ['k1 * k2 is seen, k1 / k2 is not']
+
+    **Arguments:** `fit`, one; `threshold` as for `Sensitivity.seen`. **Raises** `TypeError`,
+    `ValueError` for what is not so; it reads numbers and does not work under `jit`.
+    """
+    check_type("fit", fit, Fit, "a Fit")
+    if not is_concrete(fit) or fit.steps.ndim != 0:
+        raise refusal("fit", fit, "one fit, known: call this outside of jit and vmap")
+    not_negative_number(None, "threshold", threshold)
+    hidden = np.asarray(fit.sensitivity.directions)[~np.asarray(fit.sensitivity.seen(threshold))]
+    if not hidden.size:
+        return []
+    # In products where all that hide each other are positive numbers, otherwise in sums.
+    slopes = np.asarray(fit.slopes)
+    positive = [bounds[0] == 0.0 and bounds[1] is None for bounds in fit.space.bounds]
+    sentences = []
+    for group in _groups(hidden):
+        names = [fit.names[i] for i in group]
+        rows = hidden[:, group]
+        rows = rows[np.linalg.norm(rows, axis=1) > PART]
+        if len(group) == 1:
+            sentences.append(f"{names[0]} is not seen")
+            continue
+        scale = np.abs(slopes[group])
+        if all(positive[i] for i in group):
+            unknown, known = (_reduced(part(rows)) for part in (_span, _complement))
+            lost, seen = ([_product(names, row) for row in part] for part in (unknown, known))
+        else:
+            signed = slopes[group]
+            unknown, known = _reduced(_span(rows * signed)), _reduced(_complement(rows)) / signed
+            lost, seen = ([_sum(names, row, scale) for row in part] for part in (unknown, known))
+        if not seen:
+            sentences.append(f"none of {', '.join(names)} is seen")
+            continue
+        sentences.append(f"{_listed(seen)} seen, {_listed(lost)} not")
+    return sentences
+
+
+def _listed(words: list[str]) -> str:
+    return f"{', '.join(words)} {'is' if len(words) == 1 else 'are'}"
+
+
+def _groups(hidden: np.ndarray) -> list[list[int]]:
+    """Unknowns with a part in common combinations that are not seen."""
+    # The projection on what is not seen does not depend on the basis that was found for it.
+    joined = np.abs(hidden.T @ hidden) > PART
+    left, groups = {int(i) for i in np.flatnonzero(joined.any(axis=0))}, []
+    while left:
+        group, new = set(), {min(left)}
+        while new:
+            group |= new
+            new = {int(j) for i in new for j in np.flatnonzero(joined[i])} - group
+        groups.append(sorted(group))
+        left -= group
+    return groups
+
+
+def _span(rows: np.ndarray) -> np.ndarray:
+    _, s, directions = np.linalg.svd(rows, full_matrices=False)
+    return directions[s > PART * s[0]]
+
+
+def _complement(rows: np.ndarray) -> np.ndarray:
+    _, s, directions = np.linalg.svd(rows, full_matrices=True)
+    return directions[int(np.sum(s > PART * s[0])) :]
+
+
+def _reduced(rows: np.ndarray) -> np.ndarray:
+    """The same span by rows with a one where all others have zeros, as far as there are ones."""
+    rows, done = rows.copy(), 0
+    for column in range(rows.shape[1]):
+        if done == len(rows):
+            break
+        best = done + int(np.argmax(np.abs(rows[done:, column])))
+        if abs(rows[best, column]) < PART:
+            continue
+        rows[[done, best]] = rows[[best, done]]
+        rows[done] /= rows[done, column]
+        for other in range(len(rows)):
+            if other != done:
+                rows[other] -= rows[other, column] * rows[done]
+        done += 1
+    return rows
+
+
+def _whole(row: np.ndarray) -> list[Any]:
+    """Exponents as small integers where they are such numbers times one factor."""
+    found = [fractions.Fraction(float(x)).limit_denominator(LARGEST) for x in row]
+    if any(abs(float(f) - x) > 1e-3 for f, x in zip(found, row, strict=True)):
+        return [round(float(x), 2) for x in row]
+    common = int(np.lcm.reduce([f.denominator for f in found]))
+    return [int(f * common) for f in found]
+
+
+def _product(names: list[str], row: np.ndarray) -> str:
+    powers = [(n, e) for n, e in zip(names, _whole(row), strict=True) if abs(e) > PART]
+    above = [n if e == 1 else f"{n}^{e}" for n, e in powers if e > 0]
+    below = [n if e == -1 else f"{n}^{-e}" for n, e in powers if e < 0]
+    text = " * ".join(above) or "1"
+    if below:
+        under = " * ".join(below)
+        text += f" / ({under})" if len(below) > 1 else f" / {under}"
+    return text
+
+
+def _sum(names: list[str], row: np.ndarray, scale: np.ndarray) -> str:
+    """A term for each unknown that matters when all change by their own sizes."""
+    part = np.abs(row) * scale
+    kept = [(n, c) for n, c, p in zip(names, row, part, strict=True) if p > PART * np.max(part)]
+    text, first = "", abs(kept[0][1])
+    for n, c in kept:
+        c = c / first
+        size = "" if abs(abs(c) - 1.0) < 1e-3 else f"{abs(c):.3g} "
+        sign = (" - " if c < 0 else " + ") if text else ("-" if c < 0 else "")
+        text += f"{sign}{size}{n}"
+    return text

@@ -1,0 +1,205 @@
+r"""Whether residuals are noise: correlation in time, with the input, and the test of Ljung and Box."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from .._types import Rows
+from .._validation import (
+    as_parameter,
+    check_count,
+    check_that,
+    is_concrete,
+    misshaped,
+    numbers,
+    refusal,
+)
+
+
+class Correlation(eqx.Module):
+    """Correlation at `lags` [samples]; `band` holds that of noise with the probability `level`, each
+    lag by itself."""
+
+    lags: Int[Array, " lag"]
+    values: Float[Array, " lag"]
+    band: Float[Array, " lag"]
+    level: float = eqx.field(static=True)
+
+    @property
+    def outside(self) -> Float[Array, ""]:
+        """Part of the lags that are outside of the band; lag 0 of a series with itself has none."""
+        own = jnp.isfinite(self.band)
+        out = jnp.where(own, jnp.abs(self.values) > self.band, False)
+        return _count(out) / _count(own)
+
+
+class LjungBox(eqx.Module):
+    r"""Test that a series is white: `statistic` $Q$, its `degrees` of freedom, `p_value`."""
+
+    statistic: Float[Array, ""]
+    degrees: int = eqx.field(static=True)
+    p_value: Float[Array, ""]
+
+
+def autocorrelation(series: Rows, lags: int = 20, *, level: float = 0.95) -> Correlation:
+    r"""Correlation of a series with itself, $r_k = \sum_t x_t x_{t+k} / \sum_t x_t^2$.
+
+    **Missing rows** are NaN and stay in their place: $x$ is the series without its mean and zero where
+    it is missing. **Lags count samples**: a record with irregular times is taken in its order, and one
+    with gaps must have NaN in them, see `in_even_steps`. **Several records** are rows, shorter ones
+    filled up with NaN; each loses its own mean, and no product reaches from one into the next.
+
+    **Arguments:** `series`, one row or several; `lags`, up to the shortest; `level` of the band
+    $\pm z \sqrt{n_k}/n$ of white noise, $n_k$ products at lag $k$ of $n$ samples. **Raises**
+    `TypeError`, `ValueError` for what is not so. Works under `jit`, `vmap` and `grad`.
+    """
+    _check_level(level)
+    rows, here = _rows("series", series, lags)
+    sums, counts = _products(rows, here, rows, here, jnp.arange(lags + 1))
+    number = _count(here)
+    band = _width(level) * jnp.sqrt(counts) / number
+    band = jnp.where(jnp.arange(lags + 1) == 0, jnp.inf, band)
+    return Correlation(jnp.arange(lags + 1), sums / sums[0], band, float(level))
+
+
+def cross_correlation(series: Rows, other: Rows, lags: int = 20, *, level: float = 0.95) -> Correlation:
+    r"""Correlation of residuals with an input, $\sum_t u_t e_{t+k}/\sqrt{\sum u^2 \sum e^2}$.
+
+    At positive lags the residual follows the input: what is outside of the band there the model has
+    missed. At negative lags the input follows the residual, as it does in a closed loop.
+
+    **Arguments:** `series` $e$ and `other` $u$ of the same shape, with missing rows and several records
+    as in `autocorrelation`; `lags` to both sides; `level` of the band $\pm z\sqrt{n_k}/n$, which holds
+    if the residual is white. **Raises** as `autocorrelation`.
+    """
+    _check_level(level)
+    rows, here = _rows("series", series, lags)
+    inputs, there = _rows("other", other, lags)
+    if rows.shape != inputs.shape:
+        raise misshaped("other", other, f"of the shape of series, {np.shape(series)}")
+    shifts = jnp.arange(lags + 1)
+    after, counts_after = _products(inputs, there, rows, here, shifts)
+    before, counts_before = _products(rows, here, inputs, there, shifts)
+    sums = jnp.concatenate([before[:0:-1], after])
+    counts = jnp.concatenate([counts_before[:0:-1], counts_after])
+    number = _count(here & there)
+    size = jnp.sqrt(jnp.sum(rows**2) * jnp.sum(inputs**2))
+    band = _width(level) * jnp.sqrt(counts) / number
+    return Correlation(jnp.arange(-lags, lags + 1), sums / size, band, float(level))
+
+
+def ljung_box(series: Rows, lags: int = 20, *, unknowns: int = 0) -> LjungBox:
+    r"""The test of Ljung and Box, $Q = n(n+2)\sum_{k=1}^{m} r_k^2/n_k$, with $n_k = n - k$ products.
+
+    Where rows are missing, $n$ counts those present and $n_k$ the pairs present. A small `p_value` says
+    that the series is not white.
+
+    $Q$ is $\chi^2$ with $m - p$ degrees of freedom if the `unknowns` $p$ were fitted to predict each
+    sample **from those before it**. The residuals of a simulation under a given input keep all $m$: its
+    sensitivities hold no noise. There `unknowns=0` is right; reduced, the test rejects too often.
+
+    **Arguments:** `series` as for `autocorrelation`, `lags` $m$, more than `unknowns`. **Raises**
+    `TypeError`, `ValueError` for what is not so. Source: Ljung & Box, Biometrika 65 (1978).
+    """
+    check_count("unknowns", unknowns, 0)
+    rows, here = _rows("series", series, lags)
+    if unknowns >= lags:
+        raise refusal("unknowns", unknowns, f"less than lags = {lags}")
+    sums, counts = _products(rows, here, rows, here, jnp.arange(lags + 1))
+    number = _count(here)
+    ratio = (sums[1:] / sums[0]) ** 2 / jnp.maximum(counts[1:], 1.0)
+    statistic = number * (number + 2.0) * jnp.sum(ratio)
+    degrees = lags - unknowns
+    p_value = jax.scipy.special.gammaincc(0.5 * degrees, 0.5 * statistic)
+    return LjungBox(statistic, degrees, p_value)
+
+
+def in_even_steps(times: Rows, series: Rows) -> Float[np.ndarray, " sample"]:
+    """A series with gaps on the even grid of its times [s], NaN in the gaps.
+
+    **Raises** `ValueError` where a time is off the grid of the median step by more than 5% of a step:
+    such a record has no lags in seconds; in its own order it has lags in samples. `TypeError`,
+    `ValueError` for what is no row. It reads numbers and does not work under `jit`.
+    """
+    rows = []
+    for name, given in (("times", times), ("series", series)):
+        if not is_concrete(given):
+            raise refusal(name, given, "known: call this outside of jit and vmap", TypeError)
+        rows.append(numbers(name, given))
+        if rows[-1].ndim != 1 or rows[-1].size < 2:
+            raise misshaped(name, given, "one row of at least 2")
+    grid, values = (row.astype(np.float64) for row in rows)
+    if grid.shape != values.shape:
+        raise misshaped("series", series, f"as long as times, {grid.size}")
+    check_that("times", grid, np.isfinite, "finite")
+    steps = np.diff(grid)
+    if (steps <= 0).any():
+        raise refusal("times", times, "increasing")
+    # The step is refined over the whole record: one of 1e5 samples has no digits to lose.
+    step = float(np.median(steps))
+    for _ in range(3):
+        places = np.rint((grid - grid[0]) / step)
+        step = float((grid[-1] - grid[0]) / places[-1])
+    off = np.abs((grid - grid[0]) / step - places)
+    if off.max() > 0.05:
+        at = int(off.argmax())
+        raise refusal(
+            f"times[{at}]", float(grid[at]), f"on an even grid with gaps, of step {step:.6g} s"
+        )
+    if places[-1] > 100 * grid.size:
+        raise refusal("times", times, "without gaps a hundred times as long as the record")
+    filled = np.full(int(places[-1]) + 1, np.nan)
+    filled[places.astype(int)] = values
+    return filled
+
+
+def _check_level(level: Any) -> None:
+    if not isinstance(level, int | float) or isinstance(level, bool):
+        raise refusal("level", level, "a number of Python above 0 and below 1", TypeError)
+    check_that("level", level, lambda x: (x > 0) & (x < 1), "above 0 and below 1")
+
+
+def _width(level: float) -> Any:
+    return jnp.sqrt(2.0) * jax.lax.erf_inv(jnp.asarray(float(level)))
+
+
+def _rows(name: str, series: Any, lags: Any) -> tuple[Array, Array]:
+    """Rows without their means, zero where they are missing, and where they are not."""
+    check_count("lags", lags, 1)
+    if is_concrete(series):
+        array = numbers(name, series)
+        if np.isinf(array).any():
+            raise refusal(name, series, "finite, or NaN where it is missing")
+    shape = np.shape(series)
+    if len(shape) not in (1, 2) or shape[-1] <= lags + 1:
+        raise misshaped(name, series, f"a row, or rows, of more than lags + 1 = {lags + 1}")
+    rows = jnp.atleast_2d(as_parameter(series))
+    here = ~jnp.isnan(rows)
+    if is_concrete(series) and not (np.asarray(here).sum(axis=1) > 1).all():
+        raise refusal(name, series, "rows with at least two samples that are not missing")
+    filled = jnp.where(here, rows, 0.0)
+    counts = jnp.maximum(_count(here, axis=1), 1.0)[:, None]
+    mean = jnp.sum(filled, axis=1, keepdims=True) / counts
+    return jnp.where(here, filled - mean, 0.0), here
+
+
+def _count(true: Any, axis: int | None = None) -> Array:
+    return jnp.sum(true.astype(jnp.float64), axis=axis)
+
+
+def _products(first, present, second, there, lags) -> tuple[Array, Array]:
+    """Sum over `first[t] * second[t + k]` and number of pairs present, for each lag k."""
+    # By the fast transform: every lag by itself would read a long record as often as there are lags.
+    length = 2 * first.shape[-1]
+    sums = _correlated(first, second, length)[lags]
+    counts = _correlated(present.astype(jnp.float64), there.astype(jnp.float64), length)[lags]
+    return sums, jnp.round(counts)
+
+
+def _correlated(first, second, length: int) -> Array:
+    a, b = jnp.fft.rfft(first, length), jnp.fft.rfft(second, length)
+    return jnp.sum(jnp.fft.irfft(jnp.conj(a) * b, length), axis=0)

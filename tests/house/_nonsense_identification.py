@@ -1,0 +1,149 @@
+"""Right arguments of the identification."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from stickslip import identification
+from stickslip.systems import CoulombOscillator, Motion
+from tests.house._nonsense_engine import INTEGRATOR, TIME
+from tests.house._nonsense_target import Target, arg
+
+UNKNOWN = {"a": 2.0}
+RESIDUAL = arg(lambda p, *shared: p["a"][None], "function")
+FITS = identification.Fit(
+    {"a": jnp.ones(2)}, jnp.ones((2, 3)),
+    eqx.filter_vmap(lambda m: identification.Sensitivity(("a",), m))(jnp.ones((2, 3, 1))),
+    jnp.ones(2, jnp.int32), jnp.ones(2, bool),
+)  # fmt: skip
+LEVENBERG = {
+    "damping": arg(1.0, "positive", "float32"), "tolerance": arg(1e-8, "positive", "float32"),
+    "max_steps": arg(8),
+}  # fmt: skip
+LOSS = arg(None, "none")
+LANES = {"chunk_size": arg(2, "none"), "executor": arg("portable")}
+RECORD = identification.Record([0.0, 1.0], {"x": [0.0, 0.1]})
+
+
+def _block(values, inputs):
+    return CoulombOscillator(1.0, values["a"], 1.0, 0.5, 0.2)
+
+
+def _start(values, inputs):
+    return Motion(x=0.0, v=0.2)
+
+
+OBSERVED = {"x": identification.Observed(lambda t, y, system: y.x, 0.1)}
+PROBLEM = identification.Problem(_block, _start, UNKNOWN, OBSERVED, RECORD)
+SIGNAL = identification.Signal([0.0, 1.0], [0.0, 1.0])
+ROW = arg([0.0, 1.0], "times")
+DAMPED = {**LEVENBERG, "loss": LOSS}
+MEASURED = [
+    Target(identification.LevenbergMarquardt, DAMPED),
+    Target(
+        identification.GradientDescent,
+        {
+            "optimiser": arg(None, "none"), "steps": arg(3),
+            "tolerance": arg(0.1, "positive", "float32"), "loss": LOSS,
+        },
+    ),
+    Target(identification.Huber, {"corner": arg(1.0, "positive")}),
+    Target(identification.SoftL1, {"corner": arg(1.0, "positive")}),
+    Target(
+        identification.MultipleShooting,
+        {
+            "segments": arg(4), "guess": arg(None, "none", "function"), "weights": arg((1.0, 0.1)),
+            "max_steps": arg(4), "polish": arg(identification.LevenbergMarquardt(1.0)),
+        },
+    ),
+    Target(
+        identification.Observed,
+        {
+            "function": arg(lambda t, y, system: y.x, "function"),
+            "sd": arg(0.1, "positive", "float32"), "unit": arg("m", "text", "empty text"),
+        },
+    ),
+    Target(
+        identification.Signal,
+        {"times": ROW, "values": arg([0.0, 1.0], "row"), "kind": arg("hold")},
+    ),
+    Target(
+        identification.Record,
+        {
+            "times": ROW, "values": arg({"x": [0.0, 1.0]}), "inputs": arg(None, "none", "mapping"),
+            "missing": arg(None, "none", "mapping"), "known": arg(None, "none", "entries"),
+            "begin": arg(None, "none", "finite", "float32"), "interpolation": arg("hold"),
+            "units": arg(None, "none", "mapping"), "name": arg("", "text", "empty text"),
+        },
+    ),
+    Target(
+        identification.Record.from_table,
+        {
+            "table": arg({"t": [0.0, 1.0], "x": [0.0, 1.0]}), "time": arg("t"),
+            "values": arg(("x",)), "inputs": arg((), "none of them", "none", "mapping"),
+            "rest": arg({}),
+        },
+        lambda rest, **given: identification.Record.from_table(**given),
+    ),
+    Target(
+        identification.Problem,
+        {
+            "system": arg(_block, "function"), "initial_state": arg(_start, "function"),
+            "unknowns": arg(UNKNOWN, "unknowns"), "observed": arg(OBSERVED), "records": arg(RECORD),
+            "integrator": INTEGRATOR, "delay": arg(None, "none"),
+        },
+    ),
+    Target(
+        identification.sobol_starts,
+        {
+            "unknowns": arg(UNKNOWN, "unknowns"), "count": arg(4), "spread": arg(2.0, "positive"),
+            "seed": arg(0, "count"),
+        },
+    ),
+]  # fmt: skip
+FITTED = [
+    Target(
+        identification.least_squares,
+        {"residual": RESIDUAL, "start": arg(UNKNOWN, "unknowns"), **LEVENBERG, "loss": LOSS},
+    ),
+    Target(
+        identification.gradient_descent,
+        {
+            "residual": RESIDUAL, "start": arg(UNKNOWN, "unknowns"), "optimiser": arg(None, "none"),
+            "steps": arg(3), "tolerance": arg(0.1, "positive", "float32"),
+        },
+    ),
+    Target(
+        identification.many_starts,
+        {
+            "residual": RESIDUAL, "starts": arg({"a": [1.0, 2.0]}), "shared": arg(1.0, "shared"),
+            "fit": arg(identification.least_squares), **LANES, **LEVENBERG, "loss": LOSS,
+        },
+        lambda residual, starts, shared, **given: identification.many_starts(
+            residual, starts, shared, **given
+        ),
+    ),
+    Target(
+        identification.sensitivities,
+        {
+            "residual": RESIDUAL, "values": arg({"a": [1.0, 2.0]}),
+            "each": arg(np.ones(2), "shared"), **LANES},
+        lambda residual, values, each, **given: identification.sensitivities(
+            residual, values, each, **given
+        ),
+    ),
+    Target(
+        identification.sensitivity, {"residual": RESIDUAL, "values": arg(UNKNOWN, "unknowns")},
+    ),
+    Target(identification.best, {"fits": arg(FITS)}),
+    Target(identification.Normal, {"mean": TIME, "sd": arg(1.0, "positive", "float32")}),
+    Target(
+        identification.Unknown,
+        {
+            "start": arg(0.5, "batch", "float32", "finite"), "bounds": arg((None, None)),
+            "prior": arg(None, "none"), "unit": arg("m", "text", "empty text"),
+            "per_record": arg(False, "flag"), "scale": arg(None, "none", "positive", "float32"),
+        },
+    ),
+]  # fmt: skip
+TARGETS = [*FITTED, *MEASURED]

@@ -1,0 +1,65 @@
+"""Right arguments of what is asked of a fit afterwards."""
+
+import jax.numpy as jnp
+import numpy as np
+
+from stickslip import identification
+from tests.house._nonsense_identification import RESIDUAL
+from tests.house._nonsense_target import Target, arg
+
+ONE = identification.Fit(
+    {"a": jnp.ones(())}, jnp.ones(3), identification.Sensitivity(("a",), jnp.ones((3, 1))),
+    jnp.ones((), jnp.int32), jnp.ones((), bool),
+)  # fmt: skip
+SIDES = jnp.zeros((1, 2, 3))
+PROFILE = identification.Profile(
+    ("a",), ("a",), jnp.asarray(0.95), *(jnp.ones(1),) * 5, jnp.zeros((1, 2), jnp.int32),
+    jnp.zeros(1, jnp.int32), SIDES, SIDES, SIDES[..., None], jnp.zeros(()),
+    jnp.ones((1, 2), jnp.int32),
+)  # fmt: skip
+COMPARISON = identification.compare({"one": ONE})
+REPORT = identification.report(ONE)
+SERIES = arg(np.arange(30.0))
+LEVEL = arg(0.95)
+ROWS = arg(None, "none", "mapping")
+TARGETS = [
+    Target(
+        identification.profile,
+        {
+            "residual": RESIDUAL, "fit": arg(ONE), "names": arg(None, "none"),
+            "limits": arg(None, "none", "mapping"), "level": arg(0.95, "float32"), "points": arg(4),
+            "max_steps": arg(40),
+        },
+    ),
+    Target(
+        identification.unseen,
+        {"fit": arg(ONE), "threshold": arg(1e-7, "not negative", "float32")},
+    ),
+    Target(identification.autocorrelation, {"series": SERIES, "lags": arg(3), "level": LEVEL}),
+    Target(
+        identification.cross_correlation,
+        {"series": SERIES, "other": SERIES, "lags": arg(3), "level": LEVEL},
+    ),
+    Target(
+        identification.ljung_box, {"series": SERIES, "lags": arg(3), "unknowns": arg(0, "count")}
+    ),
+    Target(
+        identification.in_even_steps,
+        {"times": arg([0.0, 1.0, 2.0]), "series": arg([1.0, 2.0, 3.0])},
+    ),
+    Target(
+        identification.compare,
+        {
+            "fits": arg({"one": ONE}), "held_out": ROWS, "sigma": arg(1.0, "positive", "float32"),
+            "noise_known": arg(True, "flag"),
+        },
+    ),
+    Target(
+        identification.report,
+        {
+            "fit": arg(ONE), "profile": arg(None, "none"), "series": ROWS, "inputs": ROWS,
+            "held_out": ROWS, "comparison": arg(None, "none"), "runs": ROWS, "other_runs": ROWS,
+            "lags": arg(3), "past_data": arg(False, "flag"), "title": arg("title", "text"),
+        },
+    ),
+]  # fmt: skip
