@@ -114,16 +114,17 @@ class Record(eqx.Module):
         time: str = "time",
         values: Given[Iterable[str] | Mapping[str, str]],
         inputs: Given[Iterable[str] | Mapping[str, str]] = (),
-        **rest: Any,
+        **options: Any,
     ) -> "Record":
         """From the columns of a pandas frame, the variables of an xarray dataset, or a mapping.
 
         **Arguments:** `table`; `time` [s], the column of the stamps; `values` and `inputs`: columns, or
-        a mapping from names of the `Problem` to columns; `rest` as for `Record`. Units that the columns
-        carry (`attrs["units"]`) are taken. **Raises** as `Record`, `ValueError` for an unknown column.
+        a mapping from names of the `Problem` to columns; `options` as for `Record`. Units that the
+        columns carry (`attrs["units"]`) are taken. **Raises** as `Record`, `ValueError` for an unknown
+        column.
         """
         values, inputs = _columns("values", values), _columns("inputs", inputs)
-        units = dict(check_mapping("units", rest.pop("units", None)))
+        units = dict(check_mapping("units", options.pop("units", None)))
         rows = {}
         for role, names in (("time", {"time": time}), ("values", values), ("inputs", inputs)):
             rows[role] = {}
@@ -132,7 +133,7 @@ class Record(eqx.Module):
                 if unit and role != "time":
                     units.setdefault(name, unit)
         return cls(
-            rows["time"]["time"], rows["values"], inputs=rows["inputs"], units=units or None, **rest
+            rows["time"]["time"], rows["values"], inputs=rows["inputs"], units=units or None, **options
         )
 
     def _input(self, name: str, given: Any, kind: str) -> Signal:

@@ -81,9 +81,7 @@ MEASURED = [
         {
             "table": arg({"t": [0.0, 1.0], "x": [0.0, 1.0]}), "time": arg("t"),
             "values": arg(("x",)), "inputs": arg((), "none of them", "none", "mapping"),
-            "rest": arg({}),
         },
-        lambda rest, **given: identification.Record.from_table(**given),
     ),
     Target(
         identification.Problem,
