@@ -4,11 +4,13 @@ from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from .._looks_at import looks_at, not_negative_number
 from .._types import Numeric
-from ._results import CODE, to_result
+from .._validation import is_concrete
+from ._results import CODE, RESULTS, to_result
 from ._sensitivity import Sensitivity
 from ._unknowns import NamedValues, Space, all_positive
 
@@ -46,6 +48,27 @@ class Fit(eqx.Module):
         self.space = all_positive(sensitivity.names) if space is None else space
         failed = CODE["max_steps_reached"]
         self.code = jnp.where(successful, 0, failed).astype(jnp.int32) if code is None else code
+
+    def __str__(self) -> str:
+        """Estimates with standard errors and units; of a batch, how many converged."""
+        if not is_concrete(self):
+            return f"Fit(traced, of shape {self.steps.shape})"
+        if self.steps.ndim != 0:
+            done, costs = np.asarray(self.successful), np.asarray(self.cost)
+            return f"{done.size} fits, {done.sum()} converged, lowest cost {costs.min():.6g}"
+        errors, active = self.standard_errors(), self.active_bounds
+        lines = []
+        for name, unit in self.units.items():
+            end = {0: "", -1: ", at its lower bound", 1: ", at its upper bound"}[int(active[name])]
+            value = f"{float(self.values[name]):.6g} +- {float(errors[name]):.2g}"
+            lines.append(f"{name} = {value}{' ' * bool(unit)}{unit}{end}")
+        message = RESULTS[self.result] or "converged"
+        rows = np.size(self.data_residual)
+        lines.append(
+            f"{message} after {int(self.steps)} steps; reduced chi squared "
+            f"{float(self.reduced_chi_squared):.4g} of {rows} residuals"
+        )
+        return "\n".join(lines)
 
     @property
     def result(self) -> Any:

@@ -148,3 +148,25 @@ def test_bad_unknowns():
             make()
     with pytest.raises(ValueError, match=r"start\['a'\] = .* of shape \(2,\)"):
         least_squares(lambda p: p["a"][None], {"a": Unknown([1.0, 2.0])})
+
+
+def test_a_fit_prints_its_estimates():
+    t = jnp.linspace(0.0, 1.0, 20)
+    data = 3.0 + 2.0 * t
+
+    def residual(p):
+        return (p["offset"] + p["slope"] * t - data) / 0.1
+
+    unknowns = {"offset": Unknown(1.0, unit="N"), "slope": Unknown(0.5, bounds=(0.0, 1.5))}
+    text = str(least_squares(residual, unknowns))
+    # The slope stops at its bound; what is left is a straight line of rows, not noise.
+    name, equals, value, _, error, unit = text.splitlines()[0].split()
+    assert (name, equals, unit) == ("offset", "=", "N")
+    np.testing.assert_allclose(float(value), 3.25, atol=1e-3)
+    assert float(error) > 0
+    assert text.splitlines()[1].startswith("slope = 1.")
+    assert text.splitlines()[1].endswith("at its upper bound")
+    assert text.splitlines()[2].startswith("converged after ")
+    rows = {"a": jnp.array([0.5, 2.0, 3.0])}
+    many = many_starts(lambda p: jnp.stack([p["a"] - 1.0, 0.0 * p["a"]]), rows)
+    assert str(many).startswith("3 fits, 3 converged, lowest cost ")
