@@ -20,6 +20,7 @@ from .._validation import (
     check_type,
     misshaped,
     one_concrete,
+    one_row,
     refusal,
     whole_number,
 )
@@ -250,6 +251,8 @@ class Problem:
         if chunk_size is not None:
             check_count("chunk_size", chunk_size, 1)
         rows = _placed(self.unknowns, check_mapping("starts", starts), "starts")
+        for name, row in starts.items():
+            one_row(f"starts[{name!r}]", row)
         if not isinstance(method, MultipleShooting):
             return many_starts(self._run, rows, self._data, fit=method, chunk_size=chunk_size)
         space, found = checked("starts", rows)

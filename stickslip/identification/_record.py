@@ -209,6 +209,8 @@ def _columns(name: str, given: Any) -> dict[str, str]:
 
 def _column(table: Any, role: str, column: Any) -> tuple[np.ndarray, str]:
     check_type(role, column, str, "the name of a column")
+    if isinstance(table, type):
+        raise refusal("table", table, "a table: a frame, a dataset or a mapping", TypeError)
     try:
         found = table[column]
     except Exception:

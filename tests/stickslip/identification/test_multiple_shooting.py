@@ -56,9 +56,9 @@ def problem(periods):
     )  # fmt: skip
 
 
-def starts(count):
+def starts(count, names=tuple(TRUTH)):
     rng = np.random.default_rng(1)
-    return {name: value * rng.uniform(0.5, 1.5, count) for name, value in TRUTH.items()}
+    return {name: TRUTH[name] * rng.uniform(0.5, 1.5, count) for name in names}
 
 
 def arrived(fits, reference):
@@ -84,7 +84,7 @@ def test_twenty_periods_from_a_hundred_starts():
     found = problem(20)
     reference = found.fit(method=POLISH)
     method = MultipleShooting(40, guess=guess, polish=POLISH)
-    rows = starts(100)
+    rows = starts(100, ("static", "kinetic", "stiffness"))
     assert arrived(found.fits(rows, method=method, chunk_size=8), reference).sum() >= 90
     assert arrived(found.fits(rows, method=POLISH, chunk_size=8), reference).sum() < 50
 
