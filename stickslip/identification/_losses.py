@@ -58,4 +58,4 @@ class SoftL1(AbstractLoss):
 
     @looks_at(residual=reals)
     def weight(self, residual: Numeric) -> Any:
-        return jnp.sqrt(2.0 / (1.0 + jnp.sqrt(1.0 + (residual / self.corner) ** 2)))
+        return jnp.sqrt(2.0 / (1.0 + jnp.hypot(1.0, jnp.asarray(residual) / self.corner)))

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._looks_at import reals
 from .._types import Given, NamedNumbers, Numeric
 from .._validation import (
     as_parameter,
@@ -19,6 +20,7 @@ from .._validation import (
     check_type,
     misshaped,
     one_concrete,
+    one_row,
     refusal,
     whole_number,
 )
@@ -191,6 +193,7 @@ class Problem:
         **Raises** `ValueError` for a row of another length.
         """
         count = self._data.keep.size
+        residual = reals(self, "residual", residual)
         if np.shape(residual) != (count,):
             raise misshaped("residual", residual, f"one row of {count}")
         found, at = {}, 0
@@ -221,6 +224,8 @@ class Problem:
         what is not so.
         """
         method = _method(method)
+        if chunk_size is not None:
+            check_count("chunk_size", chunk_size, 1)
         unknowns = self.unknowns if start is None else self._from(start)
         if starts is not None:
             check_count("starts", starts, 1)
@@ -243,7 +248,11 @@ class Problem:
     ) -> Fit:
         """One fit from each of many `starts`, rows of values by name; see `many_starts`."""
         method = _method(method)
+        if chunk_size is not None:
+            check_count("chunk_size", chunk_size, 1)
         rows = _placed(self.unknowns, check_mapping("starts", starts), "starts")
+        for name, row in starts.items():
+            one_row(f"starts[{name!r}]", row)
         if not isinstance(method, MultipleShooting):
             return many_starts(self._run, rows, self._data, fit=method, chunk_size=chunk_size)
         space, found = checked("starts", rows)

@@ -114,16 +114,17 @@ class Record(eqx.Module):
         time: str = "time",
         values: Given[Iterable[str] | Mapping[str, str]],
         inputs: Given[Iterable[str] | Mapping[str, str]] = (),
-        **rest: Any,
+        **options: Any,
     ) -> "Record":
         """From the columns of a pandas frame, the variables of an xarray dataset, or a mapping.
 
         **Arguments:** `table`; `time` [s], the column of the stamps; `values` and `inputs`: columns, or
-        a mapping from names of the `Problem` to columns; `rest` as for `Record`. Units that the columns
-        carry (`attrs["units"]`) are taken. **Raises** as `Record`, `ValueError` for an unknown column.
+        a mapping from names of the `Problem` to columns; `options` as for `Record`. Units that the
+        columns carry (`attrs["units"]`) are taken. **Raises** as `Record`, `ValueError` for an unknown
+        column.
         """
         values, inputs = _columns("values", values), _columns("inputs", inputs)
-        units = dict(check_mapping("units", rest.pop("units", None)))
+        units = dict(check_mapping("units", options.pop("units", None)))
         rows = {}
         for role, names in (("time", {"time": time}), ("values", values), ("inputs", inputs)):
             rows[role] = {}
@@ -132,7 +133,7 @@ class Record(eqx.Module):
                 if unit and role != "time":
                     units.setdefault(name, unit)
         return cls(
-            rows["time"]["time"], rows["values"], inputs=rows["inputs"], units=units or None, **rest
+            rows["time"]["time"], rows["values"], inputs=rows["inputs"], units=units or None, **options
         )
 
     def _input(self, name: str, given: Any, kind: str) -> Signal:
@@ -208,6 +209,8 @@ def _columns(name: str, given: Any) -> dict[str, str]:
 
 def _column(table: Any, role: str, column: Any) -> tuple[np.ndarray, str]:
     check_type(role, column, str, "the name of a column")
+    if isinstance(table, type):
+        raise refusal("table", table, "a table: a frame, a dataset or a mapping", TypeError)
     try:
         found = table[column]
     except Exception:

@@ -6,7 +6,7 @@ import numpy as np
 
 from stickslip import identification
 from stickslip.systems import CoulombOscillator, Motion
-from tests.house._nonsense_engine import INTEGRATOR, TIME
+from tests.house._nonsense_engine import INTEGRATOR
 from tests.house._nonsense_target import Target, arg
 
 UNKNOWN = {"a": 2.0}
@@ -81,9 +81,7 @@ MEASURED = [
         {
             "table": arg({"t": [0.0, 1.0], "x": [0.0, 1.0]}), "time": arg("t"),
             "values": arg(("x",)), "inputs": arg((), "none of them", "none", "mapping"),
-            "rest": arg({}),
         },
-        lambda rest, **given: identification.Record.from_table(**given),
     ),
     Target(
         identification.Problem,
@@ -136,7 +134,10 @@ FITTED = [
         identification.sensitivity, {"residual": RESIDUAL, "values": arg(UNKNOWN, "unknowns")},
     ),
     Target(identification.best, {"fits": arg(FITS)}),
-    Target(identification.Normal, {"mean": TIME, "sd": arg(1.0, "positive", "float32")}),
+    Target(
+        identification.Normal,
+        {"mean": arg(0.0, "finite", "float32"), "sd": arg(1.0, "positive", "float32")},
+    ),
     Target(
         identification.Unknown,
         {

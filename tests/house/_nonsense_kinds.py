@@ -123,6 +123,10 @@ TAKEN: dict[str, tuple[frozenset[str], str]] = {
         "parameters may be arrays, to be mapped over; their shapes meet when they are used",
     ),
     "row": (ARRAYS - {"3 x 2"}, "a row of numbers, in float32 too, as above"),
+    "residuals": (
+        frozenset({"[1.0, 2.0]", "float32 array", "nans"}),
+        "a row of two residuals, NaN where a run failed",
+    ),
     "table": (frozenset({"3 x 2"}), "three rows of two numbers"),
     "nan row": (frozenset({"nans"}), "a row of numbers; what is not finite tells nothing"),
     "times": (frozenset({"[1.0, 2.0]"}), "a row of times"),

@@ -114,7 +114,7 @@ TARGETS = [
     *of(identification.SoftL1(1.0), residual=arg(0.1, *REALS)),
     *of(
         PROBLEM, values=arg(UNKNOWN, "unknowns"), record=arg(0, "whole"),
-        residual=arg(np.zeros(2), "lanes"), method=arg(None, "none"),
+        residual=arg(np.zeros(2), "residuals"), method=arg(None, "none"),
         start=arg(None, "none", "unknowns"),
         starts=arg(None, "none"), fits__starts=arg({"a": [1.0, 2.0]}), seed=arg(0, "count"),
         chunk_size=arg(None, "none"), records=arg(RECORD),

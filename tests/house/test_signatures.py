@@ -19,7 +19,7 @@ REASONS = {
     "stickslip.analysis._lyapunov_diagram.lyapunov_diagram.sweep": "the options of run_sweep",
     "stickslip.analysis._orbit_diagram.orbit_diagram.sweep": "the options of run_sweep",
     "stickslip.identification._many_starts.many_starts.options": "what the function `fit` takes",
-    "stickslip.identification._record.Record.from_table.rest": "the options of Record",
+    "stickslip.identification._record.Record.from_table.options": "the options of Record",
     "stickslip.identification._record.Record.from_table.table": "what gives columns by name",
     "stickslip.sweep._manifest.as_json.value": "anything, of which it says what it is",
     "stickslip.systems._drive_voltage.voltage_for_belt_speed.options": "those of mean_belt_speed",

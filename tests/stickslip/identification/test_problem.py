@@ -187,6 +187,7 @@ def test_missing_rows_are_rows_left_out():
     assert marked.residual(values).shape == (37,)
 
 
+@pytest.mark.slow
 def test_log_density_is_that_of_the_normal_distribution():
     """Against the logarithms of the densities by SciPy, up to a constant."""
     rows = measured(TIMES, noise=SIGMA)
@@ -279,6 +280,7 @@ def test_tables_of_pandas_and_xarray():
         Record.from_table(frame, time="stamp", values=("x",))
 
 
+@pytest.mark.slow
 def test_delay_of_the_stamps():
     """Stamps that are late by 0.05 s, an unknown."""
     clock = TIMES + 0.05
