@@ -76,7 +76,6 @@ def system(values, inputs):
     return Sledge(values["mass"], values["stiffness"], values["friction"], 9.0, inputs["push"])
 
 
-
 def problem_of(log, system=system, **unknowns):
     """The question that is asked of a log."""
     given = {
@@ -149,11 +148,11 @@ product = float(blind.values["friction"] * blind.values["normal"])
 assert abs(product - 0.3 * 9.0) < 0.02
 
 # %% [markdown]
-# Three ways out: **weigh the sledge**, and `normal` is a known number, as above; **ask for the product**,
-# one unknown in newtons; or **measure something else** that tells the two apart, such as a record under
-# a second load. If an unknown is only *practically* not identifiable, there is too little of it in this
-# record: a longer one, a push that moves the sledge faster or turns it more often, or a prior
-# (`Unknown(..., prior=Normal(mean, sd))`) from a measurement of its own.
+# Three ways out: **weigh the sledge**, and `normal` is a known number, as above; **ask for the
+# product**, one unknown in newtons; or **measure something else** that tells the two apart, such as a
+# record under a second load. If an unknown is only *practically* not identifiable, there is too little
+# of it in this record: a longer one, a push that moves the sledge faster or turns it more often, or a
+# prior (`Unknown(..., prior=Normal(mean, sd))`) from a measurement of its own.
 
 # %%
 simulated = problem.simulate({name: float(v) for name, v in fit.values.items()})

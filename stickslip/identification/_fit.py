@@ -100,7 +100,7 @@ class Fit(eqx.Module):
     @property
     def active_bounds(self) -> NamedValues:
         """By name -1 or +1 where an estimate lies at its lower or upper bound, otherwise 0."""
-        return self.space.active(self.values)
+        return self.space.active(self.values, self.standard_errors())
 
     @property
     def data_residual(self) -> Float[Array, "*batch row"]:

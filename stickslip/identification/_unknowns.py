@@ -19,6 +19,9 @@ NamedUnknownRows: TypeAlias = Given[Mapping[str, Sequence[Any] | np.ndarray | Ar
 POSITIVE: Bounds = (0.0, None)
 
 
+NEAR = 0.01  # part of a standard error, and of the distance between the bounds
+
+
 class Space(eqx.Module):
     """The unknowns in alphabetical order, and the smooth map between their values and coordinates.
 
@@ -94,18 +97,26 @@ class Space(eqx.Module):
         ]
         return jnp.stack(rows) if rows else jnp.zeros(0)
 
-    def active(self, values: NamedValues, threshold: float = 1e-6) -> NamedValues:
-        """By name -1 or +1 where the value lies at its lower or upper bound, otherwise 0."""
-        return {name: self._side(i, values[name], threshold) for i, name in enumerate(self.names)}
+    def active(self, values: NamedValues, errors: NamedValues) -> NamedValues:
+        """By name -1 or +1 where the value lies at its lower or upper bound, otherwise 0.
 
-    def _side(self, i: int, value: Any, threshold: float) -> Any:
+        A coordinate that has to go to infinity stops on its way there: what is nearer to the bound than
+        a small part of its standard error is at it.
+        """
+        return {name: self._side(i, values[name], errors[name]) for i, name in enumerate(self.names)}
+
+    def _side(self, i: int, value: Any, error: Any) -> Any:
         low, high = self.bounds[i] if self.stated[i] else (None, None)
         span = self.scales[i] if low is None or high is None else high - low
         side = jnp.zeros(jnp.shape(value), jnp.int32)
+        if low is None and high is None:
+            return side
+        part = jnp.where(jnp.isfinite(error), NEAR * error, 0.0)
+        near = jnp.clip(part, 1e-6 * span, NEAR * span)
         if low is not None:
-            side = jnp.where(value - low < threshold * span, -1, side)
+            side = jnp.where(value - low < near, -1, side)
         if high is not None:
-            side = jnp.where(high - value < threshold * span, 1, side)
+            side = jnp.where(high - value < near, 1, side)
         return side
 
 
