@@ -12,7 +12,8 @@ WIDE = 4  # panels in a row
 
 def drawn(report: Any) -> Figure:
     """Profiles first, then residual, autocorrelation and inputs of each series, then correlations."""
-    panels = [("profile", i) for i in range(len(report.profile.names))] if report.profile else []
+    profiled = report.profile.names if report.profile else ()
+    panels: list[tuple[str, Any]] = [("profile", i) for i in range(len(profiled))]
     for name, found in report.whiteness.items():
         panels += [("series", name), ("own", name)]
         panels += [("input", (name, other)) for other in found.with_input]
