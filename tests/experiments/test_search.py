@@ -75,6 +75,7 @@ def test_chaos_needs_a_positive_exponent_and_no_period():
     np.testing.assert_array_equal(found, [True, False, False])
 
 
+@pytest.mark.slow
 def test_the_look_at_a_set_compiles_fused_and_agrees_with_portable():
     """XLA aborted on its tangent: without events most of a lane was carried and read by nobody."""
     sets, k3 = jnp.asarray(np.tile(start_values(), (4, 1))), jnp.linspace(80.0, 90.0, 4)

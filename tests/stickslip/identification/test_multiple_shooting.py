@@ -67,6 +67,7 @@ def arrived(fits, reference):
     return np.max(off, axis=0) < 1e-8
 
 
+@pytest.mark.slow
 def test_same_optimum_from_starts_that_are_far():
     found = problem(6)
     reference = found.fit(method=POLISH)

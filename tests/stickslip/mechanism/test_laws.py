@@ -42,8 +42,11 @@ def two_blocks(law):
 
 
 MACHINES = {"oscillator": oscillator, "two blocks": two_blocks}
+QUICK = ("coulomb", "stribeck", "sum")
 CASES = [
-    (machine, law) if machine == "oscillator" else pytest.param(machine, law, marks=pytest.mark.slow)
+    (machine, law)
+    if machine == "oscillator" and law in QUICK
+    else pytest.param(machine, law, marks=pytest.mark.slow)
     for machine in MACHINES
     for law in LAWS
 ]

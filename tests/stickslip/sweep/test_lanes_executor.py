@@ -31,7 +31,7 @@ def end(speed: Any) -> Any:
 
 
 @pytest.mark.parametrize("derivative", [lambda f: f, jax.jacfwd, jax.jacrev])
-@pytest.mark.parametrize("executor", ["fused", "portable"])
+@pytest.mark.parametrize("executor", ["fused", pytest.param("portable", marks=pytest.mark.slow)])
 def test_every_part_is_traced_for_the_executor_of_the_lanes(executor, derivative):
     program = ss.map_lanes(derivative(end), executor=executor, workers=1)
     SEEN.clear()

@@ -180,7 +180,13 @@ def test_declared_modes_are_those_tried_by_hand(changes, y0):
     np.testing.assert_allclose(declared.y1.i_w, tried.y1.i_w, rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("signs", [{"belt_reaction": "printed"}, {"motor_friction": "printed"}])
+@pytest.mark.parametrize(
+    "signs",
+    [
+        {"belt_reaction": "printed"},
+        pytest.param({"motor_friction": "printed"}, marks=pytest.mark.slow),
+    ],
+)
 def test_printed_signs_of_the_set_valued_model_create_energy(signs):
     drive = DCDrive.constructed(U_in=2.0, **signs)
     system = BlockOnDrivenBeltSetValued.constructed(k3=85.0, drive=drive)
