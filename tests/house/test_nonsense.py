@@ -26,10 +26,10 @@ def walk(tmp_path, share: int) -> dict:
 
 
 def test_nonsense_is_refused_properly(tmp_path):
-    found = walk(tmp_path, 4)
+    found = walk(tmp_path, 6)
     assert found["complaints"] == []
     assert found["missing"] == []
-    assert found["counts"]["calls"] > 12 * found["counts"]["arguments"]
+    assert found["counts"]["calls"] > 8 * found["counts"]["arguments"]
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ import pytest
 from tests.house._repository import ROOT
 
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.py"))
-# Half a minute of compilation each for functions whose numbers are tested one by one in the quick suite.
+# Half a minute of compilation for functions whose numbers are tested one by one in the quick suite.
 SLOW = {"corexy", "identification", "jointed_beam", "own_mechanism"}
 
 

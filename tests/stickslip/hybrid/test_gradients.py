@@ -201,6 +201,7 @@ def test_adaptive_steps_and_smooth_systems_too():
     np.testing.assert_allclose(forward, np.stack(difference, 1), atol=1e-8)
 
 
+@pytest.mark.slow
 def test_derivatives_in_chunks_with_both_executors():
     speeds = jnp.linspace(0.2, 0.4, 6)
 

@@ -35,7 +35,9 @@ def results(p, max_steps, saveat=None):
 @pytest.mark.parametrize(
     "max_steps", [301, *(pytest.param(n, marks=pytest.mark.slow) for n in (240, 4001))]
 )
-@pytest.mark.parametrize("batch", [False, True], ids=["alone", "batch"])
+@pytest.mark.parametrize(
+    "batch", [pytest.param(False, marks=pytest.mark.slow), True], ids=["alone", "batch"]
+)
 def test_segments_and_chapters(monkeypatch, max_steps, batch):
     """A limit on the attempts of its own makes each case a program of its own."""
     if max_steps != 301:
@@ -59,6 +61,7 @@ def test_segments_and_chapters(monkeypatch, max_steps, batch):
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_many_segments_of_fused_lanes(monkeypatch):
     monkeypatch.setattr(_adjoint, "SEGMENT", 32)
     speeds = jnp.linspace(0.2, 0.3, 5)

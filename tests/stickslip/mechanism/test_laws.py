@@ -79,7 +79,7 @@ def test_regularised_over_stick_and_slip(machine, law):
 
 
 @pytest.mark.parametrize(("kind", "order"), [("sqrt", 2.0), ("arctan", 1.0)])
-@pytest.mark.parametrize("law", ["coulomb", "sum"])
+@pytest.mark.parametrize("law", ["coulomb", pytest.param("sum", marks=pytest.mark.slow)])
 def test_order_of_the_rounding_in_pure_slip(law, kind, order):
     """What the table of `Regularised` says of one minus the rounded sign."""
     machine, _ = oscillator(LAWS[law])

@@ -30,7 +30,9 @@ def end(speed: Any) -> Any:
     return ss.simulate(Witness(1.0, 1.0, 1.0, 0.5, speed), 0.0, 8.0, y0, throw=False).y1.x
 
 
-@pytest.mark.parametrize("derivative", [lambda f: f, jax.jacfwd, jax.jacrev])
+@pytest.mark.parametrize(
+    "derivative", [lambda f: f, jax.jacfwd, pytest.param(jax.jacrev, marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize("executor", ["fused", pytest.param("portable", marks=pytest.mark.slow)])
 def test_every_part_is_traced_for_the_executor_of_the_lanes(executor, derivative):
     program = ss.map_lanes(derivative(end), executor=executor, workers=1)
