@@ -177,7 +177,10 @@ def _what_fires(plan: Plan, lane: Lane, h: Any, first: First, code: Any) -> Any:
     # A short step late in a run cannot be divided further than the time can be told. The correction
     # must be small against the step that led here too: a hop may be tiny.
     fine = jnp.maximum(tolerance * full, ROUNDING * jnp.abs(lane.t))
-    reach = jnp.where(h == 0, tolerance * full, jnp.minimum(fine, REACH * h))
+    # But what is within the rounding of the time is near: a step may have ended on the very zero, at a
+    # time asked for, and the next one begins there.
+    least = jnp.maximum(REACH * h, ROUNDING * jnp.abs(lane.t))
+    reach = jnp.where(h == 0, tolerance * full, jnp.minimum(fine, least))
     near = jnp.abs(first.value) <= -rate * reach
     # Guards at rest lie at zero to rounding; only what is clearly beyond fires.
     hit = first.value < jnp.where(guards, -SLACK, 1e-300)

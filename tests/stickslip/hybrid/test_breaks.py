@@ -82,3 +82,37 @@ def test_wrong_times_are_named(times):
         ss.WithBreaks(Pushed(0.0, 1.0, 1.0), times)
     with pytest.raises(TypeError, match="system"):
         ss.WithBreaks("block", [1.0])
+
+
+class Lines(ss.AbstractSmoothSystem):
+    """A free mass under a force that is a straight line from one of `times` to the next."""
+
+    times: Any
+    forces: Any
+
+    def vector_field(self, t, y, mode, args):
+        return Motion(y.v, jnp.interp(t, self.times, self.forces))
+
+
+def test_outputs_at_the_very_breaks():
+    """As of a record whose inputs have its stamps: a step that ends on a stamp ends on a bend."""
+    count = 400
+    forces = np.random.default_rng(0).uniform(-1.0, 1.0, count)
+
+    @jax.jit
+    def run(times):
+        system = ss.WithBreaks(Lines(times, jnp.asarray(forces)), times[1:-1])
+        start = system.start(Motion(0.0, 0.0))
+        saveat = ss.SaveAt(ts=times)
+        done = ss.simulate(system, 0.0, times[-1], start, saveat=saveat, max_events=2 * count)
+        return done.outputs.y.y.x, done.num_events, done.flags
+
+    for step in (0.02, 0.1, 1.0 / 3.0, 0.7):
+        times = step * np.arange(count)
+        found, events, flags = run(jnp.asarray(times))
+        a, b = forces[:-1], forces[1:]
+        v = np.concatenate([[0.0], np.cumsum(0.5 * step * (a + b))])
+        x = np.concatenate([[0.0], np.cumsum(step * v[:-1] + step**2 * (2 * a + b) / 6.0)])
+        np.testing.assert_allclose(found, x, atol=1e-11 * np.abs(x).max())
+        assert int(events) == count - 2
+        assert int(flags) == 0
