@@ -1,5 +1,7 @@
 """Result codes, as messages, and the verdict on derivatives."""
 
+from typing import Any
+
 import diffrax as dfx
 import jax.numpy as jnp
 from jaxtyping import Array, Int
@@ -43,9 +45,14 @@ CODE = {name: number for number, name in enumerate(CODES)}
 
 def to_result(code: Int[Array, "*batch"]) -> RESULTS:  # pyright: ignore[reportInvalidTypeForm]
     """`RESULTS` item of an integer code of the loop."""
-    result = RESULTS.successful
-    for number, name in enumerate(CODES):
-        result = RESULTS.where(code == number, getattr(RESULTS, name), result)
+    return item_of(RESULTS, CODES, code)
+
+
+def item_of(results: Any, names: tuple[str, ...], code: Int[Array, "*batch"]) -> Any:
+    """Item of an enumeration by a code, the place in the row of `names`; the first by default."""
+    result = getattr(results, names[0])
+    for number, name in enumerate(names):
+        result = results.where(code == number, getattr(results, name), result)
     return result
 
 

@@ -3,6 +3,8 @@
 import equinox as eqx
 from jaxtyping import Array, Int
 
+from ..hybrid._status import item_of
+
 
 class RESULTS(eqx.Enumeration):  # pyright: ignore[reportGeneralTypeIssues]
     """Outcome of a fit; `RESULTS[fit.result]` is the message."""
@@ -28,7 +30,4 @@ CODE = {name: number for number, name in enumerate(CODES)}
 
 def to_result(code: Int[Array, "*batch"]) -> RESULTS:  # pyright: ignore[reportInvalidTypeForm]
     """`RESULTS` item of a code."""
-    result = RESULTS.successful
-    for number, name in enumerate(CODES):
-        result = RESULTS.where(code == number, getattr(RESULTS, name), result)
-    return result
+    return item_of(RESULTS, CODES, code)

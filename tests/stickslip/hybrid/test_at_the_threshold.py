@@ -1,7 +1,5 @@
 """A block that stops just where friction can hold it: rounding decides what comes next, and says so."""
 
-from typing import Any, ClassVar
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,27 +7,7 @@ import numpy as np
 import stickslip as ss
 from stickslip.friction import Coulomb
 from stickslip.hybrid._status import GRAZING
-from stickslip.mechanism import AbstractMechanism, Contact
-
-
-class Ground(AbstractMechanism):
-    """A block on a spring, on rough ground."""
-
-    mass: Any
-    stiffness: Any
-    limit: Any
-
-    coordinates: ClassVar = {"x": "m"}
-    contact_directions: ClassVar = {"ground": {"x": 1.0}}
-
-    def mass_matrix(self, q):
-        return {"x": self.mass}
-
-    def forces(self, t, q, v, args):
-        return {"x": -self.stiffness * q.x}
-
-    def contacts(self, t, q, v, args):
-        return {"ground": Contact(Coulomb(self.limit, 0.5 * self.limit))}
+from tests.stickslip.mechanism._machines import Oscillator
 
 
 def runs(start, mass, stiffness, limit, tolerance, t0=0.0):
@@ -40,7 +18,7 @@ def runs(start, mass, stiffness, limit, tolerance, t0=0.0):
     """
 
     def one(start, mass, stiffness, limit):
-        block = Ground(mass, stiffness, limit)
+        block = Oscillator(mass, stiffness, Coulomb(limit, 0.5 * limit), 0.0)
         length, period = limit / stiffness, 2 * jnp.pi * jnp.sqrt(mass / stiffness)
         solver = ss.Integrator("dop853", ss.AdaptiveStep(tolerance))
         y0 = block.state(x=start * length)
