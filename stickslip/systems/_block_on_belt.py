@@ -5,7 +5,6 @@ from typing import Any, ClassVar
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, PyTree
 
-from .._fastmath import where
 from .._looks_at import OBSERVABLE, looks_at, state
 from .._types import Given, Numeric, Whole
 from .._validation import as_parameter, check_finite
@@ -25,11 +24,6 @@ from ._block_mechanics import (
 )
 
 BACKWARD, STICK, FORWARD = 0, 1, 2
-
-
-def sense_of(contact: Any) -> Float[Array, "..."]:
-    """+1 where the block slips forward on the belt, else -1."""
-    return where(contact == FORWARD, 1.0, -1.0)
 
 
 class AbstractBlockOnSteadyBelt(AbstractBlockOnBelt):

@@ -21,6 +21,7 @@ from .._validation import (
 )
 from ..friction._law import Number
 from ..hybrid import AbstractHybridSystem
+from ._mechanical import slip_sense
 
 Sign = Literal["consistent", "printed"]
 
@@ -46,11 +47,6 @@ class DriveState(NamedTuple):
 
     omega: Any  # speed of the rotor [rad/s]
     i_w: Any  # current of the winding [A]
-
-
-def turning_sense(mode: Any) -> Float[Array, "..."]:
-    """+1 turning forward, -1 turning backward, 0 resting."""
-    return where(mode == TURNING_FORWARD, 1.0, where(mode == RESTING, 0.0, -1.0))
 
 
 class DCDrive(AbstractHybridSystem):
@@ -202,7 +198,7 @@ class DCDrive(AbstractHybridSystem):
     @looks_at(y=state, T_s=reals, mode=modes)
     def slope(self, y: PyTree, T_s: Numeric, mode: Whole) -> DriveState:
         """Time derivative of rotor and winding under the belt force `T_s`, in a mode of the drive."""
-        braked = self.torque(y, T_s) - turning_sense(mode) * self.kinetic_torque
+        braked = self.torque(y, T_s) - slip_sense(mode) * self.kinetic_torque
         return DriveState(
             omega=where(mode == RESTING, 0.0, braked / self.inertia), i_w=self.current_rate(y)
         )
@@ -212,7 +208,7 @@ class DCDrive(AbstractHybridSystem):
         """Guards of the drive under the belt force `T_s`."""
         rest, torque = mode == RESTING, self.torque(y, T_s)
         return (
-            where(rest, 1.0, turning_sense(mode) * y.omega),
+            where(rest, 1.0, slip_sense(mode) * y.omega),
             where(rest, self.T_st - torque, 1.0),
             where(rest, self.T_st + torque, 1.0),
         )

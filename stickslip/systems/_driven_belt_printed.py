@@ -12,8 +12,9 @@ import jax.numpy as jnp
 from .._fastmath import where
 from ..hybrid._system import NO_MODE
 from ._block_mechanics import Loads
-from ._block_on_belt import BACKWARD, FORWARD, STICK, sense_of
-from ._dc_drive import RESTING, TURNING_BACKWARD, TURNING_FORWARD, DCDrive, turning_sense
+from ._block_on_belt import BACKWARD, FORWARD, STICK
+from ._dc_drive import RESTING, TURNING_BACKWARD, TURNING_FORWARD, DCDrive
+from ._mechanical import slip_sense
 
 PARTS = 4  # mode number = 4 drive + contact
 GUARDS = (
@@ -46,9 +47,9 @@ def moves(system: Any, y: Any, drive_mode: Any, contact: Any) -> Moves:
     """Forces and accelerations in a mode of the drive and one of the contact."""
     drive, loads = system.drive, system.loads(y)
     v = y.vx - system.belt_velocity(y)
-    slip = system.law.kinetic(v, sense_of(contact)) * loads.normal + system.law.drag(v)
+    slip = system.law.kinetic(v, slip_sense(contact)) * loads.normal + system.law.drag(v)
     # Belt acceleration = free + per_force * T_s, and the block's is the same while it sticks.
-    free_torque = drive.torque(y, 0.0) - turning_sense(drive_mode) * drive.kinetic_torque
+    free_torque = drive.torque(y, 0.0) - slip_sense(drive_mode) * drive.kinetic_torque
     belt = where(drive_mode == RESTING, 0.0, drive.transmission / drive.inertia)
     per_mass = 1.0 / system.m
     held = (-per_mass * loads.on_block - belt * free_torque) / (per_mass + belt * drive.reaction)
@@ -68,7 +69,7 @@ def guards(system: Any, y: Any, mode: Any) -> tuple:
     return (
         where(stick, high * now.loads.normal - now.T_s, 1.0),
         where(stick, now.T_s - low * now.loads.normal, 1.0),
-        where(stick, 1.0, sense_of(contact) * v),
+        where(stick, 1.0, slip_sense(contact) * v),
         *system.drive.drive_guards(y, now.T_s, mode // PARTS),
     )
 
