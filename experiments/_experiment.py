@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from . import _settings
 
-GROUPS = ("beam", "block", "corexy", "emps", "mechanisms")
+GROUPS = ("beam", "block", "corexy", "emps", "mechanisms", "pendulum")
 
 
 @dataclasses.dataclass(frozen=True)

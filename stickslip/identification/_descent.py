@@ -47,7 +47,7 @@ class GradientDescent(AbstractMethod):
         )
         self.loss = check_type("loss", loss, AbstractLoss | None, "a loss such as Huber(), or None")
 
-    def begin(self, z, rows):
+    def begin(self, z, rows, space=None):
         nothing = jnp.full((rows,), jnp.nan), jnp.full((rows, z.shape[0]), jnp.nan)
         best = (jnp.asarray(jnp.inf), z, *nothing)
         return Iteration(

@@ -9,6 +9,7 @@ import optimistix as optx
 
 from .._types import Numeric
 from .._validation import check_count, check_type, one_number
+from ._bounded import curvature, kinds_of, moved, within
 from ._fit import Fit
 from ._losses import AbstractLoss
 from ._methods import AbstractMethod, Iteration
@@ -16,6 +17,9 @@ from ._results import CODE
 from ._sensitivity import Sensitivity
 
 DESCENT = optx.DampedNewtonDescent(linear_solver=lx.QR())
+REGION = optx.ClassicalTrustRegion(high_cutoff=0.75, high_constant=5.0)
+LEAST = 1e-10  # damping of the step that tells what there is still to gain
+UNSEEN = 1e-8  # part of the largest sensitivity that counts as that of what is not seen at all
 
 
 def _info(residual: Any, matrix: Any) -> optx.FunctionInfo.ResidualJac:
@@ -40,37 +44,30 @@ class LevenbergMarquardt(AbstractMethod):
         check_count("max_steps", self.max_steps, 1)
         check_type("loss", self.loss, AbstractLoss | None, "a loss such as Huber(), or None")
 
-    def begin(self, z, rows):
+    def begin(self, z, rows, space=None):
         residual, matrix = jnp.zeros(rows), jnp.zeros((rows, z.shape[0]))
-        search = optx.ClassicalTrustRegion().init(z, _info(residual, matrix))
+        search = REGION.init(z, _info(residual, matrix))
         code = jnp.full((), CODE["max_steps_reached"], jnp.int32)
-        kept = (z, residual, matrix, search, code)
+        kept = (z, residual, matrix, jnp.zeros_like(z), search, kinds_of(space, z.shape[0]), code)
         return Iteration(z, kept, jnp.zeros((), jnp.int32), jnp.zeros((), bool))
 
     def advance(self, now, residual, matrix):
-        y, old_residual, old_matrix, search, _ = now.kept
-        # The trust region begins with damping 1: scaled residuals see `damping` instead.
-        scale = 1.0 / jnp.sqrt(self.damping)
-        residual, matrix = scale * residual, scale * matrix
+        y, old_residual, old_matrix, step, search, kinds, _ = now.kept
         first = now.steps == 0
-        size, accept, _, search = optx.ClassicalTrustRegion().step(
-            first, y, now.z, _info(old_residual, old_matrix), _info(residual, matrix), search
+        # `y + step` is where the linear model in the values expects to be, `now.z` the place itself.
+        size, accept, _, search = REGION.step(
+            first, y, y + step, _info(old_residual, old_matrix), _info(residual, matrix), search
         )
-        close = _close(self.tolerance, now.z, now.z - y) & _close(
+        close = _close(self.tolerance, y, step) & _close(
             self.tolerance, residual, residual - old_residual
         )
         y = jnp.where(accept, now.z, y)
         residual = jnp.where(accept, residual, old_residual)
         matrix = jnp.where(accept, matrix, old_matrix)
-        info = _info(residual, matrix)
-        state = DESCENT.query(y, info, DESCENT.init(y, info))
-        step, result = DESCENT.step(size, state)
-        # At the minimum along what the data see: a step along the rest may go on for ever.
-        change = matrix @ step
-        gain = -jnp.sum(change * (residual + 0.5 * change))
+        step, gain, failed = self._step(kinds, y, size, residual, matrix)
         cost = 0.5 * jnp.sum(residual**2)
+        # At the minimum along what the data see: a step along the rest may go on for ever.
         flat = gain <= self.tolerance * cost
-        failed = ~jnp.all(jnp.isfinite(step)) | (result != optx.RESULTS.successful)
         lost = ~jnp.isfinite(cost)
         ended = accept & (close | flat)
         code = jnp.where(ended, CODE["successful"], CODE["max_steps_reached"])
@@ -78,14 +75,34 @@ class LevenbergMarquardt(AbstractMethod):
         code = jnp.where(lost, CODE["start_not_finite"], code).astype(jnp.int32)
         steps = now.steps + 1
         done = ended | failed | lost | (steps >= self.max_steps)
-        return Iteration(y + step, (y, residual, matrix, search, code), steps, done)
+        kept = (y, residual, matrix, step, search, kinds, code)
+        return Iteration(moved(kinds, y, step), kept, steps, done)
+
+    def _step(self, kinds, y, size, residual, matrix):
+        """The damped step from `y`, what the model has still to gain, whether there is no step."""
+        bend = curvature(kinds, y, residual @ matrix)
+        # Damping in units of what each coordinate moves the residuals by: no unit of a value matters.
+        sizes = jnp.sqrt(jnp.sum(matrix**2, axis=0) + bend)
+        largest = jnp.max(sizes, initial=0.0)
+        sizes = jnp.maximum(sizes, jnp.where(largest > 0.0, UNSEEN * largest, 1.0))
+        rows = jnp.concatenate([residual, jnp.zeros_like(y)])
+        whole = jnp.concatenate([matrix, jnp.diag(jnp.sqrt(bend))]) / sizes[None, :]
+        info = _info(rows, whole)
+        state = DESCENT.query(y, info, DESCENT.init(y, info))
+        # The trust region begins with the size 1.
+        step, result = DESCENT.step(size / self.damping, state)
+        # The damped step does not tell what can be gained: it is short where the last were refused.
+        far, _ = DESCENT.step(jnp.asarray(1.0 / LEAST), state)
+        change = whole @ far
+        gain = -jnp.sum(change * (rows + 0.5 * change))
+        step = within(kinds, y, step / sizes)
+        return step, gain, ~jnp.all(jnp.isfinite(step)) | (result != optx.RESULTS.successful)
 
     def finish(self, space, now):
-        y, residual, matrix, _, code = now.kept
-        scale = 1.0 / jnp.sqrt(self.damping)
-        found = Sensitivity(space.names, matrix / scale)
+        y, residual, matrix, _, _, _, code = now.kept
+        found = Sensitivity(space.names, matrix)
         good = code == CODE["successful"]
-        return Fit(space.values(y), residual / scale, found, now.steps, good, space, code)
+        return Fit(space.values(y), residual, found, now.steps, good, space, code)
 
 
 def _close(tolerance: float, a: Any, change: Any) -> Any:

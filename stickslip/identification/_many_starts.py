@@ -82,7 +82,7 @@ def many_starts(
     while todo.size:
         out, matrix = _evaluated(program, z, shared, todo, chunk_size is not None)
         if now is None:
-            now = _begin(method, jnp.asarray(z), out.shape[1])
+            now = _begin(method, jnp.asarray(z), out.shape[1], space)
         now = _advance(method, now, jnp.asarray(out), jnp.asarray(matrix))
         z, done = np.asarray(now.z), np.asarray(now.done)
         todo = np.flatnonzero(~done)
@@ -192,8 +192,8 @@ def _evaluated(program: map_lanes, z, each, rows, whole: bool) -> tuple[np.ndarr
 
 
 @eqx.filter_jit
-def _begin(method, z, rows: int):
-    return jax.vmap(lambda z: method.begin(z, rows))(z)
+def _begin(method, z, rows: int, space: Space):
+    return jax.vmap(lambda z: method.begin(z, rows, space))(z)
 
 
 @eqx.filter_jit

@@ -36,8 +36,8 @@ class AbstractMethod(eqx.Module, metaclass=CheckedModule):
     loss: eqx.AbstractVar[AbstractLoss | None]
 
     @abc.abstractmethod
-    def begin(self, z: Float[Array, " unknown"], rows: int) -> Iteration:
-        """Before the first evaluation."""
+    def begin(self, z: Float[Array, " unknown"], rows: int, space: Space | None = None) -> Iteration:
+        """Before the first evaluation; without a `space` every coordinate is open."""
 
     @abc.abstractmethod
     def advance(
@@ -60,4 +60,6 @@ class AbstractMethod(eqx.Module, metaclass=CheckedModule):
         def step(now):
             return self.advance(now, *once(now.z))
 
-        return self.finish(space, jax.lax.while_loop(lambda now: ~now.done, step, self.begin(z, rows)))
+        return self.finish(
+            space, jax.lax.while_loop(lambda now: ~now.done, step, self.begin(z, rows, space))
+        )

@@ -170,7 +170,8 @@ def improved(method: AbstractMethod, shooting: Shooting, unknown: Array) -> tupl
     def step(now):
         return method.advance(now, *once(now.z))
 
-    end = jax.lax.while_loop(lambda now: ~now.done, step, method.begin(unknown, rows))
+    start = method.begin(unknown, rows, shooting.space)
+    end = jax.lax.while_loop(lambda now: ~now.done, step, start)
     z, residual = end.kept[:2]
     return z, 0.5 * jnp.sum(residual**2), end.steps
 

@@ -49,7 +49,7 @@ def data(**changes):
 @jax.jit
 @jax.vmap
 def fitted(start, measured):
-    return least_squares(lambda p: (positions(p) - measured) / SIGMA, start, damping=1e4)
+    return least_squares(lambda p: (positions(p) - measured) / SIGMA, start)
 
 
 @functools.cache
@@ -148,7 +148,7 @@ def test_many_starts_through_events_are_single_fits():
 
     alone = fitted(starts, jnp.broadcast_to(measured, (5, 40)))
     for executor in ("portable", "auto"):
-        found = many_starts(residual, starts, measured, damping=1e4, chunk_size=2, executor=executor)
+        found = many_starts(residual, starts, measured, chunk_size=2, executor=executor)
         assert bool(jnp.all(found.successful))
         np.testing.assert_array_equal(found.steps, alone.steps)
         np.testing.assert_allclose(products(found.values), products(alone.values), atol=1e-9)

@@ -24,7 +24,7 @@ PERIOD = 2 * 0.5 / BELT + 2 * (np.pi - np.arctan(0.5 / BELT))  # closed form, se
 SIGMA = 0.01
 # A run of a bad trial ends soon.
 INTEGRATOR = ss.Integrator("tsit5", ss.AdaptiveStep(1e-8, 1e-8), max_steps=5000)
-POLISH = LevenbergMarquardt(damping=1e4, tolerance=1e-15)
+POLISH = LevenbergMarquardt(tolerance=1e-15)
 
 
 def block(values, inputs):

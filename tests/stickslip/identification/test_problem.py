@@ -156,7 +156,7 @@ def test_known_parameters_come_back_from_stick_slip_records():
         Record(two, {"position": measured(two, x=-0.2)}, begin=0.0, name="b"),
     )
     assert sorted(found.unknowns) == ["kinetic", "stiffness", "x[a]", "x[b]"]
-    fit = found.fit(method=LevenbergMarquardt(damping=1e4))
+    fit = found.fit(method=LevenbergMarquardt())
     expected = {"kinetic": 0.5, "stiffness": 1.0, "x[a]": 0.1, "x[b]": -0.2}
     for name, value in expected.items():
         assert float(fit.values[name]) == pytest.approx(value, abs=1e-7)
@@ -223,7 +223,7 @@ def test_same_optimum_as_scipy_with_fewer_runs():
     theirs = scipy.optimize.least_squares(
         residual, [0.55, 1.05, 0.15], x_scale=[0.5, 1.0, 0.1], xtol=1e-15, ftol=1e-15, gtol=1e-15
     )
-    ours = found.fit(method=LevenbergMarquardt(damping=1e4, tolerance=1e-14))
+    ours = found.fit(method=LevenbergMarquardt(tolerance=1e-14))
     errors = ours.standard_errors()
     for name, value in zip(names, theirs.x, strict=True):
         assert abs(float(ours.values[name]) - value) < 1e-3 * float(errors[name])
@@ -296,7 +296,7 @@ def test_delay_of_the_stamps():
     )  # fmt: skip
     residual = found.residual({"delay": 0.05, "kinetic": 0.5, "stiffness": 1.0})
     np.testing.assert_allclose(residual, 0.0, atol=1e-4)
-    fit = found.fit(method=LevenbergMarquardt(damping=1e4))
+    fit = found.fit(method=LevenbergMarquardt())
     assert float(fit.values["delay"]) == pytest.approx(0.05, abs=1e-6)
 
 
@@ -315,7 +315,7 @@ def test_starts_fill_the_bounds_evenly():
 def test_many_fits_of_a_problem_compile_once():
     rows = measured(TIMES, noise=SIGMA)
     found = problem(Record(TIMES, {"position": rows}, begin=0.0))
-    best = found.fit(method=LevenbergMarquardt(damping=1e4, tolerance=1e-13), starts=3, chunk_size=3)
+    best = found.fit(method=LevenbergMarquardt(tolerance=1e-13), starts=3, chunk_size=3)
     again = found.with_records(Record(TIMES, {"position": measured(TIMES)}, begin=0.0))
     compiled = 0
 
@@ -324,7 +324,7 @@ def test_many_fits_of_a_problem_compile_once():
         compiled += event == "/jax/core/compile/backend_compile_duration"
 
     jax.monitoring.register_event_duration_secs_listener(count)
-    other = again.fit(method=LevenbergMarquardt(damping=1e4, tolerance=1e-13), starts=3, chunk_size=3)
+    other = again.fit(method=LevenbergMarquardt(tolerance=1e-13), starts=3, chunk_size=3)
     assert compiled == 0
     assert float(other.values["stiffness"]) == pytest.approx(1.0, abs=1e-6)
     assert abs(float(best.values["stiffness"]) - 1.0) < 5 * float(best.standard_errors()["stiffness"])
@@ -336,7 +336,7 @@ def test_what_the_data_do_not_see_is_a_verdict():
         block, start, UNKNOWNS | {"colour": 2.0}, OBSERVED,
         Record(TIMES, {"position": measured(TIMES, noise=SIGMA)}, begin=0.0), integrator=INTEGRATOR,
     )  # fmt: skip
-    errors = found.fit(method=LevenbergMarquardt(damping=1e4)).standard_errors()
+    errors = found.fit(method=LevenbergMarquardt()).standard_errors()
     assert np.isinf(errors["colour"])
     assert np.isfinite(errors["stiffness"])
 
