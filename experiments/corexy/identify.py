@@ -22,7 +22,6 @@ LABELS = {
     "mu_k": r"$\mu_k$", "mu_s": r"$\mu_s$",
 }  # fmt: skip
 INPUTS = ("scenario 1", "scenario 2", "scenario 3", "designed")
-DAMPING = 1e4
 LANES = 8  # of a chunk; the same everywhere, so that one program serves all
 
 
@@ -78,7 +77,7 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
         data = cx.with_noise(run(p, v), key)
         starts = {name: truth[i] * factors[number, :, i] for i, name in enumerate(NAMES)}
         fits = many_starts(
-            _residual, starts, data, p, v, times, damping=DAMPING, max_steps=parameters["steps"],
+            _residual, starts, data, p, v, times, max_steps=parameters["steps"],
             chunk_size=LANES,
         )  # fmt: skip
         one = best(fits)

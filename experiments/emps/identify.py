@@ -98,7 +98,7 @@ def best_of(residual: Any, law: str, parameters: dict[str, Any], steps: int = 60
     """Fits from the random starts, the best first."""
     rng = np.random.default_rng(parameters["seed"])
     fits = [
-        least_squares(residual, starts(law, rng, parameters["spread"]), damping=1e3, max_steps=steps)
+        least_squares(residual, starts(law, rng, parameters["spread"]), max_steps=steps)
         for _ in range(parameters["starts"])
     ]
     return sorted(fits, key=lambda fit: float(fit.cost))
@@ -155,7 +155,7 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
         # Fitted to the first part of the command alone, scored on the rest of the same run.
         early = by_command(record, measured, kept)
         known = least_squares(
-            lambda p, early=early: early(p)[:later], _near(fits[law]), damping=1e3, max_steps=40
+            lambda p, early=early: early(p)[:later], _near(fits[law]), max_steps=40
         )
         held_out[law] = SIGMA * np.asarray(early(known.values))[later:]
         scores[f"command of the first part, {law}"] = [
@@ -190,7 +190,7 @@ def _with_rise(residual: Any, fit: Fit) -> Fit:
     start = _near(fit) | {
         "rise": Unknown(0.5, bounds=(0.0, None)), "v_s": Unknown(5e-3, bounds=(1e-4, 0.1)),
     }  # fmt: skip
-    return least_squares(residual, start, damping=1e3, max_steps=60)
+    return least_squares(residual, start, max_steps=60)
 
 
 def _column(fit: Fit, apart: float) -> dict[str, Any]:

@@ -4,7 +4,7 @@ The coordinate of a value with the bound 0 is its logarithm, so a value that bel
 coordinate that goes to minus infinity, with a column of the Jacobian that vanishes: damping in such
 coordinates creeps. Here the coordinates stay, and the steps are those of the values: a step $d$ of the
 linear model in $z$ moves the value by $d\,\mathrm{d}p/\mathrm{d}z$, but leaves at least a part of its
-distance to a bound. What the map adds to the second derivative, $g_i p''_i/p'_i$ where it is positive,
+distance to a bound, and at most so many times it: what is hardly seen yet would go too far. What the map adds to the second derivative, $g_i p''_i/p'_i$ where it is positive,
 parts an unknown that goes to its bound from the others. Both as in T. F. Coleman and Y. Li, An interior
 trust region approach for nonlinear minimization subject to bounds, SIAM J. Optim. 6 (1996) 418.
 """
@@ -13,11 +13,12 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool
 
 from ._unknowns import Space
 
 LEFT = 0.005  # part of the distance to a bound that a step leaves
+MOST = 10.0  # times the distance to a single bound that a step may end at
 
 
 class Kinds(NamedTuple):
@@ -49,7 +50,8 @@ def within(kinds: Kinds, z: Any, step: Any) -> Any:
     """The linear step, as far as the bounds let it go."""
     s = _part(kinds, z)
     down = jnp.where(kinds.bounded, (LEFT - 1.0) / (1.0 - s), -jnp.inf)
-    up = jnp.where(kinds.between, (1.0 - LEFT) / jnp.where(kinds.between, s, 1.0), jnp.inf)
+    up = jnp.where(kinds.between, (1.0 - LEFT) / jnp.where(kinds.between, s, 1.0), MOST - 1.0)
+    up = jnp.where(kinds.bounded, up, jnp.inf)
     return jnp.clip(step, down, up)
 
 

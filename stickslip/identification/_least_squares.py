@@ -41,8 +41,8 @@ def least_squares(
       finite, e.g. of a run that failed, counts as a step too far.
     - `start`: by name, an `Unknown` with its start, bounds and prior; or a plain positive number, which
       is estimated in its logarithm.
-    - `damping` $\lambda$ of the first step, $(J^TJ + \lambda)\,\delta = -J^Tr$: with residuals far
-      above 1 a large value, say the square of a typical residual, saves steps that are refused.
+    - `damping` $\lambda$ of the first step, $(J^TJ + \lambda D^2)\,\delta = -J^Tr$ with the lengths $D$
+      of the columns of $J$, so that units and noise do not matter. More makes the first steps shorter.
     - `tolerance`: relative and absolute, of the coordinates and the residuals; or of the cost, by
       what the next step would gain if the residual were linear. `max_steps`: limit, refused ones
       included.
