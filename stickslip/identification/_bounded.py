@@ -4,9 +4,10 @@ The coordinate of a value with the bound 0 is its logarithm, so a value that bel
 coordinate that goes to minus infinity, with a column of the Jacobian that vanishes: damping in such
 coordinates creeps. Here the coordinates stay, and the steps are those of the values: a step $d$ of the
 linear model in $z$ moves the value by $d\,\mathrm{d}p/\mathrm{d}z$, but leaves at least a part of its
-distance to a bound, and at most so many times it: what is hardly seen yet would go too far. What the map adds to the second derivative, $g_i p''_i/p'_i$ where it is positive,
-parts an unknown that goes to its bound from the others. Both as in T. F. Coleman and Y. Li, An interior
-trust region approach for nonlinear minimization subject to bounds, SIAM J. Optim. 6 (1996) 418.
+distance to a bound, and at most so many times it: what is hardly seen yet would go too far. What the
+map adds to the second derivative, $g_i p''_i/p'_i$ where it is positive, parts an unknown that goes to
+its bound from the others. Both as in T. F. Coleman and Y. Li, An interior trust region approach for
+nonlinear minimization subject to bounds, SIAM J. Optim. 6 (1996) 418.
 """
 
 from typing import Any, NamedTuple
