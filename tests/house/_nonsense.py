@@ -37,6 +37,7 @@ from stickslip.hybrid import _interpolate, _saltation, _simulate
 from stickslip.identification import (
     _many_starts,
     _methods,
+    _posterior,
     _problem,
     _profile,
     _report,
@@ -75,6 +76,7 @@ BEHIND = (
     (_methods.AbstractMethod, "solve"),
     (_many_starts, "_evaluator"),
     (_sensitivity, "evaluation"),
+    (_posterior, "traced"),
     (_profile, "traced"),
     (_report, "page"),
     (_problem, "residual_of"),

@@ -32,6 +32,13 @@ TARGETS = [
         },
     ),
     Target(
+        identification.posterior,
+        {
+            "residual": RESIDUAL, "fit": arg(ONE), "draws": arg(4), "warmup": arg(60), "chains": arg(2),
+            "seed": arg(0, "count"), "max_doublings": arg(3),
+        },
+    ),
+    Target(
         identification.unseen,
         {"fit": arg(ONE), "threshold": arg(1e-7, "not negative", "float32")},
     ),
