@@ -159,9 +159,11 @@ def decide(plan: Plan, lane: Lane, step: Step, first: First | None) -> Any:
     if plan.step_size.adaptive:
         inaccurate = ~(step.error <= 1.0)
         # Inside a bracket the steps are parts of one whose error was accepted; the first attempt in a
-        # mode, of length zero, still has the slope of the mode before.
+        # mode, of length zero, still has the slope of the mode before. But that error has not seen what
+        # bends at the event alone, as a friction law does at rest: the step that ends there has.
         if first is not None:
-            inaccurate = inaccurate & (lane.bracket.tries == 0) & knows_slope
+            ends = (lane.bracket.tries == 0) | ((code >= SECTION) & (code < COLLAPSED))
+            inaccurate = inaccurate & ends & knows_slope
         bad = bad | inaccurate
     code = jnp.where(bad, REJECT, code)
     return jnp.where(lane.status == RUNNING, code, HOLD)
