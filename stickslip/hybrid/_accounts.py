@@ -34,7 +34,7 @@ UNDECIDED = 0.02  # of what counts as touching for derivatives: a hundred tolera
 
 @bookkeeping
 def sections_at_zero(plan: Plan, code: Any, lane: Lane, values: Values) -> tuple:
-    """Which sections are zero at an event as far as its time is known, which then says nothing of a sign.
+    """Which sections are zero at an event as far as its time is known, and have no sign there.
 
     A section that coincides with a guard would be crossed twice or more otherwise: as its value comes
     out on the far side by rounding, and as the transition or the motion brings it back.

@@ -52,7 +52,7 @@ def test_zeros_of_guards_are_crossings_of_the_same_functions(number):
         # The load goes through 1 at its events and, while the block slides, without one.
         turns = 2.0 * np.pi * np.arange(END * omega[i] / (2.0 * np.pi) + 1.0)[:, None]
         up = np.arcsin(1.0 / amplitude[i])
-        times = np.ravel(turns + [up, np.pi - up]) / omega[i]
+        times = np.ravel(turns + np.array([up, np.pi - up])) / omega[i]
         happened = slice(0, int(events_count[i]))
         stops = np.asarray(events.guard[i][happened]) == 0
         backward = stops & (np.asarray(events.mode_before[i][happened]) == 0)

@@ -1,5 +1,6 @@
 """Friction that weakens within a tiny speed: the step that ends at rest has to see it."""
 
+import itertools
 from typing import Any, ClassVar
 
 import jax
@@ -40,7 +41,7 @@ def stop(start, speed):
         return KINETIC + (STATIC - KINETIC) * np.exp(-((v / speed) ** 2))
 
     edges = [v for v in (0.0, speed, 3.0 * speed, 10.0 * speed) if v < start] + [start]
-    pieces = list(zip(edges[:-1], edges[1:], strict=True))
+    pieces = list(itertools.pairwise(edges))
 
     def total(f):
         return sum(scipy.integrate.quad(f, a, b, epsabs=0, epsrel=1e-13)[0] for a, b in pieces)
@@ -81,3 +82,62 @@ def test_without_the_error_of_the_last_step_most_are_wrong(monkeypatch):
     another = ss.Integrator(max_steps=99_999)  # or the program of the test above were used
     late, _ = stopped(60, another)
     assert np.mean(late > 1e-6) > 0.3
+
+
+class Pair(AbstractMechanism):
+    """Two blocks on one belt, coupled and driven; the normal force of one changes with time."""
+
+    p: Any
+    coordinates: ClassVar = {"x": "m", "y": "m"}
+    contact_directions: ClassVar = {"one": {"x": 1.0}, "two": {"y": 1.0}}
+
+    def mass_matrix(self, q):
+        return {"x": 1.0, "y": self.p[0]}
+
+    def forces(self, t, q, v, args):
+        _, coupling, push, rate, stiffness, *_ = self.p
+        between = coupling * (q.y - q.x)
+        return {
+            "x": between - q.x + push * jnp.sin(rate * t),
+            "y": -between - stiffness * q.y - 0.05 * v.y,
+        }
+
+    def time_scale(self, args):
+        return 1.0 / jnp.maximum(self.p[3], self.p[11])
+
+    def contacts(self, t, q, v, args):
+        *_, one, kinetic, speed, two, belt, part, rate = self.p
+        load = 1.0 + part * jnp.sin(rate * t)
+        return {
+            "one": Contact(Stribeck(one, kinetic * one, speed), load, belt),
+            "two": Contact(Stribeck(two, kinetic * two, speed), 1.0, belt),
+        }
+
+
+@pytest.mark.slow
+def test_random_pairs_are_those_of_fine_steps_or_flagged():
+    """Of 1500 such pairs 424 ended wrong in silence before the last step answered for its error."""
+    number, end = 1500, 15.0
+    low = [0.5, 0.3, 0.0, 0.5, 0.3, 0.2, 0.3, -3.0, 0.2, -0.4, 0.0, 0.5]
+    high = [2.0, 3.0, 2.5, 4.0, 2.0, 1.0, 1.0, 0.0, 1.0, 0.4, 0.8, 4.0]
+    p = np.random.default_rng(0).uniform(low, high, (number, 12))
+    p[:, 7] = 10 ** p[:, 7]
+
+    def run(p, rtol, longest):
+        pair = Pair(p)
+        step = ss.AdaptiveStep(rtol, dtmax=longest)
+        found = ss.simulate(
+            pair, 0.0, end, pair.state(x=0.3, y=-0.2), throw=False, max_events=600,
+            integrator=ss.Integrator(step=step),
+        )  # fmt: skip
+        return jnp.stack([found.y1.x, found.y1.y]), found.num_events, found.flags, found.successful
+
+    lanes = ss.map_lanes(run)
+    plain = lanes(p, np.full(number, 1e-10), np.full(number, end / 100))
+    fine = lanes(p, np.full(number, 1e-12), np.full(number, end / 20_000))
+    off = np.max(np.abs(plain[0] - fine[0]), axis=1) > 1e-5
+    off |= np.asarray(plain[1] != fine[1])
+    told = (np.asarray(plain[2]) != 0) | (np.asarray(fine[2]) != 0)
+    assert np.all(plain[3])
+    assert not np.any(off & ~told)
+    assert np.mean(told) < 0.01

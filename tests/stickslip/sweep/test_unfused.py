@@ -1,4 +1,4 @@
-"""Rows of parameters that are looked up: reverse derivatives by the fused executor, or the portable one."""
+"""Operations that the compiler does not know in a fused loop: avoided, or left to portable code."""
 
 from typing import Any
 
@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
+from stickslip.sweep import _lanes
 from stickslip.systems import Motion
 
 END, FORCE = 10.0, 4.0
@@ -41,26 +42,27 @@ def test_reverse_derivatives_by_the_times_of_breaks_fuse():
     np.testing.assert_allclose(found[:, 1], FORCE * (END - begin - 2.0), rtol=1e-9)
 
 
-class Looked(ss.AbstractSmoothSystem):
-    """A mass that moves at 1 m/s and collects what a row holds where it is."""
+def test_what_no_chunk_avoids_is_computed_by_the_portable_executor_at_once(monkeypatch):
+    seen, compiled = [], _lanes.compiled
 
-    row: Any
+    def refuse(traced, lowered, devices):
+        fused = "xla_cpu_small_call" in lowered.as_text()
+        seen.append(fused)
+        if fused:
+            raise jax.errors.JaxRuntimeError(
+                "UNIMPLEMENTED: Unhandled opcode for elemental IR emission: scatter"
+            )
+        return compiled(traced, lowered, devices)
 
-    def vector_field(self, t, y, mode, args):
-        place = jnp.clip(jnp.floor(y.x), 0, 2).astype(jnp.int32)
-        return Motion(jnp.ones_like(y.x), self.row[place])
+    def position(begin):
+        step = ss.Integrator("rk4", ss.FixedStep(0.5))
+        pushed = Pushed(begin, END + 1.0)
+        start = Motion(0.0, 0.0)
+        return ss.simulate(pushed, 0.0, END, start, integrator=step, throw=False).y1.v
 
-
-def test_an_index_of_ones_own_is_differentiated_by_the_portable_executor():
-    def collected(row):
-        step = ss.Integrator("rk4", ss.FixedStep(0.25))
-        start = Motion(0.1, 0.0)
-        return ss.simulate(Looked(row), 0.0, 2.5, start, integrator=step, throw=False).y1.v
-
-    rows = np.random.default_rng(0).normal(size=(16, 3))
-    mapped = ss.map_lanes(jax.grad(collected), executor="fused", workers=1)
+    monkeypatch.setattr(_lanes, "compiled", refuse)
+    mapped = ss.map_lanes(position, executor="fused", workers=1)
     with pytest.warns(UserWarning, match="portable executor"):
-        found = mapped(rows)
-    # 0.9 s in the first row, 1 s in the second, 0.6 s in the last; a step of 0.25 s may straddle.
-    np.testing.assert_allclose(found, [[0.9, 1.0, 0.6]] * 16, atol=0.25)
-    np.testing.assert_allclose(np.sum(found, axis=1), 2.5, rtol=1e-12)
+        found = mapped(np.zeros(64))
+    assert seen == [True, False]
+    np.testing.assert_allclose(found, FORCE * END, rtol=1e-12)
