@@ -6,7 +6,7 @@ import jax.numpy as jnp
 
 from . import _locate
 from ._control import rounding
-from ._event_decision import First, is_guard
+from ._event_decision import ROUNDING, First, is_guard
 from ._events import SLACK, Values
 from ._lane import (
     COLLAPSED,
@@ -28,36 +28,61 @@ from ._xla import bookkeeping
 
 _STATUS = {name: float(number) for name, number in CODE.items()}
 MAX_ZERO_LENGTH = 16  # events without time passing before the lane is called chattering
+SAME_INSTANT = 4.0  # of what the time of an event is known to
 UNDECIDED = 0.02  # of what counts as touching for derivatives: a hundred tolerances
 
 
 @bookkeeping
-def crossed_sections(plan: Plan, code: Any, lane: Lane, values: Values, *, meets: bool) -> tuple:
+def sections_at_zero(plan: Plan, code: Any, lane: Lane, values: Values) -> tuple:
+    """Which sections are zero at an event as far as its time is known, and have no sign there.
+
+    A section that coincides with a guard would be crossed twice or more otherwise: as its value comes
+    out on the far side by rounding, and as the transition or the motion brings it back.
+    """
+    functions = plan.functions
+    # After one event another may follow at once, and then no step says how well the first was located.
+    full = jnp.maximum(lane.full, jnp.where(lane.h > 0, 0.0, lane.h_free))
+    known_to = SAME_INSTANT * (_locate.TOLERANCE * full + ROUNDING * jnp.abs(lane.t))
+    event = is_event(code) | ((code == REFRESH) & (lane.events > 0))
+    return tuple(
+        event & (jnp.abs(values.value[i]) <= known_to * _steepest(lane.rates[i], values.rate[i]))
+        for i in range(functions.num_guards, functions.count)
+    )
+
+
+def _steepest(before: Any, after: Any) -> Any:
+    return jnp.maximum(jnp.abs(before), jnp.abs(after))
+
+
+@bookkeeping
+def crossed_sections(
+    plan: Plan, code: Any, lane: Lane, values: Values, at_zero: tuple, *, meets: bool
+) -> tuple:
     """Which sections this attempt crosses.
 
-    `meets`: whether it may land on a terminal one, or jump over it at an event; else it crosses none
-    of those.
+    `at_zero`: which are zero at an event. `meets`: whether the attempt may land on a terminal one, or
+    jump over it at an event; else it crosses none of those.
     """
     functions, crossed = plan.functions, ()
     full = jnp.where(lane.bracket.tries == 0, lane.h, lane.full)
     for i in range(functions.num_guards, functions.count):
-        sign = functions.sign(i, lane.values[i])
+        # One that starts at zero has the sign it goes to.
+        sign = functions.sign(i, jnp.where(lane.values[i] == 0, lane.rates[i], lane.values[i]))
         value, value0 = sign * values.value[i], sign * lane.values[i]
+        rate, rate0 = sign * values.rate[i], sign * lane.rates[i]
         # Zero counts as crossed at the end of a step and not at its start, so that a crossing exactly
         # at the joint of two steps is counted once.
         beyond = value <= 0
+        if at_zero:
+            beyond = beyond | at_zero[i - functions.num_guards]
         if functions.acts(i):
             if not meets:
                 crossed = (*crossed, jnp.zeros_like(beyond))
                 continue
-            rate = values.rate[i]
-            if rate is None:
-                slope = (value - value0) / jnp.where(lane.h > 0, lane.h, 1.0)
-            else:
-                slope = sign * rate
-            near = jnp.abs(value) <= -slope * _locate.TOLERANCE_SECTION * full
+            near = jnp.abs(value) <= -rate * _locate.TOLERANCE_SECTION * full
             beyond = beyond | (near & (code >= SECTION))
-        crossed = (*crossed, accepted(code) & (value0 > 0) & beyond)
+        begins = _locate.begins_inside(value0, rate0, rate) & ((value0 > 0) | (lane.h > 0))
+        crossed = (*crossed, accepted(code) & begins & beyond)
     return crossed
 
 

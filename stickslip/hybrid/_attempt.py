@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ._accounts import accounts, crossed_sections
+from ._accounts import accounts, crossed_sections, sections_at_zero
 from ._control import control
 from ._event_decision import First, decide, lowest, searched
 from ._event_time import event_delay
@@ -73,8 +73,9 @@ def _advance(
 
     keeps = not judged and (first is not None or plan.step_size.adaptive)
     t, y, dy, mode = _moved(plan, code, lane.t, lane.y, lane.dy, lane.mode, step, dt, jump, keeps=keeps)
-    known = _known(plan, code, bare, step.kept, keeps=keeps)
-    fired = crossed_sections(plan, code, bare, step.values, meets=first is not None)
+    at_zero = sections_at_zero(plan, code, bare, step.values) if guarded else ()
+    known = _known(plan, code, bare, step.kept, at_zero, keeps=keeps)
+    fired = crossed_sections(plan, code, bare, step.values, at_zero, meets=first is not None)
 
     # The length that opened the bracket outlives the attempts inside it: tolerances are parts of it,
     # because a hop of the search may be arbitrarily short.
@@ -145,8 +146,15 @@ def _moved(plan: Plan, code, t, y, dy, mode, step: Step, dt, jump, *, keeps: boo
 
 
 @bookkeeping
-def _known(plan: Plan, code, lane: Lane, kept: Values, *, keeps: bool) -> Values:
-    """Event functions at the start of the next attempt, and the magnitudes behind them."""
+def _known(plan: Plan, code, lane: Lane, kept: Values, at_zero: tuple, *, keeps: bool) -> Values:
+    """Event functions at the start of the next attempt, and the magnitudes behind them.
+
+    `at_zero`: which sections are zero at an event.
+    """
+    if at_zero:
+        guards, sections = kept.value[: -len(at_zero)], kept.value[-len(at_zero) :]
+        rounded = (jnp.where(zero, 0.0, v) for v, zero in zip(sections, at_zero, strict=True))
+        kept = kept._replace(value=(*guards, *rounded))
     old = Values(lane.values, lane.rates, lane.scales)
     return select(accepted(code), kept, old) if keeps else kept
 

@@ -26,6 +26,23 @@ class Pieced(NamedTuple):
     piece: Any
 
 
+@jax.custom_jvp
+def _entry(times: Any, row: Any) -> Any:
+    """One entry of a row of times.
+
+    Its derivative is a sum over the row, because that of an index, in reverse, is one that the compiler
+    does not take in a fused time loop.
+    """
+    return times[row]
+
+
+@_entry.defjvp
+def _entry_jvp(primals, tangents):
+    times, row = primals
+    chosen = jnp.arange(times.size, dtype=row.dtype) == row
+    return _entry(times, row), jnp.sum(jnp.where(chosen, tangents[0], 0.0))
+
+
 _pieced = instance(Pieced, "a Pieced, as `start` makes it")
 
 
@@ -104,7 +121,7 @@ class WithBreaks(AbstractSystemWrapper):
 
     def _next(self, piece: Any) -> Any:
         row = jnp.clip(piece, 0, self.times.size - 1).astype(jnp.int32)
-        return jnp.where(piece >= self.times.size, NEVER, self.times[row])
+        return jnp.where(piece >= self.times.size, NEVER, _entry(self.times, row))
 
     def _inside(self, t: Any, piece: Any) -> Any:
         """`t`, or the first or last instant of the piece: with the slope 1 in all cases.

@@ -161,7 +161,7 @@ def _search(plan: Plan, problem, section: Section, row: Starts) -> tuple[Any, Py
         return eqxi.unvmap_any(searching) & (tries < MOST_TRIES)
 
     def body(carry):
-        bracket, best, (slope, *start), searching, tries = carry
+        bracket, best, (slope, *start), end, searching, tries = carry
         begins, whole = tries == 0, tries == 1
         h = jnp.where(whole, row.h, _locate.propose(bracket, row.h, row.t))
         h = jnp.where(begins, 0.0, h)
@@ -169,19 +169,26 @@ def _search(plan: Plan, problem, section: Section, row: Starts) -> tuple[Any, Py
         found = value_of(execute, row.t + h, y, dy)
         y, dy = ravel_pytree(y)[0], ravel_pytree(dy)[0]
         slope, *start = select(begins, (dy, *found), (slope, *start))
-        sign = {"falling": 1.0, "rising": -1.0}.get(section.direction, jnp.sign(start[0]))
+        end = jnp.where(whole, found[0], end)
+        # One that starts on zero, at an event say, has a sign of rounding: it has left that of its end.
+        on_zero = jnp.abs(start[0]) <= _locate.TOLERANCE * row.h * jnp.abs(start[1])
+        side = jnp.where(on_zero, -end, start[0])
+        sign = {"falling": 1.0, "rising": -1.0}.get(section.direction, jnp.sign(side))
         value, rate, value0, rate0 = (sign * a for a in (*found, *start))
+        value0 = jnp.where(on_zero, jnp.maximum(value0, 0.0), value0)
         near = jnp.abs(value) <= -rate * _locate.TOLERANCE_SECTION * row.h
         collapsed = _locate.is_collapsed(bracket, row.t)
-        best = select(searching, (h, y, dy), best)
         # Whether the step crosses was decided in the run; here rounding may see it otherwise.
-        searching = searching & jnp.where(whole, value < 0, ~near & ~collapsed)
-        searching = jnp.where(begins, (row.h > 0) & (value0 > 0), searching)
+        inside = (value0 > 0) | on_zero
+        best = select(searching & (inside | ~whole), (h, y, dy), best)
+        searching = searching & jnp.where(whole, inside & (value < 0), ~near & ~collapsed)
+        searching = jnp.where(begins, row.h > 0, searching)
         bracket = _locate.update(bracket, searching & ~begins, h, value, rate, value0, rate0)
-        return bracket, best, (slope, *start), searching, tries + 1
+        return bracket, best, (slope, *start), end, searching, tries + 1
 
     zero, (y, tree) = jnp.zeros_like(row.h), ravel_pytree(row.y)
     nowhere = (jnp.zeros_like(y), zero, zero)
-    begun = (_locate.empty(zero), (zero, y, y), nowhere, zero == 0, jnp.zeros((), jnp.int32))
+    tries = jnp.zeros((), jnp.int32)
+    begun = (_locate.empty(zero), (zero, y, y), nowhere, zero, zero == 0, tries)
     _, (h, y, dy), *_ = jax.lax.while_loop(cond, body, begun)
     return h, tree(y), tree(dy)

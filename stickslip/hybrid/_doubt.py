@@ -146,7 +146,7 @@ def _course(
     # The sign of the start for all: of a section both halves of an excursion count. What has just
     # fired starts at zero, and has the sign it goes to.
     side = jnp.where(start == 0, rate, start)
-    sign = functions.sign(i, side) if i < functions.num_guards else jnp.sign(start)
+    sign = functions.sign(i, side) if i < functions.num_guards else jnp.sign(side)
     return _Course(
         sign * start, sign * rate * h, sign * values.value[i], sign * values.rate[i] * h,
         tuple(sign * value for value in seen),

@@ -71,8 +71,8 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         if not acts and not plan.detect_dips:
             continue
         side = start_value = lane.values[i]
-        # A guard that fires both ways and starts at zero has just fired: it has the sign it goes to.
-        if is_guard and functions.directions[i] == "both":
+        # A section or guard that fires both ways and starts at zero has the sign it goes to.
+        if not is_guard or functions.directions[i] == "both":
             goes = jnp.where(lane.rates[i] == 0, stop_gradient(values.value[i]), lane.rates[i])
             side = jnp.where(start_value == 0, goes, start_value)
         # For sections, both crossings of a short excursion count, from either side.
@@ -103,7 +103,7 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         # are below zero the lower one was, as a rule, crossed first; if not, the other is met next.
         lower = stop_gradient(value) < stop_gradient(best.value)
         if not is_guard:
-            lower = lower & (value0 > 0)
+            lower = lower & _locate.begins_inside(value0, rate0, rate)
         chosen = [jnp.where(lower, new, old) for new, old in zip(found, best[1:5], strict=True)]
         best = First._make([jnp.where(lower, i, best.index), *chosen, close, h_dip, marks])
     if not functions.num_guards:
@@ -159,9 +159,11 @@ def decide(plan: Plan, lane: Lane, step: Step, first: First | None) -> Any:
     if plan.step_size.adaptive:
         inaccurate = ~(step.error <= 1.0)
         # Inside a bracket the steps are parts of one whose error was accepted; the first attempt in a
-        # mode, of length zero, still has the slope of the mode before.
+        # mode, of length zero, still has the slope of the mode before. But that error has not seen what
+        # bends at the event alone, as a friction law does at rest: the step that ends there has.
         if first is not None:
-            inaccurate = inaccurate & (lane.bracket.tries == 0) & knows_slope
+            ends = (lane.bracket.tries == 0) | ((code >= SECTION) & (code < COLLAPSED))
+            inaccurate = inaccurate & ends & knows_slope
         bad = bad | inaccurate
     code = jnp.where(bad, REJECT, code)
     return jnp.where(lane.status == RUNNING, code, HOLD)

@@ -113,6 +113,14 @@ def propose(b: Bracket, full: Any, t: Any) -> Any:
     return jnp.where(is_collapsed(b, t) & (b.tries != 0), b.high, guess)
 
 
+def begins_inside(value0: Any, rate0: Any, rate: Any) -> Any:
+    """Whether a function that crosses downwards begins a step above zero, or on it and rises.
+
+    What rests on zero has a slope of rounding, beside that of its end, and does not begin inside.
+    """
+    return (value0 > 0) | ((value0 == 0) & (rate0 > LEVEL * jnp.abs(rate)))
+
+
 def dip(value0: Any, rate0: Any, value1: Any, rate1: Any, h: Any) -> tuple[Any, Any]:
     """Whether a function positive at both ends may be negative in between, and where to look.
 

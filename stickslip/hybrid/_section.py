@@ -25,12 +25,13 @@ class Section(eqx.Module, metaclass=CheckedModule):
     - `name`: label in logs and datasets.
 
     A crossing belongs to the half-open interval `(t0, t1]`. A value that starts at zero counts only
-    after it has left zero; a jump over zero at an event counts at the time of the event. Recorded
-    sections do not change the motion: a crossing is a change of sign over a step, located after the
-    run by repeating this step shorter, to rounding. Where the value does not depend on `dy`, adaptive
-    steps are short enough to know it between their ends (`Integrator.detect_dips`). Otherwise, of
-    crossings closer together than a step, two are found if the value is convex over the step, of three
-    or more one; `AdaptiveStep(dtmax=...)` bounds the step.
+    after it has left zero; a jump over zero at an event counts at the time of the event, and a zero
+    that coincides with an event, as the speed of what comes to rest, counts once. Recorded sections do
+    not change the motion: a crossing is a change of sign over a step, located after the run by
+    repeating this step shorter, to rounding. Where the value does not depend on `dy`, adaptive steps
+    are short enough to know it between their ends (`Integrator.detect_dips`). Otherwise, of crossings
+    closer together than a step, two are found if the value is convex over the step, of three or more
+    one; `AdaptiveStep(dtmax=...)` bounds the step.
 
     Errors: `ValueError` for an unknown direction, `TypeError` if `function` is not callable.
     """

@@ -73,7 +73,9 @@ def take(plan: Plan, problem: PyTree, lane: Lane) -> tuple[Lane, Step]:
         if plan.step_size.adaptive:
             jumps = verdict.jumps
             # Squared, because it falls with the fourth power of the step and the error with the eighth.
-            error = jnp.maximum(error, verdict.doubt**2)
+            # Where an event is located there is no room left, and no doubt either.
+            doubt = jnp.where(lane.bracket.tries == 0, verdict.doubt, 0.0)
+            error = jnp.maximum(error, doubt**2)
     return lane, Step(h, y1, dy1, error, values, kept, h_seen, jumps)
 
 

@@ -51,7 +51,7 @@ def check_motions(closed: Any, lanes: int) -> None:
 
 
 def smaller(lanes: int) -> Fit:
-    """What to try where the compiler refused to fuse `lanes` of them."""
+    """What to try where the compiler refused to fuse `lanes` of them; 0: however few."""
     if lanes // 4 >= FEWEST:
         return Fit("fused", lanes // 4)
     return Fit("portable", CHUNK_PORTABLE)

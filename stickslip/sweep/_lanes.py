@@ -31,7 +31,7 @@ from ._fit import (
     check_motions,
     smaller,
 )
-from ._programs import compiled, refused_to_fuse
+from ._programs import UNKNOWN_OPERATION, compiled, refused_to_fuse
 
 EXECUTORS = ("auto", "fused", "portable")
 CHUNK_ACCELERATOR = 65536
@@ -149,7 +149,7 @@ class map_lanes:
             except jax.errors.JaxRuntimeError as error:
                 if fit.executor != "fused" or not refused_to_fuse(error):
                     raise
-                fit = smaller(lanes)
+                fit = smaller(0 if UNKNOWN_OPERATION in str(error) else lanes)
                 if fit.executor != "fused":
                     warnings.warn(PORTABLE_INSTEAD, stacklevel=3)
             else:

@@ -21,6 +21,8 @@ PROGRAMS_KEPT = 16
 # Primitives that run code which is not in the program's text. Those of `jax.debug` return nothing.
 _SILENT = ("debug_callback", "debug_print")
 _HOST = re.compile(r"callback|ffi_call|custom_partitioning|^debug_print$|^outside_call")
+_SPLIT = "Failed to materialize symbols"
+UNKNOWN_OPERATION = "Unhandled opcode for elemental IR emission"
 _CALLBACK_IN_TEXT = re.compile(r"custom_call @\S*callback")
 
 
@@ -98,8 +100,12 @@ def compiled(traced: Any, lowered: jax.stages.Lowered, devices: Any) -> jax.stag
 
 
 def refused_to_fuse(error: Exception) -> bool:
-    """Whether the compiler split an operation of a fused loop over threads, which it cannot link."""
-    return "Failed to materialize symbols" in str(error)
+    """Whether the compiler cannot make a fused loop of a program that is right otherwise.
+
+    It has split an operation over threads, which it cannot link, or met one that it knows only outside
+    of a fused loop, as the derivative of an index in reverse: that one no smaller chunk avoids.
+    """
+    return any(words in str(error) for words in (_SPLIT, UNKNOWN_OPERATION))
 
 
 def _outside(closed: Any) -> Iterator[tuple[str, Any]]:

@@ -1,0 +1,68 @@
+"""Operations that the compiler does not know in a fused loop: avoided, or left to portable code."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import stickslip as ss
+from stickslip.sweep import _lanes
+from stickslip.systems import Motion
+
+END, FORCE = 10.0, 4.0
+
+
+class Pushed(ss.AbstractSmoothSystem):
+    """A free mass under `FORCE` from `begin` to `end`."""
+
+    begin: Any
+    end: Any
+
+    def vector_field(self, t, y, mode, args):
+        inside = (t >= self.begin) & (t < self.end)
+        return Motion(y.v, jnp.where(inside, FORCE, 0.0))
+
+
+def test_reverse_derivatives_by_the_times_of_breaks_fuse():
+    """Their look at the next break was an index, whose reverse derivative the compiler refuses."""
+
+    def position(times):
+        system = ss.WithBreaks(Pushed(*times), times)
+        return ss.simulate(system, 0.0, END, system.start(Motion(0.0, 0.0)), throw=False).y1.y.x
+
+    begin = np.linspace(0.5, 3.0, 16)
+    times = np.stack([begin, begin + 2.0], axis=1)
+    mapped = ss.map_lanes(jax.grad(position), executor="fused", workers=1)
+    found = mapped(times)
+    assert {executor for executor, *_ in mapped._compiled} == {"fused"}
+    # x = F (e - b)^2 / 2 + F (e - b) (10 - e)
+    np.testing.assert_allclose(found[:, 0], -FORCE * (END - begin), rtol=1e-9)
+    np.testing.assert_allclose(found[:, 1], FORCE * (END - begin - 2.0), rtol=1e-9)
+
+
+def test_what_no_chunk_avoids_is_computed_by_the_portable_executor_at_once(monkeypatch):
+    seen, compiled = [], _lanes.compiled
+
+    def refuse(traced, lowered, devices):
+        fused = "xla_cpu_small_call" in lowered.as_text()
+        seen.append(fused)
+        if fused:
+            raise jax.errors.JaxRuntimeError(
+                "UNIMPLEMENTED: Unhandled opcode for elemental IR emission: scatter"
+            )
+        return compiled(traced, lowered, devices)
+
+    def position(begin):
+        step = ss.Integrator("rk4", ss.FixedStep(0.5))
+        pushed = Pushed(begin, END + 1.0)
+        start = Motion(0.0, 0.0)
+        return ss.simulate(pushed, 0.0, END, start, integrator=step, throw=False).y1.v
+
+    monkeypatch.setattr(_lanes, "compiled", refuse)
+    mapped = ss.map_lanes(position, executor="fused", workers=1)
+    with pytest.warns(UserWarning, match="portable executor"):
+        found = mapped(np.zeros(64))
+    assert seen == [True, False]
+    np.testing.assert_allclose(found, FORCE * END, rtol=1e-12)
