@@ -17,7 +17,7 @@ from tests.house._nonsense_identification import FITS, PROBLEM, RECORD, SIGNAL, 
 from tests.house._nonsense_laws import BLOCK, DRY, SMOOTH
 from tests.house._nonsense_machine import PARAMETERS, VOLTAGE
 from tests.house._nonsense_public import methods_of
-from tests.house._nonsense_report import COMPARISON, PROFILE, REPORT
+from tests.house._nonsense_report import COMPARISON, POSTERIOR, PROFILE, REPORT
 from tests.house._nonsense_target import Argument, Target, arg
 
 REALS = ("reals",)
@@ -107,6 +107,7 @@ TARGETS = [
         state=arg(DEVIATING)),
     *of(FITS),
     *of(PROFILE, row=arg(0, "count")),
+    *of(POSTERIOR),
     *of(COMPARISON, by=arg("bic")),
     *of(REPORT, path=arg("x", "path")),
     *of(SIGNAL, delay=arg(0.1, "real")),

@@ -22,6 +22,7 @@ EXEMPT = {
     "Simulation": RETURNED,
     "Sensitivity": RETURNED,
     "Profile": RETURNED,
+    "Posterior": RETURNED,
     "Correlation": RETURNED,
     "LjungBox": RETURNED,
     "Comparison": RETURNED,

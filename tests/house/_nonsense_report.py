@@ -17,6 +17,10 @@ PROFILE = identification.Profile(
     jnp.zeros(1, jnp.int32), SIDES, SIDES, SIDES[..., None], jnp.zeros(()),
     jnp.ones((1, 2), jnp.int32),
 )  # fmt: skip
+POSTERIOR = identification.Posterior(
+    {"a": jnp.ones((2, 4))}, jnp.zeros((2, 4), bool), {"a": jnp.ones(())}, {"a": jnp.ones(())},
+    ONE.space,
+)  # fmt: skip
 COMPARISON = identification.compare({"one": ONE})
 REPORT = identification.report(ONE)
 SERIES = arg(np.arange(30.0))
