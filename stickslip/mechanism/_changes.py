@@ -28,7 +28,7 @@ from ._instant import (
 from ._island import Island
 from ._modes import mode_of
 from ._reserve import least_reserve, lone_reaction
-from ._scalars import any_of, dot, minus, without_slope
+from ._scalars import any_of, dot, is_zero, minus, without_slope
 from ._settle import settled
 
 if TYPE_CHECKING:
@@ -196,9 +196,14 @@ def transition(
         still = island.closed(on, held_contacts(at, island, states, slow))
         now = [where(stops & r, 0.0, x) for r, x in zip(still, now, strict=True)]
         touched = stops | gives_way
+        drifts = any(not is_zero(gamma[c]) for c in island.rows)
+        if drifts:
+            # Rest on a direction or surface that varies is held by accelerations: what their steps err
+            # by is a speed, and one against the sense in which it gives way would stop it at once.
+            still = [(gives_way & r) | (~gives_way & x) for r, x in zip(rest, still, strict=True)]
         if island.stops:
             touched = touched | any_of(met[c] for c in island.rows)
-        lands = touched if island.stops else stops
+        lands = touched if island.stops or drifts else stops
         for j, x in zip(island.columns, landed(island, at, still), strict=True):
             v[j] = where(lands, x, v[j])
         for i, c in enumerate(island.rows[: island.contacts]):
