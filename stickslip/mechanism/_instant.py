@@ -154,14 +154,18 @@ def loaded(
     states: list,
     without: list | None = None,
     lone: bool = True,
+    apart: bool = False,
 ) -> list[Any]:
     """All forces [N]: those declared, friction of the sliding contacts, normal forces of closed ones.
 
     `without`: contacts whose friction is left out too. `lone`: whether friction of contacts that are
-    alone in their island counts: what they would bear at rest does not depend on it.
+    alone in their island counts: what they would bear at rest does not depend on it. `apart`: whether
+    that of islands which are treated in rows is left out.
     """
     force = list(at.force)
     skipped = {island.rows[0] for island in machine.islands if island.m == 1 and not lone}
+    if apart:
+        skipped |= {c for island in machine.islands if in_rows(machine, island) for c in island.rows}
     for c, (contact, s) in enumerate(zip(at.contacts, states, strict=False)):
         if c in skipped:
             force = pushed(machine, force, at, c, s)
@@ -176,6 +180,13 @@ def loaded(
         force = [total((f, times(n, friction))) for f, n in zip(force, at.directions[c], strict=True)]
         force = pushed(machine, force, at, c, s)
     return force
+
+
+def in_rows(machine: "AbstractMechanism", island: Island) -> bool:
+    """Whether the contacts of an island are treated side by side: dependent ones, none that opens."""
+    names = machine.names
+    opens = any(names.contacts[c] in names.opening for c in island.rows[: island.contacts])
+    return island.dependent and not island.stops and not opens
 
 
 def push_of(machine: "AbstractMechanism", at: Instant, c: int) -> list[Any] | None:

@@ -30,6 +30,7 @@ from ._declaration import (
 from ._first_order import check_rates
 from ._instant import (
     Instant,
+    in_rows,
     instant_of,
     loaded,
     motion_of,
@@ -40,6 +41,10 @@ from ._instant import (
 from ._island import Island, islands_of
 from ._known import known
 from ._modes import ModeNames
+from ._rows import Row
+from ._rows_of import RowsOf
+from ._scalars import Mass
+from ._together import motion_in_rows
 from ._observables import AbstractWithObservables
 from ._stop import check_gaps
 
@@ -239,13 +244,27 @@ class AbstractMechanism(AbstractWithObservables):
         at, states = self.instant(t, y, args), self.states(mode)
         for name, contact in zip(self.names.contacts, at.contacts, strict=True):
             check_law(name, contact.law)
-        force, gamma = loaded(self, at, states), surface_accelerations(self, t, at, args)
+        force, gamma = loaded(self, at, states, apart=True), surface_accelerations(self, t, at, args)
         a: list[Any] = [None] * len(at.force)
         for island in self.islands:
-            motion = motion_of(island, at, states, force, gamma)
-            for j, x in zip(island.columns, motion.acceleration, strict=True):
+            if in_rows(self, island):
+                found = RowsOf(self, island, at, states, force).motion()[0]
+            else:
+                found = motion_of(island, at, states, force, gamma).acceleration
+            for j, x in zip(island.columns, found, strict=True):
                 a[j] = jnp.asarray(x, jnp.float64)
         return self.from_coordinates(at.q_rate, type(at.v)(*a))
+
+    def motion_together(self, island: Island, mass: Mass, force: Row, rest: Row) -> tuple[Row, Row]:
+        """Motion of dependent contacts: acceleration of each velocity, and force of all in `rest`.
+
+        A machine that has a faster closed form overrides this. A `Row` is an array with one axis; in a
+        program that is fused over many lanes it is a tuple, and what is returned is one too.
+
+        **Arguments:** `island`, the velocities and contacts; their `mass`; `force` on each velocity
+        [N]; `rest`, whether each contact is at rest: with each set all contacts that it holds.
+        """
+        return motion_in_rows(island, mass, force, rest)
 
     def guards(self, t, y, mode, args):
         return _changes.guards(self, t, y, mode, args)

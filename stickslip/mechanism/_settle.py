@@ -11,11 +11,10 @@ from stickslip._fastmath import where
 
 from ._island import Island
 from ._reserve import NO_LIMIT, least_reserve, stops_alone
+from ._rows import row
 from ._scalars import Mass, any_of, dot, is_zero, minus, times, total, without_slope
-
-MOST_PIVOTS = 128
-SLACK = 1e-11  # of all forces: overloads below it are rounding
-PATIENCE = 16  # pivots after which more is taken for rounding: ten times as much each time
+from ._settle_together import MOST_PIVOTS, PATIENCE, SLACK, settled_together
+from ._together import Bounds, motion_in_rows
 
 
 class Limits(NamedTuple):
@@ -85,6 +84,12 @@ def settled(
                 leaves = where(borne > static.high[c], -1.0, leaves)
             after.append(where(states[c] == 0.0, leaves, states[c]))
         return after, every[0]
+    if island.dependent and not island.stops:
+        bounds = (Bounds(row(given.low), row(given.high)) for given in (static, kinetic))
+        found, ended = settled_together(
+            island, M, motion_in_rows, row(F), *bounds, row(states), row(started), active
+        )
+        return list(found), ended
     felt = _inertia(island, M, J)
     inertia, least = total(felt), functools.reduce(jnp.minimum, map(jnp.asarray, felt))
     # Of what accelerated surfaces carry only the lightest counts: a heavy part has no say over it.

@@ -1,0 +1,137 @@
+"""Contacts whose directions depend on each other: friction and limits of all of them side by side."""
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from stickslip._fastmath import where
+
+from ._island import NOTHING, UNRESISTED, Island
+from ._modes import sense_of
+from ._rows import Row, any_through, each, first_greatest, row, through
+from ._scalars import Mass
+
+if TYPE_CHECKING:
+    from ._instant import Instant
+
+
+class Bounds(NamedTuple):
+    """Friction that each contact can bear [N], from `low` to `high`; `low` is None for `-high`."""
+
+    low: Row | None
+    high: Row
+
+    @property
+    def lower(self) -> Row:
+        """The lower bounds."""
+        return each(lambda high: -high, self.high) if self.low is None else self.low
+
+
+class Laws:
+    """The laws of the contacts of an island: as one law of rows if they are of one kind."""
+
+    def __init__(self, island: Island, at: "Instant"):
+        contacts = [at.contacts[c] for c in island.rows]
+        self.odd = all(contact.law.is_odd for contact in contacts)
+        self.loads = row([contact.normal_force for contact in contacts])
+        laws = [contact.law for contact in contacts]
+        self.laws = laws
+        form = jax.tree.structure(laws[0])
+        leaves = [jax.tree.leaves(law) for law in laws]
+        alike = all(jax.tree.structure(law) == form for law in laws)
+        plain = not any(jnp.ndim(x) for those in leaves for x in those)
+        if alike and plain and not isinstance(self.loads, tuple):
+            self.laws = jax.tree.unflatten(form, [row(list(x)) for x in zip(*leaves, strict=True)])
+
+    def each(self, of: Any, *rows: Row) -> Row:
+        """`of(law, normal_force, ...)` of every contact."""
+        if not isinstance(self.laws, list):
+            return of(self.laws, self.loads, *rows)
+        if isinstance(self.loads, tuple):
+            return each(of, tuple(self.laws), self.loads, *rows)
+        return row([of(law, self.loads[c], *(r[c] for r in rows)) for c, law in enumerate(self.laws)])
+
+    def bounds(self, which: str) -> Bounds:
+        """By the coefficient of the laws named `which`."""
+
+        def ahead(law, load):
+            return getattr(law, which)(1) * load
+
+        if self.odd:
+            return Bounds(None, self.each(ahead))
+        behind = self.each(lambda law, load: getattr(law, which)(-1) * load)
+        return Bounds(each(lambda x: -x, self.each(ahead)), behind)
+
+    def slip_forces(self, speeds: Row, states: Row) -> Row:
+        """Friction of each contact if it slides in the sense of its state [N]."""
+        return self.each(lambda law, load, u, s: law.slip_force(u, load, sense_of(s)), speeds, states)
+
+
+def resting(states: Row) -> Row:
+    """Which of the contacts with these states rest."""
+    return each(lambda s: s == 0.0, states)
+
+
+def number_of(rest: Row) -> Any:
+    """The set of contacts `rest` as bits."""
+    if isinstance(rest, tuple):
+        return sum(where(r, jnp.int32(1 << c), jnp.int32(0)) for c, r in enumerate(rest))
+    return jnp.sum(jnp.where(rest, jnp.asarray(2 ** np.arange(len(rest)), jnp.int32), 0))
+
+
+def looked_up(table: np.ndarray, rest: Row) -> Row:
+    """The contacts that a table of sets holds for the set `rest`."""
+    m, number = len(rest), number_of(rest)
+    if isinstance(rest, tuple):
+        bits = jnp.asarray(table)[number]
+        return tuple(((bits >> jnp.int32(c)) & jnp.int32(1)) == 1 for c in range(m))
+    return jnp.asarray((table[:, None] >> np.arange(m)) % 2 == 1)[number]
+
+
+def closed(island: Island, rest: Row, slow: Row) -> Row:
+    """As `Island.closed`."""
+    return each(lambda r, w, s: r | (w & s), rest, looked_up(island.closure, rest), slow)
+
+
+def motion_in_rows(island: Island, mass: Mass, force: Row, rest: Row) -> tuple[Row, Row]:
+    """`Island.motion` of dependent contacts: acceleration of each velocity, and force of all at rest."""
+    still = [0.0] * island.m
+    found = island.motion(mass, list(force), island.directions.tolist(), list(rest), still)
+    return row(found.acceleration), row(found.reaction)
+
+
+class Onset(NamedTuple):
+    """Share of their friction that the contacts use, and how they would give way: `Island.onset`."""
+
+    share: Any
+    ways: Row
+
+
+def onset(island: Island, bounds: Bounds, rest: Row, reaction: Row, slack: Any = NOTHING) -> Onset:
+    """As `Island.onset`, by the facets of the zonotope that the friction of dependent contacts spans."""
+    along = island.along
+    loads = through(island.lines, reaction)
+    high = each(lambda r, x: where(r, x, 0.0), rest, bounds.high)
+    if bounds.low is None:
+        most = through(np.abs(along), high)
+        shares = each(lambda load, most: jnp.abs(load) / (most + slack), loads, most)
+    else:
+        low = each(lambda r, x: where(r, x, 0.0), rest, bounds.low)
+        up, down = np.maximum(along, 0.0), np.minimum(along, 0.0)
+        most = each(lambda a, b: a + b, through(up, high), through(down, low))
+        least = each(lambda a, b: a + b, through(up, low), through(down, high))
+        shares = each(
+            lambda load, most, least: where(load > 0.0, load / (most + slack), load / (least - slack)),
+            loads, most, least,
+        )  # fmt: skip
+    shares = each(lambda on, x: where(on, x, UNRESISTED), any_through(along, rest), shares)
+    share, number, load = first_greatest(shares, UNRESISTED, loads)
+    # The reaction pushes back: they give way against it.
+    sense = where(load > 0.0, -1.0, 1.0)
+    ways: Any = jnp.asarray(np.sign(along))[number]
+    if isinstance(rest, tuple):
+        ways = tuple(ways[c] for c in range(len(rest)))
+    return Onset(share, each(lambda r, way: where(r, sense * way, 0.0), rest, ways))
+
