@@ -44,22 +44,19 @@ class RowsOf:
         return self.machine.motion_together(self.island, self.mass, force, rest)
 
     @functools.cached_property
-    def _slips(self) -> Row:
-        return self.laws.slip_forces(self.speeds, self.states)
+    def _friction(self) -> Row:
+        return self.laws.friction(self.speeds, self.states)
 
     @functools.cached_property
     def _static(self) -> Bounds:
         return self.laws.bounds("static_coefficient")
 
-    def loaded(self, idle: Row) -> Row:
-        """The forces with the friction of all contacts but those that are `idle`."""
-        friction = each(lambda i, f: where(i, 0.0, f), idle, self._slips)
+    def _loaded(self, friction: Row) -> Row:
         return each(lambda f, g: f + g, self.force, through(self.island.directions.T, friction))
 
     def motion(self) -> tuple[Row, Row]:
         """Acceleration, and force of all resting contacts together."""
-        rest = resting(self.states)
-        return self.moved(self.loaded(rest), rest)
+        return self.moved(self._loaded(self._friction), resting(self.states))
 
     def guards(self) -> tuple[Row, Any]:
         """The guard of each contact, and the one of all that rest: the share that is left."""
@@ -104,8 +101,9 @@ class RowsOf:
     def settled(self, states: Row, started: Row, active: Any) -> tuple[Row, Any]:
         """States by the law of all contacts, and whether it has an answer."""
         standing = each(lambda s, start: (s == 0.0) | start, states, started)
+        force = self._loaded(each(lambda i, f: where(i, 0.0, f), standing, self._friction))
         return settled_together(
-            self.island, self.mass, self.machine.motion_together, self.loaded(standing),
+            self.island, self.mass, self.machine.motion_together, force,
             self._static, self.laws.bounds("kinetic_limit"), states, started, active,
         )  # fmt: skip
 

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from stickslip._fastmath import where
+from stickslip.friction import Coulomb
 
 from ._island import NOTHING, UNRESISTED, Island
 from ._modes import sense_of
@@ -35,6 +36,7 @@ class Laws:
     def __init__(self, island: Island, at: "Instant"):
         contacts = [at.contacts[c] for c in island.rows]
         self.odd = all(contact.law.is_odd for contact in contacts)
+        self.plain = all(type(contact.law) is Coulomb for contact in contacts)
         self.loads = row([contact.normal_force for contact in contacts])
         laws = [contact.law for contact in contacts]
         self.laws = laws
@@ -64,9 +66,12 @@ class Laws:
         behind = self.each(lambda law, load: getattr(law, which)(-1) * load)
         return Bounds(each(lambda x: -x, self.each(ahead)), behind)
 
-    def slip_forces(self, speeds: Row, states: Row) -> Row:
-        """Friction of each contact if it slides in the sense of its state [N]."""
-        return self.each(lambda law, load, u, s: law.slip_force(u, load, sense_of(s)), speeds, states)
+    def friction(self, speeds: Row, states: Row) -> Row:
+        """Friction of each contact that slides in the sense of its state [N]; 0 of those at rest."""
+        if self.plain:
+            return each(lambda s, limit: -s * limit, states, self.bounds("kinetic_limit").high)
+        slips = self.each(lambda law, load, u, s: law.slip_force(u, load, sense_of(s)), speeds, states)
+        return each(lambda s, force: where(s == 0.0, 0.0, force), states, slips)
 
 
 def resting(states: Row) -> Row:
@@ -86,7 +91,7 @@ def looked_up(table: np.ndarray, rest: Row) -> Row:
     m, number = len(rest), number_of(rest)
     if isinstance(rest, tuple):
         bits = jnp.asarray(table)[number]
-        return tuple(((bits >> jnp.int32(c)) & jnp.int32(1)) == 1 for c in range(m))
+        return tuple((bits & jnp.int32(1 << c)) != 0 for c in range(m))
     return jnp.asarray((table[:, None] >> np.arange(m)) % 2 == 1)[number]
 
 
@@ -116,17 +121,16 @@ def onset(island: Island, bounds: Bounds, rest: Row, reaction: Row, slack: Any =
     high = each(lambda r, x: where(r, x, 0.0), rest, bounds.high)
     if bounds.low is None:
         most = through(np.abs(along), high)
-        shares = each(lambda load, most: jnp.abs(load) / (most + slack), loads, most)
     else:
         low = each(lambda r, x: where(r, x, 0.0), rest, bounds.low)
         up, down = np.maximum(along, 0.0), np.minimum(along, 0.0)
-        most = each(lambda a, b: a + b, through(up, high), through(down, low))
-        least = each(lambda a, b: a + b, through(up, low), through(down, high))
-        shares = each(
-            lambda load, most, least: where(load > 0.0, load / (most + slack), load / (least - slack)),
-            loads, most, least,
-        )  # fmt: skip
-    shares = each(lambda on, x: where(on, x, UNRESISTED), any_through(along, rest), shares)
+        upwards = each(lambda a, b: a + b, through(up, high), through(down, low))
+        downwards = each(lambda a, b: -(a + b), through(up, low), through(down, high))
+        most = each(lambda load, a, b: where(load > 0.0, a, b), loads, upwards, downwards)
+    shares = each(
+        lambda on, load, most: where(on, jnp.abs(load) / (most + slack), UNRESISTED),
+        any_through(along, rest), loads, most,
+    )  # fmt: skip
     share, number, load = first_greatest(shares, UNRESISTED, loads)
     # The reaction pushes back: they give way against it.
     sense = where(load > 0.0, -1.0, 1.0)
