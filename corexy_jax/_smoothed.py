@@ -171,7 +171,7 @@ class SmoothedCoreXY(AbstractMechanicalSystem):
     def friction(self, s: SmoothedState) -> Friction:
         """Friction and bristle rates of all contacts, each a tuple."""
         p = self.machine.parameters
-        speeds = jnp.stack(sliding_speeds(self.machine.velocities(s.y)))
+        speeds = jnp.stack(sliding_speeds(self.machine.line_velocities(s.y)))
         kinetic, static = jnp.stack(kinetic_limits(p)), jnp.stack(static_limits(p))
         operands = (speeds, jnp.stack(s.bristles), kinetic, static, self.width, self.stribeck_speed)
         return lax.switch(jnp.clip(self.variant, 0, len(_LAWS) - 1), _LAWS, *operands)
@@ -216,14 +216,14 @@ class SmoothedCoreXY(AbstractMechanicalSystem):
         names = list(self.machine.powers(t, y.y, jnp.zeros((), jnp.int32), args))
         one, two = self.machine.torques(t, y.y)
         friction = self.friction(y).force
-        speeds = sliding_speeds(self.machine.velocities(y.y))
+        speeds = sliding_speeds(self.machine.line_velocities(y.y))
         work = [one * y.y.omega_1, two * y.y.omega_2]
         work += [friction[c] * speeds[c] for c in range(NUM_CONTACTS)]
         return dict(zip(names, work, strict=True))
 
 
 def _account(system, t, y, mode, args):
-    speeds = sliding_speeds(system.machine.velocities(y.y))
+    speeds = sliding_speeds(system.machine.line_velocities(y.y))
     slip = {"slip_1": jnp.abs(speeds[6]), "slip_2": jnp.abs(speeds[7])}
     return {**system.powers(t, y, mode, args), **slip}
 
@@ -270,7 +270,7 @@ def simulate_smoothed(
     y, dy, sums = found.y.y.y, found.dy.y.y, found.y.integrals
     friction = jnp.stack([sums[f"friction_{name}"] for name in LOSS_NAMES], axis=-1)
     slip = jnp.stack([sums["slip_1"], sums["slip_2"]], axis=-1)
-    speeds = jnp.stack(jax.vmap(lambda y: sliding_speeds(machine.velocities(y)))(y), axis=-1)
+    speeds = jnp.stack(jax.vmap(lambda y: sliding_speeds(machine.line_velocities(y)))(y), axis=-1)
     senses = where(jnp.abs(speeds) < RESTS_BELOW * system.width, 0.0, jnp.sign(speeds))
     dmn = jnp.where(found.mode < 0, -1, number_of(senses[:, 6] != 0.0, senses[:, 7] != 0.0))
     return CoreXYSolution(

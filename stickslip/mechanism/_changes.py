@@ -141,9 +141,12 @@ def parted(machine: "AbstractMechanism") -> tuple[int, ...]:
 
 
 def transition(
-    machine: "AbstractMechanism", t: Any, y: Any, mode: Any, guard: Any, args: Any, asked: Any = None
+    machine: "AbstractMechanism", t: Any, y: Any, mode: Any, guard: Any, args: Any
 ) -> tuple[Any, Any]:
-    """State and mode right after guard number `guard` has fired."""
+    """State and mode right after guard number `guard` has fired.
+
+    Guards that a subclass has after all others ask the law of all contacts again.
+    """
     names, guard = machine.names, jnp.asarray(guard)
     count = len(names.contacts)
     at, states = machine.instant(t, y, args), machine.states(mode)
@@ -157,7 +160,10 @@ def transition(
     lifts = opens + len(toggled)
     first_stop = lifts + len(lifting)
     # A contact that cannot open has lost its normal force.
-    failed = (guard >= lifts) & (guard < first_stop)
+    own = first_stop + len(names.stops)
+    asked = guard >= own if len(machine.guard_names) > own else None
+    others = names.stops or asked is not None
+    failed = (guard >= lifts) & (guard < first_stop) if others else guard >= lifts
     left = met = [failed & False] * len(states)
     if names.stops:
         left = [(guard == first_stop + c - count) & (s == 0.0) for c, s in enumerate(states)]
