@@ -151,7 +151,7 @@ def floats(numbers: Any) -> Any:
 def loaded(
     machine: "AbstractMechanism",
     at: Instant,
-    states: list,
+    states: Any,
     without: list | None = None,
     lone: bool = True,
     apart: bool = False,
@@ -212,7 +212,7 @@ def rows_of(island: Island, at: Instant) -> list[list[Any]]:
     return [[at.directions[c][j] for j in island.columns] for c in island.rows]
 
 
-def motion_of(island: Island, at: Instant, states: list, force: list, gamma: list) -> Motion:
+def motion_of(island: Island, at: Instant, states: Any, force: list, gamma: list) -> Motion:
     """Motion of an island in the mode of these states under all forces."""
     rest = [states[c] == 0.0 for c in island.rows]
     own = [force[j] for j in island.columns]
@@ -236,7 +236,7 @@ def limits_of(island: Island, at: Instant, which: str) -> Limits:
     return Limits(low, high)
 
 
-def held_contacts(at: Instant, island: Island, states: list, slow: list) -> list[Any]:
+def held_contacts(at: Instant, island: Island, states: Any, slow: list) -> list[Any]:
     """The `slow` contacts, which rest where those do that decide their speed; none that are open."""
     if not island.dependent:
         return slow

@@ -37,7 +37,7 @@ class AbstractWithStops(AbstractWithStates):
         """The mode with these states."""
         return mode_of(list(states), len(self.stops))
 
-    def held(self, t: Numeric, at: Instant, states: list, args: PyTree) -> list[Any]:
+    def held(self, t: Numeric, at: Instant, states: Any, args: PyTree) -> list[Any]:
         """Force in each contact and each stop if it is at rest."""
         force, gamma = loaded(self, at, states), surface_accelerations(self, t, at, args)
         held: list[Any] = [0.0] * len(states)
