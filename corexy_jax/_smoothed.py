@@ -25,7 +25,8 @@ from stickslip.checks import (
     whole_number,
     with_components,
 )
-from stickslip.fastmath import exp, tanh, where
+from stickslip.fastmath import side_of, where
+from stickslip.friction import LuGre, Regularised, Stribeck
 from stickslip.systems import AbstractMechanicalSystem, WithIntegrals
 
 from ._arguments import the_integrator
@@ -41,6 +42,7 @@ from ._parameters import CoreXYParameters
 from ._simulate import prepared
 from ._solution import Accelerations, CoreXYSolution, Ledger
 from ._system import LOSS_NAMES, STATE_UNITS, CoreXY, CoreXYState
+from ._tanh_weakening import TanhWeakening
 from ._transitions import number_of
 from ._voltage import AbstractVoltage
 
@@ -64,24 +66,16 @@ class Friction(NamedTuple):
     rate: Any
 
 
-def _level(v, kinetic, static, decay):
-    return kinetic + (static - kinetic) * decay(v)
-
-
 def tanh_friction(v: Any, z: Any, kinetic: Any, static: Any, width: Any, speed: Any) -> Friction:
     r"""$-[K + (R-K)\,(1-\tanh^2(v/v_s))]\tanh(v/\varepsilon)$."""
-
-    def decay(v):
-        share = tanh(v / speed)
-        return 1.0 - share * share
-
-    return Friction(-_level(v, kinetic, static, decay) * tanh(v / width), jnp.zeros_like(v))
+    law = Regularised(TanhWeakening(static, kinetic, speed), width, "tanh")
+    return Friction(law.force(v, 1.0), jnp.zeros_like(v))
 
 
 def stribeck_friction(v: Any, z: Any, kinetic: Any, static: Any, width: Any, speed: Any) -> Friction:
     r"""$-[K + (R-K)\,e^{-(v/v_s)^2}]\,v/\sqrt{v^2+\varepsilon^2}$."""
-    level = _level(v, kinetic, static, lambda v: exp(-((v / speed) ** 2)))
-    return Friction(-level * v * lax.rsqrt(v * v + width * width), jnp.zeros_like(v))
+    law = Regularised(Stribeck(static, kinetic, speed), width, "sqrt")
+    return Friction(law.force(v, 1.0), jnp.zeros_like(v))
 
 
 def bristle_friction(v: Any, z: Any, kinetic: Any, static: Any, width: Any, speed: Any) -> Friction:
@@ -90,10 +84,10 @@ def bristle_friction(v: Any, z: Any, kinetic: Any, static: Any, width: Any, spee
     The stiffness $\sigma = R/\ell$ lets a contact give by $\ell = \varepsilon\cdot$ 0.01 s before it
     slides; $|v|$ is smoothed by the width.
     """
-    level = _level(v, kinetic, static, lambda v: exp(-((v / speed) ** 2)))
-    stiffness = static / (0.01 * width)
+    law = LuGre(Stribeck(static, kinetic, speed), static / (0.01 * width))
     size = v * v * lax.rsqrt(v * v + 1e-6 * width * width)
-    return Friction(-stiffness * z, v - stiffness * size * z / level)
+    rate = v - law.sigma_0 * size * z / law.steady_magnitude(v, side_of(v))
+    return Friction(-law.sigma_0 * z, rate)
 
 
 _LAWS = (tanh_friction, stribeck_friction, bristle_friction)

@@ -28,7 +28,7 @@ from ._instant import (
 )
 from ._island import Island
 from ._rows import row
-from ._rows_of import RowsOf, with_rows
+from ._island_rows import IslandRows, with_rows
 from ._reserve import least_reserve, lone_reaction
 from ._scalars import any_of, dot, minus, without_slope
 from ._settle import settled
@@ -52,7 +52,7 @@ def guards(machine: "AbstractMechanism", t: Any, y: Any, mode: Any, args: Any) -
         if not island.rows:
             continue
         if in_rows(machine, island):
-            values, left = RowsOf(machine, island, at, states, force).guards()
+            values, left = IslandRows(machine, island, at, states, force).guards()
             for c, value in zip(island.rows, values, strict=True):
                 own[c] = value
             shared.append(left)
@@ -178,7 +178,7 @@ def transition(
         if not island.rows:
             continue
         if in_rows(machine, island):
-            rows = RowsOf(machine, island, at, states, force)
+            rows = IslandRows(machine, island, at, states, force)
             hit = row([fired[c] for c in island.rows])
             speeds, found, ended = rows.changed(hit, guard == shared, asked)
             shared += 1
@@ -292,7 +292,7 @@ def initial_mode(machine: "AbstractMechanism", t: Any, y: Any, args: Any) -> Any
             continue
         slow = slow_contacts(at, island)
         if in_rows(machine, island):
-            found, ended = RowsOf(machine, island, at, states, list(at.force)).begun(row(slow))
+            found, ended = IslandRows(machine, island, at, states, list(at.force)).begun(row(slow))
             failed = failed | ~ended
             states = with_rows(island, states, found)
             continue

@@ -42,7 +42,7 @@ from ._island import Island, islands_of
 from ._known import known
 from ._modes import ModeNames
 from ._rows import Row
-from ._rows_of import RowsOf
+from ._island_rows import IslandRows
 from ._scalars import Mass
 from ._together import motion_in_rows
 from ._observables import AbstractWithObservables
@@ -137,6 +137,14 @@ class AbstractMechanism(AbstractWithObservables):
 
     - At an impact stops that are closed take impulses too, by Newton's law with no speed before it:
       they are pushed on, or left. Friction is finite and takes none, but what sticks may slide then.
+
+    **To override**, where a machine has something better or of its own:
+
+    - `motion_together`: the motion of contacts with dependent directions, where it has a closed form.
+    - `states` and `mode_of`, both: other numbers of the modes, with `mode_names`.
+    - `to_coordinates` and `from_coordinates`, both: a state in other coordinates than the declared.
+    - `guards`, `guard_names` and `transition`: guards of its own, after all others. Where one of them
+      fires, `transition` of this class asks the law of all contacts again in the state that it is given.
 
     **Limits.** Normal forces that depend on friction or accelerations (Painlevé) are not covered, nor
     is friction in a stop. Dependent directions that vary, surfaces of dependent contacts whose speeds
@@ -248,7 +256,7 @@ class AbstractMechanism(AbstractWithObservables):
         a: list[Any] = [None] * len(at.force)
         for island in self.islands:
             if in_rows(self, island):
-                found = RowsOf(self, island, at, states, force).motion()[0]
+                found = IslandRows(self, island, at, states, force).motion()[0]
             else:
                 found = motion_of(island, at, states, force, gamma).acceleration
             for j, x in zip(island.columns, found, strict=True):

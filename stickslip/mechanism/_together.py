@@ -1,4 +1,4 @@
-"""Contacts whose directions depend on each other: friction and limits of all of them side by side."""
+"""Contacts whose directions depend on each other, side by side: their friction, and how they give way."""
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 

@@ -74,8 +74,8 @@ EXEMPT_METHODS = {
     **dict.fromkeys(
         (
             "CoreXY.carriage_rests", "CoreXY.dmn", "CoreXY.energy", "CoreXY.initial_mode",
-            "CoreXY.line_drive", "CoreXY.motion", "CoreXY.next_mode", "CoreXY.powers", "CoreXY.slips",
-            "CoreXY.torques", "CoreXY.velocities",
+            "CoreXY.line_drive", "CoreXY.line_velocities", "CoreXY.powers", "CoreXY.slips",
+            "CoreXY.torques",
         ),
         "parts of the machine's vector field, called inside of its programs",
     ),

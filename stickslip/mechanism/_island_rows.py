@@ -21,8 +21,11 @@ if TYPE_CHECKING:
 MOST_SHARE = 1e6  # a share of friction beyond it says no more
 
 
-class RowsOf:
+class IslandRows:
     """An island of `machine` at one instant, whose contacts have the given states.
+
+    One number a contact, in a `Row`: a program of a few vectors is shorter than one of all contacts
+    and pairs of them, written out, and compiles as much faster.
 
     `force`: all forces but the friction of these contacts, of all coordinates.
     """
