@@ -5,8 +5,6 @@ They leave the carriage two freedoms, one along a line, or none; and each motor 
 belt, or alone, or stands. So no more than pairs of equations have to be solved.
 """
 
-from typing import Any
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -57,10 +55,12 @@ def _by_tables(mass: Line, force: jax.Array, rest: jax.Array) -> tuple[jax.Array
     from the two by two equations of its pair.
     """
     masses = jnp.stack(mass)
-    here = jnp.sum(jnp.where(rest, jnp.asarray(2 ** np.arange(NUM_CONTACTS), jnp.int32), 0))
-    inertias = jnp.sum(jnp.asarray(_INERTIAS)[here] * masses[None, None, :], axis=-1)
-    own, others, mixed = (inertias + jnp.asarray(_ABSENT)[here])[:, :, None]
-    freedoms, partners = jnp.asarray(_FREEDOMS)[here]
+    bits = 2 ** np.arange(NUM_CONTACTS, dtype=np.int32)
+    here = jnp.sum(rest.astype(jnp.int32) * bits, dtype=jnp.int32)
+    found = jnp.asarray(_TABLE)[here]
+    inertias = jnp.sum(found[:12].reshape(3, 4, 4) * masses[None, None, :], axis=-1)
+    own, others, mixed = (inertias + found[12:15])[:, :, None]
+    freedoms, partners = found[15:19], found[19:]
     # All but the force stays what it is while the mode does, and is computed outside of the stages.
     mobility = (others * freedoms - mixed * partners) / (own * others - mixed * mixed)
     rates = jnp.sum(mobility * force[None, :], axis=1)
@@ -90,3 +90,5 @@ _FREEDOMS = np.stack([_OWN, _PARTNER], axis=1)
 _INERTIAS = np.stack([_OWN**2, _PARTNER**2, _OWN * _PARTNER], axis=1)
 # A freedom that is absent has the inertia 1 and feels no force.
 _ABSENT = np.all(_INERTIAS == 0.0, axis=-1) * np.array([1.0, 1.0, 0.0])[:, None]
+# One table, one look-up: [set, row, velocity or freedom].
+_TABLE = np.concatenate([_INERTIAS.reshape(-1, 12, 4), _ABSENT, _FREEDOMS.reshape(-1, 8, 4)], axis=1)

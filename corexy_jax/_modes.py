@@ -13,8 +13,8 @@ import numpy as np
 
 from stickslip.hybrid import current_executor
 
-from ._contacts import BELT_1, BELT_2, NORMALS, NUM_CONTACTS
 from ._contact_motion import Row
+from ._contacts import BELT_1, BELT_2, NORMALS, NUM_CONTACTS
 
 DMN_NAMES = ("RR", "SR", "RS", "SS")
 

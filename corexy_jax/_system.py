@@ -131,7 +131,9 @@ class CoreXY(AbstractMechanism):
         return {"one": one * turn, "two": two * turn}
 
     def contacts(self, t, q, v, args):
-        parts = zip(CONTACT_NAMES, friction_laws(self.parameters), contact_loads(self.parameters), strict=True)
+        parts = zip(
+            CONTACT_NAMES, friction_laws(self.parameters), contact_loads(self.parameters), strict=True
+        )
         return {name: Contact(law, load) for name, law, load in parts}
 
     def rates(self, t, q, v, args):

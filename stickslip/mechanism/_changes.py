@@ -1,5 +1,7 @@
 """Changes of the mode: what fires, what stops and gives way, and the mode of a given state."""
 
+import functools
+import operator
 from typing import TYPE_CHECKING, Any
 
 import jax
@@ -27,9 +29,9 @@ from ._instant import (
     touching,
 )
 from ._island import Island
-from ._rows import row
 from ._island_rows import IslandRows, with_rows
 from ._reserve import least_reserve, lone_reaction
+from ._rows import row
 from ._scalars import any_of, dot, minus, without_slope
 from ._settle import settled
 
@@ -152,9 +154,12 @@ def transition(
     at, states = machine.instant(t, y, args), machine.states(mode)
     shared = count + len(machine.parted)
     opens = shared + sum(island.dependent for island in machine.islands)
-    fired = [guard == c for c in range(count)]
-    for k, c in enumerate(machine.parted):
-        fired[c] = fired[c] | (guard == count + k)
+
+    def fired(c: int) -> Any:
+        own = guard == c
+        parts = (guard == count + k for k, p in enumerate(machine.parted) if p == c)
+        return functools.reduce(operator.or_, parts, own)
+
     toggled = {name: guard == opens + k for k, name in enumerate(names.opening)}
     lifting = machine.lifting
     lifts = opens + len(toggled)
@@ -179,8 +184,7 @@ def transition(
             continue
         if in_rows(machine, island):
             rows = IslandRows(machine, island, at, states, force)
-            hit = row([fired[c] for c in island.rows])
-            speeds, found, ended = rows.changed(hit, guard == shared, asked)
+            speeds, found, ended = rows.changed(guard, guard == shared, asked)
             shared += 1
             failed = failed | ~ended
             for j, x in zip(island.columns, speeds, strict=True):
@@ -189,7 +193,7 @@ def transition(
             continue
         s = [states[c] for c in island.rows]
         rest = [x == 0.0 for x in s]
-        hit = [fired[c] if c < count else left[c] for c in island.rows]
+        hit = [fired(c) if c < count else left[c] for c in island.rows]
         motion = jax.tree.map(lax.stop_gradient, motion_of(island, at, states, force, gamma))
         if island.dependent:
             gives_way, stops = guard == shared, any_of(hit)

@@ -166,7 +166,10 @@ def loaded(
     skipped = {island.rows[0] for island in machine.islands if island.m == 1 and not lone}
     if apart:
         skipped |= {c for island in machine.islands if in_rows(machine, island) for c in island.rows}
-    for c, (contact, s) in enumerate(zip(at.contacts, states, strict=False)):
+    for c, contact in enumerate(at.contacts):
+        if c in skipped and contact.normal_direction is None:
+            continue
+        s = states[c]
         if c in skipped:
             force = pushed(machine, force, at, c, s)
             continue

@@ -13,7 +13,7 @@ from ._island import Island
 from ._rows import Row, any_of, each, row, through
 from ._scalars import is_zero
 from ._settle_together import settled_together
-from ._together import Bounds, Laws, Onset, closed, looked_up, onset, resting
+from ._together import Bounds, Laws, Onset, looked_up, onset, resting
 
 if TYPE_CHECKING:
     from ._mechanism import AbstractMechanism
@@ -37,10 +37,14 @@ class IslandRows:
         if isinstance(states, tuple | list) or island.rows != tuple(range(len(states))):
             states = row([states[c] for c in island.rows])
         self.states: Row = states
-        self.speeds = row([at.speeds[c] for c in island.rows])
         self.force = row([force[j] for j in island.columns])
         self.mass = at.mass.of(island.columns)
         self.laws = Laws(island, at)
+
+    @functools.cached_property
+    def speeds(self) -> Row:
+        """Sliding speeds [m/s]."""
+        return row([self.at.speeds[c] for c in self.island.rows])
 
     def moved(self, force: Row, rest: Row) -> tuple[Row, Row]:
         """Acceleration, and force of all contacts in `rest`, under `force`."""
@@ -48,7 +52,7 @@ class IslandRows:
 
     @functools.cached_property
     def _friction(self) -> Row:
-        return self.laws.friction(self.speeds, self.states)
+        return self.laws.friction(lambda: self.speeds, self.states)
 
     @functools.cached_property
     def _static(self) -> Bounds:
@@ -75,18 +79,23 @@ class IslandRows:
     def _onset(self, reaction: Row) -> Onset:
         return onset(self.island, self._static, resting(self.states), reaction)
 
-    def changed(self, hit: Row, gives_way: Any, asked: Any) -> tuple[Row, Row, Any]:
-        """Velocities and states after contacts `hit` have stopped, or those at rest gave way.
+    def changed(self, guard: Any, gives_way: Any, asked: Any) -> tuple[Row, Row, Any]:
+        """Velocities and states after contact number `guard` has stopped, or those at rest gave way.
 
         And whether the law of all contacts has an answer. It is asked again too where `asked`.
         """
         rest = resting(self.states)
         ways = self._onset(jax.lax.stop_gradient(self.motion()[1])).ways
+        rows = self.island.rows
+        if isinstance(rest, tuple):
+            hit: Row = tuple(guard == c for c in rows)
+        else:
+            hit = jnp.asarray(rows, jnp.int32) == guard
         stops = any_of(hit)
         started = each(lambda r, way: gives_way & r & (way != 0.0), rest, ways)
         now = each(lambda start, way, s: where(start, way, s), started, ways, self.states)
         on = each(lambda r, h: r | h, rest, hit)
-        still = closed(self.island, on, self._slow())
+        still = self._closed(on)
         now = each(lambda r, s: where(stops & r, 0.0, s), still, now)
         velocities = self._landed(still, stops)
         touched = stops | gives_way
@@ -110,10 +119,14 @@ class IslandRows:
             self._static, self.laws.bounds("kinetic_limit"), states, started, active,
         )  # fmt: skip
 
-    def _slow(self) -> Row:
+    def _closed(self, rest: Row) -> Row:
+        """Contacts in `rest`, and those that rest wherever these do."""
         agree = self.island.agree([self.at.surfaces[c] for c in self.island.rows])
+        held = looked_up(self.island.closure, rest)
+        if agree is True:
+            return each(lambda r, h: r | h, rest, held)
         slow = row(slow_contacts(self.at, self.island))
-        return each(lambda x: x | agree, slow)
+        return each(lambda r, h, s: r | (h & (s | agree)), rest, held, slow)
 
     def _landed(self, still: Row, stops: Any) -> Row:
         island, at = self.island, self.at

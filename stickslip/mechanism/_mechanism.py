@@ -39,14 +39,14 @@ from ._instant import (
     touching,
 )
 from ._island import Island, islands_of
+from ._island_rows import IslandRows
 from ._known import known
 from ._modes import ModeNames
-from ._rows import Row
-from ._island_rows import IslandRows
-from ._scalars import Mass
-from ._together import motion_in_rows
 from ._observables import AbstractWithObservables
+from ._rows import Row
+from ._scalars import Mass
 from ._stop import check_gaps
+from ._together import motion_in_rows
 
 if TYPE_CHECKING:
     from ._forms import BristleMechanism, RegularisedMechanism
@@ -144,7 +144,7 @@ class AbstractMechanism(AbstractWithObservables):
     - `states` and `mode_of`, both: other numbers of the modes, with `mode_names`.
     - `to_coordinates` and `from_coordinates`, both: a state in other coordinates than the declared.
     - `guards`, `guard_names` and `transition`: guards of its own, after all others. Where one of them
-      fires, `transition` of this class asks the law of all contacts again in the state that it is given.
+      fires, `transition` of this class asks the law of all contacts again, in the state given to it.
 
     **Limits.** Normal forces that depend on friction or accelerations (Painlevé) are not covered, nor
     is friction in a stop. Dependent directions that vary, surfaces of dependent contacts whose speeds

@@ -177,9 +177,9 @@ def _levers(island: Island, J: list[list]) -> list[Any]:
     levers: list[Any] = []
     for j in range(island.n):
         largest: Any = 0.0
-        for row in J:
-            if not is_zero(row[j]):
-                size = abs(row[j]) if isinstance(row[j], float) else jnp.abs(row[j])
+        for line in J:
+            if not is_zero(line[j]):
+                size = abs(line[j]) if isinstance(line[j], float) else jnp.abs(line[j])
                 largest = size if is_zero(largest) else jnp.maximum(largest, size)
         levers.append(largest)
     return levers
@@ -196,7 +196,7 @@ def _size(island: Island, F: list, J: list[list], static: Limits, carried: list)
 
 def _inertia(island: Island, M: Mass, J: list[list]) -> list[Any]:
     """Inertia that contacts feel [kg], by the velocities that they touch."""
-    diagonal = M.diagonal or [row[i] for i, row in enumerate(M.full or [])]
+    diagonal = M.diagonal or [line[i] for i, line in enumerate(M.full or [])]
     levers = _levers(island, J)
     parts = ((m, x) for m, x in zip(diagonal, levers, strict=True) if not is_zero(x))
     return [times(m, 1.0 / (x * x)) for m, x in parts]

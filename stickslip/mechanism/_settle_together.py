@@ -67,9 +67,7 @@ def settled_together(
 
     def pivot(now: _Search) -> _Search:
         slow = 0.1 * now.still / inertia  # slower than what an overload of this size brings about
-        least = each(
-            lambda given, R, K: where(given > 0.0, K, R), now.given, low, kinetic_low
-        )
+        least = each(lambda given, R, K: where(given > 0.0, K, R), now.given, low, kinetic_low)
         most = each(lambda given, R, K: where(given < 0.0, K, R), now.given, static.high, kinetic.high)
         # The middle of the interval is a force, so that what is left to bear lies around 0.
         middle = each(lambda a, b: 0.5 * (a + b), least, most)
@@ -104,7 +102,9 @@ def settled_together(
             stopped, giving_way.ways, now.states,
         )  # fmt: skip
         minimum = ~blocked & ~overloaded
-        ends = each(lambda creeps, old, s: where(creeps & (s == 0.0), old, s), creeping, states, now.states)
+        ends = each(
+            lambda creeps, old, s: where(creeps & (s == 0.0), old, s), creeping, states, now.states
+        )
         changed = any_of(each(lambda s, given: s != given, ends, now.given))
         again, done = minimum & changed, minimum & ~changed
         # The next search begins at rest: started on the face found, all its speeds zero, it could

@@ -1,5 +1,7 @@
-"""Contacts whose directions depend on each other, side by side: their friction, and how they give way."""
+"""Contacts with directions that depend on each other, side by side: friction, and how they give way."""
 
+import functools
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
@@ -34,29 +36,41 @@ class Laws:
     """The laws of the contacts of an island: as one law of rows if they are of one kind."""
 
     def __init__(self, island: Island, at: "Instant"):
-        contacts = [at.contacts[c] for c in island.rows]
-        self.odd = all(contact.law.is_odd for contact in contacts)
-        self.plain = all(type(contact.law) is Coulomb for contact in contacts)
-        self.loads = row([contact.normal_force for contact in contacts])
-        laws = [contact.law for contact in contacts]
-        self.laws = laws
-        form = jax.tree.structure(laws[0])
+        self.contacts = [at.contacts[c] for c in island.rows]
+        self.odd = all(contact.law.is_odd for contact in self.contacts)
+
+    @functools.cached_property
+    def loads(self) -> Row:
+        """Normal forces [N]."""
+        return row([contact.normal_force for contact in self.contacts])
+
+    @functools.cached_property
+    def one(self) -> Any:
+        """A law whose parameters are rows; None where the laws are not alike, or stay apart."""
+        laws = [contact.law for contact in self.contacts]
         leaves = [jax.tree.leaves(law) for law in laws]
-        alike = all(jax.tree.structure(law) == form for law in laws)
-        plain = not any(jnp.ndim(x) for those in leaves for x in those)
-        if alike and plain and not isinstance(self.loads, tuple):
-            self.laws = jax.tree.unflatten(form, [row(list(x)) for x in zip(*leaves, strict=True)])
+        form = jax.tree.structure(laws[0])
+        if isinstance(self.loads, tuple) or any(jnp.ndim(x) for those in leaves for x in those):
+            return None
+        if any(jax.tree.structure(law) != form for law in laws):
+            return None
+        return jax.tree.unflatten(form, [row(list(x)) for x in zip(*leaves, strict=True)])
 
     def each(self, of: Any, *rows: Row) -> Row:
         """`of(law, normal_force, ...)` of every contact."""
-        if not isinstance(self.laws, list):
-            return of(self.laws, self.loads, *rows)
+        if self.one is not None:
+            return of(self.one, self.loads, *rows)
+        laws = tuple(contact.law for contact in self.contacts)
         if isinstance(self.loads, tuple):
-            return each(of, tuple(self.laws), self.loads, *rows)
-        return row([of(law, self.loads[c], *(r[c] for r in rows)) for c, law in enumerate(self.laws)])
+            return each(of, laws, self.loads, *rows)
+        return row([of(law, self.loads[c], *(r[c] for r in rows)) for c, law in enumerate(laws)])
 
     def bounds(self, which: str) -> Bounds:
         """By the coefficient of the laws named `which`."""
+        if which == "kinetic_limit" and all(type(c.law) is Coulomb for c in self.contacts):
+            return Bounds(
+                None, row([contact.law.mu_k * contact.normal_force for contact in self.contacts])
+            )
 
         def ahead(law, load):
             return getattr(law, which)(1) * load
@@ -66,11 +80,13 @@ class Laws:
         behind = self.each(lambda law, load: getattr(law, which)(-1) * load)
         return Bounds(each(lambda x: -x, self.each(ahead)), behind)
 
-    def friction(self, speeds: Row, states: Row) -> Row:
+    def friction(self, speeds: Callable[[], Row], states: Row) -> Row:
         """Friction of each contact that slides in the sense of its state [N]; 0 of those at rest."""
-        if self.plain:
+        if all(type(contact.law) is Coulomb for contact in self.contacts):
             return each(lambda s, limit: -s * limit, states, self.bounds("kinetic_limit").high)
-        slips = self.each(lambda law, load, u, s: law.slip_force(u, load, sense_of(s)), speeds, states)
+        slips = self.each(
+            lambda law, load, u, s: law.slip_force(u, load, sense_of(s)), speeds(), states
+        )
         return each(lambda s, force: where(s == 0.0, 0.0, force), states, slips)
 
 
@@ -83,7 +99,7 @@ def number_of(rest: Row) -> Any:
     """The set of contacts `rest` as bits."""
     if isinstance(rest, tuple):
         return sum(where(r, jnp.int32(1 << c), jnp.int32(0)) for c, r in enumerate(rest))
-    return jnp.sum(jnp.where(rest, jnp.asarray(2 ** np.arange(len(rest)), jnp.int32), 0))
+    return jnp.sum(rest.astype(jnp.int32) * 2 ** np.arange(len(rest), dtype=np.int32), dtype=jnp.int32)
 
 
 def looked_up(table: np.ndarray, rest: Row) -> Row:
@@ -101,7 +117,7 @@ def closed(island: Island, rest: Row, slow: Row) -> Row:
 
 
 def motion_in_rows(island: Island, mass: Mass, force: Row, rest: Row) -> tuple[Row, Row]:
-    """`Island.motion` of dependent contacts: acceleration of each velocity, and force of all at rest."""
+    """`Island.motion` in rows: acceleration of each velocity, and force of all that rests."""
     still = [0.0] * island.m
     found = island.motion(mass, list(force), island.directions.tolist(), list(rest), still)
     return row(found.acceleration), row(found.reaction)
@@ -115,7 +131,7 @@ class Onset(NamedTuple):
 
 
 def onset(island: Island, bounds: Bounds, rest: Row, reaction: Row, slack: Any = NOTHING) -> Onset:
-    """As `Island.onset`, by the facets of the zonotope that the friction of dependent contacts spans."""
+    """As `Island.onset`, in rows."""
     along = island.along
     loads = through(island.lines, reaction)
     high = each(lambda r, x: where(r, x, 0.0), rest, bounds.high)
@@ -138,4 +154,3 @@ def onset(island: Island, bounds: Bounds, rest: Row, reaction: Row, slack: Any =
     if isinstance(rest, tuple):
         ways = tuple(ways[c] for c in range(len(rest)))
     return Onset(share, each(lambda r, way: where(r, sense * way, 0.0), rest, ways))
-

@@ -86,7 +86,7 @@ def reserves(mass, drive, static, kinetic, signs):
 
 
 def test_the_fourteen_lines_are_the_zonotope():
-    """The share of the friction that is used against the gauge of the zonotope of the resting contacts."""
+    """The share of the friction that is used, against the gauge of the zonotope."""
     mass, drive, static, kinetic, _ = problems()
     faces = jnp.asarray(SIGNS[np.arange(COUNT) % len(SIGNS)].astype(float))
     some = jnp.any(faces == 0, axis=1)

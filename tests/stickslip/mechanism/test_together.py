@@ -1,4 +1,4 @@
-"""Dependent contacts in rows: as a vector and as a tuple the same, and as one contact after the other."""
+"""Dependent contacts in rows: as a vector, as a tuple, and one contact after the other."""
 
 import jax
 import jax.numpy as jnp
@@ -86,12 +86,16 @@ KINDS = {
 @pytest.mark.parametrize("kinds", [("Coulomb",) * 4, ("Stribeck",) * 4, ("asymmetric",) * 4,
                                    ("Coulomb", "Stribeck", "asymmetric", "Coulomb")])  # fmt: skip
 def test_friction_of_laws_side_by_side(form, kinds):
-    of, loads, a = island("carriage"), jnp.asarray([1.0, 2.0, 0.5, 3.0]), jnp.asarray([0.1, 0.2, 0.3, 0.4])
+    of, loads, a = (
+        island("carriage"),
+        jnp.asarray([1.0, 2.0, 0.5, 3.0]),
+        jnp.asarray([0.1, 0.2, 0.3, 0.4]),
+    )
     speeds, states = jnp.asarray([0.2, -0.3, 0.1, -0.4]), jnp.asarray([1.0, -1.0, 0.0, -1.0])
     with use_executor(EXECUTORS[form]):
         laws = [KINDS[kind](x) for kind, x in zip(kinds, a, strict=True)]
         side_by_side = Laws(of, At(laws, loads))
-        friction = stacked(side_by_side.friction(row(list(speeds)), row(list(states))))
+        friction = stacked(side_by_side.friction(lambda: row(list(speeds)), row(list(states))))
         static = side_by_side.bounds("static_coefficient")
         low, high = stacked(static.lower), stacked(static.high)
     for c, law in enumerate(laws):
