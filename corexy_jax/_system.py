@@ -193,7 +193,7 @@ class CoreXY(AbstractMechanism):
         """Sense of every contact: -1, 0 (at rest) or 1."""
         return mode_signs(mode)
 
-    def mode_of(self, states: Any) -> Any:
+    def mode_of(self, states: PyTree) -> Any:
         """The mode with these senses; -1 if the geometry does not admit them."""
         return mode_number(states)
 

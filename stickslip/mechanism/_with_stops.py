@@ -33,11 +33,11 @@ class AbstractWithStops(AbstractWithStates):
         """-1, 0, 1 or 2 for each contact, backward to open; 0 or 2 for each stop, closed or open."""
         return states_of(mode, len(self.contact_directions), len(self.stops))
 
-    def mode_of(self, states: Any) -> Any:
+    def mode_of(self, states: PyTree) -> Any:
         """The mode with these states."""
         return mode_of(list(states), len(self.stops))
 
-    def held(self, t: Numeric, at: Instant, states: Any, args: PyTree) -> list[Any]:
+    def held(self, t: Numeric, at: Instant, states: PyTree, args: PyTree) -> list[Any]:
         """Force in each contact and each stop if it is at rest."""
         force, gamma = loaded(self, at, states), surface_accelerations(self, t, at, args)
         held: list[Any] = [0.0] * len(states)

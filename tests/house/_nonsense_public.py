@@ -57,7 +57,8 @@ EXEMPT_METHODS = {
     **dict.fromkeys(
         (
             "declared_power", "from_coordinates", "to_coordinates", "AbstractMechanism.instant",
-            "AbstractWithStops.states", "AbstractWithStops.held", "AbstractWithStops.drives_of_stops",
+            "AbstractWithStops.states", "AbstractWithStops.mode_of", "AbstractWithStops.held",
+            "AbstractMechanism.motion_together", "AbstractWithStops.drives_of_stops",
         ),
         "parts of a machine's vector field, called inside of its programs",
     ),
@@ -74,8 +75,8 @@ EXEMPT_METHODS = {
     **dict.fromkeys(
         (
             "CoreXY.carriage_rests", "CoreXY.dmn", "CoreXY.energy", "CoreXY.initial_mode",
-            "CoreXY.line_drive", "CoreXY.line_velocities", "CoreXY.powers", "CoreXY.slips",
-            "CoreXY.torques",
+            "CoreXY.line_drive", "CoreXY.line_velocities", "CoreXY.mode_of", "CoreXY.motion_together",
+            "CoreXY.powers", "CoreXY.slips", "CoreXY.states", "CoreXY.torques",
         ),
         "parts of the machine's vector field, called inside of its programs",
     ),
