@@ -107,13 +107,13 @@ class CoreXY(AbstractMechanism):
     coordinates: ClassVar = {"x": "m", "y": "m", "one": "m", "two": "m"}
     first_order: ClassVar = {"piece": "1"}
     contact_directions: ClassVar = DIRECTIONS
-    mode_names: ClassVar = MODE_NAMES
-    guard_names: ClassVar = (
+    mode_names: ClassVar = MODE_NAMES  # pyright: ignore
+    guard_names: ClassVar = (  # pyright: ignore
         *(f"{name} stops" for name in CONTACT_NAMES),
         "resting contacts give way",
         "input jumps",
     )
-    units: ClassVar = STATE_UNITS
+    units: ClassVar = STATE_UNITS  # pyright: ignore
 
     def __init__(self, parameters: Given[CoreXYParameters], voltage: Given[AbstractVoltage]):
         self.parameters = check_type("parameters", parameters, CoreXYParameters, "CoreXYParameters")
@@ -198,7 +198,7 @@ class CoreXY(AbstractMechanism):
         return mode_number(states)
 
     def motion_together(self, island, mass, force, rest):
-        return contact_motion(Line(*mass.diagonal), force, rest)
+        return contact_motion(Line(*(mass.diagonal or ())), force, rest)
 
     # -- the input
 

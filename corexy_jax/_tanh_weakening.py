@@ -2,6 +2,7 @@
 
 from typing import ClassVar
 
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from stickslip.checks import Numeric, as_parameter, check_nonnegative, check_positive
@@ -31,7 +32,7 @@ class TanhWeakening(AbstractDryFrictionLaw):
         self.v_s = as_parameter(check_positive("v_s", v_s))
 
     def kinetic(self, v, sense):
-        share = tanh(v / self.v_s)
+        share = tanh(jnp.asarray(v / self.v_s))
         return sense * (self.mu_k + (self.mu_s - self.mu_k) * (1.0 - share * share))
 
     def static_coefficient(self, sense=1):

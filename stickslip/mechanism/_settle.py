@@ -85,10 +85,11 @@ def settled(
             after.append(where(states[c] == 0.0, leaves, states[c]))
         return after, every[0]
     if island.dependent and not island.stops:
-        bounds = (Bounds(row(given.low), row(given.high)) for given in (static, kinetic))
         found, ended = settled_together(
-            island, M, motion_in_rows, row(F), *bounds, row(states), row(started), active
-        )
+            island, M, motion_in_rows, row(F),
+            Bounds(row(static.low), row(static.high)), Bounds(row(kinetic.low), row(kinetic.high)),
+            row(states), row(started), active,
+        )  # fmt: skip
         return list(found), ended
     felt = _inertia(island, M, J)
     inertia, least = total(felt), functools.reduce(jnp.minimum, map(jnp.asarray, felt))

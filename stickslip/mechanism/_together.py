@@ -38,6 +38,8 @@ class Laws:
     def __init__(self, island: Island, at: "Instant"):
         self.contacts = [at.contacts[c] for c in island.rows]
         self.odd = all(contact.law.is_odd for contact in self.contacts)
+        # Their kinetic friction is the same at all speeds.
+        self._coulomb = all(type(contact.law) is Coulomb for contact in self.contacts)
 
     @functools.cached_property
     def loads(self) -> Row:
@@ -67,10 +69,10 @@ class Laws:
 
     def bounds(self, which: str) -> Bounds:
         """By the coefficient of the laws named `which`."""
-        if which == "kinetic_limit" and all(type(c.law) is Coulomb for c in self.contacts):
-            return Bounds(
-                None, row([contact.law.mu_k * contact.normal_force for contact in self.contacts])
-            )
+        if which == "kinetic_limit" and self._coulomb:
+            laws: list[Any] = [contact.law for contact in self.contacts]
+            pairs = zip(laws, self.contacts, strict=True)
+            return Bounds(None, row([law.mu_k * contact.normal_force for law, contact in pairs]))
 
         def ahead(law, load):
             return getattr(law, which)(1) * load
@@ -82,7 +84,7 @@ class Laws:
 
     def friction(self, speeds: Callable[[], Row], states: Row) -> Row:
         """Friction of each contact that slides in the sense of its state [N]; 0 of those at rest."""
-        if all(type(contact.law) is Coulomb for contact in self.contacts):
+        if self._coulomb:
             return each(lambda s, limit: -s * limit, states, self.bounds("kinetic_limit").high)
         slips = self.each(
             lambda law, load, u, s: law.slip_force(u, load, sense_of(s)), speeds(), states
