@@ -13,10 +13,9 @@ import numpy as np
 
 from stickslip.hybrid import current_executor
 
+from ._contact_motion import Row
 from ._contacts import BELT_1, BELT_2, NORMALS, NUM_CONTACTS
-from ._rows import Row
 
-NO_SENSE = 9.0  # in place of a sense that could not be found
 DMN_NAMES = ("RR", "SR", "RS", "SS")
 
 
@@ -75,7 +74,7 @@ def mode_signs(mode: Any) -> Row:
 
 
 def mode_number(signs: Row) -> Any:
-    """Mode with these senses (floats); -1 if the geometry does not admit them, or one is `NO_SENSE`."""
+    """Mode with these senses (floats); -1 if the geometry does not admit them."""
     if isinstance(signs, tuple):
         index = jnp.zeros(jnp.shape(signs[0]), jnp.int32)
         for c in range(NUM_CONTACTS):
@@ -83,7 +82,7 @@ def mode_number(signs: Row) -> Any:
     else:
         weights = jnp.asarray(3 ** np.arange(NUM_CONTACTS), jnp.float64)
         index = jnp.sum(weights * (signs + 1.0)).astype(jnp.int32)
-    return jnp.where(signs[0] == NO_SENSE, jnp.int32(-1), jnp.asarray(_NUMBER)[index])
+    return jnp.asarray(_NUMBER)[index]
 
 
 def mode_dmn(mode: Any) -> Any:

@@ -25,7 +25,8 @@ from stickslip.checks import (
     whole_number,
     with_components,
 )
-from stickslip.fastmath import exp, tanh, where
+from stickslip.fastmath import side_of, where
+from stickslip.friction import LuGre, Regularised, Stribeck
 from stickslip.systems import AbstractMechanicalSystem, WithIntegrals
 
 from ._arguments import the_integrator
@@ -41,6 +42,7 @@ from ._parameters import CoreXYParameters
 from ._simulate import prepared
 from ._solution import Accelerations, CoreXYSolution, Ledger
 from ._system import LOSS_NAMES, STATE_UNITS, CoreXY, CoreXYState
+from ._tanh_weakening import TanhWeakening
 from ._transitions import number_of
 from ._voltage import AbstractVoltage
 
@@ -64,24 +66,16 @@ class Friction(NamedTuple):
     rate: Any
 
 
-def _level(v, kinetic, static, decay):
-    return kinetic + (static - kinetic) * decay(v)
-
-
 def tanh_friction(v: Any, z: Any, kinetic: Any, static: Any, width: Any, speed: Any) -> Friction:
     r"""$-[K + (R-K)\,(1-\tanh^2(v/v_s))]\tanh(v/\varepsilon)$."""
-
-    def decay(v):
-        share = tanh(v / speed)
-        return 1.0 - share * share
-
-    return Friction(-_level(v, kinetic, static, decay) * tanh(v / width), jnp.zeros_like(v))
+    law = Regularised(TanhWeakening(static, kinetic, speed), width, "tanh")
+    return Friction(law.force(v, 1.0), jnp.zeros_like(v))
 
 
 def stribeck_friction(v: Any, z: Any, kinetic: Any, static: Any, width: Any, speed: Any) -> Friction:
     r"""$-[K + (R-K)\,e^{-(v/v_s)^2}]\,v/\sqrt{v^2+\varepsilon^2}$."""
-    level = _level(v, kinetic, static, lambda v: exp(-((v / speed) ** 2)))
-    return Friction(-level * v * lax.rsqrt(v * v + width * width), jnp.zeros_like(v))
+    law = Regularised(Stribeck(static, kinetic, speed), width, "sqrt")
+    return Friction(law.force(v, 1.0), jnp.zeros_like(v))
 
 
 def bristle_friction(v: Any, z: Any, kinetic: Any, static: Any, width: Any, speed: Any) -> Friction:
@@ -90,10 +84,10 @@ def bristle_friction(v: Any, z: Any, kinetic: Any, static: Any, width: Any, spee
     The stiffness $\sigma = R/\ell$ lets a contact give by $\ell = \varepsilon\cdot$ 0.01 s before it
     slides; $|v|$ is smoothed by the width.
     """
-    level = _level(v, kinetic, static, lambda v: exp(-((v / speed) ** 2)))
-    stiffness = static / (0.01 * width)
+    law = LuGre(Stribeck(static, kinetic, speed), static / (0.01 * width))
     size = v * v * lax.rsqrt(v * v + 1e-6 * width * width)
-    return Friction(-stiffness * z, v - stiffness * size * z / level)
+    rate = v - law.sigma_0 * size * z / law.steady_magnitude(v, side_of(v))
+    return Friction(-law.sigma_0 * z, rate)
 
 
 _LAWS = (tanh_friction, stribeck_friction, bristle_friction)
@@ -171,7 +165,7 @@ class SmoothedCoreXY(AbstractMechanicalSystem):
     def friction(self, s: SmoothedState) -> Friction:
         """Friction and bristle rates of all contacts, each a tuple."""
         p = self.machine.parameters
-        speeds = jnp.stack(sliding_speeds(self.machine.velocities(s.y)))
+        speeds = jnp.stack(sliding_speeds(self.machine.line_velocities(s.y)))
         kinetic, static = jnp.stack(kinetic_limits(p)), jnp.stack(static_limits(p))
         operands = (speeds, jnp.stack(s.bristles), kinetic, static, self.width, self.stribeck_speed)
         return lax.switch(jnp.clip(self.variant, 0, len(_LAWS) - 1), _LAWS, *operands)
@@ -216,14 +210,14 @@ class SmoothedCoreXY(AbstractMechanicalSystem):
         names = list(self.machine.powers(t, y.y, jnp.zeros((), jnp.int32), args))
         one, two = self.machine.torques(t, y.y)
         friction = self.friction(y).force
-        speeds = sliding_speeds(self.machine.velocities(y.y))
+        speeds = sliding_speeds(self.machine.line_velocities(y.y))
         work = [one * y.y.omega_1, two * y.y.omega_2]
         work += [friction[c] * speeds[c] for c in range(NUM_CONTACTS)]
         return dict(zip(names, work, strict=True))
 
 
 def _account(system, t, y, mode, args):
-    speeds = sliding_speeds(system.machine.velocities(y.y))
+    speeds = sliding_speeds(system.machine.line_velocities(y.y))
     slip = {"slip_1": jnp.abs(speeds[6]), "slip_2": jnp.abs(speeds[7])}
     return {**system.powers(t, y, mode, args), **slip}
 
@@ -270,7 +264,7 @@ def simulate_smoothed(
     y, dy, sums = found.y.y.y, found.dy.y.y, found.y.integrals
     friction = jnp.stack([sums[f"friction_{name}"] for name in LOSS_NAMES], axis=-1)
     slip = jnp.stack([sums["slip_1"], sums["slip_2"]], axis=-1)
-    speeds = jnp.stack(jax.vmap(lambda y: sliding_speeds(machine.velocities(y)))(y), axis=-1)
+    speeds = jnp.stack(jax.vmap(lambda y: sliding_speeds(machine.line_velocities(y)))(y), axis=-1)
     senses = where(jnp.abs(speeds) < RESTS_BELOW * system.width, 0.0, jnp.sign(speeds))
     dmn = jnp.where(found.mode < 0, -1, number_of(senses[:, 6] != 0.0, senses[:, 7] != 0.0))
     return CoreXYSolution(

@@ -1,46 +1,37 @@
-"""The machine as a hybrid system: the law of all contacts at once."""
+"""The machine, declared: its masses, the forces of its motors, and its eight dry contacts."""
 
 from typing import Any, ClassVar, NamedTuple
 
-import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import PyTree
 
 from stickslip.checks import Given, Numeric, Whole, as_parameter, check_finite, check_type, one_number
 from stickslip.fastmath import where
-from stickslip.systems import AbstractMechanicalSystem
+from stickslip.mechanism import AbstractMechanism, Contact
 
-from ._contact_motion import ContactMotion, contact_motion, onset, onset_signs
+from ._contact_motion import contact_motion
 from ._contacts import (
     BELT_1,
     BELT_2,
     CONTACT_NAMES,
-    MOTOR_1,
-    MOTOR_2,
+    DIRECTIONS,
     NUM_CONTACTS,
     Line,
-    U,
-    W,
     X,
     Y,
-    closure,
-    kinetic_friction,
+    contact_loads,
+    friction_laws,
     kinetic_limits,
     line_masses,
-    project,
     sliding_speeds,
-    static_limits,
 )
 from ._modes import MODE_NAMES, mode_dmn, mode_number, mode_signs
 from ._motors import motor_torque
 from ._parameters import CoreXYParameters
-from ._resolve_signs import resolve_signs
-from ._rows import Row, any_through, each, row, with_place
 from ._voltage import AbstractVoltage
 
-GIVES_WAY, NEXT_PIECE = NUM_CONTACTS, NUM_CONTACTS + 1
-AT_REST = 1e-12  # sliding speeds below it are rounding of the given state [m/s]
+NEXT_PIECE = NUM_CONTACTS + 1  # number of the guard
+LOSS_NAMES = ("x", "y", "u", "w", "motor_1", "motor_2", "belt_1", "belt_2")
 
 
 class CoreXYState(NamedTuple):
@@ -72,7 +63,18 @@ STATE_UNITS = {
 }
 
 
-class CoreXY(AbstractMechanicalSystem):
+class Place(NamedTuple):
+    """The coordinates: position `x`, `y`, lengths `one`, `two` of belt line over the motor pulleys [m],
+    and the number `piece` of the piece of the input."""
+
+    x: Any
+    y: Any
+    one: Any
+    two: Any
+    piece: Any
+
+
+class CoreXY(AbstractMechanism):
     r"""CoreXY mechanism with slipping motor pulleys; all eight dry contacts at once.
 
     With $q = (\dot x, \dot y, r\omega_1, r\omega_2)$ and the contacts of `CONTACT_NAMES`,
@@ -102,22 +104,46 @@ class CoreXY(AbstractMechanicalSystem):
     parameters: CoreXYParameters
     voltage: AbstractVoltage
 
-    mode_names: ClassVar = MODE_NAMES
-    guard_names: ClassVar = (
+    coordinates: ClassVar = {"x": "m", "y": "m", "one": "m", "two": "m"}
+    first_order: ClassVar = {"piece": "1"}
+    contact_directions: ClassVar = DIRECTIONS
+    mode_names: ClassVar = MODE_NAMES  # pyright: ignore
+    guard_names: ClassVar = (  # pyright: ignore
         *(f"{name} stops" for name in CONTACT_NAMES),
         "resting contacts give way",
         "input jumps",
     )
-    units: ClassVar = STATE_UNITS
+    units: ClassVar = STATE_UNITS  # pyright: ignore
 
     def __init__(self, parameters: Given[CoreXYParameters], voltage: Given[AbstractVoltage]):
         self.parameters = check_type("parameters", parameters, CoreXYParameters, "CoreXYParameters")
         self.voltage = check_type("voltage", voltage, AbstractVoltage, "an AbstractVoltage")
 
-    @property
-    def guard_scales(self):  # pyright: ignore[reportIncompatibleVariableOverride]
-        """1 m/s, all friction of a line, 1 s."""
-        return (1.0,) * (NUM_CONTACTS + 2)
+    # -- the declaration
+
+    def mass_matrix(self, q):
+        return list(line_masses(self.parameters))
+
+    def forces(self, t, q, v, args):
+        p = self.parameters
+        volts, turn = self.voltage.volts(t, q.piece), 1.0 / p.r
+        one, two = (motor_torque(p, u, s * turn) for u, s in zip(volts, (v.one, v.two), strict=True))
+        return {"one": one * turn, "two": two * turn}
+
+    def contacts(self, t, q, v, args):
+        parts = zip(
+            CONTACT_NAMES, friction_laws(self.parameters), contact_loads(self.parameters), strict=True
+        )
+        return {name: Contact(law, load) for name, law, load in parts}
+
+    def rates(self, t, q, v, args):
+        return {"piece": 0.0}
+
+    def time_scale(self, args):
+        """That of the voltage."""
+        return self.voltage.time_scale()
+
+    # -- the state in angles, the modes by their numbers, the motion in closed form
 
     def state(
         self,
@@ -147,10 +173,49 @@ class CoreXY(AbstractMechanicalSystem):
         piece = self.voltage.piece_of(as_parameter(one_number("t", t)))
         return CoreXYState._make((*numbers, one, two, piece))
 
-    def velocities(self, y: CoreXYState) -> Line:
+    def to_coordinates(self, y: CoreXYState) -> tuple[Place, Line]:
+        r = self.parameters.r
+        place = Place(y.x, y.y, r * y.theta_1, r * y.theta_2, y.piece)
+        return place, self.line_velocities(y)
+
+    def from_coordinates(self, q: PyTree, v: PyTree) -> CoreXYState:
+        (x, y, one, two, piece), (vx, vy, v_one, v_two) = q, v
+        turn = 1.0 / self.parameters.r
+        angles = one * turn, two * turn, v_one * turn, v_two * turn
+        return CoreXYState(x, y, vx, vy, *angles, piece)
+
+    def line_velocities(self, y: CoreXYState) -> Line:
         """The four line velocities [m/s]."""
         r = self.parameters.r
         return Line(y.vx, y.vy, r * y.omega_1, r * y.omega_2)
+
+    def states(self, mode: Whole) -> Any:
+        """Sense of every contact: -1, 0 (at rest) or 1."""
+        return mode_signs(mode)
+
+    def mode_of(self, states: PyTree) -> Any:
+        """The mode with these senses; -1 if the geometry does not admit them."""
+        return mode_number(states)
+
+    def motion_together(self, island, mass, force, rest):
+        return contact_motion(Line(*(mass.diagonal or ())), force, rest)
+
+    # -- the input
+
+    @property
+    def guard_scales(self):  # pyright: ignore[reportIncompatibleVariableOverride]
+        """1 m/s, all friction of a line, 1 s."""
+        return (1.0,) * (NUM_CONTACTS + 2)
+
+    def guards(self, t, y, mode, args):
+        left = self.voltage.piece_end(y.piece) - t if self.voltage.has_breaks else jnp.ones_like(t)
+        return (*super().guards(t, y, mode, args), left)
+
+    def transition(self, t, y, mode, guard, args):
+        y = y._replace(piece=y.piece + where(guard == NEXT_PIECE, 1.0, 0.0))
+        return super().transition(t, y, mode, guard, args)
+
+    # -- what is read off
 
     def torques(self, t: Numeric, y: CoreXYState) -> tuple[Any, Any]:
         """Motor torques [N m], Eq. (3)."""
@@ -163,94 +228,12 @@ class CoreXY(AbstractMechanicalSystem):
         one, two = self.torques(t, y)
         return one / self.parameters.r, two / self.parameters.r
 
-    def motion(self, t: Numeric, y: CoreXYState, signs: Row) -> ContactMotion:
-        """Acceleration and reaction with the contacts resting and sliding as in `signs`."""
-        p = self.parameters
-        rest = each(lambda s: s == 0.0, row(signs))
-        return contact_motion(line_masses(p), self.line_drive(t, y), kinetic_friction(p, signs), rest)
-
-    def next_mode(self, t: Numeric, y: CoreXYState, signs: Row, started: Row) -> Any:
-        """Mode an instant later, by the law of all contacts; see `resolve_signs`."""
-        p = self.parameters
-        limits = static_limits(p), kinetic_limits(p)
-        drive = self.line_drive(t, y)
-        return mode_number(resolve_signs(line_masses(p), drive, *limits, signs, started))
-
-    def time_scale(self, args):
-        """That of the voltage."""
-        return self.voltage.time_scale()
-
-    def vector_field(self, t, y, mode, args):
-        p = self.parameters
-        a = Line(*self.motion(t, y, mode_signs(mode)).acceleration)
-        return CoreXYState(
-            x=y.vx,
-            y=y.vy,
-            vx=a.x,
-            vy=a.y,
-            theta_1=y.omega_1,
-            theta_2=y.omega_2,
-            omega_1=a.one / p.r,
-            omega_2=a.two / p.r,
-            piece=jnp.zeros_like(y.piece),
-        )
-
-    def guards(self, t, y, mode, args):
-        signs = mode_signs(mode)
-        rest = each(lambda s: s == 0.0, signs)
-        # The carriage on one of its lines has one speed; so has a motor that rolls, or that stands or
-        # whose virtual pulley stands.
-        speeds = each(
-            lambda s, tied, speed: where((s == 0.0) | tied, 1.0, s * speed),
-            signs, any_through(NOT_ALONE, rest), row(sliding_speeds(self.velocities(y))),
-        )  # fmt: skip
-        reaction = self.motion(t, y, signs).reaction
-        share = onset(static_limits(self.parameters), rest, reaction).share
-        left = jnp.ones_like(t)
-        if self.voltage.has_breaks:
-            left = self.voltage.piece_end(y.piece) - t
-        return (*speeds, 1.0 - jnp.minimum(share, 1e6), left)
-
-    def transition(self, t, y, mode, guard, args):
-        p, old = self.parameters, mode_signs(mode)
-        rest = each(lambda s: s == 0.0, old)
-        stopped = closure(with_place(rest, guard))
-        after_stop = each(lambda rest, s: where(rest, 0.0, s), stopped, old)
-        reaction = jax.lax.stop_gradient(self.motion(t, y, old).reaction)
-        after_start = onset_signs(old, onset(static_limits(p), rest, reaction))
-        gave_way = guard == GIVES_WAY
-        signs = each(lambda a, b: where(gave_way, a, b), after_start, after_stop)
-        started = each(lambda old, new: gave_way & (old == 0.0) & (new != 0.0), old, signs)
-        on_plane = project(self.velocities(y), tuple(stopped))
-        moved = guard < NUM_CONTACTS
-        y = y._replace(
-            vx=where(moved, on_plane.x, y.vx),
-            vy=where(moved, on_plane.y, y.vy),
-            omega_1=where(moved, on_plane.one / p.r, y.omega_1),
-            omega_2=where(moved, on_plane.two / p.r, y.omega_2),
-            piece=y.piece + where(guard == NEXT_PIECE, 1.0, 0.0),
-        )
-        return y, self.next_mode(t, y, signs, started)
-
-    def initial_mode(self, t, y, args):
-        speeds = row(sliding_speeds(self.velocities(y)))
-        rest = closure(each(lambda v: jnp.abs(v) <= AT_REST, speeds))
-        signs = each(lambda r, v: where(r, 0.0, jnp.sign(v)), rest, speeds)
-        return self.next_mode(t, y, signs, each(jnp.zeros_like, rest))
-
-    def energy(self, y):
-        """Kinetic energy [J]."""
-        masses, q = line_masses(self.parameters), self.velocities(y)
-        return 0.5 * sum(m * v * v for m, v in zip(masses, q, strict=True))
-
     def powers(self, t, y, mode, args):
         """`motor_1`, `motor_2`: work of the motors; `friction_...`: loss at each contact [W]."""
         one, two = self.torques(t, y)
-        friction = kinetic_friction(self.parameters, mode_signs(mode))
-        speeds = sliding_speeds(self.velocities(y))
-        losses = {
-            f"friction_{name}": f * v for name, f, v in zip(LOSS_NAMES, friction, speeds, strict=True)
-        }
+        limits, speeds = kinetic_limits(self.parameters), sliding_speeds(self.line_velocities(y))
+        parts = zip(LOSS_NAMES, mode_signs(mode), limits, speeds, strict=True)
+        losses = {f"friction_{name}": -s * limit * v for name, s, limit, v in parts}
         return {"motor_1": one * y.omega_1, "motor_2": two * y.omega_2, **losses}
 
     def dmn(self, mode: Whole) -> Any:
@@ -264,17 +247,8 @@ class CoreXY(AbstractMechanicalSystem):
 
     def slips(self, t: Numeric, y: CoreXYState, mode: Whole, args: PyTree):
         """`slip_1`, `slip_2`: rates of the slip distances of the belts [m/s]."""
-        signs, speeds = mode_signs(mode), sliding_speeds(self.velocities(y))
+        signs, speeds = mode_signs(mode), sliding_speeds(self.line_velocities(y))
         return {
             "slip_1": signs[BELT_1] * speeds[BELT_1],
             "slip_2": signs[BELT_2] * speeds[BELT_2],
         }
-
-
-# [contact, others]: at rest, one of them takes the contact's speed from the list of guards.
-NOT_ALONE = np.zeros((NUM_CONTACTS, NUM_CONTACTS))
-NOT_ALONE[[[U], [W]], [X, Y, U, W]] = NOT_ALONE[Y, [U, W]] = 1.0
-for _motor, _belt, _turn in ((MOTOR_1, BELT_1, U), (MOTOR_2, BELT_2, W)):
-    NOT_ALONE[_motor, _belt] = NOT_ALONE[_belt, [_motor, _turn]] = 1.0
-
-LOSS_NAMES = ("x", "y", "u", "w", "motor_1", "motor_2", "belt_1", "belt_2")

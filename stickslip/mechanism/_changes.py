@@ -1,5 +1,7 @@
 """Changes of the mode: what fires, what stops and gives way, and the mode of a given state."""
 
+import functools
+import operator
 from typing import TYPE_CHECKING, Any
 
 import jax
@@ -16,6 +18,7 @@ from ._instant import (
     Instant,
     floats,
     held_contacts,
+    in_rows,
     landed,
     limits_of,
     loaded,
@@ -26,8 +29,9 @@ from ._instant import (
     touching,
 )
 from ._island import Island
-from ._modes import mode_of
+from ._island_rows import IslandRows, with_rows
 from ._reserve import least_reserve, lone_reaction
+from ._rows import row
 from ._scalars import any_of, dot, is_zero, minus, without_slope
 from ._settle import settled
 
@@ -40,7 +44,7 @@ MOST_SHARE = 1e6  # a share of friction beyond it says no more
 def guards(machine: "AbstractMechanism", t: Any, y: Any, mode: Any, args: Any) -> tuple:
     """Values of all guards, in the order of their names."""
     at, states = machine.instant(t, y, args), machine.states(mode)
-    force = loaded(machine, at, states, lone=False)
+    force = loaded(machine, at, states, lone=False, apart=True)
     gamma = surface_accelerations(machine, t, at, args)
     own: list[Any] = [None] * len(states)
     parted: dict[int, Any] = dict.fromkeys(machine.parted)
@@ -48,6 +52,12 @@ def guards(machine: "AbstractMechanism", t: Any, y: Any, mode: Any, args: Any) -
     names = machine.names
     for island in machine.islands:
         if not island.rows:
+            continue
+        if in_rows(machine, island):
+            values, left = IslandRows(machine, island, at, states, force).guards()
+            for c, value in zip(island.rows, values, strict=True):
+                own[c] = value
+            shared.append(left)
             continue
         motion = motion_of(island, at, states, force, gamma)
         limits = limits_of(island, at, "static_coefficient")
@@ -135,21 +145,30 @@ def parted(machine: "AbstractMechanism") -> tuple[int, ...]:
 def transition(
     machine: "AbstractMechanism", t: Any, y: Any, mode: Any, guard: Any, args: Any
 ) -> tuple[Any, Any]:
-    """State and mode right after guard number `guard` has fired."""
+    """State and mode right after guard number `guard` has fired.
+
+    Guards that a subclass has after all others ask the law of all contacts again.
+    """
     names, guard = machine.names, jnp.asarray(guard)
     count = len(names.contacts)
     at, states = machine.instant(t, y, args), machine.states(mode)
     shared = count + len(machine.parted)
     opens = shared + sum(island.dependent for island in machine.islands)
-    fired = [guard == c for c in range(count)]
-    for k, c in enumerate(machine.parted):
-        fired[c] = fired[c] | (guard == count + k)
+
+    def fired(c: int) -> Any:
+        own = guard == c
+        parts = (guard == count + k for k, p in enumerate(machine.parted) if p == c)
+        return functools.reduce(operator.or_, parts, own)
+
     toggled = {name: guard == opens + k for k, name in enumerate(names.opening)}
     lifting = machine.lifting
     lifts = opens + len(toggled)
     first_stop = lifts + len(lifting)
     # A contact that cannot open has lost its normal force.
-    failed = (guard >= lifts) & (guard < first_stop) if names.stops else guard >= lifts
+    own = first_stop + len(names.stops)
+    asked = guard >= own if len(machine.guard_names) > own else None
+    others = names.stops or asked is not None
+    failed = (guard >= lifts) & (guard < first_stop) if others else guard >= lifts
     left = met = [failed & False] * len(states)
     if names.stops:
         left = [(guard == first_stop + c - count) & (s == 0.0) for c, s in enumerate(states)]
@@ -157,15 +176,24 @@ def transition(
             machine, t, at, states, guard - first_stop, args, _law_of(machine, t, args)
         )
         failed = failed | jammed
-    force = loaded(machine, at, states, lone=False)
+    force = loaded(machine, at, states, lone=False, apart=True)
     gamma = surface_accelerations(machine, t, at, args)
-    v, new = [jnp.asarray(x, jnp.float64) for x in at.v], list(states)
+    v, new = [jnp.asarray(x, jnp.float64) for x in at.v], states
     for island in machine.islands:
         if not island.rows:
             continue
+        if in_rows(machine, island):
+            rows = IslandRows(machine, island, at, states, force)
+            speeds, found, ended = rows.changed(guard, guard == shared, asked)
+            shared += 1
+            failed = failed | ~ended
+            for j, x in zip(island.columns, speeds, strict=True):
+                v[j] = x
+            new = with_rows(island, new, found)
+            continue
         s = [states[c] for c in island.rows]
         rest = [x == 0.0 for x in s]
-        hit = [fired[c] if c < count else left[c] for c in island.rows]
+        hit = [fired(c) if c < count else left[c] for c in island.rows]
         motion = jax.tree.map(lax.stop_gradient, motion_of(island, at, states, force, gamma))
         if island.dependent:
             gives_way, stops = guard == shared, any_of(hit)
@@ -203,6 +231,8 @@ def transition(
             still = [(gives_way & r) | (~gives_way & x) for r, x in zip(rest, still, strict=True)]
         if island.stops:
             touched = touched | any_of(met[c] for c in island.rows)
+        if asked is not None:
+            touched = touched | asked
         lands = touched if island.stops or drifts else stops
         for j, x in zip(island.columns, landed(island, at, still), strict=True):
             v[j] = where(lands, x, v[j])
@@ -214,6 +244,7 @@ def transition(
                 touched = touched | toggle
         found, ended = _settled(machine, at, island, states, now, started, gamma, touched)
         failed = failed | (touched & ~ended)
+        new = list(new)
         for c, x in zip(island.rows, found, strict=True):
             new[c] = where(touched, x, new[c])
     return machine.from_coordinates(at.q, type(at.v)(*v)), _mode(machine, new, failed)
@@ -254,7 +285,7 @@ def initial_mode(machine: "AbstractMechanism", t: Any, y: Any, args: Any) -> Any
     """The mode of a state: contacts with a speed slide, the law of all contacts decides the others."""
     at = machine.instant(t, y, args)
     gamma = surface_accelerations(machine, t, at, args)
-    states = [jnp.sign(u) for u in at.speeds]
+    states: Any = [jnp.sign(u) for u in at.speeds]
     failed = jnp.zeros((), bool)
     for k in range(len(at.stops)):
         met, beyond = touches(at, k)
@@ -269,6 +300,12 @@ def initial_mode(machine: "AbstractMechanism", t: Any, y: Any, args: Any) -> Any
         if not island.rows:
             continue
         slow = slow_contacts(at, island)
+        if in_rows(machine, island):
+            found, ended = IslandRows(machine, island, at, states, list(at.force)).begun(row(slow))
+            failed = failed | ~ended
+            states = with_rows(island, states, found)
+            continue
+        states = list(states)
         now = [
             where(x & (states[c] != 2.0), 0.0, states[c] if c < len(at.contacts) else 2.0)
             for x, c in zip(slow, island.rows, strict=True)
@@ -281,8 +318,8 @@ def initial_mode(machine: "AbstractMechanism", t: Any, y: Any, args: Any) -> Any
     return _mode(machine, states, failed)
 
 
-def _mode(machine: "AbstractMechanism", states: list, failed: Any) -> Any:
-    mode = mode_of(states, len(machine.names.stops))
+def _mode(machine: "AbstractMechanism", states: Any, failed: Any) -> Any:
+    mode = machine.mode_of(states)
     return where(failed, jnp.asarray(NO_MODE, mode.dtype), mode)
 
 

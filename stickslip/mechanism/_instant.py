@@ -151,18 +151,25 @@ def floats(numbers: Any) -> Any:
 def loaded(
     machine: "AbstractMechanism",
     at: Instant,
-    states: list,
+    states: Any,
     without: list | None = None,
     lone: bool = True,
+    apart: bool = False,
 ) -> list[Any]:
     """All forces [N]: those declared, friction of the sliding contacts, normal forces of closed ones.
 
     `without`: contacts whose friction is left out too. `lone`: whether friction of contacts that are
-    alone in their island counts: what they would bear at rest does not depend on it.
+    alone in their island counts: what they would bear at rest does not depend on it. `apart`: whether
+    that of islands which are treated in rows is left out.
     """
     force = list(at.force)
     skipped = {island.rows[0] for island in machine.islands if island.m == 1 and not lone}
-    for c, (contact, s) in enumerate(zip(at.contacts, states, strict=False)):
+    if apart:
+        skipped |= {c for island in machine.islands if in_rows(machine, island) for c in island.rows}
+    for c, contact in enumerate(at.contacts):
+        if c in skipped and contact.normal_direction is None:
+            continue
+        s = states[c]
         if c in skipped:
             force = pushed(machine, force, at, c, s)
             continue
@@ -176,6 +183,13 @@ def loaded(
         force = [total((f, times(n, friction))) for f, n in zip(force, at.directions[c], strict=True)]
         force = pushed(machine, force, at, c, s)
     return force
+
+
+def in_rows(machine: "AbstractMechanism", island: Island) -> bool:
+    """Whether the contacts of an island are treated side by side: dependent ones, none that opens."""
+    names = machine.names
+    opens = any(names.contacts[c] in names.opening for c in island.rows[: island.contacts])
+    return island.dependent and not island.stops and not opens
 
 
 def push_of(machine: "AbstractMechanism", at: Instant, c: int) -> list[Any] | None:
@@ -201,7 +215,7 @@ def rows_of(island: Island, at: Instant) -> list[list[Any]]:
     return [[at.directions[c][j] for j in island.columns] for c in island.rows]
 
 
-def motion_of(island: Island, at: Instant, states: list, force: list, gamma: list) -> Motion:
+def motion_of(island: Island, at: Instant, states: Any, force: list, gamma: list) -> Motion:
     """Motion of an island in the mode of these states under all forces."""
     rest = [states[c] == 0.0 for c in island.rows]
     own = [force[j] for j in island.columns]
@@ -225,7 +239,7 @@ def limits_of(island: Island, at: Instant, which: str) -> Limits:
     return Limits(low, high)
 
 
-def held_contacts(at: Instant, island: Island, states: list, slow: list) -> list[Any]:
+def held_contacts(at: Instant, island: Island, states: Any, slow: list) -> list[Any]:
     """The `slow` contacts, which rest where those do that decide their speed; none that are open."""
     if not island.dependent:
         return slow

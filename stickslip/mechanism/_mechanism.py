@@ -30,6 +30,7 @@ from ._declaration import (
 from ._first_order import check_rates
 from ._instant import (
     Instant,
+    in_rows,
     instant_of,
     loaded,
     motion_of,
@@ -38,10 +39,14 @@ from ._instant import (
     touching,
 )
 from ._island import Island, islands_of
+from ._island_rows import IslandRows
 from ._known import known
 from ._modes import ModeNames
 from ._observables import AbstractWithObservables
+from ._rows import Row
+from ._scalars import Mass
 from ._stop import check_gaps
+from ._together import motion_in_rows
 
 if TYPE_CHECKING:
     from ._forms import BristleMechanism, RegularisedMechanism
@@ -132,6 +137,14 @@ class AbstractMechanism(AbstractWithObservables):
 
     - At an impact stops that are closed take impulses too, by Newton's law with no speed before it:
       they are pushed on, or left. Friction is finite and takes none, but what sticks may slide then.
+
+    **To override**, where a machine has something better or of its own:
+
+    - `motion_together`: the motion of contacts with dependent directions, where it has a closed form.
+    - `states` and `mode_of`, both: other numbers of the modes, with `mode_names`.
+    - `to_coordinates` and `from_coordinates`, both: a state in other coordinates than the declared.
+    - `guards`, `guard_names` and `transition`: guards of its own, after all others. Where one of them
+      fires, `transition` of this class asks the law of all contacts again, in the state given to it.
 
     **Limits.** Normal forces that depend on friction or accelerations (Painlevé) are not covered, nor
     is friction in a stop. Dependent directions that vary, surfaces of dependent contacts whose speeds
@@ -239,13 +252,27 @@ class AbstractMechanism(AbstractWithObservables):
         at, states = self.instant(t, y, args), self.states(mode)
         for name, contact in zip(self.names.contacts, at.contacts, strict=True):
             check_law(name, contact.law)
-        force, gamma = loaded(self, at, states), surface_accelerations(self, t, at, args)
+        force, gamma = loaded(self, at, states, apart=True), surface_accelerations(self, t, at, args)
         a: list[Any] = [None] * len(at.force)
         for island in self.islands:
-            motion = motion_of(island, at, states, force, gamma)
-            for j, x in zip(island.columns, motion.acceleration, strict=True):
+            if in_rows(self, island):
+                found = IslandRows(self, island, at, states, force).motion()[0]
+            else:
+                found = motion_of(island, at, states, force, gamma).acceleration
+            for j, x in zip(island.columns, found, strict=True):
                 a[j] = jnp.asarray(x, jnp.float64)
         return self.from_coordinates(at.q_rate, type(at.v)(*a))
+
+    def motion_together(self, island: Island, mass: Mass, force: Row, rest: Row) -> tuple[Row, Row]:
+        """Motion of dependent contacts: acceleration of each velocity, and force of all in `rest`.
+
+        A machine that has a faster closed form overrides this. A `Row` is an array with one axis; in a
+        program that is fused over many lanes it is a tuple, and what is returned is one too.
+
+        **Arguments:** `island`, the velocities and contacts; their `mass`; `force` on each velocity
+        [N]; `rest`, whether each contact is at rest: with each set all contacts that it holds.
+        """
+        return motion_in_rows(island, mass, force, rest)
 
     def guards(self, t, y, mode, args):
         return _changes.guards(self, t, y, mode, args)

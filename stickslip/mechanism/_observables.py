@@ -47,7 +47,7 @@ class AbstractWithObservables(AbstractWithStops):
                 found[f"drive of {name}"] = friction[name] * at.contacts[c].surface_speed
         return {**found, **self.drives_of_stops(t, y, mode, args)}
 
-    def declared_power(self, at: Instant, states: list) -> Any:
+    def declared_power(self, at: Instant, states: PyTree) -> Any:
         """Power of all forces but friction, less what the potential and the changing inertia take."""
         force = list(at.force)
         for c, s in enumerate(states[: len(at.contacts)]):

@@ -11,11 +11,10 @@ from stickslip._fastmath import where
 
 from ._island import Island
 from ._reserve import NO_LIMIT, least_reserve, stops_alone
+from ._rows import row
 from ._scalars import Mass, any_of, dot, is_zero, minus, times, total, without_slope
-
-MOST_PIVOTS = 128
-SLACK = 1e-11  # of all forces: overloads below it are rounding
-PATIENCE = 16  # pivots after which more is taken for rounding: ten times as much each time
+from ._settle_together import MOST_PIVOTS, PATIENCE, SLACK, settled_together
+from ._together import Bounds, motion_in_rows
 
 
 class Limits(NamedTuple):
@@ -85,6 +84,13 @@ def settled(
                 leaves = where(borne > static.high[c], -1.0, leaves)
             after.append(where(states[c] == 0.0, leaves, states[c]))
         return after, every[0]
+    if island.dependent and not island.stops:
+        found, ended = settled_together(
+            island, M, motion_in_rows, row(F),
+            Bounds(row(static.low), row(static.high)), Bounds(row(kinetic.low), row(kinetic.high)),
+            row(states), row(started), active,
+        )  # fmt: skip
+        return list(found), ended
     felt = _inertia(island, M, J)
     inertia, least = total(felt), functools.reduce(jnp.minimum, map(jnp.asarray, felt))
     # Of what accelerated surfaces carry only the lightest counts: a heavy part has no say over it.
@@ -172,9 +178,9 @@ def _levers(island: Island, J: list[list]) -> list[Any]:
     levers: list[Any] = []
     for j in range(island.n):
         largest: Any = 0.0
-        for row in J:
-            if not is_zero(row[j]):
-                size = abs(row[j]) if isinstance(row[j], float) else jnp.abs(row[j])
+        for line in J:
+            if not is_zero(line[j]):
+                size = abs(line[j]) if isinstance(line[j], float) else jnp.abs(line[j])
                 largest = size if is_zero(largest) else jnp.maximum(largest, size)
         levers.append(largest)
     return levers
@@ -191,7 +197,7 @@ def _size(island: Island, F: list, J: list[list], static: Limits, carried: list)
 
 def _inertia(island: Island, M: Mass, J: list[list]) -> list[Any]:
     """Inertia that contacts feel [kg], by the velocities that they touch."""
-    diagonal = M.diagonal or [row[i] for i, row in enumerate(M.full or [])]
+    diagonal = M.diagonal or [line[i] for i, line in enumerate(M.full or [])]
     levers = _levers(island, J)
     parts = ((m, x) for m, x in zip(diagonal, levers, strict=True) if not is_zero(x))
     return [times(m, 1.0 / (x * x)) for m, x in parts]

@@ -11,7 +11,7 @@ from stickslip._looks_at import OBSERVABLE, looks_at
 from stickslip._types import Numeric, Whole
 
 from ._instant import Instant, loaded, motion_of, surface_accelerations
-from ._modes import states_of
+from ._modes import mode_of, states_of
 from ._scalars import is_zero
 from ._states import AbstractWithStates
 from ._stop import Stop, slopes_of
@@ -29,11 +29,15 @@ class AbstractWithStops(AbstractWithStates):
         """Slopes of the gaps `[stop, coordinate, and time last]`, NaN where they are no constants."""
         return slopes_of(self)
 
-    def states(self, mode: Whole) -> list[Any]:
+    def states(self, mode: Whole) -> Any:
         """-1, 0, 1 or 2 for each contact, backward to open; 0 or 2 for each stop, closed or open."""
         return states_of(mode, len(self.contact_directions), len(self.stops))
 
-    def held(self, t: Numeric, at: Instant, states: list, args: PyTree) -> list[Any]:
+    def mode_of(self, states: PyTree) -> Any:
+        """The mode with these states."""
+        return mode_of(list(states), len(self.stops))
+
+    def held(self, t: Numeric, at: Instant, states: PyTree, args: PyTree) -> list[Any]:
         """Force in each contact and each stop if it is at rest."""
         force, gamma = loaded(self, at, states), surface_accelerations(self, t, at, args)
         held: list[Any] = [0.0] * len(states)

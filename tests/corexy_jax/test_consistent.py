@@ -8,7 +8,7 @@ import pytest
 
 import corexy_jax as cx
 from corexy_jax._contact_motion import contact_motion
-from corexy_jax._contacts import CONTACT_NAMES, NORMALS, kinetic_friction, line_masses
+from corexy_jax._contacts import CONTACT_NAMES, NORMALS, kinetic_limits, line_masses
 from corexy_jax._modes import SIGNS
 from tests.corexy_jax._moreau import SCENARIOS, Reference
 from tests.corexy_jax._random import machine
@@ -127,10 +127,9 @@ def test_within_a_mode_the_printed_models_hold():
         ]
         alphas = jnp.where(rolls, jnp.stack(cx.rolling_motors(*a, p.r)), jnp.stack(free))
         alphas = jnp.where((sense[4:6] == 0) & ~rolls, 0.0, alphas)
-        motion = contact_motion(
-            line_masses(p), (torques[0] / p.r, torques[1] / p.r), kinetic_friction(p, tuple(sense)),
-            tuple(sense == 0),
-        ).acceleration  # fmt: skip
+        drive = jnp.concatenate([jnp.zeros(2), jnp.stack(torques) / p.r])
+        force = drive - (sense * jnp.stack(kinetic_limits(p))) @ jnp.asarray(NORMALS)
+        motion, _ = contact_motion(line_masses(p), tuple(force), tuple(sense == 0))
         return jnp.concatenate([a, alphas * p.r]), jnp.stack(motion), number
 
     sliding = SIGNS[np.all(SIGNS[:, :4] != 0, axis=1)].astype(float)

@@ -9,16 +9,14 @@ import numpy as np
 import pytest
 
 import corexy_jax as cx
-from corexy_jax._contact_motion import LINES
+from corexy_jax._contact_motion import contact_motion
 from corexy_jax._contacts import (
     CONTACT_NAMES,
     NORMALS,
     Line,
-    closure,
     contact_loads,
     line_force,
     line_masses,
-    project,
     sliding_speeds,
     static_limits,
 )
@@ -211,11 +209,15 @@ def test_modes_are_the_faces_of_the_arrangement():
 
 
 def test_closure_and_projection():
-    """What cannot slide while given contacts rest, by the rank of their normals."""
+    """What cannot slide while given contacts rest, by the rank of their normals; the nearest speeds."""
+    p, voltage = cx.scenario(1)
+    (island,) = cx.CoreXY(p, voltage).islands
+    mass = Line(*map(float, line_masses(p)))
+    weight = np.sqrt(np.array(mass))
     cases = []
     for rest in itertools.product((False, True), repeat=8):
         held = np.array(rest)
-        closed = np.array(closure(tuple(map(np.bool_, rest))))
+        closed = (island.closure[held @ 2 ** np.arange(8)] >> np.arange(8)) % 2 == 1
         rank = np.linalg.matrix_rank(NORMALS[held]) if held.any() else 0
         spanned = [
             np.linalg.matrix_rank(np.vstack([NORMALS[held], NORMALS[c : c + 1]])) == rank
@@ -223,18 +225,19 @@ def test_closure_and_projection():
         ]
         np.testing.assert_array_equal(closed, spanned)
         v = np.random.default_rng(1).normal(size=4)
-        _, size, basis = np.linalg.svd(np.vstack([NORMALS[held], np.zeros((1, 4))]))
+        _, size, basis = np.linalg.svd(np.vstack([NORMALS[held] / weight, np.zeros((1, 4))]))
         null = basis[np.sum(size > 1e-9) :]
-        inside = null.T @ (null @ v)
-        cases.append((closed, inside, v))
-    closed, inside, v = (jnp.asarray(np.array(column)) for column in zip(*cases, strict=True))
+        nearest = null.T @ (null @ (weight * v)) / weight
+        cases.append((closed, nearest, v))
+    closed, nearest, v = (jnp.asarray(np.array(column)) for column in zip(*cases, strict=True))
 
     @jax.jit
     @jax.vmap
     def projected(q, held):
-        return jnp.stack(project(Line(*q), tuple(held)))
+        momenta = tuple(m * x for m, x in zip(mass, q, strict=True))
+        return jnp.stack(contact_motion(mass, momenta, tuple(held))[0])
 
-    np.testing.assert_allclose(projected(inside, closed), inside, atol=1e-14)
+    np.testing.assert_allclose(projected(v, closed), nearest, atol=1e-14)
     speeds = np.array(projected(v, closed)) @ NORMALS.T
     assert np.all(speeds[np.asarray(closed)] == 0)
 
@@ -249,7 +252,7 @@ def test_lines_on_which_the_machine_gives_way():
             line = line * np.sign(line[np.argmax(np.abs(line) > 1e-9)])
             found.add(tuple(np.round(line, 9) + 0.0))
     given = set()
-    for line in LINES:
+    for line in cx.CoreXY(*cx.scenario(1)).islands[0].lines:
         line = line / np.max(np.abs(line))
         line = line * np.sign(line[np.argmax(np.abs(line) > 1e-9)])
         given.add(tuple(np.round(line, 9) + 0.0))

@@ -58,7 +58,8 @@ EXEMPT_METHODS = {
     **dict.fromkeys(
         (
             "declared_power", "from_coordinates", "to_coordinates", "AbstractMechanism.instant",
-            "AbstractWithStops.states", "AbstractWithStops.held", "AbstractWithStops.drives_of_stops",
+            "AbstractWithStops.states", "AbstractWithStops.mode_of", "AbstractWithStops.held",
+            "AbstractMechanism.motion_together", "AbstractWithStops.drives_of_stops",
         ),
         "parts of a machine's vector field, called inside of its programs",
     ),
@@ -75,8 +76,8 @@ EXEMPT_METHODS = {
     **dict.fromkeys(
         (
             "CoreXY.carriage_rests", "CoreXY.dmn", "CoreXY.energy", "CoreXY.initial_mode",
-            "CoreXY.line_drive", "CoreXY.motion", "CoreXY.next_mode", "CoreXY.powers", "CoreXY.slips",
-            "CoreXY.torques", "CoreXY.velocities",
+            "CoreXY.line_drive", "CoreXY.line_velocities", "CoreXY.mode_of", "CoreXY.motion_together",
+            "CoreXY.powers", "CoreXY.slips", "CoreXY.states", "CoreXY.torques",
         ),
         "parts of the machine's vector field, called inside of its programs",
     ),

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from stickslip.fastmath import where
+from stickslip._fastmath import where
 from stickslip.hybrid import current_executor
 
 Row = tuple | jax.Array  # of numbers, one a contact: a tuple of scalars, or an array with one axis

@@ -1,0 +1,114 @@
+"""Dependent contacts in rows: as a vector, as a tuple, and one contact after the other."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from stickslip.friction import Asymmetric, Coulomb, Stribeck
+from stickslip.hybrid import use_executor
+from stickslip.hybrid._xla import FUSED, PORTABLE
+from stickslip.mechanism import Contact
+from stickslip.mechanism._island import Motion
+from stickslip.mechanism._rows import each, row
+from stickslip.mechanism._scalars import Mass
+from stickslip.mechanism._together import Bounds, Laws, closed, motion_in_rows, onset
+from tests.stickslip.mechanism._islands import DEPENDENT, distance, found, instants, island
+
+EXECUTORS = {"vector": PORTABLE, "tuple": FUSED}
+COUNT = 300
+
+
+def stacked(rows):
+    return jnp.stack(rows) if isinstance(rows, tuple) else rows
+
+
+@pytest.mark.parametrize("name", DEPENDENT)
+def test_the_law_does_not_depend_on_the_form(name):
+    of, given = island(name), instants(name, COUNT)
+    answers = []
+    for executor in EXECUTORS.values():
+        with use_executor(executor):
+            answers.append(found(of, given))
+    (_, a, ended), (_, b, also) = answers
+    # States may differ where the load is at a limit to the last digits.
+    assert np.max(distance(given, a, b)) < 1e-9
+    assert np.all(ended & also)
+
+
+@pytest.mark.parametrize("symmetric", [True, False])
+@pytest.mark.parametrize("name", DEPENDENT)
+def test_how_contacts_give_way(name, symmetric):
+    """Against `Island.onset`, which takes one contact after the other."""
+    of, rng = island(name), np.random.default_rng(5)
+    high = rng.uniform(0.1, 3.0, (COUNT, of.m))
+    low = -high if symmetric else -rng.uniform(0.1, 3.0, (COUNT, of.m))
+    rest, reaction = rng.random((COUNT, of.m)) < 0.6, rng.normal(size=(COUNT, of.n))
+
+    def in_rows(low, high, rest, reaction):
+        parts = (row(list(x)) for x in (high, rest, reaction))
+        high, rest, reaction = parts
+        bounds = Bounds(None if symmetric else row(list(low)), high)
+        answer = onset(of, bounds, rest, reaction)
+        slow = each(lambda r: r | True, rest)
+        return answer.share, stacked(answer.ways), stacked(closed(of, rest, slow))
+
+    def one_by_one(low, high, rest, reaction):
+        motion = Motion([], list(reaction), [])
+        share, ways = of.onset(list(low), list(high), list(rest), motion)
+        return share, jnp.stack(ways), jnp.stack(of.closed(list(rest), [jnp.ones((), bool)] * of.m))
+
+    expected = jax.jit(jax.vmap(one_by_one))(low, high, rest, reaction)
+    for executor in EXECUTORS.values():
+        with use_executor(executor):
+            answer = jax.jit(jax.vmap(in_rows))(low, high, rest, reaction)
+        for ours, theirs in zip(answer, expected, strict=True):
+            np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-12)
+    assert np.any(np.asarray(expected[0]) > 1.0)
+    assert np.any(np.asarray(expected[0]) < 1.0)
+
+
+class At:
+    """What `Laws` reads of an instant."""
+
+    def __init__(self, laws, loads):
+        self.contacts = [Contact(law, load) for law, load in zip(laws, loads, strict=True)]
+
+
+KINDS = {
+    "Coulomb": lambda a: Coulomb(2.0 * a, a),
+    "Stribeck": lambda a: Stribeck(2.0 * a, a, 0.3),
+    "asymmetric": lambda a: Asymmetric(Coulomb(2.0 * a, a), Coulomb(3.0 * a, 0.5 * a)),
+}
+
+
+@pytest.mark.parametrize("form", EXECUTORS)
+@pytest.mark.parametrize("kinds", [("Coulomb",) * 4, ("Stribeck",) * 4, ("asymmetric",) * 4,
+                                   ("Coulomb", "Stribeck", "asymmetric", "Coulomb")])  # fmt: skip
+def test_friction_of_laws_side_by_side(form, kinds):
+    of, loads, a = (
+        island("carriage"),
+        jnp.asarray([1.0, 2.0, 0.5, 3.0]),
+        jnp.asarray([0.1, 0.2, 0.3, 0.4]),
+    )
+    speeds, states = jnp.asarray([0.2, -0.3, 0.1, -0.4]), jnp.asarray([1.0, -1.0, 0.0, -1.0])
+    with use_executor(EXECUTORS[form]):
+        laws = [KINDS[kind](x) for kind, x in zip(kinds, a, strict=True)]
+        side_by_side = Laws(of, At(laws, loads))
+        friction = stacked(side_by_side.friction(lambda: row(list(speeds)), row(list(states))))
+        static = side_by_side.bounds("static_coefficient")
+        low, high = stacked(static.lower), stacked(static.high)
+    for c, law in enumerate(laws):
+        slips = law.slip_force(speeds[c], loads[c], states[c]) if states[c] else 0.0
+        np.testing.assert_allclose(friction[c], slips, rtol=1e-14)
+        np.testing.assert_allclose(low[c], -law.static_coefficient(1) * loads[c], rtol=1e-14)
+        np.testing.assert_allclose(high[c], law.static_coefficient(-1) * loads[c], rtol=1e-14)
+
+
+def test_motion_in_rows_is_that_of_the_island():
+    of, mass = island("carriage"), Mass([2.0, 3.0])
+    rest = jnp.asarray([False, False, True, False])
+    a, reaction = motion_in_rows(of, mass, jnp.asarray([1.0, -4.0]), rest)
+    # Along x - y, where x + y is held: 5 a = 5.
+    np.testing.assert_allclose(a, [1.0, -1.0], rtol=1e-14)
+    np.testing.assert_allclose(reaction, [1.0, 1.0], rtol=1e-14)
