@@ -154,9 +154,7 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     for law in PUBLISHED:
         # Fitted to the first part of the command alone, scored on the rest of the same run.
         early = by_command(record, measured, kept)
-        known = least_squares(
-            lambda p, early=early: early(p)[:later], _near(fits[law]), max_steps=40
-        )
+        known = least_squares(lambda p, early=early: early(p)[:later], _near(fits[law]), max_steps=40)
         held_out[law] = SIGMA * np.asarray(early(known.values))[later:]
         scores[f"command of the first part, {law}"] = [
             score(known.values, r) for r in (record, first, second)
