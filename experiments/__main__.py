@@ -27,8 +27,12 @@ def _parser() -> argparse.ArgumentParser:
         "--fresh", action="store_true", help="compute anew instead of going on from what is stored"
     )
     parser.add_argument(
-        "--data", metavar="FOLDER", type=pathlib.Path,
-        help="where measured records lie; by default what STICKSLIP_DATA names",
+        "--data", metavar="PATH", type=pathlib.Path,
+        help="folder of measured records, by default what STICKSLIP_DATA names; or a file of your own",
+    )  # fmt: skip
+    parser.add_argument(
+        "--template", metavar="FILE", type=pathlib.Path,
+        help="write an example of such a file, and stop",
     )  # fmt: skip
     parser.add_argument("--progress", action="store_true", help="show progress off a terminal too")
     return parser
@@ -66,6 +70,18 @@ def main(arguments: list[str] | None = None) -> int:
         print("--set changes one experiment: name it instead of 'all'.", file=sys.stderr)
         return 2
     names = list(experiments) if options.name == "all" else [options.name]
+    if options.template is not None:
+        return _write_template(experiments, options)
+    if options.data is not None and options.data.is_file():
+        taken = experiments.get(options.name)
+        if taken is None or taken.measured is None:
+            takers = ", ".join(name for name, e in experiments.items() if e.measured is not None)
+            print(
+                f"--data {options.data}: it must be a folder; files are taken by {takers}.",
+                file=sys.stderr,
+            )
+            return 2
+        experiments[options.name] = taken.measured
     # A wrong --set is refused before the engine is loaded or anything is compiled.
     try:
         for name in names:
@@ -81,6 +97,21 @@ def main(arguments: list[str] | None = None) -> int:
     if failed and len(names) > 1:
         print(f"failed: {', '.join(failed)}", file=sys.stderr)
     return 1 if failed else 0
+
+
+def _write_template(experiments, options) -> int:
+    taken = experiments.get(options.name)
+    if taken is None or taken.measured is None or taken.measured.template is None:
+        takers = ", ".join(name for name, e in experiments.items() if e.measured is not None)
+        print(f"--template {options.template}: only for {takers}.", file=sys.stderr)
+        return 2
+    if options.template.exists():
+        print(f"--template {options.template}: it exists, and is not written over.", file=sys.stderr)
+        return 2
+    _keep_compiled()
+    for path in taken.measured.template(options.template):
+        print(f"  wrote {path}")
+    return 0
 
 
 def _run_one(name: str, experiments, options, out: pathlib.Path) -> bool:

@@ -44,6 +44,8 @@ class Experiment:
     - `compute(parameters, context) -> Dataset`; `draw(dataset) -> Figure`;
       `judge(dataset) -> list of Statement`: each reads nothing but its arguments, so that a picture
       can be drawn again from the file.
+    - `measured`: what runs in its place on a file of the user's, named by `--data`; `template` writes
+      such a file to a path, and returns what it wrote.
     """
 
     name: str
@@ -53,6 +55,8 @@ class Experiment:
     compute: Callable[[dict[str, Any], Context], xr.Dataset]
     draw: Callable[[xr.Dataset], Figure]
     judge: Callable[[xr.Dataset], list[Statement]] = lambda dataset: []
+    measured: "Experiment | None" = None
+    template: Callable[[pathlib.Path], list[pathlib.Path]] | None = None
 
 
 def load() -> dict[str, Experiment]:

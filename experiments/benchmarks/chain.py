@@ -160,6 +160,6 @@ def main(size: str) -> Iterator[str]:
         f"  {'blocks':>6s} {'events':>8s} {'places':>12s} {'first call':>12s} {'distances':>12s} "
         f"{'first call':>12s} {'ratio':>8s} {'apart, m':>9s}"
     )
-    for blocks in (2, 4) if size == "quick" else (2, 4, 8, 15):
+    for blocks in (2, 4) if size == "quick" else (2, 4, 8, 16, 20):
         yield row(blocks, lanes, rounds, relative=size == "full" or blocks <= 8)
     yield arm()

@@ -14,6 +14,7 @@ import stickslip as ss
 from stickslip.identification import best, gradient_descent, many_starts, sensitivities
 
 from .._experiment import Context, Experiment
+from ._bench import BENCH
 from ._input import ramps, scenario_input
 
 NAMES = tuple(sorted(cx.UNKNOWNS))
@@ -203,4 +204,5 @@ EXPERIMENT = Experiment(
     quick={"duration": 2.0, "starts": 4, "candidates": 8, "steps": 30, "adam_steps": 0},
     compute=compute,
     draw=draw,
+    measured=BENCH,
 )  # fmt: skip
