@@ -48,11 +48,12 @@ class LevenbergMarquardt(AbstractMethod):
         residual, matrix = jnp.zeros(rows), jnp.zeros((rows, z.shape[0]))
         search = REGION.init(z, _info(residual, matrix))
         code = jnp.full((), CODE["max_steps_reached"], jnp.int32)
-        kept = (z, residual, matrix, jnp.zeros_like(z), search, kinds_of(space, z.shape[0]), code)
+        kinds, last = kinds_of(space, z.shape[0]), jnp.zeros((), bool)
+        kept = (z, residual, matrix, jnp.zeros_like(z), search, kinds, last, code)
         return Iteration(z, kept, jnp.zeros((), jnp.int32), jnp.zeros((), bool))
 
     def advance(self, now, residual, matrix):
-        y, old_residual, old_matrix, step, search, kinds, _ = now.kept
+        y, old_residual, old_matrix, step, search, kinds, last, _ = now.kept
         first = now.steps == 0
         # `y + step` is where the linear model in the values expects to be, `now.z` the place itself.
         size, accept, _, search = REGION.step(
@@ -64,22 +65,26 @@ class LevenbergMarquardt(AbstractMethod):
         y = jnp.where(accept, now.z, y)
         residual = jnp.where(accept, residual, old_residual)
         matrix = jnp.where(accept, matrix, old_matrix)
-        step, gain, failed = self._step(kinds, y, size, residual, matrix)
+        step, far, gain, failed = self._step(kinds, y, size, residual, matrix)
         cost = 0.5 * jnp.sum(residual**2)
-        # At the minimum along what the data see: a step along the rest may go on for ever.
+        # At the minimum along what the data see: a step along the rest may go on for ever. One step
+        # without damping from there is the last, and gives the digits that damping kept back.
         flat = gain <= self.tolerance * cost
         lost = ~jnp.isfinite(cost)
-        ended = accept & (close | flat)
+        ended = last | (accept & close)
+        last = accept & flat
+        step = jnp.where(last, far, step)
         code = jnp.where(ended, CODE["successful"], CODE["max_steps_reached"])
         code = jnp.where(failed, CODE["step_not_finite"], code)
         code = jnp.where(lost, CODE["start_not_finite"], code).astype(jnp.int32)
         steps = now.steps + 1
         done = ended | failed | lost | (steps >= self.max_steps)
-        kept = (y, residual, matrix, step, search, kinds, code)
+        kept = (y, residual, matrix, step, search, kinds, last, code)
         return Iteration(moved(kinds, y, step), kept, steps, done)
 
     def _step(self, kinds, y, size, residual, matrix):
-        """The damped step from `y`, what the model has still to gain, whether there is no step."""
+        """From `y` the damped step and one with hardly any damping, what that would gain, and whether
+        there is none."""
         bend = curvature(kinds, y, residual @ matrix)
         # Damping in units of what each coordinate moves the residuals by: no unit of a value matters.
         sizes = jnp.sqrt(jnp.sum(matrix**2, axis=0) + bend)
@@ -87,22 +92,28 @@ class LevenbergMarquardt(AbstractMethod):
         sizes = jnp.maximum(sizes, jnp.where(largest > 0.0, UNSEEN * largest, 1.0))
         rows = jnp.concatenate([residual, jnp.zeros_like(y)])
         whole = jnp.concatenate([matrix, jnp.diag(jnp.sqrt(bend))]) / sizes[None, :]
-        info = _info(rows, whole)
-        state = DESCENT.query(y, info, DESCENT.init(y, info))
         # The trust region begins with the size 1.
-        step, result = DESCENT.step(size / self.damping, state)
+        step, result = _descended(size / self.damping, y, rows, whole)
         # The damped step does not tell what can be gained: it is short where the last were refused.
-        far, _ = DESCENT.step(jnp.asarray(1.0 / LEAST), state)
+        # It waits for the other: two batched factorisations side by side block each other for ever
+        # where XLA has two threads, each holding one and waiting for help with its batch.
+        whole = whole + 0.0 * jnp.sum(step)
+        far, _ = _descended(jnp.asarray(1.0 / LEAST), y, rows, whole)
         change = whole @ far
         gain = -jnp.sum(change * (rows + 0.5 * change))
-        step = within(kinds, y, step / sizes)
-        return step, gain, ~jnp.all(jnp.isfinite(step)) | (result != optx.RESULTS.successful)
+        step, far = (within(kinds, y, found / sizes) for found in (step, far))
+        return step, far, gain, ~jnp.all(jnp.isfinite(step)) | (result != optx.RESULTS.successful)
 
     def finish(self, space, now):
-        y, residual, matrix, _, _, _, code = now.kept
+        y, residual, matrix, _, _, _, _, code = now.kept
         found = Sensitivity(space.names, matrix)
         good = code == CODE["successful"]
         return Fit(space.values(y), residual, found, now.steps, good, space, code)
+
+
+def _descended(size: Any, y: Any, rows: Any, matrix: Any) -> tuple[Any, Any]:
+    info = _info(rows, matrix)
+    return DESCENT.step(size, DESCENT.query(y, info, DESCENT.init(y, info)))
 
 
 def _close(tolerance: float, a: Any, change: Any) -> Any:

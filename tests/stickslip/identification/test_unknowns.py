@@ -55,7 +55,7 @@ def test_prior_is_a_row_of_the_residual():
     """With a prior the estimate is that of the rows and the prior's row together."""
     mean, sd = -2.0, 0.005
     prior = UNKNOWNS | {"offset": Unknown(-1.0, prior=Normal(mean, sd))}
-    fit = least_squares(residual, prior, tolerance=1e-18)
+    fit = least_squares(residual, prior, tolerance=1e-15)
     matrix = np.vstack([MATRIX / SIGMA, np.array([0.0, 1.0 / sd, 0.0])])
     exact = np.linalg.lstsq(matrix, np.append(DATA / SIGMA, mean / sd))[0]
     np.testing.assert_allclose(row(fit.values), exact, rtol=1e-9)
