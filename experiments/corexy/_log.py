@@ -11,11 +11,11 @@ import pandas as pd
 
 import corexy_jax as cx
 import stickslip as ss
-from corexy_jax._parameters import TABLE_1
 
 ANGLES = ("theta_1", "theta_2")
 SPEEDS = ("omega_1", "omega_2")
 PLACES = ("x", "y")
+PARAMETERS = tuple(cx.CoreXYParameters.__dataclass_fields__)
 MEASURED = (*ANGLES, *SPEEDS, *PLACES)
 NEEDED = ("time", "v1", "v2")
 UNITS = {
@@ -139,8 +139,7 @@ def read_machine(text: str) -> cx.CoreXYParameters:
         given = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise ValueError(f"--set machine={text}: it must be a JSON file; {error}") from None
-    known = (*TABLE_1, "r_f")
-    if not isinstance(given, dict) or not set(given) <= set(known):
+    if not isinstance(given, dict) or not set(given) <= set(PARAMETERS):
         raise ValueError(
             f"--set machine={text}: it must map names among {', '.join(known)} to numbers."
         )
@@ -175,7 +174,7 @@ def write_template(path: pathlib.Path) -> list[pathlib.Path]:
     beside = path.with_name(f"{path.stem}-machine.json")
     path.parent.mkdir(parents=True, exist_ok=True)
     pd.DataFrame(table).to_csv(path, index=False)
-    values = {name: float(getattr(machine, name)) for name in (*TABLE_1, "r_f")}
+    values = {name: float(getattr(machine, name)) for name in PARAMETERS}
     values |= {"P1": 30.0, "P2": 20.0}
     beside.write_text(json.dumps(values, indent=1) + "\n", encoding="utf-8")
     return [path, beside]

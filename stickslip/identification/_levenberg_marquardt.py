@@ -71,13 +71,14 @@ class LevenbergMarquardt(AbstractMethod):
         # without damping from there is the last, and gives the digits that damping kept back.
         flat = gain <= self.tolerance * cost
         lost = ~jnp.isfinite(cost)
+        steps = now.steps + 1
         ended = last | (accept & close)
         last = accept & flat
+        ended = ended | (last & (steps >= self.max_steps))
         step = jnp.where(last, far, step)
         code = jnp.where(ended, CODE["successful"], CODE["max_steps_reached"])
         code = jnp.where(failed, CODE["step_not_finite"], code)
         code = jnp.where(lost, CODE["start_not_finite"], code).astype(jnp.int32)
-        steps = now.steps + 1
         done = ended | failed | lost | (steps >= self.max_steps)
         kept = (y, residual, matrix, step, search, kinds, last, code)
         return Iteration(moved(kinds, y, step), kept, steps, done)

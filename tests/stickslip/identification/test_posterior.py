@@ -46,6 +46,7 @@ def test_linear_model_has_the_normal_distribution():
     assert "4 chains of 1500 draws, 0 divergent" in str(found)
 
 
+@pytest.mark.slow
 def test_prior_and_bound():
     """Flat in the value, not in the coordinate: a normal distribution that its bound cuts off."""
 
