@@ -13,6 +13,7 @@ from .._checked import CheckedModule
 from .._types import Given
 from .._validation import check_callable, check_count, check_type, one_static, refusal
 from ._levenberg_marquardt import LevenbergMarquardt
+from ._plain_damping import PlainDamping
 from ._run import Data, Run
 from ._shooting import Segments, Shooting, cut, improved, residual_and_jacobian, states_at
 from ._unknowns import NamedValues, Space
@@ -49,7 +50,7 @@ class MultipleShooting(eqx.Module, metaclass=CheckedModule):
     weights: Given[tuple[float, ...]] = eqx.field(static=True, default=(1.0, 0.1, 0.01))
     max_steps: int = eqx.field(static=True, default=40)
     polish: LevenbergMarquardt = eqx.field(
-        default_factory=lambda: LevenbergMarquardt(1e4)  # pyright: ignore[reportCallIssue]
+        default_factory=lambda: LevenbergMarquardt()  # pyright: ignore[reportCallIssue]
     )
 
     def __check_init__(self):
@@ -89,7 +90,7 @@ class MultipleShooting(eqx.Module, metaclass=CheckedModule):
                     break
             # Small steps at first: the nearest minimum of a segment is the one that is meant.
             damping = jnp.asarray(max(1.0, 10.0 * size * weight**2))
-            method = LevenbergMarquardt(damping, 1e-3, self.max_steps)
+            method = PlainDamping(damping, 1e-3, self.max_steps)
             unknown, _, steps = improved(method, shooting, unknown)
             taken += int(steps)
         return space.values(unknown[: len(space.names)]), taken
