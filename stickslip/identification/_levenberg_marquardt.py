@@ -1,6 +1,7 @@
 """Levenberg-Marquardt, from the parts that optimistix offers."""
 
-from typing import Any
+import abc
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -26,27 +27,21 @@ def _info(residual: Any, matrix: Any) -> optx.FunctionInfo.ResidualJac:
     return optx.FunctionInfo.ResidualJac(residual, lx.MatrixLinearOperator(matrix))
 
 
-class LevenbergMarquardt(AbstractMethod):
-    """Levenberg-Marquardt: the damped descent and the trust region of optimistix, step by step.
+class AbstractLevenbergMarquardt(AbstractMethod):
+    """The damped descent and the trust region of optimistix, step by step."""
 
-    **Arguments:** `damping`, `tolerance`, `max_steps` as for `least_squares`; `loss`, a robust loss
-    such as `Huber()`, or `None`. **Raises** `TypeError`, `ValueError` for what is not so.
-    """
+    damping: eqx.AbstractVar[Numeric]
+    tolerance: eqx.AbstractVar[float]
+    max_steps: eqx.AbstractVar[int]
+    _region: eqx.AbstractClassVar[optx.ClassicalTrustRegion]
 
-    damping: Numeric = 1.0
-    tolerance: float = eqx.field(static=True, default=1e-8)
-    max_steps: int = 64
-    loss: AbstractLoss | None = None
-
-    def __check_init__(self):
-        one_number("damping", self.damping, "positive")
-        one_number("tolerance", self.tolerance, "positive")
-        check_count("max_steps", self.max_steps, 1)
-        check_type("loss", self.loss, AbstractLoss | None, "a loss such as Huber(), or None")
+    @abc.abstractmethod
+    def _sizes(self, matrix, bend):
+        """Sizes of the coordinates, in which damping counts."""
 
     def begin(self, z, rows, space=None):
         residual, matrix = jnp.zeros(rows), jnp.zeros((rows, z.shape[0]))
-        search = REGION.init(z, _info(residual, matrix))
+        search = self._region.init(z, _info(residual, matrix))
         code = jnp.full((), CODE["max_steps_reached"], jnp.int32)
         kinds, last = kinds_of(space, z.shape[0]), jnp.zeros((), bool)
         kept = (z, residual, matrix, jnp.zeros_like(z), search, kinds, last, code)
@@ -56,7 +51,7 @@ class LevenbergMarquardt(AbstractMethod):
         y, old_residual, old_matrix, step, search, kinds, last, _ = now.kept
         first = now.steps == 0
         # `y + step` is where the linear model in the values expects to be, `now.z` the place itself.
-        size, accept, _, search = REGION.step(
+        size, accept, _, search = self._region.step(
             first, y, y + step, _info(old_residual, old_matrix), _info(residual, matrix), search
         )
         close = _close(self.tolerance, y, step) & _close(
@@ -87,10 +82,7 @@ class LevenbergMarquardt(AbstractMethod):
         """From `y` the damped step and one with hardly any damping, what that would gain, and whether
         there is none."""
         bend = curvature(kinds, y, residual @ matrix)
-        # Damping in units of what each coordinate moves the residuals by: no unit of a value matters.
-        sizes = jnp.sqrt(jnp.sum(matrix**2, axis=0) + bend)
-        largest = jnp.max(sizes, initial=0.0)
-        sizes = jnp.maximum(sizes, jnp.where(largest > 0.0, UNSEEN * largest, 1.0))
+        sizes = self._sizes(matrix, bend)
         rows = jnp.concatenate([residual, jnp.zeros_like(y)])
         whole = jnp.concatenate([matrix, jnp.diag(jnp.sqrt(bend))]) / sizes[None, :]
         # The trust region begins with the size 1.
@@ -110,6 +102,33 @@ class LevenbergMarquardt(AbstractMethod):
         found = Sensitivity(space.names, matrix)
         good = code == CODE["successful"]
         return Fit(space.values(y), residual, found, now.steps, good, space, code)
+
+
+class LevenbergMarquardt(AbstractLevenbergMarquardt):
+    """Levenberg-Marquardt: the damped descent and the trust region of optimistix, step by step.
+
+    **Arguments:** `damping`, `tolerance`, `max_steps` as for `least_squares`; `loss`, a robust loss
+    such as `Huber()`, or `None`. **Raises** `TypeError`, `ValueError` for what is not so.
+    """
+
+    damping: Numeric = 1.0
+    tolerance: float = eqx.field(static=True, default=1e-8)
+    max_steps: int = 64
+    loss: AbstractLoss | None = None
+    _region: ClassVar = REGION
+
+    def __check_init__(self):
+        one_number("damping", self.damping, "positive")
+        one_number("tolerance", self.tolerance, "positive")
+        check_count("max_steps", self.max_steps, 1)
+        check_type("loss", self.loss, AbstractLoss | None, "a loss such as Huber(), or None")
+
+    def _sizes(self, matrix, bend):
+        """What each coordinate moves the residuals by: in these units damping counts, and no unit of a
+        value matters."""
+        sizes = jnp.sqrt(jnp.sum(matrix**2, axis=0) + bend)
+        largest = jnp.max(sizes, initial=0.0)
+        return jnp.maximum(sizes, jnp.where(largest > 0.0, UNSEEN * largest, 1.0))
 
 
 def _descended(size: Any, y: Any, rows: Any, matrix: Any) -> tuple[Any, Any]:
