@@ -87,9 +87,10 @@ EXEMPT_METHODS = {
     ),
     **dict.fromkeys(
         (
-            "AbstractMethod.solve", "LevenbergMarquardt.begin", "LevenbergMarquardt.advance",
-            "LevenbergMarquardt.finish", "GradientDescent.begin", "GradientDescent.advance",
-            "GradientDescent.finish", "MultipleShooting.brought_near",
+            "AbstractMethod.solve", "AbstractLevenbergMarquardt.begin",
+            "AbstractLevenbergMarquardt.advance", "AbstractLevenbergMarquardt.finish",
+            "GradientDescent.begin", "GradientDescent.advance", "GradientDescent.finish",
+            "MultipleShooting.brought_near",
         ),
         "steps of a method, called inside of the programs of fits",
     ),
