@@ -30,22 +30,24 @@ def _coefficients(tableau: Tableau) -> tuple[np.ndarray, np.ndarray]:
 
 def step(
     tableau: Tableau, field: Callable, t: Any, y: PyTree, dy: PyTree, h: Any, inside: Sequence = ()
-) -> tuple[PyTree, PyTree, tuple[PyTree, ...], tuple[PyTree, ...]]:
-    """`(y1, dy1, error estimates, states inside)`, as `AbstractStepper.step_and_look`.
+) -> tuple[PyTree, PyTree, tuple[PyTree, ...], tuple[PyTree, ...], PyTree | None]:
+    """What a step is and shows, as `AbstractStepper.step_and_look`.
 
     `inside`: the weights of each of those states.
     """
     rows, nodes = _coefficients(tableau)
-    n, estimates = tableau.stages, len(tableau.error_weights)
+    n, differences = tableau.stages, [*tableau.error_weights]
+    if tableau.ends_twice:
+        differences.append((*[0.0] * (n - 1), -1.0, 1.0))
     start, tree = ravel_pytree(y)
     # Every slope is added, when it is known, to all sums that want it: the states of the stages, then
-    # those inside and the error estimates. Keeping the slopes instead takes twice as long in forward
+    # those inside and the differences. Keeping the slopes instead takes twice as long in forward
     # derivatives.
     states = n + 1 + len(inside)
-    weights = np.concatenate([rows, np.zeros((len(inside) + estimates, n + 1))])
-    for place, row in enumerate((*inside, *tableau.error_weights), n + 1):
+    weights = np.concatenate([rows, np.zeros((len(inside) + len(differences), n + 1))])
+    for place, row in enumerate((*inside, *differences), n + 1):
         weights[place, : len(row)] = row
-    is_state = np.zeros((states + estimates, 1))
+    is_state = np.zeros((states + len(differences), 1))
     is_state[:states] = 1.0
 
     def stage(carry, now):
@@ -61,8 +63,9 @@ def step(
     stages = jnp.asarray(weights.T[1:]), jnp.asarray(nodes[1:]), numbers
     (sums, slope), _ = jax.lax.scan(stage, (sums, first), stages)
     seen = tuple(tree(sums[i]) for i in range(n + 1, states))
-    errors = tuple(tree(sums[i]) for i in range(states, states + estimates))
-    return tree(sums[n]), tree(slope), errors, seen
+    found = [tree(sums[i]) for i in range(states, states + len(differences))]
+    surprise = found.pop() if tableau.ends_twice else None
+    return tree(sums[n]), tree(slope), tuple(found), seen, surprise
 
 
 def vjp(

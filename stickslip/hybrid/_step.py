@@ -10,7 +10,7 @@ from ._doubt import POINTS, TOGETHER, judge, look_inside, told
 from ._events import Values, divided
 from ._lane import Lane, Plan, without_state
 from ._status import DISCONTINUOUS, RUNNING, flag
-from ._tolerance import Ends, error_norm, grown, scales
+from ._tolerance import Ends, error_norm, grown, scales, unexpected
 from ._xla import bookkeeping, piece
 
 # A step this much shorter than those before it, accepted only because its error is small now, holds a
@@ -45,15 +45,18 @@ def take(plan: Plan, problem: PyTree, lane: Lane) -> tuple[Lane, Step]:
         return system.vector_field(t, y, lane.mode, args)
 
     looks = any(plan.looked_at_inside)
-    y1, dy1, errors, within = plan.stepper.step_and_look(
+    y1, dy1, errors, within, surprise = plan.stepper.step_and_look(
         field, lane.t, lane.y, lane.dy, h, plan.execute, POINTS if looks else (), plan.functions.read
     )
     error = lane.error
     if plan.step_size.adaptive:
-        error = _scaled_error(plan, errors, plan.noise, lane.size, Ends(h, lane.y, y1, lane.dy, dy1))
+        ends = Ends(h, lane.y, y1, lane.dy, dy1)
+        surprise = surprise if plan.functions.num_guards else None
+        error, surprised = _scaled_error(plan, errors, surprise, plan.noise, lane.size, ends)
         if plan.watches_jumps:
             peak, flags = _sudden(plan, without_state(lane), error)
             lane = lane._replace(peak=peak, flags=flags)
+        error = jnp.maximum(error, surprised)
     kept = values = Values((), ())
     h_seen, jumps = jnp.zeros_like(h), jnp.zeros_like(h) > 0
     if plan.functions.count:
@@ -85,8 +88,12 @@ def _followed(plan: Plan, size, y):
 
 
 @bookkeeping
-def _scaled_error(plan: Plan, errors, noise, size, ends: Ends):
-    return error_norm(errors, scales(plan.step_size, plan.atols, noise, size, ends))
+def _scaled_error(plan: Plan, errors, surprise, noise, size, ends: Ends):
+    scale = scales(plan.step_size, plan.atols, noise, size, ends)
+    found = error_norm(errors, scale)
+    if surprise is None:
+        return found, jnp.zeros_like(found)
+    return found, unexpected(surprise, scale, ends, plan.step_size.rtol)
 
 
 @bookkeeping

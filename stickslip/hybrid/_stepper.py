@@ -2,7 +2,7 @@
 
 import abc
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import diffrax as dfx
 import equinox as eqx
@@ -22,6 +22,18 @@ from ._xla import Executor, piece
 ROOT_TOLERANCE = 1e-12  # of the stage equations of implicit methods
 VectorField = Callable[[Any, PyTree], PyTree]
 Points = tuple[float, ...]  # fractions of a step
+
+
+class Looked(NamedTuple):
+    """A step, and what was seen in it."""
+
+    y1: PyTree
+    dy1: PyTree
+    errors: tuple[PyTree, ...]
+    states: tuple[PyTree, ...]  # at the points asked for
+    # The slope at the end less that of the last stage, which is at the same time and nearly the same
+    # state, times `h`; None where the method has no such stage, or its error estimates see this slope.
+    surprise: PyTree | None = None
 
 
 class AbstractStepper(eqx.Module):
@@ -47,7 +59,7 @@ class AbstractStepper(eqx.Module):
     def step_and_look(
         self, field: VectorField, t: Numeric, y: PyTree, dy: PyTree, h: Numeric, execute: Executor,
         points: Points, wanted: tuple[bool, ...],
-    ) -> tuple[PyTree, PyTree, tuple[PyTree, ...], tuple[PyTree, ...]]:  # fmt: skip
+    ) -> "Looked":  # fmt: skip
         r"""`step`, and the states at $t + \theta h$ for the `points` $\theta$ inside it.
 
         There the event functions are looked at. `wanted` says which leaves of the state they depend
@@ -56,7 +68,7 @@ class AbstractStepper(eqx.Module):
         whose steps are long, should know better.
         """
         y1, dy1, errors = self.step(field, t, y, dy, h, execute)
-        return y1, dy1, errors, tuple(cubics(points, y, dy, y1, dy1, h))
+        return Looked(y1, dy1, errors, tuple(cubics(points, y, dy, y1, dy1, h)))
 
     def vjp(
         self, field: Callable, parameters: PyTree, t: Numeric, y: PyTree, dy: PyTree, h: Numeric,
@@ -122,17 +134,19 @@ class ExplicitRungeKutta(AbstractStepper):
         return self._step(field, t, y, dy, h, execute)[:3]
 
     def step_and_look(self, field, t, y, dy, h, execute, points, wanted):
-        y1, dy1, errors, states = self._step(field, t, y, dy, h, execute, points, wanted)
-        return y1, dy1, errors, states or tuple(cubics(points, y, dy, y1, dy1, h))
+        found = self._step(field, t, y, dy, h, execute, points, wanted)
+        return found._replace(
+            states=found.states or tuple(cubics(points, y, dy, found.y1, found.dy1, h))
+        )
 
     def _step(self, field, t, y, dy, h, execute, points: Points = (), wanted: tuple = ()):
         rows = weights_within(self.tableau, points) if points else ()
         if execute.fused:
             return self._step_written_out(field, t, y, dy, h, execute, rows, wanted)
         if execute.compact:
-            return _rolled.step(self.tableau, field, t, y, dy, h, rows)
+            return Looked(*_rolled.step(self.tableau, field, t, y, dy, h, rows))
         return alone_or_batched(
-            lambda *a: _rolled.step(self.tableau, *a, rows),
+            lambda *a: Looked(*_rolled.step(self.tableau, *a, rows)),
             lambda *a: self._step_written_out(*a, execute, rows, wanted),
             [(field, (t, y))], t, y, dy, h,
         )  # fmt: skip
@@ -157,7 +171,8 @@ class ExplicitRungeKutta(AbstractStepper):
                     next(seen) if w else a for w, a in zip(wanted, jax.tree.leaves(y1), strict=True)
                 ]
                 states += (jax.tree.unflatten(form, leaves),)
-        return y1, dy1, errors, states
+        surprise = weighted([slopes[-1], dy1], (-1.0, 1.0), h) if tab.ends_twice else None
+        return Looked(y1, dy1, errors, states, surprise)
 
     def vjp(self, field, parameters, t, y, dy, h, end, execute):
         if execute.fused:

@@ -19,6 +19,9 @@ SHORT = 1e4
 TINY = 1e-150  # its square is still a normal number
 # An absolute tolerance above this part of a component says nothing about the component.
 LOOSE = 1e-4
+# The last stage of a step may differ from its end by `rtol` to this power, as a part of the motion:
+# such is the order of that difference beside that of the error.
+EXPECTED = 0.4
 
 
 TOLERANCE = (
@@ -180,6 +183,23 @@ def error_norm(errors: tuple[PyTree, ...], scale: list) -> Array:
     second = squares(errors[1])
     denominator = first + 0.01 * second
     return first / jnp.sqrt(jnp.where(denominator > 0, denominator, 1.0))
+
+
+def unexpected(surprise: PyTree, scale: list, ends: Ends, rtol: Any) -> Any:
+    """The largest of `surprise` relative to `scale`, where it is more than a part of the motion.
+
+    The last stage and the end are the same instant, and states that differ by an error of low order.
+    In a smooth motion their slopes differ by more than `scale` and far less than this part. Where a
+    friction law has its peak at the very end, of all slopes that of the end alone may know it, and no
+    error estimate has it.
+    """
+    expected = rtol**EXPECTED
+    most: Any = 0.0
+    leaves = [jax.tree.leaves(tree) for tree in (surprise, ends.dy0, ends.dy1)]
+    for e, da, db, s in zip(*leaves, scale, strict=True):
+        part = expected * ends.h * jnp.maximum(jnp.abs(da), jnp.abs(db))
+        most = jnp.maximum(most, jnp.max(jnp.where(jnp.abs(e) > part, jnp.abs(e) / s, 0.0)))
+    return jnp.minimum(most, 1e70)
 
 
 def too_loose(atols: tuple, size: PyTree) -> Any:

@@ -13,7 +13,7 @@ from ._island import Island
 from ._reserve import NO_LIMIT, least_reserve, stops_alone
 from ._rows import row
 from ._scalars import Mass, any_of, dot, is_zero, minus, times, total, without_slope
-from ._settle_together import MOST_PIVOTS, PATIENCE, SLACK, settled_together
+from ._settle_together import MOST_PIVOTS, PATIENCE, SLACK, settled_together, without_drop
 from ._together import Bounds, motion_in_rows
 
 
@@ -99,7 +99,8 @@ def settled(
     # At its limit without a drop of friction a contact begins with no acceleration, but it begins.
     creeping = []
     for c, (start, s) in enumerate(zip(started, states, strict=True)):
-        ahead, behind = static.low[c] == kinetic.low[c], static.high[c] == kinetic.high[c]
+        ahead = without_drop(static.low[c], kinetic.low[c])
+        behind = without_drop(static.high[c], kinetic.high[c])
         creeping.append(start & (((s > 0.0) & ahead) | ((s <= 0.0) & behind)))
 
     def pivot(now: _Search) -> _Search:

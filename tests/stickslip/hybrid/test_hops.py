@@ -131,10 +131,10 @@ def test_states_inside_a_step_have_a_higher_order_than_the_cubic(tableau):
     stepper, t0, errors = ExplicitRungeKutta(tableau), 0.3, []
     y0 = jnp.exp(jnp.sin(t0))
     for h in (0.4, 0.2):
-        *_, states = stepper.step_and_look(
+        step = stepper.step_and_look(
             lambda t, y: jnp.cos(t) * y, t0, y0, jnp.cos(t0) * y0, h, COMPACT, POINTS, (True,)
         )
         exact = np.exp(np.sin(t0 + h * np.array(POINTS)))
-        errors.append(np.abs(np.asarray(states) - exact).max())
+        errors.append(np.abs(np.asarray(step.states) - exact).max())
     assert np.log2(errors[0] / errors[1]) > 4.5
     assert weights_within(tableau, POINTS)

@@ -71,9 +71,7 @@ def stopped(number, integrator=None):
 
 def test_when_and_where_a_block_comes_to_rest():
     late, off = stopped(60)
-    # By rounding one of these is late by 3e-8 s or is not; see the test of 2000.
-    assert np.mean(late > 1e-8) < 0.05
-    assert np.max(late) < 1e-7
+    assert np.max(late) < 1e-8
     assert np.max(off) < 1e-8
     late, off = stopped(60, ss.Integrator(step=ss.AdaptiveStep(1e-12, 1e-12)))
     assert np.max(late) < 1e-10
@@ -81,22 +79,29 @@ def test_when_and_where_a_block_comes_to_rest():
 
 
 @pytest.mark.slow
-def test_how_many_stops_hide_from_the_estimate():
-    """What README says is left: a step may still hide its error. Of 2000 stops 10 are late by more than
-    1e-8 s, two of these by 1.2e-5 s and 3.6e-5 s; at a tolerance of 1e-12 none is."""
+def test_no_stop_hides_from_the_slope_at_its_end():
+    """Of 2000 stops 10 were late by more than 1e-8 s in silence, two of these by 1.2e-5 s and 3.6e-5 s,
+    while the slope at the end of a step had no say."""
     late, off = stopped(2000)
-    assert np.mean(late > 1e-8) < 0.01
-    assert np.mean(late > 1e-6) < 0.002
-    assert np.max(late) < 1e-4
-    assert np.max(off) < 1e-7
+    assert np.max(late) < 1e-8
+    assert np.max(off) < 1e-8
     late, off = stopped(2000, ss.Integrator(step=ss.AdaptiveStep(1e-12, 1e-12)))
     assert np.max(late) < 1e-10
     assert np.max(off) < 1e-10
 
 
+def test_without_the_slope_at_the_end_some_are_late(monkeypatch):
+    """The second fault this file is about, planted: no error estimate has the slope at the end."""
+    monkeypatch.setattr(ss.Tableau, "ends_twice", False)
+    another = ss.Integrator(max_steps=99_998)  # or the program of the test above were used
+    late, _ = stopped(300, another)
+    assert np.mean(late > 1e-8) > 0.003
+
+
 def test_without_the_error_of_the_last_step_most_are_wrong(monkeypatch):
     """The fault this file is about, planted: what ends on an event is not judged by its error."""
     monkeypatch.setattr(_event_decision, "SECTION", _event_decision.COLLAPSED)
+    monkeypatch.setattr(ss.Tableau, "ends_twice", False)
     another = ss.Integrator(max_steps=99_999)  # or the program of the test above were used
     late, _ = stopped(60, another)
     assert np.mean(late > 1e-6) > 0.3
