@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
+from stickslip.hybrid._event_time import event_delay
 
 
 class Course(NamedTuple):
@@ -57,3 +58,9 @@ def test_the_zero_it_starts_from_is_not_the_event(step, method):
     assert np.all(runs.successful)
     assert np.all(runs.num_events == 1)
     np.testing.assert_allclose(runs.events.t[:, 0], 0.5, rtol=0, atol=1e-9)
+
+
+def test_what_rests_at_zero_has_its_event_here():
+    """The delay was 0/0 there, and the lane went on at the time NaN until its steps were used up."""
+    assert float(event_delay(jnp.zeros(()), jnp.zeros(()), jnp.ones((), bool))) == 0.0
+    assert float(event_delay(jnp.asarray(0.3), jnp.asarray(-2.0), jnp.ones((), bool))) == 0.15
