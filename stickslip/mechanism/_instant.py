@@ -279,3 +279,8 @@ def landed(island: Island, at: Instant, still: list) -> list[Any]:
             j, others = own[-1], dot([row[i] for i in own[:-1]], [v[i] for i in own[:-1]])
             v[j] = where(rests, times(1.0 / row[j], minus(at.surfaces[c], others)), v[j])
     return v
+
+
+def pressing(load: Any) -> Any:
+    """The normal force of a contact that may be open."""
+    return jnp.maximum(jnp.asarray(load, jnp.float64), 0.0)

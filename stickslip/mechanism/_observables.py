@@ -12,7 +12,7 @@ from stickslip._looks_at import state as some_state
 from stickslip._types import Numeric, Whole
 
 from ._declaration import driven, mass_of, traced_with
-from ._instant import Instant, floats, pushed
+from ._instant import Instant, floats, pressing, pushed
 from ._modes import sense_of
 from ._scalars import dot, total
 from ._with_stops import AbstractWithStops
@@ -46,6 +46,20 @@ class AbstractWithObservables(AbstractWithStops):
             if name in moving:
                 found[f"drive of {name}"] = friction[name] * at.contacts[c].surface_speed
         return {**found, **self.drives_of_stops(t, y, mode, args)}
+
+    def smooth_powers(self, at: Instant, friction: list) -> dict[str, Any]:
+        """`powers` of a smooth form of this mechanism [W]: under the `friction` [N], one a contact.
+
+        Whoever overrides `powers` with other names overrides this too.
+        """
+        closed = [where(pressing(c.normal_force) > 0.0, 0.0, 2.0) for c in at.contacts]
+        found = {"forces": self.declared_power(at, closed)}
+        for name, contact, u, f in zip(
+            self.contact_directions, at.contacts, at.speeds, friction, strict=True
+        ):
+            found[f"friction of {name}"] = f * u
+            found[f"drive of {name}"] = f * contact.surface_speed
+        return found
 
     def declared_power(self, at: Instant, states: PyTree) -> Any:
         """Power of all forces but friction, less what the potential and the changing inertia take."""
