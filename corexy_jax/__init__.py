@@ -22,11 +22,11 @@ from ._errata import Errata as Errata
 from ._friction_torques import SlipDirections as SlipDirections
 from ._friction_torques import belt_friction as belt_friction
 from ._friction_torques import ground_friction as ground_friction
-from ._identification import NOISE as NOISE
-from ._identification import UNKNOWNS as UNKNOWNS
+from ._identification import FITTED_PARAMETERS as FITTED_PARAMETERS
+from ._identification import MEASUREMENT_NOISE as MEASUREMENT_NOISE
 from ._identification import Measurement as Measurement
 from ._identification import measurement as measurement
-from ._identification import misfit as misfit
+from ._identification import measurement_residuals as measurement_residuals
 from ._identification import with_noise as with_noise
 from ._identification import with_values as with_values
 from ._kinematics import PassivePulleys as PassivePulleys

@@ -27,7 +27,7 @@ from ._parameters import CoreXYParameters, check_parameter
 from ._system import CoreXY
 from ._voltage import AbstractVoltage
 
-UNKNOWNS = ("mu_s", "mu_k", "mu_1k_b", "mu_2k_b", "P1", "P2")
+FITTED_PARAMETERS = ("mu_s", "mu_k", "mu_1k_b", "mu_2k_b", "P1", "P2")
 
 
 class Measurement(NamedTuple):
@@ -40,7 +40,7 @@ class Measurement(NamedTuple):
     y: Any
 
 
-NOISE = Measurement(0.05, 0.05, 1e-4, 1e-4)  # standard deviations of a sample
+MEASUREMENT_NOISE = Measurement(0.05, 0.05, 1e-4, 1e-4)  # standard deviations of a sample
 
 
 def measurement(
@@ -82,7 +82,9 @@ def _check_noise(noise: Any) -> None:
         check_nonnegative(f"noise.{name}", sigma)
 
 
-def with_noise(clean: Measurement, key: Given[Array], noise: Measurement = NOISE) -> Measurement:
+def with_noise(
+    clean: Measurement, key: Given[Array], noise: Measurement = MEASUREMENT_NOISE
+) -> Measurement:
     """`clean` with normal noise of the standard deviations `noise`, independent in every sample.
 
     **Raises** `TypeError`, `ValueError` for what is no `Measurement`, no key, or negative.
@@ -123,19 +125,19 @@ def with_values(parameters: CoreXYParameters, values: dict[str, Any]) -> CoreXYP
     )
 
 
-def misfit(
+def measurement_residuals(
     values: dict[str, Any],
     data: Measurement,
     parameters: CoreXYParameters,
     voltage: AbstractVoltage,
     times: Float[Array, " sample"],
     *,
-    noise: Measurement = NOISE,
+    noise: Measurement = MEASUREMENT_NOISE,
     integrator: Integrator | None = None,
 ) -> Float[Array, " row"]:
     r"""Residuals $(\text{model} - \text{data})/\sigma$ for `stickslip.identification`.
 
-    **Arguments:** `values` of the unknowns by name, e.g. of `UNKNOWNS`; `data` at `times` [s];
+    **Arguments:** `values` of the unknowns by name, e.g. of `FITTED_PARAMETERS`; `data` at `times` [s];
     `parameters`, the machine but for the unknowns; `noise`, the standard deviations $\sigma$.
     **Returns** one row, signal after signal; NaN where the run fails. **Raises** `TypeError`,
     `ValueError` for an unknown that is not a parameter, data that are not finite or not as many as

@@ -1,6 +1,6 @@
 """The machine with regularised friction on belts and ground: one smooth vector field."""
 
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
@@ -256,7 +256,7 @@ def simulate_smoothed(
     ledger = WithIntegrals(system, _account)
     ts = jnp.linspace(0.0, 1.0, rows) * t1
     solution = ss.simulate(
-        ledger, 0.0, t1, ledger.start(system.state(y0)), integrator=integrator,
+        ledger, 0.0, t1, ledger.start(system.state(cast("CoreXYState", y0))), integrator=integrator,
         saveat=SaveAt(ts=ts, events=False), max_events=None, throw=throw,
     )  # fmt: skip
     found = solution.outputs

@@ -26,9 +26,10 @@ from ._model import (
 
 PARAMETERS = {
     "v_min": 1e-4, "v_max": 3e-2, "speeds": 2000, "transient": 300.0, "duration": 54.05,
-    "direction": "falling", "max_points": 256, "h": 0.005, "modes": 5, "chunk": 256,
+    "direction": "falling", "max_points": 256, "h": 0.005, "modes": 5, "chunk": 256, "executor": "auto",
 }  # fmt: skip
-QUICK = {"speeds": 24, "transient": 40.0, "duration": 21.62}
+# So few lanes are done before a fused program is compiled.
+QUICK = {"speeds": 24, "transient": 40.0, "duration": 21.62, "executor": "portable"}
 
 
 def stick_share(system, t, y, mode, args):
@@ -45,7 +46,7 @@ def lane(variant: str, v: Any, parameters: Mapping[str, Any]) -> dict[str, Any]:
 def points(system: JointedBeam, start: Any, parameters: Mapping[str, Any]) -> dict[str, Any]:
     """Poincaré points of all coordinates, and the stick, of one system from one start."""
     integrator = fixed_step(parameters["h"])
-    begin = float(parameters["transient"])
+    begin = parameters["transient"]
     counted = WithIntegrals(system, stick_share)
 
     def section(function):
@@ -91,6 +92,7 @@ def diagrams(parameters: Mapping[str, Any], context: Context) -> xr.Dataset:
                 "sticks": Variable(units="1", long_name="beginnings of stick"),
             },
             chunk=parameters["chunk"],
+            executor=parameters["executor"],
             **store_options("diagram", variant, parameters, context),
         ).load()
         for variant in VARIANTS

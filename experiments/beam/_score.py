@@ -3,6 +3,7 @@
 C1 holds with every set, and the contact period is kept. C9b is left to the judge of the best set.
 """
 
+import functools
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -28,8 +29,10 @@ SPEEDS = np.array(
 ITEMS = ("C2", "C3", "C4a", "C4b", "C5", "C6", "C7", "C8")
 MOTIONS = (5e-4, 5e-3)  # belt speeds of Figs. 2.4 to 2.11
 FOUND = "found by search"
+NUMBERS = ("h", "transient")  # settings that enter as inputs of a program
 Settings = Mapping[str, Any]
-Lane = Callable[[Any, Any], Any]
+Lane = Callable[[Any, Any, Any], Any]
+Make = Callable[[Settings], Lane]
 Scorer = Callable[[np.ndarray], np.ndarray]
 Judge = Callable[[xr.Dataset], list[Statement]]
 
@@ -55,63 +58,87 @@ def items(
     return np.stack(claims, axis=-1)
 
 
-def in_blocks(lane: Lane, speeds: np.ndarray, settings: Settings) -> Callable[[np.ndarray], Any]:
-    """`lane(theta, v)` for every set at every speed, arrays `[set, speed, ...]`; compiled once.
+def in_blocks(make: Make, at_once: int, settings: Settings) -> Callable[[Any, Any], Any]:
+    """Results of lanes of sets and belt speeds, `call(theta, v)` with one row for each.
 
-    Sets are taken `block` at a time, the last block filled up, because another number of lanes is
-    another program.
+    Lanes are taken `at_once`, the last block filled up, because another number of lanes is another
+    program. Settings that differ in `NUMBERS` only share one.
     """
-    run, size = ss.map_lanes(lane, executor=settings["executor"]), settings["block"]
+    static = tuple(sorted((key, value) for key, value in settings.items() if key not in NUMBERS))
+    run = _lanes(make, static)
+    numbers = {key: np.full(at_once, float(settings[key])) for key in NUMBERS}
 
-    def one(sets: np.ndarray) -> Any:
-        theta = jnp.asarray(np.repeat(sets, speeds.size, axis=0))
-        found = run(theta, jnp.asarray(np.tile(speeds, size)))
-        return jax.tree.map(lambda a: np.asarray(a).reshape((size, speeds.size, *a.shape[1:])), found)
-
-    def call(sets: np.ndarray) -> Any:
-        number = np.minimum(np.arange(-(-len(sets) // size) * size), len(sets) - 1)
-        parts = [one(sets[k]) for k in number.reshape(-1, size)]
-        return jax.tree.map(lambda *a: np.concatenate(a)[: len(sets)], *parts)
+    def call(theta: np.ndarray, v: np.ndarray) -> Any:
+        rows = np.minimum(np.arange(-(-len(v) // at_once) * at_once), len(v) - 1)
+        parts = [
+            jax.tree.map(np.asarray, run(jnp.asarray(theta[k]), jnp.asarray(v[k]), numbers))
+            for k in rows.reshape(-1, at_once)
+        ]
+        return jax.tree.map(lambda *a: np.concatenate(a)[: len(v)], *parts)
 
     return call
+
+
+@functools.cache
+def _lanes(make: Make, static: tuple) -> ss.map_lanes:
+    settings = dict(static)
+    lane = make(settings)
+    return ss.map_lanes(lane, executor=settings["executor"])
+
+
+def every_set(run: Callable[[Any, Any], Any], speeds: np.ndarray) -> Callable[[np.ndarray], Any]:
+    """`run` of every set at every speed, arrays `[set, speed, ...]`."""
+
+    def call(sets: np.ndarray) -> Any:
+        found = run(np.repeat(sets, speeds.size, axis=0), np.tile(speeds, len(sets)))
+        shape = (len(sets), speeds.size)
+        return jax.tree.map(lambda a: a.reshape((*shape, *a.shape[1:])), found)
+
+    return call
+
+
+def _diagram_lane(settings: Settings) -> Lane:
+    def lane(theta, v, numbers):
+        return points(*system_and_start(theta, v, settings["modes"]), {**settings, **numbers})
+
+    return lane
+
+
+def diagram_points(settings: Settings) -> Callable[[Any, Any], Any]:
+    """Poincaré points and stick of lanes of sets and speeds."""
+    return in_blocks(_diagram_lane, settings["block"] * SPEEDS.size, settings)
 
 
 def diagram_scorer(settings: Settings) -> Scorer:
     """C2 to C5 of each set; 0 for a set in which a lane failed."""
+    run = every_set(diagram_points(settings), SPEEDS)
 
     def width(a):
-        seen = jnp.isfinite(a)
-        top = jnp.max(jnp.where(seen, a, -jnp.inf))
-        low = jnp.min(jnp.where(seen, a, jnp.inf))
-        size = jnp.max(jnp.where(seen, jnp.abs(a), 0.0))
-        return (top - low) / jnp.where(size > 0, size, 1.0), top
-
-    def lane(theta, v):
-        out = points(*system_and_start(theta, v, settings["modes"]), settings)
-        (y_width, _), (w_width, w_size) = width(out["y"]), width(out["w"])
-        return y_width, w_width, w_size, out["sticks"], out["ok"]
-
-    run = in_blocks(lane, SPEEDS, settings)
+        seen = np.isfinite(a)
+        top = np.max(np.where(seen, a, -np.inf), axis=-1)
+        low = np.min(np.where(seen, a, np.inf), axis=-1)
+        size = np.max(np.where(seen, np.abs(a), 0.0), axis=-1)
+        return (top - low) / np.where(size > 0, size, 1.0), top
 
     def call(sets: np.ndarray) -> np.ndarray:
-        y_width, w_width, w_size, sticks, ok = run(sets)
-        per_contact = sticks * CONTACT_PERIOD / settings["duration"]
+        out = run(sets)
+        (y_width, _), (w_width, w_size) = width(out["y"]), width(out["w"])
+        per_contact = out["sticks"] * CONTACT_PERIOD / settings["duration"]
         found = items(y_width, w_width, w_size, per_contact)
-        return np.where(ok.all(axis=1)[:, None], found, 0.0)
+        return np.where(out["ok"].all(axis=1)[:, None], found, 0.0)
 
     return call
 
 
-def motion_scorer(settings: Settings) -> Scorer:
-    """C6, C7 and C8 of each set, 1 where the predicates of Figs. 2.5, 2.7 and 2.9 are true."""
-    begin, dt = settings["transient"], settings["dt"]
-    t = begin + dt * np.arange(round(settings["recorded"] / dt))
-    frequency = np.fft.rfftfreq(t.size, dt)
-    options: dict[str, Any] = {
-        "integrator": fixed_step(settings["h"]), "max_events": None, "throw": False
-    }  # fmt: skip
+def _motion_lane(settings: Settings) -> Lane:
+    times = settings["dt"] * np.arange(round(settings["recorded"] / settings["dt"]))
 
-    def lane(theta, v):
+    def lane(theta, v, numbers):
+        options: dict[str, Any] = {
+            "integrator": fixed_step(numbers["h"]), "max_events": None, "throw": False
+        }  # fmt: skip
+        begin = numbers["transient"]
+        t = begin + times
         system, start = system_and_start(theta, v, settings["modes"])
         settled = ss.simulate(system, 0.0, begin, start, **options)
         run = ss.simulate(
@@ -133,7 +160,17 @@ def motion_scorer(settings: Settings) -> Scorer:
         good = settled.successful & run.successful
         return {**signals, "mode": log.mode, "stick_begins": run.crossings[0].t, "ok": good}
 
-    run = in_blocks(lane, np.array(MOTIONS), settings)
+    return lane
+
+
+def motion_scorer(settings: Settings) -> Scorer:
+    """C6, C7 and C8 of each set, 1 where the predicates of Figs. 2.5, 2.7 and 2.9 are true."""
+    begin, dt = settings["transient"], settings["dt"]
+    t = begin + dt * np.arange(round(settings["recorded"] / dt))
+    frequency = np.fft.rfftfreq(t.size, dt)
+    run = every_set(
+        in_blocks(_motion_lane, settings["block"] * len(MOTIONS), settings), np.array(MOTIONS)
+    )
 
     def holds(found: dict[str, np.ndarray], judge: Judge) -> bool:
         """Whether the one statement of a figure is true of a motion."""
@@ -162,20 +199,27 @@ def motion_scorer(settings: Settings) -> Scorer:
     return call
 
 
-def greatest_exponent(theta: Any, v: Any, settings: Settings) -> dict[str, Any]:
-    """Greatest exponent of y and the beam, and its error."""
-    system, start = system_and_start(theta, v, settings["modes"])
-    found = lyapunov_spectrum(
-        system, start, segment=0.5, segments=settings["segments"], exponents=1,
-        transient=settings["transient"], components=DRIVEN, scales=norm_of(system),
-        integrator=fixed_step(settings["h"]),
-    )  # fmt: skip
-    return {"exponent": found.exponents[0], "error": found.error[0]}
+def _exponent_lane(settings: Settings) -> Lane:
+    def lane(theta, v, numbers):
+        system, start = system_and_start(theta, v, settings["modes"])
+        found = lyapunov_spectrum(
+            system, start, segment=0.5, segments=settings["segments"], exponents=1,
+            transient=numbers["transient"], components=DRIVEN, scales=norm_of(system),
+            integrator=fixed_step(numbers["h"]),
+        )  # fmt: skip
+        return {"exponent": found.exponents[0], "error": found.error[0]}
+
+    return lane
+
+
+def greatest_exponents(settings: Settings) -> Callable[[Any, Any], Any]:
+    """Greatest exponent of y and the beam, and its error, of lanes of sets and speeds."""
+    return in_blocks(_exponent_lane, settings["block"] * SPEEDS.size, settings)
 
 
 def exponent_scorer(settings: Settings) -> Scorer:
     """C9a: share of `SPEEDS` at which the greatest exponent is above twice its error."""
-    run = in_blocks(lambda theta, v: greatest_exponent(theta, v, settings), SPEEDS, settings)
+    run = every_set(greatest_exponents(settings), SPEEDS)
 
     def call(sets: np.ndarray) -> np.ndarray:
         found = run(sets)

@@ -14,20 +14,17 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from stickslip.sweep import Variable, run_sweep
-
 from .._experiment import Context, Experiment, Statement
-from ._coordinates import FIRST, NAMES, START, draw_sets, physical, system_and_start
-from ._diagram import points
+from ._coordinates import FIRST, NAMES, START, draw_sets, physical
 from ._draw import draw_diagrams
 from ._judge import judge_diagrams, judge_positive
-from ._model import store_options
 from ._score import (
     FOUND,
     ITEMS,
+    diagram_points,
     diagram_scorer,
     exponent_scorer,
-    greatest_exponent,
+    greatest_exponents,
     motion_scorer,
     scorer,
 )
@@ -64,7 +61,7 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     fine = scorer(parameters, diagram_scorer, motion_scorer, exponent_scorer)(finalists)
     best = int(_ranked(fine)[0])
     winner = finalists[best]
-    result = whole_range(winner, parameters, context)
+    result = whole_range(winner, parameters)
     values = {**{k: float(v) for k, v in physical(jnp.asarray(winner)).items()}, "x0": winner[START]}
     words = ", ".join(f"{k} = {v:.6g}" for k, v in values.items())
     one = {"units": "1"}
@@ -83,22 +80,19 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     )  # fmt: skip
 
 
-def whole_range(winner: np.ndarray, parameters: Mapping[str, Any], context: Context) -> xr.Dataset:
-    """Points and greatest exponent of the best set over the belt speed."""
-
-    def lane(v):
-        theta = jnp.asarray(winner)
-        found = points(*system_and_start(theta, v, parameters["modes"]), parameters)
-        return {**found, **greatest_exponent(theta, v, parameters)}
-
-    dims = {name: Variable(("point",), "1", name) for name in ("x", "y", "w")}
+def whole_range(winner: np.ndarray, parameters: Mapping[str, Any]) -> xr.Dataset:
+    """Points and greatest exponent of the best set over the belt speed, by the scorers' programs."""
     speeds = np.linspace(1e-4, 3e-2, parameters["speeds"])
-    settings = {**parameters, "winner": winner.tolist()}
-    return run_sweep(
-        lane, {"v": speeds}, variables={"v": Variable(units="1", long_name="belt speed v"), **dims},
-        chunk=64, executor=parameters["executor"],
-        **store_options("search", FOUND, settings, context),
-    ).load().expand_dims(variant=[FOUND])  # fmt: skip
+    theta = np.tile(winner, (speeds.size, 1))
+    found = {
+        **diagram_points(parameters)(theta, speeds), **greatest_exponents(parameters)(theta, speeds)
+    }  # fmt: skip
+    data = {
+        name: (("v", "point")[: a.ndim], a, {"units": "1", "long_name": name})
+        for name, a in found.items()
+    }
+    axis = ("v", speeds, {"units": "1", "long_name": "belt speed v"})
+    return xr.Dataset(data, {"v": axis}).expand_dims(variant=[FOUND])
 
 
 def judge(dataset: xr.Dataset) -> list[Statement]:

@@ -11,15 +11,10 @@ import xarray as xr
 import stickslip as ss
 from stickslip.analysis import orbit_diagram
 from stickslip.sweep import Variable
-from stickslip.systems import (
-    BlockOnBelt,
-    BlockOnDrivenBelt,
-    BlockState,
-    DCDrive,
-    DrivenBlockState,
-)
+from stickslip.systems import BlockOnBelt, BlockOnDrivenBelt, BlockState, DrivenBlockState
 
 from .._experiment import Context
+from ._drive import SIGNS, signed_drive
 from ._exponent import largest_exponents
 from ._sets import found_set, simplified, with_drive
 
@@ -56,15 +51,42 @@ def system_of(model: str, k3: Any, name: str = "A"):
 
     Errors: `ValueError` for a set that is neither A nor one of those found.
     """
-    sign = "printed" if "printed" in model else "consistent"
+    return _built(model, k3, sign_of(model), name)
+
+
+def sign_of(model: str) -> float:
+    """Factor of the belt reaction in the model; of no meaning to the simplified one."""
+    return SIGNS["printed" if "printed" in model else "consistent"]
+
+
+def _built(model: str, k3: Any, sign: Any, name: str):
     if name != "A":
         values, pull = found_set(name)
         return simplified(values, k3) if model == "simplified" else with_drive(sign)(values, k3, pull)
     if model == "simplified":
         return BlockOnBelt.constructed(k3), BlockState(0.0, 0.0, 0.0, 0.0)
-    drive = DCDrive.constructed(belt_reaction=sign)
     start = DrivenBlockState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    return BlockOnDrivenBelt.constructed(k3, drive=drive), start
+    return BlockOnDrivenBelt.constructed(k3, drive=signed_drive(sign)), start
+
+
+def lanes_of(model: str, k3: np.ndarray, name: str) -> tuple[Any, dict[str, Any]]:
+    """`(**point) -> system` and the grid over k3, one function and one shape for both signs.
+
+    The sign is a coordinate of one value: as an input it is no part of the program.
+    """
+    if model == "simplified":
+        return lambda k3: _built(model, k3, 1.0, name)[0], {"k3": k3}
+    return (
+        lambda sign, k3: _built(model, k3, sign, name)[0],
+        {"sign": np.array([sign_of(model)]), "k3": k3},
+    )
+
+
+def without_sign(result: xr.Dataset) -> xr.Dataset:
+    """The dataset without the coordinate that only chose the program's input."""
+    if "sign" not in result.dims:
+        return result
+    return result.isel(sign=0, drop=True).drop_vars("checked_sign", errors="ignore")
 
 
 def protocols(parameters: Mapping[str, Any]) -> Iterator[tuple[str, float, float]]:
@@ -148,9 +170,10 @@ def _diagram(model, k3, transient, duration, protocol, parameters, context) -> x
         "times": [transient, duration],
         **{key: parameters[key] for key in keys},
     }
+    build, grid = lanes_of(model, k3, parameters["set"])
     result = orbit_diagram(
-        system,
-        {"k3": k3},
+        build,
+        grid,
         start,
         section=system.zero_acceleration_section(),
         observables="x",
@@ -165,7 +188,8 @@ def _diagram(model, k3, transient, duration, protocol, parameters, context) -> x
         },
         **_options(f"diagram-{protocol}", model, settings, context),
     )
-    return result.drop_vars([name for name in result.data_vars if str(name).startswith("end_")]).load()
+    dropped = [name for name in result.data_vars if str(name).startswith("end_")]
+    return without_sign(result.drop_vars(dropped)).load()
 
 
 def _exponents(model, k3, parameters, context) -> xr.Dataset:
@@ -183,13 +207,14 @@ def _exponents(model, k3, parameters, context) -> xr.Dataset:
         "tolerance": parameters["tolerance"],
         "method": parameters["method"],
     }
+    build, grid = lanes_of(model, values, parameters["set"])
     result = largest_exponents(
-        lambda k3: system_of(model, k3, parameters["set"])[0],
-        {"k3": values},
+        build,
+        grid,
         system_of(model, 85.0, parameters["set"])[1],
         transient=dropped,
         segments=100 if parameters["converged_transient"] >= 100 else 30,
         integrator=integrator_of(parameters),
         **_options("exponent", model, settings, context),
     )
-    return result.rename(k3="k3_exponent").load()
+    return without_sign(result).rename(k3="k3_exponent").load()

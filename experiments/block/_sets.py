@@ -5,7 +5,9 @@ from typing import Any
 import numpy as np
 
 from stickslip.friction import SmoothHyperbolicWeakening
-from stickslip.systems import BlockOnBelt, BlockOnDrivenBelt, BlockState, DCDrive, DrivenBlockState
+from stickslip.systems import BlockOnBelt, BlockOnDrivenBelt, BlockState, DrivenBlockState
+
+from ._drive import SIGNS, signed_drive
 
 # What the search varies, with the values of set A and how far a first guess strays from them (the
 # standard deviation of the logarithm). J and Q are factors of 3 M r^2 and of -3/4 M g r.
@@ -73,16 +75,20 @@ def simplified(p: Any, k3: Any, pull: Any = 0.0):
     return make(V_b=p[list(NAMES).index("V_b")], **mechanics(p, k3)), BlockState(0.0, 0.0, 0.0, 0.0)
 
 
-def with_drive(sign: str):
-    """Full model, driven so that the belt runs at `V_b` on average if the mean friction is `pull`."""
+def with_drive(sign: Any):
+    """Full model, driven so that the belt runs at `V_b` on average if the mean friction is `pull`.
+
+    `sign`: of the belt reaction, a word of `SIGNS` or a factor, known or traced.
+    """
+    sign = SIGNS[sign] if isinstance(sign, str) else sign
 
     def build(p, k3, pull):
         q = dict(zip(NAMES, p, strict=True))
-        changes = {"J_dc": q["J_dc"], "r_bp": q["r_bp"], "R_w": q["R_w"], "belt_reaction": sign}
-        drive = DCDrive.constructed(**changes)
+        changes = {"J_dc": q["J_dc"], "r_bp": q["r_bp"], "R_w": q["R_w"]}
+        drive = signed_drive(sign, **changes)
         omega = q["V_b"] / drive.transmission
         current = (drive.b * omega + drive.T_k - drive.reaction * pull) / drive.k_m
-        drive = DCDrive.constructed(**changes, U_in=drive.k_e * omega + drive.R_w * current)
+        drive = signed_drive(sign, **changes, U_in=drive.k_e * omega + drive.R_w * current)
         make: Any = BlockOnDrivenBelt
         return make(drive=drive, **mechanics(p, k3)), DrivenBlockState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 

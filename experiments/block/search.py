@@ -34,6 +34,7 @@ class RegimeSearch:
 
     def __init__(self, parameters: dict[str, Any]):
         q = parameters
+        self.looks = q["looks"]
         self.coarse = np.linspace(LOW, HIGH, q["coarse"])
         self.fine = np.linspace(LOW, HIGH, q["fine"])
         options = {"duration": q["duration"], "tolerance": q["tolerance"], "executor": q["executor"]}
@@ -69,10 +70,13 @@ class RegimeSearch:
 
     def regimes(self, sets: np.ndarray) -> list[tuple[Regimes, Regimes, np.ndarray] | None]:
         """Regimes of both models and the exponents, of each set; None where a lane failed."""
+        # Filled up to one number of sets, because another number of lanes is another program.
+        count = len(sets)
+        sets = sets[np.minimum(np.arange(max(count, self.looks)), count - 1)]
         pull = np.asarray(self.pull(jnp.asarray(sets), jnp.full(len(sets), 85.0)))
         outs = [self._run(program, sets, self.fine, pull) for program in (self.simple, self.full)]
         found = []
-        for i in range(len(sets)):
+        for i in range(count):
             good = all(out["ok"][i].all() and not out["lifted"][i].any() for out in outs)
             if not good:
                 found.append(None)

@@ -14,7 +14,7 @@ from stickslip.identification import Fit, Observed, Problem, Record, Unknown, pr
 from .._experiment import Context, Experiment
 from ._log import KIND, Log, pairs, read_log, read_machine, write_template
 
-NOISE = {"place": 1e-4, "angle": 1e-3, "speed": 0.05}
+SENSOR_NOISE = {"place": 1e-4, "angle": 1e-3, "speed": 0.05}
 UNIT = {"place": "m", "angle": "rad", "speed": "rad/s"}
 FITTED = {"P1": "N", "P2": "N", "m": "kg", "M": "kg", "r_f": "m"} | dict.fromkeys(
     ("mu_s", "mu_k", "mu_1s_b", "mu_2s_b", "mu_1k_b", "mu_2k_b"), ""
@@ -48,7 +48,9 @@ def problem_of(
             name: Unknown(float(getattr(machine, name)), bounds=(0.0, None), unit=FITTED[name])
             for name in unknowns
         },
-        observed={name: _observed(name, noise.get(name, NOISE[KIND[name]])) for name in log.measured},
+        observed={
+            name: _observed(name, noise.get(name, SENSOR_NOISE[KIND[name]])) for name in log.measured
+        },
         records=Record(log.times, log.measured),
         integrator=ss.Integrator("tsit5", ss.AdaptiveStep(tolerance, tolerance)),
     )

@@ -17,7 +17,7 @@ from .._experiment import Context, Experiment
 from ._bench import BENCH
 from ._input import ramps, scenario_input
 
-NAMES = tuple(sorted(cx.UNKNOWNS))
+NAMES = tuple(sorted(cx.FITTED_PARAMETERS))
 LABELS = {
     "P1": "$P_1$", "P2": "$P_2$", "mu_1k_b": r"$\mu_{1k}^b$", "mu_2k_b": r"$\mu_{2k}^b$",
     "mu_k": r"$\mu_k$", "mu_s": r"$\mu_s$",
@@ -32,7 +32,7 @@ def _integrator():
 
 
 def _residual(values, data, p, v, times):
-    return cx.misfit(values, data, p, v, times, integrator=_integrator())
+    return cx.measurement_residuals(values, data, p, v, times, integrator=_integrator())
 
 
 def design(parameters: dict[str, Any], p: cx.CoreXYParameters, times: Any) -> np.ndarray:
@@ -52,7 +52,9 @@ def design(parameters: dict[str, Any], p: cx.CoreXYParameters, times: Any) -> np
     )
     inputs = jax.vmap(lambda ends: ramps(ends, parameters["duration"]))(ends)
     each_times = np.broadcast_to(times, (count, times.size))
-    found = sensitivities(_residual, truth, *same, inputs, each_times, chunk_size=LANES)
+    found = sensitivities(
+        _residual, truth, *same, inputs, each_times, chunk_size=LANES, executor=parameters["executor"]
+    )
     weakest = found.singular_values[:, -1]
     return ends[int(jnp.argmax(jnp.where(jnp.isfinite(weakest), weakest, 0.0)))]
 
@@ -79,7 +81,7 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
         starts = {name: truth[i] * factors[number, :, i] for i, name in enumerate(NAMES)}
         fits = many_starts(
             _residual, starts, data, p, v, times, max_steps=parameters["steps"],
-            chunk_size=LANES,
+            chunk_size=LANES, executor=parameters["executor"],
         )  # fmt: skip
         one = best(fits)
         errors = one.standard_errors()
@@ -118,7 +120,7 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
             "motor": [1, 2],
             "time": ("time", times[::5], {"units": "s"}),
         },
-        {"noise": str(tuple(cx.NOISE)), "unit_of_unknowns": "P1, P2 in N, the others 1"},
+        {"noise": str(tuple(cx.MEASUREMENT_NOISE)), "unit_of_unknowns": "P1, P2 in N, the others 1"},
     )
 
 
@@ -129,8 +131,9 @@ def _by_adam(parameters, starts, number, *case) -> np.ndarray:
         return np.full(count, np.nan)
     some = {name: a[:count] for name, a in starts.items()}
     fits = many_starts(
-        _residual, some, *case, fit=gradient_descent, steps=parameters["adam_steps"], chunk_size=LANES
-    )
+        _residual, some, *case, fit=gradient_descent, steps=parameters["adam_steps"], chunk_size=LANES,
+        executor=parameters["executor"],
+    )  # fmt: skip
     return np.asarray(fits.reduced_chi_squared)
 
 
@@ -199,9 +202,12 @@ EXPERIMENT = Experiment(
     title="CoreXY: friction and tensions from noisy measurements, what they can see",
     parameters={
         "duration": 6.0, "rate": 100.0, "starts": 100, "spread": 1.5, "steps": 60, "candidates": 64,
-        "adam_steps": 300, "seed": 0,
+        "adam_steps": 300, "seed": 0, "executor": "auto",
     },
-    quick={"duration": 2.0, "starts": 4, "candidates": 8, "steps": 30, "adam_steps": 0},
+    quick={
+        "duration": 2.0, "starts": 4, "candidates": 8, "steps": 30, "adam_steps": 0,
+        "executor": "portable",
+    },
     compute=compute,
     draw=draw,
     measured=BENCH,

@@ -47,7 +47,7 @@ RELEASE = 64 * EPSILON
 # At rest, for the reported states: above the errors that an ill-conditioned mass matrix leaves.
 REST = 1024 * EPSILON
 # Distances below this are rounding, not a direction.
-NOISE = 4 * EPSILON
+ROUNDING = 4 * EPSILON
 # Normals closer to dependence than this (sine of the angle) count as dependent.
 DEPENDENT = EPSILON ** (2 / 3)
 
@@ -99,13 +99,13 @@ def _sweep(pull, rows, limits) -> _Search:
 def _advance(now: _Search, pull, rows, limits) -> _Search:
     """One step of the search in every lane that has not settled."""
     contact = jnp.arange(rows.shape[0])[:, None]
-    basis = gram_schmidt(rows, now.free, NOISE)
+    basis = gram_schmidt(rows, now.free, ROUNDING)
     loaded = pull + combine(rows, jnp.where(now.free, 0.0, now.force))
     target = jnp.where(now.free, -basis.weights(dots(basis.q, loaded)), now.force)
 
     change = target - now.force
     # A target within rounding of its bound counts as there: a free contact is strictly inside.
-    leaves = now.free & (jnp.abs(target) >= limits - NOISE * (1 + limits))
+    leaves = now.free & (jnp.abs(target) >= limits - ROUNDING * (1 + limits))
     bound = jnp.where(target > 0, limits, -limits)
     share = (bound - now.force) / jnp.where(change == 0, 1.0, change)
     share = jnp.where(leaves, jnp.clip(share, 0.0, 1.0), 2.0)

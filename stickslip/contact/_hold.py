@@ -6,7 +6,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float
 
 from stickslip._validation import refusal
-from stickslip.contact._active_set import DEPENDENT, NOISE
+from stickslip.contact._active_set import DEPENDENT, ROUNDING
 from stickslip.contact._linear_algebra import (
     cholesky,
     combine,
@@ -42,7 +42,7 @@ def constrained(
     normals: Float[Array, "m n"],
     held: Bool[Array, " m"],
     contact_acceleration: Float[Array, " m"],
-    tolerance: Float[Array, " m"] | float = NOISE,
+    tolerance: Float[Array, " m"] | float = ROUNDING,
 ) -> Held:
     """`hold` for arrays that have been checked."""
     factor = cholesky(mass_matrix)

@@ -8,7 +8,7 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float
 
-from stickslip.contact._active_set import DEPENDENT, EPSILON, NOISE
+from stickslip.contact._active_set import DEPENDENT, EPSILON, ROUNDING
 from stickslip.contact._linear_algebra import gram_schmidt, reject, safe_norm
 from stickslip.contact._problem import as_active, as_force, as_limits, as_normals
 
@@ -94,7 +94,7 @@ def _gauge(
     member = np.array([chosen + (0,) * (most - len(chosen)) for chosen in subsets]).T.astype(int)
     used = np.arange(most)[:, None] < np.array([len(chosen) for chosen in subsets])
     spanning = jnp.moveaxis(rows[member], -1, 1)
-    basis = gram_schmidt(spanning, jnp.asarray(used & (bounds > 0)[member]), NOISE)
+    basis = gram_schmidt(spanning, jnp.asarray(used & (bounds > 0)[member]), ROUNDING)
     normal = reject(basis.q, jnp.broadcast_to(load[:, None], (size, len(subsets))))
 
     strength = safe_norm(load, axis=0)

@@ -24,7 +24,7 @@ from ._tree import cubic
 POINTS = (0.3819660112501051, 0.7236067977499789)
 CERTAIN = 3.0  # a mismatch of a third of the room is accepted
 LARGEST = 1e4  # a doubt beyond this says no more than that the step is much too long
-NOISE = 1e-13  # mismatches below this part of the values are rounding
+RELATIVE_ROUNDING = 1e-13  # mismatches below this part of the values are rounding
 # So are those below this part of the magnitude of a guard, whose terms may all but cancel.
 ROUNDING = 1e-15
 NO_JUMP = SLACK / ROUNDING
@@ -161,7 +161,7 @@ def _mismatch(course: _Course, rounding: Any) -> tuple[Any, Any]:
         mismatch = jnp.maximum(mismatch, jnp.abs(value - cubic(point, v0, a, v1, b)))
         size = jnp.maximum(size, jnp.abs(value))
     # Of a straight line the mismatch is rounding, and at zero room it would still be a doubt.
-    return jnp.where(mismatch <= NOISE * size + rounding, 0.0, mismatch), size
+    return jnp.where(mismatch <= RELATIVE_ROUNDING * size + rounding, 0.0, mismatch), size
 
 
 def _room(course: _Course) -> Any:

@@ -70,9 +70,9 @@ class Report:
     def rows(self) -> list[list[str]]:
         """The table of estimates, its head first."""
         head = ["unknown", "estimate", "unit", "standard error", "Wald 95%"]
-        with_profile = self.profile is not None
-        if with_profile:
-            head += [f"profile {100 * float(self.profile.level):g}%", "verdict"]
+        profile = self.profile
+        if profile is not None:
+            head += [f"profile {100 * float(profile.level):g}%", "verdict"]
         table = [[*head, "bound"]]
         errors = self.fit.standard_errors()
         for name, unit in self.fit.units.items():
@@ -80,11 +80,11 @@ class Report:
             row = [name, f"{value:.6g}", unit or "-", f"{error:.3g}"]
             low, high = value - QUANTILE * error, value + QUANTILE * error
             row += [f"{low:.6g} to {high:.6g}" if np.isfinite(error) else "none"]
-            if with_profile:
-                known = name in self.profile.names
-                at = self.profile.names.index(name) if known else 0
-                row += [" to ".join(self.profile.shown(at)) if known else "not asked for"]
-                row += [self.profile.verdicts[name] if known else ""]
+            if profile is not None:
+                known = name in profile.names
+                at = profile.names.index(name) if known else 0
+                row += [" to ".join(profile.shown(at)) if known else "not asked for"]
+                row += [profile.verdicts[name] if known else ""]
             side = int(self.fit.active_bounds[name])
             table.append([*row, {0: "", -1: "at the lower", 1: "at the upper"}[side]])
         return table

@@ -16,6 +16,9 @@ from ._scalars import Mass, is_zero
 
 GIVEN = None  # a direction that `contacts` returns
 
+# A property in whose place a subclass may have an attribute of the class, as type checkers see it.
+overridable: Any = property
+
 
 class Names(NamedTuple):
     """Names that a mechanism states, in order."""

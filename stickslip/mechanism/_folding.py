@@ -4,6 +4,8 @@ from collections.abc import Callable
 from typing import Any
 
 import jax
+import jax.core
+import jax.extend.core
 import numpy as np
 
 _RULES: dict[str, Callable] = {

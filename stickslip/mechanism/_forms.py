@@ -16,7 +16,7 @@ from stickslip.hybrid._system import NO_MODE
 
 from ._account import AbstractMechanicalSystem
 from ._check import DeclarationError
-from ._instant import Instant, push_of
+from ._instant import Instant, pressing, push_of
 from ._mechanism import AbstractMechanism
 from ._scalars import times, total
 
@@ -73,21 +73,10 @@ class _AbstractSmoothForm(AbstractMechanicalSystem):
             force = [total((g, times(x, f))) for g, x in zip(force, n, strict=True)]
             push = push_of(machine, at, c)
             if push is not None:
-                pressed = _pressing(at.contacts[c].normal_force)
+                pressed = pressing(at.contacts[c].normal_force)
                 force = [total((g, times(x, pressed))) for g, x in zip(force, push, strict=True)]
         a = [jnp.asarray(x, jnp.float64) for x in at.mass.solve(force)]
         return at.q_rate, type(at.v)(*a)
-
-    def _powers(self, at: Instant, friction: list) -> dict[str, Any]:
-        machine = self.mechanism
-        closed = [where(_pressing(c.normal_force) > 0.0, 0.0, 2.0) for c in at.contacts]
-        found = {"forces": machine.declared_power(at, closed)}
-        for name, contact, u, f in zip(
-            machine.contact_directions, at.contacts, at.speeds, friction, strict=True
-        ):
-            found[f"friction of {name}"] = f * u
-            found[f"drive of {name}"] = f * contact.surface_speed
-        return found
 
 
 class RegularisedMechanism(_AbstractSmoothForm):
@@ -150,7 +139,7 @@ class RegularisedMechanism(_AbstractSmoothForm):
     def powers(self, t, y, mode, args):
         """As `AbstractMechanism.powers`, under the regularised laws [W]."""
         at = self.mechanism.instant(t, y, args)
-        return self._powers(at, self._friction(at))
+        return self.mechanism.smooth_powers(at, self._friction(at))
 
 
 class BristleState(NamedTuple):
@@ -240,7 +229,7 @@ class BristleMechanism(_AbstractSmoothForm):
     def powers(self, t, y, mode, args):
         """As `AbstractMechanism.powers` [W]; friction counts what the bristles take and give back."""
         at = self.mechanism.instant(t, y.y, args)
-        return self._powers(at, self._friction(at, y.z)[0])
+        return self.mechanism.smooth_powers(at, self._friction(at, y.z)[0])
 
 
 def _without_stops(mechanism: Any) -> AbstractMechanism:
@@ -252,9 +241,5 @@ def _without_stops(mechanism: Any) -> AbstractMechanism:
     return mechanism
 
 
-def _pressing(load: Any) -> Any:
-    return jnp.maximum(jnp.asarray(load, jnp.float64), 0.0)
-
-
 def _load(machine: AbstractMechanism, name: str, contact: Any) -> Any:
-    return _pressing(contact.normal_force) if name in machine.opening else contact.normal_force
+    return pressing(contact.normal_force) if name in machine.opening else contact.normal_force

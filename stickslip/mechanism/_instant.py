@@ -158,12 +158,13 @@ def loaded(
 ) -> list[Any]:
     """All forces [N]: those declared, friction of the sliding contacts, normal forces of closed ones.
 
-    `without`: contacts whose friction is left out too. `lone`: whether friction of contacts that are
-    alone in their island counts: what they would bear at rest does not depend on it. `apart`: whether
-    that of islands which are treated in rows is left out.
+    `without`: contacts whose friction is left out too. `lone`: whether friction of contacts that change
+    the acceleration along no other counts: what they would bear at rest does not depend on it. `apart`:
+    whether that of islands which are treated in rows is left out.
     """
     force = list(at.force)
-    skipped = {island.rows[0] for island in machine.islands if island.m == 1 and not lone}
+    separate = () if lone else (island for island in machine.islands if island.separate)
+    skipped = {c for island in separate for c in island.rows}
     if apart:
         skipped |= {c for island in machine.islands if in_rows(machine, island) for c in island.rows}
     for c, contact in enumerate(at.contacts):
@@ -279,3 +280,8 @@ def landed(island: Island, at: Instant, still: list) -> list[Any]:
             j, others = own[-1], dot([row[i] for i in own[:-1]], [v[i] for i in own[:-1]])
             v[j] = where(rests, times(1.0 / row[j], minus(at.surfaces[c], others)), v[j])
     return v
+
+
+def pressing(load: Any) -> Any:
+    """The normal force of a contact that may be open."""
+    return jnp.maximum(jnp.asarray(load, jnp.float64), 0.0)

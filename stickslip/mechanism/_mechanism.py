@@ -25,6 +25,7 @@ from ._declaration import (
     directions_of,
     generic_mass,
     in_order,
+    overridable,
     traced_with,
 )
 from ._first_order import check_rates
@@ -222,14 +223,14 @@ class AbstractMechanism(AbstractWithObservables):
         """Islands whose resting contacts have one guard together."""
         return tuple(island for island in self.islands if island.dependent)
 
-    @property
-    def mode_names(self) -> Any:  # pyright: ignore[reportIncompatibleVariableOverride]
+    @overridable
+    def mode_names(self) -> Any:
         """`"slip backward"`, `"stick"`, `"slip forward"` or `"open"` of each contact; of each stop
         `"open"` or `"closed"`."""
         return ModeNames(len(self.contact_directions), len(self.stops))
 
-    @property
-    def guard_names(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+    @overridable
+    def guard_names(self) -> tuple[str, ...]:
         """One of each contact, one of each group of dependent contacts, one of each that may open, and
         one of each stop."""
         names = self.names

@@ -1,6 +1,6 @@
 """Energy, powers and forces of a mechanism in a state and mode."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 import jax
 import jax.numpy as jnp
@@ -12,21 +12,29 @@ from stickslip._looks_at import state as some_state
 from stickslip._types import Numeric, Whole
 
 from ._declaration import driven, mass_of, traced_with
-from ._instant import Instant, floats, pushed
+from ._instant import Instant, floats, pressing, pushed
 from ._modes import sense_of
 from ._scalars import dot, total
 from ._with_stops import AbstractWithStops
+
+if TYPE_CHECKING:
+    from ._mechanism import AbstractMechanism
 
 
 class AbstractWithObservables(AbstractWithStops):
     """A part of `AbstractMechanism`, which says what it declares."""
 
+    @property
+    def _whole(self) -> "AbstractMechanism":
+        """This mechanism, as what its parts are not by themselves."""
+        return cast("AbstractMechanism", self)
+
     @looks_at(y=some_state)
     def energy(self, y):
         """Kinetic and potential energy [J]."""
         q, v = self.to_coordinates(y)
-        momentum = mass_of(self.mass_matrix(q), self.names.coordinates).times(v)
-        return total((0.5 * dot(v, momentum), self.potential_energy(q)))
+        momentum = mass_of(self._whole.mass_matrix(q), self.names.coordinates).times(v)
+        return total((0.5 * dot(v, momentum), self._whole.potential_energy(q)))
 
     @looks_at(**OBSERVABLE)
     def powers(self, t, y, mode, args):
@@ -37,7 +45,7 @@ class AbstractWithObservables(AbstractWithStops):
         its counter surface; `drive of NAME`, likewise, of a stop that moves. Losses at impacts are in
         the log of events.
         """
-        at = self.instant(t, y, args)
+        at = self._whole.instant(t, y, args)
         found = {"forces": self.declared_power(at, self.states(mode))}
         friction = self.friction_forces(t, y, mode, args)
         moving = traced_with(driven, self)
@@ -47,16 +55,30 @@ class AbstractWithObservables(AbstractWithStops):
                 found[f"drive of {name}"] = friction[name] * at.contacts[c].surface_speed
         return {**found, **self.drives_of_stops(t, y, mode, args)}
 
+    def smooth_powers(self, at: Instant, friction: list) -> dict[str, Any]:
+        """`powers` of a smooth form of this mechanism [W]: under the `friction` [N], one a contact.
+
+        Whoever overrides `powers` with other names overrides this too.
+        """
+        closed = [where(pressing(c.normal_force) > 0.0, 0.0, 2.0) for c in at.contacts]
+        found = {"forces": self.declared_power(at, closed)}
+        for name, contact, u, f in zip(
+            self.contact_directions, at.contacts, at.speeds, friction, strict=True
+        ):
+            found[f"friction of {name}"] = f * u
+            found[f"drive of {name}"] = f * contact.surface_speed
+        return found
+
     def declared_power(self, at: Instant, states: PyTree) -> Any:
         """Power of all forces but friction, less what the potential and the changing inertia take."""
         force = list(at.force)
         for c, s in enumerate(states[: len(at.contacts)]):
-            force = pushed(self, force, at, c, s)
+            force = pushed(self._whole, force, at, c, s)
 
         def stored(q):
-            momentum = mass_of(self.mass_matrix(q), self.names.coordinates).times(at.v)
+            momentum = mass_of(self._whole.mass_matrix(q), self.names.coordinates).times(at.v)
             zero = 0.0 * jnp.asarray(at.v[0], jnp.float64)
-            return total((0.5 * dot(at.v, momentum), self.potential_energy(q), zero))
+            return total((0.5 * dot(at.v, momentum), self._whole.potential_energy(q), zero))
 
         _, rate = jax.jvp(stored, (floats(at.q),), (floats(at.q_rate),))
         return total((dot(force, at.v), rate))
@@ -70,7 +92,7 @@ class AbstractWithObservables(AbstractWithStops):
         Contacts at rest with dependent directions share a load in no unique way: those that lead bear
         all of it.
         """
-        at, states = self.instant(t, y, args), self.states(mode)
+        at, states = self._whole.instant(t, y, args), self.states(mode)
         held, found = self.held(t, at, states, args), {}
         for c, (name, contact) in enumerate(zip(self.names.contacts, at.contacts, strict=True)):
             s = states[c]
@@ -84,7 +106,7 @@ class AbstractWithObservables(AbstractWithStops):
         self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None
     ) -> dict[str, Any]:
         """Normal force in each contact [N], by name; 0 where it is open."""
-        at, states = self.instant(t, y, args), self.states(mode)
+        at, states = self._whole.instant(t, y, args), self.states(mode)
         return {
             name: where(s == 2.0, 0.0, contact.normal_force)
             if name in self.opening
@@ -98,5 +120,5 @@ class AbstractWithObservables(AbstractWithStops):
     ) -> dict[str, Any]:
         """Sliding speed of each contact, and rate of the gap of each stop [m/s], by name."""
         names = self.names
-        speeds = self.instant(t, y, args).speeds
+        speeds = self._whole.instant(t, y, args).speeds
         return dict(zip(names.contacts + names.stops, speeds, strict=True))

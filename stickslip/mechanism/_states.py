@@ -10,7 +10,7 @@ from stickslip._types import Numeric
 from stickslip._validation import as_parameter, check_finite
 
 from ._account import AbstractMechanicalSystem
-from ._declaration import Names, coordinates_type, state_type
+from ._declaration import Names, coordinates_type, overridable, state_type
 
 
 class AbstractWithStates(AbstractMechanicalSystem):
@@ -38,8 +38,8 @@ class AbstractWithStates(AbstractMechanicalSystem):
         others = tuple(self.stops), tuple(self.first_order), tuple(self.cyclic)
         return Names(coordinates, velocities, contacts, opening, *others)
 
-    @property
-    def units(self) -> dict[str, str]:  # pyright: ignore[reportIncompatibleVariableOverride]
+    @overridable
+    def units(self) -> dict[str, str]:
         """Those of the coordinates, of their rates, and of the states of first order."""
         names, given = self.names, self.coordinates
         rates = {

@@ -1,7 +1,7 @@
 """What a mechanism with rigid stops declares and offers on top of one with contacts."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from jaxtyping import PyTree
@@ -16,6 +16,9 @@ from ._scalars import is_zero
 from ._states import AbstractWithStates
 from ._stop import Stop, slopes_of
 
+if TYPE_CHECKING:
+    from ._mechanism import AbstractMechanism
+
 
 class AbstractWithStops(AbstractWithStates):
     """A part of `AbstractMechanism`, which says what it declares."""
@@ -27,7 +30,7 @@ class AbstractWithStops(AbstractWithStates):
     @property
     def slopes(self) -> np.ndarray:
         """Slopes of the gaps `[stop, coordinate, and time last]`, NaN where they are no constants."""
-        return slopes_of(self)
+        return slopes_of(cast("AbstractMechanism", self))
 
     def states(self, mode: Whole) -> Any:
         """-1, 0, 1 or 2 for each contact, backward to open; 0 or 2 for each stop, closed or open."""
@@ -39,9 +42,10 @@ class AbstractWithStops(AbstractWithStates):
 
     def held(self, t: Numeric, at: Instant, states: PyTree, args: PyTree) -> list[Any]:
         """Force in each contact and each stop if it is at rest."""
-        force, gamma = loaded(self, at, states), surface_accelerations(self, t, at, args)
+        machine = cast("AbstractMechanism", self)
+        force, gamma = loaded(machine, at, states), surface_accelerations(machine, t, at, args)
         held: list[Any] = [0.0] * len(states)
-        for island in self.islands:
+        for island in machine.islands:
             motion = motion_of(island, at, states, force, gamma)
             for c, borne in zip(island.rows, motion.force, strict=True):
                 held[c] = borne
@@ -54,7 +58,8 @@ class AbstractWithStops(AbstractWithStates):
         0 where it is open. A stop that shares its load with contacts at rest in no unique way bears
         what those that lead leave to it.
         """
-        at, states = self.instant(t, y, args), self.states(mode)
+        at = cast("AbstractMechanism", self).instant(t, y, args)
+        states = self.states(mode)
         first = len(at.contacts)
         held = self.held(t, at, states, args)
         return {
@@ -64,7 +69,7 @@ class AbstractWithStops(AbstractWithStates):
 
     def drives_of_stops(self, t: Numeric, y: PyTree, mode: Whole, args: PyTree) -> dict[str, Any]:
         """Power of each stop that moves [W], by name, while the mechanism rests on it."""
-        stops = self.instant(t, y, args).stops
+        stops = cast("AbstractMechanism", self).instant(t, y, args).stops
         moving = [k for k, stop in enumerate(stops) if not is_zero(stop.rate)]
         borne = self.stop_forces(t, y, mode, args) if moving else {}
         names = {k: self.names.stops[k] for k in moving}

@@ -2,6 +2,7 @@
 
 from typing import Any, ClassVar
 
+import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from .._looks_at import OBSERVABLE, looks_at, reals, state
@@ -87,10 +88,19 @@ class BlockOnDrivenBeltSetValued(AbstractBlockOnDrivenBelt, AbstractMechanism):
         dry = Coulomb(self._per_torque * self.drive.T_st, self._per_torque * self.drive.T_k)
         return {"block": Contact(self.law, N), "bearing": Contact(dry)}
 
-    def declared_power(self, at: Instant, states: list) -> Any:
-        """Refused: what the gear loses depends on the friction."""
-        why = "those of this system; `BlockOnDrivenBelt` has the powers of a smooth one"
-        raise refusal("powers", "of a smooth form", why)
+    def smooth_powers(self, at: Instant, friction: list) -> dict[str, Any]:
+        """Powers into `energy` [W], as `powers`: what the gear loses depends on the friction."""
+        y = self.from_coordinates(at.q, at.v)
+        drive, T_s = self.drive, -friction[0]
+        # `loss_power` has the dry friction of the set-valued law, which is another one here.
+        dry = drive.kinetic_torque * jnp.abs(y.omega) + friction[1] / self._per_torque * y.omega
+        return {
+            "supply": drive.electrical_power(0.0, y),
+            "motor": drive.loss_power(0.0, y) + dry,
+            "gear": drive.load_power(y, T_s) - T_s * self.belt_velocity(y),
+            "contact": T_s * (self.belt_velocity(y) - y.vx),
+            "dampers": self.damper_power(0.0, y),
+        }
 
     @looks_at(**OBSERVABLE)
     def friction_force(self, t: Numeric, y: DrivenBlockState, mode: Whole, args: PyTree = None) -> Any:

@@ -20,7 +20,7 @@ def residuals(values, data):
     p, voltage = cx.scenario(1)
     step = ss.AdaptiveStep(1e-10, 1e-10)  # pyright: ignore[reportCallIssue]
     integrator = ss.Integrator("tsit5", step)  # pyright: ignore[reportCallIssue]
-    return cx.misfit(values, data, p, voltage, TIMES, integrator=integrator)
+    return cx.measurement_residuals(values, data, p, voltage, TIMES, integrator=integrator)
 
 
 rows = jax.jit(residuals)
@@ -37,7 +37,9 @@ def clean() -> cx.Measurement:
     """The residuals against nothing, unscaled, are what the machine shows."""
     nothing = cx.Measurement(*(jnp.zeros(3),) * 4)
     found = rows(truth(), nothing).reshape(4, 3)
-    return cx.Measurement(*(row * sigma for row, sigma in zip(found, cx.NOISE, strict=True)))
+    return cx.Measurement(
+        *(row * sigma for row, sigma in zip(found, cx.MEASUREMENT_NOISE, strict=True))
+    )
 
 
 @pytest.mark.slow
@@ -54,7 +56,7 @@ def test_it_is_what_the_reference_shows():
 @pytest.mark.slow
 def test_residuals_are_deviations_in_units_of_the_noise():
     assert np.abs(rows(truth(), clean())).max() < 1e-9
-    moved = clean()._replace(x=clean().x.at[1].add(3 * cx.NOISE.x))
+    moved = clean()._replace(x=clean().x.at[1].add(3 * cx.MEASUREMENT_NOISE.x))
     assert rows(truth(), moved) == pytest.approx(np.eye(12)[7] * -3.0, abs=1e-9)
 
 
@@ -71,7 +73,7 @@ def test_derivatives_by_the_unknowns():
 def test_noise_is_normal_with_the_given_deviations():
     wide = cx.Measurement(*(jnp.zeros(20_000),) * 4)
     noisy = cx.with_noise(wide, jax.random.key(1))
-    for row, sigma in zip(noisy, cx.NOISE, strict=True):
+    for row, sigma in zip(noisy, cx.MEASUREMENT_NOISE, strict=True):
         assert np.std(row) == pytest.approx(sigma, rel=0.03)
         assert abs(np.mean(row)) < 5 * sigma / np.sqrt(20_000)
     assert abs(np.corrcoef(np.stack(noisy)) - np.eye(4)).max() < 0.04
@@ -93,7 +95,7 @@ def test_bad_input(change, words):
     given = {"values": truth(), "data": cx.Measurement(*(jnp.zeros(3),) * 4), "times": TIMES, **change}
     given["times"] = jnp.asarray(given["times"])
     with pytest.raises(ValueError, match=words):
-        cx.misfit(
+        cx.measurement_residuals(
             given["values"], given["data"], p, voltage, given["times"],
-            noise=given.get("noise", cx.NOISE),
+            noise=given.get("noise", cx.MEASUREMENT_NOISE),
         )  # fmt: skip

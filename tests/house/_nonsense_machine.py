@@ -118,16 +118,16 @@ TARGETS = [
     ),
     Target(cx.measurement, {**MACHINE, "times": arg(TIMES, "times"), "integrator": RK4}),
     Target(
-        cx.misfit,
+        cx.measurement_residuals,
         {
             "values": arg({"mu_s": 0.3}, "mapping"), "data": arg(DATA), **MACHINE,
             "times": arg(TIMES, "times"),
-            "noise": arg(cx.NOISE), "integrator": RK4,
+            "noise": arg(cx.MEASUREMENT_NOISE), "integrator": RK4,
         },
     ),
     Target(
         cx.with_noise,
-        {"clean": arg(DATA), "key": arg(jax.random.key(0), "key"), "noise": arg(cx.NOISE)},
+        {"clean": arg(DATA), "key": arg(jax.random.key(0), "key"), "noise": arg(cx.MEASUREMENT_NOISE)},
     ),
     Target(
         cx.with_values, {"parameters": arg(PARAMETERS), "values": arg({"mu_s": 0.3}, "mapping")},

@@ -57,7 +57,8 @@ EXEMPT_METHODS = {
     ),
     **dict.fromkeys(
         (
-            "declared_power", "from_coordinates", "to_coordinates", "AbstractMechanism.instant",
+            "declared_power", "smooth_powers", "from_coordinates", "to_coordinates",
+            "AbstractMechanism.instant",
             "AbstractWithStops.states", "AbstractWithStops.mode_of", "AbstractWithStops.held",
             "AbstractMechanism.motion_together", "AbstractWithStops.drives_of_stops",
         ),

@@ -16,7 +16,7 @@ from stickslip.friction import (
     Sum,
     ViscousFriction,
 )
-from tests.stickslip.mechanism._machines import Chain, Oscillator, flat
+from tests.stickslip.mechanism._machines import Arm, Chain, Oscillator, flat
 
 LAWS = {
     "coulomb": Coulomb(1.0, 0.5),
@@ -109,6 +109,44 @@ def test_bristles_over_stick_and_slip(law):
     errors = differences(jax.jit(jax.vmap(elastic))(jnp.array([5e2, 8e3])), flat(run.y1))
     assert errors[1] < 0.02
     assert errors[0] / errors[1] > 3.0  # 16 times the stiffness
+
+
+def arm(law):
+    """Mass matrix of the angles, two contacts."""
+    machine = Arm(1.0, 1.0, (law, Coulomb(0.8)))
+    return machine, machine.state(a=0.3, b=-0.4, v_a=1.0)
+
+
+@pytest.mark.parametrize(
+    ("machine", "law"),
+    [
+        ("oscillator", "stribeck"),
+        pytest.param("oscillator", "hyperbolic", marks=pytest.mark.slow),
+        pytest.param("two blocks", "coulomb, one coefficient", marks=pytest.mark.slow),
+        pytest.param("arm", "coulomb, one coefficient", marks=pytest.mark.slow),
+    ],
+)
+def test_order_of_stiff_bristles(machine, law):
+    """From 1e4 to 1e6: the damping, twice the root of the stiffness, decides, so the order is 1/2."""
+    if machine == "two blocks":
+        hybrid = Chain(1.0, 1.0, 0.6, (LAWS[law], Coulomb(0.6)), 0.3, 2)
+        y0 = hybrid.state(x_1=0.5, x_2=-0.3)
+    else:
+        hybrid, y0 = {**MACHINES, "arm": arm}[machine](LAWS[law])
+    run = ss.simulate(hybrid, 0.0, 6.0, y0, max_events=64)
+    assert int(run.num_events) >= 1
+    integrator = ss.Integrator("tsit5", ss.AdaptiveStep(1e-7, 1e-9), max_steps=10**8)
+
+    @jax.jit
+    def elastic(sigma_0):
+        form = hybrid.bristles(LuGre, sigma_0=sigma_0, sigma_1=2.0 * jnp.sqrt(sigma_0))
+        end = ss.simulate(form, 0.0, 6.0, form.start(y0), integrator=integrator)
+        return flat(end.y1.y)
+
+    stiff = jnp.array([1e4, 1e5, 1e6])
+    errors = differences(np.stack([elastic(s) for s in stiff]), flat(run.y1))
+    orders = np.log10(errors[:-1] / errors[1:])
+    assert np.all((orders > 0.45) & (orders < 0.75))
 
 
 def test_laws_that_need_no_wrapping_stay_as_they_are():

@@ -202,6 +202,26 @@ def test_printed_signs_of_the_set_valued_model_create_energy(signs):
         ss.simulate(system.regularised(1e-2), 0.0, 1.0, RUNNING)
 
 
+@pytest.mark.parametrize("form", ["regularised", "bristles"])
+def test_every_joule_of_a_smooth_form_is_accounted_for(form):
+    """From slip and from belt at rest: friction of block and bearing, gear, winding and dampers."""
+    machine = BlockOnDrivenBeltSetValued.constructed(k3=85.0)
+    if form == "regularised":
+        system = machine.regularised(1e-2)
+        start = DrivenBlockState(*map(jnp.asarray, AT_REST))
+    else:
+        system = machine.bristles(sigma_0=1e3, sigma_1=1.0, v_s=1e-2)
+        start = system.start(DrivenBlockState(*map(jnp.asarray, AT_REST)))
+    names = ("supply", "motor", "gear", "contact", "dampers")
+    ledger = WithIntegrals(system, type(system).powers, units=dict.fromkeys(names, "J"))
+    end = ss.simulate(ledger, 0.0, 0.4, ledger.start(start)).y1
+    work = {name: float(value) for name, value in end.integrals.items()}
+    assert set(work) == set(names)
+    gain = float(system.energy(end.y) - system.energy(start))
+    assert work["supply"] > 0.1 > 1e-3 > max(work["motor"], work["contact"], work["dampers"])
+    assert abs(sum(work.values()) - gain) < 1e-9 * work["supply"]
+
+
 @pytest.mark.slow
 def test_set_valued_full_model_is_the_limit_of_the_smooth_one(dry):
     _, end = dry
