@@ -9,6 +9,8 @@ tenths of a second.
 
 from typing import Any, ClassVar, NamedTuple
 
+import numpy as np
+
 import stickslip as ss
 from stickslip.friction import RateAndState
 from stickslip.identification import Observed, Problem, Record, Signal, Unknown
@@ -17,7 +19,7 @@ from ._record import Step
 
 LAWS = ("ageing", "slip")
 UNITS = {"stiffness": "1/m", "d_c": "m", "trend": "1/m", "late": "s"}
-STARTS = {"mu_0": 0.6, "a": 0.01, "b": 0.01, "d_c": 1e-5, "stiffness": 5e3}
+STARTS = {"a": 0.01, "b": 0.01, "d_c": 1e-5, "stiffness": 5e3}
 SIGMA = 8e-4  # of the coefficient: what the residuals show
 SPEEDS = (3e-6, 1e-5)  # of the load point before and after the step, as set [m/s]
 
@@ -66,9 +68,10 @@ def problem(law: str, step: Step, begin: float, *, last: float | None = None) ->
         step.time, {"friction": step.friction}, inputs={"load": load},
         missing={"friction": step.time > (end if last is None else last)},
     )  # fmt: skip
+    starts = STARTS | {"mu_0": float(np.median(step.friction[step.time < begin]))}
     unknowns = {
         name: Unknown(start, bounds=(0.0, None), unit=UNITS.get(name, "1"))
-        for name, start in STARTS.items()
+        for name, start in starts.items()
     } | {
         "trend": Unknown(0.0, unit=UNITS["trend"], scale=1.0),
         "late": Unknown(0.0, unit=UNITS["late"], scale=0.1),

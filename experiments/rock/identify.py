@@ -50,13 +50,17 @@ def correlated_covariance(jacobian: np.ndarray, residual: np.ndarray, time: np.n
 
 
 def fits_of(task: Any, parameters: dict[str, Any]) -> list[Fit]:
-    """Fits from the start as it is, and from others `spread` above or below in every unknown."""
+    """Fits from the start as it is, and from others `spread` above or below in what the step tells."""
     rng = np.random.default_rng(parameters["seed"])
     found = [task.fit(method=METHOD)]
     for _ in range(parameters["starts"] - 1):
-        sides = rng.choice([-1.0, 1.0], len(STARTS))
-        other = {n: v * (1.0 + parameters["spread"] * s) for (n, v), s in zip(STARTS.items(), sides)}
-        found.append(task.fit(method=METHOD, start={"trend": 0.0, "late": 0.0} | other))
+        other = {
+            name: unknown.start * (1.0 + parameters["spread"] * rng.choice([-1.0, 1.0]))
+            if name in STARTS
+            else unknown.start
+            for name, unknown in task.unknowns.items()
+        }
+        found.append(task.fit(method=METHOD, start=other))
     return sorted(found, key=lambda fit: float(fit.cost))
 
 
@@ -170,7 +174,6 @@ def draw(data: xr.Dataset) -> Figure:
     for axis in axes.flat:
         axis.legend(frameon=False, fontsize=7)
         axis.title.set_size(9)
-    figure.tight_layout()
     return figure
 
 
