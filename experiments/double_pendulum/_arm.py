@@ -6,7 +6,7 @@ $I_2$, and that of a motor, $I_r$. Friction in each joint is dry and viscous.
 """
 
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -27,8 +27,19 @@ UNITS = {
 }  # fmt: skip
 INERTIAL = tuple(UNITS)[:5]
 DRY = ("dry_1", "dry_2")
+ZEROS = ("zero_1", "zero_2")
+LEAST = {"kg m": 1e-3, "kg m²": 1e-6, "N m s": 1e-5, "N m": 1e-4}  # where a fit may begin
 SIGMA = 0.01  # of an angle: what the residuals show [rad]
 CUT_OFF, ORDER, KNOTS = 25.0, 4, 5  # of the filter of the torque [Hz]; a knot in so many samples
+
+
+class State(NamedTuple):
+    """Angles [rad] and their velocities [rad/s]."""
+
+    q1: Any
+    q2: Any
+    v_q1: Any
+    v_q2: Any
 
 
 class DoublePendulum(AbstractMechanism):
@@ -37,7 +48,10 @@ class DoublePendulum(AbstractMechanism):
     values: dict[str, Any]
     tau_1: Any
     tau_2: Any
+    zeros: tuple = (0.0, 0.0)  # what the encoders show where it hangs [rad]
+    gain: Any = 1.0  # torque of the second motor in units of what is told
 
+    state_class: ClassVar = State
     coordinates: ClassVar = {"q1": "rad", "q2": "rad"}
     contact_directions: ClassVar = {"shoulder": (1, 0), "elbow": (0, 1)}
 
@@ -57,7 +71,7 @@ class DoublePendulum(AbstractMechanism):
         upper = GRAVITY * p["moment_1"] * jnp.sin(q.q1)
         return (
             self.tau_1(t) - p["viscous_1"] * v.q1 - upper - lower + turned * (2.0 * v.q1 + v.q2) * v.q2,
-            self.tau_2(t) - p["viscous_2"] * v.q2 - lower - turned * v.q1**2,
+            self.gain * self.tau_2(t) - p["viscous_2"] * v.q2 - lower - turned * v.q1**2,
         )
 
     def contacts(self, t, q, v, args):
@@ -82,31 +96,73 @@ def torque(motion: Motion, joint: int) -> Signal:
 
 def arm(values: dict[str, Any], inputs: dict[str, Any]) -> DoublePendulum:
     """The pendulum under values by name and the two torques."""
-    return DoublePendulum({name: values[name] for name in UNITS}, inputs["tau_1"], inputs["tau_2"])
+    named = {name: values[name] for name in UNITS}
+    zeros = tuple(values[name] for name in ZEROS)
+    return DoublePendulum(named, inputs["tau_1"], inputs["tau_2"], zeros, values["gain"])
 
 
-def problem(motions: Sequence[Motion], starts: dict[str, float], every: int) -> Problem:
-    """All of `UNITS` from every `every`-th angle; each record begins at rest, at its first angles."""
-    records = [
-        Record(
-            motion.time[::every],
-            {"q1": motion.q[0, ::every], "q2": motion.q[1, ::every]},
-            inputs={"tau_1": torque(motion, 0), "tau_2": torque(motion, 1)},
-            known={"at_1": motion.q[0, 0], "at_2": motion.q[1, 0]},
-            units={"q1": "rad", "q2": "rad"}, name=str(i + 1),
-        )
-        for i, motion in enumerate(motions)
-    ]  # fmt: skip
+def start(values: dict[str, Any], inputs: dict[str, Any]) -> Any:
+    """At rest, where the encoders show `at_1` and `at_2` [rad]."""
+    at = [values[name] - values[zero] for name, zero in zip(("at_1", "at_2"), ZEROS, strict=True)]
+    return arm(values, inputs).state(q1=at[0], q2=at[1])
+
+
+def shot(t: float, values: dict[str, float], slopes: dict[str, float]) -> Any:
+    """A state from what was measured near the time `t` [s], for multiple shooting."""
+    return State(values["q1"], values["q2"], slopes["q1"], slopes["q2"])
+
+
+def problem(
+    motions: Sequence[Motion], starts: dict[str, float], every: int, *, zeros: bool = True,
+    gain: bool = True, known: dict[str, float] | None = None, last: float = np.inf,
+) -> Problem:  # fmt: skip
+    """All of `UNITS` from every `every`-th angle up to the time `last` [s], and with `zeros` what the
+    encoders show where the pendulum hangs; each record begins at rest, at its first angles.
+
+    The encoders count from where friction held the pendulum. With `gain` the torque of the second motor
+    may be another than its current tells, in units of the first: a motion says nothing on the unit of
+    both. With `known` values only the zeros are unknown.
+    """
+    records = []
+    for i, motion in enumerate(motions):
+        time = motion.time[::every]
+        numbers = {"at_1": motion.q[0, 0], "at_2": motion.q[1, 0]} | (known or {})
+        numbers |= {} if zeros else dict.fromkeys(ZEROS, 0.0)
+        numbers |= {} if gain or known else {"gain": 1.0}
+        records.append(
+            Record(
+                time, {"q1": motion.q[0, ::every], "q2": motion.q[1, ::every]},
+                inputs={"tau_1": torque(motion, 0), "tau_2": torque(motion, 1)},
+                missing=dict.fromkeys(("q1", "q2"), time > last), known=numbers,
+                units={"q1": "rad", "q2": "rad"}, name=str(i + 1),
+            )
+        )  # fmt: skip
+    unknowns = {} if known else {
+        name: Unknown(max(starts[name], LEAST[unit]), bounds=(0.0, None), unit=unit)
+        for name, unit in UNITS.items()
+    }  # fmt: skip
+    if gain and not known:
+        unknowns["gain"] = Unknown(1.0, bounds=(0.0, None), unit="1")
+    if zeros:
+        unknowns |= {name: Unknown(0.0, unit="rad", per_record=True, scale=0.01) for name in ZEROS}
     return Problem(
         system=arm,
-        initial_state=lambda p, inputs: arm(p, inputs).state(q1=p["at_1"], q2=p["at_2"]),
-        unknowns={
-            name: Unknown(start, bounds=(0.0, None), unit=UNITS[name]) for name, start in starts.items()
-        },
+        initial_state=start,
+        unknowns=unknowns,
         observed={
-            "q1": Observed(lambda t, y, system: y.q1, SIGMA, "rad"),
-            "q2": Observed(lambda t, y, system: y.q2, SIGMA, "rad"),
+            "q1": Observed(lambda t, y, system: y.q1 + system.zeros[0], SIGMA, "rad"),
+            "q2": Observed(lambda t, y, system: y.q2 + system.zeros[1], SIGMA, "rad"),
         },
         records=records,
         integrator=ss.Integrator("rk4", ss.FixedStep(5e-3), max_steps=50_000),
     )
+
+
+def errors(task: Problem, values: dict[str, Any], motions: Sequence[Motion]) -> list[np.ndarray]:
+    """Both angles as computed less those measured [rad] at the stamps of each record, hidden or not."""
+    found = []
+    for i, motion in enumerate(motions):
+        computed = task.simulate(values, i).observed
+        every = round((task.records[i].times[1] - task.records[i].times[0]) / STEP)
+        found.append(np.stack([np.asarray(computed[n]) for n in ("q1", "q2")]) - motion.q[:, ::every])
+    return found

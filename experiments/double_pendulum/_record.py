@@ -10,15 +10,16 @@ from .._data import find
 NAME = "design_C.0_20220914_trajectory_{:02d}.csv"
 ORIGIN = (
     "It belongs to F. Wiebe et al., Open Source Dual-Purpose Acrobot and Pendubot Platform, IEEE "
-    "Robotics & Automation Magazine 31, 2024, 10.1109/MRA.2023.3341257 (BSD licence), with its repository."
+    "Robotics & Automation Magazine 31, 2024, 10.1109/MRA.2023.3341257 (BSD licence), with its "
+    "repository."
 )
 COLUMNS = ("time", "pos_meas1", "pos_meas2", "tau_meas1", "tau_meas2")
 STEP = 2e-3  # [s]; a few stamps are late, by up to 3.5 ms
 
 
 class Motion(NamedTuple):
-    """Angles `q` [rad] of the first joint from where it hangs and of the second from the first link, and
-    torques `tau` [N m] by the currents of the motors, two rows each, in steps of 2 ms."""
+    """Angles `q` [rad] of the first joint from where it hangs and of the second from the first link,
+    and torques `tau` [N m] by the currents of the motors, two rows each, in steps of 2 ms."""
 
     q: np.ndarray
     tau: np.ndarray

@@ -60,8 +60,8 @@ def slider(law: str, values: dict[str, Any], load: Signal) -> SpringSlider:
 
 
 def problem(law: str, step: Step, begin: float, *, last: float | None = None) -> Problem:
-    """The law, the apparatus and a linear trend, from the coefficient up to the time `last` [s]; `begin`
-    of the higher speed [s], which a fit may correct."""
+    """The law, the apparatus and a linear trend, from the coefficient up to the time `last` [s];
+    `begin` of the higher speed [s], which a fit may correct."""
     end = float(step.time[-1])
     load = Signal([0.0, begin, end], [*SPEEDS, SPEEDS[1]])
     record = Record(

@@ -185,9 +185,7 @@ def judge(data: xr.Dataset) -> list[Statement]:
         return data[name].sel(law=law, unknown=list(PAIR), other=list(PAIR)).values
 
     def listed(law: str) -> str:
-        white, real = (
-            np.sqrt(np.diag(block(law, n))) for n in ("covariance", "correlated_covariance")
-        )
+        white, real = (np.sqrt(np.diag(block(law, n))) for n in ("covariance", "correlated_covariance"))
         return f"{law}: " + ", ".join(
             f"{n} = {v:.5f} +- {w:.5f} (noise as it is {r:.5f})"
             for (n, v), w, r in zip(pair(law).items(), white, real, strict=True)
@@ -240,7 +238,8 @@ def judge(data: xr.Dataset) -> list[Statement]:
                   + ", ".join(f"{law} {v:.1f}" for law, v in inflated.items())),
         Statement("R3.6", "Friction weakens with speed: b above a by more than two standard errors.",
                   all(value > 2.0 * error for value, error in map(surplus, LAWS)),
-                  ", ".join("{}: b - a = {:.5f} +- {:.5f}".format(law, *surplus(law)) for law in LAWS)),
+                  ", ".join(
+                      "{}: b - a = {:.5f} +- {:.5f}".format(law, *surplus(law)) for law in LAWS)),
         Statement("R3.7", "The friction and the displacement tell the same time of the step, to 0.02 s.",
                   abs(float(late)) < 0.02,
                   f"{1e3 * float(late):.0f} ms after {data.attrs['begin']:.3f} s; speeds by the "

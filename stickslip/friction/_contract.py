@@ -13,8 +13,8 @@ from stickslip._types import Row
 from stickslip._validation import one_row
 from stickslip.friction._law import AbstractFrictionLaw, Number, State, check_law
 
-# Close to rest in every law's own scale of velocity, which is 1e-50 m/s for rate-and-state friction, yet
-# so far from the smallest number that the cube of it is one.
+# Close to rest in every law's own scale of velocity, which is 1e-50 m/s for rate-and-state friction,
+# yet so far from the smallest number that the cube of it is one.
 _NEAR = 1e-100
 
 

@@ -10,7 +10,13 @@ from jaxtyping import Array, Float
 
 from stickslip import _fastmath as fast
 from stickslip._looks_at import looks_at, reals
-from stickslip._validation import as_parameter, check_finite, check_in, check_nonnegative, check_positive
+from stickslip._validation import (
+    as_parameter,
+    check_finite,
+    check_in,
+    check_nonnegative,
+    check_positive,
+)
 from stickslip.friction._coulomb import Coulomb
 from stickslip.friction._law import (
     AbstractFrictionLaw,

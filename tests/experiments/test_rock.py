@@ -27,7 +27,7 @@ def made(law: str) -> Step:
     slow = SPEEDS[0]
 
     def slope(t, y):
-        f, theta, x = y
+        f, theta, _ = y
         v = slow * np.exp((f - mu_0 - b * np.log(slow * theta / d_c)) / a)
         u = v * theta / d_c
         rate = 1.0 - u if law == "ageing" else -u * np.log(u)
@@ -78,7 +78,9 @@ def test_stability_of_steady_sliding(law):
         )(np.array([TRUTH["mu_0"], 0.0]))  # fmt: skip
         found[factor] = np.linalg.eigvals(square)
     assert np.abs(found[1.0].real).max() < 1e-9
-    assert found[1.0].imag.max() == pytest.approx(v / TRUTH["d_c"] * np.sqrt(gap / TRUTH["a"]), rel=1e-9)
+    assert found[1.0].imag.max() == pytest.approx(
+        v / TRUTH["d_c"] * np.sqrt(gap / TRUTH["a"]), rel=1e-9
+    )
     assert found[0.8].real.min() > 1e-3
     assert found[1.25].real.max() < -1e-3
 

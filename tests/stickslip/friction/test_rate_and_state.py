@@ -1,4 +1,4 @@
-"""Rate-and-state friction against closed forms, and against SciPy's stiff solver with the age itself."""
+"""Rate-and-state friction against closed forms and SciPy's stiff solver, which takes the age itself."""
 
 from typing import Any, ClassVar, NamedTuple
 
@@ -64,7 +64,9 @@ def test_without_effects_it_is_coulombs_law():
     law = RateAndState(MU_0, 1e-7, 1e-7, D_C, V_0)
     assert isinstance(law.set_valued_limit(), Coulomb)
     np.testing.assert_allclose(
-        law.coefficient_from_state(SPEEDS, (D_C,)), law.set_valued_limit().coefficient(SPEEDS), atol=3e-6
+        law.coefficient_from_state(SPEEDS, (D_C,)),
+        law.set_valued_limit().coefficient(SPEEDS),
+        atol=3e-6,
     )
 
 
