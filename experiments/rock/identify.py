@@ -240,7 +240,7 @@ def judge(data: xr.Dataset) -> list[Statement]:
                   all(value > 2.0 * error for value, error in map(surplus, LAWS)),
                   ", ".join(
                       "{}: b - a = {:.5f} +- {:.5f}".format(law, *surplus(law)) for law in LAWS)),
-        Statement("R3.7", "The friction and the displacement tell the same time of the step, to 0.02 s.",
+        Statement("R3.7", "Friction and displacement tell the same time of the step, to 0.02 s.",
                   abs(float(late)) < 0.02,
                   f"{1e3 * float(late):.0f} ms after {data.attrs['begin']:.3f} s; speeds by the "
                   f"displacement {speeds[0]:.2f} and {speeds[1]:.2f} µm/s"),
