@@ -114,7 +114,7 @@ def shot(t: float, values: dict[str, float], slopes: dict[str, float]) -> Any:
 
 def problem(
     motions: Sequence[Motion], starts: dict[str, float], every: int, *, zeros: bool = True,
-    gain: bool = True, known: dict[str, float] | None = None, last: float = np.inf,
+    gain: bool = False, known: dict[str, float] | None = None, last: float = np.inf,
 ) -> Problem:  # fmt: skip
     """All of `UNITS` from every `every`-th angle up to the time `last` [s], and with `zeros` what the
     encoders show where the pendulum hangs; each record begins at rest, at its first angles.
