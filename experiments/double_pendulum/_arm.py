@@ -10,14 +10,13 @@ from typing import Any, ClassVar, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-import scipy.signal
 
 import stickslip as ss
 from stickslip.friction import Coulomb
 from stickslip.identification import Observed, Problem, Record, Signal, Unknown
 from stickslip.mechanism import AbstractMechanism, Contact
 
-from ._record import STEP, Motion
+from ._record import STEP, Motion, low_passed
 
 LINK, GEAR, GRAVITY = 0.2, 6.0, 9.81  # first link [m], ratio of the gears, [m/s²]
 UNITS = {
@@ -30,7 +29,7 @@ DRY = ("dry_1", "dry_2")
 ZEROS = ("zero_1", "zero_2")
 LEAST = {"kg m": 1e-3, "kg m²": 1e-6, "N m s": 1e-5, "N m": 1e-4}  # where a fit may begin
 SIGMA = 0.01  # of an angle: what the residuals show [rad]
-CUT_OFF, ORDER, KNOTS = 25.0, 4, 5  # of the filter of the torque [Hz]; a knot in so many samples
+CUT_OFF, KNOTS = 25.0, 5  # of the filter of the torque [Hz]; a knot in so many samples
 
 
 class State(NamedTuple):
@@ -87,8 +86,7 @@ class DoublePendulum(AbstractMechanism):
 
 def torque(motion: Motion, joint: int) -> Signal:
     """Torque of a joint as a spline, without what the pendulum is too slow for."""
-    parts = scipy.signal.butter(ORDER, 2.0 * CUT_OFF * STEP)
-    smooth = scipy.signal.filtfilt(*parts, motion.tau[joint])
+    smooth = low_passed(motion.tau[joint], CUT_OFF)
     last = motion.time.size - 1
     knots = np.unique(np.append(np.arange(0, last, KNOTS), last))
     return Signal(motion.time[knots], smooth[knots], "cubic")

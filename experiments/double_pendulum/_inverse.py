@@ -4,14 +4,13 @@ from collections.abc import Sequence
 
 import numpy as np
 import scipy.linalg
-import scipy.signal
 
 from ._arm import GEAR, GRAVITY, LINK, UNITS
-from ._record import STEP, Motion
+from ._record import STEP, Motion, low_passed
 
 # Driven near its resonances, the pendulum needs a torque that is a tenth of what gravity and inertia
 # take each: noise of the accelerations, which counts against the inertia, must be far below that.
-CUT_OFF, ORDER, KEPT = 3.0, 4, 10  # [Hz], of the filter for both sides; one sample in so many
+CUT_OFF, KEPT = 3.0, 10  # [Hz], of the filter for both sides; one sample in so many
 FIRST_CUT_OFF = 25.0  # of the filter before the derivatives [Hz]
 ENDS = 100  # samples that the filters falsify
 
@@ -23,10 +22,7 @@ def rows_of(motion: Motion) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     moment times $z_1$, and by $g\cos(q_1 + q_2)$ times the second one times $z_1 + z_2$.
     """
 
-    def filtered(row, cut_off):
-        return scipy.signal.filtfilt(*scipy.signal.butter(ORDER, 2.0 * cut_off * STEP), row)
-
-    q1, q2 = filtered(motion.q, FIRST_CUT_OFF)
+    q1, q2 = low_passed(motion.q, FIRST_CUT_OFF)
     (v1, v2), none = (np.gradient(q, STEP) for q in (q1, q2)), np.zeros_like(q1)
     a1, a2 = np.gradient(v1, STEP), np.gradient(v2, STEP)
     cos, sin = LINK * np.cos(q2), LINK * np.sin(q2)
@@ -45,7 +41,9 @@ def rows_of(motion: Motion) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     matrix = np.stack([[row.get(name, none) for name in UNITS] for row in (first, second)])
     zeros = np.stack([[-GRAVITY * np.cos(q1), moved], [none, moved]])
     kept = slice(ENDS, -ENDS, KEPT)
-    matrix, zeros, torque = (filtered(rows, CUT_OFF)[..., kept] for rows in (matrix, zeros, motion.tau))
+    matrix, zeros, torque = (
+        low_passed(rows, CUT_OFF)[..., kept] for rows in (matrix, zeros, motion.tau)
+    )
     return np.concatenate(list(matrix), axis=1).T, np.concatenate(list(zeros), axis=1).T, torque.ravel()
 
 
@@ -56,7 +54,7 @@ def inverse_dynamics(motions: Sequence[Motion], zeros: bool = True) -> tuple[dic
     matrix = np.concatenate([part[0] for part in parts])
     torque = np.concatenate([part[2] for part in parts])
     if zeros:
-        matrix = np.hstack([matrix, scipy.linalg.block_diag(*(part[1] for part in parts))])
+        matrix = np.hstack([matrix, np.asarray(scipy.linalg.block_diag(*(part[1] for part in parts)))])
     found = np.linalg.lstsq(matrix, torque, rcond=None)[0]
     error = torque - matrix @ found
     variance = error @ error / (torque.size - found.size)

@@ -4,6 +4,7 @@ import pathlib
 from typing import NamedTuple
 
 import numpy as np
+import scipy.signal
 
 from .._data import find
 
@@ -14,6 +15,7 @@ ORIGIN = (
     "repository."
 )
 COLUMNS = ("time", "pos_meas1", "pos_meas2", "tau_meas1", "tau_meas2")
+ORDER = 4  # of the filter
 STEP = 2e-3  # [s]; a few stamps are late, by up to 3.5 ms
 
 
@@ -50,3 +52,9 @@ def load(folder: pathlib.Path | None, number: int) -> Motion:
     even = STEP * np.arange(int((time[-1] - time[0]) / STEP))
     q1, q2, tau1, tau2 = (np.interp(even, time - time[0], row) for row in rows)
     return Motion(np.stack([q1, q2]), np.stack([tau1, tau2]))
+
+
+def low_passed(rows: np.ndarray, cut_off: float) -> np.ndarray:
+    """Rows of samples without what is faster than `cut_off` [Hz], filtered forwards and backwards."""
+    numerator, denominator = scipy.signal.butter(ORDER, 2.0 * cut_off * STEP)
+    return scipy.signal.filtfilt(numerator, denominator, rows)

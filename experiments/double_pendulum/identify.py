@@ -25,7 +25,7 @@ from stickslip.identification import (
 )
 
 from .._experiment import Context, Experiment, Statement
-from ._arm import DRY, INERTIAL, SIGMA, UNITS, ZEROS, errors, problem, shot
+from ._arm import DRY, GEAR, INERTIAL, LINK, SIGMA, UNITS, ZEROS, errors, problem, shot
 from ._inverse import inverse_dynamics
 from ._record import Motion, load
 
@@ -57,8 +57,6 @@ LAGS = 20
 
 def base_of(model: dict[str, float]) -> dict[str, float]:
     """The parameters that a motion tells, from masses, centres and inertias."""
-    from ._arm import GEAR, LINK
-
     return {
         "moment_1": model["m1"] * model["r1"] + model["m2"] * LINK,
         "moment_2": model["m2"] * model["r2"],
@@ -110,7 +108,7 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     held_out, every = load(context.data, HELD_OUT), parameters["every"]
     values, deviations, relative = inverse_dynamics(motions)
     *_, without = inverse_dynamics(motions, zeros=False)
-    columns = {name: (row, {}) for name, row in PUBLISHED.items()}
+    columns: dict[str, tuple[Any, Any]] = {name: (row, {}) for name, row in PUBLISHED.items()}
     columns[INVERSE] = (values, deviations)
     task = problem(motions, values, every)
     bare = problem(motions, values, every, zeros=False)

@@ -56,7 +56,8 @@ def slider(law: str, values: dict[str, Any], load: Signal) -> SpringSlider:
     friction = RateAndState(
         values["mu_0"], values["a"], values["b"], values["d_c"], SPEEDS[0], evolution=law
     )
-    return SpringSlider(friction, values["stiffness"], load.delayed(values["late"]), values["trend"])
+    late = load.delayed(values["late"])
+    return SpringSlider(friction, values["stiffness"], late, values["trend"])  # pyright: ignore[reportCallIssue]
 
 
 def problem(law: str, step: Step, begin: float, *, last: float | None = None) -> Problem:

@@ -11,6 +11,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from stickslip.identification import (
     Fit,
@@ -160,7 +161,7 @@ def draw(data: xr.Dataset) -> Figure:
             ring = centre[:, None] + np.linalg.cholesky(square) @ circle
             plane.plot(*ring, style, color=colour, lw=1.1, label=f"{law}, {said}")
     low, size = WANTED - WITHIN, 2.0 * WITHIN
-    plane.add_patch(plt.Rectangle((low, low), size, size, color="0.92", lw=0, zorder=0))
+    plane.add_patch(Rectangle((low, low), size, size, color="0.92", lw=0, zorder=0))
     plane.axline((WANTED, WANTED), slope=1.0, color="0.6", lw=0.7)
     plane.set(xlabel="a", ylabel="b", title="95% regions; grey: 0.0088 ± 0.0006; line: a = b")
     for law, colour in colours.items():
