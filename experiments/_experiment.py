@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from . import _settings
 
-GROUPS = ("beam", "block", "corexy", "emps", "mechanisms", "pendulum")
+GROUPS = ("beam", "block", "corexy", "double_pendulum", "emps", "mechanisms", "pendulum", "rock")
 
 
 @dataclasses.dataclass(frozen=True)

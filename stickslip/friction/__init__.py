@@ -75,6 +75,7 @@ from ._law import AbstractDryFrictionLaw as AbstractDryFrictionLaw
 from ._law import AbstractFrictionLaw as AbstractFrictionLaw
 from ._law import AbstractMemorylessLaw as AbstractMemorylessLaw
 from ._lugre import LuGre as LuGre
+from ._rate_and_state import RateAndState as RateAndState
 from ._regularised import Regularised as Regularised
 from ._smooth_weakening import SmoothHyperbolicWeakening as SmoothHyperbolicWeakening
 from ._stribeck import Stribeck as Stribeck

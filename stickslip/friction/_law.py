@@ -29,7 +29,7 @@ def shaped_like(v: Float[Array, "..."], value: Float[Array, "..."]) -> Float[Arr
     return jnp.broadcast_to(value, lax.broadcast_shapes(v.shape, value.shape))
 
 
-def _deformation(law: "AbstractFrictionLaw", name: str, value: Any) -> Any:
+def deformation(law: "AbstractFrictionLaw", name: str, value: Any) -> Any:
     """The internal state of a law: as many numbers, or arrays of them, as it has states."""
     count = law.num_states
     if not isinstance(value, tuple | list) or len(value) != count:
@@ -44,8 +44,8 @@ _LOOKS: dict[str, dict[str, Look]] = {
     "drag": {"v": reals},
     "steady_state": {"v": reals},
     "steady_magnitude": {"v": reals, "sense": senses},
-    "state_rate": {"v": reals, "state": _deformation},
-    "coefficient_from_state": {"v": reals, "state": _deformation},
+    "state_rate": {"v": reals, "state": deformation},
+    "coefficient_from_state": {"v": reals, "state": deformation},
 }
 
 
@@ -179,7 +179,7 @@ class AbstractFrictionLaw(eqx.Module):
         v, normal_force = in_dtype_of(v, normal_force)
         return -(self.kinetic(v, sense) * normal_force + self.drag(v))
 
-    @looks_at(v=reals, normal_force=reals, state=_deformation)
+    @looks_at(v=reals, normal_force=reals, state=deformation)
     def force_from_state(
         self, v: Number, normal_force: Number, state: GivenState
     ) -> Float[Array, "..."]:

@@ -14,7 +14,8 @@ from experiments._experiment import load
 from tests.house._repository import ROOT
 
 FAMILIES = ("block", "corexy", "identify", "beam", "mechanism")
-MEASURED = ("identify-emps", "identify-pendulum")  # need a record that is not in the repository
+# Need a record that is not in the repository.
+MEASURED = ("identify-double-pendulum", "identify-emps", "identify-pendulum", "identify-rock")
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 

@@ -67,6 +67,13 @@ LAWS = [
             "v_s": arg(1e-2, "none", *POSITIVE),
         },
     ),
+    Target(
+        friction.RateAndState,
+        {
+            **not_negative(mu_0=0.6), **finite(b=0.01), "evolution": arg("slip"),
+            **positive(a=0.009, d_c=1e-5, v_0=1e-6, v_rest=1e-20),
+        },
+    ),
     Target(friction.Asymmetric, {"forward": arg(DRY), "backward": arg(DRY)}),
     Target(friction.Sum, {"laws": arg(DRY)}, lambda laws: friction.Sum(DRY, laws)),
     Target(friction.check_friction_law, {"law": arg(DRY), "speeds": arg([0.1, 1.0], "none", "row")}),

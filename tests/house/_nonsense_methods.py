@@ -33,7 +33,7 @@ TABLE = ([0.0, 1.0], [1.0, 2.0], [0.0, 0.0])
 
 # What an argument of a name takes, whatever the method.
 NAMED = {
-    **dict.fromkeys(("v", "normal_force", "t", "T_s"), arg(0.1, *REALS)),
+    **dict.fromkeys(("v", "normal_force", "t", "T_s", "coefficient"), arg(0.1, *REALS)),
     "sense": arg(1, "senses"), "mode": arg(0, "modes"), "guard": arg(0, "modes"),
     "args": arg(None, "unused"), "threshold": arg(1e-7, "not negative", "float32"),
     "piece": arg(0.0, "pieces"), "z": arg(0.1, "real"),
@@ -67,6 +67,7 @@ LAWS = [
 BRISTLES = [
     friction.Dahl(DRY, 1e4), friction.LuGre(DRY, 1e4),
     friction.Sum(friction.LuGre(DRY, 1e4), friction.ViscousFriction(0.1)),
+    friction.RateAndState(0.6, 0.009, 0.01, 1e-5, 1e-6),
 ]  # fmt: skip
 PAIR = systems.TwoBlocksOnBelt(
     **dict.fromkeys(

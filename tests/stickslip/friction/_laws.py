@@ -8,6 +8,7 @@ from stickslip.friction import (
     Dahl,
     HyperbolicWeakening,
     LuGre,
+    RateAndState,
     Regularised,
     SmoothHyperbolicWeakening,
     Stribeck,
@@ -44,6 +45,8 @@ LAWS = {
     "dahl, exponent 2": Dahl(STRIBECK, sigma_0=1e3, exponent=2),
     "lugre": LuGre(STRIBECK, sigma_0=1e4, sigma_1=30.0, sigma_2=0.1),
     "lugre, breakaway": LuGre(ASYMMETRIC, sigma_0=1e4, v_s=0.01),
+    "rate and state": RateAndState(0.6, 0.009, 0.0095, d_c=7e-6, v_0=3e-6),
+    "rate and state, slip": RateAndState(0.6, 0.012, 0.008, 1e-5, 1e-6, evolution="slip"),
     # Exponents as arrays are leaves, and take the general power.
     "stribeck, free exponent 1/2": Stribeck(0.4, 0.3, 0.02, exponent=jnp.array(0.5)),
     "stribeck, free exponent 1": Stribeck(0.4, 0.3, 0.02, exponent=jnp.array(1.0)),

@@ -1,0 +1,266 @@
+"""Rate-and-state friction of basalt from a step of the speed: both laws of the age, and what is left.
+
+The friction is that of a spring slider, with the stiffness of the apparatus and a linear trend over the
+slip, which is wear. The noise of the record is correlated over some tenths of a second; standard errors
+are given for white noise and for what the residuals show.
+"""
+
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from stickslip.identification import (
+    Fit,
+    LevenbergMarquardt,
+    autocorrelation,
+    compare,
+    ljung_box,
+    profile,
+    report,
+)
+
+from .._experiment import Context, Experiment, Statement
+from ._record import load, step_of
+from ._slider import LAWS, SIGMA, STARTS, problem
+
+WANTED, WITHIN = 0.0088, 0.0006  # of a and b alike
+METHOD = LevenbergMarquardt(max_steps=100)
+CORRELATED = 0.5  # so long the residuals are correlated with themselves [s]
+HELD = 20.0  # what comes later than this after the step is predicted, in one more fit [s]
+LAGS = 50
+PAIR = ("a", "b")
+
+
+def correlated_covariance(jacobian: np.ndarray, residual: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """Covariance of estimates under noise that is correlated up to `CORRELATED`: that of the score by
+    the residuals themselves, with weights that fall to zero (Newey and West, Econometrica 55, 1987)."""
+    rows = jacobian * residual[:, None]
+    middle = rows.T @ rows
+    for lag in range(1, residual.size):
+        weight = np.maximum(1.0 - (time[lag:] - time[:-lag]) / CORRELATED, 0.0)
+        if not weight.any():
+            break
+        both = (weight[:, None] * rows[lag:]).T @ rows[:-lag]
+        middle = middle + both + both.T
+    inverse = np.linalg.inv(jacobian.T @ jacobian)
+    return inverse @ middle @ inverse
+
+
+def fits_of(task: Any, parameters: dict[str, Any]) -> list[Fit]:
+    """Fits from the start as it is, and from others `spread` above or below in what the step tells."""
+    rng = np.random.default_rng(parameters["seed"])
+    found = [task.fit(method=METHOD)]
+    for _ in range(parameters["starts"] - 1):
+        other = {
+            name: unknown.start * (1.0 + parameters["spread"] * rng.choice([-1.0, 1.0]))
+            if name in STARTS
+            else unknown.start
+            for name, unknown in task.unknowns.items()
+        }
+        found.append(task.fit(method=METHOD, start=other))
+    return sorted(found, key=lambda fit: float(fit.cost))
+
+
+def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
+    step = load(context.data)
+    begin, before, after = step_of(step)
+    later = step.time > begin + HELD
+    fits, tables, held, apart = {}, {}, {}, {}
+    for law in LAWS:
+        task = problem(law, step, begin)
+        found = fits_of(task, parameters)
+        fits[law] = found[0]
+        apart[law] = max(
+            abs(float(fit.values[n] / found[0].values[n]) - 1.0) for fit in found for n in STARTS
+        )
+        known = problem(law, step, begin, last=begin + HELD)
+        part = known.fit(method=METHOD)
+        computed = np.asarray(known.simulate(part.values).observed["friction"])
+        held[law] = (computed - step.friction)[later]
+        tables[law] = _table(task, fits[law], step.time, parameters["profile"])
+    compared = compare(fits, held_out=held, sigma=SIGMA, noise_known=False)
+    told = report(
+        fits["ageing"], comparison=compared, held_out={"coefficient": held["ageing"]}, lags=LAGS,
+        title="Basalt, step from 3 to 10 µm/s, ageing law",
+    )  # fmt: skip
+    print(told)
+    names = list(fits["ageing"].names)
+    residuals = {law: np.asarray(fits[law].residual) for law in LAWS}
+    fast = step.time > np.nextafter(begin, 0.0)
+    own = {law: autocorrelation(row[fast], LAGS) for law, row in residuals.items()}
+    data: dict[str, Any] = {
+        name: (("law", *dims), np.array([tables[law][name] for law in LAWS]))
+        for name, dims in (
+            ("estimate", ("unknown",)), ("wald", ("unknown", "end")), ("profile", ("unknown", "end")),
+            ("covariance", ("unknown", "other")), ("correlated_covariance", ("unknown", "other")),
+        )
+    } | {
+        "apart": ("law", list(apart.values())),
+        "aic": ("law", compared.table["aic"]),
+        "bic": ("law", compared.table["bic"]),
+        "held_out": ("law", compared.table["held_out"]),
+        "left": ("law", [float(fit.reduced_chi_squared) for fit in fits.values()]),
+        "successful": ("law", [bool(fit.successful) for fit in fits.values()]),
+        "p_value": ("law", [float(ljung_box(row[fast], 20).p_value) for row in residuals.values()]),
+        "autocorrelation": (("law", "lag"), [np.asarray(c.values) for c in own.values()]),
+        "band": ("lag", np.asarray(own["ageing"].band)),
+        "measured": ("time", step.friction),
+        "computed": (("law", "time"), [step.friction + SIGMA * row for row in residuals.values()]),
+        "unit": ("unknown", [fits["ageing"].units[name] for name in names]),
+    }  # fmt: skip
+    coords = {
+        "law": list(LAWS), "unknown": names, "other": names, "end": ["lower", "upper"],
+        "time": ("time", step.time, {"units": "s"}), "lag": np.arange(LAGS + 1),
+    }  # fmt: skip
+    attributes = {"begin": begin, "before": before, "after": after, "report": str(told)}
+    return xr.Dataset(data, coords, attributes)
+
+
+def _table(task: Any, fit: Fit, time: np.ndarray, profiled: bool) -> dict[str, np.ndarray]:
+    """Estimates with their intervals and covariances, in the order of `fit.names`."""
+    names = fit.names
+    values = np.array([float(fit.values[name]) for name in names])
+    errors = np.array([float(fit.standard_errors()[name]) for name in names])
+    wald = values[:, None] + 1.959964 * errors[:, None] * np.array([-1.0, 1.0])
+    ends = np.full((len(names), 2), np.nan)
+    if profiled:
+        found = profile(task.residual_function, fit)
+        ends = np.stack([np.asarray(found.lower), np.asarray(found.upper)], axis=1)
+    correlated = correlated_covariance(np.asarray(fit.jacobian), np.asarray(fit.residual), time)
+    return {
+        "estimate": values, "wald": wald, "profile": ends, "covariance": np.asarray(fit.covariance()),
+        "correlated_covariance": correlated,
+    }  # fmt: skip
+
+
+def draw(data: xr.Dataset) -> Figure:
+    figure, axes = plt.subplots(2, 2, figsize=(11.0, 7.6))
+    whole, near, plane, own = axes.flat
+    colours = dict(zip(LAWS, ("#1f4e9c", "#c0392b"), strict=True))
+    begin = data.attrs["begin"]
+    for axis in (whole, near):
+        axis.plot(data.time, data.measured, color="0.75", lw=0.5, label="measured")
+        for law, colour in colours.items():
+            axis.plot(data.time, data.computed.sel(law=law), color=colour, lw=1.2, label=law)
+        axis.set(xlabel="time [s]", ylabel="coefficient of friction")
+    whole.set_title("step of the speed from 3 to 10 µm/s")
+    near.set(xlim=(begin - 1.0, begin + 5.0), title="near the step")
+    turn = np.linspace(0.0, 2.0 * np.pi, 200)
+    circle = 2.447747 * np.stack([np.cos(turn), np.sin(turn)])  # 95% of a plane
+    for law, colour in colours.items():
+        row = data.sel(law=law)
+        centre = row.estimate.sel(unknown=list(PAIR)).values
+        for name, style, said in (
+            ("covariance", "-", "white noise"), ("correlated_covariance", "--", "noise as it is"),
+        ):  # fmt: skip
+            square = row[name].sel(unknown=list(PAIR), other=list(PAIR)).values
+            ring = centre[:, None] + np.linalg.cholesky(square) @ circle
+            plane.plot(*ring, style, color=colour, lw=1.1, label=f"{law}, {said}")
+    low, size = WANTED - WITHIN, 2.0 * WITHIN
+    plane.add_patch(Rectangle((low, low), size, size, color="0.92", lw=0, zorder=0))
+    plane.axline((WANTED, WANTED), slope=1.0, color="0.6", lw=0.7)
+    plane.set(xlabel="a", ylabel="b", title="95% regions; grey: 0.0088 ± 0.0006; line: a = b")
+    for law, colour in colours.items():
+        row = data.sel(law=law)
+        own.plot(
+            0.01 * data.lag[1:], row.autocorrelation[1:], "o-", ms=2.5, lw=0.8, color=colour,
+            label=f"{law}: p = {float(row.p_value):.2g}",
+        )  # fmt: skip
+    own.fill_between(0.01 * data.lag[1:], -data.band[1:], data.band[1:], color="0.88", lw=0)
+    own.set(xlabel="lag [s]", title="autocorrelation of the residuals after the step")
+    for axis in axes.flat:
+        axis.legend(frameon=False, fontsize=7)
+        axis.title.set_size(9)
+    return figure
+
+
+def judge(data: xr.Dataset) -> list[Statement]:
+    def pair(law: str) -> dict[str, float]:
+        return {n: float(data.estimate.sel(law=law, unknown=n)) for n in PAIR}
+
+    def block(law: str, name: str) -> np.ndarray:
+        return data[name].sel(law=law, unknown=list(PAIR), other=list(PAIR)).values
+
+    def listed(law: str) -> str:
+        white, real = (np.sqrt(np.diag(block(law, n))) for n in ("covariance", "correlated_covariance"))
+        return f"{law}: " + ", ".join(
+            f"{n} = {v:.5f} +- {w:.5f} (noise as it is {r:.5f})"
+            for (n, v), w, r in zip(pair(law).items(), white, real, strict=True)
+        )
+
+    def correlation(law: str, name: str) -> float:
+        square = block(law, name)
+        return float(square[0, 1] / np.sqrt(square[0, 0] * square[1, 1]))
+
+    def surplus(law: str) -> tuple[float, float]:
+        square = block(law, "correlated_covariance")
+        error = np.sqrt(square[0, 0] + square[1, 1] - 2.0 * square[0, 1])
+        return pair(law)["b"] - pair(law)["a"], float(error)
+
+    off = {law: max(abs(v - WANTED) for v in pair(law).values()) for law in LAWS}
+    row = data.sel(law="ageing", unknown=list(PAIR))
+    profiled = row.profile.values
+    width = np.diff(row.wald.values, axis=1)
+    moved = np.abs(profiled - row.wald.values) / width
+    inflated = {
+        law: float((block(law, "correlated_covariance") / block(law, "covariance"))[0, 0])
+        for law in LAWS
+    }
+    late = data.estimate.sel(law="ageing", unknown="late")
+    apart = {law: float(data.apart.sel(law=law)) for law in LAWS}
+    p = {law: float(data.p_value.sel(law=law)) for law in LAWS}
+    aic = data.aic.values - data.aic.values.min()
+    least = str(data.law.values[int(np.argmin(data.aic.values))])
+    support = float(aic.max()) / max(inflated.values())
+    held = {law: float(data.held_out.sel(law=law)) for law in LAWS}
+    speeds = [1e6 * data.attrs[name] for name in ("before", "after")]
+    return [
+        Statement("R3.1", "Both laws converge, from every start to the same estimate, to 1e-3.",
+                  bool(data.successful.all()) and max(apart.values()) < 1e-3,
+                  ", ".join(f"{law} {v:.2g} apart" for law, v in apart.items())),
+        Statement("R3.2", "a and b are 0.0088 to 0.0006, by the ageing law.",
+                  off["ageing"] < WITHIN, "; ".join(listed(law) for law in LAWS)),
+        Statement("R3.3", "So they are by the slip law.", off["slip"] < WITHIN,
+                  f"{off['slip']:.5f} off at most"),
+        Statement("R3.4", "Intervals by the profile and by Wald agree, to a tenth of their width.",
+                  None if np.isnan(profiled).any() else bool(moved.max() < 0.1),
+                  "profile, ageing: " + ", ".join(
+                      f"{n} from {low:.5f} to {high:.5f}"
+                      for n, (low, high) in zip(PAIR, profiled, strict=True))
+                  + "; correlation of a and b " + ", ".join(
+                      f"{law} {correlation(law, 'covariance'):.3f}" for law in LAWS)),
+        Statement("R3.5", "The residuals after the step are white.", min(p.values()) > 0.05,
+                  ", ".join(f"{law}: p = {v:.2g}" for law, v in p.items())
+                  + "; the variance of a is as many times that for white noise: "
+                  + ", ".join(f"{law} {v:.1f}" for law, v in inflated.items())),
+        Statement("R3.6", "Friction weakens with speed: b above a by more than two standard errors.",
+                  all(value > 2.0 * error for value, error in map(surplus, LAWS)),
+                  ", ".join(
+                      "{}: b - a = {:.5f} +- {:.5f}".format(law, *surplus(law)) for law in LAWS)),
+        Statement("R3.7", "Friction and displacement tell the same time of the step, to 0.02 s.",
+                  abs(float(late)) < 0.02,
+                  f"{1e3 * float(late):.0f} ms after {data.attrs['begin']:.3f} s; speeds by the "
+                  f"displacement {speeds[0]:.2f} and {speeds[1]:.2f} µm/s"),
+        Statement("R3.8", "The record tells the two laws apart: AIC by more than 10, noise as it is.",
+                  support > 10.0, f"{least} is better by {aic.max():.1f}, for the noise as it is by "
+                  f"{support:.1f}"),
+        Statement("R3.9", "Fitted up to 20 s after the step, both laws predict the rest to 1.2 times "
+                  "the noise.", max(held.values()) < 1.2 * SIGMA,
+                  ", ".join(f"{law} {1e3 * v:.2f}e-3" for law, v in held.items())
+                  + f", noise {1e3 * SIGMA:.2f}e-3"),
+    ]  # fmt: skip
+
+
+EXPERIMENT = Experiment(
+    name="identify-rock",
+    title="Basalt: rate-and-state friction from a measured step of the speed",
+    parameters={"starts": 3, "spread": 0.5, "profile": True, "seed": 0},
+    quick={"starts": 1, "profile": False},
+    compute=compute,
+    draw=draw,
+    judge=judge,
+)  # fmt: skip
