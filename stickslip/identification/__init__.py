@@ -5,6 +5,7 @@ from ._compare import Comparison as Comparison
 from ._compare import compare as compare
 from ._descent import GradientDescent as GradientDescent
 from ._fit import Fit as Fit
+from ._gauss_newton import GaussNewton as GaussNewton
 from ._gradient import gradient_descent as gradient_descent
 from ._least_squares import least_squares as least_squares
 from ._levenberg_marquardt import LevenbergMarquardt as LevenbergMarquardt

@@ -1,110 +1,20 @@
 """Levenberg-Marquardt, from the parts that optimistix offers."""
 
-import abc
 from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
-import lineax as lx
 import optimistix as optx
 
 from .._types import Numeric
 from .._validation import check_count, check_type, one_number
-from ._bounded import curvature, kinds_of, moved, within
-from ._fit import Fit
+from ._gauss_newton import AbstractGaussNewton, descended, sensitivities
 from ._losses import AbstractLoss
-from ._methods import AbstractMethod, Iteration
-from ._results import CODE
-from ._sensitivity import Sensitivity
 
-DESCENT = optx.DampedNewtonDescent(linear_solver=lx.QR())
 REGION = optx.ClassicalTrustRegion(high_cutoff=0.75, high_constant=5.0)
-LEAST = 1e-10  # damping of the step that tells what there is still to gain
-UNSEEN = 1e-8  # part of the largest sensitivity that counts as that of what is not seen at all
 
 
-def _info(residual: Any, matrix: Any) -> optx.FunctionInfo.ResidualJac:
-    return optx.FunctionInfo.ResidualJac(residual, lx.MatrixLinearOperator(matrix))
-
-
-class AbstractLevenbergMarquardt(AbstractMethod):
-    """The damped descent and the trust region of optimistix, step by step."""
-
-    damping: eqx.AbstractVar[Numeric]
-    tolerance: eqx.AbstractVar[float]
-    max_steps: eqx.AbstractVar[int]
-    _region: eqx.AbstractClassVar[optx.ClassicalTrustRegion]
-
-    @abc.abstractmethod
-    def _sizes(self, matrix, bend):
-        """Sizes of the coordinates, in which damping counts."""
-
-    def begin(self, z, rows, space=None):
-        residual, matrix = jnp.zeros(rows), jnp.zeros((rows, z.shape[0]))
-        search = self._region.init(z, _info(residual, matrix))
-        code = jnp.full((), CODE["max_steps_reached"], jnp.int32)
-        kinds, last = kinds_of(space, z.shape[0]), jnp.zeros((), bool)
-        kept = (z, residual, matrix, jnp.zeros_like(z), search, kinds, last, code)
-        return Iteration(z, kept, jnp.zeros((), jnp.int32), jnp.zeros((), bool))
-
-    def advance(self, now, residual, matrix):
-        y, old_residual, old_matrix, step, search, kinds, last, _ = now.kept
-        first = now.steps == 0
-        # `y + step` is where the linear model in the values expects to be, `now.z` the place itself.
-        size, accept, _, search = self._region.step(
-            first, y, y + step, _info(old_residual, old_matrix), _info(residual, matrix), search
-        )
-        close = _close(self.tolerance, y, step) & _close(
-            self.tolerance, residual, residual - old_residual
-        )
-        y = jnp.where(accept, now.z, y)
-        residual = jnp.where(accept, residual, old_residual)
-        matrix = jnp.where(accept, matrix, old_matrix)
-        step, far, gain, failed = self._step(kinds, y, size, residual, matrix)
-        cost = 0.5 * jnp.sum(residual**2)
-        # At the minimum along what the data see: a step along the rest may go on for ever. One step
-        # without damping from there is the last, and gives the digits that damping kept back.
-        flat = gain <= self.tolerance * cost
-        lost = ~jnp.isfinite(cost)
-        steps = now.steps + 1
-        ended = last | (accept & close)
-        last = accept & flat
-        ended = ended | (last & (steps >= self.max_steps))
-        step = jnp.where(last, far, step)
-        code = jnp.where(ended, CODE["successful"], CODE["max_steps_reached"])
-        code = jnp.where(failed, CODE["step_not_finite"], code)
-        code = jnp.where(lost, CODE["start_not_finite"], code).astype(jnp.int32)
-        done = ended | failed | lost | (steps >= self.max_steps)
-        kept = (y, residual, matrix, step, search, kinds, last, code)
-        return Iteration(moved(kinds, y, step), kept, steps, done)
-
-    def _step(self, kinds, y, size, residual, matrix):
-        """From `y` the damped step and one with hardly any damping, what that would gain, and whether
-        there is none."""
-        bend = curvature(kinds, y, residual @ matrix)
-        sizes = self._sizes(matrix, bend)
-        rows = jnp.concatenate([residual, jnp.zeros_like(y)])
-        whole = jnp.concatenate([matrix, jnp.diag(jnp.sqrt(bend))]) / sizes[None, :]
-        # The trust region begins with the size 1.
-        step, result = _descended(size / self.damping, y, rows, whole)
-        # The damped step does not tell what can be gained: it is short where the last were refused.
-        # It waits for the other: two batched factorisations side by side block each other for ever
-        # where XLA has two threads, each holding one and waiting for help with its batch.
-        whole = whole + 0.0 * jnp.sum(step)
-        far, _ = _descended(jnp.asarray(1.0 / LEAST), y, rows, whole)
-        change = whole @ far
-        gain = -jnp.sum(change * (rows + 0.5 * change))
-        step, far = (within(kinds, y, found / sizes) for found in (step, far))
-        return step, far, gain, ~jnp.all(jnp.isfinite(step)) | (result != optx.RESULTS.successful)
-
-    def finish(self, space, now):
-        y, residual, matrix, _, _, _, _, code = now.kept
-        found = Sensitivity(space.names, matrix)
-        good = code == CODE["successful"]
-        return Fit(space.values(y), residual, found, now.steps, good, space, code)
-
-
-class LevenbergMarquardt(AbstractLevenbergMarquardt):
+class LevenbergMarquardt(AbstractGaussNewton):
     """Levenberg-Marquardt: the damped descent and the trust region of optimistix, step by step.
 
     **Arguments:** `damping`, `tolerance`, `max_steps` as for `least_squares`; `loss`, a robust loss
@@ -115,7 +25,7 @@ class LevenbergMarquardt(AbstractLevenbergMarquardt):
     tolerance: float = eqx.field(static=True, default=1e-8)
     max_steps: int = 64
     loss: AbstractLoss | None = None
-    _region: ClassVar = REGION
+    _search: ClassVar = REGION
 
     def __check_init__(self):
         one_number("damping", self.damping, "positive")
@@ -124,18 +34,14 @@ class LevenbergMarquardt(AbstractLevenbergMarquardt):
         check_type("loss", self.loss, AbstractLoss | None, "a loss such as Huber(), or None")
 
     def _sizes(self, matrix, bend):
-        """What each coordinate moves the residuals by: in these units damping counts, and no unit of a
-        value matters."""
-        sizes = jnp.sqrt(jnp.sum(matrix**2, axis=0) + bend)
-        largest = jnp.max(sizes, initial=0.0)
-        return jnp.maximum(sizes, jnp.where(largest > 0.0, UNSEEN * largest, 1.0))
+        return sensitivities(matrix, bend)
+
+    def _shortened(self, size, full, y, rows, whole):
+        return damped(size / self.damping, full, y, rows, whole)
 
 
-def _descended(size: Any, y: Any, rows: Any, matrix: Any) -> tuple[Any, Any]:
-    info = _info(rows, matrix)
-    return DESCENT.step(size, DESCENT.query(y, info, DESCENT.init(y, info)))
-
-
-def _close(tolerance: float, a: Any, change: Any) -> Any:
-    """Whether a row has changed by less than the tolerance, relative and absolute."""
-    return jnp.all(jnp.abs(change) < tolerance * (1.0 + jnp.abs(a)))
+def damped(size: Any, full: Any, y: Any, rows: Any, whole: Any) -> tuple[Any, Any]:
+    """The step within the trust region of this size, which begins with 1."""
+    # It waits for the full one: two batched factorisations side by side block each other for ever
+    # where XLA has two threads, each holding one and waiting for help with its batch.
+    return descended(size, y, rows, whole + 0.0 * jnp.sum(full))

@@ -11,21 +11,25 @@ import jax.numpy as jnp
 import optimistix as optx
 
 from .._types import Numeric
-from ._levenberg_marquardt import AbstractLevenbergMarquardt
+from ._gauss_newton import AbstractGaussNewton
+from ._levenberg_marquardt import damped
 from ._losses import AbstractLoss
 
 
-class PlainDamping(AbstractLevenbergMarquardt):
+class PlainDamping(AbstractGaussNewton):
     """With every coordinate open, of the size 1, and a slower trust region."""
 
     damping: Numeric
     tolerance: float = eqx.field(static=True)
     max_steps: int
     loss: AbstractLoss | None = None
-    _region: ClassVar = optx.ClassicalTrustRegion()
+    _search: ClassVar = optx.ClassicalTrustRegion()
 
     def begin(self, z, rows, space=None):
         return super().begin(z, rows)
 
     def _sizes(self, matrix, bend):
         return jnp.ones_like(bend)
+
+    def _shortened(self, size, full, y, rows, whole):
+        return damped(size / self.damping, full, y, rows, whole)

@@ -217,7 +217,8 @@ class Problem:
     ) -> Fit:
         """Estimate the unknowns.
 
-        **Arguments:** `method`, by default `LevenbergMarquardt()`, or `MultipleShooting(...)`;
+        **Arguments:** `method`, by default `LevenbergMarquardt()`, or `GaussNewton()`,
+        `GradientDescent(...)`, `MultipleShooting(...)`;
         `start`, values by name in place of
         the unknowns' own; `starts`: the best of so many, spread by `sobol_starts` with `seed`;
         `chunk_size` as for `many_starts`. **Returns** a `Fit`. **Raises** `TypeError`, `ValueError` for

@@ -41,6 +41,10 @@ DAMPED = {**LEVENBERG, "loss": LOSS}
 MEASURED = [
     Target(identification.LevenbergMarquardt, DAMPED),
     Target(
+        identification.GaussNewton,
+        {name: one for name, one in DAMPED.items() if name != "damping"},
+    ),
+    Target(
         identification.GradientDescent,
         {
             "optimiser": arg(None, "none"), "steps": arg(3),

@@ -88,8 +88,8 @@ EXEMPT_METHODS = {
     ),
     **dict.fromkeys(
         (
-            "AbstractMethod.solve", "AbstractLevenbergMarquardt.begin",
-            "AbstractLevenbergMarquardt.advance", "AbstractLevenbergMarquardt.finish",
+            "AbstractMethod.solve", "AbstractGaussNewton.begin",
+            "AbstractGaussNewton.advance", "AbstractGaussNewton.finish",
             "GradientDescent.begin", "GradientDescent.advance", "GradientDescent.finish",
             "MultipleShooting.brought_near",
         ),

@@ -1,0 +1,147 @@
+"""Gauss-Newton, and what it shares with Levenberg-Marquardt, from the parts that optimistix offers."""
+
+import abc
+from typing import Any, ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+import lineax as lx
+import optimistix as optx
+
+from .._validation import check_count, check_type, one_number
+from ._bounded import curvature, kinds_of, moved, within
+from ._fit import Fit
+from ._losses import AbstractLoss
+from ._methods import AbstractMethod, Iteration
+from ._results import CODE
+from ._sensitivity import Sensitivity
+
+DESCENT = optx.DampedNewtonDescent(linear_solver=lx.QR())
+LEAST = 1e-10  # damping of the step that tells what there is still to gain
+UNSEEN = 1e-8  # part of the largest sensitivity that counts as that of what is not seen at all
+
+
+def _info(residual: Any, matrix: Any) -> optx.FunctionInfo.ResidualJac:
+    return optx.FunctionInfo.ResidualJac(residual, lx.MatrixLinearOperator(matrix))
+
+
+class AbstractGaussNewton(AbstractMethod):
+    """Steps of the linear model of the residuals, shortened by a search of optimistix."""
+
+    tolerance: eqx.AbstractVar[float]
+    max_steps: eqx.AbstractVar[int]
+    _search: eqx.AbstractClassVar[optx.AbstractSearch]
+
+    @abc.abstractmethod
+    def _sizes(self, matrix, bend):
+        """Sizes of the coordinates, in which steps are measured."""
+
+    @abc.abstractmethod
+    def _shortened(self, size, full, y, rows, whole):
+        """The step that the search wants at `size`, and whether there is one, where `full` is the
+        one to the minimum of the linear model `rows + whole @ step` from `y`."""
+
+    def begin(self, z, rows, space=None):
+        residual, matrix = jnp.zeros(rows), jnp.zeros((rows, z.shape[0]))
+        search = self._search.init(z, _info(residual, matrix))
+        code = jnp.full((), CODE["max_steps_reached"], jnp.int32)
+        kinds, last = kinds_of(space, z.shape[0]), jnp.zeros((), bool)
+        kept = (z, residual, matrix, jnp.zeros_like(z), search, kinds, last, code)
+        return Iteration(z, kept, jnp.zeros((), jnp.int32), jnp.zeros((), bool))
+
+    def advance(self, now, residual, matrix):
+        y, old_residual, old_matrix, step, search, kinds, last, _ = now.kept
+        first = now.steps == 0
+        # `y + step` is where the linear model in the values expects to be, `now.z` the place itself.
+        size, accept, _, search = self._search.step(
+            first, y, y + step, _info(old_residual, old_matrix), _info(residual, matrix), search
+        )
+        close = _close(self.tolerance, y, step) & _close(
+            self.tolerance, residual, residual - old_residual
+        )
+        y = jnp.where(accept, now.z, y)
+        residual = jnp.where(accept, residual, old_residual)
+        matrix = jnp.where(accept, matrix, old_matrix)
+        step, far, gain, failed = self._step(kinds, y, size, residual, matrix)
+        cost = 0.5 * jnp.sum(residual**2)
+        # At the minimum along what the data see: a step along the rest may go on for ever. One step
+        # without damping from there is the last, and gives the digits that damping kept back.
+        flat = gain <= self.tolerance * cost
+        lost = ~jnp.isfinite(cost)
+        steps = now.steps + 1
+        ended = last | (accept & close)
+        last = accept & flat
+        ended = ended | (last & (steps >= self.max_steps))
+        step = jnp.where(last, far, step)
+        code = jnp.where(ended, CODE["successful"], CODE["max_steps_reached"])
+        code = jnp.where(failed, CODE["step_not_finite"], code)
+        code = jnp.where(lost, CODE["start_not_finite"], code).astype(jnp.int32)
+        done = ended | failed | lost | (steps >= self.max_steps)
+        kept = (y, residual, matrix, step, search, kinds, last, code)
+        return Iteration(moved(kinds, y, step), kept, steps, done)
+
+    def _step(self, kinds, y, size, residual, matrix):
+        """From `y` the shortened step and one with hardly any damping, what that would gain, and
+        whether there is none."""
+        bend = curvature(kinds, y, residual @ matrix)
+        sizes = self._sizes(matrix, bend)
+        rows = jnp.concatenate([residual, jnp.zeros_like(y)])
+        whole = jnp.concatenate([matrix, jnp.diag(jnp.sqrt(bend))]) / sizes[None, :]
+        # A short step does not tell what can be gained: it is short where the last were refused.
+        far, _ = descended(jnp.asarray(1.0 / LEAST), y, rows, whole)
+        step, result = self._shortened(size, far, y, rows, whole)
+        change = whole @ far
+        gain = -jnp.sum(change * (rows + 0.5 * change))
+        step, far = (within(kinds, y, found / sizes) for found in (step, far))
+        return step, far, gain, ~jnp.all(jnp.isfinite(step)) | (result != optx.RESULTS.successful)
+
+    def finish(self, space, now):
+        y, residual, matrix, _, _, _, _, code = now.kept
+        found = Sensitivity(space.names, matrix)
+        good = code == CODE["successful"]
+        return Fit(space.values(y), residual, found, now.steps, good, space, code)
+
+
+class GaussNewton(AbstractGaussNewton):
+    """Gauss-Newton: the step to the minimum of the linear model, halved until it gains enough.
+
+    Where the data determine all unknowns and the start is near, it takes the fewest steps: none is
+    damped. Elsewhere `LevenbergMarquardt` is the safer one: along what the data hardly see these steps
+    are long. By the line search of optimistix (Armijo's rule).
+
+    **Arguments:** `tolerance`, `max_steps` as for `least_squares`; `loss`, a robust loss such as
+    `Huber()`, or `None`. **Raises** `TypeError`, `ValueError` for what is not so.
+    """
+
+    tolerance: float = eqx.field(static=True, default=1e-8)
+    max_steps: int = 64
+    loss: AbstractLoss | None = None
+    _search: ClassVar = optx.BacktrackingArmijo()
+
+    def __check_init__(self):
+        one_number("tolerance", self.tolerance, "positive")
+        check_count("max_steps", self.max_steps, 1)
+        check_type("loss", self.loss, AbstractLoss | None, "a loss such as Huber(), or None")
+
+    def _sizes(self, matrix, bend):
+        return sensitivities(matrix, bend)
+
+    def _shortened(self, size, full, y, rows, whole):
+        return size * full, optx.RESULTS.successful
+
+
+def sensitivities(matrix: Any, bend: Any) -> Any:
+    """What each coordinate moves the residuals by: in these units no unit of a value matters."""
+    sizes = jnp.sqrt(jnp.sum(matrix**2, axis=0) + bend)
+    largest = jnp.max(sizes, initial=0.0)
+    return jnp.maximum(sizes, jnp.where(largest > 0.0, UNSEEN * largest, 1.0))
+
+
+def descended(size: Any, y: Any, rows: Any, matrix: Any) -> tuple[Any, Any]:
+    info = _info(rows, matrix)
+    return DESCENT.step(size, DESCENT.query(y, info, DESCENT.init(y, info)))
+
+
+def _close(tolerance: float, a: Any, change: Any) -> Any:
+    """Whether a row has changed by less than the tolerance, relative and absolute."""
+    return jnp.all(jnp.abs(change) < tolerance * (1.0 + jnp.abs(a)))
