@@ -29,15 +29,17 @@ def _coefficients(tableau: Tableau) -> tuple[np.ndarray, np.ndarray]:
 
 
 def step(
-    tableau: Tableau, field: Callable, t: Any, y: PyTree, dy: PyTree, h: Any, inside: Sequence = ()
-) -> tuple[PyTree, PyTree, tuple[PyTree, ...], tuple[PyTree, ...], PyTree | None]:
+    tableau: Tableau, field: Callable, t: Any, y: PyTree, dy: PyTree, h: Any, inside: Sequence = (),
+    surprises: bool = False,
+) -> tuple[PyTree, PyTree, tuple[PyTree, ...], tuple[PyTree, ...], PyTree | None]:  # fmt: skip
     """What a step is and shows, as `AbstractStepper.step_and_look`.
 
-    `inside`: the weights of each of those states.
+    `inside`: the weights of each of those states; `surprises`: whether the last stage is at the end of
+    the step and is compared with it.
     """
     rows, nodes = _coefficients(tableau)
     n, differences = tableau.stages, [*tableau.error_weights]
-    if tableau.ends_twice:
+    if surprises:
         differences.append((*[0.0] * (n - 1), -1.0, 1.0))
     start, tree = ravel_pytree(y)
     # Every slope is added, when it is known, to all sums that want it: the states of the stages, then
@@ -64,7 +66,7 @@ def step(
     (sums, slope), _ = jax.lax.scan(stage, (sums, first), stages)
     seen = tuple(tree(sums[i]) for i in range(n + 1, states))
     found = [tree(sums[i]) for i in range(states, states + len(differences))]
-    surprise = found.pop() if tableau.ends_twice else None
+    surprise = found.pop() if surprises else None
     return tree(sums[n]), tree(slope), tuple(found), seen, surprise
 
 

@@ -46,17 +46,18 @@ def take(plan: Plan, problem: PyTree, lane: Lane) -> tuple[Lane, Step]:
 
     looks = any(plan.looked_at_inside)
     y1, dy1, errors, within, surprise = plan.stepper.step_and_look(
-        field, lane.t, lane.y, lane.dy, h, plan.execute, POINTS if looks else (), plan.functions.read
-    )
+        field, lane.t, lane.y, lane.dy, h, plan.execute, POINTS if looks else (), plan.functions.read,
+        plan.step_size.adaptive and plan.functions.num_guards > 0,
+    )  # fmt: skip
     error = lane.error
     if plan.step_size.adaptive:
         ends = Ends(h, lane.y, y1, lane.dy, dy1)
-        surprise = surprise if plan.functions.num_guards else None
         error, surprised = _scaled_error(plan, errors, surprise, plan.noise, lane.size, ends)
         if plan.watches_jumps:
             peak, flags = _sudden(plan, without_state(lane), error)
             lane = lane._replace(peak=peak, flags=flags)
-        error = jnp.maximum(error, surprised)
+        if surprised is not None:
+            error = jnp.maximum(error, surprised)
     kept = values = Values((), ())
     h_seen, jumps = jnp.zeros_like(h), jnp.zeros_like(h) > 0
     if plan.functions.count:
@@ -90,10 +91,10 @@ def _followed(plan: Plan, size, y):
 @bookkeeping
 def _scaled_error(plan: Plan, errors, surprise, noise, size, ends: Ends):
     scale = scales(plan.step_size, plan.atols, noise, size, ends)
-    found = error_norm(errors, scale)
-    if surprise is None:
-        return found, jnp.zeros_like(found)
-    return found, unexpected(surprise, scale, ends, plan.step_size.rtol)
+    unseen = None
+    if surprise is not None:
+        unseen = unexpected(surprise, scale, ends, plan.step_size.rtol)
+    return error_norm(errors, scale), unseen
 
 
 @bookkeeping

@@ -58,14 +58,14 @@ class AbstractStepper(eqx.Module):
 
     def step_and_look(
         self, field: VectorField, t: Numeric, y: PyTree, dy: PyTree, h: Numeric, execute: Executor,
-        points: Points, wanted: tuple[bool, ...],
+        points: Points, wanted: tuple[bool, ...], surprises: bool,
     ) -> "Looked":  # fmt: skip
         r"""`step`, and the states at $t + \theta h$ for the `points` $\theta$ inside it.
 
         There the event functions are looked at. `wanted` says which leaves of the state they depend
         on; of the others anything will do. The default is the cubic through the state and its slope at
         both ends, which knows of no excursion that the ends do not show; a method of an order above 3,
-        whose steps are long, should know better.
+        whose steps are long, should know better. `surprises`: whether `Looked.surprise` is asked for.
         """
         y1, dy1, errors = self.step(field, t, y, dy, h, execute)
         return Looked(y1, dy1, errors, tuple(cubics(points, y, dy, y1, dy1, h)))
@@ -133,25 +133,29 @@ class ExplicitRungeKutta(AbstractStepper):
     def step(self, field, t, y, dy, h, execute):
         return self._step(field, t, y, dy, h, execute)[:3]
 
-    def step_and_look(self, field, t, y, dy, h, execute, points, wanted):
-        found = self._step(field, t, y, dy, h, execute, points, wanted)
+    def step_and_look(self, field, t, y, dy, h, execute, points, wanted, surprises):
+        found = self._step(field, t, y, dy, h, execute, points, wanted, surprises)
         return found._replace(
             states=found.states or tuple(cubics(points, y, dy, found.y1, found.dy1, h))
         )
 
-    def _step(self, field, t, y, dy, h, execute, points: Points = (), wanted: tuple = ()):
+    def _step(
+        self, field, t, y, dy, h, execute, points: Points = (), wanted: tuple = (),
+        surprises: bool = False,
+    ):  # fmt: skip
+        surprises = surprises and self.tableau.ends_twice
         rows = weights_within(self.tableau, points) if points else ()
         if execute.fused:
-            return self._step_written_out(field, t, y, dy, h, execute, rows, wanted)
+            return self._step_written_out(field, t, y, dy, h, execute, rows, wanted, surprises)
         if execute.compact:
-            return Looked(*_rolled.step(self.tableau, field, t, y, dy, h, rows))
+            return Looked(*_rolled.step(self.tableau, field, t, y, dy, h, rows, surprises))
         return alone_or_batched(
-            lambda *a: Looked(*_rolled.step(self.tableau, *a, rows)),
-            lambda *a: self._step_written_out(*a, execute, rows, wanted),
+            lambda *a: Looked(*_rolled.step(self.tableau, *a, rows, surprises)),
+            lambda *a: self._step_written_out(*a, execute, rows, wanted, surprises),
             [(field, (t, y))], t, y, dy, h,
         )  # fmt: skip
 
-    def _step_written_out(self, field, t, y, dy, h, execute, inside, wanted):
+    def _step_written_out(self, field, t, y, dy, h, execute, inside, wanted, surprises):
         # Traced once and called in every stage, however large the field is.
         tab, field = self.tableau, execute.shared(field)
         slopes = [dy]
@@ -171,7 +175,7 @@ class ExplicitRungeKutta(AbstractStepper):
                     next(seen) if w else a for w, a in zip(wanted, jax.tree.leaves(y1), strict=True)
                 ]
                 states += (jax.tree.unflatten(form, leaves),)
-        surprise = weighted([slopes[-1], dy1], (-1.0, 1.0), h) if tab.ends_twice else None
+        surprise = weighted([slopes[-1], dy1], (-1.0, 1.0), h) if surprises else None
         return Looked(y1, dy1, errors, states, surprise)
 
     def vjp(self, field, parameters, t, y, dy, h, end, execute):

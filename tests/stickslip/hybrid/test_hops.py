@@ -132,7 +132,7 @@ def test_states_inside_a_step_have_a_higher_order_than_the_cubic(tableau):
     y0 = jnp.exp(jnp.sin(t0))
     for h in (0.4, 0.2):
         step = stepper.step_and_look(
-            lambda t, y: jnp.cos(t) * y, t0, y0, jnp.cos(t0) * y0, h, COMPACT, POINTS, (True,)
+            lambda t, y: jnp.cos(t) * y, t0, y0, jnp.cos(t0) * y0, h, COMPACT, POINTS, (True,), False
         )
         exact = np.exp(np.sin(t0 + h * np.array(POINTS)))
         errors.append(np.abs(np.asarray(step.states) - exact).max())
