@@ -202,7 +202,7 @@ def test_printed_signs_of_the_set_valued_model_create_energy(signs):
         ss.simulate(system.regularised(1e-2), 0.0, 1.0, RUNNING)
 
 
-@pytest.mark.parametrize("form", ["regularised", "bristles"])
+@pytest.mark.parametrize("form", ["regularised", pytest.param("bristles", marks=pytest.mark.slow)])
 def test_every_joule_of_a_smooth_form_is_accounted_for(form):
     """From slip and from belt at rest: friction of block and bearing, gear, winding and dampers."""
     machine = BlockOnDrivenBeltSetValued.constructed(k3=85.0)
