@@ -13,6 +13,7 @@ import stickslip as ss
 from stickslip.friction import Stribeck
 from stickslip.hybrid import _event_decision
 from stickslip.mechanism import AbstractMechanism, Contact
+from tests.stickslip.mechanism._pair import AbstractPair, random_pairs
 
 STATIC, KINETIC = 1.0, 0.6
 
@@ -107,26 +108,10 @@ def test_without_the_error_of_the_last_step_most_are_wrong(monkeypatch):
     assert np.mean(late > 1e-6) > 0.3
 
 
-class Pair(AbstractMechanism):
+class Pair(AbstractPair):
     """Two blocks on one belt, coupled and driven; the normal force of one changes with time."""
 
-    p: Any
-    coordinates: ClassVar = {"x": "m", "y": "m"}
     contact_directions: ClassVar = {"one": {"x": 1.0}, "two": {"y": 1.0}}
-
-    def mass_matrix(self, q):
-        return {"x": 1.0, "y": self.p[0]}
-
-    def forces(self, t, q, v, args):
-        _, coupling, push, rate, stiffness, *_ = self.p
-        between = coupling * (q.y - q.x)
-        return {
-            "x": between - q.x + push * jnp.sin(rate * t),
-            "y": -between - stiffness * q.y - 0.05 * v.y,
-        }
-
-    def time_scale(self, args):
-        return 1.0 / jnp.maximum(self.p[3], self.p[11])
 
     def contacts(self, t, q, v, args):
         *_, one, kinetic, speed, two, belt, part, rate = self.p
@@ -141,10 +126,7 @@ class Pair(AbstractMechanism):
 def test_random_pairs_are_those_of_fine_steps_or_flagged():
     """Of 1500 such pairs 424 ended wrong in silence before the last step answered for its error."""
     number, end = 1500, 15.0
-    low = [0.5, 0.3, 0.0, 0.5, 0.3, 0.2, 0.3, -3.0, 0.2, -0.4, 0.0, 0.5]
-    high = [2.0, 3.0, 2.5, 4.0, 2.0, 1.0, 1.0, 0.0, 1.0, 0.4, 0.8, 4.0]
-    p = np.random.default_rng(0).uniform(low, high, (number, 12))
-    p[:, 7] = 10 ** p[:, 7]
+    p = random_pairs(number)
 
     def run(p, rtol, longest):
         pair = Pair(p)

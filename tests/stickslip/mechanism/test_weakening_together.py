@@ -1,6 +1,6 @@
 """Three contacts of two coordinates whose friction weakens: they stop and give way together."""
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -9,37 +9,20 @@ import pytest
 
 import stickslip as ss
 from stickslip.friction import Stribeck
-from stickslip.mechanism import AbstractMechanism, Contact, _settle_together
+from stickslip.mechanism import Contact, _settle_together
+from tests.stickslip.mechanism._pair import AbstractPair, random_pairs
 
 END = 15.0
-LOW = [0.5, 0.3, 0.0, 0.5, 0.3, 0.2, 0.3, -3.0, 0.2, -0.4, 0.0, 0.5]
-HIGH = [2.0, 3.0, 2.5, 4.0, 2.0, 1.0, 1.0, 0.0, 1.0, 0.4, 0.8, 4.0]
 
 
-class Three(AbstractMechanism):
+class Three(AbstractPair):
     """Two blocks on one belt that rub on each other, coupled and driven."""
 
-    p: Any
-    coordinates: ClassVar = {"x": "m", "y": "m"}
     contact_directions: ClassVar = {
         "one": {"x": 1.0},
         "two": {"y": 1.0},
         "between": {"x": -1.0, "y": 1.0},
     }
-
-    def mass_matrix(self, q):
-        return {"x": 1.0, "y": self.p[0]}
-
-    def forces(self, t, q, v, args):
-        _, coupling, push, rate, stiffness, *_ = self.p
-        between = coupling * (q.y - q.x)
-        return {
-            "x": between - q.x + push * jnp.sin(rate * t),
-            "y": -between - stiffness * q.y - 0.05 * v.y,
-        }
-
-    def time_scale(self, args):
-        return 1.0 / jnp.maximum(self.p[3], self.p[11])
 
     def contacts(self, t, q, v, args):
         *_, one, part, speed, two, belt, swing, rate = self.p
@@ -49,12 +32,6 @@ class Three(AbstractMechanism):
             "two": Contact(Stribeck(two, part * two, speed), 1.0, belt),
             "between": Contact(Stribeck(0.4 * one, part * 0.4 * one, speed), 1.0, 0.0),
         }
-
-
-def parameters(number):
-    p = np.random.default_rng(0).uniform(LOW, HIGH, (number, 12))
-    p[:, 7] = 10 ** p[:, 7]
-    return p
 
 
 def lane(p, rtol=1e-10, longest=END / 100):
@@ -68,25 +45,25 @@ def lane(p, rtol=1e-10, longest=END / 100):
 
 def test_the_limit_of_a_law_is_known_to_rounding():
     """`mu_k + (mu_s - mu_k)` is not `mu_s`: what gave way was at rest again, and gave way again."""
-    p = parameters(158)[57]
+    p = random_pairs(158)[57]
     assert p[5] * 0.4 != p[6] * p[5] * 0.4 + (p[5] * 0.4 - p[6] * p[5] * 0.4)
     run = jax.jit(lane)
     assert bool(run(p)[3])
-    assert bool(run(parameters(159)[158])[3])
+    assert bool(run(random_pairs(159)[158])[3])
 
 
 @pytest.mark.slow
 def test_taken_exactly_some_chatter(monkeypatch):
     """The fault, planted."""
     monkeypatch.setattr(_settle_together, "NO_DROP", 0.0)
-    every = ss.map_lanes(lambda p: lane(p, longest=END / 99))(parameters(240)[20:])
+    every = ss.map_lanes(lambda p: lane(p, longest=END / 99))(random_pairs(240)[20:])
     assert np.sum(~np.asarray(every[3])) > 5
 
 
 @pytest.mark.slow
 def test_random_systems_are_those_of_fine_steps_or_flagged():
     number = 1500
-    lanes, p = ss.map_lanes(lane), parameters(number)
+    lanes, p = ss.map_lanes(lane), random_pairs(number)
     plain = lanes(p, np.full(number, 1e-10), np.full(number, END / 100))
     fine = lanes(p, np.full(number, 1e-12), np.full(number, END / 1000))
     off = np.max(np.abs(plain[0] - fine[0]), axis=1) > 1e-6
