@@ -32,6 +32,11 @@ class AbstractGaussNewton(AbstractMethod):
     max_steps: eqx.AbstractVar[int]
     _search: eqx.AbstractClassVar[optx.AbstractSearch]
 
+    def __check_init__(self):
+        one_number("tolerance", self.tolerance, "positive")
+        check_count("max_steps", self.max_steps, 1)
+        check_type("loss", self.loss, AbstractLoss | None, "a loss such as Huber(), or None")
+
     @abc.abstractmethod
     def _sizes(self, matrix, bend):
         """Sizes of the coordinates, in which steps are measured."""
@@ -117,11 +122,6 @@ class GaussNewton(AbstractGaussNewton):
     max_steps: int = 64
     loss: AbstractLoss | None = None
     _search: ClassVar = optx.BacktrackingArmijo()
-
-    def __check_init__(self):
-        one_number("tolerance", self.tolerance, "positive")
-        check_count("max_steps", self.max_steps, 1)
-        check_type("loss", self.loss, AbstractLoss | None, "a loss such as Huber(), or None")
 
     def _sizes(self, matrix, bend):
         return sensitivities(matrix, bend)

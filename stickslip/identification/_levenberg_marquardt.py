@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import optimistix as optx
 
 from .._types import Numeric
-from .._validation import check_count, check_type, one_number
+from .._validation import one_number
 from ._gauss_newton import AbstractGaussNewton, descended, sensitivities
 from ._losses import AbstractLoss
 
@@ -29,9 +29,6 @@ class LevenbergMarquardt(AbstractGaussNewton):
 
     def __check_init__(self):
         one_number("damping", self.damping, "positive")
-        one_number("tolerance", self.tolerance, "positive")
-        check_count("max_steps", self.max_steps, 1)
-        check_type("loss", self.loss, AbstractLoss | None, "a loss such as Huber(), or None")
 
     def _sizes(self, matrix, bend):
         return sensitivities(matrix, bend)
