@@ -20,7 +20,7 @@ from .._validation import (
     misshaped,
     refusal,
 )
-from ..hybrid._xla import FUSED, PORTABLE, use_executor
+from ..hybrid._xla import FUSED, PORTABLE, Executor, use_executor
 from ._canary import fused_is_trusted, wished_executor
 from ._fit import (
     CHUNK_FUSED,
@@ -100,6 +100,7 @@ class map_lanes:
         self.threads = 1
         if cpu and len(devices) == 1:
             self.threads = workers or os.cpu_count() or 1
+        self._traced_by: dict = {}
         self._compiled: dict = {}
         self._fits: dict = {}  # what the compiler was found to take, by form of the inputs
 
@@ -113,13 +114,27 @@ class map_lanes:
             return jax.tree.map(lambda a: _lanes(a)[:n], out)
         return self._joined(self._run(*self._fitted(inputs, n, parts)), n)
 
-    def chosen(self):
-        """Context in which `simulate` is traced for the executor of these lanes."""
-        return use_executor(self._executor)
-
     @property
     def _executor(self):
         return FUSED if self.executor == "fused" else PORTABLE
+
+    def lane(self, executor: Executor | None = None) -> Callable:
+        """The function of one lane, traced once for `executor`, by default that of these lanes.
+
+        `vmap` makes of what was traced what it would make of the function, in half of the time. For
+        these lanes alone: JAX keeps what it traces by function, and a caller's function may read what
+        was altered since.
+        """
+        executor = executor or self._executor
+        if executor not in self._traced_by:
+
+            def lane(*inputs):
+                with use_executor(executor):
+                    return self.function(*inputs)
+
+            # Inline: what is compiled is one program, without calls.
+            self._traced_by[executor] = jax.jit(lane, inline=True)
+        return self._traced_by[executor]
 
     def _chunk(self, n, parts, most=None):
         """Lanes per chunk, `most` of them, such that as few as possible have to be filled up."""
@@ -192,7 +207,7 @@ class map_lanes:
     def _chunks(self, executor):
         def run(chunks):
             with use_executor(executor):
-                return jax.lax.map(lambda lanes: jax.vmap(self.function)(*lanes), chunks)
+                return jax.lax.map(lambda lanes: jax.vmap(self.lane(executor))(*lanes), chunks)
 
         return run
 
