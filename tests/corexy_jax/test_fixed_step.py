@@ -32,6 +32,19 @@ def test_corrected_algorithm_agrees_with_the_events():
     assert errors[1] < 0.5 * errors[0]
 
 
+def test_rounding_is_no_sense_of_motion():
+    """Along the diagonal the contact of the other motor rests, in whatever last place x and y differ."""
+    errata = cx.Errata.corrected()
+    p, v = cx.scenario(1, errata)
+    ends = []
+    for vy in (0.1, np.nextafter(0.1, 1.0), np.nextafter(0.1, 0.0)):
+        y0 = cx.CoreXY(p, v).state(vx=0.1, vy=vy, omega_1=4.0)
+        found = cx.simulate(p, v, 0.01, method="as_printed", errata=errata, y0=y0, rows=3)
+        assert float(found.senses[0][3]) == 0.0
+        ends.append(np.array(found.y.x))
+    np.testing.assert_allclose(ends[1:], [ends[0]] * 2, rtol=0, atol=1e-15)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [1, 2, 3])
 def test_corrected_algorithm_in_every_scenario(number):
