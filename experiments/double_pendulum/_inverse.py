@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-import scipy.linalg
 
 from ._arm import GEAR, GRAVITY, LINK, UNITS
 from ._record import STEP, Motion, low_passed
@@ -50,6 +49,8 @@ def rows_of(motion: Motion) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def inverse_dynamics(motions: Sequence[Motion], zeros: bool = True) -> tuple[dict, dict, float]:
     """Least squares of the torques in all records, with zeros of the encoders of each. **Returns**
     estimates, standard errors as for white noise, and the relative error of the torques."""
+    import scipy.linalg  # few commands need it, and all import this file
+
     parts = [rows_of(motion) for motion in motions]
     matrix = np.concatenate([part[0] for part in parts])
     torque = np.concatenate([part[2] for part in parts])

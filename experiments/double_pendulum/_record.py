@@ -4,7 +4,6 @@ import pathlib
 from typing import NamedTuple
 
 import numpy as np
-import scipy.signal
 
 from .._data import find
 
@@ -56,5 +55,8 @@ def load(folder: pathlib.Path | None, number: int) -> Motion:
 
 def low_passed(rows: np.ndarray, cut_off: float) -> np.ndarray:
     """Rows of samples without what is faster than `cut_off` [Hz], filtered forwards and backwards."""
+    # Here: every command imports this file, and few need this.
+    import scipy.signal
+
     numerator, denominator = scipy.signal.butter(ORDER, 2.0 * cut_off * STEP)
     return scipy.signal.filtfilt(numerator, denominator, rows)

@@ -1,7 +1,6 @@
 """Inverse dynamics (IDIM-LS): the force as a linear function of filtered derivatives."""
 
 import numpy as np
-import scipy.signal
 
 from ._record import STEP, Record
 
@@ -17,6 +16,9 @@ def inverse_dynamics(record: Record, asymmetric: bool = False) -> tuple[dict, di
     the same filter, so that what is lost is lost on both sides. **Returns** estimates, standard errors
     and the relative error of the force.
     """
+    # Here: every command imports this file, and few need this.
+    import scipy.signal
+
     numerator, denominator = scipy.signal.butter(ORDER, 2.0 * CUT_OFF * STEP)
     q = scipy.signal.filtfilt(numerator, denominator, record.q)
     v = np.gradient(q, STEP)

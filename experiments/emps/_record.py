@@ -4,7 +4,6 @@ import pathlib
 from typing import NamedTuple
 
 import numpy as np
-import scipy.io
 
 from .._data import find
 
@@ -30,6 +29,8 @@ class Record(NamedTuple):
 
 def load(folder: pathlib.Path | None, name: str = NAME) -> Record:
     """The record `name`. Errors: `MissingDataError`; `ValueError` for another format."""
+    import scipy.io  # few commands need it, and all import this file
+
     path = find(folder, "emps", name, ORIGIN)
     found = scipy.io.loadmat(path)
     wanted = ("qm", "qg", "vir", "t", "gtau", "kp", "kv")

@@ -4,7 +4,6 @@ import pathlib
 from typing import NamedTuple
 
 import numpy as np
-import scipy.io
 
 from .._data import find
 
@@ -28,6 +27,8 @@ def load(folder: pathlib.Path | None) -> tuple[list[Segment], list[Segment]]:
 
     Errors: `MissingDataError`; `ValueError` for another format.
     """
+    import scipy.io  # few commands need it, and all import this file
+
     path = find(folder, "multiarm_pendulum", NAME, ORIGIN)
     found = scipy.io.loadmat(path)
     lost = [key for key in ("Y_id", "Y_vad", "dt") if key not in found]

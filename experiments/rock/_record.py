@@ -4,7 +4,6 @@ import pathlib
 from typing import NamedTuple
 
 import numpy as np
-import scipy.optimize
 
 from .._data import find
 
@@ -46,6 +45,8 @@ def step_of(step: Step) -> tuple[float, float, float]:
 
     Two lines near the step, joined; further away the encoder jumps by whole micrometres.
     """
+    import scipy.optimize  # few commands need it, and all import this file
+
     t, x = step.time, 1e6 * step.displacement
     speeds = _speeds(t, x)
     rough = float(t[np.argmax(speeds > 0.5 * (np.median(speeds[:50]) + np.median(speeds[-50:])))])
