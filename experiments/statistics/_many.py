@@ -2,6 +2,7 @@
 
 import concurrent.futures
 import hashlib
+import inspect
 import json
 import multiprocessing
 import os
@@ -13,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from stickslip.sweep import as_json, code_revision
+from stickslip.sweep import as_json
 
 from .._experiment import Context
 
@@ -30,7 +31,7 @@ def many(name: str, one: One, parameters: dict[str, Any], context: Context, bloc
     blocks nor the processes, `parameters["workers"]` of them, have a say. `one` is a function of a
     module: the other processes import it.
     """
-    folder = context.stores / name / _digest(parameters)
+    folder = context.stores / name / _digest(one, parameters)
     if context.fresh:
         shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True, exist_ok=True)
@@ -47,10 +48,11 @@ def many(name: str, one: One, parameters: dict[str, Any], context: Context, bloc
     return {key: np.concatenate([row[key] for row in rows if row]) for key in rows[0] or ()}
 
 
-def _digest(parameters: dict[str, Any]) -> str:
-    """Of what a case depends on, the code included."""
+def _digest(one: One, parameters: dict[str, Any]) -> str:
+    """Of the parameters and of the text of the module that makes a case."""
     kept = {key: value for key, value in parameters.items() if key not in NOT_OF_A_CASE}
-    text = json.dumps([as_json(kept), code_revision()], sort_keys=True)
+    source = inspect.getsource(inspect.getmodule(one) or one)
+    text = json.dumps([as_json(kept), source], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
