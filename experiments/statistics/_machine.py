@@ -36,6 +36,7 @@ AROUND = (1.0, 0.5, 1.5)  # factors of the tensions for which the inputs are des
 HORIZONS = (0.25, 0.5, 1.0)  # parts of the records that a start is led through
 MAX_STEPS = 60
 WINDOWS = 4
+LOWER, AGAIN = 1e-3, 3  # fall of the sum of squares along a profile for which a fit starts again
 LONGER, NEAR = 4, 3.0  # fits that go on where they are near the noise, in reduced chi squared
 TABLE = cx.scenario(3).parameters
 
@@ -148,10 +149,10 @@ def kept(part: float) -> np.ndarray:
     return np.broadcast_to(TIMES <= part * DURATION, shape).astype(np.float64)
 
 
-def led(run: Any, start: dict[str, Any], truth: dict[str, Any], *data: Any) -> Fit:
+def led(run: Any, start: dict[str, Any], truth: dict[str, Any], *data: Any, horizons=HORIZONS) -> Fit:
     """The fit from one start, led through ever longer parts of the records."""
     fit = None
-    for part in HORIZONS:
+    for part in horizons:
         fit = run(start, *data, kept(part))
         # What a short part does not show may have run away.
         start = {
@@ -211,6 +212,26 @@ class Search:
         assert best is not None
         return best
 
+    def profiled(self, fit: Fit) -> tuple[Fit, Profile, int]:
+        """The profile of the fit, or of a better one that starts from the lowest point it went by: a
+        fit ends at an edge of the sum of squares, where a slip more or less begins, as at a minimum."""
+        found, rounds = _profile(fit, *self.data, kept(1.0)), 1
+        while float(found.fall) > LOWER and rounds <= AGAIN:
+            points = np.asarray(found.others).reshape(-1, len(NAMES))
+            points = points[np.isfinite(points).all(axis=1)]
+            lowest = min((dict(zip(NAMES, row, strict=True)) for row in points), key=self._squares)
+            again = led(_fit, lowest, self.truth, *self.data, horizons=(1.0,))
+            if not float(again.cost) < float(fit.cost):
+                break
+            fit, rounds = again, rounds + 1
+            found = _profile(fit, *self.data, kept(1.0))
+        return fit, found, rounds
+
+    def _squares(self, values: dict[str, Any]) -> float:
+        """Sum of squares; infinite where the run fails."""
+        found = np.asarray(_rows(values, *self.data, kept(1.0)))
+        return float(np.nan_to_num(np.sum(found**2), nan=np.inf))
+
 
 def sizes(found: np.ndarray, sigma: np.ndarray) -> np.ndarray:
     """Logarithm of the root mean square of each signal in each of `WINDOWS`, noise included."""
@@ -231,8 +252,7 @@ def one(parameters: dict[str, Any], number: int) -> Row:
     # Nothing of the unknowns is handed on with what is known.
     given = cx.with_values(machine, {name: np.float64(float(getattr(TABLE, name))) for name in NAMES})
     search = Search(truth, given, ends, data, sigma, rng, parameters["starts"], parameters["tries"])
-    best = search.best()
-    found = _profile(best, *search.data, kept(1.0))
+    best, found, rounds = search.profiled(search.best())
     errors = best.standard_errors()
     return {
         "truth": [truth[name] for name in NAMES],
@@ -243,6 +263,7 @@ def one(parameters: dict[str, Any], number: int) -> Row:
         "verdict": found.verdict, "ends": found.ends, "fall": found.fall,
         "evaluations": found.evaluations, "successful": best.successful,
         "least": 2.0 * float(best.cost), "limit": search.limit, "starts": search.tried,
+        "rounds": rounds,
         "of_start": search.costs,
         "singular_value": best.sensitivity.singular_values, "foreseen": singular,
         "at_truth": float(np.sum(np.asarray(_rows(truth, *search.data, kept(1.0))) ** 2)),
