@@ -62,7 +62,7 @@ def _path(folder: pathlib.Path, first: int, last: int) -> pathlib.Path:
 
 def _read(path: pathlib.Path) -> Row | None:
     try:
-        with np.load(path) as found:
+        with path.open("rb") as file, np.load(file) as found:
             return dict(found)
     except (OSError, ValueError, zipfile.BadZipFile):
         return None

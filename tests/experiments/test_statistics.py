@@ -1,4 +1,4 @@
-"""Coverage on synthetic records: against closed forms and SciPy, and what is said of made-up results."""
+"""Coverage on synthetic records: against closed forms and SciPy; what is said of made-up results."""
 
 import numpy as np
 import pytest
