@@ -150,7 +150,7 @@ def judge(data: xr.Dataset) -> list[Statement]:
 EXPERIMENT = Experiment(
     name="identify-corexy-machines",
     title="CoreXY: a hundred machines fitted from afar, and what their intervals hold",
-    parameters={"count": 100, "seed": 0, "starts": 128, "tries": 8, "workers": 1},
+    parameters={"count": 100, "seed": 0, "starts": 128, "tries": 16, "workers": 1},
     quick={"count": 2, "starts": 16, "tries": 2},
     compute=compute,
     draw=draw,

@@ -197,6 +197,8 @@ def draw(data: xr.Dataset) -> Figure:
     bars.set_xticks(place, [LABELS[str(name)] for name in data.unknown.values])
     bars.set_title(f"of {count} records; bars: what chance allows, 95%")
     trend.set(xscale="log", xlabel="noise / give of the spring", title="by fifths of the noise")
+    trend.set_xticks([0.01, 0.03, 0.1, 0.3], ["1%", "3%", "10%", "30%"])
+    trend.minorticks_off()
     sums.plot(np.sort(data.excess), (np.arange(count) + 0.5) / count, lw=1.4, color="#3d7a4b")
     grid = np.linspace(0.0, max(15.0, float(data.excess.max())), 200)
     sums.plot(grid, chi2.cdf(grid, len(NAMES)), "--", lw=0.9, color="0.3", label=r"$\chi^2_4$")
