@@ -219,6 +219,8 @@ class Search:
         while float(found.fall) > LOWER and rounds <= AGAIN:
             points = np.asarray(found.others).reshape(-1, len(NAMES))
             points = points[np.isfinite(points).all(axis=1)]
+            if not points.size:
+                break
             lowest = min((dict(zip(NAMES, row, strict=True)) for row in points), key=self._squares)
             again = led(_fit, lowest, self.truth, *self.data, horizons=(1.0,))
             if not float(again.cost) < float(fit.cost):
