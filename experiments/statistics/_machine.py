@@ -4,10 +4,11 @@ Everything but gravity is drawn within `WITHIN` of Table 1 with the tensions and
 scenario 3, where both belts hold until they slip. The six unknowns are those of `identify-corexy`;
 all else is known, as from data sheets and a balance.
 
-One record is gentle: the belts hold, and friction on the ground and tensions show. In the other the
-voltage rises above what the belts hold, and their kinetic friction shows. Both inputs are designed for
-each machine from what is known of it, with the values of Table 1 and others around them for the
-unknowns. Every signal has normal noise of a part `NOISE` of its own root mean square.
+A slow ramp until a belt slips comes first, and tells its tension to 20%; it serves nothing but the
+inputs of two records. One is gentle: the belts hold, and friction on the ground and tensions show. In
+the other pulses rise above what the belts hold, and their kinetic friction shows. Both inputs are
+designed for each machine, with the values of Table 1 and others around them for the other unknowns.
+Every signal has normal noise of a part `NOISE` of its own root mean square.
 """
 
 from typing import Any
@@ -24,6 +25,7 @@ from ..corexy._input import Input
 from ._many import Row
 
 NAMES = tuple(sorted(cx.FITTED_PARAMETERS))
+BELTS = ("mu_1k_b", "mu_2k_b")
 KNOWN = ("m", "M", "J", "J_passive", "r", "R", "K_t", "K_e", "mu_1s_b", "mu_2s_b")
 WITHIN, NOISE, AWAY = 0.5, 0.01, 0.8
 DURATION, RATE, PIECE = 2.0, 100.0, 0.125  # [s], [1/s], [s]
@@ -31,8 +33,10 @@ TIMES = np.linspace(0.0, DURATION, round(DURATION * RATE) + 1)[1:]
 BEGINS = np.arange(0.0, DURATION, PIECE)
 TOLERANCE = 1e-7
 FINEST = (1e-3, 1e-3, 1e-6, 1e-6)  # noise of signals that hardly move [rad/s, rad/s, m, m]
+RAMP = 0.2  # how far a slow ramp until a belt slips may be wrong about its tension
+LOW, HIGH, PULSES = (0.25, 0.75), (2.0, 5.0), 0.15
 CANDIDATES = 16  # of each kind of input
-AROUND = (1.0, 0.5, 1.5)  # factors of the tensions for which the inputs are designed
+AROUND = ((1.0, 1.0), (0.85, 0.6), (1.2, 1.4))  # factors of tensions, friction for the design
 ROUNDS, ENOUGH = 6, 10.0  # a worst combination to 10% is enough
 HORIZONS = (0.25, 0.5, 1.0)  # parts of the records that a start is led through
 MAX_STEPS = 60
@@ -103,20 +107,30 @@ def drawn(rng: np.random.Generator) -> dict[str, np.float64]:
         name: np.float64(float(getattr(TABLE, name)) * rng.uniform(1.0 - WITHIN, 1.0 + WITHIN))
         for name in (*KNOWN, *NAMES)
     }
-    return values | {"r_f": values["r"]}
+    ramps = {
+        f"ramp_{name}": values[name] * rng.uniform(1.0 - RAMP, 1.0 + RAMP) for name in ("P1", "P2")
+    }
+    return values | ramps | {"r_f": values["r"]}
+
+
+def machine_of(values: dict[str, Any]) -> cx.CoreXYParameters:
+    """The machine with these values, ramps apart."""
+    return cx.with_values(TABLE, {name: values[name] for name in (*KNOWN, *NAMES, "r_f")})
 
 
 def candidates(rng: np.random.Generator, known: dict[str, Any]) -> np.ndarray:
-    """Inputs [V], `[gentle or rough, candidate, piece, end, motor]`, in parts of the voltages that
-    bring the belts to their limits under the tensions of Table 1."""
-    held = [known[f"mu_{i}s_b"] * float(getattr(TABLE, f"P{i}")) for i in (1, 2)]
+    """Inputs [V], `[gentle or rough, candidate, piece, end, motor]`, in parts of the voltages at
+    which the belts slip, as the ramps told: below `LOW`, in the rough ones with pulses in `HIGH`. What
+    lies between is left out: where a belt just slips or does not, the motion jumps with the unknowns.
+    """
+    held = [known[f"mu_{i}s_b"] * known[f"ramp_P{i}"] for i in (1, 2)]
     limit = known["r"] * known["R"] / known["K_t"] * np.array(held)
     shape = (2, CANDIDATES, BEGINS.size, 2, 2)
-    size = np.exp(rng.uniform(*np.log((0.3, 1.0)), (2, CANDIDATES, 1, 1, 1)))
+    size = np.exp(rng.uniform(*np.log(LOW), (2, CANDIDATES, 1, 1, 1)))
     ends = size * rng.uniform(-1.0, 1.0, shape)
-    high = rng.uniform(size=(CANDIDATES, BEGINS.size, 1, 2)) < 0.4
-    far = rng.uniform(-1.0, 1.0, shape[1:]) * rng.uniform(2.0, 5.0, CANDIDATES)[:, None, None, None]
-    ends[1] = np.where(high, far, ends[1])
+    pulse = (CANDIDATES, BEGINS.size, 1, 2)
+    level = rng.uniform(*HIGH, pulse) * rng.choice([-1.0, 1.0], pulse)
+    ends[1] = np.where(rng.uniform(size=pulse) < PULSES, level, ends[1])
     ends[:, :, 0, 0] = 0.0
     return ends * limit
 
@@ -130,9 +144,13 @@ def designed(rng: np.random.Generator, known: dict[str, Any]) -> tuple[np.ndarra
     for _ in range(ROUNDS):
         inputs = candidates(rng, known)
         least = np.full((CANDIDATES, CANDIDATES), np.inf)
-        for factor in AROUND:
+        for tension, friction in AROUND:
             values = {
-                name: np.float64(float(getattr(TABLE, name)) * (factor if name[0] == "P" else 1.0))
+                name: np.float64(
+                    tension * known[f"ramp_{name}"]
+                    if name[0] == "P"
+                    else friction * float(getattr(TABLE, name))
+                )
                 for name in NAMES
             }
             gentle, rough = (
@@ -187,39 +205,82 @@ def limit_of(rows: int, unknowns: int) -> float:
 class Search:
     """The best of fits from afar.
 
-    Where friction is too large nothing moves, and a fit has no slope to follow; where it is too small
-    the sum of squares is larger still. So of many starts those are tried first whose motion is as
-    large as that of the data, window by window, one after the other until one comes down to the noise.
+    The gentle record comes first: it tells friction on the ground and tensions without the friction of
+    the belts. Where friction is too large nothing moves, and a fit has no slope to follow; where it is
+    too small the sum of squares is larger still. So of many starts those are tried first whose motion
+    is as large as that of the data, window by window, until one comes down to the noise. From there
+    all six are fitted to both records, with that draw of the belts' friction that is nearest.
     """
 
     def __init__(self, truth, machine, ends, data, sigma, rng, starts: int, tries: int):
-        self.truth, self.machine = truth, machine
+        self.truth, self.machine, self.rng = truth, machine, rng
         self.data = (data, machine, ends, sigma)
         factors = rng.uniform(1.0 - AWAY, 1.0 + AWAY, (starts, len(NAMES)))
         self.starts = [{name: truth[name] * row[i] for i, name in enumerate(NAMES)} for row in factors]
         self.limit = limit_of(data.size, len(NAMES))
-        self.costs = np.full(tries, np.nan)
+        self.gentle_costs, self.costs = np.full((2, tries), np.nan)
         self.tried = 0
 
     def best(self) -> Fit:
+        gentle_limit = limit_of(self.data[0][0].size, len(NAMES) - len(BELTS))
+        best, nearest = None, None
+        for k in self._order()[: self.costs.size]:
+            start = self.starts[k]
+            fit = self._gentle(start)
+            cost = self.gentle_costs[self.tried] = 2.0 * float(fit.cost)
+            self.tried += 1
+            if nearest is None or cost < 2.0 * float(nearest.cost):
+                nearest = fit
+            if cost <= gentle_limit:
+                whole = self._whole(fit)
+                self.costs[self.tried - 1] = 2.0 * float(whole.cost)
+                if best is None or float(whole.cost) < float(best.cost):
+                    best = whole
+                if self._good(best):
+                    break
+        assert nearest is not None
+        return self._whole(nearest) if best is None else best
+
+    def _order(self) -> np.ndarray:
+        """Of the starts, nearest first, by the size of the motion in the gentle record."""
         data, machine, ends, sigma = self.data
-        wanted = sizes(data, sigma)
+        wanted = sizes(data[:1], sigma[:1])
         far = []
         for start in self.starts:
-            found = np.asarray(_clean(cx.with_values(machine, start), ends))
-            off = np.mean(np.abs(sizes(found, sigma) - wanted))
-            far.append(off if np.isfinite(off) else np.inf)
-        best = None
-        for k in np.argsort(far)[: self.costs.size]:
-            fit = led(_fit, self.starts[k], self.truth, *self.data)
-            self.costs[self.tried] = 2.0 * float(fit.cost)
-            self.tried += 1
+            found = np.asarray(_clean(cx.with_values(machine, start), ends[:1]))
+            far.append(np.mean(np.abs(sizes(found, sigma[:1]) - wanted)))
+        return np.argsort(np.nan_to_num(far, nan=np.inf), kind="stable")
+
+    def _gentle(self, start: dict[str, Any]) -> Fit:
+        data, machine, ends, sigma = self.data
+        machine = cx.with_values(machine, {name: start[name] for name in BELTS})
+        ground = {name: start[name] for name in NAMES if name not in BELTS}
+        return led(_fit, ground, self.truth, data[:1], machine, ends[:1], sigma[:1])
+
+    def _whole(self, fit: Fit) -> Fit:
+        """All six from what the gentle record told: from the draw, of those that it allows and of any
+        friction of the belts, that is nearest to both records."""
+        names, count = fit.names, len(self.starts)
+        middle = np.array([float(fit.values[name]) for name in names])
+        spread = np.nan_to_num(np.asarray(fit.covariance())) / np.outer(middle, middle)
+        off = self.rng.multivariate_normal(np.zeros(middle.size), spread, count, check_valid="ignore")
+        rows = middle * np.exp(np.clip(off, -0.5, 0.5))
+        draws = [
+            dict(zip(names, row, strict=True)) | {name: start[name] for name in BELTS}
+            for row, start in zip(rows, self.starts, strict=True)
+        ]
+        nearest, best = min(draws, key=self._squares), None
+        for horizons in ((1.0,), HORIZONS):
+            fit = led(_fit, nearest, self.truth, *self.data, horizons=horizons)
             if best is None or float(fit.cost) < float(best.cost):
                 best = fit
-            if 2.0 * float(best.cost) <= self.limit and bool(best.successful):
+            if self._good(best):
                 break
         assert best is not None
         return best
+
+    def _good(self, fit: Fit) -> bool:
+        return 2.0 * float(fit.cost) <= self.limit and bool(fit.successful)
 
     def profiled(self, fit: Fit) -> tuple[Fit, Profile, int]:
         """The profile of the fit, or of a better one that starts from the lowest point it went by: a
@@ -256,7 +317,7 @@ def one(parameters: dict[str, Any], number: int) -> Row:
     known = drawn(rng)
     truth = {name: known[name] for name in NAMES}
     ends, singular = designed(rng, known)
-    machine = cx.with_values(TABLE, known)
+    machine = machine_of(known)
     clean = np.asarray(_clean(machine, ends))
     sigma = np.asarray(noise_of(clean))
     data = clean + sigma[..., None] * rng.standard_normal(clean.shape)
@@ -276,6 +337,7 @@ def one(parameters: dict[str, Any], number: int) -> Row:
         "least": 2.0 * float(best.cost), "limit": search.limit, "starts": search.tried,
         "rounds": rounds,
         "of_start": search.costs,
+        "gentle_of_start": search.gentle_costs,
         "singular_value": best.sensitivity.singular_values, "foreseen": singular,
         "at_truth": float(np.sum(np.asarray(_rows(truth, *search.data, kept(1.0))) ** 2)),
         "input": ends, "root_mean_square": np.sqrt(np.mean(clean**2, axis=-1)),

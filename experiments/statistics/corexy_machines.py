@@ -31,7 +31,7 @@ DIMS = {
         ("unknown",),
     ),
     "machine": ("known",), "ends": ("unknown", "side"), "evaluations": ("unknown", "side"),
-    "of_start": ("try",), "singular_value": ("combination",),
+    "of_start": ("try",), "gentle_of_start": ("try",), "singular_value": ("combination",),
     "input": ("record", "piece", "end", "motor"), "root_mean_square": ("record", "signal"),
 }  # fmt: skip
 
@@ -150,7 +150,7 @@ def judge(data: xr.Dataset) -> list[Statement]:
 EXPERIMENT = Experiment(
     name="identify-corexy-machines",
     title="CoreXY: a hundred machines fitted from afar, and what their intervals hold",
-    parameters={"count": 100, "seed": 0, "starts": 128, "tries": 16, "workers": 1},
+    parameters={"count": 100, "seed": 0, "starts": 128, "tries": 8, "workers": 1},
     quick={"count": 2, "starts": 16, "tries": 2},
     compute=compute,
     draw=draw,
