@@ -42,6 +42,8 @@ HORIZONS = (0.25, 0.5, 1.0)  # parts of the records that a start is led through
 MAX_STEPS = 60
 WINDOWS = 4
 LOWER, AGAIN = 1e-3, 3  # fall of the sum of squares along a profile for which a fit starts again
+REFITS = 3
+UNDECIDED = 3  # of a verdict
 LONGER, NEAR = 4, 3.0  # fits that go on where they are near the noise, in reduced chi squared
 TABLE = cx.scenario(3).parameters
 
@@ -260,11 +262,7 @@ class Search:
     def _whole(self, fit: Fit) -> Fit:
         """All six from what the gentle record told: from the draw, of those that it allows and of any
         friction of the belts, that is nearest to both records."""
-        names, count = fit.names, len(self.starts)
-        middle = np.array([float(fit.values[name]) for name in names])
-        spread = np.nan_to_num(np.asarray(fit.covariance())) / np.outer(middle, middle)
-        off = self.rng.multivariate_normal(np.zeros(middle.size), spread, count, check_valid="ignore")
-        rows = middle * np.exp(np.clip(off, -0.5, 0.5))
+        names, rows = fit.names, self._drawn_around(fit)
         draws = [
             dict(zip(names, row, strict=True)) | {name: start[name] for name in BELTS}
             for row, start in zip(rows, self.starts, strict=True)
@@ -283,21 +281,36 @@ class Search:
         return 2.0 * float(fit.cost) <= self.limit and bool(fit.successful)
 
     def profiled(self, fit: Fit) -> tuple[Fit, Profile, int]:
-        """The profile of the fit, or of a better one that starts from the lowest point it went by: a
-        fit ends at an edge of the sum of squares, where a slip more or less begins, as at a minimum."""
+        """The profile of the fit, or of a better one that is found around it: a fit ends at an edge of
+        the sum of squares, where a slip more or less begins, as at a minimum."""
         found, rounds = _profile(fit, *self.data, kept(1.0)), 1
-        while float(found.fall) > LOWER and rounds <= AGAIN:
+        while self._doubtful(fit, found) and rounds <= AGAIN:
             points = np.asarray(found.others).reshape(-1, len(NAMES))
             points = points[np.isfinite(points).all(axis=1)]
-            if not points.size:
+            rows = np.concatenate([self._drawn_around(fit), points])
+            near = sorted((dict(zip(NAMES, row, strict=True)) for row in rows), key=self._squares)
+            again = [
+                led(_fit, start, self.truth, *self.data, horizons=(1.0,)) for start in near[:REFITS]
+            ]
+            best = min(again, key=lambda other: float(other.cost))
+            if not 2.0 * float(best.cost) < 2.0 * float(fit.cost) - LOWER:
                 break
-            lowest = min((dict(zip(NAMES, row, strict=True)) for row in points), key=self._squares)
-            again = led(_fit, lowest, self.truth, *self.data, horizons=(1.0,))
-            if not float(again.cost) < float(fit.cost):
-                break
-            fit, rounds = again, rounds + 1
+            fit, rounds = best, rounds + 1
             found = _profile(fit, *self.data, kept(1.0))
         return fit, found, rounds
+
+    def _doubtful(self, fit: Fit, found: Profile) -> bool:
+        at_noise = 2.0 * float(fit.cost) <= self.limit
+        lower = float(found.fall) > LOWER
+        return at_noise and (lower or bool((np.asarray(found.verdict) == UNDECIDED).any()))
+
+    def _drawn_around(self, fit: Fit) -> np.ndarray:
+        """Values as likely as a Wald interval says, none further than a factor e from the fit."""
+        middle = np.array([float(fit.values[name]) for name in fit.names])
+        spread = np.nan_to_num(np.asarray(fit.covariance())) / np.outer(middle, middle)
+        size = len(self.starts)
+        off = self.rng.multivariate_normal(np.zeros(middle.size), spread, size, check_valid="ignore")
+        return middle * np.exp(np.clip(off, -1.0, 1.0))
 
     def _squares(self, values: dict[str, Any]) -> float:
         """Sum of squares; infinite where the run fails."""
