@@ -122,7 +122,7 @@ def machines():
     truth = np.ones((4, 6))
     estimate, error, verdict = truth + 0.02, np.full((4, 6), 0.02), np.zeros((4, 6), int)
     estimate[1, 2] = 1.1
-    estimate[3, 0], error[3, 0], verdict[3, 0] = 7.0, np.inf, 2
+    estimate[3, 0], error[3, 0], verdict[3, 0] = 7.0, 0.5, 1
     both = ("machine", "unknown")
     half = 1.96 * error
     return xr.Dataset(
