@@ -13,7 +13,10 @@ from matplotlib.figure import Figure
 
 from . import _settings
 
-GROUPS = ("beam", "block", "corexy", "double_pendulum", "emps", "mechanisms", "pendulum", "rock")
+GROUPS = (
+    "beam", "block", "corexy", "double_pendulum", "emps", "mechanisms", "pendulum", "rock",
+    "statistics",
+)  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True)
