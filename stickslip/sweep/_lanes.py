@@ -123,7 +123,7 @@ class map_lanes:
 
         `vmap` makes of what was traced what it would make of the function, in half of the time. For
         these lanes alone: JAX keeps what it traces by function, and a caller's function may read what
-        was altered since.
+        was altered since. Where several devices share the lanes it is traced once more, for their mesh.
         """
         executor = executor or self._executor
         if executor not in self._traced_by:
