@@ -33,7 +33,7 @@ def test_corrected_algorithm_agrees_with_the_events():
 
 
 def test_rounding_is_no_sense_of_motion():
-    """Along the diagonal the contact of the other motor rests, in whatever last place x and y differ."""
+    """Along the diagonal one contact rests, in whatever last place x and y differ."""
     errata = cx.Errata.corrected()
     p, v = cx.scenario(1, errata)
     ends = []
