@@ -19,9 +19,6 @@ from ._dynamics import dynamic_model as dynamic_model
 from ._dynamics import rolling_motors as rolling_motors
 from ._dynamics import slipping_motor as slipping_motor
 from ._errata import Errata as Errata
-from ._feedforward import Feedforward as Feedforward
-from ._feedforward import RollingCheck as RollingCheck
-from ._feedforward import check_rolling as check_rolling
 from ._feedforward import feedforward as feedforward
 from ._friction_torques import SlipDirections as SlipDirections
 from ._friction_torques import belt_friction as belt_friction
@@ -41,6 +38,9 @@ from ._motors import motor_torque as motor_torque
 from ._motors import voltage_for_torque as voltage_for_torque
 from ._outputs import outputs as outputs
 from ._parameters import CoreXYParameters as CoreXYParameters
+from ._plan import Feedforward as Feedforward
+from ._rolling_check import RollingCheck as RollingCheck
+from ._rolling_check import check_rolling as check_rolling
 from ._scenarios import Scenario as Scenario
 from ._scenarios import scenario as scenario
 from ._simulate import simulate as simulate

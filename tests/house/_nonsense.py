@@ -27,6 +27,7 @@ import jax
 
 import corexy_jax
 import stickslip
+from corexy_jax import _feedforward as machine_feedforward
 from corexy_jax import _outputs as machine_outputs
 from corexy_jax import _simulate as machine
 from stickslip import _compilation_cache
@@ -94,6 +95,7 @@ BEHIND = (
     (_zonotope, "_vertices"),
     (_zonotope, "_gauge"),
     (machine, "march"),
+    (machine_feedforward, "_plan"),
     (machine_outputs, "_columns"),
 )
 
