@@ -36,6 +36,7 @@ from stickslip.contact import _dead_zone, _hold, _resolve, _zonotope
 from stickslip.friction import _contract
 from stickslip.hybrid import _interpolate, _saltation, _simulate
 from stickslip.identification import (
+    _input_design,
     _many_starts,
     _methods,
     _posterior,
@@ -75,7 +76,8 @@ BEHIND = (
     (_evaluate.Evaluate, "program"),
     (_compilation_cache, "_here"),
     (_methods.AbstractMethod, "solve"),
-    (_many_starts, "_evaluator"),
+    (_many_starts, "evaluator"),
+    (_input_design, "evaluator"),
     (_sensitivity, "evaluation"),
     (_posterior, "traced"),
     (_profile, "traced"),

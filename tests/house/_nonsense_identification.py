@@ -135,6 +135,19 @@ FITTED = [
         ),
     ),
     Target(
+        identification.design_input,
+        {
+            "residual": RESIDUAL, "values": arg(UNKNOWN, "unknowns"),
+            "low": arg(np.zeros(3), "finite", "float32"), "high": arg(np.ones(3), "positive", "float32"),
+            "shared": arg(1.0, "shared"), "start": arg(None, "none"), "criterion": arg("D"),
+            "about": arg(None, "none"), "rounds": arg(2), "population": arg(8),
+            "seed": arg(0, "count"), **LANES,
+        },
+        lambda residual, values, low, high, shared, **given: identification.design_input(
+            residual, values, low, high, shared, **given
+        ),
+    ),
+    Target(
         identification.sensitivity, {"residual": RESIDUAL, "values": arg(UNKNOWN, "unknowns")},
     ),
     Target(identification.best, {"fits": arg(FITS)}),
