@@ -91,7 +91,7 @@ EXEMPT_METHODS = {
             "AbstractMethod.solve", "AbstractGaussNewton.begin",
             "AbstractGaussNewton.advance", "AbstractGaussNewton.finish",
             "GradientDescent.begin", "GradientDescent.advance", "GradientDescent.finish",
-            "MultipleShooting.brought_near",
+            "MultipleShooting.brought_near", "Homotopy.brought_near", "Homotopy.many_near",
         ),
         "steps of a method, called inside of the programs of fits",
     ),
