@@ -11,7 +11,7 @@ import numpy as np
 from .._checked import CheckedModule
 from .._types import Given
 from .._validation import check_callable, check_type, one_static, refusal
-from ._evaluate import solved
+from ._evaluate import solved_run
 from ._levenberg_marquardt import LevenbergMarquardt
 from ._many_starts import many_starts
 from ._run import Data, Run
@@ -95,7 +95,7 @@ class Homotopy(eqx.Module, metaclass=CheckedModule):
         taken, first = 0, space.coordinates(values)
         for rounded, known in self._stages(run, data):
             z = _not_too_far(space, first, space.coordinates(values))
-            fit = solved(self.method, lambda v, r=rounded, k=known: r(v, k), space, z)
+            fit = solved_run(self.method, rounded, known, space, z)
             taken += int(fit.steps)
             if bool(jnp.isfinite(fit.cost)):
                 values = dict(fit.values)

@@ -26,7 +26,7 @@ from .._validation import (
 )
 from ..hybrid import Integrator, Solution
 from ._best import best
-from ._evaluate import solved
+from ._evaluate import solved_run
 from ._fit import Fit
 from ._homotopy import Homotopy
 from ._levenberg_marquardt import LevenbergMarquardt
@@ -236,9 +236,9 @@ class Problem:
         space, first = scalars("unknowns", unknowns)
         if isinstance(method, MultipleShooting | Homotopy):
             near, taken = method.brought_near(self._run, self._data, self._lengths, space, first)
-            fit = solved(method.polish, self.residual_function, space, space.coordinates(near))
+            fit = solved_run(method.polish, self._run, self._data, space, space.coordinates(near))
             return _with_steps(fit, np.asarray(taken))
-        return solved(method, self.residual_function, space, space.coordinates(first))
+        return solved_run(method, self._run, self._data, space, space.coordinates(first))
 
     def fits(
         self,

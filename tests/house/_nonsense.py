@@ -84,7 +84,7 @@ BEHIND = (
     (_report, "page"),
     (_problem, "residual_of"),
     (_problem, "motion_of"),
-    (_problem, "solved"),
+    (_problem, "solved_run"),
     (_problem, "many_starts"),
     (_saltation, "ravel_pytree"),
     (_volume, "ravel_pytree"),
