@@ -102,6 +102,10 @@ class Problem:
     - `integrator`: as for `simulate`.
     - `delay`: name of the unknown, or the known number, by which stamps are later than the motion [s].
 
+    Of data from a closed loop, let the known controller be a part of the system, its reference the
+    input, and observe position, speed or command: what disturbs the machine is then noise of the fit.
+    As an input the measured command answers the disturbances, and they are taken for the machine.
+
     **Raises** `TypeError`, `ValueError` for what is not so, before anything is traced.
     """
 
