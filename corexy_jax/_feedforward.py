@@ -1,6 +1,7 @@
 """Voltages that move the collar along a path in the shortest time with both motors rolling."""
 
 import itertools
+from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
@@ -37,7 +38,7 @@ SHARES = tuple(0.95**i for i in range(12))  # of the margin, tried for machines 
 
 def feedforward(
     parameters: CoreXYParameters,
-    points: Given[Any],
+    points: Given[Sequence[Sequence[float]] | np.ndarray | Array],
     *,
     volts: Numeric,
     margin: Numeric = 0.9,

@@ -73,7 +73,7 @@ class Homotopy(eqx.Module, metaclass=CheckedModule):
     """
 
     widths: Given[tuple[float, ...]] = eqx.field(static=True)
-    smooth: Given[Callable[[Any, Any], Any]] = eqx.field(static=True, default=regularised)
+    smooth: Given[Callable[[Any, Any], Any] | None] = eqx.field(static=True, default=None)
     method: LevenbergMarquardt = eqx.field(default_factory=_coarse)
     polish: LevenbergMarquardt = eqx.field(default_factory=_exact)
 
@@ -84,7 +84,8 @@ class Homotopy(eqx.Module, metaclass=CheckedModule):
             one_static(f"widths[{i}]", width, "positive")
         if any(b >= a for a, b in zip(self.widths, self.widths[1:], strict=False)):
             raise refusal("widths", self.widths, "falling")
-        check_callable("smooth", self.smooth, "f(system, width)", None, 1.0)
+        if self.smooth is not None:
+            check_callable("smooth", self.smooth, "f(system, width)", None, 1.0)
         for name in ("method", "polish"):
             check_type(name, getattr(self, name), LevenbergMarquardt, "a LevenbergMarquardt(...)")
 
@@ -116,7 +117,7 @@ class Homotopy(eqx.Module, metaclass=CheckedModule):
         return {name: np.asarray(row) for name, row in now.items()}, np.asarray(taken)
 
     def _stages(self, run: Run, data: Data) -> list[tuple[Run, Data]]:
-        rounded = dataclasses.replace(run, system=_Smoothed(run.system, self.smooth))
+        rounded = dataclasses.replace(run, system=_Smoothed(run.system, self.smooth or regularised))
         count = data.times.shape[0]
         return [
             (rounded, dataclasses.replace(data, known=data.known | {WIDTH: np.full(count, width)}))

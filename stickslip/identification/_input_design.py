@@ -1,7 +1,7 @@
 r"""Inputs from which the data tell most about the unknowns."""
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 import equinox as eqx
 import jax
@@ -27,6 +27,7 @@ from ._many_starts import check_lanes, evaluated, evaluator
 from ._sensitivity import Sensitivity
 from ._unknowns import NamedUnknowns, scalars
 
+Limits: TypeAlias = Given[float | Sequence[Any] | np.ndarray | Array | None]
 CRITERIA = ("D", "A")
 SIZE = 0.2  # of the first steps, in parts of the limits
 LEAST = 1e-14  # part of the largest information below which there is none
@@ -50,10 +51,10 @@ class InputDesign(eqx.Module):
 def design_input(
     residual: Given[Callable[..., Any]],
     values: NamedUnknowns,
-    low: Given[Any],
-    high: Given[Any],
+    low: Limits,
+    high: Limits,
     *shared: PyTree,
-    start: Given[Any] = None,
+    start: Limits = None,
     criterion: str = "A",
     about: Given[Sequence[str] | None] = None,
     rounds: int = 40,

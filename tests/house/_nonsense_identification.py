@@ -63,7 +63,7 @@ MEASURED = [
     Target(
         identification.Homotopy,
         {
-            "widths": arg((1.0, 0.1)), "smooth": arg(lambda system, width: system, "function"),
+            "widths": arg((1.0, 0.1)), "smooth": arg(None, "none", "function"),
             **dict.fromkeys(("method", "polish"), arg(identification.LevenbergMarquardt(1.0))),
         },
     ),
