@@ -19,6 +19,7 @@ from ._dynamics import dynamic_model as dynamic_model
 from ._dynamics import rolling_motors as rolling_motors
 from ._dynamics import slipping_motor as slipping_motor
 from ._errata import Errata as Errata
+from ._feedforward import feedforward as feedforward
 from ._friction_torques import SlipDirections as SlipDirections
 from ._friction_torques import belt_friction as belt_friction
 from ._friction_torques import ground_friction as ground_friction
@@ -37,6 +38,9 @@ from ._motors import motor_torque as motor_torque
 from ._motors import voltage_for_torque as voltage_for_torque
 from ._outputs import outputs as outputs
 from ._parameters import CoreXYParameters as CoreXYParameters
+from ._plan import Feedforward as Feedforward
+from ._rolling_check import RollingCheck as RollingCheck
+from ._rolling_check import check_rolling as check_rolling
 from ._scenarios import Scenario as Scenario
 from ._scenarios import scenario as scenario
 from ._simulate import simulate as simulate
@@ -58,6 +62,7 @@ from ._voltage import AbstractTable as AbstractTable
 from ._voltage import AbstractVoltage as AbstractVoltage
 from ._voltage import Harmonic as Harmonic
 from ._voltage import PiecewiseStep as PiecewiseStep
+from ._voltage import Ramps as Ramps
 from ._voltage import Sampled as Sampled
 from ._voltage import SquareWave as SquareWave
 from ._voltage import UserVoltage as UserVoltage

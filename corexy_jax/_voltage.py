@@ -224,6 +224,29 @@ class Sampled(AbstractTable):
         return between(self.v1), between(self.v2)
 
 
+class Ramps(AbstractTable):
+    """Voltages linear between jumps: from each of `times` [s] `v1`, `v2` [V] that change by `slope_1`,
+    `slope_2` [V/s] until the next, the last for ever.
+
+    Before the first time the first row is continued. Errors as for `PiecewiseStep`.
+    """
+
+    slope_1: Float[Array, " row"]
+    slope_2: Float[Array, " row"]
+
+    def __init__(self, times: Row, v1: Row, v2: Row, slope_1: Row, slope_2: Row):
+        super().__init__(times, v1, v2)
+        for name, slope in (("slope_1", slope_1), ("slope_2", slope_2)):
+            setattr(self, name, as_parameter(check_finite(name, slope)))
+            if getattr(self, name).shape != self.times.shape:
+                raise misshaped(name, slope, f"of shape {self.times.shape}, as times")
+
+    def volts(self, t, piece):
+        row = self._row(piece)
+        since = t - self.times[row]
+        return self.v1[row] + self.slope_1[row] * since, self.v2[row] + self.slope_2[row] * since
+
+
 class UserVoltage(AbstractVoltage):
     """Voltages from a function `(t, args) -> (v1, v2)` [V], smooth in `t` [s].
 

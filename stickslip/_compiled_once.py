@@ -8,6 +8,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.extend
+import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ._validation import is_concrete
@@ -15,20 +16,32 @@ from .hybrid._xla import traced
 
 MOST = 16  # programs kept
 _programs: collections.OrderedDict[Any, Any] = collections.OrderedDict()
+_known: collections.OrderedDict[Any, Any] = collections.OrderedDict()
 _turn = threading.Lock()
 
 
-def compiled_once(function: Callable[..., PyTree], *operands: PyTree) -> PyTree:
+def compiled_once(function: Callable[..., PyTree], *operands: PyTree, key: Any = None) -> PyTree:
     """`function(*operands)`, compiled unless a function with the same program was.
 
     `jax.jit` knows a function by its identity and never looks again at what it closes over. Here it is
     traced at every call, and known by the text of its program; the arrays it closes over are operands.
     A function made anew costs no compiling, and one whose data changed is not mistaken for the old one.
 
+    With a `key` a function of an equal one and operands of the same form is taken for the same, and not
+    even traced: for functions that close over nothing that changes but what the key tells.
+
     Inside `jit`, `vmap` and `grad` it is called plainly.
     """
     if not is_concrete(operands):
         return function(*operands)
+    if key is not None:
+        leaves, tree = jax.tree.flatten(operands)
+        key = (key, tree, tuple((jnp.shape(a), jnp.result_type(a)) for a in leaves))
+        with _turn:
+            kept = _known.get(key)
+        if kept is not None:
+            program, consts, form, rest = kept
+            return eqx.combine(jax.tree.unflatten(form, program(*consts, *leaves)), rest)
     rest: Any = None
 
     def arrays(*operands):
@@ -42,13 +55,17 @@ def compiled_once(function: Callable[..., PyTree], *operands: PyTree) -> PyTree:
         return function(*operands)
     run = jax.extend.core.jaxpr_as_fun(jax.extend.core.ClosedJaxpr(jaxpr, ()))
     lowered = jax.jit(run).lower(*given)
-    key = lowered.as_text()
+    text = lowered.as_text()
     with _turn:
-        program = _programs.pop(key, None)
+        program = _programs.pop(text, None)
     if program is None:
         program = lowered.compile()
     with _turn:
-        _programs[key] = program
+        _programs[text] = program
         while len(_programs) > MOST:
             _programs.popitem(last=False)
+        if key is not None:
+            _known[key] = program, consts, form, rest
+            while len(_known) > MOST:
+                _known.popitem(last=False)
     return eqx.combine(jax.tree.unflatten(form, program(*given)), rest)

@@ -6,7 +6,7 @@ import os
 # Both cores as devices; read by XLA before the first array.
 os.environ.setdefault("XLA_FLAGS", f"--xla_force_host_platform_device_count={os.cpu_count()}")
 
-from . import beam, chain, corexy, derivatives, diagram, latency, stick_slip
+from . import beam, chain, corexy, derivatives, diagram, fit, latency, stick_slip
 from ._harness import machine
 
 BENCHMARKS = {
@@ -16,6 +16,7 @@ BENCHMARKS = {
     "beam": beam.main,
     "corexy": corexy.main,
     "chain": chain.main,
+    "fit": fit.main,
     "latency": latency.main,
 }
 

@@ -35,17 +35,21 @@ def _residual(values, data, p, v, times):
     return cx.measurement_residuals(values, data, p, v, times, integrator=_integrator())
 
 
-def design(parameters: dict[str, Any], p: cx.CoreXYParameters, times: Any) -> np.ndarray:
-    """Of random ramps with jumps between, those whose worst seen combination is seen best.
-
-    Ramps bring contacts at rest to their static limits, jumps make the belts slip. `[row, 2, 2]` [V]:
-    begin and end of a ramp, motor.
-    """
+def candidates(parameters: dict[str, Any]) -> np.ndarray:
+    """Random ramps with jumps between, `[candidate, row, 2, 2]` [V]: begin and end of a ramp, motor."""
     rng = np.random.default_rng(parameters["seed"])
     pieces = scenario_input(1, parameters["duration"]).times.size
     ends = rng.uniform(-20.0, 20.0, (parameters["candidates"], pieces, 2, 2))
     ends[:, 0, 0] = 0.0
-    count = parameters["candidates"]
+    return ends
+
+
+def design(parameters: dict[str, Any], p: cx.CoreXYParameters, times: Any) -> np.ndarray:
+    """Of random ramps, those whose worst seen combination is seen best.
+
+    Ramps bring contacts at rest to their static limits, jumps make the belts slip.
+    """
+    ends, count = candidates(parameters), parameters["candidates"]
     nothing = cx.Measurement(*(jnp.zeros(times.size),) * 4)
     truth, *same = jax.tree.map(
         lambda a: np.broadcast_to(a, (count, *np.shape(a))), (_truth(p), nothing, p)

@@ -4,6 +4,8 @@
 - By simulation under the known controller: its command is compared with the measured one.
 - By simulation open loop from the measured command, which the benchmark scores by the position. There a
   force of 0.01 N too much is an error of a millimetre at the end.
+
+`--set scored=FILE` scores all laws on a further record of the same format too, to which none is fitted.
 """
 
 from typing import Any
@@ -108,6 +110,7 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     if not 0.2 <= parameters["split"] <= 0.8:
         raise ValueError(f"--set split={parameters['split']}: it must be from 0.2 to 0.8.")
     record = load(context.data)
+    further = load(context.data, parameters["scored"]) if parameters["scored"] else None
     kept = parameters["kept"]
     size = record.q.size
     if parameters["duration"] < 24.84:
@@ -135,19 +138,25 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     residuals["asymmetric, simulated"] = np.asarray(again.residual)
     split = round(parameters["split"] * size)
     first, second = part(record, 0, split), part(record, split, size)
+    over = {"all": record, "first": first, "second": second}
+    if further is not None:
+        over["further"] = further
     scores, ends = {}, {}
     for law, values in PUBLISHED.items():
-        scores[f"published, {law}"] = [score(values, r) for r in (record, first, second)]
+        scores[f"published, {law}"] = [score(values, r) for r in over.values()]
+    for law, fit in fits.items() if further is not None else ():
+        # To the whole command, so that only the further record has not been seen.
+        scores[f"command, {law}"] = [score(fit.values, r) for r in over.values()]
     for law in PUBLISHED:
         found = best_of(by_position(first, kept), law, parameters | {"starts": 1, "spread": 0.0})[0]
         columns[f"by position, {law}"] = _column(found, 0.0)
         name = f"position of the first part, {law}"
-        scores[name] = [score(found.values, r) for r in (record, first, second)]
+        scores[name] = [score(found.values, r) for r in over.values()]
         ends[law] = found
     richer = _with_rise(by_position(first, kept), ends["asymmetric"])
     columns["by position, asymmetric with rise"] = _column(richer, 0.0)
     scores["position of the first part, asymmetric with rise"] = [
-        score(richer.values, r) for r in (record, first, second)
+        score(richer.values, r) for r in over.values()
     ]
     held_out = {}
     later = measured.size * 6 // 10
@@ -156,9 +165,7 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
         early = by_command(record, measured, kept)
         known = least_squares(lambda p, early=early: early(p)[:later], _near(fits[law]), max_steps=40)
         held_out[law] = SIGMA * np.asarray(early(known.values))[later:]
-        scores[f"command of the first part, {law}"] = [
-            score(known.values, r) for r in (record, first, second)
-        ]
+        scores[f"command of the first part, {law}"] = [score(known.values, r) for r in over.values()]
     compared = compare(fits, held_out=held_out, sigma=SIGMA, noise_known=False)
     intervals = None
     if parameters["profile"]:
@@ -172,8 +179,13 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
         title="EMPS, asymmetric friction, by the command of the controller",
     )  # fmt: skip
     print(told)
+    if further is not None:
+        for name, row in scores.items():
+            print(f"{parameters['scored']}, {name}: {1e3 * row[-1]:.3f} mm")
     shown = position(richer.values, record, kept)
-    return _dataset(columns, residuals, scores, compared, record, shown, split, kept, str(told))
+    return _dataset(
+        columns, residuals, scores, compared, record, shown, split, kept, str(told), list(over)
+    )
 
 
 def _near(fit: Fit) -> dict[str, Unknown]:
@@ -199,7 +211,9 @@ def _column(fit: Fit, apart: float) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _dataset(columns, residuals, scores, compared, record, shown, split, kept, told) -> xr.Dataset:
+def _dataset(
+    columns, residuals, scores, compared, record, shown, split, kept, told, over
+) -> xr.Dataset:
     def table(key):
         return np.array([[c[key].get(n, np.nan) for n in UNKNOWNS] for c in columns.values()], float)
 
@@ -225,7 +239,7 @@ def _dataset(columns, residuals, scores, compared, record, shown, split, kept, t
         data[column] = ("law", compared.table[column])
     coords = {
         "fit": list(columns), "unknown": list(UNKNOWNS), "series": list(residuals),
-        "lag": np.arange(LAGS + 1), "model": list(scores), "over": ["all", "first", "second"],
+        "lag": np.arange(LAGS + 1), "model": list(scores), "over": over,
         "law": list(compared.names), "time": ("time", 1e-3 * np.arange(record.q.size)[::kept]),
     }  # fmt: skip
     return xr.Dataset(data, coords, {"split": 1e-3 * split, "report": told, "step": 1e-3 * kept})
@@ -266,8 +280,12 @@ def draw(data: xr.Dataset) -> Figure:
     step = data.attrs["step"]
     own.set(xlabel=f"lag [{step:g} s]", title="autocorrelation of the residuals of the command")
     place = np.arange(data.model.size)
-    for k, over in enumerate(("first", "second")):
-        bars.barh(place + 0.36 * (k - 0.5), 1e3 * data.score.sel(over=over), 0.34, label=f"{over} part")
+    parts = [str(name) for name in data.over.values if name != "all"]
+    wide = 0.72 / len(parts)
+    for k, over in enumerate(parts):
+        place_of = place + wide * (k - 0.5 * (len(parts) - 1))
+        label = f"{over} part" if over != "further" else "further record"
+        bars.barh(place_of, 1e3 * data.score.sel(over=over), 0.94 * wide, label=label)
     bars.set_yticks(place, [str(m).replace(", ", "\n") for m in data.model.values], fontsize=7)
     bars.invert_yaxis()
     bars.set(xlabel="root mean square error, open loop [mm]", title="score of the benchmark")
@@ -329,7 +347,7 @@ EXPERIMENT = Experiment(
     title="EMPS: mass and friction of a positioning system from its measured record",
     parameters={
         "starts": 4, "spread": 0.5, "kept": 50, "split": 0.6, "duration": 24.84, "profile": True,
-        "seed": 0,
+        "scored": "", "seed": 0,
     },
     quick={"starts": 1, "profile": False},
     compute=compute,

@@ -7,6 +7,9 @@ from ._descent import GradientDescent as GradientDescent
 from ._fit import Fit as Fit
 from ._gauss_newton import GaussNewton as GaussNewton
 from ._gradient import gradient_descent as gradient_descent
+from ._homotopy import Homotopy as Homotopy
+from ._input_design import InputDesign as InputDesign
+from ._input_design import design_input as design_input
 from ._least_squares import least_squares as least_squares
 from ._levenberg_marquardt import LevenbergMarquardt as LevenbergMarquardt
 from ._losses import AbstractLoss as AbstractLoss

@@ -3,12 +3,15 @@
 from collections.abc import Callable
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.core
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from .._compiled_once import compiled_once
+from ..hybrid import current_executor
 from ..hybrid._xla import traced
 from ._losses import AbstractLoss
 from ._unknowns import NamedValues, Space
@@ -64,3 +67,25 @@ def solved(method: Any, residual: Callable[[NamedValues], Any], space: Space, z:
         return method.solve(evaluate, space, z)
 
     return compiled_once(solve, z, consts)
+
+
+def solved_run(method: Any, run: Any, data: Any, space: Space, z: Array) -> Any:
+    """`method.solve` for the residuals `run(values, data)`: traced once for equal `run`s."""
+    given = jax.tree.map(
+        lambda a: jnp.asarray(a) if isinstance(a, np.ndarray | np.generic) else a,
+        (method, data, space, z),
+    )
+    arrays, rest = eqx.partition(given, eqx.is_array)
+
+    def solve(arrays):
+        method, data, space, z = eqx.combine(arrays, rest)
+        evaluate = evaluation(lambda values: run(values, data), space, method.loss)
+        return method.solve(evaluate, space, z)
+
+    leaves, form = jax.tree.flatten(rest)
+    key = (run, tuple((type(leaf), leaf) for leaf in leaves), form, current_executor())
+    try:
+        hash(key)
+    except TypeError:
+        key = None
+    return compiled_once(solve, arrays, key=key)

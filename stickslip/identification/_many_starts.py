@@ -70,17 +70,17 @@ def many_starts(
     """
     method = _method(fit, options)
     check_callable("residual", residual, "f(values, *shared)", {}, *shared)
-    _check_lanes(chunk_size, executor)
+    check_lanes(chunk_size, executor)
     space, found, count = _rows("starts", starts)
     for i, tree in enumerate(shared):
         for name, leaf in leaves_of(f"shared[{i}]", tree):
             check_finite(name, numbers(name, leaf))
     shared = jax.tree.map(lambda a: np.broadcast_to(a, (count, *np.shape(a))), shared)
-    program, shared = _evaluator(residual, space, chunk_size, executor, count, shared, method.loss)
+    program, shared = evaluator(residual, space, chunk_size, executor, count, shared, method.loss)
     now = done = None
     todo, z = np.arange(count), space.coordinates(found)
     while todo.size:
-        out, matrix = _evaluated(program, z, shared, todo, chunk_size is not None)
+        out, matrix = evaluated(program, z, shared, todo, chunk_size is not None)
         if now is None:
             now = _begin(method, jnp.asarray(z), out.shape[1], space)
         now = _advance(method, now, jnp.asarray(out), jnp.asarray(matrix))
@@ -103,7 +103,7 @@ def sensitivities(
     front. **Raises** `TypeError`, `ValueError` for what is not so.
     """
     check_callable("residual", residual, "f(values, *each)", {}, *each)
-    _check_lanes(chunk_size, executor)
+    check_lanes(chunk_size, executor)
     space, found, count = _rows("values", values)
     for i, tree in enumerate(each):
         for name, leaf in leaves_of(f"each[{i}]", tree):
@@ -111,9 +111,9 @@ def sensitivities(
             if np.shape(leaf)[:1] != (count,):
                 raise misshaped(name, leaf, f"an array of {count} rows, as values")
     each = jax.tree.map(np.asarray, each)
-    program, each = _evaluator(residual, space, chunk_size, executor, count, each)
+    program, each = evaluator(residual, space, chunk_size, executor, count, each)
     rows, z = np.arange(count), space.coordinates(found)
-    matrix = _evaluated(program, z, each, rows, chunk_size is not None)[1]
+    matrix = evaluated(program, z, each, rows, chunk_size is not None)[1]
     return Sensitivity(space.names, jnp.asarray(matrix))
 
 
@@ -138,7 +138,7 @@ def _rows(name: str, values: Any) -> tuple[Space, NamedValues, int]:
     return space, found, count
 
 
-def _check_lanes(chunk_size: Any, executor: Any) -> None:
+def check_lanes(chunk_size: Any, executor: Any) -> None:
     if chunk_size is not None:
         check_count("chunk_size", chunk_size, 1)
     check_in("executor", executor, EXECUTORS)
@@ -156,7 +156,7 @@ def _kept_evaluator(residual, form: Space, chunk_size, executor, loss) -> map_la
     return map_lanes(each, executor=executor, chunk_size=chunk_size)
 
 
-def _evaluator(
+def evaluator(
     residual, space: Space, chunk_size, executor, count: int, rest, loss=None
 ) -> tuple[map_lanes, Any]:
     """The program, and what it takes besides coordinates: scales and priors are data too."""
@@ -178,7 +178,7 @@ def _parts(rows: np.ndarray, width: int, whole: bool) -> Iterator[tuple[np.ndarr
         yield np.concatenate([part, np.full(size - part.size, part[-1])]), part.size
 
 
-def _evaluated(program: map_lanes, z, each, rows, whole: bool) -> tuple[np.ndarray, np.ndarray]:
+def evaluated(program: map_lanes, z, each, rows, whole: bool) -> tuple[np.ndarray, np.ndarray]:
     """Residuals and Jacobians of all lanes; those of lanes not in `rows` are zero."""
     z, filled = np.asarray(z), []
     width = program.chunk_size * max(program.threads, len(program.devices))

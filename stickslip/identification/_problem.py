@@ -26,8 +26,9 @@ from .._validation import (
 )
 from ..hybrid import Integrator, Solution
 from ._best import best
-from ._evaluate import solved
+from ._evaluate import solved_run
 from ._fit import Fit
+from ._homotopy import Homotopy
 from ._levenberg_marquardt import LevenbergMarquardt
 from ._many_starts import many_starts
 from ._methods import AbstractMethod
@@ -100,6 +101,10 @@ class Problem:
       of different lengths share one program.
     - `integrator`: as for `simulate`.
     - `delay`: name of the unknown, or the known number, by which stamps are later than the motion [s].
+
+    Of data from a closed loop, let the known controller be a part of the system, its reference the
+    input, and observe position, speed or command: what disturbs the machine is then noise of the fit.
+    As an input the measured command answers the disturbances, and they are taken for the machine.
 
     **Raises** `TypeError`, `ValueError` for what is not so, before anything is traced.
     """
@@ -209,7 +214,7 @@ class Problem:
     def fit(
         self,
         *,
-        method: Given[AbstractMethod | MultipleShooting | None] = None,
+        method: Given[AbstractMethod | MultipleShooting | Homotopy | None] = None,
         start: NamedNumbers | None = None,
         starts: Given[int | None] = None,
         seed: int = 0,
@@ -218,9 +223,8 @@ class Problem:
         """Estimate the unknowns.
 
         **Arguments:** `method`, by default `LevenbergMarquardt()`, or `GaussNewton()`,
-        `GradientDescent(...)`, `MultipleShooting(...)`;
-        `start`, values by name in place of
-        the unknowns' own; `starts`: the best of so many, spread by `sobol_starts` with `seed`;
+        `GradientDescent(...)`, `MultipleShooting(...)`, `Homotopy(...)`; `start`, values by name in
+        place of the unknowns' own; `starts`: the best of so many, spread by `sobol_starts` with `seed`;
         `chunk_size` as for `many_starts`. **Returns** a `Fit`. **Raises** `TypeError`, `ValueError` for
         what is not so.
         """
@@ -234,17 +238,17 @@ class Problem:
             return best(self.fits(rows, method=method, chunk_size=chunk_size))
         check_count("seed", seed, 0)
         space, first = scalars("unknowns", unknowns)
-        if isinstance(method, MultipleShooting):
+        if isinstance(method, MultipleShooting | Homotopy):
             near, taken = method.brought_near(self._run, self._data, self._lengths, space, first)
-            fit = solved(method.polish, self.residual_function, space, space.coordinates(near))
+            fit = solved_run(method.polish, self._run, self._data, space, space.coordinates(near))
             return _with_steps(fit, np.asarray(taken))
-        return solved(method, self.residual_function, space, space.coordinates(first))
+        return solved_run(method, self._run, self._data, space, space.coordinates(first))
 
     def fits(
         self,
         starts: Given[Mapping[str, Any]],
         *,
-        method: Given[AbstractMethod | MultipleShooting | None] = None,
+        method: Given[AbstractMethod | MultipleShooting | Homotopy | None] = None,
         chunk_size: int | None = None,
     ) -> Fit:
         """One fit from each of many `starts`, rows of values by name; see `many_starts`."""
@@ -254,6 +258,13 @@ class Problem:
         rows = _placed(self.unknowns, check_mapping("starts", starts), "starts")
         for name, row in starts.items():
             one_row(f"starts[{name!r}]", row)
+        if isinstance(method, Homotopy):
+            near, taken = method.many_near(
+                self._run, self._data, rows, chunk_size, lambda now: _placed(rows, now, "starts")
+            )
+            rows = _placed(rows, near, "starts")
+            fits = many_starts(self._run, rows, self._data, fit=method.polish, chunk_size=chunk_size)
+            return _with_steps(fits, taken)
         if not isinstance(method, MultipleShooting):
             return many_starts(self._run, rows, self._data, fit=method, chunk_size=chunk_size)
         space, found = checked("starts", rows)
@@ -294,7 +305,7 @@ def _method(method: Any) -> Any:
     if method is None:
         return LevenbergMarquardt()
     allowed = "a method such as LevenbergMarquardt() or MultipleShooting(20)"
-    return check_type("method", method, AbstractMethod | MultipleShooting, allowed)
+    return check_type("method", method, AbstractMethod | MultipleShooting | Homotopy, allowed)
 
 
 def _with_steps(fit: Fit, taken: np.ndarray) -> Fit:

@@ -12,7 +12,12 @@ def test_all_are_there():
     names = {name for name in load() if name.startswith("corexy-") or name == "identify-corexy"}
     figures = {f"corexy-fig{n:02d}" for n in range(4, 13)}
     maps = {f"corexy-map-{name}" for name in ("tension", "friction", "frequency")}
-    assert names == figures | maps | {"corexy-dead-zone", "identify-corexy"}
+    assert names == figures | maps | {
+        "corexy-dead-zone",
+        "corexy-feedforward",
+        "corexy-input-design",
+        "identify-corexy",
+    }
 
 
 @pytest.mark.slow

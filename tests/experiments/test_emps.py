@@ -125,5 +125,28 @@ def test_statements_on_the_measured_record(tmp_path):
     assert all(holds[f"R1.{k}"] for k in range(1, 6))
 
 
+@pytest.mark.slow
+def test_a_further_record_is_scored_by_all_laws(tmp_path):
+    """The same record under another name: its scores are those of the whole."""
+    measured()
+    folder = pathlib.Path(os.environ[_data.VARIABLE])
+    (tmp_path / "PULSES.mat").write_bytes(_data.find(folder, "emps", NAME, "").read_bytes())
+    (tmp_path / NAME).write_bytes((tmp_path / "PULSES.mat").read_bytes())
+    _output.run(identify.EXPERIMENT, tmp_path, quick=True, data=tmp_path, changes=["scored=PULSES.mat"])
+    with xr.open_dataset(tmp_path / "identify-emps.nc", engine="h5netcdf") as data:
+        score = data.score.load()
+    np.testing.assert_array_equal(score.sel(over="further"), score.sel(over="all"))
+    assert {"published, asymmetric", "command, asymmetric"} <= set(score.model.values)
+    assert np.all(score.sel(over="further") > 1e-4)
+
+
+def test_a_further_record_that_is_not_there(tmp_path, capsys):
+    measured()
+    folder = os.environ[_data.VARIABLE]
+    out = ["--out", str(tmp_path), "--data", folder]
+    assert main(["identify-emps", "--set", "scored=NOT_THERE.mat", *out]) == 1
+    assert "NOT_THERE.mat" in capsys.readouterr().err
+
+
 def test_name_of_the_record():
     assert NAME == "DATA_EMPS.mat"

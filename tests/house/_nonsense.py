@@ -27,6 +27,7 @@ import jax
 
 import corexy_jax
 import stickslip
+from corexy_jax import _feedforward as machine_feedforward
 from corexy_jax import _outputs as machine_outputs
 from corexy_jax import _simulate as machine
 from stickslip import _compilation_cache
@@ -35,6 +36,7 @@ from stickslip.contact import _dead_zone, _hold, _resolve, _zonotope
 from stickslip.friction import _contract
 from stickslip.hybrid import _interpolate, _saltation, _simulate
 from stickslip.identification import (
+    _input_design,
     _many_starts,
     _methods,
     _posterior,
@@ -74,14 +76,15 @@ BEHIND = (
     (_evaluate.Evaluate, "program"),
     (_compilation_cache, "_here"),
     (_methods.AbstractMethod, "solve"),
-    (_many_starts, "_evaluator"),
+    (_many_starts, "evaluator"),
+    (_input_design, "evaluator"),
     (_sensitivity, "evaluation"),
     (_posterior, "traced"),
     (_profile, "traced"),
     (_report, "page"),
     (_problem, "residual_of"),
     (_problem, "motion_of"),
-    (_problem, "solved"),
+    (_problem, "solved_run"),
     (_problem, "many_starts"),
     (_saltation, "ravel_pytree"),
     (_volume, "ravel_pytree"),
@@ -94,6 +97,7 @@ BEHIND = (
     (_zonotope, "_vertices"),
     (_zonotope, "_gauge"),
     (machine, "march"),
+    (machine_feedforward, "_plan"),
     (machine_outputs, "_columns"),
 )
 

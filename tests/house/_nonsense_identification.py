@@ -61,6 +61,13 @@ MEASURED = [
         },
     ),
     Target(
+        identification.Homotopy,
+        {
+            "widths": arg((1.0, 0.1)), "smooth": arg(None, "none", "function"),
+            **dict.fromkeys(("method", "polish"), arg(identification.LevenbergMarquardt(1.0))),
+        },
+    ),
+    Target(
         identification.Observed,
         {
             "function": arg(lambda t, y, system: y.x, "function"),
@@ -132,6 +139,20 @@ FITTED = [
             "each": arg(np.ones(2), "shared"), **LANES},
         lambda residual, values, each, **given: identification.sensitivities(
             residual, values, each, **given
+        ),
+    ),
+    Target(
+        identification.design_input,
+        {
+            "residual": RESIDUAL, "values": arg(UNKNOWN, "unknowns"),
+            "low": arg(np.zeros(3), "finite", "float32"),
+            "high": arg(np.ones(3), "positive", "float32"),
+            "shared": arg(1.0, "shared"), "start": arg(None, "none"), "criterion": arg("D"),
+            "about": arg(None, "none"), "rounds": arg(2), "population": arg(8),
+            "seed": arg(0, "count"), **LANES,
+        },
+        lambda residual, values, low, high, shared, **given: identification.design_input(
+            residual, values, low, high, shared, **given
         ),
     ),
     Target(

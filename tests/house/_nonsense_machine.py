@@ -23,6 +23,12 @@ SOLUTION = cx.CoreXYSolution(
     cx.Ledger(ROW, ROW, jnp.zeros((3, 8)), jnp.zeros((3, 2))), None, jnp.zeros((), jnp.int32),
     None, "consistent",
 )  # fmt: skip
+_TWO = jnp.zeros((1, 2))
+PLAN = cx.Feedforward(
+    PARAMETERS, jnp.asarray([[0.0, 0.0], [0.3, 0.0]]),
+    cx.Ramps([0.0, 1.0], [1.0, 0.0], [1.0, 0.0], [0.0, 0.0], [0.0, 0.0]), jnp.arange(2.0),
+    _TWO, _TWO, _TWO, _TWO, jnp.arange(2.0),
+)  # fmt: skip
 
 P = {"p": arg(PARAMETERS)}
 PAIR = arg((0.1, 0.1), "pair")
@@ -56,6 +62,23 @@ TARGETS = [
         for kind in (cx.Harmonic, cx.SquareWave)
     ),
     *(Target(kind, TABLE) for kind in (cx.Sampled, cx.PiecewiseStep)),
+    Target(cx.Ramps, {**TABLE, "slope_1": arg([0.0, 1.0], "row"), "slope_2": arg([0.0, 0.0], "row")}),
+    Target(
+        cx.feedforward,
+        {
+            "parameters": arg(PARAMETERS), "points": arg([[0.0, 0.0], [0.3, 0.0]]),
+            "volts": arg(24.0, "positive", "float32"), "margin": arg(0.9, "float32"),
+            "tension_error": arg(0.0, "zero", "float32"), "steps": arg(8),
+        },
+    ),
+    Target(
+        cx.check_rolling,
+        {
+            "plan": arg(PLAN), "parameters": arg(None, "none"), "voltage": arg(None, "none"),
+            "rows": arg(11), "integrator": RK4,
+        },
+    ),
+    Target(cx.Feedforward.at, {"t": arg(0.1, "reals")}, PLAN.at),
     Target(
         cx.UserVoltage,
         {

@@ -125,6 +125,7 @@ TARGETS = [
     *(target for kind in (cx.Harmonic, cx.SquareWave) for target in of(kind(1.0, 2.0))),
     *(target for kind in (cx.Sampled, cx.PiecewiseStep)
       for target in of(kind(*TABLE), piece_of__t=arg(0.1, "real"), __call____t=arg(0.1, "real"))),
+    *of(cx.Ramps(*TABLE, *TABLE[1:]), piece_of__t=arg(0.1, "real"), __call____t=arg(0.1, "real")),
     *of(cx.UserVoltage(lambda t, args: (t, t))),
     *of(SMOOTHED, y=arg(SMOOTHED.state(CARRIAGE)), s=arg(SMOOTHED.state(CARRIAGE)),
         state__y=arg(CARRIAGE), powers__t=arg(0.1, "finite", "float32", "batch")),
