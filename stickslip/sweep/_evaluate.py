@@ -98,7 +98,7 @@ class Evaluate:
 
             # One lane of a carried sweep is a whole row, of which there are few.
             self.lanes = map_lanes(row, executor=executor, workers=workers)
-        self.lane = self.lanes.lane()
+        self.lane = self.lanes.lane
 
     def _arguments(self, region: tuple[slice, ...], read: Callable) -> PyTree:
         """Points of a block, filled up to its full shape by repeating the last one along each axis."""

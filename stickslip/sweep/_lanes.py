@@ -20,7 +20,7 @@ from .._validation import (
     misshaped,
     refusal,
 )
-from ..hybrid._xla import FUSED, PORTABLE, Executor, use_executor
+from ..hybrid._xla import FUSED, PORTABLE, use_executor
 from ._canary import fused_is_trusted, wished_executor
 from ._fit import (
     CHUNK_FUSED,
@@ -118,14 +118,17 @@ class map_lanes:
     def _executor(self):
         return FUSED if self.executor == "fused" else PORTABLE
 
-    def lane(self, executor: Executor | None = None) -> Callable:
-        """The function of one lane, traced once for `executor`, by default that of these lanes.
+    @property
+    def lane(self) -> Callable:
+        """The function of one lane, traced once for the executor of these lanes.
 
         `vmap` makes of what was traced what it would make of the function, in half of the time. For
         these lanes alone: JAX keeps what it traces by function, and a caller's function may read what
         was altered since. Where several devices share the lanes it is traced once more, for their mesh.
         """
-        executor = executor or self._executor
+        return self._lane_for(self._executor)
+
+    def _lane_for(self, executor):
         if executor not in self._traced_by:
 
             def lane(*inputs):
@@ -207,7 +210,7 @@ class map_lanes:
     def _chunks(self, executor):
         def run(chunks):
             with use_executor(executor):
-                return jax.lax.map(lambda lanes: jax.vmap(self.lane(executor))(*lanes), chunks)
+                return jax.lax.map(lambda lanes: jax.vmap(self._lane_for(executor))(*lanes), chunks)
 
         return run
 
