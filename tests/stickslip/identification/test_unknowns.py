@@ -108,6 +108,7 @@ def test_positive_number_is_an_unknown_above_zero():
     assert float(errors["size"]) == float(relative["size"]) * float(plain.values["size"])
 
 
+@pytest.mark.slow
 def test_many_starts_and_vmap_of_unknowns():
     rows = {
         "offset": Unknown([-1.0, 2.0, 0.0]),
