@@ -98,7 +98,7 @@ class Evaluate:
 
             # One lane of a carried sweep is a whole row, of which there are few.
             self.lanes = map_lanes(row, executor=executor, workers=workers)
-        self.lane = self.lanes.lane
+        self.lane = self.lanes.function
 
     def _arguments(self, region: tuple[slice, ...], read: Callable) -> PyTree:
         """Points of a block, filled up to its full shape by repeating the last one along each axis."""
@@ -160,7 +160,9 @@ class Evaluate:
 
     def output_shapes(self) -> PyTree:
         """Shapes and dtypes of one point's results."""
-        shapes = jax.eval_shape(self.lane, self._shapes())
+        # With the executor that will compute them, so that what is traced here is traced once.
+        with self.lanes.chosen():
+            shapes = jax.eval_shape(self.lane, self._shapes())
         if self.axis is None:
             return shapes
         return jax.tree.map(lambda s: jax.ShapeDtypeStruct(s.shape[1:], s.dtype), shapes)
@@ -170,7 +172,7 @@ class Evaluate:
 
         It tells apart what no list of settings could: another formula, another parameter in a closure.
         """
-        traced = self.lane.trace(self._shapes())
+        traced = jax.jit(self.lane).trace(self._shapes())
         return identify(traced, traced.lower())
 
     def __call__(self, block: Block, read: Callable) -> dict[str, np.ndarray]:

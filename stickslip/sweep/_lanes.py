@@ -100,7 +100,6 @@ class map_lanes:
         self.threads = 1
         if cpu and len(devices) == 1:
             self.threads = workers or os.cpu_count() or 1
-        self._traced_by: dict = {}
         self._compiled: dict = {}
         self._fits: dict = {}  # what the compiler was found to take, by form of the inputs
 
@@ -114,30 +113,13 @@ class map_lanes:
             return jax.tree.map(lambda a: _lanes(a)[:n], out)
         return self._joined(self._run(*self._fitted(inputs, n, parts)), n)
 
+    def chosen(self):
+        """Context in which `simulate` is traced for the executor of these lanes."""
+        return use_executor(self._executor)
+
     @property
     def _executor(self):
         return FUSED if self.executor == "fused" else PORTABLE
-
-    @property
-    def lane(self) -> Callable:
-        """The function of one lane, traced once for the executor of these lanes.
-
-        `vmap` makes of what was traced what it would make of the function, in half of the time. For
-        these lanes alone: JAX keeps what it traces by function, and a caller's function may read what
-        was altered since. Where several devices share the lanes it is traced once more, for their mesh.
-        """
-        return self._lane_for(self._executor)
-
-    def _lane_for(self, executor):
-        if executor not in self._traced_by:
-
-            def lane(*inputs):
-                with use_executor(executor):
-                    return self.function(*inputs)
-
-            # Inline: what is compiled is one program, without calls.
-            self._traced_by[executor] = jax.jit(lane, inline=True)
-        return self._traced_by[executor]
 
     def _chunk(self, n, parts, most=None):
         """Lanes per chunk, `most` of them, such that as few as possible have to be filled up."""
@@ -210,7 +192,7 @@ class map_lanes:
     def _chunks(self, executor):
         def run(chunks):
             with use_executor(executor):
-                return jax.lax.map(lambda lanes: jax.vmap(self._lane_for(executor))(*lanes), chunks)
+                return jax.lax.map(lambda lanes: jax.vmap(self.function)(*lanes), chunks)
 
         return run
 

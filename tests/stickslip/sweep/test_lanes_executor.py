@@ -40,18 +40,3 @@ def test_every_part_is_traced_for_the_executor_of_the_lanes(executor, derivative
     program(jnp.linspace(0.1, 0.3, 4))
     assert SEEN
     assert set(SEEN) == {executor == "fused"}
-
-
-def test_a_sweep_traces_its_function_once_and_another_sweep_again():
-    """One trace serves shapes, identity and program; what was altered since is seen by the next."""
-    calls, factor = [], 2.0
-
-    def lane(a):
-        calls.append(a)
-        return factor * a
-
-    for factor in (2.0, 3.0):
-        calls.clear()
-        found = ss.sweep.run_sweep(lane, {"a": [1.0, 2.0, 3.0]}, executor="portable", workers=1)
-        assert found["value"].values.tolist() == [factor, 2 * factor, 3 * factor]
-        assert len(calls) == 1
