@@ -1,8 +1,9 @@
 """Many synthetic cases, each a row of numbers: kept on disk, on several processes if wished."""
 
 import concurrent.futures
+import functools
 import hashlib
-import inspect
+import importlib
 import json
 import multiprocessing
 import os
@@ -12,6 +13,7 @@ import zipfile
 from collections.abc import Callable
 from typing import Any
 
+import jax
 import numpy as np
 
 from stickslip.sweep import as_json
@@ -31,7 +33,7 @@ def many(name: str, one: One, parameters: dict[str, Any], context: Context, bloc
     blocks nor the processes, `parameters["workers"]` of them, have a say. `one` is a function of a
     module: the other processes import it.
     """
-    folder = context.stores / name / _digest(one, parameters)
+    folder = context.stores / name / _digest(parameters)
     if context.fresh:
         shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True, exist_ok=True)
@@ -48,12 +50,22 @@ def many(name: str, one: One, parameters: dict[str, Any], context: Context, bloc
     return {key: np.concatenate([row[key] for row in rows if row]) for key in rows[0] or ()}
 
 
-def _digest(one: One, parameters: dict[str, Any]) -> str:
-    """Of the parameters and of the text of the module that makes a case."""
+def _digest(parameters: dict[str, Any]) -> str:
+    """Of the parameters, the version of JAX and the text of all that a case is made by."""
     kept = {key: value for key, value in parameters.items() if key not in NOT_OF_A_CASE}
-    source = inspect.getsource(inspect.getmodule(one) or one)
-    text = json.dumps([as_json(kept), source], sort_keys=True)
+    text = json.dumps([as_json(kept), jax.__version__, _sources()], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+@functools.cache
+def _sources() -> str:
+    """Digest of the modules of the three packages: a row made by another engine is another row."""
+    total = hashlib.sha256()
+    for name in ("stickslip", "corexy_jax", "experiments"):
+        folder = pathlib.Path(importlib.import_module(name).__path__[0])
+        for path in sorted(folder.rglob("*.py")):
+            total.update(f"{name}/{path.relative_to(folder)}\n".encode() + path.read_bytes())
+    return total.hexdigest()
 
 
 def _path(folder: pathlib.Path, first: int, last: int) -> pathlib.Path:

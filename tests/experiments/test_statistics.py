@@ -65,6 +65,16 @@ def test_cases_are_kept_and_more_of_them_cost_only_what_is_new(tmp_path):
     assert len(calls) == 19
 
 
+def test_rows_of_another_engine_are_made_anew(tmp_path, monkeypatch):
+    parameters = {"count": 2, "power": 1.0, "workers": 1}
+    stores = []
+    for version in ("before", "after"):
+        monkeypatch.setattr(_many, "_sources", lambda version=version: version)
+        _many.many("squares", squares, parameters, Context(tmp_path), 2)
+        stores.append(len(list(tmp_path.glob("squares/*"))))
+    assert stores == [1, 2]
+
+
 def test_a_torn_file_is_made_anew(tmp_path):
     calls.clear()
     parameters = {"count": 2, "power": 1.0, "workers": 1}
