@@ -55,7 +55,7 @@ METHOD = ss.Integrator("tsit5", ss.AdaptiveStep(1e-9, 1e-14), max_steps=10_000_0
 t = np.arange(0.0, END, 0.01)
 beam = JointedBeam.constructed(v=SLOW)
 sticks = ss.Section(
-    lambda t, y, dy, mode, args: jnp.where(mode == 1, 1.0, -1.0), "rising", name="stick"
+    lambda system, t, y, dy, mode, args: jnp.where(mode == 1, 1.0, -1.0), "rising", name="stick"
 )
 motion = time_history(
     beam, beam.start(), t, ["x", "y", "vy", "w", "w_rate", "friction_power", "beam_power"],

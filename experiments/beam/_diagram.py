@@ -51,16 +51,17 @@ def points(system: JointedBeam, start: Any, parameters: Mapping[str, Any]) -> di
 
     def section(function):
         return ss.Section(
-            lambda t, y, dy, mode, args: function(t, y.y, None, mode, args), parameters["direction"]
+            lambda counted, t, y, dy, mode, args: function(counted.system, t, y.y, None, mode, args),
+            parameters["direction"],
         )
 
     sections = (*(section(f) for f in SECTIONS.values()), stick_section())
     settled = ss.simulate(
-        counted, 0.0, begin, counted.start(start), args=system, integrator=integrator,
+        counted, 0.0, begin, counted.start(start), integrator=integrator,
         max_events=None, throw=False,
     )  # fmt: skip
     run = ss.simulate(
-        counted, begin, begin + parameters["duration"], settled.y1, settled.mode1, system,
+        counted, begin, begin + parameters["duration"], settled.y1, settled.mode1,
         integrator=integrator, sections=sections, max_crossings=parameters["max_points"],
         max_events=None, throw=False,
     )  # fmt: skip

@@ -48,16 +48,16 @@ def norm_of(system: JointedBeam) -> JointedBeamState:
 
 # The sections L_i' = 0; `args` is the system, which knows its joint.
 SECTIONS = {
-    "x": lambda t, y, dy, mode, args: y.vx,
-    "y": lambda t, y, dy, mode, args: y.vy,
-    "w": lambda t, y, dy, mode, args: args.w_rate(t, y),
+    "x": lambda system, t, y, dy, mode, args: y.vx,
+    "y": lambda system, t, y, dy, mode, args: y.vy,
+    "w": lambda system, t, y, dy, mode, args: system.w_rate(t, y),
 }
 
 
 def stick_section() -> ss.Section:
     """Beginnings of stick: the mode jumps over zero."""
     return ss.Section(
-        lambda t, y, dy, mode, args: jnp.where(mode == STICK, 1.0, -1.0), "rising", name="stick"
+        lambda system, t, y, dy, mode, args: jnp.where(mode == STICK, 1.0, -1.0), "rising", name="stick"
     )
 
 

@@ -22,7 +22,7 @@ def block_section():
     from stickslip.systems import BlockOnBelt, BlockState
 
     rest = BlockState(0.0, 0.0, 0.0, 0.0)
-    turns = ss.Section(lambda t, y, dy, mode, args: y.vx, "falling")
+    turns = ss.Section(lambda system, t, y, dy, mode, args: y.vx, "falling")
 
     def end(k3):
         run = ss.simulate(BlockOnBelt.constructed(k3=k3), 0.0, 12.0, rest, sections=turns)

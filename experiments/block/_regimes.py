@@ -17,7 +17,7 @@ from ._sets import simplified
 LOOKS = ((np.arange(24) + 1.0) / 24) ** 3
 ROOM = 192  # maxima in transient and record together
 # Periods are counted in maxima of x: the acceleration also crosses zero on a belt that is not steady.
-MAXIMA = ss.Section(lambda t, y, dy, mode, args: y.vx, "falling", name="maximum of x")
+MAXIMA = ss.Section(lambda system, t, y, dy, mode, args: y.vx, "falling", name="maximum of x")
 
 
 def look(

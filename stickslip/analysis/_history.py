@@ -21,7 +21,7 @@ from ._arguments import (
     start_of,
     times_of,
 )
-from ._observable import InArgs, Maximum, Minimum, as_observable, as_section
+from ._observable import Maximum, Minimum, as_observable, as_section
 
 MOST_NAMES = 1024  # of more modes only those are named that occur
 
@@ -50,7 +50,7 @@ def time_history(
       transient`; `t` [s] increases.
     - `observables`: names of scalar components of the state, `"slope of x"`, `"t"`, methods
       `(t, y, mode, args)` of the system; or a mapping from names to those or to functions
-      `(t, y, dy, mode, args)`.
+      `(system, t, y, dy, mode, args)`.
     - `sections`: mapping from names to a `Section` (any scalar, direction in words), `Maximum("x")` or
       `Minimum("x")` of an observable. Crossings before `t[0]` are left out.
     - `labels`: units of observables by name, where the system does not know them.
@@ -112,9 +112,8 @@ def _mode_names(system: Any, mode: np.ndarray) -> dict[str, list]:
 
 @eqx.filter_jit
 def _run(system, y0, t, transient, mode0, args, integrator, cuts, max_crossings, functions):
-    inner = InArgs(system)  # pyright: ignore[reportCallIssue]
     solution = simulate(
-        inner, t[0] - transient, t[-1], y0, mode0, (system, args), integrator=integrator,
+        system, t[0] - transient, t[-1], y0, mode0, args, integrator=integrator,
         saveat=SaveAt(ts=t, events=False), sections=cuts, max_crossings=max_crossings, max_events=None,
     )  # fmt: skip
 

@@ -11,9 +11,9 @@ from jaxtyping import PyTree
 
 from .._checked import CheckedModule
 from .._validation import check_callable, check_text, refusal, shown
-from ..hybrid import AbstractHybridSystem, AbstractSystemWrapper, Section
+from ..hybrid import AbstractHybridSystem, Section
 
-CALL = "f(t, y, dy, mode, args)"
+CALL = "f(system, t, y, dy, mode, args)"
 Observable = Callable[[AbstractHybridSystem, Any, PyTree, PyTree, Any, PyTree], Any]
 
 
@@ -41,7 +41,7 @@ class Minimum(eqx.Module, metaclass=CheckedModule):
 
 def _check_observable(observable: Any) -> None:
     if callable(observable) and not isinstance(observable, type):
-        check_callable("observable", observable, CALL, *range(5))
+        check_callable("observable", observable, CALL, *range(6))
     else:
         check_text("observable", observable, f"the name of an observable or a function {CALL}")
 
@@ -79,16 +79,6 @@ class Method:
 
 
 @dataclasses.dataclass(frozen=True)
-class Function:
-    """A function `(t, y, dy, mode, args)`."""
-
-    function: Callable
-
-    def __call__(self, system, t, y, dy, mode, args):
-        return self.function(t, y, dy, mode, args)
-
-
-@dataclasses.dataclass(frozen=True)
 class RateOf:
     """Rate of change along the motion of an observable without slopes in it."""
 
@@ -101,16 +91,6 @@ class RateOf:
         return jax.jvp(along, (t, y), (jnp.ones_like(t), dy))[1]
 
 
-@dataclasses.dataclass(frozen=True)
-class OverArgs:
-    """An observable as a section's function, run with `args = (system, args)` (see `InArgs`)."""
-
-    value: Observable
-
-    def __call__(self, t, y, dy, mode, args):
-        return self.value(args[0], t, y, dy, mode, args[1])
-
-
 def as_observable(
     argument: str, what: Any, system: AbstractHybridSystem, y0: PyTree
 ) -> tuple[Observable, str | None]:
@@ -118,10 +98,10 @@ def as_observable(
 
     - `"x"`: a component of the state; `"t"`: time; `"slope of x"`: its time derivative.
     - the name of a method `(t, y, mode, args)` of the system, such as `"normal_force"`.
-    - a function `(t, y, dy, mode, args)`, as a `Section` takes it.
+    - a function `(system, t, y, dy, mode, args)`, as a `Section` takes it.
     """
     if callable(what) and not isinstance(what, type):
-        return Function(check_callable(argument, what, CALL, *range(5))), None
+        return check_callable(argument, what, CALL, *range(6)), None
     components = [name for name in getattr(y0, "_fields", ()) or vars_of(y0)]
     if isinstance(what, str):
         if what == "t":
@@ -135,7 +115,7 @@ def as_observable(
             return Method(name), None
     allowed = (
         f"a component of the state ({', '.join(components)}), 'slope of' one, 't', the name of a "
-        "method (t, y, mode, args) of the system, or a function (t, y, dy, mode, args)"
+        "method (t, y, mode, args) of the system, or a function (system, t, y, dy, mode, args)"
     )
     raise refusal(argument, what, allowed)
 
@@ -145,37 +125,15 @@ def vars_of(y0: PyTree) -> list[str]:
     return list(vars(y0)) if isinstance(y0, eqx.Module) else []
 
 
-class InArgs(AbstractSystemWrapper):
-    """The same system, run with `args = (system, args)`, so that sections see its parameters.
-
-    A section that closed over a system with one parameter value per lane would be a new function for
-    every trace; handed over as an argument it is one function for all.
-    """
-
-    system: AbstractHybridSystem
-
-    def inner(self, y, args):
-        return y, args[1]
-
-    def time_scale(self, args):
-        return self.system.time_scale(args[1])
-
-    def vector_field(self, t, y, mode, args):
-        return self.system.vector_field(t, y, mode, args[1])
-
-    def transition(self, t, y, mode, guard, args):
-        return self.system.transition(t, y, mode, guard, args[1])
-
-
 def as_section(section: Any, system: AbstractHybridSystem, y0: PyTree) -> Section:
-    """Section over `args = (system, args)` of a `Section`, a `Maximum` or a `Minimum`."""
+    """The section that a `Section`, a `Maximum` or a `Minimum` stands for; none ends a motion."""
     if isinstance(section, Section):
-        return Section(OverArgs(Function(section.function)), section.direction, name=section.name)
+        return Section(section.function, section.direction, name=section.name)
     if isinstance(section, Maximum | Minimum):
         what = section.observable
         value, _ = as_observable("section.observable", what, system, y0)
         label = what if isinstance(what, str) else "observable"
-        return Section(OverArgs(RateOf(value)), section.direction, name=f"{section.word} of {label}")
+        return Section(RateOf(value), section.direction, name=f"{section.word} of {label}")
     raise refusal("section", section, "a Section, a Maximum or a Minimum", TypeError)
 
 

@@ -79,7 +79,7 @@ def orbit_diagram(
     - `section`: a `Section` (direction in words), or `Maximum("x")`, `Minimum("x")` of an observable.
     - `observables`: name or sequence of names: a component of the state, `"slope of x"`, `"t"`, a
       method `(t, y, mode, args)` of the system; or a mapping from names to those or to functions
-      `(t, y, dy, mode, args)`.
+      `(system, t, y, dy, mode, args)`.
     - `transient`: time dropped [s]; `duration`: time recorded [s]; `points`: stop after so many.
     - `max_points`: room per lane without `points`; a lane with more is marked `buffer_full`.
     - `domain`: observables that must not fall below zero; a lane in which one does ends there.

@@ -11,7 +11,7 @@ from jaxtyping import PyTree
 
 from ..hybrid import RESULTS, Integrator, SaveAt, Section, simulate
 from ._attractor import CANNOT_TELL, PERIOD_STATUS, period_of
-from ._observable import InArgs, Observable, OverArgs
+from ._observable import Observable
 
 # What became of a lane. New words go to the end: stored numbers keep their meaning.
 STATUS = (
@@ -42,7 +42,7 @@ class OrbitPlan(NamedTuple):
     """All that the lanes of a diagram have in common."""
 
     build: Callable  # system of a point of the grid
-    section: Section  # over args = (system, args)
+    section: Section
     observables: dict[str, Observable]
     domain: tuple[Observable, ...]
     settles: bool  # whether a transient is dropped
@@ -69,19 +69,18 @@ def run_lane(
     """End state, and the results of the lane by name."""
     step = eqx.combine(numbers.step, integrator.step)
     integrator = eqx.tree_at(lambda i: i.step, integrator, step)
-    inner = plan.build(point)
-    system, args = InArgs(inner), (inner, plan.args)  # pyright: ignore[reportCallIssue]
+    system, args = plan.build(point), plan.args
     start = jnp.asarray(numbers.t0, jnp.float64)
     begin = start + numbers.transient
     y0 = jax.tree.map(lambda a: jnp.asarray(a, jnp.float64), y0)
     mode = system.initial_mode(start, y0, args) if plan.mode0 is None else plan.mode0
-    borders = tuple(Section(OverArgs(f), "falling", terminal=True) for f in plan.domain)
+    borders = tuple(Section(f, "falling", terminal=True) for f in plan.domain)
     inside = jnp.ones((), bool)
     if plan.domain:
         slope = system.vector_field(start, y0, mode, args)
         for f in plan.domain:
             # A terminal section sees crossings only, not a start on the wrong side.
-            inside &= f(inner, start, y0, slope, mode, plan.args) >= 0
+            inside &= f(system, start, y0, slope, mode, args) >= 0
     options: dict[str, Any] = {"integrator": integrator, "max_events": None, "throw": False}
     early, flags = jnp.zeros((), jnp.int32), jnp.zeros((), jnp.int32)
     y, first_mode = y0, mode
@@ -103,7 +102,7 @@ def run_lane(
 
     def values(f, log):
         """Observable over the rows of a log, NaN past its count."""
-        seen = jax.vmap(lambda t, y, dy, m: f(inner, t, y, dy, m, plan.args))(
+        seen = jax.vmap(lambda t, y, dy, m: f(system, t, y, dy, m, args))(
             log.t, log.y, log.dy, log.mode
         )
         return jnp.where(jnp.arange(log.t.size, dtype=log.count.dtype) < log.count, seen, jnp.nan)
@@ -127,7 +126,7 @@ def run_lane(
         max_period=plan.max_period,
         start=jnp.stack(
             [
-                jnp.asarray(f(inner, start, y0, slope0, first_mode, plan.args), jnp.float64)
+                jnp.asarray(f(system, start, y0, slope0, first_mode, args), jnp.float64)
                 for f in functions
             ]
         ),

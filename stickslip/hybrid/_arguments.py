@@ -150,14 +150,17 @@ def check_field(
             )
 
 
-def check_sections(sections: tuple[Section, ...], t0: Any, y0: PyTree, mode: Any, args: PyTree) -> None:
+def check_sections(
+    system: AbstractHybridSystem, sections: tuple[Section, ...], t0: Any, y0: PyTree, mode: Any,
+    args: PyTree,
+) -> None:  # fmt: skip
     """Refuse sections whose functions give no scalar of the motion."""
     for section in sections:
-        found = eqx.filter_eval_shape(section.function, t0, y0, y0, mode, args)
+        found = eqx.filter_eval_shape(section.function, system, t0, y0, y0, mode, args)
         number = isinstance(found, int | float) and not isinstance(found, bool)
         array = isinstance(found, jax.ShapeDtypeStruct) and found.shape == ()
         if not (number or (array and jnp.issubdtype(found.dtype, jnp.number))):
-            what = f"sections: the function of {section.name!r} of (t, y, dy, mode, args)"
+            what = f"sections: the function of {section.name!r} of (system, t, y, dy, mode, args)"
             raise refusal(what, found, "a real number")
 
 

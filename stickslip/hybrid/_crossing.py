@@ -138,7 +138,7 @@ def _along(problem, section: Section, mode, t, y, dy):
 
     def look(t, y):
         slope = system.vector_field(t, y, mode, args)
-        return section.function(t, y, slope, mode, args), slope
+        return section.function(system, t, y, slope, mode, args), slope
 
     return jax.jvp(look, (t, y), (jnp.ones_like(t), dy))
 

@@ -76,7 +76,7 @@ class EventFunctions(eqx.Module):
                 _, slope = jax.jvp(field, (t, y), (one, dy))
 
             def value(t, y, dy, section=section):
-                return section.function(t, y, dy, mode, args)
+                return section.function(system, t, y, dy, mode, args)
 
             v, r = jax.jvp(value, (t, y, dy), (one, dy, slope))
             values, rates = (*values, v), (*rates, r)
@@ -87,7 +87,7 @@ class EventFunctions(eqx.Module):
     def values(self, system: AbstractHybridSystem, t, y, dy, mode, args, scales: tuple) -> tuple:
         """Values alone, scaled by the stated magnitudes or by the learned `scales` of the guards."""
         values = tuple(system.guards(t, y, mode, args)) if self.num_guards else ()
-        values += tuple(section.function(t, y, dy, mode, args) for section in self.sections)
+        values += tuple(section.function(system, t, y, dy, mode, args) for section in self.sections)
         values = tuple(map(_scaled, values, self.factors))
         return divided(values, scales)
 
@@ -151,8 +151,10 @@ def event_functions(
         if len(given) != len(names):
             raise ValueError(f"guard_{label}={given} must have {len(names)} entries, one per guard")
     for section in sections:
-        check(lambda t, y, dy, s=section: s.function(t, y, dy, mode, args), section.name, t, y, dy)
-    of_slope = tuple(s.uses_slope(t, y, dy, mode, args) for s in sections)
+        check(
+            lambda t, y, dy, s=section: s.function(system, t, y, dy, mode, args), section.name, t, y, dy
+        )
+    of_slope = tuple(s.uses_slope(system, t, y, dy, mode, args) for s in sections)
     judged = (True,) * len(names) + tuple(not slope for slope in of_slope)
     function = all_values(system, sections, dy, mode, args)
     degree = degrees(function, (t, y), (True, True))
@@ -184,6 +186,6 @@ def all_values(
 
     def values(t, y):
         guards = tuple(system.guards(t, y, mode, args)) if system.guard_names else ()
-        return [*guards, *(s.function(t, y, dy, mode, args) for s in sections)]
+        return [*guards, *(s.function(system, t, y, dy, mode, args) for s in sections)]
 
     return values

@@ -10,7 +10,9 @@ from jaxtyping import PyTree
 from .._checked import CheckedModule
 from .._types import Numeric, Whole
 from .._validation import check_callable, check_flag, check_in, check_text
-from ._system import DIRECTIONS
+from ._system import DIRECTIONS, AbstractHybridSystem
+
+CALL = "f(system, t, y, dy, mode, args)"
 
 
 class Section(eqx.Module, metaclass=CheckedModule):
@@ -18,8 +20,9 @@ class Section(eqx.Module, metaclass=CheckedModule):
 
     **Arguments**
 
-    - `function(t, y, dy, mode, args)`: scalar; `dy` is the time derivative of the state, so that an
-      acceleration is `dy.v`.
+    - `function(system, t, y, dy, mode, args)`: scalar; `system` is what is simulated, so that its
+      parameters are those of the run; `dy` is the time derivative of the state, so that an acceleration
+      is `dy.v`.
     - `direction`: `"rising"` (from negative to positive), `"falling"`, or `"both"`.
     - `terminal`: whether the motion ends at the first crossing.
     - `name`: label in logs and datasets.
@@ -45,13 +48,15 @@ class Section(eqx.Module, metaclass=CheckedModule):
         check_in("direction", self.direction, DIRECTIONS)
         check_flag("terminal", self.terminal)
         check_text("name", self.name)
-        check_callable("function", self.function, "f(t, y, dy, mode, args)", *range(5))
+        check_callable("function", self.function, CALL, *range(6))
 
-    def uses_slope(self, t: Numeric, y: PyTree, dy: PyTree, mode: Whole, args: PyTree) -> bool:
+    def uses_slope(
+        self, system: AbstractHybridSystem, t: Numeric, y: PyTree, dy: PyTree, mode: Whole, args: PyTree
+    ) -> bool:
         """Whether the value depends on `dy`; then its rate costs a derivative of the field."""
 
         def of_slope(dy):
-            return self.function(t, y, dy, mode, args)
+            return self.function(system, t, y, dy, mode, args)
 
         closed = jax.make_jaxpr(of_slope)(dy)
         literal = jax.extend.core.Literal

@@ -220,7 +220,7 @@ def _run(
         mode0 = first_mode(*frozen((system, t0, y0, args)))
     problem = (system, args)
     check_field(system, t0, y0, mode0, args)
-    check_sections(sections, t0, y0, mode0, args)
+    check_sections(system, sections, t0, y0, mode0, args)
     functions = event_functions(system, sections, t0, y0, y0, mode0, args)
     log_events = saveat.events and max_events is not None
     rule = bounded(integrator.step, system, sections, t0, t1 - t0, y0, mode0, args)

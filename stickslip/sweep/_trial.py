@@ -35,7 +35,7 @@ class _Block(AbstractHybridSystem):
 
 
 def _lane(belt_speed):
-    section = Section(lambda t, y, dy, mode, args: y.x - 0.3, "rising")
+    section = Section(lambda system, t, y, dy, mode, args: y.x - 0.3, "rising")
 
     def end(belt_speed):
         block = _Block(belt_speed)  # pyright: ignore[reportCallIssue]

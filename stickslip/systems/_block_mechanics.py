@@ -192,7 +192,7 @@ class AbstractBlockOnBelt(AbstractMechanicalSystem):
         return Section(_acceleration, "falling", name="zero acceleration of the block")
 
 
-def _acceleration(t, y, dy, mode, args):
+def _acceleration(system, t, y, dy, mode, args):
     return dy.vx
 
 

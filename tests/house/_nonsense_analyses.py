@@ -25,7 +25,7 @@ AVERAGE = {
     "components": arg(("x",), "none"), "t0": arg(0.0, "finite"), "blocks": arg(4),
 }  # fmt: skip
 SPECTRUM = analysis.Spectrum(jnp.arange(9.0), jnp.array([0, 1, 5, 1, 0, 2, 0.5, 0.2, 0.1]), "hann")
-SECTION = ss.Section(lambda t, y, dy, m, a: dy.vx)
+SECTION = ss.Section(lambda s, t, y, dy, m, a: dy.vx)
 GRID = arg({"k3": [80.0, 81.0]})
 BUILDER = arg(BLOCK)
 

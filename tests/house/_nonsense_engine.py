@@ -86,7 +86,7 @@ ENGINE = [
     Target(
         ss.Section,
         {
-            "function": arg(lambda t, y, dy, mode, args: y.x, "constant"), "direction": arg("rising"),
+            "function": arg(lambda s, t, y, dy, m, args: y.x, "constant"), "direction": arg("rising"),
             "terminal": arg(False, "flag"), "name": arg("top", "text"),
         },
         lambda **given: ss.simulate(OSCILLATOR, 0.0, 1.0, START, 0, sections=ss.Section(**given)),

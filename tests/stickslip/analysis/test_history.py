@@ -21,10 +21,15 @@ def history():
         OSCILLATOR,
         Motion(0.0, 0.2),
         np.linspace(30.0, 60.0, 301),
-        {"x": "x", "v": "v", "a": "slope of v", "work_rate": lambda t, y, dy, mode, args: y.v * dy.v},
+        {
+            "x": "x",
+            "v": "v",
+            "a": "slope of v",
+            "work_rate": lambda system, t, y, dy, mode, args: y.v * dy.v,
+        },
         sections={
             "top": Maximum("x"),
-            "rising": ss.Section(lambda t, y, dy, mode, args: y.x - 0.3, "rising"),
+            "rising": ss.Section(lambda system, t, y, dy, mode, args: y.x - 0.3, "rising"),
         },
         transient=30.0,
         integrator=PRECISE,

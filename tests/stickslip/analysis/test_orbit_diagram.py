@@ -21,11 +21,11 @@ STEP = ss.Integrator("rk4", ss.FixedStep(0.05))
 MU = np.array([0.25, 0.49, 1.0, 1.44])
 
 
-def up(t, y, dy, mode, args):
+def up(system, t, y, dy, mode, args):
     return y.v
 
 
-def clock(t, y, dy, mode, args):
+def clock(system, t, y, dy, mode, args):
     return y.s
 
 
@@ -44,7 +44,7 @@ HOPF = {
 }
 
 
-FAR = ss.Section(lambda t, y, dy, mode, args: y.u + 9.0, "both")
+FAR = ss.Section(lambda system, t, y, dy, mode, args: y.u + 9.0, "both")
 
 
 def meanings(dataset, name="status"):
@@ -87,7 +87,12 @@ CASCADE = {
     "grid": {"f": [0.20, 0.28, 0.29, 0.37, 0.50, 0.65]},
     "y0": Driven(1.0, 0.0, 1.0, 0.0),
     "section": Maximum("x"),
-    "observables": {"x": "x", "v": "v", "far": "far", "zero": lambda t, y, dy, mode, args: 0.0 * t},
+    "observables": {
+        "x": "x",
+        "v": "v",
+        "far": "far",
+        "zero": lambda system, t, y, dy, mode, args: 0.0 * t,
+    },
     "transient": 300.0,
     "duration": 500.0,
     "max_points": 128,
@@ -297,6 +302,6 @@ def test_wrong_arguments_are_named(change, error, text):
 
 
 def test_a_section_that_is_no_number_is_refused_before_anything_is_compiled():
-    wrong = ss.Section(lambda t, y, dy, mode, args: jnp.stack([y.u, y.v]), "both")
+    wrong = ss.Section(lambda system, t, y, dy, mode, args: jnp.stack([y.u, y.v]), "both")
     with pytest.raises(ValueError, match="section"):
         orbit_diagram(**{**HOPF, "section": wrong})

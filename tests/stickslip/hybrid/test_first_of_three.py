@@ -112,7 +112,7 @@ def test_a_section_records_all_three(method, direction, chosen):
 
     def recorded(speed, threshold, phase):
         section = ss.Section(
-            lambda t, y, dy, mode, args: threshold - y.x - jax.numpy.sin(t + phase), direction
+            lambda system, t, y, dy, mode, args: threshold - y.x - jax.numpy.sin(t + phase), direction
         )
         run = ss.simulate(
             Carriage(speed), 0.0, END, Carried(0.0), sections=section,

@@ -117,8 +117,8 @@ def everything(q, ts):
         integrator=fixed(0.3, "tsit5"),
         saveat=ss.SaveAt(ts=ts, steps=True, max_rows=64),
         sections=(
-            ss.Section(lambda t, y, dy, mode, args: y.x - 0.3, "both"),
-            ss.Section(lambda t, y, dy, mode, args: dy.v + 0.2, "rising"),
+            ss.Section(lambda system, t, y, dy, mode, args: y.x - 0.3, "both"),
+            ss.Section(lambda system, t, y, dy, mode, args: dy.v + 0.2, "rising"),
         ),
         max_events=4, max_crossings=4,
     )  # fmt: skip

@@ -70,7 +70,7 @@ def test_excursion_without_dip_detection_needs_a_bounded_step():
 
 
 def test_two_crossings_of_one_section_in_one_step():
-    section = ss.Section(lambda t, y, dy, mode, args: y.x + 0.999, "both")
+    section = ss.Section(lambda system, t, y, dy, mode, args: y.x + 0.999, "both")
     run = ss.simulate(
         Parabola(-9.0), 0.0, 4.0, State(0.0, -(2.0**0.5)), sections=section,
         integrator=fixed(1.3, "rk4"),
@@ -239,7 +239,7 @@ def test_max_steps_and_crossings_have_codes():
     run = ss.simulate(Circle(-2.0), 0.0, 50.0, State(1.0, 0.0), integrator=few, throw=False)
     assert run.result == ss.RESULTS.max_steps_reached
     assert run.t1 < 3.0
-    section = ss.Section(lambda t, y, dy, mode, args: y.v, "both")
+    section = ss.Section(lambda system, t, y, dy, mode, args: y.v, "both")
     run = ss.simulate(
         Circle(-2.0), 0.0, 50.0, State(1.0, 0.0), sections=section, max_crossings=3, throw=False
     )

@@ -163,7 +163,7 @@ def test_a_load_on_a_free_mass_at_rest_is_felt():
 
 def test_sections_of_time_are_not_jumped_over():
     """A stroboscopic section, while nothing moves."""
-    strobe = ss.Section(lambda t, y, dy, mode, args: jnp.sin(2 * jnp.pi * t), "rising")
+    strobe = ss.Section(lambda system, t, y, dy, mode, args: jnp.sin(2 * jnp.pi * t), "rising")
     rest = Pushed(1e9, 1.0)
     run = ss.simulate(rest, 0.0, 25.5, REST, sections=strobe)
     np.testing.assert_allclose(run.crossings[0].t[:25], np.arange(1.0, 26.0), atol=1e-9)

@@ -26,9 +26,9 @@ def tone_only(amplitude, omega):
 
 
 SECTIONS = (
-    ss.Section(lambda t, y, dy, mode, args: args(t) - 1.0, "both", name="threshold"),
-    ss.Section(lambda t, y, dy, mode, args: y.v, "both", name="speed"),
-    ss.Section(lambda t, y, dy, mode, args: y.v, "rising", name="speed rises"),
+    ss.Section(lambda system, t, y, dy, mode, args: args(t) - 1.0, "both", name="threshold"),
+    ss.Section(lambda system, t, y, dy, mode, args: y.v, "both", name="speed"),
+    ss.Section(lambda system, t, y, dy, mode, args: y.v, "rising", name="speed rises"),
 )
 
 
@@ -66,19 +66,19 @@ def test_zeros_of_guards_are_crossings_of_the_same_functions(number):
 @pytest.mark.parametrize(("direction", "terminal"), [("falling", True), ("both", False)])
 def test_what_leaves_zero_and_comes_back_within_the_first_step(direction, terminal):
     """Thrown up at 1 m/s it is back after 2/9 s, at the last quarter of the first step."""
-    section = ss.Section(lambda t, y, dy, mode, args: y.x, direction, terminal=terminal)
+    section = ss.Section(lambda system, t, y, dy, mode, args: y.x, direction, terminal=terminal)
     flight = Flight(acceleration=-9.0, slope=-100.0)
     step = ss.Integrator("rk4", ss.FixedStep(0.3), detect_dips=False)
     run = ss.simulate(flight, 0.0, 0.9, State(0.0, 1.0), sections=section, integrator=step)
     assert int(run.crossings[0].count) == 1
     np.testing.assert_allclose(run.crossings[0].t[0], 2.0 / 9.0, rtol=1e-12)
-    down = ss.Section(lambda t, y, dy, mode, args: y.x, "rising", terminal=terminal)
+    down = ss.Section(lambda system, t, y, dy, mode, args: y.x, "rising", terminal=terminal)
     run = ss.simulate(flight, 0.0, 0.9, State(0.0, 1.0), sections=down, integrator=step)
     assert int(run.crossings[0].count) == 0
 
 
 def test_what_begins_on_zero_is_counted_once_it_comes_back():
-    section = ss.Section(lambda t, y, dy, mode, args: y.x, "both")
+    section = ss.Section(lambda system, t, y, dy, mode, args: y.x, "both")
     run = ss.simulate(Flight(-9.0, slope=-100.0), 0.0, 0.5, State(0.0, 1.0), sections=section)
     assert int(run.crossings[0].count) == 1
     np.testing.assert_allclose(run.crossings[0].t[0], 2.0 / 9.0, rtol=1e-9)

@@ -21,10 +21,10 @@ def run():
         START,
         saveat=ss.SaveAt(ts=jnp.linspace(0.0, 50.0, 11), steps=True, max_rows=512),
         sections=(
-            ss.Section(lambda t, y, dy, mode, args: y.x - 0.3, "rising"),
-            ss.Section(lambda t, y, dy, mode, args: y.x - 0.3, "falling"),
-            ss.Section(lambda t, y, dy, mode, args: y.x - 0.3, "both"),
-            ss.Section(lambda t, y, dy, mode, args: dy.v + 0.2, "rising"),
+            ss.Section(lambda system, t, y, dy, mode, args: y.x - 0.3, "rising"),
+            ss.Section(lambda system, t, y, dy, mode, args: y.x - 0.3, "falling"),
+            ss.Section(lambda system, t, y, dy, mode, args: y.x - 0.3, "both"),
+            ss.Section(lambda system, t, y, dy, mode, args: dy.v + 0.2, "rising"),
         ),
         max_events=32,
         integrator=ss.Integrator(step=ss.AdaptiveStep(1e-13, 1e-13)),
@@ -159,7 +159,7 @@ def test_zero_length_run_and_output_at_start():
 
 
 def test_terminal_section_ends_the_run_on_the_section():
-    section = ss.Section(lambda t, y, dy, mode, args: y.x - 0.25, "falling", terminal=True)
+    section = ss.Section(lambda system, t, y, dy, mode, args: y.x - 0.25, "falling", terminal=True)
     exact = ss.Integrator(step=ss.AdaptiveStep(1e-14, 1e-14))
     run = ss.simulate(Circle(level=-2.0), 0.0, 9.0, State(1.0, 0.0), sections=section, integrator=exact)
     assert run.result == ss.RESULTS.event_occurred
@@ -196,8 +196,8 @@ def test_one_lane_is_the_same_under_vmap_and_in_chunks():
 
 def test_recorded_sections_do_not_change_the_motion():
     sections = (
-        ss.Section(lambda t, y, dy, mode, args: dy.v + 0.2, "rising"),
-        ss.Section(lambda t, y, dy, mode, args: dy.v, "both"),
+        ss.Section(lambda system, t, y, dy, mode, args: dy.v + 0.2, "rising"),
+        ss.Section(lambda system, t, y, dy, mode, args: dy.v, "both"),
     )
 
     def end(sections):
@@ -214,7 +214,7 @@ def test_recorded_sections_do_not_change_the_motion():
 def test_a_short_excursion_through_a_section_is_seen_from_both_sides(side):
     """x = cos(t - 3) is above 0.999 for 0.09 s, between two ends of steps of 0.21 s."""
 
-    def gap(t, y, dy, mode, args):
+    def gap(system, t, y, dy, mode, args):
         return side * (0.999 - y.x)
 
     both, falling = (

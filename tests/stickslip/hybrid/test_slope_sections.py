@@ -34,7 +34,7 @@ END = 2.0 * np.pi * TURNS + 1.0
 
 def crossings(level, direction, method):
     """Times at which the acceleration goes through `-level`."""
-    section = ss.Section(lambda t, y, dy, mode, args: dy.v + args, direction)
+    section = ss.Section(lambda system, t, y, dy, mode, args: dy.v + args, direction)
     integrator = ss.Integrator(method, ss.AdaptiveStep(1e-7))
     start = Motion(1.0, 0.0)
     run = ss.simulate(

@@ -54,7 +54,7 @@ def test_a_single_lane():
 @pytest.mark.parametrize("derivative", [jax.grad, jax.jacfwd], ids=["reverse", "forward"])
 def test_derivatives_of_recorded_crossings(derivative):
     """Counts of rows come out of a fused call with zero tangents, which no reduction could take."""
-    section = ss.Section(lambda t, y, dy, mode, args: dy.v + 0.2, "rising")
+    section = ss.Section(lambda system, t, y, dy, mode, args: dy.v + 0.2, "rising")
 
     def times(v):
         block = CoulombOscillator(1.0, 1.0, 1.0, 0.5, v)

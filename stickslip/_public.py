@@ -1,0 +1,68 @@
+"""What the packages export, in one place: for the command line, the site and the tests."""
+
+import importlib
+import inspect
+import re
+from collections.abc import Iterator
+from types import ModuleType
+from typing import Any, NamedTuple
+
+# A full stop before a capital ends a sentence, but not that of "Eqs. (1)" or "e.g. a block".
+_END = re.compile(r"(?<=\.)(?<!Eqs\.)(?<!Eq\.)(?<!e\.g\.) (?=[A-Z`$])")
+
+PACKAGES = (
+    "stickslip",
+    "stickslip.friction",
+    "stickslip.contact",
+    "stickslip.mechanism",
+    "stickslip.systems",
+    "stickslip.sweep",
+    "stickslip.analysis",
+    "stickslip.identification",
+    "stickslip.checks",
+    "stickslip.fastmath",
+    "corexy_jax",
+)
+
+
+class Public(NamedTuple):
+    """A public name: where a user finds it, and the first sentence of what it says of itself."""
+
+    package: str
+    name: str
+    thing: Any
+    summary: str
+
+
+def public_names(package: str) -> Iterator[Public]:
+    """Public classes, functions and values of ours in `package`, in alphabetical order.
+
+    A name that the root package exports too is listed there.
+    """
+    module = importlib.import_module(package)
+    root = importlib.import_module(package.split(".")[0])
+    for name in sorted(getattr(module, "__all__", None) or vars(module), key=str.lower):
+        thing = getattr(module, name)
+        if name.startswith("_") or isinstance(thing, ModuleType):
+            continue
+        if module is not root and vars(root).get(name) is thing:
+            continue
+        where = getattr(thing, "__module__", None) or ""
+        described = inspect.isclass(thing) or inspect.isroutine(thing)
+        if described and where.split(".")[0] != package.split(".")[0]:
+            continue
+        summary = first_sentence(inspect.getdoc(thing)) if described else _of_value(thing)
+        yield Public(package, name, thing, summary)
+
+
+def first_sentence(text: str | None) -> str:
+    """The first paragraph of a docstring up to its first full stop, on one line."""
+    paragraph = " ".join((text or "").split("\n\n")[0].split())
+    return _END.split(paragraph, maxsplit=1)[0].rstrip(",:")
+
+
+def _of_value(thing: Any) -> str:
+    if callable(thing):
+        return first_sentence(inspect.getdoc(type(thing)))
+    text = repr(thing).replace("\n", " ")
+    return text if len(text) <= 60 else f"{text[:57]}..."

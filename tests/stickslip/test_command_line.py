@@ -1,0 +1,65 @@
+"""`python -m stickslip`: the list of what there is, and one page of it."""
+
+import subprocess
+import sys
+
+import pytest
+
+from stickslip.__main__ import main
+from stickslip._public import PACKAGES, first_sentence, public_names
+
+
+def test_every_public_name_is_listed_once_with_what_it_does(capsys):
+    assert main([]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line for line in lines if line and not line.startswith(" ")] == list(PACKAGES)
+    entries = [entry for package in PACKAGES for entry in public_names(package)]
+    assert sum(line.startswith("  ") for line in lines) == len(entries)
+    assert not [f"{e.package}.{e.name}" for e in entries if not e.summary]
+    root = {entry.name for entry in public_names("stickslip")}
+    assert {"simulate", "Section", "map_lanes", "RESULTS"} <= root
+    assert "map_lanes" not in {entry.name for entry in public_names("stickslip.sweep")}
+
+
+@pytest.mark.parametrize("name", ["simulate", "stickslip.simulate", "friction.Stribeck", "scenario"])
+def test_a_name_is_shown_with_its_signature(name, capsys):
+    assert main([name]) == 0
+    head, *rest = capsys.readouterr().out.splitlines()
+    assert head.split("(")[0].endswith(name)
+    assert len(rest) > 3
+
+
+def test_a_package_is_listed_alone(capsys):
+    assert main(["friction"]) == 0
+    text = capsys.readouterr().out
+    assert text.startswith("stickslip.friction\n")
+    assert "Stribeck" in text
+    assert "simulate" not in text
+
+
+def test_a_name_that_is_not_there_is_answered_with_those_like_it(capsys):
+    assert main(["stribek"]) == 2
+    assert "'stribek': it must be a public name" in capsys.readouterr().err
+    assert main(["lyapunov"]) == 2
+    assert "stickslip.analysis.lyapunov_spectrum" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "first"),
+    [
+        ("Holds. And more.", "Holds."),
+        ("Simplified model, Eqs. (1) to (4).\nMore.", "Simplified model, Eqs. (1) to (4)."),
+        ("A rule, e.g. Dahl's, for $h$. `a` is one.", "A rule, e.g. Dahl's, for $h$."),
+        ("In its unit,\n\n$$x$$", "In its unit"),
+        (None, ""),
+    ],
+)
+def test_first_sentences(text, first):
+    assert first_sentence(text) == first
+
+
+def test_a_reader_that_has_seen_enough_is_no_error():
+    command = f"{sys.executable} -m stickslip | head -n 1"
+    done = subprocess.run(command, shell=True, capture_output=True, text=True, check=True)
+    assert done.stdout == "stickslip\n"
+    assert "Traceback" not in done.stderr
