@@ -12,6 +12,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from . import _settings
+from ._statement import Statement as Statement
 
 GROUPS = (
     "beam", "block", "corexy", "double_pendulum", "emps", "mechanisms", "pendulum", "rock",
@@ -27,16 +28,6 @@ class Context:
     progress: bool | None = None
     fresh: bool = False
     data: pathlib.Path | None = None
-
-
-@dataclasses.dataclass(frozen=True)
-class Statement:
-    """A claim of a paper, and what was measured; `holds` is None where nothing can be said."""
-
-    id: str
-    claim: str
-    holds: bool | None
-    measured: str
 
 
 @dataclasses.dataclass(frozen=True)

@@ -5,11 +5,13 @@ import json
 import os
 import pathlib
 import time
+from collections.abc import Mapping
 from typing import Any
 
 import jax
 import matplotlib
 import matplotlib.pyplot as plt
+import numpy as np
 import xarray as xr
 
 from stickslip.sweep import as_json, code_revision, versions
@@ -41,7 +43,7 @@ def run(
 ) -> list[pathlib.Path]:
     """Compute, draw, judge and write; the files written."""
     parameters = chosen(experiment, quick, changes or [])
-    begin = time.monotonic()
+    begin, spent, load = time.monotonic(), _processor_time(), os.getloadavg()[0]
     dataset = experiment.compute(parameters, Context(out / "stores", progress, fresh, data))
     dataset = dataset.assign_attrs(experiment=experiment.name, title=experiment.title)
     computed = time.monotonic() - begin
@@ -53,7 +55,7 @@ def run(
         "title": experiment.title,
         "quick": quick,
         "parameters": parameters,
-        "seeds": {},
+        "changed": changed(experiment, parameters),
         "versions": {**versions(), "matplotlib": matplotlib.__version__},
         "code_revision": code_revision(),
         "device": str(jax.devices()[0]),
@@ -62,14 +64,55 @@ def run(
         "wall_time_s": {
             "compute": round(computed, 3),
             "total": round(time.monotonic() - begin, 3),
+            "processor": round(_processor_time() - spent, 3),
         },
+        "load": load,
+        "results": summary(dataset),
         "statements": [dataclasses.asdict(s) for s in experiment.judge(dataset)],
     }
-    path = out / f"{experiment.name}.json"
+    return [*files, write_record(record, out / f"{experiment.name}.json")]
+
+
+def write_record(record: dict[str, Any], path: pathlib.Path) -> pathlib.Path:
+    """The record as JSON, all of it or nothing."""
     temporary = path.with_suffix(".json.part")
     temporary.write_text(json.dumps(as_json(record), indent=1, ensure_ascii=False) + "\n")
     os.replace(temporary, path)
-    return [*files, path]
+    return path
+
+
+def _processor_time() -> float:
+    """Seconds of processor time of this process, all its threads, and of those that it started."""
+    return sum(os.times()[:4])
+
+
+def changed(experiment: Experiment, parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """Parameters that are not those of a full run; those that say how and not what do not count.
+
+    Nor does the parameter set: statements say whether it is one that a search found.
+    """
+    how = ("executor", "workers", "set")
+    full = as_json(dict(experiment.parameters))
+    return {k: v for k, v in as_json(dict(parameters)).items() if k not in how and v != full[k]}
+
+
+def summary(dataset: xr.Dataset) -> dict[str, Any]:
+    """Size, unit and range of every variable: what two runs of an experiment can be compared by."""
+    found = {}
+    for name, variable in dataset.data_vars.items():
+        entry: dict[str, Any] = {
+            "shape": list(variable.shape),
+            "units": variable.attrs.get("units", ""),
+        }
+        if variable.dtype.kind in "fiu":
+            values = np.asarray(variable, float)
+            seen = values[np.isfinite(values)]
+            # Six digits, so that equal motions of two machines make equal records.
+            entry |= {"finite": int(seen.size)}
+            if seen.size:
+                entry |= {"least": float(f"{seen.min():.6g}"), "greatest": float(f"{seen.max():.6g}")}
+        found[str(name)] = entry
+    return found
 
 
 def draw(experiment: Experiment, dataset: xr.Dataset, out: pathlib.Path) -> list[pathlib.Path]:

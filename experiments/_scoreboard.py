@@ -1,82 +1,135 @@
-"""The scoreboard: every statement that an experiment has measured."""
+"""The scoreboard: every statement that an experiment has measured, one row for each reading of it."""
 
+import collections
+import dataclasses
 import json
 import pathlib
+import re
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
+from ._statement import FOUND, MACHINES, OWN, PAPERS, RECORDS, SYNTHETIC, Statement
+
 WORDS = {True: "holds", False: "does not hold", None: "open"}
-OF_THE_PAPERS = "the papers' statements"
-OWN = "statements on sets found by our searches"
-MACHINES = "known results of declared machines"
-RECORDS = "what is published on measured records"
-SYNTHETIC = "what fits of synthetic records promise"
-QUICK = "quick runs and demo, a first look"
+GROUPS = (PAPERS, FOUND, OWN, MACHINES, RECORDS, SYNTHETIC)
+NOT_FULL = "a first look, counted nowhere: quick runs, the demo and runs with changed settings"
+
+
+@dataclasses.dataclass(frozen=True)
+class Row:
+    """A statement in one reading; what every record that judges it says, by the record's name."""
+
+    group: str
+    id: str
+    reading: str
+    claim: str
+    told: Mapping[str, Statement]
+
+    @property
+    def agreed(self) -> bool:
+        """Whether all records say the same."""
+        return len({s.holds for s in self.told.values()}) == 1
+
+    @property
+    def holds(self) -> bool | None:
+        """Verdict of all records; None where they do not agree."""
+        return next(iter(self.told.values())).holds if self.agreed else None
+
+
+def is_full(record: Mapping[str, Any]) -> bool:
+    """Whether a record is of a run at full size with the settings that the experiment states."""
+    return not (record["quick"] or record.get("changed") or record["name"] == "demo")
+
+
+def statements_of(record: Mapping[str, Any]) -> list[Statement]:
+    """Statements of a record. Errors: `KeyError`, `TypeError` or `ValueError` for another content."""
+    found = [Statement(**entry) for entry in record["statements"]]
+    for one in found:
+        if one.holds is not None and not isinstance(one.holds, bool):
+            raise ValueError(f"holds is {one.holds!r}")
+        if not one.group or not all(isinstance(t, str) for t in (one.claim, one.measured, one.reading)):
+            raise ValueError(f"{one.id} is not a statement")
+    return found
+
+
+def rows(records: Iterable[Mapping[str, Any]]) -> list[Row]:
+    """Rows of the records of full runs, by group, identifier and reading."""
+    told: dict[tuple[str, str, str], dict[str, Statement]] = collections.defaultdict(dict)
+    for record in records:
+        if is_full(record):
+            for one in statements_of(record):
+                key = one.group, one.id, one.reading
+                if record["name"] in told[key]:
+                    raise ValueError(f"{record['name']} judges {one.id} {one.reading} twice")
+                told[key][record["name"]] = one
+    found = [Row(*key, next(iter(by.values())).claim, by) for key, by in told.items()]
+    return sorted(found, key=lambda row: (GROUPS.index(row.group), _natural(row.id), row.reading))
+
+
+def _natural(id: str) -> list[Any]:
+    return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", id)]
+
+
+def totals(found: Iterable[Row]) -> dict[str, str]:
+    """How many rows of each group hold, in words."""
+    words = {}
+    found = list(found)
+    for group in GROUPS:
+        own = [row for row in found if row.group == group]
+        if own:
+            count = collections.Counter(WORDS[row.holds] for row in own)
+            apart = sum(not row.agreed for row in own)
+            words[group] = ", ".join(f"{count[word]} {word}" for word in WORDS.values()) + (
+                f" ({apart} of these because records do not agree)" if apart else ""
+            )
+    return words
 
 
 def scoreboard(out: pathlib.Path) -> str:
-    """One line per statement from the records in `out`, and how many of them hold.
+    """The rows from the records in `out` with what was measured, and how many of each group hold.
 
-    Full runs with the constructed parameters are counted apart from those with parameters that our
-    searches found, both from known results of the machines declared here, on measured records and on
-    synthetic ones, and all from quick runs. A statement that several figures measure counts once; if
-    they do not agree it is open.
+    Runs that are not full are listed last and counted nowhere.
     """
-    lines: list[str] = []
-    verdicts: dict[str, dict[str, set]] = {
-        OF_THE_PAPERS: {},
-        OWN: {},
-        MACHINES: {},
-        RECORDS: {},
-        SYNTHETIC: {},
-        QUICK: {},
-    }
+    full, others, wrong = [], [], []
     for path in sorted(out.glob("*.json")):
         try:
             record = json.loads(path.read_text(encoding="utf-8"))
-            group, rows = _group(record), [_row(record, s) for s in record["statements"]]
+            statements_of(record)
+            (full if is_full(record) else others).append(record)
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
-            lines.append(f"{path.name}: not a record of an experiment")
-            continue
-        for id, holds, row in rows:
-            verdicts[group].setdefault(id, set()).add(holds)
-            lines += row
-    if not any(verdicts.values()):
-        return f"No statements in {out}: run some experiments first, see python -m experiments --list."
-    totals = [f"{group}: {_total(found)}" for group, found in verdicts.items() if found]
-    return "\n".join([*lines, "", *totals])
+            wrong.append(f"{path.name}: not a record of an experiment")
+    found = rows(full)
+    first = [(one, record) for record in others for one in statements_of(record)]
+    if not found and not first:
+        nothing = (
+            f"No statements in {out}: run some experiments first, see python -m experiments --list."
+        )
+        return "\n".join([*wrong, nothing])
+    lines = list(wrong)
+    for group in dict.fromkeys(row.group for row in found):
+        lines += ["", f"{group}:"]
+        for row in found:
+            if row.group == group:
+                lines += _row(row)
+    if first:
+        lines += ["", f"{NOT_FULL}:"]
+        for one, record in first:
+            quick = "quick" if record["quick"] else "not at full size"
+            lines.append(f"{_head(one.id, one.reading, one.holds)}  {record['name']} ({quick})")
+    return "\n".join([*lines, "", *(f"{group}: {text}" for group, text in totals(found).items())])
 
 
-def _group(record: Mapping[str, Any]) -> str:
-    if record.get("quick") or record["name"] == "demo":
-        return QUICK
-    if record["name"].startswith("mechanism-"):
-        return MACHINES
-    if record["name"] in ("identify-coverage", "identify-corexy-machines"):
-        return SYNTHETIC
-    if record["name"].startswith("identify-"):
-        return RECORDS
-    found = record["name"].endswith("-search") or record.get("parameters", {}).get("set", "A") != "A"
-    return OWN if found else OF_THE_PAPERS
+def _head(id: str, reading: str, holds: bool | None) -> str:
+    return f"{id:<6} {reading:<17} {WORDS[holds]:<14}"
 
 
-def _row(record: Mapping[str, Any], statement: Mapping[str, Any]) -> tuple[str, Any, list[str]]:
-    """Id, verdict and the lines of a statement. `KeyError` for a verdict that is none."""
-    holds = statement["holds"]
-    if holds is not None and not isinstance(holds, bool):
-        raise KeyError(f"holds is {holds!r}")
-    head = f"{statement['id']:<16} {WORDS[holds]:<14} {record['name']}"
-    lines = [head + (" (quick)" if record.get("quick") else "")]
-    for text in (statement["claim"], "measured: " + statement["measured"]):
+def _row(row: Row) -> list[str]:
+    lines = [_head(row.id, row.reading, row.holds).rstrip()]
+    texts = [row.claim]
+    for name, one in row.told.items():
+        verdict = "" if row.agreed else f"{WORDS[one.holds]}, "
+        texts.append(f"{verdict}measured by {name}: {one.measured}")
+    for text in texts:
         lines += textwrap.wrap(text, 100, initial_indent="    ", subsequent_indent="    ")
-    return statement["id"], holds, lines
-
-
-def _total(found: Mapping[str, set]) -> str:
-    count = dict.fromkeys(WORDS.values(), 0)
-    for verdicts in found.values():
-        count[WORDS[next(iter(verdicts)) if len(verdicts) == 1 else None]] += 1
-    text = ", ".join(f"{number} {word}" for word, number in count.items())
-    apart = sum(len(verdicts) > 1 for verdicts in found.values())
-    return text + (f" ({apart} of these because records do not agree)" if apart else "")
+    return lines

@@ -1,163 +1,140 @@
 """The paper's claims C1 to C9 against what was computed."""
 
+from collections.abc import Callable
+
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
 from stickslip.analysis import Peak, Spectrum, spectral_peaks
 
-from .._experiment import Statement
-from ._model import CONTACT_PERIOD, SLIP_ABOVE, STICK, STICK_SLIP_BELOW
+from .._statement import Claim, Statement, Untold, Verdict, statement
+from .._thresholds import Beam
+from ._lanes import Lanes, everywhere
+from ._model import CONTACT_PERIOD, STICK, VARIANTS
 
-CLAIMS = {
-    "C1": "x: limit cycle at every v, not affected by the beam.",
-    "C2": "w(z_A): regular, its cycle grows with v.",
-    "C3": "y: pure stick-slip for v < 2.5e-3.",
-    "C4a": "y: period doubling or irregular for v in [2.5e-3, 9e-3].",
-    "C4b": "y: stick is visible in the first few time steps only, for v in [2.5e-3, 9e-3].",
-    "C5": "y: pure slip on a limit cycle for v > 9e-3.",
-    "C6": "v = 0.0005: stick-slip period 0.54; superharmonics of 1/0.54 in y, some near beam "
-    "frequencies, and in w_A.",
-    "C7": "v = 0.0005: W_f regular and non-zero only in slip; W_b irregular.",
-    "C8": "v = 0.005: a frequency 0.25 and its superharmonics.",
-    "C9a": "Maximum Lyapunov exponent: positive at every v.",
-    "C9b": "Maximum Lyapunov exponent: falls in the stick-slip range, rises in the bifurcating range, "
-    "falls in pure slip.",
-}
-SINGLE = 0.01  # points that differ by less than this part of their size are one branch
-NEAR = 0.05  # a superharmonic this near to a frequency of the beam counts as close
-BORDER = 0.05  # the text gives the borders of the ranges to two digits: not judged this close
-REGULAR = 0.1  # change over a period, against the size, below which a signal is regular
-ENOUGH = 0.9  # part of the lanes of a range that must tell for a statement on all of it
-FEWEST = 3  # lanes of a range, points of a lane, below which nothing is said
-PERIODS = 5  # periods of contact a record must hold to be called regular or not
-RESOLUTION = 0.0125  # coarsest spacing of a spectrum in which a line within 0.01 of 0.25 is told
-ZERO = 0.01  # [1] an exponent that is below this with twice its error is not positive
+MIDDLE = f"[{Beam.STICK_SLIP_BELOW:g}, {Beam.SLIP_ABOVE:g}]"
 
 
-def statement(id: str, variant: str, holds: bool | None, measured: str) -> Statement:
-    """A claim in one reading of the equations."""
-    return Statement(f"{id} ({variant})", CLAIMS[id], holds, measured)
+@statement("C1", "x: limit cycle at every v, not affected by the beam.")
+def x_is_a_cycle(lanes: Lanes) -> Verdict:
+    """Maxima of x within a lane and between lanes."""
+    told = lanes.told["x"]
+    if not told.any():
+        return None, f"no lane tells{lanes.tail}"
+    x = lanes.points["x"][told]
+    within, least = float(lanes.width["x"][told].max()), float(np.nanmin(x))
+    apart = float(np.nanmax(x) / least - 1) if least != 0 else np.inf
+    same = within < Beam.EXACT and apart < Beam.EXACT
+    text = f"maxima of x differ by {within:.1e} within a lane, {apart:.1e} between lanes{lanes.tail}"
+    return everywhere(np.full(told.shape, same), told), text
 
 
-def relative_width(points: np.ndarray) -> np.ndarray:
-    """Spread of the points of each lane against their largest size; NaN for fewer than 3 points."""
-    seen = np.isfinite(points)
-    size = np.where(seen, np.abs(points), 0.0).max(axis=1)
-    top = np.where(seen, points, -np.inf).max(axis=1)
-    low = np.where(seen, points, np.inf).min(axis=1)
-    enough = seen.sum(axis=1) >= FEWEST
-    top, low = np.where(enough, top, np.nan), np.where(enough, low, np.nan)
-    return (top - low) / np.where(size > 0, size, 1.0)
+@statement("C2", "w(z_A): regular, its cycle grows with v.")
+def w_grows(lanes: Lanes) -> Verdict:
+    """Width of the maxima of w, and their size over the speed."""
+    told = lanes.told["w"]
+    if told.sum() < Beam.FEWEST:
+        return None, f"{int(told.sum())} lanes tell{lanes.tail}"
+    width, v = lanes.width["w"], lanes.v[told]
+    single = width < Beam.SINGLE
+    size = np.nanmax(lanes.points["w"][told], axis=1)
+    grows = (
+        np.polyfit(v, size, 1)[0] > 0 and np.std(size) > 0 and np.corrcoef(v, size)[0, 1] > Beam.GROWS
+    )
+    holds = everywhere(single, told)
+    border = Beam.STICK_SLIP_BELOW
+    medians = ", ".join(
+        f"{np.median(width[told][rows]):.1%} {word}"
+        for rows, word in ((v < border, f"below {border:g}"), (v > border, "above"))
+        if rows.any()
+    )
+    return (bool(grows) if holds else holds), (
+        f"w is one curve in {single[told].mean():.0%} of the lanes (median width of its maxima "
+        f"{medians}); largest w {size[0]:.1e} at v = {v[0]:g}, {size[-1]:.1e} at {v[-1]:g}{lanes.tail}"
+    )
 
 
-def everywhere(true: np.ndarray, told: np.ndarray, share: float = 1.0) -> bool | None:
-    """Whether it is true in all lanes, or in more than `share` of them; None where that is not told.
+@statement("C3", f"y: pure stick-slip for v < {Beam.STICK_SLIP_BELOW:g}.")
+def y_sticks(lanes: Lanes) -> Verdict:
+    """Sticks a contact below the first border."""
+    rows, told = lanes.below(), lanes.counted
+    every = lanes.per_cycle > Beam.EVERY
+    seen = _seen(rows, told, lanes)
+    return everywhere(every[rows], told[rows]), (
+        f"the mass sticks {lanes.per_cycle[seen].min():.2f} to {lanes.per_cycle[seen].max():.2f} "
+        f"times per contact, {lanes.share[seen].min():.1%} to {lanes.share[seen].max():.1%} of the "
+        f"time; at every contact up to v = {_up_to(lanes.v, every):.4g}{lanes.tail}"
+    )
 
-    A lane that tells otherwise decides against "all", however few tell.
-    """
-    true, told = np.asarray(true, bool), np.asarray(told, bool)
-    if share == 1.0 and bool((told & ~true).any()):
-        return False
-    if told.sum() < FEWEST or told.mean() < ENOUGH:
-        return None
-    return bool(true[told].mean() > share) if share < 1.0 else True
+
+@statement("C4a", f"y: period doubling or irregular for v in {MIDDLE}.")
+def y_is_irregular(lanes: Lanes) -> Verdict:
+    """Width of the maxima of y between the borders."""
+    rows, told, width = lanes.between(), lanes.told["y"], lanes.width["y"]
+    seen = _seen(rows, told, lanes)
+    holds = everywhere(width[rows] > Beam.SINGLE, told[rows], Beam.IRREGULAR)
+    return holds, (
+        f"maxima of y are more than one line in {(width[seen] > Beam.SINGLE).mean():.0%} of the "
+        f"lanes (median width {np.median(width[seen]):.1%}){lanes.tail}"
+    )
+
+
+@statement("C4b", f"y: stick is visible in the first few time steps only, for v in {MIDDLE}.")
+def y_sticks_at_first(lanes: Lanes) -> Verdict:
+    """Sticks after the transient between the borders."""
+    rows, told = lanes.between(), lanes.counted
+    seen = _seen(rows, told, lanes)
+    text = f"after the transient it sticks {lanes.share[seen].max():.2%} of the time at most"
+    return everywhere((lanes.sticks == 0)[rows], told[rows]), text + lanes.tail
+
+
+@statement("C5", f"y: pure slip on a limit cycle for v > {Beam.SLIP_ABOVE:g}.")
+def y_slips(lanes: Lanes) -> Verdict:
+    """Sticks and width of the maxima of y above the second border."""
+    rows, told = lanes.above(), lanes.counted & lanes.told["y"]
+    single = lanes.width["y"] < Beam.SINGLE
+    seen = _seen(rows, told, lanes)
+    return everywhere(((lanes.sticks == 0) & single)[rows], told[rows]), (
+        f"sticks in {(lanes.sticks[seen] > 0).mean():.0%} of the lanes, {lanes.share[seen].max():.1%} "
+        f"of the time at most; maxima of y are one line in {single[seen].mean():.0%} of the lanes"
+        f"{lanes.tail}"
+    )
+
+
+def _seen(rows: np.ndarray, told: np.ndarray, lanes: Lanes) -> np.ndarray:
+    """Rows that tell; raises `Untold` without one."""
+    if not (rows & told).any():
+        raise Untold(f"no lane tells{lanes.tail}")
+    return rows & told
+
+
+# With the range that each is on, where it is not all of them.
+DIAGRAMS: tuple[tuple[Claim, Callable[[Lanes], np.ndarray] | None], ...] = (
+    (x_is_a_cycle, None),
+    (w_grows, None),
+    (y_sticks, Lanes.below),
+    (y_is_irregular, Lanes.between),
+    (y_sticks_at_first, Lanes.between),
+    (y_slips, Lanes.above),
+)
+
+
+def is_found(variant: str) -> bool:
+    """Whether this reading is that of parameters which a search found."""
+    return variant not in VARIANTS
 
 
 def judge_diagrams(dataset: xr.Dataset) -> list[Statement]:
-    """C1 to C5. Lanes that failed, and lanes with fewer than 3 points, do not count."""
+    """C1 to C5, of the ranges that are there."""
     found = []
-    v, low = np.asarray(dataset.v), STICK_SLIP_BELOW
     for variant in map(str, dataset.variant.values):
-        part = dataset.sel(variant=variant)
-        ok = np.asarray(part.ok) == 1
-        x, y, w = (
-            np.where(ok[:, None], np.asarray(part[name].transpose("v", "point")), np.nan)
-            for name in ("x", "y", "w")
-        )
-        widths = [relative_width(a) for a in (x, y, w)]
-        told = [np.isfinite(a) for a in widths]
-        tail = "".join(
-            f"; {int((~known).sum())} of {v.size} lanes do not tell of {name}"
-            for name, known in zip("xyw", told, strict=True)
-            if not known.all()
-        )
-        found.append(_judge_x(variant, x[told[0]], widths[0], told[0], tail))
-        found.append(_judge_w(variant, v, w, widths[2], told[2], low, tail))
-        found += _judge_y(variant, part, v, widths[1], ok, tail)
-    return found
-
-
-def _judge_x(variant, x, width, told, tail) -> Statement:
-    if not told.any():
-        return statement("C1", variant, None, f"no lane tells{tail}")
-    within, least = float(width[told].max()), float(np.nanmin(x))
-    apart = float(np.nanmax(x) / least - 1) if least != 0 else np.inf
-    holds = everywhere(np.full(told.shape, within < 1e-6 and apart < 1e-6), told)
-    text = f"maxima of x differ by {within:.1e} within a lane, {apart:.1e} between lanes{tail}"
-    return statement("C1", variant, holds, text)
-
-
-def _judge_w(variant, v, w, spread, told, low, tail) -> Statement:
-    if told.sum() < FEWEST:
-        return statement("C2", variant, None, f"{int(told.sum())} lanes tell{tail}")
-    single, v = spread < SINGLE, v[told]
-    size = np.nanmax(w[told], axis=1)
-    grows = np.polyfit(v, size, 1)[0] > 0 and np.std(size) > 0 and np.corrcoef(v, size)[0, 1] > 0.9
-    holds = everywhere(single, told)
-    holds = bool(grows) if holds else holds
-    medians = ", ".join(
-        f"{np.median(spread[told][rows]):.1%} {word}"
-        for rows, word in ((v < low, "below 2.5e-3"), (v > low, "above"))
-        if rows.any()
-    )
-    text = (
-        f"w is one curve in {single[told].mean():.0%} of the lanes (median width of its maxima "
-        f"{medians}); largest w {size[0]:.1e} at v = {v[0]:g}, {size[-1]:.1e} at {v[-1]:g}{tail}"
-    )
-    return statement("C2", variant, holds, text)
-
-
-def _judge_y(variant, part, v, width, ok, tail) -> list[Statement]:
-    low, high = STICK_SLIP_BELOW, SLIP_ABOVE
-    less, more = 1 - BORDER, 1 + BORDER
-    slow, middle, fast = v < less * low, (v > more * low) & (v < less * high), v > more * high
-    sticks, share = np.asarray(part.sticks), np.asarray(part.stick_share)
-    counted = ok & np.isfinite(sticks) & np.isfinite(share)
-    wide = np.isfinite(width)
-    cycles = float(part.attrs["duration"]) / CONTACT_PERIOD
-    per_cycle = np.where(counted, sticks, 0) / cycles
-    every, never = per_cycle > 0.98, sticks == 0
-    found = []
-
-    def add(id, rows, told, holds, text):
-        """`text()` is asked for only where a lane tells."""
-        if rows.any():
-            some = bool((rows & told).any())
-            words = text(rows & told) if some else "no lane tells"
-            found.append(statement(id, variant, holds(rows) if some else None, words + tail))
-
-    add(
-        "C3", slow, counted, lambda r: everywhere(every[r], counted[r]),
-        lambda r: f"the mass sticks {per_cycle[r].min():.2f} to {per_cycle[r].max():.2f} times per "
-        f"contact, {share[r].min():.1%} to {share[r].max():.1%} of the time; at every "
-        f"contact up to v = {_up_to(v, every):.4g}",
-    )  # fmt: skip
-    add(
-        "C4a", middle, wide, lambda r: everywhere(width[r] > SINGLE, wide[r], 0.9),
-        lambda r: f"maxima of y are more than one line in {(width[r] > SINGLE).mean():.0%} of the "
-        f"lanes (median width {np.median(width[r]):.1%})",
-    )  # fmt: skip
-    add(
-        "C4b", middle, counted, lambda r: everywhere(never[r], counted[r]),
-        lambda r: f"after the transient it sticks {share[r].max():.2%} of the time at most",
-    )  # fmt: skip
-    both = counted & wide
-    add(
-        "C5", fast, both, lambda r: everywhere(never[r] & (width[r] < SINGLE), both[r]),
-        lambda r: f"sticks in {(sticks[r] > 0).mean():.0%} of the lanes, {share[r].max():.1%} of the "
-        f"time at most; maxima of y are one line in {(width[r] < SINGLE).mean():.0%} of the lanes",
-    )  # fmt: skip
+        lanes = Lanes.of(dataset.sel(variant=variant))
+        found += [
+            claim(variant, lanes, found=is_found(variant))
+            for claim, rows in DIAGRAMS
+            if rows is None or rows(lanes).any()
+        ]
     return found
 
 
@@ -182,49 +159,59 @@ def lines(peaks: list[Peak]) -> str:
     return ", ".join(f"{p.frequency:.3f}" + (f" ({p.name})" if p.name else "") for p in peaks)
 
 
-def judge_stick_slip(dataset: xr.Dataset) -> list[Statement]:
-    """C6, from y and w at v = 0.0005."""
-    found = []
+@statement(
+    "C6",
+    f"v = {Beam.SLOW:g}: stick-slip period {Beam.PERIOD:g}; superharmonics of 1/{Beam.PERIOD:g} in y, "
+    "some near beam frequencies, and in w_A.",
+)
+def superharmonics(dataset: xr.Dataset, part: xr.Dataset) -> Verdict:
+    """Lines of y and w at multiples of the frequency of stick."""
+    _must_tell(dataset, part, ("y_amplitude", "w_amplitude"))
+    begins = np.asarray(part.stick_begins)
+    begins = begins[np.isfinite(begins) & (begins > dataset.attrs["dropped"])]
+    if begins.size < Beam.FEWEST:
+        return False, "no regular stick"
+    period = float(np.mean(np.diff(begins)))
+    bases = {"f_s": 1 / period}
+    y, w = (peaks_of(part, name, bases) for name in ("y", "w"))
+    in_y, in_w = ([p for p in found if p.number > 1] for found in (y, w))
     beam = np.arange(1, 5) ** 2 * np.pi / 2
-    for variant in map(str, dataset.variant.values):
-        part = dataset.sel(variant=variant)
-        begins = np.asarray(part.stick_begins)
-        begins = begins[np.isfinite(begins) & (begins > dataset.attrs["dropped"])]
-        unknown = _cannot_tell(dataset, part, ("y_amplitude", "w_amplitude"))
-        if unknown or begins.size < 3:
-            found.append(
-                statement("C6", variant, None if unknown else False, unknown or "no regular stick")
-            )
-            continue
-        period = float(np.mean(np.diff(begins)))
-        bases = {"f_s": 1 / period}
-        y, w = (peaks_of(part, name, bases) for name in ("y", "w"))
-        in_y = [p for p in y if p.number > 1]
-        in_w = [p for p in w if p.number > 1]
-        close = [(p.number, float(f)) for p in in_y for f in beam if abs(p.frequency - f) < NEAR * f]
-        text = (
-            f"period {period:.4f}; lines of y at {lines(y[:5])}; of w at {lines(w[:5])}; near the "
-            "beam: " + (", ".join(f"{n} f_s to {f:.2f}" for n, f in close) or "none")
-        )
-        holds = abs(period - 0.54) < 0.005 and len(in_y) >= 3 and len(in_w) >= 2 and bool(close)
-        found.append(statement("C6", variant, holds, text))
-    return found
+    close = [
+        (p.number, float(f)) for p in in_y for f in beam if abs(p.frequency - f) < Beam.NEAR_BEAM * f
+    ]
+    text = (
+        f"period {period:.4f}; lines of y at {lines(y[:5])}; of w at {lines(w[:5])}; near the "
+        "beam: " + (", ".join(f"{n} f_s to {f:.2f}" for n, f in close) or "none")
+    )
+    same = abs(period - Beam.PERIOD) < Beam.SAME_PERIOD
+    enough = len(in_y) >= Beam.LINES_OF_Y and len(in_w) >= Beam.LINES_OF_W
+    return same and enough and bool(close), text
 
 
-def _cannot_tell(dataset: xr.Dataset, part: xr.Dataset, names: tuple[str, ...]) -> str:
-    """Why a motion says nothing: too short, not finite, or at rest; empty if it does."""
+def judge_stick_slip(dataset: xr.Dataset) -> list[Statement]:
+    """C6, from y and w."""
+    return _judge_motion(superharmonics, dataset)
+
+
+def _judge_motion(claim: Claim, dataset: xr.Dataset) -> list[Statement]:
+    variants = map(str, dataset.variant.values)
+    return [claim(v, dataset, dataset.sel(variant=v), found=is_found(v)) for v in variants]
+
+
+def _must_tell(dataset: xr.Dataset, part: xr.Dataset, names: tuple[str, ...]) -> None:
+    """Raises `Untold` where a motion is too short, not finite, or at rest."""
     length = float(dataset.time[-1]) - float(dataset.attrs["dropped"]) if dataset.time.size else 0.0
-    if length < PERIODS * CONTACT_PERIOD:
-        return f"the record of {length:g} is shorter than {PERIODS} periods of contact"
+    if length < Beam.PERIODS * CONTACT_PERIOD:
+        least = f"{Beam.PERIODS:g} periods of contact"
+        raise Untold(f"the record of {length:g} is shorter than {least}")
     late = np.asarray(dataset.time) >= dataset.attrs["dropped"]
     for name in names:
         values = np.asarray(part[name])
         values = values[late] if part[name].dims == ("time",) else values
         if not np.isfinite(values).all():
-            return f"{name} is not finite"
+            raise Untold(f"{name} is not finite")
         if not np.any(values):
-            return f"{name} is zero throughout"
-    return ""
+            raise Untold(f"{name} is zero throughout")
 
 
 def change_over(signal: np.ndarray, dt: float, period: float) -> float:
@@ -236,88 +223,107 @@ def change_over(signal: np.ndarray, dt: float, period: float) -> float:
     return float(np.sqrt(np.mean((later - signal[inside]) ** 2)) / size) if size > 0 else 0.0
 
 
-def judge_powers(dataset: xr.Dataset) -> list[Statement]:
-    """C7, at v = 0.0005."""
-    found = []
+@statement("C7", f"v = {Beam.SLOW:g}: W_f regular and non-zero only in slip; W_b irregular.")
+def powers(dataset: xr.Dataset, part: xr.Dataset) -> Verdict:
+    """Power of friction in stick, and how much both powers change over a period of contact."""
+    _must_tell(dataset, part, ("W_f", "W_b"))
     late = np.asarray(dataset.time) >= dataset.attrs["dropped"]
-    dt = float(dataset.time[1] - dataset.time[0]) if dataset.time.size > 1 else np.nan
-    for variant in map(str, dataset.variant.values):
-        part = dataset.sel(variant=variant)
-        W_f, W_b = (np.asarray(part[name])[late] for name in ("W_f", "W_b"))
-        stuck = np.asarray(part["mode"])[late] == STICK
-        unknown = _cannot_tell(dataset, part, ("W_f", "W_b"))
-        if unknown or not stuck.any():
-            found.append(statement("C7", variant, None, unknown or "the mass never sticks"))
-            continue
-        in_stick = np.abs(W_f[stuck]).max()
-        f, b = (change_over(W, dt, 0.54054) for W in (W_f, W_b))
-        text = (
-            f"W_f in stick at most {in_stick:.1e} (elsewhere {np.abs(W_f).max():.1e}); change over a "
-            f"period of contact: W_f {f:.1%}, W_b {b:.1%} of its size"
-        )
-        found.append(statement("C7", variant, bool(in_stick == 0 and f < REGULAR < b), text))
-    return found
+    dt = float(dataset.time[1] - dataset.time[0])
+    W_f, W_b = (np.asarray(part[name])[late] for name in ("W_f", "W_b"))
+    stuck = np.asarray(part["mode"])[late] == STICK
+    if not stuck.any():
+        raise Untold("the mass never sticks")
+    in_stick = np.abs(W_f[stuck]).max()
+    f, b = (change_over(W, dt, CONTACT_PERIOD) for W in (W_f, W_b))
+    return bool(in_stick == 0 and f < Beam.REGULAR < b), (
+        f"W_f in stick at most {in_stick:.1e} (elsewhere {np.abs(W_f).max():.1e}); change over a "
+        f"period of contact: W_f {f:.1%}, W_b {b:.1%} of its size"
+    )
+
+
+def judge_powers(dataset: xr.Dataset) -> list[Statement]:
+    """C7."""
+    return _judge_motion(powers, dataset)
+
+
+@statement("C8", f"v = {Beam.FAST:g}: a frequency {Beam.LOW_FREQUENCY:g} and its superharmonics.")
+def low_frequency(dataset: xr.Dataset, part: xr.Dataset) -> Verdict:
+    """Rank of that line in the spectrum of y, and its superharmonics."""
+    _must_tell(dataset, part, ("y_amplitude",))
+    spacing = float(part.frequency[1] - part.frequency[0])
+    if spacing > Beam.RESOLUTION:
+        raise Untold(f"the lines of the spectrum are {spacing:.3f} apart")
+    peaks = peaks_of(part, "y", {})
+    near = [p for p in peaks if abs(p.frequency - Beam.LOW_FREQUENCY) < Beam.SAME_FREQUENCY]
+    if not near:
+        around = f"{Beam.SAME_FREQUENCY:g} of {Beam.LOW_FREQUENCY:g}"
+        return False, f"no line within {around}; lines at {lines(peaks[:5])}"
+    peaks = peaks_of(part, "y", {"f": near[0].frequency})
+    above = [p for p in peaks if p.number > 1]
+    rank = [p.frequency for p in peaks].index(near[0].frequency) + 1
+    return rank == 1 and len(above) >= Beam.LINES_OF_W, (
+        f"line at {near[0].frequency:.4f}, the {rank}. highest; lines at {lines(peaks[:6])}; "
+        f"{len(above)} of {len(peaks)} are its superharmonics"
+    )
 
 
 def judge_slow_frequency(dataset: xr.Dataset) -> list[Statement]:
-    """C8, from y at v = 0.005."""
-    found = []
-    for variant in map(str, dataset.variant.values):
-        part = dataset.sel(variant=variant)
-        unknown = _cannot_tell(dataset, part, ("y_amplitude",))
-        spacing = float(part.frequency[1] - part.frequency[0])
-        if not unknown and spacing > RESOLUTION:
-            unknown = f"the lines of the spectrum are {spacing:.3f} apart"
-        if unknown:
-            found.append(statement("C8", variant, None, unknown))
-            continue
-        peaks = peaks_of(part, "y", {})
-        near = [p for p in peaks if abs(p.frequency - 0.25) < 0.01]
-        if not near:
-            text = f"no line within 0.01 of 0.25; lines at {lines(peaks[:5])}"
-            found.append(statement("C8", variant, False, text))
-            continue
-        peaks = peaks_of(part, "y", {"f": near[0].frequency})
-        above = [p for p in peaks if p.number > 1]
-        rank = [p.frequency for p in peaks].index(near[0].frequency) + 1
-        text = (
-            f"line at {near[0].frequency:.4f}, the {rank}. highest; lines at {lines(peaks[:6])}; "
-            f"{len(above)} of {len(peaks)} are its superharmonics"
-        )
-        found.append(statement("C8", variant, bool(rank == 1 and len(above) >= 2), text))
-    return found
+    """C8, from y."""
+    return _judge_motion(low_frequency, dataset)
 
 
 def is_positive(value: np.ndarray, error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Whether each exponent is above twice its error, and whether it tells.
+    """Whether each exponent is above `Beam.ERRORS` times its error, and whether it tells.
 
-    One that is below `ZERO` with twice its error, or `-inf`, is told not to be positive.
+    One that is below `Beam.ZERO` with that doubt, or `-inf`, is told not to be positive.
     """
-    positive = value > 2 * error
-    below = (value + 2 * error < ZERO) | np.isneginf(value)
+    positive = value > Beam.ERRORS * error
+    below = (value + Beam.ERRORS * error < Beam.ZERO) | np.isneginf(value)
     return positive, positive | below
 
 
-def judge_positive(variant: str, value: np.ndarray, error: np.ndarray, more: str = "") -> Statement:
-    """C9a, from the greatest exponent at each speed."""
+@statement("C9a", "Maximum Lyapunov exponent: positive at every v.")
+def positive_everywhere(value: np.ndarray, error: np.ndarray, more: str = "") -> Verdict:
+    """Greatest exponent at each speed, and its error."""
     finite = value[np.isfinite(value)]
     positive, told = is_positive(value, error)
     if not finite.size:
-        return statement("C9a", variant, None, "no exponent is a number")
+        return None, "no exponent is a number"
     text = (
         f"greatest of y and the beam {finite.min():+.1e} to {finite.max():+.1e}, "
         f"above twice its error at {positive.mean():.0%} of the speeds"
     )
     if not told.all():
         text += f", not told at {(~told).mean():.0%}"
-    return statement("C9a", variant, everywhere(positive, told), text + more)
+    return everywhere(positive, told), text + more
+
+
+@statement(
+    "C9b",
+    "Maximum Lyapunov exponent: falls in the stick-slip range, rises in the bifurcating range, falls "
+    "in pure slip.",
+)
+def falls_rises_falls(v: np.ndarray, greatest: np.ndarray, letter: np.ndarray) -> Verdict:
+    """Slopes of the greatest exponent, and of (2.25) to the letter, over the speed."""
+    low, high = Beam.STICK_SLIP_BELOW, Beam.SLIP_ABOVE
+    ranges = (v < low, (v >= low) & (v <= high), v > high)
+    slope = np.array([[_slope(v[r], a[r]) for a in (greatest, letter)] for r in ranges])
+    text = "slopes over v in the three ranges: " + "; ".join(
+        f"{name} {', '.join(f'{s:+.2g} ± {e:.1g}' for s, e in slope[:, i])}"
+        for i, name in enumerate(("greatest exponent", "(2.25)"))
+    )
+    signed = slope[:, 0, 0] * np.array([-1, 1, -1])
+    # A slope within its doubt has no sign.
+    certain = np.abs(slope[:, 0, 0]) > Beam.ERRORS * slope[:, 0, 1]
+    if (certain & (signed < 0)).any():
+        return False, text
+    return (True if (certain & (signed > 0)).all() else None), text
 
 
 def judge_exponents(dataset: xr.Dataset) -> list[Statement]:
     """C9, by the exponents and by (2.25) to the letter."""
     found = []
     v = np.asarray(dataset.v)
-    ranges = (v < STICK_SLIP_BELOW, (v >= STICK_SLIP_BELOW) & (v <= SLIP_ABOVE), v > SLIP_ABOVE)
     for variant in map(str, dataset.variant.values):
         part = dataset.sel(variant=variant)
         values = np.asarray(part.exponents.transpose("v", "exponent"))
@@ -335,28 +341,15 @@ def judge_exponents(dataset: xr.Dataset) -> list[Statement]:
             )
             if series.size
         )
-        found.append(judge_positive(variant, greatest, doubt, more))
-        slope = np.array([[_slope(v[r], a[r]) for a in (greatest, letter)] for r in ranges])
-        text = "slopes over v in the three ranges: " + "; ".join(
-            f"{name} {', '.join(f'{s:+.2g} ± {e:.1g}' for s, e in slope[:, i])}"
-            for i, name in enumerate(("greatest exponent", "(2.25)"))
-        )
-        signed = slope[:, 0, 0] * np.array([-1, 1, -1])
-        # A slope within twice its error has no sign.
-        certain = np.abs(slope[:, 0, 0]) > 2 * slope[:, 0, 1]
-        holds = None
-        if (certain & (signed < 0)).any():
-            holds = False
-        elif (certain & (signed > 0)).all():
-            holds = True
-        found.append(statement("C9b", variant, holds, text))
+        found.append(positive_everywhere(variant, greatest, doubt, more))
+        found.append(falls_rises_falls(variant, v, greatest, letter))
     return found
 
 
 def _slope(v: np.ndarray, value: np.ndarray) -> tuple[float, float]:
     """Slope of a straight line and its standard error from the residuals; NaN where it is not told."""
     seen = np.isfinite(value)
-    if seen.sum() < 5 or seen.mean() < ENOUGH:
+    if seen.sum() < Beam.FEWEST_SPEEDS or seen.mean() < Beam.ENOUGH:
         return np.nan, np.nan
     v, value = v[seen] - v[seen].mean(), value[seen]
     slope = float(v @ value / (v @ v))

@@ -14,8 +14,6 @@ from .._experiment import Context
 
 VARIANTS = ("consistent", "as printed")
 STICK = JointedBeam.mode_names.index("stick")
-# Borders between the kinds of motion in the paper's text.
-STICK_SLIP_BELOW, SLIP_ABOVE = 2.5e-3, 9e-3
 CONTACT_PERIOD = 0.5405  # of x with the constructed parameters, pi sqrt(m/(k2+k3)) + pi sqrt(m/k2)
 CAPTION = (
     "Constructed parameters: the paper's table is lost. Dimensionless. Equations consistent (C-E1 to "

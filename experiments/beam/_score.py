@@ -16,18 +16,19 @@ import stickslip as ss
 from stickslip.analysis import amplitude_spectrum, lyapunov_spectrum
 
 from .._experiment import Statement
+from .._thresholds import Beam
 from ._coordinates import system_and_start
 from ._diagram import points
 from ._exponent import DRIVEN
-from ._judge import SINGLE, judge_powers, judge_slow_frequency, judge_stick_slip
-from ._model import CONTACT_PERIOD, SLIP_ABOVE, STICK_SLIP_BELOW, fixed_step, norm_of, stick_section
+from ._judge import judge_powers, judge_slow_frequency, judge_stick_slip
+from ._model import CONTACT_PERIOD, fixed_step, norm_of, stick_section
 
 # Within the ranges of the text, up to near their borders.
 SPEEDS = np.array(
     [3e-4, 1e-3, 1.8e-3, 2.3e-3, 2.8e-3, 4.5e-3, 6.3e-3, 8.3e-3, 1e-2, 1.5e-2, 2e-2, 2.9e-2]
 )
 ITEMS = ("C2", "C3", "C4a", "C4b", "C5", "C6", "C7", "C8")
-MOTIONS = (5e-4, 5e-3)  # belt speeds of Figs. 2.4 to 2.11
+MOTIONS = (Beam.SLOW, Beam.FAST)
 FOUND = "found by search"
 NUMBERS = ("h", "transient")  # settings that enter as inputs of a program
 Settings = Mapping[str, Any]
@@ -44,16 +45,16 @@ def items(
 
     C2 counts half for w being a single curve and half for its growth from speed to speed.
     """
-    slow, fast = SPEEDS < STICK_SLIP_BELOW, SPEEDS > SLIP_ABOVE
+    slow, fast = SPEEDS < Beam.STICK_SLIP_BELOW, SPEEDS > Beam.SLIP_ABOVE
     middle = ~slow & ~fast
     free = per_contact == 0
     grows = np.diff(w_size, axis=-1) > 0
     claims = (
-        0.5 * (w_width < SINGLE).mean(axis=-1) + 0.5 * grows.mean(axis=-1),
-        (per_contact[..., slow] > 0.98).mean(axis=-1),
-        (y_width[..., middle] > SINGLE).mean(axis=-1),
+        0.5 * (w_width < Beam.SINGLE).mean(axis=-1) + 0.5 * grows.mean(axis=-1),
+        (per_contact[..., slow] > Beam.EVERY).mean(axis=-1),
+        (y_width[..., middle] > Beam.SINGLE).mean(axis=-1),
         free[..., middle].mean(axis=-1),
-        (free & (y_width < SINGLE))[..., fast].mean(axis=-1),
+        (free & (y_width < Beam.SINGLE))[..., fast].mean(axis=-1),
     )
     return np.stack(claims, axis=-1)
 
@@ -223,7 +224,7 @@ def exponent_scorer(settings: Settings) -> Scorer:
 
     def call(sets: np.ndarray) -> np.ndarray:
         found = run(sets)
-        return (found["exponent"] > 2 * found["error"]).mean(axis=1, keepdims=True)
+        return (found["exponent"] > Beam.ERRORS * found["error"]).mean(axis=1, keepdims=True)
 
     return call
 

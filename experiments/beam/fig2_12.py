@@ -5,6 +5,7 @@ import numpy as np
 import xarray as xr
 
 from .._experiment import Context
+from .._thresholds import Beam
 from ._draw import draw_running
 from ._exponent import NOTE, letter, spectrum
 from ._figure import figure
@@ -46,9 +47,9 @@ def compute(parameters, context: Context) -> xr.Dataset:
     return joined.assign_attrs(v=parameters["v"], caption=text)
 
 
-TITLE = "Running Lyapunov exponents at v = 0.0005, by tangent dynamics and by Eq. (2.25)"
+TITLE = f"Running Lyapunov exponents at v = {Beam.SLOW:g}, by tangent dynamics and by Eq. (2.25)"
 PARAMETERS = {
-    "v": 5e-4, "transient": 0.0, "segment": 0.5, "segments": 1600, "distance": 1e-8, "h": 0.005,
+    "v": Beam.SLOW, "transient": 0.0, "segment": 0.5, "segments": 1600, "distance": 1e-8, "h": 0.005,
     "modes": 4,
 }  # fmt: skip
 EXPERIMENT = figure(12, TITLE, PARAMETERS, {"segments": 120}, compute, draw_running)

@@ -15,9 +15,10 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from .._experiment import Context, Experiment, Statement
+from .._statement import Verdict, statement
 from ._coordinates import FIRST, NAMES, START, draw_sets, physical
 from ._draw import draw_diagrams
-from ._judge import judge_diagrams, judge_positive
+from ._judge import judge_diagrams, positive_everywhere
 from ._score import (
     FOUND,
     ITEMS,
@@ -95,8 +96,11 @@ def whole_range(winner: np.ndarray, parameters: Mapping[str, Any]) -> xr.Dataset
     return xr.Dataset(data, {"v": axis}).expand_dims(variant=[FOUND])
 
 
-def judge(dataset: xr.Dataset) -> list[Statement]:
-    """C1 to C8 and the sign of the greatest exponent with the best set."""
+@statement(
+    "X2", "There are parameters with which more of C2 to C9a holds than with the constructed set."
+)
+def better_than_constructed(dataset: xr.Dataset) -> Verdict:
+    """Sums of the items of the best set and of the constructed one."""
     fine = dataset["judged"]
     best, first = fine.isel(finalist=dataset.attrs["best"]), fine.isel(finalist=-1)
 
@@ -104,17 +108,20 @@ def judge(dataset: xr.Dataset) -> list[Statement]:
         each = ", ".join(f"{name} {float(row.sel(judged_item=name)):.2f}" for name in JUDGED)
         return f"{float(row.sum()):.2f} ({each})"
 
+    return float(best.sum()) > float(first.sum()), (
+        f"score {words(best)} of {len(JUDGED)}, against {words(first)}; "
+        f"{dataset.attrs['tried']} sets tried"
+    )
+
+
+def judge(dataset: xr.Dataset) -> list[Statement]:
+    """X2; C1 to C5 and the sign of the greatest exponent with the best set."""
     part = dataset.isel(variant=0)
+    exponent, error = np.asarray(part.exponent), np.asarray(part.error)
     return [
-        Statement(
-            "C search",
-            "There are parameters with which more of C2 to C9 holds than with the constructed set.",
-            bool(best.sum() > first.sum()),
-            f"score {words(best)} of {len(JUDGED)}, against {words(first)}; "
-            f"{dataset.attrs['tried']} sets tried",
-        ),
+        better_than_constructed("", dataset),
         *judge_diagrams(dataset),
-        judge_positive(FOUND, np.asarray(part.exponent), np.asarray(part.error)),
+        positive_everywhere(FOUND, exponent, error, found=True),
     ]
 
 

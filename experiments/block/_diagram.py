@@ -125,6 +125,7 @@ def diagrams(
         method=parameters["method"],
         h=parameters["h"],
         tolerance=parameters["tolerance"],
+        set=parameters["set"],
     )
 
 

@@ -7,22 +7,11 @@ import xarray as xr
 
 from stickslip.analysis import STATUS
 
-from .._experiment import Statement
+from .._statement import Statement, Untold, Verdict, statement
+from .._thresholds import Block
 
-CLAIMS = {
-    "B1": "The behaviour changes visibly over k3 in [72, 97].",
-    "B2": "In the full model the first period doublings come at lower k3 than in the simplified one.",
-    "B3": "In the full model the regions of possible chaos are wider.",
-    "B4": "In both models chaos ends at almost the same threshold, about k3 = 95.1.",
-    "B5": "At k3 = 87.968 the simplified model is periodic and the full one chaotic.",
-    "B6": "Periodic windows of the two models lie in different intervals of k3.",
-}
-CHAOTIC = 0.02  # [1/s] an exponent above this, and above its own spread, counts as chaos
-FINE = 0.1  # [N/m] exponents farther apart than this say nothing on the extent of chaos
-APART = 0.02  # part of the span of all points: points farther apart are two branches
-ENOUGH = 0.9  # part of the lanes, or of the exponents, that must be told for a statement on all
-FEWEST = 10  # lanes, below which nothing is said on a diagram
-SHORT = {"full, sign as printed": "printed sign", "full, consistent sign": "consistent sign"}
+SIMPLE = "simplified"
+READINGS = {"full, sign as printed": "printed sign", "full, consistent sign": "consistent sign"}
 # Lanes whose points are those of the motion. `not_settled` ones are counted, and said, apart.
 GOOD = [STATUS.index(word) for word in ("ok", "buffer_full")]
 
@@ -43,28 +32,28 @@ def told_lanes(dataset: xr.Dataset, model: str) -> np.ndarray:
 def branches(dataset: xr.Dataset, model: str) -> np.ndarray:
     """Number of clusters of the points of each lane, 0 where that cannot be told.
 
-    Points more than 2% of the span of all points apart are in two clusters.
+    Points more than `Block.APART` of the span of all points apart are in two clusters.
     """
     x = np.sort(np.asarray(_settled(dataset, model).x.transpose("k3", "point")), axis=1)
     told = told_lanes(dataset, model)
     if not told.any():
         return np.zeros(told.shape, int)
     span = np.nanmax(x[told]) - np.nanmin(x[told])
-    gap = np.diff(x, axis=1) > APART * span
+    gap = np.diff(x, axis=1) > Block.APART * span
     return np.where(told, gap.sum(axis=1) + 1, 0)
 
 
 def first_doubling(dataset: xr.Dataset, model: str) -> float | None:
-    """Least k3 from which on, for 1 % of the window, there is more than one branch; None if none.
+    """Least k3 from which on, for `Block.LASTING` of the lanes, there is more than one branch.
 
-    Lanes that cannot be told are passed over; None too if they are more than a tenth.
+    None without. Lanes that cannot be told are passed over; None too if fewer than `Block.ENOUGH` can.
     """
     number, k3 = branches(dataset, model), np.asarray(dataset.k3)
     known = number > 0
-    if known.sum() < FEWEST or known.mean() < ENOUGH:
+    if known.sum() < Block.FEWEST or known.mean() < Block.ENOUGH:
         return None
     more, k3 = number[known] > 1, k3[known]
-    run = max(3, more.size // 100)
+    run = int(max(Block.LASTING_LANES, Block.LASTING * more.size))
     for i in range(more.size - run + 1):
         if more[i : i + run].all():
             return float(k3[i])
@@ -72,15 +61,16 @@ def first_doubling(dataset: xr.Dataset, model: str) -> float | None:
 
 
 def is_chaos(exponent: np.ndarray, spread: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Whether each exponent counts as chaos, above `CHAOTIC` and its own spread, and whether it tells.
+    """Whether each exponent counts as chaos, and whether that can be said.
 
-    One above `CHAOTIC` and within its spread may be either; so may one that is not a number.
+    It does above `Block.CHAOTIC` and its own spread. One above the former and within its spread may be
+    either; so may one that is not a number.
     """
     exponent, spread = np.asarray(exponent, float), np.asarray(spread, float)
     finite = np.isfinite(exponent) & np.isfinite(spread)
     exponent, spread = np.where(finite, exponent, 0.0), np.where(finite, spread, np.inf)
-    wild = exponent > np.maximum(CHAOTIC, spread)
-    return wild, finite & (wild | (exponent <= CHAOTIC))
+    wild = exponent > np.maximum(Block.CHAOTIC, spread)
+    return wild, finite & (wild | (exponent <= Block.CHAOTIC))
 
 
 def chaos(dataset: xr.Dataset, model: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -89,86 +79,152 @@ def chaos(dataset: xr.Dataset, model: str) -> tuple[np.ndarray, np.ndarray, np.n
     return np.asarray(part.k3_exponent), *is_chaos(part.exponent, part.spread)
 
 
-def judge_change(dataset: xr.Dataset) -> list[Statement]:
-    """B1 for every model in the dataset."""
-    found = []
-    for model in map(str, dataset.model.values):
-        told, number = told_lanes(dataset, model), branches(dataset, model)
-        kinds = np.unique(number[told])
-        part = _settled(dataset, model)
-        failed = int((~np.isin(np.asarray(part.status), [*GOOD, STATUS.index("not_settled")])).sum())
-        slow = float(np.asarray(part.slow_transient).mean())
-        text = (
-            f"lanes with {kinds.min()} to {kinds.max()} branches" if kinds.size else "no lane tells"
-        ) + f"; {slow:.0%} of the lanes still approach their attractor; {failed} lanes failed"
-        # More than two kinds are a fact whatever the others do; that there are no more is not.
-        many = told.sum() >= FEWEST
-        holds = None
-        if many and kinds.size > 2:
-            holds = True
-        elif many and told.mean() >= ENOUGH:
-            holds = False
-        found.append(_statement("B1", model, holds, text))
-    return found
+@statement("B1", f"The behaviour changes visibly over k3 in [{Block.K3_LOW:g}, {Block.K3_HIGH:g}].")
+def changes(dataset: xr.Dataset, model: str) -> Verdict:
+    """Lanes of more than two kinds, told by their numbers of branches."""
+    told, number = told_lanes(dataset, model), branches(dataset, model)
+    kinds = np.unique(number[told])
+    part = _settled(dataset, model)
+    failed = int((~np.isin(np.asarray(part.status), [*GOOD, STATUS.index("not_settled")])).sum())
+    full = int((np.asarray(part.status) == STATUS.index("buffer_full")).sum())
+    slow = float(np.asarray(part.slow_transient).mean())
+    text = f"lanes with {kinds.min()} to {kinds.max()} branches" if kinds.size else "no lane tells"
+    text += f"; {slow:.0%} of the lanes still approach their attractor; {failed} lanes failed"
+    text += f"; {full} of {told.size} have more points than are kept" if full else ""
+    # More than two kinds are a fact whatever the others do; that there are no more is not.
+    many = told.sum() >= Block.FEWEST
+    if many and kinds.size > Block.KINDS:
+        return True, text
+    return (False if many and told.mean() >= Block.ENOUGH else None), text
 
 
-def _statement(id: str, model: str, holds: bool | None, measured: str) -> Statement:
-    variant = SHORT.get(model, model)
-    return Statement(f"{id} ({variant})", CLAIMS[id], holds, measured)
+@statement(
+    "B2", "In the full model the first period doublings come at lower k3 than in the simplified one."
+)
+def doubles_earlier(dataset: xr.Dataset, model: str) -> Verdict:
+    """First doublings of the full `model` and the simplified one."""
+    one, other = first_doubling(dataset, SIMPLE), first_doubling(dataset, model)
+    low = float(dataset.k3[0])
+    text = f"more than one branch from k3 = {_number(one)} (simplified), {_number(other)} (full)"
+    # Two branches from the start may be a doubling below the window or a second crossing per cycle.
+    at_edge = low in (one, other)
+    if at_edge:
+        text += ", the window's edge: a doubling below it or a second crossing per cycle"
+    for name in (SIMPLE, model):
+        share = told_lanes(dataset, name).mean()
+        if share < Block.ENOUGH:
+            text += f"; only {share:.0%} of the lanes tell ({reading(name)})"
+    if one is None or other is None or at_edge:
+        return None, text
+    return other < one, text
 
 
-def judge_models(dataset: xr.Dataset) -> list[Statement]:
-    """B1 to B4 and B6 for each sign of the full model against the simplified one."""
-    found = judge_change(dataset)
-    simple = "simplified"
-    for model in (str(m) for m in dataset.model.values if m != simple):
-        one, other = first_doubling(dataset, simple), first_doubling(dataset, model)
-        low = float(dataset.k3[0])
-        # Two branches from the start may be a doubling below the window or a second crossing per cycle.
-        if one is None or other is None or low in (one, other):
-            holds = None
-        else:
-            holds = bool(other < one)
-        text = f"more than one branch from k3 = {_number(one)} (simplified), {_number(other)} (full)"
-        if low in (one, other):
-            text += ", the window's edge: a doubling below it or a second crossing per cycle"
-        for name in (simple, model):
-            share = told_lanes(dataset, name).mean()
-            if share < ENOUGH:
-                text += f"; only {share:.0%} of the lanes tell ({SHORT.get(name, name)})"
-        found.append(_statement("B2", model, holds, text))
-        if (
-            "exponent" not in dataset
-            or dataset.sizes["k3_exponent"] < FEWEST
-            or dataset.k3_exponent.diff("k3_exponent").max() > 1.001 * FINE
-        ):
-            text = f"no exponents at a spacing of {FINE:g} N/m or less"
-            found += [_statement(i, model, None, text) for i in ("B3", "B4", "B6")]
-            continue
-        found += _judge_chaos(model, chaos(dataset, simple), chaos(dataset, model))
-    return found
+def _chaos_of_both(dataset: xr.Dataset, model: str):
+    """`chaos` of the simplified and the full model, and the words on exponents that do not tell.
+
+    Raises `Untold` where they are too few or too far apart.
+    """
+    if (
+        "exponent" not in dataset
+        or dataset.sizes["k3_exponent"] < Block.FEWEST
+        or dataset.k3_exponent.diff("k3_exponent").max() > 1.001 * Block.FINE
+    ):
+        raise Untold(f"no exponents at a spacing of {Block.FINE:g} N/m or less")
+    both = chaos(dataset, SIMPLE), chaos(dataset, model)
+    doubt = [int((~told).sum()) for *_, told in both]
+    size = dataset.sizes["k3_exponent"]
+    tail = f"; {doubt[0]} and {doubt[1]} of {size} exponents do not tell" if any(doubt) else ""
+    return *both, doubt, tail
 
 
-def _judge_chaos(model: str, simple, full) -> list[Statement]:
-    """B3, B4 and B6 from k3, chaos, and what is told of it; open if that could turn the verdict."""
-    (k3, a, a_told), (_, b, b_told) = simple, full
+@statement("B3", "In the full model the regions of possible chaos are wider.")
+def wider(dataset: xr.Dataset, model: str) -> Verdict:
+    """Extent of chaos in both; open if the exponents that do not tell could turn it."""
+    (k3, a, _), (_, b, _), doubt, tail = _chaos_of_both(dataset, model)
     step = float(k3[1] - k3[0])
-    doubt = [int((~told).sum()) for told in (a_told, b_told)]
-    tail = f"; {doubt[0]} and {doubt[1]} of {k3.size} exponents do not tell" if any(doubt) else ""
     text = f"chaos over {a.sum() * step:.2f} N/m (simplified), {b.sum() * step:.2f} N/m (full){tail}"
-    holds = _either(b.sum() > a.sum() + doubt[0], b.sum() + doubt[1] > a.sum())
-    found = [_statement("B3", model, holds, text)]
-    one, other = _ends(k3, a, a_told), _ends(k3, b, b_told)
+    return _either(b.sum() > a.sum() + doubt[0], b.sum() + doubt[1] > a.sum()), text
+
+
+@statement(
+    "B4",
+    f"In both models chaos ends at almost the same threshold, about k3 = {Block.END_OF_CHAOS:g}.",
+)
+def ends_alike(dataset: xr.Dataset, model: str) -> Verdict:
+    """Ends of chaos; open if the exponents that do not tell could turn it."""
+    simple, full, _, tail = _chaos_of_both(dataset, model)
+    one, other = _ends(*simple), _ends(*full)
     text = f"chaos ends at k3 = {_number(one[0])} (simplified), {_number(other[0])} (full){tail}"
-    near = (np.abs(one[:, None] - other) < 0.5) & (np.abs(one[:, None] - 95.1) < 0.5)
-    found.append(_statement("B4", model, _either(near.all(), near.any()), text))
+    near = (np.abs(one[:, None] - other) < Block.NEAR_END) & (
+        np.abs(one[:, None] - Block.END_OF_CHAOS) < Block.NEAR_END
+    )
+    return _either(near.all(), near.any()), text
+
+
+@statement(
+    "B5", f"At k3 = {Block.SPECIAL:g} the simplified model is periodic and the full one chaotic."
+)
+def differ_at_special(dataset: xr.Dataset, model: str) -> Verdict:
+    """Largest exponents there; open where one does not tell."""
+    exponents, verdicts = [], []
+    for name in (SIMPLE, model):
+        value, spread = (float(dataset[a].sel(model=name)) for a in ("exponent", "spread"))
+        exponents.append(f"{value:.3f} ± {spread:.3f} 1/s")
+        verdicts.append(is_chaos(np.array(value), Block.SPREADS * np.array(spread)))
+    (wild, told), (full_wild, full_told) = verdicts
+    denied = (told and wild) or (full_told and not full_wild)
+    holds = False if denied else True if told and full_told else None
+    return holds, f"largest exponent {exponents[0]} (simplified), {exponents[1]} (full)"
+
+
+@statement("B6", "Periodic windows of the two models lie in different intervals of k3.")
+def windows_differ(dataset: xr.Dataset, model: str) -> Verdict:
+    """Part of the chaos of either that is periodic in the other."""
+    (_, a, a_told), (_, b, b_told), _, tail = _chaos_of_both(dataset, model)
     both = a_told & b_told
     inside = (a | b) & both
     differ = float((a != b)[inside].mean()) if inside.any() else 0.0
     text = f"of the k3 where either is chaotic, {differ:.0%} are periodic in the other{tail}"
-    known = inside.any() and both.mean() >= ENOUGH
-    found.append(_statement("B6", model, differ > 0.2 if known else None, text))
-    return found
+    known = inside.any() and both.mean() >= Block.ENOUGH
+    return (differ > Block.DIFFERENT if known else None), text
+
+
+def reading(model: str) -> str:
+    """Which reading of the paper a model is."""
+    return READINGS.get(model, model)
+
+
+def is_found(dataset: xr.Dataset) -> bool:
+    """Whether the parameters are those of a set that the search found."""
+    return dataset.attrs.get("set", "A") != "A"
+
+
+def _full_models(dataset: xr.Dataset) -> list[str]:
+    return [model for model in map(str, dataset.model.values) if model != SIMPLE]
+
+
+def judge_change(dataset: xr.Dataset) -> list[Statement]:
+    """B1 for every model in the dataset."""
+    models, found = map(str, dataset.model.values), is_found(dataset)
+    return [changes(reading(model), dataset, model, found=found) for model in models]
+
+
+def judge_models(dataset: xr.Dataset) -> list[Statement]:
+    """B1 to B4 and B6 for each sign of the full model against the simplified one."""
+    each = (doubles_earlier, wider, ends_alike, windows_differ)
+    return judge_change(dataset) + [
+        claim(reading(model), dataset, model, found=is_found(dataset))
+        for model in _full_models(dataset)
+        for claim in each
+    ]
+
+
+def judge_special(dataset: xr.Dataset) -> list[Statement]:
+    """B5 for each sign of the full model."""
+    return [
+        differ_at_special(reading(model), dataset, model, found=is_found(dataset))
+        for model in _full_models(dataset)
+    ]
 
 
 def _either(at_least: Any, at_most: Any) -> bool | None:

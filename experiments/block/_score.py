@@ -4,9 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .._thresholds import Block
+
 LIMIT = 0.04  # [1/s]
-END_OF_CHAOS = 95.1  # [N/m] B4
-SPECIAL = 87.968  # [N/m] B5
+END_OF_CHAOS, SPECIAL = Block.END_OF_CHAOS, Block.SPECIAL
 ITEMS = ("B1", "B2", "B3", "B4", "B5", "B6", "cascade")
 
 
@@ -111,6 +112,6 @@ def score(simple: Regimes, full: Regimes) -> dict[str, float]:
         "B4": 0.5 * (_near(*ends, 2.0) + _near(ends[0], END_OF_CHAOS, 2.0)),
         "B5": 0.5 * (float(simple.special_period > 0) * (not simple.special_chaotic))
         + 0.5 * float(full.special_chaotic),
-        "B6": min(differ / 0.2, 1.0),
+        "B6": min(differ / Block.DIFFERENT, 1.0),
         "cascade": cascade(simple),
     }

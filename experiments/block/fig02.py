@@ -1,5 +1,6 @@
 """Fig. 2: bifurcation diagram of the simplified model, k3 from 72.0 to 97.0 N/m."""
 
+from .._thresholds import Block
 from ._figure import SIMPLIFIED, diagram_figure
 
-EXPERIMENT = diagram_figure(2, SIMPLIFIED, 72.0, 97.0)
+EXPERIMENT = diagram_figure(2, SIMPLIFIED, Block.K3_LOW, Block.K3_HIGH)

@@ -1,6 +1,7 @@
 """Fig. 4: diagrams of both models overlaid, from the data of Figs. 2 and 3."""
 
 from .._experiment import Experiment
+from .._thresholds import Block
 from ._diagram import MODELS, PROTOCOL, QUICK, diagrams
 from ._draw import draw_overlay
 from ._judge import judge_models
@@ -14,7 +15,7 @@ def compute(parameters, context):
 EXPERIMENT = Experiment(
     name="block-fig04",
     title="Bifurcation diagrams of the block on a belt, simplified and full model overlaid",
-    parameters={"k3_min": 72.0, "k3_max": 97.0, **PROTOCOL},
+    parameters={"k3_min": Block.K3_LOW, "k3_max": Block.K3_HIGH, **PROTOCOL},
     quick=QUICK,
     compute=compute,
     draw=draw_overlay,

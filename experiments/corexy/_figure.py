@@ -1,48 +1,33 @@
 """A figure of the paper from its scenario and its kind."""
 
-from collections.abc import Callable
 from typing import Any
 
 import xarray as xr
 
 from .._experiment import Context, Experiment, Statement
-from . import _statements_1, _statements_2, _statements_3
+from .._statement import claims
+from . import _statements_1, _statements_2, _statements_3  # noqa: F401, enter their claims
 from ._draw import draw_modes, draw_motion, draw_planes
 from ._runs import PARAMETERS, QUICK, scenario_runs
-from ._view import Untold, View, what_is_wrong
+from ._view import View, what_is_wrong
 
 KINDS = (
     (draw_motion, "motors and motion along x and y"),
     (draw_planes, "planes, voltages with mapped dead zones, torques on the belts"),
     (draw_modes, "dynamic model over time"),
 )
-STATEMENTS = {
-    1: _statements_1.STATEMENTS,
-    2: _statements_2.STATEMENTS,
-    3: _statements_3.STATEMENTS,
-}
 
 
 def judge_scenario(number: int, data: xr.Dataset) -> list[Statement]:
     """Every statement on the scenario, for every way; open where the run does not tell."""
     found = []
-    for way in data.way.values:
+    for way in map(str, data.way.values):
         run = data.sel(way=way)
         wrong = what_is_wrong(run)
         view = None if wrong else View(run)
-        for name, (claim, predicate) in STATEMENTS[number].items():
-            holds, measured = verdict(predicate, view) if view else (None, wrong)
-            found.append(Statement(f"{name} {way}", claim, holds, measured))
+        for claim in claims(f"S{number}."):
+            found.append(claim(way, view) if view else claim.open(way, wrong))
     return found
-
-
-def verdict(predicate: Callable, view: View) -> tuple[bool | None, str]:
-    """Whether a statement holds, None where the run does not tell, and what was measured."""
-    try:
-        holds, measured = predicate(view)
-    except Untold as reason:
-        return None, f"cannot be told: {reason}"
-    return bool(holds), measured
 
 
 def scenario_figure(figure: int) -> Experiment:

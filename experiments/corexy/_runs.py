@@ -54,7 +54,8 @@ def scenario_runs(number: int, parameters: dict[str, Any], context: Context) -> 
     for run in runs[1:]:
         run["time"] = runs[0].time  # the same to rounding
     data = xr.concat(runs, dim=xr.Variable("way", list(WAYS)))
-    kinetic = 2.0 * 0.2 * np.array([float(p.P1), float(p.P2)]) * float(p.r)
+    pairs = ((p.mu_1k_b, p.P1), (p.mu_2k_b, p.P2))
+    kinetic = np.array([2.0 * float(mu) * float(tension) * float(p.r) for mu, tension in pairs])
     data["kinetic_belt"] = (
         "motor", kinetic, {"units": "N m", "long_name": "kinetic friction torque of the belt"}
     )  # fmt: skip

@@ -3,18 +3,16 @@
 import numpy as np
 import xarray as xr
 
-STEP = 1e-4  # the paper's time step [s]: "per step" in the statements
+from .._statement import Untold
+from .._thresholds import CoreXY
 
+ROUNDING = 1e-9  # of times [s]
 
 # What the statements read of a run.
 READ = (
     "x", "y", "vx", "vy", "ax", "ay", "dmn", "tau_x", "dead_x", "omega", "omega_v", "tau_motor",
     "tau_belt", "dead_motor", "v", "v_high", "v_low", "kinetic_belt",
 )  # fmt: skip
-
-
-class Untold(Exception):
-    """Raised where a run does not say whether a statement holds; the message says why."""
 
 
 class View:
@@ -42,7 +40,7 @@ class View:
         self.bound = 0.5 * (np.asarray(data.v_high) - np.asarray(data.v_low))
         self.kinetic = np.asarray(data.kinetic_belt)
         self.slips = np.stack([np.isin(self.dmn, (2, 4)), np.isin(self.dmn, (3, 4))], axis=1)
-        self.moving = np.hypot(self.vx, self.vy) > 1e-9
+        self.moving = np.hypot(self.vx, self.vy) > CoreXY.MOVING
         self.inside = np.abs(self.v) < self.bound
 
     def runs(self, mask) -> list[tuple[int, int]]:
@@ -50,7 +48,7 @@ class View:
         edges = np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(mask, int), [0]])))
         return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
-    def long_runs(self, mask, least: float = 1e-3) -> list[tuple[int, int]]:
+    def long_runs(self, mask, least: float = CoreXY.LASTS) -> list[tuple[int, int]]:
         """Runs of at least `least` seconds. Raises `Untold` where the rows are farther apart."""
         self.resolves(least)
         return [(a, b) for a, b in self.runs(mask) if (b - a) * self.dt >= least]
@@ -62,7 +60,7 @@ class View:
 
     def reaches(self, end: float) -> None:
         """Raises `Untold` where the record ends before `end` [s]."""
-        if self.t[-1] < end - 1e-9:
+        if self.t[-1] < end - ROUNDING:
             raise Untold(f"the record ends at {self.t[-1]:.4g} s, before {end:.4g} s")
 
     def after(self, start: float):
@@ -73,7 +71,7 @@ class View:
     def between(self, start: float, end: float):
         """Rows with `start <= t <= end`. Raises `Untold` where the record ends before."""
         self.reaches(end)
-        return (self.t >= start - 1e-9) & (self.t <= end + 1e-9)
+        return (self.t >= start - ROUNDING) & (self.t <= end + ROUNDING)
 
     def first(self, mask) -> float:
         """Time of the first row of `mask`; infinite if there is none."""
@@ -90,12 +88,12 @@ class View:
 
     def at_kinetic(self):
         """Rows in which each belt torque is its kinetic friction."""
-        return np.isclose(np.abs(self.belt), self.kinetic[None], rtol=1e-6)
+        return np.isclose(np.abs(self.belt), self.kinetic[None], rtol=CoreXY.KINETIC)
 
 
 def what_is_wrong(data: xr.Dataset) -> str:
     """Why a run says nothing at all: too few rows, or not finite; empty if it does."""
-    if data.sizes.get("time", 0) < 10:
+    if data.sizes.get("time", 0) < CoreXY.FEWEST:
         return f"the run has {data.sizes.get('time', 0)} rows"
     for name in READ:
         values = data[name]

@@ -5,16 +5,16 @@ import pytest
 import xarray as xr
 
 from experiments._experiment import chosen, load
-from experiments.block import fig11
+from experiments._thresholds import Block
 from experiments.block._diagram import MODELS, protocols
 from experiments.block._judge import (
-    APART,
     branches,
     chaos,
     first_doubling,
     is_chaos,
     judge_change,
     judge_models,
+    judge_special,
 )
 from stickslip.analysis._orbit_lane import STATUS
 
@@ -40,11 +40,15 @@ def made_up(doubling, chaotic):
     )
 
 
+def named(statements):
+    return {f"{s.id} ({s.reading})": s.holds for s in statements}
+
+
 def test_statements_of_a_known_diagram():
     data = made_up((80.0, 76.0, 84.0), ((90.0, 95.0), (85.0, 95.1), (93.0, 94.0)))
     assert first_doubling(data, MODELS[1]) == pytest.approx(76.0)
     assert chaos(data, MODELS[2])[1].sum() == 11
-    holds = {s.id: s.holds for s in judge_models(data)}
+    holds = named(judge_models(data))
     assert [holds[f"B{n} (printed sign)"] for n in (2, 3, 4, 6)] == [True, True, True, True]
     assert [holds[f"B{n} (consistent sign)"] for n in (2, 3, 4)] == [False, False, False]
 
@@ -52,7 +56,7 @@ def test_statements_of_a_known_diagram():
 def test_what_cannot_be_told_is_left_open():
     data = made_up((80.0, 72.0, 84.0), ((90.0, 95.0),) * 3)
     coarse = data.isel(k3_exponent=slice(None, None, 25))
-    holds = {s.id: s.holds for s in judge_models(coarse)}
+    holds = named(judge_models(coarse))
     assert holds["B2 (printed sign)"] is None
     assert holds["B3 (printed sign)"] is None
 
@@ -63,7 +67,7 @@ KNOWN = ((80.0, 76.0, 84.0), ((90.0, 95.0), (85.0, 95.1), (93.0, 94.0)))
 def verdicts(data):
     found = judge_models(data)
     assert all(s.measured for s in found)
-    return {s.id: s.holds for s in found}
+    return named(found)
 
 
 def test_lanes_that_do_not_tell_leave_the_statements_open():
@@ -110,8 +114,8 @@ def test_exponents_that_do_not_tell_leave_the_statements_open():
 def test_branches_are_two_percent_of_the_span_apart():
     data = made_up(*KNOWN)
     x = np.array(data.x)
-    x[0, 0, :, 1] = x[0, 0, :, 0] + 0.1 * (APART + 1e-3)
-    assert APART == 0.02
+    x[0, 0, :, 1] = x[0, 0, :, 0] + 0.1 * (Block.APART + 1e-3)
+    assert Block.APART == 0.02
     assert branches(data.assign(x=(data.x.dims, x)), MODELS[0]).max() == 3
     x[0, 0, :, 1] -= 0.1 * 2e-3
     assert branches(data.assign(x=(data.x.dims, x)), MODELS[0]).max() == 2
@@ -123,7 +127,7 @@ def test_phase_planes_at_the_special_stiffness():
             {"exponent": ("model", exponents), "spread": ("model", np.full(3, spread))},
             {"model": list(MODELS)},
         )
-        return [s.holds for s in fig11.judge(data)]
+        return [s.holds for s in judge_special(data)]
 
     assert judged([0.0, 0.3, 0.0]) == [True, False]
     assert judged([0.3, 0.3, 0.0]) == [False, False]

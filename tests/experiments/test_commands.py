@@ -1,5 +1,6 @@
 """The command line and the files of an experiment, on one that takes no time."""
 
+import dataclasses
 import json
 import re
 
@@ -36,10 +37,13 @@ LINE = Experiment(
     compute=_compute,
     draw=_draw,
     judge=lambda d: [
-        Statement("T1", "The line rises.", bool(d.y[-1] > d.y[0]), f"by {float(d.y[-1]):g} m"),
-        Statement("T2", "It is green.", None, "not looked at"),
+        Statement("B1", "The line rises.", bool(d.y[-1] > d.y[0]), f"by {float(d.y[-1]):g} m"),
+        Statement("B2", "It is green.", None, "not looked at"),
     ],
 )
+
+
+FALLING = dataclasses.replace(LINE, parameters={"points": 100, "slope": -1.0})
 
 
 @pytest.fixture
@@ -60,7 +64,12 @@ def test_files_of_a_run(tmp_path):
     assert record["quick"] is True
     assert record["wall_time_s"]["total"] >= record["wall_time_s"]["compute"]
     assert record["statements"][0] == {
-        "id": "T1", "claim": "The line rises.", "holds": True, "measured": "by 3 m"
+        "id": "B1", "claim": "The line rises.", "holds": True, "measured": "by 3 m", "reading": "",
+        "found": False,
+    }  # fmt: skip
+    assert record["changed"] == {"points": 5, "slope": 3.0}
+    assert record["results"]["y"] == {
+        "shape": [5], "units": "m", "finite": 5, "least": 0.0, "greatest": 3.0
     }  # fmt: skip
 
 
@@ -73,36 +82,57 @@ def test_equal_runs_draw_equal_pictures(tmp_path):
 
 def test_scoreboard(tmp_path):
     assert "No statements" in scoreboard(tmp_path)
-    run(LINE, tmp_path, changes=["slope=-1"])
+    run(FALLING, tmp_path)
     text = scoreboard(tmp_path)
-    assert "T1               does not hold  test-line" in text
+    assert re.search(r"^B1 +does not hold$", text, re.MULTILINE)
+    assert "measured by test-line: by -1 m" in text
     assert "the papers' statements: 0 holds, 1 does not hold, 1 open" in text
 
 
-def _record(out, name, holds, **more):
-    statements = [{"id": "B1", "claim": "It moves.", "holds": holds, "measured": "by 1 m"}]
-    record = {"name": name, "statements": statements, "quick": False, "parameters": {}, **more}
+def _record(out, name, holds, *, id="B1", reading="", found=False, **more):
+    statements = [
+        {"id": id, "claim": "It moves.", "holds": holds, "measured": "by 1 m", "reading": reading,
+         "found": found},
+    ]  # fmt: skip
+    record = {"name": name, "statements": statements, "quick": False, "changed": {}, **more}
     (out / f"{name}.json").write_text(json.dumps(record))
 
 
-def test_scoreboard_counts_full_runs_of_the_papers_apart(tmp_path):
-    """Neither a quick run, nor the demo, nor a set that we found says anything on the papers."""
-    _record(tmp_path, "block-fig02", True)
-    _record(tmp_path, "block-fig03", True)
-    _record(tmp_path, "block-fig04", False, quick=True)
-    _record(tmp_path, "demo", False)
-    _record(tmp_path, "block-search", True)
-    _record(tmp_path, "block-fig05", False, parameters={"set": "found"})
-    _record(tmp_path, "mechanism-froude", False)
+def test_scoreboard_counts_each_statement_once_and_full_runs_only(tmp_path):
+    """Three figures judge B1 in one reading, one of them does so in another."""
+    _record(tmp_path, "block-fig02", True, reading="simplified")
+    _record(tmp_path, "block-fig03", True, reading="printed sign")
+    _record(tmp_path, "block-fig04", True, reading="printed sign")
+    _record(tmp_path, "block-fig05", False, reading="printed sign", quick=True)
+    _record(tmp_path, "block-fig06", False, reading="printed sign", changed={"duration": 1.0})
+    _record(tmp_path, "demo", False, reading="simplified")
     text = scoreboard(tmp_path)
-    assert "the papers' statements: 1 holds, 0 does not hold, 0 open" in text
-    assert "quick runs and demo, a first look: 0 holds, 1 does not hold, 0 open" in text
-    apart = "0 holds, 0 does not hold, 1 open (1 of these because records do not agree)"
-    assert f"found by our searches: {apart}" in text
-    assert "known results of declared machines: 0 holds, 1 does not hold, 0 open" in text
+    assert "the papers' statements: 2 holds, 0 does not hold, 0 open" in text
+    assert len(re.findall(r"^B1 .* holds", text, re.MULTILINE)) == 2
+    assert "block-fig05 (quick)" in text
+    assert "block-fig06 (not at full size)" in text
+    _record(tmp_path, "block-fig04", False, reading="printed sign")
+    apart = "1 holds, 0 does not hold, 1 open (1 of these because records do not agree)"
+    assert f"the papers' statements: {apart}" in scoreboard(tmp_path)
 
 
-def test_scoreboard_passes_over_what_is_no_record(tmp_path):
+def test_scoreboard_keeps_apart_who_claims_what(tmp_path):
+    """What we claim of our searches, sets that they found, machines, measured records and fits."""
+    _record(tmp_path, "block-fig04", False)
+    _record(tmp_path, "beam-search", True, id="C1", found=True)
+    _record(tmp_path, "block-search", True, id="X1")
+    _record(tmp_path, "corexy-feedforward", True, id="F1")
+    _record(tmp_path, "mechanism-froude", True, id="M1.1")
+    _record(tmp_path, "identify-rock", True, id="R3.1")
+    _record(tmp_path, "identify-coverage", True, id="Y1.1")
+    text = scoreboard(tmp_path)
+    assert "the papers' statements: 0 holds, 1 does not hold, 0 open" in text
+    assert "parameters that our searches found: 1 holds" in text
+    assert "our own searches, plans and designs: 2 holds" in text
+    assert text.count(": 1 holds, 0 does not hold, 0 open") == 4
+
+
+def test_scoreboard_passes_over_other_files(tmp_path):
     _record(tmp_path, "block-fig02", "maybe")
     (tmp_path / "other.json").write_text('{"name": "x", "statements": [{"id": "B1"}]}')
     (tmp_path / "list.json").write_text("[1]")
@@ -149,8 +179,10 @@ def test_all_parameters_are_of_the_kind_that_is_allowed():
 
 @pytest.mark.parametrize(
     "record", ["[]", "{}", "3", '{"statements": [{"id": "x"}]}', '{"statements": 3}', "{", "null",
-               '{"name": "a", "statements": [{"id": "b", "claim": "c", "holds": "maybe",'
-               ' "measured": "d"}]}'],
+               '{"name": "a", "quick": false, "statements": [{"id": "B1", "claim": "c",'
+               ' "holds": "maybe", "measured": "d"}]}',
+               '{"name": "a", "quick": false, "statements": [{"id": "Q1", "claim": "c",'
+               ' "holds": true, "measured": "d"}]}'],
 )  # fmt: skip
 def test_other_json_is_no_record(record, tmp_path):
     (tmp_path / "other.json").write_text(record)
@@ -173,7 +205,7 @@ def test_commands(tmp_path, capsys):
     assert command.main(["test-line", "--quick", *out]) == 0
     assert "test-line.png" in capsys.readouterr().out
     assert command.main(["statements", *out]) == 0
-    assert "1 holds" in capsys.readouterr().out
+    assert "test-line (quick)" in capsys.readouterr().out
     assert command.main(["no-such", *out]) == 2
     assert "'no-such' is not an experiment" in capsys.readouterr().err
     assert command.main(["test-line", "--set", "points=x", *out]) == 2

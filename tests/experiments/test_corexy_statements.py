@@ -5,13 +5,11 @@ import pytest
 import xarray as xr
 
 from experiments._experiment import Context, load
-from experiments.corexy import _statements_1, _statements_2, _statements_3
-from experiments.corexy._figure import judge_scenario, verdict
+from experiments._statement import claims
+from experiments.corexy._figure import judge_scenario
 from experiments.corexy._view import READ, View
 
-ALL = {
-    **_statements_1.STATEMENTS, **_statements_2.STATEMENTS, **_statements_3.STATEMENTS,
-}  # fmt: skip
+ALL = {claim.id: claim for claim in claims("S")}
 T = np.linspace(0.0, 6.0, 6001)
 
 
@@ -35,7 +33,7 @@ def run(**changes) -> xr.Dataset:
 
 
 def says(name: str, view: View) -> bool | None:
-    return verdict(ALL[name][1], view)[0]
+    return ALL[name]("made up", view).holds
 
 
 def both(one, two):
@@ -44,12 +42,12 @@ def both(one, two):
 
 def test_there_are_53_with_claims_and_measures():
     assert len(ALL) == 53
-    for name, (claim, predicate) in ALL.items():
+    for name, claim in ALL.items():
         assert name[:2] in ("S1", "S2", "S3")
-        assert len(claim) > 10
-        holds, measured = verdict(predicate, made_up())
-        assert holds in (True, False)
-        assert isinstance(measured, str)
+        assert len(claim.text) > 10
+        found = claim("made up", made_up())
+        assert found.holds in (True, False)
+        assert isinstance(found.measured, str)
 
 
 def test_modes():
@@ -117,7 +115,7 @@ def judged(data: xr.Dataset) -> dict[str, bool | None]:
         s for number in (1, 2, 3) for s in judge_scenario(number, data.expand_dims(way=["made up"]))
     ]
     assert all(isinstance(s.measured, str) and s.measured for s in found)
-    return {s.id.split()[0]: s.holds for s in found}
+    return {s.id: s.holds for s in found}
 
 
 @pytest.mark.parametrize("name", READ)
@@ -163,8 +161,6 @@ CONSISTENT = {
 def test_consistent_runs_agree_with_an_independent_study(figure, scenario, tmp_path):
     experiment = load()[f"corexy-fig{figure}"]
     data = experiment.compute(dict(experiment.parameters), Context(tmp_path))
-    found = {
-        s.id.split(" ")[0]: s.holds for s in experiment.judge(data) if s.id.endswith(" consistent")
-    }
+    found = {s.id: s.holds for s in experiment.judge(data) if s.reading == "consistent"}
     word = "".join("x" if found[name] else "." for name in sorted(found))
     assert word == CONSISTENT[scenario]
