@@ -14,6 +14,8 @@ from ._lanes import Lanes, everywhere
 from ._model import CONTACT_PERIOD, STICK, VARIANTS
 
 MIDDLE = f"[{Beam.STICK_SLIP_BELOW:g}, {Beam.SLIP_ABOVE:g}]"
+BEAM = np.arange(1, 5) ** 2 * np.pi / 2  # frequencies of its first modes
+SHOWN = 6  # lines of a spectrum
 
 
 @statement("C1", "x: limit cycle at every v, not affected by the beam.")
@@ -175,12 +177,11 @@ def superharmonics(dataset: xr.Dataset, part: xr.Dataset) -> Verdict:
     bases = {"f_s": 1 / period}
     y, w = (peaks_of(part, name, bases) for name in ("y", "w"))
     in_y, in_w = ([p for p in found if p.number > 1] for found in (y, w))
-    beam = np.arange(1, 5) ** 2 * np.pi / 2
     close = [
-        (p.number, float(f)) for p in in_y for f in beam if abs(p.frequency - f) < Beam.NEAR_BEAM * f
+        (p.number, float(f)) for p in in_y for f in BEAM if abs(p.frequency - f) < Beam.NEAR_BEAM * f
     ]
     text = (
-        f"period {period:.4f}; lines of y at {lines(y[:5])}; of w at {lines(w[:5])}; near the "
+        f"period {period:.4f}; lines of y at {lines(y[:SHOWN])}; of w at {lines(w[:SHOWN])}; near the "
         "beam: " + (", ".join(f"{n} f_s to {f:.2f}" for n, f in close) or "none")
     )
     same = abs(period - Beam.PERIOD) < Beam.SAME_PERIOD
@@ -257,12 +258,12 @@ def low_frequency(dataset: xr.Dataset, part: xr.Dataset) -> Verdict:
     near = [p for p in peaks if abs(p.frequency - Beam.LOW_FREQUENCY) < Beam.SAME_FREQUENCY]
     if not near:
         around = f"{Beam.SAME_FREQUENCY:g} of {Beam.LOW_FREQUENCY:g}"
-        return False, f"no line within {around}; lines at {lines(peaks[:5])}"
+        return False, f"no line within {around}; lines at {lines(peaks[:SHOWN])}"
     peaks = peaks_of(part, "y", {"f": near[0].frequency})
     above = [p for p in peaks if p.number > 1]
     rank = [p.frequency for p in peaks].index(near[0].frequency) + 1
     return rank == 1 and len(above) >= Beam.LINES_OF_W, (
-        f"line at {near[0].frequency:.4f}, the {rank}. highest; lines at {lines(peaks[:6])}; "
+        f"line at {near[0].frequency:.4f}, the {rank}. highest; lines at {lines(peaks[:SHOWN])}; "
         f"{len(above)} of {len(peaks)} are its superharmonics"
     )
 

@@ -101,7 +101,7 @@ def sticks_and_slips(d: View) -> Verdict:
 @statement("S1.10", "The motion is continuous with relatively smooth velocity.")
 def is_smooth(d: View) -> Verdict:
     speed = max(np.abs(d.vx).max(), np.abs(d.vy).max())
-    jump = max(np.abs(d.ax).max(), np.abs(d.ay).max()) * CoreXY.STEP / max(speed, 1e-300)
+    jump = max(np.abs(d.ax).max(), np.abs(d.ay).max()) * CoreXY.STEP / max(speed, np.finfo(float).tiny)
     share = d.share(d.moving)
     text = f"moves {share:.0%}, largest jump {jump:.2%} of the top speed"
     return share > CoreXY.MOST and jump < CoreXY.SMOOTH, text
