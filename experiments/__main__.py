@@ -1,4 +1,4 @@
-"""Command line: `python -m experiments --list`, `NAME`, `all`, `demo`, `statements`."""
+"""Command line: `python -m experiments NAME`, where names are listed by `--list`, and some more words."""
 
 import argparse
 import os
@@ -7,6 +7,7 @@ import sys
 import time
 
 DEMO = "block-fig02"
+PAGES = ("record", "results")
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -14,7 +15,10 @@ def _parser() -> argparse.ArgumentParser:
         prog="python -m experiments", description="Compute and draw the figures of the papers."
     )
     parser.add_argument(
-        "name", nargs="?", help="an experiment, 'all', 'demo', or 'statements' for the scoreboard"
+        "name",
+        nargs="?",
+        help="an experiment, 'all', 'demo', 'statements' for the scoreboard, 'record' to take the full "
+        "runs over into the repository, 'results' to write experiments/RESULTS.md from them",
     )
     parser.add_argument("--list", action="store_true", help="list the experiments and stop")
     parser.add_argument("--quick", action="store_true", help="coarse, for a first look")
@@ -54,6 +58,8 @@ def main(arguments: list[str] | None = None) -> int:
         print(scoreboard(out))
         return 0
     experiments = _experiment.load()
+    if options.name in PAGES:
+        return _keep_or_write(options.name, experiments, out)
     if options.list or options.name is None:
         print(f"{'demo':<14} {experiments[DEMO].title}: the paper's protocol alone")
         for name, experiment in experiments.items():
@@ -61,7 +67,7 @@ def main(arguments: list[str] | None = None) -> int:
         return 0
     if options.name not in (*experiments, "all", "demo"):
         print(
-            f"{options.name!r} is not an experiment; known: demo, all, statements, "
+            f"{options.name!r} is not an experiment; known: demo, all, statements, {', '.join(PAGES)}, "
             f"{', '.join(experiments)}.",
             file=sys.stderr,
         )
@@ -97,6 +103,23 @@ def main(arguments: list[str] | None = None) -> int:
     if failed and len(names) > 1:
         print(f"failed: {', '.join(failed)}", file=sys.stderr)
     return 1 if failed else 0
+
+
+def _keep_or_write(name: str, experiments, out: pathlib.Path) -> int:
+    from ._records import keep, read
+    from ._results_page import write
+
+    if name == "record":
+        if not out.is_dir():
+            print(f"--out {out}: it must be a directory of results.", file=sys.stderr)
+            return 2
+        taken, left = keep(out, experiments)
+        for text in left:
+            print(f"left out: {text}")
+        print(f"taken over: {', '.join(taken) or 'nothing'}")
+    for path in write(read(), experiments):
+        print(f"  wrote {path}")
+    return 0
 
 
 def _write_template(experiments, options) -> int:

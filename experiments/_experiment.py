@@ -63,10 +63,11 @@ def load() -> dict[str, Experiment]:
                 continue
             module = importlib.import_module(f"{package.__name__}.{info.name}")
             found[module.EXPERIMENT.name] = module.EXPERIMENT
-    return dict(sorted(found.items(), key=lambda item: _natural(item[0])))
+    return dict(sorted(found.items(), key=lambda item: natural(item[0])))
 
 
-def _natural(name: str) -> list[Any]:
+def natural(name: str) -> list[Any]:
+    """Key that sorts `fig2` before `fig10`."""
     return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", name)]
 
 

@@ -4,11 +4,11 @@ import collections
 import dataclasses
 import json
 import pathlib
-import re
 import textwrap
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from ._experiment import natural
 from ._statement import FOUND, MACHINES, OWN, PAPERS, RECORDS, SYNTHETIC, Statement
 
 WORDS = {True: "holds", False: "does not hold", None: "open"}
@@ -64,11 +64,7 @@ def rows(records: Iterable[Mapping[str, Any]]) -> list[Row]:
                     raise ValueError(f"{record['name']} judges {one.id} {one.reading} twice")
                 told[key][record["name"]] = one
     found = [Row(*key, next(iter(by.values())).claim, by) for key, by in told.items()]
-    return sorted(found, key=lambda row: (GROUPS.index(row.group), _natural(row.id), row.reading))
-
-
-def _natural(id: str) -> list[Any]:
-    return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", id)]
+    return sorted(found, key=lambda row: (GROUPS.index(row.group), natural(row.id), row.reading))
 
 
 def totals(found: Iterable[Row]) -> dict[str, str]:

@@ -7,7 +7,7 @@ their numbers from here and nowhere else, so that this table is all there is to 
 import dataclasses
 
 PAPER = "paper"
-STUDY = "an earlier fixed-step study of the CoreXY statements; the paper gives no number"
+STUDY = "study"  # an earlier one, of fixed steps, of the CoreXY statements
 OURS = "ours"
 
 
