@@ -1,4 +1,4 @@
-"""Command line: `python -m experiments NAME`, where names are listed by `--list`, and some more words."""
+"""Command line: `python -m experiments NAME`; `--list` lists the names."""
 
 import argparse
 import os

@@ -85,3 +85,24 @@ def test_a_record_that_is_not_of_a_full_run_is_named(tmp_path, change):
 def test_there_is_nothing_to_take_from_no_directory(tmp_path, capsys):
     assert command.main(["record", "--out", str(tmp_path / "none")]) == 2
     assert "none: it must be a directory of results" in capsys.readouterr().err
+
+
+def test_the_page_of_benchmarks_is_that_of_their_records(tmp_path):
+    from experiments.benchmarks import _records
+    from experiments.benchmarks.__main__ import BENCHMARKS
+
+    assert _records.PAGE.read_text(encoding="utf-8") == _records.page(BENCHMARKS)
+    entry = _records.record("chain", "full", ["head", "a row"], 12.0, 0.5)
+    _records.keep(entry, tmp_path)
+    text = _records.page(BENCHMARKS, tmp_path)
+    assert "`python -m experiments.benchmarks chain --full`, 12 s on " in text
+    assert "```text\nhead\na row\n```" in text
+    assert "Not run for this page: stick-slip, derivatives, " in text
+
+
+def test_a_first_look_at_a_benchmark_is_not_kept(capsys):
+    from experiments.benchmarks.__main__ import main
+
+    with pytest.raises(SystemExit):
+        main(["chain", "--quick", "--record"])
+    assert "--record: it must be without --quick" in capsys.readouterr().err
