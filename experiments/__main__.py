@@ -7,7 +7,7 @@ import sys
 import time
 
 DEMO = "block-fig02"
-PAGES = ("record", "results")
+PAGES = ("record", "results", "pictures")
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -18,7 +18,8 @@ def _parser() -> argparse.ArgumentParser:
         "name",
         nargs="?",
         help="an experiment, 'all', 'demo', 'statements' for the scoreboard, 'record' to take the full "
-        "runs over into the repository, 'results' to write experiments/RESULTS.md from them",
+        "runs over into the repository, 'results' to write experiments/RESULTS.md from them, "
+        "'pictures' to draw those of the README",
     )
     parser.add_argument("--list", action="store_true", help="list the experiments and stop")
     parser.add_argument("--quick", action="store_true", help="coarse, for a first look")
@@ -109,6 +110,12 @@ def _keep_or_write(name: str, experiments, out: pathlib.Path) -> int:
     from ._records import keep, read
     from ._results_page import write
 
+    if name == "pictures":
+        from ._pictures import write as draw
+
+        for path in draw(out):
+            print(f"  wrote {path}")
+        return 0
     if name == "record":
         if not out.is_dir():
             print(f"--out {out}: it must be a directory of results.", file=sys.stderr)

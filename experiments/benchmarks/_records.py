@@ -22,8 +22,8 @@ HEAD = """\
 
 Written by `python -m experiments.benchmarks results` from the records in
 `experiments/benchmarks/records`; a test compares the two. `make bench` runs all of them,
-`python -m experiments.benchmarks NAME --record` keeps the tables of one. Ratios within a table are of candidates that took turns; seconds move with
-whatever else the machine does, which `load` tells.
+`python -m experiments.benchmarks NAME --record` keeps the tables of one. Ratios within a table are of
+candidates that took turns; seconds move with whatever else the machine does, which `load` shows.
 """
 
 
