@@ -16,7 +16,7 @@ from ._output import STYLE
 from ._records import shrink
 
 FOLDER = pathlib.Path(__file__).parent / "pictures"
-WIDTH = 800  # pixels
+WIDTH, COLOURS = 800, 200  # pixels; so many that no rare colour is lost
 BELT, END = 0.2, 30.0  # [m/s], [s], those of the README's example
 BLUE, RED, GREY = "#1f4e9c", "#c0392b", "0.88"
 
@@ -42,7 +42,7 @@ def motion() -> Figure:
         axis.plot(t, values, color=BLUE, lw=1.2)
         axis.plot(at, np.interp(at, t, values), "o", color=RED, ms=3.5, label="events")
         axis.set_ylabel(label)
-    axes[0].legend(frameon=False, loc="lower right", ncols=2)
+    axes[0].legend(frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
     axes[1].axhline(BELT, color="0.4", lw=0.7, ls=":")
     axes[1].text(END, BELT, " belt", va="center", fontsize=8, color="0.3")
     axes[1].set_xlabel("time [s]")
@@ -59,9 +59,9 @@ def write(out: pathlib.Path, folder: pathlib.Path = FOLDER) -> list[pathlib.Path
         figure = motion()
         figure.savefig(path)
         plt.close(figure)
-        shrink(path, folder / "motion.png", WIDTH)
+        shrink(path, folder / "motion.png", WIDTH, COLOURS)
         written.append(folder / "motion.png")
     if (out / "demo.png").exists():
-        shrink(out / "demo.png", folder / "diagram.png", WIDTH)
+        shrink(out / "demo.png", folder / "diagram.png", WIDTH, COLOURS)
         written.append(folder / "diagram.png")
     return written

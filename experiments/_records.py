@@ -83,11 +83,13 @@ def _as_written(value: Any) -> Any:
     return value
 
 
-def shrink(source: pathlib.Path, target: pathlib.Path, width: int = WIDTH) -> None:
-    """The picture `width` pixels wide, in few colours."""
+def shrink(
+    source: pathlib.Path, target: pathlib.Path, width: int = WIDTH, colours: int = COLOURS
+) -> None:
+    """The picture `width` pixels wide, in no more than `colours` colours."""
     with Image.open(source) as picture:
         flat = Image.new("RGB", picture.size, "white")
         flat.paste(picture, mask=picture.convert("RGBA").getchannel("A"))
     size = (width, round(flat.height * width / flat.width))
     small = flat.resize(size, Image.Resampling.LANCZOS)
-    small.quantize(COLOURS, dither=Image.Dither.NONE).save(target, optimize=True)
+    small.quantize(colours, dither=Image.Dither.NONE).save(target, optimize=True)

@@ -10,10 +10,14 @@ import tomllib
 import pytest
 from packaging.requirements import Requirement
 
-from experiments.__main__ import main
+from experiments.__main__ import PAGES, main
 from tests.house._repository import ROOT, make_targets
 
-DOCUMENTS = ("README.md", "CONTRIBUTING.md")
+DOCUMENTS = (
+    "README.md",
+    "CONTRIBUTING.md",
+    *sorted(f"notebooks/{path.name}" for path in (ROOT / "notebooks").glob("*.md")),
+)
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 
 
@@ -54,7 +58,7 @@ def test_every_make_target_parses(target):
 def test_every_experiment_named_exists():
     text = "\n".join(map(code_in, DOCUMENTS))
     named = set(re.findall(r"python -m experiments ([a-z][\w.-]*)", text))
-    assert named <= listed_experiments() | {"all", "statements"}
+    assert named <= listed_experiments() | {"all", "statements", *PAGES}
 
 
 def test_an_old_interpreter_is_refused(tmp_path):

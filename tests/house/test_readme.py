@@ -1,24 +1,53 @@
-"""The code in the README runs and prints what the README says it prints."""
+"""The code on the README and the pages prints what they say, and what they point to is there."""
 
 import re
 
-from tests.house._repository import ROOT, run_python
+import pytest
 
-EXAMPLES = re.findall(
-    r"^```python\n(.*?)^```\s*^```text\n(.*?)^```",
-    (ROOT / "README.md").read_text(encoding="utf-8"),
-    flags=re.MULTILINE | re.DOTALL,
-)
+from tests.house._repository import ROOT, run_python, tracked_files
+
+README = ROOT / "README.md"
+PAGES = [README, ROOT / "CONTRIBUTING.md", *sorted((ROOT / "notebooks").glob("*.md"))]
+LONGEST = 130  # lines of the README
+EXAMPLE = re.compile(
+    r"^```python\n(.*?)^```\s*^```text\n(.*?)^```", flags=re.MULTILINE | re.DOTALL
+)  # fmt: skip
 
 
-def test_examples_print_what_they_say():
+def text_of(page):
+    return page.read_text(encoding="utf-8")
+
+
+EXAMPLES = [
+    pytest.param(code, output, id=f"{page.stem}-{number}")
+    for page in PAGES
+    for number, (code, output) in enumerate(EXAMPLE.findall(text_of(page)))
+]
+
+
+@pytest.mark.parametrize(("code", "output"), EXAMPLES)
+def test_examples_print_what_they_say(code, output):
     """In a process of its own: the compiler aborts it where the fused executor goes wrong."""
-    for code, output in EXAMPLES:
-        done = run_python(code)
-        assert done.returncode == 0, done.stderr
-        assert done.stdout.strip() == output.strip()
+    done = run_python(code)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == output.strip()
 
 
 def test_every_python_block_has_its_output():
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert len(re.findall(r"^```python$", text, flags=re.MULTILINE)) == len(EXAMPLES)
+    blocks = [re.findall(r"^```python$", text_of(page), flags=re.MULTILINE) for page in PAGES]
+    assert sum(map(len, blocks)) == len(EXAMPLES)
+
+
+def test_the_readme_is_short_and_its_example_has_twelve_lines():
+    assert len(text_of(README).splitlines()) <= LONGEST
+    code, _ = EXAMPLE.findall(text_of(README))[0]
+    assert len([line for line in code.splitlines() if line.strip()]) <= 12
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_what_a_page_points_to_is_in_the_repository(page):
+    """Links and pictures."""
+    tracked = {path.resolve() for path in tracked_files()}
+    targets = re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", text_of(page))
+    targets = [t for t in targets if not t.startswith("http")]
+    assert [t for t in targets if (page.parent / t).resolve() not in tracked] == []
