@@ -44,8 +44,8 @@ NUMBERS = """\
 # The numbers that statements are judged by
 
 Written by `python -m experiments results` from `experiments/_thresholds.py`. The papers seldom say how
-much is "much". Where a number is not theirs (*paper*) it is a choice: *ours*, or that of an earlier
-*study* of the CoreXY statements with fixed steps.
+much is "much". Where a number is not theirs (*paper*), nor *published* with a measured record, it is a
+choice: *ours*, or that of an earlier *study* of the CoreXY statements with fixed steps.
 
 | name | value | meaning | source |
 |---|---|---|---|"""

@@ -8,6 +8,7 @@ import dataclasses
 
 PAPER = "paper"
 STUDY = "study"  # an earlier one, of fixed steps, of the CoreXY statements
+PUBLISHED = "published"  # with the measured record
 OURS = "ours"
 
 
@@ -135,3 +136,60 @@ class CoreXY:
     KINETIC = Number(1e-6, "", "relative difference from the kinetic friction: rounding", OURS)
     DIGITS = Number(9, "", "S3.15: decimals to which voltages are one level", OURS)
     FEWEST = Number(10, "", "rows below which nothing is said", OURS)
+
+
+class Machines:
+    """Of declared machines against known results, M1 to M5; relative unless a unit says otherwise."""
+
+    MODES = Number(1e-8, "m", "M1.1: distance from the superposition of modes", OURS)
+    PERIOD = Number(1e-8, "", "M1.2: difference of periods, and of releases in s", OURS)
+    ORDER = Number(0.25, "", "M1.3: difference of the order of time stepping from 1", OURS)
+    ROOTS = Number(1e-9, "", "M2.1: difference of growth rates", OURS)
+    HOPF = Number(1e-6, "", "M2.2: difference of the critical speed", OURS)
+    STEPS = Number(1.5, "", "M2.3: steps of the grid by which a border is uncertain", OURS)
+    SWINGS = Number(1e-6, "", "M3.1: difference of growth rates", OURS)
+    AMPLITUDE = Number(2e-3, "", "M3.2: difference of the amplitude in the limit", OURS)
+    HALF_STEP = Number(0.6, "", "M3.3: steps of the grid by which a border is uncertain", OURS)
+    AVERAGING = Number(0.01, "", "M3.3: and what the averaging leaves out", OURS)
+    FLUTTER = Number(1e-6, "", "M4.1: difference of growth rates", OURS)
+    FLUTTER_APART = Number(
+        0.02, "", "M4.1: distance from the border, where the rate has no slope", OURS
+    )
+    GROWS = Number(1e-4, "1/s", "M4.2: rate above which a mode grows", OURS)
+    BORDER = Number(1e-6, "", "M4.2: difference of the critical coefficient", OURS)
+    ENERGY = Number(1e-8, "", "M4.3: energy that is not accounted for", OURS)
+    LOOPS = Number(1e-4, "", "M5.1: difference of the area of a loop", OURS)
+    SMALL = Number(1e-5, "", "M5.2: difference of the frequency of small swings", OURS)
+    RIGID = Number(1e-5, "", "M5.3: difference of the area without bristles", OURS)
+    MOVES = Number(1e-9, "m", "M5.3: turn of a carriage that moves", OURS)
+
+
+class Designs:
+    """Of plans and designs of our own, F and I."""
+
+    FOLLOWS = Number(1e-9, "m", "F1: largest distance from the path", OURS)
+    SCATTER = Number(4.0, "", "I2: standard deviations by which a mean square may be off", OURS)
+
+
+class Measured:
+    """Of fits to measured records, R1 to R4."""
+
+    SAME = Number(1e-3, "", "R1.3, R3.1, R4.9: difference of what starts end at", OURS)
+    WHITE = Number(0.05, "", "R1.5, R3.5, R4.10: probability below which residuals are not white", OURS)
+    EMPS_INVERSE = Number(5e-3, "", "R1.1: relative difference from what is published", OURS)
+    EMPS_MASS = Number(0.01, "", "R1.2: the same, of the mass", OURS)
+    EMPS_FRICTION = Number(0.03, "", "R1.2: the same, of the friction", OURS)
+    EMPS_ASYMMETRY = Number(0.05, "", "R1.4: the same, of friction in each direction", OURS)
+    SWING_LEFT_OUT = Number(6e-3, "rad", "R2.3, R2.4: error of the rest of a segment", OURS)
+    SWING_GRAVITY = Number(0.01, "", "R2.6: relative difference from what is published", OURS)
+    SURE = Number(10.0, "", "R2.7: standard errors from zero of what is there", OURS)
+    ROCK = Number(0.0088, "", "R3.2, R3.3: a and b", PUBLISHED)
+    ROCK_WITHIN = Number(0.0006, "", "R3.2, R3.3: and how far off", PUBLISHED)
+    INTERVALS = Number(0.1, "", "R3.4: difference of two intervals against their width", OURS)
+    WEAKENS = Number(2.0, "", "R3.6: standard errors of a difference that is there", OURS)
+    STEP_TIME = Number(0.02, "s", "R3.7: difference of two times of the step", OURS)
+    AIC = Number(10.0, "", "R3.8: AIC by which two laws are told apart", OURS)
+    PREDICTS = Number(1.2, "", "R3.9: error against the noise", OURS)
+    ARM_INERTIA = Number(0.08, "", "R4.1, R4.3: relative difference from what is published", OURS)
+    ARM_FRICTION = Number(0.3, "", "R4.2, R4.4: the same, of dry friction", OURS)
+    ARM_LEFT_OUT = Number(0.026, "rad", "R4.5: error of the trajectory held out", OURS)

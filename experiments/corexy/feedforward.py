@@ -14,6 +14,7 @@ import stickslip as ss
 from stickslip.systems import WithIntegrals
 
 from .._experiment import Context, Experiment, Statement
+from .._thresholds import Designs
 
 PATH = ((0.0, 0.0), (0.3, 0.0), (0.3, 0.2), (0.25, 0.05))  # [m]
 MACHINE = {"P1": 20.0, "P2": 30.0, "mu_1s_b": 3.0, "mu_2s_b": 3.0}
@@ -143,8 +144,9 @@ def judge(data: xr.Dataset) -> list[Statement]:
     shares = [float(np.mean(row[np.isfinite(row)] > 0.0)) for row in within]
     ends = data.end.values
     return [
-        Statement("F1", "The collar follows the path to 1e-9 m with both motors rolling.",
-                  bool(np.all(deviation < 1e-9) and np.all(centre == 0.0)),
+        Statement("F1", f"The collar follows the path to {Designs.FOLLOWS:g} m "
+                  "with both motors rolling.",
+                  bool(np.all(deviation < Designs.FOLLOWS) and np.all(centre == 0.0)),
                   f"greatest deviation {np.max(deviation):.1e} m"),
         Statement("F2", f"A plan that knows of tensions {error:.0%} off slips with none of them.",
                   shares[1] == 0.0 and failed == 0,

@@ -15,6 +15,7 @@ import stickslip as ss
 from stickslip.identification import Sensitivity, design_input, many_starts, sensitivities
 
 from .._experiment import Context, Experiment, Statement
+from .._thresholds import Designs
 from ._input import ramps
 from .identify import LABELS, LANES, NAMES, candidates
 
@@ -199,7 +200,7 @@ def judge(data: xr.Dataset) -> list[Statement]:
                   f"standard errors are smaller by factors {ratio['D'].min():.2f} to "
                   f"{ratio['D'].max():.2f}"),
         Statement("I2", "Fits to noisy data scatter as the design says.",
-                  abs(spread - 1.0) < 4.0 * np.sqrt(2.0 / max(data.far.size, 1)),
+                  abs(spread - 1.0) < Designs.SCATTER * np.sqrt(2.0 / max(data.far.size, 1)),
                   f"mean square of error over standard error {spread:.3f} of {data.far.size} numbers"),
     ]  # fmt: skip
 

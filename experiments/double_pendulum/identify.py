@@ -25,6 +25,7 @@ from stickslip.identification import (
 )
 
 from .._experiment import Context, Experiment, Statement
+from .._thresholds import Measured
 from ._arm import DRY, GEAR, INERTIAL, LINK, SIGMA, UNITS, ZEROS, errors, problem, shot
 from ._inverse import inverse_dynamics
 from ._record import Motion, load
@@ -51,7 +52,8 @@ MULTIPLE = MultipleShooting(20, guess=shot, polish=METHOD)
 INVERSE, SIMULATED = "inverse dynamics", "simulation"
 BARE, GAINED = "simulation, no zeros", "simulation, motor gain"
 NAMES = (*UNITS, "gain")
-WANTED = 0.026  # root mean square error of the angles held out [rad]
+MRAD = 1e3 * Measured.ARM_LEFT_OUT
+INERTIA_TO, FRICTION_TO = f"{Measured.ARM_INERTIA:.0%}", f"{Measured.ARM_FRICTION:.0%}"
 LAGS = 20
 
 
@@ -211,7 +213,7 @@ def draw(data: xr.Dataset) -> Figure:
     later = data.error.sel(time=data.time > FIRST)
     size = 1e3 * np.sqrt((later**2).mean(("joint", "time")))
     bars.barh(np.arange(data.fit.size), size, 0.6, color="#1f4e9c")
-    bars.axvline(1e3 * WANTED, color="0.5", lw=0.8)
+    bars.axvline(MRAD, color="0.5", lw=0.8)
     bars.set_yticks(np.arange(data.fit.size), [str(n).replace(", ", ",\n") for n in data.fit.values])
     bars.tick_params(axis="y", labelsize=8)
     bars.invert_yaxis()
@@ -259,17 +261,21 @@ def judge(data: xr.Dataset) -> list[Statement]:
     )
     between = off("published, h1.0", INERTIAL)
     return [
-        Statement("R4.1", "Inverse dynamics gives the published inertial parameters to 8%.",
-                  within(base, 0.08), told(base) + f"; error of the torques {relative[0]:.1f}%"),
-        Statement("R4.2", "It gives the published dry friction to 30%.", within(dry, 0.3), told(dry)),
-        Statement("R4.3", "Simulation gives the published inertial parameters to 8%.",
-                  within(base_2, 0.08),
+        Statement("R4.1", f"Inverse dynamics gives the published inertial parameters to {INERTIA_TO}.",
+                  within(base, Measured.ARM_INERTIA),
+                  told(base) + f"; error of the torques {relative[0]:.1f}%"),
+        Statement("R4.2", f"It gives the published dry friction to {FRICTION_TO}.",
+                  within(dry, Measured.ARM_FRICTION), told(dry)),
+        Statement("R4.3", f"Simulation gives the published inertial parameters to {INERTIA_TO}.",
+                  within(base_2, Measured.ARM_INERTIA),
                   told(base_2) + f"; with a gain of the second motor {told(gained)}; the other "
                   f"published model differs by {told(between)}"),
-        Statement("R4.4", "It gives the published dry friction to 30%.", within(dry_2, 0.3),
+        Statement("R4.4", f"It gives the published dry friction to {FRICTION_TO}.",
+                  within(dry_2, Measured.ARM_FRICTION),
                   told(dry_2)),
-        Statement("R4.5", "Fitted by simulation, it predicts the trajectory held out to 26 mrad.",
-                  rest[SIMULATED] <= 1e3 * WANTED and all_of[SIMULATED] <= 1e3 * WANTED,
+        Statement("R4.5", "Fitted by simulation, it predicts the trajectory held out to "
+                  f"{MRAD:g} mrad.",
+                  rest[SIMULATED] <= MRAD and all_of[SIMULATED] <= MRAD,
                   f"after 3 s {rest[SIMULATED]:.1f} mrad, whole {all_of[SIMULATED]:.1f} mrad"),
         Statement("R4.6", "It predicts it better than the published models and inverse dynamics.",
                   min(others, key=lambda name: rest[name]) == SIMULATED, listed),
@@ -284,10 +290,11 @@ def judge(data: xr.Dataset) -> list[Statement]:
                   f"gain {gain:.3f}; AIC less by {aic[SIMULATED] - aic[GAINED]:.0f}, prediction "
                   f"{rest[GAINED]:.1f} mrad with it and {rest[SIMULATED]:.1f} mrad without"),
         Statement("R4.9", "From starts up to 30% off single and multiple shooting end as low as from "
-                  "inverse dynamics, to 1e-3.", bool(highest < 1.001) if ran else None,
+                  f"inverse dynamics, to {Measured.SAME:g}.",
+                  bool(highest < 1.0 + Measured.SAME) if ran else None,
                   "; ".join(f"{way}: sum of squares {', '.join(f'{v:.4f}' for v in row)} times that"
                             for way, row in far.items()) if ran else "not run"),
-        Statement("R4.10", "The residuals are white.", float(data.p_value.min()) > 0.05,
+        Statement("R4.10", "The residuals are white.", float(data.p_value.min()) > Measured.WHITE,
                   f"largest p {float(data.p_value.max()):.2g}: standard errors are too small"),
     ]  # fmt: skip
 

@@ -27,6 +27,7 @@ from stickslip.identification import (
 )
 
 from .._experiment import Context, Experiment, Statement
+from .._thresholds import Measured
 from ._inverse import inverse_dynamics
 from ._record import Record, load
 from ._stage import FIRST, command, position
@@ -318,21 +319,24 @@ def judge(data: xr.Dataset) -> list[Statement]:
     rest = {str(m): 1e3 * float(v) for m, v in zip(data.model.values, later, strict=True)}
     fitted = rest["command of the first part, asymmetric"]
     return [
-        Statement("R1.1", "Inverse dynamics gives the published values to 0.5%.",
-                  max(inverse.values()) < 5e-3, told(inverse)),
-        Statement("R1.2", "Simulation from starts 50% off gives M to 1%, Fv and Fc to 3%.",
-                  command_["mass"] < 0.01 and max(command_["viscous"], command_["dry"]) < 0.03,
+        Statement("R1.1", "Inverse dynamics gives the published values to "
+                  f"{Measured.EMPS_INVERSE:.1%}.",
+                  max(inverse.values()) < Measured.EMPS_INVERSE, told(inverse)),
+        Statement("R1.2", "Simulation from starts 50% off gives M to "
+                  f"{Measured.EMPS_MASS:.0%}, Fv and Fc to {Measured.EMPS_FRICTION:.0%}.",
+                  command_["mass"] < Measured.EMPS_MASS
+                  and max(command_["viscous"], command_["dry"]) < Measured.EMPS_FRICTION,
                   told(command_)),
-        Statement("R1.3", "All starts end at the same estimate, to 1e-3.",
-                  float(data.apart.sel(fit="by command, symmetric")) < 1e-3,
+        Statement("R1.3", f"All starts end at the same estimate, to {Measured.SAME:g}.",
+                  float(data.apart.sel(fit="by command, symmetric")) < Measured.SAME,
                   f"{float(data.apart.sel(fit='by command, symmetric')):.2g} apart"),
         Statement("R1.4", "Friction differs between the directions, and the comparison prefers it.",
-                  chosen == ["asymmetric"] * 3 and max(asymmetric.values()) < 0.05,
+                  set(chosen) == {"asymmetric"} and max(asymmetric.values()) < Measured.EMPS_ASYMMETRY,
                   f"AIC, BIC, held-out choose {', '.join(chosen)}; off what is published "
                   f"{told(asymmetric)}"),
         Statement("R1.5", "The residuals of the symmetric law are not white; those of a run of the "
                   "true law with white noise are.",
-                  p["symmetric"] < 0.05 < p["asymmetric, simulated"],
+                  p["symmetric"] < Measured.WHITE < p["asymmetric, simulated"],
                   ", ".join(f"{name}: p = {value:.2g}" for name, value in p.items())),
         Statement("R1.6", "Open loop, the asymmetric law fitted to the command of the first part "
                   "scores better on the second than the published symmetric law, fitted to both.",

@@ -35,6 +35,7 @@ from stickslip.friction import AbstractFrictionLaw, Coulomb
 from stickslip.mechanism import AbstractMechanism, Contact
 
 from .._experiment import Context, Experiment, Statement
+from .._thresholds import Machines
 from ._look import FAST, flow_matrix, rates_of, shade, verdict
 
 MASS, PAD = 1.0, 1.0  # [kg], stiffness of the disc [N/m]
@@ -187,10 +188,10 @@ def draw(dataset: xr.Dataset) -> Figure:
 def judge(dataset: xr.Dataset) -> list[Statement]:
     """Growth rate, the coefficient at which it begins, and the energy of the cycle."""
     mu, growth = np.asarray(dataset.mu), np.asarray(dataset.growth)
-    apart = np.abs(mu / critical() - 1.0) > 0.02
+    apart = np.abs(mu / critical() - 1.0) > Machines.FLUTTER_APART
     off = np.abs(growth - dataset.known.values)[apart].max() / growth.max()
-    above = mu[growth > 1e-4].min()
-    below = mu[growth <= 1e-4].max()
+    above = mu[growth > Machines.GROWS].min()
+    below = mu[growth <= Machines.GROWS].max()
     # With (ω + iσ)² = s + i d it is d² = 4 σ² (s + σ²), a straight line over the coefficient.
     s = 0.5 * (ALONG + TOWARDS) / MASS
     squares = 4.0 * growth**2 * (s + growth**2)
@@ -198,18 +199,19 @@ def judge(dataset: xr.Dataset) -> list[Statement]:
     attrs = dataset.attrs
     return [
         verdict(
-            "M4.1", "One mode grows at the rate of the closed form, and none below.", float(off), 1e-6,
+            "M4.1", "One mode grows at the rate of the closed form, and none below.", float(off),
+            Machines.FLUTTER,
             f"{len(mu)} coefficients, the largest rate {growth.max():.4g} 1/s; relative",
         ),
         verdict(
             "M4.2", "Growth begins at the closed form's coefficient.",
-            abs(float(line[1]) - critical()), 1e-6,
+            abs(float(line[1]) - critical()), Machines.BORDER,
             f"between {below:.4f} and {above:.4f}, by the line through the squares {line[1]:.8f}, "
             f"closed form {critical():.8f}",
         ),
         verdict(
             "M4.3", "Energy is accounted for through stick, slip and lift-off.",
-            attrs["imbalance"] / attrs["work"], 1e-8,
+            attrs["imbalance"] / attrs["work"], Machines.ENERGY,
             f"{attrs['imbalance']:.1e} J of {attrs['work']:.3g} J that the disc gave; relative",
         ),
     ]  # fmt: skip

@@ -31,6 +31,7 @@ from stickslip.friction import AbstractFrictionLaw, Coulomb, Stribeck
 from stickslip.mechanism import AbstractMechanism, Contact
 
 from .._experiment import Context, Experiment, Statement
+from .._thresholds import Machines
 from ._look import verdict
 
 MASS, PULL, COUPLING = 1.0, 1.0, 4.0  # [kg], [N/m], [N/m]
@@ -244,18 +245,18 @@ def judge(dataset: xr.Dataset) -> list[Statement]:
     return [
         verdict(
             "M1.1", "Blocks that all slip are the superposition of the modes of the chain.",
-            float(dataset.mode_error.max()), 1e-8,
+            float(dataset.mode_error.max()), Machines.MODES,
             f"{', '.join(str(n) for n in dataset['size'].values)} blocks after 20 s; in m",
         ),
         verdict(
             "M1.2", "Equal blocks that begin alike have the period of one block.",
-            max(off, spread), 1e-8,
+            max(off, spread), Machines.PERIOD,
             f"{attrs['compared']} blocks, {attrs['period']:.10f} s, known {attrs['known']:.10f} s; "
             f"all let go within {spread:.1e} s; relative, and in s",
         ),
         verdict(
             "M1.3", "Time stepping tends to the same motion, its error falling with the step.",
-            abs(float(order) - 1.0), 0.25,
+            abs(float(order) - 1.0), Machines.ORDER,
             f"errors {', '.join(f'{e:.2g}' for e in error)} m, {STARTS} motions, {attrs['events']} "
             f"events, order {order:.2f}",
         ),

@@ -31,6 +31,7 @@ from stickslip.mechanism import AbstractMechanism, Contact
 from stickslip.systems import WithIntegrals
 
 from .._experiment import Context, Experiment, Statement
+from .._thresholds import Machines
 from ._look import verdict
 
 PULLEY, CARRIAGE = 0.5, 2.0  # [kg]
@@ -214,24 +215,25 @@ def judge(dataset: xr.Dataset) -> list[Statement]:
     """Area of the loops, its independence of the speed, the spring before sliding, the rigid limit."""
     known = area(np.asarray(dataset.turn))
     off = float(np.abs(dataset.lost.values / known - 1.0).max())
-    moves = np.asarray(dataset.turn_rigid) > 1e-9
+    moves = np.asarray(dataset.turn_rigid) > Machines.MOVES
     coulomb = 4.0 * FRICTION * np.asarray(dataset.turn_rigid)
     off_rigid = float(np.abs(dataset.lost_rigid.values[moves] / coulomb[moves] - 1.0).max())
     small, expected = np.asarray(dataset.small), known_frequencies()
     off_small = float(np.abs(small - expected).max() / expected.max())
     return [
         verdict(
-            "M5.1", "A loop takes 4F (a - λ/σ), however fast it is run through.", off, 1e-4,
+            "M5.1", "A loop takes 4F (a - λ/σ), however fast it is run through.", off, Machines.LOOPS,
             f"{known.size} loops, a from {1e3 * float(dataset.turn.min()):.3g} to "
             f"{1e3 * float(dataset.turn.max()):.3g} mm, rad/s {dataset.omega.values.tolist()}",
         ),
         verdict(
-            "M5.2", "Small swings about rest see the bristles as a spring.", off_small, 1e-5,
+            "M5.2", "Small swings about rest see the bristles as a spring.", off_small,
+            Machines.SMALL,
             f"{', '.join(f'{x:.4f}' for x in small)} rad/s, closed form "
             f"{', '.join(f'{x:.4f}' for x in expected)}; relative to the largest",
         ),
         verdict(
-            "M5.3", "Without bristles a loop takes 4F a.", off_rigid, 1e-5,
+            "M5.3", "Without bristles a loop takes 4F a.", off_rigid, Machines.RIGID,
             f"{int(moves.sum())} loops, event-driven; in {int((~moves).sum())} the carriage stays; "
             "relative",
         ),

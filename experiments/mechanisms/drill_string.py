@@ -35,6 +35,7 @@ from stickslip.friction import AbstractFrictionLaw, Stribeck
 from stickslip.mechanism import AbstractMechanism, Contact
 
 from .._experiment import Context, Experiment, Statement
+from .._thresholds import Machines
 from ._look import FAST, flow_matrix, shade, verdict
 
 RPM = 2.0 * np.pi / 60.0
@@ -253,16 +254,16 @@ def judge(dataset: xr.Dataset) -> list[Statement]:
     return [
         verdict(
             "M2.1", "Disturbances of steady drilling grow as the characteristic polynomial says.",
-            off, 1e-9, f"{len(roots)} speeds; relative to the largest",
+            off, Machines.ROOTS, f"{len(roots)} speeds; relative to the largest",
         ),
         verdict(
             "M2.2", "Steady drilling loses its stability at the speed of the Hopf bifurcation.",
-            abs(found / known - 1.0), 1e-6,
+            abs(found / known - 1.0), Machines.HOPF,
             f"{found / RPM:.4f} 1/min, closed form {known / RPM:.4f}, {frequency:.4f} rad/s",
         ),
         verdict(
             "M2.3", "Motions begun beside steady drilling end in stick-slip below that speed only.",
-            abs(leaves - critical), 1.5 * step,
+            abs(leaves - critical), Machines.STEPS * step,
             f"up to {leaves / RPM:.2f} 1/min of the drive, closed form {critical / RPM:.2f}; in rad/s",
         ),
         Statement(

@@ -28,6 +28,7 @@ from stickslip.friction import AbstractFrictionLaw, Stribeck
 from stickslip.mechanism import AbstractMechanism, Contact
 
 from .._experiment import Context, Experiment, Statement
+from .._thresholds import Machines
 from ._look import FAST, flow_matrix, rates_of, shade, verdict
 
 
@@ -190,17 +191,18 @@ def judge(dataset: xr.Dataset) -> list[Statement]:
     off = abs(0.5 * sum(between) - known)
     return [
         verdict(
-            "M3.1", "Small swings grow at the rate -(c + T')/2J.", growth, 1e-6,
+            "M3.1", "Small swings grow at the rate -(c + T')/2J.", growth, Machines.SWINGS,
             f"{dataset.sizes['ratio']} dampings, the largest rate {size:.4g} 1/s; relative",
         ),
         verdict(
-            "M3.2", "Near the border their velocity is u_s sqrt(2 (1 - r)).", abs(limit - 1.0), 2e-3,
+            "M3.2", "Near the border their velocity is u_s sqrt(2 (1 - r)).", abs(limit - 1.0),
+            Machines.AMPLITUDE,
             f"over it {', '.join(f'{x:.4f}' for x in ratio)} at r = "
             f"{', '.join(f'{x:g}' for x in near)}, in the limit {limit:.5f}",
         ),
         verdict(
             "M3.3", "The bearing sticks from where averaged swings reach the shaft's speed.", off,
-            0.6 * step + 0.01,
+            Machines.HALF_STEP * step + Machines.AVERAGING,
             f"it begins between r = {between[0]:.3f} and {between[1]:.3f}, averaged {known:.4f}",
         ),
     ]  # fmt: skip

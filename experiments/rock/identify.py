@@ -24,10 +24,11 @@ from stickslip.identification import (
 )
 
 from .._experiment import Context, Experiment, Statement
+from .._thresholds import Measured
 from ._record import load, step_of
 from ._slider import LAWS, SIGMA, STARTS, problem
 
-WANTED, WITHIN = 0.0088, 0.0006  # of a and b alike
+WANTED, WITHIN = Measured.ROCK, Measured.ROCK_WITHIN
 METHOD = LevenbergMarquardt(max_steps=100)
 CORRELATED = 0.5  # so long the residuals are correlated with themselves [s]
 HELD = 20.0  # what comes later than this after the step is predicted, in one more fit [s]
@@ -219,37 +220,42 @@ def judge(data: xr.Dataset) -> list[Statement]:
     held = {law: float(data.held_out.sel(law=law)) for law in LAWS}
     speeds = [1e6 * data.attrs[name] for name in ("before", "after")]
     return [
-        Statement("R3.1", "Both laws converge, from every start to the same estimate, to 1e-3.",
-                  bool(data.successful.all()) and max(apart.values()) < 1e-3,
+        Statement("R3.1", "Both laws converge, from every start to the same estimate, to "
+                  f"{Measured.SAME:g}.",
+                  bool(data.successful.all()) and max(apart.values()) < Measured.SAME,
                   ", ".join(f"{law} {v:.2g} apart" for law, v in apart.items())),
-        Statement("R3.2", "a and b are 0.0088 to 0.0006, by the ageing law.",
+        Statement("R3.2", f"a and b are {WANTED:g} to {WITHIN:g}, by the ageing law.",
                   off["ageing"] < WITHIN, "; ".join(listed(law) for law in LAWS)),
         Statement("R3.3", "So they are by the slip law.", off["slip"] < WITHIN,
                   f"{off['slip']:.5f} off at most"),
-        Statement("R3.4", "Intervals by the profile and by Wald agree, to a tenth of their width.",
-                  None if np.isnan(profiled).any() else bool(moved.max() < 0.1),
+        Statement("R3.4", "Intervals by the profile and by Wald agree, to "
+                  f"{Measured.INTERVALS:g} of their width.",
+                  None if np.isnan(profiled).any() else bool(moved.max() < Measured.INTERVALS),
                   "profile, ageing: " + ", ".join(
                       f"{n} from {low:.5f} to {high:.5f}"
                       for n, (low, high) in zip(PAIR, profiled, strict=True))
                   + "; correlation of a and b " + ", ".join(
                       f"{law} {correlation(law, 'covariance'):.3f}" for law in LAWS)),
-        Statement("R3.5", "The residuals after the step are white.", min(p.values()) > 0.05,
+        Statement("R3.5", "The residuals after the step are white.", min(p.values()) > Measured.WHITE,
                   ", ".join(f"{law}: p = {v:.2g}" for law, v in p.items())
                   + "; the variance of a is as many times that for white noise: "
                   + ", ".join(f"{law} {v:.1f}" for law, v in inflated.items())),
-        Statement("R3.6", "Friction weakens with speed: b above a by more than two standard errors.",
-                  all(value > 2.0 * error for value, error in map(surplus, LAWS)),
+        Statement("R3.6", "Friction weakens with speed: b above a by more than "
+                  f"{Measured.WEAKENS:g} standard errors.",
+                  all(value > Measured.WEAKENS * error for value, error in map(surplus, LAWS)),
                   ", ".join(
                       "{}: b - a = {:.5f} +- {:.5f}".format(law, *surplus(law)) for law in LAWS)),
-        Statement("R3.7", "Friction and displacement tell the same time of the step, to 0.02 s.",
-                  abs(float(late)) < 0.02,
+        Statement("R3.7", "Friction and displacement show the same time of the step, to "
+                  f"{Measured.STEP_TIME:g} s.",
+                  abs(float(late)) < Measured.STEP_TIME,
                   f"{1e3 * float(late):.0f} ms after {data.attrs['begin']:.3f} s; speeds by the "
                   f"displacement {speeds[0]:.2f} and {speeds[1]:.2f} µm/s"),
-        Statement("R3.8", "The record tells the two laws apart: AIC by more than 10, noise as it is.",
-                  support > 10.0, f"{least} is better by {aic.max():.1f}, for the noise as it is by "
-                  f"{support:.1f}"),
-        Statement("R3.9", "Fitted up to 20 s after the step, both laws predict the rest to 1.2 times "
-                  "the noise.", max(held.values()) < 1.2 * SIGMA,
+        Statement("R3.8", "The record tells the two laws apart: AIC by more than "
+                  f"{Measured.AIC:g}, noise as it is.", support > Measured.AIC,
+                  f"{least} is better by {aic.max():.1f}, for the noise as it is by {support:.1f}"),
+        Statement("R3.9", "Fitted up to 20 s after the step, both laws predict the rest to "
+                  f"{Measured.PREDICTS:g} times the noise.",
+                  max(held.values()) < Measured.PREDICTS * SIGMA,
                   ", ".join(f"{law} {1e3 * v:.2f}e-3" for law, v in held.items())
                   + f", noise {1e3 * SIGMA:.2f}e-3"),
     ]  # fmt: skip

@@ -7,7 +7,7 @@ import pytest
 from experiments import _statement
 from experiments._experiment import load
 from experiments._statement import CLAIMS, FOUND, OWN, PAPERS, Statement, Untold, claims, statement
-from experiments._thresholds import OURS, PAPER, STUDY, TABLE
+from experiments._thresholds import OURS, PAPER, PUBLISHED, STUDY, TABLE
 from tests.house._repository import ROOT
 
 SOURCES = sorted((ROOT / "experiments").rglob("*.py"))
@@ -43,11 +43,29 @@ def test_predicates_take_their_numbers_from_the_table():
     assert wrong == []
 
 
+def test_so_do_statements_that_are_judged_in_place():
+    """What `Statement(id, claim, holds, ...)` and `verdict(id, claim, difference, allowed, ...)` say."""
+    judging = {"Statement": slice(2, 3), "verdict": slice(2, 4)}
+    wrong = [
+        f"{path.name}: {call.lineno} has {constant.value}"
+        for path in SOURCES
+        if path.parent.name != "statistics"  # their numbers are those of the study's design
+        for call in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(call, ast.Call) and getattr(call.func, "id", "") in judging
+        for argument in call.args[judging[call.func.id]]
+        for constant in ast.walk(argument)
+        if isinstance(constant, ast.Constant)
+        and isinstance(constant.value, float | int)
+        and constant.value not in HARMLESS
+    ]
+    assert wrong == []
+
+
 def test_every_number_of_the_table_is_used_and_has_a_source():
     texts = "".join(p.read_text(encoding="utf-8") for p in SOURCES if p.name != "_thresholds.py")
     assert [name for name in TABLE if name not in texts] == []
     for name, number in TABLE.items():
-        assert number.source in (PAPER, STUDY, OURS), name
+        assert number.source in (PAPER, STUDY, PUBLISHED, OURS), name
         assert number.meaning, name
 
 
