@@ -44,7 +44,7 @@ def test_predicates_take_their_numbers_from_the_table():
 
 
 def test_so_do_statements_that_are_judged_in_place():
-    """What `Statement(id, claim, holds, ...)` and `verdict(id, claim, difference, allowed, ...)` say."""
+    """Arguments of `Statement` and `verdict` that are compared."""
     judging = {"Statement": slice(2, 3), "verdict": slice(2, 4)}
     wrong = [
         f"{path.name}: {call.lineno} has {constant.value}"
