@@ -48,8 +48,8 @@ def feedforward(
     r"""Voltages under which the collar goes from point to point on straight lines, from rest to rest at
     each, in the shortest time without a belt that slips.
 
-    While both motors roll (DMN 1), path and speed tell the forces: what the belts carry and what the
-    motors need is linear in the acceleration along the path. The greatest acceleration within
+    While both motors roll (DMN 1), path and speed determine the forces: what the belts carry and what
+    the motors need is linear in the acceleration along the path. The greatest acceleration within
 
     $$|f_i^b| \le c\,\max(\mu_{is}^b, \mu_{ik}^b)\,2P_i, \qquad |v_i| \le V,$$
 
@@ -69,11 +69,12 @@ def feedforward(
       be greater by $1/c$. With 1 rounding decides.
     - `tension_error`: the belts also hold on the four machines whose tensions are off by this part,
       each up or down, which is seen by simulation. Where the collar goes there is another matter,
-      which `check_rolling` tells.
+      which `check_rolling` reports.
 
-    **Returns** a `Feedforward`. **Raises** `TypeError`, `ValueError` for what is not so, and for a
-    point that cannot be reached like this: friction at rest must break on all lines that move at the
-    same instant, or the collar leaves the path, and belts and voltage must suffice for it.
+    **Returns** a `Feedforward`. **Raises** `TypeError`, `ValueError` for an argument of another
+    kind, and for a point that cannot be reached like this: friction at rest must break on all lines
+    that move at the same instant, or the collar leaves the path, and belts and voltage must suffice
+    for it.
 
     Source: time scaling along a path under linear limits, Bobrow, Dubowsky and Gibson (1985),
     doi:10.1177/027836498500400301; the outlook of the paper.

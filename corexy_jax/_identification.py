@@ -87,7 +87,8 @@ def with_noise(
 ) -> Measurement:
     """`clean` with normal noise of the standard deviations `noise`, independent in every sample.
 
-    **Raises** `TypeError`, `ValueError` for what is no `Measurement`, no key, or negative.
+    **Raises** `TypeError`, `ValueError` for an argument that is not a `Measurement`, not a key, or
+    negative.
     """
     named("clean", clean, Measurement)
     _check_noise(noise)

@@ -1,10 +1,11 @@
 r"""One straight leg, rest to rest, in the shortest time with both motors rolling.
 
-While the motors roll, path and speed tell the forces: along a unit vector $d$ with the acceleration
-$a$, and with the static friction $\lambda$ of the one line ($x$, $y$, $x+y$ or $x-y$) that may stand
-still along $d$, the belts carry forces and the motors need voltages that are linear in $a$, $\lambda$
-and the speed. So the most that the limits leave for $a$ is a linear program of two unknowns, and the
-shortest time is that of the greatest acceleration followed by the greatest braking.
+While the motors roll, path and speed determine the forces: along a unit vector $d$ with the
+acceleration $a$, and with the static friction $\lambda$ of the one line ($x$, $y$, $x+y$ or $x-y$)
+that may stand still along $d$, the belts carry forces and the motors need voltages that are linear
+in $a$, $\lambda$ and the speed. So the most that the limits leave for $a$ is a linear program of
+two unknowns, and the shortest time is that of the greatest acceleration followed by the greatest
+braking.
 """
 
 import itertools

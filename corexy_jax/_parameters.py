@@ -51,7 +51,7 @@ class CoreXYParameters(eqx.Module):
     - `P1`, `P2` [N]: tensions of the belts. `g` [m/s²].
 
     **Raises** `ValueError` naming the parameter that is not finite, or not positive, or negative
-    where it is a coefficient of friction, `K_e` or `r_f`; `TypeError` for what is not a number.
+    where it is a coefficient of friction, `K_e` or `r_f`; `TypeError` for a value that is not a number.
 
     Source: Table 1 and Table 2.
     """

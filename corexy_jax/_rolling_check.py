@@ -64,7 +64,7 @@ def check_rolling(
     **Arguments:** `plan`; `parameters` of another machine, e.g. with wrong tensions; `voltage` in place
     of the plan's, e.g. sampled; `rows` at which the deviation is looked at, until a quarter of the plan
     after its end; `integrator` as for `simulate`. **Returns** a `RollingCheck`. **Raises** `TypeError`,
-    `ValueError` for what is not so, and where the run fails.
+    `ValueError` for an argument of another kind, and where the run fails.
     """
     check_type("plan", plan, Feedforward, "a Feedforward")
     p = plan.parameters if parameters is None else the_machine(parameters, "parameters")

@@ -126,7 +126,8 @@ class SmoothedCoreXY(AbstractMechanicalSystem):
 
     **Arguments:** `parameters`, `voltage`; `variant`, one of `VARIANTS` or its number (traced numbers
     select by `lax.switch`); `width` $\varepsilon$ [m/s]; `stribeck_speed` $v_s$ [m/s], by default
-    $\sqrt{0.1\,\varepsilon}$. **Raises** `ValueError` for an unknown variant and what is not positive.
+    $\sqrt{0.1\,\varepsilon}$. **Raises** `ValueError` for an unknown variant and a number that is
+    not positive.
     """
 
     machine: CoreXY

@@ -159,7 +159,7 @@ class CoreXY(AbstractMechanism):
     ) -> CoreXYState:
         """State at time `t` [s], components as in `CoreXYState`; a motor without a speed rolls.
 
-        **Raises** `ValueError`, `TypeError` for what is not finite.
+        **Raises** `ValueError`, `TypeError` for values that are not finite.
         """
         given = {"x": x, "y": y, "vx": vx, "vy": vy, "theta_1": theta_1, "theta_2": theta_2}
         numbers = [as_parameter(check_finite(name, value)) for name, value in given.items()]

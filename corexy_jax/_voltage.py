@@ -60,8 +60,8 @@ class AbstractVoltage(eqx.Module):
     The time axis is cut into pieces at known breaks; within piece number `piece` the voltages are
     smooth, also a little beyond its ends. Event-driven simulation lands on every break.
 
-    **Raises**, in all methods: `TypeError` for what is not a number, `ValueError` for a piece that is
-    not a whole one.
+    **Raises**, in all methods: `TypeError` for a value that is not a number, `ValueError` for a
+    piece that is not a whole one.
     """
 
     has_breaks: ClassVar[bool] = True
@@ -253,7 +253,7 @@ class UserVoltage(AbstractVoltage):
     **Arguments:** `function`; `args`, a pytree of its parameters, which may be differentiated;
     `shortest` [s], the shortest time in which the voltages change by their own size. It bounds
     the steps while the machine rests; not given, a pulse shorter than 1/2500 of the run can be missed.
-    **Raises** `TypeError` for what is not a function, `ValueError` for a time that is not positive.
+    **Raises** `TypeError` unless it is a function, `ValueError` for a time that is not positive.
     """
 
     function: Callable = eqx.field(static=True)

@@ -14,7 +14,7 @@ def find(folder: pathlib.Path | None, group: str, name: str, origin: str) -> pat
     """The file `name` in `folder`, or in its subfolder `group`; without a folder, in that which the
     environment variable `STICKSLIP_DATA` names.
 
-    Errors: `MissingDataError`; `origin` tells where the record can be had.
+    Errors: `MissingDataError`; `origin` says where the record can be had.
     """
     given = folder if folder is not None else os.environ.get(VARIABLE) or None
     if given is None:

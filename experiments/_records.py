@@ -74,7 +74,7 @@ def keep(
 
 
 def _as_written(value: Any) -> Any:
-    """An attribute as the experiment set it: what is not a number or a text is kept as JSON."""
+    """An attribute as the experiment set it: anything but numbers and texts is kept as JSON."""
     if isinstance(value, str) and value[:1] in "[{":
         try:
             return json.loads(value)

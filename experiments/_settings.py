@@ -27,7 +27,7 @@ CUT = (("k3_max", "k3_min", "k3_step"), ("duration", None, "dt"), ("duration", N
 
 
 def parsed(key: str, text: str, like: Any) -> Any:
-    """`text` as a value of the type of `like`. Errors: `ValueError` where it is none."""
+    """`text` as a value of the type of `like`. Errors: `ValueError` if it is not one."""
     kind = type(like)
     try:
         if kind is bool:

@@ -49,7 +49,9 @@ class Block:
     FINE = Number(0.1, "N/m", "exponents farther apart say nothing on the extent of chaos", OURS)
     NEAR_END = Number(0.5, "N/m", "B4: two ends of chaos this near are almost the same", OURS)
     DIFFERENT = Number(0.2, "", "B6: part of the chaos that lies where the other is periodic", OURS)
-    ENOUGH = Number(0.9, "", "part of lanes or exponents that must tell for a statement on all", OURS)
+    ENOUGH = Number(
+        0.9, "", "part of lanes or exponents that must be known for a statement on all", OURS
+    )
     FEWEST = Number(10, "", "lanes or exponents below which nothing is said", OURS)
 
 
@@ -74,12 +76,16 @@ class Beam:
     IRREGULAR = Number(0.9, "", "C4a: part of the lanes that must be more than one line", OURS)
     BORDER = Number(0.05, "", "speeds this near a border of two digits are not judged", OURS)
     REGULAR = Number(0.1, "", "C7: change over a period, against the size, of what is regular", OURS)
-    ENOUGH = Number(0.9, "", "part of the lanes of a range that must tell for a statement on all", OURS)
+    ENOUGH = Number(
+        0.9, "", "part of the lanes of a range that must be known for a statement on all", OURS
+    )
     FEWEST = Number(3, "", "lanes, points or sticks below which nothing is said", OURS)
     FEWEST_SPEEDS = Number(5, "", "C9b: exponents of a range below which it has no slope", OURS)
     PERIODS = Number(5, "", "periods of contact that a record must hold", OURS)
     RESOLUTION = Number(0.0125, "", "C8: coarsest spacing of the lines of a spectrum", OURS)
-    ZERO = Number(0.01, "", "C9a: an exponent below this, with its doubt, is told not positive", OURS)
+    ZERO = Number(
+        0.01, "", "C9a: an exponent below this, with its doubt, is known not to be positive", OURS
+    )
     ERRORS = Number(2.0, "", "C9: standard errors that an exponent or a slope is uncertain by", OURS)
 
 
@@ -123,8 +129,8 @@ class CoreXY:
     JUMP = Number(1.0, "V", "S3.13, S3.15: smallest jump of a voltage", STUDY)
     DIVERGE = Number(100.0, "rad/s", "S2.02, S2.13: speed of what diverges or oscillates", STUDY)
     RESIDUAL = Number(0.01, "", "S2.10: speed against the largest that is residual", STUDY)
-    CONSTANT = Number(0.01, "", "S2.04: range of x against that of y that is none", STUDY)
-    CONSTANT_X = Number(1e-6, "m", "S2.04: range of x that is none", STUDY)
+    CONSTANT = Number(0.01, "", "S2.04: range of x against that of y up to which x is constant", STUDY)
+    CONSTANT_X = Number(1e-6, "m", "S2.04: range of x up to which x is constant", STUDY)
     MILLIMETRES_FROM = Number(0.5e-3, "m", "S2.06: least range of y on the scale of millimetres", STUDY)
     MILLIMETRES_TO = Number(20e-3, "m", "S2.06: greatest such range", STUDY)
     MOVES = Number(0.01, "m", "S3.08: range of what moves", STUDY)

@@ -96,7 +96,7 @@ assert 0.3 < share < 0.7
 # %% [markdown]
 # ## Is it right?
 #
-# Energy tells. Between events the energy of block and pendulum changes by what belt, friction and
+# Energy shows it. Between events the energy of block and pendulum changes by what belt, friction and
 # dampers feed in. Here is the balance, the powers integrated over the outputs (the trapezoidal rule
 # jumps over the events, so do not ask it for more than 1e-3).
 

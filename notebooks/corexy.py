@@ -117,7 +117,7 @@ assert float(mu.mu_1s) > 10.0
 # ## The dead zone is a zonotope
 #
 # The four ground contacts of the carriage are coupled, so the torques under which the machine stays
-# at rest are no rectangle: they are a sum of four segments, an octagon. One dead zone per axis, as the
+# at rest are not a rectangle, but a sum of four segments, an octagon. One dead zone per axis, as the
 # paper has it, is the dotted rectangle in the rotated axes. Through $\tau = K_t v/R$ it is a set of
 # voltages.
 

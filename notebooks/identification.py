@@ -12,7 +12,7 @@
 # # From a raw log to friction with an interval and a verdict
 #
 # A sledge on a spring is pushed by a known force, and an encoder writes down where it is. What is its
-# friction, how far can the number be trusted, and what can these data not tell?
+# friction, how far can the number be trusted, and what can these data not show?
 #
 # `NOTEBOOK_QUICK=1` in the environment makes it short.
 
@@ -149,7 +149,7 @@ assert abs(product - 0.3 * 9.0) < 0.02
 
 # %% [markdown]
 # Three ways out: **weigh the sledge**, and `normal` is a known number, as above; **ask for the
-# product**, one unknown in newtons; or **measure something else** that tells the two apart, such as a
+# product**, one unknown in newtons; or **measure something else** that separates the two, such as a
 # record under a second load. If an unknown is only *practically* not identifiable, there is too little
 # of it in this record: a longer one, a push that moves the sledge faster or turns it more often, or a
 # prior (`Unknown(..., prior=Normal(mean, sd))`) from a measurement of its own.

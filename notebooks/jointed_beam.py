@@ -181,7 +181,7 @@ for v in (SLOW, FAST):
 # $$\Lambda = \frac1t \ln\frac{\Delta(t)}{\Delta(0)}.$$
 #
 # Where no deviation grows exponentially it still may start by growing, and then $\Lambda$ sinks towards
-# zero from above as $1/t$: its last value tells when one stopped.
+# zero from above as $1/t$: its last value depends on when one stopped.
 
 # %%
 system = JointedBeam.constructed(FAST, modes=MODES)

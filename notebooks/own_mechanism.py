@@ -75,7 +75,7 @@ assert abs(float(run.events.t[0]) - 0.5 * 2.0 * 9.81 / (20.0 * 0.4)) < 1e-9
 assert bool(run.successful)
 
 # %% [markdown]
-# The modes tell when each sledge sticks: a word of two bits for each contact, of which `mode_names`
+# The modes say when each sledge sticks: a word of two bits for each contact, of which `mode_names`
 # makes the text.
 
 # %%

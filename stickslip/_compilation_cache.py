@@ -34,7 +34,8 @@ def enable_compilation_cache(
     - `max_bytes`: what was not used for longest is deleted at this call until the rest is smaller.
 
     **Returns** the folder in which the programs lie; `None`, and nothing is kept, if it cannot be made.
-    **Raises** `TypeError` for what is not a path, `ValueError` for a size that is not positive.
+    **Raises** `TypeError` for a folder that is not a path, `ValueError` for a size that is not
+    positive.
     """
     one_static("max_bytes", max_bytes, "positive")
     if directory is None:

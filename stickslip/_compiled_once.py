@@ -28,7 +28,7 @@ def compiled_once(function: Callable[..., PyTree], *operands: PyTree, key: Any =
     A function made anew costs no compiling, and one whose data changed is not mistaken for the old one.
 
     With a `key` a function of an equal one and operands of the same form is taken for the same, and not
-    even traced: for functions that close over nothing that changes but what the key tells.
+    even traced: for functions whose closures change with the key only.
 
     Inside `jit`, `vmap` and `grad` it is called plainly.
     """

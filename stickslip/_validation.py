@@ -18,9 +18,10 @@ Traceback (most recent call last):
 ValueError: n = 7: it must be an even number.
 
 Numbers are Python numbers, NumPy or JAX arrays, or lists of them; every element is looked at. True and
-False are no numbers, nor is what NumPy could only guess at: texts, masked arrays, tables. Values known
-only at run time (tracers under `jit`, `vmap`, `grad`) pass unread: a constructor runs at trace time,
-where they have no number yet. `as_parameter` then makes the float64 array that a module stores.
+False are not numbers, nor is anything NumPy could only guess at: texts, masked arrays, tables.
+Values known only at run time (tracers under `jit`, `vmap`, `grad`) pass unread: a constructor runs
+at trace time, where they have no number yet. `as_parameter` then makes the float64 array that a
+module stores.
 """
 
 import contextlib
@@ -130,7 +131,7 @@ def _could_be_numbers(value: Any) -> bool:
 
 
 def numbers(name: str, value: Any, allowed: str = REAL) -> np.ndarray:
-    """The NumPy array of real numbers that a concrete `value` is; `TypeError` if it is none."""
+    """The NumPy array of real numbers that a concrete `value` is; `TypeError` if it is not one."""
     if isinstance(value, int) and abs(value) >= 2**63:
         raise refusal(name, value, "a float where an integer of 64 bits does not hold it")
     try:
@@ -294,7 +295,7 @@ def check_type(name: str, value: T, expected: Any, allowed: str) -> T:
 
 
 def check_callable(name: str, value: T, call: str, *arguments: Any, **named: Any) -> T:
-    """Something that can be called as `call` shows: with such `arguments`, as far as it tells."""
+    """Something that can be called as `call` shows: with such `arguments`, by its signature."""
     allowed = f"callable as {call}"
     if not callable(value):
         raise refusal(name, value, allowed, TypeError)
@@ -302,7 +303,7 @@ def check_callable(name: str, value: T, call: str, *arguments: Any, **named: Any
         try:
             signature = inspect.signature(value)
         except (TypeError, ValueError):
-            # Some that are built in do not tell; of them, classes such as `dict` compute nothing.
+            # Some built-in ones have no signature; of them, classes such as `dict` compute nothing.
             if isinstance(value, type):
                 raise refusal(name, value, allowed, TypeError) from None
             return value

@@ -23,7 +23,7 @@ def x_is_a_cycle(lanes: Lanes) -> Verdict:
     """Maxima of x within a lane and between lanes."""
     told = lanes.told["x"]
     if not told.any():
-        return None, f"no lane tells{lanes.tail}"
+        return None, f"no lane is known{lanes.tail}"
     x = lanes.points["x"][told]
     within, least = float(lanes.width["x"][told].max()), float(np.nanmin(x))
     apart = float(np.nanmax(x) / least - 1) if least != 0 else np.inf
@@ -37,7 +37,7 @@ def w_grows(lanes: Lanes) -> Verdict:
     """Width of the maxima of w, and their size over the speed."""
     told = lanes.told["w"]
     if told.sum() < Beam.FEWEST:
-        return None, f"{int(told.sum())} lanes tell{lanes.tail}"
+        return None, f"{int(told.sum())} lanes are known{lanes.tail}"
     width, v = lanes.width["w"], lanes.v[told]
     single = width < Beam.SINGLE
     size = np.nanmax(lanes.points["w"][told], axis=1)
@@ -105,9 +105,9 @@ def y_slips(lanes: Lanes) -> Verdict:
 
 
 def _seen(rows: np.ndarray, told: np.ndarray, lanes: Lanes) -> np.ndarray:
-    """Rows that tell; raises `Untold` without one."""
+    """Rows that are known; raises `Untold` without one."""
     if not (rows & told).any():
-        raise Untold(f"no lane tells{lanes.tail}")
+        raise Untold(f"no lane is known{lanes.tail}")
     return rows & told
 
 
@@ -274,9 +274,9 @@ def judge_slow_frequency(dataset: xr.Dataset) -> list[Statement]:
 
 
 def is_positive(value: np.ndarray, error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Whether each exponent is above `Beam.ERRORS` times its error, and whether it tells.
+    """Whether each exponent is above `Beam.ERRORS` times its error, and whether that is known.
 
-    One that is below `Beam.ZERO` with that doubt, or `-inf`, is told not to be positive.
+    One that is below `Beam.ZERO` with that doubt, or `-inf`, is known not to be positive.
     """
     positive = value > Beam.ERRORS * error
     below = (value + Beam.ERRORS * error < Beam.ZERO) | np.isneginf(value)
@@ -295,7 +295,7 @@ def positive_everywhere(value: np.ndarray, error: np.ndarray, more: str = "") ->
         f"above twice its error at {positive.mean():.0%} of the speeds"
     )
     if not told.all():
-        text += f", not told at {(~told).mean():.0%}"
+        text += f", unknown at {(~told).mean():.0%}"
     return everywhere(positive, told), text + more
 
 

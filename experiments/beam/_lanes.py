@@ -23,7 +23,7 @@ def relative_width(points: np.ndarray) -> np.ndarray:
 def everywhere(true: np.ndarray, told: np.ndarray, share: float = 1.0) -> bool | None:
     """Whether it is true in all lanes, or in more than `share` of them; None where that is not told.
 
-    A lane that tells otherwise decides against "all", however few tell.
+    One lane of the other kind decides against "all", however few are known.
     """
     true, told = np.asarray(true, bool), np.asarray(told, bool)
     if share == 1.0 and bool((told & ~true).any()):
@@ -35,9 +35,10 @@ def everywhere(true: np.ndarray, told: np.ndarray, share: float = 1.0) -> bool |
 
 @dataclasses.dataclass
 class Lanes:
-    """One reading's lanes over the belt speed: widths of the maxima, sticks, and what tells of what.
+    """One reading's lanes over the belt speed: widths of the maxima, sticks, and which of them are
+    known.
 
-    Lanes that failed, and for widths those with fewer than `Beam.FEWEST` points, do not tell.
+    Lanes that failed, and for widths those with fewer than `Beam.FEWEST` points, are unknown.
     """
 
     v: np.ndarray
@@ -67,9 +68,9 @@ class Lanes:
 
     @property
     def tail(self) -> str:
-        """How many lanes do not tell of what; empty if all do."""
+        """How many lanes are unknown in which observable; empty if none is."""
         return "".join(
-            f"; {int((~known).sum())} of {self.v.size} lanes do not tell of {name}"
+            f"; {int((~known).sum())} of {self.v.size} lanes say nothing on {name}"
             for name, known in self.told.items()
             if not known.all()
         )

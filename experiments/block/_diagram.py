@@ -68,7 +68,7 @@ def _built(model: str, k3: Any, sign: Any, name: str):
 def lanes_of(model: str, k3: np.ndarray, name: str) -> tuple[Any, dict[str, Any]]:
     """`(**point) -> system` and the grid over k3, one function and one shape for both signs.
 
-    The sign is a coordinate of one value: as an input it is no part of the program.
+    The sign is a coordinate of one value: as an input it is not part of the program.
     """
     if model == "simplified":
         return lambda k3: _built(model, k3, 1.0, name)[0], {"k3": k3}

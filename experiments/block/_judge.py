@@ -74,7 +74,7 @@ def is_chaos(exponent: np.ndarray, spread: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def chaos(dataset: xr.Dataset, model: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """k3 of the exponents, whether each counts as chaos, and whether it tells."""
+    """k3 of the exponents, whether each counts as chaos, and whether that is known."""
     part = dataset.sel(model=model)
     return np.asarray(part.k3_exponent), *is_chaos(part.exponent, part.spread)
 
@@ -88,7 +88,7 @@ def changes(dataset: xr.Dataset, model: str) -> Verdict:
     failed = int((~np.isin(np.asarray(part.status), [*GOOD, STATUS.index("not_settled")])).sum())
     full = int((np.asarray(part.status) == STATUS.index("buffer_full")).sum())
     slow = float(np.asarray(part.slow_transient).mean())
-    text = f"lanes with {kinds.min()} to {kinds.max()} branches" if kinds.size else "no lane tells"
+    text = f"lanes with {kinds.min()} to {kinds.max()} branches" if kinds.size else "no lane is known"
     text += f"; {slow:.0%} of the lanes still approach their attractor; {failed} lanes failed"
     text += f"; {full} of {told.size} have more points than are kept" if full else ""
     # More than two kinds are a fact whatever the others do; that there are no more is not.
@@ -113,14 +113,14 @@ def doubles_earlier(dataset: xr.Dataset, model: str) -> Verdict:
     for name in (SIMPLE, model):
         share = told_lanes(dataset, name).mean()
         if share < Block.ENOUGH:
-            text += f"; only {share:.0%} of the lanes tell ({reading(name)})"
+            text += f"; only {share:.0%} of the lanes are known ({reading(name)})"
     if one is None or other is None or at_edge:
         return None, text
     return other < one, text
 
 
 def _chaos_of_both(dataset: xr.Dataset, model: str):
-    """`chaos` of the simplified and the full model, and the words on exponents that do not tell.
+    """`chaos` of the simplified and the full model, and the words on exponents in doubt.
 
     Raises `Untold` where they are too few or too far apart.
     """
@@ -133,13 +133,13 @@ def _chaos_of_both(dataset: xr.Dataset, model: str):
     both = chaos(dataset, SIMPLE), chaos(dataset, model)
     doubt = [int((~told).sum()) for *_, told in both]
     size = dataset.sizes["k3_exponent"]
-    tail = f"; {doubt[0]} and {doubt[1]} of {size} exponents do not tell" if any(doubt) else ""
+    tail = f"; {doubt[0]} and {doubt[1]} of {size} exponents are in doubt" if any(doubt) else ""
     return *both, doubt, tail
 
 
 @statement("B3", "In the full model the regions of possible chaos are wider.")
 def wider(dataset: xr.Dataset, model: str) -> Verdict:
-    """Extent of chaos in both; open if the exponents that do not tell could turn it."""
+    """Extent of chaos in both; open if the exponents in doubt could turn it."""
     (k3, a, _), (_, b, _), doubt, tail = _chaos_of_both(dataset, model)
     step = float(k3[1] - k3[0])
     text = f"chaos over {a.sum() * step:.2f} N/m (simplified), {b.sum() * step:.2f} N/m (full){tail}"
@@ -151,7 +151,7 @@ def wider(dataset: xr.Dataset, model: str) -> Verdict:
     f"In both models chaos ends at almost the same threshold, about k3 = {Block.END_OF_CHAOS:g}.",
 )
 def ends_alike(dataset: xr.Dataset, model: str) -> Verdict:
-    """Ends of chaos; open if the exponents that do not tell could turn it."""
+    """Ends of chaos; open if the exponents in doubt could turn it."""
     simple, full, _, tail = _chaos_of_both(dataset, model)
     one, other = _ends(*simple), _ends(*full)
     text = f"chaos ends at k3 = {_number(one[0])} (simplified), {_number(other[0])} (full){tail}"
@@ -165,7 +165,7 @@ def ends_alike(dataset: xr.Dataset, model: str) -> Verdict:
     "B5", f"At k3 = {Block.SPECIAL:g} the simplified model is periodic and the full one chaotic."
 )
 def differ_at_special(dataset: xr.Dataset, model: str) -> Verdict:
-    """Largest exponents there; open where one does not tell."""
+    """Largest exponents there; open where one is in doubt."""
     exponents, verdicts = [], []
     for name in (SIMPLE, model):
         value, spread = (float(dataset[a].sel(model=name)) for a in ("exponent", "spread"))
@@ -233,7 +233,7 @@ def _either(at_least: Any, at_most: Any) -> bool | None:
 
 
 def _ends(k3: np.ndarray, wild: np.ndarray, told: np.ndarray) -> np.ndarray:
-    """Where chaos ends, first, and where else it may if what does not tell is chaos; NaN for none."""
+    """Where chaos ends, first, and where else it may if what is in doubt is chaos; NaN for none."""
     end = float(k3[wild].max()) if wild.any() else np.nan
     return np.array([end, *k3[~told & ~(k3 <= end)]])
 

@@ -37,7 +37,7 @@ def chaotic(period: np.ndarray, exponent: np.ndarray) -> np.ndarray:
 
 def doubling(model: Regimes) -> float | None:
     """Least k3 at which the first period has doubled, from there on; None if it begins doubled."""
-    # A lane without a period that is not chaos has not settled: it tells nothing.
+    # A lane without a period that is not chaos has not settled: it says nothing.
     told = (model.period > 0) | model.chaotic
     period, wild, k3 = model.period[told], model.chaotic[told], model.k3[told]
     if period.size < 3 or period[0] <= 0 or period[0] != period[:3].min():
@@ -86,7 +86,7 @@ def variety(model: Regimes) -> float:
 
 
 def first_look(simple: Regimes) -> float:
-    """What the simplified model alone tells: to be ranked by, at most 4."""
+    """Score of the simplified model alone, by which sets are ranked: at most 4."""
     periodic = simple.special_period > 0
     return (
         variety(simple)

@@ -19,7 +19,7 @@ KINDS = (
 
 
 def judge_scenario(number: int, data: xr.Dataset) -> list[Statement]:
-    """Every statement on the scenario, for every way; open where the run does not tell."""
+    """Every statement on the scenario, for every way; open where the run does not show it."""
     found = []
     for way in map(str, data.way.values):
         run = data.sel(way=way)

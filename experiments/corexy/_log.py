@@ -151,7 +151,7 @@ def read_machine(text: str) -> cx.CoreXYParameters:
 
 def write_template(path: pathlib.Path) -> list[pathlib.Path]:
     """A log of the machine of scenario 3, one second of steps at 200 Hz, and its parameters beside it,
-    but for the tensions, which stand there as 30 N and 20 N. Fitted as it is, it tells 20 N and 30 N.
+    but for the tensions, which stand there as 30 N and 20 N. Fitted as it is, it gives 20 N and 30 N.
 
     Gentle steps under which both belts slip at times: with four times the voltage the same fits end in
     minima of their own.

@@ -1,4 +1,4 @@
-"""The voltages that tell most about friction and tensions, against the best of random ones."""
+"""The voltages that show most of friction and tensions, against the best of random ones."""
 
 from typing import Any
 
@@ -161,7 +161,7 @@ def draw(data: xr.Dataset) -> Figure:
         )  # fmt: skip
     bars.set_yscale("log")
     bars.set_xticks(place, [LABELS[str(name)] for name in data.unknown.values])
-    bars.set(ylabel="relative standard error", title="what each input tells")
+    bars.set(ylabel="relative standard error", title="what each input shows")
     first = float(data.D.sel(design=RANDOM))
     told = data.attrs["population"] * np.arange(1, data.history.shape[1] + 1)
     rounds.plot(told, data.history.sel(criterion="D") - first, color=COLOURS[2])
@@ -194,7 +194,7 @@ def judge(data: xr.Dataset) -> list[Statement]:
                   "of the random ones.", bool(np.all(ratio["A"] > 1.0)),
                   f"by factors {ratio['A'].min():.2f} to {ratio['A'].max():.2f}, "
                   f"{np.exp(0.5 * mean):.2f} in the mean"),
-        Statement("I3", "A D-optimal input tells more than quasi-Newton steps with finite differences "
+        Statement("I3", "A D-optimal input shows more than quasi-Newton steps with finite differences "
                   "find with as many inputs.", gain > slopes,
                   f"{gain:.2f} nats more than the best of the random ones against {slopes:.2f}; its "
                   f"standard errors are smaller by factors {ratio['D'].min():.2f} to "
@@ -207,7 +207,7 @@ def judge(data: xr.Dataset) -> list[Statement]:
 
 EXPERIMENT = Experiment(
     name="corexy-input-design",
-    title="CoreXY: the voltages that tell most about friction and tensions",
+    title="CoreXY: the voltages that show most of friction and tensions",
     parameters={
         "duration": 6.0, "rate": 100.0, "candidates": 64, "rounds": 60, "population": 64, "draws": 40,
         "seed": 0, "executor": "auto",

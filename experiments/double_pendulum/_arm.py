@@ -1,4 +1,4 @@
-r"""The double pendulum as a declared mechanism in the parameters that a motion tells, and a problem.
+r"""The double pendulum as a declared mechanism in the parameters that a motion shows, and a problem.
 
 With the links $l_1$ and the motors behind gears known, the motion depends on five inertial parameters
 only: the moments $m_1r_1 + m_2l_1$ and $m_2r_2$, the inertias $I_1 + m_2l_1^2 + I_r(g_r^2 + 1)$ and
@@ -118,7 +118,7 @@ def problem(
     encoders show where the pendulum hangs; each record begins at rest, at its first angles.
 
     The encoders count from where friction held the pendulum. With `gain` the torque of the second motor
-    may be another than its current tells, in units of the first: a motion says nothing on the unit of
+    may differ from that of its current, in units of the first: a motion says nothing on the unit of
     both. With `known` values only the zeros are unknown.
     """
     records = []

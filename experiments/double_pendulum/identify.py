@@ -46,7 +46,7 @@ MODELS = {
     },
 }  # fmt: skip
 FITTED, HELD_OUT = (2, 3, 4), 5  # trajectories
-FIRST = 3.0  # of the record held out, which tells the zeros of its encoders [s]
+FIRST = 3.0  # of the record held out, which shows the zeros of its encoders [s]
 METHOD = LevenbergMarquardt(max_steps=100)
 MULTIPLE = MultipleShooting(20, guess=shot, polish=METHOD)
 INVERSE, SIMULATED = "inverse dynamics", "simulation"
@@ -58,7 +58,7 @@ LAGS = 20
 
 
 def base_of(model: dict[str, float]) -> dict[str, float]:
-    """The parameters that a motion tells, from masses, centres and inertias."""
+    """The parameters that a motion shows, from masses, centres and inertias."""
     return {
         "moment_1": model["m1"] * model["r1"] + model["m2"] * LINK,
         "moment_2": model["m2"] * model["r2"],
@@ -284,7 +284,7 @@ def judge(data: xr.Dataset) -> list[Statement]:
                   and rest[SIMULATED] < rest[BARE],
                   f"zeros in mrad: {zeros}; torques by inverse dynamics {relative[1]:.1f}% off "
                   f"without zeros; angles as fitted {fitted}"),
-        Statement("R4.8", "The second motor gives another torque than its current tells: AIC, BIC, "
+        Statement("R4.8", "The second motor gives another torque than its current says: AIC, BIC, "
                   "prediction.", aic[GAINED] < aic[SIMULATED] and bic[GAINED] < bic[SIMULATED]
                   and rest[GAINED] < rest[SIMULATED],
                   f"gain {gain:.3f}; AIC less by {aic[SIMULATED] - aic[GAINED]:.0f}, prediction "

@@ -88,7 +88,7 @@ def law_of(values: dict[str, Any]) -> AbstractFrictionLaw:
 def motion(
     values: dict[str, Any], record: Record, *, closed: bool, every: int, throw: bool = False
 ) -> tuple[ss.Solution, Stage]:
-    """The run over the record from the state that its first samples tell, shown at every `every`-th
+    """The run over the record from the state given by its first samples, shown at every `every`-th
     sample, and the stage."""
     table = jnp.asarray(record.reference if closed else record.u)
     stage = Stage(

@@ -146,7 +146,7 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
         lambda w: flow_matrix(rig(w + _torque(w) / DRIVE), rig(0.0).steady(w), tau),
         executor="portable",
     )(jnp.asarray(bit))
-    # The angle of the whole string is free: one factor is 1 and tells nothing.
+    # The angle of the whole string is free: one factor is 1 and says nothing.
     growth = np.array([_without_one(m, tau) for m in np.asarray(matrices)])
     aim = RPM * np.linspace(q["v_min"], q["v_max"], q["points"])
     rest = ss.map_lanes(lambda s: settled(s, lambda m: m.state(v_table=s), q["duration"]))

@@ -1,1 +1,1 @@
-"""A free pendulum on its bearing: which friction a decay of the swing tells."""
+"""A free pendulum on its bearing: which friction a decaying swing shows."""

@@ -3,7 +3,7 @@ r"""The pendulum as a declared mechanism, and a problem for each law of its bear
 $$\ddot\varphi = -\omega_0^2\sin\varphi - \kappa\,\dot\varphi - \beta\,|\dot\varphi|\dot\varphi
   - \tau\,\mathrm{Sgn}\,\dot\varphi$$
 
-A free swing tells forces per inertia only: gravity, viscous, dry and quadratic drag.
+A free swing shows forces per inertia only: gravity, viscous, dry and quadratic drag.
 """
 
 from collections.abc import Sequence
@@ -31,7 +31,7 @@ LAWS = {
     "viscous, dry and quadratic": ("viscous", "dry", "quadratic"),
 }
 SIGMA = 2e-3  # of an angle: what the residuals show [rad]
-FIRST = 100  # samples that tell the state at the begin of a segment
+FIRST = 100  # samples that give the state at the begin of a segment
 
 
 class Pendulum(AbstractMechanism):
@@ -64,7 +64,7 @@ class Pendulum(AbstractMechanism):
 
 
 def pendulum(values: dict[str, Any]) -> Pendulum:
-    """The pendulum under values by the names of `TERMS`; what is not there is zero."""
+    """The pendulum under values by the names of `TERMS`; those left out are zero."""
     value = {name: values.get(name, 0.0) for name in TERMS}
     return Pendulum(rubs="dry" in values, **value)
 
@@ -144,7 +144,7 @@ def rest_of(task: Problem, fit: Fit, segments: Sequence[Segment], every: int) ->
 
 
 def predicted(values: dict[str, Any], segment: Segment, every: int) -> np.ndarray:
-    """Angles [rad] at every `every`-th sample, from the state that the first samples tell."""
+    """Angles [rad] at every `every`-th sample, from the state that the first samples give."""
     system = pendulum(values)
     phi, speed = first_state(segment)
     phi = phi - float(system.zero)

@@ -6,7 +6,7 @@ predict
 - the rest of each of these segments, from a fit to their first part;
 - the rest of the segments for validation, which have smaller swings than any other: only their states
   are fitted, to their first part;
-- a whole segment that was left out, from the state that its first tenth of a second tells. Without the
+- a whole segment that was left out, from the state that its first tenth of a second gives. Without the
   first segment, which alone swings beyond a right angle, that is an extrapolation.
 """
 

@@ -13,7 +13,7 @@ ORIGIN = (
     "(MIT licence), with its repository."
 )
 HEADS = ("Time(s)", "Displ(microns)", "Friction", "Normal_stress(MPa)")
-NEAR = 3.0  # so far from the step the displacement tells its time [s]
+NEAR = 3.0  # so far from the step the displacement shows its time [s]
 
 
 class Step(NamedTuple):

@@ -52,7 +52,7 @@ def correlated_covariance(jacobian: np.ndarray, residual: np.ndarray, time: np.n
 
 
 def fits_of(task: Any, parameters: dict[str, Any]) -> list[Fit]:
-    """Fits from the start as it is, and from others `spread` above or below in what the step tells."""
+    """Fits from the start as it is, and from others `spread` above or below in what the step shows."""
     rng = np.random.default_rng(parameters["seed"])
     found = [task.fit(method=METHOD)]
     for _ in range(parameters["starts"] - 1):

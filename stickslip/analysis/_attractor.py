@@ -1,4 +1,4 @@
-"""What a finite sequence of points tells about the attractor: its period, and whether it is reached."""
+"""What a finite sequence of points says about the attractor: its period, and whether it is reached."""
 
 from typing import Any, NamedTuple
 
@@ -86,9 +86,9 @@ def period_of(
     - `too_few_points`: none was found, and there are too few points to exclude `max_period`;
     - `not_finite`: a point or `span` is NaN or infinite;
     - `not_settled`: none was found while the points still approach something, or creep;
-    - `constant`: no observable moves beyond rounding: a rest, or observables that tell nothing;
+    - `constant`: no observable moves beyond rounding: a rest, or observables that show nothing;
     - `zero_on_section`: all that move are zero at every crossing, to a part in 1e9 of their size,
-      as a speed is at the maxima of its position: that they repeat tells nothing;
+      as a speed is at the maxima of its position: that they repeat means nothing;
     - `below_rounding`: an observable is so small a motion about so large a value that `tolerance`
       lies below its rounding.
 
@@ -194,7 +194,7 @@ def _approach(scaled, count, quarter, p, tolerance):
 
     On their way they come closer from quarter to quarter, or go on in one direction all through the
     second half, while a step is small against the motion. A quasi-periodic motion that has not yet
-    gone round creeps too: the record is too short to tell it from an approach.
+    gone round creeps too: the record is too short to distinguish it from an approach.
     """
     room = scaled.shape[0]
     index = jnp.arange(room, dtype=count.dtype)

@@ -31,7 +31,7 @@ def builder_of(system: Any, coords: Mapping[str, Any]) -> Build:
 
 
 def check_labels(labels: Mapping[str, Any], known: Collection[str]) -> None:
-    """Refuse what is no `Variable`, and labels of what the diagram has not."""
+    """Raise for values that are not a `Variable`, and for labels the diagram lacks."""
     for key, label in labels.items():
         check_type(f"labels[{key!r}]", label, Variable, "a Variable")
         if key not in known:

@@ -110,7 +110,7 @@ def orbit_diagram(
       `constant` (a rest); `zero_on_section` (nothing was observed but what is zero there, as a speed
       is at the maxima of its position); `below_rounding`. Points are the same if each observable
       differs by at most `period_tolerance` of its range along the whole motion, over the last quarter
-      of the points. Time is left out, and what is not observed has no say;
+      of the points. Time is left out, and components that are not observed do not count;
     - `slow_transient`: the first points are not yet those of the attractor: drop more time;
     - `flags`: as in `Solution`, of transient and record;
     - `end_...`: the state at the end (`carry_...` if carried);

@@ -87,7 +87,7 @@ def two_trajectory_exponent(
       that any bounded motion comes out as $\Lambda \to 0$ from above as $t$ grows. The last value of
       `running` shows it; `exponent` is then NaN.
 
-    **Returns** a `Separation`, whose `status` says whether the distance stayed where it tells
+    **Returns** a `Separation`, whose `status` says whether the distance stayed where it is meaningful
     something. The size of the motion is the norm of the half ranges of its components, over the ends
     of all segments.
     **Errors** `ValueError`/`TypeError` naming the argument.

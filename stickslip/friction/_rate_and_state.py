@@ -67,7 +67,7 @@ class RateAndState(AbstractFrictionLaw):
     - `v_0`: speed of reference [m/s], positive; a choice, not a property of the contact.
     - `evolution`: `"ageing"` or `"slip"`.
     - `v_rest`: contacts become no older than `d_c/v_rest` [m/s], positive. It bounds the coefficient
-      of steady sliding as the speed vanishes, and tells on nothing else.
+      of steady sliding as the speed vanishes, and matters for nothing else.
 
     ??? cite "Reference"
 

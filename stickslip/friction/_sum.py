@@ -30,7 +30,7 @@ class Sum(AbstractFrictionLaw):
 
     - `laws`: at least one law.
 
-    Errors: `TypeError` for what is not a friction law.
+    Errors: `TypeError` for a term that is not a friction law.
 
     ??? cite "Reference"
 

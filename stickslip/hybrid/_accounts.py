@@ -96,7 +96,7 @@ def accounts(
     `first` is None where no event function interferes, `judged` if no lane is rejected: what cannot
     have changed then is not there.
     """
-    # A lane that has ended waits for the others of its batch: that is no attempt.
+    # A lane that has ended waits for the others of its batch: that is not an attempt.
     attempts = lane.attempts + jnp.where(code == HOLD, 0.0, 1.0)
     finished = accepted(code) & ~is_event(code) if first is not None else accepted(code)
     # After an event at `t1` one more attempt computes the slope in the mode that it led to.

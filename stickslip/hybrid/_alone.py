@@ -97,7 +97,7 @@ def _push_forward(primals, tangents, *, alone, batched, given):
 
 
 def _batch(leaves, axes, *, alone, batched, given):
-    """One lane with a batch of tangents is still one lane, and its values are no batch."""
+    """One lane with a batch of tangents is still one lane, and its values are not a batch."""
     # A batch of the leading leaves is a batch of lanes. A batch of the others alone is `jacfwd`: one
     # lane, many tangents, for which the small program is the right one.
     deciding, decided = given

@@ -76,8 +76,8 @@ class WithBreaks(AbstractSystemWrapper):
     - `times` [s]: a vector that increases; they may be parameters that are differentiated. What the
       system does between two breaks may use its own `time_scale`.
 
-    **Errors** `TypeError` for what is not a hybrid system, `ValueError` for times that do not increase
-    or are not finite.
+    **Errors** `TypeError` unless `system` is a hybrid system, `ValueError` for times that do not
+    increase or are not finite.
     """
 
     system: AbstractHybridSystem

@@ -1,14 +1,14 @@
 r"""Event functions under error control: is a step short enough to know them between its ends?
 
 What the engine believes of an event function $g$ within a step is the cubic $p$ through its values and
-exact rates at both ends. It is compared with $g$ itself at two interior points, where the method tells
+exact rates at both ends. It is compared with $g$ itself at two interior points, where the method gives
 the state to a higher order (`_within.py`). With the largest mismatch $e$ and the room $g$ has (its
 lowest value seen, or its size where it changes sign), the doubt is $3e/\mathrm{room}$: beyond 1, a zero
 could hide between the points, and the step is tried again shorter by the rule that serves the error of
 the state. Where a value is seen beyond zero, or the cubic less its mismatch goes there between the
 points, the step is tried again up to that place.
 
-The two points are no multiples of a common fraction of the step, so that a step of whole periods does
+The two points are not multiples of a common fraction of the step, so that a step of whole periods does
 not see the same phase three times.
 """
 
@@ -109,7 +109,7 @@ class _Looked(NamedTuple):
 def _looked(course: _Course, rounding: Any, section: Any, short: Any) -> _Looked:
     mismatch, size = _mismatch(course, rounding)
     # What is smooth changes by its slope times the length; a jump does not know of the length. Next to
-    # zero the terms of a guard cancel, and what is left of their rounding is no jump.
+    # zero the terms of a guard cancel, and what is left of their rounding is not a jump.
     slopes = jnp.abs(course.rise0) + jnp.abs(course.rise1)
     jumps = mismatch > 2.0 * slopes + 1e-9 * size + NO_JUMP * rounding
     return _Looked(mismatch, _room(course), _beyond(course, mismatch, section, short), jumps)

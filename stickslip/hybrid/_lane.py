@@ -114,7 +114,7 @@ class Plan(eqx.Module):
 
     @property
     def touching(self) -> Any:
-        """Scaled value of a guard that tolerance and rounding do not tell from zero, for derivatives.
+        """Scaled value of a guard that is zero to tolerance and rounding, for derivatives.
 
         A value uncertain by `d` makes the slope of a crossing `sqrt(2 c D)` deep below a bend `c`
         uncertain by `d / (2 D)` of itself, and with it the derivative: 1e-4 at `D = 5000 d`.

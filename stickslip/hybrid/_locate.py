@@ -13,7 +13,7 @@ import jax.numpy as jnp
 # the correction is then applied, so that its square is the location error.
 TOLERANCE = 1e-11
 TOLERANCE_SECTION = 1e-6  # sections are corrected after the run with their exact rate
-LEVEL = 1e-9  # a slope below this part of the other one is none
+LEVEL = 1e-9  # a slope below this part of the other one counts as zero
 # Steep on one side and flat on the other, interpolation may creep; halving now and then bounds it.
 BISECT_EVERY = 8
 

@@ -42,7 +42,7 @@ class Tape(NamedTuple):
 def tape_row(plan: Plan, logs: Logs, before: Lane, outcome: Outcome) -> Tape:
     """The row of an attempt, with places in those `logs` that have cotangents.
 
-    What no attempt changes is left out, and the number of the step, which nobody has counted here.
+    Fields that no attempt changes are left out, and the number of the step, which is not counted here.
     """
     crossed = [
         (None, None) if log is None else (number, fired.astype(jnp.int32))

@@ -74,10 +74,10 @@ class Integrator(eqx.Module, metaclass=CheckedModule):
     """Method, step-size rule and limits.
 
     - `method`: `"dop853"` (default; order 8), `"tsit5"`, `"rk4"`, or any diffrax solver; implicit
-      ones such as `diffrax.Kvaerno5()` for stiff smoothed friction. One's own is a `Tableau` or an
-      `AbstractStepper`.
+      ones such as `diffrax.Kvaerno5()` for stiff smoothed friction. A method of your own is a
+      `Tableau` or an `AbstractStepper`.
     - `step`: `AdaptiveStep(rtol, atol)` (default `rtol` 1e-10 of the motion's size), `FixedStep(h)`, or
-      one's own `AbstractAdaptiveStep`.
+      an `AbstractAdaptiveStep` of your own.
     - `max_steps`: attempts per lane before it ends with `RESULTS.max_steps_reached`.
     - `detect_dips`: look inside steps. One over which an event function may have gone through zero and
       back is divided there; with adaptive steps, one over which an event function is not the cubic

@@ -93,7 +93,7 @@ class Solution(eqx.Module):
 
     @property
     def differentiable(self) -> Bool[Array, "*batch"]:
-        """Whether derivatives of this lane exist as far as the run can tell."""
+        """Whether derivatives of this lane exist as far as the run shows."""
         return self.flags == 0
 
     @property
@@ -135,7 +135,7 @@ def raise_failures(solution: ResultT, successful: Given[bool | np.ndarray | Arra
 def same_mode_sequence(one: Solution, other: Solution) -> Bool[Array, "*batch"]:
     """Whether two runs went through the same events in the same order (by hash and number).
 
-    Errors: `TypeError` for what is no `Solution`, `ValueError` for batches that do not go together.
+    Errors: `TypeError` if one is not a `Solution`, `ValueError` for batches that do not go together.
     """
     check_type("one", one, Solution, "a Solution")
     check_type("other", other, Solution, "a Solution")

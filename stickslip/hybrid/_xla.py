@@ -202,7 +202,7 @@ def current_executor() -> Executor:
 
 @contextlib.contextmanager
 def use_executor(executor: Executor) -> Iterator[None]:
-    """Have every `simulate` traced inside the block use `executor`; `TypeError` for what is none."""
+    """Have every `simulate` traced inside use `executor`; `TypeError` if it is not an `Executor`."""
     check_type("executor", executor, Executor, "an Executor, FUSED or PORTABLE")
     token = _current.set(executor)
     try:

@@ -19,7 +19,7 @@ class AbstractMechanicalSystem(AbstractHybridSystem):
     a motion.
 
     Methods of the reference systems **raise** `TypeError` or `ValueError` naming the argument: for
-    what has not the components of the state, is no number, no mode.
+    states that lack components, values that are not numbers, unknown modes.
     """
 
     @abc.abstractmethod

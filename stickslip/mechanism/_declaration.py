@@ -150,7 +150,7 @@ def abstract(system: Any) -> tuple[list[Any], Any]:
 def traced_with(function: Any, system: Any) -> Any:
     """`function(system)`, which gives no numbers but its structure, with all numbers abstract.
 
-    Kept for the next system of this structure, so `function` has a name and is no lambda.
+    Kept for the next system of this structure, so `function` must have a name: a lambda has none.
     """
     leaves, form = abstract(system)
     key = (function, form, tuple(leaves))
@@ -190,7 +190,7 @@ def coupled(mechanism: Any) -> bytes:
 
 
 def driven(mechanism: Any) -> tuple[str, ...]:
-    """Contacts whose counter surface may move: whatever value a parameter has, it is no constant 0."""
+    """Contacts whose counter surface may move: those whose speed is not the constant 0."""
     names = mechanism.names
     q, v = at_zero(names)
     try:

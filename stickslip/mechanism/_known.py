@@ -1,6 +1,6 @@
 """Numbers that a declaration gives for known operands, without a program of their own.
 
-JAX compiles a program for every operation on arrays that are no part of one. So a declaration is traced
+JAX compiles a program for every operation on arrays outside of one. So a declaration is traced
 once, and the arithmetic of what it traced to is done by NumPy.
 """
 
@@ -25,7 +25,7 @@ _INNER = ("jaxpr", "call_jaxpr")
 
 
 class _Unknown(Exception):
-    """An operation that is none of the arithmetic on numbers."""
+    """An operation other than arithmetic on numbers."""
 
 
 def known(function: Callable, *operands: Any) -> list[Any] | None:

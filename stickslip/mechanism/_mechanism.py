@@ -286,7 +286,7 @@ class AbstractMechanism(AbstractWithObservables):
         return _changes.initial_mode(self, t, y, args)
 
     def check_start(self, t, y, args):
-        """Raise `ValueError` for a contact that pulls at the start, or what is no inertia, no stop."""
+        """Raise `ValueError` for a contact that pulls at the start, and a wrong inertia or stop."""
         names = self.names
         if not all(hasattr(y, name) for name in (*names.kept, *names.velocities)):
             return  # no state of this mechanism, as the run says

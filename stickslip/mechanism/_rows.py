@@ -31,7 +31,7 @@ def row(values: Any) -> Row:
 
 
 def each(function: Callable, *rows: Any) -> Row:
-    """`function` of the numbers at each place; what is not a row is the same at all places."""
+    """`function` of the numbers at each place; anything but a row is the same at all places."""
     sizes = {len(r) for r in rows if isinstance(r, tuple)}
     if not sizes:
         return function(*rows)

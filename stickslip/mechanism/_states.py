@@ -51,7 +51,7 @@ class AbstractWithStates(AbstractMechanicalSystem):
     def state(self, **values: Numeric) -> Any:
         """A state by the names of its components; what is left out is 0.
 
-        **Raises** `TypeError` for a name that is none, `ValueError` for what is not finite.
+        **Raises** `TypeError` for an unknown name, `ValueError` for a value that is not finite.
         """
         names = self.names
         known = (*names.kept, *names.velocities)

@@ -84,7 +84,7 @@ def check_stops(machine: "AbstractMechanism", given: Any) -> list[Stop]:
 
 
 def check_numbers(name: str, stop: Stop) -> None:
-    """Refuse a restitution or a speed of rest that is none, where it is known."""
+    """Raise for a restitution or a speed of rest out of range, where it is known."""
     for what, value, most in (
         ("restitution", stop.restitution, 1.0),
         ("rest_speed", stop.rest_speed, np.inf),
@@ -146,7 +146,7 @@ def stops_at(machine: "AbstractMechanism", t: Any, q: Any, args: Any) -> list[St
 
 
 def slopes_of(machine: "AbstractMechanism") -> np.ndarray:
-    """Slopes of all gaps [stop, coordinate, and time last]; NaN where they are no constants."""
+    """Slopes of all gaps [stop, coordinate, and time last]; NaN where they are not constant."""
     names = machine.names
     if not names.stops:
         return np.zeros((0, len(names.coordinates) + 1))

@@ -29,7 +29,7 @@ class AbstractWithStops(AbstractWithStates):
 
     @property
     def slopes(self) -> np.ndarray:
-        """Slopes of the gaps `[stop, coordinate, and time last]`, NaN where they are no constants."""
+        """Slopes of the gaps `[stop, coordinate, and time last]`, NaN where they are not constant."""
         return slopes_of(cast("AbstractMechanism", self))
 
     def states(self, mode: Whole) -> Any:

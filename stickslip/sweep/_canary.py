@@ -48,7 +48,7 @@ def _cache_file() -> pathlib.Path:
 
 
 def wished_executor() -> str:
-    """`STICKSLIP_EXECUTOR`, by default `"auto"`; `ValueError` for what is not an executor."""
+    """`STICKSLIP_EXECUTOR`, by default `"auto"`; `ValueError` for another word than an executor's."""
     given = os.environ.get("STICKSLIP_EXECUTOR", "")
     wish = given.strip().lower() or "auto"
     if wish not in WISHES:

@@ -32,7 +32,7 @@ class prepared:
     """A lane function of this package that is used more than once, with what was traced of it.
 
     For functions whose surroundings are known not to change in between. A caller's function is traced
-    at every call: it may read what was bound anew or altered since, and nothing would tell.
+    at every call: it may read what was bound anew or altered since, and nothing would show it.
     """
 
     def __init__(self, function: Callable):
@@ -170,7 +170,8 @@ class Evaluate:
     def program(self) -> Identity:
         """Digest of the program of one lane, with every constant that it holds.
 
-        It tells apart what no list of settings could: another formula, another parameter in a closure.
+        It distinguishes what no list of settings could: another formula, another parameter in a
+        closure.
         """
         traced = jax.jit(self.lane).trace(self._shapes())
         return identify(traced, traced.lower())

@@ -41,10 +41,11 @@ VECTOR = 8  # float64 lanes of the widest vector unit of a CPU
 class map_lanes:
     """`jax.vmap` for many lanes: `map_lanes(function)(inputs)` maps over the leading axis.
 
-    A lane is one element of the batch. The lanes are cut into chunks of `chunk_size`, one after the
-    other on each core or device, so that memory does not grow with their number and a chunk's working
-    set stays in the cache. Every `simulate` inside `function` uses the chosen executor. Results do not
-    depend on chunk size, number of cores or executor beyond rounding.
+    A lane is one element of the batch: one run among many, with its own parameters, events and result
+    code. The lanes are cut into chunks of `chunk_size`, one after the other on each core or device, so
+    that memory does not grow with their number and a chunk's working set stays in the cache. Every
+    `simulate` inside `function` uses the chosen executor. Results do not depend on chunk size,
+    number of cores or executor beyond rounding.
 
     **Arguments**
 
@@ -67,8 +68,8 @@ class map_lanes:
     `vmap` or `grad` it maps chunk by chunk with the portable executor.
 
     **Errors** `ValueError` for an unknown executor, here or in `STICKSLIP_EXECUTOR`, a chunk size or
-    number of workers below 1, or inputs whose leading axes differ; `TypeError` for inputs that are no
-    arrays of numbers.
+    number of workers below 1, or inputs whose leading axes differ; `TypeError` for inputs that are
+    not arrays of numbers.
     """
 
     def __init__(

@@ -26,7 +26,7 @@ class Variable:
     - `units`, `long_name`: for axes of pictures and for readers of the file.
     - `attrs`: further attributes, e.g. `flag_values` and `flag_meanings` of a code.
 
-    Errors: `TypeError` for what is not a name, text or mapping.
+    Errors: `TypeError` for anything but a name, text or mapping.
     """
 
     dims: tuple[str, ...] = ()

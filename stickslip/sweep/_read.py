@@ -54,7 +54,7 @@ def open_dataset(path: str | os.PathLike, *, verify: bool = True) -> xr.Dataset:
     `"unfinished: 3 of 8 blocks"`, where the others hold NaN, -1, 0 or `False`; `sweep_verified` is
     `"yes"` or `"no"`.
 
-    **Errors** `TypeError` for what is not a path, `ValueError` if `path` is not a store, or a file in
+    **Errors** `TypeError` if `path` is not a path, `ValueError` if it is not a store, or a file in
     it is not as it was written: the message names the file. `run_sweep` with the same arguments repairs
     most damage.
     """

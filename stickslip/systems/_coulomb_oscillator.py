@@ -35,7 +35,7 @@ class CoulombOscillator(AbstractMechanism):
     - `mass` $m$ [kg] and `stiffness` $k$ [N/m], positive.
     - `static_force` $F_s$ and `kinetic_force` $F_k$ [N], not negative.
     - `belt_speed` $v_b$ [m/s], of either sign; 0 is an oscillator on rough ground. Where it comes to
-      rest there just where friction can hold it, rounding decides, and no flag tells.
+      rest there just where friction can hold it, rounding decides, without a flag.
 
     ??? cite "Reference"
 

@@ -31,11 +31,11 @@ class BlockOnDrivenBeltSetValued(AbstractBlockOnDrivenBelt, AbstractMechanism):
     the modes with an `"open"` contact are never taken. The run ends with
     `RESULTS.no_admissible_mode` where $N$ falls to zero.
 
-    **Signs as printed** are no mechanism: with `belt_reaction="printed"` the drive has a negative
-    inertia for the contact, with `motor_friction="printed"` its friction drives. For these the mode
-    is the first, rest before motion, whose forces lie within their limits and whose accelerations
-    have the sense of its motion; `-1` if there is none; and $N$ may fall below zero. They have no
-    smooth forms by `regularised` and `bristles`: `BlockOnDrivenBelt` has them.
+    **Signs as printed** do not describe a mechanism: with `belt_reaction="printed"` the drive has a
+    negative inertia for the contact, with `motor_friction="printed"` its friction drives. For these
+    the mode is the first, rest before motion, whose forces lie within their limits and whose
+    accelerations have the sense of its motion; `-1` if there is none; and $N$ may fall below zero.
+    They have no smooth forms by `regularised` and `bristles`: `BlockOnDrivenBelt` has them.
 
     `BlockOnDrivenBeltSetValued.constructed(k3=85.0)` is set A (**constructed**) with the set-valued
     limit of its law. Errors as for `BlockOnDrivenBelt`.

@@ -46,7 +46,7 @@ class WithIntegrals(AbstractSystemWrapper):
       its parameters are those being differentiated or batched; an unbound method does.
     - `units`: unit of each integral, by name; added to those of the system.
 
-    **Errors** `TypeError` for what is not a hybrid system or not a function, `ValueError` for an
+    **Errors** `TypeError` if they are not a hybrid system and a function, `ValueError` for an
     integral named like a component of the state.
     """
 
