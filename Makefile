@@ -20,7 +20,7 @@ export PIP_NO_INPUT := 1
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo figures notebooks test test-all bench lint lock clean distclean
+.PHONY: help setup demo figures results notebooks test test-all bench lint lock clean distclean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */  make \1\t/' | expand -t 20
@@ -50,6 +50,9 @@ demo: setup ## the bifurcation diagram of the block on a belt: data and picture
 
 figures: setup ## every figure of the papers at full resolution; resumes where it stopped
 	@$(RUN) -m experiments all
+
+results: setup ## take full runs from results/ into the repository, and write the pages from them
+	@$(RUN) -m experiments record
 
 notebooks: setup ## execute notebooks/*.py into notebooks/*.ipynb
 	@set -e; for source in notebooks/*.py; do \
