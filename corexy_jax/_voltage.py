@@ -253,7 +253,7 @@ class UserVoltage(AbstractVoltage):
     **Arguments:** `function`; `args`, a pytree of its parameters, which may be differentiated;
     `shortest` [s], the shortest time in which the voltages change by their own size. It bounds
     the steps while the machine rests; not given, a pulse shorter than 1/2500 of the run can be missed.
-    **Raises** `TypeError` unless `function` can be called, `ValueError` for a time that is not positive.
+    **Raises** `TypeError` unless `function` is callable, `ValueError` for a time that is not positive.
     """
 
     function: Callable = eqx.field(static=True)

@@ -2,6 +2,7 @@
 
 import pathlib
 import tempfile
+from typing import Any
 
 import jax.numpy as jnp
 import matplotlib
@@ -25,7 +26,7 @@ def motion() -> Figure:
     """Place and velocity of the README's block over time, sticks shaded, events marked."""
     block = CoulombOscillator(1.0, 1.0, 1.0, 0.5, BELT)
     ts = jnp.linspace(0.0, END, 3001)
-    run = ss.simulate(
+    run: Any = ss.simulate(
         block, 0.0, END, Motion(x=0.0, v=BELT), "stick", saveat=ss.SaveAt(ts=ts, events=True)
     )
     shown, events = run.outputs, run.events

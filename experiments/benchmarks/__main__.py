@@ -7,6 +7,8 @@ import time
 # Both cores as devices; read by XLA before the first array.
 os.environ.setdefault("XLA_FLAGS", f"--xla_force_host_platform_device_count={os.cpu_count()}")
 
+from stickslip.sweep import code_revision
+
 from . import beam, chain, corexy, derivatives, diagram, fit, latency, stick_slip
 from ._harness import machine
 from ._records import keep, record, write
@@ -47,6 +49,7 @@ def main(arguments: list[str] | None = None) -> None:
         parser.error("--record: it must be without --quick, which is a first look")
     size = "quick" if options.quick else "full" if options.full else "normal"
     print(machine(), flush=True)
+    revision = code_revision()  # now: what is kept changes the checkout
     for name in options.names or BENCHMARKS:
         print()
         kept, begin, load = [], time.monotonic(), os.getloadavg()[0]
@@ -55,7 +58,8 @@ def main(arguments: list[str] | None = None) -> None:
             print(part, flush=True)
             kept.append(part)
         if options.record:
-            print(f"kept {keep(record(name, size, kept, time.monotonic() - begin, load))}")
+            entry = record(name, size, kept, time.monotonic() - begin, load, revision)
+            print(f"kept {keep(entry)}")
     if options.record:
         print(f"wrote {write(BENCHMARKS)}")
 

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from stickslip.sweep import code_revision, versions
+from stickslip.sweep import versions
 
 from .._output import write_record
 
@@ -27,7 +27,9 @@ candidates that took turns; seconds move with whatever else the machine does, wh
 """
 
 
-def record(name: str, size: str, parts: list[str], seconds: float, load: float) -> dict[str, Any]:
+def record(
+    name: str, size: str, parts: list[str], seconds: float, load: float, revision: str | None
+) -> dict[str, Any]:
     """What is kept of a benchmark: its tables, the machine and the versions."""
     used = versions()
     for peer in PEERS:
@@ -43,7 +45,7 @@ def record(name: str, size: str, parts: list[str], seconds: float, load: float) 
         "cpu_count": os.cpu_count(),
         "load": load,
         "versions": used,
-        "code_revision": code_revision(),
+        "code_revision": revision,
         "date": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
         "seconds": round(seconds, 1),
     }
@@ -71,7 +73,7 @@ def page(benchmarks: Mapping[str, Callable], folder: pathlib.Path = FOLDER) -> s
             f"## {name}\n\n{words}\n\n`python -m experiments.benchmarks {name}{option}`, "
             f"{entry['seconds']:.0f} s on {entry['date'][:10]}: {entry['machine']}, "
             f"{entry['cpu_count']} cores, load {entry['load']:.1f} before; {used}; revision "
-            f"{entry['code_revision'][:10]}.\n\n```text\n{entry['tables']}\n```\n"
+            f"{(entry['code_revision'] or 'unknown')[:10]}.\n\n```text\n{entry['tables']}\n```\n"
         )
     if missing:
         parts.append(f"Not run for this page: {', '.join(missing)}.\n")

@@ -92,7 +92,7 @@ def test_the_page_of_benchmarks_is_that_of_their_records(tmp_path):
     from experiments.benchmarks.__main__ import BENCHMARKS
 
     assert _records.PAGE.read_text(encoding="utf-8") == _records.page(BENCHMARKS)
-    entry = _records.record("chain", "full", ["head", "a row"], 12.0, 0.5)
+    entry = _records.record("chain", "full", ["head", "a row"], 12.0, 0.5, None)
     _records.keep(entry, tmp_path)
     text = _records.page(BENCHMARKS, tmp_path)
     assert "`python -m experiments.benchmarks chain --full`, 12 s on " in text
