@@ -1,7 +1,7 @@
 """Description of a mode-switched (hybrid) system: the one interface every analysis knows."""
 
 import abc
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -92,7 +92,11 @@ class AbstractHybridSystem(eqx.Module):
       `guard`. It must return a mode that is admissible right afterwards; `-1` where there is none
       (the lane then ends with `RESULTS.no_admissible_mode`).
     - `initial_mode(t, y, args) -> mode`: admissible mode of a state; `-1` where there is none.
-    - `mode_names`, `guard_names`, `units` (component name to SI unit) are class attributes.
+    - `mode_names`, `guard_names`, `units` (component name to SI unit) are class attributes. So are, if
+      wanted, `parameter_units` (parameter name to SI unit), which `repr` and sweeps show, and `periods`
+      (component name to period, as `{"theta": 2 * math.pi}`) of components that come back to where they
+      were: the motion is the same at `theta` and at `theta` plus its period. Observables and pictures
+      then give them within half a period of zero, and a motion that goes round can have a period.
 
     A system without events derives from `AbstractSmoothSystem`, one around another system from
     `AbstractSystemWrapper`.
@@ -104,6 +108,8 @@ class AbstractHybridSystem(eqx.Module):
     mode_names: eqx.AbstractClassVar[Sequence[str]]
     guard_names: eqx.AbstractClassVar[tuple[str, ...]]
     units: ClassVar[dict[str, str]] = {}
+    parameter_units: ClassVar[Mapping[str, str]] = {}
+    periods: ClassVar[Mapping[str, float]] = {}
     guard_directions: ClassVar[tuple[str, ...] | None] = None
     guard_scales: ClassVar[Any] = None
 
