@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
+from .._show import AbstractShown
 from .._types import Numeric, Whole
 from .._validation import MOST, check_callable, leaves_of, numbers, refusal, whole_number
 
@@ -22,7 +23,7 @@ def mode_type(system: Any) -> Any:
     return jnp.int64 if len(system.mode_names) > 2**31 else jnp.int32
 
 
-class AbstractHybridSystem(eqx.Module):
+class AbstractHybridSystem(AbstractShown):
     r"""A few smooth vector fields, guards between them, jumps in the mode and the state.
 
     In mode $m$ the state follows $\dot y = f_m(t, y)$ as long as no guard of that mode fires. A guard
@@ -108,7 +109,6 @@ class AbstractHybridSystem(eqx.Module):
     mode_names: eqx.AbstractClassVar[Sequence[str]]
     guard_names: eqx.AbstractClassVar[tuple[str, ...]]
     units: ClassVar[dict[str, str]] = {}
-    parameter_units: ClassVar[Mapping[str, str]] = {}
     periods: ClassVar[Mapping[str, float]] = {}
     guard_directions: ClassVar[tuple[str, ...] | None] = None
     guard_scales: ClassVar[Any] = None

@@ -13,6 +13,7 @@ from .._validation import check_handed_on, is_concrete, refusal
 from ..analysis._observable import as_observable
 from ..hybrid import AbstractHybridSystem, Solution
 from ..hybrid._components import components_of, period_of, unit_of
+from ..hybrid._labelled import per_second, second_of
 from ._sticks import rows_of
 
 OBSERVABLES = "the name of an observable, or a sequence of names"
@@ -128,16 +129,6 @@ def _evaluated(function: Any, axes: int, system: Any, log: tuple, args: PyTree) 
     for _ in range(axes):
         one = jax.vmap(one)
     return one(*log)
-
-
-def second_of(system: Any) -> str:
-    """The unit of time: s, or 1 where the system has no dimensions."""
-    return "1" if getattr(system, "is_dimensionless", False) else "s"
-
-
-def per_second(unit: str | None) -> str | None:
-    """The unit of a slope."""
-    return None if unit is None else {"1": "1/s"}.get(unit, f"{unit}/s")
 
 
 def several(source: Source, observables: Any) -> tuple[dict[Any, Any], bool]:

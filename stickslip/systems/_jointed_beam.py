@@ -66,6 +66,11 @@ def _one_state(owner: Any, name: str, value: Any) -> Any:
 
 _OF_ONE = {**OBSERVABLE, "y": _one_state}
 
+PARAMETER_UNITS = {
+    "m": "kg", "k1": "N/m", "k2": "N/m", "k3": "N/m", "mu_s": "1", "gamma": "s/m", "v": "m/s",
+    "z_A": "m", "damping": "1",
+}  # fmt: skip
+
 
 class JointedBeam(AbstractMechanism):
     r"""Simply supported Euler-Bernoulli beam, jointed by a spring to a mass on a running belt.
@@ -201,6 +206,11 @@ class JointedBeam(AbstractMechanism):
         """As `constructed`, with all equations as the paper prints them (C-E1 to C-E4)."""
         words = dict.fromkeys(("joint", "friction", "shape", "coupling"), "printed")
         return cls.constructed(v, **{**words, **changes})
+
+    @property
+    def parameter_units(self) -> dict[str, str]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Units of the parameters; none where the system is dimensionless."""
+        return {} if self.is_dimensionless else PARAMETER_UNITS
 
     @property
     def units(self) -> dict[str, str]:  # pyright: ignore[reportIncompatibleVariableOverride]
