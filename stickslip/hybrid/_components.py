@@ -6,6 +6,8 @@ from typing import Any
 import jax
 from jaxtyping import PyTree
 
+from .._validation import one_static
+
 
 def components_of(y: PyTree) -> dict[str, Any]:
     """Leaves of a state by the last part of their path, or by all of it where that is not unique.
@@ -29,5 +31,9 @@ def unit_of(system: Any, name: str) -> str | None:
 
 
 def period_of(system: Any, name: str) -> float | None:
-    """The period of a component, if it is an angle or the like."""
-    return getattr(system, "periods", {}).get(name)
+    """The period of a component, if it is an angle or the like.
+
+    Raises `ValueError`, `TypeError` where the system states one that is no positive number.
+    """
+    period = system.periods.get(name)
+    return None if period is None else float(one_static(f"periods[{name!r}]", period, "positive"))
