@@ -1,4 +1,4 @@
-"""Right arguments of the pictures."""
+"""Right arguments of the pictures, and of what makes tables of solutions."""
 
 import jax.numpy as jnp
 import matplotlib
@@ -7,7 +7,7 @@ import xarray as xr
 
 import stickslip as ss
 from stickslip import analysis, plot
-from stickslip.hybrid import StateLog
+from stickslip.hybrid import EventLog, StateLog
 from stickslip.hybrid._solution import Stats
 from stickslip.systems import Motion
 from tests.house._nonsense_engine import OSCILLATOR
@@ -25,6 +25,8 @@ RUN = ss.Solution(
     ROWS[0], ROWS[1], Motion(ROWS[1], ROWS[1]), Motion(ROWS[1], ROWS[1]), ZERO, LOG, None, None, (),
     ss.RESULTS.successful, ZERO, jnp.zeros((), jnp.uint32), Stats(ZERO, ZERO, ZERO),
 )  # fmt: skip
+CODES = jnp.zeros(2, jnp.int32)
+EVENTS = EventLog(LOG.count, ROWS, CODES, CODES, CODES, Motion(ROWS, ROWS), Motion(ROWS, ROWS))
 DIAGRAM = xr.Dataset({"x": (("k", "point"), np.ones((2, 3)))}, {"k": [0.0, 1.0]})
 LEDGER = xr.Dataset(
     {name: ("time", np.zeros(3)) for name in ("energy", "loss_at_events", "imbalance")},
@@ -37,6 +39,12 @@ EXPONENTS = analysis.LyapunovSpectrum(
 AX = arg(None, "none")
 ARGS = arg(None, "handed on")
 TARGETS = [
+    Target(
+        ss.Solution.to_dataset,
+        {"system": arg(OSCILLATOR), "batch": arg(None, "none", "none of them", "mapping")},
+        RUN.to_dataset,
+    ),
+    Target(EventLog.to_dataframe, {"system": arg(OSCILLATOR)}, EVENTS.to_dataframe),
     Target(
         plot.motion,
         {
