@@ -29,7 +29,7 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     begin, rows = parameters["transient"], parameters["frames"] * parameters["rows_per_frame"]
     times = begin + parameters["duration"] * np.arange(rows) / rows
     names = [f"q{i}" for i in range(beam.modes)]
-    parts = {name: (lambda t, y, dy, mode, args, i=i: y.q[i]) for i, name in enumerate(names)}
+    parts = {name: (lambda system, t, y, dy, mode, args, i=i: y.q[i]) for i, name in enumerate(names)}
     seen = time_history(
         beam, beam.start(), times, {"x": "x", "y": "y", "vy": "vy", **parts}, transient=begin,
         integrator=METHOD,

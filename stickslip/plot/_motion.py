@@ -38,8 +38,8 @@ def motion(
     - `solution`: of `simulate` with `SaveAt(ts=...)` or `SaveAt(steps=True)`, and its `system`; or a
       Dataset over `time`, of `time_history` or `solution.to_dataset`.
     - `observables`: a component of the state, `"slope of x"`, a method `(t, y, mode, args)` of the
-      system, a function `(t, y, dy, mode, args)`; or a sequence of them; all components by default. Of
-      a dataset the names of its variables.
+      system, a function `(system, t, y, dy, mode, args)`; or a sequence of them; all components by
+      default. Of a dataset the names of its variables.
     - `contacts`: names of the contacts whose sticks are shaded, all by default; `()` for none. Several
       share the height, the first one at the bottom.
     - `events`: whether events are marked, by a dot on the curve. What a dataset holds has none.

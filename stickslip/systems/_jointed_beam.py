@@ -27,7 +27,7 @@ from .._validation import (
 from ..friction import AbstractFrictionLaw, HyperbolicWeakening
 from ..friction._law import Number, check_law
 from ..mechanism import AbstractMechanism, Contact
-from ._jointed_beam_scales import BeamScales, times_scale
+from ._jointed_beam_scales import PARAMETER_UNITS, BeamScales, times_scale
 from ._printed_weakening import PrintedWeakening
 
 Word: TypeAlias = Given[Literal["consistent", "printed"]]
@@ -65,11 +65,6 @@ def _one_state(owner: Any, name: str, value: Any) -> Any:
 
 
 _OF_ONE = {**OBSERVABLE, "y": _one_state}
-
-PARAMETER_UNITS = {
-    "m": "kg", "k1": "N/m", "k2": "N/m", "k3": "N/m", "mu_s": "1", "gamma": "s/m", "v": "m/s",
-    "z_A": "m", "damping": "1",
-}  # fmt: skip
 
 
 class JointedBeam(AbstractMechanism):

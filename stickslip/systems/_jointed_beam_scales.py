@@ -9,6 +9,12 @@ from .._show import AbstractShown
 from .._validation import as_parameter, check_positive
 from ..friction._law import Number
 
+# Of a jointed beam with dimensions.
+PARAMETER_UNITS = {
+    "m": "kg", "k1": "N/m", "k2": "N/m", "k3": "N/m", "mu_s": "1", "gamma": "s/m", "v": "m/s",
+    "z_A": "m", "damping": "1",
+}  # fmt: skip
+
 
 class BeamScales(AbstractShown):
     r"""What turns dimensional quantities of a beam into dimensionless ones, Eq. (2.9).

@@ -96,7 +96,7 @@ def test_every_number_has_a_unit(cls):
     }
     stated = cls.parameter_units
     if isinstance(stated, property):
-        stated = systems._jointed_beam.PARAMETER_UNITS
+        stated = systems._jointed_beam_scales.PARAMETER_UNITS
     known = set(cls.__dataclass_fields__)
     missing = {name for name in arrays - set(stated) if not name.endswith("exponent")}
     assert missing - {"variant"} == set()

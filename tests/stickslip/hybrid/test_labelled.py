@@ -20,7 +20,7 @@ SPEEDS = jnp.asarray([0.2, 0.3])
 @jax.vmap
 def runs(belt_speed):
     block = CoulombOscillator(1.0, 1.0, 1.0, 0.5, belt_speed)
-    section = ss.Section(lambda t, y, dy, mode, args: y.x - 0.5, "rising")
+    section = ss.Section(lambda system, t, y, dy, mode, args: y.x - 0.5, "rising")
     return ss.simulate(
         block, 0.0, 30.0, Motion(x=0.0, v=belt_speed), sections=section,
         saveat=ss.SaveAt(ts=TIMES), max_events=8, max_crossings=8,
