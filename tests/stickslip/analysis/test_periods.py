@@ -50,8 +50,6 @@ class Unaware(Pendulum):
 STROBE = ss.Section(
     lambda system, t, y, dy, mode, args: jnp.sin(DRIVE * t - 1.0), "rising", name="strobe"
 )
-    lambda system, t, y, dy, mode, args: jnp.sin(DRIVE * t - 1.0), "rising", name="strobe"
-)
 RK4 = ss.Integrator("rk4", ss.FixedStep(TURN / 200))
 TORQUES = np.array([0.3, 0.6, 0.9])  # chaos, and locked to the drive: two turns and three in a period
 
