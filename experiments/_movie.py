@@ -21,7 +21,7 @@ class Movie:
     figure: Figure
     update: Callable[[int], Any]
     frames: int
-    per_second: float
+    per_second: int
 
 
 def write_gif(movie: Movie, path: pathlib.Path) -> pathlib.Path:

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import equinox as eqx
 import jax
 import numpy as np
+from jax.core import Tracer
 
 WIDTH = 104  # characters of a line
 FEW = 6  # numbers that are listed one by one
@@ -25,7 +26,7 @@ def counted(count: int, one: str, many: str | None = None) -> str:
 
 
 def _is_abstract(value: Any) -> bool:
-    return isinstance(value, jax.core.Tracer | jax.ShapeDtypeStruct)
+    return isinstance(value, Tracer | jax.ShapeDtypeStruct)
 
 
 def value_text(value: Any, unit: str | None = None) -> str:
@@ -45,7 +46,8 @@ def value_text(value: Any, unit: str | None = None) -> str:
     if isinstance(value, eqx.Module):
         return repr(value) if type(value).__repr__ is not eqx.Module.__repr__ else described(value)
     if isinstance(value, tuple) and hasattr(value, "_fields"):
-        parts = (f"{name}={value_text(part)}" for name, part in zip(value._fields, value, strict=True))
+        names: Any = getattr(value, "_fields", ())
+        parts = (f"{name}={value_text(part)}" for name, part in zip(names, value, strict=True))
         return f"{type(value).__name__}({', '.join(parts)})"
     if isinstance(value, tuple | list) and len(value) <= FEW:
         inside = ", ".join(value_text(part) for part in value)

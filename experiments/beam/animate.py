@@ -100,7 +100,7 @@ def animate(data: xr.Dataset) -> Movie:
         cursor.set_xdata([time[at], time[at]])
         dot.set_data([time[at]], [vy[at]])
 
-    return Movie(figure, update, frames, float(data.attrs["per_second"]))
+    return Movie(figure, update, frames, int(data.attrs["per_second"]))
 
 
 def draw(data: xr.Dataset) -> Figure:

@@ -75,10 +75,11 @@ def animate(data: xr.Dataset) -> Movie:
         machine.add_patch(patch)
     spokes = [machine.plot([], [], color=DARK, lw=2, zorder=6)[0] for _ in centres]
     for i, (centre, word) in enumerate(zip(centres, ("motor 1", "motor 2"), strict=True)):
-        at = {"textcoords": "offset points", "ha": "center", "color": BELTS[i]}
-        machine.annotate(word, centre, (0, -22), **at)
+        at = (0.0, -22.0)
+        machine.annotate(word, centre, at, textcoords="offset points", ha="center", color=BELTS[i])
     side = 0.10 * wide
-    collar = machine.add_patch(Rectangle((0.0, 0.0), side, 4.4 * gap, color=DARK, zorder=5))
+    collar = Rectangle((0.0, 0.0), side, 4.4 * gap, color=DARK, zorder=5)
+    machine.add_patch(collar)
     title = machine.set_title("", fontsize=10)
     cursors = []
     for k in range(2):
@@ -113,7 +114,7 @@ def animate(data: xr.Dataset) -> Movie:
         words = [f"belt {k + 1} {'slips' if slips[at, k] else 'rolls'}" for k in range(2)]
         title.set_text(f"scenario {data.attrs['scenario']}, t = {time[at]:.2f} s: {', '.join(words)}")
 
-    return Movie(figure, update, frames, float(data.attrs["per_second"]))
+    return Movie(figure, update, frames, int(data.attrs["per_second"]))
 
 
 def draw(data: xr.Dataset) -> Figure:

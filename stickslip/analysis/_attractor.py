@@ -124,7 +124,7 @@ def period_of(
         start = _numbers("start", start)
         if jnp.shape(start) != points.shape[1:]:
             raise misshaped("start", start, f"of the shape {points.shape[1:]}")
-    periods = _periods(periods, points.shape[1])
+    turns = _periods(periods, points.shape[1])
     room = points.shape[0]
     quarter = jnp.maximum(count // 4, 3)
     # Counted from the end: row 0 is the last point.
@@ -137,14 +137,14 @@ def period_of(
     high = jnp.maximum(span[1], jnp.max(latest, axis=0))
     rounding = ROUNDING * jnp.maximum(jnp.abs(low), jnp.abs(high))
     largest = jnp.maximum(jnp.abs(low), jnp.abs(high))
-    for k, period in enumerate(periods):
-        if period is not None:
-            goes_round = high[k] - low[k] >= period
-            cut = _widest_gap(latest[:, k], period)
-            inside = jnp.mod(latest[:, k] - cut, period) + cut
+    for k, turn in enumerate(turns):
+        if turn is not None:
+            goes_round = high[k] - low[k] >= turn
+            cut = _widest_gap(latest[:, k], turn)
+            inside = jnp.mod(latest[:, k] - cut, turn) + cut
             latest = latest.at[:, k].set(jnp.where(goes_round, inside, latest[:, k]))
             low = low.at[k].set(jnp.where(goes_round, cut, low[k]))
-            high = high.at[k].set(jnp.where(goes_round, cut + period, high[k]))
+            high = high.at[k].set(jnp.where(goes_round, cut + turn, high[k]))
     size = high - low
     if start is not None:
         largest = jnp.maximum(largest, jnp.where(jnp.isfinite(start), jnp.abs(start), 0.0))
@@ -160,9 +160,9 @@ def period_of(
         return enough & repeats, *_approach(scaled, count, quarter, p, tolerance)
 
     # All at once in one piece of program: unrolled it took a second to compile.
-    periods = jnp.arange(1, max(min(max_period, room // 2), 1) + 1, dtype=count.dtype)
-    repeats, shrunk, still = jax.vmap(look)(periods)
-    period = jnp.where(jnp.any(repeats), periods[jnp.argmax(repeats)], 0)
+    tried = jnp.arange(1, max(min(max_period, room // 2), 1) + 1, dtype=count.dtype)
+    repeats, shrunk, still = jax.vmap(look)(tried)
+    period = jnp.where(jnp.any(repeats), tried[jnp.argmax(repeats)], 0)
     slow = jnp.any(shrunk)
     creeps = jnp.any(still) | _draws_together(scaled, count)
     found = period > 0

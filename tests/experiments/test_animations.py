@@ -20,7 +20,7 @@ def _closed():
 def test_a_gif(tmp_path):
     figure, axis = plt.subplots(figsize=(1.0, 1.0))
     (dot,) = axis.plot([0.0, 1.0], [0.0, 1.0], "o")
-    movie = Movie(figure, lambda i: dot.set_data([0.2 * i], [0.5]), 4, 10.0)
+    movie = Movie(figure, lambda i: dot.set_data([0.2 * i], [0.5]), 4, 10)
     path = write_gif(movie, tmp_path / "dot.gif")
     with Image.open(path) as picture:
         assert (picture.format, picture.n_frames, picture.info["duration"]) == ("GIF", 4, 100)
