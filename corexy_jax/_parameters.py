@@ -1,11 +1,11 @@
 """Parameters of the machine, Table 1 of the paper."""
 
-from typing import Any
+from typing import Any, ClassVar
 
-import equinox as eqx
 from jaxtyping import Array, Float
 
 from stickslip.checks import Numeric, as_parameter, check_nonnegative, check_positive, refusal
+from stickslip.show import AbstractShown
 
 _POSITIVE = ("m", "M", "J", "J_passive", "r", "R", "K_t", "P1", "P2", "g")
 
@@ -30,7 +30,7 @@ TABLE_1 = {
 }
 
 
-class CoreXYParameters(eqx.Module):
+class CoreXYParameters(AbstractShown):
     r"""Everything that describes one CoreXY machine; immutable, in SI units.
 
     Defaults are Table 1, and for the tensions and the static belt friction, which Table 1 leaves to
@@ -74,6 +74,13 @@ class CoreXYParameters(eqx.Module):
     P2: Float[Array, "..."]
     g: Float[Array, "..."]
     r_f: Float[Array, "..."]
+
+    parameter_units: ClassVar = {
+        "m": "kg", "M": "kg", "J": "kg m2", "J_passive": "kg m2", "r": "m", "R": "ohm",
+        "K_t": "N m/A", "K_e": "V s/rad", "mu_s": "1", "mu_k": "1", "mu_1s_b": "1",
+        "mu_2s_b": "1", "mu_1k_b": "1", "mu_2k_b": "1", "P1": "N", "P2": "N", "g": "m/s2",
+        "r_f": "m",
+    }  # fmt: skip
 
     def __init__(self, *, r_f: Numeric | None = None, **values: Numeric):
         unknown = sorted(set(values) - set(TABLE_1))

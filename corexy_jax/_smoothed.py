@@ -135,6 +135,8 @@ class SmoothedCoreXY(AbstractMechanicalSystem):
     width: Float[Array, "..."]
     stribeck_speed: Float[Array, "..."]
 
+    parameter_units: ClassVar = {"width": "m/s", "stribeck_speed": "m/s"}
+
     mode_names: ClassVar = ("smooth",)
     guard_names: ClassVar = ("input jumps",)
     units: ClassVar = STATE_UNITS

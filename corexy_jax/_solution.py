@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from stickslip import RESULTS
+from stickslip.checks import is_concrete
 from stickslip.hybrid import EventLog
 
 from ._parameters import CoreXYParameters
@@ -64,6 +65,19 @@ class CoreXYSolution(eqx.Module):
     flags: Int[Array, "*batch"]
     result: Any
     method: str = eqx.field(static=True)
+
+    def __repr__(self) -> str:
+        if not is_concrete(self):
+            return f"CoreXYSolution(traced, of shape {self.t.shape})"
+        if self.t.ndim > 1:
+            return f"CoreXYSolution: {self.method}, runs of shape {self.t.shape[:-1]}: {self.result}"
+        seen = "" if self.events is None else f", {int(self.events.count):,} events"
+        flags = "none" if int(self.flags) == 0 else f"{int(self.flags)}"
+        span = f"t = {float(self.t[0]):g} to {float(jnp.nanmax(self.t)):g} s"
+        return (
+            f"CoreXYSolution: {self.method}, {span} in {self.t.size:,} rows{seen}; {self.result}; "
+            f"derivative flags: {flags}"
+        )
 
     @property
     def successful(self) -> Bool[Array, "*batch"]:

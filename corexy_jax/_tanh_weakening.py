@@ -22,6 +22,8 @@ class TanhWeakening(AbstractDryFrictionLaw):
     mu_k: Float[Array, "..."]
     v_s: Float[Array, "..."]
 
+    parameter_units: ClassVar = {"mu_s": "1", "mu_k": "1", "v_s": "m/s"}
+
     set_valued: ClassVar[bool] = True
     is_odd: ClassVar[bool] = True
     is_dissipative: ClassVar[bool] = True

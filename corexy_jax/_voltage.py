@@ -31,6 +31,7 @@ from stickslip.checks import (
     refusal,
 )
 from stickslip.fastmath import sin_cos, where
+from stickslip.show import AbstractShown
 
 NEVER = 1e300  # time of a break that does not come [s]
 
@@ -54,7 +55,7 @@ _LOOKS: dict[str, dict[str, Look]] = {
 }
 
 
-class AbstractVoltage(eqx.Module):
+class AbstractVoltage(AbstractShown):
     """Input $(v_1, v_2)$ [V] of the two motors.
 
     The time axis is cut into pieces at known breaks; within piece number `piece` the voltages are
@@ -108,6 +109,8 @@ class Harmonic(AbstractVoltage):
     v02: Float[Array, "..."]
     frequency: Float[Array, "..."]
 
+    parameter_units: ClassVar = {"v01": "V", "v02": "V", "frequency": "Hz"}
+
     has_breaks: ClassVar[bool] = False
 
     def __init__(self, v01: Numeric, v02: Numeric, frequency: Numeric = 0.5):
@@ -144,6 +147,8 @@ class SquareWave(AbstractVoltage):
     v02: Float[Array, "..."]
     frequency: Float[Array, "..."]
 
+    parameter_units: ClassVar = {"v01": "V", "v02": "V", "frequency": "Hz"}
+
     def __init__(self, v01: Numeric, v02: Numeric, frequency: Numeric = 0.5):
         self.v01 = as_parameter(check_finite("v01", v01))
         self.v02 = as_parameter(check_finite("v02", v02))
@@ -168,6 +173,8 @@ class AbstractTable(AbstractVoltage):
     times: Float[Array, " row"]
     v1: Float[Array, " row"]
     v2: Float[Array, " row"]
+
+    parameter_units: ClassVar = {"times": "s", "v1": "V", "v2": "V"}
 
     def __init__(self, times: Row, v1: Row, v2: Row):
         self.times = as_parameter(check_increasing("times", one_row("times", times, least=2)))
@@ -233,6 +240,8 @@ class Ramps(AbstractTable):
 
     slope_1: Float[Array, " row"]
     slope_2: Float[Array, " row"]
+
+    parameter_units: ClassVar = {**AbstractTable.parameter_units, "slope_1": "V/s", "slope_2": "V/s"}
 
     def __init__(self, times: Row, v1: Row, v2: Row, slope_1: Row, slope_2: Row):
         super().__init__(times, v1, v2)

@@ -12,6 +12,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from . import _settings
+from ._movie import Movie
 from ._statement import Statement as Statement
 
 GROUPS = (
@@ -38,6 +39,7 @@ class Experiment:
     - `compute(parameters, context) -> Dataset`; `draw(dataset) -> Figure`;
       `judge(dataset) -> list of Statement`: each reads nothing but its arguments, so that a picture
       can be drawn again from the file.
+    - `animate(dataset) -> Movie`: frames of a GIF beside the picture.
     - `measured`: what runs in its place on a file of the user's, named by `--data`; `template` writes
       such a file to a path, and returns what it wrote.
     """
@@ -49,6 +51,7 @@ class Experiment:
     compute: Callable[[dict[str, Any], Context], xr.Dataset]
     draw: Callable[[xr.Dataset], Figure]
     judge: Callable[[xr.Dataset], list[Statement]] = lambda dataset: []
+    animate: Callable[[xr.Dataset], Movie] | None = None
     measured: "Experiment | None" = None
     template: Callable[[pathlib.Path], list[pathlib.Path]] | None = None
 

@@ -17,6 +17,7 @@ import xarray as xr
 from stickslip.sweep import as_json, code_revision, versions
 
 from ._experiment import Context, Experiment, chosen
+from ._movie import write_gif
 
 STYLE: dict[Any, Any] = {
     "font.size": 9,
@@ -116,7 +117,7 @@ def summary(dataset: xr.Dataset) -> dict[str, Any]:
 
 
 def draw(experiment: Experiment, dataset: xr.Dataset, out: pathlib.Path) -> list[pathlib.Path]:
-    """The picture as PNG and SVG."""
+    """The picture as PNG and SVG; as GIF too, where there is an animation."""
     paths = [out / f"{experiment.name}.{kind}" for kind in ("png", "svg")]
     with matplotlib.rc_context(STYLE):
         figure = experiment.draw(dataset)
@@ -128,6 +129,10 @@ def draw(experiment: Experiment, dataset: xr.Dataset, out: pathlib.Path) -> list
             figure.savefig(temporary, format=kind, metadata=metadata)
             os.replace(temporary, path)
         plt.close(figure)
+        if experiment.animate is not None:
+            movie = experiment.animate(dataset)
+            paths.append(write_gif(movie, out / f"{experiment.name}.gif"))
+            plt.close(movie.figure)
     return paths
 
 

@@ -29,6 +29,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import stickslip as ss
+from stickslip import plot
 from stickslip.analysis import orbit_diagram
 from stickslip.systems import BlockOnBelt, BlockOnBeltSetValued, BlockState
 
@@ -64,27 +65,17 @@ def motion(system):
 
 run = motion(block)
 print(run)
-events = run.events
-for i in range(6):
-    before, after = (block.mode_names[int(m[i])] for m in (events.mode_before, events.mode_after))
-    print(f"t = {float(events.t[i]):.9f} s: {before} -> {after}")
+print(run.events.to_dataframe(block)[["t", "mode_before", "mode_after"]].head(6))
 
 # %%
+above, below = plot.motion(run, block, ["x", "vx"], events=False)
+section = run.crossings[0]
+above.plot(section.t, section.y.x, "r.", label="section: acceleration falls through 0")
+above.legend(loc="lower right")
+below.axhline(float(block.V_b), color="0.5", linewidth=0.8)
+
 y, mode = run.outputs.y, np.asarray(run.outputs.mode)
 stick = mode == block.mode_names.index("stick")
-figure, (above, below) = plt.subplots(2, 1, sharex=True, figsize=(9, 5), layout="constrained")
-above.plot(grid, y.x)
-above.plot(
-    run.crossings[0].t, run.crossings[0].y.x, "r.", label="section: acceleration falls through 0"
-)
-above.set_ylabel("x [m]")
-above.legend(loc="lower right")
-below.plot(grid, y.vx)
-below.axhline(float(block.V_b), color="0.5", linewidth=0.8)
-below.fill_between(grid, -0.6, 0.2, where=stick, color="0.9", label="stick")
-below.set(xlabel="t [s]", ylabel="velocity [m/s]")
-below.legend(loc="lower right")
-
 late = grid > 2.0
 share = stick[late].mean()
 print(f"the block sticks {share:.0%} of the time")
@@ -146,11 +137,10 @@ def show(data, title):
     figure, (cloud, steps) = plt.subplots(
         2, 1, sharex=True, figsize=(9, 5), height_ratios=(3, 1), layout="constrained"
     )
-    x = np.asarray(data.x)
-    cloud.plot(np.broadcast_to(np.asarray(data.k3)[:, None], x.shape), x, "k.", markersize=1)
-    cloud.set(ylabel="x [m]", title=title)
-    steps.plot(data.k3, data.period, ".", markersize=3)
-    steps.set(xlabel="k3 [N/m]", ylabel="period (0: none, -1: not told)")
+    plot.orbit_diagram(data, "x", ax=cloud, color="k", markersize=1)
+    cloud.set(xlabel=None, title=title)
+    plot.orbit_diagram(data, "period", ax=steps, markersize=3)
+    steps.set(ylabel="period (0: none, -1: not told)")
     return figure
 
 

@@ -25,6 +25,7 @@ import numpy as np
 import pandas as pd
 
 import stickslip as ss
+from stickslip import plot
 from stickslip.friction import Coulomb
 from stickslip.identification import Observed, Problem, Record, Unknown, profile, report
 from stickslip.mechanism import AbstractMechanism, Contact
@@ -155,10 +156,5 @@ assert abs(product - 0.3 * 9.0) < 0.02
 # prior (`Unknown(..., prior=Normal(mean, sd))`) from a measurement of its own.
 
 # %%
-simulated = problem.simulate({name: float(v) for name, v in fit.values.items()})
-figure, axes = plt.subplots(figsize=(8, 3), layout="constrained")
-axes.plot(log["time"], 1e3 * log["position"], ".", markersize=3, label="log")
-axes.plot(simulated.times, 1e3 * np.asarray(simulated.observed["position"]), lw=1, label="fit")
-axes.set(xlabel="time [s]", ylabel="position [mm]")
-axes.legend()
+plot.fit(fit, problem)
 plt.show()

@@ -28,6 +28,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import stickslip as ss
+from stickslip import plot
 from stickslip.analysis import (
     amplitude_spectrum,
     energy_ledger,
@@ -66,14 +67,12 @@ assert np.all(motion.vy.values[stuck] == SLOW)
 assert motion.time.units == motion.y.units == "1"
 
 figure, axes = plt.subplots(1, 3, figsize=(11, 3.2), layout="constrained")
-early = t < 8.0
-axes[0].plot(t[early], motion.vy[early])
-axes[0].set(xlabel="time", ylabel=r"$\dot y$", title="stick at the top, slip below")
 late = t >= DROPPED
-axes[1].plot(motion.y[late], motion.vy[late], linewidth=0.4)
-axes[1].set(xlabel="$y$", ylabel=r"$\dot y$", title="phase plane of the mass")
-axes[2].plot(motion.w[late], motion.w_rate[late], linewidth=0.4)
-axes[2].set(xlabel="$w(z_A)$", ylabel=r"$\dot w(z_A)$", title="phase plane of the beam")
+plot.motion(motion.sel(time=slice(0.0, 8.0)), beam, "vy", ax=axes[0])
+axes[0].set_title("grey: stick")
+settled = motion.isel(time=late)
+plot.phase_plane(settled, x="y", y="vy", ax=axes[1], linewidth=0.4).set_title("the mass")
+plot.phase_plane(settled, x="w", y="w_rate", ax=axes[2], linewidth=0.4).set_title("the beam")
 
 # %% [markdown]
 # The stick begins once a bounce. The bounce has a closed form, half a swing on both springs and
@@ -117,6 +116,7 @@ assert float(abs(ledger.imbalance).max()) < 1e-6 * float(ledger.work_belt[-1])
 assert float(motion.friction_power.max()) <= 0.0
 assert np.all(motion.friction_power.values[stuck] == 0.0)
 
+plot.energy_account(ledger)
 figure, (left, right) = plt.subplots(1, 2, figsize=(11, 3.2), layout="constrained")
 left.plot(t[late][:400], motion.friction_power[late][:400])
 left.set(xlabel="time", title="$W_f$, friction: regular")
@@ -160,9 +160,7 @@ def exponents(v):
 
 for v in (SLOW, FAST):
     found = exponents(v)
-    print(f"v = {v:g}")
-    for value, error in zip(found.exponents, found.error, strict=True):
-        print(f"  {float(value):+.5f} ± {float(error):.5f}")
+    print(f"v = {v:g}: {found}")
     values, errors = np.asarray(found.exponents), np.asarray(found.error)
     assert np.isneginf(values[-1])
     finite = np.isfinite(values)

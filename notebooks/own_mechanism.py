@@ -27,6 +27,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import stickslip as ss
+from stickslip import plot
 from stickslip.friction import LuGre, Stribeck
 from stickslip.mechanism import AbstractMechanism, Contact
 
@@ -67,8 +68,7 @@ grid = np.linspace(0.0, END, 2001)
 start = sledges.state()
 run = ss.simulate(sledges, 0.0, END, start, saveat=ss.SaveAt(ts=jnp.asarray(grid)))
 print(run)
-for t, mode in zip(run.events.t[:5], run.events.mode_after[:5], strict=True):
-    print(f"{t:.6f} s: {sledges.mode_names[mode]}")
+print(run.events.to_dataframe(sledges)[["t", "mode_after"]].head())
 
 # The front one lets go when its rope pulls with the friction that it bears at rest.
 assert abs(float(run.events.t[0]) - 0.5 * 2.0 * 9.81 / (20.0 * 0.4)) < 1e-9
@@ -82,16 +82,9 @@ assert bool(run.successful)
 names = [sledges.mode_names[m].split(" / ") for m in run.outputs.mode]
 sticks = np.array([[word == "stick" for word in words] for words in names])
 figure, axes = plt.subplots(2, 1, sharex=True, figsize=(9, 5), layout="constrained")
-for axis, rate, stick, name in zip(
-    axes, (run.outputs.y.v_x, run.outputs.y.v_y), sticks.T, ("front", "rear"), strict=True
-):
-    axis.fill_between(
-        grid, 0, 1, where=stick, transform=axis.get_xaxis_transform(), color="0.85", label="stick"
-    )
-    axis.plot(grid, rate)
-    axis.set_ylabel(f"{name} [m/s]")
-axes[0].legend(loc="upper right")
-axes[1].set_xlabel("t [s]")
+for axis, rate, name in zip(axes, ("v_x", "v_y"), ("front", "rear"), strict=True):
+    plot.motion(run, sledges, rate, contacts=name, events=False, ax=axis).legend(loc="upper right")
+axes[0].set_xlabel(None)
 assert np.abs(np.asarray(run.outputs.y.v_x)[sticks[:, 0]]).max() < 1e-12
 
 # %% [markdown]

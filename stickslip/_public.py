@@ -19,8 +19,10 @@ PACKAGES = (
     "stickslip.sweep",
     "stickslip.analysis",
     "stickslip.identification",
+    "stickslip.plot",
     "stickslip.checks",
     "stickslip.fastmath",
+    "stickslip.show",
     "corexy_jax",
 )
 

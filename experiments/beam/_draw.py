@@ -5,6 +5,8 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
+from stickslip import plot
+
 from ..block._draw import caption
 
 COLOURS = {"consistent": "#1f4e9c", "as printed": "#c0392b", "found by search": "#2e7d32"}
@@ -24,13 +26,10 @@ def draw_diagrams(dataset: xr.Dataset) -> Figure:
     for column, variant in enumerate(dataset.variant.values):
         part = dataset.sel(variant=variant)
         for row, name in enumerate(names):
-            values = np.asarray(part[name].transpose("v", "point"))
-            v = np.broadcast_to(np.asarray(part.v)[:, None], values.shape)
-            shown = np.isfinite(values)
-            axes[row, column].plot(
-                v[shown], values[shown], ".", color=COLOURS[variant], markersize=0.8,
-                markeredgewidth=0, rasterized=True,
-            )  # fmt: skip
+            plot.orbit_diagram(
+                part, name, ax=axes[row, column], color=COLOURS[variant], markersize=0.8, alpha=1.0
+            )
+            axes[row, column].set(xlabel=None, ylabel=None)
             axes[row, 0].set_ylabel(LABELS[name])
         axes[0, column].set_title(variant)
         axes[-1, column].set_xlabel("belt speed $v$")
@@ -49,10 +48,8 @@ def draw_phases(dataset: xr.Dataset) -> Figure:
         part = dataset.sel(variant=variant)
         for column, (a, b) in enumerate(pairs):
             axis = axes[row, column]
-            for chosen, colour in ((slice(None), "0.8"), (late, COLOURS[variant])):
-                axis.plot(
-                    part[a][chosen], part[b][chosen], color=colour, linewidth=0.3, rasterized=True
-                )
+            for chosen, colour in ((part, "0.8"), (part.isel(time=late), COLOURS[variant])):
+                plot.phase_plane(chosen, x=a, y=b, ax=axis, color=colour, lw=0.3, rasterized=True)
             axis.locator_params(nbins=5)
             axis.ticklabel_format(scilimits=(-2, 3))
             axis.set_xlabel(LABELS[a])
@@ -121,18 +118,10 @@ def draw_exponents(dataset: xr.Dataset) -> Figure:
     )
     for column, variant in enumerate(dataset.variant.values):
         part, colour = dataset.sel(variant=variant), COLOURS[variant]
-        values = np.asarray(part.exponents.transpose("v", "exponent"))
-        shown = np.where(np.isfinite(values), values, np.nan)
-        error = np.asarray(part.error.transpose("v", "exponent"))
-        axis = axes[0, column]
-        for i in range(values.shape[1]):
-            axis.errorbar(
-                part.v, shown[:, i], error[:, i], fmt=".", markersize=1.5, linewidth=0.4, color=colour
-            )
+        axis = plot.exponents(part, ax=axes[0, column], color=colour, markersize=1.5)
+        axis.set(xlabel=None, ylabel=None, title=variant)
         axes[1, column].plot(part.v, part.letter, color=colour, linewidth=0.8)
-        for row in range(2):
-            axes[row, column].axhline(0.0, color="0.6", linewidth=0.6)
-        axis.set_title(variant)
+        axes[1, column].axhline(0.0, color="0.6", linewidth=0.6)
         axes[1, column].set_xlabel("belt speed $v$")
     axes[0, 0].set_ylabel("finite exponents of $y$ and the beam")
     axes[1, 0].set_ylabel("last value of (2.25)")

@@ -7,25 +7,13 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
+from stickslip import plot
+
 COLOURS = {
     "simplified": "#1f4e9c",
     "full, sign as printed": "#c0392b",
     "full, consistent sign": "#b7791f",
 }
-
-
-def _cloud(axis, part: xr.Dataset, colour: str) -> None:
-    x = np.asarray(part.x.transpose("k3", "point"))
-    k3 = np.broadcast_to(np.asarray(part.k3)[:, None], x.shape)
-    shown = np.isfinite(x)
-    count = int(shown.sum())
-    # The denser the cloud, the smaller the point; below half a pixel it would fade.
-    size = float(np.clip(3.0e4 / max(count, 1), 0.4, 4.0))
-    alpha = 0.6 if count > 2e5 else 0.8
-    axis.plot(
-        k3[shown], x[shown], ".", color=colour, markersize=size, markeredgewidth=0, alpha=alpha,
-        rasterized=True,
-    )  # fmt: skip
 
 
 def _words(part: xr.Dataset) -> str:
@@ -48,7 +36,8 @@ def draw_diagrams(dataset: xr.Dataset) -> Figure:
         for j, name in enumerate(names):
             part = dataset.sel(model=model, protocol=name)
             axis = axes[row, j]
-            _cloud(axis, part, COLOURS[model])
+            plot.orbit_diagram(part, "x", ax=axis, color=COLOURS[model])
+            axis.set(xlabel=None, ylabel=None)
             kind = "the paper's protocol" if name == "paper" else "converged"
             axis.set_title(f"{model}: {kind}, {_words(part)}", fontsize=9)
             axis.set_xlim(float(dataset.k3[0]), float(dataset.k3[-1]))
@@ -81,7 +70,9 @@ def draw_overlay(dataset: xr.Dataset) -> Figure:
     for i, model in enumerate(others):
         for j, name in enumerate(names):
             for which, colour in (("simplified", "#1f4e9c"), (model, "#c0392b")):
-                _cloud(axes[i, j], dataset.sel(model=which, protocol=name), colour)
+                part = dataset.sel(model=which, protocol=name)
+                plot.orbit_diagram(part, "x", ax=axes[i, j], color=colour)
+            axes[i, j].set(xlabel=None, ylabel=None)
             words = _words(dataset.sel(protocol=name))
             axes[i, j].set_title(f"simplified (blue) and {model} (red), {words}", fontsize=9)
             axes[i, j].set_xlim(float(dataset.k3[0]), float(dataset.k3[-1]))

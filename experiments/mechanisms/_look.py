@@ -12,7 +12,6 @@ from stickslip.mechanism import AbstractMechanism
 from .._experiment import Statement
 
 FAST = ss.Integrator("tsit5", ss.AdaptiveStep(1e-8, 1e-9), max_steps=1_000_000)
-BAND = "0.8"
 
 
 def flow_matrix(machine: AbstractMechanism, y: Any, duration: float, steps: int = 100) -> jax.Array:
@@ -42,13 +41,6 @@ def rates_of(matrix: np.ndarray, duration: Any) -> np.ndarray:
     """
     factors = np.abs(np.linalg.eigvals(np.asarray(matrix)))
     return -np.sort(-np.log(factors), axis=-1) / np.asarray(duration)
-
-
-def shade(axis: Any, time: np.ndarray, sticks: np.ndarray, **options: Any) -> None:
-    """Grey bands where a contact sticks."""
-    axis.fill_between(
-        time, 0, 1, where=sticks, transform=axis.get_xaxis_transform(), color=BAND, lw=0, **options
-    )
 
 
 def verdict(id: str, claim: str, difference: float, allowed: float, text: str) -> Statement:

@@ -30,13 +30,18 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 import stickslip as ss
+from stickslip import plot
 from stickslip.analysis import energy_ledger
 from stickslip.friction import AbstractFrictionLaw, Coulomb
 from stickslip.mechanism import AbstractMechanism, Contact
 
 from .._experiment import Context, Experiment, Statement
+<<<<<<< HEAD
 from .._thresholds import Machines
 from ._look import FAST, flow_matrix, rates_of, shade, verdict
+=======
+from ._look import FAST, flow_matrix, rates_of, verdict
+>>>>>>> show
 
 MASS, PAD = 1.0, 1.0  # [kg], stiffness of the disc [N/m]
 ALONG, ACROSS, TOWARDS = 1.6, 0.4, 1.2  # k_xx, k_xy and k_yy [N/m]
@@ -172,11 +177,8 @@ def draw(dataset: xr.Dataset) -> Figure:
         axes[name].axvline(critical(), color="0.5", lw=0.8, ls=":")
     x, _, y, mode = np.asarray(dataset.motion)
     time = np.asarray(dataset.time)
-    shade(axes["motion"], time, mode == 1, label="stick")
-    axes["motion"].fill_between(
-        time, 0, 1, where=mode == 3, transform=axes["motion"].get_xaxis_transform(),
-        color="#f5d0cc", lw=0, label="open",
-    )  # fmt: skip
+    plot.shade(time, mode == 1, label="stick", ax=axes["motion"])
+    plot.shade(time, mode == 3, label="open", color="#f5d0cc", ax=axes["motion"])
     axes["motion"].plot(time, x, color="#1f4e9c", lw=0.8, label="$x$ [m]")
     axes["motion"].plot(time, y, color="#3d7a4b", lw=0.8, label="$y$ [m]")
     axes["motion"].set(xlabel="$t$ [s]", title=rf"$\mu$ = {1.2 * critical():.3g}")

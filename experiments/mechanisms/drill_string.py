@@ -31,12 +31,17 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 import stickslip as ss
+from stickslip import plot
 from stickslip.friction import AbstractFrictionLaw, Stribeck
 from stickslip.mechanism import AbstractMechanism, Contact
 
 from .._experiment import Context, Experiment, Statement
+<<<<<<< HEAD
 from .._thresholds import Machines
 from ._look import FAST, flow_matrix, shade, verdict
+=======
+from ._look import FAST, flow_matrix, verdict
+>>>>>>> show
 
 RPM = 2.0 * np.pi / 60.0
 INERTIA, BIT = 2000.0, 400.0  # [kg m²]
@@ -209,7 +214,7 @@ def draw(dataset: xr.Dataset) -> Figure:
     figure, axes = plt.subplot_mosaic([["motion", "motion"], ["growth", "range"]], figsize=(10.5, 6.4))
     table, bit, stick = np.asarray(dataset.motion) / np.array([[RPM], [RPM], [1.0]])
     time = np.asarray(dataset.time)
-    shade(axes["motion"], time, stick > 0.5, label="bit sticks")
+    plot.shade(time, stick > 0.5, label="bit sticks", ax=axes["motion"])
     axes["motion"].plot(time, table, color="#b7791f", label="table")
     axes["motion"].plot(time, bit, color="#1f4e9c", label="bit")
     axes["motion"].set(xlabel="$t$ [s]", ylabel="speed [1/min]", title="aiming at 40 1/min, from rest")

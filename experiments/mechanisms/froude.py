@@ -24,12 +24,17 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 import stickslip as ss
+from stickslip import plot
 from stickslip.friction import AbstractFrictionLaw, Stribeck
 from stickslip.mechanism import AbstractMechanism, Contact
 
 from .._experiment import Context, Experiment, Statement
+<<<<<<< HEAD
 from .._thresholds import Machines
 from ._look import FAST, flow_matrix, rates_of, shade, verdict
+=======
+from ._look import FAST, flow_matrix, rates_of, verdict
+>>>>>>> show
 
 
 class FroudePendulum(AbstractMechanism):
@@ -166,7 +171,7 @@ def draw(dataset: xr.Dataset) -> Figure:
     for axis, r in zip((small, large), dataset.shown.values, strict=True):
         angle, rate, stick = np.asarray(dataset.motion.sel(shown=r))
         time = np.asarray(dataset.time)
-        shade(axis, time, stick > 0.5, label="stick")
+        plot.shade(time, stick > 0.5, label="stick", ax=axis)
         axis.plot(time, rate, color="#1f4e9c", label=r"$\dot\varphi$ [rad/s]")
         axis.plot(time, angle, color="#b7791f", label=r"$\varphi$ [rad]")
         axis.axhline(1.0, color="0.4", lw=0.6, ls="--")

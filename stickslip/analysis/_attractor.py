@@ -1,5 +1,6 @@
 """What a finite sequence of points says about the attractor: its period, and whether it is reached."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -7,7 +8,17 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from .._types import Given, Numeric, Whole
-from .._validation import MOST, check_count, is_concrete, misshaped, numbers, one_number, whole_number
+from .._validation import (
+    MOST,
+    check_count,
+    is_concrete,
+    misshaped,
+    numbers,
+    one_number,
+    one_static,
+    refusal,
+    whole_number,
+)
 
 # What `period` means, by number in `period_status`. Only "repeats" and "none" are measurements.
 PERIOD_STATUS = (
@@ -57,6 +68,7 @@ def period_of(
     tolerance: Numeric,
     max_period: int,
     start: Given[Float[Array, " observable"]] | None = None,
+    periods: Given[Sequence[float | None] | None] = None,
 ) -> Verdict:
     r"""Period of a sequence of points, or the reason why it cannot be told.
 
@@ -69,6 +81,9 @@ def period_of(
       counted in.
     - `start`: value of each observable before the transient: a motion smaller than the rounding of
       where it came from is a rest.
+
+    - `periods`: of each observable its own period, as of an angle, or None; whole turns then count as
+      no difference, where the motion goes round.
 
     The period is the smallest $p$ for which the last points repeat: over the last quarter of the
     points, at least over $p$ and over 3 of them, and the round before, each point differs by at most
@@ -109,6 +124,7 @@ def period_of(
         start = _numbers("start", start)
         if jnp.shape(start) != points.shape[1:]:
             raise misshaped("start", start, f"of the shape {points.shape[1:]}")
+    turns = _periods(periods, points.shape[1])
     room = points.shape[0]
     quarter = jnp.maximum(count // 4, 3)
     # Counted from the end: row 0 is the last point.
@@ -119,12 +135,21 @@ def period_of(
     latest = jnp.where(valid[:, None], latest, latest[:1])
     low = jnp.minimum(span[0], jnp.min(latest, axis=0))
     high = jnp.maximum(span[1], jnp.max(latest, axis=0))
-    size = high - low
+    rounding = ROUNDING * jnp.maximum(jnp.abs(low), jnp.abs(high))
     largest = jnp.maximum(jnp.abs(low), jnp.abs(high))
+    for k, turn in enumerate(turns):
+        if turn is not None:
+            goes_round = high[k] - low[k] >= turn
+            cut = _widest_gap(latest[:, k], turn)
+            inside = jnp.mod(latest[:, k] - cut, turn) + cut
+            latest = latest.at[:, k].set(jnp.where(goes_round, inside, latest[:, k]))
+            low = low.at[k].set(jnp.where(goes_round, cut, low[k]))
+            high = high.at[k].set(jnp.where(goes_round, cut + turn, high[k]))
+    size = high - low
     if start is not None:
         largest = jnp.maximum(largest, jnp.where(jnp.isfinite(start), jnp.abs(start), 0.0))
     moves = size > ROUNDING * largest
-    resolved = tolerance * size >= ROUNDING * jnp.maximum(jnp.abs(low), jnp.abs(high))
+    resolved = tolerance * size >= rounding
     # What does not move repeats anyhow.
     scaled = (latest - low[None, :]) / jnp.where(moves, size, jnp.inf)[None, :]
     tells = moves & (jnp.max(jnp.abs(latest), axis=0) > VANISHES * size)
@@ -135,9 +160,9 @@ def period_of(
         return enough & repeats, *_approach(scaled, count, quarter, p, tolerance)
 
     # All at once in one piece of program: unrolled it took a second to compile.
-    periods = jnp.arange(1, max(min(max_period, room // 2), 1) + 1, dtype=count.dtype)
-    repeats, shrunk, still = jax.vmap(look)(periods)
-    period = jnp.where(jnp.any(repeats), periods[jnp.argmax(repeats)], 0)
+    tried = jnp.arange(1, max(min(max_period, room // 2), 1) + 1, dtype=count.dtype)
+    repeats, shrunk, still = jax.vmap(look)(tried)
+    period = jnp.where(jnp.any(repeats), tried[jnp.argmax(repeats)], 0)
     slow = jnp.any(shrunk)
     creeps = jnp.any(still) | _draws_together(scaled, count)
     found = period > 0
@@ -156,6 +181,28 @@ def period_of(
     told = status <= PERIOD_STATUS.index("none")
     period = jnp.where(told, period, CANNOT_TELL)
     return Verdict(period.astype(jnp.int32), status.astype(jnp.int32), slow & finite)
+
+
+def _periods(periods: Any, count: int) -> tuple[float | None, ...]:
+    """A period or None for each observable."""
+    if periods is None:
+        return (None,) * count
+    if not isinstance(periods, tuple | list):
+        raise refusal("periods", periods, "a sequence of positive numbers or None, or None", TypeError)
+    if len(periods) != count:
+        raise misshaped("periods", tuple(periods), f"{count} of them, one for each observable")
+    return tuple(
+        None if p is None else float(one_static(f"periods[{i}]", p, "positive"))
+        for i, p in enumerate(periods)
+    )
+
+
+def _widest_gap(values: Any, period: float) -> Any:
+    """Where on the circle none of the values is near: there it is cut open."""
+    found = jnp.sort(jnp.mod(values, period))
+    gaps = jnp.append(found[1:], found[0] + period) - found
+    at = jnp.argmax(gaps)
+    return found[at] + 0.5 * gaps[at]
 
 
 def _columns(name: str, values: Any) -> Any:

@@ -38,6 +38,28 @@ def check_labels(labels: Mapping[str, Any], known: Collection[str]) -> None:
             raise refusal(f"labels[{key!r}]", label, f"a label of one of {', '.join(known)}")
 
 
+def labelled_parameters(
+    system: Any, coords: Collection[str], labels: Mapping[str, Any]
+) -> dict[str, Variable]:
+    """Labels of the grid: those given, else the units that the system states of its parameters.
+
+    What a function makes of a point is its own business, and has no unit that is known here.
+    """
+    found = {}
+    for key in coords:
+        given, unit = labels.get(key), None
+        if isinstance(system, AbstractHybridSystem):
+            *parts, name = key.split("__")
+            holder: Any = system
+            for part in parts:
+                holder = getattr(holder, part)
+            unit = getattr(holder, "parameter_units", {}).get(name)
+        if given is not None or unit is not None:
+            given = Variable() if given is None else given
+            found[key] = Variable(given.dims, given.units or unit, given.long_name, given.attrs)
+    return found
+
+
 SWEEP = ("store", "chunk", "resume", "progress", "executor", "workers")
 
 

@@ -8,8 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
 
+from .._show import counted, html_table, number
 from .._types import Numeric, Whole
-from .._validation import check_count, refusal
+from .._validation import check_count, is_concrete, refusal
 
 # Below this part of the longest image a direction counts as lost: it lies in the span of the others
 # to rounding.
@@ -50,6 +51,27 @@ class LyapunovSpectrum(eqx.Module):
     flags: Whole | None = None
     status: Whole | None = None
 
+    def __str__(self) -> str:
+        """Each exponent with its error; of a batch, how many there are and the greatest ones."""
+        if not is_concrete(self):
+            return f"LyapunovSpectrum(traced, of shape {self.exponents.shape})"
+        values, errors = np.asarray(self.exponents), np.asarray(self.error)
+        if values.ndim > 1:
+            return f"LyapunovSpectrum: {_of_batch(values[..., 0])}, {values.shape[-1]} exponents each"
+        head = (
+            f"LyapunovSpectrum of {counted(self.time.size, 'segment')}, to {number(self.time[-1])} s:"
+        )
+        return "\n".join([head, *(f"  {a} {b}" for a, b in _exponents(self, values, errors))])
+
+    __repr__ = __str__
+
+    def _repr_html_(self) -> str:
+        if not is_concrete(self) or self.exponents.ndim > 1:
+            return html_table(str(self), (), ())
+        values, errors = np.asarray(self.exponents), np.asarray(self.error)
+        head = str(self).partition(":")[0]
+        return html_table(head, ("exponent", ""), _exponents(self, values, errors))
+
     @property
     def words(self) -> Any:
         """`status` in words, as a NumPy array of texts."""
@@ -84,6 +106,23 @@ class LyapunovSpectrum(eqx.Module):
         part = jnp.where(inside, before / jnp.where(inside, jnp.abs(after), 1.0), 0.0)
         unknown = jnp.any(jnp.isnan(self.exponents), axis=-1)
         return jnp.where(unknown, jnp.nan, j.astype(jnp.float64) + part)
+
+
+def _exponents(spectrum: LyapunovSpectrum, values: Any, errors: Any) -> list[tuple[str, str]]:
+    """Each exponent of a spectrum in text, and what it is where it is no number."""
+    words = ["ok"] * values.size if spectrum.status is None else spectrum.words
+    return [
+        (f"{value:+.6g} +- {error:.2g}", "1/s") if np.isfinite(value) else (f"{value}", f"({word})")
+        for value, error, word in zip(values, errors, words, strict=True)
+    ]
+
+
+def _of_batch(greatest: Any) -> str:
+    finite = greatest[np.isfinite(greatest)]
+    span = (
+        f" from {number(finite.min())} to {number(finite.max())} 1/s" if finite.size else " not finite"
+    )
+    return f"{counted(greatest.size, 'spectrum', 'spectra')}, the greatest exponent{span}"
 
 
 def first_frame(size: int, count: int) -> Float[Array, "size count"]:

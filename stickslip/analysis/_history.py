@@ -21,7 +21,7 @@ from ._arguments import (
     start_of,
     times_of,
 )
-from ._observable import Maximum, Minimum, as_observable, as_section
+from ._observable import Angle, Maximum, Minimum, as_observable, as_section
 
 MOST_NAMES = 1024  # of more modes only those are named that occur
 
@@ -50,7 +50,8 @@ def time_history(
       transient`; `t` [s] increases.
     - `observables`: names of scalar components of the state, `"slope of x"`, `"t"`, methods
       `(t, y, mode, args)` of the system; or a mapping from names to those or to functions
-      `(system, t, y, dy, mode, args)`.
+      `(system, t, y, dy, mode, args)`. A component with a period is given within half of it on both
+      sides of zero.
     - `sections`: mapping from names to a `Section` (any scalar, direction in words), `Maximum("x")` or
       `Minimum("x")` of an observable. Crossings before `t[0]` are left out.
     - `labels`: units of observables by name, where the system does not know them.
@@ -86,6 +87,9 @@ def time_history(
     values, mode, points = jax.tree.map(np.asarray, data)
     units = {k: labels.get(k, unit) for k, (_, unit) in found.items()}
     attrs = {k: {"units": u} if u else {} for k, u in units.items()}
+    for k, (function, _) in found.items():
+        if isinstance(function, Angle):
+            attrs[k]["period"] = function.period
     second = _second(system)
     variables: dict[str, Any] = {k: ("time", v, attrs[k]) for k, v in values.items()}
     variables["mode"] = ("time", mode, {})

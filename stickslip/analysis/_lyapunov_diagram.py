@@ -12,7 +12,7 @@ from .._validation import check_count, check_mapping, one_number, refusal
 from ..hybrid import AbstractHybridSystem
 from ..sweep import Variable, run_sweep
 from ..sweep._grid import check_grid
-from ._builder import builder_of, check_labels, check_options
+from ._builder import builder_of, check_labels, check_options, labelled_parameters
 from ._growth import EXPONENT_STATUS
 from ._lyapunov import lyapunov_spectrum
 from ._orbit_lane import STATUS, engine_status
@@ -88,6 +88,7 @@ def lyapunov_diagram(
     row = ("exponent",)
     variables = {
         **labels,
+        **labelled_parameters(system, coords, labels),
         "exponents": Variable(row, per_time, "Lyapunov exponents, greatest first"),
         "error": Variable(row, per_time, "error of the exponents"),
         "lost": Variable(row, "1", "segments in which the direction was lost"),

@@ -12,6 +12,7 @@ from jaxtyping import PyTree
 from .._checked import CheckedModule
 from .._validation import check_callable, check_text, refusal, shown
 from ..hybrid import AbstractHybridSystem, Section
+from ..hybrid._components import period_of
 
 CALL = "f(system, t, y, dy, mode, args)"
 Observable = Callable[[AbstractHybridSystem, Any, PyTree, PyTree, Any, PyTree], Any]
@@ -69,6 +70,23 @@ class Component:
 
 
 @dataclasses.dataclass(frozen=True)
+class Angle:
+    """A component with a period, within half of it on both sides of zero; `whole` is not folded."""
+
+    whole: Component
+    period: float
+
+    def __call__(self, system, t, y, dy, mode, args):
+        value = self.whole(system, t, y, dy, mode, args)
+        return value - self.period * jnp.floor(value / self.period + 0.5)
+
+
+def whole_of(observable: "Observable") -> "Observable":
+    """The observable as it is, without a fold where it goes round."""
+    return observable.whole if isinstance(observable, Angle) else observable
+
+
+@dataclasses.dataclass(frozen=True)
 class Method:
     """A method `(t, y, mode, args)` of the system."""
 
@@ -96,7 +114,8 @@ def as_observable(
 ) -> tuple[Observable, str | None]:
     """Function `(system, t, y, dy, mode, args)` of an observable, and its unit if that is known.
 
-    - `"x"`: a component of the state; `"t"`: time; `"slope of x"`: its time derivative.
+    - `"x"`: a component of the state, within half of its period on both sides of zero if it has one;
+      `"t"`: time; `"slope of x"`: its time derivative.
     - the name of a method `(t, y, mode, args)` of the system, such as `"normal_force"`.
     - a function `(system, t, y, dy, mode, args)`, as a `Section` takes it.
     """
@@ -110,6 +129,9 @@ def as_observable(
         unit = system.units.get(name)
         if name in components:
             slope = name != what
+            period = None if slope else period_of(system, name)
+            if period is not None:
+                return Angle(Component(name, False), period), unit
             return Component(name, slope), f"{unit}/s" if unit and slope else unit
         if name == what and callable(getattr(type(system), name, None)) and name[:1] != "_":
             return Method(name), None
@@ -133,7 +155,8 @@ def as_section(section: Any, system: AbstractHybridSystem, y0: PyTree) -> Sectio
         what = section.observable
         value, _ = as_observable("section.observable", what, system, y0)
         label = what if isinstance(what, str) else "observable"
-        return Section(RateOf(value), section.direction, name=f"{section.word} of {label}")
+        rate, name = RateOf(whole_of(value)), f"{section.word} of {label}"
+        return Section(rate, section.direction, name=name)
     raise refusal("section", section, "a Section, a Maximum or a Minimum", TypeError)
 
 

@@ -28,8 +28,8 @@ from ..sweep._evaluate import lanes_of, prepared
 from ..sweep._grid import block_shape, check_grid
 from ._arguments import an_integrator, named_observables, start_of
 from ._attractor import PERIOD_STATUS
-from ._builder import builder_of, check_labels, check_options
-from ._observable import Maximum, Minimum, as_observable, as_section
+from ._builder import builder_of, check_labels, check_options, labelled_parameters
+from ._observable import Angle, Maximum, Minimum, as_observable, as_section, whole_of
 from ._orbit_lane import STATUS, Numbers, OrbitPlan, halved, run_lane
 
 CARRIED = ("upwards", "downwards")
@@ -79,7 +79,8 @@ def orbit_diagram(
     - `section`: a `Section` (direction in words), or `Maximum("x")`, `Minimum("x")` of an observable.
     - `observables`: name or sequence of names: a component of the state, `"slope of x"`, `"t"`, a
       method `(t, y, mode, args)` of the system; or a mapping from names to those or to functions
-      `(system, t, y, dy, mode, args)`.
+      `(system, t, y, dy, mode, args)`. A component with a period is given within half of it on both
+      sides of zero, and a motion that goes round has a period if it comes back but for whole turns.
     - `transient`: time dropped [s]; `duration`: time recorded [s]; `points`: stop after so many.
     - `max_points`: room per lane without `points`; a lane with more is marked `buffer_full`.
     - `domain`: observables that must not fall below zero; a lane in which one does ends there.
@@ -91,7 +92,8 @@ def orbit_diagram(
     - `period_tolerance`, `max_period`: see `period` below.
     - `check`: so many lanes, evenly spaced, are computed again at half the step (`FixedStep`) or a
       32nd of the tolerances, for an error estimate. 0 leaves it out.
-    - `labels`: `Variable`s with units and names of parameters and observables.
+    - `labels`: `Variable`s with units and names of parameters and observables; by default a parameter
+      has the unit that the system states.
     - `integrator`, `args`, `mode0`, `t0`: as for `simulate`.
     - `settings`, `attrs`, `name` and `store`, `chunk`, `resume`, `progress`, `executor`, `workers`: as
       for `run_sweep`.
@@ -140,7 +142,7 @@ def orbit_diagram(
     if isinstance(domain, str) or callable(domain):
         domain = (domain,)
     check_type("domain", domain, tuple | list, "an observable or a sequence of observables")
-    borders = tuple(as_observable("domain", what, first, y0)[0] for what in domain)
+    borders = tuple(whole_of(as_observable("domain", what, first, y0)[0]) for what in domain)
     transient = float(one_concrete("transient", transient, "not negative"))
     duration = float(one_concrete("duration", duration, "positive"))
     period_tolerance = float(one_concrete("period_tolerance", period_tolerance, "positive"))
@@ -183,7 +185,7 @@ def orbit_diagram(
         "integrator": integrator,
         **check_mapping("settings", settings),
     }
-    variables = _labels(plan, found, coords, labels, first)
+    variables = _labels(plan, found, coords, labels, system)
     # Numbers enter as inputs, so that other times and steps do not make another program.
     numbers, static = _numbers(integrator, t0, transient, duration)
 
@@ -230,14 +232,15 @@ def _check_state(y0, shape):
     return jax.tree.map(lambda a: convert(np.asarray(a, np.float64)), y0), shapes == {shape}
 
 
-def _labels(plan: OrbitPlan, found, coords, labels, first) -> dict[str, Variable]:
+def _labels(plan: OrbitPlan, found, coords, labels, given_units) -> dict[str, Variable]:
     labels = check_mapping("labels", labels)
     check_labels(labels, [*coords, *found])
-    variables = {key: labels[key] for key in coords if key in labels}
-    for key, (_, unit) in found.items():
+    variables = labelled_parameters(given_units, coords, labels)
+    for key, (function, unit) in found.items():
         given = labels.get(key, Variable())
+        more = {"period": function.period} if isinstance(function, Angle) else {}
         variables[key] = Variable(
-            ("point",), given.units or unit, given.long_name or key, dict(given.attrs)
+            ("point",), given.units or unit, given.long_name or key, {**more, **given.attrs}
         )
     variables["count"] = Variable(long_name="number of points")
     variables["status"] = Variable(

@@ -11,7 +11,7 @@ from jaxtyping import PyTree
 
 from ..hybrid import RESULTS, Integrator, SaveAt, Section, simulate
 from ._attractor import CANNOT_TELL, PERIOD_STATUS, period_of
-from ._observable import Observable
+from ._observable import Angle, Observable, whole_of
 
 # What became of a lane. New words go to the end: stored numbers keep their meaning.
 STATUS = (
@@ -116,14 +116,22 @@ def run_lane(
     count = jnp.where(going, rows.count, 0).astype(jnp.int32)
     # Time never repeats: it has no say in the period unless it is all there is.
     judged = [name for name in points if name != "t"] or list(points)
-    functions = [plan.observables[name] for name in judged]
+    found = [plan.observables[name] for name in judged]
+    # Of what goes round, whole turns are left out by the judge, which knows how far the motion goes.
+    functions = [whole_of(f) for f in found]
+    turns = tuple(f.period if isinstance(f, Angle) else None for f in found)
+    seen = [
+        values(whole, rows) if isinstance(f, Angle) else points[name]
+        for name, f, whole in zip(judged, found, functions, strict=True)
+    ]
     slope0 = system.vector_field(start, y0, first_mode, args)
     verdict = period_of(
-        jnp.stack([points[name] for name in judged], axis=1),
+        jnp.stack(seen, axis=1),
         count,
         _span(jnp.stack([values(f, looks) for f in functions], axis=1), looks.count),
         tolerance=plan.period_tolerance,
         max_period=plan.max_period,
+        periods=turns if any(turns) else None,
         start=jnp.stack(
             [
                 jnp.asarray(f(system, start, y0, slope0, first_mode, args), jnp.float64)

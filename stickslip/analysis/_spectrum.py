@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._show import counted, number
 from .._types import Given, NamedNumbers, Numeric, Row
 from .._validation import (
     check_count,
@@ -15,6 +16,7 @@ from .._validation import (
     check_in,
     check_mapping,
     check_type,
+    is_concrete,
     misshaped,
     one_number,
     refusal,
@@ -33,6 +35,18 @@ class Spectrum(eqx.Module):
     frequency: Float[Array, " bin"]
     amplitude: Float[Array, "*batch bin"]
     window: str = eqx.field(static=True)
+
+    def __repr__(self) -> str:
+        if not is_concrete(self):
+            return f"Spectrum(traced, of shape {self.amplitude.shape})"
+        amplitude, frequency = np.asarray(self.amplitude), np.asarray(self.frequency)
+        many = f"{counted(amplitude[..., 0].size, 'signal')}, " if amplitude.ndim > 1 else ""
+        text = f"Spectrum: {many}{frequency.size:,} frequencies from 0 to {number(frequency[-1])} Hz"
+        if amplitude.ndim > 1 or frequency.size < 2:
+            return text
+        top = 1 + int(np.argmax(amplitude[1:]))
+        where = f"{number(amplitude[top])} at {number(frequency[top])} Hz"
+        return f"{text}, mean {number(amplitude[0])}, the greatest amplitude {where}"
 
     @property
     def resolution(self) -> Float[Array, ""]:

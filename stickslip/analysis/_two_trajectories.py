@@ -11,8 +11,9 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from .._compiled_once import compiled_once
+from .._show import counted, number
 from .._types import Given, Mode, Numeric
-from .._validation import as_parameter, check_flag, one_number
+from .._validation import as_parameter, check_flag, is_concrete, one_number
 from ..hybrid import AbstractHybridSystem, Integrator, simulate
 from ..hybrid._arguments import a_time, the_system
 from ..hybrid._bound import spanning
@@ -47,6 +48,14 @@ class Separation(eqx.Module):
     distance: Float[Array, "*batch segment"]
     successful: Bool[Array, "*batch"]
     status: Int[Array, "*batch"]
+
+    def __repr__(self) -> str:
+        if not is_concrete(self):
+            return f"Separation(traced, of shape {self.exponent.shape})"
+        if np.ndim(self.exponent):
+            return f"Separation: {counted(np.size(self.exponent), 'pair')} of motions"
+        value = f"{float(self.exponent):+.6g} +- {float(self.error):.2g} 1/s"
+        return f"Separation: {value} to {number(self.time[-1])} s ({self.words})"
 
     @property
     def words(self) -> Any:

@@ -9,6 +9,7 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
+from stickslip._outcome import in_words
 from stickslip._validation import check_count
 from stickslip.contact._active_set import ActiveSet
 from stickslip.contact._batching import solver
@@ -19,6 +20,7 @@ from stickslip.contact._problem import as_problem
 ACCURATE = 1e-10
 
 
+@in_words
 class RESULTS(eqx.Enumeration):
     """Outcome of `resolve`, per lane."""
 

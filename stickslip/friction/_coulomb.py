@@ -33,6 +33,8 @@ class Coulomb(AbstractDryFrictionLaw):
     mu_s: Float[Array, "..."]
     mu_k: Float[Array, "..."]
 
+    parameter_units: ClassVar = {"mu_s": "1", "mu_k": "1"}
+
     set_valued: ClassVar[bool] = True
     is_odd: ClassVar[bool] = True
     is_dissipative: ClassVar[bool] = True

@@ -1,5 +1,7 @@
 """Dahl's bristle law."""
 
+from typing import ClassVar
+
 import equinox as eqx
 from jax import lax
 from jaxtyping import Array, Float
@@ -44,6 +46,8 @@ class Dahl(AbstractBristleLaw):
     law: AbstractFrictionLaw
     sigma_0: Float[Array, "..."]
     exponent: float = eqx.field(static=True)
+
+    parameter_units: ClassVar = {"sigma_0": "1/m"}
 
     def __init__(self, law: AbstractFrictionLaw, sigma_0: Number, exponent: float | int = 1):
         check_steady_law(law)

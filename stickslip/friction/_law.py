@@ -3,13 +3,13 @@
 import abc
 from typing import Any
 
-import equinox as eqx
 import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, ArrayLike, Float, Real
 
 from stickslip._fastmath import side_of, where
 from stickslip._looks_at import Look, look_at_own, looks_at, reals, senses
+from stickslip._show import AbstractShown
 from stickslip._validation import check_type, refusal
 
 Number = Real[ArrayLike, "..."]
@@ -49,7 +49,7 @@ _LOOKS: dict[str, dict[str, Look]] = {
 }
 
 
-class AbstractFrictionLaw(eqx.Module):
+class AbstractFrictionLaw(AbstractShown):
     r"""Dry friction between two bodies in contact.
 
     With the relative velocity $v$ [m/s] of the body and the normal force $N \ge 0$ [N], the force

@@ -1,5 +1,7 @@
 """The LuGre bristle law."""
 
+from typing import ClassVar
+
 from jaxtyping import Array, Float
 
 from stickslip import _fastmath as fast
@@ -62,6 +64,8 @@ class LuGre(AbstractBristleLaw):
     sigma_1: Float[Array, "..."]
     sigma_2: Float[Array, "..."]
     v_s: Float[Array, "..."] | None
+
+    parameter_units: ClassVar = {"sigma_0": "1/m", "sigma_1": "s/m", "sigma_2": "s/m", "v_s": "m/s"}
 
     def __init__(
         self,

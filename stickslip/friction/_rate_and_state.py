@@ -86,6 +86,10 @@ class RateAndState(AbstractFrictionLaw):
     v_rest: Float[Array, "..."]
     evolution: Evolution = eqx.field(static=True)
 
+    parameter_units: ClassVar = {
+        "mu_0": "1", "a": "1", "b": "1", "d_c": "m", "v_0": "m/s", "v_rest": "m/s",
+    }  # fmt: skip
+
     set_valued: ClassVar[bool] = False
     is_odd: ClassVar[bool] = True
     is_dissipative: ClassVar[bool] = True

@@ -1,7 +1,7 @@
 """Smooth approximations of any set-valued law."""
 
 from collections.abc import Callable
-from typing import Literal, get_args
+from typing import ClassVar, Literal, get_args
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -90,6 +90,8 @@ class Regularised(AbstractSmoothedLaw, AbstractMemorylessLaw):
     v_reg: Float[Array, "..."]
     v_brk: Float[Array, "..."]
     kind: Kind = eqx.field(static=True)
+
+    parameter_units: ClassVar = {"v_reg": "m/s", "v_brk": "m/s"}
 
     def __init__(
         self,

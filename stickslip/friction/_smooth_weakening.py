@@ -57,6 +57,8 @@ class SmoothHyperbolicWeakening(AbstractDryFrictionLaw):
     beta: Float[Array, "..."]
     gamma: Float[Array, "..."]
 
+    parameter_units: ClassVar = {"mu_0": "1", "alpha": "s/m", "beta": "1", "gamma": "s/m"}
+
     set_valued: ClassVar[bool] = False
     is_odd: ClassVar[bool] = True
     is_dissipative: ClassVar[bool] = True

@@ -51,6 +51,8 @@ class Stribeck(AbstractDryFrictionLaw):
     # Read only where the exponent is not an array.
     _fixed_exponent: float = eqx.field(static=True)
 
+    parameter_units: ClassVar = {"mu_s": "1", "mu_k": "1", "v_s": "m/s"}
+
     set_valued: ClassVar[bool] = True
     is_odd: ClassVar[bool] = True
     is_dissipative: ClassVar[bool] = True

@@ -39,6 +39,8 @@ class ViscousFriction(AbstractDryFrictionLaw):
 
     mu_v: Float[Array, "..."]
 
+    parameter_units: ClassVar = {"mu_v": "s/m"}
+
     set_valued: ClassVar[bool] = False
     is_odd: ClassVar[bool] = True
     is_dissipative: ClassVar[bool] = True
@@ -77,6 +79,8 @@ class ViscousDamping(AbstractMemorylessLaw):
     """
 
     c: Float[Array, "..."]
+
+    parameter_units: ClassVar = {"c": "N s/m"}
 
     set_valued: ClassVar[bool] = False
     is_odd: ClassVar[bool] = True

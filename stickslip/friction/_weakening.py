@@ -49,6 +49,8 @@ class HyperbolicWeakening(AbstractDryFrictionLaw):
     gamma: Float[Array, "..."]
     mu_k: Float[Array, "..."]
 
+    parameter_units: ClassVar = {"mu_s": "1", "gamma": "s/m", "mu_k": "1"}
+
     set_valued: ClassVar[bool] = True
     is_odd: ClassVar[bool] = True
     is_dissipative: ClassVar[bool] = True

@@ -1,17 +1,27 @@
 """What a simulation returns."""
 
-from typing import Any, TypeVar
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import equinox as eqx
 import jax
-import jax.core
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PyTree, UInt
 
+from .._outcome import names_of, tally
+from .._show import counted, described
 from .._types import Given
 from .._validation import check_broadcast, check_type, is_concrete, refusal
+from ._components import components_of
+from ._labelled import events_dataframe, solution_dataset
+from ._shown import log_html, log_text, mode_path, solution_html
 from ._status import RESULTS, describe_flags
+from ._system import AbstractHybridSystem
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
 
 ResultT = TypeVar("ResultT", bound=eqx.Module)
 
@@ -31,6 +41,24 @@ class EventLog(eqx.Module):
     y_before: PyTree
     y_after: PyTree
 
+    def __repr__(self) -> str:
+        return log_text("EventLog", self, "event", mode_path(self))
+
+    def _repr_html_(self) -> str:
+        return log_html("EventLog", self, ("guard", "mode_before", "mode_after"))
+
+    def to_dataframe(self, system: Given[AbstractHybridSystem]) -> "pd.DataFrame":
+        """The events as a table of pandas: a row an event, guards and modes by name.
+
+        Columns: `t` [s], `guard`, `mode_before`, `mode_after`, and for each component of the state
+        `<name>_before` and `<name>_after`; units by column in `attrs["units"]`. Of a batch the index
+        is the number of the run along each batch axis, and the event. Rows past `count` are left out.
+
+        **Raises** `TypeError` for what is no system and for a log that is traced; `ValueError` for a
+        log with guards or modes that the system has not, or another state.
+        """
+        return events_dataframe(self, system)
+
 
 class StateLog(eqx.Module):
     """States at output times, at crossings of a section, or at every step.
@@ -46,6 +74,12 @@ class StateLog(eqx.Module):
     dy: PyTree
     mode: Int[Array, "*batch rows"]
 
+    def __repr__(self) -> str:
+        return log_text("StateLog", self, "row", ", ".join(components_of(self.y)))
+
+    def _repr_html_(self) -> str:
+        return log_html("StateLog", self, ("mode",))
+
 
 class Stats(eqx.Module):
     """Work done, per lane."""
@@ -53,6 +87,9 @@ class Stats(eqx.Module):
     num_attempts: Int[Array, "*batch"]
     num_accepted: Int[Array, "*batch"]
     num_events: Int[Array, "*batch"]
+
+    def __repr__(self) -> str:
+        return described(self)
 
 
 class Solution(eqx.Module):
@@ -102,8 +139,11 @@ class Solution(eqx.Module):
         return (self.result == RESULTS.successful) | (self.result == RESULTS.event_occurred)
 
     def __str__(self) -> str:
-        if self.t1.shape != () or isinstance(self.t1, jax.core.Tracer):
-            return f"Solution(batch of shape {self.t1.shape})"
+        """One line; of a batch, how many runs ended how."""
+        if not is_concrete(self):
+            return f"Solution(traced, of shape {self.t1.shape})"
+        if self.t1.shape != ():
+            return _batch_text(self)
         message = RESULTS[self.result] or "successful"
         return (
             f"Solution: t = {float(self.t0):g} to {float(self.t1):g} s, "
@@ -111,6 +151,63 @@ class Solution(eqx.Module):
             f"{int(self.stats.num_attempts)}; {message}; derivative flags: "
             f"{describe_flags(int(self.flags))}"
         )
+
+    __repr__ = __str__
+
+    def _repr_html_(self) -> str:
+        return solution_html(self)
+
+    def to_dataset(
+        self,
+        system: Given[AbstractHybridSystem],
+        *,
+        batch: Given[str | Sequence[str] | Mapping[str, Any] | None] = None,
+    ) -> "xr.Dataset":
+        """All that was kept of the run, or of a batch of runs, as an `xarray.Dataset` with units.
+
+        **Arguments**
+
+        - `system`: that of the run, for its units, periods and names of modes.
+        - `batch`: names of the batch axes, `"run"` or `"run_0"`, `"run_1"`, ... by default; or a
+          mapping from names to their coordinates, as `{"belt_speed": speeds}`, which have the units of
+          the parameter of that name.
+
+        **Returns** a Dataset. Batch axes come first.
+
+        - of the outputs (of the steps, where there are none) along `time`: each component of the state
+          by its name, its slope as `slope_of_<name>`, `mode`. The times of a batch that differ from run
+          to run are a variable `t`, along `row`.
+        - of the events along `event`: `event_t`, `event_guard`, `event_mode_before`,
+          `event_mode_after`, `before_<name>` and `after_<name>`.
+        - of each section, by its number, along `crossing_<k>`: `crossing_<k>_t`, `crossing_<k>_<name>`.
+        - of the end: `end_t`, `end_<name>`, `end_mode`, `num_events`, `flags`, `result`, whose numbers
+          have names in `flag_values` and `flag_meanings`. `mode_names` and `guard_names` are
+          attributes; of more than 1024 modes only those that occur, numbered in `mode_numbers`.
+
+        Components that are arrays have axes of their own, `<name>_0`, `<name>_1`, ...
+
+        **Raises** `TypeError` for what is no system and for a run that is traced, `ValueError` for a
+        state that is not of the system, or names that do not go with the batch axes.
+        """
+        return solution_dataset(self, system, batch)
+
+
+def _batch_text(solution: Any) -> str:
+    """How many runs ended how, how many events they had, and how many have no derivative."""
+    outcomes = names_of(solution.result)
+    runs, events = np.size(outcomes), np.asarray(solution.stats.num_events)
+    if not runs:
+        return f"Solution: 0 runs, of shape {solution.t1.shape}"
+    ends = ", ".join(f"{n:,} {name}" for name, n in tally(outcomes).items())
+    low, high = int(events.min()), int(events.max())
+    many = f"{low:,}" if low == high else f"{low:,} to {high:,}"
+    flagged = int(np.sum(np.asarray(solution.flags) != 0))
+    start, end = np.min(np.asarray(solution.t0)), np.max(np.asarray(solution.t1))
+    shape = f" of shape {solution.t1.shape}" if solution.t1.ndim > 1 else ""
+    return (
+        f"Solution: {counted(runs, 'run')}{shape}, {ends}; t = {start:g} to {end:g} s, {many} events; "
+        f"derivative flags: {f'{flagged:,} of the runs' if flagged else 'none'}"
+    )
 
 
 def raise_failures(solution: ResultT, successful: Given[bool | np.ndarray | Array]) -> ResultT:

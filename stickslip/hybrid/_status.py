@@ -6,11 +6,18 @@ import diffrax as dfx
 import jax.numpy as jnp
 from jaxtyping import Array, Int
 
+from .._outcome import in_words
+
 RUNNING = -1
 
 
+@in_words
 class RESULTS(dfx.RESULTS):  # pyright: ignore[reportGeneralTypeIssues]
-    """Outcome of a simulation, per lane; extends `diffrax.RESULTS`."""
+    """Outcome of a simulation, per lane; extends `diffrax.RESULTS`.
+
+    `str` of an item is its name, of a batch of them how many there are of each; `RESULTS[item]` says
+    what it means and what to do.
+    """
 
     successful = ""
     max_events_reached = (

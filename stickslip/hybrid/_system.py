@@ -1,7 +1,7 @@
 """Description of a mode-switched (hybrid) system: the one interface every analysis knows."""
 
 import abc
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
+from .._show import AbstractShown
 from .._types import Numeric, Whole
 from .._validation import MOST, check_callable, leaves_of, numbers, refusal, whole_number
 
@@ -22,7 +23,7 @@ def mode_type(system: Any) -> Any:
     return jnp.int64 if len(system.mode_names) > 2**31 else jnp.int32
 
 
-class AbstractHybridSystem(eqx.Module):
+class AbstractHybridSystem(AbstractShown):
     r"""A few smooth vector fields, guards between them, jumps in the mode and the state.
 
     In mode $m$ the state follows $\dot y = f_m(t, y)$ as long as no guard of that mode fires. A guard
@@ -92,7 +93,11 @@ class AbstractHybridSystem(eqx.Module):
       `guard`. It must return a mode that is admissible right afterwards; `-1` where there is none
       (the lane then ends with `RESULTS.no_admissible_mode`).
     - `initial_mode(t, y, args) -> mode`: admissible mode of a state; `-1` where there is none.
-    - `mode_names`, `guard_names`, `units` (component name to SI unit) are class attributes.
+    - `mode_names`, `guard_names`, `units` (component name to SI unit) are class attributes. So are, if
+      wanted, `parameter_units` (parameter name to SI unit), which `repr` and sweeps show, and `periods`
+      (component name to period, as `{"theta": 2 * math.pi}`) of components that come back to where they
+      were: the motion is the same at `theta` and at `theta` plus its period. Observables and pictures
+      then give them within half a period of zero, and a motion that goes round can have a period.
 
     A system without events derives from `AbstractSmoothSystem`, one around another system from
     `AbstractSystemWrapper`.
@@ -104,6 +109,7 @@ class AbstractHybridSystem(eqx.Module):
     mode_names: eqx.AbstractClassVar[Sequence[str]]
     guard_names: eqx.AbstractClassVar[tuple[str, ...]]
     units: ClassVar[dict[str, str]] = {}
+    periods: ClassVar[Mapping[str, float]] = {}
     guard_directions: ClassVar[tuple[str, ...] | None] = None
     guard_scales: ClassVar[Any] = None
 

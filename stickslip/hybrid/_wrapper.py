@@ -1,7 +1,7 @@
 """A system made of another one: the same modes and guards, around more state or other arguments."""
 
 import abc
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -12,7 +12,7 @@ from ._system import AbstractHybridSystem
 
 
 class AbstractSystemWrapper(AbstractHybridSystem):
-    r"""A system around another one, whose modes, guards and units it has.
+    r"""A system around another one, whose modes, guards, units and periods it has.
 
     A subclass has the field `system` and says with `inner(y, args)` what of its own state and arguments
     belongs to it; what is left to write is `vector_field` and `transition`, and `units` if the state
@@ -71,6 +71,11 @@ class AbstractSystemWrapper(AbstractHybridSystem):
     def units(self) -> dict[str, str]:  # pyright: ignore[reportIncompatibleVariableOverride]
         """Those of `system`."""
         return self.system.units
+
+    @property
+    def periods(self) -> Mapping[str, float]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Those of `system`."""
+        return self.system.periods
 
     def time_scale(self, args):
         """That of `system`, whose arguments are taken to be these."""

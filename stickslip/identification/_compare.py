@@ -48,6 +48,8 @@ class Comparison:
             lines.append("  ".join([f"{name:<{width}}", *cells]))
         return "\n".join(lines)
 
+    __repr__ = __str__
+
 
 def compare(
     fits: Given[Mapping[str, Fit]],

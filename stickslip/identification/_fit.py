@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from .._looks_at import looks_at, not_negative_number
+from .._show import html_table, number
 from .._types import Numeric
 from .._validation import is_concrete
 from ._results import CODE, RESULTS, to_result
@@ -69,6 +70,26 @@ class Fit(eqx.Module):
             f"{float(self.reduced_chi_squared):.4g} of {rows} residuals"
         )
         return "\n".join(lines)
+
+    __repr__ = __str__
+
+    def _repr_html_(self) -> str:
+        if not is_concrete(self) or self.steps.ndim != 0:
+            return html_table(str(self), (), ())
+        errors, active = self.standard_errors(), self.active_bounds
+        ends = {0: "", -1: "lower", 1: "upper"}
+        rows = [
+            (
+                name,
+                number(self.values[name]),
+                f"{float(errors[name]):.2g}",
+                unit,
+                ends[int(active[name])],
+            )
+            for name, unit in self.units.items()
+        ]
+        head = ("unknown", "estimate", "standard error", "unit", "at its bound")
+        return html_table(str(self).rpartition("\n")[2], head, rows)
 
     @property
     def result(self) -> Any:

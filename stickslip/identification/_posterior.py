@@ -71,6 +71,8 @@ class Posterior(eqx.Module):
         lost = int(np.sum(np.asarray(self.divergent)))
         return "\n".join([*lines, f"{chains} chains of {draws} draws, {lost} divergent"])
 
+    __repr__ = __str__
+
 
 def posterior(
     residual: Given[Callable[[NamedValues], Any]],

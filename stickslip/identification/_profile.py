@@ -98,6 +98,8 @@ class Profile(eqx.Module):
             lines.append(f"{name} = {middle:.6g}, {part} from {low} to {high}: {self.verdicts[name]}")
         return "\n".join(lines)
 
+    __repr__ = __str__
+
     def shown(self, row: int) -> tuple[str, str]:
         """Both ends of an interval, with a sign where the profile stays below the level beyond."""
         check_count("row", row, 0, len(self.names) - 1)

@@ -145,6 +145,8 @@ class Report:
             parts += ["", "Models compared", str(self.comparison)]
         return "\n".join(parts)
 
+    __repr__ = __str__
+
     def to_dataset(self) -> xr.Dataset:
         """Everything with labels: dimensions `unknown`, `other` unknown, `side`, `point`, `series`,
         `lag`, `record`."""

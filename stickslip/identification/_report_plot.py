@@ -6,7 +6,9 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-BLUE, RED, GREY = "#1f4e9c", "#c0392b", "0.6"
+from ..plot._axes import BLUE, GREY, RED
+from ..plot._residuals import residual_dots
+
 WIDE = 4  # panels in a row
 
 
@@ -66,10 +68,8 @@ def _quantile(level: float) -> float:
 
 def _series(figure: Any, axis: Any, report: Any, name: str) -> None:
     series = np.atleast_2d(report.whiteness[name].series)
-    every = max(series.shape[1] // 4000, 1)
     for row in series:
-        axis.plot(np.arange(row.size)[::every], row[::every], ".", ms=1.5, color=BLUE)
-    axis.axhline(0.0, lw=0.6, color=GREY)
+        residual_dots(axis, np.arange(row.size), row)
     axis.set(title=f"residuals: {name}", xlabel="sample", ylabel="residual")
 
 

@@ -3,9 +3,11 @@
 import equinox as eqx
 from jaxtyping import Array, Int
 
+from .._outcome import in_words
 from ..hybrid._status import item_of
 
 
+@in_words
 class RESULTS(eqx.Enumeration):  # pyright: ignore[reportGeneralTypeIssues]
     """Outcome of a fit; `RESULTS[fit.result]` is the message."""
 

@@ -8,8 +8,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from .._looks_at import looks_at, not_negative_number
+from .._show import number
 from .._types import Numeric
-from .._validation import check_callable
+from .._validation import check_callable, is_concrete
 from ._evaluate import evaluation
 from ._unknowns import NamedUnknowns, NamedValues, scalars
 
@@ -44,6 +45,15 @@ class Sensitivity(eqx.Module):
         _, self.singular_values, self.directions = jnp.linalg.svd(
             jnp.pad(matrix, padding), full_matrices=False
         )
+
+    def __repr__(self) -> str:
+        names = ", ".join(self.names)
+        if not is_concrete(self):
+            return f"Sensitivity(traced, to {names})"
+        text = f"Sensitivity of {self.matrix.shape[-2]:,} residuals to {names}"
+        if self.matrix.ndim > 2:
+            return f"{text}, of shape {self.matrix.shape[:-2]}"
+        return f"{text}; singular values {', '.join(number(s) for s in self.singular_values)}"
 
     @looks_at(threshold=not_negative_number)
     def seen(self, threshold: Numeric = 1e-7) -> Bool[Array, "*batch unknown"]:

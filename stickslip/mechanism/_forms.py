@@ -1,6 +1,7 @@
 """The same mechanism with friction that is smooth: regularised laws, or bristles with their states."""
 
 import abc
+from collections.abc import Mapping
 from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
@@ -32,6 +33,11 @@ class _AbstractSmoothForm(AbstractMechanicalSystem):
     mechanism: eqx.AbstractVar[AbstractMechanism]
 
     mode_names: ClassVar = ("motion",)
+
+    @property
+    def periods(self) -> Mapping[str, float]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Those of the mechanism."""
+        return self.mechanism.periods
 
     @abc.abstractmethod
     def bare(self, y: PyTree) -> Any:
@@ -109,6 +115,8 @@ class RegularisedMechanism(_AbstractSmoothForm):
     def units(self) -> dict[str, str]:  # pyright: ignore[reportIncompatibleVariableOverride]
         """Those of the mechanism."""
         return self.mechanism.units
+
+    parameter_units: ClassVar = {"v_reg": "m/s"}
 
     def _friction(self, at: Instant) -> list[Any]:
         found = []

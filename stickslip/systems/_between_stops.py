@@ -58,6 +58,12 @@ class OscillatorBetweenStops(AbstractMechanism):
     force_amplitude: Float[Array, "..."]
     force_frequency: Float[Array, "..."]
 
+    parameter_units: ClassVar = {
+        "mass": "kg", "stiffness": "N/m", "damping": "N s/m", "lower": "m", "upper": "m",
+        "restitution": "1", "rest_speed": "m/s", "force_amplitude": "N",
+        "force_frequency": "rad/s",
+    }  # fmt: skip
+
     coordinates: ClassVar = {"x": "m"}
     velocities: ClassVar = {"x": "v"}
     state_class: ClassVar = Motion

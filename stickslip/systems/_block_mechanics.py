@@ -2,7 +2,7 @@
 
 import abc
 from collections.abc import Callable
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
@@ -92,6 +92,11 @@ class AbstractBlockOnBelt(AbstractMechanicalSystem):
     Q: Float[Array, "..."]
     g: Float[Array, "..."]
     law: AbstractFrictionLaw
+
+    parameter_units: ClassVar = {
+        "m": "kg", "M": "kg", "J": "kg m2", "k1": "N/m", "k2": "N/m", "k3": "N/m", "c1": "N s/m",
+        "c2": "N s/m", "r": "m", "Q": "N m", "g": "m/s2",
+    }  # fmt: skip
 
     set_valued: eqx.AbstractClassVar[bool]  # whether the block sticks
 

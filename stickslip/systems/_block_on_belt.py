@@ -31,6 +31,8 @@ class AbstractBlockOnSteadyBelt(AbstractBlockOnBelt):
 
     V_b: Float[Array, "..."]
 
+    parameter_units: ClassVar = {**AbstractBlockOnBelt.parameter_units, "V_b": "m/s"}
+
     def __init__(
         self,
         *,

@@ -39,6 +39,10 @@ class BouncingBall(AbstractMechanism):
     restitution: Float[Array, "..."]
     rest_speed: Float[Array, "..."]
 
+    parameter_units: ClassVar = {
+        "mass": "kg", "gravity": "m/s2", "restitution": "1", "rest_speed": "m/s",
+    }  # fmt: skip
+
     coordinates: ClassVar = {"x": "m"}
     velocities: ClassVar = {"x": "v"}
     state_class: ClassVar = Motion

@@ -49,6 +49,11 @@ class CoulombOscillator(AbstractMechanism):
     kinetic_force: Float[Array, "..."]
     belt_speed: Float[Array, "..."]
 
+    parameter_units: ClassVar = {
+        "mass": "kg", "stiffness": "N/m", "static_force": "N", "kinetic_force": "N",
+        "belt_speed": "m/s",
+    }  # fmt: skip
+
     coordinates: ClassVar = {"x": "m"}
     velocities: ClassVar = {"x": "v"}
     contact_directions: ClassVar = {"belt": {"x": 1.0}}

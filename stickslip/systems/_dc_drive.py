@@ -108,6 +108,12 @@ class DCDrive(AbstractHybridSystem):
     motor_friction: Sign = eqx.field(static=True)
     belt_reaction: Sign = eqx.field(static=True)
 
+    parameter_units: ClassVar = {
+        "L_w": "H", "R_w": "ohm", "k_e": "V s", "k_m": "N m/A", "J_dc": "kg m2", "b": "N m s",
+        "T_k": "N m", "T_st": "N m", "rho": "1", "eta": "1", "J_bp": "kg m2", "r_bp": "m",
+        "U_in": "V",
+    }  # fmt: skip
+
     mode_names: ClassVar = ("turning backward", "resting", "turning forward")
     guard_names: ClassVar = (
         "rotor comes to rest",

@@ -27,7 +27,7 @@ from .._validation import (
 from ..friction import AbstractFrictionLaw, HyperbolicWeakening
 from ..friction._law import Number, check_law
 from ..mechanism import AbstractMechanism, Contact
-from ._jointed_beam_scales import BeamScales, times_scale
+from ._jointed_beam_scales import PARAMETER_UNITS, BeamScales, times_scale
 from ._printed_weakening import PrintedWeakening
 
 Word: TypeAlias = Given[Literal["consistent", "printed"]]
@@ -201,6 +201,11 @@ class JointedBeam(AbstractMechanism):
         """As `constructed`, with all equations as the paper prints them (C-E1 to C-E4)."""
         words = dict.fromkeys(("joint", "friction", "shape", "coupling"), "printed")
         return cls.constructed(v, **{**words, **changes})
+
+    @property
+    def parameter_units(self) -> dict[str, str]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Units of the parameters; none where the system is dimensionless."""
+        return {} if self.is_dimensionless else PARAMETER_UNITS
 
     @property
     def units(self) -> dict[str, str]:  # pyright: ignore[reportIncompatibleVariableOverride]

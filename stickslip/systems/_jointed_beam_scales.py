@@ -1,16 +1,22 @@
 """Dimensional and dimensionless quantities of a beam."""
 
-from typing import Any
+from typing import Any, ClassVar
 
-import equinox as eqx
 import jax
 from jaxtyping import Array, Float
 
+from .._show import AbstractShown
 from .._validation import as_parameter, check_positive
 from ..friction._law import Number
 
+# Of a jointed beam with dimensions.
+PARAMETER_UNITS = {
+    "m": "kg", "k1": "N/m", "k2": "N/m", "k3": "N/m", "mu_s": "1", "gamma": "s/m", "v": "m/s",
+    "z_A": "m", "damping": "1",
+}  # fmt: skip
 
-class BeamScales(eqx.Module):
+
+class BeamScales(AbstractShown):
     r"""What turns dimensional quantities of a beam into dimensionless ones, Eq. (2.9).
 
     With $\alpha_1 = EI$, $\alpha_2 = L$, $\alpha_3 = \rho A$ as units, a dimensionless quantity is the
@@ -39,6 +45,8 @@ class BeamScales(eqx.Module):
     EI: Float[Array, "..."]
     L: Float[Array, "..."]
     rhoA: Float[Array, "..."]
+
+    parameter_units: ClassVar = {"EI": "N m2", "L": "m", "rhoA": "kg/m"}
 
     def __init__(self, EI: Number = 1.0, L: Number = 1.0, rhoA: Number = 1.0):
         self.EI = as_parameter(check_positive("EI", EI))

@@ -16,6 +16,8 @@ class PrintedWeakening(AbstractDryFrictionLaw):
     mu_s: Float[Array, "..."]
     gamma: Float[Array, "..."]
 
+    parameter_units: ClassVar = {"mu_s": "1", "gamma": "s/m"}
+
     set_valued: ClassVar[bool] = True
     is_odd: ClassVar[bool] = False
     is_dissipative: ClassVar[bool] = False

@@ -41,6 +41,8 @@ class SlidingBlock(AbstractMechanism):
     kinetic_force: Float[Array, "..."]
     force: Float[Array, "..."]
 
+    parameter_units: ClassVar = {"mass": "kg", "static_force": "N", "kinetic_force": "N", "force": "N"}
+
     coordinates: ClassVar = {"x": "m"}
     velocities: ClassVar = {"x": "v"}
     contact_directions: ClassVar = {"ground": {"x": 1.0}}

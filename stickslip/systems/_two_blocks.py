@@ -59,6 +59,12 @@ class TwoBlocksOnBelt(AbstractMechanism):
     kinetic_force_2: Float[Array, "..."]
     belt_speed: Float[Array, "..."]
 
+    parameter_units: ClassVar = {
+        "mass_1": "kg", "mass_2": "kg", "stiffness_1": "N/m", "stiffness_2": "N/m",
+        "coupling": "N/m", "static_force_1": "N", "static_force_2": "N", "kinetic_force_1": "N",
+        "kinetic_force_2": "N", "belt_speed": "m/s",
+    }  # fmt: skip
+
     coordinates: ClassVar = {"x_1": "m", "x_2": "m"}
     velocities: ClassVar = {"x_1": "v_1", "x_2": "v_2"}
     contact_directions: ClassVar = {"block 1": {"x_1": 1.0}, "block 2": {"x_2": 1.0}}

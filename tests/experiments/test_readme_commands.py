@@ -13,7 +13,7 @@ import xarray as xr
 from experiments._experiment import load
 from tests.house._repository import ROOT
 
-FAMILIES = ("block", "corexy", "identify", "beam", "mechanism")
+FAMILIES = ("animate", "block", "corexy", "identify", "beam", "mechanism")
 # Need a record that is not in the repository.
 MEASURED = ("identify-double-pendulum", "identify-emps", "identify-pendulum", "identify-rock")
 RESULTS = (ROOT / "experiments" / "RESULTS.md").read_text(encoding="utf-8")
@@ -73,5 +73,7 @@ def test_every_figure_at_quick_size(family, tmp_path):
             continue  # its own tests say so by a skip
         run([name, "--quick"], tmp_path)
         check_files(name, tmp_path)
-    if family != "identify":
+    if family == "animate":
+        assert len(list(tmp_path.glob("*.gif"))) == len(names)
+    elif family != "identify":
         assert "holds" in run(["statements"], tmp_path)

@@ -45,6 +45,7 @@ from stickslip.identification import (
     _report,
     _sensitivity,
 )
+from stickslip.plot import _axes
 from stickslip.sweep import _evaluate
 from tests.house import (
     _nonsense_analyses,
@@ -53,6 +54,7 @@ from tests.house import (
     _nonsense_laws,
     _nonsense_machine,
     _nonsense_methods,
+    _nonsense_plot,
     _nonsense_report,
 )  # fmt: skip
 from tests.house._nonsense_kinds import allowed, kinds
@@ -66,6 +68,7 @@ TARGETS: list[Target] = [
     *_nonsense_identification.TARGETS,
     *_nonsense_machine.TARGETS,
     *_nonsense_report.TARGETS,
+    *_nonsense_plot.TARGETS,
     *_nonsense_methods.TARGETS,
 ]
 OURS = tuple(str(pathlib.Path(m.__file__).parent) + os.sep for m in (stickslip, corexy_jax))
@@ -96,6 +99,7 @@ BEHIND = (
     (_resolve, "_resolve"),
     (_zonotope, "_vertices"),
     (_zonotope, "_gauge"),
+    (_axes, "canvas"),
     (machine, "march"),
     (machine_feedforward, "_plan"),
     (machine_outputs, "_columns"),

@@ -49,6 +49,7 @@ TARGETS = [
             "points": arg([[0.0, 1.0], [1.0, 0.0]], "table"), "count": arg(2, "count"),
             "span": arg([[0.0, 0.0], [1.0, 1.0]]), "tolerance": arg(1e-3, "positive", "float32"),
             "max_period": arg(4), "start": arg(None, "none", "row", "nan row"),
+            "periods": arg(None, "none", "circles"),
         },
     ),
     Target(

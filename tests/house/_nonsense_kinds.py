@@ -128,6 +128,7 @@ TAKEN: dict[str, tuple[frozenset[str], str]] = {
         "a row of two residuals, NaN where a run failed",
     ),
     "table": (frozenset({"3 x 2"}), "three rows of two numbers"),
+    "circles": (frozenset({"[1.0, 2.0]"}), "a period for each of two observables"),
     "nan row": (frozenset({"nans"}), "a row of numbers; what is not finite tells nothing"),
     "times": (frozenset({"[1.0, 2.0]"}), "a row of times"),
     "no times": (frozenset({"[]", "()", "no rows"}), "no output times"),

@@ -6,7 +6,8 @@ from typing import Any
 
 PACKAGES = (
     "stickslip", "stickslip.friction", "stickslip.contact", "stickslip.systems", "stickslip.sweep",
-    "stickslip.analysis", "stickslip.identification", "stickslip.hybrid", "corexy_jax",
+    "stickslip.analysis", "stickslip.identification", "stickslip.hybrid", "stickslip.plot",
+    "corexy_jax",
 )  # fmt: skip
 RETURNED = "returned to users, not made by them"
 EXEMPT = {

@@ -9,6 +9,7 @@ import pytest
 from stickslip._types import Given
 from tests.house._nonsense_public import OURS, PACKAGES
 
+LINES = "properties of a line, which are matplotlib's to check"
 RESULT = "an item of RESULTS, whose class equinox keeps to itself"
 # Parameters that may be `Any`, as module.callable.parameter; the module may stand alone.
 REASONS = {
@@ -21,6 +22,13 @@ REASONS = {
     "stickslip.identification._many_starts.many_starts.options": "what the function `fit` takes",
     "stickslip.identification._record.Record.from_table.options": "the options of Record",
     "stickslip.identification._record.Record.from_table.table": "what gives columns by name",
+    "stickslip.plot._energy_account.energy_account.options": LINES,
+    "stickslip.plot._exponents.exponents.options": LINES,
+    "stickslip.plot._fit.fit.options": LINES,
+    "stickslip.plot._motion.motion.options": LINES,
+    "stickslip.plot._orbit_diagram.orbit_diagram.options": LINES,
+    "stickslip.plot._phase_plane.phase_plane.options": LINES,
+    "stickslip.plot._spectrum.spectrum.options": LINES,
     "stickslip.sweep._manifest.as_json.value": "anything, of which it says what it is",
     "stickslip.systems._drive_voltage.voltage_for_belt_speed.options": "those of mean_belt_speed",
 }

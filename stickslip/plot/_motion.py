@@ -1,0 +1,134 @@
+"""A motion over time, its sticks shaded and its events marked."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from jaxtyping import PyTree
+from matplotlib.axes import Axes
+
+from .._types import Given
+from .._validation import check_flag, refusal
+from ..hybrid import AbstractHybridSystem, Solution
+from ..hybrid._components import components_of
+from . import _axes
+from ._observed import Source, named, several, unbroken, within
+from ._shade import bands, spans
+from ._sticks import contacts_of, intervals, sticking
+
+SHADES = ("0.82", "#dbe6f4", "#f4e3d3", "#dcefdc", "#eadff0")
+
+
+def motion(
+    solution: Given[Solution | xr.Dataset],
+    system: Given[AbstractHybridSystem | None] = None,
+    observables: Given[str | Sequence[str] | None] = None,
+    *,
+    contacts: Given[str | Sequence[str] | None] = None,
+    events: bool = True,
+    args: PyTree = None,
+    ax: Given[Axes | Sequence[Axes] | None] = None,
+    **options: Any,
+) -> Any:
+    """Observables of one motion over time, with its sticks shaded and its events marked.
+
+    **Arguments**
+
+    - `solution`: of `simulate` with `SaveAt(ts=...)` or `SaveAt(steps=True)`, and its `system`; or a
+      Dataset over `time`, of `time_history` or `solution.to_dataset`.
+    - `observables`: a component of the state, `"slope of x"`, a method `(t, y, mode, args)` of the
+      system, a function `(system, t, y, dy, mode, args)`; or a sequence of them; all components by
+      default. Of a dataset the names of its variables.
+    - `contacts`: names of the contacts whose sticks are shaded, all by default; `()` for none. Several
+      share the height, the first one at the bottom.
+    - `events`: whether events are marked, by a dot on the curve. What a dataset holds has none.
+    - `args`: what `simulate` was given.
+    - `ax`: axes to draw into: one for a single observable, else one for each.
+    - `options`: properties of the lines, as matplotlib calls them.
+
+    **Returns** the axes: one for a single observable, else an array of them. Sticks are drawn from the
+    log of events, to rounding; without one, or for a dataset, from the modes of the rows. A component
+    with a period is drawn within half of it on both sides of zero, with a gap where it goes round.
+
+    **Raises** `ValueError`, `TypeError` naming the argument; for a batch, which is drawn run by run.
+    """
+    source = Source(solution, system, args, one=True)
+    check_flag("events", events)
+    functions, single = several(source, observables)
+    shaded = _contacts(source, contacts)
+    _axes.check_axes(ax, None if single else len(functions))
+    options = {"color": _axes.BLUE, "lw": 1.0, **_axes.check_options(options)}
+    if "linewidth" in options:
+        options.pop("lw")
+    axes = _axes.canvas(ax, None if single else len(functions))
+    held = _held(source) if shaded else {}
+    time, (name, unit) = source.time, source.time_label
+    for axis, (what, function) in zip(np.atleast_1d(axes), functions.items(), strict=True):
+        row = source.row(what, function)
+        for i, contact in enumerate(shaded):
+            bands(
+                axis, held[contact], label=f"{contact} sticks" if contact else "stick",
+                color=SHADES[i % len(SHADES)], low=i / len(shaded), high=(i + 1) / len(shaded),
+            )  # fmt: skip
+        axis.plot(time, unbroken(row), **options)
+        if events and not source.dataset and source.solution.events is not None:
+            _mark(axis, source, what, function, row)
+        axis.set_ylabel(_axes.labelled(row.name, row.unit))
+        if ax is None:
+            axis.set_xlim(time[0], time[-1])
+    np.atleast_1d(axes)[-1].set_xlabel(_axes.labelled(name, unit))
+    if ax is None:
+        _axes.legend(np.atleast_1d(axes)[0])
+    return axes
+
+
+def _contacts(source: Source, contacts: Any) -> tuple[str, ...]:
+    """Names of the contacts to shade, checked."""
+    if source.system is None:
+        known = ("",) if "mode_names" in source.solution.attrs and "mode" in source.solution else ()
+    else:
+        known = contacts_of(source.system)
+        if source.dataset and "mode" not in source.solution:
+            known = ()
+    if contacts is None:
+        return known
+    row = (contacts,) if isinstance(contacts, str) else contacts
+    if not isinstance(row, list | tuple) or not all(isinstance(name, str) for name in row):
+        raise refusal("contacts", contacts, "the name of a contact, or a sequence of names", TypeError)
+    for name in row:
+        if name not in known:
+            raise refusal(
+                "contacts", contacts, f"of the contacts that may stick: {named(dict.fromkeys(known))}"
+            )
+    return tuple(row)
+
+
+def _held(source: Source) -> dict[str, list[tuple[float, float]]]:
+    if not source.dataset:
+        return intervals(source.solution, source.system)
+    mode, time = np.asarray(source.solution["mode"]), source.time
+    if source.system is not None:
+        found = sticking(source.system, mode)
+    else:
+        attrs = source.solution.attrs
+        names = list(attrs["mode_names"])
+        numbers = list(attrs.get("mode_numbers", range(len(names))))
+        stick = [number for number, name in zip(numbers, names, strict=True) if "stick" in name]
+        found = {"": np.isin(mode, stick)}
+    return {name: spans(time, row) for name, row in found.items()}
+
+
+def _mark(axis: Axes, source: Source, what: Any, function: Any, row: Any) -> None:
+    """A dot at each event: of a component its value before it, else the value of the curve there."""
+    log = source.solution.events
+    count = int(log.count)
+    if not count:
+        return
+    time = np.asarray(log.t)[:count]
+    if function is None and not what.startswith("slope of "):
+        values = np.asarray(components_of(log.y_before)[what])[:count]
+        values = values if row.period is None else within(values, row.period)
+    else:
+        values = np.interp(time, source.time, row.values)
+    axis.plot(time, values, ".", color=_axes.RED, ms=4, label="events", zorder=3)

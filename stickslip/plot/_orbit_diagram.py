@@ -1,0 +1,79 @@
+"""Points of a section over a parameter."""
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+
+from .._types import Given
+from .._validation import check_type, refusal
+from . import _axes
+
+FAINT = 2e5  # points from which on they are drawn fainter
+
+
+def orbit_diagram(
+    dataset: Given[xr.Dataset],
+    observable: Given[str | None] = None,
+    *,
+    ax: Given[Axes | None] = None,
+    **options: Any,
+) -> Axes:
+    """An orbit diagram: every point of every lane over its parameter.
+
+    **Arguments**
+
+    - `dataset`: of `stickslip.analysis.orbit_diagram`, over one parameter; of two, select one value of
+      one of them before.
+    - `observable`: name of a variable over the parameter, with or without `point`, such as `"x"` or
+      `"period"`; the first one that has points by default.
+    - `ax`, `options`: axes to draw into; properties of the dots, as matplotlib calls them. By default
+      dots are the smaller the more there are.
+
+    **Returns** the axes.
+
+    **Raises** `ValueError`, `TypeError` naming the argument.
+    """
+    check_type("dataset", dataset, xr.Dataset, "a Dataset of analysis.orbit_diagram")
+    known = [str(name) for name, v in dataset.data_vars.items() if "point" in v.dims]
+    if observable is None:
+        if not known:
+            raise refusal(
+                "dataset", "a Dataset", "of analysis.orbit_diagram: with a variable of points"
+            )
+        observable = known[0]
+    elif not isinstance(observable, str) or observable not in dataset.data_vars:
+        names = ", ".join(map(str, dataset.data_vars))
+        raise refusal("observable", observable, f"a variable of the dataset, one of {names}")
+    found = dataset[observable]
+    parameters = [str(dim) for dim in found.dims if dim != "point"]
+    if len(parameters) != 1 or parameters[0] not in dataset.coords:
+        over = f"of points over {', '.join(parameters) or 'no parameter'}"
+        allowed = "over one parameter: select a value of each other one, dataset.sel(k=..., method=...)"
+        raise refusal("dataset", "a Dataset", allowed, but=over)
+    (parameter,) = parameters
+    _axes.check_axes(ax)
+    options = _axes.check_options(options)
+    axis = _axes.canvas(ax)
+    across = dataset[parameter]
+    values = np.asarray(found.transpose(parameter, ...), float).reshape(across.size, -1)
+    places = np.broadcast_to(np.asarray(across)[:, None], values.shape)
+    shown = np.isfinite(values)
+    axis.plot(places[shown], values[shown], **{**_dots(int(shown.sum())), **options})
+    axis.set_xlabel(_label(across, parameter))
+    axis.set_ylabel(_label(found, observable))
+    return axis
+
+
+def _dots(count: int) -> dict[str, Any]:
+    """Below half a pixel a dot would fade."""
+    return {
+        "color": _axes.BLUE, "marker": ".", "linestyle": "none", "markeredgewidth": 0,
+        "markersize": float(np.clip(3.0e4 / max(count, 1), 0.4, 4.0)),
+        "alpha": 0.6 if count > FAINT else 0.8, "rasterized": True,
+    }  # fmt: skip
+
+
+def _label(variable: xr.DataArray, name: str) -> str:
+    return _axes.labelled(str(variable.attrs.get("long_name", name)), variable.attrs.get("units"))
