@@ -20,7 +20,7 @@ export PIP_NO_INPUT := 1
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo figures results notebooks test test-all bench lint lock clean distclean
+.PHONY: help setup demo figures results notebooks docs test test-all bench lint lock clean distclean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */  make \1\t/' | expand -t 20
@@ -63,6 +63,10 @@ notebooks: setup ## execute notebooks/*.py into notebooks/*.ipynb
 	    $(BIN)/jupyter-execute --inplace "$$target"; \
 	done
 
+docs: setup ## the documentation site, into build/docs; its notebooks are executed, warnings are errors
+	@$(RUN) -m sphinx -W --keep-going -n -q -j 1 -c notebooks/_site -d build/doctrees notebooks build/docs
+	@echo "build/docs/index.html"
+
 test: setup ## the quick suite
 	@$(RUN) -m pytest -q -n $(WORKERS) --dist worksteal -m "not slow"
 
@@ -84,7 +88,7 @@ lint: setup ## ruff and pyright
 lock: setup ## resolve requirements.lock anew
 	@$(RUN) -m pip install --quiet uv
 	@$(BIN)/uv pip compile pyproject.toml --universal --python-version 3.11 --upgrade --quiet \
-	    --extra test --extra notebooks --extra lint --group build \
+	    --extra test --extra notebooks --extra lint --extra docs --group build \
 	    --no-emit-index-url --custom-compile-command "make lock" --output-file requirements.lock
 
 clean: ## remove caches and executed notebooks, keep .venv and results
