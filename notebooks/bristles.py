@@ -50,7 +50,7 @@ class Block(AbstractMechanism):
         return {"x": 1.0}
 
     def forces(self, t, q, v, args):
-        return {"x": 0.35 * t * jax.numpy.sin(2.0 * t)}
+        return {"x": 0.7 * t * jax.numpy.sin(2.0 * t)}
 
     def contacts(self, t, q, v, args):
         return {"table": Contact(self.law, 10.0)}
@@ -62,8 +62,8 @@ grid = np.linspace(0.0, END, 1201)
 saved = ss.SaveAt(ts=jax.numpy.asarray(grid))
 exact = ss.simulate(Block(law), 0.0, END, Block(law).state(), saveat=saved)
 first = float(exact.events.t[0])
-print(f"the set-valued block lets go at {first:.6f} s: 0.35 t sin(2 t) = 4 N there")
-assert abs(abs(0.35 * first * np.sin(2.0 * first)) - 4.0) < 1e-9
+print(f"the set-valued block lets go at {first:.6f} s: 0.7 t sin(2 t) = 4 N there")
+assert abs(abs(0.7 * first * np.sin(2.0 * first)) - 4.0) < 1e-9
 
 # %% [markdown]
 # ## Before it slides
@@ -86,12 +86,12 @@ def bent(stiffness, method="dop853", rtol=1e-8):
     jax.block_until_ready(run(start))  # compiles
     begin = time.perf_counter()
     found = jax.block_until_ready(run(start))
-    return found, time.perf_counter() - begin, int(found.stats["num_attempts"])
+    return found, time.perf_counter() - begin, int(found.stats.num_attempts)
 
 
 soft, *_ = bent(1e4)
 before = grid < first
-force = 0.35 * grid * np.sin(2.0 * grid)
+force = 0.7 * grid * np.sin(2.0 * grid)
 figure, axes = plt.subplots(1, 2, figsize=(9, 3.2), layout="constrained")
 axes[0].plot(1e6 * np.asarray(soft.outputs.y.y.x)[before], force[before])
 axes[0].set(xlabel="x [µm]", ylabel="pull [N]", title="bristles of 1e4 1/m, before sliding")
@@ -108,8 +108,9 @@ assert np.all(np.asarray(exact.outputs.y.x)[before] == 0.0)
 # ## What it costs
 #
 # In sliding the bristles relax at the rate $\sigma_0 |v| / \mu$, and at rest they ring: both grow with
-# $\sigma_0$. An explicit method follows them with ever shorter steps, however little happens; an
-# implicit one does not have to.
+# $\sigma_0$. An explicit method follows them with ever shorter steps, however little happens. An
+# implicit one takes many steps where the friction turns, but hardly more for stiffer bristles; each
+# costs as much as five to ten explicit ones.
 
 # %%
 STIFFNESSES = (1e3, 1e4) if QUICK else (1e3, 1e4, 1e5)
@@ -117,22 +118,27 @@ print(f"{'1/m':>8s} {'method':>10s} {'attempts':>9s} {'s':>7s}  off the set-valu
 reference = float(exact.y1.x)
 attempts, gaps = {}, []
 for stiffness in STIFFNESSES:
-    for name, method, rtol in (("dop853", "dop853", 1e-8), ("Kvaerno5", diffrax.Kvaerno5(), 1e-7)):
+    for name, method, rtol in (("dop853", "dop853", 1e-8), ("Kvaerno5", diffrax.Kvaerno5(), 1e-5)):
         found, seconds, tried = bent(stiffness, method, rtol)
         gap = abs(float(found.y1.y.x) - reference)
         attempts[name, stiffness] = tried
         print(f"{stiffness:8g} {name:>10s} {tried:9d} {seconds:7.3f}  {gap:.1e} m")
         assert bool(found.successful)
     gaps.append(gap)
-tried = int(exact.stats["num_attempts"])
+tried = int(exact.stats.num_attempts)
 print(f"set-valued: {tried} attempts, {int(exact.events.count)} events")
 
 # Stiffer bristles come nearer to the set-valued law, and cost the explicit method more.
 assert gaps[-1] < gaps[0]
 assert attempts["dop853", STIFFNESSES[-1]] > 2 * attempts["dop853", STIFFNESSES[0]]
+assert attempts["Kvaerno5", STIFFNESSES[-1]] < 2 * attempts["Kvaerno5", STIFFNESSES[0]]
 assert tried < attempts["dop853", STIFFNESSES[0]]
 
 # %% [markdown]
+# On the machine where this was written bristles ten times stiffer cost the explicit method six to nine
+# times as many attempts, the implicit one at most 1.3 times; it was the faster one from 1e5 1/m on. The
+# set-valued law took fewer than either at any stiffness.
+#
 # So: **set-valued** where sticking is what matters, in sweeps and in fits of friction; **LuGre** where
 # the displacement before sliding is measured or controlled, as in a positioning machine, with an explicit
 # method for soft bristles and an implicit one (`diffrax.Kvaerno5()`) for stiff ones. A fit may begin
