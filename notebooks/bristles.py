@@ -140,6 +140,6 @@ assert tried < attempts["dop853", STIFFNESSES[0]]
 # set-valued law took fewer than either at any stiffness.
 #
 # So: **set-valued** where sticking is what matters, in sweeps and in fits of friction; **LuGre** where
-# the displacement before sliding is measured or controlled, as in a positioning machine, with an explicit
-# method for soft bristles and an implicit one (`diffrax.Kvaerno5()`) for stiff ones. A fit may begin
-# with one and end with the other: both come from the same declaration.
+# the displacement before sliding is measured or controlled, as in a positioning machine, with an
+# explicit method for soft bristles and an implicit one (`diffrax.Kvaerno5()`) for stiff ones. A fit may
+# begin with one and end with the other: both come from the same declaration.

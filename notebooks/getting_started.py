@@ -100,5 +100,5 @@ axis.set(xlabel="belt speed [m/s]", ylabel="x(30 s) [m]")
 assert np.isfinite(ends).all()
 
 # %% [markdown]
-# Go on with [a mechanism of your own](own_mechanism.py), [how to choose](how_to_choose.md) law, method and
-# executor, and the [sharp bits](sharp_bits.md).
+# Go on with [a mechanism of your own](own_mechanism.py), [how to choose](how_to_choose.md) law, method
+# and executor, and the [sharp bits](sharp_bits.md).

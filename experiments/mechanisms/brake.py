@@ -36,12 +36,8 @@ from stickslip.friction import AbstractFrictionLaw, Coulomb
 from stickslip.mechanism import AbstractMechanism, Contact
 
 from .._experiment import Context, Experiment, Statement
-<<<<<<< HEAD
 from .._thresholds import Machines
-from ._look import FAST, flow_matrix, rates_of, shade, verdict
-=======
 from ._look import FAST, flow_matrix, rates_of, verdict
->>>>>>> show
 
 MASS, PAD = 1.0, 1.0  # [kg], stiffness of the disc [N/m]
 ALONG, ACROSS, TOWARDS = 1.6, 0.4, 1.2  # k_xx, k_xy and k_yy [N/m]

@@ -36,12 +36,8 @@ from stickslip.friction import AbstractFrictionLaw, Stribeck
 from stickslip.mechanism import AbstractMechanism, Contact
 
 from .._experiment import Context, Experiment, Statement
-<<<<<<< HEAD
 from .._thresholds import Machines
-from ._look import FAST, flow_matrix, shade, verdict
-=======
 from ._look import FAST, flow_matrix, verdict
->>>>>>> show
 
 RPM = 2.0 * np.pi / 60.0
 INERTIA, BIT = 2000.0, 400.0  # [kg m²]

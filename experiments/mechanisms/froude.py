@@ -29,12 +29,8 @@ from stickslip.friction import AbstractFrictionLaw, Stribeck
 from stickslip.mechanism import AbstractMechanism, Contact
 
 from .._experiment import Context, Experiment, Statement
-<<<<<<< HEAD
 from .._thresholds import Machines
-from ._look import FAST, flow_matrix, rates_of, shade, verdict
-=======
 from ._look import FAST, flow_matrix, rates_of, verdict
->>>>>>> show
 
 
 class FroudePendulum(AbstractMechanism):
