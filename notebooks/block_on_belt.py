@@ -30,7 +30,7 @@ import numpy as np
 
 import stickslip as ss
 from stickslip import plot
-from stickslip.analysis import orbit_diagram
+from stickslip.analysis import PeriodTest, Recording, orbit_diagram
 from stickslip.systems import BlockOnBelt, BlockOnBeltSetValued, BlockState
 
 ss.enable_compilation_cache()  # what a run compiles, the next one reads from disk
@@ -126,8 +126,8 @@ def diagram(low, high):
     return orbit_diagram(
         smooth, {"k3": np.linspace(low, high, LANES)}, START,
         section=smooth.zero_acceleration_section(), observables="x",
-        transient=TRANSIENT, duration=DURATION, max_points=96, integrator=fast,
-        period_tolerance=1e-2 if QUICK else 1e-3, max_period=4 if QUICK else 16,
+        record=Recording(TRANSIENT, DURATION, max_points=96),
+        period=PeriodTest(1e-2 if QUICK else 1e-3, longest=4 if QUICK else 16), integrator=fast,
         check=0 if QUICK else 16, executor=EXECUTOR, progress=False,
     )  # fmt: skip
 

@@ -13,7 +13,7 @@ import time
 
 import numpy as np
 
-from stickslip.analysis import orbit_diagram
+from stickslip.analysis import Recording, orbit_diagram
 
 from ._diagram_job import Job, set_a
 from .diagram import engine, steps_of
@@ -26,7 +26,7 @@ def diagram(job: Job, check: int):
     def run(k3: np.ndarray):
         return orbit_diagram(
             system, {"k3": k3}, start, section=system.zero_acceleration_section(),
-            observables="x", transient=job.transient, duration=job.duration, max_points=job.room,
+            observables="x", record=Recording(job.transient, job.duration, max_points=job.room),
             integrator=steps_of(tolerance=1e-8),
             check=check, progress=False,
         )  # fmt: skip

@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 import stickslip as ss
-from stickslip.analysis import orbit_diagram
+from stickslip.analysis import PeriodTest, Recording, orbit_diagram
 from stickslip.sweep import Variable
 from stickslip.systems import BlockOnBelt, BlockOnDrivenBelt, BlockState, DrivenBlockState
 
@@ -174,11 +174,9 @@ def _diagram(model, k3, transient, duration, protocol, parameters, context) -> x
         start,
         section=system.zero_acceleration_section(),
         observables="x",
-        transient=transient,
-        duration=duration,
-        max_points=parameters["max_points"],
+        record=Recording(transient, duration, max_points=parameters["max_points"]),
+        period=PeriodTest(1e-3),
         integrator=integrator_of(parameters),
-        period_tolerance=1e-3,
         labels={
             "k3": Variable(units="N/m", long_name="stiffness k3"),
             "x": Variable(long_name="displacement x of the block"),

@@ -13,6 +13,9 @@ from ._observable import Maximum as Maximum
 from ._observable import Minimum as Minimum
 from ._orbit_diagram import orbit_diagram as orbit_diagram
 from ._orbit_lane import STATUS as STATUS
+from ._recording import Carried as Carried
+from ._recording import PeriodTest as PeriodTest
+from ._recording import Recording as Recording
 from ._spectrum import Peak as Peak
 from ._spectrum import Spectrum as Spectrum
 from ._spectrum import amplitude_spectrum as amplitude_spectrum

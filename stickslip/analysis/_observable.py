@@ -147,17 +147,19 @@ def vars_of(y0: PyTree) -> list[str]:
     return list(vars(y0)) if isinstance(y0, eqx.Module) else []
 
 
-def as_section(section: Any, system: AbstractHybridSystem, y0: PyTree) -> Section:
+def as_section(
+    section: Any, system: AbstractHybridSystem, y0: PyTree, argument: str = "section"
+) -> Section:
     """The section that a `Section`, a `Maximum` or a `Minimum` stands for; none ends a motion."""
     if isinstance(section, Section):
         return Section(section.function, section.direction, name=section.name)
     if isinstance(section, Maximum | Minimum):
         what = section.observable
-        value, _ = as_observable("section.observable", what, system, y0)
+        value, _ = as_observable(f"{argument}.observable", what, system, y0)
         label = what if isinstance(what, str) else "observable"
         rate, name = RateOf(whole_of(value)), f"{section.word} of {label}"
         return Section(rate, section.direction, name=name)
-    raise refusal("section", section, "a Section, a Maximum or a Minimum", TypeError)
+    raise refusal(argument, section, "a Section, a Maximum or a Minimum", TypeError)
 
 
 def with_parameters(system: AbstractHybridSystem, values: dict[str, Any]) -> AbstractHybridSystem:

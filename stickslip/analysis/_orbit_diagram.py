@@ -1,8 +1,8 @@
 """Orbit diagrams by brute force: the points of a section over one or two parameters."""
 
 import math
-from collections.abc import Callable, Sequence
-from typing import Any, Literal
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -10,19 +10,16 @@ import numpy as np
 import xarray as xr
 from jaxtyping import PyTree
 
-from .._types import Given, Mode, Named, NamedRows, Numeric
+from .._types import Given, Mode, Named, NamedRows
 from .._validation import (
     check_count,
     check_finite,
-    check_in,
     check_mapping,
     check_type,
     leaves_of,
-    one_concrete,
     refusal,
 )
 from ..hybrid import AbstractHybridSystem, Integrator, Section
-from ..hybrid._arguments import a_time
 from ..sweep import Variable, run_sweep
 from ..sweep._evaluate import lanes_of, prepared
 from ..sweep._grid import block_shape, check_grid
@@ -31,10 +28,13 @@ from ._attractor import PERIOD_STATUS
 from ._builder import builder_of, check_labels, check_options, labelled_parameters
 from ._observable import Angle, Maximum, Minimum, as_observable, as_section, whole_of
 from ._orbit_lane import STATUS, Numbers, OrbitPlan, halved, run_lane
+from ._recording import Carried, PeriodTest, Recording
 
-CARRIED = ("upwards", "downwards")
 RESULTS_OF_A_LANE = ("count", "status", "period", "period_status", "slow_transient", "flags")
 CHUNK_CPU = 512  # lanes per block: so few that the check can run the same program on as many
+
+SETTINGS = ("settings", "attrs", "name")  # of `run_sweep`, beside how it runs
+Cut = Section | Maximum | Minimum
 
 
 def orbit_diagram(
@@ -42,31 +42,22 @@ def orbit_diagram(
     grid: NamedRows,
     y0: PyTree,
     *,
-    section: Given[Section | Maximum | Minimum],
+    section: Given[Cut | Mapping[str, Cut]],
     observables: Given[str | Sequence[str] | Named],
-    transient: Numeric,
-    duration: Numeric,
-    points: Given[int | None] = None,
-    max_points: Given[int] = 256,
-    t0: Numeric = 0.0,
+    record: Given[Recording],
+    period: Given[PeriodTest | None] = None,
+    carried: Given[Carried | None] = None,
+    domain: Given[Sequence[Any]] = (),
     mode0: Mode | None = None,
     args: PyTree = None,
     integrator: Given[Integrator | None] = None,
-    domain: Given[Sequence[Any]] = (),
-    carried: Given[Literal["upwards", "downwards"] | None] = None,
-    along: Given[str | None] = None,
-    period_tolerance: Numeric = 1e-4,
-    max_period: Given[int] = 16,
     check: Given[int] = 32,
     labels: Named | None = None,
-    settings: Named | None = None,
-    attrs: Named | None = None,
-    name: str = "orbit diagram",
     **sweep: Any,
 ) -> xr.Dataset:
     r"""Points at which the motion crosses a section, over one or two parameters of a system.
 
-    Each lane runs from `t0` to `t0 + transient` unrecorded, then for `duration`, and every crossing of
+    Each lane runs for a transient that is dropped, then for the time recorded, and every crossing of
     `section` gives a point. The diagram shows what a motion from the given initial state comes to: one
     attractor per parameter value, never an unstable one. This is not continuation.
 
@@ -76,42 +67,43 @@ def orbit_diagram(
       part `drive`). Or a function `(**point) -> system`.
     - `grid`: parameter name to vector of values; with two names, all pairs.
     - `y0`: initial state: scalars for all lanes, or arrays of the grid's shape, a state per lane.
-    - `section`: a `Section` (direction in words), or `Maximum("x")`, `Minimum("x")` of an observable.
+    - `section`: a `Section` (direction in words), or `Maximum("x")`, `Minimum("x")` of an observable;
+      or a mapping from names to several of them, which are recorded in the same run.
     - `observables`: name or sequence of names: a component of the state, `"slope of x"`, `"t"`, a
       method `(t, y, mode, args)` of the system; or a mapping from names to those or to functions
       `(system, t, y, dy, mode, args)`. A component with a period is given within half of it on both
       sides of zero, and a motion that goes round has a period if it comes back but for whole turns.
-    - `transient`: time dropped [s]; `duration`: time recorded [s]; `points`: stop after so many.
-    - `max_points`: room per lane without `points`; a lane with more is marked `buffer_full`.
+    - `record`: `Recording(transient, duration)`: time dropped, time recorded [s], points, start.
+    - `period`: `PeriodTest(tolerance, longest)`: when points repeat; see `period` below.
     - `domain`: observables that must not fall below zero; a lane in which one does ends there.
-    - `carried`: `"upwards"` or `"downwards"`: each lane starts from the end of its neighbour below or
-      above along the parameter `along` (default: the first), which shows hysteresis. Sequential by
-      nature: as many lanes at a time as the other parameter has values, one without another. A lane
-      that failed hands on what it was given. The clock starts at `t0` in every lane: give an explicit
-      forcing its phase as a state, or let `transient + duration` be a multiple of its period.
-    - `period_tolerance`, `max_period`: see `period` below.
+    - `carried`: `Carried("upwards")` or `Carried("downwards")`: each lane starts from the end of its
+      neighbour, which shows hysteresis. Sequential by nature: as many lanes at a time as the other
+      parameter has values, one without another. A lane that failed hands on what it was given. The
+      clock starts at `record.t0` in every lane: give an explicit forcing its phase as a state, or let
+      the time of a run be a multiple of its period.
     - `check`: so many lanes, evenly spaced, are computed again at half the step (`FixedStep`) or a
       32nd of the tolerances, for an error estimate. 0 leaves it out.
     - `labels`: `Variable`s with units and names of parameters and observables; by default a parameter
       has the unit that the system states.
-    - `integrator`, `args`, `mode0`, `t0`: as for `simulate`.
+    - `integrator`, `args`, `mode0`: as for `simulate`.
     - `settings`, `attrs`, `name` and `store`, `chunk`, `resume`, `progress`, `executor`, `workers`: as
       for `run_sweep`.
 
-    **Returns** an `xarray.Dataset` with the dimensions of the grid and `point`:
+    **Returns** an `xarray.Dataset` with the dimensions of the grid and `point`; with several sections
+    observables, `count`, `period` and `period_status` have the dimension `section`, by name:
 
     - one variable per observable, NaN past `count` points;
     - `status`: 0 "ok", else why the lane is not to be trusted (`attrs["flag_meanings"]`): it left the
-      domain, never crossed the section, has more crossings than `max_points` (`buffer_full`) or fewer
-      than `points` (`fewer_points`), its first points are not yet those of the attractor although a
-      transient was dropped (`not_settled`), or the engine's result code;
+      domain, never crossed a section, has more crossings than `max_points` (`buffer_full`) or
+      fewer than `points` of all sections (`fewer_points`), its first points are not yet those of the
+      attractor although a transient was dropped (`not_settled`), or the engine's result code;
     - `period`: number of points after which the observables repeat; 0 if after none of 1 to
-      `max_period`; -1 where that cannot be told. `period_status` says why, by number with words in
+      `period.longest`; -1 where that cannot be told. `period_status` says why, by number with words in
       `attrs["flag_meanings"]`: `repeats`; `none`; `lane_failed`; `too_few_points` (4 are needed for
-      period one, `2 * max_period` to say that there is none); `not_finite`; `not_settled`;
+      period one, twice the longest to say that there is none); `not_finite`; `not_settled`;
       `constant` (a rest); `zero_on_section` (nothing was observed but what is zero there, as a speed
       is at the maxima of its position); `below_rounding`. Points are the same if each observable
-      differs by at most `period_tolerance` of its range along the whole motion, over the last quarter
+      differs by at most `period.tolerance` of its range along the whole motion, over the last quarter
       of the points. Time is left out, and components that are not observed do not count;
     - `slow_transient`: the first points are not yet those of the attractor: drop more time;
     - `flags`: as in `Solution`, of transient and record;
@@ -123,6 +115,7 @@ def orbit_diagram(
     **Errors** `ValueError`/`TypeError` naming the argument, before anything is compiled.
     """
     coords = check_grid(grid)
+    described = {key: sweep.pop(key) for key in SETTINGS if key in sweep}
     check_options(sweep)
     shape = tuple(v.size for v in coords.values())
     if len(coords) > 2:
@@ -130,8 +123,10 @@ def orbit_diagram(
     build = builder_of(system, coords)
     first = build({key: float(v[0]) for key, v in coords.items()})
     y0, per_lane = _check_state(y0, shape)
-    t0 = float(a_time("t0", one_concrete("t0", t0)))
-    _, mode = start_of(first, t0, jax.tree.map(lambda a: float(np.ravel(a)[0]), y0), mode0, args)
+    check_type("record", record, Recording, "a Recording(transient, duration)")
+    period = PeriodTest() if period is None else period
+    check_type("period", period, PeriodTest, "a PeriodTest, or None")
+    _, mode = start_of(first, record.t0, jax.tree.map(lambda a: float(np.ravel(a)[0]), y0), mode0, args)
     observed = named_observables(observables)
     found = {
         key: as_observable(f"observables[{key!r}]", what, first, y0) for key, what in observed.items()
@@ -143,51 +138,44 @@ def orbit_diagram(
         domain = (domain,)
     check_type("domain", domain, tuple | list, "an observable or a sequence of observables")
     borders = tuple(whole_of(as_observable("domain", what, first, y0)[0]) for what in domain)
-    transient = float(one_concrete("transient", transient, "not negative"))
-    duration = float(one_concrete("duration", duration, "positive"))
-    period_tolerance = float(one_concrete("period_tolerance", period_tolerance, "positive"))
-    for key, value, low in (
-        ("max_points", max_points, 1),
-        ("max_period", max_period, 1),
-        ("check", check, 0),
-    ):
-        check_count(key, value, low)
-    if points is not None:
-        check_count("points", points, 1)
-    if carried is not None:
-        check_in("carried", carried, CARRIED)
-        if per_lane:
-            raise refusal("y0", y0, "one state for a carried diagram, not one per lane")
-    elif along is not None:
-        raise refusal("along", along, "None without carried")
+    check_count("check", check, 0)
+    check_type("carried", carried, Carried | None, "a Carried, or None")
+    if carried is not None and per_lane:
+        raise refusal("y0", y0, "one state for a carried diagram, not one per lane")
     integrator = an_integrator(integrator)
     plan = OrbitPlan(
         build=build,
-        section=as_section(section, first, y0),
+        sections=_sections(section, first, y0),
+        several=not isinstance(section, Cut),
         observables={key: function for key, (function, _) in found.items()},
         domain=borders,
-        settles=transient > 0,
-        size=max_points if points is None else points,
-        stops=points is not None,
+        settles=record.transient > 0,
+        size=record.size,
+        stops=record.points is not None,
         mode0=None if mode0 is None else mode,
         args=args,
-        period_tolerance=period_tolerance,
-        max_period=max_period,
+        period=period,
     )
     settings = {
         "system": system if isinstance(system, AbstractHybridSystem) else first,
-        "section": {"name": plan.section.name, "direction": plan.section.direction},
-        "transient": transient,
-        "duration": duration,
-        "points": points,
+        "section": {
+            name: {"name": cut.name, "direction": cut.direction} for name, cut in plan.sections.items()
+        },
+        "transient": record.transient,
+        "duration": record.duration,
+        "points": record.points,
         "initial_state": None if per_lane else y0,
-        "carried": carried,
+        "carried": None if carried is None else carried.direction,
         "integrator": integrator,
-        **check_mapping("settings", settings),
+        **check_mapping("settings", described.get("settings")),
     }
+    attrs = dict(check_mapping("attrs", described.get("attrs")))
+    if plan.several:
+        attrs = {"sections": list(plan.sections), **attrs}
+    about = {"settings": settings, "attrs": attrs, "name": described.get("name", "orbit diagram")}
     variables = _labels(plan, found, coords, labels, system)
     # Numbers enter as inputs, so that other times and steps do not make another program.
-    numbers, static = _numbers(integrator, t0, transient, duration)
+    numbers, static = _numbers(integrator, record)
 
     @prepared
     def lane(numbers, start=None, **point):
@@ -200,7 +188,7 @@ def orbit_diagram(
         dataset = run_sweep(
             lane, coords,
             inputs={"numbers": _spread(numbers, shape), **({"start": y0} if per_lane else {})},
-            variables=variables, settings=settings, attrs=attrs, name=name, **sweep,
+            variables=variables, **about, **sweep,
         )  # fmt: skip
     else:
 
@@ -208,16 +196,29 @@ def orbit_diagram(
             return run_lane(plan, static, numbers, carry, point)
 
         dataset = run_sweep(
-            step, coords, carry=y0, along=along, backward=carried == "downwards",
-            variables=variables, settings=settings, attrs=attrs, name=name, **sweep,
+            step, coords, carry=y0, along=carried.along, backward=carried.direction == "downwards",
+            variables=variables, **about, **sweep,
         )  # fmt: skip
+    if plan.several:
+        dataset = dataset.assign_coords(section=list(plan.sections))
     if check:
-        starts = _starts(dataset, y0, per_lane, carried, along, coords)
-        finer, _ = _numbers(halved(integrator), t0, transient, duration)
+        starts = _starts(dataset, y0, carried, coords)
+        finer, _ = _numbers(halved(integrator), record)
         given = per_lane or carried is not None
         extra = _check(lane, finer, coords, starts if given else None, check, dataset, observed, sweep)
         dataset = dataset.assign(extra)
     return dataset
+
+
+def _sections(section, system, y0) -> dict[str, Section]:
+    """Sections by name; a single one has its own."""
+    if isinstance(section, Mapping):
+        given = check_mapping("section", section)
+        if not given:
+            raise refusal("section", section, "a section, or a mapping from names to some")
+        return {name: as_section(cut, system, y0, f"section[{name!r}]") for name, cut in given.items()}
+    cut = as_section(section, system, y0)
+    return {cut.name: cut}
 
 
 def _check_state(y0, shape):
@@ -236,23 +237,26 @@ def _labels(plan: OrbitPlan, found, coords, labels, given_units) -> dict[str, Va
     labels = check_mapping("labels", labels)
     check_labels(labels, [*coords, *found])
     variables = labelled_parameters(given_units, coords, labels)
+    each = ("section",) if plan.several else ()
     for key, (function, unit) in found.items():
         given = labels.get(key, Variable())
         more = {"period": function.period} if isinstance(function, Angle) else {}
         variables[key] = Variable(
-            ("point",), given.units or unit, given.long_name or key, {**more, **given.attrs}
+            (*each, "point"), given.units or unit, given.long_name or key, {**more, **given.attrs}
         )
-    variables["count"] = Variable(long_name="number of points")
+    variables["count"] = Variable(each, long_name="number of points")
     variables["status"] = Variable(
         long_name="status of the run",
         attrs={"flag_values": list(range(len(STATUS))), "flag_meanings": " ".join(STATUS)},
     )
     variables["period"] = Variable(
+        each,
         units="1",
         long_name="points after which the attractor repeats, 0 if none, -1 if not to be told",
-        attrs={"tolerance": plan.period_tolerance, "max_period": plan.max_period},
+        attrs={"tolerance": plan.period.tolerance, "max_period": plan.period.longest},
     )
     variables["period_status"] = Variable(
+        each,
         long_name="what the period is based on, or why it cannot be told",
         attrs={
             "flag_values": list(range(len(PERIOD_STATUS))),
@@ -264,12 +268,12 @@ def _labels(plan: OrbitPlan, found, coords, labels, given_units) -> dict[str, Va
     return variables
 
 
-def _starts(dataset, y0, per_lane, carried, along, coords):
+def _starts(dataset, y0, carried, coords):
     """State every lane started from, flat over the grid."""
     shape = tuple(v.size for v in coords.values())
     if carried is None:
         return jax.tree.map(lambda a: np.broadcast_to(a, shape).reshape(-1), y0)
-    axis = list(coords).index(along) if along else 0
+    axis = list(coords).index(carried.along) if carried.along else 0
     names = [
         "carry_" + jax.tree_util.keystr(path, simple=True, separator="_")
         for path, _ in jax.tree_util.tree_leaves_with_path(y0)
@@ -278,16 +282,16 @@ def _starts(dataset, y0, per_lane, carried, along, coords):
     for name, given in zip(names, jax.tree.leaves(y0), strict=True):
         ends = np.moveaxis(np.asarray(dataset[name]), axis, 0)
         begin = np.full_like(ends[:1], given)
-        ends = [ends[1:], begin] if carried == "downwards" else [begin, ends[:-1]]
+        ends = [ends[1:], begin] if carried.direction == "downwards" else [begin, ends[:-1]]
         leaves.append(np.moveaxis(np.concatenate(ends), 0, axis).reshape(-1))
     return jax.tree.unflatten(jax.tree.structure(y0), leaves)
 
 
-def _numbers(integrator, t0, transient, duration):
+def _numbers(integrator, record):
     """The numbers of a run, and the integrator without its own."""
     step, rest = eqx.partition(integrator.step, eqx.is_inexact_array_like)
     static = eqx.tree_at(lambda i: i.step, integrator, rest)
-    return Numbers(float(t0), float(transient), float(duration), step), static
+    return Numbers(record.t0, record.transient, record.duration, step), static
 
 
 def _spread(numbers, shape):
@@ -314,17 +318,18 @@ def _check(lane, numbers, coords, starts, check, dataset, observed, sweep):
     index = {key: xr.DataArray(i, dims="checked") for key, i in zip(coords, place, strict=True)}
     before = dataset[[*observed, "count", "period"]].isel(index)
     same = np.asarray(before["count"]) == np.asarray(again["count"])
+    dims = before["period"].dims
     extra = {
         f"checked_{key}": ("checked", points[key][: picked.size], dict(dataset[key].attrs))
         for key in coords
     }
-    extra["checked_period"] = ("checked", np.asarray(before["period"]), {})
+    extra["checked_period"] = (dims, np.asarray(before["period"]), {})
     for key in observed:
         gap = np.abs(np.asarray(before[key]) - np.asarray(again[key]))
-        gap = np.where(np.isnan(gap), 0.0, gap).max(axis=1)
+        gap = np.where(np.isnan(gap), 0.0, gap).max(axis=-1)
         attrs = {
             "long_name": f"error estimate of {key}: largest difference to a finer integration",
             **{k: v for k, v in dataset[key].attrs.items() if k == "units"},
         }
-        extra[f"error_{key}"] = ("checked", np.where(same, gap, np.nan), attrs)
+        extra[f"error_{key}"] = (dims, np.where(same, gap, np.nan), attrs)
     return extra

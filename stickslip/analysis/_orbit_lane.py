@@ -1,5 +1,6 @@
 """One lane of an orbit diagram: drop the transient, record points, say how it ended."""
 
+import functools
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -12,6 +13,7 @@ from jaxtyping import PyTree
 from ..hybrid import RESULTS, Integrator, SaveAt, Section, simulate
 from ._attractor import CANNOT_TELL, PERIOD_STATUS, period_of
 from ._observable import Angle, Observable, whole_of
+from ._recording import PeriodTest
 
 # What became of a lane. New words go to the end: stored numbers keep their meaning.
 STATUS = (
@@ -42,7 +44,8 @@ class OrbitPlan(NamedTuple):
     """All that the lanes of a diagram have in common."""
 
     build: Callable  # system of a point of the grid
-    section: Section
+    sections: dict[str, Section]
+    several: bool  # whether results are given by section
     observables: dict[str, Observable]
     domain: tuple[Observable, ...]
     settles: bool  # whether a transient is dropped
@@ -50,8 +53,7 @@ class OrbitPlan(NamedTuple):
     stops: bool  # whether a full record is the end, not a failure
     mode0: Any
     args: PyTree
-    period_tolerance: float
-    max_period: int
+    period: PeriodTest
 
 
 class Numbers(NamedTuple):
@@ -95,9 +97,9 @@ def run_lane(
     length = jnp.where(going, numbers.duration, 0.0)
     recorded = simulate(
         system, begin, begin + length, y, mode, args, saveat=SaveAt(ts=begin + length * LOOKS),
-        sections=(plan.section, *borders), max_crossings=plan.size, **options,
+        sections=(*plan.sections.values(), *borders), max_crossings=plan.size, **options,
     )  # fmt: skip
-    rows, looks = recorded.crossings[0], recorded.outputs
+    logs, looks = recorded.crossings[: len(plan.sections)], recorded.outputs
     assert looks is not None
 
     def values(f, log):
@@ -107,57 +109,67 @@ def run_lane(
         )
         return jnp.where(jnp.arange(log.t.size, dtype=log.count.dtype) < log.count, seen, jnp.nan)
 
-    points = {name: values(f, rows) for name, f in plan.observables.items()}
     late = engine_status(recorded.result)
     full = recorded.result == RESULTS.max_crossings_reached
     late = jnp.where(full, 0 if plan.stops else STATUS.index("buffer_full"), late)
-    late = jnp.where((late == 0) & (rows.count == 0), STATUS.index("no_crossing"), late)
+    most = functools.reduce(jnp.maximum, [rows.count for rows in logs])
+    late = jnp.where((late == 0) & (most == 0), STATUS.index("no_crossing"), late)
     status = jnp.where(going, late, early).astype(jnp.int32)
-    count = jnp.where(going, rows.count, 0).astype(jnp.int32)
+    usable = _is_one_of(status, USABLE[:2])
+    failed = ~(usable | (status == STATUS.index("no_crossing")))
     # Time never repeats: it has no say in the period unless it is all there is.
-    judged = [name for name in points if name != "t"] or list(points)
+    judged = [name for name in plan.observables if name != "t"] or list(plan.observables)
     found = [plan.observables[name] for name in judged]
     # Of what goes round, whole turns are left out by the judge, which knows how far the motion goes.
     functions = [whole_of(f) for f in found]
     turns = tuple(f.period if isinstance(f, Angle) else None for f in found)
-    seen = [
-        values(whole, rows) if isinstance(f, Angle) else points[name]
-        for name, f, whole in zip(judged, found, functions, strict=True)
-    ]
     slope0 = system.vector_field(start, y0, first_mode, args)
-    verdict = period_of(
-        jnp.stack(seen, axis=1),
-        count,
-        _span(jnp.stack([values(f, looks) for f in functions], axis=1), looks.count),
-        tolerance=plan.period_tolerance,
-        max_period=plan.max_period,
-        periods=turns if any(turns) else None,
-        start=jnp.stack(
-            [
-                jnp.asarray(f(system, start, y0, slope0, first_mode, args), jnp.float64)
-                for f in functions
-            ]
-        ),
-    )
-    usable = _is_one_of(status, USABLE[:2])
-    # So few looks at the motion do not give its size, which the tolerance refers to.
-    judged_by = jnp.where(
-        looks.count < FEWEST_LOOKS, PERIOD_STATUS.index("too_few_points"), verdict.status
-    )
-    failed = ~(usable | (status == STATUS.index("no_crossing")))
-    judged_by = jnp.where(failed, PERIOD_STATUS.index("lane_failed"), judged_by)
-    slow = usable & verdict.slow
-    short = (count < plan.size) if plan.stops else jnp.zeros((), bool)
+    begun = [
+        jnp.asarray(f(system, start, y0, slope0, first_mode, args), jnp.float64) for f in functions
+    ]
+    span = _span(jnp.stack([values(f, looks) for f in functions], axis=1), looks.count)
+
+    def of_section(rows):
+        """Points, their number, and the verdict on them."""
+        points = {name: values(f, rows) for name, f in plan.observables.items()}
+        count = jnp.where(going, rows.count, 0).astype(jnp.int32)
+        seen = [
+            values(whole, rows) if isinstance(f, Angle) else points[name]
+            for name, f, whole in zip(judged, found, functions, strict=True)
+        ]
+        verdict = period_of(
+            jnp.stack(seen, axis=1),
+            count,
+            span,
+            tolerance=plan.period.tolerance,
+            max_period=plan.period.longest,
+            periods=turns if any(turns) else None,
+            start=jnp.stack(begun),
+        )
+        # So few looks at the motion do not give its size, which the tolerance refers to.
+        judged_by = jnp.where(
+            looks.count < FEWEST_LOOKS, PERIOD_STATUS.index("too_few_points"), verdict.status
+        )
+        judged_by = jnp.where(failed, PERIOD_STATUS.index("lane_failed"), judged_by)
+        told = judged_by <= PERIOD_STATUS.index("none")
+        results = {
+            **points,
+            "count": count,
+            "period": jnp.where(told, verdict.period, CANNOT_TELL).astype(jnp.int32),
+            "period_status": judged_by.astype(jnp.int32),
+        }
+        return results, verdict.slow
+
+    parts, slows = zip(*map(of_section, logs), strict=True)
+    results = jax.tree.map(lambda *rows: jnp.stack(rows), *parts) if plan.several else parts[0]
+    slow = usable & functools.reduce(jnp.logical_or, slows)
+    most = jnp.where(going, most, 0)
+    short = (most < plan.size) if plan.stops else jnp.zeros((), bool)
     status = jnp.where((status == 0) & short, STATUS.index("fewer_points"), status)
     if plan.settles:
         status = jnp.where((status == 0) & slow, STATUS.index("not_settled"), status)
-    told = judged_by <= PERIOD_STATUS.index("none")
-    results = {
-        **points,
-        "count": count,
+    results |= {
         "status": status.astype(jnp.int32),
-        "period": jnp.where(told, verdict.period, CANNOT_TELL).astype(jnp.int32),
-        "period_status": judged_by.astype(jnp.int32),
         "slow_transient": slow,
         "flags": flags | recorded.flags,
     }

@@ -90,15 +90,26 @@ TARGETS = [
         analysis.orbit_diagram,
         {
             **COMMON, "system": BUILDER, "grid": GRID, "section": arg(SECTION),
-            "observables": arg("x"), "transient": TRANSIENT, "duration": DURATION,
-            "points": arg(4, "none"), "max_points": arg(8), "t0": arg(0.0, "finite"),
-            "domain": arg((), "none of them", "constant"), "carried": arg(None, "none"),
-            "along": arg(None, "none"), "period_tolerance": arg(1e-4, "positive", "float32"),
-            "max_period": arg(4), "check": arg(0, "count"), "labels": arg(None, "none", "mapping"),
+            "observables": arg("x"), "record": arg(analysis.Recording(1.0, 1.0, max_points=8)),
+            "period": arg(None, "none"), "carried": arg(None, "none"),
+            "domain": arg((), "none of them", "constant"), "check": arg(0, "count"),
+            "labels": arg(None, "none", "mapping"),
             **SWEEP,
         },
         _swept(analysis.orbit_diagram),
     ),
+    Target(
+        analysis.Recording,
+        {
+            "transient": TRANSIENT, "duration": DURATION, "points": arg(4, "none"),
+            "max_points": arg(8), "t0": arg(0.0, "finite"),
+        },
+    ),
+    Target(
+        analysis.PeriodTest,
+        {"tolerance": arg(1e-4, "positive", "float32"), "longest": arg(4)},
+    ),
+    Target(analysis.Carried, {"direction": arg("upwards"), "along": arg(None, "none", "text")}),
     Target(analysis.Maximum, {"observable": arg("x", "text", "constant")}),
     Target(analysis.Minimum, {"observable": arg("x", "text", "constant")}),
     Target(

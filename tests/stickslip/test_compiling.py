@@ -9,6 +9,7 @@ import corexy_jax
 import stickslip as ss
 from stickslip.analysis import (
     Maximum,
+    Recording,
     lyapunov_spectrum,
     lyapunov_spectrum_of_map,
     orbit_diagram,
@@ -69,7 +70,7 @@ def fit(method, rate=2.0):
 def diagram(last=0.3):
     return orbit_diagram(
         block(), {"belt_speed": np.linspace(0.2, last, 4)}, Motion(x=0.0, v=0.2),
-        section=Maximum("x"), observables="x", transient=5.0, duration=10.0, check=0,
+        section=Maximum("x"), observables="x", record=Recording(5.0, 10.0), check=0,
     )  # fmt: skip
 
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.analysis import Maximum, Minimum, orbit_diagram
+from stickslip.analysis import Carried, Maximum, Minimum, PeriodTest, Recording, orbit_diagram
 from stickslip.systems import CoulombOscillator, Motion
 from tests.stickslip.analysis._forced import (
     DoubleWell,
@@ -19,6 +19,15 @@ from tests.stickslip.analysis._forced import (
 
 STEP = ss.Integrator("rk4", ss.FixedStep(0.05))
 MU = np.array([0.25, 0.49, 1.0, 1.44])
+
+
+RECORDED = ("transient", "duration", "points", "max_points", "t0")
+
+
+def diagram(*given, **options):
+    """A diagram, what it records given flat."""
+    record = Recording(**{key: options.pop(key) for key in RECORDED if key in options})
+    return orbit_diagram(*given, record=record, **options)
 
 
 def up(system, t, y, dy, mode, args):
@@ -53,7 +62,7 @@ def meanings(dataset, name="status"):
 
 
 def test_radius_period_and_labels():
-    result = orbit_diagram(**{**HOPF, "check": 4})
+    result = diagram(**{**HOPF, "check": 4})
     np.testing.assert_allclose(result.u[:, :7], np.sqrt(MU)[:, None] * np.ones(7), rtol=1e-4)
     assert result.u.dims == ("mu", "point")
     assert result.u.attrs["units"] == "m"
@@ -69,15 +78,15 @@ def test_radius_period_and_labels():
 
 @pytest.mark.slow
 def test_maxima_are_a_section():
-    high = orbit_diagram(**{**HOPF, "section": Maximum("u")})
-    low = orbit_diagram(**{**HOPF, "section": Minimum("u")})
+    high = diagram(**{**HOPF, "section": Maximum("u")})
+    low = diagram(**{**HOPF, "section": Minimum("u")})
     np.testing.assert_allclose(high.u[:, 0], np.sqrt(MU), rtol=1e-4)
     np.testing.assert_allclose(low.u[:, 0], -np.sqrt(MU), rtol=1e-4)
 
 
 @pytest.mark.slow
 def test_slow_transient_is_flagged():
-    result = orbit_diagram(**{**HOPF, "transient": 0.0, "duration": 100.0, "max_points": 32})
+    result = diagram(**{**HOPF, "transient": 0.0, "duration": 100.0, "max_points": 32})
     assert bool(result.slow_transient[0])
     assert (result.period == 1).all()
 
@@ -107,33 +116,33 @@ def test_periods_where_one_observable_vanishes_on_the_section():
 
     Per period of the drive x has one maximum here.
     """
-    result = orbit_diagram(**CASCADE)
+    result = diagram(**CASCADE)
     assert result.period.values.tolist() == [1, 2, 4, 5, 0, 2]
     assert meanings(result, "period_status") == [*["repeats"] * 4, "none", "repeats"]
     assert set(meanings(result)) == {"ok"}
     assert float(abs(result.v).max()) < 1e-9
     assert not result.flags.any()
     # By itself the speed says nothing, nor do two rounds of a period of 16 in 20 points.
-    speed = orbit_diagram(**{**CASCADE, "observables": "v"})
+    speed = diagram(**{**CASCADE, "observables": "v"})
     assert set(meanings(speed, "period_status")) == {"zero_on_section"}
     assert (speed.period == -1).all()
 
 
 def test_a_record_too_short_or_too_early_does_not_say_chaos():
-    short = orbit_diagram(**{**CASCADE, "points": 20, "duration": 200.0})
+    short = diagram(**{**CASCADE, "points": 20, "duration": 200.0})
     assert short.period.values.tolist() == [1, 2, 4, 5, -1, 2]
     # Which 20 points of the chaos are seen hangs on rounding; some of them look like a slow approach.
     assert set(meanings(short)) <= {"ok", "not_settled"}
     assert set(np.delete(meanings(short), 4)) == {"ok"}
     assert meanings(short, "period_status")[4] in ("too_few_points", "not_settled")
-    fewer = orbit_diagram(**{**CASCADE, "points": 20, "duration": 60.0, "transient": 1.0})
+    fewer = diagram(**{**CASCADE, "points": 20, "duration": 60.0, "transient": 1.0})
     assert set(meanings(fewer)) == {"fewer_points"}
     assert not (fewer.period == 0).any()
 
 
 def test_a_motion_at_rest_has_no_period():
     """A block on a belt at rest sticks: the section is never reached."""
-    result = orbit_diagram(
+    result = diagram(
         CoulombOscillator(1.0, 1.0, 1.0, 0.5, 0.2), {"belt_speed": [0.0, 0.3]}, Motion(0.0, 0.0),
         section=Maximum("x"), observables=["x", "v"], transient=20.0, duration=60.0, check=0,
         integrator=ss.Integrator("rk4", ss.FixedStep(0.01)), executor="portable",
@@ -145,7 +154,7 @@ def test_a_motion_at_rest_has_no_period():
 
 def test_a_transient_that_did_not_settle_is_no_ok():
     """r' = r (mu - r^2): at mu = 0.25 the distance falls by e^-0.5 a second, e^-pi a round."""
-    result = orbit_diagram(**{**HOPF, "transient": 1e-3, "duration": 100.0, "max_points": 32})
+    result = diagram(**{**HOPF, "transient": 1e-3, "duration": 100.0, "max_points": 32})
     assert meanings(result)[0] == "not_settled"
     assert int(result.period[0]) == 1
 
@@ -164,7 +173,7 @@ def test_a_transient_that_did_not_settle_is_no_ok():
     ids=["leaves", "overflows", "stops", "outside", "never crosses"],
 )
 def test_status_of_a_lane(change, words):
-    result = orbit_diagram(**{**HOPF, **change})
+    result = diagram(**{**HOPF, **change})
     assert meanings(result) == words
     assert result.sizes["point"] == change.get("points", change.get("max_points", 16))
     assert (result["count"] == np.isfinite(result.u).sum("point")).all()
@@ -183,12 +192,12 @@ def test_a_lane_that_blows_up_is_marked_and_leaves_the_others_alone():
         "check": 0,
         "executor": "portable",
     }
-    odd = orbit_diagram(grid={"p": [0.0, 1.0, 0.01]}, **call)
+    odd = diagram(grid={"p": [0.0, 1.0, 0.01]}, **call)
     assert meanings(odd)[1] == "nonfinite"
     assert meanings(odd, "period_status")[1] == "lane_failed"
     assert int(odd.period[1]) == -1
     assert int(odd["count"][1]) == 0
-    alone = orbit_diagram(grid={"p": [0.0, 0.0, 0.01]}, **call)
+    alone = diagram(grid={"p": [0.0, 0.0, 0.01]}, **call)
     np.testing.assert_array_equal(odd.x[[0, 2]], alone.x[[0, 2]])
     np.testing.assert_allclose(odd.t[0, :5], [2.0, 3.0, 4.0, 5.0, 6.0], atol=1e-4)
 
@@ -199,7 +208,7 @@ def test_a_lane_that_blows_up_is_marked_and_leaves_the_others_alone():
 def test_carried_lanes_show_hysteresis(carried, check):
     p = np.linspace(-0.6, 0.6, 25)
     upwards = carried == "upwards"
-    result = orbit_diagram(
+    result = diagram(
         Hysteresis(p=0.0),
         {"p": p},
         Level(-1.0 if upwards else 1.0, 1.0, 0.0),
@@ -209,7 +218,7 @@ def test_carried_lanes_show_hysteresis(carried, check):
         duration=2.2,
         max_points=4,
         integrator=ss.Integrator("rk4", ss.FixedStep(0.1)),
-        carried=carried,
+        carried=Carried(carried),
         check=check,
         chunk=7,
         executor="portable",
@@ -222,10 +231,41 @@ def test_carried_lanes_show_hysteresis(carried, check):
         assert float(result.error_x.max()) < 1e-4
 
 
+def test_several_sections_of_one_run_are_those_of_single_ones():
+    """Maxima and minima of u on the circle of radius sqrt(mu) are its ends; v vanishes on both."""
+    both = {"top": Maximum("u"), "bottom": Minimum("u")}
+    options = {**HOPF, "grid": {"mu": MU[1:]}, "transient": 60.0, "check": 2}
+    result = diagram(**{**options, "section": both})
+    assert result.u.dims == ("mu", "section", "point")
+    assert result.period.dims == result["count"].dims == ("mu", "section")
+    assert result.error_u.dims == ("checked", "section")
+    assert result.section.values.tolist() == ["top", "bottom"]
+    radius = np.sqrt(MU[1:])[:, None] * np.ones(7)
+    np.testing.assert_allclose(result.u.sel(section="top")[:, :7], radius, rtol=1e-4)
+    np.testing.assert_allclose(result.u.sel(section="bottom")[:, :7], -radius, rtol=1e-4)
+    assert (result.period == 1).all()
+    assert set(meanings(result)) == {"ok"}
+    assert float(result.error_u.max()) < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("make", "text"),
+    [
+        (lambda: Carried("sideways"), "direction = 'sideways'"),
+        (lambda: PeriodTest(0.0), "tolerance = 0.0: it must be finite and positive"),
+        (lambda: PeriodTest(longest=0), "longest = 0"),
+        (lambda: Recording(1.0, 2.0, t0=np.nan), "t0 = nan"),
+    ],
+)
+def test_wrong_fields_are_named(make, text):
+    with pytest.raises(ValueError, match=text):
+        make()
+
+
 @pytest.mark.slow
 def test_two_parameters_and_a_state_per_lane():
     start = Rotor(np.full((4, 2), 0.5), np.array([[0.1, -0.1]] * 4))
-    result = orbit_diagram(
+    result = diagram(
         **{
             **HOPF,
             "system": lambda mu, scale: HopfOscillator(mu=mu * scale),
@@ -255,12 +295,12 @@ def test_dry_friction_and_the_result_does_not_depend_on_the_cut():
         "check": 0,
         "executor": "portable",
     }
-    result = orbit_diagram(**call)
+    result = diagram(**call)
     # Sticks until the spring holds 1 N, then swings about 0.5: a cycle of one maximum.
     expected = 0.5 + np.sqrt(0.25 + result.belt_speed**2)
     np.testing.assert_allclose(result.x[:, 0], expected, rtol=1e-8)
     assert (result.period == 1).all()
-    other = orbit_diagram(**call, chunk=2)
+    other = diagram(**call, chunk=2)
     np.testing.assert_allclose(other.x, result.x, rtol=1e-12)
 
 
@@ -289,8 +329,11 @@ def test_dry_friction_and_the_result_does_not_depend_on_the_cut():
         ({"points": 0}, ValueError, "points = 0: it must be an integer of at least 1"),
         ({"max_points": 2.0}, ValueError, "max_points = 2.0"),
         ({"check": -1}, ValueError, "check = -1"),
-        ({"carried": "sideways"}, ValueError, "carried = 'sideways'"),
-        ({"along": "mu"}, ValueError, "along = 'mu'"),
+        ({"carried": "upwards"}, TypeError, "carried = 'upwards': it must be a Carried, or None"),
+        ({"period": 1e-3}, TypeError, "period = 0.001: it must be a PeriodTest"),
+        ({"section": {}}, ValueError, r"section = \{\}"),
+        ({"section": {"top": "up"}}, TypeError, r"section\['top'\] = 'up'"),
+        ({"transients": 1.0}, TypeError, "transients = 1.0: it must be left out"),
         ({"integrator": "rk4"}, TypeError, "integrator = 'rk4'"),
         ({"labels": {"w": ss.sweep.Variable()}}, ValueError, r"labels\['w'\] = Variable"),
         ({"mode0": "flying"}, ValueError, "mode0 = 'flying'"),
@@ -298,10 +341,10 @@ def test_dry_friction_and_the_result_does_not_depend_on_the_cut():
 )
 def test_wrong_arguments_are_named(change, error, text):
     with pytest.raises(error, match=text):
-        orbit_diagram(**{**HOPF, **change})
+        diagram(**{**HOPF, **change})
 
 
 def test_a_section_that_is_no_number_is_refused_before_anything_is_compiled():
     wrong = ss.Section(lambda system, t, y, dy, mode, args: jnp.stack([y.u, y.v]), "both")
     with pytest.raises(ValueError, match="section"):
-        orbit_diagram(**{**HOPF, "section": wrong})
+        diagram(**{**HOPF, "section": wrong})

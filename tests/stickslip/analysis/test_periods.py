@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import stickslip as ss
-from stickslip.analysis import Maximum, orbit_diagram, period_of, time_history
+from stickslip.analysis import Maximum, PeriodTest, Recording, orbit_diagram, period_of, time_history
 from stickslip.analysis._attractor import PERIOD_STATUS
 from stickslip.analysis._builder import labelled_parameters
 from stickslip.analysis._observable import as_observable, whole_of
@@ -57,7 +57,8 @@ TORQUES = np.array([0.3, 0.6, 0.9])  # chaos, and locked to the drive: two turns
 def diagram(kind):
     return orbit_diagram(
         kind(0.5), {"torque": TORQUES}, Swing(0.1, 0.0), section=STROBE, observables=["theta", "omega"],
-        transient=50 * TURN, duration=20.3 * TURN, max_points=21, max_period=4, integrator=RK4, check=0,
+        record=Recording(50 * TURN, 20.3 * TURN, max_points=21), period=PeriodTest(longest=4),
+        integrator=RK4, check=0,
         executor="portable", progress=False,
     )  # fmt: skip
 
