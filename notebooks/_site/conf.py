@@ -41,6 +41,8 @@ html_theme_options = {
     "footer_end": [],
 }
 html_show_sourcelink = False
+# Pages without pages below them have nothing to show on the left, and take the room.
+html_sidebars = {"*": []}
 python_maximum_signature_line_length = 80
 
 
