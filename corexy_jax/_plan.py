@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from stickslip.checks import Numeric, looks_at, reals
+from stickslip.checks import Numeric, is_concrete, looks_at, reals
 
 from ._leg import Leg, Piece
 from ._parameters import CoreXYParameters
@@ -35,6 +35,13 @@ class Feedforward(eqx.Module):
     acceleration: Float[Array, "piece 2"]
     belt_force: Float[Array, "piece 2"]
     leg_times: Float[Array, " point"]
+
+    def __repr__(self) -> str:
+        if not is_concrete(self):
+            return f"Feedforward(traced, of {self.points.shape[0]} points)"
+        count = self.acceleration.shape[0]
+        pieces = f"{count:,} {'piece' if count == 1 else 'pieces'} of constant acceleration"
+        return f"Feedforward: {self.points.shape[0]:,} points in {float(self.end):.6g} s, {pieces}"
 
     @property
     def end(self) -> Float[Array, ""]:

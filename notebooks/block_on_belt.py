@@ -137,9 +137,9 @@ def show(data, title):
     figure, (cloud, steps) = plt.subplots(
         2, 1, sharex=True, figsize=(9, 5), height_ratios=(3, 1), layout="constrained"
     )
-    plot.orbit_diagram(data, "x", ax=cloud, color="k", markersize=1)
+    plot.orbit_diagram(data, "x", ax=cloud, color="k", markersize=2.5)
     cloud.set(xlabel=None, title=title)
-    plot.orbit_diagram(data, "period", ax=steps, markersize=3)
+    plot.orbit_diagram(data, "period", ax=steps, markersize=5)
     steps.set(ylabel="period (0: none, -1: not told)")
     return figure
 

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._looks_at import reals
+from .._show import counted
 from .._types import Given, NamedNumbers, Numeric
 from .._validation import (
     as_parameter,
@@ -69,6 +70,10 @@ class Simulation(eqx.Module):
     times: Float[Array, " time"]
     observed: dict[str, Float[Array, " time"]]
     solution: Solution
+
+    def __repr__(self) -> str:
+        names = ", ".join(self.observed)
+        return f"Simulation: {names} at {counted(self.times.shape[-1], 'time')}; {self.solution!r}"
 
 
 class Problem:

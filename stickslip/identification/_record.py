@@ -6,6 +6,7 @@ from typing import Any
 import equinox as eqx
 import numpy as np
 
+from .._show import counted, number
 from .._types import Given, Named, NamedRows, Numeric, Row
 from .._validation import (
     check_finite,
@@ -105,6 +106,18 @@ class Record(eqx.Module):
         }
         self.begin = _begin(begin, self.times)
         self.units = _units(units, {*self.values, *self.inputs})
+
+    def __repr__(self) -> str:
+        if not is_concrete(self):
+            return f"Record(traced, of {', '.join(self.values)})"
+        name = f" {self.name!r}" if self.name else ""
+        rows = [f"{counted(self.times.size, 'sample')}, t = {number(self.times[0])} to "
+                f"{number(self.times[-1])} s"]  # fmt: skip
+        for key, there in self.present.items():
+            unit, lost = self.units.get(key), int(np.sum(~there))
+            rows.append(f"{key}{f' [{unit}]' if unit else ''}{f', {lost:,} missing' if lost else ''}")
+        inputs = [f"inputs {', '.join(self.inputs)}"] if self.inputs else []
+        return f"Record{name}: {'; '.join([*rows, *inputs])}"
 
     @classmethod
     def from_table(

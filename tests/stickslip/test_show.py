@@ -12,7 +12,7 @@ import corexy_jax
 import stickslip as ss
 from stickslip import friction, systems
 from stickslip.analysis import LyapunovSpectrum, amplitude_spectrum
-from stickslip.identification import Fit, Sensitivity, Unknown, least_squares
+from stickslip.identification import Fit, Record, Sensitivity, Simulation, least_squares
 from stickslip.show import AbstractShown
 from stickslip.systems import CoulombOscillator, Motion
 
@@ -168,4 +168,19 @@ def test_spectra_and_fits():
     assert "k = 2 +- 1" in repr(fit)
     assert "<td>k</td><td>2</td><td>1</td>" in fit._repr_html_()
     assert repr(sensitivity) == "Sensitivity of 4 residuals to k; singular values 2"
-    assert Unknown(1.0).unit == ""
+    record = Record(
+        np.arange(4.0), {"x": [0.0, np.nan, 1.0, 2.0]}, missing="nan", units={"x": "m"}, name="a"
+    )
+    assert repr(record) == "Record 'a': 4 samples, t = 0 to 3 s; x [m], 1 missing"
+    simulation = Simulation(RUN.outputs.t, {"x": RUN.outputs.y.x}, RUN)
+    assert repr(simulation).startswith("Simulation: x at 31 times; Solution: t = 0 to 30 s, 6 events")
+
+
+def test_the_machine():
+    empty = jnp.zeros((1, 2))
+    voltage = corexy_jax.Ramps(*[[0.0, 1.0]] * 5)
+    plan = corexy_jax.Feedforward(
+        corexy_jax.CoreXYParameters(), jnp.zeros((3, 2)), voltage, jnp.asarray([0.0, 1.5]), empty,
+        empty, empty, empty, jnp.zeros(3),
+    )  # fmt: skip
+    assert repr(plan) == "Feedforward: 3 points in 1.5 s, 1 piece of constant acceleration"

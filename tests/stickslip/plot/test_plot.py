@@ -270,3 +270,19 @@ def test_wrong_arguments():
         plot.motion(RUN, block(), ax=[plt.subplots()[1]])
     with pytest.raises(TypeError, match=r"colour = 'k': .* properties of a line"):
         plot.phase_plane(RUN, block(), colour="k")
+
+
+def test_the_second_picture_compiles_nothing(compiled):
+    def pull(system, t, y, dy, mode, args):
+        return -system.stiffness * y.x
+
+    def draw(solution):
+        drawn = plot.motion(solution, block(), [pull, "slope of v"])[0].lines[0].get_ydata()
+        np.testing.assert_array_equal(drawn, -solution.outputs.y.x)
+        plot.phase_plane(solution, block())
+        solution.to_dataset(block())
+
+    draw(RUN)
+    count = len(compiled)
+    draw(jax.tree.map(jnp.asarray, RUN))
+    assert len(compiled) == count
