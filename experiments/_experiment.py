@@ -41,7 +41,6 @@ class Experiment:
       can be drawn again from the file.
     - `animate(dataset) -> Movie`: frames of a GIF beside the picture.
     - `brought`: whether it reads measured records that the user brings.
-    - `brought`: whether it reads measured records that the user brings.
     - `measured`: what runs in its place on a file of the user's, named by `--data`; `template` writes
       such a file to a path, and returns what it wrote.
     """

@@ -19,6 +19,7 @@ FAMILIES = {
     "corexy": "CoreXY mechanism",
     "mechanism": "Declared machines against known results",
     "identify": "Identification",
+    "animate": "Animations",
 }
 HEAD = """\
 # Results
