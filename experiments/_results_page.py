@@ -84,7 +84,7 @@ def _figures(records, experiments) -> Iterable[str]:
     missing = []
     for family, title in FAMILIES.items():
         lines = [f"### {title}", "", "| | figure | CPU min | min |", "|---|---|---|---|"]
-        for name in experiments:
+        for name, experiment in experiments.items():
             if name.split("-")[0] != family:
                 continue
             if name not in records:
@@ -94,8 +94,9 @@ def _figures(records, experiments) -> Iterable[str]:
             seconds = record["wall_time_s"]
             spent = _minutes(seconds["processor"]) if "processor" in seconds else "not measured"
             picture = f'<img src="records/{name}.png" width="240">'
+            command = f"python -m experiments {name}" + (" --data FOLDER" if experiment.brought else "")
             lines.append(
-                f"| {picture} | {_cell(record['title'])}<br>`python -m experiments {name}` | {spent} | "
+                f"| {picture} | {_cell(record['title'])}<br>`{command}` | {spent} | "
                 f"{_minutes(seconds['total'])} |"
             )
         if len(lines) > 4:

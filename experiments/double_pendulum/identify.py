@@ -307,4 +307,5 @@ EXPERIMENT = Experiment(
     compute=compute,
     draw=draw,
     judge=judge,
+    brought=True,
 )  # fmt: skip

@@ -357,4 +357,5 @@ EXPERIMENT = Experiment(
     compute=compute,
     draw=draw,
     judge=judge,
+    brought=True,
 )  # fmt: skip

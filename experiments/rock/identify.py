@@ -269,4 +269,5 @@ EXPERIMENT = Experiment(
     compute=compute,
     draw=draw,
     judge=judge,
+    brought=True,
 )  # fmt: skip
