@@ -22,8 +22,8 @@ from stickslip.checks import (
     one_number,
     refusal,
 )
+from stickslip.derived import Augmented, WithIntegrals
 from stickslip.hybrid import Executor, current_executor, raise_failures, use_executor
-from stickslip.systems import Augmented, WithIntegrals
 
 from ._arguments import the_errata, the_integrator
 from ._contacts import Line, kinetic_limits, sliding_speeds

@@ -25,9 +25,10 @@ from stickslip.checks import (
     whole_number,
     with_components,
 )
+from stickslip.derived import WithIntegrals
 from stickslip.fastmath import side_of, where
 from stickslip.friction import LuGre, Regularised, Stribeck
-from stickslip.systems import AbstractMechanicalSystem, WithIntegrals
+from stickslip.systems import AbstractMechanicalSystem
 
 from ._arguments import the_integrator
 from ._contacts import (

@@ -16,6 +16,7 @@ PACKAGES = (
     "stickslip.contact",
     "stickslip.mechanism",
     "stickslip.systems",
+    "stickslip.derived",
     "stickslip.sweep",
     "stickslip.analysis",
     "stickslip.identification",

@@ -9,8 +9,9 @@ import numpy as np
 import xarray as xr
 
 import stickslip as ss
+from stickslip.derived import WithIntegrals
 from stickslip.sweep import Variable, run_sweep
-from stickslip.systems import JointedBeam, WithIntegrals
+from stickslip.systems import JointedBeam
 
 from .._experiment import Context
 from ._model import (

@@ -14,7 +14,7 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 import corexy_jax as cx
 import stickslip as ss
 from corexy_jax import CoreXY
-from stickslip.systems import WithIntegrals
+from stickslip.derived import WithIntegrals
 
 from .._experiment import Context, Experiment
 

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 import corexy_jax as cx
 import stickslip as ss
-from stickslip.systems import WithIntegrals
+from stickslip.derived import WithIntegrals
 
 from .._experiment import Context, Experiment, Statement
 from .._thresholds import Designs

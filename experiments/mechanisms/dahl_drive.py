@@ -26,9 +26,9 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 import stickslip as ss
+from stickslip.derived import WithIntegrals
 from stickslip.friction import AbstractFrictionLaw, Coulomb, Dahl
 from stickslip.mechanism import AbstractMechanism, Contact
-from stickslip.systems import WithIntegrals
 
 from .._experiment import Context, Experiment, Statement
 from .._thresholds import Machines

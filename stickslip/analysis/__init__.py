@@ -20,8 +20,6 @@ from ._spectrum import Peak as Peak
 from ._spectrum import Spectrum as Spectrum
 from ._spectrum import amplitude_spectrum as amplitude_spectrum
 from ._spectrum import spectral_peaks as spectral_peaks
-from ._tangent import Deviating as Deviating
-from ._tangent import WithDeviations as WithDeviations
 from ._two_trajectories import Separation as Separation
 from ._two_trajectories import two_trajectory_exponent as two_trajectory_exponent
 from ._volume import divergence as divergence

@@ -12,9 +12,9 @@ from jaxtyping import PyTree
 
 from .._types import Given, Mode, Named, Numeric, Row
 from .._validation import check_count, check_mapping, check_type, one_concrete, refusal
+from ..derived import WithIntegrals
 from ..hybrid import AbstractHybridSystem, Integrator, SaveAt, Section, simulate
 from ..hybrid._arguments import the_system
-from ..systems._with_integrals import WithIntegrals
 from ._arguments import (
     an_integrator,
     named_observables,

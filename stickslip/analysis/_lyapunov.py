@@ -19,6 +19,7 @@ from .._validation import (
     one_number,
     refusal,
 )
+from ..derived import WithDeviations
 from ..hybrid import RESULTS, AbstractHybridSystem, Integrator, current_executor, simulate, use_executor
 from ..hybrid._arguments import a_time, the_system
 from ..hybrid._bound import spanning
@@ -31,7 +32,6 @@ from ._growth import (
     first_frame,
     judged,
 )
-from ._tangent import WithDeviations
 
 
 def lyapunov_spectrum(

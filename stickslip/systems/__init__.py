@@ -34,5 +34,3 @@ from ._mechanical import Motion as Motion
 from ._sliding_block import SlidingBlock as SlidingBlock
 from ._two_blocks import PairMotion as PairMotion
 from ._two_blocks import TwoBlocksOnBelt as TwoBlocksOnBelt
-from ._with_integrals import Augmented as Augmented
-from ._with_integrals import WithIntegrals as WithIntegrals

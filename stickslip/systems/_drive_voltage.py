@@ -7,9 +7,9 @@ import jax
 import jax.numpy as jnp
 
 from .._validation import as_parameter, check_type, one_number
+from ..derived import WithIntegrals
 from ..hybrid import FixedStep, Integrator, SaveAt, simulate
 from ._driven_belt import AbstractBlockOnDrivenBelt, DrivenBlockState
-from ._with_integrals import WithIntegrals
 
 MAX_EVALUATIONS = 20
 

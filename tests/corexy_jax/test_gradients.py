@@ -9,7 +9,7 @@ import pytest
 import corexy_jax as cx
 import stickslip as ss
 from corexy_jax._parameters import TABLE_1
-from stickslip.systems import WithIntegrals
+from stickslip.derived import WithIntegrals
 from tests.corexy_jax._runs import shared
 
 NAMES = (*TABLE_1, "r_f", "v01", "v02", "frequency")

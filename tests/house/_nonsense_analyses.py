@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import stickslip as ss
-from stickslip import analysis
+from stickslip import analysis, derived
 from stickslip.systems import BlockOnBelt, BlockState
 from tests.house._nonsense_engine import ARGS, INTEGRATOR, SWEEP, TIME, _inside
 from tests.house._nonsense_target import Target, arg
@@ -129,5 +129,5 @@ TARGETS = [
             "system": SYSTEM, "t": TIME, "y": arg(START), "mode": arg(0, "whole"), "args": ARGS,
         },
     ),
-    Target(analysis.WithDeviations, {"system": SYSTEM}),
+    Target(derived.WithDeviations, {"system": SYSTEM}),
 ]  # fmt: skip

@@ -3,6 +3,7 @@
 import numpy as np
 
 import stickslip.contact as contact
+import stickslip.derived as derived
 import stickslip.friction as friction
 import stickslip.systems as systems
 from stickslip import FixedStep, Integrator
@@ -225,7 +226,7 @@ SYSTEMS = [
         },
     ),
     Target(
-        systems.WithIntegrals,
+        derived.WithIntegrals,
         {
             "system": arg(OSCILLATOR), "integrands": arg(systems.CoulombOscillator.powers, "function"),
             "units": arg({"belt": "J"}, "none", "mapping"),

@@ -11,7 +11,7 @@ import numpy as np
 
 import corexy_jax as cx
 import stickslip as ss
-from stickslip import analysis, friction, identification, systems
+from stickslip import derived, friction, identification, systems
 from tests.house._nonsense_engine import OSCILLATOR, START
 from tests.house._nonsense_identification import FITS, PROBLEM, RECORD, SIGNAL, UNKNOWN
 from tests.house._nonsense_laws import BLOCK, DRY, SMOOTH
@@ -23,8 +23,8 @@ from tests.house._nonsense_target import Argument, Target, arg
 REALS = ("reals",)
 BEAM = systems.JointedBeam.constructed(v=5e-4)
 BROKEN = ss.WithBreaks(OSCILLATOR, [0.5, 1.5])
-LEDGER = systems.WithIntegrals(OSCILLATOR, systems.CoulombOscillator.powers)
-TANGENT = analysis.WithDeviations(OSCILLATOR)
+LEDGER = derived.WithIntegrals(OSCILLATOR, systems.CoulombOscillator.powers)
+TANGENT = derived.WithDeviations(OSCILLATOR)
 DEVIATING = TANGENT.start(START, np.eye(2))
 DRIVE = systems.DCDrive.constructed()
 SMOOTHED = cx.SmoothedCoreXY(PARAMETERS, VOLTAGE)

@@ -6,6 +6,7 @@ from typing import Any
 
 PACKAGES = (
     "stickslip", "stickslip.friction", "stickslip.contact", "stickslip.systems", "stickslip.sweep",
+    "stickslip.derived",
     "stickslip.analysis", "stickslip.identification", "stickslip.hybrid", "stickslip.plot",
     "corexy_jax",
 )  # fmt: skip

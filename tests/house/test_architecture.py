@@ -108,6 +108,30 @@ def test_who_builds_on_a_package_uses_its_public_names(package, others):
     assert wrong == []
 
 
+# What each package of the toolkit does not know, whatever it builds on itself.
+UNKNOWN_TO = {
+    "hybrid": {"friction", "contact", "mechanism", "systems", "derived", "sweep", "analysis", "plot"},
+    "friction": {"contact", "mechanism", "systems", "derived", "sweep", "analysis", "plot"},
+    "derived": {"friction", "contact", "mechanism", "systems", "sweep", "analysis", "plot"},
+    "mechanism": {"systems", "derived", "sweep", "analysis", "plot"},
+    "analysis": {"friction", "contact", "mechanism", "systems", "plot"},
+    "identification": {"systems", "analysis"},
+    "sweep": {"friction", "contact", "mechanism", "systems", "derived", "analysis", "plot"},
+}
+
+
+@pytest.mark.parametrize("name", UNKNOWN_TO)
+def test_no_layer_knows_those_above_it(name):
+    above = {f"stickslip.{other}" for other in UNKNOWN_TO[name] | {"identification"} - {name}}
+    wrong = [
+        f"{path.relative_to(ROOT)}:{line} imports {module}"
+        for path in python_files(f"stickslip/{name}")
+        for line, module in imported_modules(path.read_text(encoding="utf-8"), package_of(path))
+        if any(module == other or module.startswith(f"{other}.") for other in above)
+    ]
+    assert wrong == []
+
+
 def test_private_imports_are_seen():
     source = "from a._b import c\nfrom a import _d, e\nimport a.f._g\nfrom a import __version__\n"
     seen = [name for _, name in imported_names(source, "p") if hidden(name)]

@@ -8,7 +8,6 @@ import pytest
 import stickslip as ss
 from stickslip.analysis import (
     LyapunovSpectrum,
-    _tangent,
     lyapunov_diagram,
     lyapunov_spectrum,
     lyapunov_spectrum_of_map,
@@ -16,6 +15,7 @@ from stickslip.analysis import (
     volume_growth,
 )
 from stickslip.analysis._growth import averaged, first_frame, orthonormalised
+from stickslip.derived import WithDeviations
 from stickslip.systems import (
     BlockOnBelt,
     BlockOnBeltSetValued,
@@ -151,7 +151,7 @@ def test_henon_map():
 
 def switchable(monkeypatch):
     """The engine's saltation where `args` is true, else what stands there if one forgets about it."""
-    right = _tangent.WithDeviations.transition
+    right = WithDeviations.transition
 
     def transition(self, t, y, mode, guard, args):
         after, new = right(self, t, y, mode, guard, args)
@@ -165,7 +165,7 @@ def switchable(monkeypatch):
         chosen = jax.tree.map(lambda a, b: jnp.where(args, a, b), after.deviations, frozen)
         return after._replace(deviations=chosen), new
 
-    monkeypatch.setattr(_tangent.WithDeviations, "transition", transition)
+    monkeypatch.setattr(WithDeviations, "transition", transition)
 
 
 def equals_the_computation_by_hand(growth, e):

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 import stickslip as ss
+from stickslip.derived import WithIntegrals
 from stickslip.friction import Coulomb
-from stickslip.systems import WithIntegrals
 from tests.stickslip.mechanism._machines import (
     BetweenBelts,
     Oscillator,

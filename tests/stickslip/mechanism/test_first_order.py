@@ -11,9 +11,9 @@ import scipy.linalg
 import scipy.optimize
 
 import stickslip as ss
+from stickslip.derived import WithIntegrals
 from stickslip.friction import Coulomb, LuGre
 from stickslip.mechanism import AbstractMechanism, Contact, DeclarationError, Stop
-from stickslip.systems import WithIntegrals
 
 
 class Winch(AbstractMechanism):

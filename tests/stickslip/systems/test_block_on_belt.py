@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import stickslip as ss
+from stickslip.derived import WithIntegrals
 from stickslip.friction import SmoothHyperbolicWeakening
 from stickslip.systems import (
     BlockOnBelt,
     BlockOnBeltSetValued,
     BlockState,
-    WithIntegrals,
 )
 
 from ._block_reference import Reference, poincare, set_valued

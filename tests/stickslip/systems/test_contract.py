@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.systems import WithIntegrals
+from stickslip.derived import WithIntegrals
 from tests.stickslip.systems._systems import CASES
 
 every_case = pytest.mark.parametrize("name", CASES)

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import stickslip as ss
+from stickslip.derived import WithIntegrals
 from stickslip.systems import (
     BlockOnDrivenBelt,
     BlockOnDrivenBeltSetValued,
     DCDrive,
     DrivenBlockState,
     DriveState,
-    WithIntegrals,
     mean_belt_speed,
     voltage_for_belt_speed,
 )

@@ -11,8 +11,9 @@ import pytest
 from scipy.optimize import brentq
 
 import stickslip as ss
+from stickslip.derived import WithIntegrals
 from stickslip.friction import Coulomb, LuGre, Regularised
-from stickslip.systems import BeamScales, JointedBeam, JointedBeamState, WithIntegrals
+from stickslip.systems import BeamScales, JointedBeam, JointedBeamState
 
 from . import _jointed_beam_reference as reference
 from ._jointed_beam_reference import PARAMETERS

@@ -4,13 +4,13 @@ import jax
 import jax.numpy as jnp
 import pytest
 
+from stickslip.derived import WithIntegrals
 from stickslip.systems import (
     BouncingBall,
     CoulombOscillator,
     OscillatorBetweenStops,
     SlidingBlock,
     TwoBlocksOnBelt,
-    WithIntegrals,
 )
 from tests.stickslip.systems._systems import PAIR, STOPS
 

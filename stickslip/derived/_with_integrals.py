@@ -8,10 +8,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from stickslip._looks_at import instance, looks_at, time, whole_state
-from stickslip._types import Numeric
-from stickslip._validation import check_callable, check_mapping, check_type, refusal
-from stickslip.hybrid import AbstractHybridSystem, AbstractSystemWrapper
+from .._looks_at import instance, looks_at, time, whole_state
+from .._types import Numeric
+from .._validation import check_callable, check_mapping, check_type, refusal
+from ..hybrid import AbstractHybridSystem, AbstractSystemWrapper
 
 Integrands = Callable[[AbstractHybridSystem, Any, PyTree, Any, PyTree], Mapping[str, Any]]
 
@@ -30,7 +30,8 @@ class WithIntegrals(AbstractSystemWrapper):
     system can. The integrals obey the step-size control like any component and have derivatives.
 
     >>> import stickslip as ss
-    >>> from stickslip.systems import CoulombOscillator, Motion, WithIntegrals
+    >>> from stickslip.derived import WithIntegrals
+    >>> from stickslip.systems import CoulombOscillator, Motion
     >>> block = CoulombOscillator(1.0, 1.0, 1.0, 0.5, 0.2)
     >>> ledger = WithIntegrals(block, CoulombOscillator.powers, units={"belt": "J", "friction": "J"})
     >>> solution = ss.simulate(ledger, 0.0, 9.0, ledger.start(Motion(x=0.0, v=0.2)))
