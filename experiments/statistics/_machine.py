@@ -84,7 +84,7 @@ def _fit(start, *data) -> Fit:
 
 @jax.jit
 def _profile(fit, *data) -> Profile:
-    return profile(lambda values: _residual(values, *data), fit, max_steps=200)
+    return profile(lambda values: _residual(values, *data), fit, max_steps=250)
 
 
 @jax.jit

@@ -2,13 +2,20 @@ r"""One side of a profile: an unknown is moved outwards, the others follow to th
 
 Every turn of the loop evaluates the residuals once, whatever it is for, so that lanes that are mapped
 over never wait for each other.
+
+Where the sum of squares jumps, as an event appears or vanishes, a refit halts at the jump or begins on
+its far side. What it has found is still an upper bound of the minimum: below the level the distance
+lies inside. Above it other starts are tried: the point inside as it is, the point outside, and points
+around, of which the linearised problem says that they are below the level.
 """
 
+import functools
 from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from ._evaluate import Evaluation
@@ -17,9 +24,25 @@ ROWS = 40  # points of a side that are kept
 LONGEST = 3.0  # how much a step may grow
 INNER = 25  # steps of the refit at one point
 LEAST = 1e-10  # combinations with a smaller part of the largest singular value are left where they are
+HALTED = 1e2  # damping, in parts of the largest curvature, at which a refit has come to a jump
+GIVEN_UP = 2  # steps of a refit whose linearised problem stays far above the level
+FAR = 1.5  # roots of the rise, in those of the level, up to which a refit may have ended outside
+NARROW = 1e-6  # of the distance: as narrowly is a jump enclosed
+COARSE = 1e-2  # and as narrowly at least, when all steps are spent
+AS_IS, OUTSIDE, AROUND = 1, 2, 3  # starts of a refit after the first
+SETS, PROBES = 8, 6
 LIGHTEST = 1e-8  # change of the residuals, in standard deviations, for a coordinate that matters
 
 FOUND, BELOW, EDGE, FAILED = 0, 1, 2, 3  # how a side ends
+
+
+@functools.cache
+def _ball(size: int) -> np.ndarray:
+    """Points `[set, probe, unknown]`, evenly in the unit ball, the same ones every time."""
+    rng = np.random.default_rng(0)
+    points = rng.standard_normal((SETS, PROBES, size))
+    points /= np.linalg.norm(points, axis=-1, keepdims=True)
+    return points * rng.uniform(size=(SETS, PROBES, 1)) ** (1.0 / size)
 
 
 class Linear(NamedTuple):
@@ -91,12 +114,14 @@ class Side(NamedTuple):
     damping: Float[Array, ""]
     foreseen: Float[Array, ""]  # fall of the cost that the trial would bring
     inner: Int[Array, ""]
+    attempt: Int[Array, ""]  # number of the refit at this distance
+    kept: tuple[Any, ...]  # cost, coordinates, problem linearised: lowest of the refits before
     best: Float[Array, " unknown"]  # minimum over all unknowns
     least: Float[Array, ""]
     d: Float[Array, ""]
     last: Float[Array, ""]  # length of the last step
-    inside: tuple[Any, ...]  # distance, root of the rise, coordinates, drift
-    outside: tuple[Any, ...]  # distance, root of the rise
+    inside: tuple[Any, ...]  # distance, root of the rise, coordinates, problem linearised
+    outside: tuple[Any, ...]  # distance, root of the rise, coordinates
     count: Int[Array, ""]
     turns: Int[Array, ""]
     status: Int[Array, ""]  # -1 on the way
@@ -131,10 +156,11 @@ class Walk(eqx.Module):
             jnp.ones(size), jnp.zeros(size), jnp.eye(size), jnp.zeros(size), zero, jnp.zeros(size), zero
         )
         number = jnp.zeros((), jnp.int32)
+        nowhere = jnp.asarray(jnp.inf)
         return Side(
-            trial=z, fresh=~no, start=~no, z=z, cost=jnp.asarray(jnp.inf), here=empty, damping=zero,
-            foreseen=zero, inner=number, best=z, least=zero, d=zero, last=zero,
-            inside=(zero, zero, z, jnp.zeros(size)), outside=(jnp.asarray(jnp.inf),) * 2, count=number,
+            trial=z, fresh=~no, start=~no, z=z, cost=nowhere, here=empty, damping=zero, foreseen=zero,
+            inner=number, attempt=number, kept=(nowhere, z, empty), best=z, least=zero, d=zero,
+            last=zero, inside=(zero, zero, z, empty), outside=(nowhere, nowhere, z), count=number,
             turns=number, status=number - 1, distances=jnp.full(ROWS, jnp.nan),
             rises=jnp.full(ROWS, jnp.nan), others=jnp.full((ROWS, size), jnp.nan),
         )  # fmt: skip
@@ -162,15 +188,30 @@ class Walk(eqx.Module):
         left = 0.5 * jnp.sum(here.along**2)  # what is still to gain
         # The minimum itself in more digits: the interval is measured from there.
         good = left <= jnp.where(now.start, 1e-15, 1e-9) * self.target
-        tired = stalled | (now.inner >= INNER) | (damping > 1e12)
+        tired = stalled | (now.inner >= INNER) | (damping > jnp.where(now.start, 1e12, HALTED))
         close = tired & (left <= 1e-4 * self.target)
         done = ~lost & (good | close)
-        lost = lost | (tired & ~close & ~good)
-        onwards = self._onwards(now, lost, mask, sign, limits)
+        # A probe is one evaluation; a refit may come down from far.
+        patience = jnp.where(now.attempt < AROUND, GIVEN_UP, 1)
+        hope = jnp.where(now.attempt < AROUND, 4.0 * left, 0.0) + 0.5 * self.target
+        hopeless = ~now.start & (now.inner >= patience) & (now.cost - now.least > hope)
+        ended = done | lost | tired | hopeless
+        lower = now.cost < now.kept[0]
+        kept = jax.tree.map(
+            lambda new, old: jnp.where(lower, new, old), (now.cost, now.z, now.here), now.kept
+        )
+        root = jnp.sqrt(jnp.maximum(2.0 * (kept[0] - now.least) / self.target, 0.0))
+        last = now.attempt >= AROUND + PROBES - 1
+        settled = now.start | (root < 1.0) | (done & (root <= FAR)) | last
+        onwards = self._onwards(now, kept, mask, sign, limits)
+        another = self._another(now._replace(kept=kept), mask, sign)
         again = self._again(now)
-        after = jax.tree.map(lambda a, b: jnp.where(done | lost, a, b), onwards, again)
+        after = jax.tree.map(
+            lambda a, b, c: jnp.where(ended, jnp.where(settled, a, b), c), onwards, another, again
+        )
         spent = (after.status < 0) & (after.turns >= self.max_steps)
-        return after._replace(status=jnp.where(spent, FAILED, after.status))
+        enclosed = after.outside[0] - after.inside[0] <= COARSE * after.outside[0]
+        return after._replace(status=jnp.where(spent, jnp.where(enclosed, EDGE, FAILED), after.status))
 
     def _again(self, now: Side) -> Side:
         """Another step of the refit at the same distance, damped as in Levenberg's method."""
@@ -185,9 +226,42 @@ class Walk(eqx.Module):
         foreseen = jnp.sum((part - 0.5 * part**2) * now.here.along**2)
         return now._replace(trial=now.z + step, fresh=jnp.zeros((), bool), foreseen=foreseen)
 
-    def _onwards(self, now: Side, lost, mask, sign, limits) -> Side:
+    def _another(self, now: Side, mask, sign) -> Side:
+        """Another start of the refit at the same distance."""
+        near = now.outside[1] <= FAR * jnp.sqrt(self.target)
+        attempt = now.attempt + 1
+        attempt = attempt + ((attempt == OUTSIDE) & ~near).astype(jnp.int32)
+        _, root, inside, here = now.inside
+        number = jnp.clip(attempt - AROUND, 0, PROBES - 1)
+        ball = jnp.asarray(_ball(inside.shape[0]))[now.count % SETS, number]
+        seen = here.values > LEAST * here.values[0]
+        room = jnp.sqrt(jnp.maximum(self.target - root**2, 0.0))
+        off = jnp.where(seen, room * ball / jnp.where(seen, here.values, 1.0), 0.0)
+        longest = self._longest(inside)
+        around = jnp.clip(here.directions.T @ off / here.weight, -longest, longest)
+        around = inside + self._drifted(now, sign) + around
+        trial = jnp.where(attempt >= AROUND, around, inside)
+        trial = jnp.where(attempt == OUTSIDE, now.outside[2], trial)
+        return self._begun(trial, now._replace(attempt=attempt), mask, sign)
+
+    def _begun(self, trial, now: Side, mask, sign) -> Side:
+        """A refit from the trial, moved to the present distance."""
+        return now._replace(
+            trial=jnp.where(mask, now.best + sign * now.d, trial), fresh=jnp.ones((), bool),
+            inner=jnp.zeros((), jnp.int32), damping=jnp.zeros(()), cost=jnp.asarray(jnp.inf),
+        )  # fmt: skip
+
+    def _drifted(self, now: Side, sign) -> Array:
+        """How the others follow from the point inside to the present distance."""
+        distance, _, inside, here = now.inside
+        longest = self._longest(inside)
+        return jnp.clip(sign * (now.d - distance) * here.drift, -longest, longest)
+
+    def _onwards(self, now: Side, kept, mask, sign, limits) -> Side:
         """From the minimum at one distance to the next distance, or to the end."""
         begun = now.start
+        now = now._replace(cost=kept[0], z=kept[1], here=kept[2])
+        lost = ~jnp.isfinite(now.cost)
         best = jnp.where(begun, now.z, now.best)
         least = jnp.where(begun, now.cost, now.least)
         rise = jnp.where(lost, jnp.inf, 2.0 * (now.cost - least))
@@ -206,30 +280,26 @@ class Walk(eqx.Module):
         slope = jnp.where(root > 1e-3 * aim, slope, curved)
         hit = ~begun & (jnp.abs(root - aim) <= 2e-8 * aim)
         within = begun | (root < aim)
-        mine = (now.d, root, now.z, now.here.drift)
+        mine = (now.d, root, now.z, now.here)
         inside = jax.tree.map(lambda new, old: jnp.where(within, new, old), mine, now.inside)
-        outside = jax.tree.map(lambda new, old: jnp.where(within, old, new), mine[:2], now.outside)
+        outside = jax.tree.map(lambda new, old: jnp.where(within, old, new), mine[:3], now.outside)
         own = mask.astype(jnp.float64)
         end = jnp.where(sign > 0, limits[1], limits[0])
         reach = jnp.maximum(sign * (end - best @ own), 0.0)
         step = self._step(now, begun, root, slope, inside, outside, reach)
         d = jnp.minimum(step, reach)
         open_end = within & (now.d >= reach) & ~begun
-        narrow = jnp.isfinite(outside[0]) & (outside[0] - inside[0] <= 1e-9 * outside[0])
+        narrow = jnp.isfinite(outside[0]) & (outside[0] - inside[0] <= NARROW * outside[0])
         lost_at_once = begun & lost
         status = jnp.where(hit, FOUND, jnp.where(open_end, BELOW, jnp.where(narrow, EDGE, now.status)))
         status = jnp.where(lost_at_once, FAILED, status)
         # At an end that was hit the point itself is the answer, else the last one below the level.
         inside = jax.tree.map(lambda new, old: jnp.where(hit, new, old), mine, inside)
-        shift = sign * (d - inside[0])
-        longest = self._longest(inside[2])
-        trial = inside[2] + jnp.clip(shift * inside[3], -longest, longest)
-        trial = jnp.where(mask, best + sign * d * own, trial)
-        return now._replace(
-            trial=trial, fresh=jnp.ones((), bool), inner=jnp.zeros((), jnp.int32),
-            damping=jnp.zeros(()), cost=jnp.asarray(jnp.inf), d=d, last=jnp.abs(d - inside[0]),
-            inside=inside, outside=outside, status=status,
+        now = now._replace(
+            d=d, last=jnp.abs(d - inside[0]), inside=inside, outside=outside, status=status,
+            kept=(jnp.asarray(jnp.inf), *now.kept[1:]), attempt=jnp.zeros((), jnp.int32),
         )  # fmt: skip
+        return self._begun(inside[2] + self._drifted(now, sign), now, mask, sign)
 
     def _longest(self, z: Array) -> Array:
         """How far a coordinate may go in a step: from one end of its bounds no step finds back."""
