@@ -291,7 +291,11 @@ class Walk(eqx.Module):
         open_end = within & (now.d >= reach) & ~begun
         narrow = jnp.isfinite(outside[0]) & (outside[0] - inside[0] <= NARROW * outside[0])
         lost_at_once = begun & lost
-        status = jnp.where(hit, FOUND, jnp.where(open_end, BELOW, jnp.where(narrow, EDGE, now.status)))
+        smooth = 0.5 * jnp.sum(now.here.along**2) <= 1e-4 * self.target
+        crossed = jnp.where(smooth, FOUND, EDGE)  # else the refit halted there at a jump
+        status = jnp.where(
+            hit, crossed, jnp.where(open_end, BELOW, jnp.where(narrow, EDGE, now.status))
+        )
         status = jnp.where(lost_at_once, FAILED, status)
         # At an end that was hit the point itself is the answer, else the last one below the level.
         inside = jax.tree.map(lambda new, old: jnp.where(hit, new, old), mine, inside)
