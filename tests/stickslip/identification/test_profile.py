@@ -141,6 +141,27 @@ def test_the_edge_of_where_a_model_runs():
     assert float(found.upper[0]) == pytest.approx(2.5 + np.sqrt(QUANTILE))
 
 
+@pytest.mark.slow
+def test_beyond_a_jump_the_others_give_way():
+    """Of a disc cut by a line beyond which nothing fits: the interval ends where line and circle meet,
+    far beyond where the way outwards meets the line, and no further."""
+
+    def cut(p):
+        return jnp.where(p["a"] + p["b"] > 0.3, 1e3, 1.0) * jnp.stack([p["a"], p["b"]])
+
+    fit = least_squares(cut, {"a": Unknown(0.05), "b": Unknown(-0.1)})
+    found = profile(cut, fit, "a")
+    corner = 0.15 + np.sqrt(0.5 * QUANTILE - 0.15**2)
+    assert corner - 2e-3 < float(found.upper[0]) <= corner
+    assert [int(end) for end in found.ends[0]] == [0, 2]
+    assert float(found.lower[0]) == pytest.approx(-np.sqrt(QUANTILE), rel=1e-6)
+    # Every point told is one: the rise there is that of the closed form.
+    here = np.isfinite(found.rises[0, 1])
+    below = np.asarray(found.values[0, 1][here])
+    least = below**2 + np.minimum(0.3 - below, 0.0) ** 2
+    assert np.all(found.rises[0, 1][here] >= least - 1e-9)
+
+
 def test_a_fit_that_is_no_minimum_is_told():
     fit = least_squares(linear, STARTS)
     poor = least_squares(linear, STARTS, max_steps=1)
