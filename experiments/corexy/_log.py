@@ -141,7 +141,7 @@ def read_machine(text: str) -> cx.CoreXYParameters:
         raise ValueError(f"--set machine={text}: it must be a JSON file; {error}") from None
     if not isinstance(given, dict) or not set(given) <= set(PARAMETERS):
         raise ValueError(
-            f"--set machine={text}: it must map names among {', '.join(known)} to numbers."
+            f"--set machine={text}: it must map names among {', '.join(PARAMETERS)} to numbers."
         )
     try:
         return cx.CoreXYParameters(**given)
@@ -153,8 +153,8 @@ def write_template(path: pathlib.Path) -> list[pathlib.Path]:
     """A log of the machine of scenario 3, one second of steps at 200 Hz, and its parameters beside it,
     but for the tensions, which stand there as 30 N and 20 N. Fitted as it is, it gives 20 N and 30 N.
 
-    Gentle steps under which both belts slip at times: with four times the voltage the same fits end in
-    minima of their own.
+    Gentle steps under which no belt slips: with four times the voltage both do, and the same fits end
+    in minima of their own.
     """
     machine = cx.scenario(3).parameters
     times = np.arange(0, 201) / 200.0

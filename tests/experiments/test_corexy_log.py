@@ -76,6 +76,8 @@ def test_wrong_options(tmp_path, capsys):
         code, error = told(change)
         assert code == 1
         assert said in error
+    (tmp_path / "m.json").write_text(json.dumps({"tension": 1.0}))
+    assert "it must map names among m, M" in told(f"machine={tmp_path / 'm.json'}")[1]
     (tmp_path / "m.json").write_text(json.dumps({"P1": -1.0}))
     assert "P1 = -1.0" in told(f"machine={tmp_path / 'm.json'}")[1]
     assert main(["block-fig02", "--data", str(path), "--out", out]) == 2
