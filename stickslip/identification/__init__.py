@@ -19,9 +19,9 @@ from ._many_starts import many_starts as many_starts
 from ._many_starts import sensitivities as sensitivities
 from ._methods import AbstractMethod as AbstractMethod
 from ._multiple_shooting import MultipleShooting as MultipleShooting
+from ._observed import Observed as Observed
 from ._posterior import Posterior as Posterior
 from ._posterior import posterior as posterior
-from ._problem import Observed as Observed
 from ._problem import Problem as Problem
 from ._problem import Simulation as Simulation
 from ._profile import Profile as Profile

@@ -4,14 +4,13 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from .._looks_at import reals
 from .._show import counted
-from .._types import Given, NamedNumbers, Numeric
+from .._types import Given, NamedNumbers
 from .._validation import (
     as_parameter,
     check_callable,
@@ -20,7 +19,6 @@ from .._validation import (
     check_mapping,
     check_type,
     misshaped,
-    one_concrete,
     one_row,
     refusal,
     whole_number,
@@ -34,31 +32,12 @@ from ._levenberg_marquardt import LevenbergMarquardt
 from ._many_starts import many_starts
 from ._methods import AbstractMethod
 from ._multiple_shooting import MultipleShooting
+from ._observed import Observed, data_of, observed_of, records_of
 from ._record import Record
-from ._run import Data, Run, motion_of, residual_of
-from ._signal import padded
+from ._run import Run, motion_of, residual_of
 from ._starts import sobol_starts
 from ._unknown import Unknown
 from ._unknowns import NamedUnknowns, NamedValues, checked, scalars
-
-Observe = Callable[[Any, Any, Any], Any]
-
-
-class Observed(eqx.Module):
-    """A function `(t, y, system) -> number` of time [s] and state that is measured with normal noise.
-
-    **Arguments:** `function`; `sd`, the standard deviation of the noise, positive; `unit` of both.
-    **Raises** `TypeError`, `ValueError` for what is not so.
-    """
-
-    function: Callable[..., Any] = eqx.field(static=True)
-    sd: Float[Array, ""]
-    unit: str = eqx.field(static=True)
-
-    def __init__(self, function: Given[Observe], sd: Numeric, unit: str = ""):
-        self.function = check_callable("function", function, "f(t, y, system)", 0.0, None, None)
-        self.sd = as_parameter(one_concrete("sd", sd, "positive"))
-        self.unit = check_type("unit", unit, str, "a text")
 
 
 class Simulation(eqx.Module):
@@ -106,10 +85,17 @@ class Problem:
       of different lengths share one program.
     - `integrator`: as for `simulate`.
     - `delay`: name of the unknown, or the known number, by which stamps are later than the motion [s].
+    - `correct(values, state, innovations)`: the state just after a stamp, from that just before it and
+      from what was measured there less what was predicted, by name, 0 where it is missing. With a known
+      gain, $x^+ = x^- + K (y - h(x^-))$, an observer: every residual is then an error of prediction
+      from one stamp to the next, and noise that enters the motion itself does no harm; `sd` is that
+      of the innovations. Without, the whole motion is predicted from its beginning. At a stamp at which
+      the record begins nothing is corrected. L. Ljung, System Identification (1999), section 4.3.
 
     Of data from a closed loop, let the known controller be a part of the system, its reference the
     input, and observe position, speed or command: what disturbs the machine is then noise of the fit.
-    As an input the measured command answers the disturbances, and they are taken for the machine.
+    As an input the measured command answers the disturbances, and they are taken for the machine,
+    unless `correct` takes them for what they are.
 
     **Raises** `TypeError`, `ValueError` for what is not so, before anything is traced.
     """
@@ -124,13 +110,16 @@ class Problem:
         *,
         integrator: Given[Integrator | None] = None,
         delay: Given[str | None] = None,
+        correct: Given[Callable[[NamedValues, Any, NamedValues], Any] | None] = None,
     ):
+        if correct is not None:
+            check_callable("correct", correct, "f(values, state, innovations)", {}, None, {})
         check_callable("system", system, "f(values, inputs)", {}, {})
         check_callable("initial_state", initial_state, "f(values, inputs)", {}, {})
         scalars("unknowns", unknowns)
         self.given = dict(unknowns)
-        self.observed = _observed(observed)
-        self.records = _records(records, self.observed)
+        self.observed = observed_of(observed)
+        self.records = records_of(records, self.observed)
         check_type("integrator", integrator, Integrator | None, "an Integrator or None")
         self.labels = tuple(r.name or str(i) for i, r in enumerate(self.records))
         if len(set(self.labels)) < len(self.labels):
@@ -150,9 +139,10 @@ class Problem:
             delay,
             tuple(name for name in sorted(self.given) if name not in local),
             tuple((name, tuple(f"{name}[{label}]" for label in self.labels)) for name in local),
+            correct,
         )
         self._lengths = tuple(record.times.size for record in self.records)
-        self._data = _data(self.records, self.observed)
+        self._data = data_of(self.records, self.observed)
 
     @property
     def unknowns(self) -> dict[str, Any]:
@@ -188,7 +178,7 @@ class Problem:
         return jnp.where(jnp.isfinite(density), density, -jnp.inf)
 
     def simulate(self, values: NamedNumbers, record: int = 0) -> Simulation:
-        """The motion in one record, by its number. **Raises** as `residual`."""
+        """The motion in one record, by its number, never corrected. **Raises** as `residual`."""
         found = self._values(values)
         whole_number("record", record, 0, len(self.records) - 1)
         rows, solution = motion_of(self._run, found, self._data, jnp.asarray(record))
@@ -233,7 +223,7 @@ class Problem:
         `chunk_size` as for `many_starts`. **Returns** a `Fit`. **Raises** `TypeError`, `ValueError` for
         what is not so.
         """
-        method = _method(method)
+        method = self._method(method)
         if chunk_size is not None:
             check_count("chunk_size", chunk_size, 1)
         unknowns = self.unknowns if start is None else self._from(start)
@@ -257,7 +247,7 @@ class Problem:
         chunk_size: int | None = None,
     ) -> Fit:
         """One fit from each of many `starts`, rows of values by name; see `many_starts`."""
-        method = _method(method)
+        method = self._method(method)
         if chunk_size is not None:
             check_count("chunk_size", chunk_size, 1)
         rows = _placed(self.unknowns, check_mapping("starts", starts), "starts")
@@ -289,8 +279,14 @@ class Problem:
         run = self._run
         return Problem(
             run.system, run.initial_state, self.given, self.observed, records,
-            integrator=run.integrator, delay=run.delay,
+            integrator=run.integrator, delay=run.delay, correct=run.correct,
         )  # fmt: skip
+
+    def _method(self, method: Any) -> Any:
+        found = _method(method)
+        if isinstance(found, MultipleShooting) and self._run.correct is not None:
+            raise refusal("method", method, "another than MultipleShooting where states are corrected")
+        return found
 
     def _from(self, start: Any) -> dict[str, Any]:
         return _placed(self.unknowns, check_mapping("start", start), "start")
@@ -334,67 +330,3 @@ def _placed(unknowns: dict[str, Any], starts: dict[str, Any], argument: str) -> 
 
 def _is_local(given: Any) -> bool:
     return isinstance(given, Unknown) and given.per_record
-
-
-def _observed(observed: Any) -> dict[str, Observed]:
-    found = check_mapping("observed", observed)
-    if not found:
-        raise refusal("observed", observed, "a mapping from names to Observed, not empty")
-    for name, one in found.items():
-        check_type(f"observed[{name!r}]", one, Observed, "an Observed")
-    return found
-
-
-def _records(records: Any, observed: dict[str, Observed]) -> tuple[Record, ...]:
-    row = (records,) if isinstance(records, Record) else records
-    allowed = "a Record or a sequence of them, not empty"
-    if not isinstance(row, tuple | list) or not row:
-        raise refusal("records", records, allowed, TypeError)
-    for i, record in enumerate(row):
-        where = f"records[{i}]"
-        check_type(where, record, Record, "a Record")
-        for name in record.values:
-            if name not in observed:
-                allowed = f"of values named after one of observed, {', '.join(observed)}"
-                raise refusal(where, record, allowed, but=f"with values of {name!r}")
-            unit, expected = record.units.get(name), observed[name].unit
-            if unit is not None and unit != expected:
-                allowed = f"in {expected!r}, the unit of observed[{name!r}]"
-                raise refusal(f"{where}.units[{name!r}]", unit, allowed)
-        for kind in ("inputs", "known"):
-            names, first = set(getattr(record, kind)), set(getattr(row[0], kind))
-            if names != first:
-                raise refusal(where, record, f"with the {kind} of records[0], {sorted(first)}",
-                    but=f"with {sorted(names)}")  # fmt: skip
-    return tuple(row)
-
-
-def _data(records: tuple[Record, ...], observed: dict[str, Observed]) -> Data:
-    """Records of one length: the last time is repeated, which costs an attempt each."""
-    longest = max(record.times.size for record in records)
-    shape = (len(records), len(observed), longest)
-    values, present = np.zeros(shape), np.zeros(shape, bool)
-    for r, record in enumerate(records):
-        for i, name in enumerate(observed):
-            if name in record.values:
-                n = record.times.size
-                values[r, i, :n], present[r, i, :n] = record.values[name], record.present[name]
-    inputs = {}
-    for name in records[0].inputs:
-        signals = [record.inputs[name] for record in records]
-        most = [max(getattr(s, a).size for s in signals) for a in ("times", "breaks")]
-        inputs[name] = _stacked([padded(s, *most) for s in signals])
-    times = [np.pad(r.times, (0, longest - r.times.size), mode="edge") for r in records]
-    return Data(
-        times=np.stack(times),
-        begin=np.stack([r.begin for r in records]),
-        values=values,
-        keep=np.flatnonzero(present),
-        deviations=np.array([float(o.sd) for o in observed.values()]),
-        inputs=inputs,
-        known=_stacked([r.known for r in records]),
-    )  # fmt: skip
-
-
-def _stacked(trees: list[Any]) -> Any:
-    return jax.tree.map(lambda *rows: np.stack(rows), *trees)

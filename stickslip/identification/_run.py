@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..hybrid import Integrator, SaveAt, WithBreaks, simulate
+from ..hybrid._bound import spanning
 from ._signal import Signal, breaks_of
 from ._unknowns import NamedValues
 
@@ -47,6 +48,7 @@ class Run:
     delay: str | None
     shared: tuple[str, ...]
     local: tuple[tuple[str, tuple[str, ...]], ...]  # names with the names per record
+    correct: Callable[..., Any] | None = None
 
     def split(self, values: NamedValues) -> tuple[NamedValues, NamedValues]:
         """Values of all records, and rows of values of each."""
@@ -92,15 +94,60 @@ class Run:
         states = solution.outputs.y if whole is system else solution.outputs.y.y
         return self.observe(system, ts, states), solution
 
+    def corrected(self, values: NamedValues, one: tuple, measured: Array, present: Array) -> Array:
+        """What is observed just before each stamp of one record, where the state has been corrected at
+        the stamps before."""
+        times, begin, inputs = one
+        correct = self.correct
+        assert correct is not None
+        y0 = self.initial_state(values, inputs)
+        y0 = jax.tree.map(lambda a: jnp.asarray(a, jnp.float64), y0)
+
+        system, whole, start = self.with_breaks(values, inputs, y0, begin)
+        ts = self.times_of(values, times, begin)
+        # From stamp to stamp the motion is bounded in its steps by the record, as it is in one go.
+        integrator = Integrator() if self.integrator is None else self.integrator  # pyright: ignore
+        mode = whole.initial_mode(begin, start, None)
+        integrator = spanning(integrator, whole, begin, ts[-1] - begin, start, mode, None)
+
+        def onwards(now, stamp):
+            since, y = now
+            t, seen, here = stamp
+            start = y if whole is system else whole.start(y, since)
+            solution = simulate(
+                whole, since, t, start, integrator=integrator,
+                saveat=SaveAt(ts=t[None], events=False), max_events=None, throw=False,
+            )  # fmt: skip
+            assert solution.outputs is not None
+            states = solution.outputs.y if whole is system else solution.outputs.y.y
+            row = self.observe(system, t[None], states)[:, 0]
+            off = jnp.where(here, seen - row, 0.0)
+            before = jax.tree.map(lambda a: a[0], states)
+            names = [name for name, _ in self.observed]
+            after = correct(values, before, {name: off[i] for i, name in enumerate(names)})
+            after = jax.tree.map(lambda a: jnp.asarray(a, jnp.float64), after)
+            # A stamp that is repeated makes records equally long, and corrects nothing again.
+            after = jax.tree.map(lambda new, old: jnp.where(t > since, new, old), after, before)
+            return (t, after), row
+
+        first = jnp.asarray(begin, ts.dtype)
+        _, rows = jax.lax.scan(onwards, (first, y0), (ts, measured.T, present.T))
+        return rows.T
+
     def predictions(self, values: NamedValues, data: Data) -> Float[Array, "record observed time"]:
         """What is observed in all records, one after the other by one program."""
         common, local = self.split(values)
+        present = jnp.zeros(data.values.size, bool).at[data.keep].set(True)
 
         def predicted(row):
-            mine, known, one = row
-            return self.one({**known, **common, **mine}, one, log=False)[0]
+            mine, known, one, measured, present = row
+            values = {**known, **common, **mine}
+            if self.correct is not None:
+                return self.corrected(values, one, measured, present)
+            return self.one(values, one, log=False)[0]
 
-        rows = (local, data.known, (data.times, data.begin, data.inputs))
+        ones = (data.times, data.begin, data.inputs)
+        rows = (local, data.known, ones, data.values, present.reshape(data.values.shape))
         if data.times.shape[0] == 1:
             return predicted(jax.tree.map(lambda a: jnp.asarray(a)[0], rows))[None]
         return jax.lax.map(predicted, rows)

@@ -1,0 +1,98 @@
+"""What a problem is given: what is observed, and the records, checked and made equally long."""
+
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._types import Given, Numeric
+from .._validation import as_parameter, check_callable, check_mapping, check_type, one_concrete, refusal
+from ._record import Record
+from ._run import Data
+from ._signal import padded
+
+Observe = Callable[[Any, Any, Any], Any]
+
+
+class Observed(eqx.Module):
+    """A function `(t, y, system) -> number` of time [s] and state that is measured with normal noise.
+
+    **Arguments:** `function`; `sd`, the standard deviation of the noise, positive; `unit` of both.
+    **Raises** `TypeError`, `ValueError` for what is not so.
+    """
+
+    function: Callable[..., Any] = eqx.field(static=True)
+    sd: Float[Array, ""]
+    unit: str = eqx.field(static=True)
+
+    def __init__(self, function: Given[Observe], sd: Numeric, unit: str = ""):
+        self.function = check_callable("function", function, "f(t, y, system)", 0.0, None, None)
+        self.sd = as_parameter(one_concrete("sd", sd, "positive"))
+        self.unit = check_type("unit", unit, str, "a text")
+
+
+def observed_of(observed: Any) -> dict[str, Observed]:
+    found = check_mapping("observed", observed)
+    if not found:
+        raise refusal("observed", observed, "a mapping from names to Observed, not empty")
+    for name, one in found.items():
+        check_type(f"observed[{name!r}]", one, Observed, "an Observed")
+    return found
+
+
+def records_of(records: Any, observed: dict[str, Observed]) -> tuple[Record, ...]:
+    row = (records,) if isinstance(records, Record) else records
+    allowed = "a Record or a sequence of them, not empty"
+    if not isinstance(row, tuple | list) or not row:
+        raise refusal("records", records, allowed, TypeError)
+    for i, record in enumerate(row):
+        where = f"records[{i}]"
+        check_type(where, record, Record, "a Record")
+        for name in record.values:
+            if name not in observed:
+                allowed = f"of values named after one of observed, {', '.join(observed)}"
+                raise refusal(where, record, allowed, but=f"with values of {name!r}")
+            unit, expected = record.units.get(name), observed[name].unit
+            if unit is not None and unit != expected:
+                allowed = f"in {expected!r}, the unit of observed[{name!r}]"
+                raise refusal(f"{where}.units[{name!r}]", unit, allowed)
+        for kind in ("inputs", "known"):
+            names, first = set(getattr(record, kind)), set(getattr(row[0], kind))
+            if names != first:
+                raise refusal(where, record, f"with the {kind} of records[0], {sorted(first)}",
+                    but=f"with {sorted(names)}")  # fmt: skip
+    return tuple(row)
+
+
+def data_of(records: tuple[Record, ...], observed: dict[str, Observed]) -> Data:
+    """Records of one length: the last time is repeated, which costs an attempt each."""
+    longest = max(record.times.size for record in records)
+    shape = (len(records), len(observed), longest)
+    values, present = np.zeros(shape), np.zeros(shape, bool)
+    for r, record in enumerate(records):
+        for i, name in enumerate(observed):
+            if name in record.values:
+                n = record.times.size
+                values[r, i, :n], present[r, i, :n] = record.values[name], record.present[name]
+    inputs = {}
+    for name in records[0].inputs:
+        signals = [record.inputs[name] for record in records]
+        most = [max(getattr(s, a).size for s in signals) for a in ("times", "breaks")]
+        inputs[name] = _stacked([padded(s, *most) for s in signals])
+    times = [np.pad(r.times, (0, longest - r.times.size), mode="edge") for r in records]
+    return Data(
+        times=np.stack(times),
+        begin=np.stack([r.begin for r in records]),
+        values=values,
+        keep=np.flatnonzero(present),
+        deviations=np.array([float(o.sd) for o in observed.values()]),
+        inputs=inputs,
+        known=_stacked([r.known for r in records]),
+    )  # fmt: skip
+
+
+def _stacked(trees: list[Any]) -> Any:
+    return jax.tree.map(lambda *rows: np.stack(rows), *trees)
