@@ -65,6 +65,34 @@ def test_command_is_that_of_an_independent_integrator(symmetric):
     )
 
 
+def opened(values, record):
+    """Positions of the carriage under the command of the record, from rest: the same implicit steps."""
+    q, v, h = record.q[0], 0.0, STEP / FINE
+    after, rows = np.append(record.u[1:], record.u[-1]), []
+    for k in range(record.q.size):
+        rows.append(q)
+        for i in range(FINE):
+            u = record.u[k] + (after[k] - record.u[k]) * i / FINE
+            free = v + h / values["mass"] * (GAIN * u - values["offset"])
+            slow = 1.0 + h * values["viscous"] / values["mass"]
+            v = np.sign(free) * max(abs(free) - h * values["dry"] / values["mass"], 0.0) / slow
+            q += h * v
+    return np.array(rows)
+
+
+def test_the_score_is_that_of_an_independent_integrator(symmetric):
+    """Open loop, and after the first 20 samples, whose error is not counted."""
+    wrong = TRUTH | {"dry": 21.0, "viscous": 206.0}
+    values = {k: jnp.asarray(v) for k, v in wrong.items()}
+    error = (opened(wrong, symmetric) - symmetric.q)[20:]
+    assert identify.score(values, symmetric) == pytest.approx(np.sqrt(np.mean(error**2)), rel=0.02)
+    # To the digits: of errors that grow, added to what is computed.
+    found, grown = np.asarray(position(values, symmetric, 1)), 1e-3 * np.linspace(0.0, 1.0, 4000) ** 2
+    shifted = symmetric._replace(q=np.concatenate([symmetric.q[:20], (found + grown)[20:]]))
+    exact = np.sqrt(np.mean(grown[20:] ** 2))
+    assert identify.score(values, shifted) == pytest.approx(exact, rel=1e-9)
+
+
 def test_inverse_dynamics_of_a_known_machine(symmetric):
     values, errors, left = inverse_dynamics(symmetric)
     for name, value in TRUTH.items():
