@@ -1,5 +1,6 @@
 """A log of a user's own machine: columns and their units, and a template that shows both."""
 
+import dataclasses
 import json
 import math
 import pathlib
@@ -15,7 +16,7 @@ import stickslip as ss
 ANGLES = ("theta_1", "theta_2")
 SPEEDS = ("omega_1", "omega_2")
 PLACES = ("x", "y")
-PARAMETERS = tuple(cx.CoreXYParameters.__dataclass_fields__)
+PARAMETERS = tuple(field.name for field in dataclasses.fields(cx.CoreXYParameters))
 MEASURED = (*ANGLES, *SPEEDS, *PLACES)
 NEEDED = ("time", "v1", "v2")
 UNITS = {
