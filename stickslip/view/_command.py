@@ -49,7 +49,11 @@ def main(arguments: list[str]) -> int:
     if target is not None:
         from ._file import write_file
 
-        size = write_file(diagram, functions, target)
+        try:
+            size = write_file(diagram, functions, target)
+        except ValueError as error:
+            print(error, file=sys.stderr)
+            return 2
         print(f"{target}: {size / 1e6:.2f} MB")
         return 0
     from ._live import serve

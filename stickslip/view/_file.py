@@ -148,6 +148,9 @@ def write_file(diagram: Diagram, functions: Functions | None, path: pathlib.Path
         text = file_html(document_of(diagram, orbits, most), INLINE, diagram.title).encode()
         if len(text) < LARGEST:
             break
+        if most < 1000:
+            what = f"a diagram whose page fits into {LARGEST:,} bytes"
+            raise refusal("path", diagram.name, what, but=f"which makes {len(text):,}")
         most = int(0.7 * most)
     temporary = path.with_name(path.name + ".part")
     temporary.write_bytes(text)

@@ -51,7 +51,7 @@ def page_of(diagram: Diagram, notes: list[str], *, motion: bool, drag: bool) -> 
     """
     over, name = diagram.label(diagram.x), diagram.label(diagram.observable)
     plot = figure(
-        height=430, sizing_mode="stretch_width", title=diagram.title.replace("$", ""),
+        height=370, sizing_mode="stretch_width", title=diagram.title.replace("$", ""),
         x_axis_label=over, y_axis_label=name, output_backend="webgl", tools="pan,wheel_zoom,box_zoom,reset,save",
     )  # fmt: skip
     drawn = ColumnDataSource({"x": [], "y": [], "bad": [], "status": [], "period": []}, name="drawn")
@@ -78,10 +78,12 @@ def page_of(diagram: Diagram, notes: list[str], *, motion: bool, drag: bool) -> 
     )
     plot.add_tools(hover)
     if drag:
-        plot.add_tools(BoxSelectTool(dimensions="width"))
+        region = BoxSelectTool(dimensions="width")
+        plot.add_tools(region)
+        plot.toolbar.active_drag = region
     marker = Span(location=None, dimension="height", line_color=CHOSEN, line_width=1.5, name="marker")
     plot.add_layout(marker)
-    below = {"height": 330, "sizing_mode": "stretch_width", "tools": "pan,wheel_zoom,box_zoom,reset,save"}
+    below = {"height": 300, "sizing_mode": "stretch_width", "tools": "pan,wheel_zoom,box_zoom,reset,save"}
     orbit = figure(title="orbit", x_axis_label="number of the point", y_axis_label=name, **below)
     orbit_points = ColumnDataSource({"x": [], "y": []}, name="orbit")
     orbit.line("x", "y", source=orbit_points, color=GOOD, alpha=1.0 if motion else 0.3)
@@ -97,6 +99,7 @@ def page_of(diagram: Diagram, notes: list[str], *, motion: bool, drag: bool) -> 
     returns.scatter("x", "y", source=return_points, color=GOOD, size=4)
     for part in (plot, orbit, plane, returns):
         part.toolbar.logo = None
+        part.title.text_font_size = "9pt"
     selects = [
         Select(title=key, value="0", options=[(str(i), _value(v)) for i, v in enumerate(values)], name=key)
         for key, values in diagram.others.items()
