@@ -24,7 +24,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="python -m stickslip",
         description="List the public names of stickslip and corexy_jax, or show one of them.",
-        epilog="`python -m stickslip view STORE_OR_FILE` shows a diagram in the browser (see `view --help`).",
+        epilog="`python -m stickslip view STORE_OR_FILE` shows a diagram; `view --help` says how.",
     )
     parser.add_argument(
         "name", nargs="?", help="a public name, as `simulate` or `friction.Stribeck`, or a package"

@@ -32,9 +32,7 @@ def orbit(k3: float, model: str = MODELS[0], protocol: str = "paper") -> xr.Data
     )
 
 
-def diagram(
-    k3: tuple[float, float], model: str = MODELS[0], protocol: str = "paper"
-) -> xr.Dataset:
+def diagram(k3: tuple[float, float], model: str = MODELS[0], protocol: str = "paper") -> xr.Dataset:
     """The diagram of `model` between two values of k3 [N/m], with as much dropped as in the figures."""
     transient, duration = _times(protocol)
     low, high = map(float, k3)

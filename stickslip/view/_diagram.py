@@ -59,7 +59,9 @@ class Diagram:
         ]
         if not seen:
             have = ", ".join(f"{dim} ({n})" for dim, n in dataset.sizes.items()) or "none"
-            raise refusal("path", name, LIKE, but=f"without a number over `{POINT}`; dimensions: {have}")
+            raise refusal(
+                "path", name, LIKE, but=f"without a number over `{POINT}`; dimensions: {have}"
+            )
         if observable is not None:
             check_in("observable", observable, seen)
         # Time only grows: it is drawn if it was asked for.
@@ -67,9 +69,7 @@ class Diagram:
         self.observable = observable if observable is not None else first[0]
         self.observables = seen
         grid = [str(dim) for dim in dataset[self.observable].dims if dim != POINT]
-        numeric = [
-            key for key in grid if key in dataset.coords and dataset[key].dtype.kind in "iuf"
-        ]
+        numeric = [key for key in grid if key in dataset.coords and dataset[key].dtype.kind in "iuf"]
         if not numeric:
             over = f"with {self.observable} over {', '.join(grid) or 'nothing'} and `{POINT}`"
             raise refusal("path", name, LIKE, but=f"{over}, no parameter with numbers")
@@ -80,7 +80,9 @@ class Diagram:
         self.dataset = dataset
         self.title = str(dataset.attrs.get("title", dataset.attrs.get("name", pathlib.Path(name).name)))
         self.others = {
-            key: dataset[key].values.tolist() if key in dataset.coords else list(range(dataset.sizes[key]))
+            key: dataset[key].values.tolist()
+            if key in dataset.coords
+            else list(range(dataset.sizes[key]))
             for key in grid
             if key != self.x
         }

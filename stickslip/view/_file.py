@@ -9,10 +9,10 @@ import traceback
 from typing import Any, NamedTuple
 
 import numpy as np
+from bokeh.document import Document
 from bokeh.embed import file_html
 from bokeh.events import DocumentReady
 from bokeh.models import CustomJS
-from bokeh.document import Document
 from bokeh.resources import INLINE
 
 from .._validation import refusal
@@ -73,7 +73,7 @@ def packed(diagram: Diagram, most: int) -> Packed:
 
 
 def orbits_of(diagram: Diagram, functions: Functions) -> list[dict[str, Any]]:
-    """Orbits at evenly spaced parameters, about `ORBITS` over all choices; an error in words instead."""
+    """Orbits at evenly spaced parameters, about `ORBITS` over all choices, or their errors in words."""
     if functions.orbit is None:
         return []
     choices, found = choices_of(diagram), []
@@ -83,7 +83,14 @@ def orbits_of(diagram: Diagram, functions: Functions) -> list[dict[str, Any]]:
     empty = np.zeros(0, np.float32)
     for number, chosen in enumerate(choices):
         for value in values.tolist():
-            here = {"slice": number, "x": value, "t": empty, "first": empty, "second": empty, "error": ""}
+            here = {
+                "slice": number,
+                "x": value,
+                "t": empty,
+                "first": empty,
+                "second": empty,
+                "error": "",
+            }
             try:
                 run = motion(functions.orbit(**diagram.point(value, chosen)), diagram.observable)
             except Exception as error:  # whatever the user's function raises
@@ -105,7 +112,9 @@ def document_of(diagram: Diagram, orbits: list[dict[str, Any]], most: int) -> Do
     notes = [f"{pack.y.size:,} points of {pack.x.size:,} lanes, in 32 bits"]
     notes[0] += "." if pack.stride == 1 else f": one lane in {pack.stride} is in this file."
     if orbits:
-        notes.append(f"{len(orbits)} orbits are in this file; that with the nearest parameter is shown.")
+        notes.append(
+            f"{len(orbits)} orbits are in this file; that with the nearest parameter is shown."
+        )
     page = page_of(diagram, notes, motion=bool(orbits), drag=False)
     labels = next((orbit["labels"] for orbit in orbits if "labels" in orbit), None)
     if labels is not None:

@@ -30,9 +30,7 @@ class Live:
         notes = [f"At most {MOST_DRAWN:,} points are drawn, of evenly spaced lanes."]
         if len(diagram.observables) > 1:
             notes.append(f"--observable chooses one of {', '.join(diagram.observables)}.")
-        self.page: Page = page_of(
-            diagram, notes, motion=self.functions.orbit is not None, drag=True
-        )
+        self.page: Page = page_of(diagram, notes, motion=self.functions.orbit is not None, drag=True)
         self.lanes = self._lanes()
         self.page.diagram.on_event("tap", lambda event: self.choose(event.x))
         self.page.diagram.on_event("selectiongeometry", self._dragged)
@@ -118,9 +116,7 @@ class Live:
         if not isinstance(found, xr.Dataset):
             what = "an xarray.Dataset, as `orbit_diagram` returns"
             raise refusal("diagram(...)", found, what, TypeError)
-        self.shown = Diagram(
-            found, "diagram(...)", x=self.whole.x, observable=self.whole.observable
-        )
+        self.shown = Diagram(found, "diagram(...)", x=self.whole.x, observable=self.whole.observable)
         self.region, self.lanes = None, self._lanes()
         self._show()
 

@@ -75,8 +75,7 @@ def motion(dataset: Any, observable: str) -> Motion:
     first = observable if observable in seen else seen[0]
     second = next((key for key in seen if key != first), None)
     labels = tuple(
-        labelled(key, dataset[key].attrs) if key is not None else ""
-        for key in ("time", first, second)
+        labelled(key, dataset[key].attrs) if key is not None else "" for key in ("time", first, second)
     )
     values = [np.asarray(dataset[key].values, np.float64) for key in ("time", first)]
     other = None if second is None else np.asarray(dataset[second].values, np.float64)

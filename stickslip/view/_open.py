@@ -23,4 +23,6 @@ def opened(path: str) -> xr.Dataset:
         return xr.open_dataset(place, decode_times=False)
     except Exception as error:  # whatever the readers meet in files of another kind
         text = " ".join(str(error).split())[:80]
-        raise refusal("path", path, ALLOWED, but=f"unreadable ({type(error).__name__}: {text})") from error
+        raise refusal(
+            "path", path, ALLOWED, but=f"unreadable ({type(error).__name__}: {text})"
+        ) from error

@@ -52,7 +52,8 @@ def page_of(diagram: Diagram, notes: list[str], *, motion: bool, drag: bool) -> 
     over, name = diagram.label(diagram.x), diagram.label(diagram.observable)
     plot = figure(
         height=370, sizing_mode="stretch_width", title=diagram.title.replace("$", ""),
-        x_axis_label=over, y_axis_label=name, output_backend="webgl", tools="pan,wheel_zoom,box_zoom,reset,save",
+        x_axis_label=over, y_axis_label=name, output_backend="webgl",
+        tools="pan,wheel_zoom,box_zoom,reset,save",
     )  # fmt: skip
     drawn = ColumnDataSource({"x": [], "y": [], "bad": [], "status": [], "period": []}, name="drawn")
     glyphs = plot.scatter(
@@ -83,7 +84,11 @@ def page_of(diagram: Diagram, notes: list[str], *, motion: bool, drag: bool) -> 
         plot.toolbar.active_drag = region
     marker = Span(location=None, dimension="height", line_color=CHOSEN, line_width=1.5, name="marker")
     plot.add_layout(marker)
-    below = {"height": 300, "sizing_mode": "stretch_width", "tools": "pan,wheel_zoom,box_zoom,reset,save"}
+    below = {
+        "height": 300,
+        "sizing_mode": "stretch_width",
+        "tools": "pan,wheel_zoom,box_zoom,reset,save",
+    }
     orbit = figure(title="orbit", x_axis_label="number of the point", y_axis_label=name, **below)
     orbit_points = ColumnDataSource({"x": [], "y": []}, name="orbit")
     orbit.line("x", "y", source=orbit_points, color=GOOD, alpha=1.0 if motion else 0.3)
@@ -92,16 +97,19 @@ def page_of(diagram: Diagram, notes: list[str], *, motion: bool, drag: bool) -> 
     plane = figure(title="phase plane", **below)
     plane_points = ColumnDataSource({"x": [], "y": []}, name="plane")
     plane.line("x", "y", source=plane_points, color=GOOD)
-    returns = figure(title="return map", x_axis_label="this point", y_axis_label="next point", **below)
+    returns = figure(title="return map", **below)
+    returns.xaxis.axis_label, returns.yaxis.axis_label = f"{name}, this point", "next point"
     return_points = ColumnDataSource({"x": [], "y": []}, name="returns")
     diagonal = ColumnDataSource({"x": [], "y": []}, name="diagonal")
     returns.line("x", "y", source=diagonal, color="#999999", line_dash="dashed")
     returns.scatter("x", "y", source=return_points, color=GOOD, size=4)
     for part in (plot, orbit, plane, returns):
         part.toolbar.logo = None
-        part.title.text_font_size = "9pt"
+        part.title.text_font_size = "8pt"  # a third of the page holds parameter, period and status
     selects = [
-        Select(title=key, value="0", options=[(str(i), _value(v)) for i, v in enumerate(values)], name=key)
+        Select(
+            title=key, value="0", options=[(str(i), _value(v)) for i, v in enumerate(values)], name=key
+        )
         for key, values in diagram.others.items()
     ]
     state = diagram.dataset.attrs.get("sweep_state", "finished")
