@@ -136,7 +136,9 @@ def document_of(diagram: Diagram, orbits: list[dict[str, Any]], most: int) -> Do
         },
         code=code,
     )
-    page.diagram.js_on_event("tap", callback)
+    # The second of two quick clicks is a double one, wherever it is.
+    for click in ("tap", "doubletap"):
+        page.diagram.js_on_event(click, callback)
     for select in page.selects:
         select.js_on_change("value", callback)
     document = Document()

@@ -32,7 +32,9 @@ class Live:
             notes.append(f"--observable chooses one of {', '.join(diagram.observables)}.")
         self.page: Page = page_of(diagram, notes, motion=self.functions.orbit is not None, drag=True)
         self.lanes = self._lanes()
-        self.page.diagram.on_event("tap", lambda event: self.choose(event.x))
+        # The second of two quick clicks is a double one, wherever it is.
+        for click in ("tap", "doubletap"):
+            self.page.diagram.on_event(click, lambda event: self.choose(event.x))
         self.page.diagram.on_event("selectiongeometry", self._dragged)
         self.page.back.on_click(self.back)
         for select in self.page.selects:
@@ -163,14 +165,21 @@ def drawn(lanes: Lanes) -> dict[str, np.ndarray]:
     }
 
 
-def serve(diagram: Diagram, functions: Functions | None, *, port: int, browser: bool) -> None:
-    """The page at a port of this machine, until Ctrl-C."""
+def started(diagram: Diagram, functions: Functions | None, port: int) -> Any:
+    """A server of bokeh with the page, on this machine only, that answers once its loop runs."""
     from bokeh.server.server import Server
 
-    server: Any = Server(
-        lambda document: Live(diagram, functions, document) and None, port=port, address="localhost"
-    )
+    def page(document: Any) -> None:
+        Live(diagram, functions, document)
+
+    server: Any = Server(page, port=port, address="localhost")
     server.start()
+    return server
+
+
+def serve(diagram: Diagram, functions: Functions | None, *, port: int, browser: bool) -> None:
+    """The page at a port of this machine, until Ctrl-C. Errors: `OSError` for a port in use."""
+    server = started(diagram, functions, port)
     print(f"{diagram.title}\nhttp://localhost:{server.port}/ (Ctrl-C ends it)", flush=True)
     if browser:
         server.io_loop.add_callback(server.show, "/")

@@ -72,7 +72,7 @@ function choose(lane) {
   parts.plane_points.data = {x: pair ? orbit.first : [], y: orbit.second}
 }
 
-if (event === 'tap') {
+if (event === 'tap' || event === 'doubletap') {
   choose(nearest(x, cb_obj.x))
 } else {
   draw()

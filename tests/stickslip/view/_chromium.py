@@ -11,7 +11,7 @@ import urllib.request
 from tornado.websocket import websocket_connect
 
 PROGRAM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-PATIENCE = 60.0  # s, for a machine with other work
+PATIENCE = 30.0  # s, for a machine with other work
 
 
 class Browser:
@@ -48,6 +48,12 @@ class Browser:
         if method == "Network.requestWillBeSent":
             self.requests.append(parameters["request"]["url"])
 
+    async def close(self):
+        """End the connection; its answer is waited for, or it would count as left open."""
+        self.connection.close()
+        while await asyncio.wait_for(self.connection.read_message(), PATIENCE) is not None:
+            pass
+
     async def evaluate(self, expression):
         """Value of a JavaScript expression."""
         answer = await self.call("Runtime.evaluate", expression=expression, returnByValue=True)
@@ -62,11 +68,23 @@ class Browser:
             await asyncio.sleep(0.1)
         raise TimeoutError(f"never true: {expression}; {self.complaints}")
 
-    async def click(self, x, y):
+    async def drag(self, begin, end):
+        """Press the left button at a place of the window [px], move, and release it at another."""
+        held = {"button": "left", "clickCount": 1}
+        half = [(a + b) / 2 for a, b in zip(begin, end, strict=True)]
+        for kind, (x, y), button in (
+            ("mouseMoved", begin, {}),
+            ("mousePressed", begin, held),
+            ("mouseMoved", half, {"button": "left", "buttons": 1}),
+            ("mouseMoved", end, {"button": "left", "buttons": 1}),
+            ("mouseReleased", end, held),
+        ):
+            if begin != end or kind != "mouseMoved" or not button:
+                await self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, **button)
+
+    async def click(self, at):
         """Press and release the left button at a place of the window [px]."""
-        for kind in ("mouseMoved", "mousePressed", "mouseReleased"):
-            button = {} if kind == "mouseMoved" else {"button": "left", "clickCount": 1}
-            await self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, **button)
+        await self.drag(at, at)
 
 
 def connected(port):
@@ -95,11 +113,13 @@ async def open_page(url):
                     port = int(line.split("://")[1].split("/")[0].rsplit(":", 1)[1])
             address = await asyncio.to_thread(connected, port)
             browser = Browser(await websocket_connect(address, max_message_size=2**28))
-            for domain in ("Runtime", "Log", "Network", "Page"):
-                await browser.call(f"{domain}.enable")
-            await browser.call("Page.navigate", url=url)
-            yield browser
-            browser.connection.close()
+            try:
+                for domain in ("Runtime", "Log", "Network", "Page"):
+                    await browser.call(f"{domain}.enable")
+                await browser.call("Page.navigate", url=url)
+                yield browser
+            finally:
+                await browser.close()
         finally:
             if process.returncode is None:
                 process.terminate()

@@ -141,7 +141,7 @@ def test_a_store_of_a_sweep_is_read(tmp_path):
 
     run_sweep(
         lambda a: {"x": np.arange(3.0) * a}, {"a": np.array([1.0, 2.0])}, store=tmp_path / "store",
-        variables={"x": Variable(("point",))}, progress=False,
+        variables={"x": Variable(("point",))}, progress=False, executor="portable",
     )  # fmt: skip
     diagram = Diagram(opened(str(tmp_path / "store")), "store")
     lanes = diagram.lanes([])
