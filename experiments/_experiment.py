@@ -19,6 +19,8 @@ GROUPS = (
     "beam", "block", "corexy", "double_pendulum", "emps", "mechanisms", "pendulum", "rock",
     "statistics",
 )  # fmt: skip
+# Functions that `python -m stickslip view --with` asks, beside the experiments of a group.
+FOR_THE_VIEWER = "view"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,7 +66,7 @@ def load() -> dict[str, Experiment]:
     for group in GROUPS:
         package = importlib.import_module(f"{__package__}.{group}")
         for info in pkgutil.iter_modules(package.__path__):
-            if info.name.startswith("_"):
+            if info.name.startswith("_") or info.name == FOR_THE_VIEWER:
                 continue
             module = importlib.import_module(f"{package.__name__}.{info.name}")
             found[module.EXPERIMENT.name] = module.EXPERIMENT

@@ -1,4 +1,4 @@
-"""Command line: `python -m stickslip` lists what there is, and `NAME` shows one of it."""
+"""Command line: `python -m stickslip` lists what there is, `NAME` shows one of it, `view` a diagram."""
 
 import argparse
 import importlib.util
@@ -15,15 +15,22 @@ NARROWEST = 60
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; returns the exit status."""
+    given = sys.argv[1:] if arguments is None else arguments
+    if given[:1] == ["view"]:
+        # Only now: it reads files, for which much is imported.
+        from .view._command import main as view
+
+        return view(given[1:])
     parser = argparse.ArgumentParser(
         prog="python -m stickslip",
         description="List the public names of stickslip and corexy_jax, or show one of them.",
+        epilog="`python -m stickslip view STORE_OR_FILE` shows a diagram; `view --help` says how.",
     )
     parser.add_argument(
         "name", nargs="?", help="a public name, as `simulate` or `friction.Stribeck`, or a package"
     )
     parser.add_argument("--version", action="version", version=f"stickslip {__version__}")
-    options = parser.parse_args(arguments)
+    options = parser.parse_args(given)
     found = [entry for package in _installed() for entry in public_names(package)]
     if options.name is None:
         print(_listing(found))

@@ -1,0 +1,77 @@
+"""`python -m stickslip view`."""
+
+import argparse
+import importlib.util
+import pathlib
+import sys
+
+from .._validation import check_count, refusal
+from ._diagram import Diagram
+from ._module import imported
+from ._open import opened
+
+ABSENT = "The viewer draws with bokeh, which is not installed: pip install 'bokeh>=3.7'"
+
+
+def main(arguments: list[str]) -> int:
+    """Run the command; returns the exit status."""
+    parser = argparse.ArgumentParser(
+        prog="python -m stickslip view",
+        description="Show an orbit diagram in the browser: a click shows the orbit and the return map.",
+        epilog="The page is on this machine only. With --html it is a file of its own, under 5 MB.",
+    )
+    parser.add_argument("path", metavar="STORE_OR_FILE", help="a netCDF file, or a sweep's store")
+    parser.add_argument("--x", metavar="NAME", help="the parameter drawn across (default: the longest)")
+    parser.add_argument(
+        "--observable", metavar="NAME", help="what is drawn over it (default: the first)"
+    )
+    parser.add_argument(
+        "--with", dest="module", metavar="MODULE",
+        help="a module of yours: orbit(**point) is asked at a click, diagram(**ranges) for a region",
+    )  # fmt: skip
+    parser.add_argument("--html", metavar="FILE", help="write the page to this file; no server")
+    parser.add_argument(
+        "--port", type=int, default=0, metavar="N", help="of the server (default: any that is free)"
+    )
+    parser.add_argument("--no-browser", action="store_true", help="print the address only")
+    options = parser.parse_args(arguments)
+    if importlib.util.find_spec("bokeh") is None:
+        print(ABSENT, file=sys.stderr)
+        return 2
+    try:
+        check_count("port", options.port, 0, 65535)
+        target = None if options.html is None else _target(options.html)
+        diagram = Diagram(
+            opened(options.path), options.path, x=options.x, observable=options.observable
+        )
+        functions = None if options.module is None else imported(options.module, diagram)
+    except (ValueError, TypeError) as error:
+        print(error, file=sys.stderr)
+        return 2
+    if target is not None:
+        from ._file import write_file
+
+        try:
+            size = write_file(diagram, functions, target)
+        except ValueError as error:
+            print(error, file=sys.stderr)
+            return 2
+        print(f"{target}: {size / 1e6:.2f} MB")
+        return 0
+    from ._live import serve
+
+    try:
+        serve(diagram, functions, port=options.port, browser=not options.no_browser)
+    except OSError as error:
+        print(f"port = {options.port}: it must be one that is free ({error}).", file=sys.stderr)
+        return 2
+    return 0
+
+
+def _target(text: str) -> pathlib.Path:
+    path = pathlib.Path(text).expanduser()
+    if path.suffix.lower() not in (".html", ".htm"):
+        raise refusal("html", text, "the path of a file whose name ends in .html")
+    if path.is_dir() or not path.parent.is_dir():
+        raise refusal("html", text, "the path of a file in a directory that is there")
+    return path

@@ -1,0 +1,191 @@
+"""The page on the local server: clicks and regions are answered by Python."""
+
+import html
+import sys
+import traceback
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from .._validation import refusal
+from ._diagram import Diagram, Lanes
+from ._module import Functions, motion
+from ._page import Page, failure, page_of
+
+MOST_DRAWN = 200_000  # points that a browser draws without a pause
+
+
+class Live:
+    """A page with its state: the diagram shown, the region of it, the chosen lane."""
+
+    def __init__(self, diagram: Diagram, functions: Functions | None, document: Any):
+        self.whole = self.shown = diagram
+        self.functions = functions or Functions(None, None)
+        self.document = document
+        self.region: tuple[float, float] | None = None
+        self.x = float("nan")
+        self.asked = 0  # number of the last click: answers to earlier ones come too late
+        notes = [f"At most {MOST_DRAWN:,} points are drawn, of evenly spaced lanes."]
+        if len(diagram.observables) > 1:
+            notes.append(f"--observable chooses one of {', '.join(diagram.observables)}.")
+        self.page: Page = page_of(diagram, notes, motion=self.functions.orbit is not None, drag=True)
+        self.lanes = self._lanes()
+        # The second of two quick clicks is a double one, wherever it is.
+        for click in ("tap", "doubletap"):
+            self.page.diagram.on_event(click, lambda event: self.choose(event.x))
+        self.page.diagram.on_event("selectiongeometry", self._dragged)
+        self.page.back.on_click(self.back)
+        for select in self.page.selects:
+            select.on_change("value", lambda attr, old, new: self.back())
+        self.draw()
+        self.choose(float(self.lanes.x[self.lanes.x.size // 2]))
+        document.title = diagram.title
+        document.add_root(self.page.root)
+
+    @property
+    def chosen(self) -> list[int]:
+        """Numbers of the chosen values of the other coordinates."""
+        return [int(select.value) for select in self.page.selects]
+
+    def _lanes(self) -> Lanes:
+        chosen = self.chosen if self.shown is self.whole else [0] * len(self.shown.others)
+        return self.shown.lanes(chosen)
+
+    def draw(self) -> None:
+        """The points of the lanes shown, thinned evenly to what a browser draws."""
+        lanes = self.lanes if self.region is None else self.lanes.part(*self.region)
+        total = int(lanes.counts().sum())
+        stride = max(1, -(-total // MOST_DRAWN))
+        self.page.drawn.data = drawn(lanes.every(stride))
+
+    def choose(self, x: float) -> None:
+        """Show the lane nearest to a parameter, and have its orbit computed."""
+        lane = self.lanes.nearest(x)
+        self.x = float(self.lanes.x[lane])
+        self.asked += 1
+        points, page = self.lanes.points(lane), self.page
+        words = self.shown.in_words(self.lanes, lane)
+        page.marker.location = self.x
+        page.chosen.text = html.escape(words)
+        page.returns.title.text = f"return map, {words}"
+        page.return_points.data = {"x": points[:-1], "y": points[1:]}
+        ends = [float(np.nanmin(points)), float(np.nanmax(points))] if points.size else []
+        page.diagonal.data = {"x": ends, "y": ends}
+        if self.functions.orbit is None:
+            page.orbit.title.text = f"points in order, {words}"
+            page.orbit_points.data = {"x": np.arange(points.size), "y": points}
+            return
+        number = self.asked
+        page.orbit.title.text = page.plane.title.text = f"computing the orbit, {words}"
+        page.orbit_points.data = page.plane_points.data = {"x": [], "y": []}
+        self._later("computing the orbit ...", lambda: self._orbit(number, words))
+
+    def _orbit(self, number: int, words: str) -> None:
+        if number != self.asked:
+            return
+        assert self.functions.orbit is not None
+        page = self.page
+        found = motion(
+            self.functions.orbit(**self.whole.point(self.x, self.chosen)), self.whole.observable
+        )
+        page.orbit.title.text = f"orbit, {words}"
+        page.orbit.xaxis.axis_label, page.orbit.yaxis.axis_label = found.labels[:2]
+        page.orbit_points.data = {"x": found.t, "y": found.first}
+        page.plane.title.text = f"phase plane, {self.shown.about(self.x)}"
+        page.plane.xaxis.axis_label, page.plane.yaxis.axis_label = found.labels[1:]
+        if found.second is not None:
+            page.plane_points.data = {"x": found.first, "y": found.second}
+
+    def _dragged(self, event: Any) -> None:
+        if event.final and event.geometry.get("x0") is not None:
+            low, high = sorted((event.geometry["x0"], event.geometry["x1"]))
+            self.drag(float(low), float(high))
+
+    def drag(self, low: float, high: float) -> None:
+        """Show a region: computed anew where the user's module can, else what is stored of it."""
+        if self.functions.diagram is None:
+            self.region = (low, high)
+            self._show()
+            return
+        self._later("computing the region ...", lambda: self._computed(low, high))
+
+    def _computed(self, low: float, high: float) -> None:
+        assert self.functions.diagram is not None
+        others = self.whole.point(low, self.chosen)
+        found = self.functions.diagram(**{**others, self.whole.x: (low, high)})
+        if not isinstance(found, xr.Dataset):
+            what = "an xarray.Dataset, as `orbit_diagram` returns"
+            raise refusal("diagram(...)", found, what, TypeError)
+        self.shown = Diagram(found, "diagram(...)", x=self.whole.x, observable=self.whole.observable)
+        self.region, self.lanes = None, self._lanes()
+        self._show()
+
+    def back(self) -> None:
+        """The whole diagram as it is stored."""
+        self.shown, self.region = self.whole, None
+        self.lanes = self._lanes()
+        self._show()
+
+    def _show(self) -> None:
+        self.page.back.visible = self.shown is not self.whole or self.region is not None
+        self.draw()
+        middle = self.lanes.x if self.region is None else self.lanes.part(*self.region).x
+        inside = middle.size and middle.min() <= self.x <= middle.max()
+        self.choose(self.x if inside or not middle.size else float(middle[middle.size // 2]))
+
+    def _later(self, words: str, compute: Callable[[], None]) -> None:
+        """Say on the page what is done, then do it; an error is shown there and in the terminal."""
+
+        def work() -> None:
+            try:
+                compute()
+            except Exception as error:  # whatever the user's functions raise
+                traceback.print_exc(file=sys.stderr)
+                self.page.message.text = failure(error)
+            else:
+                self.page.message.text = ""
+
+        self.page.message.text = html.escape(words)
+        self.document.add_next_tick_callback(work)
+
+
+def drawn(lanes: Lanes) -> dict[str, np.ndarray]:
+    """The points of lanes as columns of the diagram."""
+    counts = lanes.counts()
+    used = np.arange(lanes.y.shape[1]) < counts[:, None]
+    status = np.repeat(lanes.status, counts)
+    return {
+        "x": np.repeat(lanes.x, counts),
+        "y": lanes.y[used],
+        "bad": (status != 0).astype(np.int32),
+        "status": status.astype(np.int32),
+        "period": np.repeat(lanes.period, counts).astype(np.int32),
+    }
+
+
+def started(diagram: Diagram, functions: Functions | None, port: int) -> Any:
+    """A server of bokeh with the page, on this machine only, that answers once its loop runs."""
+    from bokeh.server.server import Server
+
+    def page(document: Any) -> None:
+        Live(diagram, functions, document)
+
+    server: Any = Server(page, port=port, address="localhost")
+    server.start()
+    return server
+
+
+def serve(diagram: Diagram, functions: Functions | None, *, port: int, browser: bool) -> None:
+    """The page at a port of this machine, until Ctrl-C. Errors: `OSError` for a port in use."""
+    server = started(diagram, functions, port)
+    print(f"{diagram.title}\nhttp://localhost:{server.port}/ (Ctrl-C ends it)", flush=True)
+    if browser:
+        server.io_loop.add_callback(server.show, "/")
+    try:
+        server.io_loop.start()
+    except KeyboardInterrupt:
+        print("The viewer has ended; nothing was changed.")
+    finally:
+        server.stop()

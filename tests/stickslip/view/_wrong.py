@@ -1,0 +1,5 @@
+"""A module for the viewer whose function takes another name."""
+
+
+def orbit(b):
+    """Never called."""

@@ -1,0 +1,195 @@
+"""`python -m stickslip view` without a browser: what it reads, draws, writes and refuses."""
+
+import importlib.util
+import re
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from stickslip.__main__ import main
+from tests.stickslip.view._made_up import A, diagram_of
+
+pytest.importorskip("bokeh", reason="the viewer's extra is not installed")
+from bokeh.document import Document
+from bokeh.models import CustomJS
+
+from stickslip.view import _file
+from stickslip.view._diagram import Diagram
+from stickslip.view._live import Live
+from stickslip.view._module import imported
+from stickslip.view._open import opened
+
+MODULE = "tests.stickslip.view._made_up"
+
+
+def written(tmp_path, dataset=None):
+    path = tmp_path / "made_up.nc"
+    (diagram_of() if dataset is None else dataset).to_netcdf(path, engine="h5netcdf")
+    return str(path)
+
+
+def page(tmp_path, module=None):
+    path = written(tmp_path)
+    diagram = Diagram(opened(path), path)
+    document = Document()
+    return Live(diagram, module and imported(module, diagram), document), document
+
+
+def work(document):
+    """What the server does next."""
+    for waiting in list(document.session_callbacks):
+        document.remove_next_tick_callback(waiting)
+        waiting.callback()
+
+
+def test_the_diagram_has_all_points_and_a_click_shows_the_nearest_lane(tmp_path):
+    live, document = page(tmp_path)
+    truth = diagram_of().sel(seed=10)
+    data = live.page.drawn.data
+    assert len(data["y"]) == int(truth.x.notnull().sum()) == 28
+    assert np.array_equal(np.unique(data["x"]), np.delete(A, 7))
+    assert not data["bad"].any()
+    live.choose(1.37)
+    points = 14.0 * (-0.5) ** np.arange(5)
+    np.testing.assert_allclose(live.page.return_points.data["x"], points[:-1], rtol=1e-15)
+    np.testing.assert_allclose(live.page.return_points.data["y"], points[1:], rtol=1e-15)
+    np.testing.assert_allclose(live.page.orbit_points.data["y"], points, rtol=1e-15)
+    assert live.page.returns.title.text == "return map, a = 1.4 N: period 3, status ok"
+    assert live.page.orbit.title.text.startswith("points in order, a = 1.4 N")
+    assert live.page.marker.location == 1.4
+    assert live.page.diagram.xaxis.axis_label == "load a [N]"
+    live.choose(1.21)
+    assert live.page.chosen.text == "a = 1.2 N: no period up to 16, status ok"
+    live.choose(1.7)  # a lane without points
+    assert len(live.page.return_points.data["x"]) == 0
+    assert live.page.chosen.text == "a = 1.7 N: period not told (too few points), status no crossing"
+    assert document.title == "A made-up diagram"
+
+
+def test_the_other_coordinate_is_chosen_and_a_region_dragged(tmp_path):
+    live, _ = page(tmp_path)
+    (select,) = live.page.selects
+    assert [label for _, label in select.options] == ["10", "20"]
+    select.value = "1"
+    truth = diagram_of().sel(seed=20)
+    data = live.page.drawn.data
+    assert len(data["y"]) == int(truth.x.notnull().sum())
+    np.testing.assert_allclose(np.unique(data["x"][data["bad"] == 1]), A[3:5])
+    live.drag(1.45, 1.75)
+    assert set(live.page.drawn.data["x"]) == set(A[5:8])
+    assert live.page.back.visible
+    live.back()
+    assert not live.page.back.visible
+    assert len(live.page.drawn.data["y"]) == len(data["y"])
+
+
+def test_the_users_functions_are_asked_and_their_errors_shown(tmp_path, capsys):
+    live, document = page(tmp_path, MODULE)
+    work(document)
+    live.page.selects[0].value = "1"
+    live.choose(1.3)
+    assert "computing" in live.page.message.text
+    work(document)
+    assert live.page.message.text == ""
+    plane = live.page.plane_points.data
+    np.testing.assert_allclose(np.hypot(plane["x"] - 20, plane["y"]), 1.3, rtol=1e-14)
+    assert live.page.orbit.xaxis.axis_label == "time [s]"
+    live.choose(1.9)
+    work(document)
+    assert "ArithmeticError: no orbit at a = 1.90 &lt;here&gt;" in live.page.message.text
+    assert "ArithmeticError" in capsys.readouterr().err
+    assert len(live.page.plane_points.data["x"]) == 0
+    live.drag(1.2, 1.6)
+    work(document)
+    np.testing.assert_allclose(np.unique(live.page.drawn.data["x"]), np.linspace(1.2, 1.6, 5))
+    assert live.page.back.visible
+    work(document)
+    live.back()
+    assert set(live.page.drawn.data["x"]) == set(A)
+
+
+def test_one_file_without_a_server(tmp_path, capsys):
+    target = tmp_path / "page.html"
+    assert main(["view", written(tmp_path), "--with", MODULE, "--html", str(target)]) == 0
+    text = target.read_text()
+    assert len(text) < _file.LARGEST
+    assert not re.findall(r"""<(?:script|link|img|iframe)[^>]*(?:src|href)\s*=\s*["']http""", text)
+    diagram = Diagram(diagram_of(), "made up")
+    found = _file.orbits_of(diagram, imported(MODULE, diagram))
+    assert len(found) == 22
+    assert [orbit["x"] for orbit in found if orbit["error"]] == pytest.approx([1.9, 2.0, 1.9, 2.0])
+    capsys.readouterr()
+    document = _file.document_of(diagram, found, _file.MOST_POINTS)
+    (callback,) = document.select({"type": CustomJS})
+    truth = diagram_of().x.values
+    np.testing.assert_allclose(callback.args["y"], truth[np.isfinite(truth)], rtol=1e-7)
+    assert np.array_equal(np.diff(callback.args["start"]), np.isfinite(truth).sum(axis=-1).ravel())
+
+
+def test_lanes_are_left_out_evenly_where_all_do_not_fit():
+    pack = _file.packed(Diagram(diagram_of(), "made up"), 30)
+    truth = diagram_of().x.values[:, ::2]
+    assert pack.stride == 2
+    np.testing.assert_allclose(pack.y, truth[np.isfinite(truth)], rtol=1e-7)
+    with pytest.raises(ValueError, match="two lanes of each of 2 choices"):
+        _file.packed(Diagram(diagram_of(), "made up"), 3)
+
+
+def test_a_store_of_a_sweep_is_read(tmp_path):
+    from stickslip.sweep import Variable, run_sweep
+
+    run_sweep(
+        lambda a: {"x": np.arange(3.0) * a}, {"a": np.array([1.0, 2.0])}, store=tmp_path / "store",
+        variables={"x": Variable(("point",))}, progress=False, executor="portable",
+    )  # fmt: skip
+    diagram = Diagram(opened(str(tmp_path / "store")), "store")
+    lanes = diagram.lanes([])
+    assert lanes.y.tolist() == [[0, 1, 2], [0, 2, 4]]
+    assert diagram.in_words(lanes, 1) == "a = 2: period not told (not stored), status not stored"
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["absent.nc"], "path = 'absent.nc': it must be a netCDF file or the store of a sweep"),
+        (["text"], "unreadable"),
+        (["folder"], "has no manifest.json"),
+        (["flat"], "without a number over `point`; dimensions: seed (2), a (11)"),
+        (["words"], "with x over place and `point`, no parameter with numbers"),
+        (["good", "--x", "b"], "x = 'b': it must be one of 'seed', 'a'"),
+        (["good", "--observable", "y"], "observable = 'y': it must be one of 't', 'x'"),
+        (["good", "--with", "no.such.module"], "with = 'no.such.module', not imported"),
+        (["good", "--with", "math"], "with = 'math': it must be a module with a function"),
+        (["good", "--with", "stickslip.view._command"], "must be a module with a function `orbit"),
+        (["good", "--with", "tests.stickslip.view._wrong"], "_wrong.orbit"),
+        (["good", "--port", "70000"], "port = 70000: it must be at most 65535"),
+        (["good", "--html", "page.txt"], "html = 'page.txt': it must be the path of a file whose name"),
+        (["good", "--html", "no/page.html"], "in a directory that is there"),
+    ],
+)
+def test_what_is_wrong_is_refused_by_name(options, message, tmp_path, capsys):
+    made = {
+        "good": diagram_of(),
+        "flat": diagram_of().drop_vars(["t", "x"]),
+        "words": xr.Dataset({"x": (("place", "point"), np.ones((2, 3)))}, {"place": ["here", "there"]}),
+    }
+    first, *rest = options
+    if first in made:
+        first = written(tmp_path, made[first])
+    elif first == "folder":
+        first = str(tmp_path)
+    elif first == "text":
+        (tmp_path / "text.nc").write_text("no data")
+        first = str(tmp_path / "text.nc")
+    assert main(["view", first, *rest]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_without_bokeh_one_sentence_says_what_to_install(tmp_path, capsys, monkeypatch):
+    found = importlib.util.find_spec
+    monkeypatch.setattr(
+        importlib.util, "find_spec", lambda name, *rest: None if name == "bokeh" else found(name, *rest)
+    )
+    assert main(["view", written(tmp_path)]) == 2
+    assert capsys.readouterr().err.strip().endswith("pip install 'bokeh>=3.7'")
