@@ -1,5 +1,6 @@
 """Voltages that move the collar along a path in the shortest time with both motors rolling."""
 
+import dataclasses
 import itertools
 from collections.abc import Sequence
 from typing import Any
@@ -82,7 +83,7 @@ def feedforward(
     the_machine(parameters, "parameters")
     if not is_concrete(parameters):
         raise refusal("parameters", parameters, "known: call this outside of jit and vmap", TypeError)
-    for name in parameters.__dataclass_fields__:
+    for name in (field.name for field in dataclasses.fields(parameters)):
         if np.ndim(getattr(parameters, name)):
             raise misshaped(f"parameters.{name}", getattr(parameters, name), "one number")
     points = _points(points)

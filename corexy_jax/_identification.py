@@ -1,5 +1,6 @@
 """What can be measured on the machine, and how far a model is from it."""
 
+import dataclasses
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -113,7 +114,8 @@ def with_values(parameters: CoreXYParameters, values: dict[str, Any]) -> CoreXYP
     the_machine(parameters, "parameters")
     if values is None:
         raise refusal("values", values, "a mapping from names", TypeError)
-    values, known = check_mapping("values", values), parameters.__dataclass_fields__
+    values = check_mapping("values", values)
+    known = [field.name for field in dataclasses.fields(parameters)]
     for name, value in values.items():
         if name not in known:
             raise refusal(f"values[{name!r}]", value, f"named after one of {', '.join(known)}")
