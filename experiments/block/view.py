@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from stickslip.analysis import orbit_diagram, time_history
+from stickslip.analysis import PeriodTest, Recording, orbit_diagram, time_history
 from stickslip.sweep import Variable
 
 from ._diagram import MODELS, PROTOCOL, integrator_of, system_of
@@ -43,11 +43,9 @@ def diagram(k3: tuple[float, float], model: str = MODELS[0], protocol: str = "pa
         start,
         section=system.zero_acceleration_section(),
         observables="x",
-        transient=transient,
-        duration=duration,
-        max_points=PROTOCOL["max_points"],
+        record=Recording(transient, duration, max_points=PROTOCOL["max_points"]),
+        period=PeriodTest(1e-3),
         integrator=integrator_of(PROTOCOL),
-        period_tolerance=1e-3,
         check=0,
         labels={
             "k3": Variable(units="N/m", long_name="stiffness k3"),
