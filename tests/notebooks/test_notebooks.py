@@ -10,10 +10,7 @@ from tests.house._repository import ROOT
 
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.py"))
 # Half a minute of compilation for functions whose numbers are tested one by one in the quick suite.
-SLOW = {
-    "bristles", "corexy", "getting_started", "identification", "jointed_beam", "own_corexy",
-    "own_mechanism",
-}  # fmt: skip
+SLOW = {"block_on_belt", "bristles", "corexy", "identification", "jointed_beam", "own_corexy", "own_mechanism"}  # fmt: skip
 
 
 def marks(path):

@@ -312,6 +312,7 @@ def test_starts_fill_the_bounds_evenly():
     assert [rows[name][0] for name in "abc"] == [0.5, 2.0, 0.0]
 
 
+@pytest.mark.slow
 def test_many_fits_of_a_problem_compile_once():
     rows = measured(TIMES, noise=SIGMA)
     found = problem(Record(TIMES, {"position": rows}, begin=0.0))
