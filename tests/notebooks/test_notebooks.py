@@ -10,7 +10,15 @@ from tests.house._repository import ROOT
 
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.py"))
 # Half a minute of compilation for functions whose numbers are tested one by one in the quick suite.
-SLOW = {"block_on_belt", "bristles", "corexy", "identification", "jointed_beam", "own_corexy", "own_mechanism"}  # fmt: skip
+SLOW = {
+    "block_on_belt",
+    "bristles",
+    "corexy",
+    "identification",
+    "jointed_beam",
+    "own_corexy",
+    "own_mechanism",
+}
 
 
 def marks(path):
