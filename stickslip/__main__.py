@@ -80,7 +80,9 @@ def _listing(entries: list[Public]) -> str:
 def _page(entry: Public) -> str:
     """Signature and docstring, as `help` has them, without its methods."""
     try:
-        signature = str(inspect.signature(entry.thing))
+        found = inspect.signature(entry.thing).parameters.values()
+        # Types are long; what is allowed stands below.
+        signature = str(inspect.Signature([p.replace(annotation=p.empty) for p in found]))
     except (TypeError, ValueError):
         signature = ""
     what = inspect.getdoc(entry.thing) if callable(entry.thing) else repr(entry.thing)
