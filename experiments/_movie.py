@@ -24,6 +24,17 @@ class Movie:
     per_second: int
 
 
+def still(animate: Callable[[Any], Movie]) -> Callable[[Any], Figure]:
+    """What draws one frame of an animation, that in the middle."""
+
+    def draw(data: Any) -> Figure:
+        movie = animate(data)
+        movie.update(movie.frames // 2)
+        return movie.figure
+
+    return draw
+
+
 def write_gif(movie: Movie, path: pathlib.Path) -> pathlib.Path:
     """All frames in one GIF, all of it or nothing; no program but Pillow is needed."""
     movie.update(0)
@@ -54,8 +65,3 @@ def along_path(corners: Any, lengths: Any) -> tuple[np.ndarray, np.ndarray]:
     sides = np.hypot(*np.diff(corners, axis=0).T)
     reached = np.concatenate([[0.0], np.cumsum(sides)])
     return np.interp(lengths, reached, corners[:, 0]), np.interp(lengths, reached, corners[:, 1])
-
-
-def times_of(start: float, duration: float, frames: int) -> np.ndarray:
-    """Times of the frames."""
-    return start + duration * np.arange(frames) / frames

@@ -5,7 +5,6 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
-from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 import stickslip as ss
@@ -14,7 +13,7 @@ from stickslip.analysis import time_history
 from stickslip.systems import JointedBeam
 
 from .._experiment import Context, Experiment
-from .._movie import DARK, PALE, SLIP, STICK, Movie, coil
+from .._movie import DARK, PALE, SLIP, STICK, Movie, coil, still
 
 NODES = 81  # of the beam
 SIDE = 0.14
@@ -103,13 +102,6 @@ def animate(data: xr.Dataset) -> Movie:
     return Movie(figure, update, frames, int(data.attrs["per_second"]))
 
 
-def draw(data: xr.Dataset) -> Figure:
-    """One frame."""
-    movie = animate(data)
-    movie.update(movie.frames // 2)
-    return movie.figure
-
-
 EXPERIMENT = Experiment(
     name="animate-beam",
     title="Jointed beam: an animation of mass, joint, beam and belt",
@@ -119,6 +111,6 @@ EXPERIMENT = Experiment(
     },
     quick={"frames": 20, "transient": 20.0},
     compute=compute,
-    draw=draw,
+    draw=still(animate),
     animate=animate,
 )  # fmt: skip

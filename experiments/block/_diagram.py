@@ -159,6 +159,12 @@ def _options(kind: str, model: str, settings: Mapping[str, Any], context: Contex
     }
 
 
+LABELS = {
+    "k3": Variable(units="N/m", long_name="stiffness k3"),
+    "x": Variable(long_name="displacement x of the block"),
+}
+
+
 def _diagram(model, k3, transient, duration, protocol, parameters, context) -> xr.Dataset:
     system, start = system_of(model, float(k3[0]), parameters["set"])
     keys = ("set", "h", "tolerance", "method", "max_points")
@@ -177,10 +183,7 @@ def _diagram(model, k3, transient, duration, protocol, parameters, context) -> x
         record=Recording(transient, duration, max_points=parameters["max_points"]),
         period=PeriodTest(1e-3),
         integrator=integrator_of(parameters),
-        labels={
-            "k3": Variable(units="N/m", long_name="stiffness k3"),
-            "x": Variable(long_name="displacement x of the block"),
-        },
+        labels=LABELS,
         **_options(f"diagram-{protocol}", model, settings, context),
     )
     dropped = [name for name in result.data_vars if str(name).startswith("end_")]

@@ -6,7 +6,6 @@ import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
-from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 
 import stickslip as ss
@@ -14,7 +13,7 @@ from stickslip import plot
 from stickslip.systems import BlockOnBeltSetValued, BlockState
 
 from .._experiment import Context, Experiment
-from .._movie import DARK, PALE, SLIP, STICK, Movie, coil
+from .._movie import DARK, PALE, SLIP, STICK, Movie, coil, still
 
 SIDE, TOP = 0.10, 0.0  # of the block, and height of the belt [m]
 LEFT, RIGHT, DRUM = -0.30, 0.42, 0.05  # ends of the belt and radius of its drums [m]
@@ -94,13 +93,6 @@ def animate(data: xr.Dataset) -> Movie:
     return Movie(figure, update, frames, int(data.attrs["per_second"]))
 
 
-def draw(data: xr.Dataset) -> Figure:
-    """One frame."""
-    movie = animate(data)
-    movie.update(movie.frames // 2)
-    return movie.figure
-
-
 EXPERIMENT = Experiment(
     name="animate-block",
     title="Block on a belt: an animation of its sticks and slips",
@@ -110,6 +102,6 @@ EXPERIMENT = Experiment(
     },
     quick={"frames": 20, "transient": 5.0},
     compute=compute,
-    draw=draw,
+    draw=still(animate),
     animate=animate,
 )  # fmt: skip

@@ -10,9 +10,8 @@ import numpy as np
 import xarray as xr
 
 from stickslip.analysis import PeriodTest, Recording, orbit_diagram, time_history
-from stickslip.sweep import Variable
 
-from ._diagram import MODELS, PROTOCOL, integrator_of, system_of
+from ._diagram import LABELS, MODELS, PROTOCOL, integrator_of, system_of
 
 LANES = 201  # of a region: one number, so that a second region compiles nothing
 SHOWN, INTERVAL = 6.0, 0.002  # of an orbit [s]
@@ -47,10 +46,7 @@ def diagram(k3: tuple[float, float], model: str = MODELS[0], protocol: str = "pa
         period=PeriodTest(1e-3),
         integrator=integrator_of(PROTOCOL),
         check=0,
-        labels={
-            "k3": Variable(units="N/m", long_name="stiffness k3"),
-            "x": Variable(long_name="displacement x of the block"),
-        },
+        labels=LABELS,
         attrs={"title": f"{model}, {protocol} protocol, k3 from {low:.7g} to {high:.7g} N/m"},
         progress=False,
     )

@@ -5,14 +5,13 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
-from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 
 import corexy_jax as cx
 from stickslip import plot
 
 from .._experiment import Context, Experiment
-from .._movie import DARK, PALE, SLIP, Movie, along_path
+from .._movie import DARK, PALE, SLIP, Movie, along_path, still
 
 BELTS = ("#1f4e9c", "#3d7a4b")
 RIM = 0.03  # radius of the drawn pulleys, of the width of the frame
@@ -117,13 +116,6 @@ def animate(data: xr.Dataset) -> Movie:
     return Movie(figure, update, frames, int(data.attrs["per_second"]))
 
 
-def draw(data: xr.Dataset) -> Figure:
-    """One frame."""
-    movie = animate(data)
-    movie.update(movie.frames // 2)
-    return movie.figure
-
-
 EXPERIMENT = Experiment(
     name="animate-corexy",
     title="CoreXY: an animation of machine, belts and slips",
@@ -132,6 +124,6 @@ EXPERIMENT = Experiment(
     },
     quick={"rows": 201, "frames": 20},
     compute=compute,
-    draw=draw,
+    draw=still(animate),
     animate=animate,
 )  # fmt: skip
