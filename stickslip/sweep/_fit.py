@@ -61,14 +61,26 @@ def smaller(lanes: int) -> Fit:
 def _motions(eqn: Any) -> int:
     """Motions that a time loop runs at once: the size of most of its counters.
 
-    Counters have no derivatives, whose directions would be counted as motions.
+    Counters have no derivatives, whose directions would be counted as motions. Rows that a scan stacks
+    are no counters, but results.
     """
+    kept = _carried(eqn)
     sizes = Counter(
         int(np.prod(v.aval.shape))
-        for v in eqn.outvars
+        for v in (eqn.outvars if kept is None else kept)
         if v.aval.shape and not jnp.issubdtype(v.aval.dtype, jnp.floating)
     )
     return sizes.most_common(1)[0][0] if sizes else 1
+
+
+def _carried(eqn: Any) -> Any:
+    """What a marked loop that is a scan hands from step to step; None for other loops."""
+    for inner in jaxprs_in(eqn.params):
+        jaxpr = inner.jaxpr if isinstance(inner, jax.extend.core.ClosedJaxpr) else inner
+        for loop in jaxpr.eqns:
+            if loop.primitive.name == "scan":
+                return loop.outvars[: loop.params["num_carry"]]
+    return None
 
 
 def _loops(closed: Any) -> Iterator[Any]:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
+from stickslip.hybrid import current_executor, time_loop
 from stickslip.sweep import _lanes, _programs
 from stickslip.systems import CoulombOscillator, Motion
 
@@ -47,6 +48,26 @@ def test_directions_of_a_derivative_are_no_motions():
     mapped = ss.map_lanes(lane, executor="fused", workers=1)
     mapped(SPEEDS[:64])
     assert lanes_of(mapped) == [("fused", 64)]
+
+
+@time_loop
+def steps(execute, start, *, lane):
+    """A scan whose rows hold a whole number; its last value is not wanted."""
+
+    def step(carry, number):
+        return (carry[0] * 0.5 + lane, carry[1] + number), carry
+
+    return jax.lax.scan(step, start, jnp.arange(3, dtype=jnp.int32))[1]
+
+
+def test_rows_that_a_scan_stacks_are_no_motions():
+    mapped = ss.map_lanes(
+        lambda x: steps(current_executor(), (x, jnp.zeros((), jnp.int32)), lane=x),
+        executor="fused", workers=1,
+    )  # fmt: skip
+    _, numbers = mapped(SPEEDS[:64])
+    assert lanes_of(mapped) == [("fused", 64)]
+    assert np.asarray(numbers[0]).tolist() == [0, 0, 1]
 
 
 def rows(speed, ts):
