@@ -55,7 +55,7 @@ def steps(execute, start, *, lane):
     """A scan whose rows hold a whole number; its last value is not wanted."""
 
     def step(carry, number):
-        return (carry[0] * 0.5 + lane, carry[1] + number), carry
+        return (carry[0] * 0.5 + lane, carry[1] + jnp.where(lane > 0.25, number, 0)), carry
 
     return jax.lax.scan(step, start, jnp.arange(3, dtype=jnp.int32))[1]
 
@@ -67,7 +67,7 @@ def test_rows_that_a_scan_stacks_are_no_motions():
     )  # fmt: skip
     _, numbers = mapped(SPEEDS[:64])
     assert lanes_of(mapped) == [("fused", 64)]
-    assert np.asarray(numbers[0]).tolist() == [0, 0, 1]
+    assert np.asarray(numbers[-1]).tolist() == [0, 0, 1]
 
 
 def rows(speed, ts):
