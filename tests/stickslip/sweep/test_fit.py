@@ -55,7 +55,7 @@ def steps(execute, start, *, lane):
     """A scan whose rows hold a whole number; its last value is not wanted."""
 
     def step(carry, number):
-        return (carry[0] * 0.5 + lane, carry[1] + jnp.where(lane > 0.25, number, 0)), carry
+        return (carry[0] * 0.5 + lane, carry[1] + jnp.where(lane > 0.0, number, 0)), carry
 
     return jax.lax.scan(step, start, jnp.arange(3, dtype=jnp.int32))[1]
 
