@@ -15,13 +15,14 @@ from .._validation import check_count, check_mapping, check_type, one_concrete, 
 from ..derived import WithIntegrals
 from ..hybrid import AbstractHybridSystem, Integrator, SaveAt, Section, simulate
 from ..hybrid._arguments import the_system
+from ..hybrid._components import own_axes
 from ._arguments import (
     an_integrator,
     named_observables,
     start_of,
     times_of,
 )
-from ._observable import Angle, Maximum, Minimum, as_observable, as_section
+from ._observable import Angle, Maximum, Minimum, as_observable, as_section, axes_of, shape_of
 
 MOST_NAMES = 1024  # of more modes only those are named that occur
 
@@ -48,10 +49,10 @@ def time_history(
 
     - `system`, `y0`, `mode0`, `args`, `integrator`: as for `simulate`, which starts at `t[0] -
       transient`; `t` [s] increases.
-    - `observables`: names of scalar components of the state, `"slope of x"`, `"t"`, methods
-      `(t, y, mode, args)` of the system; or a mapping from names to those or to functions
-      `(system, t, y, dy, mode, args)`. A component with a period is given within half of it on both
-      sides of zero.
+    - `observables`: names of components of the state, `"x[0]"` for one number of an array,
+      `"slope of x"`, `"t"`, methods `(t, y, mode, args)` of the system; or a mapping from names to
+      those or to functions `(system, t, y, dy, mode, args)`. A component with a period is given within
+      half of it on both sides of zero.
     - `sections`: mapping from names to a `Section` (any scalar, direction in words), `Maximum("x")` or
       `Minimum("x")` of an observable. Crossings before `t[0]` are left out.
     - `labels`: units of observables by name, where the system does not know them.
@@ -59,7 +60,8 @@ def time_history(
     **Returns** an `xarray.Dataset`: each observable over `time`, `mode`, and for each section
     `at_<section>_<observable>` and `at_<section>_t` over `<section>_point`. `attrs["mode_names"]` names
     the modes; of a system with more than 1024 only those that occur, numbered in
-    `attrs["mode_numbers"]`.
+    `attrs["mode_numbers"]`. A component that is an array has axes of its own after these, `x_0`, `x_1`,
+    ... of `x` and of its slope, as in `Solution.to_dataset`; what a function gives, after its name.
 
     **Errors** `ValueError`/`TypeError` naming the argument; `EquinoxRuntimeError` where the motion
     fails.
@@ -76,10 +78,16 @@ def time_history(
     for name, section in sections.items():
         what = "a Section, a Maximum or a Minimum"
         check_type(f"sections[{name!r}]", section, (Section, Maximum, Minimum), what)
-    cuts = tuple(as_section(section, system, y0) for section in sections.values())
+    cuts = tuple(
+        as_section(section, system, y0, f"sections[{name!r}]") for name, section in sections.items()
+    )
     for name, unit in labels.items():
         if name not in found or not isinstance(unit, str):
             raise refusal(f"labels[{name!r}]", unit, f"the unit of one of {', '.join(found)}")
+    own = {
+        k: axes_of(k, f, len(shape_of(f"observables[{k!r}]", named[k], f, system, y0, mode, args)))
+        for k, (f, _) in found.items()
+    }
     data = _run(
         system, y0, jnp.asarray(times), float(transient), mode, args, integrator,
         cuts, max_crossings, tuple((k, f) for k, (f, _) in found.items()),
@@ -91,14 +99,14 @@ def time_history(
         if isinstance(function, Angle):
             attrs[k]["period"] = function.period
     second = _second(system)
-    variables: dict[str, Any] = {k: ("time", v, attrs[k]) for k, v in values.items()}
+    variables: dict[str, Any] = {k: (("time", *own[k]), v, attrs[k]) for k, v in values.items()}
     variables["mode"] = ("time", mode, {})
     for name, (when, at) in zip(sections, points, strict=True):
         # Sorted by time: what the log has room for beyond the crossings, and what is too early, goes.
         kept = np.isfinite(when) & (when >= times[0])
         variables[f"at_{name}_t"] = (f"{name}_point", when[kept], second)
         for k, v in at.items():
-            variables[f"at_{name}_{k}"] = (f"{name}_point", v[kept], attrs[k])
+            variables[f"at_{name}_{k}"] = ((f"{name}_point", *own[k]), v[kept], attrs[k])
     return xr.Dataset(
         variables,
         {"time": ("time", times, second)},
@@ -151,7 +159,8 @@ def energy_ledger(
 
     **Returns** an `xarray.Dataset` over `time`: `energy`, `power_<name>`, `work_<name>`,
     `loss_at_events` (the sum of $\Delta E$ so far), and `imbalance`, what the equation above leaves
-    over: the error of the account.
+    over: the error of the account. A power that is an array, as of many contacts, has axes of its own,
+    `<name>_0`, ..., and its numbers are added up.
 
     **Errors** `TypeError` for a system without an account; else as `simulate`.
     """
@@ -172,12 +181,14 @@ def energy_ledger(
     lost = (counted * jumps[None, :]).sum(axis=1)
     second = _second(system)
     joule, watt = ({"units": "J"}, {"units": "W"}) if second["units"] == "s" else (second, second)
-    imbalance = energy - energy[0] - sum(works.values()) - lost
+    whole = sum(v.reshape(times.size, -1).sum(axis=1) for v in works.values())
+    imbalance = energy - energy[0] - whole - lost
+    rows = {k: ("time", *own_axes(k, v.ndim - 1)) for k, v in powers.items()}
     return xr.Dataset(
         {
             "energy": ("time", energy, joule),
-            **{f"power_{k}": ("time", v, watt) for k, v in powers.items()},
-            **{f"work_{k}": ("time", v, joule) for k, v in works.items()},
+            **{f"power_{k}": (rows[k], v, watt) for k, v in powers.items()},
+            **{f"work_{k}": (rows[k], v, joule) for k, v in works.items()},
             "loss_at_events": ("time", lost, joule),
             "imbalance": ("time", imbalance, joule),
         },

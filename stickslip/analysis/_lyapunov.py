@@ -23,6 +23,7 @@ from ..derived import WithDeviations
 from ..hybrid import RESULTS, AbstractHybridSystem, Integrator, current_executor, simulate, use_executor
 from ..hybrid._arguments import a_time, the_system
 from ..hybrid._bound import spanning
+from ..hybrid._components import listed, place_of
 from ..hybrid._tree import with_float_arrays
 from ._arguments import an_integrator, start_of
 from ._growth import (
@@ -70,7 +71,8 @@ def lyapunov_spectrum(
       (default: a tenth) turn the deviations into the directions that grow.
     - `transient` [s]: time before all that, without tangents.
     - `exponents`: how many, greatest first (default: all). The cost of each is about that of a motion.
-    - `components`: names of the state's components that deviate (default: all). Where the others do
+    - `components`: names of the state's components that deviate (default: all), `"x[0]"` for one number
+      of an array. Where the others do
       not depend on them, these are the exponents of the driven part; otherwise conditional exponents
       (Pecora & Carroll 1990). An undamped or forced part that moves by itself has exponents of zero,
       which hide a negative one of what it drives.
@@ -197,13 +199,29 @@ def _flat_scales(scales: PyTree, y0: PyTree) -> Float[Array, " size"]:
 
 def moving_components(y0: PyTree, components: Any) -> np.ndarray:
     """Which numbers of the flattened state belong to the named components (all for None)."""
+    leaves, form = jax.tree.flatten(y0)
+    ends = np.cumsum([int(np.prod(jnp.shape(a))) for a in leaves])
     if components is None:
-        return np.ones(sum(int(np.prod(jnp.shape(a))) for a in jax.tree.leaves(y0)), bool)
-    names = getattr(y0, "_fields", None) or tuple(getattr(y0, "__dict__", ()))
-    components = (components,) if isinstance(components, str) else components
-    good = isinstance(components, Sequence) and len(components) > 0
-    if not good or not all(isinstance(name, str) and name in names for name in components):
-        named = f"names of components of the state, of {', '.join(names)}"
-        raise refusal("components", components, named)
-    parts = [(name, leaf) for name in names for leaf in jax.tree.leaves(getattr(y0, name))]
-    return np.concatenate([np.full(int(np.prod(jnp.shape(a))), n in components) for n, a in parts])
+        return np.ones(ends[-1], bool)
+    names = tuple(getattr(y0, "_fields", None) or getattr(y0, "__dict__", ()))
+    row = (components,) if isinstance(components, str) else components
+    if not isinstance(row, Sequence) or not row or not all(isinstance(name, str) for name in row):
+        raise _unknown(components, y0)
+    places = [
+        np.arange(end - a.size, end).reshape(a.shape) for a, end in zip(leaves, ends, strict=True)
+    ]
+    moving = np.zeros(ends[-1], bool)
+    for name in row:
+        place = place_of(y0, name)
+        if place is not None:
+            moving[places[place.leaf][place.index or ()]] = True
+        elif name in names:  # a field that is made of several components
+            for numbers in jax.tree.leaves(getattr(jax.tree.unflatten(form, places), name)):
+                moving[numbers] = True
+        else:
+            raise _unknown(components, y0)
+    return moving
+
+
+def _unknown(components: Any, y0: PyTree) -> Exception:
+    return refusal("components", components, f"names of components of the state, of {listed(y0)}")

@@ -12,7 +12,8 @@ from jaxtyping import PyTree
 from .._checked import CheckedModule
 from .._validation import check_callable, check_text, refusal, shown
 from ..hybrid import AbstractHybridSystem, Section
-from ..hybrid._components import period_of
+from ..hybrid._components import Place, entries, listed, own_axes, period_of, place_of, unit_of
+from ..hybrid._labelled import per_second
 
 CALL = "f(system, t, y, dy, mode, args)"
 Observable = Callable[[AbstractHybridSystem, Any, PyTree, PyTree, Any, PyTree], Any]
@@ -60,13 +61,13 @@ class Time:
 
 @dataclasses.dataclass(frozen=True)
 class Component:
-    """A component of the state, or its time derivative."""
+    """A component of the state or one number of it, or the time derivative."""
 
-    name: str
+    place: Place
     slope: bool
 
     def __call__(self, system, t, y, dy, mode, args):
-        return getattr(dy if self.slope else y, self.name)
+        return self.place.read(dy if self.slope else y)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -115,36 +116,61 @@ def as_observable(
     """Function `(system, t, y, dy, mode, args)` of an observable, and its unit if that is known.
 
     - `"x"`: a component of the state, within half of its period on both sides of zero if it has one;
-      `"t"`: time; `"slope of x"`: its time derivative.
+      `"x[0]"`: one number of an array; `"t"`: time; `"slope of x"`: the time derivative of `"x"`.
     - the name of a method `(t, y, mode, args)` of the system, such as `"normal_force"`.
     - a function `(system, t, y, dy, mode, args)`, as a `Section` takes it.
     """
     if callable(what) and not isinstance(what, type):
         return check_callable(argument, what, CALL, *range(6)), None
-    components = [name for name in getattr(y0, "_fields", ()) or vars_of(y0)]
     if isinstance(what, str):
         if what == "t":
             return Time(), "s"
         name = what.removeprefix("slope of ")
-        unit = system.units.get(name)
-        if name in components:
-            slope = name != what
-            period = None if slope else period_of(system, name)
+        place, slope = place_of(y0, name), name != what
+        if place is not None:
+            unit = unit_of(system, place.name)
+            period = None if slope else period_of(system, place.name)
             if period is not None:
-                return Angle(Component(name, False), period), unit
-            return Component(name, slope), f"{unit}/s" if unit and slope else unit
-        if name == what and callable(getattr(type(system), name, None)) and name[:1] != "_":
+                return Angle(Component(place, False), period), unit
+            return Component(place, slope), per_second(unit) if slope else unit
+        if not slope and callable(getattr(type(system), name, None)) and name[:1] != "_":
             return Method(name), None
     allowed = (
-        f"a component of the state ({', '.join(components)}), 'slope of' one, 't', the name of a "
+        f"a component of the state ({listed(y0)}), 'slope of' one, 't', the name of a "
         "method (t, y, mode, args) of the system, or a function (system, t, y, dy, mode, args)"
     )
     raise refusal(argument, what, allowed)
 
 
-def vars_of(y0: PyTree) -> list[str]:
-    """Field names of a state that is a module."""
-    return list(vars(y0)) if isinstance(y0, eqx.Module) else []
+def shape_of(
+    argument: str, what: Any, observable: "Observable", system: AbstractHybridSystem, y0: PyTree,
+    mode: Any, args: PyTree, *, single: bool = False,
+) -> tuple[int, ...]:  # fmt: skip
+    """Shape of an observable, found without compiling; refused if it is no array of real numbers.
+
+    With `single` it must be one number, as of a section. `what`: the observable as it was asked for.
+    """
+    y0 = jax.tree.map(lambda a: jnp.asarray(a, jnp.float64), y0)
+    found = eqx.filter_eval_shape(observable, system, jnp.zeros(()), y0, y0, mode, args)
+    if isinstance(found, int | float):
+        return ()
+    shape, kind = getattr(found, "shape", None), getattr(found, "dtype", None)
+    if shape is None or not (jnp.issubdtype(kind, jnp.number) or jnp.issubdtype(kind, jnp.bool_)):
+        given = f"which gives a {type(found).__name__}"
+        raise refusal(argument, what, "an observable that gives a number or one array", but=given)
+    if single and shape:
+        place = getattr(whole_of(observable), "place", None)
+        names = list(entries(place.name, shape)) if place is not None else ()
+        slope = "slope of " if isinstance(what, str) and what.startswith("slope of ") else ""
+        such = f", of {slope}{names[0]} to {slope}{names[-1]}" if names else ""
+        raise refusal(argument, what, f"one number{such}", but=f"of shape {shape}")
+    return shape
+
+
+def axes_of(name: str, observable: "Observable", rank: int) -> tuple[str, ...]:
+    """Names of an observable's own axes: those of its component, else of its own name."""
+    place = getattr(whole_of(observable), "place", None)
+    return own_axes(name if place is None else place.name, rank)
 
 
 def as_section(
@@ -156,6 +182,9 @@ def as_section(
     if isinstance(section, Maximum | Minimum):
         what = section.observable
         value, _ = as_observable(f"{argument}.observable", what, system, y0)
+        place = getattr(whole_of(value), "place", None)
+        if place is not None and jnp.ndim(place.read(y0)):
+            shape_of(f"{argument}.observable", what, value, system, y0, None, None, single=True)
         label = what if isinstance(what, str) else "observable"
         rate, name = RateOf(whole_of(value)), f"{section.word} of {label}"
         return Section(rate, section.direction, name=name)

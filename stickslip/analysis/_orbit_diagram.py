@@ -13,10 +13,8 @@ from jaxtyping import PyTree
 from .._types import Given, Mode, Named, NamedRows
 from .._validation import (
     check_count,
-    check_finite,
     check_mapping,
     check_type,
-    leaves_of,
     refusal,
 )
 from ..hybrid import AbstractHybridSystem, Integrator, Section
@@ -26,9 +24,19 @@ from ..sweep._grid import block_shape, check_grid
 from ._arguments import an_integrator, named_observables, start_of
 from ._attractor import PERIOD_STATUS
 from ._builder import builder_of, check_labels, check_options, labelled_parameters
-from ._observable import Angle, Maximum, Minimum, as_observable, as_section, whole_of
+from ._observable import (
+    Angle,
+    Maximum,
+    Minimum,
+    as_observable,
+    as_section,
+    axes_of,
+    shape_of,
+    whole_of,
+)
 from ._orbit_lane import STATUS, Numbers, OrbitPlan, halved, run_lane
 from ._recording import Carried, PeriodTest, Recording
+from ._starts import check_shapes, labels_of_end, starts_of
 
 RESULTS_OF_A_LANE = ("count", "status", "period", "period_status", "slow_transient", "flags")
 CHUNK_CPU = 512  # lanes per block: so few that the check can run the same program on as many
@@ -66,16 +74,21 @@ def orbit_diagram(
     - `system`: a hybrid system; its parameters are the grid's names (`drive__U_in` for `U_in` of its
       part `drive`). Or a function `(**point) -> system`.
     - `grid`: parameter name to vector of values; with two names, all pairs.
-    - `y0`: initial state: scalars for all lanes, or arrays of the grid's shape, a state per lane.
+    - `y0`: initial state. A component whose shape begins with the grid's has a value for each lane, any
+      other is shared by all. Where the system can take it both ways (an array of as many numbers as the
+      grid has values) it is refused: a `xarray.DataArray` with the grid's names among its dimensions is
+      per lane, with other dimensions shared.
     - `section`: a `Section` (direction in words), or `Maximum("x")`, `Minimum("x")` of an observable;
       or a mapping from names to several of them, which are recorded in the same run.
-    - `observables`: name or sequence of names: a component of the state, `"slope of x"`, `"t"`, a
-      method `(t, y, mode, args)` of the system; or a mapping from names to those or to functions
-      `(system, t, y, dy, mode, args)`. A component with a period is given within half of it on both
-      sides of zero, and a motion that goes round has a period if it comes back but for whole turns.
+    - `observables`: name or sequence of names: a component of the state, `"x[0]"` for one number of an
+      array, `"slope of x"`, `"t"`, a method `(t, y, mode, args)` of the system; or a mapping from names
+      to those or to functions `(system, t, y, dy, mode, args)`. A component with a period is given
+      within half of it on both sides of zero, and a motion that goes round has a period if it comes
+      back but for whole turns.
     - `record`: `Recording(transient, duration)`: time dropped, time recorded [s], points, start.
     - `period`: `PeriodTest(tolerance, longest)`: when points repeat; see `period` below.
-    - `domain`: observables that must not fall below zero; a lane in which one does ends there.
+    - `domain`: observables that must not fall below zero, single numbers; a lane in which one does ends
+      there.
     - `carried`: `Carried("upwards")` or `Carried("downwards")`: each lane starts from the end of its
       neighbour, which shows hysteresis. Sequential by nature: as many lanes at a time as the other
       parameter has values, one without another. A lane that failed hands on what it was given. The
@@ -92,7 +105,8 @@ def orbit_diagram(
     **Returns** an `xarray.Dataset` with the dimensions of the grid and `point`; with several sections
     observables, `count`, `period` and `period_status` have the dimension `section`, by name:
 
-    - one variable per observable, NaN past `count` points;
+    - one variable per observable, NaN past `count` points; of a component that is an array with axes of
+      its own at the end, `x_0`, `x_1`, ..., as in `Solution.to_dataset`;
     - `status`: 0 "ok", else why the lane is not to be trusted (`attrs["flag_meanings"]`): it left the
       domain, never crossed a section, has more crossings than `max_points` (`buffer_full`) or
       fewer than `points` of all sections (`fewer_points`), its first points are not yet those of the
@@ -122,30 +136,57 @@ def orbit_diagram(
         raise refusal("grid", grid, "of at most two parameters")
     build = builder_of(system, coords)
     first = build({key: float(v[0]) for key, v in coords.items()})
-    y0, per_lane = _check_state(y0, shape)
     check_type("record", record, Recording, "a Recording(transient, duration)")
     period = PeriodTest() if period is None else period
     check_type("period", period, PeriodTest, "a PeriodTest, or None")
-    _, mode = start_of(first, record.t0, jax.tree.map(lambda a: float(np.ravel(a)[0]), y0), mode0, args)
     observed = named_observables(observables)
-    found = {
-        key: as_observable(f"observables[{key!r}]", what, first, y0) for key, what in observed.items()
-    }
-    for key in found:
-        if key in coords or key in RESULTS_OF_A_LANE:
-            raise refusal(f"observables[{key!r}]", observed[key], "named otherwise: the name is taken")
     if isinstance(domain, str) or callable(domain):
         domain = (domain,)
     check_type("domain", domain, tuple | list, "an observable or a sequence of observables")
-    borders = tuple(whole_of(as_observable("domain", what, first, y0)[0]) for what in domain)
+
+    def takes(state):
+        check_shapes(first, record.t0, state, mode0, args)
+
+    def reads(state):
+        """Observables with their units, sections and borders, all of a state of these shapes."""
+        found = {
+            key: as_observable(f"observables[{key!r}]", what, first, state)
+            for key, what in observed.items()
+        }
+        cuts, borders = _sections(section, first, state), []
+        for what in domain:
+            border = whole_of(as_observable("domain", what, first, state)[0])
+            shape_of("domain", what, border, first, state, 0, args, single=True)
+            borders.append(border)
+        for name, cut in cuts.items():
+            argument = "section" if isinstance(section, Cut) else f"section[{name!r}]"
+            if shape_of(argument, cut.name, cut.function, first, state, 0, args):
+                shapes = sorted({np.shape(a) for a in jax.tree.leaves(state)})
+                but = f"which gives an array of a y0 of shapes {shapes} beside the grid's shape {shape}"
+                raise refusal(argument, cut.name, "of one number", but=but)
+        return found, cuts, tuple(borders)
+
+    starts = starts_of(y0, coords, takes, reads)
+    y0, per_lane = starts.y0, starts.per_lane
+    one, mode = start_of(first, record.t0, starts.first, mode0, args)
+    found, cuts, borders = reads(one)
+    for key in found:
+        if key in coords or key in RESULTS_OF_A_LANE:
+            raise refusal(f"observables[{key!r}]", observed[key], "named otherwise: the name is taken")
     check_count("check", check, 0)
     check_type("carried", carried, Carried | None, "a Carried, or None")
     if carried is not None and per_lane:
         raise refusal("y0", y0, "one state for a carried diagram, not one per lane")
+    own = {
+        key: axes_of(
+            key, f, len(shape_of(f"observables[{key!r}]", observed[key], f, first, one, mode, args))
+        )
+        for key, (f, _) in found.items()
+    }
     integrator = an_integrator(integrator)
     plan = OrbitPlan(
         build=build,
-        sections=_sections(section, first, y0),
+        sections=cuts,
         several=not isinstance(section, Cut),
         observables={key: function for key, (function, _) in found.items()},
         domain=borders,
@@ -173,7 +214,10 @@ def orbit_diagram(
     if plan.several:
         attrs = {"sections": list(plan.sections), **attrs}
     about = {"settings": settings, "attrs": attrs, "name": described.get("name", "orbit diagram")}
-    variables = _labels(plan, found, coords, labels, system)
+    variables = _labels(plan, found, own, coords, labels, system)
+    prefix = "end" if carried is None else "carry"
+    for key, (axes, unit) in labels_of_end(first, starts.first, prefix).items():
+        variables[key] = Variable(axes, unit)
     # Numbers enter as inputs, so that other times and steps do not make another program.
     numbers, static = _numbers(integrator, record)
 
@@ -202,10 +246,10 @@ def orbit_diagram(
     if plan.several:
         dataset = dataset.assign_coords(section=list(plan.sections))
     if check:
-        starts = _starts(dataset, y0, carried, coords)
+        begun = starts.flat(shape) if carried is None else _handed_on(dataset, y0, carried, coords)
         finer, _ = _numbers(halved(integrator), record)
         given = per_lane or carried is not None
-        extra = _check(lane, finer, coords, starts if given else None, check, dataset, observed, sweep)
+        extra = _check(lane, finer, coords, begun if given else None, check, dataset, observed, sweep)
         dataset = dataset.assign(extra)
     return dataset
 
@@ -221,19 +265,7 @@ def _sections(section, system, y0) -> dict[str, Section]:
     return {cut.name: cut}
 
 
-def _check_state(y0, shape):
-    found = leaves_of("y0", y0)
-    if not found:
-        raise refusal("y0", y0, "a state with at least one component")
-    shapes = {np.shape(check_finite(name, leaf)) for name, leaf in found}
-    if shapes not in ({()}, {shape}):
-        some = f"with components of shapes {sorted(shapes)}"
-        raise refusal("y0", y0, f"of scalars, or of arrays of the grid's shape {shape}", but=some)
-    convert = np.asarray if shapes == {shape} else float
-    return jax.tree.map(lambda a: convert(np.asarray(a, np.float64)), y0), shapes == {shape}
-
-
-def _labels(plan: OrbitPlan, found, coords, labels, given_units) -> dict[str, Variable]:
+def _labels(plan: OrbitPlan, found, own, coords, labels, given_units) -> dict[str, Variable]:
     labels = check_mapping("labels", labels)
     check_labels(labels, [*coords, *found])
     variables = labelled_parameters(given_units, coords, labels)
@@ -242,7 +274,10 @@ def _labels(plan: OrbitPlan, found, coords, labels, given_units) -> dict[str, Va
         given = labels.get(key, Variable())
         more = {"period": function.period} if isinstance(function, Angle) else {}
         variables[key] = Variable(
-            (*each, "point"), given.units or unit, given.long_name or key, {**more, **given.attrs}
+            (*each, "point", *own[key]),
+            given.units or unit,
+            given.long_name or key,
+            {**more, **given.attrs},
         )
     variables["count"] = Variable(each, long_name="number of points")
     variables["status"] = Variable(
@@ -268,11 +303,8 @@ def _labels(plan: OrbitPlan, found, coords, labels, given_units) -> dict[str, Va
     return variables
 
 
-def _starts(dataset, y0, carried, coords):
-    """State every lane started from, flat over the grid."""
-    shape = tuple(v.size for v in coords.values())
-    if carried is None:
-        return jax.tree.map(lambda a: np.broadcast_to(a, shape).reshape(-1), y0)
+def _handed_on(dataset, y0, carried, coords):
+    """State every lane of a carried diagram started from, flat over the grid."""
     axis = list(coords).index(carried.along) if carried.along else 0
     names = [
         "carry_" + jax.tree_util.keystr(path, simple=True, separator="_")
@@ -283,7 +315,7 @@ def _starts(dataset, y0, carried, coords):
         ends = np.moveaxis(np.asarray(dataset[name]), axis, 0)
         begin = np.full_like(ends[:1], given)
         ends = [ends[1:], begin] if carried.direction == "downwards" else [begin, ends[:-1]]
-        leaves.append(np.moveaxis(np.concatenate(ends), 0, axis).reshape(-1))
+        leaves.append(np.moveaxis(np.concatenate(ends), 0, axis).reshape(-1, *np.shape(given)))
     return jax.tree.unflatten(jax.tree.structure(y0), leaves)
 
 
@@ -326,10 +358,14 @@ def _check(lane, numbers, coords, starts, check, dataset, observed, sweep):
     extra["checked_period"] = (dims, np.asarray(before["period"]), {})
     for key in observed:
         gap = np.abs(np.asarray(before[key]) - np.asarray(again[key]))
-        gap = np.where(np.isnan(gap), 0.0, gap).max(axis=-1)
+        dims_of_key = before[key].dims
+        gap = np.where(np.isnan(gap), 0.0, gap).max(axis=dims_of_key.index("point"))
+        told = same.reshape(*same.shape, *(1,) * (gap.ndim - same.ndim))
         attrs = {
             "long_name": f"error estimate of {key}: largest difference to a finer integration",
             **{k: v for k, v in dataset[key].attrs.items() if k == "units"},
         }
-        extra[f"error_{key}"] = (dims, np.where(same, gap, np.nan), attrs)
+        extra[f"error_{key}"] = (
+            tuple(dim for dim in dims_of_key if dim != "point"), np.where(told, gap, np.nan), attrs,
+        )  # fmt: skip
     return extra

@@ -107,7 +107,8 @@ def run_lane(
         seen = jax.vmap(lambda t, y, dy, m: f(system, t, y, dy, m, args))(
             log.t, log.y, log.dy, log.mode
         )
-        return jnp.where(jnp.arange(log.t.size, dtype=log.count.dtype) < log.count, seen, jnp.nan)
+        kept = jnp.arange(log.t.size, dtype=log.count.dtype) < log.count
+        return jnp.where(kept.reshape(-1, *(1,) * (seen.ndim - 1)), seen, jnp.nan)
 
     late = engine_status(recorded.result)
     full = recorded.result == RESULTS.max_crossings_reached
@@ -122,12 +123,17 @@ def run_lane(
     found = [plan.observables[name] for name in judged]
     # Of what goes round, whole turns are left out by the judge, which knows how far the motion goes.
     functions = [whole_of(f) for f in found]
-    turns = tuple(f.period if isinstance(f, Angle) else None for f in found)
     slope0 = system.vector_field(start, y0, first_mode, args)
     begun = [
         jnp.asarray(f(system, start, y0, slope0, first_mode, args), jnp.float64) for f in functions
     ]
-    span = _span(jnp.stack([values(f, looks) for f in functions], axis=1), looks.count)
+    # Each number of an array is judged by itself.
+    turns = tuple(
+        f.period if isinstance(f, Angle) else None
+        for f, at_start in zip(found, begun, strict=True)
+        for _ in range(at_start.size)
+    )
+    span = _span(_columns([values(f, looks) for f in functions]), looks.count)
 
     def of_section(rows):
         """Points, their number, and the verdict on them."""
@@ -138,13 +144,13 @@ def run_lane(
             for name, f, whole in zip(judged, found, functions, strict=True)
         ]
         verdict = period_of(
-            jnp.stack(seen, axis=1),
+            _columns(seen),
             count,
             span,
             tolerance=plan.period.tolerance,
             max_period=plan.period.longest,
             periods=turns if any(turns) else None,
-            start=jnp.stack(begun),
+            start=jnp.concatenate([a.reshape(-1) for a in begun]),
         )
         # So few looks at the motion do not give its size, which the tolerance refers to.
         judged_by = jnp.where(
@@ -176,6 +182,11 @@ def run_lane(
     # A lane that failed has nothing to hand on.
     end = jax.tree.map(lambda a, b: jnp.where(usable & jnp.isfinite(a), a, b), recorded.y1, y0)
     return end, results
+
+
+def _columns(seen):
+    """Observables side by side: a column for each number of each."""
+    return jnp.concatenate([a.reshape(a.shape[0], -1) for a in seen], axis=1)
 
 
 def _span(seen, count):

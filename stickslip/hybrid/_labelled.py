@@ -8,7 +8,7 @@ import numpy as np
 
 from .._validation import is_concrete, misshaped, numbers, refusal
 from ._arguments import the_system
-from ._components import components_of, period_of, unit_of
+from ._components import components_of, entries, own_axes, period_of, unit_of
 from ._status import RESULTS
 
 MOST_NAMES = 1024  # of more modes only those are named that occur
@@ -85,7 +85,7 @@ def solution_dataset(solution: Any, system: Any, batch: Any) -> Any:
     def add(prefix: str, y: Any, rows: tuple[str, ...], slope: bool = False) -> None:
         for name, leaf in components_of(y).items():
             values, unit, period = np.asarray(leaf), unit_of(system, name), period_of(system, name)
-            own = tuple(f"{name}_{i}" for i in range(values.ndim - len(front) - len(rows)))
+            own = own_axes(name, values.ndim - len(front) - len(rows))
             if slope:
                 unit, period = per_second(unit), None
             data[f"{prefix}{name}"] = ((*front, *rows, *own), values, _units(unit, period=period))
@@ -171,11 +171,11 @@ def events_dataframe(events: Any, system: Any) -> Any:
         table[name] = _names(f"events.{name}", np.asarray(getattr(events, name))[kept], known)
     for end, y in (("before", events.y_before), ("after", events.y_after)):
         for name, leaf in components_of(y).items():
-            values = np.asarray(leaf)
-            rows = values[kept] if values.ndim == kept.ndim else list(values[kept])
-            table[f"{name}_{end}"] = rows
-            if (unit := unit_of(system, name)) is not None:
-                units[f"{name}_{end}"] = unit
+            rows, unit = np.asarray(leaf)[kept], unit_of(system, name)
+            for entry, index in entries(name, rows.shape[1:]).items():
+                table[f"{entry}_{end}"] = rows[(slice(None), *index)]
+                if unit is not None:
+                    units[f"{entry}_{end}"] = unit
     where = np.nonzero(kept)
     if kept.ndim == 1:
         index: Any = pd.Index(where[0], name="event")

@@ -51,8 +51,9 @@ class EventLog(eqx.Module):
         """The events as a table of pandas: a row an event, guards and modes by name.
 
         Columns: `t` [s], `guard`, `mode_before`, `mode_after`, and for each component of the state
-        `<name>_before` and `<name>_after`; units by column in `attrs["units"]`. Of a batch the index
-        is the number of the run along each batch axis, and the event. Rows past `count` are left out.
+        `<name>_before` and `<name>_after`, of an array `<name>[0]_before` and so on, a column for each
+        number; units by column in `attrs["units"]`. Of a batch the index is the number of the run along
+        each batch axis, and the event. Rows past `count` are left out.
 
         **Raises** `TypeError` for what is no system and for a log that is traced; `ValueError` for a
         log with guards or modes that the system has not, or another state.
@@ -184,7 +185,8 @@ class Solution(eqx.Module):
           have names in `flag_values` and `flag_meanings`. `mode_names` and `guard_names` are
           attributes; of more than 1024 modes only those that occur, numbered in `mode_numbers`.
 
-        Components that are arrays have axes of their own, `<name>_0`, `<name>_1`, ...
+        Components that are arrays have axes of their own, `<name>_0`, `<name>_1`, ..., as those of
+        `time_history` and `orbit_diagram`.
 
         **Raises** `TypeError` for what is no system and for a run that is traced, `ValueError` for a
         state that is not of the system, or names that do not go with the batch axes.

@@ -102,8 +102,9 @@ class AbstractHybridSystem(AbstractShown):
     A system without events derives from `AbstractSmoothSystem`, one around another system from
     `AbstractSystemWrapper`.
 
-    The state is a pytree of scalars: a `NamedTuple` or `equinox.Module` with named fields, so that
-    `vmap` gives a structure of arrays and labelled output has names.
+    The state is a pytree of scalars or arrays: a `NamedTuple`, an `equinox.Module` or a dictionary, so
+    that `vmap` gives a structure of arrays and labelled output has names. Of an array `x` the analyses
+    know `"x"`, with all its numbers, and each of them: `"x[0]"`, `"x[1]"`, of a matrix `"x[0, 1]"`.
     """
 
     mode_names: eqx.AbstractClassVar[Sequence[str]]

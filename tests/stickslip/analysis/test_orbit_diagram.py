@@ -314,7 +314,11 @@ def test_dry_friction_and_the_result_does_not_depend_on_the_cut():
         ({"system": lambda mu: mu}, TypeError, "it must be an AbstractHybridSystem"),
         ({"y0": Rotor(0.0, np.nan)}, ValueError, r"y0.v = nan: it must be finite"),
         ({"y0": Rotor("a", 0.0)}, TypeError, "y0.u = 'a'"),
-        ({"y0": Rotor(np.zeros(3), np.zeros(3))}, ValueError, r"the grid's shape \(4,\)"),
+        (
+            {"y0": Rotor(np.zeros(3), np.zeros(3))},
+            ValueError,
+            r"\[\(3,\)\] beside the grid's shape \(4,\)",
+        ),
         ({"section": "up"}, TypeError, "section = 'up'"),
         ({"section": Maximum("w")}, ValueError, "section.observable = 'w'"),
         ({"observables": "w"}, ValueError, r"observables\['w'\] = 'w': it must be a component"),
