@@ -154,10 +154,12 @@ def shape_of(
     found = eqx.filter_eval_shape(observable, system, jnp.zeros(()), y0, y0, mode, args)
     if isinstance(found, int | float):
         return ()
-    shape, kind = getattr(found, "shape", None), getattr(found, "dtype", None)
-    if shape is None or not (jnp.issubdtype(kind, jnp.number) or jnp.issubdtype(kind, jnp.bool_)):
+    kinds = (jnp.number, jnp.bool_)
+    array = isinstance(found, jax.ShapeDtypeStruct)
+    if not array or not any(jnp.issubdtype(found.dtype, kind) for kind in kinds):
         given = f"which gives a {type(found).__name__}"
         raise refusal(argument, what, "an observable that gives a number or one array", but=given)
+    shape = found.shape
     if single and shape:
         place = getattr(whole_of(observable), "place", None)
         names = list(entries(place.name, shape)) if place is not None else ()

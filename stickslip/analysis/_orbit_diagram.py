@@ -351,21 +351,20 @@ def _check(lane, numbers, coords, starts, check, dataset, observed, sweep):
     before = dataset[[*observed, "count", "period"]].isel(index)
     same = np.asarray(before["count"]) == np.asarray(again["count"])
     dims = before["period"].dims
-    extra = {
+    extra: dict[str, Any] = {
         f"checked_{key}": ("checked", points[key][: picked.size], dict(dataset[key].attrs))
         for key in coords
     }
     extra["checked_period"] = (dims, np.asarray(before["period"]), {})
     for key in observed:
         gap = np.abs(np.asarray(before[key]) - np.asarray(again[key]))
-        dims_of_key = before[key].dims
-        gap = np.where(np.isnan(gap), 0.0, gap).max(axis=dims_of_key.index("point"))
+        axes = before[key].dims
+        gap = np.where(np.isnan(gap), 0.0, gap).max(axis=axes.index("point"))
         told = same.reshape(*same.shape, *(1,) * (gap.ndim - same.ndim))
         attrs = {
             "long_name": f"error estimate of {key}: largest difference to a finer integration",
             **{k: v for k, v in dataset[key].attrs.items() if k == "units"},
         }
-        extra[f"error_{key}"] = (
-            tuple(dim for dim in dims_of_key if dim != "point"), np.where(told, gap, np.nan), attrs,
-        )  # fmt: skip
+        axes = tuple(dim for dim in axes if dim != "point")
+        extra[f"error_{key}"] = (axes, np.where(told, gap, np.nan), attrs)
     return extra

@@ -11,7 +11,6 @@ from matplotlib.axes import Axes
 from .._types import Given
 from .._validation import check_flag, refusal
 from ..hybrid import AbstractHybridSystem, Solution
-from ..hybrid._components import components_of
 from . import _axes
 from ._observed import Source, named, several, unbroken, within
 from ._shade import bands, spans
@@ -25,6 +24,7 @@ def motion(
     system: Given[AbstractHybridSystem | None] = None,
     observables: Given[str | Sequence[str] | None] = None,
     *,
+    lane: Given[int | Sequence[int] | None] = None,
     contacts: Given[str | Sequence[str] | None] = None,
     events: bool = True,
     args: PyTree = None,
@@ -37,7 +37,10 @@ def motion(
 
     - `solution`: of `simulate` with `SaveAt(ts=...)` or `SaveAt(steps=True)`, and its `system`; or a
       Dataset over `time`, of `time_history` or `solution.to_dataset`.
-    - `observables`: a component of the state, `"slope of x"`, a method `(t, y, mode, args)` of the
+    - `lane`: of a batch of runs the number of the one that is drawn, or its numbers along the batch
+      axes, with the `system` of that run; of a Dataset take one run with `isel` or `sel`.
+    - `observables`: a component of the state, `"x[0]"` for one number of an array, `"slope of x"`, a
+      method `(t, y, mode, args)` of the
       system, a function `(system, t, y, dy, mode, args)`; or a sequence of them; all components by
       default. Of a dataset the names of its variables.
     - `contacts`: names of the contacts whose sticks are shaded, all by default; `()` for none. Several
@@ -51,9 +54,10 @@ def motion(
     log of events, to rounding; without one, or for a dataset, from the modes of the rows. A component
     with a period is drawn within half of it on both sides of zero, with a gap where it goes round.
 
-    **Raises** `ValueError`, `TypeError` naming the argument; for a batch, which is drawn run by run.
+    **Raises** `ValueError`, `TypeError` naming the argument; for a batch without a `lane`: the sticks
+    and events of several runs do not share axes. `phase_plane` draws all of them.
     """
-    source = Source(solution, system, args, one=True)
+    source = Source(solution, system, args, one=True, lane=lane)
     check_flag("events", events)
     functions, single = several(source, observables)
     shaded = _contacts(source, contacts)
@@ -127,7 +131,7 @@ def _mark(axis: Axes, source: Source, what: Any, function: Any, row: Any) -> Non
         return
     time = np.asarray(log.t)[:count]
     if function is None and not what.startswith("slope of "):
-        values = np.asarray(components_of(log.y_before)[what])[:count]
+        values = source.read(log.y_before, what)[:count]
         values = values if row.period is None else within(values, row.period)
     else:
         values = np.interp(time, source.time, row.values)

@@ -12,7 +12,7 @@ from jaxtyping import PyTree
 from .._validation import check_handed_on, is_concrete, refusal
 from ..analysis._observable import as_observable
 from ..hybrid import AbstractHybridSystem, Solution
-from ..hybrid._components import components_of, period_of, unit_of
+from ..hybrid._components import components_of, entries, period_of, unit_of
 from ..hybrid._labelled import per_second, second_of
 from ._sticks import rows_of
 
@@ -29,15 +29,25 @@ class Row(NamedTuple):
 
 
 class Source:
-    """A motion that was kept: a solution with its system, or a dataset of `time_history`."""
+    """A motion that was kept: a solution with its system, or a dataset of `time_history`.
 
-    def __init__(self, solution: Any, system: Any, args: PyTree, *, one: bool):
+    With `one` it must be a single run, or `lane` says which of a batch it is.
+    """
+
+    solution: Any
+
+    def __init__(self, solution: Any, system: Any, args: PyTree, *, one: bool, lane: Any = None):
         self.solution, self.system, self.args = solution, system, args
         if system is not None and not isinstance(system, AbstractHybridSystem):
             raise refusal("system", system, "an AbstractHybridSystem or None", TypeError)
         if isinstance(solution, xr.Dataset):
             if "time" not in solution.dims or "time" not in solution.coords:
                 raise refusal("solution", "a Dataset", "a Dataset over `time`")
+            if lane is not None:
+                raise refusal(
+                    "lane", lane, "left out for a Dataset, of which dataset.isel takes one run"
+                )
+            self.parts = _variables(solution)
             return
         if not isinstance(solution, Solution):
             raise refusal("solution", solution, "a Solution, or a Dataset over `time`", TypeError)
@@ -45,16 +55,18 @@ class Source:
             raise refusal("system", system, "the system of the solution", TypeError)
         if not is_concrete(solution):
             raise refusal("solution", solution, "known: call this outside of jit and vmap", TypeError)
-        if one and solution.t1.ndim:
-            take = "one run of the batch: jax.tree.map(lambda a: a[0], solution)"
-            raise refusal("solution", solution, take, but=f"of shape {solution.t1.shape}")
+        if one:
+            self.solution = solution = one_run(solution, lane)
         self.log = rows_of(solution)
         if self.log is None:
             saved = "of a run with saveat=SaveAt(ts=...) or SaveAt(steps=True)"
             raise refusal("solution", solution, saved)
         check_handed_on("args", args)
-        # The values are not read: only what parts the state has.
-        self.components = components_of(solution.y1)
+        # The values are not read: only what parts the state has, and of which shapes.
+        batch = solution.t1.ndim
+        self.state = jax.tree.map(lambda a: np.zeros(np.shape(a)[batch:]), solution.y1)
+        self.components = components_of(self.state)
+        self.parts = _parts(self.components)
 
     @property
     def dataset(self) -> bool:
@@ -63,27 +75,32 @@ class Source:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What is there to draw: components that are single numbers, or variables over time alone."""
-        if self.dataset:
-            found = self.solution.data_vars.items()
-            return tuple(str(k) for k, v in found if v.dims == ("time",) and k != "mode")
-        batch = self.solution.t1.ndim
-        return tuple(k for k, v in self.components.items() if np.ndim(v) == batch)
+        """What is there to draw: single numbers of the state, or of the variables over time."""
+        return tuple(name for name in self.parts if not self.dataset or name != "mode")
 
     def function(self, argument: str, name: Any) -> Any:
         """What computes an observable; refused where there is none of the name."""
         if self.dataset:
-            # What has no other axis than time can be drawn as a line.
-            known = [str(k) for k, v in self.solution.data_vars.items() if v.dims == ("time",)]
-            if not isinstance(name, str) or name not in known:
-                raise refusal(argument, name, f"one of {', '.join(known)}")
+            if not isinstance(name, str) or name not in self.parts:
+                raise refusal(argument, name, f"one of {', '.join(self.parts)}")
             return None
         plain = name.removeprefix("slope of ") if isinstance(name, str) else name
         if isinstance(name, str) and plain in self.components:
-            if plain not in self.names:
-                raise refusal(argument, name, f"one of {', '.join(self.names)}: a single number")
+            if plain not in self.parts:
+                of_it = ", ".join(name.replace(plain, k) for k in entries(plain, self._shape(plain)))
+                raise refusal(argument, name, f"a single number, one of {of_it}")
             return None
-        return as_observable(argument, name, self.system, self.solution.y1)[0]
+        if isinstance(name, str) and plain in self.parts:
+            return None
+        return as_observable(argument, name, self.system, self.state)[0]
+
+    def _shape(self, component: str) -> tuple[int, ...]:
+        return np.shape(self.components[component])
+
+    def read(self, y: PyTree, name: str) -> np.ndarray:
+        """A single number of the state over the rows of a log."""
+        component, index = self.parts[name]
+        return np.asarray(components_of(y)[component])[(..., *index)]
 
     @property
     def time(self) -> np.ndarray:
@@ -106,19 +123,71 @@ class Source:
     def row(self, name: Any, function: Any) -> Row:
         """An observable over all rows."""
         if self.dataset:
-            found = self.solution[name]
-            label = str(found.attrs.get("long_name", name))
-            return Row(label, found.attrs.get("units"), found.attrs.get("period"), np.asarray(found))
+            variable, index = self.parts[name]
+            found, attrs = self.solution[variable], self.solution[variable].attrs
+            label = str(attrs.get("long_name", variable)) + name.removeprefix(variable)
+            values = np.asarray(found)[(slice(None), *index)]
+            return Row(label, attrs.get("units"), attrs.get("period"), values)
         if function is not None:
             log, label = self.log, name if isinstance(name, str) else "observable"
             rows, axes = (log.t, log.y, log.dy, log.mode), self.solution.t1.ndim + 1
             values = _evaluated(function, axes, self.system, rows, self.args)
             return Row(label, None, None, self._kept(values))
         plain = name.removeprefix("slope of ")
-        unit, period = unit_of(self.system, plain), period_of(self.system, plain)
+        component = self.parts[plain][0]
+        unit, period = unit_of(self.system, component), period_of(self.system, component)
         if plain != name:
-            return Row(name, per_second(unit), None, self._kept(components_of(self.log.dy)[plain]))
-        return Row(name, unit, period, self._kept(components_of(self.log.y)[plain]))
+            return Row(name, per_second(unit), None, self._kept(self.read(self.log.dy, plain)))
+        return Row(name, unit, period, self._kept(self.read(self.log.y, plain)))
+
+
+def one_run(solution: Any, lane: Any) -> Any:
+    """A run that is no batch, or the one of a batch with the number `lane`."""
+    shape = solution.t1.shape
+    if not shape:
+        if lane is not None:
+            raise refusal("lane", lane, "None: the solution is a single run")
+        return solution
+    if lane is None:
+        how = ", ".join(f"0 to {n - 1}" for n in shape)
+        say = f"lane={how}" if len(shape) == 1 else f"lane=({how})"
+        raise refusal(
+            "solution", solution, f"a single run, or {say} given to draw one run of the batch",
+            but=f"of shape {shape}",
+        )  # fmt: skip
+    place = tuple(lane) if isinstance(lane, tuple | list) else (lane,)
+    if len(place) != len(shape) or not all(
+        isinstance(i, int) and not isinstance(i, bool) and 0 <= i < n
+        for i, n in zip(place, shape, strict=True)
+    ):
+        last = ", ".join(str(n - 1) for n in shape)
+        many = "the number of one run of the batch, from 0 to " + last
+        if len(shape) > 1:
+            many = f"{len(shape)} numbers, those of one run of the batch, up to ({last})"
+        raise refusal("lane", lane, many, but=f"for a solution of shape {shape}")
+    return jax.tree.map(lambda a: a[place], solution)
+
+
+def _parts(components: Mapping[str, Any]) -> dict[str, tuple[str, tuple[int, ...]]]:
+    """The single numbers of components by name: which component each belongs to, and where in it."""
+    return {
+        entry: (name, index)
+        for name, value in components.items()
+        for entry, index in entries(name, np.shape(value)).items()
+    }
+
+
+def _variables(dataset: xr.Dataset) -> dict[str, tuple[str, tuple[int, ...]]]:
+    """The same of the variables over time of a dataset of one run, whose own axes come after it."""
+    found = {str(k): v for k, v in dataset.data_vars.items() if v.dims[:1] == ("time",)}
+    if not found:
+        batches = {d for v in dataset.data_vars.values() if "time" in v.dims for d in v.dims}
+        over = ", ".join(sorted(map(str, batches - {"time"}))) or "nothing else"
+        such = "of one run, with variables over `time` first: dataset.isel(run=0) takes one of a batch"
+        raise refusal(
+            "solution", "a Dataset", such, but=f"whose variables are over {over} before `time`"
+        )
+    return _parts({k: v[0] if v.sizes["time"] else np.zeros(v.shape[1:]) for k, v in found.items()})
 
 
 @eqx.filter_jit

@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 
 from .._types import Given
 from .._validation import check_type, refusal
+from ..hybrid._components import entries, split
 from . import _axes
 
 FAINT = 2e5  # points from which on they are drawn fainter
@@ -27,7 +28,7 @@ def orbit_diagram(
     - `dataset`: of `stickslip.analysis.orbit_diagram`, over one parameter; of two, select one value of
       one of them before.
     - `observable`: name of a variable over the parameter, with or without `point`, such as `"x"` or
-      `"period"`; the first one that has points by default.
+      `"period"`, `"x[0]"` for one number of an array; the first one that has points by default.
     - `ax`, `options`: axes to draw into; properties of the dots, as matplotlib calls them. By default
       dots are the smaller the more there are.
 
@@ -43,10 +44,13 @@ def orbit_diagram(
                 "dataset", "a Dataset", "of analysis.orbit_diagram: with a variable of points"
             )
         observable = known[0]
-    elif not isinstance(observable, str) or observable not in dataset.data_vars:
+    base, index = split(observable) if isinstance(observable, str) else ("", None)
+    if isinstance(observable, str) and observable in dataset.data_vars:
+        base, index = observable, None
+    if base not in dataset.data_vars:
         names = ", ".join(map(str, dataset.data_vars))
         raise refusal("observable", observable, f"a variable of the dataset, one of {names}")
-    found = dataset[observable]
+    found = _one_number(dataset[base], observable, index)
     parameters = [str(dim) for dim in found.dims if dim != "point"]
     if len(parameters) != 1 or parameters[0] not in dataset.coords:
         over = f"of points over {', '.join(parameters) or 'no parameter'}"
@@ -62,8 +66,21 @@ def orbit_diagram(
     shown = np.isfinite(values)
     axis.plot(places[shown], values[shown], **{**_dots(int(shown.sum())), **options})
     axis.set_xlabel(_label(across, parameter))
-    axis.set_ylabel(_label(found, observable))
+    entry = observable.removeprefix(base)
+    axis.set_ylabel(_label(found, base, entry))
     return axis
+
+
+def _one_number(found: xr.DataArray, observable: str, index: tuple[int, ...] | None) -> xr.DataArray:
+    """The number of an array at `index`; its axes are those after `point`."""
+    own = found.dims[found.dims.index("point") + 1 :] if "point" in found.dims else ()
+    own = tuple(dim for dim in own if dim not in found.coords)
+    names = entries(str(found.name), tuple(found.sizes[dim] for dim in own))
+    if index is None and not own:
+        return found
+    if index not in names.values():
+        raise refusal("observable", observable, f"a single number, one of {', '.join(names)}")
+    return found.isel(dict(zip(own, index or (), strict=True)))
 
 
 def _dots(count: int) -> dict[str, Any]:
@@ -75,5 +92,6 @@ def _dots(count: int) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _label(variable: xr.DataArray, name: str) -> str:
-    return _axes.labelled(str(variable.attrs.get("long_name", name)), variable.attrs.get("units"))
+def _label(variable: xr.DataArray, name: str, entry: str = "") -> str:
+    text = str(variable.attrs.get("long_name", name)) + entry
+    return _axes.labelled(text, variable.attrs.get("units"))

@@ -49,7 +49,7 @@ TARGETS = [
         plot.motion,
         {
             "solution": arg(RUN), "system": arg(OSCILLATOR),
-            "observables": arg("x", "none", "function"),
+            "observables": arg("x", "none", "function"), "lane": arg(None, "none"),
             "contacts": arg(None, "none", "none of them"), "events": arg(True, "flag"), "args": ARGS,
             "ax": AX,
         },

@@ -36,10 +36,11 @@ def near(one, other):
 
 
 def test_the_block_is_the_one_in_closed_form():
-    found = time_history(ARRAYS, Y_ARRAYS, TIMES, ["x", "x[0]", "slope of x[1]"], integrator=STEP)
+    found = time_history(ARRAYS, Y_ARRAYS, TIMES, ["x", "v", "x[0]", "slope of x[1]"], integrator=STEP)
     exact = [stick_slip_motion(t, 0.2)[0] for t in TIMES]
     np.testing.assert_allclose(found["x[0]"], exact, atol=1e-7)
     same(found.x[:, 0], found["x[0]"])
+    same(found.v[:, 1], found["slope_of_x[1]"])
     assert found.x.dims == ("time", "x_0")
     assert found["slope_of_x[1]"].units == "m/s"
 

@@ -104,6 +104,76 @@ def test_motion_of_a_dataset():
     np.testing.assert_array_equal(named, drawn)
 
 
+def test_one_run_of_a_batch():
+    other = run(0.3)
+    batch = jax.tree.map(lambda *rows: jnp.stack(rows), RUN, other)
+    axis = plot.motion(batch, block(0.3), "x", lane=1)
+    np.testing.assert_array_equal(axis.lines[0].get_ydata(), other.outputs.y.x)
+    np.testing.assert_array_equal(axis.lines[1].get_xdata(), other.events.t[: int(other.num_events)])
+    (drawn,), (alone,) = bands(axis), bands(plot.motion(other, block(0.3), "x"))
+    np.testing.assert_array_equal(drawn, alone)
+    table = jax.tree.map(lambda a: a[None], batch)
+    axis = plot.motion(table, block(0.3), "x", lane=(0, 1))
+    np.testing.assert_array_equal(axis.lines[0].get_ydata(), other.outputs.y.x)
+    for given, lane, text in (
+        (
+            batch,
+            None,
+            r"solution = Solution, of shape \(2,\): it must be a single run, or lane=0 to 1",
+        ),
+        (batch, 2, "lane = 2, for a solution"),
+        (table, 1, r"lane = 1, .* it must be 2 numbers, .* up to \(0, 1\)"),
+        (RUN, 0, "lane = 0: it must be None: the solution is a single run"),
+        (batch.to_dataset(block()), None, r"over run before `time`: .* dataset.isel\(run=0\)"),
+    ):
+        with pytest.raises(ValueError, match=text):
+            plot.motion(given, block(), "x", lane=lane)
+    data = batch.to_dataset(block())
+    axis = plot.motion(data.isel(run=1), block(), "x")
+    np.testing.assert_array_equal(axis.lines[0].get_ydata(), other.outputs.y.x)
+
+
+def test_numbers_of_arrays_are_drawn_by_their_names():
+    def slope(t):
+        return np.stack([np.sin(t), 2 * np.cos(t)], axis=-1)
+
+    class Rows(ss.AbstractSmoothSystem):
+        units: ClassVar = {"x": "m"}
+
+        def vector_field(self, t, y, mode, args):
+            return {"x": jnp.stack([jnp.cos(t), -2.0 * jnp.sin(t)])}
+
+    rows = ss.simulate(
+        Rows(), 0.0, 6.0, {"x": np.array([0.0, 2.0])}, saveat=ss.SaveAt(ts=jnp.linspace(0, 6, 31))
+    )
+    first, second = plot.motion(rows, Rows())
+    np.testing.assert_allclose(
+        second.lines[0].get_ydata(), slope(np.linspace(0, 6, 31))[:, 1], atol=1e-8
+    )
+    assert (first.get_ylabel(), second.get_ylabel()) == ("x[0] [m]", "x[1] [m]")
+    axis = plot.motion(rows, Rows(), "slope of x[0]")
+    assert axis.get_ylabel() == "slope of x[0] [m/s]"
+    np.testing.assert_allclose(axis.lines[0].get_ydata(), np.cos(np.linspace(0, 6, 31)), atol=1e-8)
+    with pytest.raises(
+        ValueError, match=r"'slope of x': it must be a single number, one of slope of x\[0\],"
+    ):
+        plot.motion(rows, Rows(), "slope of x")
+    data = rows.to_dataset(Rows())
+    axis = plot.motion(data, observables="x[1]")
+    np.testing.assert_array_equal(axis.lines[0].get_ydata(), second.lines[0].get_ydata())
+    assert axis.get_ylabel() == "x[1] [m]"
+    assert plot.phase_plane(rows, Rows()).get_ylabel() == "x[1] [m]"
+    points = np.arange(12.0).reshape(2, 3, 2)
+    dots = xr.Dataset({"x": (("k", "point", "x_0"), points, {"units": "m"})}, {"k": [1.0, 2.0]})
+    axis = plot.orbit_diagram(dots, "x[1]")
+    np.testing.assert_array_equal(axis.lines[0].get_ydata(), points[..., 1].ravel())
+    assert axis.get_ylabel() == "x[1] [m]"
+    with pytest.raises(
+        ValueError, match=r"observable = 'x': it must be a single number, one of x\[0\], x"
+    ):
+        plot.orbit_diagram(dots)
+
+
 class Pair(AbstractMechanism):
     """Two blocks on a belt that know nothing of each other, one of them on a circle."""
 
