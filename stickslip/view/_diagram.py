@@ -9,7 +9,7 @@ import xarray as xr
 
 from .._validation import check_in, refusal
 
-POINT = "point"
+POINT, SECTION = "point", "section"
 LIKE = "a diagram as `stickslip.analysis.orbit_diagram` returns it"
 
 
@@ -52,6 +52,7 @@ class Diagram:
     def __init__(
         self, dataset: xr.Dataset, name: str, *, x: str | None = None, observable: str | None = None
     ):
+        dataset = _with_names(dataset)
         seen = [
             str(key)
             for key, variable in dataset.data_vars.items()
@@ -86,6 +87,9 @@ class Diagram:
             for key in grid
             if key != self.x
         }
+        # What functions of the user are given: neither a section nor the number of an array's element.
+        recorded = SECTION if "sections" in dataset.attrs else None
+        self.parameters = [key for key in grid if key in dataset.coords and key != recorded]
         if any(not dataset.sizes[key] for key in grid):
             raise refusal("path", name, f"{LIKE}, with at least one lane")
         values = np.asarray(dataset[self.x].values, np.float64)
@@ -119,9 +123,19 @@ class Diagram:
         return Lanes(x, y, status, numbers("period", -1), why)
 
     def point(self, x: float, chosen: Sequence[int]) -> dict[str, Any]:
-        """All coordinates of a lane by name, as functions of the user are given them."""
+        """All parameters of a lane by name, as functions of the user are given them."""
         others = zip(self.others.items(), chosen, strict=True)
-        return {self.x: x, **{key: values[i] for (key, values), i in others}}
+        found = {self.x: x, **{key: values[i] for (key, values), i in others}}
+        return {key: value for key, value in found.items() if key in self.parameters}
+
+    def matching(self, other: "Diagram", chosen: Sequence[int]) -> list[int]:
+        """The choice here that stands for one of another diagram; the first where it is not here."""
+        there = zip(other.others.items(), chosen, strict=True)
+        values = {key: found[i] for (key, found), i in there}
+        return [
+            found.index(values[key]) if values.get(key) in found else 0
+            for key, found in self.others.items()
+        ]
 
     def label(self, key: str) -> str:
         """Name of a variable for an axis, with its unit."""
@@ -150,6 +164,14 @@ class Diagram:
             said = f"{words['untold']} ({reason.replace('_', ' ')})"
         status = self.words[lanes.status[lane]].replace("_", " ")
         return f"{self.about(float(lanes.x[lane]))}: {said}, status {status}"
+
+
+def _with_names(dataset: xr.Dataset) -> xr.Dataset:
+    """The dataset with the names of its sections as a coordinate; a store has them in an attribute."""
+    names = [str(name) for name in np.atleast_1d(dataset.attrs.get("sections", []))]
+    if SECTION in dataset.coords or not names or dataset.sizes.get(SECTION) != len(names):
+        return dataset
+    return dataset.assign_coords({SECTION: names})
 
 
 def labelled(key: str, attrs: Any) -> str:

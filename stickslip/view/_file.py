@@ -76,34 +76,38 @@ def orbits_of(diagram: Diagram, functions: Functions) -> list[dict[str, Any]]:
     """Orbits at evenly spaced parameters, about `ORBITS` over all choices, or their errors in words."""
     if functions.orbit is None:
         return []
-    choices, found = choices_of(diagram), []
+    choices = choices_of(diagram)
     each = max(2, ORBITS // len(choices))
     x = diagram.lanes(choices[0]).x
     values = x[np.unique(np.linspace(0, x.size - 1, min(each, x.size)).round().astype(int))]
-    empty = np.zeros(0, np.float32)
+    found, known = [], {}
     for number, chosen in enumerate(choices):
         for value in values.tolist():
-            here = {
-                "slice": number,
-                "x": value,
-                "t": empty,
-                "first": empty,
-                "second": empty,
-                "error": "",
-            }
-            try:
-                run = motion(functions.orbit(**diagram.point(value, chosen)), diagram.observable)
-            except Exception as error:  # whatever the user's function raises
-                traceback.print_exc(file=sys.stderr)
-                here["error"] = failure(error)
-            else:
-                stride = max(1, -(-run.t.size // SAMPLES))
-                second = empty if run.second is None else run.second
-                here |= {"t": run.t, "first": run.first, "second": second, "labels": run.labels}
-                for key in ("t", "first", "second"):
-                    here[key] = np.asarray(here[key][::stride], np.float32)
-            found.append(here)
+            point = diagram.point(value, chosen)
+            at = tuple(point.items())
+            if at not in known:  # sections are those of one orbit
+                known[at] = _orbit(diagram, functions, point)
+            found.append({"slice": number, "x": value, **known[at]})
     return found
+
+
+def _orbit(diagram: Diagram, functions: Functions, point: dict[str, Any]) -> dict[str, Any]:
+    """The orbit at a point as the page keeps it, or the error of the user's function."""
+    assert functions.orbit is not None
+    empty = np.zeros(0, np.float32)
+    here: dict[str, Any] = {"t": empty, "first": empty, "second": empty, "error": ""}
+    try:
+        run = motion(functions.orbit(**point), diagram.observable)
+    except Exception as error:  # whatever the user's function raises
+        traceback.print_exc(file=sys.stderr)
+        here["error"] = failure(error)
+    else:
+        stride = max(1, -(-run.t.size // SAMPLES))
+        second = empty if run.second is None else run.second
+        here |= {"t": run.t, "first": run.first, "second": second, "labels": run.labels}
+        for key in ("t", "first", "second"):
+            here[key] = np.asarray(here[key][::stride], np.float32)
+    return here
 
 
 def document_of(diagram: Diagram, orbits: list[dict[str, Any]], most: int) -> Document:

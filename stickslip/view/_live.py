@@ -50,8 +50,7 @@ class Live:
         return [int(select.value) for select in self.page.selects]
 
     def _lanes(self) -> Lanes:
-        chosen = self.chosen if self.shown is self.whole else [0] * len(self.shown.others)
-        return self.shown.lanes(chosen)
+        return self.shown.lanes(self.shown.matching(self.whole, self.chosen))
 
     def draw(self) -> None:
         """The points of the lanes shown, thinned evenly to what a browser draws."""

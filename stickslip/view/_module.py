@@ -32,7 +32,7 @@ class Motion(NamedTuple):
 
 
 def imported(name: str, diagram: Diagram) -> Functions:
-    """The functions of a module, which must take the coordinates of `diagram` by name.
+    """The functions of a module, which must take the parameters of `diagram` by name.
 
     Errors: `ValueError` or `TypeError` naming the module or its function.
     """
@@ -49,7 +49,7 @@ def imported(name: str, diagram: Diagram) -> Functions:
     found = Functions(getattr(module, "orbit", None), getattr(module, "diagram", None))
     if found == (None, None):
         raise refusal("with", name, HAS)
-    names = [diagram.x, *diagram.others]
+    names = diagram.parameters
     for key, function in found._asdict().items():
         if function is not None:
             call = f"{key}({', '.join(f'{part}=...' for part in names)})"

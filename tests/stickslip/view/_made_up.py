@@ -36,6 +36,14 @@ def diagram_of(a=A, seeds=SEEDS):
     )
 
 
+def sections_of(a=A):
+    """Two sections as `orbit_diagram` has them: `top` is that of seed 10, `low` of seed 20."""
+    both = diagram_of(a).rename(seed="section").assign_coords(section=["top", "low"])
+    both["status"] = both.status.isel(section=0, drop=True)  # a run has one
+    grid = both.transpose("a", "section", "point")
+    return grid.assign_attrs(sections=["top", "low"])
+
+
 def orbit(a, seed):
     """A circle of radius `a` around `seed`."""
     if a > 1.85:

@@ -10,7 +10,7 @@ from stickslip.view._diagram import Diagram
 from stickslip.view._live import started
 from stickslip.view._module import imported
 from tests.stickslip.view import _chromium
-from tests.stickslip.view._made_up import A, diagram_of
+from tests.stickslip.view._made_up import A, diagram_of, sections_of
 
 pytest.importorskip("bokeh", reason="the viewer's extra is not installed")
 pytestmark = pytest.mark.skipif(_chromium.PROGRAM is None, reason="no Chromium on this machine")
@@ -69,6 +69,32 @@ def test_a_click_shows_another_orbit(tmp_path):
     assert text == "a = 1.4 N: period 3, status ok"
     assert bad.size == np.isfinite(truth[1]).sum()
     assert bad.sum() == np.isfinite(truth[1, 3:5]).sum()
+
+
+async def switch(url):
+    """Points and words of each section, after one click."""
+    async with _chromium.open_page(url) as page:
+        await page.until(READY)
+        await page.click(await place(page, A[4]))
+        await page.until(f"{MODEL.format('marker')}.location === {A[4]}")
+        found = [(await column(page, "orbit"), await column(page, "drawn"))]
+        await page.evaluate(f"{MODEL.format('section')}.value = '1'")
+        found.append((await column(page, "orbit"), await column(page, "drawn")))
+        named = await page.evaluate(f"{MODEL.format('section')}.options.map((o) => o[1])")
+        return found, named, page.complaints
+
+
+def test_sections_are_chosen_on_the_page(tmp_path):
+    path, target = tmp_path / "sections.nc", tmp_path / "page.html"
+    sections_of().to_netcdf(path, engine="h5netcdf")
+    assert main(["view", str(path), "--html", str(target)]) == 0
+    found, named, complaints = asyncio.run(switch(target.as_uri()))
+    assert complaints == []
+    assert named == ["top", "low"]
+    truth = sections_of().x.values
+    for (orbit, drawn), points in zip(found, truth.swapaxes(0, 1), strict=True):
+        np.testing.assert_allclose(orbit, points[4][np.isfinite(points[4])], rtol=1e-7)
+        np.testing.assert_allclose(drawn, points[np.isfinite(points)], rtol=1e-7)
 
 
 async def ask(diagram):

@@ -8,7 +8,8 @@ import pytest
 import xarray as xr
 
 from stickslip.__main__ import main
-from tests.stickslip.view._made_up import A, diagram_of
+from tests.stickslip.view import _alone
+from tests.stickslip.view._made_up import A, diagram_of, sections_of
 
 pytest.importorskip("bokeh", reason="the viewer's extra is not installed")
 from bokeh.document import Document
@@ -20,7 +21,7 @@ from stickslip.view._live import Live
 from stickslip.view._module import imported
 from stickslip.view._open import opened
 
-MODULE = "tests.stickslip.view._made_up"
+MODULE, ALONE = "tests.stickslip.view._made_up", "tests.stickslip.view._alone"
 
 
 def written(tmp_path, dataset=None):
@@ -109,6 +110,34 @@ def test_the_users_functions_are_asked_and_their_errors_shown(tmp_path, capsys):
     assert set(live.page.drawn.data["x"]) == set(A)
 
 
+def test_a_section_is_chosen_by_name_and_no_function_is_given_it(tmp_path):
+    path = written(tmp_path, sections_of())
+    diagram = Diagram(opened(path), path)
+    document = Document()
+    live = Live(diagram, imported(ALONE, diagram), document)
+    work(document)
+    (select,) = live.page.selects
+    assert [label for _, label in select.options] == ["top", "low"]
+    select.value = "1"
+    live.choose(1.2)
+    work(document)
+    np.testing.assert_allclose(live.page.return_points.data["x"], 24.0 * (-0.5) ** np.arange(2))
+    np.testing.assert_allclose(live.page.orbit_points.data["y"], 1.2 * np.linspace(0.0, 1.0, 11))
+    live.drag(1.2, 1.6)
+    work(document)
+    # Computed sections come in another order, and the chosen one is still drawn.
+    low = sections_of(np.linspace(1.2, 1.6, 5)).x.sel(section="low").values
+    np.testing.assert_array_equal(live.page.drawn.data["y"], low[np.isfinite(low)])
+
+
+def test_a_file_keeps_one_orbit_for_all_sections(tmp_path):
+    diagram = Diagram(sections_of(), "made up")
+    _alone.ASKED.clear()
+    found = _file.orbits_of(diagram, imported(ALONE, diagram))
+    assert [(orbit["slice"], orbit["x"]) for orbit in found] == [(i, a) for i in range(2) for a in A]
+    assert _alone.ASKED == list(A)
+
+
 def test_one_file_without_a_server(tmp_path, capsys):
     target = tmp_path / "page.html"
     assert main(["view", written(tmp_path), "--with", MODULE, "--html", str(target)]) == 0
@@ -147,6 +176,26 @@ def test_a_store_of_a_sweep_is_read(tmp_path):
     lanes = diagram.lanes([])
     assert lanes.y.tolist() == [[0, 1, 2], [0, 2, 4]]
     assert diagram.in_words(lanes, 1) == "a = 2: period not told (not stored), status not stored"
+
+
+def test_a_store_of_several_sections_has_their_names(tmp_path):
+    import stickslip as ss
+    from stickslip.analysis import Maximum as Top
+    from stickslip.analysis import Minimum, Recording, orbit_diagram
+    from tests.stickslip.analysis._arrays import Free
+
+    orbit_diagram(
+        Free(1.0), {"stiffness": np.array([1.0, 1.44, 2.25])}, {"x": 1.0, "v": 0.0}, check=0,
+        section={"top": Top("x"), "low": Minimum("x")}, observables="x", executor="portable",
+        record=Recording(0.0, 15.0, points=2), store=tmp_path / "store",
+        integrator=ss.Integrator("rk4", ss.FixedStep(0.05)), progress=False,
+    )  # fmt: skip
+    diagram = Diagram(opened(str(tmp_path / "store")), "store")
+    assert diagram.others == {"section": ["top", "low"]}
+    assert diagram.parameters == ["stiffness"]
+    # From rest at 1 the first top comes after a period: all tops are at 1, all lows at -1.
+    for number, place in enumerate((1.0, -1.0)):
+        np.testing.assert_allclose(diagram.lanes([number]).y, np.full((3, 2), place), atol=1e-5)
 
 
 @pytest.mark.parametrize(
