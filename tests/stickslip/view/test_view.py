@@ -123,11 +123,13 @@ def test_a_section_is_chosen_by_name_and_no_function_is_given_it(tmp_path):
     work(document)
     np.testing.assert_allclose(live.page.return_points.data["x"], 24.0 * (-0.5) ** np.arange(2))
     np.testing.assert_allclose(live.page.orbit_points.data["y"], 1.2 * np.linspace(0.0, 1.0, 11))
+    select.value = "0"
+    work(document)
     live.drag(1.2, 1.6)
     work(document)
     # Computed sections come in another order, and the chosen one is still drawn.
-    low = sections_of(np.linspace(1.2, 1.6, 5)).x.sel(section="low").values
-    np.testing.assert_array_equal(live.page.drawn.data["y"], low[np.isfinite(low)])
+    top = sections_of(np.linspace(1.2, 1.6, 5)).x.sel(section="top").values
+    np.testing.assert_array_equal(live.page.drawn.data["y"], top[np.isfinite(top)])
 
 
 def test_a_file_keeps_one_orbit_for_all_sections(tmp_path):
