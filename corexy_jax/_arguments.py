@@ -49,7 +49,7 @@ def named(name: str, value: Any, kind: type) -> Any:
     """A named tuple of the machine whose numbers are finite."""
     article = "an" if kind.__name__[0] in "AEIOU" else "a"
     check_type(name, value, kind, f"{article} {kind.__name__}")
-    for field, item in zip(kind._fields, value, strict=True):  # pyright: ignore
+    for field, item in zip(kind._fields, value, strict=True):
         if hasattr(item, "_fields"):
             named(f"{name}.{field}", item, type(item))
         elif isinstance(item, list | tuple):

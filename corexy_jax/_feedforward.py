@@ -164,7 +164,7 @@ def _break_away(
     shares = np.linspace(1.0, 0.0, TRIALS, endpoint=False)
     holds = np.linspace(1.0, 0.0, HOLDS) if hold else np.ones(1)
     tried = np.array([(share * a, part * hold) for share in shares for part in holds])
-    volts = jnp.asarray([leg.voltage(*one, 0.0) for one in tried])
+    volts = jnp.asarray([leg.voltage(a, hold, 0.0) for a, hold in tried])
     senses = np.stack([SIGNS[np.asarray(_first_modes(_harder(p, margin), volts))] for p in machines])
     wanted = np.concatenate([leg.senses, leg.senses[2:], np.zeros(2)])
     # On a machine with other tensions the collar may leave the path, but no belt may slip.
@@ -192,7 +192,8 @@ def _first_modes(p: CoreXYParameters, volts: Float[Array, "trial 2"]) -> Any:
 
     def mode(pair):
         still = jnp.zeros(2)
-        system = CoreXY(p, Ramps(jnp.arange(2.0), *(jnp.full(2, v) for v in pair), still, still))
+        one, two = (jnp.full(2, v) for v in pair)
+        system = CoreXY(p, Ramps(jnp.arange(2.0), one, two, still, still))
         return system.initial_mode(jnp.zeros(()), system.state(), None)
 
     return jax.lax.map(mode, volts)

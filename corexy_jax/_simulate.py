@@ -144,11 +144,8 @@ def _motion(system: CoreXY, t1, y0, rows: int, integrator, max_events, execute: 
 _consistent = eqx.filter_jit(_motion)
 # The same motion, a third less of compiling: XLA's emitters of fused kernels take that long here. From
 # JAX 0.11 on the compiler has no others, and refuses the option.
-_consistent_alone = (
-    eqx.filter_jit(_motion, compiler_options={"xla_cpu_use_fusion_emitters": False})
-    if jax.version.__version_info__ < (0, 11)
-    else _consistent
-)
+_plain: Any = {"compiler_options": {"xla_cpu_use_fusion_emitters": False}}
+_consistent_alone = eqx.filter_jit(_motion, **_plain) if jax.__version_info__ < (0, 11) else _consistent
 
 
 def _from_engine(system: CoreXY, y0: CoreXYState, solution: ss.Solution) -> CoreXYSolution:

@@ -255,7 +255,7 @@ def simulate_smoothed(
     )
     the_integrator(integrator)
     if integrator is None:
-        step = ss.AdaptiveStep(1e-7, 1e-7)  # pyright: ignore[reportCallIssue]
+        step = ss.AdaptiveStep(1e-7, 1e-7)
         integrator = Integrator(method="tsit5", step=step, max_steps=10_000_000)
     ledger = WithIntegrals(system, _account)
     ts = jnp.linspace(0.0, 1.0, rows) * t1

@@ -8,7 +8,6 @@ from jaxtyping import Array, Bool, Float, Int
 
 from stickslip import RESULTS
 from stickslip.checks import is_concrete
-from stickslip.hybrid import EventLog
 
 from ._parameters import CoreXYParameters
 from ._system import CoreXYState
@@ -61,7 +60,7 @@ class CoreXYSolution(eqx.Module):
     dmn: Int[Array, "*batch time"]
     senses: Float[Array, "*batch time 8"]
     ledger: Ledger
-    events: EventLog | None
+    events: Any  # an `EventLog`, or None
     flags: Int[Array, "*batch"]
     result: Any
     method: str = eqx.field(static=True)

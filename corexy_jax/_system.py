@@ -107,13 +107,13 @@ class CoreXY(AbstractMechanism):
     coordinates: ClassVar = {"x": "m", "y": "m", "one": "m", "two": "m"}
     first_order: ClassVar = {"piece": "1"}
     contact_directions: ClassVar = DIRECTIONS
-    mode_names: ClassVar = MODE_NAMES  # pyright: ignore
-    guard_names: ClassVar = (  # pyright: ignore
+    mode_names: ClassVar = MODE_NAMES
+    guard_names: ClassVar = (
         *(f"{name} stops" for name in CONTACT_NAMES),
         "resting contacts give way",
         "input jumps",
     )
-    units: ClassVar = STATE_UNITS  # pyright: ignore
+    units: ClassVar = STATE_UNITS
 
     def __init__(self, parameters: Given[CoreXYParameters], voltage: Given[AbstractVoltage]):
         self.parameters = check_type("parameters", parameters, CoreXYParameters, "CoreXYParameters")
@@ -203,7 +203,7 @@ class CoreXY(AbstractMechanism):
     # -- the input
 
     @property
-    def guard_scales(self):  # pyright: ignore[reportIncompatibleVariableOverride]
+    def guard_scales(self):
         """1 m/s, all friction of a line, 1 s."""
         return (1.0,) * (NUM_CONTACTS + 2)
 

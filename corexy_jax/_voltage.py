@@ -2,7 +2,7 @@
 
 import abc
 from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -207,6 +207,9 @@ class PiecewiseStep(AbstractTable):
     values that are not finite.
     """
 
+    if TYPE_CHECKING:  # which would take the fields for the arguments
+        __init__ = AbstractTable.__init__
+
     def volts(self, t, piece):
         row = self._row(piece)
         return self.v1[row], self.v2[row]
@@ -217,6 +220,9 @@ class Sampled(AbstractTable):
 
     Before the first time the first piece is continued. Errors as for `PiecewiseStep`.
     """
+
+    if TYPE_CHECKING:  # which would take the fields for the arguments
+        __init__ = AbstractTable.__init__
 
     def volts(self, t, piece):
         last = self.times.shape[0] - 1

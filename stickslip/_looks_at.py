@@ -24,7 +24,7 @@ reached, and there the answer is NaN.
 import functools
 import inspect
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import jax
 import jax.numpy as jnp
@@ -56,7 +56,7 @@ def looks_at(**looks: Look) -> Callable[[Method], Method]:
         row = tuple(looks.get(name) for name in names)
 
         @functools.wraps(method)
-        def looked_at(self, *args, **named):
+        def looked_at(self: Any, *args: Any, **named: Any) -> Any:
             given = (
                 look(self, name, value) if look else value
                 for name, look, value in zip(names, row, args, strict=False)
@@ -65,7 +65,7 @@ def looks_at(**looks: Look) -> Callable[[Method], Method]:
                 named[name] = looks[name](self, name, named[name])
             return method(self, *given, *args[len(names) :], **named)
 
-        return looked_at  # pyright: ignore[reportReturnType]
+        return cast(Method, looked_at)
 
     return decorated
 

@@ -11,7 +11,7 @@ True
 """
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar
 
 import numpy as np
@@ -21,7 +21,14 @@ T = TypeVar("T")
 
 if TYPE_CHECKING:
     Given = Annotated[T, "looked at by what is called"]
+    # What is None unless it was asked for: who asked for it need not say so again to a type checker.
+    MaybeNone: TypeAlias = Any
+
+    def overridable(read: Callable[[Any], T]) -> T: ...
+
 else:
+    MaybeNone = None
+    overridable = property  # in whose place a subclass may have an attribute of the class
 
     class _Unread(type):
         """Class of types that every value is an instance of."""

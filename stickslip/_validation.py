@@ -221,7 +221,8 @@ def check_above(name: str, value: T, bound_name: str, bound: Any) -> T:
 def check_broadcast(name: str, value: T, other_name: str, other: Any) -> T:
     """Of a shape that broadcasts with that of another argument."""
     try:
-        np.broadcast_shapes(np.shape(value), np.shape(other))
+        shape: Any = value
+        np.broadcast_shapes(np.shape(shape), np.shape(other))
     except ValueError:
         allowed = f"of a shape that broadcasts with {np.shape(other)}, that of {other_name}"
         raise misshaped(name, value, allowed) from None
@@ -340,11 +341,12 @@ def check_count(name: str, value: T, low: int, high: int = MOST) -> T:
 def whole_number(name: str, value: T, low: int, high: int) -> T:
     """An integer from `low` to `high` that may be traced, or a scalar array of one."""
     allowed = f"an integer from {low} to {high}"
-    array = isinstance(value, np.ndarray | np.integer | jax.Array) and value.shape == ()
+    given: Any = value
+    array = isinstance(value, np.ndarray | np.integer | jax.Array) and given.shape == ()
     whole = isinstance(value, int) and not isinstance(value, bool)
-    if not (whole or (array and jnp.issubdtype(value.dtype, jnp.integer))):
+    if not (whole or (array and jnp.issubdtype(given.dtype, jnp.integer))):
         raise refusal(name, value, allowed, TypeError)
-    if is_concrete(value) and not low <= operator.index(value) <= high:
+    if is_concrete(value) and not low <= operator.index(given) <= high:
         raise refusal(name, value, allowed)
     return value
 

@@ -29,12 +29,12 @@ def system_of(variant: str, v: Any, modes: int = 5, **changes: Any) -> JointedBe
 
 def fixed_step(h: float) -> ss.Integrator:
     """For sweeps: order 8, which leaves the fastest mode its amplitude."""
-    return ss.Integrator("dop853", ss.FixedStep(h), max_steps=100_000_000)  # pyright: ignore[reportCallIssue]
+    return ss.Integrator("dop853", ss.FixedStep(h), max_steps=100_000_000)
 
 
 def accurate() -> ss.Integrator:
     """For single motions; the beam's coordinates are small, so the absolute tolerance is."""
-    return ss.Integrator("dop853", ss.AdaptiveStep(1e-10, 1e-16), max_steps=10_000_000)  # pyright: ignore[reportCallIssue]
+    return ss.Integrator("dop853", ss.AdaptiveStep(1e-10, 1e-16), max_steps=10_000_000)
 
 
 def norm_of(system: JointedBeam) -> JointedBeamState:

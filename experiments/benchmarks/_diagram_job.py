@@ -82,8 +82,7 @@ def set_a() -> Case:
 def mild() -> Case:
     """A contact less stiff, 200 1/s: the hardest for an interpreter, as steps are few and large."""
     law = SmoothHyperbolicWeakening(0.3, 50.0, 0.4, 1.0)
-    make: Any = BlockOnBelt
-    block = make(
+    block = BlockOnBelt(
         m=1.0, M=0.5, J=0.01, k1=40.0, k2=50.0, k3=80.0, c1=0.3, c2=0.5, r=0.1, Q=0.0, V_b=0.1, law=law
     )
     return Case("a mild contact", _values(block), (0.0, -0.02), 1 / 300, HIGH)

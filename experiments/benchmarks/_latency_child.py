@@ -3,6 +3,7 @@
 import json
 import sys
 import time
+from typing import Any
 
 START = time.perf_counter()
 
@@ -47,9 +48,10 @@ def block_diffrax():
         system = BlockOnBelt.constructed(k3=k3)
         term = dfx.ODETerm(lambda t, y, args: system.vector_field(t, y, 0, None))
         control = dfx.PIDController(rtol=1e-10, atol=1e-10)
-        return dfx.diffeqsolve(
+        found: Any = dfx.diffeqsolve(
             term, dfx.Dopri8(), 0.0, 12.0, None, rest, stepsize_controller=control, max_steps=100_000
-        ).ys.x  # fmt: skip
+        )  # fmt: skip
+        return found.ys.x
 
     return end, 85.0
 
@@ -142,7 +144,7 @@ def first_result(name: str) -> dict[str, float]:
         jax.block_until_ready(program(at))
     return {
         "trace": traced - begin, "compile": compiled - traced, "first": first - begin,
-        "next": (time.perf_counter() - first) / 5, "size": program.as_text().count(" = "),
+        "next": (time.perf_counter() - first) / 5, "size": str(program.as_text()).count(" = "),
     }  # fmt: skip
 
 

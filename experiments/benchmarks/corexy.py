@@ -56,7 +56,7 @@ def as_printed(numbers):
 
 def consistent(tolerance):
     """Function of one lane: end position, speeds, by the events."""
-    step = ss.AdaptiveStep(tolerance, tolerance)  # pyright: ignore[reportCallIssue]
+    step = ss.AdaptiveStep(tolerance, tolerance)
     integrator = ss.Integrator(method="tsit5", step=step, max_steps=1_000_000)
 
     def lane(numbers):

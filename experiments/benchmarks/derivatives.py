@@ -21,7 +21,7 @@ def main(size: str = "normal") -> str:
         # Eight parameters: belt speed, forces, mass, spring, initial state and duration.
         system = CoulombOscillator(p[3], p[4], p[1], p[2], speed + p[0])
         start = Motion(p[5], speed + p[0] + p[6])
-        step = ss.FixedStep(0.35)  # pyright: ignore[reportCallIssue]
+        step = ss.FixedStep(0.35)
         run = ss.simulate(
             system, 0.0, END + p[7], start, "stick", max_events=None, throw=False,
             integrator=ss.Integrator(step=step, max_steps=1024),

@@ -36,9 +36,10 @@ MANY = 100_000_000  # steps; the end of a run, not their number, is what ends it
 def steps_of(h: float | None = None, tolerance: float | None = None) -> ss.Integrator:
     """Tsit5 with fixed or adaptive steps."""
     if tolerance is None:
-        step = ss.FixedStep(h)  # pyright: ignore[reportCallIssue]
+        assert h is not None
+        step = ss.FixedStep(h)
     else:
-        step = ss.AdaptiveStep(tolerance, 0.1 * tolerance)  # pyright: ignore[reportCallIssue]
+        step = ss.AdaptiveStep(tolerance, 0.1 * tolerance)
     return ss.Integrator("tsit5", step, max_steps=MANY)
 
 

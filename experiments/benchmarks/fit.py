@@ -21,7 +21,7 @@ SD = 1e-3  # [m]
 OFF = 0.03  # part by which the starts are off
 ENOUGH = 1e-3  # of a standard error: the same optimum
 STEPS = (None, 1e-7, 1e-6, 1e-5, 1e-4)  # of the differences
-INTEGRATOR = ss.Integrator(step=ss.AdaptiveStep(1e-10, 1e-10))  # pyright: ignore[reportCallIssue]
+INTEGRATOR = ss.Integrator(step=ss.AdaptiveStep(1e-10, 1e-10))
 
 
 class Blocks(AbstractMechanism):

@@ -181,8 +181,8 @@ def main(size: str = "normal") -> str:
         program = engine(step, executor)
         return functools.partial(lambda p: jax.block_until_ready(p(speeds)), program)
 
-    fixed = ss.FixedStep(0.35)  # pyright: ignore[reportCallIssue]
-    adaptive = ss.AdaptiveStep(1e-10, 1e-10)  # pyright: ignore[reportCallIssue]
+    fixed = ss.FixedStep(0.35)
+    adaptive = ss.AdaptiveStep(1e-10, 1e-10)
     add("engine, fused, fixed steps 0.35", mapped(fixed, "fused"))
     add("engine, fused, adaptive 1e-10", mapped(adaptive, "fused"))
     add("engine, portable, fixed steps 0.35", mapped(fixed, "portable"))

@@ -140,9 +140,9 @@ def integrator_of(parameters: Mapping[str, Any]) -> ss.Integrator:
     """Method and steps of an experiment: of length `h`, or adaptive if a `tolerance` is given."""
     tolerance = parameters["tolerance"]
     if tolerance > 0:
-        step = ss.AdaptiveStep(tolerance, 0.1 * tolerance)  # pyright: ignore[reportCallIssue]
+        step = ss.AdaptiveStep(tolerance, 0.1 * tolerance)
     else:
-        step = ss.FixedStep(parameters["h"])  # pyright: ignore[reportCallIssue]
+        step = ss.FixedStep(parameters["h"])
     return ss.Integrator(parameters["method"], step, max_steps=100_000_000)
 
 

@@ -71,8 +71,9 @@ def mechanics(p: Any, k3: Any) -> dict[str, Any]:
 
 def simplified(p: Any, k3: Any, pull: Any = 0.0):
     """Simplified model and its initial state."""
-    make: Any = BlockOnBelt
-    return make(V_b=p[list(NAMES).index("V_b")], **mechanics(p, k3)), BlockState(0.0, 0.0, 0.0, 0.0)
+    return BlockOnBelt(V_b=p[list(NAMES).index("V_b")], **mechanics(p, k3)), BlockState(
+        0.0, 0.0, 0.0, 0.0
+    )
 
 
 def with_drive(sign: Any):
@@ -89,7 +90,8 @@ def with_drive(sign: Any):
         omega = q["V_b"] / drive.transmission
         current = (drive.b * omega + drive.T_k - drive.reaction * pull) / drive.k_m
         drive = signed_drive(sign, **changes, U_in=drive.k_e * omega + drive.R_w * current)
-        make: Any = BlockOnDrivenBelt
-        return make(drive=drive, **mechanics(p, k3)), DrivenBlockState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        return BlockOnDrivenBelt(drive=drive, **mechanics(p, k3)), DrivenBlockState(
+            0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        )
 
     return build

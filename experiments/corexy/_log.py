@@ -4,7 +4,7 @@ import dataclasses
 import json
 import math
 import pathlib
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -96,7 +96,8 @@ def read_log(path: pathlib.Path, columns: str, units: str, counts_per_turn: floa
 
 
 def _column(path: pathlib.Path, table: pd.DataFrame, name: str) -> np.ndarray:
-    row = pd.to_numeric(table[name], errors="coerce").to_numpy(np.float64)
+    numbers: Any = pd.to_numeric(table[name], errors="coerce")
+    row = np.asarray(numbers, np.float64)
     bad = np.flatnonzero(~np.isfinite(row))
     if bad.size:
         raise ValueError(

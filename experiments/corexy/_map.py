@@ -36,7 +36,7 @@ def lane(parameters: cx.CoreXYParameters, voltage: cx.AbstractVoltage) -> dict[s
     """Slip distances [m], shares of the time and largest event count of one machine."""
     system = CoreXY(parameters, voltage)
     ledger = WithIntegrals(system, occupancy)
-    step = ss.AdaptiveStep(TOLERANCE, TOLERANCE)  # pyright: ignore[reportCallIssue]
+    step = ss.AdaptiveStep(TOLERANCE, TOLERANCE)
     integrator = ss.Integrator(method="tsit5", step=step)
     found = ss.simulate(
         ledger, 0.0, DURATION, ledger.start(system.state()), integrator=integrator,

@@ -22,12 +22,16 @@ SLIPS = 1e-9  # [m]; less is rounding
 COLOURS = ("#1f4e9c", "#c0392b")
 
 
+def _slip_rates(machine: Any, t: Any, y: Any, mode: Any, args: Any) -> Any:
+    return machine.slips(t, y, mode, args)
+
+
 def _lane(plan: cx.Feedforward, one: Any, two: Any) -> dict[str, Any]:
     """Slip distances and end error [m] of a machine with its tensions multiplied."""
     p = plan.parameters
     machine = cx.with_values(p, {"P1": p.P1 * one, "P2": p.P2 * two})
     system = cx.CoreXY(machine, plan.voltage)
-    ledger = WithIntegrals(system, cx.CoreXY.slips, units={"slip_1": "m", "slip_2": "m"})
+    ledger = WithIntegrals(system, _slip_rates, units={"slip_1": "m", "slip_2": "m"})
     found = ss.simulate(
         ledger, 0.0, 2.0 * plan.end, ledger.start(system.state()), max_events=None,
         saveat=ss.SaveAt(events=False), throw=False,

@@ -27,7 +27,7 @@ LANES = 8  # of a chunk; the same everywhere, so that one program serves all
 
 
 def _integrator():
-    step = ss.AdaptiveStep(1e-8, 1e-8)  # pyright: ignore[reportCallIssue]
+    step = ss.AdaptiveStep(1e-8, 1e-8)
     return ss.Integrator(method="tsit5", step=step)
 
 

@@ -27,7 +27,7 @@ COLOURS = ["#888888", "#b7791f", "#1f4e9c", "#3d7a4b"]
 
 
 def _residual(values, ends, data, p, times):
-    step = ss.AdaptiveStep(1e-8, 1e-8)  # pyright: ignore[reportCallIssue]
+    step = ss.AdaptiveStep(1e-8, 1e-8)
     return cx.measurement_residuals(
         values, data, p, ramps(ends, 0.5 * ends.shape[0]), times,
         integrator=ss.Integrator(method="tsit5", step=step),
@@ -127,7 +127,7 @@ def _fits(ends, truth, errors, nothing, machine, times, parameters, lanes) -> np
         rng = np.random.default_rng((parameters["seed"], draw))
         clean = cx.measurement(
             machine, ramps(ends, parameters["duration"]), jnp.asarray(times),
-            integrator=ss.Integrator(method="tsit5", step=ss.AdaptiveStep(1e-8, 1e-8)),  # pyright: ignore
+            integrator=ss.Integrator(method="tsit5", step=ss.AdaptiveStep(1e-8, 1e-8)),
         )  # fmt: skip
         data = cx.Measurement(
             *(

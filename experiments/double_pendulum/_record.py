@@ -1,7 +1,7 @@
 """Records of the double pendulum under torques in both joints, as they come: tables of the bench."""
 
 import pathlib
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -58,5 +58,5 @@ def low_passed(rows: np.ndarray, cut_off: float) -> np.ndarray:
     # Here: every command imports this file, and few need this.
     import scipy.signal
 
-    numerator, denominator = scipy.signal.butter(ORDER, 2.0 * cut_off * STEP)
-    return scipy.signal.filtfilt(numerator, denominator, rows)
+    taps: Any = scipy.signal.butter(ORDER, 2.0 * cut_off * STEP)
+    return scipy.signal.filtfilt(taps[0], taps[1], rows)

@@ -1,5 +1,7 @@
 """Inverse dynamics (IDIM-LS): the force as a linear function of filtered derivatives."""
 
+from typing import Any
+
 import numpy as np
 
 from ._record import STEP, Record
@@ -19,8 +21,8 @@ def inverse_dynamics(record: Record, asymmetric: bool = False) -> tuple[dict, di
     # Here: every command imports this file, and few need this.
     import scipy.signal
 
-    numerator, denominator = scipy.signal.butter(ORDER, 2.0 * CUT_OFF * STEP)
-    q = scipy.signal.filtfilt(numerator, denominator, record.q)
+    taps: Any = scipy.signal.butter(ORDER, 2.0 * CUT_OFF * STEP)
+    q = scipy.signal.filtfilt(taps[0], taps[1], record.q)
     v = np.gradient(q, STEP)
     a = np.gradient(v, STEP)
     forward, backward = v > 0.0, v < 0.0

@@ -143,7 +143,7 @@ def draw(data: xr.Dataset) -> Figure:
 
 
 def _whole(row: xr.DataArray, over: str) -> xr.DataArray:
-    return np.sqrt((row**2).mean(over))
+    return (row**2).mean(over) ** 0.5
 
 
 def judge(data: xr.Dataset) -> list[Statement]:

@@ -57,7 +57,7 @@ def slider(law: str, values: dict[str, Any], load: Signal) -> SpringSlider:
         values["mu_0"], values["a"], values["b"], values["d_c"], SPEEDS[0], evolution=law
     )
     late = load.delayed(values["late"])
-    return SpringSlider(friction, values["stiffness"], late, values["trend"])  # pyright: ignore[reportCallIssue]
+    return SpringSlider(friction, values["stiffness"], late, values["trend"])
 
 
 def problem(law: str, step: Step, begin: float, *, last: float | None = None) -> Problem:

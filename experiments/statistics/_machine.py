@@ -128,7 +128,7 @@ def candidates(rng: np.random.Generator, known: dict[str, Any]) -> np.ndarray:
     held = [known[f"mu_{i}s_b"] * known[f"ramp_P{i}"] for i in (1, 2)]
     limit = known["r"] * known["R"] / known["K_t"] * np.array(held)
     shape = (2, CANDIDATES, BEGINS.size, 2, 2)
-    size = np.exp(rng.uniform(*np.log(LOW), (2, CANDIDATES, 1, 1, 1)))
+    size = np.exp(rng.uniform(np.log(LOW[0]), np.log(LOW[1]), (2, CANDIDATES, 1, 1, 1)))
     ends = size * rng.uniform(-1.0, 1.0, shape)
     pulse = (CANDIDATES, BEGINS.size, 1, 2)
     level = rng.uniform(*HIGH, pulse) * rng.choice([-1.0, 1.0], pulse)
@@ -160,7 +160,7 @@ def designed(rng: np.random.Generator, known: dict[str, Any]) -> tuple[np.ndarra
                 for kind in inputs
             )
             whole = gentle[:, None] + rough[None]
-            good = np.isfinite(whole).all(axis=(-2, -1))
+            good: Any = np.isfinite(whole).all(axis=(-2, -1))
             eigenvalues = np.linalg.eigvalsh(np.where(good[..., None, None], whole, 0.0))
             least = np.minimum(least, eigenvalues[..., 0])
         i, j = np.unravel_index(np.argmax(least), least.shape)
@@ -288,7 +288,8 @@ class Search:
             points = np.asarray(found.others).reshape(-1, len(NAMES))
             points = points[np.isfinite(points).all(axis=1)]
             rows = np.concatenate([self._drawn_around(fit), points])
-            near = sorted((dict(zip(NAMES, row, strict=True)) for row in rows), key=self._squares)
+            sets: list[dict[str, Any]] = [dict(zip(NAMES, row, strict=True)) for row in rows]
+            near = sorted(sets, key=self._squares)
             again = [
                 led(_fit, start, self.truth, *self.data, horizons=(1.0,)) for start in near[:REFITS]
             ]

@@ -108,7 +108,8 @@ def _work(task: Any) -> str:
     path = _path(folder, first, last)
     part = path.with_suffix(f".{os.getpid()}.part")
     with part.open("wb") as file:
-        np.savez(file, **{key: np.stack([np.asarray(row[key]) for row in rows]) for key in rows[0]})
+        found: Any = {key: np.stack([np.asarray(row[key]) for row in rows]) for key in rows[0]}
+        np.savez(file, **found)
     os.replace(part, path)
     return path.stem
 

@@ -121,8 +121,8 @@ def period_of(
     one_number("tolerance", tolerance, "positive")
     check_count("max_period", max_period, 1)
     if start is not None:
-        start = _numbers("start", start)
-        if jnp.shape(start) != points.shape[1:]:
+        start = jnp.asarray(_numbers("start", start))
+        if start.shape != points.shape[1:]:
             raise misshaped("start", start, f"of the shape {points.shape[1:]}")
     turns = _periods(periods, points.shape[1])
     room = points.shape[0]

@@ -21,13 +21,14 @@ def builder_of(system: Any, coords: Mapping[str, Any]) -> Build:
         for key in coords:
             check_parameter(system, key)
         return lambda point: with_parameters(system, point)
-    if not callable(system):
+    make: Callable[..., Any] = system
+    if not callable(make):
         raise refusal("system", system, allowed, TypeError)
     call = f"system({', '.join(f'{key}=...' for key in coords)}), or an AbstractHybridSystem"
     check_callable("system", system, call, **coords)
-    first = system(**{key: float(values[0]) for key, values in coords.items()})
+    first = make(**{key: float(values[0]) for key, values in coords.items()})
     check_type("system(**point)", first, AbstractHybridSystem, "an AbstractHybridSystem")
-    return lambda point: system(**point)
+    return lambda point: make(**point)
 
 
 def check_labels(labels: Mapping[str, Any], known: Collection[str]) -> None:

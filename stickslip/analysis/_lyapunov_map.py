@@ -73,13 +73,14 @@ def lyapunov_spectrum_of_map(
     flat, local = compiled_once(run, flat, jnp.asarray(transient, jnp.int32))
     # A fixed point of a map is not stick: the exponents of the identity are zero.
     mean, error, status = judged(local, jnp.zeros((), bool), blocks)
+    assert warm_up is not None
     return LyapunovSpectrum(
         exponents=mean,
         error=error,
         local=local,
         time=jnp.arange(1.0, iterations + 1),
         lost=jnp.sum(jnp.isneginf(local), axis=0, dtype=jnp.int32),
-        t1=jnp.asarray(float(iterations + warm_up)) + transient,  # pyright: ignore[reportOperatorIssue]
+        t1=jnp.asarray(float(iterations + warm_up)) + transient,
         y1=unravel(flat),
         status=status,
     )

@@ -190,7 +190,7 @@ def orbit_diagram(
         several=not isinstance(section, Cut),
         observables={key: function for key, (function, _) in found.items()},
         domain=borders,
-        settles=record.transient > 0,
+        settles=bool(record.transient > 0),
         size=record.size,
         stops=record.points is not None,
         mode0=None if mode0 is None else mode,

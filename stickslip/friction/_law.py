@@ -1,7 +1,7 @@
 """What every friction law offers to a mechanism, whatever its form."""
 
 import abc
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 import jax.numpy as jnp
 from jax import lax
@@ -85,25 +85,32 @@ class AbstractFrictionLaw(AbstractShown):
         super().__init_subclass__(**kwargs)
         look_at_own(cls, _LOOKS)
 
-    @property
-    @abc.abstractmethod
-    def set_valued(self) -> bool:
-        """Whether the coefficient at rest is an interval."""
+    if TYPE_CHECKING:
+        # A type checker lets a subclass have either properties or attributes of the class in place of
+        # what is annotated here; without annotations it lets it have both.
+        set_valued = is_odd = is_dissipative = cast("bool", False)
+        num_states = cast("int", 0)
+    else:
 
-    @property
-    @abc.abstractmethod
-    def is_odd(self) -> bool:
-        """Whether friction is the same in both directions."""
+        @property
+        @abc.abstractmethod
+        def set_valued(self) -> bool:
+            """Whether the coefficient at rest is an interval."""
 
-    @property
-    @abc.abstractmethod
-    def is_dissipative(self) -> bool:
-        """Whether steady sliding never feeds energy into the motion."""
+        @property
+        @abc.abstractmethod
+        def is_odd(self) -> bool:
+            """Whether friction is the same in both directions."""
 
-    @property
-    @abc.abstractmethod
-    def num_states(self) -> int:
-        """Number of internal states."""
+        @property
+        @abc.abstractmethod
+        def is_dissipative(self) -> bool:
+            """Whether steady sliding never feeds energy into the motion."""
+
+        @property
+        @abc.abstractmethod
+        def num_states(self) -> int:
+            """Number of internal states."""
 
     @abc.abstractmethod
     def kinetic(self, v: Number, sense: Number) -> Float[Array, "..."]:

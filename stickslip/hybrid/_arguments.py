@@ -159,7 +159,7 @@ def check_sections(
         found = eqx.filter_eval_shape(section.function, system, t0, y0, y0, mode, args)
         number = isinstance(found, int | float) and not isinstance(found, bool)
         array = isinstance(found, jax.ShapeDtypeStruct) and found.shape == ()
-        if not (number or (array and jnp.issubdtype(found.dtype, jnp.number))):
+        if not (number or (array and jnp.issubdtype(getattr(found, "dtype", np.void), jnp.number))):
             what = f"sections: the function of {section.name!r} of (system, t, y, dy, mode, args)"
             raise refusal(what, found, "a real number")
 

@@ -64,7 +64,7 @@ def _advance(
     bare = without_state(lane)
     guarded = first is not None and plan.functions.num_guards > 0
     dt, jump, y_before = None, None, step.y1
-    if guarded:
+    if first is not None and guarded:
         # Computed in every lane, because a batch selects afterwards: where there is no event, `dt` is 0
         # and what the transition makes of the state is thrown away.
         dt = _delay(plan, code, first, step.h)

@@ -91,22 +91,22 @@ class WithBreaks(AbstractSystemWrapper):
         check_increasing("times", times)
 
     @property
-    def guard_names(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def guard_names(self) -> tuple[str, ...]:
         """Those of `system`, and `"the load breaks"`."""
         return (*self.system.guard_names, "the load breaks")
 
     @property
-    def guard_directions(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def guard_directions(self) -> tuple[str, ...]:
         """Those of `system`, then `"falling"`."""
         return (*guard_directions(self.system), "falling")
 
     @property
-    def guard_scales(self) -> Any:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def guard_scales(self) -> Any:
         """Those of `system` if it states them, then 1 s."""
         return None if self.system.guard_scales is None else (*guard_scales(self.system), 1.0)
 
     @property
-    def units(self) -> dict[str, str]:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def units(self) -> dict[str, str]:
         """Those of `system`."""
         return {**self.system.units, "piece": "1"}
 

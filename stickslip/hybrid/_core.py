@@ -160,7 +160,7 @@ def _with_zeros(cotangents: Smooth, like: Smooth) -> Smooth:
 
         return jax.tree.map(fill, like, given)
 
-    def log(given, like):
+    def log(given, like) -> Any:
         return filled(given, like) if jax.tree.leaves(given) else None
 
     logs, forms = cotangents.logs, like.logs

@@ -87,9 +87,7 @@ class Integrator(eqx.Module, metaclass=CheckedModule):
     """
 
     method: Given["Literal['dop853', 'tsit5', 'rk4'] | diffrax.AbstractSolver"] = "dop853"
-    step: AbstractStepSize = eqx.field(
-        default_factory=lambda: AdaptiveStep(1e-10)  # pyright: ignore[reportCallIssue]
-    )
+    step: AbstractStepSize = eqx.field(default_factory=lambda: AdaptiveStep(1e-10))
     max_steps: int = eqx.field(static=True, default=100_000)
     detect_dips: bool = eqx.field(static=True, default=True)
     progress: ProgressMeter | None = None
@@ -162,8 +160,8 @@ def simulate(
     values, `t1 < t0`, an unknown mode, unordered output times, guards that are not scalars; all
     before compilation.
     """
-    integrator = _default(Integrator) if integrator is None else integrator
-    saveat = _default(SaveAt) if saveat is None else saveat
+    integrator = _usual_integrator() if integrator is None else integrator
+    saveat = _usual_saveat() if saveat is None else saveat
     check_type("integrator", integrator, Integrator, "an Integrator")
     check_type("saveat", saveat, SaveAt, "a SaveAt")
     sections = sections_of(sections)
@@ -194,10 +192,17 @@ def simulate(
     return raise_failures(solution, fine) if throw else solution
 
 
+# One object for all calls that do not give their own: it was checked when it was made.
+
+
 @functools.cache
-def _default(kind: type) -> Any:
-    """One object for all calls that do not give their own: it was checked when it was made."""
-    return kind()
+def _usual_integrator() -> Integrator:
+    return Integrator()
+
+
+@functools.cache
+def _usual_saveat() -> SaveAt:
+    return SaveAt()
 
 
 @eqx.filter_jit

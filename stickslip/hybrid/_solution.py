@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Float, Int, PyTree, UInt
 
 from .._outcome import names_of, tally
 from .._show import counted, described
-from .._types import Given
+from .._types import Given, MaybeNone
 from .._validation import check_broadcast, check_type, is_concrete, refusal
 from ._components import components_of
 from ._labelled import events_dataframe, solution_dataset
@@ -115,9 +115,9 @@ class Solution(eqx.Module):
     y1: PyTree
     dy1: PyTree
     mode1: Int[Array, "*batch"]
-    outputs: StateLog | None
-    steps: StateLog | None
-    events: EventLog | None
+    outputs: StateLog | MaybeNone
+    steps: StateLog | MaybeNone
+    events: EventLog | MaybeNone
     crossings: tuple[StateLog, ...]
     result: Any
     flags: Int[Array, "*batch"]

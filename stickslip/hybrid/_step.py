@@ -93,7 +93,8 @@ def _scaled_error(plan: Plan, errors, surprise, noise, size, ends: Ends):
     scale = scales(plan.step_size, plan.atols, noise, size, ends)
     unseen = None
     if surprise is not None:
-        unseen = unexpected(surprise, scale, ends, plan.step_size.rtol)
+        rule: Any = plan.step_size  # an adaptive one: others estimate no error
+        unseen = unexpected(surprise, scale, ends, rule.rtol)
     return error_norm(errors, scale), unseen
 
 

@@ -1,7 +1,7 @@
 """Step-size rules: fixed, or adaptive by an error estimate."""
 
 import abc
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 import equinox as eqx
 import jax
@@ -19,6 +19,12 @@ from .._validation import (
 )
 from ._tolerance import check_tolerances
 
+if TYPE_CHECKING:
+    # By this name in this file, or type checkers take class attributes for fields.
+    from typing import ClassVar as AbstractClassVar
+else:
+    from equinox import AbstractClassVar
+
 
 class AbstractStepSize(eqx.Module, metaclass=CheckedModule):
     """How long the next step may be. Events and output times shorten it further.
@@ -27,7 +33,7 @@ class AbstractStepSize(eqx.Module, metaclass=CheckedModule):
     and needs nothing else. An adaptive one is an `AbstractAdaptiveStep`.
     """
 
-    adaptive: eqx.AbstractClassVar[bool]  # whether the error estimate is used
+    adaptive: AbstractClassVar[bool]  # whether the error estimate is used
 
     @abc.abstractmethod
     def initial(self, y: PyTree, dy: PyTree, scale: PyTree) -> Any:
@@ -65,11 +71,16 @@ class AbstractAdaptiveStep(AbstractStepSize):
     ```
     """
 
-    rtol: eqx.AbstractVar[Any]
-    atol: eqx.AbstractVar[Any]  # as in `AdaptiveStep`
-    dtmax: eqx.AbstractVar[Any]  # [s]; None: as in `AdaptiveStep`
-    dtmin: eqx.AbstractVar[Any]  # [s]
-    remembers: eqx.AbstractVar[bool]  # whether `factor` depends on the error before the last
+    if TYPE_CHECKING:
+        # A type checker takes what is annotated here for fields, in this order, of every subclass.
+        rtol = atol = dtmax = dtmin = cast("Any", None)
+        remembers = cast("bool", False)
+    else:
+        rtol: eqx.AbstractVar[Any]
+        atol: eqx.AbstractVar[Any]  # as in `AdaptiveStep`
+        dtmax: eqx.AbstractVar[Any]  # [s]; None: as in `AdaptiveStep`
+        dtmin: eqx.AbstractVar[Any]  # [s]
+        remembers: eqx.AbstractVar[bool]  # whether `factor` depends on the error before the last
 
     adaptive: ClassVar = True
 
@@ -162,8 +173,9 @@ class AdaptiveStep(AbstractAdaptiveStep):
 
         `scale`: what an error of 1 means in each leaf of `y`.
         """
+        dtmax: Any = self.dtmax  # a number by now: `bounded` has seen to it
         if self.h0 is not None:
-            return jnp.minimum(jnp.asarray(self.h0, jnp.float64), self.dtmax)  # pyright: ignore[reportArgumentType]
+            return jnp.minimum(jnp.asarray(self.h0, jnp.float64), dtmax)
 
         def square(tree):
             pairs = zip(jax.tree.leaves(tree), scale, strict=True)
@@ -172,7 +184,7 @@ class AdaptiveStep(AbstractAdaptiveStep):
         size, rate = square(y), square(dy)
         usable = (size > 1e-10) & (rate > 1e-10)
         guess = 0.01 * jnp.sqrt(jnp.where(usable, size, 1.0) / jnp.where(usable, rate, 1.0))
-        return jnp.minimum(jnp.where(usable, guess, 1e-6), self.dtmax)  # pyright: ignore[reportArgumentType]
+        return jnp.minimum(jnp.where(usable, guess, 1e-6), dtmax)
 
     def factor(self, error: Numeric, previous: Numeric, order: int) -> Any:
         """Ratio of the next step to this one."""

@@ -150,8 +150,10 @@ class ExplicitRungeKutta(AbstractStepper):
         if execute.compact:
             return Looked(*_rolled.step(self.tableau, field, t, y, dy, h, rows, surprises))
         return alone_or_batched(
-            lambda *a: Looked(*_rolled.step(self.tableau, *a, rows, surprises)),
-            lambda *a: self._step_written_out(*a, execute, rows, wanted, surprises),
+            lambda f, t, y, dy, h: Looked(*_rolled.step(self.tableau, f, t, y, dy, h, rows, surprises)),
+            lambda f, t, y, dy, h: self._step_written_out(
+                f, t, y, dy, h, execute, rows, wanted, surprises
+            ),
             [(field, (t, y))], t, y, dy, h,
         )  # fmt: skip
 
@@ -183,7 +185,7 @@ class ExplicitRungeKutta(AbstractStepper):
             return self._vjp_written_out(field, end, parameters, t, y, dy, h, execute)
         return alone_or_batched(
             lambda *a: _rolled.vjp(self.tableau, *a),
-            lambda *a: self._vjp_written_out(*a, execute),
+            lambda f, end, p, t, y, dy, h: self._vjp_written_out(f, end, p, t, y, dy, h, execute),
             [(field, (parameters, t, y)), (end, (y, dy))], parameters, t, y, dy, h,
         )  # fmt: skip
 
@@ -240,8 +242,9 @@ class DiffraxStepper(AbstractStepper):
         # A zero-length step only refreshes the slope, but implicit solvers divide by its length.
         moves = h > 0
         t1 = t + jnp.where(moves, h, 1e-8)
-        state = self.solver.init(term, t, t1, y, None)
-        y1, error, _, _, result = self.solver.step(term, t, t1, y, None, state, made_jump=True)
+        solver: Any = self.solver
+        state = solver.init(term, t, t1, y, None)
+        y1, error, _, _, result = solver.step(term, t, t1, y, None, state, made_jump=True)
         failed = result != dfx.RESULTS.successful
         y1 = jax.tree.map(
             lambda new, old: jnp.where(moves, jnp.where(failed, jnp.nan, new), old), y1, y

@@ -2,9 +2,8 @@
 
 import abc
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -13,6 +12,9 @@ from jaxtyping import PyTree
 from .._show import AbstractShown
 from .._types import Numeric, Whole
 from .._validation import MOST, check_callable, leaves_of, numbers, refusal, whole_number
+
+if not TYPE_CHECKING:
+    from equinox import AbstractClassVar
 
 DIRECTIONS = ("rising", "falling", "both")
 NO_MODE = -1  # what `transition` and `initial_mode` return where no mode is admissible
@@ -107,12 +109,22 @@ class AbstractHybridSystem(AbstractShown):
     know `"x"`, with all its numbers, and each of them: `"x[0]"`, `"x[1]"`, of a matrix `"x[0, 1]"`.
     """
 
-    mode_names: eqx.AbstractClassVar[Sequence[str]]
-    guard_names: eqx.AbstractClassVar[tuple[str, ...]]
-    units: ClassVar[dict[str, str]] = {}
-    periods: ClassVar[Mapping[str, float]] = {}
-    guard_directions: ClassVar[tuple[str, ...] | None] = None
-    guard_scales: ClassVar[Any] = None
+    if TYPE_CHECKING:
+        # To type checkers what is annotated here is either an attribute of the class or a property,
+        # and a subclass may have neither the other nor a narrower type. Without annotations it may.
+        mode_names = cast("Sequence[str]", ())
+        guard_names = cast("tuple[str, ...]", ())
+        units = cast("Mapping[str, str]", {})
+        periods = cast("Mapping[str, float]", {})
+        guard_directions = cast("tuple[str, ...] | None", None)
+        guard_scales = cast("Any", None)
+    else:
+        mode_names: AbstractClassVar[Sequence[str]]
+        guard_names: AbstractClassVar[tuple[str, ...]]
+        units: ClassVar[Mapping[str, str]] = {}
+        periods: ClassVar[Mapping[str, float]] = {}
+        guard_directions: ClassVar[tuple[str, ...] | None] = None
+        guard_scales: ClassVar[Any] = None
 
     def time_scale(self, args: PyTree) -> Any:
         r"""Shortest time [s] in which what depends on the time itself changes by its own size.

@@ -83,8 +83,8 @@ class Tableau:
     @property
     def ends_twice(self) -> bool:
         """Whether the last stage is at the end of the step, whose own slope no error estimate sees."""
-        unseen = all(row[-1] == 0.0 for row in self.error_weights)
-        return self.stages > 1 and self.c[-1] == 1.0 and unseen
+        unseen = all(bool(row[-1] == 0.0) for row in self.error_weights)
+        return self.stages > 1 and bool(self.c[-1] == 1.0) and unseen
 
 
 def _square(rows: Any) -> np.ndarray:

@@ -48,32 +48,32 @@ class AbstractSystemWrapper(AbstractHybridSystem):
         """State and arguments of `system`, from those of this one."""
 
     @property
-    def mode_names(self) -> Sequence[str]:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def mode_names(self) -> Sequence[str]:
         """Those of `system`."""
         return self.system.mode_names
 
     @property
-    def guard_names(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def guard_names(self) -> tuple[str, ...]:
         """Those of `system`."""
         return self.system.guard_names
 
     @property
-    def guard_directions(self) -> tuple[str, ...] | None:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def guard_directions(self) -> tuple[str, ...] | None:
         """Those of `system`."""
         return self.system.guard_directions
 
     @property
-    def guard_scales(self) -> Any:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def guard_scales(self) -> Any:
         """Those of `system`."""
         return self.system.guard_scales
 
     @property
-    def units(self) -> dict[str, str]:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def units(self) -> Mapping[str, str]:
         """Those of `system`."""
         return self.system.units
 
     @property
-    def periods(self) -> Mapping[str, float]:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def periods(self) -> Mapping[str, float]:
         """Those of `system`."""
         return self.system.periods
 

@@ -1,7 +1,7 @@
 """Gauss-Newton, and what it shares with Levenberg-Marquardt, from the parts that optimistix offers."""
 
 import abc
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -21,16 +21,22 @@ LEAST = 1e-10  # damping of the step that tells what there is still to gain
 UNSEEN = 1e-8  # part of the largest sensitivity that counts as that of what is not seen at all
 
 
-def _info(residual: Any, matrix: Any) -> optx.FunctionInfo.ResidualJac:
+def _info(residual: Any, matrix: Any) -> Any:
     return optx.FunctionInfo.ResidualJac(residual, lx.MatrixLinearOperator(matrix))
 
 
 class AbstractGaussNewton(AbstractMethod):
     """Steps of the linear model of the residuals, shortened by a search of optimistix."""
 
-    tolerance: eqx.AbstractVar[float]
-    max_steps: eqx.AbstractVar[int]
-    _search: eqx.AbstractClassVar[optx.AbstractSearch]
+    if TYPE_CHECKING:
+        # Not annotated: type checkers would take them for the first fields of every subclass.
+        tolerance = cast("float", 0.0)
+        max_steps = cast("int", 0)
+        _search = cast("optx.AbstractSearch", None)
+    else:
+        tolerance: eqx.AbstractVar[float]
+        max_steps: eqx.AbstractVar[int]
+        _search: eqx.AbstractClassVar[optx.AbstractSearch]
 
     def __check_init__(self):
         one_number("tolerance", self.tolerance, "positive")
@@ -38,11 +44,11 @@ class AbstractGaussNewton(AbstractMethod):
         check_type("loss", self.loss, AbstractLoss | None, "a loss such as Huber(), or None")
 
     @abc.abstractmethod
-    def _sizes(self, matrix, bend):
+    def _sizes(self, matrix, bend) -> Any:
         """Sizes of the coordinates, in which steps are measured."""
 
     @abc.abstractmethod
-    def _shortened(self, size, full, y, rows, whole):
+    def _shortened(self, size, full, y, rows, whole) -> tuple[Any, Any]:
         """The step that the search wants at `size`, and whether there is one, where `full` is the
         one to the minimum of the linear model `rows + whole @ step` from `y`."""
 
@@ -126,7 +132,7 @@ class GaussNewton(AbstractGaussNewton):
     def _sizes(self, matrix, bend):
         return sensitivities(matrix, bend)
 
-    def _shortened(self, size, full, y, rows, whole):
+    def _shortened(self, size, full, y, rows, whole) -> tuple[Any, Any]:
         return size * full, optx.RESULTS.successful
 
 
@@ -137,7 +143,7 @@ def sensitivities(matrix: Any, bend: Any) -> Any:
     return jnp.maximum(sizes, jnp.where(largest > 0.0, UNSEEN * largest, 1.0))
 
 
-def descended(size: Any, y: Any, rows: Any, matrix: Any) -> tuple[Any, Any]:
+def descended(size: Any, y: Any, rows: Any, matrix: Any) -> Any:
     info = _info(rows, matrix)
     return DESCENT.step(size, DESCENT.query(y, info, DESCENT.init(y, info)))
 

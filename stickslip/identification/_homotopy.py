@@ -38,11 +38,11 @@ class _Smoothed:
 
 
 def _coarse() -> LevenbergMarquardt:
-    return LevenbergMarquardt(tolerance=1e-3, max_steps=30)  # pyright: ignore[reportCallIssue]
+    return LevenbergMarquardt(tolerance=1e-3, max_steps=30)
 
 
 def _exact() -> LevenbergMarquardt:
-    return LevenbergMarquardt()  # pyright: ignore[reportCallIssue]
+    return LevenbergMarquardt()
 
 
 class Homotopy(eqx.Module, metaclass=CheckedModule):

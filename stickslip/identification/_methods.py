@@ -5,7 +5,7 @@ many starts at once to one compiled program.
 """
 
 import abc
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import equinox as eqx
 import jax
@@ -33,7 +33,10 @@ class AbstractMethod(eqx.Module, metaclass=CheckedModule):
     `loss`: an `AbstractLoss` in place of the squares of the residuals, or `None`.
     """
 
-    loss: eqx.AbstractVar[AbstractLoss | None]
+    if TYPE_CHECKING:
+        loss = cast("AbstractLoss | None", None)  # not annotated, or it is the first field to checkers
+    else:
+        loss: eqx.AbstractVar[AbstractLoss | None]
 
     @abc.abstractmethod
     def begin(self, z: Float[Array, " unknown"], rows: int, space: Space | None = None) -> Iteration:

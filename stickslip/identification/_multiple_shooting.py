@@ -49,9 +49,7 @@ class MultipleShooting(eqx.Module, metaclass=CheckedModule):
     guess: Given[Guess | None] = eqx.field(static=True, default=None)
     weights: Given[tuple[float, ...]] = eqx.field(static=True, default=(1.0, 0.1, 0.01))
     max_steps: int = eqx.field(static=True, default=40)
-    polish: LevenbergMarquardt = eqx.field(
-        default_factory=lambda: LevenbergMarquardt()  # pyright: ignore[reportCallIssue]
-    )
+    polish: LevenbergMarquardt = eqx.field(default_factory=lambda: LevenbergMarquardt())
 
     def __check_init__(self):
         check_count("segments", self.segments, 2)

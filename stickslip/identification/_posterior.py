@@ -133,12 +133,13 @@ def posterior(
         def chain(key):
             first, adapt, sample = jax.random.split(key, 3)
             start = SPREAD * jax.random.normal(first, z.shape)
-            adaptation = blackjax.window_adaptation(
-                blackjax.nuts, density, target_acceptance_rate=ACCEPTANCE, initial_step_size=0.5,
+            nuts: Any = blackjax.nuts
+            adaptation: Any = blackjax.window_adaptation(
+                nuts, density, target_acceptance_rate=ACCEPTANCE, initial_step_size=0.5,
                 max_num_doublings=max_doublings,
             )  # fmt: skip
             (state, found), _ = adaptation.run(adapt, start, warmup)
-            step = blackjax.nuts(density, **found).step
+            step = nuts(density, **found).step
 
             def one(state, key):
                 state, info = step(key, state)

@@ -261,7 +261,8 @@ class Problem:
             fits = many_starts(self._run, rows, self._data, fit=method.polish, chunk_size=chunk_size)
             return _with_steps(fits, taken)
         if not isinstance(method, MultipleShooting):
-            return many_starts(self._run, rows, self._data, fit=method, chunk_size=chunk_size)
+            one: Any = method  # an `AbstractMethod`, as `_method` has found
+            return many_starts(self._run, rows, self._data, fit=one, chunk_size=chunk_size)
         space, found = checked("starts", rows)
         count = next(iter(found.values())).shape[0]
         near, taken = [], []

@@ -106,7 +106,7 @@ class Run:
         system, whole, start = self.with_breaks(values, inputs, y0, begin)
         ts = self.times_of(values, times, begin)
         # From stamp to stamp the motion is bounded in its steps by the record, as it is in one go.
-        integrator = Integrator() if self.integrator is None else self.integrator  # pyright: ignore
+        integrator = Integrator() if self.integrator is None else self.integrator
         mode = whole.initial_mode(begin, start, None)
         integrator = spanning(integrator, whole, begin, ts[-1] - begin, start, mode, None)
 

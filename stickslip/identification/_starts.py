@@ -1,5 +1,7 @@
 """Many starts spread over the space of the unknowns."""
 
+from typing import Any
+
 import numpy as np
 
 from .._validation import check_count, one_static
@@ -25,7 +27,8 @@ def sobol_starts(
     check_count("count", count, 1)
     one_static("spread", spread, "positive")
     check_count("seed", seed, 0)
-    points = qmc.Sobol(len(space.names), seed=seed).random(2 ** int(np.ceil(np.log2(count + 1))))
+    sobol: Any = qmc.Sobol  # `seed` is called `rng` in new versions, which take both
+    points = sobol(len(space.names), seed=seed).random(2 ** int(np.ceil(np.log2(count + 1))))
     points = np.clip(points[:count], 1e-3, 1.0 - 1e-3)
     found = {}
     for i, name in enumerate(space.names):
@@ -37,7 +40,7 @@ def sobol_starts(
         elif low is not None and high is not None:
             row = low + (high - low) * u
         elif low is not None or high is not None:
-            bound = low if high is None else high
+            bound: Any = low if high is None else high
             row = bound + (value - bound) * spread ** (2.0 * u - 1.0)
         else:
             row = value + float(space.scales[i]) * spread * (2.0 * u - 1.0)

@@ -77,10 +77,11 @@ def cross_correlation(series: Rows, other: Rows, lags: int = 20, *, level: float
     if the residual is white. **Raises** as `autocorrelation`.
     """
     _check_level(level)
+    given: Any = series
     rows, here = _rows("series", series, lags)
     inputs, there = _rows("other", other, lags)
     if rows.shape != inputs.shape:
-        raise misshaped("other", other, f"of the shape of series, {np.shape(series)}")
+        raise misshaped("other", other, f"of the shape of series, {np.shape(given)}")
     shifts = jnp.arange(lags + 1)
     after, counts_after = _products(inputs, there, rows, here, shifts)
     before, counts_before = _products(rows, here, inputs, there, shifts)

@@ -198,12 +198,12 @@ def transition(
         if island.dependent:
             gives_way, stops = guard == shared, any_of(hit)
             shared += 1
-            limits = without_slope(limits_of(island, at, "static_coefficient"))
+            low, high = without_slope(limits_of(island, at, "static_coefficient"))
             if island.stops:
                 rows = rows_of(island, at)
-                _, released = least_reserve(island, *limits, rows, rest, motion)
+                _, released = least_reserve(island, low, high, rows, rest, motion)
             else:
-                _, released = island.onset(*limits, rest, motion)
+                _, released = island.onset(low, high, rest, motion)
         else:
             # What it bears pushes back: it gives way against it.
             released = [

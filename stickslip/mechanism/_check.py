@@ -138,7 +138,9 @@ def check_mass(mechanism: Any, q: Any = None) -> None:
 def _inertia(mechanism: Any, q: Any) -> list[Any]:
     """Entries of the mass matrix: of its diagonal, or row by row."""
     mass = mass_of(mechanism.mass_matrix(q), mechanism.names.coordinates)
-    return mass.diagonal if mass.full is None else [x for row in mass.full for x in row]
+    if mass.full is None:
+        return list(mass.diagonal or ())
+    return [x for row in mass.full for x in row]
 
 
 def _varies(mechanism: Any) -> bool:

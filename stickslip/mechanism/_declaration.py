@@ -16,9 +16,6 @@ from ._scalars import Mass, is_zero
 
 GIVEN = None  # a direction that `contacts` returns
 
-# A property in whose place a subclass may have an attribute of the class, as type checkers see it.
-overridable: Any = property
-
 
 class Names(NamedTuple):
     """Names that a mechanism states, in order."""
@@ -42,10 +39,15 @@ class Names(NamedTuple):
         return tuple(name for name in self.places if name not in self.cyclic)
 
 
+def _named_tuple(title: str, names: tuple[str, ...]) -> type:
+    fields: Any = [(name, Any) for name in names]  # type checkers read literal lists only
+    return NamedTuple(title, fields)
+
+
 @functools.lru_cache(maxsize=256)
 def coordinates_type(names: tuple[str, ...]) -> type:
     """Named tuple of the coordinates, or of their rates under the same names."""
-    return NamedTuple("Coordinates", [(name, Any) for name in names])
+    return _named_tuple("Coordinates", names)
 
 
 def at_zero(names: Names, zero: Any = None) -> tuple[Any, Any]:
@@ -59,7 +61,7 @@ def at_zero(names: Names, zero: Any = None) -> tuple[Any, Any]:
 @functools.lru_cache(maxsize=256)
 def state_type(names: tuple[str, ...]) -> type:
     """Named tuple of coordinates and velocities."""
-    return NamedTuple("MechanismState", [(name, Any) for name in names])
+    return _named_tuple("MechanismState", names)
 
 
 def in_order(what: str, given: Any, names: Sequence[str], allowed: str) -> list[Any]:

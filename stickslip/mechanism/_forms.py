@@ -35,7 +35,7 @@ class _AbstractSmoothForm(AbstractMechanicalSystem):
     mode_names: ClassVar = ("motion",)
 
     @property
-    def periods(self) -> Mapping[str, float]:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def periods(self) -> Mapping[str, float]:
         """Those of the mechanism."""
         return self.mechanism.periods
 
@@ -44,7 +44,7 @@ class _AbstractSmoothForm(AbstractMechanicalSystem):
         """The state of the mechanism in a state `y` of this form."""
 
     @property
-    def guard_names(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def guard_names(self) -> tuple[str, ...]:
         """One of each contact that does not open and may lose its normal force."""
         names = self.mechanism.names.contacts
         return tuple(f"{names[c]} loses its normal force" for c in self.mechanism.lifting)
@@ -112,7 +112,7 @@ class RegularisedMechanism(_AbstractSmoothForm):
         self.kind = check_in("kind", kind, KINDS)
 
     @property
-    def units(self) -> dict[str, str]:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def units(self) -> dict[str, str]:
         """Those of the mechanism."""
         return self.mechanism.units
 
@@ -191,7 +191,7 @@ class BristleMechanism(_AbstractSmoothForm):
         self.parameters = dict(parameters or {})
 
     @property
-    def units(self) -> dict[str, str]:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def units(self) -> dict[str, str]:
         """Those of the mechanism; the deflections are in metres."""
         return self.mechanism.units
 

@@ -65,7 +65,8 @@ def instant_of(machine: "AbstractMechanism", t: Any, q: Any, v: Any, args: Any) 
     )
     mass = mass_of(machine.mass_matrix(q), names.coordinates)
     rates = rates_of(machine, t, q, v, args)
-    return Instant(q, v, mass, force, *touching(machine, t, q, v, args), rates)
+    contacts, directions, speeds, stops, surfaces = touching(machine, t, q, v, args)
+    return Instant(q, v, mass, force, contacts, directions, speeds, stops, surfaces, rates)
 
 
 def touching(machine: "AbstractMechanism", t: Any, q: Any, v: Any, args: Any) -> tuple:

@@ -1,7 +1,7 @@
 """Declare masses, forces and contacts of a mechanism; its modes, guards and transitions follow."""
 
 import abc
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
@@ -11,7 +11,7 @@ from jaxtyping import PyTree
 
 from stickslip._looks_at import looks_at, reals
 from stickslip._looks_at import state as some_state
-from stickslip._types import Numeric
+from stickslip._types import Numeric, overridable
 from stickslip._validation import is_concrete
 from stickslip.friction import AbstractBristleLaw, LuGre
 from stickslip.hybrid._dependence import NONE, degrees
@@ -25,7 +25,6 @@ from ._declaration import (
     directions_of,
     generic_mass,
     in_order,
-    overridable,
     traced_with,
 )
 from ._first_order import check_rates
@@ -180,7 +179,9 @@ class AbstractMechanism(AbstractWithObservables):
         A mapping by coordinate, where a missing one is 0, or a sequence in their order.
         """
 
-    def contacts(self, t: Numeric, q: PyTree, v: PyTree, args: PyTree) -> Mapping[str, Contact]:
+    def contacts(
+        self, t: Numeric, q: PyTree, v: PyTree, args: PyTree
+    ) -> Mapping[str, Contact] | Sequence[Contact]:
         """A `Contact` for each name in `contact_directions`."""
         return {}
 
@@ -224,7 +225,7 @@ class AbstractMechanism(AbstractWithObservables):
         return tuple(island for island in self.islands if island.dependent)
 
     @overridable
-    def mode_names(self) -> Any:
+    def mode_names(self) -> Sequence[str]:
         """`"slip backward"`, `"stick"`, `"slip forward"` or `"open"` of each contact; of each stop
         `"open"` or `"closed"`."""
         return ModeNames(len(self.contact_directions), len(self.stops))

@@ -1,29 +1,42 @@
 """The state of a mechanism: coordinates, their rates, and states of first order, by name."""
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
-import equinox as eqx
 from jaxtyping import PyTree
 
-from stickslip._types import Numeric
+from stickslip._types import Numeric, overridable
 from stickslip._validation import as_parameter, check_finite
 
 from ._account import AbstractMechanicalSystem
-from ._declaration import Names, coordinates_type, overridable, state_type
+from ._declaration import Names, coordinates_type, state_type
+
+if not TYPE_CHECKING:
+    from equinox import AbstractClassVar
 
 
 class AbstractWithStates(AbstractMechanicalSystem):
     """A part of `AbstractMechanism`, which says what it declares."""
 
-    coordinates: eqx.AbstractClassVar[Mapping[str, str]]
-    first_order: ClassVar[Mapping[str, str]] = {}
-    cyclic: ClassVar[tuple[str, ...]] = ()
-    contact_directions: ClassVar[Mapping[str, Any]] = {}
-    velocities: ClassVar[Mapping[str, str]] = {}
-    opening: ClassVar[tuple[str, ...]] = ()
-    stops: ClassVar[tuple[str, ...]] = ()
-    state_class: ClassVar[type | None] = None
+    if TYPE_CHECKING:
+        # Not annotated, for the reason given in `AbstractHybridSystem`.
+        coordinates = cast("Mapping[str, str]", {})
+        first_order = cast("Mapping[str, str]", {})
+        cyclic = cast("tuple[str, ...]", ())
+        contact_directions = cast("Mapping[str, Any]", {})
+        velocities = cast("Mapping[str, str]", {})
+        opening = cast("tuple[str, ...]", ())
+        stops = cast("tuple[str, ...]", ())
+        state_class = cast("type | None", None)
+    else:
+        coordinates: AbstractClassVar[Mapping[str, str]]
+        first_order: ClassVar[Mapping[str, str]] = {}
+        cyclic: ClassVar[tuple[str, ...]] = ()
+        contact_directions: ClassVar[Mapping[str, Any]] = {}
+        velocities: ClassVar[Mapping[str, str]] = {}
+        opening: ClassVar[tuple[str, ...]] = ()
+        stops: ClassVar[tuple[str, ...]] = ()
+        state_class: ClassVar[type | None] = None
 
     def rates(self, t: Numeric, q: PyTree, v: PyTree, args: PyTree) -> Mapping[str, Any]:
         """The rate of each state in `first_order`, by name."""

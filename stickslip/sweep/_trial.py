@@ -38,8 +38,8 @@ def _lane(belt_speed):
     section = Section(lambda system, t, y, dy, mode, args: y.x - 0.3, "rising")
 
     def end(belt_speed):
-        block = _Block(belt_speed)  # pyright: ignore[reportCallIssue]
-        step = FixedStep(0.05)  # pyright: ignore[reportCallIssue]
+        block = _Block(belt_speed)
+        step = FixedStep(0.05)
         solution: Any = simulate(
             block, 0.0, 12.0, _State(0.0 * belt_speed, belt_speed), 0,
             integrator=Integrator("rk4", step, max_steps=512),

@@ -2,7 +2,7 @@
 
 import abc
 from collections.abc import Callable
-from typing import Any, ClassVar, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
@@ -24,6 +24,12 @@ from ..friction._law import Number
 from ..friction._law import check_law as is_law
 from ..hybrid import Section
 from ._mechanical import AbstractMechanicalSystem
+
+if TYPE_CHECKING:
+    # By this name in this file, or type checkers take class attributes for fields.
+    from typing import ClassVar as AbstractClassVar
+else:
+    from equinox import AbstractClassVar
 
 # Set A. Constructed: the paper prints no parameters; found by random search and rounded by hand.
 # J = 3 M r^2 and Q = -3/4 M g r, which balances the pendulum's weight at y = 0.
@@ -98,7 +104,7 @@ class AbstractBlockOnBelt(AbstractMechanicalSystem):
         "c2": "N s/m", "r": "m", "Q": "N m", "g": "m/s2",
     }  # fmt: skip
 
-    set_valued: eqx.AbstractClassVar[bool]  # whether the block sticks
+    set_valued: AbstractClassVar[bool]  # whether the block sticks
 
     @abc.abstractmethod
     def belt_velocity(self, y: PyTree) -> Float[Array, "..."]:

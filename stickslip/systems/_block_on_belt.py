@@ -1,6 +1,6 @@
 """Block on a belt of constant speed, its normal force intensified by a pendulum."""
 
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, PyTree
@@ -109,6 +109,9 @@ class BlockOnBelt(AbstractBlockOnSteadyBelt, AbstractSmoothSystem):
         Mechanical System with Stick-Slip Friction*, Eqs. (8)-(12), first case.
     """
 
+    if TYPE_CHECKING:  # which would take the fields for the arguments
+        __init__ = AbstractBlockOnSteadyBelt.__init__
+
     set_valued: ClassVar = False
     units: ClassVar = {"x": "m", "vx": "m/s", "y": "m", "vy": "m/s"}
 
@@ -148,6 +151,9 @@ class BlockOnBeltSetValued(AbstractBlockOnSteadyBelt, AbstractMechanism):
         Equations as for `BlockOnBelt`. A. F. Filippov, *Differential Equations with Discontinuous
         Righthand Sides*, Kluwer, 1988.
     """
+
+    if TYPE_CHECKING:  # which would take the fields for the arguments
+        __init__ = AbstractBlockOnSteadyBelt.__init__
 
     set_valued: ClassVar = True
     coordinates: ClassVar = {"x": "m", "y": "m"}

@@ -102,7 +102,7 @@ class CoulombOscillator(AbstractMechanism):
         return (where(mode == 1, reserve, jnp.sqrt(self.stiffness * self.mass) * speed),)
 
     @property
-    def guard_scales(self) -> tuple:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def guard_scales(self) -> tuple:
         """The largest friction force, or what stops the speed of the belt in a quarter period [N]."""
         inertia = jnp.sqrt(self.stiffness * self.mass) * jnp.abs(self.belt_speed)
         scale = jnp.maximum(jnp.maximum(self.static_force, self.kinetic_force), inertia)

@@ -29,19 +29,19 @@ def mean_belt_speed(
     _check_system(system)
     check_type("integrator", integrator, Integrator | None, "an Integrator or None")
     if integrator is None:
-        integrator = Integrator(method="tsit5", step=FixedStep(1e-3), max_steps=10**9)  # pyright: ignore[reportCallIssue]
-    duration = as_parameter(one_number("duration", duration, "positive"))
-    transient = as_parameter(one_number("transient", transient, "positive"))
+        integrator = Integrator(method="tsit5", step=FixedStep(1e-3), max_steps=10**9)
+    lasts = as_parameter(one_number("duration", duration, "positive"))
+    dropped = as_parameter(one_number("transient", transient, "positive"))
     travelling = WithIntegrals(system, _belt_velocity, units={"travel": "m"})
     start = travelling.start(DrivenBlockState(*(jnp.zeros(()),) * 6))
-    ts = jnp.stack([transient, transient + duration])
+    ts = jnp.stack([dropped, dropped + lasts])
     solution = simulate(
-        travelling, 0.0, transient + duration, start,
+        travelling, 0.0, dropped + lasts, start,
         integrator=integrator, saveat=SaveAt(ts=ts, events=False), max_events=None,
     )  # fmt: skip
     assert solution.outputs is not None
     travel = solution.outputs.y.integrals["travel"]
-    return (travel[1] - travel[0]) / duration
+    return (travel[1] - travel[0]) / lasts
 
 
 def voltage_for_belt_speed(

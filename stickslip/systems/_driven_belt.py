@@ -1,6 +1,6 @@
 """Block on a belt that a DC drive moves: the full model, with smooth friction."""
 
-from typing import Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -142,6 +142,9 @@ class BlockOnDrivenBelt(AbstractBlockOnDrivenBelt):
         *Influence of Frequency of Excitation on Bifurcational Behaviour of an Experimental 2-DoF
         Mechanical System with Stick-Slip Friction*, Eqs. (1)-(12), second case.
     """
+
+    if TYPE_CHECKING:  # which would take the fields for the arguments
+        __init__ = AbstractBlockOnDrivenBelt.__init__
 
     set_valued: ClassVar = False
     mode_names: ClassVar = DCDrive.mode_names

@@ -1,6 +1,6 @@
 """Block on a belt that a DC drive moves: the full model, with set-valued friction."""
 
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import jax.numpy as jnp
 from jaxtyping import PyTree
@@ -40,6 +40,9 @@ class BlockOnDrivenBeltSetValued(AbstractBlockOnDrivenBelt, AbstractMechanism):
     `BlockOnDrivenBeltSetValued.constructed(k3=85.0)` is set A (**constructed**) with the set-valued
     limit of its law. Errors as for `BlockOnDrivenBelt`.
     """
+
+    if TYPE_CHECKING:  # which would take the fields for the arguments
+        __init__ = AbstractBlockOnDrivenBelt.__init__
 
     set_valued: ClassVar = True
     coordinates: ClassVar = {"x": "m", "y": "m", "s": "m"}

@@ -203,12 +203,12 @@ class JointedBeam(AbstractMechanism):
         return cls.constructed(v, **{**words, **changes})
 
     @property
-    def parameter_units(self) -> dict[str, str]:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def parameter_units(self) -> dict[str, str]:
         """Units of the parameters; none where the system is dimensionless."""
         return {} if self.is_dimensionless else PARAMETER_UNITS
 
     @property
-    def units(self) -> dict[str, str]:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def units(self) -> dict[str, str]:
         """Units of the state; `"1"` where the system is dimensionless."""
         length, speed = ("1", "1") if self.is_dimensionless else ("m", "m/s")
         return {"x": length, "vx": speed, "y": length, "vy": speed, "q": length, "p": speed}
@@ -241,7 +241,7 @@ class JointedBeam(AbstractMechanism):
         }
 
     @property
-    def guard_scales(self) -> tuple:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def guard_scales(self) -> tuple:
         """Guards are small if the belt is slow: its speed, and a force that belongs to it."""
         speed = where(self.v == 0.0, self.scales.speed, abs(self.v))
         force = where(self.k3 > 0.0, self.k3, self.k2) * speed * jnp.sqrt(self.m / self.k2)

@@ -23,7 +23,7 @@ class PrintedWeakening(AbstractDryFrictionLaw):
     is_dissipative: ClassVar[bool] = False
 
     def kinetic(self, v: Number, sense: Number) -> Float[Array, "..."]:
-        return sense * self.mu_s / (1.0 + self.gamma * v)
+        return self.mu_s * sense / (1.0 + self.gamma * v)
 
     def static_coefficient(self, sense: Number = 1) -> Float[Array, "..."]:
         return self.mu_s

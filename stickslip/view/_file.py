@@ -127,7 +127,7 @@ def document_of(diagram: Diagram, orbits: list[dict[str, Any]], most: int) -> Do
     unit = str(diagram.dataset[diagram.x].attrs.get("units", ""))
     kept = ("drawn", "marker", "orbit", "orbit_points", "plane", "plane_points", "returns")
     kept += ("return_points", "diagonal", "chosen", "message", "selects")
-    code = importlib.resources.files(__package__).joinpath("page.js").read_text(encoding="utf-8")
+    code = importlib.resources.files("stickslip.view").joinpath("page.js").read_text(encoding="utf-8")
     callback = CustomJS(
         args={
             "page": {key: getattr(page, key) for key in kept},

@@ -74,9 +74,11 @@ def motion(dataset: Any, observable: str) -> Motion:
         raise refusal("orbit(...)", sorted(map(str, dataset.variables)), what)
     first = observable if observable in seen else seen[0]
     second = next((key for key in seen if key != first), None)
-    labels = tuple(
-        labelled(key, dataset[key].attrs) if key is not None else "" for key in ("time", first, second)
+    labels = (
+        labelled("time", dataset["time"].attrs),
+        labelled(first, dataset[first].attrs),
+        "" if second is None else labelled(second, dataset[second].attrs),
     )
     values = [np.asarray(dataset[key].values, np.float64) for key in ("time", first)]
     other = None if second is None else np.asarray(dataset[second].values, np.float64)
-    return Motion(values[0], values[1], other, labels)  # pyright: ignore[reportArgumentType]
+    return Motion(values[0], values[1], other, labels)

@@ -105,7 +105,8 @@ def page_of(diagram: Diagram, notes: list[str], *, motion: bool, drag: bool) -> 
     returns.scatter("x", "y", source=return_points, color=GOOD, size=4)
     for part in (plot, orbit, plane, returns):
         part.toolbar.logo = None
-        part.title.text_font_size = "8pt"  # a third of the page holds parameter, period and status
+        title: Any = part.title
+        title.text_font_size = "8pt"  # a third of the page holds parameter, period and status
     selects = [
         Select(
             title=key, value="0", options=[(str(i), _value(v)) for i, v in enumerate(values)], name=key

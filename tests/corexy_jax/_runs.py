@@ -46,7 +46,7 @@ def shared(number: int, swap: float = 0.0) -> tuple[cx.CoreXYParameters, Either]
 @eqx.filter_jit
 def run(p, v, t1, tolerance) -> cx.CoreXYSolution:
     step = ss.AdaptiveStep(tolerance, tolerance)
-    integrator = ss.Integrator(step=step)  # pyright: ignore[reportCallIssue]
+    integrator = ss.Integrator(step=step)
     return cx.simulate_consistent(p, v, t1, rows=ROWS, integrator=integrator, max_events=128)
 
 

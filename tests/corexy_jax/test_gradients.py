@@ -32,7 +32,7 @@ def outcome(theta, t1, number_like):
     v = eqx.tree_at(lambda v: (v.harmonic, v.square), v, waves)
     system = cx.CoreXY(p, v)
     ledger = WithIntegrals(system, cx.CoreXY.slips, units=SLIP_UNITS)
-    integrator = ss.Integrator(step=ss.AdaptiveStep(1e-12, 1e-12))  # pyright: ignore[reportCallIssue]
+    integrator = ss.Integrator(step=ss.AdaptiveStep(1e-12, 1e-12))
     found = ss.simulate(
         ledger, 0.0, t1, ledger.start(system.state()), integrator=integrator,
         saveat=ss.SaveAt(events=False), max_events=None,

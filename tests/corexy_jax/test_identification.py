@@ -18,8 +18,8 @@ NAMES = ("mu_1k_b", "mu_2k_b", "mu_k", "mu_s", "P1", "P2")
 def residuals(values, data):
     """Residuals of scenario 1."""
     p, voltage = cx.scenario(1)
-    step = ss.AdaptiveStep(1e-10, 1e-10)  # pyright: ignore[reportCallIssue]
-    integrator = ss.Integrator("tsit5", step)  # pyright: ignore[reportCallIssue]
+    step = ss.AdaptiveStep(1e-10, 1e-10)
+    integrator = ss.Integrator("tsit5", step)
     return cx.measurement_residuals(values, data, p, voltage, TIMES, integrator=integrator)
 
 

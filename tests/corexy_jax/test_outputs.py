@@ -30,7 +30,7 @@ def test_outputs_of_scenario_1():
     np.testing.assert_allclose(rolling.omega, rolling.omega_v, atol=1e-9)
     assert {data[name].attrs["units"] for name in data.data_vars} >= {"m", "J", "V", "N m", "rad/s"}
     with pytest.raises(TypeError, match="solution"):
-        cx.outputs(3.0)  # pyright: ignore
+        cx.outputs(3.0)
 
 
 def test_slip_distance_is_the_path_of_the_belt():

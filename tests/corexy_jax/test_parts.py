@@ -36,9 +36,9 @@ def test_tables_of_the_paper():
     rows = {1: (20, 20, 10, 5, 10, 0.1), 2: (30, 30, 20, 10, 1e-3, 1e-3), 3: (20, 30, 20, 10, 10, 10)}
     for number, row in rows.items():
         p, v = cx.scenario(number)
-        assert (float(p.P1), float(p.P2), float(v.v01), float(v.v02)) == row[:4]  # pyright: ignore
+        assert (float(p.P1), float(p.P2), float(v.v01), float(v.v02)) == row[:4]
         assert (float(p.mu_1s_b), float(p.mu_2s_b)) == row[4:]
-        assert float(v.frequency) == 0.5  # pyright: ignore
+        assert float(v.frequency) == 0.5
 
 
 @pytest.mark.parametrize("name", ["m", "M", "J", "J_passive", "r", "R", "K_t", "P1", "P2", "g"])
@@ -66,9 +66,9 @@ def test_bad_input_is_named():
     with refused(ValueError, "one row"):
         cx.PiecewiseStep([0.0], [1.0], [1.0])
     with refused(TypeError, "function"):
-        cx.UserVoltage(3.0)  # pyright: ignore
+        cx.UserVoltage(3.0)
     with refused(TypeError, "voltage"):
-        cx.CoreXY(cx.CoreXYParameters(), 5.0)  # pyright: ignore
+        cx.CoreXY(cx.CoreXYParameters(), 5.0)
     p, v = cx.scenario(1)
     with refused(ValueError, "method = 'exact'"):
         cx.simulate(p, v, method="exact")
@@ -79,7 +79,7 @@ def test_bad_input_is_named():
     with refused(ValueError, "t1 = 1.0: it must be a multiple"):
         cx.simulate(p, v, 1.0, method="as_printed", dt=0.3, rows=2)
     with refused(TypeError, "A2 = 'yes'"):
-        cx.Errata(A2="yes")  # pyright: ignore
+        cx.Errata(A2="yes")
 
 
 def test_harmonic_and_square_wave():

@@ -213,7 +213,7 @@ def test_bad_input():
     with pytest.raises(ValueError, match="damping = 0"):
         least_squares(rosenbrock, dict(a=1.0, b=1.0), damping=0.0)
     with pytest.raises(TypeError, match="optimiser"):
-        gradient_descent(rosenbrock, dict(a=1.0, b=1.0), optimiser=3)  # pyright: ignore
+        gradient_descent(rosenbrock, dict(a=1.0, b=1.0), optimiser=3)
     with pytest.raises(
         ValueError, match=r"residual\(values\) = an array of shape \(\): it must be one array"
     ):
@@ -221,7 +221,7 @@ def test_bad_input():
     with pytest.raises(ValueError, match=r"residual\(values\) = a tuple"):
         sensitivity(lambda p: (p["a"], p["a"]), dict(a=1.0))
     with pytest.raises(TypeError, match="stepz"):
-        gradient_descent(rosenbrock, dict(a=1.0, b=1.0), stepz=3)  # pyright: ignore
+        gradient_descent(rosenbrock, dict(a=1.0, b=1.0), stepz=3)
     single = least_squares(rosenbrock, dict(a=1.0, b=1.0))
     with pytest.raises(ValueError, match=r"fits = Fit, of shape"):
         best(single)

@@ -388,4 +388,4 @@ def test_bad_problems():
     with pytest.raises(ValueError, match="starts = 0"):
         found.fit(starts=0)
     with pytest.raises(TypeError, match="method = 3"):
-        found.fit(method=3)  # pyright: ignore
+        found.fit(method=3)

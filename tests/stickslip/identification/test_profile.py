@@ -256,5 +256,5 @@ def test_bad_input():
         with pytest.raises(error, match=text):
             profile(linear, fit, **given)
     with pytest.raises(TypeError, match="fit = 3"):
-        profile(linear, 3)  # pyright: ignore
+        profile(linear, 3)
     assert len(VERDICTS) == 4

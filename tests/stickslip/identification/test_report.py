@@ -106,4 +106,4 @@ def test_bad_input(tmp_path):
     with pytest.raises(ValueError, match=r"other_runs = .* named as runs"):
         report(fit, other_runs={"a": run(1.0)})
     with pytest.raises(TypeError, match="path = 3"):
-        report(fit).to_html(3)  # pyright: ignore
+        report(fit).to_html(3)
