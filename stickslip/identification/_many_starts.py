@@ -1,8 +1,9 @@
 """The same fit from many starts at once."""
 
 import functools
+import math
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -16,6 +17,7 @@ from .._validation import (
     check_count,
     check_finite,
     check_in,
+    check_type,
     is_concrete,
     leaves_of,
     misshaped,
@@ -24,6 +26,7 @@ from .._validation import (
 )
 from ..sweep import map_lanes
 from ..sweep._lanes import EXECUTORS
+from ..sweep._progress import Progress
 from ._descent import GradientDescent
 from ._evaluate import evaluation
 from ._fit import Fit
@@ -47,6 +50,7 @@ def many_starts(
     fit: Given[Callable[..., Fit] | AbstractMethod] = least_squares,
     chunk_size: int | None = None,
     executor: str = "auto",
+    progress: bool | None = None,
     **options: Any,
 ) -> Fit:
     """`fit` from every start; `best` picks the best of them.
@@ -63,30 +67,70 @@ def many_starts(
       shape use the program that is compiled already, as long as `residual` is the same function.
     - `chunk_size`, `executor` as for `stickslip.map_lanes`. With a `chunk_size`, other numbers of
       starts use the same program too.
+    - `progress`: a line on stderr with how many have ended, the step and the lowest cost; by default
+      where stderr is a terminal.
 
     **Returns** a `Fit` with the starts in front. **Raises** as `fit` does, and `ValueError` for starts
     of different lengths, an unknown `fit`, and `shared` with numbers that are not finite. It is a loop
-    of Python and does not work under `jit`.
+    of Python and does not work under `jit`. Interrupted (`KeyboardInterrupt`) it keeps no fit, but says
+    where the best of them had come to.
     """
     method = _method(fit, options)
     check_callable("residual", residual, "f(values, *shared)", {}, *shared)
     check_lanes(chunk_size, executor)
+    check_type("progress", progress, bool | None, "True, False or None")
     space, found, count = _rows("starts", starts)
     for i, tree in enumerate(shared):
         for name, leaf in leaves_of(f"shared[{i}]", tree):
             check_finite(name, numbers(name, leaf))
     shared = jax.tree.map(lambda a: np.broadcast_to(a, (count, *np.shape(a))), shared)
     program, shared = evaluator(residual, space, chunk_size, executor, count, shared, method.loss)
-    now = done = None
-    todo, z = np.arange(count), space.coordinates(found)
-    while todo.size:
-        out, matrix = evaluated(program, z, shared, todo, chunk_size is not None)
-        if now is None:
-            now = _begin(method, jnp.asarray(z), out.shape[1], space)
-        now = _advance(method, now, jnp.asarray(out), jnp.asarray(matrix))
-        z, done = np.asarray(now.z), np.asarray(now.done)
-        todo = np.flatnonzero(~done)
+    now = None
+    todo, z = np.arange(count), np.asarray(space.coordinates(found))
+    meter, best = Progress(count, name="many_starts", things="starts", shown=progress), _Best()
+    try:
+        meter.show("compiling")
+        while todo.size:
+            out, matrix = evaluated(program, z, shared, todo, chunk_size is not None)
+            best = best.or_better(z[todo], out[todo])
+            if now is None:
+                now = _begin(method, jnp.asarray(z), out.shape[1], space)
+            now = _advance(method, now, jnp.asarray(out), jnp.asarray(matrix))
+            z, left = np.asarray(now.z), np.flatnonzero(~np.asarray(now.done))
+            meter.note = f"step {best.steps}, lowest cost {best.cost:.6g}"
+            meter.advance(todo.size - left.size)
+            todo = left
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(
+            f"interrupted after {best.steps} steps: no fit is kept; {meter.done} of {count} starts had "
+            f"ended. {best.said(space)}"
+        ) from None
+    finally:
+        meter.close()
     return _finish(method, space, now)
+
+
+class _Best(NamedTuple):
+    """The lowest cost of all evaluations, and where it was."""
+
+    steps: int = 0
+    cost: float = math.inf
+    z: np.ndarray | None = None
+
+    def or_better(self, z: np.ndarray, residuals: np.ndarray) -> "_Best":
+        costs = 0.5 * np.sum(residuals**2, axis=1)
+        costs[~np.isfinite(costs)] = math.inf
+        i = int(np.argmin(costs))
+        if costs[i] < self.cost:
+            return _Best(self.steps + 1, float(costs[i]), z[i])
+        return self._replace(steps=self.steps + 1)
+
+    def said(self, space: Space) -> str:
+        if self.z is None:
+            return "None was finite."
+        values = space.values(jnp.asarray(self.z))
+        where = ", ".join(f"{name} = {float(value):.6g}" for name, value in values.items())
+        return f"The lowest cost was {self.cost:.6g}, at {where}."
 
 
 def sensitivities(

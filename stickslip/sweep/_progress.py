@@ -16,8 +16,9 @@ def clock(seconds: float) -> str:
 
 
 class Progress:
-    """Progress of `total` lanes, `done` of which an earlier run has finished.
+    """Progress of `total` lanes or `things`, `done` of which an earlier run has finished.
 
+    `note`: what there is to say besides, at the end of the line.
     `shown=None` shows it where stderr is a terminal. Elsewhere, if asked for, it writes a line of its
     own each time, at most one in five seconds, so that a log stays readable.
     """
@@ -28,10 +29,12 @@ class Progress:
         done: int = 0,
         *,
         name: str = "sweep",
+        things: str = "lanes",
         shown: bool | None = None,
         stream: Any = None,
     ):
-        self.total, self.done, self.name = total, done, name
+        self.total, self.done, self.name, self.things = total, done, name, things
+        self.note = ""
         self.stream = sys.stderr if stream is None else stream
         self.terminal = bool(getattr(self.stream, "isatty", lambda: False)())
         self.shown = self.terminal if shown is None else shown
@@ -45,10 +48,12 @@ class Progress:
         elapsed = time.monotonic() - self.begin
         rate = (self.done - self.before) / elapsed if elapsed > 0 else 0.0
         left = (self.total - self.done) / rate if rate > 0 else math.inf
-        text = f"{self.name}: {self.done:,} of {self.total:,} lanes ({self.done / self.total:.0%})"
+        share = f"{self.done:,} of {self.total:,} {self.things} ({self.done / self.total:.0%})"
+        text = f"{self.name}: {share}"
         if rate > 0:
-            text += f", {rate:,.0f} per s, {clock(elapsed)} gone, {clock(left)} left"
-        return text
+            often = f"{rate:,.0f}" if rate >= 10 else f"{rate:.2g}"
+            text += f", {often} per s, {clock(elapsed)} gone, {clock(left)} left"
+        return text + (f"; {self.note}" if self.note else "")
 
     def show(self, text: str | None = None) -> None:
         """Write the line, or another `text`, unless one was written a moment ago."""

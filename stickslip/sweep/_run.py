@@ -92,7 +92,8 @@ def run_sweep(
     **Errors** `ValueError`/`TypeError` naming a wrong argument, before anything is compiled;
     `SweepMismatchError` (a `ValueError`) if the store holds another sweep or is of an older format;
     `SweepWriteError` (an `OSError`) if results cannot be written, e.g. on a full disk: finished blocks
-    are kept. `KeyboardInterrupt` says how many, and the same call goes on.
+    are kept. `KeyboardInterrupt` says how many, and the same call goes on; without a store, that
+    nothing is kept.
     """
     coords = check_grid(grid)
     check_text("name", name)
@@ -223,6 +224,11 @@ def _in_memory(evaluate, layout: Layout, pieces: list[Block], progress, name) ->
             for key, value in evaluate(block, lambda key, region: arrays[key][region]).items():
                 arrays[key][block.region] = value
             meter.advance(_lanes(block))
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(
+            f"interrupted after {meter.done:,} of {meter.total:,} lanes: nothing is kept, because the "
+            "sweep has no store; with store='some/directory' the same call goes on where it stopped"
+        ) from None
     finally:
         meter.close()
     return xr.Dataset(

@@ -128,6 +128,7 @@ FITTED = [
         {
             "residual": RESIDUAL, "starts": arg({"a": [1.0, 2.0]}), "shared": arg(1.0, "shared"),
             "fit": arg(identification.least_squares), **LANES, **LEVENBERG, "loss": LOSS,
+            "progress": arg(None, "none", "flag"),
         },
         lambda residual, starts, shared, **given: identification.many_starts(
             residual, starts, shared, **given

@@ -1,6 +1,7 @@
 """Fits through stick and slip: known values, covariance by Monte Carlo, products not seen."""
 
 import functools
+import re
 
 import jax
 import jax.numpy as jnp
@@ -9,6 +10,7 @@ import pytest
 
 import stickslip as ss
 from stickslip.identification import (
+    _many_starts,
     best,
     gradient_descent,
     least_squares,
@@ -135,6 +137,47 @@ def test_many_starts_and_the_best():
     found = many_starts(two, {"a": np.array([0.2, 0.9, 3.0])})
     assert len(np.unique(np.round(found.values["a"], 3))) == 3
     assert float(best(found).values["a"]) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_many_starts_show_how_far_they_are(capsys):
+    starts = {"a": np.array([0.3, 2.0, 1.2]), "b": np.array([3.0, 0.2, 1.0])}
+    many_starts(rosenbrock, starts)
+    assert capsys.readouterr().err == ""  # no terminal
+    many_starts(rosenbrock, starts, progress=True)
+    first, *_, last = capsys.readouterr().err.splitlines()
+    assert first == "many_starts: compiling"
+    assert last.startswith("many_starts: 3 of 3 starts (100%), ")
+    steps = int(np.max(many_starts(rosenbrock, starts).steps))
+    assert f"; step {steps}, lowest cost " in last
+
+
+def test_an_interruption_of_many_starts_says_where_the_best_had_come(monkeypatch):
+    """After the step that followed the end of the first: costs are known from single evaluations."""
+    starts = {"a": np.array([0.3, 1.001, 1.2]), "b": np.array([3.0, 1.0, 1.0])}
+    evaluate, tried, left = _many_starts.evaluated, [], [3]
+
+    def stopped(program, z, shared, todo, whole):
+        if left[-1] < 3:
+            raise KeyboardInterrupt
+        left.append(todo.size)
+        tried.append(np.exp(z[todo]))
+        return evaluate(program, z, shared, todo, whole)
+
+    monkeypatch.setattr(_many_starts, "evaluated", stopped)
+    with pytest.raises(KeyboardInterrupt) as caught:
+        many_starts(lambda p: jnp.append(rosenbrock(p), 1.0), starts)
+    a, b = np.concatenate(tried).T
+    costs = 0.5 + 50.0 * (b - a**2) ** 2 + 0.5 * (1.0 - a) ** 2
+    i = np.argmin(costs)
+    said = str(caught.value)
+    ended = re.match(
+        rf"interrupted after {len(tried)} steps: no fit is kept; ([12]) of 3 starts had ended\. "
+        r"The lowest cost was (.*), at a = (.*), b = (.*)\.$", said,
+    )  # fmt: skip
+    assert ended, said
+    assert 3 - int(ended[1]) <= left[-1] < 3
+    np.testing.assert_allclose(float(ended[2]), costs[i], rtol=1e-5)
+    np.testing.assert_allclose([float(ended[3]), float(ended[4])], [a[i], b[i]], rtol=1e-3)
 
 
 @pytest.mark.slow

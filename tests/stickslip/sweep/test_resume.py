@@ -228,6 +228,8 @@ def test_an_interruption_says_what_is_kept(tmp_path, monkeypatch):
         patch.setattr(Evaluate, "__call__", stopped)
         with pytest.raises(KeyboardInterrupt, match=r"2 of 3 blocks are kept in store .*the same call"):
             sweep(tmp_path / "s")
+        with pytest.raises(KeyboardInterrupt, match=r"8 of 10 lanes: nothing is kept, .* no store"):
+            sweep(None)
     assert_sound(sweep(tmp_path / "s"))
 
 
