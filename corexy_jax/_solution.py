@@ -1,6 +1,6 @@
 """What a simulation of the machine returns, by whichever method."""
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -8,10 +8,16 @@ from jaxtyping import Array, Bool, Float, Int
 
 from stickslip import RESULTS
 from stickslip.checks import is_concrete
+from stickslip.hybrid import EventLog
 
 from ._parameters import CoreXYParameters
 from ._system import CoreXYState
 from ._voltage import AbstractVoltage
+
+if TYPE_CHECKING:
+    from typing import Any as MaybeNone  # as in `Solution`
+else:
+    MaybeNone = None
 
 
 class Accelerations(NamedTuple):
@@ -60,7 +66,7 @@ class CoreXYSolution(eqx.Module):
     dmn: Int[Array, "*batch time"]
     senses: Float[Array, "*batch time 8"]
     ledger: Ledger
-    events: Any  # an `EventLog`, or None
+    events: EventLog | MaybeNone
     flags: Int[Array, "*batch"]
     result: Any
     method: str = eqx.field(static=True)

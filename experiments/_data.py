@@ -11,7 +11,7 @@ class MissingDataError(ValueError):
 
 
 def find(folder: pathlib.Path | None, group: str, name: str, origin: str) -> pathlib.Path:
-    """The file `name` in `folder`, or in its subfolder `group`; without a folder, in that which the
+    """The file `name` in `folder`, or in its subfolder `group`; without a folder, in the one that the
     environment variable `STICKSLIP_DATA` names.
 
     Errors: `MissingDataError`; `origin` says where the record can be had.

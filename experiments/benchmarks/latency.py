@@ -33,7 +33,7 @@ CACHED = ("stick_slip", "corexy")  # once more by a second process with a warm c
 
 def _child(*words: str, **environment: str) -> dict[str, float]:
     """What `_latency_child` prints."""
-    # One device and no cache but that which is asked for, as for somebody who has just installed it.
+    # One device and no cache but the one asked for, as for somebody who has just installed it.
     clean = {k: v for k, v in os.environ.items() if k not in ("XLA_FLAGS", "JAX_COMPILATION_CACHE_DIR")}
     command = [sys.executable, "-m", _latency_child.__name__, *words]
     run = subprocess.run(command, capture_output=True, text=True, env=clean | environment, check=False)

@@ -109,7 +109,7 @@ class LyapunovSpectrum(eqx.Module):
 
 
 def _exponents(spectrum: LyapunovSpectrum, values: Any, errors: Any) -> list[tuple[str, str]]:
-    """Each exponent of a spectrum in text, and what it is where it is no number."""
+    """Each exponent of a spectrum in text, and what it is where it is not a number."""
     words = ["ok"] * values.size if spectrum.status is None else spectrum.words
     return [
         (f"{value:+.6g} +- {error:.2g}", "1/s") if np.isfinite(value) else (f"{value}", f"({word})")

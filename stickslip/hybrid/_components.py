@@ -96,7 +96,7 @@ def unit_of(system: Any, name: str) -> str | None:
 def period_of(system: Any, name: str) -> float | None:
     """The period of a component, if it is an angle or the like.
 
-    Raises `ValueError`, `TypeError` where the system states one that is no positive number.
+    Raises `ValueError`, `TypeError` where the system states one that is not a positive number.
     """
     period = system.periods.get(name)
     return None if period is None else float(one_static(f"periods[{name!r}]", period, "positive"))

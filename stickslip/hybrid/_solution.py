@@ -55,7 +55,7 @@ class EventLog(eqx.Module):
         number; units by column in `attrs["units"]`. Of a batch the index is the number of the run along
         each batch axis, and the event. Rows past `count` are left out.
 
-        **Raises** `TypeError` for what is no system and for a log that is traced; `ValueError` for a
+        **Raises** `TypeError` if `system` is not one and for a log that is traced; `ValueError` for a
         log with guards or modes that the system has not, or another state.
         """
         return events_dataframe(self, system)
@@ -65,8 +65,7 @@ class StateLog(eqx.Module):
     """States at output times, at crossings of a section, or at every step.
 
     Rows past `count` are NaN (mode -1). `dy` is the slope of the state there: an acceleration is
-    `dy.v`. If the mode changes at that time, the row holds the state before the
-    event.
+    `dy.v`. If the mode changes at that time, the row holds the state before the event.
     """
 
     count: Int[Array, "*batch"]
@@ -188,7 +187,7 @@ class Solution(eqx.Module):
         Components that are arrays have axes of their own, `<name>_0`, `<name>_1`, ..., as those of
         `time_history` and `orbit_diagram`.
 
-        **Raises** `TypeError` for what is no system and for a run that is traced, `ValueError` for a
+        **Raises** `TypeError` if `system` is not one and for a run that is traced, `ValueError` for a
         state that is not of the system, or names that do not go with the batch axes.
         """
         return solution_dataset(self, system, batch)

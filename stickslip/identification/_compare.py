@@ -68,7 +68,7 @@ def compare(
 
     **Arguments:** `fits` by name, with as many residuals each; `held_out`: by name the errors of each
     fit on data that it has not seen, in their own unit, NaN where missing; `sigma` of their noise, in
-    that unit. **Returns** a `Comparison`. **Raises** `TypeError`, `ValueError` for what is not so. It
+    that unit. **Returns** a `Comparison`. **Raises** `TypeError`, `ValueError` for anything else. It
     reads numbers and does not work under `jit`. Source: Burnham & Anderson, Model Selection and
     Multimodel Inference, sections 2.2 to 2.4 and 6.4.
     """

@@ -23,7 +23,7 @@ class GradientDescent(AbstractMethod):
     """An optimiser of optax that follows the gradient; the best point on the way is kept.
 
     **Arguments:** `optimiser`, `steps`, `tolerance` as for `gradient_descent`; `loss`, a robust loss
-    such as `Huber()`, or `None`. **Raises** `TypeError`, `ValueError` for what is not so.
+    such as `Huber()`, or `None`. **Raises** `TypeError`, `ValueError` for anything else.
     """
 
     optimiser: Any = eqx.field(static=True)

@@ -121,7 +121,7 @@ class GaussNewton(AbstractGaussNewton):
     are long. By the line search of optimistix (Armijo's rule).
 
     **Arguments:** `tolerance`, `max_steps` as for `least_squares`; `loss`, a robust loss such as
-    `Huber()`, or `None`. **Raises** `TypeError`, `ValueError` for what is not so.
+    `Huber()`, or `None`. **Raises** `TypeError`, `ValueError` for anything else.
     """
 
     tolerance: float = eqx.field(static=True, default=1e-8)

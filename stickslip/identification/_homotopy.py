@@ -69,7 +69,7 @@ class Homotopy(eqx.Module, metaclass=CheckedModule):
     - `method`: for the rounded ones; by default `LevenbergMarquardt(tolerance=1e-3, max_steps=30)`.
       `polish`: for the exact one.
 
-    **Raises** `TypeError`, `ValueError` for what is not so.
+    **Raises** `TypeError`, `ValueError` for anything else.
     """
 
     widths: Given[tuple[float, ...]] = eqx.field(static=True)

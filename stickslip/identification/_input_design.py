@@ -93,7 +93,7 @@ def design_input(
     - `rounds`, `population`: how many inputs are tried. `seed`; `chunk_size`, `executor` as for
       `many_starts`.
 
-    **Returns** an `InputDesign`. **Raises** `TypeError`, `ValueError` for what is not so, and where no
+    **Returns** an `InputDesign`. **Raises** `TypeError`, `ValueError` for anything else, and where no
     input of the first population tells of all unknowns `about`. It is a loop of Python and does not
     work under `jit`.
 

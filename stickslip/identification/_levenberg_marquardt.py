@@ -18,7 +18,7 @@ class LevenbergMarquardt(AbstractGaussNewton):
     """Levenberg-Marquardt: the damped descent and the trust region of optimistix, step by step.
 
     **Arguments:** `damping`, `tolerance`, `max_steps` as for `least_squares`; `loss`, a robust loss
-    such as `Huber()`, or `None`. **Raises** `TypeError`, `ValueError` for what is not so.
+    such as `Huber()`, or `None`. **Raises** `TypeError`, `ValueError` for anything else.
     """
 
     damping: Numeric = 1.0

@@ -26,7 +26,7 @@ class AbstractLoss(eqx.Module, metaclass=CheckedModule):
 class Huber(AbstractLoss):
     r"""$\rho = r^2$ up to the `corner` $c$, $2c|r| - c^2$ beyond, in standard deviations.
 
-    **Raises** `ValueError`, `TypeError` for a `corner` that is no positive number of Python.
+    **Raises** `ValueError`, `TypeError` for a `corner` that is not a positive number of Python.
 
     Source: P. J. Huber, "Robust estimation of a location parameter", Ann. Math. Statist. 35, 1964.
     """
@@ -48,7 +48,7 @@ class Huber(AbstractLoss):
 class SoftL1(AbstractLoss):
     r"""$\rho = 2c^2(\sqrt{1 + (r/c)^2} - 1)$ with the `corner` $c$: smooth everywhere.
 
-    **Raises** `ValueError`, `TypeError` for a `corner` that is no positive number of Python.
+    **Raises** `ValueError`, `TypeError` for a `corner` that is not a positive number of Python.
     """
 
     corner: float = eqx.field(static=True, default=1.0)

@@ -144,7 +144,7 @@ def sensitivities(
 
     **Arguments:** `residual(values, *each)`; `values`, by name one row of positive numbers, or an
     `Unknown` with a row; `each`, arrays with as many rows. **Returns** a `Sensitivity` with the rows in
-    front. **Raises** `TypeError`, `ValueError` for what is not so.
+    front. **Raises** `TypeError`, `ValueError` for anything else.
     """
     check_callable("residual", residual, "f(values, *each)", {}, *each)
     check_lanes(chunk_size, executor)

@@ -42,7 +42,7 @@ class MultipleShooting(eqx.Module, metaclass=CheckedModule):
     - `weights`: the $w$, falling. `max_steps`: limit for each of them.
     - `polish`: the method for the whole.
 
-    **Raises** `TypeError`, `ValueError` for what is not so.
+    **Raises** `TypeError`, `ValueError` for anything else.
     """
 
     segments: int = eqx.field(static=True)

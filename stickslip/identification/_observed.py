@@ -21,7 +21,7 @@ class Observed(eqx.Module):
     """A function `(t, y, system) -> number` of time [s] and state that is measured with normal noise.
 
     **Arguments:** `function`; `sd`, the standard deviation of the noise, positive; `unit` of both.
-    **Raises** `TypeError`, `ValueError` for what is not so.
+    **Raises** `TypeError`, `ValueError` for anything else.
     """
 
     function: Callable[..., Any] = eqx.field(static=True)

@@ -96,7 +96,7 @@ def posterior(
     **Arguments:** `residual`, as for the fit, e.g. `problem.residual_function`; `fit`, one that
     converged; numbers of `draws` and of steps of `warmup`, at least 50, for each of the `chains`;
     `seed`; `max_doublings` of a trajectory. **Returns** a `Posterior`. **Raises** `ImportError` without
-    blackjax; `TypeError`, `ValueError` for what is not so, and for a fit whose data do not see an
+    blackjax; `TypeError`, `ValueError` for anything else, and for a fit whose data do not see an
     unknown that has neither a prior nor two bounds: its posterior has no integral. It looks at the
     numbers of the fit and does not work under `jit`.
 

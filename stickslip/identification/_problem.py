@@ -97,7 +97,7 @@ class Problem:
     As an input the measured command answers the disturbances, and they are taken for the machine,
     unless `correct` takes them for what they are.
 
-    **Raises** `TypeError`, `ValueError` for what is not so, before anything is traced.
+    **Raises** `TypeError`, `ValueError` for anything else, before anything is traced.
     """
 
     def __init__(
@@ -221,7 +221,7 @@ class Problem:
         `GradientDescent(...)`, `MultipleShooting(...)`, `Homotopy(...)`; `start`, values by name in
         place of the unknowns' own; `starts`: the best of so many, spread by `sobol_starts` with `seed`;
         `chunk_size` as for `many_starts`. **Returns** a `Fit`. **Raises** `TypeError`, `ValueError` for
-        what is not so.
+        anything else.
         """
         method = self._method(method)
         if chunk_size is not None:

@@ -145,7 +145,7 @@ def profile(
     - `level` of the interval, above 0 and below 1. `points`: steps to the level on each side.
     - `max_steps`: evaluations for one side.
 
-    **Returns** a `Profile`. **Raises** `TypeError`, `ValueError` for what is not so. Works under `jit`
+    **Returns** a `Profile`. **Raises** `TypeError`, `ValueError` for anything else. Works under `jit`
     and `vmap`.
     """
     check_callable("residual", residual, "f(values)", {})

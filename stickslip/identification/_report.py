@@ -232,7 +232,7 @@ def report(
     - `lags` of the tests; `past_data`: whether the model predicted each sample from those before it, so
       that the unknowns take degrees of freedom off the test, see `ljung_box`.
 
-    **Raises** `TypeError`, `ValueError` for what is not so. It reads numbers and does not work under
+    **Raises** `TypeError`, `ValueError` for anything else. It reads numbers and does not work under
     `jit`.
     """
     check_type("fit", fit, Fit, "a Fit")

@@ -86,7 +86,7 @@ def sensitivity(residual: Callable[[NamedValues], Any], values: NamedUnknowns) -
 
     **Arguments:** `residual(values)`, one row of residuals in units of their standard deviation, e.g.
     `(model - data) / sigma`; `values`, positive numbers or `Unknown`s by name. **Raises**
-    `TypeError`, `ValueError` for what is not so. Works under `jit` and `vmap`.
+    `TypeError`, `ValueError` for anything else. Works under `jit` and `vmap`.
     """
     check_callable("residual", residual, "f(values)", {})
     space, found = scalars("values", values)

@@ -19,7 +19,7 @@ def sobol_starts(
     unknowns' own.
 
     **Arguments:** `unknowns` as for `least_squares`; `count`; `spread`, above 1; `seed`.
-    **Returns** rows of values by name. **Raises** `TypeError`, `ValueError` for what is not so.
+    **Returns** rows of values by name. **Raises** `TypeError`, `ValueError` for anything else.
     """
     from scipy.stats import norm, qmc
 

@@ -61,7 +61,7 @@ class Unknown(eqx.Module):
     **Arguments**
 
     - `start`: where a fit begins, strictly within the bounds; for `many_starts` a row.
-    - `bounds`: numbers of Python, low and high; `None` is no bound.
+    - `bounds`: numbers of Python, low and high; `None` for no bound.
     - `prior`: what is known before the data, a `Normal` of the value, or `None`. It is one more row of
       residuals, $(p - \mathrm{mean})/\mathrm{sd}$.
     - `unit`: of the value, for reports.
@@ -69,7 +69,7 @@ class Unknown(eqx.Module):
     - `scale`: a typical size of an unknown without bounds; by default the deviation of the prior, or
       the size of the start, or 1.
 
-    **Raises** `ValueError`, `TypeError` for what is not so.
+    **Raises** `ValueError`, `TypeError` for anything else.
     """
 
     start: Float[Array, "..."]
@@ -114,7 +114,7 @@ def _pair(bounds: Any) -> Bounds:
 
 
 def _bound(name: str, bound: Any) -> float | None:
-    """A finite number of Python; an infinite one is no bound."""
+    """A finite number of Python; an infinite one stands for none."""
     if bound is None:
         return None
     if isinstance(bound, np.floating | np.integer):

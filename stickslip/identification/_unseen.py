@@ -30,7 +30,7 @@ def unseen(fit: Given[Fit], threshold: Numeric = 1e-7) -> list[str]:
     ['k1 * k2 is seen, k1 / k2 is not']
 
     **Arguments:** `fit`, one; `threshold` as for `Sensitivity.seen`. **Raises** `TypeError`,
-    `ValueError` for what is not so; it reads numbers and does not work under `jit`.
+    `ValueError` for anything else; it reads numbers and does not work under `jit`.
     """
     check_type("fit", fit, Fit, "a Fit")
     if not is_concrete(fit) or fit.steps.ndim != 0:

@@ -55,7 +55,7 @@ def autocorrelation(series: Rows, lags: int = 20, *, level: float = 0.95) -> Cor
 
     **Arguments:** `series`, one row or several; `lags`, up to the shortest; `level` of the band
     $\pm z \sqrt{n_k}/n$ of white noise, $n_k$ products at lag $k$ of $n$ samples. **Raises**
-    `TypeError`, `ValueError` for what is not so. Works under `jit`, `vmap` and `grad`.
+    `TypeError`, `ValueError` for anything else. Works under `jit`, `vmap` and `grad`.
     """
     _check_level(level)
     rows, here = _rows("series", series, lags)
@@ -104,7 +104,7 @@ def ljung_box(series: Rows, lags: int = 20, *, unknowns: int = 0) -> LjungBox:
     sensitivities hold no noise. There `unknowns=0` is right; reduced, the test rejects too often.
 
     **Arguments:** `series` as for `autocorrelation`, `lags` $m$, more than `unknowns`. **Raises**
-    `TypeError`, `ValueError` for what is not so. Source: Ljung & Box, Biometrika 65 (1978).
+    `TypeError`, `ValueError` for anything else. Source: Ljung & Box, Biometrika 65 (1978).
     """
     check_count("unknowns", unknowns, 0)
     rows, here = _rows("series", series, lags)
@@ -124,7 +124,7 @@ def in_even_steps(times: Rows, series: Rows) -> Float[np.ndarray, " sample"]:
 
     **Raises** `ValueError` where a time is off the grid of the median step by more than 5% of a step:
     such a record has no lags in seconds; in its own order it has lags in samples. `TypeError`,
-    `ValueError` for what is no row. It reads numbers and does not work under `jit`.
+    `ValueError` for anything but rows. It reads numbers and does not work under `jit`.
     """
     rows = []
     for name, given in (("times", times), ("series", series)):

@@ -30,7 +30,7 @@ def check_axes(ax: Any, count: int | None = None) -> None:
 
 
 def check_options(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Refuse a keyword that is no property of a line."""
+    """Refuse a keyword that is not a property of a line."""
     known = {*(inspector := ArtistInspector(Line2D)).get_setters()}
     known |= {alias for names in inspector.aliasd.values() for alias in names}
     for name, value in options.items():

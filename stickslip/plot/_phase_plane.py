@@ -28,7 +28,7 @@ def phase_plane(
     """One observable of a motion over another: by default a rate over its coordinate.
 
     **Arguments**: `solution`, `system`, `args`, `options` as for `motion`; `x`, `y`: an observable
-    each, as there; by default the first component and its rate, of what is no mechanism the first
+    each, as there; by default the first component and its rate, of any other system the first
     component that is not `x`. Of a batch of solutions each run is a line.
 
     **Returns** the axes. A component with a period is drawn within half of it on both sides of zero.
