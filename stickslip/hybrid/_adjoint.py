@@ -37,6 +37,8 @@ class Layout(NamedTuple):
 
     def place(self, number: Any) -> Any:
         """Where the start of a segment is kept: with the chapters or, within one, by its number."""
+        # The start of a chapter is that of its first segment too: it is kept with the chapters alone,
+        # because the places of the segments are written over by the next chapter.
         page = number % self.segments
         return jnp.where(page == 0, self.segments + number // self.segments, page)
 
@@ -67,6 +69,7 @@ def adjoint(inputs, fixed, wanted, plan: Plan, cotangents, make_start) -> PyTree
 
     `wanted`: a tree of flags like `inputs`; the others get None. A log without cotangents is None.
     """
+    # `custom_vmap` takes arrays alone, so the trees are flattened and what is static is closed over.
     leaves, form = jax.tree.flatten((inputs, fixed, plan, cotangents))
     dynamic = [eqx.is_array(leaf) for leaf in leaves]
     out_form: Any = None
@@ -126,6 +129,8 @@ def _swept(given: _Given, axes: _Given | None, wanted, make_start) -> PyTree:
         lane = make_start(given.plan, given.inputs, mode0)
         return lane, None if logs.steps is None else jnp.zeros_like(mode0)
 
+    # Cotangents behind the last attempt: those of the end itself, and zero of parameters and of the
+    # slope, which no result holds.
     def ends(given: _Given):
         (problem, t0, y0), results = given.inputs, given.cotangents
         zero = jax.tree.map(jnp.zeros_like, (eqx.filter(problem, wanted[0]), t0, y0))
@@ -139,6 +144,8 @@ def _swept(given: _Given, axes: _Given | None, wanted, make_start) -> PyTree:
             lane, rows = attempted(lane)
             goes = accepted(rows.code)
             if steps is not None:
+                # The logs of steps number accepted ones only, so a row has to know its own number:
+                # that before it, also where it was rejected and its cotangent is not asked for.
                 done = steps[None] + jnp.cumsum(goes, axis=0, dtype=steps.dtype)
                 rows, steps = rows._replace(step_number=done - goes.astype(steps.dtype)), done[-1]
             return count + parts.block, (lane, steps), _write_rows(tape, rows, count)
@@ -159,6 +166,8 @@ def _swept(given: _Given, axes: _Given | None, wanted, make_start) -> PyTree:
         return jax.lax.while_loop(lambda carry: carry[0] > 0, body, (count, bars))[1]
 
     def body(now: _Sweep):
+        # One pass through this body runs one segment forwards. If that was the one to walk back next,
+        # it is walked back on the tape that is still there; else (`meets` is false) no row is.
         begun = _read_row(now.kept, parts.place(now.number))
         begun, tape, count = ahead(begun)
         kept = write_row(now.kept, begun, parts.place(now.number + 1))
@@ -176,10 +185,12 @@ def _swept(given: _Given, axes: _Given | None, wanted, make_start) -> PyTree:
     total = parts.segments * parts.chapters
     begun = mapped(begin)()
     kept = write_row(_room(begun, parts.places), begun, parts.place(number))
+    # The form of a row is known by tracing an attempt only; the loop needs it before the first.
     rows = jax.eval_shape(attempted, begun[0])[1]
     if begun[1] is not None:
         rows = rows._replace(step_number=begun[1][None])
     empty = jax.tree.map(lambda a: jnp.zeros((parts.rows, *a.shape[1:]), a.dtype), rows)
+    # A goal of `total`, a segment that does not exist, says that the last one is not known yet.
     start = _Sweep(number, number + total, kept, mapped(ends)())
     return jax.lax.while_loop(lambda now: now.goal >= 0, body, start).bars[:3]
 
@@ -202,6 +213,7 @@ def _pulled(given: _Given, wanted, rows: Tape, bars):
     @time_loop
     def sweep(plan, varied, rows, bars, logs, mode0):
         def body(bars, row):
+            # Systems without guards never leave their mode, and write none on the tape.
             row = row if row.mode is not None else row._replace(mode=mode0)
             return pull(plan, varied, held, row, bars, logs), None
 

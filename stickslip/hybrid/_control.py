@@ -47,6 +47,8 @@ def control(
     landed, next_output = code < HOLD, lane.next_output
     if plan.has_outputs:
         landed, next_output = _landed(plan, code, next_output, t, t1, outputs)
+    # Three lengths: what the rule would take (`h_free`, which outlives steps that an event or an output
+    # time has shortened), what this lane takes next, and what it takes after a rejection.
     h_free, h_take, h_rejected = lane.h_free, None, h
     if rule.adaptive:
         factors = _factors(plan, error, lane.error)
@@ -64,6 +66,7 @@ def _factors(plan: Plan, error, last):
     order = plan.stepper.order()
     error = jnp.where(error < 1e10, error, 1e10)  # what is not a number counts as large
     if rule.remembers:
+        # After a rejection the error before it says nothing, and 1 stands for it.
         return rule.factor(error, last, order), rule.factor(error, jnp.ones_like(error), order)
     return (rule.factor(error, last, order),)
 
@@ -101,6 +104,7 @@ def _free(plan: Plan, code, h, h_free, first, factors, tries, landed):
 def _length(plan: Plan, code, h_take, h_rejected, search, next_output, t, t1, outputs):
     """Length of the next attempt: to the end or the next output time, unless an event is located."""
     target = _target(plan, next_output, t1, outputs)[0] if plan.has_outputs else t1
+    # A rule that is not adaptive needs no state, and its length is a constant of the program.
     h_take = plan.step_size.initial(None, None, None) if h_take is None else h_take
     # A remainder that is longer by rounding alone is taken whole; else a step of some 1e-16 s would
     # follow, whose scaled error means nothing.
@@ -118,6 +122,7 @@ def _length(plan: Plan, code, h_take, h_rejected, search, next_output, t, t1, ou
 @bookkeeping
 def _landed(plan: Plan, code, next_output, t, t1, outputs):
     target, is_last = _target(plan, next_output, t1, outputs)
+    # An event at an output time comes first; the output is taken by the attempt of length zero after.
     landed = (code == PLAIN) | (code == REFRESH)
     landed = landed & (target - t <= rounding(t, t1)) & ~is_last
     return landed, next_output + jnp.where(landed, 1, 0)

@@ -3,6 +3,10 @@
 Forward mode differentiates the time loop itself (one pass carries the tangents). Reverse mode cannot
 go through a loop of unknown length; its sweep is written out in `_adjoint.py`. Both are offered by
 one function: its tangent map is a primitive of its own whose transpose is that sweep.
+
+What of JAX and equinox is not public here: `equinox.internal` makes the primitive (`create_vprim`, its
+rules, `nondifferentiable`), `jax.interpreters.ad.UndefinedPrimal` says which tangents are transposed.
+If one of them moves, it is missed at import or as a derivative is traced, before any number.
 """
 
 from typing import Any, NamedTuple
@@ -99,6 +103,7 @@ def core(inputs, *, fixed, plan: Plan, capacities: Capacities) -> tuple[Smooth, 
 def _core_jvp(primals, tangents, *, fixed, plan, capacities):
     (inputs,), (t_inputs,) = primals, tangents
     out = core(inputs, fixed=fixed, plan=plan, capacities=capacities)
+    # Derivatives exist of `Smooth` alone; what counts is integers, whose tangent is None.
     # The form of the tangents is that of the results; to find it otherwise means tracing all again.
     like = _struct(out[0])
     t_smooth = eqxi.filter_primitive_bind(_tangent_p, t_inputs, inputs, fixed, plan, capacities, like)
@@ -106,6 +111,7 @@ def _core_jvp(primals, tangents, *, fixed, plan, capacities):
 
 
 def _tangent(t_inputs, inputs, fixed, plan, capacities, like) -> Smooth:
+    # Only what has a tangent is pushed forward: what is held costs no pass through the loop.
     moving = jax.tree.map(lambda t: t is not None, t_inputs, is_leaf=lambda t: t is None)
     inexact, rest = eqx.partition(inputs, eqx.is_inexact_array)
     varied, held = eqx.partition(inexact, moving)
@@ -129,6 +135,8 @@ def _tangent_abstract(t_inputs, inputs, fixed, plan, capacities, like):
 
 @eqxi.filter_primitive_jvp
 def _tangent_jvp(primals, tangents):
+    # The map is linear in `t_inputs`, whose tangent it takes to its own. A tangent of anything else is
+    # that of a second derivative.
     t_t_inputs, *others = tangents
     if any(leaf is not None for leaf in jax.tree.leaves(others)):
         raise NotImplementedError(f"stickslip.simulate does not offer {_NO_SECOND}.")
@@ -147,6 +155,7 @@ def _tangent_transpose(operands, cotangents):
     inputs, fixed = eqxi.nondifferentiable((inputs, fixed), msg=f"stickslip: no {_NO_SECOND}")
     bars = adjoint(inputs, fixed, wanted, plan, _with_zeros(cotangents, like), _raw_start)
     bars = jax.tree.map(lambda w, b: b if w else None, wanted, bars)
+    # A transpose returns a cotangent for every operand, None for those it is not linear in.
     nones = [jax.tree.map(lambda _: None, x) for x in (inputs, fixed, plan, capacities, like)]
     return (bars, *nones)
 

@@ -82,6 +82,8 @@ def _changing(once: Callable, lane: Lane) -> tuple[Callable, Callable, list]:
         rest, rest_form = jax.tree.flatten(rest)
         return [*jax.tree.leaves(after), *rest]
 
+    # A leaf is changed unless the program hands on the very variable it was given. That is asked of
+    # the program, not of its author: which fields change depends on system, rule and logs.
     closed = jax.make_jaxpr(flat)(*leaves)
     number = len(leaves)
     changes = [
@@ -90,6 +92,8 @@ def _changing(once: Callable, lane: Lane) -> tuple[Callable, Callable, list]:
     ]
 
     others = len(closed.jaxpr.outvars) - number
+    # What only served leaves that do not change goes too. `instantiate` keeps all inputs, so that they
+    # can be filled in by place.
     jaxpr, _ = dce_jaxpr(closed.jaxpr, [*changes, *[True] * others], instantiate=True)
 
     def changing_of(leaves):

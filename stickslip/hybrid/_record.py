@@ -91,6 +91,7 @@ def record(
 ) -> tuple[Lane, Logs, Any]:
     """Run to the end; the lane at the end, its logs, and the number of recorded steps."""
     none = jnp.zeros_like(lane.mode)
+    # Without logs there are no blocks either: the loop ends with the attempt that ends the last lane.
     if capacities.nothing and plan.progress is None:
         return run(plan, problem, lane, t1, outputs), Logs(None, (), None, None), none
     logs = _empty(capacities, lane)
@@ -146,6 +147,8 @@ def _collect(capacities: Capacities, logs: Logs, steps, before: Lane, after: Lan
         return jax.tree.map(lambda a: a[index], rows)
 
     def start(index) -> Starts:
+        # A row says where its attempt ended, which is where the next one started; the first of a block
+        # started where the block did.
         last = at(jnp.maximum(index - 1, 0))
         mode = before.mode if last.mode is None else last.mode
         t, y, mode = select(index == 0, (before.t, before.y, before.mode), (last.t, last.y, mode))
@@ -154,6 +157,7 @@ def _collect(capacities: Capacities, logs: Logs, steps, before: Lane, after: Lan
     def state(row: Row) -> States:
         if row.mode_before is None:
             return States(row.t, row.y, before.mode, jnp.zeros_like(before.mode))
+        # The attempt of length zero right after an event is the one whose row stands behind the jump.
         jump = (row.code == REFRESH).astype(jnp.int32)
         return States(row.t, row.y_before, row.mode_before, jump)
 
@@ -174,6 +178,7 @@ def _collect(capacities: Capacities, logs: Logs, steps, before: Lane, after: Lan
         )  # fmt: skip
     if stepped is not None:
         keep = accepted(rows.code)
+        # Rows that are not kept are written past the end, where `mode="drop"` drops them.
         place = jnp.where(keep, steps + jnp.cumsum(keep, dtype=jnp.int32) - 1, stepped.t.shape[0])
         stepped = jax.tree.map(
             lambda log, row: log.at[place].set(row, mode="drop"), stepped, jax.vmap(state)(rows)
@@ -185,6 +190,7 @@ def _collect(capacities: Capacities, logs: Logs, steps, before: Lane, after: Lan
 def _move(log, counts, first, last, pick):
     """Write `pick(row)` into `log` for each row at which the `counts` went up, `first` to `last`."""
     counts, first, last = jax.lax.stop_gradient((counts, first, last))
+    # As many passes as the busiest lane of the batch needs; the others write past the end of their log.
     most = eqxi.unvmap_max(last - first)
 
     def body(carry):
