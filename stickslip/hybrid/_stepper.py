@@ -238,18 +238,25 @@ class DiffraxStepper(AbstractStepper):
         return isinstance(self.solver, dfx.AbstractAdaptiveSolver)
 
     def step(self, field, t, y, dy, h, execute):
-        term = dfx.ODETerm(lambda t, y, args: field(t, y))
+        # As a tuple of leaves: solvers of diffrax refuse empty parts, such as the state of most laws.
+        flat, form = jax.tree.flatten(y)
+
+        def flat_field(t, leaves, args):
+            return tuple(jax.tree.leaves(field(t, jax.tree.unflatten(form, leaves))))
+
+        term = dfx.ODETerm(flat_field)
         # A zero-length step only refreshes the slope, but implicit solvers divide by its length.
         moves = h > 0
         t1 = t + jnp.where(moves, h, 1e-8)
         solver: Any = self.solver
-        state = solver.init(term, t, t1, y, None)
-        y1, error, _, _, result = solver.step(term, t, t1, y, None, state, made_jump=True)
+        state = solver.init(term, t, t1, tuple(flat), None)
+        end, error, _, _, result = solver.step(term, t, t1, tuple(flat), None, state, made_jump=True)
         failed = result != dfx.RESULTS.successful
+        end = jax.tree.unflatten(form, end)
         y1 = jax.tree.map(
-            lambda new, old: jnp.where(moves, jnp.where(failed, jnp.nan, new), old), y1, y
+            lambda new, old: jnp.where(moves, jnp.where(failed, jnp.nan, new), old), end, y
         )
-        errors = () if error is None else (error,)
+        errors = () if error is None else (jax.tree.unflatten(form, error),)
         return y1, field(t + h, y1), errors
 
 

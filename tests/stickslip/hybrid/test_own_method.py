@@ -1,7 +1,8 @@
 """A step-size rule, a tableau and a method written with the public names alone."""
 
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
+import diffrax as dfx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -119,3 +120,26 @@ def test_a_wrong_tableau_is_refused(change, name):
     ss.Tableau(**right)
     with pytest.raises(ValueError, match=rf"^{name}"):
         ss.Tableau(**right | change)
+
+
+class Parts(NamedTuple):
+    """A state with an empty part, as the state of a law has that has none."""
+
+    x: Any
+    z: tuple
+    v: Any
+
+
+class Damped(ss.AbstractSmoothSystem):
+    """An oscillator, critically damped."""
+
+    def vector_field(self, t, y, mode, args):
+        return Parts(y.v, (), -y.x - 2.0 * y.v)
+
+
+def test_solvers_of_diffrax_take_states_with_empty_parts():
+    rule = ss.Integrator(dfx.Kvaerno3(), ss.AdaptiveStep(1e-6, 1e-6))
+    run = ss.simulate(Damped(), 0.0, 1.0, Parts(1.0, (), 0.0), integrator=rule)
+    assert run.y1.z == ()
+    assert float(run.y1.x) == pytest.approx(2.0 * np.exp(-1.0), abs=1e-5)
+    assert float(run.y1.v) == pytest.approx(-np.exp(-1.0), abs=1e-5)
