@@ -19,6 +19,7 @@ PACKAGES = (
     "stickslip.derived",
     "stickslip.sweep",
     "stickslip.analysis",
+    "stickslip.continuation",
     "stickslip.identification",
     "stickslip.plot",
     "stickslip.checks",

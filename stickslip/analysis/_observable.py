@@ -207,16 +207,17 @@ def with_parameters(system: AbstractHybridSystem, values: dict[str, Any]) -> Abs
     return system
 
 
-def check_parameter(system: AbstractHybridSystem, name: str) -> None:
-    """Raise for a name that is not a number in the system."""
+def check_parameter(system: AbstractHybridSystem, name: str, argument: str | None = None) -> None:
+    """Raise for a name that is not a number in the system; `argument`: by default that of a grid."""
+    argument = f"grid[{name!r}]" if argument is None else argument
     tree: Any = system
     for part in name.split("__"):
         known = [key for key, v in vars(tree).items()] if isinstance(tree, eqx.Module) else []
         if part not in known:
             here = f"one of {', '.join(known) or 'none'} (a__b for b inside a)"
             named = f"named after a parameter of {type(system).__name__}, here {here}"
-            raise refusal(f"grid[{name!r}]", name, named)
+            raise refusal(argument, name, named)
         tree = getattr(tree, part)
     if jnp.shape(tree) != () or not eqx.is_inexact_array_like(tree):
         named = f"named after a parameter that is a real number, not {shown(tree)}"
-        raise refusal(f"grid[{name!r}]", name, named)
+        raise refusal(argument, name, named)

@@ -33,6 +33,7 @@ from corexy_jax import _simulate as machine
 from stickslip import _compilation_cache
 from stickslip.analysis import _attractor, _volume
 from stickslip.contact import _dead_zone, _hold, _resolve, _zonotope
+from stickslip.continuation import _continue
 from stickslip.friction import _contract
 from stickslip.hybrid import _interpolate, _saltation, _simulate
 from stickslip.identification import (
@@ -49,6 +50,7 @@ from stickslip.plot import _axes
 from stickslip.sweep import _evaluate
 from tests.house import (
     _nonsense_analyses,
+    _nonsense_continuation,
     _nonsense_engine,
     _nonsense_identification,
     _nonsense_laws,
@@ -65,6 +67,7 @@ TARGETS: list[Target] = [
     *_nonsense_laws.TARGETS,
     *_nonsense_engine.TARGETS,
     *_nonsense_analyses.TARGETS,
+    *_nonsense_continuation.TARGETS,
     *_nonsense_identification.TARGETS,
     *_nonsense_machine.TARGETS,
     *_nonsense_report.TARGETS,
@@ -76,6 +79,7 @@ LIMIT = 2.0  # s of the processor, so that a busy machine does not count
 COMPILING = "/jax/core/compile/backend_compile_duration"
 BEHIND = (
     (_simulate, "core"),
+    (_continue, "begin"),
     (_evaluate.Evaluate, "program"),
     (_compilation_cache, "_here"),
     (_methods.AbstractMethod, "solve"),

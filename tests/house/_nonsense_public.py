@@ -7,12 +7,16 @@ from typing import Any
 PACKAGES = (
     "stickslip", "stickslip.friction", "stickslip.contact", "stickslip.systems", "stickslip.sweep",
     "stickslip.derived",
-    "stickslip.analysis", "stickslip.identification", "stickslip.hybrid", "stickslip.plot",
+    "stickslip.analysis", "stickslip.continuation", "stickslip.identification", "stickslip.hybrid",
+    "stickslip.plot",
     "corexy_jax",
 )  # fmt: skip
 RETURNED = "returned to users, not made by them"
 EXEMPT = {
     "Solution": RETURNED,
+    "PeriodicOrbit": RETURNED,
+    "Branch": RETURNED,
+    "BranchPoint": RETURNED,
     "EventLog": RETURNED,
     "StateLog": RETURNED,
     "Held": RETURNED,
@@ -141,7 +145,7 @@ def exempt(thing: Any) -> str | None:
         return EXEMPT.get(thing.__name__)
     if issubclass(thing, BaseException):
         return "raised, not called"
-    if thing.__name__ == "RESULTS":
+    if thing.__name__ in ("RESULTS", "ORBITS"):
         return "an enumeration"
     if hasattr(thing, "_fields"):
         return "a named tuple of whatever is traced; looked at by whoever is given it"

@@ -17,6 +17,7 @@ SLOW = {
     "identification",
     "jointed_beam",
     "own_corexy",
+    "periodic_orbits",
     "own_mechanism",
 }
 

@@ -1,0 +1,134 @@
+# ---
+# jupyter:
+#   jupytext:
+#     formats: py:percent
+#   kernelspec:
+#     display_name: Python 3
+#     language: python
+#     name: python3
+# ---
+
+# %% [markdown]
+# # Periodic orbits through stick and slip
+#
+# A scan shows the attractors that simulations end on. The branch that connects them, stable or not, its
+# folds, doublings and the points where a stick appears or vanishes need the periodic orbit itself:
+# Newton's method on the return map, and continuation. The sequence of sticks and slips is found on the
+# way, not given.
+#
+# The machine: a block on a belt, held by a spring and a dashpot, with friction that falls with the slip
+# speed (Leine, Van Campen, De Kraker, Van den Steen, Nonlinear Dynamics 16, 1998).
+
+# %%
+import os
+from typing import Any, ClassVar
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+import stickslip as ss
+from stickslip import plot
+from stickslip.continuation import OrbitGuess, continue_orbit, orbit_guess, periodic_orbit
+from stickslip.friction import HyperbolicWeakening
+from stickslip.mechanism import AbstractMechanism, Contact
+
+ss.enable_compilation_cache()  # what a run compiles, the next one reads from disk
+QUICK = os.environ.get("NOTEBOOK_QUICK", "0") not in ("", "0")
+
+
+# %%
+class Block(AbstractMechanism):
+    """Unit mass and spring, a dashpot, a belt."""
+
+    damping: Any
+    law: Any
+    belt_speed: Any
+    coordinates: ClassVar = {"x": "m"}
+    contact_directions: ClassVar = {"belt": {"x": 1}}
+    parameter_units: ClassVar = {"belt_speed": "m/s", "damping": "N s/m"}
+
+    def mass_matrix(self, q):
+        return {"x": 1.0}
+
+    def forces(self, t, q, v, args):
+        return {"x": -q.x - self.damping * v.x}
+
+    def contacts(self, t, q, v, args):
+        return [Contact(self.law, 1.0, self.belt_speed)]
+
+
+block = Block(0.5, HyperbolicWeakening(1.0, 3.0), 0.6)
+
+# %% [markdown]
+# ## An orbit and its Floquet multipliers
+#
+# `orbit_guess` simulates until the motion has settled and looks for its return; `periodic_orbit` makes
+# an orbit of it to twelve digits. The multiplier is exactly zero: sticking forgets where the block came
+# from.
+
+# %%
+guess = orbit_guess(block, block.state(x=1.0), transient=50.0, max_period=12.0)
+orbit = periodic_orbit(block, guess)
+print(orbit)
+print(orbit.events.to_dataframe(block)[["t", "mode_after"]])
+assert bool(orbit.successful)
+assert bool(orbit.stable)
+assert orbit.multipliers.tolist() == [0.0]
+
+# %% [markdown]
+# A guess by hand does as well, if it is near enough; what is found is simulated once more, and `result`
+# says in words what became of it.
+
+# %%
+by_hand = periodic_orbit(block, OrbitGuess(block.state(x=0.4, v_x=-0.65), 6.5))
+print(by_hand)
+assert abs(float(by_hand.period - orbit.period)) < 1e-9
+nothing = periodic_orbit(block, OrbitGuess(block.state(x=0.3571), 3.0))
+print(nothing)
+assert not bool(nothing.successful)
+
+# %% [markdown]
+# ## The branch over the speed of the belt
+#
+# The stick-slip orbit ends where its stick has no length left. There it meets the unstable cycle of
+# pure slip: a discontinuous fold. The branch turns, and the cycle is followed down to the Hopf point
+# of the equilibrium, whose speed is known, $v_H = (\sqrt{3/c} - 1)/3$.
+
+# %%
+branch = continue_orbit(
+    block, orbit, "belt_speed", (0.4, 0.8), step=0.04, both=not QUICK, max_points=60
+)
+print(branch)
+(fold,) = branch["GR"]
+hopf = (np.sqrt(3 / 0.5) - 1) / 3
+assert abs(fold.value - 0.6721494669) < 1e-8
+assert abs(branch["EP"][-1].value - hopf) < 1e-6
+
+# %%
+axis = plot.branch(branch, "x")
+axis.axvline(hopf, color="0.8", zorder=0)
+axis.set_title("Discontinuous fold of a block on a belt")
+axis.legend(frameon=False)
+plt.show()
+
+# %% [markdown]
+# As a dataset, for all that comes after:
+
+# %%
+print(branch.to_dataset())
+
+# %% [markdown]
+# ## What the labels mean
+#
+# | label | point |
+# |---|---|
+# | `LP` | fold: the parameter turns |
+# | `PD` | period doubling, a multiplier of -1; to `continue_orbit` it starts the doubled branch |
+# | `NS` | a conjugate pair of multipliers on the unit circle |
+# | `BP` | two branches cross |
+# | `GR` | an event appears or vanishes: grazing, a stick that begins or ends |
+# | `SQ` | another change of the sequence of modes |
+# | `EP` | end of the branch, with the reason |
+#
+# What is not there yet: curves of these points in two parameters, and branches at symmetric branch
+# points.

@@ -1,0 +1,10 @@
+"""Periodic orbits through stick, slip and impact: Newton's method, Floquet multipliers, branches."""
+
+from ._branch import Branch as Branch
+from ._branch import BranchPoint as BranchPoint
+from ._continue import continue_orbit as continue_orbit
+from ._guess import OrbitGuess as OrbitGuess
+from ._guess import orbit_guess as orbit_guess
+from ._orbit import PeriodicOrbit as PeriodicOrbit
+from ._outcome import ORBITS as ORBITS
+from ._periodic_orbit import periodic_orbit as periodic_orbit

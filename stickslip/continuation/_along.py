@@ -1,0 +1,130 @@
+"""The compiled pieces of continuation: residual and derivative along a parameter, and the orbit."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax.flatten_util import ravel_pytree
+from jaxtyping import PyTree
+
+from ..analysis._observable import with_parameters
+from ..hybrid import AbstractHybridSystem, Integrator, use_executor
+from ..hybrid._bound import spanning
+from ._closing import Frame, Motion, closure, extent, turns_of, unknowns
+from ._newton import Newton
+from ._orbit import PeriodicOrbit
+from ._periodic_orbit import described
+
+
+class Problem(eqx.Module):
+    """What is followed: a system in which one number is free, and how the period depends on it.
+
+    `forcing_period(system)` [s] and `multiple`, or None for a period that is an unknown. `unit`: the
+    size of a step of the parameter.
+    """
+
+    system: AbstractHybridSystem
+    args: PyTree
+    integrator: Integrator
+    unit: Any
+    name: str = eqx.field(static=True)
+    forcing_period: Callable | None = eqx.field(static=True)
+    multiple: int = eqx.field(static=True)
+    segments: int = eqx.field(static=True)
+    max_events: int = eqx.field(static=True)
+    executor: Any = eqx.field(static=True)
+
+
+class Anchor(NamedTuple):
+    """The orbit around which unknowns are measured: at unknown 1 of the period it has `period`.
+
+    `phase`: time of the first point, in parts of the period (of the forced system); `normal`: the plane
+    of the first point; `size`: what unknowns and residuals are parts of; `extent`: of the motion.
+    """
+
+    y: Any
+    phase: Any
+    period: Any
+    normal: Any
+    size: Any
+    extent: Any
+
+
+def system_at(problem: Problem, value: Any) -> AbstractHybridSystem:
+    """The system with the parameter at a value."""
+    return with_parameters(problem.system, {problem.name: jnp.asarray(value, jnp.float64)})
+
+
+def _framed(problem: Problem, value: Any, anchor: Anchor, turn: Any) -> tuple[Motion, Frame]:
+    system = system_at(problem, value)
+    period, t0 = anchor.period, jnp.zeros(())
+    if problem.forcing_period is not None:
+        period = problem.multiple * jnp.asarray(problem.forcing_period(system), jnp.float64)
+        t0 = anchor.phase * period
+    free = problem.forcing_period is None
+    frame = Frame(t0, period, free, ravel_pytree(anchor.y)[0], anchor.normal, anchor.size, turn)
+    return Motion(system, problem.args, problem.integrator), frame
+
+
+@eqx.filter_jit
+def anchored(problem: Problem, value: Any, y: PyTree, mode: Any, phase: Any, period: Any, least: Any):
+    """Anchor at a state, with its unknowns and the modes at the knots; the size is at least `least`."""
+    turn = jnp.asarray(turns_of(problem.system, y))
+    ones = jnp.ones(turn.shape)
+    motion, frame = _framed(problem, value, Anchor(y, phase, period, ones, ones, ones), turn)
+    integrator = spanning(
+        motion.integrator, motion.system, frame.t0, frame.period, y, mode, motion.args
+    )
+    with use_executor(problem.executor):
+        moves, knots, modes = extent(
+            motion._replace(integrator=integrator), y, mode, frame.t0, frame.period, problem.segments
+        )
+    size = jnp.maximum(moves, least)
+    slope = ravel_pytree(motion.system.vector_field(frame.t0, y, mode, motion.args))[0] / size
+    length = jnp.linalg.norm(slope)
+    normal = slope / jnp.where(length > 0, length, 1.0)
+    anchor = Anchor(y, phase, frame.period, normal, size, moves)
+    u = unknowns(knots, frame._replace(size=size))
+    return anchor, jnp.append(u, value / problem.unit), modes
+
+
+@eqx.filter_jit
+def evaluated(problem: Problem, u: Any, modes: Any, anchor: Anchor):
+    """Residual, its derivative by all unknowns, the parameter last, and what the pieces were."""
+    _, unravel = ravel_pytree(anchor.y)
+    turn = jnp.asarray(turns_of(problem.system, anchor.y))
+
+    def residual(u):
+        motion, frame = _framed(problem, u[-1] * problem.unit, anchor, turn)
+        span = jax.lax.stop_gradient(frame.period)
+        integrator = spanning(
+            motion.integrator, motion.system, frame.t0, span, anchor.y, modes[0], motion.args
+        )
+        with use_executor(problem.executor):
+            found = closure(u[:-1], modes, motion._replace(integrator=integrator), frame, unravel)
+        return found.residual, found
+
+    jacobian, found = jax.jacfwd(residual, has_aux=True)(u)
+    return found.residual, jacobian, found
+
+
+@eqx.filter_jit
+def orbit_at(problem: Problem, u: Any, modes: Any, anchor: Anchor, found: Any) -> PeriodicOrbit:
+    """The orbit of these unknowns, simulated once more, with its multipliers."""
+    residual, jacobian, closing = found
+    _, unravel = ravel_pytree(anchor.y)
+    turn = jnp.asarray(turns_of(problem.system, anchor.y))
+    motion, frame = _framed(problem, u[-1] * problem.unit, anchor, turn)
+    integrator = spanning(
+        motion.integrator, motion.system, frame.t0, frame.period, anchor.y, modes[0], motion.args
+    )
+    norm = jnp.max(jnp.abs(residual))
+    none = jnp.zeros((), bool)
+    solved = Newton(u[:-1], jacobian[:, :-1], closing, norm, jnp.ones((), jnp.int32), none, none)
+    with use_executor(problem.executor):
+        return described(
+            motion._replace(integrator=integrator), frame, solved, jnp.inf, unravel, modes[0],
+            problem.segments, problem.max_events,
+        )  # fmt: skip

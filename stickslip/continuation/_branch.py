@@ -1,0 +1,138 @@
+"""A branch of periodic orbits as data: orbits in order, special points, a labelled Dataset."""
+
+import dataclasses
+from typing import TYPE_CHECKING, Any
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from .._show import counted, html_table, number
+from ..hybrid import AbstractHybridSystem
+from ..hybrid._components import components_of
+from ._follow import Point
+from ._orbit import PeriodicOrbit
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+@dataclasses.dataclass(frozen=True)
+class Special:
+    """A special point while the branch is followed: after which orbit it comes, and why."""
+
+    label: str
+    point: Point
+    words: str
+    index: int
+
+    def at(self, index: int) -> "Special":
+        """The same after another orbit."""
+        return dataclasses.replace(self, index=index)
+
+
+class BranchPoint(eqx.Module):
+    """A special point of a branch: `label`, `value` of the parameter, `orbit`, and in `words` why.
+
+    `index`: number of the orbit of the branch before it.
+    """
+
+    label: str
+    value: float
+    orbit: PeriodicOrbit
+    words: str
+    index: int
+
+    def __repr__(self) -> str:
+        after = f": {self.words}" if self.words else ""
+        return f"{self.label} at {self.value:.10g}{after}"
+
+
+class Branch(eqx.Module):
+    """Periodic orbits over one parameter, in order along the branch.
+
+    - `parameter`: its name; `values`, `[point]`.
+    - `orbits`: a `PeriodicOrbit` with a leading axis, `[point]`.
+    - `sequences`: the sequence of (guard, mode after) of each orbit, turned to its smallest form.
+    - `specials`: `BranchPoint`s, in order along the branch.
+    """
+
+    parameter: str
+    values: np.ndarray
+    orbits: PeriodicOrbit
+    sequences: tuple
+    specials: tuple[BranchPoint, ...]
+    system: AbstractHybridSystem
+
+    def __getitem__(self, label: str) -> tuple[BranchPoint, ...]:
+        """All special points with a label."""
+        return tuple(s for s in self.specials if s.label == label)
+
+    def __len__(self) -> int:
+        return self.values.size
+
+    def __repr__(self) -> str:
+        stable = int(np.sum(np.asarray(self.orbits.stable)))
+        head = (
+            f"Branch: {counted(len(self), 'orbit')}, {stable:,} stable; {self.parameter} from "
+            f"{number(self.values.min())} to {number(self.values.max())}"
+        )
+        return "\n".join([head, *(f"  {special!r}" for special in self.specials)])
+
+    def _repr_html_(self) -> str:
+        head = repr(self).partition("\n")[0]
+        rows = [(s.label, f"{s.value:.10g}", s.words) for s in self.specials]
+        return html_table(head, ("label", self.parameter, ""), rows)
+
+    def to_dataset(self) -> "xr.Dataset":
+        """The branch as an `xarray.Dataset` along `point`, special points along `special`.
+
+        `period` [s], `stable`, `multiplier_real` and `multiplier_imag` along `multiplier`,
+        `start_<name>` (the state at the start of each orbit, with its unit), `lowest_<name>` and
+        `highest_<name>` over the period, `sequence` (a number per mode sequence), the parameter as
+        coordinate; `label`, `special_<parameter>`, `special_period` along `special`.
+        """
+        import xarray as xr
+
+        orbits = self.orbits
+        units = getattr(self.system, "parameter_units", {})
+        names = {s: k for k, s in enumerate(dict.fromkeys(self.sequences))}
+        unit = {"units": units[self.parameter]} if self.parameter in units else {}
+        data: dict[str, Any] = {
+            "period": ("point", np.asarray(orbits.period), {"units": "s"}),
+            "stable": ("point", np.asarray(orbits.stable)),
+            "multiplier_real": (("point", "multiplier"), np.real(orbits.multipliers)),
+            "multiplier_imag": (("point", "multiplier"), np.imag(orbits.multipliers)),
+            "sequence": ("point", np.array([names[s] for s in self.sequences])),
+            "num_events": ("point", np.asarray(orbits.events.count)),
+            "label": ("special", np.array([s.label for s in self.specials], dtype=str)),
+            f"special_{self.parameter}": ("special", np.array([s.value for s in self.specials]), unit),
+            "special_period": (
+                "special", np.array([float(s.orbit.period) for s in self.specials]), {"units": "s"},
+            ),
+        }  # fmt: skip
+        for prefix, tree in (
+            ("start", orbits.y0),
+            ("lowest", orbits.lowest),
+            ("highest", orbits.highest),
+        ):
+            for name, leaf in components_of(tree).items():
+                axes = ["point", *(f"{name}_{k}" for k in range(np.ndim(leaf) - 1))]
+                label = {"units": self.system.units[name]} if name in self.system.units else {}
+                data[f"{prefix}_{name}"] = (axes, np.asarray(leaf), label)
+        return xr.Dataset(data, coords={self.parameter: ("point", self.values, unit)})
+
+
+def branch_of(
+    parameter: str, points: list[Point], specials: list[Special], system: AbstractHybridSystem
+) -> Branch:
+    """The branch of points in order."""
+    orbits = jax.tree.map(lambda *leaves: np.stack(leaves), *(p.orbit for p in points))
+    return Branch(
+        parameter,
+        np.array([p.value for p in points]),
+        orbits,
+        tuple(p.sequence for p in points),
+        tuple(BranchPoint(s.label, s.point.value, s.point.orbit, s.words, s.index) for s in specials),
+        system,
+    )

@@ -1,0 +1,304 @@
+"""`continue_orbit`: a branch of periodic orbits over one parameter."""
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from jaxtyping import PyTree
+
+from .._types import Given
+from .._validation import (
+    as_parameter,
+    check_callable,
+    check_count,
+    check_handed_on,
+    check_type,
+    one_concrete,
+    refusal,
+)
+from ..analysis._observable import check_parameter, with_parameters
+from ..hybrid import AbstractHybridSystem, AdaptiveStep, Integrator, current_executor
+from ..hybrid._arguments import the_system
+from ..hybrid._tree import with_float_arrays
+from ._along import Problem
+from ._branch import Branch, BranchPoint, Special, branch_of
+from ._corner import across
+from ._follow import QUICK, Failure, Point, ahead, begin, moved, turned
+from ._orbit import PeriodicOrbit
+from ._points import TESTS, border, is_torus, located
+from ._switch import doubled
+
+# Between two points the tangent turns by at most this angle [cosine]: sharper bends get shorter steps.
+BEND = 0.9
+SHORTER, LONGER = 0.5, 1.5
+# A step changes the extent of the motion by at most this part; one that has shrunk so far is a rest.
+SHRINKS = 0.3
+AT_REST = 1e-4
+LEAST_ROUND = 8  # orbits of a closed branch
+STUCK = 1e-7  # of the step: a branch that goes on by less ends
+
+
+def continue_orbit(
+    system: Given[AbstractHybridSystem],
+    orbit: Given[PeriodicOrbit | BranchPoint],
+    parameter: Given[str],
+    bounds: Given[tuple[float, float]],
+    *,
+    forcing_period: Given[Callable[[Any], Any] | None] = None,
+    step: Given[float] = 0.01,
+    max_points: Given[int] = 200,
+    functions: Given[Mapping[str, Callable[[PeriodicOrbit], Any]] | None] = None,
+    both: Given[bool] = True,
+    segments: Given[int] = 1,
+    args: PyTree = None,
+    integrator: Given[Integrator | None] = None,
+    max_events: Given[int] = 256,
+) -> Branch:
+    r"""Follow a periodic orbit over one parameter, through folds and changes of the mode sequence.
+
+    Pseudo-arclength continuation (Keller 1977): the unknowns are the state, the period (where nothing
+    forces the system) and the parameter; each point is Newton's solution in the plane across the last
+    tangent. Every orbit is simulated again and has its Floquet multipliers. Special points between two
+    orbits are located by root finding along the branch, each evaluation a Newton solution.
+
+    The sequence of modes is that of the simulation, and may change along the branch: the last orbit of
+    the old sequence is located, and the branch is followed beyond it with the derivatives of the new
+    one. Where the new one lies on the same side, a discontinuous fold, the branch turns there.
+
+    **Arguments**
+
+    - `system`: its `parameter` (a name, `a__b` for `b` inside `a`) has the value of the orbit.
+    - `orbit`: a successful `PeriodicOrbit` of this system; or a `BranchPoint` of another branch over
+      the same parameter, at whose value it begins: from a `PD` point the branch of doubled orbits.
+    - `bounds`: least and greatest value of the parameter.
+    - `forcing_period(system)` [s]: of a system that depends on the time; the orbit's period is a
+      multiple of it. None: the period is an unknown.
+    - `step`: first and longest step, in parts of the bounds' distance (and of the motion's size).
+    - `max_points`: orbits on each of the two halves of the branch.
+    - `functions`: real functions of the orbit, by label, whose zeros are located too.
+    - `both`: follow to both sides of `orbit`; otherwise to larger values of the parameter.
+    - `segments`, `args`, `integrator`, `max_events`: as for `periodic_orbit`.
+
+    **Returns** a `Branch`: the orbits in order along the branch, and the special points `LP` (fold),
+    `PD` (period doubling), `NS` (torus), `BP` (branch point), `GR` (an event appears or vanishes), `SQ`
+    (another change of the mode sequence), `EP` (end, with the reason).
+
+    The loop is Python and runs outside `jit`; it compiles three programs for the first branch of a
+    system and none for later ones.
+
+    **Errors** `ValueError`/`TypeError` naming the argument, before compilation.
+    """
+    the_system(system)
+    check_type("orbit", orbit, PeriodicOrbit | BranchPoint, "a PeriodicOrbit or a BranchPoint")
+    special = orbit if isinstance(orbit, BranchPoint) else None
+    orbit = orbit if special is None else special.orbit
+    if np.shape(orbit.period) != () or not bool(orbit.successful):
+        raise refusal("orbit", orbit, "one successful PeriodicOrbit")
+    if not isinstance(parameter, str):
+        raise refusal("parameter", parameter, "a name of a parameter", TypeError)
+    check_parameter(system, parameter, "parameter")
+    check_handed_on("args", args)
+    low, high = _bounds(bounds)
+    one_concrete("step", step, "positive")
+    check_count("max_points", max_points, 1)
+    check_count("segments", segments, 1)
+    check_count("max_events", max_events, 1)
+    if not isinstance(both, bool):
+        raise refusal("both", both, "True or False", TypeError)
+    tests = _tests(functions)
+    integrator = _tight() if integrator is None else integrator
+    check_type("integrator", integrator, Integrator, "an Integrator or None")
+    value: Any = system
+    for part in parameter.split("__"):
+        value = getattr(value, part)
+    value = float(value) if special is None else special.value
+    if not low <= value <= high:
+        raise refusal("bounds", (low, high), f"around the value of {parameter}, {value}")
+    multiple = 1
+    if forcing_period is not None:
+        check_callable("forcing_period", forcing_period, "forcing_period(system)", system)
+        forcing = one_concrete("forcing_period(system)", forcing_period(system), "positive")
+        if special is not None:
+            forcing = forcing_period(with_parameters(system, {parameter: value}))
+        ratio = float(orbit.period) / float(forcing)
+        multiple = round(ratio)
+        if multiple < 1 or abs(ratio - multiple) > 1e-6:
+            allowed = f"of which the orbit's period, {float(orbit.period)} s, is a multiple"
+            raise refusal("forcing_period(system)", float(forcing), allowed)
+    problem = Problem(
+        with_float_arrays(system), args, integrator, as_parameter(high - low), parameter,
+        forcing_period, multiple, segments, max_events, current_executor(),
+    )  # fmt: skip
+    doubles = special is not None and special.label == "PD"
+    if doubles:
+        problem = dataclasses.replace(problem, multiple=2 * multiple)
+    first = (doubled if doubles else begin)(problem, orbit, value)
+    if isinstance(first, Failure):
+        raise refusal("orbit", orbit, f"an orbit of this system: it is {first.result}")
+    if doubles:  # backwards lies the point it came from
+        points, specials = _half(problem, first, (low, high), step, max_points, tests)
+        return branch_of(parameter, points, specials, system)
+    first = _settled(problem, first)
+    up = first if first.tangent[-1] > 0 else turned(first)
+    forward, others = _half(problem, up, (low, high), step, max_points, tests)
+    closed = bool(others) and others[-1].words.startswith("closed")
+    if closed or not both:
+        return branch_of(parameter, forward, others, system)
+    backward, marks = _half(problem, turned(up), (low, high), step, max_points, tests)
+    count = len(backward) - 1
+    points = backward[::-1] + forward[1:]
+    specials = [s.at(count - s.index) for s in marks][::-1] + [s.at(count + s.index) for s in others]
+    return branch_of(parameter, points, specials, system)
+
+
+def _tight() -> Integrator:
+    return Integrator(step=AdaptiveStep(1e-12))  # pyright: ignore[reportCallIssue]
+
+
+def _bounds(bounds: Any) -> tuple[float, float]:
+    if not isinstance(bounds, tuple | list) or len(bounds) != 2:
+        raise refusal("bounds", bounds, "two numbers, the lower one first", TypeError)
+    low, high = (float(one_concrete(f"bounds[{i}]", b)) for i, b in enumerate(bounds))
+    if not low < high:
+        raise refusal("bounds", bounds, "two numbers, the lower one first")
+    return low, high
+
+
+def _tests(functions: Any) -> dict[str, Callable[[Point], float]]:
+    tests = dict(TESTS)
+    if functions is None:
+        return tests
+    if not isinstance(functions, Mapping):
+        raise refusal("functions", functions, "a mapping from labels to functions, or None", TypeError)
+    for label, function in functions.items():
+        if not isinstance(label, str) or label in (*TESTS, "GR", "SQ", "EP"):
+            raise refusal("functions", label, "labels that are not taken")
+        check_callable(f"functions[{label!r}]", function, "f(orbit)", 0)
+        tests[label] = lambda point, function=function: float(function(point.orbit))
+    return tests
+
+
+def _settled(problem: Problem, point: Point) -> Point:
+    """The same orbit measured around itself, where that is possible."""
+    new = moved(problem, point)
+    return point if isinstance(new, Failure) else new
+
+
+def _shrunk(point: Point) -> float:
+    """Extent of the motion, in parts of the largest that it had on the branch."""
+    anchor = point.anchor
+    return float(np.max(np.asarray(anchor.extent) / np.asarray(anchor.size)))
+
+
+def _half(problem, start: Point, bounds, step, max_points, tests) -> tuple[list, list]:
+    """Orbits from `start` along its tangent, and the special points, each with the index before it."""
+    low, high = bounds
+    points, specials = [start], []
+    distance = step
+    while len(points) < max_points:
+        point, index = points[-1], len(points) - 1
+        if _shrunk(point) < AT_REST:
+            specials.append(Special("EP", point, "at_rest: the orbit shrinks to an equilibrium", index))
+            break
+        new, distance = _next(problem, point, min(distance, SHRINKS * _shrunk(point)))
+        if isinstance(new, Failure):
+            # Either the step is too long, or the sequence of modes ends before.
+            last, at = border(problem, point, distance, alike(point))
+            specials += _labelled(problem, point, last, at, tests, index)
+            other = across(problem, last)
+            if other is not None:
+                specials.append(_change(last, other, index))
+                new, distance = other, step
+            elif at > STUCK * step:
+                new, distance = last, at
+            else:
+                specials.append(Special("EP", last, new.result, index))
+                break
+        elif new.sequence != point.sequence:
+            last, at = border(problem, point, distance, alike(point))
+            specials += _labelled(problem, point, last, at, tests, index)
+            specials.append(_change(last, new, index))
+        else:
+            specials += _labelled(problem, point, new, distance, tests, index)
+        if not low <= new.value <= high:
+            specials.append(
+                Special("EP", _at_bound(problem, point, new, distance, bounds), "bounds", index)
+            )
+            break
+        if int(new.orbit.repeats) > int(points[0].orbit.repeats):
+            words = "repeats: a branch of a shorter period is met"
+            specials.append(Special("EP", new, words, index))
+            break
+        points.append(_settled(problem, new))
+        if _closed(points, distance):
+            specials.append(
+                Special("EP", points[-1], "closed: the branch has come round", len(points) - 1)
+            )
+            break
+        distance = min(distance * LONGER, step) if new.evaluations <= QUICK else distance
+    else:
+        specials.append(Special("EP", points[-1], "max_points", len(points) - 1))
+    return points, specials
+
+
+def _at_bound(problem, before: Point, after: Point, distance, bounds) -> Point:
+    """The orbit at the bound that lies between two others, or the last one within the bounds."""
+    low, high = bounds
+    bound = low if after.value < low else high
+    found = located(problem, before, after, distance, lambda point: point.value - bound)
+    return before if isinstance(found, Failure) else found
+
+
+def _closed(points: list[Point], distance: float) -> bool:
+    """Whether the last orbit is the first one, met again in the same sense."""
+    first, last = points[0], points[-1]
+    if len(points) < LEAST_ROUND or last.sequence != first.sequence:
+        return False
+    period, other = float(first.orbit.period), float(last.orbit.period)
+    near = abs(last.u[-1] - first.u[-1]) < distance and abs(other - period) < distance * period
+    if not near or last.tangent[-1] * first.tangent[-1] <= 0:
+        return False
+    # The same point of the orbit is compared by what does not depend on where it starts.
+    one, two = (np.asarray(p.anchor.extent) for p in (first, last))
+    return bool(np.all(np.abs(one - two) <= distance * one))
+
+
+def alike(point: Point) -> Callable[[Point], bool]:
+    """Whether another point has the same sequence of modes."""
+    return lambda other: other.sequence == point.sequence
+
+
+def _next(problem, point: Point, distance: float):
+    """The next point and the step to it, shortened where the branch bends; or why there is none."""
+    shortest = distance * 2.0**-10
+    while True:
+        new = ahead(problem, point, distance)
+        if isinstance(new, Failure) or distance <= shortest:
+            return new, distance
+        if new.sequence != point.sequence or new.tangent @ point.tangent > BEND:
+            return new, distance
+        distance *= SHORTER
+
+
+def _labelled(problem, before: Point, after: Point, distance, tests, index) -> list[Special]:
+    """Special points between two orbits of one sequence, in order."""
+    found = []
+    for label, test in tests.items():
+        one, two = test(before), test(after)
+        if not (np.isfinite(one) and np.isfinite(two)) or one * two >= 0:
+            continue
+        point = located(problem, before, after, distance, test)
+        if isinstance(point, Failure):
+            continue
+        if label == "NS" and not is_torus(point):
+            continue
+        found.append(Special(label, point, "", index))
+    return sorted(found, key=lambda s: abs(s.point.value - before.value))
+
+
+def _change(last: Point, new: Point, index: int) -> Special:
+    """The border between two sequences: an event more or less, or others."""
+    events = int(last.orbit.events.count), int(new.orbit.events.count)
+    words = f"{events[0]} events before, {events[1]} after"
+    return Special("SQ" if events[0] == events[1] else "GR", last, words, index)

@@ -1,0 +1,179 @@
+"""Pseudo-arclength continuation: tangent, corrector, step; plain Python around compiled pieces."""
+
+import dataclasses
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..hybrid import simulate
+from ._along import Anchor, Problem, anchored, evaluated, orbit_at, system_at
+from ._orbit import PeriodicOrbit
+
+EVALUATIONS = 10  # of Newton's method at one point
+# An event this near to the start of the period, in parts of it: the start is moved.
+NEAR_START = 0.02
+QUICK = 4  # evaluations after which the next step is longer
+
+
+@dataclasses.dataclass(frozen=True)
+class Point:
+    """An orbit on the branch, with what the next step starts from."""
+
+    u: np.ndarray
+    modes: Any
+    anchor: Anchor
+    tangent: np.ndarray
+    jacobian: np.ndarray
+    orbit: PeriodicOrbit
+    evaluations: int
+    value: float
+
+    @property
+    def sequence(self) -> tuple:
+        """Guards and modes of one period, from wherever it begins."""
+        return round_trip(self.orbit)
+
+
+@dataclasses.dataclass(frozen=True)
+class Failure:
+    """Why there is no point: a name of `ORBITS`."""
+
+    result: str
+
+
+def round_trip(orbit: PeriodicOrbit) -> tuple:
+    """The sequence of (guard, mode after) along the orbit, turned to its smallest form."""
+    count = int(orbit.events.count)
+    pairs = list(
+        zip(
+            np.asarray(orbit.events.guard)[:count].tolist(),
+            np.asarray(orbit.events.mode_after)[:count].tolist(),
+            strict=True,
+        )
+    )
+    if not pairs:
+        return (int(orbit.mode0),)
+    return tuple(min(pairs[i:] + pairs[:i] for i in range(count)))
+
+
+def tangent_of(jacobian: np.ndarray, before: np.ndarray | None) -> np.ndarray | None:
+    """Unit vector that the Jacobian takes to zero, in the sense of the one before."""
+    if not np.all(np.isfinite(jacobian)):
+        return None
+    tangent = np.linalg.svd(jacobian)[2][-1]
+    sense = tangent[-1] if before is None else float(tangent @ before)
+    return tangent if sense >= 0 else -tangent
+
+
+def begin(problem: Problem, orbit: PeriodicOrbit, value: float) -> Point | Failure:
+    """The first point of a branch: an orbit that is corrected at its own parameter."""
+    phase = jnp.asarray(float(orbit.t0) / float(orbit.period) % 1.0)
+    anchor, u, modes = anchored(
+        problem, jnp.asarray(value), orbit.y0, orbit.mode0, phase, jnp.asarray(float(orbit.period)), 0.0
+    )
+    along = np.zeros(u.shape[0])
+    along[-1] = 1.0
+    return correct(problem, np.asarray(u), modes, anchor, along, None)
+
+
+def correct(
+    problem: Problem, u: np.ndarray, modes: Any, anchor: Anchor, along: np.ndarray,
+    sense: np.ndarray | None, tolerance: float = 1e-11,
+) -> Point | Failure:  # fmt: skip
+    """Newton's method in the plane through `u` perpendicular to `along`; the orbit, simulated again."""
+    start, best = u, np.inf
+    for evaluation in range(1, EVALUATIONS + 1):
+        residual, jacobian, found = jax.device_get(evaluated(problem, jnp.asarray(u), modes, anchor))
+        if not np.all(found.good) or not np.all(np.isfinite(residual)):
+            return Failure("guess_failed")
+        norm = float(np.max(np.abs(residual)))
+        if norm <= tolerance or (norm < 1e3 * tolerance and norm > 0.5 * best):
+            break
+        if norm > 10.0 * best or evaluation == EVALUATIONS:
+            return Failure("not_converged")
+        best = min(best, norm)
+        system = np.vstack([jacobian, along])
+        right = np.append(residual, along @ (u - start))
+        try:
+            step = np.linalg.lstsq(system, right, rcond=1e-12)[0]
+        except np.linalg.LinAlgError:
+            return Failure("singular")
+        if not np.all(np.isfinite(step)):
+            return Failure("singular")
+        u = u - step * min(1.0, 5.0 / max(np.max(np.abs(step)), 5.0))
+        modes = np.roll(found.modes, 1)
+        modes[0] = found.modes[-1]
+    orbit = orbit_at(problem, jnp.asarray(u), jnp.asarray(modes), anchor, (residual, jacobian, found))
+    if not bool(orbit.successful):
+        return Failure(str(orbit.result))
+    tangent = tangent_of(jacobian, sense)
+    if tangent is None:
+        return Failure("singular")
+    value = float(u[-1] * problem.unit)
+    return Point(u, modes, anchor, tangent, jacobian, orbit, evaluation, value)
+
+
+def ahead(problem: Problem, point: Point, distance: float) -> Point | Failure:
+    """The point at a distance along the tangent of this one."""
+    return correct(
+        problem, point.u + distance * point.tangent, point.modes, point.anchor, point.tangent,
+        point.tangent,
+    )  # fmt: skip
+
+
+def moved(problem: Problem, point: Point) -> Point | Failure:
+    """The same orbit measured around itself; begun elsewhere if an event is near its start.
+
+    The plane of its first point is then across the motion there, and nearby orbits have no event at
+    their start, which is put into the middle of the longest time without event.
+    """
+    orbit, anchor = point.orbit, point.anchor
+    period, shift, y, mode = float(orbit.period), _shift(orbit), orbit.y0, orbit.mode0
+    if shift:
+        run = simulate(
+            system_at(problem, point.value), orbit.t0, orbit.t0 + shift, y, mode, problem.args,
+            integrator=problem.integrator, max_events=None,
+        )  # fmt: skip
+        y, mode = run.y1, run.mode1
+    phase = (float(anchor.phase) + shift / period) % 1.0
+    around, u, modes = anchored(
+        problem, jnp.asarray(point.value), y, mode, jnp.asarray(phase), jnp.asarray(period), anchor.size
+    )
+    # No direction is held: the nearest orbit of the branch, also where the parameter turns.
+    new = correct(problem, np.asarray(u), modes, around, np.zeros(u.shape[0]), None)
+    if isinstance(new, Failure):
+        return new
+    before, after = (_direction(problem, p, around.size) for p in (point, new))
+    if shift:  # states at different places of the orbit are not comparable
+        ends = slice(-2, None) if problem.forcing_period is None else slice(-1, None)
+        before, after = before[ends], after[ends]
+    return new if before @ after >= 0 else turned(new)
+
+
+def _shift(orbit: PeriodicOrbit) -> float:
+    """Time from the start to the middle of the longest time without event; 0 if no event is near."""
+    count, period = int(orbit.events.count), float(orbit.period)
+    if not count:
+        return 0.0
+    times = np.asarray(orbit.events.t)[:count] - float(orbit.t0)
+    if NEAR_START * period < times[0] and times[-1] < (1.0 - NEAR_START) * period:
+        return 0.0
+    gaps = np.diff(np.append(times, times[0] + period))
+    at = int(np.argmax(gaps))
+    return float((times[at] + 0.5 * gaps[at]) % period)
+
+
+def _direction(problem: Problem, point: Point, size: Any) -> np.ndarray:
+    """Tangent of the branch in parts of one size: state at the first knot, period, parameter."""
+    states = size.shape[0]
+    first = point.tangent[:states] * np.asarray(point.anchor.size) / size
+    if problem.forcing_period is not None:
+        return np.append(first, point.tangent[-1])
+    return np.concatenate([first, point.tangent[-2:]])
+
+
+def turned(point: Point) -> Point:
+    """The same orbit, with the branch followed the other way."""
+    return dataclasses.replace(point, tangent=-point.tangent)

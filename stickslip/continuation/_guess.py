@@ -1,0 +1,232 @@
+"""Where Newton's method starts: a state, a mode and a period, by hand or from a simulation."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, PyTree
+
+from .._checked import CheckedModule
+from .._types import Given, Mode, Numeric
+from .._validation import (
+    MOST,
+    as_float64,
+    as_parameter,
+    check_count,
+    check_text,
+    check_type,
+    is_concrete,
+    one_number,
+    refusal,
+    whole_number,
+)
+from ..hybrid import (
+    AbstractHybridSystem,
+    AbstractSystemWrapper,
+    AdaptiveStep,
+    Integrator,
+    SaveAt,
+    Section,
+    current_executor,
+    simulate,
+    use_executor,
+)
+from ..hybrid._arguments import a_time, check_field, start_of, the_system
+from ..hybrid._bound import spanning
+from ..hybrid._tree import with_float_arrays
+from ._closing import turns_of, wrapped
+
+# Two returns whose distances from the start differ by less than this factor are equally good: the first
+# is taken. A return nearer than the second number, in parts of the motion's size, is one in any case.
+AS_NEAR = 3.0
+NEAR = 1e-6
+SAMPLES = 256
+
+
+class OrbitGuess(eqx.Module, metaclass=CheckedModule):
+    """A state that nearly returns after a period.
+
+    - `y0`: the state; `mode0`: its mode, name or number, by default that of `system.initial_mode`.
+    - `period` [s]: positive.
+    - `t0` [s]: time of the state; it matters if the system depends on the time.
+
+    **Errors** `ValueError`/`TypeError` naming the argument.
+    """
+
+    y0: PyTree
+    period: Numeric
+    mode0: Mode | None = None
+    t0: Numeric = 0.0
+
+    def __check_init__(self):
+        as_float64("y0", self.y0)
+        if not sum(np.size(leaf) for leaf in jax.tree.leaves(self.y0)):
+            raise refusal("y0", self.y0, "a state with at least one component")
+        a_time("period", one_number("period", self.period, "positive"))
+        a_time("t0", self.t0)
+        if isinstance(self.mode0, str):
+            check_text("mode0", self.mode0, "the name of a mode")
+        elif self.mode0 is not None:
+            whole_number("mode0", self.mode0, 0, MOST)
+
+
+def orbit_guess(
+    system: Given[AbstractHybridSystem],
+    y0: PyTree,
+    *,
+    transient: Numeric,
+    max_period: Numeric,
+    forcing_period: Given[Numeric | None] = None,
+    t0: Numeric = 0.0,
+    mode0: Mode | None = None,
+    args: PyTree = None,
+    integrator: Given[Integrator | None] = None,
+    max_events: Given[int] = 256,
+) -> OrbitGuess:
+    r"""A guess for `periodic_orbit` from a simulation that has settled.
+
+    After the transient the motion is watched for `max_period`. Without forcing, its returns through the
+    plane through its state, perpendicular to the motion there, are compared with this state; with
+    forcing, its states after each `forcing_period`. The first return that is about as near as the
+    nearest is the period. The guess starts in the middle of the longest time without an event, where
+    small changes of a parameter do not move an event over the start.
+
+    **Arguments**
+
+    - `system`, `y0`, `t0`, `mode0`, `args`, `integrator`: as for `simulate`.
+    - `transient` [s], not negative: time that is dropped; where the motion has not settled the guess is
+      a rough one.
+    - `max_period` [s]: the longest period looked for.
+    - `forcing_period` [s]: of a system that depends on the time; at most `max_period`. The guess has it
+      or a multiple of it as its period.
+    - `max_events`: room for the events of one period.
+
+    **Returns** an `OrbitGuess`. Where no return is seen within `max_period` its period is NaN, which
+    `periodic_orbit` answers with `guess_failed`. It works under `jit` and `vmap`.
+
+    **Errors** `ValueError`/`TypeError` naming the argument, before compilation.
+    """
+    the_system(system)
+    one_number("transient", transient, "not negative")
+    max_period = one_number("max_period", max_period, "positive")
+    multiples = None
+    if forcing_period is not None:
+        a_time("forcing_period", one_number("forcing_period", forcing_period, "positive"))
+        if not is_concrete((forcing_period, max_period)):
+            allowed = "concrete with a forcing_period, whose multiples are counted"
+            raise refusal("max_period", max_period, allowed)
+        multiples = int(float(max_period) / float(forcing_period) * (1 + 1e-9))
+        if multiples < 1:
+            raise refusal("max_period", max_period, f"at least forcing_period, {forcing_period}")
+    check_count("max_events", max_events, 1)
+    if integrator is None:
+        integrator = Integrator(step=AdaptiveStep(1e-10))  # pyright: ignore[reportCallIssue]
+    check_type("integrator", integrator, Integrator, "an Integrator or None")
+    t0 = a_time("t0", t0)
+    y0, mode = start_of(system, t0, y0, mode0, args)
+    check_field(system, t0, y0, mode, args)
+    system = with_float_arrays(system)
+    numbers = y0, mode, t0, *map(as_parameter, (transient, max_period, forcing_period or 0.0))
+    program = _compiled if is_concrete((system, args, numbers)) else _guess
+    return program(
+        system, args, integrator, current_executor(), *numbers,
+        multiples=multiples, max_events=max_events,
+    )  # fmt: skip
+
+
+class _Anchored(AbstractSystemWrapper):
+    """The same system, with the plane that a section of it looks for."""
+
+    system: AbstractHybridSystem
+    anchor: Array
+    normal: Array
+    size: Array
+
+    def inner(self, y, args):
+        return y, args
+
+    def vector_field(self, t, y, mode, args):
+        return self.system.vector_field(t, y, mode, args)
+
+    def transition(self, t, y, mode, guard, args):
+        return self.system.transition(t, y, mode, guard, args)
+
+    def initial_mode(self, t, y, args):
+        return self.system.initial_mode(t, y, args)
+
+
+def _above_plane(system, t, y, dy, mode, args):
+    away = wrapped(ravel_pytree(y)[0] - system.anchor, jnp.asarray(turns_of(system, y)))
+    return jnp.sum(system.normal * away / system.size)
+
+
+RETURN = Section(_above_plane, "rising", name="return")
+
+
+def _guess(
+    system, args, integrator, execute, y0, mode, t0, transient, longest, forcing,
+    *, multiples, max_events,
+):  # fmt: skip
+    integrator = spanning(integrator, system, t0, transient + longest, y0, mode, args)
+
+    def run(system, begin, end, y, mode, **options):
+        with use_executor(execute):
+            return simulate(
+                system, begin, end, y, mode, args, integrator=integrator, throw=False, **options
+            )
+
+    settled = run(system, t0, t0 + transient, y0, mode, max_events=None)
+    begin, y, mode = t0 + transient, settled.y1, settled.mode1
+    flat, turn = ravel_pytree(y)[0], jnp.asarray(turns_of(system, y))
+    if multiples is None:
+        ts = begin + longest * jnp.linspace(0.0, 1.0, SAMPLES)
+        states = _outputs(run(system, begin, begin + longest, y, mode, max_events=None,
+                              saveat=SaveAt(ts=ts, events=False)))  # fmt: skip
+        size = _sizes(states)
+        slope = ravel_pytree(settled.dy1)[0] / size
+        normal = slope / jnp.maximum(jnp.linalg.norm(slope), 1e-300)
+        watched = run(
+            _Anchored(system, flat, normal, size), begin, begin + longest, y, mode,
+            sections=(RETURN,), max_events=None, max_crossings=64,
+        )  # fmt: skip
+        log = watched.crossings[0]
+        states = jax.vmap(lambda state: ravel_pytree(state)[0])(log.y)
+        after = log.t - begin
+    else:
+        after = forcing * jnp.arange(1.0, multiples + 1)
+        states = _outputs(run(system, begin, begin + after[-1], y, mode, max_events=None,
+                              saveat=SaveAt(ts=begin + after, events=False)))  # fmt: skip
+        size = _sizes(jnp.concatenate([flat[None], states]))
+    away = jnp.max(jnp.abs(wrapped(states - flat[None, :], turn) / size[None, :]), axis=1)
+    away = jnp.where(jnp.isfinite(away), away, jnp.inf)
+    good = jnp.isfinite(away) & (away <= jnp.maximum(AS_NEAR * jnp.min(away), NEAR))
+    period = jnp.where(jnp.any(good), after[jnp.argmax(good)], jnp.nan)
+
+    # From the middle of the longest time without an event.
+    whole = jnp.where(jnp.isfinite(period), period, longest)
+    once = run(system, begin, begin + whole, y, mode, max_events=max_events)
+    found = jnp.where(jnp.isfinite(once.events.t), once.events.t, begin + whole)
+    marks = jnp.concatenate([begin[None], found, (begin + whole)[None]])
+    gaps = jnp.diff(marks)
+    at = jnp.argmax(gaps)
+    middle = marks[at] + 0.5 * gaps[at]
+    start = run(system, begin, middle, y, mode, max_events=None)
+    return OrbitGuess(start.y1, period, start.mode1, middle)
+
+
+_compiled = eqx.filter_jit(_guess)
+
+
+def _outputs(solution: Any) -> Array:
+    return jax.vmap(lambda state: ravel_pytree(state)[0])(solution.outputs.y)
+
+
+def _sizes(states: Array) -> Array:
+    """Extent of each column; 1 where nothing moves."""
+    known = jnp.isfinite(states)
+    span = jnp.max(jnp.where(known, states, -jnp.inf), axis=0)
+    span = span - jnp.min(jnp.where(known, states, jnp.inf), axis=0)
+    return jnp.where(span > 0, span, 1.0)

@@ -1,0 +1,85 @@
+"""Newton's method for square systems that are smooth in pieces, compiled as one loop."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+# Directions of the unknowns that change the residual by less than this part of the strongest one are
+# left alone: the step of least length is taken where a whole family of orbits solves the equations.
+NEUTRAL = 1e-12
+SHORTEST = 2.0**-10
+# Rounding and the choice of step lengths keep the residual from falling further; up to so many times
+# the tolerance that is an end, not a failure.
+STALLED = 1e3
+
+
+class Newton(NamedTuple):
+    """Outcome: unknowns, Jacobian and carried values there, norm of the residual, evaluations.
+
+    `stalled`: no step, however short, makes the residual smaller. `singular`: the Jacobian, or the step
+    from it, is not finite.
+    """
+
+    u: Float[Array, " unknown"]
+    jacobian: Float[Array, "unknown unknown"]
+    carried: Any
+    norm: Float[Array, ""]
+    steps: Array
+    stalled: Array
+    singular: Array
+
+
+def newton(
+    evaluate: Callable,
+    u: Float[Array, " unknown"],
+    state: Any,
+    *,
+    tolerance: Any,
+    most: int,
+    longest: Callable,
+) -> Newton:
+    """Solve `residual(u) = 0` by Newton's method with steps halved while the residual does not fall.
+
+    `evaluate(u, state) -> (residual, jacobian, norm, state, carried)`: `state` (the modes at the knots)
+    is that of the accepted point, and handed to the next evaluation. A norm that is not finite refuses
+    the step. `longest(u, du)`: the largest part of a step that is allowed.
+    """
+
+    def solve(jacobian, residual):
+        left, strength, right = jnp.linalg.svd(jnp.where(jnp.isfinite(jacobian), jacobian, 0.0))
+        kept = strength > NEUTRAL * strength[0]
+        along = (left.T @ residual) / jnp.where(kept, strength, 1.0)
+        return -right.T @ jnp.where(kept, along, 0.0)
+
+    def direction(residual, jacobian):
+        du = solve(jacobian, residual)
+        return du, jnp.all(jnp.isfinite(jacobian)) & jnp.all(jnp.isfinite(du))
+
+    def going(carry):
+        _, _, _, norm, _, _, _, part, fine, steps = carry
+        return (norm > tolerance) & (part >= SHORTEST) & fine & (steps < most)
+
+    def body(carry):
+        u, residual, jacobian, norm, state, carried, du, part, _, steps = carry
+        trial = u + part * du
+        residual_1, jacobian_1, norm_1, state_1, carried_1 = evaluate(trial, state)
+        better = norm_1 < (1.0 - 1e-4 * part) * norm
+        new = trial, residual_1, jacobian_1, norm_1, state_1, carried_1
+        old = u, residual, jacobian, norm, state, carried
+        u, residual, jacobian, norm, state, carried = jax.tree.map(
+            lambda a, b: jnp.where(better, a, b), new, old
+        )
+        step, fine = direction(residual, jacobian)
+        part = jnp.where(better, jnp.minimum(longest(u, step), 1.0), 0.5 * part)
+        return u, residual, jacobian, norm, state, carried, step, part, fine, steps + 1
+
+    residual, jacobian, norm, state, carried = evaluate(u, state)
+    du, fine = direction(residual, jacobian)
+    part = jnp.minimum(longest(u, du), 1.0)
+    start = u, residual, jacobian, norm, state, carried, du, part, fine, jnp.ones((), jnp.int32)
+    end = jax.lax.while_loop(going, body, start)
+    u, residual, jacobian, norm, state, carried, _, part, fine, steps = end
+    return Newton(u, jacobian, carried, norm, steps, part < SHORTEST, ~fine)

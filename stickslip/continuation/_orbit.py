@@ -1,0 +1,99 @@
+"""A periodic orbit, found by Newton's method: what it is, and how stable."""
+
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Complex, Float, Int, PyTree, UInt
+
+from .._show import html_table, number
+from .._validation import is_concrete
+from ..hybrid import EventLog
+from ._outcome import ORBITS
+
+
+class PeriodicOrbit(eqx.Module):
+    r"""A closed motion $\varphi_T(y_0) = y_0$ and what becomes of small deviations over one period.
+
+    Under `vmap` every array has the batch axes in front.
+
+    - `t0` [s], `y0`, `mode0`: a point of the orbit; `period` $T$ [s].
+    - `multipliers`: Floquet multipliers, the eigenvalues of the `monodromy` matrix
+      $M = \partial\varphi_T/\partial y_0$ (with the saltation matrices of all events), largest first.
+      Exactly 0 for each direction that stick removes. Of an orbit of unknown period the multiplier 1 of
+      the direction along the orbit is not among them, but is `trivial` (NaN otherwise), whose distance
+      from 1 shows the accuracy.
+    - `rank`: how many multipliers, `trivial` included, are not zero.
+    - `repeats`: into how many equal parts the motion divides the period: 1, unless the orbit has a
+      shorter one.
+    - `stable`: whether all `multipliers` are inside the unit circle.
+    - `determinant`, `determinant_by_events`: $\det M$, and
+      $\exp(\int \mathrm{div} f\,dt)\prod\det S$ with the saltation matrix $S$ of each event: equal for
+      every orbit.
+    - `residual`: how far the end is from the beginning, in parts of the size of each component;
+      `steps`: evaluations of the return map and its derivative.
+    - `closing_error`: the same after the orbit was simulated once more.
+    - `lowest`, `highest`: least and greatest value of each component over the period, of the motion at
+      60 instants, between them by cubics, and at its events: to some 1e-6 of its size.
+    - `events`: log of one period. `sequence`: hash of its guards and modes.
+    - `result`: an `ORBITS` item; `simulation`: a `stickslip.RESULTS` item; `flags` as of a `Solution`.
+    """
+
+    t0: Float[Array, "*batch"]
+    y0: PyTree
+    mode0: Int[Array, "*batch"]
+    period: Float[Array, "*batch"]
+    multipliers: Complex[Array, "*batch multiplier"]
+    trivial: Float[Array, "*batch"]
+    rank: Int[Array, "*batch"]
+    repeats: Int[Array, "*batch"]
+    monodromy: Float[Array, "*batch size size"]
+    determinant: Float[Array, "*batch"]
+    determinant_by_events: Float[Array, "*batch"]
+    residual: Float[Array, "*batch"]
+    closing_error: Float[Array, "*batch"]
+    steps: Int[Array, "*batch"]
+    lowest: PyTree
+    highest: PyTree
+    events: EventLog
+    sequence: UInt[Array, "*batch"]
+    flags: Int[Array, "*batch"]
+    result: Any
+    simulation: Any
+
+    @property
+    def successful(self) -> Bool[Array, "*batch"]:
+        """Whether the orbit was found, and found again by simulating it."""
+        return self.result == ORBITS.successful
+
+    @property
+    def stable(self) -> Bool[Array, "*batch"]:
+        """Whether all multipliers (without the trivial one) are inside the unit circle."""
+        return self.successful & jnp.all(jnp.abs(self.multipliers) < 1.0, axis=-1)
+
+    def __str__(self) -> str:
+        """Period and multipliers; of a batch, how many orbits were found and are stable."""
+        if not is_concrete(self):
+            return f"PeriodicOrbit(traced, of shape {self.period.shape})"
+        if self.period.shape != ():
+            stable = int(np.sum(np.asarray(self.stable)))
+            return f"PeriodicOrbit: {self.period.size:,} orbits, {self.result}; {stable:,} stable"
+        if not bool(self.successful):
+            return f"PeriodicOrbit: {self.result}: {ORBITS[self.result]}"
+        found = ", ".join(map(_multiplier, np.asarray(self.multipliers)))
+        return (
+            f"PeriodicOrbit: period {float(self.period):.10g} s, {int(self.events.count)} events, "
+            f"{'stable' if bool(self.stable) else 'unstable'}, multipliers {found}"
+        )
+
+    __repr__ = __str__
+
+    def _repr_html_(self) -> str:
+        return html_table(str(self), (), ())
+
+
+def _multiplier(value: complex) -> str:
+    if value.imag == 0:
+        return number(value.real)
+    return f"{number(value.real)} {'-' if value.imag < 0 else '+'} {number(abs(value.imag))}i"

@@ -1,0 +1,252 @@
+"""`periodic_orbit`: from a guess to a periodic orbit, by Newton's method through all events."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+from jaxtyping import PyTree
+
+from .._types import Given, Numeric
+from .._validation import as_parameter, check_count, check_type, is_concrete, one_number, refusal
+from ..analysis import divergence
+from ..derived import WithIntegrals
+from ..hybrid import (
+    AbstractHybridSystem,
+    AdaptiveStep,
+    Integrator,
+    SaveAt,
+    current_executor,
+    simulate,
+    use_executor,
+)
+from ..hybrid._arguments import a_time, check_field, start_of, the_system
+from ..hybrid._bound import spanning
+from ..hybrid._tree import with_float_arrays
+from ._closing import Frame, Motion, closure, extent, known, turns_of, unknowns, wrapped
+from ._extremes import extremes
+from ._floquet import multipliers_of, split_off
+from ._guess import OrbitGuess
+from ._monodromy import held_directions, pieces_of, through_events
+from ._newton import STALLED, newton
+from ._orbit import PeriodicOrbit
+from ._outcome import first_of
+
+# Against the size of the motion at the guess: smaller is an equilibrium.
+SHRUNK = 1e-9
+CLOSES = 1e-8
+PARTS = 60  # of the period, at which the motion is compared with its start
+
+
+def periodic_orbit(
+    system: Given[AbstractHybridSystem],
+    guess: Given[OrbitGuess | PeriodicOrbit],
+    *,
+    forced: Given[bool] = False,
+    segments: Given[int] = 1,
+    args: PyTree = None,
+    integrator: Given[Integrator | None] = None,
+    tolerance: Numeric = 1e-12,
+    max_steps: Given[int] = 25,
+    max_events: Given[int] = 256,
+) -> PeriodicOrbit:
+    r"""Periodic orbit near a guess, with Floquet multipliers; the mode sequence is found, not given.
+
+    Solves $\varphi_T(y_0) = y_0$, where $\varphi$ is the motion as `simulate` computes it with all its
+    events, by Newton's method; the Jacobian is exact (forward mode through the events). Without forcing
+    the period $T$ is an unknown too, and $y_0$ is looked for in the plane through the guess that is
+    perpendicular to the motion there. Sticks, slips and impacts may appear and vanish while Newton's
+    method runs. Where a stick takes directions away the return map has lower rank; nothing has to be
+    done about it.
+
+    **Arguments**
+
+    - `system`, `args`, `integrator`: as for `simulate`; by default `AdaptiveStep(1e-12)`.
+    - `guess`: an `OrbitGuess` (of `orbit_guess`, from a simulation, or by hand), or another
+      `PeriodicOrbit`: of other parameters, or from a file.
+    - `forced`: whether the system depends on the time itself, periodically: then the period of the
+      guess is that of the forcing, or a multiple of it, and is kept.
+    - `segments`: the period in so many pieces, whose starts are unknowns too (multiple shooting): for
+      long or very unstable orbits. The knots may fall into sticks.
+    - `tolerance`: of the residual, in parts of the motion's size. `max_steps`: evaluations of the
+      return map.
+    - `max_events`: room for the events of one period.
+
+    **Returns** a `PeriodicOrbit`; `result` says, also under `jit`, `vmap` and `map_lanes`, whether it
+    is one. The orbit was simulated once more from a state on it, in the mode that the system itself
+    gives to this state; one that does not return is not `successful`. Neither derivatives of the
+    result nor second derivatives of the motion exist.
+
+    **Errors** `ValueError`/`TypeError` naming the argument, before compilation.
+    """
+    the_system(system)
+    check_type("guess", guess, OrbitGuess | PeriodicOrbit, "an OrbitGuess or a PeriodicOrbit")
+    if not isinstance(forced, bool):
+        raise refusal("forced", forced, "True or False", TypeError)
+    check_count("segments", segments, 1)
+    one_number("tolerance", tolerance, "positive")
+    check_count("max_steps", max_steps, 1)
+    check_count("max_events", max_events, 1)
+    if integrator is None:
+        integrator = _tight()
+    check_type("integrator", integrator, Integrator, "an Integrator or None")
+    t0 = a_time("guess.t0", guess.t0)
+    period = as_parameter(one_number("guess.period", guess.period, "positive"))
+    y0, mode0 = start_of(system, t0, guess.y0, guess.mode0, args)
+    check_field(system, t0, y0, mode0, args)
+    system = with_float_arrays(system)
+    numbers = y0, mode0, t0, period, as_parameter(tolerance)
+    program = _compiled if is_concrete((system, args, numbers)) else _orbit
+    return program(
+        system, args, integrator, current_executor(), *numbers,
+        forced=forced, segments=segments, max_steps=max_steps, max_events=max_events,
+    )  # fmt: skip
+
+
+def _tight() -> Integrator:
+    return Integrator(step=AdaptiveStep(1e-12))  # pyright: ignore[reportCallIssue]
+
+
+def _orbit(
+    system, args, integrator, execute, y0, mode0, t0, period, tolerance,
+    *, forced, segments, max_steps, max_events,
+):  # fmt: skip
+    integrator = spanning(integrator, system, t0, period, y0, mode0, args)
+    motion = Motion(system, args, integrator)
+    _, unravel = ravel_pytree(y0)
+    with use_executor(execute):
+        size, knots, modes = extent(motion, y0, mode0, t0, period, segments)
+        frame = _frame(motion, y0, mode0, t0, period, size, forced)
+
+        def evaluate(u, modes):
+            def residual(u):
+                found = closure(u, modes, motion, frame, unravel)
+                return found.residual, found
+
+            jacobian, found = jax.jacfwd(residual, has_aux=True)(u)
+            norm = jnp.max(jnp.abs(found.residual))
+            good = jnp.all(found.good) & jnp.isfinite(norm)
+            after = jnp.roll(found.modes, 1).at[0].set(modes[0])
+            return found.residual, jacobian, jnp.where(good, norm, jnp.inf), after, found
+
+        found = newton(
+            evaluate, unknowns(knots, frame), modes,
+            tolerance=tolerance, most=max_steps, longest=lambda u, du: _longest(u, du, frame),
+        )  # fmt: skip
+        return described(motion, frame, found, tolerance, unravel, modes[0], segments, max_events)
+
+
+_compiled = eqx.filter_jit(_orbit)
+
+
+def _frame(motion: Motion, y0, mode0, t0, period, size, forced: bool) -> Frame:
+    flat = ravel_pytree(y0)[0]
+    slope = ravel_pytree(motion.system.vector_field(t0, y0, mode0, motion.args))[0] / size
+    length = jnp.linalg.norm(slope)
+    normal = slope / jnp.where(length > 0, length, 1.0)
+    turn = jnp.asarray(turns_of(motion.system, y0))
+    return Frame(t0, period, not forced, flat, normal, size, turn)
+
+
+def _longest(u, du, frame: Frame):
+    """A step may halve the period, not more, and move no component by ten times the motion's size."""
+    states = du[:-1] if frame.free else du
+    part = 10.0 / jnp.maximum(jnp.max(jnp.abs(states)), 10.0)
+    if frame.free:
+        part = jnp.minimum(part, 0.5 * u[-1] / jnp.maximum(jnp.abs(du[-1]), 1e-300))
+    return part
+
+
+def described(motion, frame: Frame, found, tolerance, unravel, mode0, segments, max_events):
+    """The orbit with its multipliers, simulated once more."""
+    system, args, unit = motion.system, motion.args, frame.size
+    y, period = known(found.u, frame, segments)
+    carried = found.carried
+    mode1 = carried.modes[-1]
+    # The end of the last piece: on the sticking set to the last digit, unlike Newton's start.
+    end = jnp.where(jnp.all(carried.good), carried.ends[-1], y[0])
+    flat = y[0] + wrapped(end - y[0], frame.turn)
+    start = unravel(flat)
+
+    ledger = WithIntegrals(system, _rates)
+    ts = frame.t0 + period * jnp.arange(PARTS + 1.0) / PARTS
+    solution = simulate(
+        ledger, frame.t0, ts[-1], ledger.start(start, frame.t0, args), None, args,
+        integrator=motion.integrator, saveat=SaveAt(ts=ts), max_events=max_events, throw=False,
+    )  # fmt: skip
+    outputs, log = solution.outputs, solution.events
+    assert outputs is not None
+    assert log is not None
+    states, slopes = (jax.vmap(lambda s: ravel_pytree(s.y)[0])(a) for a in (outputs.y, outputs.dy))
+    away = jnp.max(jnp.abs(wrapped(states[1:] - flat[None, :], frame.turn) / unit[None, :]), axis=1)
+    closing, moves = away[-1], jnp.max(away)
+
+    low, high = extremes(states, slopes, period / PARTS)
+    corners = jax.vmap(lambda s: ravel_pytree(s.y)[0])(log.y_before)
+    low = jnp.fmin(low, jnp.nanmin(corners, axis=0, initial=jnp.inf))
+    high = jnp.fmax(high, jnp.nanmax(corners, axis=0, initial=-jnp.inf))
+
+    monodromy = jnp.eye(unit.shape[0])
+    for piece in pieces_of(found.jacobian, segments, unit.shape[0]):
+        monodromy = piece @ monodromy
+    determinant = jnp.linalg.det(monodromy)
+    on_set = held_directions(system, frame.t0, start, mode1, args, unit)
+    monodromy = on_set @ monodromy @ on_set
+    rank, by_events = through_events(system, args, log, unit)
+    by_events = by_events * jnp.exp(solution.y1.integrals["divergence"])
+    if frame.free:
+        slope = ravel_pytree(system.vector_field(frame.t0, start, mode1, args))[0] / unit
+        trivial, rest = split_off(monodromy, slope)
+        multipliers = multipliers_of(rest, rank - 1)
+        rank = 1 + jnp.sum(multipliers != 0.0, dtype=jnp.int32)
+    else:
+        trivial, multipliers = jnp.asarray(jnp.nan), multipliers_of(monodromy, rank)
+        rank = jnp.sum(multipliers != 0.0, dtype=jnp.int32)
+
+    reached = (found.norm <= tolerance) | (found.stalled & (found.norm <= STALLED * tolerance))
+    strength = jnp.maximum(jnp.max(jnp.abs(monodromy)), 1.0)
+    result = first_of(
+        (~jnp.isfinite(found.norm), "guess_failed"),
+        (found.singular, "singular"),
+        (~reached & found.stalled, "stalled"),
+        (~reached, "not_converged"),
+        (moves < SHRUNK, "at_rest"),
+        (mode1 != mode0, "mode_differs"),
+        (~(solution.successful & (closing <= CLOSES * strength)), "not_reproduced"),
+    )
+    return PeriodicOrbit(
+        t0=frame.t0,
+        y0=start,
+        mode0=mode1,
+        period=period,
+        multipliers=multipliers,
+        trivial=trivial,
+        rank=rank,
+        repeats=_repeats(away, CLOSES * strength),
+        # In the units of the state: row by column.
+        monodromy=monodromy * unit[:, None] / unit[None, :],
+        determinant=determinant,
+        determinant_by_events=by_events,
+        residual=found.norm,
+        closing_error=closing,
+        steps=found.steps,
+        lowest=unravel(low),
+        highest=unravel(high),
+        events=eqx.tree_at(lambda e: (e.y_before, e.y_after), log, (log.y_before.y, log.y_after.y)),
+        sequence=solution.sequence,
+        flags=solution.flags,
+        result=result,
+        simulation=solution.result,
+    )
+
+
+def _rates(system, t, y, mode, args):
+    return {"divergence": divergence(system, t, y, mode, args)}
+
+
+def _repeats(away, near):
+    """How often the motion is repeated within the period, of up to PARTS equal parts."""
+    parts = jnp.arange(1, PARTS + 1, dtype=jnp.int32)
+    whole = np.asarray([PARTS % k == 0 for k in range(1, PARTS + 1)])
+    back = jnp.asarray(whole) & (away <= near)
+    return PARTS // parts[jnp.argmax(back)]

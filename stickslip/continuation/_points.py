@@ -1,0 +1,103 @@
+"""Special points of a branch: functions whose zeros they are, and where exactly these lie."""
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.optimize import brentq
+
+from ._along import Problem
+from ._follow import Failure, Point, ahead
+
+# Up to which part of the distance the search for a border between sequences is halved, how often it
+# begins again, and what it must gain to go on.
+HALVED = 2.0**-24
+ROUNDS = 12
+FURTHER = 1e-13
+# A multiplier that is not real has at least this part of its size beside the axis.
+OFF_AXIS = 1e-9
+
+
+def turning(point: Point) -> float:
+    """Rate of the parameter along the branch: zero at a fold."""
+    return float(point.tangent[-1])
+
+
+def doubling(point: Point) -> float:
+    r"""$\prod(\mu_i + 1)$: zero where a multiplier is -1."""
+    return float(np.real(np.prod(np.asarray(point.orbit.multipliers) + 1.0)))
+
+
+def torus(point: Point) -> float:
+    r"""$\prod_{i<j}(\mu_i\mu_j - 1)$: zero where a pair is on the unit circle, or inverse."""
+    found = np.asarray(point.orbit.multipliers)
+    product = 1.0 + 0.0j
+    for i in range(found.size):
+        for j in range(i):
+            product *= found[i] * found[j] - 1.0
+    return float(np.real(product)) if found.size > 1 else 1.0
+
+
+def branching(point: Point) -> float:
+    """Determinant of the derivative and the tangent: zero where two branches cross."""
+    return float(np.linalg.det(np.vstack([point.jacobian, point.tangent])))
+
+
+TESTS: dict[str, Callable[[Point], float]] = {
+    "LP": turning, "PD": doubling, "NS": torus, "BP": branching,
+}  # fmt: skip
+
+
+def is_torus(point: Point) -> bool:
+    """Whether the pair whose product is 1 is a conjugate one."""
+    found = np.asarray(point.orbit.multipliers)
+    pairs = [(abs(a * b - 1.0), a) for i, a in enumerate(found) for b in found[:i]]
+    return bool(pairs and abs(np.imag(min(pairs, key=lambda p: p[0])[1])) > OFF_AXIS)
+
+
+def located(
+    problem: Problem, before: Point, after: Point, distance: float, test: Callable[[Point], float]
+) -> Point | Failure:
+    """The point between two others where a function of the orbit is zero, by Brent's method."""
+    ends = {0.0: before, distance: after}
+
+    def value(at: float) -> float:
+        found = ends.get(at)
+        if found is None:
+            found = ahead(problem, before, at)
+            if isinstance(found, Failure):
+                raise ArithmeticError(found.result)
+            ends[at] = found
+        return test(found)
+
+    try:
+        root = float(brentq(value, 0.0, distance, xtol=1e-15, rtol=1e-14))
+        value(root)
+    except (ArithmeticError, ValueError) as error:
+        return Failure(str(error))
+    return ends[root]
+
+
+def border(
+    problem: Problem, before: Point, distance: float, alike: Callable[[Point], bool]
+) -> tuple[Point, float]:
+    """The last point, within a distance along the branch, that is like the one before; and how far.
+
+    Far from its start Newton's method may fail before the sequence ends, so that the search begins
+    again from the last point found, until it does not get further.
+    """
+    last, whole, span = before, 0.0, distance
+    for _ in range(ROUNDS):
+        low, high, best = 0.0, span, last
+        while high - low > HALVED * span:
+            middle = 0.5 * (low + high)
+            found = ahead(problem, last, middle)
+            if not isinstance(found, Failure) and alike(found):
+                low, best = middle, found
+            else:
+                high = middle
+        last, whole = best, whole + low
+        if low <= FURTHER * distance or whole >= distance:
+            break
+        # What was left was too far away, not by much.
+        span = min(0.5 * span, distance - whole)
+    return last, whole

@@ -1,0 +1,66 @@
+"""Right arguments of periodic orbits and their branches."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import stickslip as ss
+from stickslip import continuation, plot
+from stickslip.hybrid import EventLog
+from stickslip.systems import Motion
+from tests.house._nonsense_engine import ARGS, INTEGRATOR, MODE, OSCILLATOR, START, STATE, SYSTEM, TIME
+from tests.house._nonsense_target import Target, arg
+
+ONE, ZERO, NONE = jnp.asarray(1.0), jnp.zeros((), jnp.int32), jnp.zeros(0)
+CODES, POINT = jnp.zeros(0, jnp.int32), Motion(ONE, ONE)
+ORBIT = continuation.PeriodicOrbit(
+    ONE, POINT, ZERO, ONE, jnp.zeros(1, complex), ONE, ZERO, ZERO, jnp.eye(2), ONE, ONE, ONE, ONE, ZERO,
+    POINT, POINT, EventLog(ZERO, NONE, CODES, CODES, CODES, Motion(NONE, NONE), Motion(NONE, NONE)),
+    jnp.zeros((), jnp.uint32), ZERO, continuation.ORBITS.successful, ss.RESULTS.successful,
+)  # fmt: skip
+ROW = jax.tree.map(lambda leaf: leaf[None], ORBIT)
+BRANCH = continuation.Branch("belt_speed", np.array([0.2]), ROW, ((0,),), (), OSCILLATOR)
+PERIOD = arg(1.0, "positive", "float32")
+COUNT = arg(8)
+TARGETS = [
+    Target(
+        continuation.OrbitGuess,
+        {
+            "y0": arg(START, "states"), "period": PERIOD, "mode0": arg(0, "none", "whole", "text"),
+            "t0": TIME,
+        },
+    ),
+    Target(
+        continuation.orbit_guess,
+        {
+            "system": SYSTEM, "y0": STATE, "transient": arg(1.0, "not negative", "float32"),
+            "max_period": PERIOD, "forcing_period": arg(None, "none"), "t0": TIME, "mode0": MODE,
+            "args": ARGS, "integrator": INTEGRATOR, "max_events": COUNT,
+        },
+    ),
+    Target(
+        continuation.periodic_orbit,
+        {
+            "system": SYSTEM, "guess": arg(continuation.OrbitGuess(START, 1.0, 0)),
+            "forced": arg(True, "flag"), "segments": arg(2), "args": ARGS, "integrator": INTEGRATOR,
+            "tolerance": PERIOD, "max_steps": COUNT, "max_events": COUNT,
+        },
+    ),
+    Target(
+        continuation.continue_orbit,
+        {
+            "system": SYSTEM, "orbit": arg(ORBIT), "parameter": arg("belt_speed"),
+            "bounds": arg((0.1, 0.3)), "forcing_period": arg(None, "none"),
+            "step": arg(0.01, "positive", "float32"), "max_points": COUNT,
+            "functions": arg(None, "none", "mapping"), "both": arg(True, "flag"), "segments": arg(2),
+            "args": ARGS, "integrator": INTEGRATOR, "max_events": COUNT,
+        },
+    ),
+    Target(
+        plot.branch,
+        {
+            "branch": arg(BRANCH), "observable": arg("period", "none"), "lowest": arg(False, "flag"),
+            "ax": arg(None, "none"),
+        },
+    ),
+]  # fmt: skip
