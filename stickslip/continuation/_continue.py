@@ -92,8 +92,8 @@ def continue_orbit(
     the_system(system)
     check_type("orbit", orbit, PeriodicOrbit | BranchPoint, "a PeriodicOrbit or a BranchPoint")
     special = orbit if isinstance(orbit, BranchPoint) else None
-    orbit = orbit if special is None else special.orbit
-    if np.shape(orbit.period) != () or not bool(orbit.successful):
+    known: PeriodicOrbit = orbit.orbit if isinstance(orbit, BranchPoint) else orbit
+    if np.shape(known.period) != () or not bool(known.successful):
         raise refusal("orbit", orbit, "one successful PeriodicOrbit")
     if not isinstance(parameter, str):
         raise refusal("parameter", parameter, "a name of a parameter", TypeError)
@@ -121,10 +121,10 @@ def continue_orbit(
         forcing = one_concrete("forcing_period(system)", forcing_period(system), "positive")
         if special is not None:
             forcing = forcing_period(with_parameters(system, {parameter: value}))
-        ratio = float(orbit.period) / float(forcing)
+        ratio = float(known.period) / float(forcing)
         multiple = round(ratio)
         if multiple < 1 or abs(ratio - multiple) > 1e-6:
-            allowed = f"of which the orbit's period, {float(orbit.period)} s, is a multiple"
+            allowed = f"of which the orbit's period, {float(known.period)} s, is a multiple"
             raise refusal("forcing_period(system)", float(forcing), allowed)
     problem = Problem(
         with_float_arrays(system), args, integrator, as_parameter(high - low), parameter,
@@ -133,7 +133,7 @@ def continue_orbit(
     doubles = special is not None and special.label == "PD"
     if doubles:
         problem = dataclasses.replace(problem, multiple=2 * multiple)
-    first = (doubled if doubles else begin)(problem, orbit, value)
+    first = (doubled if doubles else begin)(problem, known, value)
     if isinstance(first, Failure):
         raise refusal("orbit", orbit, f"an orbit of this system: it is {first.result}")
     if doubles:  # backwards lies the point it came from
@@ -148,7 +148,9 @@ def continue_orbit(
     backward, marks = _half(problem, turned(up), (low, high), step, max_points, tests)
     count = len(backward) - 1
     points = backward[::-1] + forward[1:]
-    specials = [s.at(count - s.index) for s in marks][::-1] + [s.at(count + s.index) for s in others]
+    # Of two orbits the one before is the later one of the backward half.
+    specials = [s.at(max(count - s.index - 1, 0)) for s in marks[::-1]]
+    specials += [s.at(count + s.index) for s in others]
     return branch_of(parameter, points, specials, system)
 
 

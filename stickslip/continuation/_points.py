@@ -1,6 +1,7 @@
 """Special points of a branch: functions whose zeros they are, and where exactly these lie."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
@@ -70,7 +71,8 @@ def located(
         return test(found)
 
     try:
-        root = float(brentq(value, 0.0, distance, xtol=1e-15, rtol=1e-14))
+        found: Any = brentq(value, 0.0, distance, xtol=1e-15, rtol=1e-14)  # pyright: ignore[reportArgumentType]
+        root = float(found)
         value(root)
     except (ArithmeticError, ValueError) as error:
         return Failure(str(error))

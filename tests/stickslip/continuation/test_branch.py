@@ -125,6 +125,11 @@ def test_fold_and_flip_of_the_ball():
     assert branch["LP"][0].value == pytest.approx(fold, abs=1e-9)
     assert branch["PD"][0].value == pytest.approx(flip, abs=1e-9)
     assert np.asarray(branch.orbits.determinant) == pytest.approx(e * e, abs=1e-9)
+    # In order along the branch, from both halves of it; the fold is the least value.
+    assert branch.values.min() >= fold - 1e-9
+    assert int(np.argmin(branch.values)) - branch["LP"][0].index in (0, 1)
+    at = branch["PD"][0].index
+    assert sorted([*branch.values[at : at + 2], flip])[1] == flip
 
 
 @pytest.mark.slow
