@@ -100,7 +100,7 @@ MEASURED = [
             "system": arg(_block, "function"), "initial_state": arg(_start, "function"),
             "unknowns": arg(UNKNOWN, "unknowns"), "observed": arg(OBSERVED), "records": arg(RECORD),
             "integrator": INTEGRATOR, "delay": arg(None, "none"),
-            "correct": arg(None, "none"),
+            "correct": arg(None, "none", "function"),
         },
     ),
     Target(
