@@ -113,7 +113,7 @@ def test_kinetic_above_static_friction():
     np.testing.assert_allclose(ends[0], ends[1], atol=1e-10)
 
 
-@pytest.mark.parametrize("kind", [Chain, Train])
+@pytest.mark.parametrize("kind", [Chain, pytest.param(Train, marks=pytest.mark.slow)])
 def test_equal_blocks_stop_and_start_at_one_instant(kind):
     """Blocks side by side without a spring between that stretches: each is the block alone."""
     laws, n = (Coulomb(1.0, 0.5),) * 4, 4

@@ -101,7 +101,12 @@ ENERGY = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", ENERGY)
+OFTEN = ("between walls", "bead")
+
+
+@pytest.mark.parametrize(
+    "name", [n if n in OFTEN else pytest.param(n, marks=pytest.mark.slow) for n in ENERGY]
+)
 def test_powers_and_impacts_account_for_the_energy(name):
     make, t1, least = ENERGY[name]
     machine, y0 = make()
