@@ -79,7 +79,12 @@ def _carried(eqn: Any) -> Any:
         jaxpr = inner.jaxpr if isinstance(inner, jax.extend.core.ClosedJaxpr) else inner
         for loop in jaxpr.eqns:
             if loop.primitive.name == "scan":
-                return loop.outvars[: loop.params["num_carry"]]
+                # What is stacked has one axis more outside of the step than inside; how many are carried
+                # has another name in each version of JAX.
+                step = loop.params["jaxpr"]
+                ends = getattr(step, "jaxpr", step).outvars
+                pairs = zip(loop.outvars, ends, strict=True)
+                return [v for v, end in pairs if v.aval.shape == end.aval.shape]
     return None
 
 
