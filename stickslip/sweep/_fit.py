@@ -79,8 +79,8 @@ def _carried(eqn: Any) -> Any:
         jaxpr = inner.jaxpr if isinstance(inner, jax.extend.core.ClosedJaxpr) else inner
         for loop in jaxpr.eqns:
             if loop.primitive.name == "scan":
-                # What is stacked has one axis more outside of the step than inside; how many are carried
-                # has another name in each version of JAX.
+                # What is stacked has one axis more outside of the step than inside. How many are
+                # carried has another name in each version of JAX.
                 step = loop.params["jaxpr"]
                 ends = getattr(step, "jaxpr", step).outvars
                 pairs = zip(loop.outvars, ends, strict=True)
