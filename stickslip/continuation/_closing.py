@@ -8,12 +8,33 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree
 
-from ..hybrid import AbstractHybridSystem, Integrator, SaveAt, simulate
+from .._validation import refusal
+from ..hybrid import AbstractHybridSystem, AdaptiveStep, Integrator, SaveAt, simulate
+from ..hybrid._bound import depends_on_time
 from ..hybrid._components import components_of, period_of
 
 # Points of a period at which the size of each component is read off.
 SAMPLES = 64
 ROUNDING = 256 * 2.0**-52
+
+
+def tight() -> Integrator:
+    """The integrator of orbits where none is given."""
+    return Integrator(step=AdaptiveStep(1e-12))
+
+
+def check_autonomous(
+    argument: str,
+    system: AbstractHybridSystem,
+    t0: Any,
+    y0: PyTree,
+    mode0: Any,
+    args: PyTree,
+    right: str,
+) -> None:
+    """Refuse a free period where the time enters: a state that returns at another phase is no orbit."""
+    if depends_on_time(system, (), t0, y0, mode0, args):
+        raise refusal(argument, None, f"{right}: the system depends on the time", but="left out")
 
 
 class Motion(NamedTuple):

@@ -18,11 +18,12 @@ from .._validation import (
     refusal,
 )
 from ..analysis._observable import check_parameter, with_parameters
-from ..hybrid import AbstractHybridSystem, AdaptiveStep, Integrator, current_executor
+from ..hybrid import AbstractHybridSystem, Integrator, current_executor
 from ..hybrid._arguments import the_system
 from ..hybrid._tree import with_float_arrays
 from ._along import Problem
 from ._branch import Branch, BranchPoint, Special, branch_of
+from ._closing import check_autonomous, tight
 from ._corner import across
 from ._follow import QUICK, Failure, Point, ahead, begin, moved, turned
 from ._orbit import PeriodicOrbit
@@ -107,7 +108,7 @@ def continue_orbit(
     if not isinstance(both, bool):
         raise refusal("both", both, "True or False", TypeError)
     tests = _tests(functions)
-    integrator = _tight() if integrator is None else integrator
+    integrator = tight() if integrator is None else integrator
     check_type("integrator", integrator, Integrator, "an Integrator or None")
     value: Any = system
     for part in parameter.split("__"):
@@ -116,7 +117,10 @@ def continue_orbit(
     if not low <= value <= high:
         raise refusal("bounds", (low, high), f"around the value of {parameter}, {value}")
     multiple = 1
-    if forcing_period is not None:
+    if forcing_period is None:
+        state = known.t0, known.y0, known.mode0
+        check_autonomous("forcing_period", system, *state, args, "the period of the forcing")
+    else:
         check_callable("forcing_period", forcing_period, "forcing_period(system)", system)
         forcing = one_concrete("forcing_period(system)", forcing_period(system), "positive")
         if special is not None:
@@ -152,10 +156,6 @@ def continue_orbit(
     specials = [s.at(max(count - s.index - 1, 0)) for s in marks[::-1]]
     specials += [s.at(count + s.index) for s in others]
     return branch_of(parameter, points, specials, system)
-
-
-def _tight() -> Integrator:
-    return Integrator(step=AdaptiveStep(1e-12))  # pyright: ignore[reportCallIssue]
 
 
 def _bounds(bounds: Any) -> tuple[float, float]:

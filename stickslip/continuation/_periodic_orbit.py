@@ -13,7 +13,6 @@ from ..analysis import divergence
 from ..derived import WithIntegrals
 from ..hybrid import (
     AbstractHybridSystem,
-    AdaptiveStep,
     Integrator,
     SaveAt,
     current_executor,
@@ -23,7 +22,18 @@ from ..hybrid import (
 from ..hybrid._arguments import a_time, check_field, start_of, the_system
 from ..hybrid._bound import spanning
 from ..hybrid._tree import with_float_arrays
-from ._closing import Frame, Motion, closure, extent, known, turns_of, unknowns, wrapped
+from ._closing import (
+    Frame,
+    Motion,
+    check_autonomous,
+    closure,
+    extent,
+    known,
+    tight,
+    turns_of,
+    unknowns,
+    wrapped,
+)
 from ._extremes import extremes
 from ._floquet import multipliers_of, split_off
 from ._guess import OrbitGuess
@@ -77,7 +87,8 @@ def periodic_orbit(
     gives to this state; one that does not return is not `successful`. Neither derivatives of the
     result nor second derivatives of the motion exist.
 
-    **Errors** `ValueError`/`TypeError` naming the argument, before compilation.
+    **Errors** `ValueError`/`TypeError` naming the argument, before compilation; also for a system that
+    depends on the time without `forced`: what returns after any time else is not periodic.
     """
     the_system(system)
     check_type("guess", guess, OrbitGuess | PeriodicOrbit, "an OrbitGuess or a PeriodicOrbit")
@@ -88,12 +99,14 @@ def periodic_orbit(
     check_count("max_steps", max_steps, 1)
     check_count("max_events", max_events, 1)
     if integrator is None:
-        integrator = _tight()
+        integrator = tight()
     check_type("integrator", integrator, Integrator, "an Integrator or None")
     t0 = a_time("guess.t0", guess.t0)
     period = as_parameter(one_number("guess.period", guess.period, "positive"))
     y0, mode0 = start_of(system, t0, guess.y0, guess.mode0, args)
     check_field(system, t0, y0, mode0, args)
+    if not forced:
+        check_autonomous("forced", system, t0, y0, mode0, args, "True")
     system = with_float_arrays(system)
     numbers = y0, mode0, t0, period, as_parameter(tolerance)
     program = _compiled if is_concrete((system, args, numbers)) else _orbit
@@ -101,10 +114,6 @@ def periodic_orbit(
         system, args, integrator, current_executor(), *numbers,
         forced=forced, segments=segments, max_steps=max_steps, max_events=max_events,
     )  # fmt: skip
-
-
-def _tight() -> Integrator:
-    return Integrator(step=AdaptiveStep(1e-12))  # pyright: ignore[reportCallIssue]
 
 
 def _orbit(

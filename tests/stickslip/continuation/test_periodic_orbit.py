@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.continuation import ORBITS, OrbitGuess, orbit_guess, periodic_orbit
+from stickslip.continuation import (
+    ORBITS,
+    OrbitGuess,
+    continue_orbit,
+    orbit_guess,
+    periodic_orbit,
+)
 from stickslip.systems import CoulombOscillator
 from stickslip.systems import Motion as Place
 from tests.stickslip.continuation._systems import (
@@ -79,6 +85,14 @@ def test_what_is_no_orbit_is_not_reported():
         for v, period in ((0.0, 6.0), (1e-9, 6.28))
     ]
     assert all(bool(code != ORBITS.successful) for code in codes)
+
+
+def test_a_forced_system_is_not_taken_for_a_free_one(leine):
+    """Its state may return after any time, at another phase of the load."""
+    with pytest.raises(ValueError, match="depends on the time"):
+        periodic_orbit(ForcedBlock(0.1, 1.75), OrbitGuess(Motion(1.0, 0.0), 7.0))
+    with pytest.raises(ValueError, match="depends on the time"):
+        continue_orbit(ForcedBlock(0.1, 1.75), leine, "frequency", (1.5, 2.0))
 
 
 @pytest.mark.slow
