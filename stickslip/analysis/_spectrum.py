@@ -69,7 +69,11 @@ class Peak(NamedTuple):
 
 
 def amplitude_spectrum(
-    signal: Row, dt: Numeric, *, window: Given[Literal["hann", "rectangular"]] = "hann"
+    signal: Row,
+    dt: Numeric,
+    *,
+    window: Given[Literal["hann", "rectangular"]] = "hann",
+    axis: Given[int] = -1,
 ) -> Spectrum:
     r"""Amplitude spectrum of an evenly sampled signal, in its own unit,
 
@@ -79,16 +83,21 @@ def amplitude_spectrum(
     $c_k = 2$, and 1 at the last bin of an even $M$; $A_0$ is $|\bar u|$. A sine of amplitude $a$ at a
     bin gives $A_k = a$ there. The mean is taken off first, lest the window smear it.
 
-    **Arguments:** `signal`, batch axes in front, at least 8 samples; `dt` [s] between samples;
-    `window` $h$: `"hann"` (periodic; lines 3 bins wide, little leakage) or `"rectangular"` (for whole
-    periods). **Returns** a `Spectrum`. **Errors** `ValueError` for another window, `dt <= 0`, too few
-    samples. Works under `jit` and `vmap`.
+    **Arguments:** `signal`, at least 8 samples along `axis`, by default the last one (of a recorded
+    array `"x"` time is the first axis of a run: `axis=0`); `dt` [s] between samples; `window` $h$:
+    `"hann"` (periodic; lines 3 bins wide, little leakage) or `"rectangular"` (for whole periods).
+    **Returns** a `Spectrum`, its frequencies along the last axis. **Errors** `ValueError` for another
+    window, an axis that the signal lacks, `dt <= 0`, too few samples. Works under `jit` and `vmap`.
     """
     check_in("window", window, WINDOWS)
     one_number("dt", dt, "positive")
     u = jnp.asarray(check_finite("signal", signal), jnp.float64)
-    if u.ndim == 0 or u.shape[-1] < 8:
-        raise misshaped("signal", signal, "an array of at least 8 samples, along its last axis")
+    check_type("axis", axis, int, "the number of an axis of the signal")
+    if u.ndim and not -u.ndim <= axis < u.ndim:
+        raise refusal("axis", axis, f"from {-u.ndim} to {u.ndim - 1}")
+    if u.ndim == 0 or u.shape[axis] < 8:
+        raise misshaped("signal", signal, "an array of at least 8 samples, along the axis")
+    u = jnp.moveaxis(u, axis, -1)
     size = u.shape[-1]
     angle = 2 * np.pi * np.arange(size) / size
     h = jnp.asarray(0.5 - 0.5 * np.cos(angle) if window == "hann" else np.ones(size))

@@ -3,17 +3,26 @@
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from .._looks_at import looks_at, not_negative_number
+from .._looks_at import looks_at, not_negative_number, one_real
 from .._show import html_table, number
 from .._types import Numeric
-from .._validation import is_concrete
+from .._validation import is_concrete, refusal
 from ._results import CODE, RESULTS, to_result
 from ._sensitivity import Sensitivity
 from ._unknowns import NamedValues, Space, all_positive
+
+
+def _level(owner: Any, name: str, value: Any) -> Any:
+    """A probability, traced or not."""
+    value = one_real(owner, name, value)
+    if is_concrete(value) and not 0.0 < float(value) < 1.0:
+        raise refusal(name, value, "above 0 and below 1")
+    return value
 
 
 class Fit(eqx.Module):
@@ -24,6 +33,9 @@ class Fit(eqx.Module):
     - `sensitivity`: at the estimate. `steps`: iterations. `successful`: whether it converged.
     - `code`: why the method stopped; `result` is the item of `RESULTS`, whose message says it.
     - `space`: of the unknowns, with their bounds, units and priors.
+
+    How well the estimates are known: `standard_errors`, `interval`, `covariance`, `correlation`, by the
+    linearised problem; `cost`, `reduced_chi_squared`, `active_bounds`, `jacobian`.
     """
 
     values: dict[str, Float[Array, "*batch"]]
@@ -142,9 +154,34 @@ class Fit(eqx.Module):
     @looks_at(threshold=not_negative_number)
     def standard_errors(self, threshold: Numeric = 1e-7) -> NamedValues:
         """Standard error of every estimate, in its own unit; infinite if the data do not see it."""
-        relative = self.sensitivity.standard_errors(threshold)
+        relative = self.sensitivity.relative_standard_errors(threshold)
         slopes = jnp.abs(self.slopes)
         return {name: relative[name] * slopes[..., i] for i, name in enumerate(relative)}
+
+    @looks_at(level=_level, threshold=not_negative_number)
+    def interval(self, level: Numeric = 0.95, threshold: Numeric = 1e-7) -> NamedValues:
+        r"""Wald interval of every estimate, `[*batch, 2]`, lower end first, in its own unit.
+
+        $p \pm z\sigma$ with the quantile $z$ of the normal distribution and the standard error of the
+        linearised problem; infinite where the data do not see the unknown. Bounds have no say in it.
+        `profile` follows the curvature. **Arguments** `level`, above 0 and below 1.
+        """
+        width = jnp.sqrt(2.0) * jax.scipy.special.erfinv(jnp.asarray(level, jnp.float64))
+        errors = self.standard_errors(threshold)
+        ends = jnp.asarray([-1.0, 1.0]) * width
+        return {
+            name: jnp.expand_dims(value, -1) + ends * jnp.expand_dims(errors[name], -1)
+            for name, value in self.values.items()
+        }
+
+    @looks_at(threshold=not_negative_number)
+    def correlation(self, threshold: Numeric = 1e-7) -> Float[Array, "*batch unknown unknown"]:
+        """Correlation of the estimates, to first order; NaN for unknowns that the data do not see."""
+        matrix, errors = self.covariance(threshold), self.standard_errors(threshold)
+        seen = jnp.stack([jnp.isfinite(errors[name]) for name in self.names], axis=-1)
+        variance = jnp.diagonal(matrix, axis1=-2, axis2=-1)
+        size = jnp.sqrt(jnp.where(seen & (variance > 0), variance, jnp.nan))
+        return matrix / size[..., :, None] / size[..., None, :]
 
     @looks_at(threshold=not_negative_number)
     def covariance(self, threshold: Numeric = 1e-7) -> Float[Array, "*batch unknown unknown"]:

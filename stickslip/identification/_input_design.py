@@ -121,7 +121,7 @@ def design_input(
         """Criterion and sensitivities of inputs in parts of the limits."""
         inputs = low + points.reshape(population, *low.shape) * (high - low)
         program, each = evaluator(residual, space, chunk_size, executor, population, (inputs, *shared))
-        matrix = evaluated(program, z, each, rows, chunk_size is not None)[1]
+        matrix = evaluated(program, z, each, rows)[1]
         return np.array([_criterion(one, kept, criterion) for one in matrix]), matrix
 
     points = np.random.default_rng(seed).uniform(size=(population, low.size))

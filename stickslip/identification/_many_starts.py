@@ -2,7 +2,7 @@
 
 import functools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -37,6 +37,10 @@ from ._methods import AbstractMethod
 from ._sensitivity import Sensitivity
 from ._unknowns import NamedUnknownRows, NamedValues, Space, checked
 
+# Rows of a call of the program where the user names no chunk: the least, and from one to the next.
+FEWEST = 8
+WIDER = 4
+
 METHODS: dict[Any, Callable[..., AbstractMethod]] = {
     least_squares: LevenbergMarquardt,
     gradient_descent: GradientDescent,
@@ -65,8 +69,9 @@ def many_starts(
       numbers, or an `Unknown` with a row.
     - `shared`: arrays that are the same for all starts. Handed over like this, other data of the same
       shape use the program that is compiled already, as long as `residual` is the same function.
-    - `chunk_size`, `executor` as for `stickslip.map_lanes`. With a `chunk_size`, other numbers of
-      starts use the same program too.
+    - `chunk_size`, `executor` as for `stickslip.map_lanes`. One program serves all steps and all
+      numbers of starts up to 8, or 32, 128 and so on, or any number with a `chunk_size`: where fewer
+      are on their way it is filled up with copies. Some 10 to 100 starts are usual.
     - `progress`: a line on stderr with how many have ended, the step and the lowest cost; by default
       where stderr is a terminal.
 
@@ -83,20 +88,24 @@ def many_starts(
     for i, tree in enumerate(shared):
         for name, leaf in leaves_of(f"shared[{i}]", tree):
             check_finite(name, numbers(name, leaf))
-    shared = jax.tree.map(lambda a: np.broadcast_to(a, (count, *np.shape(a))), shared)
-    program, shared = evaluator(residual, space, chunk_size, executor, count, shared, method.loss)
+    program, _ = evaluator(residual, space, chunk_size, executor, 0, (), method.loss)
+    width = _width(program, count, chunk_size)
+    room = -(-count // width) * width
+    shared = jax.tree.map(lambda a: np.broadcast_to(a, (room, *np.shape(a))), shared)
+    program, shared = evaluator(residual, space, chunk_size, executor, room, shared, method.loss)
     now = None
-    todo, z = np.arange(count), np.asarray(space.coordinates(found))
+    filled = {name: np.pad(a, (0, room - count), mode="edge") for name, a in found.items()}
+    todo, z = np.arange(count), np.asarray(space.coordinates(filled))
     meter, best = Progress(count, name="many_starts", things="starts", shown=progress), _Best()
     try:
         meter.show("compiling")
         while todo.size:
-            out, matrix = evaluated(program, z, shared, todo, chunk_size is not None)
+            out, matrix = evaluated(program, z, shared, todo, width)
             best = best.or_better(z[todo], out[todo])
             if now is None:
                 now = _begin(method, jnp.asarray(z), out.shape[1], space)
             now = _advance(method, now, jnp.asarray(out), jnp.asarray(matrix))
-            z, left = np.asarray(now.z), np.flatnonzero(~np.asarray(now.done))
+            z, left = np.asarray(now.z), np.flatnonzero(~np.asarray(now.done)[:count])
             meter.note = f"step {best.steps}, lowest cost {best.cost:.6g}"
             meter.advance(todo.size - left.size)
             todo = left
@@ -107,7 +116,8 @@ def many_starts(
         ) from None
     finally:
         meter.close()
-    return _finish(method, space, now)
+    # Cut off by NumPy: a slice of each length would be a program of its own.
+    return jax.tree.map(lambda a: jax.device_put(np.asarray(a)[:count]), _finish(method, space, now))
 
 
 class _Best(NamedTuple):
@@ -157,7 +167,7 @@ def sensitivities(
     each = jax.tree.map(np.asarray, each)
     program, each = evaluator(residual, space, chunk_size, executor, count, each)
     rows, z = np.arange(count), space.coordinates(found)
-    matrix = evaluated(program, z, each, rows, chunk_size is not None)[1]
+    matrix = evaluated(program, z, each, rows)[1]
     return Sensitivity(space.names, jnp.asarray(matrix))
 
 
@@ -214,23 +224,36 @@ def evaluator(
     return make(residual, form, chunk_size, executor, loss), (scales, rest)
 
 
-def _parts(rows: np.ndarray, width: int, whole: bool) -> Iterator[tuple[np.ndarray, int]]:
-    """Rows of one call of the program, the last one repeated to fill it, and how many there are."""
-    for first in range(0, rows.size, width):
-        part = rows[first : first + width]
-        size = width if whole or rows.size > width else rows.size
-        yield np.concatenate([part, np.full(size - part.size, part[-1])]), part.size
+def _most(program: map_lanes) -> int:
+    """Rows that all threads or devices take in one chunk each."""
+    return program.chunk_size * max(program.threads, len(program.devices))
 
 
-def evaluated(program: map_lanes, z, each, rows, whole: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Residuals and Jacobians of all lanes; those of lanes not in `rows` are zero."""
+def _width(program: map_lanes, count: int, chunk_size: int | None) -> int:
+    """Rows of every call: of few starts few, but not of each number its own, which would compile."""
+    width, most = FEWEST, _most(program)
+    while width < count:
+        width *= WIDER
+    return most if chunk_size is not None else min(width, most)
+
+
+def evaluated(
+    program: map_lanes, z, each, rows: np.ndarray, width: int | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Residuals and Jacobians of all lanes; those of lanes not in `rows` are zero.
+
+    Each call of the program takes `width` rows, the last one repeated to fill it; by default all rows,
+    or as many as it can take.
+    """
     z, filled = np.asarray(z), []
-    width = program.chunk_size * max(program.threads, len(program.devices))
-    for part, used in _parts(rows, width, whole):
+    width = min(rows.size, _most(program)) if width is None else width
+    for first in range(0, rows.size, width):
+        used = rows[first : first + width]
+        part = np.concatenate([used, np.full(width - used.size, used[-1])])
         found = program(z[part], jax.tree.map(lambda a, part=part: a[part], each))
         filled = filled or [np.zeros((len(z), *a.shape[1:])) for a in found]
         for all_rows, a in zip(filled, found, strict=True):
-            all_rows[part[:used]] = np.asarray(a)[:used]
+            all_rows[used] = np.asarray(a)[: used.size]
     out, matrix = filled
     return out, matrix
 

@@ -36,8 +36,6 @@ from ._whiteness import (
     ljung_box,
 )
 
-QUANTILE = 1.959963984540054  # of the normal distribution, for 95%
-
 
 class Whiteness:
     """Of one series of residuals: `series`, `own` correlation, `test`, `with_input` by input; `mean` in
@@ -74,11 +72,11 @@ class Report:
         if profile is not None:
             head += [f"profile {100 * float(profile.level):g}%", "verdict"]
         table = [[*head, "bound"]]
-        errors = self.fit.standard_errors()
+        errors, wald = self.fit.standard_errors(), self.fit.interval()
         for name, unit in self.fit.units.items():
             value, error = float(self.fit.values[name]), float(errors[name])
             row = [name, f"{value:.6g}", unit or "-", f"{error:.3g}"]
-            low, high = value - QUANTILE * error, value + QUANTILE * error
+            low, high = map(float, wald[name])
             row += [f"{low:.6g} to {high:.6g}" if np.isfinite(error) else "none"]
             if profile is not None:
                 known = name in profile.names
@@ -92,11 +90,7 @@ class Report:
     @property
     def correlation(self) -> np.ndarray:
         """Of the estimates, by the linearised problem; NaN for unknowns that it does not see."""
-        matrix = np.asarray(self.fit.covariance())
-        seen = np.array([np.isfinite(float(e)) for e in self.fit.standard_errors().values()])
-        size = np.where(seen, np.sqrt(np.diag(matrix)), np.nan)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return matrix / np.outer(size, size)
+        return np.asarray(self.fit.correlation())
 
     def statements(self) -> list[str]:
         """What is to be said in sentences."""

@@ -65,15 +65,18 @@ class Sensitivity(eqx.Module):
         r"""Covariance $(S^T S)^{-1}$ of the logarithms, to first order.
 
         Combinations that are not `seen` are left out of the sum; the unknowns that they contain have
-        no finite variance, see `standard_errors`.
+        no finite variance, see `relative_standard_errors`.
         """
         seen = self.seen(threshold)
         weight = jnp.where(seen, 1.0 / jnp.where(seen, self.singular_values, 1.0) ** 2, 0.0)
         return jnp.einsum("...ki,...k,...kj->...ij", self.directions, weight, self.directions)
 
     @looks_at(threshold=not_negative_number)
-    def standard_errors(self, threshold: Numeric = 1e-7) -> NamedValues:
-        """Relative standard error of every unknown; infinite if it is in a combination not seen."""
+    def relative_standard_errors(self, threshold: Numeric = 1e-7) -> NamedValues:
+        """Standard error of every unknown in parts of its value: that of its logarithm.
+
+        Infinite if the unknown is in a combination not seen. In units: `Fit.standard_errors`.
+        """
         hidden = jnp.where(self.seen(threshold)[..., None], 0.0, jnp.abs(self.directions))
         lost = jnp.max(hidden, axis=-2) > 1e-4
         variance = jnp.diagonal(self.covariance(threshold), axis1=-2, axis2=-1)

@@ -5,6 +5,7 @@ import pathlib
 from collections.abc import AsyncIterator, Mapping
 from typing import Any
 
+import numpy as np
 import xarray as xr
 from zarr.storage import LocalStore, WrapperStore
 
@@ -142,4 +143,9 @@ def _dataset(begin: str, path: pathlib.Path, state: str, verified: str, names: A
         raise ValueError(
             f"{begin} cannot be read ({type(error).__name__}: {text}): it must have whole headers."
         ) from error
+    # The axis of an orbit diagram over several sections has their names, which a store keeps as an
+    # attribute: its arrays are numbers.
+    names = [str(name) for name in np.atleast_1d(dataset.attrs.get("sections", []))]
+    if names and dataset.sizes.get("section") == len(names):
+        dataset = dataset.assign_coords(section=names)
     return dataset.assign_attrs(sweep_state=state, sweep_verified=verified)

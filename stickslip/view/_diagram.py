@@ -52,7 +52,6 @@ class Diagram:
     def __init__(
         self, dataset: xr.Dataset, name: str, *, x: str | None = None, observable: str | None = None
     ):
-        dataset = _with_names(dataset)
         seen = [
             str(key)
             for key, variable in dataset.data_vars.items()
@@ -164,14 +163,6 @@ class Diagram:
             said = f"{words['untold']} ({reason.replace('_', ' ')})"
         status = self.words[lanes.status[lane]].replace("_", " ")
         return f"{self.about(float(lanes.x[lane]))}: {said}, status {status}"
-
-
-def _with_names(dataset: xr.Dataset) -> xr.Dataset:
-    """The dataset with the names of its sections as a coordinate; a store has them in an attribute."""
-    names = [str(name) for name in np.atleast_1d(dataset.attrs.get("sections", []))]
-    if SECTION in dataset.coords or not names or dataset.sizes.get(SECTION) != len(names):
-        return dataset
-    return dataset.assign_coords({SECTION: names})
 
 
 def labelled(key: str, attrs: Any) -> str:

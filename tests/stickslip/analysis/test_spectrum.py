@@ -55,6 +55,8 @@ def test_batch_and_jit():
     assert both.shape == (2, SIZE // 2 + 1)
     np.testing.assert_allclose(both[1], amplitude_spectrum(signals[1], DT).amplitude, atol=1e-15)
     assert jnp.argmax(both[0]) == 80
+    turned = amplitude_spectrum(signals.T, DT, axis=0)
+    np.testing.assert_array_equal(turned.amplitude, amplitude_spectrum(signals, DT).amplitude)
 
 
 def test_bad_input():
@@ -65,6 +67,8 @@ def test_bad_input():
         amplitude_spectrum(np.sin(T), 0.0)
     with pytest.raises(ValueError, match="at least 8 samples"):
         amplitude_spectrum(np.ones(5), DT)
+    with pytest.raises(ValueError, match="axis = 1: it must be from -1 to 0"):
+        amplitude_spectrum(np.ones(9), DT, axis=1)
     with pytest.raises(ValueError, match="that of one signal"):
         spectral_peaks(amplitude_spectrum(np.ones((2, 64)), DT))
     with pytest.raises(ValueError, match="count = 0"):

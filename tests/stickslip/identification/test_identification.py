@@ -117,7 +117,7 @@ def test_sensitivity_of_a_formula():
 def test_fewer_data_than_unknowns():
     found = sensitivity(lambda p: jnp.stack([p["a"] * p["b"]]), dict(a=1.0, b=2.0))
     np.testing.assert_array_equal(found.seen(), [True, False])
-    assert all(np.isinf(float(e)) for e in found.standard_errors().values())
+    assert all(np.isinf(float(e)) for e in found.relative_standard_errors().values())
 
 
 def rosenbrock(p):
@@ -137,6 +137,21 @@ def test_many_starts_and_the_best():
     found = many_starts(two, {"a": np.array([0.2, 0.9, 3.0])})
     assert len(np.unique(np.round(found.values["a"], 3))) == 3
     assert float(best(found).values["a"]) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_many_starts_compile_once_for_all_steps_and_numbers_of_starts(compiled):
+    random = np.random.default_rng(3)
+
+    def run(number):
+        ends = many_starts(rosenbrock, {n: random.uniform(0.3, 3.0, number) for n in "ab"})
+        np.testing.assert_allclose(ends.values["a"], np.ones(number), rtol=1e-6)
+        assert len(set(np.asarray(ends.steps).tolist())) > 1  # they do not end together
+
+    run(6)
+    compiled.clear()
+    run(8)
+    run(6)
+    assert not compiled
 
 
 def test_many_starts_show_how_far_they_are(capsys):

@@ -5,6 +5,7 @@ import re
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import scipy.stats
 import xarray as xr
 
 import stickslip as ss
@@ -74,6 +75,28 @@ def test_correlation_is_that_of_the_linear_problem():
     expected = covariance[0, 1] / np.sqrt(covariance[0, 0] * covariance[1, 1])
     assert report(fit).correlation[0, 1] == pytest.approx(expected, rel=1e-9)
     assert abs(expected) > 0.9
+    exact = np.linalg.lstsq(matrix, np.ones(40))[0]
+    for i, name in enumerate("ab"):
+        ends = scipy.stats.norm(exact[i], np.sqrt(covariance[i, i])).interval(0.8)
+        np.testing.assert_allclose(fit.interval(0.8)[name], ends, rtol=1e-9)
+
+
+def test_what_the_data_do_not_see_has_no_interval_and_no_correlation():
+    start = {"a": 1.0, "b": 2.0, "c": 1.0}
+
+    def rows(p):
+        return jnp.stack([p["a"] * p["b"] - 1.0, p["c"] - 3.0, p["c"] - 1.0])
+
+    fit = least_squares(rows, start)
+    assert fit.interval()["a"].tolist() == [-np.inf, np.inf]
+    ends = scipy.stats.norm(2.0, np.sqrt(0.5)).interval(0.95)
+    np.testing.assert_allclose(fit.interval()["c"], ends)
+    correlation = np.asarray(fit.correlation())
+    assert np.isnan(correlation[:2]).all()
+    assert np.isnan(correlation[:, :2]).all()
+    assert correlation[2, 2] == pytest.approx(1.0)
+    with pytest.raises(ValueError, match=r"level = 1\.0: it must be above 0 and below 1"):
+        fit.interval(1.0)
 
 
 def test_files(tmp_path):

@@ -104,7 +104,7 @@ def test_positive_number_is_an_unknown_above_zero():
     assert plain.values == stated.values
     np.testing.assert_array_equal(plain.sensitivity.matrix, stated.sensitivity.matrix)
     errors = plain.standard_errors()
-    relative = plain.sensitivity.standard_errors()
+    relative = plain.sensitivity.relative_standard_errors()
     assert float(errors["size"]) == float(relative["size"]) * float(plain.values["size"])
 
 

@@ -184,6 +184,7 @@ def test_a_store_of_several_sections_has_their_names(tmp_path):
     import stickslip as ss
     from stickslip.analysis import Maximum as Top
     from stickslip.analysis import Minimum, Recording, orbit_diagram
+    from stickslip.sweep import open_dataset
     from tests.stickslip.analysis._arrays import Free
 
     orbit_diagram(
@@ -192,6 +193,8 @@ def test_a_store_of_several_sections_has_their_names(tmp_path):
         record=Recording(0.0, 15.0, points=2), store=tmp_path / "store",
         integrator=ss.Integrator("rk4", ss.FixedStep(0.05)), progress=False,
     )  # fmt: skip
+    read = open_dataset(tmp_path / "store")
+    assert read.x.sel(section="low").shape == (3, 2)
     diagram = Diagram(opened(str(tmp_path / "store")), "store")
     assert diagram.others == {"section": ["top", "low"]}
     assert diagram.parameters == ["stiffness"]
