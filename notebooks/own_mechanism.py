@@ -128,7 +128,8 @@ def place(p):
 
 p = jnp.array([0.4, 0.5])
 slope = jax.jit(jax.jacfwd(place))(p)
-ends = jax.jit(jax.vmap(place))(p + 1e-5 * jnp.array([[1, 0], [-1, 0], [0, 1], [0, -1]]))
+beside = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
+ends = jax.jit(jax.vmap(place))(jnp.asarray(np.asarray(p) + 1e-5 * beside))
 differences = (ends[::2] - ends[1::2]) / 2e-5
 print(f"exact {slope}, differences {differences}")
 np.testing.assert_allclose(slope, differences, rtol=1e-5)

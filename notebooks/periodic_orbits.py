@@ -28,7 +28,13 @@ import numpy as np
 
 import stickslip as ss
 from stickslip import plot
-from stickslip.continuation import OrbitGuess, continue_orbit, orbit_guess, periodic_orbit
+from stickslip.continuation import (
+    OrbitGuess,
+    continue_orbit,
+    continue_point,
+    orbit_guess,
+    periodic_orbit,
+)
 from stickslip.friction import HyperbolicWeakening
 from stickslip.mechanism import AbstractMechanism, Contact
 
@@ -130,5 +136,23 @@ print(branch.to_dataset())
 # | `SQ` | another change of the sequence of modes |
 # | `EP` | end of the branch, with the reason |
 #
-# What is not there yet: curves of these points in two parameters, and branches at symmetric branch
-# points.
+# From `PD` and `BP` points `continue_orbit` follows the branch that begins there. Of a `GR` point
+# `words` name the sliding bifurcation:
+
+# %%
+print(fold)
+assert fold.words.startswith("grazing-sliding")
+
+# %% [markdown]
+# ## The fold over two parameters
+#
+# `continue_point` follows such a point, here over the speed of the belt and the damping: left of the
+# curve the block sticks and slips, right of it it comes to rest.
+
+# %%
+curve = continue_point(
+    block, fold, ("belt_speed", "damping"), ((0.5, 0.9), (0.4, 0.6)), step=0.15, both=not QUICK
+)
+print(curve)
+plot.curve(curve).set_title("Discontinuous fold over speed and damping")
+plt.show()

@@ -20,6 +20,8 @@ jax.config.update("jax_numpy_dtype_promotion", "strict")
 
 matplotlib.use("agg")
 
+MOST_MAPS = 30_000
+
 # The same examples on every run, and no deadline: the first call of a jitted function compiles.
 hypothesis.settings.register_profile("reproducible", derandomize=True, deadline=None)
 hypothesis.settings.load_profile("reproducible")
@@ -51,6 +53,28 @@ def pytest_configure(config: pytest.Config) -> None:
         os.environ["STICKSLIP_CACHE"] = str(config.cache.mkdir("programs"))
         # Only now: the import hook and JAX's settings are in place.
         importlib.import_module("stickslip").enable_compilation_cache()
+
+
+@pytest.fixture(autouse=True)
+def room_for_programs(request):
+    """Compiled programs are dropped before a process has as many maps of memory as the system allows.
+
+    Every program takes some; where there is no room for one more, XLA ends the process. The slow tests
+    of one worker come to that, 65,530 on Linux; the quick ones are far from it.
+    """
+    yield
+    if request.node.get_closest_marker("slow") and memory_maps() > MOST_MAPS:
+        jax.clear_caches()
+        gc.collect()
+
+
+def memory_maps() -> int:
+    """Maps of memory that this process has; 0 where the system does not say."""
+    try:
+        with open("/proc/self/maps", "rb") as lines:
+            return sum(1 for _ in lines)
+    except OSError:
+        return 0
 
 
 @pytest.fixture

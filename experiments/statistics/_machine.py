@@ -69,7 +69,7 @@ def both(machine: cx.CoreXYParameters, ends: Any) -> Any:
 def noise_of(found: Any) -> Any:
     """Standard deviations `[..., signal]` of the noise of what is shown `[..., signal, time]`."""
     size = jnp.sqrt(jnp.mean(jnp.asarray(found) ** 2, axis=-1))
-    return jnp.maximum(NOISE * size, jnp.asarray(FINEST))
+    return jnp.maximum(NOISE * size, jnp.broadcast_to(jnp.asarray(FINEST), size.shape))
 
 
 def _residual(values, data, machine, ends, sigma, keep):

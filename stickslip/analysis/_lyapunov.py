@@ -33,6 +33,7 @@ from ._growth import (
     first_frame,
     judged,
 )
+from ._held import held_directions
 
 
 def lyapunov_spectrum(
@@ -83,8 +84,10 @@ def lyapunov_spectrum(
     **Returns** a `LyapunovSpectrum`. The function works under `jit`, `vmap`, `map_lanes` and
     `run_sweep`, whose grids it is meant for: `lyapunov_diagram`.
 
-    An autonomous motion other than a rest has an exponent of zero along itself. A state in stick at
-    the start has deviations off the sticking set, which the first event projects out.
+    An autonomous motion other than a rest has an exponent of zero along itself. Deviations that a
+    stick does not allow are taken away after each segment, as an event would do: of a block that the
+    belt carries for ever the exponents are 0 and `-inf`. That is not tried where modes times guards
+    are more than 512.
 
     **Errors** `ValueError`/`TypeError` naming the argument, before compilation.
     """
@@ -142,7 +145,10 @@ def _spectrum(
         solution = run(tangent, start, end, tangent.start(y, unit * frame), mode)
         # A lane that failed stays where it is; its numbers are discarded.
         usable = good & solution.successful
-        images = jnp.where(usable, mask * tangent.columns(solution.y1) / unit, frame)
+        images = mask * tangent.columns(solution.y1) / unit
+        # A motion may end in a stick: no event takes away what the stick does not allow.
+        held = held_directions(system, end, solution.y1.y, solution.mode1, args, scales)
+        images = jnp.where(usable, held @ images, frame)
         same = jax.tree.map(lambda a, b: jnp.all(a == b), solution.y1.y, y)
         carry = (
             number + 1.0,

@@ -179,8 +179,9 @@ def run_lane(
         "slow_transient": slow,
         "flags": flags | recorded.flags,
     }
-    # A lane that failed has nothing to hand on.
-    end = jax.tree.map(lambda a, b: jnp.where(usable & jnp.isfinite(a), a, b), recorded.y1, y0)
+    # A lane that failed has nothing to hand on; one that never crossed its section ends somewhere too.
+    sound = usable | (status == STATUS.index("no_crossing"))
+    end = jax.tree.map(lambda a, b: jnp.where(sound & jnp.isfinite(a), a, b), recorded.y1, y0)
     return end, results
 
 

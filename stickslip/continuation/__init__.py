@@ -1,8 +1,11 @@
 """Periodic orbits through stick, slip and impact: Newton's method, Floquet multipliers, branches."""
 
+from ._bifurcation_curve import BifurcationCurve as BifurcationCurve
+from ._bifurcation_curve import CurveEnd as CurveEnd
 from ._branch import Branch as Branch
 from ._branch import BranchPoint as BranchPoint
 from ._continue import continue_orbit as continue_orbit
+from ._continue_point import continue_point as continue_point
 from ._guess import OrbitGuess as OrbitGuess
 from ._guess import orbit_guess as orbit_guess
 from ._orbit import PeriodicOrbit as PeriodicOrbit

@@ -1,4 +1,4 @@
-"""The compiled pieces of continuation: residual and derivative along a parameter, and the orbit."""
+"""The compiled pieces of continuation: residual and derivative along parameters, and the orbit."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -19,17 +19,17 @@ from ._periodic_orbit import described
 
 
 class Problem(eqx.Module):
-    """What is followed: a system in which one number is free, and how the period depends on it.
+    """What is followed: a system with one free parameter or two, and how the period depends on them.
 
-    `forcing_period(system)` [s] and `multiple`, or None for a period that is an unknown. `unit`: the
-    size of a step of the parameter.
+    `forcing_period(system)` [s] and `multiple`, or None for a period that is an unknown. `unit`,
+    `[parameter]`: the size of a step of each parameter.
     """
 
     system: AbstractHybridSystem
     args: PyTree
     integrator: Integrator
     unit: Any
-    name: str = eqx.field(static=True)
+    names: tuple[str, ...] = eqx.field(static=True)
     forcing_period: Callable | None = eqx.field(static=True)
     multiple: int = eqx.field(static=True)
     segments: int = eqx.field(static=True)
@@ -52,13 +52,14 @@ class Anchor(NamedTuple):
     extent: Any
 
 
-def system_at(problem: Problem, value: Any) -> AbstractHybridSystem:
-    """The system with the parameter at a value."""
-    return with_parameters(problem.system, {problem.name: jnp.asarray(value, jnp.float64)})
+def system_at(problem: Problem, values: Any) -> AbstractHybridSystem:
+    """The system with the parameters at these values, `[parameter]`."""
+    values = jnp.asarray(values, jnp.float64)
+    return with_parameters(problem.system, {name: values[i] for i, name in enumerate(problem.names)})
 
 
-def _framed(problem: Problem, value: Any, anchor: Anchor, turn: Any) -> tuple[Motion, Frame]:
-    system = system_at(problem, value)
+def _framed(problem: Problem, values: Any, anchor: Anchor, turn: Any) -> tuple[Motion, Frame]:
+    system = system_at(problem, values)
     period, t0 = anchor.period, jnp.zeros(())
     if problem.forcing_period is not None:
         period = problem.multiple * jnp.asarray(problem.forcing_period(system), jnp.float64)
@@ -69,11 +70,11 @@ def _framed(problem: Problem, value: Any, anchor: Anchor, turn: Any) -> tuple[Mo
 
 
 @eqx.filter_jit
-def anchored(problem: Problem, value: Any, y: PyTree, mode: Any, phase: Any, period: Any, least: Any):
+def anchored(problem: Problem, values: Any, y: PyTree, mode: Any, phase: Any, period: Any, least: Any):
     """Anchor at a state, with its unknowns and the modes at the knots; the size is at least `least`."""
     turn = jnp.asarray(turns_of(problem.system, y))
     ones = jnp.ones(turn.shape)
-    motion, frame = _framed(problem, value, Anchor(y, phase, period, ones, ones, ones), turn)
+    motion, frame = _framed(problem, values, Anchor(y, phase, period, ones, ones, ones), turn)
     integrator = spanning(
         motion.integrator, motion.system, frame.t0, frame.period, y, mode, motion.args
     )
@@ -87,23 +88,24 @@ def anchored(problem: Problem, value: Any, y: PyTree, mode: Any, phase: Any, per
     normal = slope / jnp.where(length > 0, length, 1.0)
     anchor = Anchor(y, phase, frame.period, normal, size, moves)
     u = unknowns(knots, frame._replace(size=size))
-    return anchor, jnp.append(u, value / problem.unit), modes
+    return anchor, jnp.concatenate([u, values / problem.unit]), modes
 
 
 @eqx.filter_jit
 def evaluated(problem: Problem, u: Any, modes: Any, anchor: Anchor):
-    """Residual, its derivative by all unknowns, the parameter last, and what the pieces were."""
+    """Residual, its derivative by all unknowns, the parameters last, and what the pieces were."""
     _, unravel = ravel_pytree(anchor.y)
+    free = len(problem.names)
     turn = jnp.asarray(turns_of(problem.system, anchor.y))
 
     def residual(u):
-        motion, frame = _framed(problem, u[-1] * problem.unit, anchor, turn)
+        motion, frame = _framed(problem, u[-free:] * problem.unit, anchor, turn)
         span = jax.lax.stop_gradient(frame.period)
         integrator = spanning(
             motion.integrator, motion.system, frame.t0, span, anchor.y, modes[0], motion.args
         )
         with use_executor(problem.executor):
-            found = closure(u[:-1], modes, motion._replace(integrator=integrator), frame, unravel)
+            found = closure(u[:-free], modes, motion._replace(integrator=integrator), frame, unravel)
         return found.residual, found
 
     jacobian, found = jax.jacfwd(residual, has_aux=True)(u)
@@ -114,15 +116,16 @@ def evaluated(problem: Problem, u: Any, modes: Any, anchor: Anchor):
 def orbit_at(problem: Problem, u: Any, modes: Any, anchor: Anchor, found: Any) -> PeriodicOrbit:
     """The orbit of these unknowns, simulated once more, with its multipliers."""
     residual, jacobian, closing = found
+    free = len(problem.names)
     _, unravel = ravel_pytree(anchor.y)
     turn = jnp.asarray(turns_of(problem.system, anchor.y))
-    motion, frame = _framed(problem, u[-1] * problem.unit, anchor, turn)
+    motion, frame = _framed(problem, u[-free:] * problem.unit, anchor, turn)
     integrator = spanning(
         motion.integrator, motion.system, frame.t0, frame.period, anchor.y, modes[0], motion.args
     )
     norm = jnp.max(jnp.abs(residual))
     none = jnp.zeros((), bool)
-    solved = Newton(u[:-1], jacobian[:, :-1], closing, norm, jnp.ones((), jnp.int32), none, none)
+    solved = Newton(u[:-free], jacobian[:, :-free], closing, norm, jnp.ones((), jnp.int32), none, none)
     with use_executor(problem.executor):
         return described(
             motion._replace(integrator=integrator), frame, solved, jnp.inf, unravel, modes[0],

@@ -10,6 +10,7 @@ import numpy as np
 from .._show import counted, html_table, number
 from ..hybrid import AbstractHybridSystem
 from ..hybrid._components import components_of
+from ._along import Problem
 from ._follow import Point
 from ._orbit import PeriodicOrbit
 
@@ -34,7 +35,8 @@ class Special:
 class BranchPoint(eqx.Module):
     """A special point of a branch: `label`, `value` of the parameter, `orbit`, and in `words` why.
 
-    `index`: number of the orbit of the branch before it.
+    `index`: number of the orbit of the branch before it. `slope`: direction of the branch there, the
+    rates of the first point, of the period if it is an unknown, and of the parameter.
     """
 
     label: str
@@ -42,6 +44,7 @@ class BranchPoint(eqx.Module):
     orbit: PeriodicOrbit
     words: str
     index: int
+    slope: np.ndarray
 
     def __repr__(self) -> str:
         after = f": {self.words}" if self.words else ""
@@ -110,21 +113,40 @@ class Branch(eqx.Module):
             "special_period": (
                 "special", np.array([float(s.orbit.period) for s in self.specials]), {"units": "s"},
             ),
+            **labelled_states(orbits, self.system),
         }  # fmt: skip
-        for prefix, tree in (
-            ("start", orbits.y0),
-            ("lowest", orbits.lowest),
-            ("highest", orbits.highest),
-        ):
-            for name, leaf in components_of(tree).items():
-                axes = ["point", *(f"{name}_{k}" for k in range(np.ndim(leaf) - 1))]
-                label = {"units": self.system.units[name]} if name in self.system.units else {}
-                data[f"{prefix}_{name}"] = (axes, np.asarray(leaf), label)
         return xr.Dataset(data, coords={self.parameter: ("point", self.values, unit)})
 
 
+def labelled_states(orbits: PeriodicOrbit, system: AbstractHybridSystem) -> dict[str, Any]:
+    """Start, least and greatest values of orbits along `point`, with their units."""
+    data = {}
+    for prefix, tree in (("start", orbits.y0), ("lowest", orbits.lowest), ("highest", orbits.highest)):
+        for name, leaf in components_of(tree).items():
+            axes = ["point", *(f"{name}_{k}" for k in range(np.ndim(leaf) - 1))]
+            label = {"units": system.units[name]} if name in system.units else {}
+            data[f"{prefix}_{name}"] = (axes, np.asarray(leaf), label)
+    return data
+
+
+def special_of(special: Special, problem: Problem) -> BranchPoint:
+    """A special point as users see it."""
+    point = special.point
+    states, scales = np.asarray(point.anchor.size).size, [np.asarray(point.anchor.size)]
+    if problem.forcing_period is None:
+        scales.append(np.asarray([float(point.anchor.period)]))
+    scales.append(np.asarray(problem.unit))
+    scale = np.concatenate(scales)
+    slope = np.append(point.tangent[:states], point.tangent[states - scale.size :]) * scale
+    return BranchPoint(special.label, point.value, point.orbit, special.words, special.index, slope)
+
+
 def branch_of(
-    parameter: str, points: list[Point], specials: list[Special], system: AbstractHybridSystem
+    parameter: str,
+    points: list[Point],
+    specials: list[Special],
+    system: AbstractHybridSystem,
+    problem: Problem,
 ) -> Branch:
     """The branch of points in order."""
     orbits = jax.tree.map(lambda *leaves: np.stack(leaves), *(p.orbit for p in points))
@@ -133,6 +155,6 @@ def branch_of(
         np.array([p.value for p in points]),
         orbits,
         tuple(p.sequence for p in points),
-        tuple(BranchPoint(s.label, s.point.value, s.point.orbit, s.words, s.index) for s in specials),
+        tuple(special_of(s, problem) for s in specials),
         system,
     )

@@ -8,27 +8,18 @@ import numpy as np
 from jaxtyping import PyTree
 
 from .._types import Given
-from .._validation import (
-    as_parameter,
-    check_callable,
-    check_count,
-    check_handed_on,
-    check_type,
-    one_concrete,
-    refusal,
-)
-from ..analysis._observable import check_parameter, with_parameters
-from ..hybrid import AbstractHybridSystem, Integrator, current_executor
+from .._validation import check_count, check_flag, check_type, one_concrete, refusal
+from ..hybrid import AbstractHybridSystem, Integrator
 from ..hybrid._arguments import the_system
-from ..hybrid._tree import with_float_arrays
 from ._along import Problem
+from ._arguments import bounds_of, functions_of, problem_of, value_of
 from ._branch import Branch, BranchPoint, Special, branch_of
-from ._closing import check_autonomous, tight
 from ._corner import across
 from ._follow import QUICK, Failure, Point, ahead, begin, moved, turned
+from ._kinds import kind_of
 from ._orbit import PeriodicOrbit
-from ._points import TESTS, border, is_torus, located
-from ._switch import doubled
+from ._points import border, is_torus, located
+from ._switch import crossing, doubled
 
 # Between two points the tangent turns by at most this angle [cosine]: sharper bends get shorter steps.
 BEND = 0.9
@@ -71,7 +62,8 @@ def continue_orbit(
 
     - `system`: its `parameter` (a name, `a__b` for `b` inside `a`) has the value of the orbit.
     - `orbit`: a successful `PeriodicOrbit` of this system; or a `BranchPoint` of another branch over
-      the same parameter, at whose value it begins: from a `PD` point the branch of doubled orbits.
+      the same parameter, at whose value it begins: from a `PD` point the branch of doubled orbits, from
+      a `BP` point the other branch that crosses there.
     - `bounds`: least and greatest value of the parameter.
     - `forcing_period(system)` [s]: of a system that depends on the time; the orbit's period is a
       multiple of it. None: the period is an unknown.
@@ -86,7 +78,7 @@ def continue_orbit(
     (another change of the mode sequence), `EP` (end, with the reason).
 
     The loop is Python and runs outside `jit`; it compiles three programs for the first branch of a
-    system and none for later ones.
+    system and none for later ones. Of a `GR` point `words` name the sliding bifurcation.
 
     **Errors** `ValueError`/`TypeError` naming the argument, before compilation.
     """
@@ -96,89 +88,47 @@ def continue_orbit(
     known: PeriodicOrbit = orbit.orbit if isinstance(orbit, BranchPoint) else orbit
     if np.shape(known.period) != () or not bool(known.successful):
         raise refusal("orbit", orbit, "one successful PeriodicOrbit")
-    if not isinstance(parameter, str):
-        raise refusal("parameter", parameter, "a name of a parameter", TypeError)
-    check_parameter(system, parameter, "parameter")
-    check_handed_on("args", args)
-    low, high = _bounds(bounds)
+    value = value_of(system, parameter)
+    low, high = bounds_of("bounds", bounds)
     one_concrete("step", step, "positive")
     check_count("max_points", max_points, 1)
-    check_count("segments", segments, 1)
-    check_count("max_events", max_events, 1)
-    if not isinstance(both, bool):
-        raise refusal("both", both, "True or False", TypeError)
-    tests = _tests(functions)
-    integrator = tight() if integrator is None else integrator
-    check_type("integrator", integrator, Integrator, "an Integrator or None")
-    value: Any = system
-    for part in parameter.split("__"):
-        value = getattr(value, part)
-    value = float(value) if special is None else special.value
+    check_flag("both", both)
+    tests = functions_of(functions)
+    value = value if special is None else special.value
     if not low <= value <= high:
         raise refusal("bounds", (low, high), f"around the value of {parameter}, {value}")
-    multiple = 1
-    if forcing_period is None:
-        state = known.t0, known.y0, known.mode0
-        check_autonomous("forcing_period", system, *state, args, "the period of the forcing")
-    else:
-        check_callable("forcing_period", forcing_period, "forcing_period(system)", system)
-        forcing = one_concrete("forcing_period(system)", forcing_period(system), "positive")
-        if special is not None:
-            forcing = forcing_period(with_parameters(system, {parameter: value}))
-        ratio = float(known.period) / float(forcing)
-        multiple = round(ratio)
-        if multiple < 1 or abs(ratio - multiple) > 1e-6:
-            allowed = f"of which the orbit's period, {float(known.period)} s, is a multiple"
-            raise refusal("forcing_period(system)", float(forcing), allowed)
-    problem = Problem(
-        with_float_arrays(system), args, integrator, as_parameter(high - low), parameter,
-        forcing_period, multiple, segments, max_events, current_executor(),
+    problem = problem_of(
+        system, {parameter: value}, [high - low], known, forcing_period, args=args, segments=segments,
+        integrator=integrator, max_events=max_events,
     )  # fmt: skip
-    doubles = special is not None and special.label == "PD"
-    if doubles:
-        problem = dataclasses.replace(problem, multiple=2 * multiple)
-    first = (doubled if doubles else begin)(problem, known, value)
-    if isinstance(first, Failure):
-        raise refusal("orbit", orbit, f"an orbit of this system: it is {first.result}")
-    if doubles:  # backwards lies the point it came from
-        points, specials = _half(problem, first, (low, high), step, max_points, tests)
-        return branch_of(parameter, points, specials, system)
-    first = _settled(problem, first)
-    up = first if first.tangent[-1] > 0 else turned(first)
-    forward, others = _half(problem, up, (low, high), step, max_points, tests)
-    closed = bool(others) and others[-1].words.startswith("closed")
-    if closed or not both:
-        return branch_of(parameter, forward, others, system)
-    backward, marks = _half(problem, turned(up), (low, high), step, max_points, tests)
-    count = len(backward) - 1
-    points = backward[::-1] + forward[1:]
+    if special is not None and special.label == "PD":
+        problem = dataclasses.replace(problem, multiple=2 * problem.multiple)
+        starts = [doubled(problem, known, value)]  # backwards lies the point it came from
+    elif special is not None and special.label == "BP":
+        starts = list(crossing(problem, known, value, special.slope))
+    else:
+        first = begin(problem, known, value)
+        if isinstance(first, Point):
+            first = _settled(problem, first)
+            first = first if first.tangent[-1] > 0 else turned(first)
+        starts = [first, first if isinstance(first, Failure) else turned(first)]
+    one, *others = starts
+    if isinstance(one, Failure):
+        one, *others = [p for p in others if isinstance(p, Point)] or [one]
+    if isinstance(one, Failure):
+        raise refusal("orbit", orbit, f"an orbit of this system: it is {one.result}")
+    forward, marks = _half(problem, one, (low, high), step, max_points, tests)
+    closed = bool(marks) and marks[-1].words.startswith("closed")
+    if closed or not both or not others or isinstance(others[0], Failure):
+        return branch_of(parameter, forward, marks, system, problem)
+    backward, before = _half(problem, others[0], (low, high), step, max_points, tests)
+    if special is None or special.label != "BP":  # both halves begin with the same orbit
+        forward, marks = forward[1:], [s.at(s.index - 1) for s in marks]
     # Of two orbits the one before is the later one of the backward half.
-    specials = [s.at(max(count - s.index - 1, 0)) for s in marks[::-1]]
-    specials += [s.at(count + s.index) for s in others]
-    return branch_of(parameter, points, specials, system)
-
-
-def _bounds(bounds: Any) -> tuple[float, float]:
-    if not isinstance(bounds, tuple | list) or len(bounds) != 2:
-        raise refusal("bounds", bounds, "two numbers, the lower one first", TypeError)
-    low, high = (float(one_concrete(f"bounds[{i}]", b)) for i, b in enumerate(bounds))
-    if not low < high:
-        raise refusal("bounds", bounds, "two numbers, the lower one first")
-    return low, high
-
-
-def _tests(functions: Any) -> dict[str, Callable[[Point], float]]:
-    tests = dict(TESTS)
-    if functions is None:
-        return tests
-    if not isinstance(functions, Mapping):
-        raise refusal("functions", functions, "a mapping from labels to functions, or None", TypeError)
-    for label, function in functions.items():
-        if not isinstance(label, str) or label in (*TESTS, "GR", "SQ", "EP"):
-            raise refusal("functions", label, "labels that are not taken")
-        check_callable(f"functions[{label!r}]", function, "f(orbit)", 0)
-        tests[label] = lambda point, function=function: float(function(point.orbit))
-    return tests
+    count = len(backward)
+    specials = [s.at(max(count - s.index - 2, 0)) for s in before[::-1]]
+    specials += [s.at(count + s.index) for s in marks]
+    return branch_of(parameter, backward[::-1] + forward, specials, system, problem)
 
 
 def _settled(problem: Problem, point: Point) -> Point:
@@ -210,7 +160,7 @@ def _half(problem, start: Point, bounds, step, max_points, tests) -> tuple[list,
             specials += _labelled(problem, point, last, at, tests, index)
             other = across(problem, last)
             if other is not None:
-                specials.append(_change(last, other, index))
+                specials.append(_change(problem, last, other, index))
                 new, distance = other, step
             elif at > STUCK * step:
                 new, distance = last, at
@@ -220,7 +170,7 @@ def _half(problem, start: Point, bounds, step, max_points, tests) -> tuple[list,
         elif new.sequence != point.sequence:
             last, at = border(problem, point, distance, alike(point))
             specials += _labelled(problem, point, last, at, tests, index)
-            specials.append(_change(last, new, index))
+            specials.append(_change(problem, last, new, index))
         else:
             specials += _labelled(problem, point, new, distance, tests, index)
         if not low <= new.value <= high:
@@ -299,8 +249,9 @@ def _labelled(problem, before: Point, after: Point, distance, tests, index) -> l
     return sorted(found, key=lambda s: abs(s.point.value - before.value))
 
 
-def _change(last: Point, new: Point, index: int) -> Special:
+def _change(problem: Problem, last: Point, new: Point, index: int) -> Special:
     """The border between two sequences: an event more or less, or others."""
     events = int(last.orbit.events.count), int(new.orbit.events.count)
-    words = f"{events[0]} events before, {events[1]} after"
+    kind = kind_of(problem.system, last, new)
+    words = f"{kind}{', ' * bool(kind)}{events[0]} events, {events[1]} beyond"
     return Special("SQ" if events[0] == events[1] else "GR", last, words, index)

@@ -19,7 +19,11 @@ QUICK = 4  # evaluations after which the next step is longer
 
 @dataclasses.dataclass(frozen=True)
 class Point:
-    """An orbit on the branch, with what the next step starts from."""
+    """An orbit on the branch, with what the next step starts from.
+
+    `values`, `[parameter]`. `tangent`: of the branch, `[unknown]`; with two parameters an orthonormal
+    basis of the plane of orbits, `[2, unknown]`.
+    """
 
     u: np.ndarray
     modes: Any
@@ -28,7 +32,12 @@ class Point:
     jacobian: np.ndarray
     orbit: PeriodicOrbit
     evaluations: int
-    value: float
+    values: np.ndarray
+
+    @property
+    def value(self) -> float:
+        """Of the one parameter."""
+        return float(self.values[0])
 
     @property
     def sequence(self) -> tuple:
@@ -59,22 +68,39 @@ def round_trip(orbit: PeriodicOrbit) -> tuple:
 
 
 def tangent_of(jacobian: np.ndarray, before: np.ndarray | None) -> np.ndarray | None:
-    """Unit vector that the Jacobian takes to zero, in the sense of the one before."""
+    """Unit vector that the Jacobian takes to zero, in the sense of the one before.
+
+    Where it takes a plane to zero, the basis of it that is nearest to the one before.
+    """
     if not np.all(np.isfinite(jacobian)):
         return None
-    tangent = np.linalg.svd(jacobian)[2][-1]
+    rows, unknowns = jacobian.shape
+    kernel = np.linalg.svd(jacobian)[2][rows:]
+    if unknowns - rows > 1:
+        if before is None:
+            return kernel
+        left, _, right = np.linalg.svd(before @ kernel.T)
+        return left @ right @ kernel
+    tangent = kernel[0]
     sense = tangent[-1] if before is None else float(tangent @ before)
     return tangent if sense >= 0 else -tangent
 
 
-def begin(problem: Problem, orbit: PeriodicOrbit, value: float) -> Point | Failure:
-    """The first point of a branch: an orbit that is corrected at its own parameter."""
+def begin(problem: Problem, orbit: PeriodicOrbit, value: Any) -> Point | Failure:
+    """The first point of a branch: an orbit that is corrected at its own parameters."""
+    value = np.atleast_1d(value)
     phase = jnp.asarray(float(orbit.t0) / float(orbit.period) % 1.0)
     anchor, u, modes = anchored(
-        problem, jnp.asarray(value), orbit.y0, orbit.mode0, phase, jnp.asarray(float(orbit.period)), 0.0
+        problem,
+        jnp.asarray(value, jnp.float64),
+        orbit.y0,
+        orbit.mode0,
+        phase,
+        jnp.asarray(float(orbit.period)),
+        0.0,
     )
-    along = np.zeros(u.shape[0])
-    along[-1] = 1.0
+    along = np.zeros((value.size, u.shape[0]))
+    along[:, -value.size :] = np.eye(value.size)
     return correct(problem, np.asarray(u), modes, anchor, along, None)
 
 
@@ -82,7 +108,8 @@ def correct(
     problem: Problem, u: np.ndarray, modes: Any, anchor: Anchor, along: np.ndarray,
     sense: np.ndarray | None, tolerance: float = 1e-11,
 ) -> Point | Failure:  # fmt: skip
-    """Newton's method in the plane through `u` perpendicular to `along`; the orbit, simulated again."""
+    """Newton's method in the plane through `u` perpendicular to `along`, or to each of its rows; the
+    orbit is simulated again."""
     start, best = u, np.inf
     for evaluation in range(1, EVALUATIONS + 1):
         residual, jacobian, found = jax.device_get(evaluated(problem, jnp.asarray(u), modes, anchor))
@@ -111,16 +138,18 @@ def correct(
     tangent = tangent_of(jacobian, sense)
     if tangent is None:
         return Failure("singular")
-    value = float(u[-1] * problem.unit)
-    return Point(u, modes, anchor, tangent, jacobian, orbit, evaluation, value)
+    values = u[-len(problem.names) :] * np.asarray(problem.unit)
+    return Point(u, modes, anchor, tangent, jacobian, orbit, evaluation, values)
 
 
-def ahead(problem: Problem, point: Point, distance: float) -> Point | Failure:
-    """The point at a distance along the tangent of this one."""
+def ahead(
+    problem: Problem, point: Point, distance: float, way: np.ndarray | None = None
+) -> Point | Failure:
+    """The point at a distance along the tangent of this one, or another way in the plane of orbits."""
+    way = point.tangent if way is None else way
     return correct(
-        problem, point.u + distance * point.tangent, point.modes, point.anchor, point.tangent,
-        point.tangent,
-    )  # fmt: skip
+        problem, point.u + distance * way, point.modes, point.anchor, point.tangent, point.tangent
+    )
 
 
 def moved(problem: Problem, point: Point) -> Point | Failure:
@@ -129,27 +158,41 @@ def moved(problem: Problem, point: Point) -> Point | Failure:
     The plane of its first point is then across the motion there, and nearby orbits have no event at
     their start, which is put into the middle of the longest time without event.
     """
-    orbit, anchor = point.orbit, point.anchor
-    period, shift, y, mode = float(orbit.period), _shift(orbit), orbit.y0, orbit.mode0
-    if shift:
-        run = simulate(
-            system_at(problem, point.value), orbit.t0, orbit.t0 + shift, y, mode, problem.args,
-            integrator=problem.integrator, max_events=None,
-        )  # fmt: skip
-        y, mode = run.y1, run.mode1
-    phase = (float(anchor.phase) + shift / period) % 1.0
-    around, u, modes = anchored(
-        problem, jnp.asarray(point.value), y, mode, jnp.asarray(phase), jnp.asarray(period), anchor.size
-    )
-    # No direction is held: the nearest orbit of the branch, also where the parameter turns.
-    new = correct(problem, np.asarray(u), modes, around, np.zeros(u.shape[0]), None)
-    if isinstance(new, Failure):
-        return new
+    found = beginning_elsewhere(problem, point)
+    if isinstance(found, Failure):
+        return found
+    new, shift = found
+    around = new.anchor
     before, after = (_direction(problem, p, around.size) for p in (point, new))
     if shift:  # states at different places of the orbit are not comparable
         ends = slice(-2, None) if problem.forcing_period is None else slice(-1, None)
         before, after = before[ends], after[ends]
     return new if before @ after >= 0 else turned(new)
+
+
+def beginning_elsewhere(problem: Problem, point: Point) -> tuple[Point, float] | Failure:
+    """The same orbit measured around itself, and by how much later it begins [s]."""
+    orbit, anchor = point.orbit, point.anchor
+    period, shift, y, mode = float(orbit.period), _shift(orbit), orbit.y0, orbit.mode0
+    if shift:
+        run = simulate(
+            system_at(problem, point.values), orbit.t0, orbit.t0 + shift, y, mode, problem.args,
+            integrator=problem.integrator, max_events=None,
+        )  # fmt: skip
+        y, mode = run.y1, run.mode1
+    phase = (float(anchor.phase) + shift / period) % 1.0
+    around, u, modes = anchored(
+        problem,
+        jnp.asarray(point.values),
+        y,
+        mode,
+        jnp.asarray(phase),
+        jnp.asarray(period),
+        anchor.size,
+    )
+    # No direction is held: the nearest orbit of the branch, also where the parameter turns.
+    new = correct(problem, np.asarray(u), modes, around, np.zeros(u.shape[0]), None)
+    return new if isinstance(new, Failure) else (new, shift)
 
 
 def _shift(orbit: PeriodicOrbit) -> float:

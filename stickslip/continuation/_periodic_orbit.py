@@ -10,6 +10,7 @@ from jaxtyping import PyTree
 from .._types import Given, Numeric
 from .._validation import as_parameter, check_count, check_type, is_concrete, one_number, refusal
 from ..analysis import divergence
+from ..analysis._held import held_directions
 from ..derived import WithIntegrals
 from ..hybrid import (
     AbstractHybridSystem,
@@ -37,7 +38,7 @@ from ._closing import (
 from ._extremes import extremes
 from ._floquet import multipliers_of, split_off
 from ._guess import OrbitGuess
-from ._monodromy import held_directions, pieces_of, through_events
+from ._monodromy import pieces_of, through_events
 from ._newton import STALLED, newton
 from ._orbit import PeriodicOrbit
 from ._outcome import first_of

@@ -56,15 +56,23 @@ def is_torus(point: Point) -> bool:
 
 
 def located(
-    problem: Problem, before: Point, after: Point, distance: float, test: Callable[[Point], float]
+    problem: Problem,
+    before: Point,
+    after: Point,
+    distance: float,
+    test: Callable[[Point], float],
+    onward: Callable[[float], Point | Failure] | None = None,
 ) -> Point | Failure:
-    """The point between two others where a function of the orbit is zero, by Brent's method."""
+    """The point between two others where a function of the orbit is zero, by Brent's method.
+
+    `onward(distance)`: the point at a distance from the first, by default along its tangent.
+    """
     ends = {0.0: before, distance: after}
 
     def value(at: float) -> float:
         found = ends.get(at)
         if found is None:
-            found = ahead(problem, before, at)
+            found = ahead(problem, before, at) if onward is None else onward(at)
             if isinstance(found, Failure):
                 raise ArithmeticError(found.result)
             ends[at] = found
@@ -80,7 +88,11 @@ def located(
 
 
 def border(
-    problem: Problem, before: Point, distance: float, alike: Callable[[Point], bool]
+    problem: Problem,
+    before: Point,
+    distance: float,
+    alike: Callable[[Point], bool],
+    way: np.ndarray | None = None,
 ) -> tuple[Point, float]:
     """The last point, within a distance along the branch, that is like the one before; and how far.
 
@@ -92,7 +104,7 @@ def border(
         low, high, best = 0.0, span, last
         while high - low > HALVED * span:
             middle = 0.5 * (low + high)
-            found = ahead(problem, last, middle)
+            found = ahead(problem, last, middle, way)
             if not isinstance(found, Failure) and alike(found):
                 low, best = middle, found
             else:

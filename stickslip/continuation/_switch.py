@@ -1,13 +1,15 @@
-"""From a period doubling to the branch of doubled orbits that begins there."""
+"""From a special point to the other branch that begins or crosses there."""
+
+import dataclasses
 
 import jax.numpy as jnp
 import numpy as np
 
 from ._along import Problem, anchored
-from ._follow import Failure, Point, correct, turned
+from ._follow import Failure, Point, begin, correct, turned
 from ._orbit import PeriodicOrbit
 
-# First amplitudes of the doubled orbit that are tried, in parts of the motion's size.
+# First amplitudes of the other orbit that are tried, in parts of the motion's size.
 AMPLITUDES = (1e-2, 3e-3, 3e-2, 1e-3)
 
 
@@ -21,7 +23,7 @@ def doubled(problem: Problem, orbit: PeriodicOrbit, value: float) -> Point | Fai
     period = 2.0 * float(orbit.period)
     phase = jnp.asarray(float(orbit.t0) / period % 1.0)
     anchor, u, modes = anchored(
-        problem, jnp.asarray(value), orbit.y0, orbit.mode0, phase, jnp.asarray(period), 0.0
+        problem, jnp.asarray([value]), orbit.y0, orbit.mode0, phase, jnp.asarray(period), 0.0
     )
     u, size = np.asarray(u), np.asarray(anchor.size)
     values, vectors = np.linalg.eig(np.asarray(orbit.monodromy) * size[None, :] / size[:, None])
@@ -35,3 +37,37 @@ def doubled(problem: Problem, orbit: PeriodicOrbit, value: float) -> Point | Fai
         if isinstance(found, Point) and int(found.orbit.repeats) == 1:
             return found if found.tangent @ along > 0 else turned(found)
     return found if isinstance(found, Failure) else Failure("not_converged")
+
+
+def crossing(problem: Problem, orbit: PeriodicOrbit, value: float, slope: np.ndarray):
+    """Both ends of the branch that crosses another one at an orbit, from beside this one.
+
+    There the Jacobian takes a plane to zero. One direction in it is that of the branch which is known,
+    whose `slope` is that of its first point, period if it is free, and parameter. Across it lies the
+    other branch.
+    """
+    found = begin(problem, orbit, value)
+    if isinstance(found, Failure):
+        return found, found
+    anchor, states = found.anchor, np.asarray(found.anchor.size).size
+    scales = [np.asarray(anchor.size)]
+    if problem.forcing_period is None:
+        scales.append(np.asarray([float(anchor.period)]))
+    scales.append(np.asarray(problem.unit))
+    known = slope / np.concatenate(scales)
+    plane = np.linalg.svd(found.jacobian)[2][-2:]
+    free = known.size - states
+    # The states at further knots follow from the first one.
+    parts = np.concatenate([plane[:, :states], plane[:, -free:]], axis=1)
+    one, two = np.linalg.lstsq(parts.T, known, rcond=None)[0]
+    across = np.array([-two, one]) / np.hypot(one, two) @ plane
+    ends: list[Point | Failure] = []
+    for way in (across, -across):
+        new: Point | Failure = Failure("not_converged")
+        for amplitude in AMPLITUDES:
+            new = correct(problem, found.u + amplitude * way, found.modes, anchor, way, way)
+            if isinstance(new, Point):
+                new = dataclasses.replace(new, tangent=new.tangent * np.sign(new.tangent @ way))
+                break
+        ends.append(new)
+    return ends[0], ends[1]

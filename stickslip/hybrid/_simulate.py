@@ -175,6 +175,8 @@ def simulate(
     check_count("max_crossings", max_crossings, 1)
     y0, mode0 = the_start(system, y0, mode0, args)
     system.check_start(t0, y0, args)
+    if mode0 is not None:
+        system.check_mode(t0, y0, mode0, args)
 
     def run(mode0):
         return _run(
@@ -236,7 +238,7 @@ def _run(
         if any(atol is None for atol in atols):
             terms = cancelling(lambda t, y: system.vector_field(t, y, mode0, args), t0, y0)
     plan = Plan(
-        stepper=as_stepper(integrator.method),
+        stepper=as_stepper(integrator.method, _rtol(rule)),
         step_size=jax.tree.map(lambda a: stop_gradient(jnp.asarray(a, jnp.float64)), rule),
         functions=functions,
         execute=execute,
@@ -261,6 +263,12 @@ def _run(
     smooth, counts = core((problem, t0, y0), fixed=fixed, plan=plan, capacities=capacities)
     solution = _assemble(plan, problem, t0, t1, (y0, mode0), ts, smooth, counts, capacities)
     return solution, solution.successful
+
+
+def _rtol(rule: Any) -> Any:
+    """Relative tolerance of adaptive steps, None of others."""
+    rtol = getattr(rule, "rtol", None) if rule.adaptive else None
+    return None if rtol is None else stop_gradient(jnp.asarray(rtol, jnp.float64))
 
 
 def _assemble(plan: Plan, problem, t0, t1, start, ts, smooth, counts, capacities) -> Solution:

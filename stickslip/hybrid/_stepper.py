@@ -1,6 +1,7 @@
 """One Runge-Kutta step: our fused explicit stages, or any solver of diffrax."""
 
 import abc
+import functools
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -19,7 +20,12 @@ from ._tree import combine, cubics, weighted
 from ._within import weights_within
 from ._xla import Executor, piece
 
-ROOT_TOLERANCE = 1e-12  # of the stage equations of implicit methods
+# Of the stage equations of implicit methods: with fixed steps, and in parts of the tolerance of
+# adaptive ones. What is left over is an error that the step-size rule does not see; but where more is
+# asked for than the iteration can do in its few steps, it refuses steps that are accurate enough.
+ROOT_TOLERANCE = 1e-12
+ROOT_SHARE = 0.1
+SMALLEST = 1e-6  # of the largest number of the state: smaller ones are not solved for in their own size
 VectorField = Callable[[Any, PyTree], PyTree]
 Points = tuple[float, ...]  # fractions of a step
 
@@ -227,9 +233,38 @@ class ExplicitRungeKutta(AbstractStepper):
 
 
 class DiffraxStepper(AbstractStepper):
-    """Any diffrax solver through `solver.step`; implicit ones for stiff smoothed friction."""
+    """Any diffrax solver through `solver.step`; implicit ones for stiff smoothed friction.
+
+    `open`: which tolerances of its root finder are not set; `rtol` of the steps, None for fixed ones.
+    """
 
     solver: dfx.AbstractSolver
+    open: tuple[str, ...] = eqx.field(static=True, default=())
+    rtol: Any = None
+
+    def _with_tolerances(self) -> Any:
+        """The solver with tolerances of its stage equations, which diffrax leaves to its own rule."""
+        if not self.open:
+            return self.solver
+        found = {"rtol": ROOT_TOLERANCE, "atol": ROOT_TOLERANCE, "norm": optx.max_norm}
+        if self.rtol is not None:
+            found["rtol"] = found["atol"] = ROOT_SHARE * self.rtol
+        return eqx.tree_at(
+            lambda s: [getattr(s.root_finder, name) for name in self.open],
+            self.solver,
+            [found[name] for name in self.open],
+            is_leaf=lambda x: x is None,
+        )
+
+    def _sizes(self, y: list, dy: list, h: Numeric) -> list:
+        """What each number of the state is measured in, so that one tolerance serves them all."""
+        if not self.open or self.rtol is None:
+            return [jnp.ones(()) for _ in y]
+        y, dy, h = jax.lax.stop_gradient((y, dy, jnp.asarray(h)))
+        moves = [jnp.abs(a) + jnp.abs(h * b) for a, b in zip(y, dy, strict=True)]
+        largest = functools.reduce(jnp.maximum, [jnp.max(a, initial=0.0) for a in moves])
+        floor = jnp.where(largest > 0.0, SMALLEST * largest, 1.0)
+        return [jnp.maximum(a, floor) for a in moves]
 
     def order(self) -> int:
         return int(self.solver.order(None) or 1)
@@ -240,29 +275,36 @@ class DiffraxStepper(AbstractStepper):
     def step(self, field, t, y, dy, h, execute):
         # As a tuple of leaves: solvers of diffrax refuse empty parts, such as the state of most laws.
         flat, form = jax.tree.flatten(y)
+        sizes = self._sizes(flat, jax.tree.leaves(dy), h)
+
+        def of_leaves(leaves):
+            return jax.tree.unflatten(form, [a * s for a, s in zip(leaves, sizes, strict=True)])
 
         def flat_field(t, leaves, args):
-            return tuple(jax.tree.leaves(field(t, jax.tree.unflatten(form, leaves))))
+            slopes = jax.tree.leaves(field(t, of_leaves(leaves)))
+            return tuple(a / s for a, s in zip(slopes, sizes, strict=True))
 
         term = dfx.ODETerm(flat_field)
         # A zero-length step only refreshes the slope, but implicit solvers divide by its length.
         moves = h > 0
         t1 = t + jnp.where(moves, h, 1e-8)
-        solver: Any = self.solver
-        state = solver.init(term, t, t1, tuple(flat), None)
-        end, error, _, _, result = solver.step(term, t, t1, tuple(flat), None, state, made_jump=True)
+        solver: Any = self._with_tolerances()
+        begin = tuple(a / s for a, s in zip(flat, sizes, strict=True))
+        state = solver.init(term, t, t1, begin, None)
+        end, error, _, _, result = solver.step(term, t, t1, begin, None, state, made_jump=True)
         failed = result != dfx.RESULTS.successful
-        end = jax.tree.unflatten(form, end)
+        end = of_leaves(end)
         y1 = jax.tree.map(
             lambda new, old: jnp.where(moves, jnp.where(failed, jnp.nan, new), old), end, y
         )
-        errors = () if error is None else (jax.tree.unflatten(form, error),)
+        errors = () if error is None else (of_leaves(error),)
         return y1, field(t + h, y1), errors
 
 
-def as_stepper(method: Any) -> AbstractStepper:
+def as_stepper(method: Any, rtol: Any = None) -> AbstractStepper:
     """Stepper from a name (`"dop853"`, `"tsit5"`, `"rk4"`), a tableau, or a diffrax solver.
 
+    `rtol` of adaptive steps: implicit methods solve their stages to a part of it.
     Raises `ValueError` for anything else, naming what is allowed.
     """
     if isinstance(method, AbstractStepper):
@@ -274,33 +316,20 @@ def as_stepper(method: Any) -> AbstractStepper:
     if isinstance(method, dfx.AbstractERK) and not isinstance(method, dfx.AbstractItoSolver):
         return ExplicitRungeKutta(_tableau.from_diffrax(method))
     if isinstance(method, dfx.AbstractSolver):
-        return DiffraxStepper(_with_root_tolerance(method))
+        return DiffraxStepper(method, _open_tolerances(method), rtol)
     raise ValueError(
         f"method={method!r} is not a solver; allowed: {sorted(_tableau.NAMED)}, a Tableau, or a "
         f"diffrax solver such as diffrax.Dopri5() or diffrax.Kvaerno5()"
     )
 
 
-def _with_root_tolerance(solver: dfx.AbstractSolver) -> dfx.AbstractSolver:
-    """An implicit solver whose stage equations are solved to rounding.
-
-    Its root finder takes its tolerances from diffrax's step-size controller, which is not used here.
-    An unconverged stage would be an error that the step-size rule does not see.
-    """
+def _open_tolerances(solver: dfx.AbstractSolver) -> tuple[str, ...]:
+    """What an implicit solver's root finder takes from diffrax's own rule, which is not used here."""
     if not isinstance(solver, dfx.AbstractImplicitSolver):
-        return solver
+        return ()
     finder = solver.root_finder
-    defaults = {"rtol": ROOT_TOLERANCE, "atol": ROOT_TOLERANCE, "norm": optx.max_norm}
-    unset = [
+    return tuple(
         name
-        for name in defaults
+        for name in ("rtol", "atol", "norm")
         if hasattr(finder, name) and not isinstance(getattr(finder, name), float | jax.Array | Callable)
-    ]
-    if not unset:
-        return solver
-    return eqx.tree_at(
-        lambda s: [getattr(s.root_finder, name) for name in unset],
-        solver,
-        [defaults[name] for name in unset],
-        is_leaf=lambda x: x is None,
     )

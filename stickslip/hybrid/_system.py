@@ -141,6 +141,12 @@ class AbstractHybridSystem(AbstractShown):
         `simulate` calls it before anything is compiled. Numbers may be traced: these pass unread.
         """
 
+    def check_mode(self, t: Numeric, y: PyTree, mode: Whole, args: PyTree) -> None:
+        """Raise `ValueError` for a state that cannot be in a mode; nothing unless a system says so.
+
+        `simulate` calls it as `check_start`, for a mode that the user names.
+        """
+
     @abc.abstractmethod
     def vector_field(self, t: Numeric, y: PyTree, mode: Whole, args: PyTree) -> PyTree:
         """Time derivative of the state in `mode`, with the structure of `y` [unit of y per s]."""

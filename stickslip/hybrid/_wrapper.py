@@ -86,6 +86,11 @@ class AbstractSystemWrapper(AbstractHybridSystem):
         inner, given = self.inner(y, args)
         self.system.check_start(t, inner, given)
 
+    def check_mode(self, t, y, mode, args):
+        """That of `system`."""
+        inner, given = self.inner(y, args)
+        self.system.check_mode(t, inner, mode, given)
+
     def guards(self, t, y, mode, args):
         y, args = self.inner(y, args)
         return self.system.guards(t, y, mode, args)

@@ -180,6 +180,22 @@ def check_law(name: str, law: Any) -> None:
         raise DeclarationError(str(refusal(f"the law of contact {name!r}", law, why)))
 
 
+# A contact that slides slower than this part of the velocities sticks; nothing is slower than rounding
+# at rest [m/s].
+SLIDES = 1e-6
+RESTS = 1e-12
+
+
+def check_sticks(mechanism: Any, mode: int, speeds: Any) -> None:
+    """Raise for a mode in which a contact sticks that slides: it would be held at that speed."""
+    largest = max(float(np.max(np.abs(speed), initial=0.0)) for speed in speeds)
+    name = mechanism.mode_names[mode]
+    for contact, word, speed in zip(mechanism.names.contacts, name.split(" / "), speeds, strict=False):
+        if word == "stick" and np.any(np.abs(speed) > SLIDES * largest + RESTS):
+            allowed = f"a mode in which contact {contact!r} does not stick, or left out"
+            raise refusal("mode0", name, allowed, but=f"and it slides at {float(speed):.6g}")
+
+
 def check_load(name: str, load: Any) -> None:
     """Refuse a contact that pulls."""
     if not np.all(np.asarray(load) >= 0.0):

@@ -17,7 +17,7 @@ from stickslip.friction import AbstractBristleLaw, LuGre
 from stickslip.hybrid._dependence import NONE, degrees
 
 from . import _changes
-from ._check import check_declaration, check_law, check_load, check_mass
+from ._check import check_declaration, check_law, check_load, check_mass, check_sticks
 from ._contact import Contact
 from ._declaration import (
     at_zero,
@@ -302,6 +302,14 @@ class AbstractMechanism(AbstractWithObservables):
             for name, load in zip(fixed, loads, strict=True):
                 check_load(name, load)
 
+    def check_mode(self, t, y, mode, args):
+        """Raise `ValueError` for a contact that would stick in this mode, but slides."""
+        if not is_concrete((self, t, y, mode, args)) or np.ndim(mode) or int(mode) < 0:
+            return
+        speeds = known(_speeds, self, t, y, args)
+        speeds = eqx.filter_jit(_speeds)(self, t, y, args) if speeds is None else speeds
+        check_sticks(self, int(mode), speeds)
+
     # -- the same declaration in other forms
 
     def regularised(self, v_reg: Numeric, kind: str = "tanh") -> "RegularisedMechanism":
@@ -325,6 +333,13 @@ def _loads(machine: AbstractMechanism, t: Any, y: Any, args: Any) -> list[Any]:
     contacts, *_ = touching(machine, t, *machine.to_coordinates(y), args)
     loads = zip(names.contacts, contacts, strict=True)
     return [jnp.asarray(c.normal_force, jnp.float64) for name, c in loads if name not in names.opening]
+
+
+def _speeds(machine: AbstractMechanism, t: Any, y: Any, args: Any) -> list[Any]:
+    """Sliding speeds of the contacts, then the velocities and the speeds of the surfaces."""
+    at = machine.instant(t, y, args)
+    surfaces = [contact.surface_speed for contact in at.contacts]
+    return [jnp.asarray(x, jnp.float64) for x in (*at.speeds[: len(surfaces)], *at.v, *surfaces)]
 
 
 def _lifting(machine: AbstractMechanism) -> tuple[int, ...]:

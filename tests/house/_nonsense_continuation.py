@@ -20,6 +20,11 @@ ORBIT = continuation.PeriodicOrbit(
 )  # fmt: skip
 ROW = jax.tree.map(lambda leaf: leaf[None], ORBIT)
 BRANCH = continuation.Branch("belt_speed", np.array([0.2]), ROW, ((0,),), (), OSCILLATOR)
+SPECIAL = continuation.BranchPoint("PD", 0.2, ORBIT, "", 0, np.zeros(4))
+END = continuation.CurveEnd(np.array([0.2, 1.0]), ORBIT, "max_points")
+CURVE = continuation.BifurcationCurve(
+    "PD", ("belt_speed", "stiffness"), np.array([[0.2, 1.0]]), ROW, ((0,),), (END, END), OSCILLATOR
+)
 PERIOD = arg(1.0, "positive", "float32")
 COUNT = arg(8)
 TARGETS = [
@@ -56,6 +61,17 @@ TARGETS = [
             "args": ARGS, "integrator": INTEGRATOR, "max_events": COUNT,
         },
     ),
+    Target(
+        continuation.continue_point,
+        {
+            "system": SYSTEM, "point": arg(SPECIAL), "parameters": arg(("belt_speed", "stiffness")),
+            "bounds": arg(((0.1, 0.3), (0.5, 2.0))), "forcing_period": arg(None, "none"),
+            "step": arg(0.01, "positive", "float32"), "max_points": COUNT,
+            "functions": arg(None, "none", "mapping"), "both": arg(True, "flag"), "segments": arg(2),
+            "args": ARGS, "integrator": INTEGRATOR, "max_events": COUNT,
+        },
+    ),
+    Target(plot.curve, {"curve": arg(CURVE), "ax": arg(None, "none")}),
     Target(
         plot.branch,
         {

@@ -17,6 +17,8 @@ EXEMPT = {
     "PeriodicOrbit": RETURNED,
     "Branch": RETURNED,
     "BranchPoint": RETURNED,
+    "BifurcationCurve": RETURNED,
+    "CurveEnd": RETURNED,
     "EventLog": RETURNED,
     "StateLog": RETURNED,
     "Held": RETURNED,
@@ -59,7 +61,8 @@ BUILT_BY_ENGINE = "what the engine asks its own parts, inside of its programs"
 EXEMPT_METHODS = {
     **dict.fromkeys(
         (
-            "vector_field", "guards", "transition", "inner", "time_scale", "check_start", "mass_matrix",
+            "vector_field", "guards", "transition", "inner", "time_scale", "check_start",
+            "check_mode", "mass_matrix",
             "forces", "contacts", "gaps", "potential_energy", "rates",
         ),
         CALLED_BY_ENGINE,

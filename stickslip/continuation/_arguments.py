@@ -1,0 +1,100 @@
+"""Arguments that the ways of following an orbit have in common."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from jaxtyping import PyTree
+
+from .._validation import (
+    as_parameter,
+    check_callable,
+    check_count,
+    check_handed_on,
+    check_type,
+    one_concrete,
+    refusal,
+)
+from ..analysis._observable import check_parameter, with_parameters
+from ..hybrid import AbstractHybridSystem, Integrator, current_executor
+from ..hybrid._tree import with_float_arrays
+from ._along import Problem
+from ._closing import check_autonomous, tight
+from ._follow import Point
+from ._orbit import PeriodicOrbit
+from ._points import TESTS
+
+TAKEN = (*TESTS, "GR", "SQ", "EP")
+
+
+def bounds_of(argument: str, bounds: Any) -> tuple[float, float]:
+    """Least and greatest value."""
+    allowed = "two numbers, the lower one first"
+    if not isinstance(bounds, tuple | list) or len(bounds) != 2:
+        raise refusal(argument, bounds, allowed, TypeError)
+    low, high = (float(one_concrete(f"{argument}[{i}]", b)) for i, b in enumerate(bounds))
+    if not low < high:
+        raise refusal(argument, bounds, allowed)
+    return low, high
+
+
+def value_of(system: AbstractHybridSystem, name: Any, argument: str = "parameter") -> float:
+    """Value that a parameter of the system has."""
+    if not isinstance(name, str):
+        raise refusal(argument, name, "a name of a parameter", TypeError)
+    check_parameter(system, name, argument)
+    value: Any = system
+    for part in name.split("__"):
+        value = getattr(value, part)
+    return float(one_concrete(name, value))
+
+
+def functions_of(functions: Any) -> dict[str, Callable[[Point], float]]:
+    """Functions whose zeros are special points: those that all branches have, and the user's."""
+    tests = dict(TESTS)
+    if functions is None:
+        return tests
+    if not isinstance(functions, Mapping):
+        raise refusal("functions", functions, "a mapping from labels to functions, or None", TypeError)
+    for label, function in functions.items():
+        if not isinstance(label, str) or label in TAKEN:
+            raise refusal("functions", label, "labels that are not taken")
+        check_callable(f"functions[{label!r}]", function, "f(orbit)", 0)
+        tests[label] = lambda point, function=function: float(function(point.orbit))
+    return tests
+
+
+def problem_of(
+    system: AbstractHybridSystem,
+    values: Mapping[str, float],
+    spans: Any,
+    orbit: PeriodicOrbit,
+    forcing_period: Any,
+    *,
+    args: PyTree,
+    segments: int,
+    integrator: Any,
+    max_events: int,
+) -> Problem:
+    """What is followed from an orbit over parameters that have these values there."""
+    check_handed_on("args", args)
+    check_count("segments", segments, 1)
+    check_count("max_events", max_events, 1)
+    integrator = tight() if integrator is None else integrator
+    check_type("integrator", integrator, Integrator, "an Integrator or None")
+    there, multiple = with_parameters(system, dict(values)), 1
+    if forcing_period is None:
+        state = orbit.t0, orbit.y0, orbit.mode0
+        check_autonomous("forcing_period", there, *state, args, "the period of the forcing")
+    else:
+        check_callable("forcing_period", forcing_period, "forcing_period(system)", system)
+        forcing = one_concrete("forcing_period(system)", forcing_period(there), "positive")
+        ratio = float(orbit.period) / float(forcing)
+        multiple = round(ratio)
+        if multiple < 1 or abs(ratio - multiple) > 1e-6:
+            allowed = f"of which the orbit's period, {float(orbit.period)} s, is a multiple"
+            raise refusal("forcing_period(system)", float(forcing), allowed)
+    return Problem(
+        with_float_arrays(system), args, integrator, as_parameter(np.asarray(spans, float)),
+        tuple(values), forcing_period, multiple, segments, max_events, current_executor(),
+    )  # fmt: skip

@@ -1,0 +1,195 @@
+"""`continue_point`: the curve of a special point over two parameters."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from jaxtyping import PyTree
+
+from .._types import Given
+from .._validation import check_count, check_flag, check_type, one_concrete, refusal
+from ..hybrid import AbstractHybridSystem, Integrator
+from ..hybrid._arguments import the_system
+from ._along import Problem
+from ._arguments import bounds_of, functions_of, problem_of, value_of
+from ._bifurcation_curve import BifurcationCurve, curve_of
+from ._branch import BranchPoint
+from ._curve import Border, Place, Zeros, elsewhere, last_place, stepped, zero_between
+from ._degenerate import degenerate, folding
+from ._follow import Failure, Point, begin
+
+BORDERS = ("GR", "SQ")
+LONGER = 1.5
+LEAST_ROUND = 8  # points of a closed curve
+
+
+def continue_point(
+    system: Given[AbstractHybridSystem],
+    point: Given[BranchPoint],
+    parameters: Given[tuple[str, str]],
+    bounds: Given[tuple[tuple[float, float], tuple[float, float]]],
+    *,
+    forcing_period: Given[Callable[[Any], Any] | None] = None,
+    step: Given[float] = 0.02,
+    max_points: Given[int] = 100,
+    functions: Given[Mapping[str, Callable[..., Any]] | None] = None,
+    both: Given[bool] = True,
+    segments: Given[int] = 1,
+    args: PyTree = None,
+    integrator: Given[Integrator | None] = None,
+    max_events: Given[int] = 256,
+) -> BifurcationCurve:
+    r"""Follow a fold, a doubling, a torus point or a border between mode sequences over two parameters.
+
+    The orbits of a system with two free parameters are a surface, on which the points of one kind are a
+    curve. Each of its points is a solution of Newton's method for the orbit and of a search across the
+    curve: for the zero of the test function, or for the last orbit of a sequence of modes. The curve
+    may turn in both parameters.
+
+    It ends, by name, where its point becomes another one: where the orbit grazes, so that its sequence
+    of modes ends; at a cusp (`CP`); at a fold that meets a doubling (`LPPD`); at the strong resonances
+    of a torus point (`R1` to `R4`), and so on.
+
+    **Arguments**
+
+    - `system`: its second parameter has the value at which `point` was found.
+    - `point`: `LP`, `PD`, `NS`, `GR` or `SQ` of a `Branch` over the first parameter, or the zero of one
+      of `functions`.
+    - `parameters`: two names; `bounds`: least and greatest value of each.
+    - `step`: first and longest step, in parts of the bounds' distances (and of the motion's size).
+    - `max_points`: on each of the two halves. `both`: follow to both sides; otherwise to larger values
+      of the second parameter.
+    - `forcing_period`, `functions`, `segments`, `args`, `integrator`, `max_events`: as for
+      `continue_orbit`.
+
+    **Returns** a `BifurcationCurve`: its points in order, and how it ends on both sides. The loop is
+    Python and runs outside `jit`.
+
+    **Errors** `ValueError`/`TypeError` naming the argument, before compilation.
+    """
+    the_system(system)
+    check_type("point", point, BranchPoint, "a BranchPoint of a Branch")
+    names = _names(system, parameters)
+    limits = np.asarray(_limits(bounds))
+    step = float(one_concrete("step", step, "positive"))
+    check_count("max_points", max_points, 1)
+    check_flag("both", both)
+    tests = {**functions_of(functions), "LP": folding}
+    known = [label for label in tests if label != "BP"] + list(BORDERS)
+    if point.label not in known:
+        raise refusal("point", point, f"one of the kinds {', '.join(known)}")
+    values = {names[0]: point.value, names[1]: value_of(system, names[1])}
+    for (name, value), (low, high) in zip(values.items(), limits, strict=True):
+        if not low <= value <= high:
+            raise refusal("bounds", (low, high), f"around the value of {name}, {value}")
+    problem = problem_of(
+        system, values, limits[:, 1] - limits[:, 0], point.orbit, forcing_period, args=args,
+        segments=segments, integrator=integrator, max_events=max_events,
+    )  # fmt: skip
+    first = begin(problem, point.orbit, list(values.values()))
+    curve, start = _start(problem, first, point.label, tests, step)
+    if isinstance(start, Failure):
+        raise refusal("point", point, f"one from which a curve can be followed: it is {start.result}")
+    start = start if start.way[-1] >= 0 else start.turned()
+    halves = [
+        _half(curve, place, point.label, names, limits, step, max_points)
+        for place in ((start, start.turned()) if both else (start,))
+    ]
+    return curve_of(point.label, names, halves[:1] if _closed(halves[0][1]) else halves, system)
+
+
+def _names(system: AbstractHybridSystem, parameters: Any) -> tuple[str, str]:
+    allowed = "two names of parameters"
+    if not isinstance(parameters, tuple | list) or len(parameters) != 2:
+        raise refusal("parameters", parameters, allowed, TypeError)
+    one, two = parameters
+    for i, name in enumerate((one, two)):
+        value_of(system, name, f"parameters[{i}]")
+    if one == two:
+        raise refusal("parameters", parameters, allowed)
+    return one, two
+
+
+def _limits(bounds: Any) -> list[tuple[float, float]]:
+    if not isinstance(bounds, tuple | list) or len(bounds) != 2:
+        raise refusal("bounds", bounds, "two pairs of numbers, one per parameter", TypeError)
+    return [bounds_of(f"bounds[{i}]", pair) for i, pair in enumerate(bounds)]
+
+
+def _start(
+    problem: Problem, first: Point | Failure, label: str, tests: Mapping[str, Any], step: float
+) -> tuple[Zeros | Border, Place | Failure]:
+    if label not in BORDERS:
+        zeros = Zeros(problem, tests[label])
+        return zeros, first if isinstance(first, Failure) else zeros.begin(first)
+    border = Border(problem, () if isinstance(first, Failure) else first.sequence)
+    found: Place | Failure = Failure("not_converged")
+    if isinstance(first, Failure):
+        return border, first
+    # The branch came to the border along its first parameter: on one side there are its orbits.
+    for toward in (1.0, -1.0):
+        inward = np.zeros(first.u.size)
+        inward[-2] = toward
+        found = border.begin(first, inward, step)
+        if not isinstance(found, Failure):
+            break
+    return border, found
+
+
+def _half(
+    curve: Zeros | Border, start: Place, label: str, names: tuple[str, str], limits: np.ndarray,
+    step: float, most: int,
+) -> tuple[list[Place], tuple[Point, str]]:  # fmt: skip
+    """Places from `start` along its direction; the last point and why it is the last."""
+    places, distance = [start], step
+    while len(places) < most:
+        place = places[-1]
+        new, distance = stepped(curve, place, distance, step)
+        if isinstance(new, Failure):
+            last = last_place(curve, place, distance)
+            if last is not place:
+                places.append(last)
+            return places, (last.point, _reason(new))
+        tests = degenerate(label, place)
+        for i, (name, (low, high)) in enumerate(zip(names, limits, strict=True)):
+            bound = low if new.point.values[i] < low else high
+            tests.append((f"bounds of {name}", lambda p, i=i, b=bound: float(p.point.values[i] - b)))
+        ends = []
+        for words, test in tests:
+            if test(place) * test(new) < 0:
+                found = zero_between(curve, place, new, distance, test)
+                if not isinstance(found, Failure):
+                    far = float(np.linalg.norm(found.point.u - place.point.u))
+                    ends.append((far, words, found))
+        if ends:
+            _, words, found = min(ends, key=lambda end: end[0])
+            places.append(found)
+            return places, (found.point, words)
+        places.append(elsewhere(curve.problem, new))
+        if _round(places, distance):
+            return places, (places[-1].point, CLOSED)
+        distance = min(distance * LONGER, step)
+    return places, (places[-1].point, "max_points")
+
+
+CLOSED = "closed: the curve has come round"
+
+
+def _closed(end: tuple[Point, str]) -> bool:
+    return end[1] == CLOSED
+
+
+def _reason(failure: Failure) -> str:
+    if failure.result == "mode_differs":
+        return "grazes: the sequence of modes ends here"
+    return f"{failure.result}: the next orbit was not found"
+
+
+def _round(places: list[Place], distance: float) -> bool:
+    """Whether the last place is the first one, met again in the same sense."""
+    first, last = places[0], places[-1]
+    if len(places) < LEAST_ROUND or first.way[-2:] @ last.way[-2:] <= 0:
+        return False
+    near = np.linalg.norm(last.point.u[-2:] - first.point.u[-2:]) < distance
+    one, two = (np.asarray(p.point.anchor.extent) for p in (first, last))
+    return bool(near and np.all(np.abs(one - two) <= distance * one))

@@ -1,0 +1,252 @@
+"""Curves of special points over two parameters: one place after the other in the plane of orbits."""
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+from scipy.optimize import brentq
+
+from ._along import Problem
+from ._follow import Failure, Point, ahead, beginning_elsewhere, correct
+from ._points import border
+
+# Slopes of a test are differences over this distance, in parts of the motion's size.
+SLOPE = 1e-4
+SECANTS = 12  # at most, to the curve
+NEARLY = 1e-13  # of the size: a secant as short as this ends the search
+BEND = 0.9  # cosine between two directions of the curve: sharper bends get shorter steps
+SHORTEST = 2.0**-10
+LONGER = 1.5
+LAST = 1e-9  # of the step: how exactly the end of a curve is known
+INSIDE = (0.0, 0.02, 0.1, 0.5, 2.0)  # of the step: how far beside the border orbits are looked for
+
+
+@dataclasses.dataclass(frozen=True)
+class Place:
+    """A point of the curve; `way` along it and `normal` across it, unit vectors in the plane of orbits.
+
+    `steep`: slope of the test along the normal. For a border the normal points to the orbits there are.
+    """
+
+    point: Point
+    way: np.ndarray
+    normal: np.ndarray
+    steep: float = 1.0
+
+    def turned(self) -> "Place":
+        """The same, with the curve followed the other way."""
+        return dataclasses.replace(self, way=-self.way)
+
+    def led_to(self, point: Point, steep: float) -> "Place":
+        """Another point not far along the curve; its direction is that of the parabola through both."""
+        chord = point.u - self.point.u
+        chord = chord / np.linalg.norm(chord)
+        return _directed(self, point, 2.0 * (chord @ self.way) * chord - self.way, steep)
+
+
+def _directed(old: Place, point: Point, along: np.ndarray, steep: float) -> Place:
+    """A point with a direction of the curve and the normal on the side of the old one."""
+    one, two = point.tangent @ along
+    size = np.hypot(one, two)
+    normal = np.array([-two, one]) / size @ point.tangent
+    normal = normal if normal @ old.normal > 0 else -normal
+    return Place(point, np.array([one, two]) / size @ point.tangent, normal, steep)
+
+
+class Zeros:
+    """The curve on which a smooth function of the orbit is zero, by secants across it."""
+
+    def __init__(self, problem: Problem, test: Callable[[Point], float]):
+        self.problem, self.test = problem, test
+
+    def begin(self, point: Point) -> Place | Failure:
+        """A place at a point that nearly is on the curve."""
+        slopes = self._slopes(point)
+        if slopes is None:
+            return Failure("singular")
+        across = slopes / np.linalg.norm(slopes) @ point.tangent
+        near = Place(point, across, across, float(np.linalg.norm(slopes)))
+        found = self._reached(near, point, 1e-2)
+        return found if isinstance(found, Failure) else self._with_slopes(near, *found)
+
+    def onward(self, place: Place, distance: float) -> Place | Failure:
+        """The place at a distance along the curve."""
+        near = ahead(self.problem, place.point, distance, place.way)
+        if isinstance(near, Failure):
+            return near
+        found = self._reached(place, near, distance)
+        return found if isinstance(found, Failure) else self._with_slopes(place, *found)
+
+    def _slopes(self, point: Point) -> np.ndarray | None:
+        """Of the test by the coordinates of the plane; None where the sequence of modes ends nearby."""
+        found = []
+        for row in point.tangent:
+            ends = []
+            for d in (-SLOPE, SLOPE):
+                p = ahead(self.problem, point, d, row)
+                if isinstance(p, Failure) or p.sequence != point.sequence:
+                    return None
+                ends.append(self.test(p))
+            found.append((ends[1] - ends[0]) / (2.0 * SLOPE))
+        slopes = np.asarray(found)
+        return slopes if np.linalg.norm(slopes) > 0.0 else None
+
+    def _with_slopes(self, old: Place, point: Point, steep: float) -> Place:
+        slopes = self._slopes(point)
+        if slopes is None:
+            return old.led_to(point, steep)
+        steep = float(np.linalg.norm(slopes))
+        across = slopes / steep
+        way = np.array([-across[1], across[0]]) @ point.tangent
+        return Place(point, way if way @ old.way >= 0 else -way, across @ point.tangent, steep)
+
+    def _reached(self, place: Place, near: Point, reach: float) -> tuple[Point, float] | Failure:
+        """The zero on the line across the curve through a point near it, and the slope there."""
+        if near.sequence != place.point.sequence:
+            return Failure("mode_differs")
+        at, best, slope = 0.0, near, place.steep
+        value = self.test(near)
+        for _ in range(SECANTS):
+            step = -value / slope
+            if value == 0.0 or abs(step) <= NEARLY:
+                return best, slope
+            if not abs(at + step) <= reach:
+                return Failure("not_converged")
+            found = ahead(self.problem, near, at + step, place.normal)
+            if isinstance(found, Failure):
+                return found
+            if found.sequence != near.sequence:
+                return Failure("mode_differs")
+            new = self.test(found)
+            if abs(new) >= abs(value) and abs(step) < 1e-8:
+                return best, slope  # rounding
+            slope = (new - value) / step if new != value else slope
+            at, value, best = at + step, new, found
+        return Failure("not_converged")
+
+
+class Border:
+    """The curve on which orbits of one sequence of modes end, by bisection across it."""
+
+    def __init__(self, problem: Problem, sequence: tuple):
+        self.problem, self.sequence = problem, sequence
+
+    def begin(self, point: Point, inward: np.ndarray, distance: float) -> Place | Failure:
+        """A place at an orbit that nearly is the last one; `inward` leads to more of its kind."""
+        one, two = point.tangent @ inward
+        size = np.hypot(one, two)
+        place = Place(
+            point, np.array([-two, one]) / size @ point.tangent,
+            np.array([one, two]) / size @ point.tangent,
+        )  # fmt: skip
+        # The direction of the curve from two places beside this one.
+        for part in (0.3, 0.03, 0.003):
+            beside = [self._across(p, part * distance) for p in (place.turned(), place)]
+            low, high = beside
+            if not isinstance(low, Failure) and not isinstance(high, Failure):
+                return _directed(place, point, high.u - low.u, 1.0)
+        return Failure("mode_differs")
+
+    def onward(self, place: Place, distance: float) -> Place | Failure:
+        """The place at a distance along the curve."""
+        found = self._across(place, distance)
+        return found if isinstance(found, Failure) else place.led_to(found, 1.0)
+
+    def _across(self, place: Place, distance: float) -> Point | Failure:
+        """The last orbit on the line across the curve, at a distance along it."""
+        begin = place.point
+
+        def alike(point: Point) -> bool:
+            return point.sequence == self.sequence
+
+        for inside in INSIDE:
+            found = correct(
+                self.problem, begin.u + distance * (place.way + inside * place.normal), begin.modes,
+                begin.anchor, begin.tangent, begin.tangent,
+            )  # fmt: skip
+            if not isinstance(found, Failure) and alike(found):
+                reach = (1.0 + 2.0 * inside) * distance
+                last, at = border(self.problem, found, reach, alike, -place.normal)
+                return last if at < reach else Failure("mode_differs")
+        return Failure("mode_differs")
+
+
+def elsewhere(problem: Problem, place: Place) -> Place:
+    """The same place measured around its own orbit, where that is possible."""
+    old, found = place.point, beginning_elsewhere(problem, place.point)
+    if isinstance(found, Failure) or found[0].sequence != old.sequence:
+        return place
+    new, shift = found
+    states, free = np.asarray(new.anchor.size).size, 2 + (problem.forcing_period is None)
+    ratio = np.asarray(old.anchor.size) / np.asarray(new.anchor.size)
+
+    def comparable(vector: np.ndarray, ratio: np.ndarray | float) -> np.ndarray:
+        # States at different instants of the orbit are not.
+        return vector[-free:] if shift else np.append(vector[:states] * ratio, vector[-free:])
+
+    basis = np.stack([comparable(row, 1.0) for row in new.tangent], axis=1)
+    way, normal = (
+        np.linalg.lstsq(basis, comparable(vector, ratio), rcond=None)[0]
+        for vector in (place.way, place.normal)
+    )
+    length = np.linalg.norm(way)
+    if not length > 0.0:
+        return place
+    way = way / length
+    across = np.array([-way[1], way[0]])
+    side = 1.0 if across @ normal >= 0 else -1.0
+    # The basis keeps its sense against both, so that functions of the basis keep their sign.
+    before = np.linalg.det([old.tangent @ place.way, old.tangent @ place.normal])
+    if before * side < 0:
+        new = dataclasses.replace(new, tangent=new.tangent[::-1])
+        way, across = way[::-1], across[::-1]
+    return Place(new, way @ new.tangent, side * across @ new.tangent, place.steep)
+
+
+def stepped(curve: Zeros | Border, place: Place, distance: float, longest: float):
+    """The next place and the step to it; or why there is none, and the last step tried."""
+    shortest = longest * SHORTEST
+    while True:
+        new = curve.onward(place, distance)
+        if not isinstance(new, Failure) and (new.way @ place.way > BEND or distance <= shortest):
+            return new, distance
+        if distance <= shortest:
+            return new, distance
+        distance *= 0.5
+
+
+def last_place(curve: Zeros | Border, place: Place, distance: float) -> Place:
+    """The last place of the curve within a distance."""
+    low, high, best = 0.0, distance, place
+    while high - low > LAST * distance:
+        middle = 0.5 * (low + high)
+        found = curve.onward(place, middle)
+        if isinstance(found, Failure):
+            high = middle
+        else:
+            low, best = middle, found
+    return best
+
+
+def zero_between(
+    curve: Zeros | Border, before: Place, after: Place, distance: float, test: Callable[[Place], float]
+) -> Place | Failure:
+    """The place between two others where another function is zero, by Brent's method."""
+    ends = {0.0: before, distance: after}
+
+    def value(at: float) -> float:
+        found = ends.get(at)
+        if found is None:
+            found = curve.onward(before, at)
+            if isinstance(found, Failure):
+                raise ArithmeticError(found.result)
+            ends[at] = found
+        return test(found)
+
+    try:
+        found = brentq(value, 0.0, distance, xtol=1e-14, rtol=1e-12)
+        root = float(found)  # pyright: ignore[reportArgumentType]
+        value(root)
+    except (ArithmeticError, ValueError) as error:
+        return Failure(str(error))
+    return ends[root]
