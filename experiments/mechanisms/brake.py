@@ -38,7 +38,7 @@ from stickslip.mechanism import AbstractMechanism, Contact
 from .._experiment import Context, Experiment
 from .._statement import Verdict, judge_all, statement
 from .._thresholds import Machines
-from ._look import FAST, flow_matrix, rates_of, verdict
+from ._shared import FAST, flow_matrix, rates_of, verdict
 
 MASS, PAD = 1.0, 1.0  # [kg], stiffness of the disc [N/m]
 ALONG, ACROSS, TOWARDS = 1.6, 0.4, 1.2  # k_xx, k_xy and k_yy [N/m]

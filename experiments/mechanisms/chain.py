@@ -33,7 +33,7 @@ from stickslip.mechanism import AbstractMechanism, Contact
 from .._experiment import Context, Experiment
 from .._statement import Verdict, judge_all, statement
 from .._thresholds import Machines
-from ._look import verdict
+from ._shared import verdict
 
 MASS, PULL, COUPLING = 1.0, 1.0, 4.0  # [kg], [N/m], [N/m]
 STATIC, KINETIC, FALL = 1.0, 0.5, 0.5  # [N], [N], [m/s]

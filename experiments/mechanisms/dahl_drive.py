@@ -33,7 +33,7 @@ from stickslip.mechanism import AbstractMechanism, Contact
 from .._experiment import Context, Experiment
 from .._statement import Verdict, judge_all, statement
 from .._thresholds import Machines
-from ._look import verdict
+from ._shared import verdict
 
 PULLEY, CARRIAGE = 0.5, 2.0  # [kg]
 SERVO, SERVO_DAMPING, BELT, BELT_DAMPING = 4000.0, 80.0, 2000.0, 20.0  # [N/m], [N s/m]

@@ -38,7 +38,7 @@ from stickslip.mechanism import AbstractMechanism, Contact
 from .._experiment import Context, Experiment
 from .._statement import Verdict, judge_all, statement
 from .._thresholds import Machines
-from ._look import FAST, flow_matrix, verdict
+from ._shared import FAST, flow_matrix, verdict
 
 RPM = 2.0 * np.pi / 60.0
 INERTIA, BIT = 2000.0, 400.0  # [kg m²]

@@ -31,7 +31,7 @@ from stickslip.mechanism import AbstractMechanism, Contact
 from .._experiment import Context, Experiment
 from .._statement import Verdict, judge_all, statement
 from .._thresholds import Machines
-from ._look import FAST, flow_matrix, rates_of, verdict
+from ._shared import FAST, flow_matrix, rates_of, verdict
 
 
 class FroudePendulum(AbstractMechanism):

@@ -25,7 +25,7 @@ from stickslip.systems import CoulombOscillator
 from .._experiment import Context, Experiment
 from .._statement import Verdict, judge_all, statement
 from .._thresholds import COVERED, Synthetic
-from ._many import Row, covered, many
+from ._many import Case, covered, many
 
 NAMES = ("belt_speed", "kinetic_force", "static_force", "stiffness")
 LABELS = {
@@ -104,7 +104,7 @@ def record(seed: int, number: int) -> tuple[Any, ...]:
     return truth, times, data, sigma, rng
 
 
-def one(parameters: dict[str, Any], number: int) -> Row:
+def one(parameters: dict[str, Any], number: int) -> Case:
     """A record, its fit, and its intervals."""
     from scipy.stats import chi2
 

@@ -8,7 +8,7 @@ from . import _locate
 from ._control import rounding
 from ._event_decision import ROUNDING, First, is_guard
 from ._events import SLACK, Values
-from ._lane import (
+from ._loop_state import (
     COLLAPSED,
     EVENT,
     HOLD,

@@ -18,7 +18,7 @@ import jax
 import jax.numpy as jnp
 
 from ._events import SLACK, EventFunctions, Values
-from ._lane import Lane, Plan
+from ._loop_state import Lane, Plan
 from ._tree import cubic
 
 POINTS = (0.3819660112501051, 0.7236067977499789)

@@ -8,7 +8,8 @@ from jax.lax import stop_gradient
 from . import _locate
 from ._bound import RESOLUTION
 from ._events import FAR, SLACK, EventFunctions, Values
-from ._lane import (
+from ._locate import Bracket
+from ._loop_state import (
     COLLAPSED,
     DIP,
     EVENT,
@@ -22,7 +23,6 @@ from ._lane import (
     Lane,
     Plan,
 )
-from ._locate import Bracket
 from ._status import DISCONTINUOUS, GRAZING, RUNNING, flag
 from ._step import Step
 from ._tree import all_finite

@@ -24,12 +24,12 @@ from ._arguments import (
     the_start,
     the_system,
 )
+from ._autodiff import core
 from ._bound import RESOLUTION, bounded
-from ._core import core
 from ._crossing import crossings as located
 from ._dependence import may_jump
 from ._events import event_functions
-from ._lane import Plan
+from ._loop_state import Plan
 from ._progress import ProgressMeter
 from ._record import Capacities
 from ._section import Section

@@ -7,7 +7,7 @@ from typing import Any
 import equinox as eqx
 from jaxtyping import PyTree
 
-from .._looks_at import looks_at, reals
+from .._argument_checks import check_arguments, reals
 from ._system import AbstractHybridSystem
 
 
@@ -90,7 +90,7 @@ class AbstractSystemWrapper(AbstractHybridSystem):
         y, args = self.inner(y, args)
         return self.system.guards(t, y, mode, args)
 
-    @looks_at(t=reals)
+    @check_arguments(t=reals)
     def initial_mode(self, t, y, args):
         y, args = self.inner(y, args)
         return self.system.initial_mode(t, y, args)

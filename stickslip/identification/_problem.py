@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._looks_at import reals
+from .._argument_checks import reals
 from .._show import counted
 from .._types import Given, NamedNumbers
 from .._validation import (

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
-from .._looks_at import looks_at, one_real, reals
+from .._argument_checks import check_arguments, one_real, reals
 from .._types import Numeric, Row
 from .._validation import check_finite, check_in, is_concrete, misshaped, one_row, refusal
 
@@ -58,7 +58,7 @@ class Signal(eqx.Module):
             self.times, self.coefficients, self.breaks = _interpolated(times, values, kind)
             self.end = np.asarray(times[-1])
 
-    @looks_at(t=reals)
+    @check_arguments(t=reals)
     def __call__(self, t: Numeric) -> Any:
         """Value at time `t` [s]; at a jump the one behind it."""
         times = jnp.asarray(self.times)
@@ -68,7 +68,7 @@ class Signal(eqx.Module):
         s = jnp.maximum(t - times[piece], 0.0)
         return a + s * (b + s * (c + s * d))
 
-    @looks_at(delay=one_real)
+    @check_arguments(delay=one_real)
     def delayed(self, delay: Numeric) -> "Signal":
         """The same, later by `delay` [s]; its breaks too, with their derivatives."""
         where = lambda s: (s.times, s.breaks, s.end)  # noqa: E731

@@ -8,8 +8,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
+from stickslip._argument_checks import OBSERVABLE, check_arguments, reals
 from stickslip._fastmath import where
-from stickslip._looks_at import OBSERVABLE, looks_at, reals
 from stickslip._types import Given, Numeric
 from stickslip._validation import as_parameter, check_in, check_positive, check_type, refusal
 from stickslip.friction import AbstractBristleLaw, AbstractFrictionLaw, LuGre, Regularised
@@ -65,7 +65,7 @@ class _AbstractSmoothForm(AbstractMechanicalSystem):
     def transition(self, t, y, mode, guard, args):
         return y, jnp.full_like(mode, NO_MODE)
 
-    @looks_at(t=reals)
+    @check_arguments(t=reals)
     def initial_mode(self, t, y, args):
         mode = jnp.zeros((), jnp.int32)
         for load in self.guards(t, y, mode, args):
@@ -143,7 +143,7 @@ class RegularisedMechanism(_AbstractSmoothForm):
         """Kinetic and potential energy [J]."""
         return self.mechanism.energy(y)
 
-    @looks_at(**OBSERVABLE)
+    @check_arguments(**OBSERVABLE)
     def powers(self, t, y, mode, args):
         """As `AbstractMechanism.powers`, under the regularised laws [W]."""
         at = self.mechanism.instant(t, y, args)

@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from stickslip._looks_at import looks_at, reals
-from stickslip._looks_at import state as some_state
+from stickslip._argument_checks import check_arguments, reals
+from stickslip._argument_checks import state as some_state
 from stickslip._types import Numeric, overridable
 from stickslip._validation import is_concrete
 from stickslip.friction import AbstractBristleLaw, LuGre
@@ -43,7 +43,7 @@ from ._island_rows import IslandRows
 from ._known import known
 from ._modes import ModeNames
 from ._observables import AbstractWithObservables
-from ._rows import Row
+from ._rows import NumberRow
 from ._scalars import Mass
 from ._stop import check_gaps
 from ._together import motion_in_rows
@@ -265,11 +265,13 @@ class AbstractMechanism(AbstractWithObservables):
                 a[j] = jnp.asarray(x, jnp.float64)
         return self.from_coordinates(at.q_rate, type(at.v)(*a))
 
-    def motion_together(self, island: Island, mass: Mass, force: Row, rest: Row) -> tuple[Row, Row]:
+    def motion_together(
+        self, island: Island, mass: Mass, force: NumberRow, rest: NumberRow
+    ) -> tuple[NumberRow, NumberRow]:
         """Motion of dependent contacts: acceleration of each velocity, and force of all in `rest`.
 
-        A machine that has a faster closed form overrides this. A `Row` is an array with one axis; in a
-        program that is fused over many lanes it is a tuple, and what is returned is one too.
+        A machine that has a faster closed form overrides this. A `NumberRow` is an array with one axis;
+        in a program that is fused over many lanes it is a tuple, and so are both results.
 
         **Arguments:** `island`, the velocities and contacts; their `mass`; `force` on each velocity
         [N]; `rest`, whether each contact is at rest: with each set all contacts that it holds.
@@ -282,7 +284,7 @@ class AbstractMechanism(AbstractWithObservables):
     def transition(self, t, y, mode, guard, args):
         return _changes.transition(self, t, y, mode, guard, args)
 
-    @looks_at(t=reals, y=some_state)
+    @check_arguments(t=reals, y=some_state)
     def initial_mode(self, t, y, args):
         return _changes.initial_mode(self, t, y, args)
 
