@@ -76,8 +76,8 @@ def orbit_diagram(
     - `grid`: parameter name to vector of values; with two names, all pairs.
     - `y0`: initial state. A component whose shape begins with the grid's has a value for each lane, any
       other is shared by all. Where the system can take it both ways (an array of as many numbers as the
-      grid has values) it is refused: a `xarray.DataArray` with the grid's names among its dimensions is
-      per lane, with other dimensions shared.
+      grid has values) this raises an error: an `xarray.DataArray` with the grid's names among its
+      dimensions is per lane, with other dimensions shared.
     - `section`: a `Section` (direction in words), or `Maximum("x")`, `Minimum("x")` of an observable;
       or a mapping from names to several of them, which are recorded in the same run.
     - `observables`: name or sequence of names: a component of the state, `"x[0]"` for one number of an

@@ -33,7 +33,7 @@ NO_JUMP = SLACK / ROUNDING
 class Verdict(NamedTuple):
     """What the looks inside a step say of it."""
 
-    doubt: Any  # largest of all event functions; not told where `place` is
+    doubt: Any  # largest of all event functions; `place` does not say where
     place: Any  # fraction of the step at which one is or may be beyond zero, and back; 0 if nowhere
     jumps: Any  # whether one jumps in a step too short to be cut
 

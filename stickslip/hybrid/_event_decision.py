@@ -124,7 +124,7 @@ def _turns(rate0: Any, rate: Any, h: Any) -> Any:
 
 
 def _rests_at_zero(plan: Plan, lane: Lane, first: First) -> Any:
-    """Whether the lowest guard is not told from zero, and stays so by slopes that lead nowhere.
+    """Whether the lowest guard cannot be distinguished from zero, and its slopes keep it there.
 
     What leaves zero, be it without a slope, has one of twice its value in the time that it took.
     """

@@ -130,8 +130,8 @@ class AdaptiveStep(AbstractAdaptiveStep):
     with `RESULTS.dt_min_reached`.
 
     Errors: `ValueError` if a tolerance is not positive, or `dtmin < 0`, or `dtmax` not above 0 or below
-    `dtmin`, or `safety` not in (0, 1], or `factor_min` not in (0, 1), or `factor_max` below 1. What of
-    `atol` does not go with the state is refused by `simulate`.
+    `dtmin`, or `safety` not in (0, 1], or `factor_min` not in (0, 1), or `factor_max` below 1. If
+    `atol` does not fit the state, `simulate` raises an error.
     """
 
     rtol: Numeric

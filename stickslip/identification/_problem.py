@@ -56,7 +56,7 @@ class Simulation(eqx.Module):
 
 
 class Problem:
-    r"""Unknowns of a system, and the records that tell of them.
+    r"""Unknowns of a system, and the records to estimate them from.
 
     >>> import numpy as np
     >>> import stickslip as ss
@@ -163,8 +163,8 @@ class Problem:
         quantity after the other, in each the times in order. Missing values have no row.
 
         **Arguments:** `values`, numbers by the names of `unknowns`. **Raises** `TypeError`,
-        `ValueError` for a name too few or too many, or what is not finite. NaN in the row where a run
-        fails.
+        `ValueError` for a name too few or too many, or a value that is not finite.
+        NaN in the row where a run fails.
         """
         return residual_of(self._run, self._values(values), self._data)
 

@@ -41,7 +41,7 @@ class Record(eqx.Module):
     - `inputs`: by name a `Signal`, or a row sampled at `times`, interpolated as `interpolation` says:
       `"hold"`, `"linear"` or `"cubic"`.
     - `missing`: `None` if no value is missing; `"nan"` if every NaN marks one that is; or by name a row
-      that is true where a value is missing. NaN anywhere else is refused.
+      that is true where a value is missing. NaN anywhere else raises an error.
     - `known`: numbers by name that are known of this record, such as its load; a `Problem` hands them
       to its functions beside the unknowns.
     - `begin` [s]: the time of the initial state, not after the first stamp; by default that stamp.

@@ -1,4 +1,4 @@
-"""All that a fit tells and all that it leaves open, on one page."""
+"""All that a fit shows and all that it leaves open, on one page."""
 
 import dataclasses
 import os
@@ -226,7 +226,7 @@ def report(
       where missing; by default the residual of the fit. `inputs` by name, of the same shapes.
     - `held_out`: errors on data not used in the fit, by name of the record, in a unit of their own.
     - `comparison` with other models.
-    - `runs`: the solution of each record at the estimate, whose events and derivative flags are told;
+    - `runs`: the solution of each record at the estimate, whose events and derivative flags are listed;
       `other_runs`, of the same names, at other values, e.g. at the start or the true ones: whether
       they go through the same modes, without which no derivative connects them.
     - `lags` of the tests; `past_data`: whether the model predicted each sample from those before it, so
@@ -310,7 +310,7 @@ def _modes(runs: Mapping[str, Solution], others: Mapping[str, Solution]) -> list
         if not bool(run.successful):
             text += ", it did NOT reach its end"
         if bool(run.differentiable):
-            text += "; derivatives exist as far as it can tell"
+            text += "; nothing was found at which derivatives do not exist"
         else:
             text += f"; NO derivative where {describe_flags(int(run.flags))}"
         if name in others:

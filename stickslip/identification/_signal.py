@@ -24,7 +24,8 @@ class Signal(eqx.Module):
     - Two samples at the same time are a jump of a linear or cubic signal: on either side of it the
       signal is interpolated by itself.
     - Before the first sample and after the last (under `"hold"`: after it has been held as long as the
-      one before) the first and the last value hold, but a `Record` refuses inputs that are too short.
+      one before) the first and the last value hold, but inputs of a `Record` that
+      are too short raise an error.
 
     `breaks` are the times at which it jumps or bends. A system in whose fields a `Signal` stands is
     given these by a `Problem`, as by `stickslip.WithBreaks`, so that its motion is exact through them:

@@ -95,7 +95,7 @@ class RegularisedMechanism(_AbstractSmoothForm):
     - State: that of the mechanism.
     - A contact that may open has the normal force $\max(N, 0)$; one that may not ends the run with
       `RESULTS.no_admissible_mode` where it loses its own.
-    - Rigid stops have impacts, and no smooth form: a mechanism with some is refused.
+    - Rigid stops have impacts, and no smooth form: a mechanism with stops raises an error.
 
     **Arguments:** `mechanism`; `v_reg` [m/s], positive; `kind` of the rounding, as in `Regularised`.
     **Raises** `TypeError`, `ValueError` for anything else, and for a law with bristles, by the name of
@@ -167,7 +167,7 @@ class BristleMechanism(_AbstractSmoothForm):
     - State `BristleState`; `start(y)` makes one with bristles that are not deflected.
     - A contact that may open has the normal force $\max(N, 0)$, and its bristles follow its speed while
       it is open; one that may not ends the run with `RESULTS.no_admissible_mode` where it loses its
-      normal force. Rigid stops are refused.
+      normal force. Rigid stops raise an error.
 
     **Arguments:** `mechanism`; `kind`, `LuGre` or `Dahl` or another bristle law; `parameters` of it.
     **Raises** `TypeError`, `ValueError` for anything else; the law itself raises where it cannot wrap

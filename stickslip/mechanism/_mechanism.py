@@ -148,7 +148,7 @@ class AbstractMechanism(AbstractWithObservables):
 
     **Limits.** Normal forces that depend on friction or accelerations (Painlevé) are not covered, nor
     is friction in a stop. Dependent directions that vary, surfaces of dependent contacts whose speeds
-    vary, and more than 31 contacts (a stop counts as half of one) are refused. Where contacts have
+    vary, and more than 31 contacts (a stop counts as half of one) raise an error. Where contacts have
     directions across the coordinates, accelerations lose as many digits as the inertias that they join
     have in their ratio.
 
@@ -341,5 +341,5 @@ def _lifting(machine: AbstractMechanism) -> tuple[int, ...]:
     try:
         found = degrees(loads, (jnp.zeros(()), q, v), (True,) * 3)
     except (AttributeError, IndexError, KeyError, TypeError):
-        return tuple(fixed)  # it looks at `args`, which are not known here
+        return tuple(fixed)  # it depends on `args`, which are not known here
     return tuple(c for c in fixed if found[c] != NONE)

@@ -16,9 +16,8 @@ from jax import lax
 from stickslip._fastmath import where
 from stickslip.hybrid import current_executor
 
-NumberRow = (
-    tuple | jax.Array
-)  # of numbers, one a contact: a tuple of scalars, or an array with one axis
+# One number a contact, or a line: a tuple of scalars, or an array with one axis.
+NumberRow = tuple | jax.Array
 
 
 def row(values: Any) -> NumberRow:

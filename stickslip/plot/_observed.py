@@ -142,7 +142,7 @@ class Source:
 
 
 def one_run(solution: Any, lane: Any) -> Any:
-    """A run that is no batch, or the one of a batch with the number `lane`."""
+    """A single run: the solution itself, or the one with the number `lane` of a batch."""
     shape = solution.t1.shape
     if not shape:
         if lane is not None:
