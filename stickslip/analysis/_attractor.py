@@ -45,7 +45,7 @@ class Verdict(NamedTuple):
     """Outcome of `period_of`.
 
     - `period`: points after which the sequence repeats; 0 if it does so after none up to the largest
-      that was looked for; -1 if that cannot be told.
+      that was looked for; -1 if that is unknown.
     - `status`: why, an index into `PERIOD_STATUS`.
     - `slow`: whether the first points are not yet those of the attractor.
     """
@@ -70,7 +70,7 @@ def period_of(
     start: Given[Float[Array, " observable"]] | None = None,
     periods: Given[Sequence[float | None] | None] = None,
 ) -> Verdict:
-    r"""Period of a sequence of points, or the reason why it cannot be told.
+    r"""Period of a sequence of points, or the reason why it is unknown.
 
     **Arguments**
 

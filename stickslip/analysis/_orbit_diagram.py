@@ -91,7 +91,7 @@ def orbit_diagram(
       there.
     - `carried`: `Carried("upwards")` or `Carried("downwards")`: each lane starts from the end of its
       neighbour, which shows hysteresis. Sequential by nature: as many lanes at a time as the other
-      parameter has values, one without another. A lane that failed hands on what it was given. The
+      parameter has values, one without another. A lane that failed hands on the state it was given. The
       clock starts at `record.t0` in every lane: give an explicit forcing its phase as a state, or let
       the time of a run be a multiple of its period.
     - `check`: so many lanes, evenly spaced, are computed again at half the step (`FixedStep`) or a
@@ -112,11 +112,11 @@ def orbit_diagram(
       fewer than `points` of all sections (`fewer_points`), its first points are not yet those of the
       attractor although a transient was dropped (`not_settled`), or the engine's result code;
     - `period`: number of points after which the observables repeat; 0 if after none of 1 to
-      `period.longest`; -1 where that cannot be told. `period_status` says why, by number with words in
+      `period.longest`; -1 where that is unknown. `period_status` says why, by number with words in
       `attrs["flag_meanings"]`: `repeats`; `none`; `lane_failed`; `too_few_points` (4 are needed for
       period one, twice the longest to say that there is none); `not_finite`; `not_settled`;
-      `constant` (a rest); `zero_on_section` (nothing was observed but what is zero there, as a speed
-      is at the maxima of its position); `below_rounding`. Points are the same if each observable
+      `constant` (a rest); `zero_on_section` (all that was observed is zero there, as a speed is
+      at the maxima of its position); `below_rounding`. Points are the same if each observable
       differs by at most `period.tolerance` of its range along the whole motion, over the last quarter
       of the points. Time is left out, and components that are not observed do not count;
     - `slow_transient`: the first points are not yet those of the attractor: drop more time;

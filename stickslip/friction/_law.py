@@ -69,14 +69,15 @@ class AbstractFrictionLaw(AbstractShown):
     - **Bristle**, with internal states (`num_states` > 0): `coefficient_from_state(v, state)` and
       `state_rate(v, state)`; then `coefficient` is that of steady sliding. These methods exist for
       every law, with an empty state where there is none.
-    - **Any of them** in terms of what it approximates: `set_valued_limit()`.
+    - **Approximated or not**: `set_valued_limit()` is the set-valued law that a smooth or bristle law
+      approximates.
 
     Claims (`is_odd`, `is_dissipative`) hold for all parameters the constructor accepts;
     `check_friction_law` verifies them. Parameters are float64 arrays: batch, trace and
     differentiate them as any leaf of a pytree. The result has the floating-point type of `v`.
 
-    **Raises**, in all methods and in those of heirs: `TypeError` or `ValueError` naming the argument,
-    its value and what is allowed. Infinite and NaN velocities are allowed, as logs have them.
+    **Raises**, in all methods and in those of subclasses: `TypeError` or `ValueError` naming the
+    argument, its value and what is allowed. Infinite and NaN velocities are allowed, as logs have them.
 
     To write your own law, subclass `AbstractDryFrictionLaw`: three properties and three methods.
     """

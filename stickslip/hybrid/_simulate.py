@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 
 
 class SaveAt(eqx.Module, metaclass=CheckedModule):
-    """What of the motion is kept besides its end.
+    """Which parts of the motion are kept besides its end.
 
     - `ts`: output times [s], increasing, within `[t0, t1]`; the integrator lands on each.
     - `steps`: every accepted step and both sides of every event; at most `max_rows` rows.

@@ -127,7 +127,7 @@ class AbstractHybridSystem(AbstractShown):
         guard_scales: ClassVar[Any] = None
 
     def time_scale(self, args: PyTree) -> Any:
-        r"""Shortest time [s] in which what depends on the time itself changes by its own size.
+        r"""Shortest time [s] in which a term that depends on the time itself changes by its own size.
 
         $1/\omega$ for a load $\sin\omega t$, a quarter of its width for a pulse, infinity for a
         load that is constant between declared breaks. `None`, the default: not known;

@@ -15,7 +15,7 @@ class AbstractSystemWrapper(AbstractHybridSystem):
     r"""A system around another one, whose modes, guards, units and periods it has.
 
     A subclass has the field `system` and says with `inner(y, args)` what of its own state and arguments
-    belongs to it; what is left to write is `vector_field` and `transition`, and `units` if the state
+    belongs to it; it remains to write `vector_field` and `transition`, and `units` if the state
     holds more. Here, a block with a clock that runs while it sticks:
 
     >>> from typing import Any, NamedTuple

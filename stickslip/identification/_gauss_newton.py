@@ -117,8 +117,8 @@ class GaussNewton(AbstractGaussNewton):
     """Gauss-Newton: the step to the minimum of the linear model, halved until it gains enough.
 
     Where the data determine all unknowns and the start is near, it takes the fewest steps: none is
-    damped. Elsewhere `LevenbergMarquardt` is the safer one: along what the data hardly see these steps
-    are long. By the line search of optimistix (Armijo's rule).
+    damped. Elsewhere `LevenbergMarquardt` is the safer one: along directions that the data hardly show
+    these steps are long. By the line search of optimistix (Armijo's rule).
 
     **Arguments:** `tolerance`, `max_steps` as for `least_squares`; `loss`, a robust loss such as
     `Huber()`, or `None`. **Raises** `TypeError`, `ValueError` for anything else.

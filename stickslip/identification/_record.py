@@ -45,7 +45,7 @@ class Record(eqx.Module):
     - `known`: numbers by name that are known of this record, such as its load; a `Problem` hands them
       to its functions beside the unknowns.
     - `begin` [s]: the time of the initial state, not after the first stamp; by default that stamp.
-    - `units`: of values and inputs by name; a `Problem` compares them with what it was told.
+    - `units`: of values and inputs by name; a `Problem` compares them with the units it was given.
     - `name`: of the record, in reports.
 
     **Raises** `ValueError`, `TypeError` for rows that are not as long as `times`, times that do not

@@ -53,9 +53,9 @@ class Whiteness:
 class Report:
     """Estimates, intervals, verdicts, what is not seen, tests of the residuals, held-out scores.
 
-    `print` shows it as text; `to_dataset`, `plot` and `to_html` as what they say. Fields: `fit`,
-    `profile`, `whiteness` by series, `held_out` root mean squares by name, `comparison`, `title`,
-    `hidden` sentences on combinations not seen, `modes` sentences on the runs.
+    `print` shows it as text, `to_dataset` as a Dataset, `plot` in pictures, `to_html` as a page.
+    Fields: `fit`, `profile`, `whiteness` by series, `held_out` root mean squares by name, `comparison`,
+    `title`, `hidden` sentences on combinations not seen, `modes` sentences on the runs.
     """
 
     fit: Fit
@@ -194,9 +194,9 @@ class Report:
         return drawn(self)
 
     def to_html(self, path: Path) -> None:
-        """One file that holds all of it, pictures too, and asks for nothing from elsewhere.
+        """One file that holds all of it, pictures too, and loads nothing from elsewhere.
 
-        **Raises** `TypeError` for a `path` that is none, `OSError` where it cannot be written.
+        **Raises** `TypeError` for a `path` that is not a path, `OSError` where it cannot be written.
         """
         if not isinstance(path, str | os.PathLike) or not os.fspath(path):
             raise refusal("path", path, "the path of a file", TypeError)

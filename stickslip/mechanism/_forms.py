@@ -88,13 +88,13 @@ class _AbstractSmoothForm(AbstractMechanicalSystem):
 class RegularisedMechanism(_AbstractSmoothForm):
     r"""A mechanism whose set-valued laws are `Regularised`: one mode, contacts creep.
 
-    `AbstractMechanism.regularised` makes it. Laws that are smooth already stay what they are. The
+    `AbstractMechanism.regularised` makes it. Laws that are smooth already are kept. The
     motion tends to that of the mechanism as `v_reg` goes to 0, and becomes stiff: the rate of the
     contact is the friction force over `v_reg` and the mass.
 
     - State: that of the mechanism.
-    - A contact that may open has the normal force $\max(N, 0)$; one that may not ends the run with
-      `RESULTS.no_admissible_mode` where it loses its own.
+    - A contact that may open has the normal force $\max(N, 0)$; any other ends the run with
+      `RESULTS.no_admissible_mode` where it loses its normal force.
     - Rigid stops have impacts, and no smooth form: a mechanism with stops raises an error.
 
     **Arguments:** `mechanism`; `v_reg` [m/s], positive; `kind` of the rounding, as in `Regularised`.
@@ -161,12 +161,12 @@ class BristleMechanism(_AbstractSmoothForm):
     r"""A mechanism whose contacts have elastic bristles, LuGre's or Dahl's: sticking is elastic.
 
     `AbstractMechanism.bristles` makes it. Each set-valued law is wrapped in `kind(law, **parameters)`;
-    laws with bristles of their own and smooth ones stay what they are. The motion tends to that of the
+    laws that have bristles already, and smooth ones, are kept. The motion tends to that of the
     mechanism as the stiffness `sigma_0` grows, the damping like its square root.
 
     - State `BristleState`; `start(y)` makes one with bristles that are not deflected.
     - A contact that may open has the normal force $\max(N, 0)$, and its bristles follow its speed while
-      it is open; one that may not ends the run with `RESULTS.no_admissible_mode` where it loses its
+      it is open; any other ends the run with `RESULTS.no_admissible_mode` where it loses its
       normal force. Rigid stops raise an error.
 
     **Arguments:** `mechanism`; `kind`, `LuGre` or `Dahl` or another bristle law; `parameters` of it.

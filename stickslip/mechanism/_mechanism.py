@@ -98,7 +98,7 @@ class AbstractMechanism(AbstractWithObservables):
     - `first_order`: names and units of states $s$ that have a rate of their own and no inertia, as the
       current of a motor: $\dot s = $ `rates(t, q, v, args)`, a mapping by name.
     - `cyclic`: names of coordinates on which nothing depends, as the angle of a rotor: the state has
-      their rates only, and `q` has None for them.
+      their rates only, and their fields of `q` are None.
     - `state_class`: named tuple of the state, its fields the coordinates, velocities and states of
       first order in any order; made from their names if left out.
     - `opening`: names of the contacts that open where their normal force falls to zero, and close
@@ -129,14 +129,14 @@ class AbstractMechanism(AbstractWithObservables):
       state; of dependent contacts the least part of their friction that is left together; the normal
       force of one that opens, or may vanish; of a stop its gap [m], or what it bears [N].
     - Transitions: a contact that stops is at rest, and stays so if the law of all contacts lets it; the
-      threshold is the greater of static and kinetic friction; what begins to slide is under kinetic
-      friction at once, which may start others at the same instant.
+      threshold is the greater of static and kinetic friction; a contact that begins to slide is
+      under kinetic friction at once, which may start others at the same instant.
     - A contact that does not open and loses its normal force ends the run with
-      `RESULTS.no_admissible_mode`; its guard is the last in the log (one that bears nothing at rest
-      gives way as it does so, and is logged as that).
-
+      `RESULTS.no_admissible_mode`; its guard is the last in the log (one that bears no force at rest
+      gives way at that instant, and is logged as giving way).
     - At an impact stops that are closed take impulses too, by Newton's law with no speed before it:
-      they are pushed on, or left. Friction is finite and takes none, but what sticks may slide then.
+      they are pushed on, or left. Friction is finite and takes no impulse, but a contact that sticks
+      may slide then.
 
     **To override**, where a machine has something better or of its own:
 
