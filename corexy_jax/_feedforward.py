@@ -116,7 +116,7 @@ def _plan(
     def start_of(i: int, leg: Leg, a: float, hold: float) -> tuple[float, float]:
         start = _break_away(machines, leg, a, hold, margin)
         if isinstance(start, str):
-            raise _unreachable(points, i, f"what does not start as it must is {start}")
+            raise _unreachable(points, i, f"these contacts do not start as they must: {start}")
         return start
 
     found: list[tuple[Leg, list[Piece]]] = []

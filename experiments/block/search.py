@@ -192,7 +192,7 @@ def draw(dataset: xr.Dataset) -> Figure:
         axes[1, j].axhline(0.0, color="0.6", linewidth=0.6)
         axes[1, j].axvline(SPECIAL, color="0.6", linewidth=0.6, linestyle=":")
         axes[1, j].set_xlabel("stiffness $k_3$ [N/m]")
-    axes[0, 0].set_ylabel("period [maxima of x], 0: none, -1: not told")
+    axes[0, 0].set_ylabel("period [maxima of x], 0: none, -1: unknown")
     axes[1, 0].set_ylabel("exponent [1/s]")
     axes[0, 0].legend()
     caption(figure, dataset)

@@ -172,7 +172,9 @@ def orbit_diagram(
     found, cuts, borders = reads(one)
     for key in found:
         if key in coords or key in RESULTS_OF_A_LANE:
-            raise refusal(f"observables[{key!r}]", observed[key], "named otherwise: the name is taken")
+            raise refusal(
+                f"observables[{key!r}]", observed[key], "given another name: this one is taken"
+            )
     check_count("check", check, 0)
     check_type("carried", carried, Carried | None, "a Carried, or None")
     if carried is not None and per_lane:
@@ -287,12 +289,12 @@ def _labels(plan: OrbitPlan, found, own, coords, labels, given_units) -> dict[st
     variables["period"] = Variable(
         each,
         units="1",
-        long_name="points after which the attractor repeats, 0 if none, -1 if not to be told",
+        long_name="points after which the attractor repeats, 0 if none, -1 if unknown",
         attrs={"tolerance": plan.period.tolerance, "max_period": plan.period.longest},
     )
     variables["period_status"] = Variable(
         each,
-        long_name="what the period is based on, or why it cannot be told",
+        long_name="what the period is based on, or why it is unknown",
         attrs={
             "flag_values": list(range(len(PERIOD_STATUS))),
             "flag_meanings": " ".join(PERIOD_STATUS),

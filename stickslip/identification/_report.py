@@ -132,7 +132,7 @@ class Report:
         ]
         if not self.held_out:
             said.append("No held-out data were given.")
-        return said + (self.modes or ["Nothing was said on modes: no runs were given."])
+        return said + (self.modes or ["Modes were not compared: no runs were given."])
 
     def __str__(self) -> str:
         parts = [self.title, "", *_aligned(self.rows()), "", "Correlation of the estimates"]

@@ -284,7 +284,7 @@ def _check_inputs(inputs, coords):
     checked = {}
     for key, tree in inputs.items():
         if key in coords:
-            raise refusal(f"inputs[{key!r}]", tree, "named otherwise than a coordinate")
+            raise refusal(f"inputs[{key!r}]", tree, "given a name that no coordinate has")
         for where, leaf in leaves_of(f"inputs[{key!r}]", tree):
             _check_numbers(where, leaf)
             if np.shape(leaf)[: len(shape)] != shape:

@@ -233,7 +233,7 @@ class Store:
             raise SweepWriteError(
                 error.errno or errno.EIO,
                 f"could not {what} in store {str(self.path)!r}: {error.strerror or error}{at}. "
-                f"{self.finished()} finished blocks are kept; put the cause right (space, permissions) "
+                f"{self.finished()} finished blocks are kept; remove the cause (space, permissions) "
                 "and run the same sweep again to go on from there",
             ) from error
 

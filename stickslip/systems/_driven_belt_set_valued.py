@@ -77,7 +77,9 @@ class BlockOnDrivenBeltSetValued(AbstractBlockOnDrivenBelt, AbstractMechanism):
     def forces(self, t, q, v, args):
         if self._printed:
             signs = f"{self.drive.belt_reaction}, {self.drive.motor_friction}"
-            raise refusal("belt_reaction, motor_friction", signs, "consistent: no mechanism has these")
+            raise refusal(
+                "belt_reaction, motor_friction", signs, "consistent: no mechanism has these signs"
+            )
         y = self.from_coordinates(q, v)
         loads = self.loads(y)
         torque = self.drive.torque(y, 0.0)
