@@ -13,10 +13,10 @@ from stickslip.fastmath import where
 
 from ._contacts import BELT_1, BELT_2, MOTOR_1, MOTOR_2, NUM_CONTACTS, Line, U, W, X, Y
 
-Row = tuple | jax.Array  # numbers side by side, as `AbstractMechanism.motion_together` has them
+NumberRow = tuple | jax.Array  # numbers side by side, as `AbstractMechanism.motion_together` has them
 
 
-def contact_motion(mass: Line, force: Row, rest: Row) -> tuple[Row, Row]:
+def contact_motion(mass: Line, force: NumberRow, rest: NumberRow) -> tuple[NumberRow, NumberRow]:
     """Acceleration [m/s²] of the line velocities, and force of all resting contacts together [N].
 
     **Arguments:** `mass` [kg]; `force` on each velocity [N], besides the reaction sought; `rest`,

@@ -16,7 +16,7 @@ CLAIMS = {
     "A9": "a belt holds up to max(mu_s, mu_k)",
     "A10": "(60): f_2k^b, not f_2k^E",
     "A11": "Table 1: K_t = 2, K_e = 0.03 are unequal in SI units",
-    "A12": "what reaches zero speed is at rest there, under its static threshold",
+    "A12": "a part that reaches zero speed rests there, under its static threshold",
 }
 CHOICES = ("A5", "A7", "A10", "A11")
 

@@ -49,8 +49,9 @@ def feedforward(
     r"""Voltages under which the collar goes from point to point on straight lines, from rest to rest at
     each, in the shortest time without a belt that slips.
 
-    While both motors roll (DMN 1), path and speed determine the forces: what the belts carry and what
-    the motors need is linear in the acceleration along the path. The greatest acceleration within
+    While both motors roll (DMN 1), path and speed determine the forces: the forces in the belts and the
+    voltages of the motors are linear in the acceleration along the path. The greatest acceleration
+    within
 
     $$|f_i^b| \le c\,\max(\mu_{is}^b, \mu_{ik}^b)\,2P_i, \qquad |v_i| \le V,$$
 
@@ -115,7 +116,7 @@ def _plan(
     def start_of(i: int, leg: Leg, a: float, hold: float) -> tuple[float, float]:
         start = _break_away(machines, leg, a, hold, margin)
         if isinstance(start, str):
-            raise _unreachable(points, i, f"what does not start as it must is {start}")
+            raise _unreachable(points, i, f"these contacts do not start as they must: {start}")
         return start
 
     found: list[tuple[Leg, list[Piece]]] = []

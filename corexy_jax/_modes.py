@@ -13,7 +13,7 @@ import numpy as np
 
 from stickslip.hybrid import current_executor
 
-from ._contact_motion import Row
+from ._contact_motion import NumberRow
 from ._contacts import BELT_1, BELT_2, NORMALS, NUM_CONTACTS
 
 DMN_NAMES = ("RR", "SR", "RS", "SS")
@@ -62,7 +62,7 @@ _NUMBER[np.sum((SIGNS.astype(np.int64) + 1) * 3 ** np.arange(NUM_CONTACTS), axis
 )
 
 
-def mode_signs(mode: Any) -> Row:
+def mode_signs(mode: Any) -> NumberRow:
     """Sense of every contact in a mode: -1, 0 (at rest) or 1, as floats."""
     if not current_executor().fused:
         return jnp.asarray(SIGNS.T, jnp.float64)[:, mode]
@@ -73,7 +73,7 @@ def mode_signs(mode: Any) -> Row:
     )
 
 
-def mode_number(signs: Row) -> Any:
+def mode_number(signs: NumberRow) -> Any:
     """Mode with these senses (floats); -1 if the geometry does not admit them."""
     if isinstance(signs, tuple):
         index = jnp.zeros(jnp.shape(signs[0]), jnp.int32)

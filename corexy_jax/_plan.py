@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from stickslip.checks import Numeric, is_concrete, looks_at, reals
+from stickslip.checks import Numeric, check_arguments, is_concrete, reals
 
 from ._leg import Leg, Piece
 from ._parameters import CoreXYParameters
@@ -48,7 +48,7 @@ class Feedforward(eqx.Module):
         """Time [s] at which the last point is reached."""
         return self.times[-1]
 
-    @looks_at(t=reals)
+    @check_arguments(t=reals)
     def at(self, t: Numeric) -> Float[Array, "*times 2"]:
         """Planned position [m] at `t` [s]; that of the last point after the end."""
         t = jnp.clip(jnp.asarray(t, jnp.float64), 0.0, self.end)

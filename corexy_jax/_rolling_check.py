@@ -62,7 +62,7 @@ def check_rolling(
     """Simulate a plan with all its events, on the machine it was made for or on another one.
 
     **Arguments:** `plan`; `parameters` of another machine, e.g. with wrong tensions; `voltage` in place
-    of the plan's, e.g. sampled; `rows` at which the deviation is looked at, until a quarter of the plan
+    of the plan's, e.g. sampled; `rows` at which the deviation is computed, until a quarter of the plan
     after its end; `integrator` as for `simulate`. **Returns** a `RollingCheck`. **Raises** `TypeError`,
     `ValueError` for an argument of another kind, and where the run fails.
     """

@@ -13,11 +13,11 @@ from stickslip.checks import (
     Given,
     Numeric,
     as_parameter,
+    check_arguments,
     check_between,
     check_in,
     check_positive,
     check_type,
-    looks_at,
     modes,
     one_number,
     reals,
@@ -160,12 +160,12 @@ class SmoothedCoreXY(AbstractMechanicalSystem):
         given = default if stribeck_speed is None else check_positive("stribeck_speed", stribeck_speed)
         self.stribeck_speed = as_parameter(given)
 
-    @looks_at(y=_of_machine)
+    @check_arguments(y=_of_machine)
     def state(self, y: CoreXYState) -> SmoothedState:
         """The machine's state with all bristles undeflected."""
         return SmoothedState(y, (jnp.zeros(()),) * NUM_CONTACTS)
 
-    @looks_at(s=_smoothed)
+    @check_arguments(s=_smoothed)
     def friction(self, s: SmoothedState) -> Friction:
         """Friction and bristle rates of all contacts, each a tuple."""
         p = self.machine.parameters
@@ -199,16 +199,16 @@ class SmoothedCoreXY(AbstractMechanicalSystem):
     def transition(self, t, y, mode, guard, args):
         return y._replace(y=y.y._replace(piece=y.y.piece + 1.0)), mode
 
-    @looks_at(t=reals, y=_smoothed)
+    @check_arguments(t=reals, y=_smoothed)
     def initial_mode(self, t, y, args):
         return jnp.zeros((), jnp.int32)
 
-    @looks_at(y=_smoothed)
+    @check_arguments(y=_smoothed)
     def energy(self, y):
         """Kinetic energy [J]; the bristles' energy is counted as friction."""
         return self.machine.energy(y.y)
 
-    @looks_at(t=_times, y=_smoothed, mode=modes)
+    @check_arguments(t=_times, y=_smoothed, mode=modes)
     def powers(self, t, y, mode, args):
         """As `CoreXY.powers` [W]."""
         names = list(self.machine.powers(t, y.y, jnp.zeros((), jnp.int32), args))

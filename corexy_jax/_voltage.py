@@ -10,19 +10,19 @@ import numpy as np
 from jaxtyping import Array, Float, PyTree
 
 from stickslip.checks import (
+    Check,
     Given,
-    Look,
     Numeric,
     Row,
     as_parameter,
+    check_arguments,
     check_callable,
     check_finite,
     check_handed_on,
     check_increasing,
+    check_own_methods,
     check_positive,
     is_concrete,
-    look_at_own,
-    looks_at,
     misshaped,
     one_number,
     one_real,
@@ -48,7 +48,7 @@ def pieces(owner: Any, name: str, value: Any) -> Any:
 
 
 # What the methods that a voltage defines look at: their arguments in order.
-_LOOKS: dict[str, dict[str, Look]] = {
+_CHECKED: dict[str, dict[str, Check]] = {
     "volts": {"t": reals, "piece": pieces},
     "piece_of": {"t": reals},
     "piece_end": {"piece": pieces},
@@ -69,7 +69,7 @@ class AbstractVoltage(AbstractShown):
 
     def __init_subclass__(cls, **kwargs: Any):
         super().__init_subclass__(**kwargs)
-        look_at_own(cls, _LOOKS)
+        check_own_methods(cls, _CHECKED)
 
     @abc.abstractmethod
     def volts(self, t: Numeric, piece: Numeric) -> tuple[Any, Any]:
@@ -91,7 +91,7 @@ class AbstractVoltage(AbstractShown):
         """
         return jnp.inf if self.has_breaks else None
 
-    @looks_at(t=reals)
+    @check_arguments(t=reals)
     def __call__(self, t: Numeric) -> tuple[Any, Any]:
         """Voltages [V] at time `t` [s]."""
         t = jnp.asarray(t, jnp.float64)
@@ -187,7 +187,7 @@ class AbstractTable(AbstractVoltage):
     def _row(self, piece):
         return jnp.clip(piece, 0.0, self.times.shape[0] - 1.0).astype(jnp.int32)
 
-    @looks_at(t=one_real)
+    @check_arguments(t=one_real)
     def piece_of(self, t):
         after = jnp.sum((self.times <= t).astype(jnp.float64))
         return jnp.maximum(after - 1.0, 0.0)

@@ -29,11 +29,11 @@ def _parser() -> argparse.ArgumentParser:
         help="change a parameter; may be repeated",
     )  # fmt: skip
     parser.add_argument(
-        "--fresh", action="store_true", help="compute anew instead of going on from what is stored"
+        "--fresh", action="store_true", help="compute everything again, also what is stored"
     )
     parser.add_argument(
         "--data", metavar="PATH", type=pathlib.Path,
-        help="folder of measured records, by default what STICKSLIP_DATA names; or a file of your own",
+        help="folder of measured records, by default $STICKSLIP_DATA; or a file of your own",
     )  # fmt: skip
     parser.add_argument(
         "--template", metavar="FILE", type=pathlib.Path,

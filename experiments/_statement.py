@@ -5,6 +5,8 @@ import re
 from collections.abc import Callable
 from typing import Any
 
+import xarray as xr
+
 PAPERS = "the papers' statements"
 FOUND = "the papers' statements, with parameters that our searches found"
 OWN = "what we claim of our own searches, plans and designs"
@@ -104,5 +106,14 @@ def statement(id: str, text: str) -> Callable[[Callable[..., Verdict]], Claim]:
 
 
 def claims(prefix: str) -> list[Claim]:
-    """Claims whose identifiers begin with `prefix`, in their order."""
-    return [claim for id, claim in sorted(CLAIMS.items()) if id.startswith(prefix)]
+    """Claims whose identifiers begin with `prefix`, in the order in which they are declared."""
+    return [claim for id, claim in CLAIMS.items() if id.startswith(prefix)]
+
+
+def judge_all(prefix: str) -> Callable[[xr.Dataset], list[Statement]]:
+    """Judge of an experiment: it judges every claim that begins with `prefix`, in its one reading."""
+
+    def judge(dataset: xr.Dataset) -> list[Statement]:
+        return [claim("", dataset) for claim in claims(prefix)]
+
+    return judge

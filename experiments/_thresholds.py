@@ -199,3 +199,19 @@ class Measured:
     ARM_INERTIA = Number(0.08, "", "R4.1, R4.3: relative difference from what is published", OURS)
     ARM_FRICTION = Number(0.3, "", "R4.2, R4.4: the same, of dry friction", OURS)
     ARM_LEFT_OUT = Number(0.026, "rad", "R4.5: error of the trajectory held out", OURS)
+
+
+class Synthetic:
+    """Of fits to synthetic records, Y1 and Y2."""
+
+    LEAST = Number(0.93, "", "Y1.3, Y1.4, Y2.3, Y2.4: least coverage of intervals of 95%", OURS)
+    MOST = Number(0.97, "", "and the greatest", OURS)
+    RECORDS = Number(1000, "", "Y1.3 to Y1.5: fewest records", OURS)
+    LOWER = Number(1e-3, "", "Y1.1: by how much a sum of squares is lower than that of a fit", OURS)
+    DOUBTED = Number(0.01, "", "Y1.5: probability below which a distribution is another one", OURS)
+    MACHINES = Number(100, "", "Y2: fewest machines", OURS)
+    RECOVERED = Number(0.95, "", "Y2.1, Y2.2: part of the machines", OURS)
+    FAR = Number(4.0, "", "Y2.1: standard errors from the truth of what is recovered", OURS)
+
+
+COVERED = f"{100 * Synthetic.LEAST:.0f} to {Synthetic.MOST:.0%}"

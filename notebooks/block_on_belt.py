@@ -140,7 +140,7 @@ def show(data, title):
     plot.orbit_diagram(data, "x", ax=cloud, color="k", markersize=2.5)
     cloud.set(xlabel=None, title=title)
     plot.orbit_diagram(data, "period", ax=steps, markersize=5)
-    steps.set(ylabel="period (0: none, -1: not told)")
+    steps.set(ylabel="period (0: none, -1: unknown)")
     return figure
 
 

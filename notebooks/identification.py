@@ -132,8 +132,8 @@ told.plot()
 # %% [markdown]
 # ## If the verdict is no
 #
-# Friction is a coefficient times a normal force, and the motion sees the product only. Who asks for
-# both is told so, by name, with what the data do see.
+# Friction is a coefficient times a normal force, and the motion sees the product only. If you ask
+# for both, the report says so by name, and names the product that the data do see.
 
 # %%
 both = problem_of(

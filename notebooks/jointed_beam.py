@@ -186,7 +186,7 @@ system = JointedBeam.constructed(FAST, modes=MODES)
 
 
 @jax.jit
-def letter(y0):
+def printed_separation(y0):
     """Eq. (2.25) to the letter."""
     return two_trajectory_exponent(
         system, y0, segment=1.0, segments=20 if QUICK else 400, distance=1e-8, renormalise=False,
@@ -194,7 +194,7 @@ def letter(y0):
     )  # fmt: skip
 
 
-apart = letter(system.start())
+apart = printed_separation(system.start())
 half = apart.running.shape[0] // 2
 print(f"(2.25) after {float(apart.time[half]):.0f}: {float(apart.running[half]):+.4f}")
 print(f"(2.25) after {float(apart.time[-1]):.0f}: {float(apart.running[-1]):+.4f}")

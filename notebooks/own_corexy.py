@@ -12,7 +12,7 @@
 # # Measure your own CoreXY: belt tensions from a log of one second
 #
 # A log of voltages and encoders goes in; out come the tensions of both belts, with an interval, and a
-# verdict whether these data can tell them at all. On the way: how to move the machine so that they
+# verdict whether these data can show them at all. On the way: how to move the machine so that they
 # can, and what to do if the verdict is no. `NOTEBOOK_QUICK=1` in the environment makes it short.
 
 # %%
@@ -50,7 +50,7 @@ QUICK = os.environ.get("NOTEBOOK_QUICK", "0") not in ("", "0")
 # - **What to move, how fast.** Jumps of the voltage, some below what the belts hold and some above,
 #   both motors in both directions. A belt that never slips does not show its friction, and one that
 #   always slips hides the ground's. Best are voltages in between that bring contacts at rest to the
-#   limit: `python -m experiments corexy-input-design` designs them, and how much they tell is
+#   limit: `python -m experiments corexy-input-design` designs them; how much they show can be
 #   computed before anything is measured, as below.
 # - **How long.** Errors fall with the root of the number of samples, and by more when something
 #   breaks loose once more. For the tensions alone a second is enough.
@@ -112,7 +112,7 @@ def problem_of(log, unknowns):
 
 
 # %% [markdown]
-# ## What the log will tell, before it is measured
+# ## What the log will show, before it is measured
 #
 # The derivatives of what would be seen, at the guess, say how large the standard errors will be. Ask
 # for parts of the record, for half of the voltage, for one motor alone, before you go to the bench.
@@ -160,7 +160,7 @@ told.plot()
 # ## If the verdict is no
 #
 # Suppose that nobody knows the kinetic friction of belt 1 on its pulley either. Under these voltages
-# no belt slips, so this record cannot tell it however long it is: its standard error is infinite, and
+# no belt slips, so this record cannot show it however long it is: its standard error is infinite, and
 # a profile would call it *structurally not identifiable*. Under twice the voltage belt 1 slips.
 
 # %%
@@ -182,10 +182,11 @@ print(pd.DataFrame(errors).round(4), "\nstandard errors [%]")
 # 1. **Move it otherwise.** *Structurally* or *practically not identifiable* often means that the
 #    motion shows too little of it: pulses that make that belt slip, ramps through rest for friction
 #    on the ground. Compute the table above for what you plan.
-# 2. **Know more.** What a balance or a spring scale told is a prior, `Unknown(..., prior=Normal(0.2,
+# 2. **Know more.** A value from a balance or a spring scale is a prior, `Unknown(..., prior=Normal(0.2,
 #    0.01))` with its error, or a number in the machine's file.
-# 3. **Ask for the combination.** If two unknowns show as a product only, no record tells them apart;
-#    `report(fit).hidden` names the product, and it may be all you need.
+# 3. **Ask for the combination.** If the motion depends on the product of two unknowns
+#    only, no record tells them apart; `report(fit).hidden` names the product, and it may be all you
+#    need.
 # 4. **Not decided** means that the sum of squares jumps, where one slip more begins, or that the
 #    search ran out of steps (`profile(..., max_steps=5000)`): take gentler or rougher voltages, so
 #    that no belt just slips or just does not.

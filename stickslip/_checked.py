@@ -1,4 +1,4 @@
-"""Modules whose arguments are looked at before equinox does."""
+"""Modules whose arguments are checked before equinox sees them."""
 
 import dataclasses
 from typing import TYPE_CHECKING, Any, dataclass_transform

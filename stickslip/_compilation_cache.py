@@ -24,14 +24,15 @@ def enable_compilation_cache(
     """Keep compiled programs on disk from now on: a program is compiled once, not once per process.
 
     JAX's own persistent cache, with thresholds that fit this package. Several processes may share the
-    directory. Programs are told apart by all that goes into them, and kept apart by version of jaxlib
-    and by processor. A damaged entry is compiled anew, with a warning of JAX. An intact one is run as
+    directory. Programs are distinguished by all that goes into them, by the version of jaxlib and by
+    the processor. A damaged entry is compiled anew, with a warning of JAX. An intact one is run as
     it is, so the directory must be one that only you can write to; a new one is made so.
 
     **Arguments**
 
     - `directory`: by default `$STICKSLIP_CACHE`, or `stickslip` in `$XDG_CACHE_HOME` or `~/.cache`.
-    - `max_bytes`: what was not used for longest is deleted at this call until the rest is smaller.
+    - `max_bytes`: at this call, programs that were not used for longest are deleted until the rest is
+      smaller.
 
     **Returns** the folder in which the programs lie; `None`, and nothing is kept, if it cannot be made.
     **Raises** `TypeError` for a folder that is not a path, `ValueError` for a size that is not

@@ -14,7 +14,7 @@ DIRECTORY = "the path of a directory"
 def the_directory(name: str, path: Any, allowed: str = DIRECTORY) -> pathlib.Path:
     """The path of a directory that is there or could be, `~` expanded.
 
-    `TypeError` or `ValueError` naming the argument for what cannot be one.
+    `TypeError` or `ValueError` naming the argument if it cannot be a directory.
     """
     if not isinstance(path, str | os.PathLike) or not isinstance(os.fspath(path), str):
         raise refusal(name, path, allowed, TypeError)

@@ -1,4 +1,4 @@
-"""Types of arguments that what is called looks at itself.
+"""Types of arguments that a function checks itself.
 
 `Given[T]` is `T` to readers and to static checkers. When it runs it admits everything: the check of
 types at call time, which the tests switch on, would otherwise come before the function's own, whose
@@ -20,7 +20,7 @@ from jax import Array
 T = TypeVar("T")
 
 if TYPE_CHECKING:
-    Given = Annotated[T, "looked at by what is called"]
+    Given = Annotated[T, "checked by the function that takes it"]
     # What is None unless it was asked for: who asked for it need not say so again to a type checker.
     MaybeNone: TypeAlias = Any
 
@@ -40,7 +40,7 @@ else:
             return f"{cls.__module__}.{cls.__qualname__}"
 
     class Given(metaclass=_Unread):
-        """`Given[T]`: a `T`, looked at by what is called."""
+        """`Given[T]`: a `T`, checked by the function that takes it."""
 
         allowed: Any = Any
 
@@ -48,7 +48,7 @@ else:
             shown = allowed.__qualname__ if isinstance(allowed, type) else str(allowed)
             named = {
                 "allowed": allowed, "__module__": __name__, "__qualname__": f"Given[{shown}]",
-                "__doc__": f"{shown}, looked at by what is called.",
+                "__doc__": f"{shown}, checked by the function that takes it.",
             }  # fmt: skip
             return _Unread("Given", (), named)
 

@@ -1,7 +1,7 @@
 """Checks of arguments, one way for all: which argument, its value, and what is allowed.
 
 Every check returns its value unchanged, so it can stand where the value is used, and raises
-`ValueError` (`TypeError` for what is of the wrong kind) in one form of words, the argument first:
+`ValueError` (`TypeError` for a value of the wrong kind) in one form of words, the argument first:
 
 >>> check_positive("mass", 2.0)
 2.0
@@ -17,7 +17,7 @@ Traceback (most recent call last):
     ...
 ValueError: n = 7: it must be an even number.
 
-Numbers are Python numbers, NumPy or JAX arrays, or lists of them; every element is looked at. True and
+Numbers are Python numbers, NumPy or JAX arrays, or lists of them; every element is checked. True and
 False are not numbers, nor is anything NumPy could only guess at: texts, masked arrays, tables.
 Values known only at run time (tracers under `jit`, `vmap`, `grad`) pass unread: a constructor runs
 at trace time, where they have no number yet. `as_parameter` then makes the float64 array that a
@@ -73,7 +73,7 @@ def refusal(
 
     - `name`: the argument as the caller wrote it; first word of the message.
     - `allowed`: what is allowed, in the words that complete "it must be".
-    - `kind`: `ValueError`, or `TypeError` for what could not be right with any value.
+    - `kind`: `ValueError`, or `TypeError` for a value of the wrong kind, whatever its number.
     - `but`: what about the value is wrong, where it does not show it, such as its shape.
     """
     return kind(f"{name} = {shown(value)}{but and ', '}{but}: it must be {allowed}.")
@@ -147,7 +147,7 @@ def numbers(name: str, value: Any, allowed: str = REAL) -> np.ndarray:
 def check_that(
     name: str, value: T, holds: Callable[[np.ndarray], np.ndarray | bool], allowed: str
 ) -> T:
-    """Refuse `value` unless `holds(value)` is true in every element, and there is an element.
+    """Raise unless `holds(value)` is true in every element of `value`, and there is an element.
 
     **Arguments:**
 

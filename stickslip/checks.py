@@ -5,14 +5,14 @@ returns the value, and lets pass what is traced. `Given[T]` marks a parameter th
 itself.
 """
 
+from ._argument_checks import Check as Check
+from ._argument_checks import check_arguments as check_arguments
+from ._argument_checks import check_own_methods as check_own_methods
+from ._argument_checks import modes as modes
+from ._argument_checks import one_real as one_real
+from ._argument_checks import reals as reals
+from ._argument_checks import with_components as with_components
 from ._checked import CheckedModule as CheckedModule
-from ._looks_at import Look as Look
-from ._looks_at import look_at_own as look_at_own
-from ._looks_at import looks_at as looks_at
-from ._looks_at import modes as modes
-from ._looks_at import one_real as one_real
-from ._looks_at import reals as reals
-from ._looks_at import with_components as with_components
 from ._types import Given as Given
 from ._types import Numeric as Numeric
 from ._types import Row as Row

@@ -17,9 +17,9 @@ MOST = np.array([1.0, 20.0, 100.0, 1.0, 60.0, 0.5, 1e-2, 0.2])
 START = NAMES.index("x0")
 
 
-def physical(theta: Any) -> dict[str, Any]:
+def physical(coordinates: Any) -> dict[str, Any]:
     """Parameters of the beam from the coordinates of the search; the contact period is given."""
-    frequency, ratio, k2, mu_s, gamma, z_A, _, damping = (theta[i] for i in range(len(NAMES)))
+    frequency, ratio, k2, mu_s, gamma, z_A, _, damping = (coordinates[i] for i in range(len(NAMES)))
     k3 = ratio * k2
     m = (CONTACT_PERIOD / np.pi) ** 2 / (1 / jnp.sqrt(k2 + k3) + 1 / jnp.sqrt(k2)) ** 2
     k1 = m * (2 * np.pi * frequency) ** 2
@@ -27,10 +27,10 @@ def physical(theta: Any) -> dict[str, Any]:
     return {**values, "damping": damping}
 
 
-def system_and_start(theta: Any, v: Any, modes: int) -> tuple[JointedBeam, Any]:
+def system_and_start(coordinates: Any, v: Any, modes: int) -> tuple[JointedBeam, Any]:
     """The beam with these coordinates at belt speed `v`, and where its motion begins."""
-    system = JointedBeam(**physical(theta), v=v, modes=modes)
-    return system, system.start(theta[START])
+    system = JointedBeam(**physical(coordinates), v=v, modes=modes)
+    return system, system.start(coordinates[START])
 
 
 def draw_sets(rng: np.random.Generator, centre: np.ndarray, width: float, count: int) -> np.ndarray:

@@ -48,7 +48,7 @@ def spectrum(variant: str, v: Any, parameters: Mapping[str, Any]) -> LyapunovSpe
     )  # fmt: skip
 
 
-def letter(variant: str, v: Any, parameters: Mapping[str, Any]) -> Separation:
+def printed_separation(variant: str, v: Any, parameters: Mapping[str, Any]) -> Separation:
     """Eq. (2.25) to the letter: two motions from neighbouring starts, never brought together again."""
     system = system_of(variant, v, parameters["modes"])
     return two_trajectory_exponent(
@@ -71,7 +71,7 @@ def exponents(parameters: Mapping[str, Any], context: Context) -> xr.Dataset:
 
         def separation(v, variant=variant):
             # To the letter: what it comes out as, though the distance has long saturated.
-            return {"letter": letter(variant, v, parameters).running[-1]}
+            return {"letter": printed_separation(variant, v, parameters).running[-1]}
 
         both = [
             lyapunov_diagram(

@@ -60,7 +60,7 @@ def items(
 
 
 def in_blocks(make: Make, at_once: int, settings: Settings) -> Callable[[Any, Any], Any]:
-    """Results of lanes of sets and belt speeds, `call(theta, v)` with one row for each.
+    """Results of lanes of sets and belt speeds, `call(coordinates, v)` with one row for each.
 
     Lanes are taken `at_once`, the last block filled up, because another number of lanes is another
     program. Settings that differ in `NUMBERS` only share one.
@@ -69,10 +69,10 @@ def in_blocks(make: Make, at_once: int, settings: Settings) -> Callable[[Any, An
     run = _lanes(make, static)
     numbers = {key: np.full(at_once, float(settings[key])) for key in NUMBERS}
 
-    def call(theta: np.ndarray, v: np.ndarray) -> Any:
+    def call(coordinates: np.ndarray, v: np.ndarray) -> Any:
         rows = np.minimum(np.arange(-(-len(v) // at_once) * at_once), len(v) - 1)
         parts = [
-            jax.tree.map(np.asarray, run(jnp.asarray(theta[k]), jnp.asarray(v[k]), numbers))
+            jax.tree.map(np.asarray, run(jnp.asarray(coordinates[k]), jnp.asarray(v[k]), numbers))
             for k in rows.reshape(-1, at_once)
         ]
         return jax.tree.map(lambda *a: np.concatenate(a)[: len(v)], *parts)
@@ -99,8 +99,8 @@ def every_set(run: Callable[[Any, Any], Any], speeds: np.ndarray) -> Callable[[n
 
 
 def _diagram_lane(settings: Settings) -> Lane:
-    def lane(theta, v, numbers):
-        return points(*system_and_start(theta, v, settings["modes"]), {**settings, **numbers})
+    def lane(coordinates, v, numbers):
+        return points(*system_and_start(coordinates, v, settings["modes"]), {**settings, **numbers})
 
     return lane
 
@@ -134,13 +134,13 @@ def diagram_scorer(settings: Settings) -> Scorer:
 def _motion_lane(settings: Settings) -> Lane:
     times = settings["dt"] * np.arange(round(settings["recorded"] / settings["dt"]))
 
-    def lane(theta, v, numbers):
+    def lane(coordinates, v, numbers):
         options: dict[str, Any] = {
             "integrator": fixed_step(numbers["h"]), "max_events": None, "throw": False
         }  # fmt: skip
         begin = numbers["transient"]
         t = begin + times
-        system, start = system_and_start(theta, v, settings["modes"])
+        system, start = system_and_start(coordinates, v, settings["modes"])
         settled = ss.simulate(system, 0.0, begin, start, **options)
         run = ss.simulate(
             system, begin, t[-1], settled.y1, settled.mode1, saveat=ss.SaveAt(ts=t, events=False),
@@ -201,8 +201,8 @@ def motion_scorer(settings: Settings) -> Scorer:
 
 
 def _exponent_lane(settings: Settings) -> Lane:
-    def lane(theta, v, numbers):
-        system, start = system_and_start(theta, v, settings["modes"])
+    def lane(coordinates, v, numbers):
+        system, start = system_and_start(coordinates, v, settings["modes"])
         found = lyapunov_spectrum(
             system, start, segment=0.5, segments=settings["segments"], exponents=1,
             transient=numbers["transient"], components=DRIVEN, scales=norm_of(system),

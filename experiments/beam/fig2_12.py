@@ -7,7 +7,7 @@ import xarray as xr
 from .._experiment import Context
 from .._thresholds import Beam
 from ._draw import draw_running
-from ._exponent import NOTE, letter, spectrum
+from ._exponent import NOTE, printed_separation, spectrum
 from ._figure import figure
 from ._model import CAPTION, VARIANTS
 
@@ -19,7 +19,7 @@ def compute(parameters, context: Context) -> xr.Dataset:
         program = jax.jit(
             lambda v, variant=variant: (
                 spectrum(variant, v, parameters),
-                letter(variant, v, parameters),
+                printed_separation(variant, v, parameters),
             )
         )
         found, apart = program(parameters["v"])

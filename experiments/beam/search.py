@@ -84,10 +84,11 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
 def whole_range(winner: np.ndarray, parameters: Mapping[str, Any]) -> xr.Dataset:
     """Points and greatest exponent of the best set over the belt speed, by the scorers' programs."""
     speeds = np.linspace(1e-4, 3e-2, parameters["speeds"])
-    theta = np.tile(winner, (speeds.size, 1))
+    coordinates = np.tile(winner, (speeds.size, 1))
     found = {
-        **diagram_points(parameters)(theta, speeds), **greatest_exponents(parameters)(theta, speeds)
-    }  # fmt: skip
+        **diagram_points(parameters)(coordinates, speeds),
+        **greatest_exponents(parameters)(coordinates, speeds),
+    }
     data = {
         name: (("v", "point")[: a.ndim], a, {"units": "1", "long_name": name})
         for name, a in found.items()

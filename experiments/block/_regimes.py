@@ -14,13 +14,13 @@ from ._sets import simplified
 
 # Parts of the record at which the motion is looked at for its size; uneven, so that no period is hit at
 # one phase all the time.
-LOOKS = ((np.arange(24) + 1.0) / 24) ** 3
+SAMPLES = ((np.arange(24) + 1.0) / 24) ** 3
 ROOM = 192  # maxima in transient and record together
 # Periods are counted in maxima of x: the acceleration also crosses zero on a belt that is not steady.
 MAXIMA = ss.Section(lambda system, t, y, dy, mode, args: y.vx, "falling", name="maximum of x")
 
 
-def look(
+def regimes(
     build: Callable,
     *,
     transient: float,
@@ -44,10 +44,10 @@ def look(
         # one that does not, see `map_lanes`.
         run: Any = ss.simulate(
             system, 0.0, transient + duration, start, sections=MAXIMA,
-            max_crossings=ROOM, saveat=ss.SaveAt(ts=transient + duration * LOOKS), **options,
+            max_crossings=ROOM, saveat=ss.SaveAt(ts=transient + duration * SAMPLES), **options,
         )  # fmt: skip
-        rows, looks = run.crossings[0], run.outputs
-        seen = jnp.stack([looks.y.x, looks.y.y], axis=1)
+        rows, samples = run.crossings[0], run.outputs
+        seen = jnp.stack([samples.y.x, samples.y.y], axis=1)
         seen = jnp.where(jnp.isfinite(seen), seen, seen[:1])
         early = jnp.sum(rows.t < transient, dtype=rows.count.dtype)
         count = rows.count - early

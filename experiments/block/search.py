@@ -20,7 +20,7 @@ from .._experiment import Context, Experiment, Statement
 from .._statement import Verdict, statement
 from .._thresholds import Block
 from ._draw import caption
-from ._regimes import look, mean_friction
+from ._regimes import mean_friction, regimes
 from ._score import ITEMS, SPECIAL, Regimes, chaotic, first_look, score
 from ._sets import NAMES, found_values, simplified, spreads, start_values, with_drive
 
@@ -40,10 +40,10 @@ class RegimeSearch:
         self.coarse = np.linspace(LOW, HIGH, q["coarse"])
         self.fine = np.linspace(LOW, HIGH, q["fine"])
         options = {"duration": q["duration"], "tolerance": q["tolerance"], "executor": q["executor"]}
-        self.quick = look(simplified, transient=q["transient"], segments=0, **options)
+        self.quick = regimes(simplified, transient=q["transient"], segments=0, **options)
         options |= {"transient": q["settled"], "segments": q["segments"]}
-        self.simple = look(simplified, **options)
-        self.full = look(with_drive(q["sign"]), **options)
+        self.simple = regimes(simplified, **options)
+        self.full = regimes(with_drive(q["sign"]), **options)
         self.pull = mean_friction(q["executor"])
 
     def _run(
@@ -192,7 +192,7 @@ def draw(dataset: xr.Dataset) -> Figure:
         axes[1, j].axhline(0.0, color="0.6", linewidth=0.6)
         axes[1, j].axvline(SPECIAL, color="0.6", linewidth=0.6, linestyle=":")
         axes[1, j].set_xlabel("stiffness $k_3$ [N/m]")
-    axes[0, 0].set_ylabel("period [maxima of x], 0: none, -1: not told")
+    axes[0, 0].set_ylabel("period [maxima of x], 0: none, -1: unknown")
     axes[1, 0].set_ylabel("exponent [1/s]")
     axes[0, 0].legend()
     caption(figure, dataset)

@@ -14,7 +14,8 @@ import corexy_jax as cx
 import stickslip as ss
 from stickslip.identification import Sensitivity, design_input, many_starts, sensitivities
 
-from .._experiment import Context, Experiment, Statement
+from .._experiment import Context, Experiment
+from .._statement import Verdict, judge_all, statement
 from .._thresholds import Designs
 from ._input import ramps
 from .identify import LABELS, LANES, NAMES, candidates
@@ -180,29 +181,57 @@ def draw(data: xr.Dataset) -> Figure:
     return figure
 
 
-def judge(data: xr.Dataset) -> list[Statement]:
-    nats = {str(n): float(v) for n, v in zip(data.design.values, data.D.values, strict=True)}
-    gain, slopes = nats["D"] - nats[RANDOM], nats[SLOPES] - nats[RANDOM]
+def _ratios(data: xr.Dataset, design: str) -> np.ndarray:
+    """Standard errors with the best of the random inputs over those with `design`."""
+    return data.error.sel(design=RANDOM).values / data.error.sel(design=design).values
+
+
+def _more_nats(data: xr.Dataset, design: str) -> float:
+    """By how much `design` shows more than the best of the random inputs."""
+    return float(data.D.sel(design=design)) - float(data.D.sel(design=RANDOM))
+
+
+@statement(
+    "I1",
+    "An A-optimal input has smaller standard errors of all unknowns than the best of the random ones.",
+)
+def errors_are_smaller(data: xr.Dataset) -> Verdict:
+    """Factors by which the standard errors are smaller."""
+    ratio = _ratios(data, "A")
     mean = float(data.A.sel(design="A") - data.A.sel(design=RANDOM))
-    errors = data.error
-    ratio = {
-        name: errors.sel(design=RANDOM).values / errors.sel(design=name).values for name in ("D", "A")
-    }
-    spread = float(np.mean(data.far.values**2)) if data.far.size else np.nan
-    return [
-        Statement("I1", "An A-optimal input has smaller standard errors of all unknowns than the best "
-                  "of the random ones.", bool(np.all(ratio["A"] > 1.0)),
-                  f"by factors {ratio['A'].min():.2f} to {ratio['A'].max():.2f}, "
-                  f"{np.exp(0.5 * mean):.2f} in the mean"),
-        Statement("I3", "A D-optimal input shows more than quasi-Newton steps with finite differences "
-                  "find with as many inputs.", gain > slopes,
-                  f"{gain:.2f} nats more than the best of the random ones against {slopes:.2f}; its "
-                  f"standard errors are smaller by factors {ratio['D'].min():.2f} to "
-                  f"{ratio['D'].max():.2f}"),
-        Statement("I2", "Fits to noisy data scatter as the design says.",
-                  abs(spread - 1.0) < Designs.SCATTER * np.sqrt(2.0 / max(data.far.size, 1)),
-                  f"mean square of error over standard error {spread:.3f} of {data.far.size} numbers"),
-    ]  # fmt: skip
+    return (
+        bool(np.all(ratio > 1.0)),
+        f"by factors {ratio.min():.2f} to {ratio.max():.2f}, {np.exp(mean / 2.0):.2f} in the mean",
+    )
+
+
+@statement("I2", "Fits to noisy data scatter as the design says.")
+def fits_scatter_as_designed(data: xr.Dataset) -> Verdict:
+    """Mean square of the errors of fits over their standard errors."""
+    count = data.far.size
+    spread = float(np.mean(data.far.values**2)) if count else np.nan
+    return (
+        abs(spread - 1.0) < Designs.SCATTER * np.sqrt(2.0 / max(count, 1)),
+        f"mean square of error over standard error {spread:.3f} of {count} numbers",
+    )
+
+
+@statement(
+    "I3",
+    "A D-optimal input shows more than quasi-Newton steps with finite differences find with as many "
+    "inputs.",
+)
+def shows_more_than_differences(data: xr.Dataset) -> Verdict:
+    """What both show beyond the best of the random inputs."""
+    gain, slopes, ratio = _more_nats(data, "D"), _more_nats(data, SLOPES), _ratios(data, "D")
+    return (
+        gain > slopes,
+        f"{gain:.2f} nats more than the best of the random ones against {slopes:.2f}; its standard "
+        f"errors are smaller by factors {ratio.min():.2f} to {ratio.max():.2f}",
+    )
+
+
+judge = judge_all("I")
 
 
 EXPERIMENT = Experiment(

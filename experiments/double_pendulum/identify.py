@@ -24,7 +24,8 @@ from stickslip.identification import (
     report,
 )
 
-from .._experiment import Context, Experiment, Statement
+from .._experiment import Context, Experiment
+from .._statement import Verdict, judge_all, statement
 from .._thresholds import Measured
 from ._arm import DRY, GEAR, INERTIAL, LINK, SIGMA, UNITS, ZEROS, errors, problem, shot
 from ._inverse import inverse_dynamics
@@ -225,78 +226,144 @@ def draw(data: xr.Dataset) -> Figure:
     return figure
 
 
-def judge(data: xr.Dataset) -> list[Statement]:
-    """Against the model that its authors published last, and the record held out."""
+def _off(data: xr.Dataset, fit: str, names: tuple[str, ...]) -> dict[str, float]:
+    """Relative differences of a fit from the model that its authors published last."""
+    ratio = data.estimate.sel(fit=fit) / data.estimate.sel(fit=REFERENCE)
+    return {name: float(ratio.sel(unknown=name)) - 1.0 for name in names}
 
-    def off(fit: str, names: tuple[str, ...]) -> dict[str, float]:
-        ratio = data.estimate.sel(fit=fit) / data.estimate.sel(fit=REFERENCE)
-        return {name: float(ratio.sel(unknown=name)) - 1.0 for name in names}
 
-    def told(found: dict[str, float]) -> str:
-        return ", ".join(f"{name} {100 * value:+.1f}%" for name, value in found.items())
+def _listed(found: dict[str, float]) -> str:
+    return ", ".join(f"{name} {value:+.1%}" for name, value in found.items())
 
-    def within(found: dict[str, float], bound: float) -> bool:
-        return max(map(abs, found.values())) < bound
 
-    later = data.error.sel(time=data.time > FIRST)
-    size = np.sqrt((later**2).mean(("joint", "time")))
-    whole = np.sqrt((data.error**2).mean(("joint", "time")))
-    rest = {str(n): 1e3 * float(size.sel(fit=n)) for n in data.fit.values}
-    all_of = {str(n): 1e3 * float(whole.sel(fit=n)) for n in data.fit.values}
-    listed = ", ".join(f"{name} {value:.1f} mrad" for name, value in rest.items())
-    base, dry = off(INVERSE, INERTIAL), off(INVERSE, DRY)
-    base_2, dry_2 = off(SIMULATED, INERTIAL), off(SIMULATED, DRY)
-    far = {str(w): data.from_afar.sel(way=w).values for w in data.way.values}
-    highest = float(data.from_afar.max())
-    zeros = "; ".join(", ".join(f"{1e3 * v:+.0f}" for v in row) for row in data.zero.values)
-    relative = [100 * data.attrs[name] for name in ("relative", "relative_without_zeros")]
-    ran = not bool(data.from_afar.isnull().any())
+def _within(found: dict[str, float], bound: float) -> bool:
+    return max(map(abs, found.values())) < bound
+
+
+def _sizes(data: xr.Dataset, begin: float) -> dict[str, float]:
+    """Error of the record held out from `begin` [s] on, by fit [mrad]."""
+    part = data.error.sel(time=data.time > begin) if begin else data.error
+    size = np.sqrt((part**2).mean(("joint", "time")))
+    return {str(n): 1e3 * float(size.sel(fit=n)) for n in data.fit.values}
+
+
+def _criteria(data: xr.Dataset) -> tuple[dict[str, float], dict[str, float]]:
+    """AIC and BIC, by fit."""
+    aic, bic = (
+        {str(n): float(v) for n, v in zip(data.law.values, data[key].values, strict=True)}
+        for key in ("aic", "bic")
+    )
+    return aic, bic
+
+
+@statement("R4.1", f"Inverse dynamics gives the published inertial parameters to {INERTIA_TO}.")
+def inverse_dynamics_gives_inertia(data: xr.Dataset) -> Verdict:
+    """Relative differences."""
+    off = _off(data, INVERSE, INERTIAL)
+    told = f"{_listed(off)}; error of the torques {data.attrs['relative']:.1%}"
+    return _within(off, Measured.ARM_INERTIA), told
+
+
+@statement("R4.2", f"It gives the published dry friction to {FRICTION_TO}.")
+def inverse_dynamics_gives_friction(data: xr.Dataset) -> Verdict:
+    """Relative differences."""
+    off = _off(data, INVERSE, DRY)
+    return _within(off, Measured.ARM_FRICTION), _listed(off)
+
+
+@statement("R4.3", f"Simulation gives the published inertial parameters to {INERTIA_TO}.")
+def simulation_gives_inertia(data: xr.Dataset) -> Verdict:
+    """Relative differences, also with a gain of the motor, and between the published models."""
+    fits = (SIMULATED, GAINED, "published, h1.0")
+    off, gained, between = (_off(data, fit, INERTIAL) for fit in fits)
+    return (
+        _within(off, Measured.ARM_INERTIA),
+        f"{_listed(off)}; with a gain of the second motor {_listed(gained)}; the other published model "
+        f"differs by {_listed(between)}",
+    )
+
+
+@statement("R4.4", f"It gives the published dry friction to {FRICTION_TO}.")
+def simulation_gives_friction(data: xr.Dataset) -> Verdict:
+    """Relative differences."""
+    off = _off(data, SIMULATED, DRY)
+    return _within(off, Measured.ARM_FRICTION), _listed(off)
+
+
+@statement("R4.5", f"Fitted by simulation, it predicts the trajectory held out to {MRAD:g} mrad.")
+def predicts_the_trajectory(data: xr.Dataset) -> Verdict:
+    """Errors of the angles, with and without the time that shows the zeros of the encoders."""
+    rest, whole = (_sizes(data, begin)[SIMULATED] for begin in (FIRST, 0.0))
+    return (
+        rest <= MRAD and whole <= MRAD,
+        f"after {FIRST:g} s {rest:.1f} mrad, whole {whole:.1f} mrad",
+    )
+
+
+@statement("R4.6", "It predicts it better than the published models and inverse dynamics.")
+def predicts_best(data: xr.Dataset) -> Verdict:
+    """Errors by all fits."""
+    rest = _sizes(data, FIRST)
     others = [name for name in rest if name not in (BARE, GAINED)]
-    gain = float(data.estimate.sel(fit=GAINED, unknown="gain"))
-    gained = off(GAINED, INERTIAL)
-    aic, bic = ({str(n): float(v) for n, v in zip(data.law.values, data[key].values, strict=True)}
-                for key in ("aic", "bic"))  # fmt: skip
+    told = ", ".join(f"{name} {value:.1f} mrad" for name, value in rest.items())
+    return min(others, key=lambda name: rest[name]) == SIMULATED, told
+
+
+@statement("R4.7", "The encoders have zeros of their own in each record: AIC, BIC, prediction.")
+def encoders_have_zeros(data: xr.Dataset) -> Verdict:
+    """Whether the fit without zeros is worse by each of them."""
+    (aic, bic), rest = _criteria(data), _sizes(data, FIRST)
+    zeros = "; ".join(", ".join(f"{1e3 * v:+.0f}" for v in row) for row in data.zero.values)
     fitted = ", ".join(
         f"{law} {1e3 * v:.1f} mrad" for law, v in zip(data.law.values, data.fitted.values, strict=True)
     )
-    between = off("published, h1.0", INERTIAL)
-    return [
-        Statement("R4.1", f"Inverse dynamics gives the published inertial parameters to {INERTIA_TO}.",
-                  within(base, Measured.ARM_INERTIA),
-                  told(base) + f"; error of the torques {relative[0]:.1f}%"),
-        Statement("R4.2", f"It gives the published dry friction to {FRICTION_TO}.",
-                  within(dry, Measured.ARM_FRICTION), told(dry)),
-        Statement("R4.3", f"Simulation gives the published inertial parameters to {INERTIA_TO}.",
-                  within(base_2, Measured.ARM_INERTIA),
-                  told(base_2) + f"; with a gain of the second motor {told(gained)}; the other "
-                  f"published model differs by {told(between)}"),
-        Statement("R4.4", f"It gives the published dry friction to {FRICTION_TO}.",
-                  within(dry_2, Measured.ARM_FRICTION),
-                  told(dry_2)),
-        Statement("R4.5", "Fitted by simulation, it predicts the trajectory held out to "
-                  f"{MRAD:g} mrad.",
-                  rest[SIMULATED] <= MRAD and all_of[SIMULATED] <= MRAD,
-                  f"after 3 s {rest[SIMULATED]:.1f} mrad, whole {all_of[SIMULATED]:.1f} mrad"),
-        Statement("R4.6", "It predicts it better than the published models and inverse dynamics.",
-                  min(others, key=lambda name: rest[name]) == SIMULATED, listed),
-        Statement("R4.7", "The encoders have zeros of their own in each record: AIC, BIC, prediction.",
-                  aic[SIMULATED] < aic[BARE] and bic[SIMULATED] < bic[BARE]
-                  and rest[SIMULATED] < rest[BARE],
-                  f"zeros in mrad: {zeros}; torques by inverse dynamics {relative[1]:.1f}% off "
-                  f"without zeros; angles as fitted {fitted}"),
-        Statement("R4.8", "The second motor gives another torque than its current says: AIC, BIC, "
-                  "prediction.", aic[GAINED] < aic[SIMULATED] and bic[GAINED] < bic[SIMULATED]
-                  and rest[GAINED] < rest[SIMULATED],
-                  f"gain {gain:.3f}; AIC less by {aic[SIMULATED] - aic[GAINED]:.0f}, prediction "
-                  f"{rest[GAINED]:.1f} mrad with it and {rest[SIMULATED]:.1f} mrad without"),
-        Statement("R4.9", "From starts up to 30% off single and multiple shooting end as low as from "
-                  f"inverse dynamics, to {Measured.SAME:g}.",
-                  bool(highest < 1.0 + Measured.SAME) if ran else None,
-                  "; ".join(f"{way}: sum of squares {', '.join(f'{v:.4f}' for v in row)} times that"
-                            for way, row in far.items()) if ran else "not run"),
-        Statement("R4.10", "The residuals are white.", float(data.p_value.min()) > Measured.WHITE,
-                  f"largest p {float(data.p_value.max()):.2g}: standard errors are too small"),
-    ]  # fmt: skip
+    return (
+        all(found[SIMULATED] < found[BARE] for found in (aic, bic, rest)),
+        f"zeros in mrad: {zeros}; torques by inverse dynamics "
+        f"{data.attrs['relative_without_zeros']:.1%} off without zeros; angles as fitted {fitted}",
+    )
+
+
+@statement(
+    "R4.8",
+    "The second motor gives another torque than its current says: AIC, BIC, prediction.",
+)
+def motor_has_a_gain(data: xr.Dataset) -> Verdict:
+    """Whether the fit with a gain is better by each of them."""
+    (aic, bic), rest = _criteria(data), _sizes(data, FIRST)
+    gain = float(data.estimate.sel(fit=GAINED, unknown="gain"))
+    return (
+        all(found[GAINED] < found[SIMULATED] for found in (aic, bic, rest)),
+        f"gain {gain:.3f}; AIC less by {aic[SIMULATED] - aic[GAINED]:.0f}, prediction "
+        f"{rest[GAINED]:.1f} mrad with it and {rest[SIMULATED]:.1f} mrad without",
+    )
+
+
+@statement(
+    "R4.9",
+    "From starts up to 30% off single and multiple shooting end as low as from inverse dynamics, "
+    f"to {Measured.SAME:g}.",
+)
+def starts_end_alike(data: xr.Dataset) -> Verdict:
+    """Sums of squares over the least; open without these fits."""
+    if data.from_afar.isnull().any():
+        return None, "not run"
+    told = (
+        f"{way}: sum of squares {', '.join(f'{v:.4f}' for v in data.from_afar.sel(way=way).values)} "
+        "times that"
+        for way in map(str, data.way.values)
+    )
+    return float(data.from_afar.max()) < 1.0 + Measured.SAME, "; ".join(told)
+
+
+@statement("R4.10", "The residuals are white.")
+def residuals_are_white(data: xr.Dataset) -> Verdict:
+    """Their probabilities, if they were white."""
+    told = f"largest p {float(data.p_value.max()):.2g}: standard errors are too small"
+    return float(data.p_value.min()) > Measured.WHITE, told
+
+
+judge = judge_all("R4.")
 
 
 EXPERIMENT = Experiment(

@@ -26,7 +26,8 @@ from stickslip.identification import (
     report,
 )
 
-from .._experiment import Context, Experiment, Statement
+from .._experiment import Context, Experiment
+from .._statement import Verdict, judge_all, statement
 from .._thresholds import Measured
 from ._inverse import inverse_dynamics
 from ._record import Record, load
@@ -297,53 +298,93 @@ def draw(data: xr.Dataset) -> Figure:
     return figure
 
 
-def judge(data: xr.Dataset) -> list[Statement]:
-    """Against what is published on the record."""
+def _off(data: xr.Dataset, fit: str, law: str) -> dict[str, float]:
+    """Relative differences of a fit from what is published, by parameter."""
+    row, known = data.estimate.sel(fit=f"{fit}, {law}"), PUBLISHED[law]
+    return {n: abs(float(row.sel(unknown=n)) / known[n] - 1.0) for n in known}
 
-    def off(fit: str, law: str) -> dict[str, float]:
-        row = data.estimate.sel(fit=f"{fit}, {law}")
-        known = PUBLISHED[law]
-        return {n: abs(float(row.sel(unknown=n)) / known[n] - 1.0) for n in known}
 
-    def told(found: dict[str, float]) -> str:
-        return ", ".join(f"{name} {100 * value:.2f}%" for name, value in found.items())
+def _listed(found: dict[str, float]) -> str:
+    return ", ".join(f"{name} {value:.2%}" for name, value in found.items())
 
-    inverse, command_ = off("inverse dynamics", "symmetric"), off("by command", "symmetric")
+
+def _scores(data: xr.Dataset, over: str) -> dict[str, float]:
+    """Error of the position in open loop, by model [mm]."""
+    row = data.score.sel(over=over).values
+    return {str(m): 1e3 * float(v) for m, v in zip(data.model.values, row, strict=True)}
+
+
+@statement("R1.1", f"Inverse dynamics gives the published values to {Measured.EMPS_INVERSE:.1%}.")
+def inverse_dynamics_as_published(data: xr.Dataset) -> Verdict:
+    """Relative differences."""
+    off = _off(data, "inverse dynamics", "symmetric")
+    return max(off.values()) < Measured.EMPS_INVERSE, _listed(off)
+
+
+@statement(
+    "R1.2",
+    f"Simulation from starts 50% off gives M to {Measured.EMPS_MASS:.0%}, "
+    f"Fv and Fc to {Measured.EMPS_FRICTION:.0%}.",
+)
+def simulation_as_published(data: xr.Dataset) -> Verdict:
+    """Relative differences."""
+    off = _off(data, "by command", "symmetric")
+    friction = max(off["viscous"], off["dry"])
+    return off["mass"] < Measured.EMPS_MASS and friction < Measured.EMPS_FRICTION, _listed(off)
+
+
+@statement("R1.3", f"All starts end at the same estimate, to {Measured.SAME:g}.")
+def starts_end_alike(data: xr.Dataset) -> Verdict:
+    """Largest relative difference between the estimates."""
+    apart = float(data.apart.sel(fit="by command, symmetric"))
+    return apart < Measured.SAME, f"{apart:.2g} apart"
+
+
+@statement("R1.4", "Friction differs between the directions, and the comparison prefers it.")
+def friction_is_asymmetric(data: xr.Dataset) -> Verdict:
+    """What AIC, BIC and the part held out choose, and how far the estimates are from the published."""
+    laws = [str(law) for law in data.law.values]
+    chosen = [laws[int(np.argmin(data[name].values))] for name in ("aic", "bic", "held_out")]
+    off = _off(data, "by command", "asymmetric")
+    return (
+        set(chosen) == {"asymmetric"} and max(off.values()) < Measured.EMPS_ASYMMETRY,
+        f"AIC, BIC, held-out choose {', '.join(chosen)}; off what is published {_listed(off)}",
+    )
+
+
+@statement(
+    "R1.5",
+    "The residuals of the symmetric law are not white; those of a run of the true law with white noise "
+    "are.",
+)
+def whiteness_finds_the_wrong_law(data: xr.Dataset) -> Verdict:
+    """Probabilities of the residuals, if they were white."""
     p = dict(zip(map(str, data.series.values), map(float, data.p_value), strict=True))
-    by_law = {name: data[name].values for name in ("aic", "bic", "held_out")}
-    chosen = [str(data.law.values[int(np.argmin(values))]) for values in by_law.values()]
-    asymmetric = off("by command", "asymmetric")
-    both = data.score.sel(over="all")
-    scores = {str(m): 1e3 * float(v) for m, v in zip(data.model.values, both, strict=True)}
-    later = data.score.sel(over="second")
-    rest = {str(m): 1e3 * float(v) for m, v in zip(data.model.values, later, strict=True)}
-    fitted = rest["command of the first part, asymmetric"]
-    return [
-        Statement("R1.1", "Inverse dynamics gives the published values to "
-                  f"{Measured.EMPS_INVERSE:.1%}.",
-                  max(inverse.values()) < Measured.EMPS_INVERSE, told(inverse)),
-        Statement("R1.2", "Simulation from starts 50% off gives M to "
-                  f"{Measured.EMPS_MASS:.0%}, Fv and Fc to {Measured.EMPS_FRICTION:.0%}.",
-                  command_["mass"] < Measured.EMPS_MASS
-                  and max(command_["viscous"], command_["dry"]) < Measured.EMPS_FRICTION,
-                  told(command_)),
-        Statement("R1.3", f"All starts end at the same estimate, to {Measured.SAME:g}.",
-                  float(data.apart.sel(fit="by command, symmetric")) < Measured.SAME,
-                  f"{float(data.apart.sel(fit='by command, symmetric')):.2g} apart"),
-        Statement("R1.4", "Friction differs between the directions, and the comparison prefers it.",
-                  set(chosen) == {"asymmetric"} and max(asymmetric.values()) < Measured.EMPS_ASYMMETRY,
-                  f"AIC, BIC, held-out choose {', '.join(chosen)}; off what is published "
-                  f"{told(asymmetric)}"),
-        Statement("R1.5", "The residuals of the symmetric law are not white; those of a run of the "
-                  "true law with white noise are.",
-                  p["symmetric"] < Measured.WHITE < p["asymmetric, simulated"],
-                  ", ".join(f"{name}: p = {value:.2g}" for name, value in p.items())),
-        Statement("R1.6", "Open loop, the asymmetric law fitted to the command of the first part "
-                  "scores better on the second than the published symmetric law, fitted to both.",
-                  fitted < rest["published, symmetric"],
-                  "second part: " + ", ".join(f"{m} {v:.2f} mm" for m, v in rest.items())
-                  + "; whole record: " + ", ".join(f"{m} {v:.2f} mm" for m, v in scores.items())),
-    ]  # fmt: skip
+    return (
+        p["symmetric"] < Measured.WHITE < p["asymmetric, simulated"],
+        ", ".join(f"{name}: p = {value:.2g}" for name, value in p.items()),
+    )
+
+
+@statement(
+    "R1.6",
+    "Open loop, the asymmetric law fitted to the command of the first part scores better on the second "
+    "than the published symmetric law, fitted to both.",
+)
+def predicts_the_second_part(data: xr.Dataset) -> Verdict:
+    """Errors of all models."""
+    rest = _scores(data, "second")
+
+    def listed(found: dict[str, float]) -> str:
+        return ", ".join(f"{m} {v:.2f} mm" for m, v in found.items())
+
+    return (
+        rest["command of the first part, asymmetric"] < rest["published, symmetric"],
+        f"second part: {listed(rest)}; whole record: {listed(_scores(data, 'all'))}",
+    )
+
+
+judge = judge_all("R1.")
 
 
 EXPERIMENT = Experiment(

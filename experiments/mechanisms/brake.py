@@ -35,9 +35,10 @@ from stickslip.analysis import energy_ledger
 from stickslip.friction import AbstractFrictionLaw, Coulomb
 from stickslip.mechanism import AbstractMechanism, Contact
 
-from .._experiment import Context, Experiment, Statement
+from .._experiment import Context, Experiment
+from .._statement import Verdict, judge_all, statement
 from .._thresholds import Machines
-from ._look import FAST, flow_matrix, rates_of, verdict
+from ._shared import FAST, flow_matrix, rates_of, verdict
 
 MASS, PAD = 1.0, 1.0  # [kg], stiffness of the disc [N/m]
 ALONG, ACROSS, TOWARDS = 1.6, 0.4, 1.2  # k_xx, k_xy and k_yy [N/m]
@@ -183,36 +184,58 @@ def draw(dataset: xr.Dataset) -> Figure:
     return figure
 
 
-def judge(dataset: xr.Dataset) -> list[Statement]:
-    """Growth rate, the coefficient at which it begins, and the energy of the cycle."""
+def _grows_between(dataset: xr.Dataset) -> tuple[float, float]:
+    """The greatest coefficient at which nothing grows, and the least at which a mode grows."""
+    mu, growth = np.asarray(dataset.mu), np.asarray(dataset.growth)
+    return mu[growth <= Machines.GROWS].max(), mu[growth > Machines.GROWS].min()
+
+
+def _begin_of_growth(dataset: xr.Dataset) -> float:
+    """Coefficient at which growth begins, by the rates above it.
+
+    With (ω + iσ)² = s + i d it is d² = 4 σ² (s + σ²), a straight line over the coefficient.
+    """
+    mu, growth = np.asarray(dataset.mu), np.asarray(dataset.growth)
+    above = mu > _grows_between(dataset)[1]
+    s = 0.5 * (ALONG + TOWARDS) / MASS
+    squares = 4.0 * growth**2 * (s + growth**2)
+    return float(np.polyfit(squares[above], mu[above], 1)[1])
+
+
+@statement("M4.1", "One mode grows at the rate of the closed form, and none below.")
+def grows_as_known(dataset: xr.Dataset) -> Verdict:
+    """Largest difference of the growth rates, but close to the border."""
     mu, growth = np.asarray(dataset.mu), np.asarray(dataset.growth)
     apart = np.abs(mu / critical() - 1.0) > Machines.FLUTTER_APART
     off = np.abs(growth - dataset.known.values)[apart].max() / growth.max()
-    above = mu[growth > Machines.GROWS].min()
-    below = mu[growth <= Machines.GROWS].max()
-    # With (ω + iσ)² = s + i d it is d² = 4 σ² (s + σ²), a straight line over the coefficient.
-    s = 0.5 * (ALONG + TOWARDS) / MASS
-    squares = 4.0 * growth**2 * (s + growth**2)
-    line = np.polyfit(squares[mu > above], mu[mu > above], 1)
+    return verdict(
+        float(off), Machines.FLUTTER,
+        f"{len(mu)} coefficients, the largest rate {growth.max():.4g} 1/s; relative",
+    )  # fmt: skip
+
+
+@statement("M4.2", "Growth begins at the closed form's coefficient.")
+def growth_begins_as_known(dataset: xr.Dataset) -> Verdict:
+    """Difference of the coefficients."""
+    (below, above), line = _grows_between(dataset), _begin_of_growth(dataset)
+    return verdict(
+        abs(line - critical()), Machines.BORDER,
+        f"between {below:.4f} and {above:.4f}, by the line through the squares {line:.8f}, "
+        f"closed form {critical():.8f}",
+    )  # fmt: skip
+
+
+@statement("M4.3", "Energy is accounted for through stick, slip and lift-off.")
+def energy_is_accounted_for(dataset: xr.Dataset) -> Verdict:
+    """Imbalance of the energy against the work of the disc."""
     attrs = dataset.attrs
-    return [
-        verdict(
-            "M4.1", "One mode grows at the rate of the closed form, and none below.", float(off),
-            Machines.FLUTTER,
-            f"{len(mu)} coefficients, the largest rate {growth.max():.4g} 1/s; relative",
-        ),
-        verdict(
-            "M4.2", "Growth begins at the closed form's coefficient.",
-            abs(float(line[1]) - critical()), Machines.BORDER,
-            f"between {below:.4f} and {above:.4f}, by the line through the squares {line[1]:.8f}, "
-            f"closed form {critical():.8f}",
-        ),
-        verdict(
-            "M4.3", "Energy is accounted for through stick, slip and lift-off.",
-            attrs["imbalance"] / attrs["work"], Machines.ENERGY,
-            f"{attrs['imbalance']:.1e} J of {attrs['work']:.3g} J that the disc gave; relative",
-        ),
-    ]  # fmt: skip
+    return verdict(
+        attrs["imbalance"] / attrs["work"], Machines.ENERGY,
+        f"{attrs['imbalance']:.1e} J of {attrs['work']:.3g} J that the disc gave; relative",
+    )  # fmt: skip
+
+
+judge = judge_all("M4.")
 
 
 EXPERIMENT = Experiment(

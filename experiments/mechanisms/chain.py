@@ -30,9 +30,10 @@ import stickslip as ss
 from stickslip.friction import AbstractFrictionLaw, Coulomb, Stribeck
 from stickslip.mechanism import AbstractMechanism, Contact
 
-from .._experiment import Context, Experiment, Statement
+from .._experiment import Context, Experiment
+from .._statement import Verdict, judge_all, statement
 from .._thresholds import Machines
-from ._look import verdict
+from ._shared import verdict
 
 MASS, PULL, COUPLING = 1.0, 1.0, 4.0  # [kg], [N/m], [N/m]
 STATIC, KINETIC, FALL = 1.0, 0.5, 0.5  # [N], [N], [m/s]
@@ -235,32 +236,39 @@ def draw(dataset: xr.Dataset) -> Figure:
     return figure
 
 
-def judge(dataset: xr.Dataset) -> list[Statement]:
-    """Modes, the block alone, time stepping."""
+@statement("M1.1", "Blocks that all slip are the superposition of the modes of the chain.")
+def is_superposition_of_modes(dataset: xr.Dataset) -> Verdict:
+    """Largest distance of a block from the sum of the modes."""
+    sizes = ", ".join(str(n) for n in dataset["size"].values)
+    return verdict(float(dataset.mode_error.max()), Machines.MODES, f"{sizes} blocks after 20 s; in m")
+
+
+@statement("M1.2", "Equal blocks that begin alike have the period of one block.")
+def has_period_of_one_block(dataset: xr.Dataset) -> Verdict:
+    """Difference of the periods, and the time within which all blocks give way."""
     attrs = dataset.attrs
     spread = float((dataset.released.sel(which="last") - dataset.released.sel(which="first")).max())
     off = abs(attrs["period"] / attrs["known"] - 1.0)
+    return verdict(
+        max(off, spread), Machines.PERIOD,
+        f"{attrs['compared']} blocks, {attrs['period']:.10f} s, known {attrs['known']:.10f} s; "
+        f"all let go within {spread:.1e} s; relative, and in s",
+    )  # fmt: skip
+
+
+@statement("M1.3", "Time stepping tends to the same motion, its error falling with the step.")
+def is_limit_of_time_stepping(dataset: xr.Dataset) -> Verdict:
+    """Order of the error of time stepping against one."""
     error = np.asarray(dataset.error)
     order = np.polyfit(np.log(dataset.step), np.log(error), 1)[0]
-    return [
-        verdict(
-            "M1.1", "Blocks that all slip are the superposition of the modes of the chain.",
-            float(dataset.mode_error.max()), Machines.MODES,
-            f"{', '.join(str(n) for n in dataset['size'].values)} blocks after 20 s; in m",
-        ),
-        verdict(
-            "M1.2", "Equal blocks that begin alike have the period of one block.",
-            max(off, spread), Machines.PERIOD,
-            f"{attrs['compared']} blocks, {attrs['period']:.10f} s, known {attrs['known']:.10f} s; "
-            f"all let go within {spread:.1e} s; relative, and in s",
-        ),
-        verdict(
-            "M1.3", "Time stepping tends to the same motion, its error falling with the step.",
-            abs(float(order) - 1.0), Machines.ORDER,
-            f"errors {', '.join(f'{e:.2g}' for e in error)} m, {STARTS} motions, {attrs['events']} "
-            f"events, order {order:.2f}",
-        ),
-    ]  # fmt: skip
+    return verdict(
+        abs(float(order) - 1.0), Machines.ORDER,
+        f"errors {', '.join(f'{e:.2g}' for e in error)} m, {STARTS} motions, "
+        f"{dataset.attrs['events']} events, order {order:.2f}",
+    )  # fmt: skip
+
+
+judge = judge_all("M1.")
 
 
 EXPERIMENT = Experiment(

@@ -30,9 +30,10 @@ from stickslip.derived import WithIntegrals
 from stickslip.friction import AbstractFrictionLaw, Coulomb, Dahl
 from stickslip.mechanism import AbstractMechanism, Contact
 
-from .._experiment import Context, Experiment, Statement
+from .._experiment import Context, Experiment
+from .._statement import Verdict, judge_all, statement
 from .._thresholds import Machines
-from ._look import verdict
+from ._shared import verdict
 
 PULLEY, CARRIAGE = 0.5, 2.0  # [kg]
 SERVO, SERVO_DAMPING, BELT, BELT_DAMPING = 4000.0, 80.0, 2000.0, 20.0  # [N/m], [N s/m]
@@ -211,33 +212,41 @@ def draw(dataset: xr.Dataset) -> Figure:
     return figure
 
 
-def judge(dataset: xr.Dataset) -> list[Statement]:
-    """Area of the loops, its independence of the speed, the spring before sliding, the rigid limit."""
+@statement("M5.1", "A loop takes 4F (a - λ/σ), however fast it is run through.")
+def loop_takes(dataset: xr.Dataset) -> Verdict:
+    """Largest difference of the area of a loop."""
     known = area(np.asarray(dataset.turn))
-    off = float(np.abs(dataset.lost.values / known - 1.0).max())
+    return verdict(
+        float(np.abs(dataset.lost.values / known - 1.0).max()), Machines.LOOPS,
+        f"{known.size} loops, a from {1e3 * float(dataset.turn.min()):.3g} to "
+        f"{1e3 * float(dataset.turn.max()):.3g} mm, rad/s {dataset.omega.values.tolist()}",
+    )  # fmt: skip
+
+
+@statement("M5.2", "Small swings about rest see the bristles as a spring.")
+def bristles_are_a_spring(dataset: xr.Dataset) -> Verdict:
+    """Largest difference of the frequencies."""
+    small, expected = np.asarray(dataset.small), known_frequencies()
+    return verdict(
+        float(np.abs(small - expected).max() / expected.max()), Machines.SMALL,
+        f"{', '.join(f'{x:.4f}' for x in small)} rad/s, closed form "
+        f"{', '.join(f'{x:.4f}' for x in expected)}; relative to the largest",
+    )  # fmt: skip
+
+
+@statement("M5.3", "Without bristles a loop takes 4F a.")
+def rigid_loop_takes(dataset: xr.Dataset) -> Verdict:
+    """Largest difference of the area, where the carriage moves at all."""
     moves = np.asarray(dataset.turn_rigid) > Machines.MOVES
     coulomb = 4.0 * FRICTION * np.asarray(dataset.turn_rigid)
-    off_rigid = float(np.abs(dataset.lost_rigid.values[moves] / coulomb[moves] - 1.0).max())
-    small, expected = np.asarray(dataset.small), known_frequencies()
-    off_small = float(np.abs(small - expected).max() / expected.max())
-    return [
-        verdict(
-            "M5.1", "A loop takes 4F (a - λ/σ), however fast it is run through.", off, Machines.LOOPS,
-            f"{known.size} loops, a from {1e3 * float(dataset.turn.min()):.3g} to "
-            f"{1e3 * float(dataset.turn.max()):.3g} mm, rad/s {dataset.omega.values.tolist()}",
-        ),
-        verdict(
-            "M5.2", "Small swings about rest see the bristles as a spring.", off_small,
-            Machines.SMALL,
-            f"{', '.join(f'{x:.4f}' for x in small)} rad/s, closed form "
-            f"{', '.join(f'{x:.4f}' for x in expected)}; relative to the largest",
-        ),
-        verdict(
-            "M5.3", "Without bristles a loop takes 4F a.", off_rigid, Machines.RIGID,
-            f"{int(moves.sum())} loops, event-driven; in {int((~moves).sum())} the carriage stays; "
-            "relative",
-        ),
-    ]  # fmt: skip
+    return verdict(
+        float(np.abs(dataset.lost_rigid.values[moves] / coulomb[moves] - 1.0).max()), Machines.RIGID,
+        f"{int(moves.sum())} loops, event-driven; in {int((~moves).sum())} the carriage stays; "
+        "relative",
+    )  # fmt: skip
+
+
+judge = judge_all("M5.")
 
 
 EXPERIMENT = Experiment(

@@ -35,9 +35,10 @@ from stickslip import plot
 from stickslip.friction import AbstractFrictionLaw, Stribeck
 from stickslip.mechanism import AbstractMechanism, Contact
 
-from .._experiment import Context, Experiment, Statement
+from .._experiment import Context, Experiment
+from .._statement import Verdict, judge_all, statement
 from .._thresholds import Machines
-from ._look import FAST, flow_matrix, verdict
+from ._shared import FAST, flow_matrix, verdict
 
 RPM = 2.0 * np.pi / 60.0
 INERTIA, BIT = 2000.0, 400.0  # [kg m²]
@@ -240,38 +241,60 @@ def draw(dataset: xr.Dataset) -> Figure:
     return figure
 
 
-def judge(dataset: xr.Dataset) -> list[Statement]:
-    """The critical speed by growth rates and by motions, and the range in which both are stable."""
-    known, frequency = hopf()
+def _sticks_up_to(dataset: xr.Dataset, start: str) -> float:
+    """Greatest speed of the drive at which motions from `start` end in stick-slip [rad/s]."""
+    return np.asarray(dataset.speed)[np.asarray(dataset.stuck.sel(start=start)) > 0.0].max()
+
+
+def _spacing(dataset: xr.Dataset) -> float:
+    """Step of the grid of speeds [rad/s]."""
+    return np.diff(np.asarray(dataset.speed))[0]
+
+
+@statement("M2.1", "Disturbances of steady drilling grow as the characteristic polynomial says.")
+def grows_as_the_polynomial_says(dataset: xr.Dataset) -> Verdict:
+    """Largest difference of the growth rates."""
     slopes = -(STATIC - KINETIC) / FALL * np.exp(-np.asarray(dataset.bit_speed) / FALL)
     roots = np.array([np.roots(polynomial(f)).real.max() for f in slopes])
-    off = float(np.abs(dataset.growth - roots).max() / np.abs(roots).max())
+    return verdict(
+        float(np.abs(dataset.growth - roots).max() / np.abs(roots).max()), Machines.ROOTS,
+        f"{len(roots)} speeds; relative to the largest",
+    )  # fmt: skip
+
+
+@statement("M2.2", "Steady drilling loses its stability at the speed of the Hopf bifurcation.")
+def loses_stability_as_known(dataset: xr.Dataset) -> Verdict:
+    """Difference of the critical speeds."""
+    known, frequency = hopf()
     found = border_of(np.asarray(dataset.growth), np.asarray(dataset.bit_speed))
-    speed, stuck = np.asarray(dataset.speed), dataset.stuck
-    leaves = speed[np.asarray(stuck.sel(start="steady")) > 0.0].max()
-    ends = speed[np.asarray(stuck.sel(start="rest")) > 0.0].max()
-    step = speed[1] - speed[0]
-    critical = float(aimed(known))
-    return [
-        verdict(
-            "M2.1", "Disturbances of steady drilling grow as the characteristic polynomial says.",
-            off, Machines.ROOTS, f"{len(roots)} speeds; relative to the largest",
-        ),
-        verdict(
-            "M2.2", "Steady drilling loses its stability at the speed of the Hopf bifurcation.",
-            abs(found / known - 1.0), Machines.HOPF,
-            f"{found / RPM:.4f} 1/min, closed form {known / RPM:.4f}, {frequency:.4f} rad/s",
-        ),
-        verdict(
-            "M2.3", "Motions begun beside steady drilling end in stick-slip below that speed only.",
-            abs(leaves - critical), Machines.STEPS * step,
-            f"up to {leaves / RPM:.2f} 1/min of the drive, closed form {critical / RPM:.2f}; in rad/s",
-        ),
-        Statement(
-            "M2.4", "Stick-slip begun at rest goes on above that speed.", bool(ends > leaves + step),
-            f"up to {ends / RPM:.2f} 1/min of the drive, looked at up to {speed[-1] / RPM:g}",
-        ),
-    ]  # fmt: skip
+    return verdict(
+        abs(found / known - 1.0), Machines.HOPF,
+        f"{found / RPM:.4f} 1/min, closed form {known / RPM:.4f}, {frequency:.4f} rad/s",
+    )  # fmt: skip
+
+
+@statement("M2.3", "Motions begun beside steady drilling end in stick-slip below that speed only.")
+def steady_drilling_is_left_below(dataset: xr.Dataset) -> Verdict:
+    """Difference of the speeds of the drive."""
+    leaves, critical = _sticks_up_to(dataset, "steady"), float(aimed(hopf()[0]))
+    return verdict(
+        abs(leaves - critical), Machines.STEPS * _spacing(dataset),
+        f"up to {leaves / RPM:.2f} 1/min of the drive, closed form {critical / RPM:.2f}; in rad/s",
+    )  # fmt: skip
+
+
+@statement("M2.4", "Stick-slip begun at rest goes on above that speed.")
+def stick_slip_goes_on_above(dataset: xr.Dataset) -> Verdict:
+    """The speed of the drive up to which motions from rest end in stick-slip."""
+    ends = _sticks_up_to(dataset, "rest")
+    return (
+        ends > _sticks_up_to(dataset, "steady") + _spacing(dataset),
+        f"up to {ends / RPM:.2f} 1/min of the drive, looked at up to "
+        f"{float(dataset.speed[-1]) / RPM:g}",
+    )
+
+
+judge = judge_all("M2.")
 
 
 EXPERIMENT = Experiment(

@@ -28,9 +28,10 @@ from stickslip import plot
 from stickslip.friction import AbstractFrictionLaw, Stribeck
 from stickslip.mechanism import AbstractMechanism, Contact
 
-from .._experiment import Context, Experiment, Statement
+from .._experiment import Context, Experiment
+from .._statement import Verdict, judge_all, statement
 from .._thresholds import Machines
-from ._look import FAST, flow_matrix, rates_of, verdict
+from ._shared import FAST, flow_matrix, rates_of, verdict
 
 
 class FroudePendulum(AbstractMechanism):
@@ -177,36 +178,45 @@ def draw(dataset: xr.Dataset) -> Figure:
     return figure
 
 
-def judge(dataset: xr.Dataset) -> list[Statement]:
-    """Growth rate, amplitude near the border of stability, border of sticking."""
+@statement("M3.1", "Small swings grow at the rate -(c + T')/2J.")
+def grows_as_known(dataset: xr.Dataset) -> Verdict:
+    """Largest difference of the growth rates."""
     size = float(np.abs(dataset.known).max())
-    growth = float(np.abs(dataset.growth - dataset.known).max()) / size
+    return verdict(
+        float(np.abs(dataset.growth - dataset.known).max()) / size, Machines.SWINGS,
+        f"{dataset.sizes['ratio']} dampings, the largest rate {size:.4g} 1/s; relative",
+    )  # fmt: skip
+
+
+@statement("M3.2", "Near the border their velocity is u_s sqrt(2 (1 - r)).")
+def swings_as_far_as_known(dataset: xr.Dataset) -> Verdict:
+    """Difference of the velocity at the border from the closed form.
+
+    The closed form is the first term of a series in 1 - r; what follows it halves with 1 - r.
+    """
     near = np.asarray(dataset.near)
     ratio = np.asarray(dataset.near_size) / np.sqrt(4.0 * (1.0 - near))
-    # The closed form is the first term of a series in 1 - r; what follows it halves with 1 - r.
     limit = 2.0 * ratio[-1] - ratio[-2]
-    slips = np.asarray(dataset.ratio)[np.asarray(dataset.stuck) == 0.0]
-    sticks = np.asarray(dataset.ratio)[np.asarray(dataset.stuck) > 0.0]
-    between = (sticks.max(), slips.min())
+    return verdict(
+        abs(limit - 1.0), Machines.AMPLITUDE,
+        f"over it {', '.join(f'{x:.4f}' for x in ratio)} at r = "
+        f"{', '.join(f'{x:g}' for x in near)}, in the limit {limit:.5f}",
+    )  # fmt: skip
+
+
+@statement("M3.3", "The bearing sticks from where averaged swings reach the shaft's speed.")
+def sticks_from(dataset: xr.Dataset) -> Verdict:
+    """Difference of the dampings at which sticking begins."""
+    over, stuck = np.asarray(dataset.ratio), np.asarray(dataset.stuck)
+    between = (over[stuck > 0.0].max(), over[stuck == 0.0].min())
     known, step = border(), float(dataset.ratio[1] - dataset.ratio[0])
-    off = abs(0.5 * sum(between) - known)
-    return [
-        verdict(
-            "M3.1", "Small swings grow at the rate -(c + T')/2J.", growth, Machines.SWINGS,
-            f"{dataset.sizes['ratio']} dampings, the largest rate {size:.4g} 1/s; relative",
-        ),
-        verdict(
-            "M3.2", "Near the border their velocity is u_s sqrt(2 (1 - r)).", abs(limit - 1.0),
-            Machines.AMPLITUDE,
-            f"over it {', '.join(f'{x:.4f}' for x in ratio)} at r = "
-            f"{', '.join(f'{x:g}' for x in near)}, in the limit {limit:.5f}",
-        ),
-        verdict(
-            "M3.3", "The bearing sticks from where averaged swings reach the shaft's speed.", off,
-            Machines.HALF_STEP * step + Machines.AVERAGING,
-            f"it begins between r = {between[0]:.3f} and {between[1]:.3f}, averaged {known:.4f}",
-        ),
-    ]  # fmt: skip
+    return verdict(
+        abs(sum(between) / 2.0 - known), Machines.HALF_STEP * step + Machines.AVERAGING,
+        f"it begins between r = {between[0]:.3f} and {between[1]:.3f}, averaged {known:.4f}",
+    )  # fmt: skip
+
+
+judge = judge_all("M3.")
 
 
 EXPERIMENT = Experiment(

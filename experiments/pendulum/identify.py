@@ -19,7 +19,8 @@ from matplotlib.figure import Figure
 
 from stickslip.identification import Fit, LevenbergMarquardt, compare
 
-from .._experiment import Context, Experiment, Statement
+from .._experiment import Context, Experiment
+from .._statement import Verdict, judge_all, statement
 from .._thresholds import Measured
 from ._pendulum import LAWS, SIGMA, TERMS, predicted, problem, rest_of
 from ._record import STEP, Segment, load
@@ -146,44 +147,82 @@ def _whole(row: xr.DataArray, over: str) -> xr.DataArray:
     return (row**2).mean(over) ** 0.5
 
 
-def judge(data: xr.Dataset) -> list[Statement]:
-    laws = [str(law) for law in data.law.values]
-    richest = laws[-1]
+def _laws(data: xr.Dataset) -> list[str]:
+    """Names of the laws, the richest last."""
+    return [str(law) for law in data.law.values]
 
-    def told(row: xr.DataArray) -> dict[str, float]:
-        return {law: 1e3 * float(v) for law, v in zip(laws, row.values, strict=True)}
 
-    def listed(found: dict[str, float]) -> str:
-        return ", ".join(f"{law} {v:.2f} mrad" for law, v in found.items())
+def _errors(data: xr.Dataset, name: str, over: str) -> dict[str, float]:
+    """Root mean square of an error over segments, by law [mrad]."""
+    row = _whole(data[name], over).values
+    return {law: 1e3 * float(v) for law, v in zip(_laws(data), row, strict=True)}
 
-    rest, later = told(_whole(data.rest, "segment")), told(_whole(data.validation, "later"))
-    out = told(_whole(data.left_out, "segment"))
+
+def _listed(found: dict[str, float]) -> str:
+    return ", ".join(f"{law} {v:.2f} mrad" for law, v in found.items())
+
+
+@statement("R2.1", "Every fit converges.")
+def every_fit_converges(data: xr.Dataset) -> Verdict:
+    """How many do."""
+    told = f"{int(data.successful.sum())} of {data.law.size}"
+    return bool(data.successful.all()), told
+
+
+@statement("R2.2", "AIC, BIC and the rest of each segment choose dry friction with drag.")
+def dry_friction_with_drag_is_chosen(data: xr.Dataset) -> Verdict:
+    """The law that each of them chooses."""
+    laws, rest = _laws(data), _errors(data, "rest", "segment")
     chosen = [laws[int(np.argmin(data[key].values))] for key in ("aic", "bic")]
     chosen.append(min(rest, key=lambda law: rest[law]))
-    viscous, last = data.estimate.sel(law="viscous"), data.estimate.sel(law=richest)
+    return set(chosen) == {laws[-1]}, f"chosen: {'; '.join(chosen)}. Rest: {_listed(rest)}"
+
+
+@statement("R2.3", f"That law predicts the rest of each segment to {MRAD:g} mrad.")
+def predicts_the_rest(data: xr.Dataset) -> Verdict:
+    """Error of the richest law."""
+    rest = _errors(data, "rest", "segment")[_laws(data)[-1]]
+    return rest < MRAD, f"{rest:.2f} mrad"
+
+
+@statement("R2.4", f"It predicts the rest of the segments for validation to {MRAD:g} mrad.")
+def predicts_the_validation(data: xr.Dataset) -> Verdict:
+    """Errors of all laws."""
+    later = _errors(data, "validation", "later")
+    return later[_laws(data)[-1]] < MRAD, _listed(later)
+
+
+@statement("R2.5", "It predicts a segment that was left out best.")
+def predicts_what_was_left_out(data: xr.Dataset) -> Verdict:
+    """Errors of all laws; open without the fits that leave segments out."""
+    out, richest = _errors(data, "left_out", "segment"), _laws(data)[-1]
+    best = None if np.isnan(out[richest]) else min(out, key=lambda law: out[law]) == richest
+    return best, _listed(out)
+
+
+@statement(
+    "R2.6",
+    f"With viscous friction alone the gravity term is that published to {Measured.SWING_GRAVITY:.0%}.",
+)
+def gravity_is_as_published(data: xr.Dataset) -> Verdict:
+    """Relative differences from what is published."""
+    viscous = data.estimate.sel(law="viscous")
     off = {n: float(viscous.sel(term=n)) / value - 1.0 for n, value in PUBLISHED.items()}
-    error = data.standard_error.sel(law=richest)
-    return [
-        Statement("R2.1", "Every fit converges.", bool(data.successful.all()),
-                  f"{int(data.successful.sum())} of {len(laws)}"),
-        Statement("R2.2", "AIC, BIC and the rest of each segment choose dry friction with drag.",
-                  set(chosen) == {richest}, f"chosen: {'; '.join(chosen)}. Rest: {listed(rest)}"),
-        Statement("R2.3", f"That law predicts the rest of each segment to {MRAD:g} mrad.",
-                  rest[richest] < MRAD, f"{rest[richest]:.2f} mrad"),
-        Statement("R2.4", f"It predicts the rest of the segments for validation to {MRAD:g} mrad.",
-                  later[richest] < MRAD, listed(later)),
-        Statement("R2.5", "It predicts a segment that was left out best.",
-                  None if np.isnan(out[richest]) else min(out, key=lambda law: out[law]) == richest,
-                  listed(out)),
-        Statement("R2.6", "With viscous friction alone the gravity term is that published to "
-                  f"{Measured.SWING_GRAVITY:.0%}.", abs(off["gravity"]) < Measured.SWING_GRAVITY,
-                  ", ".join(f"{name} {100 * v:+.2f}%" for name, v in off.items())),
-        Statement("R2.7", f"Dry friction is there: more than {Measured.SURE:g} standard "
-                  "errors from zero.",
-                  float(last.sel(term="dry")) > Measured.SURE * float(error.sel(term="dry")),
-                  ", ".join(f"{n} {float(last.sel(term=n)):.4g} +- {float(error.sel(term=n)):.2g}"
-                            for n in terms_of(richest))),
-    ]  # fmt: skip
+    told = ", ".join(f"{name} {v:+.2%}" for name, v in off.items())
+    return abs(off["gravity"]) < Measured.SWING_GRAVITY, told
+
+
+@statement("R2.7", f"Dry friction is there: more than {Measured.SURE:g} standard errors from zero.")
+def dry_friction_is_there(data: xr.Dataset) -> Verdict:
+    """Estimates by the richest law with their standard errors."""
+    law = _laws(data)[-1]
+    value = {n: float(data.estimate.sel(law=law, term=n)) for n in terms_of(law)}
+    error = {n: float(data.standard_error.sel(law=law, term=n)) for n in terms_of(law)}
+    told = ", ".join(f"{n} {value[n]:.4g} +- {error[n]:.2g}" for n in value)
+    return value["dry"] > Measured.SURE * error["dry"], told
+
+
+judge = judge_all("R2.")
 
 
 EXPERIMENT = Experiment(

@@ -23,7 +23,8 @@ from stickslip.identification import (
     report,
 )
 
-from .._experiment import Context, Experiment, Statement
+from .._experiment import Context, Experiment
+from .._statement import Verdict, judge_all, statement
 from .._thresholds import Measured
 from ._record import load, step_of
 from ._slider import LAWS, SIGMA, STARTS, problem
@@ -34,6 +35,7 @@ CORRELATED = 0.5  # so long the residuals are correlated with themselves [s]
 HELD = 20.0  # what comes later than this after the step is predicted, in one more fit [s]
 LAGS = 50
 PAIR = ("a", "b")
+MICRO = 1e6  # µm in a metre
 
 
 def correlated_covariance(jacobian: np.ndarray, residual: np.ndarray, time: np.ndarray) -> np.ndarray:
@@ -179,86 +181,156 @@ def draw(data: xr.Dataset) -> Figure:
     return figure
 
 
-def judge(data: xr.Dataset) -> list[Statement]:
-    def pair(law: str) -> dict[str, float]:
-        return {n: float(data.estimate.sel(law=law, unknown=n)) for n in PAIR}
+def _pair(data: xr.Dataset, law: str) -> dict[str, float]:
+    return {n: float(data.estimate.sel(law=law, unknown=n)) for n in PAIR}
 
-    def block(law: str, name: str) -> np.ndarray:
-        return data[name].sel(law=law, unknown=list(PAIR), other=list(PAIR)).values
+
+def _off(data: xr.Dataset, law: str) -> float:
+    """How far a and b are from what is published."""
+    return max(abs(v - WANTED) for v in _pair(data, law).values())
+
+
+def _block(data: xr.Dataset, law: str, name: str) -> np.ndarray:
+    """Covariance of a and b."""
+    return data[name].sel(law=law, unknown=list(PAIR), other=list(PAIR)).values
+
+
+def _correlation(data: xr.Dataset, law: str) -> float:
+    square = _block(data, law, "covariance")
+    return float(square[0, 1] / np.sqrt(square[0, 0] * square[1, 1]))
+
+
+def _inflated(data: xr.Dataset) -> dict[str, float]:
+    """By law, the variance of a under the noise as it is over that under white noise."""
+    both = ("correlated_covariance", "covariance")
+    real, white = ({law: _block(data, law, name)[0, 0] for law in LAWS} for name in both)
+    return {law: float(real[law] / white[law]) for law in LAWS}
+
+
+def _surplus(data: xr.Dataset, law: str) -> tuple[float, float]:
+    """b - a with its standard error."""
+    square = _block(data, law, "correlated_covariance")
+    error = np.sqrt(square[0, 0] + square[1, 1] - 2.0 * square[0, 1])
+    return _pair(data, law)["b"] - _pair(data, law)["a"], float(error)
+
+
+def _by_law(data: xr.Dataset, name: str) -> dict[str, float]:
+    return {law: float(data[name].sel(law=law)) for law in LAWS}
+
+
+@statement("R3.1", f"Both laws converge, from every start to the same estimate, to {Measured.SAME:g}.")
+def laws_converge(data: xr.Dataset) -> Verdict:
+    """Largest relative difference between the estimates."""
+    apart = _by_law(data, "apart")
+    told = ", ".join(f"{law} {v:.2g} apart" for law, v in apart.items())
+    return bool(data.successful.all()) and max(apart.values()) < Measured.SAME, told
+
+
+@statement("R3.2", f"a and b are {WANTED:g} to {WITHIN:g}, by the ageing law.")
+def ageing_law_as_published(data: xr.Dataset) -> Verdict:
+    """a and b with their standard errors, for white noise and for the noise as it is."""
 
     def listed(law: str) -> str:
-        white, real = (np.sqrt(np.diag(block(law, n))) for n in ("covariance", "correlated_covariance"))
+        white, real = (
+            np.sqrt(np.diag(_block(data, law, n))) for n in ("covariance", "correlated_covariance")
+        )
         return f"{law}: " + ", ".join(
             f"{n} = {v:.5f} +- {w:.5f} (noise as it is {r:.5f})"
-            for (n, v), w, r in zip(pair(law).items(), white, real, strict=True)
+            for (n, v), w, r in zip(_pair(data, law).items(), white, real, strict=True)
         )
 
-    def correlation(law: str, name: str) -> float:
-        square = block(law, name)
-        return float(square[0, 1] / np.sqrt(square[0, 0] * square[1, 1]))
+    return _off(data, "ageing") < WITHIN, "; ".join(listed(law) for law in LAWS)
 
-    def surplus(law: str) -> tuple[float, float]:
-        square = block(law, "correlated_covariance")
-        error = np.sqrt(square[0, 0] + square[1, 1] - 2.0 * square[0, 1])
-        return pair(law)["b"] - pair(law)["a"], float(error)
 
-    off = {law: max(abs(v - WANTED) for v in pair(law).values()) for law in LAWS}
+@statement("R3.3", "So they are by the slip law.")
+def slip_law_as_published(data: xr.Dataset) -> Verdict:
+    """How far they are off."""
+    off = _off(data, "slip")
+    return off < WITHIN, f"{off:.5f} off at most"
+
+
+@statement(
+    "R3.4", f"Intervals by the profile and by Wald agree, to {Measured.INTERVALS:g} of their width."
+)
+def intervals_agree(data: xr.Dataset) -> Verdict:
+    """The intervals by the profile; open without them."""
     row = data.sel(law="ageing", unknown=list(PAIR))
-    profiled = row.profile.values
-    width = np.diff(row.wald.values, axis=1)
-    moved = np.abs(profiled - row.wald.values) / width
-    inflated = {
-        law: float((block(law, "correlated_covariance") / block(law, "covariance"))[0, 0])
-        for law in LAWS
-    }
-    late = data.estimate.sel(law="ageing", unknown="late")
-    apart = {law: float(data.apart.sel(law=law)) for law in LAWS}
-    p = {law: float(data.p_value.sel(law=law)) for law in LAWS}
+    profiled, wald = row.profile.values, row.wald.values
+    moved = np.abs(profiled - wald) / np.diff(wald, axis=1)
+    told = ", ".join(
+        f"{n} from {low:.5f} to {high:.5f}" for n, (low, high) in zip(PAIR, profiled, strict=True)
+    )
+    correlations = ", ".join(f"{law} {_correlation(data, law):.3f}" for law in LAWS)
+    return (
+        None if np.isnan(profiled).any() else bool(moved.max() < Measured.INTERVALS),
+        f"profile, ageing: {told}; correlation of a and b {correlations}",
+    )
+
+
+@statement("R3.5", "The residuals after the step are white.")
+def residuals_are_white(data: xr.Dataset) -> Verdict:
+    """Their probabilities, if they were white, and what their correlation does to the variance."""
+    p = _by_law(data, "p_value")
+    return (
+        min(p.values()) > Measured.WHITE,
+        ", ".join(f"{law}: p = {v:.2g}" for law, v in p.items())
+        + "; the variance of a is as many times that for white noise: "
+        + ", ".join(f"{law} {v:.1f}" for law, v in _inflated(data).items()),
+    )
+
+
+@statement(
+    "R3.6",
+    f"Friction weakens with speed: b above a by more than {Measured.WEAKENS:g} standard errors.",
+)
+def friction_weakens(data: xr.Dataset) -> Verdict:
+    """b - a with its standard error for the noise as it is."""
+    surplus = {law: _surplus(data, law) for law in LAWS}
+    told = ", ".join(f"{law}: b - a = {v:.5f} +- {e:.5f}" for law, (v, e) in surplus.items())
+    return all(v > Measured.WEAKENS * e for v, e in surplus.values()), told
+
+
+@statement(
+    "R3.7",
+    f"Friction and displacement show the same time of the step, to {Measured.STEP_TIME:g} s.",
+)
+def step_is_seen_twice(data: xr.Dataset) -> Verdict:
+    """How much later friction shows the step."""
+    late = float(data.estimate.sel(law="ageing", unknown="late"))
+    speeds = [MICRO * data.attrs[name] for name in ("before", "after")]
+    return (
+        abs(late) < Measured.STEP_TIME,
+        f"{1e3 * late:.0f} ms after {data.attrs['begin']:.3f} s; speeds by the displacement "
+        f"{speeds[0]:.2f} and {speeds[1]:.2f} µm/s",
+    )
+
+
+@statement(
+    "R3.8",
+    f"The record tells the two laws apart: AIC by more than {Measured.AIC:g}, noise as it is.",
+)
+def laws_differ(data: xr.Dataset) -> Verdict:
+    """Difference of AIC, also divided by what the correlation of the noise does to the variance."""
     aic = data.aic.values - data.aic.values.min()
     least = str(data.law.values[int(np.argmin(data.aic.values))])
-    support = float(aic.max()) / max(inflated.values())
-    held = {law: float(data.held_out.sel(law=law)) for law in LAWS}
-    speeds = [1e6 * data.attrs[name] for name in ("before", "after")]
-    return [
-        Statement("R3.1", "Both laws converge, from every start to the same estimate, to "
-                  f"{Measured.SAME:g}.",
-                  bool(data.successful.all()) and max(apart.values()) < Measured.SAME,
-                  ", ".join(f"{law} {v:.2g} apart" for law, v in apart.items())),
-        Statement("R3.2", f"a and b are {WANTED:g} to {WITHIN:g}, by the ageing law.",
-                  off["ageing"] < WITHIN, "; ".join(listed(law) for law in LAWS)),
-        Statement("R3.3", "So they are by the slip law.", off["slip"] < WITHIN,
-                  f"{off['slip']:.5f} off at most"),
-        Statement("R3.4", "Intervals by the profile and by Wald agree, to "
-                  f"{Measured.INTERVALS:g} of their width.",
-                  None if np.isnan(profiled).any() else bool(moved.max() < Measured.INTERVALS),
-                  "profile, ageing: " + ", ".join(
-                      f"{n} from {low:.5f} to {high:.5f}"
-                      for n, (low, high) in zip(PAIR, profiled, strict=True))
-                  + "; correlation of a and b " + ", ".join(
-                      f"{law} {correlation(law, 'covariance'):.3f}" for law in LAWS)),
-        Statement("R3.5", "The residuals after the step are white.", min(p.values()) > Measured.WHITE,
-                  ", ".join(f"{law}: p = {v:.2g}" for law, v in p.items())
-                  + "; the variance of a is as many times that for white noise: "
-                  + ", ".join(f"{law} {v:.1f}" for law, v in inflated.items())),
-        Statement("R3.6", "Friction weakens with speed: b above a by more than "
-                  f"{Measured.WEAKENS:g} standard errors.",
-                  all(value > Measured.WEAKENS * error for value, error in map(surplus, LAWS)),
-                  ", ".join(
-                      "{}: b - a = {:.5f} +- {:.5f}".format(law, *surplus(law)) for law in LAWS)),
-        Statement("R3.7", "Friction and displacement show the same time of the step, to "
-                  f"{Measured.STEP_TIME:g} s.",
-                  abs(float(late)) < Measured.STEP_TIME,
-                  f"{1e3 * float(late):.0f} ms after {data.attrs['begin']:.3f} s; speeds by the "
-                  f"displacement {speeds[0]:.2f} and {speeds[1]:.2f} µm/s"),
-        Statement("R3.8", "The record tells the two laws apart: AIC by more than "
-                  f"{Measured.AIC:g}, noise as it is.", support > Measured.AIC,
-                  f"{least} is better by {aic.max():.1f}, for the noise as it is by {support:.1f}"),
-        Statement("R3.9", "Fitted up to 20 s after the step, both laws predict the rest to "
-                  f"{Measured.PREDICTS:g} times the noise.",
-                  max(held.values()) < Measured.PREDICTS * SIGMA,
-                  ", ".join(f"{law} {1e3 * v:.2f}e-3" for law, v in held.items())
-                  + f", noise {1e3 * SIGMA:.2f}e-3"),
-    ]  # fmt: skip
+    support = float(aic.max()) / max(_inflated(data).values())
+    told = f"{least} is better by {aic.max():.1f}, for the noise as it is by {support:.1f}"
+    return support > Measured.AIC, told
+
+
+@statement(
+    "R3.9",
+    f"Fitted up to {HELD:g} s after the step, both laws predict the rest to "
+    f"{Measured.PREDICTS:g} times the noise.",
+)
+def predict_the_rest(data: xr.Dataset) -> Verdict:
+    """Their errors."""
+    held = _by_law(data, "held_out")
+    told = ", ".join(f"{law} {1e3 * v:.2f}e-3" for law, v in held.items())
+    return max(held.values()) < Measured.PREDICTS * SIGMA, f"{told}, noise {1e3 * SIGMA:.2f}e-3"
+
+
+judge = judge_all("R3.")
 
 
 EXPERIMENT = Experiment(

@@ -22,7 +22,7 @@ import stickslip as ss
 from stickslip.identification import Fit, Profile, least_squares, profile, sensitivity
 
 from ..corexy._input import Input
-from ._many import Row
+from ._many import Case
 
 NAMES = tuple(sorted(cx.FITTED_PARAMETERS))
 BELTS = ("mu_1k_b", "mu_2k_b")
@@ -325,7 +325,7 @@ def sizes(found: np.ndarray, sigma: np.ndarray) -> np.ndarray:
     return np.log([np.sqrt(1.0 + np.mean(part**2, axis=-1)) for part in parts])
 
 
-def one(parameters: dict[str, Any], number: int) -> Row:
+def one(parameters: dict[str, Any], number: int) -> Case:
     """A machine: its records, the best of its fits, and the intervals."""
     rng = np.random.default_rng((parameters["seed"], number))
     known = drawn(rng)

@@ -20,12 +20,12 @@ from stickslip.sweep import as_json
 
 from .._experiment import Context
 
-Row = dict[str, Any]
-One = Callable[[dict[str, Any], int], Row]
+Case = dict[str, Any]
+One = Callable[[dict[str, Any], int], Case]
 NOT_OF_A_CASE = ("count", "workers")
 
 
-def many(name: str, one: One, parameters: dict[str, Any], context: Context, block: int) -> Row:
+def many(name: str, one: One, parameters: dict[str, Any], context: Context, block: int) -> Case:
     """`one(parameters, number)` of all numbers below `parameters["count"]`, stacked by name.
 
     Blocks of cases are kept below `context.stores`, so that the same command goes on where it was
@@ -72,7 +72,7 @@ def _path(folder: pathlib.Path, first: int, last: int) -> pathlib.Path:
     return folder / f"{first:05d}-{last:05d}.npz"
 
 
-def _read(path: pathlib.Path) -> Row | None:
+def _read(path: pathlib.Path) -> Case | None:
     try:
         with path.open("rb") as file, np.load(file) as found:
             return dict(found)

@@ -1,4 +1,4 @@
-"""Analyses of any hybrid system: none knows which machine it looks at."""
+"""Analyses of any hybrid system: none knows which machine it analyses."""
 
 from ._attractor import CANNOT_TELL as CANNOT_TELL
 from ._attractor import Verdict as Verdict

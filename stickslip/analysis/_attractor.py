@@ -45,7 +45,7 @@ class Verdict(NamedTuple):
     """Outcome of `period_of`.
 
     - `period`: points after which the sequence repeats; 0 if it does so after none up to the largest
-      that was looked for; -1 if that cannot be told.
+      that was looked for; -1 if that is unknown.
     - `status`: why, an index into `PERIOD_STATUS`.
     - `slow`: whether the first points are not yet those of the attractor.
     """
@@ -70,7 +70,7 @@ def period_of(
     start: Given[Float[Array, " observable"]] | None = None,
     periods: Given[Sequence[float | None] | None] = None,
 ) -> Verdict:
-    r"""Period of a sequence of points, or the reason why it cannot be told.
+    r"""Period of a sequence of points, or the reason why it is unknown.
 
     **Arguments**
 
@@ -154,14 +154,14 @@ def period_of(
     scaled = (latest - low[None, :]) / jnp.where(moves, size, jnp.inf)[None, :]
     tells = moves & (jnp.max(jnp.abs(latest), axis=0) > VANISHES * size)
 
-    def look(p):
+    def judged(p):
         repeats = _away_from_last_round(scaled, jnp.maximum(quarter, p) + p, p) <= tolerance
         enough = count >= jnp.maximum(2 * p, p + 3)
         return enough & repeats, *_approach(scaled, count, quarter, p, tolerance)
 
     # All at once in one piece of program: unrolled it took a second to compile.
     tried = jnp.arange(1, max(min(max_period, room // 2), 1) + 1, dtype=count.dtype)
-    repeats, shrunk, still = jax.vmap(look)(tried)
+    repeats, shrunk, still = jax.vmap(judged)(tried)
     period = jnp.where(jnp.any(repeats), tried[jnp.argmax(repeats)], 0)
     slow = jnp.any(shrunk)
     creeps = jnp.any(still) | _draws_together(scaled, count)

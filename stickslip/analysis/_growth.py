@@ -186,8 +186,8 @@ def judged(
 def check_counts(
     segments: Any, warm_up: Any, blocks: Any, exponents: Any, size: int, name: str = "segments"
 ) -> None:
-    """Refuse numbers of segments, which the caller knows by `name`, of blocks and exponents that make
-    no average."""
+    """Raise for numbers of segments, which the caller knows by `name`, of blocks or of exponents from
+    which no average can be made."""
     for argument, value, low in (
         (name, segments, 4),
         ("warm_up", warm_up, 0),

@@ -73,10 +73,9 @@ def lyapunov_spectrum(
     - `transient` [s]: time before all that, without tangents.
     - `exponents`: how many, greatest first (default: all). The cost of each is about that of a motion.
     - `components`: names of the state's components that deviate (default: all), `"x[0]"` for one number
-      of an array. Where the others do
-      not depend on them, these are the exponents of the driven part; otherwise conditional exponents
-      (Pecora & Carroll 1990). An undamped or forced part that moves by itself has exponents of zero,
-      which hide a negative one of what it drives.
+      of an array. Where the others do not depend on them, these are the exponents of the driven part;
+      otherwise conditional exponents (Pecora & Carroll 1990). An undamped or forced part that moves by
+      itself has exponents of zero, which hide a negative exponent of the part that it drives.
     - `scales`: a state of positive numbers, the units in which deviations are measured (default 1).
       Exponents do not depend on them, but how fast they converge does: with speeds in units of a
       frequency times the length, an oscillation has the same size all the time.

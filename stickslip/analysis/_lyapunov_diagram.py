@@ -114,7 +114,7 @@ def lyapunov_diagram(
 
 
 def _check_options(options: Mapping[str, Any]) -> None:
-    """Raise for what `lyapunov_spectrum` does not know, or takes from elsewhere."""
+    """Raise for options that `lyapunov_spectrum` does not have, or that are given elsewhere."""
     own = ("system", "y0", "segment", "segments", "scales")
     allowed = [name for name in inspect.signature(lyapunov_spectrum).parameters if name not in own]
     for name in options:

@@ -146,7 +146,7 @@ def shape_of(
     argument: str, what: Any, observable: "Observable", system: AbstractHybridSystem, y0: PyTree,
     mode: Any, args: PyTree, *, single: bool = False,
 ) -> tuple[int, ...]:  # fmt: skip
-    """Shape of an observable, found without compiling; refused if it is no array of real numbers.
+    """Shape of an observable, found without compiling; raises if it is not an array of real numbers.
 
     With `single` it must be one number, as of a section. `what`: the observable as it was asked for.
     """

@@ -76,8 +76,8 @@ def orbit_diagram(
     - `grid`: parameter name to vector of values; with two names, all pairs.
     - `y0`: initial state. A component whose shape begins with the grid's has a value for each lane, any
       other is shared by all. Where the system can take it both ways (an array of as many numbers as the
-      grid has values) it is refused: a `xarray.DataArray` with the grid's names among its dimensions is
-      per lane, with other dimensions shared.
+      grid has values) this raises an error: an `xarray.DataArray` with the grid's names among its
+      dimensions is per lane, with other dimensions shared.
     - `section`: a `Section` (direction in words), or `Maximum("x")`, `Minimum("x")` of an observable;
       or a mapping from names to several of them, which are recorded in the same run.
     - `observables`: name or sequence of names: a component of the state, `"x[0]"` for one number of an
@@ -91,7 +91,7 @@ def orbit_diagram(
       there.
     - `carried`: `Carried("upwards")` or `Carried("downwards")`: each lane starts from the end of its
       neighbour, which shows hysteresis. Sequential by nature: as many lanes at a time as the other
-      parameter has values, one without another. A lane that failed hands on what it was given. The
+      parameter has values, one without another. A lane that failed hands on the state it was given. The
       clock starts at `record.t0` in every lane: give an explicit forcing its phase as a state, or let
       the time of a run be a multiple of its period.
     - `check`: so many lanes, evenly spaced, are computed again at half the step (`FixedStep`) or a
@@ -112,11 +112,11 @@ def orbit_diagram(
       fewer than `points` of all sections (`fewer_points`), its first points are not yet those of the
       attractor although a transient was dropped (`not_settled`), or the engine's result code;
     - `period`: number of points after which the observables repeat; 0 if after none of 1 to
-      `period.longest`; -1 where that cannot be told. `period_status` says why, by number with words in
+      `period.longest`; -1 where that is unknown. `period_status` says why, by number with words in
       `attrs["flag_meanings"]`: `repeats`; `none`; `lane_failed`; `too_few_points` (4 are needed for
       period one, twice the longest to say that there is none); `not_finite`; `not_settled`;
-      `constant` (a rest); `zero_on_section` (nothing was observed but what is zero there, as a speed
-      is at the maxima of its position); `below_rounding`. Points are the same if each observable
+      `constant` (a rest); `zero_on_section` (all that was observed is zero there, as a speed is
+      at the maxima of its position); `below_rounding`. Points are the same if each observable
       differs by at most `period.tolerance` of its range along the whole motion, over the last quarter
       of the points. Time is left out, and components that are not observed do not count;
     - `slow_transient`: the first points are not yet those of the attractor: drop more time;
@@ -172,7 +172,9 @@ def orbit_diagram(
     found, cuts, borders = reads(one)
     for key in found:
         if key in coords or key in RESULTS_OF_A_LANE:
-            raise refusal(f"observables[{key!r}]", observed[key], "named otherwise: the name is taken")
+            raise refusal(
+                f"observables[{key!r}]", observed[key], "given another name: this one is taken"
+            )
     check_count("check", check, 0)
     check_type("carried", carried, Carried | None, "a Carried, or None")
     if carried is not None and per_lane:
@@ -287,12 +289,12 @@ def _labels(plan: OrbitPlan, found, own, coords, labels, given_units) -> dict[st
     variables["period"] = Variable(
         each,
         units="1",
-        long_name="points after which the attractor repeats, 0 if none, -1 if not to be told",
+        long_name="points after which the attractor repeats, 0 if none, -1 if unknown",
         attrs={"tolerance": plan.period.tolerance, "max_period": plan.period.longest},
     )
     variables["period_status"] = Variable(
         each,
-        long_name="what the period is based on, or why it cannot be told",
+        long_name="what the period is based on, or why it is unknown",
         attrs={
             "flag_values": list(range(len(PERIOD_STATUS))),
             "flag_meanings": " ".join(PERIOD_STATUS),

@@ -36,8 +36,8 @@ USABLE = ("ok", "buffer_full", "not_settled", "fewer_points")
 # Fractions of the recorded time at which the motion is sampled for its size. Uneven, so that no period
 # of the motion is hit at one phase all the time; dense at the beginning, which is all there is where a
 # lane stops after so many points.
-LOOKS = ((np.arange(24) + 1.0) / 24) ** 3
-FEWEST_LOOKS = 8
+SAMPLES = ((np.arange(24) + 1.0) / 24) ** 3
+FEWEST_SAMPLES = 8
 
 
 class OrbitPlan(NamedTuple):
@@ -96,11 +96,11 @@ def run_lane(
     going = early == 0
     length = jnp.where(going, numbers.duration, 0.0)
     recorded = simulate(
-        system, begin, begin + length, y, mode, args, saveat=SaveAt(ts=begin + length * LOOKS),
+        system, begin, begin + length, y, mode, args, saveat=SaveAt(ts=begin + length * SAMPLES),
         sections=(*plan.sections.values(), *borders), max_crossings=plan.size, **options,
     )  # fmt: skip
-    logs, looks = recorded.crossings[: len(plan.sections)], recorded.outputs
-    assert looks is not None
+    logs, samples = recorded.crossings[: len(plan.sections)], recorded.outputs
+    assert samples is not None
 
     def values(f, log):
         """Observable over the rows of a log, NaN past its count."""
@@ -133,7 +133,7 @@ def run_lane(
         for f, at_start in zip(found, begun, strict=True)
         for _ in range(at_start.size)
     )
-    span = _span(_columns([values(f, looks) for f in functions]), looks.count)
+    span = _span(_columns([values(f, samples) for f in functions]), samples.count)
 
     def of_section(rows):
         """Points, their number, and the verdict on them."""
@@ -152,9 +152,9 @@ def run_lane(
             periods=turns if any(turns) else None,
             start=jnp.concatenate([a.reshape(-1) for a in begun]),
         )
-        # So few looks at the motion do not give its size, which the tolerance refers to.
+        # So few samples of the motion do not give its size, which the tolerance refers to.
         judged_by = jnp.where(
-            looks.count < FEWEST_LOOKS, PERIOD_STATUS.index("too_few_points"), verdict.status
+            samples.count < FEWEST_SAMPLES, PERIOD_STATUS.index("too_few_points"), verdict.status
         )
         judged_by = jnp.where(failed, PERIOD_STATUS.index("lane_failed"), judged_by)
         told = judged_by <= PERIOD_STATUS.index("none")
@@ -195,7 +195,7 @@ def _span(seen, count):
     valid = (jnp.arange(seen.shape[0], dtype=count.dtype) < count)[:, None]
     low = jnp.min(jnp.where(valid, seen, jnp.inf), axis=0)
     high = jnp.max(jnp.where(valid, seen, -jnp.inf), axis=0)
-    # Without a look the points alone say how far the motion goes.
+    # Without samples the points alone say how far the motion goes.
     none = count == 0
     return jnp.stack([jnp.where(none, 0.0, low), jnp.where(none, 0.0, high)])
 

@@ -45,9 +45,9 @@ def starts_of(
     """Initial states over the grid.
 
     A leaf whose shape begins with that of the grid has a value for each lane, any other is shared.
-    `takes(state)` raises what the system says to a state that is not its own, `reads(state)` what the
-    observables and sections say to it: where that leaves two ways of reading a leaf, it is refused,
-    unless the dimensions of a DataArray say which it is.
+    `takes(state)` raises the system's error for a state that does not fit it, `reads(state)` that of
+    the observables and sections. Where both ways of reading a leaf pass, this raises, unless
+    the dimensions of a DataArray decide.
     """
     grid = tuple(v.size for v in coords.values())
     found = leaves_of("y0", y0)
@@ -100,7 +100,7 @@ def starts_of(
 def _taken(
     judge: Callable[[PyTree], Any], readings: list[list[bool]], states: list[PyTree]
 ) -> tuple[list[list[bool]], Exception | None]:
-    """The ways of reading that raise nothing, and what the first of the others raises."""
+    """The ways of reading that raise nothing, and the error of the first of the others."""
     fits, trouble = [], None
     for lanes, state in zip(readings, states, strict=True):
         try:
@@ -152,7 +152,7 @@ def _by_dimensions(name: str, leaf: Any, coords: Mapping[str, np.ndarray]) -> tu
 
 
 def check_shapes(system: AbstractHybridSystem, t0: Any, y0: PyTree, mode0: Any, args: PyTree) -> None:
-    """Raise what the system says to a state of other shapes than its own. Nothing is compiled."""
+    """Raise the system's error for a state of other shapes than its own. Nothing is compiled."""
 
     def shapes(y: PyTree) -> Any:
         t = jnp.asarray(t0, jnp.float64)

@@ -41,10 +41,10 @@ All are batched by `jax.vmap` and differentiable almost everywhere:
  [-14.      4.667]]
 """
 
+from stickslip.contact._constrained import Held as Held
+from stickslip.contact._constrained import hold as hold
 from stickslip.contact._dead_zone import dead_zone as dead_zone
 from stickslip.contact._dead_zone import vector_dead_zone as vector_dead_zone
-from stickslip.contact._hold import Held as Held
-from stickslip.contact._hold import hold as hold
 from stickslip.contact._resolve import RESULTS as RESULTS
 from stickslip.contact._resolve import Resolution as Resolution
 from stickslip.contact._resolve import resolve as resolve

@@ -13,7 +13,7 @@ from stickslip._outcome import in_words
 from stickslip._validation import check_count
 from stickslip.contact._active_set import ActiveSet
 from stickslip.contact._batching import solver
-from stickslip.contact._hold import constrained
+from stickslip.contact._constrained import constrained
 from stickslip.contact._problem import as_problem
 
 # Far above the rounding of any well-posed problem, far below an error that matters.

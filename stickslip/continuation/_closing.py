@@ -32,7 +32,8 @@ def check_autonomous(
     args: PyTree,
     right: str,
 ) -> None:
-    """Refuse a free period where the time enters: a state that returns at another phase is no orbit."""
+    """Raise for a free period where the time enters: a motion that returns to its state at another
+    phase is not periodic."""
     if depends_on_time(system, (), t0, y0, mode0, args):
         raise refusal(argument, None, f"{right}: the system depends on the time", but="left out")
 

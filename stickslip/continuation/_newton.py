@@ -44,7 +44,7 @@ def newton(
     """Solve `residual(u) = 0` by Newton's method with steps halved while the residual does not fall.
 
     `evaluate(u, state) -> (residual, jacobian, norm, state, carried)`: `state` (the modes at the knots)
-    is that of the accepted point, and handed to the next evaluation. A norm that is not finite refuses
+    is that of the accepted point, and handed to the next evaluation. A norm that is not finite rejects
     the step. `longest(u, du)`: the largest part of a step that is allowed.
     """
 

@@ -8,7 +8,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree
 
-from .._looks_at import instance, looks_at, reals, whole_state
+from .._argument_checks import check_arguments, instance, reals, whole_state
 from .._types import Given
 from .._validation import check_type, misshaped
 from ..hybrid import AbstractHybridSystem, AbstractSystemWrapper
@@ -49,11 +49,11 @@ class WithDeviations(AbstractSystemWrapper):
     def __init__(self, system: Given[AbstractHybridSystem]):
         self.system = check_type("system", system, AbstractHybridSystem, "an AbstractHybridSystem")
 
-    @looks_at(y=_deviating)
+    @check_arguments(y=_deviating)
     def inner(self, y, args):
         return y.y, args
 
-    @looks_at(y=whole_state, columns=reals)
+    @check_arguments(y=whole_state, columns=reals)
     def start(self, y: PyTree, columns: Float[Array, "size count"]) -> Deviating:
         """State with the deviations `columns` of the flattened `y`."""
         size = sum(np.size(leaf) for leaf in jax.tree.leaves(y))
@@ -62,7 +62,7 @@ class WithDeviations(AbstractSystemWrapper):
         unravel = ravel_pytree(y)[1]
         return Deviating(y, jax.vmap(unravel, in_axes=1, out_axes=-1)(columns))
 
-    @looks_at(state=_deviating)
+    @check_arguments(state=_deviating)
     def columns(self, state: Deviating) -> Float[Array, "size count"]:
         """Deviations as columns, in the order of the flattened `y`."""
         return jax.vmap(lambda d: ravel_pytree(d)[0], in_axes=-1, out_axes=1)(state.deviations)

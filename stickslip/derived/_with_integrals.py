@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from .._looks_at import instance, looks_at, time, whole_state
+from .._argument_checks import check_arguments, instance, time, whole_state
 from .._types import Numeric
 from .._validation import check_callable, check_mapping, check_type, refusal
 from ..hybrid import AbstractHybridSystem, AbstractSystemWrapper
@@ -79,11 +79,11 @@ class WithIntegrals(AbstractSystemWrapper):
         """Those of the system and of the integrals."""
         return {**self.system.units, **dict(self.integral_units)}
 
-    @looks_at(y=instance(Augmented, "an Augmented, as `start` makes it"))
+    @check_arguments(y=instance(Augmented, "an Augmented, as `start` makes it"))
     def inner(self, y, args):
         return y.y, args
 
-    @looks_at(y=whole_state, t=time)
+    @check_arguments(y=whole_state, t=time)
     def start(self, y: PyTree, t: Numeric = 0.0, args: PyTree = None) -> Augmented:
         """Initial state: `y` with all integrals zero."""
         mode = jnp.zeros((), jnp.int32)

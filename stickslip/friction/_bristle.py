@@ -48,7 +48,7 @@ class AbstractBristleLaw(AbstractSmoothedLaw):
 
 
 def check_steady_law(law: AbstractFrictionLaw) -> None:
-    """Refuse what bristles cannot settle at: a law without jump, or with none in one sense."""
+    """Raise for laws at which bristles cannot settle: without a jump, or with none in one sense."""
     check_law("law", law, "set-valued")  # the bristles replace its jump
     for sense in (1, -1):
         check_that(

@@ -64,7 +64,7 @@ def _rest(law: AbstractFrictionLaw) -> Iterator[str]:
             yield f"kinetic must be differentiable through rest in sense {sense:+.0f}"
     low, high = law.static_interval()
     if low != -law.static_coefficient(-1) or high != law.static_coefficient(1):
-        yield "static_interval must be what static_coefficient says"
+        yield "static_interval must agree with static_coefficient"
 
 
 @eqx.filter_jit
@@ -93,7 +93,7 @@ def _motion(law: AbstractFrictionLaw, v: Float[Array, " n"]) -> Iterator[str]:
     if law.is_dissipative and not ((mu * v >= 0).all() and (drag * v >= 0).all()):
         yield "the law claims to be dissipative: coefficient and drag must have the sign of v"
     if not _close(found["vmap"], [_coefficient(law, x) for x in v], 1e-14):
-        yield "coefficient must give under vmap what it gives one by one"
+        yield "coefficient must give the same under vmap as one by one"
     if not all(jnp.isfinite(leaf).all() for leaf in found["slopes"]):
         yield "derivatives must be finite away from rest, for the parameters too"
 

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, ArrayLike, Float, Real
 
+from stickslip._argument_checks import Check, check_arguments, check_own_methods, reals, senses
 from stickslip._fastmath import side_of, where
-from stickslip._looks_at import Look, look_at_own, looks_at, reals, senses
 from stickslip._show import AbstractShown
 from stickslip._validation import check_type, refusal
 
@@ -38,7 +38,7 @@ def deformation(law: "AbstractFrictionLaw", name: str, value: Any) -> Any:
 
 
 # What the methods that a law defines look at: their arguments in order.
-_LOOKS: dict[str, dict[str, Look]] = {
+_CHECKED: dict[str, dict[str, Check]] = {
     "kinetic": {"v": reals, "sense": senses},
     "static_coefficient": {"sense": senses},
     "drag": {"v": reals},
@@ -69,21 +69,22 @@ class AbstractFrictionLaw(AbstractShown):
     - **Bristle**, with internal states (`num_states` > 0): `coefficient_from_state(v, state)` and
       `state_rate(v, state)`; then `coefficient` is that of steady sliding. These methods exist for
       every law, with an empty state where there is none.
-    - **Any of them** in terms of what it approximates: `set_valued_limit()`.
+    - **Approximated or not**: `set_valued_limit()` is the set-valued law that a smooth or bristle law
+      approximates.
 
     Claims (`is_odd`, `is_dissipative`) hold for all parameters the constructor accepts;
     `check_friction_law` verifies them. Parameters are float64 arrays: batch, trace and
     differentiate them as any leaf of a pytree. The result has the floating-point type of `v`.
 
-    **Raises**, in all methods and in those of heirs: `TypeError` or `ValueError` naming the argument,
-    its value and what is allowed. Infinite and NaN velocities are allowed, as logs have them.
+    **Raises**, in all methods and in those of subclasses: `TypeError` or `ValueError` naming the
+    argument, its value and what is allowed. Infinite and NaN velocities are allowed, as logs have them.
 
     To write your own law, subclass `AbstractDryFrictionLaw`: three properties and three methods.
     """
 
     def __init_subclass__(cls, **kwargs: Any):
         super().__init_subclass__(**kwargs)
-        look_at_own(cls, _LOOKS)
+        check_own_methods(cls, _CHECKED)
 
     if TYPE_CHECKING:
         # A type checker lets a subclass have either properties or attributes of the class in place of
@@ -148,7 +149,7 @@ class AbstractFrictionLaw(AbstractShown):
     def coefficient_from_state(self, v: Number, state: GivenState) -> Float[Array, "..."]:
         """Signed coefficient for the internal state; `coefficient(v)` where there is none."""
 
-    @looks_at(v=reals)
+    @check_arguments(v=reals)
     def coefficient(self, v: Number) -> Float[Array, "..."]:
         """Signed friction coefficient at relative velocity `v` [m/s], of steady sliding.
 
@@ -159,13 +160,13 @@ class AbstractFrictionLaw(AbstractShown):
         jumps = self.set_valued or self.num_states > 0
         return self.kinetic(v, lax.sign(v) if jumps else side_of(v))
 
-    @looks_at(sense=senses)
+    @check_arguments(sense=senses)
     def kinetic_limit(self, sense: Number = 1) -> Float[Array, "..."]:
         """Magnitude of the coefficient as slip in `sense` begins, the limit v -> 0; 0 if smooth."""
         zero, sense = in_dtype_of(0.0, sense)
         return sense * self.kinetic(zero, sense)
 
-    @looks_at(sense=senses)
+    @check_arguments(sense=senses)
     def breakaway_jump(self, sense: Number = 1) -> Float[Array, "..."]:
         """How far the static coefficient lies above the coefficient as slip in `sense` begins."""
         return self.static_coefficient(sense) - self.kinetic_limit(sense)
@@ -174,19 +175,19 @@ class AbstractFrictionLaw(AbstractShown):
         """Coefficients at rest, lowest and highest; the body slips forward above the highest."""
         return -self.static_coefficient(-1), self.static_coefficient(1)
 
-    @looks_at(v=reals, normal_force=reals)
+    @check_arguments(v=reals, normal_force=reals)
     def force(self, v: Number, normal_force: Number) -> Float[Array, "..."]:
         """Friction force on the body [N], from `coefficient` and `drag`."""
         v, normal_force = in_dtype_of(v, normal_force)
         return -(self.coefficient(v) * normal_force + self.drag(v))
 
-    @looks_at(v=reals, normal_force=reals, sense=senses)
+    @check_arguments(v=reals, normal_force=reals, sense=senses)
     def slip_force(self, v: Number, normal_force: Number, sense: Number) -> Float[Array, "..."]:
         """Friction force on the body [N] in the mode slipping in `sense`, smooth through v = 0."""
         v, normal_force = in_dtype_of(v, normal_force)
         return -(self.kinetic(v, sense) * normal_force + self.drag(v))
 
-    @looks_at(v=reals, normal_force=reals, state=deformation)
+    @check_arguments(v=reals, normal_force=reals, state=deformation)
     def force_from_state(
         self, v: Number, normal_force: Number, state: GivenState
     ) -> Float[Array, "..."]:

@@ -9,7 +9,7 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from stickslip import _fastmath as fast
-from stickslip._looks_at import looks_at, reals
+from stickslip._argument_checks import check_arguments, reals
 from stickslip._validation import (
     as_parameter,
     check_finite,
@@ -168,7 +168,7 @@ class RateAndState(AbstractFrictionLaw):
         v, z, d_c = in_dtype_of(v, *state, self.d_c)
         return self._coefficient(v, z / d_c)
 
-    @looks_at(coefficient=reals, state=deformation)
+    @check_arguments(coefficient=reals, state=deformation)
     def velocity(self, coefficient: Number, state: GivenState) -> Float[Array, "..."]:
         """Speed [m/s] at which the signed coefficient is `coefficient`, for an internal state."""
         mu, z, d_c = in_dtype_of(coefficient, *state, self.d_c)

@@ -8,7 +8,7 @@ from . import _locate
 from ._control import rounding
 from ._event_decision import ROUNDING, First, is_guard
 from ._events import SLACK, Values
-from ._lane import (
+from ._loop_state import (
     COLLAPSED,
     EVENT,
     HOLD,
@@ -168,7 +168,7 @@ def _of_events(plan: Plan, code, lane: Lane, h, t, mode, first: First) -> dict[s
 
 
 def _is_undecided(plan: Plan, lane: Lane, first: First):
-    """Whether the mode that an event led to begins with a guard not told from zero.
+    """Whether the mode that an event led to begins with a guard that cannot be distinguished from zero.
 
     A mode that leaves zero has its guard at zero to rounding as it begins. What lies above rounding
     and below the error of the state might as well lie below zero, and another mode come next.

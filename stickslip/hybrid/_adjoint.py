@@ -16,9 +16,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ._lane import Lane, Plan, accepted
 from ._loop import run_block, running
-from ._pull import Tape, pull, tape_row
+from ._loop_state import Lane, Plan, accepted
+from ._pullback import Tape, pull, tape_row
 from ._tree import write_row
 from ._xla import time_loop
 

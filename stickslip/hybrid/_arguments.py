@@ -128,7 +128,7 @@ _compiled_first_mode = eqx.filter_jit(first_mode)
 def check_field(
     system: AbstractHybridSystem, t0: Any, y0: PyTree, mode: Any, args: PyTree, name: str = "y0"
 ) -> None:
-    """Refuse a state whose time derivative the system cannot give, or gives in another form."""
+    """Raise for a state whose time derivative the system cannot give, or gives in another form."""
     if not jax.tree.leaves(y0):
         raise refusal(name, y0, "a state with at least one component")
     slope = _of_state(
@@ -154,7 +154,7 @@ def check_sections(
     system: AbstractHybridSystem, sections: tuple[Section, ...], t0: Any, y0: PyTree, mode: Any,
     args: PyTree,
 ) -> None:  # fmt: skip
-    """Refuse sections whose functions give no scalar of the motion."""
+    """Raise for sections whose functions do not give one number."""
     for section in sections:
         found = eqx.filter_eval_shape(section.function, system, t0, y0, y0, mode, args)
         number = isinstance(found, int | float) and not isinstance(found, bool)

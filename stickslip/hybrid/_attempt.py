@@ -16,7 +16,18 @@ from ._control import control
 from ._event_decision import First, decide, lowest, searched
 from ._event_time import event_delay
 from ._events import Values
-from ._lane import EVENT, HOLD, PLAIN, Lane, Outcome, Plan, accepted, is_event, moved_on, without_state
+from ._loop_state import (
+    EVENT,
+    HOLD,
+    PLAIN,
+    Lane,
+    Outcome,
+    Plan,
+    accepted,
+    is_event,
+    moved_on,
+    without_state,
+)
 from ._step import Step, take
 from ._system import mode_type
 from ._tree import select, shift

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
-from .._looks_at import instance, looks_at, reals, time, whole_state
+from .._argument_checks import check_arguments, instance, reals, time, whole_state
 from .._types import Given, Numeric, Row
 from .._validation import as_parameter, check_finite, check_increasing, check_type, misshaped
 from ._events import SLACK
@@ -110,11 +110,11 @@ class WithBreaks(AbstractSystemWrapper):
         """Those of `system`."""
         return {**self.system.units, "piece": "1"}
 
-    @looks_at(y=_pieced)
+    @check_arguments(y=_pieced)
     def inner(self, y, args):
         return y.y, args
 
-    @looks_at(y=whole_state, t=time)
+    @check_arguments(y=whole_state, t=time)
     def start(self, y: PyTree, t: Numeric = 0.0) -> Pieced:
         """State at time `t` [s]; a break at `t` itself is past."""
         return Pieced(y, jnp.sum((self.times <= t).astype(jnp.float64)))
@@ -170,6 +170,6 @@ class WithBreaks(AbstractSystemWrapper):
             y, mode = select(violated, after, (y, mode))
         return y, mode
 
-    @looks_at(t=reals, y=_pieced)
+    @check_arguments(t=reals, y=_pieced)
     def initial_mode(self, t, y, args):
         return self.system.initial_mode(self._inside(t, y.piece), y.y, args)

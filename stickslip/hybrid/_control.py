@@ -6,7 +6,7 @@ import equinox.internal as eqxi
 import jax
 import jax.numpy as jnp
 
-from ._lane import DIP, HOLD, PLAIN, REFRESH, REJECT, SHRINK, Lane, Plan, is_event
+from ._loop_state import DIP, HOLD, PLAIN, REFRESH, REJECT, SHRINK, Lane, Plan, is_event
 from ._tolerance import Ends, scales
 from ._xla import bookkeeping
 

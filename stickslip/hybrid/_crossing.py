@@ -17,7 +17,7 @@ from jaxtyping import PyTree
 
 from . import _locate
 from ._event_time import event_delay
-from ._lane import Plan
+from ._loop_state import Plan
 from ._record import Starts
 from ._section import Section
 from ._tree import frozen, select, shift, write_row

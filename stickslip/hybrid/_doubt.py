@@ -18,7 +18,7 @@ import jax
 import jax.numpy as jnp
 
 from ._events import SLACK, EventFunctions, Values
-from ._lane import Lane, Plan
+from ._loop_state import Lane, Plan
 from ._tree import cubic
 
 POINTS = (0.3819660112501051, 0.7236067977499789)
@@ -33,7 +33,7 @@ NO_JUMP = SLACK / ROUNDING
 class Verdict(NamedTuple):
     """What the looks inside a step say of it."""
 
-    doubt: Any  # largest of all event functions; not told where `place` is
+    doubt: Any  # largest of all event functions; `place` does not say where
     place: Any  # fraction of the step at which one is or may be beyond zero, and back; 0 if nowhere
     jumps: Any  # whether one jumps in a step too short to be cut
 

@@ -8,7 +8,8 @@ from jax.lax import stop_gradient
 from . import _locate
 from ._bound import RESOLUTION
 from ._events import FAR, SLACK, EventFunctions, Values
-from ._lane import (
+from ._locate import Bracket
+from ._loop_state import (
     COLLAPSED,
     DIP,
     EVENT,
@@ -22,7 +23,6 @@ from ._lane import (
     Lane,
     Plan,
 )
-from ._locate import Bracket
 from ._status import DISCONTINUOUS, GRAZING, RUNNING, flag
 from ._step import Step
 from ._tree import all_finite
@@ -124,7 +124,7 @@ def _turns(rate0: Any, rate: Any, h: Any) -> Any:
 
 
 def _rests_at_zero(plan: Plan, lane: Lane, first: First) -> Any:
-    """Whether the lowest guard is not told from zero, and stays so by slopes that lead nowhere.
+    """Whether the lowest guard cannot be distinguished from zero, and its slopes keep it there.
 
     What leaves zero, be it without a slope, has one of twice its value in the time that it took.
     """

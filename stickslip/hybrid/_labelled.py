@@ -64,7 +64,7 @@ def _units(unit: str | None, **more: Any) -> dict[str, Any]:
 
 
 def _check(name: str, given: Any, system: Any) -> None:
-    """Refuse anything that is not a system, and a log or solution that is traced."""
+    """Raise for anything that is not a system, and for a log or solution that is traced."""
     the_system(system)
     if not is_concrete(given):
         raise refusal(name, given, "known: call this outside of jit and vmap", TypeError)

@@ -10,7 +10,7 @@ from jax.interpreters.partial_eval import dce_jaxpr
 from jaxtyping import PyTree
 
 from ._attempt import attempt
-from ._lane import Lane, Outcome, Plan
+from ._loop_state import Lane, Outcome, Plan
 from ._status import RUNNING
 from ._xla import time_loop
 

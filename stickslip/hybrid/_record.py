@@ -13,8 +13,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ._lane import REFRESH, Lane, Outcome, Plan, accepted
 from ._loop import run, run_block, running
+from ._loop_state import REFRESH, Lane, Outcome, Plan, accepted
 from ._tree import select
 
 BLOCK = 64
@@ -71,7 +71,7 @@ class Logs(NamedTuple):
     steps: States | None
 
 
-class Row(NamedTuple):
+class LogRow(NamedTuple):
     """The row of one attempt; None where the run has no use for it, because writing rows costs time."""
 
     code: Any
@@ -102,8 +102,8 @@ def record(
     starts = bool(capacities.crossings)  # then the rows say where the next attempt starts
     ends = guards and (logged or rowwise or capacities.outputs > 0)
 
-    def row_of(before: Lane, after: Lane, outcome: Outcome) -> Row:
-        return Row(
+    def row_of(before: Lane, after: Lane, outcome: Outcome) -> LogRow:
+        return LogRow(
             code=outcome.code if guards or rowwise else None,
             guard=outcome.guard if logged else None,
             t=after.t,
@@ -142,8 +142,8 @@ def _empty(capacities: Capacities, lane: Lane) -> Logs:
     )
 
 
-def _collect(capacities: Capacities, logs: Logs, steps, before: Lane, after: Lane, rows: Row):
-    def at(index) -> Row:
+def _collect(capacities: Capacities, logs: Logs, steps, before: Lane, after: Lane, rows: LogRow):
+    def at(index) -> LogRow:
         return jax.tree.map(lambda a: a[index], rows)
 
     def start(index) -> Starts:
@@ -154,14 +154,14 @@ def _collect(capacities: Capacities, logs: Logs, steps, before: Lane, after: Lan
         t, y, mode = select(index == 0, (before.t, before.y, before.mode), (last.t, last.y, mode))
         return Starts(t, y, mode, jax.lax.stop_gradient(rows.t[index] - t))
 
-    def state(row: Row) -> States:
+    def state(row: LogRow) -> States:
         if row.mode_before is None:
             return States(row.t, row.y, before.mode, jnp.zeros_like(before.mode))
         # The attempt of length zero right after an event is the one whose row stands behind the jump.
         jump = (row.code == REFRESH).astype(jnp.int32)
         return States(row.t, row.y_before, row.mode_before, jump)
 
-    def event(row: Row) -> Events:
+    def event(row: LogRow) -> Events:
         return Events(row.t, row.guard, row.mode_before, row.mode, row.y_before, row.y)
 
     events, crossings, outputs, stepped = logs

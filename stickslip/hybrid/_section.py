@@ -20,7 +20,7 @@ class Section(eqx.Module, metaclass=CheckedModule):
 
     **Arguments**
 
-    - `function(system, t, y, dy, mode, args)`: scalar; `system` is what is simulated, so that its
+    - `function(system, t, y, dy, mode, args)`: scalar; `system` is the simulated one, so that its
       parameters are those of the run; `dy` is the time derivative of the state, so that an acceleration
       is `dy.v`.
     - `direction`: `"rising"` (from negative to positive), `"falling"`, or `"both"`.
@@ -29,9 +29,9 @@ class Section(eqx.Module, metaclass=CheckedModule):
 
     A crossing belongs to the half-open interval `(t0, t1]`. A value that starts at zero counts only
     after it has left zero; a jump over zero at an event counts at the time of the event, and a zero
-    that coincides with an event, as the speed of what comes to rest, counts once. Recorded sections do
-    not change the motion: a crossing is a change of sign over a step, located after the run by
-    repeating this step shorter, to rounding. Where the value does not depend on `dy`, adaptive steps
+    that coincides with an event, as the speed of a body that comes to rest, counts once. Recorded
+    sections do not change the motion: a crossing is a change of sign over a step, located after the run
+    by repeating this step shorter, to rounding. Where the value does not depend on `dy`, adaptive steps
     are short enough to know it between their ends (`Integrator.detect_dips`). Otherwise, of crossings
     closer together than a step, two are found if the value is convex over the step, of three or more
     one; `AdaptiveStep(dtmax=...)` bounds the step.

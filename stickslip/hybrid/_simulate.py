@@ -24,12 +24,12 @@ from ._arguments import (
     the_start,
     the_system,
 )
+from ._autodiff import core
 from ._bound import RESOLUTION, bounded
-from ._core import core
 from ._crossing import crossings as located
 from ._dependence import may_jump
 from ._events import event_functions
-from ._lane import Plan
+from ._loop_state import Plan
 from ._progress import ProgressMeter
 from ._record import Capacities
 from ._section import Section
@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 
 
 class SaveAt(eqx.Module, metaclass=CheckedModule):
-    """What of the motion is kept besides its end.
+    """Which parts of the motion are kept besides its end.
 
     - `ts`: output times [s], increasing, within `[t0, t1]`; the integrator lands on each.
     - `steps`: every accepted step and both sides of every event; at most `max_rows` rows.

@@ -214,7 +214,7 @@ def _batch_text(solution: Any) -> str:
 def raise_failures(solution: ResultT, successful: Given[bool | np.ndarray | Array]) -> ResultT:
     """`solution`, or the error of its `result` where a lane of it was not `successful`.
 
-    For whoever builds a `simulate` of their own on this one: to be called outside of its jit, with what
+    For functions that are built on `simulate`: to be called outside of its jit, with what
     was found inside. Under a transformation the error is raised when the program runs.
 
     Errors: `TypeError` for a `solution` that has no `result`, and for flags that are not booleans.

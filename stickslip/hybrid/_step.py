@@ -8,7 +8,7 @@ from jaxtyping import PyTree
 
 from ._doubt import POINTS, TOGETHER, judge, look_inside, told
 from ._events import Values, divided
-from ._lane import Lane, Plan, without_state
+from ._loop_state import Lane, Plan, without_state
 from ._status import DISCONTINUOUS, RUNNING, flag
 from ._tolerance import Ends, error_norm, grown, scales, unexpected
 from ._xla import bookkeeping, piece
@@ -61,7 +61,7 @@ def take(plan: Plan, problem: PyTree, lane: Lane) -> tuple[Lane, Step]:
     kept = values = Values((), ())
     h_seen, jumps = jnp.zeros_like(h), jnp.zeros_like(h) > 0
     if plan.functions.count:
-        kept = values = _look(plan, lane.mode, lane.t + h, y1, dy1, lane.size, problem=problem)
+        kept = values = _values_at(plan, lane.mode, lane.t + h, y1, dy1, lane.size, problem=problem)
         if plan.functions.learned:
             # What ends this step begins the next, which measures by what it finds there.
             values, kept = _rescaled(plan, lane.fresh, jax.lax.stop_gradient(lane.scales), values)
@@ -113,7 +113,7 @@ def _sudden(plan: Plan, lane: Lane, error):
 
 
 @piece
-def _look(plan: Plan, mode, t, y, dy, size, *, problem) -> Values:
+def _values_at(plan: Plan, mode, t, y, dy, size, *, problem) -> Values:
     system, args = problem
     # The magnitude of the motion includes the end of this step: a motion from rest has none before.
     size = grown(size, jax.lax.stop_gradient(y)) if plan.functions.learned else None

@@ -114,11 +114,11 @@ class AdaptiveStep(AbstractAdaptiveStep):
     r"""Steps such that the local error estimate stays below `atol + rtol |y|` in every component.
 
     `atol` is a number, a mapping from names of components or from units (`{"m": 1e-12, "m/s": 1e-9}`),
-    or a pytree like the state. For `None`, the default and what a mapping leaves out, the size of the
-    motion itself takes its place: the error of a component stays below `rtol` times its largest
-    magnitude so far, but at least 1e-6 of that of the largest component, and above the rounding of the
-    field. So lengths may be in metres or in nanometres. An `atol` above 1e-4 of a component's motion
-    is flagged (`Solution.flags`).
+    or a pytree like the state. For `None`, the default, and for components that a mapping leaves out,
+    the size of the motion itself takes its place: the error of a component stays below `rtol` times its
+    largest magnitude so far, but at least 1e-6 of that of the largest component, and above the rounding
+    of the field. So lengths may be in metres or in nanometres. An `atol` above 1e-4 of a component's
+    motion is flagged (`Solution.flags`).
 
     After an accepted step of scaled error `E` the length is multiplied by
     `safety * E**(-(icoeff + pcoeff)/k) * E_previous**(pcoeff/k)`, kept within `[factor_min,
@@ -130,8 +130,8 @@ class AdaptiveStep(AbstractAdaptiveStep):
     with `RESULTS.dt_min_reached`.
 
     Errors: `ValueError` if a tolerance is not positive, or `dtmin < 0`, or `dtmax` not above 0 or below
-    `dtmin`, or `safety` not in (0, 1], or `factor_min` not in (0, 1), or `factor_max` below 1. What of
-    `atol` does not go with the state is refused by `simulate`.
+    `dtmin`, or `safety` not in (0, 1], or `factor_min` not in (0, 1), or `factor_max` below 1. If
+    `atol` does not fit the state, `simulate` raises an error.
     """
 
     rtol: Numeric

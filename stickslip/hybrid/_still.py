@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ._lane import Plan
+from ._loop_state import Plan
 from ._tolerance import ROUNDING, SMALLEST
 
 UNSEEN = 1e7  # a motion of fewer tolerances than this does not set the length of its steps,

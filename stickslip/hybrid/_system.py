@@ -127,16 +127,17 @@ class AbstractHybridSystem(AbstractShown):
         guard_scales: ClassVar[Any] = None
 
     def time_scale(self, args: PyTree) -> Any:
-        r"""Shortest time [s] in which what depends on the time itself changes by its own size.
+        r"""Shortest time [s] in which a term that depends on the time itself changes by its own size.
 
-        $1/\omega$ for a load $\sin\omega t$, a quarter of its width for a pulse, infinity for what is
-        constant between declared breaks. `None`, the default: not known; `AdaptiveStep.dtmax` says how
-        steps are bounded then. No matter where the time does not enter.
+        $1/\omega$ for a load $\sin\omega t$, a quarter of its width for a pulse, infinity for a
+        load that is constant between declared breaks. `None`, the default: not known;
+        `AdaptiveStep.dtmax` says how steps are bounded then. It has no effect where the time does not
+        enter.
         """
         return None
 
     def check_start(self, t: Numeric, y: PyTree, args: PyTree) -> None:
-        """Raise `ValueError` for what no motion can begin with; nothing unless a system says so.
+        """Raise `ValueError` for a state that no motion can begin with; by default it raises nothing.
 
         `simulate` calls it before anything is compiled. Numbers may be traced: these pass unread.
         """

@@ -31,7 +31,7 @@ TOLERANCE = (
 
 
 def check_tolerances(name: str, atol: Any) -> None:
-    """Raise for what cannot be the absolute tolerance of any state."""
+    """Raise if `atol` cannot be the absolute tolerance of any state."""
     if isinstance(atol, Mapping):
         check_mapping(name, atol, TOLERANCE)
     elif atol is not None and not jax.tree.leaves(atol):

@@ -7,7 +7,7 @@ from typing import Any
 import equinox as eqx
 from jaxtyping import PyTree
 
-from .._looks_at import looks_at, reals
+from .._argument_checks import check_arguments, reals
 from ._system import AbstractHybridSystem
 
 
@@ -15,7 +15,7 @@ class AbstractSystemWrapper(AbstractHybridSystem):
     r"""A system around another one, whose modes, guards, units and periods it has.
 
     A subclass has the field `system` and says with `inner(y, args)` what of its own state and arguments
-    belongs to it; what is left to write is `vector_field` and `transition`, and `units` if the state
+    belongs to it; it remains to write `vector_field` and `transition`, and `units` if the state
     holds more. Here, a block with a clock that runs while it sticks:
 
     >>> from typing import Any, NamedTuple
@@ -95,7 +95,7 @@ class AbstractSystemWrapper(AbstractHybridSystem):
         y, args = self.inner(y, args)
         return self.system.guards(t, y, mode, args)
 
-    @looks_at(t=reals)
+    @check_arguments(t=reals)
     def initial_mode(self, t, y, args):
         y, args = self.inner(y, args)
         return self.system.initial_mode(t, y, args)

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from .._looks_at import looks_at, not_negative_number, one_real
+from .._argument_checks import check_arguments, not_negative_number, one_real
 from .._show import html_table, number
 from .._types import Numeric
 from .._validation import is_concrete, refusal
@@ -151,14 +151,14 @@ class Fit(eqx.Module):
         r"""$\|r\|^2/(n - p)$ of $n$ residuals and $p$ unknowns; near 1 if the noise is as assumed."""
         return 2.0 * self.cost / (self.residual.shape[-1] - len(self.sensitivity.names))
 
-    @looks_at(threshold=not_negative_number)
+    @check_arguments(threshold=not_negative_number)
     def standard_errors(self, threshold: Numeric = 1e-7) -> NamedValues:
         """Standard error of every estimate, in its own unit; infinite if the data do not see it."""
         relative = self.sensitivity.relative_standard_errors(threshold)
         slopes = jnp.abs(self.slopes)
         return {name: relative[name] * slopes[..., i] for i, name in enumerate(relative)}
 
-    @looks_at(level=_level, threshold=not_negative_number)
+    @check_arguments(level=_level, threshold=not_negative_number)
     def interval(self, level: Numeric = 0.95, threshold: Numeric = 1e-7) -> NamedValues:
         r"""Wald interval of every estimate, `[*batch, 2]`, lower end first, in its own unit.
 
@@ -174,7 +174,7 @@ class Fit(eqx.Module):
             for name, value in self.values.items()
         }
 
-    @looks_at(threshold=not_negative_number)
+    @check_arguments(threshold=not_negative_number)
     def correlation(self, threshold: Numeric = 1e-7) -> Float[Array, "*batch unknown unknown"]:
         """Correlation of the estimates, to first order; NaN for unknowns that the data do not see."""
         matrix, errors = self.covariance(threshold), self.standard_errors(threshold)
@@ -183,7 +183,7 @@ class Fit(eqx.Module):
         size = jnp.sqrt(jnp.where(seen & (variance > 0), variance, jnp.nan))
         return matrix / size[..., :, None] / size[..., None, :]
 
-    @looks_at(threshold=not_negative_number)
+    @check_arguments(threshold=not_negative_number)
     def covariance(self, threshold: Numeric = 1e-7) -> Float[Array, "*batch unknown unknown"]:
         """Covariance of the values, to first order; combinations not seen are left out of it."""
         slopes = self.slopes

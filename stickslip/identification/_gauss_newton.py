@@ -17,7 +17,7 @@ from ._results import CODE
 from ._sensitivity import Sensitivity
 
 DESCENT = optx.DampedNewtonDescent(linear_solver=lx.QR())
-LEAST = 1e-10  # damping of the step that tells what there is still to gain
+LEAST = 1e-10  # damping of the step that shows what is still to be gained
 UNSEEN = 1e-8  # part of the largest sensitivity that counts as that of what is not seen at all
 
 
@@ -98,7 +98,7 @@ class AbstractGaussNewton(AbstractMethod):
         sizes = self._sizes(matrix, bend)
         rows = jnp.concatenate([residual, jnp.zeros_like(y)])
         whole = jnp.concatenate([matrix, jnp.diag(jnp.sqrt(bend))]) / sizes[None, :]
-        # A short step does not tell what can be gained: it is short where the last were refused.
+        # A short step does not show what can be gained: it is short where the last were refused.
         far, _ = descended(jnp.asarray(1.0 / LEAST), y, rows, whole)
         step, result = self._shortened(size, far, y, rows, whole)
         change = whole @ far
@@ -117,8 +117,8 @@ class GaussNewton(AbstractGaussNewton):
     """Gauss-Newton: the step to the minimum of the linear model, halved until it gains enough.
 
     Where the data determine all unknowns and the start is near, it takes the fewest steps: none is
-    damped. Elsewhere `LevenbergMarquardt` is the safer one: along what the data hardly see these steps
-    are long. By the line search of optimistix (Armijo's rule).
+    damped. Elsewhere `LevenbergMarquardt` is the safer one: along directions that the data hardly show
+    these steps are long. By the line search of optimistix (Armijo's rule).
 
     **Arguments:** `tolerance`, `max_steps` as for `least_squares`; `loss`, a robust loss such as
     `Huber()`, or `None`. **Raises** `TypeError`, `ValueError` for anything else.

@@ -49,7 +49,7 @@ class Homotopy(eqx.Module, metaclass=CheckedModule):
     r"""The same fit with friction rounded widely, then less, then not at all, each from where the one
     before ended.
 
-    A contact that rests tells nothing of its friction but that it suffices: from a start with too
+    A contact that rests shows only that its friction suffices: from a start with too
     much of it a run stands still, and no derivative says what to do. Rounded friction creeps: the run
     depends on all parameters, smoothly, and the widest rounding has the fewest minima. Its optimum is
     wrong, the more the wider, and the next is nearer. At last `polish` fits the exact law from there,

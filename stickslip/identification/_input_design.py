@@ -1,4 +1,4 @@
-r"""Inputs from which the data tell most about the unknowns."""
+r"""Inputs whose data show most of the unknowns."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
@@ -63,7 +63,7 @@ def design_input(
     chunk_size: int | None = None,
     executor: str = "auto",
 ) -> InputDesign:
-    r"""Coefficients of an input, within limits, whose data tell most about the unknowns.
+    r"""Coefficients of an input, within limits, whose data show most of the unknowns.
 
     With the sensitivity $S$ of the residuals by the coordinates of the unknowns (for positive ones
     their logarithms) and $C = (S^T S)^{-1}$, the covariance to be expected, $C_a$ its part of the
@@ -94,7 +94,7 @@ def design_input(
       `many_starts`.
 
     **Returns** an `InputDesign`. **Raises** `TypeError`, `ValueError` for anything else, and where no
-    input of the first population tells of all unknowns `about`. It is a loop of Python and does not
+    input of the first population shows all unknowns `about`. It is a loop of Python and does not
     work under `jit`.
 
     Source: Fedorov, Theory of Optimal Experiments (1972); Hansen, arXiv:1604.00772.
@@ -130,7 +130,7 @@ def design_input(
     told, matrices = tried(points)
     if not np.isfinite(told).any():
         names = ", ".join(space.names[i] for i in kept)
-        raise refusal("about", names, "unknowns that some of the inputs tell of")
+        raise refusal("about", names, "unknowns that the data of at least one input show")
     at = int(np.argmax(np.where(np.isfinite(told), told, -np.inf))) if begin is None else 0
     first = told[at]
     best = (first if np.isfinite(first) else -np.inf), points[at], matrices[at]
@@ -152,7 +152,7 @@ def design_input(
 
 
 def _criterion(matrix: np.ndarray, kept: np.ndarray, criterion: str) -> float:
-    """In nats; NaN where the data do not tell of all that is asked."""
+    """In nats; NaN where the data do not show all that is asked for."""
     if not np.isfinite(matrix).all():
         return np.nan
     information = matrix.T @ matrix

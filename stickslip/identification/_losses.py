@@ -6,8 +6,8 @@ from typing import Any
 import equinox as eqx
 import jax.numpy as jnp
 
+from .._argument_checks import check_arguments, reals
 from .._checked import CheckedModule
-from .._looks_at import looks_at, reals
 from .._types import Numeric
 from .._validation import one_static
 
@@ -36,7 +36,7 @@ class Huber(AbstractLoss):
     def __check_init__(self):
         one_static("corner", self.corner, "positive")
 
-    @looks_at(residual=reals)
+    @check_arguments(residual=reals)
     def weight(self, residual: Numeric) -> Any:
         size = jnp.abs(residual)
         far = size > self.corner
@@ -56,6 +56,6 @@ class SoftL1(AbstractLoss):
     def __check_init__(self):
         one_static("corner", self.corner, "positive")
 
-    @looks_at(residual=reals)
+    @check_arguments(residual=reals)
     def weight(self, residual: Numeric) -> Any:
         return jnp.sqrt(2.0 / (1.0 + jnp.hypot(1.0, jnp.asarray(residual) / self.corner)))

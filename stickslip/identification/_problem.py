@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._looks_at import reals
+from .._argument_checks import reals
 from .._show import counted
 from .._types import Given, NamedNumbers
 from .._validation import (
@@ -56,7 +56,7 @@ class Simulation(eqx.Module):
 
 
 class Problem:
-    r"""Unknowns of a system, and the records that tell of them.
+    r"""Unknowns of a system, and the records to estimate them from.
 
     >>> import numpy as np
     >>> import stickslip as ss
@@ -163,8 +163,8 @@ class Problem:
         quantity after the other, in each the times in order. Missing values have no row.
 
         **Arguments:** `values`, numbers by the names of `unknowns`. **Raises** `TypeError`,
-        `ValueError` for a name too few or too many, or what is not finite. NaN in the row where a run
-        fails.
+        `ValueError` for a name too few or too many, or a value that is not finite.
+        NaN in the row where a run fails.
         """
         return residual_of(self._run, self._values(values), self._data)
 

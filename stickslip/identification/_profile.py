@@ -122,9 +122,10 @@ def profile(
 ) -> Profile:
     r"""Intervals by the profile likelihood: one unknown is moved, the others are fitted anew.
 
-    It follows the curved valley that the Wald interval takes for straight, and tells apart what the
-    data do not see at all and what they see too badly for an end. All unknowns and both sides are lanes
-    of one compiled program. The ends are found to a part in 1e7 of the root of the rise.
+    It follows the curved valley that the Wald interval takes for straight, and distinguishes unknowns
+    that the data do not show at all from those that they show too poorly for an interval to end. All
+    unknowns and both sides are lanes of one compiled program. The ends are found to a part in 1e7 of
+    the root of the rise.
 
     >>> from stickslip.identification import least_squares
     >>> def residual(p):

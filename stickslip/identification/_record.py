@@ -41,11 +41,11 @@ class Record(eqx.Module):
     - `inputs`: by name a `Signal`, or a row sampled at `times`, interpolated as `interpolation` says:
       `"hold"`, `"linear"` or `"cubic"`.
     - `missing`: `None` if no value is missing; `"nan"` if every NaN marks one that is; or by name a row
-      that is true where a value is missing. NaN anywhere else is refused.
+      that is true where a value is missing. NaN anywhere else raises an error.
     - `known`: numbers by name that are known of this record, such as its load; a `Problem` hands them
       to its functions beside the unknowns.
     - `begin` [s]: the time of the initial state, not after the first stamp; by default that stamp.
-    - `units`: of values and inputs by name; a `Problem` compares them with what it was told.
+    - `units`: of values and inputs by name; a `Problem` compares them with the units it was given.
     - `name`: of the record, in reports.
 
     **Raises** `ValueError`, `TypeError` for rows that are not as long as `times`, times that do not

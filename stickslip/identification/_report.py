@@ -1,4 +1,4 @@
-"""All that a fit tells and all that it leaves open, on one page."""
+"""All that a fit shows and all that it leaves open, on one page."""
 
 import dataclasses
 import os
@@ -51,9 +51,9 @@ class Whiteness:
 class Report:
     """Estimates, intervals, verdicts, what is not seen, tests of the residuals, held-out scores.
 
-    `print` shows it as text; `to_dataset`, `plot` and `to_html` as what they say. Fields: `fit`,
-    `profile`, `whiteness` by series, `held_out` root mean squares by name, `comparison`, `title`,
-    `hidden` sentences on combinations not seen, `modes` sentences on the runs.
+    `print` shows it as text, `to_dataset` as a Dataset, `plot` in pictures, `to_html` as a page.
+    Fields: `fit`, `profile`, `whiteness` by series, `held_out` root mean squares by name, `comparison`,
+    `title`, `hidden` sentences on combinations not seen, `modes` sentences on the runs.
     """
 
     fit: Fit
@@ -126,7 +126,7 @@ class Report:
         ]
         if not self.held_out:
             said.append("No held-out data were given.")
-        return said + (self.modes or ["Nothing was said on modes: no runs were given."])
+        return said + (self.modes or ["Modes were not compared: no runs were given."])
 
     def __str__(self) -> str:
         parts = [self.title, "", *_aligned(self.rows()), "", "Correlation of the estimates"]
@@ -188,9 +188,9 @@ class Report:
         return drawn(self)
 
     def to_html(self, path: Path) -> None:
-        """One file that holds all of it, pictures too, and asks for nothing from elsewhere.
+        """One file that holds all of it, pictures too, and loads nothing from elsewhere.
 
-        **Raises** `TypeError` for a `path` that is none, `OSError` where it cannot be written.
+        **Raises** `TypeError` for a `path` that is not a path, `OSError` where it cannot be written.
         """
         if not isinstance(path, str | os.PathLike) or not os.fspath(path):
             raise refusal("path", path, "the path of a file", TypeError)
@@ -220,7 +220,7 @@ def report(
       where missing; by default the residual of the fit. `inputs` by name, of the same shapes.
     - `held_out`: errors on data not used in the fit, by name of the record, in a unit of their own.
     - `comparison` with other models.
-    - `runs`: the solution of each record at the estimate, whose events and derivative flags are told;
+    - `runs`: the solution of each record at the estimate, whose events and derivative flags are listed;
       `other_runs`, of the same names, at other values, e.g. at the start or the true ones: whether
       they go through the same modes, without which no derivative connects them.
     - `lags` of the tests; `past_data`: whether the model predicted each sample from those before it, so
@@ -304,7 +304,7 @@ def _modes(runs: Mapping[str, Solution], others: Mapping[str, Solution]) -> list
         if not bool(run.successful):
             text += ", it did NOT reach its end"
         if bool(run.differentiable):
-            text += "; derivatives exist as far as it can tell"
+            text += "; nothing was found at which derivatives do not exist"
         else:
             text += f"; NO derivative where {describe_flags(int(run.flags))}"
         if name in others:

@@ -7,7 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from .._looks_at import looks_at, not_negative_number
+from .._argument_checks import check_arguments, not_negative_number
 from .._show import number
 from .._types import Numeric
 from .._validation import check_callable, is_concrete
@@ -55,12 +55,12 @@ class Sensitivity(eqx.Module):
             return f"{text}, of shape {self.matrix.shape[:-2]}"
         return f"{text}; singular values {', '.join(number(s) for s in self.singular_values)}"
 
-    @looks_at(threshold=not_negative_number)
+    @check_arguments(threshold=not_negative_number)
     def seen(self, threshold: Numeric = 1e-7) -> Bool[Array, "*batch unknown"]:
         """Which combinations are seen: singular values above `threshold` times the largest."""
         return self.singular_values > threshold * self.singular_values[..., :1]
 
-    @looks_at(threshold=not_negative_number)
+    @check_arguments(threshold=not_negative_number)
     def covariance(self, threshold: Numeric = 1e-7) -> Float[Array, "*batch unknown unknown"]:
         r"""Covariance $(S^T S)^{-1}$ of the logarithms, to first order.
 
@@ -71,7 +71,7 @@ class Sensitivity(eqx.Module):
         weight = jnp.where(seen, 1.0 / jnp.where(seen, self.singular_values, 1.0) ** 2, 0.0)
         return jnp.einsum("...ki,...k,...kj->...ij", self.directions, weight, self.directions)
 
-    @looks_at(threshold=not_negative_number)
+    @check_arguments(threshold=not_negative_number)
     def relative_standard_errors(self, threshold: Numeric = 1e-7) -> NamedValues:
         """Standard error of every unknown in parts of its value: that of its logarithm.
 

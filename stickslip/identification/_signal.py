@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
-from .._looks_at import looks_at, one_real, reals
+from .._argument_checks import check_arguments, one_real, reals
 from .._types import Numeric, Row
 from .._validation import check_finite, check_in, is_concrete, misshaped, one_row, refusal
 
@@ -24,7 +24,8 @@ class Signal(eqx.Module):
     - Two samples at the same time are a jump of a linear or cubic signal: on either side of it the
       signal is interpolated by itself.
     - Before the first sample and after the last (under `"hold"`: after it has been held as long as the
-      one before) the first and the last value hold, but a `Record` refuses inputs that are too short.
+      one before) the first and the last value hold, but inputs of a `Record` that
+      are too short raise an error.
 
     `breaks` are the times at which it jumps or bends. A system in whose fields a `Signal` stands is
     given these by a `Problem`, as by `stickslip.WithBreaks`, so that its motion is exact through them:
@@ -58,7 +59,7 @@ class Signal(eqx.Module):
             self.times, self.coefficients, self.breaks = _interpolated(times, values, kind)
             self.end = np.asarray(times[-1])
 
-    @looks_at(t=reals)
+    @check_arguments(t=reals)
     def __call__(self, t: Numeric) -> Any:
         """Value at time `t` [s]; at a jump the one behind it."""
         times = jnp.asarray(self.times)
@@ -68,7 +69,7 @@ class Signal(eqx.Module):
         s = jnp.maximum(t - times[piece], 0.0)
         return a + s * (b + s * (c + s * d))
 
-    @looks_at(delay=one_real)
+    @check_arguments(delay=one_real)
     def delayed(self, delay: Numeric) -> "Signal":
         """The same, later by `delay` [s]; its breaks too, with their derivatives."""
         where = lambda s: (s.times, s.breaks, s.end)  # noqa: E731

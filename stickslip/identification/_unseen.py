@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from .._looks_at import not_negative_number
+from .._argument_checks import not_negative_number
 from .._types import Given, Numeric
 from .._validation import check_type, is_concrete, refusal
 from ._fit import Fit

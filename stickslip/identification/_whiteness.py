@@ -69,8 +69,8 @@ def autocorrelation(series: Rows, lags: int = 20, *, level: float = 0.95) -> Cor
 def cross_correlation(series: Rows, other: Rows, lags: int = 20, *, level: float = 0.95) -> Correlation:
     r"""Correlation of residuals with an input, $\sum_t u_t e_{t+k}/\sqrt{\sum u^2 \sum e^2}$.
 
-    At positive lags the residual follows the input: what is outside of the band there the model has
-    missed. At negative lags the input follows the residual, as it does in a closed loop.
+    At positive lags the residual follows the input: values outside of the band show a dependence that
+    the model has missed. At negative lags the input follows the residual, as it does in a closed loop.
 
     **Arguments:** `series` $e$ and `other` $u$ of the same shape, with missing rows and several records
     as in `autocorrelation`; `lags` to both sides; `level` of the band $\pm z\sqrt{n_k}/n$, which holds

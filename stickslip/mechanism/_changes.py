@@ -138,7 +138,7 @@ def parted(machine: "AbstractMechanism") -> tuple[int, ...]:
     try:
         degree = degrees(sides, (jnp.zeros(()), y), (True, True))
     except (AttributeError, IndexError, KeyError, TypeError, ValueError):
-        return ()  # it looks at `args`, which are not known here, or is refused elsewhere
+        return ()  # it depends on `args`, which are not known here, or is refused elsewhere
     return tuple(c for c in range(count) if OTHER not in degree[2 * c : 2 * c + 2])
 
 

@@ -1,4 +1,4 @@
-"""Declarations that cannot be right are refused by name, before anything compiles."""
+"""Errors for declarations that cannot be right, by name, before anything compiles."""
 
 import keyword
 from collections.abc import Mapping
@@ -108,7 +108,7 @@ def _check_field(what: str, name: Any) -> None:
 
 
 def check_mass(mechanism: Any, q: Any = None) -> None:
-    """Refuse a mass matrix that is not symmetric positive definite at `q`.
+    """Raise for a mass matrix that is not symmetric positive definite at `q`.
 
     Without `q` only what does not depend on the coordinates is judged: an inertia may vanish somewhere,
     as in polar coordinates.
@@ -173,7 +173,7 @@ def check_contacts(mechanism: Any, given: Any) -> list[Contact]:
 
 
 def check_law(name: str, law: Any) -> None:
-    """Refuse a law that has no set-valued form, by the name of its contact."""
+    """Raise for a law that has no set-valued form, by the name of its contact."""
     if law.num_states or not law.set_valued:
         form = "bristles" if law.num_states else "regularised"
         why = f"a set-valued law without internal state; `.{form}()` of the mechanism takes this one"
@@ -197,6 +197,6 @@ def check_sticks(mechanism: Any, mode: int, speeds: Any) -> None:
 
 
 def check_load(name: str, load: Any) -> None:
-    """Refuse a contact that pulls."""
+    """Raise for a contact that pulls."""
     if not np.all(np.asarray(load) >= 0.0):
         raise refusal(f"the normal force of contact {name!r} at the start", load, "not negative")

@@ -198,7 +198,7 @@ def driven(mechanism: Any) -> tuple[str, ...]:
     try:
         given = mechanism.contacts(jnp.zeros(()), q, v, None)
     except (AttributeError, IndexError, KeyError, TypeError):
-        return names.contacts  # it looks at `args`, which are not known here
+        return names.contacts  # it depends on `args`, which are not known here
     contacts = in_order("contacts(...)", given, names.contacts, "a Contact for each")
     rows = zip(names.contacts, contacts, strict=True)
     return tuple(name for name, contact in rows if not is_zero(contact.surface_speed))

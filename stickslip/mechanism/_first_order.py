@@ -43,7 +43,7 @@ def rates_of(machine: "AbstractMechanism", t: Any, q: Any, v: Any, args: Any) ->
 
 
 def check_rates(machine: "AbstractMechanism", t: Any, y: Any, args: Any) -> None:
-    """Refuse rates that are missing or of wrong shapes, by name, without compiling anything."""
+    """Raise for rates that are missing or of wrong shapes, by name, without compiling anything."""
     if machine.first_order:
 
         def rates(t, q, v):

@@ -8,8 +8,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
+from stickslip._argument_checks import OBSERVABLE, check_arguments, reals
 from stickslip._fastmath import where
-from stickslip._looks_at import OBSERVABLE, looks_at, reals
 from stickslip._types import Given, Numeric
 from stickslip._validation import as_parameter, check_in, check_positive, check_type, refusal
 from stickslip.friction import AbstractBristleLaw, AbstractFrictionLaw, LuGre, Regularised
@@ -65,7 +65,7 @@ class _AbstractSmoothForm(AbstractMechanicalSystem):
     def transition(self, t, y, mode, guard, args):
         return y, jnp.full_like(mode, NO_MODE)
 
-    @looks_at(t=reals)
+    @check_arguments(t=reals)
     def initial_mode(self, t, y, args):
         mode = jnp.zeros((), jnp.int32)
         for load in self.guards(t, y, mode, args):
@@ -88,14 +88,14 @@ class _AbstractSmoothForm(AbstractMechanicalSystem):
 class RegularisedMechanism(_AbstractSmoothForm):
     r"""A mechanism whose set-valued laws are `Regularised`: one mode, contacts creep.
 
-    `AbstractMechanism.regularised` makes it. Laws that are smooth already stay what they are. The
+    `AbstractMechanism.regularised` makes it. Laws that are smooth already are kept. The
     motion tends to that of the mechanism as `v_reg` goes to 0, and becomes stiff: the rate of the
     contact is the friction force over `v_reg` and the mass.
 
     - State: that of the mechanism.
-    - A contact that may open has the normal force $\max(N, 0)$; one that may not ends the run with
-      `RESULTS.no_admissible_mode` where it loses its own.
-    - Rigid stops have impacts, and no smooth form: a mechanism with some is refused.
+    - A contact that may open has the normal force $\max(N, 0)$; any other ends the run with
+      `RESULTS.no_admissible_mode` where it loses its normal force.
+    - Rigid stops have impacts, and no smooth form: a mechanism with stops raises an error.
 
     **Arguments:** `mechanism`; `v_reg` [m/s], positive; `kind` of the rounding, as in `Regularised`.
     **Raises** `TypeError`, `ValueError` for anything else, and for a law with bristles, by the name of
@@ -143,7 +143,7 @@ class RegularisedMechanism(_AbstractSmoothForm):
         """Kinetic and potential energy [J]."""
         return self.mechanism.energy(y)
 
-    @looks_at(**OBSERVABLE)
+    @check_arguments(**OBSERVABLE)
     def powers(self, t, y, mode, args):
         """As `AbstractMechanism.powers`, under the regularised laws [W]."""
         at = self.mechanism.instant(t, y, args)
@@ -161,13 +161,13 @@ class BristleMechanism(_AbstractSmoothForm):
     r"""A mechanism whose contacts have elastic bristles, LuGre's or Dahl's: sticking is elastic.
 
     `AbstractMechanism.bristles` makes it. Each set-valued law is wrapped in `kind(law, **parameters)`;
-    laws with bristles of their own and smooth ones stay what they are. The motion tends to that of the
+    laws that have bristles already, and smooth ones, are kept. The motion tends to that of the
     mechanism as the stiffness `sigma_0` grows, the damping like its square root.
 
     - State `BristleState`; `start(y)` makes one with bristles that are not deflected.
     - A contact that may open has the normal force $\max(N, 0)$, and its bristles follow its speed while
-      it is open; one that may not ends the run with `RESULTS.no_admissible_mode` where it loses its
-      normal force. Rigid stops are refused.
+      it is open; any other ends the run with `RESULTS.no_admissible_mode` where it loses its
+      normal force. Rigid stops raise an error.
 
     **Arguments:** `mechanism`; `kind`, `LuGre` or `Dahl` or another bristle law; `parameters` of it.
     **Raises** `TypeError`, `ValueError` for anything else; the law itself raises where it cannot wrap

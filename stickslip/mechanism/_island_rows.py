@@ -10,7 +10,7 @@ from stickslip._fastmath import where
 
 from ._instant import Instant, landed, slow_contacts
 from ._island import Island
-from ._rows import Row, any_of, each, row, through
+from ._rows import NumberRow, any_of, each, row, through
 from ._scalars import is_zero
 from ._settle_together import settled_together
 from ._together import Bounds, Laws, Onset, looked_up, onset, resting
@@ -24,8 +24,8 @@ MOST_SHARE = 1e6  # a share of friction beyond it says no more
 class IslandRows:
     """An island of `machine` at one instant, whose contacts have the given states.
 
-    One number a contact, in a `Row`: a program of a few vectors is shorter than one of all contacts
-    and pairs of them, written out, and compiles as much faster.
+    One number a contact, in a `NumberRow`: a program of a few vectors is shorter than one of all
+    contacts and pairs of them, written out, and compiles as much faster.
 
     `force`: all forces but the friction of these contacts, of all coordinates.
     """
@@ -36,36 +36,36 @@ class IslandRows:
         self.machine, self.island, self.at = machine, island, at
         if isinstance(states, tuple | list) or island.rows != tuple(range(len(states))):
             states = row([states[c] for c in island.rows])
-        self.states: Row = states
+        self.states: NumberRow = states
         self.force = row([force[j] for j in island.columns])
         self.mass = at.mass.of(island.columns)
         self.laws = Laws(island, at)
 
     @functools.cached_property
-    def speeds(self) -> Row:
+    def speeds(self) -> NumberRow:
         """Sliding speeds [m/s]."""
         return row([self.at.speeds[c] for c in self.island.rows])
 
-    def moved(self, force: Row, rest: Row) -> tuple[Row, Row]:
+    def moved(self, force: NumberRow, rest: NumberRow) -> tuple[NumberRow, NumberRow]:
         """Acceleration, and force of all contacts in `rest`, under `force`."""
         return self.machine.motion_together(self.island, self.mass, force, rest)
 
     @functools.cached_property
-    def _friction(self) -> Row:
+    def _friction(self) -> NumberRow:
         return self.laws.friction(lambda: self.speeds, self.states)
 
     @functools.cached_property
     def _static(self) -> Bounds:
         return self.laws.bounds("static_coefficient")
 
-    def _loaded(self, friction: Row) -> Row:
+    def _loaded(self, friction: NumberRow) -> NumberRow:
         return each(lambda f, g: f + g, self.force, through(self.island.directions.T, friction))
 
-    def motion(self) -> tuple[Row, Row]:
+    def motion(self) -> tuple[NumberRow, NumberRow]:
         """Acceleration, and force of all resting contacts together."""
         return self.moved(self._loaded(self._friction), resting(self.states))
 
-    def guards(self) -> tuple[Row, Any]:
+    def guards(self) -> tuple[NumberRow, Any]:
         """The guard of each contact, and the one of all that rest: the share that is left."""
         rest, at = resting(self.states), self.at
         # One of those that always slide together is enough; two would count as coincident.
@@ -76,10 +76,10 @@ class IslandRows:
         )  # fmt: skip
         return own, 1.0 - jnp.minimum(self._onset(self.motion()[1]).share, MOST_SHARE)
 
-    def _onset(self, reaction: Row) -> Onset:
+    def _onset(self, reaction: NumberRow) -> Onset:
         return onset(self.island, self._static, resting(self.states), reaction)
 
-    def changed(self, guard: Any, gives_way: Any, asked: Any) -> tuple[Row, Row, Any]:
+    def changed(self, guard: Any, gives_way: Any, asked: Any) -> tuple[NumberRow, NumberRow, Any]:
         """Velocities and states after contact number `guard` has stopped, or those at rest gave way.
 
         And whether the law of all contacts has an answer. It is asked again too where `asked`.
@@ -88,7 +88,7 @@ class IslandRows:
         ways = self._onset(jax.lax.stop_gradient(self.motion()[1])).ways
         rows = self.island.rows
         if isinstance(rest, tuple):
-            hit: Row = tuple(guard == c for c in rows)
+            hit: NumberRow = tuple(guard == c for c in rows)
         else:
             hit = jnp.asarray(rows, jnp.int32) == guard
         stops = any_of(hit)
@@ -104,13 +104,13 @@ class IslandRows:
         found = each(lambda x, s: where(touched, x, s), found, self.states)
         return velocities, found, ~touched | ended
 
-    def begun(self, slow: Row) -> tuple[Row, Any]:
+    def begun(self, slow: NumberRow) -> tuple[NumberRow, Any]:
         """States of the contacts, of which those in `slow` have no speed, at the start."""
         states = each(lambda x, s: where(x, 0.0, s), slow, self.states)
         none = each(jnp.zeros_like, slow)
         return self.settled(states, none, jnp.ones((), bool))
 
-    def settled(self, states: Row, started: Row, active: Any) -> tuple[Row, Any]:
+    def settled(self, states: NumberRow, started: NumberRow, active: Any) -> tuple[NumberRow, Any]:
         """States by the law of all contacts, and whether it has an answer."""
         standing = each(lambda s, start: (s == 0.0) | start, states, started)
         force = self._loaded(each(lambda i, f: where(i, 0.0, f), standing, self._friction))
@@ -119,7 +119,7 @@ class IslandRows:
             self._static, self.laws.bounds("kinetic_limit"), states, started, active,
         )  # fmt: skip
 
-    def _closed(self, rest: Row) -> Row:
+    def _closed(self, rest: NumberRow) -> NumberRow:
         """Contacts in `rest`, and those that rest wherever these do."""
         agree = self.island.agree([self.at.surfaces[c] for c in self.island.rows])
         held = looked_up(self.island.closure, rest)
@@ -128,7 +128,7 @@ class IslandRows:
         slow = row(slow_contacts(self.at, self.island))
         return each(lambda r, h, s: r | (h & (s | agree)), rest, held, slow)
 
-    def _landed(self, still: Row, stops: Any) -> Row:
+    def _landed(self, still: NumberRow, stops: Any) -> NumberRow:
         island, at = self.island, self.at
         v = row([jnp.asarray(at.v[j], jnp.float64) for j in island.columns])
         if all(is_zero(at.surfaces[c]) for c in island.rows):
@@ -139,7 +139,7 @@ class IslandRows:
         return each(lambda x, v: where(stops, x, v), on, v)
 
 
-def with_rows(island: Island, states: Any, found: Row) -> Any:
+def with_rows(island: Island, states: Any, found: NumberRow) -> Any:
     """`states` of all contacts, with those of the island as `found`."""
     if island.rows == tuple(range(len(states))):
         return found

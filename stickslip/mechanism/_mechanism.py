@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from stickslip._looks_at import looks_at, reals
-from stickslip._looks_at import state as some_state
+from stickslip._argument_checks import check_arguments, reals
+from stickslip._argument_checks import state as some_state
 from stickslip._types import Numeric, overridable
 from stickslip._validation import is_concrete
 from stickslip.friction import AbstractBristleLaw, LuGre
@@ -43,7 +43,7 @@ from ._island_rows import IslandRows
 from ._known import known
 from ._modes import ModeNames
 from ._observables import AbstractWithObservables
-from ._rows import Row
+from ._rows import NumberRow
 from ._scalars import Mass
 from ._stop import check_gaps
 from ._together import motion_in_rows
@@ -98,7 +98,7 @@ class AbstractMechanism(AbstractWithObservables):
     - `first_order`: names and units of states $s$ that have a rate of their own and no inertia, as the
       current of a motor: $\dot s = $ `rates(t, q, v, args)`, a mapping by name.
     - `cyclic`: names of coordinates on which nothing depends, as the angle of a rotor: the state has
-      their rates only, and `q` has None for them.
+      their rates only, and their fields of `q` are None.
     - `state_class`: named tuple of the state, its fields the coordinates, velocities and states of
       first order in any order; made from their names if left out.
     - `opening`: names of the contacts that open where their normal force falls to zero, and close
@@ -129,14 +129,14 @@ class AbstractMechanism(AbstractWithObservables):
       state; of dependent contacts the least part of their friction that is left together; the normal
       force of one that opens, or may vanish; of a stop its gap [m], or what it bears [N].
     - Transitions: a contact that stops is at rest, and stays so if the law of all contacts lets it; the
-      threshold is the greater of static and kinetic friction; what begins to slide is under kinetic
-      friction at once, which may start others at the same instant.
+      threshold is the greater of static and kinetic friction; a contact that begins to slide is
+      under kinetic friction at once, which may start others at the same instant.
     - A contact that does not open and loses its normal force ends the run with
-      `RESULTS.no_admissible_mode`; its guard is the last in the log (one that bears nothing at rest
-      gives way as it does so, and is logged as that).
-
+      `RESULTS.no_admissible_mode`; its guard is the last in the log (one that bears no force at rest
+      gives way at that instant, and is logged as giving way).
     - At an impact stops that are closed take impulses too, by Newton's law with no speed before it:
-      they are pushed on, or left. Friction is finite and takes none, but what sticks may slide then.
+      they are pushed on, or left. Friction is finite and takes no impulse, but a contact that sticks
+      may slide then.
 
     **To override**, where a machine has something better or of its own:
 
@@ -148,7 +148,7 @@ class AbstractMechanism(AbstractWithObservables):
 
     **Limits.** Normal forces that depend on friction or accelerations (Painlevé) are not covered, nor
     is friction in a stop. Dependent directions that vary, surfaces of dependent contacts whose speeds
-    vary, and more than 31 contacts (a stop counts as half of one) are refused. Where contacts have
+    vary, and more than 31 contacts (a stop counts as half of one) raise an error. Where contacts have
     directions across the coordinates, accelerations lose as many digits as the inertias that they join
     have in their ratio.
 
@@ -265,11 +265,13 @@ class AbstractMechanism(AbstractWithObservables):
                 a[j] = jnp.asarray(x, jnp.float64)
         return self.from_coordinates(at.q_rate, type(at.v)(*a))
 
-    def motion_together(self, island: Island, mass: Mass, force: Row, rest: Row) -> tuple[Row, Row]:
+    def motion_together(
+        self, island: Island, mass: Mass, force: NumberRow, rest: NumberRow
+    ) -> tuple[NumberRow, NumberRow]:
         """Motion of dependent contacts: acceleration of each velocity, and force of all in `rest`.
 
-        A machine that has a faster closed form overrides this. A `Row` is an array with one axis; in a
-        program that is fused over many lanes it is a tuple, and what is returned is one too.
+        A machine that has a faster closed form overrides this. A `NumberRow` is an array with one axis;
+        in a program that is fused over many lanes it is a tuple, and so are both results.
 
         **Arguments:** `island`, the velocities and contacts; their `mass`; `force` on each velocity
         [N]; `rest`, whether each contact is at rest: with each set all contacts that it holds.
@@ -282,7 +284,7 @@ class AbstractMechanism(AbstractWithObservables):
     def transition(self, t, y, mode, guard, args):
         return _changes.transition(self, t, y, mode, guard, args)
 
-    @looks_at(t=reals, y=some_state)
+    @check_arguments(t=reals, y=some_state)
     def initial_mode(self, t, y, args):
         return _changes.initial_mode(self, t, y, args)
 
@@ -354,5 +356,5 @@ def _lifting(machine: AbstractMechanism) -> tuple[int, ...]:
     try:
         found = degrees(loads, (jnp.zeros(()), q, v), (True,) * 3)
     except (AttributeError, IndexError, KeyError, TypeError):
-        return tuple(fixed)  # it looks at `args`, which are not known here
+        return tuple(fixed)  # it depends on `args`, which are not known here
     return tuple(c for c in fixed if found[c] != NONE)

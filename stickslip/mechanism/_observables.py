@@ -6,9 +6,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
+from stickslip._argument_checks import OBSERVABLE, check_arguments
+from stickslip._argument_checks import state as some_state
 from stickslip._fastmath import where
-from stickslip._looks_at import OBSERVABLE, looks_at
-from stickslip._looks_at import state as some_state
 from stickslip._types import Numeric, Whole
 
 from ._declaration import driven, mass_of, traced_with
@@ -29,14 +29,14 @@ class AbstractWithObservables(AbstractWithStops):
         """This mechanism, as what its parts are not by themselves."""
         return cast("AbstractMechanism", self)
 
-    @looks_at(y=some_state)
+    @check_arguments(y=some_state)
     def energy(self, y):
         """Kinetic and potential energy [J]."""
         q, v = self.to_coordinates(y)
         momentum = mass_of(self._whole.mass_matrix(q), self.names.coordinates).times(v)
         return total((0.5 * dot(v, momentum), self._whole.potential_energy(q)))
 
-    @looks_at(**OBSERVABLE)
+    @check_arguments(**OBSERVABLE)
     def powers(self, t, y, mode, args):
         r"""Powers into the energy [W], by name.
 
@@ -83,7 +83,7 @@ class AbstractWithObservables(AbstractWithStops):
         _, rate = jax.jvp(stored, (floats(at.q),), (floats(at.q_rate),))
         return total((dot(force, at.v), rate))
 
-    @looks_at(**OBSERVABLE)
+    @check_arguments(**OBSERVABLE)
     def friction_forces(
         self, t: Numeric, y: PyTree, mode: Whole, args: PyTree = None
     ) -> dict[str, Any]:
@@ -101,7 +101,7 @@ class AbstractWithObservables(AbstractWithStops):
             found[name] = where(s == 0.0, held[c], slips)
         return found
 
-    @looks_at(**OBSERVABLE)
+    @check_arguments(**OBSERVABLE)
     def normal_forces(
         self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None
     ) -> dict[str, Any]:
@@ -114,7 +114,7 @@ class AbstractWithObservables(AbstractWithStops):
             for name, contact, s in zip(self.names.contacts, at.contacts, states, strict=False)
         }
 
-    @looks_at(**OBSERVABLE)
+    @check_arguments(**OBSERVABLE)
     def relative_velocities(
         self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None
     ) -> dict[str, Any]:

@@ -16,10 +16,11 @@ from jax import lax
 from stickslip._fastmath import where
 from stickslip.hybrid import current_executor
 
-Row = tuple | jax.Array  # of numbers, one a contact: a tuple of scalars, or an array with one axis
+# One number a contact, or a line: a tuple of scalars, or an array with one axis.
+NumberRow = tuple | jax.Array
 
 
-def row(values: Any) -> Row:
+def row(values: Any) -> NumberRow:
     """These numbers as a row; a row stays what it is."""
     if not isinstance(values, tuple | list):
         return values
@@ -30,7 +31,7 @@ def row(values: Any) -> Row:
     return lax.optimization_barrier(jnp.stack(jnp.broadcast_arrays(*values)))
 
 
-def each(function: Callable, *rows: Any) -> Row:
+def each(function: Callable, *rows: Any) -> NumberRow:
     """`function` of the numbers at each place; anything but a row is the same at all places."""
     sizes = {len(r) for r in rows if isinstance(r, tuple)}
     if not sizes:
@@ -40,7 +41,7 @@ def each(function: Callable, *rows: Any) -> Row:
     return tuple(function(*numbers) for numbers in zip(*spread, strict=True))
 
 
-def through(table: np.ndarray, numbers: Row) -> Row:
+def through(table: np.ndarray, numbers: NumberRow) -> NumberRow:
     """Linear map by a constant table, `table @ numbers`. Small integers in it cost no product."""
     if not isinstance(numbers, tuple):
         return jnp.sum(jnp.asarray(table, jnp.float64) * numbers[None, :], axis=1)
@@ -58,7 +59,7 @@ def _combined(weights: np.ndarray, numbers: tuple) -> Any:
     return jnp.zeros_like(numbers[0]) if total is None else total
 
 
-def any_of(flags: Row) -> Any:
+def any_of(flags: NumberRow) -> Any:
     """Whether one of them is true."""
     if not isinstance(flags, tuple):
         return jnp.any(flags)
@@ -68,7 +69,7 @@ def any_of(flags: Row) -> Any:
     return found
 
 
-def any_through(table: np.ndarray, flags: Row) -> Row:
+def any_through(table: np.ndarray, flags: NumberRow) -> NumberRow:
     """For each row of a constant table whether one of the flags marked in it is true."""
     if not isinstance(flags, tuple):
         return jnp.any((np.asarray(table) != 0) & flags[None, :], axis=1)
@@ -76,7 +77,7 @@ def any_through(table: np.ndarray, flags: Row) -> Row:
     return tuple(any_of(some) if some else jnp.zeros_like(flags[0]) for some in marked)
 
 
-def first_greatest(values: Row, floor: float, *others: Row) -> tuple[Any, ...]:
+def first_greatest(values: NumberRow, floor: float, *others: NumberRow) -> tuple[Any, ...]:
     """The greatest of `values` if above `floor`, its place (0 if none is), and those of `others`."""
     if not isinstance(values, tuple):
         places = jnp.arange(len(values), dtype=jnp.int32)
@@ -98,7 +99,7 @@ def first_greatest(values: Row, floor: float, *others: Row) -> tuple[Any, ...]:
     return best, place, *(found or ())
 
 
-def with_place(flags: Row, place: Any) -> Row:
+def with_place(flags: NumberRow, place: Any) -> NumberRow:
     """`flags`, true at `place` too."""
     if not isinstance(flags, tuple):
         return flags | (jnp.arange(len(flags), dtype=jnp.int32) == place)

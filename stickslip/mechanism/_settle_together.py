@@ -11,7 +11,7 @@ from jax import lax
 from stickslip._fastmath import where
 
 from ._island import Island
-from ._rows import Row, any_of, each, first_greatest, row, through, with_place
+from ._rows import NumberRow, any_of, each, first_greatest, row, through, with_place
 from ._scalars import Mass, times, total
 from ._together import Bounds, closed, onset, resting
 
@@ -31,9 +31,9 @@ def without_drop(static: Any, kinetic: Any) -> Any:
 
 
 class _Search(NamedTuple):
-    states: Row  # the face of the search: 0 at rest, else the sense
-    given: Row  # senses that the friction of contacts without speed belongs to
-    acceleration: Row
+    states: NumberRow  # the face of the search: 0 at rest, else the sense
+    given: NumberRow  # senses that the friction of contacts without speed belongs to
+    acceleration: NumberRow
     pivots: Any
     settled: Any
     still: Any  # overloads below it are rounding [N]
@@ -43,13 +43,13 @@ def settled_together(
     island: Island,
     M: Mass,
     motion: Callable,
-    force: Row,
+    force: NumberRow,
     static: Bounds,
     kinetic: Bounds,
-    states: Row,
-    started: Row,
+    states: NumberRow,
+    started: NumberRow,
     active: Any,
-) -> tuple[Row, Any]:
+) -> tuple[NumberRow, Any]:
     """As `settled`, which says what is sought and how, of contacts whose surfaces have constant speeds.
 
     `motion`: `AbstractMechanism.motion_together`.

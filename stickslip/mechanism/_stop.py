@@ -52,7 +52,7 @@ class StopNow(NamedTuple):
 
 
 def check_names(machine: "AbstractMechanism") -> None:
-    """Refuse names that are none, or that a contact has too."""
+    """Raise for stops that are not names, or that have the name of a contact."""
     names = machine.names
     if isinstance(machine.stops, str):
         raise refusal("stops", machine.stops, "a tuple of names", TypeError)
@@ -101,7 +101,7 @@ def check_numbers(name: str, stop: Stop) -> None:
 
 
 def check_gaps(machine: "AbstractMechanism", t: Any, y: Any, args: Any) -> None:
-    """Refuse stops that are none, by name, without compiling anything."""
+    """Raise for wrong stops, by name, without compiling anything."""
     if machine.stops:
         n = len(machine.names.coordinates)
 
@@ -192,7 +192,7 @@ def _slopes(form: Any, shapes: tuple, static: tuple) -> np.ndarray:
         found = folded(columns, (numbers, scalar, kind(*[scalar] * (n + others))))
     except _LooksAtArgs:
         found = None
-    if found is None:  # the gaps look at `args`, which are not known here
+    if found is None:  # the gaps depend on `args`, which are not known here
         return np.full((len(names.stops), n + 1), np.nan)
     known = [np.nan if x is None else x for x in found]
     return np.array(known, float).reshape(n + 1, len(names.stops)).T

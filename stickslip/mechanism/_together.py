@@ -13,7 +13,7 @@ from stickslip.friction import Coulomb
 
 from ._island import NOTHING, UNRESISTED, Island
 from ._modes import sense_of
-from ._rows import Row, any_through, each, first_greatest, row, through
+from ._rows import NumberRow, any_through, each, first_greatest, row, through
 from ._scalars import Mass
 
 if TYPE_CHECKING:
@@ -23,11 +23,11 @@ if TYPE_CHECKING:
 class Bounds(NamedTuple):
     """Friction that each contact can bear [N], from `low` to `high`; `low` is None for `-high`."""
 
-    low: Row | None
-    high: Row
+    low: NumberRow | None
+    high: NumberRow
 
     @property
-    def lower(self) -> Row:
+    def lower(self) -> NumberRow:
         """The lower bounds."""
         return each(lambda high: -high, self.high) if self.low is None else self.low
 
@@ -42,7 +42,7 @@ class Laws:
         self._coulomb = all(type(contact.law) is Coulomb for contact in self.contacts)
 
     @functools.cached_property
-    def loads(self) -> Row:
+    def loads(self) -> NumberRow:
         """Normal forces [N]."""
         return row([contact.normal_force for contact in self.contacts])
 
@@ -58,7 +58,7 @@ class Laws:
             return None
         return jax.tree.unflatten(form, [row(list(x)) for x in zip(*leaves, strict=True)])
 
-    def each(self, of: Any, *rows: Row) -> Row:
+    def each(self, of: Any, *rows: NumberRow) -> NumberRow:
         """`of(law, normal_force, ...)` of every contact."""
         if self.one is not None:
             return of(self.one, self.loads, *rows)
@@ -82,7 +82,7 @@ class Laws:
         behind = self.each(lambda law, load: getattr(law, which)(-1) * load)
         return Bounds(each(lambda x: -x, self.each(ahead)), behind)
 
-    def friction(self, speeds: Callable[[], Row], states: Row) -> Row:
+    def friction(self, speeds: Callable[[], NumberRow], states: NumberRow) -> NumberRow:
         """Friction of each contact that slides in the sense of its state [N]; 0 of those at rest."""
         if self._coulomb:
             return each(lambda s, limit: -s * limit, states, self.bounds("kinetic_limit").high)
@@ -92,19 +92,19 @@ class Laws:
         return each(lambda s, force: where(s == 0.0, 0.0, force), states, slips)
 
 
-def resting(states: Row) -> Row:
+def resting(states: NumberRow) -> NumberRow:
     """Which of the contacts with these states rest."""
     return each(lambda s: s == 0.0, states)
 
 
-def number_of(rest: Row) -> Any:
+def number_of(rest: NumberRow) -> Any:
     """The set of contacts `rest` as bits."""
     if isinstance(rest, tuple):
         return sum(where(r, jnp.int32(1 << c), jnp.int32(0)) for c, r in enumerate(rest))
     return jnp.sum(rest.astype(jnp.int32) * 2 ** np.arange(len(rest), dtype=np.int32), dtype=jnp.int32)
 
 
-def looked_up(table: np.ndarray, rest: Row) -> Row:
+def looked_up(table: np.ndarray, rest: NumberRow) -> NumberRow:
     """The contacts that a table of sets holds for the set `rest`."""
     m, number = len(rest), number_of(rest)
     if isinstance(rest, tuple):
@@ -113,12 +113,14 @@ def looked_up(table: np.ndarray, rest: Row) -> Row:
     return jnp.asarray((table[:, None] >> np.arange(m)) % 2 == 1)[number]
 
 
-def closed(island: Island, rest: Row, slow: Row) -> Row:
+def closed(island: Island, rest: NumberRow, slow: NumberRow) -> NumberRow:
     """As `Island.closed`."""
     return each(lambda r, w, s: r | (w & s), rest, looked_up(island.closure, rest), slow)
 
 
-def motion_in_rows(island: Island, mass: Mass, force: Row, rest: Row) -> tuple[Row, Row]:
+def motion_in_rows(
+    island: Island, mass: Mass, force: NumberRow, rest: NumberRow
+) -> tuple[NumberRow, NumberRow]:
     """`Island.motion` in rows: acceleration of each velocity, and force of all that rests."""
     still = [0.0] * island.m
     found = island.motion(mass, list(force), island.directions.tolist(), list(rest), still)
@@ -129,10 +131,12 @@ class Onset(NamedTuple):
     """Share of their friction that the contacts use, and how they would give way: `Island.onset`."""
 
     share: Any
-    ways: Row
+    ways: NumberRow
 
 
-def onset(island: Island, bounds: Bounds, rest: Row, reaction: Row, slack: Any = NOTHING) -> Onset:
+def onset(
+    island: Island, bounds: Bounds, rest: NumberRow, reaction: NumberRow, slack: Any = NOTHING
+) -> Onset:
     """As `Island.onset`, in rows."""
     along = island.along
     loads = through(island.lines, reaction)

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from jaxtyping import PyTree
 
+from stickslip._argument_checks import OBSERVABLE, check_arguments
 from stickslip._fastmath import where
-from stickslip._looks_at import OBSERVABLE, looks_at
 from stickslip._types import Numeric, Whole
 
 from ._instant import Instant, loaded, motion_of, surface_accelerations
@@ -51,7 +51,7 @@ class AbstractWithStops(AbstractWithStates):
                 held[c] = borne
         return held
 
-    @looks_at(**OBSERVABLE)
+    @check_arguments(**OBSERVABLE)
     def stop_forces(self, t: Numeric, y: PyTree, mode: Whole, args: PyTree = None) -> dict[str, Any]:
         """Force of each stop on the mechanism, along the gradient of its gap [N], by name.
 

@@ -14,7 +14,7 @@ BLUE, RED, GREY, BAND = "#1f4e9c", "#c0392b", "0.6", "0.8"
 
 
 def check_axes(ax: Any, count: int | None = None) -> None:
-    """Refuse what is neither None nor axes; with `count` it must be so many of them."""
+    """Raise if `ax` is neither None nor axes; with `count` it must be so many of them."""
     if ax is None:
         return
     if count is None:
@@ -30,7 +30,7 @@ def check_axes(ax: Any, count: int | None = None) -> None:
 
 
 def check_options(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Refuse a keyword that is not a property of a line."""
+    """Raise for a keyword that is not a property of a line."""
     known = {*(inspector := ArtistInspector(Line2D)).get_setters()}
     known |= {alias for names in inspector.aliasd.values() for alias in names}
     for name, value in options.items():

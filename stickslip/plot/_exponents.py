@@ -26,8 +26,8 @@ def exponents(
       last value; or a Dataset of `lyapunov_diagram` over one parameter: each with error bars.
     - `ax`, `options`: axes to draw into; properties of the lines, as matplotlib calls them.
 
-    **Returns** the axes, with a line an exponent. Exponents that are not finite have none: a direction
-    that is lost, or a lane that failed.
+    **Returns** the axes, with a line an exponent. Exponents that are not finite have no line: a
+    direction that is lost, or a lane that failed.
 
     **Raises** `ValueError`, `TypeError` naming the argument; for a batch of spectra.
     """

@@ -40,12 +40,11 @@ def motion(
     - `lane`: of a batch of runs the number of the one that is drawn, or its numbers along the batch
       axes, with the `system` of that run; of a Dataset take one run with `isel` or `sel`.
     - `observables`: a component of the state, `"x[0]"` for one number of an array, `"slope of x"`, a
-      method `(t, y, mode, args)` of the
-      system, a function `(system, t, y, dy, mode, args)`; or a sequence of them; all components by
-      default. Of a dataset the names of its variables.
+      method `(t, y, mode, args)` of the system, a function `(system, t, y, dy, mode, args)`; or a
+      sequence of them; all components by default. Of a dataset the names of its variables.
     - `contacts`: names of the contacts whose sticks are shaded, all by default; `()` for none. Several
       share the height, the first one at the bottom.
-    - `events`: whether events are marked, by a dot on the curve. What a dataset holds has none.
+    - `events`: whether events are marked, by a dot on the curve. Datasets have no events.
     - `args`: what `simulate` was given.
     - `ax`: axes to draw into: one for a single observable, else one for each.
     - `options`: properties of the lines, as matplotlib calls them.

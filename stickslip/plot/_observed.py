@@ -19,7 +19,7 @@ from ._sticks import rows_of
 OBSERVABLES = "the name of an observable, or a sequence of names"
 
 
-class Row(NamedTuple):
+class Series(NamedTuple):
     """An observable over time: batch axes in front, the rows last."""
 
     name: str
@@ -120,29 +120,29 @@ class Source:
         values = np.asarray(values)
         return values if self.solution.t1.ndim else values[: int(self.log.count)]
 
-    def row(self, name: Any, function: Any) -> Row:
+    def row(self, name: Any, function: Any) -> Series:
         """An observable over all rows."""
         if self.dataset:
             variable, index = self.parts[name]
             found, attrs = self.solution[variable], self.solution[variable].attrs
             label = str(attrs.get("long_name", variable)) + name.removeprefix(variable)
             values = np.asarray(found)[(slice(None), *index)]
-            return Row(label, attrs.get("units"), attrs.get("period"), values)
+            return Series(label, attrs.get("units"), attrs.get("period"), values)
         if function is not None:
             log, label = self.log, name if isinstance(name, str) else "observable"
             rows, axes = (log.t, log.y, log.dy, log.mode), self.solution.t1.ndim + 1
             values = _evaluated(function, axes, self.system, rows, self.args)
-            return Row(label, None, None, self._kept(values))
+            return Series(label, None, None, self._kept(values))
         plain = name.removeprefix("slope of ")
         component = self.parts[plain][0]
         unit, period = unit_of(self.system, component), period_of(self.system, component)
         if plain != name:
-            return Row(name, per_second(unit), None, self._kept(self.read(self.log.dy, plain)))
-        return Row(name, unit, period, self._kept(self.read(self.log.y, plain)))
+            return Series(name, per_second(unit), None, self._kept(self.read(self.log.dy, plain)))
+        return Series(name, unit, period, self._kept(self.read(self.log.y, plain)))
 
 
 def one_run(solution: Any, lane: Any) -> Any:
-    """A run that is no batch, or the one of a batch with the number `lane`."""
+    """A single run: the solution itself, or the one with the number `lane` of a batch."""
     shape = solution.t1.shape
     if not shape:
         if lane is not None:
@@ -220,7 +220,7 @@ def several(source: Source, observables: Any) -> tuple[dict[Any, Any], bool]:
     return found, single
 
 
-def unbroken(row: Row) -> np.ndarray:
+def unbroken(row: Series) -> np.ndarray:
     """Values of one run; of a periodic one within half a period of zero, with a gap where it jumps."""
     if row.period is None:
         return row.values

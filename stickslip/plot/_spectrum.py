@@ -27,8 +27,8 @@ def spectrum(
     **Arguments**
 
     - `found`: of `amplitude_spectrum`; of a batch each spectrum is a line.
-    - `unit`: of the signal, which is that of the amplitudes; `"1"` if it has none, and the
-      frequencies then neither.
+    - `unit`: of the signal, which is that of the amplitudes; `"1"` if it has no unit; the
+      frequencies then have none either.
     - `bases`: frequencies [Hz] by name, each marked by a dotted line.
     - `ax`, `options`: axes to draw into; properties of the lines, as matplotlib calls them.
 

@@ -78,7 +78,7 @@ def _tried() -> bool:
                     _write(path, verdict)
     if verdict is None:
         warnings.warn(
-            f"The trial of the fused executor came to no end within {TIMEOUT} s or was stopped: this "
+            f"The trial of the fused executor did not end within {TIMEOUT} s or was stopped: this "
             "process uses the portable one, the next tries again; STICKSLIP_EXECUTOR=portable or "
             "=fused does without a trial.",
             RuntimeWarning,
@@ -138,7 +138,7 @@ def _alone(path: pathlib.Path, limit: float) -> Iterator[None]:
 def run_trial(timeout: float = TIMEOUT) -> bool | None:
     """Run the trial in a subprocess; any abort, error or disagreement means no.
 
-    `None` if it came to no end: by the time-out, a signal from outside, or because it could not start.
+    `None` if it did not end: by the time-out, a signal from outside, or because it could not start.
     """
     environment = {**os.environ, "JAX_PLATFORMS": "cpu"}
     try:

@@ -73,10 +73,10 @@ def run_sweep(
       are those of the grid.
     - `store`: directory of results, made if absent. A later call with the same arguments goes on where
       this one stopped; a block whose file is lost or altered is computed again, headers and coordinates
-      are written again. Another sweep in it is refused, and so is one whose function calls the host
-      (`jax.pure_callback` and its like): what that computes cannot be compared. `name`, `attrs` and
-      `variables` may differ; they are written into the store. Without a store, results are kept in
-      memory.
+      are written again. Another sweep in it raises an error, and so does one whose function calls
+      the host (`jax.pure_callback` and its like): what the host computes cannot be compared. `name`,
+      `attrs` and `variables` may differ; they are written into the store. Without a store, results are
+      kept in memory.
     - `variables`: labels of results and coordinates by name, see `Variable`.
     - `settings`: parameters, seeds and whatever else describes the sweep, for its manifest; they must
       match when it is resumed, as must the compiled program itself.
@@ -249,7 +249,7 @@ def _lanes(block: Block) -> int:
 
 
 def _check_carry(carry: PyTree) -> PyTree:
-    """Refuse leaves that the compiler would not take."""
+    """Raise for leaves that the compiler would not take."""
     found = leaves_of("carry", carry)
     if carry is not None and not found:
         raise refusal("carry", carry, "a pytree with at least one array, or None")
@@ -284,7 +284,7 @@ def _check_inputs(inputs, coords):
     checked = {}
     for key, tree in inputs.items():
         if key in coords:
-            raise refusal(f"inputs[{key!r}]", tree, "named otherwise than a coordinate")
+            raise refusal(f"inputs[{key!r}]", tree, "given a name that no coordinate has")
         for where, leaf in leaves_of(f"inputs[{key!r}]", tree):
             _check_numbers(where, leaf)
             if np.shape(leaf)[: len(shape)] != shape:

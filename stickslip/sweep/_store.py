@@ -85,7 +85,7 @@ class Store:
             self._lock = None
 
     def _check_ours(self) -> None:
-        """Refuse a directory that is neither new nor a store: what is in it may be somebody's work."""
+        """Raise for a directory that is neither new nor a store: its files may be somebody's work."""
         if not self.path.is_dir() or os.path.lexists(self.path / "manifest.json"):
             return
         names = {p.name for p in self.path.iterdir()} - _BEFORE_MANIFEST
@@ -120,7 +120,7 @@ class Store:
             self._set_aside("manifest.json")
             stored, why = self._set_up(self.manifest), None
         if why is not None and not is_manifest(stored):
-            # It cannot be told whose files these are, so that not even resume=False may remove them.
+            # Nothing says whose files these are, so not even resume=False may remove them.
             raise ValueError(
                 f"store = {str(self.path)!r} {why}: it must be a whole store, an empty directory or a "
                 "new one; put the manifest back, or remove the directory by hand."
@@ -150,7 +150,7 @@ class Store:
         if stored["host_code"]:
             raise SweepMismatchError(
                 f"store = {str(self.path)!r} holds a sweep whose function calls the host "
-                f"({', '.join(stored['host_code'])}), and what that does has no digest to compare. "
+                f"({', '.join(stored['host_code'])}), and what the host does has no digest to compare. "
                 f"{_ELSE}"
             )
         attributes = self.manifest["attributes"]
@@ -233,7 +233,7 @@ class Store:
             raise SweepWriteError(
                 error.errno or errno.EIO,
                 f"could not {what} in store {str(self.path)!r}: {error.strerror or error}{at}. "
-                f"{self.finished()} finished blocks are kept; put the cause right (space, permissions) "
+                f"{self.finished()} finished blocks are kept; remove the cause (space, permissions) "
                 "and run the same sweep again to go on from there",
             ) from error
 

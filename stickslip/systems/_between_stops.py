@@ -5,8 +5,8 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from stickslip._argument_checks import OBSERVABLE, check_arguments, reals
 from stickslip._fastmath import where
-from stickslip._looks_at import OBSERVABLE, looks_at, reals
 from stickslip._types import Numeric
 from stickslip._validation import (
     as_parameter,
@@ -98,7 +98,7 @@ class OscillatorBetweenStops(AbstractMechanism):
         self.force_amplitude = as_parameter(check_finite("force_amplitude", force_amplitude))
         self.force_frequency = as_parameter(check_finite("force_frequency", force_frequency))
 
-    @looks_at(t=reals)
+    @check_arguments(t=reals)
     def drive(self, t: Numeric) -> Any:
         """Driving force [N]."""
         return self.force_amplitude * jnp.cos(self.force_frequency * t)
@@ -123,7 +123,7 @@ class OscillatorBetweenStops(AbstractMechanism):
     def potential_energy(self, q):
         return 0.5 * self.stiffness * q.x**2
 
-    @looks_at(**OBSERVABLE)
+    @check_arguments(**OBSERVABLE)
     def powers(self, t, y, mode, args):
         """`force`: work of the drive; `damping`: its loss [W]. Losses at impacts: the log of events."""
         return {"force": self.drive(t) * y.v, "damping": -self.damping * y.v**2}

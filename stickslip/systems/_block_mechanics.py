@@ -9,7 +9,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
-from .._looks_at import OBSERVABLE, instance, looks_at, reals, state
+from .._argument_checks import OBSERVABLE, check_arguments, instance, reals, state
 from .._types import Numeric, Whole
 from .._validation import (
     as_parameter,
@@ -114,7 +114,7 @@ class AbstractBlockOnBelt(AbstractMechanicalSystem):
     def friction_force(self, t: Numeric, y: PyTree, mode: Whole, args: PyTree = None) -> Any:
         """Friction force $T_s$ [N] as in (11); the block feels $-T_s$."""
 
-    @looks_at(y=state)
+    @check_arguments(y=state)
     def loads(self, y: PyTree) -> Loads:
         """Forces of springs, dampers and weight; one reciprocal, so that compiled loops stay fast."""
         per_r = 1.0 / self.r
@@ -132,7 +132,7 @@ class AbstractBlockOnBelt(AbstractMechanicalSystem):
             normal=self.m * self.g + weight - on_rim,
         )
 
-    @looks_at(y=state, loads=instance(Loads, "what `loads` returns"), T_s=reals)
+    @check_arguments(y=state, loads=instance(Loads, "what `loads` returns"), T_s=reals)
     def slope(self, y: PyTree, loads: Loads, T_s: Numeric) -> BlockState:
         """Time derivative of block and pendulum under the friction force `T_s`."""
         return BlockState(
@@ -142,29 +142,29 @@ class AbstractBlockOnBelt(AbstractMechanicalSystem):
             vy=(-self.r * self.r / self.J) * loads.on_rim,
         )
 
-    @looks_at(**OBSERVABLE)
+    @check_arguments(**OBSERVABLE)
     def relative_velocity(self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None) -> Any:
         """Velocity of the block over the belt, $V_r$ [m/s]."""
         return y.vx - self.belt_velocity(y)
 
-    @looks_at(**OBSERVABLE)
+    @check_arguments(**OBSERVABLE)
     def normal_force(self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None) -> Any:
         """Normal force $N$ between block and belt [N], Eq. (11); below zero outside the model."""
         return self.loads(y).normal
 
-    @looks_at(**OBSERVABLE)
+    @check_arguments(**OBSERVABLE)
     def friction_coefficient(self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None) -> Any:
         """$T_s/N$ [-]; while the block sticks, the part of the static interval that is in use."""
         return self.friction_force(t, y, mode, args) / self.normal_force(t, y, mode, args)
 
-    @looks_at(**OBSERVABLE)
+    @check_arguments(**OBSERVABLE)
     def elastic_energy(self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None) -> Any:
         """Energy of the three springs [J]."""
         stretch = y.y + y.x * y.x / (2.0 * self.r)
         z = y.x + y.y
         return 0.5 * (self.k1 * y.x * y.x + self.k2 * z * z + self.k3 * stretch * stretch)
 
-    @looks_at(**OBSERVABLE)
+    @check_arguments(**OBSERVABLE)
     def potential_energy(self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None) -> Any:
         """Energy of the springs, of the pendulum's weight and of the torque `Q` [J]; 0 at x = y = 0."""
         angle = y.y / self.r
@@ -172,23 +172,23 @@ class AbstractBlockOnBelt(AbstractMechanicalSystem):
         weight = LEVER * self.M * self.g * self.r * raised
         return self.elastic_energy(t, y, mode, args) + weight + self.Q * angle
 
-    @looks_at(**OBSERVABLE)
+    @check_arguments(**OBSERVABLE)
     def kinetic_energy(self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None) -> Any:
         """Kinetic energy of block and pendulum [J]."""
         spin = y.vy / self.r
         return 0.5 * (self.m * y.vx * y.vx + self.J * spin * spin)
 
-    @looks_at(**OBSERVABLE)
+    @check_arguments(**OBSERVABLE)
     def belt_power(self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None) -> Any:
         """Power that the belt feeds into block and contact [W]: $-T_s V_b$."""
         return -self.friction_force(t, y, mode, args) * self.belt_velocity(y)
 
-    @looks_at(**OBSERVABLE)
+    @check_arguments(**OBSERVABLE)
     def friction_power(self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None) -> Any:
         """Power of friction on block and belt together [W]: $-T_s V_r$, not positive while N >= 0."""
         return -self.friction_force(t, y, mode, args) * self.relative_velocity(t, y, mode, args)
 
-    @looks_at(**OBSERVABLE)
+    @check_arguments(**OBSERVABLE)
     def damper_power(self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None) -> Any:
         """Power of the dampers [W], not positive: $-c_1\\dot z^2 - c_2\\dot y^2$."""
         zd = y.vx + y.vy

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, PyTree
 
-from .._looks_at import OBSERVABLE, looks_at, state
+from .._argument_checks import OBSERVABLE, check_arguments, state
 from .._types import Given, Numeric, Whole
 from .._validation import as_parameter, check_finite
 from ..friction import AbstractFrictionLaw
@@ -22,8 +22,6 @@ from ._block_mechanics import (
     scaled_block,
     set_a,
 )
-
-BACKWARD, STICK, FORWARD = 0, 1, 2
 
 
 class AbstractBlockOnSteadyBelt(AbstractBlockOnBelt):
@@ -66,17 +64,17 @@ class AbstractBlockOnSteadyBelt(AbstractBlockOnBelt):
         """
         return cls(**{"V_b": BELT_SPEED, **set_a(k3, changes, cls.set_valued)})
 
-    @looks_at(y=state)
+    @check_arguments(y=state)
     def belt_velocity(self, y: BlockState) -> Float[Array, "..."]:
         """Velocity of the belt, constant [m/s]."""
         return self.V_b
 
-    @looks_at(y=state)
+    @check_arguments(y=state)
     def energy(self, y: BlockState) -> Any:
         """Kinetic and potential energy of block and pendulum [J]."""
         return self.kinetic_energy(0.0, y) + self.potential_energy(0.0, y)
 
-    @looks_at(**OBSERVABLE)
+    @check_arguments(**OBSERVABLE)
     def powers(self, t: Numeric, y: PyTree, mode: Whole, args: PyTree) -> dict[str, Any]:
         """Powers into `energy` [W]; friction and dampers are not positive."""
         return {
@@ -115,7 +113,7 @@ class BlockOnBelt(AbstractBlockOnSteadyBelt, AbstractSmoothSystem):
     set_valued: ClassVar = False
     units: ClassVar = {"x": "m", "vx": "m/s", "y": "m", "vy": "m/s"}
 
-    @looks_at(**OBSERVABLE)
+    @check_arguments(**OBSERVABLE)
     def friction_force(self, t: Numeric, y: BlockState, mode: Whole = 0, args: PyTree = None) -> Any:
         """Friction force $T_s$ [N] as in (11); the block feels $-T_s$."""
         v = y.vx - self.V_b
@@ -177,7 +175,7 @@ class BlockOnBeltSetValued(AbstractBlockOnSteadyBelt, AbstractMechanism):
         """That of the dampers: all other forces have a potential [W]."""
         return self.damper_power(0.0, self.from_coordinates(at.q, at.v))
 
-    @looks_at(**OBSERVABLE)
+    @check_arguments(**OBSERVABLE)
     def friction_force(self, t: Numeric, y: BlockState, mode: Whole, args: PyTree = None) -> Any:
         """Friction force $T_s$ [N] as in (11); the block feels $-T_s$. At rest, what holds it."""
         return -self.friction_forces(t, y, mode, args)["belt"]

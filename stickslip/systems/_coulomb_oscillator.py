@@ -5,13 +5,13 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from stickslip._argument_checks import OBSERVABLE, check_arguments, modes, state
 from stickslip._fastmath import where
-from stickslip._looks_at import OBSERVABLE, looks_at, modes, state
 from stickslip._types import Whole
 from stickslip._validation import as_parameter, check_finite, check_nonnegative, check_positive
 from stickslip.friction import Coulomb
 from stickslip.mechanism import AbstractMechanism, Contact
-from stickslip.systems._mechanical import SLIP_MODES, Motion, Number, holding_force, slip_sense
+from stickslip.systems._mechanical import SLIP_MODES, STICK, Motion, Number, holding_force, slip_sense
 
 
 class CoulombOscillator(AbstractMechanism):
@@ -99,7 +99,7 @@ class CoulombOscillator(AbstractMechanism):
         limit = holding_force(self.static_force, self.kinetic_force)
         reserve = limit - jnp.sign(self.belt_speed) * self.stiffness * y.x
         speed = slip_sense(mode) * (y.v - self.belt_speed)
-        return (where(mode == 1, reserve, jnp.sqrt(self.stiffness * self.mass) * speed),)
+        return (where(mode == STICK, reserve, jnp.sqrt(self.stiffness * self.mass) * speed),)
 
     @property
     def guard_scales(self) -> tuple:
@@ -108,12 +108,12 @@ class CoulombOscillator(AbstractMechanism):
         scale = jnp.maximum(jnp.maximum(self.static_force, self.kinetic_force), inertia)
         return (where(scale > 0.0, scale, 1.0),)
 
-    @looks_at(y=state, mode=modes)
+    @check_arguments(y=state, mode=modes)
     def friction(self, y: Motion, mode: Whole) -> Any:
         """Force of the belt on the block [N]."""
         return self.friction_forces(0.0, y, mode)["belt"]
 
-    @looks_at(**OBSERVABLE)
+    @check_arguments(**OBSERVABLE)
     def powers(self, t, y, mode, args):
         """`belt`: work of the drive; `friction`: loss in the contact [W]."""
         friction = self.friction(y, mode)

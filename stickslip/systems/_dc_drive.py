@@ -8,8 +8,8 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, PyTree
 
+from .._argument_checks import OBSERVABLE, check_arguments, guard_numbers, modes, or_none, reals, state
 from .._fastmath import where
-from .._looks_at import OBSERVABLE, guard_numbers, looks_at, modes, or_none, reals, state
 from .._types import Given, Numeric, Whole
 from .._validation import (
     as_parameter,
@@ -186,22 +186,22 @@ class DCDrive(AbstractHybridSystem):
         """Dry friction of the turning rotor [N m], positive if it brakes: `motor_friction`."""
         return self.T_k if self.motor_friction == "consistent" else -self.T_k
 
-    @looks_at(y=state)
+    @check_arguments(y=state)
     def belt_velocity(self, y: PyTree) -> Float[Array, "..."]:
         """Velocity of the belt $V_b$ [m/s]."""
         return self.transmission * y.omega
 
-    @looks_at(y=state, T_s=reals)
+    @check_arguments(y=state, T_s=reals)
     def torque(self, y: PyTree, T_s: Numeric) -> Float[Array, "..."]:
         """Torque on the rotor without its dry friction and inertia [N m]."""
         return self.k_m * y.i_w + self.reaction * T_s - self.b * y.omega
 
-    @looks_at(y=state)
+    @check_arguments(y=state)
     def current_rate(self, y: PyTree) -> Float[Array, "..."]:
         """Rate of the current, Eq. (1) [A/s]."""
         return (self.U_in - self.k_e * y.omega - self.R_w * y.i_w) / self.L_w
 
-    @looks_at(y=state, T_s=reals, mode=modes)
+    @check_arguments(y=state, T_s=reals, mode=modes)
     def slope(self, y: PyTree, T_s: Numeric, mode: Whole) -> DriveState:
         """Time derivative of rotor and winding under the belt force `T_s`, in a mode of the drive."""
         braked = self.torque(y, T_s) - slip_sense(mode) * self.kinetic_torque
@@ -209,7 +209,7 @@ class DCDrive(AbstractHybridSystem):
             omega=where(mode == RESTING, 0.0, braked / self.inertia), i_w=self.current_rate(y)
         )
 
-    @looks_at(y=state, T_s=reals, mode=modes)
+    @check_arguments(y=state, T_s=reals, mode=modes)
     def drive_guards(self, y: PyTree, T_s: Numeric, mode: Whole) -> tuple:
         """Guards of the drive under the belt force `T_s`."""
         rest, torque = mode == RESTING, self.torque(y, T_s)
@@ -219,14 +219,14 @@ class DCDrive(AbstractHybridSystem):
             where(rest, self.T_st + torque, 1.0),
         )
 
-    @looks_at(y=state, T_s=reals)
+    @check_arguments(y=state, T_s=reals)
     def mode_at_rest(self, y: PyTree, T_s: Numeric) -> Any:
         """Mode that a rotor at rest takes under the belt force `T_s`."""
         torque = self.torque(y, T_s)
         turning = where(torque > 0, TURNING_FORWARD, TURNING_BACKWARD)
         return where(jnp.abs(torque) <= self.T_st, RESTING, turning)
 
-    @looks_at(y=state, T_s=reals, guard=guard_numbers)
+    @check_arguments(y=state, T_s=reals, guard=guard_numbers)
     def mode_after(self, y: PyTree, T_s: Numeric, guard: Whole) -> Any:
         """Mode after guard 0, 1 or 2 of the drive, with `omega` already set to zero."""
         turning = where(guard == 1, TURNING_FORWARD, TURNING_BACKWARD)
@@ -242,22 +242,22 @@ class DCDrive(AbstractHybridSystem):
         landed = y._replace(omega=jnp.zeros_like(y.omega))
         return landed, self.mode_after(landed, _belt_force(args), guard)
 
-    @looks_at(t=reals, y=state, args=or_none(reals))
+    @check_arguments(t=reals, y=state, args=or_none(reals))
     def initial_mode(self, t, y, args):
         turning = where(y.omega > 0, TURNING_FORWARD, TURNING_BACKWARD)
         return where(y.omega == 0, self.mode_at_rest(y, _belt_force(args)), turning)
 
-    @looks_at(**OBSERVABLE)
+    @check_arguments(**OBSERVABLE)
     def stored_energy(self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None) -> Any:
         """Energy of the winding and of the turning parts, as the rotor sees them [J]."""
         return 0.5 * (self.L_w * y.i_w * y.i_w + self.inertia * y.omega * y.omega)
 
-    @looks_at(**OBSERVABLE)
+    @check_arguments(**OBSERVABLE)
     def electrical_power(self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None) -> Any:
         """Power drawn from the supply [W]."""
         return self.U_in * y.i_w
 
-    @looks_at(**OBSERVABLE)
+    @check_arguments(**OBSERVABLE)
     def loss_power(self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None) -> Any:
         """Power of resistance, bearing and dry friction, and of `k_m` unequal `k_e` [W].
 
@@ -267,7 +267,7 @@ class DCDrive(AbstractHybridSystem):
         unequal = (self.k_m - self.k_e) * y.i_w * y.omega
         return unequal - self.R_w * y.i_w * y.i_w - bearing
 
-    @looks_at(y=state, T_s=reals)
+    @check_arguments(y=state, T_s=reals)
     def load_power(self, y: PyTree, T_s: Numeric) -> Float[Array, "..."]:
         """Power that the belt force `T_s` feeds into the rotor through the gear [W]."""
         return self.reaction * T_s * y.omega

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, PyTree
 
-from .._looks_at import OBSERVABLE, looks_at, reals, state
+from .._argument_checks import OBSERVABLE, check_arguments, reals, state
 from .._types import Given, Numeric, Whole
 from .._validation import check_type
 from ..friction import AbstractFrictionLaw
@@ -75,18 +75,18 @@ class AbstractBlockOnDrivenBelt(AbstractBlockOnBelt):
             given["drive"] = DCDrive.constructed()
         return cls(**given)
 
-    @looks_at(y=state)
+    @check_arguments(y=state)
     def belt_velocity(self, y: DrivenBlockState) -> Float[Array, "..."]:
         """Velocity of the belt $V_b$ [m/s]."""
         return self.drive.belt_velocity(y)
 
-    @looks_at(y=state)
+    @check_arguments(y=state)
     def energy(self, y: DrivenBlockState) -> Any:
         """Energy of block, pendulum, turning parts and winding [J]."""
         block = self.kinetic_energy(0.0, y) + self.potential_energy(0.0, y)
         return block + self.drive.stored_energy(0.0, y)
 
-    @looks_at(**OBSERVABLE)
+    @check_arguments(**OBSERVABLE)
     def contact_power(self, t: Numeric, y: PyTree, mode: Whole, args: PyTree = None) -> Any:
         """Power of the contact on block and belt as the equations in use have it [W].
 
@@ -96,13 +96,13 @@ class AbstractBlockOnDrivenBelt(AbstractBlockOnBelt):
         on_belt = self._sign * self.belt_velocity(y)
         return self.friction_force(t, y, mode, args) * (on_belt - y.vx)
 
-    @looks_at(**OBSERVABLE)
+    @check_arguments(**OBSERVABLE)
     def gear_power(self, t: Numeric, y: PyTree, mode: Whole, args: PyTree = None) -> Any:
         """Power of the worm gear [W]: a loss while the motor drives, see `DCDrive` on `eta`."""
         T_s = self.friction_force(t, y, mode, args)
         return self.drive.load_power(y, T_s) - self._sign * T_s * self.belt_velocity(y)
 
-    @looks_at(**OBSERVABLE)
+    @check_arguments(**OBSERVABLE)
     def powers(self, t: Numeric, y: PyTree, mode: Whole, args: PyTree) -> dict[str, Any]:
         """Powers into `energy` [W]."""
         return {
@@ -152,7 +152,7 @@ class BlockOnDrivenBelt(AbstractBlockOnDrivenBelt):
     guard_scales: ClassVar = DCDrive.guard_scales
     units: ClassVar = DRIVEN_UNITS
 
-    @looks_at(**OBSERVABLE)
+    @check_arguments(**OBSERVABLE)
     def friction_force(
         self, t: Numeric, y: DrivenBlockState, mode: Whole = 0, args: PyTree = None
     ) -> Any:
@@ -173,6 +173,6 @@ class BlockOnDrivenBelt(AbstractBlockOnDrivenBelt):
         landed = y._replace(omega=jnp.zeros_like(y.omega))
         return landed, self.drive.mode_after(landed, self.friction_force(t, landed), guard)
 
-    @looks_at(t=reals, y=state)
+    @check_arguments(t=reals, y=state)
     def initial_mode(self, t, y, args):
         return self.drive.initial_mode(t, y, self.friction_force(t, y))

@@ -12,9 +12,8 @@ import jax.numpy as jnp
 from .._fastmath import where
 from ..hybrid._system import NO_MODE
 from ._block_mechanics import Loads
-from ._block_on_belt import BACKWARD, FORWARD, STICK
 from ._dc_drive import RESTING, TURNING_BACKWARD, TURNING_FORWARD, DCDrive
-from ._mechanical import slip_sense
+from ._mechanical import BACKWARD, FORWARD, STICK, slip_sense
 
 PARTS = 4  # mode number = 4 drive + contact
 GUARDS = (

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from .._looks_at import OBSERVABLE, looks_at, reals, state
+from .._argument_checks import OBSERVABLE, check_arguments, reals, state
 from .._types import Numeric, Whole
 from .._validation import refusal
 from ..friction import Coulomb
@@ -77,7 +77,9 @@ class BlockOnDrivenBeltSetValued(AbstractBlockOnDrivenBelt, AbstractMechanism):
     def forces(self, t, q, v, args):
         if self._printed:
             signs = f"{self.drive.belt_reaction}, {self.drive.motor_friction}"
-            raise refusal("belt_reaction, motor_friction", signs, "consistent: no mechanism has these")
+            raise refusal(
+                "belt_reaction, motor_friction", signs, "consistent: no mechanism has these signs"
+            )
         y = self.from_coordinates(q, v)
         loads = self.loads(y)
         torque = self.drive.torque(y, 0.0)
@@ -105,7 +107,7 @@ class BlockOnDrivenBeltSetValued(AbstractBlockOnDrivenBelt, AbstractMechanism):
             "dampers": self.damper_power(0.0, y),
         }
 
-    @looks_at(**OBSERVABLE)
+    @check_arguments(**OBSERVABLE)
     def friction_force(self, t: Numeric, y: DrivenBlockState, mode: Whole, args: PyTree = None) -> Any:
         """Friction force $T_s$ [N] as in (11); the block feels $-T_s$. At rest, what holds it."""
         if self._printed:
@@ -145,7 +147,7 @@ class BlockOnDrivenBeltSetValued(AbstractBlockOnDrivenBelt, AbstractMechanism):
             return printed.transition(self, y, mode, guard)
         return super().transition(t, y, mode, guard, args)
 
-    @looks_at(t=reals, y=state)
+    @check_arguments(t=reals, y=state)
     def initial_mode(self, t, y, args):
         if self._printed:
             return printed.first_mode(self, y, y.vx == self.belt_velocity(y))

@@ -9,8 +9,8 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, PyTree
 
+from .._argument_checks import OBSERVABLE, check_arguments, one_real, state
 from .._fastmath import where
-from .._looks_at import OBSERVABLE, looks_at, one_real, state
 from .._types import Given, Numeric, Whole
 from .._validation import (
     as_parameter,
@@ -257,7 +257,7 @@ class JointedBeam(AbstractMechanism):
         still = jnp.zeros(self.modes)
         return JointedBeamState(x=x + zero, vx=zero, y=zero, vy=self.v + zero, q=still, p=still)
 
-    @looks_at(z=one_real)
+    @check_arguments(z=one_real)
     def shapes(self, z: Numeric) -> Float[Array, " modes"]:
         r"""Values $\phi_i(z)$ of the eigenfunctions, Eq. (2.18); `z` [m]."""
         factor = NORMAL if self.shape == "consistent" else 1.0
@@ -270,44 +270,44 @@ class JointedBeam(AbstractMechanism):
     def _numbers(self) -> Float[Array, " modes"]:
         return jnp.arange(1, self.modes + 1, dtype=jnp.float64)
 
-    @looks_at(y=_one_state, z=one_real)
+    @check_arguments(y=_one_state, z=one_real)
     def deflection(self, y: JointedBeamState, z: Numeric) -> Float[Array, "..."]:
         """Deflection of the beam at `z`, Eq. (2.17) [m]."""
         return jnp.sum(self.shapes(z) * y.q)
 
-    @looks_at(**_OF_ONE)
+    @check_arguments(**_OF_ONE)
     def w(self, t: Numeric, y: JointedBeamState, mode: Whole = 0, args: PyTree = None) -> Any:
         """Deflection of the beam at the joint [m]."""
         return self.deflection(y, self.z_A)
 
-    @looks_at(**_OF_ONE)
+    @check_arguments(**_OF_ONE)
     def w_rate(self, t: Numeric, y: JointedBeamState, mode: Whole = 0, args: PyTree = None) -> Any:
         """Velocity of the beam at the joint [m/s]."""
         return jnp.sum(self.shapes(self.z_A) * y.p)
 
-    @looks_at(**OBSERVABLE)
+    @check_arguments(**OBSERVABLE)
     def relative_velocity(
         self, t: Numeric, y: JointedBeamState, mode: Whole = 0, args: PyTree = None
     ) -> Any:
         """Velocity of the mass against the belt [m/s]."""
         return y.vy - self.v
 
-    @looks_at(**OBSERVABLE)
+    @check_arguments(**OBSERVABLE)
     def normal_force(self, t: Numeric, y: JointedBeamState, mode: Whole, args: PyTree = None) -> Any:
         """Normal force $N$, Eq. (2.2) [N]."""
         return self.normal_forces(t, y, mode, args)["belt"]
 
-    @looks_at(**_OF_ONE)
+    @check_arguments(**_OF_ONE)
     def friction_force(self, t: Numeric, y: JointedBeamState, mode: Whole, args: PyTree = None) -> Any:
         """Force of the belt on the mass along the belt [N]; in stick what holds it."""
         return self.friction_forces(t, y, mode, args)["belt"]
 
-    @looks_at(**_OF_ONE)
+    @check_arguments(**_OF_ONE)
     def friction_power(self, t: Numeric, y: JointedBeamState, mode: Whole, args: PyTree = None) -> Any:
         r"""$W_f = T\,V$: power of the friction in the contact [W], zero in stick, never positive."""
         return self.friction_force(t, y, mode) * (y.vy - self.v)
 
-    @looks_at(**_OF_ONE)
+    @check_arguments(**_OF_ONE)
     def beam_power(self, t: Numeric, y: JointedBeamState, mode: Whole, args: PyTree = None) -> Any:
         r"""$W_b = k_1(y - w_A)\dot w_A$: power from the mass to the beam through the joint [W]."""
         return self._joint_force(y) * self.w_rate(t, y)
@@ -322,7 +322,7 @@ class JointedBeam(AbstractMechanism):
             return stiffness * shapes * (y.y - w)
         return stiffness * shapes * (y.y - shapes * y.q)
 
-    @looks_at(y=_one_state)
+    @check_arguments(y=_one_state)
     def energy(self, y: JointedBeamState) -> Any:
         """Energy of mass, springs and beam [J]; the contact spring counts while pressed."""
         depth = where(y.x > 0.0, y.x, 0.0)
@@ -332,7 +332,7 @@ class JointedBeam(AbstractMechanism):
         beam = jnp.sum(y.p * y.p + (self.frequencies() * y.q) ** 2)
         return 0.5 * (mass + springs + self.scales.mass * beam)
 
-    @looks_at(**_OF_ONE)
+    @check_arguments(**_OF_ONE)
     def powers(self, t: Numeric, y: JointedBeamState, mode: Whole, args: PyTree) -> dict[str, Any]:
         """Powers into `energy` [W]: `belt` (drive), `friction` (loss), `damping` (loss in the beam).
 
@@ -388,12 +388,12 @@ class JointedBeam(AbstractMechanism):
             coupling=self.coupling,
         )
 
-    @looks_at(y=state)
+    @check_arguments(y=state)
     def state_in_units(self, y: JointedBeamState) -> JointedBeamState:
         """A dimensionless state in the units of this system."""
         return times_scale(y, self.scales, 1)
 
-    @looks_at(y=state)
+    @check_arguments(y=state)
     def state_dimensionless(self, y: JointedBeamState) -> JointedBeamState:
         """A state of this system in dimensionless numbers."""
         return times_scale(y, self.scales, -1)

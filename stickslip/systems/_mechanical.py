@@ -10,6 +10,7 @@ from stickslip.mechanism._account import AbstractMechanicalSystem as AbstractMec
 Number = Real[ArrayLike, "..."]
 
 SLIP_MODES = ("slip backward", "stick", "slip forward")
+BACKWARD, STICK, FORWARD = range(3)  # their numbers
 
 
 class Motion(NamedTuple):
@@ -27,7 +28,7 @@ def holding_force(static_force: Any, kinetic_force: Any) -> Any:
 
 def slip_sense(mode: Any) -> Any:
     """Sign of the relative velocity, -1, 0 or +1, in the modes `SLIP_MODES`."""
-    return where(mode == 1, 0.0, where(mode == 0, -1.0, 1.0))
+    return where(mode == STICK, 0.0, where(mode == BACKWARD, -1.0, 1.0))
 
 
 def mode_at_rest(load: Any, limit: Any) -> Any:
@@ -35,10 +36,10 @@ def mode_at_rest(load: Any, limit: Any) -> Any:
 
     Beyond `limit` [N] the load starts a slip in its own sense.
     """
-    return where(load > limit, 2, where(load < -limit, 0, 1))
+    return where(load > limit, FORWARD, where(load < -limit, BACKWARD, STICK))
 
 
 def contact_mode(relative_velocity: Any, load: Any, limit: Any) -> Any:
     """Mode of a contact: the sense of its slip; without one the load decides."""
     at_rest = mode_at_rest(load, limit)
-    return where(relative_velocity < 0.0, 0, where(relative_velocity > 0.0, 2, at_rest))
+    return where(relative_velocity < 0.0, BACKWARD, where(relative_velocity > 0.0, FORWARD, at_rest))

@@ -4,7 +4,7 @@ from typing import ClassVar
 
 from jaxtyping import Array, Float
 
-from stickslip._looks_at import OBSERVABLE, looks_at
+from stickslip._argument_checks import OBSERVABLE, check_arguments
 from stickslip._validation import as_parameter, check_finite, check_nonnegative, check_positive
 from stickslip.friction import Coulomb
 from stickslip.mechanism import AbstractMechanism, Contact
@@ -64,7 +64,7 @@ class SlidingBlock(AbstractMechanism):
     def contacts(self, t, q, v, args):
         return {"ground": Contact(Coulomb(self.static_force, self.kinetic_force))}
 
-    @looks_at(**OBSERVABLE)
+    @check_arguments(**OBSERVABLE)
     def powers(self, t, y, mode, args):
         """`force`: work of the constant force; `friction`: loss in the contact [W]."""
         friction = self.friction_forces(t, y, mode, args)["ground"]

@@ -4,7 +4,7 @@ from typing import Any, ClassVar, NamedTuple
 
 from jaxtyping import Array, Float
 
-from stickslip._looks_at import OBSERVABLE, looks_at
+from stickslip._argument_checks import OBSERVABLE, check_arguments
 from stickslip._validation import as_parameter, check_finite, check_nonnegative, check_positive
 from stickslip.friction import Coulomb
 from stickslip.mechanism import AbstractMechanism, Contact
@@ -120,7 +120,7 @@ class TwoBlocksOnBelt(AbstractMechanism):
             + self.coupling * (q.x_1 - q.x_2) ** 2
         )
 
-    @looks_at(**OBSERVABLE)
+    @check_arguments(**OBSERVABLE)
     def powers(self, t, y, mode, args):
         """`belt`: work of the drive; `friction_1`, `friction_2`: losses in the contacts [W]."""
         one, two = self.friction_forces(t, y, mode, args).values()

@@ -23,7 +23,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("path", metavar="STORE_OR_FILE", help="a netCDF file, or a sweep's store")
     parser.add_argument("--x", metavar="NAME", help="the parameter drawn across (default: the longest)")
     parser.add_argument(
-        "--observable", metavar="NAME", help="what is drawn over it (default: the first)"
+        "--observable", metavar="NAME", help="the observable that is drawn over it (default: the first)"
     )
     parser.add_argument(
         "--with", dest="module", metavar="MODULE",

@@ -149,7 +149,7 @@ class Diagram:
     def periods(self) -> dict[str, Any]:
         """What the numbers of `period` mean, for the words on the page."""
         most = f" up to {self.longest}" if self.longest else ""
-        return {"none": f"no period{most}", "untold": "period not told", "reasons": list(self.reasons)}
+        return {"none": f"no period{most}", "untold": "period unknown", "reasons": list(self.reasons)}
 
     def in_words(self, lanes: Lanes, lane: int) -> str:
         """Parameter, period and status of a lane in words."""

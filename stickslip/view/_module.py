@@ -60,7 +60,7 @@ def imported(name: str, diagram: Diagram) -> Functions:
 def motion(dataset: Any, observable: str) -> Motion:
     """What is drawn of an orbit: the diagram's observable, or the first, and the next one over it.
 
-    Errors: `TypeError` or `ValueError` for what is not a dataset over `time`.
+    Errors: `TypeError` or `ValueError` if `dataset` is not a Dataset over `time`.
     """
     what = "an xarray.Dataset over `time`, as `time_history` returns"
     if not isinstance(dataset, xr.Dataset):

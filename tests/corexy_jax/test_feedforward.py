@@ -195,7 +195,7 @@ def test_derivatives_of_the_end_exist_through_all_events():
     ("change", "words"),
     [
         ({"mu_1s_b": 0.2, "mu_2s_b": 0.2}, "belts and voltage are too weak against the friction"),
-        ({"mu_1s_b": 1.6, "mu_2s_b": 1.6}, "what does not start as it must is"),
+        ({"mu_1s_b": 1.6, "mu_2s_b": 1.6}, "these contacts do not start as they must:"),
     ],
 )
 def test_what_cannot_be_reached_is_refused(change, words):

@@ -6,7 +6,7 @@ import pytest
 
 import stickslip as ss
 from experiments.block._diagram import MODELS, integrator_of, system_of
-from experiments.block._regimes import look
+from experiments.block._regimes import regimes
 from experiments.block._score import (
     Regimes,
     cascade,
@@ -81,7 +81,8 @@ def test_the_look_at_a_set_compiles_fused_and_agrees_with_portable():
     sets, k3 = jnp.asarray(np.tile(start_values(), (4, 1))), jnp.linspace(80.0, 90.0, 4)
     options = {"transient": 0.5, "duration": 1.0, "segments": 1, "tolerance": 1e-9}
     fused, portable = (
-        look(simplified, executor=e, **options)(sets, k3, jnp.zeros(4)) for e in ("fused", "portable")
+        regimes(simplified, executor=e, **options)(sets, k3, jnp.zeros(4))
+        for e in ("fused", "portable")
     )
     np.testing.assert_allclose(fused["exponent"], portable["exponent"], rtol=0, atol=1e-5)
     assert np.ptp(fused["exponent"]) > 1e-3

@@ -111,12 +111,12 @@ def test_two_trajectories_of_a_linear_flow():
             **options,
         )  # fmt: skip
 
-    again, letter = jax.jit(lambda: (exponent(warm_up=20), exponent(renormalise=False)))()
+    again, printed = jax.jit(lambda: (exponent(warm_up=20), exponent(renormalise=False)))()
     np.testing.assert_allclose(again.exponent, -0.2, atol=1e-6)
     # Spread evenly over three components, of which two are soon gone.
-    np.testing.assert_allclose(letter.distance[-1], 1e-3 / 3**0.5 * np.exp(-4.0), rtol=1e-4)
-    np.testing.assert_allclose(letter.running[-1], -0.2 - 0.5 * np.log(3.0) / 20, atol=1e-5)
-    assert np.isnan(letter.error)
+    np.testing.assert_allclose(printed.distance[-1], 1e-3 / 3**0.5 * np.exp(-4.0), rtol=1e-4)
+    np.testing.assert_allclose(printed.running[-1], -0.2 - 0.5 * np.log(3.0) / 20, atol=1e-5)
+    assert np.isnan(printed.error)
 
 
 # Maps

@@ -323,7 +323,7 @@ def test_dry_friction_and_the_result_does_not_depend_on_the_cut():
         ({"section": Maximum("w")}, ValueError, "section.observable = 'w'"),
         ({"observables": "w"}, ValueError, r"observables\['w'\] = 'w': it must be a component"),
         ({"observables": []}, ValueError, r"observables = \[\]: it must be .* at least one"),
-        ({"observables": {"count": "u"}}, ValueError, r"observables\['count'\].*the name is taken"),
+        ({"observables": {"count": "u"}}, ValueError, r"observables\['count'\].*this one is taken"),
         ({"observables": 4}, TypeError, "observables = 4"),
         ({"domain": "wall"}, ValueError, "domain = 'wall'"),
         ({"transient": -1.0}, ValueError, "transient = -1.0: it must be finite and not negative"),

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.hybrid._lane import Plan
+from stickslip.hybrid._loop_state import Plan
 from stickslip.hybrid._status import GRAZING
 from stickslip.systems import Motion
 

@@ -133,7 +133,7 @@ def test_who_waits_for_another_s_trial_gives_up_in_time(cache, monkeypatch):
     monkeypatch.setattr(_canary, "TIMEOUT", 0.3)
     with open(_canary._cache_file().with_suffix(".lock"), "w") as held:
         fcntl.flock(held, fcntl.LOCK_EX)
-        with pytest.warns(RuntimeWarning, match="came to no end"):
+        with pytest.warns(RuntimeWarning, match="did not end"):
             assert tried(monkeypatch, True) == (0, [False] * 3)
 
 

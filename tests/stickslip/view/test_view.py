@@ -64,7 +64,7 @@ def test_the_diagram_has_all_points_and_a_click_shows_the_nearest_lane(tmp_path)
     assert live.page.chosen.text == "a = 1.2 N: no period up to 16, status ok"
     live.choose(1.7)  # a lane without points
     assert len(live.page.return_points.data["x"]) == 0
-    assert live.page.chosen.text == "a = 1.7 N: period not told (too few points), status no crossing"
+    assert live.page.chosen.text == "a = 1.7 N: period unknown (too few points), status no crossing"
     assert document.title == "A made-up diagram"
 
 
@@ -177,7 +177,7 @@ def test_a_store_of_a_sweep_is_read(tmp_path):
     diagram = Diagram(opened(str(tmp_path / "store")), "store")
     lanes = diagram.lanes([])
     assert lanes.y.tolist() == [[0, 1, 2], [0, 2, 4]]
-    assert diagram.in_words(lanes, 1) == "a = 2: period not told (not stored), status not stored"
+    assert diagram.in_words(lanes, 1) == "a = 2: period unknown (not stored), status not stored"
 
 
 def test_a_store_of_several_sections_has_their_names(tmp_path):

@@ -1,12 +1,12 @@
 """Arguments of public methods: numbers, states and modes, one at a time or whole logs of them.
 
-A method says what it looks at, by the names of its arguments, before it runs:
+A method names the arguments that are checked before it runs, each with its check:
 
 >>> import equinox as eqx
 >>> class Spring(eqx.Module):
 ...     stiffness: float
 ...
-...     @looks_at(x=reals)
+...     @check_arguments(x=reals)
 ...     def force(self, x):
 ...         return -self.stiffness * x
 >>> Spring(2.0).force(0.5)
@@ -16,7 +16,7 @@ Traceback (most recent call last):
     ...
 TypeError: x = '0.5': it must be a real number or an array of real numbers.
 
-Types and shapes are looked at, and numbers where few of them are allowed; tracers pass by their type,
+Types and shapes are checked, and numbers where few of them are allowed; tracers pass by their type,
 so that nothing is added to a program. NaN and infinity pass: logs have them in rows that were never
 reached, and there the answer is NaN.
 """
@@ -44,41 +44,41 @@ from ._validation import (
 )
 
 Method = TypeVar("Method", bound=Callable[..., Any])
-Look = Callable[[Any, str, Any], Any]  # the object, the argument's name, its value -> the value to use
+Check = Callable[[Any, str, Any], Any]  # the object, the argument's name, its value -> the value to use
 
 
-def looks_at(**looks: Look) -> Callable[[Method], Method]:
-    """Decorator of a method: the arguments named here are looked at before it runs."""
+def check_arguments(**checks: Check) -> Callable[[Method], Method]:
+    """Decorator of a method: the arguments named here are checked before it runs."""
 
     def decorated(method: Method) -> Method:
         names = tuple(inspect.signature(method).parameters)[1:]
-        assert set(looks) <= set(names), (method, looks)
-        row = tuple(looks.get(name) for name in names)
+        assert set(checks) <= set(names), (method, checks)
+        row = tuple(checks.get(name) for name in names)
 
         @functools.wraps(method)
-        def looked_at(self: Any, *args: Any, **named: Any) -> Any:
+        def checked(self: Any, *args: Any, **named: Any) -> Any:
             given = (
-                look(self, name, value) if look else value
-                for name, look, value in zip(names, row, args, strict=False)
+                check(self, name, value) if check else value
+                for name, check, value in zip(names, row, args, strict=False)
             )
-            for name in named.keys() & looks.keys():
-                named[name] = looks[name](self, name, named[name])
+            for name in named.keys() & checks.keys():
+                named[name] = checks[name](self, name, named[name])
             return method(self, *given, *args[len(names) :], **named)
 
-        return cast(Method, looked_at)
+        return cast(Method, checked)
 
     return decorated
 
 
-def look_at_own(cls: type, looks: dict[str, dict[str, Look]]) -> None:
-    """Let the methods that a class defines itself look at their arguments, where `looks` names them."""
-    for name, of in looks.items():
+def check_own_methods(cls: type, checks: dict[str, dict[str, Check]]) -> None:
+    """Let the methods that a class defines itself check the arguments that `checks` names."""
+    for name, of in checks.items():
         method = vars(cls).get(name)
         if inspect.isfunction(method) and not getattr(method, "__isabstractmethod__", False):
             arguments = list(inspect.signature(method).parameters)[1:]
             # An heir may call its arguments what it likes; their order is what the base class says.
             named = dict(zip(arguments, of.values(), strict=False))
-            setattr(cls, name, looks_at(**named)(method))
+            setattr(cls, name, check_arguments(**named)(method))
 
 
 def reals(owner: Any, name: str, value: Any) -> Any:
@@ -173,9 +173,9 @@ def not_negative_number(owner: Any, name: str, value: Any) -> Any:
     return value
 
 
-def or_none(look: Look) -> Look:
+def or_none(check: Check) -> Check:
     """The same, or None."""
-    return lambda owner, name, value: None if value is None else look(owner, name, value)
+    return lambda owner, name, value: None if value is None else check(owner, name, value)
 
 
 def time(owner: Any, name: str, value: Any) -> Any:
@@ -194,10 +194,10 @@ def whole_state(owner: Any, name: str, value: Any) -> Any:
     return value
 
 
-def instance(expected: type, allowed: str) -> Look:
+def instance(expected: type, allowed: str) -> Check:
     """What is of this class."""
     return lambda owner, name, value: check_type(name, value, expected, allowed)
 
 
 # What an observable of a system takes besides arguments of the user, which no reference system has.
-OBSERVABLE: dict[str, Look] = {"t": reals, "y": state, "mode": modes}
+OBSERVABLE: dict[str, Check] = {"t": reals, "y": state, "mode": modes}

@@ -1,4 +1,4 @@
-"""Arguments of public methods are looked at, and a program does not notice."""
+"""Arguments of public methods are checked, which adds nothing to a program."""
 
 import doctest
 from typing import ClassVar
@@ -8,14 +8,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from stickslip import _looks_at, _types
+from stickslip import _argument_checks, _types
 from stickslip.friction import AbstractDryFrictionLaw, Coulomb, LuGre
 from stickslip.systems import BlockOnBelt, BlockState, CoulombOscillator, JointedBeam, Motion
 
 OSCILLATOR = CoulombOscillator(1.0, 1.0, 1.0, 0.5, 0.2)
 
 
-@pytest.mark.parametrize("module", [_looks_at, _types])
+@pytest.mark.parametrize("module", [_argument_checks, _types])
 def test_examples_of_the_docstrings(module):
     found = doctest.testmod(module)
     assert found.failed == 0

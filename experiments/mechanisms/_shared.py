@@ -9,7 +9,7 @@ import numpy as np
 import stickslip as ss
 from stickslip.mechanism import AbstractMechanism
 
-from .._experiment import Statement
+from .._statement import Verdict
 
 FAST = ss.Integrator("tsit5", ss.AdaptiveStep(1e-8, 1e-9), max_steps=1_000_000)
 
@@ -43,7 +43,7 @@ def rates_of(matrix: np.ndarray, duration: Any) -> np.ndarray:
     return -np.sort(-np.log(factors), axis=-1) / np.asarray(duration)
 
 
-def verdict(id: str, claim: str, difference: float, allowed: float, text: str) -> Statement:
-    """A statement that holds where `difference` is at most `allowed`."""
+def verdict(difference: float, allowed: float, text: str) -> Verdict:
+    """Whether `difference` is at most `allowed`, and `text` with both."""
     told = f"{text}; difference {difference:.2g}, allowed {allowed:g}"
-    return Statement(id, claim, bool(difference <= allowed), told)
+    return bool(difference <= allowed), told

@@ -20,7 +20,7 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ._adjoint import adjoint
-from ._lane import Plan, start
+from ._loop_state import Plan, start
 from ._record import Capacities, Logs, record
 from ._status import COARSE, flag
 from ._tolerance import grown, sizes, too_loose

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ._event_time import event_delay
-from ._lane import EVENT, Lane, Outcome, Plan, is_event, moved_on
+from ._loop_state import EVENT, Lane, Outcome, Plan, is_event, moved_on
 from ._record import Logs
 from ._tree import select, shift
 from ._xla import piece
