@@ -66,7 +66,7 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
         lambda ends: _nats(seen(ends)), tried[best], parameters["rounds"] * parameters["population"]
     )
     every = seen(np.stack([inputs[name] for name in DESIGNS]))
-    errors = every.standard_errors()
+    errors = every.relative_standard_errors()
     far = _fits(inputs["A"], truth, errors, nothing, machine, times, parameters, lanes)
     covariance = np.asarray(every.covariance())
     return xr.Dataset(

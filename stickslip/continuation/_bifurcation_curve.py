@@ -101,12 +101,13 @@ def curve_of(
         ((backward, first),) = rest
         points = [place.point for place in backward[:0:-1]] + points
     orbits = jax.tree.map(lambda *leaves: np.stack(leaves), *(p.orbit for p in points))
+    low, high = (CurveEnd(p.values, p.orbit, words) for p, words in (first, end))
     return BifurcationCurve(
         label,
         parameters,
         np.stack([p.values for p in points]),
         orbits,
         tuple(p.sequence for p in points),
-        tuple(CurveEnd(p.values, p.orbit, words) for p, words in (first, end)),
+        (low, high),
         system,
     )

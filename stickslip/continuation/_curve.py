@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
@@ -244,8 +245,8 @@ def zero_between(
         return test(found)
 
     try:
-        found = brentq(value, 0.0, distance, xtol=1e-14, rtol=1e-12)
-        root = float(found)  # pyright: ignore[reportArgumentType]
+        found: Any = brentq(value, 0.0, distance, xtol=1e-14)
+        root = float(found)
         value(root)
     except (ArithmeticError, ValueError) as error:
         return Failure(str(error))

@@ -176,7 +176,8 @@ def simulate(
     y0, mode0 = the_start(system, y0, mode0, args)
     system.check_start(t0, y0, args)
     if mode0 is not None:
-        system.check_mode(t0, y0, mode0, args)
+        mode: Any = mode0  # a number by now
+        system.check_mode(t0, y0, mode, args)
 
     def run(mode0):
         return _run(
