@@ -170,8 +170,9 @@ def judged(
 ) -> tuple[Float[Array, " exponent"], Float[Array, " exponent"], Int[Array, " exponent"]]:
     """Exponents, errors and `LyapunovSpectrum.status`; `rests`: whether the state never moved."""
     mean, error = averaged(local, blocks)
-    # Where the linear field decides, deviations of a rest grow or shrink for sure.
-    still = rests & jnp.all(jnp.abs(mean) <= 3.0 * error)
+    # Where the linear field decides, deviations of a rest grow or shrink for sure; those that a stick
+    # takes away say nothing.
+    still = rests & jnp.all((jnp.abs(mean) <= 3.0 * error) | jnp.isneginf(mean))
     mean, error = (jnp.where(still, jnp.nan, a) for a in (mean, error))
     status = jnp.zeros(mean.shape, jnp.int32)
     for word, applies in (

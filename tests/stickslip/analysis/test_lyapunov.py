@@ -296,9 +296,9 @@ def test_stick_slip_cycle_has_zero_and_minus_infinity():
     assert float(found.error[:, 0].max()) < 0.05
     for lost, v in zip(found.lost.values, speeds, strict=True):
         stick, slip = 1.0 / v, 2 * np.pi - 2 * np.arctan(0.5 / v)
-        # Lost when the slip ends. What takes its place is a speed against the belt, which no stick
-        # admits; the declared oscillator carries it on to the end of the next slip.
-        assert abs(lost[1] - 120.0 / (stick + slip)) <= 1
+        # Lost in every segment that ends in a stick: what takes its place is a speed against the
+        # belt, which a stick does not allow.
+        assert abs(lost[1] - 60.0 * stick / (stick + slip)) <= 1
         assert lost[0] == 0
 
 

@@ -1,5 +1,6 @@
 """Lyapunov exponents that cannot be told are not numbers, and a word says why."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -55,6 +56,12 @@ def test_a_block_at_rest_and_one_that_stops_early():
     rest = lyapunov_spectrum(lorenz(0.5), Point(0.0, 0.0, 0.0), segment=0.5, segments=40, warm_up=40)
     assert rest.words.tolist() == ["ok"] * 3
     np.testing.assert_allclose(rest.exponents[1], -8 / 3, rtol=1e-3)
+
+    # Carried by the belt for ever, it moves: the stick holds its speed, and no event says so.
+    carried = eqx.tree_at(lambda block: block.stiffness, BLOCK, 1e-9)
+    found = lyapunov_spectrum(carried, Motion(0.0, 0.2), segment=2.0, segments=20, integrator=SMOOTH)
+    assert found.words.tolist() == ["ok", "lost"]
+    np.testing.assert_allclose(found.exponents, [0.0, -np.inf], atol=1e-12)
 
     few = ss.Integrator("tsit5", ss.AdaptiveStep(1e-8, 1e-10), max_steps=5)
     lost = lyapunov_spectrum(BLOCK, Motion(0.0, 0.2), segment=2.0, segments=20, integrator=few)

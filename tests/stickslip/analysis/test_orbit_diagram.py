@@ -141,15 +141,18 @@ def test_a_record_too_short_or_too_early_does_not_say_chaos():
 
 
 def test_a_motion_at_rest_has_no_period():
-    """A block on a belt at rest sticks: the section is never reached."""
+    """A block on a belt at rest stops and sticks: the section is never reached."""
     result = diagram(
-        CoulombOscillator(1.0, 1.0, 1.0, 0.5, 0.2), {"belt_speed": [0.0, 0.3]}, Motion(0.0, 0.0),
+        CoulombOscillator(1.0, 1.0, 1.0, 0.5, 0.2), {"belt_speed": [0.0, 0.3]}, Motion(0.0, 0.4),
         section=Maximum("x"), observables=["x", "v"], transient=20.0, duration=60.0, check=0,
         integrator=ss.Integrator("rk4", ss.FixedStep(0.01)), executor="portable",
     )  # fmt: skip
     assert meanings(result) == ["no_crossing", "ok"]
     assert result.period.values.tolist() == [-1, 1]
     assert meanings(result, "period_status") == ["too_few_points", "repeats"]
+    # Slip against 0.5 N until the first stop; there it stays to the end.
+    assert float(result.end_x[0]) == pytest.approx(np.sqrt(0.5**2 + 0.4**2) - 0.5, abs=1e-7)
+    assert float(result.end_v[0]) == 0.0
 
 
 def test_a_transient_that_did_not_settle_is_no_ok():

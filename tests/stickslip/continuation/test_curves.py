@@ -165,14 +165,20 @@ def discontinuous_fold(c: float) -> float:
 
     def greatest(v):
         """Greatest speed of the next turn, over that of the belt; it leaves the stick downwards."""
-        begin = [1.0 - c * v, v]
-        event = lambda t, y, v: slip(t, y, v)[1]  # noqa: E731
-        event.direction = -1.0
+
+        def top(t, y, v):
+            return slip(t, y, v)[1]
+
+        def beyond(t, y, v):
+            return y[1] - v - 0.1
+
+        top.direction, beyond.terminal = -1.0, True
         run = solve_ivp(
-            slip, (0.0, 12.0), begin, "DOP853", args=(v,), rtol=1e-12, atol=1e-13, events=event
-        )
+            slip, (0.0, 20.0), [1.0 - c * v, v], "DOP853", args=(v,), rtol=1e-12, atol=1e-13,
+            events=(top, beyond),
+        )  # fmt: skip
         tops = zip(run.t_events[0], run.y_events[0], strict=True)
-        return next(y[1] for t, y in tops if t > 1.0) - v
+        return next((y[1] - v for t, y in tops if t > 1.0), 0.1)
 
     return float(brentq(greatest, 0.5, 0.9, xtol=1e-12))
 

@@ -8,6 +8,7 @@ import pytest
 import stickslip as ss
 from stickslip.friction import Coulomb, Dahl, LuGre, Regularised, Sum, ViscousFriction
 from stickslip.mechanism import AbstractMechanism, Contact, DeclarationError
+from stickslip.systems import CoulombOscillator, Motion
 
 DRY = Coulomb(1.0, 0.5)
 
@@ -140,6 +141,14 @@ def test_refused_where_a_run_begins(case):
     with pytest.raises((ValueError, TypeError), match=message) as caught:
         ss.simulate(machine, 0.0, 1.0, machine.state())
     assert "\n" not in str(caught.value).strip()
+
+
+def test_a_mode_in_which_what_slides_would_stick():
+    """It would be carried along at that speed, without a word."""
+    block = CoulombOscillator(1.0, 1.0, 1.0, 0.5, 0.2)
+    with pytest.raises(ValueError, match=r"mode0 = 'stick', and it slides at -0\.2: .*contact 'belt'"):
+        ss.simulate(block, 0.0, 1.0, Motion(0.0, 0.0), "stick")
+    block.check_mode(0.0, Motion(0.0, 0.2 * (1.0 + 1e-9)), 1, None)  # rounding
 
 
 def test_laws_that_a_smooth_form_does_not_take():
