@@ -36,7 +36,7 @@ NAMED = {
     **dict.fromkeys(("v", "normal_force", "t", "T_s", "coefficient"), arg(0.1, *REALS)),
     "sense": arg(1, "senses"), "mode": arg(0, "modes"), "guard": arg(0, "modes"),
     "args": arg(None, "unused"), "threshold": arg(1e-7, "not negative", "float32"),
-    "piece": arg(0.0, "pieces"), "z": arg(0.1, "real"),
+    "piece": arg(0.0, "pieces"), "z": arg(0.1, "real"), "level": arg(0.95, "float32"),
     "factor": arg(2.0, "positive", "float32", "batch"),
     "v_reg": arg(1e-3, "positive", "float32", "batch"), "kind": arg("tanh"),
     "loads": arg(BLOCK.loads(systems.DrivenBlockState(*(0.0,) * 6))),
