@@ -104,7 +104,8 @@ for v_reg in (1e-2, 1e-3):
     gaps.append(abs(float(y.x - sharp)))
     print(f"regularised, {v_reg:g} m/s: {gaps[-1]:.1e} m off")
 for stiffness in (1e2, 1e4):
-    form = sledges.bristles(LuGre, sigma_0=stiffness, sigma_1=2.0 * stiffness**0.5)
+    # Critical damping on the bristles, 2 sqrt(sigma_0 m / N), where N = 9.81 m.
+    form = sledges.bristles(LuGre, sigma_0=stiffness, sigma_1=2.0 * (stiffness / 9.81) ** 0.5)
     y = ss.simulate(form, 0.0, SHORT, form.start(start), integrator=fine, max_events=None).y1
     gaps.append(abs(float(y.y.x - sharp)))
     print(f"bristles, {stiffness:g} 1/m: {gaps[-1]:.1e} m off")

@@ -114,7 +114,8 @@ def orbit_diagram(
     - `period`: number of points after which the observables repeat; 0 if after none of 1 to
       `period.longest`; -1 where that is unknown. `period_status` says why, by number with words in
       `attrs["flag_meanings"]`: `repeats`; `none`; `lane_failed`; `too_few_points` (4 are needed for
-      period one, twice the longest to say that there is none); `not_finite`; `not_settled`;
+      period one, twice the longest to say that there is none); `not_finite`; `not_settled` (the points
+      still come nearer to something, or creep: of all points, where the `status` is of the first);
       `constant` (a rest); `zero_on_section` (all that was observed is zero there, as a speed is
       at the maxima of its position); `below_rounding`. Points are the same if each observable
       differs by at most `period.tolerance` of its range along the whole motion, over the last quarter

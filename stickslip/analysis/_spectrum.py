@@ -92,7 +92,8 @@ def amplitude_spectrum(
     check_in("window", window, WINDOWS)
     one_number("dt", dt, "positive")
     u = jnp.asarray(check_finite("signal", signal), jnp.float64)
-    check_type("axis", axis, int, "the number of an axis of the signal")
+    if not isinstance(axis, int) or isinstance(axis, bool):
+        raise refusal("axis", axis, "the number of an axis of the signal", TypeError)
     if u.ndim and not -u.ndim <= axis < u.ndim:
         raise refusal("axis", axis, f"from {-u.ndim} to {u.ndim - 1}")
     if u.ndim == 0 or u.shape[axis] < 8:

@@ -10,6 +10,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, PyTree
 
 from .._checked import CheckedModule
+from .._show import value_text
 from .._types import Given, Mode, Numeric
 from .._validation import (
     MOST,
@@ -60,6 +61,11 @@ class OrbitGuess(eqx.Module, metaclass=CheckedModule):
     period: Numeric
     mode0: Mode | None = None
     t0: Numeric = 0.0
+
+    def __repr__(self) -> str:
+        mode = "" if self.mode0 is None else f", mode {value_text(self.mode0)}"
+        at = f"{value_text(self.y0)} at t = {value_text(self.t0, 's')}{mode}"
+        return f"OrbitGuess: period {value_text(self.period, 's')}, from {at}"
 
     def __check_init__(self):
         as_float64("y0", self.y0)

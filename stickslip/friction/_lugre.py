@@ -46,7 +46,9 @@ class LuGre(AbstractBristleLaw):
 
     - `law`: set-valued, without internal state, with a positive coefficient at rest.
     - `sigma_0`: stiffness per normal force [1/m], positive.
-    - `sigma_1`: bristle damping per normal force [s/m], not negative.
+    - `sigma_1`: bristle damping per normal force [s/m], not negative. A mass $m$ under the normal force
+      $N$ comes to rest on its bristles without ringing at $2\sqrt{\sigma_0 m/N}$; much more makes the
+      friction of slow slips too large.
     - `sigma_2`: viscous friction per normal force [s/m], not negative.
     - `v_s`: Stribeck velocity of the excess of static friction [m/s], positive; left out where the
       law has no such excess.

@@ -16,6 +16,8 @@ from ._results import CODE, RESULTS, to_result
 from ._sensitivity import Sensitivity
 from ._unknowns import NamedValues, Space, all_positive
 
+POOR = 4.0  # reduced chi squared from which a fit is said not to explain the data
+
 
 def _level(owner: Any, name: str, value: Any) -> Any:
     """A probability, traced or not."""
@@ -35,7 +37,8 @@ class Fit(eqx.Module):
     - `space`: of the unknowns, with their bounds, units and priors.
 
     How well the estimates are known: `standard_errors`, `interval`, `covariance`, `correlation`, by the
-    linearised problem; `cost`, `reduced_chi_squared`, `active_bounds`, `jacobian`.
+    linearised problem, rows and columns in the order of `names`; `cost`, `reduced_chi_squared`,
+    `active_bounds`, `jacobian`.
     """
 
     values: dict[str, Float[Array, "*batch"]]
@@ -81,6 +84,11 @@ class Fit(eqx.Module):
             f"{message} after {int(self.steps)} steps; reduced chi squared "
             f"{float(self.reduced_chi_squared):.4g} of {rows} residuals"
         )
+        if float(self.reduced_chi_squared) > POOR:
+            lines.append(
+                "the residuals are far above their noise: another minimum (try more starts), another "
+                "model, or more noise than stated"
+            )
         return "\n".join(lines)
 
     __repr__ = __str__

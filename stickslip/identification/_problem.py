@@ -144,6 +144,13 @@ class Problem:
         self._lengths = tuple(record.times.size for record in self.records)
         self._data = data_of(self.records, self.observed)
 
+    def __repr__(self) -> str:
+        stamps = sum(self._lengths)
+        return (
+            f"Problem: {', '.join(self.unknowns)} from {', '.join(self.observed)} at "
+            f"{counted(stamps, 'time')} in {counted(len(self.records), 'record')}"
+        )
+
     @property
     def unknowns(self) -> dict[str, Any]:
         """Every unknown by name, those per record one by one."""

@@ -23,7 +23,7 @@ from .._validation import (
 from ..hybrid._solution import Solution, same_mode_sequence
 from ..hybrid._status import describe_flags
 from ._compare import Comparison
-from ._fit import Fit
+from ._fit import POOR, Fit
 from ._profile import Profile
 from ._report_html import page
 from ._report_plot import drawn
@@ -104,6 +104,11 @@ class Report:
             said.append(
                 f"The profile found a sum of squares {float(self.profile.fall):.3g} below the fit's: "
                 "the fit is not the best minimum."
+            )
+        if float(fit.reduced_chi_squared) > POOR:
+            said.append(
+                "The residuals are far above their noise: intervals and verdicts hold for this minimum "
+                "alone. Try more starts, another model, or more noise."
             )
         hidden = [f"What the data see: {s}." for s in self.hidden]
         said += hidden or ["The data see all unknowns, to first order."]

@@ -19,7 +19,9 @@ def sobol_starts(
     unknowns' own.
 
     **Arguments:** `unknowns` as for `least_squares`; `count`; `spread`, above 1; `seed`.
-    **Returns** rows of values by name. **Raises** `TypeError`, `ValueError` for anything else.
+    **Returns** rows of values by name: for a `Problem`, `problem.fit(starts=...)` and `fits(rows)` keep
+    bounds, units and priors; for `many_starts` each row belongs into its `Unknown` again, for plain
+    rows are of positive unknowns. **Raises** `TypeError`, `ValueError` for anything else.
     """
     from scipy.stats import norm, qmc
 

@@ -97,6 +97,8 @@ class AbstractMechanism(AbstractWithObservables):
     - `velocities`: names of their rates $v$ in the state, by coordinate; `"v_x"` for `"x"` if left out.
     - `first_order`: names and units of states $s$ that have a rate of their own and no inertia, as the
       current of a motor: $\dot s = $ `rates(t, q, v, args)`, a mapping by name.
+    - `periods`: of coordinates that are angles, their full turn, `{"phi": 2 * jnp.pi}`: a motion that
+      goes round has periods then, and pictures and tables show it within one turn.
     - `cyclic`: names of coordinates on which nothing depends, as the angle of a rotor: the state has
       their rates only, and their fields of `q` are None.
     - `state_class`: named tuple of the state, its fields the coordinates, velocities and states of
