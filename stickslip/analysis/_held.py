@@ -35,7 +35,7 @@ def held_directions(
 
     def jump(flat, number):
         after, found = system.transition(t, unravel(flat), number // guards, number % guards, args)
-        return ravel_pytree(after)[0] + 0.0 * flat, jnp.asarray(found)
+        return ravel_pytree(after)[0] + 0.0 * flat, jnp.asarray(found, jnp.asarray(mode).dtype)
 
     numbers = jnp.arange(guards * modes, dtype=jnp.int32)
     after, found = jax.vmap(lambda n: jump(flat, n))(numbers)
