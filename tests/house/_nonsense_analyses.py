@@ -114,7 +114,7 @@ TARGETS = [
     Target(analysis.Minimum, {"observable": arg("x", "text", "constant")}),
     Target(
         analysis.amplitude_spectrum,
-        {"signal": arg(np.arange(16.0)), "dt": DURATION, "window": arg("hann"), "axis": arg(-1)},
+        {"signal": arg(np.arange(16.0)), "dt": DURATION, "window": arg("hann"), "axis": arg(0, "axis")},
     ),
     Target(
         analysis.spectral_peaks,

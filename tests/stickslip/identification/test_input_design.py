@@ -72,7 +72,7 @@ def test_inputs_under_which_a_run_fails_are_left_out_and_a_start_is_kept():
 
 
 def test_what_cannot_be_designed_is_refused():
-    with pytest.raises(ValueError, match="about = 'a, b': it must be unknowns that some of the inputs"):
+    with pytest.raises(ValueError, match="about = 'a, b': it must be unknowns that the data of"):
         design_input(lambda p, u: u * p["a"] * p["b"], HERE, np.zeros(3), 1.0, population=4)
     with pytest.raises(ValueError, match=r"low\[\(1,\)\] = 1.0: it must be below high, 1.0"):
         design_input(plane, HERE, [0.0, 1.0], 1.0)
