@@ -308,6 +308,9 @@ class AbstractMechanism(AbstractWithObservables):
 
     def check_mode(self, t, y, mode, args):
         """Raise `ValueError` for a contact that would stick in this mode, but slides."""
+        names = self.names
+        if not all(hasattr(y, name) for name in (*names.kept, *names.velocities)):
+            return  # no state of this mechanism, as the run says
         if not is_concrete((self, t, y, mode, args)) or np.ndim(mode) or int(mode) < 0:
             return
         speeds = known(_speeds, self, t, y, args)

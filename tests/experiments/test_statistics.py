@@ -1,5 +1,6 @@
 """Coverage on synthetic records: against closed forms and SciPy; what is said of made-up results."""
 
+import jax
 import numpy as np
 import pytest
 import scipy.optimize
@@ -212,9 +213,11 @@ def test_a_slice_of_the_records(tmp_path):
 
 @pytest.mark.slow
 def test_a_machine_is_found_from_afar(tmp_path):
-    files = _output.run(
-        corexy_machines.EXPERIMENT, tmp_path, quick=True, changes=["count=1", "tries=6", "seed=3"]
-    )
+    # As users run it: its arrays broadcast over records and signals.
+    with jax.numpy_rank_promotion("allow"):
+        files = _output.run(
+            corexy_machines.EXPERIMENT, tmp_path, quick=True, changes=["count=1", "tries=6", "seed=3"]
+        )
     with xr.open_dataset(files[0], engine="h5netcdf") as data:
         found = corexy_machines.judged(data.load())
         assert bool(found.at_noise.all())
