@@ -85,8 +85,8 @@ def lyapunov_spectrum(
 
     An autonomous motion other than a rest has an exponent of zero along itself. Deviations that a
     stick does not allow are taken away after each segment, as an event would do: of a block that the
-    belt carries for ever the exponents are 0 and `-inf`. That is not tried where modes times guards
-    are more than 512.
+    belt carries for ever the exponents are 0 and `-inf`. Which they are a mechanism knows; of a system
+    written by hand its `constraints` say it, or else its transitions.
 
     **Errors** `ValueError`/`TypeError` naming the argument, before compilation.
     """
@@ -146,7 +146,7 @@ def _spectrum(
         usable = good & solution.successful
         images = mask * tangent.columns(solution.y1) / unit
         # A motion may end in a stick: no event takes away what the stick does not allow.
-        held = held_directions(system, end, solution.y1.y, solution.mode1, args, scales)
+        held = held_directions(system, end, solution.y1.y, solution.mode1, args, scales, mask[:, 0])
         images = jnp.where(usable, held @ images, frame)
         same = jax.tree.map(lambda a, b: jnp.all(a == b), solution.y1.y, y)
         carry = (

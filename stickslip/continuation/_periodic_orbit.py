@@ -200,7 +200,7 @@ def described(motion, frame: Frame, found, tolerance, unravel, mode0, segments, 
     for piece in pieces_of(found.jacobian, segments, unit.shape[0]):
         monodromy = piece @ monodromy
     determinant = jnp.linalg.det(monodromy)
-    on_set = held_directions(system, frame.t0, start, mode1, args, unit)
+    on_set = held_directions(system, frame.t0, start, mode1, args, unit, jnp.ones_like(unit))
     monodromy = on_set @ monodromy @ on_set
     rank, by_events = through_events(system, args, log, unit)
     by_events = by_events * jnp.exp(solution.y1.integrals["divergence"])

@@ -133,8 +133,9 @@ def simulate(
     - `t0`, `t1`: start and end [s], `t1 >= t0`.
     - `y0`: initial state, a pytree of floats.
     - `mode0`: mode at `t0`, name or number; by default `system.initial_mode(t0, y0, args)`. A
-      state that cannot be in the mode given is noticed where a guard is violated (a flag), or a
-      contact of an `AbstractMechanism` would stick that slides (an error, for concrete numbers).
+      state that cannot be in the mode given is noticed where a guard is violated (a flag), or in an
+      `AbstractMechanism`, a contact would stick that slides or a stop be closed that is not met (an
+      error, for concrete numbers).
     - `args`: passed through to the system's functions, e.g. inputs; a pytree.
     - `integrator`: an `Integrator`: method, step-size rule, limits.
     - `saveat`: a `SaveAt`: output times, every step, events.

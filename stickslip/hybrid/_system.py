@@ -95,6 +95,7 @@ class AbstractHybridSystem(AbstractShown):
       `guard`. It must return a mode that is admissible right afterwards; `-1` where there is none
       (the lane then ends with `RESULTS.no_admissible_mode`).
     - `initial_mode(t, y, args) -> mode`: admissible mode of a state; `-1` where there is none.
+    - `constraints(t, y, mode, args)`, if wanted: what is zero as long as a mode lasts.
     - `mode_names`, `guard_names`, `units` (component name to SI unit) are class attributes. So are, if
       wanted, `parameter_units` (parameter name to SI unit), which `repr` and sweeps show, and `periods`
       (component name to period, as `{"theta": 2 * math.pi}`) of components that come back to where they
@@ -147,6 +148,15 @@ class AbstractHybridSystem(AbstractShown):
 
         `simulate` calls it as `check_start`, for a mode that the user names.
         """
+
+    def constraints(self, t: Numeric, y: PyTree, mode: Whole, args: PyTree) -> tuple | None:
+        """Scalars that are zero in every state that can be in `mode`; `None`, the default: not known.
+
+        The sliding speed of each contact that sticks [m/s], the gap of each stop that is closed [m] and
+        its rate. As `mode` is traced, there is one entry for each contact, with the constant 0 where
+        it slides. Exponents and multipliers measure deviations that keep to them.
+        """
+        return None
 
     @abc.abstractmethod
     def vector_field(self, t: Numeric, y: PyTree, mode: Whole, args: PyTree) -> PyTree:

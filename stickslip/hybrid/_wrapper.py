@@ -91,6 +91,11 @@ class AbstractSystemWrapper(AbstractHybridSystem):
         inner, given = self.inner(y, args)
         self.system.check_mode(t, inner, mode, given)
 
+    def constraints(self, t, y, mode, args):
+        """Those of `system`."""
+        y, args = self.inner(y, args)
+        return self.system.constraints(t, y, mode, args)
+
     def guards(self, t, y, mode, args):
         y, args = self.inner(y, args)
         return self.system.guards(t, y, mode, args)

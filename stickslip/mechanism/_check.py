@@ -180,20 +180,37 @@ def check_law(name: str, law: Any) -> None:
         raise DeclarationError(str(refusal(f"the law of contact {name!r}", law, why)))
 
 
-# A contact that slides slower than this part of the velocities sticks; nothing is slower than rounding
-# at rest [m/s].
+# A contact that slides slower than this part of the velocities sticks, a stop whose gap is less than this
+# part of the places is met; nothing is slower or closer than rounding at rest [m/s, m].
 SLIDES = 1e-6
 RESTS = 1e-12
 
 
-def check_sticks(mechanism: Any, mode: int, speeds: Any) -> None:
-    """Raise for a mode in which a contact sticks that slides: it would be held at that speed."""
-    largest = max(float(np.max(np.abs(speed), initial=0.0)) for speed in speeds)
-    name = mechanism.mode_names[mode]
-    for contact, word, speed in zip(mechanism.names.contacts, name.split(" / "), speeds, strict=False):
-        if word == "stick" and np.any(np.abs(speed) > SLIDES * largest + RESTS):
+def check_held(mechanism: Any, mode: int, motion: Any) -> None:
+    """Raise for a mode in which a contact sticks that slides, or a stop is closed that is not met.
+
+    It would be held at that speed, or there. `motion`: speeds of contacts and stops, all velocities and
+    speeds of surfaces; gaps of the stops, all places.
+    """
+    names, n = mechanism.names, len(mechanism.names.contacts)
+    name, states = mechanism.mode_names[mode], [float(s) for s in mechanism.states(mode)]
+    m = n + len(names.stops)
+    moves = 2 * m + len(names.velocities)  # how many of `motion` are speeds
+    fastest, farthest = (
+        max((float(np.max(np.abs(x), initial=0.0)) for x in part), default=0.0)
+        for part in (motion[:moves], motion[moves:])
+    )
+    for contact, s, speed in zip(names.contacts, states[:n], motion[:n], strict=True):
+        if s == 0.0 and np.any(np.abs(speed) > SLIDES * fastest + RESTS):
             allowed = f"a mode in which contact {contact!r} does not stick, or left out"
             raise refusal("mode0", name, allowed, but=f"and it slides at {float(speed):.6g}")
+    stops = zip(names.stops, states[n:], motion[n:m], motion[moves:], strict=False)
+    for stop, s, rate, gap in stops:
+        allowed = f"a mode in which stop {stop!r} is open, or left out"
+        if s == 0.0 and np.any(np.abs(gap) > SLIDES * farthest + RESTS):
+            raise refusal("mode0", name, allowed, but=f"and its gap is {float(gap):.6g}")
+        if s == 0.0 and np.any(np.abs(rate) > SLIDES * fastest + RESTS):
+            raise refusal("mode0", name, allowed, but=f"and its gap changes at {float(rate):.6g}")
 
 
 def check_load(name: str, load: Any) -> None:

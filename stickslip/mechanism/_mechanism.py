@@ -5,19 +5,21 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
 from stickslip._argument_checks import check_arguments, reals
 from stickslip._argument_checks import state as some_state
+from stickslip._fastmath import where
 from stickslip._types import Numeric, overridable
 from stickslip._validation import is_concrete
 from stickslip.friction import AbstractBristleLaw, LuGre
 from stickslip.hybrid._dependence import NONE, degrees
 
 from . import _changes
-from ._check import check_declaration, check_law, check_load, check_mass, check_sticks
+from ._check import check_declaration, check_held, check_law, check_load, check_mass
 from ._contact import Contact
 from ._declaration import (
     at_zero,
@@ -307,15 +309,24 @@ class AbstractMechanism(AbstractWithObservables):
                 check_load(name, load)
 
     def check_mode(self, t, y, mode, args):
-        """Raise `ValueError` for a contact that would stick in this mode, but slides."""
-        names = self.names
-        if not all(hasattr(y, name) for name in (*names.kept, *names.velocities)):
-            return  # no state of this mechanism, as the run says
+        """Raise `ValueError` for a contact that sticks in this mode but slides, or a stop that is closed
+        but is not met."""
         if not is_concrete((self, t, y, mode, args)) or np.ndim(mode) or int(mode) < 0:
             return
-        speeds = known(_speeds, self, t, y, args)
-        speeds = eqx.filter_jit(_speeds)(self, t, y, args) if speeds is None else speeds
-        check_sticks(self, int(mode), speeds)
+        try:  # a machine may have a state of its own
+            jax.eval_shape(self.to_coordinates, y)
+        except (AttributeError, TypeError):
+            return  # no state of this mechanism, as the run says
+        found = known(_motion, self, t, y, args)
+        found = eqx.filter_jit(_motion)(self, t, y, args) if found is None else found
+        check_held(self, int(mode), found)
+
+    def constraints(self, t, y, mode, args):
+        """Sliding speeds of the contacts that stick [m/s], then rates and gaps of closed stops."""
+        at, states = self.instant(t, y, args), self.states(mode)
+        gaps = [stop.stop.gap for stop in at.stops]
+        held = zip((*at.speeds, *gaps), (*states, *states[len(at.contacts) :]), strict=True)
+        return tuple(where(s == 0.0, x, 0.0) for x, s in held)
 
     # -- the same declaration in other forms
 
@@ -342,11 +353,12 @@ def _loads(machine: AbstractMechanism, t: Any, y: Any, args: Any) -> list[Any]:
     return [jnp.asarray(c.normal_force, jnp.float64) for name, c in loads if name not in names.opening]
 
 
-def _speeds(machine: AbstractMechanism, t: Any, y: Any, args: Any) -> list[Any]:
-    """Sliding speeds of the contacts, then the velocities and the speeds of the surfaces."""
+def _motion(machine: AbstractMechanism, t: Any, y: Any, args: Any) -> list[Any]:
+    """Sliding speeds of contacts and rates of gaps, velocities and speeds of surfaces; gaps, places."""
     at = machine.instant(t, y, args)
-    surfaces = [contact.surface_speed for contact in at.contacts]
-    return [jnp.asarray(x, jnp.float64) for x in (*at.speeds[: len(surfaces)], *at.v, *surfaces)]
+    speeds, gaps = (*at.speeds, *at.v, *at.surfaces), [stop.stop.gap for stop in at.stops]
+    places = [x for x in at.q[: len(machine.names.coordinates)] if x is not None]
+    return [jnp.asarray(x, jnp.float64) for x in (*speeds, *gaps, *places)]
 
 
 def _lifting(machine: AbstractMechanism) -> tuple[int, ...]:

@@ -62,7 +62,7 @@ EXEMPT_METHODS = {
     **dict.fromkeys(
         (
             "vector_field", "guards", "transition", "inner", "time_scale", "check_start",
-            "check_mode", "mass_matrix",
+            "check_mode", "constraints", "mass_matrix",
             "forces", "contacts", "gaps", "potential_energy", "rates",
         ),
         CALLED_BY_ENGINE,

@@ -1,5 +1,7 @@
 """Lyapunov exponents that cannot be told are not numbers, and a word says why."""
 
+from typing import ClassVar
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -7,6 +9,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
+from stickslip import AbstractHybridSystem
 from stickslip.analysis import (
     _growth,
     lyapunov_diagram,
@@ -14,6 +17,8 @@ from stickslip.analysis import (
     lyapunov_spectrum_of_map,
     two_trajectory_exponent,
 )
+from stickslip.friction import Coulomb
+from stickslip.mechanism import AbstractMechanism, Contact
 from stickslip.systems import BouncingBall, CoulombOscillator, Motion
 
 from ._chaos import Flow, Point, lorenz
@@ -68,6 +73,79 @@ def test_a_block_at_rest_and_one_that_stops_early():
     assert lost.words.tolist() == ["failed", "failed"]
     assert np.isnan(lost.exponents).all()
     assert np.isnan(lost.kaplan_yorke_dimension)
+
+
+class Carried(AbstractMechanism):
+    """Five blocks on a belt: weak springs for ever hold none back, the last one hardly touches it."""
+
+    apart: bool = eqx.field(static=True)  # coordinates: distances to the block before, not places
+
+    coordinates: ClassVar = dict.fromkeys("abcde", "m")
+
+    @property
+    def rows(self):
+        return np.tril(np.ones((5, 5))) if self.apart else np.eye(5)
+
+    @property
+    def contact_directions(self):
+        return {f"block {name}": tuple(row) for name, row in zip("abcde", self.rows, strict=True)}
+
+    def mass_matrix(self, q):
+        return tuple(map(tuple, self.rows.T @ self.rows)) if self.apart else (1.0,) * 5
+
+    def forces(self, t, q, v, args):
+        places, speeds = (self.rows @ jnp.stack(list(z)) for z in (q, v))
+        last = jnp.array([0.0, 0.0, 0.0, 0.0, 1.0])
+        return tuple(self.rows.T @ (-(last + 1e-9) * places - 0.4 * last * speeds))
+
+    def contacts(self, t, q, v, args):
+        loads = (1.0, 1.0, 1.0, 1.0, 1e-9)
+        return [Contact(Coulomb(1.0), load, surface_speed=0.2) for load in loads]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("apart", [False, True])
+def test_sticks_that_last_in_a_machine_of_a_thousand_modes(apart):
+    """Four blocks are carried, one swings out at -0.2 1/s, with speeds in the belt's frame."""
+    machine = Carried(apart)
+    speeds = np.linalg.solve(machine.rows, [0.2, 0.2, 0.2, 0.2, 0.1])
+    start = machine.state(**dict(zip(machine.names.velocities, speeds, strict=True)))
+    # 13 periods of the damped oscillation, so that nothing of it is left in the mean.
+    period = 2.0 * np.pi / np.sqrt(1.0 - 0.04)
+    options = {"segment": period / 4.0, "segments": 52, "warm_up": 20, "integrator": SMOOTH}
+    found = lyapunov_spectrum(machine, start, **options)
+    assert machine.mode_names[int(found.mode1)] == " / ".join([*["stick"] * 4, "slip backward"])
+    assert found.words.tolist() == ["ok"] * 6 + ["lost"] * 4
+    np.testing.assert_allclose(found.exponents[:4], 0.0, atol=2e-3)
+    np.testing.assert_allclose(found.exponents[4:6], -0.2, atol=2e-3)
+
+
+class ByHand(AbstractHybridSystem):
+    """A block that its belt carries for ever, in a system of 700 modes that says nothing but them."""
+
+    mode_names: ClassVar = ("stick", "slip", *(f"never {i}" for i in range(698)))
+    guard_names: ClassVar = ("gives way", "stops")
+    units: ClassVar = {"x": "m", "v": "m/s"}
+
+    def vector_field(self, t, y, mode, args):
+        return Motion(y.v, jnp.where(mode == 0, 0.0, 0.5 - y.x))
+
+    def guards(self, t, y, mode, args):
+        stick = mode == 0
+        return jnp.where(stick, 1.0 - 1e-9 * y.x, 1.0), jnp.where(stick, 1.0, 0.2 - y.v)
+
+    def transition(self, t, y, mode, guard, args):
+        return Motion(y.x, 0.2), jnp.where(mode < 2, 1 - mode, mode)
+
+    def initial_mode(self, t, y, args):
+        return jnp.where(y.v == 0.2, 0, 1)
+
+
+@pytest.mark.slow
+def test_a_stick_that_lasts_in_a_system_written_by_hand():
+    found = lyapunov_spectrum(ByHand(), Motion(0.0, 0.2), segment=2.0, segments=20, integrator=SMOOTH)
+    assert found.words.tolist() == ["ok", "lost"]
+    np.testing.assert_allclose(found.exponents, [0.0, -np.inf], atol=1e-12)
 
 
 def two(system, start, **options):

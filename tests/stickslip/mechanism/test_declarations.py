@@ -8,7 +8,7 @@ import pytest
 import stickslip as ss
 from stickslip.friction import Coulomb, Dahl, LuGre, Regularised, Sum, ViscousFriction
 from stickslip.mechanism import AbstractMechanism, Contact, DeclarationError
-from stickslip.systems import CoulombOscillator, Motion
+from stickslip.systems import BouncingBall, CoulombOscillator, Motion
 
 DRY = Coulomb(1.0, 0.5)
 
@@ -149,6 +149,12 @@ def test_a_mode_in_which_what_slides_would_stick():
     with pytest.raises(ValueError, match=r"mode0 = 'stick', and it slides at -0\.2: .*contact 'belt'"):
         ss.simulate(block, 0.0, 1.0, Motion(0.0, 0.0), "stick")
     block.check_mode(0.0, Motion(0.0, 0.2 * (1.0 + 1e-9)), 1, None)  # rounding
+    ball = BouncingBall(0.5, 9.81, 0.7, 0.02)
+    with pytest.raises(ValueError, match=r"mode0 = 'rest', and its gap is 1: .*stop 'ground' is open"):
+        ss.simulate(ball, 0.0, 1.0, Motion(1.0, 0.0), "rest")
+    with pytest.raises(ValueError, match=r"mode0 = 'rest', and its gap changes at -1: "):
+        ss.simulate(ball, 0.0, 1.0, Motion(0.0, -1.0), "rest")
+    ball.check_mode(0.0, Motion(0.0, 0.0), 1, None)
 
 
 def test_laws_that_a_smooth_form_does_not_take():
