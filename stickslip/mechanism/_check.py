@@ -180,8 +180,8 @@ def check_law(name: str, law: Any) -> None:
         raise DeclarationError(str(refusal(f"the law of contact {name!r}", law, why)))
 
 
-# A contact that slides slower than this part of the velocities sticks, a stop whose gap is less than this
-# part of the places is met; nothing is slower or closer than rounding at rest [m/s, m].
+# A contact that slides slower than this part of the velocities sticks, a stop whose gap is less than
+# this part of the places is met; nothing is slower or closer than rounding at rest [m/s, m].
 SLIDES = 1e-6
 RESTS = 1e-12
 

@@ -309,8 +309,8 @@ class AbstractMechanism(AbstractWithObservables):
                 check_load(name, load)
 
     def check_mode(self, t, y, mode, args):
-        """Raise `ValueError` for a contact that sticks in this mode but slides, or a stop that is closed
-        but is not met."""
+        """Raise `ValueError` for a contact that sticks in this mode but slides, or a closed stop not
+        met."""
         if not is_concrete((self, t, y, mode, args)) or np.ndim(mode) or int(mode) < 0:
             return
         try:  # a machine may have a state of its own
