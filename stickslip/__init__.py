@@ -22,6 +22,7 @@ from .hybrid import Integrator as Integrator
 from .hybrid import ProgressMeter as ProgressMeter
 from .hybrid import SaveAt as SaveAt
 from .hybrid import Section as Section
+from .hybrid import SimulationError as SimulationError
 from .hybrid import Solution as Solution
 from .hybrid import Tableau as Tableau
 from .hybrid import WithBreaks as WithBreaks

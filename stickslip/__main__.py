@@ -5,8 +5,9 @@ import importlib.util
 import inspect
 import shutil
 import sys
+from typing import Any
 
-from ._public import PACKAGES, Public, public_names
+from ._public import PACKAGES, Public, first_sentence, public_names
 from ._version import __version__
 
 # A line of the list is cut, not wrapped: one look finds the name.
@@ -26,9 +27,8 @@ def main(arguments: list[str] | None = None) -> int:
         description="List the public names of stickslip and corexy_jax, or show one of them.",
         epilog="`python -m stickslip view STORE_OR_FILE` shows a diagram; `view --help` says how.",
     )
-    parser.add_argument(
-        "name", nargs="?", help="a public name, as `simulate` or `friction.Stribeck`, or a package"
-    )
+    what = "a public name, as `simulate`, `friction.Stribeck` or `Problem.fit`, or a package"
+    parser.add_argument("name", nargs="?", help=what)
     parser.add_argument("--version", action="version", version=f"stickslip {__version__}")
     options = parser.parse_args(given)
     found = [entry for package in _installed() for entry in public_names(package)]
@@ -42,6 +42,10 @@ def main(arguments: list[str] | None = None) -> int:
     inside = [entry for entry in found if _is_package(options.name, entry.package)]
     if inside:
         print(_listing(inside))
+        return 0
+    methods = [page for entry in found for page in _method_pages(entry, options.name)]
+    if methods:
+        print("\n\n".join(methods))
         return 0
     word = options.name.split(".")[-1].lower()
     near = sorted({f"{e.package}.{e.name}" for e in found if word in e.name.lower()})
@@ -65,28 +69,67 @@ def _is_package(name: str, package: str) -> bool:
 
 
 def _listing(entries: list[Public]) -> str:
-    width = max(NARROWEST, shutil.get_terminal_size((104, 24)).columns)
-    column = max(len(entry.name) for entry in entries) + 2
     lines, package = [], None
-    for entry in entries:
+    for entry, row in zip(entries, _rows([(e.name, e.summary) for e in entries]), strict=True):
         if entry.package != package:
             lines += [""] * (package is not None) + [entry.package]
             package = entry.package
-        text = f"  {entry.name:<{column}}{entry.summary}"
-        lines.append(text if len(text) <= width else f"{text[: width - 3]}...")
+        lines.append(row)
     return "\n".join(lines)
 
 
 def _page(entry: Public) -> str:
-    """Signature and docstring, as `help` has them, without its methods."""
-    try:
-        found = inspect.signature(entry.thing).parameters.values()
-        # Types are long; what is allowed stands below.
-        signature = str(inspect.Signature([p.replace(annotation=p.empty) for p in found]))
-    except (TypeError, ValueError):
-        signature = ""
+    """Signature and docstring, as `help` has them; of a class the names of its methods too."""
     what = inspect.getdoc(entry.thing) if callable(entry.thing) else repr(entry.thing)
-    return f"{entry.package}.{entry.name}{signature}\n\n{what}"
+    text = f"{entry.package}.{entry.name}{_signature(entry.thing)}\n\n{what}"
+    methods = _methods(entry.thing)
+    if not methods:
+        return text
+    rows = [(name, first_sentence(inspect.getdoc(m))) for name, m in methods.items()]
+    return "\n".join([text, "", "Methods and properties:", *_rows(rows)])
+
+
+def _rows(rows: list[tuple[str, str]]) -> list[str]:
+    """Names in a column, each with a sentence that is cut where the line ends."""
+    width = max(NARROWEST, shutil.get_terminal_size((104, 24)).columns)
+    column = max(len(name) for name, _ in rows) + 2
+    lines = (f"  {name:<{column}}{text}" for name, text in rows)
+    return [line if len(line) <= width else f"{line[: width - 3]}..." for line in lines]
+
+
+def _signature(thing: Any) -> str:
+    try:
+        found = inspect.signature(thing).parameters.values()
+        # Types are long; what is allowed stands below.
+        return str(inspect.Signature([p.replace(annotation=p.empty) for p in found]))
+    except (TypeError, ValueError):
+        return ""
+
+
+def _methods(thing: Any) -> dict[str, Any]:
+    """Public methods and properties of a class with a docstring of their own or a base's of ours."""
+    if not inspect.isclass(thing):
+        return {}
+    found = {}
+    for base in reversed(thing.__mro__):
+        if base.__module__.split(".")[0] not in {p.split(".")[0] for p in PACKAGES}:
+            continue
+        for name in vars(base):
+            value = getattr(thing, name, None)
+            shown = callable(value) or isinstance(value, property)
+            if not name.startswith("_") and shown and inspect.getdoc(value):
+                found[name] = value
+    return found
+
+
+def _method_pages(entry: Public, name: str) -> list[str]:
+    """The page of a method that is asked for as `Class.method`."""
+    whole, _, method = name.rpartition(".")
+    found = _methods(entry.thing).get(method) if whole in _spellings(entry) else None
+    if found is None:
+        return []
+    head = f"{entry.package}.{entry.name}.{method}{_signature(found)}"
+    return [f"{head}\n\n{inspect.getdoc(found)}"]
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from jaxtyping import PyTree
 from .._types import Given, Mode, Named, Numeric, Row
 from .._validation import check_count, check_mapping, check_type, one_concrete, refusal
 from ..derived import WithIntegrals
-from ..hybrid import AbstractHybridSystem, Integrator, SaveAt, Section, simulate
+from ..hybrid import AbstractHybridSystem, Integrator, SaveAt, Section, raise_failures, simulate
 from ..hybrid._arguments import the_system
 from ..hybrid._components import own_axes
 from ._arguments import (
@@ -63,8 +63,7 @@ def time_history(
     `attrs["mode_numbers"]`. A component that is an array has axes of its own after these, `x_0`, `x_1`,
     ... of `x` and of its slope, as in `Solution.to_dataset`; what a function gives, after its name.
 
-    **Errors** `ValueError`/`TypeError` naming the argument; `EquinoxRuntimeError` where the motion
-    fails.
+    **Errors** `ValueError`/`TypeError` naming the argument; `SimulationError` where the motion fails.
     """
     the_system(system)
     one_concrete("transient", transient, "not negative")
@@ -88,10 +87,11 @@ def time_history(
         k: axes_of(k, f, len(shape_of(f"observables[{k!r}]", named[k], f, system, y0, mode, args)))
         for k, (f, _) in found.items()
     }
-    data = _run(
+    solution, *data = _run(
         system, y0, jnp.asarray(times), float(transient), mode, args, integrator,
         cuts, max_crossings, tuple((k, f) for k, (f, _) in found.items()),
     )  # fmt: skip
+    raise_failures(solution, solution.successful)
     values, mode, points = jax.tree.map(np.asarray, data)
     units = {k: labels.get(k, unit) for k, (_, unit) in found.items()}
     attrs = {k: {"units": u} if u else {} for k, u in units.items()}
@@ -127,6 +127,7 @@ def _run(system, y0, t, transient, mode0, args, integrator, cuts, max_crossings,
     solution = simulate(
         system, t[0] - transient, t[-1], y0, mode0, args, integrator=integrator,
         saveat=SaveAt(ts=t, events=False), sections=cuts, max_crossings=max_crossings, max_events=None,
+        throw=False,
     )  # fmt: skip
 
     def read(log):
@@ -137,7 +138,7 @@ def _run(system, y0, t, transient, mode0, args, integrator, cuts, max_crossings,
 
     outputs = solution.outputs
     assert outputs is not None
-    return read(outputs), outputs.mode, [(log.t, read(log)) for log in solution.crossings]
+    return solution, read(outputs), outputs.mode, [(log.t, read(log)) for log in solution.crossings]
 
 
 def energy_ledger(
@@ -172,9 +173,9 @@ def energy_ledger(
     y0, mode = start_of(system, times[0], y0, mode0, args)
     check_count("max_events", max_events, 1)
     integrator = an_integrator(integrator)
-    energy, powers, works, when, jumps = jax.tree.map(
-        np.asarray, _account(system, y0, jnp.asarray(times), mode, args, integrator, max_events)
-    )
+    solution, *data = _account(system, y0, jnp.asarray(times), mode, args, integrator, max_events)
+    raise_failures(solution, solution.successful)
+    energy, powers, works, when, jumps = jax.tree.map(np.asarray, data)
     jumps = np.where(np.isfinite(when), jumps, 0.0)
     # An event at an output time is taken before the output.
     counted = np.where(np.isfinite(when), when, np.inf)[None, :] <= times[:, None]
@@ -201,7 +202,7 @@ def _account(system, y0, t, mode0, args, integrator, max_events):
     ledger = WithIntegrals(system, _powers)
     solution = simulate(
         ledger, t[0], t[-1], ledger.start(y0, t[0], args), mode0, args,
-        integrator=integrator, saveat=SaveAt(ts=t), max_events=max_events,
+        integrator=integrator, saveat=SaveAt(ts=t), max_events=max_events, throw=False,
     )  # fmt: skip
     log, events = solution.outputs, solution.events
     assert log is not None
@@ -209,7 +210,7 @@ def _account(system, y0, t, mode0, args, integrator, max_events):
     energy = jax.vmap(system.energy)
     powers = jax.vmap(lambda t, y, mode: system.powers(t, y, mode, args))(log.t, log.y.y, log.mode)
     jumps = energy(events.y_after.y) - energy(events.y_before.y)
-    return energy(log.y.y), powers, log.y.integrals, events.t, jumps
+    return solution, energy(log.y.y), powers, log.y.integrals, events.t, jumps
 
 
 def _powers(system, t, y, mode, args):

@@ -2,6 +2,8 @@
 
 from ._breaks import Pieced as Pieced
 from ._breaks import WithBreaks as WithBreaks
+from ._failure import SimulationError as SimulationError
+from ._failure import raise_failures as raise_failures
 from ._interpolate import interpolate as interpolate
 from ._progress import ProgressMeter as ProgressMeter
 from ._saltation import saltation_matrix as saltation_matrix
@@ -13,7 +15,6 @@ from ._smooth import AbstractSmoothSystem as AbstractSmoothSystem
 from ._solution import EventLog as EventLog
 from ._solution import Solution as Solution
 from ._solution import StateLog as StateLog
-from ._solution import raise_failures as raise_failures
 from ._solution import same_mode_sequence as same_mode_sequence
 from ._status import RESULTS as RESULTS
 from ._step_size import AbstractAdaptiveStep as AbstractAdaptiveStep

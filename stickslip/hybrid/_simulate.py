@@ -29,11 +29,12 @@ from ._bound import RESOLUTION, bounded
 from ._crossing import crossings as located
 from ._dependence import may_jump
 from ._events import event_functions
+from ._failure import raise_failures
 from ._loop_state import Plan
 from ._progress import ProgressMeter
 from ._record import Capacities
 from ._section import Section
-from ._solution import Solution, raise_failures
+from ._solution import Solution
 from ._status import CODE, STILL, flag, to_result
 from ._step_size import AbstractStepSize, AdaptiveStep
 from ._stepper import ExplicitRungeKutta, as_stepper
@@ -161,7 +162,7 @@ def simulate(
 
     **Errors** `ValueError`/`TypeError` naming the argument for wrong shapes, non-finite or float32
     values, `t1 < t0`, an unknown mode, unordered output times, guards that are not scalars; all
-    before compilation.
+    before compilation. `SimulationError` for a run that fails, which has the solution until then.
     """
     integrator = _usual_integrator() if integrator is None else integrator
     saveat = _usual_saveat() if saveat is None else saveat

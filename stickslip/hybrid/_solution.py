@@ -1,7 +1,7 @@
 """What a simulation returns."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import jax
@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float, Int, PyTree, UInt
 from .._outcome import names_of, tally
 from .._show import counted, described
 from .._types import Given, MaybeNone
-from .._validation import check_broadcast, check_type, is_concrete, refusal
+from .._validation import check_broadcast, check_type, is_concrete
 from ._components import components_of
 from ._labelled import events_dataframe, solution_dataset
 from ._shown import log_html, log_text, mode_path, solution_html
@@ -22,8 +22,6 @@ from ._system import AbstractHybridSystem
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
-
-ResultT = TypeVar("ResultT", bound=eqx.Module)
 
 
 class EventLog(eqx.Module):
@@ -209,25 +207,6 @@ def _batch_text(solution: Any) -> str:
         f"Solution: {counted(runs, 'run')}{shape}, {ends}; t = {start:g} to {end:g} s, {many} events; "
         f"derivative flags: {f'{flagged:,} of the runs' if flagged else 'none'}"
     )
-
-
-def raise_failures(solution: ResultT, successful: Given[bool | np.ndarray | Array]) -> ResultT:
-    """`solution`, or the error of its `result` where a lane of it was not `successful`.
-
-    For functions that are built on `simulate`: to be called outside of its jit, with what
-    was found inside. Under a transformation the error is raised when the program runs.
-
-    Errors: `TypeError` for a `solution` that has no `result`, and for flags that are not booleans.
-    """
-    if not isinstance(solution, eqx.Module) or not hasattr(solution, "result"):
-        raise refusal("solution", solution, "a module with a field `result` of RESULTS", TypeError)
-    array = isinstance(successful, np.ndarray | jax.Array) and successful.dtype == np.bool_
-    if not (array or isinstance(successful, bool)):
-        raise refusal("successful", successful, "True or False, or an array of them", TypeError)
-    result: Any = solution
-    if is_concrete(successful) and np.asarray(successful).all():
-        return solution
-    return result.result.error_if(solution, ~jnp.asarray(successful))
 
 
 def same_mode_sequence(one: Solution, other: Solution) -> Bool[Array, "*batch"]:

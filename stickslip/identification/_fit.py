@@ -184,7 +184,10 @@ class Fit(eqx.Module):
 
     @check_arguments(threshold=not_negative_number)
     def correlation(self, threshold: Numeric = 1e-7) -> Float[Array, "*batch unknown unknown"]:
-        """Correlation of the estimates, to first order; NaN for unknowns that the data do not see."""
+        """Correlation of the estimates, to first order; NaN for unknowns that the data do not see.
+
+        Rows and columns are in the order of `names`.
+        """
         matrix, errors = self.covariance(threshold), self.standard_errors(threshold)
         seen = jnp.stack([jnp.isfinite(errors[name]) for name in self.names], axis=-1)
         variance = jnp.diagonal(matrix, axis1=-2, axis2=-1)
@@ -193,6 +196,9 @@ class Fit(eqx.Module):
 
     @check_arguments(threshold=not_negative_number)
     def covariance(self, threshold: Numeric = 1e-7) -> Float[Array, "*batch unknown unknown"]:
-        """Covariance of the values, to first order; combinations not seen are left out of it."""
+        """Covariance of the values, to first order; combinations not seen are left out of it.
+
+        Rows and columns are in the order of `names`.
+        """
         slopes = self.slopes
         return slopes[..., :, None] * self.sensitivity.covariance(threshold) * slopes[..., None, :]

@@ -29,6 +29,18 @@ def test_a_name_is_shown_with_its_signature(name, capsys):
     assert len(rest) > 3
 
 
+def test_a_class_lists_its_methods_and_shows_one(capsys):
+    assert main(["Problem"]) == 0
+    head, _, methods = capsys.readouterr().out.partition("\nMethods and properties:\n")
+    assert head.startswith("stickslip.identification.Problem(")
+    assert "  fit   " in methods
+    assert "__init__" not in methods
+    assert main(["identification.Problem.fit"]) == 0
+    text = capsys.readouterr().out
+    assert text.startswith("stickslip.identification.Problem.fit(self, *, method=None")
+    assert main(["Problem.nothing"]) == 2
+
+
 def test_a_package_is_listed_alone(capsys):
     assert main(["friction"]) == 0
     text = capsys.readouterr().out

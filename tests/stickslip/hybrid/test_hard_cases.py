@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
+from stickslip.hybrid import raise_failures
 from tests.stickslip.hybrid._systems import Circle, Flight, Parabola, State, StickSlip, fixed
 
 
@@ -230,8 +231,20 @@ def test_good_lanes_are_not_disturbed_by_bad_ones():
 
 
 def test_throw_raises_the_message():
+    given = StickSlip(0.2), 0.0, 50.0, State(0.0, 0.2)
+    # Outside of a transformation the error keeps what was computed, and says nothing of compilers.
+    message = r"^max_events_reached \(the run got to t = [0-9.]+ s\): The log of events is full"
+    with pytest.raises(ss.SimulationError, match=message) as caught:
+        ss.simulate(*given, max_events=3)
+    kept = ss.simulate(*given, max_events=3, throw=False)
+    jax.tree.map(np.testing.assert_array_equal, caught.value.solution.y1, kept.y1)
+    assert 0.0 < float(kept.t1) < 50.0
     with pytest.raises(Exception, match="log of events is full"):
-        ss.simulate(StickSlip(0.2), 0.0, 50.0, State(0.0, 0.2), max_events=3)
+        jax.jit(lambda: ss.simulate(*given, max_events=3))()
+    many = jax.vmap(lambda v: ss.simulate(*given[:3], State(0.0, v), max_events=3, throw=False))
+    found = many(jnp.array([0.2, 0.1]))
+    with pytest.raises(ss.SimulationError, match=r"^1 of 2 runs failed:\n  1 max_events_reached: "):
+        raise_failures(found, jnp.array([True, False]))
 
 
 def test_max_steps_and_crossings_have_codes():
