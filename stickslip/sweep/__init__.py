@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from ._manifest import as_json as as_json
     from ._manifest import code_revision as code_revision
     from ._manifest import versions as versions
+    from ._many import plan_sweep as plan_sweep
+    from ._many import work_on as work_on
     from ._read import open_dataset as open_dataset
     from ._run import run_sweep as run_sweep
     from ._store import SweepMismatchError as SweepMismatchError
@@ -22,6 +24,8 @@ _LATER = {
     "SweepWriteError": "_store",
     "Variable": "_layout",
     "open_dataset": "_read",
+    "plan_sweep": "_many",
+    "work_on": "_many",
     "as_json": "_manifest",
     "code_revision": "_manifest",
     "versions": "_manifest",
@@ -29,6 +33,8 @@ _LATER = {
 __all__ = [  # noqa: RUF022  # the order of the documentation
     "map_lanes",
     "run_sweep",
+    "plan_sweep",
+    "work_on",
     "SweepMismatchError",
     "SweepWriteError",
     "Variable",

@@ -1,0 +1,61 @@
+"""Sweeps that other processes find by name, for the tests of many workers."""
+
+import os
+import time
+
+import numpy as np
+
+from stickslip.sweep import Variable, run_sweep
+from tests.stickslip.sweep._killable import GRID, logistic
+
+SMALL = {"k": np.linspace(1.0, 2.0, 5), "q": np.array([0.5, 0.25])}
+
+
+def plain(k, q):
+    """No program is smaller."""
+    return {"x": k + q, "code": (k > 1.5).astype(np.int32)}
+
+
+def small(store, chunk=2, offset=0.0, shard=None):
+    """Ten lanes in five units."""
+    return run_sweep(
+        lambda k, q: {**plain(k, q), "y": k + offset}, SMALL, store=store, chunk=chunk, shard=shard,
+        executor="portable", settings={"offset": offset},
+        variables={"code": Variable(attrs={"flag_values": [0, 1], "flag_meanings": "low high"})},
+    )  # fmt: skip
+
+
+def halves(store):
+    """Unlike the function that was planned, when a process of another environment asks."""
+    return small(store, offset=float(os.environ.get("STICKSLIP_TEST_OFFSET", "0")))
+
+
+def carried(store):
+    """Two rows of five units that follow from each other, which takes two units of work."""
+
+    def step(carry, k, q):
+        return 0.5 * carry + k * q, {"x": carry}
+
+    return run_sweep(step, SMALL, carry=1.0, store=store, chunk=1, executor="portable")
+
+
+def none(store):
+    """Forgets to sweep."""
+
+
+def logistic_map(store, pause=0.0):
+    """The sweep that is killed; a unit takes `pause` seconds longer than it must."""
+    if pause:
+        from stickslip.sweep._evaluate import Evaluate
+
+        evaluate = Evaluate.__call__
+
+        def slowly(self, block, read):
+            time.sleep(pause)
+            return evaluate(self, block, read)
+
+        Evaluate.__call__ = slowly
+    return run_sweep(
+        logistic, GRID, store=store, chunk=9, executor="portable", settings={"points": 8, "seed": 1},
+        variables={"x": Variable(("point",), "1", "population")},
+    )  # fmt: skip
