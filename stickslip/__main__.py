@@ -1,4 +1,4 @@
-"""Command line: `python -m stickslip` lists what there is, `NAME` shows one of it; the rest are commands."""
+"""Command line: `python -m stickslip` lists what there is, `NAME` shows one of it, more are commands."""
 
 import argparse
 import importlib.util
@@ -30,7 +30,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="python -m stickslip",
         description="List the public names of stickslip and corexy_jax, or show one of them.",
-        epilog="`view STORE_OR_FILE` shows a diagram; `plan`, `work`, `status` and `verify` are for the "
+        epilog="`view STORE_OR_FILE` shows a diagram; `plan`, `work`, `status` and `verify` are for "
         "stores of sweeps; each with --help says how.",
     )
     parser.add_argument(

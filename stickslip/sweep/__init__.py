@@ -15,8 +15,10 @@ if TYPE_CHECKING:
     from ._many import work_on as work_on
     from ._read import open_dataset as open_dataset
     from ._run import run_sweep as run_sweep
+    from ._status import sweep_status as sweep_status
     from ._store import SweepMismatchError as SweepMismatchError
     from ._store import SweepWriteError as SweepWriteError
+    from ._verify import verify_store as verify_store
 
 _LATER = {
     "run_sweep": "_run",
@@ -26,6 +28,8 @@ _LATER = {
     "open_dataset": "_read",
     "plan_sweep": "_many",
     "work_on": "_many",
+    "sweep_status": "_status",
+    "verify_store": "_verify",
     "as_json": "_manifest",
     "code_revision": "_manifest",
     "versions": "_manifest",
@@ -35,6 +39,8 @@ __all__ = [  # noqa: RUF022  # the order of the documentation
     "run_sweep",
     "plan_sweep",
     "work_on",
+    "sweep_status",
+    "verify_store",
     "SweepMismatchError",
     "SweepWriteError",
     "Variable",

@@ -1,15 +1,15 @@
-"""Who computes which unit: claims by files that only one process can make, alive while they are touched.
+"""Who computes which unit: claims by files that one process alone can make, alive while touched.
 
     STORE/claims/000011.0    made by exclusive creation; says who, and how long it is good for untouched
     STORE/claims/000011.1    whoever found the first one dead; the highest number has the unit
     STORE/claims/clock       touched to ask the file system for the time
 
-No lock of the system is needed, which network file systems lack or lose, nor one time of all hosts: the
-age of a claim is the difference of two times of the same file system. A claim of this very host and boot
-whose process is gone is dead at once.
+No lock of the system is needed, which network file systems lack or lose, nor one time of all hosts:
+the age of a claim is the difference of two times of the same file system. A claim of this very host
+and boot whose process is gone is dead at once.
 
-A claim that was taken for dead and was not, of a host that slept, say, costs time and nothing else: both
-write the same bytes, in files of their own that are put in place whole.
+A claim that was taken for dead and was not, of a host that slept, say, costs time and nothing else:
+both write the same bytes, in files of their own that are put in place whole.
 """
 
 import contextlib

@@ -11,7 +11,10 @@ from typing import Any
 from .._compilation_cache import enable_compilation_cache
 from ._claims import EXPIRY
 from ._many import plan_sweep, work_on
+from ._needs import needs, needs_lines
 from ._reference import function_of
+from ._status import status_lines, sweep_status
+from ._verify import verify_store
 
 _UNITS = {"s": 1.0, "m": 60.0, "h": 3600.0, "d": 86400.0}
 STOPPED = 128 + signal.SIGTERM
@@ -72,6 +75,18 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     work.add_argument("--quiet", action="store_true", help="show no progress")
     work.set_defaults(run=_work)
+    status = commands.add_parser("status", help="what is finished, failed, claimed and left")
+    status.add_argument("store", metavar="STORE")
+    status.add_argument("--json", action="store_true", help="all of it, for programs")
+    status.add_argument("--plan", action="store_true", help="cores, hours and bytes of the whole sweep")
+    status.add_argument("--lanes", type=int, metavar="N", help="of a sweep of N lanes like this one")
+    status.set_defaults(run=_status)
+    verify = commands.add_parser("verify", help="compute all checksums; 1 if a file is damaged")
+    verify.add_argument("store", metavar="STORE")
+    verify.add_argument(
+        "--repair", action="store_true", help="have `work` compute again what is damaged"
+    )
+    verify.set_defaults(run=_verify)
     return parser
 
 
@@ -104,6 +119,30 @@ def _work(options: Any) -> int:
     )
     print(f"{options.store}: {found['computed']:,} units computed, {found['left']:,} left")
     return 0
+
+
+def _status(options: Any) -> int:
+    found = sweep_status(options.store)
+    needed = None
+    if options.plan or options.lanes is not None:
+        needed = needs(options.store, found["lanes"] if options.lanes is None else options.lanes)
+    if options.json:
+        print(json.dumps(found if needed is None else {**found, "plan": needed}, indent=1))
+        return 0
+    print("\n".join([*status_lines(found), *([] if needed is None else needs_lines(needed))]))
+    return 0
+
+
+def _verify(options: Any) -> int:
+    damaged = verify_store(options.store, repair=options.repair)
+    for name in damaged:
+        print(name)
+    if not damaged:
+        print(f"{options.store}: every file is as it was written")
+        return 0
+    what = "will be computed again by `work`" if options.repair else "are damaged"
+    print(f"{options.store}: {len(damaged):,} files {what}", file=sys.stderr)
+    return 1
 
 
 def _seconds(text: str) -> float:

@@ -1,4 +1,4 @@
-"""What a call of `run_sweep` is made for: its results as ever, only its store, or a share of the work."""
+"""What a call of `run_sweep` is made for: its results, only its store, or a share of the work."""
 
 import contextlib
 import contextvars

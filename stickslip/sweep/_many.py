@@ -89,9 +89,9 @@ def work_on(
     **Returns** how many units were `computed`, and how many are `left` to others or to a later call.
 
     **Errors** `ValueError` if the store does not say which function makes it; `SweepMismatchError` (a
-    `ValueError`) if that function, or this host, makes another sweep: the message names each difference;
-    `SweepWriteError` (an `OSError`) on a full disk, where finished units are kept. `RuntimeError` if
-    one of several `processes` fails.
+    `ValueError`) if that function, or this host, makes another sweep: the message names each
+    difference; `SweepWriteError` (an `OSError`) on a full disk, where finished units are kept.
+    `RuntimeError` if one of several `processes` fails.
     """
     path = the_directory("store", store)
     if processes is not None:

@@ -77,10 +77,10 @@ def run_sweep(
     - `store`: directory of results, made if absent. A later call with the same arguments goes on where
       this one stopped; a block whose file is lost or altered is computed again, headers and coordinates
       are written again. Files are compared by size and by the time of their last change, and where
-      that is later than their record, by checksum; `verify_store` computes all checksums. Another sweep in it raises an error, and so does one whose function calls
-      the host (`jax.pure_callback` and its like): what the host computes cannot be compared. `name`,
-      `attrs` and `variables` may differ; they are written into the store. Without a store, results are
-      kept in memory.
+      that is later than their record, by checksum; `verify_store` computes all checksums. Another
+      sweep in it raises an error, and so does one whose function calls the host (`jax.pure_callback`
+      and its like): what the host computes cannot be compared. `name`, `attrs` and `variables` may
+      differ; they are written into the store. Without a store, results are kept in memory.
     - `variables`: labels of results and coordinates by name, see `Variable`.
     - `settings`: parameters, seeds and whatever else describes the sweep, for its manifest; they must
       match when it is resumed, as must the compiled program itself.

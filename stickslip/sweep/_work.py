@@ -64,7 +64,9 @@ class Worker:
                     self._through(todo, before, claims, heart, store, evaluate, done, meter)
             finally:
                 meter.close()
-                store.log(event="end", **about, computed=len(done.numbers), lanes=done.lanes)
+                store.log(event="end", **about, computed=len(done.numbers), lanes=done.lanes,
+                    core_seconds=round(sum(self._spent), 3),
+                )  # fmt: skip
             return {"computed": len(done.numbers), "left": len(todo)}
 
     def _through(self, todo, before, claims, heart, store, evaluate, done, meter) -> None:
@@ -104,8 +106,8 @@ class Worker:
                 store.remove_half_written(unit, claim.after)
         behind = False
         for unit in chain:
-            # Another may have finished it since this worker looked. A carried block is computed from the
-            # one before it, so that all after a damaged one count.
+            # Another may have finished it since this worker looked. A carried block is computed from
+            # the one before it, so that all after a damaged one count.
             if not behind and store.is_finished(unit):
                 continue
             behind = True
