@@ -1,4 +1,4 @@
-"""Command line: `python -m stickslip` lists what there is, `NAME` shows one of it, more are commands."""
+"""Command line: `python -m stickslip` lists what there is, `NAME` shows one; more are commands."""
 
 import argparse
 import importlib.util

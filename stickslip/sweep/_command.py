@@ -63,7 +63,9 @@ def _parser() -> argparse.ArgumentParser:
     work = commands.add_parser("work", help="compute what is left, beside any others who do")
     work.add_argument("store", metavar="STORE")
     work.add_argument(
-        "--until", metavar="WHEN", help="end by then: a span, as 90m or 2h, or a time of day, as 18:30"
+        "--until",
+        metavar="WHEN",
+        help="end by then: a span, as 90m or 1h30m, or a time of day, as 18:30",
     )
     work.add_argument("--processes", type=int, metavar="N", help="workers on this host (default: this)")
     work.add_argument(
@@ -147,12 +149,12 @@ def _verify(options: Any) -> int:
 
 def _seconds(text: str) -> float:
     """Seconds from now until a time of day, the next one, or for a span."""
-    span = re.fullmatch(r"(\d+(?:\.\d*)?)([smhd])", text)
-    if span:
-        return float(span[1]) * _UNITS[span[2]]
+    if re.fullmatch(r"(\d+(\.\d*)?[dhms])+", text):
+        parts = re.findall(r"(\d+(?:\.\d*)?)([dhms])", text)
+        return sum(float(number) * _UNITS[unit] for number, unit in parts)
     day = re.fullmatch(r"([01]?\d|2[0-3]):([0-5]\d)", text)
     if day is None:
-        allowed = "a span, as 90m or 2h, or a time of day, as 18:30"
+        allowed = "a span, as 90m or 1h30m, or a time of day, as 18:30"
         raise ValueError(f"until = {text!r}: it must be {allowed}.")
     now = time.localtime()
     wanted = int(day[1]) * 3600 + int(day[2]) * 60

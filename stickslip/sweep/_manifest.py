@@ -117,9 +117,14 @@ def sealed(manifest: Mapping[str, Any]) -> dict[str, Any]:
     return {**plain, "seal": digest(json.dumps(plain, sort_keys=True))}
 
 
+def free(manifest: Mapping[str, Any]) -> tuple[str, ...]:
+    """What may differ between two manifests of the same sweep."""
+    return (*FREE, "computed_with") if manifest.get("hosts") == "any" else FREE
+
+
 def identity(manifest: Mapping[str, Any]) -> str:
     """Digest of what decides the numbers."""
-    deciding = {key: value for key, value in manifest.items() if key not in FREE}
+    deciding = {key: value for key, value in manifest.items() if key not in free(manifest)}
     return digest(json.dumps(deciding, sort_keys=True))
 
 
@@ -164,7 +169,7 @@ def differences(stored: Any, wanted: Any, path: str = "") -> list[str]:
     if isinstance(stored, dict) and isinstance(wanted, dict):
         found = []
         for key in [*stored, *(k for k in wanted if k not in stored)]:
-            if not path and key in FREE:
+            if not path and key in free(stored):
                 continue
             name = f"{path}.{key}" if path else key
             if key not in stored:

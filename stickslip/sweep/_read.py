@@ -14,7 +14,7 @@ from .._validation import check_flag, refusal
 from ._files import checksum, read_json
 from ._layout import DATA, Files, record_file
 from ._manifest import fault, identity
-from ._records import is_record, record, recorded
+from ._records import is_record, made_by, record, recorded
 
 BY_AGE = "by size and age"
 _ASK = "it must be as run_sweep left it, or read unverified with verify=False"
@@ -115,16 +115,16 @@ def _verified(begin: str, path: pathlib.Path, manifest: Mapping[str, Any]) -> tu
     for number, files in wanted.blocks():
         own = record_file(number)
         try:
-            recorded = read_json(path / own)
+            value = read_json(path / own)
         except FileNotFoundError:
             continue
         except ValueError:
             raise damaged(own) from None
-        now = record(path, sweep, number, files, manifest["format"])
-        if not is_record(recorded) or recorded.keys() != now.keys():
+        now = record(path, sweep, number, files, manifest["format"], made_by(value))
+        if not is_record(value) or value.keys() != now.keys():
             raise damaged(own)
-        if recorded != now:
-            sums = recorded["files"]
+        if value != now:
+            sums = value["files"]
             bad = [file for file in files if sums.get(file) != now["files"][file]]
             raise damaged((bad or [own])[0])
         names += files

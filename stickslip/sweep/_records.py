@@ -12,21 +12,38 @@ from ._layout import FINISHED, record_file
 from ._manifest import BEFORE_SHARDS, sealed
 
 
-def record(path: pathlib.Path, sweep: str, number: int, names: Sequence[str], kind: int) -> dict:
-    """Record of a unit by its files as they are now: of which sweep, which one, and their checksums."""
+def record(
+    path: pathlib.Path, sweep: str, number: int, names: Sequence[str], kind: int, by: Any = None
+) -> dict[str, Any]:
+    """Record of a unit by its files as they are now: of which sweep, which one, and their checksums.
+
+    `by`: what computed it, where hosts may differ.
+    """
     sums = {name: checksum(path / name) for name in names}
-    return _record(sweep, number, sums, {name: _size(path / name) for name in names}, kind)
+    return _record(sweep, number, sums, {name: _size(path / name) for name in names}, kind, by)
 
 
-def record_of(sweep: str, number: int, files: Mapping[str, bytes], kind: int) -> dict[str, Any]:
+def record_of(
+    sweep: str, number: int, files: Mapping[str, bytes], kind: int, by: Any = None
+) -> dict[str, Any]:
     """Record of a unit by what is written into its files."""
     sums = {name: checksum_of(data) for name, data in files.items()}
-    return _record(sweep, number, sums, {name: len(data) for name, data in files.items()}, kind)
+    return _record(sweep, number, sums, {name: len(data) for name, data in files.items()}, kind, by)
 
 
-def _record(sweep, number, sums, sizes, kind) -> dict[str, Any]:
+def made_by(value: Any) -> Any:
+    """What computed a unit, by its record, where that says so."""
+    return value.get(BY) if isinstance(value, dict) else None
+
+
+def _record(sweep, number, sums, sizes, kind, by) -> dict[str, Any]:
     made = {"sweep": sweep, "block": number, "files": sums}
-    return made if kind == BEFORE_SHARDS else sealed({**made, "bytes": sizes})
+    if kind == BEFORE_SHARDS:
+        return made
+    return sealed({**made, "bytes": sizes, **({} if by is None else {BY: by})})
+
+
+BY = "computed_with"
 
 
 def recorded(path: pathlib.Path) -> set[int]:
@@ -77,7 +94,7 @@ class Looked:
         sums, sizes = value["files"], value.get("bytes")
         if self.kind == BEFORE_SHARDS or not isinstance(sizes, dict) or os.name != "posix":
             return value == record(self.path, self.sweep, number, names, self.kind)
-        if value != _record(self.sweep, number, sums, sizes, self.kind):
+        if value != _record(self.sweep, number, sums, sizes, self.kind, made_by(value)):
             return False
         if not set(sums) == set(sizes) == set(names):
             return False

@@ -56,6 +56,7 @@ def run_sweep(
     name: str = "sweep",
     executor: Given[Literal["auto", "fused", "portable"]] = "auto",
     workers: Given[int | None] = None,
+    hosts: Given[Literal["alike", "any"]] = "alike",
 ) -> xr.Dataset:
     """Evaluate `function` at every point of a grid; with a `store`, survive any interruption.
 
@@ -93,6 +94,10 @@ def run_sweep(
     - `resume`: with `False` the sweep in the store is removed first, and no other file in it.
     - `progress`: a line on stderr with rate and time left; by default where stderr is a terminal.
     - `executor`, `workers`: as for `map_lanes`.
+    - `hosts`: which hosts may compute for a store. With `"alike"` a host that uses another executor,
+      backend, jax or jaxlib is refused by name; with `"any"` the record of each block says what
+      computed it. Another program, also one that another jax makes of the same function, is always
+      refused.
 
     **Returns** an `xarray.Dataset` with the grid's dimensions first; from a store it is read when used.
 
@@ -121,6 +126,7 @@ def run_sweep(
         if value is not None:
             check_count(key, value, 1)
     check_in("executor", executor, EXECUTORS)
+    check_in("hosts", hosts, ("alike", "any"))
     path = None if store is None else the_directory("store", store, f"{DIRECTORY}, or None")
     if shard is not None and axis is not None:
         raise refusal("shard", shard, "unset with a carry, which needs each block before the next")
@@ -182,6 +188,7 @@ def run_sweep(
             "backend": jax.default_backend(),
             **{key: versions()[key] for key in ("jax", "jaxlib")},
         },
+        **({} if hosts == "alike" else {"hosts": hosts}),
         "attributes": layout.attributes(),
         "information": {"versions": versions(), "code_revision": code_revision()},
     }

@@ -65,6 +65,7 @@ class Store:
         self.path = path
         self.layout, self.manifest = layout, manifest
         self.mark = mark
+        self._by = manifest["computed_with"] if manifest.get("hosts") == "any" else None
         self._lock: int | None = None
         self._arrays: dict[str, zarr.Array] = {}
         self._encoder: Encoder | None = None
@@ -300,7 +301,7 @@ class Store:
             targets = [(self._free(name), data) for name, data in files.items()]
             for target, data in targets:
                 write_whole(target, data, mark)
-            record = record_of(self._identity, unit.number, files, self.manifest["format"])
+            record = record_of(self._identity, unit.number, files, self.manifest["format"], self._by)
             write_whole(path, json.dumps(record, indent=1) + "\n", mark)
 
     def remove_half_written(self, unit: Block, mark: str) -> None:

@@ -10,8 +10,8 @@ from .._types import Given, Path
 from .._validation import check_flag, refusal
 from ._files import checksum, read_json, write_whole
 from ._layout import Files, record_file
-from ._manifest import fault, identity
-from ._records import is_record, record, recorded
+from ._manifest import fault, identity, sealed
+from ._records import is_record, made_by, record, recorded
 
 
 def verify_store(store: Path, *, repair: Given[bool] = False) -> list[str]:
@@ -43,8 +43,10 @@ def verify_store(store: Path, *, repair: Given[bool] = False) -> list[str]:
     for number, names in Files(manifest).blocks():
         if number not in there:
             continue
-        own = record_file(number)
-        bad = _damaged(path, own, record(path, sweep, number, names, manifest["format"]))
+        own, by = record_file(number), None
+        with contextlib.suppress(OSError, ValueError):
+            by = made_by(read_json(path / own))
+        bad = _damaged(path, own, record(path, sweep, number, names, manifest["format"], by))
         found += bad
         if bad and repair:
             (path / own).unlink(missing_ok=True)
@@ -82,7 +84,9 @@ def _damaged(path: pathlib.Path, own: str, now: dict[str, Any]) -> list[str]:
         return [own]
     if value == now and _text(path / own) == json.dumps(now, indent=1) + "\n":
         return []
-    if not is_record(value):
+    if not is_record(value) or value.get("seal", None) != (
+        sealed(value)["seal"] if "seal" in now else None
+    ):
         return [own]
     bad = [name for name, sum_ in now["files"].items() if value["files"].get(name) != sum_]
     return bad or [own]

@@ -210,7 +210,7 @@ def test_the_commands(whole, tmp_path, capsys):
     assert main(["work", path, "--until", "2h", "--quiet"]) == 0
     assert capsys.readouterr().out == f"{path}: 3 units computed, 0 left\n"
     assert main(["work", path, "--until", "soon"]) == 2
-    assert "until = 'soon': it must be a span, as 90m or 2h, or" in capsys.readouterr().err
+    assert "until = 'soon': it must be a span, as 90m or 1h30m, or" in capsys.readouterr().err
     assert main(["plan", f"{name}:nothing", path]) == 2
     assert "it must be a module and a function in it" in capsys.readouterr().err
 
