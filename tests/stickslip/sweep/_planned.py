@@ -1,8 +1,11 @@
 """Sweeps that other processes find by name, for the tests of many workers."""
 
 import os
+import resource
+import sys
 import time
 
+import jax.numpy as jnp
 import numpy as np
 
 from stickslip.sweep import Variable, run_sweep
@@ -59,3 +62,21 @@ def logistic_map(store, pause=0.0):
         logistic, GRID, store=store, chunk=9, executor="portable", settings={"points": 8, "seed": 1},
         variables={"x": Variable(("point",), "1", "population")},
     )  # fmt: skip
+
+
+def large(store, rows=1000, columns=1000, shard=2**18):
+    """A million lanes by default, with twelve variables of one number and one of eight."""
+
+    def lane(a, b):
+        numbers = {f"x{i}": a + i * b for i in range(12)}
+        return {**numbers, "points": a * jnp.arange(8.0) - b}
+
+    grid = {"a": np.linspace(0.0, 1.0, rows), "b": np.linspace(2.0, 3.0, columns)}
+    return run_sweep(lane, grid, store=store, shard=shard, executor="portable", workers=1)
+
+
+if __name__ == "__main__":
+    # Seconds of a call, and the most memory that the process had, in MB.
+    begin = time.monotonic()
+    large(sys.argv[1], rows=int(sys.argv[2]))
+    print(time.monotonic() - begin, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
