@@ -7,6 +7,7 @@ from ._lanes import map_lanes as map_lanes
 
 # xarray and zarr take longer to import than the rest of the package: they come with the first sweep.
 if TYPE_CHECKING:
+    from ._engines import work_with as work_with
     from ._layout import Variable as Variable
     from ._manifest import as_json as as_json
     from ._manifest import code_revision as code_revision
@@ -28,6 +29,7 @@ _LATER = {
     "open_dataset": "_read",
     "plan_sweep": "_many",
     "work_on": "_many",
+    "work_with": "_engines",
     "sweep_status": "_status",
     "verify_store": "_verify",
     "as_json": "_manifest",
@@ -39,6 +41,7 @@ __all__ = [  # noqa: RUF022  # the order of the documentation
     "run_sweep",
     "plan_sweep",
     "work_on",
+    "work_with",
     "sweep_status",
     "verify_store",
     "SweepMismatchError",

@@ -1,6 +1,7 @@
 """Right arguments of the engine and the sweeps."""
 
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 
 import jax
 import numpy as np
@@ -199,6 +200,14 @@ SWEEPS = [
         },
     ),
     Target(sweep.open_dataset, {"path": arg(_store()), "verify": arg(True, "flag")}),
+    Target(
+        sweep.work_with,
+        {
+            "client": arg(ThreadPoolExecutor(1)), "store": arg(_planned_store()), "tasks": arg(1),
+            "seconds": arg(60.0, "none", "positive"), "wait": arg(False, "flag"),
+            "expiry": arg(60.0, "positive"),
+        },
+    ),
     Target(sweep.sweep_status, {"store": arg(_store())}),
     Target(sweep.verify_store, {"store": arg(_store()), "repair": arg(True, "flag")}),
     Target(

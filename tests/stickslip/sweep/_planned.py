@@ -19,8 +19,9 @@ def plain(k, q):
     return {"x": k + q, "code": (k > 1.5).astype(np.int32)}
 
 
-def small(store, chunk=2, offset=0.0, shard=None):
-    """Ten lanes in five units."""
+def small(store, chunk=2, offset=0.0, shard=None, pause=0.0):
+    """Ten lanes in five units; each worker begins after a pause."""
+    time.sleep(pause)
     return run_sweep(
         lambda k, q: {**plain(k, q), "y": k + offset}, SMALL, store=store, chunk=chunk, shard=shard,
         executor="portable", settings={"offset": offset},
