@@ -17,12 +17,14 @@ import json
 import os
 import pathlib
 import platform
+import random
 import secrets
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 CLAIMS = "claims"
 CLOCK = "clock"
+LOOKS = 4  # claims of others that a worker looks at before each of its own
 EXPIRY = 120.0  # s; network file systems may show times that are a minute old
 
 
@@ -176,6 +178,7 @@ class Claims:
         self.expiry = expiry
         self.owner = this_process() if owner is None else owner
         self.gone = gone
+        self._chance = random.Random()
 
     def take(self, unit: int) -> Claim | None:
         """Claim a unit; `None` if it is in somebody's hands."""
@@ -218,13 +221,34 @@ class Claims:
                 self.ground.remove(_name(claim.unit, generation))
         self.ground.remove(claim.name)
 
+    def candidates(self, todo: Collection[int], turn: int, looks: int = LOOKS) -> list[int]:
+        """Which units to try: some whose worker is dead, then those that nobody claims, from `turn` on.
+
+        Names alone say what is claimed. Of the claims only some, by chance, are looked at: a thousand
+        workers who look at each other's every time would do nothing else, and each dead one is found by
+        somebody soon.
+        """
+        claimed = self._claimed()
+        free = sorted(set(todo) - claimed.keys())
+        others = sorted(claimed.keys() & set(todo))
+        some = self._chance.sample(others, min(looks, len(others)))
+        now = self.ground.now() if some else 0.0
+        seen = {unit: self._seen(unit, claimed[unit], now) for unit in some}
+        dead = [unit for unit, standing in seen.items() if standing is None or not standing.alive]
+        turn %= max(len(free), 1)
+        return [*dead, *free[turn:], *free[:turn]]
+
+    def _claimed(self) -> dict[int, int]:
+        """Highest generation of the claims on each unit that has any."""
+        highest: dict[int, int] = {}
+        for parts in map(_parts, self.ground.names()):
+            if parts is not None:
+                highest[parts[0]] = max(highest.get(parts[0], -1), parts[1])
+        return highest
+
     def standing(self) -> dict[int, Standing]:
         """What is claimed, by unit."""
-        highest: dict[int, int] = {}
-        for name in self.ground.names():
-            found = _parts(name)
-            if found is not None:
-                highest[found[0]] = max(highest.get(found[0], -1), found[1])
+        highest = self._claimed()
         if not highest:
             return {}
         now = self.ground.now()

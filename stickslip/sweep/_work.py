@@ -1,6 +1,7 @@
 """A worker: one of any number, on any hosts that see the store, who compute what is left of it."""
 
 import os
+import random
 import secrets
 import threading
 import time
@@ -16,7 +17,7 @@ from ._store import Store
 from ._units import values_of
 
 BEATS = 6  # signs of life before a claim expires
-LONGEST_PAUSE = 2.0  # s between looks at what the others have done
+SHORTEST_PAUSE = 0.25  # s between looks at what the others have done; the longest is that of the beats
 
 
 class Worker:
@@ -70,18 +71,18 @@ class Worker:
             return {"computed": len(done.numbers), "left": len(todo)}
 
     def _through(self, todo, before, claims, heart, store, evaluate, done, meter) -> None:
-        start = int(self.mark, 16)
+        start, pause = int(self.mark, 16), SHORTEST_PAUSE
         while todo:
             news = recorded(store.path) - before
             for number in [n for n, chain in todo.items() if all(u.number in news for u in chain)]:
                 meter.advance(sum(unit.lanes for unit in todo.pop(number)))
             if not todo:
                 return
-            taken = {number for number, standing in claims.standing().items() if standing.alive}
-            free = sorted(set(todo) - taken)
             # Each begins elsewhere, so that they do not all ask for the same.
-            turn = start % max(len(free), 1)
-            for number in free[turn:] + free[:turn]:
+            found = claims.candidates(todo, start)
+            if not found and not self.wait:
+                found = claims.candidates(todo, start, looks=len(todo))
+            for number in found:
                 if self._is_late():
                     return
                 claim = claims.take(number)
@@ -93,11 +94,13 @@ class Worker:
                 finally:
                     heart.claim = None
                     claims.release(claim)
+                pause = SHORTEST_PAUSE
                 break
             else:
                 if not self.wait or self._is_late():
                     return
-                time.sleep(min(self.expiry / BEATS, LONGEST_PAUSE))
+                time.sleep(pause * random.uniform(0.5, 1.0))
+                pause = min(2 * pause, max(self.expiry / BEATS, SHORTEST_PAUSE))
                 meter.show()
 
     def _compute(self, chain, claim: Claim, claims: Claims, store: Store, evaluate, done) -> None:

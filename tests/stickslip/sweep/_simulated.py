@@ -7,7 +7,7 @@ import statistics
 from collections import Counter
 
 from stickslip.sweep._claims import Claims
-from stickslip.sweep._work import BEATS
+from stickslip.sweep._work import BEATS, SHORTEST_PAUSE
 
 
 class Memory:
@@ -57,11 +57,12 @@ class Memory:
 def simulate(workers=1000, units=10_000, seconds=300.0, failures=0.01, expiry=120.0, seed=18):
     """A sweep by workers who each die with the chance `failures` in a unit, and come back a minute on.
 
-    A unit takes `seconds`, give or take a fifth. The steps are those of `Worker`; a worker sees what is
-    finished and claimed, and acts on it `LAG` seconds later, when it may be otherwise.
+    A unit takes `seconds`, give or take a fifth. The steps are those of `Worker`; one sees what is
+    finished and claimed, and acts on it up to 0.2 s later, when it may be otherwise.
     """
     chance, ground = random.Random(seed), Memory()
-    finished: set[int] = set()
+    todo = set(range(units))
+    pause = dict.fromkeys(range(workers), SHORTEST_PAUSE)
     computed: Counter[int] = Counter()
     died: dict[int, float] = {}
     waited, refused, deaths, busy = [], 0, 0, 0.0
@@ -83,20 +84,22 @@ def simulate(workers=1000, units=10_000, seconds=300.0, failures=0.01, expiry=12
         ground.time, _, what, worker, more = heapq.heappop(events)
         mine = claims[worker]
         if what == "look":
-            taken = {unit for unit, standing in mine.standing().items() if standing.alive}
-            free = sorted(set(range(units)) - finished - taken)
-            if len(finished) == units:
+            ground.names()  # of the records
+            if not todo:
                 continue
-            if not free:
-                later(2.0, "look", worker)
-                continue
-            later(chance.uniform(0.0, 0.2), "take", worker, free[start[worker] % len(free)])
+            found = mine.candidates(todo, start[worker])
+            if found:
+                pause[worker] = SHORTEST_PAUSE
+                later(chance.uniform(0.0, 0.2), "take", worker, found[0])
+            else:
+                later(pause[worker] * chance.uniform(0.5, 1.0), "look", worker)
+                pause[worker] = min(2 * pause[worker], expiry / BEATS)
         elif what == "take":
             claim = mine.take(more)
             if claim is None:
                 refused += 1
                 later(0.0, "look", worker)
-            elif more in finished:
+            elif more not in todo:
                 mine.release(claim)
                 later(0.0, "look", worker)
             else:
@@ -117,7 +120,7 @@ def simulate(workers=1000, units=10_000, seconds=300.0, failures=0.01, expiry=12
             later(60.0, "look", worker)
         elif mine.holds(more):
             computed[more.unit] += 1
-            finished.add(more.unit)
+            todo.discard(more.unit)
             busy, end = busy + seconds, ground.time
             mine.release(more)
             later(0.0, "look", worker)
@@ -128,7 +131,7 @@ def simulate(workers=1000, units=10_000, seconds=300.0, failures=0.01, expiry=12
         "ideal hours": units * seconds / workers / 3600,
         "deaths": deaths,
         "units computed twice": sum(n - 1 for n in computed.values()),
-        "units missing": units - len(finished),
+        "units missing": len(todo),
         "claims refused": refused,
         "median wait for a dead claim, s": statistics.median(waited) if waited else 0.0,
         "longest wait for a dead claim, s": max(waited, default=0.0),
