@@ -1,7 +1,7 @@
 """Who computes which unit: claims by files that one process alone can make, alive while touched.
 
     STORE/claims/000011.0    made by exclusive creation; says who, and how long it is good for untouched
-    STORE/claims/000011.1    whoever found the first one dead; the highest number has the unit
+    STORE/claims/000011.1    whoever found the first one dead or given back; the highest has the unit
     STORE/claims/clock       touched to ask the file system for the time
 
 No lock of the system is needed, which network file systems lack or lose, nor one time of all hosts:
@@ -50,6 +50,10 @@ class Ground(Protocol):
 
     def touch(self, name: str) -> bool:
         """Set its time to now; whether it is there."""
+        ...
+
+    def expire(self, name: str) -> None:
+        """Set its time to long ago, if it is there."""
         ...
 
     def remove(self, name: str) -> None:
@@ -104,6 +108,10 @@ class Folder:
         except FileNotFoundError:
             return False
         return True
+
+    def expire(self, name: str) -> None:
+        with contextlib.suppress(OSError):
+            os.utime(self.path / name, (0, 0))
 
     def remove(self, name: str) -> None:
         with contextlib.suppress(OSError):
@@ -181,24 +189,19 @@ class Claims:
         self._chance = random.Random()
 
     def take(self, unit: int) -> Claim | None:
-        """Claim a unit; `None` if it is in somebody's hands."""
-        held = self._highest(unit)
-        if held is not None and held.alive:
+        """Claim a unit; `None` if it is in somebody's hands.
+
+        Numbers of claims only grow until the unit is finished, so that of all who saw the same one dead
+        or given back a single one makes the next. Whoever has a claim looks whether the unit was
+        finished meanwhile: then its claims are gone, and numbers begin anew.
+        """
+        generation = max(self._generations(unit), default=None)
+        held = None if generation is None else self._seen(unit, generation, self.ground.now())
+        if generation is not None and (held is None or held.alive):
             return None
         generation, token = (0 if held is None else held.generation + 1), secrets.token_hex(4)
         text = json.dumps({**self.owner, "token": token, "expiry": self.expiry})
         if not self.ground.create(_name(unit, generation), text):
-            return None
-        # Whoever acted on what has changed since then steps back: of two who meet here, one at least
-        # sees the other.
-        others = [g for g in self._generations(unit) if g != generation]
-        if held is None:
-            right = not others
-        else:
-            right = bool(others) and max(others) == held.generation
-            right = right and self.ground.look(_name(unit, held.generation)) == held.seen
-        if not right:
-            self.ground.remove(_name(unit, generation))
             return None
         return Claim(unit, generation, token, "" if held is None else held.token)
 
@@ -211,15 +214,15 @@ class Claims:
         """Show that the claim is alive; whether it is there."""
         return self._is_own(claim) and self.ground.touch(claim.name)
 
-    def release(self, claim: Claim) -> None:
-        """Give a unit back, computed or not."""
+    def release(self, claim: Claim, *, finished: bool) -> None:
+        """Give a unit back: for others to go on with, or finished."""
         if not self._is_own(claim):
             return
-        # The own one last: until then nobody takes the unit for free.
-        for generation in sorted(self._generations(claim.unit)):
-            if generation < claim.generation:
+        if finished:
+            for generation in sorted(self._generations(claim.unit)):
                 self.ground.remove(_name(claim.unit, generation))
-        self.ground.remove(claim.name)
+        else:
+            self.ground.expire(claim.name)
 
     def candidates(self, todo: Collection[int], turn: int, looks: int = LOOKS) -> list[int]:
         """Which units to try: some whose worker is dead, then those that nobody claims, from `turn` on.
@@ -270,10 +273,6 @@ class Claims:
     def _generations(self, unit: int) -> list[int]:
         found = map(_parts, self.ground.names())
         return [parts[1] for parts in found if parts is not None and parts[0] == unit]
-
-    def _highest(self, unit: int) -> Standing | None:
-        generation = max(self._generations(unit), default=None)
-        return None if generation is None else self._seen(unit, generation, self.ground.now())
 
     def _seen(self, unit: int, generation: int, now: float) -> Standing | None:
         seen = self.ground.look(_name(unit, generation))

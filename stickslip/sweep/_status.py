@@ -46,6 +46,7 @@ def sweep_status(store: Path) -> dict[str, Any]:
         claims = [
             {"unit": number, "who": s.who, "age": round(s.age, 1), "alive": s.alive}
             for number, s in sorted(Claims(path).standing().items())
+            if s.seen[0] > 0  # else given back
         ]
     rate = _rate(path, units)
     works = finished < lanes and any(claim["alive"] for claim in claims)

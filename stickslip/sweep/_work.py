@@ -88,12 +88,12 @@ class Worker:
                 claim = claims.take(number)
                 if claim is None:
                     continue
-                heart.claim = claim
+                heart.claim, finished = claim, False
                 try:
-                    self._compute(todo[number], claim, claims, store, evaluate, done)
+                    finished = self._compute(todo[number], claim, claims, store, evaluate, done)
                 finally:
                     heart.claim = None
-                    claims.release(claim)
+                    claims.release(claim, finished=finished)
                 pause = SHORTEST_PAUSE
                 break
             else:
@@ -103,7 +103,8 @@ class Worker:
                 pause = min(2 * pause, max(self.expiry / BEATS, SHORTEST_PAUSE))
                 meter.show()
 
-    def _compute(self, chain, claim: Claim, claims: Claims, store: Store, evaluate, done) -> None:
+    def _compute(self, chain, claim: Claim, claims: Claims, store: Store, evaluate, done) -> bool:
+        """Compute what is not finished of a unit of work; whether all of it is now."""
         if claim.after:
             for unit in chain:
                 store.remove_half_written(unit, claim.after)
@@ -117,11 +118,12 @@ class Worker:
             begin = time.monotonic()
             values = values_of(unit, evaluate, store, lambda lanes: None)
             if not claims.holds(claim):
-                return  # this worker was taken for dead, and another has the unit
+                return False  # this worker was taken for dead, and another has the unit
             store.write(unit, values, claim.token)
             done.numbers.append(unit.number)
             done.lanes += unit.lanes
             self._spent.append(time.monotonic() - begin)
+        return True
 
     def _is_late(self) -> bool:
         if self._until is None:

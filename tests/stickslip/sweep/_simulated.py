@@ -49,6 +49,11 @@ class Memory:
         self.files[name] = (self.time, self.files[name][1])
         return True
 
+    def expire(self, name):
+        self._count("expire")
+        if name in self.files:
+            self.files[name] = (-1e9, self.files[name][1])
+
     def remove(self, name):
         self._count("remove")
         self.files.pop(name, None)
@@ -100,7 +105,7 @@ def simulate(workers=1000, units=10_000, seconds=300.0, failures=0.01, expiry=12
                 refused += 1
                 later(0.0, "look", worker)
             elif more not in todo:
-                mine.release(claim)
+                mine.release(claim, finished=True)
                 later(0.0, "look", worker)
             else:
                 if more in died:
@@ -122,7 +127,7 @@ def simulate(workers=1000, units=10_000, seconds=300.0, failures=0.01, expiry=12
             computed[more.unit] += 1
             todo.discard(more.unit)
             busy, end = busy + seconds, ground.time
-            mine.release(more)
+            mine.release(more, finished=True)
             later(0.0, "look", worker)
         else:
             later(0.0, "look", worker)

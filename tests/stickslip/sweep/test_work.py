@@ -21,6 +21,7 @@ from stickslip.sweep import (
     SweepWriteError,
     open_dataset,
     plan_sweep,
+    sweep_status,
     work_on,
 )
 from stickslip.sweep import _store as store_module
@@ -147,7 +148,8 @@ def test_a_full_disk_stops_with_a_clear_error_and_keeps_what_is_finished(whole, 
         patch.setattr(store_module, "write_whole", full)
         with pytest.raises(SweepWriteError, match=r"No space left.*2 finished blocks are kept"):
             work_on(path)
-    assert not Claims(path).standing()
+    assert not any(standing.alive for standing in Claims(path).standing().values())
+    assert sweep_status(path)["claims"] == []
     assert work_on(path) == {"computed": 3, "left": 0}
     assert contents(path) == contents(whole)
 
