@@ -211,7 +211,7 @@ SWEEPS = [
     Target(sweep.sweep_status, {"store": arg(_store())}),
     Target(sweep.verify_store, {"store": arg(_store()), "repair": arg(True, "flag")}),
     Target(
-        sweep.plan_sweep, {"function": arg(_planned.small), "store": arg("planned")},
+        sweep.plan_sweep, {"function": arg(_planned.small), "store": arg("planned", "path")},
         lambda function, store, **given: sweep.plan_sweep(function, _inside(store), **given),
     ),
     Target(
