@@ -1,4 +1,4 @@
-"""Command line: `python -m stickslip` lists what there is, `NAME` shows one of it, `view` a diagram."""
+"""Command line: `python -m stickslip` lists what there is, `NAME` shows one; more are commands."""
 
 import argparse
 import importlib.util
@@ -10,6 +10,8 @@ from typing import Any
 from ._public import PACKAGES, Public, first_sentence, public_names
 from ._version import __version__
 
+# What begins a command about the store of a sweep.
+SWEEPS = ("plan", "work", "status", "verify")
 # A line of the list is cut, not wrapped: one look finds the name.
 NARROWEST = 60
 
@@ -22,10 +24,15 @@ def main(arguments: list[str] | None = None) -> int:
         from .view._command import main as view
 
         return view(given[1:])
+    if given[:1] and given[0] in SWEEPS:
+        from .sweep._command import main as sweeps
+
+        return sweeps(given)
     parser = argparse.ArgumentParser(
         prog="python -m stickslip",
         description="List the public names of stickslip and corexy_jax, or show one of them.",
-        epilog="`python -m stickslip view STORE_OR_FILE` shows a diagram; `view --help` says how.",
+        epilog="`view STORE_OR_FILE` shows a diagram; `plan`, `work`, `status` and `verify` are for "
+        "stores of sweeps; each with --help says how.",
     )
     what = "a public name, as `simulate`, `friction.Stribeck` or `Problem.fit`, or a package"
     parser.add_argument("name", nargs="?", help=what)

@@ -61,7 +61,7 @@ def labelled_parameters(
     return found
 
 
-SWEEP = ("store", "chunk", "resume", "progress", "executor", "workers")
+SWEEP = ("store", "chunk", "shard", "resume", "progress", "executor", "workers", "hosts")
 
 
 def check_options(options: Mapping[str, Any]) -> None:

@@ -46,8 +46,9 @@ def lyapunov_diagram(
     - `segment`, `segments`, and in `spectrum` its other options by name (`transient`, `exponents`,
       `components`, `integrator`, ...): as for `lyapunov_spectrum`.
     - `labels`: `Variable`s with units and names of the parameters.
-    - `settings`, `attrs`, `name` and `store`, `chunk`, `resume`, `progress`, `executor`, `workers`: as
-      for `run_sweep`; with a `store` a diagram that was interrupted goes on where it stopped.
+    - `settings`, `attrs`, `name` and `store`, `chunk`, `shard`, `resume`, `progress`, `executor`,
+      `workers`, `hosts`: as for `run_sweep`; with a `store` a diagram that was interrupted goes on
+      where it stopped.
 
     **Returns** an `xarray.Dataset` with the dimensions of the grid and `exponent`: `exponents` [1/s],
     greatest first, with their `error` [1/s] and the number of segments in which they were `lost`;

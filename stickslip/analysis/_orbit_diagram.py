@@ -99,8 +99,8 @@ def orbit_diagram(
     - `labels`: `Variable`s with units and names of parameters and observables; by default a parameter
       has the unit that the system states.
     - `integrator`, `args`, `mode0`: as for `simulate`.
-    - `settings`, `attrs`, `name` and `store`, `chunk`, `resume`, `progress`, `executor`, `workers`: as
-      for `run_sweep`.
+    - `settings`, `attrs`, `name` and `store`, `chunk`, `shard`, `resume`, `progress`, `executor`,
+      `workers`, `hosts`: as for `run_sweep`.
 
     **Returns** an `xarray.Dataset` with the dimensions of the grid and `point`; with several sections
     observables, `count`, `period` and `period_status` have the dimension `section`, by name:

@@ -7,14 +7,19 @@ from ._lanes import map_lanes as map_lanes
 
 # xarray and zarr take longer to import than the rest of the package: they come with the first sweep.
 if TYPE_CHECKING:
+    from ._engines import work_with as work_with
     from ._layout import Variable as Variable
     from ._manifest import as_json as as_json
     from ._manifest import code_revision as code_revision
     from ._manifest import versions as versions
+    from ._many import plan_sweep as plan_sweep
+    from ._many import work_on as work_on
     from ._read import open_dataset as open_dataset
     from ._run import run_sweep as run_sweep
+    from ._status import sweep_status as sweep_status
     from ._store import SweepMismatchError as SweepMismatchError
     from ._store import SweepWriteError as SweepWriteError
+    from ._verify import verify_store as verify_store
 
 _LATER = {
     "run_sweep": "_run",
@@ -22,6 +27,11 @@ _LATER = {
     "SweepWriteError": "_store",
     "Variable": "_layout",
     "open_dataset": "_read",
+    "plan_sweep": "_many",
+    "work_on": "_many",
+    "work_with": "_engines",
+    "sweep_status": "_status",
+    "verify_store": "_verify",
     "as_json": "_manifest",
     "code_revision": "_manifest",
     "versions": "_manifest",
@@ -29,6 +39,11 @@ _LATER = {
 __all__ = [  # noqa: RUF022  # the order of the documentation
     "map_lanes",
     "run_sweep",
+    "plan_sweep",
+    "work_on",
+    "work_with",
+    "sweep_status",
+    "verify_store",
     "SweepMismatchError",
     "SweepWriteError",
     "Variable",

@@ -1,5 +1,6 @@
 """Files that are written whole or not at all, and read with nothing taken for granted."""
 
+import contextlib
 import hashlib
 import json
 import os
@@ -7,19 +8,32 @@ import pathlib
 from typing import Any
 
 
-def write_whole(path: pathlib.Path, content: str | bytes) -> None:
+def write_whole(path: pathlib.Path, content: str | bytes, mark: str = "") -> None:
     """All of `content` at `path`, or what was there before; also after a power cut.
 
-    A symbolic link at `path` is replaced, and what it leads to left alone.
+    A symbolic link at `path` is replaced, and what it leads to left alone. Where several processes may
+    write the same file, each has a `mark` of its own, so that none renames what another has half
+    written.
     """
     data = content.encode() if isinstance(content, str) else content
-    temporary = path.with_name(path.name + ".part")
+    temporary = half_written(path, mark)
     temporary.unlink(missing_ok=True)
-    with open(temporary, "xb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(temporary, path)
+    try:
+        with open(temporary, "xb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, path)
+    except BaseException:
+        # Above all on a full disk: what is half written would keep it full.
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
+        raise
+
+
+def half_written(path: pathlib.Path, mark: str = "") -> pathlib.Path:
+    """Where `write_whole` keeps what is not yet whole."""
+    return path.with_name(f"{path.name}{mark and '.'}{mark}.part")
 
 
 def read_json(path: pathlib.Path) -> Any:

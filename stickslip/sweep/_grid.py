@@ -24,6 +24,10 @@ class Block(NamedTuple):
     def shape(self) -> tuple[int, ...]:
         return tuple(s.stop - s.start for s in self.region)
 
+    @property
+    def lanes(self) -> int:
+        return math.prod(self.shape)
+
 
 def check_grid(grid: Any) -> dict[str, np.ndarray]:
     """Coordinates as float64 vectors; `ValueError` or `TypeError` naming the one that is not."""
@@ -61,6 +65,31 @@ def block_shape(shape: Sequence[int], chunk: int, first: int | None = None) -> t
     return tuple(sides)
 
 
+def shard_shape(shape: Sequence[int], sides: Sequence[int], lanes: int) -> tuple[int, ...]:
+    """Sides of a shard of at most `lanes` lanes, and of one block at least, in whole blocks.
+
+    As in a block, trailing axes are whole, one axis is cut, the rest single.
+    """
+    result, room = list(sides), max(lanes // math.prod(sides), 1)
+    for axis in reversed(range(len(shape))):
+        count = -(-shape[axis] // sides[axis])
+        taken = min(count, room)
+        result[axis] = sides[axis] * taken
+        room //= taken
+        if taken < count:
+            break
+    return tuple(result)
+
+
+def blocks_inside(unit: Block, shape: Sequence[int], sides: Sequence[int]) -> list[Block]:
+    """The blocks of a shard, with the numbers that they have in the whole grid."""
+    ranges = [
+        range(s.start // side, -(-s.stop // side)) for s, side in zip(unit.region, sides, strict=True)
+    ]
+    counts = [-(-n // side) for n, side in zip(shape, sides, strict=True)]
+    return [_block(place, counts, shape, sides) for place in itertools.product(*ranges)]
+
+
 def blocks(shape: Sequence[int], sides: Sequence[int], backward: int | None = None) -> list[Block]:
     """All blocks in the order of computation, the axis `backward` from its end to its start."""
     counts = [-(-n // side) for n, side in zip(shape, sides, strict=True)]
@@ -68,13 +97,24 @@ def blocks(shape: Sequence[int], sides: Sequence[int], backward: int | None = No
         range(count - 1, -1, -1) if axis == backward else range(count)
         for axis, count in enumerate(counts)
     ]
-    strides = [math.prod(counts[axis + 1 :]) for axis in range(len(counts))]
-    result = []
-    for place in itertools.product(*ranges):
-        region = tuple(
-            slice(i * side, min((i + 1) * side, n))
-            for i, side, n in zip(place, sides, shape, strict=True)
-        )
-        number = sum(i * stride for i, stride in zip(place, strides, strict=True))
-        result.append(Block(number, place, region))
-    return result
+    return [_block(place, counts, shape, sides) for place in itertools.product(*ranges)]
+
+
+def _block(place, counts, shape, sides) -> Block:
+    number = 0
+    for i, count in zip(place, counts, strict=True):
+        number = number * count + i
+    region = tuple(
+        slice(i * side, min((i + 1) * side, n)) for i, side, n in zip(place, sides, shape, strict=True)
+    )
+    return Block(number, place, region)
+
+
+def chains(units: Sequence[Block], axis: int | None) -> list[list[Block]]:
+    """Units that follow from each other along the axis of a carried sweep; else each by itself."""
+    if axis is None:
+        return [[unit] for unit in units]
+    found: dict[tuple[int, ...], list[Block]] = {}
+    for unit in units:
+        found.setdefault((*unit.place[:axis], *unit.place[axis + 1 :]), []).append(unit)
+    return list(found.values())

@@ -11,10 +11,11 @@ import zarr
 from zarr.storage import MemoryStore
 
 from .._validation import check_mapping, check_type, refusal
-from ._grid import blocks
+from ._grid import Block, blocks
 from ._manifest import as_json
 
 DATA = "data.zarr"
+FINISHED = "finished"
 _FILL = {"f": np.nan, "c": np.nan, "i": -1, "u": 0, "b": False}
 
 
@@ -55,6 +56,7 @@ class Layout:
     coords: Mapping[str, np.ndarray]
     outputs: Mapping[str, tuple[tuple[int, ...], np.dtype, Variable]]
     sides: tuple[int, ...]
+    shard: tuple[int, ...]
     labels: Mapping[str, Variable]
     attrs: Mapping[str, Any]
 
@@ -76,6 +78,10 @@ class Layout:
 
     def skeleton(self, attributes: Mapping[str, Any]) -> dict[str, bytes]:
         """Files of a store in which no block is finished: headers and coordinates, by their path."""
+        files = self._made(attributes)
+        return {f"{DATA}/{key}": buffer.to_bytes() for key, buffer in files.items()}
+
+    def _made(self, attributes: Mapping[str, Any]) -> Any:
         files: Any = {}
         # Without this a chunk that equals the fill value is not a file, and could not have a checksum.
         with zarr.config.set({"array.write_empty_chunks": True}):
@@ -87,26 +93,61 @@ class Layout:
                     name, data=values, dimension_names=(name,), attributes=attributes[f"array {name}"]
                 )
             for name, (tail, dtype, _) in self.outputs.items():
+                whole = tuple(max(n, 1) for n in tail)
                 group.create_array(
                     name,
                     shape=(*self.shape, *tail),
-                    chunks=(*self.sides, *(max(n, 1) for n in tail)),
+                    chunks=(*self.sides, *whole),
+                    shards=None if self.shard == self.sides else (*self.shard, *whole),
                     dtype=dtype,
                     fill_value=_FILL[dtype.kind],
                     dimension_names=self.dims(name),
                     attributes=attributes[f"array {name}"],
                 )
-        return {f"{DATA}/{key}": buffer.to_bytes() for key, buffer in files.items()}
+        return files
+
+    def encoder(self) -> "Encoder":
+        """What makes the files of one unit after another."""
+        return Encoder(self._made(self.attributes()), self)
+
+
+class Encoder:
+    """Makes the bytes of a unit's files in memory, so that they reach the disk whole or not at all."""
+
+    def __init__(self, files: Any, layout: Layout):
+        self._files, self._outputs = files, layout.outputs
+        group = zarr.open_group(MemoryStore(files), mode="r+")
+        with zarr.config.set({"array.write_empty_chunks": True}):
+            self._arrays: Any = {name: group[name] for name in layout.outputs}
+        self._headers = {key for key in files if key.endswith("zarr.json")}
+        self._clear()
+
+    def _clear(self) -> None:
+        for key in set(self._files) - self._headers:
+            del self._files[key]
+
+    def __call__(self, unit: Block, values: Mapping[str, np.ndarray]) -> dict[str, bytes]:
+        """Files of a unit of which all `values` are known, by their path in the store."""
+        try:
+            for name, array in self._arrays.items():
+                array[unit.region] = values[name]
+            return {
+                path: self._files[path.removeprefix(f"{DATA}/")].to_bytes()
+                for name, (tail, _, _) in self._outputs.items()
+                for path in [chunk_file(name, unit.place, len(tail))]
+            }
+        finally:
+            self._clear()
 
 
 def chunk_file(name: str, place: tuple[int, ...], tail: int) -> str:
-    """Path of the file that holds a block of a variable whose lanes have `tail` axes of their own."""
+    """Path of the file that holds a unit of a variable whose lanes have `tail` axes of their own."""
     return "/".join([DATA, name, "c", *(str(i) for i in (*place, *(0,) * tail))])
 
 
 def record_file(number: int) -> str:
-    """Path of the record that vouches for a block."""
-    return f"finished/{number:06d}.json"
+    """Path of the record that vouches for a unit."""
+    return f"{FINISHED}/{number:06d}.json"
 
 
 class Files:
@@ -116,13 +157,13 @@ class Files:
         grid = manifest["grid"]
         self.coords = list(manifest.get("coordinates", grid))  # format 1 had none
         self.shape = [grid[name]["size"] for name in self.coords]
-        self.sides = manifest["block"]
+        self.sides = manifest.get("shard", manifest["block"])  # formats 1 and 2 had no shards
         self.counts = [-(-n // side) for n, side in zip(self.shape, self.sides, strict=True)]
         self.total = math.prod(self.counts)
         self.tails = {name: len(output["shape"]) for name, output in manifest["outputs"].items()}
 
     def blocks(self) -> Iterator[tuple[int, list[str]]]:
-        """Number of each block, and its files."""
+        """Number of each unit, a block or a shard of blocks, and its files."""
         for block in blocks(self.shape, self.sides):
             yield (
                 block.number,
@@ -131,7 +172,7 @@ class Files:
 
     def has(self, path: str) -> bool:
         """Whether a path relative to the store is that of one of its files, half-written or not."""
-        path = re.sub(r"\.(part|[0-9a-f]+\.partial)$", "", path)
+        path = re.sub(r"\.(([0-9a-f]+\.)?part|[0-9a-f]+\.partial)$", "", path)
         top, *rest = path.split("/")
         if top == "finished":
             number = re.fullmatch(r"finished/(\d{6,})\.json", path)

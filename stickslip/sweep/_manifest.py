@@ -21,7 +21,8 @@ import zarr
 
 from .. import _version
 
-FORMAT = 2
+FORMAT = 3
+BEFORE_SHARDS = 2  # the same, but for shards and for sizes in the records: such stores are gone on with
 LONGEST_LIST = 64
 
 
@@ -107,19 +108,33 @@ def versions() -> dict[str, str]:
 
 # Recorded, yet free to differ when a sweep is resumed: they do not reach the numbers, or do so only
 # through the compiled program, which has a digest of its own.
-FREE = ("information", "attributes", "files", "seal")
+FREE = ("information", "attributes", "files", "seal", "reference")
 
 
 def sealed(manifest: Mapping[str, Any]) -> dict[str, Any]:
-    """The manifest with a checksum of itself, by which an alteration is found."""
+    """The manifest, or a record, with a checksum of itself, by which an alteration is found."""
     plain = {key: value for key, value in manifest.items() if key != "seal"}
     return {**plain, "seal": digest(json.dumps(plain, sort_keys=True))}
 
 
+def free(manifest: Mapping[str, Any]) -> tuple[str, ...]:
+    """What may differ between two manifests of the same sweep."""
+    return (*FREE, "computed_with") if manifest.get("hosts") == "any" else FREE
+
+
 def identity(manifest: Mapping[str, Any]) -> str:
     """Digest of what decides the numbers."""
-    deciding = {key: value for key, value in manifest.items() if key not in FREE}
+    deciding = {key: value for key, value in manifest.items() if key not in free(manifest)}
     return digest(json.dumps(deciding, sort_keys=True))
+
+
+def as_stored(manifest: dict[str, Any], stored: Any) -> dict[str, Any]:
+    """The manifest as the version that made the store would have written it, where it could."""
+    if stored.get("format") != BEFORE_SHARDS or manifest["shard"] != manifest["block"]:
+        return manifest
+    return {
+        **{key: value for key, value in manifest.items() if key != "shard"}, "format": BEFORE_SHARDS
+    }  # fmt: skip
 
 
 def is_manifest(value: Any) -> bool:
@@ -135,7 +150,7 @@ def fault(value: Any) -> str | None:
     """Why a manifest cannot be relied on; `None` if it can."""
     if not is_manifest(value):
         return "has a manifest.json that is not of a sweep"
-    if value["format"] != FORMAT:
+    if value["format"] is True or value["format"] not in (BEFORE_SHARDS, FORMAT):
         by = value.get("information")
         by = by.get("versions") if isinstance(by, dict) else None
         by = by.get("stickslip") if isinstance(by, dict) else None
@@ -154,7 +169,7 @@ def differences(stored: Any, wanted: Any, path: str = "") -> list[str]:
     if isinstance(stored, dict) and isinstance(wanted, dict):
         found = []
         for key in [*stored, *(k for k in wanted if k not in stored)]:
-            if not path and key in FREE:
+            if not path and key in free(stored):
                 continue
             name = f"{path}.{key}" if path else key
             if key not in stored:

@@ -14,8 +14,9 @@ from .._validation import check_flag, refusal
 from ._files import checksum, read_json
 from ._layout import DATA, Files, record_file
 from ._manifest import fault, identity
-from ._store import is_record, record
+from ._records import is_record, made_by, record, recorded
 
+BY_AGE = "by size and age"
 _ASK = "it must be as run_sweep left it, or read unverified with verify=False"
 
 
@@ -53,7 +54,7 @@ def open_dataset(path: str | os.PathLike, *, verify: bool = True) -> xr.Dataset:
 
     **Returns** an `xarray.Dataset`. Its attribute `sweep_state` is `"finished"` or, e.g.,
     `"unfinished: 3 of 8 blocks"`, where the others hold NaN, -1, 0 or `False`; `sweep_verified` is
-    `"yes"` or `"no"`.
+    `"yes"` or `"no"`. (`run_sweep` returns the same with `"by size and age"`, see there.)
 
     **Errors** `TypeError` if `path` is not a path, `ValueError` if it is not a store, or a file in
     it is not as it was written: the message names the file. `run_sweep` with the same arguments repairs
@@ -82,16 +83,16 @@ def open_dataset(path: str | os.PathLike, *, verify: bool = True) -> xr.Dataset:
 
 
 def finished_dataset(path: pathlib.Path, manifest: Mapping[str, Any]) -> xr.Dataset:
-    """The dataset of a store all of whose files were verified or written a moment ago."""
+    """The dataset of a store all of whose files were looked at or written a moment ago."""
     names = list(manifest["files"])
     for _, files in Files(manifest).blocks():
         names += files
-    return _dataset(f"store = {str(path)!r}", path, "finished", "yes", names)
+    return _dataset(f"store = {str(path)!r}", path, "finished", BY_AGE, names)
 
 
 def _recorded(path: pathlib.Path, manifest: Mapping[str, Any]) -> str:
     total = Files(manifest).total
-    return _state(sum((path / record_file(i)).is_file() for i in range(total)), total)
+    return _state(sum(number < total for number in recorded(path)), total)
 
 
 def _state(done: int, total: int) -> str:
@@ -114,16 +115,16 @@ def _verified(begin: str, path: pathlib.Path, manifest: Mapping[str, Any]) -> tu
     for number, files in wanted.blocks():
         own = record_file(number)
         try:
-            recorded = read_json(path / own)
+            value = read_json(path / own)
         except FileNotFoundError:
             continue
         except ValueError:
             raise damaged(own) from None
-        now = record(path, sweep, number, files)
-        if not is_record(recorded) or recorded.keys() != now.keys():
+        now = record(path, sweep, number, files, manifest["format"], made_by(value))
+        if not is_record(value) or value.keys() != now.keys():
             raise damaged(own)
-        if recorded != now:
-            sums = recorded["files"]
+        if value != now:
+            sums = value["files"]
             bad = [file for file in files if sums.get(file) != now["files"][file]]
             raise damaged((bad or [own])[0])
         names += files

@@ -25,14 +25,16 @@ from .._validation import (
     numbers,
     refusal,
 )
+from ._duty import do_duty, duty_at
 from ._evaluate import Evaluate, output_names
-from ._grid import CHUNK, Block, block_shape, blocks, check_grid
+from ._grid import CHUNK, Block, block_shape, blocks, check_grid, shard_shape
 from ._lanes import EXECUTORS
 from ._layout import Layout, Variable
 from ._manifest import FORMAT, as_json, code_revision, digest, versions
 from ._progress import Progress
 from ._read import finished_dataset
 from ._store import Store
+from ._units import values_of
 
 
 def run_sweep(
@@ -48,11 +50,13 @@ def run_sweep(
     settings: Named | None = None,
     attrs: Named | None = None,
     chunk: Given[int | None] = None,
+    shard: Given[int | None] = None,
     resume: Given[bool] = True,
     progress: bool | None = None,
     name: str = "sweep",
     executor: Given[Literal["auto", "fused", "portable"]] = "auto",
     workers: Given[int | None] = None,
+    hosts: Given[Literal["alike", "any"]] = "alike",
 ) -> xr.Dataset:
     """Evaluate `function` at every point of a grid; with a `store`, survive any interruption.
 
@@ -73,19 +77,27 @@ def run_sweep(
       are those of the grid.
     - `store`: directory of results, made if absent. A later call with the same arguments goes on where
       this one stopped; a block whose file is lost or altered is computed again, headers and coordinates
-      are written again. Another sweep in it raises an error, and so does one whose function calls
-      the host (`jax.pure_callback` and its like): what the host computes cannot be compared. `name`,
-      `attrs` and `variables` may differ; they are written into the store. Without a store, results are
-      kept in memory.
+      are written again. Files are compared by size and by the time of their last change, and where
+      that is later than their record, by checksum; `verify_store` computes all checksums. Another
+      sweep in it raises an error, and so does one whose function calls the host (`jax.pure_callback`
+      and its like): what the host computes cannot be compared. `name`, `attrs` and `variables` may
+      differ; they are written into the store. Without a store, results are kept in memory.
     - `variables`: labels of results and coordinates by name, see `Variable`.
     - `settings`: parameters, seeds and whatever else describes the sweep, for its manifest; they must
       match when it is resumed, as must the compiled program itself.
     - `attrs`: attributes of the dataset.
     - `chunk`: lanes per block (default 4096; 65,536 off the CPU). Memory grows with it, not with the
       number of lanes.
+    - `shard`: lanes per file of a store, one block by default. A shard is computed block by block and
+      written as a whole, so that an interruption loses what is computed of it. A sweep of a million
+      lanes with `shard=2**18` is some ten files a variable instead of 245. Not with a `carry`.
     - `resume`: with `False` the sweep in the store is removed first, and no other file in it.
     - `progress`: a line on stderr with rate and time left; by default where stderr is a terminal.
     - `executor`, `workers`: as for `map_lanes`.
+    - `hosts`: which hosts may compute for a store. With `"alike"` a host that uses another executor,
+      backend, jax or jaxlib is refused by name; with `"any"` the record of each block says what
+      computed it. Another program, also one that another jax makes of the same function, is always
+      refused.
 
     **Returns** an `xarray.Dataset` with the grid's dimensions first; from a store it is read when used.
 
@@ -110,11 +122,17 @@ def run_sweep(
     check_flag("backward", backward)
     carry = _check_carry(carry)
     axis = _carried_axis(coords, carry, along, backward)
-    for key, value in (("chunk", chunk), ("workers", workers)):
+    for key, value in (("chunk", chunk), ("shard", shard), ("workers", workers)):
         if value is not None:
             check_count(key, value, 1)
     check_in("executor", executor, EXECUTORS)
+    check_in("hosts", hosts, ("alike", "any"))
     path = None if store is None else the_directory("store", store, f"{DIRECTORY}, or None")
+    if shard is not None and axis is not None:
+        raise refusal("shard", shard, "unset with a carry, which needs each block before the next")
+    duty = duty_at(path)
+    if duty is not None and duty.threads is not None:
+        workers = duty.threads
     inputs = _check_inputs(inputs, coords)
     call = f"f({'' if carry is None else 'carry, '}{', '.join([*coords, *inputs])})"
     check_callable("function", function, call, *[carry][: carry is not None], **coords, **inputs)
@@ -122,12 +140,14 @@ def run_sweep(
     if chunk is None:
         chunk = CHUNK if jax.default_backend() == "cpu" else 16 * CHUNK
     sides = block_shape(shape, chunk, axis)
+    shards = sides if shard is None else shard_shape(shape, sides, shard)
     evaluate = Evaluate(function, coords, inputs, sides, carry, axis, backward, executor, workers)
     outputs = _labelled(evaluate.output_shapes(), coords, variables)
     layout = Layout(
         coords=coords,
         outputs=outputs,
         sides=sides,
+        shard=shards,
         labels=variables,
         attrs={"title": name, **as_json(attrs)},
     )
@@ -146,6 +166,7 @@ def run_sweep(
             for key, values in coords.items()
         },
         "block": list(sides),
+        "shard": list(shards),
         "carried": None
         if axis is None
         else {
@@ -167,27 +188,31 @@ def run_sweep(
             "backend": jax.default_backend(),
             **{key: versions()[key] for key in ("jax", "jaxlib")},
         },
+        **({} if hosts == "alike" else {"hosts": hosts}),
         "attributes": layout.attributes(),
         "information": {"versions": versions(), "code_revision": code_revision()},
     }
-    pieces = blocks(shape, sides, axis if backward else None)
+    backward_axis = axis if backward else None
     if path is None:
-        return _in_memory(evaluate, layout, pieces, progress, name)
+        return _in_memory(evaluate, layout, blocks(shape, sides, backward_axis), progress, name)
+    units = blocks(shape, shards, backward_axis)
+    if duty is not None:
+        do_duty(Store(path, layout, manifest, duty.mark), evaluate, units)
     held = Store(path, layout, manifest)
-    _on_disk(evaluate, held, pieces, resume, progress, name)
+    _on_disk(evaluate, held, units, resume, progress, name)
     return finished_dataset(path, held.manifest)
 
 
-def _on_disk(evaluate, store: Store, pieces: list[Block], resume, progress, name) -> None:
+def _on_disk(evaluate, store: Store, units: list[Block], resume, progress, name) -> None:
     with store:
         store.open(resume=resume)
         todo = []
-        for block in pieces:
+        for unit in units:
             # A carried block is computed from the one before it, so all after a damaged one count.
-            if (todo and evaluate.axis is not None) or not store.is_finished(block):
-                todo.append(block)
-        total = sum(_lanes(block) for block in pieces)
-        missing = sum(_lanes(block) for block in todo)
+            if (todo and evaluate.axis is not None) or not store.is_finished(unit):
+                todo.append(unit)
+        total = sum(unit.lanes for unit in units)
+        missing = sum(unit.lanes for unit in todo)
         meter = Progress(total, total - missing, name=name, shown=progress)
         if not todo:
             meter.show(f"all {total:,} lanes were finished before")
@@ -195,17 +220,16 @@ def _on_disk(evaluate, store: Store, pieces: list[Block], resume, progress, name
             return
         begin = time.monotonic()
         store.log(
-            event="begin", blocks_to_do=len(todo), blocks=len(pieces),
+            event="begin", blocks_to_do=len(todo), blocks=len(units),
             code_revision=code_revision(), workers=evaluate.workers,
         )  # fmt: skip
         try:
             meter.show("compiling")
-            for block in todo:
-                store.write(block, evaluate(block, store.read))
-                meter.advance(_lanes(block))
+            for unit in todo:
+                store.write(unit, values_of(unit, evaluate, store, meter.advance))
         except KeyboardInterrupt:
             raise KeyboardInterrupt(
-                f"interrupted: {store.finished()} of {len(pieces)} blocks are kept in store "
+                f"interrupted: {store.finished()} of {len(units)} blocks are kept in store "
                 f"{str(store.path)!r}, and the same call goes on from there"
             ) from None
         finally:
@@ -217,13 +241,13 @@ def _in_memory(evaluate, layout: Layout, pieces: list[Block], progress, name) ->
     arrays = {
         key: np.zeros((*layout.shape, *tail), dtype) for key, (tail, dtype, _) in layout.outputs.items()
     }
-    meter = Progress(sum(_lanes(block) for block in pieces), name=name, shown=progress)
+    meter = Progress(sum(block.lanes for block in pieces), name=name, shown=progress)
     try:
         meter.show("compiling")
         for block in pieces:
             for key, value in evaluate(block, lambda key, region: arrays[key][region]).items():
                 arrays[key][block.region] = value
-            meter.advance(_lanes(block))
+            meter.advance(block.lanes)
     except KeyboardInterrupt:
         raise KeyboardInterrupt(
             f"interrupted after {meter.done:,} of {meter.total:,} lanes: nothing is kept, because the "
@@ -242,10 +266,6 @@ def _in_memory(evaluate, layout: Layout, pieces: list[Block], progress, name) ->
         },
         attrs=dict(layout.attrs),
     )
-
-
-def _lanes(block: Block) -> int:
-    return int(np.prod(block.shape))
 
 
 def _check_carry(carry: PyTree) -> PyTree:

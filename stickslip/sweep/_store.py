@@ -2,14 +2,19 @@
 
     STORE/manifest.json      what the sweep is, sealed, with checksums of headers and coordinates;
                              written before anything else
-    STORE/data.zarr/         the results, zarr format 3, one chunk per block and variable
-    STORE/finished/0007.json checksums of the files of block 7; written after them, in one rename
+    STORE/data.zarr/         the results, zarr format 3, one file per unit and variable
+    STORE/finished/0007.json checksums of the files of unit 7; written after them, in one rename
     STORE/runs.jsonl         when and by what it was worked on; free to differ between equal stores
     STORE/lock               held while somebody works on it; freed by the system if he is killed
+    STORE/claims/            what each of several workers is computing, see `_claims`
 
-A block counts as finished if its record exists and every file has the checksum recorded. So a run may
-be killed between any two instructions: blocks without a valid checksum are computed again. Headers and
-coordinates follow from the sweep, so that lost ones are written again. Nothing else is ever removed.
+A unit is a block or a shard of whole blocks. It counts as finished if its record exists and every file
+has the checksum recorded. So a run may be killed between any two instructions: units without a valid
+checksum are computed again. Headers and coordinates follow from the sweep, so that lost ones are
+written again. Nothing else is ever removed.
+
+Every file is made in memory and put in place by a rename. So whoever writes the same unit at the same
+time, against all rules, writes the same bytes, and no one reads half of them.
 """
 
 import contextlib
@@ -24,17 +29,19 @@ from typing import Any
 import numpy as np
 import zarr
 
-from ._files import checksum, checksum_of, link_above, read_json, write_whole
+from ._claims import CLAIMS, Claims
+from ._files import checksum, checksum_of, half_written, link_above, read_json, write_whole
 from ._grid import Block
-from ._layout import DATA, Files, Layout, chunk_file, record_file
-from ._manifest import differences, fault, identity, is_manifest, sealed
+from ._layout import DATA, Encoder, Files, Layout, chunk_file, record_file
+from ._manifest import as_stored, differences, fault, identity, is_manifest, sealed
+from ._records import Looked, record_of, recorded
 
 try:
     import fcntl
 except ImportError:  # no advisory locks on this system
     fcntl = None
 
-_OURS = {"manifest.json", "manifest.json.damaged", DATA, "finished", "runs.jsonl", "lock"}
+_OURS = {"manifest.json", "manifest.json.damaged", DATA, "finished", "runs.jsonl", "lock", CLAIMS}
 _BEFORE_MANIFEST = {"lock", "manifest.json.part"}
 _READ_ONLY = (errno.EROFS, errno.EACCES, errno.EPERM)
 _ELSE = "Use another store, or replace this one with resume=False."
@@ -49,13 +56,20 @@ class SweepWriteError(OSError):
 
 
 class Store:
-    """Blocks of a sweep on disk. Use as a context: the lock is held inside it."""
+    """Units of a sweep on disk. Use as a context: the lock is held inside it.
 
-    def __init__(self, path: pathlib.Path, layout: Layout, manifest: dict[str, Any]):
+    `mark`: of one worker among several, who share the lock; it distinguishes what they write.
+    """
+
+    def __init__(self, path: pathlib.Path, layout: Layout, manifest: dict[str, Any], mark: str = ""):
         self.path = path
         self.layout, self.manifest = layout, manifest
+        self.mark = mark
+        self._by = manifest["computed_with"] if manifest.get("hosts") == "any" else None
         self._lock: int | None = None
         self._arrays: dict[str, zarr.Array] = {}
+        self._encoder: Encoder | None = None
+        self._looked: Looked | None = None
         self._identity = ""
 
     def __enter__(self) -> "Store":
@@ -68,15 +82,19 @@ class Store:
             self._lock = _open_lock(self.path / "lock")
         if fcntl is not None and self._lock is not None:
             try:
-                fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                kind = fcntl.LOCK_SH if self.mark else fcntl.LOCK_EX
+                fcntl.flock(self._lock, kind | fcntl.LOCK_NB)
             except OSError as error:
-                self.__exit__()
-                if error.errno not in (errno.EAGAIN, errno.EACCES):
+                if error.errno in (errno.EAGAIN, errno.EACCES):
+                    self.__exit__()
+                    raise ValueError(
+                        f"store = {str(self.path)!r} is being worked on by another process: it must "
+                        "be another store, or wait until that one has ended."
+                    ) from None
+                if not self.mark:
+                    self.__exit__()
                     raise
-                raise ValueError(
-                    f"store = {str(self.path)!r} is being worked on by another process: it must be "
-                    "another store, or wait until that one has ended."
-                ) from None
+                # Not every network file system knows locks; workers go by their claims.
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -107,6 +125,7 @@ class Store:
         With `resume=False` the sweep that it held is removed first, and no file but those of a sweep.
         """
         self._check_ours()
+        self._check_unclaimed()
         stored, why = None, None
         try:
             stored = read_json(self.path / "manifest.json")
@@ -135,13 +154,31 @@ class Store:
         else:
             self._resume(stored)
         self._identity = identity(self.manifest)
+        self._encoder = None
+        self._looked = Looked(self.path, self._identity, self.manifest["format"], folders=not self.mark)
         group = zarr.open_group(self.path / DATA, mode="r+")
         # Without this a chunk that equals the fill value is not a file, and could not have a checksum.
         with zarr.config.set({"array.write_empty_chunks": True}):
             self._arrays = {name: _array(group, name) for name in self.layout.outputs}
 
+    def _check_unclaimed(self) -> None:
+        """Raise if workers are at the store whom the lock does not show, as those of other hosts."""
+        if self.mark:
+            return
+        claims = Claims(self.path)
+        claims.remove_dead()
+        at_work = [standing for standing in claims.standing().values() if standing.alive]
+        if at_work:
+            who = ", ".join(sorted({standing.who for standing in at_work})[:3])
+            raise ValueError(
+                f"store = {str(self.path)!r} is being worked on by {len(at_work)} workers ({who}): it "
+                "must be another store, or wait until they have ended; what a worker who was killed "
+                f"has claimed is free again after {max(s.expiry for s in at_work):.0f} s."
+            )
+
     def _resume(self, stored: dict[str, Any]) -> None:
         """Take up the sweep in the store; put lost headers and coordinates back, and new labels in."""
+        self.manifest = as_stored(self.manifest, stored)
         found = differences(stored, self.manifest)
         if found:
             raise SweepMismatchError(
@@ -153,16 +190,18 @@ class Store:
                 f"({', '.join(stored['host_code'])}), and what the host does has no digest to compare. "
                 f"{_ELSE}"
             )
-        attributes = self.manifest["attributes"]
+        attributes = stored["attributes"] if self.mark else self.manifest["attributes"]
+        reference = self.manifest.get("reference", stored.get("reference"))
         bad = [name for name, sum_ in stored["files"].items() if checksum(self.path / name) != sum_]
-        if bad or stored["attributes"] != attributes:
+        if bad or stored["attributes"] != attributes or stored.get("reference") != reference:
             if _sums(self.layout.skeleton(stored["attributes"])) != stored["files"]:
                 what = f"has a damaged {bad[0]}" if bad else "has other labels"
                 raise SweepMismatchError(
                     f"store = {str(self.path)!r} {what}, and was made with another version of zarr, "
                     f"so that it cannot be written anew. {_ELSE}"
                 )
-            self._set_up({**stored, "attributes": attributes})
+            known = {} if reference is None else {"reference": reference}
+            self._set_up({**stored, "attributes": attributes, **known})
         else:
             self.manifest = stored
 
@@ -172,10 +211,10 @@ class Store:
         with self._writing("write headers and coordinates"):
             self.manifest = sealed({**manifest, "files": _sums(files)})
             text = json.dumps(self.manifest, indent=1) + "\n"
-            write_whole(self._free("manifest.json"), text)
+            write_whole(self._free("manifest.json"), text, self.mark)
             for name, data in files.items():
                 if checksum(self.path / name) != self.manifest["files"][name]:
-                    write_whole(self._free(name), data)
+                    write_whole(self._free(name), data, self.mark)
         return self.manifest
 
     def _is_proven(self) -> bool:
@@ -238,40 +277,38 @@ class Store:
             ) from error
 
     def finished(self) -> int:
-        """Number of blocks that have a record."""
-        folder = self.path / "finished"
-        return len(list(folder.glob("*.json"))) if folder.is_dir() else 0
+        """Number of units that have a record."""
+        return len(recorded(self.path))
 
-    def _record(self, block: Block) -> dict[str, Any]:
-        """What vouches for the block as its files are now."""
-        return record(self.path, self._identity, block.number, self._chunks(block))
-
-    def _chunks(self, block: Block) -> list[str]:
+    def _chunks(self, unit: Block) -> list[str]:
         return [
-            chunk_file(name, block.place, len(tail))
+            chunk_file(name, unit.place, len(tail))
             for name, (tail, _, _) in self.layout.outputs.items()
         ]
 
-    def is_finished(self, block: Block) -> bool:
-        """Whether the block is recorded and all its files are as they were written."""
-        try:
-            recorded = read_json(self.path / record_file(block.number))
-        except (OSError, ValueError):
-            return False
-        return is_record(recorded) and recorded == self._record(block)
+    def is_finished(self, unit: Block) -> bool:
+        """Whether the unit is recorded and all its files are as they were written."""
+        assert self._looked is not None
+        return self._looked.is_finished(unit.number, self._chunks(unit))
 
-    def write(self, block: Block, values: Mapping[str, np.ndarray]) -> None:
-        """Results of a block, then its record."""
-        with self._writing(f"write block {block.number}"):
-            path = self._free(record_file(block.number))
-            chunks = [self._free(name) for name in self._chunks(block)]
-            # A block at the edge is merged with the chunk that is there, which may be damaged.
-            for old in (path, *chunks):
-                old.unlink(missing_ok=True)
-            for name, array in self._arrays.items():
-                with zarr.config.set({"array.write_empty_chunks": True}):
-                    array[block.region] = values[name]
-            write_whole(path, json.dumps(self._record(block), indent=1) + "\n")
+    def write(self, unit: Block, values: Mapping[str, np.ndarray], mark: str = "") -> None:
+        """Results of a unit, then its record."""
+        if self._encoder is None:
+            self._encoder = self.layout.encoder()
+        files = self._encoder(unit, values)
+        with self._writing(f"write block {unit.number}"):
+            path = self._free(record_file(unit.number))
+            targets = [(self._free(name), data) for name, data in files.items()]
+            for target, data in targets:
+                write_whole(target, data, mark)
+            record = record_of(self._identity, unit.number, files, self.manifest["format"], self._by)
+            write_whole(path, json.dumps(record, indent=1) + "\n", mark)
+
+    def remove_half_written(self, unit: Block, mark: str) -> None:
+        """What a worker who is gone has left of a unit."""
+        for name in (*self._chunks(unit), record_file(unit.number)):
+            with contextlib.suppress(OSError):
+                half_written(self.path / name, mark).unlink(missing_ok=True)
 
     def read(self, name: str, region: tuple[Any, ...]) -> np.ndarray:
         """Part of a variable."""
@@ -284,22 +321,6 @@ class Store:
         with self._writing("write the diary"):
             with open(os.open(self.path / "runs.jsonl", flags, 0o666), "a") as file:
                 file.write(json.dumps(entry) + "\n")
-
-
-def record(path: pathlib.Path, sweep: str, number: int, names: list[str]) -> dict[str, Any]:
-    """Record of a block: of which sweep, which one, and the checksums of its files."""
-    return {
-        "sweep": sweep, "block": number, "files": {name: checksum(path / name) for name in names}
-    }  # fmt: skip
-
-
-def is_record(value: Any) -> bool:
-    """Whether this vouches for files: a record of files that are not there does not."""
-    return (
-        isinstance(value, dict)
-        and isinstance(value.get("files"), dict)
-        and all(isinstance(sum_, str) for sum_ in value["files"].values())
-    )
 
 
 def _sweep_of(path: pathlib.Path) -> Any:

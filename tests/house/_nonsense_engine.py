@@ -1,6 +1,7 @@
 """Right arguments of the engine and the sweeps."""
 
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 
 import jax
 import numpy as np
@@ -9,6 +10,7 @@ import stickslip as ss
 from stickslip import hybrid, sweep
 from stickslip.systems import CoulombOscillator, Motion
 from tests.house._nonsense_target import Target, arg, reached
+from tests.stickslip.sweep import _planned
 
 OSCILLATOR = CoulombOscillator(1.0, 1.0, 1.0, 0.5, 0.2)
 START = Motion(x=0.0, v=0.2)
@@ -42,6 +44,12 @@ def _broken(system: ss.WithBreaks) -> ss.Solution:
 def _store() -> str:
     path = f"{INSIDE.name}/finished"
     sweep.run_sweep(lambda k: {"x": k}, {"k": [1.0]}, store=path, executor="portable")
+    return path
+
+
+def _planned_store() -> str:
+    path = f"{INSIDE.name}/to work on"
+    sweep.plan_sweep(_planned.small, path)
     return path
 
 
@@ -154,6 +162,7 @@ SWEEP = {
     "settings": arg(None, "none", "entries"), "attrs": arg(None, "none", "entries"),
     "chunk": arg(4, "none"), "resume": arg(True, "flag"), "progress": arg(None, "none", "flag"),
     "name": arg("a sweep", "text"), "executor": arg("portable"), "workers": arg(1, "none"),
+    "shard": arg(8, "none"), "hosts": arg("alike"),
 }  # fmt: skip
 SWEEPS = [
     Target(
@@ -191,6 +200,28 @@ SWEEPS = [
         },
     ),
     Target(sweep.open_dataset, {"path": arg(_store()), "verify": arg(True, "flag")}),
+    Target(
+        sweep.work_with,
+        {
+            "client": arg(ThreadPoolExecutor(1)), "store": arg(_planned_store()), "tasks": arg(1),
+            "seconds": arg(60.0, "none", "positive"), "wait": arg(False, "flag"),
+            "expiry": arg(60.0, "positive"),
+        },
+    ),
+    Target(sweep.sweep_status, {"store": arg(_store())}),
+    Target(sweep.verify_store, {"store": arg(_store()), "repair": arg(True, "flag")}),
+    Target(
+        sweep.plan_sweep, {"function": arg(_planned.small), "store": arg("planned", "path")},
+        lambda function, store, **given: sweep.plan_sweep(function, _inside(store), **given),
+    ),
+    Target(
+        sweep.work_on,
+        {
+            "store": arg(_planned_store()), "processes": arg(None, "none"),
+            "seconds": arg(60.0, "none", "positive"), "wait": arg(False, "flag"),
+            "expiry": arg(60.0, "positive"), "progress": arg(None, "none", "flag"),
+        },
+    ),
 ]  # fmt: skip
 
 

@@ -33,6 +33,8 @@ REASONS = {
     "stickslip.plot._orbit_diagram.orbit_diagram.options": LINES,
     "stickslip.plot._phase_plane.phase_plane.options": LINES,
     "stickslip.plot._spectrum.spectrum.options": LINES,
+    "stickslip.sweep._engines.work_with.client": "whatever has a method `submit`",
+    "stickslip.sweep._many.plan_sweep.parameters": "those of the function that is planned",
     "stickslip.sweep._manifest.as_json.value": "anything, of which it says what it is",
     "stickslip.systems._drive_voltage.voltage_for_belt_speed.options": "those of mean_belt_speed",
 }

@@ -176,10 +176,10 @@ def test_full_disk_keeps_what_is_finished(tmp_path, whole, monkeypatch):
     path = tmp_path / "store"
     write = store_module.write_whole
 
-    def full(target, text):
+    def full(target, text, mark=""):
         if target.name == "000007.json":
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        write(target, text)
+        write(target, text, mark)
 
     with monkeypatch.context() as patch:
         patch.setattr(store_module, "write_whole", full)
