@@ -69,7 +69,7 @@ def folds_of(law: str, segments: list[Segment], every: int) -> list[np.ndarray]:
 
 
 def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
-    first, second = (rows[: parameters["segments"]] for rows in load(context.data))
+    first, second = (rows[: parameters["swings"]] for rows in load(context.data))
     every = parameters["every"]
     fits, rest, later, left_out = {}, {}, {}, {}
     laws = tuple(LAWS)[:: 1 if parameters["all"] else len(LAWS) - 1]
@@ -230,9 +230,9 @@ judge = judge_all("R2.")
 EXPERIMENT = Experiment(
     name="identify-pendulum",
     title="Free pendulum: the friction of its bearing from a measured decay",
-    parameters={"every": 20, "segments": 4, "all": True, "folds": True},
+    parameters={"every": 20, "swings": 4, "all": True, "folds": True},
     # Of the laws the poorest and the richest, of the segments one of each kind.
-    quick={"segments": 1, "all": False, "folds": False},
+    quick={"swings": 1, "all": False, "folds": False},
     compute=compute,
     draw=draw,
     judge=judge,
