@@ -20,6 +20,7 @@ from ._dynamics import rolling_motors as rolling_motors
 from ._dynamics import slipping_motor as slipping_motor
 from ._errata import Errata as Errata
 from ._feedforward import feedforward as feedforward
+from ._feedforward_along import feedforward_along as feedforward_along
 from ._friction_torques import SlipDirections as SlipDirections
 from ._friction_torques import belt_friction as belt_friction
 from ._friction_torques import ground_friction as ground_friction
@@ -38,6 +39,7 @@ from ._motors import motor_torque as motor_torque
 from ._motors import voltage_for_torque as voltage_for_torque
 from ._outputs import outputs as outputs
 from ._parameters import CoreXYParameters as CoreXYParameters
+from ._path import Path as Path
 from ._plan import Feedforward as Feedforward
 from ._rolling_check import RollingCheck as RollingCheck
 from ._rolling_check import check_rolling as check_rolling

@@ -16,7 +16,6 @@ from stickslip.checks import (
     Numeric,
     check_between,
     check_count,
-    check_finite,
     is_concrete,
     misshaped,
     one_concrete,
@@ -28,6 +27,7 @@ from ._contacts import BELT_1, CONTACT_NAMES
 from ._leg import Leg, Piece, plain
 from ._modes import SIGNS
 from ._parameters import CoreXYParameters
+from ._path import rows_of_points
 from ._plan import Feedforward, joined
 from ._rolling_check import check_rolling
 from ._system import CoreXY
@@ -82,12 +82,8 @@ def feedforward(
     doi:10.1177/027836498500400301; the outlook of the paper.
     """
     the_machine(parameters, "parameters")
-    if not is_concrete(parameters):
-        raise refusal("parameters", parameters, "known: call this outside of jit and vmap", TypeError)
-    for name in (field.name for field in dataclasses.fields(parameters)):
-        if np.ndim(getattr(parameters, name)):
-            raise misshaped(f"parameters.{name}", getattr(parameters, name), "one number")
-    points = _points(points)
+    known_machine(parameters)
+    points = rows_of_points("points", points)
     limit = float(one_concrete("volts", volts, "positive"))
     margin = float(check_between("margin", one_concrete("margin", margin, "positive"), 0, 1))
     error = float(one_concrete("tension_error", tension_error, "not negative"))
@@ -114,7 +110,7 @@ def _plan(
     margins = [margin] + [other] * (len(machines) - 1)
 
     def start_of(i: int, leg: Leg, a: float, hold: float) -> tuple[float, float]:
-        start = _break_away(machines, leg, a, hold, margin)
+        start = break_away(machines, leg, a, hold, margin)
         if isinstance(start, str):
             raise _unreachable(points, i, f"these contacts do not start as they must: {start}")
         return start
@@ -130,22 +126,18 @@ def _plan(
     return joined(machines[0], points, found)
 
 
+def known_machine(parameters: CoreXYParameters) -> None:
+    """Errors: `TypeError`, `ValueError` for a machine that is traced, or a batch of them."""
+    if not is_concrete(parameters):
+        raise refusal("parameters", parameters, "known: call this outside of jit and vmap", TypeError)
+    for name in (field.name for field in dataclasses.fields(parameters)):
+        if np.ndim(getattr(parameters, name)):
+            raise misshaped(f"parameters.{name}", getattr(parameters, name), "one number")
+
+
 def with_tensions(p: CoreXYParameters, one: Any, two: Any) -> CoreXYParameters:
     """The machine with its tensions multiplied."""
     return eqx.tree_at(lambda p: (p.P1, p.P2), p, (p.P1 * one, p.P2 * two))
-
-
-def _points(points: Any) -> np.ndarray:
-    if not is_concrete(points):
-        raise refusal("points", points, "known: call this outside of jit and vmap", TypeError)
-    check_finite("points", points)
-    found = np.asarray(points, np.float64)
-    if found.ndim != 2 or found.shape[0] < 2 or found.shape[1] != 2:
-        raise misshaped("points", points, "of shape [point, 2], at least two points")
-    for i, (a, b) in enumerate(itertools.pairwise(found)):
-        if not np.linalg.norm(b - a) > 0.0:
-            raise refusal(f"points[{i + 1}]", b.tolist(), "another place than the point before it")
-    return found
 
 
 def _unreachable(points: np.ndarray, i: int, why: str) -> Exception:
@@ -153,7 +145,7 @@ def _unreachable(points: np.ndarray, i: int, why: str) -> Exception:
     return refusal(f"points[{i + 1}]", points[i + 1].tolist(), allowed, but=why)
 
 
-def _break_away(
+def break_away(
     machines: list[CoreXYParameters], leg: Leg, a: float, hold: float, margin: float
 ) -> tuple[float, float] | str:
     """The greatest acceleration up to `a` [m/s²], and its hold [N], under which all contacts start or

@@ -19,7 +19,7 @@ from ._parameters import CoreXYParameters
 
 LINES = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, -1.0]])  # x, y, x + y, x - y
 STILL = 1e-9  # of a unit vector: a line that stands still
-_CARRIES = 0.5 * np.array([[1.0, 1.0], [1.0, -1.0]])  # belt forces by the force on the carriage
+CARRIES = 0.5 * np.array([[1.0, 1.0], [1.0, -1.0]])  # belt forces by the force on the carriage
 LEAST_GAIN = 1e-6  # part of the acceleration from rest below which the speed is the last
 
 
@@ -75,7 +75,7 @@ class Leg:
         # Every quantity is a row (by a, by hold, constant).
         friction = LINES.T @ (here.kinetic * senses)
         load = np.stack([here.carriage * direction, normal, friction], axis=1)
-        belts = _CARRIES @ load
+        belts = CARRIES @ load
         pull = belts + np.stack(
             [here.motors * turns[2:], np.zeros(2), here.kinetic_motors * senses[2:]], axis=1
         )
@@ -84,7 +84,8 @@ class Leg:
         self.emf = K_e / r * turns[2:]
         rows: list[Any] = []
         for other, margin in zip(machines, margins, strict=True):
-            change = self._change(here, other, normal)
+            tied = None if self.tied is None else normal
+            change = acceleration_change(here, other, senses, direction, tied)
             # The motors pull as before; what they do not need themselves the belts carry.
             carried = belts.copy()
             carried[:, 2] += (here.kinetic_motors - other.kinetic_motors) * senses[2:]
@@ -93,19 +94,6 @@ class Leg:
         if self.tied is not None:
             rows.append((np.array([0.0, 1.0, 0.0]), margins[0] * here.static[self.tied]))
         self.limits = rows
-
-    def _change(self, here: Plain, other: Plain, normal: Any) -> np.ndarray:
-        """Change of the acceleration [m/s²] of another machine under the same pull of its motors."""
-        less = np.zeros(2)
-        for one, sign in ((here, 1.0), (other, -1.0)):
-            whole = one.kinetic.copy()
-            whole[2:] += one.kinetic_motors
-            less += sign * (LINES.T @ (whole * self.senses))
-        mass = np.diag(other.carriage) + LINES[2:].T @ (other.motors[:, None] * LINES[2:])
-        if self.tied is None:
-            return np.linalg.solve(mass, less)
-        faster, _ = np.linalg.solve(np.stack([mass @ self.direction, normal], axis=1), less)
-        return faster * self.direction
 
     def most(self, sign: float, speed: float, step: float) -> tuple[float, float] | None:
         """Greatest `sign * a` with its hold, during `step` [s] that begins (sign +) or ends (sign -)
@@ -187,6 +175,23 @@ class Leg:
     def belt_forces(self, a: float, hold: float) -> np.ndarray:
         """What the belts carry [N]."""
         return self.belts @ np.array([a, hold, 1.0])
+
+
+def acceleration_change(
+    here: Plain, other: Plain, senses: np.ndarray, direction: np.ndarray, line: np.ndarray | None
+) -> np.ndarray:
+    """Change of the acceleration [m/s²] of another machine under the same pull of its motors, along the
+    unit vector `direction` where a `line` stands still."""
+    less = np.zeros(2)
+    for one, sign in ((here, 1.0), (other, -1.0)):
+        whole = one.kinetic.copy()
+        whole[2:] += one.kinetic_motors
+        less += sign * (LINES.T @ (whole * senses))
+    mass = np.diag(other.carriage) + LINES[2:].T @ (other.motors[:, None] * LINES[2:])
+    if line is None:
+        return np.linalg.solve(mass, less)
+    faster, _ = np.linalg.solve(np.stack([mass @ direction, line], axis=1), less)
+    return faster * direction
 
 
 def _greatest(matrix: Any, bounds: Any, sign: float, one: bool) -> tuple[float, float] | None:

@@ -8,6 +8,7 @@ import time
 
 DEMO = "block-fig02"
 PAGES = ("record", "results", "pictures")
+WORTH = 0.1  # s of compiling from which a program is kept
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -191,12 +192,18 @@ def _run_one(name: str, experiments, options, out: pathlib.Path) -> bool:
 def _keep_compiled() -> None:
     """Keep compiled programs, so that a second call starts at once.
 
-    In the user's cache: they are run as they are, and a folder of results may come from anybody.
+    In the user's cache: they are run as they are, and a folder of results may come from anybody. A
+    folder that the user has named to JAX keeps the short ones too, as ours does.
     """
     if not os.environ.get("JAX_COMPILATION_CACHE_DIR"):
         from stickslip import enable_compilation_cache
 
         enable_compilation_cache()
+    elif "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS" not in os.environ:
+        import jax
+
+        # By itself JAX keeps what takes it a second: of the hundreds of programs of a fit a few.
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", WORTH)
 
 
 if __name__ == "__main__":

@@ -211,3 +211,34 @@ rolls = tensions[(slip_1 < 1e-9) & (slip_2 < 1e-9) & (distance > 1e-3)]
 print(f"moves and never slips from {rolls.min():.0f} N to {rolls.max():.0f} N")
 assert slip_1[0] > 10.0
 assert distance[-1] < distance.max()
+
+# %% [markdown]
+# ## Around a corner with both motors rolling
+#
+# The paper's outlook is a voltage under which no belt slips. `feedforward` goes on straight lines from
+# rest to rest; `feedforward_along` follows a curve (here two lines with a round corner; a spline
+# through points, an arc or any function will do) in the shortest time, and does not stop at the
+# corner. Where a direction of motion begins or turns back, friction jumps and so do the voltages.
+# `check_rolling` simulates the plan with all its events, also with tensions that it does not know of.
+
+# %%
+machine = cx.CoreXYParameters(P1=20.0, P2=30.0, mu_1s_b=3.0, mu_2s_b=3.0)
+corner = cx.Path.rounded([[0.0, 0.0], [0.3, 0.0], [0.3, 0.2]], 0.05)
+plan = cx.feedforward_along(machine, corner, volts=24.0)
+stops = cx.feedforward(machine, [[0.0, 0.0], [0.3, 0.0], [0.3, 0.2]], volts=24.0)
+print(f"{float(plan.end):.3f} s around the corner, {float(stops.end):.3f} s with a stop in it")
+told = cx.check_rolling(plan)
+print(told)
+assert np.all(told.rolls)
+assert float(plan.end) < float(stops.end)
+loose = cx.check_rolling(plan, cx.with_values(machine, {"P1": 16.0, "P2": 24.0}))
+print(f"with belts a fifth looser: {loose}")
+assert not np.all(loose.rolls)
+shown = np.linspace(0.0, float(plan.end), 501)
+figure, axes = plt.subplots(1, 2, figsize=(8, 3), layout="constrained")
+axes[0].plot(*np.asarray(plan.at(shown)).T)
+axes[0].plot(loose.solution.y.x, loose.solution.y.y, "--", lw=0.8)
+axes[0].set(xlabel="x [m]", ylabel="y [m]", aspect="equal", title="dashed: belts a fifth looser")
+axes[1].plot(shown, np.stack(eqx.filter_vmap(plan.voltage)(jnp.asarray(shown)), axis=1), lw=0.9)
+axes[1].set(xlabel="time [s]", ylabel="voltages [V]")
+plt.show()

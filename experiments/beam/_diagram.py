@@ -30,7 +30,7 @@ PARAMETERS = {
     "direction": "falling", "max_points": 256, "h": 0.005, "modes": 5, "chunk": 256, "executor": "auto",
 }  # fmt: skip
 # So few lanes are done before a fused program is compiled.
-QUICK = {"speeds": 24, "transient": 40.0, "duration": 21.62, "executor": "portable"}
+QUICK = {"speeds": 16, "transient": 20.0, "duration": 10.81, "h": 0.01, "executor": "portable"}
 
 
 def stick_share(system, t, y, mode, args):

@@ -141,8 +141,8 @@ EXPERIMENT = Experiment(
         "speeds": 150, "segments": 400, "block": 32, "executor": "auto",
     },
     quick={
-        "rounds": 1, "sets": 4, "finalists": 2, "speeds": 8, "modes": 3, "transient": 40.0,
-        "coarse_transient": 20.0, "duration": 21.62, "recorded": 60.0, "segments": 40, "block": 4,
+        "rounds": 1, "sets": 4, "finalists": 2, "speeds": 4, "modes": 3, "transient": 20.0, "h": 0.01,
+        "coarse_transient": 10.0, "duration": 10.81, "recorded": 30.0, "segments": 20, "block": 4,
     },
     compute=compute,
     draw=draw,

@@ -34,7 +34,7 @@ PROTOCOL = {
     "max_points": 96,
 }
 # The paper's protocol alone: most of a quick look is tracing, and each protocol is traced by itself.
-QUICK = {"k3_step": 0.25, "converged_duration": 0.0, "exponents": 11}
+QUICK = {"k3_step": 0.5, "duration": 15.0, "converged_duration": 0.0, "exponents": 6}
 MODELS = ("simplified", "full, sign as printed", "full, consistent sign")
 CONSTRUCTED = (
     "Constructed parameters (set {set}): the paper prints none. 64-bit, {method} with {steps}, "

@@ -232,8 +232,8 @@ EXPERIMENT = Experiment(
         "founders": True, "spread": 0.5,
     },
     quick={
-        "generations": 2, "sets": 32, "looks": 4, "coarse": 8, "fine": 11, "transient": 20.0,
-        "settled": 20.0, "duration": 20.0, "segments": 10,
+        "generations": 2, "sets": 16, "looks": 2, "coarse": 6, "fine": 8, "transient": 15.0,
+        "settled": 15.0, "duration": 15.0, "segments": 6,
     },
     compute=compute,
     draw=draw,

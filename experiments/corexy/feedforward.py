@@ -28,19 +28,18 @@ def _slip_rates(machine: Any, t: Any, y: Any, mode: Any, args: Any) -> Any:
     return machine.slips(t, y, mode, args)
 
 
-def _lane(plan: cx.Feedforward, one: Any, two: Any) -> dict[str, Any]:
+def _lane(p: Any, voltage: Any, end: Any, goal: Any, one: Any, two: Any) -> dict[str, Any]:
     """Slip distances and end error [m] of a machine with its tensions multiplied."""
-    p = plan.parameters
     machine = cx.with_values(p, {"P1": p.P1 * one, "P2": p.P2 * two})
-    system = cx.CoreXY(machine, plan.voltage)
+    system = cx.CoreXY(machine, voltage)
     ledger = WithIntegrals(system, _slip_rates, units={"slip_1": "m", "slip_2": "m"})
     found = ss.simulate(
-        ledger, 0.0, 2.0 * plan.end, ledger.start(system.state()), max_events=None,
+        ledger, 0.0, 2.0 * end, ledger.start(system.state()), max_events=None,
         saveat=ss.SaveAt(events=False), throw=False,
     )  # fmt: skip
     y, slip = found.y1.y, found.y1.integrals
     good = jnp.where(found.successful, 1.0, jnp.nan)
-    off = jnp.hypot(y.x - plan.points[-1, 0], y.y - plan.points[-1, 1])
+    off = jnp.hypot(y.x - goal[0], y.y - goal[1])
     return {"slip_1": good * slip["slip_1"], "slip_2": good * slip["slip_2"], "off": good * off}
 
 
@@ -54,22 +53,32 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
         for error in errors
     ]
     factors = np.linspace(1.0 - parameters["range"], 1.0 + parameters["range"], parameters["points"])
-    one, two = (a.ravel() for a in np.meshgrid(factors, factors, indexing="ij"))
+    which, one, two = (
+        a.ravel() for a in np.meshgrid(np.arange(len(plans)), factors, factors, indexing="ij")
+    )
+    # All plans in one program: a lane picks its voltages by number.
+    voltages, ends = _stacked([plan.voltage for plan in plans]), jnp.stack([p.end for p in plans])
+    lanes = ss.map_lanes(
+        lambda k, a, b: _lane(
+            plans[0].parameters, jax.tree.map(lambda rows: rows[k], voltages), ends[k],
+            plans[0].points[-1], a, b,
+        ),
+        executor=parameters["executor"],
+    )(which, one, two)  # fmt: skip
+    shape = (len(plans), factors.size, factors.size)
+    found = {name: np.asarray(a).reshape(shape) for name, a in lanes.items()}
     columns: dict[str, list] = {}
     limits = 2.0 * np.array([MACHINE["mu_1s_b"] * MACHINE["P1"], MACHINE["mu_2s_b"] * MACHINE["P2"]])
-    for plan in plans:
+    for number, plan in enumerate(plans):
         told = cx.check_rolling(plan)
         print(f"{float(plan.end):.4f} s: {told}")
         shown = np.linspace(0.0, 1.0, 1001) * float(plan.end)
         piece = np.clip(np.searchsorted(plan.times, shown, side="right") - 1, 0, plan.times.size - 2)
-        lanes = ss.map_lanes(
-            lambda a, b, plan=plan: _lane(plan, a, b), executor=parameters["executor"]
-        )(one, two)
         row = {
             "end": float(plan.end), "deviation": float(told.deviation),
             "time": shown, "volts": np.stack(jax.vmap(plan.voltage)(jnp.asarray(shown)), axis=-1),
             "place": np.asarray(plan.at(shown)), "use": np.abs(plan.belt_force[piece]) / limits,
-            **{name: np.asarray(a).reshape(factors.size, -1) for name, a in lanes.items()},
+            **{name: a[number] for name, a in found.items()},
         }  # fmt: skip
         for name, value in row.items():
             columns.setdefault(name, []).append(value)
@@ -90,6 +99,19 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
         },
         {"volts_limit": parameters["volts"], "margin": parameters["margin"]},
     )  # fmt: skip
+
+
+def _stacked(voltages: list[cx.Ramps]) -> cx.Ramps:
+    """Tables of the same length, one after the other; behind its end a table goes on at 0 V."""
+    most = max(voltage.times.size for voltage in voltages)
+
+    def longer(voltage: cx.Ramps) -> cx.Ramps:
+        more = most - voltage.times.size
+        times = jnp.append(voltage.times, voltage.times[-1] + 1.0 + jnp.arange(more))
+        rows = (voltage.v1, voltage.v2, voltage.slope_1, voltage.slope_2)
+        return cx.Ramps(times, *(jnp.pad(row, (0, more)) for row in rows))
+
+    return jax.tree.map(lambda *rows: jnp.stack(rows), *(longer(voltage) for voltage in voltages))
 
 
 def _slips(data: xr.Dataset) -> xr.DataArray:

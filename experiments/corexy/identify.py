@@ -209,7 +209,7 @@ EXPERIMENT = Experiment(
         "adam_steps": 300, "seed": 0, "executor": "auto",
     },
     quick={
-        "duration": 2.0, "starts": 4, "candidates": 8, "steps": 30, "adam_steps": 0,
+        "duration": 1.0, "starts": 2, "candidates": 4, "steps": 20, "adam_steps": 0,
         "executor": "portable",
     },
     compute=compute,

@@ -242,7 +242,7 @@ EXPERIMENT = Experiment(
         "seed": 0, "executor": "auto",
     },
     quick={
-        "duration": 2.0, "candidates": 8, "rounds": 3, "population": 8, "draws": 2,
+        "duration": 1.0, "candidates": 4, "rounds": 2, "population": 4, "draws": 1,
         "executor": "portable",
     },
     compute=compute,

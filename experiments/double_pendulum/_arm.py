@@ -110,6 +110,16 @@ def shot(t: float, values: dict[str, float], slopes: dict[str, float]) -> Any:
     return State(values["q1"], values["q2"], slopes["q1"], slopes["q2"])
 
 
+def first_shown(t: Any, y: Any, system: Any) -> Any:
+    """What the first encoder shows [rad]."""
+    return y.q1 + system.zeros[0]
+
+
+def second_shown(t: Any, y: Any, system: Any) -> Any:
+    """What the second encoder shows [rad]."""
+    return y.q2 + system.zeros[1]
+
+
 def problem(
     motions: Sequence[Motion], starts: dict[str, float], every: int, *, zeros: bool = True,
     gain: bool = False, known: dict[str, float] | None = None, last: float = np.inf,
@@ -148,8 +158,9 @@ def problem(
         initial_state=start,
         unknowns=unknowns,
         observed={
-            "q1": Observed(lambda t, y, system: y.q1 + system.zeros[0], SIGMA, "rad"),
-            "q2": Observed(lambda t, y, system: y.q2 + system.zeros[1], SIGMA, "rad"),
+            # Functions of the module, so that problems of one kind share what is traced.
+            "q1": Observed(first_shown, SIGMA, "rad"),
+            "q2": Observed(second_shown, SIGMA, "rad"),
         },
         records=records,
         integrator=ss.Integrator("rk4", ss.FixedStep(5e-3), max_steps=50_000),

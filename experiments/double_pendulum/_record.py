@@ -30,6 +30,11 @@ class Motion(NamedTuple):
         """From the begin of the record [s]."""
         return STEP * np.arange(self.q.shape[1])
 
+    def until(self, end: float) -> "Motion":
+        """Its part up to the time `end` [s]."""
+        count = round(end / STEP)
+        return Motion(self.q[:, :count], self.tau[:, :count])
+
 
 def load(folder: pathlib.Path | None, number: int) -> Motion:
     """The record of a trajectory. Errors: `MissingDataError`; `ValueError` for another format."""

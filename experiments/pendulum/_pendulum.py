@@ -6,6 +6,7 @@ $$\ddot\varphi = -\omega_0^2\sin\varphi - \kappa\,\dot\varphi - \beta\,|\dot\var
 A free swing shows forces per inertia only: gravity, viscous, dry and quadratic drag.
 """
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Any, ClassVar
 
@@ -84,6 +85,32 @@ def small_swing(segments: Sequence[Segment]) -> float:
     return (2.0 * np.pi / period) ** 2
 
 
+def shown(t: Any, y: Any, system: Any) -> Any:
+    """What the encoder shows [rad]."""
+    return y.phi + system.zero
+
+
+@dataclasses.dataclass(frozen=True)
+class _Swing:
+    """The pendulum with these terms: equal for the same, so that what is traced serves every fit."""
+
+    names: tuple[str, ...]
+
+    def __call__(self, p: Any, inputs: Any) -> Pendulum:
+        return pendulum({name: p[name] for name in self.names})
+
+
+@dataclasses.dataclass(frozen=True)
+class _Begin:
+    """Its state at the begin of a segment."""
+
+    system: _Swing
+
+    def __call__(self, p: Any, inputs: Any) -> Any:
+        phi = p["at"] + p["d_phi"] - p["zero"]
+        return self.system(p, inputs).state(phi=phi, v_phi=p["speed"] + p["d_v"])
+
+
 def problem(
     law: str, segments: Sequence[Segment], every: int, *, hidden: float = 0.0,
     known: dict[str, float] | None = None,
@@ -116,18 +143,12 @@ def problem(
         "d_v": Unknown(0.0, unit="rad/s", per_record=True, scale=10 * SIGMA),
     }
 
-    def system(p, inputs):
-        return pendulum({name: p[name] for name in names})
-
-    def start(p, inputs):
-        phi = p["at"] + p["d_phi"] - p["zero"]
-        return system(p, inputs).state(phi=phi, v_phi=p["speed"] + p["d_v"])
-
+    system = _Swing(names)
     return Problem(
         system=system,
-        initial_state=start,
+        initial_state=_Begin(system),
         unknowns=terms | moved,
-        observed={"angle": Observed(lambda t, y, system: y.phi + system.zero, SIGMA, "rad")},
+        observed={"angle": Observed(shown, SIGMA, "rad")},
         records=records,
         integrator=ss.Integrator("dop853", ss.AdaptiveStep(1e-8, 1e-8)),
     )

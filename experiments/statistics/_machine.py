@@ -35,9 +35,8 @@ TOLERANCE = 1e-7
 FINEST = (1e-3, 1e-3, 1e-6, 1e-6)  # noise of signals that hardly move [rad/s, rad/s, m, m]
 RAMP = 0.2  # how far a slow ramp until a belt slips may be wrong about its tension
 LOW, HIGH, PULSES = (0.25, 0.75), (2.0, 5.0), 0.15
-CANDIDATES = 16  # of each kind of input
 AROUND = ((1.0, 1.0), (0.85, 0.6), (1.2, 1.4))  # factors of tensions, friction for the design
-ROUNDS, ENOUGH = 6, 10.0  # a worst combination to 10% is enough
+ENOUGH = 10.0  # a worst combination to 10% is enough
 HORIZONS = (0.25, 0.5, 1.0)  # parts of the records that a start is led through
 MAX_STEPS = 60
 WINDOWS = 4
@@ -120,32 +119,34 @@ def machine_of(values: dict[str, Any]) -> cx.CoreXYParameters:
     return cx.with_values(TABLE, {name: values[name] for name in (*KNOWN, *NAMES, "r_f")})
 
 
-def candidates(rng: np.random.Generator, known: dict[str, Any]) -> np.ndarray:
+def candidates(rng: np.random.Generator, known: dict[str, Any], count: int) -> np.ndarray:
     """Inputs [V], `[gentle or rough, candidate, piece, end, motor]`, in parts of the voltages at
     which the belts slip, as the ramps told: below `LOW`, in the rough ones with pulses in `HIGH`. What
     lies between is left out: where a belt just slips or does not, the motion jumps with the unknowns.
     """
     held = [known[f"mu_{i}s_b"] * known[f"ramp_P{i}"] for i in (1, 2)]
     limit = known["r"] * known["R"] / known["K_t"] * np.array(held)
-    shape = (2, CANDIDATES, BEGINS.size, 2, 2)
-    size = np.exp(rng.uniform(np.log(LOW[0]), np.log(LOW[1]), (2, CANDIDATES, 1, 1, 1)))
+    shape = (2, count, BEGINS.size, 2, 2)
+    size = np.exp(rng.uniform(np.log(LOW[0]), np.log(LOW[1]), (2, count, 1, 1, 1)))
     ends = size * rng.uniform(-1.0, 1.0, shape)
-    pulse = (CANDIDATES, BEGINS.size, 1, 2)
+    pulse = (count, BEGINS.size, 1, 2)
     level = rng.uniform(*HIGH, pulse) * rng.choice([-1.0, 1.0], pulse)
     ends[1] = np.where(rng.uniform(size=pulse) < PULSES, level, ends[1])
     ends[:, :, 0, 0] = 0.0
     return ends * limit
 
 
-def designed(rng: np.random.Generator, known: dict[str, Any]) -> tuple[np.ndarray, float]:
-    """Of pairs of candidates, a gentle and a rough one, that whose worst seen combination is seen best
-    in the worst of the cases `AROUND`; and that smallest singular value. Where it is small, more
-    candidates are drawn."""
+def designed(
+    rng: np.random.Generator, known: dict[str, Any], count: int, rounds: int
+) -> tuple[np.ndarray, float]:
+    """Of pairs of `count` candidates each, a gentle and a rough one, that whose worst seen combination
+    is seen best in the worst of the cases `AROUND`; and that smallest singular value. Where it is
+    small, more candidates are drawn, in so many `rounds`."""
     machine = cx.with_values(TABLE, {name: known[name] for name in (*KNOWN, "r_f")})
     best: tuple[Any, float] = (None, -1.0)
-    for _ in range(ROUNDS):
-        inputs = candidates(rng, known)
-        least = np.full((CANDIDATES, CANDIDATES), np.inf)
+    for _ in range(rounds):
+        inputs = candidates(rng, known, count)
+        least = np.full((count, count), np.inf)
         for tension, friction in AROUND:
             values = {
                 name: np.float64(
@@ -330,7 +331,7 @@ def one(parameters: dict[str, Any], number: int) -> Case:
     rng = np.random.default_rng((parameters["seed"], number))
     known = drawn(rng)
     truth = {name: known[name] for name in NAMES}
-    ends, singular = designed(rng, known)
+    ends, singular = designed(rng, known, parameters["candidates"], parameters["rounds"])
     machine = machine_of(known)
     clean = np.asarray(_clean(machine, ends))
     sigma = np.asarray(noise_of(clean))

@@ -180,8 +180,10 @@ judge = judge_all("Y2.")
 EXPERIMENT = Experiment(
     name="identify-corexy-machines",
     title="CoreXY: a hundred machines fitted from afar, and what their intervals hold",
-    parameters={"count": 100, "seed": 0, "starts": 128, "tries": 8, "workers": 1},
-    quick={"count": 2, "starts": 16, "tries": 2},
+    parameters={
+        "count": 100, "seed": 0, "starts": 128, "tries": 8, "candidates": 16, "rounds": 6, "workers": 1,
+    },
+    quick={"count": 1, "starts": 4, "tries": 1, "candidates": 2, "rounds": 1},
     compute=compute,
     draw=draw,
     judge=judge,

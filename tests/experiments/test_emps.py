@@ -147,7 +147,8 @@ def test_open_loop_score_of_the_published_law():
 def test_statements_on_the_measured_record(tmp_path):
     measured()
     folder = pathlib.Path(os.environ[_data.VARIABLE])
-    _output.run(identify.EXPERIMENT, tmp_path, quick=True, data=folder)
+    whole = ["starts=1", "profile=false"]
+    _output.run(identify.EXPERIMENT, tmp_path, changes=whole, data=folder)
     with xr.open_dataset(tmp_path / "identify-emps.nc", engine="h5netcdf") as data:
         holds = {s.id: s.holds for s in identify.judge(data.load())}
     assert all(holds[f"R1.{k}"] for k in range(1, 6))

@@ -160,7 +160,7 @@ def test_a_machine_is_recovered_where_all_that_can_be_seen_is_near():
 
 def test_the_belts_hold_in_the_gentle_record_and_slip_in_the_rough_one():
     known = _machine.drawn(np.random.default_rng(3))
-    gentle, rough = _machine.candidates(np.random.default_rng(4), known)
+    gentle, rough = _machine.candidates(np.random.default_rng(4), known, 16)
     for motor in (0, 1):
         # Torque [N m] that the belt holds at the tension that is true.
         held = known[f"mu_{motor + 1}s_b"] * known[f"P{motor + 1}"] * known["r"]
@@ -216,8 +216,9 @@ def test_a_machine_is_found_from_afar(tmp_path):
     # As users run it: its arrays broadcast over records and signals.
     with jax.numpy_rank_promotion("allow"):
         files = _output.run(
-            corexy_machines.EXPERIMENT, tmp_path, quick=True, changes=["count=1", "tries=6", "seed=3"]
-        )
+            corexy_machines.EXPERIMENT, tmp_path,
+            changes=["count=1", "starts=16", "tries=6", "seed=3"],
+        )  # fmt: skip
     with xr.open_dataset(files[0], engine="h5netcdf") as data:
         found = corexy_machines.judged(data.load())
         assert bool(found.at_noise.all())

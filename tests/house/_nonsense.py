@@ -28,6 +28,7 @@ import jax
 import corexy_jax
 import stickslip
 from corexy_jax import _feedforward as machine_feedforward
+from corexy_jax import _feedforward_along as machine_along
 from corexy_jax import _outputs as machine_outputs
 from corexy_jax import _simulate as machine
 from stickslip import _compilation_cache
@@ -106,6 +107,7 @@ BEHIND = (
     (_axes, "canvas"),
     (machine, "march"),
     (machine_feedforward, "_plan"),
+    (machine_along, "cut"),
     (machine_outputs, "_columns"),
 )
 

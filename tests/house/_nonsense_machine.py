@@ -72,6 +72,36 @@ TARGETS = [
         },
     ),
     Target(
+        cx.feedforward_along,
+        {
+            "parameters": arg(PARAMETERS), "path": arg(cx.Path.arc((0.0, 0.0), 0.1, 0.9, 0.5)),
+            "volts": arg(24.0, "positive", "float32"), "margin": arg(0.9, "float32"),
+            "tension_error": arg(0.0, "zero", "float32"), "steps": arg(8),
+        },
+    ),
+    Target(
+        cx.Path,
+        {
+            "function": arg(lambda s: (s, 0.0 * s), "function"),
+            "end": arg(3.0, "positive", "float32"), "jumps": arg([1.0], "no times", "times"),
+        },
+    ),
+    Target(
+        cx.Path.arc,
+        {
+            "centre": arg((0.0, 0.0), "row"), "radius": arg(0.1, "positive", "float32"),
+            "start": arg(0.0, "finite", "float32"), "turn": arg(1.0, "turn", "float32"),
+        },
+    ),
+    Target(cx.Path.through, {"points": arg([[0.0, 0.0], [0.3, 0.0]])}),
+    Target(
+        cx.Path.rounded,
+        {
+            "points": arg([[0.0, 0.0], [0.3, 0.0], [0.3, 0.2]]),
+            "radius": arg(0.05, "float32"),
+        },
+    ),
+    Target(
         cx.check_rolling,
         {
             "plan": arg(PLAN), "parameters": arg(None, "none"), "voltage": arg(None, "none"),

@@ -1,7 +1,7 @@
 """Homotopy along a driven block that sticks and slips: the same optimum, from starts where the exact
 friction alone stands still."""
 
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -9,7 +9,14 @@ import pytest
 
 import stickslip as ss
 from stickslip.friction import Coulomb
-from stickslip.identification import Homotopy, LevenbergMarquardt, Observed, Problem, Record
+from stickslip.identification import (
+    Homotopy,
+    LevenbergMarquardt,
+    Observed,
+    Problem,
+    Record,
+    Unknown,
+)
 from stickslip.mechanism import AbstractMechanism, Contact
 
 TRUTH = {"excess": 0.5, "kinetic": 0.8, "stiffness": 2.0}
@@ -95,3 +102,65 @@ def test_what_is_no_homotopy_is_refused():
         Homotopy((0.1, 0.1))
     with pytest.raises(ValueError, match=r"widths\[1\] = 0.0: it must be"):
         Homotopy((0.1, 0.0))
+
+
+class Still(NamedTuple):
+    """A state that stays."""
+
+    x: Any
+
+
+class Rung(ss.AbstractSmoothSystem):
+    """Nothing moves; what it shows tells `p` within 1.2 `reach` of the place of its optimum, and leads
+    away from it outside."""
+
+    p: Any
+    place: Any
+    reach: Any
+    units: ClassVar = {"x": "1"}
+
+    def vector_field(self, t, y, mode, args):
+        return Still(0.0 * y.x)
+
+
+def shown(t, y, system):
+    far = (system.p - system.place) / system.reach
+    return system.reach * far / (1.0 + (far / 1.6) ** 4) + y.x
+
+
+def higher(system, width):
+    """The wider, the higher the optimum and the farther it is seen."""
+    return Rung(system.p, 1.0 + width, width)
+
+
+def ladder(start=6.0):
+    return Problem(
+        lambda p, inputs: Rung(p["p"], 1.0, 1.0), lambda p, inputs: Still(0.0),
+        {"p": Unknown(start, scale=1.0)}, {"s": Observed(shown, 1e-3, "1")},
+        Record(np.array([0.0, 0.1]), {"s": np.zeros(2)}),
+        integrator=ss.Integrator("rk4", ss.FixedStep(0.1), max_steps=4),
+    )  # fmt: skip
+
+
+@pytest.mark.slow
+def test_every_rung_of_the_ladder_is_climbed_and_the_last_step_is_to_the_exact_law():
+    """Places are 5, 3, 2 and at last 1, each seen from the one before alone."""
+    problem = ladder()
+    whole = problem.fit(method=Homotopy((4.0, 2.0, 1.0), higher))
+    assert float(whole.values["p"]) == pytest.approx(1.0, abs=1e-7)
+    assert bool(whole.successful)
+    # The residual is that of the exact law: at the place of the last rung it is not zero.
+    np.testing.assert_allclose(whole.residual, problem.residual(whole.values), atol=1e-9)
+    # Where the last fit may not move, it tells where the ladder ended.
+    held = LevenbergMarquardt(max_steps=1)
+    for widths, end in (((4.0, 2.0, 1.0), 2.0), ((4.0, 2.0), 3.0), ((4.0,), 5.0)):
+        found = problem.fit(method=Homotopy(widths, higher, polish=held))
+        assert float(found.values["p"]) == pytest.approx(end, abs=0.02), widths
+        exact = shown(0.0, Still(0.0), Rung(found.values["p"], 1.0, 1.0)) / 1e-3
+        np.testing.assert_allclose(found.residual, exact, rtol=1e-9)
+    # Without the rungs between, or without any, nothing is found.
+    for lost in ((4.0, 1.0), (2.0, 1.0)):
+        gone = problem.fit(method=Homotopy(lost, higher))
+        assert abs(float(gone.values["p"]) - 1.0) > 1.0, lost
+    many = problem.fits({"p": np.array([6.0, 1.5])}, method=Homotopy((4.0, 2.0, 1.0), higher))
+    np.testing.assert_allclose(many.values["p"], 1.0, atol=1e-7)
