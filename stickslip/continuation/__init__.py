@@ -11,3 +11,5 @@ from ._guess import orbit_guess as orbit_guess
 from ._orbit import PeriodicOrbit as PeriodicOrbit
 from ._outcome import ORBITS as ORBITS
 from ._periodic_orbit import periodic_orbit as periodic_orbit
+from ._saved import load_branch as load_branch
+from ._saved import save_branch as save_branch

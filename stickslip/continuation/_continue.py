@@ -1,6 +1,7 @@
 """`continue_orbit`: a branch of periodic orbits over one parameter."""
 
 import dataclasses
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -12,14 +13,15 @@ from .._validation import check_count, check_flag, check_type, one_concrete, ref
 from ..hybrid import AbstractHybridSystem, Integrator
 from ..hybrid._arguments import the_system
 from ._along import Problem
-from ._arguments import bounds_of, functions_of, problem_of, value_of
+from ._arguments import bounds_of, concrete_guess, functions_of, problem_of, value_of
 from ._branch import Branch, BranchPoint, Special, branch_of
 from ._corner import across
 from ._follow import QUICK, Failure, Point, ahead, begin, moved, turned
+from ._guess import OrbitGuess
 from ._kinds import kind_of
 from ._orbit import PeriodicOrbit
 from ._points import border, is_torus, located
-from ._switch import crossing, doubled
+from ._switch import crossing, doubled, outward
 
 # Between two points the tangent turns by at most this angle [cosine]: sharper bends get shorter steps.
 BEND = 0.9
@@ -28,12 +30,13 @@ SHORTER, LONGER = 0.5, 1.5
 SHRINKS = 0.3
 AT_REST = 1e-4
 LEAST_ROUND = 8  # orbits of a closed branch
+CUT_OFF = ("max_points", "bounds")  # ends beyond which a branch goes on
 STUCK = 1e-7  # of the step: a branch that goes on by less ends
 
 
 def continue_orbit(
     system: Given[AbstractHybridSystem],
-    orbit: Given[PeriodicOrbit | BranchPoint],
+    orbit: Given[PeriodicOrbit | BranchPoint | OrbitGuess],
     parameter: Given[str],
     bounds: Given[tuple[float, float]],
     *,
@@ -61,9 +64,11 @@ def continue_orbit(
     **Arguments**
 
     - `system`: its `parameter` (a name, `a__b` for `b` inside `a`) has the value of the orbit.
-    - `orbit`: a successful `PeriodicOrbit` of this system; or a `BranchPoint` of another branch over
-      the same parameter, at whose value it begins: from a `PD` point the branch of doubled orbits, from
-      a `BP` point the other branch that crosses there.
+    - `orbit`: a successful `PeriodicOrbit` of this system, or an `OrbitGuess` near one; or a
+      `BranchPoint` of another branch over the same parameter, at whose value it begins: from a `PD`
+      point the branch of doubled orbits, from a `BP` point the other branch that crosses there; from an
+      `EP` of `max_points` or `bounds` the branch goes on. An orbit that repeats itself within its
+      period is followed with the shorter one.
     - `bounds`: least and greatest value of the parameter.
     - `forcing_period(system)` [s]: of a system that depends on the time; the orbit's period is a
       multiple of it. None: the period is an unknown.
@@ -83,10 +88,13 @@ def continue_orbit(
     **Errors** `ValueError`/`TypeError` naming the argument, before compilation.
     """
     the_system(system)
-    check_type("orbit", orbit, PeriodicOrbit | BranchPoint, "a PeriodicOrbit or a BranchPoint")
+    words = "a PeriodicOrbit, an OrbitGuess or a BranchPoint"
+    check_type("orbit", orbit, PeriodicOrbit | OrbitGuess | BranchPoint, words)
     special = orbit if isinstance(orbit, BranchPoint) else None
-    known: PeriodicOrbit = orbit.orbit if isinstance(orbit, BranchPoint) else orbit
-    if np.shape(known.period) != () or not bool(known.successful):
+    known = orbit.orbit if isinstance(orbit, BranchPoint) else orbit
+    if isinstance(known, OrbitGuess):
+        known = concrete_guess(system, known, args)
+    elif np.shape(known.period) != () or not bool(known.successful):
         raise refusal("orbit", orbit, "one successful PeriodicOrbit")
     value = value_of(system, parameter)
     low, high = bounds_of("bounds", bounds)
@@ -106,8 +114,13 @@ def continue_orbit(
         starts = [doubled(problem, known, value)]  # backwards lies the point it came from
     elif special is not None and special.label == "BP":
         starts = list(crossing(problem, known, value, special.slope))
+    elif special is not None and special.words in CUT_OFF:
+        first = begin(problem, known, value)
+        starts = [outward(problem, first, special.slope) if isinstance(first, Point) else first]
     else:
         first = begin(problem, known, value)
+        if isinstance(first, Point):
+            problem, first = _shortest(problem, first)
         if isinstance(first, Point):
             first = _settled(problem, first)
             first = first if first.tangent[-1] > 0 else turned(first)
@@ -129,6 +142,22 @@ def continue_orbit(
     specials = [s.at(max(count - s.index - 2, 0)) for s in before[::-1]]
     specials += [s.at(count + s.index) for s in marks]
     return branch_of(parameter, backward[::-1] + forward, specials, system, problem)
+
+
+def _shortest(problem: Problem, point: Point) -> tuple[Problem, Point | Failure]:
+    """The same orbit with the shortest period that it has, and what is followed then.
+
+    Round twice, a doubling would be taken for a branch point, and its own multipliers for their squares.
+    """
+    turns = int(point.orbit.repeats)
+    if problem.forcing_period is not None:
+        turns = math.gcd(turns, problem.multiple)
+        problem = dataclasses.replace(problem, multiple=problem.multiple // turns)
+    if turns == 1:
+        return problem, point
+    orbit = point.orbit
+    once = OrbitGuess(orbit.y0, orbit.period / turns, orbit.mode0, orbit.t0)
+    return problem, begin(problem, once, point.value)
 
 
 def _settled(problem: Problem, point: Point) -> Point:

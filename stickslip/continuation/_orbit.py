@@ -82,8 +82,10 @@ class PeriodicOrbit(eqx.Module):
         if not bool(self.successful):
             return f"PeriodicOrbit: {self.result}: {ORBITS[self.result]}"
         found = ", ".join(map(_multiplier, np.asarray(self.multipliers)))
+        turns = int(self.repeats)
+        often = f" ({turns} turns of a shorter one)" if turns > 1 else ""
         return (
-            f"PeriodicOrbit: period {float(self.period):.10g} s, {int(self.events.count)} events, "
+            f"PeriodicOrbit: period {float(self.period):.10g} s{often}, {int(self.events.count)} events, "
             f"{'stable' if bool(self.stable) else 'unstable'}, multipliers {found}"
         )
 

@@ -39,6 +39,23 @@ def doubled(problem: Problem, orbit: PeriodicOrbit, value: float) -> Point | Fai
     return found if isinstance(found, Failure) else Failure("not_converged")
 
 
+def outward(problem: Problem, point: Point, slope: np.ndarray) -> Point:
+    """The same orbit, with the branch followed as its `slope` at the end says."""
+    known = _in_parts(problem, point, slope)
+    states, free = np.asarray(point.anchor.size).size, 1 + (problem.forcing_period is None)
+    own = np.append(point.tangent[:states], point.tangent[-free:])
+    return point if own @ known >= 0 else turned(point)
+
+
+def _in_parts(problem: Problem, point: Point, slope: np.ndarray) -> np.ndarray:
+    """The slope of a special point in parts of the sizes that a point is measured by."""
+    scales = [np.asarray(point.anchor.size)]
+    if problem.forcing_period is None:
+        scales.append(np.asarray([float(point.anchor.period)]))
+    scales.append(np.asarray(problem.unit))
+    return slope / np.concatenate(scales)
+
+
 def crossing(problem: Problem, orbit: PeriodicOrbit, value: float, slope: np.ndarray):
     """Both ends of the branch that crosses another one at an orbit, from beside this one.
 
@@ -50,11 +67,7 @@ def crossing(problem: Problem, orbit: PeriodicOrbit, value: float, slope: np.nda
     if isinstance(found, Failure):
         return found, found
     anchor, states = found.anchor, np.asarray(found.anchor.size).size
-    scales = [np.asarray(anchor.size)]
-    if problem.forcing_period is None:
-        scales.append(np.asarray([float(anchor.period)]))
-    scales.append(np.asarray(problem.unit))
-    known = slope / np.concatenate(scales)
+    known = _in_parts(problem, found, slope)
     plane = np.linalg.svd(found.jacobian)[2][-2:]
     free = known.size - states
     # The states at further knots follow from the first one.
