@@ -13,16 +13,20 @@ CHOICES = {
     "models": ("all", "simplified"),
 }
 POSITIVE = (
-    "k3", "k3_min", "k3_max", "k3_step", "follow_min", "follow_max", "orbit_tolerance", "h", "coarse_h", "dt", "step", "rate", "V_max", "distance",
-    "duration", "recorded", "settled", "segment", "shown", "tolerance",
+    "k3", "k3_min", "k3_max", "k3_step", "h", "coarse_h", "dt", "step", "rate", "V_max", "distance",
+    "duration", "recorded", "settled", "segment", "shown", "tolerance", "follow_min", "follow_max",
+    "orbit_tolerance",
 )  # fmt: skip
 FROM_ZERO = (
     "transient", "converged_transient", "converged_duration", "dropped", "spread", "width",
-    "exponents", "doublings", "adam_steps", "seed", "generations", "founders", "rounds", "looks", "coarse_transient",
+    "exponents", "adam_steps", "seed", "generations", "founders", "rounds", "looks", "coarse_transient",
+    "doublings",
 )  # fmt: skip
 LEAST = {"segments": 4, "rows": 2, "points": 2, "coarse": 2, "fine": 2}
 MOST = 10_000_000  # of anything that is counted
-ORDERED = (("k3_min", "k3_max"), ("follow_min", "follow_max"), ("v_min", "v_max"), ("dropped", "duration"))
+ORDERED = (
+    ("k3_min", "k3_max"), ("v_min", "v_max"), ("dropped", "duration"), ("follow_min", "follow_max"),
+)  # fmt: skip
 # Lengths and what they are cut into.
 CUT = (("k3_max", "k3_min", "k3_step"), ("duration", None, "dt"), ("duration", None, "step"))
 

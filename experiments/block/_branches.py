@@ -36,7 +36,7 @@ class Family:
 def with_branches(
     models: tuple[str, ...], parameters: Mapping[str, Any], context: Context
 ) -> xr.Dataset:
-    """Diagrams over k3 from `k3_min` to `k3_max`, and the branches over `follow_min` to `follow_max`."""
+    """Diagrams over k3 from `k3_min` to `k3_max`, and branches from `follow_min` to `follow_max`."""
     low, high = parameters["k3_min"], parameters["k3_max"]
     found = diagrams(models, low, high, parameters, context, ends=True)
     families = [family(model, found.sel(model=model), parameters) for model in models]
@@ -138,9 +138,7 @@ def as_table(
                 number += 1
                 continue
             at = jax.tree.map(lambda *leaves: np.stack(leaves), *(m.orbit for m in marks))
-            places = section_points(
-                branch.system, at, np.array([m.value for m in marks]), parameters
-            )
+            places = section_points(branch.system, at, np.array([m.value for m in marks]), parameters)
             for mark, place in zip(marks, places, strict=True):
                 row = (
                     index, number, level, mark.value, float(mark.orbit.period), mark.label, mark.words,

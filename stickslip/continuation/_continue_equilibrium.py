@@ -170,7 +170,7 @@ def _crossing(rest: _Rest) -> float:
 
 
 def _pairs(rest: _Rest) -> float:
-    r"""$\prod_{i<j}(\lambda_i + \lambda_j)$, by the sizes: zero where a pair is on the imaginary axis."""
+    r"""$\prod_{i<j}(\lambda_i + \lambda_j)$, by the sizes: zero with a pair on the imaginary axis."""
     found, product = rest.eigenvalues, 1.0 + 0.0j
     for i in range(found.size):
         for j in range(i):

@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.flatten_util import ravel_pytree
 from jaxtyping import PyTree
 
 from .._types import Given
-from .._validation import check_type, refusal
+from .._validation import as_float64, check_type, refusal
 from ..hybrid import RESULTS, AbstractHybridSystem, EventLog
 from ..hybrid._arguments import the_system
 from ._arguments import value_of
@@ -71,14 +70,14 @@ def load_branch(
     as many rows as there are events.
 
     **Errors** `ValueError` naming the argument: a file that is no such branch, or is damaged; a system
-    without its parameter; a state of other components. `FileNotFoundError` without the file.
+    without its parameter; a state of other components. `TypeError` for a path that is none.
     """
     import xarray as xr
 
     path = _path(path)
     the_system(system)
-    if not path.exists():
-        raise FileNotFoundError(f"path = {str(path)!r}: there is no such file.")
+    if not path.is_file():
+        raise refusal("path", str(path), "a file of save_branch", but="no file")
     try:
         with xr.open_dataset(path, engine="h5netcdf") as opened:
             data = opened.load()
@@ -88,6 +87,7 @@ def load_branch(
         raise refusal("path", str(path), "a file of save_branch")
     parameter = str(data.attrs["parameter"])
     value_of(system, parameter, "system")
+    _check_state(data, as_float64("y0", y0), y0)
     try:
         orbits = _orbits(data, ORBITS_OF, y0)
         values = np.asarray(data[parameter])
@@ -102,6 +102,20 @@ def _path(path: Any) -> pathlib.Path:
     if not isinstance(path, str | os.PathLike) or not os.fspath(path):
         raise refusal("path", path, "the path of a file", TypeError)
     return pathlib.Path(path)
+
+
+def _check_state(data: "xr.Dataset", y0: PyTree, given: Any) -> None:
+    """Raise for a state of other components than those in the file, or of other shapes."""
+    found, _ = jax.tree_util.tree_flatten_with_path(y0)
+    own = {jax.tree_util.keystr(path): np.shape(leaf) for path, leaf in found}
+    head = f"{ORBITS_OF}.y0"
+    names = [str(name) for name in data.data_vars if str(name).startswith(head)]
+    if not names:
+        raise refusal("path", "a file", "a file of save_branch")
+    known = {name.removeprefix(head): data[name].shape[1:] for name in names}
+    if own != known:
+        words = ", ".join(f"{name.lstrip('.')} {shape}" for name, shape in known.items())
+        raise refusal("y0", given, f"a state with the components and shapes of the file: {words}")
 
 
 def _named(orbit: PeriodicOrbit) -> list[tuple[str, Any]]:
@@ -157,10 +171,11 @@ def _orbits(data: "xr.Dataset", prefix: str, y0: PyTree) -> PeriodicOrbit:
 
 def _template(y0: PyTree) -> PeriodicOrbit:
     """An orbit of the right structure and types."""
-    size = ravel_pytree(y0)[0].size
+    size = sum(int(np.size(leaf)) for leaf in jax.tree.leaves(y0))
     state = jax.tree.map(lambda leaf: jnp.zeros(np.shape(leaf)), y0)
     one, whole, number = jnp.zeros(()), jnp.zeros((), jnp.int32), jnp.zeros((), jnp.uint32)
-    log = EventLog(whole, one, whole, whole, whole, state, state)
+    codes = jnp.zeros(1, jnp.int32)
+    log = EventLog(whole, jnp.zeros(1), codes, codes, codes, state, state)
     return PeriodicOrbit(
         t0=one, y0=state, mode0=whole, period=one, multipliers=jnp.zeros(size, complex), trivial=one,
         rank=whole, repeats=whole, monodromy=jnp.zeros((size, size)), determinant=one,

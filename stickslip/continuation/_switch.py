@@ -4,8 +4,10 @@ import dataclasses
 
 import jax.numpy as jnp
 import numpy as np
+from jax.flatten_util import ravel_pytree
 
 from ._along import Problem, anchored
+from ._equilibrium import EquilibriumPoint
 from ._follow import Failure, Point, begin, correct, turned
 from ._orbit import PeriodicOrbit
 
@@ -37,6 +39,33 @@ def doubled(problem: Problem, orbit: PeriodicOrbit, value: float) -> Point | Fai
         if isinstance(found, Point) and int(found.orbit.repeats) == 1:
             return found if found.tangent @ along > 0 else turned(found)
     return found if isinstance(found, Failure) else Failure("not_converged")
+
+
+def born(problem: Problem, rest: EquilibriumPoint) -> Point | Failure:
+    """A small orbit near a Hopf point, and the way on from there.
+
+    As at a doubling the parameter changes with the square of the amplitude, so that the amplitude is
+    given, and the parameter found.
+    """
+    flat, unravel = ravel_pytree(rest.y)
+    flat, found = np.asarray(flat, float), Failure("not_converged")
+    reach = np.linalg.norm(rest.swing)
+    whole = np.linalg.norm(flat) or 1.0
+    for amplitude in AMPLITUDES:
+        swing = amplitude * whole / reach * rest.swing
+        anchor, u, modes = anchored(
+            problem, jnp.asarray([rest.value]), unravel(jnp.asarray(flat + swing)),
+            jnp.asarray(rest.mode, jnp.int32), jnp.zeros(()), jnp.asarray(rest.period), 0.0,
+        )  # fmt: skip
+        u = np.asarray(u)
+        along = np.zeros(u.size)
+        along[: flat.size] = swing / np.asarray(anchor.size)
+        along /= np.linalg.norm(along)
+        new = correct(problem, u, modes, anchor, along, along)
+        if isinstance(new, Point):
+            return new if new.tangent @ along > 0 else turned(new)
+        found = new
+    return found
 
 
 def outward(problem: Problem, point: Point, slope: np.ndarray) -> Point:

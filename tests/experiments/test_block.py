@@ -1,7 +1,6 @@
 """Judgement of the diagrams on diagrams made up so that the answer is known."""
 
 import numpy as np
-import pytest
 import xarray as xr
 
 from experiments._experiment import chosen, load
