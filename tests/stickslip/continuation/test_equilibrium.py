@@ -80,7 +80,7 @@ def test_orbits_are_born_at_the_hopf_point():
     system = WeakeningBlock(belt_speed=0.6, damping=0.5)
     rest = continue_equilibrium(system, Motion(0.35, 0.0), "belt_speed", (0.3, 0.9), mode0="slip")
     (hopf,) = rest["HB"]
-    branch = continue_orbit(system, hopf, "belt_speed", (0.4, 0.8), step=0.04, max_points=60)
+    branch = continue_orbit(system, hopf, "belt_speed", (0.4, 0.8), step=0.2, max_points=80)
     (fold,) = branch["GR"]
     assert fold.value == pytest.approx(0.6721494669, abs=1e-8)
     assert abs(branch.values[0] - hopf.value) < 1e-4
