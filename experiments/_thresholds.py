@@ -42,8 +42,6 @@ class Block:
     SPECIAL = Number(87.968, "N/m", "B5: k3 of the phase planes", PAPER)
     KINDS = Number(2, "", "B1: more numbers of branches than these are a visible change", OURS)
     APART = Number(0.02, "", "part of the span of all points by which two branches are apart", OURS)
-    LASTING = Number(0.01, "", "B2: part of the lanes in a row that begin a doubling", OURS)
-    LASTING_LANES = Number(3, "", "B2: and their least number", OURS)
     CHAOTIC = Number(0.02, "1/s", "an exponent above this, and above its own spread, is chaos", OURS)
     SPREADS = Number(2.0, "", "B5: spreads (standard deviations) that an exponent is in doubt by", OURS)
     FINE = Number(0.1, "N/m", "exponents farther apart say nothing on the extent of chaos", OURS)

@@ -93,9 +93,18 @@ def protocols(parameters: Mapping[str, Any]) -> Iterator[tuple[str, float, float
 
 
 def diagrams(
-    models: tuple[str, ...], low: float, high: float, parameters: Mapping[str, Any], context: Context
+    models: tuple[str, ...],
+    low: float,
+    high: float,
+    parameters: Mapping[str, Any],
+    context: Context,
+    *,
+    ends: bool = False,
 ) -> xr.Dataset:
-    """Diagrams of the models over k3 from `low` to `high`, along the dimensions model and protocol."""
+    """Diagrams of the models over k3 from `low` to `high`, along the dimensions model and protocol.
+
+    With `ends` the states at the end of each lane are kept.
+    """
     count = round((high - low) / parameters["k3_step"]) + 1
     # Counted in steps, so that the windows fall on the very values of the whole diagram.
     first = low / parameters["k3_step"]
@@ -104,7 +113,7 @@ def diagrams(
     per_model = []
     for model in models:
         parts = [
-            _diagram(model, k3, dropped, kept, name, parameters, context)
+            _diagram(model, k3, dropped, kept, name, parameters, context, ends)
             for name, dropped, kept in protocols(parameters)
         ]
         names = [name for name, *_ in protocols(parameters)]
@@ -165,7 +174,7 @@ LABELS = {
 }
 
 
-def _diagram(model, k3, transient, duration, protocol, parameters, context) -> xr.Dataset:
+def _diagram(model, k3, transient, duration, protocol, parameters, context, ends) -> xr.Dataset:
     system, start = system_of(model, float(k3[0]), parameters["set"])
     keys = ("set", "h", "tolerance", "method", "max_points")
     settings = {
@@ -186,7 +195,7 @@ def _diagram(model, k3, transient, duration, protocol, parameters, context) -> x
         labels=LABELS,
         **_options(f"diagram-{protocol}", model, settings, context),
     )
-    dropped = [name for name in result.data_vars if str(name).startswith("end_")]
+    dropped = [name for name in result.data_vars if str(name).startswith("end_") and not ends]
     return without_sign(result.drop_vars(dropped)).load()
 
 

@@ -1,4 +1,4 @@
-"""The paper's claims B1 to B6 against the diagrams."""
+"""The paper's claims against the diagrams; B2 is judged by branches, see `_judge_branches`."""
 
 from typing import Any
 
@@ -43,23 +43,6 @@ def branches(dataset: xr.Dataset, model: str) -> np.ndarray:
     return np.where(told, gap.sum(axis=1) + 1, 0)
 
 
-def first_doubling(dataset: xr.Dataset, model: str) -> float | None:
-    """Least k3 from which on, for `Block.LASTING` of the lanes, there is more than one branch.
-
-    None without. Lanes that cannot be told are passed over; None too if fewer than `Block.ENOUGH` can.
-    """
-    number, k3 = branches(dataset, model), np.asarray(dataset.k3)
-    known = number > 0
-    if known.sum() < Block.FEWEST or known.mean() < Block.ENOUGH:
-        return None
-    more, k3 = number[known] > 1, k3[known]
-    run = int(max(Block.LASTING_LANES, Block.LASTING * more.size))
-    for i in range(more.size - run + 1):
-        if more[i : i + run].all():
-            return float(k3[i])
-    return None
-
-
 def is_chaos(exponent: np.ndarray, spread: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Whether each exponent counts as chaos, and whether that can be said.
 
@@ -96,27 +79,6 @@ def changes(dataset: xr.Dataset, model: str) -> Verdict:
     if many and kinds.size > Block.KINDS:
         return True, text
     return (False if many and told.mean() >= Block.ENOUGH else None), text
-
-
-@statement(
-    "B2", "In the full model the first period doublings come at lower k3 than in the simplified one."
-)
-def doubles_earlier(dataset: xr.Dataset, model: str) -> Verdict:
-    """First doublings of the full `model` and the simplified one."""
-    one, other = first_doubling(dataset, SIMPLE), first_doubling(dataset, model)
-    low = float(dataset.k3[0])
-    text = f"more than one branch from k3 = {_number(one)} (simplified), {_number(other)} (full)"
-    # Two branches from the start may be a doubling below the window or a second crossing per cycle.
-    at_edge = low in (one, other)
-    if at_edge:
-        text += ", the window's edge: a doubling below it or a second crossing per cycle"
-    for name in (SIMPLE, model):
-        share = told_lanes(dataset, name).mean()
-        if share < Block.ENOUGH:
-            text += f"; only {share:.0%} of the lanes are known ({reading(name)})"
-    if one is None or other is None or at_edge:
-        return None, text
-    return other < one, text
 
 
 def _chaos_of_both(dataset: xr.Dataset, model: str):
@@ -210,8 +172,8 @@ def judge_change(dataset: xr.Dataset) -> list[Statement]:
 
 
 def judge_models(dataset: xr.Dataset) -> list[Statement]:
-    """B1 to B4 and B6 for each sign of the full model against the simplified one."""
-    each = (doubles_earlier, wider, ends_alike, windows_differ)
+    """B1, B3, B4 and B6 for each sign of the full model against the simplified one."""
+    each = (wider, ends_alike, windows_differ)
     return judge_change(dataset) + [
         claim(reading(model), dataset, model, found=is_found(dataset))
         for model in _full_models(dataset)

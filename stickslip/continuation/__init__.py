@@ -5,9 +5,14 @@ from ._bifurcation_curve import CurveEnd as CurveEnd
 from ._branch import Branch as Branch
 from ._branch import BranchPoint as BranchPoint
 from ._continue import continue_orbit as continue_orbit
+from ._continue_equilibrium import continue_equilibrium as continue_equilibrium
 from ._continue_point import continue_point as continue_point
+from ._equilibrium import EquilibriumBranch as EquilibriumBranch
+from ._equilibrium import EquilibriumPoint as EquilibriumPoint
 from ._guess import OrbitGuess as OrbitGuess
 from ._guess import orbit_guess as orbit_guess
 from ._orbit import PeriodicOrbit as PeriodicOrbit
 from ._outcome import ORBITS as ORBITS
 from ._periodic_orbit import periodic_orbit as periodic_orbit
+from ._saved import load_branch as load_branch
+from ._saved import save_branch as save_branch

@@ -17,10 +17,12 @@ from .._validation import (
 )
 from ..analysis._observable import check_parameter, with_parameters
 from ..hybrid import AbstractHybridSystem, Integrator, current_executor
+from ..hybrid._arguments import start_of
 from ..hybrid._tree import with_float_arrays
 from ._along import Problem
 from ._closing import check_autonomous, tight
 from ._follow import Point
+from ._guess import OrbitGuess
 from ._orbit import PeriodicOrbit
 from ._points import TESTS
 
@@ -49,6 +51,14 @@ def value_of(system: AbstractHybridSystem, name: Any, argument: str = "parameter
     return float(one_concrete(name, value))
 
 
+def concrete_guess(system: AbstractHybridSystem, guess: OrbitGuess, args: PyTree) -> OrbitGuess:
+    """One guess of numbers that are known, with its mode as a number."""
+    period = float(one_concrete("orbit.period", guess.period, "positive"))
+    t0 = float(one_concrete("orbit.t0", guess.t0))
+    y0, mode0 = start_of(system, t0, guess.y0, guess.mode0, args)
+    return OrbitGuess(y0, period, mode0, t0)
+
+
 def functions_of(functions: Any) -> dict[str, Callable[[Point], float]]:
     """Functions whose zeros are special points: those that all branches have, and the user's."""
     tests = dict(TESTS)
@@ -68,7 +78,7 @@ def problem_of(
     system: AbstractHybridSystem,
     values: Mapping[str, float],
     spans: Any,
-    orbit: PeriodicOrbit,
+    orbit: PeriodicOrbit | OrbitGuess,
     forcing_period: Any,
     *,
     args: PyTree,

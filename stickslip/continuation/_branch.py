@@ -91,9 +91,10 @@ class Branch(eqx.Module):
         """The branch as an `xarray.Dataset` along `point`, special points along `special`.
 
         `period` [s], `stable`, `multiplier_real` and `multiplier_imag` along `multiplier`,
-        `start_<name>` (the state at the start of each orbit, with its unit), `lowest_<name>` and
-        `highest_<name>` over the period, `sequence` (a number per mode sequence), the parameter as
-        coordinate; `label`, `special_<parameter>`, `special_period` along `special`.
+        `start_<name>` (the state at the start of each orbit, with its unit), `lowest_<name>`,
+        `highest_<name>` and `amplitude_<name>` (half their difference) over the period, `sequence` (a
+        number per mode sequence), `mode_sequence` (its modes by name), the parameter as coordinate;
+        `label`, `special_<parameter>`, `special_period`, `special_words` along `special`.
         """
         import xarray as xr
 
@@ -107,26 +108,37 @@ class Branch(eqx.Module):
             "multiplier_real": (("point", "multiplier"), np.real(orbits.multipliers)),
             "multiplier_imag": (("point", "multiplier"), np.imag(orbits.multipliers)),
             "sequence": ("point", np.array([names[s] for s in self.sequences])),
+            "mode_sequence": ("point", np.array([_modes(self.system, s) for s in self.sequences])),
             "num_events": ("point", np.asarray(orbits.events.count)),
             "label": ("special", np.array([s.label for s in self.specials], dtype=str)),
             f"special_{self.parameter}": ("special", np.array([s.value for s in self.specials]), unit),
             "special_period": (
                 "special", np.array([float(s.orbit.period) for s in self.specials]), {"units": "s"},
             ),
+            "special_words": ("special", np.array([s.words for s in self.specials], dtype=str)),
             **labelled_states(orbits, self.system),
         }  # fmt: skip
         return xr.Dataset(data, coords={self.parameter: ("point", self.values, unit)})
 
 
 def labelled_states(orbits: PeriodicOrbit, system: AbstractHybridSystem) -> dict[str, Any]:
-    """Start, least and greatest values of orbits along `point`, with their units."""
+    """Start, least and greatest values, amplitudes of orbits along `point`, with their units."""
     data = {}
     for prefix, tree in (("start", orbits.y0), ("lowest", orbits.lowest), ("highest", orbits.highest)):
         for name, leaf in components_of(tree).items():
             axes = ["point", *(f"{name}_{k}" for k in range(np.ndim(leaf) - 1))]
             label = {"units": system.units[name]} if name in system.units else {}
             data[f"{prefix}_{name}"] = (axes, np.asarray(leaf), label)
+    for name in components_of(orbits.lowest):
+        axes, low, label = data[f"lowest_{name}"]
+        data[f"amplitude_{name}"] = (axes, 0.5 * (data[f"highest_{name}"][1] - low), label)
     return data
+
+
+def _modes(system: AbstractHybridSystem, sequence: tuple) -> str:
+    """Modes of a sequence by name, in the order in which they are entered."""
+    # Without events the sequence is the one mode that there is.
+    return ", ".join(system.mode_names[m[1] if isinstance(m, tuple) else m] for m in sequence)
 
 
 def special_of(special: Special, problem: Problem) -> BranchPoint:

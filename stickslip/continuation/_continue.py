@@ -1,6 +1,7 @@
 """`continue_orbit`: a branch of periodic orbits over one parameter."""
 
 import dataclasses
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -12,14 +13,16 @@ from .._validation import check_count, check_flag, check_type, one_concrete, ref
 from ..hybrid import AbstractHybridSystem, Integrator
 from ..hybrid._arguments import the_system
 from ._along import Problem
-from ._arguments import bounds_of, functions_of, problem_of, value_of
+from ._arguments import bounds_of, concrete_guess, functions_of, problem_of, value_of
 from ._branch import Branch, BranchPoint, Special, branch_of
 from ._corner import across
+from ._equilibrium import EquilibriumPoint
 from ._follow import QUICK, Failure, Point, ahead, begin, moved, turned
+from ._guess import OrbitGuess
 from ._kinds import kind_of
 from ._orbit import PeriodicOrbit
 from ._points import border, is_torus, located
-from ._switch import crossing, doubled
+from ._switch import born, crossing, doubled, outward
 
 # Between two points the tangent turns by at most this angle [cosine]: sharper bends get shorter steps.
 BEND = 0.9
@@ -28,12 +31,13 @@ SHORTER, LONGER = 0.5, 1.5
 SHRINKS = 0.3
 AT_REST = 1e-4
 LEAST_ROUND = 8  # orbits of a closed branch
+CUT_OFF = ("max_points", "bounds")  # ends beyond which a branch goes on
 STUCK = 1e-7  # of the step: a branch that goes on by less ends
 
 
 def continue_orbit(
     system: Given[AbstractHybridSystem],
-    orbit: Given[PeriodicOrbit | BranchPoint],
+    orbit: Given[PeriodicOrbit | OrbitGuess | BranchPoint | EquilibriumPoint],
     parameter: Given[str],
     bounds: Given[tuple[float, float]],
     *,
@@ -61,9 +65,12 @@ def continue_orbit(
     **Arguments**
 
     - `system`: its `parameter` (a name, `a__b` for `b` inside `a`) has the value of the orbit.
-    - `orbit`: a successful `PeriodicOrbit` of this system; or a `BranchPoint` of another branch over
-      the same parameter, at whose value it begins: from a `PD` point the branch of doubled orbits, from
-      a `BP` point the other branch that crosses there.
+    - `orbit`: a successful `PeriodicOrbit` of this system, or an `OrbitGuess` near one; or a
+      `BranchPoint` of another branch over the same parameter, at whose value it begins: from a `PD`
+      point the branch of doubled orbits, from a `BP` point the other branch that crosses there; from an
+      `EP` of `max_points` or `bounds` the branch goes on; from an `HB` point of `continue_equilibrium`
+      the orbits that are born there. An orbit that repeats itself within its
+      period is followed with the shorter one.
     - `bounds`: least and greatest value of the parameter.
     - `forcing_period(system)` [s]: of a system that depends on the time; the orbit's period is a
       multiple of it. None: the period is an unknown.
@@ -83,31 +90,35 @@ def continue_orbit(
     **Errors** `ValueError`/`TypeError` naming the argument, before compilation.
     """
     the_system(system)
-    check_type("orbit", orbit, PeriodicOrbit | BranchPoint, "a PeriodicOrbit or a BranchPoint")
-    special = orbit if isinstance(orbit, BranchPoint) else None
-    known: PeriodicOrbit = orbit.orbit if isinstance(orbit, BranchPoint) else orbit
-    if np.shape(known.period) != () or not bool(known.successful):
-        raise refusal("orbit", orbit, "one successful PeriodicOrbit")
+    special, rest, known = _start_of(system, orbit, args)
     value = value_of(system, parameter)
     low, high = bounds_of("bounds", bounds)
     one_concrete("step", step, "positive")
     check_count("max_points", max_points, 1)
     check_flag("both", both)
     tests = functions_of(functions)
-    value = value if special is None else special.value
+    if special is not None or rest is not None:
+        value = (special or rest).value
     if not low <= value <= high:
         raise refusal("bounds", (low, high), f"around the value of {parameter}, {value}")
     problem = problem_of(
         system, {parameter: value}, [high - low], known, forcing_period, args=args, segments=segments,
         integrator=integrator, max_events=max_events,
     )  # fmt: skip
-    if special is not None and special.label == "PD":
+    if rest is not None:
+        starts = [born(problem, rest)]
+    elif special is not None and special.label == "PD":
         problem = dataclasses.replace(problem, multiple=2 * problem.multiple)
         starts = [doubled(problem, known, value)]  # backwards lies the point it came from
     elif special is not None and special.label == "BP":
         starts = list(crossing(problem, known, value, special.slope))
+    elif special is not None and special.words in CUT_OFF:
+        first = begin(problem, known, value)
+        starts = [outward(problem, first, special.slope) if isinstance(first, Point) else first]
     else:
         first = begin(problem, known, value)
+        if isinstance(first, Point):
+            problem, first = _shortest(problem, first)
         if isinstance(first, Point):
             first = _settled(problem, first)
             first = first if first.tangent[-1] > 0 else turned(first)
@@ -129,6 +140,41 @@ def continue_orbit(
     specials = [s.at(max(count - s.index - 2, 0)) for s in before[::-1]]
     specials += [s.at(count + s.index) for s in marks]
     return branch_of(parameter, backward[::-1] + forward, specials, system, problem)
+
+
+def _start_of(system: AbstractHybridSystem, orbit: Any, args: PyTree):
+    """Special point, Hopf point (None where it is neither), and the orbit or guess to begin with."""
+    kinds = PeriodicOrbit | OrbitGuess | BranchPoint | EquilibriumPoint
+    words = "a PeriodicOrbit, an OrbitGuess, a BranchPoint or an EquilibriumPoint"
+    check_type("orbit", orbit, kinds, words)
+    if isinstance(orbit, EquilibriumPoint):
+        if orbit.label != "HB":
+            raise refusal("orbit", orbit, "a Hopf point, HB, if it is an EquilibriumPoint")
+        guess = OrbitGuess(orbit.y, orbit.period, orbit.mode)
+        return None, orbit, concrete_guess(system, guess, args)
+    if isinstance(orbit, OrbitGuess):
+        return None, None, concrete_guess(system, orbit, args)
+    special = orbit if isinstance(orbit, BranchPoint) else None
+    known = orbit if special is None else special.orbit
+    if np.shape(known.period) != () or not bool(known.successful):
+        raise refusal("orbit", orbit, "one successful PeriodicOrbit")
+    return special, None, known
+
+
+def _shortest(problem: Problem, point: Point) -> tuple[Problem, Point | Failure]:
+    """The same orbit with the shortest period that it has, and what is followed then.
+
+    Round twice, a doubling would be taken for a branch point: multipliers are squares of its own.
+    """
+    turns = int(point.orbit.repeats)
+    if problem.forcing_period is not None:
+        turns = math.gcd(turns, problem.multiple)
+        problem = dataclasses.replace(problem, multiple=problem.multiple // turns)
+    if turns == 1:
+        return problem, point
+    orbit = point.orbit
+    once = OrbitGuess(orbit.y0, orbit.period / turns, orbit.mode0, orbit.t0)
+    return problem, begin(problem, once, point.value)
 
 
 def _settled(problem: Problem, point: Point) -> Point:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..hybrid import simulate
 from ._along import Anchor, Problem, anchored, evaluated, orbit_at, system_at
+from ._guess import OrbitGuess
 from ._orbit import PeriodicOrbit
 
 EVALUATIONS = 10  # of Newton's method at one point
@@ -86,7 +87,7 @@ def tangent_of(jacobian: np.ndarray, before: np.ndarray | None) -> np.ndarray | 
     return tangent if sense >= 0 else -tangent
 
 
-def begin(problem: Problem, orbit: PeriodicOrbit, value: Any) -> Point | Failure:
+def begin(problem: Problem, orbit: PeriodicOrbit | OrbitGuess, value: Any) -> Point | Failure:
     """The first point of a branch: an orbit that is corrected at its own parameters."""
     value = np.atleast_1d(value)
     phase = jnp.asarray(float(orbit.t0) / float(orbit.period) % 1.0)

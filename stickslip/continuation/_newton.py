@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -66,7 +67,8 @@ def newton(
         u, residual, jacobian, norm, state, carried, du, part, _, steps = carry
         trial = u + part * du
         residual_1, jacobian_1, norm_1, state_1, carried_1 = evaluate(trial, state)
-        better = norm_1 < (1.0 - 1e-4 * part) * norm
+        # The first evaluation is that of the guess, whatever it is.
+        better = (steps == 0) | (norm_1 < (1.0 - 1e-4 * part) * norm)
         new = trial, residual_1, jacobian_1, norm_1, state_1, carried_1
         old = u, residual, jacobian, norm, state, carried
         u, residual, jacobian, norm, state, carried = jax.tree.map(
@@ -76,10 +78,15 @@ def newton(
         part = jnp.where(better, jnp.minimum(longest(u, step), 1.0), 0.5 * part)
         return u, residual, jacobian, norm, state, carried, step, part, fine, steps + 1
 
-    residual, jacobian, norm, state, carried = evaluate(u, state)
-    du, fine = direction(residual, jacobian)
-    part = jnp.minimum(longest(u, du), 1.0)
-    start = u, residual, jacobian, norm, state, carried, du, part, fine, jnp.ones((), jnp.int32)
+    # The motion with its derivatives is nearly all of the program: traced once, compiled once.
+    evaluate = eqx.filter_closure_convert(evaluate, u, state)
+    shapes = eqx.filter_eval_shape(evaluate, u, state)
+    residual, jacobian, _, _, carried = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes)
+    infinite, fine = jnp.full((), jnp.inf), jnp.ones((), bool)
+    start = (
+        u, residual, jacobian, infinite, state, carried, jnp.zeros_like(u), jnp.ones(()), fine,
+        jnp.zeros((), jnp.int32),
+    )  # fmt: skip
     end = jax.lax.while_loop(going, body, start)
     u, residual, jacobian, norm, state, carried, _, part, fine, steps = end
     return Newton(u, jacobian, carried, norm, steps, part < SHORTEST, ~fine)

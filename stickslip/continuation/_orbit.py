@@ -82,8 +82,10 @@ class PeriodicOrbit(eqx.Module):
         if not bool(self.successful):
             return f"PeriodicOrbit: {self.result}: {ORBITS[self.result]}"
         found = ", ".join(map(_multiplier, np.asarray(self.multipliers)))
+        turns = int(self.repeats)
+        period = f"{float(self.period):.10g} s" + f" ({turns} turns of a shorter one)" * (turns > 1)
         return (
-            f"PeriodicOrbit: period {float(self.period):.10g} s, {int(self.events.count)} events, "
+            f"PeriodicOrbit: period {period}, {int(self.events.count)} events, "
             f"{'stable' if bool(self.stable) else 'unstable'}, multipliers {found}"
         )
 

@@ -4,8 +4,10 @@ import dataclasses
 
 import jax.numpy as jnp
 import numpy as np
+from jax.flatten_util import ravel_pytree
 
 from ._along import Problem, anchored
+from ._equilibrium import EquilibriumPoint
 from ._follow import Failure, Point, begin, correct, turned
 from ._orbit import PeriodicOrbit
 
@@ -39,6 +41,50 @@ def doubled(problem: Problem, orbit: PeriodicOrbit, value: float) -> Point | Fai
     return found if isinstance(found, Failure) else Failure("not_converged")
 
 
+def born(problem: Problem, rest: EquilibriumPoint) -> Point | Failure:
+    """A small orbit near a Hopf point, and the way on from there.
+
+    As at a doubling the parameter changes with the square of the amplitude, so that the amplitude is
+    given, and the parameter found.
+    """
+    flat, unravel = ravel_pytree(rest.y)
+    flat, found = np.asarray(flat, float), Failure("not_converged")
+    reach = np.linalg.norm(rest.swing)
+    whole = np.linalg.norm(flat) or 1.0
+    for amplitude in AMPLITUDES:
+        swing = amplitude * whole / reach * rest.swing
+        anchor, u, modes = anchored(
+            problem, jnp.asarray([rest.value]), unravel(jnp.asarray(flat + swing)),
+            jnp.asarray(rest.mode, jnp.int32), jnp.zeros(()), jnp.asarray(rest.period), 0.0,
+        )  # fmt: skip
+        u = np.asarray(u)
+        along = np.zeros(u.size)
+        along[: flat.size] = swing / np.asarray(anchor.size)
+        along /= np.linalg.norm(along)
+        new = correct(problem, u, modes, anchor, along, along)
+        if isinstance(new, Point):
+            return new if new.tangent @ along > 0 else turned(new)
+        found = new
+    return found
+
+
+def outward(problem: Problem, point: Point, slope: np.ndarray) -> Point:
+    """The same orbit, with the branch followed as its `slope` at the end says."""
+    known = _in_parts(problem, point, slope)
+    states, free = np.asarray(point.anchor.size).size, 1 + (problem.forcing_period is None)
+    own = np.append(point.tangent[:states], point.tangent[-free:])
+    return point if own @ known >= 0 else turned(point)
+
+
+def _in_parts(problem: Problem, point: Point, slope: np.ndarray) -> np.ndarray:
+    """The slope of a special point in parts of the sizes that a point is measured by."""
+    scales = [np.asarray(point.anchor.size)]
+    if problem.forcing_period is None:
+        scales.append(np.asarray([float(point.anchor.period)]))
+    scales.append(np.asarray(problem.unit))
+    return slope / np.concatenate(scales)
+
+
 def crossing(problem: Problem, orbit: PeriodicOrbit, value: float, slope: np.ndarray):
     """Both ends of the branch that crosses another one at an orbit, from beside this one.
 
@@ -50,11 +96,7 @@ def crossing(problem: Problem, orbit: PeriodicOrbit, value: float, slope: np.nda
     if isinstance(found, Failure):
         return found, found
     anchor, states = found.anchor, np.asarray(found.anchor.size).size
-    scales = [np.asarray(anchor.size)]
-    if problem.forcing_period is None:
-        scales.append(np.asarray([float(anchor.period)]))
-    scales.append(np.asarray(problem.unit))
-    known = slope / np.concatenate(scales)
+    known = _in_parts(problem, found, slope)
     plane = np.linalg.svd(found.jacobian)[2][-2:]
     free = known.size - states
     # The states at further knots follow from the first one.

@@ -1,7 +1,6 @@
 """Judgement of the diagrams on diagrams made up so that the answer is known."""
 
 import numpy as np
-import pytest
 import xarray as xr
 
 from experiments._experiment import chosen, load
@@ -10,7 +9,6 @@ from experiments.block._diagram import MODELS, protocols
 from experiments.block._judge import (
     branches,
     chaos,
-    first_doubling,
     is_chaos,
     judge_change,
     judge_models,
@@ -46,18 +44,16 @@ def named(statements):
 
 def test_statements_of_a_known_diagram():
     data = made_up((80.0, 76.0, 84.0), ((90.0, 95.0), (85.0, 95.1), (93.0, 94.0)))
-    assert first_doubling(data, MODELS[1]) == pytest.approx(76.0)
     assert chaos(data, MODELS[2])[1].sum() == 11
     holds = named(judge_models(data))
-    assert [holds[f"B{n} (printed sign)"] for n in (2, 3, 4, 6)] == [True, True, True, True]
-    assert [holds[f"B{n} (consistent sign)"] for n in (2, 3, 4)] == [False, False, False]
+    assert [holds[f"B{n} (printed sign)"] for n in (3, 4, 6)] == [True, True, True]
+    assert [holds[f"B{n} (consistent sign)"] for n in (3, 4)] == [False, False]
 
 
 def test_what_cannot_be_told_is_left_open():
     data = made_up((80.0, 72.0, 84.0), ((90.0, 95.0),) * 3)
     coarse = data.isel(k3_exponent=slice(None, None, 25))
     holds = named(judge_models(coarse))
-    assert holds["B2 (printed sign)"] is None
     assert holds["B3 (printed sign)"] is None
 
 
@@ -77,11 +73,11 @@ def test_lanes_that_do_not_tell_leave_the_statements_open():
     slow = data.assign(slow_transient=~data.slow_transient)
     for nothing in (empty, failed, slow):
         found = verdicts(nothing)
-        ids = [i for i in found if i[:2] in ("B1", "B2")]
-        assert len(ids) == 5
+        ids = [i for i in found if i[:2] == "B1"]
+        assert len(ids) == 3
         assert {found[i] for i in ids} == {None}
     few = verdicts(data.isel(k3=slice(5)))
-    assert {few[i] for i in few if i[:2] in ("B1", "B2")} == {None}
+    assert {few[i] for i in few if i[:2] == "B1"} == {None}
     # Two kinds of lanes, and 60% told: there may be a third.
     part = data.status.where(data.k3 < 87.0, STATUS.index("left_domain")).astype(int)
     assert {s.holds for s in judge_change(data.assign(status=part))} == {None}

@@ -1,5 +1,7 @@
 """Right arguments of periodic orbits and their branches."""
 
+import os
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -8,7 +10,17 @@ import stickslip as ss
 from stickslip import continuation, plot
 from stickslip.hybrid import EventLog
 from stickslip.systems import Motion
-from tests.house._nonsense_engine import ARGS, INTEGRATOR, MODE, OSCILLATOR, START, STATE, SYSTEM, TIME
+from tests.house._nonsense_engine import (
+    ARGS,
+    INSIDE,
+    INTEGRATOR,
+    MODE,
+    OSCILLATOR,
+    START,
+    STATE,
+    SYSTEM,
+    TIME,
+)
 from tests.house._nonsense_target import Target, arg
 
 ONE, ZERO, NONE = jnp.asarray(1.0), jnp.zeros((), jnp.int32), jnp.zeros(0)
@@ -25,6 +37,18 @@ END = continuation.CurveEnd(np.array([0.2, 1.0]), ORBIT, "max_points")
 CURVE = continuation.BifurcationCurve(
     "PD", ("belt_speed", "stiffness"), np.array([[0.2, 1.0]]), ROW, ((0,),), (END, END), OSCILLATOR
 )
+
+
+def _inside(path):
+    """Not in the working directory."""
+    named = isinstance(path, str | os.PathLike) and os.fspath(path)
+    return f"{INSIDE.name}/{os.fspath(path)}" if named else path
+
+
+def _saved() -> str:
+    return str(continuation.save_branch(BRANCH, f"{INSIDE.name}/branch.nc"))
+
+
 PERIOD = arg(1.0, "positive", "float32")
 COUNT = arg(8)
 TARGETS = [
@@ -70,6 +94,23 @@ TARGETS = [
             "functions": arg(None, "none", "mapping"), "both": arg(True, "flag"), "segments": arg(2),
             "args": ARGS, "integrator": INTEGRATOR, "max_events": COUNT,
         },
+    ),
+    Target(
+        continuation.continue_equilibrium,
+        {
+            "system": SYSTEM, "y0": arg(START), "parameter": arg("belt_speed"),
+            "bounds": arg((0.1, 0.3)), "mode0": MODE, "step": arg(0.01, "positive", "float32"),
+            "max_points": COUNT, "both": arg(True, "flag"), "args": ARGS,
+        },
+    ),
+    Target(
+        continuation.save_branch,
+        {"branch": arg(BRANCH), "path": arg("branch.nc", "path")},
+        lambda branch, path: continuation.save_branch(branch, _inside(path)),
+    ),
+    Target(
+        continuation.load_branch,
+        {"path": arg(_saved(), "path"), "system": SYSTEM, "y0": arg(START, "states")},
     ),
     Target(plot.curve, {"curve": arg(CURVE), "ax": arg(None, "none")}),
     Target(

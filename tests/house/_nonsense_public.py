@@ -17,6 +17,8 @@ EXEMPT = {
     "PeriodicOrbit": RETURNED,
     "Branch": RETURNED,
     "BranchPoint": RETURNED,
+    "EquilibriumBranch": RETURNED,
+    "EquilibriumPoint": RETURNED,
     "BifurcationCurve": RETURNED,
     "CurveEnd": RETURNED,
     "EventLog": RETURNED,

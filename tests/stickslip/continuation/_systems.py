@@ -252,3 +252,19 @@ class Stopped(ss.AbstractHybridSystem):
 
     def initial_mode(self, t, y, args):
         return 0
+
+
+class Cycle(NamedTuple):
+    x: Any
+    y: Any
+
+
+class Radial(ss.AbstractSmoothSystem):
+    r"""$\dot r = r(1 + a - r^2)$, $\dot\theta = 1$: multiplier $e^{-4\pi(1 + a)}$ of the cycle."""
+
+    a: Any
+    units: ClassVar = {"x": "1", "y": "1"}
+
+    def vector_field(self, t, y, mode, args):
+        grow = 1.0 + self.a - y.x**2 - y.y**2
+        return Cycle(grow * y.x - y.y, grow * y.y + y.x)

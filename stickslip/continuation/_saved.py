@@ -1,0 +1,198 @@
+"""Branches as files: written whole or not at all, read back with all that continuation needs."""
+
+import json
+import os
+import pathlib
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import PyTree
+
+from .._types import Given
+from .._validation import as_float64, check_type, refusal
+from ..hybrid import RESULTS, AbstractHybridSystem, EventLog
+from ..hybrid._arguments import the_system
+from ._arguments import value_of
+from ._branch import Branch, BranchPoint
+from ._orbit import PeriodicOrbit
+from ._outcome import ORBITS
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+FORMAT = "stickslip branch 1"
+ORBITS_OF, SPECIALS_OF = "orbit", "special_orbit"
+
+
+def save_branch(branch: Given[Branch], path: Given[str | os.PathLike]) -> pathlib.Path:
+    """Write a branch to a netCDF file, from which `load_branch` makes it again.
+
+    The file is `Branch.to_dataset()`, as `xarray.open_dataset` reads it, with all arrays of the orbits
+    beside it. It is written whole: whoever interrupts this finds the old file, or none.
+
+    **Returns** the path. **Errors** `TypeError` naming the argument; `OSError` of the file system.
+    """
+    check_type("branch", branch, Branch, "a Branch of continue_orbit")
+    path = _path(path)
+    dataset = branch.to_dataset().assign_attrs(
+        stickslip=FORMAT, parameter=branch.parameter, sequences=json.dumps(branch.sequences)
+    )
+    count = int(np.max(np.asarray(branch.orbits.events.count), initial=0))
+    dataset = _with_leaves(dataset, ORBITS_OF, "point", branch.orbits, count)
+    if branch.specials:
+        marks = branch.specials
+        orbits = jax.tree.map(lambda *leaves: np.stack(leaves), *(m.orbit for m in marks))
+        most = int(np.max(np.asarray(orbits.events.count), initial=0))
+        dataset = _with_leaves(dataset, SPECIALS_OF, "special", orbits, most)
+        dataset["special_index"] = "special", np.array([m.index for m in marks])
+        dataset["special_slope"] = ("special", "direction"), np.stack([m.slope for m in marks])
+    temporary = path.with_name(path.name + ".part")
+    try:
+        dataset.to_netcdf(temporary, engine="h5netcdf")
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+    return path
+
+
+def load_branch(
+    path: Given[str | os.PathLike], system: Given[AbstractHybridSystem], y0: PyTree
+) -> Branch:
+    """Read a branch that `save_branch` wrote; `continue_orbit` goes on from any of its points.
+
+    - `system`: the one that was followed, with any value of the parameter that the branch is over.
+    - `y0`: a state of the system, of any values: its structure.
+
+    **Returns** the `Branch`, equal to the saved one to the last bit. A saved log of events has only
+    as many rows as there are events.
+
+    **Errors** `ValueError` naming the argument: a file that is no such branch, or is damaged; a system
+    without its parameter; a state of other components. `TypeError` for a path that is none.
+    """
+    import xarray as xr
+
+    path = _path(path)
+    the_system(system)
+    if not path.is_file():
+        raise refusal("path", str(path), "a file of save_branch", but="no file")
+    try:
+        with xr.open_dataset(path, engine="h5netcdf") as opened:
+            data = opened.load()
+    except Exception as error:  # whatever the reader meets in a file that nobody has verified
+        raise refusal("path", str(path), "a file of save_branch") from error
+    if data.attrs.get("stickslip") != FORMAT:
+        raise refusal("path", str(path), "a file of save_branch")
+    parameter = str(data.attrs["parameter"])
+    value_of(system, parameter, "system")
+    _check_state(data, as_float64("y0", y0), y0)
+    try:
+        orbits = _orbits(data, ORBITS_OF, y0)
+        values = np.asarray(data[parameter])
+        sequences = tuple(_tuples(s) for s in json.loads(data.attrs["sequences"]))
+        specials = tuple(_specials(data, parameter, y0)) if "special_index" in data else ()
+    except (KeyError, ValueError, TypeError) as error:
+        raise refusal("path", str(path), f"a file of save_branch with this state: {error}") from error
+    return Branch(parameter, values, orbits, sequences, specials, system)
+
+
+def _path(path: Any) -> pathlib.Path:
+    if not isinstance(path, str | os.PathLike) or not os.fspath(path):
+        raise refusal("path", path, "the path of a file", TypeError)
+    return pathlib.Path(path)
+
+
+def _check_state(data: "xr.Dataset", y0: PyTree, given: Any) -> None:
+    """Raise for a state of other components than those in the file, or of other shapes."""
+    found, _ = jax.tree_util.tree_flatten_with_path(y0)
+    own = {jax.tree_util.keystr(path): np.shape(leaf) for path, leaf in found}
+    head = f"{ORBITS_OF}.y0"
+    names = [str(name) for name in data.data_vars if str(name).startswith(head)]
+    if not names:
+        raise refusal("path", "a file", "a file of save_branch")
+    known = {name.removeprefix(head): data[name].shape[1:] for name in names}
+    if own != known:
+        words = ", ".join(f"{name.lstrip('.')} {shape}" for name, shape in known.items())
+        raise refusal("y0", given, f"a state with the components and shapes of the file: {words}")
+
+
+def _named(orbit: PeriodicOrbit) -> list[tuple[str, Any]]:
+    """Leaves of an orbit by name, such as `events.y_before.x`."""
+    found, _ = jax.tree_util.tree_flatten_with_path(orbit)
+    return [(jax.tree_util.keystr(path).lstrip(".").replace("_value", "code"), a) for path, a in found]
+
+
+def _with_leaves(dataset: "xr.Dataset", prefix: str, axis: str, orbits: PeriodicOrbit, events: int):
+    new = {}
+    for name, leaf in _named(orbits):
+        array = np.asarray(leaf)
+        if name.startswith("events.") and name != "events.count":
+            array = array[:, :events]
+        for part, values in _real(array):
+            key = f"{prefix}.{name}{part}"
+            axes = [axis, *(f"{key}.{k}" for k in range(1, array.ndim))]
+            new[key] = axes, values
+    return dataset.assign(new)
+
+
+def _real(array: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
+    """Files hold no complex numbers."""
+    if np.iscomplexobj(array):
+        yield ".real", array.real
+        yield ".imag", array.imag
+    else:
+        yield "", array.astype(np.int8) if array.dtype == bool else array
+
+
+def _orbits(data: "xr.Dataset", prefix: str, y0: PyTree) -> PeriodicOrbit:
+    """Orbits with a leading axis. Raises `KeyError` for what is missing, `ValueError` for a shape."""
+    template = _template(y0)
+    known = {str(name) for name in data.data_vars if str(name).startswith(f"{prefix}.")}
+    leaves, structure = [], jax.tree.structure(template)
+    for name, leaf in _named(template):
+        key = f"{prefix}.{name}"
+        if np.iscomplexobj(leaf):
+            array = np.asarray(data[f"{key}.real"]) + 1j * np.asarray(data[f"{key}.imag"])
+            known -= {f"{key}.real", f"{key}.imag"}
+        else:
+            array = np.asarray(data[key])
+            known.discard(key)
+        row = "events." in name and name != "events.count"
+        own = array.shape[2 if row else 1 :]
+        if ("y" in name or name in ("lowest", "highest")) and own != np.shape(leaf):
+            raise ValueError(f"{name} has the shape {own}, in the state {np.shape(leaf)}")
+        leaves.append(jnp.asarray(array, jnp.result_type(leaf)))
+    if known:
+        raise ValueError(f"the state has not {min(known).removeprefix(prefix + '.')}")
+    return jax.tree.unflatten(structure, leaves)
+
+
+def _template(y0: PyTree) -> PeriodicOrbit:
+    """An orbit of the right structure and types."""
+    size = sum(int(np.size(leaf)) for leaf in jax.tree.leaves(y0))
+    state = jax.tree.map(lambda leaf: jnp.zeros(np.shape(leaf)), y0)
+    one, whole, number = jnp.zeros(()), jnp.zeros((), jnp.int32), jnp.zeros((), jnp.uint32)
+    codes = jnp.zeros(1, jnp.int32)
+    log = EventLog(whole, jnp.zeros(1), codes, codes, codes, state, state)
+    return PeriodicOrbit(
+        t0=one, y0=state, mode0=whole, period=one, multipliers=jnp.zeros(size, complex), trivial=one,
+        rank=whole, repeats=whole, monodromy=jnp.zeros((size, size)), determinant=one,
+        determinant_by_events=one, residual=one, closing_error=one, steps=whole, lowest=state,
+        highest=state, events=log, sequence=number, flags=whole, result=ORBITS.successful,
+        simulation=RESULTS.successful,
+    )  # fmt: skip
+
+
+def _specials(data: "xr.Dataset", parameter: str, y0: PyTree) -> Iterator[BranchPoint]:
+    orbits = _orbits(data, SPECIALS_OF, y0)
+    columns = ("label", f"special_{parameter}", "special_words", "special_index", "special_slope")
+    for k, row in enumerate(zip(*(np.asarray(data[name]) for name in columns), strict=True)):
+        label, value, words, index, slope = row
+        orbit = jax.tree.map(lambda leaf, k=k: leaf[k], orbits)
+        yield BranchPoint(str(label), float(value), orbit, str(words), int(index), np.asarray(slope))
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(map(_tuples, value)) if isinstance(value, list) else value
