@@ -180,8 +180,9 @@ judge = judge_all("Y2.")
 EXPERIMENT = Experiment(
     name="identify-corexy-machines",
     title="CoreXY: a hundred machines fitted from afar, and what their intervals hold",
+    # The inputs were designed with machines of seed 0 in view: others are to tell how good they are.
     parameters={
-        "count": 100, "seed": 0, "starts": 128, "tries": 8, "candidates": 16, "rounds": 6, "workers": 1,
+        "count": 100, "seed": 1, "starts": 128, "tries": 8, "candidates": 16, "rounds": 6, "workers": 1,
     },
     quick={"count": 1, "starts": 4, "tries": 1, "candidates": 2, "rounds": 1},
     compute=compute,
