@@ -18,7 +18,6 @@ class Duty(Protocol):
 
     mark: str  # of one worker among several; empty for who is alone at the store
     threads: int | None  # that each worker computes with; None for what the caller says
-    reference: dict[str, Any] | None  # by which other processes make the same call
 
     def do(self, store: Store, evaluate: Evaluate, units: list[Block]) -> Any:
         """Do it; what is returned is handed to who gave the duty."""

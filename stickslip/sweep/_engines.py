@@ -51,6 +51,8 @@ def work_with(
     # Dask takes calls that look alike for one, and would run them once.
     engine = {"pure": False} if "pure" in inspect.signature(submit).parameters else {}
     options = {"seconds": seconds, "wait": wait, "expiry": expiry, "progress": False}
-    futures = [submit(work_on, os.path.abspath(path), **options, **engine) for _ in range(tasks)]
+    futures: list[Any] = [
+        submit(work_on, os.path.abspath(path), **options, **engine) for _ in range(tasks)
+    ]
     found = [future.result() for future in futures]
     return {"computed": sum(f["computed"] for f in found), "left": min(f["left"] for f in found)}

@@ -133,10 +133,10 @@ class _Plan:
     """Duty of who only makes the store."""
 
     mark = ""
-    threads = None
+    threads: int | None = None
 
     def __init__(self, reference: dict[str, Any]):
-        self.reference: dict[str, Any] | None = reference
+        self.reference = reference
 
     def do(self, store: Store, evaluate: Evaluate, units: list[Block]) -> dict[str, int]:
         if store.manifest["host_code"]:

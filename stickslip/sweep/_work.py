@@ -29,8 +29,6 @@ class Worker:
     - `wait`: for the units of others, to compute them if they die; else the end comes before.
     """
 
-    reference = None
-
     def __init__(
         self, *, expiry: float, seconds: float | None, wait: bool, progress: bool | None, threads: int
     ):

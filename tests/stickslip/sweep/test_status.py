@@ -62,7 +62,7 @@ def test_the_rate_is_that_of_the_latest_records(tmp_path):
     plan_sweep(_planned.small, path)
     work_on(path)
     for number in range(5):  # ten lanes in units of two, one each four seconds
-        os.utime(path / "finished" / f"{number:06d}.json", (1e9 + 4 * number,) * 2)
+        os.utime(path / "finished" / f"{number:06d}.json", (0.0, 1e9 + 4 * number))
     assert sweep_status(path)["lanes_per_second"] == pytest.approx(0.5)
 
 
