@@ -84,6 +84,23 @@ def test_one_call_goes_on_where_workers_left_it_and_they_where_it_did(whole, tmp
     assert contents(path) == contents(whole)
 
 
+def test_what_another_finished_meanwhile_is_not_computed_again(tmp_path, monkeypatch):
+    """Between a worker's look at the store and its first claim, another does everything."""
+    path, take, met = tmp_path / "store", Claims.take, []
+    plan_sweep(_planned.small, path)
+
+    def late(self, unit):
+        if not met:
+            met.append(unit)
+            assert work_on(path) == {"computed": 5, "left": 0}
+        return take(self, unit)
+
+    monkeypatch.setattr(Claims, "take", late)
+    assert work_on(path) == {"computed": 0, "left": 0}
+    assert met
+    assert computed(path) == 5
+
+
 def test_what_another_claims_is_left_to_him_and_taken_over_when_he_is_dead(whole, tmp_path):
     path = tmp_path / "store"
     shutil.copytree(whole, path)
