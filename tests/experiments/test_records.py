@@ -68,7 +68,7 @@ def test_full_runs_are_taken_over_and_others_left(tmp_path):
 def test_the_page_tells_what_was_not_run(tmp_path):
     write({}, load(), tmp_path)
     text = (tmp_path / "RESULTS.md").read_text(encoding="utf-8")
-    assert "Not run for this page: `block-fig02`, " in text
+    assert "Not run for this page: `block-branches`, `block-fig02`, " in text
     assert "| holds |" not in text
 
 
