@@ -5,7 +5,7 @@ from .._thresholds import Block
 from ._branches import with_branches
 from ._diagram import MODELS, PROTOCOL, QUICK
 from ._draw_branches import draw_branches
-from ._judge_branches import judge_branches
+from ._judge import judge_branches
 
 
 def compute(parameters, context):

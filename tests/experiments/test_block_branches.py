@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 from experiments._experiment import Context, chosen, load
 from experiments.block._branches import with_branches
 from experiments.block._diagram import MODELS
-from experiments.block._judge_branches import judge_branches
+from experiments.block._judge import judge_branches
 from experiments.block._sets import MASS, NAMES, RADIUS, start_values
 
 FIRST = 81.1341060  # N/m, of the simplified model: SciPy, below

@@ -291,6 +291,7 @@ def test_without_a_kill_nothing_is_computed_twice(tmp_path):
     assert open_dataset(tmp_path / "store").attrs["sweep_state"] == "finished"
 
 
+@pytest.mark.slow
 def test_a_pool_of_processes(tmp_path, whole):
     path = tmp_path / "store"
     plan_sweep(_planned.small, path)
