@@ -138,7 +138,8 @@ def labelled_states(orbits: PeriodicOrbit, system: AbstractHybridSystem) -> dict
 def _modes(system: AbstractHybridSystem, sequence: tuple) -> str:
     """Modes of a sequence by name, in the order in which they are entered."""
     # Without events the sequence is the one mode that there is.
-    return ", ".join(system.mode_names[m[1] if isinstance(m, tuple) else m] for m in sequence)
+    modes = [m[1] if isinstance(m, tuple) else m for m in sequence]
+    return ", ".join(str(system.mode_names[mode]) for mode in modes)
 
 
 def special_of(special: Special, problem: Problem) -> BranchPoint:

@@ -97,8 +97,10 @@ def continue_orbit(
     check_count("max_points", max_points, 1)
     check_flag("both", both)
     tests = functions_of(functions)
-    if special is not None or rest is not None:
-        value = (special or rest).value
+    if special is not None:
+        value = special.value
+    elif rest is not None:
+        value = rest.value
     if not low <= value <= high:
         raise refusal("bounds", (low, high), f"around the value of {parameter}, {value}")
     problem = problem_of(
@@ -142,7 +144,9 @@ def continue_orbit(
     return branch_of(parameter, backward[::-1] + forward, specials, system, problem)
 
 
-def _start_of(system: AbstractHybridSystem, orbit: Any, args: PyTree):
+def _start_of(
+    system: AbstractHybridSystem, orbit: Any, args: PyTree
+) -> tuple[BranchPoint | None, EquilibriumPoint | None, Any]:
     """Special point, Hopf point (None where it is neither), and the orbit or guess to begin with."""
     kinds = PeriodicOrbit | OrbitGuess | BranchPoint | EquilibriumPoint
     words = "a PeriodicOrbit, an OrbitGuess, a BranchPoint or an EquilibriumPoint"
@@ -155,7 +159,7 @@ def _start_of(system: AbstractHybridSystem, orbit: Any, args: PyTree):
     if isinstance(orbit, OrbitGuess):
         return None, None, concrete_guess(system, orbit, args)
     special = orbit if isinstance(orbit, BranchPoint) else None
-    known = orbit if special is None else special.orbit
+    known: Any = orbit if special is None else special.orbit
     if np.shape(known.period) != () or not bool(known.successful):
         raise refusal("orbit", orbit, "one successful PeriodicOrbit")
     return special, None, known

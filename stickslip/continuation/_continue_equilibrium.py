@@ -157,7 +157,7 @@ def _corrected(field: _Field, u: np.ndarray, along: np.ndarray, sense: np.ndarra
     # In the state's own units: of a scaled matrix they are the same, but not the vectors.
     own = jacobian[:, :-1] / field.size[None, :-1]
     rates, vectors = np.linalg.eig(own)
-    order = np.lexsort((-rates.imag, -rates.real))
+    order = np.lexsort((-np.imag(rates), -np.real(rates)))
     return _Rest(u, tangent, jacobian / rows[:, None], rates[order], vectors[:, order])
 
 

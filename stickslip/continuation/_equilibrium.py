@@ -55,7 +55,7 @@ class EquilibriumBranch(eqx.Module):
     @property
     def stable(self) -> np.ndarray:
         """Whether all eigenvalues have negative real parts, `[point]`."""
-        return np.all(self.eigenvalues.real < 0.0, axis=1)
+        return np.all(np.real(self.eigenvalues) < 0.0, axis=1)
 
     def __getitem__(self, label: str) -> tuple[EquilibriumPoint, ...]:
         """All special points with a label."""
@@ -89,8 +89,8 @@ class EquilibriumBranch(eqx.Module):
         rate = {"units": "1/s"}
         data: dict[str, Any] = {
             "stable": ("point", self.stable),
-            "eigenvalue_real": (("point", "eigenvalue"), self.eigenvalues.real, rate),
-            "eigenvalue_imag": (("point", "eigenvalue"), self.eigenvalues.imag, rate),
+            "eigenvalue_real": (("point", "eigenvalue"), np.real(self.eigenvalues), rate),
+            "eigenvalue_imag": (("point", "eigenvalue"), np.imag(self.eigenvalues), rate),
             "label": ("special", np.array([s.label for s in self.specials], dtype=str)),
             f"special_{self.parameter}": ("special", np.array([s.value for s in self.specials]), unit),
             "special_period": (

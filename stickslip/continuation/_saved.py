@@ -140,8 +140,8 @@ def _with_leaves(dataset: "xr.Dataset", prefix: str, axis: str, orbits: Periodic
 def _real(array: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
     """Files hold no complex numbers."""
     if np.iscomplexobj(array):
-        yield ".real", array.real
-        yield ".imag", array.imag
+        yield ".real", np.real(array)
+        yield ".imag", np.imag(array)
     else:
         yield "", array.astype(np.int8) if array.dtype == bool else array
 
