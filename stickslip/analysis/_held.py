@@ -37,12 +37,13 @@ def held_directions(
     flat, unravel = ravel_pytree(y)
 
     def held(z):
-        found = system.constraints(t, unravel(z), mode, args)
-        return None if found is None else [jnp.asarray(c, flat.dtype) + 0.0 * z[0] for c in found]
+        found = system.constraints(t, unravel(z), mode, args) or ()
+        return jnp.stack([0.0 * z[0], *(jnp.asarray(c, flat.dtype) + 0.0 * z[0] for c in found)])
 
-    if not flat.size or jax.eval_shape(held, flat) is None:
+    asked = jax.eval_shape(lambda z: system.constraints(t, unravel(z), mode, args), flat)
+    if not flat.size or asked is None:
         return moving[:, None] * _by_transitions(system, t, flat, unravel, mode, args, unit)
-    normals = jax.jacfwd(lambda z: jnp.stack([*held(z), 0.0 * z[0]]))(flat)
+    normals = jax.jacfwd(held)(flat)
     return moving[:, None] * _beside(normals * (unit * moving)[None, :])
 
 
