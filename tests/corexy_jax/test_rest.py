@@ -31,8 +31,9 @@ def ends(voltage, tension_1, tension_2, ts=None, step=None):
     return jnp.stack([run.y1.x, run.y1.y]), run.num_events, run.successful, run.flags
 
 
-@pytest.mark.parametrize("rows", [7, pytest.param(601, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("points", [3, pytest.param(12, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("rows", [7, 601])
+@pytest.mark.parametrize("points", [3, 12])
 def test_the_motion_does_not_depend_on_the_rows(points, rows):
     """With the guards unchecked at rest the first of these points stands still without rows."""
     tension, volts = np.meshgrid(np.linspace(20, 60, points), np.linspace(1.5, 4.5, points))

@@ -26,6 +26,7 @@ def labels(branch):
     return [(special.label, special.value) for special in branch.specials]
 
 
+@pytest.mark.slow
 def test_discontinuous_fold():
     """Stick-slip orbit and slip cycle end in one point; the latter also in its Hopf point."""
     system = WeakeningBlock(belt_speed=0.6, damping=0.5)

@@ -127,6 +127,7 @@ def test_random_machines_with_bristles_are_scipys(name, kind):
         np.testing.assert_allclose(lanes[i], by_scipy(name, kind, p), rtol=1e-6, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_slopes_of_a_machine_with_bristles_are_those_of_differences():
     p = {key: row[0] for key, row in parameters(1, 3).items()}
 

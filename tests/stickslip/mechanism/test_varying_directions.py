@@ -39,7 +39,8 @@ class Curved(AbstractMechanism):
         }
 
 
-@pytest.mark.parametrize("number", [40, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [40, 1000])
 def test_random_runs_are_those_of_fine_steps_without_flags(number):
     """What gave way used to be stopped again at once by the drift of its rest, one run in six."""
     p = np.random.default_rng(0).uniform(

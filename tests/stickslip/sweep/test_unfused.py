@@ -25,6 +25,7 @@ class Pushed(ss.AbstractSmoothSystem):
         return Motion(y.v, jnp.where(inside, FORCE, 0.0))
 
 
+@pytest.mark.slow
 def test_reverse_derivatives_by_the_times_of_breaks_fuse():
     """Their look at the next break was an index, whose reverse derivative the compiler refuses."""
 
