@@ -9,7 +9,7 @@ import numpy as np
 
 from .._outcome import names_of, tally
 from .._types import Given
-from .._validation import is_concrete, refusal
+from .._validation import is_concrete, misshaped, refusal
 
 ResultT = TypeVar("ResultT")
 
@@ -35,7 +35,7 @@ def raise_failures(solution: ResultT, successful: Given[bool | np.ndarray | jax.
     was found inside. Under a transformation the error is raised when the program runs.
 
     Errors: `SimulationError` for a lane that failed; `TypeError` for a `solution` that has no
-    `result`, and for flags that are not booleans.
+    `result`, and for flags that are not booleans; `ValueError` for flags of another shape.
     """
     if not isinstance(solution, eqx.Module) or not hasattr(solution, "result"):
         raise refusal("solution", solution, "a module with a field `result` of RESULTS", TypeError)
@@ -43,6 +43,9 @@ def raise_failures(solution: ResultT, successful: Given[bool | np.ndarray | jax.
     if not (array or isinstance(successful, bool)):
         raise refusal("successful", successful, "True or False, or an array of them", TypeError)
     result: Any = solution
+    lanes = np.shape(result.result._value)
+    if np.shape(successful) not in ((), lanes):
+        raise misshaped("successful", successful, f"one flag, or of the shape of the results, {lanes}")
     if is_concrete((successful, result.result)):
         if np.asarray(successful).all():
             return solution
@@ -57,6 +60,8 @@ def _message(solution: Any, successful: np.ndarray) -> str:
     failed = names[~successful]
     enumeration = solution.result._enumeration
     texts = {name: enumeration[getattr(enumeration, name)] for name in tally(failed)}
+    # The caller knows of a failure that the result does not.
+    texts = {name: text or "the caller says that it failed" for name, text in texts.items()}
     if successful.ndim == 0:
         (name,) = texts
         end = getattr(solution, "t1", None)

@@ -245,6 +245,8 @@ def test_throw_raises_the_message():
     found = many(jnp.array([0.2, 0.1]))
     with pytest.raises(ss.SimulationError, match=r"^1 of 2 runs failed:\n  1 max_events_reached: "):
         raise_failures(found, jnp.array([True, False]))
+    with pytest.raises(ValueError, match=r"successful.*one flag, or of the shape of the results"):
+        raise_failures(found, jnp.array([True, False, True]))
 
 
 def test_max_steps_and_crossings_have_codes():
