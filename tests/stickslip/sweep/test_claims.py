@@ -20,14 +20,31 @@ class Turns:
         self.waiting: dict[threading.Thread, threading.Event] = {}
         self.arrived = threading.Condition()
 
-    def __getattr__(self, name):
-        step = getattr(self.ground, name)
+    def _in_turn(self, name, *args):
+        self.wait()
+        return getattr(self.ground, name)(*args)
 
-        def in_turn(*args):
-            self.wait()
-            return step(*args)
+    # One by one: a protocol is recognised by attributes of the class.
+    def now(self, *args):
+        return self._in_turn("now", *args)
 
-        return in_turn
+    def names(self, *args):
+        return self._in_turn("names", *args)
+
+    def create(self, *args):
+        return self._in_turn("create", *args)
+
+    def look(self, *args):
+        return self._in_turn("look", *args)
+
+    def touch(self, *args):
+        return self._in_turn("touch", *args)
+
+    def expire(self, *args):
+        return self._in_turn("expire", *args)
+
+    def remove(self, *args):
+        return self._in_turn("remove", *args)
 
     def wait(self):
         event = threading.Event()
