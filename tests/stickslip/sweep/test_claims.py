@@ -25,26 +25,26 @@ class Turns:
         return getattr(self.ground, name)(*args)
 
     # One by one: a protocol is recognised by attributes of the class.
-    def now(self, *args):
-        return self._in_turn("now", *args)
+    def now(self):
+        return self._in_turn("now")
 
-    def names(self, *args):
-        return self._in_turn("names", *args)
+    def names(self):
+        return self._in_turn("names")
 
-    def create(self, *args):
-        return self._in_turn("create", *args)
+    def create(self, name, text):
+        return self._in_turn("create", name, text)
 
-    def look(self, *args):
-        return self._in_turn("look", *args)
+    def look(self, name):
+        return self._in_turn("look", name)
 
-    def touch(self, *args):
-        return self._in_turn("touch", *args)
+    def touch(self, name):
+        return self._in_turn("touch", name)
 
-    def expire(self, *args):
-        return self._in_turn("expire", *args)
+    def expire(self, name):
+        return self._in_turn("expire", name)
 
-    def remove(self, *args):
-        return self._in_turn("remove", *args)
+    def remove(self, name):
+        return self._in_turn("remove", name)
 
     def wait(self):
         event = threading.Event()
