@@ -84,14 +84,8 @@ def feedforward(
     the_machine(parameters, "parameters")
     known_machine(parameters)
     points = rows_of_points("points", points)
-    limit = float(one_concrete("volts", volts, "positive"))
-    margin = float(check_between("margin", one_concrete("margin", margin, "positive"), 0, 1))
-    error = float(one_concrete("tension_error", tension_error, "not negative"))
-    if error >= 1.0:
-        raise refusal("tension_error", error, "below 1")
-    check_count("steps", steps, 1)
-    wrong = list(itertools.product((1.0 - error, 1.0 + error), repeat=2)) if error else []
-    machines = [parameters, *(with_tensions(parameters, *factors) for factors in wrong)]
+    limit, margin, error = plan_limits(volts, margin, tension_error, steps)
+    machines = machines_within(parameters, error)
     for share in SHARES if error else (1.0,):
         plan = _plan(machines, points, limit, margin, share * margin, steps)
         # What a line that stops early does to the belts is not of first order: see whether they hold.
@@ -124,6 +118,23 @@ def _plan(
             raise _unreachable(points, i, "belts and voltage are too weak against the friction")
         found.append((leg, pieces))
     return joined(machines[0], points, found)
+
+
+def plan_limits(volts: Any, margin: Any, tension_error: Any, steps: Any) -> tuple[float, float, float]:
+    """Voltage, margin and error of the tensions as numbers. Errors: `ValueError`, `TypeError`."""
+    limit = float(one_concrete("volts", volts, "positive"))
+    margin = float(check_between("margin", one_concrete("margin", margin, "positive"), 0, 1))
+    error = float(one_concrete("tension_error", tension_error, "not negative"))
+    if error >= 1.0:
+        raise refusal("tension_error", error, "below 1")
+    check_count("steps", steps, 1)
+    return limit, margin, error
+
+
+def machines_within(parameters: CoreXYParameters, error: float) -> list[CoreXYParameters]:
+    """The machine, then those whose two tensions are off by this part of them, both ways."""
+    wrong = itertools.product((1.0 - error, 1.0 + error), repeat=2) if error else ()
+    return [parameters, *(with_tensions(parameters, *factors) for factors in wrong)]
 
 
 def known_machine(parameters: CoreXYParameters) -> None:

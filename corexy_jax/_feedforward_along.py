@@ -1,6 +1,5 @@
 """Voltages that move the collar along a curve in the shortest time with both motors rolling."""
 
-import itertools
 from typing import Any
 
 import jax.numpy as jnp
@@ -9,17 +8,14 @@ import numpy as np
 from stickslip.checks import (
     Given,
     Numeric,
-    check_between,
-    check_count,
     check_type,
-    one_concrete,
     refusal,
 )
 
 from ._along import Limits, Motion, fastest, forces, motor_volts, tied_line
 from ._arguments import the_machine
 from ._curve_grid import Grid, cut
-from ._feedforward import SHARES, break_away, known_machine, with_tensions
+from ._feedforward import SHARES, break_away, known_machine, machines_within, plan_limits
 from ._leg import LINES, Leg, plain
 from ._parameters import CoreXYParameters
 from ._path import Path
@@ -70,14 +66,8 @@ def feedforward_along(
     """
     known_machine(the_machine(parameters, "parameters"))
     check_type("path", path, Path, "a Path")
-    limit = float(one_concrete("volts", volts, "positive"))
-    margin = float(check_between("margin", one_concrete("margin", margin, "positive"), 0, 1))
-    error = float(one_concrete("tension_error", tension_error, "not negative"))
-    if error >= 1.0:
-        raise refusal("tension_error", error, "below 1")
-    check_count("steps", steps, 1)
-    wrong = list(itertools.product((1.0 - error, 1.0 + error), repeat=2)) if error else []
-    machines = [parameters, *(with_tensions(parameters, *factors) for factors in wrong)]
+    limit, margin, error = plan_limits(volts, margin, tension_error, steps)
+    machines = machines_within(parameters, error)
     grid = cut(path, steps)
     why = ""
     for share in SHARES if error else (1.0,):
