@@ -23,7 +23,7 @@ from .._validation import (
     refusal,
 )
 from ._evolution import Evolution
-from ._many_starts import check_lanes, evaluated, evaluator
+from ._many_starts import asked_width, check_lanes, evaluated, evaluator
 from ._sensitivity import Sensitivity
 from ._unknowns import NamedUnknowns, scalars
 
@@ -121,7 +121,7 @@ def design_input(
         """Criterion and sensitivities of inputs in parts of the limits."""
         inputs = low + points.reshape(population, *low.shape) * (high - low)
         program, each = evaluator(residual, space, chunk_size, executor, population, (inputs, *shared))
-        matrix = evaluated(program, z, each, rows)[1]
+        matrix = evaluated(program, z, each, rows, asked_width(program, chunk_size))[1]
         return np.array([_criterion(one, kept, criterion) for one in matrix]), matrix
 
     points = np.random.default_rng(seed).uniform(size=(population, low.size))

@@ -167,7 +167,7 @@ def sensitivities(
     each = jax.tree.map(np.asarray, each)
     program, each = evaluator(residual, space, chunk_size, executor, count, each)
     rows, z = np.arange(count), space.coordinates(found)
-    matrix = evaluated(program, z, each, rows)[1]
+    matrix = evaluated(program, z, each, rows, asked_width(program, chunk_size))[1]
     return Sensitivity(space.names, jnp.asarray(matrix))
 
 
@@ -231,10 +231,15 @@ def _most(program: map_lanes) -> int:
 
 def _width(program: map_lanes, count: int, chunk_size: int | None) -> int:
     """Rows of every call: of few starts few, but not of each number its own, which would compile."""
-    width, most = FEWEST, _most(program)
+    asked, width = asked_width(program, chunk_size), FEWEST
     while width < count:
         width *= WIDER
-    return most if chunk_size is not None else min(width, most)
+    return min(width, _most(program)) if asked is None else asked
+
+
+def asked_width(program: map_lanes, chunk_size: int | None) -> int | None:
+    """Rows of every call if chunks of one size are asked for: one program then, however few the rows."""
+    return None if chunk_size is None else _most(program)
 
 
 def evaluated(

@@ -2,11 +2,13 @@
 
 import functools
 
+import jax
+import jax.monitoring
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from stickslip.identification import Normal, Unknown, sensitivity
+from stickslip.identification import Normal, Unknown, sensitivities, sensitivity
 from stickslip.identification import design_input as design_on
 
 design_input = functools.partial(design_on, executor="portable", criterion="D")
@@ -80,3 +82,28 @@ def test_what_cannot_be_designed_is_refused():
         design_input(plane, HERE, np.zeros(2), 1.0, start=[0.5, 1.5])
     with pytest.raises(ValueError, match=r"about = .*: it must be some of the names a, b"):
         design_input(plane, HERE, np.zeros(2), 1.0, about=["c"])
+
+
+def test_chunks_of_one_size_are_one_program_for_any_number_of_inputs():
+    """Of a machine each program takes ten seconds to trace and lower, whatever is kept on disk."""
+    lowered = []
+
+    def hear(event, seconds, fun_name="", **_):
+        if event.endswith("jaxpr_to_mlir_module_duration") and fun_name == "jit(run)":
+            lowered.append(event)
+
+    def residual(values, u):
+        return line(values, u)
+
+    options = {"chunk_size": 4, "executor": "portable"}
+    jax.monitoring.register_event_duration_secs_listener(hear)
+    try:
+        for count in (5, 3):
+            rows = {name: np.ones(count) for name in HERE}
+            inputs = np.linspace(0.0, 1.0, count)[:, None] * np.array([0.0, 1.0])
+            found = sensitivities(residual, rows, inputs, **options)
+            np.testing.assert_allclose(found.matrix[..., 0], inputs, atol=1e-15)
+        design_on(residual, HERE, np.zeros(2), 1.0, rounds=2, population=6, **options)
+    finally:
+        jax.monitoring.unregister_event_duration_listener(hear)
+    assert len(lowered) == 1
