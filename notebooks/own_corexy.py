@@ -171,7 +171,7 @@ errors = {}
 for name, factor in plans.items():
     planned = log.assign(v1=factor * log["v1"], v2=factor * log["v2"])
     found = sensitivity(problem_of(planned, TENSIONS | BELT).residual_function, values)
-    errors[name] = {k: 100.0 * float(e) for k, e in found.standard_errors().items()}
+    errors[name] = {k: 100.0 * float(e) for k, e in found.relative_standard_errors().items()}
 assert np.isinf(errors["as logged"]["mu_1k_b"])
 assert QUICK or errors["twice the voltage"]["mu_1k_b"] < 1.0
 print(pd.DataFrame(errors).round(4), "\nstandard errors [%]")
