@@ -38,13 +38,15 @@ def draw_branches(dataset: xr.Dataset) -> Figure:
 def _branch(left, right, branch: xr.Dataset) -> None:
     k3, stable = np.asarray(branch.orbit_k3), np.asarray(branch.orbit_stable).astype(bool)
     largest = np.nanmax(np.asarray(branch.orbit_multiplier), axis=1)
-    # In order of size, so that each line joins points of one kind.
+    # In order of size, so that each line joins points of one kind; another number of them is cut off.
     x = np.sort(np.asarray(branch.orbit_x), axis=1)
+    changes = np.flatnonzero(np.diff(np.isfinite(x).sum(axis=1))) + 1
     for wanted, colour, style in ((True, STABLE, "-"), (False, UNSTABLE, "--")):
         shown = stable == wanted
         shown[1:] |= stable[:-1] == wanted
         for column in x.T:
-            left.plot(k3, np.where(shown, column, np.nan), style, color=colour, linewidth=1.0)
+            height = np.insert(np.where(shown, column, np.nan), changes, np.nan)
+            left.plot(np.insert(k3, changes, np.nan), height, style, color=colour, linewidth=1.0)
         right.plot(k3, np.where(shown, largest, np.nan), style, color=colour, linewidth=1.0)
 
 

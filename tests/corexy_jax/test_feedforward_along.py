@@ -10,6 +10,8 @@ import scipy.integrate
 import scipy.optimize
 
 import corexy_jax as cx
+from corexy_jax._along import forces
+from corexy_jax._leg import plain
 from tests.corexy_jax.test_feedforward import MACHINE, needed
 
 ROUNDED = ((0.0, 0.0), (0.3, 0.0), (0.3, 0.2))
@@ -107,6 +109,20 @@ def greatest(direction, bend, x: float, sign: float, margin: float) -> float:
     found = scipy.optimize.linprog(np.array([-sign, 0.0, 0.0]), A_eq=balance, b_eq=right, bounds=bounds)
     assert found.success
     return float(found.x[0])
+
+
+@pytest.mark.parametrize("senses", [(1.0, -1.0, 1.0, 1.0), (-1.0, 0.0, -1.0, -1.0)])
+def test_limits_are_those_of_the_acceleration(senses):
+    """r'u + r''x is one acceleration: what limits a plan and what it is then made of are the same."""
+    rng = np.random.default_rng(2)
+    first, second = rng.normal(size=(2, 2))
+    u, x, hold = rng.normal(), rng.uniform(0.1, 3.0), 0.7
+    here, signs = plain(MACHINE), np.array(senses)
+    apart = forces(MACHINE, here, signs, first, second)
+    at_once = forces(MACHINE, here, signs, first * u + second * x, np.zeros(2))
+    for rows, whole in ((apart.belts, at_once.belts), (apart.volts, at_once.volts)):
+        expected = whole @ np.array([1.0, 0.0, hold, 1.0])
+        np.testing.assert_allclose(rows @ np.array([u, x, hold, 1.0]), expected, rtol=1e-12)
 
 
 @pytest.mark.slow
