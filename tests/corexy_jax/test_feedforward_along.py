@@ -10,7 +10,8 @@ import scipy.integrate
 import scipy.optimize
 
 import corexy_jax as cx
-from corexy_jax._along import forces
+from corexy_jax._along import _least, forces
+from corexy_jax._curve_grid import cut
 from corexy_jax._leg import plain
 from tests.corexy_jax.test_feedforward import MACHINE, needed
 
@@ -123,6 +124,26 @@ def test_limits_are_those_of_the_acceleration(senses):
     for rows, whole in ((apart.belts, at_once.belts), (apart.volts, at_once.volts)):
         expected = whole @ np.array([1.0, 0.0, hold, 1.0])
         np.testing.assert_allclose(rows @ np.array([u, x, hold, 1.0]), expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_an_axis_turns_back_fast_enough_for_friction_at_rest_to_break(axis):
+    """On a circle of radius R an axis turns back with the acceleration v^2 / R, which must be greater
+    than what friction at rest beyond friction in motion could hold."""
+    p, margin = MACHINE, 0.8
+    # Both passive pulleys of a side turn at twice the speed along x; both motors along x and y.
+    masses = (p.m + (8.0 * p.J_passive + 2.0 * p.J) / p.r**2,
+              p.M + p.m + (4.0 * p.J_passive + 2.0 * p.J) / p.r**2)  # fmt: skip
+    tension = 2.0 * 2.0**0.5 * (p.P1 + p.P2)
+    load = (p.m * p.g + tension, (p.M + p.m) * p.g)[axis]
+    grid = cut(arc(0.3, 2.0 * np.pi), 200)
+    (node, *_) = [
+        n for n in grid.parts[1:-1]
+        if grid.senses[n - 1, axis] != grid.senses[n, axis]
+    ]  # fmt: skip
+    radius = 1.0 / np.linalg.norm(grid.second[node, 0])
+    expected = float(load * (p.mu_s / margin - p.mu_k) * radius / masses[axis])
+    assert _least(p, plain(p), grid, int(node), margin) == pytest.approx(expected, rel=1e-6)
 
 
 @pytest.mark.slow
