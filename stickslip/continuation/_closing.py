@@ -68,7 +68,8 @@ class Frame(NamedTuple):
 class Closure(NamedTuple):
     """How well a motion closes: scaled residual, and what its pieces were.
 
-    `ends` are the ends of the pieces as flat states; `modes`, those at their ends.
+    `ends` are the ends of the pieces as flat states; `modes`, those at their ends. `sequence`: hash of
+    the guards and modes of each piece, `num_events` how many there are.
     """
 
     residual: Float[Array, " unknown"]
@@ -78,6 +79,7 @@ class Closure(NamedTuple):
     result: Any
     flags: Array
     sequence: Array
+    num_events: Array
 
 
 def unknowns(y: Float[Array, "segment size"], frame: Frame) -> Float[Array, " unknown"]:
@@ -117,10 +119,10 @@ def closure(
         )  # fmt: skip
         return (
             ravel_pytree(solution.y1)[0], solution.mode1, solution.successful, solution.result,
-            solution.flags, solution.sequence,
+            solution.flags, solution.sequence, solution.num_events,
         )  # fmt: skip
 
-    ends, after, good, result, flags, sequence = jax.vmap(piece)(times[:-1], times[1:], y, modes)
+    ends, after, *told = jax.vmap(piece)(times[:-1], times[1:], y, modes)
     away = ends - jnp.roll(y, -1, axis=0)
     # Of the last piece alone: the knots go on turning.
     away = away.at[-1].set(wrapped(away[-1], frame.turn))
@@ -128,7 +130,7 @@ def closure(
     if frame.free:
         plane = jnp.sum(frame.normal * (y[0] - frame.anchor) / frame.size)
         residual = jnp.append(residual, plane)
-    return Closure(residual, ends, after, good, result, flags, sequence)
+    return Closure(residual, ends, after, *told)
 
 
 def extent(

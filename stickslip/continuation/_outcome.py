@@ -36,6 +36,10 @@ class ORBITS(eqx.Enumeration):  # pyright: ignore[reportGeneralTypeIssues]
         "Simulated once more, in the mode that the system itself gives to the state, the motion does "
         "not return: a guard is violated at the start, or the orbit is too unstable for its accuracy."
     )
+    grazes = (
+        "Simulated once more, the motion has other events than that whose derivative was taken: it "
+        "touches a guard, to rounding, and the derivative may be that of either side. Move the parameter."
+    )
 
 
 NAMES = tuple(ORBITS._name_to_item)

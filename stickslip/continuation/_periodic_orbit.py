@@ -213,6 +213,11 @@ def described(motion, frame: Frame, found, tolerance, unravel, mode0, segments, 
         trivial, multipliers = jnp.asarray(jnp.nan), multipliers_of(monodromy, rank)
         rank = jnp.sum(multipliers != 0.0, dtype=jnp.int32)
 
+    # Where the motion touches a guard rounding decides whether there is an event.
+    same = jnp.sum(carried.num_events, dtype=jnp.int32) == solution.num_events
+    if segments == 1:
+        same &= carried.sequence[0] == solution.sequence
+
     reached = (found.norm <= tolerance) | (found.stalled & (found.norm <= STALLED * tolerance))
     strength = jnp.maximum(jnp.max(jnp.abs(monodromy)), 1.0)
     result = first_of(
@@ -223,6 +228,7 @@ def described(motion, frame: Frame, found, tolerance, unravel, mode0, segments, 
         (moves < SHRUNK, "at_rest"),
         (mode1 != mode0, "mode_differs"),
         (~(solution.successful & (closing <= CLOSES * strength)), "not_reproduced"),
+        (~same, "grazes"),
     )
     return PeriodicOrbit(
         t0=frame.t0,

@@ -1,4 +1,4 @@
-"""The forced block's tori against shooting with SciPy alone."""
+"""The forced block's tori and grazing orbits against shooting with SciPy alone."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -49,3 +49,48 @@ def test_torus_of_the_pure_slip_orbit(w, force):
     known = fsolve(wrong, [0.45 + force / (1.0 - w * w), 0.0, force], xtol=1e-13)
     assert known[2] == pytest.approx(force, abs=1e-9)
     assert torus.value == pytest.approx(known[2], abs=1e-9)
+
+
+def touch(turns, phase, w):
+    """Phase and frequency at which an orbit touches the speed of the belt, and its multipliers.
+
+    It does with v = 1 and no acceleration: x is then known too, and the motion from there closes.
+    """
+    force = 0.1
+
+    def state(z):
+        return [1.5 + force * np.cos(z[1] * z[0]), 1.0]
+
+    def slip_and_deviations(t, y, w):
+        rate = 1.5 - 1.35 * (1.0 - y[1]) ** 2
+        return *slip(t, y, force, w)[:2], y[3], rate * y[3] - y[2], y[5], rate * y[5] - y[4]
+
+    def last(z):
+        start = [*state(z), 1.0, 0.0, 0.0, 1.0]
+        span = z[0], z[0] + 2 * np.pi * turns / z[1]
+        options = {"rtol": 1e-12, "atol": 1e-13, "max_step": 0.2}
+        return solve_ivp(slip_and_deviations, span, start, "DOP853", args=(z[1],), **options).y[:, -1]
+
+    z = fsolve(lambda z: last(z)[:2] - state(z), [phase, w], xtol=1e-13)
+    found = np.linalg.eigvals(last(z)[2:].reshape(2, 2))
+    return z[1], found[np.argsort(-np.abs(found))]
+
+
+@pytest.mark.parametrize(
+    ("turns", "w", "start", "phase", "least"),
+    [(2, 1.67, (0.06294528, 0.05908821), 2.22, 1.665), (4, 1.711, (0.0693904, 0.00284825), 9.57, 1.7)],
+)
+def test_grazing_of_the_orbits_of_several_turns(turns, w, start, phase, least):
+    """The multipliers at the last orbit without stick are those of the slip, not of the other side."""
+    guess = OrbitGuess(Motion(*start), 2 * np.pi * turns / w, 0)
+    branch = continue_orbit(
+        ForcedBlock(0.1, w), guess, "frequency", (least, w + 0.0015), step=0.1,
+        forcing_period=of_frequency,
+    )  # fmt: skip
+    (graze,) = branch["GR"]
+    known, multipliers = touch(turns, phase, graze.value)
+    assert graze.words == "grazing-sliding, 0 events, 2 beyond"
+    assert int(graze.orbit.events.count) == 0
+    assert graze.value == pytest.approx(known, abs=1e-10)
+    np.testing.assert_allclose(np.asarray(graze.orbit.multipliers), multipliers, atol=1e-6)
+    assert not branch["PD"]
