@@ -77,6 +77,18 @@ def test_the_orbit_does_not_depend_on_where_it_begins(leine, start, mode, period
     assert found.multipliers.tolist() == [0.0]
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("segments", [3, 4])
+def test_several_pieces_give_the_same_orbit(leine, segments):
+    """Multiple shooting; some knots are in the stick, and the multiplier is zero all the same."""
+    start = OrbitGuess(Motion(0.0, -0.8), 12.0, 1)
+    found = periodic_orbit(LEINE, start, segments=segments)
+    assert bool(found.successful)
+    assert float(found.period) == pytest.approx(PERIOD, abs=2e-10)
+    assert found.multipliers.tolist() == [0.0]
+    assert float(found.trivial) == pytest.approx(1.0, abs=1e-9)
+
+
 def test_what_is_no_orbit_is_not_reported():
     """The equilibrium, and a period that fits nothing."""
     rest = 1.0 / 1.6
@@ -186,6 +198,7 @@ def test_ball_on_a_vibrating_table(strength):
     found = periodic_orbit(system, OrbitGuess(start, 2 * np.pi, 0, phase + np.pi), forced=True)
     assert bool(found.successful)
     assert float(found.determinant) == pytest.approx(e * e, abs=1e-11)
+    assert float(found.determinant_by_events) == pytest.approx(e * e, abs=1e-11)
     assert bool(found.stable) == (strength < np.hypot(speed, 2 * (1 + e * e) / (1 + e) ** 2))
 
 

@@ -1,0 +1,81 @@
+"""Orbits of several turns, and those that double, where all of them are known in closed form."""
+
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+import pytest
+
+import stickslip as ss
+from stickslip.continuation import OrbitGuess, continue_orbit, periodic_orbit
+
+pytestmark = pytest.mark.slow
+
+
+class Band(NamedTuple):
+    x: Any
+    y: Any
+    p: Any
+    q: Any
+
+
+class Twisted(ss.AbstractSmoothSystem):
+    r"""Cycle $r = 1$, $\theta = t$ in a band with half a twist: $z = R(\theta/2) w$,
+    $\dot w = (a w_1, -w_2) - |w|^2 w$. Multipliers $-e^{2\pi a}, -e^{-2\pi}, e^{-4\pi}$; from $a = 0$
+    on there is the orbit $|z|^2 = a$ of period $4\pi$, multipliers $e^{-8\pi a}, e^{-4\pi(1+a)}$."""
+
+    a: Any
+    units: ClassVar = {"x": "1", "y": "1", "p": "1", "q": "1"}
+
+    def vector_field(self, t, y, mode, args):
+        grow = 1.0 - y.x**2 - y.y**2
+        mean, part = 0.5 * (self.a - 1.0), 0.5 * (self.a + 1.0)
+        small = mean - y.p**2 - y.q**2
+        return Band(
+            grow * y.x - y.y,
+            grow * y.y + y.x,
+            small * y.p + part * (y.x * y.p + y.y * y.q) - 0.5 * y.q,
+            small * y.q + part * (y.y * y.p - y.x * y.q) + 0.5 * y.p,
+        )
+
+
+OPTIONS = {"bounds": (-0.1, 0.1), "step": 0.2}
+
+
+@pytest.fixture(scope="module")
+def twice():
+    """The branch of the cycle, from a guess of two turns."""
+    guess = OrbitGuess(Band(1.0, 0.0, 0.0, 0.0), 4 * np.pi)
+    return continue_orbit(Twisted(-0.05), guess, "a", **OPTIONS)
+
+
+def test_the_shortest_period_is_taken_where_the_orbit_is_traced_twice(twice):
+    """Round twice the multipliers are squares: what is a doubling would be a branch point."""
+    np.testing.assert_allclose(np.asarray(twice.orbits.period), 2 * np.pi, rtol=1e-10)
+    assert (np.asarray(twice.orbits.repeats) == 1).all()
+    (flip,) = twice["PD"]
+    assert flip.value == pytest.approx(0.0, abs=1e-9)
+    assert not twice["BP"]
+    largest = np.asarray(twice.orbits.multipliers)[:, 0]
+    np.testing.assert_allclose(largest, -np.exp(2 * np.pi * twice.values), rtol=1e-9)
+    assert (np.asarray(twice.orbits.stable) == (twice.values < 0)).all()
+
+
+def test_an_orbit_of_two_turns_says_so():
+    guess = OrbitGuess(Band(1.0, 0.0, 0.0, 0.0), 4 * np.pi)
+    found = periodic_orbit(Twisted(-0.05), guess)
+    assert int(found.repeats) == 2
+    assert complex(found.multipliers[0]) == pytest.approx(np.exp(-0.2 * np.pi), abs=1e-9)
+    assert "2 turns of a shorter one" in str(found)
+
+
+def test_orbits_of_twice_the_period_begin_at_the_doubling(twice):
+    (flip,) = twice["PD"]
+    doubled = continue_orbit(Twisted(-0.05), flip, "a", **OPTIONS)
+    a, y = doubled.values, doubled.orbits.y0
+    np.testing.assert_allclose(np.asarray(doubled.orbits.period), 4 * np.pi, rtol=1e-9)
+    np.testing.assert_allclose(np.asarray(y.p) ** 2 + np.asarray(y.q) ** 2, a, atol=1e-9)
+    assert a.min() < 1e-3
+    assert doubled["EP"][-1].value == pytest.approx(0.1, abs=1e-12)
+    found = np.asarray(doubled.orbits.multipliers)[:, 0]
+    np.testing.assert_allclose(found, np.exp(-8 * np.pi * a), rtol=1e-7)
+    assert np.asarray(doubled.orbits.stable).all()
