@@ -7,7 +7,7 @@ BIN := $(VENV)/bin
 RUN := $(BIN)/python
 READY := $(VENV)/.ready
 PACKAGES := stickslip corexy_jax experiments
-PEERS := numba heyoka
+PEERS := numba heyoka xpplab
 # What a user's shell may hold that would let another installation leak into ours.
 unexport PYTHONPATH PYTHONHOME PIP_TARGET PIP_PREFIX PIP_USER
 # Without bytecode every process of the tests would compile all libraries for six seconds.

@@ -16,7 +16,7 @@ from .._output import write_record
 
 FOLDER = pathlib.Path(__file__).parent / "records"
 PAGE = FOLDER.parent / "RESULTS.md"
-PEERS = ("numba", "heyoka")
+PEERS = ("numba", "heyoka", "xpplab")
 HEAD = """\
 # Benchmarks
 

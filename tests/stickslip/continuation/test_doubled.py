@@ -38,6 +38,27 @@ class Twisted(ss.AbstractSmoothSystem):
         )
 
 
+class Saddle(ss.AbstractSmoothSystem):
+    r"""Cycle $r = 1$; $\dot p = 0.1 p$, $\dot q = (a - 0.1) q$: at $a = 0$ the multipliers of a saddle
+    have the product 1."""
+
+    a: Any
+    units: ClassVar = {"x": "1", "y": "1", "p": "1", "q": "1"}
+
+    def vector_field(self, t, y, mode, args):
+        grow = 1.0 - y.x**2 - y.y**2
+        return Band(grow * y.x - y.y, grow * y.y + y.x, 0.1 * y.p, (self.a - 0.1) * y.q)
+
+
+def test_a_neutral_saddle_is_no_torus_point():
+    guess = OrbitGuess(Band(1.0, 0.0, 0.0, 0.0), 2 * np.pi)
+    branch = continue_orbit(Saddle(-0.05), guess, "a", (-0.06, 0.06), step=0.2)
+    found = np.asarray(branch.orbits.multipliers)
+    products = np.real(found[:, 0] * found[:, 1])
+    assert products.min() < 1.0 < products.max()
+    assert [special.label for special in branch.specials] == ["EP", "EP"]
+
+
 OPTIONS = {"bounds": (-0.1, 0.1), "step": 0.2}
 
 

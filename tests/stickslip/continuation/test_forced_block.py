@@ -6,7 +6,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import fsolve
 
-from stickslip.continuation import OrbitGuess, continue_orbit
+from stickslip.continuation import OrbitGuess, continue_orbit, periodic_orbit
 from tests.stickslip.continuation._systems import ForcedBlock, Motion
 
 pytestmark = pytest.mark.slow
@@ -74,6 +74,27 @@ def touch(turns, phase, w):
     z = fsolve(lambda z: last(z)[:2] - state(z), [phase, w], xtol=1e-13)
     found = np.linalg.eigvals(last(z)[2:].reshape(2, 2))
     return z[1], found[np.argsort(-np.abs(found))]
+
+
+def test_an_orbit_of_the_field_that_violates_a_guard_is_refused():
+    """Beyond its grazing the orbit of the slip field goes on, faster than the belt for a while."""
+    w, force = 1.66, 0.1
+
+    def wrong(y):
+        return end(y, force, w, 2).y[:2, -1] - y
+
+    def late(t, y, force, w):
+        return slip(t, y, force, w)[1]
+
+    y = fsolve(wrong, [0.0626, 0.067], xtol=1e-13)
+    late.direction = -1.0
+    run = end(y, force, w, 2, events=late)
+    top = int(np.argmax(run.y_events[0][:, 1]))
+    at, fastest = float(run.t_events[0][top]), run.y_events[0][top]
+    assert fastest[1] > 1.01
+    guess = OrbitGuess(Motion(float(fastest[0]), float(fastest[1])), 4 * np.pi / w, 0, at)
+    found = periodic_orbit(ForcedBlock(force, w), guess, forced=True)
+    assert not bool(found.successful)
 
 
 @pytest.mark.parametrize(

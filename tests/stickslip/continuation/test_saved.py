@@ -54,6 +54,16 @@ def test_a_branch_comes_back_as_it_was(branch, path):
         same(one.orbit.monodromy, other.orbit.monodromy)
 
 
+def test_the_slope_is_that_of_the_branch(branch):
+    """Radius sqrt(1 + a), period 2 pi: rates by the parameter."""
+    for end in branch["EP"]:
+        x, y, period, a = end.slope
+        radius = np.hypot(float(end.orbit.y0.x), float(end.orbit.y0.y))
+        along = (x * float(end.orbit.y0.x) + y * float(end.orbit.y0.y)) / radius
+        assert along / a == pytest.approx(0.5 / radius, rel=1e-6)
+        assert period / a == pytest.approx(0.0, abs=1e-8)
+
+
 def test_it_goes_on_beyond_its_end(branch, path):
     again = load_branch(path, SYSTEM, Cycle(0.0, 0.0))
     low, high = sorted(again["EP"], key=lambda end: end.value)
