@@ -21,6 +21,8 @@
 
 # %%
 import os
+import pathlib
+import tempfile
 from typing import Any, ClassVar
 
 import matplotlib.pyplot as plt
@@ -30,10 +32,13 @@ import stickslip as ss
 from stickslip import plot
 from stickslip.continuation import (
     OrbitGuess,
+    continue_equilibrium,
     continue_orbit,
     continue_point,
+    load_branch,
     orbit_guess,
     periodic_orbit,
+    save_branch,
 )
 from stickslip.friction import HyperbolicWeakening
 from stickslip.mechanism import AbstractMechanism, Contact
@@ -156,3 +161,33 @@ curve = continue_point(
 print(curve)
 plot.curve(curve).set_title("Discontinuous fold over speed and damping")
 plt.show()
+
+# %% [markdown]
+# ## Equilibria, and the orbits that are born at a Hopf point
+#
+# The same cycle from its other end: `continue_equilibrium` follows the state of rest in slip and locates
+# its Hopf point; from there `continue_orbit` follows the orbits that are born, up to the fold.
+
+# %%
+slip = block.mode_names.index("slip backward")
+rest = continue_equilibrium(block, block.state(x=0.35), "belt_speed", (0.3, 0.9), mode0=slip)
+print(rest)
+(point,) = rest["HB"]
+assert abs(point.value - hopf) < 1e-10
+if not QUICK:
+    born = continue_orbit(block, point, "belt_speed", (0.4, 0.8), step=0.2, max_points=80)
+    print(born)
+    assert abs(born["GR"][0].value - fold.value) < 1e-8
+
+# %% [markdown]
+# ## Branches as files
+#
+# A branch is written whole or not at all, as a netCDF file that `xarray` reads, and comes back to the
+# last bit; from an end that is a bound or `max_points` it goes on.
+
+# %%
+with tempfile.TemporaryDirectory() as folder:
+    path = save_branch(branch, pathlib.Path(folder) / "branch.nc")
+    again = load_branch(path, block, block.state(x=0.0))
+assert repr(again) == repr(branch)
+assert (again.values == branch.values).all()

@@ -87,5 +87,6 @@ def branch(case: Case, start: np.ndarray, period: float, low: float, high: float
         epsl=1e-9, epsu=1e-9, epss=1e-9,
     )  # fmt: skip
     points = list(block.auto.start("periodic", "k3"))
-    found = np.array([(p.value, p.period) for p in points])
+    # The first point is the start as it was given; AUTO corrects from the second one on.
+    found = np.array([(p.value, p.period) for p in points[1:]])
     return found, np.array([(p.value, p.period) for p in points if p.type == "PD"])

@@ -103,7 +103,7 @@ def by_scipy(case: Case, state: np.ndarray, period: float):
 
 
 def compare(*, with_auto: bool = True) -> list[dict[str, Any]]:
-    """A row for each: seconds of the first call and of a second, orbits, doubling, differences to ours."""
+    """A row for each: seconds of two calls, orbits, doubling, and by how much they differ from ours."""
     case = set_a()
     state, period = start(case)
     ways = {"stickslip": ours, "SciPy, differences": by_scipy}

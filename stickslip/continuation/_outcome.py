@@ -38,7 +38,7 @@ class ORBITS(eqx.Enumeration):  # pyright: ignore[reportGeneralTypeIssues]
     )
     grazes = (
         "Simulated once more, the motion has other events than that whose derivative was taken: it "
-        "touches a guard, to rounding, and the derivative may be that of either side. Move the parameter."
+        "touches a guard, to rounding, and the derivative may be that of either side. Move a parameter."
     )
 
 

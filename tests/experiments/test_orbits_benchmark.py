@@ -1,4 +1,4 @@
-"""The branch of the smooth block: the same doubling by shooting with SciPy, and by AUTO if it is there."""
+"""The branch of the smooth block: the same doubling by shooting with SciPy, and by AUTO if present."""
 
 import math
 
