@@ -32,7 +32,6 @@ SHRINKS = 0.3
 AT_REST = 1e-4
 LEAST_ROUND = 8  # orbits of a closed branch
 CUT_OFF = ("max_points", "bounds")  # ends beyond which a branch goes on
-SAME_BORDER = 1e-4  # of the sizes: two views of a border that are farther apart are of two borders
 STUCK = 1e-7  # of the step: a branch that goes on by less ends
 
 
@@ -87,6 +86,9 @@ def continue_orbit(
 
     The loop is Python and runs outside `jit`; it compiles three programs for the first branch of a
     system and none for later ones. Of a `GR` point `words` name the sliding bifurcation.
+    It is the last orbit of the sequence that the branch came with. Where this one has the events that
+    vanish there, a stick of hardly any length is lost in rounding before it has none: such points are
+    known to some 1e-8 of the bounds' distance, from the other side to 1e-9 or better.
 
     **Errors** `ValueError`/`TypeError` naming the argument, before compilation.
     """
@@ -305,19 +307,4 @@ def _change(problem: Problem, last: Point, new: Point, index: int) -> Special:
     events = int(last.orbit.events.count), int(new.orbit.events.count)
     kind = kind_of(problem.system, last, new)
     words = f"{kind}{', ' * bool(kind)}{events[0]} events, {events[1]} beyond"
-    if events[0] == events[1]:
-        return Special("SQ", last, words, index)
-    return Special("GR", last if events[0] < events[1] else _touching(problem, last, new), words, index)
-
-
-def _touching(problem: Problem, last: Point, new: Point) -> Point:
-    """The border between a sequence and one of fewer events beyond it, from the side of the latter.
-
-    A stick of hardly any length is lost in rounding before it has none, while the motion without it is
-    smooth up to the border: in the parameter that is 1e-8 against 1e-11 where a stick grows with the
-    root of the distance.
-    """
-    reach = 2.0 * float(np.linalg.norm(new.u - last.u))
-    found, at = border(problem, turned(new), reach, alike(new))
-    off = np.abs(found.u - last.u)
-    return turned(found) if 0.0 < at < reach and np.max(off) < SAME_BORDER else last
+    return Special("SQ" if events[0] == events[1] else "GR", last, words, index)

