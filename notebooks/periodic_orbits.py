@@ -165,8 +165,8 @@ plt.show()
 # %% [markdown]
 # ## Equilibria, and the orbits that are born at a Hopf point
 #
-# The same cycle from its other end: `continue_equilibrium` follows the state of rest in slip and locates
-# its Hopf point; from there `continue_orbit` follows the orbits that are born, up to the fold.
+# The same cycle from its other end: `continue_equilibrium` follows the rest in slip and locates its
+# Hopf point; from there `continue_orbit` follows the orbits that are born, up to the fold.
 
 # %%
 slip = block.mode_names.index("slip backward")
