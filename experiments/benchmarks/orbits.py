@@ -90,14 +90,13 @@ def by_scipy(case: Case, state: np.ndarray, period: float):
         rows.append((k3, period))
         least = float(np.linalg.eigvals(monodromy(state, period, k3)).real.min()) + 1.0
         if before is not None and before * least < 0.0:
-            known = state, period
 
-            def wrong(k3, known=known):
-                s, T = orbit(*known, k3)
+            def wrong(k3, s=state, T=period):
+                s, T = orbit(s, T, k3)
                 return float(np.linalg.eigvals(monodromy(s, T, k3)).real.min()) + 1.0
 
             at: Any = brentq(wrong, k3 - STEP, k3, xtol=1e-9)
-            flips.append((float(at), orbit(*known, float(at))[1]))
+            flips.append((float(at), orbit(state, period, float(at))[1]))
         before = least
     return np.array(rows), np.array(flips)
 
