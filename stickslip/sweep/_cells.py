@@ -127,7 +127,7 @@ class Cells:
         return apart
 
     def _on_cells(self) -> tuple[np.ndarray, np.ndarray]:
-        """Pairs of a cell and a point on it, some of them twice; each cell is in at least its corners'."""
+        """Pairs of a cell and a point on it, at the least its corners; some of them twice."""
         cells, points = [], []
         for depth in np.unique(self._depth):
             own = np.flatnonzero(self._depth == depth)
@@ -169,9 +169,7 @@ def _joined(places: np.ndarray, counts: Sequence[int]) -> np.ndarray:
     return key
 
 
-def _differ(
-    values: np.ndarray, point: np.ndarray, starts: np.ndarray, tolerance: float
-) -> np.ndarray:
+def _differ(values: np.ndarray, point: np.ndarray, starts: np.ndarray, tolerance: float) -> np.ndarray:
     """Whether any component of the results differs by more than a tolerance within each group.
 
     NaN is like NaN and unlike every number; an infinity is like itself alone.

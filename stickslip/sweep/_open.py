@@ -12,7 +12,6 @@ from .._paths import the_directory
 from .._validation import check_flag, refusal
 from ._cells import Cells
 from ._children import child
-from ._files import read_json
 from ._layout import REFINE
 from ._manifest import digest
 from ._read import open_store
@@ -30,8 +29,8 @@ def open_dataset(path: str | os.PathLike, *, verify: bool = True) -> xr.Dataset:
 
     **Returns** an `xarray.Dataset`. Its attribute `sweep_state` is `"finished"` or, e.g.,
     `"unfinished: 3 of 8 blocks"`, where the others hold NaN, -1, 0 or `False`; `sweep_verified` is
-    `"yes"` or `"no"`. (`run_sweep` returns the same with `"by size and age"`, see there.) Of a sweep that is
-    refined all points in memory, as `refine_sweep` returns them, as far as they are known.
+    `"yes"` or `"no"`. (`run_sweep` returns the same with `"by size and age"`, see there.) A sweep that
+    is refined is read into memory: all points that are known, as `refine_sweep` returns them.
 
     **Errors** `TypeError` if `path` is not a path, `ValueError` if it is not a store, or a file in
     it is not as it was written: the message names the file. `run_sweep` with the same arguments repairs
@@ -52,7 +51,7 @@ def open_dataset(path: str | os.PathLike, *, verify: bool = True) -> xr.Dataset:
 def refined_in(
     path: pathlib.Path, manifest: Mapping[str, Any], verify: bool, first: xr.Dataset | None = None
 ) -> Refined:
-    """The steps of a refinement as far as they are in the store; `ValueError` naming what is damaged."""
+    """The steps of a refinement, as far as they are there; `ValueError` naming what is damaged."""
     about = manifest["attributes"][REFINE]
     names = list(manifest["coordinates"])
     first = open_store(path, verify)[0] if first is None else first

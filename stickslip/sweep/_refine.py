@@ -54,7 +54,8 @@ def refine_sweep(
     """Evaluate `function` on a grid, then between its points, again and again, where neighbours differ.
 
     ```python
-    found = ss.sweep.refine_sweep(lane, {"speed": speeds, "load": loads}, {"period": 0, "code": 0}, levels=5)
+    grid = {"speed": np.linspace(0.1, 1.0, 20), "load": np.linspace(1.0, 2.0, 10)}
+    found = ss.sweep.refine_sweep(lane, grid, {"period": 0, "code": 0}, levels=5)
     ```
 
     A cell lies between two neighbouring values of one parameter, or four points of two. Where results
@@ -111,7 +112,8 @@ def refine_sweep(
         steps = _Steps(function, coords, options, about, stack)
         found = walk(Cells(list(coords.values()), levels, tolerances), steps, max_points)
         if found.stopped:
-            warnings.warn(f"{name}: {found.state}; what there is is kept.", RuntimeWarning, stacklevel=2)
+            said = f"{name}: {found.state}; what there is is kept."
+            warnings.warn(said, RuntimeWarning, stacklevel=2)
         steps.end()
     kept = {} if options.path is None else {"sweep_verified": found.parts[0].attrs["sweep_verified"]}
     return assembled(found, list(coords), kept)
@@ -238,13 +240,14 @@ def _check_results(layout: Layout, tolerances: Mapping[str, float]) -> None:
             raise refusal("by", name, f"of results of the function, which are {known}")
         kind = layout.outputs[name][1].kind
         if kind not in "fiub":
-            raise refusal(f"by[{name!r}]", tolerance, "of a real result: compare parts or absolute value")
+            raise refusal(f"by[{name!r}]", tolerance, "of a real result, not a complex one")
         if kind == "b" and tolerance >= 1:
             raise refusal(f"by[{name!r}]", tolerance, "below 1 for a result that is True or False")
+    allowed = f"one without results or axes called {' or '.join(OWN)}"
     for name, (_, _, label) in layout.outputs.items():
         for word in (name, *label.dims):
             if word in OWN:
-                raise refusal("function", word, f"one without results or axes called {' or '.join(OWN)}")
+                raise refusal("function", word, allowed)
 
 
 def _check_refined(path: pathlib.Path, tolerances: Mapping[str, float]) -> None:

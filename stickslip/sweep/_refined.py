@@ -75,8 +75,7 @@ def assembled(found: Refined, names: list[str], about: Mapping[str, Any]) -> xr.
     order: Any = np.argsort(place[0], kind="stable") if rank == 1 else slice(None)
     dim = names[0] if rank == 1 else LANE
     coords: dict[Any, Any] = {
-        name: (dim, values[order], first[name].attrs)
-        for name, values in zip(names, place, strict=True)
+        name: (dim, values[order], first[name].attrs) for name, values in zip(names, place, strict=True)
     }
     about_level = {"long_name": "halvings of the grid's cells that asked for the point"}
     coords[LEVEL] = (dim, cells.level[order], about_level)

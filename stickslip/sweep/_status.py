@@ -131,7 +131,8 @@ def status_lines(found: dict[str, Any]) -> list[str]:
     for claim in found["claims"]:
         state = "" if claim["alive"] else ", dead: free for others"
         where = f"step {claim['step']}, " if "step" in claim else ""
-        lines.append(f"{where}unit {claim['unit']}: {claim['who']}, seen {claim['age']:.0f} s ago{state}")
+        seen = f"seen {claim['age']:.0f} s ago{state}"
+        lines.append(f"{where}unit {claim['unit']}: {claim['who']}, {seen}")
     return lines
 
 

@@ -25,7 +25,7 @@ def refined(function, axes, levels, tolerance=0.0):
 
 
 def leaves(places, shape, levels):
-    """Cells by recursion: one whose middle is a point was halved; low corner, depth and points on it."""
+    """Cells by recursion, halved where the middle is a point: low corner, depth and points on it."""
     there = {tuple(place): i for i, place in enumerate(places.tolist())}
     side = 2**levels
 
@@ -84,7 +84,7 @@ def test_a_neighbour_that_was_whole_is_halved_for_a_point_on_its_edge():
     cells, values, steps = refined(finger, axes, 4)
     # From the column of cells that holds the end of the half plane, one to the right each time.
     assert [step.level for step in steps] == [1, 1, 1, 1, 2, 3, 4]
-    a, b = cells.points(cells.places)
+    a = cells.points(cells.places)[0]
     assert a[values.astype(bool)].max() == pytest.approx(1.6, abs=0.6 / 2**4)
 
 
