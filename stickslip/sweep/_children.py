@@ -1,7 +1,9 @@
 """The stores inside a store: the steps of a refinement, each a sweep of its own.
 
-STORE/refined/0001/      the points of the first step, a store like any other
-STORE/refined/0002.8f3c0a12.part/    of somebody who is making one, or was killed at it
+    STORE/refined/0001/                 the points of the first step, a store like any other
+    STORE/refined/0002.8f3c0a12.part/   of somebody who is making one, or was killed at it
+
+Which points a step has follows from the results before it.
 """
 
 import os

@@ -252,7 +252,7 @@ def test_status_counts_all_levels(whole, capsys):
 
 
 def kill_at_step(path, number):
-    """Start a worker, and kill it while it has another unit of a step; how many it has finished there."""
+    """Kill a worker at its second unit of a step or later; how many are finished there."""
     process = start(path)
     limit = time.monotonic() + 300
     step = path / "refined" / f"{number:04d}"
