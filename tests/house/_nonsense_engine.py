@@ -1,5 +1,6 @@
 """Right arguments of the engine and the sweeps."""
 
+import pathlib
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
 
@@ -236,7 +237,7 @@ SWEEPS = [
 
 def _inside(store):
     """Not in the working directory."""
-    return f"{INSIDE.name}/{store}" if isinstance(store, str) and store else store
+    return f"{INSIDE.name}/{store}" if isinstance(store, str | pathlib.Path) and str(store) else store
 
 
 TARGETS = [*ENGINE, *SWEEPS]
