@@ -9,7 +9,7 @@ os.environ.setdefault("XLA_FLAGS", f"--xla_force_host_platform_device_count={os.
 
 from stickslip.sweep import code_revision
 
-from . import beam, chain, corexy, derivatives, diagram, fit, latency, stick_slip
+from . import beam, chain, corexy, derivatives, diagram, fit, latency, stick_slip, workers
 from ._harness import machine
 from ._records import keep, record, write
 
@@ -22,6 +22,7 @@ BENCHMARKS = {
     "chain": chain.main,
     "fit": fit.main,
     "latency": latency.main,
+    "workers": workers.main,
 }
 
 
