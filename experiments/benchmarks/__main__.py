@@ -9,7 +9,7 @@ os.environ.setdefault("XLA_FLAGS", f"--xla_force_host_platform_device_count={os.
 
 from stickslip.sweep import code_revision
 
-from . import beam, chain, corexy, derivatives, diagram, fit, latency, orbits, stick_slip
+from . import beam, chain, corexy, derivatives, diagram, fit, latency, orbits, stick_slip, workers
 from ._harness import machine
 from ._records import keep, record, write
 
@@ -23,6 +23,7 @@ BENCHMARKS = {
     "fit": fit.main,
     "latency": latency.main,
     "orbits": orbits.main,
+    "workers": workers.main,
 }
 
 

@@ -238,7 +238,7 @@ def _width(program: map_lanes, count: int, chunk_size: int | None) -> int:
 
 
 def asked_width(program: map_lanes, chunk_size: int | None) -> int | None:
-    """Rows of every call if chunks of one size are asked for: one program then, however few the rows."""
+    """Rows of every call where chunks of one size are asked for: one program, however few the rows."""
     return None if chunk_size is None else _most(program)
 
 

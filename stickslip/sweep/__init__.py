@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from ._manifest import versions as versions
     from ._many import plan_sweep as plan_sweep
     from ._many import work_on as work_on
-    from ._read import open_dataset as open_dataset
+    from ._open import open_dataset as open_dataset
+    from ._refine import refine_sweep as refine_sweep
     from ._run import run_sweep as run_sweep
     from ._status import sweep_status as sweep_status
     from ._store import SweepMismatchError as SweepMismatchError
@@ -23,10 +24,11 @@ if TYPE_CHECKING:
 
 _LATER = {
     "run_sweep": "_run",
+    "refine_sweep": "_refine",
     "SweepMismatchError": "_store",
     "SweepWriteError": "_store",
     "Variable": "_layout",
-    "open_dataset": "_read",
+    "open_dataset": "_open",
     "plan_sweep": "_many",
     "work_on": "_many",
     "work_with": "_engines",
@@ -39,6 +41,7 @@ _LATER = {
 __all__ = [  # noqa: RUF022  # the order of the documentation
     "map_lanes",
     "run_sweep",
+    "refine_sweep",
     "plan_sweep",
     "work_on",
     "work_with",

@@ -142,8 +142,9 @@ def _verify(options: Any) -> int:
     if not damaged:
         print(f"{options.store}: every file is as it was written")
         return 0
-    what = "will be computed again by `work`" if options.repair else "are damaged"
-    print(f"{options.store}: {len(damaged):,} files {what}", file=sys.stderr)
+    many = "1 file" if len(damaged) == 1 else f"{len(damaged):,} files"
+    what = "to be computed again by `work`" if options.repair else "damaged"
+    print(f"{options.store}: {many} {what}", file=sys.stderr)
     return 1
 
 

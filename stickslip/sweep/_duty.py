@@ -5,7 +5,7 @@ import contextvars
 import os
 import pathlib
 from collections.abc import Iterator
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, NoReturn, Protocol, runtime_checkable
 
 from ._evaluate import Evaluate
 from ._grid import Block
@@ -21,6 +21,10 @@ class Duty(Protocol):
 
     def do(self, store: Store, evaluate: Evaluate, units: list[Block]) -> Any:
         """Do it; what is returned is handed to who gave the duty."""
+        ...
+
+    def goes_on(self, found: Any) -> bool:
+        """Whether a store that follows from the results of this one is to be worked on too."""
         ...
 
 
@@ -53,9 +57,9 @@ def duty_at(path: pathlib.Path | None) -> Duty | None:
     return here[1]
 
 
-def do_duty(store: Store, evaluate: Evaluate, units: list[Block]) -> None:
-    """Do it, and end the call."""
+def end_duty(found: Any) -> NoReturn:
+    """Hand on what was done, and end the call that described the sweep."""
     here = _HERE.get()
     assert here is not None
-    here[2].append(here[1].do(store, evaluate, units))
+    here[2].append(found)
     raise Done

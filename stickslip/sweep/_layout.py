@@ -16,6 +16,7 @@ from ._manifest import as_json
 
 DATA = "data.zarr"
 FINISHED = "finished"
+REFINE = "refine"
 _FILL = {"f": np.nan, "c": np.nan, "i": -1, "u": 0, "b": False}
 
 
@@ -59,6 +60,7 @@ class Layout:
     shard: tuple[int, ...]
     labels: Mapping[str, Variable]
     attrs: Mapping[str, Any]
+    refine: Mapping[str, Any] | None = None  # what further points follow from the results, if any
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -74,6 +76,7 @@ class Layout:
         return {
             "dataset": as_json(self.attrs),
             **{f"array {name}": as_json(label.attributes()) for name, label in labels.items()},
+            **({} if self.refine is None else {REFINE: as_json(self.refine)}),
         }
 
     def skeleton(self, attributes: Mapping[str, Any]) -> dict[str, bytes]:

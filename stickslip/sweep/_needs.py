@@ -1,6 +1,7 @@
 """What a sweep needs, from what of it is finished: cores, hours, bytes and files."""
 
 import contextlib
+import itertools
 import json
 import math
 from typing import Any
@@ -8,6 +9,7 @@ from typing import Any
 from .._paths import the_directory
 from .._types import Given, Path
 from .._validation import check_count
+from ._children import family
 from ._grid import MAX_LANES, blocks
 from ._layout import Files
 from ._progress import clock
@@ -30,7 +32,7 @@ def needs(store: Path, lanes: Given[int]) -> dict[str, Any]:
     files, there = Files(manifest), recorded(path)
     finished = [unit for unit in blocks(files.shape, files.sides) if unit.number in there]
     seconds, counted = 0.0, 0
-    for run in _diary(path):
+    for run in itertools.chain.from_iterable(map(_diary, family(path))):
         spent, n = run.get("core_seconds"), run.get("lanes")
         if isinstance(spent, int | float) and isinstance(n, int) and n > 0:
             seconds, counted = seconds + spent, counted + n

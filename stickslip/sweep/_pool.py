@@ -9,6 +9,7 @@ import sys
 import tempfile
 import time
 
+from ._children import family
 from ._files import read_json
 from ._layout import Files
 from ._progress import Progress
@@ -32,7 +33,7 @@ def run_processes(
     # What this process can import, they can.
     inherited = os.pathsep.join(os.path.abspath(place) for place in sys.path)
     environment = {**os.environ, "PYTHONPATH": inherited}
-    total, before = Files(read_json(path / "manifest.json")).total, len(recorded(path))
+    before, total = _count(path)
     meter = Progress(total, min(before, total), name="work", things="units", shown=progress)
     with contextlib.ExitStack() as stack:
         said = [stack.enter_context(tempfile.TemporaryFile()) for _ in range(processes)]
@@ -46,7 +47,8 @@ def run_processes(
         try:
             while any(process.poll() is None for process in running):
                 time.sleep(_LOOK)
-                meter.advance(min(len(recorded(path)), total) - meter.done)
+                there, meter.total = _count(path)  # which grows where a sweep is refined
+                meter.advance(min(there, meter.total) - meter.done)
         except BaseException:
             for process in running:
                 with contextlib.suppress(OSError):
@@ -57,7 +59,8 @@ def run_processes(
                 process.wait()
             meter.close()
         failed = [i for i, process in enumerate(running) if process.returncode != 0]
-        left = total - len(recorded(path))
+        there, total = _count(path)
+        left = total - there
         if failed:
             said[failed[0]].seek(0)
             lines = said[failed[0]].read().decode("utf-8", "replace").strip().splitlines()
@@ -66,4 +69,14 @@ def run_processes(
                 f"{len(failed)} of {processes} workers of store {str(path)!r} failed, the first one "
                 f"with: {last}. What is finished is kept; {left} of {total} units are left."
             )
-    return {"computed": total - before - left, "left": max(left, 0)}
+    return {"computed": there - before, "left": max(left, 0)}
+
+
+def _count(path: pathlib.Path) -> tuple[int, int]:
+    """How many units of a sweep have a record, and how many there are so far."""
+    there = total = 0
+    for store in family(path):
+        with contextlib.suppress(FileNotFoundError):
+            total += Files(read_json(store / "manifest.json")).total
+            there += len(recorded(store))
+    return there, total

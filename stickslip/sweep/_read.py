@@ -9,8 +9,6 @@ import numpy as np
 import xarray as xr
 from zarr.storage import LocalStore, WrapperStore
 
-from .._paths import the_directory
-from .._validation import check_flag, refusal
 from ._files import checksum, read_json
 from ._layout import DATA, Files, record_file
 from ._manifest import fault, identity
@@ -43,28 +41,9 @@ class _Vouched(WrapperStore):
                 yield name
 
 
-def open_dataset(path: str | os.PathLike, *, verify: bool = True) -> xr.Dataset:
-    """The results in a store, read from disk when they are used.
-
-    **Arguments**
-
-    - `path`: the store of a `run_sweep`.
-    - `verify`: compare every file with its checksum first. `False` reads what is there, also from a
-      damaged store or one of an older format, as far as that goes.
-
-    **Returns** an `xarray.Dataset`. Its attribute `sweep_state` is `"finished"` or, e.g.,
-    `"unfinished: 3 of 8 blocks"`, where the others hold NaN, -1, 0 or `False`; `sweep_verified` is
-    `"yes"` or `"no"`. (`run_sweep` returns the same with `"by size and age"`, see there.)
-
-    **Errors** `TypeError` if `path` is not a path, `ValueError` if it is not a store, or a file in
-    it is not as it was written: the message names the file. `run_sweep` with the same arguments repairs
-    most damage.
-    """
-    check_flag("verify", verify)
-    path = the_directory("path", path)
+def open_store(path: pathlib.Path, verify: bool) -> tuple[xr.Dataset, Any]:
+    """The results in one store, and its manifest, as far as there is one."""
     begin = f"path = {str(path)!r}"
-    if not path.is_dir():
-        raise refusal("path", str(path), "the directory of a sweep's store")
     manifest: Any = None
     try:
         manifest = read_json(path / "manifest.json")
@@ -77,9 +56,9 @@ def open_dataset(path: str | os.PathLike, *, verify: bool = True) -> xr.Dataset:
         if why is not None:
             raise ValueError(f"{begin} {why}: {_ASK}.")
         state, names = _verified(begin, path, manifest)
-        return _dataset(begin, path, state, "yes", names)
+        return _dataset(begin, path, state, "yes", names), manifest
     state = "unknown" if why is not None else _recorded(path, manifest)
-    return _dataset(begin, path, state, "no", None)
+    return _dataset(begin, path, state, "no", None), manifest if why is None else None
 
 
 def finished_dataset(path: pathlib.Path, manifest: Mapping[str, Any]) -> xr.Dataset:

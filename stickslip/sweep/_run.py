@@ -10,27 +10,22 @@ import numpy as np
 import xarray as xr
 from jaxtyping import PyTree
 
-from .._paths import DIRECTORY, the_directory
 from .._types import Given, Named, NamedRows, Path
 from .._validation import (
     check_callable,
-    check_count,
     check_flag,
-    check_in,
     check_mapping,
-    check_text,
-    check_type,
     leaves_of,
     misshaped,
     numbers,
     refusal,
 )
-from ._duty import do_duty, duty_at
-from ._evaluate import Evaluate, output_names
-from ._grid import CHUNK, Block, block_shape, blocks, check_grid, shard_shape
-from ._lanes import EXECUTORS
-from ._layout import Layout, Variable
-from ._manifest import FORMAT, as_json, code_revision, digest, versions
+from ._describe import Described, describe
+from ._duty import Duty, duty_at, end_duty
+from ._grid import block_shape, check_grid, shard_shape
+from ._layout import Variable
+from ._manifest import code_revision
+from ._options import Options, checked_options
 from ._progress import Progress
 from ._read import finished_dataset
 from ._store import Store
@@ -108,136 +103,91 @@ def run_sweep(
     nothing is kept.
     """
     coords = check_grid(grid)
-    check_text("name", name)
-    check_type("progress", progress, bool | None, "True, False or None")
-    variables, settings, inputs, attrs = (
-        check_mapping(key, value)
-        for key, value in (
-            ("variables", variables), ("settings", settings), ("inputs", inputs), ("attrs", attrs)
-        )
+    options = checked_options(
+        name=name, variables=variables, settings=settings, attrs=attrs, store=store, chunk=chunk,
+        shard=shard, resume=resume, progress=progress, executor=executor, workers=workers, hosts=hosts,
     )  # fmt: skip
-    for key, label in variables.items():
-        check_type(f"variables[{key!r}]", label, Variable, "a Variable")
-    check_flag("resume", resume)
+    inputs = check_mapping("inputs", inputs)
     check_flag("backward", backward)
     carry = _check_carry(carry)
     axis = _carried_axis(coords, carry, along, backward)
-    for key, value in (("chunk", chunk), ("shard", shard), ("workers", workers)):
-        if value is not None:
-            check_count(key, value, 1)
-    check_in("executor", executor, EXECUTORS)
-    check_in("hosts", hosts, ("alike", "any"))
-    path = None if store is None else the_directory("store", store, f"{DIRECTORY}, or None")
     if shard is not None and axis is not None:
         raise refusal("shard", shard, "unset with a carry, which needs each block before the next")
-    duty = duty_at(path)
-    if duty is not None and duty.threads is not None:
-        workers = duty.threads
     inputs = _check_inputs(inputs, coords)
     call = f"f({'' if carry is None else 'carry, '}{', '.join([*coords, *inputs])})"
     check_callable("function", function, call, *[carry][: carry is not None], **coords, **inputs)
-    shape = tuple(values.size for values in coords.values())
-    if chunk is None:
-        chunk = CHUNK if jax.default_backend() == "cpu" else 16 * CHUNK
-    sides = block_shape(shape, chunk, axis)
-    shards = sides if shard is None else shard_shape(shape, sides, shard)
-    evaluate = Evaluate(function, coords, inputs, sides, carry, axis, backward, executor, workers)
-    outputs = _labelled(evaluate.output_shapes(), coords, variables)
-    layout = Layout(
-        coords=coords,
-        outputs=outputs,
-        sides=sides,
-        shard=shards,
-        labels=variables,
-        attrs={"title": name, **as_json(attrs)},
+    duty = duty_at(options.path)
+    sweep = described_grid(
+        function, coords, options, duty, inputs=inputs, carry=carry, axis=axis, backward=backward
     )
-    program = evaluate.program()
-    manifest = {
-        "format": FORMAT,
-        # In this order: blocks of a square grid look alike in any.
-        "coordinates": list(coords),
-        "grid": {
-            key: {
-                "size": values.size,
-                "first": float(values[0]),
-                "last": float(values[-1]),
-                "sha256": digest(values),
-            }
-            for key, values in coords.items()
-        },
-        "block": list(sides),
-        "shard": list(shards),
-        "carried": None
-        if axis is None
-        else {
-            "along": list(coords)[axis],
-            "backward": backward,
-            "start": as_json(carry),
-            "sha256": digest(*map(np.asarray, jax.tree.leaves(carry))),
-        },
-        "inputs": {key: digest(*jax.tree.leaves(value)) for key, value in inputs.items()},
-        "outputs": {
-            key: {"shape": list(tail), "dtype": str(dtype), "dims": list(label.dims)}
-            for key, (tail, dtype, label) in outputs.items()
-        },
-        "settings": as_json(settings),
-        "program": program.digest,
-        "host_code": list(program.unknown),
-        "computed_with": {
-            "executor": evaluate.lanes.executor,
-            "backend": jax.default_backend(),
-            **{key: versions()[key] for key in ("jax", "jaxlib")},
-        },
-        **({} if hosts == "alike" else {"hosts": hosts}),
-        "attributes": layout.attributes(),
-        "information": {"versions": versions(), "code_revision": code_revision()},
-    }
-    backward_axis = axis if backward else None
-    if path is None:
-        return _in_memory(evaluate, layout, blocks(shape, sides, backward_axis), progress, name)
-    units = blocks(shape, shards, backward_axis)
+    if options.path is None:
+        return in_memory(sweep, progress, name)
     if duty is not None:
-        do_duty(Store(path, layout, manifest, duty.mark), evaluate, units)
-    held = Store(path, layout, manifest)
-    _on_disk(evaluate, held, units, resume, progress, name)
-    return finished_dataset(path, held.manifest)
+        held = Store(options.path, sweep.layout, sweep.manifest, duty.mark)
+        end_duty(duty.do(held, sweep.evaluate, sweep.units))
+    held = Store(options.path, sweep.layout, sweep.manifest)
+    with held:
+        on_disk(sweep, held, resume, progress, name)
+    return finished_dataset(options.path, held.manifest)
 
 
-def _on_disk(evaluate, store: Store, units: list[Block], resume, progress, name) -> None:
-    with store:
-        store.open(resume=resume)
-        todo = []
-        for unit in units:
-            # A carried block is computed from the one before it, so all after a damaged one count.
-            if (todo and evaluate.axis is not None) or not store.is_finished(unit):
-                todo.append(unit)
-        total = sum(unit.lanes for unit in units)
-        missing = sum(unit.lanes for unit in todo)
-        meter = Progress(total, total - missing, name=name, shown=progress)
-        if not todo:
-            meter.show(f"all {total:,} lanes were finished before")
-            meter.close()
-            return
-        begin = time.monotonic()
-        store.log(
-            event="begin", blocks_to_do=len(todo), blocks=len(units),
-            code_revision=code_revision(), workers=evaluate.workers,
-        )  # fmt: skip
-        try:
-            meter.show("compiling")
-            for unit in todo:
-                store.write(unit, values_of(unit, evaluate, store, meter.advance))
-        except KeyboardInterrupt:
-            raise KeyboardInterrupt(
-                f"interrupted: {store.finished()} of {len(units)} blocks are kept in store "
-                f"{str(store.path)!r}, and the same call goes on from there"
-            ) from None
-        finally:
-            meter.close()
-        store.log(event="end", seconds=round(time.monotonic() - begin, 3), lanes=missing)
+def described_grid(
+    function, coords, options: Options, duty: Duty | None, *, axis=None, **more
+) -> Described:
+    """A sweep over all combinations of the coordinates' values."""
+    shape = tuple(values.size for values in coords.values())
+    sides = block_shape(shape, options.chunk, axis)
+    shards = sides if options.shard is None else shard_shape(shape, sides, options.shard)
+    return describe(
+        function, coords, options, sides=sides, shards=shards, axis=axis,
+        workers=threads_of(options, duty), **more,
+    )  # fmt: skip
 
 
-def _in_memory(evaluate, layout: Layout, pieces: list[Block], progress, name) -> xr.Dataset:
+def threads_of(options: Options, duty: Duty | None) -> int | None:
+    """With how many threads a block is computed."""
+    return options.workers if duty is None or duty.threads is None else duty.threads
+
+
+def on_disk(sweep: Described, store: Store, resume: bool, progress: bool | None, name: str) -> None:
+    """Compute what is left, with the store's lock held."""
+    evaluate, units = sweep.evaluate, sweep.units
+    store.open(resume=resume)
+    todo = []
+    for unit in units:
+        # A carried block is computed from the one before it, so all after a damaged one count.
+        if (todo and evaluate.axis is not None) or not store.is_finished(unit):
+            todo.append(unit)
+    total = sum(unit.lanes for unit in units)
+    missing = sum(unit.lanes for unit in todo)
+    meter = Progress(total, total - missing, name=name, shown=progress)
+    if not todo:
+        meter.show(f"all {total:,} lanes were finished before")
+        meter.close()
+        return
+    begin = time.monotonic()
+    store.log(
+        event="begin", blocks_to_do=len(todo), blocks=len(units),
+        code_revision=code_revision(), workers=evaluate.workers,
+    )  # fmt: skip
+    try:
+        meter.show("compiling")
+        for unit in todo:
+            store.write(unit, values_of(unit, evaluate, store, meter.advance))
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(
+            f"interrupted: {store.finished()} of {len(units)} blocks are kept in store "
+            f"{str(store.path)!r}, and the same call goes on from there"
+        ) from None
+    finally:
+        meter.close()
+    store.log(event="end", seconds=round(time.monotonic() - begin, 3), lanes=missing)
+
+
+def in_memory(sweep: Described, progress: bool | None, name: str) -> xr.Dataset:
+    """Compute it all, and keep it in memory."""
+    evaluate, layout = sweep.evaluate, sweep.layout
+    pieces = sweep.pieces(layout.sides)
     arrays = {
         key: np.zeros((*layout.shape, *tail), dtype) for key, (tail, dtype, _) in layout.outputs.items()
     }
@@ -311,23 +261,3 @@ def _check_inputs(inputs, coords):
                 raise misshaped(where, leaf, f"an array with the leading axes of the grid, {shape}")
         checked[key] = jax.tree.map(np.asarray, tree)
     return checked
-
-
-def _labelled(shapes, coords, variables):
-    outputs = {}
-    for key, struct in output_names(shapes).items():
-        label = variables.get(key, Variable())
-        dims = label.dims or tuple(f"{key}_{i}" for i in range(len(struct.shape)))
-        if len(dims) != len(struct.shape):
-            named = f"names of the {len(struct.shape)} axes of a result of shape {struct.shape}"
-            raise refusal(f"variables[{key!r}].dims", dims, named)
-        if key in coords:
-            raise refusal("function", key, "one whose results are not named like a coordinate")
-        label = Variable(dims, label.units, label.long_name, label.attrs)
-        outputs[key] = (tuple(struct.shape), np.dtype(struct.dtype), label)
-    unknown = set(variables) - set(outputs) - set(coords)
-    if unknown:
-        key = sorted(unknown)[0]
-        known = ", ".join(map(repr, [*coords, *outputs]))
-        raise refusal(f"variables[{key!r}]", variables[key], f"a label of one of {known}")
-    return outputs

@@ -10,9 +10,11 @@ import zarr
 
 from .._paths import the_directory
 from .._types import Path
+from ._children import children
 from ._claims import Claims
 from ._grid import Block, blocks
-from ._layout import DATA, Files, record_file
+from ._layout import DATA, REFINE, Files, record_file
+from ._open import refined_in
 from ._progress import clock
 from ._records import recorded
 from ._verify import the_manifest
@@ -31,11 +33,53 @@ def sweep_status(store: Path) -> dict[str, Any]:
     - `codes`: for each result with `flag_meanings`, and each of True and False, how many of each there
       are in what is finished;
     - `claims`: what is being computed: `unit`, `who`, `age` in seconds, `alive`;
+    - `refined`, of a sweep that is refined, whose other numbers count all points that are known so far:
+      its `state`, as `sweep_state` of `refine_sweep`, `levels_wanted`, and for each of the `levels` its
+      number, `lanes` and `lanes_finished`; a claim says in which `step`;
     - `bytes`: size of the results so far; `computed_with`; `function` that makes the sweep, or None.
 
     **Errors** `TypeError` or `ValueError` if `store` is not a sweep's.
     """
     path = the_directory("store", store)
+    found = _one(path)
+    steps = children(path)
+    refine = the_manifest(path)["attributes"].get(REFINE)
+    if refine is None and not steps:
+        return found
+    below = [(the_manifest(step)["refine"], _one(step)) for step in steps]
+    for number, (_, step) in enumerate(below, 1):
+        for name in ("lanes", "lanes_finished", "units", "units_finished", "bytes"):
+            found[name] += step[name]
+        for name, counts in step["codes"].items():
+            total = found["codes"].setdefault(name, {})
+            for word, n in counts.items():
+                total[word] = total.get(word, 0) + n
+        found["claims"] += [{"step": number, **claim} for claim in step["claims"]]
+        for name in ("lanes_per_second", "seconds_left"):
+            found[name] = step[name]  # work is at the last one
+    return {**found, "refined": _refined(path, refine, below)}
+
+
+def _refined(path, refine, below) -> dict[str, Any]:
+    """What is known of the levels of a refinement."""
+    levels: dict[int, dict[str, int]] = {}
+    for about, step in below:
+        level = levels.setdefault(about["level"], {"lanes": 0, "lanes_finished": 0})
+        for name in level:
+            level[name] += step[name]
+    try:
+        state = "unknown" if refine is None else refined_in(path, the_manifest(path), False).state
+    except (ValueError, OSError):
+        state = "unknown"
+    return {
+        "state": state,
+        "levels_wanted": None if refine is None else refine["levels"],
+        "levels": [{"level": level, **counts} for level, counts in sorted(levels.items())],
+    }
+
+
+def _one(path: pathlib.Path) -> dict[str, Any]:
+    """The same of a store without those inside it."""
     manifest = the_manifest(path)
     files = Files(manifest)
     there = recorded(path)
@@ -75,11 +119,20 @@ def status_lines(found: dict[str, Any]) -> list[str]:
     if found["seconds_left"] is not None:
         rate = found["lanes_per_second"]
         lines.append(f"{rate:,.3g} lanes per s, {clock(found['seconds_left'])} left")
+    if "refined" in found:
+        refined = found["refined"]
+        of = "" if refined["levels_wanted"] is None else f" of {refined['levels_wanted']}"
+        for level in refined["levels"]:
+            share = f"{level['lanes_finished']:,} of {level['lanes']:,} lanes"
+            lines.append(f"level {level['level']}{of}: {share}")
+        lines.append(f"refinement {refined['state']}")
     for name, counts in found["codes"].items():
         lines.append(f"{name}: " + ", ".join(f"{n:,} {word}" for word, n in counts.items()))
     for claim in found["claims"]:
         state = "" if claim["alive"] else ", dead: free for others"
-        lines.append(f"unit {claim['unit']}: {claim['who']}, seen {claim['age']:.0f} s ago{state}")
+        where = f"step {claim['step']}, " if "step" in claim else ""
+        seen = f"seen {claim['age']:.0f} s ago{state}"
+        lines.append(f"{where}unit {claim['unit']}: {claim['who']}, {seen}")
     return lines
 
 

@@ -7,6 +7,7 @@
     STORE/runs.jsonl         when and by what it was worked on; free to differ between equal stores
     STORE/lock               held while somebody works on it; freed by the system if he is killed
     STORE/claims/            what each of several workers is computing, see `_claims`
+    STORE/refined/           further points that follow from the results, see `_children`
 
 A unit is a block or a shard of whole blocks. It counts as finished if its record exists and every file
 has the checksum recorded. So a run may be killed between any two instructions: units without a valid
@@ -22,6 +23,8 @@ import errno
 import json
 import os
 import pathlib
+import secrets
+import shutil
 import time
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -29,6 +32,7 @@ from typing import Any
 import numpy as np
 import zarr
 
+from ._children import REFINED, children
 from ._claims import CLAIMS, Claims
 from ._files import checksum, checksum_of, half_written, link_above, read_json, write_whole
 from ._grid import Block
@@ -41,7 +45,9 @@ try:
 except ImportError:  # no advisory locks on this system
     fcntl = None
 
-_OURS = {"manifest.json", "manifest.json.damaged", DATA, "finished", "runs.jsonl", "lock", CLAIMS}
+_OURS = {
+    "manifest.json", "manifest.json.damaged", DATA, "finished", "runs.jsonl", "lock", CLAIMS, REFINED
+}  # fmt: skip
 _BEFORE_MANIFEST = {"lock", "manifest.json.part"}
 _READ_ONLY = (errno.EROFS, errno.EACCES, errno.EPERM)
 _ELSE = "Use another store, or replace this one with resume=False."
@@ -118,6 +124,22 @@ class Store:
                 "manifest.json: it must be a whole store, an empty directory or a new one; put the "
                 "manifest back, or remove the directory by hand."
             )
+
+    def make(self) -> None:
+        """Make the store by one rename, unless it is there: any number may do so at once."""
+        if os.path.lexists(self.path):
+            return
+        parts = self.path.with_name(f"{self.path.name}.{secrets.token_hex(4)}.part")
+        try:
+            with Store(parts, self.layout, self.manifest) as making:
+                making._set_up(self.manifest)
+            with self._writing("put a step in place"):
+                os.rename(parts, self.path)
+        except OSError:
+            if not os.path.lexists(self.path / "manifest.json"):
+                raise
+        finally:
+            shutil.rmtree(parts, ignore_errors=True)
 
     def open(self, *, resume: bool) -> None:
         """Make the store, or check that it holds this very sweep.
@@ -252,6 +274,8 @@ class Store:
         except (AttributeError, KeyError, TypeError, ValueError, ZeroDivisionError):
             return  # altered: its files stay, and no record of theirs counts in another sweep
         with self._writing("remove the sweep"):
+            for step in children(self.path):
+                self._remove_step(step)
             for top in (DATA, "finished"):
                 if (self.path / top).is_symlink():
                     raise OSError(errno.ELOOP, "a symbolic link leads out of the store", top)
@@ -261,6 +285,23 @@ class Store:
                             path.unlink()
                     with contextlib.suppress(OSError):
                         os.rmdir(folder)
+
+    def _remove_step(self, path: pathlib.Path) -> None:
+        """Remove a step of a refinement, unless somebody works on it; no file of others in it."""
+        try:
+            stored = read_json(path / "manifest.json")
+        except (OSError, ValueError):
+            return
+        if not is_manifest(stored):
+            return
+        with Store(path, self.layout, self.manifest) as step:
+            step._check_unclaimed()
+            step._remove(stored)
+        for name in ("manifest.json", "manifest.json.damaged", "runs.jsonl", "lock", f"{CLAIMS}/clock"):
+            (path / name).unlink(missing_ok=True)
+        for folder in (path / CLAIMS, path, path.parent):
+            with contextlib.suppress(OSError):
+                os.rmdir(folder)
 
     @contextlib.contextmanager
     def _writing(self, what: str) -> Iterator[None]:

@@ -8,6 +8,7 @@ from typing import Any
 from .._paths import the_directory
 from .._types import Given, Path
 from .._validation import check_flag, refusal
+from ._children import children
 from ._files import checksum, read_json, write_whole
 from ._layout import Files, record_file
 from ._manifest import fault, identity, sealed
@@ -22,7 +23,8 @@ def verify_store(store: Path, *, repair: Given[bool] = False) -> list[str]:
 
     **Arguments**
 
-    - `store`: of a sweep, finished or not. What others are writing meanwhile may be named as damaged.
+    - `store`: of a sweep, finished or not, with all steps of one that is refined. What others are
+      writing meanwhile may be named as damaged.
     - `repair`: remove the records of units with a damaged file, so that the next `run_sweep` or
       `work_on` computes them again. It writes damaged headers and coordinates again in any case.
 
@@ -34,6 +36,14 @@ def verify_store(store: Path, *, repair: Given[bool] = False) -> list[str]:
     """
     check_flag("repair", repair)
     path = the_directory("store", store)
+    found = _one(path, repair)
+    for step in children(path):
+        found += [f"{step.relative_to(path).as_posix()}/{name}" for name in _one(step, repair)]
+    return found
+
+
+def _one(path: pathlib.Path, repair: bool) -> list[str]:
+    """The same of a store without those inside it."""
     manifest = the_manifest(path)
     canonical = json.dumps(manifest, indent=1) + "\n"
     found = [] if _text(path / "manifest.json") == canonical else ["manifest.json"]

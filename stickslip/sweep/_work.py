@@ -37,9 +37,15 @@ class Worker:
         self.expiry, self.wait, self.progress = expiry, wait, progress
         self._until = None if seconds is None else time.monotonic() + seconds
         self._spent: list[float] = []
+        self._computed = 0
+
+    def goes_on(self, found: dict[str, Any]) -> bool:
+        """Whether all of a store is finished, so that what follows from it is known."""
+        return not found["left"]
 
     def do(self, store: Store, evaluate: Evaluate, units: list[Block]) -> dict[str, Any]:
-        """Work on the store until nothing is left, or the time is up; what was done."""
+        """Work on the store until nothing is left, or the time is up; what was done so far."""
+        spent = len(self._spent)
         with store:
             store.open(resume=True)
             before = recorded(store.path)
@@ -64,9 +70,10 @@ class Worker:
             finally:
                 meter.close()
                 store.log(event="end", **about, computed=len(done.numbers), lanes=done.lanes,
-                    core_seconds=round(sum(self._spent), 3),
+                    core_seconds=round(sum(self._spent[spent:]), 3),
                 )  # fmt: skip
-            return {"computed": len(done.numbers), "left": len(todo)}
+            self._computed += len(done.numbers)
+            return {"computed": self._computed, "left": len(todo)}
 
     def _through(self, todo, before, claims, heart, store, evaluate, done, meter) -> None:
         start, pause = int(self.mark, 16), SHORTEST_PAUSE

@@ -51,6 +51,7 @@ def segments():
     return [made(1.5, 0.0, 3.0), made(-0.6, 1.0, 3.0)]
 
 
+@pytest.mark.slow
 def test_terms_of_a_known_pendulum(segments):
     assert small_swing(segments) == pytest.approx(TRUTH["gravity"], rel=0.05)
     task = problem(LAW, segments, 10, hidden=0.3)

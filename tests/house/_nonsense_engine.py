@@ -1,5 +1,6 @@
 """Right arguments of the engine and the sweeps."""
 
+import pathlib
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
 
@@ -193,6 +194,15 @@ SWEEPS = [
         lambda **given: sweep.run_sweep(lambda c=0, *, k: (c, k), {"k": [1.0, 2.0]}, **given),
     ),
     Target(
+        sweep.refine_sweep,
+        {
+            "function": arg(lambda k: {"x": k}, "function"), "grid": arg({"k": [1.0, 2.0]}),
+            "by": arg({"x": 0.5}), "levels": arg(1, "count"), "max_points": arg(100),
+            "variables": arg(None, "none", "mapping"), **SWEEP,
+        },
+        lambda store, **given: sweep.refine_sweep(store=_inside(store), **given),
+    ),
+    Target(
         sweep.Variable,
         {
             "dims": arg(("point",), "none of them"), "units": arg("m", "none", "empty text", "text"),
@@ -227,7 +237,7 @@ SWEEPS = [
 
 def _inside(store):
     """Not in the working directory."""
-    return f"{INSIDE.name}/{store}" if isinstance(store, str) and store else store
+    return f"{INSIDE.name}/{store}" if isinstance(store, str | pathlib.Path) and str(store) else store
 
 
 TARGETS = [*ENGINE, *SWEEPS]

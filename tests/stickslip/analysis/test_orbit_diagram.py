@@ -111,6 +111,7 @@ CASCADE = {
 }
 
 
+@pytest.mark.slow
 def test_periods_where_one_observable_vanishes_on_the_section():
     """The speed is zero at the maxima of x to rounding, and must not spoil what x says.
 

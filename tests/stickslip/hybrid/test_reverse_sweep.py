@@ -115,6 +115,7 @@ def test_what_results_share_is_computed_once():
     assert text.count("jit[") + text.count("pjit[") == 2
 
 
+@pytest.mark.slow
 def test_thousands_of_steps_without_events():
     """The block on a belt in four segments, fused, against finite differences.
 

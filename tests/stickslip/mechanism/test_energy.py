@@ -49,7 +49,12 @@ CASES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", CASES)
+SLOW = {"chain", "dependent contacts"}
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.slow) if n in SLOW else n for n in CASES]
+)
 def test_powers_account_for_the_energy(name):
     make, t1, least = CASES[name]
     machine, y0 = make()

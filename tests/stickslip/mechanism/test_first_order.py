@@ -133,6 +133,7 @@ def test_every_joule_of_the_winding_is_accounted_for():
     assert float(found) == pytest.approx(4.5 * 0.7 - 0.4 * 0.7**2, abs=1e-14)
 
 
+@pytest.mark.slow
 def test_slopes_are_those_of_differences_and_lanes_those_of_single_runs():
     def end(U):
         winch = Winch(U)

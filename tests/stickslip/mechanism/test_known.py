@@ -78,7 +78,12 @@ MADE = {
 }
 
 
-@pytest.mark.parametrize("name", MADE)
+QUICK = {"friction and stops"}
+
+
+@pytest.mark.parametrize(
+    "name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in MADE]
+)
 def test_the_first_call_of_a_declared_machine_compiles_one_program(name, compiled):
     make = MADE[name]
     ss.simulate(make(1.0), 0.0, 0.1, make(1.0).state())  # shares arrays

@@ -64,7 +64,8 @@ def marched(p, y, steps=20_000):
     return x, vx, opened
 
 
-@pytest.mark.parametrize("swapped", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("swapped", [False, True])
 def test_rail_alone_while_the_pad_is_open(swapped):
     """Whichever of the two is declared first."""
 

@@ -8,7 +8,7 @@ import time
 import jax.numpy as jnp
 import numpy as np
 
-from stickslip.sweep import Variable, run_sweep
+from stickslip.sweep import Variable, refine_sweep, run_sweep
 from tests.stickslip.sweep._killable import GRID, logistic
 
 SMALL = {"k": np.linspace(1.0, 2.0, 5), "q": np.array([0.5, 0.25])}
@@ -43,6 +43,26 @@ def carried(store):
     return run_sweep(step, SMALL, carry=1.0, store=store, chunk=1, executor="portable")
 
 
+DISC = {"a": np.linspace(-1.0, 1.0, 5), "b": np.linspace(1.0, -1.0, 4)}
+
+
+def disc(a, b, radius=0.8):
+    """Inside a disc or not; outside a number that is none there."""
+    inside = a * a + b * b < radius**2
+    return {"inside": inside, "height": jnp.where(inside, jnp.array([a, b]), jnp.nan)}
+
+
+def refined(store=None, levels=2, radius=0.8, tolerance=0.0, chunk=8, pause=0.0, **options):
+    """The rim of a disc, in units of eight lanes."""
+    if pause:
+        _slowly(pause)
+    return refine_sweep(
+        lambda a, b: disc(a, b, radius), DISC, {"inside": tolerance}, levels=levels, store=store,
+        chunk=chunk, executor="portable", settings={"radius": radius},
+        variables={"a": Variable(units="m"), "height": Variable(("axis",), "m")}, **options,
+    )  # fmt: skip
+
+
 def none(store):
     """Forgets to sweep."""
 
@@ -50,19 +70,24 @@ def none(store):
 def logistic_map(store, pause=0.0):
     """The sweep that is killed; a unit takes `pause` seconds longer than it must."""
     if pause:
-        from stickslip.sweep._evaluate import Evaluate
-
-        evaluate = Evaluate.__call__
-
-        def slowly(self, block, read):
-            time.sleep(pause)
-            return evaluate(self, block, read)
-
-        Evaluate.__call__ = slowly
+        _slowly(pause)
     return run_sweep(
         logistic, GRID, store=store, chunk=9, executor="portable", settings={"points": 8, "seed": 1},
         variables={"x": Variable(("point",), "1", "population")},
     )  # fmt: skip
+
+
+def _slowly(pause):
+    """A unit takes so many seconds longer than it must."""
+    from stickslip.sweep._evaluate import Evaluate
+
+    evaluate = Evaluate.__call__
+
+    def slowly(self, block, read):
+        time.sleep(pause)
+        return evaluate(self, block, read)
+
+    Evaluate.__call__ = slowly
 
 
 def large(store, rows=1000, columns=1000, shard=2**18):

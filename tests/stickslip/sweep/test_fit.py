@@ -25,7 +25,8 @@ def lanes_of(mapped):
     return [(key[0], key[2][0][1]) for key in mapped._compiled]
 
 
-@pytest.mark.parametrize(("motions", "lanes"), [pytest.param(1, 64, marks=pytest.mark.slow), (5, 8)])
+@pytest.mark.slow
+@pytest.mark.parametrize(("motions", "lanes"), [(1, 64), (5, 8)])
 def test_motions_inside_a_lane_count(motions, lanes):
     starts = jnp.linspace(0.0, 0.1, motions)
 

@@ -51,7 +51,11 @@ def test_a_single_lane():
     np.testing.assert_allclose(fused, jax.jit(one)(0.3), rtol=0, atol=1e-13)
 
 
-@pytest.mark.parametrize("derivative", [jax.grad, jax.jacfwd], ids=["reverse", "forward"])
+@pytest.mark.parametrize(
+    "derivative",
+    [pytest.param(jax.grad, marks=pytest.mark.slow), jax.jacfwd],
+    ids=["reverse", "forward"],
+)
 def test_derivatives_of_recorded_crossings(derivative):
     """Counts of rows come out of a fused call with zero tangents, which no reduction could take."""
     section = ss.Section(lambda system, t, y, dy, mode, args: dy.v + 0.2, "rising")

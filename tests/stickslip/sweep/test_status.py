@@ -17,7 +17,7 @@ from stickslip.sweep import (
     verify_store,
     work_on,
 )
-from stickslip.sweep import _run as run_module
+from stickslip.sweep import _describe as describe_module
 from stickslip.sweep._claims import Claims
 from tests.stickslip.sweep import _planned
 from tests.stickslip.sweep.test_work import contents
@@ -144,7 +144,7 @@ def test_the_commands_for_people_and_programs(whole, tmp_path, capsys):
 
 
 def test_a_host_that_differs_is_refused_by_name_or_recorded(tmp_path, monkeypatch):
-    other = {**run_module.versions(), "jaxlib": "0.0.1"}
+    other = {**describe_module.versions(), "jaxlib": "0.0.1"}
 
     def sweep(store, hosts):
         return run_sweep(
@@ -157,7 +157,7 @@ def test_a_host_that_differs_is_refused_by_name_or_recorded(tmp_path, monkeypatc
         ours = (path / "finished" / "000000.json").read_text()
         (path / "finished" / "000001.json").unlink()
         with monkeypatch.context() as patch:
-            patch.setattr(run_module, "versions", lambda: other)
+            patch.setattr(describe_module, "versions", lambda: other)
             if hosts == "alike":
                 with pytest.raises(SweepMismatchError, match=r"computed_with\.jaxlib is .*0\.0\.1"):
                     sweep(path, hosts)
@@ -165,7 +165,7 @@ def test_a_host_that_differs_is_refused_by_name_or_recorded(tmp_path, monkeypatc
             sweep(path, hosts)
         record = json.loads((path / "finished" / "000001.json").read_text())
         assert record["computed_with"]["jaxlib"] == "0.0.1"
-        assert json.loads(ours)["computed_with"]["jaxlib"] == run_module.versions()["jaxlib"]
+        assert json.loads(ours)["computed_with"]["jaxlib"] == describe_module.versions()["jaxlib"]
         assert verify_store(path) == []
         assert open_dataset(path).attrs["sweep_state"] == "finished"
         assert (path / "finished" / "000000.json").read_text() == ours

@@ -106,9 +106,8 @@ def test_energy_is_accounted_for():
     assert abs(sum(work.values()) - gain) < 1e-9 * work["belt"]
 
 
-@pytest.mark.parametrize(
-    "model", [pytest.param(BlockOnBelt, marks=pytest.mark.slow), BlockOnBeltSetValued]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("model", [BlockOnBelt, BlockOnBeltSetValued])
 def test_derivatives_forward_reverse_and_by_differences(model):
     """End state and a Poincare point after stick and slip, by stiffness, belt speed and friction."""
     # A crossing is differentiated as that of the exact motion, which the steps must resolve.

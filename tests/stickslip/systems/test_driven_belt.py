@@ -157,7 +157,7 @@ class ByHand(BlockOnDrivenBeltSetValued):
 @pytest.mark.parametrize(
     ("changes", "y0"),
     [
-        ({}, AT_REST),
+        pytest.param({}, AT_REST, marks=pytest.mark.slow),
         pytest.param({}, RUNNING, marks=pytest.mark.slow),
         ({"U_in": 0.7, "T_st": 8e-3}, RUNNING),
         ({"U_in": 0.199}, AT_REST._replace(x=0.05)),

@@ -1,0 +1,266 @@
+"""Sweeps that are refined where neighbours differ."""
+
+import contextlib
+import dataclasses
+import pathlib
+import warnings
+from collections.abc import Callable, Mapping
+from typing import Any, Literal
+
+import numpy as np
+import xarray as xr
+
+from .._types import Given, Named, NamedRows, Path
+from .._validation import check_callable, check_count, one_static, refusal
+from ._cells import Cells, Step, most_levels
+from ._children import child, children, remove_half_made
+from ._describe import Described, describe
+from ._duty import Duty, duty_at, end_duty
+from ._evaluate import output_names, prepared
+from ._files import read_json
+from ._grid import check_grid, shard_shape
+from ._layout import Layout, Variable
+from ._manifest import differences, identity
+from ._options import Options, checked_options
+from ._read import finished_dataset
+from ._refined import LANE, OWN, Part, assembled, walk
+from ._run import described_grid, in_memory, on_disk, threads_of
+from ._store import Store, SweepMismatchError
+
+MAX_POINTS = 1_000_000
+SMALLEST_BLOCK = 8  # lanes; the widest vector unit of a CPU takes them at once
+
+
+def refine_sweep(
+    function: Given[Callable[..., Any]],
+    grid: NamedRows,
+    by: Given[Mapping[str, float]],
+    *,
+    levels: Given[int] = 4,
+    max_points: Given[int] = MAX_POINTS,
+    store: Path | None = None,
+    variables: Given[Mapping[str, Variable] | None] = None,
+    settings: Named | None = None,
+    attrs: Named | None = None,
+    chunk: Given[int | None] = None,
+    shard: Given[int | None] = None,
+    resume: Given[bool] = True,
+    progress: bool | None = None,
+    name: str = "sweep",
+    executor: Given[Literal["auto", "fused", "portable"]] = "auto",
+    workers: Given[int | None] = None,
+    hosts: Given[Literal["alike", "any"]] = "alike",
+) -> xr.Dataset:
+    """Evaluate `function` on a grid, then between its points, again and again, where neighbours differ.
+
+    ```python
+    grid = {"speed": np.linspace(0.1, 1.0, 20), "load": np.linspace(1.0, 2.0, 10)}
+    found = ss.sweep.refine_sweep(lane, grid, {"period": 0, "code": 0}, levels=5)
+    ```
+
+    A cell lies between two neighbouring values of one parameter, or four points of two. Where results
+    at two points on it differ, it is halved along every axis, `levels` times. A boundary at which a
+    result jumps is so enclosed in cells of the grid's width / 2**levels, and the number of points grows
+    with its length, not with the area. When the sweep is finished, no cell is wider than that unless
+    all points at its corners and on its edges are alike, or no number lies between its ends.
+
+    What lies inside a cell whose points are all alike is not found: an island, or a pair of jumps,
+    between neighbouring points of the grid. So take a grid that no feature of interest slips through.
+
+    **Arguments**
+
+    - `function(**point) -> pytree of arrays`: one lane, as for `run_sweep`. Parameters are real
+      numbers: midpoints are taken of any.
+    - `grid`: one or two parameters, each with two values or more that increase or decrease.
+    - `by`: which results are compared, and by how much neighbours may differ: `0` for periods, modes,
+      result codes and the like, `{"exponent": 0.05}` for a real number. An array differs if one of its
+      elements does. NaN is like NaN and unlike every number, and an infinity is like itself: the border
+      between lanes that fail and lanes that do not is refined too.
+    - `levels`: how often a cell may be halved. A store may be gone on with more of them.
+    - `max_points`: no step is begun that would lead to more points. Then the result is what there is,
+      with a `RuntimeWarning` and its attribute `sweep_state` saying so.
+    - `store`: directory of results: itself the store of the sweep over the grid, also one that
+      `run_sweep` made, with a store for each step in its folder `refined`. A later call with the same
+      arguments goes on where this one stopped, and `plan_sweep` and `work_on` share it among workers:
+      which points come next follows from the results, so that all agree on it. Other tolerances or
+      results in `by` need another store.
+    - `variables`, `settings`, `attrs`, `chunk`, `shard`, `resume`, `progress`, `name`, `executor`,
+      `workers`, `hosts`: as for `run_sweep`. Blocks of a step are no larger than they must be; workers
+      share its blocks, so that many of them need a small `chunk`.
+
+    **Returns** an `xarray.Dataset` in memory. With one parameter that is its dimension, in ascending
+    order. With two the points lie along the dimension `lane`, both parameters beside it. `level` says
+    which halving asked for a point, 0 for the grid: `found.isel(lane=found.level <= 2)` is what
+    `levels=2` gives. The attribute `sweep_state` is `"finished"`, or says what is missing.
+
+    **Errors** as `run_sweep`; `ValueError` for a grid of three parameters, results in `by` that the
+    function does not have or that are not real, `max_points` below the points of the grid;
+    `SweepMismatchError` if the store was refined by something else.
+    """
+    coords = _check_axes(grid)
+    tolerances = _check_by(by)
+    sizes = [axis.size for axis in coords.values()]
+    check_count("levels", levels, 0, most_levels(sizes))
+    check_count("max_points", max_points, int(np.prod(sizes)))
+    options = checked_options(
+        name=name, variables=variables, settings=settings, attrs=attrs, store=store, chunk=chunk,
+        shard=shard, resume=resume, progress=progress, executor=executor, workers=workers, hosts=hosts,
+    )  # fmt: skip
+    check_callable("function", function, f"f({', '.join(coords)})", **coords)
+    about = {"by": tolerances, "levels": levels, "max_points": max_points}
+    with contextlib.ExitStack() as stack:
+        steps = _Steps(function, coords, options, about, stack)
+        found = walk(Cells(list(coords.values()), levels, tolerances), steps, max_points)
+        if found.stopped:
+            said = f"{name}: {found.state}; what there is is kept."
+            warnings.warn(said, RuntimeWarning, stacklevel=2)
+        steps.end()
+    kept = {} if options.path is None else {"sweep_verified": found.parts[0].attrs["sweep_verified"]}
+    return assembled(found, list(coords), kept)
+
+
+class _Steps:
+    """Computes one step after another: in memory, in a store, or with other workers."""
+
+    def __init__(self, function, coords, options: Options, about, stack: contextlib.ExitStack):
+        self.function, self.coords, self.options, self.about = function, coords, options, about
+        self.duty: Duty | None = duty_at(options.path)
+        self._stack = stack
+        self._done: Any = None
+        self._program: Any = None
+        self._grid = ""
+
+        def listed(lane, **point):
+            return {**point, **output_names(function(**point))}
+
+        self._listed = prepared(listed)
+
+    def __call__(self, number: int, step: Step | None, points: list[np.ndarray]) -> Part:
+        options = self.options
+        title = options.name if step is None else f"{options.name}, level {step.level}"
+        sweep = self._first() if step is None else self._next(number, step, points, title)
+        if options.path is None:
+            return Part(in_memory(sweep, options.progress, title), "finished")
+        path = child(options.path, number)
+        store = Store(path, sweep.layout, sweep.manifest, "" if self.duty is None else self.duty.mark)
+        if step is not None:
+            store.make()
+            remove_half_made(options.path, number)
+        if self.duty is not None:
+            self._done = self.duty.do(store, sweep.evaluate, sweep.units)
+            if not self.duty.goes_on(self._done):
+                end_duty(self._done)
+        elif step is None:
+            # Who refines alone keeps others from the store until the end.
+            self._stack.enter_context(store)
+            on_disk(sweep, store, options.resume, options.progress, title)
+        else:
+            with store:
+                on_disk(sweep, store, True, options.progress, title)
+        if step is None:
+            self._grid = identity(store.manifest)
+        return Part(finished_dataset(path, store.manifest), "finished")
+
+    def end(self) -> None:
+        """End the call of a worker, who has done all there is to do."""
+        if self.duty is not None:
+            end_duty(self._done)
+
+    def _first(self) -> Described:
+        sweep = described_grid(
+            self.function, self.coords, self.options, self.duty, inputs={}, refine=self.about
+        )
+        _check_results(sweep.layout, self.about["by"])
+        if self.options.path is not None and self.options.resume:
+            _check_refined(self.options.path, self.about["by"])
+        return sweep
+
+    def _next(self, number: int, step: Step, points: list[np.ndarray], title: str) -> Described:
+        options = self.options
+        count = len(step.places)
+        side = block_side(count, options.chunk)
+        shards = (side,) if options.shard is None else shard_shape((count,), (side,), options.shard)
+        options = dataclasses.replace(
+            options, name=title,
+            variables={
+                key: dataclasses.replace(label, dims=()) if key in self.coords else label
+                for key, label in options.variables.items()
+            },
+        )  # fmt: skip
+        about = {"of": self._grid, "number": number, "level": step.level, "by": self.about["by"]}
+        sweep = describe(
+            self._listed, {LANE: np.arange(count)}, options, sides=(side,), shards=shards,
+            inputs=dict(zip(self.coords, points, strict=True)), workers=threads_of(options, self.duty),
+            step=about, program=self._program,
+        )  # fmt: skip
+        self._program = sweep.program
+        return sweep
+
+
+def block_side(count: int, chunk: int) -> int:
+    """Lanes of a block of `count` points: of few sizes, so that not each step is compiled anew."""
+    side = SMALLEST_BLOCK
+    while side < min(count, chunk):
+        side *= 2
+    return min(side, chunk)
+
+
+def _check_axes(grid: Any) -> dict[str, np.ndarray]:
+    """The one or two parameters of the grid."""
+    coords = check_grid(grid)
+    if len(coords) > 2:
+        raise refusal("grid", list(coords), "of one or two parameters")
+    for name, values in coords.items():
+        if name in OWN:
+            raise refusal("grid", name, f"of parameters that are not called {' or '.join(OWN)}")
+        steps = np.diff(values)
+        if values.size < 2 or not (np.all(steps > 0) or np.all(steps < 0)):
+            allowed = "two or more numbers that increase, each above the one before it, or decrease"
+            raise refusal(f"grid[{name!r}]", grid[name], allowed)
+    return coords
+
+
+def _check_by(by: Any) -> dict[str, float]:
+    """Tolerances by result."""
+    such = "such as {'period': 0}"
+    allowed = f"a mapping, not empty, from names of results to tolerances, {such}"
+    if not isinstance(by, Mapping) or not by or not all(isinstance(name, str) for name in by):
+        raise refusal("by", by, allowed, TypeError)
+    return {
+        name: float(one_static(f"by[{name!r}]", tolerance, "not negative"))
+        for name, tolerance in by.items()
+    }
+
+
+def _check_results(layout: Layout, tolerances: Mapping[str, float]) -> None:
+    """What is compared must be there and real, and no name be one of ours."""
+    for name, tolerance in tolerances.items():
+        if name not in layout.outputs:
+            known = ", ".join(map(repr, layout.outputs))
+            raise refusal("by", name, f"of results of the function, which are {known}")
+        kind = layout.outputs[name][1].kind
+        if kind not in "fiub":
+            raise refusal(f"by[{name!r}]", tolerance, "of a real result, not a complex one")
+        if kind == "b" and tolerance >= 1:
+            raise refusal(f"by[{name!r}]", tolerance, "below 1 for a result that is True or False")
+    allowed = f"one without results or axes called {' or '.join(OWN)}"
+    for name, (_, _, label) in layout.outputs.items():
+        for word in (name, *label.dims):
+            if word in OWN:
+                raise refusal("function", word, allowed)
+
+
+def _check_refined(path: pathlib.Path, tolerances: Mapping[str, float]) -> None:
+    """Raise if steps in the store came from other results or tolerances, before anything changes."""
+    for step in children(path):
+        try:
+            stored = read_json(step / "manifest.json")
+        except (OSError, ValueError):
+            continue  # what is wrong there is said once it is opened
+        kept = stored.get("refine") if isinstance(stored, dict) else None
+        found = differences(kept.get("by") if isinstance(kept, dict) else None, dict(tolerances), "by")
+        if found:
+            raise SweepMismatchError(
+                f"store = {str(path)!r} was refined by something else: " + "; ".join(found)
+                + ". Use another store, or replace this one with resume=False."
+            )  # fmt: skip
