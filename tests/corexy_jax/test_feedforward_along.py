@@ -10,7 +10,7 @@ import scipy.integrate
 import scipy.optimize
 
 import corexy_jax as cx
-from corexy_jax._along import _least, forces
+from corexy_jax._along import _hold, _least, forces
 from corexy_jax._curve_grid import cut
 from corexy_jax._leg import plain
 from tests.corexy_jax.test_feedforward import MACHINE, needed
@@ -144,6 +144,19 @@ def test_an_axis_turns_back_fast_enough_for_friction_at_rest_to_break(axis):
     radius = 1.0 / np.linalg.norm(grid.second[node, 0])
     expected = float(load * (p.mu_s / margin - p.mu_k) * radius / masses[axis])
     assert _least(p, plain(p), grid, int(node), margin) == pytest.approx(expected, rel=1e-6)
+
+
+def test_what_holds_a_line_is_less_than_its_friction_at_rest_or_in_motion():
+    """A line that came in moving may have a little speed left, which friction in motion must end."""
+    p, margin = MACHINE, 0.8
+    grid = cut(cx.Path.rounded(ROUNDED, RADIUS), 40)
+    first, last = 0, grid.lengths.size - 1
+    assert grid.senses[first, 1] == 0.0
+    assert grid.senses[last, 0] == 0.0
+    at_rest = float(margin * p.mu_s * (p.M + p.m) * p.g)
+    moving = float(margin * p.mu_k * (p.m * p.g + 2.0 * 2.0**0.5 * (p.P1 + p.P2)))
+    assert _hold(plain(p), grid, first, margin) == pytest.approx((-at_rest, at_rest), rel=1e-12)
+    assert _hold(plain(p), grid, last, margin) == pytest.approx((-moving, moving), rel=1e-12)
 
 
 @pytest.mark.slow
