@@ -197,7 +197,7 @@ SWEEPS = [
         sweep.refine_sweep,
         {
             "function": arg(lambda k: {"x": k}, "function"), "grid": arg({"k": [1.0, 2.0]}),
-            "by": arg({"x": 0.5}), "levels": arg(1, "count"), "max_points": arg(100),
+            "by": arg({"x": 0.5}, "results"), "levels": arg(1, "count"), "max_points": arg(100),
             "variables": arg(None, "none", "mapping"), **SWEEP,
         },
         lambda store, **given: sweep.refine_sweep(store=_inside(store), **given),

@@ -181,6 +181,7 @@ TAKEN: dict[str, tuple[frozenset[str], str]] = {
     "entries": (frozenset({"{}", "{'a': 1}"}), "names and values are free"),
     "none of them": (frozenset({"()", "[]"}), "none"),
     "unknowns": (frozenset({"{'a': 1}"}), "an unknown or a frequency of that name"),
+    "results": (frozenset({"{'a': 1}"}), "which results a function has is seen when it is traced"),
     "key": (frozenset({"key"}), "it is a key"),
     "states": (
         FINITE | {"{'a': 1}", "[1.0, 2.0]", "ragged", "3 x 2"},
