@@ -24,11 +24,11 @@ class PressedBeam(AbstractMechanism):
 
     (2.3) does not ask what the mass does along the belt, and its right-hand side is homogeneous in $x$:
     with $\omega_c = \sqrt{(k_2 + k_3)/m}$ and $\omega_n = \sqrt{k_2/m}$ every motion has the period
-    $T = \pi/\omega_c + \pi/\omega_n$ and, from a touch-down at $t = 0$ with the greatest depth $a$,
+    $T = \pi/\omega_c + \pi/\omega_n$ and, from its greatest depth $a$ at $t = 0$, as the paper starts,
 
-    $$x = a\sin\omega_c t \quad (\omega_c t \le \pi), \qquad
-      x = -a\,\frac{\omega_c}{\omega_n}\sin\omega_n\Bigl(t - \frac{\pi}{\omega_c}\Bigr)
-      \quad\text{up to } T.$$
+    $$x = a\cos\omega_c t \quad (|t| \le t_1), \qquad
+      x = -a\,\frac{\omega_c}{\omega_n}\sin\omega_n(t - t_1) \quad (t_1 \le t \le T - t_1), \qquad
+      t_1 = \frac{\pi}{2\omega_c}.$$
 
     Of the whole beam each periodic orbit is one of a family, one for each $a$: two of its Floquet
     multipliers are 1, and no method can follow it over a parameter. Here $a$ is kept, and the orbit
@@ -76,7 +76,7 @@ class PressedBeam(AbstractMechanism):
         return jnp.sqrt((beam.k2 + beam.k3) / beam.m), jnp.sqrt(beam.k2 / beam.m)
 
     def period(self) -> Any:
-        """$T$, from a touch-down to the next."""
+        """$T$, from one greatest depth to the next."""
         touching, free = self.rates()
         return np.pi / touching + np.pi / free
 
@@ -84,10 +84,10 @@ class PressedBeam(AbstractMechanism):
         """Depth of the mass in the belt, negative while it is off it."""
         touching, free = self.rates()
         lift = np.pi / touching
-        since = jnp.mod(t, self.period())
-        pressed = jnp.sin(touching * since)
+        since = jnp.mod(t + 0.5 * lift, self.period())  # touched down
+        inside = jnp.sin(touching * since)
         off = -touching / free * jnp.sin(free * (since - lift))
-        return self.depth * jnp.where(since < lift, pressed, off)
+        return self.depth * jnp.where(since < lift, inside, off)
 
     def start(self) -> PressedBeamState:
         """State (2.6): the mass moves with the belt at `y = 0`, the beam rests."""
