@@ -11,6 +11,7 @@ from ..block._draw import caption
 from ..block._draw_branches import STABLE, UNSTABLE
 
 ROUNDING = 1e-10  # of a multiplier: below it nothing is said
+DECADES = (1e-8, 1e-5, 1e-2)
 WEAK = 1e-5  # of a multiplier: what grows by less in a period is not seen in a simulation
 
 
@@ -40,6 +41,7 @@ def draw_branches(dataset: xr.Dataset) -> Figure:
             axis.axhline(line, color="0.6", linewidth=0.6)
         middle.set(title="sizes of the multipliers", ylim=(-0.05, 1.15))
         right.set_yscale("symlog", linthresh=ROUNDING)
+        right.set_yticks([sign * size for sign in (-1, 1) for size in DECADES] + [0.0])
         right.set_title("largest one minus 1")
         right.legend(frameon=False, fontsize=8)
     for axis in axes[-1]:

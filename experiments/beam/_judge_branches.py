@@ -150,8 +150,8 @@ def slip_attracts(branch: Followed, damped: Followed | None) -> Verdict:
         :, 0
     ]
     text = (
-        f"{slips.mean():.0%} of the orbits there slip throughout, {stable.mean():.0%} do not repel; the "
-        f"multipliers of the mass have sizes from {away.min():.4f} to {away.max():.4f}"
+        f"{slips.mean():.0%} of the orbits there slip throughout, {stable.mean():.0%} do not repel; "
+        f"the multipliers of the mass have sizes from {away.min():.4f} to {away.max():.4f}"
     )
     if damped is not None:
         high = damped.v > HIGH * (1 + Beam.BORDER)

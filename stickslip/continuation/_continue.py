@@ -227,6 +227,7 @@ def _half(problem, start: Point, bounds, step, max_points, tests) -> tuple[list,
         else:
             specials += _labelled(problem, point, new, distance, tests, index)
         if not low <= new.value <= high:
+            specials = [s for s in specials if low <= s.point.value <= high]
             specials.append(
                 Special("EP", _at_bound(problem, point, new, distance, bounds), "bounds", index)
             )
