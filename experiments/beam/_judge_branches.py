@@ -75,7 +75,7 @@ def stick_ends(branch: Followed, damped: Followed | None) -> Verdict:
     border = branch.end_of_stick()
     at, kind = float(border.special_v), str(border.special_words.item()).partition(",")[0]
     text = f"its stick has no length left at v = {at:.9f} ({kind}); {_jump(branch, at)}"
-    text += _of_beam(branch, at)
+    text += _of_beam(branch, border)
     if damped is not None:
         text += f"; {_of_damped(damped)}"
     return abs(at / LOW - 1.0) < Beam.SAME_BORDER, text
@@ -90,26 +90,26 @@ def _jump(branch: Followed, at: float) -> str:
     beyond = branch.orbits.isel(orbit=int(np.flatnonzero(branch.v > at)[0]))
     pair = int(np.argmax(np.abs(np.asarray(beyond.orbit_size) - 1.0)))
     size, turn = float(beyond.orbit_size[pair]), float(beyond.orbit_turn[pair])
-    before = f"{real.max():.3f}" if real.size else "none"
+    before = f"{real.max():.3f} and 0" if real.size else "none but 0"
     return (
-        f"the mass has the multiplier {before} and 0 before, a pair of size {size:.4f} beyond, of the "
-        + (f"frequency {turn:.4f}")
+        f"the mass has the multipliers {before} before, a pair of size {size:.4f} and frequency "
+        f"{turn:.4f} beyond"
     )
 
 
-def _of_beam(branch: Followed, at: float) -> str:
+def _of_beam(branch: Followed, border: xr.Dataset) -> str:
     """Where and by how much a mode of the beam is unstable before the stick ends; empty if none is."""
     torus = np.asarray(branch.marked("NS").special_v)
-    torus = torus[torus < at]
+    torus = torus[torus < float(border.special_v)]
     grows = branch.largest - 1.0
     if not torus.size or not (grows[branch.sticks] > Beam.NEUTRAL).any():
         return ""
-    last = float(torus.max())
-    after, before = (branch.sticks & (branch.v > last)), (branch.v < last)
-    text = f"; before that a mode of the beam leaves the unit circle at v = {last:.9f}"
-    if after.any():
-        text += f", by {grows[after].max():.1e} at most"
-    return text + (f" (below it by {max(grows[before].max(), 0.0):.1e})" if before.any() else "")
+    last, greatest = float(torus.max()), float(np.max(border.special_size)) - 1.0
+    after, before = grows[branch.sticks & (branch.v > last)], grows[branch.v < last]
+    return (
+        f"; before that a mode of the beam leaves the unit circle at v = {last:.9f}, by "
+        f"{max([greatest, *after]):.1e} at most (below it by {max([0.0, *before]):.1e})"
+    )
 
 
 def _of_damped(damped: Followed) -> str:
