@@ -16,11 +16,12 @@ from ._bifurcation_curve import BifurcationCurve, curve_of
 from ._branch import BranchPoint
 from ._curve import Border, Place, Zeros, elsewhere, last_place, stepped, zero_between
 from ._degenerate import degenerate, folding
-from ._follow import Failure, Point, begin
+from ._follow import Failure, Point, begin, round_trip
 
 BORDERS = ("GR", "SQ")
 LONGER = 1.5
 LEAST_ROUND = 8  # points of a closed curve
+BESIDE = (1e-10, 1e-9, 1e-8, 1e-7, 1e-6)  # of the first parameter's bounds
 
 
 def continue_point(
@@ -47,8 +48,9 @@ def continue_point(
     may turn in both parameters.
 
     It ends, by name, where its point becomes another one: where the orbit grazes, so that its sequence
-    of modes ends; at a cusp (`CP`); at a fold that meets a doubling (`LPPD`); at the strong resonances
-    of a torus point (`R1` to `R4`), and so on.
+    of modes ends; where the border of one event meets that of another (`GRGR`); at a cusp (`CP`); at a
+    fold that meets a doubling (`LPPD`); at the strong resonances of a torus point (`R1` to `R4`), and so
+    on. Ends are known to some 1e-8 of the bounds' distances.
 
     **Arguments**
 
@@ -86,8 +88,7 @@ def continue_point(
         system, values, limits[:, 1] - limits[:, 0], point.orbit, forcing_period, args=args,
         segments=segments, integrator=integrator, max_events=max_events,
     )  # fmt: skip
-    first = begin(problem, point.orbit, list(values.values()))
-    curve, start = _start(problem, first, point.label, tests, step)
+    curve, start = _start(problem, point, np.array([*values.values()]), tests, step)
     if isinstance(start, Failure):
         raise refusal("point", point, f"one from which a curve can be followed: it is {start.result}")
     start = start if start.way[-1] >= 0 else start.turned()
@@ -117,23 +118,21 @@ def _limits(bounds: Any) -> list[tuple[float, float]]:
 
 
 def _start(
-    problem: Problem, first: Point | Failure, label: str, tests: Mapping[str, Any], step: float
+    problem: Problem, point: BranchPoint, values: np.ndarray, tests: Mapping[str, Any], step: float
 ) -> tuple[Zeros | Border, Place | Failure]:
-    if label not in BORDERS:
-        zeros = Zeros(problem, tests[label])
+    first = begin(problem, point.orbit, values)
+    if point.label not in BORDERS:
+        zeros = Zeros(problem, tests[point.label])
         return zeros, first if isinstance(first, Failure) else zeros.begin(first)
-    border = Border(problem, () if isinstance(first, Failure) else first.sequence)
-    found: Place | Failure = Failure("not_converged")
-    if isinstance(first, Failure):
-        return border, first
-    # The branch came to the border along its first parameter: on one side there are its orbits.
-    for toward in (1.0, -1.0):
-        inward = np.zeros(first.u.size)
-        inward[-2] = toward
-        found = border.begin(first, inward, step)
-        if not isinstance(found, Failure):
-            break
-    return border, found
+    # At the border itself rounding decides which events there are: then from a little beside it.
+    border = Border(problem, round_trip(point.orbit))
+    for beside in (0.0, *BESIDE):
+        for side in (1.0, -1.0):
+            there = values + [side * beside * problem.unit[0], 0.0]
+            found = begin(problem, point.orbit, there)
+            if isinstance(found, Point) and found.sequence == border.sequence:
+                return border, border.begin(found, step)
+    return border, first if isinstance(first, Failure) else Failure("mode_differs")
 
 
 def _half(
@@ -149,7 +148,13 @@ def _half(
             last = last_place(curve, place, distance)
             if last is not place:
                 places.append(last)
-            return places, (last.point, _reason(new))
+            return places, (last.point, _reason(curve, last, new))
+        if isinstance(curve, Border):
+            beyond = curve.outside(place)
+            if curve.outside(new) != beyond:
+                last = last_place(curve, place, distance, lambda p: curve.outside(p) == beyond)
+                if curve.corner(last):
+                    return [*places, last], (last.point, CORNER)
         tests = degenerate(label, place)
         for i, (name, (low, high)) in enumerate(zip(names, limits, strict=True)):
             bound = low if new.point.values[i] < low else high
@@ -172,6 +177,7 @@ def _half(
     return places, (places[-1].point, "max_points")
 
 
+CORNER = "GRGR: the border of another sequence of modes is met"
 CLOSED = "closed: the curve has come round"
 
 
@@ -179,7 +185,9 @@ def _closed(end: tuple[Point, str]) -> bool:
     return end[1] == CLOSED
 
 
-def _reason(failure: Failure) -> str:
+def _reason(curve: Zeros | Border, last: Place, failure: Failure) -> str:
+    if isinstance(curve, Border) and curve.corner(last):
+        return CORNER
     if failure.result == "mode_differs":
         return "grazes: the sequence of modes ends here"
     return f"{failure.result}: the next orbit was not found"

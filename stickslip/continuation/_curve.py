@@ -4,10 +4,12 @@ import dataclasses
 from collections.abc import Callable
 from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 from scipy.optimize import brentq
 
-from ._along import Problem
+from ._along import Problem, passed
 from ._follow import Failure, Point, ahead, beginning_elsewhere, correct
 from ._points import border
 
@@ -20,6 +22,13 @@ SHORTEST = 2.0**-10
 LONGER = 1.5
 LAST = 1e-9  # of the step: how exactly the end of a curve is known
 INSIDE = (0.0, 0.02, 0.1, 0.5, 2.0)  # of the step: how far beside the border orbits are looked for
+AROUND = 16  # directions in which they are looked for at first
+# How far beyond a border the motion is looked at for its other sequence, and around a corner for all
+# that there are, in parts of its size.
+OUTSIDE, NEARBY = (1e-9, 1e-8, 1e-7), (1e-6, 1e-5, 1e-4)
+# The end of a curve is searched anew from the last place found: by so much nearer in each round, up to
+# four times as far as was left. Chords shorter than the last number have no direction.
+NEARER, ROUNDS, CHORD = 2.0**-6, 10, 1e-5
 
 
 @dataclasses.dataclass(frozen=True)
@@ -126,26 +135,54 @@ class Zeros:
         return Failure("not_converged")
 
 
+def _difference(own: list | None, other: list | None) -> tuple | None:
+    """Where another list of events first differs, and the event there."""
+    if own is None or other is None or own == other:
+        return None
+    both = zip(own, other, strict=False)
+    at = next((i for i, (a, b) in enumerate(both) if a != b), min(len(own), len(other)))
+    return (at, *(other[at] if at < len(other) else ()))
+
+
 class Border:
     """The curve on which orbits of one sequence of modes end, by bisection across it."""
 
     def __init__(self, problem: Problem, sequence: tuple):
         self.problem, self.sequence = problem, sequence
 
-    def begin(self, point: Point, inward: np.ndarray, distance: float) -> Place | Failure:
-        """A place at an orbit that nearly is the last one; `inward` leads to more of its kind."""
-        one, two = point.tangent @ inward
-        size = np.hypot(one, two)
-        place = Place(
-            point, np.array([-two, one]) / size @ point.tangent,
-            np.array([one, two]) / size @ point.tangent,
-        )  # fmt: skip
-        # The direction of the curve from two places beside this one.
-        for part in (0.3, 0.03, 0.003):
-            beside = [self._across(p, part * distance) for p in (place.turned(), place)]
-            low, high = beside
-            if not isinstance(low, Failure) and not isinstance(high, Failure):
-                return _directed(place, point, high.u - low.u, 1.0)
+    def begin(self, point: Point, distance: float) -> Place | Failure:
+        """A place at an orbit that nearly is the last one of its sequence.
+
+        On a small circle around it in the plane of orbits the others of its kind are an arc, from one
+        direction of the curve to the other.
+        """
+
+        def direction(angle: float) -> np.ndarray:
+            return np.array([np.cos(angle), np.sin(angle)]) @ point.tangent
+
+        def inside(angle: float, radius: float) -> bool:
+            found = ahead(self.problem, point, radius, direction(angle))
+            return not isinstance(found, Failure) and self._alike(found)
+
+        turn = 2.0 * np.pi / AROUND
+        for part in (0.03, 0.003, 0.3):
+            radius = part * distance
+            there = [inside(k * turn, radius) for k in range(AROUND)]
+            edges = [k for k in range(AROUND) if there[k - 1] != there[k]]
+            if len(edges) != 2:
+                continue
+            ends = {}
+            for k in edges:
+                one, two = (k - 1) * turn, k * turn
+                while two - one > 1e-6:
+                    middle = 0.5 * (one + two)
+                    one, two = (middle, two) if inside(middle, radius) == there[k - 1] else (one, middle)
+                ends[there[k]] = 0.5 * (one + two)
+            arc = (ends[False] - ends[True]) % (2.0 * np.pi)
+            normal = direction(ends[True] + 0.5 * arc)
+            place = Place(point, normal, normal)
+            last, _ = border(self.problem, point, radius, self._alike, -normal)
+            return _directed(place, last, direction(ends[False]) - direction(ends[True]), 1.0)
         return Failure("mode_differs")
 
     def onward(self, place: Place, distance: float) -> Place | Failure:
@@ -153,21 +190,56 @@ class Border:
         found = self._across(place, distance)
         return found if isinstance(found, Failure) else place.led_to(found, 1.0)
 
+    def outside(self, place: Place) -> tuple | None:
+        """The first event of a motion just beyond a place that is not as on the orbit.
+
+        `(index, guard, mode after)`, or None where none is seen. What comes later is no matter: a
+        first touch of a stop kicks as the square root of how deep it is, into other borders too.
+        """
+        own = self._events(place.point, place.point.u)
+        for beside in OUTSIDE:
+            found = self._events(place.point, place.point.u - beside * place.normal)
+            if found != own:
+                return _difference(own, found)
+        return None
+
+    def corner(self, place: Place) -> bool:
+        """Whether motions near a place differ from its orbit in more than one first event."""
+        own = self._events(place.point, place.point.u)
+        directions = [
+            side * place.way - lean * place.normal
+            for side in (1.0, -1.0)
+            for lean in (-0.3, 0.3, 1.0, 3.0)
+        ]
+        for beside in NEARBY:
+            beyond = {
+                _difference(own, self._events(place.point, place.point.u + beside * direction))
+                for direction in directions
+            } - {None}
+            if len(beyond) > 1:
+                return True
+        return False
+
+    def _events(self, point: Point, u: np.ndarray) -> list | None:
+        log, good = jax.device_get(passed(self.problem, jnp.asarray(u), point.modes, point.anchor))
+        if not good:
+            return None
+        return list(zip(log.guard[: log.count].tolist(), log.mode_after[: log.count].tolist(), strict=True))
+
+    def _alike(self, point: Point) -> bool:
+        return point.sequence == self.sequence
+
     def _across(self, place: Place, distance: float) -> Point | Failure:
         """The last orbit on the line across the curve, at a distance along it."""
         begin = place.point
-
-        def alike(point: Point) -> bool:
-            return point.sequence == self.sequence
-
         for inside in INSIDE:
             found = correct(
                 self.problem, begin.u + distance * (place.way + inside * place.normal), begin.modes,
                 begin.anchor, begin.tangent, begin.tangent,
             )  # fmt: skip
-            if not isinstance(found, Failure) and alike(found):
+            if not isinstance(found, Failure) and self._alike(found):
                 reach = (1.0 + 2.0 * inside) * distance
-                last, at = border(self.problem, found, reach, alike, -place.normal)
+                last, at = border(self.problem, found, reach, self._alike, -place.normal)
                 return last if at < reach else Failure("mode_differs")
         return Failure("mode_differs")
 
@@ -216,17 +288,30 @@ def stepped(curve: Zeros | Border, place: Place, distance: float, longest: float
         distance *= 0.5
 
 
-def last_place(curve: Zeros | Border, place: Place, distance: float) -> Place:
-    """The last place of the curve within a distance."""
-    low, high, best = 0.0, distance, place
-    while high - low > LAST * distance:
-        middle = 0.5 * (low + high)
-        found = curve.onward(place, middle)
-        if isinstance(found, Failure):
-            high = middle
-        else:
-            low, best = middle, found
-    return best
+def last_place(
+    curve: Zeros | Border, place: Place, distance: float, alike: Callable[[Place], bool] | None = None
+) -> Place:
+    """The last place of the curve within a distance, or the last of those that are alike.
+
+    At a corner of the region of orbits their room beside the curve becomes as narrow as what is left
+    of the way, so that the search is begun again from the last place found, with shorter steps.
+    """
+    last, span = place, distance
+    for _ in range(ROUNDS):
+        low, high, best = 0.0, span, last
+        while high - low > NEARER * span:
+            middle = 0.5 * (low + high)
+            found = curve.onward(last, middle)
+            if isinstance(found, Failure) or (alike is not None and not alike(found)):
+                high = middle
+            else:
+                low, best = middle, found
+        if low < CHORD:
+            best = dataclasses.replace(best, way=last.way)
+        last, span = best, 4.0 * (high - low)
+        if span < LAST * distance:
+            break
+    return last
 
 
 def zero_between(

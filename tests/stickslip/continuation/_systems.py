@@ -254,6 +254,33 @@ class Stopped(ss.AbstractHybridSystem):
         return 0
 
 
+class TwoStops(ss.AbstractHybridSystem):
+    r"""$\ddot x + 0.1\dot x + x = b + A\cos t$ between stops at 1 and -1.2: $v^+ = -0.8 v^-$.
+
+    Without impact $x = b + 10 A\sin t$.
+    """
+
+    amplitude: Any
+    offset: Any
+    mode_names: ClassVar = ("free",)
+    guard_names: ClassVar = ("above", "below")
+
+    def time_scale(self, args):
+        return 1.0
+
+    def vector_field(self, t, y, mode, args):
+        return Motion(y.v, self.offset + self.amplitude * jnp.cos(t) - 0.1 * y.v - y.x)
+
+    def guards(self, t, y, mode, args):
+        return 1.0 - y.x, y.x + 1.2
+
+    def transition(self, t, y, mode, guard, args):
+        return Motion(y.x, -0.8 * y.v), 0
+
+    def initial_mode(self, t, y, args):
+        return 0
+
+
 class Cycle(NamedTuple):
     x: Any
     y: Any

@@ -22,6 +22,7 @@ from tests.stickslip.continuation._systems import (
     CoulombForced,
     ForcedBlock,
     Motion,
+    TwoStops,
     WeakeningBlock,
 )
 
@@ -181,6 +182,36 @@ def discontinuous_fold(c: float) -> float:
         return next((y[1] - v for t, y in tops if t > 1.0), 0.1)
 
     return float(brentq(greatest, 0.5, 0.9, xtol=1e-12))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("start", "offsets", "largest", "stop"),
+    [
+        (0.1, (-0.5, 0.5), 0.2, 1.0),
+        (-0.3, (-0.5, 0.3), 0.2, -1.2),
+        (0.1, (-5.0, 5.0), 0.2, 1.0),  # the curve is steep in the unit of the bounds
+        (0.1, (-0.5, 0.3), 2.0, 1.0),  # and flat
+    ],
+)
+def test_borders_of_two_stops_end_where_they_meet(start, offsets, largest, stop):
+    """Closed form: they are the lines 10 A = |stop - b|, and meet at A = 0.11, b = -0.1."""
+    system, bounds = TwoStops(0.05, start), (0.05, largest)
+    orbit = periodic_orbit(system, OrbitGuess(Motion(start, 0.5), 2 * np.pi, 0), forced=True)
+    branch = continue_orbit(
+        system, orbit, "amplitude", bounds, step=0.05, forcing_period=whole_turn, both=False,
+        max_points=20,
+    )  # fmt: skip
+    border = branch["GR"][0]
+    curve = continue_point(
+        system, border, ("amplitude", "offset"), (bounds, offsets), forcing_period=whole_turn, step=0.1
+    )
+    a, b = curve.values.T
+    np.testing.assert_allclose(10 * a, np.abs(stop - b), rtol=1e-8)
+    (corner,) = [end for end in curve.ends if end.words.startswith("GRGR")]
+    np.testing.assert_allclose(corner.values, [0.11, -0.1], atol=5e-8)
+    (other,) = [end for end in curve.ends if end is not corner]
+    assert other.words.startswith("bounds of ")
 
 
 class Cycle(NamedTuple):
