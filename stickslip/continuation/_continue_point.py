@@ -13,8 +13,9 @@ from ..hybrid._arguments import the_system
 from ._along import Problem
 from ._arguments import bounds_of, functions_of, problem_of, value_of
 from ._bifurcation_curve import BifurcationCurve, curve_of
+from ._border import Border
 from ._branch import BranchPoint
-from ._curve import Border, Place, Zeros, elsewhere, last_place, stepped, zero_between
+from ._curve import AbstractCurve, Place, Zeros, elsewhere, last_place, stepped, zero_between
 from ._degenerate import degenerate, folding
 from ._follow import Failure, Point, begin, round_trip
 
@@ -49,8 +50,8 @@ def continue_point(
 
     It ends, by name, where its point becomes another one: where the orbit grazes, so that its sequence
     of modes ends; where the border of one event meets that of another (`GRGR`); at a cusp (`CP`); at a
-    fold that meets a doubling (`LPPD`); at the strong resonances of a torus point (`R1` to `R4`), and so
-    on. Ends are known to some 1e-8 of the bounds' distances.
+    fold that meets a doubling (`LPPD`); at the strong resonances of a torus point (`R1` to `R4`), and
+    so on. Ends are known to some 1e-8 of the bounds' distances.
 
     **Arguments**
 
@@ -119,7 +120,7 @@ def _limits(bounds: Any) -> list[tuple[float, float]]:
 
 def _start(
     problem: Problem, point: BranchPoint, values: np.ndarray, tests: Mapping[str, Any], step: float
-) -> tuple[Zeros | Border, Place | Failure]:
+) -> tuple[AbstractCurve, Place | Failure]:
     first = begin(problem, point.orbit, values)
     if point.label not in BORDERS:
         zeros = Zeros(problem, tests[point.label])
@@ -128,15 +129,15 @@ def _start(
     border = Border(problem, round_trip(point.orbit))
     for beside in (0.0, *BESIDE):
         for side in (1.0, -1.0):
-            there = values + [side * beside * problem.unit[0], 0.0]
-            found = begin(problem, point.orbit, there)
+            move = np.array([side * beside * problem.unit[0], 0.0])
+            found = begin(problem, point.orbit, values + move)
             if isinstance(found, Point) and found.sequence == border.sequence:
                 return border, border.begin(found, step)
     return border, first if isinstance(first, Failure) else Failure("mode_differs")
 
 
 def _half(
-    curve: Zeros | Border, start: Place, label: str, names: tuple[str, str], limits: np.ndarray,
+    curve: AbstractCurve, start: Place, label: str, names: tuple[str, str], limits: np.ndarray,
     step: float, most: int,
 ) -> tuple[list[Place], tuple[Point, str]]:  # fmt: skip
     """Places from `start` along its direction; the last point and why it is the last."""
@@ -150,11 +151,9 @@ def _half(
                 places.append(last)
             return places, (last.point, _reason(curve, last, new))
         if isinstance(curve, Border):
-            beyond = curve.outside(place)
-            if curve.outside(new) != beyond:
-                last = last_place(curve, place, distance, lambda p: curve.outside(p) == beyond)
-                if curve.corner(last):
-                    return [*places, last], (last.point, CORNER)
+            last = curve.met(place, new, distance)
+            if last is not None:
+                return [*places, last], (last.point, CORNER)
         tests = degenerate(label, place)
         for i, (name, (low, high)) in enumerate(zip(names, limits, strict=True)):
             bound = low if new.point.values[i] < low else high
@@ -185,7 +184,7 @@ def _closed(end: tuple[Point, str]) -> bool:
     return end[1] == CLOSED
 
 
-def _reason(curve: Zeros | Border, last: Place, failure: Failure) -> str:
+def _reason(curve: AbstractCurve, last: Place, failure: Failure) -> str:
     if isinstance(curve, Border) and curve.corner(last):
         return CORNER
     if failure.result == "mode_differs":

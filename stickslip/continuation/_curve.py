@@ -1,17 +1,15 @@
 """Curves of special points over two parameters: one place after the other in the plane of orbits."""
 
+import abc
 import dataclasses
 from collections.abc import Callable
 from typing import Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from scipy.optimize import brentq
 
-from ._along import Problem, passed
-from ._follow import Failure, Point, ahead, beginning_elsewhere, correct
-from ._points import border
+from ._along import Problem
+from ._follow import Failure, Point, ahead, beginning_elsewhere
 
 # Slopes of a test are differences over this distance, in parts of the motion's size.
 SLOPE = 1e-4
@@ -21,11 +19,6 @@ BEND = 0.9  # cosine between two directions of the curve: sharper bends get shor
 SHORTEST = 2.0**-10
 LONGER = 1.5
 LAST = 1e-9  # of the step: how exactly the end of a curve is known
-INSIDE = (0.0, 0.02, 0.1, 0.5, 2.0)  # of the step: how far beside the border orbits are looked for
-AROUND = 16  # directions in which they are looked for at first
-# How far beyond a border the motion is looked at for its other sequence, and around a corner for all
-# that there are, in parts of its size.
-OUTSIDE, NEARBY = (1e-9, 1e-8, 1e-7), (1e-6, 1e-5, 1e-4)
 # The end of a curve is searched anew from the last place found: by so much nearer in each round, up to
 # four times as far as was left. Chords shorter than the last number have no direction.
 NEARER, ROUNDS, CHORD = 2.0**-6, 10, 1e-5
@@ -51,10 +44,10 @@ class Place:
         """Another point not far along the curve; its direction is that of the parabola through both."""
         chord = point.u - self.point.u
         chord = chord / np.linalg.norm(chord)
-        return _directed(self, point, 2.0 * (chord @ self.way) * chord - self.way, steep)
+        return directed(self, point, 2.0 * (chord @ self.way) * chord - self.way, steep)
 
 
-def _directed(old: Place, point: Point, along: np.ndarray, steep: float) -> Place:
+def directed(old: Place, point: Point, along: np.ndarray, steep: float) -> Place:
     """A point with a direction of the curve and the normal on the side of the old one."""
     one, two = point.tangent @ along
     size = np.hypot(one, two)
@@ -63,7 +56,17 @@ def _directed(old: Place, point: Point, along: np.ndarray, steep: float) -> Plac
     return Place(point, np.array([one, two]) / size @ point.tangent, normal, steep)
 
 
-class Zeros:
+class AbstractCurve(abc.ABC):
+    """A curve in the surface of orbits that can be followed from one place to the next."""
+
+    problem: Problem
+
+    @abc.abstractmethod
+    def onward(self, place: Place, distance: float) -> Place | Failure:
+        """The place at a distance along the curve."""
+
+
+class Zeros(AbstractCurve):
     """The curve on which a smooth function of the orbit is zero, by secants across it."""
 
     def __init__(self, problem: Problem, test: Callable[[Point], float]):
@@ -135,115 +138,6 @@ class Zeros:
         return Failure("not_converged")
 
 
-def _difference(own: list | None, other: list | None) -> tuple | None:
-    """Where another list of events first differs, and the event there."""
-    if own is None or other is None or own == other:
-        return None
-    both = zip(own, other, strict=False)
-    at = next((i for i, (a, b) in enumerate(both) if a != b), min(len(own), len(other)))
-    return (at, *(other[at] if at < len(other) else ()))
-
-
-class Border:
-    """The curve on which orbits of one sequence of modes end, by bisection across it."""
-
-    def __init__(self, problem: Problem, sequence: tuple):
-        self.problem, self.sequence = problem, sequence
-
-    def begin(self, point: Point, distance: float) -> Place | Failure:
-        """A place at an orbit that nearly is the last one of its sequence.
-
-        On a small circle around it in the plane of orbits the others of its kind are an arc, from one
-        direction of the curve to the other.
-        """
-
-        def direction(angle: float) -> np.ndarray:
-            return np.array([np.cos(angle), np.sin(angle)]) @ point.tangent
-
-        def inside(angle: float, radius: float) -> bool:
-            found = ahead(self.problem, point, radius, direction(angle))
-            return not isinstance(found, Failure) and self._alike(found)
-
-        turn = 2.0 * np.pi / AROUND
-        for part in (0.03, 0.003, 0.3):
-            radius = part * distance
-            there = [inside(k * turn, radius) for k in range(AROUND)]
-            edges = [k for k in range(AROUND) if there[k - 1] != there[k]]
-            if len(edges) != 2:
-                continue
-            ends = {}
-            for k in edges:
-                one, two = (k - 1) * turn, k * turn
-                while two - one > 1e-6:
-                    middle = 0.5 * (one + two)
-                    one, two = (middle, two) if inside(middle, radius) == there[k - 1] else (one, middle)
-                ends[there[k]] = 0.5 * (one + two)
-            arc = (ends[False] - ends[True]) % (2.0 * np.pi)
-            normal = direction(ends[True] + 0.5 * arc)
-            place = Place(point, normal, normal)
-            last, _ = border(self.problem, point, radius, self._alike, -normal)
-            return _directed(place, last, direction(ends[False]) - direction(ends[True]), 1.0)
-        return Failure("mode_differs")
-
-    def onward(self, place: Place, distance: float) -> Place | Failure:
-        """The place at a distance along the curve."""
-        found = self._across(place, distance)
-        return found if isinstance(found, Failure) else place.led_to(found, 1.0)
-
-    def outside(self, place: Place) -> tuple | None:
-        """The first event of a motion just beyond a place that is not as on the orbit.
-
-        `(index, guard, mode after)`, or None where none is seen. What comes later is no matter: a
-        first touch of a stop kicks as the square root of how deep it is, into other borders too.
-        """
-        own = self._events(place.point, place.point.u)
-        for beside in OUTSIDE:
-            found = self._events(place.point, place.point.u - beside * place.normal)
-            if found != own:
-                return _difference(own, found)
-        return None
-
-    def corner(self, place: Place) -> bool:
-        """Whether motions near a place differ from its orbit in more than one first event."""
-        own = self._events(place.point, place.point.u)
-        directions = [
-            side * place.way - lean * place.normal
-            for side in (1.0, -1.0)
-            for lean in (-0.3, 0.3, 1.0, 3.0)
-        ]
-        for beside in NEARBY:
-            beyond = {
-                _difference(own, self._events(place.point, place.point.u + beside * direction))
-                for direction in directions
-            } - {None}
-            if len(beyond) > 1:
-                return True
-        return False
-
-    def _events(self, point: Point, u: np.ndarray) -> list | None:
-        log, good = jax.device_get(passed(self.problem, jnp.asarray(u), point.modes, point.anchor))
-        if not good:
-            return None
-        return list(zip(log.guard[: log.count].tolist(), log.mode_after[: log.count].tolist(), strict=True))
-
-    def _alike(self, point: Point) -> bool:
-        return point.sequence == self.sequence
-
-    def _across(self, place: Place, distance: float) -> Point | Failure:
-        """The last orbit on the line across the curve, at a distance along it."""
-        begin = place.point
-        for inside in INSIDE:
-            found = correct(
-                self.problem, begin.u + distance * (place.way + inside * place.normal), begin.modes,
-                begin.anchor, begin.tangent, begin.tangent,
-            )  # fmt: skip
-            if not isinstance(found, Failure) and self._alike(found):
-                reach = (1.0 + 2.0 * inside) * distance
-                last, at = border(self.problem, found, reach, self._alike, -place.normal)
-                return last if at < reach else Failure("mode_differs")
-        return Failure("mode_differs")
-
-
 def elsewhere(problem: Problem, place: Place) -> Place:
     """The same place measured around its own orbit, where that is possible."""
     old, found = place.point, beginning_elsewhere(problem, place.point)
@@ -276,7 +170,7 @@ def elsewhere(problem: Problem, place: Place) -> Place:
     return Place(new, way @ new.tangent, side * across @ new.tangent, place.steep)
 
 
-def stepped(curve: Zeros | Border, place: Place, distance: float, longest: float):
+def stepped(curve: AbstractCurve, place: Place, distance: float, longest: float):
     """The next place and the step to it; or why there is none, and the last step tried."""
     shortest = longest * SHORTEST
     while True:
@@ -289,7 +183,7 @@ def stepped(curve: Zeros | Border, place: Place, distance: float, longest: float
 
 
 def last_place(
-    curve: Zeros | Border, place: Place, distance: float, alike: Callable[[Place], bool] | None = None
+    curve: AbstractCurve, place: Place, distance: float, alike: Callable[[Place], bool] | None = None
 ) -> Place:
     """The last place of the curve within a distance, or the last of those that are alike.
 
@@ -315,7 +209,7 @@ def last_place(
 
 
 def zero_between(
-    curve: Zeros | Border, before: Place, after: Place, distance: float, test: Callable[[Place], float]
+    curve: AbstractCurve, before: Place, after: Place, distance: float, test: Callable[[Place], float]
 ) -> Place | Failure:
     """The place between two others where another function is zero, by Brent's method."""
     ends = {0.0: before, distance: after}

@@ -7,6 +7,21 @@ import jax.numpy as jnp
 import stickslip as ss
 
 
+def whole_turn(system):
+    """Period of a forcing of frequency 1."""
+    return 2 * jnp.pi
+
+
+def of_frequency(system):
+    """Period of a forcing of the system's frequency."""
+    return 2 * jnp.pi / system.frequency
+
+
+def half_turn(system):
+    """Period of the square of a forcing of frequency 0.92."""
+    return jnp.pi / 0.92
+
+
 class Motion(NamedTuple):
     x: Any
     v: Any

@@ -1,6 +1,5 @@
 """Branches against points that are known: closed forms, and numbers computed independently."""
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -14,12 +13,10 @@ from tests.stickslip.continuation._systems import (
     Sliding,
     Stopped,
     WeakeningBlock,
+    half_turn,
+    of_frequency,
+    whole_turn,
 )
-
-
-def whole_turn(system):
-    """Period of a forcing of frequency 1."""
-    return 2 * jnp.pi
 
 
 def labels(branch):
@@ -62,7 +59,7 @@ def test_grazing_of_coco_and_beyond():
     )  # fmt: skip
     branch = continue_orbit(
         system, periodic_orbit(system, guess, forced=True), "voltage", (0.4, 0.7), step=0.02,
-        forcing_period=lambda s: jnp.pi / 0.92,
+        forcing_period=half_turn,
     )  # fmt: skip
     (graze,) = branch["GR"]
     assert graze.value == pytest.approx(0.5875162504, abs=1e-9)
@@ -83,7 +80,7 @@ def test_flip_of_the_forced_block_on_a_closed_branch():
     )
     branch = continue_orbit(
         ForcedBlock(0.1, w), orbit, "frequency", (1.5, 2.0), step=0.02,
-        forcing_period=lambda s: 2 * jnp.pi / s.frequency,
+        forcing_period=of_frequency,
     )  # fmt: skip
     (flip,) = branch["PD"]
     assert flip.value == pytest.approx(1.7129810362, abs=1e-9)
@@ -91,7 +88,7 @@ def test_flip_of_the_forced_block_on_a_closed_branch():
 
     doubled = continue_orbit(
         ForcedBlock(0.1, w), flip, "frequency", (1.5, 2.0), step=0.02,
-        forcing_period=lambda s: 2 * jnp.pi / s.frequency, max_points=20,
+        forcing_period=of_frequency, max_points=20,
     )  # fmt: skip
     first = float(doubled.orbits.period[0]) * doubled.values[0] / (8 * np.pi)
     assert first == pytest.approx(1.0, abs=1e-9)
@@ -111,7 +108,7 @@ def test_loss_of_pure_slip():
     )
     branch = continue_orbit(
         system, periodic_orbit(system, guess, forced=True), "amplitude", (1.1, 2.5), step=0.02,
-        forcing_period=lambda s: 2 * jnp.pi / s.frequency,
+        forcing_period=of_frequency,
     )  # fmt: skip
     (border,) = branch["GR"]
     assert border.value == pytest.approx(1.3770178175, abs=1e-9)

@@ -24,16 +24,9 @@ from tests.stickslip.continuation._systems import (
     Motion,
     TwoStops,
     WeakeningBlock,
+    of_frequency,
+    whole_turn,
 )
-
-
-def whole_turn(system):
-    """Period of a forcing of frequency 1."""
-    return 2 * jnp.pi
-
-
-def of_frequency(system):
-    return 2 * jnp.pi / system.frequency
 
 
 @pytest.mark.slow

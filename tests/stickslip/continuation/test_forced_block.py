@@ -1,19 +1,14 @@
 """The forced block's tori and grazing orbits against shooting with SciPy alone."""
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import fsolve
 
 from stickslip.continuation import OrbitGuess, continue_orbit, periodic_orbit
-from tests.stickslip.continuation._systems import ForcedBlock, Motion
+from tests.stickslip.continuation._systems import ForcedBlock, Motion, of_frequency
 
 pytestmark = pytest.mark.slow
-
-
-def of_frequency(system):
-    return 2 * jnp.pi / system.frequency
 
 
 def slip(t, y, force, w):
