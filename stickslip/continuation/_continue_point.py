@@ -41,7 +41,7 @@ def continue_point(
     integrator: Given[Integrator | None] = None,
     max_events: Given[int] = 256,
 ) -> BifurcationCurve:
-    r"""Follow a fold, a doubling, a torus point or a border between mode sequences over two parameters.
+    r"""Follow a fold, a doubling, a torus or branch point or a border of modes over two parameters.
 
     The orbits of a system with two free parameters are a surface, on which the points of one kind are a
     curve. Each of its points is a solution of Newton's method for the orbit and of a search across the
@@ -57,7 +57,7 @@ def continue_point(
 
     - `system`: its second parameter has the value at which `point` was found.
     - `point`: `LP`, `PD`, `NS`, `GR` or `SQ` of a `Branch` over the first parameter, or the zero of one
-      of `functions`.
+      of `functions`; also `BP`, which has a curve where both parameters leave the system symmetric.
     - `parameters`: two names; `bounds`: least and greatest value of each.
     - `step`: first and longest step, in parts of the bounds' distances (and of the motion's size).
     - `max_points`: on each of the two halves. `both`: follow to both sides; otherwise to larger values
@@ -78,7 +78,7 @@ def continue_point(
     check_count("max_points", max_points, 1)
     check_flag("both", both)
     tests = {**functions_of(functions), "LP": folding}
-    known = [label for label in tests if label != "BP"] + list(BORDERS)
+    known = [*tests, *BORDERS]
     if point.label not in known:
         raise refusal("point", point, f"one of the kinds {', '.join(known)}")
     values = {names[0]: point.value, names[1]: value_of(system, names[1])}

@@ -1,10 +1,13 @@
 """Systems with known periodic orbits, written here from their equations."""
 
+import functools
 from typing import Any, ClassVar, NamedTuple
 
 import jax.numpy as jnp
+import numpy as np
 
 import stickslip as ss
+from stickslip.continuation import OrbitGuess, continue_orbit, periodic_orbit
 
 
 def whole_turn(system):
@@ -310,3 +313,14 @@ class Radial(ss.AbstractSmoothSystem):
     def vector_field(self, t, y, mode, args):
         grow = 1.0 + self.a - y.x**2 - y.y**2
         return Cycle(grow * y.x - y.y, grow * y.y + y.x)
+
+
+@functools.cache
+def closed_branch():
+    """Of the forced block's orbits of two turns over the frequency, once for all that begin there."""
+    w = 1.75
+    system = ForcedBlock(0.1, w)
+    orbit = periodic_orbit(system, OrbitGuess(Motion(1.0, 0.0), 4 * np.pi / w), forced=True)
+    return continue_orbit(
+        system, orbit, "frequency", (1.5, 2.0), step=0.02, forcing_period=of_frequency
+    )

@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, fsolve
 
 from stickslip.continuation import OrbitGuess, continue_orbit, continue_point, periodic_orbit
-from tests.stickslip.continuation._systems import ForcedBlock, Motion, of_frequency
+from tests.stickslip.continuation._systems import ForcedBlock, Motion, closed_branch, of_frequency
 
 pytestmark = pytest.mark.slow
 
@@ -180,13 +180,11 @@ def released_again(at, w):
 
 def test_the_doubled_orbit_with_stick_is_a_fixed_point_of_the_release_map():
     """With a stick the motion is known by when it ends: the slope of this map is the multiplier."""
-    w = 1.75
-    orbit = periodic_orbit(
-        ForcedBlock(0.1, w), OrbitGuess(Motion(1.0, 0.0), 4 * np.pi / w), forced=True
-    )
-    options = {"step": 0.02, "forcing_period": of_frequency}
-    branch = continue_orbit(ForcedBlock(0.1, w), orbit, "frequency", (1.5, 2.0), **options)
-    doubled = continue_orbit(ForcedBlock(0.1, w), branch["PD"][0], "frequency", (1.5, 2.0), **options)
+    branch = closed_branch()
+    doubled = continue_orbit(
+        branch.system, branch["PD"][0], "frequency", (1.5, 2.0), step=0.02,
+        forcing_period=of_frequency,
+    )  # fmt: skip
     sticking = np.flatnonzero(np.asarray(doubled.orbits.events.count) == 2)
     assert sticking.size >= 4
     # It is unstable from where it grazes until it meets the orbit of half its period.
