@@ -197,6 +197,9 @@ def _round(places: list[Place], distance: float) -> bool:
     first, last = places[0], places[-1]
     if len(places) < LEAST_ROUND or first.way[-2:] @ last.way[-2:] <= 0:
         return False
+    # No curve comes round without going back.
+    if all(first.way[-2:] @ place.way[-2:] > 0 for place in places):
+        return False
     near = np.linalg.norm(last.point.u[-2:] - first.point.u[-2:]) < distance
     one, two = (np.asarray(p.point.anchor.extent) for p in (first, last))
     return bool(near and np.all(np.abs(one - two) <= distance * one))

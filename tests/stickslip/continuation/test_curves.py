@@ -295,6 +295,28 @@ def test_torus_points_end_at_strong_resonances():
     assert high.values[1] == pytest.approx(1 / 3, abs=1e-9)
 
 
+class Ring(Pair):
+    r"""The same with multipliers $e^{2\pi(a^2 + b^2 - 0.04 \pm 0.3i)}$."""
+
+    def vector_field(self, t, y, mode, args):
+        return Pair(self.a**2 + self.b**2 - 0.04, 0.3).vector_field(t, y, mode, args)
+
+
+@pytest.mark.slow
+def test_a_curve_that_comes_round_is_closed():
+    system = Ring(0.0, 0.1)
+    orbit = periodic_orbit(system, OrbitGuess(Torus(1.0, 0.0, 0.0, 0.0), 2 * np.pi))
+    branch = continue_orbit(system, orbit, "a", (0.0, 0.3), step=0.1)
+    (torus,) = branch["NS"]
+    assert torus.value == pytest.approx(np.sqrt(0.03), abs=1e-9)
+    curve = continue_point(system, torus, ("a", "b"), ((-0.5, 0.5), (-0.5, 0.5)), step=0.05)
+    a, b = curve.values.T
+    np.testing.assert_allclose(np.hypot(a, b), 0.2, atol=1e-9)
+    assert curve.ends[1].words.startswith("closed")
+    turned = np.unwrap(np.arctan2(b, a))
+    assert abs(turned[-1] - turned[0]) == pytest.approx(2 * np.pi, abs=0.3)  # once, not twice
+
+
 @pytest.mark.slow
 def test_discontinuous_fold_and_its_curve_over_the_damping():
     """Stick-slip orbit and slip cycle end in one point; the latter also in its Hopf point."""
