@@ -13,8 +13,9 @@ from jaxtyping import Array, Float
 NEUTRAL = 1e-12
 SHORTEST = 2.0**-10
 # Rounding and the choice of step lengths keep the residual from falling further; up to so many times
-# the tolerance that is an end, not a failure.
+# the tolerance that is an end, not a failure. Up to ten times it few shorter steps are tried.
 STALLED = 1e3
+NEARLY, TRIED = 10.0, 0.25
 
 
 class Newton(NamedTuple):
@@ -59,9 +60,13 @@ def newton(
         du = solve(jacobian, residual)
         return du, jnp.all(jnp.isfinite(jacobian)) & jnp.all(jnp.isfinite(du))
 
+    def stuck(norm, part):
+        rounding = (norm <= NEARLY * tolerance) & (part < TRIED)
+        return (norm > tolerance) & ((part < SHORTEST) | rounding)
+
     def going(carry):
         _, _, _, norm, _, _, _, part, fine, steps = carry
-        return (norm > tolerance) & (part >= SHORTEST) & fine & (steps < most)
+        return (norm > tolerance) & ~stuck(norm, part) & fine & (steps < most)
 
     def body(carry):
         u, residual, jacobian, norm, state, carried, du, part, _, steps = carry
@@ -89,4 +94,4 @@ def newton(
     )  # fmt: skip
     end = jax.lax.while_loop(going, body, start)
     u, residual, jacobian, norm, state, carried, _, part, fine, steps = end
-    return Newton(u, jacobian, carried, norm, steps, part < SHORTEST, ~fine)
+    return Newton(u, jacobian, carried, norm, steps, stuck(norm, part), ~fine)

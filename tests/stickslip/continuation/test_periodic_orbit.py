@@ -58,7 +58,9 @@ def test_stick_takes_one_direction_exactly(leine):
 
 def test_newton_takes_few_evaluations(leine):
     assert int(leine.steps) <= 8
-    assert float(leine.residual) <= 1e-12
+    # The residual is rounding, of programs compiled as users do (`make test-all`) or cheaply.
+    cheaply = jax.config.read("jax_disable_most_optimizations")
+    assert float(leine.residual) <= (1e-11 if cheaply else 1e-12)
     assert float(leine.closing_error) < 1e-10
 
 
