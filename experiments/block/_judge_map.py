@@ -1,0 +1,3 @@
+"""X"""
+def judge_map(dataset):
+    return []

@@ -1,0 +1,111 @@
+"""Settled motions of the simplified block over k3 and the belt speed: periods, or why there is none."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from stickslip.analysis import STATUS, PeriodTest, Recording, orbit_diagram
+from stickslip.sweep import Variable
+from stickslip.systems import BlockOnBelt, BlockOnBeltSetValued, BlockState
+
+from .._experiment import Context
+from ._diagram import constructed, integrator_of, sweep_options
+from ._regimes import MAXIMA
+
+SYSTEMS = {"smooth": BlockOnBelt, "set-valued": BlockOnBeltSetValued}
+# What a lane comes to, where it is not a period: numbers below 1 of `motion`.
+IRREGULAR, RESTS, FAILED, UNTOLD = 0, -1, -2, -3
+MEANINGS = {
+    IRREGULAR: "irregular", RESTS: "rests", FAILED: "failed", UNTOLD: "not settled or not told",
+}  # fmt: skip
+REPEATS = 1e-3  # of the motion's size
+LONGEST = 16
+# A block slower than this part of the belt's speed at the end rests, but for the creep of smooth friction.
+# On a belt that stands it rests in the end, whatever is left.
+SLOW = 1e-3
+STANDS = 1e-6  # m/s
+USABLE = [STATUS.index(word) for word in ("ok", "buffer_full", "not_settled")]
+SILENT = [STATUS.index("no_crossing")]
+LABELS = {
+    "k3": Variable(units="N/m", long_name="stiffness k3"),
+    "V_b": Variable(units="m/s", long_name="belt speed V_b"),
+}
+
+
+def system_at(friction: str, k3: Any, V_b: Any) -> Any:
+    """The simplified block with set A, of smooth or set-valued friction.
+
+    Errors: `ValueError` for another word.
+    """
+    if friction not in SYSTEMS:
+        raise ValueError(f"friction is {friction!r}; it must be one of {', '.join(SYSTEMS)}.")
+    return SYSTEMS[friction].constructed(k3, V_b=V_b)
+
+
+def settled_motions(parameters: Mapping[str, Any], context: Context) -> xr.Dataset:
+    """A lane from rest for each pair of k3 and belt speed.
+
+    `motion` counts the maxima of x after which x and y repeat, or is one of `MEANINGS`; `seconds` is the
+    time of them, NaN without a period; `status` and `period_status` are those of `orbit_diagram`, and
+    `end_...` the states at the end.
+    """
+    friction = parameters["friction"]
+    grid = {
+        "k3": np.linspace(parameters["k3_min"], parameters["k3_max"], parameters["columns"]),
+        "V_b": np.linspace(parameters["speed_min"], parameters["speed_max"], parameters["rows"]),
+    }
+    keys = (
+        "friction", "k3_min", "k3_max", "columns", "speed_min", "speed_max", "rows", "transient", "duration",
+        "max_points", "tolerance", "method",
+    )  # fmt: skip
+    found = orbit_diagram(
+        lambda k3, V_b: system_at(friction, k3, V_b),
+        grid,
+        BlockState(0.0, 0.0, 0.0, 0.0),
+        section=MAXIMA,
+        observables=("x", "y", "t"),
+        record=Recording(
+            parameters["transient"], parameters["duration"], max_points=parameters["max_points"]
+        ),
+        period=PeriodTest(REPEATS, LONGEST),
+        integrator=integrator_of(parameters),
+        labels=LABELS,
+        check=0,
+        **sweep_options("map", "simplified", {key: parameters[key] for key in keys}, context),
+    ).load()
+    found = found.assign(
+        motion=(("k3", "V_b"), motion_of(found), {
+            "long_name": "maxima of x after which the motion repeats, or what it is instead",
+            "flag_values": list(MEANINGS), "flag_meanings": "; ".join(MEANINGS.values()),
+        }),
+        seconds=(("k3", "V_b"), seconds_of(found), {"units": "s", "long_name": "period"}),
+    )  # fmt: skip
+    about = f"{constructed({**parameters, 'set': 'A', 'h': 0.0})} Friction: {friction}. "
+    dropped, kept = parameters["transient"], parameters["duration"]
+    about += f"Each lane from rest, {dropped:g} s dropped, {kept:g} s looked at."
+    return found.drop_vars(["x", "y", "t"]).assign_attrs(caption=about, friction=friction)
+
+
+def motion_of(found: xr.Dataset) -> np.ndarray:
+    """What each lane comes to, `[k3, V_b]`."""
+    status, period = np.asarray(found.status), np.asarray(found.period)
+    slow = np.asarray(found.slow_transient).astype(bool)
+    speed = np.hypot(np.asarray(found.end_vx), np.asarray(found.end_vy))
+    belt = np.broadcast_to(np.asarray(found.V_b), speed.shape)
+    rests = np.where(belt == 0.0, speed <= STANDS, speed <= SLOW * np.abs(belt))
+    ran = np.isin(status, USABLE)
+    motion = np.where(ran & ~slow & (period >= 0), period, UNTOLD)
+    motion = np.where(~ran & ~np.isin(status, SILENT), FAILED, motion)
+    return np.where(rests & (ran | np.isin(status, SILENT)), RESTS, motion).astype(np.int32)
+
+
+def seconds_of(found: xr.Dataset) -> np.ndarray:
+    """Time of the last period of each lane [s], NaN where it has none; `[k3, V_b]`."""
+    period, last = np.asarray(found.period), np.asarray(found["count"]) - 1
+    times = np.asarray(found.t.transpose("k3", "V_b", "point"))
+    known = (period > 0) & (last >= period)
+    ends = np.where(known, last, 0), np.where(known, last - period, 0)
+    end, begin = (np.take_along_axis(times, at[..., None], axis=2)[..., 0] for at in ends)
+    return np.where(known, end - begin, np.nan)

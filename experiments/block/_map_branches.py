@@ -1,0 +1,100 @@
+"""Branches over k3 at one belt speed, from a lane of the map, and what of them is to be trusted."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+
+from stickslip.continuation import Branch, BranchPoint, OrbitGuess, continue_orbit
+from stickslip.systems import BlockState
+
+from ._branches import precise
+from ._map import system_at
+from ._map_plane import bounds_of
+
+# Two orbits of a branch whose periods differ by more than this part are not neighbours.
+LEAP = 0.1
+TRIES = 20  # lanes that a branch is tried from
+
+
+def basic_branch(motions: xr.Dataset, speed: float, parameters: Mapping[str, Any]) -> Branch:
+    """The branch over k3 from a settled lane near the belt speed [m/s].
+
+    Raises `LookupError` where none of the first lanes leads to a branch.
+    """
+    options = _options(parameters, parameters["step"])
+    for k3, guess in _guesses(motions, speed):
+        system = system_at(parameters["friction"], k3, speed)
+        try:
+            branch = continue_orbit(system, guess, "k3", **options)
+            for end in branch["EP"]:
+                # Of a doubled orbit: it ends at the orbit itself, whose branch is followed instead.
+                if end.words.startswith("repeats"):
+                    branch = continue_orbit(system, end, "k3", **options)
+                    break
+        except ValueError:
+            continue
+        return branch
+    raise LookupError(f"no lane near the belt speed {speed:g} m/s leads to a branch of orbits")
+
+
+def doubled_branches(
+    points: list[BranchPoint], speed: float, parameters: Mapping[str, Any]
+) -> Iterator[Branch]:
+    """Branches of doubled orbits, each once: one that begins at a doubling may end at another."""
+    options = _options(parameters, parameters["fine_step"])
+    low, high = options["bounds"]
+    met: list[float] = []
+    for point in points:
+        if any(abs(point.value - value) < parameters["fine_step"] * (high - low) for value in met):
+            continue
+        system = system_at(parameters["friction"], point.value, speed)
+        try:
+            branch = continue_orbit(system, point, "k3", **options)
+        except ValueError:  # none begins there
+            continue
+        met += [end.value for end in branch["EP"] if end.words.startswith("repeats")]
+        yield branch
+
+
+def trusted(branch: Branch) -> Iterator[BranchPoint]:
+    """Special points of a branch up to where it leaps to another one: there its period does."""
+    periods = np.asarray(branch.orbits.period)
+    leaps = np.abs(np.diff(periods)) > LEAP * periods[:-1]
+    last = int(np.argmax(leaps)) if leaps.any() else len(periods)
+    for point in branch.specials:
+        near = abs(float(point.orbit.period) - periods[point.index]) <= LEAP * periods[point.index]
+        if near and point.index < last:
+            yield point
+
+
+def unstable_side(branch: Branch, point: BranchPoint) -> int:
+    """Towards which k3, 1 or -1, the orbits of a branch lose stability at one of its points; 0 for none."""
+    if not 0 <= point.index < len(branch) - 1:
+        return 0
+    at = [point.index, point.index + 1]
+    stable, k3 = np.asarray(branch.orbits.stable)[at].astype(bool), branch.values[at]
+    if stable[0] == stable[1]:
+        return 0
+    return int(np.sign(k3[int(stable[0])] - k3[int(stable[1])]))
+
+
+def _guesses(motions: xr.Dataset, speed: float) -> Iterator[tuple[float, OrbitGuess]]:
+    """Settled lanes of the nearest belt speed, those of the fewest points and lowest k3 first."""
+    row = motions.sel(V_b=speed, method="nearest")
+    motion, seconds = np.asarray(row.motion), np.asarray(row.seconds)
+    periodic = np.flatnonzero((motion > 0) & np.isfinite(seconds))
+    for i in periodic[np.argsort(motion[periodic], kind="stable")][:TRIES]:
+        ends = (jnp.asarray(float(row[f"end_{name}"][i])) for name in BlockState._fields)
+        yield float(row.k3[i]), OrbitGuess(BlockState(*ends), float(seconds[i]))
+
+
+def _options(parameters: Mapping[str, Any], step: float) -> dict[str, Any]:
+    return {
+        "bounds": bounds_of(parameters)[0],
+        "step": step,
+        "max_points": parameters["max_orbits"],
+        "integrator": precise(parameters),
+    }

@@ -1,0 +1,60 @@
+"""The two-parameter map of the block: settled motions over k3 and the belt speed, under curves."""
+
+from typing import Any
+
+import xarray as xr
+
+from .._experiment import Context, Experiment
+from ._draw_map import draw_map
+from ._judge_map import judge_map
+from ._map import settled_motions
+from ._map_curves import followed
+
+
+def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
+    """Motions of all lanes, then the curves that start at special points of a branch."""
+    motions = settled_motions(parameters, context)
+    kept = motions.drop_vars([name for name in motions.data_vars if str(name).startswith("end_")])
+    return kept.merge(followed(motions, parameters)).assign_attrs(motions.attrs)
+
+
+EXPERIMENT = Experiment(
+    name="block-map",
+    title="Map of the block on a belt over k3 and the belt speed, with curves of period doubling",
+    parameters={
+        "friction": "smooth",
+        "k3_min": 60.0,
+        "k3_max": 120.0,
+        "columns": 121,
+        "speed_min": 0.03,
+        "speed_max": 0.18,
+        "rows": 76,
+        "transient": 400.0,
+        "duration": 60.0,
+        "max_points": 128,
+        "tolerance": 1e-8,
+        "method": "tsit5",
+        "curve_speed": 0.1,
+        "step": 0.02,
+        "doublings": 1,
+        "fine_step": 6e-4,
+        "max_orbits": 3000,
+        "curve_step": 0.02,
+        "curve_points": 150,
+        "orbit_tolerance": 1e-11,
+    },
+    quick={
+        "columns": 25,
+        "rows": 13,
+        "transient": 150.0,
+        "duration": 40.0,
+        "doublings": 0,
+        "step": 0.05,
+        "curve_step": 0.06,
+        "curve_points": 40,
+        "orbit_tolerance": 1e-10,
+    },
+    compute=compute,
+    draw=draw_map,
+    judge=judge_map,
+)
