@@ -29,7 +29,9 @@ def draw_map(dataset: xr.Dataset) -> Figure:
     colours = ListedColormap(list(KINDS.values()))
     norm = BoundaryNorm(np.arange(len(KINDS) + 1) - 0.5, len(KINDS))
     shown = kinds_of(np.asarray(dataset.motion.transpose("V_b", "k3")))
-    mesh = axis.pcolormesh(k3, speed, shown, cmap=colours, norm=norm, shading="nearest", rasterized=True)
+    mesh = axis.pcolormesh(
+        k3, speed, shown, cmap=colours, norm=norm, shading="nearest", rasterized=True
+    )
     bar = figure.colorbar(mesh, ax=axis, ticks=range(len(KINDS)), pad=0.01)
     bar.ax.set_yticklabels(list(KINDS))
     bar.set_label("maxima of x per period")

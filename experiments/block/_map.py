@@ -11,7 +11,7 @@ from stickslip.sweep import Variable
 from stickslip.systems import BlockOnBelt, BlockOnBeltSetValued, BlockState
 
 from .._experiment import Context
-from ._diagram import constructed, integrator_of, sweep_options
+from ._diagram import integrator_of, sweep_options
 from ._regimes import MAXIMA
 
 SYSTEMS = {"smooth": BlockOnBelt, "set-valued": BlockOnBeltSetValued}
@@ -22,12 +22,16 @@ MEANINGS = {
 }  # fmt: skip
 REPEATS = 1e-3  # of the motion's size
 LONGEST = 16
-# A block slower than this part of the belt's speed at the end rests, but for the creep of smooth friction.
-# On a belt that stands it rests in the end, whatever is left.
+# A block slower than this part of the belt's speed at the end rests, but for the creep of smooth
+# friction. On a belt that stands it rests in the end, whatever is left.
 SLOW = 1e-3
 STANDS = 1e-6  # m/s
 USABLE = [STATUS.index(word) for word in ("ok", "buffer_full", "not_settled")]
 SILENT = [STATUS.index("no_crossing")]
+CAPTION = (
+    "Constructed parameters (set A): the paper prints none. Friction: {}. Each lane from rest, {} with "
+    "adaptive steps at {:g}, {:g} s dropped, {:g} s looked at. Curves: located by Newton's method."
+)
 LABELS = {
     "k3": Variable(units="N/m", long_name="stiffness k3"),
     "V_b": Variable(units="m/s", long_name="belt speed V_b"),
@@ -47,9 +51,9 @@ def system_at(friction: str, k3: Any, V_b: Any) -> Any:
 def settled_motions(parameters: Mapping[str, Any], context: Context) -> xr.Dataset:
     """A lane from rest for each pair of k3 and belt speed.
 
-    `motion` counts the maxima of x after which x and y repeat, or is one of `MEANINGS`; `seconds` is the
-    time of them, NaN without a period; `status` and `period_status` are those of `orbit_diagram`, and
-    `end_...` the states at the end.
+    `motion` counts the maxima of x after which x and y repeat, or is one of `MEANINGS`; `seconds` is
+    the time of them, NaN without a period; `status` and `period_status` are those of `orbit_diagram`,
+    and `end_...` the states at the end.
     """
     friction = parameters["friction"]
     grid = {
@@ -57,8 +61,8 @@ def settled_motions(parameters: Mapping[str, Any], context: Context) -> xr.Datas
         "V_b": np.linspace(parameters["speed_min"], parameters["speed_max"], parameters["rows"]),
     }
     keys = (
-        "friction", "k3_min", "k3_max", "columns", "speed_min", "speed_max", "rows", "transient", "duration",
-        "max_points", "tolerance", "method",
+        "friction", "k3_min", "k3_max", "columns", "speed_min", "speed_max", "rows", "transient",
+        "duration", "max_points", "tolerance", "method",
     )  # fmt: skip
     found = orbit_diagram(
         lambda k3, V_b: system_at(friction, k3, V_b),
@@ -82,9 +86,8 @@ def settled_motions(parameters: Mapping[str, Any], context: Context) -> xr.Datas
         }),
         seconds=(("k3", "V_b"), seconds_of(found), {"units": "s", "long_name": "period"}),
     )  # fmt: skip
-    about = f"{constructed({**parameters, 'set': 'A', 'h': 0.0})} Friction: {friction}. "
-    dropped, kept = parameters["transient"], parameters["duration"]
-    about += f"Each lane from rest, {dropped:g} s dropped, {kept:g} s looked at."
+    steps, run = parameters["tolerance"], (parameters["transient"], parameters["duration"])
+    about = CAPTION.format(friction, parameters["method"], steps, *run)
     return found.drop_vars(["x", "y", "t"]).assign_attrs(caption=about, friction=friction)
 
 

@@ -70,12 +70,18 @@ def trusted(branch: Branch) -> Iterator[BranchPoint]:
             yield point
 
 
-def unstable_side(branch: Branch, point: BranchPoint) -> int:
-    """Towards which k3, 1 or -1, the orbits of a branch lose stability at one of its points; 0 for none."""
+def side_of(branch: Branch, point: BranchPoint) -> int:
+    """Towards which k3, 1 or -1, the orbits of a branch are unstable beside one of its points.
+
+    Of a fold, towards which k3 there are orbits. 0 where that is not one side.
+    """
     if not 0 <= point.index < len(branch) - 1:
         return 0
     at = [point.index, point.index + 1]
     stable, k3 = np.asarray(branch.orbits.stable)[at].astype(bool), branch.values[at]
+    if point.label == "LP":
+        sides = np.sign(k3 - point.value)
+        return int(sides[0]) if sides[0] == sides[1] else 0
     if stable[0] == stable[1]:
         return 0
     return int(np.sign(k3[int(stable[0])] - k3[int(stable[1])]))

@@ -11,13 +11,13 @@ from stickslip.continuation import BifurcationCurve, Branch, BranchPoint, contin
 
 from ._branches import precise
 from ._map import system_at
-from ._map_branches import LEAP, basic_branch, doubled_branches, trusted, unstable_side
+from ._map_branches import LEAP, basic_branch, doubled_branches, side_of, trusted
 from ._map_plane import beside, bounds_of, cell_of
 
 FOLLOWED = ("PD", "LP", "NS", "GR")  # points of a branch whose curves are followed
 PLANE = ("k3", "V_b")
 ALONG = ("curve", *PLANE, "period", "largest")
-CURVE = ("label", "level", *PLANE, "unstable")
+CURVE = ("label", "level", *PLANE, "side")
 TIP = ("curve", *PLANE, "words")
 UNITS = {"k3": "N/m", "V_b": "m/s", "period": "s", "by_branch": "N/m", "by_curve": "N/m"}
 
@@ -26,13 +26,14 @@ UNITS = {"k3": "N/m", "V_b": "m/s", "period": "s", "by_branch": "N/m", "by_curve
 class Followed:
     """A curve, the point at which it starts, and how many doublings led to its orbits.
 
-    `unstable`: as of `unstable_side` at the start.
+    `side`: towards which k3, 1 or -1, the orbits of its branch are unstable at the start; of a fold,
+    towards which k3 there are orbits; 0 where that is not one side.
     """
 
     curve: BifurcationCurve
     start: BranchPoint
     level: int
-    unstable: int
+    side: int
 
 
 def followed(motions: xr.Dataset, parameters: Mapping[str, Any]) -> xr.Dataset:
@@ -67,7 +68,7 @@ def _curves(motions: xr.Dataset, basic: Branch, parameters) -> list[Followed]:
                     continue
                 curve = _curve(point, speed, parameters)
                 if curve is not None:
-                    found.append(Followed(curve, point, level, unstable_side(branch, point)))
+                    found.append(Followed(curve, point, level, side_of(branch, point)))
         if level < parameters["doublings"]:
             begun = [point for branch in branches for point in trusted(branch) if point.label == "PD"]
             branches = list(doubled_branches(begun, speed, parameters))
@@ -130,9 +131,7 @@ def _at_the_paper_speed(motions, basic: Branch, parameters) -> list[tuple[float,
     return pairs
 
 
-def as_table(
-    found: list[Followed], pairs: list[tuple[float, float]], speed: float
-) -> xr.Dataset:
+def as_table(found: list[Followed], pairs: list[tuple[float, float]], speed: float) -> xr.Dataset:
     """Points of all curves along `along`, the curves along `curve`, their ends along `tip`."""
     along: list[tuple] = []
     curves: list[tuple] = []
@@ -142,7 +141,7 @@ def as_table(
         sizes = np.abs(np.asarray(curve.orbits.multipliers)).max(axis=1)
         rows = zip(curve.values, np.asarray(curve.orbits.period), sizes, strict=True)
         along += [(number, *values, period, size) for values, period, size in rows]
-        curves.append((curve.label, one.level, one.start.value, speed, one.unstable))
+        curves.append((curve.label, one.level, one.start.value, speed, one.side))
         tips += [(number, *end.values, end.words) for end in curve.ends]
     return xr.Dataset({
         **_columns("along", ALONG, along),
@@ -153,7 +152,7 @@ def as_table(
 
 
 def _columns(axis: str, keys: tuple[str, ...], rows: list[tuple]) -> dict[str, tuple]:
-    kinds = {"curve": int, "level": int, "unstable": int, "label": str, "words": str}
+    kinds = {"curve": int, "level": int, "side": int, "label": str, "words": str}
     return {
         f"{axis}_{key}": (
             axis,

@@ -12,8 +12,8 @@ class Beside(NamedTuple):
     """Lanes beside a curve, one entry per lane.
 
     `distance` in cells; `side`: 1 to the left of the curve's direction, -1 to the right, 0 on it;
-    `segment`: number of the point before the nearest one; `beyond`: nearest to an end, so that the curve
-    says nothing.
+    `segment`: number of the point before the nearest one; `beyond`: nearest to an end, so that the
+    curve says nothing.
     """
 
     distance: np.ndarray
