@@ -17,6 +17,7 @@ from ._map_plane import bounds_of
 # Two orbits of a branch whose periods differ by more than this part are not neighbours.
 LEAP = 0.1
 TRIES = 20  # lanes that a branch is tried from
+BEYOND = 1.0  # columns: so much farther than its lanes a branch of doubled orbits is followed
 
 
 def basic_branch(motions: xr.Dataset, speed: float, parameters: Mapping[str, Any]) -> Branch:
@@ -41,22 +42,37 @@ def basic_branch(motions: xr.Dataset, speed: float, parameters: Mapping[str, Any
 
 
 def doubled_branches(
-    points: list[BranchPoint], speed: float, parameters: Mapping[str, Any]
+    motions: xr.Dataset, speed: float, turns: int, parameters: Mapping[str, Any]
 ) -> Iterator[Branch]:
-    """Branches of doubled orbits, each once: one that begins at a doubling may end at another."""
-    options = _options(parameters, parameters["fine_step"])
-    low, high = options["bounds"]
-    met: list[float] = []
-    for point in points:
-        if any(abs(point.value - value) < parameters["fine_step"] * (high - low) for value in met):
+    """Branches over k3 of orbits of so many `turns`, one for each interval of lanes that have them.
+
+    Each is followed a little beyond its interval, where the orbit loses its stability or ends. Farther
+    on it may be so unstable that each step is a struggle.
+    """
+    row = motions.sel(V_b=speed, method="nearest")
+    motion, k3 = np.asarray(row.motion), np.asarray(row.k3)
+    seconds = np.asarray(row.seconds)
+    low, high = bounds_of(parameters)[0]
+    margin = BEYOND * float(np.ptp(k3)) / max(k3.size - 1, 1)
+    for begin, end in intervals(motion == turns):
+        middle = (begin + end) // 2
+        # Orbits of two families side by side, told by their periods.
+        if np.any(np.abs(np.diff(seconds[begin : end + 1])) > LEAP * seconds[middle]):
             continue
-        system = system_at(parameters["friction"], point.value, speed)
+        system = system_at(parameters["friction"], float(k3[middle]), speed)
+        options = _options(parameters, parameters["fine_step"])
+        options["bounds"] = max(k3[begin] - margin, low), min(k3[end] + margin, high)
         try:
-            branch = continue_orbit(system, point, "k3", **options)
-        except ValueError:  # none begins there
+            branch = continue_orbit(system, _guess(row, middle), "k3", **options)
+        except ValueError:  # no orbit there, or not this near the lane's
             continue
-        met += [end.value for end in branch["EP"] if end.words.startswith("repeats")]
         yield branch
+
+
+def intervals(wanted: np.ndarray) -> list[tuple[int, int]]:
+    """First and last index of each run of true values."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], wanted, [False]]).astype(int)))
+    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def trusted(branch: Branch) -> Iterator[BranchPoint]:
@@ -93,8 +109,12 @@ def _guesses(motions: xr.Dataset, speed: float) -> Iterator[tuple[float, OrbitGu
     motion, seconds = np.asarray(row.motion), np.asarray(row.seconds)
     periodic = np.flatnonzero((motion > 0) & np.isfinite(seconds))
     for i in periodic[np.argsort(motion[periodic], kind="stable")][:TRIES]:
-        ends = (jnp.asarray(float(row[f"end_{name}"][i])) for name in BlockState._fields)
-        yield float(row.k3[i]), OrbitGuess(BlockState(*ends), float(seconds[i]))
+        yield float(row.k3[i]), _guess(row, i)
+
+
+def _guess(row: xr.Dataset, i: int) -> OrbitGuess:
+    ends = (jnp.asarray(float(row[f"end_{name}"][i])) for name in BlockState._fields)
+    return OrbitGuess(BlockState(*ends), float(row.seconds[i]))
 
 
 def _options(parameters: Mapping[str, Any], step: float) -> dict[str, Any]:

@@ -70,8 +70,7 @@ def _curves(motions: xr.Dataset, basic: Branch, parameters) -> list[Followed]:
                 if curve is not None:
                     found.append(Followed(curve, point, level, side_of(branch, point)))
         if level < parameters["doublings"]:
-            begun = [point for branch in branches for point in trusted(branch) if point.label == "PD"]
-            branches = list(doubled_branches(begun, speed, parameters))
+            branches = list(doubled_branches(motions, speed, 2 ** (level + 1), parameters))
     return found
 
 
