@@ -2,13 +2,15 @@
 
 from types import SimpleNamespace
 
+import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import xarray as xr
 
 from experiments import __main__ as command
-from experiments._experiment import chosen, load
+from experiments._experiment import Context, chosen, load
+from experiments.block import _map
 from experiments.block._draw_map import KINDS, draw_map, kinds_of
 from experiments.block._judge_map import judge_map
 from experiments.block._map import (
@@ -18,9 +20,10 @@ from experiments.block._map import (
     UNTOLD,
     motion_of,
     seconds_of,
+    settled_motions,
 )
-from experiments.block._map_branches import side_of, trusted
-from experiments.block._map_curves import as_table
+from experiments.block._map_branches import intervals, side_of, trusted
+from experiments.block._map_curves import as_table, followed
 from experiments.block._map_plane import beside, bounds_of, cell_of
 from stickslip.analysis import STATUS
 
@@ -238,3 +241,51 @@ def test_curves_are_followed_a_little_beyond_the_map():
     (low, high), (slow, fast) = bounds_of(parameters)
     assert (low, high) == pytest.approx((54.0, 126.0))
     assert (slow, fast) == pytest.approx((0.0, 0.198))
+
+
+def test_intervals_of_lanes():
+    assert intervals(np.array([True, False, True, True, False, True])) == [(0, 0), (2, 3), (5, 5)]
+    assert intervals(np.zeros(3, bool)) == []
+    assert intervals(np.ones(2, bool)) == [(0, 1)]
+
+
+def test_where_no_lane_is_periodic_there_are_no_curves():
+    parameters = chosen(load()["block-map"], True, [])
+    data = lanes(status=["ok"] * 3, period=[0, 0, 0])
+    data["motion"] = data.period
+    data["seconds"] = data.period * np.nan
+    found = followed(data, parameters)
+    assert found.sizes == {"along": 0, "curve": 0, "tip": 0, "paper": 0}
+    assert found.attrs["curves"] == (
+        "none: no lane near the belt speed 0.1 m/s leads to a branch of orbits"
+    )
+
+
+@pytest.mark.slow
+def test_a_standing_belt_a_failed_lane_and_the_rest(monkeypatch, tmp_path):
+    """Lanes that fail, with a stiffness that is no number, leave their neighbours alone."""
+    given = _map.system_at
+    monkeypatch.setattr(
+        _map, "system_at", lambda word, k3, V_b: given(word, jnp.where(k3 > 76.0, jnp.nan, k3), V_b)
+    )
+    changes = ["k3_min=70", "k3_max=80", "columns=3", "speed_min=0", "speed_max=0.12", "rows=3"]
+    parameters = chosen(load()["block-map"], True, changes)
+    found = settled_motions(parameters, Context(tmp_path, False))
+    assert found.motion.dims == ("k3", "V_b")
+    assert found.motion[:, 0].values.tolist() == [RESTS, RESTS, FAILED]
+    assert found.motion[:, 2].values.tolist() == [1, 1, FAILED]
+    assert found.seconds[0, 2] == pytest.approx(0.79986, abs=1e-4)  # the branch at 70 N/m
+    assert np.isnan(found.seconds[:, 0]).all()
+
+
+@pytest.mark.slow
+def test_a_map_without_a_doubling_claims_nothing(tmp_path):
+    changes = ["k3_min=62", "k3_max=68", "speed_min=0.14", "speed_max=0.18", "curve_speed=0.16",
+               "columns=3", "rows=3", "doublings=1"]  # fmt: skip
+    experiment = load()["block-map"]
+    data = experiment.compute(chosen(experiment, True, changes), Context(tmp_path, False))
+    assert (data.motion == 1).all()
+    assert data.sizes["curve"] == data.sizes["paper"] == 0
+    assert data.attrs["curves"].startswith("0 followed")
+    assert verdicts(data) == {"X3": None, "X4": None, "X5": None}
+    plt.close(experiment.draw(data))
