@@ -14,9 +14,8 @@ from ._map_plane import beside, cell_of
 class Beside(NamedTuple):
     """Lanes beside a curve, `[k3, V_b]`.
 
-    `distance` [cells]; `side`: 1 on the side that the curve tells of (of doublings: the orbit is
-    unstable; of folds: there are orbits), -1 on the other, 0 beyond its ends; `period` [s] of the
-    orbit on the curve nearby.
+    `distance` [cells]; `side`: 1 where the orbit is unstable, -1 where it is stable, 0 beyond the
+    ends; `period` [s] of the orbit on the curve nearby.
     """
 
     distance: np.ndarray
@@ -30,7 +29,7 @@ def beside_doublings(dataset: xr.Dataset) -> Beside:
     Raises `Untold` where there is none that says on which side the orbit is stable.
     """
     best = None
-    for number in _curves(dataset, "PD", 0):
+    for number in _doublings(dataset):
         new = _beside(dataset, number)
         if best is None:
             best = new
@@ -42,19 +41,10 @@ def beside_doublings(dataset: xr.Dataset) -> Beside:
     return best
 
 
-def before_a_fold(dataset: xr.Dataset) -> np.ndarray:
-    """Whether each lane lies on that side of a fold of the doubled orbit on which there are orbits."""
-    there = np.zeros((dataset.sizes["k3"], dataset.sizes["V_b"]), bool)
-    for number in _curves(dataset, "LP", 1):
-        there |= _beside(dataset, number).side > 0
-    return there
-
-
-def _curves(dataset: xr.Dataset, label: str, level: int) -> list[int]:
-    """Curves of a label and a level that have two sides."""
-    of_it = (np.asarray(dataset.curve_label).astype(str) == label) & (
-        np.asarray(dataset.curve_level) == level
-    )
+def _doublings(dataset: xr.Dataset) -> list[int]:
+    """Curves of the basic orbit's doublings that have two sides."""
+    of_it = np.asarray(dataset.curve_label).astype(str) == "PD"
+    of_it &= np.asarray(dataset.curve_level) == 0
     sides = np.asarray(dataset.curve_side) != 0
     counts = np.bincount(np.asarray(dataset.along_curve), minlength=of_it.size)
     return np.flatnonzero(of_it & sides & (counts >= 2)).tolist()
@@ -106,8 +96,7 @@ def unstable_is_not_simulated(dataset: xr.Dataset) -> Verdict:
 
 @statement(
     "X4",
-    "The curve of doublings parts lanes of the basic orbit from those of twice its period, but for "
-    "lanes between the curve and the fold of the doubled orbit.",
+    "The curve of doublings parts the lanes of the basic orbit from those of twice its period.",
 )
 def periods_are_parted(dataset: xr.Dataset) -> Verdict:
     """Share of the lanes of one and of two periods that lie on the right side."""
@@ -115,12 +104,10 @@ def periods_are_parted(dataset: xr.Dataset) -> Verdict:
     one, two = (compared & basic(dataset, place, turns) for turns in (1, 2))
     if min(one.sum(), two.sum()) < BlockMap.FEWEST:
         raise Untold(f"{int(one.sum())} lanes have one period, {int(two.sum())} two")
-    over = two & (place.side < 0)
-    held = over & before_a_fold(dataset)
-    wrong = [int((one & (place.side > 0)).sum()), int((over & ~held).sum())]
+    wrong = [int((one & (place.side > 0)).sum()), int((two & (place.side < 0)).sum())]
     share = 1.0 - sum(wrong) / int(one.sum() + two.sum())
     text = f"{wrong[0]} of {int(one.sum())} lanes of one period, {wrong[1]} of {int(two.sum())} of two "
-    text += f"on the wrong side, {share:.2%} agree; {int(held.sum())} before the fold; {words}"
+    text += f"on the wrong side, {share:.2%} agree; {words}"
     return share >= BlockMap.AGREE, text
 
 

@@ -25,6 +25,9 @@ LONGEST = 16
 # A block slower than this part of the belt's speed at the end rests, but for the creep of smooth
 # friction. On a belt that stands it rests in the end, whatever is left.
 SLOW = 1e-3
+# A motion that alternates, as one of two points per period, is settled if the alternation changes by
+# less than this part over the record: near a doubling it decays for long.
+CHANGES = 0.02
 STANDS = 1e-6  # m/s
 USABLE = [STATUS.index(word) for word in ("ok", "buffer_full", "not_settled")]
 SILENT = [STATUS.index("no_crossing")]
@@ -97,11 +100,33 @@ def motion_of(found: xr.Dataset) -> np.ndarray:
     slow = np.asarray(found.slow_transient).astype(bool)
     speed = np.hypot(np.asarray(found.end_vx), np.asarray(found.end_vy))
     belt = np.broadcast_to(np.asarray(found.V_b), speed.shape)
+    slow |= alternation_changes(found) > CHANGES
     rests = np.where(belt == 0.0, speed <= STANDS, speed <= SLOW * np.abs(belt))
     ran = np.isin(status, USABLE)
     motion = np.where(ran & ~slow & (period >= 0), period, UNTOLD)
     motion = np.where(~ran & ~np.isin(status, SILENT), FAILED, motion)
     return np.where(rests & (ran | np.isin(status, SILENT)), RESTS, motion).astype(np.int32)
+
+
+def alternation_changes(found: xr.Dataset) -> np.ndarray:
+    """By how much of itself the difference of points half a period apart changes over the record.
+
+    `[k3, V_b]`; 0 where the period is odd or none.
+    """
+    period, count = np.asarray(found.period), np.asarray(found["count"])
+    x = np.asarray(found.x.transpose("k3", "V_b", "point"))
+    half = np.where((period > 0) & (period % 2 == 0), period // 2, 0)
+    index = np.arange(x.shape[2])
+    other = np.take_along_axis(x, np.clip(index - half[..., None], 0, None), axis=2)
+    size = np.abs(x - other)
+
+    def largest(begin: np.ndarray) -> np.ndarray:
+        rows = (index >= begin[..., None]) & (index < (begin + 2 * half)[..., None])
+        return np.max(np.where(rows & np.isfinite(size), size, 0.0), axis=2)
+
+    early, late = largest(half), largest(count - 2 * half)
+    most = np.maximum(early, late)
+    return np.where(most > 0.0, np.abs(early - late) / np.where(most > 0.0, most, 1.0), 0.0)
 
 
 def seconds_of(found: xr.Dataset) -> np.ndarray:

@@ -17,7 +17,7 @@ from ._map_plane import bounds_of
 # Two orbits of a branch whose periods differ by more than this part are not neighbours.
 LEAP = 0.1
 TRIES = 20  # lanes that a branch is tried from
-BEYOND = 1.0  # columns: so much farther than its lanes a branch of doubled orbits is followed
+BEYOND = 2.0  # columns: so much farther than its lanes a branch of doubled orbits is followed
 
 
 def basic_branch(motions: xr.Dataset, speed: float, parameters: Mapping[str, Any]) -> Branch:

@@ -16,6 +16,7 @@ from ._map_plane import beside, bounds_of, cell_of
 
 FOLLOWED = ("PD", "LP", "NS", "GR")  # points of a branch whose curves are followed
 PLANE = ("k3", "V_b")
+AT = 0.1  # cells from a curve at which a point is on it
 ALONG = ("curve", *PLANE, "period", "largest")
 CURVE = ("label", "level", *PLANE, "side")
 TIP = ("curve", *PLANE, "words")
@@ -66,6 +67,8 @@ def _curves(motions: xr.Dataset, basic: Branch, parameters) -> list[Followed]:
             for point in trusted(branch):
                 if point.label not in FOLLOWED or _met(found, point, speed, cell):
                     continue
+                if point.label == "LP" and _is_birth(found, point, speed, cell):
+                    continue
                 curve = _curve(point, speed, parameters)
                 if curve is not None:
                     found.append(Followed(curve, point, level, side_of(branch, point)))
@@ -84,6 +87,15 @@ def _met(found: list[Followed], point: BranchPoint, speed: float, cell: np.ndarr
         if place.distance[0] < 1.0 and abs(float(point.orbit.period) / period - 1.0) < LEAP:
             return True
     return False
+
+
+def _is_birth(found: list[Followed], point: BranchPoint, speed: float, cell: np.ndarray) -> bool:
+    """Whether the parameter turns at a point because there the orbits are born by a doubling."""
+    here = np.array([[point.value, speed]])
+    return any(
+        one.curve.label == "PD" and beside(one.curve.values, here, cell).distance[0] < AT
+        for one in found
+    )
 
 
 def _curve(point: BranchPoint, speed: float, parameters, **options: Any) -> BifurcationCurve | None:

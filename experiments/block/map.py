@@ -15,7 +15,8 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     """Motions of all lanes, then the curves that start at special points of a branch."""
     motions = settled_motions(parameters, context)
     kept = motions.drop_vars([name for name in motions.data_vars if str(name).startswith("end_")])
-    return kept.merge(followed(motions, parameters)).assign_attrs(motions.attrs)
+    curves = followed(motions, parameters)
+    return kept.merge(curves).assign_attrs({**motions.attrs, **curves.attrs})
 
 
 EXPERIMENT = Experiment(
