@@ -58,9 +58,11 @@ def _curve(axis, dataset: xr.Dataset, number: int) -> None:
     label, level = str(dataset.curve_label[number].item()), int(dataset.curve_level[number])
     points = dataset.isel(along=dataset.along_curve == number)
     turns = {0: "the orbit", 1: "the doubled orbit"}.get(level, f"{2**level} rounds")
+    words = f"{label} of {turns}"
+    drawn = axis.get_legend_handles_labels()[1]
     axis.plot(
         points.along_k3, points.along_V_b, STYLES[min(level, len(STYLES) - 1)],
-        color=LINES.get(label, "black"), linewidth=1.6, label=f"{label} of {turns}",
+        color=LINES.get(label, "black"), linewidth=1.6, label="" if words in drawn else words,
     )  # fmt: skip
     axis.plot(dataset.curve_k3[number], dataset.curve_V_b[number], "o", color="white",
               markeredgecolor="black", markersize=4)  # fmt: skip
