@@ -83,6 +83,8 @@ class Beam:
     EVERY = Number(0.98, "", "C3: sticks a contact from which on it sticks at every one", OURS)
     IRREGULAR = Number(0.9, "", "C4a: part of the lanes that must be more than one line", OURS)
     BORDER = Number(0.05, "", "speeds this near a border of two digits are not judged", OURS)
+    SAME_BORDER = Number(0.05, "", "C3b: a speed this near one of two digits is the same", OURS)
+    NEUTRAL = Number(1e-9, "", "C3b, C4c, C5b: a multiplier nearer to the unit circle is on it", OURS)
     REGULAR = Number(0.1, "", "C7: change over a period, against the size, of what is regular", OURS)
     ENOUGH = Number(
         0.9, "", "part of the lanes of a range that must be known for a statement on all", OURS

@@ -152,7 +152,8 @@ assert fold.words.startswith("grazing-sliding")
 # ## The fold over two parameters
 #
 # `continue_point` follows such a point, here over the speed of the belt and the damping: left of the
-# curve the block sticks and slips, right of it it comes to rest.
+# curve the block sticks and slips, right of it it comes to rest. `curve.ends` say where and why it
+# ends: at a bound, at a point of codimension two by its name, or where the orbit grazes.
 
 # %%
 curve = continue_point(

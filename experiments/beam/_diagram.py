@@ -78,8 +78,10 @@ def points(system: JointedBeam, start: Any, parameters: Mapping[str, Any]) -> di
     }
 
 
-def diagrams(parameters: Mapping[str, Any], context: Context) -> xr.Dataset:
-    """Points over belt speed for both readings of the equations."""
+def diagrams(
+    parameters: Mapping[str, Any], context: Context, variants: tuple[str, ...] = VARIANTS
+) -> xr.Dataset:
+    """Points over belt speed for these readings of the equations."""
     speeds = np.linspace(parameters["v_min"], parameters["v_max"], parameters["speeds"])
     parts = [
         run_sweep(
@@ -97,8 +99,8 @@ def diagrams(parameters: Mapping[str, Any], context: Context) -> xr.Dataset:
             executor=parameters["executor"],
             **store_options("diagram", variant, parameters, context),
         ).load()
-        for variant in VARIANTS
+        for variant in variants
     ]
-    joined = xr.concat(parts, xr.Variable("variant", list(VARIANTS)), combine_attrs="override")
+    joined = xr.concat(parts, xr.Variable("variant", list(variants)), combine_attrs="override")
     caption = CAPTION.format(modes=parameters["modes"])
     return joined.assign_attrs(caption=caption, duration=parameters["duration"])

@@ -10,9 +10,9 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import PyTree
 
 from ..analysis._observable import with_parameters
-from ..hybrid import AbstractHybridSystem, Integrator, use_executor
+from ..hybrid import AbstractHybridSystem, Integrator, simulate, use_executor
 from ..hybrid._bound import spanning
-from ._closing import Frame, Motion, closure, extent, turns_of, unknowns
+from ._closing import Frame, Motion, closure, extent, known, turns_of, unknowns
 from ._newton import Newton
 from ._orbit import PeriodicOrbit
 from ._periodic_orbit import described
@@ -110,6 +110,25 @@ def evaluated(problem: Problem, u: Any, modes: Any, anchor: Anchor):
 
     jacobian, found = jax.jacfwd(residual, has_aux=True)(u)
     return found.residual, jacobian, found
+
+
+@eqx.filter_jit
+def passed(problem: Problem, u: Any, modes: Any, anchor: Anchor):
+    """Events of one period from the first state of these unknowns, and whether it went well."""
+    _, unravel = ravel_pytree(anchor.y)
+    free = len(problem.names)
+    turn = jnp.asarray(turns_of(problem.system, anchor.y))
+    motion, frame = _framed(problem, u[-free:] * problem.unit, anchor, turn)
+    states, period = known(u[:-free], frame, problem.segments)
+    integrator = spanning(
+        motion.integrator, motion.system, frame.t0, frame.period, anchor.y, modes[0], motion.args
+    )
+    with use_executor(problem.executor):
+        run = simulate(
+            motion.system, frame.t0, frame.t0 + period, unravel(states[0]), modes[0], motion.args,
+            integrator=integrator, max_events=problem.max_events, throw=False,
+        )  # fmt: skip
+    return run.events, run.successful
 
 
 @eqx.filter_jit

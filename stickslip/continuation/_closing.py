@@ -122,7 +122,7 @@ def closure(
             solution.flags, solution.sequence, solution.num_events,
         )  # fmt: skip
 
-    ends, after, *told = jax.vmap(piece)(times[:-1], times[1:], y, modes)
+    ends, after, *told = _each(piece, times[:-1], times[1:], y, modes)
     away = ends - jnp.roll(y, -1, axis=0)
     # Of the last piece alone: the knots go on turning.
     away = away.at[-1].set(wrapped(away[-1], frame.turn))
@@ -131,6 +131,14 @@ def closure(
         plane = jnp.sum(frame.normal * (y[0] - frame.anchor) / frame.size)
         residual = jnp.append(residual, plane)
     return Closure(residual, ends, after, *told)
+
+
+def _each(piece: Any, *rows: Any) -> Any:
+    """A function of each row; of the only one by itself, whose program is half as large."""
+    if rows[0].shape[0] > 1:
+        return jax.vmap(piece)(*rows)
+    alone = piece(*(row[0] for row in rows))
+    return jax.tree.map(lambda leaf: jnp.asarray(leaf)[None], alone)
 
 
 def extent(

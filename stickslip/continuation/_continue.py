@@ -227,6 +227,7 @@ def _half(problem, start: Point, bounds, step, max_points, tests) -> tuple[list,
         else:
             specials += _labelled(problem, point, new, distance, tests, index)
         if not low <= new.value <= high:
+            specials = [s for s in specials if low <= s.point.value <= high]
             specials.append(
                 Special("EP", _at_bound(problem, point, new, distance, bounds), "bounds", index)
             )
@@ -259,6 +260,10 @@ def _closed(points: list[Point], distance: float) -> bool:
     """Whether the last orbit is the first one, met again in the same sense."""
     first, last = points[0], points[-1]
     if len(points) < LEAST_ROUND or last.sequence != first.sequence:
+        return False
+    # No curve comes round without going back: where the state moves fast, orbits of one way are as near
+    # to each other in the parameter as the first and last of a round.
+    if all(point.tangent[-1] * first.tangent[-1] > 0 for point in points):
         return False
     period, other = float(first.orbit.period), float(last.orbit.period)
     near = abs(last.u[-1] - first.u[-1]) < distance and abs(other - period) < distance * period

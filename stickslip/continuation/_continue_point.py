@@ -13,14 +13,16 @@ from ..hybrid._arguments import the_system
 from ._along import Problem
 from ._arguments import bounds_of, functions_of, problem_of, value_of
 from ._bifurcation_curve import BifurcationCurve, curve_of
+from ._border import Border
 from ._branch import BranchPoint
-from ._curve import Border, Place, Zeros, elsewhere, last_place, stepped, zero_between
+from ._curve import AbstractCurve, Place, Zeros, elsewhere, last_place, stepped, zero_between
 from ._degenerate import degenerate, folding
-from ._follow import Failure, Point, begin
+from ._follow import Failure, Point, begin, round_trip
 
 BORDERS = ("GR", "SQ")
 LONGER = 1.5
 LEAST_ROUND = 8  # points of a closed curve
+BESIDE = (1e-10, 1e-9, 1e-8, 1e-7, 1e-6)  # of the first parameter's bounds
 
 
 def continue_point(
@@ -39,7 +41,7 @@ def continue_point(
     integrator: Given[Integrator | None] = None,
     max_events: Given[int] = 256,
 ) -> BifurcationCurve:
-    r"""Follow a fold, a doubling, a torus point or a border between mode sequences over two parameters.
+    r"""Follow a fold, a doubling, a torus or branch point or a border of modes over two parameters.
 
     The orbits of a system with two free parameters are a surface, on which the points of one kind are a
     curve. Each of its points is a solution of Newton's method for the orbit and of a search across the
@@ -47,14 +49,15 @@ def continue_point(
     may turn in both parameters.
 
     It ends, by name, where its point becomes another one: where the orbit grazes, so that its sequence
-    of modes ends; at a cusp (`CP`); at a fold that meets a doubling (`LPPD`); at the strong resonances
-    of a torus point (`R1` to `R4`), and so on.
+    of modes ends; where the border of one event meets that of another (`GRGR`); at a cusp (`CP`); at a
+    fold that meets a doubling (`LPPD`); at the strong resonances of a torus point (`R1` to `R4`), and
+    so on. Ends are known to some 1e-8 of the bounds' distances.
 
     **Arguments**
 
     - `system`: its second parameter has the value at which `point` was found.
     - `point`: `LP`, `PD`, `NS`, `GR` or `SQ` of a `Branch` over the first parameter, or the zero of one
-      of `functions`.
+      of `functions`; also `BP`, which has a curve where both parameters leave the system symmetric.
     - `parameters`: two names; `bounds`: least and greatest value of each.
     - `step`: first and longest step, in parts of the bounds' distances (and of the motion's size).
     - `max_points`: on each of the two halves. `both`: follow to both sides; otherwise to larger values
@@ -75,7 +78,7 @@ def continue_point(
     check_count("max_points", max_points, 1)
     check_flag("both", both)
     tests = {**functions_of(functions), "LP": folding}
-    known = [label for label in tests if label != "BP"] + list(BORDERS)
+    known = [*tests, *BORDERS]
     if point.label not in known:
         raise refusal("point", point, f"one of the kinds {', '.join(known)}")
     values = {names[0]: point.value, names[1]: value_of(system, names[1])}
@@ -86,8 +89,7 @@ def continue_point(
         system, values, limits[:, 1] - limits[:, 0], point.orbit, forcing_period, args=args,
         segments=segments, integrator=integrator, max_events=max_events,
     )  # fmt: skip
-    first = begin(problem, point.orbit, list(values.values()))
-    curve, start = _start(problem, first, point.label, tests, step)
+    curve, start = _start(problem, point, np.array([*values.values()]), tests, step)
     if isinstance(start, Failure):
         raise refusal("point", point, f"one from which a curve can be followed: it is {start.result}")
     start = start if start.way[-1] >= 0 else start.turned()
@@ -117,27 +119,25 @@ def _limits(bounds: Any) -> list[tuple[float, float]]:
 
 
 def _start(
-    problem: Problem, first: Point | Failure, label: str, tests: Mapping[str, Any], step: float
-) -> tuple[Zeros | Border, Place | Failure]:
-    if label not in BORDERS:
-        zeros = Zeros(problem, tests[label])
+    problem: Problem, point: BranchPoint, values: np.ndarray, tests: Mapping[str, Any], step: float
+) -> tuple[AbstractCurve, Place | Failure]:
+    first = begin(problem, point.orbit, values)
+    if point.label not in BORDERS:
+        zeros = Zeros(problem, tests[point.label])
         return zeros, first if isinstance(first, Failure) else zeros.begin(first)
-    border = Border(problem, () if isinstance(first, Failure) else first.sequence)
-    found: Place | Failure = Failure("not_converged")
-    if isinstance(first, Failure):
-        return border, first
-    # The branch came to the border along its first parameter: on one side there are its orbits.
-    for toward in (1.0, -1.0):
-        inward = np.zeros(first.u.size)
-        inward[-2] = toward
-        found = border.begin(first, inward, step)
-        if not isinstance(found, Failure):
-            break
-    return border, found
+    # At the border itself rounding decides which events there are: then from a little beside it.
+    border = Border(problem, round_trip(point.orbit))
+    for beside in (0.0, *BESIDE):
+        for side in (1.0, -1.0):
+            move = np.array([side * beside * problem.unit[0], 0.0])
+            found = begin(problem, point.orbit, values + move)
+            if isinstance(found, Point) and found.sequence == border.sequence:
+                return border, border.begin(found, step)
+    return border, first if isinstance(first, Failure) else Failure("mode_differs")
 
 
 def _half(
-    curve: Zeros | Border, start: Place, label: str, names: tuple[str, str], limits: np.ndarray,
+    curve: AbstractCurve, start: Place, label: str, names: tuple[str, str], limits: np.ndarray,
     step: float, most: int,
 ) -> tuple[list[Place], tuple[Point, str]]:  # fmt: skip
     """Places from `start` along its direction; the last point and why it is the last."""
@@ -149,7 +149,11 @@ def _half(
             last = last_place(curve, place, distance)
             if last is not place:
                 places.append(last)
-            return places, (last.point, _reason(new))
+            return places, (last.point, _reason(curve, last, new))
+        if isinstance(curve, Border):
+            last = curve.met(place, new, distance)
+            if last is not None:
+                return [*places, last], (last.point, CORNER)
         tests = degenerate(label, place)
         for i, (name, (low, high)) in enumerate(zip(names, limits, strict=True)):
             bound = low if new.point.values[i] < low else high
@@ -172,6 +176,7 @@ def _half(
     return places, (places[-1].point, "max_points")
 
 
+CORNER = "GRGR: the border of another sequence of modes is met"
 CLOSED = "closed: the curve has come round"
 
 
@@ -179,7 +184,9 @@ def _closed(end: tuple[Point, str]) -> bool:
     return end[1] == CLOSED
 
 
-def _reason(failure: Failure) -> str:
+def _reason(curve: AbstractCurve, last: Place, failure: Failure) -> str:
+    if isinstance(curve, Border) and curve.corner(last):
+        return CORNER
     if failure.result == "mode_differs":
         return "grazes: the sequence of modes ends here"
     return f"{failure.result}: the next orbit was not found"
@@ -189,6 +196,9 @@ def _round(places: list[Place], distance: float) -> bool:
     """Whether the last place is the first one, met again in the same sense."""
     first, last = places[0], places[-1]
     if len(places) < LEAST_ROUND or first.way[-2:] @ last.way[-2:] <= 0:
+        return False
+    # No curve comes round without going back.
+    if all(first.way[-2:] @ place.way[-2:] > 0 for place in places):
         return False
     near = np.linalg.norm(last.point.u[-2:] - first.point.u[-2:]) < distance
     one, two = (np.asarray(p.point.anchor.extent) for p in (first, last))

@@ -1,5 +1,6 @@
 """Curves of special points over two parameters: one place after the other in the plane of orbits."""
 
+import abc
 import dataclasses
 from collections.abc import Callable
 from typing import Any
@@ -8,8 +9,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from ._along import Problem
-from ._follow import Failure, Point, ahead, beginning_elsewhere, correct
-from ._points import border
+from ._follow import Failure, Point, ahead, beginning_elsewhere
 
 # Slopes of a test are differences over this distance, in parts of the motion's size.
 SLOPE = 1e-4
@@ -19,7 +19,9 @@ BEND = 0.9  # cosine between two directions of the curve: sharper bends get shor
 SHORTEST = 2.0**-10
 LONGER = 1.5
 LAST = 1e-9  # of the step: how exactly the end of a curve is known
-INSIDE = (0.0, 0.02, 0.1, 0.5, 2.0)  # of the step: how far beside the border orbits are looked for
+# The end of a curve is searched anew from the last place found: by so much nearer in each round, up to
+# four times as far as was left. Chords shorter than the last number have no direction.
+NEARER, ROUNDS, CHORD = 2.0**-6, 10, 1e-5
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,10 +44,10 @@ class Place:
         """Another point not far along the curve; its direction is that of the parabola through both."""
         chord = point.u - self.point.u
         chord = chord / np.linalg.norm(chord)
-        return _directed(self, point, 2.0 * (chord @ self.way) * chord - self.way, steep)
+        return directed(self, point, 2.0 * (chord @ self.way) * chord - self.way, steep)
 
 
-def _directed(old: Place, point: Point, along: np.ndarray, steep: float) -> Place:
+def directed(old: Place, point: Point, along: np.ndarray, steep: float) -> Place:
     """A point with a direction of the curve and the normal on the side of the old one."""
     one, two = point.tangent @ along
     size = np.hypot(one, two)
@@ -54,7 +56,17 @@ def _directed(old: Place, point: Point, along: np.ndarray, steep: float) -> Plac
     return Place(point, np.array([one, two]) / size @ point.tangent, normal, steep)
 
 
-class Zeros:
+class AbstractCurve(abc.ABC):
+    """A curve in the surface of orbits that can be followed from one place to the next."""
+
+    problem: Problem
+
+    @abc.abstractmethod
+    def onward(self, place: Place, distance: float) -> Place | Failure:
+        """The place at a distance along the curve."""
+
+
+class Zeros(AbstractCurve):
     """The curve on which a smooth function of the orbit is zero, by secants across it."""
 
     def __init__(self, problem: Problem, test: Callable[[Point], float]):
@@ -126,52 +138,6 @@ class Zeros:
         return Failure("not_converged")
 
 
-class Border:
-    """The curve on which orbits of one sequence of modes end, by bisection across it."""
-
-    def __init__(self, problem: Problem, sequence: tuple):
-        self.problem, self.sequence = problem, sequence
-
-    def begin(self, point: Point, inward: np.ndarray, distance: float) -> Place | Failure:
-        """A place at an orbit that nearly is the last one; `inward` leads to more of its kind."""
-        one, two = point.tangent @ inward
-        size = np.hypot(one, two)
-        place = Place(
-            point, np.array([-two, one]) / size @ point.tangent,
-            np.array([one, two]) / size @ point.tangent,
-        )  # fmt: skip
-        # The direction of the curve from two places beside this one.
-        for part in (0.3, 0.03, 0.003):
-            beside = [self._across(p, part * distance) for p in (place.turned(), place)]
-            low, high = beside
-            if not isinstance(low, Failure) and not isinstance(high, Failure):
-                return _directed(place, point, high.u - low.u, 1.0)
-        return Failure("mode_differs")
-
-    def onward(self, place: Place, distance: float) -> Place | Failure:
-        """The place at a distance along the curve."""
-        found = self._across(place, distance)
-        return found if isinstance(found, Failure) else place.led_to(found, 1.0)
-
-    def _across(self, place: Place, distance: float) -> Point | Failure:
-        """The last orbit on the line across the curve, at a distance along it."""
-        begin = place.point
-
-        def alike(point: Point) -> bool:
-            return point.sequence == self.sequence
-
-        for inside in INSIDE:
-            found = correct(
-                self.problem, begin.u + distance * (place.way + inside * place.normal), begin.modes,
-                begin.anchor, begin.tangent, begin.tangent,
-            )  # fmt: skip
-            if not isinstance(found, Failure) and alike(found):
-                reach = (1.0 + 2.0 * inside) * distance
-                last, at = border(self.problem, found, reach, alike, -place.normal)
-                return last if at < reach else Failure("mode_differs")
-        return Failure("mode_differs")
-
-
 def elsewhere(problem: Problem, place: Place) -> Place:
     """The same place measured around its own orbit, where that is possible."""
     old, found = place.point, beginning_elsewhere(problem, place.point)
@@ -204,7 +170,7 @@ def elsewhere(problem: Problem, place: Place) -> Place:
     return Place(new, way @ new.tangent, side * across @ new.tangent, place.steep)
 
 
-def stepped(curve: Zeros | Border, place: Place, distance: float, longest: float):
+def stepped(curve: AbstractCurve, place: Place, distance: float, longest: float):
     """The next place and the step to it; or why there is none, and the last step tried."""
     shortest = longest * SHORTEST
     while True:
@@ -216,21 +182,34 @@ def stepped(curve: Zeros | Border, place: Place, distance: float, longest: float
         distance *= 0.5
 
 
-def last_place(curve: Zeros | Border, place: Place, distance: float) -> Place:
-    """The last place of the curve within a distance."""
-    low, high, best = 0.0, distance, place
-    while high - low > LAST * distance:
-        middle = 0.5 * (low + high)
-        found = curve.onward(place, middle)
-        if isinstance(found, Failure):
-            high = middle
-        else:
-            low, best = middle, found
-    return best
+def last_place(
+    curve: AbstractCurve, place: Place, distance: float, alike: Callable[[Place], bool] | None = None
+) -> Place:
+    """The last place of the curve within a distance, or the last of those that are alike.
+
+    At a corner of the region of orbits their room beside the curve becomes as narrow as what is left
+    of the way, so that the search is begun again from the last place found, with shorter steps.
+    """
+    last, span = place, distance
+    for _ in range(ROUNDS):
+        low, high, best = 0.0, span, last
+        while high - low > NEARER * span:
+            middle = 0.5 * (low + high)
+            found = curve.onward(last, middle)
+            if isinstance(found, Failure) or (alike is not None and not alike(found)):
+                high = middle
+            else:
+                low, best = middle, found
+        if low < CHORD:
+            best = dataclasses.replace(best, way=last.way)
+        last, span = best, 4.0 * (high - low)
+        if span < LAST * distance:
+            break
+    return last
 
 
 def zero_between(
-    curve: Zeros | Border, before: Place, after: Place, distance: float, test: Callable[[Place], float]
+    curve: AbstractCurve, before: Place, after: Place, distance: float, test: Callable[[Place], float]
 ) -> Place | Failure:
     """The place between two others where another function is zero, by Brent's method."""
     ends = {0.0: before, distance: after}

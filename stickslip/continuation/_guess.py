@@ -1,7 +1,5 @@
 """Where Newton's method starts: a state, a mode and a period, by hand or from a simulation."""
 
-from typing import Any
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -184,28 +182,32 @@ def _guess(
                 system, begin, end, y, mode, args, integrator=integrator, throw=False, **options
             )
 
-    settled = run(system, t0, t0 + transient, y0, mode, max_events=None)
-    begin, y, mode = t0 + transient, settled.y1, settled.mode1
-    flat, turn = ravel_pytree(y)[0], jnp.asarray(turns_of(system, y))
+    # Each run is a program of its own to compile: there are three.
+    begin = t0 + transient
     if multiples is None:
-        ts = begin + longest * jnp.linspace(0.0, 1.0, SAMPLES)
-        states = _outputs(run(system, begin, begin + longest, y, mode, max_events=None,
-                              saveat=SaveAt(ts=ts, events=False)))  # fmt: skip
-        size = _sizes(states)
-        slope = ravel_pytree(settled.dy1)[0] / size
+        after = longest * jnp.linspace(0.0, 1.0, SAMPLES)
+    else:
+        after = forcing * jnp.arange(multiples + 1.0)
+    seen = run(system, t0, begin + after[-1], y0, mode, max_events=None,
+               saveat=SaveAt(ts=begin + after, events=False)).outputs  # fmt: skip
+    assert seen is not None
+    y, slope = (jax.tree.map(lambda leaf: leaf[0], rows) for rows in (seen.y, seen.dy))
+    mode = jnp.where(seen.mode[0] < 0, mode, seen.mode[0]).astype(jnp.asarray(mode).dtype)
+    states = jax.vmap(lambda state: ravel_pytree(state)[0])(seen.y)
+    size, (flat, turn) = _sizes(states), (ravel_pytree(y)[0], jnp.asarray(turns_of(system, y)))
+    if multiples is None:
+        slope = ravel_pytree(slope)[0] / size
         normal = slope / jnp.maximum(jnp.linalg.norm(slope), 1e-300)
         watched = run(
             _Anchored(system, flat, normal, size), begin, begin + longest, y, mode,
-            sections=(RETURN,), max_events=None, max_crossings=64,
+            sections=(RETURN,), max_events=max_events, max_crossings=64,
         )  # fmt: skip
         log = watched.crossings[0]
         states = jax.vmap(lambda state: ravel_pytree(state)[0])(log.y)
         after = log.t - begin
     else:
-        after = forcing * jnp.arange(1.0, multiples + 1)
-        states = _outputs(run(system, begin, begin + after[-1], y, mode, max_events=None,
-                              saveat=SaveAt(ts=begin + after, events=False)))  # fmt: skip
-        size = _sizes(jnp.concatenate([flat[None], states]))
+        watched = run(system, begin, begin + after[-1], y, mode, max_events=max_events)
+        states, after = states[1:], after[1:]
     away = jnp.max(jnp.abs(wrapped(states - flat[None, :], turn) / size[None, :]), axis=1)
     away = jnp.where(jnp.isfinite(away), away, jnp.inf)
     good = jnp.isfinite(away) & (away <= jnp.maximum(AS_NEAR * jnp.min(away), NEAR))
@@ -213,8 +215,7 @@ def _guess(
 
     # From the middle of the longest time without an event.
     whole = jnp.where(jnp.isfinite(period), period, longest)
-    once = run(system, begin, begin + whole, y, mode, max_events=max_events)
-    found = jnp.where(jnp.isfinite(once.events.t), once.events.t, begin + whole)
+    found = jnp.where(watched.events.t < begin + whole, watched.events.t, begin + whole)
     marks = jnp.concatenate([begin[None], found, (begin + whole)[None]])
     gaps = jnp.diff(marks)
     at = jnp.argmax(gaps)
@@ -224,10 +225,6 @@ def _guess(
 
 
 _compiled = eqx.filter_jit(_guess)
-
-
-def _outputs(solution: Any) -> Array:
-    return jax.vmap(lambda state: ravel_pytree(state)[0])(solution.outputs.y)
 
 
 def _sizes(states: Array) -> Array:

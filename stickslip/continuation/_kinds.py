@@ -35,8 +35,25 @@ def kind_of(system: AbstractHybridSystem, one: Point, two: Point) -> str:
     added = _added(few, many)
     if added is None:
         return ""
-    kinds = {_named(system, many, i, j, _jumps(long)) for i, j in added}
+    jumps = _jumps(long)
+    kinds = {_first_named(system, many, i, j, jumps) for i, j in added}
     return kinds.pop() if len(kinds) == 1 else ""
+
+
+def _first_named(system: Any, modes: list[int], at: int, count: int, jumps: np.ndarray) -> str:
+    """Name of one part, or of the same part as it may be cut out as well a little earlier or later.
+
+    Of slip, stick, slip the first two are what a slip lacks, or the last two.
+    """
+    total = len(modes)
+    for shift in range(1 - count, count):
+        # What is left is the same where the modes at both ends of each such cut are.
+        ends = range(shift) if shift > 0 else range(shift, 0)
+        if all(modes[(at + k) % total] == modes[(at + k + count) % total] for k in ends):
+            kind = _named(system, modes, (at + shift) % total, count, jumps)
+            if kind:
+                return kind
+    return ""
 
 
 def _cycle(point: Point) -> list[int]:

@@ -67,7 +67,9 @@ def test_every_number_of_the_table_is_used_and_has_a_source():
 def test_claims_are_there_once_and_in_order():
     load()
     assert [claim.id for claim in claims("B")] == [f"B{n}" for n in range(1, 7)]
-    ids = [f"C{n}" for n in ("1", "2", "3", "4a", "4b", "5", "6", "7", "8", "9a", "9b")]
+    ids = [
+        f"C{n}" for n in ("1", "2", "3", "4a", "4b", "5", "6", "7", "8", "9a", "9b", "3b", "4c", "5b")
+    ]
     assert [claim.id for claim in claims("C")] == ids
     assert [len(claims(f"S{n}.")) for n in (1, 2, 3)] == [21, 17, 15]
     assert [claim.id for claim in claims("R4.")] == [f"R4.{n}" for n in range(1, 11)]

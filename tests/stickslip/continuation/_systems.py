@@ -1,10 +1,28 @@
 """Systems with known periodic orbits, written here from their equations."""
 
+import functools
 from typing import Any, ClassVar, NamedTuple
 
 import jax.numpy as jnp
+import numpy as np
 
 import stickslip as ss
+from stickslip.continuation import OrbitGuess, continue_orbit, periodic_orbit
+
+
+def whole_turn(system):
+    """Period of a forcing of frequency 1."""
+    return 2 * jnp.pi
+
+
+def of_frequency(system):
+    """Period of a forcing of the system's frequency."""
+    return 2 * jnp.pi / system.frequency
+
+
+def half_turn(system):
+    """Period of the square of a forcing of frequency 0.92."""
+    return jnp.pi / 0.92
 
 
 class Motion(NamedTuple):
@@ -254,6 +272,33 @@ class Stopped(ss.AbstractHybridSystem):
         return 0
 
 
+class TwoStops(ss.AbstractHybridSystem):
+    r"""$\ddot x + 0.1\dot x + x = b + A\cos t$ between stops at 1 and -1.2: $v^+ = -0.8 v^-$.
+
+    Without impact $x = b + 10 A\sin t$.
+    """
+
+    amplitude: Any
+    offset: Any
+    mode_names: ClassVar = ("free",)
+    guard_names: ClassVar = ("above", "below")
+
+    def time_scale(self, args):
+        return 1.0
+
+    def vector_field(self, t, y, mode, args):
+        return Motion(y.v, self.offset + self.amplitude * jnp.cos(t) - 0.1 * y.v - y.x)
+
+    def guards(self, t, y, mode, args):
+        return 1.0 - y.x, y.x + 1.2
+
+    def transition(self, t, y, mode, guard, args):
+        return Motion(y.x, -0.8 * y.v), 0
+
+    def initial_mode(self, t, y, args):
+        return 0
+
+
 class Cycle(NamedTuple):
     x: Any
     y: Any
@@ -268,3 +313,14 @@ class Radial(ss.AbstractSmoothSystem):
     def vector_field(self, t, y, mode, args):
         grow = 1.0 + self.a - y.x**2 - y.y**2
         return Cycle(grow * y.x - y.y, grow * y.y + y.x)
+
+
+@functools.cache
+def closed_branch():
+    """Of the forced block's orbits of two turns over the frequency, once for all that begin there."""
+    w = 1.75
+    system = ForcedBlock(0.1, w)
+    orbit = periodic_orbit(system, OrbitGuess(Motion(1.0, 0.0), 4 * np.pi / w), forced=True)
+    return continue_orbit(
+        system, orbit, "frequency", (1.5, 2.0), step=0.02, forcing_period=of_frequency
+    )

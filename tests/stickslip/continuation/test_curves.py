@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
@@ -20,19 +21,13 @@ from stickslip.continuation import (
 from tests.stickslip.continuation._systems import (
     Bouncing,
     CoulombForced,
-    ForcedBlock,
     Motion,
+    TwoStops,
     WeakeningBlock,
+    closed_branch,
+    of_frequency,
+    whole_turn,
 )
-
-
-def whole_turn(system):
-    """Period of a forcing of frequency 1."""
-    return 2 * jnp.pi
-
-
-def of_frequency(system):
-    return 2 * jnp.pi / system.frequency
 
 
 @pytest.mark.slow
@@ -43,6 +38,16 @@ def test_fold_and_flip_of_the_ball_are_the_closed_forms():
     system = Bouncing(strength, e)
     orbit = periodic_orbit(system, OrbitGuess(start, 2 * np.pi, 0, phase + np.pi), forced=True)
     branch = continue_orbit(system, orbit, "strength", (0.9, 1.7), step=0.02, forcing_period=whole_turn)
+    fold = np.pi * (1 - e) / (1 + e)
+    flip = np.hypot(fold, 2 * (1 + e * e) / (1 + e) ** 2)
+    assert branch["LP"][0].value == pytest.approx(fold, abs=1e-9)
+    assert branch["PD"][0].value == pytest.approx(flip, abs=1e-9)
+    assert np.asarray(branch.orbits.determinant) == pytest.approx(e * e, abs=1e-9)
+    # In order along the branch, from both halves of it; the fold is the least value.
+    assert branch.values.min() >= fold - 1e-9
+    assert int(np.argmin(branch.values)) - branch["LP"][0].index in (0, 1)
+    at = branch["PD"][0].index
+    assert sorted([*branch.values[at : at + 2], flip])[1] == flip
     names, bounds = ("strength", "restitution"), ((0.2, 4.0), (0.1, 0.9))
     for label in ("LP", "PD"):
         curve = continue_point(
@@ -92,6 +97,7 @@ def test_loss_of_pure_slip_over_the_frequency():
     )  # fmt: skip
     (border,) = branch["GR"]
     assert border.words == "crossing-sliding, 2 events, 4 beyond"
+    assert border.value == pytest.approx(1.3770178175, abs=1e-9)
     curve = continue_point(
         system, border, ("amplitude", "frequency"), ((1.0, 2.5), (0.5, 1.2)), step=0.1,
         forcing_period=of_frequency,
@@ -119,12 +125,11 @@ class Backward(ss.AbstractSmoothSystem):
         return Motion(y.v, -y.x + 1.5 - 1.5 * u + 0.45 * u**3 + load)
 
 
-def flip_of(kind):
+def flip_of_the_slip_field():
     w = 1.75
-    guess = OrbitGuess(Motion(1.0, 0.0), 4 * np.pi / w)
-    orbit = periodic_orbit(kind(0.1, w), guess, forced=True)
+    orbit = periodic_orbit(Backward(0.1, w), OrbitGuess(Motion(1.0, 0.0), 4 * np.pi / w), forced=True)
     branch = continue_orbit(
-        kind(0.1, w), orbit, "frequency", (1.5, 2.0), step=0.02, forcing_period=of_frequency
+        Backward(0.1, w), orbit, "frequency", (1.5, 2.0), step=0.02, forcing_period=of_frequency
     )
     return min(branch["PD"], key=lambda point: abs(point.value - 1.7129810362))
 
@@ -132,7 +137,7 @@ def flip_of(kind):
 @pytest.mark.slow
 def test_flip_curve_of_the_forced_block_ends_where_the_orbit_grazes_the_belt():
     curve = continue_point(
-        ForcedBlock(0.1, 1.75), flip_of(ForcedBlock), ("frequency", "amplitude"),
+        closed_branch().system, closed_branch()["PD"][0], ("frequency", "amplitude"),
         ((1.0, 4.0), (0.0, 4.0)), forcing_period=of_frequency, step=0.03,
     )  # fmt: skip
     assert np.asarray(curve.orbits.multipliers)[:, 0] == pytest.approx(-1.0, abs=1e-9)
@@ -146,15 +151,17 @@ def test_flip_curve_of_the_forced_block_ends_where_the_orbit_grazes_the_belt():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("amplitude", "frequency"), [(1.52127, 2.60775), (2.28608, 2.73420)])
-def test_flip_curve_of_the_slip_field_passes_the_published_points(amplitude, frequency):
+def test_flip_curve_of_the_slip_field_passes_the_published_points():
     """Yoshitake, Sueoka; five digits are printed."""
     curve = continue_point(
-        Backward(0.1, 1.75), flip_of(Backward), ("frequency", "amplitude"),
-        ((1.0, 4.0), (0.05, amplitude)), forcing_period=of_frequency, step=0.05, both=False,
+        Backward(0.1, 1.75), flip_of_the_slip_field(), ("frequency", "amplitude"),
+        ((1.0, 4.0), (0.05, 2.28608)), forcing_period=of_frequency, step=0.03, both=False,
     )  # fmt: skip
     assert curve.ends[1].words == "bounds of amplitude"
-    assert curve.values[-1] == pytest.approx([frequency, amplitude], abs=1e-5)
+    assert curve.values[-1] == pytest.approx([2.73420, 2.28608], abs=1e-5)
+    frequency, amplitude = curve.values.T
+    between = CubicSpline(amplitude, frequency)
+    assert between([1.52127, 1.77224, 2.03041]) == pytest.approx([2.60775, 2.66918, 2.71408], abs=2e-5)
 
 
 def discontinuous_fold(c: float) -> float:
@@ -181,6 +188,36 @@ def discontinuous_fold(c: float) -> float:
         return next((y[1] - v for t, y in tops if t > 1.0), 0.1)
 
     return float(brentq(greatest, 0.5, 0.9, xtol=1e-12))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("start", "offsets", "largest", "stop"),
+    [
+        (-0.3, (-0.5, 0.3), 0.2, -1.2),
+        (0.1, (-5.0, 5.0), 0.2, 1.0),  # the curve is steep in the unit of the bounds
+        (0.1, (-0.5, 0.3), 2.0, 1.0),  # and flat
+    ],
+)
+def test_borders_of_two_stops_end_where_they_meet(start, offsets, largest, stop):
+    """Closed form: they are the lines 10 A = |stop - b|, and meet at A = 0.11, b = -0.1."""
+    system, bounds = TwoStops(0.05, start), (0.05, largest)
+    orbit = periodic_orbit(system, OrbitGuess(Motion(start, 0.5), 2 * np.pi, 0), forced=True)
+    branch = continue_orbit(
+        system, orbit, "amplitude", bounds, step=0.05, forcing_period=whole_turn, both=False,
+        max_points=20,
+    )  # fmt: skip
+    border = branch["GR"][0]
+    curve = continue_point(
+        system, border, ("amplitude", "offset"), (bounds, offsets), forcing_period=whole_turn, step=0.1
+    )
+    a, b = curve.values.T
+    np.testing.assert_allclose(10 * a[1:-1], np.abs(stop - b[1:-1]), rtol=1e-8)
+    np.testing.assert_allclose(10 * a, np.abs(stop - b), rtol=1e-7)  # ends, too
+    (corner,) = [end for end in curve.ends if end.words.startswith("GRGR")]
+    np.testing.assert_allclose(corner.values, [0.11, -0.1], atol=5e-8)
+    (other,) = [end for end in curve.ends if end is not corner]
+    assert other.words.startswith("bounds of ")
 
 
 class Cycle(NamedTuple):
@@ -258,15 +295,53 @@ def test_torus_points_end_at_strong_resonances():
     assert high.values[1] == pytest.approx(1 / 3, abs=1e-9)
 
 
+class Ring(Pair):
+    r"""The same with multipliers $e^{2\pi(a^2 + b^2 - 0.04 \pm 0.3i)}$."""
+
+    def vector_field(self, t, y, mode, args):
+        return Pair(self.a**2 + self.b**2 - 0.04, 0.3).vector_field(t, y, mode, args)
+
+
 @pytest.mark.slow
-def test_discontinuous_fold_over_the_damping():
+def test_a_curve_that_comes_round_is_closed():
+    system = Ring(0.0, 0.1)
+    orbit = periodic_orbit(system, OrbitGuess(Torus(1.0, 0.0, 0.0, 0.0), 2 * np.pi))
+    branch = continue_orbit(system, orbit, "a", (0.0, 0.3), step=0.1)
+    (torus,) = branch["NS"]
+    assert torus.value == pytest.approx(np.sqrt(0.03), abs=1e-9)
+    curve = continue_point(system, torus, ("a", "b"), ((-0.5, 0.5), (-0.5, 0.5)), step=0.05)
+    a, b = curve.values.T
+    np.testing.assert_allclose(np.hypot(a, b), 0.2, atol=1e-9)
+    assert curve.ends[1].words.startswith("closed")
+    turned = np.unwrap(np.arctan2(b, a))
+    assert abs(turned[-1] - turned[0]) == pytest.approx(2 * np.pi, abs=0.3)  # once, not twice
+
+
+@pytest.mark.slow
+def test_discontinuous_fold_and_its_curve_over_the_damping():
+    """Stick-slip orbit and slip cycle end in one point; the latter also in its Hopf point."""
     system = WeakeningBlock(belt_speed=0.6, damping=0.5)
     guess = orbit_guess(system, Motion(1.0, 0.1), transient=50.0, max_period=12.0)
     branch = continue_orbit(
         system, periodic_orbit(system, guess), "belt_speed", (0.4, 0.8), step=0.04, both=False,
-        max_points=12,
+        max_points=60,
     )  # fmt: skip
-    (fold,) = branch["GR"]
+    (fold,), (end,) = branch["GR"], branch["EP"]
+    assert fold.value == pytest.approx(0.6721494669, abs=1e-9)
+    assert float(fold.orbit.period) == pytest.approx(6.4622679113, abs=1e-8)
+    assert branch.values.max() <= fold.value
+    after = branch.orbits.multipliers[fold.index + 1]
+    assert complex(after[0]) == pytest.approx(7.3010363, abs=5e-3)  # 3e-5 beyond the fold
+    hopf = (np.sqrt(3 / 0.5) - 1) / 3
+    assert end.words.startswith("at_rest")
+    assert end.value == pytest.approx(hopf, abs=1e-7)
+    stable = np.asarray(branch.orbits.stable)
+    assert stable[: fold.index + 1].all()
+    assert not stable[fold.index + 1 :].any()
+    data = branch.to_dataset()
+    assert data.sizes["point"] == len(branch)
+    assert data["label"].values.tolist() == ["GR", "EP"]
+    assert data["start_x"].attrs["units"] == "m"
     assert fold.words.startswith("grazing-sliding")
     curve = continue_point(system, fold, ("belt_speed", "damping"), ((0.5, 0.9), (0.4, 0.6)), step=0.15)
     assert len(curve) > 5
@@ -281,14 +356,19 @@ class Pitchfork(NamedTuple):
 
 
 class Symmetric(ss.AbstractSmoothSystem):
-    r"""Cycle $r = 1$, and $\dot w = a w - w^3$: at $a = 0$ others, $w = \pm\sqrt a$, part from it."""
+    r"""Cycle $r = 1$, and $\dot w = cb + (a - b^2) w - w^3$: for $cb = 0$ others part from
+    it at $a = b^2$: $w = \pm\sqrt{a - b^2}$."""
 
     a: Any
+    b: Any = 0.0
+    c: Any = 0.0
     units: ClassVar = {"x": "1", "y": "1", "w": "1"}
 
     def vector_field(self, t, y, mode, args):
         grow = 1.0 - y.x**2 - y.y**2
-        return Pitchfork(grow * y.x - y.y, grow * y.y + y.x, self.a * y.w - y.w**3)
+        return Pitchfork(
+            grow * y.x - y.y, grow * y.y + y.x, self.c * self.b + (self.a - self.b**2) * y.w - y.w**3
+        )
 
 
 @pytest.mark.slow
@@ -305,6 +385,24 @@ def test_the_other_branch_of_a_symmetric_branch_point():
     assert w.max() > 0.3
     assert np.asarray(other.orbits.stable).all()
     assert (np.diff(w) * np.sign(w[-1] - w[0]) > 0).all()  # in order along it
+
+
+@pytest.mark.slow
+def test_branch_points_have_a_curve_while_the_system_stays_symmetric():
+    bounds = ((-0.2, 1.5), (-1.0, 1.0))
+    for b, c in ((0.3, 0.0), (0.0, 1.0)):
+        system = Symmetric(-0.1, b, c)
+        orbit = periodic_orbit(system, OrbitGuess(Pitchfork(1.0, 0.0, 0.0), 2 * np.pi))
+        branch = continue_orbit(system, orbit, "a", (-0.2, 0.4), step=0.06)
+        (point,) = branch["BP"]
+        if c:  # w = 0 is none for any other b
+            with pytest.raises(ValueError, match="point = BranchPoint: it must be one from which"):
+                continue_point(system, point, ("a", "b"), bounds, step=0.1)
+            continue
+        curve = continue_point(system, point, ("a", "b"), bounds, step=0.1)
+        np.testing.assert_allclose(curve.values[:, 0], curve.values[:, 1] ** 2, atol=1e-9)
+        np.testing.assert_allclose(np.asarray(curve.orbits.multipliers)[:, 0], 1.0, atol=1e-9)
+        assert [end.words for end in curve.ends] == ["bounds of b"] * 2
 
 
 def test_arguments_of_a_curve():

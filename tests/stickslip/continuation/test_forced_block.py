@@ -1,19 +1,14 @@
 """The forced block's tori and grazing orbits against shooting with SciPy alone."""
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.optimize import fsolve
+from scipy.optimize import brentq, fsolve
 
-from stickslip.continuation import OrbitGuess, continue_orbit, periodic_orbit
-from tests.stickslip.continuation._systems import ForcedBlock, Motion
+from stickslip.continuation import OrbitGuess, continue_orbit, continue_point, periodic_orbit
+from tests.stickslip.continuation._systems import ForcedBlock, Motion, closed_branch, of_frequency
 
 pytestmark = pytest.mark.slow
-
-
-def of_frequency(system):
-    return 2 * jnp.pi / system.frequency
 
 
 def slip(t, y, force, w):
@@ -51,29 +46,39 @@ def test_torus_of_the_pure_slip_orbit(w, force):
     assert torus.value == pytest.approx(known[2], abs=1e-9)
 
 
-def touch(turns, phase, w):
-    """Phase and frequency at which an orbit touches the speed of the belt, and its multipliers.
+def from_touch(z, turns):
+    """Change of the state over so many turns from where it touches the belt's speed, and derivative.
 
-    It does with v = 1 and no acceleration: x is then known too, and the motion from there closes.
+    At the time, frequency and force `z` it does with v = 1 and no acceleration: x is then known too.
     """
-    force = 0.1
+    at, w, force = z
 
-    def state(z):
-        return [1.5 + force * np.cos(z[1] * z[0]), 1.0]
-
-    def slip_and_deviations(t, y, w):
+    def slip_and_deviations(t, y):
         rate = 1.5 - 1.35 * (1.0 - y[1]) ** 2
         return *slip(t, y, force, w)[:2], y[3], rate * y[3] - y[2], y[5], rate * y[5] - y[4]
 
-    def last(z):
-        start = [*state(z), 1.0, 0.0, 0.0, 1.0]
-        span = z[0], z[0] + 2 * np.pi * turns / z[1]
-        options = {"rtol": 1e-12, "atol": 1e-13, "max_step": 0.2}
-        return solve_ivp(slip_and_deviations, span, start, "DOP853", args=(z[1],), **options).y[:, -1]
+    start = np.array([1.5 + force * np.cos(w * at), 1.0])
+    span = at, at + 2 * np.pi * turns / w
+    options = {"rtol": 1e-12, "atol": 1e-13, "max_step": 0.2}
+    end = solve_ivp(slip_and_deviations, span, [*start, 1.0, 0.0, 0.0, 1.0], "DOP853", **options)
+    return end.y[:2, -1] - start, end.y[2:, -1].reshape(2, 2)
 
-    z = fsolve(lambda z: last(z)[:2] - state(z), [phase, w], xtol=1e-13)
-    found = np.linalg.eigvals(last(z)[2:].reshape(2, 2))
+
+def touch(turns, phase, w):
+    """Frequency at which an orbit touches the speed of the belt, and its multipliers; force 0.1."""
+    z = fsolve(lambda z: from_touch([*z, 0.1], turns)[0], [phase, w], xtol=1e-13)
+    found = np.linalg.eigvals(from_touch([*z, 0.1], turns)[1])
     return z[1], found[np.argsort(-np.abs(found))]
+
+
+def touch_and_flip(phase, w, force):
+    """Frequency and force at which the orbit of two turns touches the belt's speed and doubles."""
+
+    def wrong(z):
+        away, derivative = from_touch(z, 2)
+        return *away, np.linalg.det(derivative + np.eye(2))
+
+    return fsolve(wrong, [phase, w, force], xtol=1e-13)[1:]
 
 
 def test_an_orbit_of_the_field_that_violates_a_guard_is_refused():
@@ -115,3 +120,81 @@ def test_grazing_of_the_orbits_of_several_turns(turns, w, start, phase, least):
     assert graze.value == pytest.approx(known, abs=1e-10)
     np.testing.assert_allclose(np.asarray(graze.orbit.multipliers), multipliers, atol=1e-6)
     assert not branch["PD"]
+
+
+def test_the_grazing_curve_ends_at_its_doublings():
+    """There both ends of the flip curve are: the orbit grazes with a multiplier -1."""
+    w = 1.67
+    guess = OrbitGuess(Motion(0.06294528, 0.05908821), 4 * np.pi / w, 0)
+    branch = continue_orbit(
+        ForcedBlock(0.1, w), guess, "frequency", (1.665, 1.6715), step=0.1, forcing_period=of_frequency
+    )
+    curve = continue_point(
+        ForcedBlock(0.1, w), branch["GR"][0], ("frequency", "amplitude"), ((1.4, 3.0), (0.0, 2.0)),
+        forcing_period=of_frequency, step=0.05,
+    )  # fmt: skip
+    assert [end.words for end in curve.ends] == ["PD: a multiplier is -1"] * 2
+    phases = []
+    for end in curve.ends:
+        frequency, force = end.values
+        start = OrbitGuess(end.orbit.y0, end.orbit.period, 0, end.orbit.t0)
+        phases.append(fastest(ForcedBlock(force, frequency), start))
+    known = [touch_and_flip(t, *end.values) for t, end in zip(phases, curve.ends, strict=True)]
+    for end, values in zip(curve.ends, known, strict=True):
+        np.testing.assert_allclose(end.values, values, atol=1e-8)
+    # Between them the orbit at the border is unstable: the doubled one is there.
+    assert (np.real(np.asarray(curve.orbits.multipliers)[1:-1, 0]) < -1.0).all()
+
+
+def fastest(system, guess):
+    """Time at which an orbit of two turns is fastest."""
+    run = solve_ivp(
+        slip, (float(guess.t0), float(guess.t0 + guess.period)), [*guess.y0, 0.0], "DOP853",
+        args=(float(system.amplitude), float(system.frequency)), rtol=1e-10, atol=1e-12, max_step=1e-2,
+    )  # fmt: skip
+    return run.t[np.argmax(run.y[1])]
+
+
+def released_again(at, w):
+    """Time of the next release from the stick, after one at this time; force 0.1."""
+
+    def stuck(t, y):
+        return y[1] - 1.0
+
+    stuck.terminal, stuck.direction = True, 1.0
+    options = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-14}
+    start = [1.5 + 0.1 * np.cos(w * at), 1.0, 0.0]
+    first = solve_ivp(slip, (at, at + 1e-3), start, args=(0.1, w), **options)  # away from v = 1
+    run = solve_ivp(
+        lambda t, y: slip(t, y, 0.1, w), (at + 1e-3, at + 60.0), first.y[:, -1], events=stuck,
+        max_step=0.2, **options,
+    )  # fmt: skip
+    t, x = run.t_events[0][0], run.y_events[0][0][0]
+
+    def held(s):
+        return x + s - 0.1 * np.cos(w * (t + s)) - 1.5
+
+    high = next(s for s in np.linspace(0.0, 4.0, 400) if held(s) > 0.0)
+    return t + brentq(held, 0.0, high, xtol=1e-15)
+
+
+def test_the_doubled_orbit_with_stick_is_a_fixed_point_of_the_release_map():
+    """With a stick the motion is known by when it ends: the slope of this map is the multiplier."""
+    branch = closed_branch()
+    doubled = continue_orbit(
+        branch.system, branch["PD"][0], "frequency", (1.5, 2.0), step=0.02,
+        forcing_period=of_frequency,
+    )  # fmt: skip
+    sticking = np.flatnonzero(np.asarray(doubled.orbits.events.count) == 2)
+    assert sticking.size >= 4
+    # It is unstable from where it grazes until it meets the orbit of half its period.
+    for i in sticking:
+        w, log = doubled.values[i], doubled.orbits.events
+        (release,) = np.asarray(log.t[i])[np.asarray(log.mode_after[i]) == 0]
+        assert (released_again(release, w) - release) * w == pytest.approx(8 * np.pi, abs=1e-6)
+        d = 1e-4
+        ends = [released_again(release + k * d, w) for k in (-2, -1, 1, 2)]
+        slope = (ends[0] - 8 * ends[1] + 8 * ends[2] - ends[3]) / (12 * d)
+        found = np.asarray(doubled.orbits.multipliers)[i]
+        assert found[0] == pytest.approx(slope, rel=1e-5)
+        assert found[1] == 0.0

@@ -1,5 +1,7 @@
 """Periodic orbits against numbers computed independently (SciPy, DOP853 at 1e-12, events, Newton)."""
 
+from typing import ClassVar
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -221,3 +223,31 @@ def test_ten_thousand_orbits_against_the_closed_form():
     assert np.asarray(good).all()
     assert np.abs(np.asarray(period) - want).max() < 1e-9
     assert np.all(np.asarray(multipliers) == 0.0)
+
+
+class Unheeded(ss.AbstractHybridSystem):
+    r"""Mode 0: $\dot x = -y$, $\dot y = x$. Mode 1: $\dot x = \dot y = 1$; it is that of all states."""
+
+    mode_names: ClassVar = ("turns", "goes")
+    guard_names: ClassVar = ()
+
+    def vector_field(self, t, y, mode, args):
+        turns = mode == 0
+        grow = 1.0 - y.x**2 - y.y**2
+        return Plane(jnp.where(turns, grow * y.x - y.y, 1.0), jnp.where(turns, grow * y.y + y.x, 1.0))
+
+    def guards(self, t, y, mode, args):
+        return ()
+
+    def transition(self, t, y, mode, guard, args):
+        return y, mode
+
+    def initial_mode(self, t, y, args):
+        return 1
+
+
+@pytest.mark.slow
+def test_an_orbit_in_a_mode_that_the_system_does_not_give_is_refused():
+    found = periodic_orbit(Unheeded(), OrbitGuess(Plane(1.0, 0.1), 6.3, mode0=0))
+    assert float(found.residual) < 1e-11
+    assert str(found.result) == "not_reproduced"

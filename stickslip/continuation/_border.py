@@ -1,0 +1,137 @@
+"""The curve over two parameters on which orbits of one sequence of modes end."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ._along import Problem, passed
+from ._curve import AbstractCurve, Place, directed, last_place
+from ._follow import Failure, Point, ahead, correct
+from ._points import border
+
+INSIDE = (0.0, 0.02, 0.1, 0.5, 2.0)  # of the step: how far beside the border orbits are looked for
+AROUND = 16  # directions in which they are looked for at first
+# How far beyond a border the motion is looked at for its other sequence, and around a corner for all
+# that there are, in parts of its size.
+OUTSIDE, NEARBY = (1e-9, 1e-8, 1e-7), (1e-6, 1e-5, 1e-4)
+
+
+def _difference(own: list | None, other: list | None) -> tuple | None:
+    """Where another list of events first differs, and the event there."""
+    if own is None or other is None or own == other:
+        return None
+    both = zip(own, other, strict=False)
+    at = next((i for i, (a, b) in enumerate(both) if a != b), min(len(own), len(other)))
+    return (at, *(other[at] if at < len(other) else ()))
+
+
+class Border(AbstractCurve):
+    """The curve on which orbits of one sequence of modes end, by bisection across it."""
+
+    def __init__(self, problem: Problem, sequence: tuple):
+        self.problem, self.sequence = problem, sequence
+
+    def begin(self, point: Point, distance: float) -> Place | Failure:
+        """A place at an orbit that nearly is the last one of its sequence.
+
+        On a small circle around it in the plane of orbits the others of its kind are an arc, from one
+        direction of the curve to the other.
+        """
+
+        def direction(angle: float) -> np.ndarray:
+            return np.array([np.cos(angle), np.sin(angle)]) @ point.tangent
+
+        def inside(angle: float, radius: float) -> bool:
+            found = ahead(self.problem, point, radius, direction(angle))
+            return not isinstance(found, Failure) and self._alike(found)
+
+        turn = 2.0 * np.pi / AROUND
+        for part in (0.03, 0.003, 0.3):
+            radius = part * distance
+            there = [inside(k * turn, radius) for k in range(AROUND)]
+            edges = [k for k in range(AROUND) if there[k - 1] != there[k]]
+            if len(edges) != 2:
+                continue
+            ends = {}
+            for k in edges:
+                one, two = (k - 1) * turn, k * turn
+                while two - one > 1e-6:
+                    middle = 0.5 * (one + two)
+                    one, two = (
+                        (middle, two) if inside(middle, radius) == there[k - 1] else (one, middle)
+                    )
+                ends[there[k]] = 0.5 * (one + two)
+            arc = (ends[False] - ends[True]) % (2.0 * np.pi)
+            normal = direction(ends[True] + 0.5 * arc)
+            place = Place(point, normal, normal)
+            last, _ = border(self.problem, point, radius, self._alike, -normal)
+            return directed(place, last, direction(ends[False]) - direction(ends[True]), 1.0)
+        return Failure("mode_differs")
+
+    def onward(self, place: Place, distance: float) -> Place | Failure:
+        """The place at a distance along the curve."""
+        found = self._across(place, distance)
+        return found if isinstance(found, Failure) else place.led_to(found, 1.0)
+
+    def outside(self, place: Place) -> tuple | None:
+        """The first event of a motion just beyond a place that is not as on the orbit.
+
+        `(index, guard, mode after)`, or None where none is seen. What comes later is no matter: a
+        first touch of a stop kicks as the square root of how deep it is, into other borders too.
+        """
+        own = self._events(place.point, place.point.u)
+        for beside in OUTSIDE:
+            found = self._events(place.point, place.point.u - beside * place.normal)
+            if found != own:
+                return _difference(own, found)
+        return None
+
+    def met(self, before: Place, after: Place, distance: float) -> Place | None:
+        """The place between two others where the border of another event is met, if there is one."""
+        beyond = self.outside(before)
+        if self.outside(after) == beyond:
+            return None
+        last = last_place(self, before, distance, lambda place: self.outside(place) == beyond)
+        return last if self.corner(last) else None
+
+    def corner(self, place: Place) -> bool:
+        """Whether motions near a place differ from its orbit in more than one first event."""
+        own = self._events(place.point, place.point.u)
+        directions = [
+            side * place.way - lean * place.normal
+            for side in (1.0, -1.0)
+            for lean in (-0.3, 0.3, 1.0, 3.0)
+        ]
+        for beside in NEARBY:
+            beyond = {
+                _difference(own, self._events(place.point, place.point.u + beside * direction))
+                for direction in directions
+            } - {None}
+            if len(beyond) > 1:
+                return True
+        return False
+
+    def _events(self, point: Point, u: np.ndarray) -> list | None:
+        log, good = jax.device_get(passed(self.problem, jnp.asarray(u), point.modes, point.anchor))
+        if not good:
+            return None
+        return list(
+            zip(log.guard[: log.count].tolist(), log.mode_after[: log.count].tolist(), strict=True)
+        )
+
+    def _alike(self, point: Point) -> bool:
+        return point.sequence == self.sequence
+
+    def _across(self, place: Place, distance: float) -> Point | Failure:
+        """The last orbit on the line across the curve, at a distance along it."""
+        begin = place.point
+        for inside in INSIDE:
+            found = correct(
+                self.problem, begin.u + distance * (place.way + inside * place.normal), begin.modes,
+                begin.anchor, begin.tangent, begin.tangent,
+            )  # fmt: skip
+            if not isinstance(found, Failure) and self._alike(found):
+                reach = (1.0 + 2.0 * inside) * distance
+                last, at = border(self.problem, found, reach, self._alike, -place.normal)
+                return last if at < reach else Failure("mode_differs")
+        return Failure("mode_differs")

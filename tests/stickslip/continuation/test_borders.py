@@ -1,0 +1,53 @@
+"""What a border between mode sequences is called, and when a branch has come round; by hand."""
+
+from types import SimpleNamespace
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from stickslip.continuation._along import Anchor
+from stickslip.continuation._continue import _closed
+from stickslip.continuation._follow import Point
+from stickslip.continuation._kinds import kind_of
+from stickslip.continuation._orbit import PeriodicOrbit
+from stickslip.systems import JointedBeam
+
+BEAM = JointedBeam.constructed(1e-3)  # slip backward, stick, slip forward, no contact
+
+
+def point(modes, parameter=0.0, way=1.0):
+    """An orbit of which only the modes, the parameter and its rate along the branch are known."""
+    states = np.zeros((len(modes), 1))
+    log = {"count": len(modes), "mode_after": np.array(modes), "guard": np.zeros(len(modes), int)}
+    events = SimpleNamespace(**log, y_before=states, y_after=states)
+    orbit = object.__new__(PeriodicOrbit)
+    object.__setattr__(orbit, "events", events)
+    object.__setattr__(orbit, "period", jnp.ones(()))
+    extent = np.ones(1)
+    anchor = Anchor(None, 0.0, 1.0, None, extent, extent)
+    u, tangent = np.array([0.0, parameter]), np.array([1.0, way])
+    return Point(u, None, anchor, tangent, np.zeros((1, 2)), orbit, 1, np.array([parameter]))
+
+
+@pytest.mark.parametrize("turn", range(4))
+def test_a_stick_in_a_slip_is_named_wherever_the_period_begins(turn):
+    """Of slip, stick, slip, open the slip and its stick may be cut out, or the stick and its slip."""
+    modes = [0, 1, 0, 3]
+    many = point(modes[turn:] + modes[:turn])
+    for few in ([0, 3], [3, 0]):
+        assert kind_of(BEAM, many, point(few)) == "grazing-sliding"
+
+
+def test_a_slip_in_a_stick_is_no_stick_in_a_slip():
+    assert kind_of(BEAM, point([1, 0, 1, 3]), point([1, 3])) == "adding-sliding"
+
+
+def points(ways):
+    """Orbits near one parameter with these rates of it along the branch."""
+    return [point([0, 3], 0.5 + 1e-3 * i, way) for i, way in enumerate(ways)]
+
+
+def test_a_branch_that_has_not_turned_back_has_not_come_round():
+    assert not _closed(points([0.01] * 12), 0.1)
+    assert _closed(points([0.01] * 5 + [-0.01] * 5 + [0.01] * 2), 0.1)
