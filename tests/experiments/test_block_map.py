@@ -1,6 +1,7 @@
 """The block's map over k3 and the belt speed: lanes, places beside curves, judgement, picture."""
 
 from types import SimpleNamespace
+from typing import Any
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt
@@ -155,7 +156,9 @@ def lanes(**columns):
     }
     codes = [STATUS.index(word) for word in given.pop("status")]
     belt = given.pop("belt", 0.1)
-    data = {key: (("k3", "V_b"), np.array(values)[:, None]) for key, values in given.items()}
+    data: dict[str, Any] = {
+        key: (("k3", "V_b"), np.array(values)[:, None]) for key, values in given.items()
+    }
     data["status"] = (("k3", "V_b"), np.array(codes)[:, None])
     data["x"] = (("k3", "V_b", "point"), np.full((size, 1, 4), np.nan))
     return xr.Dataset(data, {"V_b": [belt], "k3": np.arange(float(size))})
@@ -214,9 +217,9 @@ def test_points_beyond_a_leap_to_another_branch_are_not_trusted():
         period=np.array([1.6, 1.59, 1.58, 0.79, 0.78]),
         stable=np.array([True, True, False, False, True]),
     )
-    specials = [point(0, 1.6), point(1, 1.585), point(2, 0.8, "EP"), point(3, 0.785)]
+    specials: list[Any] = [point(0, 1.6), point(1, 1.585), point(2, 0.8, "EP"), point(3, 0.785)]
     values = np.array([70.0, 71.0, 72.0, 73.0, 72.5])
-    branch = Followed(orbits=orbits, specials=specials, values=values)
+    branch: Any = Followed(orbits=orbits, specials=specials, values=values)
     assert [p.index for p in trusted(branch)] == [0, 1]
     assert [side_of(branch, p) for p in specials] == [0, 1, 0, 1]
 
