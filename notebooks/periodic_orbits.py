@@ -186,6 +186,16 @@ if not QUICK:
     assert abs(born["GR"][0].value - fold.value) < 1e-8
 
 # %% [markdown]
+# ## Where a conserved quantity makes a family of every orbit
+#
+# Newton's method needs a single orbit. A part of a machine that conserves its energy and feels nothing
+# of the rest, as the bouncing mass of the jointed beam, has a family of them, one for each energy: two
+# more multipliers are 1, and a branch over a parameter has no direction. The way out is to take the
+# motion of that part as a load that is known, with `forcing_period`.
+# `python -m experiments beam-branches` does so, and finds where and how its orbit of stick-slip ends:
+# see [What the results say](results.md).
+
+# %% [markdown]
 # ## Branches as files
 #
 # A branch is written whole or not at all, as a netCDF file that `xarray` reads, and comes back to the
