@@ -11,21 +11,23 @@ CHOICES = {
     "direction": ("rising", "falling", "both"),
     "sign": ("consistent", "printed"),
     "models": ("all", "simplified"),
+    "friction": ("smooth", "set-valued"),
 }
 POSITIVE = (
     "k3", "k3_min", "k3_max", "k3_step", "h", "coarse_h", "dt", "step", "rate", "V_max", "distance",
     "duration", "recorded", "settled", "segment", "shown", "tolerance", "follow_min", "follow_max",
-    "orbit_tolerance",
+    "orbit_tolerance", "speed_max", "curve_speed", "curve_step", "fine_step",
 )  # fmt: skip
 FROM_ZERO = (
     "transient", "converged_transient", "converged_duration", "dropped", "spread", "width",
     "exponents", "adam_steps", "seed", "generations", "founders", "rounds", "looks", "coarse_transient",
-    "doublings",
+    "doublings", "speed_min",
 )  # fmt: skip
-LEAST = {"segments": 4, "rows": 2, "points": 2, "coarse": 2, "fine": 2}
+LEAST = {"segments": 4, "rows": 2, "columns": 2, "points": 2, "coarse": 2, "fine": 2}
 MOST = 10_000_000  # of anything that is counted
 ORDERED = (
     ("k3_min", "k3_max"), ("v_min", "v_max"), ("dropped", "duration"), ("follow_min", "follow_max"),
+    ("speed_min", "speed_max"), ("speed_min", "curve_speed"), ("curve_speed", "speed_max"),
 )  # fmt: skip
 # Lengths and what they are cut into.
 CUT = (("k3_max", "k3_min", "k3_step"), ("duration", None, "dt"), ("duration", None, "step"))

@@ -53,6 +53,16 @@ class Block:
     FEWEST = Number(10, "", "lanes or exponents below which nothing is said", OURS)
 
 
+class BlockMap:
+    """Of the map of the block over k3 and the belt speed, X3 to X5."""
+
+    NEAR = Number(1.0, "", "cells from a curve below which lanes are counted apart", OURS)
+    SAME_PERIOD = Number(0.1, "", "difference of periods up to which orbits are of one family", OURS)
+    AGREE = Number(0.99, "", "X4: part of the lanes that must lie on the right side", OURS)
+    LOCATED = Number(1e-5, "N/m", "X5: difference of two k3 of one doubling", OURS)
+    FEWEST = Number(10, "", "lanes below which nothing is said", OURS)
+
+
 class Beam:
     """Of the jointed beam, C1 to C9; belt speeds and frequencies are dimensionless."""
 

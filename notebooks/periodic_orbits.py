@@ -164,6 +164,11 @@ plot.curve(curve).set_title("Discontinuous fold over speed and damping")
 plt.show()
 
 # %% [markdown]
+# `python -m experiments block-map` lays such curves over a map of simulated lanes: of the block with
+# the pendulum, over a stiffness and the speed of the belt. Its curve of doublings ends at a point with
+# two multipliers of -1 (`R2`).
+
+# %% [markdown]
 # ## Equilibria, and the orbits that are born at a Hopf point
 #
 # The same cycle from its other end: `continue_equilibrium` follows the rest in slip and locates its

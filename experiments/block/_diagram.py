@@ -155,7 +155,10 @@ def integrator_of(parameters: Mapping[str, Any]) -> ss.Integrator:
     return ss.Integrator(parameters["method"], step, max_steps=100_000_000)
 
 
-def _options(kind: str, model: str, settings: Mapping[str, Any], context: Context) -> dict[str, Any]:
+def sweep_options(
+    kind: str, model: str, settings: Mapping[str, Any], context: Context
+) -> dict[str, Any]:
+    """Where the lanes of one kind and model are kept, and what their sweep is called."""
     digest = hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()[:8]
     word = {"simplified": "simplified"}.get(
         model, "full-" + ("printed" if "printed" in model else "consistent")
@@ -193,7 +196,7 @@ def _diagram(model, k3, transient, duration, protocol, parameters, context, ends
         period=PeriodTest(1e-3),
         integrator=integrator_of(parameters),
         labels=LABELS,
-        **_options(f"diagram-{protocol}", model, settings, context),
+        **sweep_options(f"diagram-{protocol}", model, settings, context),
     )
     dropped = [name for name in result.data_vars if str(name).startswith("end_") and not ends]
     return without_sign(result.drop_vars(dropped)).load()
@@ -222,6 +225,6 @@ def _exponents(model, k3, parameters, context) -> xr.Dataset:
         transient=dropped,
         segments=100 if parameters["converged_transient"] >= 100 else 30,
         integrator=integrator_of(parameters),
-        **_options("exponent", model, settings, context),
+        **sweep_options("exponent", model, settings, context),
     )
     return without_sign(result).rename(k3="k3_exponent").load()
