@@ -17,12 +17,12 @@ from ._arguments import bounds_of, concrete_guess, functions_of, problem_of, val
 from ._branch import Branch, BranchPoint, Special, branch_of
 from ._corner import across
 from ._equilibrium import EquilibriumPoint
-from ._follow import QUICK, Failure, Point, ahead, begin, moved, turned
+from ._follow import QUICK, Failure, Point, ahead, begin, leaps, moved, strayed, turned
 from ._guess import OrbitGuess
 from ._kinds import kind_of
 from ._orbit import PeriodicOrbit
 from ._points import border, is_torus, located
-from ._switch import born, crossing, doubled, outward
+from ._switch import birth, born, crossing, doubled, outward
 
 # Between two points the tangent turns by at most this angle [cosine]: sharper bends get shorter steps.
 BEND = 0.9
@@ -32,6 +32,10 @@ SHRINKS = 0.3
 AT_REST = 1e-4
 LEAST_ROUND = 8  # orbits of a closed branch
 CUT_OFF = ("max_points", "bounds")  # ends beyond which a branch goes on
+# Beyond a border the next orbit is near the last one before it: within so many of what is left of the
+# step, or of this part of it.
+FARTHEST, APART = 10.0, 0.01
+REPEATS = "repeats: a branch of a shorter period is met"
 STUCK = 1e-7  # of the step: a branch that goes on by less ends
 
 
@@ -207,25 +211,31 @@ def _half(problem, start: Point, bounds, step, max_points, tests) -> tuple[list,
             specials.append(Special("EP", point, "at_rest: the orbit shrinks to an equilibrium", index))
             break
         new, distance = _next(problem, point, min(distance, SHRINKS * _shrunk(point)))
-        if isinstance(new, Failure):
+        last, at = None, distance
+        if isinstance(new, Failure) or new.sequence != point.sequence:
             # Either the step is too long, or the sequence of modes ends before.
             last, at = border(problem, point, distance, alike(point))
-            specials += _labelled(problem, point, last, at, tests, index)
-            other = across(problem, last)
-            if other is not None:
-                specials.append(_change(problem, last, other, index))
-                new, distance = other, step
-            elif at > STUCK * step:
-                new, distance = last, at
-            else:
-                specials.append(Special("EP", last, new.result, index))
-                break
-        elif new.sequence != point.sequence:
-            last, at = border(problem, point, distance, alike(point))
-            specials += _labelled(problem, point, last, at, tests, index)
-            specials.append(_change(problem, last, new, index))
-        else:
-            specials += _labelled(problem, point, new, distance, tests, index)
+        marks = _labelled(problem, point, new if last is None else last, at, tests, index)
+        met = birth(problem, point, new, distance) if last is None else None
+        if met is not None:
+            specials += [mark for mark in marks if mark.label not in ("LP", "BP")]
+            specials.append(Special("EP", met, REPEATS, index))
+            break
+        specials += marks
+        if last is not None:
+            rest = max(distance - at, APART * distance)
+            if isinstance(new, Failure) or strayed(new, last.u, rest, FARTHEST):
+                other, reason = across(problem, last), new
+                if other is not None:
+                    new, distance = other, step
+                elif at > STUCK * step:
+                    new, distance = last, at
+                else:
+                    result = reason.result if isinstance(reason, Failure) else "not_converged"
+                    specials.append(Special("EP", last, result, index))
+                    break
+            if new is not last:
+                specials.append(_change(problem, last, new, index))
         if not low <= new.value <= high:
             specials = [s for s in specials if low <= s.point.value <= high]
             specials.append(
@@ -233,8 +243,7 @@ def _half(problem, start: Point, bounds, step, max_points, tests) -> tuple[list,
             )
             break
         if int(new.orbit.repeats) > int(points[0].orbit.repeats):
-            words = "repeats: a branch of a shorter period is met"
-            specials.append(Special("EP", new, words, index))
+            specials.append(Special("EP", new, REPEATS, index))
             break
         points.append(_settled(problem, new))
         if _closed(points, distance):
@@ -284,10 +293,12 @@ def _next(problem, point: Point, distance: float):
     shortest = distance * 2.0**-10
     while True:
         new = ahead(problem, point, distance)
-        if isinstance(new, Failure) or distance <= shortest:
+        if isinstance(new, Failure) or new.sequence != point.sequence:
             return new, distance
-        if new.sequence != point.sequence or new.tangent @ point.tangent > BEND:
+        if not leaps(point, new, distance) and new.tangent @ point.tangent > BEND:
             return new, distance
+        if distance <= shortest:
+            return (Failure("not_converged") if leaps(point, new, distance) else new), distance
         distance *= SHORTER
 
 

@@ -5,12 +5,13 @@ import jax.numpy as jnp
 import numpy as np
 
 from ._along import Problem, evaluated
-from ._follow import Failure, Point, correct, tangent_of, turned
+from ._follow import Failure, Point, correct, strayed, tangent_of, turned
 
 # How far from the border the motion is looked at for its other sequence, in parts of the motion's size.
 BESIDE = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
 # How far the first orbit beyond is from the border.
 BEYOND = (1e-4, 1e-3, 1e-2, 1e-5)
+NEAR = 1.0  # moves, that it is from where it was expected
 
 
 def across(problem: Problem, last: Point) -> Point | None:
@@ -20,6 +21,8 @@ def across(problem: Problem, last: Point) -> Point | None:
     derivative is another one, found from a state a little beside the orbit whose motion has the other
     sequence; the tangent of the branch there follows from it.
     """
+    if not problem.system.guard_names:
+        return None
     _, _, found = jax.device_get(evaluated(problem, jnp.asarray(last.u), last.modes, last.anchor))
     own = found.sequence.tolist()
     seen: list[np.ndarray] = []
@@ -47,10 +50,10 @@ def _beyond(problem: Problem, last: Point, move: np.ndarray, tangent: np.ndarray
     new = correct(problem, last.u + move, last.modes, last.anchor, tangent, tangent)
     if isinstance(new, Failure) or new.sequence == last.sequence:
         return None
-    away = new.u - last.u
-    # Another orbit, from far away, is none of this branch.
-    if np.linalg.norm(away) > 10.0 * np.linalg.norm(move):
+    # Another orbit, from far away, is none of this branch: it stays away however short the move.
+    if strayed(new, last.u + move, float(np.linalg.norm(move)), NEAR):
         return None
+    away = new.u - last.u
     return new if away @ new.tangent >= 0 else turned(new)
 
 

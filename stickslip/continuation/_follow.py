@@ -16,6 +16,10 @@ EVALUATIONS = 10  # of Newton's method at one point
 # An event this near to the start of the period, in parts of it: the start is moved.
 NEAR_START = 0.02
 QUICK = 4  # evaluations after which the next step is longer
+# Newton's method may end on another branch. An orbit is none of this one if it is farther from where it
+# was expected than so many steps, or, where the branch is smooth, than it bends and the second number;
+# orbits are known to the third.
+STRAYS, BESIDE, KNOWN = 2.0, 0.1, 1e-6
 
 
 @dataclasses.dataclass(frozen=True)
@@ -148,9 +152,22 @@ def ahead(
 ) -> Point | Failure:
     """The point at a distance along the tangent of this one, or another way in the plane of orbits."""
     way = point.tangent if way is None else way
-    return correct(
-        problem, point.u + distance * way, point.modes, point.anchor, point.tangent, point.tangent
-    )
+    there = point.u + distance * way
+    found = correct(problem, there, point.modes, point.anchor, point.tangent, point.tangent)
+    return Failure("not_converged") if strayed(found, there, distance, STRAYS) else found
+
+
+def strayed(found: Point | Failure, expected: np.ndarray, distance: float, most: float) -> bool:
+    """Whether an orbit is farther from where it was expected than so many steps."""
+    if isinstance(found, Failure):
+        return False
+    return bool(np.linalg.norm(found.u - expected) > most * abs(distance) + KNOWN)
+
+
+def leaps(point: Point, new: Point, distance: float) -> bool:
+    """Whether an orbit of the same sequence, a step ahead, is farther away than the branch bends."""
+    angle = float(np.arccos(np.clip(new.tangent @ point.tangent, -1.0, 1.0)))
+    return strayed(new, point.u + distance * point.tangent, distance, BESIDE + angle)
 
 
 def moved(problem: Problem, point: Point) -> Point | Failure:

@@ -7,13 +7,14 @@ import numpy as np
 from scipy.optimize import brentq
 
 from ._along import Problem
-from ._follow import Failure, Point, ahead
+from ._follow import Failure, Point, ahead, strayed
 
 # Up to which part of the distance the search for a border between sequences is halved, how often it
 # begins again, and what it must gain to go on.
 HALVED = 2.0**-24
 ROUNDS = 12
 FURTHER = 1e-13
+BENDS = 0.5  # of the distance: orbits farther from the straight line are not of this branch
 # A multiplier that is not real has at least this part of its size beside the axis.
 OFF_AXIS = 1e-9
 
@@ -105,7 +106,12 @@ def border(
         while high - low > HALVED * span:
             middle = 0.5 * (low + high)
             found = ahead(problem, last, middle, way)
-            if not isinstance(found, Failure) and alike(found):
+            there = last.u + middle * (last.tangent if way is None else way)
+            if (
+                not isinstance(found, Failure)
+                and alike(found)
+                and not strayed(found, there, middle, BENDS)
+            ):
                 low, best = middle, found
             else:
                 high = middle

@@ -6,13 +6,16 @@ import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 
-from ._along import Problem, anchored
+from ..hybrid import simulate
+from ._along import Problem, anchored, system_at
+from ._closing import turns_of, wrapped
 from ._equilibrium import EquilibriumPoint
-from ._follow import Failure, Point, begin, correct, turned
+from ._follow import Failure, Point, ahead, begin, correct, turned
 from ._orbit import PeriodicOrbit
 
 # First amplitudes of the other orbit that are tried, in parts of the motion's size.
 AMPLITUDES = (1e-2, 3e-3, 3e-2, 1e-3)
+HALVED = 30  # times, a step in search of the orbit that is doubled
 
 
 def doubled(problem: Problem, orbit: PeriodicOrbit, value: float) -> Point | Failure:
@@ -39,6 +42,44 @@ def doubled(problem: Problem, orbit: PeriodicOrbit, value: float) -> Point | Fai
         if isinstance(found, Point) and int(found.orbit.repeats) == 1:
             return found if found.tangent @ along > 0 else turned(found)
     return found if isinstance(found, Failure) else Failure("not_converged")
+
+
+def birth(problem: Problem, before: Point, after: Point, distance: float) -> Point | None:
+    """Between two orbits the one, nearly, at which their branch meets the orbit that it doubles.
+
+    Beyond it the branch is its own mirror image, the same orbits half a period later: there the
+    parameter turns, and what half a period changes about the state changes its sign. At the point
+    itself the derivative is singular, so that it is only approached. None if there is no such orbit.
+    """
+    if before.tangent[-1] * after.tangent[-1] > 0.0:
+        return None
+    change, other = _half_a_period(problem, before), _half_a_period(problem, after)
+    if not change @ other < -0.5 * np.linalg.norm(change) * np.linalg.norm(other):
+        return None
+    low, high, nearest, least = 0.0, distance, before, np.inf
+    for _ in range(HALVED):
+        middle = 0.5 * (low + high)
+        found = ahead(problem, before, middle)
+        # So near to it Newton's method finds the shorter orbit as well, at any parameter.
+        if isinstance(found, Failure) or int(found.orbit.repeats) > int(before.orbit.repeats):
+            break
+        size = float(change @ _half_a_period(problem, found))
+        if abs(size) < least:
+            nearest, least = found, abs(size)
+        low, high = (middle, high) if size > 0.0 else (low, middle)
+    return nearest
+
+
+def _half_a_period(problem: Problem, point: Point) -> np.ndarray:
+    """Change of the state in half a period, in parts of the motion's size; NaN if it fails."""
+    orbit = point.orbit
+    half = simulate(
+        system_at(problem, point.values), orbit.t0, orbit.t0 + 0.5 * orbit.period, orbit.y0,
+        orbit.mode0, problem.args, integrator=problem.integrator, max_events=None, throw=False,
+    )  # fmt: skip
+    away = ravel_pytree(half.y1)[0] - ravel_pytree(orbit.y0)[0]
+    away = wrapped(away, jnp.asarray(turns_of(problem.system, orbit.y0)))
+    return np.asarray(jnp.where(half.successful, away / jnp.asarray(point.anchor.extent), jnp.nan))
 
 
 def born(problem: Problem, rest: EquilibriumPoint) -> Point | Failure:

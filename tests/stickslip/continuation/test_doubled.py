@@ -100,3 +100,28 @@ def test_orbits_of_twice_the_period_begin_at_the_doubling(twice):
     found = np.asarray(doubled.orbits.multipliers)[:, 0]
     np.testing.assert_allclose(found, np.exp(-8 * np.pi * a), rtol=1e-7)
     assert np.asarray(doubled.orbits.stable).all()
+
+
+class Bubble(Twisted):
+    """The same of $10 a (0.1 - a)$: the orbit of period $4\\pi$ begins at $a = 0$ and ends at 0.1."""
+
+    def vector_field(self, t, y, mode, args):
+        return Twisted(10 * self.a * (0.1 - self.a)).vector_field(t, y, mode, args)
+
+
+@pytest.mark.parametrize("step", [0.2, 0.07])
+def test_a_branch_of_doubled_orbits_ends_where_it_meets_the_other_doubling(step):
+    """It leaps to the orbit that it doubles at no step, and is not followed into its mirror image."""
+    options = {"bounds": (-0.1, 0.2), "step": step}
+    guess = OrbitGuess(Band(1.0, 0.0, 0.0, 0.0), 2 * np.pi)
+    branch = continue_orbit(Bubble(-0.05), guess, "a", **options)
+    assert [flip.value for flip in branch["PD"]] == pytest.approx([0.0, 0.1], abs=1e-9)
+    for flip, end in zip(branch["PD"], (0.1, 0.0), strict=True):
+        doubled = continue_orbit(Bubble(-0.05), flip, "a", **options)
+        a, y = doubled.values, doubled.orbits.y0
+        size = np.asarray(y.p) ** 2 + np.asarray(y.q) ** 2
+        np.testing.assert_allclose(size, 10 * a * (0.1 - a), atol=1e-9)
+        assert (np.diff(a) * (end - flip.value) > 0).all()
+        (last,) = doubled.specials
+        assert last.words == "repeats: a branch of a shorter period is met"
+        assert last.value == pytest.approx(end, abs=1e-6)
