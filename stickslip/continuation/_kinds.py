@@ -32,7 +32,9 @@ def kind_of(system: AbstractHybridSystem, one: Point, two: Point) -> str:
     few, many = _cycle(short), _cycle(long)
     if len(many) > MOST_EVENTS or len(few) == len(many):
         return ""
-    added = _added(few, many)
+    # An orbit without events is in one mode: what is added begins and ends in it.
+    alone = [] if few else [i for i in range(len(many)) if many[i - 1] == int(short.orbit.mode0)]
+    added = [(alone[0], len(many))] if alone else _added(few, many)
     if added is None:
         return ""
     jumps = _jumps(long)
@@ -46,7 +48,7 @@ def _first_named(system: Any, modes: list[int], at: int, count: int, jumps: np.n
     Of slip, stick, slip the first two are what a slip lacks, or the last two.
     """
     total = len(modes)
-    for shift in range(1 - count, count):
+    for shift in range(1 - count, count) if count < total else (0,):
         # What is left is the same where the modes at both ends of each such cut are.
         ends = range(shift) if shift > 0 else range(shift, 0)
         if all(modes[(at + k) % total] == modes[(at + k + count) % total] for k in ends):
@@ -63,8 +65,6 @@ def _cycle(point: Point) -> list[int]:
 
 def _added(few: list[int], many: list[int]) -> list[tuple[int, int]] | None:
     """Parts of the longer cycle that the shorter one lacks; None if that is not all the difference."""
-    if not few:
-        return [(0, len(many))]
     for k in range(len(few)):
         turned = few[k:] + few[:k]
         for first in range(len(many)):

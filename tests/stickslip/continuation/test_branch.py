@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
+from scipy.optimize import minimize_scalar
 
 from stickslip.continuation import continue_orbit, orbit_guess, periodic_orbit
 from tests.stickslip.continuation._systems import (
@@ -72,3 +74,19 @@ def test_grazing_of_the_impact_oscillator():
     )  # fmt: skip
     (graze,) = branch["GR"]
     assert graze.value == pytest.approx(0.1, abs=1e-10)
+
+    # With an impact a period the motion between is linear: A by the speed of the impact, closed form.
+    # The orbits that begin at the grazing are unstable and turn at the least A.
+    turn = expm(2 * np.pi * np.array([[0.0, 1.0], [-1.0, -0.1]]))
+
+    def amplitude(speed):
+        leaves, arrives = np.array([1.0, -0.8 * speed]), np.array([1.0, speed])
+        return 0.1 * np.linalg.norm(np.linalg.solve(np.eye(2) - turn, arrives - turn @ leaves))
+
+    least = minimize_scalar(amplitude, bounds=(0.0, 0.5), method="bounded", options={"xatol": 1e-9})
+    (fold,) = branch["LP"]
+    assert fold.value == pytest.approx(least.fun, abs=1e-10)
+    impacts = np.asarray(branch.orbits.events.count) == 1
+    speeds = np.asarray(branch.orbits.events.y_before.v)[impacts, 0]
+    known = [amplitude(speed) for speed in speeds]
+    np.testing.assert_allclose(branch.values[impacts], known, atol=1e-9)
