@@ -6,10 +6,11 @@ import numpy as np
 
 from ._along import Problem, passed
 from ._curve import AbstractCurve, Place, directed, last_place
-from ._follow import Failure, Point, ahead, correct
+from ._follow import Failure, Point, ahead, correct, strayed
 from ._points import border
 
 INSIDE = (0.0, 0.02, 0.1, 0.5, 2.0)  # of the step: how far beside the border orbits are looked for
+NEAR = 1.0  # of the way to them: how far from where they are expected they are
 AROUND = 16  # directions in which they are looked for at first
 # How far beyond a border the motion is looked at for its other sequence, and around a corner for all
 # that there are, in parts of its size.
@@ -126,10 +127,12 @@ class Border(AbstractCurve):
         """The last orbit on the line across the curve, at a distance along it."""
         begin = place.point
         for inside in INSIDE:
+            there = begin.u + distance * (place.way + inside * place.normal)
             found = correct(
-                self.problem, begin.u + distance * (place.way + inside * place.normal), begin.modes,
-                begin.anchor, begin.tangent, begin.tangent,
+                self.problem, there, begin.modes, begin.anchor, begin.tangent, begin.tangent
             )  # fmt: skip
+            if strayed(found, there, (1.0 + inside) * distance, NEAR):
+                continue
             if not isinstance(found, Failure) and self._alike(found):
                 reach = (1.0 + 2.0 * inside) * distance
                 last, at = border(self.problem, found, reach, self._alike, -place.normal)

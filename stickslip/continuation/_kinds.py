@@ -37,25 +37,35 @@ def kind_of(system: AbstractHybridSystem, one: Point, two: Point) -> str:
     added = [(alone[0], len(many))] if alone else _added(few, many)
     if added is None:
         return ""
-    jumps = _jumps(long)
-    kinds = {_first_named(system, many, i, j, jumps) for i, j in added}
+    jumps, lasts = _jumps(long), _lasts(long)
+    kinds = {_cut_named(system, many, i, j, jumps, lasts) for i, j in added}
     return kinds.pop() if len(kinds) == 1 else ""
 
 
-def _first_named(system: Any, modes: list[int], at: int, count: int, jumps: np.ndarray) -> str:
+def _cut_named(
+    system: Any, modes: list[int], at: int, count: int, jumps: np.ndarray, lasts: np.ndarray
+) -> str:
     """Name of one part, or of the same part as it may be cut out as well a little earlier or later.
 
-    Of slip, stick, slip the first two are what a slip lacks, or the last two.
+    Of slip, stick, slip the first two are what a slip lacks, or the last two; of stick, slip, stick,
+    slip it is a stick or a slip that is new. That one is which lasts the shorter.
     """
     total = len(modes)
+    found = []
     for shift in range(1 - count, count) if count < total else (0,):
         # What is left is the same where the modes at both ends of each such cut are.
         ends = range(shift) if shift > 0 else range(shift, 0)
         if all(modes[(at + k) % total] == modes[(at + k + count) % total] for k in ends):
             kind = _named(system, modes, (at + shift) % total, count, jumps)
-            if kind:
-                return kind
-    return ""
+            inside = sum(float(lasts[(at + shift + k) % total]) for k in range(count - 1))
+            found += [(inside, kind)] if kind else []
+    return min(found)[1] if found else ""
+
+
+def _lasts(point: Point) -> np.ndarray:
+    """Time from each event to the next one [s]."""
+    times = np.asarray(point.orbit.events.t)[: int(point.orbit.events.count)]
+    return np.diff(np.append(times, times[0] + float(point.orbit.period)))
 
 
 def _cycle(point: Point) -> list[int]:

@@ -16,10 +16,12 @@ from stickslip.systems import JointedBeam
 BEAM = JointedBeam.constructed(1e-3)  # slip backward, stick, slip forward, no contact
 
 
-def point(modes, parameter=0.0, way=1.0):
+def point(modes, parameter=0.0, way=1.0, times=None):
     """An orbit of which only the modes, the parameter and its rate along the branch are known."""
+    times = np.linspace(0.0, 0.9, len(modes)) if times is None else np.array(times)
     states = np.zeros((len(modes), 1))
     log = {"count": len(modes), "mode_after": np.array(modes), "guard": np.zeros(len(modes), int)}
+    log["t"] = times
     events = SimpleNamespace(**log, y_before=states, y_after=states)
     orbit = object.__new__(PeriodicOrbit)
     object.__setattr__(orbit, "events", events)
@@ -41,6 +43,17 @@ def test_a_stick_in_a_slip_is_named_wherever_the_period_begins(turn):
 
 def test_a_slip_in_a_stick_is_no_stick_in_a_slip():
     assert kind_of(BEAM, point([1, 0, 1, 3]), point([1, 3])) == "adding-sliding"
+
+
+def test_of_a_stick_and_a_slip_the_shorter_one_is_new():
+    few = point([1, 0])
+    for turn in (0, 1):
+        modes = [1, 0, 1, 0][turn:] + [1, 0, 1, 0][:turn]
+        starts = {"stick": [0.1, 0.3, 0.6, 0.601], "slip": [0.1, 0.3, 0.301, 0.6]}
+        for kind, times in starts.items():
+            moved = times[turn:] + [1.0 + t for t in times[:turn]]
+            name = {"stick": "grazing-sliding", "slip": "adding-sliding"}[kind]
+            assert kind_of(BEAM, few, point(modes, times=moved)) == name
 
 
 def points(ways):
