@@ -210,32 +210,34 @@ def _half(problem, start: Point, bounds, step, max_points, tests) -> tuple[list,
         if _shrunk(point) < AT_REST:
             specials.append(Special("EP", point, "at_rest: the orbit shrinks to an equilibrium", index))
             break
-        new, distance = _next(problem, point, min(distance, SHRINKS * _shrunk(point)))
-        last, at = None, distance
-        if isinstance(new, Failure) or new.sequence != point.sequence:
+        found, distance = _next(problem, point, min(distance, SHRINKS * _shrunk(point)))
+        if isinstance(found, Point) and found.sequence == point.sequence:
+            marks = _labelled(problem, point, found, distance, tests, index)
+            met = birth(problem, point, found, distance)
+            if met is not None:
+                specials += [mark for mark in marks if mark.label not in ("LP", "BP")]
+                specials.append(Special("EP", met, REPEATS, index))
+                break
+            specials += marks
+            new = found
+        else:
             # Either the step is too long, or the sequence of modes ends before.
             last, at = border(problem, point, distance, alike(point))
-        marks = _labelled(problem, point, new if last is None else last, at, tests, index)
-        met = birth(problem, point, new, distance) if last is None else None
-        if met is not None:
-            specials += [mark for mark in marks if mark.label not in ("LP", "BP")]
-            specials.append(Special("EP", met, REPEATS, index))
-            break
-        specials += marks
-        if last is not None:
+            specials += _labelled(problem, point, last, at, tests, index)
             rest = max(distance - at, APART * distance)
-            if isinstance(new, Failure) or strayed(new, last.u, rest, FARTHEST):
-                other, reason = across(problem, last), new
-                if other is not None:
-                    new, distance = other, step
-                elif at > STUCK * step:
-                    new, distance = last, at
-                else:
-                    result = reason.result if isinstance(reason, Failure) else "not_converged"
-                    specials.append(Special("EP", last, result, index))
-                    break
-            if new is not last:
-                specials.append(_change(problem, last, new, index))
+            near = isinstance(found, Point) and not strayed(found, last.u, rest, FARTHEST)
+            other = found if near else across(problem, last)
+            if not near:
+                distance = at if other is None else step
+            if isinstance(other, Point):
+                specials.append(_change(problem, last, other, index))
+                new = other
+            elif at > STUCK * step:
+                new = last
+            else:
+                result = found.result if isinstance(found, Failure) else "not_converged"
+                specials.append(Special("EP", last, result, index))
+                break
         if not low <= new.value <= high:
             specials = [s for s in specials if low <= s.point.value <= high]
             specials.append(
