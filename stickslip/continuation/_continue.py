@@ -14,29 +14,15 @@ from ..hybrid import AbstractHybridSystem, Integrator
 from ..hybrid._arguments import the_system
 from ._along import Problem
 from ._arguments import bounds_of, concrete_guess, functions_of, problem_of, value_of
-from ._branch import Branch, BranchPoint, Special, branch_of
-from ._corner import across
+from ._branch import Branch, BranchPoint, branch_of
 from ._equilibrium import EquilibriumPoint
-from ._follow import QUICK, Failure, Point, ahead, begin, leaps, moved, strayed, turned
+from ._follow import Failure, Point, begin, turned
 from ._guess import OrbitGuess
-from ._kinds import kind_of
 from ._orbit import PeriodicOrbit
-from ._points import border, is_torus, located
-from ._switch import birth, born, crossing, doubled, outward
+from ._switch import born, crossing, doubled, outward
+from ._walk import settled, walked
 
-# Between two points the tangent turns by at most this angle [cosine]: sharper bends get shorter steps.
-BEND = 0.9
-SHORTER, LONGER = 0.5, 1.5
-# A step changes the extent of the motion by at most this part; one that has shrunk so far is a rest.
-SHRINKS = 0.3
-AT_REST = 1e-4
-LEAST_ROUND = 8  # orbits of a closed branch
 CUT_OFF = ("max_points", "bounds")  # ends beyond which a branch goes on
-# Beyond a border the next orbit is near the last one before it: within so many of what is left of the
-# step, or of this part of it.
-FARTHEST, APART = 10.0, 0.01
-REPEATS = "repeats: a branch of a shorter period is met"
-STUCK = 1e-7  # of the step: a branch that goes on by less ends
 
 
 def continue_orbit(
@@ -88,6 +74,11 @@ def continue_orbit(
     `PD` (period doubling), `NS` (torus), `BP` (branch point), `GR` (an event appears or vanishes), `SQ`
     (another change of the mode sequence), `EP` (end, with the reason).
 
+    Steps that end on another branch are shortened: an orbit farther from where it was expected than the
+    branch bends is none of it, and one beyond a border only if its branch leads back there. A branch of
+    doubled orbits ends where it meets the orbit that it doubles, at its doubling. A special point that
+    the search did not find is labelled with a question mark, `LP?`, and between which orbits it lies.
+
     The loop is Python and runs outside `jit`; it compiles three programs for the first branch of a
     system and none for later ones. Of a `GR` point `words` name the sliding bifurcation.
     It is the last orbit of the sequence that the branch came with. Where this one has the events that
@@ -129,7 +120,7 @@ def continue_orbit(
         if isinstance(first, Point):
             problem, first = _shortest(problem, first)
         if isinstance(first, Point):
-            first = _settled(problem, first)
+            first = settled(problem, first)
             first = first if first.tangent[-1] > 0 else turned(first)
         starts = [first, first if isinstance(first, Failure) else turned(first)]
     one, *others = starts
@@ -137,11 +128,11 @@ def continue_orbit(
         one, *others = [p for p in others if isinstance(p, Point)] or [one]
     if isinstance(one, Failure):
         raise refusal("orbit", orbit, f"an orbit of this system: it is {one.result}")
-    forward, marks = _half(problem, one, (low, high), step, max_points, tests)
+    forward, marks = walked(problem, one, (low, high), step, max_points, tests)
     closed = bool(marks) and marks[-1].words.startswith("closed")
     if closed or not both or not others or isinstance(others[0], Failure):
         return branch_of(parameter, forward, marks, system, problem)
-    backward, before = _half(problem, others[0], (low, high), step, max_points, tests)
+    backward, before = walked(problem, others[0], (low, high), step, max_points, tests)
     if special is None or special.label != "BP":  # both halves begin with the same orbit
         forward, marks = forward[1:], [s.at(s.index - 1) for s in marks]
     # Of two orbits the one before is the later one of the backward half.
@@ -186,143 +177,3 @@ def _shortest(problem: Problem, point: Point) -> tuple[Problem, Point | Failure]
     orbit = point.orbit
     once = OrbitGuess(orbit.y0, orbit.period / turns, orbit.mode0, orbit.t0)
     return problem, begin(problem, once, point.value)
-
-
-def _settled(problem: Problem, point: Point) -> Point:
-    """The same orbit measured around itself, where that is possible."""
-    new = moved(problem, point)
-    return point if isinstance(new, Failure) else new
-
-
-def _shrunk(point: Point) -> float:
-    """Extent of the motion, in parts of the largest that it had on the branch."""
-    anchor = point.anchor
-    return float(np.max(np.asarray(anchor.extent) / np.asarray(anchor.size)))
-
-
-def _half(problem, start: Point, bounds, step, max_points, tests) -> tuple[list, list]:
-    """Orbits from `start` along its tangent, and the special points, each with the index before it."""
-    low, high = bounds
-    points, specials = [start], []
-    distance = step
-    while len(points) < max_points:
-        point, index = points[-1], len(points) - 1
-        if _shrunk(point) < AT_REST:
-            specials.append(Special("EP", point, "at_rest: the orbit shrinks to an equilibrium", index))
-            break
-        found, distance = _next(problem, point, min(distance, SHRINKS * _shrunk(point)))
-        if isinstance(found, Point) and found.sequence == point.sequence:
-            marks = _labelled(problem, point, found, distance, tests, index)
-            met = birth(problem, point, found, distance)
-            if met is not None:
-                specials += [mark for mark in marks if mark.label not in ("LP", "BP")]
-                specials.append(Special("EP", met, REPEATS, index))
-                break
-            specials += marks
-            new = found
-        else:
-            # Either the step is too long, or the sequence of modes ends before.
-            last, at = border(problem, point, distance, alike(point))
-            specials += _labelled(problem, point, last, at, tests, index)
-            rest = max(distance - at, APART * distance)
-            near = isinstance(found, Point) and not strayed(found, last.u, rest, FARTHEST)
-            other = found if near else across(problem, last)
-            if not near:
-                distance = at if other is None else step
-            if isinstance(other, Point):
-                specials.append(_change(problem, last, other, index))
-                new = other
-            elif at > STUCK * step:
-                new = last
-            else:
-                result = found.result if isinstance(found, Failure) else "not_converged"
-                specials.append(Special("EP", last, result, index))
-                break
-        if not low <= new.value <= high:
-            specials = [s for s in specials if low <= s.point.value <= high]
-            specials.append(
-                Special("EP", _at_bound(problem, point, new, distance, bounds), "bounds", index)
-            )
-            break
-        if int(new.orbit.repeats) > int(points[0].orbit.repeats):
-            specials.append(Special("EP", new, REPEATS, index))
-            break
-        points.append(_settled(problem, new))
-        if _closed(points, distance):
-            specials.append(
-                Special("EP", points[-1], "closed: the branch has come round", len(points) - 1)
-            )
-            break
-        distance = min(distance * LONGER, step) if new.evaluations <= QUICK else distance
-    else:
-        specials.append(Special("EP", points[-1], "max_points", len(points) - 1))
-    return points, specials
-
-
-def _at_bound(problem, before: Point, after: Point, distance, bounds) -> Point:
-    """The orbit at the bound that lies between two others, or the last one within the bounds."""
-    low, high = bounds
-    bound = low if after.value < low else high
-    found = located(problem, before, after, distance, lambda point: point.value - bound)
-    return before if isinstance(found, Failure) else found
-
-
-def _closed(points: list[Point], distance: float) -> bool:
-    """Whether the last orbit is the first one, met again in the same sense."""
-    first, last = points[0], points[-1]
-    if len(points) < LEAST_ROUND or last.sequence != first.sequence:
-        return False
-    # No curve comes round without going back: where the state moves fast, orbits of one way are as near
-    # to each other in the parameter as the first and last of a round.
-    if all(point.tangent[-1] * first.tangent[-1] > 0 for point in points):
-        return False
-    period, other = float(first.orbit.period), float(last.orbit.period)
-    near = abs(last.u[-1] - first.u[-1]) < distance and abs(other - period) < distance * period
-    if not near or last.tangent[-1] * first.tangent[-1] <= 0:
-        return False
-    # The same point of the orbit is compared by what does not depend on where it starts.
-    one, two = (np.asarray(p.anchor.extent) for p in (first, last))
-    return bool(np.all(np.abs(one - two) <= distance * one))
-
-
-def alike(point: Point) -> Callable[[Point], bool]:
-    """Whether another point has the same sequence of modes."""
-    return lambda other: other.sequence == point.sequence
-
-
-def _next(problem, point: Point, distance: float):
-    """The next point and the step to it, shortened where the branch bends; or why there is none."""
-    shortest = distance * 2.0**-10
-    while True:
-        new = ahead(problem, point, distance)
-        if isinstance(new, Failure) or new.sequence != point.sequence:
-            return new, distance
-        if not leaps(point, new, distance) and new.tangent @ point.tangent > BEND:
-            return new, distance
-        if distance <= shortest:
-            return (Failure("not_converged") if leaps(point, new, distance) else new), distance
-        distance *= SHORTER
-
-
-def _labelled(problem, before: Point, after: Point, distance, tests, index) -> list[Special]:
-    """Special points between two orbits of one sequence, in order."""
-    found = []
-    for label, test in tests.items():
-        one, two = test(before), test(after)
-        if not (np.isfinite(one) and np.isfinite(two)) or one * two >= 0:
-            continue
-        point = located(problem, before, after, distance, test)
-        if isinstance(point, Failure):
-            continue
-        if label == "NS" and not is_torus(point):
-            continue
-        found.append(Special(label, point, "", index))
-    return sorted(found, key=lambda s: abs(s.point.value - before.value))
-
-
-def _change(problem: Problem, last: Point, new: Point, index: int) -> Special:
-    """The border between two sequences: an event more or less, or others."""
-    events = int(last.orbit.events.count), int(new.orbit.events.count)
-    kind = kind_of(problem.system, last, new)
-    words = f"{kind}{', ' * bool(kind)}{events[0]} events, {events[1]} beyond"
-    return Special("SQ" if events[0] == events[1] else "GR", last, words, index)

@@ -27,6 +27,7 @@ CLOSE = 1e-13  # a step as short as this, in parts of the sizes, ends it
 ROUNDING = 1e-9  # or one that is no shorter than the one before and below this
 BEND = 0.95  # cosine between two tangents: sharper bends get shorter steps
 SHORTEST = 2.0**-12
+SWERVES = 0.1  # of a step: farther than this and its bend from where it was expected, it is another one
 OFF_AXIS = 1e-9  # part of its size beside the real axis of an eigenvalue that is not real
 
 
@@ -199,11 +200,12 @@ def _half(field: _Field, start: _Rest, ends, step: float, most: int):
     while len(points) < most:
         rest = points[-1]
         new = _corrected(field, rest.u + distance * rest.tangent, rest.tangent, rest.tangent)
-        if new is None or new.tangent @ rest.tangent < BEND:
+        leaps = new is not None and _leaps(rest, new, distance)
+        if new is None or leaps or new.tangent @ rest.tangent < BEND:
             if distance > SHORTEST * step:
                 distance *= 0.5
                 continue
-            if new is None:
+            if new is None or leaps:
                 marks.append(("EP", rest, "not_converged: the next equilibrium was not found"))
                 return points, marks
         found = []
@@ -223,6 +225,13 @@ def _half(field: _Field, start: _Rest, ends, step: float, most: int):
         points.append(new)
         distance = min(1.5 * distance, step)
     return points, [*marks, ("EP", points[-1], "max_points")]
+
+
+def _leaps(rest: _Rest, new: _Rest, distance: float) -> bool:
+    """Whether an equilibrium, a step ahead, is farther away than the branch bends: on another one."""
+    angle = float(np.arccos(np.clip(new.tangent @ rest.tangent, -1.0, 1.0)))
+    away = np.linalg.norm(new.u - rest.u - distance * rest.tangent)
+    return bool(away > (SWERVES + angle) * distance + ROUNDING)
 
 
 def _beyond(bound: float) -> Callable[[_Rest], float]:

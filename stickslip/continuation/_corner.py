@@ -5,27 +5,36 @@ import jax.numpy as jnp
 import numpy as np
 
 from ._along import Problem, evaluated
-from ._follow import Failure, Point, correct, strayed, tangent_of, turned
+from ._follow import Failure, Point, ahead, correct, leaps, tangent_of, turned
 
 # How far from the border the motion is looked at for its other sequence, in parts of the motion's size.
 BESIDE = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
 # How far the first orbit beyond is from the border.
 BEYOND = (1e-4, 1e-3, 1e-2, 1e-5)
-NEAR = 1.0  # moves, that it is from where it was expected
+FARTHEST = 10.0  # moves, that it is from the border
+# An orbit beyond belongs to the border if its branch leads back to it: nearer than the first number, or
+# than this part of what it was away. By so many steps, of half of what is left or less.
+TOUCHES, CONNECTED = 1e-4, 0.3
+STEPS, SHORTER = 60, 4
 
 
-def across(problem: Problem, last: Point) -> Point | None:
-    """The first orbit of another sequence beyond the last one of this; None if there is none nearby.
+def across(problem: Problem, last: Point, seen: Point | Failure) -> list[Point] | None:
+    """Orbits of another sequence from the last one of this on, outwards; None if there are none nearby.
 
-    The return map is smooth in pieces. On the other side of the border between two pieces its
-    derivative is another one, found from a state a little beside the orbit whose motion has the other
-    sequence; the tangent of the branch there follows from it.
+    `seen`: an orbit of another sequence that was found beyond. Otherwise: the return map is smooth in
+    pieces. On the other side of the border between two pieces its derivative is another one, found from
+    a state a little beside the orbit whose motion has the other sequence; the tangent of the branch
+    there follows from it.
     """
     if not problem.system.guard_names:
         return None
+    if isinstance(seen, Point):
+        way = led_back(problem, last, seen)
+        if way is not None:
+            return way
     _, _, found = jax.device_get(evaluated(problem, jnp.asarray(last.u), last.modes, last.anchor))
     own = found.sequence.tolist()
-    seen: list[np.ndarray] = []
+    tangents: list[np.ndarray] = []
     for beside in BESIDE:
         for direction in _directions(last):
             u = last.u + beside * direction
@@ -35,26 +44,56 @@ def across(problem: Problem, last: Point) -> Point | None:
             if not np.all(other.good) or other.sequence.tolist() == own:
                 continue
             tangent = tangent_of(jacobian, None)
-            if tangent is None or any(abs(tangent @ t) > 1.0 - 1e-6 for t in seen):
+            if tangent is None or any(abs(tangent @ t) > 1.0 - 1e-6 for t in tangents):
                 continue
-            seen.append(tangent)
+            tangents.append(tangent)
             for beyond in BEYOND:
-                for way in (tangent, -tangent):
-                    new = _beyond(problem, last, beyond * way, way)
-                    if new is not None:
-                        return new
+                for side in (1.0, -1.0):
+                    way = _beyond(problem, last, side * beyond * tangent, side * tangent)
+                    if way is not None:
+                        return way
     return None
 
 
-def _beyond(problem: Problem, last: Point, move: np.ndarray, tangent: np.ndarray) -> Point | None:
+def _beyond(problem: Problem, last: Point, move: np.ndarray, tangent: np.ndarray) -> list[Point] | None:
     new = correct(problem, last.u + move, last.modes, last.anchor, tangent, tangent)
     if isinstance(new, Failure) or new.sequence == last.sequence:
         return None
-    # Another orbit, from far away, is none of this branch: it stays away however short the move.
-    if strayed(new, last.u + move, float(np.linalg.norm(move)), NEAR):
+    if np.linalg.norm(new.u - last.u) > FARTHEST * np.linalg.norm(move):
         return None
-    away = new.u - last.u
-    return new if away @ new.tangent >= 0 else turned(new)
+    return led_back(problem, last, new)
+
+
+def led_back(problem: Problem, last: Point, new: Point) -> list[Point] | None:
+    """Orbits of the branch of another sequence from the border on to one of them, outwards.
+
+    The branch is followed back to the border. None if it does not lead there: then it is another one
+    that passes by.
+    """
+    way = [new if (last.u - new.u) @ new.tangent > 0 else turned(new)]
+    whole = float(np.linalg.norm(last.u - new.u))
+    left = whole
+    while left > TOUCHES and len(way) < STEPS:
+        point = _nearer(problem, last, way[-1], left)
+        if point is None:
+            break
+        way.append(point)
+        left = float(np.linalg.norm(last.u - point.u))
+    if left > max(TOUCHES, CONNECTED * whole):
+        return None
+    return [turned(point) for point in reversed(way)]
+
+
+def _nearer(problem: Problem, last: Point, point: Point, left: float) -> Point | None:
+    """The next orbit of a branch that leads back to a border; None where it does not."""
+    for k in range(1, SHORTER + 1):
+        step = left * 0.5**k
+        new = ahead(problem, point, step)
+        if isinstance(new, Failure) or new.sequence != point.sequence or leaps(point, new, step):
+            continue
+        if np.linalg.norm(last.u - new.u) < left:
+            return new
+    return None
 
 
 def _directions(last: Point) -> list[np.ndarray]:

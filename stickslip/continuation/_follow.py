@@ -19,7 +19,7 @@ QUICK = 4  # evaluations after which the next step is longer
 # Newton's method may end on another branch. An orbit is none of this one if it is farther from where it
 # was expected than so many steps, or, where the branch is smooth, than it bends and the second number;
 # orbits are known to the third.
-STRAYS, BESIDE, KNOWN = 2.0, 0.1, 1e-6
+STRAYS, SWERVES, KNOWN = 2.0, 0.1, 1e-6
 
 
 @dataclasses.dataclass(frozen=True)
@@ -152,9 +152,14 @@ def ahead(
 ) -> Point | Failure:
     """The point at a distance along the tangent of this one, or another way in the plane of orbits."""
     way = point.tangent if way is None else way
+    found = unchecked(problem, point, distance * way)
     there = point.u + distance * way
-    found = correct(problem, there, point.modes, point.anchor, point.tangent, point.tangent)
     return Failure("not_converged") if strayed(found, there, distance, STRAYS) else found
+
+
+def unchecked(problem: Problem, point: Point, move: np.ndarray) -> Point | Failure:
+    """What Newton's method finds from a move away from a point: it may lie on another branch."""
+    return correct(problem, point.u + move, point.modes, point.anchor, point.tangent, point.tangent)
 
 
 def strayed(found: Point | Failure, expected: np.ndarray, distance: float, most: float) -> bool:
@@ -165,9 +170,12 @@ def strayed(found: Point | Failure, expected: np.ndarray, distance: float, most:
 
 
 def leaps(point: Point, new: Point, distance: float) -> bool:
-    """Whether an orbit of the same sequence, a step ahead, is farther away than the branch bends."""
+    """Whether an orbit of the same sequence, a step ahead, is farther away than the branch bends, or
+    repeats itself: branches that double an orbit pass near that one."""
+    if int(new.orbit.repeats) > int(point.orbit.repeats):
+        return True
     angle = float(np.arccos(np.clip(new.tangent @ point.tangent, -1.0, 1.0)))
-    return strayed(new, point.u + distance * point.tangent, distance, BESIDE + angle)
+    return strayed(new, point.u + distance * point.tangent, distance, SWERVES + angle)
 
 
 def moved(problem: Problem, point: Point) -> Point | Failure:

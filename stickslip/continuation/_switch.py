@@ -10,12 +10,17 @@ from ..hybrid import simulate
 from ._along import Problem, anchored, system_at
 from ._closing import turns_of, wrapped
 from ._equilibrium import EquilibriumPoint
-from ._follow import Failure, Point, ahead, begin, correct, turned
+from ._follow import Failure, Point, ahead, begin, correct, leaps, turned
+from ._guess import OrbitGuess
 from ._orbit import PeriodicOrbit
+from ._points import doubling
 
 # First amplitudes of the other orbit that are tried, in parts of the motion's size.
 AMPLITUDES = (1e-2, 3e-3, 3e-2, 1e-3)
-HALVED = 30  # times, a step in search of the orbit that is doubled
+HALVED = 6  # times, a step in search of the orbit that is doubled
+# The doubling of that one is found by secants: the first, the last, and how far away it may be, in
+# parts of the motion's size.
+SECANTS, FIRST, NEARLY, REACH = 25, 1e-4, 1e-12, 0.1
 
 
 def doubled(problem: Problem, orbit: PeriodicOrbit, value: float) -> Point | Failure:
@@ -45,29 +50,59 @@ def doubled(problem: Problem, orbit: PeriodicOrbit, value: float) -> Point | Fai
 
 
 def birth(problem: Problem, before: Point, after: Point, distance: float) -> Point | None:
-    """Between two orbits the one, nearly, at which their branch meets the orbit that it doubles.
+    """The orbit that a branch doubles, where it meets it between two of its own; None if it does not.
 
     Beyond it the branch is its own mirror image, the same orbits half a period later: there the
     parameter turns, and what half a period changes about the state changes its sign. At the point
-    itself the derivative is singular, so that it is only approached. None if there is no such orbit.
+    itself the derivative is singular; of the shorter orbit it is not, and its doubling is located.
     """
     if before.tangent[-1] * after.tangent[-1] > 0.0:
         return None
     change, other = _half_a_period(problem, before), _half_a_period(problem, after)
     if not change @ other < -0.5 * np.linalg.norm(change) * np.linalg.norm(other):
         return None
-    low, high, nearest, least = 0.0, distance, before, np.inf
+    near = [(np.linalg.norm(change), before), (np.linalg.norm(other), after)]
+    low, high = 0.0, distance
     for _ in range(HALVED):
         middle = 0.5 * (low + high)
         found = ahead(problem, before, middle)
-        # So near to it Newton's method finds the shorter orbit as well, at any parameter.
-        if isinstance(found, Failure) or int(found.orbit.repeats) > int(before.orbit.repeats):
+        if isinstance(found, Failure) or leaps(before, found, middle):
             break
-        size = float(change @ _half_a_period(problem, found))
-        if abs(size) < least:
-            nearest, least = found, abs(size)
-        low, high = (middle, high) if size > 0.0 else (low, middle)
-    return nearest
+        now = _half_a_period(problem, found)
+        near.append((np.linalg.norm(now), found))
+        low, high = (middle, high) if change @ now > 0.0 else (low, middle)
+    for _, point in sorted(near, key=lambda pair: pair[0]):
+        shorter = _doubling(problem, point)
+        if shorter is not None:
+            return shorter
+    return min(near, key=lambda pair: pair[0])[1]
+
+
+def _doubling(problem: Problem, point: Point) -> Point | None:
+    """The doubling of the orbit of half the period near a point; None where there is none."""
+    orbit = point.orbit
+    if problem.forcing_period is not None:
+        if problem.multiple % 2:
+            return None
+        problem = dataclasses.replace(problem, multiple=problem.multiple // 2)
+    half = OrbitGuess(orbit.y0, 0.5 * orbit.period, orbit.mode0, orbit.t0)
+    found, step = begin(problem, half, point.value), FIRST
+    if isinstance(found, Failure):
+        return None
+    value, at = doubling(found), 0.0
+    start, best = found, found
+    for _ in range(SECANTS):
+        new = ahead(problem, start, at + step)
+        if isinstance(new, Failure) or new.sequence != start.sequence:
+            return None
+        slope = (doubling(new) - value) / step
+        value, at, best = doubling(new), at + step, new
+        if value == 0.0 or abs(step) <= NEARLY:
+            return best
+        step = -value / slope if slope != 0.0 else np.inf
+        if not abs(at + step) <= REACH:
+            return None
+    return None
 
 
 def _half_a_period(problem: Problem, point: Point) -> np.ndarray:

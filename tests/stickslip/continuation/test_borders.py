@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from stickslip.continuation._along import Anchor
-from stickslip.continuation._continue import _closed
 from stickslip.continuation._follow import Point
 from stickslip.continuation._kinds import kind_of
 from stickslip.continuation._orbit import PeriodicOrbit
+from stickslip.continuation._walk import _closed
 from stickslip.systems import JointedBeam
 
 BEAM = JointedBeam.constructed(1e-3)  # slip backward, stick, slip forward, no contact

@@ -1,0 +1,187 @@
+"""Orbits one after the other along a branch, and the special points between them."""
+
+import dataclasses
+import itertools
+from collections.abc import Callable
+
+import numpy as np
+
+from ._along import Problem
+from ._branch import Special
+from ._corner import across
+from ._follow import QUICK, Failure, Point, leaps, moved, strayed, turned, unchecked
+from ._kinds import kind_of
+from ._points import border, is_torus, located
+from ._switch import birth
+
+# Between two points the tangent turns by at most this angle [cosine]: sharper bends get shorter steps.
+BEND = 0.9
+SHORTER, LONGER = 0.5, 1.5
+# A step changes the extent of the motion by at most this part; one that has shrunk so far is a rest.
+SHRINKS = 0.3
+AT_REST = 1e-4
+LEAST_ROUND = 8  # orbits of a closed branch
+# Beyond a border the next orbit is near the last one before it: within so many of what is left of the
+# step, or of this part of it.
+NEAR, APART = 2.0, 0.01
+# Orbits that lead from a border to a distant one are all kept where they are so many steps apart.
+SPARSE = 0.25
+REPEATS = "repeats: a branch of a shorter period is met"
+STUCK = 1e-7  # of the step: a branch that goes on by less ends
+
+
+def settled(problem: Problem, point: Point) -> Point:
+    """The same orbit measured around itself, where that is possible."""
+    new = moved(problem, point)
+    return point if isinstance(new, Failure) else new
+
+
+def _shrunk(point: Point) -> float:
+    """Extent of the motion, in parts of the largest that it had on the branch."""
+    anchor = point.anchor
+    return float(np.max(np.asarray(anchor.extent) / np.asarray(anchor.size)))
+
+
+def walked(problem, start: Point, bounds, step, max_points, tests) -> tuple[list, list]:
+    """Orbits from `start` along its tangent, and the special points, each with the index before it."""
+    low, high = bounds
+    points, specials = [start], []
+    distance = step
+    while len(points) < max_points:
+        point, index = points[-1], len(points) - 1
+        if _shrunk(point) < AT_REST:
+            specials.append(Special("EP", point, "at_rest: the orbit shrinks to an equilibrium", index))
+            break
+        found, distance = _next(problem, point, min(distance, SHRINKS * _shrunk(point)))
+        if isinstance(found, Point) and found.sequence == point.sequence:
+            marks = _labelled(problem, point, found, distance, tests, index)
+            met = birth(problem, point, found, distance)
+            if met is not None:
+                specials += [mark for mark in marks if mark.label[:2] not in ("LP", "BP")]
+                specials.append(Special("EP", met, REPEATS, index))
+                break
+            specials += marks
+            new = found
+        else:
+            # Either the step is too long, or the sequence of modes ends before.
+            last, at = border(problem, point, distance, alike(point))
+            specials += _labelled(problem, point, last, at, tests, index)
+            rest = max(distance - at, APART * distance)
+            if isinstance(found, Point) and not strayed(found, last.u, rest, NEAR):
+                new = found
+                specials.append(_change(problem, last, new, index))
+            else:
+                way = across(problem, last, found)
+                distance = at if way is None else step
+                if way is not None:
+                    specials.append(_change(problem, last, way[0], index))
+                    for before, after in itertools.pairwise(way):
+                        specials += _between(problem, before, after, tests, len(points) - 1)
+                        if np.linalg.norm(after.u - before.u) > SPARSE * step and after is not way[-1]:
+                            points.append(settled(problem, after))
+                    new = way[-1]
+                elif at > STUCK * step:
+                    new = last
+                else:
+                    result = found.result if isinstance(found, Failure) else "not_converged"
+                    specials.append(Special("EP", last, result, index))
+                    break
+        if not low <= new.value <= high:
+            specials = [s for s in specials if low <= s.point.value <= high]
+            specials.append(
+                Special("EP", _at_bound(problem, point, new, distance, bounds), "bounds", index)
+            )
+            break
+        if int(new.orbit.repeats) > int(points[0].orbit.repeats):
+            specials.append(Special("EP", new, REPEATS, index))
+            break
+        points.append(settled(problem, new))
+        if _closed(points, distance):
+            specials.append(
+                Special("EP", points[-1], "closed: the branch has come round", len(points) - 1)
+            )
+            break
+        distance = min(distance * LONGER, step) if new.evaluations <= QUICK else distance
+    else:
+        specials.append(Special("EP", points[-1], "max_points", len(points) - 1))
+    return points, specials
+
+
+def _at_bound(problem, before: Point, after: Point, distance, bounds) -> Point:
+    """The orbit at the bound that lies between two others, or the last one within the bounds."""
+    low, high = bounds
+    bound = low if after.value < low else high
+    found = located(problem, before, after, distance, lambda point: point.value - bound)
+    return before if isinstance(found, Failure) else found
+
+
+def _closed(points: list[Point], distance: float) -> bool:
+    """Whether the last orbit is the first one, met again in the same sense."""
+    first, last = points[0], points[-1]
+    if len(points) < LEAST_ROUND or last.sequence != first.sequence:
+        return False
+    # No curve comes round without going back: where the state moves fast, orbits of one way are as near
+    # to each other in the parameter as the first and last of a round.
+    if all(point.tangent[-1] * first.tangent[-1] > 0 for point in points):
+        return False
+    period, other = float(first.orbit.period), float(last.orbit.period)
+    near = abs(last.u[-1] - first.u[-1]) < distance and abs(other - period) < distance * period
+    if not near or last.tangent[-1] * first.tangent[-1] <= 0:
+        return False
+    # The same point of the orbit is compared by what does not depend on where it starts.
+    one, two = (np.asarray(p.anchor.extent) for p in (first, last))
+    return bool(np.all(np.abs(one - two) <= distance * one))
+
+
+def alike(point: Point) -> Callable[[Point], bool]:
+    """Whether another point has the same sequence of modes, as often round."""
+    turns = int(point.orbit.repeats)
+    return lambda other: other.sequence == point.sequence and int(other.orbit.repeats) == turns
+
+
+def _next(problem, point: Point, distance: float):
+    """The next point and the step to it, shortened where the branch bends; or why there is none.
+
+    An orbit of another sequence may be far away, and of another branch.
+    """
+    shortest = distance * 2.0**-10
+    while True:
+        new = unchecked(problem, point, distance * point.tangent)
+        if isinstance(new, Failure) or new.sequence != point.sequence:
+            return new, distance
+        if not leaps(point, new, distance) and new.tangent @ point.tangent > BEND:
+            return new, distance
+        if distance <= shortest:
+            return (Failure("not_converged") if leaps(point, new, distance) else new), distance
+        distance *= SHORTER
+
+
+def _labelled(problem, before: Point, after: Point, distance, tests, index) -> list[Special]:
+    """Special points between two orbits of one sequence, in order."""
+    found = []
+    for label, test in tests.items():
+        one, two = test(before), test(after)
+        if not (np.isfinite(one) and np.isfinite(two)) or one * two >= 0:
+            continue
+        point = located(problem, before, after, distance, test)
+        if isinstance(point, Failure):
+            words = f"not located: between here and {after.value:.10g}, {point.result}"
+            found.append(Special(f"{label}?", before, words, index))
+        elif label != "NS" or is_torus(point):
+            found.append(Special(label, point, "", index))
+    return sorted(found, key=lambda s: abs(s.point.value - before.value))
+
+
+def _between(problem, before: Point, after: Point, tests, index) -> list[Special]:
+    """Special points between two orbits that were found one from the other, the later one first."""
+    distance = float((before.u - after.u) @ -after.tangent)
+    marks = _labelled(problem, turned(after), turned(before), distance, tests, index)
+    return [dataclasses.replace(mark, point=turned(mark.point)) for mark in reversed(marks)]
+
+
+def _change(problem: Problem, last: Point, new: Point, index: int) -> Special:
+    """The border between two sequences: an event more or less, or others."""
+    events = int(last.orbit.events.count), int(new.orbit.events.count)
+    kind = kind_of(problem.system, last, new)
+    words = f"{kind}{', ' * bool(kind)}{events[0]} events, {events[1]} beyond"
+    return Special("SQ" if events[0] == events[1] else "GR", last, words, index)
