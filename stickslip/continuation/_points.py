@@ -15,6 +15,8 @@ HALVED = 2.0**-24
 ROUNDS = 12
 FURTHER = 1e-13
 BENDS = 0.5  # of the distance: orbits farther from the straight line are not of this branch
+# A function that changes its sign has a zero there if it comes down to this part of its larger value.
+ZERO = 1e-3
 # A multiplier that is not real has at least this part of its size beside the axis.
 OFF_AXIS = 1e-9
 
@@ -67,8 +69,10 @@ def located(
     """The point between two others where a function of the orbit is zero, by Brent's method.
 
     `onward(distance)`: the point at a distance from the first, by default along its tangent.
+    A `Failure` where an orbit between is not found, or where the function jumps over zero.
     """
     ends = {0.0: before, distance: after}
+    largest = max(abs(test(before)), abs(test(after)))
 
     def value(at: float) -> float:
         found = ends.get(at)
@@ -82,7 +86,8 @@ def located(
     try:
         found: Any = brentq(value, 0.0, distance, xtol=1e-15, rtol=1e-14)  # pyright: ignore[reportArgumentType]
         root = float(found)
-        value(root)
+        if abs(value(root)) > ZERO * largest:
+            return Failure("the function jumps there")
     except (ArithmeticError, ValueError) as error:
         return Failure(str(error))
     return ends[root]
