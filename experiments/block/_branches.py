@@ -1,7 +1,10 @@
 """Branches of periodic orbits over k3 under the diagrams: basic orbits, and those of each doubling."""
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+import hashlib
+import json
+import pathlib
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import equinox as eqx
@@ -12,7 +15,15 @@ import xarray as xr
 
 import stickslip as ss
 from stickslip.analysis import STATUS
-from stickslip.continuation import Branch, BranchPoint, OrbitGuess, PeriodicOrbit, continue_orbit
+from stickslip.continuation import (
+    Branch,
+    BranchPoint,
+    OrbitGuess,
+    PeriodicOrbit,
+    continue_orbit,
+    load_branch,
+    save_branch,
+)  # fmt: skip
 
 from .._experiment import Context
 from ._diagram import diagrams, system_of
@@ -26,11 +37,15 @@ SETTLED = (STATUS.index("ok"), STATUS.index("buffer_full"))
 
 @dataclasses.dataclass(frozen=True)
 class Family:
-    """Branches of a model with the number of doublings that led to each, 0 for the basic orbit's."""
+    """Branches of a model with the number of doublings that led to each, 0 for the basic orbit's.
+
+    `not_followed`: the doublings whose branch was not found, each with the reason.
+    """
 
     model: str
     branches: tuple[Branch, ...]
     doublings: tuple[int, ...]
+    not_followed: tuple[str, ...]
 
 
 def with_branches(
@@ -39,33 +54,70 @@ def with_branches(
     """Diagrams over k3 from `k3_min` to `k3_max`, and branches from `follow_min` to `follow_max`."""
     low, high = parameters["k3_min"], parameters["k3_max"]
     found = diagrams(models, low, high, parameters, context, ends=True)
-    families = [family(model, found.sel(model=model), parameters) for model in models]
+    families = [
+        family(model, found.sel(model=model), parameters, kept_in(model, parameters, context))
+        for model in models
+    ]
     kept = found.drop_vars([name for name in found.data_vars if str(name).startswith("end_")])
-    return kept.merge(as_table(families, models, parameters)).assign_attrs(found.attrs)
+    missing = "; ".join(f"{one.model}: {words}" for one in families for words in one.not_followed)
+    table = as_table(families, models, parameters)
+    return kept.merge(table).assign_attrs(found.attrs, not_followed=missing)
 
 
-def family(model: str, diagram: xr.Dataset, parameters: Mapping[str, Any]) -> Family:
-    """The branch of the basic orbit, and those of its doublings up to so many."""
+def kept_in(model: str, parameters: Mapping[str, Any], context: Context) -> pathlib.Path:
+    """The folder of a model's branches; empty after `fresh`."""
+    digest = hashlib.sha256(json.dumps(dict(parameters), sort_keys=True).encode()).hexdigest()[:8]
+    word = "-".join(model.replace(",", "").split())
+    folder = context.stores / f"block-branches-{word}-{digest}"
+    folder.mkdir(parents=True, exist_ok=True)
+    if context.fresh:
+        for file in folder.glob("*.nc"):
+            file.unlink()
+    return folder
+
+
+def family(
+    model: str, diagram: xr.Dataset, parameters: Mapping[str, Any], folder: pathlib.Path
+) -> Family:
+    """The branch of the basic orbit, and those of its doublings up to so many.
+
+    Each is kept in the folder, so that a run that was interrupted goes on with the next one.
+    """
     options = {
         "bounds": (parameters["follow_min"], parameters["follow_max"]),
         "step": parameters["step"],
         "max_points": parameters["max_orbits"],
         "integrator": precise(parameters),
     }
-    system, basic = _basic(model, diagram, parameters["set"], options)
-    branches, doublings = [basic], [0]
-    for level in range(parameters["doublings"]):
-        here = [b for b, d in zip(branches, doublings, strict=True) if d == level]
+    system, start = system_of(model, parameters["follow_min"], parameters["set"])[:2]
+
+    def once(name: str, make: Callable[[], Branch]) -> Branch:
+        file = folder / f"{name}.nc"
+        if not file.is_file():
+            save_branch(make(), file)
+        return load_branch(file, system, start)
+
+    branches = [once("basic", lambda: _basic(model, diagram, parameters["set"], options))]
+    doublings, missing = [0], []
+    for level in range(1, parameters["doublings"] + 1):
+        # The longer the orbits are the more they depend on where they start.
+        options["segments"] = level * parameters["segments"]
+        here = [b for b, d in zip(branches, doublings, strict=True) if d == level - 1]
         met: list[float] = []
-        for point in _flips(here):
+        for number, point in enumerate(_flips(here)):
             # A branch that begins at one doubling may end at another one.
             if any(abs(point.value - value) < 2.0 * _longest(parameters) for value in met):
                 continue
-            branch = continue_orbit(system, point, "k3", **options)
+            name = f"doubled-{level}-{number}"
+            try:
+                branch = once(name, lambda at=point: continue_orbit(system, at, "k3", **options))
+            except ValueError as error:
+                missing.append(f"{point!r}: {error}")
+                continue
             met += [e.value for e in branch["EP"] if e.words.startswith("repeats")]
             branches.append(branch)
-            doublings.append(level + 1)
-    return Family(model, tuple(branches), tuple(doublings))
+            doublings.append(level)
+    return Family(model, tuple(branches), tuple(doublings), tuple(missing))
 
 
 def precise(parameters: Mapping[str, Any]) -> ss.Integrator:
@@ -82,7 +134,7 @@ def _flips(branches: list[Branch]) -> Iterator[BranchPoint]:
         yield from branch["PD"]
 
 
-def _basic(model: str, diagram: xr.Dataset, name: str, options: dict[str, Any]):
+def _basic(model: str, diagram: xr.Dataset, name: str, options: dict[str, Any]) -> Branch:
     """The branch that begins at the settled lane of lowest k3, or at the orbit that it doubles.
 
     Errors: `ValueError` where no lane leads to an orbit.
@@ -98,7 +150,7 @@ def _basic(model: str, diagram: xr.Dataset, name: str, options: dict[str, Any]):
             if end.words.startswith("repeats"):
                 branch = continue_orbit(system, end, "k3", **options)
                 break
-        return system, branch
+        return branch
     raise ValueError(f"{model}: no lane of the diagram leads to a periodic orbit.")
 
 

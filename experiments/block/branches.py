@@ -26,9 +26,10 @@ EXPERIMENT = Experiment(
         "exponents": 0,
         "follow_min": 50.0,
         "follow_max": 100.0,
-        "step": 0.02,
-        "max_orbits": 120,
+        "step": 0.03,
+        "max_orbits": 200,
         "doublings": 2,
+        "segments": 8,
         "orbit_tolerance": 1e-11,
     },
     quick={

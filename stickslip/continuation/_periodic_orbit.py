@@ -238,7 +238,7 @@ def described(motion, frame: Frame, found, tolerance, unravel, mode0, segments, 
         multipliers=multipliers,
         trivial=trivial,
         rank=rank,
-        repeats=_repeats(away, CLOSES * strength),
+        repeats=_repeats(away, strength),
         # In the units of the state: row by column.
         monodromy=monodromy * unit[:, None] / unit[None, :],
         determinant=determinant,
@@ -260,9 +260,11 @@ def _rates(system, t, y, mode, args):
     return {"divergence": divergence(system, t, y, mode, args)}
 
 
-def _repeats(away, near):
-    """How often the motion is repeated within the period, of up to PARTS equal parts."""
-    parts = jnp.arange(1, PARTS + 1, dtype=jnp.int32)
-    whole = np.asarray([PARTS % k == 0 for k in range(1, PARTS + 1)])
-    back = jnp.asarray(whole) & (away <= near)
-    return PARTS // parts[jnp.argmax(back)]
+def _repeats(away, strength):
+    """How often the motion is repeated within the period, of up to PARTS equal parts.
+
+    `strength`: how much deviations grow in the period; in half of it they grow by the root of that.
+    """
+    parts = np.arange(1, PARTS + 1, dtype=np.int32)
+    back = jnp.asarray(PARTS % parts == 0) & (away <= CLOSES * strength ** jnp.asarray(parts / PARTS))
+    return PARTS // jnp.asarray(parts)[jnp.argmax(back)]

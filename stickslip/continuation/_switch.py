@@ -2,12 +2,13 @@
 
 import dataclasses
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 
 from ..hybrid import simulate
-from ._along import Problem, anchored, system_at
+from ._along import Problem, anchored, evaluated, system_at
 from ._closing import turns_of, wrapped
 from ._equilibrium import EquilibriumPoint
 from ._follow import Failure, Point, ahead, begin, correct, leaps, turned
@@ -16,7 +17,7 @@ from ._orbit import PeriodicOrbit
 from ._points import doubling
 
 # First amplitudes of the other orbit that are tried, in parts of the motion's size.
-AMPLITUDES = (1e-2, 3e-3, 3e-2, 1e-3)
+AMPLITUDES = (1e-2, 3e-3, 3e-2, 1e-3, 3e-4, 1e-4)
 HALVED = 6  # times, a step in search of the orbit that is doubled
 # The doubling of that one is found by secants: the first, the last, and how far away it may be, in
 # parts of the motion's size.
@@ -26,23 +27,29 @@ SECANTS, FIRST, NEARLY, REACH = 25, 1e-4, 1e-12, 0.1
 def doubled(problem: Problem, orbit: PeriodicOrbit, value: float) -> Point | Failure:
     r"""An orbit of twice the period near one with the multiplier -1, and the way on from there.
 
-    In the direction of the eigenvector of -1 the doubled branch begins across the other one: there the
-    parameter changes with the square of the amplitude. The amplitude is therefore given, and the
-    parameter found, on whichever side the doubled orbits are.
+    Round twice the orbit is a branch point: the derivative takes a plane to zero. One direction in it
+    is that of the orbit's own branch; the other, without change of the parameter, of doubled orbits.
+    Along it the parameter changes with the square of the amplitude. The amplitude, across the orbit's
+    own branch, is therefore given, and the parameter found, on whichever side doubled orbits are.
     """
     period = 2.0 * float(orbit.period)
     phase = jnp.asarray(float(orbit.t0) / period % 1.0)
     anchor, u, modes = anchored(
         problem, jnp.asarray([value]), orbit.y0, orbit.mode0, phase, jnp.asarray(period), 0.0
     )
-    u, size = np.asarray(u), np.asarray(anchor.size)
-    values, vectors = np.linalg.eig(np.asarray(orbit.monodromy) * size[None, :] / size[:, None])
-    vector = np.real(vectors[:, int(np.argmin(np.abs(values + 1.0)))])
-    along = np.zeros(u.size)
-    along[: size.size] = vector / np.linalg.norm(vector)
+    u, states = np.asarray(u), np.asarray(anchor.size).size
+    _, jacobian, _ = jax.device_get(evaluated(problem, jnp.asarray(u), modes, anchor))
+    if not np.all(np.isfinite(jacobian)):
+        return Failure("guess_failed")
+    one, two = np.linalg.svd(jacobian)[2][-2:]
+    along = two[-1] * one - one[-1] * two
+    knots = along[: problem.segments * states].reshape(problem.segments, states)
+    along /= np.linalg.norm(knots, axis=1).max()
+    own = one[-1] * one + two[-1] * two
+    across = along - (along @ own) / (own @ own) * own
     found: Point | Failure = Failure("not_converged")
     for amplitude in AMPLITUDES:
-        found = correct(problem, u + amplitude * along, modes, anchor, along, along)
+        found = correct(problem, u + amplitude * along, modes, anchor, across, along)
         # An orbit that repeats itself within the period is the old one.
         if isinstance(found, Point) and int(found.orbit.repeats) == 1:
             return found if found.tangent @ along > 0 else turned(found)

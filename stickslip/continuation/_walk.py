@@ -140,19 +140,23 @@ def alike(point: Point) -> Callable[[Point], bool]:
 
 
 def _next(problem, point: Point, distance: float):
-    """The next point and the step to it, shortened where the branch bends; or why there is none.
+    """The next point and the step to it; or why there is none.
 
-    An orbit of another sequence may be far away, and of another branch.
+    The step is shortened where the branch bends, and where Newton's method fails: near a bend it is far
+    from its end, and the last orbit of a sequence is searched in vain. An orbit of another sequence may
+    be far away, and of another branch.
     """
     shortest = distance * 2.0**-10
     while True:
         new = unchecked(problem, point, distance * point.tangent)
-        if isinstance(new, Failure) or new.sequence != point.sequence:
-            return new, distance
-        if not leaps(point, new, distance) and new.tangent @ point.tangent > BEND:
-            return new, distance
+        if not isinstance(new, Failure):
+            if new.sequence != point.sequence:
+                return new, distance
+            if not leaps(point, new, distance) and new.tangent @ point.tangent > BEND:
+                return new, distance
         if distance <= shortest:
-            return (Failure("not_converged") if leaps(point, new, distance) else new), distance
+            lost = not isinstance(new, Failure) and leaps(point, new, distance)
+            return (Failure("not_converged") if lost else new), distance
         distance *= SHORTER
 
 

@@ -5,8 +5,10 @@ import pytest
 import xarray as xr
 from scipy.integrate import solve_ivp
 
+import stickslip as ss
 from experiments._experiment import Context, chosen, load
-from experiments.block._branches import with_branches
+from experiments.block import _branches
+from experiments.block._branches import kept_in, precise, with_branches
 from experiments.block._diagram import MODELS
 from experiments.block._judge import judge_branches
 from experiments.block._sets import MASS, NAMES, RADIUS, start_values
@@ -132,3 +134,60 @@ def test_the_first_doubling_is_that_of_shooting_with_scipy(tmp_path):
     assert float(flip.special_k3) == pytest.approx(b, abs=1e-6)
     assert float(flip.special_period) == pytest.approx(period, abs=1e-8)
     assert b == pytest.approx(FIRST, abs=1e-6)
+
+
+QUICK = chosen(load()["block-branches"], True, []) | {"doublings": 1, "max_orbits": 200, "step": 0.02}
+
+
+@pytest.fixture(scope="module")
+def beginning():
+    """A diagram of two lanes: one that is not settled, and one on the orbit."""
+    system, start = _branches.system_of("simplified", 80.0, "A")
+    run = ss.simulate(system, 0.0, 60.0, start, integrator=precise(QUICK), max_events=None)
+    rows = ("protocol", "k3")
+    ends = {f"end_{k}": (rows, [[float(v), float(v)]]) for k, v in run.y1._asdict().items()}
+    return xr.Dataset({
+        "status": (rows, [[3, 0]]), "duration": (rows, [[0.781, 0.781]]), "count": (rows, [[1, 1]]),
+        **ends,
+    }, {"k3": [79.0, 80.0]})  # fmt: skip
+
+
+@pytest.mark.slow
+def test_doubled_orbits_bend_back_and_branch_again(tmp_path, beginning, monkeypatch):
+    """At k3 = 90.2 the branch turns within a thousandth of its length: there Newton's method fails from
+    afar. What follows is located; SciPy alone has the multipliers there."""
+    parameters = QUICK | {"follow_min": 79.0, "follow_max": 91.0}
+    folder = kept_in("simplified", parameters, Context(tmp_path))
+    found = _branches.family("simplified", beginning, parameters, folder)
+    basic, doubled = found.branches
+    assert found.doublings == (0, 1)
+    assert basic["PD"][0].value == pytest.approx(FIRST, abs=1e-6)
+    assert [s.label for s in doubled.specials] == ["NS", "PD", "EP"]
+    torus, flip, _ = doubled.specials
+    for at in (torus, flip):
+        _, period, monodromy = orbit(np.array(at.orbit.y0), float(at.orbit.period), at.value)
+        assert period == pytest.approx(float(at.orbit.period), abs=1e-7)
+        multipliers = np.linalg.eigvals(monodromy)
+        if at is flip:
+            assert np.abs(multipliers + 1.0).min() < 1e-4
+        else:
+            pair = multipliers[np.abs(multipliers.imag) > 0.1]
+            np.testing.assert_allclose(np.abs(pair), 1.0, atol=1e-4)
+            assert pair.size == 2
+    # A second run reads what the first one found, and follows nothing.
+    monkeypatch.setattr(_branches, "continue_orbit", None)
+    again = _branches.family("simplified", beginning, parameters, folder)
+    for old, new in zip(found.branches, again.branches, strict=True):
+        np.testing.assert_array_equal(old.values, new.values)
+        assert [(s.label, s.value) for s in old.specials] == [(s.label, s.value) for s in new.specials]
+
+    # Only what is missing is followed, and what cannot be found is named.
+    def fails(system, point, name, **options):
+        raise ValueError("no orbit there")
+
+    monkeypatch.setattr(_branches, "continue_orbit", fails)
+    (folder / "doubled-1-0.nc").unlink()
+    less = _branches.family("simplified", beginning, parameters, folder)
+    assert less.doublings == (0,)
+    assert less.not_followed == ("PD at 81.13410606: no orbit there",)
+    assert not list(kept_in("simplified", parameters, Context(tmp_path, fresh=True)).iterdir())

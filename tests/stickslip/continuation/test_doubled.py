@@ -89,9 +89,10 @@ def test_an_orbit_of_two_turns_says_so():
     assert "2 turns of a shorter one" in str(found)
 
 
-def test_orbits_of_twice_the_period_begin_at_the_doubling(twice):
+@pytest.mark.parametrize("segments", [1, 2, 3, 8])
+def test_orbits_of_twice_the_period_begin_at_the_doubling(twice, segments):
     (flip,) = twice["PD"]
-    doubled = continue_orbit(Twisted(-0.05), flip, "a", **OPTIONS)
+    doubled = continue_orbit(Twisted(-0.05), flip, "a", segments=segments, **OPTIONS)
     a, y = doubled.values, doubled.orbits.y0
     np.testing.assert_allclose(np.asarray(doubled.orbits.period), 4 * np.pi, rtol=1e-9)
     np.testing.assert_allclose(np.asarray(y.p) ** 2 + np.asarray(y.q) ** 2, a, atol=1e-9)

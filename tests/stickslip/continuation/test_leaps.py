@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.continuation import OrbitGuess, continue_orbit
+from stickslip.continuation import OrbitGuess, _walk, continue_orbit
 from stickslip.continuation._arguments import concrete_guess, problem_of
 from stickslip.continuation._corner import led_back
-from stickslip.continuation._follow import begin, correct, leaps, turned
+from stickslip.continuation._follow import Failure, begin, correct, leaps, turned
 from stickslip.continuation._points import border
 from stickslip.continuation._walk import alike
 
@@ -119,3 +119,20 @@ def test_a_change_of_sign_without_a_zero_has_a_question_mark(name, test, words):
     assert "not located" in lost.words
     assert words in lost.words.lower()
     assert abs(lost.value - 1.013) < 0.01
+
+
+@pytest.mark.parametrize("reach", [0.03, 0.01])
+def test_where_newton_fails_far_away_steps_are_shorter(monkeypatch, reach):
+    """No border is searched for there: that takes a hundred times as long, and gets no further."""
+    unchecked, tries = _walk.unchecked, []
+
+    def near(problem, point, move):
+        tries.append(float(np.linalg.norm(move)))
+        return unchecked(problem, point, move) if tries[-1] < reach else Failure("not_converged")
+
+    monkeypatch.setattr(_walk, "unchecked", near)
+    monkeypatch.setattr(_walk, "border", None)
+    branch = continue_orbit(Growing(1.0), cycle(1.0), "a", (1.0, 1.1), step=0.3, both=False)
+    assert [(s.label, s.value) for s in branch.specials] == [("EP", pytest.approx(1.1, abs=1e-12))]
+    assert len(tries) < 5 * len(branch)
+    np.testing.assert_allclose(np.hypot(*map(np.asarray, branch.orbits.y0)), branch.values, rtol=1e-9)
