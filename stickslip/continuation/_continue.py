@@ -64,20 +64,24 @@ def continue_orbit(
     - `bounds`: least and greatest value of the parameter.
     - `forcing_period(system)` [s]: of a system that depends on the time; the orbit's period is a
       multiple of it. None: the period is an unknown.
-    - `step`: first and longest step, in parts of the bounds' distance (and of the motion's size).
+    - `step`: first and longest step, in parts of the bounds' distance (and of the motion's size, at all
+      knots together: with more `segments` the same step is a shorter part of the branch).
     - `max_points`: orbits on each of the two halves of the branch.
     - `functions`: real functions of the orbit, by label, whose zeros are located too.
     - `both`: follow to both sides of `orbit`; otherwise to larger values of the parameter.
-    - `segments`, `args`, `integrator`, `max_events`: as for `periodic_orbit`.
+    - `segments`, `args`, `integrator`, `max_events`: as for `periodic_orbit`. Orbits whose multipliers
+      are large (hundreds) need several segments; with one the steps become so short that the branch
+      does not get on.
 
     **Returns** a `Branch`: the orbits in order along the branch, and the special points `LP` (fold),
     `PD` (period doubling), `NS` (torus), `BP` (branch point), `GR` (an event appears or vanishes), `SQ`
     (another change of the mode sequence), `EP` (end, with the reason).
 
-    Steps that end on another branch are shortened: an orbit farther from where it was expected than the
-    branch bends is none of it, and one beyond a border only if its branch leads back there. A branch of
-    doubled orbits ends where it meets the orbit that it doubles, at its doubling. A special point that
-    the search did not find is labelled with a question mark, `LP?`, and between which orbits it lies.
+    Steps at which Newton's method fails, or that end on another branch, are shortened: an orbit farther
+    from where it was expected than the branch bends is none of it, and one beyond a border only if its
+    branch leads back there. A branch of doubled orbits ends where it meets the orbit that it doubles,
+    at its doubling. A special point that the search did not find is labelled with a question mark,
+    `LP?`, and between which orbits it lies.
 
     The loop is Python and runs outside `jit`; it compiles three programs for the first branch of a
     system and none for later ones. Of a `GR` point `words` name the sliding bifurcation.

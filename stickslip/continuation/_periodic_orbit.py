@@ -45,7 +45,10 @@ from ._outcome import first_of
 
 # Against the size of the motion at the guess: smaller is an equilibrium.
 SHRUNK = 1e-9
-CLOSES = 1e-8
+# Simulated once more an orbit returns to this, times the growth of deviations in a period; at most to
+# the second, however unstable it is.
+CLOSES, AT_MOST = 1e-8, 1e-2
+APART = 1e-3  # states farther from each other are not the same again
 PARTS = 60  # of the period, at which the motion is compared with its start
 
 
@@ -78,7 +81,8 @@ def periodic_orbit(
     - `forced`: whether the system depends on the time itself, periodically: then the period of the
       guess is that of the forcing, or a multiple of it, and is kept.
     - `segments`: the period in so many pieces, whose starts are unknowns too (multiple shooting): for
-      long or very unstable orbits. The knots may fall into sticks.
+      long or very unstable orbits. The knots may fall into sticks. An orbit whose whole period cannot be
+      simulated to a hundredth of its size, with multipliers above some 1e9, is `not_reproduced`.
     - `tolerance`: of the residual, in parts of the motion's size. `max_steps`: evaluations of the
       return map.
     - `max_events`: room for the events of one period.
@@ -220,6 +224,7 @@ def described(motion, frame: Frame, found, tolerance, unravel, mode0, segments, 
 
     reached = (found.norm <= tolerance) | (found.stalled & (found.norm <= STALLED * tolerance))
     strength = jnp.maximum(jnp.max(jnp.abs(monodromy)), 1.0)
+    allowed = jnp.minimum(CLOSES * strength, AT_MOST)
     result = first_of(
         (~jnp.isfinite(found.norm), "guess_failed"),
         (found.singular, "singular"),
@@ -227,7 +232,7 @@ def described(motion, frame: Frame, found, tolerance, unravel, mode0, segments, 
         (~reached, "not_converged"),
         (moves < SHRUNK, "at_rest"),
         (mode1 != mode0, "mode_differs"),
-        (~(solution.successful & (closing <= CLOSES * strength)), "not_reproduced"),
+        (~(solution.successful & (closing <= allowed)), "not_reproduced"),
         (~same, "grazes"),
     )
     return PeriodicOrbit(
@@ -266,5 +271,6 @@ def _repeats(away, strength):
     `strength`: how much deviations grow in the period; in half of it they grow by the root of that.
     """
     parts = np.arange(1, PARTS + 1, dtype=np.int32)
-    back = jnp.asarray(PARTS % parts == 0) & (away <= CLOSES * strength ** jnp.asarray(parts / PARTS))
+    near = jnp.minimum(CLOSES * strength ** jnp.asarray(parts / PARTS), APART)
+    back = jnp.asarray(PARTS % parts == 0) & (away <= near)
     return PARTS // jnp.asarray(parts)[jnp.argmax(back)]

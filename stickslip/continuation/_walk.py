@@ -17,6 +17,9 @@ from ._switch import birth
 # Between two points the tangent turns by at most this angle [cosine]: sharper bends get shorter steps.
 BEND = 0.9
 SHORTER, LONGER = 0.5, 1.5
+# Where Newton's method fails, steps down to the first part of it are tried; below the other angle
+# [cosine] between two orbits their branch is straight.
+NEARER, STRAIGHT = 2.0**-4, 0.99
 # A step changes the extent of the motion by at most this part; one that has shrunk so far is a rest.
 SHRINKS = 0.3
 AT_REST = 1e-4
@@ -140,23 +143,30 @@ def alike(point: Point) -> Callable[[Point], bool]:
 
 
 def _next(problem, point: Point, distance: float):
-    """The next point and the step to it; or why there is none.
+    """The next point and the step to it, shortened where the branch bends; or why there is none.
 
-    The step is shortened where the branch bends, and where Newton's method fails: near a bend it is far
-    from its end, and the last orbit of a sequence is searched in vain. An orbit of another sequence may
-    be far away, and of another branch.
+    An orbit of another sequence may be far away, and of another branch. Newton's method fails beyond the
+    last orbit of a sequence, and from afar where the branch bends soon. A little nearer it still needs
+    many evaluations at a bend, but few before a border, which is not approached by ever shorter steps.
     """
     shortest = distance * 2.0**-10
+    failed = None
     while True:
         new = unchecked(problem, point, distance * point.tangent)
-        if not isinstance(new, Failure):
-            if new.sequence != point.sequence:
+        if isinstance(new, Failure):
+            failed = failed or (new, distance)
+            if distance <= failed[1] * NEARER:
+                return failed
+        elif new.sequence != point.sequence:
+            return failed or (new, distance)
+        else:
+            turn = new.tangent @ point.tangent
+            if not leaps(point, new, distance) and turn > BEND:
+                if failed and new.evaluations <= QUICK and turn > STRAIGHT:
+                    return failed
                 return new, distance
-            if not leaps(point, new, distance) and new.tangent @ point.tangent > BEND:
-                return new, distance
-        if distance <= shortest:
-            lost = not isinstance(new, Failure) and leaps(point, new, distance)
-            return (Failure("not_converged") if lost else new), distance
+            if distance <= shortest:
+                return (Failure("not_converged") if leaps(point, new, distance) else new), distance
         distance *= SHORTER
 
 
