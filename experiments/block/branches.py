@@ -28,7 +28,7 @@ EXPERIMENT = Experiment(
         "follow_max": 100.0,
         "step": 0.03,
         "max_orbits": 200,
-        "doublings": 2,
+        "doublings": 1,
         "segments": 8,
         "orbit_tolerance": 1e-11,
     },

@@ -48,7 +48,7 @@ SHRUNK = 1e-9
 # Simulated once more an orbit returns to this, times the growth of deviations in a period; at most to
 # the second, however unstable it is.
 CLOSES, AT_MOST = 1e-8, 1e-2
-APART = 1e-3  # states farther from each other are not the same again
+APART = 1e-5  # states farther from each other are not the same again
 PARTS = 60  # of the period, at which the motion is compared with its start
 
 
@@ -81,7 +81,7 @@ def periodic_orbit(
     - `forced`: whether the system depends on the time itself, periodically: then the period of the
       guess is that of the forcing, or a multiple of it, and is kept.
     - `segments`: the period in so many pieces, whose starts are unknowns too (multiple shooting): for
-      long or very unstable orbits. The knots may fall into sticks. An orbit whose whole period cannot be
+      long or very unstable orbits. The knots may fall into sticks. An orbit that is too unstable to be
       simulated to a hundredth of its size, with multipliers above some 1e9, is `not_reproduced`.
     - `tolerance`: of the residual, in parts of the motion's size. `max_steps`: evaluations of the
       return map.

@@ -70,7 +70,9 @@ def walked(problem, start: Point, bounds, step, max_points, tests) -> tuple[list
             last, at = border(problem, point, distance, alike(point))
             specials += _labelled(problem, point, last, at, tests, index)
             rest = max(distance - at, APART * distance)
-            if isinstance(found, Point) and not strayed(found, last.u, rest, NEAR):
+            if at >= distance:
+                new = last  # no border: Newton's method had gone elsewhere
+            elif isinstance(found, Point) and not strayed(found, last.u, rest, NEAR):
                 new = found
                 specials.append(_change(problem, last, new, index))
             else:
@@ -145,9 +147,9 @@ def alike(point: Point) -> Callable[[Point], bool]:
 def _next(problem, point: Point, distance: float):
     """The next point and the step to it, shortened where the branch bends; or why there is none.
 
-    An orbit of another sequence may be far away, and of another branch. Newton's method fails beyond the
-    last orbit of a sequence, and from afar where the branch bends soon. A little nearer it still needs
-    many evaluations at a bend, but few before a border, which is not approached by ever shorter steps.
+    An orbit of another sequence may be far away, and of another branch. Newton's method fails beyond
+    the last orbit of a sequence, and from afar where the branch bends soon. A little nearer it still
+    needs many evaluations at a bend, but few before a border, which no ever shorter steps approach.
     """
     shortest = distance * 2.0**-10
     failed = None
