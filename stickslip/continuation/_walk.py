@@ -80,6 +80,9 @@ def walked(problem, start: Point, bounds, step, max_points, tests) -> tuple[list
                 distance = at if way is None else step
                 if way is not None:
                     specials.append(_change(problem, last, way[0], index))
+                    if _repeat(way[-1], start):
+                        specials.append(Special("EP", last, REPEATS, index))
+                        break
                     for before, after in itertools.pairwise(way):
                         specials += _between(problem, before, after, tests, len(points) - 1)
                         if np.linalg.norm(after.u - before.u) > SPARSE * step and after is not way[-1]:
@@ -97,7 +100,7 @@ def walked(problem, start: Point, bounds, step, max_points, tests) -> tuple[list
                 Special("EP", _at_bound(problem, point, new, distance, bounds), "bounds", index)
             )
             break
-        if int(new.orbit.repeats) > int(points[0].orbit.repeats):
+        if _repeat(new, start):
             specials.append(Special("EP", new, REPEATS, index))
             break
         points.append(settled(problem, new))
@@ -110,6 +113,11 @@ def walked(problem, start: Point, bounds, step, max_points, tests) -> tuple[list
     else:
         specials.append(Special("EP", points[-1], "max_points", len(points) - 1))
     return points, specials
+
+
+def _repeat(point: Point, start: Point) -> bool:
+    """Whether an orbit goes more often round itself than the first one of its branch."""
+    return int(point.orbit.repeats) > int(start.orbit.repeats)
 
 
 def _at_bound(problem, before: Point, after: Point, distance, bounds) -> Point:
