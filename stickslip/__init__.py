@@ -26,6 +26,7 @@ from .hybrid import SimulationError as SimulationError
 from .hybrid import Solution as Solution
 from .hybrid import Tableau as Tableau
 from .hybrid import WithBreaks as WithBreaks
+from .hybrid import WithPeriodicBreaks as WithPeriodicBreaks
 from .hybrid import interpolate as interpolate
 from .hybrid import saltation_matrix as saltation_matrix
 from .hybrid import same_mode_sequence as same_mode_sequence

@@ -20,9 +20,10 @@ from ..hybrid import AbstractHybridSystem, Integrator, current_executor
 from ..hybrid._arguments import start_of
 from ..hybrid._tree import with_float_arrays
 from ._along import Problem
+from ._beginning import beside_breaks
 from ._closing import check_autonomous, tight
 from ._follow import Point
-from ._guess import OrbitGuess
+from ._guess import OrbitGuess, check_seen
 from ._orbit import PeriodicOrbit
 from ._points import TESTS
 
@@ -53,9 +54,11 @@ def value_of(system: AbstractHybridSystem, name: Any, argument: str = "parameter
 
 def concrete_guess(system: AbstractHybridSystem, guess: OrbitGuess, args: PyTree) -> OrbitGuess:
     """One guess of numbers that are known, with its mode as a number."""
+    check_seen("orbit", guess)
     period = float(one_concrete("orbit.period", guess.period, "positive"))
     t0 = float(one_concrete("orbit.t0", guess.t0))
     y0, mode0 = start_of(system, t0, guess.y0, guess.mode0, args)
+    t0, y0, mode0 = beside_breaks(system, args, tight(), t0, y0, mode0)
     return OrbitGuess(y0, period, mode0, t0)
 
 

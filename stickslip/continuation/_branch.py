@@ -76,9 +76,11 @@ class Branch(eqx.Module):
 
     def __repr__(self) -> str:
         stable = int(np.sum(np.asarray(self.orbits.stable)))
+        flagged = int(np.sum(np.asarray(self.orbits.flags) != 0))
         head = (
             f"Branch: {counted(len(self), 'orbit')}, {stable:,} stable; {self.parameter} from "
             f"{number(self.values.min())} to {number(self.values.max())}"
+            f"{f'; derivative flags: {flagged:,} of the orbits' * (flagged > 0)}"
         )
         return "\n".join([head, *(f"  {special!r}" for special in self.specials)])
 
@@ -93,7 +95,8 @@ class Branch(eqx.Module):
         `period` [s], `stable`, `multiplier_real` and `multiplier_imag` along `multiplier`,
         `start_<name>` (the state at the start of each orbit, with its unit), `lowest_<name>`,
         `highest_<name>` and `amplitude_<name>` (half their difference) over the period, `sequence` (a
-        number per mode sequence), `mode_sequence` (its modes by name), the parameter as coordinate;
+        number per mode sequence), `mode_sequence` (its modes by name), `num_events` and the derivative
+        `flags` of each orbit, the parameter as coordinate;
         `label`, `special_<parameter>`, `special_period`, `special_words` along `special`.
         """
         import xarray as xr
@@ -110,6 +113,7 @@ class Branch(eqx.Module):
             "sequence": ("point", np.array([names[s] for s in self.sequences])),
             "mode_sequence": ("point", np.array([_modes(self.system, s) for s in self.sequences])),
             "num_events": ("point", np.asarray(orbits.events.count)),
+            "flags": ("point", np.asarray(orbits.flags)),
             "label": ("special", np.array([s.label for s in self.specials], dtype=str)),
             f"special_{self.parameter}": ("special", np.array([s.value for s in self.specials]), unit),
             "special_period": (

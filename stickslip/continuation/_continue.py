@@ -12,6 +12,7 @@ from .._types import Given
 from .._validation import check_count, check_flag, check_type, one_concrete, refusal
 from ..hybrid import AbstractHybridSystem, Integrator
 from ..hybrid._arguments import the_system
+from ..hybrid._status import DISCONTINUOUS
 from ._along import Problem
 from ._arguments import bounds_of, concrete_guess, functions_of, problem_of, value_of
 from ._branch import Branch, BranchPoint, branch_of
@@ -132,6 +133,12 @@ def continue_orbit(
         one, *others = [p for p in others if isinstance(p, Point)] or [one]
     if isinstance(one, Failure):
         raise refusal("orbit", orbit, f"an orbit of this system: it is {one.result}")
+    if int(one.orbit.flags) & DISCONTINUOUS:
+        allowed = (
+            "an orbit whose derivatives exist: the field or a guard jumps where nothing is declared; "
+            "if a load does, see WithPeriodicBreaks; friction needs modes"
+        )
+        raise refusal("orbit", orbit, allowed)
     forward, marks = walked(problem, one, (low, high), step, max_points, tests)
     closed = bool(marks) and marks[-1].words.startswith("closed")
     if closed or not both or not others or isinstance(others[0], Failure):

@@ -1,5 +1,7 @@
 """Where Newton's method starts: a state, a mode and a period, by hand or from a simulation."""
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -109,7 +111,7 @@ def orbit_guess(
     - `max_events`: room for the events of one period.
 
     **Returns** an `OrbitGuess`. Where no return is seen within `max_period` its period is NaN, which
-    `periodic_orbit` answers with `guess_failed`. It works under `jit` and `vmap`.
+    `periodic_orbit` refuses, or answers with `guess_failed` under `jit` and `vmap`, where it works too.
 
     **Errors** `ValueError`/`TypeError` naming the argument, before compilation.
     """
@@ -139,6 +141,19 @@ def orbit_guess(
         system, args, integrator, current_executor(), *numbers,
         multiples=multiples, max_events=max_events,
     )  # fmt: skip
+
+
+def check_seen(argument: str, guess: Any) -> None:
+    """Raise `ValueError` for a guess of `orbit_guess` that is none."""
+    numbers = guess.period, guess.y0
+    if not is_concrete(numbers) or np.ndim(guess.period):
+        return
+    if not all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(guess.y0)):
+        allowed = "finite: of orbit_guess it is not where the motion could not be simulated"
+        raise refusal(f"{argument}.y0", guess.y0, allowed)
+    if np.isnan(guess.period):
+        allowed = "positive: of orbit_guess it is NaN where no return is seen within max_period"
+        raise refusal(f"{argument}.period", guess.period, allowed)
 
 
 class _Anchored(AbstractSystemWrapper):

@@ -10,6 +10,7 @@ from jaxtyping import Array, Bool, Complex, Float, Int, PyTree, UInt
 from .._show import html_table, number
 from .._validation import is_concrete
 from ..hybrid import EventLog
+from ..hybrid._status import describe_flags
 from ._outcome import ORBITS
 
 
@@ -37,7 +38,9 @@ class PeriodicOrbit(eqx.Module):
     - `lowest`, `highest`: least and greatest value of each component over the period, of the motion at
       60 instants, between them by cubics, and at its events: to some 1e-6 of its size.
     - `events`: log of one period. `sequence`: hash of its guards and modes.
-    - `result`: an `ORBITS` item; `simulation`: a `stickslip.RESULTS` item; `flags` as of a `Solution`.
+    - `result`: an `ORBITS` item; `simulation`: a `stickslip.RESULTS` item.
+    - `flags`: as of a `Solution`. Where they are not 0 the multipliers may be wrong, though the orbit
+      is right: a field or guard that jumps where nobody declared it has no derivative.
     """
 
     t0: Float[Array, "*batch"]
@@ -84,9 +87,10 @@ class PeriodicOrbit(eqx.Module):
         found = ", ".join(map(_multiplier, np.asarray(self.multipliers)))
         turns = int(self.repeats)
         period = f"{float(self.period):.10g} s" + f" ({turns} turns of a shorter one)" * (turns > 1)
+        flagged = f"; derivative flags: {describe_flags(int(self.flags))}" * (int(self.flags) != 0)
         return (
             f"PeriodicOrbit: period {period}, {int(self.events.count)} events, "
-            f"{'stable' if bool(self.stable) else 'unstable'}, multipliers {found}"
+            f"{'stable' if bool(self.stable) else 'unstable'}, multipliers {found}{flagged}"
         )
 
     __repr__ = __str__

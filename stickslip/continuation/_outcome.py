@@ -40,6 +40,10 @@ class ORBITS(eqx.Enumeration):  # pyright: ignore[reportGeneralTypeIssues]
         "Simulated once more, the motion has other events than that whose derivative was taken: it "
         "touches a guard, to rounding, and the derivative may be that of either side. Move a parameter."
     )
+    period_differs = (
+        "The state returns, but what acts on the system is not what it was a period before: the period "
+        "is no multiple of the forcing's. Give one that is."
+    )
 
 
 NAMES = tuple(ORBITS._name_to_item)

@@ -23,6 +23,7 @@ from ..hybrid import (
 from ..hybrid._arguments import a_time, check_field, start_of, the_system
 from ..hybrid._bound import spanning
 from ..hybrid._tree import with_float_arrays
+from ._beginning import beside_breaks
 from ._closing import (
     Frame,
     Motion,
@@ -37,7 +38,7 @@ from ._closing import (
 )
 from ._extremes import extremes
 from ._floquet import multipliers_of, split_off
-from ._guess import OrbitGuess
+from ._guess import OrbitGuess, check_seen
 from ._monodromy import pieces_of, through_events
 from ._newton import STALLED, newton
 from ._orbit import PeriodicOrbit
@@ -49,6 +50,8 @@ SHRUNK = 1e-9
 # the second, however unstable it is.
 CLOSES, AT_MOST = 1e-8, 1e-2
 APART = 1e-5  # states farther from each other are not the same again
+BETWEEN = 0.381966  # of such a part: where what acts is compared with a period later
+RECURS = 1e-7  # of the largest field and guard of the period: a larger change is another forcing
 PARTS = 60  # of the period, at which the motion is compared with its start
 
 
@@ -107,6 +110,7 @@ def periodic_orbit(
         integrator = tight()
     check_type("integrator", integrator, Integrator, "an Integrator or None")
     t0 = a_time("guess.t0", guess.t0)
+    check_seen("guess", guess)
     period = as_parameter(one_number("guess.period", guess.period, "positive"))
     y0, mode0 = start_of(system, t0, guess.y0, guess.mode0, args)
     check_field(system, t0, y0, mode0, args)
@@ -129,6 +133,7 @@ def _orbit(
     motion = Motion(system, args, integrator)
     _, unravel = ravel_pytree(y0)
     with use_executor(execute):
+        t0, y0, mode0 = beside_breaks(system, args, integrator, t0, y0, mode0)
         size, knots, modes = extent(motion, y0, mode0, t0, period, segments)
         frame = _frame(motion, y0, mode0, t0, period, size, forced)
 
@@ -195,6 +200,12 @@ def described(motion, frame: Frame, found, tolerance, unravel, mode0, segments, 
     away = jnp.max(jnp.abs(wrapped(states[1:] - flat[None, :], frame.turn) / unit[None, :]), axis=1)
     closing, moves = away[-1], jnp.max(away)
 
+    recurs = (
+        jnp.ones((), bool)
+        if frame.free
+        else _recurs(motion, frame, states, outputs.mode, period, unravel)
+    )
+
     low, high = extremes(states, slopes, period / PARTS)
     corners = jax.vmap(lambda s: ravel_pytree(s.y)[0])(log.y_before)
     low = jnp.fmin(low, jnp.nanmin(corners, axis=0, initial=jnp.inf))
@@ -232,6 +243,7 @@ def described(motion, frame: Frame, found, tolerance, unravel, mode0, segments, 
         (~reached, "not_converged"),
         (moves < SHRUNK, "at_rest"),
         (mode1 != mode0, "mode_differs"),
+        (~recurs, "period_differs"),
         (~(solution.successful & (closing <= allowed)), "not_reproduced"),
         (~same, "grazes"),
     )
@@ -263,6 +275,31 @@ def described(motion, frame: Frame, found, tolerance, unravel, mode0, segments, 
 
 def _rates(system, t, y, mode, args):
     return {"divergence": divergence(system, t, y, mode, args)}
+
+
+def _recurs(motion: Motion, frame: Frame, states, modes, period, unravel):
+    """Whether field and guards, of the same states, are a period later what they are in the period.
+
+    The state returns after other times than the forcing's period too, to go on to elsewhere.
+    """
+    gained = states[-1] - states[0]
+    gained = gained - wrapped(gained, frame.turn)  # whole turns of angles
+    # Not at the instants of the motion: at these a load may jump.
+    ts = frame.t0 + period * (jnp.arange(PARTS + 1.0) + BETWEEN) / PARTS
+
+    def acting(t, y, mode):
+        y, mode = unravel(y), jnp.maximum(mode, 0)
+        slope = motion.system.vector_field(t, y, mode, motion.args)
+        return ravel_pytree((slope, motion.system.guards(t, y, mode, motion.args)))[0]
+
+    both = jax.vmap(acting)(
+        jnp.concatenate([ts, ts + period]),
+        jnp.concatenate([states, states + gained[None, :]]),
+        jnp.concatenate([modes, modes]),
+    )
+    now, later = jnp.split(both, 2)
+    largest = jnp.max(jnp.abs(now), axis=0)
+    return ~jnp.any(jnp.abs(later - now) > RECURS * largest[None, :])
 
 
 def _repeats(away, strength):

@@ -151,25 +151,27 @@ class WithBreaks(AbstractSystemWrapper):
         mode = jnp.asarray(mode, mode_type(self))
         inside = self._inside(t, y.piece)
         after, new = self.system.transition(inside, y.y, mode, jnp.minimum(guard, number - 1), args)
-        past = self._settled(t, y.y, mode, args)
+        past = settled(self.system, t, y.y, mode, args)
         state, mode = select(breaks, past, (after, jnp.asarray(new, mode_type(self))))
         return Pieced(state, y.piece + jnp.where(breaks, 1.0, 0.0)), mode
-
-    def _settled(self, t, y, mode, args):
-        """State and mode behind a jump of the load, which may violate guards at once."""
-        for _ in range(ROUNDS):
-            values = jnp.stack(self.system.guards(t, y, mode, args))
-            scales = jnp.asarray(guard_scales(self.system))
-            signs = jnp.asarray([-1.0 if d == "rising" else 1.0 for d in guard_directions(self.system)])
-            both = jnp.asarray([d == "both" for d in guard_directions(self.system)])
-            falls = jnp.where(both, 1.0, signs * values / scales)
-            lowest = jnp.argmin(falls).astype(jnp.int32)
-            jumped = self.system.transition(t, y, mode, lowest, args)
-            violated = (falls[lowest] < -SLACK) & (mode >= 0)
-            after = jumped[0], jnp.asarray(jumped[1], mode_type(self))
-            y, mode = select(violated, after, (y, mode))
-        return y, mode
 
     @check_arguments(t=reals, y=_pieced)
     def initial_mode(self, t, y, args):
         return self.system.initial_mode(self._inside(t, y.piece), y.y, args)
+
+
+def settled(
+    system: AbstractHybridSystem, t: Any, y: PyTree, mode: Any, args: PyTree
+) -> tuple[Any, Any]:
+    """State and mode of a system behind a jump of its load, which may violate guards at once."""
+    signs = jnp.asarray([-1.0 if d == "rising" else 1.0 for d in guard_directions(system)])
+    both = jnp.asarray([d == "both" for d in guard_directions(system)])
+    for _ in range(ROUNDS):
+        values = jnp.stack(system.guards(t, y, mode, args))
+        falls = jnp.where(both, 1.0, signs * values / jnp.asarray(guard_scales(system)))
+        lowest = jnp.argmin(falls).astype(jnp.int32)
+        jumped = system.transition(t, y, mode, lowest, args)
+        violated = (falls[lowest] < -SLACK) & (mode >= 0)
+        after = jumped[0], jnp.asarray(jumped[1], mode_type(system))
+        y, mode = select(violated, after, (y, jnp.asarray(mode, mode_type(system))))
+    return y, mode

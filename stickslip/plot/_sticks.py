@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ..hybrid import AbstractHybridSystem, Solution
+from ..hybrid import AbstractHybridSystem, Solution, WithPeriodicBreaks
 from ..mechanism import AbstractMechanism
 
 
@@ -31,11 +31,16 @@ def sticking(system: AbstractHybridSystem, modes: np.ndarray) -> dict[str, np.nd
     known, place = np.unique(modes, return_inverse=True)
     if not names:
         return {}
+    own = np.maximum(known, 0)
+    while system is not inner:
+        if isinstance(system, WithPeriodicBreaks):
+            own = own % len(system.system.mode_names)
+        system = getattr(system, "system")  # noqa: B009
     if isinstance(inner, AbstractMechanism):
-        states = inner.states(np.maximum(known, 0))
+        states = inner.states(own)
         rows = [np.asarray(states[c]) == 0.0 for c in range(len(names))]
     else:
-        rows = [np.array(["stick" in inner.mode_names[max(int(m), 0)] for m in known])]
+        rows = [np.array(["stick" in inner.mode_names[int(m)] for m in own])]
     return {
         name: (np.broadcast_to(row, known.shape) & (known >= 0))[place]
         for name, row in zip(names, rows, strict=True)

@@ -42,6 +42,10 @@ def _broken(system: ss.WithBreaks) -> ss.Solution:
     return ss.simulate(system, 0.0, 1.0, system.start(START), 0, integrator=RK4)
 
 
+def _recurring(system: ss.WithPeriodicBreaks) -> ss.Solution:
+    return ss.simulate(system, 0.0, 1.0, START, 0, integrator=RK4)
+
+
 def _store() -> str:
     path = f"{INSIDE.name}/finished"
     sweep.run_sweep(lambda k: {"x": k}, {"k": [1.0]}, store=path, executor="portable")
@@ -137,6 +141,15 @@ ENGINE = [
         ss.WithBreaks,
         {"system": SYSTEM, "times": arg([0.5, 1.5], "times")},
         lambda **given: _broken(ss.WithBreaks(**given)),
+    ),
+    Target(
+        ss.WithPeriodicBreaks,
+        {
+            "system": SYSTEM,
+            "times": arg([0.5, 1.5], "times"),
+            "period": arg(2.0, "positive"),
+        },
+        lambda **given: _recurring(ss.WithPeriodicBreaks(**given)),
     ),
     Target(
         ss.enable_compilation_cache,

@@ -23,6 +23,7 @@ from tests.house._nonsense_target import Argument, Target, arg
 REALS = ("reals",)
 BEAM = systems.JointedBeam.constructed(v=5e-4)
 BROKEN = ss.WithBreaks(OSCILLATOR, [0.5, 1.5])
+RECURRING = ss.WithPeriodicBreaks(OSCILLATOR, [0.5, 1.5], 2.0)
 LEDGER = derived.WithIntegrals(OSCILLATOR, systems.CoulombOscillator.powers)
 TANGENT = derived.WithDeviations(OSCILLATOR)
 DEVIATING = TANGENT.start(START, np.eye(2))
@@ -102,6 +103,7 @@ TARGETS = [
     ),
     *of(BROKEN, start__y=arg(START, STATES), start__t=arg(0.0, "finite", "float32"),
         y=arg(BROKEN.start(START))),
+    *of(RECURRING, y=MOTION),
     *of(LEDGER, start__y=arg(START), start__t=arg(0.0, "finite", "float32"),
         y=arg(LEDGER.start(START))),
     *of(TANGENT, start__y=arg(START, STATES), columns=arg(np.ones((2, 1))), y=arg(DEVIATING),

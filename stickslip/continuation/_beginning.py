@@ -1,0 +1,30 @@
+"""Where an orbit begins: not at a break of its load, where rounding decides in which mode it ends."""
+
+from typing import Any
+
+from jaxtyping import PyTree
+
+from ..hybrid import (
+    AbstractHybridSystem,
+    AbstractSystemWrapper,
+    Integrator,
+    WithPeriodicBreaks,
+    simulate,
+)
+from ..hybrid._periodic_breaks import beside_break
+
+
+def beside_breaks(
+    system: AbstractHybridSystem, args: PyTree, integrator: Integrator, t0: Any, y0: PyTree, mode0: Any
+) -> tuple[Any, PyTree, Any]:
+    """Time, state and mode of a guess; those of its motion a little later if its load breaks there."""
+    found = system
+    while not isinstance(found, WithPeriodicBreaks):
+        if not isinstance(found, AbstractSystemWrapper):
+            return t0, y0, mode0
+        found = found.system
+    later = beside_break(found, t0)
+    run = simulate(
+        system, t0, later, y0, mode0, args, integrator=integrator, max_events=None, throw=False
+    )  # fmt: skip
+    return later, run.y1, run.mode1
