@@ -17,13 +17,12 @@ from stickslip.checks import (
     check_flag,
     check_in,
     check_type,
-    is_concrete,
     one_concrete,
     one_number,
     refusal,
 )
 from stickslip.derived import Augmented, WithIntegrals
-from stickslip.hybrid import Executor, current_executor, raise_failures, use_executor
+from stickslip.hybrid import Executor, current_executor, jit_plainly, raise_failures, use_executor
 
 from ._arguments import the_errata, the_integrator
 from ._contacts import Line, kinetic_limits, sliding_speeds
@@ -119,9 +118,7 @@ def simulate_consistent(
     check_count("max_events", max_events, 0)
     check_flag("throw", throw)
     given = system, t1, y0, rows, integrator, max_events, current_executor()
-    # Inside of `jit`, where zeros are traced, options of the compiler are refused.
-    alone = jax.default_backend() == "cpu" and is_concrete((given, jnp.zeros(())))
-    found, fine = (_consistent_alone if alone else _consistent)(*given)
+    found, fine = _consistent(*given)
     return raise_failures(found, fine) if throw else found
 
 
@@ -141,11 +138,7 @@ def _motion(system: CoreXY, t1, y0, rows: int, integrator, max_events, execute: 
     return _from_engine(system, y0, solution), solution.successful
 
 
-_consistent = eqx.filter_jit(_motion)
-# The same motion, a third less of compiling: XLA's emitters of fused kernels take that long here. From
-# JAX 0.11 on the compiler has no others, and refuses the option.
-_plain: Any = {"compiler_options": {"xla_cpu_use_fusion_emitters": False}}
-_consistent_alone = eqx.filter_jit(_motion, **_plain) if jax.__version_info__ < (0, 11) else _consistent
+_consistent = jit_plainly(_motion)
 
 
 def _from_engine(system: CoreXY, y0: CoreXYState, solution: ss.Solution) -> CoreXYSolution:

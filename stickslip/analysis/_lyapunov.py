@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -20,7 +19,15 @@ from .._validation import (
     refusal,
 )
 from ..derived import WithDeviations
-from ..hybrid import RESULTS, AbstractHybridSystem, Integrator, current_executor, simulate, use_executor
+from ..hybrid import (
+    RESULTS,
+    AbstractHybridSystem,
+    Integrator,
+    current_executor,
+    jit_plainly,
+    simulate,
+    use_executor,
+)
 from ..hybrid._arguments import a_time, the_system
 from ..hybrid._bound import spanning
 from ..hybrid._components import listed, place_of
@@ -183,7 +190,7 @@ def _spectrum(
     )
 
 
-_compiled = eqx.filter_jit(_spectrum)
+_compiled = jit_plainly(_spectrum)
 
 
 def _flat_scales(scales: PyTree, y0: PyTree) -> Float[Array, " size"]:

@@ -10,7 +10,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import PyTree
 
 from ..analysis._observable import with_parameters
-from ..hybrid import AbstractHybridSystem, Integrator, simulate, use_executor
+from ..hybrid import AbstractHybridSystem, Integrator, jit_plainly, simulate, use_executor
 from ..hybrid._bound import spanning
 from ._closing import Frame, Motion, closure, extent, known, turns_of, unknowns
 from ._newton import Newton
@@ -69,7 +69,7 @@ def _framed(problem: Problem, values: Any, anchor: Anchor, turn: Any) -> tuple[M
     return Motion(system, problem.args, problem.integrator), frame
 
 
-@eqx.filter_jit
+@jit_plainly
 def anchored(problem: Problem, values: Any, y: PyTree, mode: Any, phase: Any, period: Any, least: Any):
     """Anchor at a state, with its unknowns and the modes at the knots; the size is at least `least`."""
     turn = jnp.asarray(turns_of(problem.system, y))
@@ -91,7 +91,7 @@ def anchored(problem: Problem, values: Any, y: PyTree, mode: Any, phase: Any, pe
     return anchor, jnp.concatenate([u, values / problem.unit]), modes
 
 
-@eqx.filter_jit
+@jit_plainly
 def evaluated(problem: Problem, u: Any, modes: Any, anchor: Anchor):
     """Residual, its derivative by all unknowns, the parameters last, and what the pieces were."""
     _, unravel = ravel_pytree(anchor.y)
@@ -112,7 +112,7 @@ def evaluated(problem: Problem, u: Any, modes: Any, anchor: Anchor):
     return found.residual, jacobian, found
 
 
-@eqx.filter_jit
+@jit_plainly
 def passed(problem: Problem, u: Any, modes: Any, anchor: Anchor):
     """Events of one period from the first state of these unknowns, and whether it went well."""
     _, unravel = ravel_pytree(anchor.y)
@@ -131,7 +131,7 @@ def passed(problem: Problem, u: Any, modes: Any, anchor: Anchor):
     return run.events, run.successful
 
 
-@eqx.filter_jit
+@jit_plainly
 def orbit_at(problem: Problem, u: Any, modes: Any, anchor: Anchor, found: Any) -> PeriodicOrbit:
     """The orbit of these unknowns, simulated once more, with its multipliers."""
     residual, jacobian, closing = found

@@ -32,6 +32,7 @@ from ..hybrid import (
     SaveAt,
     Section,
     current_executor,
+    jit_plainly,
     simulate,
     use_executor,
 )
@@ -239,7 +240,7 @@ def _guess(
     return OrbitGuess(start.y1, period, start.mode1, middle)
 
 
-_compiled = eqx.filter_jit(_guess)
+_compiled = jit_plainly(_guess)
 
 
 def _sizes(states: Array) -> Array:

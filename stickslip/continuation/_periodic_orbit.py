@@ -17,6 +17,7 @@ from ..hybrid import (
     Integrator,
     SaveAt,
     current_executor,
+    jit_plainly,
     simulate,
     use_executor,
 )
@@ -155,7 +156,7 @@ def _orbit(
         return described(motion, frame, found, tolerance, unravel, modes[0], segments, max_events)
 
 
-_compiled = eqx.filter_jit(_orbit)
+_compiled = jit_plainly(_orbit)
 
 
 def _frame(motion: Motion, y0, mode0, t0, period, size, forced: bool) -> Frame:

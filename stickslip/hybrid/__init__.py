@@ -6,6 +6,7 @@ from ._failure import SimulationError as SimulationError
 from ._failure import raise_failures as raise_failures
 from ._interpolate import interpolate as interpolate
 from ._periodic_breaks import WithPeriodicBreaks as WithPeriodicBreaks
+from ._plainly import jit_plainly as jit_plainly
 from ._progress import ProgressMeter as ProgressMeter
 from ._saltation import saltation_matrix as saltation_matrix
 from ._section import Section as Section

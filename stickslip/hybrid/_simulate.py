@@ -31,6 +31,7 @@ from ._dependence import may_jump
 from ._events import event_functions
 from ._failure import raise_failures
 from ._loop_state import Plan
+from ._plainly import jit_plainly
 from ._progress import ProgressMeter
 from ._record import Capacities
 from ._section import Section
@@ -212,7 +213,7 @@ def _usual_saveat() -> SaveAt:
     return SaveAt()
 
 
-@eqx.filter_jit
+@jit_plainly
 def _run(
     system,
     args,

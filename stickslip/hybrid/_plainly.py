@@ -1,0 +1,53 @@
+"""Programs of single runs, compiled in half the time."""
+
+import functools
+from collections.abc import Callable
+from types import FunctionType
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from .._types import Given
+from .._validation import check_type, is_concrete
+from ._xla import current_executor
+
+# XLA's emitters of fused kernels take half of the time to compile a run, which is a loop over scalars
+# and no faster with them. From JAX 0.11 on the compiler has no others, and refuses the option.
+OPTIONS: dict[str, Any] = {}
+if jax.__version_info__ < (0, 11):
+    OPTIONS = {"compiler_options": {"xla_cpu_use_fusion_emitters": False}}
+
+
+def jit_plainly(function: Given[Callable]) -> Callable:
+    """`equinox.filter_jit` for a function that computes one run, or a few, not a batch of thousands.
+
+    On a CPU it is compiled with fewer optimisations that such runs do not gain from. Within another
+    program, where its arguments are batched or differentiated, and under the fused executor, it is
+    compiled as usual.
+
+    >>> import stickslip as ss
+    >>> from stickslip.systems import CoulombOscillator, Motion
+    >>> @jit_plainly
+    ... def reach(speed):
+    ...     block = CoulombOscillator(1.0, 1.0, 1.0, 0.5, speed)
+    ...     return ss.simulate(block, 0.0, 30.0, Motion(x=0.0, v=speed), "stick").y1.x
+    >>> print(f"{reach(0.2):.6f}")
+    0.903303
+
+    **Errors** `TypeError` unless `function` is a function.
+    """
+    check_type("function", function, FunctionType, "a function")
+    usual = eqx.filter_jit(function)
+    if not OPTIONS:
+        return usual
+    plain = eqx.filter_jit(function, **OPTIONS)
+
+    @functools.wraps(function)
+    def called(*args: Any, **named: Any) -> Any:
+        # Inside of `jit` zeros are traced, and so is an argument that is batched or differentiated.
+        alone = is_concrete((args, named, jnp.zeros(()))) and not current_executor().fused
+        return (plain if alone and jax.default_backend() == "cpu" else usual)(*args, **named)
+
+    return called
