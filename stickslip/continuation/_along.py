@@ -1,17 +1,20 @@
 """The compiled pieces of continuation: residual and derivative along parameters, and the orbit."""
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import PyTree
 
 from ..analysis._observable import with_parameters
 from ..hybrid import AbstractHybridSystem, Integrator, jit_plainly, simulate, use_executor
 from ..hybrid._bound import spanning
+from ..hybrid._system import mode_type
 from ._closing import Frame, Motion, closure, extent, known, turns_of, unknowns
 from ._newton import Newton
 from ._orbit import PeriodicOrbit
@@ -58,8 +61,21 @@ def system_at(problem: Problem, values: Any) -> AbstractHybridSystem:
     return with_parameters(problem.system, {name: values[i] for i, name in enumerate(problem.names)})
 
 
-def _framed(problem: Problem, values: Any, anchor: Anchor, turn: Any) -> tuple[Motion, Frame]:
-    system = system_at(problem, values)
+def _fixed(problem: Problem, values: Any) -> Problem:
+    """The same with no free parameter, at these values: one program for whatever is followed."""
+    known = {name: jnp.asarray(value) for name, value in zip(problem.names, values, strict=True)}
+    system = with_parameters(problem.system, known)
+    return dataclasses.replace(problem, system=system, names=(), unit=jnp.zeros(0))
+
+
+def _parted(problem: Problem, u: Any) -> tuple[Problem, Any]:
+    """Unknowns without the parameters, and the problem with these fixed."""
+    u, free = np.asarray(u, float), len(problem.names)
+    return _fixed(problem, u[-free:] * np.asarray(problem.unit)), jnp.asarray(u[:-free])
+
+
+def _framed(problem: Problem, anchor: Anchor, turn: Any) -> tuple[Motion, Frame]:
+    system = problem.system
     period, t0 = anchor.period, jnp.zeros(())
     if problem.forcing_period is not None:
         period = problem.multiple * jnp.asarray(problem.forcing_period(system), jnp.float64)
@@ -69,12 +85,23 @@ def _framed(problem: Problem, values: Any, anchor: Anchor, turn: Any) -> tuple[M
     return Motion(system, problem.args, problem.integrator), frame
 
 
-@jit_plainly
 def anchored(problem: Problem, values: Any, y: PyTree, mode: Any, phase: Any, period: Any, least: Any):
     """Anchor at a state, with its unknowns and the modes at the knots; the size is at least `least`."""
+    values = np.asarray(values, float)
+    y = jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.float64), y)
+    least = np.broadcast_to(least, np.shape(ravel_pytree(y)[0]))
+    phase, period, least = (jnp.asarray(number, jnp.float64) for number in (phase, period, least))
+    anchor, u, modes = _anchored(
+        _fixed(problem, values), y, jnp.asarray(mode, mode_type(problem.system)), phase, period, least
+    )
+    return anchor, np.append(u, values / np.asarray(problem.unit)), modes
+
+
+@jit_plainly
+def _anchored(problem: Problem, y: PyTree, mode: Any, phase: Any, period: Any, least: Any):
     turn = jnp.asarray(turns_of(problem.system, y))
     ones = jnp.ones(turn.shape)
-    motion, frame = _framed(problem, values, Anchor(y, phase, period, ones, ones, ones), turn)
+    motion, frame = _framed(problem, Anchor(y, phase, period, ones, ones, ones), turn)
     integrator = spanning(
         motion.integrator, motion.system, frame.t0, frame.period, y, mode, motion.args
     )
@@ -87,8 +114,7 @@ def anchored(problem: Problem, values: Any, y: PyTree, mode: Any, phase: Any, pe
     length = jnp.linalg.norm(slope)
     normal = slope / jnp.where(length > 0, length, 1.0)
     anchor = Anchor(y, phase, frame.period, normal, size, moves)
-    u = unknowns(knots, frame._replace(size=size))
-    return anchor, jnp.concatenate([u, values / problem.unit]), modes
+    return anchor, unknowns(knots, frame._replace(size=size)), modes
 
 
 @jit_plainly
@@ -99,7 +125,8 @@ def evaluated(problem: Problem, u: Any, modes: Any, anchor: Anchor):
     turn = jnp.asarray(turns_of(problem.system, anchor.y))
 
     def residual(u):
-        motion, frame = _framed(problem, u[-free:] * problem.unit, anchor, turn)
+        there = system_at(problem, u[-free:] * problem.unit)
+        motion, frame = _framed(dataclasses.replace(problem, system=there), anchor, turn)
         span = jax.lax.stop_gradient(frame.period)
         integrator = spanning(
             motion.integrator, motion.system, frame.t0, span, anchor.y, modes[0], motion.args
@@ -112,41 +139,48 @@ def evaluated(problem: Problem, u: Any, modes: Any, anchor: Anchor):
     return found.residual, jacobian, found
 
 
-@jit_plainly
 def passed(problem: Problem, u: Any, modes: Any, anchor: Anchor):
     """Events of one period from the first state of these unknowns, and whether it went well."""
-    _, unravel = ravel_pytree(anchor.y)
-    free = len(problem.names)
-    turn = jnp.asarray(turns_of(problem.system, anchor.y))
-    motion, frame = _framed(problem, u[-free:] * problem.unit, anchor, turn)
-    states, period = known(u[:-free], frame, problem.segments)
-    integrator = spanning(
-        motion.integrator, motion.system, frame.t0, frame.period, anchor.y, modes[0], motion.args
-    )
+    return _passed(*_parted(problem, u), modes, anchor)
+
+
+@jit_plainly
+def _passed(problem: Problem, u: Any, modes: Any, anchor: Anchor):
+    motion, frame, unravel = _around(problem, modes, anchor)
+    states, period = known(u, frame, problem.segments)
     with use_executor(problem.executor):
         run = simulate(
             motion.system, frame.t0, frame.t0 + period, unravel(states[0]), modes[0], motion.args,
-            integrator=integrator, max_events=problem.max_events, throw=False,
+            integrator=motion.integrator, max_events=problem.max_events, throw=False,
         )  # fmt: skip
     return run.events, run.successful
 
 
-@jit_plainly
 def orbit_at(problem: Problem, u: Any, modes: Any, anchor: Anchor, found: Any) -> PeriodicOrbit:
     """The orbit of these unknowns, simulated once more, with its multipliers."""
     residual, jacobian, closing = found
-    free = len(problem.names)
+    fixed, u = _parted(problem, u)
+    return _orbit_at(fixed, u, modes, anchor, (residual, jacobian[:, : u.size], closing))
+
+
+@jit_plainly
+def _orbit_at(problem: Problem, u: Any, modes: Any, anchor: Anchor, found: Any) -> PeriodicOrbit:
+    residual, jacobian, closing = found
+    motion, frame, unravel = _around(problem, modes, anchor)
+    norm = jnp.max(jnp.abs(residual))
+    none = jnp.zeros((), bool)
+    solved = Newton(u, jacobian, closing, norm, jnp.ones((), jnp.int32), none, none)
+    with use_executor(problem.executor):
+        return described(
+            motion, frame, solved, jnp.inf, unravel, modes[0], problem.segments, problem.max_events
+        )
+
+
+def _around(problem: Problem, modes: Any, anchor: Anchor) -> tuple[Motion, Frame, Any]:
+    """What moves, with steps bounded as for one period, and the frame of an anchor."""
     _, unravel = ravel_pytree(anchor.y)
-    turn = jnp.asarray(turns_of(problem.system, anchor.y))
-    motion, frame = _framed(problem, u[-free:] * problem.unit, anchor, turn)
+    motion, frame = _framed(problem, anchor, jnp.asarray(turns_of(problem.system, anchor.y)))
     integrator = spanning(
         motion.integrator, motion.system, frame.t0, frame.period, anchor.y, modes[0], motion.args
     )
-    norm = jnp.max(jnp.abs(residual))
-    none = jnp.zeros((), bool)
-    solved = Newton(u[:-free], jacobian[:, :-free], closing, norm, jnp.ones((), jnp.int32), none, none)
-    with use_executor(problem.executor):
-        return described(
-            motion._replace(integrator=integrator), frame, solved, jnp.inf, unravel, modes[0],
-            problem.segments, problem.max_events,
-        )  # fmt: skip
+    return motion._replace(integrator=integrator), frame, unravel
