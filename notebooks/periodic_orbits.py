@@ -25,6 +25,7 @@ import pathlib
 import tempfile
 from typing import Any, ClassVar
 
+import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -42,6 +43,7 @@ from stickslip.continuation import (
 )
 from stickslip.friction import HyperbolicWeakening
 from stickslip.mechanism import AbstractMechanism, Contact
+from stickslip.systems import Motion
 
 ss.enable_compilation_cache()  # what a run compiles, the next one reads from disk
 QUICK = os.environ.get("NOTEBOOK_QUICK", "0") not in ("", "0")
@@ -184,6 +186,44 @@ if not QUICK:
     born = continue_orbit(block, point, "belt_speed", (0.4, 0.8), step=0.2, max_points=80)
     print(born)
     assert abs(born["GR"][0].value - fold.value) < 1e-8
+
+# %% [markdown]
+# ## A load that jumps
+#
+# Under a square wave the field jumps twice a period. `WithPeriodicBreaks` says when, by functions of
+# the system, so that a branch over the frequency takes the breaks along; orbits have derivatives.
+
+
+# %%
+class Switched(ss.AbstractSmoothSystem):
+    """Unit mass, spring and dashpot, pushed to and fro."""
+
+    frequency: Any
+
+    def vector_field(self, t, y, mode, args):
+        push = jnp.sign(jnp.sin(self.frequency * t))
+        return Motion(x=y.v, v=push - 0.2 * y.v - y.x)
+
+
+def breaks(system):
+    return jnp.pi / system.frequency * jnp.arange(2.0)
+
+
+def cycle(system):
+    return 2 * jnp.pi / system.frequency
+
+
+switched = ss.WithPeriodicBreaks(Switched(0.45), breaks, cycle)
+start = OrbitGuess(Motion(0.0, 1.0), float(cycle(switched.system)))
+driven = continue_orbit(
+    switched, start, "system__frequency", (0.25, 0.6), step=0.1 if QUICK else 0.04,
+    forcing_period=lambda system: cycle(system.system),
+)  # fmt: skip
+print(driven)
+assert np.asarray(driven.orbits.stable).all()
+axis = plot.branch(driven, "x")
+axis.set_title("Resonance with the third harmonic of a square wave")
+plt.show()
 
 # %% [markdown]
 # ## Where a conserved quantity makes a family of every orbit

