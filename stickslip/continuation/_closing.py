@@ -12,6 +12,7 @@ from .._validation import refusal
 from ..hybrid import AbstractHybridSystem, AdaptiveStep, Integrator, SaveAt, simulate
 from ..hybrid._bound import depends_on_time
 from ..hybrid._components import components_of, period_of
+from ._holding import on_constraints
 
 # Points of a period at which the size of each component is read off.
 SAMPLES = 64
@@ -107,12 +108,14 @@ def closure(
     r"""Residual of $\varphi_{T/m}(y_k) = y_{k+1}$, $k = 0 \dots m-1$, $y_m = y_0$, by the size.
 
     Where the period is free the last number is the distance of $y_0$ from the plane of the frame.
+    Pieces begin on what their modes hold, from where a stick would go on at any speed.
     """
     segments = modes.shape[0]
     y, period = known(u, frame, segments)
     times = frame.t0 + period * jnp.arange(segments + 1, dtype=jnp.float64) / segments
 
     def piece(begin, end, state, mode):
+        state = on_constraints(motion.system, begin, state, unravel, mode, motion.args)
         solution = simulate(
             motion.system, begin, end, unravel(state), mode, motion.args,
             integrator=motion.integrator, saveat=SaveAt(events=False), max_events=None, throw=False,

@@ -3,7 +3,6 @@
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import PyTree
 
@@ -37,9 +36,10 @@ from ._closing import (
     unknowns,
     wrapped,
 )
-from ._extremes import extremes
+from ._extremes import extremes_of
 from ._floquet import multipliers_of, split_off
 from ._guess import OrbitGuess, check_seen
+from ._holding import own_mode
 from ._monodromy import pieces_of, through_events
 from ._newton import STALLED, newton
 from ._orbit import PeriodicOrbit
@@ -190,14 +190,15 @@ def described(motion, frame: Frame, found, tolerance, unravel, mode0, segments, 
 
     ledger = WithIntegrals(system, _rates)
     ts = frame.t0 + period * jnp.arange(PARTS + 1.0) / PARTS
+    own = own_mode(system, frame.t0, flat, unravel, mode1, args, unit)
     solution = simulate(
-        ledger, frame.t0, ts[-1], ledger.start(start, frame.t0, args), None, args,
+        ledger, frame.t0, ts[-1], ledger.start(start, frame.t0, args), own, args,
         integrator=motion.integrator, saveat=SaveAt(ts=ts), max_events=max_events, throw=False,
     )  # fmt: skip
     outputs, log = solution.outputs, solution.events
     assert outputs is not None
     assert log is not None
-    states, slopes = (jax.vmap(lambda s: ravel_pytree(s.y)[0])(a) for a in (outputs.y, outputs.dy))
+    states = jax.vmap(lambda s: ravel_pytree(s.y)[0])(outputs.y)
     away = jnp.max(jnp.abs(wrapped(states[1:] - flat[None, :], frame.turn) / unit[None, :]), axis=1)
     closing, moves = away[-1], jnp.max(away)
 
@@ -207,10 +208,7 @@ def described(motion, frame: Frame, found, tolerance, unravel, mode0, segments, 
         else _recurs(motion, frame, states, outputs.mode, period, unravel)
     )
 
-    low, high = extremes(states, slopes, period / PARTS)
-    corners = jax.vmap(lambda s: ravel_pytree(s.y)[0])(log.y_before)
-    low = jnp.fmin(low, jnp.nanmin(corners, axis=0, initial=jnp.inf))
-    high = jnp.fmax(high, jnp.nanmax(corners, axis=0, initial=-jnp.inf))
+    low, high = extremes_of(system, args, outputs, log, lambda state: state.y)
 
     monodromy = jnp.eye(unit.shape[0])
     for piece in pieces_of(found.jacobian, segments, unit.shape[0]):
@@ -256,7 +254,7 @@ def described(motion, frame: Frame, found, tolerance, unravel, mode0, segments, 
         multipliers=multipliers,
         trivial=trivial,
         rank=rank,
-        repeats=_repeats(away, strength),
+        repeats=_repeats(states, unit, frame.turn, strength),
         # In the units of the state: row by column.
         monodromy=monodromy * unit[:, None] / unit[None, :],
         determinant=determinant,
@@ -303,12 +301,16 @@ def _recurs(motion: Motion, frame: Frame, states, modes, period, unravel):
     return ~jnp.any(jnp.abs(later - now) > RECURS * largest[None, :])
 
 
-def _repeats(away, strength):
-    """How often the motion is repeated within the period, of up to PARTS equal parts.
+def _repeats(states, unit, turn, strength):
+    """How often the motion is repeated within the period, of numbers that divide PARTS.
 
-    `strength`: how much deviations grow in the period; in half of it they grow by the root of that.
+    All of it is compared: where a body rests for a while no single state tells. `strength`: how much
+    deviations grow in the period; in half of it they grow by the root of that.
     """
-    parts = np.arange(1, PARTS + 1, dtype=np.int32)
-    near = jnp.minimum(CLOSES * strength ** jnp.asarray(parts / PARTS), APART)
-    back = jnp.asarray(PARTS % parts == 0) & (away <= near)
-    return PARTS // jnp.asarray(parts)[jnp.argmax(back)]
+    found = jnp.ones((), jnp.int32)
+    for turns in (n for n in range(2, PARTS + 1) if PARTS % n == 0):
+        part = PARTS // turns
+        away = jnp.max(jnp.abs(wrapped(states[part:] - states[:-part], turn) / unit[None, :]))
+        near = jnp.minimum(CLOSES * strength ** (1.0 / turns), APART)
+        found = jnp.where(away <= near, turns, found)
+    return found
