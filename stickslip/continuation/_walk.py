@@ -8,7 +8,8 @@ import numpy as np
 
 from ._along import Problem
 from ._branch import Special
-from ._corner import across
+from ._branching import located_beside
+from ._corner import across, led_back
 from ._follow import QUICK, Failure, Point, leaps, moved, strayed, turned, unchecked
 from ._kinds import kind_of
 from ._points import border, is_torus, located
@@ -29,7 +30,9 @@ LEAST_ROUND = 8  # orbits of a closed branch
 NEAR, APART = 2.0, 0.01
 # Orbits that lead from a border to a distant one are all kept where they are so many steps apart.
 SPARSE = 0.25
+REACH = 1e-6  # at least so far the last orbit of the other side is looked for
 REPEATS = "repeats: a branch of a shorter period is met"
+SAME = 1e-3  # of the step: a fold so near to a branch point is that point
 STUCK = 1e-7  # of the step: a branch that goes on by less ends
 
 
@@ -69,33 +72,40 @@ def walked(problem, start: Point, bounds, step, max_points, tests) -> tuple[list
             # Either the step is too long, or the sequence of modes ends before.
             last, at = border(problem, point, distance, alike(point))
             specials += _labelled(problem, point, last, at, tests, index)
-            rest = max(distance - at, APART * distance)
-            if at >= distance:
-                new = last  # no border: Newton's method had gone elsewhere
-            elif isinstance(found, Point) and not strayed(found, last.u, rest, NEAR):
-                new = found
-                specials.append(_change(problem, last, new, index))
-            else:
-                way = across(problem, last, found)
-                distance = at if way is None else step
-                if way is not None:
-                    specials.append(_change(problem, last, way[0], index))
-                    if _repeat(way[-1], start):
-                        specials.append(Special("EP", last, REPEATS, index))
-                        break
-                    for before, after in itertools.pairwise(way):
-                        specials += _between(problem, before, after, tests, len(points) - 1)
-                        if np.linalg.norm(after.u - before.u) > SPARSE * step and after is not way[-1]:
-                            points.append(settled(problem, after))
-                    new = way[-1]
-                elif at > STUCK * step:
-                    new = last
-                else:
-                    result = found.result if isinstance(found, Failure) else "not_converged"
-                    specials.append(Special("EP", last, result, index))
+            way, near = (
+                (None, False)
+                if at >= distance
+                else _beyond(problem, last, found, distance - at, APART * distance)
+            )
+            if way is not None and low <= last.value <= high:
+                distance = distance if near else step
+                edge = _edge(problem, last, way[0])
+                specials.append(_change(problem, last, way[0], edge, index))
+                if _repeat(way[-1], start):
+                    specials.append(Special("EP", last, REPEATS, index))
                     break
+                end, begins = None, [] if edge.sequence == last.sequence else [edge]
+                for before, after in itertools.pairwise([*begins, *way]):
+                    specials += _between(problem, before, after, tests, len(points) - 1)
+                    if not low <= after.value <= high:
+                        end = _bound_between(problem, before, after, bounds)
+                        break
+                    if np.linalg.norm(after.u - before.u) > SPARSE * step and after is not way[-1]:
+                        points.append(settled(problem, after))
+                if end is not None or not low <= way[0].value <= high:
+                    specials = _within(specials, bounds)
+                    specials.append(Special("EP", end or last, "bounds", len(points) - 1))
+                    break
+                new = way[-1]
+            elif way is not None or at >= distance or at > STUCK * step:
+                # No border here: Newton's method had gone elsewhere. Or the bound is before the border.
+                new, distance = last, at
+            else:
+                result = found.result if isinstance(found, Failure) else "not_converged"
+                specials.append(Special("EP", last, result, index))
+                break
         if not low <= new.value <= high:
-            specials = [s for s in specials if low <= s.point.value <= high]
+            specials = _within(specials, bounds)
             specials.append(
                 Special("EP", _at_bound(problem, point, new, distance, bounds), "bounds", index)
             )
@@ -113,6 +123,49 @@ def walked(problem, start: Point, bounds, step, max_points, tests) -> tuple[list
     else:
         specials.append(Special("EP", points[-1], "max_points", len(points) - 1))
     return points, specials
+
+
+def _within(specials: list[Special], bounds) -> list[Special]:
+    """Those that are not beyond a bound."""
+    low, high = bounds
+    return [s for s in specials if low <= s.point.value <= high]
+
+
+def _beyond(
+    problem: Problem, last: Point, found: Point | Failure, rest: float, least: float
+) -> tuple[list[Point] | None, bool]:
+    """Orbits beyond a border, outwards, None if there are none; and whether they lead to the orbit that
+    was found there. Between that one and the border there may be others."""
+    near = isinstance(found, Point) and not strayed(found, last.u, max(rest, least), NEAR)
+    if near and (way := led_back(problem, last, found)) is not None:
+        return way, True
+    way = across(problem, last, Failure("not_converged") if near else found)
+    return ([found], True) if way is None and near else (way, False)
+
+
+def _edge(problem, last: Point, new: Point) -> Point:
+    """The orbit at a border that is known best: of both sides, that which has fewer events.
+
+    The other one has the events that vanish there; with the speed of an impact the parameter changes
+    as its square, and a stick of hardly any length is lost in rounding before it has none.
+    """
+    if int(new.orbit.events.count) >= int(last.orbit.events.count):
+        return last
+    back = new if (last.u - new.u) @ new.tangent > 0 else turned(new)
+    away = float(np.linalg.norm(last.u - new.u))
+    edge, at = border(problem, back, 2.0 * away + REACH, alike(new))
+    # Between an orbit farther away and this border there may be others.
+    near = np.linalg.norm(edge.u - last.u) <= max(0.5 * away, REACH)
+    return turned(edge) if near and at < 2.0 * away + REACH else last
+
+
+def _bound_between(problem, before: Point, after: Point, bounds) -> Point:
+    """The orbit at the bound between two others, of which the later one is found from the earlier."""
+    low, high = bounds
+    bound = low if after.value < low else high
+    distance = float((before.u - after.u) @ -after.tangent)
+    found = located(problem, turned(after), turned(before), distance, lambda p: p.value - bound)
+    return before if isinstance(found, Failure) else turned(found)
 
 
 def _repeat(point: Point, start: Point) -> bool:
@@ -185,15 +238,34 @@ def _labelled(problem, before: Point, after: Point, distance, tests, index) -> l
     found = []
     for label, test in tests.items():
         one, two = test(before), test(after)
-        if not (np.isfinite(one) and np.isfinite(two)) or one * two >= 0:
+        # A zero at an end is that of the step that ends there.
+        if not (np.isfinite(one) and np.isfinite(two)) or one == 0.0 or one * two > 0.0:
             continue
-        point = located(problem, before, after, distance, test)
-        if isinstance(point, Failure):
-            words = f"not located: between here and {after.value:.10g}, {point.result}"
+        at = after if two == 0.0 else _found(problem, before, after, distance, label, test)
+        if isinstance(at, Failure):
+            words = f"not located: between here and {after.value:.10g}, {at.result}"
             found.append(Special(f"{label}?", before, words, index))
-        elif label != "NS" or is_torus(point):
-            found.append(Special(label, point, "", index))
+        elif label != "NS" or is_torus(at):
+            found.append(Special(label, at, "", index))
+    crossings = [s.point.u for s in found if s.label == "BP"]
+    # Where the parameter turns at the point where branches cross there is no fold.
+    folds = [s for s in found if s.label == "LP"]
+    for fold in folds:
+        if any(np.linalg.norm(fold.point.u - u) < SAME * distance for u in crossings):
+            found.remove(fold)
     return sorted(found, key=lambda s: abs(s.point.value - before.value))
+
+
+def _found(problem, before: Point, after: Point, distance, label: str, test) -> Point | Failure:
+    """The zero of a test; beside the point where branches cross Newton's method does not get to it."""
+    if label == "BP":
+        beside = located_beside(problem, before, after, test)
+        return beside if isinstance(beside, Failure) else beside[0]
+    at = located(problem, before, after, distance, test)
+    if isinstance(at, Failure) and label == "LP":
+        beside = located_beside(problem, before, after, test)
+        return at if isinstance(beside, Failure) else beside[0]
+    return at
 
 
 def _between(problem, before: Point, after: Point, tests, index) -> list[Special]:
@@ -203,9 +275,9 @@ def _between(problem, before: Point, after: Point, tests, index) -> list[Special
     return [dataclasses.replace(mark, point=turned(mark.point)) for mark in reversed(marks)]
 
 
-def _change(problem: Problem, last: Point, new: Point, index: int) -> Special:
-    """The border between two sequences: an event more or less, or others."""
+def _change(problem: Problem, last: Point, new: Point, edge: Point, index: int) -> Special:
+    """The border between two sequences, at one of its orbits: an event more or less, or others."""
     events = int(last.orbit.events.count), int(new.orbit.events.count)
     kind = kind_of(problem.system, last, new)
     words = f"{kind}{', ' * bool(kind)}{events[0]} events, {events[1]} beyond"
-    return Special("SQ" if events[0] == events[1] else "GR", last, words, index)
+    return Special("SQ" if events[0] == events[1] else "GR", edge, words, index)

@@ -1,0 +1,112 @@
+"""Zeros of functions where the equations of the orbit are singular: found from orbits on both sides."""
+
+import dataclasses
+from collections.abc import Callable
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from scipy.interpolate import BarycentricInterpolator
+from scipy.optimize import brentq
+
+from ._along import Problem, evaluated, orbit_at
+from ._follow import Failure, Point, correct
+
+# Orbits at these numbers of widths around the zero; the width in parts of the step, and how many times
+# the zero is searched anew from what was found.
+NODES = np.array([-3.0, -2.0, -1.0, 1.0, 2.0, 3.0])
+WIDTHS, ROUNDS = (0.08, 0.16, 0.03), 4
+ASTRAY = 0.05  # of the step: farther from the cubic through both ends an orbit is of another branch
+# The zeros of the polynomials through all orbits and through the inner ones differ by at most the first
+# number, in parts of the step; the orbit between them closes to the second.
+AGREE, CLOSES = 1e-6, 1e-9
+
+
+def located_beside(
+    problem: Problem, before: Point, after: Point, test: Callable[[Point], float]
+) -> tuple[Point, float] | Failure:
+    """The point between two others where a function is zero, and where, in parts of the step.
+
+    Where two branches cross Newton's method has no step: at the point itself, and near it, it ends on
+    either branch. So nothing is solved there. Orbits at a safe distance on both sides are, from the
+    cubic through the ends; the zero is that of the polynomial through their values, and its orbit is
+    on the polynomial through these orbits.
+    """
+    chord = after.u - before.u
+    length = float(np.linalg.norm(chord))
+    one, two = (p.tangent * length for p in (before, after))
+
+    def cubic(x: float) -> tuple[np.ndarray, np.ndarray]:
+        """State on the way between the ends, and its direction there."""
+        a, b = one + two - 2.0 * chord, 3.0 * chord - 2.0 * one - two
+        way = one + x * (2.0 * b + 3.0 * a * x)
+        return before.u + x * (one + x * (b + a * x)), way / np.linalg.norm(way)
+
+    known: dict[float, Point | Failure] = {0.0: before, 1.0: after}
+
+    def at(x: float) -> Point | Failure:
+        if x not in known:
+            there, way = cubic(x)
+            found = correct(problem, there, before.modes, before.anchor, way, way)
+            if isinstance(found, Point) and (
+                found.sequence != before.sequence or np.linalg.norm(found.u - there) > ASTRAY * length
+            ):
+                found = Failure("not_converged")
+            known[x] = found
+        return known[x]
+
+    ends = test(before), test(after)
+    root, why = ends[0] / (ends[0] - ends[1]), Failure("not_converged")
+    for width in WIDTHS:
+        middle = root
+        for _ in range(ROUNDS):
+            nodes = middle + width * NODES
+            points = [at(float(x)) for x in nodes]
+            good = [p for p in points if isinstance(p, Point)]
+            if len(good) < len(points):
+                why = next(p for p in points if isinstance(p, Failure))
+                break
+            values = np.array([test(p) for p in good])
+            zeros = [_zero(nodes[part], values[part]) for part in (slice(None), slice(1, 5))]
+            if zeros[0] is None or zeros[1] is None:
+                why = Failure("the function jumps there")
+                break
+            middle, moved = zeros[0], abs(zeros[0] - middle)
+            if moved > 0.5 * width:
+                continue
+            if abs(zeros[0] - zeros[1]) > AGREE:
+                break
+            found = _on(problem, before, nodes, good, zeros[0])
+            return found if isinstance(found, Failure) else (found, zeros[0])
+    return why
+
+
+def _zero(nodes: np.ndarray, values: np.ndarray) -> float | None:
+    """Zero of the polynomial through values that change their sign once."""
+    changes = np.flatnonzero(values[1:] * values[:-1] < 0.0)
+    if changes.size != 1:
+        return None
+    k = int(changes[0])
+    curve = BarycentricInterpolator(nodes, values)
+    return float(brentq(lambda x: float(curve(x)), nodes[k], nodes[k + 1], xtol=1e-15))
+
+
+def _on(
+    problem: Problem, before: Point, nodes: np.ndarray, points: list[Point], x: float
+) -> Point | Failure:
+    """The orbit of the polynomial through orbits, as it is."""
+    u = np.asarray(BarycentricInterpolator(nodes, np.stack([p.u for p in points]))(x))
+    tangent = np.asarray(BarycentricInterpolator(nodes, np.stack([p.tangent for p in points]))(x))
+    modes = points[2].modes
+    found = jax.device_get(evaluated(problem, jnp.asarray(u), modes, before.anchor))
+    residual, jacobian, closing = found
+    if not (np.all(closing.good) and np.max(np.abs(residual)) <= CLOSES):
+        return Failure("not_converged")
+    orbit = orbit_at(problem, u, jnp.asarray(modes), before.anchor, found)
+    if not bool(orbit.successful):
+        return Failure(str(orbit.result))
+    values = u[-len(problem.names) :] * np.asarray(problem.unit)
+    return dataclasses.replace(
+        points[2], u=u, modes=modes, tangent=tangent / np.linalg.norm(tangent), jacobian=jacobian,
+        orbit=orbit, values=values,
+    )  # fmt: skip
