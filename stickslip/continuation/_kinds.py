@@ -97,6 +97,11 @@ def _jumps(point: Point) -> np.ndarray:
     return np.max(np.abs(after - before) / size, axis=1) > JUMPS
 
 
+def impacts(point: Point) -> int:
+    """Events at which the state jumps."""
+    return int(np.sum(_jumps(point)[: int(point.orbit.events.count)]))
+
+
 def _named(system: Any, modes: list[int], at: int, count: int, jumps: np.ndarray) -> str:
     """Name of one part that is added to a cycle of modes."""
     total = len(modes)

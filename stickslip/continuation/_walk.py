@@ -11,7 +11,7 @@ from ._branch import Special
 from ._branching import located_beside
 from ._corner import across, led_back
 from ._follow import QUICK, Failure, Point, leaps, moved, strayed, turned, unchecked
-from ._kinds import kind_of
+from ._kinds import impacts, kind_of
 from ._points import border, is_torus, located
 from ._switch import birth
 
@@ -30,7 +30,7 @@ LEAST_ROUND = 8  # orbits of a closed branch
 NEAR, APART = 2.0, 0.01
 # Orbits that lead from a border to a distant one are all kept where they are so many steps apart.
 SPARSE = 0.25
-REACH = 1e-6  # at least so far the last orbit of the other side is looked for
+REACH = 1e-3  # at least so far the last orbit of the other side is looked for
 REPEATS = "repeats: a branch of a shorter period is met"
 SAME = 1e-3  # of the step: a fold so near to a branch point is that point
 STUCK = 1e-7  # of the step: a branch that goes on by less ends
@@ -79,7 +79,8 @@ def walked(problem, start: Point, bounds, step, max_points, tests) -> tuple[list
             )
             if way is not None and low <= last.value <= high:
                 distance = distance if near else step
-                edge = _edge(problem, last, way[0])
+                # Between an orbit that no branch leads back from and this border there may be others.
+                edge = last if way[0] is found else _edge(problem, last, way[0])
                 specials.append(_change(problem, last, way[0], edge, index))
                 if _repeat(way[-1], start):
                     specials.append(Special("EP", last, REPEATS, index))
@@ -143,20 +144,18 @@ def _beyond(
     return ([found], True) if way is None and near else (way, False)
 
 
-def _edge(problem, last: Point, new: Point) -> Point:
-    """The orbit at a border that is known best: of both sides, that which has fewer events.
+def _edge(problem: Problem, last: Point, new: Point) -> Point:
+    """The orbit at a border that is known best: of both sides, that with fewer impacts.
 
-    The other one has the events that vanish there; with the speed of an impact the parameter changes
-    as its square, and a stick of hardly any length is lost in rounding before it has none.
+    With the speed of an impact that vanishes the parameter changes as its square, so that the orbits
+    with it end, to rounding, far from the border. `new`: on the branch that leads away from it.
     """
-    if int(new.orbit.events.count) >= int(last.orbit.events.count):
+    if impacts(new) >= impacts(last):
         return last
     back = new if (last.u - new.u) @ new.tangent > 0 else turned(new)
-    away = float(np.linalg.norm(last.u - new.u))
-    edge, at = border(problem, back, 2.0 * away + REACH, alike(new))
-    # Between an orbit farther away and this border there may be others.
-    near = np.linalg.norm(edge.u - last.u) <= max(0.5 * away, REACH)
-    return turned(edge) if near and at < 2.0 * away + REACH else last
+    reach = 2.0 * float(np.linalg.norm(last.u - new.u)) + REACH
+    edge, at = border(problem, back, reach, alike(new))
+    return turned(edge) if at < reach else last
 
 
 def _bound_between(problem, before: Point, after: Point, bounds) -> Point:
