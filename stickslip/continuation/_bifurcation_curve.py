@@ -8,7 +8,7 @@ import numpy as np
 
 from .._show import counted, html_table, number
 from ..hybrid import AbstractHybridSystem
-from ._branch import labelled_states
+from ._branch import column_of, labelled_states
 from ._curve import Place
 from ._follow import Point
 from ._orbit import PeriodicOrbit
@@ -64,9 +64,10 @@ class BifurcationCurve(eqx.Module):
     def to_dataset(self) -> "xr.Dataset":
         """The curve as an `xarray.Dataset` along `point`.
 
-        Both parameters, `period` [s], `multiplier_real` and `multiplier_imag` along `multiplier`,
-        `num_events`, `sequence` (a number per mode sequence); `start_<name>`, `lowest_<name>` and
-        `highest_<name>` as of a `Branch`; attributes `label` and `ends`.
+        Both parameters (`parameter_<name>` for one with the name of another column), `period` [s],
+        `multiplier_real` and `multiplier_imag` along `multiplier`, `num_events`, `sequence` (a number
+        per mode sequence); `start_<name>`, `lowest_<name>` and `highest_<name>` as of a `Branch`;
+        attributes `label` and `ends`.
         """
         import xarray as xr
 
@@ -82,7 +83,7 @@ class BifurcationCurve(eqx.Module):
         }
         for i, name in enumerate(self.parameters):
             label = {"units": units[name]} if name in units else {}
-            data[name] = ("point", self.values[:, i], label)
+            data[column_of(name, data)] = ("point", self.values[:, i], label)
         ends = [repr(end) for end in self.ends]
         return xr.Dataset(data, attrs={"label": self.label, "ends": ends})
 

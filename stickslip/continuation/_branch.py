@@ -1,6 +1,7 @@
 """A branch of periodic orbits as data: orbits in order, special points, a labelled Dataset."""
 
 import dataclasses
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
@@ -97,7 +98,8 @@ class Branch(eqx.Module):
         `highest_<name>` and `amplitude_<name>` (half their difference) over the period, `sequence` (a
         number per mode sequence), `mode_sequence` (its modes by name), `num_events` and the derivative
         `flags` of each orbit, the parameter as coordinate;
-        `label`, `special_<parameter>`, `special_period`, `special_words` along `special`.
+        `label`, `special_<parameter>`, `special_period`, `special_words` along `special`. A parameter
+        with the name of one of these is called `parameter_<name>`.
         """
         import xarray as xr
 
@@ -115,14 +117,22 @@ class Branch(eqx.Module):
             "num_events": ("point", np.asarray(orbits.events.count)),
             "flags": ("point", np.asarray(orbits.flags)),
             "label": ("special", np.array([s.label for s in self.specials], dtype=str)),
-            f"special_{self.parameter}": ("special", np.array([s.value for s in self.specials]), unit),
             "special_period": (
                 "special", np.array([float(s.orbit.period) for s in self.specials]), {"units": "s"},
             ),
             "special_words": ("special", np.array([s.words for s in self.specials], dtype=str)),
             **labelled_states(orbits, self.system),
         }  # fmt: skip
-        return xr.Dataset(data, coords={self.parameter: ("point", self.values, unit)})
+        name = column_of(self.parameter, data)
+        data[f"special_{name}"] = "special", np.array([s.value for s in self.specials], float), unit
+        return xr.Dataset(data, coords={name: ("point", self.values, unit)})
+
+
+def column_of(parameter: str, data: Mapping[str, Any]) -> str:
+    """What a parameter is called beside the columns of a dataset, whose names and axes it may have."""
+    axes = ("point", "special", "multiplier")
+    free = parameter not in data and parameter not in axes and f"special_{parameter}" not in data
+    return parameter if free else f"parameter_{parameter}"
 
 
 def labelled_states(orbits: PeriodicOrbit, system: AbstractHybridSystem) -> dict[str, Any]:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+from jax.flatten_util import ravel_pytree
 from jaxtyping import PyTree
 
 from .._types import Given
@@ -23,6 +24,8 @@ from ._orbit import PeriodicOrbit
 from ._switch import born, crossing, doubled, outward
 from ._walk import settled, walked
 
+PRIMES = (7, 11, 13)
+ALIKE = 1e-3  # part of their size by which the ends of one motion differ, seen at other instants
 CUT_OFF = ("max_points", "bounds")  # ends beyond which a branch goes on
 
 
@@ -86,9 +89,9 @@ def continue_orbit(
 
     The loop is Python and runs outside `jit`; it compiles three programs for the first branch of a
     system and none for later ones. Of a `GR` point `words` name the sliding bifurcation.
-    It is the last orbit of the sequence that the branch came with. Where this one has the events that
-    vanish there, a stick of hardly any length is lost in rounding before it has none: such points are
-    known to some 1e-8 of the bounds' distance, from the other side to 1e-9 or better.
+    It is the last orbit of the sequence that the branch came with, or of the other where this has
+    fewer impacts. Where that orbit has a stick which vanishes, it is lost in rounding before it has no
+    length: such points are known to some 1e-8 of the bounds' distance, others to 1e-9 or better.
 
     **Errors** `ValueError`/`TypeError` naming the argument, before compilation.
     """
@@ -182,9 +185,33 @@ def _shortest(problem: Problem, point: Point) -> tuple[Problem, Point | Failure]
     turns = int(point.orbit.repeats)
     if problem.forcing_period is not None:
         turns = math.gcd(turns, problem.multiple)
+    if turns > 1:
+        problem, shorter = _part(problem, point, turns)
+        if isinstance(shorter, Failure):
+            return problem, shorter
+        point = shorter
+    # Of numbers that `repeats` does not know: the orbit of a part of the period is tried.
+    for turns in PRIMES:
+        while problem.forcing_period is None or problem.multiple % turns == 0:
+            less, shorter = _part(problem, point, turns)
+            if isinstance(shorter, Failure) or not _same(point, shorter):
+                break
+            problem, point = less, shorter
+    return problem, point
+
+
+def _part(problem: Problem, point: Point, turns: int) -> tuple[Problem, Point | Failure]:
+    """The orbit from the same state with a part of the period."""
+    if problem.forcing_period is not None:
         problem = dataclasses.replace(problem, multiple=problem.multiple // turns)
-    if turns == 1:
-        return problem, point
     orbit = point.orbit
     once = OrbitGuess(orbit.y0, orbit.period / turns, orbit.mode0, orbit.t0)
     return problem, begin(problem, once, point.value)
+
+
+def _same(one: Point, other: Point) -> bool:
+    """Whether two orbits reach equally far in all components."""
+    size = np.asarray(one.anchor.extent)
+    ends = zip(*((p.orbit.lowest, p.orbit.highest) for p in (one, other)), strict=True)
+    away = [np.abs(ravel_pytree(a)[0] - ravel_pytree(b)[0]) / size for a, b in ends]
+    return bool(np.max(away) < ALIKE)

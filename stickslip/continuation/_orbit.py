@@ -27,7 +27,7 @@ class PeriodicOrbit(eqx.Module):
       from 1 shows the accuracy.
     - `rank`: how many multipliers, `trivial` included, are not zero.
     - `repeats`: into how many equal parts the motion divides the period: 1, unless the orbit has a
-      shorter one.
+      shorter one. Numbers that divide 60 are looked for.
     - `stable`: whether all `multipliers` are inside the unit circle.
     - `determinant`, `determinant_by_events`: $\det M$, and
       $\exp(\int \mathrm{div} f\,dt)\prod\det S$ with the saltation matrix $S$ of each event: equal for

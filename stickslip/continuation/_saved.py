@@ -90,12 +90,18 @@ def load_branch(
     _check_state(data, as_float64("y0", y0), y0)
     try:
         orbits = _orbits(data, ORBITS_OF, y0)
-        values = np.asarray(data[parameter])
+        values = np.asarray(data[_column(data, parameter)])
         sequences = tuple(_tuples(s) for s in json.loads(data.attrs["sequences"]))
         specials = tuple(_specials(data, parameter, y0)) if "special_index" in data else ()
     except (KeyError, ValueError, TypeError) as error:
         raise refusal("path", str(path), f"a file of save_branch with this state: {error}") from error
     return Branch(parameter, values, orbits, sequences, specials, system)
+
+
+def _column(data: "xr.Dataset", parameter: str) -> str:
+    """What the parameter is called in a file."""
+    other = f"parameter_{parameter}"
+    return other if other in data.coords else parameter
 
 
 def _path(path: Any) -> pathlib.Path:
@@ -187,7 +193,8 @@ def _template(y0: PyTree) -> PeriodicOrbit:
 
 def _specials(data: "xr.Dataset", parameter: str, y0: PyTree) -> Iterator[BranchPoint]:
     orbits = _orbits(data, SPECIALS_OF, y0)
-    columns = ("label", f"special_{parameter}", "special_words", "special_index", "special_slope")
+    column = f"special_{_column(data, parameter)}"
+    columns = ("label", column, "special_words", "special_index", "special_slope")
     for k, row in enumerate(zip(*(np.asarray(data[name]) for name in columns), strict=True)):
         label, value, words, index, slope = row
         orbit = jax.tree.map(lambda leaf, k=k: leaf[k], orbits)
