@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -88,7 +89,8 @@ def _zero(nodes: np.ndarray, values: np.ndarray) -> float | None:
         return None
     k = int(changes[0])
     curve = BarycentricInterpolator(nodes, values)
-    return float(brentq(lambda x: float(curve(x)), nodes[k], nodes[k + 1], xtol=1e-15))
+    root: Any = brentq(lambda x: float(curve(x)), nodes[k], nodes[k + 1], xtol=1e-15)
+    return float(root)
 
 
 def _on(

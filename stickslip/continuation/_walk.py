@@ -137,11 +137,13 @@ def _beyond(
 ) -> tuple[list[Point] | None, bool]:
     """Orbits beyond a border, outwards, None if there are none; and whether they lead to the orbit that
     was found there. Between that one and the border there may be others."""
-    near = isinstance(found, Point) and not strayed(found, last.u, max(rest, least), NEAR)
-    if near and (way := led_back(problem, last, found)) is not None:
+    if not isinstance(found, Point) or strayed(found, last.u, max(rest, least), NEAR):
+        return across(problem, last, found), False
+    way = led_back(problem, last, found)
+    if way is not None:
         return way, True
-    way = across(problem, last, Failure("not_converged") if near else found)
-    return ([found], True) if way is None and near else (way, False)
+    way = across(problem, last, Failure("not_converged"))
+    return ([found], True) if way is None else (way, False)
 
 
 def _edge(problem: Problem, last: Point, new: Point) -> Point:
