@@ -10,7 +10,7 @@ from ._along import Problem
 from ._branch import Special
 from ._branching import located_beside
 from ._corner import across, led_back
-from ._follow import QUICK, Failure, Point, leaps, moved, strayed, turned, unchecked
+from ._follow import QUICK, Failure, Point, ahead, leaps, moved, strayed, turned, unchecked
 from ._kinds import impacts, kind_of
 from ._points import border, is_torus, located
 from ._switch import birth
@@ -33,6 +33,8 @@ SPARSE = 0.25
 REACH = 1e-3  # at least so far the last orbit of the other side is looked for
 REPEATS = "repeats: a branch of a shorter period is met"
 SAME = 1e-3  # of the step: a fold so near to a branch point is that point
+AT_BOUND = 1e-6  # of the bounds' distance: an end no farther from a bound is at it
+ROUNDS = 12  # in which the orbit at a bound is approached
 STUCK = 1e-7  # of the step: a branch that goes on by less ends
 
 
@@ -95,7 +97,7 @@ def walked(problem, start: Point, bounds, step, max_points, tests) -> tuple[list
                         points.append(settled(problem, after))
                 if end is not None or not low <= way[0].value <= high:
                     specials = _within(specials, bounds)
-                    specials.append(Special("EP", end or last, "bounds", len(points) - 1))
+                    specials.append(_end(end or last, problem, bounds, len(points) - 1))
                     break
                 new = way[-1]
             elif way is not None or at >= distance or at > STUCK * step:
@@ -107,9 +109,8 @@ def walked(problem, start: Point, bounds, step, max_points, tests) -> tuple[list
                 break
         if not low <= new.value <= high:
             specials = _within(specials, bounds)
-            specials.append(
-                Special("EP", _at_bound(problem, point, new, distance, bounds), "bounds", index)
-            )
+            end = _at_bound(problem, point, new, distance, bounds)
+            specials.append(_end(end, problem, bounds, index))
             break
         if _repeat(new, start):
             specials.append(Special("EP", new, REPEATS, index))
@@ -175,11 +176,44 @@ def _repeat(point: Point, start: Point) -> bool:
 
 
 def _at_bound(problem, before: Point, after: Point, distance, bounds) -> Point:
-    """The orbit at the bound that lies between two others, or the last one within the bounds."""
+    """The orbit at the bound that lies between two others, or the last one found within the bounds.
+
+    Where Newton's method does not get there from the first one, from another one nearer to it.
+    """
     low, high = bounds
     bound = low if after.value < low else high
-    found = located(problem, before, after, distance, lambda point: point.value - bound)
-    return before if isinstance(found, Failure) else found
+    for _ in range(ROUNDS):
+        found = located(problem, before, after, distance, lambda point: point.value - bound)
+        if isinstance(found, Point):
+            return found
+        steps = (distance * SHORTER**k for k in range(1, ROUNDS))
+        tried = ((step, ahead(problem, before, step)) for step in steps)
+        nearer = next(((step, p) for step, p in tried if _follows(before, p, step)), None)
+        if nearer is None:
+            break
+        step, point = nearer
+        if low <= point.value <= high:
+            before, distance = point, float((after.u - point.u) @ point.tangent)
+        else:
+            after, distance = point, step
+    return before
+
+
+def _follows(before: Point, new: Point | Failure, step: float) -> bool:
+    """Whether an orbit is the next one of a branch, with the same sequence of modes."""
+    same = isinstance(new, Point) and new.sequence == before.sequence
+    return same and not leaps(before, new, step)
+
+
+def _end(point: Point, problem: Problem, bounds, index: int) -> Special:
+    """The end of a branch at a bound, or where the orbit at the bound was not found."""
+    away = min(abs(point.value - bound) for bound in bounds)
+    words = (
+        "bounds"
+        if away <= AT_BOUND * float(problem.unit[0])
+        else "bounds: not reached, the next orbit is beyond"
+    )
+    return Special("EP", point, words, index)
 
 
 def _closed(points: list[Point], distance: float) -> bool:
