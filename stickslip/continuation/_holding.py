@@ -9,7 +9,7 @@ from jaxtyping import Array, PyTree
 from ..hybrid import AbstractHybridSystem
 from ..hybrid._arguments import first_mode
 from ..hybrid._events import SLACK
-from ..hybrid._system import guard_directions, guard_scales
+from ..hybrid._system import guard_directions, guard_scales, mode_type
 from ..hybrid._tree import frozen
 
 DEPENDENT = 1e-9  # of its length: a constraint that the others leave no more of is one of them
@@ -21,6 +21,12 @@ def _constraints(system: AbstractHybridSystem, t, flat, unravel, mode, args) -> 
     if found is None:
         return None
     return jnp.stack([0.0 * flat[0], *(jnp.asarray(c, flat.dtype) + 0.0 * flat[0] for c in found)])
+
+
+def holds(system: AbstractHybridSystem, args: PyTree, y: PyTree) -> bool:
+    """Whether a system says what its modes hold."""
+    mode = jnp.zeros((), mode_type(system))
+    return jax.eval_shape(lambda y: system.constraints(jnp.zeros(()), y, mode, args), y) is not None
 
 
 def on_constraints(

@@ -39,7 +39,7 @@ from ._closing import (
 from ._extremes import extremes_of
 from ._floquet import multipliers_of, split_off
 from ._guess import OrbitGuess, check_seen
-from ._holding import own_mode
+from ._holding import holds, own_mode
 from ._monodromy import pieces_of, through_events
 from ._newton import STALLED, newton
 from ._orbit import PeriodicOrbit
@@ -213,10 +213,14 @@ def described(motion, frame: Frame, found, tolerance, unravel, mode0, segments, 
     monodromy = jnp.eye(unit.shape[0])
     for piece in pieces_of(found.jacobian, segments, unit.shape[0]):
         monodromy = piece @ monodromy
-    determinant = jnp.linalg.det(monodromy)
     on_set = held_directions(system, frame.t0, start, mode1, args, unit, jnp.ones_like(unit))
-    monodromy = on_set @ monodromy @ on_set
     rank, by_events = through_events(system, args, log, unit)
+    # What is held all the time, and by no event, has no part in the volume of deviations.
+    held = jnp.eye(unit.shape[0]) - on_set
+    within = on_set @ monodromy @ on_set
+    alone = jnp.linalg.det(within + held) if holds(system, args, start) else jnp.linalg.det(monodromy)
+    determinant = jnp.where(rank < unit.shape[0], jnp.linalg.det(monodromy), alone)
+    monodromy = within
     by_events = by_events * jnp.exp(solution.y1.integrals["divergence"])
     if frame.free:
         slope = ravel_pytree(system.vector_field(frame.t0, start, mode1, args))[0] / unit

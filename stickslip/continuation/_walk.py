@@ -186,9 +186,7 @@ def _at_bound(problem, before: Point, after: Point, distance, bounds) -> Point:
         found = located(problem, before, after, distance, lambda point: point.value - bound)
         if isinstance(found, Point):
             return found
-        steps = (distance * SHORTER**k for k in range(1, ROUNDS))
-        tried = ((step, ahead(problem, before, step)) for step in steps)
-        nearer = next(((step, p) for step, p in tried if _follows(before, p, step)), None)
+        nearer = _nearest(problem, before, distance)
         if nearer is None:
             break
         step, point = nearer
@@ -199,10 +197,15 @@ def _at_bound(problem, before: Point, after: Point, distance, bounds) -> Point:
     return before
 
 
-def _follows(before: Point, new: Point | Failure, step: float) -> bool:
-    """Whether an orbit is the next one of a branch, with the same sequence of modes."""
-    same = isinstance(new, Point) and new.sequence == before.sequence
-    return same and not leaps(before, new, step)
+def _nearest(problem: Problem, before: Point, distance: float) -> tuple[float, Point] | None:
+    """The first orbit of the branch that is found with ever shorter steps, and its step."""
+    for step in (distance * SHORTER**k for k in range(1, ROUNDS)):
+        point = ahead(problem, before, step)
+        if isinstance(point, Failure) or point.sequence != before.sequence:
+            continue
+        if not leaps(before, point, step):
+            return step, point
+    return None
 
 
 def _end(point: Point, problem: Problem, bounds, index: int) -> Special:
