@@ -11,6 +11,7 @@ from ._draw import caption
 
 STABLE, UNSTABLE = "#1f4e9c", "#c0392b"
 MARKS = {"PD": "D", "LP": "s", "NS": "o", "BP": "X"}
+LARGE = 20.0  # multipliers beyond it are drawn on a scale of powers
 
 
 def draw_branches(dataset: xr.Dataset) -> Figure:
@@ -26,6 +27,9 @@ def draw_branches(dataset: xr.Dataset) -> Figure:
         left.set(xlabel=None, ylabel="$x$ at $\\ddot x = 0$ [m]", title=model)
         right.set(ylabel="largest multiplier", title="size of the largest Floquet multiplier")
         right.axhline(1.0, color="0.6", linewidth=0.6)
+        found = np.asarray(dataset.orbit_multiplier)[np.asarray(dataset.orbit_model) == row]
+        if np.nanmax(found, initial=0.0) > LARGE:
+            right.set_yscale("log")
         for number in np.unique(dataset.orbit_branch[dataset.orbit_model == row]):
             _branch(left, right, dataset.isel(orbit=dataset.orbit_branch == number))
         _marks(left, dataset.isel(special=dataset.special_model == row))
