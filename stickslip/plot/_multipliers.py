@@ -1,6 +1,5 @@
 """Floquet multipliers in the complex plane."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,7 +8,6 @@ from matplotlib.cbook import normalize_kwargs
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 
-from .._show import number
 from .._types import Given
 from .._validation import check_type, is_concrete, refusal
 from ..continuation import Branch, PeriodicOrbit
@@ -69,13 +67,15 @@ def multipliers(
         style = {"color": color, "zorder": 2.5, **given}
         if found.size:
             axis.plot(found[inside].real, found[inside].imag, **{"label": label, **style})
-        for degrees in np.unique(np.round(np.degrees(np.angle(found[~inside])))):
-            edge = _edge(np.exp(1j * np.radians(degrees)), reach)
+        directions = np.unique(np.round(np.angle(found[~inside], deg=True)))
+        edges = _edge(np.exp(1j * np.radians(directions)), reach)
+        for degrees, edge in zip(directions, edges, strict=True):
             # A triangle stands on its side: its tip is at 90 degrees.
-            arrow = {**style, "marker": (3, 0, float(degrees) - 90.0), "markersize": 9.0}
-            axis.plot(edge.real, edge.imag, **{**arrow, "label": "_beyond"})
+            arrow = {"marker": (3, 0, float(degrees) - 90.0), "markersize": 9.0, "label": "_beyond"}
+            axis.plot(edge.real, edge.imag, **{**style, **arrow})
     for label, found in marked.items():
-        at = np.where(_beyond(found) <= reach, found, _edge(found, reach))
+        at, outside = found.copy(), _beyond(found) > reach
+        at[outside] = _edge(found[outside], reach)
         axis.plot(
             at.real, at.imag, MARKS.get(label, "*"), color="black", markersize=6, zorder=3.5,
             markerfacecolor="none", label=label,
@@ -87,7 +87,7 @@ def multipliers(
 
 
 def _known(orbits: PeriodicOrbit, stable: bool | None = None) -> np.ndarray:
-    """All multipliers of orbits that were found, in a row: of all of them, or the stable ones or not."""
+    """Multipliers of orbits that were found, in a row; of the stable ones alone, or of the others."""
     found = np.asarray(orbits.multipliers)
     rows = np.asarray(orbits.successful)
     if stable is not None:
@@ -100,9 +100,9 @@ def _beyond(found: np.ndarray) -> np.ndarray:
     return np.maximum(np.abs(found.real), np.abs(found.imag))
 
 
-def _edge(found: Any, reach: float) -> Any:
+def _edge(found: np.ndarray, reach: float) -> np.ndarray:
     """Where the rays from zero leave the square."""
-    return found * (reach / np.maximum(_beyond(found), reach * 1e-300))
+    return found * (reach / _beyond(found))
 
 
 def _circle(axis: Axes, every: np.ndarray) -> float:
@@ -124,12 +124,11 @@ def _circle(axis: Axes, every: np.ndarray) -> float:
 
 
 def _note(axis: Axes, every: np.ndarray, reach: float) -> None:
-    """How many multipliers lie beyond what is shown, below the notes of earlier calls."""
-    outside: Sequence[float] = np.abs(every[_beyond(every) > reach]).tolist()
-    if not outside:
-        return
-    place = 0.02 + 0.05 * len(axis.texts)
-    axis.text(
-        0.02, place, f"{len(outside)} of {every.size} beyond, up to {number(max(outside))} from zero",
-        transform=axis.transAxes, fontsize="small",
-    )  # fmt: skip
+    """How many multipliers lie beyond what is shown, above the notes of earlier calls."""
+    outside = np.abs(every[_beyond(every) > reach])
+    if outside.size:
+        how_many = f"{outside.size} of {every.size} multipliers beyond"
+        axis.text(
+            0.02, 0.02 + 0.05 * len(axis.texts), f"{how_many}, the largest of size {outside.max():.3g}",
+            transform=axis.transAxes, fontsize="small",
+        )  # fmt: skip

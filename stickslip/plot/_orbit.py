@@ -19,7 +19,7 @@ from ._motion import motion
 from ._phase_plane import phase_plane
 from ._sticks import rows_of, sticking
 
-POINTS = 1001  # of a period
+POINTS = 2001  # of a period
 BEHIND = 1e-9  # of the period: how long after an event the state behind it is drawn
 WIDER = 4.0  # points by which a stick is wider than the curve
 
@@ -45,8 +45,8 @@ def orbit(
     - `branch`: of `stickslip.continuation.continue_orbit`.
     - `at`: the number of an orbit of the branch, from 0, or from -1 backwards; or one of its special
       points, such as `branch["PD"][0]`.
-    - `x`, `y`: an observable each, as for `phase_plane`: by default the first component and its rate, of
-      any other system the next component. The only component of a state is drawn over time.
+    - `x`, `y`: an observable each, as for `phase_plane`: by default the first component and its rate,
+      of any other system the next component. The only component of a state is drawn over time.
     - `args`: what `continue_orbit` was given.
     - `ax`, `options`: axes to draw into; properties of the curve, as matplotlib calls them.
 
@@ -111,8 +111,8 @@ def _period(system: AbstractHybridSystem, found: PeriodicOrbit, args: PyTree) ->
     rest = POINTS + (1 << (2 * count + 15).bit_length()) - both.size
     times = np.unique(np.concatenate([np.linspace(start, end, rest), both]))
     return simulate(
-        system, start, end, found.y0, found.mode0, args, integrator=Integrator(step=AdaptiveStep(1e-10)),
-        saveat=SaveAt(ts=times), max_events=max(room, 256),
+        system, start, end, found.y0, found.mode0, args, saveat=SaveAt(ts=times),
+        integrator=Integrator(step=AdaptiveStep(1e-10)), max_events=max(room, 256),
     )  # fmt: skip
 
 
@@ -123,14 +123,14 @@ def _sticks(axis: Axes, solution: Solution, system: AbstractHybridSystem) -> Non
     width = line.get_linewidth() + WIDER
     across, along = np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
     held = sticking(system, np.asarray(rows.mode))
+    held = {name: stuck for name, stuck in held.items() if np.any(stuck[1:] & stuck[:-1])}
     for name, stuck in held.items():
-        if stuck.any():
-            axis.plot(
-                np.where(stuck, across, np.nan), np.where(stuck, along, np.nan), color=_axes.BAND,
-                linewidth=width, zorder=line.get_zorder() - 0.5, solid_capstyle="butt",
-                label=f"{name} sticks" if name else "stick",
-            )  # fmt: skip
-    if any(stuck.any() for stuck in held.values()):
+        axis.plot(
+            np.where(stuck, across, np.nan), np.where(stuck, along, np.nan), color=_axes.BAND,
+            linewidth=width, zorder=line.get_zorder() - 0.5, solid_capstyle="butt",
+            label=f"{name} sticks" if name else "stick",
+        )  # fmt: skip
+    if held:
         axis.legend(frameon=False, fontsize="small")
 
 
