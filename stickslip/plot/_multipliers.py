@@ -66,7 +66,7 @@ def multipliers(
         inside = _beyond(found) <= reach
         style = {"color": color, "zorder": 2.5, **given}
         if found.size:
-            axis.plot(found[inside].real, found[inside].imag, **{"label": label, **style})
+            axis.plot(np.real(found[inside]), np.imag(found[inside]), **{"label": label, **style})
         directions = np.unique(np.round(np.angle(found[~inside], deg=True)))
         edges = _edge(np.exp(1j * np.radians(directions)), reach)
         for degrees, edge in zip(directions, edges, strict=True):
@@ -77,12 +77,14 @@ def multipliers(
         at, outside = found.copy(), _beyond(found) > reach
         at[outside] = _edge(found[outside], reach)
         axis.plot(
-            at.real, at.imag, MARKS.get(label, "*"), color="black", markersize=6, zorder=3.5,
+            np.real(at), np.imag(at), MARKS.get(label, "*"), color="black", markersize=6, zorder=3.5,
             markerfacecolor="none", label=label,
         )  # fmt: skip
     _note(axis, every, reach)
     axis.set(xlabel="real part", ylabel="imaginary part")
-    _axes.legend(axis)
+    if len(axis.get_legend_handles_labels()[1]) > 1:
+        # Notes are at the bottom.
+        axis.legend(loc="upper right", frameon=False, fontsize="small")
     return axis
 
 
@@ -97,7 +99,7 @@ def _known(orbits: PeriodicOrbit, stable: bool | None = None) -> np.ndarray:
 
 def _beyond(found: np.ndarray) -> np.ndarray:
     """How far out in the square that is shown."""
-    return np.maximum(np.abs(found.real), np.abs(found.imag))
+    return np.maximum(np.abs(np.real(found)), np.abs(np.imag(found)))
 
 
 def _edge(found: np.ndarray, reach: float) -> np.ndarray:
