@@ -89,7 +89,7 @@ def _names(batch: Any) -> list[str]:
 
 def _place(batch: Any, observable: Any) -> Place | None:
     """Where in a state the observable is; None for the period."""
-    if observable == "period":
+    if isinstance(observable, str) and observable == "period":
         return None
     one = jax.tree.map(lambda leaf: np.zeros(np.shape(leaf)[1:]), batch)
     if observable is None:

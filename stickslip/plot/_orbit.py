@@ -16,6 +16,7 @@ from ..hybrid._components import components_of, entries
 from ..hybrid._labelled import second_of
 from . import _axes
 from ._motion import motion
+from ._observed import function_of
 from ._phase_plane import phase_plane
 from ._sticks import rows_of, sticking
 
@@ -62,6 +63,9 @@ def orbit(
     _axes.check_axes(ax)
     _axes.check_options(options)
     system = with_parameters(branch.system, {branch.parameter: np.float64(value)})
+    for argument, what in (("x", x), ("y", y)):
+        if what is not None:
+            function_of(argument, what, system, found.y0)
     solution = _period(system, found, args)
     names = [e for name, leaf in components_of(found.y0).items() for e in entries(name, np.shape(leaf))]
     if y is None and len(names) == 1 and x in (None, names[0]):

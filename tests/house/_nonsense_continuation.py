@@ -124,7 +124,7 @@ TARGETS = [
     Target(
         plot.orbit,
         {
-            "branch": arg(BRANCH), "at": arg(0), "x": arg("x", "none", "function"),
+            "branch": arg(BRANCH), "at": arg(0, "axis"), "x": arg("x", "none", "function"),
             "y": arg("v", "none", "function"), "args": ARGS, "ax": arg(None, "none"),
         },
     ),
