@@ -1,4 +1,4 @@
-"""Pictures: a motion with its sticks shaded, phase planes, orbit diagrams, spectra, exponents, fits.
+"""Pictures: motions, phase planes, branches, orbits, multipliers, orbit diagrams, spectra, fits.
 
 Every function draws into the axes `ax`, or makes a figure where none are given, and returns the axes.
 Names and units come from the system or the dataset. Further options go to matplotlib's lines. Nothing
@@ -22,6 +22,8 @@ from ._energy_account import energy_account as energy_account
 from ._exponents import exponents as exponents
 from ._fit import fit as fit
 from ._motion import motion as motion
+from ._multipliers import multipliers as multipliers
+from ._orbit import orbit as orbit
 from ._orbit_diagram import orbit_diagram as orbit_diagram
 from ._phase_plane import phase_plane as phase_plane
 from ._shade import shade as shade

@@ -2,13 +2,14 @@
 
 from typing import Any
 
+import jax
 import numpy as np
 from matplotlib.axes import Axes
 
 from .._types import Given
 from .._validation import check_type, refusal
 from ..continuation import Branch
-from ..hybrid._components import components_of
+from ..hybrid._components import Place, components_of, entries, listed, place_of, unit_of
 from . import _axes
 
 MARKS = {"LP": "s", "PD": "D", "NS": "o", "BP": "X", "GR": "^", "SQ": "v"}
@@ -27,8 +28,8 @@ def branch(
     **Arguments**
 
     - `branch`: of `stickslip.continuation.continue_orbit`.
-    - `observable`: a component of the state, whose greatest value over the period is drawn (with
-      `lowest` its least one too); `"period"`; the first component by default.
+    - `observable`: a component of the state, `"x[0]"` for one number of an array, whose greatest value
+      over the period is drawn (with `lowest` its least one too); `"period"`; the first one by default.
     - `ax`, `options`: axes to draw into, for instance those of an orbit diagram; properties of lines.
 
     **Returns** the axes.
@@ -38,22 +39,21 @@ def branch(
     check_type("branch", branch, Branch, "a Branch of continuation.continue_orbit")
     if not isinstance(lowest, bool):
         raise refusal("lowest", lowest, "True or False", TypeError)
-    high, low = (components_of(tree) for tree in (branch.orbits.highest, branch.orbits.lowest))
-    names = [name for name, leaf in high.items() if np.ndim(leaf) == 1]
-    observable = names[0] if observable is None else observable
-    if not isinstance(observable, str) or observable not in (*names, "period"):
-        raise refusal("observable", observable, f"one of {', '.join((*names, 'period'))}")
+    orbits = branch.orbits
+    place = _place(orbits.highest, observable)
     _axes.check_axes(ax)
     options = _axes.check_options(options)
     axis = _axes.canvas(ax)
 
-    def drawn(orbits: Any, highs: Any, lows: Any) -> list[np.ndarray]:
-        if observable == "period":
+    def drawn(orbits: Any) -> list[np.ndarray]:
+        if place is None:
             return [np.asarray(orbits.period)]
-        return [np.asarray(found[observable]) for found in ((highs, lows) if lowest else (highs,))]
+        trees = (orbits.highest, orbits.lowest) if lowest else (orbits.highest,)
+        leaves = [np.asarray(jax.tree.leaves(tree)[place.leaf]) for tree in trees]
+        return [leaf[(..., *(place.index or ()))] for leaf in leaves]
 
-    values, stable = branch.values, np.asarray(branch.orbits.stable)
-    for row in drawn(branch.orbits, high, low):
+    values, stable = branch.values, np.asarray(orbits.stable)
+    for row in drawn(orbits):
         for wanted, style in ((True, "-"), (False, "--")):
             # A piece goes on to the first orbit of the other kind: lines do not end at special points.
             shown = stable == wanted
@@ -65,8 +65,7 @@ def branch(
     for special in branch.specials:
         if special.label == "EP":
             continue
-        tops, bottoms = (components_of(t) for t in (special.orbit.highest, special.orbit.lowest))
-        for at in drawn(special.orbit, tops, bottoms):
+        for at in drawn(special.orbit):
             axis.plot(special.value, at, MARKS.get(special.label, "*"), color="black", markersize=4)
             axis.annotate(
                 special.label, (special.value, float(at)), xytext=(4, 4), textcoords="offset points",
@@ -74,8 +73,32 @@ def branch(
             )  # fmt: skip
     units = getattr(branch.system, "parameter_units", {})
     axis.set_xlabel(_axes.labelled(branch.parameter, units.get(branch.parameter)))
-    if observable == "period":
+    if place is None:
         axis.set_ylabel("period [s]")
     else:
-        axis.set_ylabel(_axes.labelled(f"greatest {observable}", branch.system.units.get(observable)))
+        name = next(iter(_names(orbits.highest))) if observable is None else observable
+        axis.set_ylabel(_axes.labelled(f"greatest {name}", unit_of(branch.system, place.name)))
     return axis
+
+
+def _names(batch: Any) -> list[str]:
+    """Names of the single numbers of a state, of which there is a batch."""
+    parts = components_of(batch).items()
+    return [entry for name, leaf in parts for entry in entries(name, np.shape(leaf)[1:])]
+
+
+def _place(batch: Any, observable: Any) -> Place | None:
+    """Where in a state the observable is; None for the period."""
+    if isinstance(observable, str) and observable == "period":
+        return None
+    one = jax.tree.map(lambda leaf: np.zeros(np.shape(leaf)[1:]), batch)
+    if observable is None:
+        observable = _names(batch)[0]
+    place = place_of(one, observable) if isinstance(observable, str) else None
+    if place is None:
+        raise refusal("observable", observable, f"one of {listed(one)}, period")
+    shape = np.shape(components_of(one)[place.name])
+    if shape and place.index is None:
+        allowed = f"a single number, one of {', '.join(entries(place.name, shape))}"
+        raise refusal("observable", observable, allowed)
+    return place

@@ -84,18 +84,7 @@ class Source:
             if not isinstance(name, str) or name not in self.parts:
                 raise refusal(argument, name, f"one of {', '.join(self.parts)}")
             return None
-        plain = name.removeprefix("slope of ") if isinstance(name, str) else name
-        if isinstance(name, str) and plain in self.components:
-            if plain not in self.parts:
-                of_it = ", ".join(name.replace(plain, k) for k in entries(plain, self._shape(plain)))
-                raise refusal(argument, name, f"a single number, one of {of_it}")
-            return None
-        if isinstance(name, str) and plain in self.parts:
-            return None
-        return as_observable(argument, name, self.system, self.state)[0]
-
-    def _shape(self, component: str) -> tuple[int, ...]:
-        return np.shape(self.components[component])
+        return function_of(argument, name, self.system, self.state)
 
     def read(self, y: PyTree, name: str) -> np.ndarray:
         """A single number of the state over the rows of a log."""
@@ -139,6 +128,22 @@ class Source:
         if plain != name:
             return Series(name, per_second(unit), None, self._kept(self.read(self.log.dy, plain)))
         return Series(name, unit, period, self._kept(self.read(self.log.y, plain)))
+
+
+def function_of(argument: str, name: Any, system: Any, state: PyTree) -> Any:
+    """What computes an observable, None for a single number of the state; refused if it is neither."""
+    components = components_of(state)
+    parts = _parts(components)
+    plain = name.removeprefix("slope of ") if isinstance(name, str) else name
+    if isinstance(name, str) and plain in components:
+        if plain not in parts:
+            of_it = entries(plain, np.shape(components[plain]))
+            allowed = f"a single number, one of {', '.join(name.replace(plain, k) for k in of_it)}"
+            raise refusal(argument, name, allowed)
+        return None
+    if isinstance(name, str) and plain in parts:
+        return None
+    return as_observable(argument, name, system, state)[0]
 
 
 def one_run(solution: Any, lane: Any) -> Any:

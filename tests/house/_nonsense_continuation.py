@@ -120,4 +120,12 @@ TARGETS = [
             "ax": arg(None, "none"),
         },
     ),
+    Target(plot.multipliers, {"orbits": arg(BRANCH), "ax": arg(None, "none")}),
+    Target(
+        plot.orbit,
+        {
+            "branch": arg(BRANCH), "at": arg(0, "axis"), "x": arg("x", "none", "function"),
+            "y": arg("v", "none", "function"), "args": ARGS, "ax": arg(None, "none"),
+        },
+    ),
 ]  # fmt: skip

@@ -136,7 +136,7 @@ TAKEN: dict[str, tuple[frozenset[str], str]] = {
     "count": (frozenset({"0"}), "counts from 0 on"),
     "whole": (frozenset({"0"}), "number of a mode, a guard or the like, which begins with 0"),
     "turn": (frozenset({"-1"}), "an angle to the left or to the right"),
-    "axis": (frozenset({"-1", "0"}), "number of an axis; below 0 from the last one"),
+    "axis": (frozenset({"-1", "0"}), "number of an axis or an orbit; below 0 from the last one"),
     "any whole": (frozenset({"-1"}), "as documented: below 0 the first function is taken"),
     "reals": (
         FINITE | ARRAYS | FLOAT32

@@ -30,6 +30,8 @@ REASONS = {
     "stickslip.plot._exponents.exponents.options": LINES,
     "stickslip.plot._fit.fit.options": LINES,
     "stickslip.plot._motion.motion.options": LINES,
+    "stickslip.plot._multipliers.multipliers.options": LINES,
+    "stickslip.plot._orbit.orbit.options": LINES,
     "stickslip.plot._orbit_diagram.orbit_diagram.options": LINES,
     "stickslip.plot._phase_plane.phase_plane.options": LINES,
     "stickslip.plot._spectrum.spectrum.options": LINES,
