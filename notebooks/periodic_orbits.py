@@ -125,6 +125,15 @@ axis.legend(frameon=False)
 plt.show()
 
 # %% [markdown]
+# The orbit at a label, with its stick in grey, and the multipliers of the branch about the unit circle:
+
+# %%
+figure, (left, right) = plt.subplots(1, 2, figsize=(9, 4))
+plot.orbit(branch, fold, "x", "v_x", ax=left)
+plot.multipliers(branch, ax=right)
+plt.show()
+
+# %% [markdown]
 # As a dataset, for all that comes after:
 
 # %%

@@ -36,7 +36,8 @@ class PeriodicOrbit(eqx.Module):
       `steps`: evaluations of the return map and its derivative.
     - `closing_error`: the same after the orbit was simulated once more.
     - `lowest`, `highest`: least and greatest value of each component over the period, of the motion at
-      60 instants, between them by cubics, and at its events: to some 1e-6 of its size.
+      60 instants, between them by cubics, and at its events: to some 1e-6 of its size, or 1e-4 where
+      it moves within a small part of the period.
     - `events`: log of one period. `sequence`: hash of its guards and modes.
     - `result`: an `ORBITS` item; `simulation`: a `stickslip.RESULTS` item.
     - `flags`: as of a `Solution`. Where they are not 0 the multipliers may be wrong, though the orbit
