@@ -16,7 +16,7 @@ from ..hybrid._tree import with_float_arrays
 from ._arguments import bounds_of, value_of
 from ._closing import check_autonomous
 from ._equilibrium import EquilibriumBranch, EquilibriumPoint
-from ._rest import Field, Measure, Rest, angle_of, corrected, of_length_one, renewed, scales_of
+from ._rest import Field, Measure, Rest, angle_of, corrected, measure_of, of_length_one, renewed
 from ._rest_points import ODD, axis_pair, crossing, labelled, located, signs
 
 BEND = 0.32  # angle between two tangents [rad]: sharper bends get shorter steps
@@ -111,7 +111,7 @@ def _measured(field: Field, first: Rest, span: float, step: float) -> Measure:
     The parameter is changed a little to find them; at a start where it turns, nothing but trying tells.
     """
     size = np.append(np.zeros(first.z.size - 1), span)
-    measure = Measure(size, *scales_of(first.jacobian))
+    measure = measure_of(size, first.jacobian)
     rate = abs(first.tangent[-1] / measure.columns[-1])
     if rate > KNOWN * np.max(np.abs(first.tangent / measure.columns)):
         along, sense = measure.along(first.tangent), first.tangent

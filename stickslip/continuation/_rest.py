@@ -128,6 +128,12 @@ def scales_of(jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return rows / _or_one(size.max(axis=1)), columns
 
 
+def measure_of(size: np.ndarray, jacobian: np.ndarray) -> Measure:
+    """The measure with these sizes; columns of zeros are as large as the size."""
+    rows, columns = scales_of(jacobian)
+    return Measure(size, rows, np.where(np.any(jacobian, axis=0), columns, _or_one(size)))
+
+
 def _or_one(size: Any) -> np.ndarray:
     return np.where(size > 0.0, size, 1.0)
 
@@ -146,7 +152,7 @@ def corrected(
         if not (np.all(np.isfinite(values)) and np.all(np.isfinite(jacobian))):
             return None
         if known is None:
-            measure = Measure(np.append(np.zeros(z.size - 1), 1.0), *scales_of(jacobian))
+            measure = measure_of(np.append(np.zeros(z.size - 1), 1.0), jacobian)
         assert measure is not None
         row = along * measure.columns
         length = _or_one(np.linalg.norm(row))
@@ -207,7 +213,7 @@ def described(field: Field, z: np.ndarray, sense: np.ndarray, measure: Measure |
     if not np.all(np.isfinite(jacobian)):
         return None
     if measure is None:
-        measure = Measure(np.append(np.zeros(z.size - 1), 1.0), *scales_of(jacobian))
+        measure = measure_of(np.append(np.zeros(z.size - 1), 1.0), jacobian)
     rates, vectors = np.linalg.eig(jacobian[:, :-1])
     order = np.lexsort((-np.imag(rates), -np.real(rates)))
     tangent = tangent_of(jacobian, sense, measure)
@@ -250,9 +256,9 @@ def renewed(measure: Measure, rest: Rest, new: Rest, extent: np.ndarray) -> Meas
     of a component, tells it; where a component begins to move, this one as a function of the parameter.
     The smaller of the two is taken.
     """
-    rows, columns = scales_of(new.jacobian)
-    rows = np.clip(rows, measure.rows / RENEWED, measure.rows * RENEWED)
-    columns = np.clip(columns, measure.columns / RENEWED, measure.columns * RENEWED)
+    own = measure_of(measure.size, new.jacobian)
+    rows = np.clip(own.rows, measure.rows / RENEWED, measure.rows * RENEWED)
+    columns = np.clip(own.columns, measure.columns / RENEWED, measure.columns * RENEWED)
     least = dataclasses.replace(measure, rows=rows, columns=columns).least(new.jacobian, new.z)
     far = extent
     if rest.tangent[-1] != 0.0 and new.tangent[-1] != 0.0 and new.value != rest.value:

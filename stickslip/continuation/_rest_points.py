@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from ._rest import Field, Measure, Rest, corrected, described, of_length_one
+from ._rest import Field, Measure, Rest, corrected, described, of_length_one, scales_of
 
 # A function that changes its sign has a zero there if it comes down to this part of its larger value.
 ZERO = 1e-3
@@ -180,9 +180,12 @@ def _singular(field: Field, z: np.ndarray, measure: Measure) -> np.ndarray | Non
         right = np.concatenate([values * rows + beta * phi, slope.T @ phi, [phi @ phi - 1.0]])
         if not (np.all(np.isfinite(matrix)) and np.all(np.isfinite(right))):
             return None
-        move = np.linalg.lstsq(matrix, right, rcond=1e-15)[0]
+        lines, stacks = scales_of(matrix)
+        scaled = matrix * lines[:, None] * stacks[None, :]
+        move = stacks * np.linalg.lstsq(scaled, right * lines, rcond=1e-15)[0]
         z, phi, beta = z - move[: n + 1] * columns, phi - move[n + 1 : -1], beta - move[-1]
-        longest = max(float(np.max(np.abs(measure.part(move[: n + 1] * columns)))), abs(move[-1]))
+        parts = measure.part(move[: n + 1] * columns)
+        longest = float(np.max(np.abs(np.concatenate([parts, move[n + 1 :]]))))
         if longest <= CLOSE or (longest <= NULL and longest >= 0.5 * before):
             least = np.linalg.svd(measure.balanced(field(z)[1]), compute_uv=False)[-1]
             return z if abs(beta) <= NULL and least <= 1e-6 else None
