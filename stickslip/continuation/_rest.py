@@ -22,7 +22,7 @@ NOTHING = 1e-12  # of the largest: parts of a tangent that are rounding
 # Of what the other components of the linear motion let expect, and of its own value: a component that
 # has moved by less has not moved.
 STILL, STEADY = 1e-10, 1e-9
-BALANCED, RENEWED = 15, 10.0  # sweeps that balance a matrix; the scales change by at most this factor
+TINY, RENEWED = 1e-10, 10.0  # entries of a balanced matrix that are left out; most change of its scales
 SINGULAR = 1e-11  # singular values smaller than this part of the largest are zero
 
 
@@ -117,15 +117,29 @@ def _curvature(name, system, t0, mode, args, unravel, z, weights):
     return jax.jacfwd(jax.jacfwd(field))(z)
 
 
-def scales_of(jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Factors of rows and columns with which the largest entries of all of them are about one."""
-    rows, columns = np.ones(jacobian.shape[0]), np.ones(jacobian.shape[1])
-    for _ in range(BALANCED):
-        size = np.abs(jacobian) * rows[:, None] * columns[None, :]
-        rows = rows / np.sqrt(_or_one(size.max(axis=1)))
-        columns = columns / np.sqrt(_or_one(size.max(axis=0)))
-    size = np.abs(jacobian) * rows[:, None] * columns[None, :]
-    return rows / _or_one(size.max(axis=1)), columns
+def scales_of(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Factors of rows and columns with which the entries differ least from one, in powers of ten.
+
+    Curtis and Reid, IMA Journal of Applied Mathematics 10 (1972): in other units the balanced matrix is
+    the same. That the largest entry of each row and column is one would leave many choices. Entries that
+    are then tiny are left out, since rounding may have made them.
+    """
+    taken = matrix != 0.0
+    logs = np.log(np.where(taken, np.abs(matrix), 1.0))
+    rows, columns = _least_squares(taken, logs)
+    taken &= logs + rows[:, None] + columns[None, :] > np.log(TINY)
+    rows, columns = _least_squares(taken, logs)
+    size = np.where(taken, logs + rows[:, None] + columns[None, :], -np.inf).max(axis=1)
+    return np.exp(rows - np.where(np.isfinite(size), size, 0.0)), np.exp(columns)
+
+
+def _least_squares(taken: np.ndarray, logs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Terms of rows and columns whose sum is least different from minus the logarithms."""
+    count, logs = taken.astype(float), np.where(taken, logs, 0.0)
+    normal = np.block([[np.diag(count.sum(axis=1)), count], [count.T, np.diag(count.sum(axis=0))]])
+    right = -np.concatenate([logs.sum(axis=1), logs.sum(axis=0)])
+    found = np.linalg.lstsq(normal, right, rcond=1e-10)[0]
+    return found[: taken.shape[0]], found[taken.shape[0] :]
 
 
 def measure_of(size: np.ndarray, jacobian: np.ndarray) -> Measure:
