@@ -114,14 +114,14 @@ def _measured(field: Field, first: Rest, span: float, step: float) -> Measure:
     measure = measure_of(size, first.jacobian)
     rate = abs(first.tangent[-1] / measure.columns[-1])
     if rate > KNOWN * np.max(np.abs(first.tangent / measure.columns)):
-        along, sense = measure.along(first.tangent), first.tangent
+        along, sense, none = measure.along(first.tangent), first.tangent, np.zeros(size.size)
         along = np.where(np.arange(size.size) < size.size - 1, 0.0, along)
         for k in range(TRIES):
             for way in (1.0, -1.0):
                 change = way * FIRST * span * 0.25**k * sense / sense[-1]
                 new = corrected(field, first.z + change, along, sense, measure)
-                if new is not None and not _astray(first, new, measure, np.zeros(size.size)):
-                    return renewed(measure, first, new, np.zeros(size.size))
+                if new is not None and not _astray(first, new, measure, none):
+                    return renewed(measure, first, new, none)
         return measure
     way = first.tangent / np.max(np.abs(first.tangent / measure.columns))
     way[-1] = 0.0
@@ -226,7 +226,8 @@ def _astray(rest: Rest, new: Rest, measure: Measure, size: np.ndarray) -> bool:
     change = new.z[-1] - rest.z[-1]
     if rest.tangent[-1] == 0.0 or new.tangent[-1] == 0.0:
         return False
-    move, least = new.z - rest.z, measure.least(new.jacobian, new.z)
+    own = measure_of(measure.size, new.jacobian)
+    move, least = new.z - rest.z, own.least(new.jacobian, new.z)
     expected = 0.5 * change * (rest.tangent / rest.tangent[-1] + new.tangent / new.tangent[-1])
     most = ASTRAY * np.maximum(np.abs(move), np.abs(expected)) + least
     return bool(np.any((size == 0.0) & (np.abs(move - expected) > most)))

@@ -22,7 +22,7 @@ NOTHING = 1e-12  # of the largest: parts of a tangent that are rounding
 # Of what the other components of the linear motion let expect, and of its own value: a component that
 # has moved by less has not moved.
 STILL, STEADY = 1e-10, 1e-9
-TINY, RENEWED = 1e-10, 10.0  # entries of a balanced matrix that are left out; most change of its scales
+TINY = 1e-10  # entries of a balanced matrix that are left out
 SINGULAR = 1e-11  # singular values smaller than this part of the largest are zero
 
 
@@ -121,7 +121,7 @@ def scales_of(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Factors of rows and columns with which the entries differ least from one, in powers of ten.
 
     Curtis and Reid, IMA Journal of Applied Mathematics 10 (1972): in other units the balanced matrix is
-    the same. That the largest entry of each row and column is one would leave many choices. Entries that
+    the same. That the largest of each row and column is one would leave many choices. Entries that
     are then tiny are left out, since rounding may have made them.
     """
     taken = matrix != 0.0
@@ -230,7 +230,7 @@ def described(field: Field, z: np.ndarray, sense: np.ndarray, measure: Measure |
         measure = measure_of(np.append(np.zeros(z.size - 1), 1.0), jacobian)
     rates, vectors = np.linalg.eig(jacobian[:, :-1])
     order = np.lexsort((-np.imag(rates), -np.real(rates)))
-    tangent = tangent_of(jacobian, sense, measure)
+    tangent = tangent_of(jacobian, sense, measure_of(measure.size, jacobian))
     return Rest(z, tangent, jacobian, rates[order], vectors[:, order])
 
 
@@ -271,15 +271,13 @@ def renewed(measure: Measure, rest: Rest, new: Rest, extent: np.ndarray) -> Meas
     The smaller of the two is taken.
     """
     own = measure_of(measure.size, new.jacobian)
-    rows = np.clip(own.rows, measure.rows / RENEWED, measure.rows * RENEWED)
-    columns = np.clip(own.columns, measure.columns / RENEWED, measure.columns * RENEWED)
-    least = dataclasses.replace(measure, rows=rows, columns=columns).least(new.jacobian, new.z)
+    least = own.least(new.jacobian, new.z)
     far = extent
     if rest.tangent[-1] != 0.0 and new.tangent[-1] != 0.0 and new.value != rest.value:
         far = np.maximum(far, _expected(rest, new, measure.size[-1]))
     size = np.maximum(measure.size, np.where(far > least, far, 0.0))
     size[-1] = measure.size[-1]
-    return Measure(size, rows, columns)
+    return dataclasses.replace(own, size=size)
 
 
 def _expected(rest: Rest, new: Rest, span: float) -> np.ndarray:
