@@ -16,7 +16,17 @@ from ..hybrid._tree import with_float_arrays
 from ._arguments import bounds_of, value_of
 from ._closing import check_autonomous
 from ._equilibrium import EquilibriumBranch, EquilibriumPoint
-from ._rest import Field, Measure, Rest, angle_of, corrected, measure_of, of_length_one, renewed
+from ._rest import (
+    Field,
+    Measure,
+    Rest,
+    angle_of,
+    corrected,
+    measure_of,
+    of_length_one,
+    renewed,
+    tangent_of,
+)
 from ._rest_points import ODD, axis_pair, crossing, labelled, located, signs
 
 BEND = 0.32  # angle between two tangents [rad]: sharper bends get shorter steps
@@ -28,6 +38,7 @@ ASTRAY = 0.9
 DOUBLE = (
     1e-7  # part of the largest singular value: a step does not end in a branch point as near as this
 )
+SLACK = 1e-12  # of the bounds' distance: as far outside of them is rounding
 TRIES, LADDER = 16, 30  # of a first step, of first sizes
 FIRST = 0.02  # of the bounds' distance: the first of them
 
@@ -85,7 +96,7 @@ def continue_equilibrium(
     field = Field(with_float_arrays(system), parameter, 0.0, y0, mode, args)
     hold = np.zeros(z.size)
     hold[-1] = 1.0
-    first = corrected(field, z, hold, hold, None)
+    first = _first(field, z, hold, high - low)
     if first is None:
         raise refusal("y0", y0, "near an equilibrium of this mode: Newton's method finds none")
     ends = (low, high)
@@ -103,6 +114,18 @@ def continue_equilibrium(
         np.stack([p.eigenvalues for p in forward]),
         tuple(_special(field, int(mode), *mark) for mark in marks), system,
     )  # fmt: skip
+
+
+def _first(field: Field, z: np.ndarray, hold: np.ndarray, span: float) -> Rest | None:
+    """The equilibrium near the given state, at the value of the parameter; at a fold, all but at it."""
+    first = corrected(field, z, hold, hold, None)
+    jacobian = field(z)[1]
+    if first is not None or not np.all(np.isfinite(jacobian)):
+        return first
+    measure = measure_of(np.append(np.abs(z[:-1]), span), jacobian)
+    along = measure.along(tangent_of(jacobian, hold, measure))
+    found = corrected(field, z, along, hold, measure)
+    return found if found is not None and abs(found.value - z[-1]) <= SLACK * span else None
 
 
 def _measured(field: Field, first: Rest, span: float, step: float) -> Measure:
@@ -150,8 +173,8 @@ def _half(field: Field, start: Rest, measure: Measure, ends, step: float, most: 
     had = signs(start, measure)
     if first and 0 in had.values():
         behind = _beyond(field, dataclasses.replace(start, tangent=-start.tangent), measure, step)
-        had = {k: s or (-1 if k in ODD else 1) * behind.get(k, 0) for k, s in had.items()}
-    slack = 1e-12 * (ends[1] - ends[0])
+        had = _continued(had, {k: -s if k in ODD else s for k, s in behind.items()})
+    slack = SLACK * (ends[1] - ends[0])
     while len(points) < most:
         rest = points[-1]
         new = _ahead(field, rest, distance, measure)
@@ -166,11 +189,13 @@ def _half(field: Field, start: Rest, measure: Measure, ends, step: float, most: 
         elif _double(new, measure) and not _double(rest, measure) and distance == longest:
             distance *= 0.8  # near a branch point the tangent is not known
             continue
-        now = signs(new, measure)
+        now, outside = signs(new, measure), not ends[0] <= new.value <= ends[1]
+        if outside and 0 in now.values():
+            now = _continued(now, _beyond(field, new, measure, step))
         changed = [label for label, sign in now.items() if sign * had[label] < 0]
         had = {label: sign or had[label] for label, sign in now.items()}
         marks += labelled(field, rest, new, distance, measure, changed)
-        if not ends[0] <= new.value <= ends[1]:
+        if outside:
             bound = ends[0] if new.value < ends[0] else ends[1]
             known = {0.0: rest, distance: new}
             last = located(field, rest, [0.0, distance], known, measure, lambda p, b=bound: p.value - b)
@@ -186,9 +211,9 @@ def _half(field: Field, start: Rest, measure: Measure, ends, step: float, most: 
         distance = longest = min(1.5 * distance, step)
     last = points[-1]
     now = signs(last, measure)
-    if len(points) > 1 and 0 in now.values():
-        beyond = _beyond(field, last, measure, step)
-        changed = [k for k, sign in now.items() if sign == 0 and had[k] * beyond.get(k, 0) < 0]
+    if (first or len(points) > 1) and 0 in now.values():
+        now = _continued(now, _beyond(field, last, measure, step))
+        changed = [label for label, sign in now.items() if sign * had[label] < 0]
         marks += labelled(field, last, last, 0.0, measure, changed)
     return points, [*marks, ("EP", last, "max_points")]
 
@@ -205,6 +230,11 @@ def _beyond(field: Field, rest: Rest, measure: Measure, step: float) -> dict[str
         if new is not None and not _leaps(rest, new, part * step, measure):
             return signs(new, measure)
     return {}
+
+
+def _continued(now: dict[str, int], other: dict[str, int]) -> dict[str, int]:
+    """Signs, and where there is none, those of another place."""
+    return {label: sign or other.get(label, 0) for label, sign in now.items()}
 
 
 def _double(rest: Rest, measure: Measure) -> bool:

@@ -70,7 +70,8 @@ def labelled(
     """Special points between two equilibria where functions change their sign, in order.
 
     Where two branches cross, the parameter may turn along one of them: it is no fold, although its
-    rate passes zero, since beyond it another branch goes on.
+    rate passes zero, since beyond it another branch goes on. No Hopf point is where the eigenvalues
+    whose sum passes zero are real, on both sides if it is not located.
     """
     found, known, crossed = [], {0.0: rest, distance: new}, None
     for label in sorted(changed):  # the branch point first
@@ -90,6 +91,8 @@ def labelled(
                     continue
                 bracket[0 if rate * turning(rest, measure) > 0.0 else 1] = crossed
             point = located(field, rest, bracket, known, measure, lambda p, t=test: t(p, measure))
+        if label == "HB" and isinstance(point, str) and axis_pair(rest) is axis_pair(new) is None:
+            continue
         if isinstance(point, str):
             words = f"not located: between here and {new.value:.10g}, {point}"
             found.append((f"{label}?", rest, words))
