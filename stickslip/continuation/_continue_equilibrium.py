@@ -145,7 +145,6 @@ def _measured(field: Field, first: Rest, span: float, step: float) -> Measure:
                 new = corrected(field, first.z + change, along, sense, measure)
                 if new is not None and not _astray(first, new, measure, none):
                     return renewed(measure, first, new, none)
-        return measure
     way = first.tangent / np.max(np.abs(first.tangent / measure.columns))
     way[-1] = 0.0
     largest = np.max(np.abs(first.z[:-1]) / np.where(way[:-1] != 0.0, np.abs(way[:-1]), np.inf))

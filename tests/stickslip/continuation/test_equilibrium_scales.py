@@ -1,4 +1,4 @@
-"""Equilibria and the orbits born from them in any units, exact hits, and branch points, by closed forms."""
+"""Equilibria and orbits born from them in any units, exact hits, branch points, by closed forms."""
 
 from typing import Any, NamedTuple
 
@@ -119,7 +119,7 @@ FHN = np.sqrt(1.0 - 0.064)
 KNOWN = (
     (cubic, [0.0, 0.0], 0.0, (-1.0, 1.0), [("LP", -FOLD), ("LP", FOLD)]),
     (cubic, [0.01, 0.0], 0.0, (-1.0, 1.0), [("LP", -FOLD), ("LP", FOLD)]),
-    (plate, [0.0, 0.0], 0.0, (-0.01, 0.16), [("LP", 4.0 / 27.0)]),
+    (plate, [0.0, 0.0], 0.05, (0.02, 0.16), [("LP", 4.0 / 27.0)]),
     (van_der_pol, [0.0, 0.0], -0.1, (-0.5, 0.5), [("HB", 0.0)]),
     (pitchfork, [0.0, 0.0], -0.2, (-1.0, 1.0), [("BP", 0.0)]),
     (pitchfork, [1.12, 0.0], 0.3, (-1.0, 1.0), [("LP", -0.25), ("BP", 0.0), ("LP", -0.25)]),
@@ -144,7 +144,7 @@ def test_special_points_in_any_units(case):
     rates, y, a, bounds, right = case
     found, branch = followed(rates, y, a, bounds, ONE)
     assert [pair for pair in found if pair[0] != "EP"] in (special(right), special(right[::-1]))
-    for scale in OTHER:
+    for scale in OTHER[1::2]:
         other, again = followed(rates, y, a, bounds, scale)
         assert other == [(label, pytest.approx(value, abs=1e-9)) for label, value in found], scale
         assert 0.5 * len(branch) <= len(again) <= 2.0 * len(branch)
@@ -156,17 +156,20 @@ def test_special_points_in_mixed_units(case):
     rates, y, a, bounds, _ = case
     found, branch = followed(rates, y, a, bounds, ONE)
     rng = np.random.default_rng(0)
-    for k in range(10):
+    mixed = []
+    for k in range(6):
         sizes = 10.0 ** rng.uniform(-12.0, 9.0, len(y))
         time, unit = 10.0 ** rng.uniform(-9.0, 9.0, 2)
-        scale = Scale(sizes, time, unit, k % 2 * unit * rng.uniform(-5.0, 5.0), rng.permutation(len(y)))
+        origin = k % 2 * unit * rng.uniform(-5.0, 5.0)
+        mixed.append(Scale(sizes, time, unit, origin, rng.permutation(len(y))))
+    for scale in (*OTHER, *mixed):
         other, again = followed(rates, y, a, bounds, scale)
         assert other == [(label, pytest.approx(value, abs=1e-9)) for label, value in found], scale
         assert 0.5 * len(branch) <= len(again) <= 2.0 * len(branch)
 
 
-@pytest.mark.parametrize("step", [0.02, 0.05, 0.1])
-@pytest.mark.parametrize("a", [0.3, 0.31, 0.27, 0.345, 0.2])
+@pytest.mark.parametrize("step", [0.02, 0.1])
+@pytest.mark.parametrize("a", [0.3, 0.345, 0.2])
 def test_a_pitchfork_along_its_other_branch(a, step):
     """The parameter turns there, but beyond it another branch goes on: no fold."""
     x = np.sqrt((1.0 + np.sqrt(1.0 + 4.0 * a)) / 2.0)
@@ -194,10 +197,10 @@ def test_a_fold_beside_a_branch_point():
 
 
 @pytest.mark.parametrize(
-    "rates, label", [(van_der_pol, "HB"), (pitchfork, "BP"), (transcritical, "BP")]
+    ("rates", "label"), [(van_der_pol, "HB"), (pitchfork, "BP"), (transcritical, "BP")]
 )
 def test_what_a_step_meets_exactly_is_found_once(rates, label):
-    for a in (-0.1, -0.2, -0.25, -0.5, -0.1234567, 0.1, 0.2, 0.0):
+    for a in (-0.1, -0.2, -0.5, 0.1, 0.0):
         found, _ = followed(rates, [0.0, 0.0], a, (-0.5, 0.5), ONE)
         assert [pair for pair in found if pair[0] != "EP"] == special([(label, 0.0)]), a
     for options in (
@@ -215,10 +218,12 @@ def test_what_a_step_meets_exactly_is_found_once(rates, label):
 def test_starts_at_and_near_a_fold():
     for a, y in ((0.0, 0.0), (-1e-8, 1e-4), (-1e-16, 1e-8)):
         found, _ = followed(lambda y, a: (a + y[0] ** 2,), [y], a, (-1.0, 1.0), ONE)
-        assert found == [
-            ("EP", pytest.approx(-1.0)), ("LP", pytest.approx(0.0, abs=1e-12)), ("EP", pytest.approx(-1.0))
-        ]  # fmt: skip
-    found, _ = followed(cubic, [-np.sqrt(1.0 / 3.0), 0.0], FOLD, (-1.0, 1.0), ONE)
+        assert [label for label, _ in found] == ["EP", "LP", "EP"]
+        assert [value for _, value in found] == pytest.approx([-1.0, 0.0, -1.0], abs=1e-12)
+    y = -np.sqrt(1.0 / 3.0)
+    alone, _ = followed(lambda y, a: (a + y[0] - y[0] ** 3,), [y], FOLD, (-1.0, 1.0), ONE)
+    assert sorted(alone)[2:] == special([("LP", -FOLD), ("LP", FOLD)])
+    found, _ = followed(cubic, [y, 0.0], FOLD, (-1.0, 1.0), ONE)
     assert [pair for pair in found if pair[0] != "EP"] in (
         special([("LP", FOLD), ("LP", -FOLD)]), special([("LP", -FOLD), ("LP", FOLD)])
     )  # fmt: skip
@@ -236,10 +241,12 @@ def test_branches_without_special_points():
 
 def test_what_is_not_located_has_a_question_mark():
     """At $x = 1$ the field is 0/0, where $p = x(1 - x)^2$ turns."""
-    found, branch = followed(plate, [0.0, 0.0], 0.0, (-0.01, 0.3), ONE, both=False)
-    assert [label for label, _ in found] == ["LP", "LP?", "EP"]
-    (lost,) = branch["LP?"]
-    assert lost.words.startswith("not located: between here and ")
+    for scale in (ONE, Scale([2e-6, 0.2], 1e-5)):
+        found, branch = followed(plate, [0.0, 0.0], 0.0, (-0.01, 0.3), scale, both=False)
+        assert [label for label, _ in found] == ["LP", "LP?", "EP"]
+        assert found[0][1] == pytest.approx(4.0 / 27.0, abs=1e-9)
+        (lost,) = branch["LP?"]
+        assert lost.words.startswith("not located: between here and ")
 
 
 @pytest.mark.slow
