@@ -24,7 +24,7 @@ AMPLITUDES = (1e-2, 3e-3, 3e-2, 1e-3, 3e-4, 1e-4)
 PARTS, SMALLER, ASIDE, LATE = (1.0, 0.3, 3.0, 0.1, 10.0, 0.03, 0.01), 4, 0.01, 0.1
 # That amplitude: what the field differs from the linear one by, in parts of this, on so many points of
 # the orbit; sizes from so many powers of ten; components with less than the last part do not move.
-NONLINEAR, ROUND, DECADES, NONE = 1e-3, 16, 25, 1e-9
+NONLINEAR, ROUND, DECADES, NONE = 1e-2, 16, 25, 1e-9
 HALVED = 6  # times, a step in search of the orbit that is doubled
 # The doubling of that one is found by secants: the first, the last, and how far away it may be, in
 # parts of the motion's size.

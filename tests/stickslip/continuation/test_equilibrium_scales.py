@@ -249,6 +249,21 @@ def test_what_is_not_located_has_a_question_mark():
         assert lost.words.startswith("not located: between here and ")
 
 
+def test_what_jumps_over_zero_has_a_question_mark():
+    """An eigenvalue, or a pair, that is on the other side of the axis at once."""
+
+    def single(y, a):
+        return (jnp.where(a > 0.0, 1.0, -1.0) * y[0],)
+
+    def pair(y, a):
+        return y[1], -y[0] + jnp.where(a > 0.0, 0.1, -0.1) * y[1]
+
+    for rates, start, label in ((single, [0.0], "BP?"), (pair, [0.0, 0.0], "HB?")):
+        found, branch = followed(rates, start, -0.1234, (-0.5, 0.5), ONE)
+        assert [label for label, _ in found] == ["EP", label, "EP"]
+        assert branch[label][0].words.endswith("the function jumps there")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("scale", [ONE, *OTHER[:3], Scale([1e-9, 1e4], 1e-3, 1e-6)])
 def test_small_orbits_are_born_in_any_units(scale):
