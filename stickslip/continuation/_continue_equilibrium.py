@@ -1,67 +1,46 @@
 """`continue_equilibrium`: a branch of equilibria over one parameter, with its Hopf points and folds."""
 
 import dataclasses
-from collections.abc import Callable
-from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import PyTree
-from scipy.optimize import brentq
 
 from .._types import Given, Mode
 from .._validation import check_count, check_flag, one_concrete, refusal
-from ..analysis._observable import with_parameters
 from ..hybrid import AbstractHybridSystem
 from ..hybrid._arguments import check_field, start_of, the_system
 from ..hybrid._tree import with_float_arrays
 from ._arguments import bounds_of, value_of
 from ._closing import check_autonomous
 from ._equilibrium import EquilibriumBranch, EquilibriumPoint
+from ._rest import (
+    Field,
+    Measure,
+    Rest,
+    angle_of,
+    corrected,
+    measure_of,
+    of_length_one,
+    renewed,
+    tangent_of,
+)
+from ._rest_points import ODD, axis_pair, crossing, labelled, located, signs
 
-EVALUATIONS = 20  # of Newton's method
-CLOSE = 1e-13  # a step as short as this, in parts of the sizes, ends it
-ROUNDING = 1e-9  # or one that is no shorter than the one before and below this
-BEND = 0.95  # cosine between two tangents: sharper bends get shorter steps
+BEND = 0.32  # angle between two tangents [rad]: sharper bends get shorter steps
 SHORTEST = 2.0**-12
 SWERVES = 0.1  # of a step: farther than this and its bend from where it was expected, it is another one
-OFF_AXIS = 1e-9  # part of its size beside the real axis of an eigenvalue that is not real
-
-
-@dataclasses.dataclass(frozen=True)
-class _Rest:
-    """An equilibrium: unknowns in parts of the sizes, the parameter last."""
-
-    u: np.ndarray
-    tangent: np.ndarray
-    jacobian: np.ndarray
-    eigenvalues: np.ndarray
-    vectors: np.ndarray
-
-
-class _Field:
-    """The field of one mode and its derivatives by all unknowns, compiled once."""
-
-    def __init__(self, system, name: str, t0, y0: PyTree, mode, args, size: np.ndarray):
-        self.name, self.size = name, size
-        _, self.unravel = ravel_pytree(y0)
-        self.given = system, t0, mode, args, self.unravel
-
-    def __call__(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        values, slopes = _slopes(self.name, *self.given, jnp.asarray(u * self.size))
-        return np.asarray(values), np.asarray(slopes) * self.size[None, :]
-
-
-@eqx.filter_jit
-def _slopes(name, system, t0, mode, args, unravel, z):
-    def field(z):
-        there = with_parameters(system, {name: z[-1]})
-        return ravel_pytree(there.vector_field(t0, unravel(z[:-1]), mode, args))[0]
-
-    return field(z), jax.jacfwd(field)(z)
+KNOWN = 1e-9  # of the sizes: to which equilibria are known
+# Of its move: a component that began to move is there where the tangents let expect it, but for this.
+ASTRAY = 0.9
+DOUBLE = (
+    1e-7  # part of the largest singular value: a step does not end in a branch point as near as this
+)
+SLACK = 1e-12  # of the bounds' distance: as far outside of them is rounding
+TRIES, LADDER = 16, 30  # of a first step, of first sizes
+FIRST = 0.02  # of the bounds' distance: the first of them
 
 
 def continue_equilibrium(
@@ -88,13 +67,16 @@ def continue_equilibrium(
     - `system`, `args`: without dependence on the time; `parameter` has the value where `y0` is.
     - `y0`: a state near the equilibrium; `mode0`: in which mode, by default that of the system there.
     - `bounds`: least and greatest value of the parameter.
-    - `step`: first and longest step, in parts of the bounds' distance (and of the state's size).
+    - `step`: first and longest step, in parts of the bounds' distance and of the extent of the branch.
     - `max_points`: states on each of the two halves. `both`: follow to both sides of `y0`; otherwise
       to larger values of the parameter.
 
     **Returns** an `EquilibriumBranch` with the special points `LP` (fold), `BP` (branch point), `HB`
     (Hopf: a pair crosses the imaginary axis) and `EP` (end, with the reason). From an `HB` point
-    `continue_orbit` follows the periodic orbits that are born there. It runs outside `jit`.
+    `continue_orbit` follows the periodic orbits that are born there. It runs outside `jit`. A branch
+    point at which the parameter turns, as along one branch of a pitchfork, is a `BP` and no `LP`.
+    What is not located has a question mark, `LP?`, and words between which states it lies. Results
+    do not depend on the units of the state, of the time and of the parameter.
 
     **Errors** `ValueError`/`TypeError` naming the argument; also where Newton's method finds no
     equilibrium from `y0`.
@@ -110,21 +92,22 @@ def continue_equilibrium(
     y0, mode = start_of(system, 0.0, y0, mode0, args)
     check_field(system, 0.0, y0, mode, args)
     check_autonomous("system", system, 0.0, y0, mode, args, "without dependence on the time")
-    flat = np.asarray(ravel_pytree(y0)[0], float)
-    size = np.append(np.where(flat != 0.0, np.abs(flat), 1.0), high - low)
-    field = _Field(with_float_arrays(system), parameter, 0.0, y0, mode, args, size)
-    hold = np.zeros(size.size)
+    z = np.append(np.asarray(ravel_pytree(y0)[0], float), value)
+    field = Field(with_float_arrays(system), parameter, 0.0, y0, mode, args)
+    hold = np.zeros(z.size)
     hold[-1] = 1.0
-    first = _corrected(field, np.append(flat, value) / size, hold, hold)
+    first = _first(field, z, hold, high - low)
     if first is None:
         raise refusal("y0", y0, "near an equilibrium of this mode: Newton's method finds none")
     ends = (low, high)
-    forward, marks = _half(field, first, ends, step, max_points)
+    measure = _measured(field, first, high - low, step)
+    first = dataclasses.replace(first, tangent=of_length_one(first.tangent, hold, measure))
+    forward, marks = _half(field, first, measure, ends, step, max_points, True)
     if both:
         back = dataclasses.replace(first, tangent=-first.tangent)
-        backward, before = _half(field, back, ends, step, max_points)
+        backward, before = _half(field, back, measure, ends, step, max_points, False)
         forward, marks = backward[:0:-1] + forward, before[::-1] + marks
-    states = np.stack([p.u * size for p in forward])
+    states = np.stack([p.z for p in forward])
     tree = jax.vmap(field.unravel)(jnp.asarray(states[:, :-1]))
     return EquilibriumBranch(
         parameter, states[:, -1], int(mode), jax.tree.map(np.asarray, tree),
@@ -133,136 +116,156 @@ def continue_equilibrium(
     )  # fmt: skip
 
 
-def _corrected(field: _Field, u: np.ndarray, along: np.ndarray, sense: np.ndarray) -> _Rest | None:
-    """The equilibrium in the plane through `u` across `along`; None where Newton's method fails."""
-    start, before = u, np.inf
-    for _ in range(EVALUATIONS):
-        values, jacobian = field(u)
-        if not (np.all(np.isfinite(values)) and np.all(np.isfinite(jacobian))):
-            return None
-        # Rows in parts of their own size: rates may differ by many orders.
-        rows = np.maximum(np.max(np.abs(jacobian), axis=1), 1e-300)
-        matrix = np.vstack([jacobian / rows[:, None], along])
-        move = np.linalg.lstsq(matrix, np.append(values / rows, along @ (u - start)), rcond=1e-14)[0]
-        u = u - move
-        length = float(np.max(np.abs(move)))
-        if length <= CLOSE or (length <= ROUNDING and length >= 0.5 * before):
-            break
-        before = length
-    else:
-        return None
-    _, jacobian = field(u)
-    rows = np.maximum(np.max(np.abs(jacobian), axis=1), 1e-300)
-    tangent = np.linalg.svd(jacobian / rows[:, None])[2][-1]
-    tangent = tangent if tangent @ sense >= 0 else -tangent
-    # In the state's own units: of a scaled matrix they are the same, but not the vectors.
-    own = jacobian[:, :-1] / field.size[None, :-1]
-    rates, vectors = np.linalg.eig(own)
-    order = np.lexsort((-np.imag(rates), -np.real(rates)))
-    return _Rest(u, tangent, jacobian / rows[:, None], rates[order], vectors[:, order])
+def _first(field: Field, z: np.ndarray, hold: np.ndarray, span: float) -> Rest | None:
+    """The equilibrium near the given state, at the value of the parameter; at a fold, all but at it."""
+    first = corrected(field, z, hold, hold, None)
+    jacobian = field(z)[1]
+    if first is not None or not np.all(np.isfinite(jacobian)):
+        return first
+    measure = measure_of(np.append(np.abs(z[:-1]), span), jacobian)
+    along = measure.along(tangent_of(jacobian, hold, measure))
+    found = corrected(field, z, along, hold, measure)
+    return found if found is not None and abs(found.value - z[-1]) <= SLACK * span else None
 
 
-def _turning(rest: _Rest) -> float:
-    return float(rest.tangent[-1])
+def _measured(field: Field, first: Rest, span: float, step: float) -> Measure:
+    """Sizes at the start: how far each component moves, as slope and curvature there let expect.
+
+    The parameter is changed a little to find them; at a start where it turns, nothing but trying tells.
+    """
+    size = np.append(np.zeros(first.z.size - 1), span)
+    measure = measure_of(size, first.jacobian)
+    rate = abs(first.tangent[-1] / measure.columns[-1])
+    if rate > KNOWN * np.max(np.abs(first.tangent / measure.columns)):
+        along, sense, none = measure.along(first.tangent), first.tangent, np.zeros(size.size)
+        along = np.where(np.arange(size.size) < size.size - 1, 0.0, along)
+        for k in range(TRIES):
+            for way in (1.0, -1.0):
+                change = way * FIRST * span * 0.25**k * sense / sense[-1]
+                new = corrected(field, first.z + change, along, sense, measure)
+                if new is not None and not _astray(first, new, measure, none):
+                    return renewed(measure, first, new, none)
+    way = first.tangent / np.max(np.abs(first.tangent / measure.columns))
+    way[-1] = 0.0
+    largest = np.max(np.abs(first.z[:-1]) / np.where(way[:-1] != 0.0, np.abs(way[:-1]), np.inf))
+    for k in range(2 * LADDER):
+        size = np.abs(way) * (largest if largest > 0.0 else 4.0**LADDER) * 0.25**k
+        size[-1] = span
+        measure = dataclasses.replace(measure, size=size)
+        tangent = of_length_one(first.tangent, first.tangent, measure)
+        rest = dataclasses.replace(first, tangent=tangent)
+        new = corrected(field, first.z + step * tangent, measure.along(tangent), tangent, measure)
+        if new is not None and not _leaps(rest, new, step, measure):
+            if angle_of(tangent, new.tangent, measure) < 0.5 * BEND:
+                break
+    return measure
 
 
-def _crossing(rest: _Rest) -> float:
-    return float(np.linalg.det(np.vstack([rest.jacobian, rest.tangent])))
+def _half(field: Field, start: Rest, measure: Measure, ends, step: float, most: int, first: bool):
+    """Equilibria from `start` along its tangent; special points as (label, where, words).
 
-
-def _pairs(rest: _Rest) -> float:
-    r"""$\prod_{i<j}(\lambda_i + \lambda_j)$, by the sizes: zero with a pair on the imaginary axis."""
-    found, product = rest.eigenvalues, 1.0 + 0.0j
-    for i in range(found.size):
-        for j in range(i):
-            product *= (found[i] + found[j]) / max(abs(found[i]), abs(found[j]), 1e-300)
-    return float(np.real(product)) if found.size > 1 else 1.0
-
-
-TESTS: dict[str, Callable[[_Rest], float]] = {"LP": _turning, "BP": _crossing, "HB": _pairs}
-
-
-def _axis_pair(rest: _Rest) -> int | None:
-    """Number of the eigenvalue above the axis whose pair is on it; None if both are real."""
-    found = rest.eigenvalues
-    pairs = [(abs(a + b), i) for i, a in enumerate(found) for b in found[:i]]
-    if not pairs:
-        return None
-    at = min(pairs)[1]
-    if not abs(found[at].imag) > OFF_AXIS * abs(found[at]):
-        return None
-    return int(np.argmin(np.abs(found - 1j * abs(found[at].imag))))
-
-
-def _half(field: _Field, start: _Rest, ends, step: float, most: int):
-    """Equilibria from `start` along its tangent; special points as (label, where, words)."""
-    points, marks, distance = [start], [], step
+    A function that is zero at an equilibrium keeps the sign that it had, so that what is met exactly
+    is found once, with the next one. At the start the `first` half looks back for it.
+    """
+    points, marks, distance, longest = [start], [], step, step
+    lowest, highest = start.z, start.z
+    had = signs(start, measure)
+    if first and 0 in had.values():
+        behind = _beyond(field, dataclasses.replace(start, tangent=-start.tangent), measure, step)
+        had = _continued(had, {k: -s if k in ODD else s for k, s in behind.items()})
+    slack = SLACK * (ends[1] - ends[0])
     while len(points) < most:
         rest = points[-1]
-        new = _corrected(field, rest.u + distance * rest.tangent, rest.tangent, rest.tangent)
-        leaps = new is not None and _leaps(rest, new, distance)
-        if new is None or leaps or new.tangent @ rest.tangent < BEND:
+        new = _ahead(field, rest, distance, measure)
+        leaps = new is not None and _leaps(rest, new, distance, measure)
+        if new is None or leaps or angle_of(rest.tangent, new.tangent, measure) > BEND:
             if distance > SHORTEST * step:
                 distance *= 0.5
                 continue
             if new is None or leaps:
                 marks.append(("EP", rest, "not_converged: the next equilibrium was not found"))
                 return points, marks
-        found = []
-        for label, test in TESTS.items():
-            if test(rest) * test(new) < 0:
-                at = _located(field, rest, new, distance, test)
-                if at is not None and (label != "HB" or _axis_pair(at) is not None):
-                    found.append((label, at, ""))
-        marks += sorted(found, key=lambda m: float(np.linalg.norm(m[1].u - rest.u)))
-        value = new.u[-1] * field.size[-1]
-        if not ends[0] <= value <= ends[1]:
-            bound = ends[0] if value < ends[0] else ends[1]
-            test = _beyond(bound / field.size[-1])
-            last = _located(field, rest, new, distance, test) or rest
-            inside = [m for m in marks if ends[0] <= m[1].u[-1] * field.size[-1] <= ends[1]]
-            return [*points, last], [*inside, ("EP", last, "bounds")]
-        points.append(new)
-        distance = min(1.5 * distance, step)
-    return points, [*marks, ("EP", points[-1], "max_points")]
+        elif _double(new, measure) and not _double(rest, measure) and distance == longest:
+            distance *= 0.8  # near a branch point the tangent is not known
+            continue
+        now, outside = signs(new, measure), not ends[0] <= new.value <= ends[1]
+        if outside and 0 in now.values():
+            now = _continued(now, _beyond(field, new, measure, step))
+        changed = [label for label, sign in now.items() if sign * had[label] < 0]
+        had = {label: sign or had[label] for label, sign in now.items()}
+        marks += labelled(field, rest, new, distance, measure, changed)
+        if outside:
+            bound = ends[0] if new.value < ends[0] else ends[1]
+            known = {0.0: rest, distance: new}
+            last = located(field, rest, [0.0, distance], known, measure, lambda p, b=bound: p.value - b)
+            last = rest if isinstance(last, str) else last
+            inside = [m for m in marks if ends[0] - slack <= m[1].value <= ends[1] + slack]
+            points = points if last is rest else [*points, last]
+            return points, [*inside, ("EP", last, "bounds")]
+        lowest, highest = np.minimum(lowest, new.z), np.maximum(highest, new.z)
+        measure = renewed(measure, rest, new, highest - lowest)
+        points.append(
+            dataclasses.replace(new, tangent=of_length_one(new.tangent, new.tangent, measure))
+        )
+        distance = longest = min(1.5 * distance, step)
+    last = points[-1]
+    now = signs(last, measure)
+    if (first or len(points) > 1) and 0 in now.values():
+        now = _continued(now, _beyond(field, last, measure, step))
+        changed = [label for label, sign in now.items() if sign * had[label] < 0]
+        marks += labelled(field, last, last, 0.0, measure, changed)
+    return points, [*marks, ("EP", last, "max_points")]
 
 
-def _leaps(rest: _Rest, new: _Rest, distance: float) -> bool:
+def _ahead(field: Field, rest: Rest, distance: float, measure: Measure) -> Rest | None:
+    along = measure.along(rest.tangent)
+    return corrected(field, rest.z + distance * rest.tangent, along, rest.tangent, measure)
+
+
+def _beyond(field: Field, rest: Rest, measure: Measure, step: float) -> dict[str, int]:
+    """Signs of the functions a little farther along the branch."""
+    for part in (2.0**-4, 2.0**-8, 2.0**-12):
+        new = _ahead(field, rest, part * step, measure)
+        if new is not None and not _leaps(rest, new, part * step, measure):
+            return signs(new, measure)
+    return {}
+
+
+def _continued(now: dict[str, int], other: dict[str, int]) -> dict[str, int]:
+    """Signs, and where there is none, those of another place."""
+    return {label: sign or other.get(label, 0) for label, sign in now.items()}
+
+
+def _double(rest: Rest, measure: Measure) -> bool:
+    """Whether it is hardly farther from a branch point than rounding."""
+    return abs(crossing(rest, measure)) < DOUBLE
+
+
+def _leaps(rest: Rest, new: Rest, distance: float, measure: Measure) -> bool:
     """Whether an equilibrium, a step ahead, is farther away than the branch bends: on another one."""
-    angle = float(np.arccos(np.clip(new.tangent @ rest.tangent, -1.0, 1.0)))
-    away = np.linalg.norm(new.u - rest.u - distance * rest.tangent)
-    return bool(away > (SWERVES + angle) * distance + ROUNDING)
+    move = distance * rest.tangent
+    away = measure.length(new.z - rest.z - move)
+    if away > (SWERVES + angle_of(rest.tangent, new.tangent, measure)) * distance + KNOWN:
+        return True
+    return _astray(rest, new, measure, measure.size)
 
 
-def _beyond(bound: float) -> Callable[[_Rest], float]:
-    return lambda rest: float(rest.u[-1] - bound)
+def _astray(rest: Rest, new: Rest, measure: Measure, size: np.ndarray) -> bool:
+    """Whether a component without size moves as the tangents at both ends do not let expect."""
+    change = new.z[-1] - rest.z[-1]
+    if rest.tangent[-1] == 0.0 or new.tangent[-1] == 0.0:
+        return False
+    own = measure_of(measure.size, new.jacobian)
+    move, least = new.z - rest.z, own.least(new.jacobian, new.z)
+    expected = 0.5 * change * (rest.tangent / rest.tangent[-1] + new.tangent / new.tangent[-1])
+    most = ASTRAY * np.maximum(np.abs(move), np.abs(expected)) + least
+    return bool(np.any((size == 0.0) & (np.abs(move - expected) > most)))
 
 
-def _located(field: _Field, before: _Rest, after: _Rest, distance: float, test) -> _Rest | None:
-    """The equilibrium between two others where a test is zero, by Brent's method."""
-    known: dict[float, _Rest] = {0.0: before, distance: after}
-
-    def value(at: float) -> float:
-        if at not in known:
-            found = _corrected(field, before.u + at * before.tangent, before.tangent, before.tangent)
-            if found is None:
-                raise ArithmeticError
-            known[at] = found
-        return test(known[at])
-
-    try:
-        root: Any = brentq(value, 0.0, distance, xtol=1e-15, rtol=1e-14)  # pyright: ignore[reportArgumentType]
-        value(float(root))
-    except (ArithmeticError, ValueError):
-        return None
-    return known[float(root)]
-
-
-def _special(field: _Field, mode: int, label: str, rest: _Rest, words: str) -> EquilibriumPoint:
-    z = rest.u * field.size
-    period, swing = np.nan, np.zeros(z.size - 1)
-    pair = _axis_pair(rest) if label == "HB" else None
+def _special(field: Field, mode: int, label: str, rest: Rest, words: str) -> EquilibriumPoint:
+    period, swing = np.nan, np.zeros(rest.z.size - 1)
+    pair = axis_pair(rest) if label == "HB" else None
     if pair is not None:
         period, swing = 2.0 * np.pi / abs(rest.eigenvalues[pair].imag), np.real(rest.vectors[:, pair])
-    y = jax.tree.map(np.asarray, field.unravel(jnp.asarray(z[:-1])))
-    return EquilibriumPoint(label, float(z[-1]), y, mode, rest.eigenvalues, period, swing, words)
+    y = jax.tree.map(np.asarray, field.unravel(jnp.asarray(rest.z[:-1])))
+    return EquilibriumPoint(label, rest.value, y, mode, rest.eigenvalues, period, swing, words)

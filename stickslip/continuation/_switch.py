@@ -15,9 +15,16 @@ from ._follow import Failure, Point, ahead, begin, correct, leaps, turned
 from ._guess import OrbitGuess
 from ._orbit import PeriodicOrbit
 from ._points import doubling
+from ._rest import scales_of
 
 # First amplitudes of the other orbit that are tried, in parts of the motion's size.
 AMPLITUDES = (1e-2, 3e-3, 3e-2, 1e-3, 3e-4, 1e-4)
+# Of an orbit at a Hopf point: parts of the amplitude that are tried, how often smaller ones, how far it
+# may be from there by its parameter, in parts of the bounds' distance, and by its period.
+PARTS, SMALLER, ASIDE, LATE = (1.0, 0.3, 3.0, 0.1, 10.0, 0.03, 0.01), 4, 0.01, 0.1
+# That amplitude: what the field differs from the linear one by, in parts of this, on so many points of
+# the orbit; sizes from so many powers of ten; components with less than the last part do not move.
+NONLINEAR, ROUND, DECADES, NONE = 1e-2, 16, 25, 1e-9
 HALVED = 6  # times, a step in search of the orbit that is doubled
 # The doubling of that one is found by secants: the first, the last, and how far away it may be, in
 # parts of the motion's size.
@@ -128,14 +135,18 @@ def born(problem: Problem, rest: EquilibriumPoint) -> Point | Failure:
     """A small orbit near a Hopf point, and the way on from there.
 
     As at a doubling the parameter changes with the square of the amplitude, so that the amplitude is
-    given, and the parameter found.
+    given, and the parameter found. It is first tried where the field is hardly nonlinear, whatever the
+    units. An orbit far from the point, by its parameter or period, is too large or of another family.
     """
     flat, unravel = ravel_pytree(rest.y)
     flat, found = np.asarray(flat, float), Failure("not_converged")
-    reach = np.linalg.norm(rest.swing)
-    whole = np.linalg.norm(flat) or 1.0
-    for amplitude in AMPLITUDES:
-        swing = amplitude * whole / reach * rest.swing
+    ellipse, least = _small_ellipse(problem, rest)
+    parts, smaller = list(PARTS), 0
+    while parts:
+        part = parts.pop(0)
+        if part < least:
+            continue
+        swing = part * ellipse
         anchor, u, modes = anchored(
             problem, jnp.asarray([rest.value]), unravel(jnp.asarray(flat + swing)),
             jnp.asarray(rest.mode, jnp.int32), jnp.zeros(()), jnp.asarray(rest.period), 0.0,
@@ -145,10 +156,57 @@ def born(problem: Problem, rest: EquilibriumPoint) -> Point | Failure:
         along[: flat.size] = swing / np.asarray(anchor.size)
         along /= np.linalg.norm(along)
         new = correct(problem, u, modes, anchor, along, along)
-        if isinstance(new, Point):
+        if isinstance(new, Failure):
+            found = new
+            continue
+        away, late = _from_birth(problem, new, rest)
+        if away <= ASIDE and late <= LATE:
             return new if new.tangent @ along > 0 else turned(new)
-        found = new
+        if smaller < SMALLER:
+            smaller += 1
+            parts.insert(0, 0.5 * part * min(0.5, np.sqrt(ASIDE / max(away, ASIDE))))
     return found
+
+
+def _from_birth(problem: Problem, point: Point, rest: EquilibriumPoint) -> tuple[float, float]:
+    """How far an orbit is from a Hopf point, in parts of the bounds' distance and of the period."""
+    away = abs(point.value - rest.value) / float(np.asarray(problem.unit)[0])
+    return away, abs(float(point.orbit.period) / rest.period - 1.0)
+
+
+def _small_ellipse(problem: Problem, rest: EquilibriumPoint) -> tuple[np.ndarray, float]:
+    r"""Start, from the equilibrium, of the largest linear orbit that is nearly one of the field.
+
+    The linear orbit of $\dot w = J w$ with $J^2 w = -\omega^2 w$ begins with the swing. What the field
+    differs from the linear one by, in parts of that, grows with the amplitude, and by rounding with
+    ever smaller ones. The part of it from which on it does is the other number.
+    """
+    flat, unravel = ravel_pytree(rest.y)
+    system = system_at(problem, [rest.value])
+
+    def field(flat):
+        rates = system.vector_field(0.0, unravel(flat), jnp.asarray(rest.mode), problem.args)
+        return ravel_pytree(rates)[0]
+
+    jacobian = np.asarray(jax.jacfwd(field)(jnp.asarray(flat)))
+    swing = np.asarray(rest.swing)
+    other = jacobian @ swing * rest.period / (2.0 * np.pi)
+    angles = np.linspace(0.0, 2.0 * np.pi, ROUND, endpoint=False)[:, None]
+    ways = np.cos(angles) * swing + np.sin(angles) * other
+    rates = ways @ jacobian.T
+    whole = np.max(np.abs(rates), axis=0)
+    parts = whole * scales_of(jacobian)[0]
+    taken = parts > NONE * np.max(parts)  # the others do not take part in this motion
+    sizes = 10.0 ** np.arange(DECADES, -DECADES, -0.5)[:, None, None]
+    states = jnp.asarray(np.asarray(flat) + sizes * ways)
+    off = np.asarray(jax.vmap(jax.vmap(field))(states)) - np.asarray(field(jnp.asarray(flat)))
+    off -= sizes * rates
+    part = np.max(np.abs(off[:, :, taken]) / (sizes * whole[taken]), axis=(1, 2))
+    good = np.flatnonzero(part <= NONLINEAR)
+    if not good.size or good[0] == 0:  # a linear field has orbits of any size
+        return swing * (np.linalg.norm(flat) or 1.0) * NONLINEAR, 0.0
+    size = sizes[good[0], 0, 0]
+    return size * swing, float(sizes[int(np.nanargmin(part)), 0, 0] / size)
 
 
 def outward(problem: Problem, point: Point, slope: np.ndarray) -> Point:
