@@ -35,9 +35,8 @@ SWERVES = 0.1  # of a step: farther than this and its bend from where it was exp
 KNOWN = 1e-9  # of the sizes: to which equilibria are known
 # Of its move: a component that began to move is there where the tangents let expect it, but for this.
 ASTRAY = 0.9
-DOUBLE = (
-    1e-7  # part of the largest singular value: a step does not end in a branch point as near as this
-)
+# Part of the largest singular value: a step does not end as near as this to a branch point.
+DOUBLE = 1e-7
 SLACK = 1e-12  # of the bounds' distance: as far outside of them is rounding
 TRIES, LADDER = 16, 30  # of a first step, of first sizes
 FIRST = 0.02  # of the bounds' distance: the first of them

@@ -19,8 +19,8 @@ class EquilibriumPoint(eqx.Module):
 
     `eigenvalues` [1/s] of the linear motion about it, fastest growth first. Of a Hopf point, `HB`:
     `period` [s] of the pair on the imaginary axis, and `swing`, the real part of its eigenvector as a
-    flat state; otherwise NaN and zeros. `words`: why an `EP` is the end; of a point that was not located,
-    such as `LP?`, up to which state it may lie, and `y` is the one before it.
+    flat state; otherwise NaN and zeros. `words`: why an `EP` is the end; of a point that was not
+    located, such as `LP?`, up to which state it may lie, and `y` is the one before it.
     """
 
     label: str

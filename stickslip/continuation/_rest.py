@@ -15,9 +15,8 @@ from ..analysis._observable import with_parameters
 EVALUATIONS = 20  # of Newton's method
 CLOSE = 1e-13  # a step as short as this, in parts of the sizes, ends it
 ROUNDING = 1e-9  # or one that is no shorter than the one before and below this
-SETTLED = (
-    8  # after so many evaluations, components that do not move along the branch are not waited for
-)
+# After so many evaluations components that do not move along the branch are not waited for.
+SETTLED = 8
 NOTHING = 1e-12  # of the largest: parts of a tangent that are rounding
 # Of what the other components of the linear motion let expect, and of its own value: a component that
 # has moved by less has not moved.
