@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._argument_checks import check_arguments, reals
+from .._argument_checks import check_arguments, time
 from .._types import Given, Numeric, Row
 from .._validation import (
     as_parameter,
@@ -205,7 +205,7 @@ class WithPeriodicBreaks(AbstractSystemWrapper):
         latest = jnp.argmin(since).astype(jnp.int32)
         return (latest + 1) % times.size, jnp.maximum(since[latest] - late, 0.0)
 
-    @check_arguments(t=reals)
+    @check_arguments(t=time)
     def initial_mode(self, t, y, args):
         piece, _ = self._piece_at(t)
         return self._joined(self.system.initial_mode(self._inside(t, piece), y, args), piece)

@@ -139,7 +139,11 @@ KNOWN = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("case", KNOWN, ids=lambda case: case[0].__name__)
+# Each compiles its own programs.
+FEW = [*KNOWN[:2], *(pytest.param(case, marks=pytest.mark.slow) for case in KNOWN[2:])]
+
+
+@pytest.mark.parametrize("case", FEW, ids=lambda case: case[0].__name__)
 def test_special_points_in_any_units(case):
     rates, y, a, bounds, right = case
     found, branch = followed(rates, y, a, bounds, ONE)
@@ -168,8 +172,8 @@ def test_special_points_in_mixed_units(case):
         assert 0.5 * len(branch) <= len(again) <= 2.0 * len(branch)
 
 
-@pytest.mark.parametrize("step", [0.02, 0.1])
-@pytest.mark.parametrize("a", [0.3, 0.345, 0.2])
+@pytest.mark.parametrize("step", [0.02, pytest.param(0.1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("a", [0.3, pytest.param(0.345, marks=pytest.mark.slow)])
 def test_a_pitchfork_along_its_other_branch(a, step):
     """The parameter turns there, but beyond it another branch goes on: no fold."""
     x = np.sqrt((1.0 + np.sqrt(1.0 + 4.0 * a)) / 2.0)
