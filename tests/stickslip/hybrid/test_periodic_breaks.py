@@ -51,13 +51,18 @@ def pieces(t, system):
     return state[:2]
 
 
+@jax.jit
+def pushed_from_rest(system):
+    return ss.simulate(system, 0.0, 100.0, Motion(0.0, 0.0), max_events=None)
+
+
 @pytest.mark.parametrize(
     ("T", "duty", "begin"),
     [(4.8, 0.5, 0.0), (4.8, 0.03, 0.0), (4.8, 0.97, -1.0), (0.1, 0.4, 0.05), (300.0, 0.5, -70.0)],
 )
 def test_a_push_that_recurs(T, duty, begin):
     system = recurring(T, duty, begin)
-    run = jax.jit(lambda s: ss.simulate(s, 0.0, 100.0, Motion(0.0, 0.0), max_events=None))(system)
+    run = pushed_from_rest(system)
     np.testing.assert_allclose([run.y1.x, run.y1.v], pieces(100.0, system.system), atol=1e-8)
     assert int(run.flags) == 0
     count = sum(np.sum((b > 0.0) & (b < 100.0)) for b in _breaks(T, duty, begin))
