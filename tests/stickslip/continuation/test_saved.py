@@ -1,10 +1,13 @@
 """Branches in files: nothing is lost, and they go on where they ended."""
 
+from typing import Any
+
 import jax
 import numpy as np
 import pytest
 import xarray as xr
 
+import stickslip as ss
 from stickslip.continuation import (
     OrbitGuess,
     continue_orbit,
@@ -119,3 +122,25 @@ def test_an_interrupted_write_leaves_the_old_file(branch, path, monkeypatch):
         save_branch(branch, path)
     assert path.read_bytes() == before
     assert [p.name for p in path.parent.iterdir()] == [path.name]
+
+
+class Named(ss.AbstractSmoothSystem):
+    r"""The cycle of `Radial`, whose size is a parameter with the name of a column."""
+
+    period: Any
+    label: Any = 0.0
+
+    def vector_field(self, t, y, mode, args):
+        return Radial(self.period + self.label).vector_field(t, y, mode, args)
+
+
+@pytest.mark.parametrize("name", ["period", "label"])
+def test_a_parameter_may_have_the_name_of_a_column(name, tmp_path):
+    guess = OrbitGuess(Cycle(1.5**0.5, 0.0), 2 * np.pi)
+    branch = continue_orbit(Named(0.5), guess, name, (-0.2, 0.6), step=0.2, max_points=2)
+    data = branch.to_dataset()
+    np.testing.assert_array_equal(data[f"parameter_{name}"], branch.values)
+    np.testing.assert_allclose(data["period"], 2 * np.pi, rtol=1e-9)
+    again = load_branch(save_branch(branch, tmp_path / "named.nc"), Named(0.5), Cycle(0.0, 0.0))
+    assert repr(again) == repr(branch)
+    np.testing.assert_array_equal(again.values, branch.values)
