@@ -1,7 +1,7 @@
 """A system whose load jumps or bends at times that recur with a period."""
 
 from collections.abc import Callable, Sequence
-from typing import Any, overload
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -24,6 +24,7 @@ from .._validation import (
 )
 from ._breaks import settled
 from ._events import SLACK
+from ._names import MadeNames
 from ._system import AbstractHybridSystem, guard_directions, guard_scales, mode_type
 from ._tree import select
 from ._wrapper import AbstractSystemWrapper
@@ -236,7 +237,7 @@ def beside_break(system: WithPeriodicBreaks, t: Any) -> Any:
     return jnp.where(since < near, 0.5 * (begin + end), ends)
 
 
-class _Names(Sequence):
+class _Names(MadeNames):
     """Names of the modes of a system for each piece of its load, made when they are asked for."""
 
     def __init__(self, names: Sequence[str], pieces: int):
@@ -245,17 +246,7 @@ class _Names(Sequence):
     def __len__(self) -> int:
         return len(self.names) * self.pieces
 
-    @overload
-    def __getitem__(self, index: int) -> str: ...
-    @overload
-    def __getitem__(self, index: slice) -> Sequence[str]: ...
-    def __getitem__(self, index: Any) -> Any:
-        if isinstance(index, slice):
-            return [self[i] for i in range(*index.indices(len(self)))]
-        number = int(index)
-        number += len(self) if number < 0 else 0
-        if not 0 <= number < len(self):
-            raise IndexError(f"mode {index} of {len(self)}")
+    def name(self, number: int) -> str:
         piece, inner = divmod(number, len(self.names))
         return f"{self.names[inner]}, load {piece + 1}"
 
@@ -264,13 +255,6 @@ class _Names(Sequence):
         if found and piece in map(str, range(1, self.pieces + 1)):
             return self.names.index(name) + len(self.names) * (int(piece) - 1)
         raise ValueError(f"{value!r} is not the name of a mode")
-
-    def __contains__(self, value: object) -> bool:
-        try:
-            self.index(value)
-        except ValueError:
-            return False
-        return True
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, _Names) and (self.names, self.pieces) == (other.names, other.pieces)

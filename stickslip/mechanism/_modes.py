@@ -1,11 +1,12 @@
 """Modes: two bits a contact, one a stop, and names made when they are asked for."""
 
 from collections.abc import Sequence
-from typing import Any, overload
+from typing import Any
 
 import jax.numpy as jnp
 
 from stickslip._fastmath import where
+from stickslip.hybrid._names import MadeNames
 
 BACKWARD, REST, FORWARD, OPEN = 0, 1, 2, 3
 WORDS = ("slip backward", "stick", "slip forward", "open")
@@ -14,7 +15,7 @@ BITS = 2  # of each contact, the first contact the lowest; each stop has one, ab
 MOST_IN_32, MOST = 15, 31  # contacts whose mode is an integer of 32, and of 64 bits
 
 
-class ModeNames(Sequence):
+class ModeNames(MadeNames):
     """Names of all modes, `"stick / slip forward"`: $4^m 2^s$ for m contacts and s stops.
 
     They are made when asked for. Modes in which a contact that does not open is open have names too,
@@ -27,17 +28,7 @@ class ModeNames(Sequence):
     def __len__(self) -> int:
         return 4**self.contacts * 2**self.stops
 
-    @overload
-    def __getitem__(self, index: int) -> str: ...
-    @overload
-    def __getitem__(self, index: slice) -> Sequence[str]: ...
-    def __getitem__(self, index: Any) -> Any:
-        if isinstance(index, slice):
-            return [self[i] for i in range(*index.indices(len(self)))]
-        number = int(index)
-        number += len(self) if number < 0 else 0
-        if not 0 <= number < len(self):
-            raise IndexError(f"mode {index} of {len(self)}")
+    def name(self, number: int) -> str:
         words = [WORDS[(number >> BITS * c) & 3] for c in range(self.contacts)]
         number >>= BITS * self.contacts
         words += [STOP_WORDS[(number >> k) & 1] for k in range(self.stops)]
@@ -54,16 +45,6 @@ class ModeNames(Sequence):
                     place *= len(known)
                 return number
         raise ValueError(f"{value!r} is not the name of a mode")
-
-    def __contains__(self, value: object) -> bool:
-        try:
-            self.index(value)
-        except ValueError:
-            return False
-        return True
-
-    def __iter__(self):
-        return (self[i] for i in range(len(self)))
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, ModeNames) and hash(self) == hash(other)
