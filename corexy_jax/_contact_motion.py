@@ -92,3 +92,4 @@ _INERTIAS = np.stack([_OWN**2, _PARTNER**2, _OWN * _PARTNER], axis=1)
 _ABSENT = np.all(_INERTIAS == 0.0, axis=-1) * np.array([1.0, 1.0, 0.0])[:, None]
 # One table, one look-up: [set, row, velocity or freedom].
 _TABLE = np.concatenate([_INERTIAS.reshape(-1, 12, 4), _ABSENT, _FREEDOMS.reshape(-1, 8, 4)], axis=1)
+_TABLE.flags.writeable = False

@@ -2,13 +2,13 @@
 
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
 from stickslip.checks import check_type, refusal
+from stickslip.hybrid import jit_by_code
 
 from ._arguments import the_errata
 from ._contacts import CONTACT_NAMES, MOTOR_1
@@ -104,7 +104,7 @@ _TABLE = {
 }
 
 
-@eqx.filter_jit
+@jit_by_code
 def _columns(s: CoreXYSolution, errata: Errata) -> dict[str, Any]:
     p, y, a = s.parameters, s.y, s.a
     motors = slice(MOTOR_1, MOTOR_1 + 2)

@@ -22,7 +22,14 @@ from stickslip.checks import (
     refusal,
 )
 from stickslip.derived import Augmented, WithIntegrals
-from stickslip.hybrid import Executor, current_executor, jit_plainly, raise_failures, use_executor
+from stickslip.hybrid import (
+    Executor,
+    current_executor,
+    jit_by_code,
+    jit_plainly,
+    raise_failures,
+    use_executor,
+)
 
 from ._arguments import the_errata, the_integrator
 from ._contacts import Line, kinetic_limits, sliding_speeds
@@ -226,6 +233,6 @@ def simulate_as_printed(
     )  # fmt: skip
 
 
-@eqx.filter_jit
+@jit_by_code
 def _march(system, y0, dt, rows: int, stride: jax.Array, errata: Errata, execute: Executor):
     return march(system.parameters, system.voltage, y0, dt, rows, stride, errata, execute)

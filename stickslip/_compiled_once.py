@@ -11,6 +11,7 @@ import jax.extend
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
+from ._code import code_key
 from ._validation import is_concrete
 from .hybrid._plainly import plain_options
 from .hybrid._xla import traced
@@ -28,8 +29,8 @@ def compiled_once(function: Callable[..., PyTree], *operands: PyTree, key: Any =
     traced at every call, and known by the text of its program; the arrays it closes over are operands.
     A function made anew costs no compiling, and one whose data changed is not mistaken for the old one.
 
-    With a `key` a function of an equal one and operands of the same form is taken for the same, and not
-    even traced: for functions whose closures change with the key only.
+    With a `key` a function of an equal one, whose code is still the same, and operands of the same form
+    is taken for the same, and not even traced: for functions whose closures change with the key only.
 
     Inside `jit`, `vmap` and `grad` it is called plainly.
     """
@@ -37,7 +38,7 @@ def compiled_once(function: Callable[..., PyTree], *operands: PyTree, key: Any =
         return function(*operands)
     if key is not None:
         leaves, tree = jax.tree.flatten(operands)
-        key = (key, tree, tuple((jnp.shape(a), jnp.result_type(a)) for a in leaves))
+        key = (key, code_key(key), tree, tuple((jnp.shape(a), jnp.result_type(a)) for a in leaves))
         with _turn:
             kept = _known.get(key)
         if kept is not None:

@@ -3,13 +3,13 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 from jaxtyping import PyTree
 
+from .._code import jit_by_code
 from .._types import Given, Mode, Named, Numeric, Row
 from .._validation import check_count, check_mapping, check_type, one_concrete, refusal
 from ..derived import WithIntegrals
@@ -122,7 +122,7 @@ def _mode_names(system: Any, mode: np.ndarray) -> dict[str, list]:
     return {"mode_numbers": met, "mode_names": [names[number] for number in met]}
 
 
-@eqx.filter_jit
+@jit_by_code
 def _run(system, y0, t, transient, mode0, args, integrator, cuts, max_crossings, functions):
     solution = simulate(
         system, t[0] - transient, t[-1], y0, mode0, args, integrator=integrator,
@@ -197,7 +197,7 @@ def energy_ledger(
     )
 
 
-@eqx.filter_jit
+@jit_by_code
 def _account(system, y0, t, mode0, args, integrator, max_events):
     ledger = WithIntegrals(system, _powers)
     solution = simulate(

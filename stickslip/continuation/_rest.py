@@ -3,13 +3,13 @@
 import dataclasses
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import PyTree
 
+from .._code import jit_by_code
 from ..analysis._observable import with_parameters
 
 EVALUATIONS = 20  # of Newton's method
@@ -100,7 +100,7 @@ def _rates(name, system, t0, mode, args, unravel, z):
     return ravel_pytree(there.vector_field(t0, unravel(z[:-1]), mode, args))[0]
 
 
-@eqx.filter_jit
+@jit_by_code
 def _slopes(name, system, t0, mode, args, unravel, z):
     def field(z):
         return _rates(name, system, t0, mode, args, unravel, z)
@@ -108,7 +108,7 @@ def _slopes(name, system, t0, mode, args, unravel, z):
     return field(z), jax.jacfwd(field)(z)
 
 
-@eqx.filter_jit
+@jit_by_code
 def _curvature(name, system, t0, mode, args, unravel, z, weights):
     def field(z):
         return weights @ _rates(name, system, t0, mode, args, unravel, z)

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from stickslip._code import jit_by_code
 from stickslip._types import Row
 from stickslip._validation import one_row
 from stickslip.friction._law import AbstractFrictionLaw, Number, State, check_law
@@ -34,12 +35,12 @@ def _form(law: AbstractFrictionLaw, v: Float[Array, " n"]) -> Iterator[str]:
             yield "coefficient and drag must have the shape of v"
 
 
-@eqx.filter_jit
+@jit_by_code
 def _coefficient(law: AbstractFrictionLaw, v: Number) -> Array:
     return law.coefficient(v)
 
 
-@eqx.filter_jit
+@jit_by_code
 def _branch(law: AbstractFrictionLaw, v: Number, sense: Number) -> tuple[Array, Array]:
     return jax.value_and_grad(lambda v: law.kinetic(v, sense))(v)
 
@@ -67,7 +68,7 @@ def _rest(law: AbstractFrictionLaw) -> Iterator[str]:
         yield "static_interval must agree with static_coefficient"
 
 
-@eqx.filter_jit
+@jit_by_code
 def _in_motion(law: AbstractFrictionLaw, v: Array) -> dict[str, Any]:
     def slopes(v):
         return eqx.filter_grad(lambda at: at[0].coefficient(at[1]) + at[0].drag(at[1]))((law, v))
@@ -98,7 +99,7 @@ def _motion(law: AbstractFrictionLaw, v: Float[Array, " n"]) -> Iterator[str]:
         yield "derivatives must be finite away from rest, for the parameters too"
 
 
-@eqx.filter_jit
+@jit_by_code
 def _in_steady_sliding(law: AbstractFrictionLaw, v: Array) -> tuple[State, State, Array, Array]:
     state = law.steady_state(v)
     rates = law.state_rate(v, state)

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
+from .._code import jit_by_code
 from .._validation import (
     DeclarationError,
     as_float64,
@@ -122,7 +123,7 @@ def first_mode(system: AbstractHybridSystem, t0: Any, y0: PyTree, args: PyTree) 
 
 
 # Loops and branches in it are compiled once for all calls.
-_compiled_first_mode = eqx.filter_jit(first_mode)
+_compiled_first_mode = jit_by_code(first_mode)
 
 
 def check_field(

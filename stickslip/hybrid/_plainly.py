@@ -5,10 +5,10 @@ from collections.abc import Callable
 from types import FunctionType
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from .._code import jit_by_code
 from .._types import Given
 from .._validation import check_type, is_concrete
 from ._xla import current_executor
@@ -26,7 +26,7 @@ def plain_options() -> dict[str, Any] | None:
 
 
 def jit_plainly(function: Given[Callable]) -> Callable:
-    """`equinox.filter_jit` for a function that computes one run, or a few, not a batch of thousands.
+    """`jit_by_code` for a function that computes one run, or a few, not a batch of thousands.
 
     On a CPU it is compiled with fewer optimisations that such runs do not gain from. Within another
     program, where its arguments are batched or differentiated, and under the fused executor, it is
@@ -44,9 +44,8 @@ def jit_plainly(function: Given[Callable]) -> Callable:
     **Errors** `TypeError` unless `function` is a function.
     """
     check_type("function", function, FunctionType, "a function")
-    usual = eqx.filter_jit(function)
-    named_options: dict[str, Any] = {"compiler_options": OPTIONS}
-    plain = eqx.filter_jit(function, **named_options)
+    usual = jit_by_code(function)
+    plain = jit_by_code(function, compiler_options=OPTIONS)
 
     @functools.wraps(function)
     def called(*args: Any, **named: Any) -> Any:

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
+from .._code import jit_by_code
 from .._types import Given
 from .._validation import (
     check_callable,
@@ -263,12 +264,12 @@ def evaluated(
     return out, matrix
 
 
-@eqx.filter_jit
+@jit_by_code
 def _begin(method, z, rows: int, space: Space):
     return jax.vmap(lambda z: method.begin(z, rows, space))(z)
 
 
-@eqx.filter_jit
+@jit_by_code
 def _advance(method, now, residual, matrix):
     def one(now, residual, matrix):
         new = method.advance(now, residual, matrix)
@@ -277,6 +278,6 @@ def _advance(method, now, residual, matrix):
     return jax.vmap(one)(now, residual, matrix)
 
 
-@eqx.filter_jit
+@jit_by_code
 def _finish(method, space: Space, now):
     return jax.vmap(lambda now: method.finish(space, now))(now)

@@ -4,7 +4,6 @@ import abc
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,6 +11,7 @@ from jaxtyping import PyTree
 
 from stickslip._argument_checks import check_arguments, reals
 from stickslip._argument_checks import state as some_state
+from stickslip._code import jit_by_code
 from stickslip._fastmath import where
 from stickslip._types import Numeric, overridable
 from stickslip._validation import is_concrete
@@ -304,7 +304,7 @@ class AbstractMechanism(AbstractWithObservables):
         fixed = [name for name in names.contacts if name not in names.opening]
         if fixed and is_concrete((self, t, y, args)):
             loads = known(_loads, self, t, y, args)
-            loads = eqx.filter_jit(_loads)(self, t, y, args) if loads is None else loads
+            loads = _compiled_loads(self, t, y, args) if loads is None else loads
             for name, load in zip(fixed, loads, strict=True):
                 check_load(name, load)
 
@@ -318,7 +318,7 @@ class AbstractMechanism(AbstractWithObservables):
         except (AttributeError, TypeError):
             return  # no state of this mechanism, as the run says
         found = known(_motion, self, t, y, args)
-        found = eqx.filter_jit(_motion)(self, t, y, args) if found is None else found
+        found = _compiled_motion(self, t, y, args) if found is None else found
         check_held(self, int(mode), found)
 
     def constraints(self, t, y, mode, args):
@@ -353,12 +353,18 @@ def _loads(machine: AbstractMechanism, t: Any, y: Any, args: Any) -> list[Any]:
     return [jnp.asarray(c.normal_force, jnp.float64) for name, c in loads if name not in names.opening]
 
 
+_compiled_loads = jit_by_code(_loads)
+
+
 def _motion(machine: AbstractMechanism, t: Any, y: Any, args: Any) -> list[Any]:
     """Sliding speeds of contacts and rates of gaps, velocities and speeds of surfaces; gaps, places."""
     at = machine.instant(t, y, args)
     speeds, gaps = (*at.speeds, *at.v, *at.surfaces), [stop.stop.gap for stop in at.stops]
     places = [x for x in at.q[: len(machine.names.coordinates)] if x is not None]
     return [jnp.asarray(x, jnp.float64) for x in (*speeds, *gaps, *places)]
+
+
+_compiled_motion = jit_by_code(_motion)
 
 
 def _lifting(machine: AbstractMechanism) -> tuple[int, ...]:

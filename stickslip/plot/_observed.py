@@ -3,12 +3,12 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import numpy as np
 import xarray as xr
 from jaxtyping import PyTree
 
+from .._code import jit_by_code
 from .._validation import check_handed_on, is_concrete, refusal
 from ..analysis._observable import as_observable
 from ..hybrid import AbstractHybridSystem, Solution
@@ -195,7 +195,7 @@ def _variables(dataset: xr.Dataset) -> dict[str, tuple[str, tuple[int, ...]]]:
     return _parts({k: v[0] if v.sizes["time"] else np.zeros(v.shape[1:]) for k, v in found.items()})
 
 
-@eqx.filter_jit
+@jit_by_code
 def _evaluated(function: Any, axes: int, system: Any, log: tuple, args: PyTree) -> Any:
     def one(t, y, dy, mode):
         return function(system, t, y, dy, mode, args)

@@ -11,6 +11,7 @@ import numpy as np
 from jax.sharding import Mesh, PartitionSpec
 from jaxtyping import PyTree
 
+from .._code import code_key
 from .._validation import (
     check_callable,
     check_count,
@@ -200,7 +201,8 @@ class map_lanes:
     def _program(self, chunks, fit):
         """Compiled program for this shape; raises `TooManyMotions` for chunks that are too large."""
         leaves = jax.tree.leaves(chunks)
-        key = (fit.executor, jax.tree.structure(chunks), *((a.shape, a.dtype) for a in leaves))
+        code = code_key(self.function)
+        key = (code, fit.executor, jax.tree.structure(chunks), *((a.shape, a.dtype) for a in leaves))
         if key not in self._compiled:
             executor = FUSED if fit.executor == "fused" else PORTABLE
             run = self._chunks(executor)
