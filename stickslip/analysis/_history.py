@@ -16,6 +16,7 @@ from ..derived import WithIntegrals
 from ..hybrid import AbstractHybridSystem, Integrator, SaveAt, Section, raise_failures, simulate
 from ..hybrid._arguments import the_system
 from ..hybrid._components import own_axes
+from ..hybrid._tree import with_float_arrays
 from ._arguments import (
     an_integrator,
     named_observables,
@@ -87,8 +88,9 @@ def time_history(
         k: axes_of(k, f, len(shape_of(f"observables[{k!r}]", named[k], f, system, y0, mode, args)))
         for k, (f, _) in found.items()
     }
+    system, args = with_float_arrays((system, args))
     solution, *data = _run(
-        system, y0, jnp.asarray(times), float(transient), mode, args, integrator,
+        system, y0, jnp.asarray(times), jnp.asarray(transient, jnp.float64), mode, args, integrator,
         cuts, max_crossings, tuple((k, f) for k, (f, _) in found.items()),
     )  # fmt: skip
     raise_failures(solution, solution.successful)
@@ -173,6 +175,7 @@ def energy_ledger(
     y0, mode = start_of(system, times[0], y0, mode0, args)
     check_count("max_events", max_events, 1)
     integrator = an_integrator(integrator)
+    system, args = with_float_arrays((system, args))
     solution, *data = _account(system, y0, jnp.asarray(times), mode, args, integrator, max_events)
     raise_failures(solution, solution.successful)
     energy, powers, works, when, jumps = jax.tree.map(np.asarray, data)

@@ -112,7 +112,7 @@ def lyapunov_spectrum(
     dropped = transient
     if isinstance(transient, int | float):
         dropped = None if transient == 0 else jnp.asarray(transient, jnp.float64)
-    system = with_float_arrays(system)
+    system, args = with_float_arrays((system, args))
     numbers = y0, mode, t0, segment, dropped, units
     # Called plainly it is compiled as a whole, for all calls with arguments of one form.
     program = _compiled if is_concrete((system, args, numbers)) else _spectrum

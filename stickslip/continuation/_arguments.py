@@ -108,6 +108,6 @@ def problem_of(
             allowed = f"of which the orbit's period, {float(orbit.period)} s, is a multiple"
             raise refusal("forcing_period(system)", float(forcing), allowed)
     return Problem(
-        with_float_arrays(system), args, integrator, as_parameter(np.asarray(spans, float)),
+        *with_float_arrays((system, args)), integrator, as_parameter(np.asarray(spans, float)),
         tuple(values), forcing_period, multiple, segments, max_events, current_executor(),
     )  # fmt: skip

@@ -92,7 +92,8 @@ def continue_equilibrium(
     check_field(system, 0.0, y0, mode, args)
     check_autonomous("system", system, 0.0, y0, mode, args, "without dependence on the time")
     z = np.append(np.asarray(ravel_pytree(y0)[0], float), value)
-    field = Field(with_float_arrays(system), parameter, 0.0, y0, mode, args)
+    system, args = with_float_arrays((system, args))
+    field = Field(system, parameter, 0.0, y0, mode, args)
     hold = np.zeros(z.size)
     hold[-1] = 1.0
     first = _first(field, z, hold, high - low)

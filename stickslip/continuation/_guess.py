@@ -135,7 +135,7 @@ def orbit_guess(
     t0 = a_time("t0", t0)
     y0, mode = start_of(system, t0, y0, mode0, args)
     check_field(system, t0, y0, mode, args)
-    system = with_float_arrays(system)
+    system, args = with_float_arrays((system, args))
     numbers = y0, mode, t0, *map(as_parameter, (transient, max_period, forcing_period or 0.0))
     program = _compiled if is_concrete((system, args, numbers)) else _guess
     return program(

@@ -117,7 +117,7 @@ def periodic_orbit(
     check_field(system, t0, y0, mode0, args)
     if not forced:
         check_autonomous("forced", system, t0, y0, mode0, args, "True")
-    system = with_float_arrays(system)
+    system, args = with_float_arrays((system, args))
     numbers = y0, mode0, t0, period, as_parameter(tolerance)
     program = _compiled if is_concrete((system, args, numbers)) else _orbit
     return program(

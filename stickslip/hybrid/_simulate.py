@@ -171,7 +171,7 @@ def simulate(
     check_type("saveat", saveat, SaveAt, "a SaveAt")
     sections = sections_of(sections)
     check_flag("throw", throw)
-    system = with_float_arrays(the_system(system))
+    system, args = with_float_arrays((the_system(system), args))
     t0, t1 = a_time("t0", t0), a_time("t1", t1)
     check_at_least("t1", t1, "t0", t0)
     ts = output_times(saveat.ts, t0, t1)

@@ -83,6 +83,7 @@ def machine(way, t1=0.1, gain=1.0, **options):
 # What is called first, then again, then with other numbers.
 CALLS = {
     "simulate": (simulate, lambda: simulate(0.25), lambda: simulate(0.2, 5.0)),
+    "args": (lambda: simulate(args={"a": 1.0}), lambda: simulate(args={"a": 2.0})),
     "initial mode": (search, lambda: search(0.25)),
     "lyapunov_spectrum": (spectrum, lambda: spectrum(0.25), lambda: spectrum(0.2, 0.9)),
     "two_trajectory_exponent": (separation, lambda: separation(0.25)),
