@@ -80,16 +80,19 @@ def code_key(*trees: Any) -> str:
     return kept.digest
 
 
-def jit_by_code(function: Given[Callable], **options: Any) -> Callable:
+def jit_by_code(
+    function: Given[Callable], *, compiler_options: Mapping[str, str | bool] | None = None
+) -> Callable:
     """`equinox.filter_jit` whose programs are those of the code that its arguments have now.
 
     A class or a function among the arguments, or within them, may read globals and call helper
     functions. Where one of these was edited since, as in the cell of a notebook, `function` is traced
-    again. `options` are those of `jax.jit`, as `compiler_options`.
+    again. `compiler_options`: as in `jax.jit`.
 
-    **Errors** `TypeError` unless `function` is a function.
+    **Errors** `TypeError` unless `function` is a function, and `compiler_options` a mapping or None.
     """
     check_type("function", function, types.FunctionType, "a function")
+    check_type("compiler_options", compiler_options, Mapping | None, "a mapping or None")
 
     @functools.wraps(function)
     def of_code(code: str, args: tuple, named: dict[str, Any]) -> Any:
@@ -97,7 +100,8 @@ def jit_by_code(function: Given[Callable], **options: Any) -> Callable:
 
     # Its own arguments, and not those of the function that it is named after.
     del of_code.__wrapped__
-    compiled = eqx.filter_jit(of_code, **options)
+    options: Any = compiler_options if compiler_options is None else dict(compiler_options)
+    compiled = eqx.filter_jit(of_code, compiler_options=options)
 
     @functools.wraps(function)
     def called(*args: Any, **named: Any) -> Any:
