@@ -12,6 +12,7 @@ from stickslip._fastmath import where
 from stickslip.hybrid._dependence import OTHER, degrees
 from stickslip.hybrid._system import NO_MODE
 
+from ._any_args import with_any_args
 from ._declaration import at_zero
 from ._impacts import struck, touches
 from ._instant import (
@@ -117,12 +118,12 @@ def parted(machine: "AbstractMechanism") -> tuple[int, ...]:
     if not count:
         return ()
 
-    def sides(t, y):
+    def sides(t, y, args):
         # What is chosen by a state counts with all it may be: stops that are open, and closed.
-        at = machine.instant(t, y, None)
+        at = machine.instant(t, y, args)
         states = [jnp.zeros(())] * count + [jnp.full((), 2.0)] * stops
         force = loaded(machine, at, states, lone=False)
-        gamma = surface_accelerations(machine, t, at, None)
+        gamma = surface_accelerations(machine, t, at, args)
         found: list[Any] = [at.v[0] * at.v[0]] * (2 * count)
         for island in machine.islands:
             if island.dependent or not island.rows:
@@ -134,12 +135,12 @@ def parted(machine: "AbstractMechanism") -> tuple[int, ...]:
                 found[2 * c + 1] = motion.force[i] - limits.low[i]
         return [jnp.asarray(x, jnp.float64) + 0.0 for x in found]
 
-    y = machine.from_coordinates(*at_zero(names))
-    try:
-        degree = degrees(sides, (jnp.zeros(()), y), (True, True))
-    except (AttributeError, IndexError, KeyError, TypeError, ValueError):
-        return ()  # it depends on `args`, which are not known here, or is refused elsewhere
-    return tuple(c for c in range(count) if OTHER not in degree[2 * c : 2 * c + 2])
+    def with_args(args):
+        operands = jnp.zeros(()), machine.from_coordinates(*at_zero(names))
+        degree = degrees(lambda t, y: sides(t, y, args), operands, (True, True))
+        return {c for c in range(count) if OTHER not in degree[2 * c : 2 * c + 2]}
+
+    return tuple(sorted(with_any_args(with_args)))
 
 
 def transition(

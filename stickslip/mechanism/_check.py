@@ -12,12 +12,13 @@ from stickslip._validation import DeclarationError, is_concrete, refusal
 from stickslip.friction import AbstractFrictionLaw
 from stickslip.hybrid._dependence import NONE, degrees
 
+from ._abstract import traced_with
 from ._contact import Contact
-from ._declaration import at_zero, directions_of, in_order, mass_of, traced_with
+from ._declaration import at_zero, directions_of, in_order, mass_of
 from ._known import known
 from ._modes import MOST
 from ._states import AbstractWithStates
-from ._stop import check_names
+from ._stop import check_names, check_without_args
 
 
 def check_declaration(mechanism: Any) -> None:
@@ -83,6 +84,7 @@ def _check_first_order(mechanism: Any, others: tuple[str, ...]) -> None:
 
 
 def _check_structure(mechanism: Any) -> None:
+    traced_with(check_without_args, mechanism)
     for name, row in zip(mechanism.names.stops, mechanism.slopes[:, :-1], strict=True):
         if not row.any():
             why = "a function of the coordinates"

@@ -1,17 +1,14 @@
-"""What a mechanism declares, read while tracing: names, directions, inertia and their structure."""
+"""What a mechanism declares, read while tracing: names, directions and inertia."""
 
 import functools
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
 from stickslip._validation import refusal
-from stickslip.hybrid._dependence import OTHER, degrees
 
-from ._known import evaluated
 from ._scalars import Mass, is_zero
 
 GIVEN = None  # a direction that `contacts` returns
@@ -136,105 +133,3 @@ def directions_of(given: Mapping[str, Any], coordinates: Sequence[str]) -> np.nd
             raise refusal(what, row, "finite numbers, not all of them 0")
         rows.append(numbers)
     return np.array(rows, float).reshape(len(rows), len(coordinates))
-
-
-def abstract(system: Any) -> tuple[list[Any], Any]:
-    """Leaves of a pytree as abstract numbers, so that no value of them counts as structure."""
-    leaves, form = jax.tree.flatten(system)
-    kinds = (bool, int, float, np.ndarray, np.generic, jax.Array, jax.ShapeDtypeStruct)
-
-    def shape(x):
-        return jax.ShapeDtypeStruct(jnp.shape(x), jnp.float64)
-
-    return [shape(x) if isinstance(x, kinds) else x for x in leaves], form
-
-
-def traced_with(function: Any, system: Any) -> Any:
-    """`function(system)`, which gives no numbers but its structure, with all numbers abstract.
-
-    Kept for the next system of this structure, so `function` must have a name: a lambda has none.
-    """
-    leaves, form = abstract(system)
-    key = (function, form, tuple(leaves))
-    try:
-        hash(key)
-    except TypeError:
-        return _traced.__wrapped__(*key)
-    return _traced(*key)
-
-
-@functools.lru_cache(maxsize=256)
-def _traced(function: Any, form: Any, leaves: tuple) -> Any:
-    numbers = [x for x in leaves if isinstance(x, jax.ShapeDtypeStruct)]
-    seen: list[Any] = []
-
-    def run(numbers):
-        given = iter(numbers)
-        whole = [next(given) if isinstance(x, jax.ShapeDtypeStruct) else x for x in leaves]
-        seen.append(function(jax.tree.unflatten(form, whole)))
-        return 0.0
-
-    jax.eval_shape(run, numbers)
-    return seen[0]
-
-
-def coupled(mechanism: Any) -> bytes:
-    """Which velocities the inertia couples, as bytes of booleans `[n, n]`."""
-    names = mechanism.names.coordinates
-    n = len(names)
-    q, _ = at_zero(mechanism.names, 0.0)
-    mass = mass_of(mechanism.mass_matrix(q), names)
-    found = np.eye(n, dtype=bool)
-    if mass.full is not None:
-        found = np.array([[not is_zero(x) for x in row] for row in mass.full])
-        found = found | found.T
-    return found.tobytes()
-
-
-def driven(mechanism: Any) -> tuple[str, ...]:
-    """Contacts whose counter surface may move: those whose speed is not the constant 0."""
-    names = mechanism.names
-    q, v = at_zero(names)
-    try:
-        given = mechanism.contacts(jnp.zeros(()), q, v, None)
-    except (AttributeError, IndexError, KeyError, TypeError):
-        return names.contacts  # it depends on `args`, which are not known here
-    contacts = in_order("contacts(...)", given, names.contacts, "a Contact for each")
-    rows = zip(names.contacts, contacts, strict=True)
-    return tuple(name for name, contact in rows if not is_zero(contact.surface_speed))
-
-
-def generic_mass(system: Any) -> bytes:
-    """A full mass matrix at parameters and coordinates in general position, as bytes of floats.
-
-    Empty where the mass is diagonal, and unless its entries are affine in parameters and coordinates:
-    then a linear combination of entries that vanishes here vanishes everywhere. Kept by structure.
-    """
-    leaves, form = abstract(system)
-    key = (system.names, form, tuple(leaves))
-    try:
-        hash(key)
-    except TypeError:
-        return _generic.__wrapped__(*key)
-    return _generic(*key)
-
-
-@functools.lru_cache(maxsize=256)
-def _generic(names: Names, form: Any, leaves: tuple) -> bytes:
-    def entries(numbers, q):
-        given = iter(numbers)
-        whole = [next(given) if isinstance(x, jax.ShapeDtypeStruct) else x for x in leaves]
-        machine = jax.tree.unflatten(form, whole)
-        mass = machine.mass_matrix(coordinates_type(names.places)(*q))
-        full = mass_of(mass, names.coordinates).full
-        return [jnp.asarray(x, jnp.float64) + 0.0 for row in full or [] for x in row]
-
-    rng = np.random.default_rng(0)
-    numbers = [rng.uniform(0.5, 1.5, x.shape) for x in leaves if isinstance(x, jax.ShapeDtypeStruct)]
-    q = list(rng.uniform(0.5, 1.5, len(names.places)))
-    if OTHER in degrees(entries, (numbers, q), (True, True)):
-        return b""
-    found = evaluated(jax.make_jaxpr(entries)(numbers, q), [*numbers, *map(np.asarray, q)])
-    if found is None or any(np.ndim(x) for x in found):
-        return b""
-    return np.array(found, float).tobytes()

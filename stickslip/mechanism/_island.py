@@ -80,8 +80,9 @@ class Island:
             # Inertia between speeds along contacts that vanishes whatever the parameters are.
             self.parted = np.zeros((self.n, self.n), bool)
             if inertia is not None:
-                size = np.abs(T.T) @ np.abs(inertia) @ np.abs(T)
-                self.parted = np.abs(T.T @ inertia @ T) < 1e-12 * size
+                parts = inertia.reshape(-1, self.n, self.n)
+                sizes = np.abs(T.T) @ np.abs(parts) @ np.abs(T)
+                self.parted = (np.abs(T.T @ parts @ T) <= 1e-12 * sizes).all(axis=0)
 
     @property
     def separate(self) -> bool:
@@ -328,12 +329,12 @@ def islands_of(
 ) -> tuple[Island, ...]:
     """The islands of contacts with these directions [contact, velocity] and coupled velocities.
 
-    `inertia`: the mass matrix in general position, if it is known. The last `stops` rows are stops. All
-    arrays as bytes, so that a mechanism is analysed once.
+    `inertia`: constant matrices that the mass matrix is a combination of, if they are known. The last
+    `stops` rows are stops. All arrays as bytes, so that a mechanism is analysed once.
     """
     J = np.frombuffer(directions).reshape(shape)
     n = shape[1]
-    M = np.frombuffer(inertia).reshape(n, n) if inertia else None
+    M = np.frombuffer(inertia).reshape(-1, n, n) if inertia else None
     joined = np.frombuffer(coupled, bool).reshape(n, n).copy()
     for row in J:
         touched = np.isnan(row) | (row != 0)
@@ -348,6 +349,6 @@ def islands_of(
         part = J[:, columns]
         rows = tuple(c for c in range(len(J)) if (np.isnan(part[c]) | (part[c] != 0)).any())
         own = sum(c >= len(J) - stops for c in rows)
-        block = None if M is None else M[np.ix_(columns, columns)]
+        block = None if M is None else M[:, columns][:, :, columns]
         found.append(Island(columns, rows, part[list(rows)], block, own))
     return tuple(found)

@@ -24,7 +24,7 @@ _OPERATIONS: dict[str, Callable] = {
 _INNER = ("jaxpr", "call_jaxpr")
 
 
-class _Unknown(Exception):
+class NotArithmetic(Exception):
     """An operation other than arithmetic on numbers."""
 
 
@@ -45,14 +45,10 @@ def known(function: Callable, *operands: Any) -> list[Any] | None:
         hash(key)
     except TypeError:
         return None
-    return evaluated(_traced(*key), numbers)
-
-
-def evaluated(closed: Any, numbers: list[Any]) -> list[Any] | None:
-    """Results of a traced function, numbers of NumPy; None where they are more than arithmetic."""
+    closed = _traced(*key)
     try:
         return _evaluated(closed.jaxpr, closed.consts, numbers)
-    except _Unknown:
+    except NotArithmetic:
         return None
 
 
@@ -74,7 +70,7 @@ def _evaluated(jaxpr: Any, consts: Any, operands: Any) -> list[Any]:
         return atom.val if isinstance(atom, jax.extend.core.Literal) else values[atom]
 
     for eqn in _needed(jaxpr):
-        found = _result(eqn, [of(atom) for atom in eqn.invars])
+        found = result_of(eqn, [of(atom) for atom in eqn.invars])
         values.update(zip(eqn.outvars, found, strict=True))
     return [np.asarray(of(atom)) for atom in jaxpr.outvars]
 
@@ -89,7 +85,8 @@ def _needed(jaxpr: Any) -> list[Any]:
     return found[::-1]
 
 
-def _result(eqn: Any, given: list[Any]) -> list[Any]:
+def result_of(eqn: Any, given: list[Any]) -> list[Any]:
+    """Results of one equation; raises `NotArithmetic`."""
     name = eqn.primitive.name
     for key in _INNER:
         inner = eqn.params.get(key)
@@ -98,7 +95,7 @@ def _result(eqn: Any, given: list[Any]) -> list[Any]:
     if name == "convert_element_type":
         return [np.asarray(given[0]).astype(eqn.params["new_dtype"])]
     if any(np.ndim(x) for x in given):
-        raise _Unknown
+        raise NotArithmetic
     with np.errstate(all="ignore"):
         if name == "integer_pow":
             return [np.asarray(given[0]) ** float(eqn.params["y"])]
@@ -108,4 +105,4 @@ def _result(eqn: Any, given: list[Any]) -> list[Any]:
             return [given[1 + int(given[0])]]
         if name in _OPERATIONS:
             return [_OPERATIONS[name](*given)]
-    raise _Unknown
+    raise NotArithmetic

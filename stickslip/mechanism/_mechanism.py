@@ -16,22 +16,16 @@ from stickslip._fastmath import where
 from stickslip._types import Numeric, overridable
 from stickslip._validation import is_concrete
 from stickslip.friction import AbstractBristleLaw, LuGre
-from stickslip.hybrid._dependence import NONE, degrees
 
 from . import _changes
+from ._abstract import traced_with
 from ._check import check_declaration, check_held, check_law, check_load, check_mass
 from ._contact import Contact
-from ._declaration import (
-    at_zero,
-    coupled,
-    directions_of,
-    generic_mass,
-    in_order,
-    traced_with,
-)
+from ._declaration import directions_of
 from ._first_order import check_rates
 from ._instant import (
     Instant,
+    floats,
     in_rows,
     instant_of,
     loaded,
@@ -48,6 +42,7 @@ from ._observables import AbstractWithObservables
 from ._rows import NumberRow
 from ._scalars import Mass
 from ._stop import check_gaps
+from ._structure import check_args, coupled, inertia_forms, steady
 from ._together import motion_in_rows
 
 if TYPE_CHECKING:
@@ -210,13 +205,15 @@ class AbstractMechanism(AbstractWithObservables):
     def islands(self) -> tuple[Island, ...]:
         """Groups of velocities that contacts and inertia couple."""
         directions = np.vstack([self.directions, self.slopes[:, :-1]])
-        joined, inertia, stops = traced_with(coupled, self), generic_mass(self), len(self.stops)
-        return islands_of(directions.tobytes(), directions.shape, joined, inertia, stops)
+        joined, inertia = traced_with(coupled, self), traced_with(inertia_forms, self)
+        return islands_of(directions.tobytes(), directions.shape, joined, inertia, len(self.stops))
 
     @property
     def lifting(self) -> tuple[int, ...]:
         """Contacts that do not open, and whose normal force changes with time or state."""
-        return traced_with(_lifting, self)
+        names, kept = self.names, traced_with(steady, self)
+        contacts = enumerate(names.contacts)
+        return tuple(c for c, name in contacts if name not in names.opening and c not in kept)
 
     @property
     def parted(self) -> tuple[int, ...]:
@@ -252,7 +249,9 @@ class AbstractMechanism(AbstractWithObservables):
 
     def instant(self, t: Numeric, y: PyTree, args: PyTree) -> Instant:
         """What the declaration says at time `t` in state `y`."""
-        return instant_of(self, t, *self.to_coordinates(y), args)
+        # As arrays: a number of Python would count as structure.
+        t, (q, v) = floats((t, self.to_coordinates(y)))
+        return instant_of(self, t, q, v, args)
 
     def vector_field(self, t, y, mode, args):
         at, states = self.instant(t, y, args), self.states(mode)
@@ -297,6 +296,7 @@ class AbstractMechanism(AbstractWithObservables):
         names = self.names
         if not all(hasattr(y, name) for name in (*names.kept, *names.velocities)):
             return  # no state of this mechanism, as the run says
+        check_args(self, args)
         check_gaps(self, t, y, args)
         check_rates(self, t, y, args)
         if is_concrete((self, y)):
@@ -365,19 +365,3 @@ def _motion(machine: AbstractMechanism, t: Any, y: Any, args: Any) -> list[Any]:
 
 
 _compiled_motion = jit_by_code(_motion)
-
-
-def _lifting(machine: AbstractMechanism) -> tuple[int, ...]:
-    names = machine.names
-
-    def loads(t, q, v):
-        contacts = in_order("contacts(...)", machine.contacts(t, q, v, None), names.contacts, "")
-        return [jnp.asarray(c.normal_force, jnp.float64) + 0.0 for c in contacts]
-
-    fixed = [c for c, name in enumerate(names.contacts) if name not in names.opening]
-    q, v = at_zero(names)
-    try:
-        found = degrees(loads, (jnp.zeros(()), q, v), (True,) * 3)
-    except (AttributeError, IndexError, KeyError, TypeError):
-        return tuple(fixed)  # it depends on `args`, which are not known here
-    return tuple(c for c in fixed if found[c] != NONE)

@@ -11,10 +11,12 @@ from stickslip._argument_checks import state as some_state
 from stickslip._fastmath import where
 from stickslip._types import Numeric, Whole
 
-from ._declaration import driven, mass_of, traced_with
+from ._abstract import traced_with
+from ._declaration import mass_of
 from ._instant import Instant, floats, pressing, pushed
 from ._modes import sense_of
 from ._scalars import dot, total
+from ._structure import driven
 from ._with_stops import AbstractWithStops
 
 if TYPE_CHECKING:
@@ -48,7 +50,7 @@ class AbstractWithObservables(AbstractWithStops):
         at = self._whole.instant(t, y, args)
         found = {"forces": self.declared_power(at, self.states(mode))}
         friction = self.friction_forces(t, y, mode, args)
-        moving = traced_with(driven, self)
+        moving = traced_with(driven, (self, args))
         for c, name in enumerate(self.names.contacts):
             found[f"friction of {name}"] = friction[name] * at.speeds[c]
             if name in moving:

@@ -1,6 +1,6 @@
 """What a mechanism says about one rigid stop, and its direction: the gradient of its gap."""
 
-import functools
+import contextlib
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
@@ -10,19 +10,15 @@ import numpy as np
 from stickslip._validation import DeclarationError, is_concrete, refusal
 from stickslip.hybrid._dependence import NONE, degrees
 
-from ._declaration import abstract, coordinates_type, in_order
+from ._abstract import abstract
+from ._any_args import Looked, Sealed, with_any_args
+from ._declaration import at_zero, coordinates_type, in_order
 from ._first_order import refuse_gap
 from ._folding import folded
 from ._modes import BITS, MOST
 
 if TYPE_CHECKING:
     from ._mechanism import AbstractMechanism
-
-MISSING_ARGS = (AttributeError, IndexError, KeyError, TypeError)
-
-
-class _LooksAtArgs(Exception):
-    """What a mechanism declares depends on `args`."""
 
 
 class Stop(NamedTuple):
@@ -81,6 +77,21 @@ def check_stops(machine: "AbstractMechanism", given: Any) -> list[Stop]:
             raise refusal(f"the gap of stop {name!r}", stop.gap, "one number")
         check_numbers(name, stop)
     return stops
+
+
+def check_without_args(machine: "AbstractMechanism") -> None:
+    """Raise for wrong stops where the gaps do not look at `args`; for others a run does."""
+
+    def gaps(t, q):
+        try:
+            given = machine.gaps(t, q, Sealed())
+        except Exception:
+            return 0.0
+        check_stops(machine, given)
+        return 0.0
+
+    with contextlib.suppress(Looked):
+        jax.eval_shape(gaps, jnp.zeros(()), at_zero(machine.names)[0])
 
 
 def check_numbers(name: str, stop: Stop) -> None:
@@ -145,40 +156,19 @@ def stops_at(machine: "AbstractMechanism", t: Any, q: Any, args: Any) -> list[St
     return [StopNow(s, row[:-1], row[-1]) for s, row in zip(stops, rows, strict=True)]
 
 
-def slopes_of(machine: "AbstractMechanism") -> np.ndarray:
-    """Slopes of all gaps [stop, coordinate, and time last]; NaN where they are not constant."""
-    names = machine.names
-    if not names.stops:
-        return np.zeros((0, len(names.coordinates) + 1))
+def slopes_under(machine: "AbstractMechanism", args: Any) -> set[tuple[int, int, float]]:
+    """Slopes of gaps that are constant under `args`: stop, coordinate or time last, slope."""
     leaves, form = abstract(machine)
-    static = tuple(x for x in leaves if not isinstance(x, jax.ShapeDtypeStruct))
-    shapes = tuple(x.shape if isinstance(x, jax.ShapeDtypeStruct) else None for x in leaves)
-    try:
-        return _known_slopes(form, shapes, static)
-    except TypeError:  # something static has no hash
-        return _slopes(form, shapes, static)
-
-
-def _slopes(form: Any, shapes: tuple, static: tuple) -> np.ndarray:
-    numbers = [jax.ShapeDtypeStruct(s, jnp.float64) for s in shapes if s is not None]
-
-    def whole(numbers: list) -> Any:
-        given, others = iter(numbers), iter(static)
-        return jax.tree.unflatten(form, [next(others if s is None else given) for s in shapes])
-
-    names = whole(numbers).names
-    n = len(names.coordinates)
-    kind, others = coordinates_type(names.places), len(names.first_order)
+    names = machine.names
+    n, others, kind = len(names.coordinates), len(names.first_order), coordinates_type(names.places)
 
     def columns(numbers, t, q):
-        machine = whole(numbers)
+        given = iter(numbers)
+        whole = [next(given) if isinstance(x, jax.ShapeDtypeStruct) else x for x in leaves]
+        machine = jax.tree.unflatten(form, whole)
 
         def gaps(t, q):
-            try:
-                given = machine.gaps(t, q, None)
-            except MISSING_ARGS as error:
-                raise _LooksAtArgs from error
-            found = check_stops(machine, given)
+            found = check_stops(machine, machine.gaps(t, q, args))
             return [jnp.asarray(stop.gap, jnp.float64) + 0.0 * t for stop in found]
 
         ways = np.eye(n + 1)
@@ -187,15 +177,22 @@ def _slopes(form: Any, shapes: tuple, static: tuple) -> np.ndarray:
             for way in np.insert(ways, [n] * others, 0.0, axis=1)
         ]
 
+    numbers = [x for x in leaves if isinstance(x, jax.ShapeDtypeStruct)]
     scalar = jax.ShapeDtypeStruct((), jnp.float64)
-    try:
-        found = folded(columns, (numbers, scalar, kind(*[scalar] * (n + others))))
-    except _LooksAtArgs:
-        found = None
-    if found is None:  # the gaps depend on `args`, which are not known here
-        return np.full((len(names.stops), n + 1), np.nan)
-    known = [np.nan if x is None else x for x in found]
-    return np.array(known, float).reshape(n + 1, len(names.stops)).T
+    found = folded(columns, (numbers, scalar, kind(*[scalar] * (n + others))))
+    count = len(names.stops)
+    return {(i % count, i // count, x) for i, x in enumerate(found) if x is not None}
 
 
-_known_slopes = functools.lru_cache(maxsize=256)(_slopes)
+def constant_slopes(machine: "AbstractMechanism") -> set[tuple[int, int, float]]:
+    """The same whatever `args` are."""
+    return with_any_args(lambda args: slopes_under(machine, args)) if machine.stops else set()
+
+
+def slopes(machine: "AbstractMechanism") -> np.ndarray:
+    """Slopes of all gaps [stop, coordinate, and time last]; NaN where they are not constant."""
+    names = machine.names
+    found = np.full((len(names.stops), len(names.coordinates) + 1), np.nan)
+    for k, j, slope in constant_slopes(machine):
+        found[k, j] = slope
+    return found

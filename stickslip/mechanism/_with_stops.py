@@ -10,11 +10,12 @@ from stickslip._argument_checks import OBSERVABLE, check_arguments
 from stickslip._fastmath import where
 from stickslip._types import Numeric, Whole
 
+from ._abstract import traced_with
 from ._instant import Instant, loaded, motion_of, surface_accelerations
 from ._modes import mode_of, states_of
 from ._scalars import is_zero
 from ._states import AbstractWithStates
-from ._stop import Stop, slopes_of
+from ._stop import Stop, slopes
 
 if TYPE_CHECKING:
     from ._mechanism import AbstractMechanism
@@ -30,7 +31,7 @@ class AbstractWithStops(AbstractWithStates):
     @property
     def slopes(self) -> np.ndarray:
         """Slopes of the gaps `[stop, coordinate, and time last]`, NaN where they are not constant."""
-        return slopes_of(cast("AbstractMechanism", self))
+        return traced_with(slopes, self)
 
     def states(self, mode: Whole) -> Any:
         """-1, 0, 1 or 2 for each contact, backward to open; 0 or 2 for each stop, closed or open."""

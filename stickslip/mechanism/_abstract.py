@@ -1,0 +1,48 @@
+"""Structure of a declaration, read with all numbers abstract and kept for machines of the same form."""
+
+import functools
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+
+def abstract(system: Any) -> tuple[list[Any], Any]:
+    """Leaves of a pytree as abstract numbers, so that no value of them counts as structure."""
+    leaves, form = jax.tree.flatten(system)
+    kinds = (bool, int, float, np.ndarray, np.generic, jax.Array, jax.ShapeDtypeStruct)
+
+    def shape(x):
+        return jax.ShapeDtypeStruct(jnp.shape(x), jnp.float64)
+
+    return [shape(x) if isinstance(x, kinds) else x for x in leaves], form
+
+
+def traced_with(function: Any, system: Any) -> Any:
+    """`function(system)`, which gives no numbers but its structure, with all numbers abstract.
+
+    Kept for the next system of this structure, so `function` must have a name: a lambda has none.
+    """
+    leaves, form = abstract(system)
+    key = (function, form, tuple(leaves))
+    try:
+        hash(key)
+    except TypeError:
+        return _traced.__wrapped__(*key)
+    return _traced(*key)
+
+
+@functools.lru_cache(maxsize=1024)
+def _traced(function: Any, form: Any, leaves: tuple) -> Any:
+    numbers = [x for x in leaves if isinstance(x, jax.ShapeDtypeStruct)]
+    seen: list[Any] = []
+
+    def run(numbers):
+        given = iter(numbers)
+        whole = [next(given) if isinstance(x, jax.ShapeDtypeStruct) else x for x in leaves]
+        seen.append(function(jax.tree.unflatten(form, whole)))
+        return 0.0
+
+    jax.eval_shape(run, numbers)
+    return seen[0]

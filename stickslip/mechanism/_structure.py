@@ -1,0 +1,120 @@
+"""Structure of a declaration: what inertia couples, and what changes with time, state and `args`."""
+
+from typing import TYPE_CHECKING, Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from stickslip._validation import DeclarationError, refusal
+from stickslip.hybrid._dependence import NONE, degrees
+
+from ._abstract import abstract, traced_with
+from ._any_args import with_any_args
+from ._declaration import at_zero, coordinates_type, in_order, mass_of
+from ._folding import affine_forms
+from ._scalars import is_zero
+from ._stop import constant_slopes, slopes_under
+
+if TYPE_CHECKING:
+    from ._mechanism import AbstractMechanism
+
+
+def coupled(machine: "AbstractMechanism") -> bytes:
+    """Which velocities the inertia couples, as bytes of booleans `[n, n]`."""
+    names, seen = machine.names, []
+
+    def entries(q):
+        seen.append(mass_of(machine.mass_matrix(q), names.coordinates).full)
+        return 0.0
+
+    jax.eval_shape(entries, at_zero(names)[0])
+    found = np.eye(len(names.coordinates), dtype=bool)
+    if seen[0] is not None:
+        found = np.array([[not is_zero(x) for x in row] for row in seen[0]])
+    return (found | found.T).tobytes()
+
+
+def inertia_forms(machine: "AbstractMechanism") -> bytes:
+    """A full mass matrix as a sum of constant ones, one for each number that it is affine in.
+
+    As bytes of floats `[k, n, n]`. Empty where the mass is diagonal, and where one of its entries is
+    not affine in parameters and coordinates: a combination of entries that vanishes in each of the sum
+    vanishes everywhere.
+    """
+    names = machine.names
+    leaves, form = abstract(machine)
+
+    def entries(numbers, q):
+        given = iter(numbers)
+        whole = [next(given) if isinstance(x, jax.ShapeDtypeStruct) else x for x in leaves]
+        mass = jax.tree.unflatten(form, whole).mass_matrix(coordinates_type(names.places)(*q))
+        full = mass_of(mass, names.coordinates).full
+        return [jnp.asarray(x, jnp.float64) + 0.0 for row in full or [] for x in row]
+
+    scalar = jax.ShapeDtypeStruct((), jnp.float64)
+    q = [None if name in names.cyclic else scalar for name in names.places]
+    found = affine_forms(entries, ([x for x in leaves if isinstance(x, jax.ShapeDtypeStruct)], q))
+    known = [x for x in found if x is not None]
+    if not found or len(known) < len(found):
+        return b""
+    parts = np.array(known).T
+    return parts[(parts != 0.0).any(axis=1)].tobytes()
+
+
+def steady_under(machine: "AbstractMechanism", args: Any) -> set[int]:
+    """Contacts whose normal force changes neither with time nor with the state under `args`."""
+    names = machine.names
+
+    def loads(t, q, v):
+        contacts = in_order("contacts(...)", machine.contacts(t, q, v, args), names.contacts, "")
+        return [jnp.asarray(c.normal_force, jnp.float64) + 0.0 for c in contacts]
+
+    found = degrees(loads, (jnp.zeros(()), *at_zero(names)), (True,) * 3)
+    return {c for c, degree in enumerate(found) if degree == NONE}
+
+
+def steady(machine: "AbstractMechanism") -> set[int]:
+    """The same whatever `args` are."""
+    return with_any_args(lambda args: steady_under(machine, args))
+
+
+def check_args(machine: "AbstractMechanism", args: Any) -> None:
+    """Raise for `args` under which something changes that is known to be constant without them."""
+    if args is not None:
+        changed = traced_with(_changed_by, (machine, args))
+        if changed:
+            allowed = "that whatever the kind of `args`, or depend on them otherwise than by it"
+            why = "constant without `args`, but not with these"
+            raise DeclarationError(str(refusal(changed[0], why, allowed)))
+
+
+def _changed_by(given: tuple["AbstractMechanism", Any]) -> list[str]:
+    """What a machine declares so: it asks for `type(args)`, which nothing shows before the run."""
+    machine, args = given
+    names = machine.names
+    loads, gaps = steady(machine), constant_slopes(machine)
+    try:
+        loads = loads - steady_under(machine, args) if loads else loads
+        gaps = gaps - slopes_under(machine, args) if gaps else gaps
+    except Exception:
+        return []  # whole numbers in `args` are none here: the run has them as they are
+    found = [f"the normal force of contact {names.contacts[c]!r}" for c in loads]
+    return found + [f"the slope of the gap of stop {names.stops[k]!r}" for k, *_ in gaps]
+
+
+def driven(given: tuple["AbstractMechanism", Any]) -> tuple[str, ...]:
+    """Contacts of a machine whose counter surface may move under `args`: all but those of speed 0."""
+    (machine, args), seen = given, []
+    names = machine.names
+
+    def speeds(t, q, v):
+        contacts = in_order("contacts(...)", machine.contacts(t, q, v, args), names.contacts, "")
+        seen.extend(not is_zero(contact.surface_speed) for contact in contacts)
+        return 0.0
+
+    try:
+        jax.eval_shape(speeds, jnp.zeros(()), *at_zero(names))
+    except Exception:  # whole numbers in `args` are no such here; the run has them as they are
+        return names.contacts
+    return tuple(name for name, moves in zip(names.contacts, seen, strict=True) if moves)
