@@ -19,6 +19,17 @@ def abstract(system: Any) -> tuple[list[Any], Any]:
     return [shape(x) if isinstance(x, kinds) else x for x in leaves], form
 
 
+def numbers_of(leaves: list[Any]) -> list[jax.ShapeDtypeStruct]:
+    """Those of the leaves that are numbers."""
+    return [x for x in leaves if isinstance(x, jax.ShapeDtypeStruct)]
+
+
+def with_numbers(leaves: list[Any], numbers: list[Any]) -> list[Any]:
+    """The leaves with these numbers for abstract ones."""
+    given = iter(numbers)
+    return [next(given) if isinstance(x, jax.ShapeDtypeStruct) else x for x in leaves]
+
+
 def traced_with(function: Any, system: Any) -> Any:
     """`function(system)`, which gives no numbers but its structure, with all numbers abstract.
 
@@ -34,15 +45,12 @@ def traced_with(function: Any, system: Any) -> Any:
 
 
 @functools.lru_cache(maxsize=1024)
-def _traced(function: Any, form: Any, leaves: tuple) -> Any:
-    numbers = [x for x in leaves if isinstance(x, jax.ShapeDtypeStruct)]
+def _traced(function: Any, form: Any, leaves: Any) -> Any:
     seen: list[Any] = []
 
     def run(numbers):
-        given = iter(numbers)
-        whole = [next(given) if isinstance(x, jax.ShapeDtypeStruct) else x for x in leaves]
-        seen.append(function(jax.tree.unflatten(form, whole)))
+        seen.append(function(jax.tree.unflatten(form, with_numbers(leaves, numbers))))
         return 0.0
 
-    jax.eval_shape(run, numbers)
+    jax.eval_shape(run, numbers_of(leaves))
     return seen[0]

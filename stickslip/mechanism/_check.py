@@ -15,10 +15,12 @@ from stickslip.hybrid._dependence import NONE, degrees
 from ._abstract import traced_with
 from ._contact import Contact
 from ._declaration import at_zero, directions_of, in_order, mass_of
+from ._directions import SMALL
 from ._known import known
 from ._modes import MOST
 from ._states import AbstractWithStates
 from ._stop import check_names, check_without_args
+from ._structure import sampled_directions
 
 
 def check_declaration(mechanism: Any) -> None:
@@ -90,13 +92,31 @@ def _check_structure(mechanism: Any) -> None:
             why = "a function of the coordinates"
             raise DeclarationError(str(refusal(f"the gap of stop {name!r}", "a constant", why)))
     for island in mechanism.islands:
-        if island.dependent and not island.shut and not hasattr(island, "lines"):
+        rows = list(island.rows[: island.contacts])
+        if island.dependent:
+            refused = not island.shut and not hasattr(island, "lines")
+        else:
+            refused = island.varies and _depend(mechanism, rows)
+        if refused:
             everything = mechanism.names.contacts + mechanism.names.stops
             those = ", ".join(everything[c] for c in island.rows)
             why = "constant where they depend on each other, of at most 12 contacts of a group"
             if not island.stops:
                 raise refusal("contact_directions", those, why)
             raise DeclarationError(str(refusal("directions of contacts and stops", those, why)))
+
+
+def _depend(mechanism: Any, rows: list[int]) -> bool:
+    """Whether contacts that may all stick at once have directions that depend on each other."""
+    names = mechanism.names
+    those = [c for c in rows if names.contacts[c] not in names.opening]
+    if len(those) < 2:
+        return False
+    found = [sample[those] for sample in traced_with(sampled_directions, mechanism)]
+    if not found or not np.isfinite(found).all():
+        return False
+    sizes = [np.linalg.norm(J, axis=1, keepdims=True) + 1e-300 for J in found]
+    return all(np.linalg.svd(J / s)[1].min() < SMALL for J, s in zip(found, sizes, strict=True))
 
 
 def _check_field(what: str, name: Any) -> None:

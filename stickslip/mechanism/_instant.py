@@ -78,6 +78,9 @@ def touching(machine: "AbstractMechanism", t: Any, q: Any, v: Any, args: Any) ->
         if np.isnan(row).any():
             what = f"contacts(...)[{name!r}].direction"
             rows.append(in_order(what, contact.direction, names.coordinates, "numbers"))
+        elif contact.direction is not None:
+            allowed = "left out, as `contact_directions` has constant numbers for it"
+            raise refusal(f"contacts(...)[{name!r}].direction", contact.direction, allowed)
         else:
             rows.append([float(x) for x in row])
     stops = stops_at(machine, t, q, args)

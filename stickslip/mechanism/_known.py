@@ -45,7 +45,11 @@ def known(function: Callable, *operands: Any) -> list[Any] | None:
         hash(key)
     except TypeError:
         return None
-    closed = _traced(*key)
+    return evaluated(_traced(*key), numbers)
+
+
+def evaluated(closed: Any, numbers: list[Any]) -> list[Any] | None:
+    """Results of a traced function, numbers of NumPy; None where they are more than arithmetic."""
     try:
         return _evaluated(closed.jaxpr, closed.consts, numbers)
     except NotArithmetic:

@@ -10,7 +10,7 @@ import numpy as np
 from stickslip._validation import DeclarationError, is_concrete, refusal
 from stickslip.hybrid._dependence import NONE, degrees
 
-from ._abstract import abstract
+from ._abstract import abstract, numbers_of, with_numbers
 from ._any_args import Looked, Sealed, with_any_args
 from ._declaration import at_zero, coordinates_type, in_order
 from ._first_order import refuse_gap
@@ -163,9 +163,7 @@ def slopes_under(machine: "AbstractMechanism", args: Any) -> set[tuple[int, int,
     n, others, kind = len(names.coordinates), len(names.first_order), coordinates_type(names.places)
 
     def columns(numbers, t, q):
-        given = iter(numbers)
-        whole = [next(given) if isinstance(x, jax.ShapeDtypeStruct) else x for x in leaves]
-        machine = jax.tree.unflatten(form, whole)
+        machine = jax.tree.unflatten(form, with_numbers(leaves, numbers))
 
         def gaps(t, q):
             found = check_stops(machine, machine.gaps(t, q, args))
@@ -177,9 +175,8 @@ def slopes_under(machine: "AbstractMechanism", args: Any) -> set[tuple[int, int,
             for way in np.insert(ways, [n] * others, 0.0, axis=1)
         ]
 
-    numbers = [x for x in leaves if isinstance(x, jax.ShapeDtypeStruct)]
     scalar = jax.ShapeDtypeStruct((), jnp.float64)
-    found = folded(columns, (numbers, scalar, kind(*[scalar] * (n + others))))
+    found = folded(columns, (numbers_of(leaves), scalar, kind(*[scalar] * (n + others))))
     count = len(names.stops)
     return {(i % count, i // count, x) for i, x in enumerate(found) if x is not None}
 

@@ -3,16 +3,18 @@
 from typing import TYPE_CHECKING, Any
 
 import jax
+import jax.extend
 import jax.numpy as jnp
 import numpy as np
 
 from stickslip._validation import DeclarationError, refusal
 from stickslip.hybrid._dependence import NONE, degrees
 
-from ._abstract import abstract, traced_with
-from ._any_args import with_any_args
+from ._abstract import abstract, numbers_of, traced_with, with_numbers
+from ._any_args import Looked, Sealed, with_any_args
 from ._declaration import at_zero, coordinates_type, in_order, mass_of
 from ._folding import affine_forms
+from ._known import evaluated
 from ._scalars import is_zero
 from ._stop import constant_slopes, slopes_under
 
@@ -46,15 +48,14 @@ def inertia_forms(machine: "AbstractMechanism") -> bytes:
     leaves, form = abstract(machine)
 
     def entries(numbers, q):
-        given = iter(numbers)
-        whole = [next(given) if isinstance(x, jax.ShapeDtypeStruct) else x for x in leaves]
-        mass = jax.tree.unflatten(form, whole).mass_matrix(coordinates_type(names.places)(*q))
+        whole = jax.tree.unflatten(form, with_numbers(leaves, numbers))
+        mass = whole.mass_matrix(coordinates_type(names.places)(*q))
         full = mass_of(mass, names.coordinates).full
         return [jnp.asarray(x, jnp.float64) + 0.0 for row in full or [] for x in row]
 
     scalar = jax.ShapeDtypeStruct((), jnp.float64)
     q = [None if name in names.cyclic else scalar for name in names.places]
-    found = affine_forms(entries, ([x for x in leaves if isinstance(x, jax.ShapeDtypeStruct)], q))
+    found = affine_forms(entries, (numbers_of(leaves), q))
     known = [x for x in found if x is not None]
     if not found or len(known) < len(found):
         return b""
@@ -101,6 +102,41 @@ def _changed_by(given: tuple["AbstractMechanism", Any]) -> list[str]:
         return []  # whole numbers in `args` are none here: the run has them as they are
     found = [f"the normal force of contact {names.contacts[c]!r}" for c in loads]
     return found + [f"the slope of the gap of stop {names.stops[k]!r}" for k, *_ in gaps]
+
+
+def sampled_directions(machine: "AbstractMechanism") -> list[np.ndarray]:
+    """Directions of all contacts [contact, coordinate] for two sets of numbers in general position.
+
+    None where `args` have a say, which are not known. What depends on each other here can be refused;
+    from independence nothing follows.
+    """
+    names = machine.names
+    leaves, form = abstract(machine)
+
+    def directions(numbers, t, q, v):
+        whole = jax.tree.unflatten(form, with_numbers(leaves, numbers))
+        contacts = in_order("contacts(...)", whole.contacts(t, q, v, Sealed()), names.contacts, "")
+        rows = (
+            contact.direction if np.isnan(row).any() else row
+            for row, contact in zip(machine.directions, contacts, strict=True)
+        )
+        entries = (x for row in rows for x in in_order("direction", row, names.coordinates, ""))
+        return [jnp.asarray(x, jnp.float64) for x in entries]
+
+    found, random = [], np.random.default_rng(0)
+    try:
+        shapes = numbers_of(leaves), jnp.zeros(()), *at_zero(names)
+        closed = jax.make_jaxpr(directions)(*shapes)
+        for _ in range(2):
+            numbers = [random.uniform(0.5, 1.5, x.shape) for x in jax.tree.leaves(shapes)]
+            entries = evaluated(closed, numbers)
+            if entries is None:
+                with jax.ensure_compile_time_eval():
+                    entries = jax.jit(jax.extend.core.jaxpr_as_fun(closed))(*numbers)
+            found.append(np.array(entries, float).reshape(machine.directions.shape))
+    except (Exception, Looked):
+        return []
+    return found
 
 
 def driven(given: tuple["AbstractMechanism", Any]) -> tuple[str, ...]:
