@@ -1,6 +1,7 @@
 """Structure of a declaration, read with all numbers abstract and kept for machines of the same form."""
 
 import functools
+from collections.abc import Sequence
 from typing import Any
 
 import jax
@@ -19,12 +20,12 @@ def abstract(system: Any) -> tuple[list[Any], Any]:
     return [shape(x) if isinstance(x, kinds) else x for x in leaves], form
 
 
-def numbers_of(leaves: list[Any]) -> list[jax.ShapeDtypeStruct]:
+def numbers_of(leaves: Sequence[Any]) -> list[jax.ShapeDtypeStruct]:
     """Those of the leaves that are numbers."""
     return [x for x in leaves if isinstance(x, jax.ShapeDtypeStruct)]
 
 
-def with_numbers(leaves: list[Any], numbers: list[Any]) -> list[Any]:
+def with_numbers(leaves: Sequence[Any], numbers: Sequence[Any]) -> list[Any]:
     """The leaves with these numbers for abstract ones."""
     given = iter(numbers)
     return [next(given) if isinstance(x, jax.ShapeDtypeStruct) else x for x in leaves]

@@ -110,8 +110,10 @@ class AbstractMechanism(AbstractWithObservables):
     both by the names of the coordinates. States of first order are fields of `q` too, after the
     coordinates: as these they go on through every event unchanged, and all but a gap may depend on
     them. Python and NumPy constants in what the methods return are structure:
-    a mass matrix whose constant zeros part the mechanism is treated part by part. Loads that jump at
-    known times: `WithBreaks`.
+    a mass matrix whose constant zeros part the mechanism is treated part by part. Numbers in `q`, `v`,
+    `t` and the fields never are, whatever their values. `args` are known in a run only: what looks at
+    them is taken to change with time and state, whatever its default. Loads that jump at known times:
+    `WithBreaks`.
 
     A coordinate may stand for an array of them, as those of a beam, if no contact and no other inertia
     touches it; `energy` then has to be overridden, and states made by `state_class`. So may a state of

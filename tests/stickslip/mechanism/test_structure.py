@@ -150,7 +150,7 @@ def test_inertia_that_vanishes_for_some_numbers_parts_nothing(shared, separate):
 
 def test_forms_of_inertia_are_exact():
     """One matrix of what is constant, one for each number: a proof, whatever the numbers are."""
-    machine = Wagons((3.0, 4.0, 5.0), lambda a, b, c, q: 2.0**-60 * c + 7.0 + (a - a))
+    machine = Wagons((30.0, 40.0, 5.0), lambda a, b, c, q: 2.0**-60 * c + 7.0 + (a - a))
     parts = np.frombuffer(traced_with(inertia_forms, machine)).reshape(-1, 2, 2)
     small = 2.0**-60
     expected = [
