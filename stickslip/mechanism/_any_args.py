@@ -4,6 +4,7 @@ A declaration may have a default for the time when there are none, and then look
 structure than in the run. So it is asked twice: without `args`, and with some that nobody may look at.
 """
 
+import abc
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -38,7 +39,7 @@ class Sealed:
 
 
 # As one, it takes part in `match` by keys.
-Mapping.register(Sealed)
+abc.ABCMeta.register(Mapping, Sealed)
 
 
 def with_any_args(analysis: Callable[[Any], set]) -> set:

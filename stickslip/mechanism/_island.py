@@ -82,7 +82,7 @@ class Island:
             if inertia is not None:
                 parts = inertia.reshape(-1, self.n, self.n)
                 sizes = np.abs(T.T) @ np.abs(parts) @ np.abs(T)
-                self.parted = (np.abs(T.T @ parts @ T) <= 1e-12 * sizes).all(axis=0)
+                self.parted[:] = (np.abs(T.T @ parts @ T) <= 1e-12 * sizes).all(axis=0)
 
     @property
     def separate(self) -> bool:
