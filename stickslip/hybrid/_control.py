@@ -78,7 +78,7 @@ def _begun(plan: Plan, h_free, h, y, dy, size):
     h_free, h, y, dy, size = jax.lax.stop_gradient((h_free, h, y, dy, size))
 
     def initial(y, dy, size, h_free):
-        scale = scales(rule, plan.atols, plan.noise, size, Ends(h, y, y, dy, dy))
+        scale = scales(rule.rtol, plan.atols, plan.noise, size, Ends(h, y, y, dy, dy))
         return jnp.where(h_free == 0, rule.initial(y, dy, scale), h_free)
 
     # Lanes begin once: a branch for the whole batch, not a piece of every attempt.

@@ -237,14 +237,16 @@ def _run(
     functions = event_functions(system, sections, t0, y0, y0, mode0, args)
     log_events = saveat.events and max_events is not None
     rule = bounded(integrator.step, system, sections, t0, t1 - t0, y0, mode0, args)
-    atols, terms = (), y0  # no tolerances with fixed steps
+    stepper = as_stepper(integrator.method, _rtol(rule))
+    atols, terms = (), y0  # no tolerances with fixed steps that solve nothing
+    if rule.adaptive or stepper.solves:
+        atols = component_tolerances(rule.atol if rule.adaptive else None, y0, system.units)
     if rule.adaptive:
-        atols = component_tolerances(rule.atol, y0, system.units)
         rule = eqx.tree_at(lambda r: r.atol, rule, None, is_leaf=lambda a: a is None)
         if any(atol is None for atol in atols):
             terms = cancelling(lambda t, y: system.vector_field(t, y, mode0, args), t0, y0)
     plan = Plan(
-        stepper=as_stepper(integrator.method, _rtol(rule)),
+        stepper=stepper,
         step_size=jax.tree.map(lambda a: stop_gradient(jnp.asarray(a, jnp.float64)), rule),
         functions=functions,
         execute=execute,

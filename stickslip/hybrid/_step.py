@@ -1,5 +1,6 @@
 """A Runge-Kutta step that is not yet accepted: its end, its error, and the event functions there."""
 
+import functools
 from typing import Any, NamedTuple
 
 import jax
@@ -10,7 +11,9 @@ from ._doubt import POINTS, TOGETHER, judge, look_inside, told
 from ._events import Values, divided
 from ._loop_state import Lane, Plan, without_state
 from ._status import DISCONTINUOUS, RUNNING, flag
-from ._tolerance import Ends, error_norm, grown, scales, unexpected
+from ._stepper import ROOT_SHARE, ROOT_TOLERANCE
+from ._tolerance import Ends, cancelling, error_norm, grown, scales, sizes, unexpected
+from ._tree import shift
 from ._xla import bookkeeping, piece
 
 # A step this much shorter than those before it, accepted only because its error is small now, holds a
@@ -45,7 +48,10 @@ def take(plan: Plan, problem: PyTree, lane: Lane) -> tuple[Lane, Step]:
         return system.vector_field(t, y, lane.mode, args)
 
     looks = any(plan.looked_at_inside)
-    y1, dy1, errors, within, surprise = plan.stepper.step_and_look(
+    stepper = plan.stepper
+    if stepper.solves:
+        stepper = stepper.solved_to(_unit(plan, field, lane, h))
+    y1, dy1, errors, within, surprise = stepper.step_and_look(
         field, lane.t, lane.y, lane.dy, h, plan.execute, POINTS if looks else (), plan.functions.read,
         plan.step_size.adaptive and plan.functions.num_guards > 0,
     )  # fmt: skip
@@ -83,6 +89,25 @@ def take(plan: Plan, problem: PyTree, lane: Lane) -> tuple[Lane, Step]:
     return lane, Step(h, y1, dy1, error, values, kept, h_seen, jumps)
 
 
+def _unit(plan: Plan, field, lane: Lane, h) -> list:
+    """What an error of 1 means in the stages of a step, whose end is not known: `scales` of its start.
+
+    While nothing has moved, motion is as large as the slopes at both ends of Euler's step make it.
+    """
+    t, y, dy, size = jax.lax.stop_gradient((lane.t, lane.y, lane.dy, lane.size))
+    size = y if size is None else size
+    slopes = grown(sizes(dy), field(t + h, shift(y, dy, h)))
+    still = functools.reduce(jnp.logical_and, [jnp.all(a == 0.0) for a in jax.tree.leaves(size)])
+    y1 = shift(y, slopes, jnp.where(still, h, 0.0))
+    # Below rounding there is no share to be solved to.
+    terms = jax.tree.map(lambda a: a / ROOT_SHARE, cancelling(field, t, y))
+    noise = plan.noise._replace(terms=terms)
+    rule: Any = plan.step_size
+    rtol = rule.rtol if rule.adaptive else ROOT_TOLERANCE
+    unit = scales(rtol, plan.atols, noise, size, Ends(h, y, y1, dy, dy))
+    return jax.lax.stop_gradient(unit)
+
+
 @bookkeeping
 def _followed(plan: Plan, size, y):
     return grown(size, y)
@@ -90,10 +115,10 @@ def _followed(plan: Plan, size, y):
 
 @bookkeeping
 def _scaled_error(plan: Plan, errors, surprise, noise, size, ends: Ends):
-    scale = scales(plan.step_size, plan.atols, noise, size, ends)
+    rule: Any = plan.step_size  # an adaptive one: others estimate no error
+    scale = scales(rule.rtol, plan.atols, noise, size, ends)
     unseen = None
     if surprise is not None:
-        rule: Any = plan.step_size  # an adaptive one: others estimate no error
         unseen = unexpected(surprise, scale, ends, rule.rtol)
     return error_norm(errors, scale), unseen
 

@@ -16,16 +16,16 @@ from .._types import Numeric
 from . import _rolled, _tableau
 from ._alone import alone_or_batched
 from ._pieces import in_pieces
+from ._tolerance import SMALLEST, TINY
 from ._tree import combine, cubics, weighted
 from ._within import weights_within
 from ._xla import Executor, piece
 
-# Of the stage equations of implicit methods: with fixed steps, and in parts of the tolerance of
-# adaptive ones. What is left over is an error that the step-size rule does not see; but where more is
-# asked for than the iteration can do in its few steps, it refuses steps that are accurate enough.
-ROOT_TOLERANCE = 1e-12
+# Stage equations of implicit methods are solved to a part of the tolerance of adaptive steps, and to
+# that of the motion with fixed ones. What is left is an error that the step-size rule does not see; but
+# where more is asked for than the iteration can do, it refuses steps that are accurate enough.
 ROOT_SHARE = 0.1
-SMALLEST = 1e-6  # of the largest number of the state: smaller ones are not solved for in their own size
+ROOT_TOLERANCE = 1e-11
 VectorField = Callable[[Any, PyTree], PyTree]
 Points = tuple[float, ...]  # fractions of a step
 
@@ -93,6 +93,15 @@ class AbstractStepper(eqx.Module):
         out, pull = jax.vjp(run, parameters, t, y, dy)
         cotangents, extra = end(*out)
         return extra, pull(cotangents)
+
+    @property
+    def solves(self) -> bool:
+        """Whether a step solves equations, to the tolerance that `solved_to` gives."""
+        return False
+
+    def solved_to(self, unit: list) -> "AbstractStepper":
+        """The method for one step, in which an error of `unit` in each leaf of the state is 1."""
+        return self
 
     @abc.abstractmethod
     def order(self) -> int:
@@ -235,36 +244,44 @@ class ExplicitRungeKutta(AbstractStepper):
 class DiffraxStepper(AbstractStepper):
     """Any diffrax solver through `solver.step`; implicit ones for stiff smoothed friction.
 
-    `open`: which tolerances of its root finder are not set; `rtol` of the steps, None for fixed ones.
+    `open`: which tolerances of its root finder are not set. `unit`: what its stage equations are solved
+    to in each leaf of the state, for a step that is tried; None for one that was accepted before.
     """
 
     solver: dfx.AbstractSolver
     open: tuple[str, ...] = eqx.field(static=True, default=())
-    rtol: Any = None
+    rtol: Any = ROOT_TOLERANCE
+    unit: tuple | None = None
+
+    @property
+    def solves(self) -> bool:
+        return isinstance(self.solver, dfx.AbstractImplicitSolver)
+
+    def solved_to(self, unit: list) -> "DiffraxStepper":
+        return eqx.tree_at(lambda s: s.unit, self, tuple(unit), is_leaf=lambda a: a is None)
 
     def _with_tolerances(self) -> Any:
         """The solver with tolerances of its stage equations, which diffrax leaves to its own rule."""
         if not self.open:
             return self.solver
-        found = {"rtol": ROOT_TOLERANCE, "atol": ROOT_TOLERANCE, "norm": optx.max_norm}
-        if self.rtol is not None:
-            found["rtol"] = found["atol"] = ROOT_SHARE * self.rtol
+        found = {"rtol": ROOT_SHARE * self.rtol, "atol": ROOT_SHARE, "norm": optx.max_norm}
         return eqx.tree_at(
-            lambda s: [getattr(s.root_finder, name) for name in self.open],
+            lambda s: [getattr(_innermost(s).root_finder, name) for name in self.open],
             self.solver,
             [found[name] for name in self.open],
             is_leaf=lambda x: x is None,
         )
 
-    def _sizes(self, y: list, dy: list, h: Numeric) -> list:
+    def _units(self, y: list, dy: list, h: Numeric) -> list:
         """What each number of the state is measured in, so that one tolerance serves them all."""
-        if not self.open or self.rtol is None:
+        if not self.open:
             return [jnp.ones(()) for _ in y]
-        y, dy, h = jax.lax.stop_gradient((y, dy, jnp.asarray(h)))
+        if self.unit is not None:
+            return list(self.unit)
+        y, dy, h, rtol = jax.lax.stop_gradient((y, dy, jnp.asarray(h), self.rtol))
         moves = [jnp.abs(a) + jnp.abs(h * b) for a, b in zip(y, dy, strict=True)]
-        largest = functools.reduce(jnp.maximum, [jnp.max(a, initial=0.0) for a in moves])
-        floor = jnp.where(largest > 0.0, SMALLEST * largest, 1.0)
-        return [jnp.maximum(a, floor) for a in moves]
+        largest = functools.reduce(jnp.maximum, [jnp.max(a, initial=TINY) for a in moves])
+        return [rtol * jnp.maximum(a, SMALLEST * largest) for a in moves]
 
     def order(self) -> int:
         return int(self.solver.order(None) or 1)
@@ -275,30 +292,40 @@ class DiffraxStepper(AbstractStepper):
     def step(self, field, t, y, dy, h, execute):
         # As a tuple of leaves: solvers of diffrax refuse empty parts, such as the state of most laws.
         flat, form = jax.tree.flatten(y)
-        sizes = self._sizes(flat, jax.tree.leaves(dy), h)
+        units = self._units(flat, jax.tree.leaves(dy), h)
 
         def of_leaves(leaves):
-            return jax.tree.unflatten(form, [a * s for a, s in zip(leaves, sizes, strict=True)])
+            return jax.tree.unflatten(form, [a * s for a, s in zip(leaves, units, strict=True)])
 
-        def flat_field(t, leaves, args):
-            slopes = jax.tree.leaves(field(t, of_leaves(leaves)))
-            return tuple(a / s for a, s in zip(slopes, sizes, strict=True))
+        # The step is the unit of time: stages are solved for slopes, which have seconds in them.
+        def flat_field(part, leaves, args):
+            slopes = jax.tree.leaves(field(t + part * h, of_leaves(leaves)))
+            return tuple(h * a / s for a, s in zip(slopes, units, strict=True))
 
-        term = dfx.ODETerm(flat_field)
-        # A zero-length step only refreshes the slope, but implicit solvers divide by its length.
-        moves = h > 0
-        t1 = t + jnp.where(moves, h, 1e-8)
+        term: Any = dfx.ODETerm(flat_field)
+        if _is_additive(self.solver):
+            # Of its two methods the explicit one is given nothing to do.
+            term = dfx.MultiTerm(dfx.ODETerm(lambda t, y, args: jax.tree.map(jnp.zeros_like, y)), term)
         solver: Any = self._with_tolerances()
-        begin = tuple(a / s for a, s in zip(flat, sizes, strict=True))
-        state = solver.init(term, t, t1, begin, None)
-        end, error, _, _, result = solver.step(term, t, t1, begin, None, state, made_jump=True)
-        failed = result != dfx.RESULTS.successful
-        end = of_leaves(end)
+        begin = tuple(a / s for a, s in zip(flat, units, strict=True))
+        zero, one = jnp.zeros_like(t), jnp.ones_like(t)
+        state = solver.init(term, zero, one, begin, None)
+        end, error, _, _, result = solver.step(term, zero, one, begin, None, state, made_jump=True)
+        failed = (result != dfx.RESULTS.successful) & (self.unit is not None)
         y1 = jax.tree.map(
-            lambda new, old: jnp.where(moves, jnp.where(failed, jnp.nan, new), old), end, y
+            lambda new, old: jnp.where(h > 0, jnp.where(failed, jnp.nan, new), old), of_leaves(end), y
         )
         errors = () if error is None else (of_leaves(error),)
         return y1, field(t + h, y1), errors
+
+
+def _innermost(solver: Any) -> Any:
+    return _innermost(solver.solver) if isinstance(solver, dfx.AbstractWrappedSolver) else solver
+
+
+def _is_additive(solver: Any) -> bool:
+    """Whether it splits the field in two, as KenCarp's methods do: explicit part, implicit part."""
+    return isinstance(getattr(_innermost(solver), "tableau", None), dfx.MultiButcherTableau)
 
 
 def as_stepper(method: Any, rtol: Any = None) -> AbstractStepper:
@@ -313,22 +340,33 @@ def as_stepper(method: Any, rtol: Any = None) -> AbstractStepper:
         return ExplicitRungeKutta(_tableau.NAMED[method.lower()])
     if isinstance(method, _tableau.Tableau):
         return ExplicitRungeKutta(method)
-    if isinstance(method, dfx.AbstractERK) and not isinstance(method, dfx.AbstractItoSolver):
+    explicit = isinstance(method, dfx.AbstractERK) and _innermost(method) is method
+    if explicit and not isinstance(method, dfx.AbstractItoSolver):
         return ExplicitRungeKutta(_tableau.from_diffrax(method))
     if isinstance(method, dfx.AbstractSolver):
-        return DiffraxStepper(method, _open_tolerances(method), rtol)
+        rtol = ROOT_TOLERANCE if rtol is None else rtol
+        return DiffraxStepper(*_with_newton(method), rtol)
     raise ValueError(
         f"method={method!r} is not a solver; allowed: {sorted(_tableau.NAMED)}, a Tableau, or a "
         f"diffrax solver such as diffrax.Dopri5() or diffrax.Kvaerno5()"
     )
 
 
-def _open_tolerances(solver: dfx.AbstractSolver) -> tuple[str, ...]:
-    """What an implicit solver's root finder takes from diffrax's own rule, which is not used here."""
-    if not isinstance(solver, dfx.AbstractImplicitSolver):
-        return ()
-    finder = solver.root_finder
-    return tuple(
+def _with_newton(solver: Any) -> tuple[Any, tuple[str, ...]]:
+    """The solver, and what its root finder takes from diffrax's own rule, which is not used here.
+
+    A root finder that nobody chose is Newton's method. The one of diffrax keeps the slopes of the field
+    from the start of the step; in friction they are others at its end, and half of the steps failed.
+    """
+    inner = _innermost(solver)
+    if not isinstance(inner, dfx.AbstractImplicitSolver):
+        return solver, ()
+    usual = type(inner).__dataclass_fields__["root_finder"].default
+    if eqx.tree_equal(inner.root_finder, usual) is True:
+        newton = dfx.with_stepsize_controller_tols(optx.Newton)()
+        solver = eqx.tree_at(lambda s: _innermost(s).root_finder, solver, newton)
+    finder = _innermost(solver).root_finder
+    return solver, tuple(
         name
         for name in ("rtol", "atol", "norm")
         if hasattr(finder, name) and not isinstance(getattr(finder, name), float | jax.Array | Callable)

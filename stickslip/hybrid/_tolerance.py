@@ -131,7 +131,7 @@ class Ends(NamedTuple):
     dy1: PyTree
 
 
-def scales(rule: Any, atols: tuple, noise: Noise, size: PyTree, step: Ends) -> list:
+def scales(rtol: Any, atols: tuple, noise: Noise, size: PyTree, step: Ends) -> list:
     """What an error of 1 means in each leaf: `atol + rtol max(|y0|, |y1|)`.
 
     Without an absolute tolerance, `rtol` times the largest magnitude so far, of the component itself
@@ -156,9 +156,9 @@ def scales(rule: Any, atols: tuple, noise: Noise, size: PyTree, step: Ends) -> l
             here = jnp.maximum(jnp.maximum(s, here), SMALLEST * most)
             ends = jnp.where(short, jnp.maximum(jnp.abs(da), jnp.abs(db)), jnp.abs(da))
             unsure = n * step.h + noise.time * ends
-            found.append(rule.rtol * here + ROUNDING * unsure)
+            found.append(rtol * here + ROUNDING * unsure)
         else:
-            found.append(atol + rule.rtol * here)
+            found.append(atol + rtol * here)
     return found
 
 

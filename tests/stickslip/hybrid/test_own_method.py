@@ -140,7 +140,7 @@ class Damped(ss.AbstractSmoothSystem):
 @pytest.mark.slow
 @pytest.mark.parametrize("size", [1.0, 1e-6])
 def test_implicit_methods_take_as_many_steps_as_the_tolerance_asks_for(size):
-    """Friction rounded off within 1/200 of the belt's speed; diffrax takes 1,143 and 8,159 steps."""
+    """Friction rounded off within 1/200 of the belt's speed; DOP853 takes tens of thousands."""
     block = CoulombOscillator(1.0, 1.0, 1.0 * size, 0.5 * size, 0.2 * size)
     start, block = block.state(x=0.0, v=0.2 * size), block.regularised(1e-3 * size)
 
@@ -149,7 +149,7 @@ def test_implicit_methods_take_as_many_steps_as_the_tolerance_asks_for(size):
         return ss.simulate(block, 0.0, 30.0, start, integrator=rule, max_events=None)
 
     exact = float(run("dop853", 1e-12).y1.x)
-    for tolerance, most, error in ((1e-5, 1_500, 2e-4), (1e-9, 10_000, 2e-8)):
+    for tolerance, most, error in ((1e-5, 300, 2e-4), (1e-10, 2_000, 2e-8)):
         found = run(dfx.Kvaerno5(), tolerance)
         assert int(found.stats.num_accepted) < most
         assert float(found.y1.x) == pytest.approx(exact, abs=error * size)
