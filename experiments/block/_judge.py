@@ -14,6 +14,7 @@ SIMPLE = "simplified"
 READINGS = {"full, sign as printed": "printed sign", "full, consistent sign": "consistent sign"}
 # Lanes whose points are those of the motion. `not_settled` ones are counted, and said, apart.
 GOOD = [STATUS.index(word) for word in ("ok", "buffer_full")]
+RAN = [*GOOD, *(STATUS.index(word) for word in ("not_settled", "too_few_points"))]
 
 
 def _settled(dataset: xr.Dataset, model: str) -> xr.Dataset:
@@ -68,7 +69,7 @@ def changes(dataset: xr.Dataset, model: str) -> Verdict:
     told, number = told_lanes(dataset, model), branches(dataset, model)
     kinds = np.unique(number[told])
     part = _settled(dataset, model)
-    failed = int((~np.isin(np.asarray(part.status), [*GOOD, STATUS.index("not_settled")])).sum())
+    failed = int((~np.isin(np.asarray(part.status), RAN)).sum())
     full = int((np.asarray(part.status) == STATUS.index("buffer_full")).sum())
     slow = float(np.asarray(part.slow_transient).mean())
     text = f"lanes with {kinds.min()} to {kinds.max()} branches" if kinds.size else "no lane is known"

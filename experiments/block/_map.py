@@ -29,7 +29,7 @@ SLOW = 1e-3
 # less than this part over the record: near a doubling it decays for long.
 CHANGES = 0.02
 STANDS = 1e-6  # m/s
-USABLE = [STATUS.index(word) for word in ("ok", "buffer_full", "not_settled")]
+USABLE = [STATUS.index(word) for word in ("ok", "buffer_full", "not_settled", "too_few_points")]
 SILENT = [STATUS.index("no_crossing")]
 CAPTION = (
     "Constructed parameters (set A): the paper prints none. Friction: {}. Each lane from rest, {} with "

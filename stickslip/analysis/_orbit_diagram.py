@@ -109,18 +109,22 @@ def orbit_diagram(
       its own at the end, `x_0`, `x_1`, ..., as in `Solution.to_dataset`;
     - `status`: 0 "ok", else why the lane is not to be trusted (`attrs["flag_meanings"]`): it left the
       domain, never crossed a section, has more crossings than `max_points` (`buffer_full`) or
-      fewer than `points` of all sections (`fewer_points`), its first points are not yet those of the
-      attractor although a transient was dropped (`not_settled`), or the engine's result code;
+      fewer than `points` of all sections (`fewer_points`), its points are not yet those of the
+      attractor although a transient was dropped (`not_settled`: the first are not, or all still come
+      nearer to something or creep), they do not repeat and are too few to distinguish a transient
+      from chaos (`too_few_points`), or the engine's result code. Points of chaos that are many enough
+      are "ok";
     - `period`: number of points after which the observables repeat; 0 if after none of 1 to
       `period.longest`; -1 where that is unknown. `period_status` says why, by number with words in
       `attrs["flag_meanings"]`: `repeats`; `none`; `lane_failed`; `too_few_points` (4 are needed for
       period one, twice the longest to say that there is none); `not_finite`; `not_settled` (the points
-      still come nearer to something, or creep: of all points, where the `status` is of the first);
+      still come nearer to something, or creep);
       `constant` (a rest); `zero_on_section` (all that was observed is zero there, as a speed is
       at the maxima of its position); `below_rounding`. Points are the same if each observable
       differs by at most `period.tolerance` of its range along the whole motion, over the last quarter
       of the points. Time is left out, and components that are not observed do not count;
-    - `slow_transient`: the first points are not yet those of the attractor: drop more time;
+    - `slow_transient`: the first points are not yet those of the attractor, but the last are: drop
+      more time. False too where that cannot be told;
     - `flags`: as in `Solution`, of transient and record;
     - `end_...`: the state at the end (`carry_...` if carried);
     - with `check`, along `checked`: `checked_<parameter>`, and per observable `error_<name>`, the

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import PyTree
 
 from ..hybrid import RESULTS, Integrator, SaveAt, Section, simulate
-from ._attractor import CANNOT_TELL, PERIOD_STATUS, period_of
+from ._attractor import CANNOT_TELL, PERIOD_STATUS, ROUNDING, period_of
 from ._observable import Angle, Observable, whole_of
 from ._recording import PeriodTest
 
@@ -29,10 +29,11 @@ STATUS = (
     "other_failure",
     "not_settled",
     "fewer_points",
+    "too_few_points",
 )
 _ENGINE = STATUS[4:9]
 # Lanes whose points are those of the motion, though there may be more or the first are too early.
-USABLE = ("ok", "buffer_full", "not_settled", "fewer_points")
+USABLE = ("ok", "buffer_full", "not_settled", "fewer_points", "too_few_points")
 # Fractions of the recorded time at which the motion is sampled for its size. Uneven, so that no period
 # of the motion is hit at one phase all the time; dense at the beginning, which is all there is where a
 # lane stops after so many points.
@@ -143,8 +144,9 @@ def run_lane(
             values(whole, rows) if isinstance(f, Angle) else points[name]
             for name, f, whole in zip(judged, found, functions, strict=True)
         ]
+        columns = _columns(seen)
         verdict = period_of(
-            _columns(seen),
+            columns,
             count,
             span,
             tolerance=plan.period.tolerance,
@@ -158,22 +160,36 @@ def run_lane(
         )
         judged_by = jnp.where(failed, PERIOD_STATUS.index("lane_failed"), judged_by)
         told = judged_by <= PERIOD_STATUS.index("none")
+        # Points that agree are those of the motion, however few they are.
+        ends = _span(columns, count)
+        spread = jnp.ptp(ends, axis=0)
+        size = jnp.maximum(jnp.ptp(span, axis=0), spread)
+        rounding = ROUNDING * jnp.max(jnp.abs(ends), axis=0)
+        apart = jnp.any(spread > plan.period.tolerance * size + rounding)
         results = {
             **points,
             "count": count,
             "period": jnp.where(told, verdict.period, CANNOT_TELL).astype(jnp.int32),
             "period_status": judged_by.astype(jnp.int32),
         }
-        return results, verdict.slow
+        still = judged_by == PERIOD_STATUS.index("not_settled")
+        undecided = (judged_by == PERIOD_STATUS.index("too_few_points")) & apart
+        return results, verdict.slow, told, still, undecided
 
-    parts, slows = zip(*map(of_section, logs), strict=True)
+    parts, slows, tolds, stills, short_ones = zip(*map(of_section, logs), strict=True)
     results = jax.tree.map(lambda *rows: jnp.stack(rows), *parts) if plan.several else parts[0]
-    slow = usable & functools.reduce(jnp.logical_or, slows)
+    any_of = functools.partial(functools.reduce, jnp.logical_or)
+    slow = usable & any_of(slows)
     most = jnp.where(going, most, 0)
     short = (most < plan.size) if plan.stops else jnp.zeros((), bool)
     status = jnp.where((status == 0) & short, STATUS.index("fewer_points"), status)
+    # One section whose points tell is enough: the others are of the same motion.
+    untold = (status == 0) & ~any_of(tolds)
     if plan.settles:
-        status = jnp.where((status == 0) & slow, STATUS.index("not_settled"), status)
+        unsettled = ((status == 0) & slow) | (untold & any_of(stills))
+        status = jnp.where(unsettled, STATUS.index("not_settled"), status)
+    few = (status == 0) & untold & any_of(short_ones)
+    status = jnp.where(few, STATUS.index("too_few_points"), status)
     results |= {
         "status": status.astype(jnp.int32),
         "slow_transient": slow,

@@ -76,8 +76,9 @@ class Integrator(eqx.Module, metaclass=CheckedModule):
     """Method, step-size rule and limits.
 
     - `method`: `"dop853"` (default; order 8), `"tsit5"`, `"rk4"`, or any diffrax solver; implicit
-      ones such as `diffrax.Kvaerno5()` for stiff smoothed friction. A method of your own is a
-      `Tableau` or an `AbstractStepper`.
+      ones such as `diffrax.Kvaerno5()` for stiff smoothed friction. They solve their stages by Newton's
+      method, to a tenth of what the step may err, unless `root_finder` says otherwise. A method of your
+      own is a `Tableau` or an `AbstractStepper`.
     - `step`: `AdaptiveStep(rtol, atol)` (default `rtol` 1e-10 of the motion's size), `FixedStep(h)`, or
       an `AbstractAdaptiveStep` of your own.
     - `max_steps`: attempts per lane before it ends with `RESULTS.max_steps_reached`.
