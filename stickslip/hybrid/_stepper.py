@@ -1,6 +1,7 @@
 """One Runge-Kutta step: our fused explicit stages, or any solver of diffrax."""
 
 import abc
+import dataclasses
 import functools
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -318,6 +319,15 @@ class DiffraxStepper(AbstractStepper):
         errors = () if error is None else (of_leaves(error),)
         return y1, field(t + h, y1), errors
 
+    def vjp(self, *given):
+        back = dataclasses.replace(self, solver=_looped(self.solver, None))
+        return super(DiffraxStepper, back).vjp(*given)
+
+
+def _looped(solver: Any, kind: str | None) -> Any:
+    """The solver with another loop over its stages: that of diffrax has no forward derivative."""
+    return dataclasses.replace(solver, scan_kind=kind) if hasattr(solver, "scan_kind") else solver
+
 
 def _innermost(solver: Any) -> Any:
     return _innermost(solver.solver) if isinstance(solver, dfx.AbstractWrappedSolver) else solver
@@ -345,7 +355,7 @@ def as_stepper(method: Any, rtol: Any = None) -> AbstractStepper:
         return ExplicitRungeKutta(_tableau.from_diffrax(method))
     if isinstance(method, dfx.AbstractSolver):
         rtol = ROOT_TOLERANCE if rtol is None else rtol
-        return DiffraxStepper(*_with_newton(method), rtol)
+        return DiffraxStepper(*_with_newton(_looped(method, "lax")), rtol)
     raise ValueError(
         f"method={method!r} is not a solver; allowed: {sorted(_tableau.NAMED)}, a Tableau, or a "
         f"diffrax solver such as diffrax.Dopri5() or diffrax.Kvaerno5()"
