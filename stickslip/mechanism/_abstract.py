@@ -8,6 +8,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from stickslip._code import code_key
+
 
 def abstract(system: Any) -> tuple[list[Any], Any]:
     """Leaves of a pytree as abstract numbers, so that no value of them counts as structure."""
@@ -34,10 +36,11 @@ def with_numbers(leaves: Sequence[Any], numbers: Sequence[Any]) -> list[Any]:
 def traced_with(function: Any, system: Any) -> Any:
     """`function(system)`, which gives no numbers but its structure, with all numbers abstract.
 
-    Kept for the next system of this structure, so `function` must have a name: a lambda has none.
+    Kept for the next system of this structure and code, so `function` must have a name: a lambda has
+    none.
     """
     leaves, form = abstract(system)
-    key = (function, form, tuple(leaves))
+    key = (function, form, tuple(leaves), code_key(system))
     try:
         hash(key)
     except TypeError:
@@ -46,7 +49,7 @@ def traced_with(function: Any, system: Any) -> Any:
 
 
 @functools.lru_cache(maxsize=1024)
-def _traced(function: Any, form: Any, leaves: Any) -> Any:
+def _traced(function: Any, form: Any, leaves: Any, code: str) -> Any:
     seen: list[Any] = []
 
     def run(numbers):

@@ -13,6 +13,8 @@ import jax.extend
 import jax.numpy as jnp
 import numpy as np
 
+from stickslip._code import code_key
+
 _OPERATIONS: dict[str, Callable] = {
     "add": np.add, "add_any": np.add, "sub": np.subtract, "mul": np.multiply, "neg": np.negative,
     "max": np.maximum, "min": np.minimum, "abs": np.abs, "sign": np.sign, "square": np.square,
@@ -40,7 +42,7 @@ def known(function: Callable, *operands: Any) -> list[Any] | None:
     rest = tuple(x for x, array in zip(leaves, arrays, strict=True) if not array)
     numbers = [np.asarray(x) for x, array in zip(leaves, arrays, strict=True) if array]
     shapes = tuple((x.shape, x.dtype) for x in numbers)
-    key = (function, form, tuple(arrays), rest, shapes)
+    key = (function, form, tuple(arrays), rest, shapes, code_key(operands))
     try:
         hash(key)
     except TypeError:
@@ -57,7 +59,7 @@ def evaluated(closed: Any, numbers: list[Any]) -> list[Any] | None:
 
 
 @functools.lru_cache(maxsize=128)
-def _traced(function: Callable, form: Any, arrays: tuple, rest: tuple, shapes: tuple) -> Any:
+def _traced(function: Callable, form: Any, arrays: tuple, rest: tuple, shapes: tuple, code: str) -> Any:
     def of(numbers):
         given, others = iter(numbers), iter(rest)
         leaves = [next(given) if array else next(others) for array in arrays]

@@ -12,8 +12,9 @@ import pytest
 
 import stickslip as ss
 from stickslip._code import code_key
+from stickslip.friction import Coulomb
 from stickslip.hybrid import jit_by_code
-from stickslip.mechanism import AbstractMechanism
+from stickslip.mechanism import AbstractMechanism, Contact
 
 CELL = """
 import functools
@@ -193,6 +194,39 @@ def test_an_edited_helper_function_of_a_mechanism_is_used(compiled):
     exec("def push(t):\n    return 3.0", cell)
     assert end() == pytest.approx(36.0, rel=1e-9)
     assert len(compiled) == programs
+
+
+PARTS = """
+coupling = 0.0
+def load(t):
+    return 10.0
+class Sledges(AbstractMechanism):
+    coordinates: ClassVar = {"x": "m", "y": "m"}
+    contact_directions: ClassVar = {"floor": {"x": 1.0}}
+    def mass_matrix(self, q):
+        return [[1.0, coupling], [coupling, 1.0]]
+    def forces(self, t, q, v, args):
+        return {}
+    def contacts(self, t, q, v, args):
+        return {"floor": Contact(Coulomb(0.5), load(t))}
+"""
+
+
+def test_structure_follows_an_edit():
+    """What inertia couples, whether a normal force may vanish, and what a start is checked by."""
+    names = {"AbstractMechanism": AbstractMechanism, "ClassVar": ClassVar, "Contact": Contact}
+    cell: dict[str, Any] = {**names, "Coulomb": Coulomb, "jnp": jnp, "__name__": "__main__"}
+    exec(PARTS, cell)
+    machine = cell["Sledges"]()
+    machine.check_start(0.0, machine.state(), None)
+    assert [island.columns for island in machine.islands] == [(0,), (1,)]
+    assert machine.lifting == ()
+    exec("coupling = 0.5\ndef load(t):\n    return jnp.sin(t)", cell)
+    assert [island.columns for island in machine.islands] == [(0, 1)]
+    assert machine.lifting == (0,)
+    exec("def load(t):\n    return -1.0", cell)
+    with pytest.raises(ValueError, match="normal force of contact .floor. at the start = -1"):
+        machine.check_start(0.0, machine.state(), None)
 
 
 def test_a_kept_map_and_a_kept_program_see_the_edit(cell):
