@@ -1,6 +1,7 @@
 # Everything lives in .venv inside this checkout; the first call of any target creates it.
 PYTHON ?= python3
 WORKERS ?= 2
+MINUTES ?= 10
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -20,7 +21,7 @@ export PIP_NO_INPUT := 1
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo figures results notebooks docs test test-all bench lint lock clean distclean
+.PHONY: help setup demo figures results notebooks docs test test-all attack bench lint lock clean distclean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */  make \1\t/' | expand -t 20
@@ -72,6 +73,9 @@ test: setup ## the quick suite
 
 test-all: setup ## every test, the slow ones too
 	@$(RUN) -m pytest -q -n $(WORKERS) --dist worksteal
+
+attack: setup ## random machines against a slow reference: SEED=1 MINUTES=10 WORKERS=2
+	@$(RUN) -m tests.attack --minutes $(MINUTES) --workers $(WORKERS) $(addprefix --seed=,$(SEED)) $(addprefix --only=,$(ONLY))
 
 bench: setup ## compare with the peers; those that cannot be installed are reported as absent
 	@for peer in $(PEERS); do \
