@@ -156,7 +156,7 @@ class Draw:
                 found.append((c, f"-{k} * maximum({c} - {edge}, 0.0)"))
             for b in self.free:
                 if b != c and self.kinds[b] == "rad" and self.chance(0.3):
-                    power = self.one([1, 4, 16])
+                    power = self.one([1, 4, 16, 50])
                     lift = f"(0.5 + 0.5 * cos({b})) ** {power}"
                     found.append((c, f"{self.new(F, 0.5, 3.0, signed=True)} * {lift}"))
                 if b != c and self.kinds[b] == self.kinds[c] and c in self.free and self.chance(0.25):
@@ -302,6 +302,8 @@ def _numbers(structure: Structure, rng: np.random.Generator, still: bool) -> Num
     for c in structure.components:
         speed = c.startswith("v_")
         size, none = (1.5, 0.25) if speed else (0.4, 0.35)
+        if speed and structure.coordinates[c[2:]] == "rad" and rng.random() < 0.4:
+            size = 6.0
         x = round(float(rng.uniform(-size, size)), 3)
         same = [values[n] for n, p in structure.parameters.items()
                 if p.dimension == dimension_of(structure, c)]  # fmt: skip

@@ -17,7 +17,7 @@ from ._structure import Numbers, Structure
 class March(Instants):
     """One machine with its numbers, on its way."""
 
-    def __init__(self, structure: Structure, numbers: Numbers, rtol: float = 1e-11, steps: int = 300):
+    def __init__(self, structure: Structure, numbers: Numbers, rtol: float = 1e-11, steps: int = 160):
         super().__init__(structure, numbers)
         self.rtol, self.longest = rtol, numbers.end / steps
 

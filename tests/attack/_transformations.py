@@ -25,6 +25,9 @@ def units(s: Structure, n: Numbers, rng: np.random.Generator) -> Other | None:
         return None
     unit = 10.0 ** rng.integers(-12, 13, 3)
     unit[2] = 10.0 ** rng.integers(-6, 7)
+    if len(set(s.coordinates.values())) > 1:
+        # Inertias of angles and of lengths are joined, which costs the digits of their ratio.
+        unit[0] = 10.0 ** rng.integers(-1, 2)
 
     def factor(dimension) -> float:
         return float(np.prod(unit ** np.array(dimension)))

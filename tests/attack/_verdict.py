@@ -50,7 +50,7 @@ def truth_of(structure: Structure, n: Numbers) -> Truth:
         for sign in (1, -1):
             start = {c: x + 1e-9 * sign * (1 + abs(x)) for c, x in n.start.items()}
             try:
-                other, stop = March(structure, n._replace(start=start), 1e-10, 211).run(ts)
+                other, stop = March(structure, n._replace(start=start), 1e-10, 131).run(ts)
             except Unsure:
                 return np.inf
             if abs(stop - end) > 1e-6 * n.end:

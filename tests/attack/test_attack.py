@@ -24,9 +24,7 @@ BLOCK = Structure(
         "p4": Parameter(SPEED, 0.5, 2.0),
     },
 )  # fmt: skip
-VALUES = Numbers(
-    {"p0": 1.0, "p1": 1.0, "p2": 1.0, "p3": 0.5, "p4": 0.2}, {"x": 0.0, "v_x": 0.2}, 50.0
-)
+VALUES = Numbers({"p0": 1.0, "p1": 1.0, "p2": 1.0, "p3": 0.5, "p4": 0.2}, {"x": 0.0, "v_x": 0.2}, 50.0)
 
 
 def test_block_on_a_belt_is_right_in_the_reference_and_in_the_package():
@@ -54,10 +52,14 @@ def test_said_otherwise_a_machine_is_the_same_for_the_reference(name):
             continue
         s, m, back = other
         ts = np.linspace(0.0, 0.3, 3)
-        (one, end), (two, _) = (March(a, b._replace(end=0.3), 1e-9, 20).run(ts) for a, b in ((structure, n), (s, m)))
+        (one, end), (two, _) = (
+            March(a, b._replace(end=0.3), 1e-9, 20).run(ts) for a, b in ((structure, n), (s, m))
+        )
         states = back(ts, dict(zip(s.components, two.T, strict=True)))
         found = end == 0.3
-        np.testing.assert_allclose(np.stack([states[c] for c in structure.components], -1), one, atol=1e-6)
+        np.testing.assert_allclose(
+            np.stack([states[c] for c in structure.components], -1), one, atol=1e-6
+        )
 
 
 @pytest.mark.slow
