@@ -12,10 +12,10 @@ import sys
 import time
 from collections import Counter
 
-from ._one import table
+from ._one import table, tally
 from ._worker import Worker
 
-PATIENCE = 900.0  # seconds a structure may take, before its process is ended
+PATIENCE = 1800.0  # seconds a structure may take, before its process is ended
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -55,6 +55,8 @@ def main(argv: list[str] | None = None) -> int:
                 continue
             verdicts.update({("structures", "all"): 1, **counts})
             refusals.update(refused)
+            if verdicts["structures", "all"] % 10 == 0:
+                print(tally(verdicts), flush=True)
             for line in lines:
                 print(f"[{asked.seed}:{number}] {line}", flush=True)
             if time.monotonic() < end and asked.only is None:

@@ -25,7 +25,7 @@ class Draw:
 
     def __init__(self, rng: np.random.Generator):
         self.rng, self.parameters = rng, {}
-        n = rng.choice([1, 2, 3, 4], p=[0.3, 0.42, 0.2, 0.08])
+        n = rng.choice([1, 2, 3, 4], p=[0.35, 0.42, 0.17, 0.06])
         kinds = rng.choice(["m", "rad"], n, p=[0.75, 0.25])
         lengths, angles = iter("xyzw"), iter("abcd")
         self.kinds = {next(lengths if k == "m" else angles): str(k) for k in kinds}
@@ -81,7 +81,7 @@ class Draw:
         mass = self._mass()
         forces = self._forces()
         contacts: list[Touch] = []
-        for i in range(self.rng.choice(5, p=[0.07, 0.38, 0.32, 0.16, 0.07])):
+        for i in range(self.rng.choice(5, p=[0.05, 0.48, 0.32, 0.11, 0.04])):
             contacts.append(self._contact(i, contacts))
         stops = tuple(
             self._wall(i) for i in range(self.rng.choice(3, p=[0.68, 0.24, 0.08])) if self.free
@@ -97,8 +97,8 @@ class Draw:
                 form = f"bristles(LuGre, sigma_0={stiff}, sigma_1={damping}, v_s={width})"
         style = self.kind({"mapping": 2, "tuple": 1, "array": 1})
         found = Structure(
-            self.kinds, mass, tuple(forces), tuple(contacts), stops, self.states, self.cyclic, self.breaks,
-            self.period, scale, form, self.parameters, style,
+            self.kinds, mass, tuple(forces), tuple(contacts), stops, self.states, self.cyclic,
+            self.breaks, self.period, scale, form, self.parameters, style,
         )  # fmt: skip
         return found.pruned()
 

@@ -65,7 +65,7 @@ class Instants:
             period = self._number(s.period)
             cycles = range(-1, int(numbers.end / period) + 2)
             times = [b + period * i for i in cycles for b in times]
-        self.jumps = sorted({b for b in times if 1e-12 < b < self.end}) + [self.end]
+        self.jumps = [*sorted({b for b in times if 1e-12 < b < self.end}), self.end]
         self.y0 = np.array([numbers.start.get(c, 0.0) for c in self._all], float)
         self.span = (0.0, self.end)
         self.form = s.form.partition("(")[0]

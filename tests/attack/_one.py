@@ -38,11 +38,12 @@ def attack(seed: int, number: int, seconds: float) -> tuple[list[str], Counter, 
         if found.verdict == WRONG:
             lines.append(f"{WRONG}: {found.check}: {found.words}")
             if counts[found.check, WRONG] == 1:
-                lines.append(_smallest(structure, found, seconds))
+                lines.append(smallest(structure, found, seconds))
     return lines, counts, refusals
 
 
-def _smallest(structure: Structure, found: Finding, seconds: float) -> str:
+def smallest(structure: Structure, found: Finding, seconds: float) -> str:
+    """What is wrong as a script, shrunk for so many seconds."""
     assert found.numbers is not None
 
     def wrong(s: Structure, n: Numbers) -> bool:
@@ -66,3 +67,10 @@ def table(verdicts: Counter, refusals: Counter) -> str:
         lines.append(" | ".join([check, *map(str, rows)]))
     lines += [f"{n:4d} refused: {words}" for words, n in refusals.most_common()]
     return "\n".join(lines)
+
+
+def tally(verdicts: Counter) -> str:
+    """One line of counts."""
+    sums = {v: sum(n for (_, w), n in verdicts.items() if w == v) for v in CLASSES}
+    counts = ", ".join(f"{v} {n}" for v, n in sums.items() if n)
+    return f"{verdicts['structures', 'all']} structures: {counts}"

@@ -9,14 +9,14 @@ from ._structure import Numbers, Structure, words
 
 def smaller(s: Structure, n: Numbers) -> Iterator[tuple[Structure, Numbers]]:
     """Machines with one feature less, the coarse cuts first."""
+    for c in s.coordinates:
+        if len(s.coordinates) > 1:
+            yield from _without(s, n, c)
     for name, values in (("contacts", s.contacts), ("stops", s.stops), ("forces", s.forces)):
         for i in range(len(values)):
             yield replace(s, **{name: (*values[:i], *values[i + 1 :])}), n
     if s.states and not any("s" in words(x) for x in [*(t for _, t in s.forces), *_normals(s)]):
         yield replace(s, states={}), n
-    for c in s.coordinates:
-        if len(s.coordinates) > 1:
-            yield from _without(s, n, c)
     if s.breaks:
         yield replace(s, breaks=(), period=None), n
     for name, plain in (("cyclic", ()), ("time_scale", None), ("form", ""), ("style", "mapping")):
@@ -92,12 +92,12 @@ def _without(s: Structure, n: Numbers, gone: str) -> Iterator[tuple[Structure, N
 def shrunk(
     structure: Structure, n: Numbers, wrong: Callable[[Structure, Numbers], bool], seconds: float
 ) -> tuple[Structure, Numbers]:
-    """Take away while it stays wrong and there is time."""
-    end, again = time.monotonic() + seconds, True
+    """Take away while it stays wrong, for so many seconds of the processor."""
+    end, again = time.process_time() + seconds, True
     while again:
         again = False
         for s, m in smaller(structure, n):
-            if time.monotonic() > end:
+            if time.process_time() > end:
                 return structure, n
             s = s.pruned()
             try:

@@ -6,7 +6,7 @@ import os
 import time
 
 RENEWED = 25  # structures a process takes, so that programs do not fill the memory
-SHRINKING = 420.0  # seconds
+SHRINKING = 240.0  # seconds of the processor
 
 
 def work(pipe, seed: int) -> None:
