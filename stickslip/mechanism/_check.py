@@ -86,7 +86,8 @@ def _check_first_order(mechanism: Any, others: tuple[str, ...]) -> None:
 
 
 def _check_structure(mechanism: Any) -> None:
-    traced_with(check_without_args, mechanism)
+    if mechanism.stops:
+        traced_with(check_without_args, mechanism)
     for name, row in zip(mechanism.names.stops, mechanism.slopes[:, :-1], strict=True):
         if not row.any():
             why = "a function of the coordinates"

@@ -31,7 +31,8 @@ class AbstractWithStops(AbstractWithStates):
     @property
     def slopes(self) -> np.ndarray:
         """Slopes of the gaps `[stop, coordinate, and time last]`, NaN where they are not constant."""
-        return traced_with(slopes, self)
+        none = np.zeros((0, len(self.coordinates) + 1))
+        return traced_with(slopes, self) if self.stops else none
 
     def states(self, mode: Whole) -> Any:
         """-1, 0, 1 or 2 for each contact, backward to open; 0 or 2 for each stop, closed or open."""
