@@ -15,7 +15,7 @@ from ..analysis._observable import with_parameters
 from ..hybrid import AbstractHybridSystem, Integrator, jit_plainly, simulate, use_executor
 from ..hybrid._bound import spanning
 from ..hybrid._system import mode_type
-from ._closing import Frame, Motion, closure, extent, known, turns_of, unknowns
+from ._closing import Frame, Motion, closure, extent, known, plane_across, turns_of, unknowns
 from ._newton import Newton
 from ._orbit import PeriodicOrbit
 from ._periodic_orbit import described
@@ -44,7 +44,8 @@ class Anchor(NamedTuple):
     """The orbit around which unknowns are measured: at unknown 1 of the period it has `period`.
 
     `phase`: time of the first point, in parts of the period (of the forced system); `normal`: the plane
-    of the first point; `size`: what unknowns and residuals are parts of; `extent`: of the motion.
+    of the first point; `size`: what unknowns and residuals are parts of; `extent`: of the motion, and
+    `largest`, of those on the branch up to here.
     """
 
     y: Any
@@ -53,6 +54,7 @@ class Anchor(NamedTuple):
     normal: Any
     size: Any
     extent: Any
+    largest: Any
 
 
 def system_at(problem: Problem, values: Any) -> AbstractHybridSystem:
@@ -85,36 +87,54 @@ def _framed(problem: Problem, anchor: Anchor, turn: Any) -> tuple[Motion, Frame]
     return Motion(system, problem.args, problem.integrator), frame
 
 
-def anchored(problem: Problem, values: Any, y: PyTree, mode: Any, phase: Any, period: Any, least: Any):
-    """Anchor at a state, with its unknowns and the modes at the knots; the size is at least `least`."""
+def anchored(
+    problem: Problem, values: Any, y: PyTree, mode: Any, phase: Any, period: Any,
+    before: tuple[Anchor, bool] | None = None,
+):  # fmt: skip
+    """Anchor at a state, with its unknowns and the modes at the knots.
+
+    `before`: the anchor of the orbit before it on the branch, and whether that begins at the same place
+    of the motion. Sizes do not become smaller. They grow where a component is carried along, as the
+    speed of what rotates: it moves on while its ripple stays what it is.
+    """
     values = np.asarray(values, float)
     y = jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.float64), y)
-    least = np.broadcast_to(least, np.shape(ravel_pytree(y)[0]))
-    phase, period, least = (jnp.asarray(number, jnp.float64) for number in (phase, period, least))
+    flat = np.asarray(ravel_pytree(y)[0])
+    if before is None:
+        size = largest = reached = shift = np.zeros(flat.shape)
+    else:
+        old, same = before
+        size, largest, reached = (np.asarray(a) for a in (old.size, old.largest, old.extent))
+        shift = same * np.abs(flat - np.asarray(ravel_pytree(old.y)[0]))
+    numbers = (phase, period, size, largest, reached, shift)
     anchor, u, modes = _anchored(
-        _fixed(problem, values), y, jnp.asarray(mode, mode_type(problem.system)), phase, period, least
-    )
+        _fixed(problem, values), y, jnp.asarray(mode, mode_type(problem.system)),
+        *(jnp.asarray(number, jnp.float64) for number in numbers),
+    )  # fmt: skip
     return anchor, np.append(u, values / np.asarray(problem.unit)), modes
 
 
 @jit_plainly
-def _anchored(problem: Problem, y: PyTree, mode: Any, phase: Any, period: Any, least: Any):
+def _anchored(problem: Problem, y: PyTree, mode: Any, phase, period, size, largest, reached, shift):
     turn = jnp.asarray(turns_of(problem.system, y))
     ones = jnp.ones(turn.shape)
-    motion, frame = _framed(problem, Anchor(y, phase, period, ones, ones, ones), turn)
+    motion, frame = _framed(problem, Anchor(y, phase, period, ones, ones, ones, ones), turn)
     integrator = spanning(
         motion.integrator, motion.system, frame.t0, frame.period, y, mode, motion.args
     )
     with use_executor(problem.executor):
-        moves, knots, modes = extent(
-            motion._replace(integrator=integrator), y, mode, frame.t0, frame.period, problem.segments
-        )
-    size = jnp.maximum(moves, least)
-    slope = ravel_pytree(motion.system.vector_field(frame.t0, y, mode, motion.args))[0] / size
-    length = jnp.linalg.norm(slope)
-    normal = slope / jnp.where(length > 0, length, 1.0)
-    anchor = Anchor(y, phase, frame.period, normal, size, moves)
-    return anchor, unknowns(knots, frame._replace(size=size)), modes
+        found = extent(
+            motion._replace(integrator=integrator), y, mode, frame.t0, frame.period, problem.segments,
+            turn,
+        )  # fmt: skip
+    change = jnp.maximum(jnp.abs(found.moves - reached), 1e-300)
+    size = jnp.maximum(jnp.maximum(size, found.moves), jnp.minimum(size * shift / change, found.least))
+    slope = ravel_pytree(motion.system.vector_field(frame.t0, y, mode, motion.args))[0]
+    normal = plane_across(slope, size, found.winding, turn, frame.period)
+    anchor = Anchor(
+        y, phase, frame.period, normal, size, found.moves, jnp.maximum(largest, found.moves)
+    )
+    return anchor, unknowns(found.knots, frame._replace(size=size)), found.modes
 
 
 @jit_plainly

@@ -17,6 +17,7 @@ from ._holding import on_constraints
 # Points of a period at which the size of each component is read off.
 SAMPLES = 64
 ROUNDING = 256 * 2.0**-52
+TURNS = 0.1  # of its mean speed: an angle that turns so fast shows the place on the orbit
 
 
 def tight() -> Integrator:
@@ -144,13 +145,24 @@ def _each(piece: Any, *rows: Any) -> Any:
     return jax.tree.map(lambda leaf: jnp.asarray(leaf)[None], alone)
 
 
-def extent(
-    motion: Motion, y: PyTree, mode: Any, t0: Any, period: Any, segments: int
-) -> tuple[Array, Array, Array]:
-    """Size of each component along one period, and the states and modes at the knots.
+class Extent(NamedTuple):
+    """What a motion reaches in a time: see `extent`."""
 
-    The size is the difference between the largest and the smallest value; where a component does not
-    move, its value, or 1.
+    moves: Float[Array, " size"]
+    least: Float[Array, " size"]
+    winding: Float[Array, " size"]
+    knots: Float[Array, "segment size"]
+    modes: Array
+
+
+def extent(
+    motion: Motion, y: PyTree, mode: Any, t0: Any, period: Any, segments: int, turn: Any
+) -> Extent:
+    """How far each component moves along one period, and the states and modes at the knots.
+
+    `moves`: the difference between the largest and the smallest value; where a component does not
+    move, its value, or 1. `least`: the least absolute value, 0 where the component passes through zero.
+    `winding`: of an angle, how often it goes round.
     """
     # Knots first, so that none is missed by rounding.
     parts = segments * -(-SAMPLES // segments)
@@ -167,12 +179,28 @@ def extent(
     low = jnp.min(jnp.where(finite, flat, jnp.inf), axis=0)
     largest = jnp.maximum(jnp.abs(high), jnp.abs(low))
     span = high - low
-    size = jnp.where(span > ROUNDING * largest, span, jnp.where(largest > 0, largest, 1.0))
+    moves = jnp.where(span > ROUNDING * largest, span, jnp.where(largest > 0, largest, 1.0))
     each = parts // segments
     knots, found = flat[::each], outputs.mode[::each]
     first = ravel_pytree(y)[0]
     knots = jnp.where(jnp.all(jnp.isfinite(knots)), knots, first[None, :])
-    return size, knots, jnp.where(found < 0, mode, found).astype(jnp.asarray(mode).dtype)
+    modes = jnp.where(found < 0, mode, found).astype(jnp.asarray(mode).dtype)
+    turns = jnp.round((ravel_pytree(solution.y1)[0] - first) / turn)
+    least = jnp.maximum(jnp.maximum(low, -high), 0.0)
+    return Extent(moves, least, jnp.where(jnp.isfinite(turns), turns, 0.0), knots, modes)
+
+
+def plane_across(slope: Any, size: Any, winding: Any, turn: Any, period: Any) -> Array:
+    """Unit normal, in parts of the size, of the plane in which the first point is looked for.
+
+    Across the motion there. Where angles go round, across their turning alone: speeds may have to
+    change by much more than their ripple, which says nothing about the place on the orbit.
+    """
+    mean = jnp.where(winding != 0.0, winding * jnp.where(winding != 0.0, turn, 1.0) / period, jnp.inf)
+    turning = jnp.where(winding != 0.0, slope / size, 0.0)
+    slope = jnp.where(jnp.any(slope / mean > TURNS), turning, slope / size)
+    length = jnp.linalg.norm(slope)
+    return slope / jnp.where(length > 0, length, 1.0)
 
 
 def turns_of(system: AbstractHybridSystem, y: PyTree) -> np.ndarray:

@@ -102,7 +102,6 @@ def begin(problem: Problem, orbit: PeriodicOrbit | OrbitGuess, value: Any) -> Po
         orbit.mode0,
         phase,
         jnp.asarray(float(orbit.period)),
-        0.0,
     )
     along = np.zeros((value.size, u.shape[0]))
     along[:, -value.size :] = np.eye(value.size)
@@ -214,7 +213,7 @@ def beginning_elsewhere(problem: Problem, point: Point) -> tuple[Point, float] |
         mode,
         jnp.asarray(phase),
         jnp.asarray(period),
-        anchor.size,
+        (anchor, not shift),
     )
     # No direction is held: the nearest orbit of the branch, also where the parameter turns.
     new = correct(problem, np.asarray(u), modes, around, np.zeros(u.shape[0]), None)

@@ -25,12 +25,14 @@ from ..hybrid._bound import spanning
 from ..hybrid._tree import with_float_arrays
 from ._beginning import beside_breaks
 from ._closing import (
+    Extent,
     Frame,
     Motion,
     check_autonomous,
     closure,
     extent,
     known,
+    plane_across,
     tight,
     turns_of,
     unknowns,
@@ -135,8 +137,9 @@ def _orbit(
     _, unravel = ravel_pytree(y0)
     with use_executor(execute):
         t0, y0, mode0 = beside_breaks(system, args, integrator, t0, y0, mode0)
-        size, knots, modes = extent(motion, y0, mode0, t0, period, segments)
-        frame = _frame(motion, y0, mode0, t0, period, size, forced)
+        turn = jnp.asarray(turns_of(system, y0))
+        reach = extent(motion, y0, mode0, t0, period, segments, turn)
+        frame = _frame(motion, y0, mode0, t0, period, reach, turn, forced)
 
         def evaluate(u, modes):
             def residual(u):
@@ -150,27 +153,28 @@ def _orbit(
             return found.residual, jacobian, jnp.where(good, norm, jnp.inf), after, found
 
         found = newton(
-            evaluate, unknowns(knots, frame), modes,
-            tolerance=tolerance, most=max_steps, longest=lambda u, du: _longest(u, du, frame),
+            evaluate, unknowns(reach.knots, frame), reach.modes, tolerance=tolerance, most=max_steps,
+            longest=lambda u, du: _longest(u, du, frame, jnp.maximum(reach.moves, reach.least)),
         )  # fmt: skip
-        return described(motion, frame, found, tolerance, unravel, modes[0], segments, max_events)
+        return described(
+            motion, frame, found, tolerance, unravel, reach.modes[0], segments, max_events
+        )
 
 
 _compiled = jit_plainly(_orbit)
 
 
-def _frame(motion: Motion, y0, mode0, t0, period, size, forced: bool) -> Frame:
+def _frame(motion: Motion, y0, mode0, t0, period, found: Extent, turn, forced: bool) -> Frame:
     flat = ravel_pytree(y0)[0]
-    slope = ravel_pytree(motion.system.vector_field(t0, y0, mode0, motion.args))[0] / size
-    length = jnp.linalg.norm(slope)
-    normal = slope / jnp.where(length > 0, length, 1.0)
-    turn = jnp.asarray(turns_of(motion.system, y0))
-    return Frame(t0, period, not forced, flat, normal, size, turn)
+    slope = ravel_pytree(motion.system.vector_field(t0, y0, mode0, motion.args))[0]
+    normal = plane_across(slope, found.moves, found.winding, turn, period)
+    return Frame(t0, period, not forced, flat, normal, found.moves, turn)
 
 
-def _longest(u, du, frame: Frame):
-    """A step may halve the period, not more, and move no component by ten times the motion's size."""
-    states = du[:-1] if frame.free else du
+def _longest(u, du, frame: Frame, reach):
+    """A step may halve the period, not more, and move no component by ten times the motion's size, or
+    its value."""
+    states = (du[:-1] if frame.free else du).reshape(-1, reach.size) * (frame.size / reach)[None, :]
     part = 10.0 / jnp.maximum(jnp.max(jnp.abs(states)), 10.0)
     if frame.free:
         part = jnp.minimum(part, 0.5 * u[-1] / jnp.maximum(jnp.abs(du[-1]), 1e-300))

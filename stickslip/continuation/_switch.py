@@ -42,7 +42,7 @@ def doubled(problem: Problem, orbit: PeriodicOrbit, value: float) -> Point | Fai
     period = 2.0 * float(orbit.period)
     phase = jnp.asarray(float(orbit.t0) / period % 1.0)
     anchor, u, modes = anchored(
-        problem, jnp.asarray([value]), orbit.y0, orbit.mode0, phase, jnp.asarray(period), 0.0
+        problem, jnp.asarray([value]), orbit.y0, orbit.mode0, phase, jnp.asarray(period)
     )
     u, states = np.asarray(u), np.asarray(anchor.size).size
     _, jacobian, _ = jax.device_get(evaluated(problem, jnp.asarray(u), modes, anchor))
@@ -149,7 +149,7 @@ def born(problem: Problem, rest: EquilibriumPoint) -> Point | Failure:
         swing = part * ellipse
         anchor, u, modes = anchored(
             problem, jnp.asarray([rest.value]), unravel(jnp.asarray(flat + swing)),
-            jnp.asarray(rest.mode, jnp.int32), jnp.zeros(()), jnp.asarray(rest.period), 0.0,
+            jnp.asarray(rest.mode, jnp.int32), jnp.zeros(()), jnp.asarray(rest.period),
         )  # fmt: skip
         u = np.asarray(u)
         along = np.zeros(u.size)

@@ -47,7 +47,7 @@ def settled(problem: Problem, point: Point) -> Point:
 def _shrunk(point: Point) -> float:
     """Extent of the motion, in parts of the largest that it had on the branch."""
     anchor = point.anchor
-    return float(np.max(np.asarray(anchor.extent) / np.asarray(anchor.size)))
+    return float(np.max(np.asarray(anchor.extent) / np.asarray(anchor.largest)))
 
 
 def walked(problem, start: Point, bounds, step, max_points, tests) -> tuple[list, list]:
