@@ -156,9 +156,7 @@ def _orbit(
             evaluate, unknowns(reach.knots, frame), reach.modes, tolerance=tolerance, most=max_steps,
             longest=lambda u, du: _longest(u, du, frame, jnp.maximum(reach.moves, reach.least)),
         )  # fmt: skip
-        return described(
-            motion, frame, found, tolerance, unravel, reach.modes[0], segments, max_events
-        )
+        return described(motion, frame, found, tolerance, unravel, reach.modes[0], segments, max_events)
 
 
 _compiled = jit_plainly(_orbit)
