@@ -15,7 +15,17 @@ from ..analysis._observable import with_parameters
 from ..hybrid import AbstractHybridSystem, Integrator, jit_plainly, simulate, use_executor
 from ..hybrid._bound import spanning
 from ..hybrid._system import mode_type
-from ._closing import Frame, Motion, closure, extent, known, plane_across, turns_of, unknowns
+from ._closing import (
+    Frame,
+    Motion,
+    closure,
+    equations,
+    extent,
+    known,
+    plane_across,
+    turns_of,
+    unknowns,
+)
 from ._newton import Newton
 from ._orbit import PeriodicOrbit
 from ._periodic_orbit import described
@@ -45,7 +55,7 @@ class Anchor(NamedTuple):
 
     `phase`: time of the first point, in parts of the period (of the forced system); `normal`: the plane
     of the first point; `size`: what unknowns and residuals are parts of; `extent`: of the motion, and
-    `largest`, of those on the branch up to here.
+    `largest`, of those on the branch up to here; `shifts`: columns that change nothing, of states.
     """
 
     y: Any
@@ -55,6 +65,7 @@ class Anchor(NamedTuple):
     size: Any
     extent: Any
     largest: Any
+    shifts: Any
 
 
 def system_at(problem: Problem, values: Any) -> AbstractHybridSystem:
@@ -76,14 +87,19 @@ def _parted(problem: Problem, u: Any) -> tuple[Problem, Any]:
     return _fixed(problem, u[-free:] * np.asarray(problem.unit)), jnp.asarray(u[:-free])
 
 
-def _framed(problem: Problem, anchor: Anchor, turn: Any) -> tuple[Motion, Frame]:
+def _framed(problem: Problem, anchor: Anchor) -> tuple[Motion, Frame]:
+    turn = turns_of(problem.system, anchor.y)
     system = problem.system
     period, t0 = anchor.period, jnp.zeros(())
     if problem.forcing_period is not None:
         period = problem.multiple * jnp.asarray(problem.forcing_period(system), jnp.float64)
         t0 = anchor.phase * period
     free = problem.forcing_period is None
-    frame = Frame(t0, period, free, ravel_pytree(anchor.y)[0], anchor.normal, anchor.size, turn)
+    flat, size = ravel_pytree(anchor.y)[0], anchor.size
+    shifts = anchor.shifts / size[:, None]
+    longest = jnp.max(jnp.abs(shifts), axis=0)
+    shifts = shifts / jnp.where(longest > 0.0, longest, 1.0)[None, :]
+    frame = Frame(t0, period, free, flat, anchor.normal, size, shifts, turn)
     return Motion(system, problem.args, problem.integrator), frame
 
 
@@ -116,25 +132,27 @@ def anchored(
 
 @jit_plainly
 def _anchored(problem: Problem, y: PyTree, mode: Any, phase, period, size, largest, reached, shift):
-    turn = jnp.asarray(turns_of(problem.system, y))
-    ones = jnp.ones(turn.shape)
-    motion, frame = _framed(problem, Anchor(y, phase, period, ones, ones, ones, ones), turn)
+    ones = jnp.ones(size.shape)
+    motion, frame = _framed(
+        problem, Anchor(y, phase, period, ones, ones, ones, ones, jnp.zeros((size.size, size.size)))
+    )
     integrator = spanning(
         motion.integrator, motion.system, frame.t0, frame.period, y, mode, motion.args
     )
     with use_executor(problem.executor):
         found = extent(
             motion._replace(integrator=integrator), y, mode, frame.t0, frame.period, problem.segments,
-            turn,
+            frame.free,
         )  # fmt: skip
     change = jnp.maximum(jnp.abs(found.moves - reached), 1e-300)
     size = jnp.maximum(jnp.maximum(size, found.moves), jnp.minimum(size * shift / change, found.least))
     slope = ravel_pytree(motion.system.vector_field(frame.t0, y, mode, motion.args))[0]
-    normal = plane_across(slope, size, found.winding, turn, frame.period)
-    anchor = Anchor(
-        y, phase, frame.period, normal, size, found.moves, jnp.maximum(largest, found.moves)
-    )
-    return anchor, unknowns(found.knots, frame._replace(size=size)), found.modes
+    largest = jnp.maximum(largest, found.moves)
+    shifts = found.shifts * found.moves[:, None]
+    anchor = Anchor(y, phase, frame.period, ones, size, found.moves, largest, shifts)
+    _, frame = _framed(problem, anchor)
+    normal = plane_across(slope, size, frame.shifts, found.winding, frame.turn, frame.period)
+    return anchor._replace(normal=normal), unknowns(found.knots, frame), found.modes
 
 
 @jit_plainly
@@ -142,21 +160,18 @@ def evaluated(problem: Problem, u: Any, modes: Any, anchor: Anchor):
     """Residual, its derivative by all unknowns, the parameters last, and what the pieces were."""
     _, unravel = ravel_pytree(anchor.y)
     free = len(problem.names)
-    turn = jnp.asarray(turns_of(problem.system, anchor.y))
 
-    def residual(u):
+    def found_from(u):
         there = system_at(problem, u[-free:] * problem.unit)
-        motion, frame = _framed(dataclasses.replace(problem, system=there), anchor, turn)
+        motion, frame = _framed(dataclasses.replace(problem, system=there), anchor)
         span = jax.lax.stop_gradient(frame.period)
         integrator = spanning(
             motion.integrator, motion.system, frame.t0, span, anchor.y, modes[0], motion.args
         )
         with use_executor(problem.executor):
-            found = closure(u[:-free], modes, motion._replace(integrator=integrator), frame, unravel)
-        return found.residual, found
+            return closure(u[:-free], modes, motion._replace(integrator=integrator), frame, unravel)
 
-    jacobian, found = jax.jacfwd(residual, has_aux=True)(u)
-    return found.residual, jacobian, found
+    return equations(found_from, u, _framed(problem, anchor)[1], problem.segments)
 
 
 def passed(problem: Problem, u: Any, modes: Any, anchor: Anchor):
@@ -199,7 +214,7 @@ def _orbit_at(problem: Problem, u: Any, modes: Any, anchor: Anchor, found: Any) 
 def _around(problem: Problem, modes: Any, anchor: Anchor) -> tuple[Motion, Frame, Any]:
     """What moves, with steps bounded as for one period, and the frame of an anchor."""
     _, unravel = ravel_pytree(anchor.y)
-    motion, frame = _framed(problem, anchor, jnp.asarray(turns_of(problem.system, anchor.y)))
+    motion, frame = _framed(problem, anchor)
     integrator = spanning(
         motion.integrator, motion.system, frame.t0, frame.period, anchor.y, modes[0], motion.args
     )

@@ -80,10 +80,15 @@ class Branch(eqx.Module):
         flagged = int(np.sum(np.asarray(self.orbits.flags) != 0))
         head = (
             f"Branch: {counted(len(self), 'orbit')}, {stable:,} stable; {self.parameter} from "
-            f"{number(self.values.min())} to {number(self.values.max())}"
+            f"{number(self.values.min())} to {number(self.values.max())}{self._free()}"
             f"{f'; derivative flags: {flagged:,} of the orbits' * (flagged > 0)}"
         )
         return "\n".join([head, *(f"  {special!r}" for special in self.specials)])
+
+    def _free(self) -> str:
+        """Along which components the place of the orbits is that of the first one."""
+        words = jax.tree.map(lambda leaf: leaf[0], self.orbits).place.partition(",")[0]
+        return f"; {words}" if words else ""
 
     def _repr_html_(self) -> str:
         head = repr(self).partition("\n")[0]

@@ -1,5 +1,6 @@
 """The equations of a periodic orbit: pieces of motion that join, and the last one the first."""
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
@@ -9,15 +10,21 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree
 
 from .._validation import refusal
+from ..analysis._neutral import neutral_shifts, projection_on
 from ..hybrid import AbstractHybridSystem, AdaptiveStep, Integrator, SaveAt, simulate
 from ..hybrid._bound import depends_on_time
 from ..hybrid._components import components_of, period_of
 from ._holding import on_constraints
+from ._monodromy import pieces_of
 
 # Points of a period at which the size of each component is read off.
 SAMPLES = 64
 ROUNDING = 256 * 2.0**-52
 TURNS = 0.1  # of its mean speed: an angle that turns so fast shows the place on the orbit
+# What else there is of a motion swings if it moves by the first part of its values, and comes back to
+# the second part of that.
+SWINGS, BACK = 1e-6, 0.5
+KEEPS = 1e-6  # of the growth of deviations in a piece: by so much at most it changes a neutral shift
 
 
 def tight() -> Integrator:
@@ -55,6 +62,7 @@ class Frame(NamedTuple):
       guess where it is `free`, an unknown too.
     - `anchor`, `normal`: the plane in which the first point is looked for where the period is unknown.
     - `size`: extent of the motion in each component, at least its rounding; residuals are parts of it.
+    - `shifts`: columns, of the state, that change neither field nor guards (`neutral_shifts`).
     - `turn`: period of each component that is an angle, infinite for the others.
     """
 
@@ -64,14 +72,16 @@ class Frame(NamedTuple):
     anchor: Any
     normal: Any
     size: Any
-    turn: Any
+    shifts: Any
+    turn: np.ndarray
 
 
 class Closure(NamedTuple):
     """How well a motion closes: scaled residual, and what its pieces were.
 
     `ends` are the ends of the pieces as flat states; `modes`, those at their ends. `sequence`: hash of
-    the guards and modes of each piece, `num_events` how many there are.
+    the guards and modes of each piece, `num_events` how many there are. `pieces`: monodromy of each, in
+    parts of the size; `neutral`: projection on the shifts that they leave alone, likewise.
     """
 
     residual: Float[Array, " unknown"]
@@ -82,6 +92,8 @@ class Closure(NamedTuple):
     flags: Array
     sequence: Array
     num_events: Array
+    pieces: Array | None = None
+    neutral: Array | None = None
 
 
 def unknowns(y: Float[Array, "segment size"], frame: Frame) -> Float[Array, " unknown"]:
@@ -96,11 +108,24 @@ def known(u: Float[Array, " unknown"], frame: Frame, segments: int) -> tuple[Any
     return u[: segments * frame.size.shape[0]].reshape(segments, -1) * frame.size[None, :], period
 
 
-def wrapped(away: Float[Array, "..."], turn: Float[Array, " size"]) -> Float[Array, "..."]:
-    """Differences of states without whole turns of angles."""
-    turn = turn.reshape((1,) * (away.ndim - 1) + turn.shape)
-    period = jnp.where(jnp.isfinite(turn), turn, 1.0)
-    return away - jnp.where(jnp.isfinite(turn), period * jnp.round(away / period), 0.0)
+def apart(
+    away: Float[Array, "..."], neutral: Float[Array, "size size"], turn: np.ndarray
+) -> Float[Array, "..."]:
+    """Differences of states without whole turns of angles and without shifts that change nothing.
+
+    `neutral`: projection on these, in the units of the state. An angle that they move is taken to zero
+    by them first: by how much of a turn it has gone on is of no account.
+    """
+    left, whole = neutral, away
+    for i in np.flatnonzero(np.isfinite(turn)):
+        new = left[i, i] > ROUNDING
+        column = jnp.where(new, left[:, i] / jnp.where(new, left[i, i], 1.0), 0.0)
+        whole = whole - whole[..., i, None] * column
+        left = left - column[:, None] * left[i][None, :]
+    turns = np.isfinite(turn)
+    period = np.where(turns, turn, 1.0).reshape((1,) * (away.ndim - 1) + turn.shape)
+    whole = whole - jnp.where(turns.reshape(period.shape), period * jnp.round(whole / period), 0.0)
+    return whole - whole @ neutral.T
 
 
 def closure(
@@ -108,7 +133,8 @@ def closure(
 ) -> Closure:
     r"""Residual of $\varphi_{T/m}(y_k) = y_{k+1}$, $k = 0 \dots m-1$, $y_m = y_0$, by the size.
 
-    Where the period is free the last number is the distance of $y_0$ from the plane of the frame.
+    Where the period is free the last number is the distance of $y_0$ from the plane of the frame. The
+    last piece has its whole turns here: `equations` takes them away.
     Pieces begin on what their modes hold, from where a stick would go on at any speed.
     """
     segments = modes.shape[0]
@@ -128,13 +154,49 @@ def closure(
 
     ends, after, *told = _each(piece, times[:-1], times[1:], y, modes)
     away = ends - jnp.roll(y, -1, axis=0)
-    # Of the last piece alone: the knots go on turning.
-    away = away.at[-1].set(wrapped(away[-1], frame.turn))
     residual = jnp.ravel(away / frame.size[None, :])
     if frame.free:
         plane = jnp.sum(frame.normal * (y[0] - frame.anchor) / frame.size)
         residual = jnp.append(residual, plane)
     return Closure(residual, ends, after, *told)
+
+
+def equations(
+    found_from: Callable[[Array], Closure], u: Float[Array, " unknown"], frame: Frame, segments: int
+) -> tuple[Array, Array, Closure]:
+    """Residual, its derivative by the unknowns, and the closure, with the place of the orbit fixed.
+
+    Shifts of the state that change nothing make of each orbit a family, whose place is that of the
+    anchor: instead of what the orbit closes to along these, which may be a drift, stands how far from
+    the anchor it begins. Shifts that an event does not leave alone are none.
+    """
+
+    def residual(u):
+        found = found_from(u)
+        return found.residual, found
+
+    jacobian, found = jax.jacfwd(residual, has_aux=True)(u)
+    count = frame.size.shape[0]
+    pieces = jnp.stack(pieces_of(jacobian, segments, count))
+    changed = jnp.max(jnp.abs(pieces @ frame.shifts - frame.shifts[None]), axis=1)
+    grows = jnp.maximum(jnp.max(jnp.abs(pieces), axis=(1, 2)), 1.0)
+    kept = jnp.all(changed <= KEEPS * grows[:, None], axis=0)
+    neutral = projection_on(jnp.where(kept[None, :], frame.shifts, 0.0))
+    rows = slice((segments - 1) * count, segments * count)
+    # Of the last piece alone: the knots go on turning.
+    away = found.residual[rows] * frame.size
+    closes = apart(away, in_units(neutral, frame.size), frame.turn) / frame.size
+    place = neutral @ (u[:count] - frame.anchor / frame.size)
+    last = jacobian[rows] - neutral @ jacobian[rows] + neutral @ jnp.eye(count, u.shape[0])
+    found = found._replace(
+        residual=found.residual.at[rows].set(closes + place), pieces=pieces, neutral=neutral
+    )
+    return found.residual, jacobian.at[rows].set(last), found
+
+
+def in_units(matrix: Float[Array, "size size"], size: Float[Array, " size"]) -> Array:
+    """A matrix in parts of the size as one of states."""
+    return matrix * size[:, None] / size[None, :]
 
 
 def _each(piece: Any, *rows: Any) -> Any:
@@ -151,18 +213,20 @@ class Extent(NamedTuple):
     moves: Float[Array, " size"]
     least: Float[Array, " size"]
     winding: Float[Array, " size"]
+    shifts: Float[Array, "size size"]
     knots: Float[Array, "segment size"]
     modes: Array
 
 
 def extent(
-    motion: Motion, y: PyTree, mode: Any, t0: Any, period: Any, segments: int, turn: Any
+    motion: Motion, y: PyTree, mode: Any, t0: Any, period: Any, segments: int, free: bool
 ) -> Extent:
     """How far each component moves along one period, and the states and modes at the knots.
 
     `moves`: the difference between the largest and the smallest value; where a component does not
     move, its value, or 1. `least`: the least absolute value, 0 where the component passes through zero.
-    `winding`: of an angle, how often it goes round.
+    `winding`: of an angle, how often it goes round. `shifts`: columns that change nothing, in parts of
+    `moves`.
     """
     # Knots first, so that none is missed by rounding.
     parts = segments * -(-SAMPLES // segments)
@@ -182,23 +246,47 @@ def extent(
     moves = jnp.where(span > ROUNDING * largest, span, jnp.where(largest > 0, largest, 1.0))
     each = parts // segments
     knots, found = flat[::each], outputs.mode[::each]
-    first = ravel_pytree(y)[0]
+    first, unravel = ravel_pytree(y)
     knots = jnp.where(jnp.all(jnp.isfinite(knots)), knots, first[None, :])
     modes = jnp.where(found < 0, mode, found).astype(jnp.asarray(mode).dtype)
-    turns = jnp.round((ravel_pytree(solution.y1)[0] - first) / turn)
+    end, turn = ravel_pytree(solution.y1)[0], turns_of(motion.system, y)
+    turns = jnp.round((end - first) / turn)
+    turns = jnp.where(jnp.isfinite(turns), turns, 0.0)
+    shifts = neutral_shifts(motion.system, motion.args, ts, flat, outputs.mode, unravel, moves)
+    if free:
+        path = jnp.concatenate([flat, end[None]]) / moves
+        shifts = jnp.where(_closed_by(shifts, path, turns), 0.0, shifts)
     least = jnp.maximum(jnp.maximum(low, -high), 0.0)
-    return Extent(moves, least, jnp.where(jnp.isfinite(turns), turns, 0.0), knots, modes)
+    return Extent(moves, least, turns, shifts, knots, modes)
 
 
-def plane_across(slope: Any, size: Any, winding: Any, turn: Any, period: Any) -> Array:
+def _closed_by(shifts: Array, path: Float[Array, "sample size"], winding: Array) -> Array:
+    """Which shift a motion of unknown period has to come round by, as it does nothing but turn."""
+    rest = path - path @ projection_on(shifts)
+    span = jnp.max(rest, axis=0) - jnp.min(rest, axis=0)
+    swings = (span > SWINGS * jnp.max(jnp.abs(rest), axis=0)) & (
+        jnp.abs(rest[-1] - rest[0]) < BACK * span
+    )
+    turning = jnp.any((winding != 0.0)[:, None] & (shifts != 0.0), axis=0)
+    first = jnp.arange(turning.size, dtype=jnp.int32) == jnp.argmax(turning)
+    return turning & first & ~jnp.any(swings)
+
+
+def plane_across(
+    slope: Any, size: Any, shifts: Any, winding: Any, turn: np.ndarray, period: Any
+) -> Array:
     """Unit normal, in parts of the size, of the plane in which the first point is looked for.
 
-    Across the motion there. Where angles go round, across their turning alone: speeds may have to
-    change by much more than their ripple, which says nothing about the place on the orbit.
+    Across the motion there, but for shifts that change nothing. Where angles go round, across their
+    turning alone: speeds may have to change by much more than their ripple, which says nothing about
+    the place on the orbit.
     """
-    mean = jnp.where(winding != 0.0, winding * jnp.where(winding != 0.0, turn, 1.0) / period, jnp.inf)
-    turning = jnp.where(winding != 0.0, slope / size, 0.0)
-    slope = jnp.where(jnp.any(slope / mean > TURNS), turning, slope / size)
+    slope = slope / size
+    slope = slope - projection_on(shifts) @ slope
+    goes = winding != 0.0
+    mean = jnp.where(goes, winding * jnp.where(goes, turn, 1.0) / (period * size), jnp.inf)
+    turning = jnp.where(goes, slope, 0.0)
+    slope = jnp.where(jnp.any(slope / mean > TURNS), turning, slope)
     length = jnp.linalg.norm(slope)
     return slope / jnp.where(length > 0, length, 1.0)
 

@@ -18,7 +18,7 @@ from ._along import Problem
 from ._arguments import bounds_of, concrete_guess, functions_of, problem_of, value_of
 from ._branch import Branch, BranchPoint, branch_of
 from ._equilibrium import EquilibriumPoint
-from ._follow import Failure, Point, begin, turned
+from ._follow import Failure, Point, ahead, begin, turned
 from ._guess import OrbitGuess
 from ._orbit import PeriodicOrbit
 from ._switch import born, crossing, doubled, outward
@@ -26,6 +26,9 @@ from ._walk import settled, walked
 
 PRIMES = (7, 11, 13)
 ALIKE = 1e-3  # part of their size by which the ends of one motion differ, seen at other instants
+# Of the derivative: below the first part, and below the second slope of the parameter, here and so far
+# away, orbits are a family at one value of the parameter.
+SINGULAR, VERTICAL, ASIDE = 1e-9, 1e-7, 1e-2
 CUT_OFF = ("max_points", "bounds")  # ends beyond which a branch goes on
 
 
@@ -93,7 +96,10 @@ def continue_orbit(
     fewer impacts. Where that orbit has a stick which vanishes, it is lost in rounding before it has no
     length: such points are known to some 1e-8 of the bounds' distance, others to 1e-9 or better.
 
-    **Errors** `ValueError`/`TypeError` naming the argument, before compilation.
+    Places that are free are those of the first orbit all along (`PeriodicOrbit.neutral`).
+
+    **Errors** `ValueError`/`TypeError` naming the argument, before compilation; after it for an orbit
+    that is one of a family at its value of the parameter, as by a quantity that is conserved.
     """
     the_system(system)
     special, rest, known = _start_of(system, orbit, args)
@@ -129,6 +135,13 @@ def continue_orbit(
             problem, first = _shortest(problem, first)
         if isinstance(first, Point):
             first = settled(problem, first)
+            if _of_a_family(problem, first):
+                allowed = (
+                    "an orbit that is alone at its value of the parameter: it is one of a family, with "
+                    "a further multiplier 1, by a quantity that is conserved or a place that is free "
+                    "between limits"
+                )
+                raise refusal("orbit", orbit, allowed)
             first = first if first.tangent[-1] > 0 else turned(first)
         starts = [first, first if isinstance(first, Failure) else turned(first)]
     one, *others = starts
@@ -175,6 +188,21 @@ def _start_of(
     if np.shape(known.period) != () or not bool(known.successful):
         raise refusal("orbit", orbit, "one successful PeriodicOrbit")
     return special, None, known
+
+
+def _of_a_family(problem: Problem, first: Point) -> bool:
+    """Whether there are other orbits beside one at the same value of the parameter.
+
+    Shifts that change nothing apart. Then the equations leave a plane of orbits, or the branch does not
+    move the parameter, here and a step ahead; at a fold it does not here alone.
+    """
+    strength = np.linalg.svd(first.jacobian, compute_uv=False)
+    if strength[-1] < SINGULAR * strength[0]:
+        return True
+    if abs(first.tangent[-1]) > VERTICAL:
+        return False
+    then = ahead(problem, first, ASIDE)
+    return isinstance(then, Point) and abs(then.tangent[-1]) < VERTICAL
 
 
 def _shortest(problem: Problem, point: Point) -> tuple[Problem, Point | Failure]:

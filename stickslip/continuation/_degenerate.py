@@ -6,6 +6,7 @@ import numpy as np
 
 from ._curve import Place
 from ._follow import Point
+from ._points import multipliers_of
 
 Named = tuple[str, Callable[[Place], float]]
 
@@ -16,7 +17,7 @@ def folding(point: Point) -> float:
 
 
 def _multipliers(place: Place) -> np.ndarray:
-    return np.asarray(place.point.orbit.multipliers)
+    return multipliers_of(place.point.orbit)
 
 
 def _without(found: np.ndarray, target: float) -> np.ndarray:

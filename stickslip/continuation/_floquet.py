@@ -3,7 +3,7 @@
 from typing import Any
 
 import jax.numpy as jnp
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Complex, Float, Int
 
 # A singular value below this part of the largest is zero: what an event projects out is rounding.
 LOST = 1e-12
@@ -38,6 +38,13 @@ def multipliers_of(matrix: Float[Array, "size size"], rank: Any) -> Complex[Arra
     # The eigenvalues come in no order; those of the empty rows are zero, or rounding.
     found = nonzero_first(found)
     return jnp.where(index < rank, found, 0.0)
+
+
+def with_ones(multipliers: Complex[Array, " size"], count: Int[Array, ""]) -> Complex[Array, " size"]:
+    """The same with so many multipliers 1 instead of zeros, of shifts of the state."""
+    first = jnp.sum(multipliers != 0.0, dtype=jnp.int32)
+    index = jnp.arange(multipliers.shape[0], dtype=jnp.int32)
+    return nonzero_first(jnp.where((index >= first) & (index < first + count), 1.0, multipliers))
 
 
 def split_off(

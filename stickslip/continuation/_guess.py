@@ -24,6 +24,7 @@ from .._validation import (
     refusal,
     whole_number,
 )
+from ..analysis._neutral import neutral_shifts, projection_on
 from ..hybrid import (
     AbstractHybridSystem,
     AbstractSystemWrapper,
@@ -39,7 +40,7 @@ from ..hybrid import (
 from ..hybrid._arguments import a_time, check_field, start_of, the_system
 from ..hybrid._bound import spanning
 from ..hybrid._tree import with_float_arrays
-from ._closing import turns_of, wrapped
+from ._closing import apart, in_units, turns_of
 
 # Two returns whose distances from the start differ by less than this factor are equally good: the first
 # is taken. A return nearer than the second number, in parts of the motion's size, is one in any case.
@@ -164,6 +165,7 @@ class _Anchored(AbstractSystemWrapper):
     anchor: Array
     normal: Array
     size: Array
+    neutral: Array
 
     def inner(self, y, args):
         return y, args
@@ -179,7 +181,7 @@ class _Anchored(AbstractSystemWrapper):
 
 
 def _above_plane(system, t, y, dy, mode, args):
-    away = wrapped(ravel_pytree(y)[0] - system.anchor, jnp.asarray(turns_of(system, y)))
+    away = apart(ravel_pytree(y)[0] - system.anchor, system.neutral, turns_of(system, y))
     return jnp.sum(system.normal * away / system.size)
 
 
@@ -210,12 +212,16 @@ def _guess(
     y, slope = (jax.tree.map(lambda leaf: leaf[0], rows) for rows in (seen.y, seen.dy))
     mode = jnp.where(seen.mode[0] < 0, mode, seen.mode[0]).astype(jnp.asarray(mode).dtype)
     states = jax.vmap(lambda state: ravel_pytree(state)[0])(seen.y)
-    size, (flat, turn) = _sizes(states), (ravel_pytree(y)[0], jnp.asarray(turns_of(system, y)))
+    size, (flat, unravel), turn = _sizes(states), ravel_pytree(y), turns_of(system, y)
+    shifts = neutral_shifts(system, args, begin + after, states, seen.mode, unravel, size)
+    beside = projection_on(shifts)
+    neutral = in_units(beside, size)
     if multiples is None:
         slope = ravel_pytree(slope)[0] / size
+        slope = slope - beside @ slope
         normal = slope / jnp.maximum(jnp.linalg.norm(slope), 1e-300)
         watched = run(
-            _Anchored(system, flat, normal, size), begin, begin + longest, y, mode,
+            _Anchored(system, flat, normal, size, neutral), begin, begin + longest, y, mode,
             sections=(RETURN,), max_events=max_events, max_crossings=64,
         )  # fmt: skip
         log = watched.crossings[0]
@@ -224,7 +230,7 @@ def _guess(
     else:
         watched = run(system, begin, begin + after[-1], y, mode, max_events=max_events)
         states, after = states[1:], after[1:]
-    away = jnp.max(jnp.abs(wrapped(states - flat[None, :], turn) / size[None, :]), axis=1)
+    away = jnp.max(jnp.abs(apart(states - flat[None, :], neutral, turn) / size[None, :]), axis=1)
     away = jnp.where(jnp.isfinite(away), away, jnp.inf)
     good = jnp.isfinite(away) & (away <= jnp.maximum(AS_NEAR * jnp.min(away), NEAR))
     period = jnp.where(jnp.any(good), after[jnp.argmax(good)], jnp.nan)

@@ -5,13 +5,17 @@ from typing import Any
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Complex, Float, Int, PyTree, UInt
 
 from .._show import html_table, number
 from .._validation import is_concrete
 from ..hybrid import EventLog
+from ..hybrid._components import numbers_of
 from ..hybrid._status import describe_flags
 from ._outcome import ORBITS
+
+DRIFTS = 1e-9  # of what the component moves through: less is rounding
 
 
 class PeriodicOrbit(eqx.Module):
@@ -28,7 +32,7 @@ class PeriodicOrbit(eqx.Module):
     - `rank`: how many multipliers, `trivial` included, are not zero.
     - `repeats`: into how many equal parts the motion divides the period: 1, unless the orbit has a
       shorter one. Numbers that divide 60 are looked for.
-    - `stable`: whether all `multipliers` are inside the unit circle.
+    - `stable`: whether all `multipliers` are inside the unit circle, but for those of `neutral` shifts.
     - `determinant`, `determinant_by_events`: $\det M$, and
       $\exp(\int \mathrm{div} f\,dt)\prod\det S$ with the saltation matrix $S$ of each event: equal for
       every orbit.
@@ -40,6 +44,10 @@ class PeriodicOrbit(eqx.Module):
       it moves within a small part of the period.
     - `events`: log of one period. `sequence`: hash of its guards and modes.
     - `result`: an `ORBITS` item; `simulation`: a `stickslip.RESULTS` item.
+    - `neutral`: projection on the shifts of the state that change nothing, as that of a body which no
+      spring and no wall holds; zero where there are none. Each has a multiplier that is exactly 1. The
+      orbit is one of a family, whose place is that of the guess; `drift`: by how much it moves on along
+      these shifts in a period.
     - `flags`: as of a `Solution`. Where they are not 0 the multipliers may be wrong, though the orbit
       is right: a field or guard that jumps where nobody declared it has no derivative.
     """
@@ -65,6 +73,8 @@ class PeriodicOrbit(eqx.Module):
     flags: Int[Array, "*batch"]
     result: Any
     simulation: Any
+    neutral: Float[Array, "*batch size size"]
+    drift: PyTree
 
     @property
     def successful(self) -> Bool[Array, "*batch"]:
@@ -73,8 +83,23 @@ class PeriodicOrbit(eqx.Module):
 
     @property
     def stable(self) -> Bool[Array, "*batch"]:
-        """Whether all multipliers (without the trivial one) are inside the unit circle."""
-        return self.successful & jnp.all(jnp.abs(self.multipliers) < 1.0, axis=-1)
+        """Whether all multipliers are inside the unit circle, without those of shifts of time and state
+        that change nothing."""
+        outside = jnp.sum(~(jnp.abs(self.multipliers) < 1.0), axis=-1)
+        return self.successful & (outside <= jnp.round(jnp.trace(self.neutral, axis1=-2, axis2=-1)))
+
+    @property
+    def place(self) -> str:
+        """In words, along which components a single orbit may be shifted, and how far it moves on."""
+        moved = np.any(np.asarray(self.neutral) != 0.0, axis=1)
+        if not np.any(moved):
+            return ""
+        names, flat = numbers_of(self.y0), np.asarray(ravel_pytree(self.drift)[0])
+        free = ", ".join(name for name, is_free in zip(names, moved, strict=True) if is_free)
+        reach = np.asarray(ravel_pytree(self.highest)[0] - ravel_pytree(self.lowest)[0])
+        goes = [f"{name} by {number(d)}" for name, d, r in zip(names, flat, reach, strict=True)
+                if abs(d) > DRIFTS * r]  # fmt: skip
+        return f"place free along {free}" + f", in a period moves on {', '.join(goes)}" * bool(goes)
 
     def __str__(self) -> str:
         """Period and multipliers; of a batch, how many orbits were found and are stable."""
@@ -91,7 +116,8 @@ class PeriodicOrbit(eqx.Module):
         flagged = f"; derivative flags: {describe_flags(int(self.flags))}" * (int(self.flags) != 0)
         return (
             f"PeriodicOrbit: period {period}, {int(self.events.count)} events, "
-            f"{'stable' if bool(self.stable) else 'unstable'}, multipliers {found}{flagged}"
+            f"{'stable' if bool(self.stable) else 'unstable'}, multipliers {found}"
+            f"{'; ' * bool(self.place)}{self.place}{flagged}"
         )
 
     __repr__ = __str__

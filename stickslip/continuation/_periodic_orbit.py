@@ -28,21 +28,23 @@ from ._closing import (
     Extent,
     Frame,
     Motion,
+    apart,
     check_autonomous,
     closure,
+    equations,
     extent,
+    in_units,
     known,
     plane_across,
     tight,
     turns_of,
     unknowns,
-    wrapped,
 )
 from ._extremes import extremes_of
-from ._floquet import multipliers_of, split_off
+from ._floquet import multipliers_of, split_off, with_ones
 from ._guess import OrbitGuess, check_seen
 from ._holding import holds, own_mode
-from ._monodromy import pieces_of, through_events
+from ._monodromy import through_events
 from ._newton import STALLED, newton
 from ._orbit import PeriodicOrbit
 from ._outcome import first_of
@@ -75,8 +77,8 @@ def periodic_orbit(
     Solves $\varphi_T(y_0) = y_0$, where $\varphi$ is the motion as `simulate` computes it with all its
     events, by Newton's method; the Jacobian is exact (forward mode through the events). Without forcing
     the period $T$ is an unknown too, and $y_0$ is looked for in the plane through the guess that is
-    perpendicular to the motion there. Sticks, slips and impacts may appear and vanish while Newton's
-    method runs. Where a stick takes directions away the return map has lower rank; nothing has to be
+    perpendicular to the motion there, or at the guess's angle where angles go round. Sticks, slips and
+    impacts may appear and vanish while Newton's method runs. Where a stick takes directions away the return map has lower rank; nothing has to be
     done about it.
 
     **Arguments**
@@ -100,6 +102,11 @@ def periodic_orbit(
 
     **Errors** `ValueError`/`TypeError` naming the argument, before compilation; also for a system that
     depends on the time without `forced`: what returns after any time else is not periodic.
+
+    Where a shift of the state changes nothing, as that of a body on the ground which no spring holds,
+    each orbit is one of a family. Its place is then that of the guess, and it need not close along the
+    shift: `drift` says by how much it moves on, as of a motion whose place is `cyclic`. Of a motion of
+    unknown period that only turns, evenly, the period is that of the turn.
     """
     the_system(system)
     check_type("guess", guess, OrbitGuess | PeriodicOrbit, "an OrbitGuess or a PeriodicOrbit")
@@ -137,20 +144,18 @@ def _orbit(
     _, unravel = ravel_pytree(y0)
     with use_executor(execute):
         t0, y0, mode0 = beside_breaks(system, args, integrator, t0, y0, mode0)
-        turn = jnp.asarray(turns_of(system, y0))
-        reach = extent(motion, y0, mode0, t0, period, segments, turn)
-        frame = _frame(motion, y0, mode0, t0, period, reach, turn, forced)
+        reach = extent(motion, y0, mode0, t0, period, segments, not forced)
+        frame = _frame(motion, y0, mode0, t0, period, reach, forced)
 
         def evaluate(u, modes):
-            def residual(u):
-                found = closure(u, modes, motion, frame, unravel)
-                return found.residual, found
+            def found_from(u):
+                return closure(u, modes, motion, frame, unravel)
 
-            jacobian, found = jax.jacfwd(residual, has_aux=True)(u)
-            norm = jnp.max(jnp.abs(found.residual))
+            residual, jacobian, found = equations(found_from, u, frame, segments)
+            norm = jnp.max(jnp.abs(residual))
             good = jnp.all(found.good) & jnp.isfinite(norm)
             after = jnp.roll(found.modes, 1).at[0].set(modes[0])
-            return found.residual, jacobian, jnp.where(good, norm, jnp.inf), after, found
+            return residual, jacobian, jnp.where(good, norm, jnp.inf), after, found
 
         found = newton(
             evaluate, unknowns(reach.knots, frame), reach.modes, tolerance=tolerance, most=max_steps,
@@ -162,11 +167,11 @@ def _orbit(
 _compiled = jit_plainly(_orbit)
 
 
-def _frame(motion: Motion, y0, mode0, t0, period, found: Extent, turn, forced: bool) -> Frame:
-    flat = ravel_pytree(y0)[0]
+def _frame(motion: Motion, y0, mode0, t0, period, found: Extent, forced: bool) -> Frame:
+    flat, turn = ravel_pytree(y0)[0], turns_of(motion.system, y0)
     slope = ravel_pytree(motion.system.vector_field(t0, y0, mode0, motion.args))[0]
-    normal = plane_across(slope, found.moves, found.winding, turn, period)
-    return Frame(t0, period, not forced, flat, normal, found.moves, turn)
+    normal = plane_across(slope, found.moves, found.shifts, found.winding, turn, period)
+    return Frame(t0, period, not forced, flat, normal, found.moves, found.shifts, turn)
 
 
 def _longest(u, du, frame: Frame, reach):
@@ -187,7 +192,8 @@ def described(motion, frame: Frame, found, tolerance, unravel, mode0, segments, 
     mode1 = carried.modes[-1]
     # The end of the last piece: on the sticking set to the last digit, unlike Newton's start.
     end = jnp.where(jnp.all(carried.good), carried.ends[-1], y[0])
-    flat = y[0] + wrapped(end - y[0], frame.turn)
+    neutral = in_units(carried.neutral, unit)
+    flat = y[0] + apart(end - y[0], neutral, frame.turn)
     start = unravel(flat)
 
     ledger = WithIntegrals(system, _rates)
@@ -201,19 +207,21 @@ def described(motion, frame: Frame, found, tolerance, unravel, mode0, segments, 
     assert outputs is not None
     assert log is not None
     states = jax.vmap(lambda s: ravel_pytree(s.y)[0])(outputs.y)
-    away = jnp.max(jnp.abs(wrapped(states[1:] - flat[None, :], frame.turn) / unit[None, :]), axis=1)
+    gained = states[1:] - flat[None, :]
+    back = apart(gained, neutral, frame.turn)
+    away = jnp.max(jnp.abs(back / unit[None, :]), axis=1)
     closing, moves = away[-1], jnp.max(away)
 
     recurs = (
         jnp.ones((), bool)
         if frame.free
-        else _recurs(motion, frame, states, outputs.mode, period, unravel)
+        else _recurs(motion, frame, states, gained[-1] - back[-1], outputs.mode, period, unravel)
     )
 
     low, high = extremes_of(system, args, outputs, log, lambda state: state.y)
 
     monodromy = jnp.eye(unit.shape[0])
-    for piece in pieces_of(found.jacobian, segments, unit.shape[0]):
+    for piece in carried.pieces:
         monodromy = piece @ monodromy
     on_set = held_directions(system, frame.t0, start, mode1, args, unit, jnp.ones_like(unit))
     rank, by_events = through_events(system, args, log, unit)
@@ -224,13 +232,19 @@ def described(motion, frame: Frame, found, tolerance, unravel, mode0, segments, 
     determinant = jnp.where(rank < unit.shape[0], jnp.linalg.det(monodromy), alone)
     monodromy = within
     by_events = by_events * jnp.exp(solution.y1.integrals["divergence"])
+    # Shifts that change nothing are taken out of what becomes of deviations: their multipliers are 1.
+    beside = jnp.eye(unit.shape[0]) - carried.neutral
+    count = jnp.round(jnp.trace(carried.neutral)).astype(jnp.int32)
     if frame.free:
         slope = ravel_pytree(system.vector_field(frame.t0, start, mode1, args))[0] / unit
-        trivial, rest = split_off(monodromy, slope)
-        multipliers = multipliers_of(rest, rank - 1)
+        trivial, rest = split_off(beside @ monodromy @ beside, beside @ slope)
+        multipliers = with_ones(multipliers_of(rest, rank - 1 - count), count)
         rank = 1 + jnp.sum(multipliers != 0.0, dtype=jnp.int32)
     else:
-        trivial, multipliers = jnp.asarray(jnp.nan), multipliers_of(monodromy, rank)
+        trivial, multipliers = (
+            jnp.asarray(jnp.nan),
+            with_ones(multipliers_of(beside @ monodromy @ beside, rank - count), count),
+        )
         rank = jnp.sum(multipliers != 0.0, dtype=jnp.int32)
 
     # Where the motion touches a guard rounding decides whether there is an event.
@@ -260,9 +274,9 @@ def described(motion, frame: Frame, found, tolerance, unravel, mode0, segments, 
         multipliers=multipliers,
         trivial=trivial,
         rank=rank,
-        repeats=_repeats(states, unit, frame.turn, strength),
+        repeats=_repeats(states, unit, neutral, frame.turn, strength),
         # In the units of the state: row by column.
-        monodromy=monodromy * unit[:, None] / unit[None, :],
+        monodromy=in_units(monodromy, unit),
         determinant=determinant,
         determinant_by_events=by_events,
         residual=found.norm,
@@ -275,6 +289,8 @@ def described(motion, frame: Frame, found, tolerance, unravel, mode0, segments, 
         flags=solution.flags,
         result=result,
         simulation=solution.result,
+        neutral=neutral,
+        drift=unravel(neutral @ gained[-1]),
     )
 
 
@@ -282,13 +298,12 @@ def _rates(system, t, y, mode, args):
     return {"divergence": divergence(system, t, y, mode, args)}
 
 
-def _recurs(motion: Motion, frame: Frame, states, modes, period, unravel):
+def _recurs(motion: Motion, frame: Frame, states, gained, modes, period, unravel):
     """Whether field and guards, of the same states, are a period later what they are in the period.
 
     The state returns after other times than the forcing's period too, to go on to elsewhere.
+    `gained`: whole turns of angles, and shifts that change nothing.
     """
-    gained = states[-1] - states[0]
-    gained = gained - wrapped(gained, frame.turn)  # whole turns of angles
     # Not at the instants of the motion: at these a load may jump.
     ts = frame.t0 + period * (jnp.arange(PARTS + 1.0) + BETWEEN) / PARTS
 
@@ -307,7 +322,7 @@ def _recurs(motion: Motion, frame: Frame, states, modes, period, unravel):
     return ~jnp.any(jnp.abs(later - now) > RECURS * largest[None, :])
 
 
-def _repeats(states, unit, turn, strength):
+def _repeats(states, unit, neutral, turn, strength):
     """How often the motion is repeated within the period, of numbers that divide PARTS.
 
     All of it is compared: where a body rests for a while no single state tells. `strength`: how much
@@ -316,7 +331,7 @@ def _repeats(states, unit, turn, strength):
     found = jnp.ones((), jnp.int32)
     for turns in (n for n in range(2, PARTS + 1) if PARTS % n == 0):
         part = PARTS // turns
-        away = jnp.max(jnp.abs(wrapped(states[part:] - states[:-part], turn) / unit[None, :]))
+        away = jnp.max(jnp.abs(apart(states[part:] - states[:-part], neutral, turn) / unit[None, :]))
         near = jnp.minimum(CLOSES * strength ** (1.0 / turns), APART)
         found = jnp.where(away <= near, turns, found)
     return found

@@ -8,6 +8,7 @@ from scipy.optimize import brentq
 
 from ._along import Problem
 from ._follow import Failure, Point, ahead, strayed
+from ._orbit import PeriodicOrbit
 
 # Up to which part of the distance the search for a border between sequences is halved, how often it
 # begins again, and what it must gain to go on.
@@ -21,6 +22,13 @@ ZERO = 1e-3
 OFF_AXIS = 1e-9
 
 
+def multipliers_of(orbit: PeriodicOrbit) -> np.ndarray:
+    """Multipliers without those of shifts that change nothing, which are 1 along the whole branch."""
+    found = np.asarray(orbit.multipliers)
+    neutral = round(float(np.trace(np.asarray(orbit.neutral))))
+    return np.delete(found, np.flatnonzero(found == 1.0)[:neutral])
+
+
 def turning(point: Point) -> float:
     """Rate of the parameter along the branch: zero at a fold."""
     return float(point.tangent[-1])
@@ -28,12 +36,12 @@ def turning(point: Point) -> float:
 
 def doubling(point: Point) -> float:
     r"""$\prod(\mu_i + 1)$: zero where a multiplier is -1."""
-    return float(np.real(np.prod(np.asarray(point.orbit.multipliers) + 1.0)))
+    return float(np.real(np.prod(multipliers_of(point.orbit) + 1.0)))
 
 
 def torus(point: Point) -> float:
     r"""$\prod_{i<j}(\mu_i\mu_j - 1)$: zero where a pair is on the unit circle, or inverse."""
-    found = np.asarray(point.orbit.multipliers)
+    found = multipliers_of(point.orbit)
     product = 1.0 + 0.0j
     for i in range(found.size):
         for j in range(i):
@@ -53,7 +61,7 @@ TESTS: dict[str, Callable[[Point], float]] = {
 
 def is_torus(point: Point) -> bool:
     """Whether the pair whose product is 1 is a conjugate one."""
-    found = np.asarray(point.orbit.multipliers)
+    found = multipliers_of(point.orbit)
     pairs = [(abs(a * b - 1.0), a) for i, a in enumerate(found) for b in found[:i]]
     return bool(pairs and abs(np.imag(min(pairs, key=lambda p: p[0])[1])) > OFF_AXIS)
 

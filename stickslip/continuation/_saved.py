@@ -179,15 +179,16 @@ def _template(y0: PyTree) -> PeriodicOrbit:
     """An orbit of the right structure and types."""
     size = sum(int(np.size(leaf)) for leaf in jax.tree.leaves(y0))
     state = jax.tree.map(lambda leaf: jnp.zeros(np.shape(leaf)), y0)
+    square = jnp.zeros((size, size))
     one, whole, number = jnp.zeros(()), jnp.zeros((), jnp.int32), jnp.zeros((), jnp.uint32)
     codes = jnp.zeros(1, jnp.int32)
     log = EventLog(whole, jnp.zeros(1), codes, codes, codes, state, state)
     return PeriodicOrbit(
         t0=one, y0=state, mode0=whole, period=one, multipliers=jnp.zeros(size, complex), trivial=one,
-        rank=whole, repeats=whole, monodromy=jnp.zeros((size, size)), determinant=one,
+        rank=whole, repeats=whole, monodromy=square, determinant=one,
         determinant_by_events=one, residual=one, closing_error=one, steps=whole, lowest=state,
         highest=state, events=log, sequence=number, flags=whole, result=ORBITS.successful,
-        simulation=RESULTS.successful,
+        simulation=RESULTS.successful, neutral=square, drift=state,
     )  # fmt: skip
 
 

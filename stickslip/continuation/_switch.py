@@ -9,7 +9,7 @@ from jax.flatten_util import ravel_pytree
 
 from ..hybrid import simulate
 from ._along import Problem, anchored, evaluated, system_at
-from ._closing import turns_of, wrapped
+from ._closing import apart, turns_of
 from ._equilibrium import EquilibriumPoint
 from ._follow import Failure, Point, ahead, begin, correct, leaps, turned
 from ._guess import OrbitGuess
@@ -127,7 +127,7 @@ def _half_a_period(problem: Problem, point: Point) -> np.ndarray:
         orbit.mode0, problem.args, integrator=problem.integrator, max_events=None, throw=False,
     )  # fmt: skip
     away = ravel_pytree(half.y1)[0] - ravel_pytree(orbit.y0)[0]
-    away = wrapped(away, jnp.asarray(turns_of(problem.system, orbit.y0)))
+    away = apart(away, jnp.asarray(orbit.neutral), turns_of(problem.system, orbit.y0))
     return np.asarray(jnp.where(half.successful, away / jnp.asarray(point.anchor.extent), jnp.nan))
 
 

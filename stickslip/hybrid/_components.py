@@ -79,6 +79,11 @@ def own_axes(name: str, rank: int) -> tuple[str, ...]:
     return tuple(f"{name}_{i}" for i in range(rank))
 
 
+def numbers_of(y: PyTree) -> list[str]:
+    """Names of the numbers of a state, in the order in which it is flattened."""
+    return [name for key, leaf in components_of(y).items() for name in entries(key, np.shape(leaf))]
+
+
 def listed(y: PyTree) -> str:
     """The components of a state for messages: `x`, or `x[0] to x[2]` of an array."""
     found = []
