@@ -5,6 +5,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import PyTree
@@ -14,7 +15,7 @@ from .._validation import check_count, check_flag, check_type, one_concrete, ref
 from ..hybrid import AbstractHybridSystem, Integrator
 from ..hybrid._arguments import the_system
 from ..hybrid._status import DISCONTINUOUS
-from ._along import Problem
+from ._along import Problem, evaluated
 from ._arguments import bounds_of, concrete_guess, functions_of, problem_of, value_of
 from ._branch import Branch, BranchPoint, branch_of
 from ._equilibrium import EquilibriumPoint
@@ -135,13 +136,12 @@ def continue_orbit(
             problem, first = _shortest(problem, first)
         if isinstance(first, Point):
             first = settled(problem, first)
-            if _of_a_family(problem, first):
+            other = _beside(problem, first, 0.5 * (low + high))
+            if other:
                 allowed = (
-                    "an orbit that is alone at its value of the parameter: it is one of a family, with "
-                    "a further multiplier 1, by a quantity that is conserved or a place that is free "
-                    "between limits"
+                    f"an orbit that is alone, or whose place is free all along the branch: {other}"
                 )
-                raise refusal("orbit", orbit, allowed)
+                raise refusal("orbit", orbit, allowed, but="one with a further multiplier 1")
             first = first if first.tangent[-1] > 0 else turned(first)
         starts = [first, first if isinstance(first, Failure) else turned(first)]
     one, *others = starts
@@ -190,19 +190,28 @@ def _start_of(
     return special, None, known
 
 
-def _of_a_family(problem: Problem, first: Point) -> bool:
-    """Whether there are other orbits beside one at the same value of the parameter.
+def _beside(problem: Problem, first: Point, middle: float) -> str:
+    """Why there are other orbits beside one at the same value of the parameter; empty if there are none
+    but for shifts that change nothing.
 
-    Shifts that change nothing apart. Then the equations leave a plane of orbits, or the branch does not
-    move the parameter, here and a step ahead; at a fold it does not here alone.
+    Then the equations leave a plane of orbits, or the branch does not move the parameter, here and a
+    step ahead; at a fold it does not here alone.
     """
+    family = "it is one of a family, by a conserved quantity or a place that is free between limits"
     strength = np.linalg.svd(first.jacobian, compute_uv=False)
     if strength[-1] < SINGULAR * strength[0]:
-        return True
-    if abs(first.tangent[-1]) > VERTICAL:
-        return False
-    then = ahead(problem, first, ASIDE)
-    return isinstance(then, Point) and abs(then.tangent[-1]) < VERTICAL
+        return family
+    if abs(first.tangent[-1]) < VERTICAL:
+        then = ahead(problem, first, ASIDE)
+        return family if isinstance(then, Point) and abs(then.tangent[-1]) < VERTICAL else ""
+    if np.any(first.orbit.neutral):
+        aside = first.u.copy()
+        aside[-1] += np.copysign(ASIDE, middle - first.value)
+        found = evaluated(problem, jnp.asarray(aside), first.modes, first.anchor)[2]
+        held = np.trace(np.asarray(found.neutral)) < np.trace(first.orbit.neutral) - 0.5
+        if np.all(found.good) and held:
+            return "a place that is free at this value of the parameter is not at others"
+    return ""
 
 
 def _shortest(problem: Problem, point: Point) -> tuple[Problem, Point | Failure]:

@@ -78,8 +78,8 @@ def periodic_orbit(
     events, by Newton's method; the Jacobian is exact (forward mode through the events). Without forcing
     the period $T$ is an unknown too, and $y_0$ is looked for in the plane through the guess that is
     perpendicular to the motion there, or at the guess's angle where angles go round. Sticks, slips and
-    impacts may appear and vanish while Newton's method runs. Where a stick takes directions away the return map has lower rank; nothing has to be
-    done about it.
+    impacts may appear and vanish while Newton's method runs. Where a stick takes directions
+    away the return map has lower rank; nothing has to be done about it.
 
     **Arguments**
 
