@@ -40,24 +40,26 @@ def neutral_shifts(
         return jnp.concatenate([ravel_pytree(slope)[0], *(jnp.ravel(g) for g in guards)])
 
     values = jax.vmap(acting)
-    rows = jax.vmap(jax.jacfwd(acting, argnums=1))(ts, states, modes) * size
+    rows = jax.vmap(jax.jacfwd(acting, argnums=1))(ts, states, modes) * size[None, None, :]
     rows = jnp.where(jnp.isfinite(rows), rows, 0.0)
     strongest = jnp.max(jnp.sum(jnp.abs(rows), axis=2), axis=0)
     rows = rows / jnp.where(strongest > 0.0, strongest, 1.0)[None, :, None]
     count = size.shape[0]
     rows = jnp.concatenate([rows.reshape(-1, count), jnp.zeros((count, count))])
     _, strength, right = jnp.linalg.svd(rows, full_matrices=False)
-    columns = echelon((right.T * (strength <= WEAK)) @ right)
+    columns = echelon(jnp.where(strength[None, :] <= WEAK, right.T, 0.0) @ right)
 
     now = values(ts, states, modes)
     known = jnp.isfinite(now)
     largest = jnp.max(jnp.where(known, jnp.abs(now), 0.0), axis=0)
 
     def nothing_changes(column):
-        moved = (states[None] + jnp.asarray(SHIFTS)[:, None, None] * (column * size)).reshape(-1, count)
+        moved = (
+            states[None] + jnp.asarray(SHIFTS)[:, None, None] * (column * size)[None, None]
+        ).reshape(-1, count)
         times, where = jnp.tile(ts, len(SHIFTS)), jnp.tile(modes, len(SHIFTS))
         away = jnp.abs(values(times, moved, where) - jnp.tile(now, (len(SHIFTS), 1)))
-        return jnp.all((away <= SAME * largest) | ~jnp.tile(known, (len(SHIFTS), 1)))
+        return jnp.all((away <= SAME * largest[None, :]) | ~jnp.tile(known, (len(SHIFTS), 1)))
 
     kept = jax.lax.map(nothing_changes, columns.T) & jnp.all(jnp.isfinite(states))
     return jnp.where(kept[None, :], columns, 0.0)
@@ -82,4 +84,4 @@ def echelon(projection: Float[Array, "size size"]) -> Float[Array, "size size"]:
 def projection_on(columns: Float[Array, "size size"]) -> Float[Array, "size size"]:
     """Orthogonal projection on what columns span, of which some may be zero."""
     left, strength, _ = jnp.linalg.svd(columns)
-    return (left * (strength > NONE)) @ left.T
+    return jnp.where(strength[None, :] > NONE, left, 0.0) @ left.T

@@ -116,15 +116,15 @@ def apart(
     `neutral`: projection on these, in the units of the state. An angle that they move is taken to zero
     by them first: by how much of a turn it has gone on is of no account.
     """
-    left, whole = neutral, away
+    left, whole, row = neutral, away, (1,) * (away.ndim - 1) + turn.shape
     for i in np.flatnonzero(np.isfinite(turn)):
         new = left[i, i] > ROUNDING
         column = jnp.where(new, left[:, i] / jnp.where(new, left[i, i], 1.0), 0.0)
-        whole = whole - whole[..., i, None] * column
+        whole = whole - whole[..., i, None] * column.reshape(row)
         left = left - column[:, None] * left[i][None, :]
     turns = np.isfinite(turn)
-    period = np.where(turns, turn, 1.0).reshape((1,) * (away.ndim - 1) + turn.shape)
-    whole = whole - jnp.where(turns.reshape(period.shape), period * jnp.round(whole / period), 0.0)
+    period = np.where(turns, turn, 1.0).reshape(row)
+    whole = whole - jnp.where(turns.reshape(row), period * jnp.round(whole / period), 0.0)
     return whole - whole @ neutral.T
 
 
@@ -254,7 +254,7 @@ def extent(
     turns = jnp.where(jnp.isfinite(turns), turns, 0.0)
     shifts = neutral_shifts(motion.system, motion.args, ts, flat, outputs.mode, unravel, moves)
     if free:
-        path = jnp.concatenate([flat, end[None]]) / moves
+        path = jnp.concatenate([flat, end[None]]) / moves[None, :]
         shifts = jnp.where(_closed_by(shifts, path, turns), 0.0, shifts)
     least = jnp.maximum(jnp.maximum(low, -high), 0.0)
     return Extent(moves, least, turns, shifts, knots, modes)
@@ -268,7 +268,7 @@ def _closed_by(shifts: Array, path: Float[Array, "sample size"], winding: Array)
         jnp.abs(rest[-1] - rest[0]) < BACK * span
     )
     turning = jnp.any((winding != 0.0)[:, None] & (shifts != 0.0), axis=0)
-    first = jnp.arange(turning.size, dtype=jnp.int32) == jnp.argmax(turning)
+    first = jnp.arange(turning.size) == jnp.argmax(turning)
     return turning & first & ~jnp.any(swings)
 
 

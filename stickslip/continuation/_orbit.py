@@ -86,7 +86,8 @@ class PeriodicOrbit(eqx.Module):
         """Whether all multipliers are inside the unit circle, without those of shifts of time and state
         that change nothing."""
         outside = jnp.sum(~(jnp.abs(self.multipliers) < 1.0), axis=-1)
-        return self.successful & (outside <= jnp.round(jnp.trace(self.neutral, axis1=-2, axis2=-1)))
+        neutral = jnp.round(jnp.trace(self.neutral, axis1=-2, axis2=-1))
+        return self.successful & (outside <= neutral.astype(outside.dtype))
 
     @property
     def place(self) -> str:
