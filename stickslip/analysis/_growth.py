@@ -16,7 +16,7 @@ from .._validation import check_count, is_concrete, refusal
 # to rounding.
 LOST = 1e-11
 # What an exponent is. New words go to the end.
-EXPONENT_STATUS = ("ok", "lost", "at_rest", "failed")
+EXPONENT_STATUS = ("ok", "lost", "at_rest", "failed", "neutral")
 
 
 class LyapunovSpectrum(eqx.Module):
@@ -36,7 +36,8 @@ class LyapunovSpectrum(eqx.Module):
     - `status`, an exponent each, and `words` for it: 0 "ok"; 1 "lost", the exponent is `-inf`; 2
       "at_rest", the state stays where it is and no exponent is off zero by three errors, as in stick,
       where the motion does not say what becomes of a deviation that leaves the stick: NaN; 3
-      "failed", the motion or its growth is not finite or ended early: NaN.
+      "failed", the motion or its growth is not finite or ended early: NaN; 4 "neutral", of a shift of
+      the state that changes nothing, as of a body which no spring holds: exactly 0 but for its error.
     """
 
     exponents: Float[Array, "*batch exponent"]
@@ -112,7 +113,9 @@ def _exponents(spectrum: LyapunovSpectrum, values: Any, errors: Any) -> list[tup
     """Each exponent of a spectrum in text, and what it is where it is not a number."""
     words = ["ok"] * values.size if spectrum.status is None else spectrum.words
     return [
-        (f"{value:+.6g} +- {error:.2g}", "1/s") if np.isfinite(value) else (f"{value}", f"({word})")
+        (f"{value:+.6g} +- {error:.2g}", "1/s" + f" ({word})" * (word != "ok"))
+        if np.isfinite(value)
+        else (f"{value}", f"({word})")
         for value, error, word in zip(values, errors, words, strict=True)
     ]
 
@@ -182,6 +185,19 @@ def judged(
     ):
         status = jnp.where(applies, EXPONENT_STATUS.index(word), status)
     return jnp.where(jnp.isposinf(mean), jnp.nan, mean), error, status
+
+
+def with_neutral(
+    mean: Float[Array, " exponent"],
+    error: Float[Array, " exponent"],
+    status: Int[Array, " exponent"],
+    count: Int[Array, ""],
+) -> Int[Array, " exponent"]:
+    """The status with so many exponents "neutral": those nearest to zero, if they are zero."""
+    away = jnp.where(status == 0, jnp.abs(mean), jnp.inf)
+    nearest = jnp.argsort(jnp.argsort(away)).astype(count.dtype) < count
+    named = nearest & (away <= 3.0 * error)
+    return jnp.where(named, EXPONENT_STATUS.index("neutral"), status)
 
 
 def check_counts(

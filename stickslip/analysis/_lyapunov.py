@@ -6,6 +6,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree
 
 from .._types import Given, Mode, Numeric
@@ -39,8 +40,12 @@ from ._growth import (
     check_counts,
     first_frame,
     judged,
+    with_neutral,
 )
 from ._held import held_directions
+from ._neutral import neutral_shifts
+
+SAMPLES = 64  # of the motion, of which it is asked whether a shift of its states changes anything
 
 
 def lyapunov_spectrum(
@@ -90,10 +95,11 @@ def lyapunov_spectrum(
     **Returns** a `LyapunovSpectrum`. The function works under `jit`, `vmap`, `map_lanes` and
     `run_sweep`, whose grids it is meant for: `lyapunov_diagram`.
 
-    An autonomous motion other than a rest has an exponent of zero along itself. Deviations that a
-    stick does not allow are taken away after each segment, as an event would do: of a block that the
-    belt carries for ever the exponents are 0 and `-inf`. Which they are a mechanism knows; of a system
-    written by hand its `constraints` say it, or else its transitions.
+    An autonomous motion other than a rest has an exponent of zero along itself. Where a shift of the
+    state changes nothing, as of a body that no spring holds, the exponent of zero is named "neutral" by
+    its `status`. Deviations that a stick does not allow are taken away after each segment, as an event
+    would do: of a block that the belt carries for ever the exponents are 0 and `-inf`. Which they are a
+    mechanism knows; of a system written by hand its `constraints` say it, or else its transitions.
 
     **Errors** `ValueError`/`TypeError` naming the argument, before compilation.
     """
@@ -146,7 +152,7 @@ def _spectrum(
     mask, unit = jnp.asarray(moving, jnp.float64)[:, None], scales[:, None]
 
     def step(carry, frame):
-        number, y, mode, flags, result, good, rests = carry
+        number, y, mode, flags, result, good, rests, seen = carry
         start, end = begin + segment * number, begin + segment * (number + 1.0)
         solution = run(tangent, start, end, tangent.start(y, unit * frame), mode)
         # A lane that failed stays where it is; its numbers are discarded.
@@ -164,17 +170,30 @@ def _spectrum(
             RESULTS.where(good, solution.result, result),
             usable,
             rests & jnp.all(jnp.stack(jax.tree.leaves(same))),
+            tuple(
+                rows.at[number.astype(jnp.int32) % SAMPLES].set(new)
+                for rows, new in zip(seen, (start, ravel_pytree(y)[0], mode), strict=True)
+            ),
         )
         return carry, images
 
     size = sum(moving)
     frame = jnp.zeros((len(moving), count)).at[np.flatnonzero(moving)].set(first_frame(size, count))
     flags = jnp.zeros((), jnp.int32)
-    carry = (jnp.zeros(()), y0, mode, flags, result, good, jnp.ones((), bool))
+    flat, unravel = ravel_pytree(y0)
+    seen = tuple(jnp.broadcast_to(a, (SAMPLES, *jnp.shape(a))) for a in (begin, flat, mode))
+    carry = (jnp.zeros(()), y0, mode, flags, result, good, jnp.ones((), bool), seen)
     carry, growth = accumulate(step, carry, frame, count=segments, warm_up=warm_up)
-    _, y1, mode, flags, result, good, rests = carry
+    _, y1, mode, flags, result, good, rests, (ts, states, modes) = carry
     local = jnp.where(good, growth / segment, jnp.nan)
     mean, error, status = judged(local, rests, blocks)
+    reach = jnp.max(states, axis=0) - jnp.min(states, axis=0)
+    shifts = neutral_shifts(
+        system, args, ts, states, modes, unravel, jnp.where(reach > 0.0, reach, scales)
+    )
+    # Of those components that deviate, and by shifts of these alone.
+    own = jnp.any(shifts != 0.0, axis=0) & ~jnp.any((shifts != 0.0) & (mask == 0.0), axis=0)
+    status = with_neutral(mean, error, status, jnp.sum(own, dtype=jnp.int32))
     return LyapunovSpectrum(
         exponents=mean,
         error=error,
