@@ -22,8 +22,9 @@ EXPONENT_STATUS = ("ok", "lost", "at_rest", "failed", "neutral")
 class LyapunovSpectrum(eqx.Module):
     r"""Lyapunov exponents, greatest first, and how sure they are. Batch axes come in front.
 
-    - `exponents` [1/s] (per iteration for a map): mean growth rates. `-inf` for a direction that is
-      lost in finite time: where slip turns into stick the tangent map loses rank.
+    - `exponents` [1/s] (per iteration for a map): mean growth rates. Those that agree within their
+      errors may stand either way: the order is that of the directions followed. `-inf` for a
+      direction that is lost in finite time: where slip turns into stick the tangent map loses rank.
     - `error` [1/s]: the larger of two estimates: standard error of the mean from block means, which
       covers what fluctuates, and the change of the mean if only the second half counts, which covers
       what still drifts. NaN where the exponent is not finite.

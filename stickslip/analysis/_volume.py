@@ -41,7 +41,7 @@ def volume_growth(
     mode0: Mode | None = None,
     args: PyTree = None,
     integrator: Given[Integrator | None] = None,
-    max_events: Given[int | None] = 256,
+    max_events: Given[int] = 4096,
 ) -> Float[Array, ""]:
     r"""Mean growth rate of an infinitesimal volume along the motion from `y0` [1/s],
 
@@ -51,7 +51,8 @@ def volume_growth(
     computed without tangents: an independent check of `lyapunov_spectrum`. `-inf` where an event
     loses rank (slip to stick).
 
-    **Arguments**: as for `simulate`; `duration` $T$ [s]; `max_events`, room for the events.
+    **Arguments**: as for `simulate`; `duration` $T$ [s]; `max_events`, room for the events
+    of a motion whose system has guards.
     **Errors** as `simulate`, `RESULTS.max_events_reached` among them.
     """
     the_system(system)

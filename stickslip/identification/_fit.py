@@ -32,7 +32,8 @@ class Fit(eqx.Module):
 
     - `values`: the estimates by name. `residual` there, in units of its standard deviation; rows of
       priors come last.
-    - `sensitivity`: at the estimate. `steps`: iterations. `successful`: whether it converged.
+    - `sensitivity`: at the estimate. `steps`: iterations. `successful`: whether it converged, which
+      does not say that it explains the data: that is `reduced_chi_squared`.
     - `code`: why the method stopped; `result` is the item of `RESULTS`, whose message says it.
     - `space`: of the unknowns, with their bounds, units and priors.
 
@@ -87,7 +88,8 @@ class Fit(eqx.Module):
         if float(self.reduced_chi_squared) > POOR:
             lines.append(
                 "the residuals are far above their noise: another minimum (try more starts), another "
-                "model, or more noise than stated"
+                "model, or more noise than stated; the standard errors are those of the stated noise, "
+                f"too small by {float(self.reduced_chi_squared) ** 0.5:.2g} or more"
             )
         return "\n".join(lines)
 

@@ -37,6 +37,21 @@ class Data(eqx.Module):
         return jnp.asarray(self.begin)[record]
 
 
+def asked(name: str, function: SystemOf, values: NamedValues, inputs: dict[str, Signal]) -> Any:
+    """What a function of a problem returns; what it asks for and nobody declared is named."""
+    try:
+        return function(values, inputs)
+    except KeyError as error:
+        missing = error.args[0] if error.args else None
+        if not isinstance(missing, str) or missing in values or missing in inputs:
+            raise
+        told = "; ".join(
+            f"{kind} {', '.join(map(repr, sorted(those))) or 'none'}"
+            for kind, those in (("unknowns and known numbers are", values), ("inputs are", inputs))
+        )
+        raise KeyError(f"{name}(values, inputs) asks for {missing!r}: {told}") from error
+
+
 @dataclasses.dataclass(frozen=True)
 class Run:
     """The functions of a problem and its settings: what its compiled program depends on."""
@@ -61,7 +76,7 @@ class Run:
         self, values: NamedValues, inputs: dict[str, Signal], y0: Any, begin: Any
     ) -> tuple[Any, Any, Any]:
         """The system, the same with the breaks of its inputs, and its state at `begin`."""
-        system = self.system(values, inputs)
+        system = asked("system", self.system, values, inputs)
         breaks = breaks_of(system)
         if breaks is None:
             return system, system, y0
@@ -83,7 +98,7 @@ class Run:
     def one(self, values: NamedValues, one: tuple, log: bool) -> tuple[Array, Any]:
         """What is observed in one record; with its `Solution` if `log`."""
         times, begin, inputs = one
-        y0 = self.initial_state(values, inputs)
+        y0 = asked("initial_state", self.initial_state, values, inputs)
         system, whole, y0 = self.with_breaks(values, inputs, y0, begin)
         ts = self.times_of(values, times, begin)
         solution = simulate(
@@ -100,7 +115,7 @@ class Run:
         times, begin, inputs = one
         correct = self.correct
         assert correct is not None
-        y0 = self.initial_state(values, inputs)
+        y0 = asked("initial_state", self.initial_state, values, inputs)
         y0 = jax.tree.map(lambda a: jnp.asarray(a, jnp.float64), y0)
 
         system, whole, start = self.with_breaks(values, inputs, y0, begin)

@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float, Int
 from ..hybrid import SaveAt, jit_plainly, simulate
 from ._losses import AbstractLoss
 from ._methods import AbstractMethod
-from ._run import Data, Run
+from ._run import Data, Run, asked
 from ._unknowns import NamedValues, Space
 
 
@@ -90,7 +90,7 @@ class Shooting(eqx.Module):
         """What is observed in one segment, and the state at its end."""
         record, first, begin, times = row
         values, inputs = self._of(z, record)
-        y0 = self.run.initial_state(values, inputs)
+        y0 = asked("initial_state", self.run.initial_state, values, inputs)
         y0 = jax.tree.map(lambda a: jnp.asarray(a, jnp.float64), y0)
         flat, unravel = ravel_pytree(y0)
         y0 = unravel(jnp.where(first, flat, state))
@@ -191,7 +191,7 @@ def states_at(run: Run, values: NamedValues, data: Data, segments: Segments) -> 
         mine, known, (times, begin, inputs) = row
         here = {**known, **common, **mine}
         ts = run.times_of(here, times, begin)
-        y0 = run.initial_state(here, inputs)
+        y0 = asked("initial_state", run.initial_state, here, inputs)
         system, whole, y0 = run.with_breaks(here, inputs, y0, begin)
         found = simulate(
             whole, begin, ts[-1], y0, integrator=run.integrator,

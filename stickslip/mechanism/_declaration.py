@@ -115,6 +115,9 @@ def mass_of(given: Any, names: Sequence[str]) -> Mass:
     return Mass(full=rows)
 
 
+ROWS = (tuple, list, Mapping, np.ndarray)
+
+
 def directions_of(given: Mapping[str, Any], coordinates: Sequence[str]) -> np.ndarray:
     """Directions [contact, coordinate]; NaN in the rows that depend on state or parameters."""
     rows = []
@@ -124,6 +127,8 @@ def directions_of(given: Mapping[str, Any], coordinates: Sequence[str]) -> np.nd
             continue
         what = f"contact_directions[{contact!r}]"
         allowed = "constant numbers (None for a direction that `contacts` returns)"
+        if isinstance(row, tuple | list) and any(isinstance(x, ROWS) for x in row):
+            allowed += "; a contact rubs along one line, friction in a plane is not covered"
         entries = in_order(what, row, coordinates, allowed)
         try:
             numbers = [float(x) for x in entries]

@@ -147,8 +147,11 @@ class AbstractMechanism(AbstractWithObservables):
     - `guards`, `guard_names` and `transition`: guards of its own, after all others. Where one of them
       fires, `transition` of this class asks the law of all contacts again, in the state given to it.
 
-    **Limits.** Normal forces that depend on friction or accelerations (Painlevé) are not covered, nor
-    is friction in a stop. Dependent directions that vary, surfaces of dependent contacts whose speeds
+    **Limits.** Friction of a contact acts along one line. Friction in a plane, opposite to a velocity
+    of two components, is not covered: two contacts that cross, each with the normal force of the body,
+    are a square in place of the circle, and a puck on them bends off its line and stops too early.
+    Normal forces that depend on friction or accelerations (Painlevé) are not covered, nor is friction
+    in a stop. Dependent directions that vary, surfaces of dependent contacts whose speeds
     vary, and more than 31 contacts (a stop counts as half of one) raise an error. Where contacts have
     directions across the coordinates, accelerations lose as many digits as the inertias that they join
     have in their ratio.

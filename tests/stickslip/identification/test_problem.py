@@ -342,6 +342,23 @@ def test_what_the_data_do_not_see_is_a_verdict():
     assert np.isfinite(errors["stiffness"])
 
 
+def test_what_nobody_declared_is_named():
+    def mistaken(values, inputs):
+        return block({**values, "kinetic": values["kinetc"]}, inputs)
+
+    def late(values, inputs):
+        return Motion(x=values["x"], v=inputs["speed"])
+
+    record = Record([0.0, 1.0], {"position": [0.1, 0.2]})
+    for system, first, words in (
+        (mistaken, start, r"system\(values, inputs\) asks for 'kinetc'.*'kinetic', 'stiffness', 'x'"),
+        (block, late, r"initial_state\(values, inputs\) asks for 'speed'.*inputs are none"),
+    ):
+        wrong = Problem(system, first, UNKNOWNS, OBSERVED, record, integrator=INTEGRATOR)
+        with pytest.raises(KeyError, match=words):
+            wrong.fit()
+
+
 def test_bad_records():
     x = {"position": np.zeros(3)}
     nan = {"position": np.array([0.0, np.nan, 1.0])}
