@@ -114,6 +114,7 @@ _kept: collections.OrderedDict[tuple, "_Reached"] = collections.OrderedDict()
 _last: weakref.WeakKeyDictionary[Any, str] = weakref.WeakKeyDictionary()  # functions as last met
 _serials: dict[int, tuple[Any, int]] = {}  # objects that count by their identity
 _count = itertools.count()
+_trees: dict[Any, Any] = {}  # one object for all forms of trees that are equal
 _said: set[type] = set()
 
 
@@ -343,6 +344,8 @@ class _Reached:
             yield from map(self._described, (thing.fget, thing.fset))
         elif isinstance(thing, functools.partial):
             yield from map(self._described, (thing.func, thing.args, thing.keywords))
+        elif kind is jax.tree_util.PyTreeDef:
+            yield self._identity(_trees.setdefault(thing, thing))
         elif _held(thing) and not (_standard(kind) and kind is not types.SimpleNamespace):
             self.holders.append(thing)
             yield self._described(kind)
@@ -357,7 +360,8 @@ class _Reached:
 
     def _identity(self, thing: Any) -> int:
         kind = type(thing)
-        if not (callable(thing) or kind in _said or _standard(kind)):
+        read = callable(thing) or kind is jax.tree_util.PyTreeDef
+        if not (read or kind in _said or _standard(kind)):
             _said.add(kind)
             warnings.warn(
                 f"What an object of {kind.__module__}.{kind.__qualname__} holds cannot be read. If it "
