@@ -16,6 +16,7 @@ from ._one import table, tally
 from ._worker import Worker
 
 PATIENCE = 1800.0  # seconds a structure may take, before its process is ended
+GRACE = 120.0  # seconds for what is at work when the time is over
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -31,13 +32,14 @@ def main(argv: list[str] | None = None) -> int:
     count = 1 if asked.only is not None else asked.workers
     workers = [Worker(context, asked.seed) for _ in range(count)]
     end, following = time.monotonic() + 60.0 * asked.minutes, asked.only or 0
+    end = end if asked.only is None else float("inf")
     verdicts: Counter = Counter()
     refusals: Counter = Counter()
     for worker in workers:
         worker.give(following)
         following += 1
-    busy = list(workers)
-    while busy:
+    busy, told = list(workers), time.monotonic()
+    while busy and time.monotonic() < end + GRACE:
         ready = multiprocessing.connection.wait([w.pipe for w in busy], timeout=5.0)
         for worker in list(busy):
             if worker.pipe in ready:
@@ -55,7 +57,8 @@ def main(argv: list[str] | None = None) -> int:
                 continue
             verdicts.update({("structures", "all"): 1, **counts})
             refusals.update(refused)
-            if verdicts["structures", "all"] % 10 == 0:
+            if time.monotonic() > told + 60.0:
+                told = time.monotonic()
                 print(tally(verdicts), flush=True)
             for line in lines:
                 print(f"[{asked.seed}:{number}] {line}", flush=True)

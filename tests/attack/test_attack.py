@@ -78,7 +78,7 @@ def test_planted_fault_is_found_and_shrunk(monkeypatch):
     n = VALUES._replace(start={"x": 0.0, "v_x": 1.0, "y": 0.5, "v_y": 0.0}, end=6.0)
     found = again(more, n, "reference")
     assert found.verdict == WRONG
-    text = smallest(more, found, 90.0)
+    text = smallest(more, found, 30.0)
     assert WRONG in text
     assert "Coulomb" in text
     assert "y = " not in text.split("class Machine")[1].split("machine = ")[0]
