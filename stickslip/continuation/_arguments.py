@@ -27,7 +27,7 @@ from ._guess import OrbitGuess, check_seen
 from ._orbit import PeriodicOrbit
 from ._points import TESTS
 
-TAKEN = (*TESTS, "GR", "SQ", "EP")
+TAKEN = (*TESTS, "GR", "SQ", "HB", "UZ", "EP")
 
 
 def bounds_of(argument: str, bounds: Any) -> tuple[float, float]:
@@ -39,6 +39,17 @@ def bounds_of(argument: str, bounds: Any) -> tuple[float, float]:
     if not low < high:
         raise refusal(argument, bounds, allowed)
     return low, high
+
+
+def levels_of(argument: str, values: Any, bounds: tuple[float, float]) -> tuple[float, ...]:
+    """Values of a parameter that are asked for, each once."""
+    if not isinstance(values, tuple | list):
+        raise refusal(argument, values, "a tuple of numbers", TypeError)
+    found = [float(one_concrete(f"{argument}[{i}]", value)) for i, value in enumerate(values)]
+    for i, value in enumerate(found):
+        if not bounds[0] <= value <= bounds[1]:
+            raise refusal(f"{argument}[{i}]", value, f"within the bounds, {bounds[0]} and {bounds[1]}")
+    return tuple(dict.fromkeys(found))
 
 
 def value_of(system: AbstractHybridSystem, name: Any, argument: str = "parameter") -> float:

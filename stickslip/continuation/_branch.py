@@ -9,6 +9,7 @@ import jax
 import numpy as np
 
 from .._show import counted, html_table, number
+from ..analysis._observable import with_parameters
 from ..hybrid import AbstractHybridSystem
 from ..hybrid._components import components_of
 from ._along import Problem
@@ -37,7 +38,8 @@ class BranchPoint(eqx.Module):
     """A special point of a branch: `label`, `value` of the parameter, `orbit`, and in `words` why.
 
     `index`: number of the orbit of the branch before it. `slope`: direction of the branch there, the
-    rates of the first point, of the period if it is an unknown, and of the parameter.
+    rates of the first point, of the period if it is an unknown, and of the parameter. `system`: with
+    the parameter at this value.
     """
 
     label: str
@@ -46,6 +48,7 @@ class BranchPoint(eqx.Module):
     words: str
     index: int
     slope: np.ndarray
+    system: AbstractHybridSystem
 
     def __repr__(self) -> str:
         after = f": {self.words}" if self.words else ""
@@ -161,8 +164,8 @@ def _modes(system: AbstractHybridSystem, sequence: tuple) -> str:
     return ", ".join(str(system.mode_names[mode]) for mode in modes)
 
 
-def special_of(special: Special, problem: Problem) -> BranchPoint:
-    """A special point as users see it."""
+def special_of(special: Special, problem: Problem, system: AbstractHybridSystem) -> BranchPoint:
+    """A special point as users see it, of their system."""
     point = special.point
     states, scales = np.asarray(point.anchor.size).size, [np.asarray(point.anchor.size)]
     if problem.forcing_period is None:
@@ -170,7 +173,10 @@ def special_of(special: Special, problem: Problem) -> BranchPoint:
     scales.append(np.asarray(problem.unit))
     scale = np.concatenate(scales)
     slope = np.append(point.tangent[:states], point.tangent[states - scale.size :]) * scale
-    return BranchPoint(special.label, point.value, point.orbit, special.words, special.index, slope)
+    there = with_parameters(system, {problem.names[0]: np.float64(point.value)})
+    return BranchPoint(
+        special.label, point.value, point.orbit, special.words, special.index, slope, there
+    )
 
 
 def branch_of(
@@ -187,6 +193,6 @@ def branch_of(
         np.array([p.value for p in points]),
         orbits,
         tuple(p.sequence for p in points),
-        tuple(special_of(s, problem) for s in specials),
+        tuple(special_of(s, problem, system) for s in specials),
         system,
     )

@@ -16,12 +16,13 @@ from ..hybrid import AbstractHybridSystem, Integrator
 from ..hybrid._arguments import the_system
 from ..hybrid._status import DISCONTINUOUS
 from ._along import Problem, evaluated
-from ._arguments import bounds_of, concrete_guess, functions_of, problem_of, value_of
-from ._branch import Branch, BranchPoint, branch_of
+from ._arguments import bounds_of, concrete_guess, functions_of, levels_of, problem_of, value_of
+from ._branch import Branch, BranchPoint, Special, branch_of
 from ._equilibrium import EquilibriumPoint
 from ._follow import Failure, Point, ahead, begin, turned
 from ._guess import OrbitGuess
 from ._orbit import PeriodicOrbit
+from ._points import Level
 from ._switch import born, crossing, doubled, outward
 from ._walk import settled, walked
 
@@ -42,6 +43,7 @@ def continue_orbit(
     forcing_period: Given[Callable[[Any], Any] | None] = None,
     step: Given[float] = 0.01,
     max_points: Given[int] = 200,
+    values: Given[tuple[float, ...]] = (),
     functions: Given[Mapping[str, Callable[[PeriodicOrbit], Any]] | None] = None,
     both: Given[bool] = True,
     segments: Given[int] = 1,
@@ -75,6 +77,7 @@ def continue_orbit(
     - `step`: first and longest step, in parts of the bounds' distance (and of the motion's size, at all
       knots together: with more `segments` the same step is a shorter part of the branch).
     - `max_points`: orbits on each of the two halves of the branch.
+    - `values` of the parameter at which a point `UZ` is wanted.
     - `functions`: real functions of the orbit, by label, whose zeros are located too.
     - `both`: follow to both sides of `orbit`; otherwise to larger values of the parameter.
     - `segments`, `args`, `integrator`, `max_events`: as for `periodic_orbit`. Orbits whose multipliers
@@ -83,7 +86,8 @@ def continue_orbit(
 
     **Returns** a `Branch`: the orbits in order along the branch, and the special points `LP` (fold),
     `PD` (period doubling), `NS` (torus), `BP` (branch point), `GR` (an event appears or vanishes), `SQ`
-    (another change of the mode sequence), `EP` (end, with the reason).
+    (another change of the mode sequence), `UZ` (at one of the `values`), `HB` (Hopf point: the orbit
+    has shrunk to an equilibrium), `EP` (end, with the reason).
 
     Steps at which Newton's method fails, or that end on another branch, are shortened: an orbit farther
     from where it was expected than the branch bends is none of it, and one beyond a border only if its
@@ -109,7 +113,8 @@ def continue_orbit(
     one_concrete("step", step, "positive")
     check_count("max_points", max_points, 1)
     check_flag("both", both)
-    tests = functions_of(functions)
+    levels = [Level(level) for level in levels_of("values", values, (low, high))]
+    tests = [*functions_of(functions).items(), *(("UZ", level) for level in levels)]
     if special is not None:
         value = special.value
     elif rest is not None:
@@ -156,6 +161,7 @@ def continue_orbit(
         )
         raise refusal("orbit", orbit, allowed)
     forward, marks = walked(problem, one, (low, high), step, max_points, tests)
+    marks = [Special("UZ", level.at(one), "", 0) for level in levels if level(one) == 0.0] + marks
     closed = bool(marks) and marks[-1].words.startswith("closed")
     if closed or not both or not others or isinstance(others[0], Failure):
         return branch_of(parameter, forward, marks, system, problem)

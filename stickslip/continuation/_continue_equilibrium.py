@@ -10,10 +10,11 @@ from jaxtyping import PyTree
 
 from .._types import Given, Mode
 from .._validation import check_count, check_flag, one_concrete, refusal
+from ..analysis._observable import with_parameters
 from ..hybrid import AbstractHybridSystem
 from ..hybrid._arguments import check_field, start_of, the_system
 from ..hybrid._tree import with_float_arrays
-from ._arguments import bounds_of, value_of
+from ._arguments import bounds_of, levels_of, value_of
 from ._closing import check_autonomous
 from ._equilibrium import EquilibriumBranch, EquilibriumPoint
 from ._rest import (
@@ -51,6 +52,7 @@ def continue_equilibrium(
     mode0: Mode | None = None,
     step: Given[float] = 0.02,
     max_points: Given[int] = 200,
+    values: Given[tuple[float, ...]] = (),
     both: Given[bool] = True,
     args: PyTree = None,
 ) -> EquilibriumBranch:
@@ -67,11 +69,12 @@ def continue_equilibrium(
     - `y0`: a state near the equilibrium; `mode0`: in which mode, by default that of the system there.
     - `bounds`: least and greatest value of the parameter.
     - `step`: first and longest step, in parts of the bounds' distance and of the extent of the branch.
+    - `values` of the parameter at which a point `UZ` is wanted.
     - `max_points`: states on each of the two halves. `both`: follow to both sides of `y0`; otherwise
       to larger values of the parameter.
 
     **Returns** an `EquilibriumBranch` with the special points `LP` (fold), `BP` (branch point), `HB`
-    (Hopf: a pair crosses the imaginary axis) and `EP` (end, with the reason). From an `HB` point
+    (Hopf: a pair crosses the imaginary axis), `UZ` and `EP` (end, with the reason). From an `HB` point
     `continue_orbit` follows the periodic orbits that are born there. It runs outside `jit`. A branch
     point at which the parameter turns, as along one branch of a pitchfork, is a `BP` and no `LP`.
     What is not located has a question mark, `LP?`, and words between which states it lies. Results
@@ -85,6 +88,7 @@ def continue_equilibrium(
     low, high = bounds_of("bounds", bounds)
     if not low <= value <= high:
         raise refusal("bounds", (low, high), f"around the value of {parameter}, {value}")
+    levels = levels_of("values", values, (low, high))
     step = float(one_concrete("step", step, "positive"))
     check_count("max_points", max_points, 1)
     check_flag("both", both)
@@ -102,17 +106,18 @@ def continue_equilibrium(
     ends = (low, high)
     measure = _measured(field, first, high - low, step)
     first = dataclasses.replace(first, tangent=of_length_one(first.tangent, hold, measure))
-    forward, marks = _half(field, first, measure, ends, step, max_points, True)
+    forward, marks = _half(field, first, measure, ends, step, max_points, True, levels)
+    marks = [("UZ", first, "")] * (first.value in levels) + marks
     if both:
         back = dataclasses.replace(first, tangent=-first.tangent)
-        backward, before = _half(field, back, measure, ends, step, max_points, False)
+        backward, before = _half(field, back, measure, ends, step, max_points, False, levels)
         forward, marks = backward[:0:-1] + forward, before[::-1] + marks
     states = np.stack([p.z for p in forward])
     tree = jax.vmap(field.unravel)(jnp.asarray(states[:, :-1]))
     return EquilibriumBranch(
         parameter, states[:, -1], int(mode), jax.tree.map(np.asarray, tree),
         np.stack([p.eigenvalues for p in forward]),
-        tuple(_special(field, int(mode), *mark) for mark in marks), system,
+        tuple(_special(field, int(mode), system, *mark) for mark in marks), system,
     )  # fmt: skip
 
 
@@ -161,7 +166,10 @@ def _measured(field: Field, first: Rest, span: float, step: float) -> Measure:
     return measure
 
 
-def _half(field: Field, start: Rest, measure: Measure, ends, step: float, most: int, first: bool):
+def _half(
+    field: Field, start: Rest, measure: Measure, ends, step: float, most: int, first: bool,
+    levels: tuple[float, ...],
+):  # fmt: skip
     """Equilibria from `start` along its tangent; special points as (label, where, words).
 
     A function that is zero at an equilibrium keeps the sign that it had, so that what is met exactly
@@ -193,7 +201,9 @@ def _half(field: Field, start: Rest, measure: Measure, ends, step: float, most: 
             now = _continued(now, _beyond(field, new, measure, step))
         changed = [label for label, sign in now.items() if sign * had[label] < 0]
         had = {label: sign or had[label] for label, sign in now.items()}
-        marks += labelled(field, rest, new, distance, measure, changed)
+        found = labelled(field, rest, new, distance, measure, changed)
+        found += _asked(field, rest, new, distance, measure, levels)
+        marks += sorted(found, key=lambda mark: measure.length(mark[1].z - rest.z))
         if outside:
             bound = ends[0] if new.value < ends[0] else ends[1]
             known = {0.0: rest, distance: new}
@@ -215,6 +225,22 @@ def _half(field: Field, start: Rest, measure: Measure, ends, step: float, most: 
         changed = [label for label, sign in now.items() if sign * had[label] < 0]
         marks += labelled(field, last, last, 0.0, measure, changed)
     return points, [*marks, ("EP", last, "max_points")]
+
+
+def _asked(field: Field, rest: Rest, new: Rest, distance: float, measure: Measure, levels) -> list:
+    """Equilibria between two at values of the parameter that are asked for."""
+    found, known = [], {0.0: rest, distance: new}
+    for level in levels:
+        one, two = rest.value - level, new.value - level
+        if one == 0.0 or one * two > 0.0:
+            continue
+        at = located(field, rest, [0.0, distance], known, measure, lambda p, v=level: p.value - v)
+        if isinstance(at, str):
+            words = f"not located: between here and {new.value:.10g}, {at}"
+            found.append(("UZ?", rest, words))
+        else:
+            found.append(("UZ", dataclasses.replace(at, z=np.append(at.z[:-1], level)), ""))
+    return found
 
 
 def _ahead(field: Field, rest: Rest, distance: float, measure: Measure) -> Rest | None:
@@ -262,10 +288,13 @@ def _astray(rest: Rest, new: Rest, measure: Measure, size: np.ndarray) -> bool:
     return bool(np.any((size == 0.0) & (np.abs(move - expected) > most)))
 
 
-def _special(field: Field, mode: int, label: str, rest: Rest, words: str) -> EquilibriumPoint:
+def _special(
+    field: Field, mode: int, system: AbstractHybridSystem, label: str, rest: Rest, words: str
+) -> EquilibriumPoint:
     period, swing = np.nan, np.zeros(rest.z.size - 1)
     pair = axis_pair(rest) if label == "HB" else None
     if pair is not None:
         period, swing = 2.0 * np.pi / abs(rest.eigenvalues[pair].imag), np.real(rest.vectors[:, pair])
     y = jax.tree.map(np.asarray, field.unravel(jnp.asarray(rest.z[:-1])))
-    return EquilibriumPoint(label, rest.value, y, mode, rest.eigenvalues, period, swing, words)
+    there = with_parameters(system, {field.name: np.float64(rest.value)})
+    return EquilibriumPoint(label, rest.value, y, mode, rest.eigenvalues, period, swing, words, there)

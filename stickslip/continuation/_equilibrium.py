@@ -20,7 +20,8 @@ class EquilibriumPoint(eqx.Module):
     `eigenvalues` [1/s] of the linear motion about it, fastest growth first. Of a Hopf point, `HB`:
     `period` [s] of the pair on the imaginary axis, and `swing`, the real part of its eigenvector as a
     flat state; otherwise NaN and zeros. `words`: why an `EP` is the end; of a point that was not
-    located, such as `LP?`, up to which state it may lie, and `y` is the one before it.
+    located, such as `LP?`, up to which state it may lie, and `y` is the one before it. `system`: with
+    the parameter at this value.
     """
 
     label: str
@@ -31,6 +32,7 @@ class EquilibriumPoint(eqx.Module):
     period: float
     swing: np.ndarray
     words: str
+    system: AbstractHybridSystem
 
     def __repr__(self) -> str:
         more = f", period {self.period:.10g} s" if self.label == "HB" else ""

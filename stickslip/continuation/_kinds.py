@@ -30,7 +30,10 @@ def kind_of(system: AbstractHybridSystem, one: Point, two: Point) -> str:
     """
     short, long = sorted((one, two), key=lambda p: int(p.orbit.events.count))
     few, many = _cycle(short), _cycle(long)
-    if len(many) > MOST_EVENTS or len(few) == len(many):
+    if len(few) == len(many):
+        # Where a slip turns round anyway, at a wall, an impact is one event in place of another.
+        return "grazing" if impacts(one) != impacts(two) else ""
+    if len(many) > MOST_EVENTS:
         return ""
     # An orbit without events is in one mode: what is added begins and ends in it.
     alone = [] if few else [i for i in range(len(many)) if many[i - 1] == int(short.orbit.mode0)]

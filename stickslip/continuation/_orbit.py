@@ -39,9 +39,8 @@ class PeriodicOrbit(eqx.Module):
     - `residual`: how far the end is from the beginning, in parts of the size of each component;
       `steps`: evaluations of the return map and its derivative.
     - `closing_error`: the same after the orbit was simulated once more.
-    - `lowest`, `highest`: least and greatest value of each component over the period, of the motion at
-      60 instants, between them by cubics, and at its events: to some 1e-6 of its size, or 1e-4 where
-      it moves within a small part of the period.
+    - `lowest`, `highest`: least and greatest value of each component over the period: where its rate is
+      zero, or on either side of an event; as accurate as the motion itself.
     - `events`: log of one period. `sequence`: hash of its guards and modes.
     - `result`: an `ORBITS` item; `simulation`: a `stickslip.RESULTS` item.
     - `neutral`: projection on the shifts of the state that change nothing, as that of a body which no

@@ -40,7 +40,7 @@ from ._closing import (
     turns_of,
     unknowns,
 )
-from ._extremes import extremes_of
+from ._extremes import ROWS, watched
 from ._floquet import multipliers_of, split_off, with_ones
 from ._guess import OrbitGuess, check_seen
 from ._holding import holds, own_mode
@@ -197,11 +197,18 @@ def described(motion, frame: Frame, found, tolerance, unravel, mode0, segments, 
     start = unravel(flat)
 
     ledger = WithIntegrals(system, _rates)
-    ts = frame.t0 + period * jnp.arange(PARTS + 1.0) / PARTS
     own = own_mode(system, frame.t0, flat, unravel, mode1, args, unit)
-    solution = simulate(
-        ledger, frame.t0, ts[-1], ledger.start(start, frame.t0, args), own, args,
-        integrator=motion.integrator, saveat=SaveAt(ts=ts), max_events=max_events, throw=False,
+
+    def run(begin, span, state, mode):
+        ts = begin + span * jnp.arange(PARTS + 1.0) / PARTS
+        return simulate(
+            ledger, begin, ts[-1], state, mode, args, integrator=motion.integrator,
+            saveat=SaveAt(ts=ts, steps=True, max_rows=ROWS), max_events=max_events, throw=False,
+        )  # fmt: skip
+
+    solution, low, high = watched(
+        run, frame.t0, period, ledger.start(start, frame.t0, args), own, system, args,
+        motion.integrator, lambda state: state.y,
     )  # fmt: skip
     outputs, log = solution.outputs, solution.events
     assert outputs is not None
@@ -217,8 +224,6 @@ def described(motion, frame: Frame, found, tolerance, unravel, mode0, segments, 
         if frame.free
         else _recurs(motion, frame, states, gained[-1] - back[-1], outputs.mode, period, unravel)
     )
-
-    low, high = extremes_of(system, args, outputs, log, lambda state: state.y)
 
     monodromy = jnp.eye(unit.shape[0])
     for piece in carried.pieces:

@@ -1,5 +1,6 @@
 """Special points of a branch: functions whose zeros they are, and where exactly these lie."""
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any
 
@@ -57,6 +58,23 @@ def branching(point: Point) -> float:
 TESTS: dict[str, Callable[[Point], float]] = {
     "LP": turning, "PD": doubling, "NS": torus, "BP": branching,
 }  # fmt: skip
+
+
+@dataclasses.dataclass(frozen=True)
+class Level:
+    """Distance of a parameter, by its number, from a value that was asked for."""
+
+    value: float
+    number: int = 0
+
+    def __call__(self, point: Point) -> float:
+        return float(point.values[self.number]) - self.value
+
+    def at(self, point: Point) -> Point:
+        """A point that was located there, with the very value."""
+        values = np.array(point.values, float)
+        values[self.number] = self.value
+        return dataclasses.replace(point, values=values)
 
 
 def is_torus(point: Point) -> bool:

@@ -13,6 +13,7 @@ from jaxtyping import PyTree
 
 from .._types import Given
 from .._validation import as_float64, check_type, refusal
+from ..analysis._observable import with_parameters
 from ..hybrid import RESULTS, AbstractHybridSystem, EventLog
 from ..hybrid._arguments import the_system
 from ._arguments import value_of
@@ -92,7 +93,7 @@ def load_branch(
         orbits = _orbits(data, ORBITS_OF, y0)
         values = np.asarray(data[_column(data, parameter)])
         sequences = tuple(_tuples(s) for s in json.loads(data.attrs["sequences"]))
-        specials = tuple(_specials(data, parameter, y0)) if "special_index" in data else ()
+        specials = tuple(_specials(data, parameter, y0, system)) if "special_index" in data else ()
     except (KeyError, ValueError, TypeError) as error:
         raise refusal("path", str(path), f"a file of save_branch with this state: {error}") from error
     return Branch(parameter, values, orbits, sequences, specials, system)
@@ -192,14 +193,19 @@ def _template(y0: PyTree) -> PeriodicOrbit:
     )  # fmt: skip
 
 
-def _specials(data: "xr.Dataset", parameter: str, y0: PyTree) -> Iterator[BranchPoint]:
+def _specials(
+    data: "xr.Dataset", parameter: str, y0: PyTree, system: AbstractHybridSystem
+) -> Iterator[BranchPoint]:
     orbits = _orbits(data, SPECIALS_OF, y0)
     column = f"special_{_column(data, parameter)}"
     columns = ("label", column, "special_words", "special_index", "special_slope")
     for k, row in enumerate(zip(*(np.asarray(data[name]) for name in columns), strict=True)):
         label, value, words, index, slope = row
         orbit = jax.tree.map(lambda leaf, k=k: leaf[k], orbits)
-        yield BranchPoint(str(label), float(value), orbit, str(words), int(index), np.asarray(slope))
+        there = with_parameters(system, {parameter: np.float64(value)})
+        yield BranchPoint(
+            str(label), float(value), orbit, str(words), int(index), np.asarray(slope), there
+        )
 
 
 def _tuples(value: Any) -> Any:

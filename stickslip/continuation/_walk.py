@@ -12,7 +12,7 @@ from ._branching import located_beside
 from ._corner import across, led_back
 from ._follow import QUICK, Failure, Point, ahead, leaps, moved, strayed, turned, unchecked
 from ._kinds import impacts, kind_of
-from ._points import border, is_torus, located
+from ._points import Level, border, is_torus, located
 from ._switch import birth
 
 # Between two points the tangent turns by at most this angle [cosine]: sharper bends get shorter steps.
@@ -83,6 +83,7 @@ def walked(problem, start: Point, bounds, step, max_points, tests) -> tuple[list
                 distance = distance if near else step
                 # Between an orbit that no branch leads back from and this border there may be others.
                 edge = last if way[0] is found else _edge(problem, last, way[0])
+                specials += _leapt(last, way[0], tests, index)
                 specials.append(_change(problem, last, way[0], edge, index))
                 if _repeat(way[-1], start):
                     specials.append(Special("EP", last, REPEATS, index))
@@ -274,7 +275,7 @@ def _next(problem, point: Point, distance: float):
 def _labelled(problem, before: Point, after: Point, distance, tests, index) -> list[Special]:
     """Special points between two orbits of one sequence, in order."""
     found = []
-    for label, test in tests.items():
+    for label, test in tests:
         one, two = test(before), test(after)
         # A zero at an end is that of the step that ends there.
         if not (np.isfinite(one) and np.isfinite(two)) or one == 0.0 or one * two > 0.0:
@@ -283,6 +284,8 @@ def _labelled(problem, before: Point, after: Point, distance, tests, index) -> l
         if isinstance(at, Failure):
             words = f"not located: between here and {after.value:.10g}, {at.result}"
             found.append(Special(f"{label}?", before, words, index))
+        elif isinstance(test, Level):
+            found.append(Special(label, test.at(at), "", index))
         elif label != "NS" or is_torus(at):
             found.append(Special(label, at, "", index))
     crossings = [s.point.u for s in found if s.label == "BP"]
@@ -292,6 +295,17 @@ def _labelled(problem, before: Point, after: Point, distance, tests, index) -> l
         if any(np.linalg.norm(fold.point.u - u) < SAME * distance for u in crossings):
             found.remove(fold)
     return sorted(found, key=lambda s: abs(s.point.value - before.value))
+
+
+def _leapt(last: Point, new: Point, tests, index) -> list[Special]:
+    """Values asked for that lie between the orbits next to a border of the mode sequence."""
+    found = []
+    for label, test in tests:
+        if isinstance(test, Level) and test(last) * test(new) < 0.0:
+            near = min((last, new), key=lambda point: abs(test(point)))
+            words = f"not located: at a change of the mode sequence, between here and {new.value:.10g}"
+            found.append(Special(f"{label}?", near, words, index))
+    return found
 
 
 def _found(problem, before: Point, after: Point, distance, label: str, test) -> Point | Failure:
@@ -318,4 +332,5 @@ def _change(problem: Problem, last: Point, new: Point, edge: Point, index: int) 
     events = int(last.orbit.events.count), int(new.orbit.events.count)
     kind = kind_of(problem.system, last, new)
     words = f"{kind}{', ' * bool(kind)}{events[0]} events, {events[1]} beyond"
-    return Special("SQ" if events[0] == events[1] else "GR", edge, words, index)
+    same = events[0] == events[1] and impacts(last) == impacts(new)
+    return Special("SQ" if same else "GR", edge, words, index)

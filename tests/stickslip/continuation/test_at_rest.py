@@ -140,15 +140,15 @@ def test_extremes_are_those_between_events_and_at_them():
     orbit = periodic_orbit(system, guess, forced=True)
     assert float(orbit.highest.x) == 1.0
     assert float(orbit.lowest.v) == pytest.approx(-1.3565863501, abs=2e-9)
-    assert float(orbit.lowest.x) == pytest.approx(-1.1840600869, abs=1e-6)
-    assert float(orbit.highest.v) == pytest.approx(1.7043228068, abs=4e-6)
+    assert float(orbit.lowest.x) == pytest.approx(-1.1840600869, abs=2e-9)
+    assert float(orbit.highest.v) == pytest.approx(1.7043228068, abs=2e-9)
     block, period, orbit = at_rest_in_between(0.6148)
     for part in (0.0, 0.3, 0.7):
         start = orbit.t0 + part * period
         run = ss.simulate(block, orbit.t0, start, orbit.y0, orbit.mode0)
         found = periodic_orbit(block, OrbitGuess(run.y1, period, run.mode1, start), forced=True)
-        assert float(found.highest.x) == pytest.approx(2.8019717716, abs=2e-8)
-        assert float(found.lowest.x) == pytest.approx(-2.8019717716, abs=2e-8)
+        assert float(found.highest.x) == pytest.approx(2.8019717716, abs=2e-9)
+        assert float(found.lowest.x) == pytest.approx(-2.8019717716, abs=2e-9)
 
 
 def test_grazing_is_known_as_well_from_the_side_of_impacts():

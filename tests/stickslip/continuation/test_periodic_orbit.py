@@ -45,7 +45,7 @@ def test_block_on_a_belt(leine):
     assert times[1] - times[0] == pytest.approx(4.2959995255, abs=2e-10)
     assert float(leine.events.y_before.x[1]) == pytest.approx(-0.5410063539, abs=2e-10)
     assert int(leine.events.count) == 2
-    assert float(leine.highest.x) == pytest.approx(1.1339446764, abs=2e-6)
+    assert float(leine.highest.x) == pytest.approx(1.1339446764, abs=2e-10)
     assert float(leine.highest.v) == pytest.approx(0.2, abs=1e-12)
 
 
@@ -184,10 +184,7 @@ def test_coco_stick_slip():
         assert np.asarray(found.multipliers)[2] == 0.0
         product = complex(np.prod(np.asarray(found.multipliers)[:2]))
         assert product == pytest.approx(np.exp(-0.04 * period), abs=1e-11)
-        assert float(found.highest.x) == pytest.approx(largest, abs=1e-6)
-        top = ss.Section(lambda s, t, y, dy, m, a: y.v, "falling")
-        run = ss.simulate(system, found.t0, found.t0 + period, found.y0, found.mode0, sections=top)
-        assert float(np.nanmax(run.crossings[0].y.x)) == pytest.approx(largest, abs=1e-9)
+        assert float(found.highest.x) == pytest.approx(largest, abs=1e-9)
 
 
 @pytest.mark.slow
