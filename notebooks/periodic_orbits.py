@@ -150,7 +150,12 @@ print(branch.to_dataset())
 # | `BP` | two branches cross |
 # | `GR` | an event appears or vanishes: grazing, a stick that begins or ends |
 # | `SQ` | another change of the sequence of modes |
+# | `HB` | Hopf point: the orbit has shrunk to an equilibrium |
+# | `UZ` | at one of the `values` of the parameter that were asked for |
 # | `EP` | end of the branch, with the reason |
+#
+# `special.system` is the system with the parameter at that value. A period that grows without bound is
+# the end `homoclinic`, with the value that the parameter tends to.
 #
 # From `PD` and `BP` points `continue_orbit` follows the branch that begins there. Of a `GR` point
 # `words` name the sliding bifurcation:
@@ -164,7 +169,8 @@ assert fold.words.startswith("grazing-sliding")
 #
 # `continue_point` follows such a point, here over the speed of the belt and the damping: left of the
 # curve the block sticks and slips, right of it it comes to rest. `curve.ends` say where and why it
-# ends: at a bound, at a point of codimension two by its name, or where the orbit grazes.
+# ends: at a bound, at a point of codimension two by its name, or where the orbit grazes. Resonances
+# that a curve of `NS` points passes, and values asked for, are `curve.specials`.
 
 # %%
 curve = continue_point(

@@ -2,6 +2,7 @@
 
 from ._bifurcation_curve import BifurcationCurve as BifurcationCurve
 from ._bifurcation_curve import CurveEnd as CurveEnd
+from ._bifurcation_curve import CurvePoint as CurvePoint
 from ._branch import Branch as Branch
 from ._branch import BranchPoint as BranchPoint
 from ._continue import continue_orbit as continue_orbit

@@ -1,14 +1,15 @@
 """A curve of special points over two parameters as data."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import equinox as eqx
 import jax
 import numpy as np
 
 from .._show import counted, html_table, number
+from ..analysis._observable import with_parameters
 from ..hybrid import AbstractHybridSystem
-from ._branch import column_of, labelled_states
+from ._branch import Special, column_of, labelled_states
 from ._curve import Place
 from ._follow import Point
 from ._orbit import PeriodicOrbit
@@ -17,12 +18,34 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
+class CurvePoint(eqx.Module):
+    """A special point on a curve: `label`, `values` of both parameters, `orbit`, in `words` what it is.
+
+    `index`: number of the point of the curve before it. `system`: with both parameters at these values.
+    """
+
+    label: str
+    values: np.ndarray
+    orbit: PeriodicOrbit
+    words: str
+    index: int
+    system: AbstractHybridSystem
+
+    def __repr__(self) -> str:
+        more = f": {self.words}" if self.words else ""
+        return f"{self.label} at {self.values[0]:.10g}, {self.values[1]:.10g}{more}"
+
+
 class CurveEnd(eqx.Module):
-    """End of a curve: `values` of both parameters, the `orbit` there, and in `words` why it ends."""
+    """End of a curve: `values` of both parameters, the `orbit` there, and in `words` why it ends.
+
+    `system`: with both parameters at these values.
+    """
 
     values: np.ndarray
     orbit: PeriodicOrbit
     words: str
+    system: AbstractHybridSystem
 
     def __repr__(self) -> str:
         return f"at {self.values[0]:.10g}, {self.values[1]:.10g}: {self.words}"
@@ -35,6 +58,7 @@ class BifurcationCurve(eqx.Module):
     - `orbits`: a `PeriodicOrbit` with a leading axis, `[point]`.
     - `sequences`: the sequence of (guard, mode after) of each orbit, turned to its smallest form.
     - `ends`: first and last point with the reason, two `CurveEnd`s.
+    - `specials`: `CurvePoint`s, in order along the curve.
     """
 
     label: str
@@ -44,6 +68,11 @@ class BifurcationCurve(eqx.Module):
     sequences: tuple
     ends: tuple[CurveEnd, CurveEnd]
     system: AbstractHybridSystem
+    specials: tuple[CurvePoint, ...] = ()
+
+    def __getitem__(self, label: str) -> tuple[CurvePoint, ...]:
+        """All special points with a label."""
+        return tuple(s for s in self.specials if s.label == label)
 
     def __len__(self) -> int:
         return self.values.shape[0]
@@ -55,11 +84,13 @@ class BifurcationCurve(eqx.Module):
             for name, a, b in zip(self.parameters, low, high, strict=True)
         )
         head = f"BifurcationCurve of {self.label}: {counted(len(self), 'point')}; {over}"
-        return "\n".join([head, *(f"  ends {end!r}" for end in self.ends)])
+        ends = [f"  ends {end!r}" for end in self.ends]
+        return "\n".join([head, *(f"  {special!r}" for special in self.specials), *ends])
 
     def _repr_html_(self) -> str:
-        rows = [(f"{e.values[0]:.10g}", f"{e.values[1]:.10g}", e.words) for e in self.ends]
-        return html_table(repr(self).partition("\n")[0], (*self.parameters, "end"), rows)
+        marks = [(s.label, s) for s in self.specials] + [("end", e) for e in self.ends]
+        rows = [(label, f"{m.values[0]:.10g}", f"{m.values[1]:.10g}", m.words) for label, m in marks]
+        return html_table(repr(self).partition("\n")[0], ("", *self.parameters, ""), rows)
 
     def to_dataset(self) -> "xr.Dataset":
         """The curve as an `xarray.Dataset` along `point`.
@@ -67,7 +98,7 @@ class BifurcationCurve(eqx.Module):
         Both parameters (`parameter_<name>` for one with the name of another column), `period` [s],
         `multiplier_real` and `multiplier_imag` along `multiplier`, `num_events`, `sequence` (a number
         per mode sequence); `start_<name>`, `lowest_<name>` and `highest_<name>` as of a `Branch`;
-        attributes `label` and `ends`.
+        attributes `label`, `ends` and `specials`.
         """
         import xarray as xr
 
@@ -84,25 +115,44 @@ class BifurcationCurve(eqx.Module):
         for i, name in enumerate(self.parameters):
             label = {"units": units[name]} if name in units else {}
             data[column_of(name, data)] = ("point", self.values[:, i], label)
-        ends = [repr(end) for end in self.ends]
-        return xr.Dataset(data, attrs={"label": self.label, "ends": ends})
+        ends, specials = ([repr(mark) for mark in marks] for marks in (self.ends, self.specials))
+        return xr.Dataset(data, attrs={"label": self.label, "ends": ends, "specials": specials})
+
+
+class Half(NamedTuple):
+    """Places of a curve to one side; the last point and why it is that; special points."""
+
+    places: list[Place]
+    end: tuple[Point, str]
+    specials: list[Special]
 
 
 def curve_of(
     label: str,
     parameters: tuple[str, str],
-    halves: list[tuple[list[Place], tuple[Point, str]]],
+    halves: list[Half],
     system: AbstractHybridSystem,
 ) -> BifurcationCurve:
     """The curve of its halves, each from the same place; the second one backwards if there is one."""
-    (forward, end), *rest = halves
-    points = [place.point for place in forward]
-    first = points[0], "begins here"
+
+    def there(point: Point) -> AbstractHybridSystem:
+        return with_parameters(system, dict(zip(parameters, np.asarray(point.values), strict=True)))
+
+    def special(mark: Special, index: int) -> CurvePoint:
+        point = mark.point
+        return CurvePoint(mark.label, point.values, point.orbit, mark.words, index, there(point))
+
+    forward, *rest = halves
+    points, end = [place.point for place in forward.places], forward.end
+    first, specials, count = (points[0], "begins here"), [], 0
     if rest:
-        ((backward, first),) = rest
-        points = [place.point for place in backward[:0:-1]] + points
+        (backward,) = rest
+        first, count = backward.end, len(backward.places) - 1
+        points = [place.point for place in backward.places[:0:-1]] + points
+        specials = [special(m, max(count - m.index - 1, 0)) for m in backward.specials[::-1]]
+    specials += [special(m, count + m.index) for m in forward.specials]
     orbits = jax.tree.map(lambda *leaves: np.stack(leaves), *(p.orbit for p in points))
-    low, high = (CurveEnd(p.values, p.orbit, words) for p, words in (first, end))
+    low, high = (CurveEnd(p.values, p.orbit, words, there(p)) for p, words in (first, end))
     return BifurcationCurve(
         label,
         parameters,
@@ -111,4 +161,5 @@ def curve_of(
         tuple(p.sequence for p in points),
         (low, high),
         system,
+        tuple(specials),
     )

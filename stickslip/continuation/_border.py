@@ -15,6 +15,26 @@ AROUND = 16  # directions in which they are looked for at first
 # How far beyond a border the motion is looked at for its other sequence, and around a corner for all
 # that there are, in parts of its size.
 OUTSIDE, NEARBY = (1e-9, 1e-8, 1e-7), (1e-6, 1e-5, 1e-4)
+# How far beside an orbit that touches a guard, as well as it is known, motions have other events.
+TOUCHING = (1e-9, 1e-8, 1e-7, 1e-6)
+
+
+def _events(problem: Problem, point: Point, u: np.ndarray) -> list | None:
+    """Guards and modes of one period from these unknowns on."""
+    log, good = jax.device_get(passed(problem, jnp.asarray(u), point.modes, point.anchor))
+    if not good:
+        return None
+    return list(zip(log.guard[: log.count].tolist(), log.mode_after[: log.count].tolist(), strict=True))
+
+
+def touches(problem: Problem, point: Point, ways: list[np.ndarray]) -> bool:
+    """Whether an orbit touches a guard: motions next to it, both ways, have other events."""
+    if not problem.system.guard_names:
+        return False
+    own = _events(problem, point, point.u)
+    sides = [sign * way for way in ways for sign in (1.0, -1.0)]
+    found = (_events(problem, point, point.u + d * way) for d in TOUCHING for way in sides)
+    return any(events is not None and events != own for events in found)
 
 
 def _difference(own: list | None, other: list | None) -> tuple | None:
@@ -80,9 +100,9 @@ class Border(AbstractCurve):
         `(index, guard, mode after)`, or None where none is seen. What comes later is no matter: a
         first touch of a stop kicks as the square root of how deep it is, into other borders too.
         """
-        own = self._events(place.point, place.point.u)
+        own = _events(self.problem, place.point, place.point.u)
         for beside in OUTSIDE:
-            found = self._events(place.point, place.point.u - beside * place.normal)
+            found = _events(self.problem, place.point, place.point.u - beside * place.normal)
             if found != own:
                 return _difference(own, found)
         return None
@@ -97,7 +117,7 @@ class Border(AbstractCurve):
 
     def corner(self, place: Place) -> bool:
         """Whether motions near a place differ from its orbit in more than one first event."""
-        own = self._events(place.point, place.point.u)
+        own = _events(self.problem, place.point, place.point.u)
         directions = [
             side * place.way - lean * place.normal
             for side in (1.0, -1.0)
@@ -105,20 +125,12 @@ class Border(AbstractCurve):
         ]
         for beside in NEARBY:
             beyond = {
-                _difference(own, self._events(place.point, place.point.u + beside * direction))
+                _difference(own, _events(self.problem, place.point, place.point.u + beside * direction))
                 for direction in directions
             } - {None}
             if len(beyond) > 1:
                 return True
         return False
-
-    def _events(self, point: Point, u: np.ndarray) -> list | None:
-        log, good = jax.device_get(passed(self.problem, jnp.asarray(u), point.modes, point.anchor))
-        if not good:
-            return None
-        return list(
-            zip(log.guard[: log.count].tolist(), log.mode_after[: log.count].tolist(), strict=True)
-        )
 
     def _alike(self, point: Point) -> bool:
         return point.sequence == self.sequence

@@ -31,7 +31,7 @@ ALIKE = 1e-3  # part of their size by which the ends of one motion differ, seen 
 # Of the derivative: below the first part, and below the second slope of the parameter, here and so far
 # away, orbits are a family at one value of the parameter.
 SINGULAR, VERTICAL, ASIDE = 1e-9, 1e-7, 1e-2
-CUT_OFF = ("max_points", "bounds")  # ends beyond which a branch goes on
+CUT_OFF = ("max_points", "bounds", "homoclinic")  # ends beyond which a branch goes on
 
 
 def continue_orbit(
@@ -132,7 +132,7 @@ def continue_orbit(
         starts = [doubled(problem, known, value)]  # backwards lies the point it came from
     elif special is not None and special.label == "BP":
         starts = list(crossing(problem, known, value, special.slope))
-    elif special is not None and special.words in CUT_OFF:
+    elif special is not None and special.words.partition(" ")[0] in CUT_OFF:
         first = begin(problem, known, value)
         starts = [outward(problem, first, special.slope) if isinstance(first, Point) else first]
     else:

@@ -1,5 +1,6 @@
 """`continue_point`: the curve of a special point over two parameters."""
 
+import dataclasses
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -11,13 +12,14 @@ from .._validation import check_count, check_flag, check_type, one_concrete, ref
 from ..hybrid import AbstractHybridSystem, Integrator
 from ..hybrid._arguments import the_system
 from ._along import Problem
-from ._arguments import bounds_of, functions_of, problem_of, value_of
-from ._bifurcation_curve import BifurcationCurve, curve_of
-from ._border import Border
-from ._branch import BranchPoint
+from ._arguments import bounds_of, functions_of, levels_of, problem_of, value_of
+from ._bifurcation_curve import BifurcationCurve, Half, curve_of
+from ._border import Border, touches
+from ._branch import BranchPoint, Special
 from ._curve import AbstractCurve, Place, Zeros, elsewhere, last_place, stepped, zero_between
-from ._degenerate import degenerate, folding
+from ._degenerate import degenerate, folding, passed_by
 from ._follow import Failure, Point, begin, round_trip
+from ._points import Level
 
 BORDERS = ("GR", "SQ")
 LONGER = 1.5
@@ -34,6 +36,7 @@ def continue_point(
     forcing_period: Given[Callable[[Any], Any] | None] = None,
     step: Given[float] = 0.02,
     max_points: Given[int] = 100,
+    values: Given[tuple[tuple[float, ...], tuple[float, ...]]] = ((), ()),
     functions: Given[Mapping[str, Callable[..., Any]] | None] = None,
     both: Given[bool] = True,
     segments: Given[int] = 1,
@@ -50,8 +53,9 @@ def continue_point(
 
     It ends, by name, where its point becomes another one: where the orbit grazes, so that its sequence
     of modes ends; where the border of one event meets that of another (`GRGR`); at a cusp (`CP`); at a
-    fold that meets a doubling (`LPPD`); at the strong resonances of a torus point (`R1` to `R4`), and
-    so on. Ends are known to some 1e-8 of the bounds' distances.
+    fold that meets a doubling (`LPPD`); where the pair of a torus point becomes real (`R1`, `R2`), and
+    so on. Ends are known to some 1e-8 of the bounds' distances. Of a curve of torus points the strong
+    resonances `R1` to `R4` are special points; it goes on through `R3` and `R4`.
 
     **Arguments**
 
@@ -60,6 +64,7 @@ def continue_point(
       of `functions`; also `BP`, which has a curve where both parameters leave the system symmetric.
     - `parameters`: two names; `bounds`: least and greatest value of each.
     - `step`: first and longest step, in parts of the bounds' distances (and of the motion's size).
+    - `values` of each parameter at which a point `UZ` is wanted.
     - `max_points`: on each of the two halves. `both`: follow to both sides; otherwise to larger values
       of the second parameter.
     - `forcing_period`, `functions`, `segments`, `args`, `integrator`, `max_events`: as for
@@ -81,23 +86,36 @@ def continue_point(
     known = [*tests, *BORDERS]
     if point.label not in known:
         raise refusal("point", point, f"one of the kinds {', '.join(known)}")
-    values = {names[0]: point.value, names[1]: value_of(system, names[1])}
-    for (name, value), (low, high) in zip(values.items(), limits, strict=True):
+    levels = _levels(values, limits)
+    there = {names[0]: point.value, names[1]: value_of(system, names[1])}
+    for (name, value), (low, high) in zip(there.items(), limits, strict=True):
         if not low <= value <= high:
             raise refusal("bounds", (low, high), f"around the value of {name}, {value}")
     problem = problem_of(
-        system, values, limits[:, 1] - limits[:, 0], point.orbit, forcing_period, args=args,
+        system, there, limits[:, 1] - limits[:, 0], point.orbit, forcing_period, args=args,
         segments=segments, integrator=integrator, max_events=max_events,
     )  # fmt: skip
-    curve, start = _start(problem, point, np.array([*values.values()]), tests, step)
+    curve, start = _start(problem, point, np.array([*there.values()]), tests, step)
     if isinstance(start, Failure):
         raise refusal("point", point, f"one from which a curve can be followed: it is {start.result}")
     start = start if start.way[-1] >= 0 else start.turned()
     halves = [
-        _half(curve, place, point.label, names, limits, step, max_points)
+        _half(curve, place, point.label, names, limits, step, max_points, levels)
         for place in ((start, start.turned()) if both else (start,))
     ]
-    return curve_of(point.label, names, halves[:1] if _closed(halves[0][1]) else halves, system)
+    met = [Special("UZ", level.at(start.point), "", 0) for level in levels if not level(start.point)]
+    halves[0].specials[:0] = met
+    return curve_of(point.label, names, halves[:1] if _closed(halves[0].end) else halves, system)
+
+
+def _levels(values: Any, limits: np.ndarray) -> list[Level]:
+    if not isinstance(values, tuple | list) or len(values) != 2:
+        raise refusal("values", values, "two tuples of numbers, one per parameter", TypeError)
+    return [
+        Level(value, number)
+        for number, row in enumerate(values)
+        for value in levels_of(f"values[{number}]", row, tuple(limits[number]))
+    ]
 
 
 def _names(system: AbstractHybridSystem, parameters: Any) -> tuple[str, str]:
@@ -138,10 +156,11 @@ def _start(
 
 def _half(
     curve: AbstractCurve, start: Place, label: str, names: tuple[str, str], limits: np.ndarray,
-    step: float, most: int,
-) -> tuple[list[Place], tuple[Point, str]]:  # fmt: skip
-    """Places from `start` along its direction; the last point and why it is the last."""
-    places, distance = [start], step
+    step: float, most: int, levels: list[Level],
+) -> Half:  # fmt: skip
+    """Places from `start` along its direction, the last point and why it is that, special points."""
+    places, distance, specials = [start], step, []
+    passes = [*passed_by(label), *(("UZ", _At(level)) for level in levels)]
     while len(places) < most:
         place = places[-1]
         new, distance = stepped(curve, place, distance, step)
@@ -149,31 +168,59 @@ def _half(
             last = last_place(curve, place, distance)
             if last is not place:
                 places.append(last)
-            return places, (last.point, _reason(curve, last, new))
+            return Half(places, (last.point, _reason(curve, last, new)), specials)
         if isinstance(curve, Border):
             last = curve.met(place, new, distance)
             if last is not None:
-                return [*places, last], (last.point, CORNER)
+                return Half([*places, last], (last.point, CORNER), specials)
         tests = degenerate(label, place)
         for i, (name, (low, high)) in enumerate(zip(names, limits, strict=True)):
             bound = low if new.point.values[i] < low else high
             tests.append((f"bounds of {name}", lambda p, i=i, b=bound: float(p.point.values[i] - b)))
-        ends = []
-        for words, test in tests:
-            if test(place) * test(new) < 0:
-                found = zero_between(curve, place, new, distance, test)
-                if not isinstance(found, Failure):
-                    far = float(np.linalg.norm(found.point.u - place.point.u))
-                    ends.append((far, words, found))
+        ends, met = (_zeros(curve, place, new, distance, some) for some in (tests, passes))
+        last = ends[0][0] if ends else np.inf
+        index = len(places) - 1
+        specials += [_special(*mark, index) for far, *mark in met if far <= last]
         if ends:
-            _, words, found = min(ends, key=lambda end: end[0])
+            _, words, test, found = ends[0]
+            if words.startswith("R"):
+                specials.append(_special(words, test, found, index))
             places.append(found)
-            return places, (found.point, words)
+            return Half(places, (found.point, words), specials)
         places.append(elsewhere(curve.problem, new))
         if _round(places, distance):
-            return places, (places[-1].point, CLOSED)
+            return Half(places, (places[-1].point, CLOSED), specials)
         distance = min(distance * LONGER, step)
-    return places, (places[-1].point, "max_points")
+    return Half(places, (places[-1].point, "max_points"), specials)
+
+
+@dataclasses.dataclass(frozen=True)
+class _At:
+    """A value of a parameter that is asked for, as a function of a place."""
+
+    level: Level
+
+    def __call__(self, place: Place) -> float:
+        return self.level(place.point)
+
+
+def _zeros(curve: AbstractCurve, place: Place, new: Place, distance: float, tests: list) -> list:
+    """Zeros of functions between two places in order: how far, name, function, place."""
+    ends = []
+    for words, test in tests:
+        one, two = test(place), test(new)
+        if one != 0.0 and one * two <= 0.0:
+            found = new if two == 0.0 else zero_between(curve, place, new, distance, test)
+            if not isinstance(found, Failure):
+                far = float(np.linalg.norm(found.point.u - place.point.u))
+                ends.append((far, words, test, found))
+    return sorted(ends, key=lambda end: end[0])
+
+
+def _special(words: str, test: Callable[[Place], float], place: Place, index: int) -> Special:
+    label, _, rest = words.partition(": ")
+    point = test.level.at(place.point) if isinstance(test, _At) else place.point
+    return Special(label, point, rest, index)
 
 
 CORNER = "GRGR: the border of another sequence of modes is met"
@@ -187,7 +234,7 @@ def _closed(end: tuple[Point, str]) -> bool:
 def _reason(curve: AbstractCurve, last: Place, failure: Failure) -> str:
     if isinstance(curve, Border) and curve.corner(last):
         return CORNER
-    if failure.result == "mode_differs":
+    if failure.result == "mode_differs" or touches(curve.problem, last.point, [last.way, last.normal]):
         return "grazes: the sequence of modes ends here"
     return f"{failure.result}: the next orbit was not found"
 

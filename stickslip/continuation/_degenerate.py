@@ -44,8 +44,18 @@ def _turn(place: Place) -> float:
     return float(np.real(min(pairs, key=lambda p: p[0])[1]))
 
 
+def passed_by(label: str) -> list[Named]:
+    """Functions of a place, by name of their zero, at which the curve of a label goes on."""
+    if label != "NS":
+        return []
+    return [
+        ("R3: the pair is a third root of 1, resonance 1:3", lambda p: _turn(p) + 1.0),
+        ("R4: the pair is a fourth root of 1, resonance 1:4", _turn),
+    ]
+
+
 def degenerate(label: str, before: Place) -> list[Named]:
-    """Functions of a place, by name of their zero, for the curve of a label from a place onwards."""
+    """Functions of a place, by name of their zero, at which the curve of a label ends."""
     if label == "LP":
         forward = before.way[-2:]
         return [
@@ -66,10 +76,8 @@ def degenerate(label: str, before: Place) -> list[Named]:
         ]
     if label == "NS":
         return [
-            ("R1: the pair meets at 1", lambda p: _turn(p) - 2.0),
-            ("R2: the pair meets at -1", lambda p: _turn(p) + 2.0),
-            ("R3: the pair is a third root of 1", lambda p: _turn(p) + 1.0),
-            ("R4: the pair is a fourth root of 1", _turn),
+            ("R1: the pair meets at 1, resonance 1:1", lambda p: _turn(p) - 2.0),
+            ("R2: the pair meets at -1, resonance 1:2", lambda p: _turn(p) + 2.0),
         ]
     if label in ("GR", "SQ"):
         return [

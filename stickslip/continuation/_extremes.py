@@ -43,8 +43,8 @@ CUBIC, QUINTIC = _hermite(1), _hermite(2)
 
 
 def watched(
-    run: Callable, begin: Any, span: Any, state: Any, mode: Any, system: AbstractHybridSystem, args: Any,
-    integrator: Integrator, y: Callable,
+    run: Callable, begin: Any, span: Any, state: Any, mode: Any, system: AbstractHybridSystem,
+    args: Any, integrator: Integrator, y: Callable,
 ) -> tuple[Solution, Float[Array, " size"], Float[Array, " size"]]:  # fmt: skip
     """A motion, with the least and the greatest value of each number of the state.
 
@@ -154,11 +154,12 @@ def _greatest(
         h = steps.t[row + 1] - t0
         slope = unravel(field(t0, start, mode))
 
+        def there(t, y):
+            return system.vector_field(t, y, mode, args)
+
         def body(_, carry):
             at, low, high, highest = carry
-            state, _, _ = stepper.step(
-                lambda t, y: system.vector_field(t, y, mode, args), t0, unravel(start), slope, at, COMPACT
-            )  # fmt: skip
+            state, _, _ = stepper.step(there, t0, unravel(start), slope, at, COMPACT)
             state = ravel_pytree(state)[0]
             dy, ddy = (sign * a[part] for a in rates(t0 + at, state, mode))
             highest = jnp.fmax(highest, sign * state[part])

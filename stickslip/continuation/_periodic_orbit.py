@@ -48,6 +48,7 @@ from ._monodromy import through_events
 from ._newton import STALLED, newton
 from ._orbit import PeriodicOrbit
 from ._outcome import first_of
+from ._settling import settles
 
 # Against the size of the motion at the guess: smaller is an equilibrium.
 SHRUNK = 1e-9
@@ -161,7 +162,10 @@ def _orbit(
             evaluate, unknowns(reach.knots, frame), reach.modes, tolerance=tolerance, most=max_steps,
             longest=lambda u, du: _longest(u, du, frame, jnp.maximum(reach.moves, reach.least)),
         )  # fmt: skip
-        return described(motion, frame, found, tolerance, unravel, reach.modes[0], segments, max_events)
+        rests = settles(motion, frame, found, unravel, reach.modes[0]) if frame.free else False
+        return described(
+            motion, frame, found, tolerance, unravel, reach.modes[0], segments, max_events, rests
+        )
 
 
 _compiled = jit_plainly(_orbit)
@@ -184,8 +188,10 @@ def _longest(u, du, frame: Frame, reach):
     return part
 
 
-def described(motion, frame: Frame, found, tolerance, unravel, mode0, segments, max_events):
-    """The orbit with its multipliers, simulated once more."""
+def described(
+    motion, frame: Frame, found, tolerance, unravel, mode0, segments, max_events, rests=False
+):  # fmt: skip
+    """The orbit with its multipliers, simulated once more; `rests`: where it is none, it settles."""
     system, args, unit = motion.system, motion.args, frame.size
     y, period = known(found.u, frame, segments)
     carried = found.carried
@@ -262,6 +268,7 @@ def described(motion, frame: Frame, found, tolerance, unravel, mode0, segments, 
     allowed = jnp.minimum(CLOSES * strength, AT_MOST)
     result = first_of(
         (~jnp.isfinite(found.norm), "guess_failed"),
+        (~reached & jnp.asarray(rests), "at_rest"),
         (found.singular, "singular"),
         (~reached & found.stalled, "stalled"),
         (~reached, "not_converged"),

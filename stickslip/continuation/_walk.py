@@ -7,11 +7,13 @@ from collections.abc import Callable
 import numpy as np
 
 from ._along import Problem
+from ._border import touches
 from ._branch import Special
 from ._branching import located_beside
 from ._corner import across, led_back
 from ._follow import QUICK, Failure, Point, ahead, leaps, moved, strayed, turned, unchecked
 from ._kinds import impacts, kind_of
+from ._last import endless, hopf_point
 from ._points import Level, border, is_torus, located
 from ._switch import birth
 
@@ -58,6 +60,8 @@ def walked(problem, start: Point, bounds, step, max_points, tests) -> tuple[list
     while len(points) < max_points:
         point, index = points[-1], len(points) - 1
         if _shrunk(point) < AT_REST:
+            hopf = hopf_point(problem, point)
+            specials += [] if hopf is None else [Special("HB", hopf, "", index)]
             specials.append(Special("EP", point, "at_rest: the orbit shrinks to an equilibrium", index))
             break
         found, distance = _next(problem, point, min(distance, SHRINKS * _shrunk(point)))
@@ -106,7 +110,8 @@ def walked(problem, start: Point, bounds, step, max_points, tests) -> tuple[list
                 new, distance = last, at
             else:
                 result = found.result if isinstance(found, Failure) else "not_converged"
-                specials.append(Special("EP", last, result, index))
+                result = "grazes" if touches(problem, last, [last.tangent]) else result
+                specials.append(Special("EP", last, _endless(problem, points)[0] or result, index))
                 break
         if not low <= new.value <= high:
             specials = _within(specials, bounds)
@@ -122,10 +127,22 @@ def walked(problem, start: Point, bounds, step, max_points, tests) -> tuple[list
                 Special("EP", points[-1], "closed: the branch has come round", len(points) - 1)
             )
             break
+        words, over = _endless(problem, points)
+        if over:
+            specials.append(Special("EP", points[-1], words, len(points) - 1))
+            break
         distance = min(distance * LONGER, step) if new.evaluations <= QUICK else distance
     else:
-        specials.append(Special("EP", points[-1], "max_points", len(points) - 1))
+        words = _endless(problem, points)[0] or "max_points"
+        specials.append(Special("EP", points[-1], words, len(points) - 1))
     return points, specials
+
+
+def _endless(problem: Problem, points: list[Point]) -> tuple[str, bool]:
+    """Words where the period grows without bound, and whether nothing is left of the branch."""
+    if problem.forcing_period is not None:
+        return "", False
+    return endless(points, float(np.asarray(problem.unit)[0]))
 
 
 def _within(specials: list[Special], bounds) -> list[Special]:

@@ -12,14 +12,15 @@ from . import _axes
 
 
 def curve(curve: Given[BifurcationCurve], *, ax: Given[Axes | None] = None, **options: Any) -> Axes:
-    """A curve of special points in the plane of its two parameters, its ends marked.
+    """A curve of special points in the plane of its two parameters, special points and ends marked.
 
     **Arguments**
 
     - `curve`: of `stickslip.continuation.continue_point`.
     - `ax`, `options`: axes to draw into; properties of the line.
 
-    **Returns** the axes. An end at a bound is not marked; others have the first word of their reason.
+    **Returns** the axes. Special points have their label; an end at a bound is not marked, others have
+    the first word of their reason.
 
     **Raises** `ValueError`, `TypeError` naming the argument.
     """
@@ -28,15 +29,14 @@ def curve(curve: Given[BifurcationCurve], *, ax: Given[Axes | None] = None, **op
     options = {"label": curve.label, "color": _axes.BLUE, **_axes.check_options(options)}
     axis = _axes.canvas(ax)
     axis.plot(*curve.values.T, **options)
-    for end in curve.ends:
-        word = end.words.partition(":")[0]
-        if word.startswith(("bounds of", "closed", "begins", "max_points")):
-            continue
-        axis.plot(*np.asarray(end.values), "o", color="black", markersize=4)
+    unmarked = "bounds of", "closed", "begins", "max_points", *(s.label for s in curve.specials)
+    marks = [(special.label, special.values) for special in curve.specials]
+    words = [(end.words.partition(":")[0], end.values) for end in curve.ends]
+    for word, values in [*marks, *(end for end in words if not end[0].startswith(unmarked))]:
+        axis.plot(*np.asarray(values), "o", color="black", markersize=4)
         axis.annotate(
-            word, tuple(map(float, end.values)), xytext=(4, 4), textcoords="offset points",
-            fontsize="small",
-        )  # fmt: skip
+            word, tuple(map(float, values)), xytext=(4, 4), textcoords="offset points", fontsize="small"
+        )
     units = getattr(curve.system, "parameter_units", {})
     one, two = (_axes.labelled(name, units.get(name)) for name in curve.parameters)
     axis.set(xlabel=one, ylabel=two)

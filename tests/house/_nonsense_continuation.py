@@ -33,8 +33,8 @@ ORBIT = continuation.PeriodicOrbit(
 )  # fmt: skip
 ROW = jax.tree.map(lambda leaf: leaf[None], ORBIT)
 BRANCH = continuation.Branch("belt_speed", np.array([0.2]), ROW, ((0,),), (), OSCILLATOR)
-SPECIAL = continuation.BranchPoint("PD", 0.2, ORBIT, "", 0, np.zeros(4))
-END = continuation.CurveEnd(np.array([0.2, 1.0]), ORBIT, "max_points")
+SPECIAL = continuation.BranchPoint("PD", 0.2, ORBIT, "", 0, np.zeros(4), OSCILLATOR)
+END = continuation.CurveEnd(np.array([0.2, 1.0]), ORBIT, "max_points", OSCILLATOR)
 CURVE = continuation.BifurcationCurve(
     "PD", ("belt_speed", "stiffness"), np.array([[0.2, 1.0]]), ROW, ((0,),), (END, END), OSCILLATOR
 )
@@ -82,6 +82,7 @@ TARGETS = [
             "system": SYSTEM, "orbit": arg(ORBIT), "parameter": arg("belt_speed"),
             "bounds": arg((0.1, 0.3)), "forcing_period": arg(None, "none"),
             "step": arg(0.01, "positive", "float32"), "max_points": COUNT,
+            "values": arg((0.15, 0.2)),
             "functions": arg(None, "none", "mapping"), "both": arg(True, "flag"), "segments": arg(2),
             "args": ARGS, "integrator": INTEGRATOR, "max_events": COUNT,
         },
@@ -92,6 +93,7 @@ TARGETS = [
             "system": SYSTEM, "point": arg(SPECIAL), "parameters": arg(("belt_speed", "stiffness")),
             "bounds": arg(((0.1, 0.3), (0.5, 2.0))), "forcing_period": arg(None, "none"),
             "step": arg(0.01, "positive", "float32"), "max_points": COUNT,
+            "values": arg(((0.15,), (1.0,))),
             "functions": arg(None, "none", "mapping"), "both": arg(True, "flag"), "segments": arg(2),
             "args": ARGS, "integrator": INTEGRATOR, "max_events": COUNT,
         },
@@ -101,7 +103,7 @@ TARGETS = [
         {
             "system": SYSTEM, "y0": arg(START), "parameter": arg("belt_speed"),
             "bounds": arg((0.1, 0.3)), "mode0": MODE, "step": arg(0.01, "positive", "float32"),
-            "max_points": COUNT, "both": arg(True, "flag"), "args": ARGS,
+            "max_points": COUNT, "values": arg((0.15, 0.2)), "both": arg(True, "flag"), "args": ARGS,
         },
     ),
     Target(

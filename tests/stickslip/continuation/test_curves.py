@@ -280,19 +280,50 @@ class Pair(ss.AbstractSmoothSystem):
 
 
 @pytest.mark.slow
-def test_torus_points_end_at_strong_resonances():
+def test_torus_points_pass_strong_resonances():
+    """Of multipliers $e^{2\\pi(a \\pm ib)}$ the pair is a third or a fourth root of 1 there."""
     system = Pair(-0.05, 0.3)
     orbit = periodic_orbit(system, OrbitGuess(Torus(1.0, 0.0, 0.0, 0.0), 2 * np.pi))
     branch = continue_orbit(system, orbit, "a", (-0.1, 0.1), step=0.1)
     (torus,) = branch["NS"]
     assert torus.value == pytest.approx(0.0, abs=1e-9)
-    curve = continue_point(system, torus, ("a", "b"), ((-0.1, 0.1), (0.0, 0.6)), step=0.1)
+    curve = continue_point(
+        system, torus, ("a", "b"), ((-0.1, 0.1), (0.05, 0.45)), values=((), (0.3, 0.2)), step=0.1
+    )
     np.testing.assert_allclose(curve.values[:, 0], 0.0, atol=1e-9)
-    low, high = sorted(curve.ends, key=lambda end: float(end.values[1]))
-    assert low.words.startswith("R4")
-    assert low.values[1] == pytest.approx(1 / 4, abs=1e-9)
-    assert high.words.startswith("R3")
-    assert high.values[1] == pytest.approx(1 / 3, abs=1e-9)
+    found = {special.label: special for special in curve.specials}
+    for label, b in (("R4", 1 / 4), ("R3", 1 / 3)):
+        assert found[label].values[1] == pytest.approx(b, abs=1e-9)
+        assert float(found[label].system.b) == found[label].values[1]
+        low, high = sorted(curve.values[found[label].index : found[label].index + 2, 1])
+        assert low <= b <= high
+    assert sorted(float(point.values[1]) for point in curve["UZ"]) == [0.2, 0.3]
+    assert [end.words for end in curve.ends] == ["bounds of b"] * 2
+    assert [float(end.system.b) for end in curve.ends] == [end.values[1] for end in curve.ends]
+
+
+class Real(Pair):
+    r"""The same with the pair $e^{2\pi(a \pm i\sqrt b)}$, which is real for b < 0."""
+
+    def vector_field(self, t, y, mode, args):
+        grow = 1.0 - y.x**2 - y.y**2
+        small = self.a - y.p**2 - y.q**2
+        return Torus(grow * y.x - y.y, grow * y.y + y.x, small * y.p - self.b * y.q, small * y.q + y.p)
+
+
+@pytest.mark.slow
+def test_torus_points_end_where_the_pair_becomes_real():
+    system = Real(-0.05, 0.09)
+    orbit = periodic_orbit(system, OrbitGuess(Torus(1.0, 0.0, 0.0, 0.0), 2 * np.pi))
+    branch = continue_orbit(system, orbit, "a", (-0.1, 0.1), step=0.1)
+    curve = continue_point(system, branch["NS"][0], ("a", "b"), ((-0.1, 0.1), (-0.2, 0.2)), step=0.1)
+    (one,) = curve["R1"]
+    np.testing.assert_allclose(one.values, 0.0, atol=1e-8)
+    (end,) = [end for end in curve.ends if end.words.startswith("R1")]
+    np.testing.assert_array_equal(end.values, one.values)
+    assert [round(float(point.values[1]), 9) for point in (*curve["R4"], *curve["R3"])] == [
+        0.0625, 0.111111111,
+    ]  # fmt: skip
 
 
 class Ring(Pair):
@@ -340,7 +371,7 @@ def test_discontinuous_fold_and_its_curve_over_the_damping():
     assert not stable[fold.index + 1 :].any()
     data = branch.to_dataset()
     assert data.sizes["point"] == len(branch)
-    assert data["label"].values.tolist() == ["GR", "EP"]
+    assert data["label"].values.tolist() == ["GR", "HB", "EP"]
     assert data["start_x"].attrs["units"] == "m"
     assert fold.words.startswith("grazing-sliding")
     curve = continue_point(system, fold, ("belt_speed", "damping"), ((0.5, 0.9), (0.4, 0.6)), step=0.15)

@@ -61,7 +61,7 @@ def branch_of(parameter, values, systems, guesses, **options):
     """A branch from orbits that are looked for one by one, which compiles less than following them."""
     found = [periodic_orbit(s, g, **options) for s, g in zip(systems, guesses, strict=True)]
     orbits = jax.tree.map(lambda *leaves: np.stack(leaves), *found)
-    end = BranchPoint("EP", values[-1], found[-1], "", len(values) - 1, np.zeros(4))
+    end = BranchPoint("EP", values[-1], found[-1], "", len(values) - 1, np.zeros(4), systems[-1])
     return Branch(parameter, np.asarray(values), orbits, ((),) * len(values), (end,), systems[0])
 
 

@@ -1,0 +1,117 @@
+"""What the end of a branch of orbits is: a Hopf point, or an orbit whose period grows without bound."""
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+
+from ._along import Problem
+from ._follow import Point
+from ._rest import Field, Rest, corrected
+from ._rest_points import axis_pair
+
+# To the Hopf point: secants, of which one as short as this, in parts of the bounds, is the last.
+SECANTS, NEARLY = 30, 1e-14
+NEAR = 0.3  # how far its period may be from that of the last orbit, in parts of it
+# The law of the period is read off from the last orbits, within which it has doubled, and at least so
+# many steps. It explains all but the next part of what the rate changes by; a power is off by the last.
+DOUBLED, LEAST, UNEXPLAINED, OFF = 2.0, 5, 0.02, 0.15
+STEEP = 4.0  # power of the period that an exponential law has at least where it is told from others
+# Of the bounds' distance: so near to its limit a branch is at it; and how well the parameter is known.
+RESOLVED, ROUNDING = 1e-6, 1e-12
+
+
+def hopf_point(problem: Problem, point: Point) -> Point | None:
+    """The equilibrium that an orbit without events has shrunk to, where a pair crosses the axis.
+
+    As an orbit of no extent, whose period is that of the pair. None where there is none.
+    """
+    orbit = point.orbit
+    if problem.forcing_period is not None or int(orbit.events.count):
+        return None
+    field = Field(problem.system, problem.names[0], orbit.t0, orbit.y0, orbit.mode0, problem.args)
+    low, high = (np.asarray(ravel_pytree(tree)[0]) for tree in (orbit.lowest, orbit.highest))
+    hold = np.append(np.zeros(low.size), 1.0)
+    turn = 2.0 * np.pi / float(orbit.period)
+    unit = float(np.asarray(problem.unit)[0])
+
+    def rate(rest: Rest) -> float:
+        """Growth of the pair that turns about as fast as the orbit."""
+        found = rest.eigenvalues
+        return float(np.real(found[np.argmin(np.abs(np.abs(found.imag) - turn))]))
+
+    def at(z: np.ndarray) -> Rest | None:
+        return corrected(field, z, hold, hold, None)
+
+    old = at(np.append(0.5 * (low + high), point.value))
+    if old is None:
+        return None
+    new = at(old.z + np.append(np.zeros(low.size), 1e-4 * unit))
+    for _ in range(SECANTS):
+        if new is None or rate(new) == rate(old):
+            break
+        step = -rate(new) * (new.value - old.value) / (rate(new) - rate(old))
+        if abs(step) <= NEARLY * unit:
+            break
+        old, new = new, at(new.z + np.append(np.zeros(low.size), step))
+    pair = None if new is None else axis_pair(new)
+    if new is None or pair is None or not abs(rate(new)) <= 1e-9 * turn:
+        return None
+    period = 2.0 * np.pi / abs(new.eigenvalues[pair].imag)
+    if abs(period / float(orbit.period) - 1.0) > NEAR:
+        return None
+    y = jax.tree.map(np.asarray, field.unravel(jnp.asarray(new.z[:-1])))
+    still = eqx.tree_at(
+        lambda o: (o.y0, o.lowest, o.highest, o.period), orbit, (y, y, y, np.asarray(period))
+    )
+    return dataclasses.replace(point, orbit=still, values=new.z[-1:])
+
+
+def endless(points: list[Point], unit: float) -> tuple[str, bool]:
+    r"""Words for a branch whose period grows without bound, and whether nothing is left of it.
+
+    Toward an orbit that is homoclinic to a saddle the parameter goes as $e^{-\lambda T}$, toward one
+    on which two equilibria meet (SNIC) as $T^{-2}$: the rate by which the parameter changes with the
+    period is a straight line over the period, or, with the slope -3, over both logarithms. The words
+    are empty where the last doubling of the period follows neither, or it has not doubled yet.
+    """
+    period = np.array([float(p.orbit.period) for p in points])
+    value = np.array([p.value for p in points])
+    turns = np.flatnonzero(np.diff(period) <= 0.0)
+    begin = int(turns[-1]) + 1 if turns.size else 0
+    period, value = period[begin:], value[begin:]
+    # What is left beyond the rounding of the parameter.
+    moved = np.abs(np.diff(value)) > ROUNDING * unit
+    count = int(np.argmin(moved)) if not moved.all() else moved.size
+    period, value, stopped = period[: count + 1], value[: count + 1], count < moved.size
+    early = np.flatnonzero(period < period[-1] / DOUBLED)
+    if not early.size or period.size <= LEAST:
+        return "", False
+    begin = min(int(early[-1]) + 1, period.size - LEAST - 1)
+    period, value = period[begin:], value[begin:]
+    change = np.diff(value)
+    if not (np.all(change > 0.0) or np.all(change < 0.0)):
+        return "", False
+    rate = np.log(np.abs(change / np.diff(period)))
+    middle = 0.5 * (period[1:] + period[:-1])
+    for kind, x in (("saddle", middle), ("SNIC", np.log(middle))):
+        slope, start = np.polyfit(x, rate, 1)
+        left = np.sqrt(np.mean((rate - slope * x - start) ** 2))
+        if slope >= 0.0 or left > UNEXPLAINED * np.ptp(rate):
+            continue
+        way = np.sign(change[-1]) * np.exp(slope * x[-1] + start)
+        if kind == "saddle" and -slope * period[-1] > STEEP:
+            left = way / -slope * np.exp(slope * (period[-1] - middle[-1]))
+            return _words("a saddle", value[-1] + left), stopped or bool(abs(left) <= RESOLVED * unit)
+        if kind == "SNIC" and abs(slope + 3.0) <= OFF:
+            left = 0.5 * way * middle[-1] ** 3 / period[-1] ** 2
+            over = bool(abs(left) <= RESOLVED * unit)
+            return _words("a saddle-node, SNIC", value[-1] + left), over
+    return "", False
+
+
+def _words(kind: str, value: float) -> str:
+    return f"homoclinic to {kind}: the period grows without bound toward {value:.10g}"
