@@ -44,7 +44,7 @@ def test_equilibria_on_the_orbit_and_values_asked_for(tmp_path):
         assert float(point.system.a) == point.value
     end = branch["EP"][0]
     assert end.words.startswith("homoclinic to a saddle-node, SNIC: the period grows without bound")
-    assert float(end.words.rpartition(" ")[2]) == pytest.approx(1.0, abs=2e-3 * (end.value - 1.0))
+    assert float(end.words.rpartition(" ")[2]) == pytest.approx(1.0, abs=(end.value - 1.0) ** 2)
     assert float(system.a) == 2.0
     saved = load_branch(save_branch(branch, tmp_path / "branch.nc"), system, Plane(0.0, 0.0))
     assert [float(s.system.a) for s in saved["UZ"]] == [1.2, 2.0, 2.1]
@@ -105,7 +105,7 @@ def test_a_motion_that_settles_is_at_rest(waited):
 
 
 class Walled(ss.AbstractHybridSystem):
-    r"""$\ddot x + 0.1\dot x + x = 2\cos t - \mathrm{sgn}\,\dot x$, at a wall: $v^+ = -0.5 v^-$."""
+    r"""$\ddot x + 0.1\dot x + 4x = 2\cos t - 0.1\,\mathrm{sgn}\,\dot x$, a wall: $v^+ = -0.5 v^-$."""
 
     wall: Any
     mode_names: ClassVar = ("backward", "forward")
@@ -116,7 +116,7 @@ class Walled(ss.AbstractHybridSystem):
 
     def vector_field(self, t, y, mode, args):
         sign = 2.0 * jnp.asarray(mode, jnp.float64) - 1.0
-        return Motion(y.v, 2.0 * jnp.cos(t) - sign - 0.1 * y.v - y.x)
+        return Motion(y.v, 2.0 * jnp.cos(t) - 0.1 * sign - 0.1 * y.v - 4.0 * y.x)
 
     def guards(self, t, y, mode, args):
         return jnp.where(mode == 1, y.v, -y.v), jnp.where(mode == 1, self.wall - y.x, 1.0)
@@ -131,15 +131,12 @@ class Walled(ss.AbstractHybridSystem):
 @pytest.mark.slow
 def test_the_touch_of_a_wall_in_place_of_a_turn_is_grazing():
     """With as many events as before: an impact turns the motion round that friction let slip."""
-    system, period = Walled(5.0), 2 * np.pi
-    guess = orbit_guess(
-        system, Motion(0.0, 1.0), transient=60 * period, max_period=1.5 * period, forcing_period=period
-    )
-    orbit = periodic_orbit(system, guess, forced=True)
+    guess = OrbitGuess(Motion(0.0, 0.667), 2 * np.pi, 1, 1.5 * np.pi)
+    orbit = periodic_orbit(Walled(5.0), guess, forced=True)
     largest = float(orbit.highest.x)
     branch = continue_orbit(
-        Walled(largest + 0.05), orbit, "wall", (largest - 0.2, largest + 0.3),
-        forcing_period=whole_turn, step=0.05,
+        Walled(largest + 0.05), orbit, "wall", (largest - 0.1, largest + 0.1),
+        forcing_period=whole_turn, step=0.2, max_points=8,
     )  # fmt: skip
     assert not branch["SQ"]
     (graze,) = branch["GR"]
