@@ -21,6 +21,7 @@ EXEMPT = {
     "EquilibriumPoint": RETURNED,
     "BifurcationCurve": RETURNED,
     "CurveEnd": RETURNED,
+    "CurvePoint": RETURNED,
     "EventLog": RETURNED,
     "StateLog": RETURNED,
     "Held": RETURNED,

@@ -99,7 +99,7 @@ def marked(branch, multipliers, specials):
     """A branch with given multipliers, and special points of given labels and multipliers."""
     orbit = one(branch, 0)
     points = tuple(
-        BranchPoint(label, 0.0, with_multipliers(orbit, row), "", 0, np.zeros(4))
+        BranchPoint(label, 0.0, with_multipliers(orbit, row), "", 0, np.zeros(4), branch.system)
         for label, row in specials
     )
     orbits = with_multipliers(orbit, multipliers)
@@ -308,7 +308,7 @@ def test_numbers_of_arrays_over_the_parameter(ring):
 
 
 def test_a_branch_and_its_special_points(block):
-    flip = BranchPoint("PD", 0.22, one(block, 0), "", 0, np.zeros(4))
+    flip = BranchPoint("PD", 0.22, one(block, 0), "", 0, np.zeros(4), block.system)
     axis = plot.branch(eqx.tree_at(lambda b: b.specials, block, (flip,), is_leaf=None), "x")
     line, mark = axis.lines
     np.testing.assert_array_equal(line.get_data(), [block.values, block.orbits.highest.x])
