@@ -114,7 +114,7 @@ _kept: collections.OrderedDict[tuple, "_Reached"] = collections.OrderedDict()
 _last: weakref.WeakKeyDictionary[Any, str] = weakref.WeakKeyDictionary()  # functions as last met
 _serials: dict[int, tuple[Any, int]] = {}  # objects that count by their identity
 _count = itertools.count()
-_trees: dict[Any, Any] = {}  # one object for all forms of trees that are equal
+_equals: dict[Any, Any] = {}  # one object for all that are equal
 _said: set[type] = set()
 
 
@@ -344,15 +344,14 @@ class _Reached:
             yield from map(self._described, (thing.fget, thing.fset))
         elif isinstance(thing, functools.partial):
             yield from map(self._described, (thing.func, thing.args, thing.keywords))
-        elif kind is jax.tree_util.PyTreeDef:
-            yield self._identity(_trees.setdefault(thing, thing))
         elif _held(thing) and not (_standard(kind) and kind is not types.SimpleNamespace):
             self.holders.append(thing)
             yield self._described(kind)
             yield from self._items(_held(thing))
+        elif _is_value(kind):
+            yield self._identity(_equals.setdefault(thing, thing))
         elif _standard(kind) and " at 0x" not in repr(thing):
-            if kind.__hash__ is None:  # it may change
-                self.values.append((repr, thing, repr(thing)))
+            self.values.append((repr, thing, repr(thing)))
             yield repr(thing)
         else:
             yield self._described(kind)
@@ -360,8 +359,7 @@ class _Reached:
 
     def _identity(self, thing: Any) -> int:
         kind = type(thing)
-        read = callable(thing) or kind is jax.tree_util.PyTreeDef
-        if not (read or kind in _said or _standard(kind)):
+        if not (callable(thing) or kind in _said or _standard(kind) or _is_value(kind)):
             _said.add(kind)
             warnings.warn(
                 f"What an object of {kind.__module__}.{kind.__qualname__} holds cannot be read. If it "
@@ -385,6 +383,11 @@ def _held(thing: Any) -> Mapping[str, Any]:
 
 def _standard(kind: type) -> bool:
     return kind.__module__.partition(".")[0] in sys.stdlib_module_names
+
+
+def _is_value(kind: type) -> bool:
+    """Whether objects of a class are known by what they hold, which then never changes."""
+    return kind.__hash__ not in (None, object.__hash__)
 
 
 def _digested(parts: Any) -> str:

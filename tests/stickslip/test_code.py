@@ -149,6 +149,11 @@ def test_operands_and_libraries_have_no_key():
 
 
 def test_what_cannot_be_read_is_said_once(cell):
+    cell.update(form=jax.tree.structure((1, 2)), kind=np.dtype(float))
+    exec("def function(x):\n    return form, kind", cell)
+    before = code_key(cell["function"])  # these are known by what they hold
+    cell["form"] = jax.tree.structure((1, (2, 3)))
+    assert code_key(cell["function"]) != before
     cell["generator"] = np.random.default_rng(0)
     exec("def function(x):\n    return generator.normal()", cell)
     with pytest.warns(UserWarning, match=r"Generator holds cannot be read"):
@@ -225,7 +230,7 @@ def test_structure_follows_an_edit():
     assert [island.columns for island in machine.islands] == [(0, 1)]
     assert machine.lifting == (0,)
     exec("def load(t):\n    return -1.0", cell)
-    with pytest.raises(ValueError, match="normal force of contact .floor. at the start = -1"):
+    with pytest.raises(ValueError, match=r"normal force of contact .floor. at the start = -1"):
         machine.check_start(0.0, machine.state(), None)
 
 
