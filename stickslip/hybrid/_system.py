@@ -129,7 +129,7 @@ class AbstractHybridSystem(AbstractShown):
 
     @property
     def continuous_guards(self) -> tuple[int, ...]:
-        """Numbers of guards at which neither state nor field jumps: a touch leaves derivatives right."""
+        """Guards, by number, at which neither state nor field jumps: a touch does not flag a run."""
         return ()
 
     @property

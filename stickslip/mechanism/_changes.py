@@ -182,8 +182,9 @@ def transition(
         states = _carried(machine, at, states, gamma)
         states = begun(machine, t, y, at, states, args)
         for name in names.opening:
-            c, load = names.contacts.index(name), at.contacts[names.contacts.index(name)].normal_force
-            toggled[name] = where(states[c] == 2.0, load > 0.0, load < 0.0)
+            c = names.contacts.index(name)
+            load, off = at.contacts[c].normal_force, states[c] == 2.0
+            toggled[name] = (off & (load > 0.0)) | (~off & (load < 0.0))
     elif names.stops:
         left = [(guard == first_stop + c - count) & (s == 0.0) for c, s in enumerate(states)]
         at, states, met, jammed = struck(
@@ -261,8 +262,7 @@ def transition(
             # What passes through rest keeps its velocity: where its direction vanishes, to be made to
             # rest would stop the mechanism.
             still = [
-                x & (rested[c] | (f == 0.0))
-                for x, c, f in zip(still, island.rows, found, strict=True)
+                x & (rested[c] | (f == 0.0)) for x, c, f in zip(still, island.rows, found, strict=True)
             ]
         for j, x in zip(island.columns, landed(island, at, still), strict=True):
             v[j] = where(lands, x, v[j])

@@ -45,7 +45,7 @@ def end(p):
 
 @pytest.fixture(scope="module")
 def ends():
-    """Angle, slopes, speed, flags and success for rows of friction, torque, ramp, size, phi, w, t0, t1."""
+    """Angle, slopes, speed and flags for rows of friction, torque, ramp, size, phi, w, t0, t1."""
     slopes = jax.jit(jax.vmap(jax.jacfwd(lambda p: (end(p)[0], end(p)), has_aux=True)))
 
     def run(rows):
@@ -98,7 +98,7 @@ def test_friction_about_dead_centres_by_energy(ends):
         (0.3, 0.1, 0, 1e12, 0.3, 1.5, 1e4, 1e4 + 4), (0.3, 0, 0, 1, np.pi, 1, 0, 2),
         (0.3, 0, 0, 1, -np.pi, 1, 0, 2), (0.3, 0, 0, 1, 0, -1, 0, 2),
     ]  # fmt: skip
-    phi, slopes, w, flags = ends(rows)
+    phi, slopes, _, flags = ends(rows)
     assert not flags.any()
     for (friction, torque, _, _, start, speed, t0, t1), stop, slope in zip(
         rows, phi, slopes, strict=True
@@ -128,7 +128,7 @@ def test_rest_at_a_dead_centre_holds_nothing(ends):
 
 
 class Linkage(AbstractMechanism):
-    """A crank that moves a body with friction, whose velocity is `lever(phi)` times that of the crank."""
+    """A crank moves a body with friction at `lever(phi)` times its own speed."""
 
     p: Any  # friction, torque, amplitude of the torque, mass of the body
     coordinates: ClassVar = {"phi": "rad"}
@@ -203,7 +203,7 @@ def referred(lever, p, phi, w, t1):
     friction, torque, swing, mass = p
     y, t = np.array([phi, w]), 0.0
     while t < t1:
-        n, h = lever(y[0]), 1e-6
+        n = lever(y[0])
         drive = torque + swing * np.cos(y[0])
         if abs(y[1]) < 1e-11:
             if abs(drive) <= friction * abs(n):
@@ -214,7 +214,7 @@ def referred(lever, p, phi, w, t1):
 
         def field(_, y, way=way):
             n = lever(y[0])
-            bend = (lever(y[0] + h) - lever(y[0] - h)) / (2 * h)
+            bend = (lever(y[0] + 1e-6) - lever(y[0] - 1e-6)) / 2e-6
             load = torque + swing * np.cos(y[0]) - 0.05 * y[1] - friction * abs(n) * way
             return [y[1], (load - mass * n * bend * y[1] ** 2) / (1 + mass * n * n)]
 
