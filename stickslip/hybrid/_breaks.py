@@ -16,6 +16,7 @@ from ._wrapper import AbstractSystemWrapper
 
 NEVER = 1e300  # time of the break after the last [s]
 BEFORE = 4.5e-16  # the last instant before a break, as part of its time
+JUMP = -1  # in place of a guard, for systems that answer jumps
 ROUNDS = 2  # guards that may be violated one after the other by one jump
 
 
@@ -164,6 +165,9 @@ def settled(
     system: AbstractHybridSystem, t: Any, y: PyTree, mode: Any, args: PyTree
 ) -> tuple[Any, Any]:
     """State and mode of a system behind a jump of its load, which may violate guards at once."""
+    if system.answers_jumps:
+        y, mode = system.transition(t, y, mode, JUMP, args)
+        return y, jnp.asarray(mode, mode_type(system))
     signs = jnp.asarray([-1.0 if d == "rising" else 1.0 for d in guard_directions(system)])
     both = jnp.asarray([d == "both" for d in guard_directions(system)])
     for _ in range(ROUNDS):

@@ -89,13 +89,21 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
             continue
         # It turned back above zero, by less than what the tolerance of the state can decide.
         marks = best.marks
-        if is_guard:
-            low = jnp.minimum(value0, stop_gradient(value)) < plan.touching
+        judged = is_guard and i not in functions.continuous
+        low = jnp.minimum(value0, stop_gradient(value)) < plan.touching
+        if judged:
             marks = marks | flag(low & _turns(rate0, rate, lane.h), GRAZING)
         if is_guard and functions.num_guards > 1:
-            near = jnp.abs(stop_gradient(value)) <= -rate * COINCIDENCE * full
+            near = jnp.abs(stop_gradient(value)) < -rate * COINCIDENCE * full
             close = close + jnp.where(near, 1, 0)
         found = (value, rate, value0, rate0)
+        if is_guard and functions.count > 1:
+            # One that rests on zero is not what another is located beside.
+            idle = (value >= -SLACK) & (jnp.abs(rate) <= plan.idle)
+            if judged:
+                rests = idle & (jnp.abs(rate0) <= plan.idle) & ~_leaves(value, rate, lane.h)
+                marks = marks | flag(low & rests, GRAZING)
+            found = (jnp.where(idle, FAR, value), *found[1:])
         if i == 0 and is_guard:
             best = First(best.index, *found, close, h_dip, marks)
             continue
@@ -124,16 +132,24 @@ def _turns(rate0: Any, rate: Any, h: Any) -> Any:
 
 
 def _rests_at_zero(plan: Plan, lane: Lane, first: First) -> Any:
-    """Whether the lowest guard cannot be distinguished from zero, and its slopes keep it there.
-
-    What leaves zero, be it without a slope, has one of twice its value in the time that it took.
-    """
+    """Whether the lowest guard cannot be distinguished from zero, and its slopes keep it there."""
     value = stop_gradient(first.value)
     slope = jnp.maximum(jnp.abs(first.rate), jnp.abs(first.rate_start))
     # `plan.resolution` is a known part of the run.
     leads_nowhere = slope * plan.resolution <= RESOLUTION * jnp.maximum(value, SLACK)
     low = jnp.maximum(value, stop_gradient(first.value_start)) < plan.touching
-    return low & leads_nowhere & (lane.h > 0) & is_guard(plan.functions, first)
+    rests = leads_nowhere & ~_leaves(value, first.rate, lane.h)
+    for i in plan.functions.continuous:
+        rests = rests & (first.index != i)
+    return low & rests & (lane.h > 0) & is_guard(plan.functions, first)
+
+
+def _leaves(value: Any, rate: Any, h: Any) -> Any:
+    """Whether a function has just left zero, be it without a slope.
+
+    It then has one of at least twice its value in the time that it took.
+    """
+    return (value > 0) & (rate * h > 1.5 * value)
 
 
 def is_guard(functions: EventFunctions, first: First):

@@ -38,6 +38,7 @@ class EventFunctions(eqx.Module):
     bent: tuple = eqx.field(static=True)
     straight: tuple = eqx.field(static=True)
     read: tuple = eqx.field(static=True)  # which leaves of the state those depend on
+    continuous: tuple[int, ...] = eqx.field(static=True)  # guards whose touch leaves derivatives right
     # Whether magnitudes of the guards follow the motion, because the system states none.
     learned: bool = eqx.field(static=True)
 
@@ -168,6 +169,7 @@ def event_functions(
         bent=tuple(known and d == OTHER for known, d in zip(judged, degree, strict=True)),
         straight=tuple(known and d == AFFINE for known, d in zip(judged, degree, strict=True)),
         read=_read(function, t, y, kept),
+        continuous=system.continuous_guards,
         learned=bool(names) and system.guard_scales is None,
     )
 

@@ -8,7 +8,8 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from . import _locate
-from ._events import EventFunctions
+from ._bound import RESOLUTION
+from ._events import SLACK, EventFunctions
 from ._locate import Bracket
 from ._progress import ProgressMeter
 from ._status import CODE, RUNNING
@@ -111,6 +112,11 @@ class Plan(eqx.Module):
         rows = zip(functions.bent, functions.straight, strict=True)
         adaptive = self.step_size.adaptive
         return tuple(self.detect_dips and (bent or (adaptive and line)) for bent, line in rows)
+
+    @property
+    def idle(self) -> Any:
+        """Slope with which a guard would not fall by what counts as violated in the whole run."""
+        return RESOLUTION * SLACK / self.resolution
 
     @property
     def touching(self) -> Any:

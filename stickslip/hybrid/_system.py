@@ -127,6 +127,19 @@ class AbstractHybridSystem(AbstractShown):
         guard_directions: ClassVar[tuple[str, ...] | None] = None
         guard_scales: ClassVar[Any] = None
 
+    @property
+    def continuous_guards(self) -> tuple[int, ...]:
+        """Guards, by number, at which neither state nor field jumps: a touch does not flag a run."""
+        return ()
+
+    @property
+    def answers_jumps(self) -> bool:
+        """Whether `transition` takes the constant -1 for a guard: a load has jumped at a declared time.
+
+        It then says what the jump brings about all at once; of other systems the guards are asked.
+        """
+        return False
+
     def time_scale(self, args: PyTree) -> Any:
         r"""Shortest time [s] in which a term that depends on the time itself changes by its own size.
 

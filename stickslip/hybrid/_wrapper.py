@@ -77,6 +77,16 @@ class AbstractSystemWrapper(AbstractHybridSystem):
         """Those of `system`."""
         return self.system.periods
 
+    @property
+    def continuous_guards(self) -> tuple[int, ...]:
+        """Those of `system`."""
+        return self.system.continuous_guards
+
+    @property
+    def answers_jumps(self) -> bool:
+        """As `system`; `transition` hands the guard on."""
+        return self.system.answers_jumps
+
     def time_scale(self, args):
         """That of `system`, whose arguments are taken to be these."""
         return self.system.time_scale(args)

@@ -13,6 +13,8 @@ from stickslip.hybrid._dependence import OTHER, degrees
 from stickslip.hybrid._system import NO_MODE
 
 from ._any_args import with_any_args
+from ._beginning import begun
+from ._check import SLIDES
 from ._declaration import at_zero
 from ._impacts import struck, touches
 from ._instant import (
@@ -148,11 +150,14 @@ def transition(
 ) -> tuple[Any, Any]:
     """State and mode right after guard number `guard` has fired.
 
-    Guards that a subclass has after all others ask the law of all contacts again.
+    Guards that a subclass has after all others ask the law of all contacts again, and so does the
+    constant -1: a load has jumped.
     """
-    names, guard = machine.names, jnp.asarray(guard)
+    names, jumped = machine.names, isinstance(guard, int) and guard < 0
+    guard = jnp.asarray(guard)
     count = len(names.contacts)
     at, states = machine.instant(t, y, args), machine.states(mode)
+    rested = [s == 0.0 for s in states]
     shared = count + len(machine.parted)
     opens = shared + sum(island.dependent for island in machine.islands)
 
@@ -168,17 +173,26 @@ def transition(
     # A contact that cannot open has lost its normal force.
     own = first_stop + len(names.stops)
     asked = guard >= own if len(machine.guard_names) > own else None
+    asked = guard < 0 if jumped else asked
     others = names.stops or asked is not None
     failed = (guard >= lifts) & (guard < first_stop) if others else guard >= lifts
     left = met = [failed & False] * len(states)
-    if names.stops:
+    gamma = surface_accelerations(machine, t, at, args)
+    if jumped:
+        states = _carried(machine, at, states, gamma)
+        states = begun(machine, t, y, at, states, args)
+        for name in names.opening:
+            c = names.contacts.index(name)
+            load, off = at.contacts[c].normal_force, states[c] == 2.0
+            toggled[name] = (off & (load > 0.0)) | (~off & (load < 0.0))
+    elif names.stops:
         left = [(guard == first_stop + c - count) & (s == 0.0) for c, s in enumerate(states)]
         at, states, met, jammed = struck(
             machine, t, at, states, guard - first_stop, args, _law_of(machine, t, args)
         )
         failed = failed | jammed
+        gamma = surface_accelerations(machine, t, at, args)
     force = loaded(machine, at, states, lone=False, apart=True)
-    gamma = surface_accelerations(machine, t, at, args)
     v, new = [jnp.asarray(x, jnp.float64) for x in at.v], states
     for island in machine.islands:
         if not island.rows:
@@ -235,20 +249,39 @@ def transition(
         if asked is not None:
             touched = touched | asked
         lands = touched if island.stops or drifts else stops
-        for j, x in zip(island.columns, landed(island, at, still), strict=True):
-            v[j] = where(lands, x, v[j])
         for i, c in enumerate(island.rows[: island.contacts]):
             toggle = toggled.get(names.contacts[c])
             if toggle is not None:
                 closes = where(slow[i], 0.0, jnp.sign(at.speeds[c]))
                 now[i] = where(toggle, where(s[i] == 2.0, closes, 2.0), now[i])
                 touched = touched | toggle
-        found, ended = _settled(machine, at, island, states, now, started, gamma, touched)
+        passing = [where(stops & h & ~r, -x, 0.0) for h, r, x in zip(hit, rest, s, strict=True)]
+        found, ended = _settled(machine, at, island, states, now, started, gamma, touched, passing)
         failed = failed | (touched & ~ended)
+        if island.varies:
+            # What passes through rest keeps its velocity: where its direction vanishes, to be made to
+            # rest would stop the mechanism.
+            still = [
+                x & (rested[c] | (f == 0.0)) for x, c, f in zip(still, island.rows, found, strict=True)
+            ]
+        for j, x in zip(island.columns, landed(island, at, still), strict=True):
+            v[j] = where(lands, x, v[j])
         new = list(new)
         for c, x in zip(island.rows, found, strict=True):
             new[c] = where(touched, x, new[c])
     return machine.from_coordinates(at.q, type(at.v)(*v)), _mode(machine, new, failed)
+
+
+def _carried(machine: "AbstractMechanism", at: Instant, states: list, gamma: list) -> list[Any]:
+    """States of contacts whose surfaces may have jumped: what a surface has left behind slides."""
+    states = list(states)
+    for island in machine.islands:
+        for i, c in enumerate(island.rows[: island.contacts]):
+            if not is_zero(gamma[c]):
+                near = slow_contacts(at, island, part=SLIDES)[i] & (states[c] == 0.0)
+                moving = where(slow_contacts(at, island)[i] | near, 0.0, jnp.sign(at.speeds[c]))
+                states[c] = where(states[c] == 2.0, 2.0, moving)
+    return states
 
 
 def _law_of(machine: "AbstractMechanism", t: Any, args: Any) -> Any:
@@ -311,6 +344,11 @@ def initial_mode(machine: "AbstractMechanism", t: Any, y: Any, args: Any) -> Any
             where(x & (states[c] != 2.0), 0.0, states[c] if c < len(at.contacts) else 2.0)
             for x, c in zip(slow, island.rows, strict=True)
         ]
+        if island.varies:
+            for c, x in zip(island.rows, now, strict=True):
+                states[c] = x
+            states = begun(machine, t, y, at, states, args)
+            now = [states[c] for c in island.rows]
         none = [jnp.zeros_like(x) for x in slow]
         found, ended = _settled(machine, at, island, states, now, none, gamma, ~none[0])
         failed = failed | ~ended
@@ -345,6 +383,7 @@ def _settled(
     started: list,
     gamma: list,
     active: Any,
+    passing: list | None = None,
 ) -> tuple[list[Any], Any]:
     """The law of all contacts of an island whose states are `now`, if `active`."""
     standing = [(s == 0.0) | b for s, b in zip(now, started, strict=True)]
@@ -363,4 +402,5 @@ def _settled(
         now,
         started,
         active,
+        passing,
     )

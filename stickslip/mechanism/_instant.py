@@ -17,7 +17,7 @@ from ._first_order import rates_of
 from ._island import Island, Motion
 from ._modes import sense_of
 from ._reserve import NO_LIMIT
-from ._scalars import Mass, dot, is_zero, minus, times, total
+from ._scalars import Mass, dot, is_zero, minus, over, times, total
 from ._settle import Limits
 from ._stop import StopNow, stops_at
 
@@ -253,8 +253,10 @@ def held_contacts(at: Instant, island: Island, states: Any, slow: list) -> list[
     return [(x | agree) & (states[c] != 2.0) for x, c in zip(slow, island.rows, strict=True)]
 
 
-def slow_contacts(at: Instant, island: Island, before: Instant | None = None) -> list[Any]:
-    """Whether a sliding speed is rounding of the terms that it is the sum of.
+def slow_contacts(
+    at: Instant, island: Island, before: Instant | None = None, part: float = ROUNDING
+) -> list[Any]:
+    """Whether a sliding speed is rounding of the terms that it is the sum of, or this `part` of them.
 
     `before`: an instant whose terms count too, of which these speeds are what an event has left.
     """
@@ -265,7 +267,7 @@ def slow_contacts(at: Instant, island: Island, before: Instant | None = None) ->
             terms = [times(n, x) for n, x in pairs if not is_zero(n)]
             size = total(jnp.abs(x) for x in (*terms, jnp.asarray(one.surfaces[c])))
             largest = jnp.maximum(largest, size)
-    return [jnp.abs(at.speeds[c]) <= ROUNDING * largest for c in island.rows]
+    return [jnp.abs(at.speeds[c]) <= part * largest for c in island.rows]
 
 
 def landed(island: Island, at: Instant, still: list) -> list[Any]:
@@ -278,7 +280,7 @@ def landed(island: Island, at: Instant, still: list) -> list[Any]:
         own = [j for j, n in enumerate(row) if not is_zero(n)]
         if len(own) == 1:
             (j,) = own
-            v[j] = where(rests, times(1.0 / row[j], at.surfaces[c]), v[j])
+            v[j] = where(island.decides(rests, row[j]), times(over(row[j]), at.surfaces[c]), v[j])
         elif c >= len(at.contacts):
             # A gap that rounding still closes as it opens would look as if it were touched.
             j, others = own[-1], dot([row[i] for i in own[:-1]], [v[i] for i in own[:-1]])

@@ -13,7 +13,7 @@ import numpy as np
 from stickslip._fastmath import where
 
 from ._directions import SMALL, completed_inverse, lines_of, null_space
-from ._scalars import Factors, Mass, any_of, chosen, dot, is_zero, minus, times, total
+from ._scalars import Factors, Mass, any_of, chosen, dot, is_zero, minus, over, times, total
 
 MOST_DEPENDENT = 12  # contacts of an island with dependent directions: tables over all sets of them
 NOTHING = 1e-150  # its square is a number too, which derivatives divide by
@@ -180,7 +180,7 @@ class Island:
         held = self._looked_up(self.leaders, rest) if self.dependent else rest
         A = [
             [
-                where(held[c], gram[c][c], 1.0)
+                where(held[c], self._resisting(gram[c][c]), 1.0)
                 if c == d
                 else 0.0
                 if is_zero(gram[c][d])
@@ -200,13 +200,24 @@ class Island:
             own = [j for j in range(self.n) if not is_zero(J[c][j])]
             if len(own) == 1:
                 (j,) = own
-                a[j] = where(rest[c], times(1.0 / J[c][j], gamma[c]), a[j])
+                a[j] = where(self.decides(rest[c], J[c][j]), times(over(J[c][j]), gamma[c]), a[j])
         reaction = [total(times(J[c][j], force[c]) for c in range(self.m)) for j in range(self.n)]
         if self.rank == self.n and all(map(is_zero, gamma)):
             every = total(where(h, 1, 0) for h in held) == self.n
             a = [where(every, 0.0, x) for x in a]
             reaction = [where(every, times(-1.0, f), x) for f, x in zip(F, reaction, strict=True)]
         return Motion(a, reaction, force)
+
+    def _resisting(self, share: Any) -> Any:
+        """What a force of 1 N in a contact changes of its own acceleration [1/kg].
+
+        Where its direction vanishes it changes nothing: to rest would take a force without bound.
+        """
+        return jnp.maximum(share, NOTHING) if self.varies else share
+
+    def decides(self, rests: Any, n: Any) -> Any:
+        """Whether a resting contact decides the velocity that its direction has the entry `n` for."""
+        return rests & (n != 0.0) if self.varies else rests
 
     def _along_contacts(self, M: Mass, F: list, rest: list, gamma: list) -> Motion:
         """The same with the speeds along the contacts, and some others, as velocities."""
@@ -245,7 +256,12 @@ class Island:
 
     def _of_one(self, M: Mass, F: list, J: list[list], rest: list, gamma: list) -> Motion:
         (m,), n = M.diagonal or (M.full or [[None]])[0], J[0][0]
-        held = times(1.0 / n, gamma[0])
+        held = times(over(n), gamma[0])
+        if self.varies:
+            free = F[0] / m
+            needed = minus(gamma[0], times(n, free)) / self._resisting(times(n, n) / m)
+            needed = where(rest[0], needed, 0.0)
+            return Motion([where(self.decides(rest[0], n), held, free)], [times(n, needed)], [needed])
         a = where(rest[0], held, F[0] / m)
         needed = where(rest[0], minus(times(m, held), F[0]), 0.0)
         return Motion([a], [needed], [times(1.0 / n, needed)])

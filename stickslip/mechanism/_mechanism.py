@@ -289,6 +289,17 @@ class AbstractMechanism(AbstractWithObservables):
     def guards(self, t, y, mode, args):
         return _changes.guards(self, t, y, mode, args)
 
+    @property
+    def continuous_guards(self) -> tuple[int, ...]:
+        """Those of the normal forces: friction begins and ends with them at 0."""
+        first = len(self.names.contacts) + len(self.parted) + len(self.shared)
+        return tuple(range(first, first + len(self.names.opening) + len(self.lifting)))
+
+    @property
+    def answers_jumps(self) -> bool:
+        """True: the law of all contacts is asked again."""
+        return True
+
     def transition(self, t, y, mode, guard, args):
         return _changes.transition(self, t, y, mode, guard, args)
 

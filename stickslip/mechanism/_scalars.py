@@ -42,6 +42,13 @@ def minus(a: Any, b: Any) -> Any:
     return total((a, times(-1.0, b)))
 
 
+def over(n: Any) -> Any:
+    """One over `n`; 0 where it vanishes while the program runs."""
+    if isinstance(n, int | float | np.number):
+        return 1.0 / n
+    return 1.0 / where(n == 0.0, np.inf, n)
+
+
 def dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
     """Scalar product."""
     return total(times(x, y) for x, y in zip(a, b, strict=True))

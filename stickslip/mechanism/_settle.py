@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 
 from stickslip._fastmath import where
@@ -12,9 +13,11 @@ from stickslip._fastmath import where
 from ._island import Island
 from ._reserve import NO_LIMIT, least_reserve, stops_alone
 from ._rows import row
-from ._scalars import Mass, any_of, dot, is_zero, minus, times, total, without_slope
+from ._scalars import Mass, any_of, dot, is_zero, minus, over, times, total, without_slope
 from ._settle_together import MOST_PIVOTS, PATIENCE, SLACK, settled_together, without_drop
 from ._together import Bounds, motion_in_rows
+
+CLEARLY = 2.0  # a drive beyond this part of all that can be borne leaves no question
 
 
 class Limits(NamedTuple):
@@ -45,6 +48,7 @@ def settled(
     states: list,
     started: list,
     active: Any,
+    passing: list | None = None,
 ) -> tuple[list[Any], Any]:
     r"""States of all contacts an instant later: those without speed by the law of all contacts.
 
@@ -63,7 +67,8 @@ def settled(
 
     **Arguments:** inertia, forces without the friction of contacts without speed, directions, relative
     accelerations of the surfaces; the limits of friction; `states`, 0 for every contact at rest;
-    `started`, which contacts with a sense have no speed yet; `active`, whether the answer is wanted.
+    `started`, which contacts with a sense have no speed yet; `active`, whether the answer is wanted;
+    `passing`, the sense beyond its zero of a contact whose speed has just passed through it, else 0.
 
     A stop is a contact that begins to move off with the sense 1, and bears nothing then.
 
@@ -72,6 +77,14 @@ def settled(
     F, gamma, J, static, kinetic, states = without_slope((F, gamma, J, static, kinetic, states))
     M = Mass(without_slope(M.diagonal), without_slope(M.full))
     standing = [(s == 0.0) | start for s, start in zip(states, started, strict=True)]
+    if island.varies:
+        loose = _unheld(island, M, F, J, gamma, static, standing, passing)
+        standing = [stands & (sense == 0.0) for stands, sense in zip(standing, loose, strict=True)]
+        states = [where(sense == 0.0, s, sense) for s, sense in zip(states, loose, strict=True)]
+        for line, low, high, sense in zip(J, kinetic.low, kinetic.high, loose, strict=True):
+            if high is not NO_LIMIT:
+                friction = where(sense > 0.0, low, where(sense < 0.0, high, 0.0))
+                F = [total((f, times(n, friction))) for f, n in zip(F, line, strict=True)]
     if island.shut and island.stops == island.m:
         return stops_alone(island, M, F, J, gamma, states, standing), jnp.ones_like(standing[0])
     if island.separate:
@@ -91,10 +104,11 @@ def settled(
             row(states), row(started), active,
         )  # fmt: skip
         return list(found), ended
-    felt = _inertia(island, M, J)
+    levers = _levers(island, J, standing)
+    felt = _inertia(M, levers)
     inertia, least = total(felt), functools.reduce(jnp.minimum, map(jnp.asarray, felt))
     # Of what accelerated surfaces carry only the lightest counts: a heavy part has no say over it.
-    size = _size(island, F, J, static, [times(least, g) for g in gamma])
+    size = _size(F, levers, static, [times(least, g) for g in gamma])
     zero = jnp.zeros_like(size)
     # At its limit without a drop of friction a contact begins with no acceleration, but it begins.
     creeping = []
@@ -174,31 +188,60 @@ def settled(
     return list(end.states), end.settled
 
 
-def _levers(island: Island, J: list[list]) -> list[Any]:
+def _unheld(
+    island: Island, M: Mass, F: list, J: list[list], gamma: list, static: Limits, standing: list,
+    passing: list | None,
+) -> list[Any]:  # fmt: skip
+    """Senses of the contacts in `standing` that slide whatever the others bear; 0 of all others.
+
+    As a direction vanishes, what a contact would have to bear at rest grows without bound. Among the
+    forces of the others such a number would be the measure of what is rounding.
+    """
+    free, mobility, found = M.solve(F), [M.solve(row) for row in J], []
+    for c, (line, g, stands) in enumerate(zip(J, gamma, standing, strict=True)):
+        if not np.isnan(island.directions[c]).any() or c >= island.contacts:
+            found.append(jnp.zeros_like(static.low[c]))
+            continue
+        most: Any = 0.0
+        for d, (p, low, high) in enumerate(zip(mobility, static.low, static.high, strict=True)):
+            share = jnp.abs(jnp.asarray(dot(p, line)))
+            bound = share * jnp.maximum(-low, high if high is not NO_LIMIT else 0.0)
+            if high is NO_LIMIT:
+                bound = where(share > 0.0, NO_LIMIT, 0.0)
+            most = most + where(standing[d], bound, 0.0)
+        drive = minus(dot(line, free), g)
+        sense = jnp.sign(drive)
+        if passing is not None:
+            # What is left of direction and speed may be rounding.
+            sense = where(passing[c] == 0.0, sense, passing[c])
+        found.append(where(stands & (jnp.abs(drive) > CLEARLY * most), sense, 0.0))
+    return found
+
+
+def _levers(island: Island, J: list[list], standing: list) -> list[Any]:
     """Contact speed per unit of each velocity: coordinates may have different units."""
     levers: list[Any] = []
     for j in range(island.n):
         largest: Any = 0.0
-        for line in J:
+        for line, stands in zip(J, standing, strict=True):
             if not is_zero(line[j]):
                 size = abs(line[j]) if isinstance(line[j], float) else jnp.abs(line[j])
+                size = where(stands, size, 0.0) if island.varies else size
                 largest = size if is_zero(largest) else jnp.maximum(largest, size)
         levers.append(largest)
     return levers
 
 
-def _size(island: Island, F: list, J: list[list], static: Limits, carried: list) -> Any:
+def _size(F: list, levers: list, static: Limits, carried: list) -> Any:
     """All forces at the contacts together [N], `carried` by accelerated surfaces among them."""
     limits = zip(static.low, static.high, strict=True)
     borne = [jnp.abs(high - low) for low, high in limits if high is not NO_LIMIT]
-    levers = _levers(island, J)
-    loads = [jnp.abs(f) / x for f, x in zip(F, levers, strict=True) if not is_zero(x)]
+    loads = [jnp.abs(f) * over(x) for f, x in zip(F, levers, strict=True) if not is_zero(x)]
     return total((*borne, *loads, *(jnp.abs(x) for x in carried if not is_zero(x)))) + 1e-300
 
 
-def _inertia(island: Island, M: Mass, J: list[list]) -> list[Any]:
+def _inertia(M: Mass, levers: list) -> list[Any]:
     """Inertia that contacts feel [kg], by the velocities that they touch."""
     diagonal = M.diagonal or [line[i] for i, line in enumerate(M.full or [])]
-    levers = _levers(island, J)
-    parts = ((m, x) for m, x in zip(diagonal, levers, strict=True) if not is_zero(x))
-    return [times(m, 1.0 / (x * x)) for m, x in parts]
+    parts = ((m, over(x)) for m, x in zip(diagonal, levers, strict=True) if not is_zero(x))
+    return [times(m, times(x, x)) for m, x in parts]
