@@ -102,9 +102,7 @@ def _anchored(problem: Problem, y: PyTree, mode: Any, phase: Any, period: Any, l
     turn = jnp.asarray(turns_of(problem.system, y))
     ones = jnp.ones(turn.shape)
     motion, frame = _framed(problem, Anchor(y, phase, period, ones, ones, ones), turn)
-    integrator = spanning(
-        motion.integrator, motion.system, frame.t0, frame.period, y, mode, motion.args
-    )
+    integrator = spanning(motion.integrator, frame.period)
     with use_executor(problem.executor):
         moves, knots, modes = extent(
             motion._replace(integrator=integrator), y, mode, frame.t0, frame.period, problem.segments
@@ -128,9 +126,7 @@ def evaluated(problem: Problem, u: Any, modes: Any, anchor: Anchor):
         there = system_at(problem, u[-free:] * problem.unit)
         motion, frame = _framed(dataclasses.replace(problem, system=there), anchor, turn)
         span = jax.lax.stop_gradient(frame.period)
-        integrator = spanning(
-            motion.integrator, motion.system, frame.t0, span, anchor.y, modes[0], motion.args
-        )
+        integrator = spanning(motion.integrator, span)
         with use_executor(problem.executor):
             found = closure(u[:-free], modes, motion._replace(integrator=integrator), frame, unravel)
         return found.residual, found
@@ -180,7 +176,5 @@ def _around(problem: Problem, modes: Any, anchor: Anchor) -> tuple[Motion, Frame
     """What moves, with steps bounded as for one period, and the frame of an anchor."""
     _, unravel = ravel_pytree(anchor.y)
     motion, frame = _framed(problem, anchor, jnp.asarray(turns_of(problem.system, anchor.y)))
-    integrator = spanning(
-        motion.integrator, motion.system, frame.t0, frame.period, anchor.y, modes[0], motion.args
-    )
+    integrator = spanning(motion.integrator, frame.period)
     return motion._replace(integrator=integrator), frame, unravel
