@@ -133,7 +133,7 @@ def _spectrum(
     *, segments, warm_up, blocks, count, moving,
 ):  # fmt: skip
     whole = (0.0 if transient is None else transient) + segment * (segments + warm_up)
-    integrator = spanning(integrator, system, t0, whole, y0, mode, args)
+    integrator = spanning(integrator, whole)
 
     def run(system, begin, end, y, mode):
         with use_executor(execute):

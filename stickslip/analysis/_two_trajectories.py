@@ -121,7 +121,7 @@ def two_trajectory_exponent(
     flat, unravel = ravel_pytree(y0)
 
     whole = transient + segment * (segments + warm_up)
-    integrator = spanning(integrator, system, t0, whole, y0, mode, args)
+    integrator = spanning(integrator, whole)
 
     def run(begin, end, flat, mode):
         solution = simulate(

@@ -136,9 +136,7 @@ def _anchored(problem: Problem, y: PyTree, mode: Any, phase, period, size, large
     motion, frame = _framed(
         problem, Anchor(y, phase, period, ones, ones, ones, ones, jnp.zeros((size.size, size.size)))
     )
-    integrator = spanning(
-        motion.integrator, motion.system, frame.t0, frame.period, y, mode, motion.args
-    )
+    integrator = spanning(motion.integrator, frame.period)
     with use_executor(problem.executor):
         found = extent(
             motion._replace(integrator=integrator), y, mode, frame.t0, frame.period, problem.segments,
@@ -165,9 +163,7 @@ def evaluated(problem: Problem, u: Any, modes: Any, anchor: Anchor):
         there = system_at(problem, u[-free:] * problem.unit)
         motion, frame = _framed(dataclasses.replace(problem, system=there), anchor)
         span = jax.lax.stop_gradient(frame.period)
-        integrator = spanning(
-            motion.integrator, motion.system, frame.t0, span, anchor.y, modes[0], motion.args
-        )
+        integrator = spanning(motion.integrator, span)
         with use_executor(problem.executor):
             return closure(u[:-free], modes, motion._replace(integrator=integrator), frame, unravel)
 
@@ -215,7 +211,5 @@ def _around(problem: Problem, modes: Any, anchor: Anchor) -> tuple[Motion, Frame
     """What moves, with steps bounded as for one period, and the frame of an anchor."""
     _, unravel = ravel_pytree(anchor.y)
     motion, frame = _framed(problem, anchor)
-    integrator = spanning(
-        motion.integrator, motion.system, frame.t0, frame.period, anchor.y, modes[0], motion.args
-    )
+    integrator = spanning(motion.integrator, frame.period)
     return motion._replace(integrator=integrator), frame, unravel

@@ -192,7 +192,7 @@ def _guess(
     system, args, integrator, execute, y0, mode, t0, transient, longest, forcing,
     *, multiples, max_events,
 ):  # fmt: skip
-    integrator = spanning(integrator, system, t0, transient + longest, y0, mode, args)
+    integrator = spanning(integrator, transient + longest)
 
     def run(system, begin, end, y, mode, **options):
         with use_executor(execute):

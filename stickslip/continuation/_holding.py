@@ -8,8 +8,8 @@ from jaxtyping import Array, PyTree
 
 from ..hybrid import AbstractHybridSystem
 from ..hybrid._arguments import first_mode
-from ..hybrid._events import SLACK
-from ..hybrid._system import guard_directions, guard_scales, mode_type
+from ..hybrid._events import SLACK, measured
+from ..hybrid._system import guard_directions, mode_type
 from ..hybrid._tree import frozen
 
 DEPENDENT = 1e-9  # of its length: a constraint that the others leave no more of is one of them
@@ -71,7 +71,7 @@ def own_mode(
         return own
     normals = jax.jacfwd(lambda z: _constraints(system, t, z, unravel, mode, args))(flat)
     held = jnp.all(jnp.abs(values) <= HELD * (jnp.abs(normals) @ size))
-    guards = jnp.stack(system.guards(t, unravel(flat), mode, args)) / jnp.asarray(guard_scales(system))
+    guards = measured(system, t, unravel(flat), mode, args)
     sides = jnp.asarray([-1.0 if d == "rising" else 1.0 for d in guard_directions(system)])
     both = jnp.asarray([d == "both" for d in guard_directions(system)])
     falls = jnp.where(both, jnp.abs(guards), sides * guards)

@@ -140,7 +140,7 @@ def _orbit(
     system, args, integrator, execute, y0, mode0, t0, period, tolerance,
     *, forced, segments, max_steps, max_events,
 ):  # fmt: skip
-    integrator = spanning(integrator, system, t0, period, y0, mode0, args)
+    integrator = spanning(integrator, period)
     motion = Motion(system, args, integrator)
     _, unravel = ravel_pytree(y0)
     with use_executor(execute):

@@ -1,6 +1,6 @@
-"""The longest step of a system that depends on the time itself."""
+"""The longest step of a system with motions or loads that the error of a step does not see."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -8,11 +8,12 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from .._validation import check_that
-from ._dependence import degrees
+from ._dependence import degrees_in
 from ._events import all_values
 from ._section import Section
 from ._step_size import AbstractStepSize
 from ._system import AbstractHybridSystem
+from ._unseen import Watched, hiding
 
 # While nothing moves the error of a step is zero, whatever its length, and what a load does meanwhile
 # is seen at the ends of the step and two points inside.
@@ -21,36 +22,61 @@ OF_RUN = 1e-3
 RESOLUTION = 1e-10  # part of the run; an event function that still jumps within it is discontinuous
 
 
+class Whole(NamedTuple):
+    """In place of a `dtmax`: none is given, and the steps are those of a run of this duration [s]."""
+
+    span: Any
+
+
+class Bound(NamedTuple):
+    """What a step may be, whatever its error."""
+
+    rule: Any  # the step-size rule with a number for `dtmax`
+    watched: tuple[Watched, ...]  # what else it must not stray from
+    longest: Any  # longest step while one of these moves evenly [s]
+
+
 def bounded(
     step: AbstractStepSize, system: AbstractHybridSystem, sections: tuple[Section, ...], t0: Any,
     span: Any, y0: PyTree, mode0: Any, args: PyTree,
-) -> Any:  # fmt: skip
-    """The step-size rule with a number for `dtmax`, as `AdaptiveStep` says; fixed steps as they are.
+) -> Bound:  # fmt: skip
+    """The bounds that `AdaptiveStep` speaks of; none on fixed steps, nor beside a given `dtmax`.
 
-    `span`: duration of the run [s], or of the analysis that runs piece by piece.
+    `span`: duration of the run [s].
     """
     rule: Any = step
-    if not rule.adaptive or rule.dtmax is not None:
-        return rule
-    bound: Any = jnp.inf
-    if depends_on_time(system, sections, t0, y0, mode0, args):
+    whole = rule.adaptive and isinstance(rule.dtmax, Whole)
+    longest = jnp.maximum(OF_RUN * (rule.dtmax.span if whole else span), 1e-300)
+    if not rule.adaptive or not (whole or rule.dtmax is None):
+        return Bound(rule, (), longest)
+    closed = _motion(system, sections, t0, y0, mode0, args)
+    by_time = _depends_on_time(closed)
+    hides = hiding(system, closed, y0)
+    bound, watched = jnp.inf, hides.watched
+    if by_time or hides.any:
         scale = system.time_scale(args)
-        if scale is None:
-            bound = jnp.maximum(OF_RUN * span, 1e-300)
-        else:
+        if scale is not None:
             check_that("time_scale", scale, lambda a: a > 0, "positive (infinity for no bound)")
-            bound = OF_TIME_SCALE * jnp.asarray(scale, jnp.float64)
+            bound, watched = OF_TIME_SCALE * jnp.asarray(scale, jnp.float64), ()
+        elif by_time or hides.runs_free:
+            bound = longest
     bound = jax.lax.stop_gradient(jnp.asarray(bound, jnp.float64))
-    return eqx.tree_at(lambda r: r.dtmax, rule, bound, is_leaf=lambda a: a is None)
+    rule = _with_dtmax(rule, bound)
+    return Bound(rule, watched, jax.lax.stop_gradient(longest))
 
 
-def spanning(
-    integrator: Any, system: AbstractHybridSystem, t0: Any, span: Any, y0: PyTree, mode0: Any,
-    args: PyTree,
-) -> Any:  # fmt: skip
-    """The integrator for an analysis that runs piece by piece: its steps are bounded by the whole."""
-    step = bounded(integrator.step, system, (), t0, span, y0, mode0, args)
-    return eqx.tree_at(lambda i: i.step, integrator, step)
+def spanning(integrator: Any, span: Any) -> Any:
+    """The integrator for an analysis of duration `span` [s] that runs piece by piece."""
+    rule = integrator.step
+    if not rule.adaptive or rule.dtmax is not None:
+        return integrator
+    whole = Whole(jax.lax.stop_gradient(jnp.asarray(span, jnp.float64)))
+    return eqx.tree_at(lambda i: i.step, integrator, _with_dtmax(rule, whole))
+
+
+def _with_dtmax(rule: Any, value: Any) -> Any:
+    unset = lambda a: a is None or isinstance(a, Whole)  # noqa: E731
+    return eqx.tree_at(lambda r: r.dtmax, rule, value, is_leaf=unset)
 
 
 def depends_on_time(
@@ -58,9 +84,18 @@ def depends_on_time(
     args: PyTree,
 ) -> bool:  # fmt: skip
     """Whether the field, a guard or a section changes with the time while the state does not."""
+    return _depends_on_time(_motion(system, sections, t, y, mode, args))
+
+
+def _depends_on_time(closed: Any) -> bool:
+    return any(degrees_in(closed, [i == 0 for i in range(len(closed.jaxpr.invars))]))
+
+
+def _motion(system, sections, t, y, mode, args) -> Any:
+    """The program of the field and of all event functions, of time and state."""
 
     def motion(t, y):
         slope = system.vector_field(t, y, mode, args)
         return slope, all_values(system, sections, y, mode, args)(t, y)
 
-    return any(degrees(motion, (t, y), (True, False)))
+    return jax.make_jaxpr(motion)(t, y)

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float, PyTree
 from .._argument_checks import check_arguments, instance, reals, time, whole_state
 from .._types import Given, Numeric, Row
 from .._validation import as_parameter, check_finite, check_increasing, check_type, misshaped
-from ._events import SLACK
+from ._events import SLACK, measured
 from ._system import AbstractHybridSystem, guard_directions, guard_scales, mode_type
 from ._tree import select
 from ._wrapper import AbstractSystemWrapper
@@ -103,8 +103,10 @@ class WithBreaks(AbstractSystemWrapper):
 
     @property
     def guard_scales(self) -> Any:
-        """Those of `system` if it states them, then 1 s."""
-        return None if self.system.guard_scales is None else (*guard_scales(self.system), 1.0)
+        """Those of `system` if it states them, then the largest of the times."""
+        last = jnp.max(jnp.abs(self.times))
+        last = jnp.where(last > 0.0, last, 1.0)
+        return None if self.system.guard_scales is None else (*guard_scales(self.system), last)
 
     @property
     def units(self) -> dict[str, str]:
@@ -171,8 +173,7 @@ def settled(
     signs = jnp.asarray([-1.0 if d == "rising" else 1.0 for d in guard_directions(system)])
     both = jnp.asarray([d == "both" for d in guard_directions(system)])
     for _ in range(ROUNDS):
-        values = jnp.stack(system.guards(t, y, mode, args))
-        falls = jnp.where(both, 1.0, signs * values / jnp.asarray(guard_scales(system)))
+        falls = jnp.where(both, 1.0, signs * measured(system, t, y, mode, args))
         lowest = jnp.argmin(falls).astype(jnp.int32)
         jumped = system.transition(t, y, mode, lowest, args)
         violated = (falls[lowest] < -SLACK) & (mode >= 0)

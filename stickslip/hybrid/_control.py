@@ -10,6 +10,8 @@ from ._loop_state import DIP, HOLD, PLAIN, REFRESH, REJECT, SHRINK, Lane, Plan, 
 from ._tolerance import Ends, scales
 from ._xla import bookkeeping
 
+FIRST = 333.0  # length of the first step where the motion does not say: in parts of the resolution
+
 
 def _target(plan: Plan, next_output, t1, outputs):
     """Time the lane must land on next, and whether that is the end rather than an output time."""
@@ -79,7 +81,9 @@ def _begun(plan: Plan, h_free, h, y, dy, size):
 
     def initial(y, dy, size, h_free):
         scale = scales(rule.rtol, plan.atols, plan.noise, size, Ends(h, y, y, dy, dy))
-        return jnp.where(h_free == 0, rule.initial(y, dy, scale), h_free)
+        first = rule.initial(y, dy, scale)
+        first = jnp.where(jnp.isfinite(first), first, FIRST * plan.resolution)
+        return jnp.where(h_free == 0, first, h_free)
 
     # Lanes begin once: a branch for the whole batch, not a piece of every attempt.
     return jax.lax.cond(

@@ -29,13 +29,17 @@ def degrees(function: Callable, operands: tuple, asked: Sequence[bool]) -> list[
 
     `NONE`: independent of them. `AFFINE`: affine in them. `OTHER`: anything else, or unknown.
     """
-    closed = jax.make_jaxpr(function)(*operands)
     flags = [
-        AFFINE if wanted else NONE
+        wanted
         for operand, wanted in zip(operands, asked, strict=True)
         for _ in jax.tree.leaves(operand)
     ]
-    return _walk(closed.jaxpr, flags)
+    return degrees_in(jax.make_jaxpr(function)(*operands), flags)
+
+
+def degrees_in(closed: Any, asked: Sequence[bool]) -> list[int]:
+    """`degrees` of each result of a program in those of its operands that are `asked` about."""
+    return _walk(closed.jaxpr, [AFFINE if wanted else NONE for wanted in asked])
 
 
 def may_jump(function: Callable, operands: tuple) -> bool:

@@ -112,7 +112,9 @@ def _looked(course: _Course, rounding: Any, section: Any, short: Any) -> _Looked
     # zero the terms of a guard cancel, and what is left of their rounding is not a jump.
     slopes = jnp.abs(course.rise0) + jnp.abs(course.rise1)
     jumps = mismatch > 2.0 * slopes + 1e-9 * size + NO_JUMP * rounding
-    return _Looked(mismatch, _room(course), _beyond(course, mismatch, section, short), jumps)
+    # A section has no magnitude but its own values.
+    slack = SLACK if section is False else SLACK * jnp.where(section, size, 1.0)
+    return _Looked(mismatch, _room(course), _beyond(course, mismatch, section, slack, short), jumps)
 
 
 def _verdict(found: list[_Looked], short: Any) -> Any:
@@ -180,7 +182,7 @@ def _room(course: _Course) -> Any:
     return jnp.maximum(room, 1e-150)
 
 
-def _beyond(course: _Course, mismatch: Any, section: Any, short: Any) -> Any:
+def _beyond(course: _Course, mismatch: Any, section: Any, slack: Any, short: Any) -> Any:
     """Where the function is first seen, or may be, beyond zero and back again; 0 if nowhere.
 
     One that stays beyond to the end of the step crosses in it, which is found without a look: to look
@@ -194,16 +196,16 @@ def _beyond(course: _Course, mismatch: Any, section: Any, short: Any) -> Any:
     # three real zeros.
     b1, b2 = v0 + a / 3.0 - 2.0 * mismatch, v1 - b / 3.0 - 2.0 * mismatch
     left, middle, right = v0 * b2 - b1 * b1, v0 * v1 - b1 * b2, b1 * v1 - b2 * b2
-    dips = (jnp.minimum(b1, b2) < -SLACK) & (4.0 * left * right > middle * middle)
-    begins = (v0 > 0) | ((v0 >= -SLACK) & (a > 0))
+    dips = (jnp.minimum(b1, b2) < -slack) & (4.0 * left * right > middle * middle)
+    begins = (v0 > 0) | ((v0 >= -slack) & (a > 0))
     back = (v1 >= 0) | (v1 >= ON * b)
     cut = dips & back
     if section is not False:
         # Three zeros of the cubic need coefficients of changing sign, and three it may have.
-        cut = cut | (section & (v1 < 0) & (b1 < -SLACK) & (b2 + 4.0 * mismatch > SLACK))
+        cut = cut | (section & (v1 < 0) & (b1 < -slack) & (b2 + 4.0 * mismatch > slack))
     place = jnp.where(cut & ~short, POINTS[0], 0.0)
     for point, value in reversed(list(zip(POINTS, seen, strict=True))):
-        beyond = value < -SLACK
+        beyond = value < -slack
         place = jnp.where(beyond & back, point, place)
         back = back | ~beyond
     return jnp.where(begins, place, 0.0)

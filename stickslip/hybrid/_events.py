@@ -7,14 +7,17 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.interpreters.partial_eval import dce_jaxpr
+from jaxtyping import PyTree
 
 from ._dependence import AFFINE, NONE, OTHER, degrees
 from ._section import Section
 from ._system import AbstractHybridSystem, guard_directions, guard_scales
-from ._tolerance import generic
+from ._tolerance import generic, sizes
 
 # A guard counts as violated below this fraction of its scale: rounding of the state, not motion.
 SLACK = 1e-12
+# Part of the terms in parameters of which `SLACK` is their rounding.
+ROUNDED = 4e-3
 FAR = 1e30  # value of an event function that cannot fire
 
 
@@ -23,7 +26,7 @@ class Values(NamedTuple):
 
     value: tuple
     rate: tuple
-    scale: tuple = ()  # magnitudes of the guards here, where the system does not state them
+    scale: tuple = ()  # what the guards' terms amount to here, where the system states no magnitudes
 
 
 class EventFunctions(eqx.Module):
@@ -51,10 +54,9 @@ class EventFunctions(eqx.Module):
         return index < self.num_guards or self.sections[index - self.num_guards].terminal
 
     def evaluate(self, system: AbstractHybridSystem, t, y, dy, mode, args, size=None) -> Values:
-        """All values at `(t, y)`, their rates of change along the motion, and magnitudes if learned.
+        """All values at `(t, y)`, their rates of change along the motion, and their terms if learned.
 
-        The magnitude of a guard is how much it changes as the state goes from zero to the largest it
-        has been, `size`: what its terms amount to, and not what is left of them near a zero.
+        `size`: the largest that the state has been.
         """
         one, zero_slope = jnp.ones_like(t), jax.tree.map(jnp.zeros_like, dy)
 
@@ -68,9 +70,7 @@ class EventFunctions(eqx.Module):
         if self.num_guards:
             values, rates = jax.jvp(guards, (t, y), (one, dy))
             if self.learned and size is not None:
-                fixed = jax.lax.stop_gradient((t, y))
-                _, terms = jax.jvp(guards, fixed, (jnp.zeros_like(t), generic(size)))
-                scale = tuple(_magnitude(jax.lax.stop_gradient(term)) for term in terms)
+                scale = terms_in_state(system, t, y, mode, args, size)
         for section, of_slope in zip(self.sections, self.of_slope, strict=True):
             slope = zero_slope
             if of_slope:
@@ -103,13 +103,48 @@ class EventFunctions(eqx.Module):
 
 
 def divided(values: tuple, scales: tuple) -> tuple:
-    """Values of the guards over their magnitudes; the sections, which come last, are left alone."""
-    return (*(v / s for v, s in zip(values, scales, strict=False)), *values[len(scales) :])
+    """Values of the guards over their magnitudes; the sections, which come last, are left alone.
+
+    Magnitudes that are not known yet, as `_rescaled` has it: a guess has a minus, of none is 0.
+    """
+    by = (jnp.where(s == 0, 1.0, jnp.abs(s)) for s in map(jnp.asarray, scales))
+    return (*(v / s for v, s in zip(values, by, strict=False)), *values[len(scales) :])
 
 
-def _magnitude(terms: Any) -> Any:
-    terms = jnp.abs(terms)
-    return jnp.where(terms > 1e-200, terms, 1.0)
+def terms_in_state(system: AbstractHybridSystem, t, y, mode, args, size: PyTree) -> tuple:
+    """How much each guard changes as the state goes from zero to `size`: what its terms amount to."""
+
+    def guards(y):
+        return tuple(system.guards(t, y, mode, args))
+
+    t, y = jax.lax.stop_gradient((t, y))
+    _, terms = jax.jvp(guards, (y,), (generic(size),))
+    return tuple(jax.lax.stop_gradient(jnp.abs(term)) for term in terms)
+
+
+def terms_in_parameters(system: AbstractHybridSystem, t, y, mode, args) -> tuple:
+    """What parameters amount to in each guard, so that `SLACK` of it is their rounding."""
+    numbers, others = eqx.partition((system, args), eqx.is_inexact_array)
+
+    def guards(numbers):
+        system, args = eqx.combine(numbers, others)
+        return tuple(system.guards(t, y, mode, args))
+
+    t, y, numbers = jax.lax.stop_gradient((t, y, numbers))
+    rounded = jax.tree.map(lambda a: jnp.where(jnp.isfinite(a), ROUNDED * a, 0.0), numbers)
+    terms = (jnp.abs(term) for term in jax.jvp(guards, (numbers,), (generic(rounded),))[1])
+    return tuple(jnp.where(term < jnp.inf, term, 0.0) for term in terms)
+
+
+def measured(system: AbstractHybridSystem, t, y, mode, args) -> Any:
+    """The guards of one instant over their magnitudes, in a row; nothing is known of the motion."""
+    values, scales = tuple(system.guards(t, y, mode, args)), guard_scales(system)
+    if system.guard_scales is None:
+        by_state = terms_in_state(system, t, y, mode, args, sizes(y))
+        by_numbers = terms_in_parameters(system, t, y, mode, args)
+        found = zip(jax.lax.stop_gradient(values), by_state, by_numbers, strict=True)
+        scales = tuple(jnp.maximum(jnp.abs(v), jnp.maximum(a, b)) for v, a, b in found)
+    return jnp.stack(divided(values, scales))
 
 
 def _scaled(value: Any, factor: Any) -> Any:

@@ -16,6 +16,7 @@ from ._status import CODE, RUNNING
 from ._step_size import AbstractStepSize
 from ._stepper import AbstractStepper
 from ._tolerance import Noise, sizes
+from ._unseen import Watched
 from ._xla import Executor
 
 # What became of an attempt. The decision is one number, computed once; everything else selects on it.
@@ -86,6 +87,8 @@ class Plan(eqx.Module):
     has_outputs: bool = eqx.field(static=True)
     atols: tuple  # absolute tolerance of each leaf of the state; None: by the size of the motion
     noise: Noise  # whose rounding no step can undercut
+    watched: tuple[Watched, ...] = eqx.field(static=True)  # motions that an error may not see
+    longest: Any  # while one of these moves evenly [s]
     resolution: Any  # steps below it are not cut for the sake of an event function [s]
     detect_dips: bool = eqx.field(static=True)
     switches: bool = eqx.field(static=True)  # whether the field may jump inside a mode
@@ -164,7 +167,7 @@ def start(plan: Plan, t0, y0, dy_like, mode0) -> Lane:
         fresh=zero,
         values=(zero,) * n,
         rates=(zero,) * n,
-        scales=(zero + 1.0,) * (plan.functions.num_guards if plan.functions.learned else 0),
+        scales=(zero,) * (plan.functions.num_guards if plan.functions.learned else 0),
         # Left out where it never changes: the fused loop could not be compiled.
         size=jax.lax.stop_gradient(sizes(y0)) if plan.follows_size else None,
         h=zero,

@@ -138,8 +138,9 @@ class WithPeriodicBreaks(AbstractSystemWrapper):
 
     @property
     def guard_scales(self) -> Any:
-        """Those of `system` if it states them, then 1 s."""
-        return None if self.system.guard_scales is None else (*guard_scales(self.system), 1.0)
+        """Those of `system` if it states them, then the period."""
+        period = self._cycle()[1]
+        return None if self.system.guard_scales is None else (*guard_scales(self.system), period)
 
     def time_scale(self, args):
         begin, end, period = self._pieces()

@@ -85,7 +85,8 @@ class Integrator(eqx.Module, metaclass=CheckedModule):
     - `detect_dips`: look inside steps. One over which an event function may have gone through zero and
       back is divided there; with adaptive steps, one over which an event function is not the cubic
       through its ends is made shorter. What remains: with fixed steps, excursions that are not convex
-      over a step; with adaptive ones those shorter than 0.4 of the longest step (`AdaptiveStep`).
+      over a step; with adaptive ones those shorter than 0.4 of the longest step, which `AdaptiveStep`
+      states for loads of the time and of the state.
     - `progress`: a `ProgressMeter` for long runs; off by default.
     """
 
@@ -237,7 +238,7 @@ def _run(
     check_sections(system, sections, t0, y0, mode0, args)
     functions = event_functions(system, sections, t0, y0, y0, mode0, args)
     log_events = saveat.events and max_events is not None
-    rule = bounded(integrator.step, system, sections, t0, t1 - t0, y0, mode0, args)
+    rule, watched, longest = bounded(integrator.step, system, sections, t0, t1 - t0, y0, mode0, args)
     stepper = as_stepper(integrator.method, _rtol(rule))
     atols, terms = (), y0  # no tolerances with fixed steps that solve nothing
     if rule.adaptive or stepper.solves:
@@ -257,6 +258,8 @@ def _run(
         has_outputs=ts is not None,
         atols=atols,
         noise=stop_gradient(Noise(jnp.maximum(jnp.abs(t0), jnp.abs(t1)), terms)),
+        watched=watched,
+        longest=stop_gradient(longest),
         resolution=stop_gradient(RESOLUTION * (t1 - t0)),
         detect_dips=integrator.detect_dips,
         switches=may_jump(lambda t, y: system.vector_field(t, y, mode0, args), (t0, y0)),

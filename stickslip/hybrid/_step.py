@@ -8,17 +8,19 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ._doubt import POINTS, TOGETHER, judge, look_inside, told
-from ._events import Values, divided
+from ._events import ROUNDED, Values, divided
 from ._loop_state import Lane, Plan, without_state
 from ._status import DISCONTINUOUS, RUNNING, flag
 from ._stepper import ROOT_SHARE, ROOT_TOLERANCE
 from ._tolerance import Ends, cancelling, error_norm, grown, scales, sizes, unexpected
 from ._tree import shift
+from ._unseen import strayed
 from ._xla import bookkeeping, piece
 
 # A step this much shorter than those before it, accepted only because its error is small now, holds a
 # jump of the field: what is smooth is resolved long before.
 SUDDEN = 1e-5
+NEAR_ONE = 1e-14  # rounding of a number near 1
 FORGETS = 0.95  # part of the longest step that is remembered after one more
 
 
@@ -64,15 +66,18 @@ def take(plan: Plan, problem: PyTree, lane: Lane) -> tuple[Lane, Step]:
             lane = lane._replace(peak=peak, flags=flags)
         if surprised is not None:
             error = jnp.maximum(error, surprised)
-    kept = values = Values((), ())
+        if plan.watched:
+            error = jnp.maximum(error, _strayed(plan, h, ends))
+    kept, values, used = Values((), ()), Values((), ()), ()
     h_seen, jumps = jnp.zeros_like(h), jnp.zeros_like(h) > 0
     if plan.functions.count:
         kept = values = _values_at(plan, lane.mode, lane.t + h, y1, dy1, lane.size, problem=problem)
         if plan.functions.learned:
             # What ends this step begins the next, which measures by what it finds there.
-            values, kept = _rescaled(plan, lane.fresh, jax.lax.stop_gradient(lane.scales), values)
+            bare = without_state(lane)
+            used, values, kept = _rescaled(plan, bare, values)
     if looks:
-        bare = without_state(lane)
+        bare = without_state(lane)._replace(scales=used)
         inside = _look_inside(plan, bare, h, within, dy1, problem=problem)
         count = plan.functions.count
         groups = range(0, count, TOGETHER if plan.execute.fused else count)
@@ -124,6 +129,11 @@ def _scaled_error(plan: Plan, errors, surprise, noise, size, ends: Ends):
 
 
 @bookkeeping
+def _strayed(plan: Plan, h, ends: Ends):
+    return strayed(plan.watched, h, plan.longest, ends, plan.stepper.order())
+
+
+@bookkeeping
 def _sudden(plan: Plan, lane: Lane, error):
     """Longest of the last steps, and the flag of one that had to become short all at once.
 
@@ -158,15 +168,27 @@ def _judge(plan: Plan, lane: Lane, h, values: Values, inside, *, first: int):
 
 
 @piece
-def _rescaled(plan: Plan, fresh, scales: tuple, values: Values) -> tuple[Values, Values]:
-    """Values over the magnitudes at the start of the step, and over those at its end to go on with.
+def _rescaled(plan: Plan, lane: Lane, values: Values) -> tuple[tuple, Values, Values]:
+    """Magnitudes at the start of the step, values over them, and over those at its end to go on with.
 
-    Inside a step and while an event is located the magnitudes hold still. Those of another mode, which
-    a lane has right after an event, are replaced at once.
+    A guard is as large as its terms, and as it has been while the mode lasts: magnitudes do not fall,
+    and hold still inside a step and while an event is located. Those of another mode, which a lane has
+    right after an event, are replaced at once. A guard that begins at zero, as a speed does that has
+    always been zero, or at the rounding of one that has just fired, is known as well as the time: for
+    one step. Of one that does not change nothing tells its zero from the rounding of a number near 1.
     """
-    used = tuple(jnp.where(fresh == 1.0, s, v) for s, v in zip(scales, values.scale, strict=True))
+    stays, time = lane.fresh == 1.0, ROUNDED * plan.noise.time
+    used, kept = (), ()
+    for scale, value, rate, terms in zip(lane.scales, *jax.lax.stop_gradient(values), strict=False):
+        found = jnp.maximum(jnp.abs(value), terms)
+        begun = jnp.abs(rate) * time
+        unknown = (begun == 0.0) & (terms == 0.0) & (value < NEAR_ONE) & (value != 0.0)
+        begun = jnp.where(unknown, 1.0, begun)
+        begun = jnp.where(begun > found, -begun, found)
+        used += (jnp.where(stays & (scale != 0.0), scale, begun),)
+        kept += (jnp.where(stays, jnp.maximum(scale, found), begun),)
 
     def over(scales):
-        return Values(divided(values.value, scales), divided(values.rate, scales), values.scale)
+        return Values(divided(values.value, scales), divided(values.rate, scales), kept)
 
-    return over(used), over(values.scale)
+    return used, over(used), over(kept)

@@ -37,7 +37,7 @@ class AbstractStepSize(eqx.Module, metaclass=CheckedModule):
 
     @abc.abstractmethod
     def initial(self, y: PyTree, dy: PyTree, scale: PyTree) -> Any:
-        """First step length to try [s], a positive float64 scalar.
+        """First step length to try [s], a positive float64 scalar; infinite where these do not say.
 
         `y`, `dy`: state and its slope at the start; `scale`: what an error of 1 means in each leaf of
         `y`, in the order of `jax.tree.leaves`.
@@ -123,11 +123,16 @@ class AdaptiveStep(AbstractAdaptiveStep):
     After an accepted step of scaled error `E` the length is multiplied by
     `safety * E**(-(icoeff + pcoeff)/k) * E_previous**(pcoeff/k)`, kept within `[factor_min,
     factor_max]`, where `k` is the order of the method (Söderlind 2002; Hairer & Wanner IV.2).
-    `dtmax` [s] bounds the step. For `None`, the default, only the steps of a system are bounded whose
-    field or event functions depend on the time itself: by twice its `time_scale`, or, where it states
-    none, by 1/1000 of the run. A load that rises and falls again within 0.4 of the bound can be
-    missed; infinity means no bound. `dtmin` [s]: a step that would have to be shorter ends the lane
-    with `RESULTS.dt_min_reached`.
+    `dtmax` [s] bounds the step; infinity means no bound. For `None`, the default, what the error of a
+    step does not see is bounded: the time, where the field or an event function depends on it, and
+    components of the state that move on whatever they do to others, as the angle of a rotor, where
+    these depend on it by more than a line, a parabola or two bends. Such steps are no longer than twice
+    the `time_scale` of the system; where it states none, a component goes no farther in one step than
+    1/36 of its period (`periods`), and a time or a component without one lasts no longer than 1/1000 of
+    the run. A component that is acted upon by what it drives is bounded so while it moves evenly; else
+    its own motion says how long a step is (with a period at most 1/8 of it). What rises and falls again
+    within 0.4 of the longest step, or within 1/60 of a period, can be missed. `dtmin` [s]: a step that
+    would have to be shorter ends the lane with `RESULTS.dt_min_reached`.
 
     Errors: `ValueError` if a tolerance is not positive, or `dtmin < 0`, or `dtmax` not above 0 or below
     `dtmin`, or `safety` not in (0, 1], or `factor_min` not in (0, 1), or `factor_max` below 1. If
@@ -169,7 +174,8 @@ class AdaptiveStep(AbstractAdaptiveStep):
         check_that("factor_max", self.factor_max, lambda a: a >= 1, "at least 1")
 
     def initial(self, y, dy, scale):
-        """The given `h0`, else a hundredth of the time in which the state changes by itself.
+        """The given `h0`, else a hundredth of the time in which the state changes by itself; infinite
+        where it is zero.
 
         `scale`: what an error of 1 means in each leaf of `y`.
         """
@@ -184,7 +190,7 @@ class AdaptiveStep(AbstractAdaptiveStep):
         size, rate = square(y), square(dy)
         usable = (size > 1e-10) & (rate > 1e-10)
         guess = 0.01 * jnp.sqrt(jnp.where(usable, size, 1.0) / jnp.where(usable, rate, 1.0))
-        return jnp.minimum(jnp.where(usable, guess, 1e-6), dtmax)
+        return jnp.where(usable, jnp.minimum(guess, dtmax), jnp.inf)
 
     def factor(self, error: Numeric, previous: Numeric, order: int) -> Any:
         """Ratio of the next step to this one."""

@@ -89,8 +89,9 @@ class AbstractHybridSystem(AbstractShown):
       default direction `"falling"`, positive means inside the mode; a guard that does not belong to
       `mode` returns a positive constant. `guard_directions` may say `"rising"` or `"both"`.
       A guard is taken as violated below `-1e-12` of its magnitude: by default, how much it changes
-      as the state goes from zero to the largest values of the motion so far (1 where it does not depend
-      on the state); `guard_scales` states magnitudes instead (a property may compute them).
+      as the state goes from zero to the largest values of the motion so far, or its own largest value
+      in this mode where that is more; `guard_scales` states magnitudes instead (a property may compute
+      them).
     - `transition(t, y, mode, guard, args) -> (y, mode)`: called at the located zero of guard number
       `guard`. It must return a mode that is admissible right afterwards; `-1` where there is none
       (the lane then ends with `RESULTS.no_admissible_mode`).
@@ -141,12 +142,12 @@ class AbstractHybridSystem(AbstractShown):
         return False
 
     def time_scale(self, args: PyTree) -> Any:
-        r"""Shortest time [s] in which a term that depends on the time itself changes by its own size.
+        r"""Shortest time [s] in which a load changes by its own size, of the time or of the state.
 
         $1/\omega$ for a load $\sin\omega t$, a quarter of its width for a pulse, infinity for a
-        load that is constant between declared breaks. `None`, the default: not known;
-        `AdaptiveStep.dtmax` says how steps are bounded then. It has no effect where the time does not
-        enter.
+        load that is constant between declared breaks; for the bump of a cam the time in which it is
+        passed, over four. `None`, the default: not known; `AdaptiveStep` says how steps are bounded
+        then, and which loads of the state count. It has no effect where there are none.
         """
         return None
 

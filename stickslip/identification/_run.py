@@ -118,12 +118,11 @@ class Run:
         y0 = asked("initial_state", self.initial_state, values, inputs)
         y0 = jax.tree.map(lambda a: jnp.asarray(a, jnp.float64), y0)
 
-        system, whole, start = self.with_breaks(values, inputs, y0, begin)
+        system, whole, _ = self.with_breaks(values, inputs, y0, begin)
         ts = self.times_of(values, times, begin)
         # From stamp to stamp the motion is bounded in its steps by the record, as it is in one go.
         integrator = Integrator() if self.integrator is None else self.integrator
-        mode = whole.initial_mode(begin, start, None)
-        integrator = spanning(integrator, whole, begin, ts[-1] - begin, start, mode, None)
+        integrator = spanning(integrator, ts[-1] - begin)
 
         def onwards(now, stamp):
             since, y = now
