@@ -40,10 +40,18 @@ class EventFunctions(eqx.Module):
     read: tuple = eqx.field(static=True)  # which leaves of the state those depend on
     # Whether magnitudes of the guards follow the motion, because the system states none.
     learned: bool = eqx.field(static=True)
+    stated: tuple[bool, ...] = eqx.field(static=True)  # the magnitudes of which guards are stated
+    # How many of the guards, the last of them, are bends of a force: events without a transition.
+    num_bends: int = eqx.field(static=True)
+    width: int = eqx.field(static=True)  # low bits of the mode that say on which side of them a lane is
 
     @property
     def count(self) -> int:
         return len(self.directions)
+
+    def is_bend(self, index: Any) -> Any:
+        """Whether a function, one of the guards, is a bend of a force."""
+        return (index >= self.num_guards - self.num_bends) & (index < self.num_guards)
 
     def acts(self, index: int) -> bool:
         """Whether a crossing ends the step: guards and terminal sections, not recorded sections."""
@@ -69,7 +77,10 @@ class EventFunctions(eqx.Module):
             if self.learned and size is not None:
                 fixed = jax.lax.stop_gradient((t, y))
                 _, terms = jax.jvp(guards, fixed, (jnp.zeros_like(t), generic(size)))
-                scale = tuple(_magnitude(jax.lax.stop_gradient(term)) for term in terms)
+                scale = tuple(
+                    jnp.ones_like(term) if stated else _magnitude(jax.lax.stop_gradient(term))
+                    for term, stated in zip(terms, self.stated, strict=True)
+                )
         for section, of_slope in zip(self.sections, self.of_slope, strict=True):
             slope = zero_slope
             if of_slope:
@@ -118,6 +129,8 @@ def _scaled(value: Any, factor: Any) -> Any:
 
 
 def _inverse(scale: Any) -> Any:
+    if scale is None:
+        return 1.0
     return 1.0 / float(scale) if isinstance(scale, int | float) else jax.lax.stop_gradient(1.0 / scale)
 
 
@@ -156,6 +169,7 @@ def event_functions(
         )
     of_slope = tuple(s.uses_slope(system, t, y, dy, mode, args) for s in sections)
     judged = (True,) * len(names) + tuple(not slope for slope in of_slope)
+    scales = (None,) * len(names) if system.guard_scales is None else system.guard_scales
     function = all_values(system, sections, dy, mode, args)
     degree = degrees(function, (t, y), (True, True))
     kept = [known and d != NONE for known, d in zip(judged, degree, strict=True)]
@@ -168,7 +182,10 @@ def event_functions(
         bent=tuple(known and d == OTHER for known, d in zip(judged, degree, strict=True)),
         straight=tuple(known and d == AFFINE for known, d in zip(judged, degree, strict=True)),
         read=_read(function, t, y, kept),
-        learned=bool(names) and system.guard_scales is None,
+        learned=any(scale is None for scale in scales),
+        stated=tuple(scale is not None for scale in scales),
+        num_bends=len(getattr(system, "changes", ())),
+        width=getattr(system, "width", 0),
     )
 
 
