@@ -250,10 +250,14 @@ def _largest(eqn: Any, given: list[_Known], outcomes: Outcomes) -> Any:
     return found
 
 
+def _of_two(eqn: Any, given: list[_Known], outcomes: Outcomes) -> Any:
+    pick = _greater if eqn.primitive.name == "max" else _less
+    return pick(given[0].value, given[1].value, outcomes)
+
+
 _RULES: dict[str, Any] = {
-    "max": lambda eqn, given, outcomes: _greater(*(k.value for k in given), outcomes),
-    "min": lambda eqn, given, outcomes: _less(*(k.value for k in given), outcomes),
-    "clamp": _clamp, "abs": _magnitude, "sign": _sign, "reduce_max": _largest, "reduce_min": _largest,
+    "max": _of_two, "min": _of_two, "clamp": _clamp, "abs": _magnitude, "sign": _sign,
+    "reduce_max": _largest, "reduce_min": _largest,
 }  # fmt: skip
 
 

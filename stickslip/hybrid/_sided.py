@@ -9,6 +9,7 @@ from typing import Any
 
 import equinox as eqx
 import jax
+import jax.core
 import jax.extend
 import jax.numpy as jnp
 import numpy as np
@@ -80,7 +81,7 @@ class Sided(AbstractSystemWrapper):
         margins = self.field((self.system, args), t, mode, y, wanted)
         return (*self.system.guards(t, y, self.inner_mode(mode), args), *margins)
 
-    def transition(self, t, y, mode, guard, args):
+    def transition(self, t, y, mode: Any, guard, args):
         first = len(self.system.guard_names)
         over = mode
         for number, (adds, place) in enumerate(self.changes, start=first):
