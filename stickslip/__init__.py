@@ -8,6 +8,11 @@ from . import _precision as _precision
 
 # isort: split
 from ._compilation_cache import enable_compilation_cache as enable_compilation_cache
+from ._piecewise import absolute as absolute
+from ._piecewise import backlash as backlash
+from ._piecewise import dead_band as dead_band
+from ._piecewise import positive_part as positive_part
+from ._piecewise import saturate as saturate
 from ._version import __version__ as __version__
 from .hybrid import RESULTS as RESULTS
 from .hybrid import AbstractAdaptiveStep as AbstractAdaptiveStep

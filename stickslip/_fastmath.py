@@ -11,6 +11,10 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, ArrayLike, Bool, Float, Real
 
+# Scope of comparisons inside of what is smooth all the same, or bends only where a mode ends: a run
+# does not look for bends there.
+SMOOTH = "smooth_all_the_same"
+
 _LOG2_E = 1.4426950408889634
 # ln 2 in two parts; the first has 21 trailing zero bits, so its product with any exponent is exact.
 _LN2_HIGH = 6.93147180369123816490e-01
@@ -58,6 +62,7 @@ def where(
     return lax.select(condition, yes, no)
 
 
+@jax.named_scope(SMOOTH)
 def side_of(x: Float[Array, "..."]) -> Float[Array, "..."]:
     """+1 for x >= 0, else -1; unlike a sign it keeps the slope of `side * f(side * x)` at 0."""
     return lax.select(x < 0, lax.full_like(x, -1.0), lax.full_like(x, 1.0))

@@ -1,8 +1,9 @@
 """Different friction in the two directions."""
 
+import jax
 from jaxtyping import Array, Float
 
-from stickslip._fastmath import where
+from stickslip._fastmath import SMOOTH, where
 from stickslip._validation import refusal, shown
 from stickslip.friction._law import (
     AbstractFrictionLaw,
@@ -62,6 +63,7 @@ class Asymmetric(AbstractMemorylessLaw):
     def is_dissipative(self) -> bool:
         return self.forward.is_dissipative and self.backward.is_dissipative
 
+    @jax.named_scope(SMOOTH)
     def kinetic(self, v: Number, sense: Number) -> Float[Array, "..."]:
         v, sense = in_dtype_of(v, sense)
         return where(sense < 0, self.backward.kinetic(v, sense), self.forward.kinetic(v, sense))
@@ -74,6 +76,7 @@ class Asymmetric(AbstractMemorylessLaw):
             self.forward.static_coefficient(sense),
         )
 
+    @jax.named_scope(SMOOTH)
     def drag(self, v: Number) -> Float[Array, "..."]:
         (v,) = in_dtype_of(v)
         return where(v < 0, self.backward.drag(v), self.forward.drag(v))

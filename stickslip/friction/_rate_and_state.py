@@ -4,6 +4,7 @@ import math
 from typing import ClassVar, Literal, get_args
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
@@ -118,6 +119,7 @@ class RateAndState(AbstractFrictionLaw):
         v, age, mu_0, a, b, v_0 = in_dtype_of(v, age, self.mu_0, self.a, self.b, self.v_0)
         return v, (mu_0 + b * age) / a, a, v_0
 
+    @jax.named_scope(fast.SMOOTH)
     def _coefficient(self, v: Number, age: Number) -> Float[Array, "..."]:
         v, exponent, a, v_0 = self._strength(v, age)
         u, exponent = jnp.broadcast_arrays(v / (2.0 * v_0), exponent)

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import ClassVar, Literal, get_args
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
@@ -33,7 +34,8 @@ def _arctan(u: Float[Array, "..."]) -> Float[Array, "..."]:
 def _sqrt(u: Float[Array, "..."]) -> Float[Array, "..."]:
     # Beyond, the square would overflow; the sign function is reached long before.
     largest = lax.full_like(u, 0.5 * float(jnp.finfo(u.dtype).max) ** 0.5)
-    u = lax.clamp(-largest, u, largest)
+    with jax.named_scope(fast.SMOOTH):
+        u = lax.clamp(-largest, u, largest)
     return u * lax.rsqrt(1.0 + u * u)
 
 

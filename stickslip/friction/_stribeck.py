@@ -3,6 +3,7 @@
 from typing import ClassVar
 
 import equinox as eqx
+import jax
 from jax import lax
 from jaxtyping import Array, Float
 
@@ -83,7 +84,8 @@ class Stribeck(AbstractDryFrictionLaw):
     def kinetic(self, v: Number, sense: Number) -> Float[Array, "..."]:
         v, sense, mu_s, mu_k, v_s = in_dtype_of(v, sense, self.mu_s, self.mu_k, self.v_s)
         decay = self._power(sense * v / v_s)
-        decay = lax.max(decay, lax.full_like(decay, -1.0))
+        with jax.named_scope(fast.SMOOTH):
+            decay = lax.max(decay, lax.full_like(decay, -1.0))
         return sense * (mu_k + (mu_s - mu_k) * fast.exp(-decay))
 
     def static_coefficient(self, sense: Number = 1) -> Float[Array, "..."]:

@@ -2,10 +2,11 @@
 
 from typing import ClassVar
 
+import jax
 from jax import lax
 from jaxtyping import Array, Float
 
-from stickslip._fastmath import where
+from stickslip._fastmath import SMOOTH, where
 from stickslip._validation import as_parameter, check_nonnegative
 from stickslip.friction._law import AbstractDryFrictionLaw, Number, in_dtype_of
 
@@ -17,7 +18,8 @@ def weakening_factor(speed: Float[Array, "..."], gamma: Float[Array, "..."]) -> 
     steps, while near $s = 0$, where events are located, nothing is changed.
     """
     factor = 1.0 + gamma * speed
-    return lax.max(factor, lax.full_like(factor, 0.5))
+    with jax.named_scope(SMOOTH):
+        return lax.max(factor, lax.full_like(factor, 0.5))
 
 
 class HyperbolicWeakening(AbstractDryFrictionLaw):

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 
 from . import _locate
 from ._control import rounding
-from ._event_decision import ROUNDING, First, is_guard
+from ._event_decision import RESTED, ROUNDING, TOUCHED, First, is_guard
 from ._events import SLACK, Values
 from ._loop_state import (
     COLLAPSED,
@@ -120,7 +120,8 @@ def accounts(
     kept["crossings"], status = _counted(plan, lane.crossings, fired, status)
     if first is not None:
         if plan.functions.num_guards:
-            chatters = kept["zero_events"] > MAX_ZERO_LENGTH
+            # Of bends all may be met in one instant, each of them twice.
+            chatters = kept["zero_events"] > MAX_ZERO_LENGTH + 2 * plan.functions.num_bends
             status = jnp.where(chatters, _STATUS["chattering"], status)
         status = jnp.where(mode < 0, _STATUS["no_admissible_mode"], status)
     if not judged:
@@ -136,9 +137,10 @@ def accounts(
 def _of_events(plan: Plan, code, lane: Lane, h, t, mode, first: First) -> dict[str, Any]:
     """Counters and flags that only events change."""
     event, moved = is_event(code), moved_on(code)
+    fires = event & ~plan.functions.is_bend(first.index) if plan.functions.num_bends else event
     kept = dict(
         fresh=jnp.where(event, 0.0, jnp.where(moved, 1.0, lane.fresh)),
-        events=lane.events + jnp.where(event, 1.0, 0.0),
+        events=lane.events + jnp.where(fires, 1.0, 0.0),
     )
     if not plan.functions.num_guards:
         return kept
@@ -151,19 +153,30 @@ def _of_events(plan: Plan, code, lane: Lane, h, t, mode, first: First) -> dict[s
     bend = jnp.abs(first.rate - first.rate_start)
     grazes = (lane.h > 0) & (first.rate**2 * lane.h < 2.0 * bend * plan.touching)
     grazes = (code == COLLAPSED) | ((code == EVENT) & grazes)
+    marks, coincides = first.marks, first.close > 1
+    if plan.functions.num_bends:
+        # Where a force does not jump a motion may graze its bend, or meet it with anything else, and
+        # has a derivative all the same; but where it rests there, it has one on each side.
+        bend = plan.functions.is_bend(first.index)
+        touched = ((marks & TOUCHED) != 0) & bend & first.jumps
+        touched = touched | (((marks & RESTED) != 0) & bend & (first.jumps | first.bends))
+        marks = (marks & ~(TOUCHED | RESTED)) | jnp.where(touched, GRAZING, 0)
+        grazes = grazes & (fires | first.jumps)
+        coincides = jnp.where(bend, first.jumps & (first.close > 0), coincides)
     flags = lane.flags | jnp.where(grazes, GRAZING, 0)
     # An attempt of length zero compares the guards of two modes.
-    flags = flags | jnp.where(moved & (code != REFRESH), first.marks, 0)
+    flags = flags | jnp.where(moved & (code != REFRESH), marks, 0)
     undecided = (code == REFRESH) & _is_undecided(plan, lane, first)
     flags = flags | jnp.where(undecided, GRAZING, 0)
-    flags = flags | jnp.where(event & (first.close > 1), COINCIDENT, 0)
-    flags = flags | jnp.where(code == VIOLATED, EVENT_AT_START, 0)
+    flags = flags | jnp.where(event & coincides, COINCIDENT, 0)
+    flags = flags | jnp.where(fires & (code == VIOLATED), EVENT_AT_START, 0)
     # A hash of guards and modes in their order: two runs can be compared without their logs.
     # The golden ratio of 2^32 keeps guard and mode apart, however many modes there are.
+    mode = mode >> plan.functions.width if plan.functions.width else mode
     symbol = (mode + 1).astype(jnp.uint32) + first.index.astype(jnp.uint32) * jnp.uint32(2654435769)
     if jnp.asarray(mode).dtype == jnp.int64:
         symbol = symbol + (mode >> 31).astype(jnp.uint32) * jnp.uint32(2654435761)
-    sequence = jnp.where(event, lane.sequence * jnp.uint32(1000003) + symbol, lane.sequence)
+    sequence = jnp.where(fires, lane.sequence * jnp.uint32(1000003) + symbol, lane.sequence)
     return kept | dict(zero_events=zero_events, flags=flags, sequence=sequence)
 
 
@@ -174,7 +187,10 @@ def _is_undecided(plan: Plan, lane: Lane, first: First):
     and below the error of the state might as well lie below zero, and another mode come next.
     """
     near = (first.value > SLACK) & (first.value < UNDECIDED * plan.touching)
-    return (lane.events > 0) & near & is_guard(plan.functions, first)
+    near = near & is_guard(plan.functions, first)
+    if plan.functions.num_bends:
+        near = near & ~plan.functions.is_bend(first.index)
+    return (lane.events > 0) & near
 
 
 def _counted(plan: Plan, crossings, fired, status):

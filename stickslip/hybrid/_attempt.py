@@ -4,6 +4,7 @@ Whatever is computed here is computed for every step of every lane. Where the ev
 lanes of a batch alone, and in systems without any, the same code runs with the events absent.
 """
 
+import functools
 from typing import Any
 
 import equinox.internal as eqxi
@@ -32,6 +33,9 @@ from ._step import Step, take
 from ._system import mode_type
 from ._tree import select, shift
 from ._xla import bookkeeping, piece
+
+# Parts of itself by which the field, and its slope, differ at least on the sides of a bend.
+JUMP, BEND = 1e-5, 1e-9
 
 
 def attempt(plan: Plan, problem: PyTree, lane: Lane, t1: Any, outputs: Any) -> tuple[Lane, Outcome]:
@@ -80,6 +84,11 @@ def _advance(
         # and what the transition makes of the state is thrown away.
         dt = _delay(plan, code, first, step.h)
         jump = _transition(plan, lane.mode, first.index, step, lane.t + step.h, dt, problem=problem)
+        if plan.functions.num_bends:
+            jumps, bends = _kick(
+                plan, bare.mode, first.index, lane.t + step.h, step.y1, problem=problem
+            )
+            first = first._replace(jumps=jumps, bends=bends)
         y_before = _shifted(plan, step.y1, jax.lax.stop_gradient(step.dy1), dt)
 
     keeps = not judged and (first is not None or plan.step_size.adaptive)
@@ -138,6 +147,30 @@ def _transition(plan: Plan, mode, guard, step: Step, t_end, dt, *, problem):
     y = shift(step.y1, jax.lax.stop_gradient(step.dy1), dt)
     y_new, mode_new = system.transition(t_end + dt, y, mode, guard, args)
     return y_new, jnp.asarray(mode_new, mode_type(system))
+
+
+@bookkeeping
+def _kick(plan: Plan, mode, index, t, y, *, problem):
+    """Whether the field jumps where a bend is crossed, and whether its slope does."""
+    system, args = problem
+
+    def look(mode):
+        return jax.jvp(
+            lambda y: system.vector_field(t, y, mode, args), (y,), (jax.tree.map(jnp.ones_like, y),)
+        )
+
+    # In one batch: the field is in the program once for both sides.
+    slopes = jax.vmap(look)(jnp.stack([mode, system.transition(t, y, mode, index, args)[1]]))
+    return tuple(_differs(a, level) for a, level in zip(slopes, (JUMP, BEND), strict=True))
+
+
+def _differs(both: PyTree, level: float) -> Any:
+    """Whether a number differs on both sides by more than a part of itself."""
+    found = [
+        jnp.any(jnp.abs(a[0] - a[1]) > level * (jnp.abs(a[0]) + jnp.abs(a[1])))
+        for a in jax.tree.leaves(both)
+    ]
+    return functools.reduce(jnp.logical_or, found)
 
 
 @piece

@@ -33,6 +33,8 @@ ROUNDING = 1e-15  # of the time: no event is located better
 # A function is at its lowest where it falls by less than this on, of its magnitude, at the end of a
 # step; at the start of the next one by less than this part of that. In between no touch is lost.
 LOWEST, WAS_LOWEST = 1e-16, 0.1
+# Of a bend of a force, inside a step only: what it makes of derivatives is seen at the end of the step.
+TOUCHED, RESTED = 1 << 20, 1 << 21
 COINCIDENCE = 1e-9  # fraction of a full step within which two guards fire "at the same instant"
 
 
@@ -47,6 +49,9 @@ class First(NamedTuple):
     close: Any  # number of guards within rounding of zero
     h_dip: Any  # where a function may have gone, or was seen, through zero and back; 0 if none
     marks: Any  # flags of a step in which nothing fires: a guard nearly touched, something jumped
+    # Of a bend of a force that comes first: whether the force jumps there, or at least its slope does.
+    jumps: Any = None
+    bends: Any = None
 
 
 def _no_event(lane: Lane) -> First:
@@ -89,15 +94,16 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
             continue
         # It turned back above zero, by less than what the tolerance of the state can decide.
         marks = best.marks
+        bend = is_guard and functions.is_bend(i)
         judged = is_guard and i not in functions.continuous
         low = jnp.minimum(value0, stop_gradient(value)) < plan.touching
         if judged:
-            marks = marks | flag(low & _turns(rate0, rate, lane.h), GRAZING)
-        if is_guard and functions.num_guards > 1:
+            marks = marks | flag(low & _turns(rate0, rate, lane.h), TOUCHED if bend else GRAZING)
+        if is_guard and functions.num_guards > 1 and not bend:
             near = jnp.abs(stop_gradient(value)) < -rate * COINCIDENCE * full
             close = close + jnp.where(near, 1, 0)
         found = (value, rate, value0, rate0)
-        if is_guard and functions.count > 1:
+        if is_guard and functions.count > 1 and not bend:
             # One that rests on zero is not what another is located beside.
             idle = (value >= -SLACK) & (jnp.abs(rate) <= plan.idle)
             if judged:
@@ -113,10 +119,16 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         if not is_guard:
             lower = lower & _locate.begins_inside(value0, rate0, rate)
         chosen = [jnp.where(lower, new, old) for new, old in zip(found, best[1:5], strict=True)]
-        best = First._make([jnp.where(lower, i, best.index), *chosen, close, h_dip, marks])
+        best = First(jnp.where(lower, i, best.index), *chosen, close, h_dip, marks)
     if not functions.num_guards:
         return best
-    return best._replace(marks=best.marks | flag(_rests_at_zero(plan, lane, best), GRAZING))
+    rests = _rests_at_zero(plan, lane, best)
+    if functions.num_bends:
+        bend = functions.is_bend(best.index)
+        return best._replace(
+            marks=best.marks | flag(rests & ~bend, GRAZING) | flag(rests & bend, RESTED)
+        )
+    return best._replace(marks=best.marks | flag(rests, GRAZING))
 
 
 def _turns(rate0: Any, rate: Any, h: Any) -> Any:

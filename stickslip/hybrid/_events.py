@@ -44,10 +44,18 @@ class EventFunctions(eqx.Module):
     continuous: tuple[int, ...] = eqx.field(static=True)  # guards whose touch leaves derivatives right
     # Whether magnitudes of the guards follow the motion, because the system states none.
     learned: bool = eqx.field(static=True)
+    stated: tuple[bool, ...] = eqx.field(static=True)  # the magnitudes of which guards are stated
+    # How many of the guards, the last of them, are bends of a force: events without a transition.
+    num_bends: int = eqx.field(static=True)
+    width: int = eqx.field(static=True)  # low bits of the mode that say on which side of them a lane is
 
     @property
     def count(self) -> int:
         return len(self.directions)
+
+    def is_bend(self, index: Any) -> Any:
+        """Whether a function, one of the guards, is a bend of a force."""
+        return (index >= self.num_guards - self.num_bends) & (index < self.num_guards)
 
     def acts(self, index: int) -> bool:
         """Whether a crossing ends the step: guards and terminal sections, not recorded sections."""
@@ -154,6 +162,8 @@ def _scaled(value: Any, factor: Any) -> Any:
 
 
 def _inverse(scale: Any) -> Any:
+    if scale is None:
+        return 1.0
     return 1.0 / float(scale) if isinstance(scale, int | float) else jax.lax.stop_gradient(1.0 / scale)
 
 
@@ -192,6 +202,7 @@ def event_functions(
         )
     of_slope = tuple(s.uses_slope(system, t, y, dy, mode, args) for s in sections)
     judged = (True,) * len(names) + tuple(not slope for slope in of_slope)
+    scales = (None,) * len(names) if system.guard_scales is None else system.guard_scales
     function = all_values(system, sections, dy, mode, args)
     degree = degrees(function, (t, y), (True, True))
     kept = [known and d != NONE for known, d in zip(judged, degree, strict=True)]
@@ -205,7 +216,10 @@ def event_functions(
         straight=tuple(known and d == AFFINE for known, d in zip(judged, degree, strict=True)),
         read=_read(function, t, y, kept),
         continuous=system.continuous_guards,
-        learned=bool(names) and system.guard_scales is None,
+        learned=any(scale is None for scale in scales),
+        stated=tuple(scale is not None for scale in scales),
+        num_bends=len(getattr(system, "changes", ())),
+        width=getattr(system, "width", 0),
     )
 
 

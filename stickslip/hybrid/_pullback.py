@@ -82,6 +82,7 @@ def pull(plan: Plan, varied: PyTree, held: PyTree, row: Tape, bars: tuple, logs:
     """Cotangents of `(problem, t, y, dy)` before one attempt from those after it; `x_bar`: of `x`."""
     problem_bar, t_bar, y_bar, dy_bar = bars
     event, moved = is_event(row.code), moved_on(row.code)
+    logged = event & ~plan.functions.is_bend(row.guard) if plan.functions.num_bends else event
 
     # Cotangents of the rows this attempt wrote into the logs.
     before_bar = jax.tree.map(jnp.zeros_like, y_bar)
@@ -96,7 +97,7 @@ def pull(plan: Plan, varied: PyTree, held: PyTree, row: Tape, bars: tuple, logs:
             time_bar = time_bar + bar.t
             before_bar = _add(before_bar, bar.y)
     if logs.events is not None:
-        bar = _row_bar(logs.events, row.event_number, event)
+        bar = _row_bar(logs.events, row.event_number, logged)
         time_bar = time_bar + bar.t
         before_bar, after_bar = _add(before_bar, bar.y_before), _add(after_bar, bar.y_after)
 

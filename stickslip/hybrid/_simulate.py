@@ -35,8 +35,9 @@ from ._plainly import jit_plainly
 from ._progress import ProgressMeter
 from ._record import Capacities
 from ._section import Section
+from ._sided import of_sided, sided, without_sides
 from ._solution import Solution
-from ._status import CODE, STILL, flag, to_result
+from ._status import BENT, CODE, STILL, flag, to_result
 from ._step_size import AbstractStepSize, AdaptiveStep
 from ._stepper import ExplicitRungeKutta, as_stepper
 from ._still import too_still
@@ -156,6 +157,10 @@ def simulate(
     instant fire in the order of their values, each with its own transition; the lane is flagged. An
     event at `t1` is taken if it is located at or before `t1`.
 
+    **Bends.** Where a comparison of numbers that depend on the state changes its outcome in the field
+    (`jnp.maximum`, `jnp.where`, `jnp.clip`, `jnp.interp`, ...), or a declared switch its sign, a step
+    ends as it does at an event, with neither a transition nor a row in the log of events.
+
     **Derivatives.** `jax.jvp`, `jax.jacfwd` (few parameters) and `jax.grad`, `jax.jacrev` (many) are
     exact with respect to the system's float fields, `args`, `y0`, `t0`, `t1` and output times, for
     the end state, outputs, steps, events (their times too) and crossings. They hold as long as the
@@ -236,9 +241,16 @@ def _run(
     problem = (system, args)
     check_field(system, t0, y0, mode0, args)
     check_sections(system, sections, t0, y0, mode0, args)
-    functions = event_functions(system, sections, t0, y0, y0, mode0, args)
     log_events = saveat.events and max_events is not None
     rule, watched, longest = bounded(integrator.step, system, sections, t0, t1 - t0, y0, mode0, args)
+    bent, unlocated = sided(system, t0, y0, mode0, args)
+    # What is located is no surprise: of a field with sides only jumps in time are.
+    of_time = (t0, y0) if bent is None or bent.jumps else (t0,)
+    jumps = may_jump(lambda t, y=y0: system.vector_field(t, y, mode0, args), of_time)
+    if bent is not None:
+        mode0 = bent.with_sides(t0, y0, mode0, args)
+        system, problem, sections = bent, (bent, args), tuple(map(of_sided, sections))
+    functions = event_functions(system, sections, t0, y0, y0, mode0, args)
     stepper = as_stepper(integrator.method, _rtol(rule))
     atols, terms = (), y0  # no tolerances with fixed steps that solve nothing
     if rule.adaptive or stepper.solves:
@@ -262,7 +274,7 @@ def _run(
         longest=stop_gradient(longest),
         resolution=stop_gradient(RESOLUTION * (t1 - t0)),
         detect_dips=integrator.detect_dips,
-        switches=may_jump(lambda t, y: system.vector_field(t, y, mode0, args), (t0, y0)),
+        switches=jumps,
         progress=integrator.progress,
     )
     capacities = Capacities(
@@ -274,6 +286,9 @@ def _run(
     fixed = (mode0, stop_gradient(t1), None if ts is None else stop_gradient(ts))
     smooth, counts = core((problem, t0, y0), fixed=fixed, plan=plan, capacities=capacities)
     solution = _assemble(plan, problem, t0, t1, (y0, mode0), ts, smooth, counts, capacities)
+    solution = without_sides(solution, system)
+    if unlocated:
+        solution = eqx.tree_at(lambda s: s.flags, solution, solution.flags | BENT)
     return solution, solution.successful
 
 

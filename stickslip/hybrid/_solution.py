@@ -101,7 +101,8 @@ class Solution(eqx.Module):
     - `result`: a `RESULTS` item per lane.
     - `flags`: bits that say why a derivative does not exist or is not to be trusted, 0 if none: 1
       grazing, 2 coincident events, 4 a guard violated when a mode began, 8 a jump inside a step, 16 an
-      absolute tolerance above the motion, 32 an equilibrium with steps too long for derivatives.
+      absolute tolerance above the motion, 32 an equilibrium with steps too long for derivatives,
+      64 a field that bends in a long loop or in too many places.
       `differentiable` is `flags == 0`.
     - `sequence`: hash of the sequence of guards and modes. Where it differs between two parameter
       values the mode sequence changed between them, and so no derivative connects them.

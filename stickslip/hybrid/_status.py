@@ -70,6 +70,7 @@ EVENT_AT_START = 4  # a guard was already violated when a mode began
 DISCONTINUOUS = 8  # a guard or the field jumped inside a step, at a time that nobody declared
 COARSE = 16  # an absolute tolerance is above the motion of a component
 STILL = 32  # the motion is too small to set the steps that its derivative needs
+BENT = 64  # the field bends in more places than are located, or inside a loop
 
 
 def describe_flags(flags: int) -> str:
@@ -81,6 +82,7 @@ def describe_flags(flags: int) -> str:
         DISCONTINUOUS: "discontinuous: a guard or the field jumped within a step",
         COARSE: "coarse: an absolute tolerance is above the motion of a component",
         STILL: "still: at an equilibrium the steps are too long for derivatives; give dtmax",
+        BENT: "bent: a force bends in a long loop, or in too many places; declare its switches",
     }
     return "; ".join(text for bit, text in names.items() if int(flags) & bit) or "none"
 

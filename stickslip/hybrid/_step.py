@@ -179,7 +179,11 @@ def _rescaled(plan: Plan, lane: Lane, values: Values) -> tuple[tuple, Values, Va
     """
     stays, time = lane.fresh == 1.0, ROUNDED * plan.noise.time
     used, kept = (), ()
-    for scale, value, rate, terms in zip(lane.scales, *jax.lax.stop_gradient(values), strict=False):
+    rows = zip(plan.functions.stated, lane.scales, *jax.lax.stop_gradient(values), strict=False)
+    for stated, scale, value, rate, terms in rows:
+        if stated:
+            used, kept = (*used, jnp.ones_like(value)), (*kept, jnp.ones_like(value))
+            continue
         found = jnp.maximum(jnp.abs(value), terms)
         begun = jnp.abs(rate) * time
         unknown = (begun == 0.0) & (terms == 0.0) & (value < NEAR_ONE) & (value != 0.0)

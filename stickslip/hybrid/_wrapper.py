@@ -106,6 +106,11 @@ class AbstractSystemWrapper(AbstractHybridSystem):
         y, args = self.inner(y, args)
         return self.system.constraints(t, y, mode, args)
 
+    def switches_in(self, t, y, mode, args):
+        """Those of `system`."""
+        y, args = self.inner(y, args)
+        return self.system.switches_in(t, y, mode, args)
+
     def guards(self, t, y, mode, args):
         y, args = self.inner(y, args)
         return self.system.guards(t, y, mode, args)

@@ -57,6 +57,10 @@ class _AbstractSmoothForm(AbstractMechanicalSystem):
         """As that of the mechanism."""
         self.mechanism.check_start(t, self.bare(y), args)
 
+    def switches_in(self, t, y, mode, args):
+        """Those of the mechanism."""
+        return self.mechanism.switches_in(t, self.bare(y), mode, args)
+
     def guards(self, t, y, mode, args):
         at = self.mechanism.instant(t, self.bare(y), args)
         loads = (at.contacts[c].normal_force for c in self.mechanism.lifting)

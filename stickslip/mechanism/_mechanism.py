@@ -189,6 +189,15 @@ class AbstractMechanism(AbstractWithObservables):
         """A `Contact` for each name in `contact_directions`."""
         return {}
 
+    def switches(  # pyright: ignore[reportIncompatibleMethodOverride]
+        self, t: Numeric, q: PyTree, v: PyTree, args: PyTree
+    ) -> tuple:
+        """Scalars at whose changes of sign a force bends or jumps without showing it.
+
+        `AbstractHybridSystem.switches` says which those are, and what follows.
+        """
+        return ()
+
     def potential_energy(self, q: PyTree) -> Any:
         """Potential energy [J] of those forces that have one; 0 if left out.
 
@@ -285,6 +294,9 @@ class AbstractMechanism(AbstractWithObservables):
         [N]; `rest`, whether each contact is at rest: with each set all contacts that it holds.
         """
         return motion_in_rows(island, mass, force, rest)
+
+    def switches_in(self, t, y, mode, args):
+        return tuple(self.switches(t, *self.to_coordinates(y), args))
 
     def guards(self, t, y, mode, args):
         return _changes.guards(self, t, y, mode, args)

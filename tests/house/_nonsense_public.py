@@ -46,6 +46,10 @@ EXEMPT = {
     "code_revision": "takes nothing",
     "versions": "takes nothing",
     "as_json": "takes anything",
+    **dict.fromkeys(
+        ("positive_part", "absolute", "saturate", "backlash", "dead_band"),
+        "what an author calls in a field, inside of programs",
+    ),
 }
 # Arguments of a callable that no template has to give.
 ELSEWHERE = {
@@ -66,7 +70,7 @@ EXEMPT_METHODS = {
     **dict.fromkeys(
         (
             "vector_field", "guards", "transition", "inner", "time_scale", "check_start",
-            "check_mode", "constraints", "mass_matrix",
+            "check_mode", "constraints", "mass_matrix", "switches", "switches_in",
             "forces", "contacts", "gaps", "potential_energy", "rates",
         ),
         CALLED_BY_ENGINE,

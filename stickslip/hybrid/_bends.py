@@ -1,0 +1,342 @@
+"""Where a function bends or jumps in the state, read off its program while tracing.
+
+A comparison of numbers that depend on the state, in `max`, `abs`, `clip`, `where` or a table, changes
+its outcome where the difference of the two is zero. Evaluated with outcomes that are given, the
+function is smooth through that border, as the field of a mode is.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import jax
+import jax.extend
+import jax.numpy as jnp
+from jax.lax import stop_gradient
+
+from .._fastmath import SMOOTH
+
+MOST = 48  # bits of all outcomes
+LONGEST_SCAN = 16  # loops of more rounds are not looked into
+_LITERAL = jax.extend.core.Literal
+_CALLS = {
+    "jit": "jaxpr", "pjit": "jaxpr", "closed_call": "call_jaxpr", "core_call": "call_jaxpr",
+    "remat": "jaxpr", "remat2": "jaxpr", "checkpoint": "jaxpr",
+}  # fmt: skip
+_ROUNDED = {"floor", "ceil", "round", "rem"}
+_SORTED = {"sort", "argmax", "argmin", "cummax", "cummin", "reduce_window_max", "reduce_window_min"}
+_COMPARED = {"gt": 1.0, "ge": 1.0, "lt": -1.0, "le": -1.0}
+
+
+class Change(NamedTuple):
+    """What becomes of the code where a margin falls through zero."""
+
+    adds: int | None  # None: the bit at `place` is turned over
+    place: int
+
+
+class Outcomes:
+    """Outcomes of the comparisons of one evaluation, in their order, and the margins that they have.
+
+    `code`: the outcomes given, as the bits of an integer; None: each is what its numbers say.
+    """
+
+    def __init__(self, code: Any = None, width: int = 0):
+        self.code = code
+        self.width = width  # bits so far
+        self.found: Any = 0  # code of what the numbers say
+        self.margins: list[Any] = []  # scalars, positive as long as an outcome stays what it is
+        self.changes: list[Change] = []
+        self.left = False  # whether there are more than there is room for, or some in a long loop
+        self.declared = False  # whether the system declares switches
+        self.jumps = False  # whether something is rounded, which jumps
+        self.extremes: dict[int, tuple] = {}  # results of `max` and the like, and what they came from
+
+    def compared(self, value: Any, plain: Any) -> Any:
+        """Outcome of a comparison: `plain` by its numbers, where it is true `value` is positive."""
+        value, plain = jnp.broadcast_arrays(value, plain)
+        if self.width + value.size > MOST:
+            self.left = True
+            return plain
+        rows = zip(jnp.ravel(value), jnp.ravel(plain), strict=True) if value.ndim else [(value, plain)]
+        given = [self._bit(*row) for row in rows]
+        return jnp.stack(given).reshape(value.shape) if value.ndim else given[0]
+
+    def _bit(self, value: Any, plain: Any) -> Any:
+        place, self.width = self.width, self.width + 1
+        self.found = self.found + jnp.where(plain, 1 << place, 0)
+        given = plain if self.code is None else ((self.code >> place) & 1) == 1
+        self.margins.append(jnp.where(given, value, -value))
+        self.changes.append(Change(None, place))
+        return given
+
+    def cell(self, nodes: Any, value: Any, plain: Any) -> Any:
+        """Number of the cell between increasing `nodes` that a scalar `value` is in."""
+        count = nodes.shape[0]
+        bits = count.bit_length()
+        if value.ndim or self.width + bits > MOST:
+            self.left = True
+            return plain
+        place, self.width = self.width, self.width + bits
+        self.found = self.found + (plain.astype(jnp.int64) << place)
+        number = plain
+        if self.code is not None:
+            number = ((self.code >> place) & ((1 << bits) - 1)).astype(plain.dtype)
+        # Sums, because the slope of an index is one that no fused loop takes.
+        places = jnp.arange(count, dtype=plain.dtype)
+        below = jnp.sum(jnp.where(places == number - 1, nodes, 0.0))
+        above = jnp.sum(jnp.where(places == number, nodes, 0.0))
+        self.margins.append(jnp.where(number > 0, value - below, 1.0))
+        self.changes.append(Change(-1, place))
+        self.margins.append(jnp.where(number < count, above - value, 1.0))
+        self.changes.append(Change(1, place))
+        return number
+
+
+class _Known(NamedTuple):
+    """A value; whether it depends on the state; what it is by the numbers, if an outcome is given."""
+
+    value: Any
+    varies: bool = False
+    plain: Any = None
+    rough: bool = False  # whether it comes from something that is rounded
+
+    @property
+    def by_numbers(self) -> Any:
+        return self.value if self.plain is None else self.plain
+
+
+def evaluated(closed: Any, operands: Sequence, varies: Sequence[bool], outcomes: Outcomes) -> list:
+    """Results of a traced function of `operands`, some of which vary, with the outcomes given."""
+    given = [_Known(value, v) for value, v in zip(operands, varies, strict=True)]
+    found = _run(closed.jaxpr, closed.consts, given, outcomes, smooth=False)
+    return [known.value for known in found]
+
+
+def _run(jaxpr: Any, consts: Sequence, given: list[_Known], outcomes: Outcomes, smooth: bool) -> list:
+    known: dict[Any, _Known] = dict(zip(jaxpr.constvars, map(_Known, consts), strict=True))
+    known.update(zip(jaxpr.invars, given, strict=True))
+
+    def of(atom: Any) -> _Known:
+        return _Known(atom.val) if isinstance(atom, _LITERAL) else known[atom]
+
+    for eqn in jaxpr.eqns:
+        within = smooth or SMOOTH in str(eqn.source_info.name_stack)
+        found = _equation(eqn, [of(atom) for atom in eqn.invars], outcomes, within)
+        known.update(zip(eqn.outvars, found, strict=True))
+    return [of(atom) for atom in jaxpr.outvars]
+
+
+def _equation(eqn: Any, given: list[_Known], outcomes: Outcomes, smooth: bool) -> list[_Known]:
+    name = eqn.primitive.name
+    varies = any(k.varies for k in given)
+    if not varies:
+        return [_Known(value) for value in _bound(eqn, [k.value for k in given])]
+    inner = eqn.params.get(_CALLS.get(name, ""))
+    if name == "custom_jvp_call" and eqn.params.get("name") == "relu":
+        inner = eqn.params["call_jaxpr"]
+    if (
+        name in _CALLS
+        and eqn.params.get("name") == "searchsorted"
+        and not given[0].varies
+        and not smooth
+    ):
+        (plain,) = _bound(eqn, [k.by_numbers for k in given])
+        return [_Known(outcomes.cell(given[0].value, given[1].value, plain), True)]
+    if inner is not None:
+        return _run(
+            getattr(inner, "jaxpr", inner), getattr(inner, "consts", ()), given, outcomes, smooth
+        )
+    if name == "cond":
+        return _branches(eqn, given, outcomes, smooth)
+    if name == "scan" and eqn.params["length"] <= LONGEST_SCAN:
+        return _rounds(eqn, given, outcomes, smooth)
+    real = jnp.issubdtype(eqn.invars[-1].aval.dtype, jnp.floating)
+    whole = not jnp.issubdtype(eqn.outvars[0].aval.dtype, jnp.inexact)
+    rounded = real and (name in _ROUNDED or (name == "convert_element_type" and whole))
+    if any(k.rough for k in given) or (rounded and not smooth):
+        # Next to a jump that is not located nothing else can be.
+        outcomes.jumps = True
+        found = _bound(eqn, [k.by_numbers for k in given])
+        return [_Known(value, True, None, True) for value in found]
+    rule = _RULES.get(name)
+    if real and rule is not None and not smooth:
+        return [_Known(rule(eqn, given, outcomes), True)]
+    if real and name in (*_COMPARED, "eq", "ne") and not smooth:
+        return [_comparison(eqn, given, outcomes)]
+    if not smooth:
+        outcomes.left |= (name in _SORTED and real) or (
+            name == "scan" and compares(eqn.params["jaxpr"].jaxpr)
+        )
+    found = _bound(eqn, [k.value for k in given])
+    if all(k.plain is None for k in given):
+        return [_Known(value, True) for value in found]
+    plain = _bound(eqn, [k.by_numbers for k in given])
+    if not jnp.issubdtype(eqn.outvars[0].aval.dtype, jnp.floating):
+        return [_Known(*row) for row in zip(found, (True,) * len(found), plain, strict=True)]
+    if name == "select_n":
+        # Beyond its border a branch may have no value, as the root of a negative number.
+        found = [jnp.where(jnp.isfinite(a), a, b) for a, b in zip(found, plain, strict=True)]
+    return [_Known(value, True) for value in found]
+
+
+def _bound(eqn: Any, values: Sequence) -> list:
+    found = eqn.primitive.get_bind_params(eqn.params)
+    functions, params = found if isinstance(found, tuple) else ((), found)
+    out = eqn.primitive.bind(*functions, *values, **params)
+    return out if eqn.primitive.multiple_results else [out]
+
+
+def _comparison(eqn: Any, given: list[_Known], outcomes: Outcomes) -> _Known:
+    name, (a, b) = eqn.primitive.name, (k.value for k in given)
+    (plain,) = _bound(eqn, [a, b])
+    if name in _COMPARED:
+        return _Known(outcomes.compared(_COMPARED[name] * (a - b), plain), True, plain)
+    # Derivatives of `max` ask which of the two it was.
+    for result, operand in ((b, a), (a, b)):
+        first, second, outcome, _ = outcomes.extremes.get(id(result), (None, None, None, None))
+        if outcome is not None and (operand is first or operand is second):
+            same = outcome if operand is first else ~outcome
+            return _Known(same if name == "eq" else ~same, True, plain)
+    return _Known(plain, True)
+
+
+def _greater(a: Any, b: Any, outcomes: Outcomes) -> Any:
+    """The greater of two, with the slope of the one that the outcome names."""
+    plain = jax.lax.max(*jnp.broadcast_arrays(a, b))
+    outcome = outcomes.compared(a - b, a >= b)
+    one = jnp.where(outcome, a, b)
+    # At a border the value is that of both. Beyond, one that may be no operand there is not used.
+    found = one + stop_gradient(plain - one)
+    outcomes.extremes[id(found)] = (a, b, outcome, found)
+    return found
+
+
+def _less(a: Any, b: Any, outcomes: Outcomes) -> Any:
+    plain = jax.lax.min(*jnp.broadcast_arrays(a, b))
+    outcome = outcomes.compared(b - a, a <= b)
+    one = jnp.where(outcome, a, b)
+    found = one + stop_gradient(plain - one)
+    outcomes.extremes[id(found)] = (a, b, outcome, found)
+    return found
+
+
+def _clamp(eqn: Any, given: list[_Known], outcomes: Outcomes) -> Any:
+    low, x, high = (k.value for k in given)
+    return _less(high, _greater(low, x, outcomes), outcomes)
+
+
+def _magnitude(eqn: Any, given: list[_Known], outcomes: Outcomes) -> Any:
+    x = given[0].value
+    outcome = outcomes.compared(x, x >= 0)
+    one = jnp.where(outcome, x, -x)
+    return one + stop_gradient(jnp.abs(x) - one)
+
+
+def _sign(eqn: Any, given: list[_Known], outcomes: Outcomes) -> Any:
+    # In two parts: what rests at zero has the sign 0.
+    x = given[0].value
+    up, down = outcomes.compared(x, x > 0), outcomes.compared(-x, x < 0)
+    return up.astype(x.dtype) - down.astype(x.dtype)
+
+
+def _largest(eqn: Any, given: list[_Known], outcomes: Outcomes) -> Any:
+    pick = _greater if eqn.primitive.name == "reduce_max" else _less
+    axes = eqn.params["axes"]
+    rows = jnp.moveaxis(given[0].value, axes, range(len(axes)))
+    rows = rows.reshape((-1, *rows.shape[len(axes) :]))
+    found = rows[0]
+    for i in range(1, rows.shape[0]):
+        found = pick(found, rows[i], outcomes)
+    return found
+
+
+def _of_two(eqn: Any, given: list[_Known], outcomes: Outcomes) -> Any:
+    pick = _greater if eqn.primitive.name == "max" else _less
+    return pick(given[0].value, given[1].value, outcomes)
+
+
+_RULES: dict[str, Any] = {
+    "max": _of_two, "min": _of_two, "clamp": _clamp, "abs": _magnitude, "sign": _sign,
+    "reduce_max": _largest, "reduce_min": _largest,
+}  # fmt: skip
+
+
+def compares(jaxpr: Any) -> bool:
+    """Whether a program compares numbers, or picks one of them, wherever they come from."""
+    for eqn in jaxpr.eqns:
+        name = eqn.primitive.name
+        real = any(jnp.issubdtype(a.aval.dtype, jnp.floating) for a in eqn.invars)
+        if real and name in (*_RULES, *_COMPARED, *_SORTED):
+            return True
+        if name.startswith("custom_jvp") and eqn.params.get("name") != "relu":
+            continue
+        for given in eqn.params.values():
+            for inner in given if isinstance(given, tuple) else (given,):
+                inner = getattr(inner, "jaxpr", inner)
+                if hasattr(inner, "eqns") and compares(inner):
+                    return True
+    return False
+
+
+def _branches(eqn: Any, given: list[_Known], outcomes: Outcomes, smooth: bool) -> list[_Known]:
+    """Branches of a choice; the outcomes in those not taken stay what they are."""
+    branches, index, operands = eqn.params["branches"], given[0].value, given[1:]
+    parts, forms, width = [], [], outcomes.width
+    for branch in branches:
+        own = Outcomes(outcomes.code, width)
+
+        def look(*values, branch=branch, own=own):
+            known = [k._replace(value=v, plain=None) for k, v in zip(operands, values, strict=True)]
+            found = _run(branch.jaxpr, branch.consts, known, own, smooth)
+            return [k.value for k in found], own.margins, own.found
+
+        # Traced once to know how many outcomes each has, and again where it belongs.
+        jax.eval_shape(look, *(k.value for k in operands))
+        forms.append(own)
+        width = own.width
+
+    def part(number: int, branch: Any, start: int) -> Any:
+        def run(*values):
+            own = Outcomes(outcomes.code, start)
+            known = [k._replace(value=v, plain=None) for k, v in zip(operands, values, strict=True)]
+            found = _run(branch.jaxpr, branch.consts, known, own, smooth)
+            margins = [jnp.ones(()) for form in forms for _ in form.margins]
+            first = sum(len(form.margins) for form in forms[:number])
+            margins[first : first + len(own.margins)] = own.margins
+            return [k.value for k in found], margins, jnp.asarray(own.found, jnp.int64)
+
+        return run
+
+    start = outcomes.width
+    for number, (branch, form) in enumerate(zip(branches, forms, strict=True)):
+        parts.append(part(number, branch, start))
+        start = form.width
+    values = [k.value for k in operands]
+    found, margins, code = jax.lax.switch(index, parts, *values)
+    outcomes.width = width
+    outcomes.left |= any(form.left for form in forms)
+    outcomes.jumps |= any(form.jumps for form in forms)
+    outcomes.found = outcomes.found + code
+    outcomes.margins += margins
+    outcomes.changes += [change for form in forms for change in form.changes]
+    varies = given[0].varies or any(k.varies for k in operands)
+    return [_Known(value, varies) for value in found]
+
+
+def _rounds(eqn: Any, given: list[_Known], outcomes: Outcomes, smooth: bool) -> list[_Known]:
+    """A loop of few rounds, written out."""
+    params = eqn.params
+    body, consts = params["jaxpr"], given[: params["num_consts"]]
+    carry = given[params["num_consts"] : params["num_consts"] + params["num_carry"]]
+    rows = given[params["num_consts"] + params["num_carry"] :]
+    stacked: list[list] = []
+    order = range(params["length"])
+    for i in reversed(order) if params["reverse"] else order:
+        row = [_Known(k.value[i], k.varies) for k in rows]
+        out = _run(body.jaxpr, body.consts, [*consts, *carry, *row], outcomes, smooth)
+        carry = out[: params["num_carry"]]
+        stacked.append([k.value for k in out[params["num_carry"] :]])
+    if params["reverse"]:
+        stacked.reverse()
+    columns = [jnp.stack(column) for column in zip(*stacked, strict=True)] if stacked else []
+    return [*carry, *(_Known(column, True) for column in columns)]

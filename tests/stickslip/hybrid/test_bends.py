@@ -1,0 +1,248 @@
+"""Forces that bend or jump in the state: slopes through them, and what is said where there is none."""
+
+from typing import Any, ClassVar, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import stickslip as ss
+from stickslip.friction import Coulomb, Stribeck
+from stickslip.hybrid import _sided, _simulate
+from stickslip.hybrid._status import BENT, GRAZING
+from stickslip.mechanism import AbstractMechanism, Contact
+from stickslip.systems import Motion
+
+GAP = 0.02
+
+
+class Soft(ss.AbstractSmoothSystem):
+    """A mass on a spring, a soft stop at `GAP` and a constant load."""
+
+    stiffness: Any
+    load: Any = 0.0
+
+    def vector_field(self, t, y, mode, args):
+        stop = self.stiffness * ss.positive_part(y.x - GAP)
+        return Motion(x=y.v, v=self.load - y.x - stop)
+
+
+def closed_form(x, v, k, t1):
+    """x(t1) of `Soft` without load and its slope by x(0): at the bend the pieces' matrices multiply."""
+    t, slope, inside = 0.0, np.eye(2), x > GAP
+    while True:
+        w, c = (np.sqrt(1 + k), k * GAP / (1 + k)) if inside else (1.0, 0.0)
+
+        def matrix(u, w=w):
+            return np.array([[np.cos(w * u), np.sin(w * u) / w], [-w * np.sin(w * u), np.cos(w * u)]])
+
+        # The bend is met where amplitude * cos(w u - phase) = GAP - c.
+        amplitude, phase = np.hypot(x - c, v / w), np.arctan2(v / w, x - c)
+        turn = np.arccos((GAP - c) / amplitude)
+        found = (np.array([turn, -turn]) + phase) / w % (2 * np.pi / w)
+        # A time of zero is where it comes from.
+        u = min(a for a in found if a > 1e-9 / w)
+        if t + u > t1:
+            end = matrix(t1 - t)
+            return c + (end @ [x - c, v])[0], (end @ slope)[0, 0]
+        _, v = matrix(u) @ [x - c, v]
+        t, x, slope, inside = t + u, GAP, matrix(u) @ slope, not inside
+
+
+def of_soft(x, k):
+    run = ss.simulate(Soft(k), 0.0, 10.0, Motion(x=x, v=jnp.zeros(())), max_events=0)
+    return run.y1.x, (run.y1.x, run.flags)
+
+
+STARTS = np.array([-1.0, -0.3, -0.5, -0.1])
+STIFF = np.array([1.0, 15.0, 1e3, 1e5])
+
+
+@pytest.mark.parametrize("derivative", [jax.jacfwd, jax.grad])
+def test_slopes_through_a_soft_stop_are_those_of_the_closed_form(derivative):
+    # The last comes to the stop without a speed, and leaves it: a bend that is only touched is no bend.
+    x, k = np.append(STARTS, -GAP), np.append(STIFF, 1e3)
+    slopes, (ends, flags) = jax.jit(jax.vmap(derivative(of_soft, has_aux=True)))(x, k)
+    found = [closed_form(a, 0.0, b, 10.0) for a, b in zip(STARTS, STIFF, strict=True)]
+    found.append((-GAP * np.cos(10.0), np.cos(10.0)))
+    np.testing.assert_allclose(ends, [end for end, _ in found], atol=2e-8)
+    np.testing.assert_allclose(slopes, [slope for _, slope in found], rtol=1e-6)
+    assert not np.any(flags)
+
+
+def test_without_sides_a_step_over_a_bend_has_a_wrong_slope(monkeypatch):
+    """The fault this file is about, planted."""
+    monkeypatch.setattr(_simulate, "sided", lambda *given: (None, False))
+    slope, _ = jax.jit(jax.jacfwd(of_soft, has_aux=True))(jnp.asarray(-0.3), jnp.asarray(1e5))
+    assert abs(slope / closed_form(-0.3, 0.0, 1e5, 10.0)[1] - 1.0) > 2e-4
+
+
+class Cliff(ss.AbstractSmoothSystem):
+    """A constant pull that is another one below zero."""
+
+    above: Any
+    below: Any
+
+    def vector_field(self, t, y, mode, args):
+        return Motion(x=y.v, v=jnp.where(y.x > 0.0, self.above, self.below))
+
+
+def test_slopes_through_a_force_that_jumps_in_the_state():
+    def end(height, above, below):
+        run = ss.simulate(Cliff(above, below), 0.0, 3.0, Motion(height, 0.0 * height), throw=False)
+        return run.y1.x, (run.y1.x, run.flags, run.num_events)
+
+    height, above, below = 0.7, -1.0, -3.0
+    slope, (x, flags, events) = jax.jit(jax.jacrev(end, has_aux=True))(height, above, below)
+    falls = np.sqrt(2 * height / -above)
+    left, rate, speed = 3.0 - falls, 1.0 / (-above * falls), above * falls
+    np.testing.assert_allclose(x, speed * left + 0.5 * below * left**2, rtol=1e-10)
+    exact = above * rate * left - speed * rate - below * left * rate
+    np.testing.assert_allclose(slope, exact, rtol=1e-9)
+    assert int(flags) == 0
+    assert int(events) == 0
+
+
+class Rubbed(ss.AbstractSmoothSystem):
+    """Friction as the sign of the speed, which is no friction at rest; the load is not."""
+
+    load: Any
+
+    def vector_field(self, t, y, mode, args):
+        return Motion(x=y.v, v=self.load - jnp.sign(y.v))
+
+
+def test_what_attracts_from_both_sides_chatters_and_says_so():
+    def run(load, v):
+        return ss.simulate(Rubbed(load), 0.0, 3.0, Motion(0.0 * v, v), throw=False)
+
+    runs = jax.jit(jax.vmap(run))(jnp.array([0.5, 2.0, 0.0]), jnp.array([1.0, -1.0, 0.0]))
+    # The second goes on to the other side; the third is exactly at rest, without a load.
+    np.testing.assert_array_equal(runs.result == ss.RESULTS.chattering, [True, False, False])
+    np.testing.assert_allclose(runs.t1[0], 2.0, rtol=1e-9)
+    np.testing.assert_allclose(runs.y1.v, [0.0, 3.0 - 1.0 / 3.0, 0.0], atol=1e-9)
+
+
+class Wheels(AbstractMechanism):
+    """Two wheels with play between them, one of them braked; a table and a loop as further loads."""
+
+    gap: Any
+    law: Any
+    coordinates: ClassVar = {"a": "rad", "b": "rad"}
+    contact_directions: ClassVar = {"brake": {"b": 1.0}}
+
+    def mass_matrix(self, q):
+        return {"a": 1.0, "b": 2.0}
+
+    def forces(self, t, q, v, args):
+        teeth = 50.0 * ss.backlash(q.a - q.b, self.gap)
+        table = jnp.interp(q.a, jnp.array([-0.5, 0.0, 0.4]), jnp.array([-2.0, 0.0, 0.9]))
+        return {"a": -teeth - table + 0.5 * jnp.cos(t), "b": teeth}
+
+    def contacts(self, t, q, v, args):
+        return {"brake": Contact(self.law, 0.3)}
+
+
+def test_a_gear_with_play_a_table_and_a_brake():
+    """Slopes by differences of runs; the log has the brake's events alone."""
+
+    def end(gap):
+        wheels = Wheels(gap, Coulomb(1.0, 0.8))
+        run = ss.simulate(wheels, 0.0, 6.0, wheels.state(a=0.3, v_a=1.0), max_events=32)
+        return run.y1.b, (run.y1.b, run.flags, run.num_events, run.events.guard, run.mode1)
+
+    gap, h = 0.1, 1e-5
+    runs = jax.jit(jax.vmap(jax.jacfwd(end, has_aux=True)))(jnp.array([gap, gap - h, gap + h]))
+    slopes, (ends, flags, events, guards, modes) = runs
+    np.testing.assert_allclose(slopes[0], (ends[2] - ends[1]) / (2 * h), rtol=1e-5)
+    assert not np.any(flags)
+    assert 0 < int(events[0]) < 32
+    assert int(np.max(guards)) == 0
+    assert int(modes[0]) in range(3)
+
+
+class Height(NamedTuple):
+    x: Any
+
+
+class Looped(ss.AbstractSmoothSystem):
+    """Twenty springs one after the other in a loop, which is too long to be looked into."""
+
+    load: Any
+    declares: bool
+
+    def vector_field(self, t, y, mode, args):
+        def add(i, force):
+            return force + jnp.maximum(y.x - 0.5 * i.astype(jnp.float64), 0.0)
+
+        return Height(x=self.load - jax.lax.fori_loop(0, 20, add, jnp.zeros(())))
+
+    def switches(self, t, y, mode, args):
+        return (y.x, y.x - 0.5) if self.declares else ()
+
+
+def test_what_is_not_seen_is_flagged_and_can_be_declared():
+    def end(load, declares):
+        run = ss.simulate(Looped(load, declares), 0.0, 2.0, Height(-0.25))
+        return run.y1.x, run.flags
+
+    (slope, flags), (_, bent) = (
+        jax.jacfwd(end, has_aux=True)(jnp.asarray(1.0), d) for d in (True, False)
+    )
+    # x rises to 0 in 1/4 s, then x' = load - x, to 1/2 at ln 2 later, then x' = load + 1/2 - 2 x.
+    a, h = 1.0, 1e-6
+
+    def exact(a):
+        first, second = 0.25 / a, np.log(a / (a - 0.5))
+        left, rest = 2.0 - first - second, (a + 0.5) / 2.0
+        return rest + (0.5 - rest) * np.exp(-2.0 * left)
+
+    np.testing.assert_allclose(slope, (exact(a + h) - exact(a - h)) / (2 * h), rtol=1e-8)
+    assert int(flags) == 0
+    assert int(bent) & BENT
+
+
+def test_a_rest_on_a_bend_has_no_slope_and_says_so():
+    run = ss.simulate(Soft(3.0, GAP), 0.0, 10.0, Motion(GAP, 0.0))
+    assert int(run.flags) & GRAZING
+
+
+def test_systems_with_friction_laws_have_no_sides():
+    class Block(AbstractMechanism):
+        law: Any
+        coordinates: ClassVar = {"x": "m"}
+        contact_directions: ClassVar = {"belt": {"x": 1.0}}
+
+        def mass_matrix(self, q):
+            return {"x": 1.0}
+
+        def forces(self, t, q, v, args):
+            return {"x": jnp.where(t > 1.0, 1.0, 0.0) - q.x}
+
+        def contacts(self, t, q, v, args):
+            return {"belt": Contact(self.law, surface_speed=0.2)}
+
+    block = Block(Stribeck(1.0, 0.5, 0.1, 1))
+    broken = ss.WithBreaks(block, jnp.array([1.0]))
+    start = block.state(v_x=0.2)
+    zero, mode = jnp.zeros(()), jnp.zeros((), jnp.int32)
+    forms = (block, start), (block.regularised(1e-3), start), (broken, broken.start(start))
+    for system, y in forms:
+        y = jax.tree.map(jnp.asarray, y)
+        assert _sided.sided(system, zero, y, mode, None) == (None, False)
+
+
+def test_helpers_are_plain_functions():
+    x = jnp.array([-2.0, -0.5, 0.5, 2.0])
+    np.testing.assert_array_equal(ss.positive_part(x), [0, 0, 0.5, 2])
+    np.testing.assert_array_equal(ss.absolute(x), [2, 0.5, 0.5, 2])
+    np.testing.assert_array_equal(ss.saturate(x, -1, 1.5), [-1, -0.5, 0.5, 1.5])
+    np.testing.assert_array_equal(ss.backlash(x, 2.0), [-1, 0, 0, 1])
+    np.testing.assert_array_equal(jax.vmap(jax.grad(ss.dead_band), (0, None))(x, 2.0), [1, 0, 0, 1])
+    with pytest.raises(ValueError, match="gap"):
+        ss.backlash(0.0, -1.0)
+    with pytest.raises(ValueError, match="high"):
+        ss.saturate(0.0, 1.0, 0.0)
+    with pytest.raises(TypeError, match="x"):
+        ss.absolute("1")
