@@ -11,7 +11,7 @@ from jaxtyping import PyTree
 
 from .._checked import CheckedModule
 from .._types import Given, Mode, Numeric, Row
-from .._validation import check_at_least, check_count, check_flag, check_type, refusal
+from .._validation import check_at_least, check_count, check_flag, check_type, leaves_of, refusal
 from . import _solution as out
 from ._arguments import (
     a_time,
@@ -178,6 +178,7 @@ def simulate(
     check_type("saveat", saveat, SaveAt, "a SaveAt")
     sections = sections_of(sections)
     check_flag("throw", throw)
+    leaves_of("args", args)
     system, args = with_float_arrays((the_system(system), args))
     t0, t1 = a_time("t0", t0), a_time("t1", t1)
     check_at_least("t1", t1, "t0", t0)

@@ -201,8 +201,8 @@ class map_lanes:
     def _program(self, chunks, fit):
         """Compiled program for this shape; raises `TooManyMotions` for chunks that are too large."""
         leaves = jax.tree.leaves(chunks)
-        code = code_key(self.function)
-        key = (code, fit.executor, jax.tree.structure(chunks), *((a.shape, a.dtype) for a in leaves))
+        shapes = ((a.shape, a.dtype) for a in leaves)
+        key = (fit.executor, jax.tree.structure(chunks), *shapes, code_key(self.function))
         if key not in self._compiled:
             executor = FUSED if fit.executor == "fused" else PORTABLE
             run = self._chunks(executor)

@@ -30,7 +30,12 @@ def test_examples_print_what_they_say(code, output):
     """In a process of its own: the compiler aborts it where the fused executor goes wrong."""
     done = run_python(code)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.strip() == output.strip()
+    assert _without_steps(done.stdout) == _without_steps(output)
+
+
+def _without_steps(text):
+    """How often a step is tried again is a matter of the last digit, and of the processor."""
+    return re.sub(r"\d+ steps accepted of \d+", "steps", text.strip())
 
 
 def test_every_python_block_has_its_output():
