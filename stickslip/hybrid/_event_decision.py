@@ -64,7 +64,10 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
     """
     functions = plan.functions
     best = _no_event(lane)._replace(h_dip=h_seen, marks=flag(jumps, DISCONTINUOUS))
-    full = jnp.where(lane.bracket.tries == 0, lane.h, lane.full)
+    free = lane.bracket.tries == 0
+    full = jnp.where(free, lane.h, lane.full)
+    beside = -COINCIDENCE * full
+    rounding = -2.0 * LOWEST / lane.h
     for i in range(functions.count):
         is_guard = i < functions.num_guards
         acts = functions.acts(i)
@@ -90,19 +93,15 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         # It turned back above zero, by less than what the tolerance of the state can decide.
         marks = best.marks
         judged = is_guard and i not in functions.continuous
-        low = jnp.minimum(value0, stop_gradient(value)) < plan.touching
         if judged:
-            marks = marks | flag(low & _turns(rate0, rate, lane.h), GRAZING)
+            low = jnp.minimum(value0, stop_gradient(value)) < plan.touching
+            marks = marks | flag(low & _turns(rate0, rate, rounding), GRAZING)
         if is_guard and functions.num_guards > 1:
-            near = jnp.abs(stop_gradient(value)) < -rate * COINCIDENCE * full
+            near = jnp.abs(stop_gradient(value)) < rate * beside
             close = close + jnp.where(near, 1, 0)
         found = (value, rate, value0, rate0)
-        if is_guard and functions.count > 1:
-            # One that rests on zero is not what another is located beside.
-            idle = (value >= -SLACK) & (jnp.abs(rate) <= plan.idle)
-            if judged:
-                rests = idle & (jnp.abs(rate0) <= plan.idle) & ~_leaves(value, rate, lane.h)
-                marks = marks | flag(low & rests, GRAZING)
+        if i in functions.continuous and functions.count > 1:
+            idle = _stays(plan, value, rate) & (lane.bracket.beyond != i)
             found = (jnp.where(idle, FAR, value), *found[1:])
         if i == 0 and is_guard:
             best = First(best.index, *found, close, h_dip, marks)
@@ -116,32 +115,42 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         best = First._make([jnp.where(lower, i, best.index), *chosen, close, h_dip, marks])
     if not functions.num_guards:
         return best
+    if functions.count > 1:
+        # One that rests on zero is not what another is located beside.
+        other = ~free & (lane.bracket.beyond != best.index)
+        idle = other & _stays(plan, stop_gradient(best.value), best.rate)
+        best = best._replace(value=jnp.where(idle, FAR, best.value))
     return best._replace(marks=best.marks | flag(_rests_at_zero(plan, lane, best), GRAZING))
 
 
-def _turns(rate0: Any, rate: Any, h: Any) -> Any:
+def _turns(rate0: Any, rate: Any, rounding: Any) -> Any:
     """Whether a function is at its lowest inside the step or at its end, by its slopes at the ends.
 
     A parabola with these slopes falls by `h rate^2 / 2 (rate - rate0)` from an end to its lowest point.
     What has just fired and leaves zero without a slope may fall by rounding at first: it does not turn.
+    `rounding`: of twice the fall, by the length of the step.
     """
     # By the signs of the slopes, so that what falls is negative. It turns if the bend is positive.
-    start, end = h * rate0 * jnp.abs(rate0), h * rate * jnp.abs(rate)
-    rounding = (-2.0 * LOWEST) * (rate - rate0)
-    return (end >= rounding) & (start < WAS_LOWEST * rounding)
+    least = rounding * (rate - rate0)
+    return (rate * jnp.abs(rate) >= least) & (rate0 * jnp.abs(rate0) < WAS_LOWEST * least)
 
 
 def _rests_at_zero(plan: Plan, lane: Lane, first: First) -> Any:
     """Whether the lowest guard cannot be distinguished from zero, and its slopes keep it there."""
     value = stop_gradient(first.value)
     slope = jnp.maximum(jnp.abs(first.rate), jnp.abs(first.rate_start))
-    # `plan.resolution` is a known part of the run.
     leads_nowhere = slope * plan.resolution <= RESOLUTION * jnp.maximum(value, SLACK)
     low = jnp.maximum(value, stop_gradient(first.value_start)) < plan.touching
     rests = leads_nowhere & ~_leaves(value, first.rate, lane.h)
     for i in plan.functions.continuous:
         rests = rests & (first.index != i)
     return low & rests & (lane.h > 0) & is_guard(plan.functions, first)
+
+
+def _stays(plan: Plan, value: Any, rate: Any) -> Any:
+    """Whether a function would not be violated within a whole run at this slope."""
+    # `plan.resolution` is a known part of the run.
+    return jnp.abs(rate) * plan.resolution <= RESOLUTION * (value + SLACK)
 
 
 def _leaves(value: Any, rate: Any, h: Any) -> Any:
@@ -226,8 +235,9 @@ def searched(plan: Plan, lane: Lane, code: Any, h: Any, first: First) -> tuple[B
 @bookkeeping
 def _bracket(plan: Plan, bracket: Bracket, code, h, first: First) -> Bracket:
     return _locate.update(
-        bracket, code == SHRINK, h, first.value, first.rate, first.value_start, first.rate_start
-    )
+        bracket, code == SHRINK, h, first.value, first.rate, first.value_start, first.rate_start,
+        first.index,
+    )  # fmt: skip
 
 
 @bookkeeping
