@@ -31,10 +31,10 @@ class Bracket(NamedTuple):
     beyond: Any = None  # which of several functions is beyond its zero at `high`
 
 
-def empty(like: Any, several: bool = False) -> Bracket:
+def empty(like: Any, beyond: Any = None) -> Bracket:
     """No bracket."""
     zero = jnp.zeros_like(like)
-    return Bracket(zero, zero, zero, zero, zero, zero, zero, zero - 1.0 if several else None)
+    return Bracket(zero, zero, zero, zero, zero, zero, zero, beyond)
 
 
 def update(
@@ -55,7 +55,7 @@ def update(
     count = jnp.abs(b.tries) + 1.0
     beyond = b.beyond
     if beyond is not None:
-        beyond = jnp.where(shrink, jnp.where(negative, index * 1.0, beyond), -1.0)
+        beyond = jnp.where(shrink, jnp.where(negative, index, beyond), -1)
     return Bracket(
         low=jnp.where(negative, jnp.where(new, 0.0, b.low), h),
         high=jnp.where(negative, h, b.high),

@@ -168,7 +168,9 @@ def start(plan: Plan, t0, y0, dy_like, mode0) -> Lane:
         h_free=zero,
         error=zero + 1.0,
         peak=zero if plan.watches_jumps else None,
-        bracket=_locate.empty(zero, several=plan.functions.num_guards > 0 and n > 1),
+        bracket=_locate.empty(
+            zero, jnp.full_like(mode0, -1) if plan.functions.num_guards and n > 1 else None
+        ),
         full=zero,
         next_output=izero,
         zero_events=zero,
