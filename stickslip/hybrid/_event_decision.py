@@ -64,6 +64,7 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
     """
     functions = plan.functions
     best = _no_event(lane)._replace(h_dip=h_seen, marks=flag(jumps, DISCONTINUOUS))
+    touched = jumps & False
     free = lane.bracket.tries == 0
     full = jnp.where(free, lane.h, lane.full)
     beside = -COINCIDENCE * full
@@ -83,28 +84,28 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         value, value0 = sign * values.value[i], sign * start_value
         rate = stop_gradient(sign * values.rate[i])
         rate0 = sign * lane.rates[i]
-        h_dip, close = best.h_dip, best.close
+        close = best.close
         if plan.detect_dips:
             dips, place = _locate.dip(value0, rate0, stop_gradient(value), rate, lane.h)
-            h_dip = jnp.where(dips & ((h_dip == 0) | (place < h_dip)), place, h_dip)
+            best = best._replace(
+                h_dip=jnp.where(dips & ((best.h_dip == 0) | (place < best.h_dip)), place, best.h_dip)
+            )
         if not acts:
-            best = best._replace(h_dip=h_dip)
             continue
         # It turned back above zero, by less than what the tolerance of the state can decide.
-        marks = best.marks
         judged = is_guard and i not in functions.continuous
         if judged:
             low = jnp.minimum(value0, stop_gradient(value)) < plan.touching
-            marks = marks | flag(low & _turns(rate0, rate, rounding), GRAZING)
+            touched = touched | (low & _turns(rate0, rate, rounding))
         if is_guard and functions.num_guards > 1:
             near = jnp.abs(stop_gradient(value)) < rate * beside
-            close = close + jnp.where(near, 1, 0)
-        found = (value, rate, value0, rate0)
+            close = close + near.astype(close.dtype)
         if i in functions.continuous and functions.count > 1:
             idle = _stays(plan, value, rate) & (lane.bracket.beyond != i)
-            found = (jnp.where(idle, FAR, value), *found[1:])
+            value = jnp.where(idle, FAR, value)
+        found = (value, rate, value0, rate0)
         if i == 0 and is_guard:
-            best = First(best.index, *found, close, h_dip, marks)
+            best = First(best.index, *found, close, best.h_dip, best.marks)
             continue
         # Values are scaled by the magnitudes of the guards, which makes them comparable. Of two that
         # are below zero the lower one was, as a rule, crossed first; if not, the other is met next.
@@ -112,7 +113,7 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         if not is_guard:
             lower = lower & _locate.begins_inside(value0, rate0, rate)
         chosen = [jnp.where(lower, new, old) for new, old in zip(found, best[1:5], strict=True)]
-        best = First._make([jnp.where(lower, i, best.index), *chosen, close, h_dip, marks])
+        best = First(jnp.where(lower, i, best.index), *chosen, close, best.h_dip, best.marks)
     if not functions.num_guards:
         return best
     if functions.count > 1:
@@ -120,7 +121,8 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         other = ~free & (lane.bracket.beyond != best.index)
         idle = other & _stays(plan, stop_gradient(best.value), best.rate)
         best = best._replace(value=jnp.where(idle, FAR, best.value))
-    return best._replace(marks=best.marks | flag(_rests_at_zero(plan, lane, best), GRAZING))
+    touched = touched | _rests_at_zero(plan, lane, best)
+    return best._replace(marks=best.marks | flag(touched, GRAZING))
 
 
 def _turns(rate0: Any, rate: Any, rounding: Any) -> Any:

@@ -134,7 +134,7 @@ def dip(value0: Any, rate0: Any, value1: Any, rate1: Any, h: Any) -> tuple[Any, 
     is convex over the step (one bend) cannot go below zero unless they do, so that none of its
     excursions is missed; the place to look is where the linearly interpolated rate is zero.
     """
-    below = rate0 * value1 - rate1 * value0 - rate0 * rate1 * h > 0
+    below = rate0 * (value1 - rate1 * h) > rate1 * value0
     dips = (rate0 < 0) & (rate1 > 0) & (value0 > 0) & (value1 > 0) & below
     where = h * rate0 / jnp.where(dips, rate0 - rate1, 1.0)
     # Not too near an end, where the look would cost a step and show what is known.
