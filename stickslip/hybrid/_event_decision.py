@@ -92,8 +92,8 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
             )
         if not acts:
             continue
-        # It turned back above zero, by less than what the tolerance of the state can decide. Of one that
-        # begins at zero, as what has just fired does, a fall by rounding is no turn.
+        # It turned back above zero, by less than what the tolerance of the state can decide. Of one
+        # that begins at zero, as what has just fired does, a fall by rounding is no turn.
         judged = is_guard and i not in functions.continuous
         if judged:
             low = (jnp.minimum(value0, stop_gradient(value)) < plan.touching) & (value0 > 0)

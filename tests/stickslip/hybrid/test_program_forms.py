@@ -207,9 +207,9 @@ def test_programs_of_a_smooth_system_are_small():
 
     The text has as many lines again for the stack frames, which are no part of the program. By lines it
     was 13,155 and 67,008 with every stage written out, and 3,494 and 8,228 without tolerances that
-    follow the size of the motion and without the flags. With a recorded section 3,091 before one that is
-    affine in the state was looked at inside of steps, 800 more where a crossing took a step of its own
-    after the search.
+    follow the size of the motion and without the flags. With a recorded section 3,091 before one that
+    is affine in the state was looked at inside of steps, 800 more where a crossing took a step of its
+    own after the search.
     """
     run = subprocess.run([sys.executable, "-c", SIZES], capture_output=True, text=True, check=True)
     plain, gradient, section = map(int, run.stdout.split())
