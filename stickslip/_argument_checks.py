@@ -199,5 +199,11 @@ def instance(expected: type, allowed: str) -> Check:
     return lambda owner, name, value: check_type(name, value, expected, allowed)
 
 
-# What an observable of a system takes besides arguments of the user, which no reference system has.
-OBSERVABLE: dict[str, Check] = {"t": reals, "y": state, "mode": modes}
+def own_arguments(owner: Any, name: str, value: Any) -> Any:
+    """The user's own arguments: any pytree that ends."""
+    leaves_of(name, value)
+    return value
+
+
+# What an observable of a system takes.
+OBSERVABLE: dict[str, Check] = {"t": reals, "y": state, "mode": modes, "args": own_arguments}

@@ -80,19 +80,21 @@ def code_key(*trees: Any) -> str:
     return kept.digest
 
 
-def jit_by_code(
-    function: Given[Callable], *, compiler_options: Mapping[str, str | bool] | None = None
-) -> Callable:
+def jit_by_code(function: Given[Callable]) -> Callable:
     """`equinox.filter_jit` whose programs are those of the code that its arguments have now.
 
     A class or a function among the arguments, or within them, may read globals and call helper
     functions. Where one of these was edited since, as in the cell of a notebook, `function` is traced
-    again. `compiler_options`: as in `jax.jit`.
+    again.
 
-    **Errors** `TypeError` unless `function` is a function, and `compiler_options` a mapping or None.
+    **Errors** `TypeError` unless `function` is a function.
     """
     check_type("function", function, types.FunctionType, "a function")
-    check_type("compiler_options", compiler_options, Mapping | None, "a mapping or None")
+    return compiled_by_code(function, None)
+
+
+def compiled_by_code(function: Callable, compiler_options: dict[str, Any] | None) -> Callable:
+    """The same with options of the compiler, as `jax.jit` takes them."""
 
     @functools.wraps(function)
     def of_code(code: str, args: tuple, named: dict[str, Any]) -> Any:
@@ -100,8 +102,8 @@ def jit_by_code(
 
     # Its own arguments, and not those of the function that it is named after.
     del of_code.__wrapped__
-    options: Any = compiler_options if compiler_options is None else dict(compiler_options)
-    compiled = eqx.filter_jit(of_code, compiler_options=options)
+    options: Any = {"compiler_options": compiler_options}
+    compiled = eqx.filter_jit(of_code, **options)
 
     @functools.wraps(function)
     def called(*args: Any, **named: Any) -> Any:

@@ -86,15 +86,16 @@ def judge(
     courses = [_course(functions, i, lane, values, inside[i], h) for i in looked]
     roundings = [ROUNDING if i < functions.num_guards else 0.0 for i in looked]
     short = h <= plan.resolution
+    instant = ROUNDING * plan.noise.time / jnp.maximum(h, plan.resolution)
     sections = [i >= functions.num_guards for i in looked]
     if plan.execute.fused or len(looked) <= FEW:
         ones = zip(courses, roundings, sections, strict=True)
-        found = [_looked(*of_one, short) for of_one in ones]
+        found = [_looked(*of_one, instant, short) for of_one in ones]
     else:
         # One small program for all of them.
         course = jax.tree.map(lambda *rows: jnp.stack(rows), *courses)
         some = jnp.asarray(sections) if any(sections) else False
-        columns = _looked(course, jnp.asarray(roundings), some, short)
+        columns = _looked(course, jnp.asarray(roundings), some, instant, short)
         found = [_Looked(*(column[k] for column in columns)) for k in range(len(looked))]
     return _verdict(found, short)
 
@@ -106,11 +107,11 @@ class _Looked(NamedTuple):
     jumps: Any
 
 
-def _looked(course: _Course, rounding: Any, section: Any, short: Any) -> _Looked:
-    mismatch, size = _mismatch(course, rounding)
+def _looked(course: _Course, rounding: Any, section: Any, instant: Any, short: Any) -> _Looked:
     # What is smooth changes by its slope times the length; a jump does not know of the length. Next to
     # zero the terms of a guard cancel, and what is left of their rounding is not a jump.
     slopes = jnp.abs(course.rise0) + jnp.abs(course.rise1)
+    mismatch, size = _mismatch(course, rounding + instant * slopes)
     jumps = mismatch > 2.0 * slopes + 1e-9 * size + NO_JUMP * rounding
     # A section has no magnitude but its own values.
     slack = SLACK if section is False else SLACK * jnp.where(section, size, 1.0)
@@ -165,7 +166,8 @@ def _mismatch(course: _Course, rounding: Any) -> tuple[Any, Any]:
     for point, value in zip(POINTS, seen, strict=True):
         mismatch = jnp.maximum(mismatch, jnp.abs(value - cubic(point, v0, a, v1, b)))
         size = jnp.maximum(size, jnp.abs(value))
-    # Of a straight line the mismatch is rounding, and at zero room it would still be a doubt.
+    # Of a straight line the mismatch is rounding, and at zero room it would still be a doubt. Rounding
+    # of the time is rounding of what changes with it.
     return jnp.where(mismatch <= RELATIVE_ROUNDING * size + rounding, 0.0, mismatch), size
 
 

@@ -69,7 +69,11 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
     """
     functions = plan.functions
     best = _no_event(lane)._replace(h_dip=h_seen, marks=flag(jumps, DISCONTINUOUS))
-    full = jnp.where(lane.bracket.tries == 0, lane.h, lane.full)
+    touched = brushed = jumps & False  # guards; bends of a force
+    free = lane.bracket.tries == 0
+    full = jnp.where(free, lane.h, lane.full)
+    beside = -COINCIDENCE * full
+    rounding = -2.0 * LOWEST / lane.h
     for i in range(functions.count):
         is_guard = i < functions.num_guards
         acts = functions.acts(i)
@@ -85,33 +89,31 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         value, value0 = sign * values.value[i], sign * start_value
         rate = stop_gradient(sign * values.rate[i])
         rate0 = sign * lane.rates[i]
-        h_dip, close = best.h_dip, best.close
+        close = best.close
         if plan.detect_dips:
             dips, place = _locate.dip(value0, rate0, stop_gradient(value), rate, lane.h)
-            h_dip = jnp.where(dips & ((h_dip == 0) | (place < h_dip)), place, h_dip)
+            best = best._replace(
+                h_dip=jnp.where(dips & ((best.h_dip == 0) | (place < best.h_dip)), place, best.h_dip)
+            )
         if not acts:
-            best = best._replace(h_dip=h_dip)
             continue
-        # It turned back above zero, by less than what the tolerance of the state can decide.
-        marks = best.marks
-        bend = is_guard and functions.is_bend(i)
+        # It turned back above zero, by less than what the tolerance of the state can decide. Of one
+        # that begins at zero, as what has just fired does, a fall by rounding is no turn.
         judged = is_guard and i not in functions.continuous
-        low = jnp.minimum(value0, stop_gradient(value)) < plan.touching
+        bend = is_guard and functions.is_bend(i)
         if judged:
-            marks = marks | flag(low & _turns(rate0, rate, lane.h), TOUCHED if bend else GRAZING)
+            low = (jnp.minimum(value0, stop_gradient(value)) < plan.touching) & (value0 > 0)
+            turned = low & _turns(rate0, rate, rounding)
+            touched, brushed = (touched, brushed | turned) if bend else (touched | turned, brushed)
         if is_guard and functions.num_guards > 1 and not bend:
-            near = jnp.abs(stop_gradient(value)) < -rate * COINCIDENCE * full
-            close = close + jnp.where(near, 1, 0)
+            near = jnp.abs(stop_gradient(value)) < rate * beside
+            close = close + near.astype(close.dtype)
+        if i in functions.continuous and functions.count > 1:
+            idle = _stays(plan, value, rate) & (lane.bracket.beyond != i)
+            value = jnp.where(idle, FAR, value)
         found = (value, rate, value0, rate0)
-        if is_guard and functions.count > 1 and not bend:
-            # One that rests on zero is not what another is located beside.
-            idle = (value >= -SLACK) & (jnp.abs(rate) <= plan.idle)
-            if judged:
-                rests = idle & (jnp.abs(rate0) <= plan.idle) & ~_leaves(value, rate, lane.h)
-                marks = marks | flag(low & rests, GRAZING)
-            found = (jnp.where(idle, FAR, value), *found[1:])
         if i == 0 and is_guard:
-            best = First(best.index, *found, close, h_dip, marks)
+            best = First(best.index, *found, close, best.h_dip, best.marks)
             continue
         # Values are scaled by the magnitudes of the guards, which makes them comparable. Of two that
         # are below zero the lower one was, as a rule, crossed first; if not, the other is met next.
@@ -119,41 +121,52 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         if not is_guard:
             lower = lower & _locate.begins_inside(value0, rate0, rate)
         chosen = [jnp.where(lower, new, old) for new, old in zip(found, best[1:5], strict=True)]
-        best = First(jnp.where(lower, i, best.index), *chosen, close, h_dip, marks)
+        best = First(jnp.where(lower, i, best.index), *chosen, close, best.h_dip, best.marks)
     if not functions.num_guards:
         return best
+    bend = functions.is_bend(best.index) if functions.num_bends else None
+    if functions.count > 1:
+        # One that rests on zero is not what another is located beside.
+        other = ~free & (lane.bracket.beyond != best.index)
+        idle = other & _stays(plan, stop_gradient(best.value), best.rate)
+        idle = idle if bend is None else idle & ~bend
+        best = best._replace(value=jnp.where(idle, FAR, best.value))
     rests = _rests_at_zero(plan, lane, best)
-    if functions.num_bends:
-        bend = functions.is_bend(best.index)
-        return best._replace(
-            marks=best.marks | flag(rests & ~bend, GRAZING) | flag(rests & bend, RESTED)
-        )
-    return best._replace(marks=best.marks | flag(rests, GRAZING))
+    if bend is None:
+        return best._replace(marks=best.marks | flag(touched | rests, GRAZING))
+    marks = flag(touched | (rests & ~bend), GRAZING) | flag(brushed, TOUCHED)
+    marks = marks | flag(rests & bend, RESTED)
+    return best._replace(marks=best.marks | marks)
 
 
-def _turns(rate0: Any, rate: Any, h: Any) -> Any:
+def _turns(rate0: Any, rate: Any, rounding: Any) -> Any:
     """Whether a function is at its lowest inside the step or at its end, by its slopes at the ends.
 
     A parabola with these slopes falls by `h rate^2 / 2 (rate - rate0)` from an end to its lowest point.
     What has just fired and leaves zero without a slope may fall by rounding at first: it does not turn.
+    `rounding`: of twice the fall, by the length of the step.
     """
     # By the signs of the slopes, so that what falls is negative. It turns if the bend is positive.
-    start, end = h * rate0 * jnp.abs(rate0), h * rate * jnp.abs(rate)
-    rounding = (-2.0 * LOWEST) * (rate - rate0)
-    return (end >= rounding) & (start < WAS_LOWEST * rounding)
+    least = rounding * (rate - rate0)
+    return (rate * jnp.abs(rate) >= least) & (rate0 * jnp.abs(rate0) < WAS_LOWEST * least)
 
 
 def _rests_at_zero(plan: Plan, lane: Lane, first: First) -> Any:
     """Whether the lowest guard cannot be distinguished from zero, and its slopes keep it there."""
     value = stop_gradient(first.value)
     slope = jnp.maximum(jnp.abs(first.rate), jnp.abs(first.rate_start))
-    # `plan.resolution` is a known part of the run.
     leads_nowhere = slope * plan.resolution <= RESOLUTION * jnp.maximum(value, SLACK)
     low = jnp.maximum(value, stop_gradient(first.value_start)) < plan.touching
     rests = leads_nowhere & ~_leaves(value, first.rate, lane.h)
     for i in plan.functions.continuous:
         rests = rests & (first.index != i)
     return low & rests & (lane.h > 0) & is_guard(plan.functions, first)
+
+
+def _stays(plan: Plan, value: Any, rate: Any) -> Any:
+    """Whether a function would not be violated within a whole run at this slope."""
+    # `plan.resolution` is a known part of the run.
+    return jnp.abs(rate) * plan.resolution <= RESOLUTION * (value + SLACK)
 
 
 def _leaves(value: Any, rate: Any, h: Any) -> Any:
@@ -238,8 +251,9 @@ def searched(plan: Plan, lane: Lane, code: Any, h: Any, first: First) -> tuple[B
 @bookkeeping
 def _bracket(plan: Plan, bracket: Bracket, code, h, first: First) -> Bracket:
     return _locate.update(
-        bracket, code == SHRINK, h, first.value, first.rate, first.value_start, first.rate_start
-    )
+        bracket, code == SHRINK, h, first.value, first.rate, first.value_start, first.rate_start,
+        first.index,
+    )  # fmt: skip
 
 
 @bookkeeping

@@ -28,22 +28,24 @@ class Bracket(NamedTuple):
     rate_low: Any
     rate_high: Any
     tries: Any  # attempts inside this bracket, signed by the side that moved last; 0: no bracket
+    beyond: Any = None  # which of several functions is beyond its zero at `high`
 
 
-def empty(like: Any) -> Bracket:
+def empty(like: Any, beyond: Any = None) -> Bracket:
     """No bracket."""
     zero = jnp.zeros_like(like)
-    return Bracket(zero, zero, zero, zero, zero, zero, zero)
+    return Bracket(zero, zero, zero, zero, zero, zero, zero, beyond)
 
 
 def update(
-    b: Bracket, shrink: Any, h: Any, value: Any, rate: Any, value_start: Any, rate_start: Any
-) -> Bracket:
+    b: Bracket, shrink: Any, h: Any, value: Any, rate: Any, value_start: Any, rate_start: Any,
+    index: Any = None,
+) -> Bracket:  # fmt: skip
     """Bracket after an attempt of length `h` that ended at `value` with slope `rate`.
 
     A new bracket starts at length zero with the value and rate at the start of the step. The value
     at an end that stays twice in a row is halved (Illinois), which keeps the secant from stalling.
-    Where not `shrink`, the bracket is closed.
+    Where not `shrink`, the bracket is closed. `index`: of the function, where there are several.
     """
     # The sign of `tries` is the end that moved last, so that one number says both things.
     new = b.tries == 0.0
@@ -51,6 +53,9 @@ def update(
     value_low = jnp.where(new, value_start, jnp.where(b.tries > 0, 0.5, 1.0) * b.value_low)
     value_high = jnp.where(b.tries < 0, 0.5, 1.0) * b.value_high
     count = jnp.abs(b.tries) + 1.0
+    beyond = b.beyond
+    if beyond is not None:
+        beyond = jnp.where(shrink, jnp.where(negative, index, beyond), -1)
     return Bracket(
         low=jnp.where(negative, jnp.where(new, 0.0, b.low), h),
         high=jnp.where(negative, h, b.high),
@@ -59,6 +64,7 @@ def update(
         rate_low=jnp.where(negative, jnp.where(new, rate_start, b.rate_low), rate),
         rate_high=jnp.where(negative, rate, b.rate_high),
         tries=jnp.where(shrink, jnp.where(negative, count, -count), 0.0),
+        beyond=beyond,
     )
 
 
@@ -128,7 +134,7 @@ def dip(value0: Any, rate0: Any, value1: Any, rate1: Any, h: Any) -> tuple[Any, 
     is convex over the step (one bend) cannot go below zero unless they do, so that none of its
     excursions is missed; the place to look is where the linearly interpolated rate is zero.
     """
-    below = rate0 * value1 - rate1 * value0 - rate0 * rate1 * h > 0
+    below = rate0 * (value1 - rate1 * h) > rate1 * value0
     dips = (rate0 < 0) & (rate1 > 0) & (value0 > 0) & (value1 > 0) & below
     where = h * rate0 / jnp.where(dips, rate0 - rate1, 1.0)
     # Not too near an end, where the look would cost a step and show what is known.

@@ -8,8 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from . import _locate
-from ._bound import RESOLUTION
-from ._events import SLACK, EventFunctions
+from ._events import EventFunctions
 from ._locate import Bracket
 from ._progress import ProgressMeter
 from ._status import CODE, RUNNING
@@ -117,11 +116,6 @@ class Plan(eqx.Module):
         return tuple(self.detect_dips and (bent or (adaptive and line)) for bent, line in rows)
 
     @property
-    def idle(self) -> Any:
-        """Slope with which a guard would not fall by what counts as violated in the whole run."""
-        return RESOLUTION * SLACK / self.resolution
-
-    @property
     def touching(self) -> Any:
         """Scaled value of a guard that is zero to tolerance and rounding, for derivatives.
 
@@ -174,7 +168,9 @@ def start(plan: Plan, t0, y0, dy_like, mode0) -> Lane:
         h_free=zero,
         error=zero + 1.0,
         peak=zero if plan.watches_jumps else None,
-        bracket=_locate.empty(zero),
+        bracket=_locate.empty(
+            zero, jnp.full_like(mode0, -1) if plan.functions.num_guards and n > 1 else None
+        ),
         full=zero,
         next_output=izero,
         zero_events=zero,

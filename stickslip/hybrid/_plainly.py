@@ -8,7 +8,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from .._code import jit_by_code
+from .._code import compiled_by_code
 from .._types import Given
 from .._validation import check_type, is_concrete
 from ._xla import current_executor
@@ -44,8 +44,7 @@ def jit_plainly(function: Given[Callable]) -> Callable:
     **Errors** `TypeError` unless `function` is a function.
     """
     check_type("function", function, FunctionType, "a function")
-    usual = jit_by_code(function)
-    plain = jit_by_code(function, compiler_options=OPTIONS)
+    usual, plain = compiled_by_code(function, None), compiled_by_code(function, OPTIONS)
 
     @functools.wraps(function)
     def called(*args: Any, **named: Any) -> Any:

@@ -179,9 +179,8 @@ class AdaptiveStep(AbstractAdaptiveStep):
 
         `scale`: what an error of 1 means in each leaf of `y`.
         """
-        dtmax: Any = self.dtmax  # a number by now: `bounded` has seen to it
         if self.h0 is not None:
-            return jnp.minimum(jnp.asarray(self.h0, jnp.float64), dtmax)
+            return jnp.asarray(self.h0, jnp.float64)
 
         def square(tree):
             pairs = zip(jax.tree.leaves(tree), scale, strict=True)
@@ -189,8 +188,7 @@ class AdaptiveStep(AbstractAdaptiveStep):
 
         size, rate = square(y), square(dy)
         usable = (size > 1e-10) & (rate > 1e-10)
-        guess = 0.01 * jnp.sqrt(jnp.where(usable, size, 1.0) / jnp.where(usable, rate, 1.0))
-        return jnp.where(usable, jnp.minimum(guess, dtmax), jnp.inf)
+        return 0.01 * jnp.sqrt(jnp.where(usable, size / rate, jnp.inf))
 
     def factor(self, error: Numeric, previous: Numeric, order: int) -> Any:
         """Ratio of the next step to this one."""

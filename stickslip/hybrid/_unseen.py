@@ -6,6 +6,7 @@ an event function depends on it in a way that can rise and fall again: through a
 it, and not where it is a straight line, a parabola or bends once or twice.
 """
 
+import functools
 import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -22,6 +23,8 @@ from ._tolerance import Ends
 # Turns a function can make along a line: 1 of a straight line, 2 of a parabola or what bends once, 3 of
 # what bends twice or levels off at both ends. With more it may be flat, rise, fall, and be flat again.
 HIDES = 4
+# Added to those of what is no polynomial: kinks of several terms add up, and their highest power stays.
+BENT = 8
 MOST = 64  # numbers of a state that are told apart; of a larger one its leaves are
 # Part of a declared period that is travelled in one step, and times more where the error sees a motion.
 OF_PERIOD = 1.0 / 36.0
@@ -68,7 +71,24 @@ def turns(closed: Any, columns: list[np.ndarray], count: int) -> list[np.ndarray
             if column[index] >= 0:
                 found[(*index, column[index])] = 1
         given.append(found)
-    return _walk(closed.jaxpr, given, count)
+    return [_number(a) for a in _walk(closed.jaxpr, given, count)]
+
+
+def _number(a: np.ndarray) -> np.ndarray:
+    return a & (BENT - 1)
+
+
+def _coded(number: Any, *bent: Any) -> np.ndarray:
+    """At most `HIDES` turns, of no polynomial where that holds for one of `bent`."""
+    number = np.minimum(number, HIDES)
+    bits = [np.where(number > 0, b, 0) & BENT for b in bent]
+    return functools.reduce(np.bitwise_or, bits, number).astype(np.uint8)
+
+
+def _any_of(rows: Any, axis: Any = 0) -> np.ndarray:
+    """What one of `rows` may be."""
+    rows = np.asarray(rows)
+    return _coded(_number(rows).max(axis=axis), np.bitwise_or.reduce(rows & BENT, axis=axis))
 
 
 def _constant(value: Any, shape: tuple, count: int) -> np.ndarray:
@@ -89,7 +109,7 @@ def _walk(jaxpr: Any, given: list[np.ndarray], count: int) -> list[np.ndarray]:
     for eqn in jaxpr.eqns:
         found = _equation(eqn, [of(atom) for atom in eqn.invars], count)
         for var, a in zip(eqn.outvars, found, strict=True):
-            known[var] = np.minimum(a, HIDES)
+            known[var] = a
     return [of(atom) for atom in jaxpr.outvars]
 
 
@@ -103,7 +123,7 @@ def _equation(eqn: Any, given: list[np.ndarray], count: int) -> list[np.ndarray]
         return [np.broadcast_to(rule(p, shapes[0], *given), (*shapes[0], count + 1))]
     if name == "cond" and not given[0][..., :count].any():
         rows = [_walk(b.jaxpr, given[1:], count) for b in p["branches"]]
-        return [np.max(np.stack(column), axis=0) for column in zip(*rows, strict=True)]
+        return [_any_of(np.stack(column)) for column in zip(*rows, strict=True)]
     for key in _CALLS:
         inner = p.get(key)
         if inner is not None and name not in ("while", "scan"):
@@ -132,12 +152,16 @@ def _zero(a: np.ndarray) -> np.ndarray:
 
 
 def _sum(p, shape, a, b):
-    a, b = a.astype(int), b.astype(int)
-    return np.where((a > 0) & (b > 0), a + b - 1, a + b).astype(np.uint8)
+    a, b = np.broadcast_arrays(a, b)
+    one, other = _number(a).astype(int), _number(b).astype(int)
+    added = np.where((one > 0) & (other > 0), one + other - 1, one + other)
+    highest = np.maximum(one, other)
+    return _coded(np.where((a | b) & BENT, added, highest), a, b)
 
 
 def _product(p, shape, a, b):
-    return np.where(_zero(a) | _zero(b), 0, np.minimum(a.astype(int) + b, HIDES)).astype(np.uint8)
+    found = _coded(_number(a).astype(int) + _number(b), a, b)
+    return np.where(_zero(a) | _zero(b), 0, found).astype(np.uint8)
 
 
 def _quotient(p, shape, a, b):
@@ -152,12 +176,12 @@ def _converted(p, shape, a, *_):
 
 
 def _larger(p, shape, a, b):
-    one, other = np.maximum(a.astype(int), 1), np.maximum(b.astype(int), 1)
-    return np.where((a > 0) | (b > 0), 2 * (one + other) - 2, 0).astype(np.uint8)
+    one, other = (np.maximum(_number(x).astype(int), 1) for x in (a, b))
+    return _coded(np.where((a > 0) | (b > 0), 2 * (one + other) - 2, 0), BENT)
 
 
-def _times(number: int) -> Callable:
-    return lambda p, shape, a, *_: np.minimum(number * a.astype(int), HIDES).astype(np.uint8)
+def _times(number: int, *bent: int) -> Callable:
+    return lambda p, shape, a, *_: _coded(number * _number(a).astype(int), a, *bent)
 
 
 def _power(p, shape, a):
@@ -165,21 +189,24 @@ def _power(p, shape, a):
 
 
 def _rising(p, shape, a, *_):
-    found = _times(3)(p, shape, a)
+    found = _times(3, BENT)(p, shape, a)
     return np.concatenate([found[..., :-1], np.ones_like(found[..., -1:])], axis=-1)
 
 
 def _chosen(p, shape, which, *cases):
-    found = np.max(np.stack(np.broadcast_arrays(*cases)), axis=0)
+    found = _any_of(np.stack(np.broadcast_arrays(*cases)))
     by = np.concatenate([which[..., :-1] > 0, np.zeros_like(which[..., -1:], bool)], axis=-1)
     return np.where(by, HIDES, found)
 
 
 def _reduced(p, shape, a):
-    axes = tuple(p["axes"])
-    # A sum of several that turn may turn as often as all of them.
-    several = (a > 1).sum(axis=axes) > 1
-    return np.where(several, HIDES, a.max(axis=axes))
+    return _summed(a, tuple(p["axes"]))
+
+
+def _summed(a, axes):
+    # A sum of several that bend may turn as often as all of them.
+    several = ((a & BENT) > 0).any(axis=axes) & ((_number(a) > 1).sum(axis=axes) > 1)
+    return np.where(several, HIDES, _any_of(a, axes)).astype(np.uint8)
 
 
 def _broadcast(p, shape, a, *_):
@@ -196,9 +223,9 @@ def _sliced(p, shape, a):
 
 
 def _product_of_matrices(p, shape, a, b):
-    # Each number depends on all: at most as the two do, summed up.
-    one, other = (x.max(axis=tuple(range(x.ndim - 1))).astype(int) for x in (a, b))
-    return np.minimum(one + other, HIDES).astype(np.uint8)
+    # Each number is a sum over all.
+    one, other = (_summed(x, tuple(range(x.ndim - 1))) for x in (a, b))
+    return _coded(_number(one).astype(int) + _number(other), one, other)
 
 
 _RULES: dict[str, Callable] = {
@@ -208,8 +235,8 @@ _RULES: dict[str, Callable] = {
     **dict.fromkeys(("add", "sub", "add_any"), _sum),
     **dict.fromkeys(("max", "min"), _larger),
     "convert_element_type": _converted, "mul": _product, "div": _quotient,
-    "abs": _times(2), "square": _times(2), "integer_pow": _power,
-    "clamp": lambda p, shape, low, a, high: _times(3)(p, shape, np.maximum(a, np.maximum(low, high))),
+    "abs": _times(2, BENT), "square": _times(2), "integer_pow": _power,
+    "clamp": lambda p, shape, *of: _times(3, BENT)(p, shape, _any_of(np.broadcast_arrays(*of))),
     "select_n": _chosen, "reduce_sum": _reduced, "dot_general": _product_of_matrices,
     "broadcast_in_dim": _broadcast, "slice": _sliced,
     "transpose": lambda p, shape, a: a.transpose(*p["permutation"], a.ndim - 1),

@@ -82,7 +82,7 @@ TARGETS = [
             "system": SYSTEM, "orbit": arg(ORBIT), "parameter": arg("belt_speed"),
             "bounds": arg((0.1, 0.3)), "forcing_period": arg(None, "none"),
             "step": arg(0.01, "positive", "float32"), "max_points": COUNT,
-            "values": arg((0.15, 0.2)),
+            "values": arg((0.15, 0.2), "none of them"),
             "functions": arg(None, "none", "mapping"), "both": arg(True, "flag"), "segments": arg(2),
             "args": ARGS, "integrator": INTEGRATOR, "max_events": COUNT,
         },
@@ -103,7 +103,8 @@ TARGETS = [
         {
             "system": SYSTEM, "y0": arg(START), "parameter": arg("belt_speed"),
             "bounds": arg((0.1, 0.3)), "mode0": MODE, "step": arg(0.01, "positive", "float32"),
-            "max_points": COUNT, "values": arg((0.15, 0.2)), "both": arg(True, "flag"), "args": ARGS,
+            "max_points": COUNT, "values": arg((0.15, 0.2), "none of them"),
+            "both": arg(True, "flag"), "args": ARGS,
         },
     ),
     Target(

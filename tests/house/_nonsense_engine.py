@@ -159,10 +159,7 @@ ENGINE = [
         ),
     ),
     Target(hybrid.piece, {"function": arg(lambda execute, x: x, "constant")}),
-    Target(
-        hybrid.jit_by_code,
-        {"function": arg(lambda x: x, "constant"), "compiler_options": arg(None, "constant")},
-    ),
+    Target(hybrid.jit_by_code, {"function": arg(lambda x: x, "constant")}),
     Target(hybrid.jit_plainly, {"function": arg(lambda x: x, "constant")}),
     Target(hybrid.time_loop, {"function": arg(lambda execute, x: x, "constant")}),
     Target(

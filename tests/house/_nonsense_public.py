@@ -89,7 +89,7 @@ EXEMPT_METHODS = {
     **dict.fromkeys(
         (
             "Section.uses_slope", "AdaptiveStep.factor", "AdaptiveStep.initial", "FixedStep.initial",
-            "AbstractStepper.step_and_look", "AbstractStepper.vjp",
+            "AbstractStepper.step_and_look", "AbstractStepper.solved_to", "AbstractStepper.vjp",
             "ProgressMeter.report", "Executor.shared",
         ),
         BUILT_BY_ENGINE,

@@ -1,5 +1,7 @@
 """A block that stops just where friction can hold it: rounding decides what comes next, and says so."""
 
+from typing import ClassVar
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -7,6 +9,7 @@ import numpy as np
 import stickslip as ss
 from stickslip.friction import Coulomb
 from stickslip.hybrid._status import GRAZING
+from stickslip.mechanism import AbstractMechanism, Contact
 from tests.stickslip.mechanism._machines import Oscillator
 
 
@@ -64,3 +67,30 @@ def test_a_start_at_rest_at_the_threshold():
     _, events, flags, _ = runs([1.0, 0.999, -1.0, 0.5], 1.0, 1.0, 1.0, 1e-10)
     assert list(flags & GRAZING) == [GRAZING, 0, GRAZING, 0]
     assert np.all(events == 0)
+
+
+class Held(AbstractMechanism):
+    """A block that friction can just hold, beside one on a spring that turns and stops."""
+
+    coordinates: ClassVar = {"x": "m", "y": "m"}
+    contact_directions: ClassVar = {"held": {"x": 1.0}, "slides": {"y": 1.0}}
+
+    def mass_matrix(self, q):
+        return {"x": 1.0, "y": 1.0}
+
+    def forces(self, t, q, v, args):
+        return {"x": 0.5, "y": -q.y}
+
+    def contacts(self, t, q, v, args):
+        return [Contact(Coulomb(0.5)), Contact(Coulomb(0.5))]
+
+
+def test_what_rests_on_zero_does_not_disturb_what_is_located_beside_it():
+    """A swing lasts half a period and is shorter by 1 m than the last."""
+    found = ss.simulate(Held(), 0.0, 20.0, Held().state(y=3.0), throw=False)
+    assert bool(found.successful)
+    assert int(found.flags) == GRAZING
+    np.testing.assert_allclose(found.events.t[:3], np.pi * np.arange(1, 4), rtol=1e-10)
+    np.testing.assert_allclose(found.y1.y, 0.0, atol=1e-9)
+    assert float(found.y1.x) == 0.0
+    assert int(found.num_events) == 3

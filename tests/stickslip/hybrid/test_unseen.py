@@ -216,6 +216,7 @@ def test_what_costs_nothing_and_what_is_watched():
         (lambda x: 2.0 * x - 1.0, 1), (lambda x: jnp.abs(x) - x, 2), (lambda x: x * x, 2),
         (lambda x: jnp.minimum(1.0 - x, x), 2), (lambda x: jax.lax.clamp(-1.0, x, 1.0), 3),
         (lambda x: jnp.tanh(x / 1e-3), 3), (lambda x: x + x**3, 3), (lambda x: 0.0 * x, 0),
+        (lambda x: x**3 - x * x, 3), (lambda x: jnp.abs(x) * x + jnp.abs(x - 1.0), HIDES),
         (lambda x: jnp.minimum(jnp.abs(x), 1.0), HIDES), (jnp.sin, HIDES),
         (lambda x: x**50, HIDES), (lambda x: jnp.where(x > 1.0, 1.0, 0.0), HIDES),
         (lambda x: 1.0 / (1.0 + x * x), HIDES), (lambda x: jnp.exp(-x * x), HIDES),
