@@ -18,6 +18,7 @@ from .._validation import (
     check_finite,
     check_mapping,
     check_type,
+    is_concrete,
     misshaped,
     one_row,
     refusal,
@@ -26,7 +27,7 @@ from .._validation import (
 from ..hybrid import Integrator, Solution
 from ._best import best
 from ._evaluate import solved_run
-from ._fit import Fit
+from ._fit import POOR, Fit
 from ._homotopy import Homotopy
 from ._levenberg_marquardt import LevenbergMarquardt
 from ._many_starts import many_starts
@@ -35,6 +36,7 @@ from ._multiple_shooting import MultipleShooting
 from ._observed import Observed, data_of, observed_of, records_of
 from ._record import Record
 from ._run import Run, motion_of, residual_of
+from ._stamps import warn_of_wide_stamps
 from ._starts import sobol_starts
 from ._unknown import Unknown
 from ._unknowns import NamedUnknowns, NamedValues, checked, scalars
@@ -228,7 +230,8 @@ class Problem:
         `GradientDescent(...)`, `MultipleShooting(...)`, `Homotopy(...)`; `start`, values by name in
         place of the unknowns' own; `starts`: the best of so many, spread by `sobol_starts` with `seed`;
         `chunk_size` as for `many_starts`. **Returns** a `Fit`. **Raises** `TypeError`, `ValueError` for
-        anything else.
+        anything else. Warns where a fit does not explain the data and the model swings twice or more
+        between two stamps, as it does where these are in milliseconds.
         """
         method = self._method(method)
         if chunk_size is not None:
@@ -237,14 +240,16 @@ class Problem:
         if starts is not None:
             check_count("starts", starts, 1)
             rows = sobol_starts(unknowns, starts, seed=seed)
-            return best(self.fits(rows, method=method, chunk_size=chunk_size))
+            return self._looked_at(best(self.fits(rows, method=method, chunk_size=chunk_size)))
         check_count("seed", seed, 0)
         space, first = scalars("unknowns", unknowns)
         if isinstance(method, MultipleShooting | Homotopy):
             near, taken = method.brought_near(self._run, self._data, self._lengths, space, first)
             fit = solved_run(method.polish, self._run, self._data, space, space.coordinates(near))
-            return _with_steps(fit, np.asarray(taken))
-        return solved_run(method, self._run, self._data, space, space.coordinates(first))
+            return self._looked_at(_with_steps(fit, np.asarray(taken)))
+        return self._looked_at(
+            solved_run(method, self._run, self._data, space, space.coordinates(first))
+        )
 
     def fits(
         self,
@@ -289,6 +294,14 @@ class Problem:
             run.system, run.initial_state, self.given, self.observed, records,
             integrator=run.integrator, delay=run.delay, correct=run.correct,
         )  # fmt: skip
+
+    def _looked_at(self, fit: Fit) -> Fit:
+        """The fit; with a word on the stamps where it does not explain the data."""
+        if is_concrete(fit) and not float(fit.reduced_chi_squared) <= POOR:
+            values = {name: unknown.start if isinstance(unknown, Unknown) else unknown
+                      for name, unknown in self.unknowns.items()}  # fmt: skip
+            warn_of_wide_stamps(self._run, values, self._data, self.records[0].times)
+        return fit
 
     def _method(self, method: Any) -> Any:
         found = _method(method)

@@ -1,0 +1,65 @@
+"""Whether the stamps of a record keep up with the model, or may be in another unit than seconds."""
+
+import warnings
+from typing import Any
+
+import jax
+import jax.flatten_util
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..hybrid import jit_by_code
+from ._run import Data, Run, asked
+from ._unknowns import NamedValues
+
+MOST_MODES = 16  # modes that are asked for oscillations
+OFTEN = 2.0  # swings between two stamps from which on a record is said not to show them
+OVERDAMPED = 1e-6  # part of its rate that an oscillation turns at least
+
+
+@jit_by_code
+def _slopes(run: Run, values: NamedValues, data: Data) -> Float[Array, "mode size size"]:
+    """Derivatives of the field by the state, where the first record begins, in each mode."""
+    common, local = run.split(values)
+    mine, known, begin, inputs = jax.tree.map(
+        lambda a: jnp.asarray(a)[0], (local, data.known, data.begin, data.inputs)
+    )
+    values = {**known, **common, **mine}
+    system = asked("system", run.system, values, inputs)
+    y0 = asked("initial_state", run.initial_state, values, inputs)
+    row, form = jax.flatten_util.ravel_pytree(jax.tree.map(lambda a: jnp.asarray(a, jnp.float64), y0))
+
+    def of(mode):
+        def field(row):
+            return jax.flatten_util.ravel_pytree(system.vector_field(begin, form(row), mode, None))[0]
+
+        return jax.jacfwd(field)(row)
+
+    return jax.lax.map(of, jnp.arange(min(len(system.mode_names), MOST_MODES)))
+
+
+def warn_of_wide_stamps(run: Run, values: NamedValues, data: Data, times: np.ndarray) -> None:
+    """Warn, once a fit has failed, if the model swings `OFTEN` from one of `times` [s] to the next.
+
+    Such a record does not show its motion, however right the model. The swing is that of the slowest
+    oscillation in any mode, about where the first record begins.
+    """
+    if times.size < 2:
+        return
+    found: Any = np.asarray(_slopes(run, values, data))
+    found = found[np.all(np.isfinite(found), axis=(1, 2))]
+    if not found.size:
+        return
+    rates = np.linalg.eigvals(found).ravel()
+    turning = np.abs(rates.imag)[np.abs(rates.imag) > OVERDAMPED * np.abs(rates)]
+    spacing = float(np.median(np.diff(times)))
+    if not turning.size or spacing * turning.min() < OFTEN * 2.0 * np.pi:
+        return
+    period = 2.0 * np.pi / turning.min()
+    warnings.warn(
+        f"records: their times lie {spacing:.3g} s apart, in which the model swings "
+        f"{spacing / period:.3g} times at its slowest, {period:.3g} s each. They must be in seconds.",
+        UserWarning,
+        stacklevel=4,
+    )
