@@ -206,6 +206,8 @@ def event_functions(
     function = all_values(system, sections, dy, mode, args)
     degree = degrees(function, (t, y), (True, True))
     kept = [known and d != NONE for known, d in zip(judged, degree, strict=True)]
+    # A name that no parameter of a user's has.
+    num_bends, width = getattr(system, "_sides", (0, 0))
     return EventFunctions(
         num_guards=len(names),
         directions=guard_directions(system) + tuple(s.direction for s in sections),
@@ -218,8 +220,8 @@ def event_functions(
         continuous=system.continuous_guards,
         learned=any(scale is None for scale in scales),
         stated=tuple(scale is not None for scale in scales),
-        num_bends=len(getattr(system, "changes", ())),
-        width=getattr(system, "width", 0),
+        num_bends=num_bends,
+        width=width,
     )
 
 

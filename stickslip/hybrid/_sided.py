@@ -46,6 +46,11 @@ class Sided(AbstractSystemWrapper):
         return range(len(self.system.mode_names) << self.width)
 
     @property
+    def _sides(self) -> tuple[int, int]:
+        """Number of the bends, and of the low bits of the mode that say on which side of them it is."""
+        return len(self.changes), self.width
+
+    @property
     def guard_names(self) -> tuple[str, ...]:
         """Those of `system`, then one of each bend."""
         return (*self.system.guard_names, *("a force bends",) * len(self.changes))
