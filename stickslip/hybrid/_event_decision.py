@@ -108,6 +108,12 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         if is_guard and functions.num_guards > 1 and not bend:
             near = jnp.abs(stop_gradient(value)) < rate * beside
             close = close + near.astype(close.dtype)
+        if is_guard and functions.count > 1:
+            # What rests on zero, or has just fired and is below it by rounding, is not what another is
+            # located beside.
+            low = (stop_gradient(value) <= 0) & (value >= -SLACK) & (value0 <= 0)
+            leaves = ~free & low & (rate >= 0) & (rate0 >= 0)
+            value = jnp.where(leaves, FAR, value)
         if i in functions.continuous and functions.count > 1:
             idle = _stays(plan, value, rate) & (lane.bracket.beyond != i)
             value = jnp.where(idle, FAR, value)
