@@ -132,7 +132,7 @@ def _equation(eqn: Any, given: list[_Known], outcomes: Outcomes, smooth: bool) -
     if not varies:
         return [_Known(value) for value in _bound(eqn, [k.value for k in given])]
     inner = eqn.params.get(_CALLS.get(name, ""))
-    if name == "custom_jvp_call" and eqn.params.get("name") == "relu":
+    if _is_relu(eqn):
         inner = eqn.params["call_jaxpr"]
     if (
         name in _CALLS
@@ -261,6 +261,14 @@ _RULES: dict[str, Any] = {
 }  # fmt: skip
 
 
+def _is_relu(eqn: Any) -> bool:
+    """Whether an equation is `jax.nn.relu`; others with a rule of their own, as `logaddexp`, are smooth."""
+    if not eqn.primitive.name.startswith("custom_jvp"):
+        return False
+    inner = eqn.params["call_jaxpr"].eqns
+    return len(inner) == 1 and inner[0].params.get("name") == "relu"
+
+
 def compares(jaxpr: Any) -> bool:
     """Whether a program compares numbers, or picks one of them, wherever they come from."""
     for eqn in jaxpr.eqns:
@@ -268,7 +276,7 @@ def compares(jaxpr: Any) -> bool:
         real = any(jnp.issubdtype(a.aval.dtype, jnp.floating) for a in eqn.invars)
         if real and name in (*_RULES, *_COMPARED, *_SORTED):
             return True
-        if name.startswith("custom_jvp") and eqn.params.get("name") != "relu":
+        if name.startswith("custom_jvp") and not _is_relu(eqn):
             continue
         for given in eqn.params.values():
             for inner in given if isinstance(given, tuple) else (given,):
