@@ -15,6 +15,7 @@ from stickslip.mechanism import AbstractMechanism, Contact
 from stickslip.systems import Motion
 
 GAP = 0.02
+PRECISE = ss.Integrator(step=ss.AdaptiveStep(1e-12, 1e-12))
 
 
 class Soft(ss.AbstractSmoothSystem):
@@ -76,6 +77,33 @@ def test_without_sides_a_step_over_a_bend_has_a_wrong_slope(monkeypatch):
     monkeypatch.setattr(_simulate, "sided", lambda *given: (None, False))
     slope, _ = jax.jit(jax.jacfwd(of_soft, has_aux=True))(jnp.asarray(-0.3), jnp.asarray(1e5))
     assert abs(slope / closed_form(-0.3, 0.0, 1e5, 10.0)[1] - 1.0) > 2e-4
+
+
+class Rectified(ss.AbstractSmoothSystem):
+    """`Soft` by functions of JAX that have derivatives of their own."""
+
+    stiffness: Any
+
+    def vector_field(self, t, y, mode, args):
+        smooth = 0.1 * jnp.logaddexp(y.x, y.v)  # compares its arguments, and has no bend
+        return Motion(x=y.v, v=-y.x - self.stiffness * jax.nn.relu(y.x - GAP) - smooth)
+
+
+def test_rules_of_their_own_hide_no_bend():
+    def end(x):
+        run = ss.simulate(Rectified(1e4), 0.0, 3.0, Motion(x, 0.0 * x), integrator=PRECISE)
+        return run.y1.x, run.flags
+
+    x, h = 0.5, 1e-5
+    slope, flags = jax.jit(jax.jacfwd(end, has_aux=True))(x)
+    ends, _ = jax.jit(jax.vmap(end))(jnp.array([x - h, x + h]))
+    np.testing.assert_allclose(slope, (ends[1] - ends[0]) / (2 * h), rtol=1e-6)
+    assert int(flags) == 0
+    rectified = Rectified(1e4)
+    start = jax.tree.map(jnp.asarray, Motion(x, 0.0))
+    found, left = _sided.sided(rectified, jnp.zeros(()), start, jnp.zeros((), jnp.int32), None)
+    assert len(found.changes) == 1
+    assert not left
 
 
 class Cliff(ss.AbstractSmoothSystem):
