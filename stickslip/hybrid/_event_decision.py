@@ -73,6 +73,7 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
     free = lane.bracket.tries == 0
     full = jnp.where(free, lane.h, lane.full)
     beside = -COINCIDENCE * full
+    at_start = ~free & (lane.h == 0)
     rounding = -2.0 * LOWEST / lane.h
     for i in range(functions.count):
         is_guard = i < functions.num_guards
@@ -111,9 +112,7 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         if is_guard and functions.count > 1:
             # What rests on zero, or has just fired and is below it by rounding, is not what another is
             # located beside.
-            low = (stop_gradient(value) <= 0) & (value >= -SLACK) & (value0 <= 0)
-            leaves = ~free & low & (rate >= 0) & (rate0 >= 0)
-            value = jnp.where(leaves, FAR, value)
+            value = jnp.where(at_start & (rate >= 0), FAR, value)
         if i in functions.continuous and functions.count > 1:
             idle = _stays(plan, value, rate) & (lane.bracket.beyond != i)
             value = jnp.where(idle, FAR, value)
