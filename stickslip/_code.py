@@ -32,6 +32,8 @@ from typing import Any
 
 import equinox as eqx
 import jax
+import jax.core
+import jax.numpy as jnp
 import numpy as np
 
 from ._types import Given
@@ -272,7 +274,7 @@ class _Reached:
             self.values.append((_checksum, thing, _checksum(thing)))
             yield _content(thing)
         elif isinstance(thing, jax.Array):
-            keys = jax.dtypes.issubdtype(thing.dtype, jax.dtypes.prng_key)
+            keys = jnp.issubdtype(thing.dtype, jax.dtypes.prng_key)
             yield _content(np.asarray(jax.random.key_data(thing) if keys else thing))
         elif isinstance(thing, types.ModuleType):
             yield thing.__name__

@@ -118,7 +118,8 @@ def problem_of(
         if multiple < 1 or abs(ratio - multiple) > 1e-6:
             allowed = f"of which the orbit's period, {float(orbit.period)} s, is a multiple"
             raise refusal("forcing_period(system)", float(forcing), allowed)
+    system, args = with_float_arrays((system, args))
     return Problem(
-        *with_float_arrays((system, args)), integrator, as_parameter(np.asarray(spans, float)),
+        system, args, integrator, as_parameter(np.asarray(spans, float)),
         tuple(values), forcing_period, multiple, segments, max_events, current_executor(),
     )  # fmt: skip

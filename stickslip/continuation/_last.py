@@ -41,7 +41,7 @@ def hopf_point(problem: Problem, point: Point) -> Point | None:
     def rate(rest: Rest) -> float:
         """Growth of the pair that turns about as fast as the orbit."""
         found = rest.eigenvalues
-        return float(np.real(found[np.argmin(np.abs(np.abs(found.imag) - turn))]))
+        return float(np.real(found[np.argmin(np.abs(np.abs(np.imag(found)) - turn))]))
 
     def at(z: np.ndarray) -> Rest | None:
         return corrected(field, z, hold, hold, None)

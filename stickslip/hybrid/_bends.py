@@ -262,7 +262,7 @@ _RULES: dict[str, Any] = {
 
 
 def _is_relu(eqn: Any) -> bool:
-    """Whether an equation is `jax.nn.relu`. Others with rules of their own, as `logaddexp`, are smooth."""
+    """Whether an equation is `jax.nn.relu`. Others with own rules, as `logaddexp`, are smooth."""
     if not eqn.primitive.name.startswith("custom_jvp"):
         return False
     inner = eqn.params["call_jaxpr"].eqns

@@ -116,17 +116,19 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         if i in functions.continuous and functions.count > 1:
             idle = _stays(plan, value, rate) & (lane.bracket.beyond != i)
             value = jnp.where(idle, FAR, value)
-        found = (value, rate, value0, rate0)
+        found = best._replace(
+            index=i, value=value, rate=rate, value_start=value0, rate_start=rate0, close=close
+        )
         if i == 0 and is_guard:
-            best = First(best.index, *found, close, best.h_dip, best.marks)
+            best = found._replace(index=best.index)
             continue
         # Values are scaled by the magnitudes of the guards, which makes them comparable. Of two that
         # are below zero the lower one was, as a rule, crossed first; if not, the other is met next.
         lower = stop_gradient(value) < stop_gradient(best.value)
         if not is_guard:
             lower = lower & _locate.begins_inside(value0, rate0, rate)
-        chosen = [jnp.where(lower, new, old) for new, old in zip(found, best[1:5], strict=True)]
-        best = First(jnp.where(lower, i, best.index), *chosen, close, best.h_dip, best.marks)
+        chosen = [jnp.where(lower, new, old) for new, old in zip(found[:5], best[:5], strict=True)]
+        best = best._replace(close=close, **dict(zip(First._fields, chosen, strict=False)))
     if not functions.num_guards:
         return best
     bend = functions.is_bend(best.index) if functions.num_bends else None

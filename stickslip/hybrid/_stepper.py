@@ -350,8 +350,8 @@ def as_stepper(method: Any, rtol: Any = None) -> AbstractStepper:
         return ExplicitRungeKutta(_tableau.NAMED[method.lower()])
     if isinstance(method, _tableau.Tableau):
         return ExplicitRungeKutta(method)
-    explicit = isinstance(method, dfx.AbstractERK) and _innermost(method) is method
-    if explicit and not isinstance(method, dfx.AbstractItoSolver):
+    whole = isinstance(method, dfx.AbstractSolver) and _innermost(method) is method
+    if whole and isinstance(method, dfx.AbstractERK) and not isinstance(method, dfx.AbstractItoSolver):
         return ExplicitRungeKutta(_tableau.from_diffrax(method))
     if isinstance(method, dfx.AbstractSolver):
         rtol = ROOT_TOLERANCE if rtol is None else rtol

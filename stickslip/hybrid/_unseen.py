@@ -148,7 +148,7 @@ def _equation(eqn: Any, given: list[np.ndarray], count: int) -> list[np.ndarray]
 
 
 def _zero(a: np.ndarray) -> np.ndarray:
-    return ~a.any(axis=-1, keepdims=True)
+    return np.asarray(~a.any(axis=-1, keepdims=True))
 
 
 def _sum(p, shape, a, b):

@@ -4,7 +4,6 @@ A declaration may have a default for the time when there are none, and then look
 structure than in the run. So it is asked twice: without `args`, and with some that nobody may look at.
 """
 
-import abc
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -39,7 +38,7 @@ class Sealed:
 
 
 # As one, it takes part in `match` by keys.
-abc.ABCMeta.register(Mapping, Sealed)
+Mapping.register(Sealed)  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def with_any_args(analysis: Callable[[Any], set]) -> set:
