@@ -350,8 +350,8 @@ def as_stepper(method: Any, rtol: Any = None) -> AbstractStepper:
         return ExplicitRungeKutta(_tableau.NAMED[method.lower()])
     if isinstance(method, _tableau.Tableau):
         return ExplicitRungeKutta(method)
-    whole = isinstance(method, dfx.AbstractSolver) and _innermost(method) is method
-    if whole and isinstance(method, dfx.AbstractERK) and not isinstance(method, dfx.AbstractItoSolver):
+    plain = not isinstance(method, dfx.AbstractItoSolver) and _innermost(method) is method
+    if plain and isinstance(method, dfx.AbstractERK):
         return ExplicitRungeKutta(_tableau.from_diffrax(method))
     if isinstance(method, dfx.AbstractSolver):
         rtol = ROOT_TOLERANCE if rtol is None else rtol
