@@ -5,18 +5,22 @@ its outcome where the difference of the two is zero. Evaluated with outcomes tha
 function is smooth through that border, as the field of a mode is.
 """
 
+import pathlib
+import re
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import jax
 import jax.extend
 import jax.numpy as jnp
+import numpy as np
 from jax.lax import stop_gradient
 
 from .._fastmath import SMOOTH
 
 MOST = 48  # bits of all outcomes
 LONGEST_SCAN = 16  # loops of more rounds are not looked into
+_OWN = re.compile(f"/jax/_src/|^{re.escape(pathlib.Path(__file__).parents[1].as_posix())}/")
 _LITERAL = jax.extend.core.Literal
 _CALLS = {
     "jit": "jaxpr", "pjit": "jaxpr", "closed_call": "call_jaxpr", "core_call": "call_jaxpr",
@@ -24,7 +28,13 @@ _CALLS = {
 }  # fmt: skip
 _ROUNDED = {"floor", "ceil", "round", "rem"}
 _SORTED = {"sort", "argmax", "argmin", "cummax", "cummin", "reduce_window_max", "reduce_window_min"}
-_COMPARED = {"gt": 1.0, "ge": 1.0, "lt": -1.0, "le": -1.0}
+# Which operand of what may have no slope somewhere.
+_STEEP = {
+    "sqrt": 0, "rsqrt": 0, "cbrt": 0, "pow": 0, "integer_pow": 0, "log": 0, "log1p": 0, "div": 1,
+    "asin": 0, "acos": 0, "atanh": 0,
+}  # fmt: skip
+# Of "is the first above the second": whether the two change places, and whether it is said to be not so.
+_COMPARED = {"gt": (False, False), "ge": (True, True), "lt": (True, False), "le": (False, True)}
 
 
 class Change(NamedTuple):
@@ -50,10 +60,18 @@ class Outcomes:
         self.declared = False  # whether the system declares switches
         self.jumps = False  # whether something is rounded, which jumps
         self.extremes: dict[int, tuple] = {}  # results of `max` and the like, and what they came from
+        self.asked: dict[tuple, tuple] = {}  # outcomes by the numbers compared, which they keep alive
+        self.done: dict[tuple, tuple] = {}  # results of equations, and the operands that they keep alive
 
-    def compared(self, value: Any, plain: Any) -> Any:
-        """Outcome of a comparison: `plain` by its numbers, where it is true `value` is positive."""
-        value, plain = jnp.broadcast_arrays(value, plain)
+    def above(self, a: Any, b: Any) -> Any:
+        """Whether `a > b`, elementwise; asked twice it is one outcome, lest two of them contradict."""
+        key = (_number(a), _number(b))
+        if key not in self.asked:
+            first, second = jnp.broadcast_arrays(a, b)
+            self.asked[key] = self._compared(first - second, first > second), a, b
+        return self.asked[key][0]
+
+    def _compared(self, value: Any, plain: Any) -> Any:
         if self.width + value.size > MOST:
             self.left = True
             return plain
@@ -61,11 +79,18 @@ class Outcomes:
         given = [self._bit(*row) for row in rows]
         return jnp.stack(given).reshape(value.shape) if value.ndim else given[0]
 
+    def declares(self, value: Any) -> Any:
+        """Whether a value that the system declares is positive."""
+        self.declared = True
+        return self._compared(value, value > 0)
+
     def _bit(self, value: Any, plain: Any) -> Any:
         place, self.width = self.width, self.width + 1
         self.found = self.found + jnp.where(plain, 1 << place, 0)
         given = plain if self.code is None else ((self.code >> place) & 1) == 1
-        self.margins.append(jnp.where(given, value, -value))
+        margin = jnp.where(given, value, -value)
+        # What has no value is compared to no effect.
+        self.margins.append(jnp.where(jnp.isnan(stop_gradient(margin)), 1.0, margin))
         self.changes.append(Change(None, place))
         return given
 
@@ -99,10 +124,19 @@ class _Known(NamedTuple):
     varies: bool = False
     plain: Any = None
     rough: bool = False  # whether it comes from something that is rounded
+    chosen: bool = False  # whether it comes from something that an outcome chose
 
     @property
     def by_numbers(self) -> Any:
         return self.value if self.plain is None else self.plain
+
+
+def _number(value: Any) -> Any:
+    """What tells two values apart: numbers by what they are, others by which they are."""
+    if isinstance(value, jax.core.Tracer) or np.ndim(value):
+        return id(value)
+    number = np.asarray(value).item()
+    return (type(number), number)
 
 
 def evaluated(closed: Any, operands: Sequence, varies: Sequence[bool], outcomes: Outcomes) -> list:
@@ -121,9 +155,21 @@ def _run(jaxpr: Any, consts: Sequence, given: list[_Known], outcomes: Outcomes, 
 
     for eqn in jaxpr.eqns:
         within = smooth or SMOOTH in str(eqn.source_info.name_stack)
-        found = _equation(eqn, [of(atom) for atom in eqn.invars], outcomes, within)
+        found = _once(eqn, [of(atom) for atom in eqn.invars], outcomes, within)
         known.update(zip(eqn.outvars, found, strict=True))
     return [of(atom) for atom in jaxpr.outvars]
+
+
+def _once(eqn: Any, given: list[_Known], outcomes: Outcomes, smooth: bool) -> list[_Known]:
+    """Results of an equation; of what was computed before, the same ones."""
+    try:
+        key = (eqn.primitive, tuple(sorted(eqn.params.items())), smooth, *(_number(k.value) for k in given))
+        before = outcomes.done.get(key)
+    except TypeError:  # a parameter that has no hash, as a program in it
+        return _equation(eqn, given, outcomes, smooth)
+    if before is None:
+        outcomes.done[key] = before = _equation(eqn, given, outcomes, smooth), given
+    return before[0]
 
 
 def _equation(eqn: Any, given: list[_Known], outcomes: Outcomes, smooth: bool) -> list[_Known]:
@@ -132,8 +178,8 @@ def _equation(eqn: Any, given: list[_Known], outcomes: Outcomes, smooth: bool) -
     if not varies:
         return [_Known(value) for value in _bound(eqn, [k.value for k in given])]
     inner = eqn.params.get(_CALLS.get(name, ""))
-    if _is_relu(eqn):
-        inner = eqn.params["call_jaxpr"]
+    if not smooth and (own := _own_rule(eqn)) is not None:
+        return _ruled(eqn, own, given, outcomes)
     if (
         name in _CALLS
         and eqn.params.get("name") == "searchsorted"
@@ -160,23 +206,23 @@ def _equation(eqn: Any, given: list[_Known], outcomes: Outcomes, smooth: bool) -
         return [_Known(value, True, None, True) for value in found]
     rule = _RULES.get(name)
     if real and rule is not None and not smooth:
-        return [_Known(rule(eqn, given, outcomes), True)]
+        return [_Known(rule(eqn, given, outcomes), True, chosen=True)]
     if real and name in (*_COMPARED, "eq", "ne") and not smooth:
         return [_comparison(eqn, given, outcomes)]
     if not smooth:
-        outcomes.left |= (name in _SORTED and real) or (
-            name == "scan" and compares(eqn.params["jaxpr"].jaxpr)
-        )
-    found = _bound(eqn, [k.value for k in given])
+        body = eqn.params.get({"scan": "jaxpr", "while": "body_jaxpr"}.get(name, ""))
+        outcomes.left |= (name in _SORTED and real) or (body is not None and compares(body.jaxpr))
+    found = _gently(eqn, given) if _is_steep(eqn, given) else _bound(eqn, [k.value for k in given])
+    chosen = any(k.chosen for k in given)
     if all(k.plain is None for k in given):
-        return [_Known(value, True) for value in found]
+        return [_Known(value, True, chosen=chosen) for value in found]
     plain = _bound(eqn, [k.by_numbers for k in given])
     if not jnp.issubdtype(eqn.outvars[0].aval.dtype, jnp.floating):
         return [_Known(*row) for row in zip(found, (True,) * len(found), plain, strict=True)]
     if name == "select_n":
         # Beyond its border a branch may have no value, as the root of a negative number.
         found = [jnp.where(jnp.isfinite(a), a, b) for a, b in zip(found, plain, strict=True)]
-    return [_Known(value, True) for value in found]
+    return [_Known(value, True, chosen=True) for value in found]
 
 
 def _bound(eqn: Any, values: Sequence) -> list:
@@ -186,11 +232,39 @@ def _bound(eqn: Any, values: Sequence) -> list:
     return out if eqn.primitive.multiple_results else [out]
 
 
+def _is_steep(eqn: Any, given: list[_Known]) -> bool:
+    """Whether an equation may have no slope at the border of what was chosen, as a root has none at 0."""
+    name = eqn.primitive.name
+    if name not in _STEEP or not jnp.issubdtype(eqn.outvars[0].aval.dtype, jnp.floating):
+        return False
+    return given[_STEEP[name]].chosen
+
+
+def _gently(eqn: Any, given: list[_Known]) -> list:
+    """Results with a slope of 0 where there is none.
+
+    `where(d > 0, sqrt(where(d > 0, d, 1)) * d, 0)` is smooth from its border on, where `sqrt` is not.
+    What has no value below zero has that at zero, so that fields go on beyond a border.
+    """
+    values, place = [k.value for k in given], _STEEP[eqn.primitive.name]
+
+    def of(x: Any) -> Any:
+        return _bound(eqn, [x if i == place else value for i, value in enumerate(values)])[0]
+
+    x = stop_gradient(values[place])
+    has_slope = jnp.isfinite(jax.jvp(of, (x,), (jnp.ones_like(x),))[1])
+    ends = jnp.maximum(x, 0.0) if eqn.primitive.name in ("sqrt", "pow") else x
+    smooth = of(jnp.where(has_slope, values[place], 0.5))
+    return [jnp.where(has_slope, smooth, stop_gradient(of(ends)))]
+
+
 def _comparison(eqn: Any, given: list[_Known], outcomes: Outcomes) -> _Known:
     name, (a, b) = eqn.primitive.name, (k.value for k in given)
     (plain,) = _bound(eqn, [a, b])
     if name in _COMPARED:
-        return _Known(outcomes.compared(_COMPARED[name] * (a - b), plain), True, plain)
+        swap, negate = _COMPARED[name]
+        outcome = outcomes.above(b, a) if swap else outcomes.above(a, b)
+        return _Known(~outcome if negate else outcome, True, plain)
     # Derivatives of `max` ask which of the two it was.
     for result, operand in ((b, a), (a, b)):
         first, second, outcome, _ = outcomes.extremes.get(id(result), (None, None, None, None))
@@ -203,7 +277,7 @@ def _comparison(eqn: Any, given: list[_Known], outcomes: Outcomes) -> _Known:
 def _greater(a: Any, b: Any, outcomes: Outcomes) -> Any:
     """The greater of two, with the slope of the one that the outcome names."""
     plain = jax.lax.max(*jnp.broadcast_arrays(a, b))
-    outcome = outcomes.compared(a - b, a >= b)
+    outcome = ~outcomes.above(b, a)
     one = jnp.where(outcome, a, b)
     # At a border the value is that of both. Beyond, one that may be no operand there is not used.
     found = one + stop_gradient(plain - one)
@@ -213,7 +287,7 @@ def _greater(a: Any, b: Any, outcomes: Outcomes) -> Any:
 
 def _less(a: Any, b: Any, outcomes: Outcomes) -> Any:
     plain = jax.lax.min(*jnp.broadcast_arrays(a, b))
-    outcome = outcomes.compared(b - a, a <= b)
+    outcome = ~outcomes.above(a, b)
     one = jnp.where(outcome, a, b)
     found = one + stop_gradient(plain - one)
     outcomes.extremes[id(found)] = (a, b, outcome, found)
@@ -227,15 +301,14 @@ def _clamp(eqn: Any, given: list[_Known], outcomes: Outcomes) -> Any:
 
 def _magnitude(eqn: Any, given: list[_Known], outcomes: Outcomes) -> Any:
     x = given[0].value
-    outcome = outcomes.compared(x, x >= 0)
-    one = jnp.where(outcome, x, -x)
+    one = jnp.where(outcomes.above(0.0, x), -x, x)
     return one + stop_gradient(jnp.abs(x) - one)
 
 
 def _sign(eqn: Any, given: list[_Known], outcomes: Outcomes) -> Any:
     # In two parts: what rests at zero has the sign 0.
     x = given[0].value
-    up, down = outcomes.compared(x, x > 0), outcomes.compared(-x, x < 0)
+    up, down = outcomes.above(x, 0.0), outcomes.above(0.0, x)
     return up.astype(x.dtype) - down.astype(x.dtype)
 
 
@@ -261,12 +334,35 @@ _RULES: dict[str, Any] = {
 }  # fmt: skip
 
 
-def _is_relu(eqn: Any) -> bool:
-    """Whether an equation is `jax.nn.relu`. Others with own rules, as `logaddexp`, are smooth."""
-    if not eqn.primitive.name.startswith("custom_jvp"):
-        return False
-    inner = eqn.params["call_jaxpr"].eqns
-    return len(inner) == 1 and inner[0].params.get("name") == "relu"
+def _own_rule(eqn: Any) -> Any:
+    """Program of a function with a derivative of its own that may bend; None for any other equation.
+
+    Those of JAX and of this package compare numbers to choose between forms of what is smooth, as
+    `logaddexp` does, all but two.
+    """
+    if not eqn.primitive.name.startswith(("custom_jvp_call", "custom_vjp_call")):
+        return None
+    inner = eqn.params["call_jaxpr"]
+    name, _, place = str(getattr(inner.jaxpr.debug_info, "func_src_info", "")).partition(" at ")
+    smooth = _OWN.search(place.replace("\\", "/")) and name not in ("relu", "relu6")
+    return None if smooth or not compares(inner.jaxpr) else inner
+
+
+def _ruled(eqn: Any, inner: Any, given: list[_Known], outcomes: Outcomes) -> list[_Known]:
+    """A function with a derivative of its own: by its rule as long as no outcome differs from the numbers."""
+    start, before, first = outcomes.width, outcomes.found, len(outcomes.margins)
+    found = _run(inner.jaxpr, inner.consts, given, outcomes, smooth=False)
+    by_rule = _bound(eqn, [k.value for k in given])
+    if outcomes.code is None:
+        return [_Known(value, True, k.plain, k.rough) for value, k in zip(by_rule, found, strict=True)]
+    bits = (1 << outcomes.width) - (1 << start)
+    same = ((outcomes.code ^ (outcomes.found - before)) & bits) == 0
+    for margin in outcomes.margins[first:]:
+        same = same & (margin != 0.0)  # at the border a rule knows one side only
+    return [
+        k._replace(value=jnp.where(same, value, k.value))
+        for value, k in zip(by_rule, found, strict=True)
+    ]
 
 
 def compares(jaxpr: Any) -> bool:
@@ -276,7 +372,7 @@ def compares(jaxpr: Any) -> bool:
         real = any(jnp.issubdtype(a.aval.dtype, jnp.floating) for a in eqn.invars)
         if real and name in (*_RULES, *_COMPARED, *_SORTED):
             return True
-        if name.startswith("custom_jvp") and not _is_relu(eqn):
+        if name.startswith(("custom_jvp_call", "custom_vjp_call")) and _own_rule(eqn) is None:
             continue
         for given in eqn.params.values():
             for inner in given if isinstance(given, tuple) else (given,):
@@ -328,7 +424,7 @@ def _branches(eqn: Any, given: list[_Known], outcomes: Outcomes, smooth: bool) -
     outcomes.margins += margins
     outcomes.changes += [change for form in forms for change in form.changes]
     varies = given[0].varies or any(k.varies for k in operands)
-    return [_Known(value, varies) for value in found]
+    return [_Known(value, varies, chosen=varies) for value in found]
 
 
 def _rounds(eqn: Any, given: list[_Known], outcomes: Outcomes, smooth: bool) -> list[_Known]:
@@ -347,4 +443,4 @@ def _rounds(eqn: Any, given: list[_Known], outcomes: Outcomes, smooth: bool) -> 
     if params["reverse"]:
         stacked.reverse()
     columns = [jnp.stack(column) for column in zip(*stacked, strict=True)] if stacked else []
-    return [*carry, *(_Known(column, True) for column in columns)]
+    return [*carry, *(_Known(column, True, chosen=True) for column in columns)]

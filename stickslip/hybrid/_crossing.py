@@ -177,7 +177,7 @@ def _search(plan: Plan, problem, section: Section, row: Starts) -> tuple[Any, Py
         value, rate, value0, rate0 = (sign * a for a in (*found, *start))
         value0 = jnp.where(on_zero, jnp.maximum(value0, 0.0), value0)
         near = jnp.abs(value) <= -rate * _locate.TOLERANCE_SECTION * row.h
-        collapsed = _locate.is_collapsed(bracket, row.t)
+        collapsed = _locate.is_collapsed(bracket, row.t, row.h)
         # Whether the step crosses was decided in the run; here rounding may see it otherwise.
         inside = (value0 > 0) | on_zero
         best = select(searching & (inside | ~whole), (h, y, dy), best)

@@ -125,7 +125,9 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         # Values are scaled by the magnitudes of the guards, which makes them comparable. Of two that
         # are below zero the lower one was, as a rule, crossed first; if not, the other is met next.
         lower = stop_gradient(value) < stop_gradient(best.value)
-        if not is_guard:
+        if is_guard:
+            lower = lower | jnp.isnan(stop_gradient(value))
+        else:
             lower = lower & _locate.begins_inside(value0, rate0, rate)
         chosen = [jnp.where(lower, new, old) for new, old in zip(found[:5], best[:5], strict=True)]
         best = best._replace(close=close, **dict(zip(First._fields, chosen, strict=False)))
@@ -204,6 +206,9 @@ def decide(plan: Plan, lane: Lane, step: Step, first: First | None) -> Any:
         code = _what_fires(plan, lane, step.h, first, code)
     # A step into a pole is tried again shorter, where steps adapt, until its length ends the lane.
     bad = ~all_finite((step.y1, step.dy1))
+    if first is not None and plan.functions.num_guards:
+        # A guard without a value would never fire.
+        bad = bad | jnp.isnan(first.value)
     if plan.step_size.adaptive:
         inaccurate = ~(step.error <= 1.0)
         # Inside a bracket the steps are parts of one whose error was accepted; the first attempt in a
@@ -235,7 +240,7 @@ def _what_fires(plan: Plan, lane: Lane, h: Any, first: First, code: Any) -> Any:
     # Guards at rest lie at zero to rounding; only what is clearly beyond fires.
     hit = first.value < jnp.where(guards, -SLACK, 1e-300)
     # A jump through zero ends on its far side, where the new mode is what it will be.
-    collapsed = _locate.is_collapsed(b, lane.t) & (first.value < 0)
+    collapsed = _locate.is_collapsed(b, lane.t, full) & (first.value < 0)
     shrink = fresh & (hit | ~free)
     # An attempt inside a bracket is never accepted for being on the near side of the zero: it goes on
     # until it is near enough for the Newton correction, or the bracket has no width left.

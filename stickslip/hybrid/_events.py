@@ -127,7 +127,8 @@ def terms_in_state(system: AbstractHybridSystem, t, y, mode, args, size: PyTree)
 
     t, y = jax.lax.stop_gradient((t, y))
     _, terms = jax.jvp(guards, (y,), (generic(size),))
-    return tuple(jax.lax.stop_gradient(jnp.abs(term)) for term in terms)
+    terms = jax.lax.stop_gradient(tuple(map(jnp.abs, terms)))
+    return tuple(jnp.where(term < jnp.inf, term, 0.0) for term in terms)
 
 
 def terms_in_parameters(system: AbstractHybridSystem, t, y, mode, args) -> tuple:

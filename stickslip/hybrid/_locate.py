@@ -68,9 +68,14 @@ def update(
     )
 
 
-def is_collapsed(b: Bracket, t: Any) -> Any:
-    """Whether the ends of the bracket are the same time to rounding; `t` is the start of the step."""
-    return b.high - b.low <= 4e-16 * jnp.maximum(jnp.abs(t), b.high)
+def is_collapsed(b: Bracket, t: Any, full: Any) -> Any:
+    """Whether the ends of the bracket are the same time to rounding; `t` is the start of the step.
+
+    Or to what is located of a step of length `full`, where no attempt ended before the zero: what
+    leaves zero at the start without a slope, as the square of a speed at rest, is halved for ever.
+    """
+    told = 4e-16 * jnp.maximum(jnp.abs(t), b.high)
+    return b.high - b.low <= jnp.where(b.low == 0.0, jnp.maximum(told, TOLERANCE * full), told)
 
 
 def propose(b: Bracket, full: Any, t: Any) -> Any:
@@ -116,7 +121,7 @@ def propose(b: Bracket, full: Any, t: Any) -> Any:
     # Falling, and so near zero at the start that the Newton correction reaches it: the event is there.
     at_start = at_first & (b.rate_low < 0) & ~level & (b.value_low <= -TOLERANCE * full * b.rate_low)
     guess = jnp.where(at_start, 0.0, guess)
-    return jnp.where(is_collapsed(b, t) & (b.tries != 0), b.high, guess)
+    return jnp.where(is_collapsed(b, t, full) & (b.tries != 0), b.high, guess)
 
 
 def begins_inside(value0: Any, rate0: Any, rate: Any) -> Any:

@@ -217,8 +217,7 @@ def _declared(system: Any, t: Any, y: PyTree, mode: Any, args: PyTree, outcomes:
             return found
 
         now, slopes = jax.value_and_grad(value, argnums=(0, 1))(t, y)
-        side = outcomes.compared(now, now > 0)
-        outcomes.declared = True
+        side = outcomes.declares(now)
         if outcomes.code is None:
             continue
         flat, back = ravel_pytree(jax.lax.stop_gradient((t, y)))

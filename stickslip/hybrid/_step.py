@@ -185,7 +185,7 @@ def _rescaled(plan: Plan, lane: Lane, values: Values) -> tuple[tuple, Values, Va
             used, kept = (*used, jnp.ones_like(value)), (*kept, jnp.ones_like(value))
             continue
         found = jnp.maximum(jnp.abs(value), terms)
-        begun = jnp.abs(rate) * time
+        begun = jnp.where(jnp.isfinite(rate), jnp.abs(rate), 0.0) * time
         unknown = (begun == 0.0) & (terms == 0.0) & (value < NEAR_ONE) & (value != 0.0)
         begun = jnp.where(unknown, 1.0, begun)
         begun = jnp.where(begun > found, -begun, found)

@@ -23,7 +23,8 @@ class Stribeck(Coulomb):
         self.v, self.exponent = v, exponent
 
     def kinetic(self, u, sense):
-        power = max((sense * u / self.v) ** self.exponent, -1.0)
+        slip = sense * u / self.v  # below zero by rounding, where a broken power has no value
+        power = max(slip**self.exponent, -1.0) if slip > 0 or self.exponent % 1 == 0 else 0.0
         return sense * (self.k + (self.s - self.k) * math.exp(-power))
 
 

@@ -1,0 +1,203 @@
+"""Forms that have no slope at a border, or no value beyond it, in fields that do: from rest, at zero."""
+
+from typing import Any, ClassVar, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import stickslip as ss
+from stickslip.hybrid import _bends
+from stickslip.hybrid._status import BENT
+from stickslip.mechanism import AbstractMechanism
+from stickslip.systems import Motion
+
+TIGHT = ss.Integrator(step=ss.AdaptiveStep(1e-11))
+LENGTH = 5.0  # s
+
+
+def root(x):
+    """The square root as it is written where its derivative is to be finite at zero."""
+    return jnp.where(x > 0, jnp.sqrt(jnp.where(x > 0, x, 1.0)), 0.0)
+
+
+def drag(k, x, y, v, w):
+    return -k * root(v * v + w * w) * v
+
+
+def rope(k, x, y, v, w):
+    square = x * x + y * y
+    length = jnp.where(x * x + y * y > 0, root(square), 1.0)
+    return -10 * k * jnp.maximum(root(square) - 0.3, 0.0) * jnp.where(square > 0, x / length, 0.0)
+
+
+def orifice(k, x, y, v, w):
+    return -k * jnp.sign(v) * root(jnp.abs(v))
+
+
+class Place(NamedTuple):
+    x: Any
+    y: Any
+
+
+class Body(AbstractMechanism):
+    """Two coordinates with one force along each, a spring and a load."""
+
+    k: Any
+    force: Any
+    coordinates: ClassVar = {"x": "m", "y": "m"}
+
+    def mass_matrix(self, q):
+        return {"x": 1.0, "y": 1.0}
+
+    def forces(self, t, q, v, args):
+        return {
+            "x": 1.5 * jnp.cos(2.0 * t) - q.x + self.force(self.k, q.x, q.y, v.x, v.y),
+            "y": -q.y + self.force(self.k, q.y, q.x, v.y, v.x),
+        }
+
+
+def by_scipy(force, k, start):
+    def field(t, y):
+        found = Body(k, force).forces(t, Place(y[0], y[1]), Place(y[2], y[3]), None)
+        return jnp.stack([y[2], y[3], found["x"], found["y"]])
+
+    plain = jax.jit(field)
+    y0 = [*start, 0.0, 0.0]
+    return solve_ivp(plain, (0.0, LENGTH), y0, rtol=1e-9, atol=1e-11, max_step=0.02).y[:2, -1]
+
+
+# All at rest: at the origin, beside it, on a border exactly, and beyond.
+STARTS = np.array([[0.0, 0.1, 0.02, 0.5], [0.0, 0.0, 0.02, -0.4]])
+
+
+@pytest.mark.parametrize(("force", "off"), [(drag, 1e-8), (rope, 1e-6), (orifice, 1e-4)])
+def test_motion_and_slopes_from_rest(force, off):
+    def end(k, x, y):
+        body = Body(k, force)
+        run = ss.simulate(body, 0.0, LENGTH, body.state(x=x, y=y), integrator=TIGHT, throw=False)
+        return jnp.stack([run.y1.x, run.y1.y]), run.result == ss.RESULTS.successful
+
+    @jax.jit
+    @jax.vmap
+    def found(k, x, y):
+        return jax.jvp(lambda k: end(k, x, y), (k,), (jnp.ones_like(k),), has_aux=True)
+
+    h, n = 5e-4, STARTS.shape[1]
+    x, y = np.tile(STARTS, 5)
+    k = np.repeat(2.0 + h * np.arange(-2, 3), n)
+    value, slope, ok = (np.reshape(a, (5, n, -1)) for a in found(k, x, y))
+    assert np.all(ok)
+    differences = (8 * (value[3] - value[1]) - (value[4] - value[0])) / (12 * h)
+    np.testing.assert_allclose(slope[2], differences, atol=off)
+    for start, ends in zip(STARTS.T, value[2], strict=True):
+        np.testing.assert_allclose(ends, by_scipy(force, 2.0, start), atol=1e-7)
+
+
+def outcomes_of(function, *given):
+    closed = jax.make_jaxpr(function)(*given)
+    found = _bends.Outcomes()
+    _bends.evaluated(closed, given, (True,) * len(given), found)
+    return found
+
+
+def test_one_comparison_is_one_outcome_however_it_is_said():
+    """Two outcomes of one comparison would be turned over one after the other, and contradict in between.
+
+    `orifice` from rest chattered with them.
+    """
+
+    def field(v):
+        away = jnp.where(v > 0, 1.0, 0.0) + jnp.where(0 < v, 2.0, 0.0) - jnp.where(v <= 0, 1.0, 0.0)
+        return away + root(v * v) + root(v * v) + jnp.maximum(v, 0.0) + jnp.abs(v) + jnp.sign(v)
+
+    # v above 0, v below 0, v^2 above 0.
+    assert outcomes_of(field, jnp.asarray(0.3)).width == 3
+
+
+class Norm(ss.AbstractSmoothSystem):
+    """Drag by a norm, which has no slope at rest."""
+
+    load: Any
+
+    def vector_field(self, t, y, mode, args):
+        speed = jnp.linalg.norm(jnp.stack([y.v, 0.0 * y.v]))
+        return Motion(x=y.v, v=self.load - speed * y.v)
+
+
+def test_a_norm_at_rest_stops_no_run():
+    run = ss.simulate(Norm(4.0), 0.0, 1.0, Motion(0.0, 0.0))
+    # v = 2 tanh(2 t) under a load of 4 and the square of the speed
+    np.testing.assert_allclose(run.y1.v, 2 * np.tanh(2.0), rtol=1e-7)
+    np.testing.assert_allclose(run.y1.x, np.log(np.cosh(2.0)), rtol=1e-7)
+
+
+@jax.custom_jvp
+def stop(d):
+    """A soft stop with a derivative of the user's."""
+    return jnp.where(d > 0, d, 0.0)
+
+
+@stop.defjvp
+def _stop_jvp(given, rates):
+    return stop(given[0]), jnp.where(given[0] > 0, rates[0], 0.0)
+
+
+class Stopped(ss.AbstractSmoothSystem):
+    stop: Any
+
+    def vector_field(self, t, y, mode, args):
+        return Motion(x=y.v, v=-y.x - 1e3 * self.stop(y.x - 0.02))
+
+
+def in_a_loop(d):
+    """A loop of as many rounds as a number says: it is not looked into."""
+    rounds = jnp.where(d > 1e9, 2, 1)
+    return jax.lax.while_loop(
+        lambda c: c[0] < rounds, lambda c: (c[0] + 1, jnp.maximum(d, 0.0)), (0, 0.0 * d)
+    )[1]
+
+
+def test_bends_in_rules_of_the_user_are_seen_and_those_in_loops_flagged():
+    def slope(stop):
+        def end(x):
+            run = ss.simulate(Stopped(stop), 0.0, 3.0, Motion(x, 0.0 * x))
+            return run.y1.x, run.flags
+
+        return jax.jit(jax.jacfwd(end, has_aux=True))(0.5)
+
+    right, flags = slope(ss.positive_part)
+    assert int(flags) == 0
+    for rule in (stop, jax.nn.relu6):
+        found, flags = slope(rule)
+        np.testing.assert_allclose(found, right, rtol=1e-7)
+        assert int(flags) == 0
+    _, flags = slope(in_a_loop)
+    assert int(flags) & BENT
+
+
+class Blind(ss.AbstractHybridSystem):
+    """A guard that has no value after a second."""
+
+    mode_names: ClassVar = ("all",)
+    guard_names: ClassVar = ("crossed",)
+
+    def vector_field(self, t, y, mode, args):
+        return Motion(x=y.v, v=0.0 * y.x)
+
+    def guards(self, t, y, mode, args):
+        return (jnp.sqrt(1.0 - y.x) + 1.0,)
+
+    def transition(self, t, y, mode, guard, args):
+        return y, mode
+
+    def initial_mode(self, t, y, args):
+        return jnp.zeros((), jnp.int32)
+
+
+def test_a_guard_without_a_value_ends_the_run():
+    run = ss.simulate(Blind(), 0.0, 2.0, Motion(0.0, 1.0), throw=False)
+    assert run.result != ss.RESULTS.successful
+    np.testing.assert_allclose(run.t1, 1.0, atol=1e-6)
