@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import jax
+import jax.core
 import jax.extend
 import jax.numpy as jnp
 import numpy as np
@@ -33,7 +34,7 @@ _STEEP = {
     "sqrt": 0, "rsqrt": 0, "cbrt": 0, "pow": 0, "integer_pow": 0, "log": 0, "log1p": 0, "div": 1,
     "asin": 0, "acos": 0, "atanh": 0,
 }  # fmt: skip
-# Of "is the first above the second": whether the two change places, and whether it is said to be not so.
+# Said as "the first is above the second": whether the two change places, whether it is denied.
 _COMPARED = {"gt": (False, False), "ge": (True, True), "lt": (True, False), "le": (False, True)}
 
 
@@ -61,7 +62,9 @@ class Outcomes:
         self.jumps = False  # whether something is rounded, which jumps
         self.extremes: dict[int, tuple] = {}  # results of `max` and the like, and what they came from
         self.asked: dict[tuple, tuple] = {}  # outcomes by the numbers compared, which they keep alive
-        self.done: dict[tuple, tuple] = {}  # results of equations, and the operands that they keep alive
+        self.done: dict[
+            tuple, tuple
+        ] = {}  # results of equations, and the operands that they keep alive
 
     def above(self, a: Any, b: Any) -> Any:
         """Whether `a > b`, elementwise; asked twice it is one outcome, lest two of them contradict."""
@@ -163,7 +166,12 @@ def _run(jaxpr: Any, consts: Sequence, given: list[_Known], outcomes: Outcomes, 
 def _once(eqn: Any, given: list[_Known], outcomes: Outcomes, smooth: bool) -> list[_Known]:
     """Results of an equation; of what was computed before, the same ones."""
     try:
-        key = (eqn.primitive, tuple(sorted(eqn.params.items())), smooth, *(_number(k.value) for k in given))
+        key = (
+            eqn.primitive,
+            tuple(sorted(eqn.params.items())),
+            smooth,
+            *(_number(k.value) for k in given),
+        )
         before = outcomes.done.get(key)
     except TypeError:  # a parameter that has no hash, as a program in it
         return _equation(eqn, given, outcomes, smooth)
@@ -233,7 +241,7 @@ def _bound(eqn: Any, values: Sequence) -> list:
 
 
 def _is_steep(eqn: Any, given: list[_Known]) -> bool:
-    """Whether an equation may have no slope at the border of what was chosen, as a root has none at 0."""
+    """Whether an equation may have no slope where what it takes is at its border, as a root at 0."""
     name = eqn.primitive.name
     if name not in _STEEP or not jnp.issubdtype(eqn.outvars[0].aval.dtype, jnp.floating):
         return False
@@ -349,7 +357,7 @@ def _own_rule(eqn: Any) -> Any:
 
 
 def _ruled(eqn: Any, inner: Any, given: list[_Known], outcomes: Outcomes) -> list[_Known]:
-    """A function with a derivative of its own: by its rule as long as no outcome differs from the numbers."""
+    """A function with a derivative of its own: by that, while outcomes are what its numbers say."""
     start, before, first = outcomes.width, outcomes.found, len(outcomes.margins)
     found = _run(inner.jaxpr, inner.consts, given, outcomes, smooth=False)
     by_rule = _bound(eqn, [k.value for k in given])

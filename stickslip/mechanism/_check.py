@@ -93,27 +93,35 @@ def _check_structure(mechanism: Any) -> None:
             why = "a function of the coordinates"
             raise DeclarationError(str(refusal(f"the gap of stop {name!r}", "a constant", why)))
     for island in mechanism.islands:
+        if island.dependent and not island.shut and not hasattr(island, "lines"):
+            raise _refused(mechanism, island)
+    check_directions(mechanism, None)
+
+
+def check_directions(mechanism: Any, args: Any) -> None:
+    """Raise for directions that vary and always depend on each other; None for unknown `args`."""
+    for island in mechanism.islands:
         rows = list(island.rows[: island.contacts])
-        if island.dependent:
-            refused = not island.shut and not hasattr(island, "lines")
-        else:
-            refused = island.varies and _depend(mechanism, rows)
-        if refused:
-            everything = mechanism.names.contacts + mechanism.names.stops
-            those = ", ".join(everything[c] for c in island.rows)
-            why = "constant where they depend on each other, of at most 12 contacts of a group"
-            if not island.stops:
-                raise refusal("contact_directions", those, why)
-            raise DeclarationError(str(refusal("directions of contacts and stops", those, why)))
+        if island.varies and not island.dependent and _depend(mechanism, rows, args):
+            raise _refused(mechanism, island)
 
 
-def _depend(mechanism: Any, rows: list[int]) -> bool:
+def _refused(mechanism: Any, island: Any) -> DeclarationError | ValueError:
+    everything = mechanism.names.contacts + mechanism.names.stops
+    those = ", ".join(everything[c] for c in island.rows)
+    why = "constant where they depend on each other, of at most 12 contacts of a group"
+    if not island.stops:
+        return refusal("contact_directions", those, why)
+    return DeclarationError(str(refusal("directions of contacts and stops", those, why)))
+
+
+def _depend(mechanism: Any, rows: list[int], args: Any) -> bool:
     """Whether contacts that may all stick at once have directions that depend on each other."""
     names = mechanism.names
     those = [c for c in rows if names.contacts[c] not in names.opening]
     if len(those) < 2:
         return False
-    found = [sample[those] for sample in traced_with(sampled_directions, mechanism)]
+    found = [sample[those] for sample in traced_with(sampled_directions, (mechanism, args))]
     if not found or not np.isfinite(found).all():
         return False
     sizes = [np.linalg.norm(J, axis=1, keepdims=True) + 1e-300 for J in found]

@@ -19,7 +19,7 @@ from stickslip.friction import AbstractBristleLaw, LuGre
 
 from . import _changes
 from ._abstract import traced_with
-from ._check import check_declaration, check_held, check_law, check_load, check_mass
+from ._check import check_declaration, check_directions, check_held, check_law, check_load, check_mass
 from ._contact import Contact
 from ._declaration import directions_of
 from ._first_order import check_rates
@@ -325,6 +325,8 @@ class AbstractMechanism(AbstractWithObservables):
         if not all(hasattr(y, name) for name in (*names.kept, *names.velocities)):
             return  # no state of this mechanism, as the run says
         check_args(self, args)
+        if args is not None:
+            check_directions(self, args)
         check_gaps(self, t, y, args)
         check_rates(self, t, y, args)
         if is_concrete((self, y)):

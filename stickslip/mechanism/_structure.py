@@ -104,18 +104,20 @@ def _changed_by(given: tuple["AbstractMechanism", Any]) -> list[str]:
     return found + [f"the slope of the gap of stop {names.stops[k]!r}" for k, *_ in gaps]
 
 
-def sampled_directions(machine: "AbstractMechanism") -> list[np.ndarray]:
+def sampled_directions(given: tuple["AbstractMechanism", Any]) -> list[np.ndarray]:
     """Directions of all contacts [contact, coordinate] for two sets of numbers in general position.
 
-    None where `args` have a say, which are not known. What depends on each other here can be refused;
-    from independence nothing follows.
+    `given`: the machine and its `args`; None for those that are not known: the list is empty where they
+    have a say. What depends on each other here can be refused; from independence nothing follows.
     """
+    machine, _ = given
     names = machine.names
-    leaves, form = abstract(machine)
+    leaves, form = abstract(given)
 
     def directions(numbers, t, q, v):
-        whole = jax.tree.unflatten(form, with_numbers(leaves, numbers))
-        contacts = in_order("contacts(...)", whole.contacts(t, q, v, Sealed()), names.contacts, "")
+        whole, args = jax.tree.unflatten(form, with_numbers(leaves, numbers))
+        args = Sealed() if args is None else args
+        contacts = in_order("contacts(...)", whole.contacts(t, q, v, args), names.contacts, "")
         rows = (
             contact.direction if np.isnan(row).any() else row
             for row, contact in zip(machine.directions, contacts, strict=True)

@@ -1,4 +1,4 @@
-"""Forms that have no slope at a border, or no value beyond it, in fields that do: from rest, at zero."""
+"""Forms that have no slope at a border, or no value beyond it, in fields that do: at rest, at zero."""
 
 from typing import Any, ClassVar, NamedTuple
 
@@ -104,7 +104,7 @@ def outcomes_of(function, *given):
 
 
 def test_one_comparison_is_one_outcome_however_it_is_said():
-    """Two outcomes of one comparison would be turned over one after the other, and contradict in between.
+    """Two outcomes of one comparison would be turned over one by one, and contradict in between.
 
     `orifice` from rest chattered with them.
     """

@@ -392,6 +392,22 @@ def test_directions_that_are_always_equal_are_not_in_general_position(rows, fine
             Rubbing(rows)
 
 
+class Tuned(Rubbing):
+    """With friction from `args`, without which nothing is known of the directions."""
+
+    def contacts(self, t, q, v, args):
+        return [Contact(Coulomb(args), direction=row) for row in self.rows(self.r, q)]
+
+
+def test_directions_unknown_without_args_are_judged_when_a_run_brings_them():
+    """A start at rest had no multipliers of friction (NaN), and ended at its first instant."""
+    tuned = Tuned(lambda r, q: [{"x": r}, {"x": -2.0 * r}])
+    with pytest.raises(ValueError, match=r"'pad, other pad'.*constant where they depend"):
+        ss.simulate(tuned, 0.0, 1.0, tuned.state(), args=0.5)
+    other = Tuned(lambda r, q: [{"x": r}, {"y": -2.0 * r}])
+    assert float(ss.simulate(other, 0.0, 1.0, other.state(), args=0.5).y1.x) == 0.0
+
+
 def test_a_direction_is_given_once():
     class Twice(Block):
         def contacts(self, t, q, v, args):
