@@ -130,8 +130,10 @@ def doubles(branch: Followed, damped: Followed | None) -> Verdict:
     found = np.asarray(branch.marked("PD").special_v)
     inside = found[(found >= LOW * (1 - Beam.BORDER)) & (found <= HIGH * (1 + Beam.BORDER))]
     rows = (branch.v >= LOW) & (branch.v <= HIGH)
-    share = float((branch.largest[rows] <= 1.0 + Beam.NEUTRAL).mean()) if rows.any() else np.nan
-    text = f"{inside.size} doublings of the orbit; {share:.0%} of the orbits there do not repel"
+    text = f"{inside.size} doublings of the orbit, none computed there"
+    if rows.any():
+        share = float((branch.largest[rows] <= 1.0 + Beam.NEUTRAL).mean())
+        text = f"{inside.size} doublings of the orbit; {share:.0%} of the orbits there do not repel"
     if inside.size:
         text += ", at v = " + ", ".join(f"{v:.8f}" for v in inside)
     return bool(inside.size), text

@@ -17,7 +17,7 @@ EXPERIMENT = Experiment(
         "follow_from": 1e-3,
         "follow_min": 1e-4,
         "follow_max": 3e-2,
-        "step": 1.0,
+        "step": 0.03,
         "max_orbits": 120,
         "orbit_tolerance": 1e-11,
         "longest_step": 0.25,  # of a radian of the fastest mode

@@ -282,9 +282,13 @@ def landed(island: Island, at: Instant, still: list) -> list[Any]:
             (j,) = own
             v[j] = where(island.decides(rests, row[j]), times(over(row[j]), at.surfaces[c]), v[j])
         elif c >= len(at.contacts):
-            # A gap that rounding still closes as it opens would look as if it were touched.
-            j, others = own[-1], dot([row[i] for i in own[:-1]], [v[i] for i in own[:-1]])
-            v[j] = where(rests, times(1.0 / row[j], minus(at.surfaces[c], others)), v[j])
+            # A gap that rounding still closes as it opens would look as if it were touched. By the
+            # velocity that decides most: an entry may be 0 without being known to be.
+            leads, now = jnp.argmax(jnp.abs(jnp.stack([row[j] + 0.0 for j in own]))), list(v)
+            for place, j in enumerate(own):
+                others = dot([row[i] for i in own if i != j], [now[i] for i in own if i != j])
+                alone = times(over(row[j]), minus(at.surfaces[c], others))
+                v[j] = where(rests & (leads == place), alone, now[j])
     return v
 
 

@@ -7,10 +7,11 @@ the cost of a mechanism grows with the sizes of its islands and not with the num
 import functools
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
-from stickslip._fastmath import where
+from stickslip._fastmath import SMOOTH, where
 
 from ._directions import SMALL, completed_inverse, lines_of, null_space
 from ._scalars import Factors, Mass, any_of, chosen, dot, is_zero, minus, over, times, total
@@ -178,6 +179,8 @@ class Island:
         mobility = [M.solve(row) for row in J]
         gram = [[dot(p, row) for row in J] for p in mobility]
         held = self._looked_up(self.leaders, rest) if self.dependent else rest
+        # Stops bear before friction does, where directions that vary turn out to depend on each other.
+        order = [*range(self.contacts, self.m), *range(self.contacts)]
         A = [
             [
                 where(held[c], self._resisting(gram[c][c]), 1.0)
@@ -185,12 +188,14 @@ class Island:
                 else 0.0
                 if is_zero(gram[c][d])
                 else where(held[c] & held[d], gram[c][d], 0.0)
-                for d in range(self.m)
+                for d in order
             ]
-            for c in range(self.m)
+            for c in order
         ]
         sought = [minus(g, dot(row, free)) for g, row in zip(gamma, J, strict=True)]
-        force = Factors(A).solve([where(h, s, 0.0) for h, s in zip(held, sought, strict=True)])
+        factors = Factors(A, semidefinite=self.varies)
+        solved = factors.solve([where(held[c], sought[c], 0.0) for c in order])
+        force = [solved[order.index(c)] for c in range(self.m)]
         a = [
             total((x, *(times(mobility[c][j], force[c]) for c in range(self.m))))
             for j, x in enumerate(free)
@@ -203,7 +208,8 @@ class Island:
                 a[j] = where(self.decides(rest[c], J[c][j]), times(over(J[c][j]), gamma[c]), a[j])
         reaction = [total(times(J[c][j], force[c]) for c in range(self.m)) for j in range(self.n)]
         if self.rank == self.n and all(map(is_zero, gamma)):
-            every = total(where(h, 1, 0) for h in held) == self.n
+            leads = [held[c] & ~d for c, d in zip(order, factors.depends, strict=False)]
+            every = total(where(h, 1, 0) for h in leads or held) == self.n
             a = [where(every, 0.0, x) for x in a]
             reaction = [where(every, times(-1.0, f), x) for f, x in zip(F, reaction, strict=True)]
         return Motion(a, reaction, force)
@@ -213,7 +219,8 @@ class Island:
 
         Where its direction vanishes it changes nothing: to rest would take a force without bound.
         """
-        return jnp.maximum(share, NOTHING) if self.varies else share
+        with jax.named_scope(SMOOTH):
+            return jnp.maximum(share, NOTHING) if self.varies else share
 
     def decides(self, rests: Any, n: Any) -> Any:
         """Whether a resting contact decides the velocity that its direction has the entry `n` for."""

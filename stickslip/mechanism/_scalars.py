@@ -11,9 +11,13 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
-from stickslip._fastmath import where
+from stickslip._fastmath import SMOOTH, where
+
+DEPENDENT = 1e-12  # part of a diagonal entry that elimination leaves of a row that depends on others
+AGREEING = 1e-9  # part of its terms to which the side of such a row is that of the others
 
 
 def is_zero(x: Any) -> bool:
@@ -76,11 +80,13 @@ def without_slope(tree: Any) -> Any:
 class Factors:
     """$A = L D L^T$ of a symmetric positive definite matrix given by rows; constant zeros stay zeros.
 
-    Without square roots, which cost more than all the rest where the matrix is small.
+    Without square roots, which cost more than all the rest where the matrix is small. `semidefinite`: a
+    row may depend on those before it. Its part of a solution is then 0, or NaN where there is none.
     """
 
-    def __init__(self, A: Sequence[Sequence[Any]]):
+    def __init__(self, A: Sequence[Sequence[Any]], semidefinite: bool = False):
         n = len(A)
+        self.depends: list[Any] = []  # of each row; empty if none may
         self.low: list[list[Any]] = [[0.0] * i for i in range(n)]
         self.inverse: list[Any] = []  # one over the entries of D
         for i in range(n):
@@ -90,6 +96,10 @@ class Factors:
                 scaled.append(minus(A[i][j], total(past)))
             self.low[i] = [times(s, self.inverse[j]) for j, s in enumerate(scaled)]
             pivot = minus(A[i][i], dot(scaled, self.low[i]))
+            if semidefinite:
+                with jax.named_scope(SMOOTH):
+                    self.depends.append(pivot <= DEPENDENT * A[i][i])
+                    pivot = where(self.depends[i], np.inf, pivot)
             self.inverse.append(1.0 / pivot)
 
     def solve(self, b: Sequence[Any]) -> list[Any]:
@@ -97,6 +107,11 @@ class Factors:
         x: list[Any] = []
         for i, value in enumerate(b):
             x.append(minus(value, dot(self.low[i], x)))
+            if self.depends:
+                with jax.named_scope(SMOOTH):
+                    terms = total(jnp.abs(times(n, y)) for n, y in zip(self.low[i], x, strict=False))
+                    differs = jnp.abs(x[i]) > AGREEING * (jnp.abs(value) + terms)
+                    x[i] = where(self.depends[i] & differs, np.nan, x[i])
         x = [times(value, inverse) for value, inverse in zip(x, self.inverse, strict=True)]
         for i in reversed(range(len(x))):
             x[i] = minus(x[i], total(times(self.low[k][i], x[k]) for k in range(i + 1, len(x))))
