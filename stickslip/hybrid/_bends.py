@@ -92,8 +92,11 @@ class Outcomes:
         self.found = self.found + jnp.where(plain, 1 << place, 0)
         given = plain if self.code is None else ((self.code >> place) & 1) == 1
         margin = jnp.where(given, value, -value)
-        # What has no value is compared to no effect.
-        self.margins.append(jnp.where(jnp.isnan(stop_gradient(margin)), 1.0, margin))
+        # What has no value is compared to no effect. What is equal and is said to be above has no value
+        # as a margin, but its rate: unless that parts the two, the outcome is stale.
+        margin = jnp.where(jnp.isnan(stop_gradient(margin)), 1.0, margin)
+        equal = given & (stop_gradient(value) == 0.0)
+        self.margins.append(margin + jnp.where(equal, jnp.nan, 0.0))
         self.changes.append(Change(None, place))
         return given
 

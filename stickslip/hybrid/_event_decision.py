@@ -7,7 +7,7 @@ from jax.lax import stop_gradient
 
 from . import _locate
 from ._bound import RESOLUTION
-from ._events import FAR, SLACK, EventFunctions, Values
+from ._events import FAR, SLACK, STALE, EventFunctions, Values
 from ._locate import Bracket
 from ._loop_state import (
     COLLAPSED,
@@ -91,6 +91,11 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         rate = stop_gradient(sign * values.rate[i])
         rate0 = sign * lane.rates[i]
         close = best.close
+        bend = is_guard and functions.is_bend(i)
+        if bend:
+            # What an outcome holds still moves beyond the border of that alone, which is met first.
+            held = (rate == 0) & (rate0 == 0) & (lane.h > 0) & (value0 >= 0)
+            value = jnp.where(held & (stop_gradient(value) < 2.0 * STALE), FAR, value)
         if plan.detect_dips:
             dips, place = _locate.dip(value0, rate0, stop_gradient(value), rate, lane.h)
             best = best._replace(
@@ -101,7 +106,6 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         # It turned back above zero, by less than what the tolerance of the state can decide. Of one
         # that begins at zero, as what has just fired does, a fall by rounding is no turn.
         judged = is_guard and i not in functions.continuous
-        bend = is_guard and functions.is_bend(i)
         if judged:
             low = (jnp.minimum(value0, stop_gradient(value)) < plan.touching) & (value0 > 0)
             turned = low & _turns(rate0, rate, rounding)

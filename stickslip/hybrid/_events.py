@@ -18,6 +18,7 @@ from ._tolerance import generic, sizes
 SLACK = 1e-12
 # Part of the terms in parameters of which `SLACK` is their rounding.
 ROUNDED = 4e-3
+STALE = -10.0 * SLACK  # value of a bend beyond zero by so little that any other is located before it
 FAR = 1e30  # value of an event function that cannot fire
 
 
@@ -147,7 +148,9 @@ def terms_in_parameters(system: AbstractHybridSystem, t, y, mode, args) -> tuple
 
 def measured(system: AbstractHybridSystem, t, y, mode, args) -> Any:
     """The guards of one instant over their magnitudes, in a row; nothing is known of the motion."""
-    values, scales = tuple(system.guards(t, y, mode, args)), guard_scales(system)
+    # Of a bend without a value nothing is known.
+    values = tuple(jnp.where(jnp.isnan(v), 0.0, v) for v in system.guards(t, y, mode, args))
+    scales = guard_scales(system)
     if system.guard_scales is None:
         by_state = terms_in_state(system, t, y, mode, args, sizes(y))
         by_numbers = terms_in_parameters(system, t, y, mode, args)

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ._doubt import POINTS, TOGETHER, judge, look_inside, told
-from ._events import ROUNDED, Values, divided
+from ._events import ROUNDED, STALE, Values, divided
 from ._loop_state import Lane, Plan, without_state
 from ._status import DISCONTINUOUS, RUNNING, flag
 from ._stepper import ROOT_SHARE, ROOT_TOLERANCE
@@ -76,6 +76,8 @@ def take(plan: Plan, problem: PyTree, lane: Lane) -> tuple[Lane, Step]:
             # What ends this step begins the next, which measures by what it finds there.
             bare = without_state(lane)
             used, values, kept = _rescaled(plan, bare, values)
+            if plan.functions.num_bends:
+                values, kept = (_with_stale(plan, bare, found) for found in (values, kept))
     if looks:
         bare = without_state(lane)._replace(scales=used)
         inside = _look_inside(plan, bare, h, within, dy1, problem=problem)
@@ -168,6 +170,24 @@ def _judge(plan: Plan, lane: Lane, h, values: Values, inside, *, first: int):
 
 
 @piece
+def _with_stale(plan: Plan, lane: Lane, values: Values) -> Values:
+    """Beyond zero by little: bends of a force that have no value, and no rate that would give them one.
+
+    `where(maximum(x, 0) > 0, 1, 0)` compares 0 with 0 wherever `x` is negative. The bend at `x = 0` is
+    located first, because this one jumps.
+    """
+    row, beyond = list(values.value), lane.bracket.beyond
+    for i in range(len(row)):
+        if plan.functions.is_bend(i):
+            counts = jax.lax.stop_gradient(values.rate[i]) == 0.0
+            if beyond is not None:
+                counts = counts & ((lane.bracket.tries == 0) | (beyond == i))
+            stale = jnp.where(counts, STALE, 0.0)
+            row[i] = jnp.where(jnp.isnan(jax.lax.stop_gradient(row[i])), stale, row[i])
+    return values._replace(value=tuple(row))
+
+
+@piece
 def _rescaled(plan: Plan, lane: Lane, values: Values) -> tuple[tuple, Values, Values]:
     """Magnitudes at the start of the step, values over them, and over those at its end to go on with.
 
@@ -184,7 +204,7 @@ def _rescaled(plan: Plan, lane: Lane, values: Values) -> tuple[tuple, Values, Va
         if stated:
             used, kept = (*used, jnp.ones_like(value)), (*kept, jnp.ones_like(value))
             continue
-        found = jnp.maximum(jnp.abs(value), terms)
+        found = jnp.maximum(jnp.where(jnp.isnan(value), 0.0, jnp.abs(value)), terms)
         begun = jnp.where(jnp.isfinite(rate), jnp.abs(rate), 0.0) * time
         unknown = (begun == 0.0) & (terms == 0.0) & (value < NEAR_ONE) & (value != 0.0)
         begun = jnp.where(unknown, 1.0, begun)
