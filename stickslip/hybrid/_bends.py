@@ -18,6 +18,7 @@ import numpy as np
 from jax.lax import stop_gradient
 
 from .._fastmath import SMOOTH
+from ._steep import bound, gently, steep_operand
 
 MOST = 48  # bits of all outcomes
 LONGEST_SCAN = 16  # loops of more rounds are not looked into
@@ -29,11 +30,6 @@ _CALLS = {
 }  # fmt: skip
 _ROUNDED = {"floor", "ceil", "round", "rem"}
 _SORTED = {"sort", "argmax", "argmin", "cummax", "cummin", "reduce_window_max", "reduce_window_min"}
-# Which operand of what may have no slope somewhere.
-_STEEP = {
-    "sqrt": 0, "rsqrt": 0, "cbrt": 0, "pow": 0, "integer_pow": 0, "log": 0, "log1p": 0, "div": 1,
-    "asin": 0, "acos": 0, "atanh": 0,
-}  # fmt: skip
 # Said as "the first is above the second": whether the two change places, whether it is denied.
 _COMPARED = {"gt": (False, False), "ge": (True, True), "lt": (True, False), "le": (False, True)}
 
@@ -187,7 +183,7 @@ def _equation(eqn: Any, given: list[_Known], outcomes: Outcomes, smooth: bool) -
     name = eqn.primitive.name
     varies = any(k.varies for k in given)
     if not varies:
-        return [_Known(value) for value in _bound(eqn, [k.value for k in given])]
+        return [_Known(value) for value in bound(eqn, [k.value for k in given])]
     inner = eqn.params.get(_CALLS.get(name, ""))
     if not smooth and (own := _own_rule(eqn)) is not None:
         return _ruled(eqn, own, given, outcomes)
@@ -197,7 +193,7 @@ def _equation(eqn: Any, given: list[_Known], outcomes: Outcomes, smooth: bool) -
         and not given[0].varies
         and not smooth
     ):
-        (plain,) = _bound(eqn, [k.by_numbers for k in given])
+        (plain,) = bound(eqn, [k.by_numbers for k in given])
         return [_Known(outcomes.cell(given[0].value, given[1].value, plain), True)]
     if inner is not None:
         return _run(
@@ -213,7 +209,7 @@ def _equation(eqn: Any, given: list[_Known], outcomes: Outcomes, smooth: bool) -
     if any(k.rough for k in given) or (rounded and not smooth):
         # Next to a jump that is not located nothing else can be.
         outcomes.jumps = True
-        found = _bound(eqn, [k.by_numbers for k in given])
+        found = bound(eqn, [k.by_numbers for k in given])
         return [_Known(value, True, None, True) for value in found]
     rule = _RULES.get(name)
     if real and rule is not None and not smooth:
@@ -223,11 +219,13 @@ def _equation(eqn: Any, given: list[_Known], outcomes: Outcomes, smooth: bool) -
     if not smooth:
         body = eqn.params.get({"scan": "jaxpr", "while": "body_jaxpr"}.get(name, ""))
         outcomes.left |= (name in _SORTED and real) or (body is not None and compares(body.jaxpr))
-    found = _gently(eqn, given) if _is_steep(eqn, given) else _bound(eqn, [k.value for k in given])
-    chosen = any(k.chosen for k in given)
+    chosen, place = any(k.chosen for k in given), steep_operand(eqn)
+    gentle = place is not None and given[place].chosen
+    values = [k.value for k in given]
+    found = gently(eqn, values, place) if gentle else bound(eqn, values)
     if all(k.plain is None for k in given):
         return [_Known(value, True, chosen=chosen) for value in found]
-    plain = _bound(eqn, [k.by_numbers for k in given])
+    plain = bound(eqn, [k.by_numbers for k in given])
     if not jnp.issubdtype(eqn.outvars[0].aval.dtype, jnp.floating):
         return [_Known(*row) for row in zip(found, (True,) * len(found), plain, strict=True)]
     if name == "select_n":
@@ -236,42 +234,9 @@ def _equation(eqn: Any, given: list[_Known], outcomes: Outcomes, smooth: bool) -
     return [_Known(value, True, chosen=True) for value in found]
 
 
-def _bound(eqn: Any, values: Sequence) -> list:
-    found = eqn.primitive.get_bind_params(eqn.params)
-    functions, params = found if isinstance(found, tuple) else ((), found)
-    out = eqn.primitive.bind(*functions, *values, **params)
-    return out if eqn.primitive.multiple_results else [out]
-
-
-def _is_steep(eqn: Any, given: list[_Known]) -> bool:
-    """Whether an equation may have no slope where what it takes is at its border, as a root at 0."""
-    name = eqn.primitive.name
-    if name not in _STEEP or not jnp.issubdtype(eqn.outvars[0].aval.dtype, jnp.floating):
-        return False
-    return given[_STEEP[name]].chosen
-
-
-def _gently(eqn: Any, given: list[_Known]) -> list:
-    """Results with a slope of 0 where there is none.
-
-    `where(d > 0, sqrt(where(d > 0, d, 1)) * d, 0)` is smooth from its border on, where `sqrt` is not.
-    What has no value below zero has that at zero, so that fields go on beyond a border.
-    """
-    values, place = [k.value for k in given], _STEEP[eqn.primitive.name]
-
-    def of(x: Any) -> Any:
-        return _bound(eqn, [x if i == place else value for i, value in enumerate(values)])[0]
-
-    x = stop_gradient(values[place])
-    has_slope = jnp.isfinite(jax.jvp(of, (x,), (jnp.ones_like(x),))[1])
-    ends = jnp.maximum(x, 0.0) if eqn.primitive.name in ("sqrt", "pow") else x
-    smooth = of(jnp.where(has_slope, values[place], 0.5))
-    return [jnp.where(has_slope, smooth, stop_gradient(of(ends)))]
-
-
 def _comparison(eqn: Any, given: list[_Known], outcomes: Outcomes) -> _Known:
     name, (a, b) = eqn.primitive.name, (k.value for k in given)
-    (plain,) = _bound(eqn, [a, b])
+    (plain,) = bound(eqn, [a, b])
     if name in _COMPARED:
         swap, negate = _COMPARED[name]
         outcome = outcomes.above(b, a) if swap else outcomes.above(a, b)
@@ -363,7 +328,7 @@ def _ruled(eqn: Any, inner: Any, given: list[_Known], outcomes: Outcomes) -> lis
     """A function with a derivative of its own: by that, while outcomes are what its numbers say."""
     start, before, first = outcomes.width, outcomes.found, len(outcomes.margins)
     found = _run(inner.jaxpr, inner.consts, given, outcomes, smooth=False)
-    by_rule = _bound(eqn, [k.value for k in given])
+    by_rule = bound(eqn, [k.value for k in given])
     if outcomes.code is None:
         return [_Known(value, True, k.plain, k.rough) for value, k in zip(by_rule, found, strict=True)]
     bits = (1 << outcomes.width) - (1 << start)

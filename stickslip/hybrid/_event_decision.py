@@ -1,5 +1,7 @@
 """Which event function comes first, and what that makes of the attempt."""
 
+import functools
+import operator
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -129,9 +131,7 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         # Values are scaled by the magnitudes of the guards, which makes them comparable. Of two that
         # are below zero the lower one was, as a rule, crossed first; if not, the other is met next.
         lower = stop_gradient(value) < stop_gradient(best.value)
-        if is_guard:
-            lower = lower | jnp.isnan(stop_gradient(value))
-        else:
+        if not is_guard:
             lower = lower & _locate.begins_inside(value0, rate0, rate)
         chosen = [jnp.where(lower, new, old) for new, old in zip(found[:5], best[:5], strict=True)]
         best = best._replace(close=close, **dict(zip(First._fields, chosen, strict=False)))
@@ -212,7 +212,8 @@ def decide(plan: Plan, lane: Lane, step: Step, first: First | None) -> Any:
     bad = ~all_finite((step.y1, step.dy1))
     if first is not None and plan.functions.num_guards:
         # A guard without a value would never fire.
-        bad = bad | jnp.isnan(first.value)
+        guards = step.values.value[: plan.functions.num_guards]
+        bad = bad | jnp.isnan(functools.reduce(operator.add, guards))
     if plan.step_size.adaptive:
         inaccurate = ~(step.error <= 1.0)
         # Inside a bracket the steps are parts of one whose error was accepted; the first attempt in a

@@ -128,8 +128,7 @@ def terms_in_state(system: AbstractHybridSystem, t, y, mode, args, size: PyTree)
 
     t, y = jax.lax.stop_gradient((t, y))
     _, terms = jax.jvp(guards, (y,), (generic(size),))
-    terms = jax.lax.stop_gradient(tuple(map(jnp.abs, terms)))
-    return tuple(jnp.where(term < jnp.inf, term, 0.0) for term in terms)
+    return tuple(jax.lax.stop_gradient(jnp.abs(term)) for term in terms)
 
 
 def terms_in_parameters(system: AbstractHybridSystem, t, y, mode, args) -> tuple:
@@ -148,9 +147,10 @@ def terms_in_parameters(system: AbstractHybridSystem, t, y, mode, args) -> tuple
 
 def measured(system: AbstractHybridSystem, t, y, mode, args) -> Any:
     """The guards of one instant over their magnitudes, in a row; nothing is known of the motion."""
-    # Of a bend without a value nothing is known.
-    values = tuple(jnp.where(jnp.isnan(v), 0.0, v) for v in system.guards(t, y, mode, args))
-    scales = guard_scales(system)
+    values, scales = tuple(system.guards(t, y, mode, args)), guard_scales(system)
+    if bends := getattr(system, "_sides", (0, 0))[0]:
+        # Of one without a value nothing is known.
+        values = (*values[:-bends], *(jnp.where(jnp.isnan(v), 0.0, v) for v in values[-bends:]))
     if system.guard_scales is None:
         by_state = terms_in_state(system, t, y, mode, args, sizes(y))
         by_numbers = terms_in_parameters(system, t, y, mode, args)

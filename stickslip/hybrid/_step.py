@@ -200,12 +200,15 @@ def _rescaled(plan: Plan, lane: Lane, values: Values) -> tuple[tuple, Values, Va
     stays, time = lane.fresh == 1.0, ROUNDED * plan.noise.time
     used, kept = (), ()
     rows = zip(plan.functions.stated, lane.scales, *jax.lax.stop_gradient(values), strict=False)
-    for stated, scale, value, rate, terms in rows:
+    for i, (stated, scale, value, rate, terms) in enumerate(rows):
         if stated:
             used, kept = (*used, jnp.ones_like(value)), (*kept, jnp.ones_like(value))
             continue
-        found = jnp.maximum(jnp.where(jnp.isnan(value), 0.0, jnp.abs(value)), terms)
-        begun = jnp.where(jnp.isfinite(rate), jnp.abs(rate), 0.0) * time
+        if plan.functions.is_bend(i):
+            # A NaN counts for nothing: what has no slope or is stale here has a value elsewhere.
+            value, rate, terms = (jnp.where(jnp.abs(a) < jnp.inf, a, 0.0) for a in (value, rate, terms))
+        found = jnp.maximum(jnp.abs(value), terms)
+        begun = jnp.abs(rate) * time
         unknown = (begun == 0.0) & (terms == 0.0) & (value < NEAR_ONE) & (value != 0.0)
         begun = jnp.where(unknown, 1.0, begun)
         begun = jnp.where(begun > found, -begun, found)

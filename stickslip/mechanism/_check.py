@@ -106,7 +106,7 @@ def check_directions(mechanism: Any, args: Any) -> None:
             raise _refused(mechanism, island)
 
 
-def _refused(mechanism: Any, island: Any) -> DeclarationError | ValueError:
+def _refused(mechanism: Any, island: Any) -> Exception:
     everything = mechanism.names.contacts + mechanism.names.stops
     those = ", ".join(everything[c] for c in island.rows)
     why = "constant where they depend on each other, of at most 12 contacts of a group"
