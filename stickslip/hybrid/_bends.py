@@ -220,9 +220,9 @@ def _equation(eqn: Any, given: list[_Known], outcomes: Outcomes, smooth: bool) -
         body = eqn.params.get({"scan": "jaxpr", "while": "body_jaxpr"}.get(name, ""))
         outcomes.left |= (name in _SORTED and real) or (body is not None and compares(body.jaxpr))
     chosen, place = any(k.chosen for k in given), steep_operand(eqn)
-    gentle = place is not None and given[place].chosen
     values = [k.value for k in given]
-    found = gently(eqn, values, place) if gentle else bound(eqn, values)
+    steep = place is not None and given[place].chosen
+    found = gently(eqn, values, place or 0) if steep else bound(eqn, values)
     if all(k.plain is None for k in given):
         return [_Known(value, True, chosen=chosen) for value in found]
     plain = bound(eqn, [k.by_numbers for k in given])
