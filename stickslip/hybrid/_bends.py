@@ -58,9 +58,8 @@ class Outcomes:
         self.jumps = False  # whether something is rounded, which jumps
         self.extremes: dict[int, tuple] = {}  # results of `max` and the like, and what they came from
         self.asked: dict[tuple, tuple] = {}  # outcomes by the numbers compared, which they keep alive
-        self.done: dict[
-            tuple, tuple
-        ] = {}  # results of equations, and the operands that they keep alive
+        # Results of equations, and the operands that they keep alive.
+        self.done: dict[tuple, tuple] = {}
 
     def above(self, a: Any, b: Any) -> Any:
         """Whether `a > b`, elementwise; asked twice it is one outcome, lest two of them contradict."""
@@ -137,8 +136,7 @@ def _number(value: Any) -> Any:
     """What tells two values apart: numbers by what they are, others by which they are."""
     if isinstance(value, jax.core.Tracer) or np.ndim(value):
         return id(value)
-    number = np.asarray(value).item()
-    return (type(number), number)
+    return repr(np.asarray(value).item())  # which tells -0.0 from 0.0, and 1 from 1.0
 
 
 def evaluated(closed: Any, operands: Sequence, varies: Sequence[bool], outcomes: Outcomes) -> list:
@@ -220,9 +218,9 @@ def _equation(eqn: Any, given: list[_Known], outcomes: Outcomes, smooth: bool) -
         body = eqn.params.get({"scan": "jaxpr", "while": "body_jaxpr"}.get(name, ""))
         outcomes.left |= (name in _SORTED and real) or (body is not None and compares(body.jaxpr))
     chosen, place = any(k.chosen for k in given), steep_operand(eqn)
-    values = [k.value for k in given]
-    steep = place is not None and given[place].chosen
-    found = gently(eqn, values, place or 0) if steep else bound(eqn, values)
+    found = bound(eqn, [k.value for k in given])
+    if place is not None and given[place].chosen:
+        found = gently(eqn, [k.value for k in given], place)
     if all(k.plain is None for k in given):
         return [_Known(value, True, chosen=chosen) for value in found]
     plain = bound(eqn, [k.by_numbers for k in given])

@@ -137,6 +137,9 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         best = best._replace(close=close, **dict(zip(First._fields, chosen, strict=False)))
     if not functions.num_guards:
         return best
+    # A guard without a value would never fire: the step that ends there is none.
+    every = stop_gradient(functools.reduce(operator.add, values.value[: functions.num_guards]))
+    best = best._replace(value=jnp.where(jnp.isnan(every), jnp.nan, best.value))
     bend = functions.is_bend(best.index) if functions.num_bends else None
     if functions.count > 1:
         # One that rests on zero is not what another is located beside.
@@ -211,9 +214,7 @@ def decide(plan: Plan, lane: Lane, step: Step, first: First | None) -> Any:
     # A step into a pole is tried again shorter, where steps adapt, until its length ends the lane.
     bad = ~all_finite((step.y1, step.dy1))
     if first is not None and plan.functions.num_guards:
-        # A guard without a value would never fire.
-        guards = step.values.value[: plan.functions.num_guards]
-        bad = bad | jnp.isnan(functools.reduce(operator.add, guards))
+        bad = bad | jnp.isnan(first.value)
     if plan.step_size.adaptive:
         inaccurate = ~(step.error <= 1.0)
         # Inside a bracket the steps are parts of one whose error was accepted; the first attempt in a

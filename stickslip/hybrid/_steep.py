@@ -25,6 +25,8 @@ def bound(eqn: Any, values: Sequence) -> list:
 def steep_operand(eqn: Any) -> int | None:
     """Number of the operand by which an equation may have no slope, as a root has none at 0."""
     place = _OPERANDS.get(eqn.primitive.name)
+    if eqn.params.get("y", -1) >= 0 and eqn.primitive.name == "integer_pow":
+        return None
     return place if jnp.issubdtype(eqn.outvars[0].aval.dtype, jnp.floating) else None
 
 

@@ -135,9 +135,7 @@ def test_a_first_call_compiles_one_program(compiled):
 
 
 def test_the_program_of_the_consistent_machine_is_small():
-    """9,685 lines lowered; 14,263 instructions, some 100 more or less by the processor.
-
-    14,169 of them before a guard without a value ended a run, and a field without a slope did not.
+    """9,414 lines lowered; 13,933 to 14,083 instructions, by the processor that XLA compiles for.
 
     9,976 and 13,525 with modes written by hand.
     """
@@ -149,7 +147,7 @@ def test_the_program_of_the_consistent_machine_is_small():
 
     lowered = jax.jit(run).lower(parameters, voltage)
     assert len(lowered.as_text().splitlines()) < 10_000
-    assert lowered.compile().as_text().count(" = ") < 14_350
+    assert lowered.compile().as_text().count(" = ") < 14_200
 
 
 def test_least_squares_sees_data_that_changed():

@@ -117,23 +117,6 @@ def test_one_comparison_is_one_outcome_however_it_is_said():
     assert outcomes_of(field, jnp.asarray(0.3)).width == 3
 
 
-class Norm(ss.AbstractSmoothSystem):
-    """Drag by a norm, which has no slope at rest."""
-
-    load: Any
-
-    def vector_field(self, t, y, mode, args):
-        speed = jnp.linalg.norm(jnp.stack([y.v, 0.0 * y.v]))
-        return Motion(x=y.v, v=self.load - speed * y.v)
-
-
-def test_a_norm_at_rest_stops_no_run():
-    run = ss.simulate(Norm(4.0), 0.0, 1.0, Motion(0.0, 0.0))
-    # v = 2 tanh(2 t) under a load of 4 and the square of the speed
-    np.testing.assert_allclose(run.y1.v, 2 * np.tanh(2.0), rtol=1e-7)
-    np.testing.assert_allclose(run.y1.x, np.log(np.cosh(2.0)), rtol=1e-7)
-
-
 @jax.custom_jvp
 def stop(d):
     """A soft stop with a derivative of the user's."""
