@@ -117,6 +117,16 @@ def test_one_comparison_is_one_outcome_however_it_is_said():
     assert outcomes_of(field, jnp.asarray(0.3)).width == 3
 
 
+def test_what_differs_in_the_sign_of_zero_is_computed_apart():
+    def field(v):
+        return jnp.arctan2(0.0 * v, -0.0 * v) + 2.0 * jnp.arctan2(0.0 * v, 0.0 * v)
+
+    v = jnp.asarray(0.3)
+    closed = jax.make_jaxpr(field)(v)
+    (found,) = _bends.evaluated(closed, (v,), (True,), _bends.Outcomes())
+    np.testing.assert_allclose(found, np.pi)
+
+
 @jax.custom_jvp
 def stop(d):
     """A soft stop with a derivative of the user's."""
