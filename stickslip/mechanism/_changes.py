@@ -19,6 +19,7 @@ from ._declaration import at_zero
 from ._impacts import struck, touches
 from ._instant import (
     Instant,
+    drags,
     floats,
     held_contacts,
     in_rows,
@@ -101,7 +102,13 @@ def guards(machine: "AbstractMechanism", t: Any, y: Any, mode: Any, args: Any) -
     opens = []
     for name in machine.opening:
         c = names.contacts.index(name)
-        opens.append(where(states[c] == 2.0, -1.0, 1.0) * at.contacts[c].normal_force)
+        closed = at.contacts[c].normal_force
+        if drags(at.contacts[c].law):
+            # A normal force that stays at 0 crosses nothing, but drag would go on without it.
+            load, rate = _load(machine, t, at, c, args)
+            drag = jnp.abs(at.contacts[c].law.drag(at.speeds[c]))
+            closed = where((load == 0.0) & (rate == 0.0), -drag, closed)
+        opens.append(where(states[c] == 2.0, -at.contacts[c].normal_force, closed))
         own[c] = where(states[c] == 2.0, 1.0, own[c])
     lifts = [at.contacts[c].normal_force for c in machine.lifting]
     first = len(at.contacts)
@@ -364,14 +371,19 @@ def _mode(machine: "AbstractMechanism", states: Any, failed: Any) -> Any:
 
 def _presses(machine: "AbstractMechanism", t: Any, at: Instant, c: int, args: Any) -> Any:
     """Whether contact `c` presses now, or in an instant."""
+    now, rate = _load(machine, t, at, c, args)
+    return (now > 0.0) | ((now == 0.0) & (rate > 0.0))
+
+
+def _load(machine: "AbstractMechanism", t: Any, at: Instant, c: int, args: Any) -> tuple[Any, Any]:
+    """Normal force of contact `c`, and its rate by time and coordinates."""
 
     def load(t, q):
         now = touching(machine, t, q, at.v, args)[0][c]
         return jnp.asarray(now.normal_force, jnp.float64) + 0.0 * t
 
     t = jnp.asarray(t, jnp.float64)
-    now, rate = jax.jvp(load, (t, floats(at.q)), (jnp.ones_like(t), floats(at.q_rate)))
-    return (now > 0.0) | ((now == 0.0) & (rate > 0.0))
+    return jax.jvp(load, (t, floats(at.q)), (jnp.ones_like(t), floats(at.q_rate)))
 
 
 def _settled(

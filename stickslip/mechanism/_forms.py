@@ -17,7 +17,7 @@ from stickslip.hybrid._system import NO_MODE
 
 from ._account import AbstractMechanicalSystem
 from ._check import DeclarationError
-from ._instant import Instant, pressing, push_of
+from ._instant import Instant, drags, pressing, push_of
 from ._mechanism import AbstractMechanism
 from ._scalars import times, total
 
@@ -132,7 +132,8 @@ class RegularisedMechanism(_AbstractSmoothForm):
                 why = "a law without internal state; `.bristles()` of the mechanism takes this one"
                 raise DeclarationError(str(refusal(f"the law of contact {name!r}", law, why)))
             smooth = Regularised(law, self.v_reg, self.kind) if law.set_valued else law
-            found.append(smooth.force(u, _load(self.mechanism, name, contact)))
+            load = _load(self.mechanism, name, contact)
+            found.append(_pressed(self.mechanism, name, contact, smooth.force(u, load)))
         return found
 
     def bare(self, y: PyTree) -> Any:
@@ -221,7 +222,8 @@ class BristleMechanism(_AbstractSmoothForm):
         for name, contact, u, deflection in zip(names, at.contacts, at.speeds, z, strict=True):
             law = self._law(name, contact.law)
             load = _load(self.mechanism, name, contact)
-            forces.append(law.force_from_state(u, load, tuple(deflection)))
+            force = law.force_from_state(u, load, tuple(deflection))
+            forces.append(_pressed(self.mechanism, name, contact, force))
             rates.append(tuple(law.state_rate(u, tuple(deflection))))
         return forces, tuple(rates)
 
@@ -255,3 +257,10 @@ def _without_stops(mechanism: Any) -> AbstractMechanism:
 
 def _load(machine: AbstractMechanism, name: str, contact: Any) -> Any:
     return pressing(contact.normal_force) if name in machine.opening else contact.normal_force
+
+
+def _pressed(machine: AbstractMechanism, name: str, contact: Any, force: Any) -> Any:
+    """Friction of a contact that may be open: its drag ends with the normal force too."""
+    if name not in machine.opening or not drags(contact.law):
+        return force
+    return where(jnp.asarray(contact.normal_force, jnp.float64) > 0.0, force, 0.0)

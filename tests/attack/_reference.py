@@ -39,7 +39,8 @@ class March(Instants):
                 values.append(1e-12 - max(high, -low))
                 labels.append(("binds", c))
             if touch.opens:
-                values.append(-N[c] if s == OPEN else N[c])
+                # What presses with nothing for a while is open.
+                values.append((-N[c] or 1.0) if s == OPEN else N[c] or -1.0)
                 labels.append(("closes" if s == OPEN else "opens", c))
             elif touch.normal:
                 values.append(N[c] + 1e-12)
@@ -269,7 +270,8 @@ class March(Instants):
                 else:
                     x = u[c] / (10 * self.given)
                     mu = np.tanh(u[c] / self.given) * size + peak * np.exp(0.5 - 0.5 * x * x) * x
-                f = f - rows[c] * (mu * load + law.drag(u[c]))
+                if load > 0.0 or not self.contacts[c].opens:
+                    f = f - rows[c] * (mu * load + law.drag(u[c]))
             return np.concatenate([v, rates, np.linalg.solve(M, f), z_rates]), N
 
         y, t = np.concatenate([self.y0, np.zeros(count if bristles else 0)]), 0.0

@@ -6,9 +6,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import stickslip as ss
-from stickslip.friction import Coulomb
+from stickslip.friction import Coulomb, Sum, ViscousDamping
 from stickslip.mechanism import AbstractMechanism, Contact
 
 END = 4.0
@@ -167,3 +168,67 @@ def test_three_clutches_engaged_and_disengaged_in_one_instant():
         places, speeds = marched(p)
         np.testing.assert_allclose(q[i], places, atol=2e-4)
         np.testing.assert_allclose(v[i], speeds, atol=1e-4)
+
+
+class Skid(AbstractMechanism):
+    """An oscillator on a skid that opens and has a drag of its own besides friction."""
+
+    c: Any  # damping of the skid [N s/m]
+    parts: Any  # of three normal forces
+    coordinates: ClassVar = {"x": "m"}
+    contact_directions: ClassVar = {"skid": {"x": 1.0}}
+    opening: ClassVar = ("skid",)
+
+    def mass_matrix(self, q):
+        return {"x": 1.0}
+
+    def forces(self, t, q, v, args):
+        return {"x": 3.0 * jnp.cos(1.3 * t) - 4.0 * q.x}
+
+    def contacts(self, t, q, v, args):
+        loads = jnp.stack([jnp.maximum(jnp.sin(2 * t), 0.0), jnp.sin(2 * t), jnp.maximum(0.3 + q.x, 0.0)])
+        return [Contact(Sum(Coulomb(0.0), ViscousDamping(self.c)), self.parts @ loads)]
+
+
+def test_drag_of_a_contact_ends_where_its_normal_force_is_zero_for_a_while():
+    """By time and by the state; it went on, unless the run had begun there, and in smooth forms ever."""
+
+    @jax.jit
+    @jax.vmap
+    def exact(c, parts):
+        def end(c):
+            skid = Skid(c, parts)
+            run = ss.simulate(skid, 0.0, 9.0, skid.state(x=0.4, v_x=0.3), throw=False)
+            return run.y1.x, (run.flags, run.successful, run.num_events)
+
+        x, slope, rest = jax.jvp(end, (c,), (jnp.ones_like(c),), has_aux=True)
+        return x, slope, *rest
+
+    h = 1e-5
+    parts = np.repeat(np.eye(3), 3, axis=0)
+    x, slope, flags, ok, events = exact(np.tile(0.8 + h * np.arange(-1, 2), 3), parts)
+    assert np.all(ok)
+    assert np.all(events < 20)
+    flags, x = np.reshape(flags, (3, 3)), np.reshape(x, (3, 3))
+    assert not np.any(flags[1:])  # the first lands on what is flat: flagged, and right too
+    np.testing.assert_allclose(slope[1::3], (x[:, 2] - x[:, 0]) / (2 * h), atol=1e-7)
+
+    @jax.jit
+    @jax.vmap
+    def smooth(parts):
+        skid = Skid(0.8, parts)
+        tight = ss.Integrator(step=ss.AdaptiveStep(1e-8))
+        start = skid.state(x=0.4, v_x=0.3)
+        return ss.simulate(skid.regularised(1e-3), 0.0, 9.0, start, integrator=tight, throw=False).y1.x
+
+    def load(k, t, x):
+        return (np.sin(2 * t) if k < 2 else 0.3 + x) > 0.0
+
+    for k, end in enumerate(smooth(np.eye(3))):
+
+        def field(t, y, k=k):
+            return [y[1], 3.0 * np.cos(1.3 * t) - 4.0 * y[0] - 0.8 * y[1] * load(k, t, y[0])]
+
+        truth = solve_ivp(field, (0.0, 9.0), [0.4, 0.3], rtol=1e-10, atol=1e-12, max_step=0.01).y[0, -1]
+        np.testing.assert_allclose(x[k, 1], truth, atol=1e-6)
+        np.testing.assert_allclose(end, truth, atol=1e-5)
