@@ -151,9 +151,8 @@ class Draw:
             if self.jump and self.chance(0.6):
                 load = self.new(F, 0.3, 2.5, signed=True)
                 found.append((c, f"where({self.jump}, {load}, {self.one(['0.0', f'-{load}'])})"))
-            if c in self.free and self.chance(0.12):
-                k, edge = self.new(over(F, q), 2.0, 40.0), self.new(q, 0.02, 0.4)
-                found.append((c, f"-{k} * maximum({c} - {edge}, 0.0)"))
+            if c in self.free and self.chance(0.2):
+                found.append((c, self._bending(c)))
             for b in self.free:
                 if b != c and self.kinds[b] == "rad" and self.chance(0.3):
                     power = self.one([1, 4, 16, 50])
@@ -169,6 +168,22 @@ class Draw:
             if self.states and self.chance(0.6):
                 found.append((c, f"{self.new(F, 0.2, 2.0, signed=True)} * s"))
         return found
+
+    def _bending(self, c) -> str:
+        """A force that bends or jumps in the state, as people write it."""
+        F, q, rate = self.f(c), self.q(c), self._rate(c)
+        k, edge = self.new(over(F, q), 2.0, 40.0), self.new(q, 0.02, 0.4)
+        d, drag = self.new(over(F, rate), 0.1, 2.0), self.new(over(F, product(rate, rate)), 0.1, 1.0)
+        past = f"maximum({c} - {edge}, 0.0)"
+        return self.one([
+            f"-{k} * {past}",
+            f"where({c} > {edge}, -{k} * ({c} - {edge}) - {d} * v_{c}, 0.0)",
+            f"where({past} > 0.0, -{k} * {past} - {d} * v_{c}, 0.0)",
+            f"-{k} * ({past} + minimum({c} + {edge}, 0.0))",
+            f"-{k} * clip({c}, -{edge}, {edge})",
+            f"-{drag} * abs(v_{c}) * v_{c}",
+            f"-{k} * {past} * sqrt({past} / {edge})",
+        ])  # fmt: skip
 
     def _row(self, before):
         kind = self.kind({"one": 5, "pair": 2, "copy": 1.5, "given": 1, "varying": 2})

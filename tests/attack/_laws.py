@@ -84,5 +84,6 @@ class Sum:
 
 LAWS = {c.__name__: c for c in (Coulomb, Stribeck, HyperbolicWeakening, ViscousFriction)}
 LAWS |= {c.__name__: c for c in (ViscousDamping, Asymmetric, Sum)}
-MATHS = {name: getattr(math, name) for name in ("sin", "cos", "exp", "tanh")}
-MATHS |= {"maximum": max, "where": lambda c, a, b: a if c else b, "mod": lambda a, b: a % b}
+MATHS = {name: getattr(math, name) for name in ("sin", "cos", "exp", "tanh", "sqrt")}
+MATHS |= {"abs": abs, "clip": lambda x, low, high: min(max(x, low), high)}
+MATHS |= {"maximum": max, "minimum": min, "where": lambda c, a, b: a if c else b, "mod": lambda a, b: a % b}

@@ -21,11 +21,11 @@ Dimension = tuple[int, int, int]  # exponents of length, force and time
 HEAD = """from typing import Any, ClassVar
 import jax.numpy as jnp
 import stickslip as ss
-from jax.numpy import cos, exp, maximum, mod, sin, tanh, where
+from jax.numpy import abs, clip, cos, exp, maximum, minimum, mod, sin, sqrt, tanh, where
 from stickslip.friction import Asymmetric, Coulomb, HyperbolicWeakening, LuGre, Stribeck, Sum
 from stickslip.friction import ViscousDamping, ViscousFriction
 from stickslip.mechanism import AbstractMechanism, Contact, Stop
-""".replace("from stickslip.friction import *\n", "")
+"""
 
 
 @dataclass(frozen=True)
