@@ -21,11 +21,11 @@ def main(arguments: list[str] | None = None) -> int:
     given = sys.argv[1:] if arguments is None else arguments
     if given[:1] == ["view"]:
         # Only now: it reads files, for which much is imported.
-        from .view._command import main as view
+        from .view.command import main as view
 
         return view(given[1:])
     if given[:1] and given[0] in SWEEPS:
-        from .sweep._command import main as sweeps
+        from .sweep.command import main as sweeps
 
         return sweeps(given)
     parser = argparse.ArgumentParser(

@@ -13,8 +13,8 @@ from jaxtyping import PyTree
 
 from ._code import code_key
 from ._validation import is_concrete
-from .hybrid._plainly import plain_options
-from .hybrid._xla import traced
+from .hybrid.compile_options import plain_options
+from .hybrid.executor import traced
 
 MOST = 16  # programs kept
 _programs: collections.OrderedDict[Any, Any] = collections.OrderedDict()

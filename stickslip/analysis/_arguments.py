@@ -16,8 +16,8 @@ from .._validation import (
     refusal,
 )
 from ..hybrid import AbstractHybridSystem, Integrator
-from ..hybrid._arguments import a_time, check_field, the_system
-from ..hybrid._arguments import start_of as _start_of
+from ..hybrid.arguments import a_time, check_field, the_system
+from ..hybrid.arguments import start_of as _start_of
 
 OBSERVABLES = "a name, a sequence of names, or a mapping from names to names or functions"
 

@@ -6,7 +6,7 @@ from typing import Any
 from .._validation import check_callable, check_type, refusal
 from ..hybrid import AbstractHybridSystem
 from ..sweep import Variable
-from ._observable import check_parameter, with_parameters
+from .observable import check_parameter, with_parameters
 
 Build = Callable[[dict[str, Any]], AbstractHybridSystem]
 

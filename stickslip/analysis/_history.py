@@ -14,16 +14,16 @@ from .._types import Given, Mode, Named, Numeric, Row
 from .._validation import check_count, check_mapping, check_type, one_concrete, refusal
 from ..derived import WithIntegrals
 from ..hybrid import AbstractHybridSystem, Integrator, SaveAt, Section, raise_failures, simulate
-from ..hybrid._arguments import the_system
-from ..hybrid._components import own_axes
-from ..hybrid._tree import with_float_arrays
+from ..hybrid.arguments import the_system
+from ..hybrid.components import own_axes
+from ..hybrid.tree import with_float_arrays
 from ._arguments import (
     an_integrator,
     named_observables,
     start_of,
     times_of,
 )
-from ._observable import Angle, Maximum, Minimum, as_observable, as_section, axes_of, shape_of
+from .observable import Angle, Maximum, Minimum, as_observable, as_section, axes_of, shape_of
 
 MOST_NAMES = 1024  # of more modes only those are named that occur
 

@@ -29,10 +29,10 @@ from ..hybrid import (
     simulate,
     use_executor,
 )
-from ..hybrid._arguments import a_time, the_system
-from ..hybrid._bound import spanning
-from ..hybrid._components import listed, place_of
-from ..hybrid._tree import with_float_arrays
+from ..hybrid.arguments import a_time, the_system
+from ..hybrid.longest_step import spanning
+from ..hybrid.components import listed, place_of
+from ..hybrid.tree import with_float_arrays
 from ._arguments import an_integrator, start_of
 from ._growth import (
     LyapunovSpectrum,
@@ -42,8 +42,8 @@ from ._growth import (
     judged,
     with_neutral,
 )
-from ._held import held_directions
-from ._neutral import neutral_shifts
+from .held_directions import held_directions
+from .neutral_directions import neutral_shifts
 
 SAMPLES = 64  # of the motion, of which it is asked whether a shift of its states changes anything
 

@@ -11,7 +11,7 @@ from .._types import Given, Named, NamedRows, Numeric
 from .._validation import check_count, check_mapping, one_number, refusal
 from ..hybrid import AbstractHybridSystem
 from ..sweep import Variable, run_sweep
-from ..sweep._grid import check_grid
+from ..sweep.grid import check_grid
 from ._builder import builder_of, check_labels, check_options, labelled_parameters
 from ._growth import EXPONENT_STATUS
 from ._lyapunov import lyapunov_spectrum

@@ -19,12 +19,12 @@ from .._validation import (
 )
 from ..hybrid import AbstractHybridSystem, Integrator, Section
 from ..sweep import Variable, run_sweep
-from ..sweep._evaluate import lanes_of, prepared
-from ..sweep._grid import block_shape, check_grid
+from ..sweep.evaluate import lanes_of, prepared
+from ..sweep.grid import block_shape, check_grid
 from ._arguments import an_integrator, named_observables, start_of
 from ._attractor import PERIOD_STATUS
 from ._builder import builder_of, check_labels, check_options, labelled_parameters
-from ._observable import (
+from .observable import (
     Angle,
     Maximum,
     Minimum,

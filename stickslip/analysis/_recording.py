@@ -5,7 +5,7 @@ from typing import Literal
 
 from .._types import Given, Numeric
 from .._validation import check_count, check_in, check_text, one_concrete
-from ..hybrid._arguments import a_time
+from ..hybrid.arguments import a_time
 
 DIRECTIONS = ("upwards", "downwards")
 

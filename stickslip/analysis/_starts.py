@@ -13,7 +13,7 @@ from jaxtyping import PyTree
 
 from .._validation import check_finite, leaves_of, misshaped, refusal
 from ..hybrid import AbstractHybridSystem
-from ..hybrid._components import components_of, own_axes
+from ..hybrid.components import components_of, own_axes
 
 FEW = 4  # leaves that may be read in two ways, all ways of reading which are tried
 

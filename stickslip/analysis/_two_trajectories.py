@@ -15,9 +15,9 @@ from .._show import counted, number
 from .._types import Given, Mode, Numeric
 from .._validation import as_parameter, check_flag, is_concrete, one_number
 from ..hybrid import AbstractHybridSystem, Integrator, simulate
-from ..hybrid._arguments import a_time, the_system
-from ..hybrid._bound import spanning
-from ..hybrid._system import mode_type
+from ..hybrid.arguments import a_time, the_system
+from ..hybrid.longest_step import spanning
+from ..hybrid.system import mode_type
 from ._arguments import an_integrator, start_of
 from ._growth import averaged, check_counts
 from ._lyapunov import moving_components

@@ -9,7 +9,7 @@ from .._types import Given, Mode, Numeric, Whole
 from .._validation import as_float64, as_parameter, check_count, check_handed_on, one_number
 from ..derived import WithIntegrals
 from ..hybrid import AbstractHybridSystem, Integrator, SaveAt, saltation_matrix, simulate
-from ..hybrid._arguments import a_time, check_field, mode_index, the_system
+from ..hybrid.arguments import a_time, check_field, mode_index, the_system
 from ._arguments import an_integrator, start_of
 
 

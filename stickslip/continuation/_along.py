@@ -11,10 +11,10 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import PyTree
 
-from ..analysis._observable import with_parameters
+from ..analysis.observable import with_parameters
 from ..hybrid import AbstractHybridSystem, Integrator, jit_plainly, simulate, use_executor
-from ..hybrid._bound import spanning
-from ..hybrid._system import mode_type
+from ..hybrid.longest_step import spanning
+from ..hybrid.system import mode_type
 from ._closing import (
     Frame,
     Motion,

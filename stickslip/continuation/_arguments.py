@@ -15,10 +15,10 @@ from .._validation import (
     one_concrete,
     refusal,
 )
-from ..analysis._observable import check_parameter, with_parameters
+from ..analysis.observable import check_parameter, with_parameters
 from ..hybrid import AbstractHybridSystem, Integrator, current_executor
-from ..hybrid._arguments import start_of
-from ..hybrid._tree import with_float_arrays
+from ..hybrid.arguments import start_of
+from ..hybrid.tree import with_float_arrays
 from ._along import Problem
 from ._beginning import beside_breaks
 from ._closing import check_autonomous, tight

@@ -11,7 +11,7 @@ from ..hybrid import (
     WithPeriodicBreaks,
     simulate,
 )
-from ..hybrid._periodic_breaks import beside_break
+from ..hybrid.periodic_breaks import beside_break
 
 
 def beside_breaks(

@@ -7,7 +7,7 @@ import jax
 import numpy as np
 
 from .._show import counted, html_table, number
-from ..analysis._observable import with_parameters
+from ..analysis.observable import with_parameters
 from ..hybrid import AbstractHybridSystem
 from ._branch import Special, column_of, labelled_states
 from ._curve import Place

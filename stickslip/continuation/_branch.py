@@ -9,9 +9,9 @@ import jax
 import numpy as np
 
 from .._show import counted, html_table, number
-from ..analysis._observable import with_parameters
+from ..analysis.observable import with_parameters
 from ..hybrid import AbstractHybridSystem
-from ..hybrid._components import components_of
+from ..hybrid.components import components_of
 from ._along import Problem
 from ._follow import Point
 from ._orbit import PeriodicOrbit

@@ -10,10 +10,10 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree
 
 from .._validation import refusal
-from ..analysis._neutral import neutral_shifts, projection_on
+from ..analysis.neutral_directions import neutral_shifts, projection_on
 from ..hybrid import AbstractHybridSystem, AdaptiveStep, Integrator, SaveAt, simulate
-from ..hybrid._bound import depends_on_time
-from ..hybrid._components import components_of, period_of
+from ..hybrid.longest_step import depends_on_time
+from ..hybrid.components import components_of, period_of
 from ._holding import on_constraints
 from ._monodromy import pieces_of
 

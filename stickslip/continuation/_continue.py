@@ -13,8 +13,8 @@ from jaxtyping import PyTree
 from .._types import Given
 from .._validation import check_count, check_flag, check_type, one_concrete, refusal
 from ..hybrid import AbstractHybridSystem, Integrator
-from ..hybrid._arguments import the_system
-from ..hybrid._status import DISCONTINUOUS
+from ..hybrid.arguments import the_system
+from ..hybrid.status import DISCONTINUOUS
 from ._along import Problem, evaluated
 from ._arguments import bounds_of, concrete_guess, functions_of, levels_of, problem_of, value_of
 from ._branch import Branch, BranchPoint, Special, branch_of

@@ -10,10 +10,10 @@ from jaxtyping import PyTree
 
 from .._types import Given, Mode
 from .._validation import check_count, check_flag, one_concrete, refusal
-from ..analysis._observable import with_parameters
+from ..analysis.observable import with_parameters
 from ..hybrid import AbstractHybridSystem
-from ..hybrid._arguments import check_field, start_of, the_system
-from ..hybrid._tree import with_float_arrays
+from ..hybrid.arguments import check_field, start_of, the_system
+from ..hybrid.tree import with_float_arrays
 from ._arguments import bounds_of, levels_of, value_of
 from ._closing import check_autonomous
 from ._equilibrium import EquilibriumBranch, EquilibriumPoint

@@ -10,7 +10,7 @@ from jaxtyping import PyTree
 from .._types import Given
 from .._validation import check_count, check_flag, check_type, one_concrete, refusal
 from ..hybrid import AbstractHybridSystem, Integrator
-from ..hybrid._arguments import the_system
+from ..hybrid.arguments import the_system
 from ._along import Problem
 from ._arguments import bounds_of, functions_of, levels_of, problem_of, value_of
 from ._bifurcation_curve import BifurcationCurve, Half, curve_of

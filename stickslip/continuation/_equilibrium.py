@@ -8,7 +8,7 @@ from jaxtyping import PyTree
 
 from .._show import counted, html_table, number
 from ..hybrid import AbstractHybridSystem
-from ..hybrid._components import components_of
+from ..hybrid.components import components_of
 
 if TYPE_CHECKING:
     import xarray as xr

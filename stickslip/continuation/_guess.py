@@ -24,7 +24,7 @@ from .._validation import (
     refusal,
     whole_number,
 )
-from ..analysis._neutral import neutral_shifts, projection_on
+from ..analysis.neutral_directions import neutral_shifts, projection_on
 from ..hybrid import (
     AbstractHybridSystem,
     AbstractSystemWrapper,
@@ -37,9 +37,9 @@ from ..hybrid import (
     simulate,
     use_executor,
 )
-from ..hybrid._arguments import a_time, check_field, start_of, the_system
-from ..hybrid._bound import spanning
-from ..hybrid._tree import with_float_arrays
+from ..hybrid.arguments import a_time, check_field, start_of, the_system
+from ..hybrid.longest_step import spanning
+from ..hybrid.tree import with_float_arrays
 from ._closing import apart, in_units, turns_of
 
 # Two returns whose distances from the start differ by less than this factor are equally good: the first

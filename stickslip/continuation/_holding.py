@@ -7,10 +7,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
 from ..hybrid import AbstractHybridSystem
-from ..hybrid._arguments import first_mode
-from ..hybrid._events import SLACK, measured
-from ..hybrid._system import guard_directions, mode_type
-from ..hybrid._tree import frozen
+from ..hybrid.arguments import first_mode
+from ..hybrid.event_functions import SLACK, measured
+from ..hybrid.system import guard_directions, mode_type
+from ..hybrid.tree import frozen
 
 DEPENDENT = 1e-9  # of its length: a constraint that the others leave no more of is one of them
 HELD = 1e-11  # of the sizes: numbers that are zero but for rounding

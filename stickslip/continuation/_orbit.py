@@ -11,8 +11,8 @@ from jaxtyping import Array, Bool, Complex, Float, Int, PyTree, UInt
 from .._show import html_table, number
 from .._validation import is_concrete
 from ..hybrid import EventLog
-from ..hybrid._components import numbers_of
-from ..hybrid._status import describe_flags
+from ..hybrid.components import numbers_of
+from ..hybrid.status import describe_flags
 from ._outcome import ORBITS
 
 DRIFTS = 1e-9  # of what the component moves through: less is rounding

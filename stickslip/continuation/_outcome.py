@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from .._outcome import in_words
-from ..hybrid._status import item_of
+from ..hybrid.status import item_of
 
 
 @in_words

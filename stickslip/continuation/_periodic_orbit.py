@@ -9,7 +9,7 @@ from jaxtyping import PyTree
 from .._types import Given, Numeric
 from .._validation import as_parameter, check_count, check_type, is_concrete, one_number, refusal
 from ..analysis import divergence
-from ..analysis._held import held_directions
+from ..analysis.held_directions import held_directions
 from ..derived import WithIntegrals
 from ..hybrid import (
     AbstractHybridSystem,
@@ -20,9 +20,9 @@ from ..hybrid import (
     simulate,
     use_executor,
 )
-from ..hybrid._arguments import a_time, check_field, start_of, the_system
-from ..hybrid._bound import spanning
-from ..hybrid._tree import with_float_arrays
+from ..hybrid.arguments import a_time, check_field, start_of, the_system
+from ..hybrid.longest_step import spanning
+from ..hybrid.tree import with_float_arrays
 from ._beginning import beside_breaks
 from ._closing import (
     Extent,

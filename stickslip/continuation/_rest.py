@@ -10,7 +10,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import PyTree
 
 from .._code import jit_by_code
-from ..analysis._observable import with_parameters
+from ..analysis.observable import with_parameters
 
 EVALUATIONS = 20  # of Newton's method
 CLOSE = 1e-13  # a step as short as this, in parts of the sizes, ends it

@@ -13,9 +13,9 @@ from jaxtyping import PyTree
 
 from .._types import Given
 from .._validation import as_float64, check_type, refusal
-from ..analysis._observable import with_parameters
+from ..analysis.observable import with_parameters
 from ..hybrid import RESULTS, AbstractHybridSystem, EventLog
-from ..hybrid._arguments import the_system
+from ..hybrid.arguments import the_system
 from ._arguments import value_of
 from ._branch import Branch, BranchPoint
 from ._orbit import PeriodicOrbit

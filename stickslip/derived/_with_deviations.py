@@ -12,7 +12,7 @@ from .._argument_checks import check_arguments, instance, reals, whole_state
 from .._types import Given
 from .._validation import check_type, misshaped
 from ..hybrid import AbstractHybridSystem, AbstractSystemWrapper
-from ..hybrid._event_time import event_delay
+from ..hybrid.event_time import event_delay
 
 
 class Deviating(NamedTuple):

@@ -5,7 +5,7 @@ from jaxtyping import Array, Float
 
 from stickslip._fastmath import SMOOTH, where
 from stickslip._validation import refusal, shown
-from stickslip.friction._law import (
+from stickslip.friction.law import (
     AbstractFrictionLaw,
     AbstractMemorylessLaw,
     Number,

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from stickslip._fastmath import side_of
 from stickslip._validation import check_that, is_concrete
-from stickslip.friction._law import (
+from stickslip.friction.law import (
     AbstractFrictionLaw,
     Number,
     State,

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 from stickslip._code import jit_by_code
 from stickslip._types import Row
 from stickslip._validation import one_row
-from stickslip.friction._law import AbstractFrictionLaw, Number, State, check_law
+from stickslip.friction.law import AbstractFrictionLaw, Number, State, check_law
 
 # Close to rest in every law's own scale of velocity, which is 1e-50 m/s for rate-and-state friction,
 # yet so far from the smallest number that the cube of it is one.

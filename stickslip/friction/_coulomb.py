@@ -6,7 +6,7 @@ from jaxtyping import Array, Float
 
 from stickslip._fastmath import where
 from stickslip._validation import as_parameter, check_nonnegative
-from stickslip.friction._law import AbstractDryFrictionLaw, Number, in_dtype_of, shaped_like
+from stickslip.friction.law import AbstractDryFrictionLaw, Number, in_dtype_of, shaped_like
 
 
 class Coulomb(AbstractDryFrictionLaw):

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 from stickslip import _fastmath as fast
 from stickslip._validation import as_parameter, check_positive, one_static, refusal
 from stickslip.friction._bristle import AbstractBristleLaw, check_steady_law, has_breakaway_jump
-from stickslip.friction._law import AbstractFrictionLaw, GivenState, Number, State, in_dtype_of
+from stickslip.friction.law import AbstractFrictionLaw, GivenState, Number, State, in_dtype_of
 
 
 class Dahl(AbstractBristleLaw):

@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 from stickslip import _fastmath as fast
 from stickslip._validation import as_parameter, check_nonnegative, check_positive, refusal, shown
 from stickslip.friction._bristle import AbstractBristleLaw, check_steady_law, has_breakaway_jump
-from stickslip.friction._law import (
+from stickslip.friction.law import (
     AbstractFrictionLaw,
     GivenState,
     Number,

@@ -19,7 +19,7 @@ from stickslip._validation import (
     check_positive,
 )
 from stickslip.friction._coulomb import Coulomb
-from stickslip.friction._law import (
+from stickslip.friction.law import (
     AbstractFrictionLaw,
     GivenState,
     Number,

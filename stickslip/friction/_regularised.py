@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from stickslip import _fastmath as fast
 from stickslip._validation import as_parameter, check_in, check_positive
-from stickslip.friction._law import (
+from stickslip.friction.law import (
     AbstractFrictionLaw,
     AbstractMemorylessLaw,
     Number,

@@ -3,7 +3,7 @@
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from stickslip.friction._law import AbstractFrictionLaw, Number
+from stickslip.friction.law import AbstractFrictionLaw, Number
 
 
 class AbstractSmoothedLaw(AbstractFrictionLaw):

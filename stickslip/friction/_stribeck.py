@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from stickslip import _fastmath as fast
 from stickslip._validation import as_parameter, check_at_least, check_nonnegative, check_positive
-from stickslip.friction._law import AbstractDryFrictionLaw, Number, in_dtype_of, shaped_like
+from stickslip.friction.law import AbstractDryFrictionLaw, Number, in_dtype_of, shaped_like
 
 
 class Stribeck(AbstractDryFrictionLaw):

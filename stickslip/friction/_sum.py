@@ -6,7 +6,7 @@ from functools import reduce
 from jaxtyping import Array, Float
 
 from stickslip._validation import refusal
-from stickslip.friction._law import (
+from stickslip.friction.law import (
     AbstractFrictionLaw,
     GivenState,
     Number,

@@ -6,7 +6,7 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from stickslip._validation import as_parameter, check_nonnegative
-from stickslip.friction._law import (
+from stickslip.friction.law import (
     AbstractDryFrictionLaw,
     AbstractMemorylessLaw,
     Number,

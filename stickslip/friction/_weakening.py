@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from stickslip._fastmath import SMOOTH, where
 from stickslip._validation import as_parameter, check_nonnegative
-from stickslip.friction._law import AbstractDryFrictionLaw, Number, in_dtype_of
+from stickslip.friction.law import AbstractDryFrictionLaw, Number, in_dtype_of
 
 
 def weakening_factor(speed: Float[Array, "..."], gamma: Float[Array, "..."]) -> Float[Array, "..."]:

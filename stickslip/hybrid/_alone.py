@@ -13,7 +13,7 @@ import jax.extend
 import jax.numpy as jnp
 from jax.interpreters import ad, batching, mlir
 
-from ._xla import traced
+from .executor import traced
 
 
 def alone_or_batched(

@@ -22,7 +22,7 @@ from jaxtyping import PyTree
 from ._adjoint import adjoint
 from ._loop_state import Plan, start
 from ._record import Capacities, Logs, record
-from ._status import COARSE, flag
+from .status import COARSE, flag
 from ._tolerance import grown, sizes, too_loose
 
 _NO_SECOND = (

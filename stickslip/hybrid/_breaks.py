@@ -9,9 +9,9 @@ from jaxtyping import Array, Float, PyTree
 from .._argument_checks import check_arguments, instance, reals, time, whole_state
 from .._types import Given, Numeric, Row
 from .._validation import as_parameter, check_finite, check_increasing, check_type, misshaped
-from ._events import SLACK, measured
-from ._system import AbstractHybridSystem, guard_directions, guard_scales, mode_type
-from ._tree import select
+from .event_functions import SLACK, measured
+from .system import AbstractHybridSystem, guard_directions, guard_scales, mode_type
+from .tree import select
 from ._wrapper import AbstractSystemWrapper
 
 NEVER = 1e300  # time of the break after the last [s]

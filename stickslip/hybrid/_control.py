@@ -8,7 +8,7 @@ import jax.numpy as jnp
 
 from ._loop_state import DIP, HOLD, PLAIN, REFRESH, REJECT, SHRINK, Lane, Plan, is_event
 from ._tolerance import Ends, scales
-from ._xla import bookkeeping
+from .executor import bookkeeping
 
 FIRST = 333.0  # length of the first step where the motion does not say: in parts of the resolution
 

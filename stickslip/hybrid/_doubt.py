@@ -17,9 +17,9 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from ._events import SLACK, EventFunctions, Values
+from .event_functions import SLACK, EventFunctions, Values
 from ._loop_state import Lane, Plan
-from ._tree import cubic
+from .tree import cubic
 
 POINTS = (0.3819660112501051, 0.7236067977499789)
 CERTAIN = 3.0  # a mismatch of a third of the room is accepted

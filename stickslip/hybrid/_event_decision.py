@@ -8,8 +8,8 @@ import jax.numpy as jnp
 from jax.lax import stop_gradient
 
 from . import _locate
-from ._bound import RESOLUTION
-from ._events import FAR, SLACK, STALE, EventFunctions, Values
+from .longest_step import RESOLUTION
+from .event_functions import FAR, SLACK, STALE, EventFunctions, Values
 from ._locate import Bracket
 from ._loop_state import (
     COLLAPSED,
@@ -25,10 +25,10 @@ from ._loop_state import (
     Lane,
     Plan,
 )
-from ._status import DISCONTINUOUS, GRAZING, RUNNING, flag
+from .status import DISCONTINUOUS, GRAZING, RUNNING, flag
 from ._step import Step
-from ._tree import all_finite
-from ._xla import bookkeeping, piece
+from .tree import all_finite
+from .executor import bookkeeping, piece
 
 REACH = 1e-3  # part of the step to an event that the Newton correction may be
 ROUNDING = 1e-15  # of the time: no event is located better

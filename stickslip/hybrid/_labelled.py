@@ -7,9 +7,9 @@ import jax
 import numpy as np
 
 from .._validation import is_concrete, misshaped, numbers, refusal
-from ._arguments import the_system
-from ._components import components_of, entries, own_axes, period_of, unit_of
-from ._status import RESULTS
+from .arguments import the_system
+from .components import components_of, entries, own_axes, period_of, unit_of
+from .status import RESULTS
 
 MOST_NAMES = 1024  # of more modes only those are named that occur
 

@@ -11,8 +11,8 @@ from jaxtyping import PyTree
 
 from ._attempt import attempt
 from ._loop_state import Lane, Outcome, Plan
-from ._status import RUNNING
-from ._xla import time_loop
+from .status import RUNNING
+from .executor import time_loop
 
 
 def running(lane: Lane) -> Any:

@@ -11,7 +11,7 @@ import jax
 import jax.extend
 from jaxtyping import PyTree
 
-from ._xla import Executor, traced
+from .executor import Executor, traced
 
 _LITERAL = jax.extend.core.Literal
 _FREE = {"broadcast_in_dim", "convert_element_type", "copy", "reshape", "squeeze", "neg", "pjit"}

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from .._checked import CheckedModule
 from .._types import Numeric, Whole
 from .._validation import check_text, one_static
-from ._status import RUNNING
+from .status import RUNNING
 
 
 class ProgressMeter(eqx.Module, metaclass=CheckedModule):

@@ -11,11 +11,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ._event_time import event_delay
+from .event_time import event_delay
 from ._loop_state import EVENT, Lane, Outcome, Plan, is_event, moved_on
 from ._record import Logs
-from ._tree import select, shift
-from ._xla import piece
+from .tree import select, shift
+from .executor import piece
 
 
 class Tape(NamedTuple):

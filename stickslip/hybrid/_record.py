@@ -15,7 +15,7 @@ from jaxtyping import PyTree
 
 from ._loop import run, run_block, running
 from ._loop_state import REFRESH, Lane, Outcome, Plan, accepted
-from ._tree import select
+from .tree import select
 
 BLOCK = 64
 

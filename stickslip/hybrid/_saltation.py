@@ -7,8 +7,8 @@ from jaxtyping import Array, Float, PyTree
 
 from .._types import Numeric, Whole
 from .._validation import as_float64, check_handed_on, whole_number
-from ._arguments import a_time, check_field, mode_index, the_system
-from ._system import AbstractHybridSystem
+from .arguments import a_time, check_field, mode_index, the_system
+from .system import AbstractHybridSystem
 
 
 def saltation_matrix(

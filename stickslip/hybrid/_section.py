@@ -10,7 +10,7 @@ from jaxtyping import PyTree
 from .._checked import CheckedModule
 from .._types import Numeric, Whole
 from .._validation import check_callable, check_flag, check_in, check_text
-from ._system import DIRECTIONS, AbstractHybridSystem
+from .system import DIRECTIONS, AbstractHybridSystem
 
 CALL = "f(system, t, y, dy, mode, args)"
 

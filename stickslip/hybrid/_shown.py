@@ -7,8 +7,8 @@ import numpy as np
 from .._outcome import names_of, tally
 from .._show import counted, html_table, number, value_text
 from .._validation import is_concrete
-from ._components import components_of
-from ._status import RESULTS, describe_flags
+from .components import components_of
+from .status import RESULTS, describe_flags
 
 SHOWN = 8  # rows of a log
 

@@ -19,7 +19,7 @@ from jaxtyping import PyTree
 
 from ._bends import Change, Outcomes, compares, evaluated
 from ._section import Section
-from ._system import AbstractHybridSystem, guard_directions, mode_type
+from .system import AbstractHybridSystem, guard_directions, mode_type
 from ._wrapper import AbstractSystemWrapper
 
 # A state at a border is moved off it by this part of the terms that make it, more than `SLACK` of them.

@@ -13,7 +13,7 @@ from .._checked import CheckedModule
 from .._types import Given, Mode, Numeric, Row
 from .._validation import check_at_least, check_count, check_flag, check_type, leaves_of, refusal
 from . import _solution as out
-from ._arguments import (
+from .arguments import (
     a_time,
     check_field,
     check_sections,
@@ -25,26 +25,26 @@ from ._arguments import (
     the_system,
 )
 from ._autodiff import core
-from ._bound import RESOLUTION, bounded
+from .longest_step import RESOLUTION, bounded
 from ._crossing import crossings as located
-from ._dependence import may_jump
-from ._events import event_functions
+from .dependence import may_jump
+from .event_functions import event_functions
 from ._failure import raise_failures
 from ._loop_state import Plan
-from ._plainly import jit_plainly
+from .compile_options import jit_plainly
 from ._progress import ProgressMeter
 from ._record import Capacities
 from ._section import Section
 from ._sided import of_sided, sided, without_sides
 from ._solution import Solution
-from ._status import BENT, CODE, STILL, flag, to_result
+from .status import BENT, CODE, STILL, flag, to_result
 from ._step_size import AbstractStepSize, AdaptiveStep
-from ._stepper import ExplicitRungeKutta, as_stepper
+from .stepper import ExplicitRungeKutta, as_stepper
 from ._still import too_still
-from ._system import AbstractHybridSystem
+from .system import AbstractHybridSystem
 from ._tolerance import Noise, cancelling, component_tolerances
-from ._tree import frozen, select, shift, with_float_arrays
-from ._xla import current_executor
+from .tree import frozen, select, shift, with_float_arrays
+from .executor import current_executor
 
 if TYPE_CHECKING:
     from typing import Literal

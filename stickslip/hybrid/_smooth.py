@@ -4,7 +4,7 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from ._system import AbstractHybridSystem
+from .system import AbstractHybridSystem
 
 
 class AbstractSmoothSystem(AbstractHybridSystem):

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from ._components import components_of, entries, period_of
+from .components import components_of, entries, period_of
 from ._tolerance import Ends
 
 # Turns a function can make along a line: 1 of a straight line, 2 of a parabola or what bends once, 3 of

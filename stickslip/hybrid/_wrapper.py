@@ -8,7 +8,7 @@ import equinox as eqx
 from jaxtyping import PyTree
 
 from .._argument_checks import check_arguments, reals
-from ._system import AbstractHybridSystem
+from .system import AbstractHybridSystem
 
 
 class AbstractSystemWrapper(AbstractHybridSystem):

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 
 from .._compiled_once import compiled_once
 from ..hybrid import current_executor
-from ..hybrid._xla import traced
+from ..hybrid.executor import traced
 from ._losses import AbstractLoss
 from ._unknowns import NamedValues, Space
 

@@ -26,8 +26,8 @@ from .._validation import (
     refusal,
 )
 from ..sweep import map_lanes
-from ..sweep._lanes import EXECUTORS
-from ..sweep._progress import Progress
+from ..sweep.lanes import EXECUTORS
+from ..sweep.progress import Progress
 from ._descent import GradientDescent
 from ._evaluate import evaluation
 from ._fit import Fit

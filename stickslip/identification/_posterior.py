@@ -14,7 +14,7 @@ from jaxtyping import Array, Bool, Float
 from .._compiled_once import compiled_once
 from .._types import Given
 from .._validation import check_callable, check_count, check_type, is_concrete, refusal
-from ..hybrid._xla import traced
+from ..hybrid.executor import traced
 from ._evaluate import evaluation
 from ._fit import Fit
 from ._unknowns import NamedValues, Space

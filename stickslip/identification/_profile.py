@@ -22,7 +22,7 @@ from .._validation import (
     misshaped,
     refusal,
 )
-from ..hybrid._xla import traced
+from ..hybrid.executor import traced
 from ._evaluate import evaluation
 from ._fit import Fit
 from ._profile_walk import BELOW, EDGE, FAILED, Walk

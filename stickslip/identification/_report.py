@@ -21,7 +21,7 @@ from .._validation import (
     refusal,
 )
 from ..hybrid._solution import Solution, same_mode_sequence
-from ..hybrid._status import describe_flags
+from ..hybrid.status import describe_flags
 from ._compare import Comparison
 from ._fit import POOR, Fit
 from ._profile import Profile

@@ -4,7 +4,7 @@ import equinox as eqx
 from jaxtyping import Array, Int
 
 from .._outcome import in_words
-from ..hybrid._status import item_of
+from ..hybrid.status import item_of
 
 
 @in_words

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..hybrid import Integrator, SaveAt, WithBreaks, jit_plainly, simulate
-from ..hybrid._bound import spanning
+from ..hybrid.longest_step import spanning
 from ._signal import Signal, breaks_of
 from ._unknowns import NamedValues
 

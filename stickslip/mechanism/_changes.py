@@ -9,8 +9,8 @@ import jax.numpy as jnp
 from jax import lax
 
 from stickslip._fastmath import where
-from stickslip.hybrid._dependence import OTHER, degrees
-from stickslip.hybrid._system import NO_MODE
+from stickslip.hybrid.dependence import OTHER, degrees
+from stickslip.hybrid.system import NO_MODE
 
 from ._any_args import with_any_args
 from ._beginning import begun

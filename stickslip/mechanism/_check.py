@@ -10,7 +10,7 @@ import numpy as np
 
 from stickslip._validation import DeclarationError, is_concrete, refusal
 from stickslip.friction import AbstractFrictionLaw
-from stickslip.hybrid._dependence import NONE, degrees
+from stickslip.hybrid.dependence import NONE, degrees
 
 from ._abstract import traced_with
 from ._contact import Contact

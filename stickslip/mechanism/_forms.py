@@ -13,7 +13,7 @@ from stickslip._fastmath import where
 from stickslip._types import Given, Numeric
 from stickslip._validation import as_parameter, check_in, check_positive, check_type, refusal
 from stickslip.friction import AbstractBristleLaw, AbstractFrictionLaw, LuGre, Regularised
-from stickslip.hybrid._system import NO_MODE
+from stickslip.hybrid.system import NO_MODE
 
 from ._account import AbstractMechanicalSystem
 from ._check import DeclarationError

@@ -8,7 +8,7 @@ import numpy as np
 
 from stickslip._fastmath import where
 from stickslip._validation import DeclarationError, refusal
-from stickslip.hybrid._dependence import NONE, degrees
+from stickslip.hybrid.dependence import NONE, degrees
 
 from ._check import check_contacts
 from ._contact import Contact

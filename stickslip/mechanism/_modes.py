@@ -6,7 +6,7 @@ from typing import Any
 import jax.numpy as jnp
 
 from stickslip._fastmath import where
-from stickslip.hybrid._names import MadeNames
+from stickslip.hybrid.names import MadeNames
 
 BACKWARD, REST, FORWARD, OPEN = 0, 1, 2, 3
 WORDS = ("slip backward", "stick", "slip forward", "open")

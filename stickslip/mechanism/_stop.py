@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from stickslip._validation import DeclarationError, is_concrete, refusal
-from stickslip.hybrid._dependence import NONE, degrees
+from stickslip.hybrid.dependence import NONE, degrees
 
 from ._abstract import abstract, numbers_of, with_numbers
 from ._any_args import Looked, Sealed, with_any_args

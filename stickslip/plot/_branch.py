@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from .._types import Given
 from .._validation import check_type, refusal
 from ..continuation import Branch
-from ..hybrid._components import Place, components_of, entries, listed, place_of, unit_of
+from ..hybrid.components import Place, components_of, entries, listed, place_of, unit_of
 from . import _axes
 
 MARKS = {"LP": "s", "PD": "D", "NS": "o", "BP": "X", "GR": "^", "SQ": "v"}

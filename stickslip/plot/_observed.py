@@ -10,9 +10,9 @@ from jaxtyping import PyTree
 
 from .._code import jit_by_code
 from .._validation import check_handed_on, is_concrete, refusal
-from ..analysis._observable import as_observable
+from ..analysis.observable import as_observable
 from ..hybrid import AbstractHybridSystem, Solution
-from ..hybrid._components import components_of, entries, period_of, unit_of
+from ..hybrid.components import components_of, entries, period_of, unit_of
 from ..hybrid._labelled import per_second, second_of
 from ._sticks import rows_of
 

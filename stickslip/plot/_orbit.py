@@ -9,10 +9,10 @@ from matplotlib.axes import Axes
 
 from .._types import Given
 from .._validation import check_handed_on, check_type, refusal
-from ..analysis._observable import with_parameters
+from ..analysis.observable import with_parameters
 from ..continuation import Branch, BranchPoint, PeriodicOrbit
 from ..hybrid import AbstractHybridSystem, AdaptiveStep, Integrator, SaveAt, Solution, simulate
-from ..hybrid._components import components_of, entries
+from ..hybrid.components import components_of, entries
 from ..hybrid._labelled import second_of
 from . import _axes
 from ._motion import motion

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 
 from .._types import Given
 from .._validation import check_type, refusal
-from ..hybrid._components import entries, split
+from ..hybrid.components import entries, split
 from . import _axes
 
 FAINT = 2e5  # points from which on they are drawn fainter

@@ -3,7 +3,7 @@
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from ._lanes import map_lanes as map_lanes
+from .lanes import map_lanes as map_lanes
 
 # xarray and zarr take longer to import than the rest of the package: they come with the first sweep.
 if TYPE_CHECKING:

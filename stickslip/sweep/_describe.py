@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import PyTree
 
 from .._validation import refusal
-from ._evaluate import Evaluate, output_names
-from ._grid import Block, blocks
+from .evaluate import Evaluate, output_names
+from .grid import Block, blocks
 from ._layout import Layout, Variable
 from ._manifest import FORMAT, as_json, code_revision, digest, versions
 from ._options import Options

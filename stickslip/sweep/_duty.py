@@ -7,8 +7,8 @@ import pathlib
 from collections.abc import Iterator
 from typing import Any, NoReturn, Protocol, runtime_checkable
 
-from ._evaluate import Evaluate
-from ._grid import Block
+from .evaluate import Evaluate
+from .grid import Block
 from ._store import Store
 
 

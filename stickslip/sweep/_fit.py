@@ -14,7 +14,7 @@ import jax.extend.core
 import jax.numpy as jnp
 import numpy as np
 
-from ..hybrid._xla import LOOP_NAME
+from ..hybrid.executor import LOOP_NAME
 from ._programs import jaxprs_in
 
 CHUNK_FUSED = 64  # lanes whose state fits the first-level cache

@@ -11,7 +11,7 @@ import zarr
 from zarr.storage import MemoryStore
 
 from .._validation import check_mapping, check_type, refusal
-from ._grid import Block, blocks
+from .grid import Block, blocks
 from ._manifest import as_json
 
 DATA = "data.zarr"

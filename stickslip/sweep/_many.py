@@ -9,9 +9,9 @@ from .._types import Given, Path
 from .._validation import check_callable, check_count, check_flag, check_type, one_static, refusal
 from ._claims import EXPIRY
 from ._duty import Duty, on_duty
-from ._evaluate import Evaluate
+from .evaluate import Evaluate
 from ._files import read_json
-from ._grid import Block
+from .grid import Block
 from ._manifest import fault
 from ._pool import run_processes
 from ._reference import function_of, reference_to

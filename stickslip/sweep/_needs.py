@@ -10,9 +10,9 @@ from .._paths import the_directory
 from .._types import Given, Path
 from .._validation import check_count
 from ._children import family
-from ._grid import MAX_LANES, blocks
+from .grid import MAX_LANES, blocks
 from ._layout import Files
-from ._progress import clock
+from .progress import clock
 from ._records import recorded
 from ._status import size_of
 from ._verify import the_manifest

@@ -16,8 +16,8 @@ from .._validation import (
     check_text,
     check_type,
 )
-from ._grid import CHUNK
-from ._lanes import EXECUTORS
+from .grid import CHUNK
+from .lanes import EXECUTORS
 from ._layout import Variable
 
 

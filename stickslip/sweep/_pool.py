@@ -12,7 +12,7 @@ import time
 from ._children import family
 from ._files import read_json
 from ._layout import Files
-from ._progress import Progress
+from .progress import Progress
 from ._records import recorded
 
 _LOOK = 0.2  # s

@@ -16,9 +16,9 @@ from ._cells import Cells, Step, most_levels
 from ._children import child, children, remove_half_made
 from ._describe import Described, describe
 from ._duty import Duty, duty_at, end_duty
-from ._evaluate import output_names, prepared
+from .evaluate import output_names, prepared
 from ._files import read_json
-from ._grid import check_grid, shard_shape
+from .grid import check_grid, shard_shape
 from ._layout import Layout, Variable
 from ._manifest import differences, identity
 from ._options import Options, checked_options

@@ -12,10 +12,10 @@ from .._paths import the_directory
 from .._types import Path
 from ._children import children
 from ._claims import Claims
-from ._grid import Block, blocks
+from .grid import Block, blocks
 from ._layout import DATA, REFINE, Files, record_file
 from ._open import refined_in
-from ._progress import clock
+from .progress import clock
 from ._records import recorded
 from ._verify import the_manifest
 

@@ -7,8 +7,8 @@ import jax
 import jax.numpy as jnp
 
 from ..hybrid import FixedStep, Integrator, Section, simulate
-from ..hybrid._system import AbstractHybridSystem
-from ._lanes import map_lanes
+from ..hybrid.system import AbstractHybridSystem
+from .lanes import map_lanes
 
 
 class _State(NamedTuple):

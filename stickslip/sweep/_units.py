@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ._evaluate import Evaluate
-from ._grid import Block, blocks_inside
+from .evaluate import Evaluate
+from .grid import Block, blocks_inside
 from ._store import Store
 
 

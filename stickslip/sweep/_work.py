@@ -8,10 +8,10 @@ import time
 from typing import Any
 
 from ._claims import Claim, Claims
-from ._evaluate import Evaluate
-from ._grid import Block, chains
+from .evaluate import Evaluate
+from .grid import Block, chains
 from ._manifest import code_revision
-from ._progress import Progress
+from .progress import Progress
 from ._records import recorded
 from ._store import Store
 from ._units import values_of

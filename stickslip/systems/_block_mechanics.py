@@ -20,8 +20,8 @@ from .._validation import (
     refusal,
 )
 from ..friction import AbstractFrictionLaw, SmoothHyperbolicWeakening
-from ..friction._law import Number
-from ..friction._law import check_law as is_law
+from ..friction.law import Number
+from ..friction.law import check_law as is_law
 from ..hybrid import Section
 from ._mechanical import AbstractMechanicalSystem
 

@@ -9,7 +9,7 @@ from .._argument_checks import OBSERVABLE, check_arguments, state
 from .._types import Given, Numeric, Whole
 from .._validation import as_parameter, check_finite
 from ..friction import AbstractFrictionLaw
-from ..friction._law import Number
+from ..friction.law import Number
 from ..hybrid import AbstractSmoothSystem
 from ..mechanism import AbstractMechanism, Contact, Instant
 from ._block_mechanics import (

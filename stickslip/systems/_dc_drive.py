@@ -19,7 +19,7 @@ from .._validation import (
     check_nonnegative,
     check_positive,
 )
-from ..friction._law import Number
+from ..friction.law import Number
 from ..hybrid import AbstractHybridSystem
 from ._mechanical import slip_sense
 

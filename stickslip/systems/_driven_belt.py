@@ -11,7 +11,7 @@ from .._argument_checks import OBSERVABLE, check_arguments, reals, state
 from .._types import Given, Numeric, Whole
 from .._validation import check_type
 from ..friction import AbstractFrictionLaw
-from ..friction._law import Number
+from ..friction.law import Number
 from ._block_mechanics import (
     AbstractBlockOnBelt,
     Block,

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 
 from .._fastmath import where
-from ..hybrid._system import NO_MODE
+from ..hybrid.system import NO_MODE
 from ._block_mechanics import Loads
 from ._dc_drive import RESTING, TURNING_BACKWARD, TURNING_FORWARD, DCDrive
 from ._mechanical import BACKWARD, FORWARD, STICK, slip_sense

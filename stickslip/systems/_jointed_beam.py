@@ -25,7 +25,7 @@ from .._validation import (
     shown,
 )
 from ..friction import AbstractFrictionLaw, HyperbolicWeakening
-from ..friction._law import Number, check_law
+from ..friction.law import Number, check_law
 from ..mechanism import AbstractMechanism, Contact
 from ._jointed_beam_scales import PARAMETER_UNITS, BeamScales, times_scale
 from ._printed_weakening import PrintedWeakening

@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 
 from .._show import AbstractShown
 from .._validation import as_parameter, check_positive
-from ..friction._law import Number
+from ..friction.law import Number
 
 # Of a jointed beam with dimensions.
 PARAMETER_UNITS = {

@@ -4,7 +4,7 @@ from typing import ClassVar
 
 from jaxtyping import Array, Float
 
-from ..friction._law import AbstractDryFrictionLaw, Number
+from ..friction.law import AbstractDryFrictionLaw, Number
 
 
 class PrintedWeakening(AbstractDryFrictionLaw):

@@ -10,7 +10,7 @@ from corexy_jax._contact_motion import contact_motion
 from corexy_jax._contacts import Line, line_masses
 from corexy_jax._modes import SIGNS
 from stickslip.hybrid import use_executor
-from stickslip.hybrid._xla import FUSED, PORTABLE
+from stickslip.hybrid.executor import FUSED, PORTABLE
 from stickslip.mechanism import AbstractMechanism
 from stickslip.mechanism._scalars import Mass
 from tests.corexy_jax._events import RECORDED

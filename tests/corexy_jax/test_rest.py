@@ -7,7 +7,7 @@ import pytest
 
 import corexy_jax as cx
 import stickslip as ss
-from stickslip.hybrid._status import GRAZING
+from stickslip.hybrid.status import GRAZING
 
 END = 6.0
 

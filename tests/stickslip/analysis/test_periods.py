@@ -13,7 +13,7 @@ import stickslip as ss
 from stickslip.analysis import Maximum, PeriodTest, Recording, orbit_diagram, period_of, time_history
 from stickslip.analysis._attractor import PERIOD_STATUS
 from stickslip.analysis._builder import labelled_parameters
-from stickslip.analysis._observable import as_observable, whole_of
+from stickslip.analysis.observable import as_observable, whole_of
 from stickslip.sweep import Variable
 from stickslip.systems import BlockOnDrivenBelt
 

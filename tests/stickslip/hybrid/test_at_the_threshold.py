@@ -8,7 +8,7 @@ import numpy as np
 
 import stickslip as ss
 from stickslip.friction import Coulomb
-from stickslip.hybrid._status import GRAZING
+from stickslip.hybrid.status import GRAZING
 from stickslip.mechanism import AbstractMechanism, Contact
 from tests.stickslip.mechanism._machines import Oscillator
 

@@ -10,7 +10,7 @@ import pytest
 import stickslip as ss
 from stickslip.friction import Coulomb, Stribeck
 from stickslip.hybrid import _sided, _simulate
-from stickslip.hybrid._status import BENT, GRAZING
+from stickslip.hybrid.status import BENT, GRAZING
 from stickslip.mechanism import AbstractMechanism, Contact
 from stickslip.systems import Motion
 

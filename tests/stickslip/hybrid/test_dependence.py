@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import pytest
 
-from stickslip.hybrid._dependence import AFFINE, NONE, OTHER, degrees
+from stickslip.hybrid.dependence import AFFINE, NONE, OTHER, degrees
 
 CASES = [
     (lambda t, y: 3.0, NONE, NONE),

@@ -10,7 +10,7 @@ import pytest
 
 import stickslip as ss
 from stickslip.hybrid._loop_state import Plan
-from stickslip.hybrid._status import GRAZING
+from stickslip.hybrid.status import GRAZING
 from stickslip.systems import Motion
 
 END = 5.0

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.hybrid._event_time import event_delay
+from stickslip.hybrid.event_time import event_delay
 
 
 class Course(NamedTuple):

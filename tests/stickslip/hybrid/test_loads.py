@@ -7,7 +7,7 @@ import pytest
 
 import stickslip as ss
 from stickslip.hybrid import _doubt
-from stickslip.hybrid._status import DISCONTINUOUS, GRAZING
+from stickslip.hybrid.status import DISCONTINUOUS, GRAZING
 from stickslip.systems import Motion, OscillatorBetweenStops
 from tests.stickslip.hybrid._loads import END, Block, march, random_loads
 

@@ -10,7 +10,7 @@ import pytest
 import stickslip as ss
 from stickslip.hybrid import _adjoint
 from stickslip.hybrid._pieces import in_pieces
-from stickslip.hybrid._xla import FUSED, PORTABLE
+from stickslip.hybrid.executor import FUSED, PORTABLE
 from stickslip.systems import BlockOnBelt, BlockState
 from tests.stickslip.hybrid._systems import State, StickSlip, fixed
 from tests.stickslip.hybrid.test_own_method import Doubling

@@ -7,7 +7,7 @@ import pytest
 
 import stickslip as ss
 from stickslip.hybrid import _tolerance
-from stickslip.hybrid._status import COARSE
+from stickslip.hybrid.status import COARSE
 from stickslip.systems import CoulombOscillator, Motion
 from tests.stickslip.hybrid._systems import State, StickSlip
 from tests.stickslip.systems._closed_forms import BeltCycle, derivatives

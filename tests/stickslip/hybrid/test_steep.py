@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 import stickslip as ss
 from stickslip.hybrid import _bends
-from stickslip.hybrid._status import BENT
+from stickslip.hybrid.status import BENT
 from stickslip.mechanism import AbstractMechanism
 from stickslip.systems import Motion
 

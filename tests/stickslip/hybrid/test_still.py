@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.hybrid._status import STILL
+from stickslip.hybrid.status import STILL
 from stickslip.systems import CoulombOscillator, Motion
 
 GROWTH = 0.015

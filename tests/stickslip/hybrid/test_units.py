@@ -9,7 +9,7 @@ import pytest
 
 import stickslip as ss
 from stickslip.friction import Coulomb
-from stickslip.hybrid import _events
+from stickslip.hybrid import event_functions
 from stickslip.mechanism import AbstractMechanism, Contact, Stop
 from stickslip.systems import Motion
 

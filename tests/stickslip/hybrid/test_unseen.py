@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import stickslip as ss
-from stickslip.hybrid import _bound
+from stickslip.hybrid import longest_step
 from stickslip.hybrid._unseen import HIDES, hiding, turns
 from stickslip.systems import CoulombOscillator, Motion
 

@@ -7,7 +7,7 @@ import pytest
 
 from stickslip.friction import Asymmetric, Coulomb, Stribeck
 from stickslip.hybrid import use_executor
-from stickslip.hybrid._xla import FUSED, PORTABLE
+from stickslip.hybrid.executor import FUSED, PORTABLE
 from stickslip.mechanism import Contact
 from stickslip.mechanism._island import Motion
 from stickslip.mechanism._rows import each, row

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from stickslip.sweep import Variable, run_sweep
-from stickslip.sweep._evaluate import Evaluate
+from stickslip.sweep.evaluate import Evaluate
 
 GRID = {"a": np.linspace(2.5, 4.0, 103), "b": np.array([0.1, 0.2, 0.3])}
 

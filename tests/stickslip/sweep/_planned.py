@@ -79,7 +79,7 @@ def logistic_map(store, pause=0.0):
 
 def _slowly(pause):
     """A unit takes so many seconds longer than it must."""
-    from stickslip.sweep._evaluate import Evaluate
+    from stickslip.sweep.evaluate import Evaluate
 
     evaluate = Evaluate.__call__
 

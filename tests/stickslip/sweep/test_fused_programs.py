@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.hybrid._xla import FUSED, use_executor
+from stickslip.hybrid.executor import FUSED, use_executor
 from stickslip.systems import CoulombOscillator, Motion
 
 SPEEDS = jnp.linspace(0.2, 0.4, 200)

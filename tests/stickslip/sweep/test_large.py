@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from stickslip.sweep import open_dataset
-from stickslip.sweep._evaluate import Evaluate
+from stickslip.sweep.evaluate import Evaluate
 from tests.house._repository import ROOT
 from tests.stickslip.sweep import _planned
 

@@ -22,7 +22,7 @@ from stickslip.sweep import (
     verify_store,
     work_on,
 )
-from stickslip.sweep._evaluate import Evaluate
+from stickslip.sweep.evaluate import Evaluate
 from stickslip.systems import CoulombOscillator, Motion
 from tests.stickslip.sweep import _planned
 from tests.stickslip.sweep.test_work import at_work, computed, contents, start

@@ -11,7 +11,7 @@ import pytest
 
 from stickslip.sweep import SweepMismatchError, SweepWriteError, Variable, open_dataset, run_sweep
 from stickslip.sweep import _store as store_module
-from stickslip.sweep._evaluate import Evaluate
+from stickslip.sweep.evaluate import Evaluate
 from tests.house._repository import ROOT
 from tests.stickslip.sweep._damage import lane, sweep, truth
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from stickslip.sweep import Variable, run_sweep
-from stickslip.sweep._grid import block_shape, blocks
-from stickslip.sweep._progress import Progress, clock
+from stickslip.sweep.grid import block_shape, blocks
+from stickslip.sweep.progress import Progress, clock
 from tests.stickslip.sweep._killable import sweep
 
 GRID = {"k": np.linspace(0.0, 1.0, 23), "b": np.array([1.0, 2.0, 3.0])}

@@ -215,7 +215,7 @@ def test_a_store_of_several_sections_has_their_names(tmp_path):
         (["good", "--observable", "y"], "observable = 'y': it must be one of 't', 'x'"),
         (["good", "--with", "no.such.module"], "with = 'no.such.module', not imported"),
         (["good", "--with", "math"], "with = 'math': it must be a module with a function"),
-        (["good", "--with", "stickslip.view._command"], "must be a module with a function `orbit"),
+        (["good", "--with", "stickslip.view.command"], "must be a module with a function `orbit"),
         (["good", "--with", "tests.stickslip.view._wrong"], "_wrong.orbit"),
         (["good", "--port", "70000"], "port = 70000: it must be at most 65535"),
         (["good", "--html", "page.txt"], "html = 'page.txt': it must be the path of a file whose name"),

@@ -23,10 +23,10 @@ from .._validation import (
     refusal,
 )
 from ._breaks import settled
-from ._events import SLACK
-from ._names import MadeNames
-from ._system import AbstractHybridSystem, guard_directions, guard_scales, mode_type
-from ._tree import select
+from .event_functions import SLACK
+from .names import MadeNames
+from .system import AbstractHybridSystem, guard_directions, guard_scales, mode_type
+from .tree import select
 from ._wrapper import AbstractSystemWrapper
 
 EARLY = 0.1  # of what is left of the period beside a piece: so long before it begins it is the next one

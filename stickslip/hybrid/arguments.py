@@ -25,7 +25,7 @@ from .._validation import (
     whole_number,
 )
 from ._section import Section
-from ._system import AbstractHybridSystem, mode_type
+from .system import AbstractHybridSystem, mode_type
 
 MOST_NAMES = 9  # of modes, that a message lists
 

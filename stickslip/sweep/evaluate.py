@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from ._grid import Block, blocks
-from ._lanes import map_lanes
+from .grid import Block, blocks
+from .lanes import map_lanes
 from ._programs import Identity, identify
 
 CARRY = "carry"

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from .._code import compiled_by_code
 from .._types import Given
 from .._validation import check_type, is_concrete
-from ._xla import current_executor
+from .executor import current_executor
 
 # XLA's emitters of fused kernels take half of the time to compile a run, which is a loop over scalars
 # and no faster with them. From JAX 0.11 on the compiler has no others, and refuses the option.

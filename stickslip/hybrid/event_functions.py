@@ -9,9 +9,9 @@ import jax.numpy as jnp
 from jax.interpreters.partial_eval import dce_jaxpr
 from jaxtyping import PyTree
 
-from ._dependence import AFFINE, NONE, OTHER, degrees
+from .dependence import AFFINE, NONE, OTHER, degrees
 from ._section import Section
-from ._system import AbstractHybridSystem, guard_directions, guard_scales
+from .system import AbstractHybridSystem, guard_directions, guard_scales
 from ._tolerance import generic, sizes
 
 # A guard counts as violated below this fraction of its scale: rounding of the state, not motion.

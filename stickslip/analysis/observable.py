@@ -12,7 +12,7 @@ from jaxtyping import PyTree
 from .._checked import CheckedModule
 from .._validation import check_callable, check_text, refusal, shown
 from ..hybrid import AbstractHybridSystem, Section
-from ..hybrid._components import Place, entries, listed, own_axes, period_of, place_of, unit_of
+from ..hybrid.components import Place, entries, listed, own_axes, period_of, place_of, unit_of
 from ..hybrid._labelled import per_second
 
 CALL = "f(system, t, y, dy, mode, args)"

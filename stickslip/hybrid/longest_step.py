@@ -8,11 +8,11 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from .._validation import check_that
-from ._dependence import degrees_in
-from ._events import all_values
+from .dependence import degrees_in
+from .event_functions import all_values
 from ._section import Section
 from ._step_size import AbstractStepSize
-from ._system import AbstractHybridSystem
+from .system import AbstractHybridSystem
 from ._unseen import Watched, hiding
 
 # While nothing moves the error of a step is zero, whatever its length, and what a load does meanwhile

@@ -21,7 +21,7 @@ from .._validation import (
     misshaped,
     refusal,
 )
-from ..hybrid._xla import FUSED, PORTABLE, use_executor
+from ..hybrid.executor import FUSED, PORTABLE, use_executor
 from ._canary import fused_is_trusted, wished_executor
 from ._fit import (
     CHUNK_FUSED,
