@@ -9,8 +9,6 @@ from ._history import time_history as time_history
 from ._lyapunov import lyapunov_spectrum as lyapunov_spectrum
 from ._lyapunov_diagram import lyapunov_diagram as lyapunov_diagram
 from ._lyapunov_map import lyapunov_spectrum_of_map as lyapunov_spectrum_of_map
-from .observable import Maximum as Maximum
-from .observable import Minimum as Minimum
 from ._orbit_diagram import orbit_diagram as orbit_diagram
 from ._orbit_lane import STATUS as STATUS
 from ._recording import Carried as Carried
@@ -24,3 +22,5 @@ from ._two_trajectories import Separation as Separation
 from ._two_trajectories import two_trajectory_exponent as two_trajectory_exponent
 from ._volume import divergence as divergence
 from ._volume import volume_growth as volume_growth
+from .observable import Maximum as Maximum
+from .observable import Minimum as Minimum

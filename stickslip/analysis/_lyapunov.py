@@ -30,8 +30,8 @@ from ..hybrid import (
     use_executor,
 )
 from ..hybrid.arguments import a_time, the_system
-from ..hybrid.longest_step import spanning
 from ..hybrid.components import listed, place_of
+from ..hybrid.longest_step import spanning
 from ..hybrid.tree import with_float_arrays
 from ._arguments import an_integrator, start_of
 from ._growth import (

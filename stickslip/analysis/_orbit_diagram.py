@@ -24,6 +24,9 @@ from ..sweep.grid import block_shape, check_grid
 from ._arguments import an_integrator, named_observables, start_of
 from ._attractor import PERIOD_STATUS
 from ._builder import builder_of, check_labels, check_options, labelled_parameters
+from ._orbit_lane import STATUS, Numbers, OrbitPlan, halved, run_lane
+from ._recording import Carried, PeriodTest, Recording
+from ._starts import check_shapes, labels_of_end, starts_of
 from .observable import (
     Angle,
     Maximum,
@@ -34,9 +37,6 @@ from .observable import (
     shape_of,
     whole_of,
 )
-from ._orbit_lane import STATUS, Numbers, OrbitPlan, halved, run_lane
-from ._recording import Carried, PeriodTest, Recording
-from ._starts import check_shapes, labels_of_end, starts_of
 
 RESULTS_OF_A_LANE = ("count", "status", "period", "period_status", "slow_transient", "flags")
 CHUNK_CPU = 512  # lanes per block: so few that the check can run the same program on as many

@@ -12,8 +12,8 @@ from jaxtyping import PyTree
 
 from ..hybrid import RESULTS, Integrator, SaveAt, Section, simulate
 from ._attractor import CANNOT_TELL, PERIOD_STATUS, ROUNDING, period_of
-from .observable import Angle, Observable, whole_of
 from ._recording import PeriodTest
+from .observable import Angle, Observable, whole_of
 
 # What became of a lane. New words go to the end: stored numbers keep their meaning.
 STATUS = (

@@ -12,8 +12,16 @@ from jaxtyping import PyTree
 from .._checked import CheckedModule
 from .._validation import check_callable, check_text, refusal, shown
 from ..hybrid import AbstractHybridSystem, Section
-from ..hybrid.components import Place, entries, listed, own_axes, period_of, place_of, unit_of
-from ..hybrid._labelled import per_second
+from ..hybrid.components import (
+    Place,
+    entries,
+    listed,
+    own_axes,
+    per_second,
+    period_of,
+    place_of,
+    unit_of,
+)
 
 CALL = "f(system, t, y, dy, mode, args)"
 Observable = Callable[[AbstractHybridSystem, Any, PyTree, PyTree, Any, PyTree], Any]

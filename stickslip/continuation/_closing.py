@@ -12,8 +12,8 @@ from jaxtyping import Array, Float, PyTree
 from .._validation import refusal
 from ..analysis.neutral_directions import neutral_shifts, projection_on
 from ..hybrid import AbstractHybridSystem, AdaptiveStep, Integrator, SaveAt, simulate
-from ..hybrid.longest_step import depends_on_time
 from ..hybrid.components import components_of, period_of
+from ..hybrid.longest_step import depends_on_time
 from ._holding import on_constraints
 from ._monodromy import pieces_of
 

@@ -16,8 +16,8 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from ..hybrid import AbstractHybridSystem, Integrator, Solution, StateLog
-from ..hybrid.stepper import as_stepper
 from ..hybrid.executor import COMPACT
+from ..hybrid.stepper import as_stepper
 
 BLOCK = 32  # steps that are looked at side by side
 ROWS = 1 + 64 * BLOCK  # of the log of steps

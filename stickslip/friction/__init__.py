@@ -71,9 +71,6 @@ from ._bristle import AbstractBristleLaw as AbstractBristleLaw
 from ._contract import check_friction_law as check_friction_law
 from ._coulomb import Coulomb as Coulomb
 from ._dahl import Dahl as Dahl
-from .law import AbstractDryFrictionLaw as AbstractDryFrictionLaw
-from .law import AbstractFrictionLaw as AbstractFrictionLaw
-from .law import AbstractMemorylessLaw as AbstractMemorylessLaw
 from ._lugre import LuGre as LuGre
 from ._rate_and_state import RateAndState as RateAndState
 from ._regularised import Regularised as Regularised
@@ -83,3 +80,6 @@ from ._sum import Sum as Sum
 from ._viscous import ViscousDamping as ViscousDamping
 from ._viscous import ViscousFriction as ViscousFriction
 from ._weakening import HyperbolicWeakening as HyperbolicWeakening
+from .law import AbstractDryFrictionLaw as AbstractDryFrictionLaw
+from .law import AbstractFrictionLaw as AbstractFrictionLaw
+from .law import AbstractMemorylessLaw as AbstractMemorylessLaw

@@ -9,6 +9,7 @@ from jaxtyping import Array, Float
 
 from stickslip._fastmath import side_of
 from stickslip._validation import check_that, is_concrete
+from stickslip.friction._smoothed import AbstractSmoothedLaw
 from stickslip.friction.law import (
     AbstractFrictionLaw,
     Number,
@@ -16,7 +17,6 @@ from stickslip.friction.law import (
     check_law,
     in_dtype_of,
 )
-from stickslip.friction._smoothed import AbstractSmoothedLaw
 
 # A law whose branch starts at its static coefficient may miss it by rounding.
 _ROUNDING = 1e-12

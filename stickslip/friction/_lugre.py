@@ -7,6 +7,8 @@ from jaxtyping import Array, Float
 from stickslip import _fastmath as fast
 from stickslip._validation import as_parameter, check_nonnegative, check_positive, refusal, shown
 from stickslip.friction._bristle import AbstractBristleLaw, check_steady_law, has_breakaway_jump
+from stickslip.friction._sum import Sum
+from stickslip.friction._viscous import ViscousFriction
 from stickslip.friction.law import (
     AbstractFrictionLaw,
     GivenState,
@@ -15,8 +17,6 @@ from stickslip.friction.law import (
     in_dtype_of,
     jump_in,
 )
-from stickslip.friction._sum import Sum
-from stickslip.friction._viscous import ViscousFriction
 
 
 class LuGre(AbstractBristleLaw):

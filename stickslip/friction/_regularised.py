@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 
 from stickslip import _fastmath as fast
 from stickslip._validation import as_parameter, check_in, check_positive
+from stickslip.friction._smoothed import AbstractSmoothedLaw
 from stickslip.friction.law import (
     AbstractFrictionLaw,
     AbstractMemorylessLaw,
@@ -19,7 +20,6 @@ from stickslip.friction.law import (
     in_dtype_of,
     jump_in,
 )
-from stickslip.friction._smoothed import AbstractSmoothedLaw
 
 Kind = Literal["tanh", "arctan", "sqrt"]
 

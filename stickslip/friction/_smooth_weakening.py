@@ -7,8 +7,8 @@ from jaxtyping import Array, Float
 
 from stickslip import _fastmath as fast
 from stickslip._validation import as_parameter, check_nonnegative, check_positive
-from stickslip.friction.law import AbstractDryFrictionLaw, Number, in_dtype_of
 from stickslip.friction._weakening import HyperbolicWeakening, weakening_factor
+from stickslip.friction.law import AbstractDryFrictionLaw, Number, in_dtype_of
 
 
 class SmoothHyperbolicWeakening(AbstractDryFrictionLaw):

@@ -6,8 +6,6 @@ from ._breaks import WithBreaks as WithBreaks
 from ._failure import SimulationError as SimulationError
 from ._failure import raise_failures as raise_failures
 from ._interpolate import interpolate as interpolate
-from .periodic_breaks import WithPeriodicBreaks as WithPeriodicBreaks
-from .compile_options import jit_plainly as jit_plainly
 from ._progress import ProgressMeter as ProgressMeter
 from ._saltation import saltation_matrix as saltation_matrix
 from ._section import Section as Section
@@ -19,16 +17,13 @@ from ._solution import EventLog as EventLog
 from ._solution import Solution as Solution
 from ._solution import StateLog as StateLog
 from ._solution import same_mode_sequence as same_mode_sequence
-from .status import RESULTS as RESULTS
 from ._step_size import AbstractAdaptiveStep as AbstractAdaptiveStep
 from ._step_size import AbstractStepSize as AbstractStepSize
 from ._step_size import AdaptiveStep as AdaptiveStep
 from ._step_size import FixedStep as FixedStep
-from .stepper import AbstractStepper as AbstractStepper
-from .system import AbstractHybridSystem as AbstractHybridSystem
-from .system import switch as switch
 from ._tableau import Tableau as Tableau
 from ._wrapper import AbstractSystemWrapper as AbstractSystemWrapper
+from .compile_options import jit_plainly as jit_plainly
 from .executor import FUSED as FUSED
 from .executor import PORTABLE as PORTABLE
 from .executor import Executor as Executor
@@ -36,3 +31,8 @@ from .executor import current_executor as current_executor
 from .executor import piece as piece
 from .executor import time_loop as time_loop
 from .executor import use_executor as use_executor
+from .periodic_breaks import WithPeriodicBreaks as WithPeriodicBreaks
+from .status import RESULTS as RESULTS
+from .stepper import AbstractStepper as AbstractStepper
+from .system import AbstractHybridSystem as AbstractHybridSystem
+from .system import switch as switch

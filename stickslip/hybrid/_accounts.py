@@ -7,7 +7,6 @@ import jax.numpy as jnp
 from . import _locate
 from ._control import rounding
 from ._event_decision import RESTED, ROUNDING, TOUCHED, First, is_guard
-from .event_functions import SLACK, Values
 from ._loop_state import (
     COLLAPSED,
     EVENT,
@@ -23,8 +22,9 @@ from ._loop_state import (
     is_event,
     moved_on,
 )
-from .status import CODE, COINCIDENT, EVENT_AT_START, GRAZING, RUNNING
+from .event_functions import SLACK, Values
 from .executor import bookkeeping
+from .status import CODE, COINCIDENT, EVENT_AT_START, GRAZING, RUNNING
 
 _STATUS = {name: float(number) for name, number in CODE.items()}
 MAX_ZERO_LENGTH = 16  # events without time passing before the lane is called chattering

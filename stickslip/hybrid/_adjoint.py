@@ -19,8 +19,8 @@ from jaxtyping import PyTree
 from ._loop import run_block, running
 from ._loop_state import Lane, Plan, accepted
 from ._pullback import Tape, pull, tape_row
-from .tree import write_row
 from .executor import time_loop
+from .tree import write_row
 
 BLOCK = 8  # attempts after which it is asked whether the lanes have ended
 BLOCK_FUSED = 32  # the same where to enter the loop costs as much as an attempt

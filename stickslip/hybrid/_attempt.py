@@ -15,8 +15,6 @@ from jaxtyping import PyTree
 from ._accounts import accounts, crossed_sections, sections_at_zero
 from ._control import control
 from ._event_decision import First, decide, lowest, searched
-from .event_time import event_delay
-from .event_functions import Values
 from ._loop_state import (
     EVENT,
     HOLD,
@@ -30,9 +28,11 @@ from ._loop_state import (
     without_state,
 )
 from ._step import Step, take
+from .event_functions import Values
+from .event_time import event_delay
+from .executor import bookkeeping, piece
 from .system import mode_type
 from .tree import select, shift
-from .executor import bookkeeping, piece
 
 # Parts of itself by which the field, and its slope, differ at least on the sides of a bend.
 JUMP, BEND = 1e-5, 1e-9

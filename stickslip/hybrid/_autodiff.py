@@ -22,8 +22,8 @@ from jaxtyping import PyTree
 from ._adjoint import adjoint
 from ._loop_state import Plan, start
 from ._record import Capacities, Logs, record
-from .status import COARSE, flag
 from ._tolerance import grown, sizes, too_loose
+from .status import COARSE, flag
 
 _NO_SECOND = (
     "second derivatives of a simulation (the event times are corrected to first order only); use "

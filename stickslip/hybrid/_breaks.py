@@ -9,10 +9,10 @@ from jaxtyping import Array, Float, PyTree
 from .._argument_checks import check_arguments, instance, reals, time, whole_state
 from .._types import Given, Numeric, Row
 from .._validation import as_parameter, check_finite, check_increasing, check_type, misshaped
+from ._wrapper import AbstractSystemWrapper
 from .event_functions import SLACK, measured
 from .system import AbstractHybridSystem, guard_directions, guard_scales, mode_type
 from .tree import select
-from ._wrapper import AbstractSystemWrapper
 
 NEVER = 1e300  # time of the break after the last [s]
 BEFORE = 4.5e-16  # the last instant before a break, as part of its time

@@ -16,12 +16,12 @@ from jax.lax import stop_gradient
 from jaxtyping import PyTree
 
 from . import _locate
-from .event_time import event_delay
 from ._loop_state import Plan
 from ._record import Starts
 from ._section import Section
-from .tree import frozen, select, shift, write_row
+from .event_time import event_delay
 from .executor import piece, time_loop
+from .tree import frozen, select, shift, write_row
 
 MOST_TRIES = 64
 

@@ -17,8 +17,8 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from .event_functions import SLACK, EventFunctions, Values
 from ._loop_state import Lane, Plan
+from .event_functions import SLACK, EventFunctions, Values
 from .tree import cubic
 
 POINTS = (0.3819660112501051, 0.7236067977499789)

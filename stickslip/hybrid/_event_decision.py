@@ -8,8 +8,6 @@ import jax.numpy as jnp
 from jax.lax import stop_gradient
 
 from . import _locate
-from .longest_step import RESOLUTION
-from .event_functions import FAR, SLACK, STALE, EventFunctions, Values
 from ._locate import Bracket
 from ._loop_state import (
     COLLAPSED,
@@ -25,10 +23,12 @@ from ._loop_state import (
     Lane,
     Plan,
 )
-from .status import DISCONTINUOUS, GRAZING, RUNNING, flag
 from ._step import Step
-from .tree import all_finite
+from .event_functions import FAR, SLACK, STALE, EventFunctions, Values
 from .executor import bookkeeping, piece
+from .longest_step import RESOLUTION
+from .status import DISCONTINUOUS, GRAZING, RUNNING, flag
+from .tree import all_finite
 
 REACH = 1e-3  # part of the step to an event that the Newton correction may be
 ROUNDING = 1e-15  # of the time: no event is located better

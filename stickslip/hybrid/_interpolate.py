@@ -6,12 +6,12 @@ from jaxtyping import PyTree
 
 from .._types import Row
 from .._validation import check_handed_on, check_type, refusal
-from .arguments import the_system, times
 from ._simulate import Integrator
 from ._solution import Solution
+from .arguments import the_system, times
+from .executor import COMPACT
 from .stepper import as_stepper
 from .system import AbstractHybridSystem
-from .executor import COMPACT
 
 
 def interpolate(

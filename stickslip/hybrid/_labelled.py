@@ -8,20 +8,10 @@ import numpy as np
 
 from .._validation import is_concrete, misshaped, numbers, refusal
 from .arguments import the_system
-from .components import components_of, entries, own_axes, period_of, unit_of
+from .components import components_of, entries, own_axes, per_second, period_of, second_of, unit_of
 from .status import RESULTS
 
 MOST_NAMES = 1024  # of more modes only those are named that occur
-
-
-def second_of(system: Any) -> str:
-    """The unit of time: s, or 1 where the system has no dimensions."""
-    return "1" if getattr(system, "is_dimensionless", False) else "s"
-
-
-def per_second(unit: str | None) -> str | None:
-    """The unit of a slope."""
-    return None if unit is None else {"1": "1/s"}.get(unit, f"{unit}/s")
 
 
 def mode_attributes(system: Any, *modes: Any) -> dict[str, list]:

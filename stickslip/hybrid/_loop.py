@@ -11,8 +11,8 @@ from jaxtyping import PyTree
 
 from ._attempt import attempt
 from ._loop_state import Lane, Outcome, Plan
-from .status import RUNNING
 from .executor import time_loop
+from .status import RUNNING
 
 
 def running(lane: Lane) -> Any:

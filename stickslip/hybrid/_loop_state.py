@@ -8,15 +8,15 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from . import _locate
-from .event_functions import EventFunctions
 from ._locate import Bracket
 from ._progress import ProgressMeter
-from .status import CODE, RUNNING
 from ._step_size import AbstractStepSize
-from .stepper import AbstractStepper
 from ._tolerance import Noise, sizes
 from ._unseen import Watched
+from .event_functions import EventFunctions
 from .executor import Executor
+from .status import CODE, RUNNING
+from .stepper import AbstractStepper
 
 # What became of an attempt. The decision is one number, computed once; everything else selects on it.
 # Codes, counters and marks are floating-point numbers: masks that come from and go to vectors of the

@@ -11,11 +11,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from .event_time import event_delay
 from ._loop_state import EVENT, Lane, Outcome, Plan, is_event, moved_on
 from ._record import Logs
-from .tree import select, shift
+from .event_time import event_delay
 from .executor import piece
+from .tree import select, shift
 
 
 class Tape(NamedTuple):

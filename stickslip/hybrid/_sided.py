@@ -19,8 +19,8 @@ from jaxtyping import PyTree
 
 from ._bends import Change, Outcomes, compares, evaluated
 from ._section import Section
-from .system import AbstractHybridSystem, guard_directions, mode_type
 from ._wrapper import AbstractSystemWrapper
+from .system import AbstractHybridSystem, guard_directions, mode_type
 
 # A state at a border is moved off it by this part of the terms that make it, more than `SLACK` of them.
 EDGE = 4e-12

@@ -13,6 +13,18 @@ from .._checked import CheckedModule
 from .._types import Given, Mode, Numeric, Row
 from .._validation import check_at_least, check_count, check_flag, check_type, leaves_of, refusal
 from . import _solution as out
+from ._autodiff import core
+from ._crossing import crossings as located
+from ._failure import raise_failures
+from ._loop_state import Plan
+from ._progress import ProgressMeter
+from ._record import Capacities
+from ._section import Section
+from ._sided import of_sided, sided, without_sides
+from ._solution import Solution
+from ._step_size import AbstractStepSize, AdaptiveStep
+from ._still import too_still
+from ._tolerance import Noise, cancelling, component_tolerances
 from .arguments import (
     a_time,
     check_field,
@@ -24,27 +36,15 @@ from .arguments import (
     the_start,
     the_system,
 )
-from ._autodiff import core
-from .longest_step import RESOLUTION, bounded
-from ._crossing import crossings as located
+from .compile_options import jit_plainly
 from .dependence import may_jump
 from .event_functions import event_functions
-from ._failure import raise_failures
-from ._loop_state import Plan
-from .compile_options import jit_plainly
-from ._progress import ProgressMeter
-from ._record import Capacities
-from ._section import Section
-from ._sided import of_sided, sided, without_sides
-from ._solution import Solution
-from .status import BENT, CODE, STILL, flag, to_result
-from ._step_size import AbstractStepSize, AdaptiveStep
-from .stepper import ExplicitRungeKutta, as_stepper
-from ._still import too_still
-from .system import AbstractHybridSystem
-from ._tolerance import Noise, cancelling, component_tolerances
-from .tree import frozen, select, shift, with_float_arrays
 from .executor import current_executor
+from .longest_step import RESOLUTION, bounded
+from .status import BENT, CODE, STILL, flag, to_result
+from .stepper import ExplicitRungeKutta, as_stepper
+from .system import AbstractHybridSystem
+from .tree import frozen, select, shift, with_float_arrays
 
 if TYPE_CHECKING:
     from typing import Literal

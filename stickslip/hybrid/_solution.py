@@ -13,9 +13,9 @@ from .._outcome import names_of, tally
 from .._show import counted, described
 from .._types import Given, MaybeNone
 from .._validation import check_broadcast, check_type, is_concrete
-from .components import components_of
 from ._labelled import events_dataframe, solution_dataset
 from ._shown import log_html, log_text, mode_path, solution_html
+from .components import components_of
 from .status import RESULTS, describe_flags
 from .system import AbstractHybridSystem
 

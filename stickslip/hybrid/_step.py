@@ -8,14 +8,14 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ._doubt import POINTS, TOGETHER, judge, look_inside, told
-from .event_functions import ROUNDED, STALE, Values, divided
 from ._loop_state import Lane, Plan, without_state
+from ._tolerance import Ends, cancelling, error_norm, grown, scales, sizes, unexpected
+from ._unseen import strayed
+from .event_functions import ROUNDED, STALE, Values, divided
+from .executor import bookkeeping, piece
 from .status import DISCONTINUOUS, RUNNING, flag
 from .stepper import ROOT_SHARE, ROOT_TOLERANCE
-from ._tolerance import Ends, cancelling, error_norm, grown, scales, sizes, unexpected
 from .tree import shift
-from ._unseen import strayed
-from .executor import bookkeeping, piece
 
 # A step this much shorter than those before it, accepted only because its error is small now, holds a
 # jump of the field: what is smooth is resolved long before.

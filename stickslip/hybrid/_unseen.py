@@ -17,8 +17,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from .components import components_of, entries, period_of
 from ._tolerance import Ends
+from .components import components_of, entries, period_of
 
 # Turns a function can make along a line: 1 of a straight line, 2 of a parabola or what bends once, 3 of
 # what bends twice or levels off at both ends. With more it may be flat, rise, fall, and be flat again.

@@ -105,3 +105,13 @@ def period_of(system: Any, name: str) -> float | None:
     """
     period = system.periods.get(name)
     return None if period is None else float(one_static(f"periods[{name!r}]", period, "positive"))
+
+
+def second_of(system: Any) -> str:
+    """The unit of time: s, or 1 where the system has no dimensions."""
+    return "1" if getattr(system, "is_dimensionless", False) else "s"
+
+
+def per_second(unit: str | None) -> str | None:
+    """The unit of a slope."""
+    return None if unit is None else {"1": "1/s"}.get(unit, f"{unit}/s")

@@ -9,10 +9,10 @@ import jax.numpy as jnp
 from jax.interpreters.partial_eval import dce_jaxpr
 from jaxtyping import PyTree
 
-from .dependence import AFFINE, NONE, OTHER, degrees
 from ._section import Section
-from .system import AbstractHybridSystem, guard_directions, guard_scales
 from ._tolerance import generic, sizes
+from .dependence import AFFINE, NONE, OTHER, degrees
+from .system import AbstractHybridSystem, guard_directions, guard_scales
 
 # A guard counts as violated below this fraction of its scale: rounding of the state, not motion.
 SLACK = 1e-12

@@ -8,12 +8,12 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from .._validation import check_that
-from .dependence import degrees_in
-from .event_functions import all_values
 from ._section import Section
 from ._step_size import AbstractStepSize
-from .system import AbstractHybridSystem
 from ._unseen import Watched, hiding
+from .dependence import degrees_in
+from .event_functions import all_values
+from .system import AbstractHybridSystem
 
 # While nothing moves the error of a step is zero, whatever its length, and what a load does meanwhile
 # is seen at the ends of the step and two points inside.

@@ -23,11 +23,11 @@ from .._validation import (
     refusal,
 )
 from ._breaks import settled
+from ._wrapper import AbstractSystemWrapper
 from .event_functions import SLACK
 from .names import MadeNames
 from .system import AbstractHybridSystem, guard_directions, guard_scales, mode_type
 from .tree import select
-from ._wrapper import AbstractSystemWrapper
 
 EARLY = 0.1  # of what is left of the period beside a piece: so long before it begins it is the next one
 OF_REST = 0.4  # of the same, as time scale: no step passes over more than what is left

@@ -18,9 +18,9 @@ from . import _rolled, _tableau
 from ._alone import alone_or_batched
 from ._pieces import in_pieces
 from ._tolerance import SMALLEST, TINY
-from .tree import combine, cubics, weighted
 from ._within import weights_within
 from .executor import Executor, piece
+from .tree import combine, cubics, weighted
 
 # Stage equations of implicit methods are solved to a part of the tolerance of adaptive steps, and to
 # that of the motion with fixed ones. What is left is an error that the step-size rule does not see; but

@@ -20,7 +20,7 @@ from .._validation import (
     numbers,
     refusal,
 )
-from ..hybrid._solution import Solution, same_mode_sequence
+from ..hybrid import Solution, same_mode_sequence
 from ..hybrid.status import describe_flags
 from ._compare import Comparison
 from ._fit import POOR, Fit

@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..plot._axes import BLUE, GREY, RED
-from ..plot._residuals import residual_dots
+from .._drawing import BLUE, GREY, RED, residual_dots
 
 WIDE = 4  # panels in a row
 

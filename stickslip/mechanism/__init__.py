@@ -12,7 +12,6 @@ contact its direction, the speed of the counter surface, the normal force and th
 """
 
 from .._validation import DeclarationError as DeclarationError
-from ._account import AbstractMechanicalSystem as AbstractMechanicalSystem
 from ._contact import Contact as Contact
 from ._forms import BristleMechanism as BristleMechanism
 from ._forms import BristleState as BristleState
@@ -20,3 +19,4 @@ from ._forms import RegularisedMechanism as RegularisedMechanism
 from ._instant import Instant as Instant
 from ._mechanism import AbstractMechanism as AbstractMechanism
 from ._stop import Stop as Stop
+from .account import AbstractMechanicalSystem as AbstractMechanicalSystem

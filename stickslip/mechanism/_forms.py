@@ -15,11 +15,11 @@ from stickslip._validation import as_parameter, check_in, check_positive, check_
 from stickslip.friction import AbstractBristleLaw, AbstractFrictionLaw, LuGre, Regularised
 from stickslip.hybrid.system import NO_MODE
 
-from ._account import AbstractMechanicalSystem
 from ._check import DeclarationError
 from ._instant import Instant, drags, pressing, push_of
 from ._mechanism import AbstractMechanism
 from ._scalars import times, total
+from .account import AbstractMechanicalSystem
 
 KINDS = ("tanh", "sqrt", "arctan")
 

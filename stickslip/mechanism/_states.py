@@ -7,9 +7,10 @@ from jaxtyping import PyTree
 
 from stickslip._types import Numeric, overridable
 from stickslip._validation import as_parameter, check_finite
+from stickslip.hybrid.components import per_second
 
-from ._account import AbstractMechanicalSystem
 from ._declaration import Names, coordinates_type, state_type
+from .account import AbstractMechanicalSystem
 
 if not TYPE_CHECKING:
     from equinox import AbstractClassVar
@@ -56,7 +57,7 @@ class AbstractWithStates(AbstractMechanicalSystem):
         """Those of the coordinates, of their rates, and of the states of first order."""
         names, given = self.names, self.coordinates
         rates = {
-            v: _per_second(given[q]) for q, v in zip(names.coordinates, names.velocities, strict=True)
+            v: per_second(given[q]) for q, v in zip(names.coordinates, names.velocities, strict=True)
         }
         kept = {q: unit for q, unit in given.items() if q not in names.cyclic}
         return {**kept, **rates, **self.first_order}
@@ -100,7 +101,3 @@ class AbstractWithStates(AbstractMechanicalSystem):
 
     def _of(self, y: PyTree, name: str) -> Any:
         return None if name in self.cyclic else getattr(y, name)
-
-
-def _per_second(unit: str) -> str:
-    return {"1": "1/s"}.get(unit, f"{unit}/s")

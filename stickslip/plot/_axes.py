@@ -8,9 +8,11 @@ from matplotlib.artist import ArtistInspector
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
+from .._drawing import BAND as BAND
+from .._drawing import BLUE as BLUE
+from .._drawing import GREY as GREY
+from .._drawing import RED as RED
 from .._validation import refusal
-
-BLUE, RED, GREY, BAND = "#1f4e9c", "#c0392b", "0.6", "0.8"
 
 
 def check_axes(ax: Any, count: int | None = None) -> None:

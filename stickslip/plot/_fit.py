@@ -6,12 +6,11 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
+from .._drawing import residual_dots
 from .._types import Given
 from .._validation import check_count, check_type, is_concrete, refusal
-from ..identification._fit import Fit
-from ..identification._problem import Problem
+from ..identification import Fit, Problem
 from . import _axes
-from ._residuals import residual_dots
 
 
 def fit(

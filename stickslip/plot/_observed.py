@@ -12,8 +12,7 @@ from .._code import jit_by_code
 from .._validation import check_handed_on, is_concrete, refusal
 from ..analysis.observable import as_observable
 from ..hybrid import AbstractHybridSystem, Solution
-from ..hybrid.components import components_of, entries, period_of, unit_of
-from ..hybrid._labelled import per_second, second_of
+from ..hybrid.components import components_of, entries, per_second, period_of, second_of, unit_of
 from ._sticks import rows_of
 
 OBSERVABLES = "the name of an observable, or a sequence of names"

@@ -12,8 +12,7 @@ from .._validation import check_handed_on, check_type, refusal
 from ..analysis.observable import with_parameters
 from ..continuation import Branch, BranchPoint, PeriodicOrbit
 from ..hybrid import AbstractHybridSystem, AdaptiveStep, Integrator, SaveAt, Solution, simulate
-from ..hybrid.components import components_of, entries
-from ..hybrid._labelled import second_of
+from ..hybrid.components import components_of, entries, second_of
 from . import _axes
 from ._motion import motion
 from ._observed import function_of

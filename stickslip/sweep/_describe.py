@@ -9,12 +9,12 @@ import numpy as np
 from jaxtyping import PyTree
 
 from .._validation import refusal
-from .evaluate import Evaluate, output_names
-from .grid import Block, blocks
 from ._layout import Layout, Variable
 from ._manifest import FORMAT, as_json, code_revision, digest, versions
 from ._options import Options
 from ._programs import Identity
+from .evaluate import Evaluate, output_names
+from .grid import Block, blocks
 
 
 @dataclasses.dataclass(frozen=True)

@@ -7,9 +7,9 @@ import pathlib
 from collections.abc import Iterator
 from typing import Any, NoReturn, Protocol, runtime_checkable
 
+from ._store import Store
 from .evaluate import Evaluate
 from .grid import Block
-from ._store import Store
 
 
 @runtime_checkable

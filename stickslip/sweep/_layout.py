@@ -11,8 +11,8 @@ import zarr
 from zarr.storage import MemoryStore
 
 from .._validation import check_mapping, check_type, refusal
-from .grid import Block, blocks
 from ._manifest import as_json
+from .grid import Block, blocks
 
 DATA = "data.zarr"
 FINISHED = "finished"

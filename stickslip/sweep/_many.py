@@ -9,14 +9,14 @@ from .._types import Given, Path
 from .._validation import check_callable, check_count, check_flag, check_type, one_static, refusal
 from ._claims import EXPIRY
 from ._duty import Duty, on_duty
-from .evaluate import Evaluate
 from ._files import read_json
-from .grid import Block
 from ._manifest import fault
 from ._pool import run_processes
 from ._reference import function_of, reference_to
 from ._store import Store
 from ._work import Worker
+from .evaluate import Evaluate
+from .grid import Block
 
 _PLAN = "`python -m stickslip plan MODULE:FUNCTION STORE` writes that into it"
 

@@ -10,12 +10,12 @@ from .._paths import the_directory
 from .._types import Given, Path
 from .._validation import check_count
 from ._children import family
-from .grid import MAX_LANES, blocks
 from ._layout import Files
-from .progress import clock
 from ._records import recorded
 from ._status import size_of
 from ._verify import the_manifest
+from .grid import MAX_LANES, blocks
+from .progress import clock
 
 CORES = (1, 16, 64, 1024)
 

@@ -16,9 +16,9 @@ from .._validation import (
     check_text,
     check_type,
 )
+from ._layout import Variable
 from .grid import CHUNK
 from .lanes import EXECUTORS
-from ._layout import Variable
 
 
 @dataclasses.dataclass(frozen=True)

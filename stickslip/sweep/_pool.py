@@ -12,8 +12,8 @@ import time
 from ._children import family
 from ._files import read_json
 from ._layout import Files
-from .progress import Progress
 from ._records import recorded
+from .progress import Progress
 
 _LOOK = 0.2  # s
 

@@ -16,9 +16,7 @@ from ._cells import Cells, Step, most_levels
 from ._children import child, children, remove_half_made
 from ._describe import Described, describe
 from ._duty import Duty, duty_at, end_duty
-from .evaluate import output_names, prepared
 from ._files import read_json
-from .grid import check_grid, shard_shape
 from ._layout import Layout, Variable
 from ._manifest import differences, identity
 from ._options import Options, checked_options
@@ -26,6 +24,8 @@ from ._read import finished_dataset
 from ._refined import LANE, OWN, Part, assembled, walk
 from ._run import described_grid, in_memory, on_disk, threads_of
 from ._store import Store, SweepMismatchError
+from .evaluate import output_names, prepared
+from .grid import check_grid, shard_shape
 
 MAX_POINTS = 1_000_000
 SMALLEST_BLOCK = 8  # lanes; the widest vector unit of a CPU takes them at once

@@ -22,14 +22,14 @@ from .._validation import (
 )
 from ._describe import Described, describe
 from ._duty import Duty, duty_at, end_duty
-from .grid import block_shape, check_grid, shard_shape
 from ._layout import Variable
 from ._manifest import code_revision
 from ._options import Options, checked_options
-from .progress import Progress
 from ._read import finished_dataset
 from ._store import Store
 from ._units import values_of
+from .grid import block_shape, check_grid, shard_shape
+from .progress import Progress
 
 
 def run_sweep(

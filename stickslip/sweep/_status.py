@@ -12,12 +12,12 @@ from .._paths import the_directory
 from .._types import Path
 from ._children import children
 from ._claims import Claims
-from .grid import Block, blocks
 from ._layout import DATA, REFINE, Files, record_file
 from ._open import refined_in
-from .progress import clock
 from ._records import recorded
 from ._verify import the_manifest
+from .grid import Block, blocks
+from .progress import clock
 
 LATEST = 256  # records from which the rate is taken
 

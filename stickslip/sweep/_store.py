@@ -35,10 +35,10 @@ import zarr
 from ._children import REFINED, children
 from ._claims import CLAIMS, Claims
 from ._files import checksum, checksum_of, half_written, link_above, read_json, write_whole
-from .grid import Block
 from ._layout import DATA, Encoder, Files, Layout, chunk_file, record_file
 from ._manifest import as_stored, differences, fault, identity, is_manifest, sealed
 from ._records import Looked, record_of, recorded
+from .grid import Block
 
 try:
     import fcntl

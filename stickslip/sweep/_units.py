@@ -4,9 +4,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ._store import Store
 from .evaluate import Evaluate
 from .grid import Block, blocks_inside
-from ._store import Store
 
 
 def values_of(

@@ -8,13 +8,13 @@ import time
 from typing import Any
 
 from ._claims import Claim, Claims
-from .evaluate import Evaluate
-from .grid import Block, chains
 from ._manifest import code_revision
-from .progress import Progress
 from ._records import recorded
 from ._store import Store
 from ._units import values_of
+from .evaluate import Evaluate
+from .grid import Block, chains
+from .progress import Progress
 
 BEATS = 6  # signs of life before a claim expires
 SHORTEST_PAUSE = 0.25  # s between looks at what the others have done; the longest is that of the beats

@@ -8,9 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
+from ._programs import Identity, identify
 from .grid import Block, blocks
 from .lanes import map_lanes
-from ._programs import Identity, identify
 
 CARRY = "carry"
 

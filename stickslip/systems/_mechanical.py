@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 from jaxtyping import ArrayLike, Real
 
 from stickslip._fastmath import where
-from stickslip.mechanism._account import AbstractMechanicalSystem as AbstractMechanicalSystem
+from stickslip.mechanism.account import AbstractMechanicalSystem as AbstractMechanicalSystem
 
 Number = Real[ArrayLike, "..."]
 

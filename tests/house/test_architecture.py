@@ -108,6 +108,20 @@ def test_who_builds_on_a_package_uses_its_public_names(package, others):
     assert wrong == []
 
 
+def test_packages_of_the_toolkit_use_public_names_of_each_other():
+    """A module without an underscore, as `hybrid/components.py`, is what other packages may use."""
+    wrong = []
+    for path in python_files("stickslip"):
+        own = package_of(path)
+        for line, name in imported_names(path.read_text(encoding="utf-8"), own):
+            parts = name.split(".")
+            other = ".".join(parts[:2])
+            elsewhere = (ROOT / "stickslip" / parts[1]).is_dir() if len(parts) > 1 else False
+            if parts[0] == "stickslip" and elsewhere and other != own and hidden(name):
+                wrong.append(f"{path.relative_to(ROOT)}:{line} imports {name}")
+    assert wrong == []
+
+
 ABOVE = ("analysis", "continuation", "plot")
 # What each package of the toolkit does not know, whatever it builds on itself.
 UNKNOWN_TO = {

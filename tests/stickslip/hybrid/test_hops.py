@@ -15,10 +15,10 @@ from scipy.optimize import brentq
 
 import stickslip as ss
 from stickslip.hybrid._doubt import POINTS
-from stickslip.hybrid.stepper import ExplicitRungeKutta
 from stickslip.hybrid._tableau import DOP853, TSIT5, from_diffrax
 from stickslip.hybrid._within import weights_within
 from stickslip.hybrid.executor import COMPACT
+from stickslip.hybrid.stepper import ExplicitRungeKutta
 from stickslip.systems import Motion, OscillatorBetweenStops
 
 END = 15.0

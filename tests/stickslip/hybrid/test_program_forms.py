@@ -11,8 +11,8 @@ import scipy.integrate
 
 import stickslip as ss
 from stickslip.hybrid._alone import alone_or_batched
-from stickslip.hybrid.stepper import as_stepper
 from stickslip.hybrid.executor import COMPACT, FUSED, PORTABLE
+from stickslip.hybrid.stepper import as_stepper
 from stickslip.systems import CoulombOscillator, Motion
 
 T, Y, H = 0.3, {"a": np.array([0.7, -0.2]), "b": np.array(1.1)}, 0.05

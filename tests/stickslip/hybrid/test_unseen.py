@@ -142,7 +142,7 @@ def test_pushes_by_a_rotor_with_a_period_are_found_at_the_documented_bound():
 
 def test_without_the_watch_pushes_are_missed(monkeypatch):
     """The fault this file is about, planted."""
-    unseen = _bound.hiding
+    unseen = longest_step.hiding
     monkeypatch.setattr(_bound, "hiding", lambda *a: unseen(*a)._replace(
         any=False, runs_free=False, watched=()))  # fmt: skip
     given, _ = at_time_bound(12, seed=0, part=10.0)
@@ -248,12 +248,12 @@ class Timed(Turning):
 def test_a_declared_time_scale_is_asked_for_loads_of_the_state():
     y = jax.tree.map(jnp.asarray, Rotor(0.0, 1.0, 0.0, 0.0))
     given = jnp.zeros(()), jnp.asarray(END), y, jnp.zeros((), jnp.int32), None
-    bound = _bound.bounded(ss.AdaptiveStep(1e-10), Timed(0.0, 0.0, 9.0, 9.1), (), *given)
+    bound = longest_step.bounded(ss.AdaptiveStep(1e-10), Timed(0.0, 0.0, 9.0, 9.1), (), *given)
     assert bound.watched == ()
     np.testing.assert_allclose(bound.rule.dtmax, 0.02)
-    bound = _bound.bounded(ss.AdaptiveStep(1e-10), Pushed(0.0, 0.0, 9.0, 9.1), (), *given)
+    bound = longest_step.bounded(ss.AdaptiveStep(1e-10), Pushed(0.0, 0.0, 9.0, 9.1), (), *given)
     np.testing.assert_allclose(bound.rule.dtmax, END / 1000)
     # Pieces of an analysis are bounded by the whole.
-    pieces = _bound.spanning(ss.Integrator(), 100.0 * END).step
-    bound = _bound.bounded(pieces, Pushed(0.0, 0.0, 9.0, 9.1), (), *given)
+    pieces = longest_step.spanning(ss.Integrator(), 100.0 * END).step
+    bound = longest_step.bounded(pieces, Pushed(0.0, 0.0, 9.0, 9.1), (), *given)
     np.testing.assert_allclose(bound.rule.dtmax, END / 10)

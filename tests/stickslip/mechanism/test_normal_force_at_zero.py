@@ -186,7 +186,9 @@ class Skid(AbstractMechanism):
         return {"x": 3.0 * jnp.cos(1.3 * t) - 4.0 * q.x}
 
     def contacts(self, t, q, v, args):
-        loads = jnp.stack([jnp.maximum(jnp.sin(2 * t), 0.0), jnp.sin(2 * t), jnp.maximum(0.3 + q.x, 0.0)])
+        loads = jnp.stack(
+            [jnp.maximum(jnp.sin(2 * t), 0.0), jnp.sin(2 * t), jnp.maximum(0.3 + q.x, 0.0)]
+        )
         return [Contact(Sum(Coulomb(0.0), ViscousDamping(self.c)), self.parts @ loads)]
 
 

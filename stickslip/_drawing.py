@@ -1,10 +1,9 @@
-"""Dots of residuals about zero."""
+"""Colours and dots that pictures share, those of `plot` and those of a report."""
 
 import numpy as np
 from matplotlib.axes import Axes
 
-from ._axes import BLUE, GREY
-
+BLUE, RED, GREY, BAND = "#1f4e9c", "#c0392b", "0.6", "0.8"
 MOST = 4000  # dots that a panel tells apart
 
 
