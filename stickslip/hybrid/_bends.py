@@ -12,22 +12,18 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.core
-import jax.extend
 import jax.numpy as jnp
 import numpy as np
 from jax.lax import stop_gradient
 
 from .._fastmath import SMOOTH
-from ._steep import bound, gently, steep_operand
+from .._jaxpr import bound, called, walk
+from ._steep import gently, steep_operand
 
 MOST = 48  # bits of all outcomes
 LONGEST_SCAN = 16  # loops of more rounds are not looked into
 _OWN = re.compile(f"/jax/_src/|^{re.escape(pathlib.Path(__file__).parents[1].as_posix())}/")
-_LITERAL = jax.extend.core.Literal
-_CALLS = {
-    "jit": "jaxpr", "pjit": "jaxpr", "closed_call": "call_jaxpr", "core_call": "call_jaxpr",
-    "remat": "jaxpr", "remat2": "jaxpr", "checkpoint": "jaxpr",
-}  # fmt: skip
+_CALLS = ("jit", "pjit", "closed_call", "core_call", "remat", "remat2", "checkpoint")
 _ROUNDED = {"floor", "ceil", "round", "rem"}
 _SORTED = {"sort", "argmax", "argmin", "cummax", "cummin", "reduce_window_max", "reduce_window_min"}
 # Said as "the first is above the second": whether the two change places, whether it is denied.
@@ -147,17 +143,11 @@ def evaluated(closed: Any, operands: Sequence, varies: Sequence[bool], outcomes:
 
 
 def _run(jaxpr: Any, consts: Sequence, given: list[_Known], outcomes: Outcomes, smooth: bool) -> list:
-    known: dict[Any, _Known] = dict(zip(jaxpr.constvars, map(_Known, consts), strict=True))
-    known.update(zip(jaxpr.invars, given, strict=True))
-
-    def of(atom: Any) -> _Known:
-        return _Known(atom.val) if isinstance(atom, _LITERAL) else known[atom]
-
-    for eqn in jaxpr.eqns:
+    def rule(eqn: Any, operands: list[_Known]) -> list[_Known]:
         within = smooth or SMOOTH in str(eqn.source_info.name_stack)
-        found = _once(eqn, [of(atom) for atom in eqn.invars], outcomes, within)
-        known.update(zip(eqn.outvars, found, strict=True))
-    return [of(atom) for atom in jaxpr.outvars]
+        return _once(eqn, operands, outcomes, within)
+
+    return walk(jaxpr, given, rule, lambda _, number: _Known(number), consts)
 
 
 def _once(eqn: Any, given: list[_Known], outcomes: Outcomes, smooth: bool) -> list[_Known]:
@@ -182,7 +172,7 @@ def _equation(eqn: Any, given: list[_Known], outcomes: Outcomes, smooth: bool) -
     varies = any(k.varies for k in given)
     if not varies:
         return [_Known(value) for value in bound(eqn, [k.value for k in given])]
-    inner = eqn.params.get(_CALLS.get(name, ""))
+    inner = called(eqn) if name in _CALLS else None
     if not smooth and (own := _own_rule(eqn)) is not None:
         return _ruled(eqn, own, given, outcomes)
     if (
@@ -194,9 +184,7 @@ def _equation(eqn: Any, given: list[_Known], outcomes: Outcomes, smooth: bool) -
         (plain,) = bound(eqn, [k.by_numbers for k in given])
         return [_Known(outcomes.cell(given[0].value, given[1].value, plain), True)]
     if inner is not None:
-        return _run(
-            getattr(inner, "jaxpr", inner), getattr(inner, "consts", ()), given, outcomes, smooth
-        )
+        return _run(*inner, given, outcomes, smooth)
     if name == "cond":
         return _branches(eqn, given, outcomes, smooth)
     if name == "scan" and eqn.params["length"] <= LONGEST_SCAN:

@@ -8,23 +8,17 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import jax
-import jax.extend
 from jaxtyping import PyTree
 
+from .._jaxpr import LITERAL, bound, spelled_out
 from .executor import Executor, traced
 
-_LITERAL = jax.extend.core.Literal
 _FREE = {"broadcast_in_dim", "convert_element_type", "copy", "reshape", "squeeze", "neg", "pjit"}
 _DEAR = {
     "acos", "asin", "atan", "atan2", "cbrt", "cos", "cosh", "div", "erf", "exp", "exp2", "expm1", "log",
     "log1p", "pow", "rem", "rsqrt", "sin", "sinh", "sqrt", "tan", "tanh",
 }  # fmt: skip
-_INLINED = {
-    "jit": "jaxpr",
-    "pjit": "jaxpr",
-    "closed_call": "call_jaxpr",
-    "custom_jvp_call": "call_jaxpr",
-}
+_INLINED = ("jit", "pjit", "closed_call", "custom_jvp_call")
 WORTH = 8  # operations that must be saved: a call has to store its result and to be read again
 
 
@@ -76,7 +70,7 @@ class _Pieces:
         values = dict(zip([*self.jaxpr.constvars, *self.jaxpr.invars], given, strict=True))
         for program, inputs, wanted in self.steps:
             values.update(zip(wanted, program(*(values[var] for var in inputs)), strict=True))
-        out = [v.val if isinstance(v, _LITERAL) else values[v] for v in self.jaxpr.outvars]
+        out = [v.val if isinstance(v, LITERAL) else values[v] for v in self.jaxpr.outvars]
         return jax.tree.unflatten(self.form, out)
 
 
@@ -140,7 +134,7 @@ def _cost(eqn: Any) -> int:
 
 
 def _variables(atoms: Sequence) -> list:
-    return [atom for atom in atoms if not isinstance(atom, _LITERAL)]
+    return [atom for atom in atoms if not isinstance(atom, LITERAL)]
 
 
 def _part(equations, made_by, at_hand, wanted) -> tuple[list, Callable]:
@@ -164,13 +158,8 @@ def _part(equations, made_by, at_hand, wanted) -> tuple[list, Callable]:
         values = dict(zip(inputs, operands, strict=True))
         for number in order:
             eqn = equations[number]
-            given = [a.val if isinstance(a, _LITERAL) else values[a] for a in eqn.invars]
-            found = eqn.primitive.get_bind_params(eqn.params)
-            functions, params = found if isinstance(found, tuple) else ((), found)
-            out = eqn.primitive.bind(*functions, *given, **params)
-            values.update(
-                zip(eqn.outvars, out if eqn.primitive.multiple_results else [out], strict=True)
-            )
+            given = [a.val if isinstance(a, LITERAL) else values[a] for a in eqn.invars]
+            values.update(zip(eqn.outvars, bound(eqn, given), strict=True))
         return [values[var] for var in wanted]
 
     return inputs, program
@@ -180,23 +169,7 @@ def _flat(jaxpr: Any) -> Any:
     """The same with the functions called inside spelled out."""
 
     def run(*operands):
-        return _evaluated(jaxpr, (), operands)
+        return spelled_out(jaxpr, (), operands, _INLINED)
 
     shapes = [jax.ShapeDtypeStruct(v.aval.shape, v.aval.dtype) for v in jaxpr.invars]
     return jax.make_jaxpr(run)(*shapes)
-
-
-def _evaluated(jaxpr: Any, consts: Sequence, operands: Sequence) -> list:
-    values = dict(zip([*jaxpr.constvars, *jaxpr.invars], [*consts, *operands], strict=True))
-    for eqn in jaxpr.eqns:
-        given = [a.val if isinstance(a, _LITERAL) else values[a] for a in eqn.invars]
-        inner = eqn.params.get(_INLINED.get(eqn.primitive.name, ""))
-        if inner is not None:
-            out = _evaluated(inner.jaxpr, inner.consts, given)
-        else:
-            found = eqn.primitive.get_bind_params(eqn.params)
-            functions, params = found if isinstance(found, tuple) else ((), found)
-            out = eqn.primitive.bind(*functions, *given, **params)
-            out = out if eqn.primitive.multiple_results else [out]
-        values.update(zip(eqn.outvars, out, strict=True))
-    return [a.val if isinstance(a, _LITERAL) else values[a] for a in jaxpr.outvars]

@@ -7,19 +7,13 @@ import jax
 import jax.numpy as jnp
 from jax.lax import stop_gradient
 
+from .._jaxpr import bound
+
 # Which operand of what may have no slope somewhere.
 _OPERANDS = {
     "sqrt": 0, "rsqrt": 0, "cbrt": 0, "pow": 0, "integer_pow": 0, "log": 0, "log1p": 0, "div": 1,
     "asin": 0, "acos": 0, "atanh": 0,
 }  # fmt: skip
-
-
-def bound(eqn: Any, values: Sequence) -> list:
-    """Results of an equation."""
-    found = eqn.primitive.get_bind_params(eqn.params)
-    functions, params = found if isinstance(found, tuple) else ((), found)
-    out = eqn.primitive.bind(*functions, *values, **params)
-    return out if eqn.primitive.multiple_results else [out]
 
 
 def steep_operand(eqn: Any) -> int | None:

@@ -12,11 +12,11 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
-import jax.extend
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
+from .._jaxpr import called, walk
 from ._tolerance import Ends
 from .components import components_of, entries, period_of
 
@@ -45,7 +45,6 @@ _MONOTONIC = {
     "tanh", "logistic", "exp", "exp2", "expm1", "log", "log1p", "atan", "asinh", "sinh", "erf", "cbrt",
     "sqrt", "sign",
 }  # fmt: skip
-_CALLS = ("jaxpr", "call_jaxpr", "fun_jaxpr")
 
 
 class Watched(NamedTuple):
@@ -98,19 +97,11 @@ def _constant(value: Any, shape: tuple, count: int) -> np.ndarray:
 
 
 def _walk(jaxpr: Any, given: list[np.ndarray], count: int) -> list[np.ndarray]:
-    known: dict[Any, np.ndarray] = dict(zip(jaxpr.invars, given, strict=True))
+    def constant(variable: Any, number: Any) -> np.ndarray:
+        shape = getattr(variable.aval, "shape", ())
+        return _constant(1 if number is None else number, shape, count)
 
-    def of(atom: Any) -> np.ndarray:
-        shape = getattr(atom.aval, "shape", ())
-        if isinstance(atom, jax.extend.core.Literal):
-            return _constant(atom.val, shape, count)
-        return known[atom] if atom in known else _constant(1, shape, count)
-
-    for eqn in jaxpr.eqns:
-        found = _equation(eqn, [of(atom) for atom in eqn.invars], count)
-        for var, a in zip(eqn.outvars, found, strict=True):
-            known[var] = a
-    return [of(atom) for atom in jaxpr.outvars]
+    return walk(jaxpr, given, lambda eqn, operands: _equation(eqn, operands, count), constant)
 
 
 def _equation(eqn: Any, given: list[np.ndarray], count: int) -> list[np.ndarray]:
@@ -124,12 +115,9 @@ def _equation(eqn: Any, given: list[np.ndarray], count: int) -> list[np.ndarray]
     if name == "cond" and not given[0][..., :count].any():
         rows = [_walk(b.jaxpr, given[1:], count) for b in p["branches"]]
         return [_any_of(np.stack(column)) for column in zip(*rows, strict=True)]
-    for key in _CALLS:
-        inner = p.get(key)
-        if inner is not None and name not in ("while", "scan"):
-            inner = getattr(inner, "jaxpr", inner)
-            if len(inner.invars) == len(given) and len(inner.outvars) == len(shapes):
-                return _walk(inner, given, count)
+    inner = called(eqn)
+    if inner is not None:
+        return _walk(inner[0], given, count)
     # Of what is not known each number depends on all, in any way.
     one = all(a.shape[:-1] in ((), shapes[0]) for a in given) and name not in _MIXES
     reach = np.zeros(count + 1, bool)

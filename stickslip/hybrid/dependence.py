@@ -9,7 +9,8 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import jax
-import jax.extend
+
+from .._jaxpr import PROGRAMS, called, walk
 
 NONE, AFFINE, OTHER = 0, 1, 2  # degree of a result in the operands asked about
 
@@ -21,7 +22,6 @@ _LINEAR = {
 _BILINEAR = {"mul", "dot_general"}
 _INDEXED = {"gather", "dynamic_slice"}  # linear in the first operand if the others are constant
 _STEPS = {"sign", "floor", "ceil", "round", "rem"}
-_CALLS = ("jaxpr", "call_jaxpr", "fun_jaxpr")
 
 
 def degrees(function: Callable, operands: tuple, asked: Sequence[bool]) -> list[int]:
@@ -52,39 +52,29 @@ def may_jump(function: Callable, operands: tuple) -> bool:
 
 
 def _jumps(jaxpr: Any, given: Sequence[int]) -> bool:
-    known: dict[Any, int] = dict(zip(jaxpr.invars, given, strict=True))
+    found = []
 
-    def of(atom: Any) -> int:
-        return NONE if isinstance(atom, jax.extend.core.Literal) else known.get(atom, NONE)
+    def rule(eqn: Any, inputs: list[int]) -> list[int]:
+        name = eqn.primitive.name
+        if max(inputs, default=NONE) != NONE and not name.startswith("custom_jvp"):
+            found.append(name in _STEPS or not all(map(_is_real, eqn.outvars)))
+            if name == "cond":
+                found.extend(_jumps(b.jaxpr, inputs[1:]) for b in eqn.params["branches"])
+            elif not PROGRAMS.isdisjoint(eqn.params):
+                inner = called(eqn)  # None: a loop, which may do anything
+                found.append(inner is None or _jumps(inner[0], inputs))
+        return _equation(eqn, inputs)
 
-    for eqn in jaxpr.eqns:
-        name, inputs = eqn.primitive.name, [of(atom) for atom in eqn.invars]
-        known.update(zip(eqn.outvars, _equation(eqn, inputs), strict=True))
-        if max(inputs, default=NONE) == NONE or name.startswith("custom_jvp"):
-            continue
-        if name in _STEPS or name in ("while", "scan") or not all(map(_is_real, eqn.outvars)):
-            return True
-        inner = [b.jaxpr for b in eqn.params["branches"]] if name == "cond" else []
-        inner += [getattr(p, "jaxpr", p) for p in map(eqn.params.get, _CALLS) if p is not None]
-        for body in inner:
-            operands = inputs[1:] if name == "cond" else inputs
-            if len(body.invars) != len(operands) or _jumps(body, operands):
-                return True
-    return False
+    walk(jaxpr, given, rule, _constant)
+    return any(found)
 
 
 def _walk(jaxpr: Any, given: Sequence[int]) -> list[int]:
-    known: dict[Any, int] = dict(zip(jaxpr.invars, given, strict=True))
+    return walk(jaxpr, given, _equation, _constant)
 
-    def of(atom: Any) -> int:
-        if isinstance(atom, jax.extend.core.Literal):
-            return NONE
-        return known.get(atom, NONE)
 
-    for eqn in jaxpr.eqns:
-        found = _equation(eqn, [of(atom) for atom in eqn.invars])
-        known.update(zip(eqn.outvars, found, strict=True))
-    return [of(atom) for atom in jaxpr.outvars]
+def _constant(variable: Any, number: Any) -> int:
+    return NONE
 
 
 def _equation(eqn: Any, given: list[int]) -> list[int]:
@@ -106,13 +96,8 @@ def _equation(eqn: Any, given: list[int]) -> list[int]:
     if name == "cond" and given[0] == NONE:
         branches = [_walk(b.jaxpr, given[1:]) for b in eqn.params["branches"]]
         return [max(column) for column in zip(*branches, strict=True)]
-    for key in _CALLS:
-        inner = eqn.params.get(key)
-        if inner is not None and name not in ("while", "scan"):
-            inner = getattr(inner, "jaxpr", inner)
-            if len(inner.invars) == len(given) and len(inner.outvars) == count:
-                return _walk(inner, given)
-    return [OTHER] * count
+    inner = called(eqn)
+    return [OTHER] * count if inner is None else _walk(inner[0], given)
 
 
 def _is_real(var: Any) -> bool:

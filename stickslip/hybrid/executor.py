@@ -22,6 +22,7 @@ from jax.interpreters.partial_eval import dce_jaxpr
 from jaxtyping import PyTree
 
 from .._checked import CheckedModule
+from .._jaxpr import spelled_out
 from .._validation import check_flag, check_type
 
 # Attributes XLA's CPU compiler reads on a call. `inlineable="false"` keeps a call a call, so that a
@@ -176,7 +177,8 @@ class _Piece:
 
 
 def _spelled_out(jaxpr: Any) -> Callable:
-    return lambda *values: _evaluate(jaxpr, (), values)
+    # A jitted helper traced where `inlineable="false"` is in force would become a call of its own.
+    return lambda *values: spelled_out(jaxpr, (), values, ("jit", "pjit"))
 
 
 def _whole(jaxpr: Any) -> Callable:
@@ -237,34 +239,3 @@ def traced(function: Callable, operands: tuple) -> tuple:
 
 def _pick(items: Sequence, chosen: Sequence[bool]) -> list:
     return [item for item, take in zip(items, chosen, strict=True) if take]
-
-
-def _evaluate(jaxpr, consts, operands):
-    """Evaluate with every `jit` inside (such as `jnp.where`'s own) spelled out.
-
-    A jitted helper traced where `inlineable="false"` is in force would become a call of its own.
-    """
-    values = {}
-
-    def read(atom):
-        return atom.val if isinstance(atom, jax.extend.core.Literal) else values[atom]
-
-    for var, value in zip(jaxpr.constvars, consts, strict=True):
-        values[var] = value
-    for var, value in zip(jaxpr.invars, operands, strict=True):
-        values[var] = value
-    for eqn in jaxpr.eqns:
-        inputs = [read(atom) for atom in eqn.invars]
-        if eqn.primitive.name in ("jit", "pjit"):
-            inner = eqn.params["jaxpr"]
-            outputs = _evaluate(inner.jaxpr, inner.consts, inputs)
-        else:
-            # Up to JAX 0.9 the callables of a primitive come apart from its parameters.
-            found = eqn.primitive.get_bind_params(eqn.params)
-            functions, params = found if isinstance(found, tuple) else ((), found)
-            outputs = eqn.primitive.bind(*functions, *inputs, **params)
-            if not eqn.primitive.multiple_results:
-                outputs = [outputs]
-        for var, value in zip(eqn.outvars, outputs, strict=True):
-            values[var] = value
-    return [read(atom) for atom in jaxpr.outvars]

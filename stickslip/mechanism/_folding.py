@@ -5,8 +5,9 @@ from typing import Any
 
 import jax
 import jax.core
-import jax.extend.core
 import numpy as np
+
+from stickslip._jaxpr import called, walk
 
 from ._known import NotArithmetic, result_of
 
@@ -15,7 +16,6 @@ _LINEAR: dict[str, Callable] = {
     "copy_p": np.asarray, "convert_element_type": np.asarray, "broadcast_in_dim": np.asarray,
     "reshape": np.asarray, "squeeze": np.asarray,
 }  # fmt: skip
-_CALLS = ("jaxpr", "call_jaxpr", "fun_jaxpr")
 
 
 def affine_forms(function: Callable, operands: Any) -> list[np.ndarray | None]:
@@ -41,34 +41,20 @@ def _constant(form: Any) -> float | None:
 
 
 def _walk(jaxpr: Any, consts: Any, given: list, one: np.ndarray) -> list:
-    known: dict[Any, Any] = dict(zip(jaxpr.invars, given, strict=True))
-
-    def number(value: Any) -> Any:
-        if isinstance(value, jax.core.Tracer) or np.ndim(value) or not np.isrealobj(value):
+    def constant(variable: Any, number: Any) -> Any:
+        if isinstance(number, jax.core.Tracer) or np.ndim(number) or not np.isrealobj(number):
             return None
-        return float(value) * one
+        return float(number) * one
 
-    def of(atom: Any) -> Any:
-        if isinstance(atom, jax.extend.core.Literal):
-            return number(atom.val)
-        return known.get(atom)
-
-    known.update(zip(jaxpr.constvars, map(number, consts), strict=True))
     with np.errstate(all="ignore"):
-        for eqn in jaxpr.eqns:
-            found = _equation(eqn, [of(atom) for atom in eqn.invars], one)
-            known.update(zip(eqn.outvars, found, strict=True))
-    return [of(atom) for atom in jaxpr.outvars]
+        return walk(jaxpr, given, lambda eqn, forms: _equation(eqn, forms, one), constant, consts)
 
 
 def _equation(eqn: Any, given: list, one: np.ndarray) -> list:
     name, scalars = eqn.primitive.name, all(not v.aval.shape for v in (*eqn.outvars, *eqn.invars))
-    for key in _CALLS:
-        inner = eqn.params.get(key)
-        if inner is not None and name not in ("while", "scan", "cond"):
-            consts, inner = getattr(inner, "consts", ()), getattr(inner, "jaxpr", inner)
-            if len(inner.invars) == len(given) and len(inner.outvars) == len(eqn.outvars):
-                return _walk(inner, consts, given, one)
+    inner = called(eqn)
+    if inner is not None:
+        return _walk(*inner, given, one)
     unknown = [None] * len(eqn.outvars)
     if not (scalars and all(np.issubdtype(v.aval.dtype, np.floating) for v in eqn.outvars)):
         return unknown

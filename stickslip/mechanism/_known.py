@@ -9,11 +9,11 @@ from collections.abc import Callable
 from typing import Any
 
 import jax
-import jax.extend
 import jax.numpy as jnp
 import numpy as np
 
 from stickslip._code import code_key
+from stickslip._jaxpr import called, walk
 
 _OPERATIONS: dict[str, Callable] = {
     "add": np.add, "add_any": np.add, "sub": np.subtract, "mul": np.multiply, "neg": np.negative,
@@ -23,7 +23,6 @@ _OPERATIONS: dict[str, Callable] = {
     "stop_gradient": np.positive, "gt": np.greater, "ge": np.greater_equal,
     "lt": np.less, "le": np.less_equal, "eq": np.equal, "ne": np.not_equal,
 }  # fmt: skip
-_INNER = ("jaxpr", "call_jaxpr")
 
 
 class NotArithmetic(Exception):
@@ -69,16 +68,8 @@ def _traced(function: Callable, form: Any, arrays: tuple, rest: tuple, shapes: t
 
 
 def _evaluated(jaxpr: Any, consts: Any, operands: Any) -> list[Any]:
-    values = dict(zip(jaxpr.constvars, consts, strict=True))
-    values |= dict(zip(jaxpr.invars, operands, strict=True))
-
-    def of(atom: Any) -> Any:
-        return atom.val if isinstance(atom, jax.extend.core.Literal) else values[atom]
-
-    for eqn in _needed(jaxpr):
-        found = result_of(eqn, [of(atom) for atom in eqn.invars])
-        values.update(zip(eqn.outvars, found, strict=True))
-    return [np.asarray(of(atom)) for atom in jaxpr.outvars]
+    found = walk(jaxpr, operands, result_of, lambda _, number: number, consts, _needed(jaxpr))
+    return [np.asarray(x) for x in found]
 
 
 def _needed(jaxpr: Any) -> list[Any]:
@@ -94,10 +85,9 @@ def _needed(jaxpr: Any) -> list[Any]:
 def result_of(eqn: Any, given: list[Any]) -> list[Any]:
     """Results of one equation; raises `NotArithmetic`."""
     name = eqn.primitive.name
-    for key in _INNER:
-        inner = eqn.params.get(key)
-        if inner is not None and name in ("jit", "pjit", "custom_jvp_call", "closed_call"):
-            return _evaluated(getattr(inner, "jaxpr", inner), getattr(inner, "consts", ()), given)
+    inner = called(eqn) if name in ("jit", "pjit", "custom_jvp_call", "closed_call") else None
+    if inner is not None:
+        return _evaluated(*inner, given)
     if name == "convert_element_type":
         return [np.asarray(given[0]).astype(eqn.params["new_dtype"])]
     if any(np.ndim(x) for x in given):

@@ -80,7 +80,7 @@ COMPILING = "/jax/core/compile/backend_compile_duration"
 BEHIND = (
     (_simulate, "core"),
     (_continue, "begin"),
-    (_evaluate.Evaluate, "program"),
+    (evaluate.Evaluate, "program"),
     (_compilation_cache, "_here"),
     (_methods.AbstractMethod, "solve"),
     (_many_starts, "evaluator"),

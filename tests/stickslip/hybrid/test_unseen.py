@@ -143,7 +143,7 @@ def test_pushes_by_a_rotor_with_a_period_are_found_at_the_documented_bound():
 def test_without_the_watch_pushes_are_missed(monkeypatch):
     """The fault this file is about, planted."""
     unseen = longest_step.hiding
-    monkeypatch.setattr(_bound, "hiding", lambda *a: unseen(*a)._replace(
+    monkeypatch.setattr(longest_step, "hiding", lambda *a: unseen(*a)._replace(
         any=False, runs_free=False, watched=()))  # fmt: skip
     given, _ = at_time_bound(12, seed=0, part=10.0)
 
@@ -192,7 +192,7 @@ def test_a_bump_in_its_own_field_is_felt_by_a_body_that_moves_evenly():
 
 def hidden(system, y, sections=()):
     y = jax.tree.map(lambda a: jnp.asarray(a, jnp.float64), y)
-    closed = _bound._motion(system, sections, jnp.zeros(()), y, jnp.zeros((), jnp.int32), None)
+    closed = longest_step._motion(system, sections, jnp.zeros(()), y, jnp.zeros((), jnp.int32), None)
     return hiding(system, closed, y)
 
 

@@ -90,7 +90,7 @@ def test_what_does_not_fuse_is_computed_in_smaller_chunks():
 def refusing(monkeypatch, above):
     """A compiler that refuses to fuse more than so many lanes; the attempts that it saw."""
     seen = []
-    compiled = _lanes.compiled
+    compiled = lanes.compiled
 
     def compile_or_refuse(traced, lowered, devices):
         fused = "xla_cpu_small_call" in lowered.as_text()
@@ -102,7 +102,7 @@ def refusing(monkeypatch, above):
             )
         return compiled(traced, lowered, devices)
 
-    monkeypatch.setattr(_lanes, "compiled", compile_or_refuse)
+    monkeypatch.setattr(lanes, "compiled", compile_or_refuse)
     return seen
 
 
@@ -134,7 +134,7 @@ def test_other_errors_of_the_compiler_are_raised(monkeypatch):
     def broken(*_):
         raise jax.errors.JaxRuntimeError("RESOURCE_EXHAUSTED: Out of memory")
 
-    monkeypatch.setattr(_lanes, "compiled", broken)
+    monkeypatch.setattr(lanes, "compiled", broken)
     with pytest.raises(jax.errors.JaxRuntimeError, match="Out of memory"):
         ss.map_lanes(lambda v: motion(v).y1.x, executor="fused", workers=1)(SPEEDS)
 

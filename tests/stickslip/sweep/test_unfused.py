@@ -43,7 +43,7 @@ def test_reverse_derivatives_by_the_times_of_breaks_fuse():
 
 
 def test_what_no_chunk_avoids_is_computed_by_the_portable_executor_at_once(monkeypatch):
-    seen, compiled = [], _lanes.compiled
+    seen, compiled = [], lanes.compiled
 
     def refuse(traced, lowered, devices):
         fused = "xla_cpu_small_call" in lowered.as_text()
@@ -60,7 +60,7 @@ def test_what_no_chunk_avoids_is_computed_by_the_portable_executor_at_once(monke
         start = Motion(0.0, 0.0)
         return ss.simulate(pushed, 0.0, END, start, integrator=step, throw=False).y1.v
 
-    monkeypatch.setattr(_lanes, "compiled", refuse)
+    monkeypatch.setattr(lanes, "compiled", refuse)
     mapped = ss.map_lanes(position, executor="fused", workers=1)
     with pytest.warns(UserWarning, match="portable executor"):
         found = mapped(np.zeros(64))
