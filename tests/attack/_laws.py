@@ -86,4 +86,9 @@ LAWS = {c.__name__: c for c in (Coulomb, Stribeck, HyperbolicWeakening, ViscousF
 LAWS |= {c.__name__: c for c in (ViscousDamping, Asymmetric, Sum)}
 MATHS = {name: getattr(math, name) for name in ("sin", "cos", "exp", "tanh", "sqrt")}
 MATHS |= {"abs": abs, "clip": lambda x, low, high: min(max(x, low), high)}
-MATHS |= {"maximum": max, "minimum": min, "where": lambda c, a, b: a if c else b, "mod": lambda a, b: a % b}
+MATHS |= {
+    "maximum": max,
+    "minimum": min,
+    "where": lambda c, a, b: a if c else b,
+    "mod": lambda a, b: a % b,
+}

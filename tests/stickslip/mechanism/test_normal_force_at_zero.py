@@ -186,12 +186,14 @@ class Skid(AbstractMechanism):
         return {"x": 3.0 * jnp.cos(1.3 * t) - 4.0 * q.x}
 
     def contacts(self, t, q, v, args):
-        loads = jnp.stack([jnp.maximum(jnp.sin(2 * t), 0.0), jnp.sin(2 * t), jnp.maximum(0.3 + q.x, 0.0)])
+        loads = jnp.stack(
+            [jnp.maximum(jnp.sin(2 * t), 0.0), jnp.sin(2 * t), jnp.maximum(0.3 + q.x, 0.0)]
+        )
         return [Contact(Sum(Coulomb(0.0), ViscousDamping(self.c)), self.parts @ loads)]
 
 
 def test_drag_of_a_contact_ends_where_its_normal_force_is_zero_for_a_while():
-    """By time and by the state; it went on, unless the run had begun there, and in smooth forms ever."""
+    """By time and by the state; it went on, but where a run began so, and in smooth forms always."""
 
     @jax.jit
     @jax.vmap
