@@ -33,7 +33,7 @@ def attempt_figure() -> Figure:
     _flow(figure.add_subplot(grid[:, 0]))
     _guard(
         figure.add_subplot(grid[0, 1]), "SHRINK: below zero at the end", SHORT,
-        lambda s: 0.6 - 0.5 * s - 0.6 * s**2, 0.73,
+        lambda s: 0.6 - 0.9 * s - 0.25 * s**2, 0.578,
     )  # fmt: skip
     _guard(
         figure.add_subplot(grid[1, 1]), "DIP: seen below zero inside", SHORT,

@@ -18,7 +18,7 @@ WITHOUT_FAULTS = "## How they were found"
 
 
 @functools.cache
-def tests_in(path):
+def functions_of(path):
     """Names of the test functions of a file, none if it does not exist."""
     if not (ROOT / path).exists():
         return frozenset()
@@ -34,7 +34,7 @@ def test_tests_that_a_page_names_exist(page):
 
 
 def is_there(path, name):
-    return name in tests_in(path) if name else (ROOT / path).exists()
+    return name in functions_of(path) if name else (ROOT / path).exists()
 
 
 def test_every_fault_names_its_test():
