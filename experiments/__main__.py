@@ -20,7 +20,7 @@ def _parser() -> argparse.ArgumentParser:
         nargs="?",
         help="an experiment, 'all', 'demo', 'statements' for the scoreboard, 'record' to take the full "
         "runs over into the repository, 'results' to write experiments/RESULTS.md from them, "
-        "'pictures' to draw those of the README",
+        "'pictures' to draw those of README and pages",
     )
     parser.add_argument("--list", action="store_true", help="list the experiments and stop")
     parser.add_argument("--quick", action="store_true", help="coarse, for a first look")

@@ -1,4 +1,4 @@
-"""The two pictures of the README: the diagram that `make demo` draws, and a stick-slip motion."""
+"""Pictures of the README and the pages: the diagram that `make demo` draws, a motion, an attempt."""
 
 import pathlib
 import tempfile
@@ -12,6 +12,7 @@ import stickslip as ss
 from stickslip import plot
 from stickslip.systems import CoulombOscillator, Motion
 
+from ._attempt_picture import attempt_figure
 from ._output import STYLE
 from ._records import shrink
 
@@ -34,16 +35,16 @@ def motion() -> Figure:
 
 
 def write(out: pathlib.Path, folder: pathlib.Path = FOLDER) -> list[pathlib.Path]:
-    """Both pictures, small; that of the diagram from `demo.png` in `out`, if it is there."""
+    """All pictures, small; that of the diagram from `demo.png` in `out`, if it is there."""
     folder.mkdir(exist_ok=True)
     written = []
     with tempfile.TemporaryDirectory() as place, matplotlib.rc_context(STYLE):
-        path = pathlib.Path(place) / "motion.png"
-        figure = motion()
-        figure.savefig(path)
-        plt.close(figure)
-        shrink(path, folder / "motion.png", WIDTH, COLOURS)
-        written.append(folder / "motion.png")
+        for name, draw in (("motion.png", motion), ("attempt.png", attempt_figure)):
+            figure = draw()
+            figure.savefig(pathlib.Path(place) / name)
+            plt.close(figure)
+            shrink(pathlib.Path(place) / name, folder / name, WIDTH, COLOURS)
+            written.append(folder / name)
     if (out / "demo.png").exists():
         shrink(out / "demo.png", folder / "diagram.png", WIDTH, COLOURS)
         written.append(folder / "diagram.png")

@@ -52,6 +52,7 @@ class Outcomes:
         self.left = False  # whether there are more than there is room for, or some in a long loop
         self.declared = False  # whether the system declares switches
         self.jumps = False  # whether something is rounded, which jumps
+        self.steep = False  # whether something has no slope where an outcome puts it, as a root at 0
         self.extremes: dict[int, tuple] = {}  # results of `max` and the like, and what they came from
         self.asked: dict[tuple, tuple] = {}  # outcomes by the numbers compared, which they keep alive
         # Results of equations, and the operands that they keep alive.
@@ -208,6 +209,7 @@ def _equation(eqn: Any, given: list[_Known], outcomes: Outcomes, smooth: bool) -
     chosen, place = any(k.chosen for k in given), steep_operand(eqn)
     found = bound(eqn, [k.value for k in given])
     if place is not None and given[place].chosen:
+        outcomes.steep = True
         found = gently(eqn, [k.value for k in given], place)
     if all(k.plain is None for k in given):
         return [_Known(value, True, chosen=chosen) for value in found]

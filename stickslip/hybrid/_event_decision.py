@@ -242,8 +242,10 @@ def _what_fires(plan: Plan, lane: Lane, h: Any, first: First, code: Any) -> Any:
     # time asked for, and the next one begins there.
     least = jnp.maximum(REACH * h, ROUNDING * jnp.abs(lane.t))
     reach = jnp.where(h == 0, tolerance * full, jnp.minimum(fine, least))
-    # Where it is flat it is not near: a load that was 0 for a while begins after that.
-    near = (jnp.abs(first.value) <= -rate * reach) & (rate < 0.0)
+    near = jnp.abs(first.value) <= -rate * reach
+    for i in functions.continuous:
+        # Where it is flat it is not near: a load that was 0 for a while begins after that.
+        near = near & ~((first.index == i) & (rate == 0.0))
     # Guards at rest lie at zero to rounding; only what is clearly beyond fires.
     hit = first.value < jnp.where(guards, -SLACK, 1e-300)
     # A jump through zero ends on its far side, where the new mode is what it will be.

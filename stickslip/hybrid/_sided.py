@@ -36,6 +36,9 @@ class Sided(AbstractSystemWrapper):
     jumps: bool = eqx.field(static=True)  # whether the field is rounded somewhere: that is not located
     field: "Program" = eqx.field(static=True)  # slope of the state and the margins, by the sides given
     numbers: "Program" = eqx.field(static=True)  # sides by the numbers
+    steep: bool = eqx.field(
+        static=True
+    )  # whether guards have no slope somewhere, where a force has one
 
     def inner(self, y, args):
         return y, args
@@ -84,7 +87,10 @@ class Sided(AbstractSystemWrapper):
     def guards(self, t, y, mode, args):
         wanted = (False,) * len(jax.tree.leaves(y)) + (True,) * len(self.changes)
         margins = self.field((self.system, args), t, mode, y, wanted)
-        return (*self.system.guards(t, y, self.inner_mode(mode), args), *margins)
+        mode = self.inner_mode(mode)
+        if self.steep:
+            return (*_gentle_guards(self.system, t, y, mode, args), *margins)
+        return (*self.system.guards(t, y, mode, args), *margins)
 
     def transition(self, t, y, mode: Any, guard, args):
         first = len(self.system.guard_names)
@@ -158,7 +164,18 @@ def sided(
     kind = mode_type(system)
     wide = jnp.int64 if len(system.mode_names) << width > 2**31 else jnp.int32
     field = Program(by_sides, (system, args), t, jnp.asarray(mode, wide) << width, y)
-    return Sided(system, width, changes, jumps, field, numbers), left
+    outcomes = Outcomes()
+    jax.eval_shape(lambda t, y: _gentle_guards(system, t, y, mode, args, outcomes), t, y)
+    return Sided(system, width, changes, jumps, field, numbers, outcomes.steep), left
+
+
+def _gentle_guards(system: Any, t: Any, y: PyTree, mode: Any, args: PyTree, seen: Any = None) -> tuple:
+    """Guards with the slopes that the field has: a root at zero has one of 0, not of NaN."""
+    leaves, form = jax.tree.flatten((t, y))
+    closed = jax.make_jaxpr(lambda *given: system.guards(*jax.tree.unflatten(form, given), mode, args))(
+        *leaves
+    )
+    return tuple(evaluated(closed, leaves, (True,) * len(leaves), seen or Outcomes()))
 
 
 def of_sided(section: Section) -> Section:

@@ -9,9 +9,15 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import stickslip as ss
+from stickslip.friction import Coulomb
 from stickslip.hybrid import _bends
+<<<<<<< HEAD
 from stickslip.hybrid.status import BENT
 from stickslip.mechanism import AbstractMechanism
+=======
+from stickslip.hybrid._status import BENT
+from stickslip.mechanism import AbstractMechanism, Contact
+>>>>>>> main
 from stickslip.systems import Motion
 
 TIGHT = ss.Integrator(step=ss.AdaptiveStep(1e-11))
@@ -226,3 +232,39 @@ def test_a_comparison_of_what_is_held_at_zero_does_not_outlive_it():
 
     right = solve_ivp(field, (0.0, 10.0), [0.3, 0.0], rtol=1e-9, atol=1e-11, max_step=0.01).y[0, -1]
     np.testing.assert_allclose(x[0], right, atol=1e-6)
+
+
+class Ball(AbstractMechanism):
+    """A ball on a rough ground and on a spring of Hertz, whose root has no slope where it is off it."""
+
+    k: Any
+    coordinates: ClassVar = {"x": "m"}
+    contact_directions: ClassVar = {"ground": {"x": 1.0}}
+
+    def mass_matrix(self, q):
+        return {"x": 1.0}
+
+    def forces(self, t, q, v, args):
+        depth = jnp.maximum(q.x - 0.1, 0.0)
+        return {"x": 1.2 * jnp.sin(3.0 * t) - 2.0 * q.x - self.k * depth * jnp.sqrt(depth / 0.1)}
+
+    def contacts(self, t, q, v, args):
+        return {"ground": Contact(Coulomb(0.2))}
+
+
+def test_guards_have_the_slopes_of_the_force_in_them():
+    """Derivatives were NaN, and where the normal force varies the run ended."""
+
+    def end(k):
+        ball = Ball(k)
+        run = ss.simulate(ball, 0.0, 8.0, ball.state(x=-0.2), integrator=TIGHT, throw=False)
+        return run.y1.x, (run.num_events, run.flags)
+
+    h = 1e-4
+    k = 14.0 + h * jnp.array([0.0, -1.0, 1.0])
+    x, slope, (events, flags) = jax.jit(
+        jax.vmap(lambda k: jax.jvp(end, (k,), (jnp.ones_like(k),), has_aux=True))
+    )(k)
+    assert np.all(events == 7)
+    assert not np.any(flags)
+    np.testing.assert_allclose(slope[0], (x[2] - x[1]) / (2 * h), rtol=1e-6)

@@ -193,7 +193,7 @@ class Skid(AbstractMechanism):
 
 
 def test_drag_of_a_contact_ends_where_its_normal_force_is_zero_for_a_while():
-    """By time and by the state; it went on, unless the run had begun there, and in smooth forms ever."""
+    """By time and by the state; it went on, but where a run began so, and in smooth forms always."""
 
     @jax.jit
     @jax.vmap
