@@ -48,6 +48,7 @@ from stickslip.identification import (
     _sensitivity,
 )
 from stickslip.plot import _axes
+from stickslip.sweep import evaluate
 from tests.house import (
     _nonsense_analyses,
     _nonsense_continuation,

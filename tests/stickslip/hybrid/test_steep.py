@@ -11,13 +11,8 @@ from scipy.integrate import solve_ivp
 import stickslip as ss
 from stickslip.friction import Coulomb
 from stickslip.hybrid import _bends
-<<<<<<< HEAD
 from stickslip.hybrid.status import BENT
-from stickslip.mechanism import AbstractMechanism
-=======
-from stickslip.hybrid._status import BENT
 from stickslip.mechanism import AbstractMechanism, Contact
->>>>>>> main
 from stickslip.systems import Motion
 
 TIGHT = ss.Integrator(step=ss.AdaptiveStep(1e-11))

@@ -9,7 +9,7 @@ import pytest
 
 import stickslip as ss
 from stickslip.hybrid import current_executor, time_loop
-from stickslip.sweep import _programs
+from stickslip.sweep import _programs, lanes
 from stickslip.systems import CoulombOscillator, Motion
 
 SPEEDS = jnp.linspace(0.1, 0.4, 128)

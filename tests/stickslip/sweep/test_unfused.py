@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
+from stickslip.sweep import lanes
 from stickslip.systems import Motion
 
 END, FORCE = 10.0, 4.0
