@@ -13,7 +13,6 @@ from scipy.optimize import brentq
 from ._instants import FREE, OPEN, SLOW, Instants, Unsure, solved
 from ._structure import Numbers, Structure
 
-
 MOST_CALLS = 400_000  # of a smooth form, in each stretch between jumps
 
 
