@@ -248,9 +248,8 @@ def _closed_by(shifts: Array, path: Float[Array, "sample size"], goes: Array) ->
     """Which shift a motion of unknown period has to come round by, as it does nothing but turn."""
     rest = path - path @ projection_on(shifts)
     span = jnp.max(rest, axis=0) - jnp.min(rest, axis=0)
-    swings = (span > SWINGS * jnp.max(jnp.abs(rest), axis=0)) & (
-        jnp.abs(rest[-1] - rest[0]) < BACK * span
-    )
+    largest, rounding = (jnp.max(jnp.abs(a), axis=0) for a in (rest, ROUNDING * path))
+    swings = (span > SWINGS * largest + rounding) & (jnp.abs(rest[-1] - rest[0]) < BACK * span)
     turning = jnp.any(goes[:, None] & (shifts != 0.0), axis=0)
     first = jnp.arange(turning.size) == jnp.argmax(turning)
     return turning & first & ~jnp.any(swings)
