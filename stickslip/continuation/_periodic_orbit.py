@@ -176,9 +176,7 @@ def _frame(motion: Motion, y0, mode0, t0, period, found: Extent, forced: bool) -
     flat, turn = ravel_pytree(y0)[0], turns_of(motion.system, y0)
     slope = ravel_pytree(motion.system.vector_field(t0, y0, mode0, motion.args))[0]
     normal = plane_across(slope, found.moves, found.shifts, found.turns, turn, period)
-    return Frame(
-        t0, period, not forced, flat, normal, found.moves, found.shifts, turn, found.turns
-    )
+    return Frame(t0, period, not forced, flat, normal, found.moves, found.shifts, turn, found.turns)
 
 
 def _longest(u, du, frame: Frame, reach):

@@ -34,7 +34,9 @@ def given_turns(
     angles = [name for name in components_of(y) if period_of(system, name) is not None]
     for name, count in turns.items():
         if name not in angles:
-            raise refusal("guess.turns", name, f"names with a period: {', '.join(angles) or 'there are none'}")
+            raise refusal(
+                "guess.turns", name, f"names with a period: {', '.join(angles) or 'there are none'}"
+            )
         whole_number(f"guess.turns[{name!r}]", count, -MOST, MOST)
     parts = []
     for name, leaf in components_of(y).items():
@@ -65,7 +67,9 @@ def whole_turns(
         rests = rest[None] - beyond[..., None] * column[None]
         # Angles that no other shift moves say which.
         held = is_angle & (jnp.diagonal(left) <= ROUNDING)
-        off = jnp.sum(jnp.square(rests - jnp.round(rests)) @ jnp.diag(held.astype(rests.dtype)), axis=-1)
+        off = jnp.sum(
+            jnp.square(rests - jnp.round(rests)) @ jnp.diag(held.astype(rests.dtype)), axis=-1
+        )
         best = jnp.argmax(off <= jnp.min(off, axis=0, keepdims=True) + AS_NEAR, axis=0)
         rest = jnp.take_along_axis(rests, best[None, ..., None], axis=0)[0]
     return jnp.where(is_angle.reshape(row) & jnp.isfinite(rest), jnp.round(rest), 0.0)
