@@ -55,8 +55,8 @@ class Anchor(NamedTuple):
 
     `phase`: time of the first point, in parts of the period (of the forced system); `normal`: the plane
     of the first point; `size`: what unknowns and residuals are parts of; `extent`: of the motion, and
-    `largest`, of those on the branch up to here; `shifts`: columns that change nothing, of states. `turns`: how often
-    angles go round.
+    `largest`, of those on the branch up to here; `shifts`: columns that change nothing, of states. `turns`: how
+    often angles go round.
     """
 
     y: Any
@@ -113,8 +113,8 @@ def anchored(
 
     `before`: the anchor of the orbit before it on the branch, and whether that begins at the same place
     of the motion. Sizes do not become smaller. They grow where a component is carried along, as the
-    speed of what rotates: it moves on while its ripple stays what it is. `gained`: by how much the state
-    goes on in the period; NaN where that is what it does in the simulation.
+    speed of what rotates: it moves on while its ripple stays what it is. `gained`: by how much the
+    state goes on in the period; NaN where that is what it does in the simulation.
     """
     values = np.asarray(values, float)
     y = jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.float64), y)
@@ -135,7 +135,9 @@ def anchored(
 
 
 @jit_plainly
-def _anchored(problem: Problem, y: PyTree, mode: Any, phase, period, size, largest, reached, shift, gained):  # fmt: skip
+def _anchored(
+    problem: Problem, y: PyTree, mode: Any, phase, period, size, largest, reached, shift, gained
+):  # fmt: skip
     ones = jnp.ones(size.shape)
     motion, frame = _framed(
         problem,

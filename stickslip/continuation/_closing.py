@@ -62,8 +62,8 @@ class Frame(NamedTuple):
     - `anchor`, `normal`: the plane in which the first point is looked for where the period is unknown.
     - `size`: extent of the motion in each component, at least its rounding; residuals are parts of it.
     - `shifts`: columns, of the state, that change neither field nor guards (`neutral_shifts`).
-    - `turn`: period of each component that is an angle, infinite for the others; `turns`: how often each
-      goes round until the motion closes.
+    - `turn`: period of each component that is an angle, infinite for the others; `turns`: how often
+      each goes round until the motion closes.
     """
 
     t0: Any

@@ -59,7 +59,7 @@ class OrbitGuess(eqx.Module, metaclass=CheckedModule):
     - `period` [s]: positive.
     - `t0` [s]: time of the state; it matters if the system depends on the time.
     - `turns`: how often angles (components with one of the system's `periods`) go round in the period,
-      by name: `{"phi": -2}`; by default the whole numbers that are nearest in the motion from the guess.
+      by name: `{"phi": -2}`; by default the whole numbers that are nearest in the motion from it.
 
     **Errors** `ValueError`/`TypeError` naming the argument.
     """

@@ -53,7 +53,7 @@ def locked(torque, force, start, p, q):
             lambda z: np.array([[0, 1], [-0.3 * np.cos(z[0]), -0.1]]),
             y, q * TURN,
         )  # fmt: skip
-        step = np.linalg.solve(matrix - np.eye(2), y + [p * TURN, 0] - end)
+        step = np.linalg.solve(matrix - np.eye(2), y + np.array([p * TURN, 0.0]) - end)
         y = y + step
         if np.max(np.abs(step)) < 1e-11:
             break
