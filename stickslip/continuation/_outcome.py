@@ -42,7 +42,8 @@ class ORBITS(eqx.Enumeration):  # pyright: ignore[reportGeneralTypeIssues]
     )
     period_differs = (
         "The state returns, but what acts on the system is not what it was a period before: the period "
-        "is no multiple of the forcing's. Give one that is."
+        "is no multiple of the forcing's, give one that is; or something is not periodic in an angle "
+        "of the system's `periods`."
     )
 
 
