@@ -15,11 +15,11 @@ from stickslip.hybrid._system import NO_MODE
 from ._any_args import with_any_args
 from ._beginning import begun
 from ._check import SLIDES
+from ._contact import drags
 from ._declaration import at_zero
 from ._impacts import struck, touches
 from ._instant import (
     Instant,
-    drags,
     floats,
     held_contacts,
     in_rows,

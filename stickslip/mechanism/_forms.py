@@ -17,7 +17,8 @@ from stickslip.hybrid._system import NO_MODE
 
 from ._account import AbstractMechanicalSystem
 from ._check import DeclarationError
-from ._instant import Instant, drags, pressing, push_of
+from ._contact import drags
+from ._instant import Instant, pressing, push_of
 from ._mechanism import AbstractMechanism
 from ._scalars import times, total
 

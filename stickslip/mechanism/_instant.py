@@ -292,11 +292,6 @@ def landed(island: Island, at: Instant, still: list) -> list[Any]:
     return v
 
 
-def drags(law: Any) -> bool:
-    """Whether a law resists without a normal force too."""
-    return degrees(lambda u: [law.drag(u)], (jnp.zeros(()),), (True,)) != [NONE]
-
-
 def pressing(load: Any) -> Any:
     """The normal force of a contact that may be open."""
     load = jnp.asarray(load, jnp.float64)

@@ -42,7 +42,7 @@ from ._observables import AbstractWithObservables
 from ._rows import NumberRow
 from ._scalars import Mass
 from ._stop import check_gaps
-from ._structure import check_args, coupled, inertia_forms, steady
+from ._structure import check_args, coupled, inertia_forms, steady, without_drag
 from ._together import motion_in_rows
 
 if TYPE_CHECKING:
@@ -303,9 +303,12 @@ class AbstractMechanism(AbstractWithObservables):
 
     @property
     def continuous_guards(self) -> tuple[int, ...]:
-        """Those of the normal forces: friction begins and ends with them at 0."""
-        first = len(self.names.contacts) + len(self.parted) + len(self.shared)
-        return tuple(range(first, first + len(self.names.opening) + len(self.lifting)))
+        """Those of the normal forces: friction begins and ends with them at 0, but for drag."""
+        names, opening = self.names, self.opening
+        first = len(names.contacts) + len(self.parted) + len(self.shared)
+        smooth = traced_with(without_drag, self) if opening else set()
+        own = [i for i, name in enumerate(opening) if names.contacts.index(name) in smooth]
+        return tuple(first + i for i in (*own, *range(len(opening), len(opening) + len(self.lifting))))
 
     @property
     def answers_jumps(self) -> bool:
