@@ -32,17 +32,18 @@ from ._instant import (
     surface_accelerations,
     touching,
 )
-from ._island import Island
+from ._island import NOTHING, Island, Motion
 from ._island_rows import IslandRows, with_rows
-from ._reserve import least_reserve, lone_reaction
+from ._reserve import NO_LIMIT, least_reserve, lone_reaction
 from ._rows import row
-from ._scalars import any_of, dot, is_zero, minus, without_slope
-from ._settle import settled
+from ._scalars import any_of, dot, is_zero, minus, over, times, total, without_slope
+from ._settle import Limits, settled
 
 if TYPE_CHECKING:
     from ._mechanism import AbstractMechanism
 
 MOST_SHARE = 1e6  # a share of friction beyond it says no more
+APART = 1e-9  # part of all forces that surfaces which part would have to bear against each other
 
 
 def guards(machine: "AbstractMechanism", t: Any, y: Any, mode: Any, args: Any) -> tuple:
@@ -82,6 +83,10 @@ def guards(machine: "AbstractMechanism", t: Any, y: Any, mode: Any, args: Any) -
                 tied_to = [tied & closed for tied in tied_to]
             for c, r, tied, u in zip(island.rows, rest, tied_to, slip, strict=False):
                 own[c] = where(r | tied, 1.0, u)
+            if island.drifts:
+                together = _agreement(island, at, force, gamma, limits, motion)
+                for c, r, left in zip(island.rows, rest, together, strict=False):
+                    own[c] = where(r, left, own[c])
             if island.stops:
                 reserve = least_reserve(island, *limits, rows_of(island, at), rest, motion)[0]
                 shared.append(where(reserve < jnp.inf, reserve, 1.0))
@@ -114,6 +119,23 @@ def guards(machine: "AbstractMechanism", t: Any, y: Any, mode: Any, args: Any) -
     first = len(at.contacts)
     found = (*own[:first], *parted.values(), *shared, *opens, *lifts, *own[first:])
     return tuple(jnp.asarray(x, jnp.float64) for x in found)
+
+
+def _agreement(
+    island: Island, at: Instant, force: list, gamma: list, limits: Limits, motion: Motion
+) -> list[Any]:
+    """What is left until surfaces part that rest on one velocity together, as a cam that begins to lift
+    what rests on the ground too; none where no surface moves."""
+    if all(is_zero(gamma[c]) for c in island.rows):
+        return []
+    (j,), (a,) = island.columns, motion.acceleration
+    n = [at.directions[c][j] for c in island.rows]
+    (m,) = at.mass.of(island.columns).times([1.0])
+    spans = zip(n, limits.low, limits.high, strict=True)
+    borne = (jnp.abs(x) * (high - low) for x, low, high in spans if high is not NO_LIMIT)
+    most = APART * total((jnp.abs(jnp.asarray(force[j])), jnp.abs(m * a), *borne)) + NOTHING
+    own = (m * jnp.abs(a - times(over(x), gamma[c])) for x, c in zip(n, island.rows, strict=True))
+    return [1.0 - jnp.minimum(x / most, MOST_SHARE) for x in own]
 
 
 def parted(machine: "AbstractMechanism") -> tuple[int, ...]:
@@ -242,7 +264,9 @@ def transition(
         started = [gives_way & r & (way != 0.0) for r, way in zip(rest, released, strict=True)]
         # What stops, rests at once, with all that has no speed then; the law decides what stays.
         on = [r | (h & stops) for r, h in zip(rest, hit, strict=True)]
-        slow = _slow(at, island, states, on)
+        # On one velocity what has just lost its speed says which others have lost theirs.
+        first = [where(stops, h, r) for h, r in zip(hit, on, strict=True)] if island.drifts else on
+        slow = _slow(at, island, states, first)
         still = island.closed(on, held_contacts(at, island, states, slow))
         now = [where(stops & r, 0.0, x) for r, x in zip(still, now, strict=True)]
         touched = stops | gives_way
@@ -265,7 +289,9 @@ def transition(
         passing = [where(stops & h & ~r, -x, 0.0) for h, r, x in zip(hit, rest, s, strict=True)]
         found, ended = _settled(machine, at, island, states, now, started, gamma, touched, passing)
         failed = failed | (touched & ~ended)
-        if island.varies:
+        if island.drifts and drifts:
+            still = [x & (f == 0.0) for x, f in zip(still, found, strict=True)]
+        elif island.varies:
             # What passes through rest keeps its velocity: where its direction vanishes, to be made to
             # rest would stop the mechanism.
             still = [

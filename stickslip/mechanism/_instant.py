@@ -130,10 +130,8 @@ def surface_accelerations(machine: "AbstractMechanism", t: Any, at: Instant, arg
     # Of one velocity a stop without a speed of its own holds everything that is at rest.
     still = [len(names) + k for k, rate in enumerate(machine.slopes[:, -1]) if rate == 0.0]
     for island in machine.islands:
-        if not island.dependent:
-            continue
         moves = [c for c in island.rows if depends[c] != NONE and not (island.shut and c in still)]
-        if moves:
+        if island.dependent and moves and not island.drifts:
             what = "surfaces of contacts and stops whose directions depend on each other"
             those = ", ".join(names_of_rows(machine, moves))
             raise DeclarationError(str(refusal(what, those, "of constant speed")))
