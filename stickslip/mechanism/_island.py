@@ -86,12 +86,6 @@ class Island:
                 self.parted[:] = (np.abs(T.T @ parts @ T) <= 1e-12 * sizes).all(axis=0)
 
     @property
-    def drifts(self) -> bool:
-        """Whether what rests together may be parted by surfaces that move: one velocity says at once
-        what each would do."""
-        return self.shut and not np.isnan(self.directions[: self.contacts]).any()
-
-    @property
     def separate(self) -> bool:
         """Whether what one contact or stop bears changes the acceleration along no other."""
         if self.m == 1:

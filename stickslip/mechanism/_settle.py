@@ -118,7 +118,7 @@ def settled(
         creeping.append(start & (((s > 0.0) & ahead) | ((s <= 0.0) & behind)))
 
     # What has no speed may be parted at once: on each surface the one velocity changes differently.
-    parts = island.drifts and not all(map(is_zero, gamma))
+    parts = island.shut and not all(map(is_zero, gamma))
 
     def beside(acceleration: list, slow: Any) -> list[Any]:
         slips = (minus(dot(n, acceleration), g) for n, g in zip(J, gamma, strict=True))
