@@ -2,7 +2,6 @@
 
 from typing import Any, ClassVar
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -16,7 +15,7 @@ from tests.attack._reference import March
 from tests.attack._structure import Numbers, Parameter, Program, Structure, Touch, Wall
 
 RANGES = {
-    "m": (0.8, 2.5), "k": (0.5, 12.0), "f": (0.3, 3.0), "w": (0.5, 6.0), "f0": (-1.5, 1.5),
+    "m": (0.8, 2.5), "k": (0.5, 12.0), "drive": (0.3, 3.0), "w": (0.5, 6.0), "load": (-1.5, 1.5),
     "mu": (0.15, 1.2), "mk": (0.15, 1.2), "n": (0.3, 2.0), "g": (0.15, 0.5), "a": (0.02, 0.3),
     "w2": (0.5, 6.0), "e": (0.1, 0.9), "r": (0.01, 0.06), "b": (-1.0, 1.0), "lever": (-2.0, -0.5),
 }  # fmt: skip
@@ -25,7 +24,7 @@ END, COUNT = 5.0, 16
 SHAKEN = Structure(
     coordinates={"x": "m"},
     mass={("x", "x"): "m"},
-    forces=(("x", "-k * x"), ("x", "f * sin(w * t)"), ("x", "f0")),
+    forces=(("x", "-k * x"), ("x", "drive * sin(w * t)"), ("x", "load")),
     contacts=(
         Touch("ground", {"x": "1.0"}, True, "Coulomb(mu, mk)", "n"),
         Touch("belt", {"x": "lever"}, False, "Coulomb(0.3)", None, "b * cos(3.0 * t)"),
@@ -63,6 +62,7 @@ def test_a_shaken_wall_beside_ground_and_belt_as_event_by_event(shaken):
         np.testing.assert_allclose(found, truth, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_derivatives_beside_a_shaken_wall_as_central_differences(shaken):
     run, numbers = shaken
     h, away = 1e-6, jnp.asarray(np.random.default_rng(2).normal(size=numbers.shape)) * numbers
@@ -110,15 +110,13 @@ def test_a_cam_that_comes_to_a_stand_and_moves_on():
     # Weight, static and kinetic friction [N], pull [N/s]; whether it goes down with the cam.
     cases = np.array([(0.5, 0.8, 0.3, 0.0), (0.5, 0.8, 0.3, 1.2), (0.5, 0.8, 0.3, 1.4), (1, 0.2, 0.1, 0)])
 
-    @jax.jit
-    @eqx.filter_vmap
     def run(case):
         machine = Cam(*case)
         ts = jnp.array([0.5, 1.5, 2.5, 3.5, 5.0])
         found = ss.simulate(machine, 0.0, 5.0, machine.state(), saveat=ss.SaveAt(ts=ts), throw=False)
         return found.outputs.y.x, found.successful
 
-    x, successful = run(jnp.asarray(cases))
+    x, successful = jax.jit(jax.vmap(run))(jnp.asarray(cases))
     assert bool(successful.all())
     np.testing.assert_allclose(x[:, :3], np.tile([0.0, 0.025, 0.05], (4, 1)), atol=1e-10)
     np.testing.assert_allclose(x[:2, 3:], 0.05, atol=1e-10)  # friction holds it where the cam left it
