@@ -277,8 +277,8 @@ def transition(
         found, ended = _settled(machine, at, island, states, now, started, gamma, touched, passing)
         failed = failed | (touched & ~ended)
         if parts:
-            # What a stop carries off keeps its velocity: that of a stop that has hardly begun to move is
-            # rounding, and might be against the sense in which the others are left.
+            # What a stop carries off keeps its velocity: that of a stop which has hardly begun to move
+            # is rounding, and might be against the sense in which the others are left.
             left_behind = any_of(h & r for h, r in zip(hit, rest, strict=True))
             keeps = [left_behind & (c >= count) for c in island.rows]
             still = [x & (f == 0.0) & ~k for x, f, k in zip(still, found, keeps, strict=True)]

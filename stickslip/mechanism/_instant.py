@@ -154,9 +154,9 @@ def _moving(machine: "AbstractMechanism", island: Island, moves: list[int]) -> D
     others = ", ".join(names_of_rows(machine, [c for c in island.rows if c not in moves]))
     beside = f" beside {others}" if others else ""
     allowed = (
-        f"of constant speed{beside}: what rests on two surfaces cannot follow both. Contacts of constant "
-        "directions and stops may move where they touch one coordinate that nothing couples with another, "
-        "and where no direction depends on others; else put a stiff spring in place of one of them"
+        f"of constant speed{beside}: what rests on two surfaces cannot follow both. Stops and contacts "
+        "of constant directions may move where they touch one coordinate that nothing couples with "
+        "another, and where no direction depends on others; else put a stiff spring in place of one"
     )
     what = "surfaces of contacts and stops whose directions depend on each other"
     return DeclarationError(str(refusal(what, ", ".join(names_of_rows(machine, moves)), allowed)))

@@ -1,4 +1,4 @@
-"""Surfaces that move, on one velocity: what rests on one slides on the others as they go, not as it likes."""
+"""Surfaces that move, on one velocity: what rests on one of them slides on the others as they go."""
 
 from typing import Any
 
@@ -19,13 +19,13 @@ MOST = 1e6  # of a share; beyond it, it says no more
 def beside_what_rests(
     island: Island, at: Instant, states: Any, force: list, gamma: list, limits: Limits, motion: Motion
 ) -> list[Any]:
-    """Guards of contacts and stops of one velocity where something on it rests; none if no surface moves.
+    """Guards of contacts and stops of one velocity where something on it rests.
 
-    What slides, slides as the surface of what rests has it, and may do so with a speed of exactly 0 from
-    some time on, as on a cam that comes to a stand: it rests then. Near such a time the integrated
-    speed errs by the steps, and that of the surface by rounding as it begins to move: only what both
-    say has passed through rest. What rests together does so until the surfaces part, as where a cam
-    begins to move that carries what rests on the ground too.
+    None where no surface moves. What slides, slides as the surface of what rests has it, and may do so
+    with a speed of exactly 0 from some time on, as on a cam that comes to a stand: it rests then. Near
+    such a time the integrated speed errs by the steps, and that of the surface by rounding as it begins
+    to move: only what both say has passed through rest. What rests together does so until the surfaces
+    part, as where a cam begins to move that carries what rests on the ground too.
     """
     if all(is_zero(gamma[c]) for c in island.rows):
         return []

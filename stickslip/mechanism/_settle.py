@@ -155,7 +155,8 @@ def settled(
         # Of dependent contacts those that have no speed and would have none by the others' rest.
         along = standing
         if parts:
-            along = [stands & (s == 0.0) for stands, s in zip(standing, beside(reached, slow), strict=True)]
+            slips = beside(reached, slow)
+            along = [stands & (s == 0.0) for stands, s in zip(standing, slips, strict=True)]
         stopped = island.closed([r | (first == c) for c, r in enumerate(rest)], along)
         if island.stops:
             reserve, released = least_reserve(island, low, high, J, rest, found)
