@@ -145,5 +145,5 @@ def test_what_cannot_move_is_refused_with_what_it_depends_on():
             return {"cam": Stop(q.x - q.y + jnp.sin(t), 0.5)}
 
     shelf = Shelf(1.0, 0.5, 0.5)
-    with pytest.raises(DeclarationError, match="'cam': .* of constant speed beside guide, rail"):
+    with pytest.raises(DeclarationError, match=r"'cam': .* of constant speed beside guide, rail"):
         ss.simulate(shelf, 0.0, 1.0, shelf.state())
