@@ -151,10 +151,10 @@ class AbstractMechanism(AbstractWithObservables):
     of two components, is not covered: two contacts that cross, each with the normal force of the body,
     are a square in place of the circle, and a puck on them bends off its line and stops too early.
     Normal forces that depend on friction or accelerations (Painlevé) are not covered, nor is friction
-    in a stop. Dependent directions that vary, surfaces of dependent contacts whose speeds
-    vary, and more than 31 contacts (a stop counts as half of one) raise an error. Where contacts have
-    directions across the coordinates, accelerations lose as many digits as the inertias that they join
-    have in their ratio.
+    in a stop. Dependent directions that vary, surfaces of dependent contacts whose speeds vary (but
+    beside a stop on one coordinate), and more than 31 contacts (a stop counts as half of one) raise an
+    error. Where contacts have directions across the coordinates, accelerations lose as many digits as
+    the inertias that they join have in their ratio.
 
     **Raises** `DeclarationError`, `ValueError` or `TypeError` that name what is declared wrongly,
     before anything is compiled: directions of the wrong length, a mass matrix that is not positive

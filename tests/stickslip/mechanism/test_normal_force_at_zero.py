@@ -234,3 +234,24 @@ def test_drag_of_a_contact_ends_where_its_normal_force_is_zero_for_a_while():
         truth = solve_ivp(field, (0.0, 9.0), [0.4, 0.3], rtol=1e-10, atol=1e-12, max_step=0.01).y[0, -1]
         np.testing.assert_allclose(x[k, 1], truth, atol=1e-6)
         np.testing.assert_allclose(end, truth, atol=1e-5)
+
+
+def test_a_contact_begins_open_unless_its_normal_force_rises_from_zero():
+    class Ramp(AbstractMechanism):
+        rate: Any
+        coordinates: ClassVar = {"x": "m"}
+        contact_directions: ClassVar = {"pad": {"x": 1.0}}
+        opening: ClassVar = ("pad",)
+
+        def mass_matrix(self, q):
+            return 1.0
+
+        def forces(self, t, q, v, args):
+            return 0.0
+
+        def contacts(self, t, q, v, args):
+            return {"pad": Contact(Coulomb(0.5), self.rate * t)}
+
+    for rate, name in ((-1.0, "open"), (0.0, "open"), (1.0, "stick")):
+        ramp = Ramp(rate)
+        assert ramp.mode_names[int(ramp.initial_mode(0.0, ramp.state(), None))] == name
