@@ -20,8 +20,8 @@ from .._validation import (
     numbers,
     refusal,
 )
-from ..hybrid._solution import Solution, same_mode_sequence
 from ..hybrid._shown import flags_text
+from ..hybrid._solution import Solution, same_mode_sequence
 from ._compare import Comparison
 from ._fit import POOR, Fit
 from ._profile import Profile

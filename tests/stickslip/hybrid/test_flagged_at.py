@@ -14,7 +14,7 @@ HALF = np.pi / 2.0
 
 
 class Hands(ss.AbstractHybridSystem):
-    """x = sin(t), y = sin(t - 1), each with a wall; z = 1e-7 exp(-4 t) is always the nearest to zero."""
+    """x = sin(t), y = sin(t - 1), each with a wall; z = 1e-7 exp(-4 t) is nearest to zero."""
 
     walls: Any
 
@@ -63,8 +63,11 @@ def test_the_first_flag_names_its_guard_and_time():
     assert int(both.flagged_guard) in (0, 1)
 
     # A program for many lanes keeps the same numbers.
-    fused = ss.map_lanes(lambda w: (lambda s: (s.flagged_at, s.flagged_guard))(run(w)), executor="fused")
-    at, guard = fused(walls)
+    def first(walls):
+        solution = run(walls)
+        return solution.flagged_at, solution.flagged_guard
+
+    at, guard = ss.map_lanes(first, executor="fused")(walls)
     np.testing.assert_allclose(at, found.flagged_at, rtol=1e-3)
     np.testing.assert_array_equal(guard, found.flagged_guard)
 
