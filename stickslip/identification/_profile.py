@@ -49,9 +49,9 @@ class Profile(eqx.Module):
       where it does not see the unknown: `[unknown]`, in its unit. Where the profile stays below the
       level, the end is where the search stopped.
     - `ends`, `[unknown, side]`, lower side first: 0 found, 1 stays below the level up to the limit,
-      2 a jump of the profile or the edge of where the model runs, 3 not found within `max_steps`. At 2
-      and 3 the end is the farthest point found below the level, at which the profile is no higher: to
-      a part in 1e6 of the distance for 2, in 100 where the steps ran out.
+      2 a jump of the profile or the edge of where the model runs, 3 not found within the `max_steps` of
+      `profile`. At 2 and 3 the end is the farthest point found below the level, at which the profile is
+      no higher: to a part in 1e6 of the distance for 2, in 100 where the steps ran out.
     - `verdict`: 0 identifiable, 1 practically not, as the profile stays below on one or both sides,
       2 structurally not, as it is flat or the linearised problem does not see it, 3 not decided.
     - `values`, `rises` $\Delta$, `[unknown, side, point]`: the profile, NaN past its last point;
