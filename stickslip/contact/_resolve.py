@@ -26,7 +26,7 @@ class RESULTS(eqx.Enumeration):
 
     successful = ""
     max_steps_reached = (
-        "The search for the sliding contacts took the `max_steps` of `resolve`; the acceleration is the "
+        "The search for sliding contacts took the `max_steps` of `resolve`; the acceleration is the "
         "last iterate. Give `resolve(max_steps=...)` more; should that not help, report the problem."
     )
     inaccurate = (
