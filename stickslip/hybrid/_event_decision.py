@@ -48,7 +48,7 @@ class First(NamedTuple):
     rate: Any
     value_start: Any
     rate_start: Any
-    close: Any  # number of guards within rounding of zero
+    close: Any  # number of guards within rounding of zero at which something jumps
     h_dip: Any  # where a function may have gone, or was seen, through zero and back; else far away
     marks: Any  # flags of a step in which nothing fires: a guard nearly touched, something jumped
     # Of a bend of a force that comes first: whether the force jumps there, or at least its slope does.
@@ -116,7 +116,8 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
                 brushed = brushed | turned
             else:
                 touched = jnp.where(turned, i, touched)
-        if is_guard and functions.num_guards > 1 and not bend:
+        # One at which nothing jumps has no say in what another does to derivatives, whichever is first.
+        if judged and functions.num_guards > 1 and not bend:
             near = jnp.abs(stop_gradient(value)) < rate * beside
             close = close + near.astype(close.dtype)
         if is_guard and functions.count > 1:

@@ -46,8 +46,8 @@ class Profile(eqx.Module):
 
     - `names` profiled, in alphabetical order; `level`.
     - `estimate`, `lower`, `upper`, and `wald_lower`, `wald_upper` by the linearised problem, infinite
-      where it does not see the unknown: `[unknown]`, in its unit. Where the profile stays below the
-      level, the end is where the search stopped.
+      where it does not see the unknown: `[unknown]`, in its unit; `intervals` has them by name. Where
+      the profile stays below the level, the end is where the search stopped.
     - `ends`, `[unknown, side]`, lower side first: 0 found, 1 stays below the level up to the limit,
       2 a jump of the profile or the edge of where the model runs, 3 not found within the `max_steps` of
       `profile`. At 2 and 3 the end is the farthest point found below the level, at which the profile is
