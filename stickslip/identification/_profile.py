@@ -144,10 +144,10 @@ def profile(
     - `limits`: by name (low, high), how far to look. By default to the bounds; without a bound to a
       thousandth and a thousand times the distance from the other one, or a thousand times its size.
     - `level` of the interval, above 0 and below 1. `points`: steps to the level on each side.
-    - `max_steps`: evaluations for one side. All sides are evaluated together, which takes as long as the
-      slowest run among them, and far from the fit a motion may be stiff or fast: let the `Integrator` of
-      the problem have `max_steps` of a few times what the run at the fit takes. A run that wants more
-      counts as one that fails, beyond the edge of where the model runs.
+    - `max_steps`: evaluations for one side. All sides are evaluated together, which lasts as long as
+      the slowest run among them, and far from the fit a motion may be stiff or fast: let the
+      `Integrator` of the problem have `max_steps` of a few times what the run at the fit takes. A run
+      that wants more counts as one that fails, beyond the edge of where the model runs.
 
     **Returns** a `Profile`. **Raises** `TypeError`, `ValueError` for anything else. Works under `jit`
     and `vmap`.
