@@ -22,8 +22,8 @@ class ORBITS(eqx.Enumeration):  # pyright: ignore[reportGeneralTypeIssues]
         "The motion from the guess could not be simulated over one period; `simulation` says why."
     )
     not_converged = (
-        "Newton's method did not reach the tolerance in `max_steps` evaluations. Start nearer, or with "
-        "more `segments`."
+        "Newton's method did not reach the tolerance in the `max_steps` evaluations of "
+        "`periodic_orbit` (a run has those of its `Integrator`). Start nearer, or with more `segments`."
     )
     stalled = (
         "No step of Newton's method makes the residual smaller: there is no orbit near the guess, or "

@@ -57,6 +57,15 @@ def log_html(name: str, log: Any, codes: tuple[str, ...]) -> str:
     return html_table(f"{name}: {counted(count, 'row')}", tuple(columns), rows)
 
 
+def flags_text(solution: Any) -> str:
+    """Why a run has no derivative; when that was seen first, and at which guard."""
+    text, guard = describe_flags(int(solution.flags)), int(solution.flagged_guard)
+    if not np.isfinite(solution.flagged_at):
+        return text
+    whose = f", guard {solution.guard_names[guard]!r}" if guard >= 0 else ""
+    return f"{text} (first at t = {number(solution.flagged_at)} s{whose})"
+
+
 def solution_html(solution: Any) -> str:
     """A table of what a run, or a batch of runs, came to."""
     if not is_concrete(solution):
@@ -71,7 +80,7 @@ def solution_html(solution: Any) -> str:
         ["outcome", RESULTS[solution.result] or "successful"],
         ["events", f"{int(stats.num_events):,}"],
         ["steps", f"{int(stats.num_accepted):,} accepted of {int(stats.num_attempts):,}"],
-        ["derivative flags", describe_flags(int(solution.flags))],
+        ["derivative flags", flags_text(solution)],
         ["state at the end", ", ".join(f"{k} = {value_text(v)}" for k, v in end.items())],
         ["kept", _kept(solution)],
     ]

@@ -10,7 +10,7 @@ from jaxtyping import PyTree
 from ._doubt import POINTS, TOGETHER, judge, look_inside, told
 from ._events import ROUNDED, STALE, Values, divided
 from ._loop_state import Lane, Plan, without_state
-from ._status import DISCONTINUOUS, RUNNING, flag
+from ._status import DISCONTINUOUS, RUNNING, flag, noted
 from ._stepper import ROOT_SHARE, ROOT_TOLERANCE
 from ._tolerance import Ends, cancelling, error_norm, grown, scales, sizes, unexpected
 from ._tree import shift
@@ -146,7 +146,7 @@ def _sudden(plan: Plan, lane: Lane, error):
     fits = (lane.status == RUNNING) & (lane.h > 0) & (lane.bracket.tries == 0) & (error <= 1.0)
     jumps = fits & (lane.h < SUDDEN * lane.peak) & (error > 1e-3)
     peak = jnp.where(fits, jnp.maximum(lane.h, FORGETS * lane.peak), lane.peak)
-    return peak, lane.flags | flag(jumps, DISCONTINUOUS)
+    return peak, noted(lane.flags, flag(jumps, DISCONTINUOUS), lane.t + lane.h)
 
 
 @piece

@@ -20,8 +20,8 @@ from .._validation import (
     numbers,
     refusal,
 )
+from ..hybrid._shown import flags_text
 from ..hybrid._solution import Solution, same_mode_sequence
-from ..hybrid._status import describe_flags
 from ._compare import Comparison
 from ._fit import POOR, Fit
 from ._profile import Profile
@@ -311,7 +311,7 @@ def _modes(runs: Mapping[str, Solution], others: Mapping[str, Solution]) -> list
         if bool(run.differentiable):
             text += "; nothing was found at which derivatives do not exist"
         else:
-            text += f"; NO derivative where {describe_flags(int(run.flags))}"
+            text += f"; NO derivative where {flags_text(run)}"
         if name in others:
             same = bool(same_mode_sequence(run, others[name]))
             text += (
