@@ -55,8 +55,8 @@ class Anchor(NamedTuple):
 
     `phase`: time of the first point, in parts of the period (of the forced system); `normal`: the plane
     of the first point; `size`: what unknowns and residuals are parts of; `extent`: of the motion, and
-    `largest`, of those on the branch up to here; `shifts`: columns that change nothing, of states. `turns`: how
-    often angles go round.
+    `largest`, of those on the branch up to here; `shifts`: columns that change nothing, of states;
+    `turns`: how often angles go round.
     """
 
     y: Any
