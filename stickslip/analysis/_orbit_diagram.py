@@ -112,8 +112,8 @@ def orbit_diagram(
       fewer than `points` of all sections (`fewer_points`), its points are not yet those of the
       attractor although a transient was dropped (`not_settled`: the first are not, or all still come
       nearer to something or creep), they do not repeat and are too few to distinguish a transient
-      from chaos (`too_few_points`), or the engine's result code. Points of chaos that are many enough
-      are "ok";
+      from chaos (`too_few_points`), or the result code of its run (`max_steps_reached`: those of the
+      `integrator`). Points of chaos that are many enough are "ok";
     - `period`: number of points after which the observables repeat; 0 if after none of 1 to
       `period.longest`; -1 where that is unknown. `period_status` says why, by number with words in
       `attrs["flag_meanings"]`: `repeats`; `none`; `lane_failed`; `too_few_points` (4 are needed for

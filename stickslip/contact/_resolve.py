@@ -26,8 +26,8 @@ class RESULTS(eqx.Enumeration):
 
     successful = ""
     max_steps_reached = (
-        "The search for the sliding contacts did not end within `max_steps`; the acceleration is "
-        "the last iterate. Increase `max_steps`; should that not help, report the problem."
+        "The search for sliding contacts took the `max_steps` of `resolve`; the acceleration is the "
+        "last iterate. Give `resolve(max_steps=...)` more; should that not help, report the problem."
     )
     inaccurate = (
         "The search ended, but the acceleration violates the optimality conditions by more than "

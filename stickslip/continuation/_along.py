@@ -23,12 +23,12 @@ from ._closing import (
     extent,
     known,
     plane_across,
-    turns_of,
     unknowns,
 )
 from ._newton import Newton
 from ._orbit import PeriodicOrbit
 from ._periodic_orbit import described
+from ._turns import turns_of
 
 
 class Problem(eqx.Module):
@@ -55,7 +55,8 @@ class Anchor(NamedTuple):
 
     `phase`: time of the first point, in parts of the period (of the forced system); `normal`: the plane
     of the first point; `size`: what unknowns and residuals are parts of; `extent`: of the motion, and
-    `largest`, of those on the branch up to here; `shifts`: columns that change nothing, of states.
+    `largest`, of those on the branch up to here; `shifts`: columns that change nothing, of states;
+    `turns`: how often angles go round.
     """
 
     y: Any
@@ -66,6 +67,7 @@ class Anchor(NamedTuple):
     extent: Any
     largest: Any
     shifts: Any
+    turns: Any
 
 
 def system_at(problem: Problem, values: Any) -> AbstractHybridSystem:
@@ -99,19 +101,20 @@ def _framed(problem: Problem, anchor: Anchor) -> tuple[Motion, Frame]:
     shifts = anchor.shifts / size[:, None]
     longest = jnp.max(jnp.abs(shifts), axis=0)
     shifts = shifts / jnp.where(longest > 0.0, longest, 1.0)[None, :]
-    frame = Frame(t0, period, free, flat, anchor.normal, size, shifts, turn)
+    frame = Frame(t0, period, free, flat, anchor.normal, size, shifts, turn, anchor.turns)
     return Motion(system, problem.args, problem.integrator), frame
 
 
 def anchored(
     problem: Problem, values: Any, y: PyTree, mode: Any, phase: Any, period: Any,
-    before: tuple[Anchor, bool] | None = None,
+    before: tuple[Anchor, bool] | None = None, gained: Any = np.nan,
 ):  # fmt: skip
     """Anchor at a state, with its unknowns and the modes at the knots.
 
     `before`: the anchor of the orbit before it on the branch, and whether that begins at the same place
     of the motion. Sizes do not become smaller. They grow where a component is carried along, as the
-    speed of what rotates: it moves on while its ripple stays what it is.
+    speed of what rotates: it moves on while its ripple stays what it is. `gained`: by how much the
+    state goes on in the period; NaN where that is what it does in the simulation.
     """
     values = np.asarray(values, float)
     y = jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.float64), y)
@@ -122,7 +125,8 @@ def anchored(
         old, same = before
         size, largest, reached = (np.asarray(a) for a in (old.size, old.largest, old.extent))
         shift = same * np.abs(flat - np.asarray(ravel_pytree(old.y)[0]))
-    numbers = (phase, period, size, largest, reached, shift)
+    gained = np.broadcast_to(gained, flat.shape)
+    numbers = (phase, period, size, largest, reached, shift, gained)
     anchor, u, modes = _anchored(
         _fixed(problem, values), y, jnp.asarray(mode, mode_type(problem.system)),
         *(jnp.asarray(number, jnp.float64) for number in numbers),
@@ -131,25 +135,28 @@ def anchored(
 
 
 @jit_plainly
-def _anchored(problem: Problem, y: PyTree, mode: Any, phase, period, size, largest, reached, shift):
+def _anchored(
+    problem: Problem, y: PyTree, mode: Any, phase, period, size, largest, reached, shift, gained
+):  # fmt: skip
     ones = jnp.ones(size.shape)
     motion, frame = _framed(
-        problem, Anchor(y, phase, period, ones, ones, ones, ones, jnp.zeros((size.size, size.size)))
+        problem,
+        Anchor(y, phase, period, ones, ones, ones, ones, jnp.zeros((size.size, size.size)), 0.0 * ones),
     )
     integrator = spanning(motion.integrator, frame.period)
     with use_executor(problem.executor):
         found = extent(
             motion._replace(integrator=integrator), y, mode, frame.t0, frame.period, problem.segments,
-            frame.free,
+            frame.free, gained,
         )  # fmt: skip
     change = jnp.maximum(jnp.abs(found.moves - reached), 1e-300)
     size = jnp.maximum(jnp.maximum(size, found.moves), jnp.minimum(size * shift / change, found.least))
     slope = ravel_pytree(motion.system.vector_field(frame.t0, y, mode, motion.args))[0]
     largest = jnp.maximum(largest, found.moves)
     shifts = found.shifts * found.moves[:, None]
-    anchor = Anchor(y, phase, frame.period, ones, size, found.moves, largest, shifts)
+    anchor = Anchor(y, phase, frame.period, ones, size, found.moves, largest, shifts, found.turns)
     _, frame = _framed(problem, anchor)
-    normal = plane_across(slope, size, frame.shifts, found.winding, frame.turn, frame.period)
+    normal = plane_across(slope, size, frame.shifts, found.turns, frame.turn, frame.period)
     return anchor._replace(normal=normal), unknowns(found.knots, frame), found.modes
 
 

@@ -70,7 +70,7 @@ def concrete_guess(system: AbstractHybridSystem, guess: OrbitGuess, args: PyTree
     t0 = float(one_concrete("orbit.t0", guess.t0))
     y0, mode0 = start_of(system, t0, guess.y0, guess.mode0, args)
     t0, y0, mode0 = beside_breaks(system, args, tight(), t0, y0, mode0)
-    return OrbitGuess(y0, period, mode0, t0)
+    return OrbitGuess(y0, period, mode0, t0, guess.turns)
 
 
 def functions_of(functions: Any) -> dict[str, Callable[[Point], float]]:

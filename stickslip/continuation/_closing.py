@@ -12,14 +12,13 @@ from jaxtyping import Array, Float, PyTree
 from .._validation import refusal
 from ..analysis.neutral_directions import neutral_shifts, projection_on
 from ..hybrid import AbstractHybridSystem, AdaptiveStep, Integrator, SaveAt, simulate
-from ..hybrid.components import components_of, period_of
 from ..hybrid.longest_step import depends_on_time
 from ._holding import on_constraints
 from ._monodromy import pieces_of
+from ._turns import ROUNDING, turns_of, whole_turns, without
 
 # Points of a period at which the size of each component is read off.
 SAMPLES = 64
-ROUNDING = 256 * 2.0**-52
 TURNS = 0.1  # of its mean speed: an angle that turns so fast shows the place on the orbit
 # What else there is of a motion swings if it moves by the first part of its values, and comes back to
 # the second part of that.
@@ -63,7 +62,8 @@ class Frame(NamedTuple):
     - `anchor`, `normal`: the plane in which the first point is looked for where the period is unknown.
     - `size`: extent of the motion in each component, at least its rounding; residuals are parts of it.
     - `shifts`: columns, of the state, that change neither field nor guards (`neutral_shifts`).
-    - `turn`: period of each component that is an angle, infinite for the others.
+    - `turn`: period of each component that is an angle, infinite for the others; `turns`: how often
+      each goes round until the motion closes.
     """
 
     t0: Any
@@ -74,6 +74,7 @@ class Frame(NamedTuple):
     size: Any
     shifts: Any
     turn: np.ndarray
+    turns: Any
 
 
 class Closure(NamedTuple):
@@ -106,26 +107,6 @@ def known(u: Float[Array, " unknown"], frame: Frame, segments: int) -> tuple[Any
     """States at the knots `[segment, size]` and the period, of a vector of unknowns."""
     period = frame.period * u[-1] if frame.free else frame.period
     return u[: segments * frame.size.shape[0]].reshape(segments, -1) * frame.size[None, :], period
-
-
-def apart(
-    away: Float[Array, "..."], neutral: Float[Array, "size size"], turn: np.ndarray
-) -> Float[Array, "..."]:
-    """Differences of states without whole turns of angles and without shifts that change nothing.
-
-    `neutral`: projection on these, in the units of the state. An angle that they move is taken to zero
-    by them first: by how much of a turn it has gone on is of no account.
-    """
-    left, whole, row = neutral, away, (1,) * (away.ndim - 1) + turn.shape
-    for i in np.flatnonzero(np.isfinite(turn)):
-        new = left[i, i] > ROUNDING
-        column = jnp.where(new, left[:, i] / jnp.where(new, left[i, i], 1.0), 0.0)
-        whole = whole - whole[..., i, None] * column.reshape(row)
-        left = left - column[:, None] * left[i][None, :]
-    turns = np.isfinite(turn)
-    period = np.where(turns, turn, 1.0).reshape(row)
-    whole = whole - jnp.where(turns.reshape(row), period * jnp.round(whole / period), 0.0)
-    return whole - whole @ neutral.T
 
 
 def closure(
@@ -185,7 +166,7 @@ def equations(
     rows = slice((segments - 1) * count, segments * count)
     # Of the last piece alone: the knots go on turning.
     away = found.residual[rows] * frame.size
-    closes = apart(away, in_units(neutral, frame.size), frame.turn) / frame.size
+    closes = without(away, frame.turns, in_units(neutral, frame.size), frame.turn) / frame.size
     place = neutral @ (u[:count] - frame.anchor / frame.size)
     last = jacobian[rows] - neutral @ jacobian[rows] + neutral @ jnp.eye(count, u.shape[0])
     found = found._replace(
@@ -212,21 +193,23 @@ class Extent(NamedTuple):
 
     moves: Float[Array, " size"]
     least: Float[Array, " size"]
-    winding: Float[Array, " size"]
+    turns: Float[Array, " size"]
     shifts: Float[Array, "size size"]
     knots: Float[Array, "segment size"]
     modes: Array
 
 
 def extent(
-    motion: Motion, y: PyTree, mode: Any, t0: Any, period: Any, segments: int, free: bool
-) -> Extent:
+    motion: Motion, y: PyTree, mode: Any, t0: Any, period: Any, segments: int, free: bool,
+    gained: Float[Array, " size"],
+) -> Extent:  # fmt: skip
     """How far each component moves along one period, and the states and modes at the knots.
 
     `moves`: the difference between the largest and the smallest value; where a component does not
     move, its value, or 1. `least`: the least absolute value, 0 where the component passes through zero.
-    `winding`: of an angle, how often it goes round. `shifts`: columns that change nothing, in parts of
-    `moves`.
+    `turns`: how often each angle goes round: whole ones nearest to what it has `gained` in the period,
+    or, where this is NaN, to what it gains in the simulation. `shifts`: columns that change nothing, in
+    parts of `moves`.
     """
     # Knots first, so that none is missed by rounding.
     parts = segments * -(-SAMPLES // segments)
@@ -250,30 +233,30 @@ def extent(
     knots = jnp.where(jnp.all(jnp.isfinite(knots)), knots, first[None, :])
     modes = jnp.where(found < 0, mode, found).astype(jnp.asarray(mode).dtype)
     end, turn = ravel_pytree(solution.y1)[0], turns_of(motion.system, y)
-    turns = jnp.round((end - first) / turn)
-    turns = jnp.where(jnp.isfinite(turns), turns, 0.0)
+    gained = jnp.where(jnp.isnan(gained), end - first, gained)
     shifts = neutral_shifts(motion.system, motion.args, ts, flat, outputs.mode, unravel, moves)
     if free:
         path = jnp.concatenate([flat, end[None]]) / moves[None, :]
-        shifts = jnp.where(_closed_by(shifts, path, turns), 0.0, shifts)
+        goes = jnp.round(gained / turn) != 0.0
+        shifts = jnp.where(_closed_by(shifts, path, goes), 0.0, shifts)
+    turns = whole_turns(gained, in_units(projection_on(shifts), moves), turn)
     least = jnp.maximum(jnp.maximum(low, -high), 0.0)
     return Extent(moves, least, turns, shifts, knots, modes)
 
 
-def _closed_by(shifts: Array, path: Float[Array, "sample size"], winding: Array) -> Array:
+def _closed_by(shifts: Array, path: Float[Array, "sample size"], goes: Array) -> Array:
     """Which shift a motion of unknown period has to come round by, as it does nothing but turn."""
     rest = path - path @ projection_on(shifts)
     span = jnp.max(rest, axis=0) - jnp.min(rest, axis=0)
-    swings = (span > SWINGS * jnp.max(jnp.abs(rest), axis=0)) & (
-        jnp.abs(rest[-1] - rest[0]) < BACK * span
-    )
-    turning = jnp.any((winding != 0.0)[:, None] & (shifts != 0.0), axis=0)
+    largest, rounding = (jnp.max(jnp.abs(a), axis=0) for a in (rest, ROUNDING * path))
+    swings = (span > SWINGS * largest + rounding) & (jnp.abs(rest[-1] - rest[0]) < BACK * span)
+    turning = jnp.any(goes[:, None] & (shifts != 0.0), axis=0)
     first = jnp.arange(turning.size) == jnp.argmax(turning)
     return turning & first & ~jnp.any(swings)
 
 
 def plane_across(
-    slope: Any, size: Any, shifts: Any, winding: Any, turn: np.ndarray, period: Any
+    slope: Any, size: Any, shifts: Any, turns: Any, turn: np.ndarray, period: Any
 ) -> Array:
     """Unit normal, in parts of the size, of the plane in which the first point is looked for.
 
@@ -283,18 +266,9 @@ def plane_across(
     """
     slope = slope / size
     slope = slope - projection_on(shifts) @ slope
-    goes = winding != 0.0
-    mean = jnp.where(goes, winding * jnp.where(goes, turn, 1.0) / (period * size), jnp.inf)
+    goes = turns != 0.0
+    mean = jnp.where(goes, turns * jnp.where(goes, turn, 1.0) / (period * size), jnp.inf)
     turning = jnp.where(goes, slope, 0.0)
     slope = jnp.where(jnp.any(slope / mean > TURNS), turning, slope)
     length = jnp.linalg.norm(slope)
     return slope / jnp.where(length > 0, length, 1.0)
-
-
-def turns_of(system: AbstractHybridSystem, y: PyTree) -> np.ndarray:
-    """Period of each number of the flat state that is an angle, infinite for the others."""
-    parts = []
-    for name, leaf in components_of(y).items():
-        turn = period_of(system, name)
-        parts.append(np.full(int(np.size(leaf)), np.inf if turn is None else turn))
-    return np.concatenate(parts)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..hybrid import simulate
 from ._along import Anchor, Problem, anchored, evaluated, orbit_at, system_at
-from ._guess import OrbitGuess
+from ._guess import OrbitGuess, gained_by
 from ._orbit import PeriodicOrbit
 
 EVALUATIONS = 10  # of Newton's method at one point
@@ -102,6 +102,7 @@ def begin(problem: Problem, orbit: PeriodicOrbit | OrbitGuess, value: Any) -> Po
         orbit.mode0,
         phase,
         jnp.asarray(float(orbit.period)),
+        gained=gained_by(problem.system, orbit),
     )
     along = np.zeros((value.size, u.shape[0]))
     along[:, -value.size :] = np.eye(value.size)

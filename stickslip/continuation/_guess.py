@@ -1,5 +1,6 @@
 """Where Newton's method starts: a state, a mode and a period, by hand or from a simulation."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import equinox as eqx
@@ -7,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, PyTree
+from jaxtyping import Array, Float, PyTree
 
 from .._checked import CheckedModule
 from .._show import value_text
@@ -17,6 +18,7 @@ from .._validation import (
     as_float64,
     as_parameter,
     check_count,
+    check_mapping,
     check_text,
     check_type,
     is_concrete,
@@ -40,7 +42,8 @@ from ..hybrid import (
 from ..hybrid.arguments import a_time, check_field, start_of, the_system
 from ..hybrid.longest_step import spanning
 from ..hybrid.tree import with_float_arrays
-from ._closing import apart, in_units, turns_of
+from ._closing import in_units
+from ._turns import apart, given_turns, turns_of
 
 # Two returns whose distances from the start differ by less than this factor are equally good: the first
 # is taken. A return nearer than the second number, in parts of the motion's size, is one in any case.
@@ -55,6 +58,8 @@ class OrbitGuess(eqx.Module, metaclass=CheckedModule):
     - `y0`: the state; `mode0`: its mode, name or number, by default that of `system.initial_mode`.
     - `period` [s]: positive.
     - `t0` [s]: time of the state; it matters if the system depends on the time.
+    - `turns`: how often angles (components with one of the system's `periods`) go round in the period,
+      by name: `{"phi": -2}`; by default the whole numbers that are nearest in the motion from it.
 
     **Errors** `ValueError`/`TypeError` naming the argument.
     """
@@ -63,10 +68,12 @@ class OrbitGuess(eqx.Module, metaclass=CheckedModule):
     period: Numeric
     mode0: Mode | None = None
     t0: Numeric = 0.0
+    turns: Mapping[str, Any] | None = None
 
     def __repr__(self) -> str:
         mode = "" if self.mode0 is None else f", mode {value_text(self.mode0)}"
-        at = f"{value_text(self.y0)} at t = {value_text(self.t0, 's')}{mode}"
+        turns = f", turns {value_text(self.turns)}" if self.turns else ""
+        at = f"{value_text(self.y0)} at t = {value_text(self.t0, 's')}{mode}{turns}"
         return f"OrbitGuess: period {value_text(self.period, 's')}, from {at}"
 
     def __check_init__(self):
@@ -75,6 +82,7 @@ class OrbitGuess(eqx.Module, metaclass=CheckedModule):
             raise refusal("y0", self.y0, "a state with at least one component")
         a_time("period", one_number("period", self.period, "positive"))
         a_time("t0", self.t0)
+        check_mapping("turns", self.turns, "a mapping from names of angles to whole numbers")
         if isinstance(self.mode0, str):
             check_text("mode0", self.mode0, "the name of a mode")
         elif self.mode0 is not None:
@@ -143,6 +151,16 @@ def orbit_guess(
         system, args, integrator, current_executor(), *numbers,
         multiples=multiples, max_events=max_events,
     )  # fmt: skip
+
+
+def gained_by(system: AbstractHybridSystem, guess: Any) -> Float[Array, " size"]:
+    """By how much the state of a guess goes on in its period; NaN where it does not say."""
+    turn = turns_of(system, guess.y0)
+    period = np.where(np.isfinite(turn), turn, 0.0)
+    if isinstance(guess, OrbitGuess):
+        return given_turns(system, guess.y0, guess.turns) * period
+    turns = ravel_pytree(guess.turns)[0].astype(jnp.float64)
+    return turns * period + ravel_pytree(guess.drift)[0]
 
 
 def check_seen(argument: str, guess: Any) -> None:

@@ -39,6 +39,8 @@ class PeriodicOrbit(eqx.Module):
     - `residual`: how far the end is from the beginning, in parts of the size of each component;
       `steps`: evaluations of the return map and its derivative.
     - `closing_error`: the same after the orbit was simulated once more.
+    - `turns`: how often each angle (component with one of the system's `periods`) goes round in the
+      period, forwards or, negative, backwards; 0 for other components.
     - `lowest`, `highest`: least and greatest value of each component over the period: where its rate is
       zero, or on either side of an event; as accurate as the motion itself.
     - `events`: log of one period. `sequence`: hash of its guards and modes.
@@ -46,7 +48,7 @@ class PeriodicOrbit(eqx.Module):
     - `neutral`: projection on the shifts of the state that change nothing, as that of a body which no
       spring and no wall holds; zero where there are none. Each has a multiplier that is exactly 1. The
       orbit is one of a family, whose place is that of the guess; `drift`: by how much it moves on along
-      these shifts in a period.
+      these shifts in a period, besides its `turns`.
     - `flags`: as of a `Solution`. Where they are not 0 the multipliers may be wrong, though the orbit
       is right: a field or guard that jumps where nobody declared it has no derivative.
     """
@@ -74,6 +76,7 @@ class PeriodicOrbit(eqx.Module):
     simulation: Any
     neutral: Float[Array, "*batch size size"]
     drift: PyTree
+    turns: PyTree
 
     @property
     def successful(self) -> Bool[Array, "*batch"]:
@@ -101,6 +104,13 @@ class PeriodicOrbit(eqx.Module):
                 if abs(d) > DRIFTS * r]  # fmt: skip
         return f"place free along {free}" + f", in a period moves on {', '.join(goes)}" * bool(goes)
 
+    @property
+    def rotation(self) -> str:
+        """In words, which angles go round in a period, and how often."""
+        counts = zip(numbers_of(self.y0), np.asarray(ravel_pytree(self.turns)[0]), strict=True)
+        found = ", ".join(f"{name} {count}" for name, count in counts if count)
+        return f"whole turns {found}" if found else ""
+
     def __str__(self) -> str:
         """Period and multipliers; of a batch, how many orbits were found and are stable."""
         if not is_concrete(self):
@@ -117,6 +127,7 @@ class PeriodicOrbit(eqx.Module):
         return (
             f"PeriodicOrbit: period {period}, {int(self.events.count)} events, "
             f"{'stable' if bool(self.stable) else 'unstable'}, multipliers {found}"
+            f"{'; ' * bool(self.rotation)}{self.rotation}"
             f"{'; ' * bool(self.place)}{self.place}{flagged}"
         )
 

@@ -22,8 +22,8 @@ class ORBITS(eqx.Enumeration):  # pyright: ignore[reportGeneralTypeIssues]
         "The motion from the guess could not be simulated over one period; `simulation` says why."
     )
     not_converged = (
-        "Newton's method did not reach the tolerance in `max_steps` evaluations. Start nearer, or with "
-        "more `segments`."
+        "Newton's method did not reach the tolerance in the `max_steps` evaluations of "
+        "`periodic_orbit` (a run has those of its `Integrator`). Start nearer, or with more `segments`."
     )
     stalled = (
         "No step of Newton's method makes the residual smaller: there is no orbit near the guess, or "
@@ -42,7 +42,8 @@ class ORBITS(eqx.Enumeration):  # pyright: ignore[reportGeneralTypeIssues]
     )
     period_differs = (
         "The state returns, but what acts on the system is not what it was a period before: the period "
-        "is no multiple of the forcing's. Give one that is."
+        "is no multiple of the forcing's, give one that is; or something is not periodic in an angle "
+        "of the system's `periods`."
     )
 
 

@@ -3,6 +3,7 @@
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import PyTree
 
@@ -28,7 +29,6 @@ from ._closing import (
     Extent,
     Frame,
     Motion,
-    apart,
     check_autonomous,
     closure,
     equations,
@@ -37,18 +37,18 @@ from ._closing import (
     known,
     plane_across,
     tight,
-    turns_of,
     unknowns,
 )
 from ._extremes import ROWS, watched
 from ._floquet import multipliers_of, split_off, with_ones
-from ._guess import OrbitGuess, check_seen
+from ._guess import OrbitGuess, check_seen, gained_by
 from ._holding import holds, own_mode
 from ._monodromy import through_events
 from ._newton import STALLED, newton
 from ._orbit import PeriodicOrbit
 from ._outcome import first_of
 from ._settling import settles
+from ._turns import apart, turns_of, without
 
 # Against the size of the motion at the guess: smaller is an equilibrium.
 SHRUNK = 1e-9
@@ -57,6 +57,7 @@ SHRUNK = 1e-9
 CLOSES, AT_MOST = 1e-8, 1e-2
 APART = 1e-5  # states farther from each other are not the same again
 BETWEEN = 0.381966  # of such a part: where what acts is compared with a period later
+BESIDE = 0.37  # of the motion's size: states that are asked too
 RECURS = 1e-7  # of the largest field and guard of the period: a larger change is another forcing
 PARTS = 60  # of the period, at which the motion is compared with its start
 
@@ -128,7 +129,7 @@ def periodic_orbit(
     if not forced:
         check_autonomous("forced", system, t0, y0, mode0, args, "True")
     system, args = with_float_arrays((system, args))
-    numbers = y0, mode0, t0, period, as_parameter(tolerance)
+    numbers = y0, mode0, t0, period, gained_by(system, guess), as_parameter(tolerance)
     program = _compiled if is_concrete((system, args, numbers)) else _orbit
     return program(
         system, args, integrator, current_executor(), *numbers,
@@ -137,7 +138,7 @@ def periodic_orbit(
 
 
 def _orbit(
-    system, args, integrator, execute, y0, mode0, t0, period, tolerance,
+    system, args, integrator, execute, y0, mode0, t0, period, gained, tolerance,
     *, forced, segments, max_steps, max_events,
 ):  # fmt: skip
     integrator = spanning(integrator, period)
@@ -145,7 +146,7 @@ def _orbit(
     _, unravel = ravel_pytree(y0)
     with use_executor(execute):
         t0, y0, mode0 = beside_breaks(system, args, integrator, t0, y0, mode0)
-        reach = extent(motion, y0, mode0, t0, period, segments, not forced)
+        reach = extent(motion, y0, mode0, t0, period, segments, not forced, gained)
         frame = _frame(motion, y0, mode0, t0, period, reach, forced)
 
         def evaluate(u, modes):
@@ -174,8 +175,8 @@ _compiled = jit_plainly(_orbit)
 def _frame(motion: Motion, y0, mode0, t0, period, found: Extent, forced: bool) -> Frame:
     flat, turn = ravel_pytree(y0)[0], turns_of(motion.system, y0)
     slope = ravel_pytree(motion.system.vector_field(t0, y0, mode0, motion.args))[0]
-    normal = plane_across(slope, found.moves, found.shifts, found.winding, turn, period)
-    return Frame(t0, period, not forced, flat, normal, found.moves, found.shifts, turn)
+    normal = plane_across(slope, found.moves, found.shifts, found.turns, turn, period)
+    return Frame(t0, period, not forced, flat, normal, found.moves, found.shifts, turn, found.turns)
 
 
 def _longest(u, du, frame: Frame, reach):
@@ -199,7 +200,7 @@ def described(
     # The end of the last piece: on the sticking set to the last digit, unlike Newton's start.
     end = jnp.where(jnp.all(carried.good), carried.ends[-1], y[0])
     neutral = in_units(carried.neutral, unit)
-    flat = y[0] + apart(end - y[0], neutral, frame.turn)
+    flat = y[0] + without(end - y[0], frame.turns, neutral, frame.turn)
     start = unravel(flat)
 
     ledger = WithIntegrals(system, _rates)
@@ -223,12 +224,15 @@ def described(
     gained = states[1:] - flat[None, :]
     back = apart(gained, neutral, frame.turn)
     away = jnp.max(jnp.abs(back / unit[None, :]), axis=1)
-    closing, moves = away[-1], jnp.max(away)
+    moves = jnp.max(away)
+    closing = jnp.max(jnp.abs(without(gained[-1], frame.turns, neutral, frame.turn) / unit))
+    whole = frame.turns * np.where(np.isfinite(frame.turn), frame.turn, 0.0)
+    drift = neutral @ (gained[-1] - whole)
 
     recurs = (
         jnp.ones((), bool)
-        if frame.free
-        else _recurs(motion, frame, states, gained[-1] - back[-1], outputs.mode, period, unravel)
+        if frame.free and not np.any(np.isfinite(frame.turn))
+        else _recurs(motion, frame, states, whole + drift, outputs.mode, period, unravel)
     )
 
     monodromy = jnp.eye(unit.shape[0])
@@ -302,7 +306,8 @@ def described(
         result=result,
         simulation=solution.result,
         neutral=neutral,
-        drift=unravel(neutral @ gained[-1]),
+        drift=unravel(drift),
+        turns=jax.tree.map(lambda leaf: leaf.astype(jnp.int32), unravel(frame.turns)),
     )
 
 
@@ -314,10 +319,13 @@ def _recurs(motion: Motion, frame: Frame, states, gained, modes, period, unravel
     """Whether field and guards, of the same states, are a period later what they are in the period.
 
     The state returns after other times than the forcing's period too, to go on to elsewhere.
-    `gained`: whole turns of angles, and shifts that change nothing.
+    `gained`: whole turns of angles, and shifts that change nothing. States beside the motion are asked
+    too: of an even rotation all rates are rounding.
     """
+    states = jnp.concatenate([states, states + BESIDE * frame.size[None, :]])
+    modes = jnp.concatenate([modes, modes])
     # Not at the instants of the motion: at these a load may jump.
-    ts = frame.t0 + period * (jnp.arange(PARTS + 1.0) + BETWEEN) / PARTS
+    ts = frame.t0 + period * (jnp.tile(jnp.arange(PARTS + 1.0), 2) + BETWEEN) / PARTS
 
     def acting(t, y, mode):
         y, mode = unravel(y), jnp.maximum(mode, 0)
@@ -340,10 +348,12 @@ def _repeats(states, unit, neutral, turn, strength):
     All of it is compared: where a body rests for a while no single state tells. `strength`: how much
     deviations grow in the period; in half of it they grow by the root of that.
     """
-    found = jnp.ones((), jnp.int32)
-    for turns in (n for n in range(2, PARTS + 1) if PARTS % n == 0):
-        part = PARTS // turns
-        away = jnp.max(jnp.abs(apart(states[part:] - states[:-part], neutral, turn) / unit[None, :]))
-        near = jnp.minimum(CLOSES * strength ** (1.0 / turns), APART)
-        found = jnp.where(away <= near, turns, found)
-    return found
+    numbers = np.array([n for n in range(2, PARTS + 1) if PARTS % n == 0], np.int32)
+
+    def off(part):
+        later = jnp.roll(states[:-1], -part, axis=0)
+        return jnp.max(jnp.abs(apart(later - states[:-1], neutral, turn) / unit[None, :]))
+
+    away = jax.lax.map(off, PARTS // numbers)
+    near = jnp.minimum(CLOSES * strength ** (1.0 / numbers), APART)
+    return jnp.max(jnp.where(away <= near, numbers, np.int32(1)))

@@ -190,6 +190,7 @@ def _template(y0: PyTree) -> PeriodicOrbit:
         determinant_by_events=one, residual=one, closing_error=one, steps=whole, lowest=state,
         highest=state, events=log, sequence=number, flags=whole, result=ORBITS.successful,
         simulation=RESULTS.successful, neutral=square, drift=state,
+        turns=jax.tree.map(lambda leaf: leaf.astype(jnp.int32), state),
     )  # fmt: skip
 
 

@@ -9,13 +9,13 @@ from jax.flatten_util import ravel_pytree
 
 from ..hybrid import simulate
 from ._along import Problem, anchored, evaluated, system_at
-from ._closing import apart, turns_of
 from ._equilibrium import EquilibriumPoint
 from ._follow import Failure, Point, ahead, begin, correct, leaps, turned
 from ._guess import OrbitGuess
 from ._orbit import PeriodicOrbit
 from ._points import doubling
 from ._rest import scales_of
+from ._turns import apart, turns_of
 
 # First amplitudes of the other orbit that are tried, in parts of the motion's size.
 AMPLITUDES = (1e-2, 3e-3, 3e-2, 1e-3, 3e-4, 1e-4)

@@ -24,7 +24,17 @@ from ._loop_state import (
 )
 from .event_functions import SLACK, Values
 from .executor import bookkeeping
-from .status import CODE, COINCIDENT, EVENT_AT_START, GRAZING, RUNNING
+from .status import (
+    CODE,
+    COINCIDENT,
+    EVENT_AT_START,
+    FLAGS,
+    GRAZING,
+    RUNNING,
+    flag,
+    noted,
+    of_guard,
+)
 
 _STATUS = {name: float(number) for name, number in CODE.items()}
 MAX_ZERO_LENGTH = 16  # events without time passing before the lane is called chattering
@@ -153,23 +163,24 @@ def _of_events(plan: Plan, code, lane: Lane, h, t, mode, first: First) -> dict[s
     bend = jnp.abs(first.rate - first.rate_start)
     grazes = (lane.h > 0) & (first.rate**2 * lane.h < 2.0 * bend * plan.touching)
     grazes = (code == COLLAPSED) | ((code == EVENT) & grazes)
-    marks, coincides = first.marks, first.close > 1
+    marks, coincides, violated = first.marks, first.close > 1, code == VIOLATED
+    mine = of_guard(first.index)
     if plan.functions.num_bends:
         # Where a force does not jump a motion may graze its bend, or meet it with anything else, and
         # has a derivative all the same; but where it rests there, it has one on each side.
         bend = plan.functions.is_bend(first.index)
         touched = ((marks & TOUCHED) != 0) & bend & first.jumps
         touched = touched | (((marks & RESTED) != 0) & bend & (first.jumps | first.bends))
-        marks = (marks & ~(TOUCHED | RESTED)) | jnp.where(touched, GRAZING, 0)
-        grazes = grazes & (fires | first.jumps)
+        marks = marks & ~(TOUCHED | RESTED)
+        marks = jnp.where(touched, (marks & FLAGS) | GRAZING | mine, marks)
+        grazes, violated = grazes & (fires | first.jumps), violated & fires
         coincides = jnp.where(bend, first.jumps & (first.close > 0), coincides)
-    flags = lane.flags | jnp.where(grazes, GRAZING, 0)
-    # An attempt of length zero compares the guards of two modes.
-    flags = flags | jnp.where(moved & (code != REFRESH), marks, 0)
     undecided = (code == REFRESH) & _is_undecided(plan, lane, first)
-    flags = flags | jnp.where(undecided, GRAZING, 0)
-    flags = flags | jnp.where(event & coincides, COINCIDENT, 0)
-    flags = flags | jnp.where(fires & (code == VIOLATED), EVENT_AT_START, 0)
+    found = flag(grazes | undecided, GRAZING) | flag(event & coincides, COINCIDENT)
+    found = found | flag(violated, EVENT_AT_START) | mine
+    # An attempt of length zero compares the guards of two modes.
+    found = jnp.where(moved & (code != REFRESH), marks, found)
+    flags = noted(lane.flags, found, t)
     # A hash of guards and modes in their order: two runs can be compared without their logs.
     # The golden ratio of 2^32 keeps guard and mode apart, however many modes there are.
     mode = mode >> plan.functions.width if plan.functions.width else mode

@@ -23,7 +23,7 @@ from ._adjoint import adjoint
 from ._loop_state import Plan, start
 from ._record import Capacities, Logs, record
 from ._tolerance import grown, sizes, too_loose
-from .status import COARSE, flag
+from .status import COARSE, flag, told
 
 _NO_SECOND = (
     "second derivatives of a simulation (the event times are corrected to first order only); use "
@@ -45,6 +45,8 @@ class Counts(NamedTuple):
     mode: Any
     status: Any
     flags: Any
+    flagged_at: Any
+    flagged_guard: Any
     sequence: Any
     attempts: Any
     accepted: Any
@@ -64,13 +66,16 @@ def _raw(inputs, fixed, plan: Plan, capacities: Capacities) -> tuple[Smooth, Cou
     def count(value):
         return value.astype(jnp.int32)
 
+    flags, flagged_at, flagged_guard = told(lane.flags)
     smooth_logs, integer_logs = eqx.partition(logs, eqx.is_inexact_array)
     return (
         Smooth(lane.t, lane.y, smooth_logs),
         Counts(
             mode=lane.mode,
             status=count(lane.status),
-            flags=lane.flags | flag(too_loose(plan.atols, _size(lane, y0)), COARSE),
+            flags=flags | flag(too_loose(plan.atols, _size(lane, y0)), COARSE),
+            flagged_at=flagged_at,
+            flagged_guard=flagged_guard,
             sequence=lane.sequence,
             attempts=count(lane.attempts),
             accepted=count(lane.accepted),

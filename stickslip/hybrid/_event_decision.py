@@ -27,7 +27,7 @@ from ._step import Step
 from .event_functions import FAR, SLACK, STALE, EventFunctions, Values
 from .executor import bookkeeping, piece
 from .longest_step import RESOLUTION
-from .status import DISCONTINUOUS, GRAZING, RUNNING, flag
+from .status import DISCONTINUOUS, GRAZING, RUNNING, flag, of_guard
 from .tree import all_finite
 
 REACH = 1e-3  # part of the step to an event that the Newton correction may be
@@ -36,7 +36,7 @@ ROUNDING = 1e-15  # of the time: no event is located better
 # step; at the start of the next one by less than this part of that. In between no touch is lost.
 LOWEST, WAS_LOWEST = 1e-16, 0.1
 # Of a bend of a force, inside a step only: what it makes of derivatives is seen at the end of the step.
-TOUCHED, RESTED = 1 << 20, 1 << 21
+TOUCHED, RESTED = 1 << 7, 1 << 8
 COINCIDENCE = 1e-9  # fraction of a full step within which two guards fire "at the same instant"
 
 
@@ -48,8 +48,8 @@ class First(NamedTuple):
     rate: Any
     value_start: Any
     rate_start: Any
-    close: Any  # number of guards within rounding of zero
-    h_dip: Any  # where a function may have gone, or was seen, through zero and back; 0 if none
+    close: Any  # number of guards within rounding of zero at which something jumps
+    h_dip: Any  # where a function may have gone, or was seen, through zero and back; else far away
     marks: Any  # flags of a step in which nothing fires: a guard nearly touched, something jumped
     # Of a bend of a force that comes first: whether the force jumps there, or at least its slope does.
     jumps: Any = None
@@ -59,7 +59,7 @@ class First(NamedTuple):
 def _no_event(lane: Lane) -> First:
     zero, izero = jnp.zeros_like(lane.h), jnp.zeros_like(lane.mode)
     # Far above zero, so that any function is lower; positive at the start, so that none has crossed.
-    return First(izero, zero + FAR, zero, zero + FAR, zero, izero, zero, izero)
+    return First(izero, zero + FAR, zero, zero + FAR, zero, izero, zero + FAR, izero)
 
 
 @piece
@@ -70,8 +70,10 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
     jumps in it.
     """
     functions = plan.functions
-    best = _no_event(lane)._replace(h_dip=h_seen, marks=flag(jumps, DISCONTINUOUS))
-    touched = brushed = jumps & False  # guards; bends of a force
+    best = _no_event(lane)._replace(marks=flag(jumps, DISCONTINUOUS))
+    best = best._replace(h_dip=jnp.where(h_seen > 0, h_seen, best.h_dip))
+    brushed = jumps & False  # bends of a force
+    touched = best.index - 1  # the last such guard, -1 for none
     free = lane.bracket.tries == 0
     full = jnp.where(free, lane.h, lane.full)
     beside = -COINCIDENCE * full
@@ -100,9 +102,8 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
             value = jnp.where(held & (stop_gradient(value) < 2.0 * STALE), FAR, value)
         if plan.detect_dips:
             dips, place = _locate.dip(value0, rate0, stop_gradient(value), rate, lane.h)
-            best = best._replace(
-                h_dip=jnp.where(dips & ((best.h_dip == 0) | (place < best.h_dip)), place, best.h_dip)
-            )
+            sooner = dips & (place < best.h_dip)
+            best = best._replace(h_dip=jnp.where(sooner, place, best.h_dip))
         if not acts:
             continue
         # It turned back above zero, by less than what the tolerance of the state can decide. Of one
@@ -111,8 +112,12 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         if judged:
             low = (jnp.minimum(value0, stop_gradient(value)) < plan.touching) & (value0 > 0)
             turned = low & _turns(rate0, rate, rounding)
-            touched, brushed = (touched, brushed | turned) if bend else (touched | turned, brushed)
-        if is_guard and functions.num_guards > 1 and not bend:
+            if bend:
+                brushed = brushed | turned
+            else:
+                touched = jnp.where(turned, i, touched)
+        # One at which nothing jumps has no say in what another does to derivatives, whichever is first.
+        if judged and functions.num_guards > 1 and not bend:
             near = jnp.abs(stop_gradient(value)) < rate * beside
             close = close + near.astype(close.dtype)
         if is_guard and functions.count > 1:
@@ -148,11 +153,12 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         idle = idle if bend is None else idle & ~bend
         best = best._replace(value=jnp.where(idle, FAR, best.value))
     rests = _rests_at_zero(plan, lane, best)
-    if bend is None:
-        return best._replace(marks=best.marks | flag(touched | rests, GRAZING))
-    marks = flag(touched | (rests & ~bend), GRAZING) | flag(brushed, TOUCHED)
-    marks = marks | flag(rests & bend, RESTED)
-    return best._replace(marks=best.marks | marks)
+    marks = best.marks
+    if bend is not None:
+        marks = marks | flag(brushed, TOUCHED) | flag(rests & bend, RESTED)
+        rests = rests & ~bend
+    touched = jnp.where(rests, best.index, touched)
+    return best._replace(marks=marks | flag(touched >= 0, GRAZING) | of_guard(touched))
 
 
 def _turns(rate0: Any, rate: Any, rounding: Any) -> Any:
@@ -243,9 +249,11 @@ def _what_fires(plan: Plan, lane: Lane, h: Any, first: First, code: Any) -> Any:
     least = jnp.maximum(REACH * h, ROUNDING * jnp.abs(lane.t))
     reach = jnp.where(h == 0, tolerance * full, jnp.minimum(fine, least))
     near = jnp.abs(first.value) <= -rate * reach
-    for i in functions.continuous:
-        # Where it is flat it is not near: a load that was 0 for a while begins after that.
-        near = near & ~((first.index == i) & (rate == 0.0))
+    if functions.num_guards:
+        # Where a guard is flat it is not near: a load that was 0 for a while begins after that. What an
+        # outcome holds at zero is flat and is there.
+        flat = guards & (rate == 0.0)
+        near = near & ~(flat & ~functions.is_bend(first.index) if functions.num_bends else flat)
     # Guards at rest lie at zero to rounding; only what is clearly beyond fires.
     hit = first.value < jnp.where(guards, -SLACK, 1e-300)
     # A jump through zero ends on its far side, where the new mode is what it will be.
@@ -258,7 +266,7 @@ def _what_fires(plan: Plan, lane: Lane, h: Any, first: First, code: Any) -> Any:
     code = jnp.where(shrink & near, jnp.where(guards, EVENT, SECTION), code)
     # A dip of one function may lie before the crossing of another: it is looked at first. And the zero
     # that was located may be the last of several.
-    code = jnp.where(fresh & (first.h_dip > 0) & (free | near), DIP, code)
+    code = jnp.where(fresh & (first.h_dip < FAR) & (free | near), DIP, code)
     return jnp.where(~fresh & hit & guards, VIOLATED, code)
 
 

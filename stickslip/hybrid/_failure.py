@@ -61,8 +61,6 @@ def _message(solution: Any, successful: np.ndarray) -> str:
     enumeration = solution.result._enumeration
     texts = {name: enumeration[getattr(enumeration, name)] for name in tally(failed)}
     # The caller knows of a failure that the result does not.
-    setting = ("increasing `max_steps`", "increasing `max_steps` of the `Integrator`")
-    texts = {name: text.replace(*setting) for name, text in texts.items()}
     texts = {name: text or "the caller says that it failed" for name, text in texts.items()}
     if successful.ndim == 0:
         (name,) = texts

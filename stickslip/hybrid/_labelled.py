@@ -114,6 +114,8 @@ def solution_dataset(solution: Any, system: Any, batch: Any) -> Any:
         "end_mode": (front, np.asarray(solution.mode1), {}),
         "num_events": (front, np.asarray(solution.num_events), {}),
         "flags": (front, np.asarray(solution.flags), {}),
+        "flagged_at": (front, np.asarray(solution.flagged_at), _units(second)),
+        "flagged_guard": (front, np.asarray(solution.flagged_guard), {}),
         "result": (
             front, np.asarray(solution.result._value),
             {"flag_values": list(range(len(names))), "flag_meanings": " ".join(names)},

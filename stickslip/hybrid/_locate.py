@@ -141,6 +141,6 @@ def dip(value0: Any, rate0: Any, value1: Any, rate1: Any, h: Any) -> tuple[Any, 
     """
     below = rate0 * (value1 - rate1 * h) > rate1 * value0
     dips = (rate0 < 0) & (rate1 > 0) & (value0 > 0) & (value1 > 0) & below
-    where = h * rate0 / jnp.where(dips, rate0 - rate1, 1.0)
+    where = h * rate0 / (rate0 - rate1)  # infinite, or NaN, only where it does not dip
     # Not too near an end, where the look would cost a step and show what is known.
     return dips, jnp.clip(where, 0.1 * h, 0.9 * h)

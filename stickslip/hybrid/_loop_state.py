@@ -54,7 +54,7 @@ class Lane(NamedTuple):
     next_output: Any
     zero_events: Any
     status: Any
-    flags: Any
+    flags: Any  # with the time and the guard of the first, as `noted` has it
     sequence: Any  # hash of the events so far: equal hashes mean equal mode sequences
     attempts: Any
     accepted: Any
@@ -175,7 +175,7 @@ def start(plan: Plan, t0, y0, dy_like, mode0) -> Lane:
         next_output=izero,
         zero_events=zero,
         status=status,
-        flags=izero,
+        flags=izero.astype(jnp.int64),
         sequence=izero.astype(jnp.uint32),
         attempts=zero,
         accepted=zero,

@@ -8,7 +8,7 @@ from .._outcome import names_of, tally
 from .._show import counted, html_table, number, value_text
 from .._validation import is_concrete
 from .components import components_of
-from .status import RESULTS, describe_flags
+from .status import RESULTS, flags_text
 
 SHOWN = 8  # rows of a log
 
@@ -71,7 +71,7 @@ def solution_html(solution: Any) -> str:
         ["outcome", RESULTS[solution.result] or "successful"],
         ["events", f"{int(stats.num_events):,}"],
         ["steps", f"{int(stats.num_accepted):,} accepted of {int(stats.num_attempts):,}"],
-        ["derivative flags", describe_flags(int(solution.flags))],
+        ["derivative flags", flags_text(solution)],
         ["state at the end", ", ".join(f"{k} = {value_text(v)}" for k, v in end.items())],
         ["kept", _kept(solution)],
     ]

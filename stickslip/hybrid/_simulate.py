@@ -367,6 +367,9 @@ def _assemble(plan: Plan, problem, t0, t1, start, ts, smooth, counts, capacities
         crossings=crossings,
         result=to_result(counts.status),
         flags=flags,
+        flagged_at=counts.flagged_at,
+        flagged_guard=counts.flagged_guard,
+        guard_names=tuple(system.guard_names),
         sequence=counts.sequence,
         stats=out.Stats(counts.attempts, counts.accepted, counts.events),
     )

@@ -16,7 +16,7 @@ from .._validation import check_broadcast, check_type, is_concrete
 from ._labelled import events_dataframe, solution_dataset
 from ._shown import log_html, log_text, mode_path, solution_html
 from .components import components_of
-from .status import RESULTS, describe_flags
+from .status import RESULTS, flags_text
 from .system import AbstractHybridSystem
 
 if TYPE_CHECKING:
@@ -104,6 +104,9 @@ class Solution(eqx.Module):
       absolute tolerance above the motion, 32 an equilibrium with steps too long for derivatives,
       64 a field that bends in a long loop or in too many places.
       `differentiable` is `flags == 0`.
+    - `flagged_at`: when the first flagged step ends [s], NaN if none is: 16, 32 and 64 are flags of a
+      whole run. `flagged_guard`: the guard there, a number of `guard_names`; -1 if it was none, or if
+      something jumped. Of two guards at one instant it is that which fired.
     - `sequence`: hash of the sequence of guards and modes. Where it differs between two parameter
       values the mode sequence changed between them, and so no derivative connects them.
     """
@@ -119,8 +122,11 @@ class Solution(eqx.Module):
     crossings: tuple[StateLog, ...]
     result: Any
     flags: Int[Array, "*batch"]
+    flagged_at: Float[Array, "*batch"]
+    flagged_guard: Int[Array, "*batch"]
     sequence: UInt[Array, "*batch"]
     stats: Stats
+    guard_names: tuple[str, ...] = eqx.field(static=True)
 
     @property
     def num_events(self) -> Int[Array, "*batch"]:
@@ -148,7 +154,7 @@ class Solution(eqx.Module):
             f"Solution: t = {float(self.t0):g} to {float(self.t1):g} s, "
             f"{int(self.stats.num_events)} events, {int(self.stats.num_accepted)} steps accepted of "
             f"{int(self.stats.num_attempts)}; {message}; derivative flags: "
-            f"{describe_flags(int(self.flags))}"
+            f"{flags_text(self)}"
         )
 
     __repr__ = __str__

@@ -13,7 +13,7 @@ from ._tolerance import Ends, cancelling, error_norm, grown, scales, sizes, unex
 from ._unseen import strayed
 from .event_functions import ROUNDED, STALE, Values, divided
 from .executor import bookkeeping, piece
-from .status import DISCONTINUOUS, RUNNING, flag
+from .status import DISCONTINUOUS, RUNNING, flag, noted
 from .stepper import ROOT_SHARE, ROOT_TOLERANCE
 from .tree import shift
 
@@ -146,7 +146,7 @@ def _sudden(plan: Plan, lane: Lane, error):
     fits = (lane.status == RUNNING) & (lane.h > 0) & (lane.bracket.tries == 0) & (error <= 1.0)
     jumps = fits & (lane.h < SUDDEN * lane.peak) & (error > 1e-3)
     peak = jnp.where(fits, jnp.maximum(lane.h, FORGETS * lane.peak), lane.peak)
-    return peak, lane.flags | flag(jumps, DISCONTINUOUS)
+    return peak, noted(lane.flags, flag(jumps, DISCONTINUOUS), lane.t + lane.h)
 
 
 @piece

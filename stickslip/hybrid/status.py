@@ -3,10 +3,13 @@
 from typing import Any
 
 import diffrax as dfx
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Int
 
 from .._outcome import in_words
+from .._show import number
 
 RUNNING = -1
 
@@ -34,6 +37,13 @@ class RESULTS(dfx.RESULTS):  # pyright: ignore[reportGeneralTypeIssues]
         "No mode is admissible: `transition` or `initial_mode` returned -1 for this state."
     )
 
+
+# What diffrax says does not tell whose steps; equinox warns of an item that is declared once more.
+RESULTS._index_to_message[int(RESULTS.max_steps_reached._value)] = (
+    "The run took all its attempts, the `max_steps` of its `Integrator`, before it came to its end. "
+    "Give `Integrator(max_steps=...)` more, or ask for less accuracy; should it always stop at the "
+    "same time, see what the motion does there."
+)
 
 # The loop carries small integers; this is their order.
 CODES = (
@@ -87,6 +97,43 @@ def describe_flags(flags: int) -> str:
     return "; ".join(text for bit, text in names.items() if int(flags) & bit) or "none"
 
 
+def flags_text(solution: Any) -> str:
+    """Why a run has no derivative; when that was seen first, and at which guard."""
+    text, guard = describe_flags(int(solution.flags)), int(solution.flagged_guard)
+    if not np.isfinite(solution.flagged_at):
+        return text
+    whose = f", guard {solution.guard_names[guard]!r}" if guard >= 0 else ""
+    return f"{text} (first at t = {number(solution.flagged_at)} s{whose})"
+
+
 def flag(condition, bit: int):
     """`bit` where `condition`, else 0."""
-    return jnp.where(condition, bit, 0).astype(jnp.int32)
+    return jnp.where(condition, jnp.int32(bit), jnp.int32(0))
+
+
+# While a run goes on, the first of its flags is kept with its guard and time in one number, the bits of
+# the time as a float: the last of them, a part in 4e-9, make room for the others.
+BITS = 9  # those of the flags, and two more that are used inside of a step
+FLAGS = (1 << BITS) - 1
+NOTED = (1 << 24) - 1
+
+
+def of_guard(index: Any) -> Any:
+    """The number of a guard beside flags; nothing for -1."""
+    return (index + 1).astype(jnp.int32) << BITS
+
+
+def noted(before: Any, found: Any, t: Any) -> Any:
+    """Flags `found` in a step that ends at `t` together with those before it."""
+    time = jax.lax.bitcast_convert_type(t, jnp.int64) & ~NOTED
+    found = found.astype(jnp.int64)
+    flags = found & FLAGS
+    after = jnp.where(before == 0, time | found, before | flags)
+    return jnp.where(flags == 0, before, after)
+
+
+def told(flags: Any) -> tuple[Any, Any, Any]:
+    """Flags, time of the first, and its guard; NaN and -1 where there is none."""
+    t = jax.lax.bitcast_convert_type(flags & ~NOTED, jnp.float64)
+    guard = ((flags & NOTED) >> BITS).astype(jnp.int32) - 1
+    return (flags & FLAGS).astype(jnp.int32), jnp.where(flags == 0, jnp.nan, t), guard

@@ -132,7 +132,7 @@ class AbstractHybridSystem(AbstractShown):
 
     @property
     def continuous_guards(self) -> tuple[int, ...]:
-        """Guards, by number, at which neither state nor field jumps: a touch does not flag a run."""
+        """Guards, by number, at which neither state nor field jumps: they do not flag a run."""
         return ()
 
     @property

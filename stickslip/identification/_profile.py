@@ -46,12 +46,12 @@ class Profile(eqx.Module):
 
     - `names` profiled, in alphabetical order; `level`.
     - `estimate`, `lower`, `upper`, and `wald_lower`, `wald_upper` by the linearised problem, infinite
-      where it does not see the unknown: `[unknown]`, in its unit. Where the profile stays below the
-      level, the end is where the search stopped.
+      where it does not see the unknown: `[unknown]`, in its unit; `intervals` has them by name. Where
+      the profile stays below the level, the end is where the search stopped.
     - `ends`, `[unknown, side]`, lower side first: 0 found, 1 stays below the level up to the limit,
-      2 a jump of the profile or the edge of where the model runs, 3 not found within `max_steps`. At 2
-      and 3 the end is the farthest point found below the level, at which the profile is no higher: to
-      a part in 1e6 of the distance for 2, in 100 where the steps ran out.
+      2 a jump of the profile or the edge of where the model runs, 3 not found within the `max_steps` of
+      `profile`. At 2 and 3 the end is the farthest point found below the level, at which the profile is
+      no higher: to a part in 1e6 of the distance for 2, in 100 where the steps ran out.
     - `verdict`: 0 identifiable, 1 practically not, as the profile stays below on one or both sides,
       2 structurally not, as it is flat or the linearised problem does not see it, 3 not decided.
     - `values`, `rises` $\Delta$, `[unknown, side, point]`: the profile, NaN past its last point;
@@ -144,7 +144,10 @@ def profile(
     - `limits`: by name (low, high), how far to look. By default to the bounds; without a bound to a
       thousandth and a thousand times the distance from the other one, or a thousand times its size.
     - `level` of the interval, above 0 and below 1. `points`: steps to the level on each side.
-    - `max_steps`: evaluations for one side.
+    - `max_steps`: evaluations for one side. All sides are evaluated together, which lasts as long as
+      the slowest run among them, and far from the fit a motion may be stiff or fast: let the
+      `Integrator` of the problem have `max_steps` of a few times what the run at the fit takes. A run
+      that wants more counts as one that fails, beyond the edge of where the model runs.
 
     **Returns** a `Profile`. **Raises** `TypeError`, `ValueError` for anything else. Works under `jit`
     and `vmap`.

@@ -21,7 +21,7 @@ from .._validation import (
     refusal,
 )
 from ..hybrid import Solution, same_mode_sequence
-from ..hybrid.status import describe_flags
+from ..hybrid.status import flags_text
 from ._compare import Comparison
 from ._fit import POOR, Fit
 from ._profile import Profile
@@ -311,7 +311,7 @@ def _modes(runs: Mapping[str, Solution], others: Mapping[str, Solution]) -> list
         if bool(run.differentiable):
             text += "; nothing was found at which derivatives do not exist"
         else:
-            text += f"; NO derivative where {describe_flags(int(run.flags))}"
+            text += f"; NO derivative where {flags_text(run)}"
         if name in others:
             same = bool(same_mode_sequence(run, others[name]))
             text += (

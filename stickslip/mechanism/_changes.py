@@ -15,11 +15,11 @@ from stickslip.hybrid.system import NO_MODE
 from ._any_args import with_any_args
 from ._beginning import begun
 from ._check import SLIDES
+from ._contact import drags
 from ._declaration import at_zero
 from ._impacts import struck, touches
 from ._instant import (
     Instant,
-    drags,
     floats,
     held_contacts,
     in_rows,
@@ -34,6 +34,7 @@ from ._instant import (
 )
 from ._island import Island
 from ._island_rows import IslandRows, with_rows
+from ._parting import beside_what_rests, placed
 from ._reserve import least_reserve, lone_reaction
 from ._rows import row
 from ._scalars import any_of, dot, is_zero, minus, without_slope
@@ -82,6 +83,12 @@ def guards(machine: "AbstractMechanism", t: Any, y: Any, mode: Any, args: Any) -
                 tied_to = [tied & closed for tied in tied_to]
             for c, r, tied, u in zip(island.rows, rest, tied_to, slip, strict=False):
                 own[c] = where(r | tied, 1.0, u)
+            if island.shut:
+                beside = beside_what_rests(island, at, states, force, gamma, limits, motion)
+                some = any_of(rest)
+                for i, (c, r, x) in enumerate(zip(island.rows, rest, beside, strict=False)):
+                    slides = some & (states[c] != 2.0) if i < island.contacts else r
+                    own[c] = where(slides, x, own[c])
             if island.stops:
                 reserve = least_reserve(island, *limits, rows_of(island, at), rest, motion)[0]
                 shared.append(where(reserve < jnp.inf, reserve, 1.0))
@@ -200,7 +207,7 @@ def transition(
         failed = failed | jammed
         gamma = surface_accelerations(machine, t, at, args)
     force = loaded(machine, at, states, lone=False, apart=True)
-    v, new = [jnp.asarray(x, jnp.float64) for x in at.v], states
+    q, v, new = at.q, [jnp.asarray(x, jnp.float64) for x in at.v], states
     for island in machine.islands:
         if not island.rows:
             continue
@@ -242,11 +249,15 @@ def transition(
         started = [gives_way & r & (way != 0.0) for r, way in zip(rest, released, strict=True)]
         # What stops, rests at once, with all that has no speed then; the law decides what stays.
         on = [r | (h & stops) for r, h in zip(rest, hit, strict=True)]
-        slow = _slow(at, island, states, on)
+        drifts = any(not is_zero(gamma[c]) for c in island.rows)
+        parts, first = drifts and island.shut, on
+        if parts:
+            # On one velocity what has just lost its speed says which others have lost theirs.
+            first = [h | (r & ~stops) for h, r in zip(hit, on, strict=True)]
+        slow = _slow(at, island, states, first)
         still = island.closed(on, held_contacts(at, island, states, slow))
         now = [where(stops & r, 0.0, x) for r, x in zip(still, now, strict=True)]
         touched = stops | gives_way
-        drifts = any(not is_zero(gamma[c]) for c in island.rows)
         if drifts:
             # Rest on a direction or surface that varies is held by accelerations: what their steps err
             # by is a speed, and one against the sense in which it gives way would stop it at once.
@@ -265,7 +276,14 @@ def transition(
         passing = [where(stops & h & ~r, -x, 0.0) for h, r, x in zip(hit, rest, s, strict=True)]
         found, ended = _settled(machine, at, island, states, now, started, gamma, touched, passing)
         failed = failed | (touched & ~ended)
-        if island.varies:
+        if parts:
+            # What a stop carries off keeps its velocity: that of a stop which has hardly begun to move
+            # is rounding, and might be against the sense in which the others are left.
+            left_behind = any_of(h & r for h, r in zip(hit, rest, strict=True))
+            keeps = [left_behind & (c >= count) for c in island.rows]
+            still = [x & (f == 0.0) & ~k for x, f, k in zip(still, found, keeps, strict=True)]
+            q = placed(island, at, q, [r & touched for r in rest])
+        elif island.varies:
             # What passes through rest keeps its velocity: where its direction vanishes, to be made to
             # rest would stop the mechanism.
             still = [
@@ -276,7 +294,7 @@ def transition(
         new = list(new)
         for c, x in zip(island.rows, found, strict=True):
             new[c] = where(touched, x, new[c])
-    return machine.from_coordinates(at.q, type(at.v)(*v)), _mode(machine, new, failed)
+    return machine.from_coordinates(q, type(at.v)(*v)), _mode(machine, new, failed)
 
 
 def _carried(machine: "AbstractMechanism", at: Instant, states: list, gamma: list) -> list[Any]:

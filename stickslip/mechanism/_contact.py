@@ -2,8 +2,11 @@
 
 from typing import Any, NamedTuple
 
+import jax.numpy as jnp
+
 from stickslip._types import Given
 from stickslip.friction import AbstractFrictionLaw
+from stickslip.hybrid.dependence import NONE, degrees
 
 
 class Contact(NamedTuple):
@@ -26,3 +29,8 @@ class Contact(NamedTuple):
     surface_speed: Any = 0.0
     direction: Any = None
     normal_direction: Any = None
+
+
+def drags(law: Any) -> bool:
+    """Whether a law resists without a normal force too."""
+    return degrees(lambda u: [law.drag(u)], (jnp.zeros(()),), (True,)) != [NONE]

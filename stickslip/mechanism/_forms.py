@@ -16,7 +16,8 @@ from stickslip.friction import AbstractBristleLaw, AbstractFrictionLaw, LuGre, R
 from stickslip.hybrid.system import NO_MODE
 
 from ._check import DeclarationError
-from ._instant import Instant, drags, pressing, push_of
+from ._contact import drags
+from ._instant import Instant, pressing, push_of
 from ._mechanism import AbstractMechanism
 from ._scalars import times, total
 from .account import AbstractMechanicalSystem

@@ -130,15 +130,36 @@ def surface_accelerations(machine: "AbstractMechanism", t: Any, at: Instant, arg
     # Of one velocity a stop without a speed of its own holds everything that is at rest.
     still = [len(names) + k for k, rate in enumerate(machine.slopes[:, -1]) if rate == 0.0]
     for island in machine.islands:
-        if not island.dependent:
-            continue
         moves = [c for c in island.rows if depends[c] != NONE and not (island.shut and c in still)]
-        if moves:
-            what = "surfaces of contacts and stops whose directions depend on each other"
-            those = ", ".join(names_of_rows(machine, moves))
-            raise DeclarationError(str(refusal(what, those, "of constant speed")))
+        if island.dependent and moves and not (island.shut and _straight(machine, t, at, island, args)):
+            raise _moving(machine, island, moves)
     rates = jax.jvp(speeds, (t, q), (jnp.ones_like(t), q_rate))[1]
     return [0.0 if d == NONE else -r for d, r in zip(depends, rates, strict=True)]
+
+
+def _straight(machine: "AbstractMechanism", t: Any, at: Instant, island: Island, args: Any) -> bool:
+    """Whether the directions of all contacts of an island are constant during a run."""
+    if not np.isnan(island.directions[: island.contacts]).any():
+        return True
+
+    def directions(t, q):
+        rows = touching(machine, t, q, at.v, args)[1]
+        return [jnp.asarray(total(rows[c])) + 0.0 for c in island.rows[: island.contacts]]
+
+    return all(d == NONE for d in degrees(directions, (t, floats(at.q)), (True, True)))
+
+
+def _moving(machine: "AbstractMechanism", island: Island, moves: list[int]) -> DeclarationError:
+    """The error of surfaces that move or turn beside others, on which something would rest as well."""
+    others = ", ".join(names_of_rows(machine, [c for c in island.rows if c not in moves]))
+    beside = f" beside {others}" if others else ""
+    allowed = (
+        f"of constant speed{beside}: what rests on two surfaces cannot follow both. Stops and contacts "
+        "of constant directions may move where they touch one coordinate that nothing couples with "
+        "another, and where no direction depends on others; else put a stiff spring in place of one"
+    )
+    what = "surfaces of contacts and stops whose directions depend on each other"
+    return DeclarationError(str(refusal(what, ", ".join(names_of_rows(machine, moves)), allowed)))
 
 
 def names_of_rows(machine: "AbstractMechanism", rows: Any) -> list[str]:
@@ -290,11 +311,6 @@ def landed(island: Island, at: Instant, still: list) -> list[Any]:
                 alone = times(over(row[j]), minus(at.surfaces[c], others))
                 v[j] = where(rests & (leads == place), alone, now[j])
     return v
-
-
-def drags(law: Any) -> bool:
-    """Whether a law resists without a normal force too."""
-    return degrees(lambda u: [law.drag(u)], (jnp.zeros(()),), (True,)) != [NONE]
 
 
 def pressing(load: Any) -> Any:

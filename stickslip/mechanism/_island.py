@@ -206,6 +206,8 @@ class Island:
             if len(own) == 1:
                 (j,) = own
                 a[j] = where(self.decides(rest[c], J[c][j]), times(over(J[c][j]), gamma[c]), a[j])
+            elif np.isnan(self.directions[c]).any():
+                a = self._decided(a, J[c], own, rest[c], gamma[c])
         reaction = [total(times(J[c][j], force[c]) for c in range(self.m)) for j in range(self.n)]
         if self.rank == self.n and all(map(is_zero, gamma)):
             leads = [held[c] & ~d for c, d in zip(order, factors.depends, strict=False)]
@@ -225,6 +227,23 @@ class Island:
     def decides(self, rests: Any, n: Any) -> Any:
         """Whether a resting contact decides the velocity that its direction has the entry `n` for."""
         return rests & (n != 0.0) if self.varies else rests
+
+    def _decided(self, a: list, n: list, own: list[int], rests: Any, gamma: Any) -> list[Any]:
+        """`a`, of which a contact that rests decides the velocity along its largest entry.
+
+        What it holds alone as its other entries vanish then has no acceleration at all, where rounding
+        of the forces that cancel would be the whole motion.
+        """
+        found, sizes = list(a), [jnp.abs(jnp.asarray(n[j])) for j in own]
+        for place, j in enumerate(own):
+            others = [i for i in own if i != j]
+            leads = rests & (sizes[place] > 0.0)
+            for other, size in enumerate(sizes):
+                if other != place:
+                    leads &= sizes[place] > size if other < place else sizes[place] >= size
+            rate = minus(gamma, dot([n[i] for i in others], [a[i] for i in others]))
+            found[j] = where(leads, times(over(n[j]), rate), a[j])
+        return found
 
     def _along_contacts(self, M: Mass, F: list, rest: list, gamma: list) -> Motion:
         """The same with the speeds along the contacts, and some others, as velocities."""

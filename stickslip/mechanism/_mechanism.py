@@ -42,7 +42,7 @@ from ._observables import AbstractWithObservables
 from ._rows import NumberRow
 from ._scalars import Mass
 from ._stop import check_gaps
-from ._structure import check_args, coupled, inertia_forms, steady
+from ._structure import check_args, coupled, inertia_forms, steady, without_drag
 from ._together import motion_in_rows
 
 if TYPE_CHECKING:
@@ -151,10 +151,10 @@ class AbstractMechanism(AbstractWithObservables):
     of two components, is not covered: two contacts that cross, each with the normal force of the body,
     are a square in place of the circle, and a puck on them bends off its line and stops too early.
     Normal forces that depend on friction or accelerations (Painlevé) are not covered, nor is friction
-    in a stop. Dependent directions that vary, surfaces of dependent contacts whose speeds
-    vary, and more than 31 contacts (a stop counts as half of one) raise an error. Where contacts have
-    directions across the coordinates, accelerations lose as many digits as the inertias that they join
-    have in their ratio.
+    in a stop. Dependent directions that vary, surfaces of dependent contacts whose speeds vary (but
+    beside a stop on one coordinate), and more than 31 contacts (a stop counts as half of one) raise an
+    error. Where contacts have directions across the coordinates, accelerations lose as many digits as
+    the inertias that they join have in their ratio.
 
     **Raises** `DeclarationError`, `ValueError` or `TypeError` that name what is declared wrongly,
     before anything is compiled: directions of the wrong length, a mass matrix that is not positive
@@ -303,9 +303,12 @@ class AbstractMechanism(AbstractWithObservables):
 
     @property
     def continuous_guards(self) -> tuple[int, ...]:
-        """Those of the normal forces: friction begins and ends with them at 0."""
-        first = len(self.names.contacts) + len(self.parted) + len(self.shared)
-        return tuple(range(first, first + len(self.names.opening) + len(self.lifting)))
+        """Those of the normal forces: friction begins and ends with them at 0, but for drag."""
+        names, opening = self.names, self.opening
+        first = len(names.contacts) + len(self.parted) + len(self.shared)
+        smooth = traced_with(without_drag, self) if opening else set()
+        own = [i for i, name in enumerate(opening) if names.contacts.index(name) in smooth]
+        return tuple(first + i for i in (*own, *range(len(opening), len(opening) + len(self.lifting))))
 
     @property
     def answers_jumps(self) -> bool:

@@ -117,6 +117,14 @@ def settled(
         behind = without_drop(static.high[c], kinetic.high[c])
         creeping.append(start & (((s > 0.0) & ahead) | ((s <= 0.0) & behind)))
 
+    # What has no speed may be parted at once: on each surface the one velocity changes differently.
+    parts = island.shut and not all(map(is_zero, gamma))
+
+    def beside(acceleration: list, slow: Any) -> list[Any]:
+        slips = (minus(dot(n, acceleration), g) for n, g in zip(J, gamma, strict=True))
+        found = [where(jnp.abs(x) <= slow, 0.0, jnp.sign(x)) for x in map(jnp.asarray, slips)]
+        return [*found[: island.contacts], *(jnp.maximum(x, 0.0) for x in found[island.contacts :])]
+
     def pivot(now: _Search) -> _Search:
         slow = 0.1 * now.still / inertia  # slower than what an overload of this size brings about
         low, high, load = [], [], list(F)
@@ -145,7 +153,11 @@ def settled(
             for a, b in zip(now.acceleration, found.acceleration, strict=True)
         ]
         # Of dependent contacts those that have no speed and would have none by the others' rest.
-        stopped = island.closed([r | (first == c) for c, r in enumerate(rest)], standing)
+        along = standing
+        if parts:
+            slips = beside(reached, slow)
+            along = [stands & (s == 0.0) for stands, s in zip(standing, slips, strict=True)]
+        stopped = island.closed([r | (first == c) for c, r in enumerate(rest)], along)
         if island.stops:
             reserve, released = least_reserve(island, low, high, J, rest, found)
             overloaded = ~blocked & (reserve < -now.still)
@@ -166,8 +178,8 @@ def settled(
         # The next search begins at rest: started on the face found, all its speeds zero, it could
         # stop and release the same contacts for ever.
         states_now = [
-            where(again & stands, 0.0, where(done, end, s))
-            for stands, end, s in zip(standing, ends, states_now, strict=True)
+            where(again & stands, begin, where(done, end, s))
+            for stands, begin, end, s in zip(standing, face, ends, states_now, strict=True)
         ]
         given = [where(again, end, g) for end, g in zip(ends, now.given, strict=True)]
         reached = [where(again, start, a) for start, a in zip(origin, reached, strict=True)]
@@ -176,10 +188,18 @@ def settled(
         still = where(tired, 10.0 * now.still, now.still)
         return _Search(states_now, given, reached, now.pivots + 1, done, still)
 
-    face = [where(stands, 0.0, s) for stands, s in zip(standing, states, strict=True)]
     origin = [zero] * island.n
     if not all(map(is_zero, gamma)):
         origin = island.motion(M, origin, J, standing, gamma).acceleration
+    begun: list[Any] = [0.0] * island.m
+    if parts:
+        for c in range(island.contacts, island.m):
+            # Nothing goes through a stop: of several the one that is ahead decides.
+            least = times(over(J[c][0]), gamma[c])
+            behind = standing[c] & (minus(times(J[c][0], origin[0]), gamma[c]) < 0.0)
+            origin = [where(behind, least, origin[0])]
+        begun = beside(origin, 0.1 * SLACK * size / inertia)
+    face = [where(stands, x, s) for stands, x, s in zip(standing, begun, states, strict=True)]
     given = [jnp.asarray(s) for s in states]
     start = _Search(face, given, origin, jnp.zeros_like(size, jnp.int32), ~active, SLACK * size)
     end = lax.while_loop(

@@ -12,6 +12,7 @@ from stickslip.hybrid.dependence import NONE, degrees
 
 from ._abstract import abstract, numbers_of, traced_with, with_numbers
 from ._any_args import Looked, Sealed, with_any_args
+from ._contact import drags
 from ._declaration import at_zero, coordinates_type, in_order, mass_of
 from ._folding import affine_forms
 from ._known import evaluated
@@ -78,6 +79,24 @@ def steady_under(machine: "AbstractMechanism", args: Any) -> set[int]:
 def steady(machine: "AbstractMechanism") -> set[int]:
     """The same whatever `args` are."""
     return with_any_args(lambda args: steady_under(machine, args))
+
+
+def without_drag(machine: "AbstractMechanism") -> set[int]:
+    """Contacts whose law resists by their normal force alone, whatever `args` are."""
+    names = machine.names
+
+    def under(args):
+        found = set()
+
+        def laws(t, q, v):
+            contacts = in_order("contacts(...)", machine.contacts(t, q, v, args), names.contacts, "")
+            found.update(c for c, contact in enumerate(contacts) if not drags(contact.law))
+            return 0.0
+
+        jax.eval_shape(laws, jnp.zeros(()), *at_zero(names))
+        return found
+
+    return with_any_args(under)
 
 
 def check_args(machine: "AbstractMechanism", args: Any) -> None:

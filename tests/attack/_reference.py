@@ -292,11 +292,19 @@ class March(Instants):
                 # Bristles whose friction falls to 0 with the speed are stiff without bound.
                 if solver.nfev > MOST_CALLS or not np.isfinite(solver.y).all() or solver.step():
                     raise Unsure("the reference's steps end")
+                dense, ends = solver.dense_output(), []
                 N = parts(solver.t, solver.y)[1]
-                if any(x < 0 and not c.opens for x, c in zip(N, self.contacts, strict=True)):
-                    return out[:, self._shown], solver.t
-                dense = solver.dense_output()
-                for i in np.flatnonzero((ts > solver.t_old) & (ts <= solver.t)):
+                for c, touch in enumerate(self.contacts):
+
+                    def load(x, c=c, dense=dense):
+                        return parts(x, dense(x))[1][c]
+
+                    if N[c] < 0 and not touch.opens:
+                        presses = load(solver.t_old) > 0
+                        ends.append(brentq(load, solver.t_old, solver.t) if presses else solver.t_old)
+                for i in np.flatnonzero((ts > solver.t_old) & (ts <= min([solver.t, *ends]))):
                     out[i] = dense(ts[i])[:first]
+                if ends:
+                    return out[:, self._shown], min(ends)
             t, y = end, solver.y
         return out[:, self._shown], self.end

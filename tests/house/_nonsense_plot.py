@@ -23,7 +23,8 @@ LOG = StateLog(
 ZERO = jnp.zeros((), jnp.int32)
 RUN = ss.Solution(
     ROWS[0], ROWS[1], Motion(ROWS[1], ROWS[1]), Motion(ROWS[1], ROWS[1]), ZERO, LOG, None, None, (),
-    ss.RESULTS.successful, ZERO, jnp.zeros((), jnp.uint32), Stats(ZERO, ZERO, ZERO),
+    ss.RESULTS.successful, ZERO, jnp.nan * ROWS[0], ZERO - 1,
+    jnp.zeros((), jnp.uint32), Stats(ZERO, ZERO, ZERO), (),
 )  # fmt: skip
 CODES = jnp.zeros(2, jnp.int32)
 EVENTS = EventLog(LOG.count, ROWS, CODES, CODES, CODES, Motion(ROWS, ROWS), Motion(ROWS, ROWS))

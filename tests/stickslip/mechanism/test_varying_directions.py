@@ -68,3 +68,30 @@ def test_random_runs_are_those_of_fine_steps_without_flags(number):
     assert not np.any(off & ~told)
     assert np.mean(told) <= 0.005
     assert np.min(fine[1]) >= 4
+
+
+class Tilting(AbstractMechanism):
+    """Two masses under a force that friction holds along a curve, which is level at the start."""
+
+    force: Any
+    coordinates: ClassVar = {"x": "m", "y": "m"}
+    contact_directions: ClassVar = {"curve": None}
+
+    def mass_matrix(self, q):
+        return (2.215, 0.886)
+
+    def forces(self, t, q, v, args):
+        return (self.force * jnp.cos(t) - 0.473 * v.x, -0.275 * v.y)
+
+    def contacts(self, t, q, v, args):
+        return {"curve": Contact(Coulomb(1.0), direction={"x": 1.0, "y": jnp.tanh(q.x)})}
+
+
+@pytest.mark.parametrize("force", [1.0, 0.77])
+def test_what_friction_holds_does_not_move_by_rounding(force):
+    """Accelerations of the rounding of the forces were the whole motion, and steps of 1e-11 s their
+    error."""
+    machine = Tilting(force)
+    run = ss.simulate(machine, 0.0, 1.0, machine.state())
+    assert run.successful
+    assert not any(run.y1)
