@@ -68,8 +68,8 @@ def to_result(code: Int[Array, "*batch"]) -> RESULTS:  # pyright: ignore[reportI
 def item_of(results: Any, names: tuple[str, ...], code: Int[Array, "*batch"]) -> Any:
     """Item of an enumeration by a code, the place in the row of `names`; the first by default."""
     result = getattr(results, names[0])
-    for number, name in enumerate(names):
-        result = results.where(code == number, getattr(results, name), result)
+    for place, name in enumerate(names):
+        result = results.where(code == place, getattr(results, name), result)
     return result
 
 
