@@ -3,7 +3,7 @@
 import itertools
 import re
 from collections import Counter
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, overload
 
 import jax
 import jax.numpy as jnp
@@ -112,6 +112,10 @@ def second_of(system: Any) -> str:
     return "1" if getattr(system, "is_dimensionless", False) else "s"
 
 
+@overload
+def per_second(unit: str) -> str: ...
+@overload
+def per_second(unit: None) -> None: ...
 def per_second(unit: str | None) -> str | None:
     """The unit of a slope."""
     return None if unit is None else {"1": "1/s"}.get(unit, f"{unit}/s")
