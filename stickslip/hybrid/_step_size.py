@@ -47,10 +47,10 @@ class AbstractStepSize(eqx.Module, metaclass=CheckedModule):
 class AbstractAdaptiveStep(AbstractStepSize):
     r"""A rule that sets the step by the scaled error $E$ of the last one; $E \le 1$ is accepted.
 
-    $E$ is the largest over the components of the error estimate divided by `atol + rtol |y|`; see
-    `AdaptiveStep` for `atol=None`. The doubt about an event function replaces it where it is larger.
-    Whatever `factor` says, a rejected step becomes shorter by a tenth at least, no step is longer than
-    `dtmax`, and one that would have to be shorter than `dtmin` ends the run with
+    $E$ is the root mean square of the error estimates of all components, each divided by its
+    `atol + rtol |y|`; see `AdaptiveStep` for `atol=None`. The doubt about an event function replaces it
+    where it is larger. Whatever `factor` says, a rejected step becomes shorter by a tenth at least, no
+    step is longer than `dtmax`, and one that would have to be shorter than `dtmin` ends the run with
     `RESULTS.dt_min_reached`.
 
     Your own rule, here one that halves and doubles:
