@@ -29,7 +29,7 @@ ORBIT = continuation.PeriodicOrbit(
     ONE, POINT, ZERO, ONE, jnp.zeros(1, complex), ONE, ZERO, ZERO, jnp.eye(2), ONE, ONE, ONE, ONE, ZERO,
     POINT, POINT, EventLog(ZERO, NONE, CODES, CODES, CODES, Motion(NONE, NONE), Motion(NONE, NONE)),
     jnp.zeros((), jnp.uint32), ZERO, continuation.ORBITS.successful, ss.RESULTS.successful,
-    jnp.zeros((2, 2)), POINT,
+    jnp.zeros((2, 2)), POINT, POINT,
 )  # fmt: skip
 ROW = jax.tree.map(lambda leaf: leaf[None], ORBIT)
 BRANCH = continuation.Branch("belt_speed", np.array([0.2]), ROW, ((0,),), (), OSCILLATOR)

@@ -288,7 +288,7 @@ def test_results_are_messages():
         return jnp.stack([10.0 * (p["b"] - p["a"] ** 2), 1.0 - p["a"]])
 
     for fit, word in (
-        (least_squares(residual, dict(a=0.3, b=3.0), max_steps=2), "limit of steps"),
+        (least_squares(residual, dict(a=0.3, b=3.0), max_steps=2), "`least_squares(max_steps=...)`"),
         (least_squares(lambda p: p["a"][None] * jnp.nan, dict(a=1.0)), "at the start"),
     ):
         assert not bool(fit.successful)
