@@ -57,7 +57,7 @@ TARGETS = [
         continuation.OrbitGuess,
         {
             "y0": arg(START, "states"), "period": PERIOD, "mode0": arg(0, "none", "whole", "text"),
-            "t0": TIME,
+            "t0": TIME, "turns": arg(None, "none", "mapping"),
         },
     ),
     Target(
