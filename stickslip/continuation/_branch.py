@@ -26,8 +26,8 @@ class BranchPoint(eqx.Module):
       it is the one before it.
     - `index`: number of the point of the branch before it.
     - `slope`: direction of the branch there: of orbits the rates of the first point, of the period if
-      it is an unknown, and of the parameter; of equilibria those of the state and of the parameter; of a
-      curve those of its two parameters.
+      it is an unknown, and of the parameter; of equilibria those of the state and of the parameter; of
+      a curve those of its two parameters.
     - `system`: with the parameters at these values.
     """
 

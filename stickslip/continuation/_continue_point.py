@@ -65,8 +65,8 @@ def continue_point(
     - `forcing_period`, `shooting`, `args`: as for `continue_orbit`.
 
     **Returns** a `Branch` over both parameters: its points in order, `ends` that say how it ends on
-    both sides, and special points where it meets another curve, by the names above. The loop is Python and
-    runs outside `jit`.
+    both sides, and special points where it meets another curve, by the names above. The loop is Python
+    and runs outside `jit`.
 
     **Errors** `ValueError`/`TypeError` naming the argument, before compilation.
     """

@@ -26,6 +26,16 @@ class Equilibrium(eqx.Module):
     swing: np.ndarray
 
     @property
+    def lowest(self) -> PyTree:
+        """Least values of the motion, which does not move: `y`; `highest` likewise."""
+        return self.y
+
+    @property
+    def highest(self) -> PyTree:
+        """Greatest values of the motion: `y`."""
+        return self.y
+
+    @property
     def stable(self) -> np.ndarray:
         """Whether all eigenvalues have negative real parts."""
         return np.all(np.real(self.eigenvalues) < 0.0, axis=-1)
