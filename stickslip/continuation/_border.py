@@ -22,7 +22,7 @@ class Border(AbstractCurve):
     """The curve on which orbits of one sequence of modes end, by bisection across it."""
 
     def __init__(self, problem: Problem, label: str, sequence: tuple):
-        self.problem, self.label, self.sequence = problem, label, sequence
+        self.problem, self.label, self.own = problem, label, sequence
 
     def reason(self, last: Place, failure: Failure) -> str:
         return CORNER if self.corner(last) else reason_of(self.problem, last, failure)
@@ -118,7 +118,7 @@ class Border(AbstractCurve):
         return False
 
     def _alike(self, point: Point) -> bool:
-        return point.sequence == self.sequence
+        return point.sequence == self.own
 
     def _across(self, place: Place, distance: float) -> Point | Failure:
         """The last orbit on the line across the curve, at a distance along it."""

@@ -64,8 +64,8 @@ def continue_equilibrium(
     `BP` (branch point), `HB` (Hopf: a pair crosses the imaginary axis), `UZ` and `EP` (end, with the
     reason). From an `HB` point `continue_orbit` follows the periodic orbits that are born there. It
     runs outside `jit`. A branch point at which the parameter turns, as along one branch of a pitchfork,
-    is a `BP` and no `LP`. What is not located has a question mark, `LP?`, and words between which states
-    it lies. Results do not depend on the units of the state, of the time and of the parameter.
+    is a `BP` and no `LP`. What is not located has a question mark, `LP?`, and words between which
+    states it lies. Results do not depend on the units of the state, of the time and of the parameter.
 
     **Errors** `ValueError`/`TypeError` naming the argument; also where Newton's method finds no
     equilibrium from `y0`.

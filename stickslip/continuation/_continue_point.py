@@ -131,6 +131,6 @@ def _start(
         for side in (1.0, -1.0):
             move = np.array([side * beside * problem.unit[0], 0.0])
             found = begin(problem, point.orbit, values + move)
-            if isinstance(found, Point) and found.sequence == border.sequence:
+            if isinstance(found, Point) and found.sequence == border.own:
                 return border, border.begin(found, step)
     return border, first if isinstance(first, Failure) else Failure("mode_differs")

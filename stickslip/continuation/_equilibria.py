@@ -164,7 +164,7 @@ class Equilibria(AbstractFamily):
         its rate passes zero, since beyond it another branch goes on. No Hopf point is where the
         eigenvalues whose sum passes zero are real, on both sides if it is not located."""
         if test.zero and abs(test(before)) <= test.zero:
-            return before
+            return None if test.label == "HB" and axis_pair(before) is None else before
         if test.label == "BP":
             return _branch_point(self.field, before, after, distance, before.measure)
         bracket, known = [0.0, distance], {}

@@ -197,7 +197,7 @@ class _Watch:
         assert test.level is not None
         number, value = test.level
         low, high = self.bounds[number]
-        near = abs(point.values[number] - value) <= ACCURACY.at_bound * (high - low)
+        near = bool(abs(point.values[number] - value) <= ACCURACY.at_bound * (high - low))
         words = test.words if near else f"{test.words}: not reached, the next orbit is beyond"
         return Event("EP", point, words, ends=True, located=near)
 
