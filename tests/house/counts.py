@@ -13,8 +13,22 @@ from tests.house._repository import ROOT, imported_modules, tracked_files
 
 LAYERS = ("mechanism", "continuation", "hybrid", "identification", "sweep", "analysis")
 # One word, and a participle. `_NOUNS` end like one and are none.
-_PARTICIPLE = re.compile(r"(?<![aeiou])[a-z]+(ed|wn|lt|ght|ung|ken|den|ven|sen)|known|moved|put|set|seen|met|cut|led")
-_NOUNS = {"need", "feed", "seed", "speed", "adjoint", "event", "golden", "result", "weight", "height", "right"}
+_PARTICIPLE = re.compile(
+    r"(?<![aeiou])[a-z]+(ed|wn|lt|ght|ung|ken|den|ven|sen)|known|moved|put|set|seen|met|cut|led"
+)
+_NOUNS = {
+    "need",
+    "feed",
+    "seed",
+    "speed",
+    "adjoint",
+    "event",
+    "golden",
+    "result",
+    "weight",
+    "height",
+    "right",
+}
 
 
 @cache
@@ -84,10 +98,14 @@ def arguments(package: str) -> dict[str, int]:
     found = {}
     for path, tree in trees(package).items():
         for node in tree.body:
-            methods = node.body if isinstance(node, ast.ClassDef) and not node.name.startswith("_") else []
+            methods = (
+                node.body if isinstance(node, ast.ClassDef) and not node.name.startswith("_") else []
+            )
             for function in [node, *methods]:
                 hidden = isinstance(function, ast.FunctionDef) and function.name.startswith("_")
-                if isinstance(function, ast.FunctionDef) and not (hidden and function.name != "__init__"):
+                if isinstance(function, ast.FunctionDef) and not (
+                    hidden and function.name != "__init__"
+                ):
                     a = function.args
                     names = [x.arg for x in (*a.posonlyargs, *a.args, *a.kwonlyargs)]
                     own = [name for name in names if name not in ("self", "cls")]
@@ -103,7 +121,9 @@ def import_graph(package: str) -> dict[str, set[str]]:
         own = ".".join(path.relative_to(ROOT).with_suffix("").parts)
         text = path.read_text(encoding="utf-8")
         parent = own.rsplit(".", 1)[0]
-        graph[own] = {name for _, name in imported_modules(text, parent) if name.startswith(f"{parent}.")}
+        graph[own] = {
+            name for _, name in imported_modules(text, parent) if name.startswith(f"{parent}.")
+        }
     return {module: {name for name in used if name in graph} for module, used in graph.items()}
 
 
