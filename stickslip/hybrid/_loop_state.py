@@ -57,7 +57,7 @@ class Lane(NamedTuple):
     flags: Any  # with the time and the guard of the first, as `flags_with` has it
     sequence: Any  # hash of the events so far: equal hashes mean equal mode sequences
     attempts: Any
-    is_accepted: Any
+    accepted: Any
     events: Any
     crossings: tuple  # per section
 
