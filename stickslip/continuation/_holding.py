@@ -8,7 +8,7 @@ from jaxtyping import Array, PyTree
 
 from ..hybrid import AbstractHybridSystem
 from ..hybrid.arguments import first_mode
-from ..hybrid.event_functions import SLACK, measured
+from ..hybrid.event_functions import SLACK, guards_over_magnitudes
 from ..hybrid.system import guard_directions, mode_type
 from ..hybrid.tree import frozen
 
@@ -71,7 +71,7 @@ def own_mode(
         return own
     normals = jax.jacfwd(lambda z: _constraints(system, t, z, unravel, mode, args))(flat)
     held = jnp.all(jnp.abs(values) <= HELD * (jnp.abs(normals) @ size))
-    guards = measured(system, t, unravel(flat), mode, args)
+    guards = guards_over_magnitudes(system, t, unravel(flat), mode, args)
     sides = jnp.asarray([-1.0 if d == "rising" else 1.0 for d in guard_directions(system)])
     both = jnp.asarray([d == "both" for d in guard_directions(system)])
     falls = jnp.where(both, jnp.abs(guards), sides * guards)

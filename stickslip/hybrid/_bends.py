@@ -63,10 +63,10 @@ class Outcomes:
         key = (_number(a), _number(b))
         if key not in self.asked:
             first, second = jnp.broadcast_arrays(a, b)
-            self.asked[key] = self._compared(first - second, first > second), a, b
+            self.asked[key] = self._outcome_of(first - second, first > second), a, b
         return self.asked[key][0]
 
-    def _compared(self, value: Any, plain: Any) -> Any:
+    def _outcome_of(self, value: Any, plain: Any) -> Any:
         if self.width + value.size > MOST:
             self.left = True
             return plain
@@ -77,7 +77,7 @@ class Outcomes:
     def declares(self, value: Any) -> Any:
         """Whether a value that the system declares is positive."""
         self.declared = True
-        return self._compared(value, value > 0)
+        return self._outcome_of(value, value > 0)
 
     def _bit(self, value: Any, plain: Any) -> Any:
         place, self.width = self.width, self.width + 1
@@ -136,7 +136,7 @@ def _number(value: Any) -> Any:
     return repr(np.asarray(value).item())  # which tells -0.0 from 0.0, and 1 from 1.0
 
 
-def evaluated(closed: Any, operands: Sequence, varies: Sequence[bool], outcomes: Outcomes) -> list:
+def evaluate_with(closed: Any, operands: Sequence, varies: Sequence[bool], outcomes: Outcomes) -> list:
     """Results of a traced function of `operands`, some of which vary, with the outcomes given."""
     given = [_Known(value, v) for value, v in zip(operands, varies, strict=True)]
     found = _run(closed.jaxpr, closed.consts, given, outcomes, smooth=False)
@@ -175,7 +175,7 @@ def _equation(eqn: Any, given: list[_Known], outcomes: Outcomes, smooth: bool) -
         return [_Known(value) for value in bound(eqn, [k.value for k in given])]
     inner = called(eqn) if name in _CALLS else None
     if not smooth and (own := _own_rule(eqn)) is not None:
-        return _ruled(eqn, own, given, outcomes)
+        return _evaluate_by_rule(eqn, own, given, outcomes)
     if (
         name in _CALLS
         and eqn.params.get("name") == "searchsorted"
@@ -312,7 +312,7 @@ def _own_rule(eqn: Any) -> Any:
     return None if smooth or not compares(inner.jaxpr) else inner
 
 
-def _ruled(eqn: Any, inner: Any, given: list[_Known], outcomes: Outcomes) -> list[_Known]:
+def _evaluate_by_rule(eqn: Any, inner: Any, given: list[_Known], outcomes: Outcomes) -> list[_Known]:
     """A function with a derivative of its own: by that, while outcomes are what its numbers say."""
     start, before, first = outcomes.width, outcomes.found, len(outcomes.margins)
     found = _run(inner.jaxpr, inner.consts, given, outcomes, smooth=False)

@@ -10,7 +10,7 @@ from .._argument_checks import check_arguments, instance, reals, time, whole_sta
 from .._types import Given, Numeric, Row
 from .._validation import as_parameter, check_finite, check_increasing, check_type, misshaped
 from ._wrapper import AbstractSystemWrapper
-from .event_functions import SLACK, measured
+from .event_functions import SLACK, guards_over_magnitudes
 from .system import AbstractHybridSystem, guard_directions, guard_scales, mode_type
 from .tree import select
 
@@ -154,7 +154,7 @@ class WithBreaks(AbstractSystemWrapper):
         mode = jnp.asarray(mode, mode_type(self))
         inside = self._inside(t, y.piece)
         after, new = self.system.transition(inside, y.y, mode, jnp.minimum(guard, number - 1), args)
-        past = settled(self.system, t, y.y, mode, args)
+        past = state_after_jump(self.system, t, y.y, mode, args)
         state, mode = select(breaks, past, (after, jnp.asarray(new, mode_type(self))))
         return Pieced(state, y.piece + jnp.where(breaks, 1.0, 0.0)), mode
 
@@ -163,7 +163,7 @@ class WithBreaks(AbstractSystemWrapper):
         return self.system.initial_mode(self._inside(t, y.piece), y.y, args)
 
 
-def settled(
+def state_after_jump(
     system: AbstractHybridSystem, t: Any, y: PyTree, mode: Any, args: PyTree
 ) -> tuple[Any, Any]:
     """State and mode of a system behind a jump of its load, which may violate guards at once."""
@@ -173,7 +173,7 @@ def settled(
     signs = jnp.asarray([-1.0 if d == "rising" else 1.0 for d in guard_directions(system)])
     both = jnp.asarray([d == "both" for d in guard_directions(system)])
     for _ in range(ROUNDS):
-        falls = jnp.where(both, 1.0, signs * measured(system, t, y, mode, args))
+        falls = jnp.where(both, 1.0, signs * guards_over_magnitudes(system, t, y, mode, args))
         lowest = jnp.argmin(falls).astype(jnp.int32)
         jumped = system.transition(t, y, mode, lowest, args)
         violated = (falls[lowest] < -SLACK) & (mode >= 0)

@@ -48,7 +48,7 @@ def control(
     rule: Any = plan.step_size
     landed, next_output = code < HOLD, lane.next_output
     if plan.has_outputs:
-        landed, next_output = _landed(plan, code, next_output, t, t1, outputs)
+        landed, next_output = _land_on_output(plan, code, next_output, t, t1, outputs)
     # Three lengths: what the rule would take (`h_free`, which outlives steps that an event or an output
     # time has shortened), what this lane takes next, and what it takes after a rejection.
     h_free, h_take, h_rejected = lane.h_free, None, h
@@ -124,7 +124,7 @@ def _length(plan: Plan, code, h_take, h_rejected, search, next_output, t, t1, ou
 
 
 @bookkeeping
-def _landed(plan: Plan, code, next_output, t, t1, outputs):
+def _land_on_output(plan: Plan, code, next_output, t, t1, outputs):
     target, is_last = _target(plan, next_output, t1, outputs)
     # An event at an output time comes first; the output is taken by the attempt of length zero after.
     landed = (code == PLAIN) | (code == REFRESH)

@@ -39,12 +39,12 @@ def crossings(
 @eqx.filter_custom_jvp
 def _crossings(inputs, *, plan: Plan, section: Section) -> tuple[Any, PyTree, PyTree]:
     if plan.execute.fused:
-        return _repeated(inputs, _lengths(inputs, plan, section), plan, section)
+        return _repeat_steps(inputs, _lengths(inputs, plan, section), plan, section)
     problem, rows, count = inputs
 
     def crossing(row):
         # The search has been where it leads to: repeating that step would double the program.
-        return _landed(problem, section, row, *_search(plan, problem, section, row))
+        return _land_on_section(problem, section, row, *_search(plan, problem, section, row))
 
     return _of_each(crossing, rows, count, (rows.t, rows.y, rows.y))
 
@@ -57,7 +57,7 @@ def _crossings_jvp(primals, tangents, *, plan: Plan, section: Section):
     varied, held = eqx.partition(inputs, moving)
 
     def run(varied):
-        return _repeated(eqx.combine(varied, held), h, plan, section)
+        return _repeat_steps(eqx.combine(varied, held), h, plan, section)
 
     return jax.jvp(run, (varied,), (rates,))
 
@@ -98,7 +98,7 @@ def _of_each(function: Callable, rows: Starts, count: Any, like: PyTree) -> PyTr
     return jax.lax.while_loop(lambda carry: carry[0] < most, body, begun)[1]
 
 
-def _repeated(inputs, h, plan: Plan, section: Section) -> tuple[Any, PyTree, PyTree]:
+def _repeat_steps(inputs, h, plan: Plan, section: Section) -> tuple[Any, PyTree, PyTree]:
     """The crossings at the ends of the steps of length `h`, with their derivatives."""
     problem, rows, _ = inputs
     execute = plan.execute.for_the_ends()
@@ -112,12 +112,12 @@ def _repeated(inputs, h, plan: Plan, section: Section) -> tuple[Any, PyTree, PyT
 
         dy = start(execute, row.t, row.y)
         y, dy, _ = plan.stepper.step(field, row.t, row.y, dy, h, execute)
-        return _landed(problem, section, row, h, y, dy)
+        return _land_on_section(problem, section, row, h, y, dy)
 
     return jax.vmap(land)(rows, h)
 
 
-def _landed(problem, section: Section, row: Starts, h, y, dy) -> tuple[Any, PyTree, PyTree]:
+def _land_on_section(problem, section: Section, row: Starts, h, y, dy) -> tuple[Any, PyTree, PyTree]:
     """From the end of the shortened step one Newton step onto the section with its exact rate."""
     t, slope = row.t + h, stop_gradient(dy)
     (value, dy), (rate, ddy) = _along(problem, section, row.mode, t, y, slope)

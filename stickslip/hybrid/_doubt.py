@@ -90,12 +90,12 @@ def judge(
     sections = [i >= functions.num_guards for i in looked]
     if plan.execute.fused or len(looked) <= FEW:
         ones = zip(courses, roundings, sections, strict=True)
-        found = [_looked(*of_one, instant, short) for of_one in ones]
+        found = [_look_inside(*of_one, instant, short) for of_one in ones]
     else:
         # One small program for all of them.
         course = jax.tree.map(lambda *rows: jnp.stack(rows), *courses)
         some = jnp.asarray(sections) if any(sections) else False
-        columns = _looked(course, jnp.asarray(roundings), some, instant, short)
+        columns = _look_inside(course, jnp.asarray(roundings), some, instant, short)
         found = [_Looked(*(column[k] for column in columns)) for k in range(len(looked))]
     return _verdict(found, short)
 
@@ -107,7 +107,7 @@ class _Looked(NamedTuple):
     jumps: Any
 
 
-def _looked(course: _Course, rounding: Any, section: Any, instant: Any, short: Any) -> _Looked:
+def _look_inside(course: _Course, rounding: Any, section: Any, instant: Any, short: Any) -> _Looked:
     # What is smooth changes by its slope times the length; a jump does not know of the length. Next to
     # zero the terms of a guard cancel, and what is left of their rounding is not a jump.
     slopes = jnp.abs(course.rise0) + jnp.abs(course.rise1)

@@ -270,11 +270,11 @@ def _what_fires(plan: Plan, lane: Lane, h: Any, first: First, code: Any) -> Any:
     return jnp.where(~fresh & hit & guards, VIOLATED, code)
 
 
-def searched(plan: Plan, lane: Lane, code: Any, h: Any, first: First) -> tuple[Bracket, Any, Any]:
+def search_bracket(plan: Plan, lane: Lane, code: Any, h: Any, first: First) -> tuple[Bracket, Any, Any]:
     """Bracket around the event after the attempt, length of the one that opened it, where to look."""
     bracket = _bracket(plan, lane.bracket, code, h, first)
     full = _full(plan, lane.bracket, h, lane.full)
-    return bracket, full, _proposed(plan, bracket, full, lane.t)
+    return bracket, full, _propose_length(plan, bracket, full, lane.t)
 
 
 @bookkeeping
@@ -291,5 +291,5 @@ def _full(plan: Plan, bracket: Bracket, h, full):
 
 
 @bookkeeping
-def _proposed(plan: Plan, bracket: Bracket, full, t):
+def _propose_length(plan: Plan, bracket: Bracket, full, t):
     return _locate.propose(bracket, full, t)

@@ -54,7 +54,7 @@ class Lane(NamedTuple):
     next_output: Any
     zero_events: Any
     status: Any
-    flags: Any  # with the time and the guard of the first, as `noted` has it
+    flags: Any  # with the time and the guard of the first, as `flags_with` has it
     sequence: Any  # hash of the events so far: equal hashes mean equal mode sequences
     attempts: Any
     accepted: Any
@@ -137,7 +137,7 @@ def is_event(code: Any) -> Any:
     return code >= EVENT
 
 
-def accepted(code: Any) -> Any:
+def is_accepted(code: Any) -> Any:
     """Whether the attempt was accepted, with or without a transition."""
     return code >= PLAIN
 

@@ -11,7 +11,7 @@ import jax
 from jaxtyping import PyTree
 
 from .._jaxpr import LITERAL, bound, spelled_out
-from .executor import Executor, traced
+from .executor import Executor, closed_jaxpr
 
 _FREE = {"broadcast_in_dim", "convert_element_type", "copy", "reshape", "squeeze", "neg", "pjit"}
 _DEAR = {
@@ -29,7 +29,7 @@ def in_pieces(execute: Executor, function: Callable) -> Callable:
     of itself are gone. In a portable program it is `function`.
     """
     if not execute.fused:
-        return execute.shared(function)
+        return execute.trace_once(function)
     known: dict = {}
 
     def call(*operands: PyTree) -> Any:
@@ -46,7 +46,7 @@ class _Pieces:
     """A traced function cut where several of its results want the same."""
 
     def __init__(self, execute: Executor, function: Callable, operands: tuple):
-        jaxpr, self.consts, self.form = traced(function, operands)
+        jaxpr, self.consts, self.form = closed_jaxpr(function, operands)
         closed = _flat(jaxpr)
         self.jaxpr = closed.jaxpr
         self.consts = [*self.consts]
@@ -54,7 +54,7 @@ class _Pieces:
         equations = self.jaxpr.eqns
         made_by = {var: i for i, eqn in enumerate(equations) for var in eqn.outvars}
         results = [v for v in _variables(self.jaxpr.outvars) if v in made_by]
-        cuts = cut(equations, [made_by[var] for var in results])
+        cuts = worthwhile_pieces(equations, [made_by[var] for var in results])
         # In the order in which they are made, so that each finds those before it.
         targets = [equations[i].outvars for i in sorted(cuts)]
         self.steps = []
@@ -62,7 +62,7 @@ class _Pieces:
         for wanted in [*targets, results]:
             inputs, program = _part(equations, made_by, at_hand, wanted)
             if wanted:
-                self.steps.append((execute.shared(program), inputs, wanted))
+                self.steps.append((execute.trace_once(program), inputs, wanted))
             at_hand += wanted
 
     def __call__(self, leaves: Sequence) -> Any:
@@ -74,7 +74,7 @@ class _Pieces:
         return jax.tree.unflatten(self.form, out)
 
 
-def cut(equations: Sequence, results: Sequence[int]) -> set[int]:
+def worthwhile_pieces(equations: Sequence, results: Sequence[int]) -> set[int]:
     """Numbers of the equations whose results are worth a call of their own.
 
     `results`: numbers of the equations that make the results of the whole. One after the other, the cut

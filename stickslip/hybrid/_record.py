@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ._loop import run, run_block, running
-from ._loop_state import REFRESH, Lane, Outcome, Plan, accepted
+from ._loop_state import REFRESH, Lane, Outcome, Plan, is_accepted
 from .tree import select
 
 BLOCK = 64
@@ -178,7 +178,7 @@ def _collect(capacities: Capacities, logs: Logs, steps, before: Lane, after: Lan
             lambda index: state(at(index)),
         )  # fmt: skip
     if stepped is not None:
-        keep = accepted(rows.code)
+        keep = is_accepted(rows.code)
         # Rows that are not kept are written past the end, where `mode="drop"` drops them.
         place = jnp.where(keep, steps + jnp.cumsum(keep, dtype=jnp.int32) - 1, stepped.t.shape[0])
         stepped = jax.tree.map(

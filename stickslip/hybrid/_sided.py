@@ -17,7 +17,7 @@ from jax.flatten_util import ravel_pytree
 from jax.interpreters.partial_eval import dce_jaxpr
 from jaxtyping import PyTree
 
-from ._bends import Change, Outcomes, compares, evaluated
+from ._bends import Change, Outcomes, compares, evaluate_with
 from ._section import Section
 from ._wrapper import AbstractSystemWrapper
 from .system import AbstractHybridSystem, guard_directions, mode_type
@@ -136,11 +136,11 @@ class Program:
         return jax.core.eval_jaxpr(self.parts[wanted], self.closed.consts, *operands)
 
 
-def sided(
+def system_with_sides(
     system: AbstractHybridSystem, t: Any, y: PyTree, mode: Any, args: PyTree
 ) -> tuple[Sided | None, bool]:
     """`system` with its sides, None if there are none, and whether its field bends elsewhere too."""
-    if not compares(_traced(system, t, y, mode, args)[0].jaxpr):
+    if not compares(_field_program(system, t, y, mode, args)[0].jaxpr):
         if not jax.eval_shape(lambda t, y: system.switches_in(t, y, mode, args), t, y):
             return None, False
     found: Any = None
@@ -175,7 +175,7 @@ def _gentle_guards(system: Any, t: Any, y: PyTree, mode: Any, args: PyTree, seen
     closed = jax.make_jaxpr(lambda *given: system.guards(*jax.tree.unflatten(form, given), mode, args))(
         *leaves
     )
-    return tuple(evaluated(closed, leaves, (True,) * len(leaves), seen or Outcomes()))
+    return tuple(evaluate_with(closed, leaves, (True,) * len(leaves), seen or Outcomes()))
 
 
 def of_sided(section: Section) -> Section:
@@ -187,7 +187,7 @@ def of_sided(section: Section) -> Section:
     return Section(function, section.direction, section.terminal, section.name)
 
 
-def _traced(system: Any, t: Any, y: PyTree, mode: Any, args: PyTree) -> tuple:
+def _field_program(system: Any, t: Any, y: PyTree, mode: Any, args: PyTree) -> tuple:
     """The field as a program of time, mode and the numbers of the state; the form of its result."""
     leaves, form = jax.tree.flatten(y)
     slope: Any = None
@@ -209,16 +209,18 @@ def _look(
 ) -> tuple[PyTree, Outcomes]:
     """Slope of the state and the outcomes behind it: those of a `code`, or as the numbers say."""
     outcomes = Outcomes(code)
-    t, y = _declared(system, t, y, mode, args, outcomes)
-    closed, form = _traced(system, t, y, mode, args)
+    t, y = _on_declared_sides(system, t, y, mode, args, outcomes)
+    closed, form = _field_program(system, t, y, mode, args)
     leaves = jax.tree.leaves(y)
     # What has no slope, as the number of a piece between two breaks, changes in no outcome.
     varies = (False, False, *(_moves(slope, closed.jaxpr) for slope in closed.jaxpr.outvars))
-    found = evaluated(closed, (t, mode, *leaves), varies, outcomes)
+    found = evaluate_with(closed, (t, mode, *leaves), varies, outcomes)
     return jax.tree.unflatten(form, found), outcomes
 
 
-def _declared(system: Any, t: Any, y: PyTree, mode: Any, args: PyTree, outcomes: Outcomes) -> tuple:
+def _on_declared_sides(
+    system: Any, t: Any, y: PyTree, mode: Any, args: PyTree, outcomes: Outcomes
+) -> tuple:
     """Time and state on the sides of the switches that the system declares, by the outcomes given.
 
     Beyond a border by a little they are moved back across it, without a slope of their own: where to

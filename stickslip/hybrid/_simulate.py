@@ -20,7 +20,7 @@ from ._loop_state import Plan
 from ._progress import ProgressMeter
 from ._record import Capacities
 from ._section import Section
-from ._sided import of_sided, sided, without_sides
+from ._sided import of_sided, system_with_sides, without_sides
 from ._solution import Solution
 from ._step_size import AbstractStepSize, AdaptiveStep
 from ._still import too_still
@@ -40,7 +40,7 @@ from .compile_options import jit_plainly
 from .dependence import may_jump
 from .event_functions import event_functions
 from .executor import current_executor
-from .longest_step import RESOLUTION, bounded
+from .longest_step import RESOLUTION, step_bound
 from .status import BENT, CODE, STILL, flag, to_result
 from .stepper import ExplicitRungeKutta, as_stepper
 from .system import AbstractHybridSystem
@@ -243,8 +243,8 @@ def _run(
     check_field(system, t0, y0, mode0, args)
     check_sections(system, sections, t0, y0, mode0, args)
     log_events = saveat.events and max_events is not None
-    rule, watched, longest = bounded(integrator.step, system, sections, t0, t1 - t0, y0, mode0, args)
-    bent, unlocated = sided(system, t0, y0, mode0, args)
+    rule, watched, longest = step_bound(integrator.step, system, sections, t0, t1 - t0, y0, mode0, args)
+    bent, unlocated = system_with_sides(system, t0, y0, mode0, args)
     # What is located is no surprise: of a field with sides only jumps in time are.
     of_time = (t0, y0) if bent is None or bent.jumps else (t0,)
     jumps = may_jump(lambda t, y=y0: system.vector_field(t, y, mode0, args), of_time)
@@ -310,11 +310,11 @@ def _assemble(plan: Plan, problem, t0, t1, start, ts, smooth, counts, capacities
     def slope(t, y, mode):
         return system.vector_field(t, y, mode, args)
 
-    def landed(t, target, y, mode, valid):
+    def land(t, target, y, mode, valid):
         y = shift(y, stop_gradient(slope(t, y, mode)), jnp.where(valid, target - t, 0.0))
         return y, slope(jnp.where(valid, target, t), y, mode)
 
-    y1, dy1 = landed(t_end, t1, y_end, counts.mode, finished)
+    y1, dy1 = land(t_end, t1, y_end, counts.mode, finished)
     flags = counts.flags
     # Implicit methods are right with steps that are long against the rates of the field.
     if plan.step_size.adaptive and isinstance(plan.stepper, ExplicitRungeKutta):
@@ -327,7 +327,7 @@ def _assemble(plan: Plan, problem, t0, t1, start, ts, smooth, counts, capacities
     if ts is not None:
         rows = logs.outputs
         reached = jnp.arange(capacities.outputs, dtype=jnp.int32) < counts.outputs
-        y, dy = jax.vmap(landed)(rows.t, ts, rows.y, rows.mode, reached)
+        y, dy = jax.vmap(land)(rows.t, ts, rows.y, rows.mode, reached)
         outputs = _state_log(counts.outputs, ts, y, dy, rows.mode, capacities.outputs)
     crossings = ()
     for i, (section, count, rows) in enumerate(
@@ -354,7 +354,7 @@ def _assemble(plan: Plan, problem, t0, t1, start, ts, smooth, counts, capacities
     events = None
     if capacities.events is not None:
         count = jnp.minimum(counts.events, capacities.events)
-        events = out.EventLog(count, *out.masked(tuple(logs.events), count, capacities.events))
+        events = out.EventLog(count, *out.mask_rows(tuple(logs.events), count, capacities.events))
     return Solution(
         t0=t0,
         t1=t_stop,
@@ -376,4 +376,4 @@ def _assemble(plan: Plan, problem, t0, t1, start, ts, smooth, counts, capacities
 
 
 def _state_log(count, t, y, dy, mode, size) -> out.StateLog:
-    return out.StateLog(count, *out.masked((t, y, dy, mode), count, size))
+    return out.StateLog(count, *out.mask_rows((t, y, dy, mode), count, size))

@@ -9,11 +9,11 @@ from jaxtyping import PyTree
 
 from ._doubt import POINTS, TOGETHER, judge, look_inside, told
 from ._loop_state import Lane, Plan, without_state
-from ._tolerance import Ends, cancelling, error_norm, grown, scales, sizes, unexpected
-from ._unseen import strayed
-from .event_functions import ROUNDED, STALE, Values, divided
+from ._tolerance import Ends, cancelling, error_norm, largest_magnitude, largest_surprise, scales, sizes
+from ._unseen import step_excess
+from .event_functions import ROUNDED, STALE, Values, over_magnitudes
 from .executor import bookkeeping, piece
-from .status import DISCONTINUOUS, RUNNING, flag, noted
+from .status import DISCONTINUOUS, RUNNING, flag, flags_with
 from .stepper import ROOT_SHARE, ROOT_TOLERANCE
 from .tree import shift
 
@@ -44,7 +44,7 @@ def take(plan: Plan, problem: PyTree, lane: Lane) -> tuple[Lane, Step]:
     # brings the derivative of the event time back in.
     h = jax.lax.stop_gradient(lane.h)
     if plan.follows_size:
-        lane = lane._replace(size=_followed(plan, lane.size, lane.y))
+        lane = lane._replace(size=_follow_size(plan, lane.size, lane.y))
 
     def field(t, y):
         return system.vector_field(t, y, lane.mode, args)
@@ -62,12 +62,12 @@ def take(plan: Plan, problem: PyTree, lane: Lane) -> tuple[Lane, Step]:
         ends = Ends(h, lane.y, y1, lane.dy, dy1)
         error, surprised = _scaled_error(plan, errors, surprise, plan.noise, lane.size, ends)
         if plan.watches_jumps:
-            peak, flags = _sudden(plan, without_state(lane), error)
+            peak, flags = _sudden_shortening(plan, without_state(lane), error)
             lane = lane._replace(peak=peak, flags=flags)
         if surprised is not None:
             error = jnp.maximum(error, surprised)
         if plan.watched:
-            error = jnp.maximum(error, _strayed(plan, h, ends))
+            error = jnp.maximum(error, _excess_of_step(plan, h, ends))
     kept, values, used = Values((), ()), Values((), ()), ()
     h_seen, jumps = jnp.zeros_like(h), jnp.zeros_like(h) > 0
     if plan.functions.count:
@@ -75,7 +75,7 @@ def take(plan: Plan, problem: PyTree, lane: Lane) -> tuple[Lane, Step]:
         if plan.functions.learned:
             # What ends this step begins the next, which measures by what it finds there.
             bare = without_state(lane)
-            used, values, kept = _rescaled(plan, bare, values)
+            used, values, kept = _rescale(plan, bare, values)
             if plan.functions.num_bends:
                 values, kept = (_with_stale(plan, bare, found) for found in (values, kept))
     if looks:
@@ -103,7 +103,7 @@ def _unit(plan: Plan, field, lane: Lane, h) -> list:
     """
     t, y, dy, size = jax.lax.stop_gradient((lane.t, lane.y, lane.dy, lane.size))
     size = y if size is None else size
-    slopes = grown(sizes(dy), field(t + h, shift(y, dy, h)))
+    slopes = largest_magnitude(sizes(dy), field(t + h, shift(y, dy, h)))
     still = functools.reduce(jnp.logical_and, [jnp.all(a == 0.0) for a in jax.tree.leaves(size)])
     y1 = shift(y, slopes, jnp.where(still, h, 0.0))
     # Below rounding there is no share to be solved to.
@@ -116,8 +116,8 @@ def _unit(plan: Plan, field, lane: Lane, h) -> list:
 
 
 @bookkeeping
-def _followed(plan: Plan, size, y):
-    return grown(size, y)
+def _follow_size(plan: Plan, size, y):
+    return largest_magnitude(size, y)
 
 
 @bookkeeping
@@ -126,17 +126,17 @@ def _scaled_error(plan: Plan, errors, surprise, noise, size, ends: Ends):
     scale = scales(rule.rtol, plan.atols, noise, size, ends)
     unseen = None
     if surprise is not None:
-        unseen = unexpected(surprise, scale, ends, rule.rtol)
+        unseen = largest_surprise(surprise, scale, ends, rule.rtol)
     return error_norm(errors, scale), unseen
 
 
 @bookkeeping
-def _strayed(plan: Plan, h, ends: Ends):
-    return strayed(plan.watched, h, plan.longest, ends, plan.stepper.order())
+def _excess_of_step(plan: Plan, h, ends: Ends):
+    return step_excess(plan.watched, h, plan.longest, ends, plan.stepper.order())
 
 
 @bookkeeping
-def _sudden(plan: Plan, lane: Lane, error):
+def _sudden_shortening(plan: Plan, lane: Lane, error):
     """Longest of the last steps, and the flag of one that had to become short all at once.
 
     A field that jumps inside a step has an error in proportion to the length, whatever the order of
@@ -146,14 +146,14 @@ def _sudden(plan: Plan, lane: Lane, error):
     fits = (lane.status == RUNNING) & (lane.h > 0) & (lane.bracket.tries == 0) & (error <= 1.0)
     jumps = fits & (lane.h < SUDDEN * lane.peak) & (error > 1e-3)
     peak = jnp.where(fits, jnp.maximum(lane.h, FORGETS * lane.peak), lane.peak)
-    return peak, noted(lane.flags, flag(jumps, DISCONTINUOUS), lane.t + lane.h)
+    return peak, flags_with(lane.flags, flag(jumps, DISCONTINUOUS), lane.t + lane.h)
 
 
 @piece
 def _values_at(plan: Plan, mode, t, y, dy, size, *, problem) -> Values:
     system, args = problem
     # The magnitude of the motion includes the end of this step: a motion from rest has none before.
-    size = grown(size, jax.lax.stop_gradient(y)) if plan.functions.learned else None
+    size = largest_magnitude(size, jax.lax.stop_gradient(y)) if plan.functions.learned else None
     return plan.functions.evaluate(system, t, y, dy, mode, args, size)
 
 
@@ -188,7 +188,7 @@ def _with_stale(plan: Plan, lane: Lane, values: Values) -> Values:
 
 
 @piece
-def _rescaled(plan: Plan, lane: Lane, values: Values) -> tuple[tuple, Values, Values]:
+def _rescale(plan: Plan, lane: Lane, values: Values) -> tuple[tuple, Values, Values]:
     """Magnitudes at the start of the step, values over them, and over those at its end to go on with.
 
     A guard is as large as its terms, and as it has been while the mode lasts: magnitudes do not fall,
@@ -216,6 +216,6 @@ def _rescaled(plan: Plan, lane: Lane, values: Values) -> tuple[tuple, Values, Va
         kept += (jnp.where(stays, jnp.maximum(scale, found), begun),)
 
     def over(scales):
-        return Values(divided(values.value, scales), divided(values.rate, scales), kept)
+        return Values(over_magnitudes(values.value, scales), over_magnitudes(values.rate, scales), kept)
 
     return used, over(used), over(kept)

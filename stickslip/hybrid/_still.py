@@ -60,14 +60,14 @@ def _start(field: Callable, t: Any, y: PyTree, sizes: PyTree) -> tuple[PyTree, A
     The field is applied twice, so that the units of the state cancel.
     """
 
-    def applied(direction):
+    def slope_along(direction):
         return jax.jvp(lambda y: field(t, y), (y,), (direction,))
 
     # Two directions in one batch: the field is in the program once for both.
     directions = jax.tree.map(lambda a, size: jnp.stack([jnp.ones_like(a), size]), y, sizes)
-    slope, both = jax.vmap(applied, out_axes=(None, 0))(directions)
+    slope, both = jax.vmap(slope_along, out_axes=(None, 0))(directions)
     largest: Any = 0.0
-    for leaf in jax.tree.leaves(applied(jax.tree.map(lambda a: a[0], both))[1]):
+    for leaf in jax.tree.leaves(slope_along(jax.tree.map(lambda a: a[0], both))[1]):
         largest = jnp.maximum(largest, jnp.max(jnp.abs(leaf)))
     rate = jnp.sqrt(largest)
     time = jnp.where(rate > 0, 1.0 / jnp.where(rate > 0, rate, 1.0), 0.0)

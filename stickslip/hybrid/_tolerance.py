@@ -92,7 +92,7 @@ def sizes(y: PyTree) -> PyTree:
     return jax.tree.map(jnp.abs, y)
 
 
-def grown(size: PyTree, y: PyTree) -> PyTree:
+def largest_magnitude(size: PyTree, y: PyTree) -> PyTree:
     """Largest magnitude so far, of each component."""
     return jax.tree.map(lambda s, a: jnp.maximum(s, jnp.abs(a)), size, y)
 
@@ -185,7 +185,7 @@ def error_norm(errors: tuple[PyTree, ...], scale: list) -> Array:
     return first / jnp.sqrt(jnp.where(denominator > 0, denominator, 1.0))
 
 
-def unexpected(surprise: PyTree, scale: list, ends: Ends, rtol: Any) -> Any:
+def largest_surprise(surprise: PyTree, scale: list, ends: Ends, rtol: Any) -> Any:
     """The largest of `surprise` relative to `scale`, where it is more than a part of the motion.
 
     The last stage and the end are the same instant, and states that differ by an error of low order.

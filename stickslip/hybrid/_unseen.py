@@ -77,7 +77,7 @@ def _number(a: np.ndarray) -> np.ndarray:
     return a & (BENT - 1)
 
 
-def _coded(number: Any, *bent: Any) -> np.ndarray:
+def _turn_code(number: Any, *bent: Any) -> np.ndarray:
     """At most `HIDES` turns, of no polynomial where that holds for one of `bent`."""
     number = np.minimum(number, HIDES)
     bits = [np.where(number > 0, b, 0) & BENT for b in bent]
@@ -87,7 +87,7 @@ def _coded(number: Any, *bent: Any) -> np.ndarray:
 def _any_of(rows: Any, axis: Any = 0) -> np.ndarray:
     """What one of `rows` may be."""
     rows = np.asarray(rows)
-    return _coded(_number(rows).max(axis=axis), np.bitwise_or.reduce(rows & BENT, axis=axis))
+    return _turn_code(_number(rows).max(axis=axis), np.bitwise_or.reduce(rows & BENT, axis=axis))
 
 
 def _constant(value: Any, shape: tuple, count: int) -> np.ndarray:
@@ -144,11 +144,11 @@ def _sum(p, shape, a, b):
     one, other = _number(a).astype(int), _number(b).astype(int)
     added = np.where((one > 0) & (other > 0), one + other - 1, one + other)
     highest = np.maximum(one, other)
-    return _coded(np.where((a | b) & BENT, added, highest), a, b)
+    return _turn_code(np.where((a | b) & BENT, added, highest), a, b)
 
 
 def _product(p, shape, a, b):
-    found = _coded(_number(a).astype(int) + _number(b), a, b)
+    found = _turn_code(_number(a).astype(int) + _number(b), a, b)
     return np.where(_zero(a) | _zero(b), 0, found).astype(np.uint8)
 
 
@@ -158,18 +158,18 @@ def _quotient(p, shape, a, b):
     return np.where(_zero(a), 0, found)
 
 
-def _converted(p, shape, a, *_):
+def _turns_of_conversion(p, shape, a, *_):
     smooth = jnp.issubdtype(p["new_dtype"], jnp.floating)
     return a if smooth else np.where(a > 0, HIDES, 0).astype(np.uint8)
 
 
 def _larger(p, shape, a, b):
     one, other = (np.maximum(_number(x).astype(int), 1) for x in (a, b))
-    return _coded(np.where((a > 0) | (b > 0), 2 * (one + other) - 2, 0), BENT)
+    return _turn_code(np.where((a > 0) | (b > 0), 2 * (one + other) - 2, 0), BENT)
 
 
 def _times(number: int, *bent: int) -> Callable:
-    return lambda p, shape, a, *_: _coded(number * _number(a).astype(int), a, *bent)
+    return lambda p, shape, a, *_: _turn_code(number * _number(a).astype(int), a, *bent)
 
 
 def _power(p, shape, a):
@@ -181,17 +181,17 @@ def _rising(p, shape, a, *_):
     return np.concatenate([found[..., :-1], np.ones_like(found[..., -1:])], axis=-1)
 
 
-def _chosen(p, shape, which, *cases):
+def _turns_of_choice(p, shape, which, *cases):
     found = _any_of(np.stack(np.broadcast_arrays(*cases)))
     by = np.concatenate([which[..., :-1] > 0, np.zeros_like(which[..., -1:], bool)], axis=-1)
     return np.where(by, HIDES, found)
 
 
-def _reduced(p, shape, a):
-    return _summed(a, tuple(p["axes"]))
+def _turns_of_reduction(p, shape, a):
+    return _turns_of_sum(a, tuple(p["axes"]))
 
 
-def _summed(a, axes):
+def _turns_of_sum(a, axes):
     # A sum of several that bend may turn as often as all of them.
     several = ((a & BENT) > 0).any(axis=axes) & ((_number(a) > 1).sum(axis=axes) > 1)
     return np.where(several, HIDES, _any_of(a, axes)).astype(np.uint8)
@@ -204,7 +204,7 @@ def _broadcast(p, shape, a, *_):
     return a.reshape(*expanded, a.shape[-1])
 
 
-def _sliced(p, shape, a):
+def _turns_of_slice(p, shape, a):
     strides = p["strides"] or (1,) * len(p["start_indices"])
     at = zip(p["start_indices"], p["limit_indices"], strides, strict=True)
     return a[tuple(slice(*part) for part in at)]
@@ -212,8 +212,8 @@ def _sliced(p, shape, a):
 
 def _product_of_matrices(p, shape, a, b):
     # Each number is a sum over all.
-    one, other = (_summed(x, tuple(range(x.ndim - 1))) for x in (a, b))
-    return _coded(_number(one).astype(int) + _number(other), one, other)
+    one, other = (_turns_of_sum(x, tuple(range(x.ndim - 1))) for x in (a, b))
+    return _turn_code(_number(one).astype(int) + _number(other), one, other)
 
 
 _RULES: dict[str, Callable] = {
@@ -222,11 +222,11 @@ _RULES: dict[str, Callable] = {
     **dict.fromkeys(_MONOTONIC, _rising),
     **dict.fromkeys(("add", "sub", "add_any"), _sum),
     **dict.fromkeys(("max", "min"), _larger),
-    "convert_element_type": _converted, "mul": _product, "div": _quotient,
+    "convert_element_type": _turns_of_conversion, "mul": _product, "div": _quotient,
     "abs": _times(2, BENT), "square": _times(2), "integer_pow": _power,
     "clamp": lambda p, shape, *of: _times(3, BENT)(p, shape, _any_of(np.broadcast_arrays(*of))),
-    "select_n": _chosen, "reduce_sum": _reduced, "dot_general": _product_of_matrices,
-    "broadcast_in_dim": _broadcast, "slice": _sliced,
+    "select_n": _turns_of_choice, "reduce_sum": _turns_of_reduction,
+    "dot_general": _product_of_matrices, "broadcast_in_dim": _broadcast, "slice": _turns_of_slice,
     "transpose": lambda p, shape, a: a.transpose(*p["permutation"], a.ndim - 1),
     "rev": lambda p, shape, a: np.flip(a, p["dimensions"]),
     "concatenate": lambda p, shape, *parts: np.concatenate(parts, axis=p["dimension"]),
@@ -289,7 +289,7 @@ def hiding(system: Any, closed: Any, y: PyTree) -> Hiding:
     return Hiding(bool(hides.any()), runs_free, tuple(found))
 
 
-def strayed(watched: tuple[Watched, ...], h: Any, longest: Any, ends: Ends, order: int) -> Any:
+def step_excess(watched: tuple[Watched, ...], h: Any, longest: Any, ends: Ends, order: int) -> Any:
     """How far a step went beyond what it may, as a scaled error: 1 at the bound.
 
     Components that run free, and others while they move evenly, go no farther than `OF_PERIOD` of their

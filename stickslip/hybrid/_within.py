@@ -35,20 +35,22 @@ def weights_within(tableau: Tableau, points: tuple[float, ...]) -> tuple[tuple[f
         densities = np.array([_density(tree) for tree in trees])
         wanted = np.array(points)[:, None] ** sizes / densities
         used = np.ones(n + 1, bool)
-        rows = _solved(conditions, wanted, used)
+        rows = _weights_that_meet(conditions, wanted, used)
         if rows is None:
             continue
         # Every slope that is not needed is one addition less for each state.
         for i in np.argsort(np.abs(rows).max(0)):
             fewer = used & (np.arange(n + 1) != i)
-            found = _solved(conditions, wanted, fewer)
+            found = _weights_that_meet(conditions, wanted, fewer)
             if found is not None:
                 rows, used = found, fewer
         return tuple(tuple(map(float, row)) for row in rows)
     return ()
 
 
-def _solved(conditions: np.ndarray, wanted: np.ndarray, used: np.ndarray) -> np.ndarray | None:
+def _weights_that_meet(
+    conditions: np.ndarray, wanted: np.ndarray, used: np.ndarray
+) -> np.ndarray | None:
     """Weights of the slopes in use that meet the conditions, zero for the others; None if none do."""
     rows = np.zeros((len(wanted), len(used)))
     rows[:, used] = np.linalg.lstsq(conditions[:, used], wanted.T, rcond=1e-12)[0].T

@@ -47,9 +47,9 @@ def jit_plainly(function: Given[Callable]) -> Callable:
     usual, plain = compiled_by_code(function, None), compiled_by_code(function, OPTIONS)
 
     @functools.wraps(function)
-    def called(*args: Any, **named: Any) -> Any:
+    def call(*args: Any, **named: Any) -> Any:
         # Inside of `jit` zeros are traced, and so is an argument that is batched or differentiated.
         alone = plain_options() is not None and is_concrete((args, named, jnp.zeros(())))
         return (plain if alone else usual)(*args, **named)
 
-    return called
+    return call

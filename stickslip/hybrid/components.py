@@ -84,7 +84,7 @@ def numbers_of(y: PyTree) -> list[str]:
     return [name for key, leaf in components_of(y).items() for name in entries(key, np.shape(leaf))]
 
 
-def listed(y: PyTree) -> str:
+def component_list(y: PyTree) -> str:
     """The components of a state for messages: `x`, or `x[0] to x[2]` of an array."""
     found = []
     for name, leaf in components_of(y).items():

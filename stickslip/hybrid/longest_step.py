@@ -36,7 +36,7 @@ class Bound(NamedTuple):
     longest: Any  # longest step while one of these moves evenly [s]
 
 
-def bounded(
+def step_bound(
     step: AbstractStepSize, system: AbstractHybridSystem, sections: tuple[Section, ...], t0: Any,
     span: Any, y0: PyTree, mode0: Any, args: PyTree,
 ) -> Bound:  # fmt: skip

@@ -22,7 +22,7 @@ from .._validation import (
     one_number,
     refusal,
 )
-from ._breaks import settled
+from ._breaks import state_after_jump
 from ._wrapper import AbstractSystemWrapper
 from .event_functions import SLACK
 from .names import MadeNames
@@ -150,13 +150,13 @@ class WithPeriodicBreaks(AbstractSystemWrapper):
     def inner(self, y, args):
         return y, args
 
-    def _parted(self, mode: Any) -> tuple[Any, Any]:
+    def _mode_and_piece(self, mode: Any) -> tuple[Any, Any]:
         """Mode of `system` and the piece."""
         mode, count = jnp.asarray(mode, mode_type(self)), len(self.system.mode_names)
         inner = jnp.where(mode < 0, mode, mode % count).astype(mode_type(self.system))
         return inner, (mode // count).astype(jnp.int32)
 
-    def _joined(self, mode: Any, piece: Any) -> Any:
+    def _mode_of_piece(self, mode: Any, piece: Any) -> Any:
         mode, count = jnp.asarray(mode, mode_type(self)), len(self.system.mode_names)
         return jnp.where(mode < 0, mode, mode + count * jnp.asarray(piece, mode_type(self)))
 
@@ -178,26 +178,26 @@ class WithPeriodicBreaks(AbstractSystemWrapper):
         return jnp.where(within == now, t, within + (t - now))
 
     def vector_field(self, t, y, mode, args):
-        inner, piece = self._parted(mode)
+        inner, piece = self._mode_and_piece(mode)
         return self.system.vector_field(self._inside(t, piece), y, inner, args)
 
     def guards(self, t, y, mode, args):
-        inner, piece = self._parted(mode)
+        inner, piece = self._mode_and_piece(mode)
         found = self.system.guards(self._inside(t, piece), y, inner, args)
         return (*found, self._around(t, piece)[1] - t)
 
     def transition(self, t, y, mode, guard, args):
-        inner, piece = self._parted(mode)
+        inner, piece = self._mode_and_piece(mode)
         number, pieces = len(self.system.guard_names), self._cycle()[0].size
         following = jnp.where(piece + 1 < pieces, piece + 1, 0)
         if not number:
-            return y, self._joined(inner, following)
+            return y, self._mode_of_piece(inner, following)
         breaks = jnp.asarray(guard) == number
         inside = self._inside(t, piece)
         after, new = self.system.transition(inside, y, inner, jnp.minimum(guard, number - 1), args)
-        past = settled(self.system, self._inside(t, following), y, inner, args)
+        past = state_after_jump(self.system, self._inside(t, following), y, inner, args)
         y, inner = select(breaks, past, (after, jnp.asarray(new, mode_type(self.system))))
-        return y, self._joined(inner, jnp.where(breaks, following, piece))
+        return y, self._mode_of_piece(inner, jnp.where(breaks, following, piece))
 
     def _piece_at(self, t: Any) -> tuple[Any, Any]:
         """The piece that a time is in, at a break the one that begins there; and since when [s]."""
@@ -210,20 +210,20 @@ class WithPeriodicBreaks(AbstractSystemWrapper):
     @check_arguments(t=time)
     def initial_mode(self, t, y, args):
         piece, _ = self._piece_at(t)
-        return self._joined(self.system.initial_mode(self._inside(t, piece), y, args), piece)
+        return self._mode_of_piece(self.system.initial_mode(self._inside(t, piece), y, args), piece)
 
     def check_mode(self, t, y, mode, args):
         """That of `system`; and `ValueError` for a piece of the load that the time is not in."""
         if is_concrete((self, t, mode)) and np.ndim(mode) == 0 and int(mode) >= 0:
-            begin, end = (float(b) for b in self._around(t, self._parted(mode)[1]))
+            begin, end = (float(b) for b in self._around(t, self._mode_and_piece(mode)[1]))
             near = 1e-9 * (end - begin) + SLACK * abs(float(t))
             if not begin - near <= float(t) <= end + near:
                 name = self.mode_names[int(mode)]
                 raise refusal("mode0", name, f"of the piece of the load at {float(t)} s")
-        self.system.check_mode(t, y, self._parted(mode)[0], args)
+        self.system.check_mode(t, y, self._mode_and_piece(mode)[0], args)
 
     def constraints(self, t, y, mode, args):
-        inner, piece = self._parted(mode)
+        inner, piece = self._mode_and_piece(mode)
         return self.system.constraints(self._inside(t, piece), y, inner, args)
 
 

@@ -123,7 +123,7 @@ def of_guard(index: Any) -> Any:
     return (index + 1).astype(jnp.int32) << BITS
 
 
-def noted(before: Any, found: Any, t: Any) -> Any:
+def flags_with(before: Any, found: Any, t: Any) -> Any:
     """Flags `found` in a step that ends at `t` together with those before it."""
     time = jax.lax.bitcast_convert_type(t, jnp.int64) & ~NOTED
     found = found.astype(jnp.int64)

@@ -17,7 +17,7 @@ def combine(y: PyTree, slopes: Sequence[PyTree], weights: Sequence[float], h: An
     return y
 
 
-def weighted(slopes: Sequence[PyTree], weights: Any, h: Any) -> PyTree:
+def weighted_sum(slopes: Sequence[PyTree], weights: Any, h: Any) -> PyTree:
     """`h * sum_j weights[j] * slopes[j]`."""
     zero = jax.tree.map(jnp.zeros_like, slopes[0])
     return combine(zero, slopes, weights, h)

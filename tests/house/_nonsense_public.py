@@ -90,7 +90,7 @@ EXEMPT_METHODS = {
         (
             "Section.uses_slope", "AdaptiveStep.factor", "AdaptiveStep.initial", "FixedStep.initial",
             "AbstractStepper.step_and_look", "AbstractStepper.solved_to", "AbstractStepper.vjp",
-            "ProgressMeter.report", "Executor.shared",
+            "ProgressMeter.report", "Executor.trace_once",
         ),
         BUILT_BY_ENGINE,
     ),
