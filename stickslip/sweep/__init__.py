@@ -15,22 +15,22 @@ if TYPE_CHECKING:
     from ._open import open_dataset as open_dataset
     from ._refine import refine_sweep as refine_sweep
     from ._run import run_sweep as run_sweep
-    from ._settings import Carried as Carried
-    from ._settings import Compute as Compute
-    from ._settings import Storage as Storage
     from ._status import sweep_status as sweep_status
     from ._store import SweepMismatchError as SweepMismatchError
     from ._store import SweepWriteError as SweepWriteError
     from ._verify import verify_store as verify_store
+    from .settings import Carried as Carried
+    from .settings import Compute as Compute
+    from .settings import Storage as Storage
 
 _LATER = {
     "run_sweep": "_run",
     "refine_sweep": "_refine",
-    "Storage": "_settings",
-    "Compute": "_settings",
+    "Storage": "settings",
+    "Compute": "settings",
     "Labels": "_labels",
     "Variable": "_labels",
-    "Carried": "_settings",
+    "Carried": "settings",
     "SweepMismatchError": "_store",
     "SweepWriteError": "_store",
     "open_dataset": "_open",

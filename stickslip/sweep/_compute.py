@@ -9,11 +9,11 @@ import numpy as np
 from ._describe import Described
 from ._layout import Layout
 from ._manifest import code_revision
-from ._settings import Settings
 from ._store import Store
 from .evaluate import Evaluate
 from .grid import Block, blocks_inside, chains
 from .progress import Progress
+from .settings import Settings
 
 
 class Memory:

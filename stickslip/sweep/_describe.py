@@ -13,10 +13,10 @@ from ._labels import Variable
 from ._layout import Layout
 from ._manifest import FORMAT, as_json, code_revision, digest, versions
 from ._programs import Identity
-from ._settings import Settings
 from .evaluate import Evaluate, output_names
 from .grid import Block, blocks
 from .lanes import map_lanes
+from .settings import Settings
 
 
 @dataclasses.dataclass(frozen=True)

@@ -5,7 +5,7 @@ import dataclasses
 import pathlib
 import warnings
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -23,10 +23,10 @@ from ._manifest import differences, identity
 from ._read import dataset_so_far
 from ._refined import LANE, OWN, Part, assembled, walk
 from ._run import described_grid, in_memory
-from ._settings import Compute, Settings, Storage, settings_of
 from ._store import Store, SweepMismatchError
 from .evaluate import output_names, prepared
 from .grid import check_grid, shard_shape
+from .settings import Compute, Settings, Storage, settings_of
 
 MAX_POINTS = 1_000_000
 SMALLEST_BLOCK = 8  # lanes; the widest vector unit of a CPU takes them at once
@@ -72,13 +72,13 @@ def refine_sweep(
     - `levels`: how often a cell may be halved. A store may be gone on with more of them.
     - `max_points`: no step is begun that would lead to more points. Then the result is what there is,
       with a `RuntimeWarning` and its attribute `sweep_state` saying so.
-    - `store`: as for `run_sweep`. It is that of the sweep over the grid, also one that `run_sweep` made,
+    - `store`: as for `run_sweep`. It is that of the sweep over the grid, also if `run_sweep` made it,
       with a store for each step in its folder `refined`. Other tolerances or results in `by` need
       another store. Blocks of a step are no larger than they must be; workers share its blocks, so
       that many of them need a small `chunk`.
     - `labels`, `compute`: as for `run_sweep`.
-    - `part`: as for `run_sweep`, of the first step that is not finished. The points of a step follow
-      from all results before it, so that a call with a part ends with that step.
+    - `part`: as for `run_sweep`, of each step. The points of a step follow from all results before it,
+      so that a call with a part ends where results of others are wanted: run the array of jobs again.
 
     **Returns** an `xarray.Dataset` in memory. With one parameter that is its dimension, in ascending
     order. With two the points lie along the dimension `lane`, both parameters beside it. `level` says
@@ -108,6 +108,15 @@ def refine_sweep(
     return assembled(found, list(coords), kept)
 
 
+class _Listed(NamedTuple):
+    """The lane function over a list of points, which are among its results."""
+
+    function: Callable[..., Any]
+
+    def __call__(self, lane: Any, **point: Any) -> dict[str, Any]:
+        return {**point, **output_names(self.function(**point))}
+
+
 class _Steps:
     """Computes one step after another: in memory, or in a store."""
 
@@ -116,11 +125,7 @@ class _Steps:
         self._stack = stack
         self._program: Any = None
         self._grid = ""
-
-        def listed(lane, **point):
-            return {**point, **output_names(function(**point))}
-
-        self._listed = prepared(listed)
+        self._listed = prepared(_Listed(function))
 
     def __call__(self, number: int, step: Step | None, points: list[np.ndarray]) -> Part:
         settings, top = self.settings, self.settings.storage.directory

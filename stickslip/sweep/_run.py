@@ -23,9 +23,9 @@ from ._compute import Memory, compute_rest
 from ._describe import Described, describe
 from ._labels import Labels, Variable
 from ._read import dataset_so_far
-from ._settings import Carried, Compute, Settings, Storage, settings_of
 from ._store import Store
 from .grid import block_shape, check_grid, shard_shape
+from .settings import Carried, Compute, Settings, Storage, settings_of
 
 
 def run_sweep(

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.analysis import Carried, Maximum, Minimum, PeriodTest, Recording, orbit_diagram
+from stickslip.analysis import Maximum, Minimum, PeriodTest, Recording, orbit_diagram
 from stickslip.systems import CoulombOscillator, Motion
 from tests.stickslip.analysis._forced import (
     DoubleWell,

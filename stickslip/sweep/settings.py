@@ -57,6 +57,10 @@ class Storage:
         """The store's place."""
         return None if self.path is None else the_directory("path", self.path)
 
+    def in_chunks(self, chunk: int) -> "Storage":
+        """The same with so many lanes per block, unless it says how many."""
+        return self if self.chunk is not None else dataclasses.replace(self, chunk=chunk)
+
     @property
     def lanes(self) -> int:
         """Lanes per block."""
