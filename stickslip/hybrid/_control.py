@@ -8,9 +8,8 @@ import jax.numpy as jnp
 
 from ._loop_state import DIP, HOLD, PLAIN, REFRESH, REJECT, SHRINK, Lane, Plan, is_event
 from ._tolerance import Ends, scales
+from .accuracy import ACCURACY
 from .executor import bookkeeping
-
-FIRST = 333.0  # length of the first step where the motion does not say: in parts of the resolution
 
 
 def _target(plan: Plan, next_output, t1, outputs):
@@ -82,7 +81,7 @@ def _begun(plan: Plan, h_free, h, y, dy, size):
     def initial(y, dy, size, h_free):
         scale = scales(rule.rtol, plan.atols, plan.noise, size, Ends(h, y, y, dy, dy))
         first = rule.initial(y, dy, scale)
-        first = jnp.where(jnp.isfinite(first), first, FIRST * plan.resolution)
+        first = jnp.where(jnp.isfinite(first), first, ACCURACY.first_step * plan.resolution)
         return jnp.where(h_free == 0, first, h_free)
 
     # Lanes begin once: a branch for the whole batch, not a piece of every attempt.

@@ -25,6 +25,7 @@ from ._solution import Solution
 from ._step_size import AbstractStepSize, AdaptiveStep
 from ._still import too_still
 from ._tolerance import Noise, cancelling, component_tolerances
+from .accuracy import ACCURACY
 from .arguments import (
     a_time,
     check_field,
@@ -40,7 +41,7 @@ from .compile_options import jit_plainly
 from .dependence import may_jump
 from .event_functions import event_functions
 from .executor import current_executor
-from .longest_step import RESOLUTION, step_bound
+from .longest_step import step_bound
 from .status import BENT, CODE, STILL, flag, to_result
 from .stepper import ExplicitRungeKutta, as_stepper
 from .system import AbstractHybridSystem
@@ -273,7 +274,7 @@ def _run(
         noise=stop_gradient(Noise(jnp.maximum(jnp.abs(t0), jnp.abs(t1)), terms)),
         watched=watched,
         longest=stop_gradient(longest),
-        resolution=stop_gradient(RESOLUTION * (t1 - t0)),
+        resolution=stop_gradient(ACCURACY.resolution * (t1 - t0)),
         detect_dips=integrator.detect_dips,
         switches=jumps,
         progress=integrator.progress,
