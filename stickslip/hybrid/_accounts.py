@@ -1,4 +1,4 @@
-"""What is kept of an attempt beside the motion: counters, flags and the result code."""
+"""Counters, flags and the result code: the record of an attempt beside the motion."""
 
 from typing import Any
 
@@ -196,7 +196,7 @@ def _of_events(plan: Plan, code, lane: Lane, h, t, mode, first: First) -> dict[s
 def _is_undecided(plan: Plan, lane: Lane, first: First):
     """Whether the mode that an event led to begins with a guard that cannot be distinguished from zero.
 
-    A mode that leaves zero has its guard at zero to rounding as it begins. What lies above rounding
+    A mode that leaves zero has its guard at zero to rounding as it begins. A value above rounding
     and below the error of the state might as well lie below zero, and another mode come next.
     """
     near = (first.value > ACCURACY.slack) & (first.value < ACCURACY.touching * plan.touching)

@@ -39,7 +39,7 @@ from .tree import select, shift
 def attempt(plan: Plan, problem: PyTree, lane: Lane, t1: Any, outputs: Any) -> tuple[Lane, Outcome]:
     """One attempt of one lane. `problem = (system, args)`; `outputs` are the output times or None."""
     lane, step = take(plan, problem, lane)
-    # What only decides is not given the state, nor its gradient.
+    # Decisions get the lane without its state, so that no gradient flows through them.
     bare = without_state(lane)
     first = None
     if plan.interrupts:

@@ -30,7 +30,7 @@ _COMPARED = {"gt": (False, False), "ge": (True, True), "lt": (True, False), "le"
 
 
 class Change(NamedTuple):
-    """What becomes of the code where a margin falls through zero."""
+    """Change of the code where a margin falls through zero."""
 
     adds: int | None  # None: the bit at `place` is turned over
     place: int
@@ -83,7 +83,7 @@ class Outcomes:
         self.found = self.found + jnp.where(plain, 1 << place, 0)
         given = plain if self.code is None else ((self.code >> place) & 1) == 1
         margin = jnp.where(given, value, -value)
-        # What has no value is compared to no effect. What is equal and is said to be above has no value
+        # A comparison of NaN has no effect. An equal value that is said to be above has no value
         # as a margin, but its rate: unless that parts the two, the outcome is stale.
         margin = jnp.where(jnp.isnan(stop_gradient(margin)), 1.0, margin)
         equal = given & (stop_gradient(value) == 0.0)
@@ -129,7 +129,7 @@ class _Known(NamedTuple):
 
 
 def _number(value: Any) -> Any:
-    """What tells two values apart: numbers by what they are, others by which they are."""
+    """Key of a value: a number by its value, anything else by its identity."""
     if isinstance(value, jax.core.Tracer) or np.ndim(value):
         return id(value)
     return repr(np.asarray(value).item())  # which tells -0.0 from 0.0, and 1 from 1.0

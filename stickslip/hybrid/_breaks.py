@@ -72,8 +72,8 @@ class WithBreaks(AbstractSystemWrapper):
     4.000000, -4.000000
 
     - State `Pieced`; `start(y, t)` makes one. One more guard, the time to the next break [s].
-    - `times` [s]: a vector that increases; they may be parameters that are differentiated. What the
-      system does between two breaks may use its own `time_scale`.
+    - `times` [s]: a vector that increases; they may be parameters that are differentiated. Between
+      two breaks the system's own `time_scale` holds.
 
     **Errors** `TypeError` unless `system` is a hybrid system, `ValueError` for times that do not
     increase or are not finite.

@@ -39,7 +39,7 @@ class Next(NamedTuple):
 def control(
     plan: Plan, code, lane: Lane, h, search, error, t, y, dy, size, t1, outputs, begins: bool
 ) -> Next:
-    """What to attempt next.
+    """Choice of the next attempt.
 
     `search`: the lengths that an event being located, and a place to look at, ask for; None where no
     event function interferes. `begins`: whether a lane may just have computed its first slope.
@@ -95,7 +95,8 @@ def _free(plan: Plan, code, h, h_free, first, factors, tries, landed):
     """Length of the next step if nothing but the step-size rule were to shorten it."""
     grown = h * factors[0]
     rule: Any = plan.step_size
-    # What an event or an output time has shortened says nothing on the length that is possible.
+    # A length that an event or an output time has shortened says nothing on the length that is
+    # possible.
     grown = jnp.where(landed | (tries != 0), jnp.maximum(grown, h_free), grown)
     taken = jnp.where(code == PLAIN, grown, first)
     # A rejected step must become shorter whatever the rule says, or it would be repeated as it is.

@@ -30,7 +30,7 @@ def crossings(
 ) -> tuple[Any, PyTree, PyTree]:
     """Times, states and slopes at the crossings in `rows`; the motion itself knows nothing of them.
 
-    Of the rows past the `count` nothing can be said.
+    Rows past the `count` are meaningless.
     """
     return _crossings((problem, rows, count), plan=plan, section=section)
 

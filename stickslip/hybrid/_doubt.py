@@ -1,6 +1,6 @@
 r"""Event functions under error control: is a step short enough to know them between its ends?
 
-What the engine believes of an event function $g$ within a step is the cubic $p$ through its values and
+The engine takes an event function $g$ within a step for the cubic $p$ through its values and
 exact rates at both ends. It is compared with $g$ itself at two interior points, where the method gives
 the state to a higher order (`_within.py`). With the largest mismatch $e$ and the room $g$ has (its
 lowest value seen, or its size where it changes sign), the doubt is $3e/\mathrm{room}$: beyond 1, a zero
@@ -26,7 +26,7 @@ NO_JUMP = ACCURACY.slack / ACCURACY.guard_rounding
 
 
 class Verdict(NamedTuple):
-    """What the looks inside a step say of it."""
+    """Result of the looks inside a step."""
 
     doubt: Any  # largest of all event functions; `place` does not say where
     place: Any  # fraction of the step at which one is or may be beyond zero, and back; 0 if nowhere
@@ -95,8 +95,8 @@ class _Looked(NamedTuple):
 
 
 def _look_inside(course: _Course, rounding: Any, section: Any, instant: Any, short: Any) -> _Looked:
-    # What is smooth changes by its slope times the length; a jump does not know of the length. Next to
-    # zero the terms of a guard cancel, and what is left of their rounding is not a jump.
+    # A smooth function changes by its slope times the length; a jump does not know of the length. Next
+    # to zero the terms of a guard cancel, and what is left of their rounding is not a jump.
     slopes = jnp.abs(course.rise0) + jnp.abs(course.rise1)
     mismatch, size = _mismatch(course, rounding + instant * slopes)
     jumps = mismatch > 2.0 * slopes + 1e-9 * size + NO_JUMP * rounding
@@ -136,8 +136,8 @@ def _course(
     functions: EventFunctions, i: int, lane: Lane, values: Values, seen: tuple, h: Any
 ) -> _Course:
     start, rate = lane.values[i], lane.rates[i]
-    # The sign of the start for all: of a section both halves of an excursion count. What has just
-    # fired starts at zero, and has the sign it goes to.
+    # The sign of the start for all: of a section both halves of an excursion count. A guard that has
+    # just fired starts at zero, and has the sign it goes to.
     side = jnp.where(start == 0, rate, start)
     sign = functions.sign(i, side) if i < functions.num_guards else jnp.sign(side)
     return _Course(

@@ -93,7 +93,8 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         close = best.close
         bend = is_guard and functions.is_bend(i)
         if bend:
-            # What an outcome holds still moves beyond the border of that alone, which is met first.
+            # A margin held by an outcome still moves beyond the border of that alone, which is met
+            # first.
             held = (rate == 0) & (rate0 == 0) & (lane.h > 0) & (value0 >= 0)
             value = jnp.where(held & (stop_gradient(value) < 2.0 * STALE), ACCURACY.far, value)
         if plan.detect_dips:
@@ -103,7 +104,7 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         if not acts:
             continue
         # It turned back above zero, by less than what the tolerance of the state can decide. Of one
-        # that begins at zero, as what has just fired does, a fall by rounding is no turn.
+        # that begins at zero, as a guard that has just fired, a fall by rounding is not a turn.
         judged = is_guard and i not in functions.continuous
         if judged:
             low = (jnp.minimum(value0, stop_gradient(value)) < plan.touching) & (value0 > 0)
@@ -117,8 +118,8 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
             near = jnp.abs(stop_gradient(value)) < rate * beside
             close = close + near.astype(close.dtype)
         if is_guard and functions.count > 1:
-            # What rests on zero, or has just fired and is below it by rounding, is not what another is
-            # located beside.
+            # No other is located beside a guard that rests on zero, or has just fired and is below it
+            # by rounding.
             value = jnp.where(at_start & (rate >= 0), ACCURACY.far, value)
         if i in functions.continuous and functions.count > 1:
             idle = _stays(plan, value, rate) & (lane.bracket.beyond != i)
@@ -161,7 +162,7 @@ def _turns(rate0: Any, rate: Any, rounding: Any) -> Any:
     """Whether a function is at its lowest inside the step or at its end, by its slopes at the ends.
 
     A parabola with these slopes falls by `h rate^2 / 2 (rate - rate0)` from an end to its lowest point.
-    What has just fired and leaves zero without a slope may fall by rounding at first: it does not turn.
+    A guard that has just fired and leaves zero without a slope may fall by rounding: it does not turn.
     `rounding`: of twice the fall, by the length of the step.
     """
     # By the signs of the slopes, so that what falls is negative. It turns if the bend is positive.
@@ -246,8 +247,8 @@ def _what_fires(plan: Plan, lane: Lane, h: Any, first: First, code: Any) -> Any:
     reach = jnp.where(h == 0, tolerance * full, jnp.minimum(fine, least))
     near = jnp.abs(first.value) <= -rate * reach
     if functions.num_guards:
-        # Where a guard is flat it is not near: a load that was 0 for a while begins after that. What an
-        # outcome holds at zero is flat and is there.
+        # Where a guard is flat it is not near: a load that was 0 for a while begins after that. A
+        # margin that an outcome holds at zero is flat and is there.
         flat = guards & (rate == 0.0)
         near = near & ~(flat & ~functions.is_bend(first.index) if functions.num_bends else flat)
     # Guards at rest lie at zero to rounding; only what is clearly beyond fires.

@@ -101,8 +101,9 @@ def propose(b: Bracket, full: Any, t: Any) -> Any:
     inside_secant = (secant > b.low) & (secant < b.high)
     tries = jnp.abs(b.tries)
     at_first = b.low == 0.0
-    # A guard that has just fired starts at zero: every interpolation would find that zero again. What
-    # leaves zero without a slope, as a block whose friction is just overcome, may fall by rounding.
+    # A guard that has just fired starts at zero: every interpolation would find that zero again. One
+    # that leaves zero without a slope, as a block whose friction is just overcome, may fall by
+    # rounding.
     level = (b.rate_low <= 0) & (-b.rate_low <= ACCURACY.level_slope * jnp.abs(b.rate_high))
     resting = at_first & ((b.rate_low >= 0) | level) & (b.value_low <= 1e-12)
     forced = (tries >= ACCURACY.bisect_every) & (jnp.floor(tries * 0.5) * 2.0 == tries)
@@ -128,7 +129,7 @@ def propose(b: Bracket, full: Any, t: Any) -> Any:
 def begins_inside(value0: Any, rate0: Any, rate: Any) -> Any:
     """Whether a function that crosses downwards begins a step above zero, or on it and rises.
 
-    What rests on zero has a slope of rounding, beside that of its end, and does not begin inside.
+    A guard that rests on zero has a slope of rounding beside that of its end, and does not.
     """
     return (value0 > 0) | ((value0 == 0) & (rate0 > ACCURACY.level_slope * jnp.abs(rate)))
 

@@ -1,7 +1,7 @@
 """A function with several results as pieces of a fused program: what they share is computed once.
 
-Within one call the compiler computes for every result all that it depends on. What is expensive and
-wanted by more than one result becomes a call of its own here.
+Within one call the compiler computes for every result all that it depends on. Expensive values
+that several results need become calls of their own here.
 """
 
 from collections.abc import Callable, Sequence
@@ -117,7 +117,7 @@ def _ahead(parents: list[set[int]], cuts: set[int], results: set[int]) -> list[i
         own = 1 << i if i in cuts or i in results else 0
         if i in results:
             found[i] |= own
-        # What is cut is computed once, whoever wants it.
+        # A cut piece is computed once for all its readers.
         handed = own if i in cuts else found[i]
         for j in parents[i]:
             found[j] |= handed

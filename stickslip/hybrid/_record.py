@@ -20,7 +20,7 @@ from .tree import select
 
 
 class Capacities(eqx.Module):
-    """What is recorded and how much room there is; static."""
+    """Rows that are recorded and the room for them; static."""
 
     events: int | None = eqx.field(static=True)  # capacity, or None
     crossings: tuple[int, ...] = eqx.field(static=True)  # capacity per section

@@ -196,7 +196,7 @@ def _field_program(system: Any, t: Any, y: PyTree, mode: Any, args: PyTree) -> t
         return found
 
     closed = jax.make_jaxpr(field)(t, mode, *leaves)
-    # What no slope comes from is no part of the motion.
+    # A number without a slope is not a part of the motion.
     used = dce_jaxpr(closed.jaxpr, [True] * len(closed.jaxpr.outvars), instantiate=True)[0]
     return jax.extend.core.ClosedJaxpr(used, closed.consts), slope
 
@@ -209,7 +209,7 @@ def _look(
     t, y = _on_declared_sides(system, t, y, mode, args, outcomes)
     closed, form = _field_program(system, t, y, mode, args)
     leaves = jax.tree.leaves(y)
-    # What has no slope, as the number of a piece between two breaks, changes in no outcome.
+    # A number without a slope, such as that of a piece between two breaks, changes in no outcome.
     varies = (False, False, *(_moves(slope, closed.jaxpr) for slope in closed.jaxpr.outvars))
     found = evaluate_with(closed, (t, mode, *leaves), varies, outcomes)
     return jax.tree.unflatten(form, found), outcomes
@@ -259,7 +259,7 @@ def _moves(slope: Any, jaxpr: Any) -> bool:
 
 
 def without_sides(solution: Any, system: Any) -> Any:
-    """What a run of `system` found, with the modes of the system itself if `system` is a `Sided`."""
+    """Solution of a run of `system`, with the modes of the system itself if `system` is a `Sided`."""
     if not isinstance(system, Sided):
         return solution
 

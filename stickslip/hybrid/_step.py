@@ -68,7 +68,8 @@ def take(plan: Plan, problem: PyTree, lane: Lane) -> tuple[Lane, Step]:
     if plan.functions.count:
         kept = values = _values_at(plan, lane.mode, lane.t + h, y1, dy1, lane.size, problem=problem)
         if plan.functions.learned:
-            # What ends this step begins the next, which measures by what it finds there.
+            # Values at the end are the start values of the next step, scaled by the magnitudes found
+            # there.
             bare = without_state(lane)
             used, values, kept = _rescale(plan, bare, values)
             if plan.functions.num_bends:
@@ -92,7 +93,7 @@ def take(plan: Plan, problem: PyTree, lane: Lane) -> tuple[Lane, Step]:
 
 
 def _unit(plan: Plan, field, lane: Lane, h) -> list:
-    """What an error of 1 means in the stages of a step, whose end is not known: `scales` of its start.
+    """Meaning of an error of 1 in the stages of a step, whose end is not known: `scales` of its start.
 
     While nothing has moved, motion is as large as the slopes at both ends of Euler's step make it.
     """

@@ -101,7 +101,7 @@ def cancelling(field: Any, t: Any, y: PyTree) -> PyTree:
 
 
 class Noise(NamedTuple):
-    """What rounding is a part of."""
+    """Magnitudes that rounding is a part of."""
 
     time: Any  # largest time of the run [s]
     terms: PyTree  # terms that add up to the slope
@@ -118,7 +118,7 @@ class Ends(NamedTuple):
 
 
 def scales(rtol: Any, atols: tuple, noise: Noise, size: PyTree, step: Ends) -> list:
-    """What an error of 1 means in each leaf: `atol + rtol max(|y0|, |y1|)`.
+    """Meaning of an error of 1 in each leaf: `atol + rtol max(|y0|, |y1|)`.
 
     Without an absolute tolerance, `rtol` times the largest magnitude so far, of the component itself
     or of a part (`ACCURACY.smallest`) of the largest component. Added to this are the rounding of the
@@ -197,6 +197,6 @@ def too_loose(atols: tuple, size: PyTree) -> Any:
     loose: Any = jnp.zeros((), bool)
     for atol, s in zip(atols, leaves, strict=True):
         if atol is not None:
-            # What is rounding next to the other components does not move.
+            # A component that is rounding next to the others does not move.
             loose = loose | jnp.any((s > 0) & (s > 1e-14 * most) & (atol > ACCURACY.loose * s))
     return loose

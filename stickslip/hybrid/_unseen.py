@@ -24,7 +24,7 @@ from .components import components_of, entries, period_of
 # Turns a function can make along a line: 1 of a straight line, 2 of a parabola or what bends once, 3 of
 # what bends twice or levels off at both ends. With more it may be flat, rise, fall, and be flat again.
 HIDES = 4
-# Added to those of what is no polynomial: kinks of several terms add up, and their highest power stays.
+# Added to the turns of a function that is not a polynomial: kinks of several terms add up.
 BENT = 8
 
 _SAME = {
@@ -77,7 +77,7 @@ def _turn_code(number: Any, *bent: Any) -> np.ndarray:
 
 
 def _any_of(rows: Any, axis: Any = 0) -> np.ndarray:
-    """What one of `rows` may be."""
+    """Any of `rows`: each number may be that of one of them."""
     rows = np.asarray(rows)
     return _turn_code(_number(rows).max(axis=axis), np.bitwise_or.reduce(rows & BENT, axis=axis))
 
@@ -233,7 +233,7 @@ _MIXES = {"cumsum", "cumprod", "sort", "gather", "scatter", "triangular_solve", 
 
 
 class Hiding(NamedTuple):
-    """What of a state may hide something from the error of a step."""
+    """Components of a state that may hide something from the error of a step."""
 
     any: bool
     runs_free: bool  # whether one without a period does; nothing it drives acts back on it

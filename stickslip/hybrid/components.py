@@ -47,7 +47,7 @@ def components_of(y: PyTree) -> dict[str, Any]:
 
 
 def place_of(y: PyTree, name: str) -> Place | None:
-    """What `"x"`, `"x[0]"`, of a matrix `"x[1, 2]"`, means in a state; None if it has no such part."""
+    """Place of `"x"`, `"x[0]"`, of a matrix `"x[1, 2]"`, in a state; None if it has no such part."""
     components = components_of(y)
     if name in components:
         return Place(name, list(components).index(name), None)

@@ -131,7 +131,7 @@ def terms_in_state(system: AbstractHybridSystem, t, y, mode, args, size: PyTree)
 
 
 def terms_in_parameters(system: AbstractHybridSystem, t, y, mode, args) -> tuple:
-    """What parameters amount to in each guard, so that `ACCURACY.slack` of it is their rounding."""
+    """Size of the parameters in each guard, so that `ACCURACY.slack` of it is their rounding."""
     numbers, others = eqx.partition((system, args), eqx.is_inexact_array)
 
     def guards(numbers):

@@ -24,7 +24,7 @@ class Whole(NamedTuple):
 
 
 class Bound(NamedTuple):
-    """What a step may be, whatever its error."""
+    """Bounds on a step, whatever its error."""
 
     rule: Any  # the step-size rule with a number for `dtmax`
     watched: tuple[Watched, ...]  # what else it must not stray from

@@ -273,7 +273,7 @@ class DiffraxStepper(AbstractStepper):
         )
 
     def _units(self, y: list, dy: list, h: Numeric) -> list:
-        """What each number of the state is measured in, so that one tolerance serves them all."""
+        """Unit of each number of the state, so that one tolerance serves them all."""
         if not self.open:
             return [jnp.ones(()) for _ in y]
         if self.unit is not None:
@@ -290,7 +290,7 @@ class DiffraxStepper(AbstractStepper):
         return isinstance(self.solver, dfx.AbstractAdaptiveSolver)
 
     def step(self, field, t, y, dy, h, execute):
-        # As a tuple of leaves: solvers of diffrax refuse empty parts, such as the state of most laws.
+        # As a tuple of leaves: solvers of diffrax reject empty parts, such as the state of most laws.
         flat, form = jax.tree.flatten(y)
         units = self._units(flat, jax.tree.leaves(dy), h)
 
