@@ -1,12 +1,10 @@
 """Numbers that decide in the engine, each with its unit and its meaning, chosen by us unless said.
 
 None is an option: tolerances that users choose are those of `Integrator` and `AdaptiveStep`. "Part" is
-a ratio without a unit; rounding is in multiples of the spacing of floating-point numbers beside 1.
+a ratio without a unit.
 """
 
 import dataclasses
-
-SPACING = 2.0**-52  # of floating-point numbers beside 1
 
 
 @dataclasses.dataclass(frozen=True)
@@ -90,13 +88,13 @@ class Accuracy:
     # Breaks of loads, and periodic pieces.
     never: float = 1e300
     """Time of the break after the last [s]."""
-    before_break: float = 2 * SPACING
+    before_break: float = 4.5e-16
     """Part of its time by which the last instant before a break is earlier."""
     early: float = 0.1
     """Part of what is left of the period beside a piece: so long before it begins it is the next."""
     of_rest: float = 0.4
     """The same, as time scale: no step passes over more than what is left."""
-    at_once: float = 64 * SPACING
+    at_once: float = 64 * 2.0**-52
     """Part of the time: a break that is no farther away is past. Loads such as the sign of a sine jump
     up to some rounding beside the break, and are evaluated so far from it."""
     beside: float = 1e-6
@@ -106,8 +104,8 @@ class Accuracy:
     smallest: float = 1e-6
     """Part of the largest component: a smaller one is measured against this part. In a long chain the
     far end begins to move like a high power of the time, of which no method has a digit."""
-    field_rounding: float = 8 * SPACING
-    """Part of the terms that cancel in the field: their rounding."""
+    field_rounding: float = 8 * 2.3e-16
+    """Part of the terms that cancel in the field: their rounding, eight spacings of numbers."""
     short: float = 1e4
     """Roundings of the time: shorter steps may hold a jump that cannot be told any better."""
     tiny: float = 1e-150
@@ -147,8 +145,8 @@ class Accuracy:
     even: float = 1e-6
     """Part of the way: a motion that is the parabola through its ends and slopes to this part is even,
     and the error of a step has nothing to see."""
-    component_rounding: float = 4 * SPACING
-    """Part of a component: its rounding in a step."""
+    component_rounding: float = 4 * 2.3e-16
+    """Part of a component: its rounding in a step, four spacings of numbers."""
     moves: float = 1e-12
     """Part of a component: one that moves by less is at rest."""
     numbers_told_apart: int = 64
