@@ -20,8 +20,9 @@ def walk(
     consts: Sequence | None = None,
     equations: Sequence | None = None,
 ) -> list:
-    """What a program makes of `given`, by `rule(equation, operands)`, which returns a value a result.
+    """Results of a program for the operands `given`, each equation by `rule(equation, operands)`.
 
+    A rule returns one value for each result.
     `constant(variable, number)` stands for a number in the program, None where its `consts` are not
     given. `equations`: those of the program that are needed; all if left out.
     """

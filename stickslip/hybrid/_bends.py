@@ -19,9 +19,8 @@ from jax.lax import stop_gradient
 from .._fastmath import SMOOTH
 from .._jaxpr import bound, called, walk
 from ._steep import gently, steep_operand
+from .accuracy import ACCURACY
 
-MOST = 48  # bits of all outcomes
-LONGEST_SCAN = 16  # loops of more rounds are not looked into
 _OWN = re.compile(f"/jax/_src/|^{re.escape(pathlib.Path(__file__).parents[1].as_posix())}/")
 _CALLS = ("jit", "pjit", "closed_call", "core_call", "remat", "remat2", "checkpoint")
 _ROUNDED = {"floor", "ceil", "round", "rem"}
@@ -31,7 +30,7 @@ _COMPARED = {"gt": (False, False), "ge": (True, True), "lt": (True, False), "le"
 
 
 class Change(NamedTuple):
-    """What becomes of the code where a margin falls through zero."""
+    """Change of the code where a margin falls through zero."""
 
     adds: int | None  # None: the bit at `place` is turned over
     place: int
@@ -67,7 +66,7 @@ class Outcomes:
         return self.asked[key][0]
 
     def _outcome_of(self, value: Any, plain: Any) -> Any:
-        if self.width + value.size > MOST:
+        if self.width + value.size > ACCURACY.outcome_bits:
             self.left = True
             return plain
         rows = zip(jnp.ravel(value), jnp.ravel(plain), strict=True) if value.ndim else [(value, plain)]
@@ -84,7 +83,7 @@ class Outcomes:
         self.found = self.found + jnp.where(plain, 1 << place, 0)
         given = plain if self.code is None else ((self.code >> place) & 1) == 1
         margin = jnp.where(given, value, -value)
-        # What has no value is compared to no effect. What is equal and is said to be above has no value
+        # A comparison of NaN has no effect. An equal value that is said to be above has no value
         # as a margin, but its rate: unless that parts the two, the outcome is stale.
         margin = jnp.where(jnp.isnan(stop_gradient(margin)), 1.0, margin)
         equal = given & (stop_gradient(value) == 0.0)
@@ -96,7 +95,7 @@ class Outcomes:
         """Number of the cell between increasing `nodes` that a scalar `value` is in."""
         count = nodes.shape[0]
         bits = count.bit_length()
-        if value.ndim or self.width + bits > MOST:
+        if value.ndim or self.width + bits > ACCURACY.outcome_bits:
             self.left = True
             return plain
         place, self.width = self.width, self.width + bits
@@ -130,7 +129,7 @@ class _Known(NamedTuple):
 
 
 def _number(value: Any) -> Any:
-    """What tells two values apart: numbers by what they are, others by which they are."""
+    """Key of a value: a number by its value, anything else by its identity."""
     if isinstance(value, jax.core.Tracer) or np.ndim(value):
         return id(value)
     return repr(np.asarray(value).item())  # which tells -0.0 from 0.0, and 1 from 1.0
@@ -188,7 +187,7 @@ def _equation(eqn: Any, given: list[_Known], outcomes: Outcomes, smooth: bool) -
         return _run(*inner, given, outcomes, smooth)
     if name == "cond":
         return _branches(eqn, given, outcomes, smooth)
-    if name == "scan" and eqn.params["length"] <= LONGEST_SCAN:
+    if name == "scan" and eqn.params["length"] <= ACCURACY.longest_scan:
         return _rounds(eqn, given, outcomes, smooth)
     real = jnp.issubdtype(eqn.invars[-1].aval.dtype, jnp.floating)
     whole = not jnp.issubdtype(eqn.outvars[0].aval.dtype, jnp.inexact)
