@@ -17,7 +17,7 @@ import numpy as np
 from jax.lax import stop_gradient
 
 from .._fastmath import SMOOTH
-from .._jaxpr import bound, called, walk
+from .._jaxpr import bound, called, equations, walk
 from ._steep import gently, steep_operand
 from .accuracy import ACCURACY
 
@@ -330,19 +330,17 @@ def _evaluate_by_rule(eqn: Any, inner: Any, given: list[_Known], outcomes: Outco
 
 def compares(jaxpr: Any) -> bool:
     """Whether a program compares numbers, or picks one of them, wherever they come from."""
-    for eqn in jaxpr.eqns:
-        name = eqn.primitive.name
-        real = any(jnp.issubdtype(a.aval.dtype, jnp.floating) for a in eqn.invars)
-        if real and name in (*_RULES, *_COMPARED, *_SORTED):
-            return True
-        if name.startswith(("custom_jvp_call", "custom_vjp_call")) and _own_rule(eqn) is None:
-            continue
-        for given in eqn.params.values():
-            for inner in given if isinstance(given, tuple) else (given,):
-                inner = getattr(inner, "jaxpr", inner)
-                if hasattr(inner, "eqns") and compares(inner):
-                    return True
-    return False
+    return any(
+        eqn.primitive.name in (*_RULES, *_COMPARED, *_SORTED)
+        and any(jnp.issubdtype(a.aval.dtype, jnp.floating) for a in eqn.invars)
+        for eqn in equations(jaxpr, _has_no_rule_of_jax)
+    )
+
+
+def _has_no_rule_of_jax(eqn: Any) -> bool:
+    """Whether a call has no derivative that JAX itself has written for it."""
+    name = eqn.primitive.name
+    return not name.startswith(("custom_jvp_call", "custom_vjp_call")) or _own_rule(eqn) is not None
 
 
 def _branches(eqn: Any, given: list[_Known], outcomes: Outcomes, smooth: bool) -> list[_Known]:
