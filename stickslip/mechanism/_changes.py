@@ -289,6 +289,9 @@ def transition(
             still = [
                 x & (rested[c] | (f == 0.0)) for x, c, f in zip(still, island.rows, found, strict=True)
             ]
+            # Nor is anything else made to rest then: it might send back what has just passed.
+            passed = ((p != 0.0) & (f != 0.0) for p, f in zip(passing, found, strict=True))
+            lands = lands & ~any_of(passed)
         for j, x in zip(island.columns, landed(island, at, still), strict=True):
             v[j] = where(lands, x, v[j])
         new = list(new)
