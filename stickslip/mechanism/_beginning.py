@@ -38,15 +38,18 @@ def begun(
 
 
 def drifting(
-    machine: "AbstractMechanism", t: Any, y: Any, at: Instant, states: list, args: Any
-) -> list[Any]:
+    machine: "AbstractMechanism", t: Any, y: Any, at: Instant, states: Any, args: Any
+) -> Any:
     """`states`, of which contacts at rest that others hold at this very instant alone begin to slide.
 
     The direction of such a contact depends on those of others at rest now and not in an instant, as two
     that coincide while one of them turns. The first derivative of its speed that is not zero says which
     way it slides; where there is none, it depends on the others for longer, and rests.
     """
-    rows, states = _turning(machine), list(states)
+    rows = _turning(machine)
+    if not rows:
+        return states  # which may be an array
+    states = list(states)
     lost: dict[int, Any] = {}
     for island in machine.islands:
         for c in island.rows if not island.dependent else ():
