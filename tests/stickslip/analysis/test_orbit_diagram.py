@@ -6,7 +6,7 @@ import pytest
 
 import stickslip as ss
 from stickslip.analysis import Maximum, Minimum, PeriodTest, Recording, orbit_diagram
-from stickslip.sweep import Carried, Compute, Storage
+from stickslip.sweep import Carried, Compute, Labels, Storage
 from stickslip.systems import CoulombOscillator, Motion
 from tests.stickslip.analysis._forced import (
     DoubleWell,
@@ -353,9 +353,9 @@ def test_dry_friction_and_the_result_does_not_depend_on_the_cut():
         ({"period": 1e-3}, TypeError, "period = 0.001: it must be a PeriodTest"),
         ({"section": {}}, ValueError, r"section = \{\}"),
         ({"section": {"top": "up"}}, TypeError, r"section\['top'\] = 'up'"),
-        ({"transients": 1.0}, TypeError, "transients = 1.0: it must be left out"),
+        ({"transients": 1.0}, TypeError, "argument .transients."),
         ({"integrator": "rk4"}, TypeError, "integrator = 'rk4'"),
-        ({"labels": {"w": ss.sweep.Variable()}}, ValueError, r"labels\['w'\] = Variable"),
+        ({"labels": Labels({"w": ss.sweep.Variable()})}, ValueError, r"variables\['w'\] = Variable"),
         ({"mode0": "flying"}, ValueError, "mode0 = 'flying'"),
     ],
 )
