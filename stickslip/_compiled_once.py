@@ -14,7 +14,7 @@ from jaxtyping import PyTree
 from ._code import code_key
 from ._validation import is_concrete
 from .hybrid.compile_options import plain_options
-from .hybrid.executor import traced
+from .hybrid.executor import closed_jaxpr
 
 MOST = 16  # programs kept
 _programs: collections.OrderedDict[Any, Any] = collections.OrderedDict()
@@ -51,7 +51,7 @@ def compiled_once(function: Callable[..., PyTree], *operands: PyTree, key: Any =
         found, rest = eqx.partition(function(*operands), eqx.is_array)
         return found
 
-    jaxpr, consts, form = traced(arrays, operands)
+    jaxpr, consts, form = closed_jaxpr(arrays, operands)
     given = [*consts, *jax.tree.leaves(operands)]
     if not is_concrete(given):
         return function(*operands)

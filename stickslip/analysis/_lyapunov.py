@@ -30,7 +30,7 @@ from ..hybrid import (
     use_executor,
 )
 from ..hybrid.arguments import a_time, the_system
-from ..hybrid.components import listed, place_of
+from ..hybrid.components import component_list, place_of
 from ..hybrid.longest_step import spanning
 from ..hybrid.tree import with_float_arrays
 from ._arguments import an_integrator, start_of
@@ -255,4 +255,6 @@ def moving_components(y0: PyTree, components: Any) -> np.ndarray:
 
 
 def _unknown(components: Any, y0: PyTree) -> Exception:
-    return refusal("components", components, f"names of components of the state, of {listed(y0)}")
+    return refusal(
+        "components", components, f"names of components of the state, of {component_list(y0)}"
+    )

@@ -14,8 +14,8 @@ from .._validation import check_callable, check_text, refusal, shown
 from ..hybrid import AbstractHybridSystem, Section
 from ..hybrid.components import (
     Place,
+    component_list,
     entries,
-    listed,
     own_axes,
     per_second,
     period_of,
@@ -144,7 +144,7 @@ def as_observable(
         if not slope and callable(getattr(type(system), name, None)) and name[:1] != "_":
             return Method(name), None
     allowed = (
-        f"a component of the state ({listed(y0)}), 'slope of' one, 't', the name of a "
+        f"a component of the state ({component_list(y0)}), 'slope of' one, 't', the name of a "
         "method (t, y, mode, args) of the system, or a function (system, t, y, dy, mode, args)"
     )
     raise refusal(argument, what, allowed)

@@ -7,8 +7,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
 from ..hybrid import AbstractHybridSystem
+from ..hybrid.accuracy import ACCURACY
 from ..hybrid.arguments import first_mode
-from ..hybrid.event_functions import SLACK, measured
+from ..hybrid.event_functions import guards_over_magnitudes
 from ..hybrid.system import guard_directions, mode_type
 from ..hybrid.tree import frozen
 
@@ -71,8 +72,8 @@ def own_mode(
         return own
     normals = jax.jacfwd(lambda z: _constraints(system, t, z, unravel, mode, args))(flat)
     held = jnp.all(jnp.abs(values) <= HELD * (jnp.abs(normals) @ size))
-    guards = measured(system, t, unravel(flat), mode, args)
+    guards = guards_over_magnitudes(system, t, unravel(flat), mode, args)
     sides = jnp.asarray([-1.0 if d == "rising" else 1.0 for d in guard_directions(system)])
     both = jnp.asarray([d == "both" for d in guard_directions(system)])
     falls = jnp.where(both, jnp.abs(guards), sides * guards)
-    return jnp.where(held & jnp.all(falls >= -SLACK), mode, own).astype(own.dtype)
+    return jnp.where(held & jnp.all(falls >= -ACCURACY.slack), mode, own).astype(own.dtype)

@@ -1,4 +1,4 @@
-"""What is kept of an attempt beside the motion: counters, flags and the result code."""
+"""Counters, flags and the result code: the record of an attempt beside the motion."""
 
 from typing import Any
 
@@ -6,7 +6,7 @@ import jax.numpy as jnp
 
 from . import _locate
 from ._control import rounding
-from ._event_decision import RESTED, ROUNDING, TOUCHED, First, is_guard
+from ._event_decision import RESTED, TOUCHED, First, is_guard
 from ._loop_state import (
     COLLAPSED,
     EVENT,
@@ -18,11 +18,12 @@ from ._loop_state import (
     VIOLATED,
     Lane,
     Plan,
-    accepted,
+    is_accepted,
     is_event,
     moved_on,
 )
-from .event_functions import SLACK, Values
+from .accuracy import ACCURACY
+from .event_functions import Values
 from .executor import bookkeeping
 from .status import (
     CODE,
@@ -32,14 +33,11 @@ from .status import (
     GRAZING,
     RUNNING,
     flag,
-    noted,
+    flags_with,
     of_guard,
 )
 
 _STATUS = {name: float(number) for name, number in CODE.items()}
-MAX_ZERO_LENGTH = 16  # events without time passing before the lane is called chattering
-SAME_INSTANT = 4.0  # of what the time of an event is known to
-UNDECIDED = 0.02  # of what counts as touching for derivatives: a hundred tolerances
 
 
 @bookkeeping
@@ -52,7 +50,9 @@ def sections_at_zero(plan: Plan, code: Any, lane: Lane, values: Values) -> tuple
     functions = plan.functions
     # After one event another may follow at once, and then no step says how well the first was located.
     full = jnp.maximum(lane.full, jnp.where(lane.h > 0, 0.0, lane.h_free))
-    known_to = SAME_INSTANT * (_locate.TOLERANCE * full + ROUNDING * jnp.abs(lane.t))
+    known_to = ACCURACY.same_instant * (
+        ACCURACY.event_tolerance * full + ACCURACY.time_rounding * jnp.abs(lane.t)
+    )
     event = is_event(code) | ((code == REFRESH) & (lane.events > 0))
     return tuple(
         event & (jnp.abs(values.value[i]) <= known_to * _steepest(lane.rates[i], values.rate[i]))
@@ -89,10 +89,10 @@ def crossed_sections(
             if not meets:
                 crossed = (*crossed, jnp.zeros_like(beyond))
                 continue
-            near = jnp.abs(value) <= -rate * _locate.TOLERANCE_SECTION * full
+            near = jnp.abs(value) <= -rate * ACCURACY.section_tolerance * full
             beyond = beyond | (near & (code >= SECTION))
         begins = _locate.begins_inside(value0, rate0, rate) & ((value0 > 0) | (lane.h > 0))
-        crossed = (*crossed, accepted(code) & begins & beyond)
+        crossed = (*crossed, is_accepted(code) & begins & beyond)
     return crossed
 
 
@@ -108,14 +108,14 @@ def accounts(
     """
     # A lane that has ended waits for the others of its batch: that is not an attempt.
     attempts = lane.attempts + jnp.where(code == HOLD, 0.0, 1.0)
-    finished = accepted(code) & ~is_event(code) if first is not None else accepted(code)
+    finished = is_accepted(code) & ~is_event(code) if first is not None else is_accepted(code)
     # After an event at `t1` one more attempt computes the slope in the mode that it led to.
     finished = finished & (t1 - t <= rounding(t, t1))
     if plan.has_outputs:
         finished = finished & (next_output >= outputs.shape[0])
     kept = dict(
         attempts=attempts,
-        accepted=lane.accepted + jnp.where(accepted(code) & (code != REFRESH), 1.0, 0.0),
+        accepted=lane.accepted + jnp.where(is_accepted(code) & (code != REFRESH), 1.0, 0.0),
     )
 
     # Later lines take precedence.
@@ -126,16 +126,18 @@ def accounts(
         if plan.max_events is not None:
             status = jnp.where(kept["events"] > plan.max_events, _STATUS["max_events_reached"], status)
     elif plan.functions.num_guards:
-        kept["zero_events"] = jnp.where(accepted(code) & ~_short(h, t), 0.0, lane.zero_events)
-    kept["crossings"], status = _counted(plan, lane.crossings, fired, status)
+        kept["zero_events"] = jnp.where(is_accepted(code) & ~_short(h, t), 0.0, lane.zero_events)
+    kept["crossings"], status = _crossing_counts(plan, lane.crossings, fired, status)
     if first is not None:
         if plan.functions.num_guards:
             # Of bends all may be met in one instant, each of them twice.
-            chatters = kept["zero_events"] > MAX_ZERO_LENGTH + 2 * plan.functions.num_bends
+            chatters = (
+                kept["zero_events"] > ACCURACY.events_at_one_instant + 2 * plan.functions.num_bends
+            )
             status = jnp.where(chatters, _STATUS["chattering"], status)
         status = jnp.where(mode < 0, _STATUS["no_admissible_mode"], status)
     if not judged:
-        status = _exhausted(plan, code, h_next, t, t1, status)
+        status = _code_of_shortest(plan, code, h_next, t, t1, status)
     status = jnp.where(finished, _STATUS["successful"], status)
     if first is not None:
         for met, section in zip(fired, plan.functions.sections, strict=True):
@@ -180,7 +182,7 @@ def _of_events(plan: Plan, code, lane: Lane, h, t, mode, first: First) -> dict[s
     found = found | flag(violated, EVENT_AT_START) | mine
     # An attempt of length zero compares the guards of two modes.
     found = jnp.where(moved & (code != REFRESH), marks, found)
-    flags = noted(lane.flags, found, t)
+    flags = flags_with(lane.flags, found, t)
     # A hash of guards and modes in their order: two runs can be compared without their logs.
     # The golden ratio of 2^32 keeps guard and mode apart, however many modes there are.
     mode = mode >> plan.functions.width if plan.functions.width else mode
@@ -194,17 +196,17 @@ def _of_events(plan: Plan, code, lane: Lane, h, t, mode, first: First) -> dict[s
 def _is_undecided(plan: Plan, lane: Lane, first: First):
     """Whether the mode that an event led to begins with a guard that cannot be distinguished from zero.
 
-    A mode that leaves zero has its guard at zero to rounding as it begins. What lies above rounding
+    A mode that leaves zero has its guard at zero to rounding as it begins. A value above rounding
     and below the error of the state might as well lie below zero, and another mode come next.
     """
-    near = (first.value > SLACK) & (first.value < UNDECIDED * plan.touching)
+    near = (first.value > ACCURACY.slack) & (first.value < ACCURACY.touching * plan.touching)
     near = near & is_guard(plan.functions, first)
     if plan.functions.num_bends:
         near = near & ~plan.functions.is_bend(first.index)
     return (lane.events > 0) & near
 
 
-def _counted(plan: Plan, crossings, fired, status):
+def _crossing_counts(plan: Plan, crossings, fired, status):
     """Crossings so far, and the result code where one section has more than there is room for."""
     crossings = tuple(c + jnp.where(f, 1.0, 0.0) for c, f in zip(crossings, fired, strict=True))
     for count, section in zip(crossings, plan.functions.sections, strict=True):
@@ -219,7 +221,7 @@ def _short(h, t):
     return h <= 4e-16 * jnp.maximum(jnp.abs(t), 1e-300)
 
 
-def _exhausted(plan: Plan, code, h_next, t, t1, status):
+def _code_of_shortest(plan: Plan, code, h_next, t, t1, status):
     """Result code where a rejected step cannot be made shorter."""
     if not plan.step_size.adaptive:
         return jnp.where(code == REJECT, _STATUS["nonfinite"], status)

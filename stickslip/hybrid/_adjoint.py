@@ -17,14 +17,11 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ._loop import run_block, running
-from ._loop_state import Lane, Plan, accepted
+from ._loop_state import Lane, Plan, is_accepted
 from ._pullback import Tape, pull, tape_row
+from .accuracy import ACCURACY
 from .executor import time_loop
 from .tree import write_row
-
-BLOCK = 8  # attempts after which it is asked whether the lanes have ended
-BLOCK_FUSED = 32  # the same where to enter the loop costs as much as an attempt
-SEGMENT = 256  # most rows of the tape
 
 
 class Layout(NamedTuple):
@@ -49,9 +46,9 @@ class Layout(NamedTuple):
 
 
 def layout(max_steps: int, fused: bool) -> Layout:
-    """A tape for the whole run, up to `SEGMENT`; as many segments in a chapter as chapters."""
-    block = BLOCK_FUSED if fused else BLOCK
-    rows = -(-min(max_steps, SEGMENT) // block) * block
+    """A tape for the whole run; as many segments in a chapter as chapters."""
+    block = ACCURACY.block_fused if fused else ACCURACY.block
+    rows = -(-min(max_steps, ACCURACY.tape_rows) // block) * block
     number = -(-max_steps // rows)
     segments = math.isqrt(number - 1) + 1
     return Layout(block, rows, segments, -(-number // segments))
@@ -111,7 +108,7 @@ class _Given(NamedTuple):
 def _swept(given: _Given, axes: _Given | None, wanted, make_start) -> PyTree:
     """The sweep, of one lane or, where the operands have `axes`, of a batch."""
 
-    def mapped(function, *others: int, out: Any = 0):
+    def map_lanes_with(function, *others: int, out: Any = 0):
         """`function(given, *operands)` of the lanes; `others`: the axes of the operands."""
         if axes is None:
             return lambda *operands: function(given, *operands)
@@ -121,8 +118,10 @@ def _swept(given: _Given, axes: _Given | None, wanted, make_start) -> PyTree:
     plan, logs = given.plan, given.cotangents.logs
     parts = layout(plan.max_steps, plan.execute.fused)
     number = jnp.zeros((), jnp.int32)
-    attempted = mapped(lambda given, lane: _attempted(given, parts.block, lane), 0, out=(0, 1))
-    pulled = mapped(lambda given, rows, bars: _pulled(given, wanted, rows, bars), 1, 0)
+    attempted = map_lanes_with(
+        lambda given, lane: _attempt_block(given, parts.block, lane), 0, out=(0, 1)
+    )
+    pulled = map_lanes_with(lambda given, rows, bars: _pull_block_back(given, wanted, rows, bars), 1, 0)
 
     def begin(given: _Given):
         mode0 = given.fixed[0]
@@ -142,7 +141,7 @@ def _swept(given: _Given, axes: _Given | None, wanted, make_start) -> PyTree:
         def body(carry):
             count, (lane, steps), tape = carry
             lane, rows = attempted(lane)
-            goes = accepted(rows.code)
+            goes = is_accepted(rows.code)
             if steps is not None:
                 # The logs of steps number accepted ones only, so a row has to know its own number:
                 # that before it, also where it was rejected and its cotangent is not asked for.
@@ -183,7 +182,7 @@ def _swept(given: _Given, axes: _Given | None, wanted, make_start) -> PyTree:
         return _Sweep(jnp.where(meets, turned, now.number + 1), goal, kept, bars)
 
     total = parts.segments * parts.chapters
-    begun = mapped(begin)()
+    begun = map_lanes_with(begin)()
     kept = write_row(_room(begun, parts.places), begun, parts.place(number))
     # The form of a row is known by tracing an attempt only; the loop needs it before the first.
     rows = jax.eval_shape(attempted, begun[0])[1]
@@ -191,11 +190,11 @@ def _swept(given: _Given, axes: _Given | None, wanted, make_start) -> PyTree:
         rows = rows._replace(step_number=begun[1][None])
     empty = jax.tree.map(lambda a: jnp.zeros((parts.rows, *a.shape[1:]), a.dtype), rows)
     # A goal of `total`, a segment that does not exist, says that the last one is not known yet.
-    start = _Sweep(number, number + total, kept, mapped(ends)())
+    start = _Sweep(number, number + total, kept, map_lanes_with(ends)())
     return jax.lax.while_loop(lambda now: now.goal >= 0, body, start).bars[:3]
 
 
-def _attempted(given: _Given, block: int, lane: Lane):
+def _attempt_block(given: _Given, block: int, lane: Lane):
     """A block of attempts: the lane after them, and their rows."""
     plan, (problem, _, _), (_, t1, outputs) = given.plan, given.inputs, given.fixed
 
@@ -205,7 +204,7 @@ def _attempted(given: _Given, block: int, lane: Lane):
     return run_block(plan, problem, lane, t1, outputs, block, row_of)
 
 
-def _pulled(given: _Given, wanted, rows: Tape, bars):
+def _pull_block_back(given: _Given, wanted, rows: Tape, bars):
     """Cotangents before a block of attempts from those after it."""
     plan, mode0, logs = given.plan, given.fixed[0], given.cotangents.logs
     varied, held = eqx.partition(given.inputs[0], wanted[0])

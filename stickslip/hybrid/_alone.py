@@ -13,7 +13,7 @@ import jax.extend
 import jax.numpy as jnp
 from jax.interpreters import ad, batching, mlir
 
-from .executor import traced
+from .executor import closed_jaxpr
 
 
 def alone_or_batched(
@@ -25,9 +25,9 @@ def alone_or_batched(
     operands of the form it is called with: what they close over may be batched or differentiated
     too. There is a forward derivative and no transpose.
     """
-    # A primitive sees arrays only. What the functions close over is made an operand, or `vmap` and
-    # `jvp` would not see it.
-    opened = [traced(function, examples) for function, examples in functions]
+    # A primitive sees arrays only. Arrays that the functions close over are made operands, or `vmap`
+    # and `jvp` would not see it.
+    opened = [closed_jaxpr(function, examples) for function, examples in functions]
     leaves, form = jax.tree.flatten(([consts for _, consts, _ in opened], operands))
     out_form: Any = None
 
@@ -36,7 +36,7 @@ def alone_or_batched(
             nonlocal out_form
             all_consts, operands = jax.tree.unflatten(form, leaves)
             called = [
-                _called(jaxpr, consts, form)
+                _as_function(jaxpr, consts, form)
                 for (jaxpr, _, form), consts in zip(opened, all_consts, strict=True)
             ]
             out, out_form = jax.tree.flatten(which(*called, *operands))
@@ -52,7 +52,7 @@ def alone_or_batched(
     return jax.tree.unflatten(out_form, out)
 
 
-def _called(jaxpr: Any, consts: Any, form: Any) -> Callable:
+def _as_function(jaxpr: Any, consts: Any, form: Any) -> Callable:
     run = jax.extend.core.jaxpr_as_fun(jax.extend.core.ClosedJaxpr(jaxpr, ()))
     return lambda *operands: jax.tree.unflatten(form, run(*consts, *jax.tree.leaves(operands)))
 
@@ -87,7 +87,7 @@ def _push_forward(primals, tangents, *, alone, batched, given):
         return jax.jit(run, inline=True)
 
     rates = [t for t, moves in zip(tangents, moving, strict=True) if moves]
-    # What the leading leaves decide: the values, if this is the first derivative.
+    # Values of the leading leaves if this is the first derivative; they decide.
     deciding, decided = given
     if deciding == len(primals):
         decided = len(_shapes(*map(jax.typeof, primals), alone=alone, batched=batched, given=given))

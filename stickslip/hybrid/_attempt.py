@@ -14,7 +14,7 @@ from jaxtyping import PyTree
 
 from ._accounts import accounts, crossed_sections, sections_at_zero
 from ._control import control
-from ._event_decision import First, decide, lowest, searched
+from ._event_decision import First, decide, lowest, search_bracket
 from ._loop_state import (
     EVENT,
     HOLD,
@@ -22,26 +22,24 @@ from ._loop_state import (
     Lane,
     Outcome,
     Plan,
-    accepted,
+    is_accepted,
     is_event,
     moved_on,
     without_state,
 )
 from ._step import Step, take
+from .accuracy import ACCURACY
 from .event_functions import Values
 from .event_time import event_delay
 from .executor import bookkeeping, piece
 from .system import mode_type
 from .tree import select, shift
 
-# Parts of itself by which the field, and its slope, differ at least on the sides of a bend.
-JUMP, BEND = 1e-5, 1e-9
-
 
 def attempt(plan: Plan, problem: PyTree, lane: Lane, t1: Any, outputs: Any) -> tuple[Lane, Outcome]:
     """One attempt of one lane. `problem = (system, args)`; `outputs` are the output times or None."""
     lane, step = take(plan, problem, lane)
-    # What only decides is not given the state, nor its gradient.
+    # Decisions get the lane without its state, so that no gradient flows through them.
     bare = without_state(lane)
     first = None
     if plan.interrupts:
@@ -54,7 +52,7 @@ def attempt(plan: Plan, problem: PyTree, lane: Lane, t1: Any, outputs: Any) -> t
     if plan.execute.fused and not plan.interrupts:
         return as_decided(lane, step, code, t1, outputs)
 
-    def undisturbed(lane, step, code, t1, outputs):
+    def take_plainly(lane, step, code, t1, outputs):
         return _advance(plan, problem, lane, step, code, None, t1, outputs, judged=True)
 
     # One branch for the whole batch, so that `vmap` does not make it a selection of both. It also
@@ -63,7 +61,7 @@ def attempt(plan: Plan, problem: PyTree, lane: Lane, t1: Any, outputs: Any) -> t
     calm = (code == PLAIN) | (code == HOLD)
     if first is not None:
         calm = calm & (first.marks == 0)
-    return jax.lax.cond(eqxi.unvmap_all(calm), undisturbed, as_decided, lane, step, code, t1, outputs)
+    return jax.lax.cond(eqxi.unvmap_all(calm), take_plainly, as_decided, lane, step, code, t1, outputs)
 
 
 def _advance(
@@ -89,19 +87,21 @@ def _advance(
                 plan, bare.mode, first.index, lane.t + step.h, step.y1, problem=problem
             )
             first = first._replace(jumps=jumps, bends=bends)
-        y_before = _shifted(plan, step.y1, jax.lax.stop_gradient(step.dy1), dt)
+        y_before = _shift_state(plan, step.y1, jax.lax.stop_gradient(step.dy1), dt)
 
     keeps = not judged and (first is not None or plan.step_size.adaptive)
-    t, y, dy, mode = _moved(plan, code, lane.t, lane.y, lane.dy, lane.mode, step, dt, jump, keeps=keeps)
+    t, y, dy, mode = _end_of_attempt(
+        plan, code, lane.t, lane.y, lane.dy, lane.mode, step, dt, jump, keeps=keeps
+    )
     at_zero = sections_at_zero(plan, code, bare, step.values) if guarded else ()
-    known = _known(plan, code, bare, step.kept, at_zero, keeps=keeps)
+    known = _next_start_values(plan, code, bare, step.kept, at_zero, keeps=keeps)
     fired = crossed_sections(plan, code, bare, step.values, at_zero, meets=first is not None)
 
     # The length that opened the bracket outlives the attempts inside it: tolerances are parts of it,
     # because a hop of the search may be arbitrarily short.
     search, bracket, full = None, lane.bracket, lane.full
     if first is not None:
-        bracket, full, h_located = searched(plan, bare, code, step.h, first)
+        bracket, full, h_located = search_bracket(plan, bare, code, step.h, first)
         search = h_located, first.h_dip
     elif plan.interrupts:
         full = step.h
@@ -135,7 +135,7 @@ def _delay(plan: Plan, code, first: First, h):
 
 
 @piece
-def _shifted(plan: Plan, y, slope, dt):
+def _shift_state(plan: Plan, y, slope, dt):
     return shift(y, slope, dt)
 
 
@@ -161,7 +161,10 @@ def _kick(plan: Plan, mode, index, t, y, *, problem):
 
     # In one batch: the field is in the program once for both sides.
     slopes = jax.vmap(look)(jnp.stack([mode, system.transition(t, y, mode, index, args)[1]]))
-    return tuple(_differs(a, level) for a, level in zip(slopes, (JUMP, BEND), strict=True))
+    return tuple(
+        _differs(a, level)
+        for a, level in zip(slopes, (ACCURACY.jump_of_field, ACCURACY.bend_of_field), strict=True)
+    )
 
 
 def _differs(both: PyTree, level: float) -> Any:
@@ -174,10 +177,10 @@ def _differs(both: PyTree, level: float) -> Any:
 
 
 @piece
-def _moved(plan: Plan, code, t, y, dy, mode, step: Step, dt, jump, *, keeps: bool):
+def _end_of_attempt(plan: Plan, code, t, y, dy, mode, step: Step, dt, jump, *, keeps: bool):
     """Time, state, slope and mode after the attempt."""
     t_end = t + step.h
-    goes = accepted(code)
+    goes = is_accepted(code)
     if jump is None:
         t, y = select(goes, (t_end, step.y1), (t, y))
     else:
@@ -190,7 +193,9 @@ def _moved(plan: Plan, code, t, y, dy, mode, step: Step, dt, jump, *, keeps: boo
 
 
 @bookkeeping
-def _known(plan: Plan, code, lane: Lane, kept: Values, at_zero: tuple, *, keeps: bool) -> Values:
+def _next_start_values(
+    plan: Plan, code, lane: Lane, kept: Values, at_zero: tuple, *, keeps: bool
+) -> Values:
     """Event functions at the start of the next attempt, and the magnitudes behind them.
 
     `at_zero`: which sections are zero at an event.
@@ -200,7 +205,7 @@ def _known(plan: Plan, code, lane: Lane, kept: Values, at_zero: tuple, *, keeps:
         rounded = (jnp.where(zero, 0.0, v) for v, zero in zip(sections, at_zero, strict=True))
         kept = kept._replace(value=(*guards, *rounded))
     old = Values(lane.values, lane.rates, lane.scales)
-    return select(accepted(code), kept, old) if keeps else kept
+    return select(is_accepted(code), kept, old) if keeps else kept
 
 
 @bookkeeping

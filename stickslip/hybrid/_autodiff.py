@@ -4,7 +4,7 @@ Forward mode differentiates the time loop itself (one pass carries the tangents)
 go through a loop of unknown length; its sweep is written out in `_adjoint.py`. Both are offered by
 one function: its tangent map is a primitive of its own whose transpose is that sweep.
 
-What of JAX and equinox is not public here: `equinox.internal` makes the primitive (`create_vprim`, its
+Not public in JAX and equinox: `equinox.internal` makes the primitive (`create_vprim`, its
 rules, `nondifferentiable`), `jax.interpreters.ad.UndefinedPrimal` says which tangents are transposed.
 If one of them moves, it is missed at import or as a derivative is traced, before any number.
 """
@@ -22,7 +22,7 @@ from jaxtyping import PyTree
 from ._adjoint import adjoint
 from ._loop_state import Plan, start
 from ._record import Capacities, Logs, record
-from ._tolerance import grown, sizes, too_loose
+from ._tolerance import largest_magnitude, sizes, too_loose
 from .status import COARSE, flag, told
 
 _NO_SECOND = (
@@ -92,7 +92,7 @@ def _size(lane, y0):
     """Largest magnitudes: those followed, those at the ends, and what the last free step changed."""
     moved = jax.tree.map(lambda slope: lane.h_free * slope, lane.dy)
     followed = sizes(y0) if lane.size is None else lane.size
-    return grown(grown(followed, lane.y), moved)
+    return largest_magnitude(largest_magnitude(followed, lane.y), moved)
 
 
 @eqx.filter_custom_jvp
@@ -168,19 +168,19 @@ def _tangent_transpose(operands, cotangents):
 def _with_zeros(cotangents: Smooth, like: Smooth) -> Smooth:
     """The cotangents with their zeros written out, but None for a log that has none else."""
 
-    def filled(given, like):
+    def fill_missing(given, like):
         def fill(s, bar):
             return jnp.zeros(s.shape, s.dtype) if bar is None else bar
 
         return jax.tree.map(fill, like, given)
 
     def log(given, like) -> Any:
-        return filled(given, like) if jax.tree.leaves(given) else None
+        return fill_missing(given, like) if jax.tree.leaves(given) else None
 
     logs, forms = cotangents.logs, like.logs
     return Smooth(
-        filled(cotangents.t, like.t),
-        filled(cotangents.y, like.y),
+        fill_missing(cotangents.t, like.t),
+        fill_missing(cotangents.y, like.y),
         Logs(
             events=log(logs.events, forms.events),
             crossings=tuple(map(log, logs.crossings, forms.crossings)),

@@ -17,11 +17,10 @@ import numpy as np
 from jax.lax import stop_gradient
 
 from .._fastmath import SMOOTH
-from .._jaxpr import bound, called, walk
+from .._jaxpr import bound, called, equations, walk
 from ._steep import gently, steep_operand
+from .accuracy import ACCURACY
 
-MOST = 48  # bits of all outcomes
-LONGEST_SCAN = 16  # loops of more rounds are not looked into
 _OWN = re.compile(f"/jax/_src/|^{re.escape(pathlib.Path(__file__).parents[1].as_posix())}/")
 _CALLS = ("jit", "pjit", "closed_call", "core_call", "remat", "remat2", "checkpoint")
 _ROUNDED = {"floor", "ceil", "round", "rem"}
@@ -31,7 +30,7 @@ _COMPARED = {"gt": (False, False), "ge": (True, True), "lt": (True, False), "le"
 
 
 class Change(NamedTuple):
-    """What becomes of the code where a margin falls through zero."""
+    """Change of the code where a margin falls through zero."""
 
     adds: int | None  # None: the bit at `place` is turned over
     place: int
@@ -63,11 +62,11 @@ class Outcomes:
         key = (_number(a), _number(b))
         if key not in self.asked:
             first, second = jnp.broadcast_arrays(a, b)
-            self.asked[key] = self._compared(first - second, first > second), a, b
+            self.asked[key] = self._outcome_of(first - second, first > second), a, b
         return self.asked[key][0]
 
-    def _compared(self, value: Any, plain: Any) -> Any:
-        if self.width + value.size > MOST:
+    def _outcome_of(self, value: Any, plain: Any) -> Any:
+        if self.width + value.size > ACCURACY.outcome_bits:
             self.left = True
             return plain
         rows = zip(jnp.ravel(value), jnp.ravel(plain), strict=True) if value.ndim else [(value, plain)]
@@ -77,14 +76,14 @@ class Outcomes:
     def declares(self, value: Any) -> Any:
         """Whether a value that the system declares is positive."""
         self.declared = True
-        return self._compared(value, value > 0)
+        return self._outcome_of(value, value > 0)
 
     def _bit(self, value: Any, plain: Any) -> Any:
         place, self.width = self.width, self.width + 1
         self.found = self.found + jnp.where(plain, 1 << place, 0)
         given = plain if self.code is None else ((self.code >> place) & 1) == 1
         margin = jnp.where(given, value, -value)
-        # What has no value is compared to no effect. What is equal and is said to be above has no value
+        # A comparison of NaN has no effect. An equal value that is said to be above has no value
         # as a margin, but its rate: unless that parts the two, the outcome is stale.
         margin = jnp.where(jnp.isnan(stop_gradient(margin)), 1.0, margin)
         equal = given & (stop_gradient(value) == 0.0)
@@ -96,7 +95,7 @@ class Outcomes:
         """Number of the cell between increasing `nodes` that a scalar `value` is in."""
         count = nodes.shape[0]
         bits = count.bit_length()
-        if value.ndim or self.width + bits > MOST:
+        if value.ndim or self.width + bits > ACCURACY.outcome_bits:
             self.left = True
             return plain
         place, self.width = self.width, self.width + bits
@@ -130,13 +129,13 @@ class _Known(NamedTuple):
 
 
 def _number(value: Any) -> Any:
-    """What tells two values apart: numbers by what they are, others by which they are."""
+    """Key of a value: a number by its value, anything else by its identity."""
     if isinstance(value, jax.core.Tracer) or np.ndim(value):
         return id(value)
     return repr(np.asarray(value).item())  # which tells -0.0 from 0.0, and 1 from 1.0
 
 
-def evaluated(closed: Any, operands: Sequence, varies: Sequence[bool], outcomes: Outcomes) -> list:
+def evaluate_with(closed: Any, operands: Sequence, varies: Sequence[bool], outcomes: Outcomes) -> list:
     """Results of a traced function of `operands`, some of which vary, with the outcomes given."""
     given = [_Known(value, v) for value, v in zip(operands, varies, strict=True)]
     found = _run(closed.jaxpr, closed.consts, given, outcomes, smooth=False)
@@ -175,7 +174,7 @@ def _equation(eqn: Any, given: list[_Known], outcomes: Outcomes, smooth: bool) -
         return [_Known(value) for value in bound(eqn, [k.value for k in given])]
     inner = called(eqn) if name in _CALLS else None
     if not smooth and (own := _own_rule(eqn)) is not None:
-        return _ruled(eqn, own, given, outcomes)
+        return _evaluate_by_rule(eqn, own, given, outcomes)
     if (
         name in _CALLS
         and eqn.params.get("name") == "searchsorted"
@@ -188,7 +187,7 @@ def _equation(eqn: Any, given: list[_Known], outcomes: Outcomes, smooth: bool) -
         return _run(*inner, given, outcomes, smooth)
     if name == "cond":
         return _branches(eqn, given, outcomes, smooth)
-    if name == "scan" and eqn.params["length"] <= LONGEST_SCAN:
+    if name == "scan" and eqn.params["length"] <= ACCURACY.longest_scan:
         return _rounds(eqn, given, outcomes, smooth)
     real = jnp.issubdtype(eqn.invars[-1].aval.dtype, jnp.floating)
     whole = not jnp.issubdtype(eqn.outvars[0].aval.dtype, jnp.inexact)
@@ -312,7 +311,7 @@ def _own_rule(eqn: Any) -> Any:
     return None if smooth or not compares(inner.jaxpr) else inner
 
 
-def _ruled(eqn: Any, inner: Any, given: list[_Known], outcomes: Outcomes) -> list[_Known]:
+def _evaluate_by_rule(eqn: Any, inner: Any, given: list[_Known], outcomes: Outcomes) -> list[_Known]:
     """A function with a derivative of its own: by that, while outcomes are what its numbers say."""
     start, before, first = outcomes.width, outcomes.found, len(outcomes.margins)
     found = _run(inner.jaxpr, inner.consts, given, outcomes, smooth=False)
@@ -331,19 +330,17 @@ def _ruled(eqn: Any, inner: Any, given: list[_Known], outcomes: Outcomes) -> lis
 
 def compares(jaxpr: Any) -> bool:
     """Whether a program compares numbers, or picks one of them, wherever they come from."""
-    for eqn in jaxpr.eqns:
-        name = eqn.primitive.name
-        real = any(jnp.issubdtype(a.aval.dtype, jnp.floating) for a in eqn.invars)
-        if real and name in (*_RULES, *_COMPARED, *_SORTED):
-            return True
-        if name.startswith(("custom_jvp_call", "custom_vjp_call")) and _own_rule(eqn) is None:
-            continue
-        for given in eqn.params.values():
-            for inner in given if isinstance(given, tuple) else (given,):
-                inner = getattr(inner, "jaxpr", inner)
-                if hasattr(inner, "eqns") and compares(inner):
-                    return True
-    return False
+    return any(
+        eqn.primitive.name in (*_RULES, *_COMPARED, *_SORTED)
+        and any(jnp.issubdtype(a.aval.dtype, jnp.floating) for a in eqn.invars)
+        for eqn in equations(jaxpr, _has_no_rule_of_jax)
+    )
+
+
+def _has_no_rule_of_jax(eqn: Any) -> bool:
+    """Whether a call has no derivative that JAX itself has written for it."""
+    name = eqn.primitive.name
+    return not name.startswith(("custom_jvp_call", "custom_vjp_call")) or _own_rule(eqn) is not None
 
 
 def _branches(eqn: Any, given: list[_Known], outcomes: Outcomes, smooth: bool) -> list[_Known]:

@@ -19,11 +19,10 @@ from . import _locate
 from ._loop_state import Plan
 from ._record import Starts
 from ._section import Section
+from .accuracy import ACCURACY
 from .event_time import event_delay
 from .executor import piece, time_loop
 from .tree import frozen, select, shift, write_row
-
-MOST_TRIES = 64
 
 
 def crossings(
@@ -31,7 +30,7 @@ def crossings(
 ) -> tuple[Any, PyTree, PyTree]:
     """Times, states and slopes at the crossings in `rows`; the motion itself knows nothing of them.
 
-    Of the rows past the `count` nothing can be said.
+    Rows past the `count` are meaningless.
     """
     return _crossings((problem, rows, count), plan=plan, section=section)
 
@@ -39,12 +38,12 @@ def crossings(
 @eqx.filter_custom_jvp
 def _crossings(inputs, *, plan: Plan, section: Section) -> tuple[Any, PyTree, PyTree]:
     if plan.execute.fused:
-        return _repeated(inputs, _lengths(inputs, plan, section), plan, section)
+        return _repeat_steps(inputs, _lengths(inputs, plan, section), plan, section)
     problem, rows, count = inputs
 
     def crossing(row):
         # The search has been where it leads to: repeating that step would double the program.
-        return _landed(problem, section, row, *_search(plan, problem, section, row))
+        return _land_on_section(problem, section, row, *_search(plan, problem, section, row))
 
     return _of_each(crossing, rows, count, (rows.t, rows.y, rows.y))
 
@@ -57,7 +56,7 @@ def _crossings_jvp(primals, tangents, *, plan: Plan, section: Section):
     varied, held = eqx.partition(inputs, moving)
 
     def run(varied):
-        return _repeated(eqx.combine(varied, held), h, plan, section)
+        return _repeat_steps(eqx.combine(varied, held), h, plan, section)
 
     return jax.jvp(run, (varied,), (rates,))
 
@@ -98,7 +97,7 @@ def _of_each(function: Callable, rows: Starts, count: Any, like: PyTree) -> PyTr
     return jax.lax.while_loop(lambda carry: carry[0] < most, body, begun)[1]
 
 
-def _repeated(inputs, h, plan: Plan, section: Section) -> tuple[Any, PyTree, PyTree]:
+def _repeat_steps(inputs, h, plan: Plan, section: Section) -> tuple[Any, PyTree, PyTree]:
     """The crossings at the ends of the steps of length `h`, with their derivatives."""
     problem, rows, _ = inputs
     execute = plan.execute.for_the_ends()
@@ -112,12 +111,12 @@ def _repeated(inputs, h, plan: Plan, section: Section) -> tuple[Any, PyTree, PyT
 
         dy = start(execute, row.t, row.y)
         y, dy, _ = plan.stepper.step(field, row.t, row.y, dy, h, execute)
-        return _landed(problem, section, row, h, y, dy)
+        return _land_on_section(problem, section, row, h, y, dy)
 
     return jax.vmap(land)(rows, h)
 
 
-def _landed(problem, section: Section, row: Starts, h, y, dy) -> tuple[Any, PyTree, PyTree]:
+def _land_on_section(problem, section: Section, row: Starts, h, y, dy) -> tuple[Any, PyTree, PyTree]:
     """From the end of the shortened step one Newton step onto the section with its exact rate."""
     t, slope = row.t + h, stop_gradient(dy)
     (value, dy), (rate, ddy) = _along(problem, section, row.mode, t, y, slope)
@@ -158,7 +157,7 @@ def _search(plan: Plan, problem, section: Section, row: Starts) -> tuple[Any, Py
 
     def cond(carry):
         *_, searching, tries = carry
-        return eqxi.unvmap_any(searching) & (tries < MOST_TRIES)
+        return eqxi.unvmap_any(searching) & (tries < ACCURACY.crossing_tries)
 
     def body(carry):
         bracket, best, (slope, *start), end, searching, tries = carry
@@ -171,12 +170,12 @@ def _search(plan: Plan, problem, section: Section, row: Starts) -> tuple[Any, Py
         slope, *start = select(begins, (dy, *found), (slope, *start))
         end = jnp.where(whole, found[0], end)
         # One that starts on zero, at an event say, has a sign of rounding: it has left that of its end.
-        on_zero = jnp.abs(start[0]) <= _locate.TOLERANCE * row.h * jnp.abs(start[1])
+        on_zero = jnp.abs(start[0]) <= ACCURACY.event_tolerance * row.h * jnp.abs(start[1])
         side = jnp.where(on_zero, -end, start[0])
         sign = {"falling": 1.0, "rising": -1.0}.get(section.direction, jnp.sign(side))
         value, rate, value0, rate0 = (sign * a for a in (*found, *start))
         value0 = jnp.where(on_zero, jnp.maximum(value0, 0.0), value0)
-        near = jnp.abs(value) <= -rate * _locate.TOLERANCE_SECTION * row.h
+        near = jnp.abs(value) <= -rate * ACCURACY.section_tolerance * row.h
         collapsed = _locate.is_collapsed(bracket, row.t, row.h)
         # Whether the step crosses was decided in the run; here rounding may see it otherwise.
         inside = (value0 > 0) | on_zero

@@ -7,17 +7,16 @@ import jax
 import numpy as np
 
 from .._validation import is_concrete, misshaped, numbers, refusal
+from .accuracy import ACCURACY
 from .arguments import the_system
 from .components import components_of, entries, own_axes, per_second, period_of, second_of, unit_of
 from .status import RESULTS
-
-MOST_NAMES = 1024  # of more modes only those are named that occur
 
 
 def mode_attributes(system: Any, *modes: Any) -> dict[str, list]:
     """Names of all modes, or of those that occur where there are many."""
     names = system.mode_names
-    if len(names) <= MOST_NAMES:
+    if len(names) <= ACCURACY.named_modes:
         return {"mode_names": list(names)}
     met = np.unique(np.concatenate([np.ravel(np.asarray(m)) for m in modes]))
     met = [int(m) for m in met if m >= 0]
@@ -88,13 +87,15 @@ def solution_dataset(solution: Any, system: Any, batch: Any) -> Any:
             coords["time"] = ("time", times, _units(second))
         else:
             data["t"] = ((*front, row), np.asarray(log.t)[..., :kept], _units(second))
-        cut = _cut(log, kept)
+        cut = _rows_in_use(log, kept)
         add("", cut.y, (row,))
         add("slope_of_", cut.dy, (row,), slope=True)
         data["mode"] = ((*front, row), np.asarray(cut.mode), {})
         modes.append(cut.mode)
     if solution.events is not None:
-        events = _cut(solution.events, int(np.max(np.asarray(solution.events.count), initial=0)))
+        events = _rows_in_use(
+            solution.events, int(np.max(np.asarray(solution.events.count), initial=0))
+        )
         rows = ("event",)
         data["event_t"] = ((*front, *rows), np.asarray(events.t), _units(second))
         for name in ("guard", "mode_before", "mode_after"):
@@ -103,7 +104,7 @@ def solution_dataset(solution: Any, system: Any, batch: Any) -> Any:
         add("after_", events.y_after, rows)
         modes += [events.mode_before, events.mode_after]
     for k, crossing in enumerate(solution.crossings):
-        found = _cut(crossing, int(np.max(np.asarray(crossing.count), initial=0)))
+        found = _rows_in_use(crossing, int(np.max(np.asarray(crossing.count), initial=0)))
         rows = (f"crossing_{k}",)
         data[f"crossing_{k}_t"] = ((*front, *rows), np.asarray(found.t), _units(second))
         add(f"crossing_{k}_", found.y, rows)
@@ -138,15 +139,15 @@ def _times(log: Any, shape: tuple[int, ...]) -> tuple[np.ndarray | None, int]:
     return (longest, kept) if same.all() else (None, kept)
 
 
-def _cut(log: Any, kept: int) -> Any:
+def _rows_in_use(log: Any, kept: int) -> Any:
     """The rows in use; the axis of rows follows those of the batch."""
     batch = np.ndim(log.count)
 
-    def cut(a: Any) -> Any:
+    def first_rows(a: Any) -> Any:
         row = (slice(None),) * batch + (slice(0, kept),)
         return np.asarray(a) if np.ndim(a) <= batch else np.asarray(a)[row]
 
-    return jax.tree.map(cut, log)
+    return jax.tree.map(first_rows, log)
 
 
 def events_dataframe(events: Any, system: Any) -> Any:

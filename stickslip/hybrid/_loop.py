@@ -92,20 +92,20 @@ def _changing(once: Callable, lane: Lane) -> tuple[Callable, Callable, list]:
     ]
 
     others = len(closed.jaxpr.outvars) - number
-    # What only served leaves that do not change goes too. `instantiate` keeps all inputs, so that they
-    # can be filled in by place.
+    # Equations that only served leaves that do not change go too. `instantiate` keeps all inputs, so
+    # that they can be filled in by place.
     jaxpr, _ = dce_jaxpr(closed.jaxpr, [*changes, *[True] * others], instantiate=True)
 
     def changing_of(leaves):
         return [leaf for leaf, changed in zip(leaves, changes, strict=True) if changed]
 
-    def filled(carry):
+    def fill_constants(carry):
         carry = iter(carry)
         return [next(carry) if changed else leaf for leaf, changed in zip(leaves, changes, strict=True)]
 
     def step(carry):
-        out = jax.core.eval_jaxpr(jaxpr, closed.consts, *filled(carry))
+        out = jax.core.eval_jaxpr(jaxpr, closed.consts, *fill_constants(carry))
         changed, rest = out[: sum(changes)], out[sum(changes) :]
         return changed, jax.tree.unflatten(rest_form, rest)
 
-    return step, lambda carry: jax.tree.unflatten(form, filled(carry)), changing_of(leaves)
+    return step, lambda carry: jax.tree.unflatten(form, fill_constants(carry)), changing_of(leaves)

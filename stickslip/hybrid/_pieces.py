@@ -1,7 +1,7 @@
 """A function with several results as pieces of a fused program: what they share is computed once.
 
-Within one call the compiler computes for every result all that it depends on. What is expensive and
-wanted by more than one result becomes a call of its own here.
+Within one call the compiler computes for every result all that it depends on. Expensive values
+that several results need become calls of their own here.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,7 +11,8 @@ import jax
 from jaxtyping import PyTree
 
 from .._jaxpr import LITERAL, bound, spelled_out
-from .executor import Executor, traced
+from .accuracy import ACCURACY
+from .executor import Executor, closed_jaxpr
 
 _FREE = {"broadcast_in_dim", "convert_element_type", "copy", "reshape", "squeeze", "neg", "pjit"}
 _DEAR = {
@@ -19,7 +20,6 @@ _DEAR = {
     "log1p", "pow", "rem", "rsqrt", "sin", "sinh", "sqrt", "tan", "tanh",
 }  # fmt: skip
 _INLINED = ("jit", "pjit", "closed_call", "custom_jvp_call")
-WORTH = 8  # operations that must be saved: a call has to store its result and to be read again
 
 
 def in_pieces(execute: Executor, function: Callable) -> Callable:
@@ -29,7 +29,7 @@ def in_pieces(execute: Executor, function: Callable) -> Callable:
     of itself are gone. In a portable program it is `function`.
     """
     if not execute.fused:
-        return execute.shared(function)
+        return execute.trace_once(function)
     known: dict = {}
 
     def call(*operands: PyTree) -> Any:
@@ -46,7 +46,7 @@ class _Pieces:
     """A traced function cut where several of its results want the same."""
 
     def __init__(self, execute: Executor, function: Callable, operands: tuple):
-        jaxpr, self.consts, self.form = traced(function, operands)
+        jaxpr, self.consts, self.form = closed_jaxpr(function, operands)
         closed = _flat(jaxpr)
         self.jaxpr = closed.jaxpr
         self.consts = [*self.consts]
@@ -54,7 +54,7 @@ class _Pieces:
         equations = self.jaxpr.eqns
         made_by = {var: i for i, eqn in enumerate(equations) for var in eqn.outvars}
         results = [v for v in _variables(self.jaxpr.outvars) if v in made_by]
-        cuts = cut(equations, [made_by[var] for var in results])
+        cuts = worthwhile_pieces(equations, [made_by[var] for var in results])
         # In the order in which they are made, so that each finds those before it.
         targets = [equations[i].outvars for i in sorted(cuts)]
         self.steps = []
@@ -62,7 +62,7 @@ class _Pieces:
         for wanted in [*targets, results]:
             inputs, program = _part(equations, made_by, at_hand, wanted)
             if wanted:
-                self.steps.append((execute.shared(program), inputs, wanted))
+                self.steps.append((execute.trace_once(program), inputs, wanted))
             at_hand += wanted
 
     def __call__(self, leaves: Sequence) -> Any:
@@ -74,7 +74,7 @@ class _Pieces:
         return jax.tree.unflatten(self.form, out)
 
 
-def cut(equations: Sequence, results: Sequence[int]) -> set[int]:
+def worthwhile_pieces(equations: Sequence, results: Sequence[int]) -> set[int]:
     """Numbers of the equations whose results are worth a call of their own.
 
     `results`: numbers of the equations that make the results of the whole. One after the other, the cut
@@ -86,7 +86,7 @@ def cut(equations: Sequence, results: Sequence[int]) -> set[int]:
     cuts: set[int] = set()
     while True:
         behind, ahead = _behind(parents, cuts), _ahead(parents, cuts, set(results))
-        best, most = None, WORTH
+        best, most = None, ACCURACY.worth_a_call
         for i in range(len(equations)):
             if i in cuts or ahead[i].bit_count() < 2:
                 continue
@@ -117,7 +117,7 @@ def _ahead(parents: list[set[int]], cuts: set[int], results: set[int]) -> list[i
         own = 1 << i if i in cuts or i in results else 0
         if i in results:
             found[i] |= own
-        # What is cut is computed once, whoever wants it.
+        # A cut piece is computed once for all its readers.
         handed = own if i in cuts else found[i]
         for j in parents[i]:
             found[j] |= handed

@@ -17,14 +17,11 @@ from jax.flatten_util import ravel_pytree
 from jax.interpreters.partial_eval import dce_jaxpr
 from jaxtyping import PyTree
 
-from ._bends import Change, Outcomes, compares, evaluated
+from ._bends import Change, Outcomes, compares, evaluate_with
 from ._section import Section
 from ._wrapper import AbstractSystemWrapper
+from .accuracy import ACCURACY
 from .system import AbstractHybridSystem, guard_directions, mode_type
-
-# A state at a border is moved off it by this part of the terms that make it, more than `SLACK` of them.
-EDGE = 4e-12
-LARGEST = 2**62  # number of modes and sides that an integer can tell apart
 
 
 class Sided(AbstractSystemWrapper):
@@ -136,11 +133,11 @@ class Program:
         return jax.core.eval_jaxpr(self.parts[wanted], self.closed.consts, *operands)
 
 
-def sided(
+def system_with_sides(
     system: AbstractHybridSystem, t: Any, y: PyTree, mode: Any, args: PyTree
 ) -> tuple[Sided | None, bool]:
     """`system` with its sides, None if there are none, and whether its field bends elsewhere too."""
-    if not compares(_traced(system, t, y, mode, args)[0].jaxpr):
+    if not compares(_field_program(system, t, y, mode, args)[0].jaxpr):
         if not jax.eval_shape(lambda t, y: system.switches_in(t, y, mode, args), t, y):
             return None, False
     found: Any = None
@@ -153,7 +150,7 @@ def sided(
     numbers = Program(by_numbers, (system, args), t, mode, y)
     # A system that declares its switches knows of what is not seen.
     left, width = found.left and not found.declared, found.width
-    if not found.changes or len(system.mode_names) << width > LARGEST:
+    if not found.changes or len(system.mode_names) << width > ACCURACY.modes_and_sides:
         return None, left or bool(found.changes)
     changes, jumps = tuple(found.changes), found.jumps
 
@@ -175,7 +172,7 @@ def _gentle_guards(system: Any, t: Any, y: PyTree, mode: Any, args: PyTree, seen
     closed = jax.make_jaxpr(lambda *given: system.guards(*jax.tree.unflatten(form, given), mode, args))(
         *leaves
     )
-    return tuple(evaluated(closed, leaves, (True,) * len(leaves), seen or Outcomes()))
+    return tuple(evaluate_with(closed, leaves, (True,) * len(leaves), seen or Outcomes()))
 
 
 def of_sided(section: Section) -> Section:
@@ -187,7 +184,7 @@ def of_sided(section: Section) -> Section:
     return Section(function, section.direction, section.terminal, section.name)
 
 
-def _traced(system: Any, t: Any, y: PyTree, mode: Any, args: PyTree) -> tuple:
+def _field_program(system: Any, t: Any, y: PyTree, mode: Any, args: PyTree) -> tuple:
     """The field as a program of time, mode and the numbers of the state; the form of its result."""
     leaves, form = jax.tree.flatten(y)
     slope: Any = None
@@ -199,7 +196,7 @@ def _traced(system: Any, t: Any, y: PyTree, mode: Any, args: PyTree) -> tuple:
         return found
 
     closed = jax.make_jaxpr(field)(t, mode, *leaves)
-    # What no slope comes from is no part of the motion.
+    # A number without a slope is not a part of the motion.
     used = dce_jaxpr(closed.jaxpr, [True] * len(closed.jaxpr.outvars), instantiate=True)[0]
     return jax.extend.core.ClosedJaxpr(used, closed.consts), slope
 
@@ -209,16 +206,18 @@ def _look(
 ) -> tuple[PyTree, Outcomes]:
     """Slope of the state and the outcomes behind it: those of a `code`, or as the numbers say."""
     outcomes = Outcomes(code)
-    t, y = _declared(system, t, y, mode, args, outcomes)
-    closed, form = _traced(system, t, y, mode, args)
+    t, y = _on_declared_sides(system, t, y, mode, args, outcomes)
+    closed, form = _field_program(system, t, y, mode, args)
     leaves = jax.tree.leaves(y)
-    # What has no slope, as the number of a piece between two breaks, changes in no outcome.
+    # A number without a slope, such as that of a piece between two breaks, changes in no outcome.
     varies = (False, False, *(_moves(slope, closed.jaxpr) for slope in closed.jaxpr.outvars))
-    found = evaluated(closed, (t, mode, *leaves), varies, outcomes)
+    found = evaluate_with(closed, (t, mode, *leaves), varies, outcomes)
     return jax.tree.unflatten(form, found), outcomes
 
 
-def _declared(system: Any, t: Any, y: PyTree, mode: Any, args: PyTree, outcomes: Outcomes) -> tuple:
+def _on_declared_sides(
+    system: Any, t: Any, y: PyTree, mode: Any, args: PyTree, outcomes: Outcomes
+) -> tuple:
     """Time and state on the sides of the switches that the system declares, by the outcomes given.
 
     Beyond a border by a little they are moved back across it, without a slope of their own: where to
@@ -239,7 +238,7 @@ def _declared(system: Any, t: Any, y: PyTree, mode: Any, args: PyTree, outcomes:
             continue
         flat, back = ravel_pytree(jax.lax.stop_gradient((t, y)))
         slopes = ravel_pytree(slopes)[0]
-        beside = EDGE * (jnp.sum(jnp.abs(slopes * flat)) + jnp.abs(now)) + 1e-300
+        beside = ACCURACY.edge * (jnp.sum(jnp.abs(slopes * flat)) + jnp.abs(now)) + 1e-300
         lacks = jax.lax.stop_gradient(jnp.maximum(beside - jnp.where(side, now, -now), 0.0))
         # Each number by its own size; the time, which comes first, only if there is nothing else.
         weight = jnp.abs(flat) / jnp.maximum(jnp.max(jnp.abs(flat)), 1e-300) + 1e-6
@@ -260,7 +259,7 @@ def _moves(slope: Any, jaxpr: Any) -> bool:
 
 
 def without_sides(solution: Any, system: Any) -> Any:
-    """What a run of `system` found, with the modes of the system itself if `system` is a `Sided`."""
+    """Solution of a run of `system`, with the modes of the system itself if `system` is a `Sided`."""
     if not isinstance(system, Sided):
         return solution
 

@@ -20,11 +20,12 @@ from ._loop_state import Plan
 from ._progress import ProgressMeter
 from ._record import Capacities
 from ._section import Section
-from ._sided import of_sided, sided, without_sides
+from ._sided import of_sided, system_with_sides, without_sides
 from ._solution import Solution
 from ._step_size import AbstractStepSize, AdaptiveStep
 from ._still import too_still
 from ._tolerance import Noise, cancelling, component_tolerances
+from .accuracy import ACCURACY
 from .arguments import (
     a_time,
     check_field,
@@ -40,7 +41,7 @@ from .compile_options import jit_plainly
 from .dependence import may_jump
 from .event_functions import event_functions
 from .executor import current_executor
-from .longest_step import RESOLUTION, bounded
+from .longest_step import step_bound
 from .status import BENT, CODE, STILL, flag, to_result
 from .stepper import ExplicitRungeKutta, as_stepper
 from .system import AbstractHybridSystem
@@ -85,7 +86,7 @@ class Integrator(eqx.Module, metaclass=CheckedModule):
     - `max_steps`: attempts per lane before it ends with `RESULTS.max_steps_reached`.
     - `detect_dips`: look inside steps. One over which an event function may have gone through zero and
       back is divided there; with adaptive steps, one over which an event function is not the cubic
-      through its ends is made shorter. What remains: with fixed steps, excursions that are not convex
+      through its ends is made shorter. Missed are: with fixed steps, excursions that are not convex
       over a step; with adaptive ones those shorter than 0.4 of the longest step, which `AdaptiveStep`
       states for loads of the time and of the state.
     - `progress`: a `ProgressMeter` for long runs; off by default.
@@ -243,9 +244,9 @@ def _run(
     check_field(system, t0, y0, mode0, args)
     check_sections(system, sections, t0, y0, mode0, args)
     log_events = saveat.events and max_events is not None
-    rule, watched, longest = bounded(integrator.step, system, sections, t0, t1 - t0, y0, mode0, args)
-    bent, unlocated = sided(system, t0, y0, mode0, args)
-    # What is located is no surprise: of a field with sides only jumps in time are.
+    rule, watched, longest = step_bound(integrator.step, system, sections, t0, t1 - t0, y0, mode0, args)
+    bent, unlocated = system_with_sides(system, t0, y0, mode0, args)
+    # Located jumps surprise nobody; in a field with sides only jumps in time are left.
     of_time = (t0, y0) if bent is None or bent.jumps else (t0,)
     jumps = may_jump(lambda t, y=y0: system.vector_field(t, y, mode0, args), of_time)
     if bent is not None:
@@ -273,7 +274,7 @@ def _run(
         noise=stop_gradient(Noise(jnp.maximum(jnp.abs(t0), jnp.abs(t1)), terms)),
         watched=watched,
         longest=stop_gradient(longest),
-        resolution=stop_gradient(RESOLUTION * (t1 - t0)),
+        resolution=stop_gradient(ACCURACY.resolution * (t1 - t0)),
         detect_dips=integrator.detect_dips,
         switches=jumps,
         progress=integrator.progress,
@@ -310,11 +311,11 @@ def _assemble(plan: Plan, problem, t0, t1, start, ts, smooth, counts, capacities
     def slope(t, y, mode):
         return system.vector_field(t, y, mode, args)
 
-    def landed(t, target, y, mode, valid):
+    def land(t, target, y, mode, valid):
         y = shift(y, stop_gradient(slope(t, y, mode)), jnp.where(valid, target - t, 0.0))
         return y, slope(jnp.where(valid, target, t), y, mode)
 
-    y1, dy1 = landed(t_end, t1, y_end, counts.mode, finished)
+    y1, dy1 = land(t_end, t1, y_end, counts.mode, finished)
     flags = counts.flags
     # Implicit methods are right with steps that are long against the rates of the field.
     if plan.step_size.adaptive and isinstance(plan.stepper, ExplicitRungeKutta):
@@ -327,7 +328,7 @@ def _assemble(plan: Plan, problem, t0, t1, start, ts, smooth, counts, capacities
     if ts is not None:
         rows = logs.outputs
         reached = jnp.arange(capacities.outputs, dtype=jnp.int32) < counts.outputs
-        y, dy = jax.vmap(landed)(rows.t, ts, rows.y, rows.mode, reached)
+        y, dy = jax.vmap(land)(rows.t, ts, rows.y, rows.mode, reached)
         outputs = _state_log(counts.outputs, ts, y, dy, rows.mode, capacities.outputs)
     crossings = ()
     for i, (section, count, rows) in enumerate(
@@ -354,7 +355,7 @@ def _assemble(plan: Plan, problem, t0, t1, start, ts, smooth, counts, capacities
     events = None
     if capacities.events is not None:
         count = jnp.minimum(counts.events, capacities.events)
-        events = out.EventLog(count, *out.masked(tuple(logs.events), count, capacities.events))
+        events = out.EventLog(count, *out.mask_rows(tuple(logs.events), count, capacities.events))
     return Solution(
         t0=t0,
         t1=t_stop,
@@ -376,4 +377,4 @@ def _assemble(plan: Plan, problem, t0, t1, start, ts, smooth, counts, capacities
 
 
 def _state_log(count, t, y, dy, mode, size) -> out.StateLog:
-    return out.StateLog(count, *out.masked((t, y, dy, mode), count, size))
+    return out.StateLog(count, *out.mask_rows((t, y, dy, mode), count, size))

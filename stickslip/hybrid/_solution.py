@@ -1,4 +1,4 @@
-"""What a simulation returns."""
+"""Results of a simulation."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -227,7 +227,7 @@ def same_mode_sequence(one: Solution, other: Solution) -> Bool[Array, "*batch"]:
     return (one.sequence == other.sequence) & (one.num_events == other.num_events)
 
 
-def masked(rows: PyTree, count: Any, size: int) -> PyTree:
+def mask_rows(rows: PyTree, count: Any, size: int) -> PyTree:
     """`rows` with NaN (floats) or -1 (integers) past `count`."""
     valid = jnp.arange(size, dtype=jnp.int32) < count
 

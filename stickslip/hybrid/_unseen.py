@@ -18,22 +18,14 @@ from jaxtyping import PyTree
 
 from .._jaxpr import called, walk
 from ._tolerance import Ends
+from .accuracy import ACCURACY
 from .components import components_of, entries, period_of
 
 # Turns a function can make along a line: 1 of a straight line, 2 of a parabola or what bends once, 3 of
 # what bends twice or levels off at both ends. With more it may be flat, rise, fall, and be flat again.
 HIDES = 4
-# Added to those of what is no polynomial: kinks of several terms add up, and their highest power stays.
+# Added to the turns of a function that is not a polynomial: kinks of several terms add up.
 BENT = 8
-MOST = 64  # numbers of a state that are told apart; of a larger one its leaves are
-# Part of a declared period that is travelled in one step, and times more where the error sees a motion.
-OF_PERIOD = 1.0 / 36.0
-SEEN = 4.5
-# A motion that is the parabola through its ends and slopes to this part of the way is even: the error
-# of a step has nothing to see.
-EVEN = 1e-6
-ROUNDING = 4 * 2.3e-16  # of a component
-MOVES = 1e-12  # of a component: one that moves by less is at rest
 
 _SAME = {
     "neg", "copy", "copy_p", "real", "optimization_barrier", "stop_gradient",
@@ -77,7 +69,7 @@ def _number(a: np.ndarray) -> np.ndarray:
     return a & (BENT - 1)
 
 
-def _coded(number: Any, *bent: Any) -> np.ndarray:
+def _turn_code(number: Any, *bent: Any) -> np.ndarray:
     """At most `HIDES` turns, of no polynomial where that holds for one of `bent`."""
     number = np.minimum(number, HIDES)
     bits = [np.where(number > 0, b, 0) & BENT for b in bent]
@@ -85,9 +77,9 @@ def _coded(number: Any, *bent: Any) -> np.ndarray:
 
 
 def _any_of(rows: Any, axis: Any = 0) -> np.ndarray:
-    """What one of `rows` may be."""
+    """Any of `rows`: each number may be that of one of them."""
     rows = np.asarray(rows)
-    return _coded(_number(rows).max(axis=axis), np.bitwise_or.reduce(rows & BENT, axis=axis))
+    return _turn_code(_number(rows).max(axis=axis), np.bitwise_or.reduce(rows & BENT, axis=axis))
 
 
 def _constant(value: Any, shape: tuple, count: int) -> np.ndarray:
@@ -144,11 +136,11 @@ def _sum(p, shape, a, b):
     one, other = _number(a).astype(int), _number(b).astype(int)
     added = np.where((one > 0) & (other > 0), one + other - 1, one + other)
     highest = np.maximum(one, other)
-    return _coded(np.where((a | b) & BENT, added, highest), a, b)
+    return _turn_code(np.where((a | b) & BENT, added, highest), a, b)
 
 
 def _product(p, shape, a, b):
-    found = _coded(_number(a).astype(int) + _number(b), a, b)
+    found = _turn_code(_number(a).astype(int) + _number(b), a, b)
     return np.where(_zero(a) | _zero(b), 0, found).astype(np.uint8)
 
 
@@ -158,18 +150,18 @@ def _quotient(p, shape, a, b):
     return np.where(_zero(a), 0, found)
 
 
-def _converted(p, shape, a, *_):
+def _turns_of_conversion(p, shape, a, *_):
     smooth = jnp.issubdtype(p["new_dtype"], jnp.floating)
     return a if smooth else np.where(a > 0, HIDES, 0).astype(np.uint8)
 
 
 def _larger(p, shape, a, b):
     one, other = (np.maximum(_number(x).astype(int), 1) for x in (a, b))
-    return _coded(np.where((a > 0) | (b > 0), 2 * (one + other) - 2, 0), BENT)
+    return _turn_code(np.where((a > 0) | (b > 0), 2 * (one + other) - 2, 0), BENT)
 
 
 def _times(number: int, *bent: int) -> Callable:
-    return lambda p, shape, a, *_: _coded(number * _number(a).astype(int), a, *bent)
+    return lambda p, shape, a, *_: _turn_code(number * _number(a).astype(int), a, *bent)
 
 
 def _power(p, shape, a):
@@ -181,17 +173,17 @@ def _rising(p, shape, a, *_):
     return np.concatenate([found[..., :-1], np.ones_like(found[..., -1:])], axis=-1)
 
 
-def _chosen(p, shape, which, *cases):
+def _turns_of_choice(p, shape, which, *cases):
     found = _any_of(np.stack(np.broadcast_arrays(*cases)))
     by = np.concatenate([which[..., :-1] > 0, np.zeros_like(which[..., -1:], bool)], axis=-1)
     return np.where(by, HIDES, found)
 
 
-def _reduced(p, shape, a):
-    return _summed(a, tuple(p["axes"]))
+def _turns_of_reduction(p, shape, a):
+    return _turns_of_sum(a, tuple(p["axes"]))
 
 
-def _summed(a, axes):
+def _turns_of_sum(a, axes):
     # A sum of several that bend may turn as often as all of them.
     several = ((a & BENT) > 0).any(axis=axes) & ((_number(a) > 1).sum(axis=axes) > 1)
     return np.where(several, HIDES, _any_of(a, axes)).astype(np.uint8)
@@ -204,7 +196,7 @@ def _broadcast(p, shape, a, *_):
     return a.reshape(*expanded, a.shape[-1])
 
 
-def _sliced(p, shape, a):
+def _turns_of_slice(p, shape, a):
     strides = p["strides"] or (1,) * len(p["start_indices"])
     at = zip(p["start_indices"], p["limit_indices"], strides, strict=True)
     return a[tuple(slice(*part) for part in at)]
@@ -212,8 +204,8 @@ def _sliced(p, shape, a):
 
 def _product_of_matrices(p, shape, a, b):
     # Each number is a sum over all.
-    one, other = (_summed(x, tuple(range(x.ndim - 1))) for x in (a, b))
-    return _coded(_number(one).astype(int) + _number(other), one, other)
+    one, other = (_turns_of_sum(x, tuple(range(x.ndim - 1))) for x in (a, b))
+    return _turn_code(_number(one).astype(int) + _number(other), one, other)
 
 
 _RULES: dict[str, Callable] = {
@@ -222,11 +214,11 @@ _RULES: dict[str, Callable] = {
     **dict.fromkeys(_MONOTONIC, _rising),
     **dict.fromkeys(("add", "sub", "add_any"), _sum),
     **dict.fromkeys(("max", "min"), _larger),
-    "convert_element_type": _converted, "mul": _product, "div": _quotient,
+    "convert_element_type": _turns_of_conversion, "mul": _product, "div": _quotient,
     "abs": _times(2, BENT), "square": _times(2), "integer_pow": _power,
     "clamp": lambda p, shape, *of: _times(3, BENT)(p, shape, _any_of(np.broadcast_arrays(*of))),
-    "select_n": _chosen, "reduce_sum": _reduced, "dot_general": _product_of_matrices,
-    "broadcast_in_dim": _broadcast, "slice": _sliced,
+    "select_n": _turns_of_choice, "reduce_sum": _turns_of_reduction,
+    "dot_general": _product_of_matrices, "broadcast_in_dim": _broadcast, "slice": _turns_of_slice,
     "transpose": lambda p, shape, a: a.transpose(*p["permutation"], a.ndim - 1),
     "rev": lambda p, shape, a: np.flip(a, p["dimensions"]),
     "concatenate": lambda p, shape, *parts: np.concatenate(parts, axis=p["dimension"]),
@@ -241,7 +233,7 @@ _MIXES = {"cumsum", "cumprod", "sort", "gather", "scatter", "triangular_solve", 
 
 
 class Hiding(NamedTuple):
-    """What of a state may hide something from the error of a step."""
+    """Components of a state that may hide something from the error of a step."""
 
     any: bool
     runs_free: bool  # whether one without a period does; nothing it drives acts back on it
@@ -252,7 +244,7 @@ def hiding(system: Any, closed: Any, y: PyTree) -> Hiding:
     """By the program `closed` of the field and the event functions of time and state."""
     leaves = jax.tree.leaves(y)
     sizes = [np.size(leaf) for leaf in leaves]
-    apart = sum(sizes) <= MOST
+    apart = sum(sizes) <= ACCURACY.numbers_told_apart
     starts = np.cumsum([0, *sizes])
     columns = [
         (begin + np.arange(size)).reshape(np.shape(leaf)) if apart else np.full(np.shape(leaf), i)
@@ -282,19 +274,19 @@ def hiding(system: Any, closed: Any, y: PyTree) -> Hiding:
         way = []
         for number, hidden in zip(entries(name, np.shape(leaf)), hides[mine], strict=True):
             period = period_of(system, number) or period_of(system, name)
-            way.append(OF_PERIOD * period if hidden and period else math.inf)
+            way.append(ACCURACY.of_period * period if hidden and period else math.inf)
         asked = zip(way, free[mine].tolist(), hides[mine].tolist(), strict=True)
         runs_free |= any(math.isinf(w) and f and h for w, f, h in asked)
         found.append(Watched(i, tuple(way), tuple(free[mine].tolist()), tuple(hides[mine].tolist())))
     return Hiding(bool(hides.any()), runs_free, tuple(found))
 
 
-def strayed(watched: tuple[Watched, ...], h: Any, longest: Any, ends: Ends, order: int) -> Any:
-    """How far a step went beyond what it may, as a scaled error: 1 at the bound.
+def step_excess(watched: tuple[Watched, ...], h: Any, longest: Any, ends: Ends, order: int) -> Any:
+    """How far a step went beyond its bound, as a scaled error: 1 at the bound.
 
-    Components that run free, and others while they move evenly, go no farther than `OF_PERIOD` of their
-    period in a step, others `SEEN` times as far; an even motion without a period lasts no longer than
-    `longest` [s].
+    Components that run free, and others while they move evenly, go no farther than a part
+    (`ACCURACY.of_period`) of their period in a step, others `ACCURACY.of_seen_period` times as far; an
+    even motion without a period lasts no longer than `longest` [s].
     """
     most: Any = jnp.zeros_like(h)
     leaves = [jax.tree.leaves(tree) for tree in (ends.y0, ends.y1, ends.dy0, ends.dy1)]
@@ -302,9 +294,11 @@ def strayed(watched: tuple[Watched, ...], h: Any, longest: Any, ends: Ends, orde
         y0, y1, dy0, dy1 = (jnp.ravel(leaf[one.leaf]) for leaf in leaves)
         moved, size = jnp.abs(y1 - y0), jnp.maximum(jnp.abs(y0), jnp.abs(y1))
         bend = jnp.abs(y1 - y0 - 0.5 * h * (dy0 + dy1))
-        even = (bend <= EVEN * moved + ROUNDING * size) & (moved > MOVES * size)
+        even = (bend <= ACCURACY.even * moved + ACCURACY.component_rounding * size) & (
+            moved > ACCURACY.moves * size
+        )
         way, free, hides = np.asarray(one.way), np.asarray(one.free), np.asarray(one.hides)
-        way = jnp.where(even | free, way, SEEN * way)
+        way = jnp.where(even | free, way, ACCURACY.of_seen_period * way)
         lasts = jnp.where(even & ~free & np.isinf(one.way), h / longest, 0.0)
         most = jnp.maximum(most, jnp.max(jnp.where(hides, jnp.maximum(lasts, moved / way), 0.0)))
     return most**order

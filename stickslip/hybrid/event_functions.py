@@ -11,15 +11,12 @@ from jaxtyping import PyTree
 
 from ._section import Section
 from ._tolerance import generic, sizes
+from .accuracy import ACCURACY
 from .dependence import AFFINE, NONE, OTHER, degrees
 from .system import AbstractHybridSystem, guard_directions, guard_scales
 
-# A guard counts as violated below this fraction of its scale: rounding of the state, not motion.
-SLACK = 1e-12
-# Part of the terms in parameters of which `SLACK` is their rounding.
-ROUNDED = 4e-3
-STALE = -10.0 * SLACK  # value of a bend beyond zero by so little that any other is located before it
-FAR = 1e30  # value of an event function that cannot fire
+# Value of a bend that lies beyond zero by so little that any other is located before it.
+STALE = -10.0 * ACCURACY.slack
 
 
 class Values(NamedTuple):
@@ -91,15 +88,17 @@ class EventFunctions(eqx.Module):
             v, r = jax.jvp(value, (t, y, dy), (one, dy, slope))
             values, rates = (*values, v), (*rates, r)
         return Values(
-            tuple(map(_scaled, values, self.factors)), tuple(map(_scaled, rates, self.factors)), scale
+            tuple(map(_times_factor, values, self.factors)),
+            tuple(map(_times_factor, rates, self.factors)),
+            scale,
         )
 
     def values(self, system: AbstractHybridSystem, t, y, dy, mode, args, scales: tuple) -> tuple:
         """Values alone, scaled by the stated magnitudes or by the learned `scales` of the guards."""
         values = tuple(system.guards(t, y, mode, args)) if self.num_guards else ()
         values += tuple(section.function(system, t, y, dy, mode, args) for section in self.sections)
-        values = tuple(map(_scaled, values, self.factors))
-        return divided(values, scales)
+        values = tuple(map(_times_factor, values, self.factors))
+        return over_magnitudes(values, scales)
 
     def sign(self, index: int, start: Any) -> Any:
         """Factor that makes a crossing of function `index` a fall, given its value at the start."""
@@ -111,10 +110,10 @@ class EventFunctions(eqx.Module):
         return jnp.sign(start)
 
 
-def divided(values: tuple, scales: tuple) -> tuple:
+def over_magnitudes(values: tuple, scales: tuple) -> tuple:
     """Values of the guards over their magnitudes; the sections, which come last, are left alone.
 
-    Magnitudes that are not known yet, as `_rescaled` has it: a guess has a minus, of none is 0.
+    Magnitudes that are not known yet, as `_rescale` has it: a guess has a minus, of none is 0.
     """
     by = (jnp.where(s == 0, 1.0, jnp.abs(s)) for s in map(jnp.asarray, scales))
     return (*(v / s for v, s in zip(values, by, strict=False)), *values[len(scales) :])
@@ -132,7 +131,7 @@ def terms_in_state(system: AbstractHybridSystem, t, y, mode, args, size: PyTree)
 
 
 def terms_in_parameters(system: AbstractHybridSystem, t, y, mode, args) -> tuple:
-    """What parameters amount to in each guard, so that `SLACK` of it is their rounding."""
+    """Size of the parameters in each guard, so that `ACCURACY.slack` of it is their rounding."""
     numbers, others = eqx.partition((system, args), eqx.is_inexact_array)
 
     def guards(numbers):
@@ -140,12 +139,12 @@ def terms_in_parameters(system: AbstractHybridSystem, t, y, mode, args) -> tuple
         return tuple(system.guards(t, y, mode, args))
 
     t, y, numbers = jax.lax.stop_gradient((t, y, numbers))
-    rounded = jax.tree.map(lambda a: jnp.where(jnp.isfinite(a), ROUNDED * a, 0.0), numbers)
+    rounded = jax.tree.map(lambda a: jnp.where(jnp.isfinite(a), ACCURACY.rounded * a, 0.0), numbers)
     terms = (jnp.abs(term) for term in jax.jvp(guards, (numbers,), (generic(rounded),))[1])
     return tuple(jnp.where(term < jnp.inf, term, 0.0) for term in terms)
 
 
-def measured(system: AbstractHybridSystem, t, y, mode, args) -> Any:
+def guards_over_magnitudes(system: AbstractHybridSystem, t, y, mode, args) -> Any:
     """The guards of one instant over their magnitudes, in a row; nothing is known of the motion."""
     values, scales = tuple(system.guards(t, y, mode, args)), guard_scales(system)
     if bends := getattr(system, "_sides", (0, 0))[0]:
@@ -156,10 +155,10 @@ def measured(system: AbstractHybridSystem, t, y, mode, args) -> Any:
         by_numbers = terms_in_parameters(system, t, y, mode, args)
         found = zip(jax.lax.stop_gradient(values), by_state, by_numbers, strict=True)
         scales = tuple(jnp.maximum(jnp.abs(v), jnp.maximum(a, b)) for v, a, b in found)
-    return jnp.stack(divided(values, scales))
+    return jnp.stack(over_magnitudes(values, scales))
 
 
-def _scaled(value: Any, factor: Any) -> Any:
+def _times_factor(value: Any, factor: Any) -> Any:
     if isinstance(factor, float) and factor == 1.0:
         return value
     return value * factor

@@ -56,7 +56,7 @@ class Executor(eqx.Module, metaclass=CheckedModule):
         """For what is computed a few times after a run: then compiling costs more than running."""
         return self if self.fused else COMPACT
 
-    def shared(self, function: Callable) -> Callable:
+    def trace_once(self, function: Callable) -> Callable:
         """`function` as a boundary that is traced once for all calls with operands of one form.
 
         To be called where it was made: what the function closes over belongs to the trace around it.
@@ -79,7 +79,7 @@ class Executor(eqx.Module, metaclass=CheckedModule):
 def piece(function: Callable) -> Callable:
     """Mark `function(plan, *operands, **held)` as a part of an attempt that is computed once.
 
-    `operands` are pytrees of arrays. What is `held`, such as the system with its arguments, may hold
+    `operands` are pytrees of arrays; `held`, such as the system with its arguments, may be
     anything. Below the attempt, where there is no plan, an `Executor` stands in its place; so it does
     in programs of authors, which need to know no more of compilers.
 
@@ -125,7 +125,7 @@ def time_loop(function: Callable) -> Callable:
 
 def _computed_once(execute: Executor, function: Callable, *operands: PyTree) -> Any:
     """Call `function` such that its result is computed once (fused) or plainly (portable)."""
-    return execute.shared(function)(*operands) if execute.fused else function(*operands)
+    return execute.trace_once(function)(*operands) if execute.fused else function(*operands)
 
 
 def _as_one(execute: Executor, function: Callable, *operands: PyTree) -> Any:
@@ -148,7 +148,7 @@ class _Piece:
     """
 
     def __init__(self, function: Callable, operands: tuple, evaluation: Callable):
-        jaxpr, self.consts, self.form = traced(function, operands)
+        jaxpr, self.consts, self.form = closed_jaxpr(function, operands)
         places = {v: i for i, v in enumerate(jaxpr.invars)}
         literal = jax.extend.core.Literal
         # Per result: its value, the operand it is, or that it is computed.
@@ -213,7 +213,7 @@ def use_executor(executor: Executor) -> Iterator[None]:
         _current.reset(token)
 
 
-def traced(function: Callable, operands: tuple) -> tuple:
+def closed_jaxpr(function: Callable, operands: tuple) -> tuple:
     """Jaxpr of `function` on the arrays it closes over and its operands, these arrays, its form."""
     leaves, treedef = jax.tree.flatten(operands)
     out_tree = None
@@ -228,10 +228,10 @@ def traced(function: Callable, operands: tuple) -> tuple:
     # Constants of a jaxpr would be copied into every call; as operands they are handed over.
     if consts:
 
-        def opened(*values):
+        def evaluate(*values):
             return jax.core.eval_jaxpr(closed.jaxpr, values[: len(consts)], *values[len(consts) :])
 
-        jaxpr = jax.make_jaxpr(opened)(*consts, *leaves).jaxpr
+        jaxpr = jax.make_jaxpr(evaluate)(*consts, *leaves).jaxpr
     else:
         jaxpr = closed.jaxpr
     return jaxpr, consts, out_tree

@@ -22,19 +22,12 @@ from .._validation import (
     one_number,
     refusal,
 )
-from ._breaks import settled
+from ._breaks import state_after_jump
 from ._wrapper import AbstractSystemWrapper
-from .event_functions import SLACK
+from .accuracy import ACCURACY
 from .names import MadeNames
 from .system import AbstractHybridSystem, guard_directions, guard_scales, mode_type
 from .tree import select
-
-EARLY = 0.1  # of what is left of the period beside a piece: so long before it begins it is the next one
-OF_REST = 0.4  # of the same, as time scale: no step passes over more than what is left
-# Of the time: a break that is no farther away is past. Loads such as that of the sign of a sine jump up
-# to some rounding beside the break, and are asked so far from it.
-AT_ONCE = 64 * 2.0**-52
-BESIDE = 1e-6  # of its length: so near to the end of a piece is at a break
 
 
 class WithPeriodicBreaks(AbstractSystemWrapper):
@@ -144,19 +137,19 @@ class WithPeriodicBreaks(AbstractSystemWrapper):
 
     def time_scale(self, args):
         begin, end, period = self._pieces()
-        own, rest = self.system.time_scale(args), OF_REST * (period - jnp.max(end - begin))
+        own, rest = self.system.time_scale(args), ACCURACY.of_rest * (period - jnp.max(end - begin))
         return rest if own is None else jnp.minimum(own, rest)
 
     def inner(self, y, args):
         return y, args
 
-    def _parted(self, mode: Any) -> tuple[Any, Any]:
+    def _mode_and_piece(self, mode: Any) -> tuple[Any, Any]:
         """Mode of `system` and the piece."""
         mode, count = jnp.asarray(mode, mode_type(self)), len(self.system.mode_names)
         inner = jnp.where(mode < 0, mode, mode % count).astype(mode_type(self.system))
         return inner, (mode // count).astype(jnp.int32)
 
-    def _joined(self, mode: Any, piece: Any) -> Any:
+    def _mode_of_piece(self, mode: Any, piece: Any) -> Any:
         mode, count = jnp.asarray(mode, mode_type(self)), len(self.system.mode_names)
         return jnp.where(mode < 0, mode, mode + count * jnp.asarray(piece, mode_type(self)))
 
@@ -165,7 +158,7 @@ class WithPeriodicBreaks(AbstractSystemWrapper):
         begins, ends, period = self._pieces()
         piece = jnp.clip(piece, 0, ends.size - 1)
         begin, end = _entry(begins, piece), _entry(ends, piece)
-        early = EARLY * (period - (end - begin))
+        early = ACCURACY.early * (period - (end - begin))
         whole = jax.lax.stop_gradient(jnp.floor((t - begin + early) / period))
         return begin + whole * period, end + whole * period
 
@@ -173,36 +166,36 @@ class WithPeriodicBreaks(AbstractSystemWrapper):
         """`t`, or the first or last instant of the piece: with the slope 1 in all cases."""
         begin, end = jax.lax.stop_gradient(self._around(t, piece))
         now = jax.lax.stop_gradient(t)
-        away = AT_ONCE * (jnp.abs(now) + (end - begin))
+        away = ACCURACY.at_once * (jnp.abs(now) + (end - begin))
         within = jnp.minimum(jnp.maximum(now, begin + away), end - away)
         return jnp.where(within == now, t, within + (t - now))
 
     def vector_field(self, t, y, mode, args):
-        inner, piece = self._parted(mode)
+        inner, piece = self._mode_and_piece(mode)
         return self.system.vector_field(self._inside(t, piece), y, inner, args)
 
     def guards(self, t, y, mode, args):
-        inner, piece = self._parted(mode)
+        inner, piece = self._mode_and_piece(mode)
         found = self.system.guards(self._inside(t, piece), y, inner, args)
         return (*found, self._around(t, piece)[1] - t)
 
     def transition(self, t, y, mode, guard, args):
-        inner, piece = self._parted(mode)
+        inner, piece = self._mode_and_piece(mode)
         number, pieces = len(self.system.guard_names), self._cycle()[0].size
         following = jnp.where(piece + 1 < pieces, piece + 1, 0)
         if not number:
-            return y, self._joined(inner, following)
+            return y, self._mode_of_piece(inner, following)
         breaks = jnp.asarray(guard) == number
         inside = self._inside(t, piece)
         after, new = self.system.transition(inside, y, inner, jnp.minimum(guard, number - 1), args)
-        past = settled(self.system, self._inside(t, following), y, inner, args)
+        past = state_after_jump(self.system, self._inside(t, following), y, inner, args)
         y, inner = select(breaks, past, (after, jnp.asarray(new, mode_type(self.system))))
-        return y, self._joined(inner, jnp.where(breaks, following, piece))
+        return y, self._mode_of_piece(inner, jnp.where(breaks, following, piece))
 
     def _piece_at(self, t: Any) -> tuple[Any, Any]:
         """The piece that a time is in, at a break the one that begins there; and since when [s]."""
         times, period = self._cycle()
-        late = AT_ONCE * (jnp.abs(jnp.asarray(t, jnp.float64)) + period)
+        late = ACCURACY.at_once * (jnp.abs(jnp.asarray(t, jnp.float64)) + period)
         since = jnp.mod(t - times + late, period)
         latest = jnp.argmin(since).astype(jnp.int32)
         return (latest + 1) % times.size, jnp.maximum(since[latest] - late, 0.0)
@@ -210,20 +203,20 @@ class WithPeriodicBreaks(AbstractSystemWrapper):
     @check_arguments(t=time)
     def initial_mode(self, t, y, args):
         piece, _ = self._piece_at(t)
-        return self._joined(self.system.initial_mode(self._inside(t, piece), y, args), piece)
+        return self._mode_of_piece(self.system.initial_mode(self._inside(t, piece), y, args), piece)
 
     def check_mode(self, t, y, mode, args):
         """That of `system`; and `ValueError` for a piece of the load that the time is not in."""
         if is_concrete((self, t, mode)) and np.ndim(mode) == 0 and int(mode) >= 0:
-            begin, end = (float(b) for b in self._around(t, self._parted(mode)[1]))
-            near = 1e-9 * (end - begin) + SLACK * abs(float(t))
+            begin, end = (float(b) for b in self._around(t, self._mode_and_piece(mode)[1]))
+            near = 1e-9 * (end - begin) + ACCURACY.slack * abs(float(t))
             if not begin - near <= float(t) <= end + near:
                 name = self.mode_names[int(mode)]
                 raise refusal("mode0", name, f"of the piece of the load at {float(t)} s")
-        self.system.check_mode(t, y, self._parted(mode)[0], args)
+        self.system.check_mode(t, y, self._mode_and_piece(mode)[0], args)
 
     def constraints(self, t, y, mode, args):
-        inner, piece = self._parted(mode)
+        inner, piece = self._mode_and_piece(mode)
         return self.system.constraints(self._inside(t, piece), y, inner, args)
 
 
@@ -233,7 +226,7 @@ def beside_break(system: WithPeriodicBreaks, t: Any) -> Any:
     piece, since = system._piece_at(t)
     begin, end = system._around(t, piece)
     after = system._around(end, jnp.where(piece + 1 < system._cycle()[0].size, piece + 1, 0))
-    near = BESIDE * (end - begin)
+    near = ACCURACY.beside * (end - begin)
     ends = jnp.where(end - t < near, 0.5 * sum(after), t)
     return jnp.where(since < near, 0.5 * (begin + end), ends)
 

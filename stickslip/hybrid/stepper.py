@@ -17,16 +17,11 @@ from .._types import Numeric
 from . import _rolled, _tableau
 from ._alone import alone_or_batched
 from ._pieces import in_pieces
-from ._tolerance import SMALLEST, TINY
 from ._within import weights_within
+from .accuracy import ACCURACY
 from .executor import Executor, piece
-from .tree import combine, cubics, weighted
+from .tree import combine, cubics, weighted_sum
 
-# Stage equations of implicit methods are solved to a part of the tolerance of adaptive steps, and to
-# that of the motion with fixed ones. What is left is an error that the step-size rule does not see; but
-# where more is asked for than the iteration can do, it refuses steps that are accurate enough.
-ROOT_SHARE = 0.1
-ROOT_TOLERANCE = 1e-11
 VectorField = Callable[[Any, PyTree], PyTree]
 Points = tuple[float, ...]  # fractions of a step
 
@@ -118,13 +113,13 @@ class AbstractStepper(eqx.Module):
 
 
 @piece
-def _moved(execute, y, slopes, h, *, weights):
+def _move_state(execute, y, slopes, h, *, weights):
     return combine(y, slopes, weights, h)
 
 
 @piece
-def _summed(execute, slopes, h, *, weights):
-    return weighted(slopes, weights, h)
+def _sum_slopes(execute, slopes, h, *, weights):
+    return weighted_sum(slopes, weights, h)
 
 
 def _leaves(tree: PyTree, wanted: tuple[bool, ...]) -> list:
@@ -175,25 +170,25 @@ class ExplicitRungeKutta(AbstractStepper):
 
     def _step_written_out(self, field, t, y, dy, h, execute, inside, wanted, surprises):
         # Traced once and called in every stage, however large the field is.
-        tab, field = self.tableau, execute.shared(field)
+        tab, field = self.tableau, execute.trace_once(field)
         slopes = [dy]
         for i in range(1, tab.stages):
-            stage = _moved(execute, y, slopes, h, weights=tab.a[i])
+            stage = _move_state(execute, y, slopes, h, weights=tab.a[i])
             slopes.append(field(t + tab.c[i] * h, stage))
-        y1 = _moved(execute, y, slopes, h, weights=tab.b)
+        y1 = _move_state(execute, y, slopes, h, weights=tab.b)
         dy1 = field(t + h, y1)
-        errors = tuple(weighted([*slopes, dy1], row, h) for row in tab.error_weights)
+        errors = tuple(weighted_sum([*slopes, dy1], row, h) for row in tab.error_weights)
         states = ()
         if inside:
             form = jax.tree.structure(y)
             parts = [_leaves(k, wanted) for k in (y, *slopes, dy1)]
             for row in inside:
-                seen = iter(_moved(execute, parts[0], parts[1:], h, weights=row))
+                seen = iter(_move_state(execute, parts[0], parts[1:], h, weights=row))
                 leaves = [
                     next(seen) if w else a for w, a in zip(wanted, jax.tree.leaves(y1), strict=True)
                 ]
                 states += (jax.tree.unflatten(form, leaves),)
-        surprise = weighted([slopes[-1], dy1], (-1.0, 1.0), h) if surprises else None
+        surprise = weighted_sum([slopes[-1], dy1], (-1.0, 1.0), h) if surprises else None
         return Looked(y1, dy1, errors, states, surprise)
 
     def vjp(self, field, parameters, t, y, dy, h, end, execute):
@@ -209,27 +204,27 @@ class ExplicitRungeKutta(AbstractStepper):
         # Reverse sweep through the stages with each stage state recomputed once: the transpose of
         # `step` written out, because differentiating the fused stages would recompute all of them
         # for every one of them.
-        tab, slope = self.tableau, execute.shared(field)
+        tab, slope = self.tableau, execute.trace_once(field)
         stages, slopes = [y], [dy]
         for i in range(1, tab.stages):
-            stages.append(_moved(execute, y, slopes, h, weights=tab.a[i]))
+            stages.append(_move_state(execute, y, slopes, h, weights=tab.a[i]))
             slopes.append(slope(parameters, t + tab.c[i] * h, stages[i]))
-        y1 = _moved(execute, y, slopes, h, weights=tab.b)
+        y1 = _move_state(execute, y, slopes, h, weights=tab.b)
         dy1 = slope(parameters, t + h, y1)
 
-        def pulled(parameters, t, y, bar):
+        def pull_back(parameters, t, y, bar):
             return jax.vjp(field, parameters, t, y)[1](bar)
 
-        pull = in_pieces(execute, pulled)
+        pull = in_pieces(execute, pull_back)
 
         (y1_bar, dy1_bar), extra = end(y1, dy1)
-        parameters_bar, t_bar, pulled = pull(parameters, t + h, y1, dy1_bar)
-        y1_bar = jax.tree.map(jnp.add, y1_bar, pulled)
+        parameters_bar, t_bar, pull_back = pull(parameters, t + h, y1, dy1_bar)
+        y1_bar = jax.tree.map(jnp.add, y1_bar, pull_back)
         stage_bars: list = [None] * tab.stages
         for i in reversed(range(tab.stages)):
             later = [stage_bars[j] for j in range(i + 1, tab.stages)]
             weights = [tab.b[i], *(tab.a[j][i] for j in range(i + 1, tab.stages))]
-            bar = _summed(execute, [y1_bar, *later], h, weights=weights)
+            bar = _sum_slopes(execute, [y1_bar, *later], h, weights=weights)
             if i == 0:
                 dy_bar = bar
                 break
@@ -238,7 +233,7 @@ class ExplicitRungeKutta(AbstractStepper):
             t_bar = t_bar + t_i
         # Every stage starts from `y`: its cotangents are summed with weight one.
         ones = [1.0] * (tab.stages - 1)
-        y_bar = _moved(execute, y1_bar, stage_bars[1:], h=1.0, weights=ones)
+        y_bar = _move_state(execute, y1_bar, stage_bars[1:], h=1.0, weights=ones)
         return extra, (parameters_bar, t_bar, y_bar, dy_bar)
 
 
@@ -251,7 +246,7 @@ class DiffraxStepper(AbstractStepper):
 
     solver: dfx.AbstractSolver
     open: tuple[str, ...] = eqx.field(static=True, default=())
-    rtol: Any = ROOT_TOLERANCE
+    rtol: Any = ACCURACY.root_tolerance
     unit: tuple | None = None
 
     @property
@@ -265,7 +260,11 @@ class DiffraxStepper(AbstractStepper):
         """The solver with tolerances of its stage equations, which diffrax leaves to its own rule."""
         if not self.open:
             return self.solver
-        found = {"rtol": ROOT_SHARE * self.rtol, "atol": ROOT_SHARE, "norm": optx.max_norm}
+        found = {
+            "rtol": ACCURACY.root_share * self.rtol,
+            "atol": ACCURACY.root_share,
+            "norm": optx.max_norm,
+        }
         return eqx.tree_at(
             lambda s: [getattr(_innermost(s).root_finder, name) for name in self.open],
             self.solver,
@@ -274,15 +273,15 @@ class DiffraxStepper(AbstractStepper):
         )
 
     def _units(self, y: list, dy: list, h: Numeric) -> list:
-        """What each number of the state is measured in, so that one tolerance serves them all."""
+        """Unit of each number of the state, so that one tolerance serves them all."""
         if not self.open:
             return [jnp.ones(()) for _ in y]
         if self.unit is not None:
             return list(self.unit)
         y, dy, h, rtol = jax.lax.stop_gradient((y, dy, jnp.asarray(h), self.rtol))
         moves = [jnp.abs(a) + jnp.abs(h * b) for a, b in zip(y, dy, strict=True)]
-        largest = functools.reduce(jnp.maximum, [jnp.max(a, initial=TINY) for a in moves])
-        return [rtol * jnp.maximum(a, SMALLEST * largest) for a in moves]
+        largest = functools.reduce(jnp.maximum, [jnp.max(a, initial=ACCURACY.tiny) for a in moves])
+        return [rtol * jnp.maximum(a, ACCURACY.smallest * largest) for a in moves]
 
     def order(self) -> int:
         return int(self.solver.order(None) or 1)
@@ -291,7 +290,7 @@ class DiffraxStepper(AbstractStepper):
         return isinstance(self.solver, dfx.AbstractAdaptiveSolver)
 
     def step(self, field, t, y, dy, h, execute):
-        # As a tuple of leaves: solvers of diffrax refuse empty parts, such as the state of most laws.
+        # As a tuple of leaves: solvers of diffrax reject empty parts, such as the state of most laws.
         flat, form = jax.tree.flatten(y)
         units = self._units(flat, jax.tree.leaves(dy), h)
 
@@ -320,11 +319,11 @@ class DiffraxStepper(AbstractStepper):
         return y1, field(t + h, y1), errors
 
     def vjp(self, *given):
-        back = dataclasses.replace(self, solver=_looped(self.solver, None))
+        back = dataclasses.replace(self, solver=_with_own_loop(self.solver, None))
         return super(DiffraxStepper, back).vjp(*given)
 
 
-def _looped(solver: Any, kind: str | None) -> Any:
+def _with_own_loop(solver: Any, kind: str | None) -> Any:
     """The solver with another loop over its stages: that of diffrax has no forward derivative."""
     return dataclasses.replace(solver, scan_kind=kind) if hasattr(solver, "scan_kind") else solver
 
@@ -354,8 +353,8 @@ def as_stepper(method: Any, rtol: Any = None) -> AbstractStepper:
     if plain and isinstance(method, dfx.AbstractERK):
         return ExplicitRungeKutta(_tableau.from_diffrax(method))
     if isinstance(method, dfx.AbstractSolver):
-        rtol = ROOT_TOLERANCE if rtol is None else rtol
-        return DiffraxStepper(*_with_newton(_looped(method, "lax")), rtol)
+        rtol = ACCURACY.root_tolerance if rtol is None else rtol
+        return DiffraxStepper(*_with_newton(_with_own_loop(method, "lax")), rtol)
     raise ValueError(
         f"method={method!r} is not a solver; allowed: {sorted(_tableau.NAMED)}, a Tableau, or a "
         f"diffrax solver such as diffrax.Dopri5() or diffrax.Kvaerno5()"

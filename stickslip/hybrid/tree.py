@@ -17,7 +17,7 @@ def combine(y: PyTree, slopes: Sequence[PyTree], weights: Sequence[float], h: An
     return y
 
 
-def weighted(slopes: Sequence[PyTree], weights: Any, h: Any) -> PyTree:
+def weighted_sum(slopes: Sequence[PyTree], weights: Any, h: Any) -> PyTree:
     """`h * sum_j weights[j] * slopes[j]`."""
     zero = jax.tree.map(jnp.zeros_like, slopes[0])
     return combine(zero, slopes, weights, h)
@@ -44,7 +44,7 @@ def cubics(points: Sequence[float], y0: PyTree, dy0: PyTree, y1: PyTree, dy1: Py
 def cubic(x: float, start: Any, start_rise: Any, end: Any, end_rise: Any) -> Any:
     """Cubic at the fraction `x` of a step through the values at its ends; rises: slopes times length.
 
-    What is constant stays so to the last bit: a component may be the number of a piece.
+    A constant component stays so to the last bit: it may be the number of a piece.
     """
     rest = 1.0 - x
     middle = start + x * x * (3.0 - 2.0 * x) * (end - start)

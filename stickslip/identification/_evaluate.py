@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 
 from .._compiled_once import compiled_once
 from ..hybrid import current_executor
-from ..hybrid.executor import traced
+from ..hybrid.executor import closed_jaxpr
 from ._losses import AbstractLoss
 from ._unknowns import NamedValues, Space
 
@@ -58,7 +58,7 @@ def solved(method: Any, residual: Callable[[NamedValues], Any], space: Space, z:
 
     The data that a residual closes over are made operands before a loop can make constants of them.
     """
-    jaxpr, consts, form = traced(evaluation(residual, space, method.loss), (z,))
+    jaxpr, consts, form = closed_jaxpr(evaluation(residual, space, method.loss), (z,))
 
     def solve(z, consts):
         def evaluate(z):

@@ -14,7 +14,7 @@ from jaxtyping import Array, Bool, Float
 from .._compiled_once import compiled_once
 from .._types import Given
 from .._validation import check_callable, check_count, check_type, is_concrete, refusal
-from ..hybrid.executor import traced
+from ..hybrid.executor import closed_jaxpr
 from ._evaluate import evaluation
 from ._fit import Fit
 from ._unknowns import NamedValues, Space
@@ -120,7 +120,7 @@ def posterior(
         raise ImportError(f"posterior needs blackjax: {INSTALL}") from error
     space, z = fit.space, fit.space.coordinates(fit.values)
     # What the residual closes over becomes operands, so that other data need no new program.
-    jaxpr, consts, form = traced(evaluation(residual, space), (z,))
+    jaxpr, consts, form = closed_jaxpr(evaluation(residual, space), (z,))
     keys = jax.random.split(jax.random.key(seed), chains)
 
     def run(z, scales, keys, consts):

@@ -22,7 +22,7 @@ from .._validation import (
     misshaped,
     refusal,
 )
-from ..hybrid.executor import traced
+from ..hybrid.executor import closed_jaxpr
 from ._evaluate import evaluation
 from ._fit import Fit
 from ._profile_walk import BELOW, EDGE, FAILED, Walk
@@ -168,7 +168,7 @@ def profile(
     z = space.coordinates(fit.values)
     lows, highs = _limits(limits, space, z, fit.values)
     rows = [space.names.index(name) for name in chosen]
-    jaxpr, consts, form = traced(evaluation(residual, space), (z,))
+    jaxpr, consts, form = closed_jaxpr(evaluation(residual, space), (z,))
 
     def every(z, lows, highs, level, points, max_steps, consts):
         def evaluate(z):

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from .._types import Given
 from .._validation import check_type, refusal
 from ..continuation import Branch
-from ..hybrid.components import Place, components_of, entries, listed, place_of, unit_of
+from ..hybrid.components import Place, component_list, components_of, entries, place_of, unit_of
 from . import _axes
 
 MARKS = {"LP": "s", "PD": "D", "NS": "o", "BP": "X", "GR": "^", "SQ": "v"}
@@ -126,7 +126,7 @@ def _place(batch: Any, observable: Any) -> Place | None:
         observable = _names(batch)[0]
     place = place_of(one, observable) if isinstance(observable, str) else None
     if place is None:
-        raise refusal("observable", observable, f"one of {listed(one)}, period")
+        raise refusal("observable", observable, f"one of {component_list(one)}, period")
     shape = np.shape(components_of(one)[place.name])
     if shape and place.index is None:
         allowed = f"a single number, one of {', '.join(entries(place.name, shape))}"

@@ -74,7 +74,7 @@ def test_slopes_through_a_soft_stop_are_those_of_the_closed_form(derivative):
 
 def test_without_sides_a_step_over_a_bend_has_a_wrong_slope(monkeypatch):
     """The fault this file is about, planted."""
-    monkeypatch.setattr(_simulate, "sided", lambda *given: (None, False))
+    monkeypatch.setattr(_simulate, "system_with_sides", lambda *given: (None, False))
     slope, _ = jax.jit(jax.jacfwd(of_soft, has_aux=True))(jnp.asarray(-0.3), jnp.asarray(1e5))
     assert abs(slope / closed_form(-0.3, 0.0, 1e5, 10.0)[1] - 1.0) > 2e-4
 
@@ -101,7 +101,9 @@ def test_rules_of_their_own_hide_no_bend():
     assert int(flags) == 0
     rectified = Rectified(1e4)
     start = jax.tree.map(jnp.asarray, Motion(x, 0.0))
-    found, left = _sided.sided(rectified, jnp.zeros(()), start, jnp.zeros((), jnp.int32), None)
+    found, left = _sided.system_with_sides(
+        rectified, jnp.zeros(()), start, jnp.zeros((), jnp.int32), None
+    )
     assert len(found.changes) == 1
     assert not left
 
@@ -258,7 +260,7 @@ def test_systems_with_friction_laws_have_no_sides():
     forms = (block, start), (block.regularised(1e-3), start), (broken, broken.start(start))
     for system, y in forms:
         y = jax.tree.map(jnp.asarray, y)
-        assert _sided.sided(system, zero, y, mode, None) == (None, False)
+        assert _sided.system_with_sides(system, zero, y, mode, None) == (None, False)
 
 
 def test_helpers_are_plain_functions():

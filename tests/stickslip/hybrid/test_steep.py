@@ -100,7 +100,7 @@ def test_motion_and_slopes_from_rest(force, off):
 def outcomes_of(function, *given):
     closed = jax.make_jaxpr(function)(*given)
     found = _bends.Outcomes()
-    _bends.evaluated(closed, given, (True,) * len(given), found)
+    _bends.evaluate_with(closed, given, (True,) * len(given), found)
     return found
 
 
@@ -124,7 +124,7 @@ def test_what_differs_in_the_sign_of_zero_is_computed_apart():
 
     v = jnp.asarray(0.3)
     closed = jax.make_jaxpr(field)(v)
-    (found,) = _bends.evaluated(closed, (v,), (True,), _bends.Outcomes())
+    (found,) = _bends.evaluate_with(closed, (v,), (True,), _bends.Outcomes())
     np.testing.assert_allclose(found, np.pi)
 
 

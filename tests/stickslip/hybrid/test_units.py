@@ -180,7 +180,7 @@ def test_guards_that_depend_on_parameters_alone_have_a_magnitude(force):
     machine, y = parameters(force)
     mode = jnp.asarray(machine.mode_names.index("stick"), jnp.int32)
     border = jnp.arcsin(0.5 * (0.8 + 0.95))
-    measured = event_functions.measured(machine, border, y, mode, None)
+    measured = event_functions.guards_over_magnitudes(machine, border, y, mode, None)
     scales = event_functions.terms_in_parameters(machine, border, y, mode, None)
     assert np.all(np.abs(measured) <= 1.0)
     assert np.max(scales) / force > 1e-4

@@ -248,12 +248,12 @@ class Timed(Turning):
 def test_a_declared_time_scale_is_asked_for_loads_of_the_state():
     y = jax.tree.map(jnp.asarray, Rotor(0.0, 1.0, 0.0, 0.0))
     given = jnp.zeros(()), jnp.asarray(END), y, jnp.zeros((), jnp.int32), None
-    bound = longest_step.bounded(ss.AdaptiveStep(1e-10), Timed(0.0, 0.0, 9.0, 9.1), (), *given)
+    bound = longest_step.step_bound(ss.AdaptiveStep(1e-10), Timed(0.0, 0.0, 9.0, 9.1), (), *given)
     assert bound.watched == ()
     np.testing.assert_allclose(bound.rule.dtmax, 0.02)
-    bound = longest_step.bounded(ss.AdaptiveStep(1e-10), Pushed(0.0, 0.0, 9.0, 9.1), (), *given)
+    bound = longest_step.step_bound(ss.AdaptiveStep(1e-10), Pushed(0.0, 0.0, 9.0, 9.1), (), *given)
     np.testing.assert_allclose(bound.rule.dtmax, END / 1000)
     # Pieces of an analysis are bounded by the whole.
     pieces = longest_step.spanning(ss.Integrator(), 100.0 * END).step
-    bound = longest_step.bounded(pieces, Pushed(0.0, 0.0, 9.0, 9.1), (), *given)
+    bound = longest_step.step_bound(pieces, Pushed(0.0, 0.0, 9.0, 9.1), (), *given)
     np.testing.assert_allclose(bound.rule.dtmax, END / 10)

@@ -39,7 +39,7 @@ def test_a_further_fit_is_not_traced(monkeypatch):
     def no_more(*_):
         raise AssertionError("traced again")
 
-    monkeypatch.setattr(_compiled_once, "traced", no_more)
+    monkeypatch.setattr(_compiled_once, "closed_jaxpr", no_more)
     # Other data, another start: nothing of the first fit is left in the program.
     other = made.with_records(record(1.7))
     found = other.fit(start={"rate": 0.5})

@@ -1,0 +1,172 @@
+"""Counts of the house: `python -m tests.house.counts` prints them, `test_counts.py` holds them.
+
+All are read from the syntax trees of the tracked files, so that they are exact and the same everywhere.
+"""
+
+import ast
+import re
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+from tests.house._repository import ROOT, imported_modules, tracked_files
+
+LAYERS = ("mechanism", "continuation", "hybrid", "identification", "sweep", "analysis")
+# One word, and a participle. `_NOUNS` end like one and are none.
+_PARTICIPLE = re.compile(
+    r"(?<![aeiou])[a-z]+(ed|wn|lt|ght|ung|ken|den|ven|sen)|known|moved|put|set|seen|met|cut|led"
+)
+_NOUNS = {
+    "need",
+    "feed",
+    "seed",
+    "speed",
+    "adjoint",
+    "event",
+    "golden",
+    "result",
+    "weight",
+    "height",
+    "right",
+}
+
+
+@cache
+def trees(package: str) -> dict[Path, ast.Module]:
+    """Syntax trees of the Python files of a package, by path."""
+    files = [p for p in tracked_files() if p.suffix == ".py" and p.is_relative_to(ROOT / package)]
+    return {path: ast.parse(path.read_text(encoding="utf-8")) for path in files}
+
+
+def lines(package: str) -> int:
+    """Lines of Python, docstrings and empty lines too."""
+    return sum(len(path.read_text(encoding="utf-8").splitlines()) for path in trees(package))
+
+
+def _functions(tree: ast.AST) -> Iterator[ast.FunctionDef]:
+    return (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef))
+
+
+def participles(package: str) -> list[str]:
+    """Functions whose name is one participle: it does not say of what."""
+    return [
+        f"{path.relative_to(ROOT)}:{function.lineno} {function.name}"
+        for path, tree in trees(package).items()
+        for function in _functions(tree)
+        if (word := function.name.strip("_")) not in _NOUNS and _PARTICIPLE.fullmatch(word)
+    ]
+
+
+def _is_number(node: ast.AST) -> bool:
+    """Whether an expression is made of numbers alone, one at least."""
+    if isinstance(node, ast.Constant):
+        return isinstance(node.value, int | float) and not isinstance(node.value, bool)
+    parts = ast.UnaryOp, ast.BinOp, ast.operator, ast.unaryop, ast.Tuple, ast.expr_context
+    names = [n for n in ast.walk(node) if not isinstance(n, (*parts, ast.Constant))]
+    return not names and any(map(_is_number, ast.iter_child_nodes(node)))
+
+
+def numbers(package: str) -> list[str]:
+    """Numbers that decide, in a module or in a frozen dataclass of numbers, which is their home.
+
+    Codes and coefficients of methods decide nothing.
+    """
+    found = []
+    for path, tree in trees(package).items():
+        if path.name in ("status.py", "_loop_state.py", "_dop853.py", "_fastmath.py"):
+            continue
+        homes = [node.body for node in tree.body if isinstance(node, ast.ClassDef) and _is_home(node)]
+        for node in [node for body in (tree.body, *homes) for node in body]:
+            if isinstance(node, ast.Assign | ast.AnnAssign) and node.value and _is_number(node.value):
+                target = node.target if isinstance(node, ast.AnnAssign) else node.targets[0]
+                found.append(f"{path.relative_to(ROOT)}:{node.lineno} {ast.unparse(target)}")
+    return found
+
+
+def _is_home(node: ast.ClassDef) -> bool:
+    return any("dataclass(frozen=True" in ast.unparse(d) for d in node.decorator_list)
+
+
+def interpreters(package: str) -> list[str]:
+    """Functions that loop over the equations of a program traced by JAX."""
+    return [
+        f"{path.relative_to(ROOT)}:{function.lineno} {function.name}"
+        for path, tree in trees(package).items()
+        for function in _functions(tree)
+        for node in ast.walk(function)
+        if isinstance(node, ast.For | ast.comprehension) and ".eqns" in ast.unparse(node.iter)
+    ]
+
+
+def arguments(package: str) -> dict[str, int]:
+    """How many arguments each public function and constructor has, the most first."""
+    found = {}
+    for path, tree in trees(package).items():
+        for node in tree.body:
+            methods = (
+                node.body if isinstance(node, ast.ClassDef) and not node.name.startswith("_") else []
+            )
+            for function in [node, *methods]:
+                hidden = isinstance(function, ast.FunctionDef) and function.name.startswith("_")
+                if isinstance(function, ast.FunctionDef) and not (
+                    hidden and function.name != "__init__"
+                ):
+                    a = function.args
+                    names = [x.arg for x in (*a.posonlyargs, *a.args, *a.kwonlyargs)]
+                    own = [name for name in names if name not in ("self", "cls")]
+                    where = f"{path.relative_to(ROOT)}:{function.lineno} {function.name}"
+                    found[where] = len(own)
+    return dict(sorted(found.items(), key=lambda item: -item[1]))
+
+
+def import_graph(package: str) -> dict[str, set[str]]:
+    """Which module of a package imports which other one of it, for types alone or late too."""
+    graph: dict[str, set[str]] = {}
+    for path in trees(package):
+        own = ".".join(path.relative_to(ROOT).with_suffix("").parts)
+        text = path.read_text(encoding="utf-8")
+        parent = own.rsplit(".", 1)[0]
+        graph[own] = {
+            name for _, name in imported_modules(text, parent) if name.startswith(f"{parent}.")
+        }
+    return {module: {name for name in used if name in graph} for module, used in graph.items()}
+
+
+def circles(package: str) -> list[set[str]]:
+    """Groups of modules that import each other, directly or through others."""
+    graph = import_graph(package)
+
+    def reached(module: str) -> set[str]:
+        found: set[str] = set()
+        ahead = list(graph[module])
+        while ahead:
+            if (name := ahead.pop()) not in found:
+                found.add(name)
+                ahead.extend(graph[name])
+        return found
+
+    beyond = {module: reached(module) for module in graph}
+    groups = [{m for m in beyond[module] if module in beyond[m]} for module in graph]
+    return [group for k, group in enumerate(groups) if group and group not in groups[:k]]
+
+
+def main() -> None:
+    """Print every count."""
+    most, many = next(iter(arguments("stickslip").items()))
+    rows = {
+        "lines of Python in stickslip": lines("stickslip"),
+        **{f"  in stickslip/{name}": lines(f"stickslip/{name}") for name in LAYERS},
+        "lines of Python in tests": lines("tests"),
+        "numbers at module level in stickslip": len(numbers("stickslip")),
+        "interpreters of jaxprs": len(set(interpreters("stickslip"))),
+        "functions named by a participle": len(participles("stickslip")),
+        "most arguments of a public function": f"{many} ({most})",
+        "public functions of more than 9": sum(n > 9 for n in arguments("stickslip").values()),
+        **{f"circles in stickslip/{name}": len(circles(f"stickslip/{name}")) for name in LAYERS},
+    }
+    for name, value in rows.items():
+        print(f"{name:<45}{value}")
+
+
+if __name__ == "__main__":
+    main()
