@@ -2,7 +2,7 @@
 
 import functools
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -10,16 +10,13 @@ from ._family import Test
 from ._point import Point
 from ._points import multipliers_of
 
-if TYPE_CHECKING:
-    from ._curves import Place
-
 
 def folding(point: Point) -> float:
     """Area that the parameters see of the plane of orbits: zero where the plane is folded."""
     return float(np.linalg.det(point.tangent[:, -2:]))
 
 
-def _multipliers(place: "Place") -> np.ndarray:
+def _multipliers(place: Any) -> np.ndarray:
     return multipliers_of(place.point.orbit)
 
 
@@ -36,23 +33,23 @@ def _pairs(found: np.ndarray) -> float:
     return float(np.real(product))
 
 
-def _turn(place: "Place") -> float:
+def _turn(place: Any) -> float:
     """Twice the cosine of the angle of the pair whose product is 1."""
     found = _multipliers(place)
     pairs = [(abs(a * b - 1.0), a + b) for i, a in enumerate(found) for b in found[:i]]
     return float(np.real(min(pairs, key=lambda p: p[0])[1]))
 
 
-def degenerate(label: str, before: "Place") -> list[Test]:
+def degenerate(label: str, before: Any) -> list[Test]:
     """Tests of a place behind another one, at which the curve of a label ends, or which it passes."""
 
-    def others(target: float) -> Callable[["Place"], np.ndarray]:
+    def others(target: float) -> Callable[[Any], np.ndarray]:
         return lambda place: _without(_multipliers(place), target)
 
-    def product(found: Callable[["Place"], np.ndarray], root: float) -> Callable[["Place"], float]:
+    def product(found: Callable[[Any], np.ndarray], root: float) -> Callable[[Any], float]:
         return lambda place: float(np.real(np.prod(found(place) - root)))
 
-    def pairs(found: Callable[["Place"], np.ndarray]) -> Callable[["Place"], float]:
+    def pairs(found: Callable[[Any], np.ndarray]) -> Callable[[Any], float]:
         return lambda place: _pairs(found(place))
 
     ends = functools.partial(Test, ends=True)

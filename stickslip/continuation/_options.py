@@ -42,8 +42,12 @@ class Follow(eqx.Module, metaclass=CheckedModule):
         one_concrete("step", self.step, "positive")
         check_count("max_points", self.max_points, 1)
         check_flag("both", self.both)
-        if not isinstance(self.values, tuple | list):
-            raise refusal("values", self.values, "a tuple of numbers", TypeError)
+        allowed = "a tuple of numbers, or over two parameters a tuple of numbers for each"
+        if not isinstance(self.values, tuple):
+            raise refusal("values", self.values, allowed, TypeError)
+        for i, row in enumerate(self.values):
+            for value in row if isinstance(row, tuple) else (row,):
+                one_concrete(f"values[{i}]", value)
         if not isinstance(self.tests, Mapping):
             raise refusal("tests", self.tests, "a mapping from labels to functions", TypeError)
         for label, function in self.tests.items():
