@@ -56,8 +56,7 @@ def test_a_compiler_that_shifts_wrongly_is_named_once(cache, monkeypatch):
 
 def test_a_warning_made_an_error_leaves_the_verdict(cache, monkeypatch):
     monkeypatch.setattr(_shift, "shift_is_right", lambda: False)
-    with warnings.catch_warnings(), pytest.raises(RuntimeWarning, match="issue 49176"):
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"), pytest.raises(RuntimeWarning, match="issue 49176"):
         tried(monkeypatch, True)
     assert tried(monkeypatch, True) == (0, [True] * 3)
 
