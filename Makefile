@@ -13,7 +13,7 @@ PEERS := numba heyoka xpplab
 SUITE := $(RUN) -m pytest -q -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 # Shapes and types are checked at call time; a sixth of the time, so not in the quick suite.
 TYPED := --jaxtyping-packages=stickslip,corexy_jax,beartype.beartype
-MORE := house corexy_jax $(addprefix stickslip/,hybrid friction systems contact sweep plot view)
+MORE := house/test_strict_mode.py corexy_jax $(addprefix stickslip/,hybrid friction contact sweep)
 # What a user's shell may hold that would let another installation leak into ours.
 unexport PYTHONPATH PYTHONHOME PIP_TARGET PIP_PREFIX PIP_USER
 # Without bytecode every process of the tests would compile all libraries for six seconds.
