@@ -1,11 +1,11 @@
-"""The faults of `table.toml`, and what planting one makes of a file."""
+"""The faults of the tables beside this file, and what planting one makes of a file."""
 
 import ast
 import tomllib
 from pathlib import Path
 from typing import NamedTuple
 
-TABLE = Path(__file__).parent / "table.toml"
+TABLES = sorted(Path(__file__).parent.glob("*.toml"))
 
 
 class Fault(NamedTuple):
@@ -23,7 +23,8 @@ class Fault(NamedTuple):
 
 
 def faults() -> list[Fault]:
-    rows = tomllib.loads(TABLE.read_text(encoding="utf-8"))["fault"]
+    tables = (tomllib.loads(table.read_text(encoding="utf-8")) for table in TABLES)
+    rows = (row for table in tables for row in table["fault"])
     return [Fault(**{**row, "tests": tuple(row["tests"])}) for row in rows]
 
 
