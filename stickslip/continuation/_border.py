@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from ._accuracy import ACCURACY
 from ._along import Problem
 from ._curves import AbstractCurve, Place, directed, last_place, reason_of
 from ._family import Event, Failure, Leg
@@ -10,6 +9,12 @@ from ._point import Point, ahead, correct, strayed
 from ._points import border
 from ._touches import events_of, first_difference
 
+INSIDE = (0.0, 0.02, 0.1, 0.5, 2.0)  # of the step: how far beside the border orbits are looked for
+NEAR = 1.0  # of the way to them: how far from where they are expected they are
+AROUND = 16  # directions in which they are looked for at first
+# How far beyond a border the motion is looked at for its other sequence, and around a corner for all
+# that there are, in parts of its size.
+OUTSIDE, NEARBY = (1e-9, 1e-8, 1e-7), (1e-6, 1e-5, 1e-4)
 CORNER = "GRGR: the border of another sequence of modes is met"
 
 
@@ -44,11 +49,11 @@ class Border(AbstractCurve):
             found = ahead(self.problem, point, radius, direction(angle))
             return not isinstance(found, Failure) and self._alike(found)
 
-        turn = 2.0 * np.pi / ACCURACY.around
+        turn = 2.0 * np.pi / AROUND
         for part in (0.03, 0.003, 0.3):
             radius = part * distance
-            there = [inside(k * turn, radius) for k in range(ACCURACY.around)]
-            edges = [k for k in range(ACCURACY.around) if there[k - 1] != there[k]]
+            there = [inside(k * turn, radius) for k in range(AROUND)]
+            edges = [k for k in range(AROUND) if there[k - 1] != there[k]]
             if len(edges) != 2:
                 continue
             ends = {}
@@ -79,7 +84,7 @@ class Border(AbstractCurve):
         first touch of a stop kicks as the square root of how deep it is, into other borders too.
         """
         own = events_of(self.problem, place.point, place.point.u)
-        for beside in ACCURACY.outside:
+        for beside in OUTSIDE:
             found = events_of(self.problem, place.point, place.point.u - beside * place.normal)
             if found != own:
                 return first_difference(own, found)
@@ -101,7 +106,7 @@ class Border(AbstractCurve):
             for side in (1.0, -1.0)
             for lean in (-0.3, 0.3, 1.0, 3.0)
         ]
-        for beside in ACCURACY.nearby:
+        for beside in NEARBY:
             beyond = {
                 first_difference(
                     own, events_of(self.problem, place.point, place.point.u + beside * direction)
@@ -118,12 +123,12 @@ class Border(AbstractCurve):
     def _across(self, place: Place, distance: float) -> Point | Failure:
         """The last orbit on the line across the curve, at a distance along it."""
         begin = place.point
-        for inside in ACCURACY.inside:
+        for inside in INSIDE:
             there = begin.u + distance * (place.way + inside * place.normal)
             found = correct(
                 self.problem, there, begin.modes, begin.anchor, begin.tangent, begin.tangent
             )  # fmt: skip
-            if strayed(found, there, (1.0 + inside) * distance, ACCURACY.inside_near):
+            if strayed(found, there, (1.0 + inside) * distance, NEAR):
                 continue
             if not isinstance(found, Failure) and self._alike(found):
                 reach = (1.0 + 2.0 * inside) * distance

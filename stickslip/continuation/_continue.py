@@ -15,7 +15,6 @@ from .._validation import check_type, refusal
 from ..hybrid import AbstractHybridSystem
 from ..hybrid.arguments import the_system
 from ..hybrid.status import DISCONTINUOUS
-from ._accuracy import ACCURACY
 from ._along import Problem, evaluated
 from ._arguments import bounds_of, concrete_guess, follow_of, problem_of, value_of
 from ._branch import Branch, BranchPoint, branch_of
@@ -31,6 +30,10 @@ from ._walk import follow as follow_branch
 from ._walk import joined
 
 PRIMES = (7, 11, 13)
+ALIKE = 1e-3  # part of their size by which the ends of one motion differ, seen at other instants
+# Of the derivative: below the first part, and below the second slope of the parameter, here and so far
+# away, orbits are a family at one value of the parameter.
+SINGULAR, VERTICAL, ASIDE = 1e-9, 1e-7, 1e-2
 CUT_OFF = ("max_points", "bounds", "homoclinic")  # ends beyond which a branch goes on
 
 
@@ -184,14 +187,14 @@ def _beside(problem: Problem, first: Point, middle: float) -> str:
     """
     family = "it is one of a family, by a conserved quantity or a place that is free between limits"
     strength = np.linalg.svd(first.jacobian, compute_uv=False)
-    if strength[-1] < ACCURACY.family_singular * strength[0]:
+    if strength[-1] < SINGULAR * strength[0]:
         return family
-    if abs(first.tangent[-1]) < ACCURACY.vertical:
-        then = ahead(problem, first, ACCURACY.aside)
-        return family if isinstance(then, Point) and abs(then.tangent[-1]) < ACCURACY.vertical else ""
+    if abs(first.tangent[-1]) < VERTICAL:
+        then = ahead(problem, first, ASIDE)
+        return family if isinstance(then, Point) and abs(then.tangent[-1]) < VERTICAL else ""
     if np.any(first.orbit.neutral):
         aside = first.u.copy()
-        aside[-1] += np.copysign(ACCURACY.aside, middle - first.value)
+        aside[-1] += np.copysign(ASIDE, middle - first.value)
         found = evaluated(problem, jnp.asarray(aside), first.modes, first.anchor)[2]
         held = np.trace(np.asarray(found.neutral)) < np.trace(first.orbit.neutral) - 0.5
         if np.all(found.good) and held:
@@ -236,4 +239,4 @@ def _same(one: Point, other: Point) -> bool:
     size = np.asarray(one.anchor.extent)
     ends = zip(*((p.orbit.lowest, p.orbit.highest) for p in (one, other)), strict=True)
     away = [np.abs(ravel_pytree(a)[0] - ravel_pytree(b)[0]) / size for a, b in ends]
-    return bool(np.max(away) < ACCURACY.alike)
+    return bool(np.max(away) < ALIKE)

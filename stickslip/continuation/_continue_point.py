@@ -10,7 +10,6 @@ from .._types import Given
 from .._validation import check_type, refusal
 from ..hybrid import AbstractHybridSystem
 from ..hybrid.arguments import the_system
-from ._accuracy import ACCURACY
 from ._along import Problem
 from ._arguments import bounds_of, follow_of, problem_of, value_of
 from ._border import Border
@@ -27,6 +26,7 @@ from ._walk import joined
 
 BORDERS = ("GR", "SQ")
 FUNCTIONS = {"LP": folding, "PD": doubling, "NS": torus, "BP": branching}
+BESIDE = (1e-10, 1e-9, 1e-8, 1e-7, 1e-6)  # of the first parameter's bounds
 
 
 def continue_point(
@@ -127,7 +127,7 @@ def _start(
         return zeros, first if isinstance(first, Failure) else zeros.begin(first)
     # At the border itself rounding decides which events there are: then from a little beside it.
     border = Border(problem, point.label, round_trip(point.orbit))
-    for beside in (0.0, *ACCURACY.begin_beside):
+    for beside in (0.0, *BESIDE):
         for side in (1.0, -1.0):
             move = np.array([side * beside * problem.unit[0], 0.0])
             found = begin(problem, point.orbit, values + move)

@@ -27,6 +27,15 @@ from ._point import Point, ahead, beginning_elsewhere
 from ._touches import touches
 from ._walk import has_come_round
 
+# Slopes of a test are differences over this distance, in parts of the motion's size.
+SLOPE = 1e-4
+SECANTS = 12  # at most, to the curve
+NEARLY = 1e-13  # of the size: a secant as short as this ends the search
+LAST = 1e-9  # of the step: how exactly the end of a curve is known
+# The end of a curve is searched anew from the last place found: by so much nearer in each round, up to
+# four times as far as was left. Chords shorter than the last number have no direction.
+NEARER, ROUNDS, CHORD = 2.0**-6, 10, 1e-5
+
 
 @dataclasses.dataclass(frozen=True)
 class Place:
@@ -184,12 +193,12 @@ class Zeros(AbstractCurve):
         found = []
         for row in point.tangent:
             ends = []
-            for d in (-ACCURACY.slope, ACCURACY.slope):
+            for d in (-SLOPE, SLOPE):
                 p = ahead(self.problem, point, d, row)
                 if isinstance(p, Failure) or p.sequence != point.sequence:
                     return None
                 ends.append(self.test(p))
-            found.append((ends[1] - ends[0]) / (2.0 * ACCURACY.slope))
+            found.append((ends[1] - ends[0]) / (2.0 * SLOPE))
         slopes = np.asarray(found)
         return slopes if np.linalg.norm(slopes) > 0.0 else None
 
@@ -208,9 +217,9 @@ class Zeros(AbstractCurve):
             return Failure("mode_differs")
         at, best, slope = 0.0, near, place.steep
         value = self.test(near)
-        for _ in range(ACCURACY.curve_secants):
+        for _ in range(SECANTS):
             step = -value / slope
-            if value == 0.0 or abs(step) <= ACCURACY.curve_nearly:
+            if value == 0.0 or abs(step) <= NEARLY:
                 return best, slope
             if not abs(at + step) <= reach:
                 return Failure("not_converged")
@@ -275,18 +284,18 @@ def last_place(
     of the way, so that the search is begun again from the last place found, with shorter steps.
     """
     last, span = place, distance
-    for _ in range(ACCURACY.curve_rounds):
+    for _ in range(ROUNDS):
         low, high, best = 0.0, span, last
-        while high - low > ACCURACY.curve_nearer * span:
+        while high - low > NEARER * span:
             middle = 0.5 * (low + high)
             found = curve.onward(last, middle)
             if isinstance(found, Failure) or (alike is not None and not alike(found)):
                 high = middle
             else:
                 low, best = middle, found
-        if low < ACCURACY.chord:
+        if low < CHORD:
             best = dataclasses.replace(best, way=last.way)
         last, span = best, 4.0 * (high - low)
-        if span < ACCURACY.curve_last * distance:
+        if span < LAST * distance:
             break
     return last

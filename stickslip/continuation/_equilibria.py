@@ -36,6 +36,20 @@ from ._rest import (
     scales_of,
 )
 
+BEND = 0.32  # angle between two tangents [rad]: sharper bends get shorter steps
+SHORTEST = 2.0**-12  # of a step
+KNOWN = 1e-9  # of the sizes: to which equilibria are known
+# Largest deviation of a component that began to move from the move that the tangents predict, as a part
+# of that move.
+ASTRAY = 0.9
+# Part of the largest singular value: a step does not end as near as this to a branch point, but is
+# shortened by the other factor.
+DOUBLE, AWAY = 1e-7, 0.8
+OFF_AXIS = 1e-9  # part of its size beside the real axis of an eigenvalue that is not real
+NEARER, EVALUATIONS, CLOSE = 30, 20, 1e-13  # of the search for a branch point
+NULL = 1e-9  # of the defect of an equation at a solution
+LEVEL = 1e-5  # rate of the parameter along the branch, at a branch point where it turns
+
 
 def turning(rest: Rest) -> float:
     """Rate of the parameter along the branch: zero at a fold."""
@@ -75,7 +89,7 @@ def axis_pair(rest: Rest) -> int | None:
     if not near:
         return None
     at = min(near)[1]
-    if not abs(found[at].imag) > ACCURACY.off_axis * abs(found[at]):
+    if not abs(found[at].imag) > OFF_AXIS * abs(found[at]):
         return None
     return int(np.argmin(np.abs(found - 1j * abs(found[at].imag))))
 
@@ -97,9 +111,7 @@ class Equilibria(AbstractFamily):
 
     @property
     def control(self) -> Control:
-        return Control(
-            float(np.cos(ACCURACY.rest_bend)), ACCURACY.rest_shortest, ACCURACY.rest_shortest
-        )
+        return Control(float(np.cos(BEND)), SHORTEST, SHORTEST)
 
     def onward(self, point: Rest, distance: float) -> Rest | Failure:
         along = point.measure.along(point.tangent)
@@ -115,7 +127,7 @@ class Equilibria(AbstractFamily):
         measure, move = point.measure, distance * point.tangent
         away = measure.length(new.z - point.z - move)
         bend = angle_of(point.tangent, new.tangent, measure)
-        if away > (ACCURACY.swerves + bend) * distance + ACCURACY.rest_known:
+        if away > (ACCURACY.swerves + bend) * distance + KNOWN:
             return True
         return strays(point, new, measure, measure.size)
 
@@ -159,7 +171,7 @@ class Equilibria(AbstractFamily):
         crossed = [event.point for event in found if event.label == "BP"]
         if test.label == "LP" and crossed:
             rate = turning(crossed[0])
-            if abs(rate) <= ACCURACY.level:
+            if abs(rate) <= LEVEL:
                 return None
             at = float(before.measure.along(before.tangent) @ (crossed[0].z - before.z))
             known[at] = crossed[0]
@@ -184,7 +196,7 @@ class Equilibria(AbstractFamily):
         point, first = points[-1], distance
         new, distance = next_point(self, point, distance)
         while isinstance(new, Rest) and distance == first and _double(new) and not _double(point):
-            first *= ACCURACY.away_from_double  # near a branch point the tangent is not known
+            first *= AWAY  # near a branch point the tangent is not known
             new, distance = next_point(self, point, first)
         if isinstance(new, Failure):
             words = "not_converged: the next equilibrium was not found"
@@ -202,13 +214,13 @@ def strays(point: Rest, new: Rest, measure: Measure, size: np.ndarray) -> bool:
     own = measure_of(measure.size, new.jacobian)
     move, least = new.z - point.z, own.least(new.jacobian, new.z)
     expected = 0.5 * change * (point.tangent / point.tangent[-1] + new.tangent / new.tangent[-1])
-    most = ACCURACY.rest_astray * np.maximum(np.abs(move), np.abs(expected)) + least
+    most = ASTRAY * np.maximum(np.abs(move), np.abs(expected)) + least
     return bool(np.any((size == 0.0) & (np.abs(move - expected) > most)))
 
 
 def _double(point: Rest) -> bool:
     """Whether it is hardly farther from a branch point than rounding."""
-    return abs(crossing(point)) < ACCURACY.double
+    return abs(crossing(point)) < DOUBLE
 
 
 def _branch_point(
@@ -222,7 +234,7 @@ def _branch_point(
     along = measure.along(rest.tangent)
     low, high = (0.0, rest, crossing(rest)), (distance, new, crossing(new))
     largest, reason = max(abs(low[2]), abs(high[2])), "Newton's method finds no equilibrium there"
-    for _ in range(ACCURACY.double_nearer):
+    for _ in range(NEARER):
         part = float(np.clip(low[2] / (low[2] - high[2]), 0.05, 0.95))
         guess = low[1].z + part * (high[1].z - low[1].z)
         point = _singular(field, guess, measure)
@@ -251,7 +263,7 @@ def _singular(field: Field, z: np.ndarray, measure: Measure) -> np.ndarray | Non
     n = rows.size
     phi, beta = np.linalg.svd(measure.balanced(field(z)[1]))[0][:, -1], 0.0
     before = np.inf
-    for _ in range(ACCURACY.double_evaluations):
+    for _ in range(EVALUATIONS):
         values, jacobian = field(z)
         slope, bend = measure.balanced(jacobian), field.curvature(z, phi * rows)
         bend = bend * columns[:, None] * columns[None, :]
@@ -271,11 +283,9 @@ def _singular(field: Field, z: np.ndarray, measure: Measure) -> np.ndarray | Non
         z, phi, beta = z - move[: n + 1] * columns, phi - move[n + 1 : -1], beta - move[-1]
         parts = measure.part(move[: n + 1] * columns)
         longest = float(np.max(np.abs(np.concatenate([parts, move[n + 1 :]]))))
-        if longest <= ACCURACY.double_close or (
-            longest <= ACCURACY.double_null and longest >= 0.5 * before
-        ):
+        if longest <= CLOSE or (longest <= NULL and longest >= 0.5 * before):
             least = np.linalg.svd(measure.balanced(field(z)[1]), compute_uv=False)[-1]
-            return z if abs(beta) <= ACCURACY.double_null and least <= 1e-6 else None
+            return z if abs(beta) <= NULL and least <= 1e-6 else None
         before = longest
     return None
 

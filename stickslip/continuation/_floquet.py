@@ -5,7 +5,8 @@ from typing import Any
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float, Int
 
-from ._accuracy import ACCURACY
+# A singular value below this part of the largest is zero: what an event projects out is rounding.
+LOST = 1e-12
 
 
 def nonzero_first(multipliers: Complex[Array, " size"]) -> Complex[Array, " size"]:
@@ -29,7 +30,7 @@ def multipliers_of(matrix: Float[Array, "size size"], rank: Any) -> Complex[Arra
     for _ in range(size):
         left, strength, right = jnp.linalg.svd(matrix)
         largest = strength[0] if largest is None else largest
-        kept = (index < rank) & (strength > ACCURACY.lost_direction * largest)
+        kept = (index < rank) & (strength > LOST * largest)
         rank = jnp.sum(kept, dtype=jnp.int32)
         small = (strength[:, None] * right) @ left
         matrix = jnp.where(kept[:, None] & kept[None, :], small, 0.0)

@@ -12,7 +12,9 @@ from ..hybrid.arguments import first_mode
 from ..hybrid.event_functions import guards_over_magnitudes
 from ..hybrid.system import guard_directions, mode_type
 from ..hybrid.tree import frozen
-from ._accuracy import ACCURACY as OWN
+
+DEPENDENT = 1e-9  # of its length: a constraint that the others leave no more of is one of them
+HELD = 1e-11  # of the sizes: numbers that are zero but for rounding
 
 
 def _constraints(system: AbstractHybridSystem, t, flat, unravel, mode, args) -> Array | None:
@@ -49,7 +51,7 @@ def on_constraints(
         normal = normal / jnp.where(largest > 0.0, largest, 1.0)
         left = projection @ (projection @ normal)
         length = left @ left
-        new = length > OWN.dependent**2 * (normal @ normal)
+        new = length > DEPENDENT**2 * (normal @ normal)
         length = jnp.where(new, length, 1.0)
         state = state - jnp.where(new, left * (value / (jnp.where(new, largest, 1.0) * length)), 0.0)
         projection = projection - jnp.where(new, jnp.outer(left, left) / length, 0.0)
@@ -69,7 +71,7 @@ def own_mode(
     if values is None or not system.guard_names:
         return own
     normals = jax.jacfwd(lambda z: _constraints(system, t, z, unravel, mode, args))(flat)
-    held = jnp.all(jnp.abs(values) <= OWN.held * (jnp.abs(normals) @ size))
+    held = jnp.all(jnp.abs(values) <= HELD * (jnp.abs(normals) @ size))
     guards = guards_over_magnitudes(system, t, unravel(flat), mode, args)
     sides = jnp.asarray([-1.0 if d == "rising" else 1.0 for d in guard_directions(system)])
     both = jnp.asarray([d == "both" for d in guard_directions(system)])

@@ -11,7 +11,18 @@ from jaxtyping import PyTree
 
 from .._code import jit_by_code
 from ..analysis.observable import with_parameters
-from ._accuracy import ACCURACY
+
+EVALUATIONS = 20  # of Newton's method
+CLOSE = 1e-13  # a step as short as this, in parts of the sizes, ends it
+ROUNDING = 1e-9  # or one that is no shorter than the one before and below this
+# After so many evaluations components that do not move along the branch are not waited for.
+SETTLED = 8
+NOTHING = 1e-12  # of the largest: parts of a tangent that are rounding
+# Of what the other components of the linear motion let expect, and of its own value: a component that
+# has moved by less has not moved.
+STILL, STEADY = 1e-10, 1e-9
+TINY = 1e-10  # entries of a balanced matrix that are left out
+SINGULAR = 1e-11  # singular values smaller than this part of the largest are zero
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,7 +60,7 @@ class Measure:
         for _ in range(z.size.bit_length()):
             near = (near.astype(int) @ near) > 0
         known = np.max(np.where(near, (self.size / self.columns)[None, :], 0.0), axis=1)
-        return np.maximum(ACCURACY.still * self.columns * known, ACCURACY.steady * np.abs(z))
+        return np.maximum(STILL * self.columns * known, STEADY * np.abs(z))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -127,7 +138,7 @@ def scales_of(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     taken = matrix != 0.0
     logs = np.log(np.where(taken, np.abs(matrix), 1.0))
     rows, columns = _least_squares(taken, logs)
-    taken &= logs + rows[:, None] + columns[None, :] > np.log(ACCURACY.tiny)
+    taken &= logs + rows[:, None] + columns[None, :] > np.log(TINY)
     rows, columns = _least_squares(taken, logs)
     size = np.where(taken, logs + rows[:, None] + columns[None, :], -np.inf).max(axis=1)
     return np.exp(rows - np.where(np.isfinite(size), size, 0.0)), np.exp(columns)
@@ -161,7 +172,7 @@ def corrected(
     """
     start, before, known = z, np.inf, measure
     seen = np.abs(z)
-    for evaluation in range(1, ACCURACY.rest_evaluations + 1):
+    for evaluation in range(1, EVALUATIONS + 1):
         values, jacobian = field(z)
         if not (np.all(np.isfinite(values)) and np.all(np.isfinite(jacobian))):
             return None
@@ -183,17 +194,13 @@ def corrected(
             size = seen
             waited = np.ones(z.size, bool)
         else:
-            size = np.maximum(
-                measure.size, np.maximum(np.abs(z), measure.least(jacobian, z) / ACCURACY.still)
-            )
+            size = np.maximum(measure.size, np.maximum(np.abs(z), measure.least(jacobian, z) / STILL))
             waited = measure.size > 0.0
         parts = np.where(move == 0.0, 0.0, np.abs(move) / np.where(size > 0.0, size, 1e-300))
-        if evaluation >= ACCURACY.rest_waits:
-            parts = np.where(waited, parts, np.minimum(parts, ACCURACY.rest_close))
+        if evaluation >= SETTLED:
+            parts = np.where(waited, parts, np.minimum(parts, CLOSE))
         longest = float(np.max(parts))
-        if longest <= ACCURACY.rest_close or (
-            longest <= ACCURACY.rest_rounding and longest >= 0.5 * before
-        ):
+        if longest <= CLOSE or (longest <= ROUNDING and longest >= 0.5 * before):
             break
         before = longest
     else:
@@ -219,7 +226,7 @@ def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 def _still(field: Field, z: np.ndarray, seen: np.ndarray) -> np.ndarray:
     """What is left of the first guess of components that vanish is removed, where that is no worse."""
-    none = np.where(np.abs(z) <= ACCURACY.rest_close * seen, 0.0, z)
+    none = np.where(np.abs(z) <= CLOSE * seen, 0.0, z)
     none[-1] = z[-1]
     values, other = np.abs(field(z)[0]), np.abs(field(none)[0])
     return none if np.all(other <= values) else z
@@ -241,12 +248,12 @@ def described(field: Field, z: np.ndarray, sense: np.ndarray, measure: Measure |
 def tangent_of(jacobian: np.ndarray, sense: np.ndarray, measure: Measure) -> np.ndarray:
     """Null vector of the derivative, of length one."""
     _, found, right = np.linalg.svd(measure.balanced(jacobian))
-    none = 1 + int(np.sum(found <= ACCURACY.rest_singular * max(found[0], 1e-300)))
+    none = 1 + int(np.sum(found <= SINGULAR * max(found[0], 1e-300)))
     null, own = right[-none:], sense / measure.columns
     vector = null[-1] if none == 1 else (null @ own) @ null
     if not np.any(vector):
         vector = null[-1]
-    vector = np.where(np.abs(vector) <= ACCURACY.nothing * np.max(np.abs(vector)), 0.0, vector)
+    vector = np.where(np.abs(vector) <= NOTHING * np.max(np.abs(vector)), 0.0, vector)
     return of_length_one(vector * measure.columns, sense, measure)
 
 

@@ -4,9 +4,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ._accuracy import ACCURACY
 from ._along import Problem, passed
 from ._point import Point
+
+# How far beside an orbit that touches a guard, as well as it is known, motions have other events.
+TOUCHING = (1e-9, 1e-8, 1e-7, 1e-6)
 
 
 def events_of(problem: Problem, point: Point, u: np.ndarray) -> list | None:
@@ -23,7 +25,7 @@ def touches(problem: Problem, point: Point, ways: list[np.ndarray]) -> bool:
         return False
     own = events_of(problem, point, point.u)
     sides = [sign * way for way in ways for sign in (1.0, -1.0)]
-    found = (events_of(problem, point, point.u + d * way) for d in ACCURACY.touching for way in sides)
+    found = (events_of(problem, point, point.u + d * way) for d in TOUCHING for way in sides)
     return any(events is not None and events != own for events in found)
 
 
