@@ -57,7 +57,7 @@ def test_workers_compute_what_one_process_does(function, more, client, tmp_path)
 
 
 def test_the_program_of_a_motion_is_that_of_the_process_that_asks(client, tmp_path):
-    """The quick suite compiles without optimisation, the workers with it: the last digits may differ."""
+    """Workers compile with optimisation, unlike the quick suite: the last digits may differ."""
     alone = _sweeps.simulated(None)
     found = _sweeps.simulated(tmp_path / "store", client=client)
     assert found.attrs["sweep_state"] == "finished"
