@@ -197,7 +197,7 @@ class CoreXY(AbstractMechanism):
         """The mode with these senses; -1 if the geometry does not admit them."""
         return mode_number(states)
 
-    def motion_together(self, island, mass, force, rest):
+    def motion_together(self, group, mass, force, rest):
         return contact_motion(Line(*(mass.diagonal or ())), force, rest)
 
     # -- the input

@@ -17,7 +17,7 @@ from stickslip._fastmath import where
 from stickslip.hybrid import current_executor
 
 # One number a contact, or a line: a tuple of scalars, or an array with one axis.
-NumberRow = tuple | jax.Array
+NumberRow = tuple | jax.Array | np.ndarray
 
 
 def row(values: Any) -> NumberRow:
@@ -29,6 +29,11 @@ def row(values: Any) -> NumberRow:
     # Behind the barrier the numbers are read from memory; without it, the compiler sees through the
     # vector and computes each number anew wherever it is read.
     return lax.optimization_barrier(jnp.stack(jnp.broadcast_arrays(*values)))
+
+
+def constants(values: list, dtype: Any) -> NumberRow:
+    """Constants side by side in the form that `row` makes."""
+    return tuple(values) if current_executor().fused else np.array(values, dtype)
 
 
 def each(function: Callable, *rows: Any) -> NumberRow:

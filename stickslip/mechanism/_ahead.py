@@ -2,7 +2,8 @@
 
 import functools
 import operator
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -10,47 +11,43 @@ import numpy as np
 
 from stickslip._fastmath import where
 
-from ._instant import Instant, floats, touching
+from ._accuracy import ACCURACY
+from ._instant import floats
+from ._moment import Moment
 from ._scalars import is_zero
 
-if TYPE_CHECKING:
-    from ._mechanism import AbstractMechanism
 
-HIGHEST = 3  # a lever that is zero where the mechanism starts from rest: its speed grows as t^3
-
-
-def begun(
-    machine: "AbstractMechanism", t: Any, y: Any, at: Instant, states: list, args: Any
-) -> list[Any]:
+def senses_ahead(now: Moment, states: Any, accelerations: Callable) -> Any:
     """`states`, where contacts that have neither direction nor speed slide as they will in an instant.
 
     Such a contact bears nothing and holds nothing: the first derivative of its speed that is not zero
     says which way it slides. Under loads that are yet to rise it is that of an acceleration of all
     coordinates: about a lever of zero the speed has the same sign whichever way one coordinate goes.
+
+    `accelerations`: those of a moment in the mode of some states.
     """
-    rows = [c for c, row in enumerate(machine.directions) if np.isnan(row).any()]
+    rows = [c for c, row in enumerate(now.structure.directions) if np.isnan(row).any()]
     if not rows:
         return states
+    at, states = now.at, list(states)
     lost = {c: _vanishes(at.directions[c]) & (at.speeds[c] == 0.0) for c in rows}
-    states = list(states)
     sliding = [where(lost[c], 1.0, s) if c in lost else s for c, s in enumerate(states)]
-    slope = machine.vector_field(t, y, machine.mode_of(sliding), args)
-    q_rate, a = machine.to_coordinates(slope)
+    a = accelerations(now, sliding)
     q, v = floats(at.q), floats(at.v)
 
     def ahead(time: Any, a: Any) -> Any:
         bends = (*a, *[0.0] * (len(q) - len(a)))
         places = (
             None if x is None else x + time * rate + 0.5 * time * time * bend
-            for x, rate, bend in zip(q, q_rate, bends, strict=True)
+            for x, rate, bend in zip(q, at.q_rate, bends, strict=True)
         )
         speeds = (x + time * rate for x, rate in zip(v, a, strict=True))
-        found = touching(machine, t + time, type(q)(*places), type(v)(*speeds), args)[2]
+        found = now.touching(now.t + time, type(q)(*places), type(v)(*speeds))[2]
         return jnp.stack([found[c] for c in rows])
 
     both = jax.tree.map(lambda x: jnp.stack([x, jnp.ones_like(x)]), floats(a))
     function, rates, zero = ahead, [], jnp.zeros((), jnp.float64)
-    for _ in range(HIGHEST):
+    for _ in range(ACCURACY.highest_rate):
         function = _rate(function)
         rates.append(jax.vmap(function, (None, 0))(zero, both))
     senses = jnp.ones(len(rows))
