@@ -58,6 +58,17 @@ class Release(NamedTuple):
     failed: Any = False
 
 
+class Landing(NamedTuple):
+    """What was at `rest` before an event, was `hit`, and is `passing` its zero; whether the group is
+    `touched` at all, and `lands`: what rests is made to rest to the last digit."""
+
+    rest: NumberRow
+    hit: NumberRow
+    touched: Any
+    lands: Any
+    passing: Any
+
+
 class Change(NamedTuple):
     """A group right after an event: velocities, states, coordinates, and whether no law holds."""
 
@@ -220,7 +231,8 @@ class AbstractContactGroup(AbstractSearched):
             touched = touched | toggles
         passing = self.passing(own, hit, stops)
         found, ended = self.states_after(here, states, after, started, touched, passing)
-        still, places = self.landing(here, still, found, own, hit, touched, fired)
+        landing = Landing(rest, hit, touched, lands, passing)
+        still, lands, places = self.landing(here, still, found, landing, fired)
         velocities = each(
             lambda x, v: where(lands, x, v), self.at_rest(here, still), self.row(here.velocities)
         )
@@ -248,11 +260,12 @@ class AbstractContactGroup(AbstractSearched):
         return None
 
     def landing(
-        self, here: LocalInstant, still: NumberRow, found: NumberRow, own: NumberRow, hit: NumberRow,
-        touched: Any, fired: Fired,
-    ) -> tuple[NumberRow, dict[int, Any]]:  # fmt: skip
-        """Of the contacts in `still` those that are made to rest, and coordinates that are moved."""
-        return still, {}
+        self, here: LocalInstant, still: NumberRow, found: NumberRow, landing: Landing, fired: Fired
+    ) -> tuple[NumberRow, Any, dict[int, Any]]:
+        """Contacts in `still` that are made to rest, whether they are, and coordinates that are moved.
+
+        `found`: the states by the law of all contacts."""
+        return still, landing.lands, {}
 
     def at_rest(self, here: LocalInstant, still: NumberRow) -> NumberRow:
         """Velocities with the contacts in `still` at rest, to the last digit."""

@@ -16,8 +16,8 @@ from ._motion import Motion
 from ._reserve import least_reserve
 from ._rows import NumberRow, any_of
 from ._scalars import Mass, chosen, is_zero, minus, over, times, total, without_slope
-from ._search import Overload, Problem, relative, resting, states_by_search
-from ._varying import at_rest_before_or_after, passing_through, with_loose
+from ._search import Overload, Problem, resting, senses_of, states_by_search
+from ._varying import ends_at_rest, landing_beside_passing, passing_through, with_loose
 
 
 class _AbstractOneVelocity(AbstractContactGroup):
@@ -59,18 +59,15 @@ class _AbstractOneVelocity(AbstractContactGroup):
         slow = tuple(x & (s != 2.0) for x, s in zip(slow, own, strict=True))
         return self.closure(super().still(here, own, hit, stops), slow)
 
-    def landing(
-        self, here: LocalInstant, still: NumberRow, found: NumberRow, own: NumberRow, hit: NumberRow,
-        touched: Any, fired: Fired,
-    ) -> tuple[NumberRow, dict[int, Any]]:  # fmt: skip
+    def landing(self, here, still, found, landing, fired):
+        if not here.drifts and self.part.varies:
+            return landing_beside_passing(self.rows, still, found, landing, fired.rested)
         if not here.drifts:
-            if self.part.varies:
-                still = at_rest_before_or_after(self.rows, still, found, fired.rested)
-            return still, {}
+            return super().landing(here, still, found, landing, fired)
         # What a stop carries off keeps its velocity: that of a stop which has hardly begun to move is
         # rounding, and might be against the sense in which the others are left.
-        rest = resting(own)
-        left_behind = any_of(tuple(h & r for h, r in zip(hit, rest, strict=True)))
+        rest = landing.rest
+        left_behind = any_of(tuple(h & r for h, r in zip(landing.hit, rest, strict=True)))
         keeps = [left_behind & (i >= self.contacts) for i in range(self.m)]
         still = tuple(x & (f == 0.0) & ~k for x, f, k in zip(still, found, keeps, strict=True))
         (j,) = self.columns
@@ -80,8 +77,8 @@ class _AbstractOneVelocity(AbstractContactGroup):
             here.stops, here.lines[self.contacts :], rest[self.contacts :], strict=True
         ):
             there = here.at.q[j] - times(over(line[0]), stop.stop.gap)
-            place = where(r & touched, there, place)
-        return still, {j: place}
+            place = where(r & landing.touched, there, place)
+        return still, landing.lands, {j: place}
 
     def decides(self, rests: Any, n: Any) -> Any:
         return rests & (n != 0.0) if self.part.varies else rests
@@ -210,6 +207,13 @@ class ContactsOnOneVelocity(_AbstractOneVelocity):
     def law(self, problem):
         return states_by_search(self, with_loose(self.part, problem) if self.part.varies else problem)
 
+    @property
+    def least_acceleration(self) -> float:
+        return -1.0 if self.part.varies else 1.0
+
+    def ending(self, problem, states, acceleration, slow):
+        return ends_at_rest(problem, states, acceleration, slow) if self.part.varies else states
+
     # What has no speed may be parted at once: on each surface the one velocity changes differently.
 
     def begins(self, problem: Problem, standing: NumberRow, slow: Any) -> tuple[NumberRow, NumberRow]:
@@ -223,18 +227,12 @@ class ContactsOnOneVelocity(_AbstractOneVelocity):
             behind = standing[c] & (minus(times(line, origin[0]), g) < 0.0)
             a = where(behind, times(over(line), g), a)
             origin = (a,)
-        return origin, self._senses(problem, origin, slow)
+        return origin, senses_of(problem, origin, slow)
 
     def without_speed(
         self, problem: Problem, acceleration: NumberRow, standing: NumberRow, slow: Any
     ) -> NumberRow:
         if all(map(is_zero, problem.gamma)):
             return standing
-        senses = self._senses(problem, acceleration, slow)
+        senses = senses_of(problem, acceleration, slow)
         return tuple(stands & (s == 0.0) for stands, s in zip(standing, senses, strict=True))
-
-    def _senses(self, problem: Problem, acceleration: NumberRow, slow: Any) -> NumberRow:
-        slips = relative(problem.lines, acceleration, problem.gamma)
-        found = [where(jnp.abs(x) <= slow, 0.0, jnp.sign(x)) for x in slips]
-        k = self.contacts
-        return (*found[:k], *(jnp.maximum(x, 0.0) for x in found[k:]))

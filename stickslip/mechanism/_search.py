@@ -107,6 +107,16 @@ class AbstractSearched(abc.ABC):
             origin = problem.moves(origin, standing).acceleration
         return origin, each(lambda stands: 0.0, standing)
 
+    # Acceleration, in parts of the least that counts, below which a contact stops that had begun to
+    # slide.
+    least_acceleration: float = 1.0
+
+    def ending(
+        self, problem: Problem, states: NumberRow, acceleration: NumberRow, slow: Any
+    ) -> NumberRow:
+        """States at the end of a search: the face, less what has no acceleration on it."""
+        return states
+
     def without_speed(
         self, problem: Problem, acceleration: NumberRow, standing: NumberRow, slow: Any
     ) -> NumberRow:
@@ -127,6 +137,14 @@ def relative(lines: list[list], v: Any, surfaces: list) -> tuple:
     """What directions make of velocities, or of accelerations, less those of the surfaces."""
     pairs = zip(lines, surfaces, strict=True)
     return tuple(jnp.asarray(minus(dot(n, v), w), jnp.float64) for n, w in pairs)
+
+
+def senses_of(problem: Problem, acceleration: NumberRow, slow: Any) -> NumberRow:
+    """Senses in which contacts and stops begin to move at this acceleration; 0 of those below `slow`."""
+    slips = relative(problem.lines, acceleration, problem.gamma)
+    found = (where(jnp.abs(x) <= slow, 0.0, jnp.sign(x)) for x in slips)
+    bounds = zip(found, problem.static.high, strict=True)
+    return tuple(jnp.maximum(x, 0.0) if high is NO_LIMIT else x for x, high in bounds)
 
 
 def resting(states: NumberRow) -> NumberRow:
@@ -193,7 +211,7 @@ def states_by_search(group: AbstractSearched, problem: Problem) -> tuple[NumberR
 
         def path(s, v0, v1, stands, rests):
             v0, v1 = jnp.maximum(s * v0, 0.0), s * v1
-            stops = stands & ~rests & (v1 < slow)
+            stops = stands & ~rests & (v1 < group.least_acceleration * slow)
             return where(stops, -v0 / (v0 - v1 + 2.0 * slow), NOT_BLOCKED)
 
         # The part of the way to the first contact that stops.
@@ -215,8 +233,9 @@ def states_by_search(group: AbstractSearched, problem: Problem) -> tuple[NumberR
         )  # fmt: skip
         minimum = ~blocked & ~overloaded
         ends = each(
-            lambda creeps, old, s: where(creeps & (s == 0.0), old, s), creeping, states, now.states
-        )
+            lambda creeps, old, s: where(creeps & (s == 0.0), old, s),
+            creeping, states, group.ending(problem, now.states, reached, slow),
+        )  # fmt: skip
         changed = any_of(each(lambda s, given: s != given, ends, now.given))
         again, done = minimum & changed, minimum & ~changed
         # The next search begins at rest: started on the face found, all its speeds zero, it could

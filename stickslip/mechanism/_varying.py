@@ -8,13 +8,14 @@ import numpy as np
 from stickslip._fastmath import where
 
 from ._accuracy import ACCURACY
+from ._group import Landing
 from ._independent import AbstractIndependentContacts, states_one_by_one
 from ._laws import NO_LIMIT
 from ._local import Part
 from ._motion import Motion, motion_by_forces, resisting
-from ._rows import NumberRow, each
+from ._rows import NumberRow, any_of, each
 from ._scalars import Mass, dot, minus, over, times, total
-from ._search import Problem, states_by_search
+from ._search import Problem, senses_of, states_by_search
 
 
 class VaryingContacts(AbstractIndependentContacts):
@@ -47,8 +48,13 @@ class VaryingContacts(AbstractIndependentContacts):
     def passing(self, own, hit, stops):
         return passing_through(own, hit, stops)
 
-    def landing(self, here, still, found, own, hit, touched, fired):
-        return at_rest_before_or_after(self.rows, still, found, fired.rested), {}
+    def landing(self, here, still, found, landing, fired):
+        return landing_beside_passing(self.rows, still, found, landing, fired.rested)
+
+    least_acceleration = -1.0
+
+    def ending(self, problem, states, acceleration, slow):
+        return ends_at_rest(problem, states, acceleration, slow)
 
     def law(self, problem):
         problem = with_loose(self.part, problem)
@@ -60,15 +66,27 @@ def passing_through(own: NumberRow, hit: NumberRow, stops: Any) -> NumberRow:
     return each(lambda h, s: where(stops & h & (s != 0.0), -s, 0.0), hit, own)
 
 
-def at_rest_before_or_after(
-    rows: tuple[int, ...], still: NumberRow, found: NumberRow, rested: list
-) -> NumberRow:
-    """Contacts in `still` that were at rest, or are.
+def landing_beside_passing(
+    rows: tuple[int, ...], still: NumberRow, found: NumberRow, landing: Landing, rested: list
+) -> tuple[NumberRow, Any, dict[int, Any]]:
+    """As `AbstractContactGroup.landing`: contacts in `still` that were at rest, or are, are made to rest.
 
     What passes through rest keeps its velocity: where its direction vanishes, to be made to rest would
-    stop the mechanism.
+    stop the mechanism. Nor is anything else made to rest then: it might send back what has just passed.
     """
-    return tuple(x & (rested[c] | (f == 0.0)) for x, c, f in zip(still, rows, found, strict=True))
+    still = tuple(x & (rested[c] | (f == 0.0)) for x, c, f in zip(still, rows, found, strict=True))
+    passed = tuple((p != 0.0) & (f != 0.0) for p, f in zip(landing.passing, found, strict=True))
+    return still, landing.lands & ~any_of(passed), {}
+
+
+def ends_at_rest(problem: Problem, states: NumberRow, acceleration: NumberRow, slow: Any) -> NumberRow:
+    """States at the end of a search, where what does not accelerate rests.
+
+    Directions that vary may coincide: beside one that rests the other bears all that it can, without an
+    acceleration. It stops only where it would go back, and is at rest where the search ends.
+    """
+    moves = (jnp.abs(x) for x in senses_of(problem, acceleration, slow))
+    return each(lambda on, s, x: where(on, s * x, s), problem.standing, states, tuple(moves))
 
 
 def with_loose(part: Part, problem: Problem) -> Problem:

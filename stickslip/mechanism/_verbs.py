@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from stickslip._fastmath import where
 
 from ._accuracy import ACCURACY
-from ._ahead import senses_ahead
+from ._ahead import loosened_ahead, sliding_ahead
 from ._contact import drags
 from ._group import Fired
 from ._impacts import impact, touches
@@ -83,7 +83,7 @@ def transition(now: Moment, states: Any, guard: Any, others: bool) -> tuple[Any,
     failed = any_of([guard < guard, *(guard == number for number in numbers.lifts.values())])
     left = met = [failed & False] * len(states)
     if jumped:
-        states = senses_ahead(now, _states_after_jump(now, states), accelerations)
+        states = sliding_ahead(now, _states_after_jump(now, states), accelerations)
         for c in toggled:
             load, off = now.at.contacts[c].normal_force, states[c] == 2.0
             toggled[c] = (off & (load > 0.0)) | (~off & (load < 0.0))
@@ -104,7 +104,9 @@ def transition(now: Moment, states: Any, guard: Any, others: bool) -> tuple[Any,
             q[j] = x
         new = group.with_own(new, change.states)
         failed = failed | change.failed
-    return type(now.at.q)(*q), type(now.at.v)(*v), new, failed
+    q, v = type(now.at.q)(*q), type(now.at.v)(*v)
+    new = loosened_ahead(now.moved(q, v), new, accelerations) if jumped else new
+    return q, v, new, failed
 
 
 def _states_after_jump(now: Moment, states: Any) -> list[Any]:
@@ -140,11 +142,11 @@ def initial_states(now: Moment) -> tuple[Any, Any]:
         states[c] = where(presses, states[c], 2.0)
     for group in structure.contact_groups:
         states = group.with_own(states, group.at_start(now.of(group), states))
-    states = senses_ahead(now, states, accelerations)
+    states = sliding_ahead(now, states, accelerations)
     for group in structure.contact_groups:
         own, active = group.own(states), jnp.ones((), bool)
         none = group.row([jnp.zeros((), bool)] * group.m)
         found, ended = group.states_after(now.of(group), states, own, none, active)
         states = group.with_own(states, found)
         failed = failed | ~ended
-    return states, failed
+    return loosened_ahead(now, states, accelerations), failed
