@@ -98,7 +98,7 @@ class CoreXY(AbstractMechanism):
     **Arguments:** `parameters`, a `CoreXYParameters`; `voltage`, an `AbstractVoltage`.
     **Raises** `TypeError` for anything else.
 
-    Source: Eqs. (1)-(71), errata A1-A12 corrected; Gauss' principle as in `stickslip.contact`.
+    Source: Eqs. (1)-(71), errata A1-A12 corrected; Gauss' principle as in `stickslip.mechanism`.
     """
 
     parameters: CoreXYParameters

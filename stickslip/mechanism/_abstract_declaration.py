@@ -35,6 +35,7 @@ class AbstractDeclaration(AbstractMechanicalSystem):
         velocities = cast("Mapping[str, str]", {})
         opening = cast("tuple[str, ...]", ())
         stops = cast("tuple[str, ...]", ())
+        rubbing = cast("Mapping[str, str]", {})
         state_class = cast("type | None", None)
     else:
         coordinates: AbstractClassVar[Mapping[str, str]]
@@ -44,6 +45,7 @@ class AbstractDeclaration(AbstractMechanicalSystem):
         velocities: ClassVar[Mapping[str, str]] = {}
         opening: ClassVar[tuple[str, ...]] = ()
         stops: ClassVar[tuple[str, ...]] = ()
+        rubbing: ClassVar[Mapping[str, str]] = {}
         state_class: ClassVar[type | None] = None
 
     @abc.abstractmethod

@@ -57,6 +57,10 @@ def check_declaration(mechanism: Any) -> None:
         if name not in coordinates:
             raise refusal("cyclic", name, f"names of coordinates: {', '.join(map(repr, coordinates))}")
     check_stop_names(mechanism)
+    for name, stop in mechanism.rubbing.items():
+        for one, those, what in (name, names.contacts, "contacts"), (stop, names.stops, "stops"):
+            if one not in those:
+                raise refusal("rubbing", one, f"names of {what}: {', '.join(map(repr, those))}")
     directions_of(mechanism.contact_directions, names.coordinates)
     try:
         _check_structure(mechanism)

@@ -78,7 +78,7 @@ class Change(NamedTuple):
     failed: Any
 
 
-class AbstractContactGroup(AbstractSearched):
+class AbstractContactGroup(AbstractSearched, abc.ABC):
     r"""Velocities, contacts and stops of a mechanism that may change each other's accelerations.
 
     With the inertia $M$, the directions $J$ and the forces $F$ (friction of the sliding contacts among
@@ -175,6 +175,10 @@ class AbstractContactGroup(AbstractSearched):
     def gaps(self, here: LocalInstant) -> list[Any]:
         """Gaps of the stops [m]."""
         return [jnp.asarray(stop.stop.gap, jnp.float64) for stop in here.stops]
+
+    def normal_forces(self, here: LocalInstant, states: Any) -> dict[int, Any]:
+        """Normal forces [N] that follow from the motion, by contact: those of no `Contact`."""
+        return {}
 
     # -- what happens at an event
 

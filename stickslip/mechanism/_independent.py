@@ -46,9 +46,6 @@ class FreeVelocities(AbstractContactGroup):
     def release(self, here, states, hit, fired):
         return Release((), jnp.zeros((), bool), jnp.zeros((), bool))
 
-    def overload(self, lines, bounds, rest, motion, still):
-        return Overload(jnp.zeros((), bool), ())
-
 
 class AbstractIndependentContacts(AbstractContactGroup):
     """Contacts of which each gives way by itself, as what it bears reaches its limit."""

@@ -5,10 +5,12 @@ from ._group import AbstractContactGroup
 from ._independent import CoupledContacts, FreeVelocities, SeparateContacts
 from ._local import Part
 from ._one_velocity import ContactsOnOneVelocity, StopsOnOneVelocity
+from ._rubbing_stop import RubbingStop
 from ._varying import VaryingContacts
 
 KINDS: tuple[type[AbstractContactGroup], ...] = (
     FreeVelocities,
+    RubbingStop,
     StopsOnOneVelocity,
     ContactsOnOneVelocity,
     VaryingContacts,

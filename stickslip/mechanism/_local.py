@@ -23,6 +23,7 @@ class Part(NamedTuple):
       matrix is a combination of, None where they are not known.
     - `opening`, `lifting`, `two_sided`: contacts that open, that do not but may lose their normal
       force, and that have a guard for each limit of their friction.
+    - `rubbing`: contacts that rub on a stop, and the stop; `joined`: whether inertia couples.
     """
 
     columns: tuple[int, ...]
@@ -33,6 +34,8 @@ class Part(NamedTuple):
     opening: tuple[int, ...] = ()
     lifting: tuple[int, ...] = ()
     two_sided: tuple[int, ...] = ()
+    rubbing: tuple[tuple[int, int], ...] = ()
+    joined: bool = False
 
     @property
     def contacts(self) -> int:
@@ -74,7 +77,7 @@ class LocalInstant:
     `motion_together`: that of the mechanism; `row`: makes a row of numbers, one a contact.
     """
 
-    def __init__(self, part: Part, at: Instant, gamma: list, motion_together: Callable, row: Callable):
+    def __init__(self, part: Part, at: Instant, gamma: Any, motion_together: Callable, row: Callable):
         self.part, self.at, self.row = part, at, row
         self.motion_together = motion_together
         self.mass = at.mass.of(part.columns)
@@ -84,6 +87,11 @@ class LocalInstant:
         self.stops = [at.stops[c - len(at.contacts)] for c in part.rows[part.contacts :]]
         self.contacts = [at.contacts[c] for c in part.rows[: part.contacts]]
         self.laws = Laws(self.contacts, row, part.stops)
+
+    def of(self, part: Part, at: Instant) -> "LocalInstant":
+        """A part of the group, at an instant that may have other normal forces."""
+        gamma = dict(zip(self.part.rows, self.gamma, strict=True))
+        return LocalInstant(part, at, gamma, self.motion_together, tuple)
 
     @property
     def drifts(self) -> bool:

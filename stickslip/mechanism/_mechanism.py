@@ -87,6 +87,9 @@ class AbstractMechanism(AbstractWithObservables):
     - `opening`: names of the contacts that open where their normal force falls to zero, and close
       where it rises again.
     - `stops`: names of rigid stops, which end the motion towards them with an impact.
+    - `rubbing`: of contacts that rub on a stop, the stop: `{"sole": "floor"}`. What the stop bears is
+      their normal force, and they are open while it is; its impacts are without friction. Each on a
+      coordinate of its own, which inertia does not couple with the other.
 
     and as methods `mass_matrix(q)`, `forces(t, q, v, args)`, `contacts(t, q, v, args)`,
     `gaps(t, q, args)` (where there are stops), `potential_energy(q)` (for the energy account only)
@@ -134,8 +137,8 @@ class AbstractMechanism(AbstractWithObservables):
     **Limits.** Friction of a contact acts along one line. Friction in a plane, opposite to a velocity
     of two components, is not covered: two contacts that cross, each with the normal force of the body,
     are a square in place of the circle, and a puck on them bends off its line and stops too early.
-    Normal forces that depend on friction or accelerations (Painlevé) are not covered, nor is friction
-    in a stop. Dependent directions that vary, surfaces of dependent contacts whose speeds vary (but
+    Normal forces that depend on friction (Painlevé) are not covered, nor is friction at an impact.
+    Dependent directions that vary, surfaces of dependent contacts whose speeds vary (but
     beside a stop on one coordinate), and more than 31 contacts (a stop counts as half of one) raise an
     error. Where contacts have directions across the coordinates, accelerations lose as many digits as
     the inertias that they join have in their ratio.

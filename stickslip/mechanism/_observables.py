@@ -21,7 +21,7 @@ from ._moment import Moment, moment_of
 from ._scalars import dot, is_zero, total
 from ._structure import Structure, structure_of
 from ._two_sided import two_sided_contacts
-from ._verbs import held_forces
+from ._verbs import held_forces, normal_forces
 
 
 class AbstractWithObservables(AbstractDeclaration):
@@ -109,10 +109,11 @@ class AbstractWithObservables(AbstractDeclaration):
         """
         now, states = self._moment(t, y, args), self.states(mode)
         at, held, found = now.at, held_forces(now, states), {}
+        loads = normal_forces(now, states)
         for c, (name, contact) in enumerate(zip(self.names.contacts, at.contacts, strict=True)):
-            s = states[c]
-            slips = contact.law.slip_force(at.speeds[c], contact.normal_force, sense_of(s))
-            slips = where(s == 2.0, 0.0, slips) if name in self.opening else slips
+            s, load = states[c], loads.get(c, contact.normal_force)
+            slips = contact.law.slip_force(at.speeds[c], load, sense_of(s))
+            slips = where(s == 2.0, 0.0, slips) if name in self.opening or c in loads else slips
             found[name] = where(s == 0.0, held[c], slips)
         return found
 
@@ -121,13 +122,12 @@ class AbstractWithObservables(AbstractDeclaration):
         self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None
     ) -> dict[str, Any]:
         """Normal force in each contact [N], by name; 0 where it is open."""
-        at, states = self.instant(t, y, args), self.states(mode)
-        return {
-            name: where(s == 2.0, 0.0, contact.normal_force)
-            if name in self.opening
-            else contact.normal_force
-            for name, contact, s in zip(self.names.contacts, at.contacts, states, strict=False)
-        }
+        now, states = self._moment(t, y, args), self.states(mode)
+        loads, found = normal_forces(now, states), {}
+        for c, (name, contact) in enumerate(zip(self.names.contacts, now.at.contacts, strict=True)):
+            load = loads.get(c, contact.normal_force)
+            found[name] = where(states[c] == 2.0, 0.0, load) if name in self.opening else load
+        return found
 
     @check_arguments(**OBSERVABLE)
     def relative_velocities(

@@ -17,7 +17,7 @@ from stickslip._fastmath import where
 from stickslip.hybrid import current_executor
 
 # One number a contact, or a line: a tuple of scalars, or an array with one axis.
-NumberRow = tuple | jax.Array | np.ndarray
+NumberRow = tuple | jax.Array
 
 
 def row(values: Any) -> NumberRow:
@@ -31,7 +31,7 @@ def row(values: Any) -> NumberRow:
     return lax.optimization_barrier(jnp.stack(jnp.broadcast_arrays(*values)))
 
 
-def constants(values: list, dtype: Any) -> NumberRow:
+def constants(values: list, dtype: Any) -> Any:
     """Constants side by side in the form that `row` makes."""
     return tuple(values) if current_executor().fused else np.array(values, dtype)
 

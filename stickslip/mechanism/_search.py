@@ -1,6 +1,5 @@
 """Which contacts of a group begin to slide, and in which sense: their law at one instant."""
 
-import abc
 import functools
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -77,7 +76,7 @@ class Overload(NamedTuple):
     ways: NumberRow
 
 
-class AbstractSearched(abc.ABC):
+class AbstractSearched:
     """What the search asks of a group of contacts; rows are tuples unless a kind says otherwise."""
 
     def slips(self, problem: Problem, acceleration: NumberRow) -> NumberRow:
@@ -94,18 +93,18 @@ class AbstractSearched(abc.ABC):
         """`rest`, and the contacts that rest wherever these do: those of them without speed, `slow`."""
         return rest
 
-    @abc.abstractmethod
     def overload(
         self, lines: list, bounds: Bounds, rest: NumberRow, motion: Motion, still: Any
     ) -> Overload:
         """How the contacts in `rest` give way if they bear more than `bounds`, by more than `still`."""
+        raise NotImplementedError(f"{type(self).__name__} has a law without a search")
 
     def begins(self, problem: Problem, standing: NumberRow, slow: Any) -> tuple[NumberRow, NumberRow]:
         """Acceleration and senses of the contacts in `standing` that the search begins with."""
         origin = each(lambda f: jnp.zeros_like(jnp.asarray(f, jnp.float64)), problem.force)
         if not all(map(is_zero, problem.gamma)):
             origin = problem.moves(origin, standing).acceleration
-        return origin, each(lambda stands: 0.0, standing)
+        return origin, each(lambda stands: jnp.zeros_like(stands, jnp.float64), standing)
 
     # Acceleration, in parts of the least that counts, below which a contact stops that had begun to
     # slide.
@@ -140,7 +139,7 @@ def relative(lines: list[list], v: Any, surfaces: list) -> tuple:
 
 
 def senses_of(problem: Problem, acceleration: NumberRow, slow: Any) -> NumberRow:
-    """Senses in which contacts and stops begin to move at this acceleration; 0 of those below `slow`."""
+    """Senses in which contacts and stops begin to move at this acceleration; 0 of slower ones."""
     slips = relative(problem.lines, acceleration, problem.gamma)
     found = (where(jnp.abs(x) <= slow, 0.0, jnp.sign(x)) for x in slips)
     bounds = zip(found, problem.static.high, strict=True)

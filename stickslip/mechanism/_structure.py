@@ -114,27 +114,37 @@ def structure_with(declaration: AbstractDeclaration, two_sided: tuple[int, ...])
             raise DeclarationError(str(refusal(f"the gap of stop {name!r}", "a constant", why)))
     steady = steady_contacts(declaration)
     opening = tuple(names.contacts.index(name) for name in names.opening)
-    lifting = tuple(c for c in range(len(names.contacts)) if c not in opening and c not in steady)
+    others = {*opening, *steady, *map(names.contacts.index, declaration.rubbing)}
+    lifting = tuple(c for c in range(len(names.contacts)) if c not in others)
     J = np.vstack([directions, slopes[:, :-1]])
     inertia = inertia_forms(declaration)
+    rubbing = tuple(
+        (names.contacts.index(name), len(names.contacts) + names.stops.index(stop))
+        for name, stop in declaration.rubbing.items()
+    )
+    coupled = coupled_velocities(declaration)
     parts = [
         Part(columns, rows, J[np.ix_(rows, columns)],
              None if inertia is None else inertia[:, columns][:, :, columns],
-             sum(c >= len(directions) for c in rows), opening, lifting, two_sided)
-        for columns, rows in _coupled(J, coupled_velocities(declaration))
+             sum(c >= len(directions) for c in rows), opening, lifting, two_sided,
+             tuple(pair for pair in rubbing if pair[0] in rows),
+             bool(coupled[np.ix_(columns, columns)].sum() > len(columns)))
+        for columns, rows in _coupled(J, coupled, rubbing)
     ]  # fmt: skip
     return Structure(names, directions, slopes, parts, lifting, two_sided)
 
 
-def _coupled(J: np.ndarray, inertia: np.ndarray) -> Iterator[tuple[tuple[int, ...], tuple[int, ...]]]:
+def _coupled(
+    J: np.ndarray, inertia: np.ndarray, rubbing: tuple[tuple[int, int], ...]
+) -> Iterator[tuple[tuple[int, ...], tuple[int, ...]]]:
     """Velocities that contacts or inertia couple, and the contacts and stops on them.
 
     Contacts of different groups cannot change each other's accelerations, so each group is treated
     alone: the cost of a mechanism grows with the sizes of its groups, not with the number of modes.
     """
     joined, n = inertia.copy(), J.shape[1]
-    for row in J:
-        touched = np.isnan(row) | (row != 0)
+    touches = np.isnan(J) | (J != 0)
+    for touched in (*touches, *(touches[c] | touches[k] for c, k in rubbing)):
         joined |= np.outer(touched, touched)
     label = list(range(n))
     for _ in range(n):
@@ -142,5 +152,4 @@ def _coupled(J: np.ndarray, inertia: np.ndarray) -> Iterator[tuple[tuple[int, ..
             label[i] = label[j] = min(label[i], label[j])
     for one in sorted(set(label)):
         columns = tuple(j for j in range(n) if label[j] == one)
-        part = J[:, columns]
-        yield columns, tuple(c for c in range(len(J)) if (np.isnan(part[c]) | (part[c] != 0)).any())
+        yield columns, tuple(c for c in range(len(J)) if touches[c, columns].any())

@@ -69,7 +69,7 @@ def passing_through(own: NumberRow, hit: NumberRow, stops: Any) -> NumberRow:
 def landing_beside_passing(
     rows: tuple[int, ...], still: NumberRow, found: NumberRow, landing: Landing, rested: list
 ) -> tuple[NumberRow, Any, dict[int, Any]]:
-    """As `AbstractContactGroup.landing`: contacts in `still` that were at rest, or are, are made to rest.
+    """As `AbstractContactGroup.landing`: what was at rest, or is, is made to rest.
 
     What passes through rest keeps its velocity: where its direction vanishes, to be made to rest would
     stop the mechanism. Nor is anything else made to rest then: it might send back what has just passed.

@@ -37,6 +37,14 @@ def held_forces(now: Moment, states: Any) -> list[Any]:
     return held
 
 
+def normal_forces(now: Moment, states: Any) -> dict[int, Any]:
+    """Normal forces that follow from the motion, by contact [N]."""
+    found: dict[int, Any] = {}
+    for group in now.structure.contact_groups:
+        found.update(group.normal_forces(now.of(group), states))
+    return found
+
+
 def guards(now: Moment, states: Any) -> tuple:
     """Values of all guards, in the order of their names."""
     numbers, contacts = now.structure.guards, now.at.contacts

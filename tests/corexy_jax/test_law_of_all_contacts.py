@@ -1,4 +1,4 @@
-"""What begins to slide at one instant, against the general solver of `stickslip.contact`."""
+"""What begins to slide at one instant, against the general solver of `tests.oracle`."""
 
 import jax
 import jax.numpy as jnp
@@ -8,11 +8,11 @@ import corexy_jax as cx
 from corexy_jax._contact_motion import contact_motion
 from corexy_jax._contacts import NORMALS, Line
 from corexy_jax._modes import SIGNS
-from stickslip.contact import dead_zone_gauge, resolve
 from stickslip.mechanism._laws import Bounds
 from stickslip.mechanism._motion import Motion
 from stickslip.mechanism._scalars import Mass
 from stickslip.mechanism._search import Problem
+from tests.oracle import dead_zone_gauge, resolve
 
 COUNT = 600
 NO_SENSE = 9.0

@@ -7,10 +7,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from stickslip.mechanism._dependent import DependentContacts, motion_in_rows
 from stickslip.mechanism._group import AbstractContactGroup
 from stickslip.mechanism._kinds import group_of
 from stickslip.mechanism._laws import Bounds
 from stickslip.mechanism._local import Part
+from stickslip.mechanism._motion import Motion
 from stickslip.mechanism._scalars import Mass
 from stickslip.mechanism._search import Problem
 
@@ -86,9 +88,15 @@ def states_by_law(
     """States of contacts at rest under these forces by the law of all, and whether it has an answer."""
     rest, no = of.row([jnp.zeros(())] * of.m), of.row([jnp.zeros((), bool)] * of.m)
     lines = of.directions.tolist() if lines is None else lines
-    limits = gamma, static, kinetic, of.motion, rest, no, jnp.ones((), bool)
+    motion = in_rows(of) if isinstance(of, DependentContacts) else of.motion
+    limits = gamma, static, kinetic, motion, rest, no, jnp.ones((), bool)
     states, ended = of.law(Problem(mass, of.row(force), lines, *limits))
     return list(states), ended
+
+
+def in_rows(of: AbstractContactGroup):
+    """Motion of dependent contacts as a machine without a closed form has it."""
+    return lambda M, F, J, rest, gamma: Motion(*motion_in_rows(of, M, F, rest), None)
 
 
 def found(of: AbstractContactGroup, given: Instants, static: float = 1.0) -> tuple[np.ndarray, ...]:

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from stickslip.contact import resolve
 from stickslip.mechanism._laws import Bounds
 from stickslip.mechanism._scalars import Mass
+from tests.oracle import resolve
 from tests.stickslip.mechanism._groups import (
     DEPENDENT,
     STRUCTURES,
@@ -100,7 +100,7 @@ def test_share_of_what_dependent_contacts_bear(name):
 
 @pytest.mark.parametrize("name", ["carriage", "carriage on four skew rails", "five in space"])
 def test_as_resolve(name):
-    """The search of `stickslip.contact`, another one, for friction that is the same both ways."""
+    """The search of `tests.oracle`, another one, for friction that is the same both ways."""
     of, given = named(name), instants(name, CASES, seed=3)
     given = given._replace(low=-given.high, gamma=0.0 * given.gamma)
     _, acceleration, _ = found(of, given)
