@@ -27,7 +27,10 @@ class BetweenWalls(_stopped.Pushed):
 TABLE = {
     "separate": (_machines.chain(2), _independent.SeparateContacts, {}),
     "coupled": (_machines.arm(), _independent.CoupledContacts, {}),
-    "coupled stops": (_stopped.Row((1.0, 1.5, 0.7), (), 0.5), _independent.CoupledContacts, {}),
+    "coupled stops": (
+        _stopped.Row((1.0, 1.5, 0.7), (), 0.5, drive=-2.0), _independent.CoupledContacts,
+        {"x_0": (0.0, 0.2), "x_1": (0.0,), "x_2": (0.0, -0.2)},
+    ),
     "varying": (Curved(jnp.array([1.0, 1.5, 1.1, 0.8, 0.0])), _varying.VaryingContacts, {}),
     "dependent": (_machines.carriage(1.3), _dependent.DependentContacts, {}),
     "dependent with stops": (

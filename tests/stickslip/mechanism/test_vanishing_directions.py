@@ -272,7 +272,7 @@ def test_a_direction_that_vanishes_holds_nothing():
     """A resting contact changes no acceleration where its direction is 0, and all of it elsewhere."""
     of, one = group([[np.nan]]), jnp.ones(())
     for n, truth in ((0.0, 1.5), (2.0, 0.0)):
-        rest = [jnp.asarray(True)]
+        rest = (jnp.asarray(True),)
         found = of.motion(Mass([2.0 * one]), [3.0 * one], [[n * one]], rest, [0.0])
         assert float(found.acceleration[0]) == truth
         assert float(found.force[0]) == (-1.5 if n else 0.0)
