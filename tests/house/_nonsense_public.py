@@ -57,6 +57,7 @@ ELSEWHERE = {
     "cls": "what the method belongs to",
     "options": "each option is an argument of its own in the template",
     "changes": "each parameter is an argument of its own in the template of the class",
+    "sweep": "each option is an argument of its own in the template",
     "values of CoreXYParameters": "each parameter is an argument of its own in the template",
 }
 
