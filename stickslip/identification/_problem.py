@@ -27,7 +27,7 @@ from .._validation import (
 from ..hybrid import Integrator, Solution
 from ._best import best
 from ._evaluate import solved_run
-from ._fit import POOR, Fit
+from ._fit import Fit
 from ._homotopy import Homotopy
 from ._levenberg_marquardt import LevenbergMarquardt
 from ._many_starts import many_starts
@@ -230,26 +230,25 @@ class Problem:
         `GradientDescent(...)`, `MultipleShooting(...)`, `Homotopy(...)`; `start`, values by name in
         place of the unknowns' own; `starts`: the best of so many, spread by `sobol_starts` with `seed`;
         `chunk_size` as for `many_starts`. **Returns** a `Fit`. **Raises** `TypeError`, `ValueError` for
-        anything else. Warns where a fit does not explain the data and the model swings twice or more
-        between two stamps, as it does where these are in milliseconds.
+        anything else. Warns, before anything runs, where the model swings twice or more between two
+        stamps, as it does where these are in milliseconds.
         """
         method = self._method(method)
         if chunk_size is not None:
             check_count("chunk_size", chunk_size, 1)
         unknowns = self.unknowns if start is None else self._from(start)
+        self._compare_stamps(unknowns)
         if starts is not None:
             check_count("starts", starts, 1)
             rows = sobol_starts(unknowns, starts, seed=seed)
-            return self._looked_at(best(self.fits(rows, method=method, chunk_size=chunk_size)))
+            return best(self.fits(rows, method=method, chunk_size=chunk_size))
         check_count("seed", seed, 0)
         space, first = scalars("unknowns", unknowns)
         if isinstance(method, MultipleShooting | Homotopy):
             near, taken = method.brought_near(self._run, self._data, self._lengths, space, first)
             fit = solved_run(method.polish, self._run, self._data, space, space.coordinates(near))
-            return self._looked_at(_with_steps(fit, np.asarray(taken)))
-        return self._looked_at(
-            solved_run(method, self._run, self._data, space, space.coordinates(first))
-        )
+            return _with_steps(fit, np.asarray(taken))
+        return solved_run(method, self._run, self._data, space, space.coordinates(first))
 
     def fits(
         self,
@@ -295,13 +294,12 @@ class Problem:
             integrator=run.integrator, delay=run.delay, correct=run.correct,
         )  # fmt: skip
 
-    def _looked_at(self, fit: Fit) -> Fit:
-        """The fit; with a word on the stamps where it does not explain the data."""
-        if is_concrete(fit) and not float(fit.reduced_chi_squared) <= POOR:
-            values = {name: unknown.start if isinstance(unknown, Unknown) else unknown
-                      for name, unknown in self.unknowns.items()}  # fmt: skip
+    def _compare_stamps(self, unknowns: dict[str, Any]) -> None:
+        """A word on stamps that are out of proportion to the model."""
+        values = {name: unknown.start if isinstance(unknown, Unknown) else unknown
+                  for name, unknown in unknowns.items()}  # fmt: skip
+        if is_concrete((values, self._data)):
             warn_of_wide_stamps(self._run, values, self._data, self.records[0].times)
-        return fit
 
     def _method(self, method: Any) -> Any:
         found = _method(method)
