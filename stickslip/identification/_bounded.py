@@ -56,7 +56,7 @@ def within(kinds: Kinds, z: Any, step: Any) -> Any:
     return jnp.clip(step, down, up)
 
 
-def moved(kinds: Kinds, z: Any, step: Any) -> Any:
+def coordinates_after(kinds: Kinds, z: Any, step: Any) -> Any:
     """Coordinates of the values after such a step."""
     s = _part(kinds, z)
     step_in = jnp.where(kinds.bounded, step, 0.0)

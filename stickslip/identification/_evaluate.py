@@ -53,7 +53,7 @@ def _shape(out: Any) -> str:
     return f"an array of shape {out.shape}" if hasattr(out, "shape") else f"a {type(out).__name__}"
 
 
-def solved(method: Any, residual: Callable[[NamedValues], Any], space: Space, z: Array) -> Any:
+def solve_residual(method: Any, residual: Callable[[NamedValues], Any], space: Space, z: Array) -> Any:
     """`method.solve` for the residual, compiled once for all residuals that differ in their data only.
 
     The data that a residual closes over are made operands before a loop can make constants of them.
@@ -69,7 +69,7 @@ def solved(method: Any, residual: Callable[[NamedValues], Any], space: Space, z:
     return compiled_once(solve, z, consts)
 
 
-def solved_run(method: Any, run: Any, data: Any, space: Space, z: Array) -> Any:
+def solve_run(method: Any, run: Any, data: Any, space: Space, z: Array) -> Any:
     """`method.solve` for the residuals `run(values, data)`: traced once for equal `run`s."""
     given = jax.tree.map(
         lambda a: jnp.asarray(a) if isinstance(a, np.ndarray | np.generic) else a,

@@ -8,10 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from .._argument_checks import check_arguments, not_negative_number, one_real
+from .._argument_checks import check_arguments, instance, not_negative_number, one_real
 from .._show import html_table, number
-from .._types import Numeric
-from .._validation import is_concrete, refusal
+from .._types import Given, Numeric
+from .._validation import check_type, is_concrete, refusal
 from ._results import CODE, RESULTS, to_result
 from ._sensitivity import Sensitivity
 from ._unknowns import NamedValues, Space, all_positive
@@ -19,7 +19,7 @@ from ._unknowns import NamedValues, Space, all_positive
 POOR = 4.0  # reduced chi squared from which a fit is said not to explain the data
 
 
-def _level(owner: Any, name: str, value: Any) -> Any:
+def probability(owner: Any, name: str, value: Any) -> Any:
     """A probability, traced or not."""
     value = one_real(owner, name, value)
     if is_concrete(value) and not 0.0 < float(value) < 1.0:
@@ -168,7 +168,7 @@ class Fit(eqx.Module):
         slopes = jnp.abs(self.slopes)
         return {name: relative[name] * slopes[..., i] for i, name in enumerate(relative)}
 
-    @check_arguments(level=_level, threshold=not_negative_number)
+    @check_arguments(level=probability, threshold=not_negative_number)
     def interval(self, level: Numeric = 0.95, threshold: Numeric = 1e-7) -> NamedValues:
         r"""Wald interval of every estimate, `[*batch, 2]`, lower end first, in its own unit.
 
@@ -204,3 +204,23 @@ class Fit(eqx.Module):
         """
         slopes = self.slopes
         return slopes[..., :, None] * self.sensitivity.covariance(threshold) * slopes[..., None, :]
+
+
+def one_fit(owner: Any, name: str, value: Any) -> Any:
+    """A single fit whose numbers are known."""
+    check_type(name, value, Fit, "a Fit")
+    if not is_concrete(value) or value.steps.ndim != 0:
+        raise refusal(name, value, "one fit, known: call this outside of jit and vmap")
+    return value
+
+
+@check_arguments(fits=instance(Fit, "a Fit"))
+def best(fits: Given[Fit]) -> Fit:
+    """The fit of least cost; `fits` as from `many_starts`.
+
+    **Raises** `TypeError` for anything else, `ValueError` for a single fit.
+    """
+    if fits.steps.ndim != 1:
+        raise refusal("fits", fits, "one row of fits", but=f"of shape {fits.steps.shape}")
+    row = jnp.argmin(fits.cost)
+    return jax.tree.map(lambda a: a[row] if eqx.is_array(a) else a, fits)

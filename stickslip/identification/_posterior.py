@@ -11,12 +11,13 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Array, Bool, Float
 
+from .._argument_checks import callable_as, check_arguments, count
 from .._compiled_once import compiled_once
 from .._types import Given
-from .._validation import check_callable, check_count, check_type, is_concrete, refusal
+from .._validation import refusal
 from ..hybrid.executor import closed_jaxpr
 from ._evaluate import evaluation
-from ._fit import Fit
+from ._fit import Fit, one_fit
 from ._unknowns import NamedValues, Space
 
 INSTALL = "pip install 'stickslip[posterior]'"
@@ -74,6 +75,10 @@ class Posterior(eqx.Module):
     __repr__ = __str__
 
 
+@check_arguments(
+    residual=callable_as("f(values)", {}), fit=one_fit, draws=count(2), warmup=count(50),
+    chains=count(1), seed=count(0), max_doublings=count(1),
+)  # fmt: skip
 def posterior(
     residual: Given[Callable[[NamedValues], Any]],
     fit: Given[Fit],
@@ -102,17 +107,8 @@ def posterior(
 
     Source: M. D. Hoffman, A. Gelman, The No-U-Turn Sampler, J. Mach. Learn. Res. 15 (2014) 1593.
     """
-    check_callable("residual", residual, "f(values)", {})
-    check_type("fit", fit, Fit, "a Fit")
-    if not is_concrete(fit) or fit.steps.ndim != 0:
-        raise refusal("fit", fit, "one fit, known: call this outside of jit and vmap")
     if not bool(fit.successful):
         raise refusal("fit", str(fit), "a fit that converged")
-    check_count("draws", draws, 2)
-    check_count("warmup", warmup, 50)
-    check_count("chains", chains, 1)
-    check_count("seed", seed, 0)
-    check_count("max_doublings", max_doublings, 1)
     _check_proper(fit)
     try:
         import blackjax

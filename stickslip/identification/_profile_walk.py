@@ -239,7 +239,7 @@ class Walk(eqx.Module):
         off = jnp.where(seen, room * ball / jnp.where(seen, here.values, 1.0), 0.0)
         longest = self._longest(inside)
         around = jnp.clip(here.directions.T @ off / here.weight, -longest, longest)
-        around = inside + self._drifted(now, sign) + around
+        around = inside + self._follow_drift(now, sign) + around
         trial = jnp.where(attempt >= AROUND, around, inside)
         trial = jnp.where(attempt == OUTSIDE, now.outside[2], trial)
         return self._begun(trial, now._replace(attempt=attempt), mask, sign)
@@ -251,7 +251,7 @@ class Walk(eqx.Module):
             inner=jnp.zeros((), jnp.int32), damping=jnp.zeros(()), cost=jnp.asarray(jnp.inf),
         )  # fmt: skip
 
-    def _drifted(self, now: Side, sign) -> Array:
+    def _follow_drift(self, now: Side, sign) -> Array:
         """How the others follow from the point inside to the present distance."""
         distance, _, inside, here = now.inside
         longest = self._longest(inside)
@@ -303,7 +303,7 @@ class Walk(eqx.Module):
             d=d, last=jnp.abs(d - inside[0]), inside=inside, outside=outside, status=status,
             kept=(jnp.asarray(jnp.inf), *now.kept[1:]), attempt=jnp.zeros((), jnp.int32),
         )  # fmt: skip
-        return self._begun(inside[2] + self._drifted(now, sign), now, mask, sign)
+        return self._begun(inside[2] + self._follow_drift(now, sign), now, mask, sign)
 
     def _longest(self, z: Array) -> Array:
         """How far a coordinate may go in a step: from one end of its bounds no step finds back."""

@@ -11,7 +11,7 @@ from .._drawing import BLUE, GREY, RED, residual_dots
 WIDE = 4  # panels in a row
 
 
-def drawn(report: Any) -> Figure:
+def draw_report(report: Any) -> Figure:
     """Profiles first, then residual, autocorrelation and inputs of each series, then correlations."""
     profiled = report.profile.names if report.profile else ()
     panels: list[tuple[str, Any]] = [("profile", i) for i in range(len(profiled))]
@@ -24,7 +24,7 @@ def drawn(report: Any) -> Figure:
     figure = Figure(figsize=(3.1 * columns, 2.6 * rows), layout="constrained")
     axes = np.atleast_1d(figure.subplots(rows, columns, squeeze=False)).ravel()
     draw = {
-        "profile": _profile, "series": _series, "own": _own, "input": _input,
+        "profile": _profile, "series": _series, "own": _autocorrelation, "input": _input,
         "correlation": _correlation,
     }  # fmt: skip
     for axis, (kind, which) in zip(axes, panels, strict=False):
@@ -81,7 +81,7 @@ def _stems(axis: Any, found: Any) -> None:
     axis.set_xlabel("lag [samples]")
 
 
-def _own(figure: Any, axis: Any, report: Any, name: str) -> None:
+def _autocorrelation(figure: Any, axis: Any, report: Any, name: str) -> None:
     found = report.whiteness[name]
     _stems(axis, found.own)
     axis.set_title(f"autocorrelation, p = {float(found.test.p_value):.2g}")

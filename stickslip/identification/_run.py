@@ -32,12 +32,19 @@ class Data(eqx.Module):
     inputs: dict[str, Signal]
     known: dict[str, Any]
 
+    @property
+    def lengths(self) -> tuple[int, ...]:
+        """How many stamps each record has: they increase until the last, which is repeated."""
+        return tuple((1 + np.sum(np.diff(np.asarray(self.times)) > 0.0, axis=1)).tolist())
+
     def begin_of(self, record: Any) -> Array:
         """Time of the initial state of a record."""
         return jnp.asarray(self.begin)[record]
 
 
-def asked(name: str, function: SystemOf, values: NamedValues, inputs: dict[str, Signal]) -> Any:
+def call_with_values(
+    name: str, function: SystemOf, values: NamedValues, inputs: dict[str, Signal]
+) -> Any:
     """What a function of a problem returns; what it asks for and nobody declared is named."""
     try:
         return function(values, inputs)
@@ -76,7 +83,7 @@ class Run:
         self, values: NamedValues, inputs: dict[str, Signal], y0: Any, begin: Any
     ) -> tuple[Any, Any, Any]:
         """The system, the same with the breaks of its inputs, and its state at `begin`."""
-        system = asked("system", self.system, values, inputs)
+        system = call_with_values("system", self.system, values, inputs)
         breaks = breaks_of(system)
         if breaks is None:
             return system, system, y0
@@ -98,7 +105,7 @@ class Run:
     def one(self, values: NamedValues, one: tuple, log: bool) -> tuple[Array, Any]:
         """What is observed in one record; with its `Solution` if `log`."""
         times, begin, inputs = one
-        y0 = asked("initial_state", self.initial_state, values, inputs)
+        y0 = call_with_values("initial_state", self.initial_state, values, inputs)
         system, whole, y0 = self.with_breaks(values, inputs, y0, begin)
         ts = self.times_of(values, times, begin)
         solution = simulate(
@@ -109,13 +116,15 @@ class Run:
         states = solution.outputs.y if whole is system else solution.outputs.y.y
         return self.observe(system, ts, states), solution
 
-    def corrected(self, values: NamedValues, one: tuple, measured: Array, present: Array) -> Array:
+    def predict_corrected(
+        self, values: NamedValues, one: tuple, measured: Array, present: Array
+    ) -> Array:
         """What is observed just before each stamp of one record, where the state has been corrected at
         the stamps before."""
         times, begin, inputs = one
         correct = self.correct
         assert correct is not None
-        y0 = asked("initial_state", self.initial_state, values, inputs)
+        y0 = call_with_values("initial_state", self.initial_state, values, inputs)
         y0 = jax.tree.map(lambda a: jnp.asarray(a, jnp.float64), y0)
 
         system, whole, _ = self.with_breaks(values, inputs, y0, begin)
@@ -153,18 +162,18 @@ class Run:
         common, local = self.split(values)
         present = jnp.zeros(data.values.size, bool).at[data.keep].set(True)
 
-        def predicted(row):
+        def predict(row):
             mine, known, one, measured, present = row
             values = {**known, **common, **mine}
             if self.correct is not None:
-                return self.corrected(values, one, measured, present)
+                return self.predict_corrected(values, one, measured, present)
             return self.one(values, one, log=False)[0]
 
         ones = (data.times, data.begin, data.inputs)
         rows = (local, data.known, ones, data.values, present.reshape(data.values.shape))
         if data.times.shape[0] == 1:
-            return predicted(jax.tree.map(lambda a: jnp.asarray(a)[0], rows))[None]
-        return jax.lax.map(predicted, rows)
+            return predict(jax.tree.map(lambda a: jnp.asarray(a)[0], rows))[None]
+        return jax.lax.map(predict, rows)
 
     def __call__(self, values: NamedValues, data: Data) -> Float[Array, " row"]:
         """Residuals of what was measured, in standard deviations: record, observed, time."""

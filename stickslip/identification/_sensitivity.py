@@ -7,10 +7,10 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from .._argument_checks import check_arguments, not_negative_number
+from .._argument_checks import callable_as, check_arguments, not_negative_number
 from .._show import number
 from .._types import Numeric
-from .._validation import check_callable, is_concrete
+from .._validation import is_concrete
 from ._evaluate import evaluation
 from ._unknowns import NamedUnknowns, NamedValues, scalars
 
@@ -84,6 +84,7 @@ class Sensitivity(eqx.Module):
         return {name: errors[..., i] for i, name in enumerate(self.names)}
 
 
+@check_arguments(residual=callable_as("f(values)", {}))
 def sensitivity(residual: Callable[[NamedValues], Any], values: NamedUnknowns) -> Sensitivity:
     """`Sensitivity` of the residuals at `values`, by forward mode through all events.
 
@@ -91,6 +92,5 @@ def sensitivity(residual: Callable[[NamedValues], Any], values: NamedUnknowns) -
     `(model - data) / sigma`; `values`, positive numbers or `Unknown`s by name. **Raises**
     `TypeError`, `ValueError` for anything else. Works under `jit` and `vmap`.
     """
-    check_callable("residual", residual, "f(values)", {})
     space, found = scalars("values", values)
     return Sensitivity(space.names, evaluation(residual, space)(space.coordinates(found))[1])

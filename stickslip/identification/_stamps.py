@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..hybrid import jit_by_code
-from ._run import Data, Run, asked
+from ._run import Data, Run, call_with_values
 from ._unknowns import NamedValues
 
 MOST_MODES = 16  # modes that are asked for oscillations
@@ -26,8 +26,8 @@ def _slopes(run: Run, values: NamedValues, data: Data) -> Float[Array, "mode siz
         lambda a: jnp.asarray(a)[0], (local, data.known, data.begin, data.inputs)
     )
     values = {**known, **common, **mine}
-    system = asked("system", run.system, values, inputs)
-    y0 = asked("initial_state", run.initial_state, values, inputs)
+    system = call_with_values("system", run.system, values, inputs)
+    y0 = call_with_values("initial_state", run.initial_state, values, inputs)
     row, form = jax.flatten_util.ravel_pytree(jax.tree.map(lambda a: jnp.asarray(a, jnp.float64), y0))
 
     def of(mode):

@@ -128,7 +128,7 @@ def all_positive(names: tuple[str, ...]) -> Space:
     )
 
 
-def checked(name: str, values: Any) -> tuple[Space, NamedValues]:
+def space_of(name: str, values: Any) -> tuple[Space, NamedValues]:
     """A mapping of names to unknowns or positive numbers, or rows of them, in alphabetical order."""
     if not isinstance(values, Mapping) or not values or not all(isinstance(k, str) for k in values):
         allowed = "a mapping from names to positive numbers or Unknowns, not empty"
@@ -174,7 +174,7 @@ def _scale(given: Unknown) -> Any:
 
 def scalars(name: str, values: Any) -> tuple[Space, NamedValues]:
     """A mapping of names to one unknown or positive number each."""
-    space, found = checked(name, values)
+    space, found = space_of(name, values)
     for key, value in found.items():
         if value.shape != ():
             raise misshaped(f"{name}[{key!r}]", value, "one number (many_starts takes rows)")

@@ -5,15 +5,15 @@ from typing import Any
 
 import numpy as np
 
-from .._argument_checks import not_negative_number
+from .._argument_checks import check_arguments, not_negative_number
 from .._types import Given, Numeric
-from .._validation import check_type, is_concrete, refusal
-from ._fit import Fit
+from ._fit import Fit, one_fit
 
 PART = 1e-4  # of a unit vector that counts as none
 LARGEST = 6  # of a denominator
 
 
+@check_arguments(fit=one_fit, threshold=not_negative_number)
 def unseen(fit: Given[Fit], threshold: Numeric = 1e-7) -> list[str]:
     """What the data do not see, a sentence for each group of unknowns that hide each other.
 
@@ -32,10 +32,6 @@ def unseen(fit: Given[Fit], threshold: Numeric = 1e-7) -> list[str]:
     **Arguments:** `fit`, one; `threshold` as for `Sensitivity.seen`. **Raises** `TypeError`,
     `ValueError` for anything else; it reads numbers and does not work under `jit`.
     """
-    check_type("fit", fit, Fit, "a Fit")
-    if not is_concrete(fit) or fit.steps.ndim != 0:
-        raise refusal("fit", fit, "one fit, known: call this outside of jit and vmap")
-    not_negative_number(None, "threshold", threshold)
     hidden = np.asarray(fit.sensitivity.directions)[~np.asarray(fit.sensitivity.seen(threshold))]
     if not hidden.size:
         return []
@@ -52,20 +48,23 @@ def unseen(fit: Given[Fit], threshold: Numeric = 1e-7) -> list[str]:
             continue
         scale = np.abs(slopes[group])
         if all(positive[i] for i in group):
-            unknown, known = (_reduced(part(rows)) for part in (_span, _complement))
+            unknown, known = (_echelon_form(part(rows)) for part in (_span, _complement))
             lost, seen = ([_product(names, row) for row in part] for part in (unknown, known))
         else:
             signed = slopes[group]
-            unknown, known = _reduced(_span(rows * signed)), _reduced(_complement(rows)) / signed
+            unknown, known = (
+                _echelon_form(_span(rows * signed)),
+                _echelon_form(_complement(rows)) / signed,
+            )
             lost, seen = ([_sum(names, row, scale) for row in part] for part in (unknown, known))
         if not seen:
             sentences.append(f"none of {', '.join(names)} is seen")
             continue
-        sentences.append(f"{_listed(seen)} seen, {_listed(lost)} not")
+        sentences.append(f"{_list_of(seen)} seen, {_list_of(lost)} not")
     return sentences
 
 
-def _listed(words: list[str]) -> str:
+def _list_of(words: list[str]) -> str:
     return f"{', '.join(words)} {'is' if len(words) == 1 else 'are'}"
 
 
@@ -94,7 +93,7 @@ def _complement(rows: np.ndarray) -> np.ndarray:
     return directions[int(np.sum(s > PART * s[0])) :]
 
 
-def _reduced(rows: np.ndarray) -> np.ndarray:
+def _echelon_form(rows: np.ndarray) -> np.ndarray:
     """The same span by rows with a one where all others have zeros, as far as there are ones."""
     rows, done = rows.copy(), 0
     for column in range(rows.shape[1]):

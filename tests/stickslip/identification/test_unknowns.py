@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from stickslip.identification import (
+    LevenbergMarquardt,
     Normal,
     Unknown,
     best,
@@ -116,7 +117,7 @@ def test_many_starts_and_vmap_of_unknowns():
         "share": Unknown([0.5, 0.2, 0.9], bounds=(0.0, 1.0)),
     }
     exact = np.linalg.lstsq(MATRIX, DATA)[0]
-    found = many_starts(residual, rows, tolerance=1e-15)
+    found = many_starts(residual, rows, method=LevenbergMarquardt(tolerance=1e-15))
     assert bool(jnp.all(found.successful))
     for i, name in enumerate(NAMES):
         np.testing.assert_allclose(found.values[name], exact[i], rtol=1e-8)
