@@ -9,6 +9,7 @@ import lineax as lx
 import optimistix as optx
 
 from .._argument_checks import check_arguments, count, number
+from ._accuracy import ACCURACY
 from ._bounded import coordinates_after, curvature, kinds_of, within
 from ._fit import Fit
 from ._losses import AbstractLoss, loss_or_none
@@ -17,8 +18,6 @@ from ._results import CODE
 from ._sensitivity import Sensitivity
 
 DESCENT = optx.DampedNewtonDescent(linear_solver=lx.QR())
-LEAST = 1e-10  # damping of the step that shows what is still to be gained
-UNSEEN = 1e-8  # part of the largest sensitivity that counts as that of what is not seen at all
 
 
 SETTINGS = {"tolerance": number("positive"), "max_steps": count(1), "loss": loss_or_none}
@@ -97,7 +96,7 @@ class AbstractGaussNewton(AbstractIterativeMethod):
         rows = jnp.concatenate([residual, jnp.zeros_like(y)])
         whole = jnp.concatenate([matrix, jnp.diag(jnp.sqrt(bend))]) / sizes[None, :]
         # A short step does not show what can be gained: it is short where the last were refused.
-        far, _ = descent_step(jnp.asarray(1.0 / LEAST), y, rows, whole)
+        far, _ = descent_step(jnp.asarray(1.0 / ACCURACY.least_damping), y, rows, whole)
         step, result = self._limited_step(size, far, y, rows, whole)
         change = whole @ far
         gain = -jnp.sum(change * (rows + 0.5 * change))
@@ -139,7 +138,7 @@ def sensitivities(matrix: Any, bend: Any) -> Any:
     """What each coordinate moves the residuals by: in these units no unit of a value matters."""
     sizes = jnp.sqrt(jnp.sum(matrix**2, axis=0) + bend)
     largest = jnp.max(sizes, initial=0.0)
-    return jnp.maximum(sizes, jnp.where(largest > 0.0, UNSEEN * largest, 1.0))
+    return jnp.maximum(sizes, jnp.where(largest > 0.0, ACCURACY.least_sensitivity * largest, 1.0))
 
 
 def descent_step(size: Any, y: Any, rows: Any, matrix: Any) -> Any:

@@ -10,6 +10,7 @@ import numpy as np
 
 from .._argument_checks import callable_as, check_arguments, checked_by, instance, or_none
 from .._types import Given
+from ._accuracy import ACCURACY
 from ._evaluate import solve_run
 from ._levenberg_marquardt import LevenbergMarquardt
 from ._many_starts import many_fits
@@ -18,7 +19,6 @@ from ._run import Data, Run
 from ._unknowns import NamedValues, Space
 
 WIDTH = "width of the homotopy"
-FAR = 7.0  # the farthest that a coordinate with a bound goes towards it, a factor of 1,100
 
 
 def regularised(system: Any, width: Any) -> Any:
@@ -110,6 +110,6 @@ class Homotopy(AbstractMethod):
 
 def _not_too_far(space: Space, first: Any, z: Any) -> Any:
     """Where an unknown hardly matters it may have gone to its bound, from where nothing returns."""
-    near = jnp.clip(z, first - FAR, first + FAR)
+    near = jnp.clip(z, first - ACCURACY.homotopy_reach, first + ACCURACY.homotopy_reach)
     bounded = np.array([bounds != (None, None) for bounds in space.bounds])
     return jnp.where(bounded, near, z)

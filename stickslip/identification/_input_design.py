@@ -19,6 +19,7 @@ from .._validation import (
     misshaped,
     refusal,
 )
+from ._accuracy import ACCURACY
 from ._evolution import Evolution
 from ._many_starts import LANES, asked_width, check_shared, evaluate_rows, evaluator
 from ._sensitivity import Sensitivity
@@ -26,8 +27,6 @@ from ._unknowns import NamedUnknowns, scalars
 
 Limits: TypeAlias = Given[float | Sequence[Any] | np.ndarray | Array | None]
 CRITERIA = ("D", "A")
-SIZE = 0.2  # of the first steps, in parts of the limits
-LEAST = 1e-14  # part of the largest information below which there is none
 
 
 def _known_numbers(owner: Any, name: str, value: Any) -> Any:
@@ -149,7 +148,7 @@ def design_input(
     at = int(np.argmax(np.where(np.isfinite(told), told, -np.inf))) if begin is None else 0
     first = told[at]
     best = (first if np.isfinite(first) else -np.inf), points[at], matrices[at]
-    evolution, history = Evolution(points[at], SIZE, population, seed + 1), []
+    evolution, history = Evolution(points[at], ACCURACY.design_step, population, seed + 1), []
     for _ in range(search.rounds):
         points = evolution.ask()
         told, matrices = value_inputs(points)
@@ -177,9 +176,10 @@ def _criterion(matrix: np.ndarray, kept: np.ndarray, criterion: str) -> float:
     if others.size:
         mixed = information[np.ix_(others, kept)]
         inner = information[np.ix_(others, others)]
-        left = left - mixed.T @ np.linalg.pinv(inner, rcond=LEAST, hermitian=True) @ mixed
+        inverse = np.linalg.pinv(inner, rcond=ACCURACY.least_information, hermitian=True)
+        left = left - mixed.T @ inverse @ mixed
     sizes = np.linalg.eigvalsh(left)
-    if not sizes[0] > LEAST * np.max(np.diag(information)):
+    if not sizes[0] > ACCURACY.least_information * np.max(np.diag(information)):
         return np.nan
     return float(np.sum(np.log(sizes)) if criterion == "D" else -np.log(np.sum(1.0 / sizes)))
 

@@ -26,16 +26,13 @@ from .._validation import (
 from ..sweep import map_lanes
 from ..sweep.lanes import EXECUTORS
 from ..sweep.progress import Progress
+from ._accuracy import ACCURACY
 from ._evaluate import evaluation
 from ._fit import Fit
 from ._levenberg_marquardt import LevenbergMarquardt
 from ._methods import AbstractIterativeMethod
 from ._sensitivity import Sensitivity
 from ._unknowns import NamedUnknownRows, NamedValues, Space, space_of
-
-# Rows of a call of the program where the user names no chunk: the least, and from one to the next.
-FEWEST = 8
-WIDER = 4
 
 LANES = {"chunk_size": or_none(count(1)), "executor": choice(EXECUTORS)}
 
@@ -230,9 +227,9 @@ def _most(program: map_lanes) -> int:
 
 def _width(program: map_lanes, count: int, chunk_size: int | None) -> int:
     """Rows of every call: of few starts few, but not of each number its own, which would compile."""
-    asked, width = asked_width(program, chunk_size), FEWEST
+    asked, width = asked_width(program, chunk_size), ACCURACY.fewest_starts
     while width < count:
-        width *= WIDER
+        width *= ACCURACY.more_starts
     return min(width, _most(program)) if asked is None else asked
 
 

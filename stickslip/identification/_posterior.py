@@ -16,14 +16,12 @@ from .._compiled_once import compiled_once
 from .._types import Given
 from .._validation import refusal
 from ..hybrid.executor import closed_jaxpr
+from ._accuracy import ACCURACY
 from ._evaluate import evaluation
 from ._fit import Fit, one_fit
 from ._unknowns import NamedValues, Space
 
 INSTALL = "pip install 'stickslip[posterior]'"
-ACCEPTANCE = 0.9  # aimed at: kinks of the density at a changed mode sequence cost accuracy
-SPREAD = 0.5  # of the first points of the chains, in standard errors
-WIDEST = 1.0  # largest first step of a coordinate: a combination that is not seen has no error
 
 
 class Posterior(eqx.Module):
@@ -128,10 +126,10 @@ def posterior(
 
         def chain(key):
             first, adapt, sample = jax.random.split(key, 3)
-            start = SPREAD * jax.random.normal(first, z.shape)
+            start = ACCURACY.chain_spread * jax.random.normal(first, z.shape)
             nuts: Any = blackjax.nuts
             adaptation: Any = blackjax.window_adaptation(
-                nuts, density, target_acceptance_rate=ACCEPTANCE, initial_step_size=0.5,
+                nuts, density, target_acceptance_rate=ACCURACY.acceptance, initial_step_size=0.5,
                 max_num_doublings=max_doublings,
             )  # fmt: skip
             (state, found), _ = adaptation.run(adapt, start, warmup)
@@ -183,7 +181,7 @@ def _log_density(evaluate: Callable, space: Space, z: Array) -> Array:
 def _scales(fit: Fit) -> Array:
     """Coordinates of one standard deviation of each combination that the data see."""
     values, directions = fit.sensitivity.singular_values, fit.sensitivity.directions
-    return directions.T / jnp.maximum(values, 1.0 / WIDEST)[None, :]
+    return directions.T / jnp.maximum(values, 1.0 / ACCURACY.widest_step)[None, :]
 
 
 def _check_proper(fit: Fit) -> None:
@@ -193,6 +191,6 @@ def _check_proper(fit: Fit) -> None:
     for i, name in enumerate(fit.names):
         low, high = fit.space.bounds[i]
         held = fit.space.priors[i] is not None or (low is not None and high is not None)
-        if weight[i] > 1e-4 and not held and int(active[name]) == 0:
+        if weight[i] > ACCURACY.part and not held and int(active[name]) == 0:
             allowed = "one whose data see every unknown that has neither a prior nor two bounds"
             raise refusal("fit", str(fit), allowed, but=f"this one does not see {name}")

@@ -22,8 +22,9 @@ from .._validation import (
     whole_number,
 )
 from ..hybrid import Integrator, Solution
+from ._accuracy import ACCURACY
 from ._evaluate import solve_run
-from ._fit import POOR, Fit, best
+from ._fit import Fit, best
 from ._levenberg_marquardt import LevenbergMarquardt
 from ._many_starts import many_fits, rows_of
 from ._methods import AbstractMethod
@@ -271,7 +272,7 @@ class Problem:
 
     def _warned(self, fit: Fit) -> Fit:
         """The fit; with a word on the stamps where it does not explain the data."""
-        if is_concrete(fit) and not float(fit.reduced_chi_squared) <= POOR:
+        if is_concrete(fit) and not float(fit.reduced_chi_squared) <= ACCURACY.poor_fit:
             values = {name: unknown.start if isinstance(unknown, Unknown) else unknown
                       for name, unknown in self.unknowns.items()}  # fmt: skip
             warn_of_wide_stamps(self._run, values, self._data, self.records[0].times)

@@ -21,6 +21,7 @@ from .._validation import (
     refusal,
 )
 from ..hybrid.executor import closed_jaxpr
+from ._accuracy import ACCURACY
 from ._evaluate import evaluation
 from ._fit import Fit, probability
 from ._profile_walk import BELOW, EDGE, FAILED, Walk
@@ -30,9 +31,6 @@ IDENTIFIABLE, PRACTICALLY_NOT, STRUCTURALLY_NOT, UNDECIDED = range(4)
 VERDICTS = (
     "identifiable", "practically not identifiable", "structurally not identifiable", "not decided",
 )  # fmt: skip
-FACTOR = 1e3  # how far an unknown without a bound is followed
-NEXT_TO = 1e-9  # of the distance between two bounds is left out
-FLAT = 1e-6  # of the level
 
 
 class Profile(eqx.Module):
@@ -210,13 +208,13 @@ def _limits(limits: Any, space: Space, z: Array, values: NamedValues) -> tuple[A
     lows, highs = [], []
     for i, (low, high) in enumerate(space.bounds):
         if low is not None and high is not None:
-            far = jnp.maximum(-jnp.log(NEXT_TO), jnp.abs(z[i]) + 1.0)
+            far = jnp.maximum(-jnp.log(ACCURACY.next_to_bound), jnp.abs(z[i]) + 1.0)
             ends = (-far, far)
         elif low is None and high is None:
-            reach = FACTOR * jnp.maximum(jnp.abs(z[i]), 1.0)
+            reach = ACCURACY.profile_reach * jnp.maximum(jnp.abs(z[i]), 1.0)
             ends = (z[i] - reach, z[i] + reach)
         else:
-            ends = (z[i] - jnp.log(FACTOR), z[i] + jnp.log(FACTOR))
+            ends = (z[i] - jnp.log(ACCURACY.profile_reach), z[i] + jnp.log(ACCURACY.profile_reach))
         lows.append(ends[0])
         highs.append(ends[1])
     for name, pair in given.items():
@@ -284,7 +282,7 @@ def _profile_of(sides: Any, fit: Fit, space: Space, names: tuple[str, ...], leve
     blind = ~jnp.isfinite(wide)
     highest = jnp.max(jnp.where(jnp.isfinite(rises), rises, -jnp.inf), axis=(1, 2))
     to_both_limits = jnp.all(status == BELOW, axis=1)
-    flat = to_both_limits & (highest <= FLAT * 2.0 * half**2 / 2.0)
+    flat = to_both_limits & (highest <= ACCURACY.flat * 2.0 * half**2 / 2.0)
     lost = jnp.any(status == FAILED, axis=1)
     below = jnp.any(status == BELOW, axis=1)
     verdict = jnp.select(

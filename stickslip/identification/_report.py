@@ -21,8 +21,9 @@ from .._validation import (
 )
 from ..hybrid import Solution, same_mode_sequence
 from ..hybrid.status import flags_text
+from ._accuracy import ACCURACY
 from ._compare import Comparison
-from ._fit import POOR, Fit, one_fit
+from ._fit import Fit, one_fit
 from ._profile import Profile
 from ._report_html import page
 from ._report_plot import draw_report
@@ -104,7 +105,7 @@ class Report:
                 f"The profile found a sum of squares {float(self.profile.fall):.3g} below the fit's: "
                 "the fit is not the best minimum."
             )
-        if float(fit.reduced_chi_squared) > POOR:
+        if float(fit.reduced_chi_squared) > ACCURACY.poor_fit:
             said.append(
                 "The residuals are far above their noise: intervals and verdicts hold for this minimum "
                 "alone. Try more starts, another model, or more noise."

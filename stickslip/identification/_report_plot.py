@@ -7,8 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from .._drawing import BLUE, GREY, RED, residual_dots
-
-WIDE = 4  # panels in a row
+from ._accuracy import ACCURACY
 
 
 def draw_report(report: Any) -> Figure:
@@ -19,8 +18,8 @@ def draw_report(report: Any) -> Figure:
         panels += [("series", name), ("own", name)]
         panels += [("input", (name, other)) for other in found.with_input]
     panels.append(("correlation", None))
-    rows = -(-len(panels) // WIDE)
-    columns = min(WIDE, len(panels))
+    rows = -(-len(panels) // ACCURACY.panels)
+    columns = min(ACCURACY.panels, len(panels))
     figure = Figure(figsize=(3.1 * columns, 2.6 * rows), layout="constrained")
     axes = np.atleast_1d(figure.subplots(rows, columns, squeeze=False)).ravel()
     draw = {

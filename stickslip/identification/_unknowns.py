@@ -11,15 +11,13 @@ from jaxtyping import Array, Float
 
 from .._types import Given
 from .._validation import as_parameter, check_positive, is_concrete, misshaped, refusal
+from ._accuracy import ACCURACY
 from ._unknown import Bounds, Normal, Unknown
 
 NamedValues = dict[str, Any]
 NamedUnknowns: TypeAlias = Given[Mapping[str, float | np.ndarray | Array | Unknown]]
 NamedUnknownRows: TypeAlias = Given[Mapping[str, Sequence[Any] | np.ndarray | Array | Unknown]]
 POSITIVE: Bounds = (0.0, None)
-
-
-NEAR = 0.01  # part of a standard error, and of the distance between the bounds
 
 
 class Space(eqx.Module):
@@ -111,8 +109,8 @@ class Space(eqx.Module):
         side = jnp.zeros(jnp.shape(value), jnp.int32)
         if low is None and high is None:
             return side
-        part = jnp.where(jnp.isfinite(error), NEAR * error, 0.0)
-        near = jnp.clip(part, 1e-6 * span, NEAR * span)
+        part = jnp.where(jnp.isfinite(error), ACCURACY.at_bound * error, 0.0)
+        near = jnp.clip(part, 1e-6 * span, ACCURACY.at_bound * span)
         if low is not None:
             side = jnp.where(value - low < near, -1, side)
         if high is not None:

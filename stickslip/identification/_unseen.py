@@ -7,14 +7,12 @@ import numpy as np
 
 from .._argument_checks import check_arguments, not_negative_number
 from .._types import Given, Numeric
+from ._accuracy import ACCURACY
 from ._fit import Fit, one_fit
-
-PART = 1e-4  # of a unit vector that counts as none
-LARGEST = 6  # of a denominator
 
 
 @check_arguments(fit=one_fit, threshold=not_negative_number)
-def unseen(fit: Given[Fit], threshold: Numeric = 1e-7) -> list[str]:
+def unseen(fit: Given[Fit], threshold: Numeric = ACCURACY.seen) -> list[str]:
     """What the data do not see, a sentence for each group of unknowns that hide each other.
 
     Positive unknowns hide each other in products, e.g. `"k1 * k2 is seen, k1 / k2 is not"`; others in
@@ -42,7 +40,7 @@ def unseen(fit: Given[Fit], threshold: Numeric = 1e-7) -> list[str]:
     for group in _groups(hidden):
         names = [fit.names[i] for i in group]
         rows = hidden[:, group]
-        rows = rows[np.linalg.norm(rows, axis=1) > PART]
+        rows = rows[np.linalg.norm(rows, axis=1) > ACCURACY.part]
         if len(group) == 1:
             sentences.append(f"{names[0]} is not seen")
             continue
@@ -71,7 +69,7 @@ def _list_of(words: list[str]) -> str:
 def _groups(hidden: np.ndarray) -> list[list[int]]:
     """Unknowns with a part in common combinations that are not seen."""
     # The projection on what is not seen does not depend on the basis that was found for it.
-    joined = np.abs(hidden.T @ hidden) > PART
+    joined = np.abs(hidden.T @ hidden) > ACCURACY.part
     left, groups = {int(i) for i in np.flatnonzero(joined.any(axis=0))}, []
     while left:
         group, new = set(), {min(left)}
@@ -85,12 +83,12 @@ def _groups(hidden: np.ndarray) -> list[list[int]]:
 
 def _span(rows: np.ndarray) -> np.ndarray:
     _, s, directions = np.linalg.svd(rows, full_matrices=False)
-    return directions[s > PART * s[0]]
+    return directions[s > ACCURACY.part * s[0]]
 
 
 def _complement(rows: np.ndarray) -> np.ndarray:
     _, s, directions = np.linalg.svd(rows, full_matrices=True)
-    return directions[int(np.sum(s > PART * s[0])) :]
+    return directions[int(np.sum(s > ACCURACY.part * s[0])) :]
 
 
 def _echelon_form(rows: np.ndarray) -> np.ndarray:
@@ -100,7 +98,7 @@ def _echelon_form(rows: np.ndarray) -> np.ndarray:
         if done == len(rows):
             break
         best = done + int(np.argmax(np.abs(rows[done:, column])))
-        if abs(rows[best, column]) < PART:
+        if abs(rows[best, column]) < ACCURACY.part:
             continue
         rows[[done, best]] = rows[[best, done]]
         rows[done] /= rows[done, column]
@@ -113,7 +111,7 @@ def _echelon_form(rows: np.ndarray) -> np.ndarray:
 
 def _whole(row: np.ndarray) -> list[Any]:
     """Exponents as small integers where they are such numbers times one factor."""
-    found = [fractions.Fraction(float(x)).limit_denominator(LARGEST) for x in row]
+    found = [fractions.Fraction(float(x)).limit_denominator(ACCURACY.largest_denominator) for x in row]
     if any(abs(float(f) - x) > 1e-3 for f, x in zip(found, row, strict=True)):
         return [round(float(x), 2) for x in row]
     common = int(np.lcm.reduce([f.denominator for f in found]))
@@ -121,7 +119,7 @@ def _whole(row: np.ndarray) -> list[Any]:
 
 
 def _product(names: list[str], row: np.ndarray) -> str:
-    powers = [(n, e) for n, e in zip(names, _whole(row), strict=True) if abs(e) > PART]
+    powers = [(n, e) for n, e in zip(names, _whole(row), strict=True) if abs(e) > ACCURACY.part]
     above = [n if e == 1 else f"{n}^{e}" for n, e in powers if e > 0]
     below = [n if e == -1 else f"{n}^{-e}" for n, e in powers if e < 0]
     text = " * ".join(above) or "1"
@@ -134,7 +132,8 @@ def _product(names: list[str], row: np.ndarray) -> str:
 def _sum(names: list[str], row: np.ndarray, scale: np.ndarray) -> str:
     """A term for each unknown that matters when all change by their own sizes."""
     part = np.abs(row) * scale
-    kept = [(n, c) for n, c, p in zip(names, row, part, strict=True) if p > PART * np.max(part)]
+    least = ACCURACY.part * np.max(part)
+    kept = [(n, c) for n, c, p in zip(names, row, part, strict=True) if p > least]
     text, first = "", abs(kept[0][1])
     for n, c in kept:
         c = c / first
