@@ -238,11 +238,11 @@ class Problem:
         unknowns = self.unknowns if start is None else self._from(start)
         if starts is not None:
             rows = sobol_starts(unknowns, starts, seed=seed)
-            return self._warned(best(self.fits(rows, method=method, chunk_size=chunk_size)))
+            return self._with_warning(best(self.fits(rows, method=method, chunk_size=chunk_size)))
         space, first = scalars("unknowns", unknowns)
         near, taken = method.brought_near(self._run, self._data, space, first)
         fit = solve_run(method.polish, self._run, self._data, space, space.coordinates(near))
-        return self._warned(_with_steps(fit, taken))
+        return self._with_warning(_with_steps(fit, taken))
 
     @check_arguments(**_HOW)
     def fits(
@@ -270,7 +270,7 @@ class Problem:
             integrator=run.integrator, delay=run.delay, correct=run.correct,
         )  # fmt: skip
 
-    def _warned(self, fit: Fit) -> Fit:
+    def _with_warning(self, fit: Fit) -> Fit:
         """The fit; with a word on the stamps where it does not explain the data."""
         if is_concrete(fit) and not float(fit.reduced_chi_squared) <= ACCURACY.poor_fit:
             values = {name: unknown.start if isinstance(unknown, Unknown) else unknown

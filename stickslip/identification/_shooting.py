@@ -135,7 +135,7 @@ class Shooting(eqx.Module):
         wide = jnp.concatenate([d_off[..., :p], by_state.reshape(*model.shape, knots * n)], axis=-1)
         data, d_data = off[segments.keep], wide.reshape(off.size, -1)[segments.keep]
         if self.loss is not None:
-            data, d_data = _weighted(self.loss, data, d_data)
+            data, d_data = _weigh(self.loss, data, d_data)
         # Jumps: the end of the segment before a knot, less the state of the knot.
         before = inner - 1
         jump = (ends[before] / scales - unknown[p:].reshape(knots, n)) / self.weight
@@ -156,7 +156,7 @@ class Shooting(eqx.Module):
         )
 
 
-def _weighted(loss: AbstractLoss, row: Array, matrix: Array) -> tuple[Array, Array]:
+def _weigh(loss: AbstractLoss, row: Array, matrix: Array) -> tuple[Array, Array]:
     weighed, slope = jax.jvp(lambda r: r * loss.weight(r), (row,), (jnp.ones_like(row),))
     return weighed, slope[:, None] * matrix
 

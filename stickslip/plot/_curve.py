@@ -38,6 +38,6 @@ def curve(curve: Given[BifurcationCurve], *, ax: Given[Axes | None] = None, **op
             word, tuple(map(float, values)), xytext=(4, 4), textcoords="offset points", fontsize="small"
         )
     units = getattr(curve.system, "parameter_units", {})
-    one, two = (_axes.labelled(name, units.get(name)) for name in curve.parameters)
+    one, two = (_axes.axis_label(name, units.get(name)) for name in curve.parameters)
     axis.set(xlabel=one, ylabel=two)
     return axis

@@ -57,7 +57,7 @@ def orbit(
     **Raises** `ValueError`, `TypeError` naming the argument.
     """
     check_type("branch", branch, Branch, "a Branch of continuation.continue_orbit")
-    found, value, title = _chosen(branch, at)
+    found, value, title = _orbit_at(branch, at)
     check_handed_on("args", args)
     _axes.check_axes(ax)
     _axes.check_options(options)
@@ -72,13 +72,13 @@ def orbit(
     else:
         axis = phase_plane(solution, system, x, y, args=args, ax=ax, **options)
         _sticks(axis, solution, system)
-    parameter = _valued(f"{branch.parameter} = {value:.6g}", _unit(branch))
-    period = _valued(f"period {float(found.period):.6g}", second_of(system))
+    parameter = _with_unit(f"{branch.parameter} = {value:.6g}", _unit(branch))
+    period = _with_unit(f"period {float(found.period):.6g}", second_of(system))
     axis.set_title(f"{title} at {parameter}, {period}", fontsize="medium")
     return axis
 
 
-def _chosen(branch: Branch, at: Any) -> tuple[PeriodicOrbit, float, str]:
+def _orbit_at(branch: Branch, at: Any) -> tuple[PeriodicOrbit, float, str]:
     """The orbit, the value of the parameter, and what the orbit is called."""
     size = len(branch)
     specials = ", ".join(f"branch[{s!r}]" for s in dict.fromkeys(s.label for s in branch.specials))
@@ -141,6 +141,6 @@ def _unit(branch: Branch) -> str | None:
     return getattr(branch.system, "parameter_units", {}).get(branch.parameter)
 
 
-def _valued(text: str, unit: str | None) -> str:
+def _with_unit(text: str, unit: str | None) -> str:
     """A number with its unit behind it."""
     return text if unit in (None, "", "1") else f"{text} {unit}"
