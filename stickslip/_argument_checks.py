@@ -43,16 +43,16 @@ import numpy as np
 from jax.core import Tracer
 
 from ._validation import (
+    KINDS,
     MOST,
     REAL,
+    as_parameter,
+    check_between,
     check_callable,
     check_count,
-    check_finite,
     check_flag,
     check_float64,
     check_in,
-    check_nonnegative,
-    check_positive,
     check_text,
     check_type,
     is_concrete,
@@ -68,10 +68,19 @@ from ._validation import (
 
 Checked = TypeVar("Checked", bound=Callable[..., Any])
 Check = Callable[[Any, str, Any], Any]  # the object, the argument's name, its value -> the value to use
+# Or in a word what numbers, or arrays of them, must be: "any", "finite", "positive", "not negative".
+Rule = Check | str
 
 
-def check_arguments(**checks: Check) -> Callable[[Checked], Checked]:
+def check_of(rule: Rule) -> Check:
+    """A check, also where it is said in a word."""
+    return checked_by(KINDS[rule]) if isinstance(rule, str) else rule
+
+
+def check_arguments(**rules: Rule) -> Callable[[Checked], Checked]:
     """Decorator of a function, a method or a module: the arguments named here are checked first."""
+
+    checks = {name: check_of(rule) for name, rule in rules.items()}
 
     def decorate(of: Any) -> Any:
         parameters = inspect.signature(of).parameters
@@ -95,6 +104,29 @@ def check_arguments(**checks: Check) -> Callable[[Checked], Checked]:
             return of(*given, *args[len(places) :], **named)
 
         return with_checks
+
+    return cast(Any, decorate)
+
+
+def parameters(**rules: Rule) -> Callable[[Checked], Checked]:
+    """Decorator of a constructor: the arguments named here are checked, and stored in fields of their
+    names, as float64 arrays or `None`, before the constructor itself runs."""
+
+    checks = {name: check_of(rule) for name, rule in rules.items()}
+
+    def decorate(init: Any) -> Any:
+        signature = inspect.signature(init)
+
+        @functools.wraps(init)
+        def with_parameters(self: Any, *args: Any, **named: Any) -> None:
+            given = signature.bind(self, *args, **named)
+            given.apply_defaults()
+            for name, check in checks.items():
+                value = check(self, name, given.arguments[name])
+                setattr(self, name, None if value is None else as_parameter(value))
+            init(self, *args, **named)
+
+        return with_parameters
 
     return cast(Any, decorate)
 
@@ -128,11 +160,12 @@ def checked_by(check: Callable[..., Any], *rest: Any) -> Check:
     return lambda owner, name, value: check(name, value, *rest)
 
 
-# Numbers or arrays of them, and a switch.
-finite = checked_by(check_finite)
-positive = checked_by(check_positive)
-not_negative = checked_by(check_nonnegative)
-flag = checked_by(check_flag)
+flag = checked_by(check_flag)  # True or False
+
+
+def between(low: float, high: float) -> Check:
+    """Numbers in a closed interval."""
+    return checked_by(check_between, low, high)
 
 
 def number(kind: str = "finite") -> Check:
@@ -272,8 +305,9 @@ def not_negative_number(owner: Any, name: str, value: Any) -> Any:
     return value
 
 
-def or_none(check: Check) -> Check:
+def or_none(rule: Rule) -> Check:
     """The same, or None."""
+    check = check_of(rule)
     return lambda owner, name, value: None if value is None else check(owner, name, value)
 
 

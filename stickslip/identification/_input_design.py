@@ -11,14 +11,7 @@ from jaxtyping import Array, Float, PyTree
 
 from .._argument_checks import check_arguments, choice, count, instance, or_none
 from .._types import Given
-from .._validation import (
-    check_callable,
-    check_finite,
-    check_type,
-    is_concrete,
-    misshaped,
-    refusal,
-)
+from .._validation import check_callable, check_finite, check_type, is_concrete, misshaped, refusal
 from ._accuracy import ACCURACY
 from ._evolution import Evolution
 from ._many_starts import LANES, asked_width, check_shared, evaluate_rows, evaluator

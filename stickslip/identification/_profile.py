@@ -13,13 +13,7 @@ from jaxtyping import Array, Float, Int
 from .._argument_checks import callable_as, check_arguments, count, instance
 from .._compiled_once import compiled_once
 from .._types import Given, Named
-from .._validation import (
-    check_count,
-    check_mapping,
-    check_that,
-    is_concrete,
-    refusal,
-)
+from .._validation import check_count, check_mapping, check_that, is_concrete, refusal
 from ..hybrid.executor import closed_jaxpr
 from ._accuracy import ACCURACY
 from ._evaluate import evaluation

@@ -12,13 +12,7 @@ from matplotlib.figure import Figure
 
 from .._argument_checks import check_arguments, count, flag, instance, or_none, text
 from .._types import Given, NamedRows, Path
-from .._validation import (
-    check_type,
-    is_concrete,
-    misshaped,
-    numbers,
-    refusal,
-)
+from .._validation import check_type, is_concrete, misshaped, numbers, refusal
 from ..hybrid import Solution, same_mode_sequence
 from ..hybrid.status import flags_text
 from ._accuracy import ACCURACY
@@ -28,13 +22,7 @@ from ._profile import Profile
 from ._report_html import page
 from ._report_plot import draw_report
 from ._unseen import unseen
-from ._whiteness import (
-    Correlation,
-    LjungBox,
-    autocorrelation,
-    cross_correlation,
-    ljung_box,
-)
+from ._whiteness import Correlation, LjungBox, autocorrelation, cross_correlation, ljung_box
 
 
 class Whiteness:

@@ -6,7 +6,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._argument_checks import check_arguments, finite, flag, instance, number, or_none
+from .._argument_checks import check_arguments, flag, instance, number, or_none
 from .._types import Given, Numeric
 from .._validation import as_parameter, check_that, one_static, refusal
 
@@ -71,8 +71,8 @@ class Unknown(eqx.Module):
     scale: Float[Array, ""] | None
 
     @check_arguments(
-        start=finite, prior=or_none(instance(Normal, "a Normal or None")), unit=instance(str, "a text"),
-        per_record=flag, scale=or_none(number("positive")),
+        start="finite", prior=or_none(instance(Normal, "a Normal or None")),
+        unit=instance(str, "a text"), per_record=flag, scale=or_none(number("positive")),
     )  # fmt: skip
     def __init__(
         self,

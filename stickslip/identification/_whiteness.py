@@ -10,14 +10,7 @@ from jaxtyping import Array, Float, Int
 
 from .._argument_checks import check_arguments, count
 from .._types import Rows
-from .._validation import (
-    as_parameter,
-    check_that,
-    is_concrete,
-    misshaped,
-    numbers,
-    refusal,
-)
+from .._validation import as_parameter, check_that, is_concrete, misshaped, numbers, refusal
 
 
 class Correlation(eqx.Module):
