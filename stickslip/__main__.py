@@ -10,7 +10,7 @@ from typing import Any
 from ._public import PACKAGES, Public, first_sentence, public_names
 from ._version import __version__
 
-# What begins a command about the store of a sweep.
+# First words of commands about the store of a sweep.
 SWEEPS = ("plan", "work", "status", "verify")
 # A line of the list is cut, not wrapped: one look finds the name.
 NARROWEST = 60

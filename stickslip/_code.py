@@ -7,7 +7,7 @@ byte code of all functions that can be reached from the classes and functions in
 globals, closures, defaults and class attributes that they read: functions by their code, numbers and
 arrays by value.
 
-What lies in the standard library, in site-packages and in this package is taken to stay as it is.
+Code of the standard library, of site-packages and of this package is taken to stay as it is.
 Where an object of an extension module is reached, whose state cannot be read, that is said once.
 """
 
@@ -52,7 +52,7 @@ _INSTALLED = tuple(
         *(sysconfig.get_paths()[name] for name in ("stdlib", "platstdlib", "purelib", "platlib")),
     }
 )
-# What a class has besides what its author wrote.
+# Attributes that Python gives every class.
 _OF_CLASSES = frozenset(
     "__module__ __dict__ __weakref__ __doc__ __annotations__ __abstractmethods__ __parameters__ "
     "__dataclass_fields__ __dataclass_params__ __match_args__ __firstlineno__ __static_attributes__ "
@@ -167,7 +167,7 @@ def _in_library(module: str) -> bool:
         return False
     found = sys.modules.get(module)
     path = getattr(found, "__file__", None) or getattr(getattr(found, "__spec__", None), "origin", None)
-    # What has neither a file nor an origin was typed into a notebook.
+    # A module with neither a file nor an origin was typed into a notebook.
     return path in ("built-in", "frozen") or str(path).startswith(_INSTALLED)
 
 
@@ -241,7 +241,7 @@ class _Reached:
         return found
 
     def _description(self, thing: Any) -> Any:
-        """What is equal for all things that compute the same."""
+        """A description that is equal for all things that compute the same."""
         if isinstance(thing, _NUMBERS):
             return type(thing).__name__, repr(thing)
         if id(thing) in self.met:
@@ -334,7 +334,7 @@ class _Reached:
     def _value_of_name(self, namespace: dict, name: str) -> Any:
         _, read, absent = self.names.setdefault(id(namespace), (namespace, set(), set()))
         (read if name in namespace else absent).add(name)
-        # What is absent is built in, or a module that the function imports itself.
+        # An absent name is built in, or a module that the function imports itself.
         return namespace[name] if name in namespace else sys.modules.get(name)
 
     def _object(self, thing: Any) -> Iterator[Any]:
@@ -377,7 +377,7 @@ class _Reached:
 
 
 def _held(thing: Any) -> Mapping[str, Any]:
-    """What an object or a class holds, by name."""
+    """Attributes of an object or a class, by name."""
     if hasattr(thing, "__dict__"):
         return vars(thing)
     slots = getattr(type(thing), "__slots__", ())

@@ -55,7 +55,7 @@ def enable_compilation_cache(
     jax.config.update("jax_enable_compilation_cache", True)
     jax.config.update("jax_persistent_cache_min_compile_time_secs", WORTH)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", 0)
-    # What JAX found at its first compilation, a cache or none, it would keep to.
+    # JAX would keep to the cache, or to none, that it found at its first compilation.
     compilation_cache.reset_cache()
     return folder
 

@@ -3,7 +3,7 @@
 XLA's CPU backend compiles a loop over fixed-size lanes into straight vector code only if its body
 holds no call. `jnp.where`, `jnp.sign` and friends are jitted functions and become calls, the
 library exponential is slower than a polynomial in line, and `tanh`, `cosh` and `pow` are slower
-still. What follows is built from `lax` primitives alone and is exact enough to replace them.
+still. These functions are built from `lax` primitives alone and is exact enough to replace them.
 """
 
 import jax

@@ -1,10 +1,10 @@
 """The one walk over a traced program: what an equation makes of its operands is the reader's rule."""
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from typing import Any
 
 import jax
-import jax.extend
+import jax.extend.core
 
 LITERAL = jax.extend.core.Literal
 # Parameters that hold the program of a call, or of a loop.
@@ -20,8 +20,9 @@ def walk(
     consts: Sequence | None = None,
     equations: Sequence | None = None,
 ) -> list:
-    """What a program makes of `given`, by `rule(equation, operands)`, which returns a value a result.
+    """Results of a program for the operands `given`, each equation by `rule(equation, operands)`.
 
+    A rule returns one value for each result.
     `constant(variable, number)` stands for a number in the program, None where its `consts` are not
     given. `equations`: those of the program that are needed; all if left out.
     """
@@ -36,6 +37,15 @@ def walk(
         found = rule(eqn, [of(atom) for atom in eqn.invars])
         known.update(zip(eqn.outvars, found, strict=True))
     return [of(atom) for atom in jaxpr.outvars]
+
+
+def equations(jaxpr: Any, enters: Callable[[Any], bool] = lambda eqn: True) -> Iterator[Any]:
+    """Equations of a program and, where `enters(equation)`, of all programs in their parameters."""
+    for eqn in jaxpr.eqns:
+        yield eqn
+        if enters(eqn):
+            for inner in jax.extend.core.jaxprs_in_params(eqn.params):
+                yield from equations(getattr(inner, "jaxpr", inner), enters)
 
 
 def called(eqn: Any) -> tuple[Any, Sequence] | None:

@@ -8,7 +8,7 @@ _FALSE = frozenset({"0", "false", "f", "no", "n", "off"})
 
 
 def require_float64() -> None:
-    """Switch JAX to 64-bit types, or refuse where the environment forbids it.
+    """Switch JAX to 64-bit types, or raise where the environment forbids it.
 
     JAX turns 64-bit inputs into 32-bit ones unless told otherwise, so importing `stickslip` throws
     the switch. A user who set `JAX_ENABLE_X64` to false asked for something else, and overruling

@@ -1,4 +1,4 @@
-"""What the packages export, in one place: for the command line, the site and the tests."""
+"""Names that the packages export, in one place: for the command line, the site and the tests."""
 
 import importlib
 import inspect

@@ -32,7 +32,7 @@ def _is_abstract(value: Any) -> bool:
 def value_text(value: Any, unit: str | None = None) -> str:
     """A value with its unit: a number, a few of them, or how many from where to where.
 
-    What has no numbers, because it is traced, is shown by its type and shape.
+    A traced value, which has no numbers, is shown by its type and shape.
     """
     after = f" {unit}" if unit not in (None, "", "1") else ""
     if _is_abstract(value):
@@ -76,7 +76,7 @@ def _array_text(value: Any) -> str:
 
 
 def parameters_of(module: Any) -> dict[str, Any]:
-    """What a module was made of: its fields, and what else its constructor took and it still knows."""
+    """Parameters of a module: its fields, and what else its constructor took and it still knows."""
     fields = [field.name for field in dataclasses.fields(module)]
     given = [p.name for p in inspect.signature(type(module)).parameters.values()]
     names = dict.fromkeys(name for name in (*fields, *given) if not name.startswith("_"))

@@ -21,7 +21,7 @@ T = TypeVar("T")
 
 if TYPE_CHECKING:
     Given = Annotated[T, "checked by the function that takes it"]
-    # What is None unless it was asked for: who asked for it need not say so again to a type checker.
+    # None unless it was asked for: who asked for it need not say so again to a type checker.
     MaybeNone: TypeAlias = Any
 
     def overridable(read: Callable[[Any], T]) -> T: ...

@@ -7,8 +7,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
 from ..hybrid import AbstractHybridSystem
+from ..hybrid.accuracy import ACCURACY
 from ..hybrid.arguments import first_mode
-from ..hybrid.event_functions import SLACK, guards_over_magnitudes
+from ..hybrid.event_functions import guards_over_magnitudes
 from ..hybrid.system import guard_directions, mode_type
 from ..hybrid.tree import frozen
 
@@ -75,4 +76,4 @@ def own_mode(
     sides = jnp.asarray([-1.0 if d == "rising" else 1.0 for d in guard_directions(system)])
     both = jnp.asarray([d == "both" for d in guard_directions(system)])
     falls = jnp.where(both, jnp.abs(guards), sides * guards)
-    return jnp.where(held & jnp.all(falls >= -SLACK), mode, own).astype(own.dtype)
+    return jnp.where(held & jnp.all(falls >= -ACCURACY.slack), mode, own).astype(own.dtype)

@@ -1,4 +1,4 @@
-"""What is kept of an attempt beside the motion: counters, flags and the result code."""
+"""Counters, flags and the result code: the record of an attempt beside the motion."""
 
 from typing import Any
 
@@ -6,7 +6,7 @@ import jax.numpy as jnp
 
 from . import _locate
 from ._control import rounding
-from ._event_decision import RESTED, ROUNDING, TOUCHED, First, is_guard
+from ._event_decision import RESTED, TOUCHED, First, is_guard
 from ._loop_state import (
     COLLAPSED,
     EVENT,
@@ -22,7 +22,8 @@ from ._loop_state import (
     is_event,
     moved_on,
 )
-from .event_functions import SLACK, Values
+from .accuracy import ACCURACY
+from .event_functions import Values
 from .executor import bookkeeping
 from .status import (
     CODE,
@@ -37,9 +38,6 @@ from .status import (
 )
 
 _STATUS = {name: float(number) for name, number in CODE.items()}
-MAX_ZERO_LENGTH = 16  # events without time passing before the lane is called chattering
-SAME_INSTANT = 4.0  # of what the time of an event is known to
-UNDECIDED = 0.02  # of what counts as touching for derivatives: a hundred tolerances
 
 
 @bookkeeping
@@ -52,7 +50,9 @@ def sections_at_zero(plan: Plan, code: Any, lane: Lane, values: Values) -> tuple
     functions = plan.functions
     # After one event another may follow at once, and then no step says how well the first was located.
     full = jnp.maximum(lane.full, jnp.where(lane.h > 0, 0.0, lane.h_free))
-    known_to = SAME_INSTANT * (_locate.TOLERANCE * full + ROUNDING * jnp.abs(lane.t))
+    known_to = ACCURACY.same_instant * (
+        ACCURACY.event_tolerance * full + ACCURACY.time_rounding * jnp.abs(lane.t)
+    )
     event = is_event(code) | ((code == REFRESH) & (lane.events > 0))
     return tuple(
         event & (jnp.abs(values.value[i]) <= known_to * _steepest(lane.rates[i], values.rate[i]))
@@ -89,7 +89,7 @@ def crossed_sections(
             if not meets:
                 crossed = (*crossed, jnp.zeros_like(beyond))
                 continue
-            near = jnp.abs(value) <= -rate * _locate.TOLERANCE_SECTION * full
+            near = jnp.abs(value) <= -rate * ACCURACY.section_tolerance * full
             beyond = beyond | (near & (code >= SECTION))
         begins = _locate.begins_inside(value0, rate0, rate) & ((value0 > 0) | (lane.h > 0))
         crossed = (*crossed, is_accepted(code) & begins & beyond)
@@ -131,7 +131,9 @@ def accounts(
     if first is not None:
         if plan.functions.num_guards:
             # Of bends all may be met in one instant, each of them twice.
-            chatters = kept["zero_events"] > MAX_ZERO_LENGTH + 2 * plan.functions.num_bends
+            chatters = (
+                kept["zero_events"] > ACCURACY.events_at_one_instant + 2 * plan.functions.num_bends
+            )
             status = jnp.where(chatters, _STATUS["chattering"], status)
         status = jnp.where(mode < 0, _STATUS["no_admissible_mode"], status)
     if not judged:
@@ -194,10 +196,10 @@ def _of_events(plan: Plan, code, lane: Lane, h, t, mode, first: First) -> dict[s
 def _is_undecided(plan: Plan, lane: Lane, first: First):
     """Whether the mode that an event led to begins with a guard that cannot be distinguished from zero.
 
-    A mode that leaves zero has its guard at zero to rounding as it begins. What lies above rounding
+    A mode that leaves zero has its guard at zero to rounding as it begins. A value above rounding
     and below the error of the state might as well lie below zero, and another mode come next.
     """
-    near = (first.value > SLACK) & (first.value < UNDECIDED * plan.touching)
+    near = (first.value > ACCURACY.slack) & (first.value < ACCURACY.touching * plan.touching)
     near = near & is_guard(plan.functions, first)
     if plan.functions.num_bends:
         near = near & ~plan.functions.is_bend(first.index)

@@ -19,12 +19,9 @@ from jaxtyping import PyTree
 from ._loop import run_block, running
 from ._loop_state import Lane, Plan, is_accepted
 from ._pullback import Tape, pull, tape_row
+from .accuracy import ACCURACY
 from .executor import time_loop
 from .tree import write_row
-
-BLOCK = 8  # attempts after which it is asked whether the lanes have ended
-BLOCK_FUSED = 32  # the same where to enter the loop costs as much as an attempt
-SEGMENT = 256  # most rows of the tape
 
 
 class Layout(NamedTuple):
@@ -49,9 +46,9 @@ class Layout(NamedTuple):
 
 
 def layout(max_steps: int, fused: bool) -> Layout:
-    """A tape for the whole run, up to `SEGMENT`; as many segments in a chapter as chapters."""
-    block = BLOCK_FUSED if fused else BLOCK
-    rows = -(-min(max_steps, SEGMENT) // block) * block
+    """A tape for the whole run; as many segments in a chapter as chapters."""
+    block = ACCURACY.block_fused if fused else ACCURACY.block
+    rows = -(-min(max_steps, ACCURACY.tape_rows) // block) * block
     number = -(-max_steps // rows)
     segments = math.isqrt(number - 1) + 1
     return Layout(block, rows, segments, -(-number // segments))

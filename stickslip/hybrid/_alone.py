@@ -25,8 +25,8 @@ def alone_or_batched(
     operands of the form it is called with: what they close over may be batched or differentiated
     too. There is a forward derivative and no transpose.
     """
-    # A primitive sees arrays only. What the functions close over is made an operand, or `vmap` and
-    # `jvp` would not see it.
+    # A primitive sees arrays only. Arrays that the functions close over are made operands, or `vmap`
+    # and `jvp` would not see it.
     opened = [closed_jaxpr(function, examples) for function, examples in functions]
     leaves, form = jax.tree.flatten(([consts for _, consts, _ in opened], operands))
     out_form: Any = None
@@ -87,7 +87,7 @@ def _push_forward(primals, tangents, *, alone, batched, given):
         return jax.jit(run, inline=True)
 
     rates = [t for t, moves in zip(tangents, moving, strict=True) if moves]
-    # What the leading leaves decide: the values, if this is the first derivative.
+    # Values of the leading leaves if this is the first derivative; they decide.
     deciding, decided = given
     if deciding == len(primals):
         decided = len(_shapes(*map(jax.typeof, primals), alone=alone, batched=batched, given=given))

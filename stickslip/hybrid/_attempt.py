@@ -28,20 +28,18 @@ from ._loop_state import (
     without_state,
 )
 from ._step import Step, take
+from .accuracy import ACCURACY
 from .event_functions import Values
 from .event_time import event_delay
 from .executor import bookkeeping, piece
 from .system import mode_type
 from .tree import select, shift
 
-# Parts of itself by which the field, and its slope, differ at least on the sides of a bend.
-JUMP, BEND = 1e-5, 1e-9
-
 
 def attempt(plan: Plan, problem: PyTree, lane: Lane, t1: Any, outputs: Any) -> tuple[Lane, Outcome]:
     """One attempt of one lane. `problem = (system, args)`; `outputs` are the output times or None."""
     lane, step = take(plan, problem, lane)
-    # What only decides is not given the state, nor its gradient.
+    # Decisions get the lane without its state, so that no gradient flows through them.
     bare = without_state(lane)
     first = None
     if plan.interrupts:
@@ -163,7 +161,10 @@ def _kick(plan: Plan, mode, index, t, y, *, problem):
 
     # In one batch: the field is in the program once for both sides.
     slopes = jax.vmap(look)(jnp.stack([mode, system.transition(t, y, mode, index, args)[1]]))
-    return tuple(_differs(a, level) for a, level in zip(slopes, (JUMP, BEND), strict=True))
+    return tuple(
+        _differs(a, level)
+        for a, level in zip(slopes, (ACCURACY.jump_of_field, ACCURACY.bend_of_field), strict=True)
+    )
 
 
 def _differs(both: PyTree, level: float) -> Any:

@@ -4,7 +4,7 @@ Forward mode differentiates the time loop itself (one pass carries the tangents)
 go through a loop of unknown length; its sweep is written out in `_adjoint.py`. Both are offered by
 one function: its tangent map is a primitive of its own whose transpose is that sweep.
 
-What of JAX and equinox is not public here: `equinox.internal` makes the primitive (`create_vprim`, its
+Not public in JAX and equinox: `equinox.internal` makes the primitive (`create_vprim`, its
 rules, `nondifferentiable`), `jax.interpreters.ad.UndefinedPrimal` says which tangents are transposed.
 If one of them moves, it is missed at import or as a derivative is traced, before any number.
 """

@@ -17,11 +17,10 @@ import numpy as np
 from jax.lax import stop_gradient
 
 from .._fastmath import SMOOTH
-from .._jaxpr import bound, called, walk
+from .._jaxpr import bound, called, equations, walk
 from ._steep import gently, steep_operand
+from .accuracy import ACCURACY
 
-MOST = 48  # bits of all outcomes
-LONGEST_SCAN = 16  # loops of more rounds are not looked into
 _OWN = re.compile(f"/jax/_src/|^{re.escape(pathlib.Path(__file__).parents[1].as_posix())}/")
 _CALLS = ("jit", "pjit", "closed_call", "core_call", "remat", "remat2", "checkpoint")
 _ROUNDED = {"floor", "ceil", "round", "rem"}
@@ -31,7 +30,7 @@ _COMPARED = {"gt": (False, False), "ge": (True, True), "lt": (True, False), "le"
 
 
 class Change(NamedTuple):
-    """What becomes of the code where a margin falls through zero."""
+    """Change of the code where a margin falls through zero."""
 
     adds: int | None  # None: the bit at `place` is turned over
     place: int
@@ -67,7 +66,7 @@ class Outcomes:
         return self.asked[key][0]
 
     def _outcome_of(self, value: Any, plain: Any) -> Any:
-        if self.width + value.size > MOST:
+        if self.width + value.size > ACCURACY.outcome_bits:
             self.left = True
             return plain
         rows = zip(jnp.ravel(value), jnp.ravel(plain), strict=True) if value.ndim else [(value, plain)]
@@ -84,7 +83,7 @@ class Outcomes:
         self.found = self.found + jnp.where(plain, 1 << place, 0)
         given = plain if self.code is None else ((self.code >> place) & 1) == 1
         margin = jnp.where(given, value, -value)
-        # What has no value is compared to no effect. What is equal and is said to be above has no value
+        # A comparison of NaN has no effect. An equal value that is said to be above has no value
         # as a margin, but its rate: unless that parts the two, the outcome is stale.
         margin = jnp.where(jnp.isnan(stop_gradient(margin)), 1.0, margin)
         equal = given & (stop_gradient(value) == 0.0)
@@ -96,7 +95,7 @@ class Outcomes:
         """Number of the cell between increasing `nodes` that a scalar `value` is in."""
         count = nodes.shape[0]
         bits = count.bit_length()
-        if value.ndim or self.width + bits > MOST:
+        if value.ndim or self.width + bits > ACCURACY.outcome_bits:
             self.left = True
             return plain
         place, self.width = self.width, self.width + bits
@@ -130,7 +129,7 @@ class _Known(NamedTuple):
 
 
 def _number(value: Any) -> Any:
-    """What tells two values apart: numbers by what they are, others by which they are."""
+    """Key of a value: a number by its value, anything else by its identity."""
     if isinstance(value, jax.core.Tracer) or np.ndim(value):
         return id(value)
     return repr(np.asarray(value).item())  # which tells -0.0 from 0.0, and 1 from 1.0
@@ -188,7 +187,7 @@ def _equation(eqn: Any, given: list[_Known], outcomes: Outcomes, smooth: bool) -
         return _run(*inner, given, outcomes, smooth)
     if name == "cond":
         return _branches(eqn, given, outcomes, smooth)
-    if name == "scan" and eqn.params["length"] <= LONGEST_SCAN:
+    if name == "scan" and eqn.params["length"] <= ACCURACY.longest_scan:
         return _rounds(eqn, given, outcomes, smooth)
     real = jnp.issubdtype(eqn.invars[-1].aval.dtype, jnp.floating)
     whole = not jnp.issubdtype(eqn.outvars[0].aval.dtype, jnp.inexact)
@@ -331,19 +330,17 @@ def _evaluate_by_rule(eqn: Any, inner: Any, given: list[_Known], outcomes: Outco
 
 def compares(jaxpr: Any) -> bool:
     """Whether a program compares numbers, or picks one of them, wherever they come from."""
-    for eqn in jaxpr.eqns:
-        name = eqn.primitive.name
-        real = any(jnp.issubdtype(a.aval.dtype, jnp.floating) for a in eqn.invars)
-        if real and name in (*_RULES, *_COMPARED, *_SORTED):
-            return True
-        if name.startswith(("custom_jvp_call", "custom_vjp_call")) and _own_rule(eqn) is None:
-            continue
-        for given in eqn.params.values():
-            for inner in given if isinstance(given, tuple) else (given,):
-                inner = getattr(inner, "jaxpr", inner)
-                if hasattr(inner, "eqns") and compares(inner):
-                    return True
-    return False
+    return any(
+        eqn.primitive.name in (*_RULES, *_COMPARED, *_SORTED)
+        and any(jnp.issubdtype(a.aval.dtype, jnp.floating) for a in eqn.invars)
+        for eqn in equations(jaxpr, _has_no_rule_of_jax)
+    )
+
+
+def _has_no_rule_of_jax(eqn: Any) -> bool:
+    """Whether a call has no derivative that JAX itself has written for it."""
+    name = eqn.primitive.name
+    return not name.startswith(("custom_jvp_call", "custom_vjp_call")) or _own_rule(eqn) is not None
 
 
 def _branches(eqn: Any, given: list[_Known], outcomes: Outcomes, smooth: bool) -> list[_Known]:

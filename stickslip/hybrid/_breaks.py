@@ -10,14 +10,12 @@ from .._argument_checks import check_arguments, instance, reals, time, whole_sta
 from .._types import Given, Numeric, Row
 from .._validation import as_parameter, check_finite, check_increasing, check_type, misshaped
 from ._wrapper import AbstractSystemWrapper
-from .event_functions import SLACK, guards_over_magnitudes
+from .accuracy import ACCURACY
+from .event_functions import guards_over_magnitudes
 from .system import AbstractHybridSystem, guard_directions, guard_scales, mode_type
 from .tree import select
 
-NEVER = 1e300  # time of the break after the last [s]
-BEFORE = 4.5e-16  # the last instant before a break, as part of its time
 JUMP = -1  # in place of a guard, for systems that answer jumps
-ROUNDS = 2  # guards that may be violated one after the other by one jump
 
 
 class Pieced(NamedTuple):
@@ -74,8 +72,8 @@ class WithBreaks(AbstractSystemWrapper):
     4.000000, -4.000000
 
     - State `Pieced`; `start(y, t)` makes one. One more guard, the time to the next break [s].
-    - `times` [s]: a vector that increases; they may be parameters that are differentiated. What the
-      system does between two breaks may use its own `time_scale`.
+    - `times` [s]: a vector that increases; they may be parameters that are differentiated. Between
+      two breaks the system's own `time_scale` holds.
 
     **Errors** `TypeError` unless `system` is a hybrid system, `ValueError` for times that do not
     increase or are not finite.
@@ -124,7 +122,7 @@ class WithBreaks(AbstractSystemWrapper):
 
     def _next(self, piece: Any) -> Any:
         row = jnp.clip(piece, 0, self.times.size - 1).astype(jnp.int32)
-        return jnp.where(piece >= self.times.size, NEVER, _entry(self.times, row))
+        return jnp.where(piece >= self.times.size, ACCURACY.never, _entry(self.times, row))
 
     def _inside(self, t: Any, piece: Any) -> Any:
         """`t`, or the first or last instant of the piece: with the slope 1 in all cases.
@@ -132,8 +130,8 @@ class WithBreaks(AbstractSystemWrapper):
         A break is located to rounding, and a lane may come out on either side of it.
         """
         begin, end = jax.lax.stop_gradient((self._next(piece - 1.0), self._next(piece)))
-        begin = jnp.where(piece > 0.0, begin, -NEVER)
-        last = end - BEFORE * jnp.abs(end) - 1e-300
+        begin = jnp.where(piece > 0.0, begin, -ACCURACY.never)
+        last = end - ACCURACY.before_break * jnp.abs(end) - 1e-300
         now = jax.lax.stop_gradient(t)
         within = jnp.minimum(jnp.maximum(now, begin), last)
         return jnp.where(within == now, t, within + (t - now))
@@ -172,11 +170,11 @@ def state_after_jump(
         return y, jnp.asarray(mode, mode_type(system))
     signs = jnp.asarray([-1.0 if d == "rising" else 1.0 for d in guard_directions(system)])
     both = jnp.asarray([d == "both" for d in guard_directions(system)])
-    for _ in range(ROUNDS):
+    for _ in range(ACCURACY.guards_of_one_jump):
         falls = jnp.where(both, 1.0, signs * guards_over_magnitudes(system, t, y, mode, args))
         lowest = jnp.argmin(falls).astype(jnp.int32)
         jumped = system.transition(t, y, mode, lowest, args)
-        violated = (falls[lowest] < -SLACK) & (mode >= 0)
+        violated = (falls[lowest] < -ACCURACY.slack) & (mode >= 0)
         after = jumped[0], jnp.asarray(jumped[1], mode_type(system))
         y, mode = select(violated, after, (y, jnp.asarray(mode, mode_type(system))))
     return y, mode

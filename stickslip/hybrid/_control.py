@@ -8,9 +8,8 @@ import jax.numpy as jnp
 
 from ._loop_state import DIP, HOLD, PLAIN, REFRESH, REJECT, SHRINK, Lane, Plan, is_event
 from ._tolerance import Ends, scales
+from .accuracy import ACCURACY
 from .executor import bookkeeping
-
-FIRST = 333.0  # length of the first step where the motion does not say: in parts of the resolution
 
 
 def _target(plan: Plan, next_output, t1, outputs):
@@ -40,7 +39,7 @@ class Next(NamedTuple):
 def control(
     plan: Plan, code, lane: Lane, h, search, error, t, y, dy, size, t1, outputs, begins: bool
 ) -> Next:
-    """What to attempt next.
+    """Choice of the next attempt.
 
     `search`: the lengths that an event being located, and a place to look at, ask for; None where no
     event function interferes. `begins`: whether a lane may just have computed its first slope.
@@ -82,7 +81,7 @@ def _begun(plan: Plan, h_free, h, y, dy, size):
     def initial(y, dy, size, h_free):
         scale = scales(rule.rtol, plan.atols, plan.noise, size, Ends(h, y, y, dy, dy))
         first = rule.initial(y, dy, scale)
-        first = jnp.where(jnp.isfinite(first), first, FIRST * plan.resolution)
+        first = jnp.where(jnp.isfinite(first), first, ACCURACY.first_step * plan.resolution)
         return jnp.where(h_free == 0, first, h_free)
 
     # Lanes begin once: a branch for the whole batch, not a piece of every attempt.
@@ -96,7 +95,8 @@ def _free(plan: Plan, code, h, h_free, first, factors, tries, landed):
     """Length of the next step if nothing but the step-size rule were to shorten it."""
     grown = h * factors[0]
     rule: Any = plan.step_size
-    # What an event or an output time has shortened says nothing on the length that is possible.
+    # A length that an event or an output time has shortened says nothing on the length that is
+    # possible.
     grown = jnp.where(landed | (tries != 0), jnp.maximum(grown, h_free), grown)
     taken = jnp.where(code == PLAIN, grown, first)
     # A rejected step must become shorter whatever the rule says, or it would be repeated as it is.

@@ -19,11 +19,10 @@ from . import _locate
 from ._loop_state import Plan
 from ._record import Starts
 from ._section import Section
+from .accuracy import ACCURACY
 from .event_time import event_delay
 from .executor import piece, time_loop
 from .tree import frozen, select, shift, write_row
-
-MOST_TRIES = 64
 
 
 def crossings(
@@ -31,7 +30,7 @@ def crossings(
 ) -> tuple[Any, PyTree, PyTree]:
     """Times, states and slopes at the crossings in `rows`; the motion itself knows nothing of them.
 
-    Of the rows past the `count` nothing can be said.
+    Rows past the `count` are meaningless.
     """
     return _crossings((problem, rows, count), plan=plan, section=section)
 
@@ -158,7 +157,7 @@ def _search(plan: Plan, problem, section: Section, row: Starts) -> tuple[Any, Py
 
     def cond(carry):
         *_, searching, tries = carry
-        return eqxi.unvmap_any(searching) & (tries < MOST_TRIES)
+        return eqxi.unvmap_any(searching) & (tries < ACCURACY.crossing_tries)
 
     def body(carry):
         bracket, best, (slope, *start), end, searching, tries = carry
@@ -171,12 +170,12 @@ def _search(plan: Plan, problem, section: Section, row: Starts) -> tuple[Any, Py
         slope, *start = select(begins, (dy, *found), (slope, *start))
         end = jnp.where(whole, found[0], end)
         # One that starts on zero, at an event say, has a sign of rounding: it has left that of its end.
-        on_zero = jnp.abs(start[0]) <= _locate.TOLERANCE * row.h * jnp.abs(start[1])
+        on_zero = jnp.abs(start[0]) <= ACCURACY.event_tolerance * row.h * jnp.abs(start[1])
         side = jnp.where(on_zero, -end, start[0])
         sign = {"falling": 1.0, "rising": -1.0}.get(section.direction, jnp.sign(side))
         value, rate, value0, rate0 = (sign * a for a in (*found, *start))
         value0 = jnp.where(on_zero, jnp.maximum(value0, 0.0), value0)
-        near = jnp.abs(value) <= -rate * _locate.TOLERANCE_SECTION * row.h
+        near = jnp.abs(value) <= -rate * ACCURACY.section_tolerance * row.h
         collapsed = _locate.is_collapsed(bracket, row.t, row.h)
         # Whether the step crosses was decided in the run; here rounding may see it otherwise.
         inside = (value0 > 0) | on_zero

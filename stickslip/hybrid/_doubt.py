@@ -1,6 +1,6 @@
 r"""Event functions under error control: is a step short enough to know them between its ends?
 
-What the engine believes of an event function $g$ within a step is the cubic $p$ through its values and
+The engine takes an event function $g$ within a step for the cubic $p$ through its values and
 exact rates at both ends. It is compared with $g$ itself at two interior points, where the method gives
 the state to a higher order (`_within.py`). With the largest mismatch $e$ and the room $g$ has (its
 lowest value seen, or its size where it changes sign), the doubt is $3e/\mathrm{room}$: beyond 1, a zero
@@ -18,35 +18,22 @@ import jax
 import jax.numpy as jnp
 
 from ._loop_state import Lane, Plan
-from .event_functions import SLACK, EventFunctions, Values
+from .accuracy import ACCURACY
+from .event_functions import EventFunctions, Values
 from .tree import cubic
 
-POINTS = (0.3819660112501051, 0.7236067977499789)
-CERTAIN = 3.0  # a mismatch of a third of the room is accepted
-LARGEST = 1e4  # a doubt beyond this says no more than that the step is much too long
-RELATIVE_ROUNDING = 1e-13  # mismatches below this part of the values are rounding
-# So are those below this part of the magnitude of a guard, whose terms may all but cancel.
-ROUNDING = 1e-15
-NO_JUMP = SLACK / ROUNDING
+NO_JUMP = ACCURACY.slack / ACCURACY.guard_rounding
 
 
 class Verdict(NamedTuple):
-    """What the looks inside a step say of it."""
+    """Result of the looks inside a step."""
 
     doubt: Any  # largest of all event functions; `place` does not say where
     place: Any  # fraction of the step at which one is or may be beyond zero, and back; 0 if nowhere
     jumps: Any  # whether one jumps in a step too short to be cut
 
 
-# The compiler computes what several results of a call share for each of them: there is only one. It
-# would run a call that is too large on several threads, which a fused program cannot.
-JUMPS = 4.0 * LARGEST
-TOGETHER = 4  # functions judged in one call
-# More than these are judged by one small program. It compiles sooner, but puts an end to vector
-# instructions in all that the compiler fuses with the stacking: batches ran three times as long.
-FEW = 4
-# A step that ends beyond a zero by less than this part of what its slope there amounts to ends on it.
-ON = 1e-3
+JUMPS = 4.0 * ACCURACY.doubt_largest
 
 
 class _Course(NamedTuple):
@@ -65,7 +52,7 @@ def look_inside(
     """Values of the event functions in the `states` at the interior points; none of those not asked."""
     rows = [
         plan.functions.values(system, lane.t + point * h, y, dy, lane.mode, args, lane.scales)
-        for point, y in zip(POINTS, states, strict=True)
+        for point, y in zip(ACCURACY.points_inside, states, strict=True)
     ]
     columns = zip(plan.looked_at_inside, *rows, strict=True)
     return tuple(tuple(column) if looked else () for looked, *column in columns)
@@ -84,11 +71,11 @@ def judge(
         return jnp.zeros_like(h)
     functions = plan.functions
     courses = [_course(functions, i, lane, values, inside[i], h) for i in looked]
-    roundings = [ROUNDING if i < functions.num_guards else 0.0 for i in looked]
+    roundings = [ACCURACY.guard_rounding if i < functions.num_guards else 0.0 for i in looked]
     short = h <= plan.resolution
-    instant = ROUNDING * plan.noise.time / jnp.maximum(h, plan.resolution)
+    instant = ACCURACY.guard_rounding * plan.noise.time / jnp.maximum(h, plan.resolution)
     sections = [i >= functions.num_guards for i in looked]
-    if plan.execute.fused or len(looked) <= FEW:
+    if plan.execute.fused or len(looked) <= ACCURACY.judged_apart:
         ones = zip(courses, roundings, sections, strict=True)
         found = [_look_inside(*of_one, instant, short) for of_one in ones]
     else:
@@ -108,13 +95,13 @@ class _Looked(NamedTuple):
 
 
 def _look_inside(course: _Course, rounding: Any, section: Any, instant: Any, short: Any) -> _Looked:
-    # What is smooth changes by its slope times the length; a jump does not know of the length. Next to
-    # zero the terms of a guard cancel, and what is left of their rounding is not a jump.
+    # A smooth function changes by its slope times the length; a jump does not know of the length. Next
+    # to zero the terms of a guard cancel, and what is left of their rounding is not a jump.
     slopes = jnp.abs(course.rise0) + jnp.abs(course.rise1)
     mismatch, size = _mismatch(course, rounding + instant * slopes)
     jumps = mismatch > 2.0 * slopes + 1e-9 * size + NO_JUMP * rounding
     # A section has no magnitude but its own values.
-    slack = SLACK if section is False else SLACK * jnp.where(section, size, 1.0)
+    slack = ACCURACY.slack if section is False else ACCURACY.slack * jnp.where(section, size, 1.0)
     return _Looked(mismatch, _room(course), _beyond(course, mismatch, section, slack, short), jumps)
 
 
@@ -128,7 +115,7 @@ def _verdict(found: list[_Looked], short: Any) -> Any:
         worst = jnp.where(larger, other.mismatch, worst)
         room = jnp.where(larger, other.room, room)
         jumps = jumps | other.jumps
-    doubt = jnp.minimum(CERTAIN * worst / room, LARGEST)
+    doubt = jnp.minimum(ACCURACY.doubt_certain * worst / room, ACCURACY.doubt_largest)
     doubt = jnp.where(short, jnp.where(jumps, JUMPS, 0.0), doubt)
     return jnp.where(place > 0, -place, doubt)
 
@@ -149,8 +136,8 @@ def _course(
     functions: EventFunctions, i: int, lane: Lane, values: Values, seen: tuple, h: Any
 ) -> _Course:
     start, rate = lane.values[i], lane.rates[i]
-    # The sign of the start for all: of a section both halves of an excursion count. What has just
-    # fired starts at zero, and has the sign it goes to.
+    # The sign of the start for all: of a section both halves of an excursion count. A guard that has
+    # just fired starts at zero, and has the sign it goes to.
     side = jnp.where(start == 0, rate, start)
     sign = functions.sign(i, side) if i < functions.num_guards else jnp.sign(side)
     return _Course(
@@ -163,12 +150,12 @@ def _mismatch(course: _Course, rounding: Any) -> tuple[Any, Any]:
     """Largest difference between the function and its cubic, and the largest of its values."""
     v0, a, v1, b, seen = course
     mismatch, size = jnp.zeros_like(v0), jnp.maximum(jnp.abs(v0), jnp.abs(v1))
-    for point, value in zip(POINTS, seen, strict=True):
+    for point, value in zip(ACCURACY.points_inside, seen, strict=True):
         mismatch = jnp.maximum(mismatch, jnp.abs(value - cubic(point, v0, a, v1, b)))
         size = jnp.maximum(size, jnp.abs(value))
     # Of a straight line the mismatch is rounding, and at zero room it would still be a doubt. Rounding
     # of the time is rounding of what changes with it.
-    return jnp.where(mismatch <= RELATIVE_ROUNDING * size + rounding, 0.0, mismatch), size
+    return jnp.where(mismatch <= ACCURACY.value_rounding * size + rounding, 0.0, mismatch), size
 
 
 def _room(course: _Course) -> Any:
@@ -200,13 +187,13 @@ def _beyond(course: _Course, mismatch: Any, section: Any, slack: Any, short: Any
     left, middle, right = v0 * b2 - b1 * b1, v0 * v1 - b1 * b2, b1 * v1 - b2 * b2
     dips = (jnp.minimum(b1, b2) < -slack) & (4.0 * left * right > middle * middle)
     begins = (v0 > 0) | ((v0 >= -slack) & (a > 0))
-    back = (v1 >= 0) | (v1 >= ON * b)
+    back = (v1 >= 0) | (v1 >= ACCURACY.ends_on_zero * b)
     cut = dips & back
     if section is not False:
         # Three zeros of the cubic need coefficients of changing sign, and three it may have.
         cut = cut | (section & (v1 < 0) & (b1 < -slack) & (b2 + 4.0 * mismatch > slack))
-    place = jnp.where(cut & ~short, POINTS[0], 0.0)
-    for point, value in reversed(list(zip(POINTS, seen, strict=True))):
+    place = jnp.where(cut & ~short, ACCURACY.points_inside[0], 0.0)
+    for point, value in reversed(list(zip(ACCURACY.points_inside, seen, strict=True))):
         beyond = value < -slack
         place = jnp.where(beyond & back, point, place)
         back = back | ~beyond

@@ -24,20 +24,14 @@ from ._loop_state import (
     Plan,
 )
 from ._step import Step
-from .event_functions import FAR, SLACK, STALE, EventFunctions, Values
+from .accuracy import ACCURACY
+from .event_functions import STALE, EventFunctions, Values
 from .executor import bookkeeping, piece
-from .longest_step import RESOLUTION
 from .status import DISCONTINUOUS, GRAZING, RUNNING, flag, of_guard
 from .tree import all_finite
 
-REACH = 1e-3  # part of the step to an event that the Newton correction may be
-ROUNDING = 1e-15  # of the time: no event is located better
-# A function is at its lowest where it falls by less than this on, of its magnitude, at the end of a
-# step; at the start of the next one by less than this part of that. In between no touch is lost.
-LOWEST, WAS_LOWEST = 1e-16, 0.1
 # Of a bend of a force, inside a step only: what it makes of derivatives is seen at the end of the step.
 TOUCHED, RESTED = 1 << 7, 1 << 8
-COINCIDENCE = 1e-9  # fraction of a full step within which two guards fire "at the same instant"
 
 
 class First(NamedTuple):
@@ -59,7 +53,9 @@ class First(NamedTuple):
 def _no_event(lane: Lane) -> First:
     zero, izero = jnp.zeros_like(lane.h), jnp.zeros_like(lane.mode)
     # Far above zero, so that any function is lower; positive at the start, so that none has crossed.
-    return First(izero, zero + FAR, zero, zero + FAR, zero, izero, zero + FAR, izero)
+    return First(
+        izero, zero + ACCURACY.far, zero, zero + ACCURACY.far, zero, izero, zero + ACCURACY.far, izero
+    )
 
 
 @piece
@@ -76,9 +72,9 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
     touched = best.index - 1  # the last such guard, -1 for none
     free = lane.bracket.tries == 0
     full = jnp.where(free, lane.h, lane.full)
-    beside = -COINCIDENCE * full
+    beside = -ACCURACY.coincidence * full
     at_start = ~free & (lane.h == 0)
-    rounding = -2.0 * LOWEST / lane.h
+    rounding = -2.0 * ACCURACY.lowest / lane.h
     for i in range(functions.count):
         is_guard = i < functions.num_guards
         acts = functions.acts(i)
@@ -97,9 +93,10 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         close = best.close
         bend = is_guard and functions.is_bend(i)
         if bend:
-            # What an outcome holds still moves beyond the border of that alone, which is met first.
+            # A margin held by an outcome still moves beyond the border of that alone, which is met
+            # first.
             held = (rate == 0) & (rate0 == 0) & (lane.h > 0) & (value0 >= 0)
-            value = jnp.where(held & (stop_gradient(value) < 2.0 * STALE), FAR, value)
+            value = jnp.where(held & (stop_gradient(value) < 2.0 * STALE), ACCURACY.far, value)
         if plan.detect_dips:
             dips, place = _locate.dip(value0, rate0, stop_gradient(value), rate, lane.h)
             sooner = dips & (place < best.h_dip)
@@ -107,7 +104,7 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         if not acts:
             continue
         # It turned back above zero, by less than what the tolerance of the state can decide. Of one
-        # that begins at zero, as what has just fired does, a fall by rounding is no turn.
+        # that begins at zero, as a guard that has just fired, a fall by rounding is not a turn.
         judged = is_guard and i not in functions.continuous
         if judged:
             low = (jnp.minimum(value0, stop_gradient(value)) < plan.touching) & (value0 > 0)
@@ -121,12 +118,12 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
             near = jnp.abs(stop_gradient(value)) < rate * beside
             close = close + near.astype(close.dtype)
         if is_guard and functions.count > 1:
-            # What rests on zero, or has just fired and is below it by rounding, is not what another is
-            # located beside.
-            value = jnp.where(at_start & (rate >= 0), FAR, value)
+            # No other is located beside a guard that rests on zero, or has just fired and is below it
+            # by rounding.
+            value = jnp.where(at_start & (rate >= 0), ACCURACY.far, value)
         if i in functions.continuous and functions.count > 1:
             idle = _stays(plan, value, rate) & (lane.bracket.beyond != i)
-            value = jnp.where(idle, FAR, value)
+            value = jnp.where(idle, ACCURACY.far, value)
         found = best._replace(
             index=i, value=value, rate=rate, value_start=value0, rate_start=rate0, close=close
         )
@@ -151,7 +148,7 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         other = ~free & (lane.bracket.beyond != best.index)
         idle = other & _stays(plan, stop_gradient(best.value), best.rate)
         idle = idle if bend is None else idle & ~bend
-        best = best._replace(value=jnp.where(idle, FAR, best.value))
+        best = best._replace(value=jnp.where(idle, ACCURACY.far, best.value))
     rests = _rests_at_zero(plan, lane, best)
     marks = best.marks
     if bend is not None:
@@ -165,19 +162,19 @@ def _turns(rate0: Any, rate: Any, rounding: Any) -> Any:
     """Whether a function is at its lowest inside the step or at its end, by its slopes at the ends.
 
     A parabola with these slopes falls by `h rate^2 / 2 (rate - rate0)` from an end to its lowest point.
-    What has just fired and leaves zero without a slope may fall by rounding at first: it does not turn.
+    A guard that has just fired and leaves zero without a slope may fall by rounding: it does not turn.
     `rounding`: of twice the fall, by the length of the step.
     """
     # By the signs of the slopes, so that what falls is negative. It turns if the bend is positive.
     least = rounding * (rate - rate0)
-    return (rate * jnp.abs(rate) >= least) & (rate0 * jnp.abs(rate0) < WAS_LOWEST * least)
+    return (rate * jnp.abs(rate) >= least) & (rate0 * jnp.abs(rate0) < ACCURACY.was_lowest * least)
 
 
 def _rests_at_zero(plan: Plan, lane: Lane, first: First) -> Any:
     """Whether the lowest guard cannot be distinguished from zero, and its slopes keep it there."""
     value = stop_gradient(first.value)
     slope = jnp.maximum(jnp.abs(first.rate), jnp.abs(first.rate_start))
-    leads_nowhere = slope * plan.resolution <= RESOLUTION * jnp.maximum(value, SLACK)
+    leads_nowhere = slope * plan.resolution <= ACCURACY.resolution * jnp.maximum(value, ACCURACY.slack)
     low = jnp.maximum(value, stop_gradient(first.value_start)) < plan.touching
     rests = leads_nowhere & ~_leaves(value, first.rate, lane.h)
     for i in plan.functions.continuous:
@@ -188,7 +185,7 @@ def _rests_at_zero(plan: Plan, lane: Lane, first: First) -> Any:
 def _stays(plan: Plan, value: Any, rate: Any) -> Any:
     """Whether a function would not be violated within a whole run at this slope."""
     # `plan.resolution` is a known part of the run.
-    return jnp.abs(rate) * plan.resolution <= RESOLUTION * (value + SLACK)
+    return jnp.abs(rate) * plan.resolution <= ACCURACY.resolution * (value + ACCURACY.slack)
 
 
 def _leaves(value: Any, rate: Any, h: Any) -> Any:
@@ -239,23 +236,23 @@ def _what_fires(plan: Plan, lane: Lane, h: Any, first: First, code: Any) -> Any:
     free, fresh = b.tries == 0, lane.fresh == 1.0
     guards = is_guard(functions, first)
     rate = first.rate
-    tolerance = jnp.where(guards, _locate.TOLERANCE, _locate.TOLERANCE_SECTION)
+    tolerance = jnp.where(guards, ACCURACY.event_tolerance, ACCURACY.section_tolerance)
     full = jnp.where(free, h, lane.full)
     # A short step late in a run cannot be divided further than the time can be told. The correction
     # must be small against the step that led here too: a hop may be tiny.
-    fine = jnp.maximum(tolerance * full, ROUNDING * jnp.abs(lane.t))
+    fine = jnp.maximum(tolerance * full, ACCURACY.time_rounding * jnp.abs(lane.t))
     # But what is within the rounding of the time is near: a step may have ended on the very zero, at a
     # time asked for, and the next one begins there.
-    least = jnp.maximum(REACH * h, ROUNDING * jnp.abs(lane.t))
+    least = jnp.maximum(ACCURACY.correction_reach * h, ACCURACY.time_rounding * jnp.abs(lane.t))
     reach = jnp.where(h == 0, tolerance * full, jnp.minimum(fine, least))
     near = jnp.abs(first.value) <= -rate * reach
     if functions.num_guards:
-        # Where a guard is flat it is not near: a load that was 0 for a while begins after that. What an
-        # outcome holds at zero is flat and is there.
+        # Where a guard is flat it is not near: a load that was 0 for a while begins after that. A
+        # margin that an outcome holds at zero is flat and is there.
         flat = guards & (rate == 0.0)
         near = near & ~(flat & ~functions.is_bend(first.index) if functions.num_bends else flat)
     # Guards at rest lie at zero to rounding; only what is clearly beyond fires.
-    hit = first.value < jnp.where(guards, -SLACK, 1e-300)
+    hit = first.value < jnp.where(guards, -ACCURACY.slack, 1e-300)
     # A jump through zero ends on its far side, where the new mode is what it will be.
     collapsed = _locate.is_collapsed(b, lane.t, full) & (first.value < 0)
     shrink = fresh & (hit | ~free)
@@ -266,7 +263,7 @@ def _what_fires(plan: Plan, lane: Lane, h: Any, first: First, code: Any) -> Any:
     code = jnp.where(shrink & near, jnp.where(guards, EVENT, SECTION), code)
     # A dip of one function may lie before the crossing of another: it is looked at first. And the zero
     # that was located may be the last of several.
-    code = jnp.where(fresh & (first.h_dip < FAR) & (free | near), DIP, code)
+    code = jnp.where(fresh & (first.h_dip < ACCURACY.far) & (free | near), DIP, code)
     return jnp.where(~fresh & hit & guards, VIOLATED, code)
 
 

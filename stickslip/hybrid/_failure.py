@@ -54,7 +54,7 @@ def raise_failures(solution: ResultT, successful: Given[bool | np.ndarray | jax.
 
 
 def _message(solution: Any, successful: np.ndarray) -> str:
-    """What happened to the run, or to the lanes that failed, and when."""
+    """Causes and times of failure of the run, or of the lanes that failed."""
     names = names_of(solution.result)
     names, successful = np.broadcast_arrays(names, successful)
     failed = names[~successful]

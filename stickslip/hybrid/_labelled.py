@@ -7,17 +7,16 @@ import jax
 import numpy as np
 
 from .._validation import is_concrete, misshaped, numbers, refusal
+from .accuracy import ACCURACY
 from .arguments import the_system
 from .components import components_of, entries, own_axes, per_second, period_of, second_of, unit_of
 from .status import RESULTS
-
-MOST_NAMES = 1024  # of more modes only those are named that occur
 
 
 def mode_attributes(system: Any, *modes: Any) -> dict[str, list]:
     """Names of all modes, or of those that occur where there are many."""
     names = system.mode_names
-    if len(names) <= MOST_NAMES:
+    if len(names) <= ACCURACY.named_modes:
         return {"mode_names": list(names)}
     met = np.unique(np.concatenate([np.ravel(np.asarray(m)) for m in modes]))
     met = [int(m) for m in met if m >= 0]

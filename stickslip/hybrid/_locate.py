@@ -9,13 +9,7 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 
-# An event is accepted when the Newton correction that is left is this fraction of the full step;
-# the correction is then applied, so that its square is the location error.
-TOLERANCE = 1e-11
-TOLERANCE_SECTION = 1e-6  # sections are corrected after the run with their exact rate
-LEVEL = 1e-9  # a slope below this part of the other one counts as zero
-# Steep on one side and flat on the other, interpolation may creep; halving now and then bounds it.
-BISECT_EVERY = 8
+from .accuracy import ACCURACY
 
 
 class Bracket(NamedTuple):
@@ -75,7 +69,9 @@ def is_collapsed(b: Bracket, t: Any, full: Any) -> Any:
     leaves zero at the start without a slope, as the square of a speed at rest, is halved for ever.
     """
     told = 4e-16 * jnp.maximum(jnp.abs(t), b.high)
-    return b.high - b.low <= jnp.where(b.low == 0.0, jnp.maximum(told, TOLERANCE * full), told)
+    return b.high - b.low <= jnp.where(
+        b.low == 0.0, jnp.maximum(told, ACCURACY.event_tolerance * full), told
+    )
 
 
 def propose(b: Bracket, full: Any, t: Any) -> Any:
@@ -105,11 +101,12 @@ def propose(b: Bracket, full: Any, t: Any) -> Any:
     inside_secant = (secant > b.low) & (secant < b.high)
     tries = jnp.abs(b.tries)
     at_first = b.low == 0.0
-    # A guard that has just fired starts at zero: every interpolation would find that zero again. What
-    # leaves zero without a slope, as a block whose friction is just overcome, may fall by rounding.
-    level = (b.rate_low <= 0) & (-b.rate_low <= LEVEL * jnp.abs(b.rate_high))
+    # A guard that has just fired starts at zero: every interpolation would find that zero again. One
+    # that leaves zero without a slope, as a block whose friction is just overcome, may fall by
+    # rounding.
+    level = (b.rate_low <= 0) & (-b.rate_low <= ACCURACY.level_slope * jnp.abs(b.rate_high))
     resting = at_first & ((b.rate_low >= 0) | level) & (b.value_low <= 1e-12)
-    forced = (tries >= BISECT_EVERY) & (jnp.floor(tries * 0.5) * 2.0 == tries)
+    forced = (tries >= ACCURACY.bisect_every) & (jnp.floor(tries * 0.5) * 2.0 == tries)
     rise = b.rate_low * b.high
     hop = rise - b.value_high
     leap = rise * b.high / jnp.where(resting & (hop > 0), hop, 1.0)
@@ -119,7 +116,12 @@ def propose(b: Bracket, full: Any, t: Any) -> Any:
     guess = jnp.where(resting, leap, guess)
     guess = jnp.where(halve, b.low + 0.5 * width, guess)
     # Falling, and so near zero at the start that the Newton correction reaches it: the event is there.
-    at_start = at_first & (b.rate_low < 0) & ~level & (b.value_low <= -TOLERANCE * full * b.rate_low)
+    at_start = (
+        at_first
+        & (b.rate_low < 0)
+        & ~level
+        & (b.value_low <= -ACCURACY.event_tolerance * full * b.rate_low)
+    )
     guess = jnp.where(at_start, 0.0, guess)
     return jnp.where(is_collapsed(b, t, full) & (b.tries != 0), b.high, guess)
 
@@ -127,9 +129,9 @@ def propose(b: Bracket, full: Any, t: Any) -> Any:
 def begins_inside(value0: Any, rate0: Any, rate: Any) -> Any:
     """Whether a function that crosses downwards begins a step above zero, or on it and rises.
 
-    What rests on zero has a slope of rounding, beside that of its end, and does not begin inside.
+    A guard that rests on zero has a slope of rounding beside that of its end, and does not.
     """
-    return (value0 > 0) | ((value0 == 0) & (rate0 > LEVEL * jnp.abs(rate)))
+    return (value0 > 0) | ((value0 == 0) & (rate0 > ACCURACY.level_slope * jnp.abs(rate)))
 
 
 def dip(value0: Any, rate0: Any, value1: Any, rate1: Any, h: Any) -> tuple[Any, Any]:

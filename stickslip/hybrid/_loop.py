@@ -92,8 +92,8 @@ def _changing(once: Callable, lane: Lane) -> tuple[Callable, Callable, list]:
     ]
 
     others = len(closed.jaxpr.outvars) - number
-    # What only served leaves that do not change goes too. `instantiate` keeps all inputs, so that they
-    # can be filled in by place.
+    # Equations that only served leaves that do not change go too. `instantiate` keeps all inputs, so
+    # that they can be filled in by place.
     jaxpr, _ = dce_jaxpr(closed.jaxpr, [*changes, *[True] * others], instantiate=True)
 
     def changing_of(leaves):

@@ -1,4 +1,4 @@
-"""What one lane carries from attempt to attempt, and what an attempt did."""
+"""State of one lane between attempts, and the outcome of an attempt."""
 
 from typing import Any, NamedTuple
 
@@ -18,9 +18,9 @@ from .executor import Executor
 from .status import CODE, RUNNING
 from .stepper import AbstractStepper
 
-# What became of an attempt. The decision is one number, computed once; everything else selects on it.
-# Codes, counters and marks are floating-point numbers: masks that come from and go to vectors of the
-# width of the state need no packing. The order makes each question about a code one comparison.
+# Codes of the outcome of an attempt. The decision is one number, computed once; everything else selects
+# on it. Codes, counters and marks are floating-point numbers: masks that come from and go to vectors of
+# the width of the state need no packing. The order makes each question about a code one comparison.
 HOLD = 0.0  # the lane had ended
 SHRINK = 1.0  # an event function changed sign: try shorter
 DIP = 2.0  # an event function may have gone through zero and back: look there
@@ -63,7 +63,7 @@ class Lane(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What one attempt did, for the recorder and for the reverse sweep."""
+    """Outcome of one attempt, for the recorder and for the reverse sweep."""
 
     code: Any
     guard: Any

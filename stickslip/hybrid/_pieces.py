@@ -1,7 +1,7 @@
 """A function with several results as pieces of a fused program: what they share is computed once.
 
-Within one call the compiler computes for every result all that it depends on. What is expensive and
-wanted by more than one result becomes a call of its own here.
+Within one call the compiler computes for every result all that it depends on. Expensive values
+that several results need become calls of their own here.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,6 +11,7 @@ import jax
 from jaxtyping import PyTree
 
 from .._jaxpr import LITERAL, bound, spelled_out
+from .accuracy import ACCURACY
 from .executor import Executor, closed_jaxpr
 
 _FREE = {"broadcast_in_dim", "convert_element_type", "copy", "reshape", "squeeze", "neg", "pjit"}
@@ -19,7 +20,6 @@ _DEAR = {
     "log1p", "pow", "rem", "rsqrt", "sin", "sinh", "sqrt", "tan", "tanh",
 }  # fmt: skip
 _INLINED = ("jit", "pjit", "closed_call", "custom_jvp_call")
-WORTH = 8  # operations that must be saved: a call has to store its result and to be read again
 
 
 def in_pieces(execute: Executor, function: Callable) -> Callable:
@@ -86,7 +86,7 @@ def worthwhile_pieces(equations: Sequence, results: Sequence[int]) -> set[int]:
     cuts: set[int] = set()
     while True:
         behind, ahead = _behind(parents, cuts), _ahead(parents, cuts, set(results))
-        best, most = None, WORTH
+        best, most = None, ACCURACY.worth_a_call
         for i in range(len(equations)):
             if i in cuts or ahead[i].bit_count() < 2:
                 continue
@@ -117,7 +117,7 @@ def _ahead(parents: list[set[int]], cuts: set[int], results: set[int]) -> list[i
         own = 1 << i if i in cuts or i in results else 0
         if i in results:
             found[i] |= own
-        # What is cut is computed once, whoever wants it.
+        # A cut piece is computed once for all its readers.
         handed = own if i in cuts else found[i]
         for j in parents[i]:
             found[j] |= handed

@@ -15,13 +15,12 @@ from jaxtyping import PyTree
 
 from ._loop import run, run_block, running
 from ._loop_state import REFRESH, Lane, Outcome, Plan, is_accepted
+from .accuracy import ACCURACY
 from .tree import select
-
-BLOCK = 64
 
 
 class Capacities(eqx.Module):
-    """What is recorded and how much room there is; static."""
+    """Rows that are recorded and the room for them; static."""
 
     events: int | None = eqx.field(static=True)  # capacity, or None
     crossings: tuple[int, ...] = eqx.field(static=True)  # capacity per section
@@ -119,7 +118,7 @@ def record(
 
     def body(carry):
         before, logs, steps = carry
-        after, rows = run_block(plan, problem, before, t1, outputs, BLOCK, row_of)
+        after, rows = run_block(plan, problem, before, t1, outputs, ACCURACY.rows_at_once, row_of)
         logs, steps = _collect(capacities, logs, steps, before, after, rows)
         if plan.progress is not None:
             plan.progress.report(lane.t, after.t, t1, after.status)
@@ -200,7 +199,7 @@ def _move(log, counts, first, last, pick):
         # The first row at which the count is beyond `number`. A sum and no bisection: the compiler
         # computes it once, and the bisection again for every number of the row.
         index = jnp.sum(counts <= number, dtype=jnp.int32)
-        row = pick(jnp.minimum(index, BLOCK - 1))
+        row = pick(jnp.minimum(index, ACCURACY.rows_at_once - 1))
         size = jax.tree.leaves(log)[0].shape[0]
         place = jnp.where(number < last, number.astype(jnp.int32), size)
         log = jax.tree.map(lambda a, r: a.at[place].set(r, mode="drop"), log, row)

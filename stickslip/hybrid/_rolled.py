@@ -32,7 +32,7 @@ def step(
     tableau: Tableau, field: Callable, t: Any, y: PyTree, dy: PyTree, h: Any, inside: Sequence = (),
     surprises: bool = False,
 ) -> tuple[PyTree, PyTree, tuple[PyTree, ...], tuple[PyTree, ...], PyTree | None]:  # fmt: skip
-    """What a step is and shows, as `AbstractStepper.step_and_look`.
+    """A step and the looks inside it, as `AbstractStepper.step_and_look`.
 
     `inside`: the weights of each of those states; `surprises`: whether the last stage is at the end of
     the step and is compared with it.

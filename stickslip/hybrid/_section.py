@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import equinox as eqx
 import jax
-import jax.extend
+from jax.interpreters.partial_eval import dce_jaxpr
 from jaxtyping import PyTree
 
 from .._types import Numeric, Whole
@@ -57,10 +57,6 @@ class Section(eqx.Module):
         def of_slope(dy):
             return self.function(system, t, y, dy, mode, args)
 
-        closed = jax.make_jaxpr(of_slope)(dy)
-        literal = jax.extend.core.Literal
-        needed = {v for v in closed.jaxpr.outvars if not isinstance(v, literal)}
-        for eqn in reversed(closed.jaxpr.eqns):
-            if any(out in needed for out in eqn.outvars):
-                needed |= {v for v in eqn.invars if not isinstance(v, literal)}
-        return any(var in needed for var in closed.jaxpr.invars)
+        jaxpr = jax.make_jaxpr(of_slope)(dy).jaxpr
+        _, used = dce_jaxpr(jaxpr, [True] * len(jaxpr.outvars))
+        return any(used)

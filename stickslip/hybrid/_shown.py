@@ -7,10 +7,9 @@ import numpy as np
 from .._outcome import names_of, tally
 from .._show import counted, html_table, number, value_text
 from .._validation import is_concrete
+from .accuracy import ACCURACY
 from .components import components_of
 from .status import RESULTS, flags_text
-
-SHOWN = 8  # rows of a log
 
 
 def log_text(name: str, log: Any, one: str, more: str) -> str:
@@ -33,8 +32,8 @@ def mode_path(log: Any) -> str:
         return ""
     count = int(log.count)
     modes = [*np.asarray(log.mode_before)[: min(count, 1)], *np.asarray(log.mode_after)[:count]]
-    shown = " > ".join(str(int(m)) for m in modes[: SHOWN + 1])
-    return f"modes {shown}{' > ...' if len(modes) > SHOWN + 1 else ''}"
+    shown = " > ".join(str(int(m)) for m in modes[: ACCURACY.shown_rows + 1])
+    return f"modes {shown}{' > ...' if len(modes) > ACCURACY.shown_rows + 1 else ''}"
 
 
 def log_html(name: str, log: Any, codes: tuple[str, ...]) -> str:
@@ -50,9 +49,9 @@ def log_html(name: str, log: Any, codes: tuple[str, ...]) -> str:
     count = int(log.count)
     rows = [
         [value_text(np.asarray(column)[i]) for column in columns.values()]
-        for i in range(min(count, SHOWN))
+        for i in range(min(count, ACCURACY.shown_rows))
     ]
-    if count > SHOWN:
+    if count > ACCURACY.shown_rows:
         rows.append(["..."] * len(columns))
     return html_table(f"{name}: {counted(count, 'row')}", tuple(columns), rows)
 

@@ -20,11 +20,8 @@ from jaxtyping import PyTree
 from ._bends import Change, Outcomes, compares, evaluate_with
 from ._section import Section
 from ._wrapper import AbstractSystemWrapper
+from .accuracy import ACCURACY
 from .system import AbstractHybridSystem, guard_directions, mode_type
-
-# A state at a border is moved off it by this part of the terms that make it, more than `SLACK` of them.
-EDGE = 4e-12
-LARGEST = 2**62  # number of modes and sides that an integer can tell apart
 
 
 class Sided(AbstractSystemWrapper):
@@ -153,7 +150,7 @@ def system_with_sides(
     numbers = Program(by_numbers, (system, args), t, mode, y)
     # A system that declares its switches knows of what is not seen.
     left, width = found.left and not found.declared, found.width
-    if not found.changes or len(system.mode_names) << width > LARGEST:
+    if not found.changes or len(system.mode_names) << width > ACCURACY.modes_and_sides:
         return None, left or bool(found.changes)
     changes, jumps = tuple(found.changes), found.jumps
 
@@ -199,7 +196,7 @@ def _field_program(system: Any, t: Any, y: PyTree, mode: Any, args: PyTree) -> t
         return found
 
     closed = jax.make_jaxpr(field)(t, mode, *leaves)
-    # What no slope comes from is no part of the motion.
+    # A number without a slope is not a part of the motion.
     used = dce_jaxpr(closed.jaxpr, [True] * len(closed.jaxpr.outvars), instantiate=True)[0]
     return jax.extend.core.ClosedJaxpr(used, closed.consts), slope
 
@@ -212,7 +209,7 @@ def _look(
     t, y = _on_declared_sides(system, t, y, mode, args, outcomes)
     closed, form = _field_program(system, t, y, mode, args)
     leaves = jax.tree.leaves(y)
-    # What has no slope, as the number of a piece between two breaks, changes in no outcome.
+    # A number without a slope, such as that of a piece between two breaks, changes in no outcome.
     varies = (False, False, *(_moves(slope, closed.jaxpr) for slope in closed.jaxpr.outvars))
     found = evaluate_with(closed, (t, mode, *leaves), varies, outcomes)
     return jax.tree.unflatten(form, found), outcomes
@@ -241,7 +238,7 @@ def _on_declared_sides(
             continue
         flat, back = ravel_pytree(jax.lax.stop_gradient((t, y)))
         slopes = ravel_pytree(slopes)[0]
-        beside = EDGE * (jnp.sum(jnp.abs(slopes * flat)) + jnp.abs(now)) + 1e-300
+        beside = ACCURACY.edge * (jnp.sum(jnp.abs(slopes * flat)) + jnp.abs(now)) + 1e-300
         lacks = jax.lax.stop_gradient(jnp.maximum(beside - jnp.where(side, now, -now), 0.0))
         # Each number by its own size; the time, which comes first, only if there is nothing else.
         weight = jnp.abs(flat) / jnp.maximum(jnp.max(jnp.abs(flat)), 1e-300) + 1e-6
@@ -262,7 +259,7 @@ def _moves(slope: Any, jaxpr: Any) -> bool:
 
 
 def without_sides(solution: Any, system: Any) -> Any:
-    """What a run of `system` found, with the modes of the system itself if `system` is a `Sided`."""
+    """Solution of a run of `system`, with the modes of the system itself if `system` is a `Sided`."""
     if not isinstance(system, Sided):
         return solution
 

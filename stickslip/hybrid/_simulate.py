@@ -24,6 +24,7 @@ from ._solution import Solution
 from ._step_size import AbstractStepSize, AdaptiveStep
 from ._still import too_still
 from ._tolerance import Noise, cancelling, component_tolerances
+from .accuracy import ACCURACY
 from .arguments import (
     a_time,
     check_field,
@@ -39,7 +40,7 @@ from .compile_options import jit_plainly
 from .dependence import may_jump
 from .event_functions import event_functions
 from .executor import current_executor
-from .longest_step import RESOLUTION, step_bound
+from .longest_step import step_bound
 from .status import BENT, CODE, STILL, flag, to_result
 from .stepper import ExplicitRungeKutta, as_stepper
 from .system import AbstractHybridSystem
@@ -84,7 +85,7 @@ class Integrator(eqx.Module):
     - `max_steps`: attempts per lane before it ends with `RESULTS.max_steps_reached`.
     - `detect_dips`: look inside steps. One over which an event function may have gone through zero and
       back is divided there; with adaptive steps, one over which an event function is not the cubic
-      through its ends is made shorter. What remains: with fixed steps, excursions that are not convex
+      through its ends is made shorter. Missed are: with fixed steps, excursions that are not convex
       over a step; with adaptive ones those shorter than 0.4 of the longest step, which `AdaptiveStep`
       states for loads of the time and of the state.
     - `progress`: a `ProgressMeter` for long runs; off by default.
@@ -244,7 +245,7 @@ def _run(
     log_events = saveat.events and max_events is not None
     rule, watched, longest = step_bound(integrator.step, system, sections, t0, t1 - t0, y0, mode0, args)
     bent, unlocated = system_with_sides(system, t0, y0, mode0, args)
-    # What is located is no surprise: of a field with sides only jumps in time are.
+    # Located jumps surprise nobody; in a field with sides only jumps in time are left.
     of_time = (t0, y0) if bent is None or bent.jumps else (t0,)
     jumps = may_jump(lambda t, y=y0: system.vector_field(t, y, mode0, args), of_time)
     if bent is not None:
@@ -272,7 +273,7 @@ def _run(
         noise=stop_gradient(Noise(jnp.maximum(jnp.abs(t0), jnp.abs(t1)), terms)),
         watched=watched,
         longest=stop_gradient(longest),
-        resolution=stop_gradient(RESOLUTION * (t1 - t0)),
+        resolution=stop_gradient(ACCURACY.resolution * (t1 - t0)),
         detect_dips=integrator.detect_dips,
         switches=jumps,
         progress=integrator.progress,

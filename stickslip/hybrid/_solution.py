@@ -1,4 +1,4 @@
-"""What a simulation returns."""
+"""Results of a simulation."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any

@@ -28,7 +28,7 @@ def gently(eqn: Any, values: Sequence, place: int) -> list:
     """Results with a slope of 0 where there is none by the operand at `place`.
 
     `where(d > 0, sqrt(where(d > 0, d, 1)) * d, 0)` is smooth from its border on, where `sqrt` is not.
-    What has no value below zero has that at zero, so that fields go on beyond a border.
+    Without a value below zero it has that at zero, so that fields go on beyond a border.
     """
 
     def of(x: Any) -> Any:

@@ -7,21 +7,15 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ._doubt import POINTS, TOGETHER, judge, look_inside, told
+from ._doubt import judge, look_inside, told
 from ._loop_state import Lane, Plan, without_state
 from ._tolerance import Ends, cancelling, error_norm, largest_magnitude, largest_surprise, scales, sizes
 from ._unseen import step_excess
-from .event_functions import ROUNDED, STALE, Values, over_magnitudes
+from .accuracy import ACCURACY
+from .event_functions import STALE, Values, over_magnitudes
 from .executor import bookkeeping, piece
 from .status import DISCONTINUOUS, RUNNING, flag, flags_with
-from .stepper import ROOT_SHARE, ROOT_TOLERANCE
 from .tree import shift
-
-# A step this much shorter than those before it, accepted only because its error is small now, holds a
-# jump of the field: what is smooth is resolved long before.
-SUDDEN = 1e-5
-NEAR_ONE = 1e-14  # rounding of a number near 1
-FORGETS = 0.95  # part of the longest step that is remembered after one more
 
 
 class Step(NamedTuple):
@@ -53,8 +47,9 @@ def take(plan: Plan, problem: PyTree, lane: Lane) -> tuple[Lane, Step]:
     stepper = plan.stepper
     if stepper.solves:
         stepper = stepper.solved_to(_unit(plan, field, lane, h))
+    points = ACCURACY.points_inside if looks else ()
     y1, dy1, errors, within, surprise = stepper.step_and_look(
-        field, lane.t, lane.y, lane.dy, h, plan.execute, POINTS if looks else (), plan.functions.read,
+        field, lane.t, lane.y, lane.dy, h, plan.execute, points, plan.functions.read,
         plan.step_size.adaptive and plan.functions.num_guards > 0,
     )  # fmt: skip
     error = lane.error
@@ -73,7 +68,8 @@ def take(plan: Plan, problem: PyTree, lane: Lane) -> tuple[Lane, Step]:
     if plan.functions.count:
         kept = values = _values_at(plan, lane.mode, lane.t + h, y1, dy1, lane.size, problem=problem)
         if plan.functions.learned:
-            # What ends this step begins the next, which measures by what it finds there.
+            # Values at the end are the start values of the next step, scaled by the magnitudes found
+            # there.
             bare = without_state(lane)
             used, values, kept = _rescale(plan, bare, values)
             if plan.functions.num_bends:
@@ -82,7 +78,7 @@ def take(plan: Plan, problem: PyTree, lane: Lane) -> tuple[Lane, Step]:
         bare = without_state(lane)._replace(scales=used)
         inside = _look_inside(plan, bare, h, within, dy1, problem=problem)
         count = plan.functions.count
-        groups = range(0, count, TOGETHER if plan.execute.fused else count)
+        groups = range(0, count, ACCURACY.judged_together if plan.execute.fused else count)
         verdict = told([_judge(plan, bare, h, values, inside, first=first) for first in groups])
         # A value seen beyond zero is a fact: it is looked into at any step size. The doubt, which only
         # says that more may be hidden, can be answered by shorter steps alone.
@@ -97,7 +93,7 @@ def take(plan: Plan, problem: PyTree, lane: Lane) -> tuple[Lane, Step]:
 
 
 def _unit(plan: Plan, field, lane: Lane, h) -> list:
-    """What an error of 1 means in the stages of a step, whose end is not known: `scales` of its start.
+    """Meaning of an error of 1 in the stages of a step, whose end is not known: `scales` of its start.
 
     While nothing has moved, motion is as large as the slopes at both ends of Euler's step make it.
     """
@@ -107,10 +103,10 @@ def _unit(plan: Plan, field, lane: Lane, h) -> list:
     still = functools.reduce(jnp.logical_and, [jnp.all(a == 0.0) for a in jax.tree.leaves(size)])
     y1 = shift(y, slopes, jnp.where(still, h, 0.0))
     # Below rounding there is no share to be solved to.
-    terms = jax.tree.map(lambda a: a / ROOT_SHARE, cancelling(field, t, y))
+    terms = jax.tree.map(lambda a: a / ACCURACY.root_share, cancelling(field, t, y))
     noise = plan.noise._replace(terms=terms)
     rule: Any = plan.step_size
-    rtol = rule.rtol if rule.adaptive else ROOT_TOLERANCE
+    rtol = rule.rtol if rule.adaptive else ACCURACY.root_tolerance
     unit = scales(rtol, plan.atols, noise, size, Ends(h, y, y1, dy, dy))
     return jax.lax.stop_gradient(unit)
 
@@ -144,8 +140,8 @@ def _sudden_shortening(plan: Plan, lane: Lane, error):
     its derivative by the time of the jump is lost.
     """
     fits = (lane.status == RUNNING) & (lane.h > 0) & (lane.bracket.tries == 0) & (error <= 1.0)
-    jumps = fits & (lane.h < SUDDEN * lane.peak) & (error > 1e-3)
-    peak = jnp.where(fits, jnp.maximum(lane.h, FORGETS * lane.peak), lane.peak)
+    jumps = fits & (lane.h < ACCURACY.sudden * lane.peak) & (error > 1e-3)
+    peak = jnp.where(fits, jnp.maximum(lane.h, ACCURACY.forgets * lane.peak), lane.peak)
     return peak, flags_with(lane.flags, flag(jumps, DISCONTINUOUS), lane.t + lane.h)
 
 
@@ -165,7 +161,7 @@ def _look_inside(plan: Plan, lane: Lane, h, within: tuple, dy, *, problem):
 
 @bookkeeping
 def _judge(plan: Plan, lane: Lane, h, values: Values, inside, *, first: int):
-    last = first + TOGETHER if plan.execute.fused else len(inside)
+    last = first + ACCURACY.judged_together if plan.execute.fused else len(inside)
     return judge(plan, lane, h, values, inside, first, last)
 
 
@@ -197,7 +193,7 @@ def _rescale(plan: Plan, lane: Lane, values: Values) -> tuple[tuple, Values, Val
     always been zero, or at the rounding of one that has just fired, is known as well as the time: for
     one step. Of one that does not change nothing tells its zero from the rounding of a number near 1.
     """
-    stays, time = lane.fresh == 1.0, ROUNDED * plan.noise.time
+    stays, time = lane.fresh == 1.0, ACCURACY.rounded * plan.noise.time
     used, kept = (), ()
     rows = zip(plan.functions.stated, lane.scales, *jax.lax.stop_gradient(values), strict=False)
     for i, (stated, scale, value, rate, terms) in enumerate(rows):
@@ -209,7 +205,7 @@ def _rescale(plan: Plan, lane: Lane, values: Values) -> tuple[tuple, Values, Val
             value, rate, terms = (jnp.where(jnp.abs(a) < jnp.inf, a, 0.0) for a in (value, rate, terms))
         found = jnp.maximum(jnp.abs(value), terms)
         begun = jnp.abs(rate) * time
-        unknown = (begun == 0.0) & (terms == 0.0) & (value < NEAR_ONE) & (value != 0.0)
+        unknown = (begun == 0.0) & (terms == 0.0) & (value < ACCURACY.near_one) & (value != 0.0)
         begun = jnp.where(unknown, 1.0, begun)
         begun = jnp.where(begun > found, -begun, found)
         used += (jnp.where(stays & (scale != 0.0), scale, begun),)

@@ -129,9 +129,9 @@ class AdaptiveStep(AbstractAdaptiveStep):
     the `time_scale` of the system; where it states none, a component goes no farther in one step than
     1/36 of its period (`periods`), and a time or a component without one lasts no longer than 1/1000 of
     the run. A component that is acted upon by what it drives is bounded so while it moves evenly; else
-    its own motion says how long a step is (with a period at most 1/8 of it). What rises and falls again
-    within 0.4 of the longest step, or within 1/60 of a period, can be missed. `dtmin` [s]: a step that
-    would have to be shorter ends the lane with `RESULTS.dt_min_reached`.
+    its own motion says how long a step is (with a period at most 1/8 of it). An excursion that
+    begins and ends within 0.4 of the longest step, or within 1/60 of a period, can be missed. `dtmin`
+    [s]: a step that would have to be shorter ends the lane with `RESULTS.dt_min_reached`.
 
     Errors: `ValueError` if a tolerance is not positive, or `dtmin < 0`, or `dtmax` not above 0 or below
     `dtmin`, or `safety` not in (0, 1], or `factor_min` not in (0, 1), or `factor_max` below 1. If

@@ -14,13 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ._loop_state import Plan
-from ._tolerance import ROUNDING, SMALLEST
-
-UNSEEN = 1e7  # a motion of fewer tolerances than this does not set the length of its steps,
-SEEN = 1e-3  # but one of this part of the state does
-# A step times the rate of the field, to the power of the order: derivatives may be 1e-4 off beyond it.
-LONGEST = 1e-4
-BEGINNING = 10  # steps in which the length may have grown from that of the first to that of the run
+from .accuracy import ACCURACY
 
 
 def too_still(
@@ -35,7 +29,7 @@ def too_still(
     y0, y1, dy1 = jax.lax.stop_gradient((y0, y1, dy1))
     sizes = jax.tree.map(lambda a, b: jnp.maximum(jnp.abs(a), jnp.abs(b)), y0, y1)
     dy0, rate, driven = _start(field, t, y0, sizes)
-    mean_step = lasts / jnp.maximum(steps - BEGINNING, 1).astype(jnp.float64)
+    mean_step = lasts / jnp.maximum(steps - ACCURACY.still_beginning, 1).astype(jnp.float64)
     terms = jax.tree.leaves(plan.noise.terms)
     leaves = [jax.tree.leaves(tree) for tree in (y0, y1, dy0, dy1, sizes, driven)]
     most: Any = 0.0
@@ -43,13 +37,15 @@ def too_still(
         most = jnp.maximum(most, jnp.max(size))
     still = jnp.ones_like(t) > 0
     for a, b, da, db, size, by_others, atol, term in zip(*leaves, plan.atols, terms, strict=True):
-        seen = rule.rtol * jnp.maximum(size, SMALLEST * most)
-        seen = UNSEEN * (seen + (ROUNDING * term * mean_step if atol is None else atol))
+        seen = rule.rtol * jnp.maximum(size, ACCURACY.smallest * most)
+        seen = ACCURACY.unseen_motion * (
+            seen + (ACCURACY.field_rounding * term * mean_step if atol is None else atol)
+        )
         # A velocity is zero at rest: what it is seen against comes from the positions, in its own unit.
-        seen = jnp.minimum(seen, SEEN * jnp.maximum(size, by_others))
+        seen = jnp.minimum(seen, ACCURACY.seen_motion * jnp.maximum(size, by_others))
         moved = jnp.maximum(jnp.abs(b - a), mean_step * jnp.maximum(jnp.abs(da), jnp.abs(db)))
         still = still & jnp.all(moved <= seen)
-    longest = LONGEST ** (1.0 / plan.stepper.order())
+    longest = ACCURACY.still_step ** (1.0 / plan.stepper.order())
     # A run shorter than one over the rate is right even in one step.
     return still & (lasts * rate > 1.0) & (mean_step * rate > longest)
 

@@ -96,7 +96,7 @@ def _square(rows: Any) -> np.ndarray:
         for i, row in enumerate(rows)
     ]
     if any(row.ndim != 1 or row.size > len(rows) for row in found):
-        return np.zeros((0, 0))  # refused for its shape
+        return np.zeros((0, 0))  # rejected for its shape
     return np.array([np.pad(row, (0, len(rows) - row.size)) for row in found], float)
 
 

@@ -8,21 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
 from .._validation import check_mapping, check_positive, leaves_of, misshaped, refusal
-
-# A component this much smaller than the largest of the motion is measured against the latter. In a
-# long chain the far end begins to move like a high power of the time, of which no method has a digit.
-SMALLEST = 1e-6
-# Rounding of the terms that cancel in the field, in units of the spacing of numbers.
-ROUNDING = 8 * 2.3e-16
-# Steps within this many roundings of the time may hold a jump that cannot be told any better.
-SHORT = 1e4
-TINY = 1e-150  # its square is still a normal number
-# An absolute tolerance above this part of a component says nothing about the component.
-LOOSE = 1e-4
-# The last stage of a step may differ from its end by `rtol` to this power, as a part of the motion:
-# such is the order of that difference beside that of the error.
-EXPECTED = 0.4
-
+from .accuracy import ACCURACY
 
 TOLERANCE = (
     "None, a positive number, a mapping from names of components or from units, or a pytree with the "
@@ -115,7 +101,7 @@ def cancelling(field: Any, t: Any, y: PyTree) -> PyTree:
 
 
 class Noise(NamedTuple):
-    """What rounding is a part of."""
+    """Magnitudes that rounding is a part of."""
 
     time: Any  # largest time of the run [s]
     terms: PyTree  # terms that add up to the slope
@@ -132,31 +118,31 @@ class Ends(NamedTuple):
 
 
 def scales(rtol: Any, atols: tuple, noise: Noise, size: PyTree, step: Ends) -> list:
-    """What an error of 1 means in each leaf: `atol + rtol max(|y0|, |y1|)`.
+    """Meaning of an error of 1 in each leaf: `atol + rtol max(|y0|, |y1|)`.
 
     Without an absolute tolerance, `rtol` times the largest magnitude so far, of the component itself
-    or of `SMALLEST` of the largest component; on top the rounding of the field, and what the motion
-    does within the rounding of the time: a field that jumps where the state is still zero leaves an
-    error of the size of the motion however short the step. Of a longer step the slope at its end does
-    not count: where a stiff motion explodes, it grows faster than the error.
+    or of a part (`ACCURACY.smallest`) of the largest component. Added to this are the rounding of the
+    field and the motion within the rounding of the time: a field that jumps where the state is still
+    zero leaves an error of the size of the motion however short the step. The slope at the end of a
+    longer step does not count: where a stiff motion explodes, it grows faster than the error.
     """
     size = step.y0 if size is None else size
     leaves = [
         jax.tree.leaves(tree) for tree in (size, step.y0, step.y1, noise.terms, step.dy0, step.dy1)
     ]
-    most: Any = TINY
+    most: Any = ACCURACY.tiny
     if any(a is None for a in atols):
         for s, _, b, *_ in zip(*leaves, strict=True):
             most = jnp.maximum(most, jnp.max(jnp.maximum(s, jnp.abs(b))))
     found = []
-    short = step.h <= SHORT * ROUNDING * noise.time
+    short = step.h <= ACCURACY.short * ACCURACY.field_rounding * noise.time
     for atol, s, a, b, n, da, db in zip(atols, *leaves, strict=True):
         here = jnp.maximum(jnp.abs(a), jnp.abs(b))
         if atol is None:
-            here = jnp.maximum(jnp.maximum(s, here), SMALLEST * most)
+            here = jnp.maximum(jnp.maximum(s, here), ACCURACY.smallest * most)
             ends = jnp.where(short, jnp.maximum(jnp.abs(da), jnp.abs(db)), jnp.abs(da))
             unsure = n * step.h + noise.time * ends
-            found.append(rtol * here + ROUNDING * unsure)
+            found.append(rtol * here + ACCURACY.field_rounding * unsure)
         else:
             found.append(atol + rtol * here)
     return found
@@ -193,7 +179,7 @@ def largest_surprise(surprise: PyTree, scale: list, ends: Ends, rtol: Any) -> An
     friction law has its peak at the very end, of all slopes that of the end alone may know it, and no
     error estimate has it.
     """
-    expected = rtol**EXPECTED
+    expected = rtol**ACCURACY.expected
     most: Any = 0.0
     leaves = [jax.tree.leaves(tree) for tree in (surprise, ends.dy0, ends.dy1)]
     for e, da, db, s in zip(*leaves, scale, strict=True):
@@ -211,6 +197,6 @@ def too_loose(atols: tuple, size: PyTree) -> Any:
     loose: Any = jnp.zeros((), bool)
     for atol, s in zip(atols, leaves, strict=True):
         if atol is not None:
-            # What is rounding next to the other components does not move.
-            loose = loose | jnp.any((s > 0) & (s > 1e-14 * most) & (atol > LOOSE * s))
+            # A component that is rounding next to the others does not move.
+            loose = loose | jnp.any((s > 0) & (s > 1e-14 * most) & (atol > ACCURACY.loose * s))
     return loose

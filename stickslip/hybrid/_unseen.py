@@ -18,22 +18,14 @@ from jaxtyping import PyTree
 
 from .._jaxpr import called, walk
 from ._tolerance import Ends
+from .accuracy import ACCURACY
 from .components import components_of, entries, period_of
 
 # Turns a function can make along a line: 1 of a straight line, 2 of a parabola or what bends once, 3 of
 # what bends twice or levels off at both ends. With more it may be flat, rise, fall, and be flat again.
 HIDES = 4
-# Added to those of what is no polynomial: kinks of several terms add up, and their highest power stays.
+# Added to the turns of a function that is not a polynomial: kinks of several terms add up.
 BENT = 8
-MOST = 64  # numbers of a state that are told apart; of a larger one its leaves are
-# Part of a declared period that is travelled in one step, and times more where the error sees a motion.
-OF_PERIOD = 1.0 / 36.0
-SEEN = 4.5
-# A motion that is the parabola through its ends and slopes to this part of the way is even: the error
-# of a step has nothing to see.
-EVEN = 1e-6
-ROUNDING = 4 * 2.3e-16  # of a component
-MOVES = 1e-12  # of a component: one that moves by less is at rest
 
 _SAME = {
     "neg", "copy", "copy_p", "real", "optimization_barrier", "stop_gradient",
@@ -85,7 +77,7 @@ def _turn_code(number: Any, *bent: Any) -> np.ndarray:
 
 
 def _any_of(rows: Any, axis: Any = 0) -> np.ndarray:
-    """What one of `rows` may be."""
+    """Any of `rows`: each number may be that of one of them."""
     rows = np.asarray(rows)
     return _turn_code(_number(rows).max(axis=axis), np.bitwise_or.reduce(rows & BENT, axis=axis))
 
@@ -241,7 +233,7 @@ _MIXES = {"cumsum", "cumprod", "sort", "gather", "scatter", "triangular_solve", 
 
 
 class Hiding(NamedTuple):
-    """What of a state may hide something from the error of a step."""
+    """Components of a state that may hide something from the error of a step."""
 
     any: bool
     runs_free: bool  # whether one without a period does; nothing it drives acts back on it
@@ -252,7 +244,7 @@ def hiding(system: Any, closed: Any, y: PyTree) -> Hiding:
     """By the program `closed` of the field and the event functions of time and state."""
     leaves = jax.tree.leaves(y)
     sizes = [np.size(leaf) for leaf in leaves]
-    apart = sum(sizes) <= MOST
+    apart = sum(sizes) <= ACCURACY.numbers_told_apart
     starts = np.cumsum([0, *sizes])
     columns = [
         (begin + np.arange(size)).reshape(np.shape(leaf)) if apart else np.full(np.shape(leaf), i)
@@ -282,7 +274,7 @@ def hiding(system: Any, closed: Any, y: PyTree) -> Hiding:
         way = []
         for number, hidden in zip(entries(name, np.shape(leaf)), hides[mine], strict=True):
             period = period_of(system, number) or period_of(system, name)
-            way.append(OF_PERIOD * period if hidden and period else math.inf)
+            way.append(ACCURACY.of_period * period if hidden and period else math.inf)
         asked = zip(way, free[mine].tolist(), hides[mine].tolist(), strict=True)
         runs_free |= any(math.isinf(w) and f and h for w, f, h in asked)
         found.append(Watched(i, tuple(way), tuple(free[mine].tolist()), tuple(hides[mine].tolist())))
@@ -290,11 +282,11 @@ def hiding(system: Any, closed: Any, y: PyTree) -> Hiding:
 
 
 def step_excess(watched: tuple[Watched, ...], h: Any, longest: Any, ends: Ends, order: int) -> Any:
-    """How far a step went beyond what it may, as a scaled error: 1 at the bound.
+    """How far a step went beyond its bound, as a scaled error: 1 at the bound.
 
-    Components that run free, and others while they move evenly, go no farther than `OF_PERIOD` of their
-    period in a step, others `SEEN` times as far; an even motion without a period lasts no longer than
-    `longest` [s].
+    Components that run free, and others while they move evenly, go no farther than a part
+    (`ACCURACY.of_period`) of their period in a step, others `ACCURACY.of_seen_period` times as far; an
+    even motion without a period lasts no longer than `longest` [s].
     """
     most: Any = jnp.zeros_like(h)
     leaves = [jax.tree.leaves(tree) for tree in (ends.y0, ends.y1, ends.dy0, ends.dy1)]
@@ -302,9 +294,11 @@ def step_excess(watched: tuple[Watched, ...], h: Any, longest: Any, ends: Ends, 
         y0, y1, dy0, dy1 = (jnp.ravel(leaf[one.leaf]) for leaf in leaves)
         moved, size = jnp.abs(y1 - y0), jnp.maximum(jnp.abs(y0), jnp.abs(y1))
         bend = jnp.abs(y1 - y0 - 0.5 * h * (dy0 + dy1))
-        even = (bend <= EVEN * moved + ROUNDING * size) & (moved > MOVES * size)
+        even = (bend <= ACCURACY.even * moved + ACCURACY.component_rounding * size) & (
+            moved > ACCURACY.moves * size
+        )
         way, free, hides = np.asarray(one.way), np.asarray(one.free), np.asarray(one.hides)
-        way = jnp.where(even | free, way, SEEN * way)
+        way = jnp.where(even | free, way, ACCURACY.of_seen_period * way)
         lasts = jnp.where(even & ~free & np.isinf(one.way), h / longest, 0.0)
         most = jnp.maximum(most, jnp.max(jnp.where(hides, jnp.maximum(lasts, moved / way), 0.0)))
     return most**order

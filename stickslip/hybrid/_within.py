@@ -11,10 +11,7 @@ import functools
 import numpy as np
 
 from ._tableau import Tableau
-
-HIGHEST = 5  # more is not needed: the cubic that these states are compared with has order 3
-LARGEST = 2.0  # weights beyond it would be the difference of large numbers
-MET = 1e-12  # how well the conditions of an order that the method allows are met
+from .accuracy import ACCURACY
 
 Tree = tuple  # of its subtrees
 
@@ -27,8 +24,8 @@ def weights_within(tableau: Tableau, points: tuple[float, ...]) -> tuple[tuple[f
     for i, row in enumerate(tableau.a):
         a[i, : len(row)] = row
     a[n, :n] = tableau.b
-    by_order = _trees(HIGHEST)
-    for order in range(HIGHEST, 3, -1):
+    by_order = _trees(ACCURACY.inner_order)
+    for order in range(ACCURACY.inner_order, 3, -1):
         trees = [tree for k in range(1, order + 1) for tree in by_order[k]]
         conditions = np.array([_weight(tree, a) for tree in trees])
         sizes = np.array([_size(tree) for tree in trees])
@@ -55,7 +52,11 @@ def _weights_that_meet(
     rows = np.zeros((len(wanted), len(used)))
     rows[:, used] = np.linalg.lstsq(conditions[:, used], wanted.T, rcond=1e-12)[0].T
     missed = np.abs(rows @ conditions.T - wanted).max()
-    return rows if missed < MET and np.abs(rows).max() < LARGEST else None
+    return (
+        rows
+        if missed < ACCURACY.conditions_met and np.abs(rows).max() < ACCURACY.inner_weight
+        else None
+    )
 
 
 @functools.cache

@@ -25,9 +25,8 @@ from .._validation import (
     whole_number,
 )
 from ._section import Section
+from .accuracy import ACCURACY
 from .system import AbstractHybridSystem, mode_type
-
-MOST_NAMES = 9  # of modes, that a message lists
 
 
 def a_time(name: str, value: Any) -> Array:
@@ -182,8 +181,8 @@ def mode_index(name: str, system: AbstractHybridSystem, mode: Any) -> Array:
     try:
         return jnp.asarray(whole_number(name, mode, 0, len(names) - 1), mode_type(system))
     except (TypeError, ValueError):
-        words = ", ".join(map(repr, itertools.islice(names, MOST_NAMES)))
-        more = ", ..." if len(names) > MOST_NAMES else ""
+        words = ", ".join(map(repr, itertools.islice(names, ACCURACY.listed_modes)))
+        more = ", ..." if len(names) > ACCURACY.listed_modes else ""
         allowed = f"a mode of the system, an integer from 0 to {len(names) - 1} or one of {words}{more}"
         raise refusal(name, mode, allowed) from None
 

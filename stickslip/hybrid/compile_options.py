@@ -14,7 +14,7 @@ from .._validation import check_type, is_concrete
 from .executor import current_executor
 
 # XLA's emitters of fused kernels take half of the time to compile a run, which is a loop over scalars
-# and no faster with them. From JAX 0.11 on the compiler has no others, and refuses the option.
+# and no faster with them. From JAX 0.11 on the compiler has no others, and rejects the option.
 KNOWN = jax.__version_info__ < (0, 11)
 OPTIONS = {"xla_cpu_use_fusion_emitters": False}
 

@@ -11,8 +11,7 @@ import numpy as np
 from jaxtyping import PyTree
 
 from .._validation import one_static
-
-SHOWN = 12  # components that a message lists
+from .accuracy import ACCURACY
 
 
 class Place(NamedTuple):
@@ -48,7 +47,7 @@ def components_of(y: PyTree) -> dict[str, Any]:
 
 
 def place_of(y: PyTree, name: str) -> Place | None:
-    """What `"x"`, `"x[0]"`, of a matrix `"x[1, 2]"`, means in a state; None if it has no such part."""
+    """Place of `"x"`, `"x[0]"`, of a matrix `"x[1, 2]"`, in a state; None if it has no such part."""
     components = components_of(y)
     if name in components:
         return Place(name, list(components).index(name), None)
@@ -90,7 +89,9 @@ def component_list(y: PyTree) -> str:
     for name, leaf in components_of(y).items():
         names = list(entries(name, np.shape(leaf))) if np.size(leaf) else [name]
         found.append(names[0] if len(names) == 1 else f"{names[0]} to {names[-1]}")
-    return ", ".join(found[:SHOWN]) + (", ..." if len(found) > SHOWN else "")
+    return ", ".join(found[: ACCURACY.listed_components]) + (
+        ", ..." if len(found) > ACCURACY.listed_components else ""
+    )
 
 
 def unit_of(system: Any, name: str) -> str | None:

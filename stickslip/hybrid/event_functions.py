@@ -11,15 +11,12 @@ from jaxtyping import PyTree
 
 from ._section import Section
 from ._tolerance import generic, sizes
+from .accuracy import ACCURACY
 from .dependence import AFFINE, NONE, OTHER, degrees
 from .system import AbstractHybridSystem, guard_directions, guard_scales
 
-# A guard counts as violated below this fraction of its scale: rounding of the state, not motion.
-SLACK = 1e-12
-# Part of the terms in parameters of which `SLACK` is their rounding.
-ROUNDED = 4e-3
-STALE = -10.0 * SLACK  # value of a bend beyond zero by so little that any other is located before it
-FAR = 1e30  # value of an event function that cannot fire
+# Value of a bend that lies beyond zero by so little that any other is located before it.
+STALE = -10.0 * ACCURACY.slack
 
 
 class Values(NamedTuple):
@@ -134,7 +131,7 @@ def terms_in_state(system: AbstractHybridSystem, t, y, mode, args, size: PyTree)
 
 
 def terms_in_parameters(system: AbstractHybridSystem, t, y, mode, args) -> tuple:
-    """What parameters amount to in each guard, so that `SLACK` of it is their rounding."""
+    """Size of the parameters in each guard, so that `ACCURACY.slack` of it is their rounding."""
     numbers, others = eqx.partition((system, args), eqx.is_inexact_array)
 
     def guards(numbers):
@@ -142,7 +139,7 @@ def terms_in_parameters(system: AbstractHybridSystem, t, y, mode, args) -> tuple
         return tuple(system.guards(t, y, mode, args))
 
     t, y, numbers = jax.lax.stop_gradient((t, y, numbers))
-    rounded = jax.tree.map(lambda a: jnp.where(jnp.isfinite(a), ROUNDED * a, 0.0), numbers)
+    rounded = jax.tree.map(lambda a: jnp.where(jnp.isfinite(a), ACCURACY.rounded * a, 0.0), numbers)
     terms = (jnp.abs(term) for term in jax.jvp(guards, (numbers,), (generic(rounded),))[1])
     return tuple(jnp.where(term < jnp.inf, term, 0.0) for term in terms)
 

@@ -11,8 +11,8 @@ def event_delay(value: Any, rate: Any, usable: Any) -> Any:
     With the value $g$ it is a Newton correction, which removes what is left of the location error. Its
     derivative at fixed rate, $-\mathrm{d}g/\dot g$, is that of the event time, and $y + f\,\delta t$
     carries the first half of the saltation formula. Callers that differentiate by it stop the gradient
-    of `rate`: the event is located, so that $g = 0$ there. What rests at zero has no such time: its
-    event is here.
+    of `rate`: the event is located, so that $g = 0$ there. A guard that rests there has no such time:
+    its event is here.
     """
     usable = usable & (rate != 0.0)
     return jnp.where(usable, -value / jnp.where(usable, rate, 1.0), 0.0)

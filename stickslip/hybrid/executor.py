@@ -78,7 +78,7 @@ class Executor(eqx.Module):
 def piece(function: Callable) -> Callable:
     """Mark `function(plan, *operands, **held)` as a part of an attempt that is computed once.
 
-    `operands` are pytrees of arrays. What is `held`, such as the system with its arguments, may hold
+    `operands` are pytrees of arrays; `held`, such as the system with its arguments, may be
     anything. Below the attempt, where there is no plan, an `Executor` stands in its place; so it does
     in programs of authors, which need to know no more of compilers.
 

@@ -11,15 +11,10 @@ from .._validation import check_that
 from ._section import Section
 from ._step_size import AbstractStepSize
 from ._unseen import Watched, hiding
+from .accuracy import ACCURACY
 from .dependence import degrees_in
 from .event_functions import all_values
 from .system import AbstractHybridSystem
-
-# While nothing moves the error of a step is zero, whatever its length, and what a load does meanwhile
-# is seen at the ends of the step and two points inside.
-OF_TIME_SCALE = 2.0
-OF_RUN = 1e-3
-RESOLUTION = 1e-10  # part of the run; an event function that still jumps within it is discontinuous
 
 
 class Whole(NamedTuple):
@@ -29,7 +24,7 @@ class Whole(NamedTuple):
 
 
 class Bound(NamedTuple):
-    """What a step may be, whatever its error."""
+    """Bounds on a step, whatever its error."""
 
     rule: Any  # the step-size rule with a number for `dtmax`
     watched: tuple[Watched, ...]  # what else it must not stray from
@@ -46,7 +41,7 @@ def step_bound(
     """
     rule: Any = step
     whole = rule.adaptive and isinstance(rule.dtmax, Whole)
-    longest = jnp.maximum(OF_RUN * (rule.dtmax.span if whole else span), 1e-300)
+    longest = jnp.maximum(ACCURACY.of_run * (rule.dtmax.span if whole else span), 1e-300)
     if not rule.adaptive or not (whole or rule.dtmax is None):
         return Bound(rule, (), longest)
     closed = _motion(system, sections, t0, y0, mode0, args)
@@ -57,7 +52,7 @@ def step_bound(
         scale = system.time_scale(args)
         if scale is not None:
             check_that("time_scale", scale, lambda a: a > 0, "positive (infinity for no bound)")
-            bound, watched = OF_TIME_SCALE * jnp.asarray(scale, jnp.float64), ()
+            bound, watched = ACCURACY.of_time_scale * jnp.asarray(scale, jnp.float64), ()
         elif by_time or hides.runs_free:
             bound = longest
     bound = jax.lax.stop_gradient(jnp.asarray(bound, jnp.float64))

@@ -24,17 +24,10 @@ from .._validation import (
 )
 from ._breaks import state_after_jump
 from ._wrapper import AbstractSystemWrapper
-from .event_functions import SLACK
+from .accuracy import ACCURACY
 from .names import MadeNames
 from .system import AbstractHybridSystem, guard_directions, guard_scales, mode_type
 from .tree import select
-
-EARLY = 0.1  # of what is left of the period beside a piece: so long before it begins it is the next one
-OF_REST = 0.4  # of the same, as time scale: no step passes over more than what is left
-# Of the time: a break that is no farther away is past. Loads such as that of the sign of a sine jump up
-# to some rounding beside the break, and are asked so far from it.
-AT_ONCE = 64 * 2.0**-52
-BESIDE = 1e-6  # of its length: so near to the end of a piece is at a break
 
 
 class WithPeriodicBreaks(AbstractSystemWrapper):
@@ -144,7 +137,7 @@ class WithPeriodicBreaks(AbstractSystemWrapper):
 
     def time_scale(self, args):
         begin, end, period = self._pieces()
-        own, rest = self.system.time_scale(args), OF_REST * (period - jnp.max(end - begin))
+        own, rest = self.system.time_scale(args), ACCURACY.of_rest * (period - jnp.max(end - begin))
         return rest if own is None else jnp.minimum(own, rest)
 
     def inner(self, y, args):
@@ -165,7 +158,7 @@ class WithPeriodicBreaks(AbstractSystemWrapper):
         begins, ends, period = self._pieces()
         piece = jnp.clip(piece, 0, ends.size - 1)
         begin, end = _entry(begins, piece), _entry(ends, piece)
-        early = EARLY * (period - (end - begin))
+        early = ACCURACY.early * (period - (end - begin))
         whole = jax.lax.stop_gradient(jnp.floor((t - begin + early) / period))
         return begin + whole * period, end + whole * period
 
@@ -173,7 +166,7 @@ class WithPeriodicBreaks(AbstractSystemWrapper):
         """`t`, or the first or last instant of the piece: with the slope 1 in all cases."""
         begin, end = jax.lax.stop_gradient(self._around(t, piece))
         now = jax.lax.stop_gradient(t)
-        away = AT_ONCE * (jnp.abs(now) + (end - begin))
+        away = ACCURACY.at_once * (jnp.abs(now) + (end - begin))
         within = jnp.minimum(jnp.maximum(now, begin + away), end - away)
         return jnp.where(within == now, t, within + (t - now))
 
@@ -202,7 +195,7 @@ class WithPeriodicBreaks(AbstractSystemWrapper):
     def _piece_at(self, t: Any) -> tuple[Any, Any]:
         """The piece that a time is in, at a break the one that begins there; and since when [s]."""
         times, period = self._cycle()
-        late = AT_ONCE * (jnp.abs(jnp.asarray(t, jnp.float64)) + period)
+        late = ACCURACY.at_once * (jnp.abs(jnp.asarray(t, jnp.float64)) + period)
         since = jnp.mod(t - times + late, period)
         latest = jnp.argmin(since).astype(jnp.int32)
         return (latest + 1) % times.size, jnp.maximum(since[latest] - late, 0.0)
@@ -216,7 +209,7 @@ class WithPeriodicBreaks(AbstractSystemWrapper):
         """That of `system`; and `ValueError` for a piece of the load that the time is not in."""
         if is_concrete((self, t, mode)) and np.ndim(mode) == 0 and int(mode) >= 0:
             begin, end = (float(b) for b in self._around(t, self._mode_and_piece(mode)[1]))
-            near = 1e-9 * (end - begin) + SLACK * abs(float(t))
+            near = 1e-9 * (end - begin) + ACCURACY.slack * abs(float(t))
             if not begin - near <= float(t) <= end + near:
                 name = self.mode_names[int(mode)]
                 raise refusal("mode0", name, f"of the piece of the load at {float(t)} s")
@@ -233,7 +226,7 @@ def beside_break(system: WithPeriodicBreaks, t: Any) -> Any:
     piece, since = system._piece_at(t)
     begin, end = system._around(t, piece)
     after = system._around(end, jnp.where(piece + 1 < system._cycle()[0].size, piece + 1, 0))
-    near = BESIDE * (end - begin)
+    near = ACCURACY.beside * (end - begin)
     ends = jnp.where(end - t < near, 0.5 * sum(after), t)
     return jnp.where(since < near, 0.5 * (begin + end), ends)
 

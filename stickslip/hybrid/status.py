@@ -38,7 +38,7 @@ class RESULTS(dfx.RESULTS):  # pyright: ignore[reportGeneralTypeIssues]
     )
 
 
-# What diffrax says does not tell whose steps; equinox warns of an item that is declared once more.
+# The text of diffrax does not say whose steps; equinox warns of an item that is declared once more.
 RESULTS._index_to_message[int(RESULTS.max_steps_reached._value)] = (
     "The run took all its attempts, the `max_steps` of its `Integrator`, before it came to its end. "
     "Give `Integrator(max_steps=...)` more, or ask for less accuracy; should it always stop at the "

@@ -17,16 +17,11 @@ from .._types import Numeric
 from . import _rolled, _tableau
 from ._alone import alone_or_batched
 from ._pieces import in_pieces
-from ._tolerance import SMALLEST, TINY
 from ._within import weights_within
+from .accuracy import ACCURACY
 from .executor import Executor, piece
 from .tree import combine, cubics, weighted_sum
 
-# Stage equations of implicit methods are solved to a part of the tolerance of adaptive steps, and to
-# that of the motion with fixed ones. What is left is an error that the step-size rule does not see; but
-# where more is asked for than the iteration can do, it refuses steps that are accurate enough.
-ROOT_SHARE = 0.1
-ROOT_TOLERANCE = 1e-11
 VectorField = Callable[[Any, PyTree], PyTree]
 Points = tuple[float, ...]  # fractions of a step
 
@@ -251,7 +246,7 @@ class DiffraxStepper(AbstractStepper):
 
     solver: dfx.AbstractSolver
     open: tuple[str, ...] = eqx.field(static=True, default=())
-    rtol: Any = ROOT_TOLERANCE
+    rtol: Any = ACCURACY.root_tolerance
     unit: tuple | None = None
 
     @property
@@ -265,7 +260,11 @@ class DiffraxStepper(AbstractStepper):
         """The solver with tolerances of its stage equations, which diffrax leaves to its own rule."""
         if not self.open:
             return self.solver
-        found = {"rtol": ROOT_SHARE * self.rtol, "atol": ROOT_SHARE, "norm": optx.max_norm}
+        found = {
+            "rtol": ACCURACY.root_share * self.rtol,
+            "atol": ACCURACY.root_share,
+            "norm": optx.max_norm,
+        }
         return eqx.tree_at(
             lambda s: [getattr(_innermost(s).root_finder, name) for name in self.open],
             self.solver,
@@ -274,15 +273,15 @@ class DiffraxStepper(AbstractStepper):
         )
 
     def _units(self, y: list, dy: list, h: Numeric) -> list:
-        """What each number of the state is measured in, so that one tolerance serves them all."""
+        """Unit of each number of the state, so that one tolerance serves them all."""
         if not self.open:
             return [jnp.ones(()) for _ in y]
         if self.unit is not None:
             return list(self.unit)
         y, dy, h, rtol = jax.lax.stop_gradient((y, dy, jnp.asarray(h), self.rtol))
         moves = [jnp.abs(a) + jnp.abs(h * b) for a, b in zip(y, dy, strict=True)]
-        largest = functools.reduce(jnp.maximum, [jnp.max(a, initial=TINY) for a in moves])
-        return [rtol * jnp.maximum(a, SMALLEST * largest) for a in moves]
+        largest = functools.reduce(jnp.maximum, [jnp.max(a, initial=ACCURACY.tiny) for a in moves])
+        return [rtol * jnp.maximum(a, ACCURACY.smallest * largest) for a in moves]
 
     def order(self) -> int:
         return int(self.solver.order(None) or 1)
@@ -291,7 +290,7 @@ class DiffraxStepper(AbstractStepper):
         return isinstance(self.solver, dfx.AbstractAdaptiveSolver)
 
     def step(self, field, t, y, dy, h, execute):
-        # As a tuple of leaves: solvers of diffrax refuse empty parts, such as the state of most laws.
+        # As a tuple of leaves: solvers of diffrax reject empty parts, such as the state of most laws.
         flat, form = jax.tree.flatten(y)
         units = self._units(flat, jax.tree.leaves(dy), h)
 
@@ -354,7 +353,7 @@ def as_stepper(method: Any, rtol: Any = None) -> AbstractStepper:
     if plain and isinstance(method, dfx.AbstractERK):
         return ExplicitRungeKutta(_tableau.from_diffrax(method))
     if isinstance(method, dfx.AbstractSolver):
-        rtol = ROOT_TOLERANCE if rtol is None else rtol
+        rtol = ACCURACY.root_tolerance if rtol is None else rtol
         return DiffraxStepper(*_with_newton(_with_own_loop(method, "lax")), rtol)
     raise ValueError(
         f"method={method!r} is not a solver; allowed: {sorted(_tableau.NAMED)}, a Tableau, or a "

@@ -97,7 +97,7 @@ class AbstractHybridSystem(AbstractShown):
       (the lane then ends with `RESULTS.no_admissible_mode`).
     - `initial_mode(t, y, args) -> mode`: admissible mode of a state; `-1` where there is none.
     - `switches(t, y, mode, args)`, if wanted: where the field bends or jumps in ways that its program
-      does not show. Those that it shows need no declaration.
+      does not show. Shown ones need no declaration.
     - `constraints(t, y, mode, args)`, if wanted: what is zero as long as a mode lasts.
     - `mode_names`, `guard_names`, `units` (component name to SI unit) are class attributes. So are, if
       wanted, `parameter_units` (parameter name to SI unit), which `repr` and sweeps show, and `periods`
@@ -156,8 +156,8 @@ class AbstractHybridSystem(AbstractShown):
     def switches(self, t: Numeric, y: PyTree, mode: Whole, args: PyTree) -> tuple:
         """Scalars at whose changes of sign the field bends or jumps without showing it.
 
-        What a field compares by `jnp.where`, `jnp.maximum`, `jnp.clip`, `jnp.interp` and the like is
-        found without them; what a long loop, a function from elsewhere or the time decides is not. The
+        Comparisons of a field by `jnp.where`, `jnp.maximum`, `jnp.clip`, `jnp.interp` and the like is
+        found without them; decisions of a long loop, a function from elsewhere or the time are not. The
         motion lands on each change of sign as on a guard, without an event: the state, the mode and
         the log go on unchanged. Up to there the field is given states on the one side only, behind it
         on the other, so that derivatives are exact. Each must change with the state or the time.

@@ -44,7 +44,7 @@ def cubics(points: Sequence[float], y0: PyTree, dy0: PyTree, y1: PyTree, dy1: Py
 def cubic(x: float, start: Any, start_rise: Any, end: Any, end_rise: Any) -> Any:
     """Cubic at the fraction `x` of a step through the values at its ends; rises: slopes times length.
 
-    What is constant stays so to the last bit: a component may be the number of a piece.
+    A constant component stays so to the last bit: it may be the number of a piece.
     """
     rest = 1.0 - x
     middle = start + x * x * (3.0 - 2.0 * x) * (end - start)

@@ -13,7 +13,7 @@ from stickslip.hybrid.dependence import OTHER, degrees
 from stickslip.hybrid.system import NO_MODE
 
 from ._any_args import with_any_args
-from ._beginning import begun
+from ._beginning import begun, drifting
 from ._check import SLIDES
 from ._contact import drags
 from ._declaration import at_zero
@@ -289,12 +289,17 @@ def transition(
             still = [
                 x & (rested[c] | (f == 0.0)) for x, c, f in zip(still, island.rows, found, strict=True)
             ]
+            # Nor is anything else made to rest then: it might send back what has just passed.
+            passed = ((p != 0.0) & (f != 0.0) for p, f in zip(passing, found, strict=True))
+            lands = lands & ~any_of(passed)
         for j, x in zip(island.columns, landed(island, at, still), strict=True):
             v[j] = where(lands, x, v[j])
         new = list(new)
         for c, x in zip(island.rows, found, strict=True):
             new[c] = where(touched, x, new[c])
-    return machine.from_coordinates(q, type(at.v)(*v)), _mode(machine, new, failed)
+    y = machine.from_coordinates(q, type(at.v)(*v))
+    new = drifting(machine, t, y, at, new, args) if jumped else new
+    return y, _mode(machine, new, failed)
 
 
 def _carried(machine: "AbstractMechanism", at: Instant, states: list, gamma: list) -> list[Any]:
@@ -379,7 +384,7 @@ def initial_mode(machine: "AbstractMechanism", t: Any, y: Any, args: Any) -> Any
         failed = failed | ~ended
         for c, x in zip(island.rows, found, strict=True):
             states[c] = x
-    return _mode(machine, states, failed)
+    return _mode(machine, drifting(machine, t, y, at, states, args), failed)
 
 
 def _mode(machine: "AbstractMechanism", states: Any, failed: Any) -> Any:

@@ -125,6 +125,16 @@ def settled(
         found = [where(jnp.abs(x) <= slow, 0.0, jnp.sign(x)) for x in map(jnp.asarray, slips)]
         return [*found[: island.contacts], *(jnp.maximum(x, 0.0) for x in found[island.contacts :])]
 
+    # Directions that vary may coincide: beside one that rests the other bears all that it can, without
+    # an acceleration. It stops only where it would go back, and is at rest where the search ends.
+    least_speed_up = -1.0 if island.varies else 1.0
+
+    def held(states: list, acceleration: list, slow: Any) -> list[Any]:
+        if not island.varies:
+            return states
+        ways = [jnp.abs(x) for x in beside(acceleration, slow)]
+        return [where(on, s * x, s) for on, s, x in zip(standing, states, ways, strict=True)]
+
     def pivot(now: _Search) -> _Search:
         slow = 0.1 * now.still / inertia  # slower than what an overload of this size brings about
         low, high, load = [], [], list(F)
@@ -143,7 +153,7 @@ def settled(
         for c, s in enumerate(now.states):
             before = jnp.maximum(s * minus(dot(J[c], now.acceleration), gamma[c]), 0.0)
             after = s * minus(dot(J[c], found.acceleration), gamma[c])
-            stops = standing[c] & ~rest[c] & (after < slow)
+            stops = standing[c] & ~rest[c] & (after < least_speed_up * slow)
             path = where(stops, before / (before - after + 2.0 * slow), 2.0)
             sooner = path < share
             share, first = where(sooner, path, share), where(sooner, jnp.int32(c), first)
@@ -171,7 +181,7 @@ def settled(
         minimum = ~blocked & ~overloaded
         ends = [
             where(creeps & (s == 0.0), old, s)
-            for creeps, old, s in zip(creeping, states, now.states, strict=True)
+            for creeps, old, s in zip(creeping, states, held(now.states, reached, slow), strict=True)
         ]
         changed = any_of(s != given for s, given in zip(ends, now.given, strict=True))
         again, done = minimum & changed, minimum & ~changed

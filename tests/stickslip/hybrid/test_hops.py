@@ -14,9 +14,9 @@ import pytest
 from scipy.optimize import brentq
 
 import stickslip as ss
-from stickslip.hybrid._doubt import POINTS
 from stickslip.hybrid._tableau import DOP853, TSIT5, from_diffrax
 from stickslip.hybrid._within import weights_within
+from stickslip.hybrid.accuracy import ACCURACY
 from stickslip.hybrid.executor import COMPACT
 from stickslip.hybrid.stepper import ExplicitRungeKutta
 from stickslip.systems import Motion, OscillatorBetweenStops
@@ -130,11 +130,12 @@ def test_states_inside_a_step_have_a_higher_order_than_the_cubic(tableau):
     """On x' = x cos t, whose solution is exp(sin t): errors fall with the fifth power or better."""
     stepper, t0, errors = ExplicitRungeKutta(tableau), 0.3, []
     y0 = jnp.exp(jnp.sin(t0))
+    points = ACCURACY.points_inside
     for h in (0.4, 0.2):
         step = stepper.step_and_look(
-            lambda t, y: jnp.cos(t) * y, t0, y0, jnp.cos(t0) * y0, h, COMPACT, POINTS, (True,), False
+            lambda t, y: jnp.cos(t) * y, t0, y0, jnp.cos(t0) * y0, h, COMPACT, points, (True,), False
         )
-        exact = np.exp(np.sin(t0 + h * np.array(POINTS)))
+        exact = np.exp(np.sin(t0 + h * np.array(points)))
         errors.append(np.abs(np.asarray(step.states) - exact).max())
     assert np.log2(errors[0] / errors[1]) > 4.5
-    assert weights_within(tableau, POINTS)
+    assert weights_within(tableau, ACCURACY.points_inside)

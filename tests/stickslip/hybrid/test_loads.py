@@ -9,6 +9,7 @@ import stickslip as ss
 from stickslip.hybrid import _doubt
 from stickslip.hybrid.status import DISCONTINUOUS, GRAZING
 from stickslip.systems import Motion, OscillatorBetweenStops
+from tests.stickslip.hybrid._accuracy import set_accuracy
 from tests.stickslip.hybrid._loads import END, Block, march, random_loads
 
 REST = Motion(0.0, 0.0)
@@ -68,8 +69,7 @@ def test_loads_with_declared_steps_are_right_without_a_flag(number, steps):
 def test_without_the_doubt_most_events_at_rest_are_missed(monkeypatch):
     """The fault this file is about, planted."""
     loads, _ = random_loads(30, seed=3)
-    monkeypatch.setattr(_doubt, "CERTAIN", 0.0)
-    monkeypatch.setattr(_doubt, "SLACK", 1e300)
+    set_accuracy(monkeypatch, _doubt, doubt_certain=0.0, slack=1e300)
     free = ss.Integrator(step=ss.AdaptiveStep(1e-10, dtmax=jnp.inf))
 
     @jax.jit

@@ -11,7 +11,8 @@ import jax.numpy as jnp
 import pytest
 
 import stickslip as ss
-from stickslip.hybrid import _attempt, _event_decision, _locate
+from stickslip.hybrid import _attempt, _event_decision
+from tests.stickslip.hybrid._accuracy import set_accuracy
 from tests.stickslip.hybrid._systems import State, StickSlip, stick_slip_motion
 
 V = 0.2
@@ -61,8 +62,7 @@ def test_no_saltation(monkeypatch):
 
 def test_event_by_linear_interpolation(monkeypatch):
     """The first attempt past the guard is accepted after one linear correction."""
-    monkeypatch.setattr(_locate, "TOLERANCE", 1e3)
-    monkeypatch.setattr(_event_decision, "REACH", 1e3)
+    set_accuracy(monkeypatch, event_tolerance=1e3, correction_reach=1e3)
     _, _, time = errors()
     assert time > 1e-5
 

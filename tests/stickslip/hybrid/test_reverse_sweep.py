@@ -10,8 +10,10 @@ import pytest
 import stickslip as ss
 from stickslip.hybrid import _adjoint
 from stickslip.hybrid._pieces import in_pieces
+from stickslip.hybrid.accuracy import ACCURACY
 from stickslip.hybrid.executor import FUSED, PORTABLE
 from stickslip.systems import BlockOnBelt, BlockState
+from tests.stickslip.hybrid._accuracy import set_accuracy
 from tests.stickslip.hybrid._systems import State, StickSlip, fixed
 from tests.stickslip.hybrid.test_own_method import Doubling
 
@@ -41,7 +43,7 @@ def results(p, max_steps, saveat=None):
 def test_segments_and_chapters(monkeypatch, max_steps, batch):
     """A limit on the attempts of its own makes each case a program of its own."""
     if max_steps != 301:
-        monkeypatch.setattr(_adjoint, "SEGMENT", 16)
+        set_accuracy(monkeypatch, tape_rows=16)
     parts = _adjoint.layout(max_steps, fused=False)
     assert parts.rows * parts.segments * parts.chapters >= max_steps
     assert parts.rows == (256 if max_steps == 301 else 16)
@@ -63,7 +65,7 @@ def test_segments_and_chapters(monkeypatch, max_steps, batch):
 
 @pytest.mark.slow
 def test_many_segments_of_fused_lanes(monkeypatch):
-    monkeypatch.setattr(_adjoint, "SEGMENT", 32)
+    set_accuracy(monkeypatch, tape_rows=32)
     speeds = jnp.linspace(0.2, 0.3, 5)
 
     def slope(v):
@@ -81,9 +83,9 @@ def test_the_memory_grows_with_the_root(max_steps):
     for fused in (False, True):
         parts = _adjoint.layout(max_steps, fused)
         assert parts.rows * parts.segments * parts.chapters >= max_steps
-        assert parts.rows <= _adjoint.SEGMENT
+        assert parts.rows <= ACCURACY.tape_rows
         assert parts.rows % parts.block == 0
-        assert parts.places <= 2 * np.sqrt(max_steps / _adjoint.SEGMENT) + 5
+        assert parts.places <= 2 * np.sqrt(max_steps / ACCURACY.tape_rows) + 5
         numbers = np.arange(parts.segments * parts.chapters)
         last = numbers[-parts.segments :]
         # All starts of a chapter and of the chapters before it have places of their own.

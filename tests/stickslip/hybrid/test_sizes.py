@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.hybrid import _tolerance
 from stickslip.hybrid.status import COARSE
 from stickslip.systems import CoulombOscillator, Motion
+from tests.stickslip.hybrid._accuracy import set_accuracy
 from tests.stickslip.hybrid._systems import State, StickSlip
 from tests.stickslip.systems._closed_forms import BeltCycle, derivatives
 
@@ -117,7 +117,7 @@ def test_an_equilibrium_is_not_resolved_below_rounding():
 
 
 def test_without_the_rounding_of_the_field_an_equilibrium_costs_many_more_steps(monkeypatch):
-    monkeypatch.setattr(_tolerance, "ROUNDING", 0.0)
+    set_accuracy(monkeypatch, field_rounding=0.0)
     integrator = ss.Integrator(max_steps=3000, detect_dips=False)  # another program
     start = Motion(3e-6 * (1 + 4e-16), 0.0)
     run = ss.simulate(Spring(), 0.0, 1.0, start, integrator=integrator, throw=False)

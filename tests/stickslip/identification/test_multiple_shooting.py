@@ -117,7 +117,7 @@ def test_without_jumps_the_segments_are_the_run():
     method = MultipleShooting(6)
     space, values = scalars("start", one)
     segments = segments_of(found._data, 6)
-    states = method._states(found._run, found._data, found._lengths, segments, values)
+    states = method._states(found._run, found._data, segments, values)
     assert np.any(np.abs(states[:, 1] - BELT) < 1e-12)
     shooting = Shooting(found._run, space, found._data, segments, jnp.ones(2), jnp.asarray(1.0), None)
     unknown = jnp.concatenate([space.coordinates(values), jnp.asarray(states).reshape(-1)])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.friction import Coulomb
+from stickslip.friction import Coulomb, Stribeck
 from stickslip.mechanism import AbstractMechanism, Contact
 
 
@@ -95,3 +95,33 @@ def test_what_friction_holds_does_not_move_by_rounding(force):
     run = ss.simulate(machine, 0.0, 1.0, machine.state())
     assert run.successful
     assert not any(run.y1)
+
+
+class Wedge(AbstractMechanism):
+    """A body between a fixed guide and a wedge whose direction turns with a third coordinate."""
+
+    coordinates: ClassVar = {"x": "m", "y": "m", "z": "m"}
+    contact_directions: ClassVar = {"wedge": None, "guide": {"z": 1.0}}
+
+    def mass_matrix(self, q):
+        return [[1.0, 0.209, 0.209], [0.209, 1.0, 0.0], [0.209, 0.0, 1.991]]
+
+    def forces(self, t, q, v, args):
+        x = -6.827 * q.x - 0.2 * v.x - 1.359 * (q.x - q.y)
+        return {"x": x, "y": -1.359 * (q.y - q.x) - 0.05 * v.y, "z": -5.09 * q.z - 0.321 * v.z}
+
+    def contacts(self, t, q, v, args):
+        wedge = {"x": jnp.cos(q.y), "z": 1.0}
+        law = Stribeck(1.476, 0.861, 0.056)
+        return {
+            "wedge": Contact(law, 1.883, surface_speed=args * jnp.sin(t), direction=wedge),
+            "guide": Contact(Coulomb(1.0, 0.308)),
+        }
+
+
+def test_a_contact_that_passes_its_zero_beside_one_at_rest():
+    """As the one at rest was landed, the other was sent back across its zero: chattering."""
+    start = Wedge().state(x=-0.078, y=-0.083, z=0.142, v_x=0.85, v_y=0.786, v_z=-1.297)
+    found = ss.simulate(Wedge(), 0.0, 4.76, start, args=jnp.zeros(()), throw=False)
+    assert found.successful
+    assert found.events.count == 7

@@ -1,0 +1,192 @@
+"""Numbers that decide in the engine, each with its unit and its meaning, chosen by us unless said.
+
+None is an option: tolerances that users choose are those of `Integrator` and `AdaptiveStep`. "Part" is
+a ratio without a unit.
+"""
+
+import dataclasses
+
+
+@dataclasses.dataclass(frozen=True)
+class Accuracy:
+    """Numbers that decide in the engine; `ACCURACY` is the one object of this class."""
+
+    # Location of events and sections.
+    event_tolerance: float = 1e-11
+    """Part of the full step: an event whose last Newton correction is this small is accepted. The
+    correction is applied, so that its square is the error of the location."""
+    section_tolerance: float = 1e-6
+    """The same for sections, which are corrected after the run with their exact rate."""
+    level_slope: float = 1e-9
+    """Part of the other slope below which a slope counts as zero."""
+    bisect_every: int = 8
+    """Tries between two bisections: steep on one side, flat on the other, interpolation may creep."""
+    correction_reach: float = 1e-3
+    """Part of the step to an event that the last Newton correction may be."""
+    crossing_tries: int = 64
+    """Tries to find a crossing that goes on from a stored step; bisection alone needs 52."""
+    time_rounding: float = 1e-15
+    """Part of the time: no event is located better; four roundings."""
+    same_instant: float = 4.0
+    """Multiples of the accuracy of an event's time within which two events share their instant."""
+    coincidence: float = 1e-9
+    """Part of a full step within which two guards fire at the same instant."""
+    lowest: float = 1e-16
+    """Part of its magnitude by which a function still falls at its lowest, at the end of a step,"""
+    was_lowest: float = 0.1
+    """and part of `lowest` by which it does at the start of the next: no touch is lost in between."""
+    touching: float = 0.02
+    """Part of what counts as touching for derivatives: a hundred tolerances."""
+    events_at_one_instant: int = 16
+    """Events without time between them before a lane is chattering."""
+    guards_of_one_jump: int = 2
+    """Guards that one jump of a load may violate, one after the other."""
+
+    # Guards beside zero.
+    slack: float = 1e-12
+    """Part of its magnitude by which a guard below zero is not violated: rounding of the state."""
+    rounded: float = 4e-3
+    """Part of the terms in parameters of which `slack` is the rounding."""
+    edge: float = 4e-12
+    """Part of its terms by which a state is moved off a border on which it lies; more than `slack`."""
+    far: float = 1e30
+    """Value of an event function that cannot fire."""
+
+    # Excursions of an event function inside a step.
+    points_inside: tuple[float, float] = (0.3819660112501051, 0.7236067977499789)
+    """Where functions are evaluated inside a step, as parts of it: loads that repeat at a whole part of
+    the step are not met at the same phase by both."""
+    doubt_certain: float = 3.0
+    """A mismatch of this part of the room, inverted, is accepted."""
+    doubt_largest: float = 1e4
+    """A doubt beyond this says no more than that the step is much too long."""
+    value_rounding: float = 1e-13
+    """Part of the values: mismatches below it are rounding."""
+    guard_rounding: float = 1e-15
+    """Part of the magnitude of a guard: so are those below it, where its terms all but cancel."""
+    judged_together: int = 4
+    """Functions judged in one call, which has one result: the compiler would compute what several share
+    for each. It would run a larger call on several threads, which a fused program cannot do."""
+    judged_apart: int = 4
+    """More functions are judged by one small program. It compiles sooner, but puts an end to vector
+    instructions in all that the compiler fuses with the stacking: batches ran three times as long."""
+    ends_on_zero: float = 1e-3
+    """Part of slope times step: a step that ends beyond a zero by less than this ends on it."""
+
+    # Bends and jumps of the field.
+    jump_of_field: float = 1e-5
+    """Part of itself by which the field differs at least on both sides of a bend that jumps."""
+    bend_of_field: float = 1e-9
+    """The same of its slope, where the field does not jump."""
+    outcome_bits: int = 48
+    """Bits of all outcomes of comparisons, which are a part of the mode."""
+    longest_scan: int = 16
+    """Rounds of a loop in the field that is looked into."""
+    modes_and_sides: int = 2**62
+    """Modes and sides that an integer can tell apart."""
+
+    # Breaks of loads, and periodic pieces.
+    never: float = 1e300
+    """Time of the break after the last [s]."""
+    before_break: float = 4.5e-16
+    """Part of its time by which the last instant before a break is earlier."""
+    early: float = 0.1
+    """Part of what is left of the period beside a piece: so long before it begins it is the next."""
+    of_rest: float = 0.4
+    """The same, as time scale: no step passes over more than what is left."""
+    at_once: float = 64 * 2.0**-52
+    """Part of the time: a break that is no farther away is past. Loads such as the sign of a sine jump
+    up to some rounding beside the break, and are evaluated so far from it."""
+    beside: float = 1e-6
+    """Part of the length of a piece: nearer to its end is at a break."""
+
+    # Errors of a step and the magnitudes that they are measured by.
+    smallest: float = 1e-6
+    """Part of the largest component: a smaller one is measured against this part. In a long chain the
+    far end begins to move like a high power of the time, of which no method has a digit."""
+    field_rounding: float = 8 * 2.3e-16
+    """Part of the terms that cancel in the field: their rounding, eight spacings of numbers."""
+    short: float = 1e4
+    """Roundings of the time: shorter steps may hold a jump that cannot be told any better."""
+    tiny: float = 1e-150
+    """A number whose square is still a normal number."""
+    loose: float = 1e-4
+    """Part of a component: an absolute tolerance above it says nothing about the component."""
+    expected: float = 0.4
+    """Power of `rtol` by which the last stage of a step may differ from its end, as a part of the
+    motion: such is the order of that difference beside that of the error."""
+    sudden: float = 1e-5
+    """Part of the steps before: a step so much shorter, accepted only because its error is small now,
+    holds a jump of the field. Steps resolve a smooth field long before."""
+    forgets: float = 0.95
+    """Part of the longest step that is remembered after one more."""
+    near_one: float = 1e-14
+    """Rounding of a number near 1."""
+    root_share: float = 0.1
+    """Part of the tolerance to which stage equations of implicit methods are solved,"""
+    root_tolerance: float = 1e-11
+    """and part of the motion with fixed steps. The step-size rule does not see the error that is left;
+    but a stricter bound than the iteration can meet rejects steps that are accurate enough."""
+
+    # Lengths of steps where no error sets them.
+    of_time_scale: float = 2.0
+    """Part of a declared time scale, inverted, that a step may be. While nothing moves the error of a
+    step is zero, whatever its length; a load is seen at its ends and at two points inside."""
+    of_run: float = 1e-3
+    """The same of a run where a load declares no time scale."""
+    resolution: float = 1e-10
+    """Part of the run: an event function that still jumps within it is discontinuous."""
+    first_step: float = 333.0
+    """Resolutions: length of the first step where the motion does not say any."""
+    of_period: float = 1.0 / 36.0
+    """Part of a declared period that is travelled in one step,"""
+    of_seen_period: float = 4.5
+    """and times more where the error of a step sees a motion."""
+    even: float = 1e-6
+    """Part of the way: a motion that is the parabola through its ends and slopes to this part is even,
+    and the error of a step has nothing to see."""
+    component_rounding: float = 4 * 2.3e-16
+    """Part of a component: its rounding in a step, four spacings of numbers."""
+    moves: float = 1e-12
+    """Part of a component: one that moves by less is at rest."""
+    numbers_told_apart: int = 64
+    """Numbers of a state whose turns are told apart; of a larger state its leaves are."""
+    unseen_motion: float = 1e7
+    """Tolerances: a motion of fewer does not set the length of its steps,"""
+    seen_motion: float = 1e-3
+    """but one of this part of the state does."""
+    still_step: float = 1e-4
+    """Step times rate of the field, to the power of the order: beyond it slopes may be 1e-4 off."""
+    still_beginning: int = 10
+    """Steps in which the length may have grown from that of the first to that of the run."""
+
+    # States inside of a step, from the stages of a method.
+    inner_order: int = 5
+    """Order of those states: the cubic that they are compared with has order 3, more is not needed."""
+    inner_weight: float = 2.0
+    """Largest weight of a slope; larger ones would be the difference of large numbers."""
+    conditions_met: float = 1e-12
+    """How well the conditions of an order that the method allows are met."""
+
+    # Sizes of programs, tapes and messages: they decide on time and room alone.
+    block: int = 8
+    """Attempts after which it is asked whether the lanes have ended,"""
+    block_fused: int = 32
+    """and where to enter the loop costs as much as an attempt."""
+    tape_rows: int = 256
+    """Most rows of the tape of reverse mode."""
+    rows_at_once: int = 64
+    """Rows of a log that are written in one go."""
+    worth_a_call: int = 8
+    """Operations that a call must save: it has to store its result, which is read again."""
+    named_modes: int = 1024
+    """Of more modes only those are named that occur."""
+    listed_modes: int = 9
+    """Names of modes that a message lists."""
+    listed_components: int = 12
+    """Names of components that a message lists."""
+    shown_rows: int = 8
+    """Rows of a log that are shown."""
+
+
+ACCURACY = Accuracy()
