@@ -5,7 +5,6 @@ from typing import Any
 
 import equinox as eqx
 import jax
-import jax.core
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
@@ -15,9 +14,8 @@ from .._argument_checks import callable_as, check_arguments, count
 from .._compiled_once import compiled_once
 from .._types import Given
 from .._validation import refusal
-from ..hybrid.executor import closed_jaxpr
 from ._accuracy import ACCURACY
-from ._evaluate import evaluation
+from ._evaluate import with_operands
 from ._fit import Fit, one_fit
 from ._unknowns import NamedValues, Space
 
@@ -113,13 +111,11 @@ def posterior(
     except ImportError as error:
         raise ImportError(f"posterior needs blackjax: {INSTALL}") from error
     space, z = fit.space, fit.space.coordinates(fit.values)
-    # What the residual closes over becomes operands, so that other data need no new program.
-    jaxpr, consts, form = closed_jaxpr(evaluation(residual, space), (z,))
+    consts, evaluation = with_operands(residual, space, z)
     keys = jax.random.split(jax.random.key(seed), chains)
 
     def run(z, scales, keys, consts):
-        def evaluate(z):
-            return jax.tree.unflatten(form, jax.core.eval_jaxpr(jaxpr, (), *consts, z))
+        evaluate = evaluation(consts)
 
         def density(w):
             return _log_density(evaluate, space, z + scales @ w)

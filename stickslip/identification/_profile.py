@@ -14,9 +14,8 @@ from .._argument_checks import callable_as, check_arguments, count, instance
 from .._compiled_once import compiled_once
 from .._types import Given, Named
 from .._validation import check_count, check_mapping, check_that, is_concrete, refusal
-from ..hybrid.executor import closed_jaxpr
 from ._accuracy import ACCURACY
-from ._evaluate import evaluation
+from ._evaluate import with_operands
 from ._fit import Fit, probability
 from ._profile_walk import BELOW, EDGE, FAILED, Walk
 from ._unknowns import NamedValues, Space
@@ -155,12 +154,10 @@ def profile(
     z = space.coordinates(fit.values)
     lows, highs = _limits(limits, space, z, fit.values)
     rows = [space.names.index(name) for name in chosen]
-    jaxpr, consts, form = closed_jaxpr(evaluation(residual, space), (z,))
+    consts, evaluation = with_operands(residual, space, z)
 
     def every(z, lows, highs, level, points, max_steps, consts):
-        def evaluate(z):
-            return jax.tree.unflatten(form, jax.core.eval_jaxpr(jaxpr, (), *consts, z))
-
+        evaluate = evaluation(consts)
         target = 2.0 * jax.lax.erf_inv(level) ** 2
         unbounded = jnp.asarray([bounds == (None, None) for bounds in space.bounds])
         walk = Walk(target, points, max_steps, unbounded)

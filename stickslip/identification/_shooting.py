@@ -9,10 +9,10 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int
 
-from ..hybrid import SaveAt, jit_plainly, simulate
+from ..hybrid import jit_plainly
 from ._losses import AbstractLoss
 from ._methods import AbstractIterativeMethod
-from ._run import Data, Run, call_with_values
+from ._run import Data, Run
 from ._unknowns import NamedValues, Space
 
 
@@ -90,19 +90,12 @@ class Shooting(eqx.Module):
         """What is observed in one segment, and the state at its end."""
         record, first, begin, times = row
         values, inputs = self._of(z, record)
-        y0 = call_with_values("initial_state", self.run.initial_state, values, inputs)
-        y0 = jax.tree.map(lambda a: jnp.asarray(a, jnp.float64), y0)
-        flat, unravel = ravel_pytree(y0)
+        flat, unravel = ravel_pytree(self.run.start(values, inputs))
         y0 = unravel(jnp.where(first, flat, state))
         ts = self.run.times_of(values, times, self.data.begin_of(record))
         begin = jnp.where(first, begin, self.run.times_of(values, begin, self.data.begin_of(record)))
-        system, whole, y0 = self.run.with_breaks(values, inputs, y0, begin)
-        solution = simulate(
-            whole, begin, ts[-1], y0, integrator=self.run.integrator,
-            saveat=SaveAt(ts=ts, events=False), max_events=None, throw=False,
-        )  # fmt: skip
-        assert solution.outputs is not None
-        states = solution.outputs.y if whole is system else solution.outputs.y.y
+        system, breaks = self.run.system_of(values, inputs)
+        states, _ = self.run.motion(system, breaks, y0, begin, ts)
         last = jax.tree.map(lambda a: a[-1], states)
         return self.run.observe(system, ts, states), ravel_pytree(last)[0]
 
@@ -193,15 +186,9 @@ def states_at(run: Run, values: NamedValues, data: Data, segments: Segments) -> 
         mine, known, (times, begin, inputs) = row
         here = {**known, **common, **mine}
         ts = run.times_of(here, times, begin)
-        y0 = call_with_values("initial_state", run.initial_state, here, inputs)
-        system, whole, y0 = run.with_breaks(here, inputs, y0, begin)
-        found = simulate(
-            whole, begin, ts[-1], y0, integrator=run.integrator,
-            saveat=SaveAt(ts=ts, events=False), max_events=None, throw=False,
-        )  # fmt: skip
-        assert found.outputs is not None
-        y = found.outputs.y if whole is system else found.outputs.y.y
-        return jax.vmap(lambda y: ravel_pytree(y)[0])(y)
+        system, breaks = run.system_of(here, inputs)
+        states, _ = run.motion(system, breaks, run.start(here, inputs), begin, ts)
+        return jax.vmap(lambda y: ravel_pytree(y)[0])(states)
 
     every = jax.lax.map(states, (local, data.known, (data.times, data.begin, data.inputs)))
     record = jnp.asarray(segments.record)[segments.inner]

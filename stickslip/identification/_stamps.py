@@ -24,8 +24,7 @@ def _slopes(run: Run, values: NamedValues, data: Data) -> Float[Array, "mode siz
     )
     values = {**known, **common, **mine}
     system = call_with_values("system", run.system, values, inputs)
-    y0 = call_with_values("initial_state", run.initial_state, values, inputs)
-    row, form = jax.flatten_util.ravel_pytree(jax.tree.map(lambda a: jnp.asarray(a, jnp.float64), y0))
+    row, form = jax.flatten_util.ravel_pytree(run.start(values, inputs))
 
     def of(mode):
         def field(row):

@@ -260,26 +260,12 @@ def test_gradient_descent_through_events():
 
 
 def test_bad_input():
-    for bad, error, text in (
-        ({}, TypeError, "start = {}"),
-        (3.0, TypeError, "start = 3.0"),
-        ({"a": -1.0}, ValueError, r"start\['a'\] = -1.0"),
-        ({"a": "x"}, TypeError, r"start\['a'\] = 'x'"),
-    ):
-        with pytest.raises(error, match=text):
-            least_squares(rosenbrock, bad)
-    with pytest.raises(ValueError, match="damping = 0"):
-        least_squares(rosenbrock, dict(a=1.0, b=1.0), damping=0.0)
-    with pytest.raises(TypeError, match="optimiser"):
-        gradient_descent(rosenbrock, dict(a=1.0, b=1.0), optimiser=3)
     with pytest.raises(
         ValueError, match=r"residual\(values\) = an array of shape \(\): it must be one array"
     ):
         least_squares(lambda p: p["a"], dict(a=1.0))
     with pytest.raises(ValueError, match=r"residual\(values\) = a tuple"):
         sensitivity(lambda p: (p["a"], p["a"]), dict(a=1.0))
-    with pytest.raises(TypeError, match="stepz"):
-        gradient_descent(rosenbrock, dict(a=1.0, b=1.0), stepz=3)
     single = least_squares(rosenbrock, dict(a=1.0, b=1.0))
     with pytest.raises(ValueError, match=r"fits = Fit, of shape"):
         best(single)
@@ -290,7 +276,6 @@ def test_bad_input_of_many_starts():
     for starts, text in (
         ({"a": np.ones(3), "b": np.ones(2)}, "starts = .* of shapes"),
         ({"a": 1.0, "b": 1.0}, "starts = .* of shapes"),
-        ({"a": np.ones(0), "b": np.ones(0)}, "at least one element"),
         ({"a": np.ones(3), "b": np.array([1.0, np.nan, 1.0])}, r"starts\['b'\]\[1\] = nan"),
         ({"a": np.ones(3), "b": np.array([1.0, 1.0, -2.0])}, r"starts\['b'\]\[2\] = -2.0"),
     ):

@@ -127,8 +127,6 @@ def test_without_jumps_the_segments_are_the_run():
 
 
 def test_bad_multiple_shooting():
-    with pytest.raises(ValueError, match="segments = 1"):
-        MultipleShooting(1)
     with pytest.raises(ValueError, match=r"weights = \(0.1, 1.0\): it must be falling"):
         MultipleShooting(4, weights=(0.1, 1.0))
     with pytest.raises(ValueError, match="segments = 60: it must be below 60"):

@@ -138,5 +138,3 @@ def test_bad_input(tmp_path):
         report(fit, series={"x": fit.residual}, whiteness=WhitenessTest(inputs={"u": INPUT[:5]}))
     with pytest.raises(ValueError, match=r"other_runs = .* named as runs"):
         report(fit, other_runs={"a": run(1.0)})
-    with pytest.raises(TypeError, match="path = 3"):
-        report(fit).to_html(3)
