@@ -15,7 +15,7 @@ OSCILLATOR = dict(mass=1.0, stiffness=1.0, static_force=1.0, kinetic_force=0.5, 
 
 
 def test_the_upper_stop_is_above_the_lower_one():
-    with pytest.raises(ValueError, match=r"upper = -0.6: it must be at least lower = -0.5"):
+    with pytest.raises(ValueError, match=r"upper = -0.6: it must be above lower = -0.6"):
         OscillatorBetweenStops(**{**STOPS, "upper": -0.6})
 
 
