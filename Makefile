@@ -9,6 +9,11 @@ RUN := $(BIN)/python
 READY := $(VENV)/.ready
 PACKAGES := stickslip corexy_jax experiments
 PEERS := numba heyoka xpplab
+# A file stays on one worker, whose caches and shared fits it fills once; the longest come first.
+SUITE := $(RUN) -m pytest -q -n $(WORKERS) --dist loadfile --no-loadscope-reorder
+# Shapes and types are checked at call time; a sixth of the time, so not in the quick suite.
+TYPED := --jaxtyping-packages=stickslip,corexy_jax,beartype.beartype
+MORE := house/test_strict_mode.py corexy_jax $(addprefix stickslip/,hybrid friction contact sweep)
 # What a user's shell may hold that would let another installation leak into ours.
 unexport PYTHONPATH PYTHONHOME PIP_TARGET PIP_PREFIX PIP_USER
 # Without bytecode every process of the tests would compile all libraries for six seconds.
@@ -21,7 +26,7 @@ export PIP_NO_INPUT := 1
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo figures results notebooks docs test test-all attack bench lint lock clean distclean
+.PHONY: help setup demo figures results notebooks docs test test-more test-all faults attack bench lint lock clean distclean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */  make \1\t/' | expand -t 20
@@ -69,10 +74,16 @@ docs: setup ## the documentation site, into build/docs; its notebooks are execut
 	@echo "build/docs/index.html"
 
 test: setup ## the quick suite
-	@$(RUN) -m pytest -q -n $(WORKERS) --dist worksteal -m "not slow"
+	@$(SUITE) -m "not slow"
 
-test-all: setup ## every test, the slow ones too
-	@$(RUN) -m pytest -q -n $(WORKERS) --dist worksteal
+test-more: setup ## a part of the quick suite again, with shapes and types checked at call time
+	@$(SUITE) -m "not slow" $(TYPED) $(addprefix tests/,$(MORE))
+
+test-all: setup ## every test, the slow ones too, with shapes and types checked at call time
+	@$(SUITE) $(TYPED)
+
+faults: setup ## plant the faults of tests/faults one by one and say which the quick tests catch
+	@$(RUN) -m tests.faults $(addprefix --only=,$(ONLY))
 
 attack: setup ## random machines against a slow reference: SEED=1 MINUTES=10 WORKERS=2
 	@$(RUN) -m tests.attack --minutes $(MINUTES) --workers $(WORKERS) $(addprefix --seed=,$(SEED)) $(addprefix --only=,$(ONLY))

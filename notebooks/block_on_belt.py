@@ -31,6 +31,7 @@ import numpy as np
 import stickslip as ss
 from stickslip import plot
 from stickslip.analysis import PeriodTest, Recording, orbit_diagram
+from stickslip.sweep import Compute
 from stickslip.systems import BlockOnBelt, BlockOnBeltSetValued, BlockState
 
 ss.enable_compilation_cache()  # what a run compiles, the next one reads from disk
@@ -128,7 +129,7 @@ def diagram(low, high):
         section=smooth.zero_acceleration_section(), observables="x",
         record=Recording(TRANSIENT, DURATION, max_points=96),
         period=PeriodTest(1e-2 if QUICK else 1e-3, longest=4 if QUICK else 16), integrator=fast,
-        check=0 if QUICK else 16, executor=EXECUTOR, progress=False,
+        check=0 if QUICK else 16, compute=Compute(EXECUTOR, progress=False),
     )  # fmt: skip
 
 

@@ -11,7 +11,7 @@ from ._public import PACKAGES, Public, first_sentence, public_names
 from ._version import __version__
 
 # First words of commands about the store of a sweep.
-SWEEPS = ("plan", "work", "status", "verify")
+SWEEPS = ("status", "verify")
 # A line of the list is cut, not wrapped: one look finds the name.
 NARROWEST = 60
 
@@ -31,7 +31,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="python -m stickslip",
         description="List the public names of stickslip and corexy_jax, or show one of them.",
-        epilog="`view STORE_OR_FILE` shows a diagram; `plan`, `work`, `status` and `verify` are for "
+        epilog="`view STORE_OR_FILE` shows a diagram; `status` and `verify` are for "
         "stores of sweeps; each with --help says how.",
     )
     what = "a public name, as `simulate`, `friction.Stribeck` or `Problem.fit`, or a package"

@@ -1,7 +1,7 @@
 """Strict mode for every test: 64 bit, no silent promotion, warnings are errors.
 
-Shape and type annotations of both packages are checked at call time by the import hook that
-`addopts` in pyproject.toml installs before this file is read.
+`make test-all` also checks shape and type annotations of both packages at call time, by the import
+hook that its option installs before this file is read.
 """
 
 import gc
@@ -13,6 +13,8 @@ import jax
 import jax.monitoring
 import matplotlib
 import pytest
+
+from tests._budget import Budget
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")
@@ -37,6 +39,7 @@ def pytest_configure(config: pytest.Config) -> None:
     Programs with host callbacks, diffrax's own loop among them, are never kept by JAX. Processes that
     the tests start keep theirs in the same directory, which git ignores, and not in the home directory.
     """
+    config.pluginmanager.register(Budget(config), "budget")
     flags = ["--xla_force_host_platform_device_count=2"]
     if config.option.markexpr == "not slow":
         jax.config.update("jax_disable_most_optimizations", True)

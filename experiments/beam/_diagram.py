@@ -21,7 +21,7 @@ from ._model import (
     VARIANTS,
     fixed_step,
     stick_section,
-    store_options,
+    sweep_options,
     system_of,
 )
 
@@ -78,6 +78,16 @@ def points(system: JointedBeam, start: Any, parameters: Mapping[str, Any]) -> di
     }
 
 
+LABELS = {
+    "v": Variable(units="1", long_name="belt speed v"),
+    "x": Variable(("point",), "1", "x at x' = 0"),
+    "y": Variable(("point",), "1", "y at y' = 0"),
+    "w": Variable(("point",), "1", "w(z_A) at w' = 0"),
+    "stick_share": Variable(units="1", long_name="share of the time in stick"),
+    "sticks": Variable(units="1", long_name="beginnings of stick"),
+}
+
+
 def diagrams(
     parameters: Mapping[str, Any], context: Context, variants: tuple[str, ...] = VARIANTS
 ) -> xr.Dataset:
@@ -87,20 +97,13 @@ def diagrams(
         run_sweep(
             lambda v, variant=variant: lane(variant, v, parameters),
             {"v": speeds},
-            variables={
-                "v": Variable(units="1", long_name="belt speed v"),
-                "x": Variable(("point",), "1", "x at x' = 0"),
-                "y": Variable(("point",), "1", "y at y' = 0"),
-                "w": Variable(("point",), "1", "w(z_A) at w' = 0"),
-                "stick_share": Variable(units="1", long_name="share of the time in stick"),
-                "sticks": Variable(units="1", long_name="beginnings of stick"),
-            },
-            chunk=parameters["chunk"],
-            executor=parameters["executor"],
-            **store_options("diagram", variant, parameters, context),
+            **sweep_options(
+                "diagram", variant, parameters, context, chunk=parameters["chunk"],
+                variables=LABELS, executor=parameters["executor"],
+            ),
         ).load()
         for variant in variants
-    ]
+    ]  # fmt: skip
     joined = xr.concat(parts, xr.Variable("variant", list(variants)), combine_attrs="override")
     caption = CAPTION.format(modes=parameters["modes"])
     return joined.assign_attrs(caption=caption, duration=parameters["duration"])

@@ -16,7 +16,7 @@ from stickslip.analysis import (
 from stickslip.sweep import Variable, run_sweep
 
 from .._experiment import Context
-from ._model import CAPTION, VARIANTS, fixed_step, norm_of, store_options, system_of
+from ._model import CAPTION, VARIANTS, fixed_step, norm_of, sweep_options, system_of
 
 DRIVEN = ("y", "vy", "q", "p")
 PARAMETERS = {
@@ -66,6 +66,7 @@ def exponents(parameters: Mapping[str, Any], context: Context) -> xr.Dataset:
     """Both over the belt speeds and both readings of the equations."""
     speeds = np.linspace(parameters["v_min"], parameters["v_max"], parameters["speeds"])
     speed = Variable(units="1", long_name="belt speed v")
+    letter = Variable(units="1", long_name="last value of (2.25)")
     parts = []
     for variant in VARIANTS:
 
@@ -82,18 +83,20 @@ def exponents(parameters: Mapping[str, Any], context: Context) -> xr.Dataset:
                 segments=parameters["segments"],
                 scales=norm_of,
                 spectrum=options(parameters),
-                labels={"v": speed},
-                chunk=parameters["chunk"],
-                **store_options("spectrum", variant, parameters, context),
+                **sweep_options(
+                    "spectrum", variant, parameters, context,
+                    chunk=parameters["chunk"], variables={"v": speed},
+                ),
             ),
             run_sweep(
                 separation,
                 {"v": speeds},
-                variables={"v": speed, "letter": Variable(units="1", long_name="last value of (2.25)")},
-                chunk=2 * parameters["chunk"],
-                **store_options("letter", variant, parameters, context),
+                **sweep_options(
+                    "letter", variant, parameters, context, chunk=2 * parameters["chunk"],
+                    variables={"v": speed, "letter": letter},
+                ),
             ),
-        ]
+        ]  # fmt: skip
         parts.append(xr.merge([p.load() for p in both], combine_attrs="override"))
     joined = xr.concat(parts, xr.Variable("variant", list(VARIANTS)), combine_attrs="override")
     caption = CAPTION.format(modes=parameters["modes"]) + " " + NOTE.format(modes=parameters["modes"])

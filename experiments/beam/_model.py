@@ -8,6 +8,7 @@ from typing import Any
 import jax.numpy as jnp
 
 import stickslip as ss
+from stickslip.sweep import Compute, Labels, Storage, Variable
 from stickslip.systems import JointedBeam, JointedBeamState
 
 from .._experiment import Context
@@ -59,15 +60,21 @@ def stick_section() -> ss.Section:
     )
 
 
-def store_options(
-    kind: str, variant: str, settings: Mapping[str, Any], context: Context
+def sweep_options(
+    kind: str,
+    variant: str,
+    settings: Mapping[str, Any],
+    context: Context,
+    *,
+    chunk: int,
+    variables: Mapping[str, Variable],
+    executor: Any = "auto",
 ) -> dict[str, Any]:
-    """Where a sweep is kept, and how it reports."""
+    """Where a sweep is kept, how it is labelled, and how it reports."""
     digest = hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()[:8]
+    path = context.stores / f"beam-{kind}-{variant.replace(' ', '-')}-{digest}"
     return {
-        "store": context.stores / f"beam-{kind}-{variant.replace(' ', '-')}-{digest}",
-        "progress": context.progress,
-        "resume": not context.fresh,
-        "name": f"{kind}, {variant}",
-        "settings": dict(settings),
+        "store": Storage(path, chunk=chunk, resume=not context.fresh),
+        "labels": Labels(variables, settings=dict(settings), name=f"{kind}, {variant}"),
+        "compute": Compute(executor, progress=context.progress),
     }

@@ -14,6 +14,7 @@ import time
 import numpy as np
 
 from stickslip.analysis import Recording, orbit_diagram
+from stickslip.sweep import Compute
 
 from ._diagram_job import Job, set_a
 from .diagram import engine, steps_of
@@ -28,7 +29,7 @@ def diagram(job: Job, check: int):
             system, {"k3": k3}, start, section=system.zero_acceleration_section(),
             observables="x", record=Recording(job.transient, job.duration, max_points=job.room),
             integrator=steps_of(tolerance=1e-8),
-            check=check, progress=False,
+            check=check, compute=Compute(progress=False),
         )  # fmt: skip
 
     return run

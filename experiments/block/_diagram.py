@@ -10,7 +10,7 @@ import xarray as xr
 
 import stickslip as ss
 from stickslip.analysis import PeriodTest, Recording, orbit_diagram
-from stickslip.sweep import Variable
+from stickslip.sweep import Compute, Labels, Storage, Variable
 from stickslip.systems import BlockOnBelt, BlockOnDrivenBelt, BlockState, DrivenBlockState
 
 from .._experiment import Context
@@ -156,18 +156,24 @@ def integrator_of(parameters: Mapping[str, Any]) -> ss.Integrator:
 
 
 def sweep_options(
-    kind: str, model: str, settings: Mapping[str, Any], context: Context
+    kind: str,
+    model: str,
+    settings: Mapping[str, Any],
+    context: Context,
+    *,
+    chunk: int | None = None,
+    **labels: Any,
 ) -> dict[str, Any]:
-    """Where the lanes of one kind and model are kept, and what their sweep is called."""
+    """Where the lanes of one kind and model are kept, and how their sweep is labelled."""
     digest = hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()[:8]
     word = {"simplified": "simplified"}.get(
         model, "full-" + ("printed" if "printed" in model else "consistent")
     )
+    path = context.stores / f"block-{kind}-{word}-{digest}"
     return {
-        "store": context.stores / f"block-{kind}-{word}-{digest}",
-        "progress": context.progress,
-        "resume": not context.fresh,
-        "name": f"{kind}, {model}",
+        "store": Storage(path, chunk=chunk, resume=not context.fresh),
+        "labels": Labels(name=f"{kind}, {model}", **labels),
+        "compute": Compute(progress=context.progress),
     }
 
 
@@ -195,8 +201,7 @@ def _diagram(model, k3, transient, duration, protocol, parameters, context, ends
         record=Recording(transient, duration, max_points=parameters["max_points"]),
         period=PeriodTest(1e-3),
         integrator=integrator_of(parameters),
-        labels=LABELS,
-        **sweep_options(f"diagram-{protocol}", model, settings, context),
+        **sweep_options(f"diagram-{protocol}", model, settings, context, variables=LABELS),
     )
     dropped = [name for name in result.data_vars if str(name).startswith("end_") and not ends]
     return without_sign(result.drop_vars(dropped)).load()
@@ -225,6 +230,6 @@ def _exponents(model, k3, parameters, context) -> xr.Dataset:
         transient=dropped,
         segments=100 if parameters["converged_transient"] >= 100 else 30,
         integrator=integrator_of(parameters),
-        **sweep_options("exponent", model, settings, context),
+        **sweep_options("exponent", model, settings, context, chunk=512),
     )
     return without_sign(result).rename(k3="k3_exponent").load()

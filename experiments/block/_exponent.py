@@ -1,13 +1,13 @@
 """Largest Lyapunov exponent by two trajectories (Benettin's method)."""
 
-from typing import Any
+import dataclasses
 
 import jax
 import jax.numpy as jnp
 import xarray as xr
 
 import stickslip as ss
-from stickslip.sweep import Variable, run_sweep
+from stickslip.sweep import Compute, Labels, Storage, Variable, run_sweep
 
 WARM_UP = 20  # segments left out: the distance must first turn into the direction that grows
 APART = 1e-7  # distance the two trajectories are set to: far above rounding, far below the attractor
@@ -15,7 +15,17 @@ FAR = 1e-2  # a tenth of the size of the motion: beyond, a distance is not small
 
 
 def largest_exponents(
-    build, grid, y0, *, transient: float, segments: int, integrator, segment: float = 1.0, **sweep: Any
+    build,
+    grid,
+    y0,
+    *,
+    transient: float,
+    segments: int,
+    integrator,
+    segment: float = 1.0,
+    store: Storage | None = None,
+    labels: Labels | None = None,
+    compute: Compute | None = None,
 ) -> xr.Dataset:
     """Largest exponent over a grid: mean growth rate of a small distance, reset every `segment` s.
 
@@ -57,15 +67,14 @@ def largest_exponents(
         quarters = growth[: 4 * (segments // 4)].reshape(4, -1).mean(axis=1) / segment
         return {"exponent": growth.mean() / segment, "spread": jnp.std(quarters)}
 
-    return run_sweep(
-        lane,
-        grid,
+    labels = dataclasses.replace(
+        Labels() if labels is None else labels,
         variables={
             "exponent": Variable(units="1/s", long_name="largest Lyapunov exponent"),
             "spread": Variable(units="1/s", long_name="standard deviation over quarters of the time"),
             "k3": Variable(units="N/m", long_name="stiffness k3"),
         },
         settings={"transient": transient, "segments": segments, "segment": segment},
-        chunk=512,
-        **sweep,
     )
+    store = Storage(chunk=512) if store is None else store
+    return run_sweep(lane, grid, store=store, labels=labels, compute=compute)

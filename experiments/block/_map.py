@@ -78,9 +78,10 @@ def settled_motions(parameters: Mapping[str, Any], context: Context) -> xr.Datas
         ),
         period=PeriodTest(REPEATS, LONGEST),
         integrator=integrator_of(parameters),
-        labels=LABELS,
         check=0,
-        **sweep_options("map", "simplified", {key: parameters[key] for key in keys}, context),
+        **sweep_options(
+            "map", "simplified", {key: parameters[key] for key in keys}, context, variables=LABELS
+        ),
     ).load()
     found = found.assign(
         motion=(("k3", "V_b"), motion_of(found), {

@@ -11,6 +11,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 import stickslip as ss
+from stickslip.sweep import Compute
 
 from .._experiment import Context, Experiment
 from .._thresholds import Block
@@ -51,7 +52,7 @@ def compute(parameters, context: Context) -> xr.Dataset:
                 transient=first,
                 segments=parameters["segments"],
                 integrator=integrator,
-                executor=parameters["executor"],
+                compute=Compute(parameters["executor"]),
             )
         )
         parts.append(

@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 from stickslip.analysis import PeriodTest, Recording, orbit_diagram, time_history
+from stickslip.sweep import Compute, Labels
 
 from ._diagram import LABELS, MODELS, PROTOCOL, integrator_of, system_of
 
@@ -46,9 +47,10 @@ def diagram(k3: tuple[float, float], model: str = MODELS[0], protocol: str = "pa
         period=PeriodTest(1e-3),
         integrator=integrator_of(PROTOCOL),
         check=0,
-        labels=LABELS,
-        attrs={"title": f"{model}, {protocol} protocol, k3 from {low:.7g} to {high:.7g} N/m"},
-        progress=False,
+        labels=Labels(
+            LABELS, name=f"{model}, {protocol} protocol, k3 from {low:.7g} to {high:.7g} N/m"
+        ),
+        compute=Compute(progress=False),
     )
 
 

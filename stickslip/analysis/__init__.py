@@ -11,7 +11,6 @@ from ._lyapunov_diagram import lyapunov_diagram as lyapunov_diagram
 from ._lyapunov_map import lyapunov_spectrum_of_map as lyapunov_spectrum_of_map
 from ._orbit_diagram import orbit_diagram as orbit_diagram
 from ._orbit_lane import STATUS as STATUS
-from ._recording import Carried as Carried
 from ._recording import PeriodTest as PeriodTest
 from ._recording import Recording as Recording
 from ._spectrum import Peak as Peak

@@ -32,11 +32,10 @@ def builder_of(system: Any, coords: Mapping[str, Any]) -> Build:
 
 
 def check_labels(labels: Mapping[str, Any], known: Collection[str]) -> None:
-    """Raise for values that are not a `Variable`, and for labels the diagram lacks."""
+    """Raise for labels that the diagram lacks."""
     for key, label in labels.items():
-        check_type(f"labels[{key!r}]", label, Variable, "a Variable")
         if key not in known:
-            raise refusal(f"labels[{key!r}]", label, f"a label of one of {', '.join(known)}")
+            raise refusal(f"variables[{key!r}]", label, f"a label of one of {', '.join(known)}")
 
 
 def labelled_parameters(
@@ -59,13 +58,3 @@ def labelled_parameters(
             given = Variable() if given is None else given
             found[key] = Variable(given.dims, given.units or unit, given.long_name, given.attrs)
     return found
-
-
-SWEEP = ("store", "chunk", "shard", "resume", "progress", "executor", "workers", "hosts")
-
-
-def check_options(options: Mapping[str, Any]) -> None:
-    """Raise for a keyword that is not an option of `run_sweep`, or that the diagram decides."""
-    for name, value in options.items():
-        if name not in SWEEP:
-            raise refusal(name, value, f"left out: further options are {', '.join(SWEEP)}", TypeError)

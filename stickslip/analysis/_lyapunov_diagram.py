@@ -7,12 +7,13 @@ from typing import Any
 import xarray as xr
 from jaxtyping import PyTree
 
-from .._types import Given, Named, NamedRows, Numeric
+from .._types import Given, Named, NamedRows, Numeric, Path
 from .._validation import check_count, check_mapping, one_number, refusal
 from ..hybrid import AbstractHybridSystem
-from ..sweep import Variable, run_sweep
+from ..sweep import Compute, Labels, Storage, Variable, run_sweep
 from ..sweep.grid import check_grid
-from ._builder import builder_of, check_labels, check_options, labelled_parameters
+from ..sweep.settings import settings_of
+from ._builder import builder_of, check_labels, labelled_parameters
 from ._growth import EXPONENT_STATUS
 from ._lyapunov import lyapunov_spectrum
 from ._orbit_lane import STATUS, engine_status
@@ -28,12 +29,11 @@ def lyapunov_diagram(
     segment: Numeric,
     segments: Given[int],
     scales: PyTree = None,
-    labels: Named | None = None,
-    settings: Named | None = None,
-    attrs: Named | None = None,
-    name: str = "Lyapunov exponents",
     spectrum: Named | None = None,
-    **sweep: Any,
+    store: Path | Storage | None = None,
+    labels: Given[Labels | None] = None,
+    compute: Given[Compute | None] = None,
+    part: Given[tuple[int, int] | None] = None,
 ) -> xr.Dataset:
     r"""Lyapunov exponents over a grid of parameters: `lyapunov_spectrum` in every lane of a sweep.
 
@@ -45,10 +45,8 @@ def lyapunov_diagram(
     - `y0`, `scales`: as for `lyapunov_spectrum`, or functions of the system that return them.
     - `segment`, `segments`, and in `spectrum` its other options by name (`transient`, `exponents`,
       `components`, `integrator`, ...): as for `lyapunov_spectrum`.
-    - `labels`: `Variable`s with units and names of the parameters.
-    - `settings`, `attrs`, `name` and `store`, `chunk`, `shard`, `resume`, `progress`, `executor`,
-      `workers`, `hosts`: as for `run_sweep`; with a `store` a diagram that was interrupted goes on
-      where it stopped.
+    - `store`, `labels`, `compute`, `part`: as for `run_sweep`, with 64 lanes per block: with a store
+      an interrupted diagram goes on where it stopped.
 
     **Returns** an `xarray.Dataset` with the dimensions of the grid and `exponent`: `exponents` [1/s],
     greatest first, with their `error` [1/s] and the number of segments in which they were `lost`;
@@ -59,13 +57,11 @@ def lyapunov_diagram(
     **Errors** `ValueError`/`TypeError` naming the argument.
     """
     coords = check_grid(grid)
-    check_options(sweep)
+    given = settings_of(store, labels, compute, part, "Lyapunov exponents")
     build = builder_of(system, coords)
-    options, labels, settings = (
-        check_mapping(key, given)
-        for key, given in (("spectrum", spectrum), ("labels", labels), ("settings", settings))
-    )
-    check_labels(labels, coords)
+    options = check_mapping("spectrum", spectrum)
+    own = given.labels.variables or {}
+    check_labels(own, coords)
     one_number("segment", segment, "positive")
     check_count("segments", segments, 4)
     _check_options(options)
@@ -88,8 +84,8 @@ def lyapunov_diagram(
     per_time = "1" if getattr(build(_first(coords)), "is_dimensionless", False) else "1/s"
     row = ("exponent",)
     variables = {
-        **labels,
-        **labelled_parameters(system, coords, labels),
+        **own,
+        **labelled_parameters(system, coords, own),
         "exponents": Variable(row, per_time, "Lyapunov exponents, greatest first"),
         "error": Variable(row, per_time, "error of the exponents"),
         "lost": Variable(row, "1", "segments in which the direction was lost"),
@@ -107,10 +103,10 @@ def lyapunov_diagram(
             "flag_meanings": " ".join(EXPONENT_STATUS),
         },
     )
+    settings = {"segment": segment, "segments": segments, **(given.labels.settings or {})}
     return run_sweep(
-        lane, coords, variables=variables, attrs=attrs, name=name,
-        settings={"segment": segment, "segments": segments, **settings},
-        **{"chunk": CHUNK, **sweep},
+        lane, coords, store=given.storage.in_chunks(CHUNK), compute=compute, part=part,
+        labels=Labels(variables, settings, given.labels.attrs, given.name),
     )  # fmt: skip
 
 

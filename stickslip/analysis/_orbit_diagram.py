@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from jaxtyping import PyTree
 
-from .._types import Given, Mode, Named, NamedRows
+from .._types import Given, Mode, Named, NamedRows, Path
 from .._validation import (
     check_count,
     check_mapping,
@@ -18,14 +18,15 @@ from .._validation import (
     refusal,
 )
 from ..hybrid import AbstractHybridSystem, Integrator, Section
-from ..sweep import Variable, run_sweep
+from ..sweep import Carried, Compute, Labels, Storage, Variable, run_sweep
 from ..sweep.evaluate import lanes_of, prepared
 from ..sweep.grid import block_shape, check_grid
+from ..sweep.settings import Settings, settings_of
 from ._arguments import an_integrator, named_observables, start_of
 from ._attractor import PERIOD_STATUS
-from ._builder import builder_of, check_labels, check_options, labelled_parameters
+from ._builder import builder_of, check_labels, labelled_parameters
 from ._orbit_lane import STATUS, Numbers, OrbitPlan, halved, run_lane
-from ._recording import Carried, PeriodTest, Recording
+from ._recording import PeriodTest, Recording
 from ._starts import check_shapes, labels_of_end, starts_of
 from .observable import (
     Angle,
@@ -40,8 +41,6 @@ from .observable import (
 
 RESULTS_OF_A_LANE = ("count", "status", "period", "period_status", "slow_transient", "flags")
 CHUNK_CPU = 512  # lanes per block: so few that the check can run the same program on as many
-
-SETTINGS = ("settings", "attrs", "name")  # of `run_sweep`, beside how it runs
 Cut = Section | Maximum | Minimum
 
 
@@ -60,8 +59,10 @@ def orbit_diagram(
     args: PyTree = None,
     integrator: Given[Integrator | None] = None,
     check: Given[int] = 32,
-    labels: Named | None = None,
-    **sweep: Any,
+    store: Path | Storage | None = None,
+    labels: Given[Labels | None] = None,
+    compute: Given[Compute | None] = None,
+    part: Given[tuple[int, int] | None] = None,
 ) -> xr.Dataset:
     r"""Points at which the motion crosses a section, over one or two parameters of a system.
 
@@ -96,11 +97,9 @@ def orbit_diagram(
       the time of a run be a multiple of its period.
     - `check`: so many lanes, evenly spaced, are computed again at half the step (`FixedStep`) or a
       32nd of the tolerances, for an error estimate. 0 leaves it out.
-    - `labels`: `Variable`s with units and names of parameters and observables; by default a parameter
-      has the unit that the system states.
     - `integrator`, `args`, `mode0`: as for `simulate`.
-    - `settings`, `attrs`, `name` and `store`, `chunk`, `shard`, `resume`, `progress`, `executor`,
-      `workers`, `hosts`: as for `run_sweep`.
+    - `store`, `labels`, `compute`, `part`: as for `run_sweep`, with 512 lanes per block on a CPU. By
+      default a parameter has the unit that the system states.
 
     **Returns** an `xarray.Dataset` with the dimensions of the grid and `point`; with several sections
     observables, `count`, `period` and `period_status` have the dimension `section`, by name:
@@ -134,8 +133,7 @@ def orbit_diagram(
     **Errors** `ValueError`/`TypeError` naming the argument, before anything is compiled.
     """
     coords = check_grid(grid)
-    described = {key: sweep.pop(key) for key in SETTINGS if key in sweep}
-    check_options(sweep)
+    given = settings_of(store, labels, compute, part, "orbit diagram")
     shape = tuple(v.size for v in coords.values())
     if len(coords) > 2:
         raise refusal("grid", grid, "of at most two parameters")
@@ -215,16 +213,18 @@ def orbit_diagram(
         "initial_state": None if per_lane else y0,
         "carried": None if carried is None else carried.direction,
         "integrator": integrator,
-        **check_mapping("settings", described.get("settings")),
+        **(given.labels.settings or {}),
     }
-    attrs = dict(check_mapping("attrs", described.get("attrs")))
-    if plan.several:
-        attrs = {"sections": list(plan.sections), **attrs}
-    about = {"settings": settings, "attrs": attrs, "name": described.get("name", "orbit diagram")}
-    variables = _labels(plan, found, own, coords, labels, system)
+    attrs = {
+        **({"sections": list(plan.sections)} if plan.several else {}),
+        **(given.labels.attrs or {}),
+    }
+    variables = _labels(plan, found, own, coords, given.labels.variables, system)
     prefix = "end" if carried is None else "carry"
     for key, (axes, unit) in labels_of_end(first, starts.first, prefix).items():
         variables[key] = Variable(axes, unit)
+    about = Labels(variables, settings, attrs, given.name)
+    storage = given.storage
     # Numbers enter as inputs, so that other times and steps do not make another program.
     numbers, static = _numbers(integrator, record)
 
@@ -234,12 +234,12 @@ def orbit_diagram(
         return {**results, "end": end}
 
     if carried is None:
-        if jax.default_backend() == "cpu" and sweep.get("chunk") is None:
-            sweep["chunk"] = CHUNK_CPU
+        if jax.default_backend() == "cpu":
+            storage = storage.in_chunks(CHUNK_CPU)
         dataset = run_sweep(
             lane, coords,
             inputs={"numbers": _spread(numbers, shape), **({"start": y0} if per_lane else {})},
-            variables=variables, **about, **sweep,
+            store=storage, labels=about, compute=compute, part=part,
         )  # fmt: skip
     else:
 
@@ -247,16 +247,19 @@ def orbit_diagram(
             return run_lane(plan, static, numbers, carry, point)
 
         dataset = run_sweep(
-            step, coords, carry=y0, along=carried.along, backward=carried.direction == "downwards",
-            variables=variables, **about, **sweep,
+            step, coords, carry=y0, carried=carried,
+            store=storage, labels=about, compute=compute, part=part,
         )  # fmt: skip
     if plan.several:
         dataset = dataset.assign_coords(section=list(plan.sections))
     if check:
         begun = starts.flat(shape) if carried is None else _handed_on(dataset, y0, carried, coords)
         finer, _ = _numbers(halved(integrator), record)
-        given = per_lane or carried is not None
-        extra = _check(lane, finer, coords, begun if given else None, check, dataset, observed, sweep)
+        own_start = per_lane or carried is not None
+        settings = given._replace(storage=storage)
+        extra = _check(
+            lane, finer, coords, begun if own_start else None, check, dataset, observed, settings
+        )
         dataset = dataset.assign(extra)
     return dataset
 
@@ -273,7 +276,6 @@ def _sections(section, system, y0) -> dict[str, Section]:
 
 
 def _labels(plan: OrbitPlan, found, own, coords, labels, given_units) -> dict[str, Variable]:
-    labels = check_mapping("labels", labels)
     check_labels(labels, [*coords, *found])
     variables = labelled_parameters(given_units, coords, labels)
     each = ("section",) if plan.several else ()
@@ -337,14 +339,14 @@ def _spread(numbers, shape):
     return jax.tree.map(lambda a: np.broadcast_to(np.asarray(a, np.float64), shape), numbers)
 
 
-def _check(lane, numbers, coords, starts, check, dataset, observed, sweep):
+def _check(lane, numbers, coords, starts, check, dataset, observed, settings: Settings):
     """Some lanes again, more accurately, and how far their points moved."""
     shape = tuple(v.size for v in coords.values())
     lanes = math.prod(shape)
     picked = np.unique(np.linspace(0, lanes - 1, min(check, lanes)).round().astype(int))
     place = np.unravel_index(picked, shape)
     # As many lanes as a block of the sweep has, so that its program serves, unless that is a lot more.
-    block = math.prod(block_shape(shape, sweep.get("chunk") or 0))
+    block = math.prod(block_shape(shape, settings.storage.lanes))
     filled = np.resize(picked, block) if picked.size <= block <= CHUNK_CPU else picked
     points = {
         key: v[i] for (key, v), i in zip(coords.items(), np.unravel_index(filled, shape), strict=True)
@@ -352,7 +354,7 @@ def _check(lane, numbers, coords, starts, check, dataset, observed, sweep):
     arguments = {**points, "numbers": _spread(numbers, filled.shape)}
     if starts is not None:
         arguments["start"] = jax.tree.map(lambda a: np.asarray(a)[filled], starts)
-    program = lanes_of(lane, sweep.get("executor", "auto"), sweep.get("workers"))
+    program = lanes_of(lane, settings.compute.executor, settings.compute.threads)
     again = jax.tree.map(lambda a: np.asarray(a)[: picked.size], program(arguments))
     index = {key: xr.DataArray(i, dims="checked") for key, i in zip(coords, place, strict=True)}
     before = dataset[[*observed, "count", "period"]].isel(index)

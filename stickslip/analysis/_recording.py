@@ -1,13 +1,10 @@
-"""How a diagram looks at a motion: what is recorded, when points repeat, what is carried on."""
+"""How a diagram looks at a motion: what is recorded, and when points repeat."""
 
 import dataclasses
-from typing import Literal
 
 from .._types import Given, Numeric
-from .._validation import check_count, check_in, check_text, one_concrete
+from .._validation import check_count, one_concrete
 from ..hybrid.arguments import a_time
-
-DIRECTIONS = ("upwards", "downwards")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,25 +55,6 @@ class PeriodTest:
     def __post_init__(self):
         _set(self, "tolerance", float(one_concrete("tolerance", self.tolerance, "positive")))
         check_count("longest", self.longest, 1)
-
-
-@dataclasses.dataclass(frozen=True)
-class Carried:
-    """Each run starts from the end of its neighbour, which shows hysteresis.
-
-    - `direction`: `"upwards"` or `"downwards"`, from the neighbour below or above.
-    - `along`: the parameter; None takes the first one of the grid.
-
-    Errors: `ValueError`/`TypeError` naming the field, its value and what is allowed.
-    """
-
-    direction: Given[Literal["upwards", "downwards"]] = "upwards"
-    along: Given[str | None] = None
-
-    def __post_init__(self):
-        check_in("direction", self.direction, DIRECTIONS)
-        if self.along is not None:
-            check_text("along", self.along)
 
 
 def _set(thing: object, name: str, value: float) -> None:

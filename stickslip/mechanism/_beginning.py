@@ -37,9 +37,7 @@ def begun(
     return states
 
 
-def drifting(
-    machine: "AbstractMechanism", t: Any, y: Any, at: Instant, states: Any, args: Any
-) -> Any:
+def drifting(machine: "AbstractMechanism", t: Any, y: Any, at: Instant, states: Any, args: Any) -> Any:
     """`states`, of which contacts at rest that others hold at this very instant alone begin to slide.
 
     The direction of such a contact depends on those of others at rest now and not in an instant, as two

@@ -7,13 +7,11 @@ from .lanes import map_lanes as map_lanes
 
 # xarray and zarr take longer to import than the rest of the package: they come with the first sweep.
 if TYPE_CHECKING:
-    from ._engines import work_with as work_with
-    from ._layout import Variable as Variable
+    from ._labels import Labels as Labels
+    from ._labels import Variable as Variable
     from ._manifest import as_json as as_json
     from ._manifest import code_revision as code_revision
     from ._manifest import versions as versions
-    from ._many import plan_sweep as plan_sweep
-    from ._many import work_on as work_on
     from ._open import open_dataset as open_dataset
     from ._refine import refine_sweep as refine_sweep
     from ._run import run_sweep as run_sweep
@@ -21,40 +19,28 @@ if TYPE_CHECKING:
     from ._store import SweepMismatchError as SweepMismatchError
     from ._store import SweepWriteError as SweepWriteError
     from ._verify import verify_store as verify_store
+    from .settings import Carried as Carried
+    from .settings import Compute as Compute
+    from .settings import Storage as Storage
 
 _LATER = {
     "run_sweep": "_run",
     "refine_sweep": "_refine",
+    "Storage": "settings",
+    "Compute": "settings",
+    "Labels": "_labels",
+    "Variable": "_labels",
+    "Carried": "settings",
     "SweepMismatchError": "_store",
     "SweepWriteError": "_store",
-    "Variable": "_layout",
     "open_dataset": "_open",
-    "plan_sweep": "_many",
-    "work_on": "_many",
-    "work_with": "_engines",
     "sweep_status": "_status",
     "verify_store": "_verify",
     "as_json": "_manifest",
     "code_revision": "_manifest",
     "versions": "_manifest",
 }
-__all__ = [  # noqa: RUF022  # the order of the documentation
-    "map_lanes",
-    "run_sweep",
-    "refine_sweep",
-    "plan_sweep",
-    "work_on",
-    "work_with",
-    "sweep_status",
-    "verify_store",
-    "SweepMismatchError",
-    "SweepWriteError",
-    "Variable",
-    "open_dataset",
-    "as_json",
-    "code_revision",
-    "versions",
-]
+__all__ = ["map_lanes", *_LATER]  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 def __getattr__(name: str) -> Any:

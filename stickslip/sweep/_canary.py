@@ -25,6 +25,7 @@ from collections.abc import Iterator
 from .. import _version
 from ._cache import cache_directory
 from ._files import read_json
+from ._shift import warn_of_wrong_shifts
 
 try:
     import fcntl
@@ -76,6 +77,8 @@ def _tried() -> bool:
                 verdict = run_trial(limit - time.monotonic())
                 if verdict is not None:
                     _write(path, verdict)
+                    # After the verdict is kept, so that a warning made an error ends one process only.
+                    warn_of_wrong_shifts()
     if verdict is None:
         warnings.warn(
             f"The trial of the fused executor did not end within {TIMEOUT} s or was stopped: this "

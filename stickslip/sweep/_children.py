@@ -1,14 +1,12 @@
 """The stores inside a store: the steps of a refinement, each a sweep of its own.
 
-    STORE/refined/0001/                 the points of the first step, a store like any other
-    STORE/refined/0002.8f3c0a12.part/   of somebody who is making one, or was killed at it
+    STORE/refined/0001/   the points of the first step, a store like any other
 
 Which points a step has follows from the results before it.
 """
 
 import os
 import pathlib
-import shutil
 
 REFINED = "refined"
 
@@ -24,18 +22,13 @@ def children(path: pathlib.Path) -> list[pathlib.Path]:
         names = os.listdir(path / REFINED)
     except OSError:
         return []
-    return [path / REFINED / name for name in sorted(names, key=_number) if _number(name)]
+    places = [path / REFINED / name for name in sorted(names, key=_number) if _number(name)]
+    return [place for place in places if is_begun(place)]
 
 
-def family(path: pathlib.Path) -> list[pathlib.Path]:
-    """The store of the grid, then those of the steps."""
-    return [path, *children(path)]
-
-
-def remove_half_made(path: pathlib.Path, number: int) -> None:
-    """What workers who were killed have left of making a step that exists by now."""
-    for place in (path / REFINED).glob(f"{child(path, number).name}.*.part"):
-        shutil.rmtree(place, ignore_errors=True)
+def is_begun(place: pathlib.Path) -> bool:
+    """Whether a step is more than a folder whose maker was killed."""
+    return any(os.path.lexists(place / name) for name in ("manifest.json", "finished"))
 
 
 def _number(name: str) -> int:

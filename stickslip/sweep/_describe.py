@@ -9,12 +9,14 @@ import numpy as np
 from jaxtyping import PyTree
 
 from .._validation import refusal
-from ._layout import Layout, Variable
+from ._labels import Variable
+from ._layout import Layout
 from ._manifest import FORMAT, as_json, code_revision, digest, versions
-from ._options import Options
 from ._programs import Identity
 from .evaluate import Evaluate, output_names
 from .grid import Block, blocks
+from .lanes import map_lanes
+from .settings import Settings
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,7 +42,7 @@ class Described:
 def describe(
     function: Callable,
     coords: Mapping[str, np.ndarray],
-    options: Options,
+    settings: Settings,
     *,
     sides: tuple[int, ...],
     shards: tuple[int, ...],
@@ -48,7 +50,6 @@ def describe(
     carry: PyTree = None,
     axis: int | None = None,
     backward: bool = False,
-    workers: int | None = None,
     refine: Mapping[str, Any] | None = None,
     step: Mapping[str, Any] | None = None,
     program: Identity | None = None,
@@ -59,17 +60,19 @@ def describe(
     - `step`: which points of a refinement these are, where they are not those of a grid.
     - `program`: of the same function, where it was traced before.
     """
+    labels: Any = settings.labels  # all of whose fields are mappings once it is made
     evaluate = Evaluate(
-        function, coords, inputs, sides, carry, axis, backward, options.executor, workers
-    )
-    outputs = _labelled(evaluate.output_shapes(), coords, options.variables)
+        function, coords, inputs, sides, carry, axis, backward, settings.compute.executor,
+        settings.compute.threads,
+    )  # fmt: skip
+    outputs = _labelled(evaluate.output_shapes(), coords, labels.variables)
     layout = Layout(
         coords=coords,
         outputs=outputs,
         sides=sides,
         shard=shards,
-        labels=options.variables,
-        attrs={"title": options.name, **as_json(options.attrs)},
+        labels=labels.variables,
+        attrs={"title": settings.name, **as_json(labels.attrs)},
         refine=refine,
     )
     program = evaluate.program() if program is None else program
@@ -101,20 +104,25 @@ def describe(
             key: {"shape": list(tail), "dtype": str(dtype), "dims": list(label.dims)}
             for key, (tail, dtype, label) in outputs.items()
         },
-        "settings": as_json(options.settings),
+        "settings": as_json(labels.settings),
         "program": program.digest,
         "host_code": list(program.unknown),
-        "computed_with": {
-            "executor": evaluate.lanes.executor,
-            "backend": jax.default_backend(),
-            **{key: versions()[key] for key in ("jax", "jaxlib")},
-        },
-        **({} if options.hosts == "alike" else {"hosts": options.hosts}),
+        "computed_with": computed_with(evaluate.lanes),
+        **({} if settings.storage.hosts == "alike" else {"hosts": settings.storage.hosts}),
         **({} if step is None else {"refine": dict(step)}),
         "attributes": layout.attributes(),
         "information": {"versions": versions(), "code_revision": code_revision()},
     }
     return Described(evaluate, layout, manifest, program)
+
+
+def computed_with(lanes: map_lanes) -> dict[str, str]:
+    """What the numbers of these lanes go through on this host."""
+    return {
+        "executor": lanes.executor,
+        "backend": jax.default_backend(),
+        **{key: versions()[key] for key in ("jax", "jaxlib")},
+    }
 
 
 def _labelled(shapes, coords, variables):

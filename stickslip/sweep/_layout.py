@@ -10,7 +10,7 @@ import numpy as np
 import zarr
 from zarr.storage import MemoryStore
 
-from .._validation import check_mapping, check_type, refusal
+from ._labels import Variable
 from ._manifest import as_json
 from .grid import Block, blocks
 
@@ -18,36 +18,6 @@ DATA = "data.zarr"
 FINISHED = "finished"
 REFINE = "refine"
 _FILL = {"f": np.nan, "c": np.nan, "i": -1, "u": 0, "b": False}
-
-
-@dataclasses.dataclass(frozen=True)
-class Variable:
-    """How a result of a lane is labelled.
-
-    - `dims`: names of its axes after those of the grid, e.g. `("point",)`.
-    - `units`, `long_name`: for axes of pictures and for readers of the file.
-    - `attrs`: further attributes, e.g. `flag_values` and `flag_meanings` of a code.
-
-    Errors: `TypeError` for anything but a name, text or mapping.
-    """
-
-    dims: tuple[str, ...] = ()
-    units: str | None = None
-    long_name: str | None = None
-    attrs: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-
-    def __post_init__(self):
-        if not isinstance(self.dims, tuple) or not all(isinstance(dim, str) for dim in self.dims):
-            raise refusal("dims", self.dims, "a tuple of names of axes", TypeError)
-        check_type("units", self.units, str | None, "a text or None")
-        check_type("long_name", self.long_name, str | None, "a text or None")
-        check_type("attrs", self.attrs, Mapping, "a mapping from names")
-        check_mapping("attrs", self.attrs)
-
-    def attributes(self) -> dict[str, Any]:
-        """Attributes of the array in the dataset."""
-        named = {"units": self.units, "long_name": self.long_name}
-        return {k: v for k, v in named.items() if v is not None} | dict(self.attrs)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -108,7 +108,7 @@ def versions() -> dict[str, str]:
 
 # Recorded, yet free to differ when a sweep is resumed: they do not reach the numbers, or do so only
 # through the compiled program, which has a digest of its own.
-FREE = ("information", "attributes", "files", "seal", "reference")
+FREE = ("information", "attributes", "files", "seal", "reference")  # the last: of earlier versions
 
 
 def sealed(manifest: Mapping[str, Any]) -> dict[str, Any]:

@@ -11,7 +11,7 @@ import xarray as xr
 from .._paths import the_directory
 from .._validation import check_flag, refusal
 from ._cells import Cells
-from ._children import child
+from ._children import child, is_begun
 from ._layout import REFINE
 from ._manifest import digest
 from ._read import open_store
@@ -60,7 +60,7 @@ def refined_in(
         if step is None:
             return Part(first, first.attrs["sweep_state"])
         place = child(path, number)
-        if not place.is_dir():
+        if not is_begun(place):
             return None
         dataset, known = open_store(place, verify)
         inputs = {name: digest(values) for name, values in zip(names, points, strict=True)}

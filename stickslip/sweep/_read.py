@@ -61,12 +61,12 @@ def open_store(path: pathlib.Path, verify: bool) -> tuple[xr.Dataset, Any]:
     return _dataset(begin, path, state, "no", None), manifest if why is None else None
 
 
-def finished_dataset(path: pathlib.Path, manifest: Mapping[str, Any]) -> xr.Dataset:
-    """The dataset of a store all of whose files were looked at or written a moment ago."""
-    names = list(manifest["files"])
-    for _, files in Files(manifest).blocks():
-        names += files
-    return _dataset(f"store = {str(path)!r}", path, "finished", BY_AGE, names)
+def dataset_so_far(path: pathlib.Path, manifest: Mapping[str, Any]) -> xr.Dataset:
+    """The dataset of a store whose units were looked at or written a moment ago, if they are there."""
+    names, there = list(manifest["files"]), recorded(path)
+    for number, own in Files(manifest).blocks():
+        names += own if number in there else []
+    return _dataset(f"store = {str(path)!r}", path, _recorded(path, manifest), BY_AGE, names)
 
 
 def _recorded(path: pathlib.Path, manifest: Mapping[str, Any]) -> str:

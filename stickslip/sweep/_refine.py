@@ -5,27 +5,28 @@ import dataclasses
 import pathlib
 import warnings
 from collections.abc import Callable, Mapping
-from typing import Any, Literal
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 
-from .._types import Given, Named, NamedRows, Path
+from .._types import Given, NamedRows, Path
 from .._validation import check_callable, check_count, one_static, refusal
 from ._cells import Cells, Step, most_levels
-from ._children import child, children, remove_half_made
+from ._children import child, children
+from ._compute import compute_rest
 from ._describe import Described, describe
-from ._duty import Duty, duty_at, end_duty
 from ._files import read_json
-from ._layout import Layout, Variable
+from ._labels import Labels
+from ._layout import Layout
 from ._manifest import differences, identity
-from ._options import Options, checked_options
-from ._read import finished_dataset
+from ._read import dataset_so_far
 from ._refined import LANE, OWN, Part, assembled, walk
-from ._run import described_grid, in_memory, on_disk, threads_of
+from ._run import described_grid, in_memory
 from ._store import Store, SweepMismatchError
 from .evaluate import output_names, prepared
 from .grid import check_grid, shard_shape
+from .settings import Compute, Settings, Storage, settings_of
 
 MAX_POINTS = 1_000_000
 SMALLEST_BLOCK = 8  # lanes; the widest vector unit of a CPU takes them at once
@@ -38,18 +39,10 @@ def refine_sweep(
     *,
     levels: Given[int] = 4,
     max_points: Given[int] = MAX_POINTS,
-    store: Path | None = None,
-    variables: Given[Mapping[str, Variable] | None] = None,
-    settings: Named | None = None,
-    attrs: Named | None = None,
-    chunk: Given[int | None] = None,
-    shard: Given[int | None] = None,
-    resume: Given[bool] = True,
-    progress: bool | None = None,
-    name: str = "sweep",
-    executor: Given[Literal["auto", "fused", "portable"]] = "auto",
-    workers: Given[int | None] = None,
-    hosts: Given[Literal["alike", "any"]] = "alike",
+    store: Path | Storage | None = None,
+    labels: Given[Labels | None] = None,
+    compute: Given[Compute | None] = None,
+    part: Given[tuple[int, int] | None] = None,
 ) -> xr.Dataset:
     """Evaluate `function` on a grid, then between its points, again and again, where neighbours differ.
 
@@ -79,14 +72,13 @@ def refine_sweep(
     - `levels`: how often a cell may be halved. A store may be gone on with more of them.
     - `max_points`: no step is begun that would lead to more points. Then the result is what there is,
       with a `RuntimeWarning` and its attribute `sweep_state` saying so.
-    - `store`: directory of results: itself the store of the sweep over the grid, also one that
-      `run_sweep` made, with a store for each step in its folder `refined`. A later call with the same
-      arguments goes on where this one stopped, and `plan_sweep` and `work_on` share it among workers:
-      which points come next follows from the results, so that all agree on it. Other tolerances or
-      results in `by` need another store.
-    - `variables`, `settings`, `attrs`, `chunk`, `shard`, `resume`, `progress`, `name`, `executor`,
-      `workers`, `hosts`: as for `run_sweep`. Blocks of a step are no larger than they must be; workers
-      share its blocks, so that many of them need a small `chunk`.
+    - `store`: as for `run_sweep`. It is that of the sweep over the grid, also if `run_sweep` made it,
+      with a store for each step in its folder `refined`. Other tolerances or results in `by` need
+      another store. Blocks of a step are no larger than they must be; workers share its blocks, so
+      that many of them need a small `chunk`.
+    - `labels`, `compute`: as for `run_sweep`.
+    - `part`: as for `run_sweep`, of each step. The points of a step follow from all results before it,
+      so that a call with a part ends where results of others are wanted: run the array of jobs again.
 
     **Returns** an `xarray.Dataset` in memory. With one parameter that is its dimension, in ascending
     order. With two the points lie along the dimension `lane`, both parameters beside it. `level` says
@@ -102,96 +94,83 @@ def refine_sweep(
     sizes = [axis.size for axis in coords.values()]
     check_count("levels", levels, 0, most_levels(sizes))
     check_count("max_points", max_points, int(np.prod(sizes)))
-    options = checked_options(
-        name=name, variables=variables, settings=settings, attrs=attrs, store=store, chunk=chunk,
-        shard=shard, resume=resume, progress=progress, executor=executor, workers=workers, hosts=hosts,
-    )  # fmt: skip
+    settings = settings_of(store, labels, compute, part)
     check_callable("function", function, f"f({', '.join(coords)})", **coords)
     about = {"by": tolerances, "levels": levels, "max_points": max_points}
     with contextlib.ExitStack() as stack:
-        steps = _Steps(function, coords, options, about, stack)
+        steps = _Steps(function, coords, settings, about, stack)
         found = walk(Cells(list(coords.values()), levels, tolerances), steps, max_points)
-        if found.stopped:
-            said = f"{name}: {found.state}; what there is is kept."
-            warnings.warn(said, RuntimeWarning, stacklevel=2)
-        steps.end()
-    kept = {} if options.path is None else {"sweep_verified": found.parts[0].attrs["sweep_verified"]}
+    if found.stopped:
+        said = f"{settings.name}: {found.state}; what there is is kept."
+        warnings.warn(said, RuntimeWarning, stacklevel=2)
+    first = found.parts[0].attrs
+    kept = {name: first[name] for name in ("sweep_verified",) if name in first}
     return assembled(found, list(coords), kept)
 
 
-class _Steps:
-    """Computes one step after another: in memory, in a store, or with other workers."""
+class _Listed(NamedTuple):
+    """The lane function over a list of points, which are among its results."""
 
-    def __init__(self, function, coords, options: Options, about, stack: contextlib.ExitStack):
-        self.function, self.coords, self.options, self.about = function, coords, options, about
-        self.duty: Duty | None = duty_at(options.path)
+    function: Callable[..., Any]
+
+    def __call__(self, lane: Any, **point: Any) -> dict[str, Any]:
+        return {**point, **output_names(self.function(**point))}
+
+
+class _Steps:
+    """Computes one step after another: in memory, or in a store."""
+
+    def __init__(self, function, coords, settings: Settings, about, stack: contextlib.ExitStack):
+        self.function, self.coords, self.settings, self.about = function, coords, settings, about
         self._stack = stack
-        self._done: Any = None
         self._program: Any = None
         self._grid = ""
-
-        def listed(lane, **point):
-            return {**point, **output_names(function(**point))}
-
-        self._listed = prepared(listed)
+        self._listed = prepared(_Listed(function))
 
     def __call__(self, number: int, step: Step | None, points: list[np.ndarray]) -> Part:
-        options = self.options
-        title = options.name if step is None else f"{options.name}, level {step.level}"
+        settings, top = self.settings, self.settings.storage.directory
+        title = settings.name if step is None else f"{settings.name}, level {step.level}"
         sweep = self._first() if step is None else self._next(number, step, points, title)
-        if options.path is None:
-            return Part(in_memory(sweep, options.progress, title), "finished")
-        path = child(options.path, number)
-        store = Store(path, sweep.layout, sweep.manifest, "" if self.duty is None else self.duty.mark)
-        if step is not None:
-            store.make()
-            remove_half_made(options.path, number)
-        if self.duty is not None:
-            self._done = self.duty.do(store, sweep.evaluate, sweep.units)
-            if not self.duty.goes_on(self._done):
-                end_duty(self._done)
-        elif step is None:
-            # Who refines alone keeps others from the store until the end.
-            self._stack.enter_context(store)
-            on_disk(sweep, store, options.resume, options.progress, title)
-        else:
-            with store:
-                on_disk(sweep, store, True, options.progress, title)
+        if top is None:
+            return Part(in_memory(sweep, settings, title), "finished")
+        store = Store(
+            child(top, number), sweep.layout, sweep.manifest, shared=settings.part is not None
+        )
+        # Who refines keeps others from the grid's store until the end.
+        with contextlib.nullcontext() if step is None else store:
+            if step is None:
+                self._stack.enter_context(store)
+            store.open(resume=settings.storage.resume or step is not None)
+            compute_rest(sweep, store, settings, title)
         if step is None:
             self._grid = identity(store.manifest)
-        return Part(finished_dataset(path, store.manifest), "finished")
-
-    def end(self) -> None:
-        """End the call of a worker, who has done all there is to do."""
-        if self.duty is not None:
-            end_duty(self._done)
+        dataset = dataset_so_far(store.path, store.manifest)
+        return Part(dataset, dataset.attrs["sweep_state"])
 
     def _first(self) -> Described:
-        sweep = described_grid(
-            self.function, self.coords, self.options, self.duty, inputs={}, refine=self.about
-        )
+        sweep = described_grid(self.function, self.coords, self.settings, inputs={}, refine=self.about)
         _check_results(sweep.layout, self.about["by"])
-        if self.options.path is not None and self.options.resume:
-            _check_refined(self.options.path, self.about["by"])
+        place = self.settings.storage.directory
+        if place is not None and self.settings.storage.resume:
+            _check_refined(place, self.about["by"])
         return sweep
 
     def _next(self, number: int, step: Step, points: list[np.ndarray], title: str) -> Described:
-        options = self.options
+        storage, labels = self.settings.storage, self.settings.labels
         count = len(step.places)
-        side = block_side(count, options.chunk)
-        shards = (side,) if options.shard is None else shard_shape((count,), (side,), options.shard)
-        options = dataclasses.replace(
-            options, name=title,
-            variables={
-                key: dataclasses.replace(label, dims=()) if key in self.coords else label
-                for key, label in options.variables.items()
-            },
-        )  # fmt: skip
+        side = block_side(count, storage.lanes)
+        shards = (side,) if storage.shard is None else shard_shape((count,), (side,), storage.shard)
+        variables = {
+            key: dataclasses.replace(label, dims=()) if key in self.coords else label
+            for key, label in (labels.variables or {}).items()
+        }
+        settings = self.settings._replace(
+            labels=dataclasses.replace(labels, variables=variables), name=title
+        )
         about = {"of": self._grid, "number": number, "level": step.level, "by": self.about["by"]}
         sweep = describe(
-            self._listed, {LANE: np.arange(count)}, options, sides=(side,), shards=shards,
-            inputs=dict(zip(self.coords, points, strict=True)), workers=threads_of(options, self.duty),
-            step=about, program=self._program,
+            self._listed, {LANE: np.arange(count)}, settings, sides=(side,), shards=shards,
+            inputs=dict(zip(self.coords, points, strict=True)), step=about, program=self._program,
         )  # fmt: skip
         self._program = sweep.program
         return sweep

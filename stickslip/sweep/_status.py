@@ -1,6 +1,5 @@
 """How far a sweep is, while others work on it."""
 
-import contextlib
 import os
 import pathlib
 from typing import Any
@@ -11,32 +10,29 @@ import zarr
 from .._paths import the_directory
 from .._types import Path
 from ._children import children
-from ._claims import Claims
-from ._layout import DATA, REFINE, Files, record_file
+from ._layout import DATA, REFINE, Files
+from ._manifest import identity
 from ._open import refined_in
-from ._records import recorded
+from ._records import Looked, recorded
 from ._verify import the_manifest
 from .grid import Block, blocks
-from .progress import clock
-
-LATEST = 256  # records from which the rate is taken
 
 
 def sweep_status(store: Path) -> dict[str, Any]:
-    """How far a sweep is: read from its store, also while others work on it.
+    """How far a sweep is: what is done, missing and damaged, also while others work on it.
 
     **Returns** what JSON can say, by name:
 
-    - `lanes`, `lanes_finished`, `units`, `units_finished`; a unit counts if it has a record;
-    - `lanes_per_second`: of all workers together, between the latest records, and `seconds_left` at
-      this rate; None where nobody works or too little is finished;
+    - `lanes`, `lanes_finished`, `units`, `units_finished`, `units_missing`: a unit, a block or a shard,
+      is finished if its files are there as its record says, by size and age as in `run_sweep`; it is
+      missing if it has no record;
+    - `damaged`: the others, as `"unit 3"`; the next `run_sweep` computes them again;
     - `codes`: for each result with `flag_meanings`, and each of True and False, how many of each there
       are in what is finished;
-    - `claims`: what is being computed: `unit`, `who`, `age` in seconds, `alive`;
     - `refined`, of a sweep that is refined, whose other numbers count all points that are known so far:
       its `state`, as `sweep_state` of `refine_sweep`, `levels_wanted`, and for each of the `levels` its
-      number, `lanes` and `lanes_finished`; a claim says in which `step`;
-    - `bytes`: size of the results so far; `computed_with`; `function` that makes the sweep, or None.
+      number, `lanes` and `lanes_finished`;
+    - `bytes`: size of the results so far; `computed_with`.
 
     **Errors** `TypeError` or `ValueError` if `store` is not a sweep's.
     """
@@ -48,15 +44,13 @@ def sweep_status(store: Path) -> dict[str, Any]:
         return found
     below = [(the_manifest(step)["refine"], _one(step)) for step in steps]
     for number, (_, step) in enumerate(below, 1):
-        for name in ("lanes", "lanes_finished", "units", "units_finished", "bytes"):
+        for name in ("lanes", "lanes_finished", "units", "units_finished", "units_missing", "bytes"):
             found[name] += step[name]
         for name, counts in step["codes"].items():
             total = found["codes"].setdefault(name, {})
             for word, n in counts.items():
                 total[word] = total.get(word, 0) + n
-        found["claims"] += [{"step": number, **claim} for claim in step["claims"]]
-        for name in ("lanes_per_second", "seconds_left"):
-            found[name] = step[name]  # work is at the last one
+        found["damaged"] += [f"step {number}, {unit}" for unit in step["damaged"]]
     return {**found, "refined": _refined(path, refine, below)}
 
 
@@ -81,31 +75,22 @@ def _refined(path, refine, below) -> dict[str, Any]:
 def _one(path: pathlib.Path) -> dict[str, Any]:
     """The same of a store without those inside it."""
     manifest = the_manifest(path)
-    files = Files(manifest)
-    there = recorded(path)
+    files, there = Files(manifest), recorded(path)
+    looked = Looked(path, identity(manifest), manifest["format"], folders=False)
+    names = dict(files.blocks())
     units = [unit for unit in blocks(files.shape, files.sides) if unit.number in there]
-    lanes, finished = int(np.prod(files.shape)), sum(unit.lanes for unit in units)
-    claims: list[dict[str, Any]] = []
-    with contextlib.suppress(OSError):  # read only: the time of the file system cannot be asked for
-        claims = [
-            {"unit": number, "who": s.who, "age": round(s.age, 1), "alive": s.alive}
-            for number, s in sorted(Claims(path).standing().items())
-            if s.seen[0] > 0  # else given back
-        ]
-    rate = _rate(path, units)
-    works = finished < lanes and any(claim["alive"] for claim in claims)
+    sound = [unit for unit in units if looked.is_finished(unit.number, names[unit.number])]
+    damaged = sorted({unit.number for unit in units} - {unit.number for unit in sound})
     return {
-        "lanes": lanes,
-        "lanes_finished": finished,
+        "lanes": int(np.prod(files.shape)),
+        "lanes_finished": sum(unit.lanes for unit in sound),
         "units": files.total,
-        "units_finished": len(units),
-        "lanes_per_second": rate,
-        "seconds_left": (lanes - finished) / rate if works and rate else None,
-        "codes": _codes(path, manifest, units),
-        "claims": claims,
-        "bytes": size_of(path, manifest, there),
+        "units_finished": len(sound),
+        "units_missing": files.total - len(units),
+        "damaged": [f"unit {number}" for number in damaged],
+        "codes": _codes(path, manifest, sound),
+        "bytes": sum(os.stat(path / name).st_size for unit in sound for name in names[unit.number]),
         "computed_with": manifest["computed_with"],
-        "function": (manifest.get("reference") or {}).get("function"),
     }
 
 
@@ -116,9 +101,10 @@ def status_lines(found: dict[str, Any]) -> list[str]:
         f"{found['lanes_finished']:,} of {found['lanes']:,} lanes ({share:.1%}), "
         f"{found['units_finished']:,} of {found['units']:,} units, {found['bytes'] / 1e6:,.1f} MB"
     ]
-    if found["seconds_left"] is not None:
-        rate = found["lanes_per_second"]
-        lines.append(f"{rate:,.3g} lanes per s, {clock(found['seconds_left'])} left")
+    if found["units_missing"]:
+        lines.append(f"{found['units_missing']:,} units missing")
+    if found["damaged"]:
+        lines.append(f"{len(found['damaged']):,} units damaged: {'; '.join(found['damaged'][:9])}")
     if "refined" in found:
         refined = found["refined"]
         of = "" if refined["levels_wanted"] is None else f" of {refined['levels_wanted']}"
@@ -128,35 +114,7 @@ def status_lines(found: dict[str, Any]) -> list[str]:
         lines.append(f"refinement {refined['state']}")
     for name, counts in found["codes"].items():
         lines.append(f"{name}: " + ", ".join(f"{n:,} {word}" for word, n in counts.items()))
-    for claim in found["claims"]:
-        state = "" if claim["alive"] else ", dead: free for others"
-        where = f"step {claim['step']}, " if "step" in claim else ""
-        seen = f"seen {claim['age']:.0f} s ago{state}"
-        lines.append(f"{where}unit {claim['unit']}: {claim['who']}, {seen}")
     return lines
-
-
-def size_of(path: pathlib.Path, manifest: dict[str, Any], there: set[int]) -> int:
-    """Bytes of the files of recorded units."""
-    total = 0
-    for number, names in Files(manifest).blocks():
-        if number in there:
-            for name in names:
-                with contextlib.suppress(OSError):
-                    total += os.stat(path / name).st_size
-    return total
-
-
-def _rate(path: pathlib.Path, units: list[Block]) -> float | None:
-    """Lanes per second from the times of the latest records."""
-    written = []
-    for unit in units:
-        with contextlib.suppress(OSError):
-            written.append((os.stat(path / record_file(unit.number)).st_mtime, unit.lanes))
-    written = sorted(written)[-LATEST:]
-    if len(written) < 2 or written[-1][0] <= written[0][0]:
-        return None
-    return sum(lanes for _, lanes in written[1:]) / (written[-1][0] - written[0][0])
 
 
 def _codes(path: pathlib.Path, manifest: dict[str, Any], units: list[Block]) -> dict[str, Any]:

@@ -6,7 +6,6 @@
     STORE/finished/0007.json checksums of the files of unit 7; written after them, in one rename
     STORE/runs.jsonl         when and by what it was worked on; free to differ between equal stores
     STORE/lock               held while somebody works on it; freed by the system if he is killed
-    STORE/claims/            what each of several workers is computing, see `_claims`
     STORE/refined/           further points that follow from the results, see `_children`
 
 A unit is a block or a shard of whole blocks. It counts as finished if its record exists and every file
@@ -23,8 +22,8 @@ import errno
 import json
 import os
 import pathlib
+import re
 import secrets
-import shutil
 import time
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -33,8 +32,7 @@ import numpy as np
 import zarr
 
 from ._children import REFINED, children
-from ._claims import CLAIMS, Claims
-from ._files import checksum, checksum_of, half_written, link_above, read_json, write_whole
+from ._files import checksum, checksum_of, link_above, read_json, write_whole
 from ._layout import DATA, Encoder, Files, Layout, chunk_file, record_file
 from ._manifest import as_stored, differences, fault, identity, is_manifest, sealed
 from ._records import Looked, record_of, recorded
@@ -45,10 +43,11 @@ try:
 except ImportError:  # no advisory locks on this system
     fcntl = None
 
+CLAIMS = "claims"  # an empty folder of stores that were made by workers of earlier versions
 _OURS = {
     "manifest.json", "manifest.json.damaged", DATA, "finished", "runs.jsonl", "lock", CLAIMS, REFINED
 }  # fmt: skip
-_BEFORE_MANIFEST = {"lock", "manifest.json.part"}
+_BEFORE_MANIFEST = re.compile(r"lock|manifest\.json(\.[0-9a-f]+)?\.part")
 _READ_ONLY = (errno.EROFS, errno.EACCES, errno.EPERM)
 _ELSE = "Use another store, or replace this one with resume=False."
 
@@ -64,13 +63,17 @@ class SweepWriteError(OSError):
 class Store:
     """Units of a sweep on disk. Use as a context: the lock is held inside it.
 
-    `mark`: of one worker among several, who share the lock; it distinguishes what they write.
+    `shared`: with others, each of whom computes a part; they share the lock.
     """
 
-    def __init__(self, path: pathlib.Path, layout: Layout, manifest: dict[str, Any], mark: str = ""):
+    def __init__(
+        self, path: pathlib.Path, layout: Layout, manifest: dict[str, Any], *, shared: bool = False
+    ):
         self.path = path
         self.layout, self.manifest = layout, manifest
-        self.mark = mark
+        self.shared = shared
+        # Distinguishes what each of them writes. Who is alone writes over what he left half written.
+        self._mark = secrets.token_hex(4) if shared else ""
         self._by = manifest["computed_with"] if manifest.get("hosts") == "any" else None
         self._lock: int | None = None
         self._arrays: dict[str, zarr.Array] = {}
@@ -88,7 +91,7 @@ class Store:
             self._lock = _open_lock(self.path / "lock")
         if fcntl is not None and self._lock is not None:
             try:
-                kind = fcntl.LOCK_SH if self.mark else fcntl.LOCK_EX
+                kind = fcntl.LOCK_SH if self.shared else fcntl.LOCK_EX
                 fcntl.flock(self._lock, kind | fcntl.LOCK_NB)
             except OSError as error:
                 if error.errno in (errno.EAGAIN, errno.EACCES):
@@ -97,10 +100,10 @@ class Store:
                         f"store = {str(self.path)!r} is being worked on by another process: it must "
                         "be another store, or wait until that one has ended."
                     ) from None
-                if not self.mark:
+                if not self.shared:
                     self.__exit__()
                     raise
-                # Not every network file system knows locks; workers go by their claims.
+                # Not every network file system knows locks, and parts do not need them.
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -112,7 +115,7 @@ class Store:
         """Raise for a directory that is neither new nor a store: its files may be somebody's work."""
         if not self.path.is_dir() or os.path.lexists(self.path / "manifest.json"):
             return
-        names = {p.name for p in self.path.iterdir()} - _BEFORE_MANIFEST
+        names = {p.name for p in self.path.iterdir() if not _BEFORE_MANIFEST.fullmatch(p.name)}
         if names - _OURS:
             raise ValueError(
                 f"store = {str(self.path)!r} holds something else ({sorted(names - _OURS)[:3]}): "
@@ -125,29 +128,12 @@ class Store:
                 "manifest back, or remove the directory by hand."
             )
 
-    def make(self) -> None:
-        """Make the store by one rename, unless it is there: any number may do so at once."""
-        if os.path.lexists(self.path):
-            return
-        parts = self.path.with_name(f"{self.path.name}.{secrets.token_hex(4)}.part")
-        try:
-            with Store(parts, self.layout, self.manifest) as making:
-                making._set_up(self.manifest)
-            with self._writing("put a step in place"):
-                os.rename(parts, self.path)
-        except OSError:
-            if not os.path.lexists(self.path / "manifest.json"):
-                raise
-        finally:
-            shutil.rmtree(parts, ignore_errors=True)
-
     def open(self, *, resume: bool) -> None:
         """Make the store, or check that it holds this very sweep.
 
         With `resume=False` the sweep that it held is removed first, and no file but those of a sweep.
         """
         self._check_ours()
-        self._check_unclaimed()
         stored, why = None, None
         try:
             stored = read_json(self.path / "manifest.json")
@@ -177,26 +163,15 @@ class Store:
             self._resume(stored)
         self._identity = identity(self.manifest)
         self._encoder = None
-        self._looked = Looked(self.path, self._identity, self.manifest["format"], folders=not self.mark)
+        self._looked = Looked(
+            self.path, self._identity, self.manifest["format"], folders=not self.shared
+        )
+        if not self.shared:
+            self._remove_half_written()
         group = zarr.open_group(self.path / DATA, mode="r+")
         # Without this a chunk that equals the fill value is not a file, and could not have a checksum.
         with zarr.config.set({"array.write_empty_chunks": True}):
             self._arrays = {name: _array(group, name) for name in self.layout.outputs}
-
-    def _check_unclaimed(self) -> None:
-        """Raise if workers are at the store whom the lock does not show, as those of other hosts."""
-        if self.mark:
-            return
-        claims = Claims(self.path)
-        claims.remove_dead()
-        at_work = [standing for standing in claims.standing().values() if standing.alive]
-        if at_work:
-            who = ", ".join(sorted({standing.who for standing in at_work})[:3])
-            raise ValueError(
-                f"store = {str(self.path)!r} is being worked on by {len(at_work)} workers ({who}): it "
-                "must be another store, or wait until they have ended; what a worker who was killed "
-                f"has claimed is free again after {max(s.expiry for s in at_work):.0f} s."
-            )
 
     def _resume(self, stored: dict[str, Any]) -> None:
         """Take up the sweep in the store; put lost headers and coordinates back, and new labels in."""
@@ -212,18 +187,16 @@ class Store:
                 f"({', '.join(stored['host_code'])}), and what the host does has no digest to compare. "
                 f"{_ELSE}"
             )
-        attributes = stored["attributes"] if self.mark else self.manifest["attributes"]
-        reference = self.manifest.get("reference", stored.get("reference"))
+        attributes = stored["attributes"] if self.shared else self.manifest["attributes"]
         bad = [name for name, sum_ in stored["files"].items() if checksum(self.path / name) != sum_]
-        if bad or stored["attributes"] != attributes or stored.get("reference") != reference:
+        if bad or stored["attributes"] != attributes:
             if _sums(self.layout.skeleton(stored["attributes"])) != stored["files"]:
                 what = f"has a damaged {bad[0]}" if bad else "has other labels"
                 raise SweepMismatchError(
                     f"store = {str(self.path)!r} {what}, and was made with another version of zarr, "
                     f"so that it cannot be written anew. {_ELSE}"
                 )
-            known = {} if reference is None else {"reference": reference}
-            self._set_up({**stored, "attributes": attributes, **known})
+            self._set_up({**stored, "attributes": attributes})
         else:
             self.manifest = stored
 
@@ -233,10 +206,10 @@ class Store:
         with self._writing("write headers and coordinates"):
             self.manifest = sealed({**manifest, "files": _sums(files)})
             text = json.dumps(self.manifest, indent=1) + "\n"
-            write_whole(self._free("manifest.json"), text, self.mark)
+            write_whole(self._free("manifest.json"), text, self._mark)
             for name, data in files.items():
                 if checksum(self.path / name) != self.manifest["files"][name]:
-                    write_whole(self._free(name), data, self.mark)
+                    write_whole(self._free(name), data, self._mark)
         return self.manifest
 
     def _is_proven(self) -> bool:
@@ -295,7 +268,6 @@ class Store:
         if not is_manifest(stored):
             return
         with Store(path, self.layout, self.manifest) as step:
-            step._check_unclaimed()
             step._remove(stored)
         for name in ("manifest.json", "manifest.json.damaged", "runs.jsonl", "lock", f"{CLAIMS}/clock"):
             (path / name).unlink(missing_ok=True)
@@ -332,8 +304,8 @@ class Store:
         assert self._looked is not None
         return self._looked.is_finished(unit.number, self._chunks(unit))
 
-    def write(self, unit: Block, values: Mapping[str, np.ndarray], mark: str = "") -> None:
-        """Results of a unit, then its record."""
+    def write(self, unit: Block, values: Mapping[str, np.ndarray], by: Any = None) -> None:
+        """Results of a unit, then its record; `by`: what computed it, if not this host."""
         if self._encoder is None:
             self._encoder = self.layout.encoder()
         files = self._encoder(unit, values)
@@ -341,15 +313,27 @@ class Store:
             path = self._free(record_file(unit.number))
             targets = [(self._free(name), data) for name, data in files.items()]
             for target, data in targets:
-                write_whole(target, data, mark)
-            record = record_of(self._identity, unit.number, files, self.manifest["format"], self._by)
-            write_whole(path, json.dumps(record, indent=1) + "\n", mark)
+                write_whole(target, data, self._mark)
+            by = self._by if by is None else by
+            record = record_of(self._identity, unit.number, files, self.manifest["format"], by)
+            write_whole(path, json.dumps(record, indent=1) + "\n", self._mark)
 
-    def remove_half_written(self, unit: Block, mark: str) -> None:
-        """What a worker who is gone has left of a unit."""
-        for name in (*self._chunks(unit), record_file(unit.number)):
-            with contextlib.suppress(OSError):
-                half_written(self.path / name, mark).unlink(missing_ok=True)
+    def _remove_half_written(self) -> None:
+        """What processes that computed a part and were killed have left."""
+        files = Files(self.manifest)
+        for top in (DATA, "finished"):
+            for folder, _, names in os.walk(self.path / top):
+                for path in (pathlib.Path(folder, name) for name in names if name.endswith(".part")):
+                    if files.has(path.relative_to(self.path).as_posix()):
+                        with contextlib.suppress(OSError):
+                            path.unlink()
+
+    def interrupted(self, meter: Any) -> str:
+        """What an interruption leaves."""
+        return (
+            f"interrupted: {self.finished()} of {Files(self.manifest).total} blocks are kept in store "
+            f"{str(self.path)!r}, and the same call goes on from there"
+        )
 
     def read(self, name: str, region: tuple[Any, ...]) -> np.ndarray:
         """Part of a variable."""

@@ -18,18 +18,18 @@ from ._records import is_record, made_by, record, recorded
 def verify_store(store: Path, *, repair: Given[bool] = False) -> list[str]:
     """Names of the files of a store that are not as they were written, by their checksums.
 
-    A later `run_sweep` or `work_on` looks at sizes and times of change, which show what any program
+    A later `run_sweep` looks at sizes and times of change, which show what any program
     did; a byte that decayed on the disk shows here alone.
 
     **Arguments**
 
     - `store`: of a sweep, finished or not, with all steps of one that is refined. What others are
       writing meanwhile may be named as damaged.
-    - `repair`: remove the records of units with a damaged file, so that the next `run_sweep` or
-      `work_on` computes them again. It writes damaged headers and coordinates again in any case.
+    - `repair`: remove the records of units with a damaged file, so that the next `run_sweep` computes
+      them again. It writes damaged headers and coordinates again in any case.
 
     **Returns** the names relative to the store, in the order of units; none if the store is sound. Not
-    counted are the diary `runs.jsonl`, `lock` and `claims`, on which no number depends.
+    counted are the diary `runs.jsonl` and `lock`, on which no number depends.
 
     **Errors** `TypeError` or `ValueError` if `store` is not the directory of a store, or if its
     manifest is damaged; `OSError` if a record cannot be removed.
@@ -79,8 +79,8 @@ def the_manifest(path: pathlib.Path) -> dict[str, Any]:
         why, manifest = f"has an unreadable manifest.json ({error})", None
     if why is not None:
         raise ValueError(
-            f"store = {str(path)!r} {why}: it must have a whole one; the `run_sweep` or `plan_sweep` "
-            "that made it writes it again, as far as its records show that it is the same sweep."
+            f"store = {str(path)!r} {why}: it must have a whole one; the `run_sweep` that made "
+            "it writes it again, as far as its records show that it is the same sweep."
         )
     assert isinstance(manifest, dict)
     return manifest

@@ -49,6 +49,10 @@ class prepared:
             self._lanes[key] = _side_by_side(self, executor, workers)
         return self._lanes[key]
 
+    def __getstate__(self) -> dict:
+        # Compiled programs stay where they were compiled.
+        return {"function": self.function, "_lanes": {}}
+
 
 def lanes_of(function: Callable, executor: str, workers: int | None) -> map_lanes:
     """`map_lanes` over dictionaries of arguments."""
@@ -62,6 +66,37 @@ def _side_by_side(function, executor, workers):
         return function(**arguments)
 
     return map_lanes(side_by_side, executor=executor, workers=workers)
+
+
+def lanes_for(function: Callable, carried: bool, executor: str, workers: int | None) -> map_lanes:
+    """`map_lanes` over the points of a block or, where they are carried, over its rows."""
+    if not carried:
+        return lanes_of(function, executor, workers)
+
+    def row(arguments):
+        def step(carry, point):
+            carry, results = function(carry, **point)
+            return carry, {**_as_dict(results), CARRY: carry}
+
+        start, points = arguments
+        return jax.lax.scan(step, start, points)[1]
+
+    # One lane of a carried sweep is a whole row, of which there are few.
+    return map_lanes(row, executor=executor, workers=workers)
+
+
+def results_by_name(lanes: map_lanes, arguments: PyTree) -> dict[str, np.ndarray]:
+    """Results of the lanes of a block, in their order."""
+    return {name: np.asarray(value) for name, value in output_names(lanes(arguments)).items()}
+
+
+def identity_of(lanes: map_lanes, shapes: PyTree) -> Identity:
+    """Digest of the program of one lane, with every constant that it holds.
+
+    It distinguishes what no list of settings could: another formula, another parameter in a closure.
+    """
+    traced = jax.jit(lanes.function).trace(shapes)
+    return identify(traced, traced.lower())
 
 
 class Evaluate:
@@ -79,29 +114,19 @@ class Evaluate:
         executor: str,
         workers: int | None,
     ):
+        self.function, self.executor, self.workers = function, executor, workers
         self.coords, self.inputs, self.sides = coords, inputs, sides
         self.axis: Any = axis  # None where lanes are side by side
         self.backward = backward
         self.carry = jax.tree.map(lambda a: jnp.asarray(a), carry)
-        self.workers = workers
-        if axis is None:
-            self.lanes = lanes_of(function, executor, workers)
-        else:
+        self.lanes = lanes_for(function, axis is not None, executor, workers)
 
-            def row(arguments):
-                def step(carry, point):
-                    carry, results = function(carry, **point)
-                    return carry, {**_as_dict(results), CARRY: carry}
+    def arguments(self, block: Block, read: Callable) -> PyTree:
+        """Points of a block, filled up to its full shape by repeating the last one along each axis.
 
-                start, points = arguments
-                return jax.lax.scan(step, start, points)[1]
-
-            # One lane of a carried sweep is a whole row, of which there are few.
-            self.lanes = map_lanes(row, executor=executor, workers=workers)
-        self.lane = self.lanes.function
-
-    def _arguments(self, region: tuple[slice, ...], read: Callable) -> PyTree:
-        """Points of a block, filled up to its full shape by repeating the last one along each axis."""
+        `read(name, region)` gives what was computed before.
+        """
+        region = block.region
         index = [
             np.minimum(np.arange(s.start, s.start + side), s.stop - 1)
             for s, side in zip(region, self.sides, strict=True)
@@ -152,7 +177,7 @@ class Evaluate:
         def nothing(*_):
             raise AssertionError("the first block starts from the given carry")
 
-        arguments = self._arguments(first.region, nothing)
+        arguments = self.arguments(first, nothing)
         return jax.tree.map(
             lambda a: jax.ShapeDtypeStruct(a.shape[1:], jax.dtypes.canonicalize_dtype(a.dtype)),
             arguments,
@@ -162,27 +187,24 @@ class Evaluate:
         """Shapes and dtypes of one point's results."""
         # With the executor that will compute them, so that what is traced here is traced once.
         with self.lanes.chosen():
-            shapes = jax.eval_shape(self.lane, self._shapes())
+            shapes = jax.eval_shape(self.lanes.function, self._shapes())
         if self.axis is None:
             return shapes
         return jax.tree.map(lambda s: jax.ShapeDtypeStruct(s.shape[1:], s.dtype), shapes)
 
     def program(self) -> Identity:
-        """Digest of the program of one lane, with every constant that it holds.
-
-        It distinguishes what no list of settings could: another formula, another parameter in a
-        closure.
-        """
-        traced = jax.jit(self.lane).trace(self._shapes())
-        return identify(traced, traced.lower())
+        """Identity of the program of one lane."""
+        return identity_of(self.lanes, self._shapes())
 
     def __call__(self, block: Block, read: Callable) -> dict[str, np.ndarray]:
         """Results of a block by name. `read(name, region)` gives what was computed before."""
-        results = self.lanes(self._arguments(block.region, read))
+        return self.shaped(block, results_by_name(self.lanes, self.arguments(block, read)))
+
+    def shaped(self, block: Block, results: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Results of the lanes of a block in the shape of its part of the grid."""
         rank = len(self.sides)
         out = {}
-        for name, value in output_names(results).items():
-            a = np.asarray(value)
+        for name, a in results.items():
             if self.axis is None:
                 a = a.reshape(*self.sides, *a.shape[1:])
             else:

@@ -64,7 +64,7 @@ TARGETS = [
         analysis.lyapunov_diagram,
         {
             "system": BUILDER, "grid": GRID, "y0": arg(START), "segment": DURATION, "segments": arg(40),
-            "scales": arg(None, "none"), "labels": arg(None, "none", "mapping"),
+            "scales": arg(None, "none"),
             "spectrum": arg(None, "none", "mapping"), **SWEEP,
         },
         _swept(analysis.lyapunov_diagram),
@@ -93,7 +93,6 @@ TARGETS = [
             "observables": arg("x"), "record": arg(analysis.Recording(1.0, 1.0, max_points=8)),
             "period": arg(None, "none"), "carried": arg(None, "none"),
             "domain": arg((), "none of them", "constant"), "check": arg(0, "count"),
-            "labels": arg(None, "none", "mapping"),
             **SWEEP,
         },
         _swept(analysis.orbit_diagram),
@@ -109,7 +108,6 @@ TARGETS = [
         analysis.PeriodTest,
         {"tolerance": arg(1e-4, "positive", "float32"), "longest": arg(4)},
     ),
-    Target(analysis.Carried, {"direction": arg("upwards"), "along": arg(None, "none", "text")}),
     Target(analysis.Maximum, {"observable": arg("x", "text", "constant")}),
     Target(analysis.Minimum, {"observable": arg("x", "text", "constant")}),
     Target(

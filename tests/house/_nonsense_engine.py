@@ -2,7 +2,6 @@
 
 import pathlib
 import tempfile
-from concurrent.futures import ThreadPoolExecutor
 
 import jax
 import numpy as np
@@ -11,12 +10,12 @@ import stickslip as ss
 from stickslip import hybrid, sweep
 from stickslip.systems import CoulombOscillator, Motion
 from tests.house._nonsense_target import Target, arg, reached
-from tests.stickslip.sweep import _planned
 
 OSCILLATOR = CoulombOscillator(1.0, 1.0, 1.0, 0.5, 0.2)
 START = Motion(x=0.0, v=0.2)
 RK4 = ss.Integrator("rk4", ss.FixedStep(0.1))
 INSIDE = tempfile.TemporaryDirectory()
+PORTABLE = sweep.Compute("portable")
 
 SYSTEM = arg(OSCILLATOR)
 STATE = arg(START)
@@ -48,13 +47,7 @@ def _recurring(system: ss.WithPeriodicBreaks) -> ss.Solution:
 
 def _store() -> str:
     path = f"{INSIDE.name}/finished"
-    sweep.run_sweep(lambda k: {"x": k}, {"k": [1.0]}, store=path, executor="portable")
-    return path
-
-
-def _planned_store() -> str:
-    path = f"{INSIDE.name}/to work on"
-    sweep.plan_sweep(_planned.small, path)
+    sweep.run_sweep(lambda k: {"x": k}, {"k": [1.0]}, store=path, compute=PORTABLE)
     return path
 
 
@@ -174,11 +167,8 @@ ENGINE = [
 ]  # fmt: skip
 
 SWEEP = {
-    "store": arg(None, "none", "path"),
-    "settings": arg(None, "none", "entries"), "attrs": arg(None, "none", "entries"),
-    "chunk": arg(4, "none"), "resume": arg(True, "flag"), "progress": arg(None, "none", "flag"),
-    "name": arg("a sweep", "text"), "executor": arg("portable"), "workers": arg(1, "none"),
-    "shard": arg(8, "none"), "hosts": arg("alike"),
+    "store": arg(None, "none", "path"), "labels": arg(None, "none"), "compute": arg(PORTABLE, "none"),
+    "part": arg(None, "none"),
 }  # fmt: skip
 SWEEPS = [
     Target(
@@ -196,16 +186,13 @@ SWEEPS = [
         sweep.run_sweep,
         {
             "function": arg(lambda k: {"x": k}, "function"), "grid": arg({"k": [1.0, 2.0]}),
-            "inputs": arg(None, "none", "mapping"), "variables": arg(None, "none", "mapping"), **SWEEP,
+            "inputs": arg(None, "none", "mapping"), **SWEEP,
         },
         lambda store, **given: sweep.run_sweep(store=_inside(store), **given),
     ),
     Target(
         sweep.run_sweep,
-        {
-            "carry": arg(1.0, "numbers"), "along": arg("k", "none"),
-            "backward": arg(True, "flag"),
-        },
+        {"carry": arg(1.0, "numbers"), "carried": arg(sweep.Carried(), "none")},
         lambda **given: sweep.run_sweep(lambda c=0, *, k: (c, k), {"k": [1.0, 2.0]}, **given),
     ),
     Target(
@@ -213,7 +200,7 @@ SWEEPS = [
         {
             "function": arg(lambda k: {"x": k}, "function"), "grid": arg({"k": [1.0, 2.0]}),
             "by": arg({"x": 0.5}, "results"), "levels": arg(1, "count"), "max_points": arg(100),
-            "variables": arg(None, "none", "mapping"), **SWEEP,
+            **SWEEP,
         },
         lambda store, **given: sweep.refine_sweep(store=_inside(store), **given),
     ),
@@ -226,27 +213,29 @@ SWEEPS = [
     ),
     Target(sweep.open_dataset, {"path": arg(_store()), "verify": arg(True, "flag")}),
     Target(
-        sweep.work_with,
+        sweep.Storage,
         {
-            "client": arg(ThreadPoolExecutor(1)), "store": arg(_planned_store()), "tasks": arg(1),
-            "seconds": arg(60.0, "none", "positive"), "wait": arg(False, "flag"),
-            "expiry": arg(60.0, "positive"),
+            "path": arg(None, "none", "path"), "chunk": arg(4, "none"), "shard": arg(8, "none"),
+            "resume": arg(True, "flag"), "hosts": arg("alike"),
         },
     ),
+    Target(
+        sweep.Compute,
+        {
+            "executor": arg("portable"), "workers": arg(1, "none"), "client": arg(None, "none"),
+            "progress": arg(None, "none", "flag"),
+        },
+    ),
+    Target(
+        sweep.Labels,
+        {
+            "variables": arg(None, "none", "mapping"), "settings": arg(None, "none", "entries"),
+            "attrs": arg(None, "none", "entries"), "name": arg("a sweep", "none", "text"),
+        },
+    ),
+    Target(sweep.Carried, {"direction": arg("upwards"), "along": arg(None, "none", "text")}),
     Target(sweep.sweep_status, {"store": arg(_store())}),
     Target(sweep.verify_store, {"store": arg(_store()), "repair": arg(True, "flag")}),
-    Target(
-        sweep.plan_sweep, {"function": arg(_planned.small), "store": arg("planned", "path")},
-        lambda function, store, **given: sweep.plan_sweep(function, _inside(store), **given),
-    ),
-    Target(
-        sweep.work_on,
-        {
-            "store": arg(_planned_store()), "processes": arg(None, "none"),
-            "seconds": arg(60.0, "none", "positive"), "wait": arg(False, "flag"),
-            "expiry": arg(60.0, "positive"), "progress": arg(None, "none", "flag"),
-        },
-    ),
 ]  # fmt: skip
 
 

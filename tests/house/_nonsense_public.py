@@ -57,9 +57,7 @@ ELSEWHERE = {
     "cls": "what the method belongs to",
     "options": "each option is an argument of its own in the template",
     "changes": "each parameter is an argument of its own in the template of the class",
-    "parameters of plan_sweep": "those of the function that is planned, as JSON has them",
     "values of CoreXYParameters": "each parameter is an argument of its own in the template",
-    "sweep": "each option is an argument of its own in the template",
 }
 
 OURS = ("stickslip", "corexy_jax")

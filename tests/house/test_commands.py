@@ -94,13 +94,17 @@ def test_lock_fits_the_declared_ranges():
         )
     ]
     wrong = []
-    for requirement in declared:
-        if requirement.name == PROJECT["project"]["name"]:
-            continue
-        pins = [pin for pin in locked() if pin.name == requirement.name]
-        versions = [next(iter(pin.specifier)).version for pin in pins]
-        if not versions or not all(requirement.specifier.contains(v) for v in versions):
-            wrong.append((str(requirement), versions))
+    for python in ("3.11", "3.12", "3.13"):
+        here = {"python_version": python, "python_full_version": f"{python}.0"}
+        pins = [pin for pin in locked() if pin.marker is None or pin.marker.evaluate(here)]
+        for requirement in declared:
+            if requirement.name == PROJECT["project"]["name"]:
+                continue
+            if requirement.marker is not None and not requirement.marker.evaluate(here):
+                continue
+            versions = [next(iter(p.specifier)).version for p in pins if p.name == requirement.name]
+            if not versions or not all(requirement.specifier.contains(v) for v in versions):
+                wrong.append((python, str(requirement), versions))
     assert wrong == []
 
 
@@ -113,9 +117,7 @@ def test_lock_names_versions_and_nothing_else():
 
 def test_lock_covers_the_oldest_and_the_newest_jax():
     versions = {next(iter(pin.specifier)).version for pin in locked() if pin.name == "jax"}
-    minors = {tuple(map(int, version.split(".")[:2])) for version in versions}
-    assert min(minors) == (0, 10)
-    assert len(minors) > 1
+    assert {tuple(map(int, version.split(".")[:2])) for version in versions} == {(0, 10), (0, 12)}
 
 
 def test_benchmark_peers_are_those_of_the_extra():
@@ -127,7 +129,9 @@ def test_benchmark_peers_are_those_of_the_extra():
 def test_continuous_integration_runs_the_quick_suite():
     script = ROOT / ".ci" / "run"
     assert script.stat().st_mode & 0o111
-    assert re.search(r"^exec make .*\btest\b", script.read_text(encoding="utf-8"), re.MULTILINE)
+    text = script.read_text(encoding="utf-8")
+    assert re.search(r"^make .*\btest$", text, re.MULTILINE)
+    assert re.search(r"^ +make .*\btest-more$", text, re.MULTILINE)
 
 
 def test_licence_is_the_declared_one():

@@ -17,8 +17,6 @@ REASONS = {
     "corexy_jax._solution.CoreXYSolution.result": RESULT,
     "stickslip.hybrid._solution.Solution.result": RESULT,
     "stickslip.analysis._growth.LyapunovSpectrum.result": RESULT,
-    "stickslip.analysis._lyapunov_diagram.lyapunov_diagram.sweep": "the options of run_sweep",
-    "stickslip.analysis._orbit_diagram.orbit_diagram.sweep": "the options of run_sweep",
     "stickslip.identification._many_starts.many_starts.options": "what the function `fit` takes",
     "stickslip.identification._record.Record.from_table.options": "the options of Record",
     "stickslip.identification._record.Record.from_table.table": "what gives columns by name",
@@ -35,8 +33,7 @@ REASONS = {
     "stickslip.plot._orbit_diagram.orbit_diagram.options": LINES,
     "stickslip.plot._phase_plane.phase_plane.options": LINES,
     "stickslip.plot._spectrum.spectrum.options": LINES,
-    "stickslip.sweep._engines.work_with.client": "whatever has a method `submit`",
-    "stickslip.sweep._many.plan_sweep.parameters": "those of the function that is planned",
+    "stickslip.sweep.settings.Compute.client": "a class of a package that may be absent",
     "stickslip.sweep._manifest.as_json.value": "anything, of which it says what it is",
     "stickslip.systems._drive_voltage.voltage_for_belt_speed.options": "those of mean_belt_speed",
 }

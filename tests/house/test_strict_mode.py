@@ -1,6 +1,7 @@
 """The strictness itself: a fault of each kind must fail here, or it would pass everywhere."""
 
 import os
+import re
 import subprocess
 import sys
 import warnings
@@ -42,7 +43,9 @@ def test_warnings_are_errors():
 
 
 def test_annotations_are_checked_at_call_time(tmp_path):
-    """The options this run uses, on a package with a wrong but broadcastable shape."""
+    """The options of `make test-all`, on a package with a wrong but broadcastable shape."""
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    (typed,) = re.findall(r"^TYPED := (.*)$", makefile, re.MULTILINE)
     package = tmp_path / "stickslip"
     package.mkdir()
     (package / "__init__.py").write_text(
@@ -53,7 +56,7 @@ def test_annotations_are_checked_at_call_time(tmp_path):
     (tmp_path / "test_planted.py").write_text(
         "import jax.numpy as jnp, stickslip\ndef test_planted():\n    stickslip.double(jnp.ones(1))\n"
     )
-    options = ["-c", ROOT / "pyproject.toml", "--rootdir", tmp_path]
+    options = [typed, "-c", ROOT / "pyproject.toml", "--rootdir", tmp_path]
     options += ["-p", "no:cacheprovider", "-o", f"pythonpath={tmp_path}"]
     done = subprocess.run(
         [sys.executable, "-m", "pytest", *options, "test_planted.py"],

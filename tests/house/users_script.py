@@ -200,7 +200,7 @@ analysis.time_history(system, y0, np.linspace(0.0, 10.0, 101), ["x", "v"])
 spectrum = analysis.lyapunov_spectrum(system, y0, segment=1.0, segments=100, transient=10.0)
 print(spectrum.exponents[0])
 swept = sweep.run_sweep(
-    lambda k: {"x": 2.0 * k}, {"k": [1.0, 2.0]}, variables={"x": sweep.Variable(units="m")}
+    lambda k: {"x": 2.0 * k}, {"k": [1.0, 2.0]}, labels=sweep.Labels({"x": sweep.Variable(units="m")})
 )
 print(swept["x"])
 

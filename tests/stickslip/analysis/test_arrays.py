@@ -7,7 +7,6 @@ import xarray as xr
 
 import stickslip as ss
 from stickslip.analysis import (
-    Carried,
     Maximum,
     Minimum,
     Recording,
@@ -18,6 +17,7 @@ from stickslip.analysis import (
     two_trajectory_exponent,
     volume_growth,
 )
+from stickslip.sweep import Carried, Compute
 from tests.stickslip.hybrid._systems import stick_slip_motion
 
 from ._arrays import Free, Scalars, machine
@@ -96,7 +96,8 @@ def test_energy_ledger():
     assert float(abs(found.imbalance).max()) < 1e-6
 
 
-RECORD = {"record": Recording(0.0, 30.0, max_points=6), "integrator": STEP, "executor": "portable"}
+PORTABLE = Compute("portable")
+RECORD = {"record": Recording(0.0, 30.0, max_points=6), "integrator": STEP, "compute": PORTABLE}
 SPEEDS = np.array([0.2, 0.25, 0.3])
 
 
@@ -201,10 +202,10 @@ def test_carried_lanes_hand_on_arrays():
 @pytest.mark.slow
 @pytest.mark.parametrize("store", [False, True])
 def test_all_cores_and_a_store(store, tmp_path):
-    options = {**FREE, "executor": "auto", "observables": ["x", "x[1]"]}
+    options = {**FREE, "compute": Compute(), "observables": ["x", "x[1]"]}
     place = {"store": tmp_path / "store"} if store else {}
     found = orbit_diagram(**options, **place, y0=over(["mass"]))
-    truth = orbit_diagram(**{**options, "executor": "portable"}, y0=over(["mass"]))
+    truth = orbit_diagram(**{**options, "compute": PORTABLE}, y0=over(["mass"]))
     near(found.x, truth.x)
     same(found["x[1]"], found.x[..., 1])
 

@@ -16,6 +16,7 @@ from stickslip.analysis import (
 )
 from stickslip.analysis._growth import averaged, first_frame, orthonormalised
 from stickslip.derived import WithDeviations
+from stickslip.sweep import Compute
 from stickslip.systems import (
     BlockOnBelt,
     BlockOnBeltSetValued,
@@ -285,7 +286,8 @@ def test_stick_slip_cycle_has_zero_and_minus_infinity():
     found = lyapunov_diagram(
         CoulombOscillator(1.0, 1.0, 1.0, 0.5, 0.2), {"belt_speed": speeds},
         lambda system: Motion(0.0, system.belt_speed),
-        segment=2.0, segments=60, spectrum={"warm_up": 10, "integrator": SMOOTH}, executor="portable",
+        segment=2.0, segments=60, spectrum={"warm_up": 10, "integrator": SMOOTH},
+        compute=Compute("portable"),
     )  # fmt: skip
     assert found.exponents.dims == ("belt_speed", "exponent")
     assert found.exponents.units == "1/s"

@@ -19,6 +19,7 @@ from stickslip.analysis import (
 )
 from stickslip.friction import Coulomb
 from stickslip.mechanism import AbstractMechanism, Contact
+from stickslip.sweep import Compute
 from stickslip.systems import BouncingBall, CoulombOscillator, Motion
 
 from ._chaos import Flow, Point, lorenz
@@ -49,7 +50,7 @@ def test_words_of_what_is_told(monkeypatch):
 def test_a_block_at_rest_and_one_that_stops_early():
     """On a belt that stands still it sticks: nothing moves, no deviation either."""
     speeds = np.array([0.0, 0.2])
-    options = {"segment": 2.0, "segments": 20, "executor": "portable"}
+    options = {"segment": 2.0, "segments": 20, "compute": Compute("portable")}
     spectrum = {"integrator": SMOOTH}
     start = lambda system: Motion(0.0, system.belt_speed)  # noqa: E731
     found = lyapunov_diagram(BLOCK, {"belt_speed": speeds}, start, spectrum=spectrum, **options)

@@ -14,7 +14,7 @@ from stickslip.analysis import Maximum, PeriodTest, Recording, orbit_diagram, pe
 from stickslip.analysis._attractor import PERIOD_STATUS
 from stickslip.analysis._builder import labelled_parameters
 from stickslip.analysis.observable import as_observable, whole_of
-from stickslip.sweep import Variable
+from stickslip.sweep import Compute, Variable
 from stickslip.systems import BlockOnDrivenBelt
 
 TURN = 2.0 * math.pi
@@ -59,7 +59,7 @@ def diagram(kind):
         kind(0.5), {"torque": TORQUES}, Swing(0.1, 0.0), section=STROBE, observables=["theta", "omega"],
         record=Recording(50 * TURN, 20.3 * TURN, max_points=21), period=PeriodTest(longest=4),
         integrator=RK4, check=0,
-        executor="portable", progress=False,
+        compute=Compute("portable", progress=False),
     )  # fmt: skip
 
 

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from stickslip.sweep import Variable, run_sweep
+from tests.stickslip.sweep._options import options
 
 GRID = {"k": np.array([1.0, 2.0, 4.0, 8.0, 16.0]), "q": np.array([0.5, 0.25])}
 THESIS = "three years of work"
@@ -25,10 +26,10 @@ def other_lane(k, q):
     return {name: value + 1 for name, value in lane(k, q).items()}
 
 
-def sweep(store, function=lane, **options):
+def sweep(store, function=lane, **more):
     """Five by two lanes in three blocks, the last of which is at the edge of the grid."""
-    options = {"chunk": 4, "executor": "portable", "workers": 1, "settings": {"seed": 1}, **options}
-    return run_sweep(function, GRID, store=store, variables={"x": Variable(units="m")}, **options)
+    about = {"settings": {"seed": 1}, "variables": {"x": Variable(units="m")}}
+    return run_sweep(function, GRID, **options(store, chunk=4, **about, **more))
 
 
 def truth():

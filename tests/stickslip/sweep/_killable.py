@@ -1,4 +1,7 @@
-"""A sweep in a process of its own, for tests that kill it: `python -m ..._killable STORE [PAUSE]`."""
+"""A sweep in a process of its own, for tests that kill it.
+
+`python -m ..._killable STORE [PAUSE [PART OF]]`
+"""
 
 import sys
 import time
@@ -9,6 +12,7 @@ import numpy as np
 
 from stickslip.sweep import Variable, run_sweep
 from stickslip.sweep.evaluate import Evaluate
+from tests.stickslip.sweep._options import options
 
 GRID = {"a": np.linspace(2.5, 4.0, 103), "b": np.array([0.1, 0.2, 0.3])}
 
@@ -24,16 +28,12 @@ def logistic(a, b):
     return {"x": points[-8:], "end": {"log": jnp.log(end - 0.5)}, "low": end < 0.5}
 
 
-def sweep(store, **options):
+def sweep(store, *, chunk=9, **more):
     """The sweep that is killed."""
-    options = {"chunk": 9, "executor": "portable", "workers": 1, **options}
+    variables = {"x": Variable(("point",), "1", "population")}
+    settings = {"points": 8, "seed": 1}
     return run_sweep(
-        logistic,
-        GRID,
-        store=store,
-        settings={"points": 8, "seed": 1},
-        variables={"x": Variable(("point",), "1", "population")},
-        **options,
+        logistic, GRID, **options(store, chunk=chunk, settings=settings, variables=variables, **more)
     )
 
 
@@ -46,4 +46,4 @@ if __name__ == "__main__":
         return evaluate(self, block, read)
 
     Evaluate.__call__ = slowly
-    sweep(sys.argv[1])
+    sweep(sys.argv[1], part=tuple(map(int, sys.argv[3:])) or None)

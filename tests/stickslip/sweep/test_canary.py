@@ -5,18 +5,21 @@ import json
 import subprocess
 import threading
 import time
+import warnings
 
+import jax
 import pytest
 
 import stickslip as ss
-from stickslip.sweep import _canary
+from stickslip.sweep import _canary, _shift
 
 
 @pytest.fixture
 def cache(tmp_path, monkeypatch):
-    """An empty cache, and no wish in the environment."""
+    """An empty cache, no wish in the environment, and a compiler that shifts rightly."""
     monkeypatch.setenv("STICKSLIP_CACHE", str(tmp_path))
     monkeypatch.delenv("STICKSLIP_EXECUTOR", raising=False)
+    monkeypatch.setattr(_shift, "shift_is_right", lambda: True)
     _canary._tried.cache_clear()
     yield tmp_path
     _canary._tried.cache_clear()
@@ -42,6 +45,27 @@ def tried(monkeypatch, verdict):
 def test_a_verdict_is_kept(verdict, cache, monkeypatch):
     assert tried(monkeypatch, verdict) == (1, [verdict] * 3)
     assert json.loads(_canary._cache_file().read_text())["trusted"] is verdict
+
+
+def test_a_compiler_that_shifts_wrongly_is_named_once(cache, monkeypatch):
+    monkeypatch.setattr(_shift, "shift_is_right", lambda: False)
+    with pytest.warns(RuntimeWarning, match=r"b\.at\[1:\]\.set.* write jnp\.roll or jnp\.conc") as said:
+        assert tried(monkeypatch, True) == (1, [True] * 3)
+    assert len(said) == 1
+
+
+def test_a_warning_made_an_error_leaves_the_verdict(cache, monkeypatch):
+    monkeypatch.setattr(_shift, "shift_is_right", lambda: False)
+    with warnings.catch_warnings(action="error"), pytest.raises(RuntimeWarning, match="issue 49176"):
+        tried(monkeypatch, True)
+    assert tried(monkeypatch, True) == (0, [True] * 3)
+
+
+def test_the_shift_is_tried_in_the_middle_of_a_trace():
+    """Whoever builds `map_lanes` while tracing gets an answer, not a tracer."""
+    answers = []
+    jax.jit(lambda x: answers.append(_shift.shift_is_right()) or x)(1.0)
+    assert answers == [_shift.shift_is_right()]
 
 
 def test_a_trial_without_end_is_no_verdict(cache, monkeypatch):

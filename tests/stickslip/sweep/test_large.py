@@ -11,7 +11,7 @@ import pytest
 from stickslip.sweep import open_dataset
 from stickslip.sweep.evaluate import Evaluate
 from tests.house._repository import ROOT
-from tests.stickslip.sweep import _planned
+from tests.stickslip.sweep import _sweeps
 
 pytestmark = pytest.mark.slow
 
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.slow
 def in_a_process(store, rows):
     """Seconds and MB of the sweep in a new process."""
     done = subprocess.run(
-        [sys.executable, "-m", "tests.stickslip.sweep._planned", str(store), str(rows)],
+        [sys.executable, "-m", "tests.stickslip.sweep._sweeps", str(store), str(rows)],
         cwd=ROOT, capture_output=True, text=True, check=True,
     )  # fmt: skip
     seconds, memory = map(float, done.stdout.split())
@@ -33,9 +33,9 @@ def test_a_million_lanes(tmp_path, monkeypatch):
     files = [p for p in store.rglob("*") if p.is_file()]
     assert len(files) <= 200
     monkeypatch.setattr(Evaluate, "__call__", None)  # nothing is computed
-    _planned.large(store)
+    _sweeps.large(store)
     begin = time.process_time()
-    dataset = _planned.large(store)
+    dataset = _sweeps.large(store)
     resumed = time.process_time() - begin
     assert resumed < 2.0
     a, b = np.linspace(0.0, 1.0, 1000), np.linspace(2.0, 3.0, 1000)

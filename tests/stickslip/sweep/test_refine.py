@@ -1,9 +1,4 @@
-"""Sweeps refined where neighbours differ: in memory, in a store, by many workers."""
-
-import json
-import os
-import signal
-import time
+"""Sweeps refined where neighbours differ: in memory, and in a store."""
 
 import jax
 import jax.numpy as jnp
@@ -15,36 +10,29 @@ from stickslip.__main__ import main
 from stickslip.sweep import (
     SweepMismatchError,
     open_dataset,
-    plan_sweep,
     refine_sweep,
     run_sweep,
     sweep_status,
     verify_store,
-    work_on,
 )
 from stickslip.sweep.evaluate import Evaluate
 from stickslip.systems import CoulombOscillator, Motion
-from tests.stickslip.sweep import _planned
-from tests.stickslip.sweep.test_work import at_work, computed, contents, start
+from tests.stickslip.sweep import _sweeps
+from tests.stickslip.sweep._options import contents, options
 
-PLAIN = {"executor": "portable", "progress": False}
+PLAIN = options()
 
 
 def sweep_of(path):
     """What the numbers of a store are: its data and records, without diaries and locks."""
-    return {
-        name: data
-        for name, data in contents(path).items()
-        if "manifest" not in name and "claims" not in name
-    }
+    return {name: data for name, data in contents(path).items() if "manifest" not in name}
 
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
     """The store of one call that is left alone."""
     path = tmp_path_factory.mktemp("refined") / "store"
-    plan_sweep(_planned.refined, path)
-    assert work_on(path)["left"] == 0
+    _sweeps.refined(path)
     return path
 
 
@@ -76,7 +64,7 @@ def test_a_jump_of_one_parameter_is_enclosed():
 
 
 def test_a_store_holds_what_memory_does(whole):
-    alone, stored = _planned.refined(), open_dataset(whole)
+    alone, stored = _sweeps.refined(), open_dataset(whole)
     assert stored.drop_attrs().equals(alone.drop_attrs())
     assert stored.a.attrs == {"units": "m"}
     assert stored.height.dims == ("lane", "axis")
@@ -93,14 +81,14 @@ def test_a_store_holds_what_memory_does(whole):
 
 def test_what_is_finished_costs_nothing_again_and_more_levels_go_on(whole, tmp_path, never):
     path = tmp_path / "store"
-    few = _planned.refined(path, levels=1)
-    more = _planned.refined(path, levels=2)
+    few = _sweeps.refined(path, levels=1)
+    more = _sweeps.refined(path, levels=2)
     assert few.drop_attrs().equals(more.isel(lane=more.level <= 1).drop_attrs())
     assert sweep_of(path) == sweep_of(whole)
     never()
-    again = _planned.refined(path, levels=2)
+    again = _sweeps.refined(path, levels=2)
     assert again.drop_attrs().equals(more.drop_attrs())
-    assert _planned.refined(path, levels=1).drop_attrs().equals(few.drop_attrs())
+    assert _sweeps.refined(path, levels=1).drop_attrs().equals(few.drop_attrs())
 
 
 def test_a_sweep_that_run_sweep_made_is_refined(tmp_path, monkeypatch):
@@ -108,7 +96,7 @@ def test_a_sweep_that_run_sweep_made_is_refined(tmp_path, monkeypatch):
         return {"x": a**2}
 
     path, grid, counted = tmp_path / "store", {"a": np.linspace(0.0, 1.0, 5)}, []
-    first = run_sweep(lane, grid, store=path, **PLAIN).load()
+    first = run_sweep(lane, grid, **options(path)).load()
     evaluate = Evaluate.__call__
 
     def count(self, block, read):
@@ -116,25 +104,25 @@ def test_a_sweep_that_run_sweep_made_is_refined(tmp_path, monkeypatch):
         return evaluate(self, block, read)
 
     monkeypatch.setattr(Evaluate, "__call__", count)
-    found = refine_sweep(lane, grid, {"x": 0.2}, levels=1, store=path, **PLAIN)
+    found = refine_sweep(lane, grid, {"x": 0.2}, levels=1, **options(path))
     assert counted == [2]  # from 0.5 on x differs by more than 0.2 between neighbours
     np.testing.assert_array_equal(found.x, found.a**2)
-    assert run_sweep(lane, grid, store=path, **PLAIN).load().drop_attrs().equals(first.drop_attrs())
+    assert run_sweep(lane, grid, **options(path)).load().drop_attrs().equals(first.drop_attrs())
     assert counted == [2]
     with pytest.raises(SweepMismatchError, match=r"grid.a.size is 5 in the store, 4 now"):
-        refine_sweep(lane, {"a": np.linspace(0.0, 1.0, 4)}, {"x": 0.2}, store=path, **PLAIN)
+        refine_sweep(lane, {"a": np.linspace(0.0, 1.0, 4)}, {"x": 0.2}, **options(path))
 
 
 def test_another_refinement_of_the_store_is_refused_by_name(whole, tmp_path):
     path = tmp_path / "store"
-    _planned.refined(path, levels=1)
+    _sweeps.refined(path, levels=1)
     before = contents(path)
     with pytest.raises(SweepMismatchError, match=r"refined by something else: by.inside is 0.0 .* 0.5"):
-        _planned.refined(path, tolerance=0.5)
+        _sweeps.refined(path, tolerance=0.5)
     with pytest.raises(SweepMismatchError, match=r"settings.radius is 0.8 in the store, 0.7 now"):
-        _planned.refined(path, radius=0.7)
+        _sweeps.refined(path, radius=0.7)
     assert contents(path) == before
-    changed = _planned.refined(path, radius=0.7, levels=1, resume=False)
+    changed = _sweeps.refined(path, radius=0.7, levels=1, resume=False)
     np.testing.assert_array_equal(changed.inside, changed.a**2 + changed.b**2 < 0.49)
     assert set(p.name for p in (path / "refined").iterdir()) == {"0001"}
 
@@ -159,11 +147,11 @@ def test_more_points_than_are_allowed_end_it_with_a_word(tmp_path):
     path = tmp_path / "store"
     words = r"level 2 wants 117 points, max_points = 100"
     with pytest.warns(RuntimeWarning, match=words):
-        found = refine_sweep(lane, grid, {"x": 0.0}, max_points=100, store=path, **PLAIN)
+        found = refine_sweep(lane, grid, {"x": 0.0}, max_points=100, **options(path))
     assert found.sizes == {"lane": 35}
     assert found.attrs["sweep_state"] == f"unfinished: {words}"
     assert open_dataset(path).attrs["sweep_state"] == f"unfinished: {words}"
-    more = refine_sweep(lane, grid, {"x": 0.0}, levels=2, max_points=117, store=path, **PLAIN)
+    more = refine_sweep(lane, grid, {"x": 0.0}, levels=2, max_points=117, **options(path))
     assert more.sizes == {"lane": 117}
 
 
@@ -201,9 +189,9 @@ def test_results_that_would_hide_ours_are_refused():
 
 def test_a_damaged_step_is_found_and_computed_again(whole, tmp_path):
     path = tmp_path / "store"
-    plan_sweep(_planned.refined, path)
-    assert sweep_status(path)["refined"]["state"] == "unfinished: 0 of 3 blocks"
-    work_on(path)
+    assert _sweeps.refined(path, part=(0, 3)).attrs["sweep_state"] == "unfinished: 1 of 3 blocks"
+    assert sweep_status(path)["refined"]["state"] == "unfinished: 1 of 3 blocks"
+    _sweeps.refined(path)
     file = path / "refined" / "0002" / "data.zarr" / "height" / "c" / "1" / "0"
     data = bytearray(file.read_bytes())
     data[len(data) // 2] ^= 1
@@ -211,7 +199,7 @@ def test_a_damaged_step_is_found_and_computed_again(whole, tmp_path):
     name = "refined/0002/data.zarr/height/c/1/0"
     assert verify_store(path, repair=True) == [name]
     assert open_dataset(path).attrs["sweep_state"].startswith("unfinished: level 2, ")
-    assert work_on(path) == {"computed": 1, "left": 0}
+    _sweeps.refined(path)
     assert verify_store(path) == []
     assert sweep_of(path) == sweep_of(whole)
     file.write_bytes(data)
@@ -221,14 +209,14 @@ def test_a_damaged_step_is_found_and_computed_again(whole, tmp_path):
 
 def test_points_that_do_not_follow_from_the_results_are_not_shown(whole, tmp_path):
     path, other = tmp_path / "store", tmp_path / "other"
-    _planned.refined(path, levels=1)
-    _planned.refined(other, levels=1, radius=0.6)
+    _sweeps.refined(path, levels=1)
+    _sweeps.refined(other, levels=1, radius=0.6)
     (path / "refined").rename(tmp_path / "aside")
     (other / "refined").rename(path / "refined")
     with pytest.raises(ValueError, match="do not follow from its results"):
         open_dataset(path)
     with pytest.raises(SweepMismatchError, match="holds another sweep: "):
-        _planned.refined(path, levels=1)
+        _sweeps.refined(path, levels=1)
 
 
 def test_status_counts_all_levels(whole, capsys):
@@ -248,47 +236,6 @@ def test_status_counts_all_levels(whole, capsys):
     }
     assert main(["status", str(whole)]) == 0
     assert f"level 2 of 2: {counts[2]} of {counts[2]} lanes\nrefinement fini" in capsys.readouterr().out
-    assert status["units"] == computed(whole) + sum(map(computed, (whole / "refined").iterdir()))
-
-
-def kill_at_step(path, number):
-    """Kill a worker at its second unit of a step or later; how many are finished there."""
-    process = start(path)
-    limit = time.monotonic() + 300
-    step = path / "refined" / f"{number:04d}"
-    while process.pid not in at_work(step) or not list(step.glob("finished/*.json")):
-        assert process.poll() is None
-        assert time.monotonic() < limit
-        time.sleep(0.02)
-    os.kill(process.pid, signal.SIGKILL)
-    process.wait(60)
-    return sweep_status(step)["units_finished"]
-
-
-@pytest.mark.slow
-def test_killed_in_a_level_and_gone_on_with_by_two_it_has_the_same_bytes(whole, tmp_path):
-    path = tmp_path / "store"
-    plan_sweep(_planned.refined, path, pause=0.7)
-    unsaid = sum(kill_at_step(path, number) for number in (1, 2))
-    assert sweep_status(path)["refined"]["state"].startswith("unfinished: level 2")
-    running = [start(path) for _ in range(2)]
-    for process in running:
-        assert process.wait(300) == 0
-    assert sweep_of(path) == sweep_of(whole)
-    manifests = [
-        {name: data for name, data in contents(place).items() if name.endswith("manifest.json")}
-        for place in (path / "refined", whole / "refined")
-    ]
-    assert manifests[0] == manifests[1]
-    assert not list(path.rglob("*.part"))
-    ends = [
-        json.loads(line)
-        for diary in path.rglob("runs.jsonl")
-        for line in diary.read_text().splitlines()
-    ]
-    done = sum(entry.get("computed", 0) for entry in ends if entry["event"] == "end")
-    # Of the step at which a worker was killed it could not say what it had done; nobody did it again.
-    assert done == sweep_status(path)["units"] - unsaid
 
 
 @pytest.mark.slow
@@ -323,15 +270,3 @@ def test_where_a_block_on_a_belt_begins_to_stick():
     for i, j in ((0, 0), (0, 1), (1, 0), (1, 1)):
         assert there[i : there.shape[0] - 1 + i, j : there.shape[1] - 1 + j][crossed].all()
     assert there.sum() < 6 * crossed.sum()
-
-
-@pytest.mark.slow
-def test_a_pool_and_the_commands(whole, tmp_path, capsys):
-    path = tmp_path / "store"
-    name = f"{_planned.__name__}:refined"
-    assert main(["plan", name, str(path)]) == 0
-    assert main(["work", str(path), "--processes", "2", "--quiet"]) == 0
-    total = sweep_status(whole)["units"]
-    assert f"{total} units computed, 0 left" in capsys.readouterr().out
-    assert sweep_of(path) == sweep_of(whole)
-    assert main(["verify", str(path)]) == 0

@@ -14,6 +14,7 @@ from stickslip.sweep import _store as store_module
 from stickslip.sweep.evaluate import Evaluate
 from tests.house._repository import ROOT
 from tests.stickslip.sweep._damage import lane, sweep, truth
+from tests.stickslip.sweep._options import options
 
 SQUARE = {"k": np.linspace(0.0, 1.0, 8), "q": np.linspace(5.0, 6.0, 8)}
 
@@ -41,27 +42,25 @@ def counted(monkeypatch):
 
 
 def test_coordinates_in_another_order_are_another_sweep(tmp_path):
-    options = {"store": tmp_path / "s", "chunk": 8, "executor": "portable"}
-    run_sweep(plane, SQUARE, **options)
+    how = options(tmp_path / "s", chunk=8)
+    run_sweep(plane, SQUARE, **how)
     for path in sorted((tmp_path / "s" / "finished").iterdir())[4:]:
         path.unlink()
     turned = {name: SQUARE[name] for name in ("q", "k")}
     with pytest.raises(SweepMismatchError, match=r"coordinates is .*'k', 'q'.* in the store"):
-        run_sweep(plane, turned, **options)
+        run_sweep(plane, turned, **how)
     k, q = np.meshgrid(*SQUARE.values(), indexing="ij")
-    np.testing.assert_allclose(run_sweep(plane, SQUARE, **options).x, 100.0 * k + q)
+    np.testing.assert_allclose(run_sweep(plane, SQUARE, **how).x, 100.0 * k + q)
 
 
 def test_labels_may_differ_and_are_written_into_the_store(tmp_path, counted):
     store = tmp_path / "s"
-    options = {"chunk": 4, "executor": "portable", "workers": 1, "settings": {"seed": 1}}
     sweep(store)
     counted.clear()
     grid = {name: truth()[name] for name in ("k", "q")}
     variables = {"x": Variable(units="mm", attrs={"flags": np.arange(3)}), "k": Variable(units="N/m")}
-    new = run_sweep(
-        lane, grid, store=store, variables=variables, name="new", attrs={"by": "me"}, **options
-    )
+    about = {"variables": variables, "name": "new", "attrs": {"by": "me"}, "settings": {"seed": 1}}
+    new = run_sweep(lane, grid, **options(store, chunk=4, **about))
     assert counted == []
     for dataset in (new, open_dataset(store)):
         assert_sound(dataset)
@@ -77,10 +76,10 @@ def test_a_sign_of_zero_in_the_carry_is_another_sweep(tmp_path):
     def step(carry, k):
         return carry, {"x": k + 1.0 / carry}
 
-    options = {"grid": {"k": [1.0]}, "store": tmp_path / "s", "executor": "portable"}
-    assert run_sweep(step, carry=0.0, **options).x == np.inf
+    call = {"grid": {"k": [1.0]}, **options(tmp_path / "s")}
+    assert run_sweep(step, carry=0.0, **call).x == np.inf
     with pytest.raises(SweepMismatchError, match=r"carried.sha256"):
-        run_sweep(step, carry=-0.0, **options)
+        run_sweep(step, carry=-0.0, **call)
 
 
 def test_an_unfinished_store_says_so_and_shows_what_it_has(tmp_path):
@@ -120,8 +119,8 @@ def test_unverified_is_read_as_it_is_and_says_so(tmp_path):
 )
 def test_labels_leave_numbers_alone(label, tmp_path):
     """By default xarray would make dates of them, or scale them."""
-    options = {"variables": {"value": label}, "executor": "portable", "store": tmp_path / "s"}
-    run_sweep(lambda k: 2.0 * k, {"k": [1.0, 2.0]}, **options)
+    how = options(tmp_path / "s", variables={"value": label})
+    run_sweep(lambda k: 2.0 * k, {"k": [1.0, 2.0]}, **how)
     dataset = open_dataset(tmp_path / "s")
     np.testing.assert_array_equal(dataset.value, [2.0, 4.0])
     assert dataset.value.dtype == np.float64
@@ -167,11 +166,15 @@ def test_the_home_directory_is_found(tmp_path, monkeypatch):
 )
 def test_a_path_that_cannot_be_is_refused_by_name(store, text, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    for call, name in ((sweep, "store"), (open_dataset, "path")):
-        with pytest.raises(ValueError, match=rf"(?s)^{name} = '.*{text}"):
+    for call in (sweep, open_dataset):
+        with pytest.raises(ValueError, match=rf"(?s)^path = '.*{text}"):
             call(store)
-    with pytest.raises(TypeError, match="store = 3: it must be the path of a directory"):
+    with pytest.raises(ValueError, match=rf"(?s)^store = '.*{text}"):
+        run_sweep(plane, SQUARE, store=store)
+    with pytest.raises(TypeError, match="path = 3: it must be the path of a directory"):
         sweep(3)
+    with pytest.raises(TypeError, match="store = 3: it must be the path of a directory, a Storage, or"):
+        run_sweep(plane, SQUARE, store=3)
 
 
 def test_what_is_no_store_is_not_opened(tmp_path):

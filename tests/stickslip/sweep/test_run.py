@@ -6,10 +6,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from stickslip.sweep import Variable, run_sweep
+from stickslip.sweep import Carried, Variable, run_sweep
 from stickslip.sweep.grid import block_shape, blocks
 from stickslip.sweep.progress import Progress, clock
 from tests.stickslip.sweep._killable import sweep
+from tests.stickslip.sweep._options import options
 
 GRID = {"k": np.linspace(0.0, 1.0, 23), "b": np.array([1.0, 2.0, 3.0])}
 
@@ -28,9 +29,9 @@ def test_blocks_cover_the_grid_once(shape, chunk, first):
     assert [block.number for block in pieces] == list(range(len(pieces)))
 
 
-@pytest.mark.parametrize("options", [{"chunk": 1}, {"chunk": 50}, {"chunk": 4096}, {"workers": 2}])
-def test_results_do_not_depend_on_how_they_are_cut(options):
-    ours, other = sweep(None), sweep(None, **options)
+@pytest.mark.parametrize("how", [{"chunk": 1}, {"chunk": 50}, {"chunk": 4096}, {"workers": 2}])
+def test_results_do_not_depend_on_how_they_are_cut(how):
+    ours, other = sweep(None), sweep(None, **how)
     for name in ours.data_vars:
         np.testing.assert_allclose(other[name], ours[name], rtol=1e-12)
 
@@ -51,22 +52,23 @@ def by_hand(backward):
 @pytest.mark.parametrize("backward", [False, True])
 @pytest.mark.parametrize("chunk", [2, 12, 1000])
 def test_carried_lanes_follow_each_other(backward, chunk, tmp_path):
-    options = {"carry": {"s": 1.0}, "backward": backward, "chunk": chunk, "executor": "portable"}
-    memory = run_sweep(carried, GRID, **options)
+    call = {"carry": {"s": 1.0}, "carried": Carried("downwards" if backward else "upwards")}
+    memory = run_sweep(carried, GRID, **call, **options(chunk=chunk))
     np.testing.assert_allclose(memory.y, by_hand(backward), rtol=1e-14)
-    stored = run_sweep(carried, GRID, store=tmp_path / "store", **options)
+    stored = run_sweep(carried, GRID, **call, **options(tmp_path / "store", chunk=chunk))
     assert stored.load().equals(memory)
 
 
 def test_a_carried_sweep_goes_on_from_the_state_in_the_store(tmp_path):
-    options = {"carry": {"s": 1.0}, "chunk": 12, "executor": "portable", "store": tmp_path / "s"}
-    whole = run_sweep(carried, GRID, **options).load()
+    call = {"carry": {"s": 1.0}, **options(tmp_path / "s", chunk=12)}
+    whole = run_sweep(carried, GRID, **call).load()
     (tmp_path / "s" / "finished" / "000002.json").unlink()
-    assert run_sweep(carried, GRID, **options).load().equals(whole)
+    assert run_sweep(carried, GRID, **call).load().equals(whole)
 
 
 def test_carried_along_the_second_coordinate():
-    result = run_sweep(carried, GRID, carry={"s": 1.0}, along="b", chunk=7, executor="portable")
+    along = Carried(along="b")
+    result = run_sweep(carried, GRID, carry={"s": 1.0}, carried=along, **options(chunk=7))
     state = np.ones(23)
     for j, b in enumerate(GRID["b"]):
         state = 0.5 * state + GRID["k"] * b
@@ -76,22 +78,25 @@ def test_carried_along_the_second_coordinate():
 def test_inputs_differ_from_lane_to_lane():
     start = {"u": np.arange(69.0).reshape(23, 3)}
     result = run_sweep(
-        lambda k, b, start: start["u"] + 0.0 * k * b, GRID, inputs={"start": start}, chunk=10,
-        executor="portable",
+        lambda k, b, start: start["u"] + 0.0 * k * b, GRID, inputs={"start": start},
+        **options(chunk=10),
     )  # fmt: skip
     np.testing.assert_array_equal(result.value, start["u"])
 
 
 def test_a_lane_that_is_not_finite_leaves_its_neighbours_alone():
-    plain = run_sweep(lambda k: jnp.exp(k), {"k": GRID["k"]}, executor="portable")
+    plain = run_sweep(lambda k: jnp.exp(k), {"k": GRID["k"]}, **options())
     odd = run_sweep(
         lambda k: jnp.exp(jnp.where(k == GRID["k"][5], jnp.inf, k)),
         {"k": GRID["k"]},
-        executor="portable",
+        **options(),
     )
     others = np.arange(23) != 5
     np.testing.assert_array_equal(odd.value[others], plain.value[others])
     assert np.isinf(odd.value[5])
+
+
+DIRECT = ("function", "grid", "carry", "carried", "inputs")
 
 
 @pytest.mark.parametrize(
@@ -112,8 +117,12 @@ def test_a_lane_that_is_not_finite_leaves_its_neighbours_alone():
         ({"chunk": 0}, ValueError, "chunk = 0: it must be an integer of at least 1"),
         ({"chunk": 2.5}, ValueError, "chunk = 2.5"),
         ({"resume": "yes"}, TypeError, "resume = 'yes'"),
-        ({"along": "k"}, ValueError, "without a carry"),
-        ({"carry": 1.0, "along": "z"}, ValueError, "along = 'z': it must be one of 'k'"),
+        ({"carried": Carried()}, ValueError, "without a carry"),
+        (
+            {"carry": 1.0, "carried": Carried(along="z")},
+            ValueError,
+            "along = 'z': it must be one",
+        ),
         ({"inputs": {"u": np.zeros(3)}}, ValueError, r"inputs\['u'\] = .*, of shape \(3,\)"),
         ({"variables": {"w": Variable()}}, ValueError, r"variables\['w'\] = Variable"),
         ({"variables": {"value": Variable(("p",))}}, ValueError, r"variables\['value'\].dims"),
@@ -122,9 +131,10 @@ def test_a_lane_that_is_not_finite_leaves_its_neighbours_alone():
     ],
 )
 def test_wrong_arguments_are_named(change, error, text):
-    call = {"function": lambda k: k, "grid": {"k": [1.0, 2.0]}, "executor": "portable", **change}
+    call = {"function": lambda k: k, "grid": {"k": [1.0, 2.0]}, **change}
+    direct = {name: call.pop(name) for name in [*call] if name in DIRECT}
     with pytest.raises(error, match=text):
-        run_sweep(**call)
+        run_sweep(**direct, **options(**call))
 
 
 def test_progress_tells_rate_and_time_left():
@@ -137,7 +147,7 @@ def test_progress_tells_rate_and_time_left():
 
 
 def test_progress_is_silent_unless_asked_or_on_a_terminal(capsys):
-    sweep(None)
+    sweep(None, progress=None)
     assert capsys.readouterr().err == ""
     sweep(None, progress=True)
     assert "309 of 309 lanes (100%)" in capsys.readouterr().err

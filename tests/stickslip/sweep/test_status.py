@@ -11,59 +11,42 @@ from stickslip.__main__ import main
 from stickslip.sweep import (
     SweepMismatchError,
     open_dataset,
-    plan_sweep,
     run_sweep,
     sweep_status,
     verify_store,
-    work_on,
 )
 from stickslip.sweep import _describe as describe_module
-from stickslip.sweep._claims import Claims
-from tests.stickslip.sweep import _planned
-from tests.stickslip.sweep.test_work import contents
+from tests.stickslip.sweep import _sweeps
+from tests.stickslip.sweep._options import contents, options
 
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
     """A finished store of one shard with two blocks, and of one at the edge."""
     path = tmp_path_factory.mktemp("status") / "store"
-    plan_sweep(_planned.small, path, chunk=3, shard=6)
-    work_on(path)
+    _sweeps.small(path, chunk=3, shard=6)
     return path
 
 
-def test_how_far_it_is(whole, tmp_path):
+def test_done_missing_and_damaged(whole, tmp_path):
     found = sweep_status(whole)
     # k > 1.5 for 1.75 and 2.0, of five, and two of q.
     assert found["codes"] == {"code": {"low": 6, "high": 4}}
     assert found["lanes"] == found["lanes_finished"] == 10
     assert found["units"] == found["units_finished"] == len(list((whole / "finished").iterdir()))
-    assert found["claims"] == []
-    assert found["seconds_left"] is None
+    assert (found["units_missing"], found["damaged"]) == (0, [])
     assert found["bytes"] == sum(p.stat().st_size for p in (whole / "data.zarr").rglob("c/*/0"))
-    assert found["function"] == "tests.stickslip.sweep._planned:small"
     path = tmp_path / "store"
     shutil.copytree(whole, path)
     last = max(int(p.stem) for p in (path / "finished").iterdir())
     (path / "finished" / f"{last:06d}.json").unlink()
-    claim = Claims(path, owner={"host": "elsewhere", "pid": 7}).take(last)
-    assert claim is not None
+    (path / "data.zarr" / "x" / "c" / "0" / "0").write_bytes(b"short")
     found = sweep_status(path)
-    assert found["lanes_finished"] < 10
-    assert sum(found["codes"]["code"].values()) == found["lanes_finished"]
-    (claimed,) = found["claims"]
-    assert claimed["who"] == "process 7 on elsewhere"
-    assert claimed["alive"]
+    assert (found["units_missing"], found["damaged"]) == (1, ["unit 0"])
+    assert found["lanes_finished"] == 10 - 6 - 4 + sum(found["codes"].get("code", {}).values())
     assert json.loads(json.dumps(found)) == found
-
-
-def test_the_rate_is_that_of_the_latest_records(tmp_path):
-    path = tmp_path / "store"
-    plan_sweep(_planned.small, path)
-    work_on(path)
-    for number in range(5):  # ten lanes in units of two, one each four seconds
-        os.utime(path / "finished" / f"{number:06d}.json", (0.0, 1e9 + 4 * number))
-    assert sweep_status(path)["lanes_per_second"] == pytest.approx(0.5)
+    _sweeps.small(path, chunk=3, shard=6)
+    assert {**sweep_status(path), "bytes": 0} == {**sweep_status(whole), "bytes": 0}
 
 
 @pytest.mark.parametrize(
@@ -89,13 +72,12 @@ def test_a_flipped_byte_anywhere_is_found_and_computed_again(places, whole, tmp_
                     assert verify_store(path) == [name]
                 except ValueError as error:
                     assert "manifest.json" in str(error)  # noqa: PT017
-                _planned.small(path, chunk=3, shard=6)
-                plan_sweep(_planned.small, path, chunk=3, shard=6)
+                _sweeps.small(path, chunk=3, shard=6)
                 (path / "manifest.json.damaged").unlink(missing_ok=True)
             else:
                 assert verify_store(path) == [name]
                 assert verify_store(path, repair=True) == [name]
-                work_on(path)
+                _sweeps.small(path, chunk=3, shard=6)
             assert verify_store(path) == [], (name, where)
     assert flipped >= 14 * len(places)
     for part in ("data.zarr", "finished"):
@@ -103,7 +85,7 @@ def test_a_flipped_byte_anywhere_is_found_and_computed_again(places, whole, tmp_
 
 
 def test_decay_that_no_time_shows_is_left_to_verify(whole, tmp_path, monkeypatch):
-    """`work` believes what is old and of the right size: so it says, and `verify` does not."""
+    """`run_sweep` believes what is old and of the right size: so it says, and `verify` does not."""
     from stickslip.sweep import _records
 
     path = tmp_path / "store"
@@ -115,10 +97,10 @@ def test_decay_that_no_time_shows_is_left_to_verify(whole, tmp_path, monkeypatch
     victim.write_bytes(bytes(data))
     with monkeypatch.context() as patch:
         patch.setattr(_records, "_changed", lambda path: 0 if path == victim or path.is_dir() else 1)
-        assert work_on(path) == {"computed": 0, "left": 0}
+        _sweeps.small(path, chunk=3, shard=6)
     assert verify_store(path) == [str(victim.relative_to(path))]
     assert verify_store(path, repair=True)
-    assert work_on(path) == {"computed": 1, "left": 0}
+    _sweeps.small(path, chunk=3, shard=6)
     assert contents(path) == contents(whole)
 
 
@@ -129,11 +111,8 @@ def test_the_commands_for_people_and_programs(whole, tmp_path, capsys):
     said = capsys.readouterr().out
     assert said.startswith("10 of 10 lanes (100.0%)")
     assert "code: 6 low, 4 high" in said
-    assert main(["status", str(path), "--plan", "--lanes", "1000000000", "--json"]) == 0
-    needed = json.loads(capsys.readouterr().out)["plan"]
-    assert needed["core_hours"] == pytest.approx(1e9 * needed["core_seconds_per_lane"] / 3600)
-    assert needed["hours"]["1"] == pytest.approx(needed["core_hours"], rel=1e-3)
-    assert needed["hours"]["64"] == pytest.approx(needed["core_hours"] / 64, rel=1e-3)
+    assert main(["status", str(path), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == sweep_status(path)
     assert main(["verify", str(path)]) == 0
     assert capsys.readouterr().out == f"{path}: every file is as it was written\n"
     (path / "data.zarr" / "zarr.json").write_text("{}")
@@ -147,9 +126,7 @@ def test_a_host_that_differs_is_refused_by_name_or_recorded(tmp_path, monkeypatc
     other = {**describe_module.versions(), "jaxlib": "0.0.1"}
 
     def sweep(store, hosts):
-        return run_sweep(
-            _planned.plain, _planned.SMALL, store=store, chunk=2, executor="portable", hosts=hosts
-        )
+        return run_sweep(_sweeps.plain, _sweeps.SMALL, **options(store, chunk=2, hosts=hosts))
 
     for hosts in ("alike", "any"):
         path = tmp_path / hosts
@@ -179,7 +156,7 @@ def test_a_store_of_format_2_is_gone_on_with_in_its_own_way(tmp_path):
     from stickslip.sweep._manifest import identity, sealed
 
     path = tmp_path / "store"
-    _planned.small(path)
+    _sweeps.small(path)
     before = contents(path / "data.zarr")
     manifest = json.loads((path / "manifest.json").read_text())
     del manifest["shard"]
@@ -195,10 +172,8 @@ def test_a_store_of_format_2_is_gone_on_with_in_its_own_way(tmp_path):
     (path / "finished" / "000002.json").unlink()
     victim = path / "data.zarr" / "x" / "c" / "4" / "0"
     victim.write_bytes(victim.read_bytes()[:-1] + b"?")
-    np.testing.assert_array_equal(_planned.small(path).x, np.add.outer(*_planned.SMALL.values()))
+    np.testing.assert_array_equal(_sweeps.small(path).x, np.add.outer(*_sweeps.SMALL.values()))
     assert contents(path) == old
     assert contents(path / "data.zarr") == before
-    plan_sweep(_planned.small, path)
-    assert work_on(path) == {"computed": 0, "left": 0}
     with pytest.raises(SweepMismatchError, match=r"format is 2 in the store, 3 now; .*shard"):
-        _planned.small(path, shard=4)
+        _sweeps.small(path, shard=4)

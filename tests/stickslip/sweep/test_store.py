@@ -4,7 +4,6 @@ import contextlib
 import errno
 import json
 import os
-import pathlib
 import random
 import signal
 import subprocess
@@ -19,17 +18,7 @@ from stickslip.sweep import _store as store_module
 from stickslip.sweep.evaluate import Evaluate
 from tests.house._repository import ROOT
 from tests.stickslip.sweep._killable import GRID, logistic, sweep
-
-DIARY = {"runs.jsonl", "lock"}
-
-
-def contents(path: pathlib.Path) -> dict[str, bytes]:
-    """Every file of a store but its diary and its lock."""
-    return {
-        str(p.relative_to(path)): p.read_bytes()
-        for p in sorted(path.rglob("*"))
-        if p.is_file() and p.name not in DIARY
-    }
+from tests.stickslip.sweep._options import contents, options
 
 
 @pytest.fixture(scope="module")
@@ -151,24 +140,18 @@ def test_nothing_is_computed_twice(whole, monkeypatch):
 )
 def test_another_sweep_is_refused_and_the_store_untouched(change, names, whole):
     before = contents(whole)
-    call = {
-        "function": logistic,
-        "grid": GRID,
-        "settings": {"points": 8, "seed": 1},
-        "chunk": 9,
-        "executor": "portable",
-        **change,
-    }
+    call = {"settings": {"points": 8, "seed": 1}, "chunk": 9, **change}
+    what = call.pop("function", logistic), call.pop("grid", GRID)
     with pytest.raises(SweepMismatchError, match="holds another sweep") as error:
-        run_sweep(store=whole, **call)
+        run_sweep(*what, **options(whole, **call))
     assert names in str(error.value)
     assert contents(whole) == before
 
 
 def test_replacing_must_be_asked_for(tmp_path):
     path = tmp_path / "store"
-    run_sweep(lambda a: a, {"a": [1.0]}, store=path, executor="portable")
-    new = run_sweep(lambda a: 2.0 * a, {"a": [1.0]}, store=path, executor="portable", resume=False)
+    run_sweep(lambda a: a, {"a": [1.0]}, **options(path))
+    new = run_sweep(lambda a: 2.0 * a, {"a": [1.0]}, **options(path, resume=False))
     assert float(new.value[0]) == 2.0
 
 

@@ -168,11 +168,11 @@ def test_lanes_are_left_out_evenly_where_all_do_not_fit():
 
 
 def test_a_store_of_a_sweep_is_read(tmp_path):
-    from stickslip.sweep import Variable, run_sweep
+    from stickslip.sweep import Compute, Labels, Variable, run_sweep
 
     run_sweep(
         lambda a: {"x": np.arange(3.0) * a}, {"a": np.array([1.0, 2.0])}, store=tmp_path / "store",
-        variables={"x": Variable(("point",))}, progress=False, executor="portable",
+        labels=Labels({"x": Variable(("point",))}), compute=Compute("portable", progress=False),
     )  # fmt: skip
     diagram = Diagram(open_stored(str(tmp_path / "store")), "store")
     lanes = diagram.lanes([])
@@ -184,14 +184,15 @@ def test_a_store_of_several_sections_has_their_names(tmp_path):
     import stickslip as ss
     from stickslip.analysis import Maximum as Top
     from stickslip.analysis import Minimum, Recording, orbit_diagram
-    from stickslip.sweep import open_dataset
+    from stickslip.sweep import Compute, open_dataset
     from tests.stickslip.analysis._arrays import Free
 
     orbit_diagram(
         Free(1.0), {"stiffness": np.array([1.0, 1.44, 2.25])}, {"x": 1.0, "v": 0.0}, check=0,
-        section={"top": Top("x"), "low": Minimum("x")}, observables="x", executor="portable",
+        section={"top": Top("x"), "low": Minimum("x")}, observables="x",
         record=Recording(0.0, 15.0, points=2), store=tmp_path / "store",
-        integrator=ss.Integrator("rk4", ss.FixedStep(0.05)), progress=False,
+        integrator=ss.Integrator("rk4", ss.FixedStep(0.05)),
+        compute=Compute("portable", progress=False),
     )  # fmt: skip
     read = open_dataset(tmp_path / "store")
     assert read.x.sel(section="low").shape == (3, 2)
