@@ -17,7 +17,6 @@ REASONS = {
     "corexy_jax._solution.CoreXYSolution.result": RESULT,
     "stickslip.hybrid._solution.Solution.result": RESULT,
     "stickslip.analysis._growth.LyapunovSpectrum.result": RESULT,
-    "stickslip.identification._many_starts.many_starts.options": "what the function `fit` takes",
     "stickslip.identification._record.Record.from_table.options": "the options of Record",
     "stickslip.identification._record.Record.from_table.table": "what gives columns by name",
     "stickslip.continuation._orbit.PeriodicOrbit.result": RESULT,
