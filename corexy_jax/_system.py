@@ -98,7 +98,7 @@ class CoreXY(AbstractMechanism):
     **Arguments:** `parameters`, a `CoreXYParameters`; `voltage`, an `AbstractVoltage`.
     **Raises** `TypeError` for anything else.
 
-    Source: Eqs. (1)-(71), errata A1-A12 corrected; Gauss' principle as in `stickslip.contact`.
+    Source: Eqs. (1)-(71), errata A1-A12 corrected; Gauss' principle as in `stickslip.mechanism`.
     """
 
     parameters: CoreXYParameters
@@ -197,7 +197,7 @@ class CoreXY(AbstractMechanism):
         """The mode with these senses; -1 if the geometry does not admit them."""
         return mode_number(states)
 
-    def motion_together(self, island, mass, force, rest):
+    def motion_together(self, group, mass, force, rest):
         return contact_motion(Line(*(mass.diagonal or ())), force, rest)
 
     # -- the input

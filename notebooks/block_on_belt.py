@@ -126,9 +126,11 @@ def diagram(low, high):
     """Points of the section over k3 from `low` to `high` [N/m]."""
     return orbit_diagram(
         smooth, {"k3": np.linspace(low, high, LANES)}, START,
-        section=smooth.zero_acceleration_section(), observables="x",
-        record=Recording(TRANSIENT, DURATION, max_points=96),
-        period=PeriodTest(1e-2 if QUICK else 1e-3, longest=4 if QUICK else 16), integrator=fast,
+        Recording(
+            TRANSIENT, DURATION, smooth.zero_acceleration_section(), "x", max_points=96,
+            period=PeriodTest(1e-2 if QUICK else 1e-3, longest=4 if QUICK else 16),
+        ),
+        integrator=fast,
         check=0 if QUICK else 16, compute=Compute(EXECUTOR, progress=False),
     )  # fmt: skip
 

@@ -30,6 +30,7 @@ import numpy as np
 import stickslip as ss
 from stickslip import plot
 from stickslip.analysis import (
+    Segments,
     amplitude_spectrum,
     energy_ledger,
     lyapunov_spectrum,
@@ -153,7 +154,7 @@ def exponents(v):
         one, one, one, jnp.sqrt(system.k1 / system.m), jnp.ones(MODES), system.frequencies()
     )
     return lyapunov_spectrum(
-        system, system.start(), segment=0.5, segments=SEGMENTS, warm_up=WARM_UP,
+        system, system.start(), Segments(0.5, SEGMENTS, warm_up=WARM_UP),
         components=("y", "vy", "q", "p"), scales=scales, integrator=METHOD,
     )  # fmt: skip
 
@@ -189,7 +190,7 @@ system = JointedBeam.constructed(FAST, modes=MODES)
 def printed_separation(y0):
     """Eq. (2.25) to the letter."""
     return two_trajectory_exponent(
-        system, y0, segment=1.0, segments=20 if QUICK else 400, distance=1e-8, renormalise=False,
+        system, y0, Segments(1.0, 20 if QUICK else 400), distance=1e-8, renormalise=False,
         integrator=METHOD,
     )  # fmt: skip
 

@@ -8,6 +8,7 @@ import xarray as xr
 
 from stickslip.analysis import (
     LyapunovSpectrum,
+    Segments,
     Separation,
     lyapunov_diagram,
     lyapunov_spectrum,
@@ -32,18 +33,19 @@ NOTE = (
 
 def options(parameters: Mapping[str, Any]) -> dict[str, Any]:
     """Options of the spectrum: all exponents of the driven part."""
-    return {
-        "transient": parameters["transient"],
-        "components": DRIVEN,
-        "integrator": fixed_step(parameters["h"]),
-    }
+    return {"components": DRIVEN, "integrator": fixed_step(parameters["h"])}
+
+
+def segments_of(parameters: Mapping[str, Any], transient: Any = 0.0) -> Segments:
+    """How long, after a transient, the growth is averaged."""
+    return Segments(parameters["segment"], parameters["segments"], transient)
 
 
 def spectrum(variant: str, v: Any, parameters: Mapping[str, Any]) -> LyapunovSpectrum:
     """All exponents of the driven part at one belt speed."""
     system = system_of(variant, v, parameters["modes"])
     return lyapunov_spectrum(
-        system, system.start(), segment=parameters["segment"], segments=parameters["segments"],
+        system, system.start(), segments_of(parameters, parameters["transient"]),
         scales=norm_of(system), **options(parameters),
     )  # fmt: skip
 
@@ -54,8 +56,7 @@ def printed_separation(variant: str, v: Any, parameters: Mapping[str, Any]) -> S
     return two_trajectory_exponent(
         system,
         system.start(),
-        segment=parameters["segment"],
-        segments=parameters["segments"],
+        segments_of(parameters),
         distance=parameters["distance"],
         renormalise=False,
         integrator=fixed_step(parameters["h"]),
@@ -79,8 +80,7 @@ def exponents(parameters: Mapping[str, Any], context: Context) -> xr.Dataset:
                 lambda v, variant=variant: system_of(variant, v, parameters["modes"]),
                 {"v": speeds},
                 lambda system: system.start(),
-                segment=parameters["segment"],
-                segments=parameters["segments"],
+                segments_of(parameters, parameters["transient"]),
                 scales=norm_of,
                 spectrum=options(parameters),
                 **sweep_options(

@@ -63,7 +63,7 @@ class PressedBeam(AbstractMechanism):
     def guard_scales(self) -> tuple:
         """Those of the beam: its speed, and its force."""
         speed, *_, force = self.beam.guard_scales
-        return (*[speed] * (1 + len(self.parted)), force)
+        return (*[speed] * (1 + len(self.two_sided_contacts)), force)
 
     def time_scale(self, args):
         """That of the fastest of what moves."""

@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 import stickslip as ss
-from stickslip.analysis import amplitude_spectrum, lyapunov_spectrum
+from stickslip.analysis import Segments, amplitude_spectrum, lyapunov_spectrum
 
 from .._experiment import Statement
 from .._thresholds import Beam
@@ -204,9 +204,8 @@ def _exponent_lane(settings: Settings) -> Lane:
     def lane(coordinates, v, numbers):
         system, start = system_and_start(coordinates, v, settings["modes"])
         found = lyapunov_spectrum(
-            system, start, segment=0.5, segments=settings["segments"], exponents=1,
-            transient=numbers["transient"], components=DRIVEN, scales=norm_of(system),
-            integrator=fixed_step(numbers["h"]),
+            system, start, Segments(0.5, settings["segments"], numbers["transient"]), exponents=1,
+            components=DRIVEN, scales=norm_of(system), integrator=fixed_step(numbers["h"]),
         )  # fmt: skip
         return {"exponent": found.exponents[0], "error": found.error[0]}
 

@@ -24,10 +24,12 @@ def diagram(job: Job, check: int):
     """The same through `orbit_diagram`, with labels, periods and, with `check`, an error estimate."""
     system, start = job.case.system(80.0), job.case.initial
 
+    section = system.zero_acceleration_section()
+    record = Recording(job.transient, job.duration, section, "x", max_points=job.room)
+
     def run(k3: np.ndarray):
         return orbit_diagram(
-            system, {"k3": k3}, start, section=system.zero_acceleration_section(),
-            observables="x", record=Recording(job.transient, job.duration, max_points=job.room),
+            system, {"k3": k3}, start, record,
             integrator=steps_of(tolerance=1e-8),
             check=check, compute=Compute(progress=False),
         )  # fmt: skip

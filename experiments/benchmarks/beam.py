@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import stickslip as ss
-from stickslip.analysis import lyapunov_spectrum
+from stickslip.analysis import Segments, lyapunov_spectrum
 
 from ..beam._diagram import points
 from ..beam._exponent import PARAMETERS as EXPONENTS
@@ -72,13 +72,13 @@ def engine_diagram(job: Job, executor: str):
 
 def engine_exponents(job: Job, executor: str):
     """All exponents of y and the beam."""
-    settings = {**EXPONENTS, "transient": job.transient, "h": job.h}
+    settings = {**EXPONENTS, "h": job.h}
+    record = Segments(job.segment, job.segments, job.transient)
 
     def lane(v):
         system = system_of("consistent", v, job.modes)
         found = lyapunov_spectrum(
-            system, system.start(), segment=job.segment, segments=job.segments, scales=norm_of(system),
-            **options(settings),
+            system, system.start(), record, scales=norm_of(system), **options(settings)
         )  # fmt: skip
         return {"exponents": found.exponents}
 

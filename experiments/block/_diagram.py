@@ -196,13 +196,13 @@ def _diagram(model, k3, transient, duration, protocol, parameters, context, ends
         build,
         grid,
         start,
-        section=system.zero_acceleration_section(),
-        observables="x",
-        record=Recording(transient, duration, max_points=parameters["max_points"]),
-        period=PeriodTest(1e-3),
+        Recording(
+            transient, duration, system.zero_acceleration_section(), "x",
+            max_points=parameters["max_points"], period=PeriodTest(1e-3),
+        ),
         integrator=integrator_of(parameters),
         **sweep_options(f"diagram-{protocol}", model, settings, context, variables=LABELS),
-    )
+    )  # fmt: skip
     dropped = [name for name in result.data_vars if str(name).startswith("end_") and not ends]
     return without_sign(result.drop_vars(dropped)).load()
 

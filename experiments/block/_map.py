@@ -71,18 +71,16 @@ def settled_motions(parameters: Mapping[str, Any], context: Context) -> xr.Datas
         lambda k3, V_b: system_at(friction, k3, V_b),
         grid,
         BlockState(0.0, 0.0, 0.0, 0.0),
-        section=MAXIMA,
-        observables=("x", "y", "t"),
-        record=Recording(
-            parameters["transient"], parameters["duration"], max_points=parameters["max_points"]
+        Recording(
+            parameters["transient"], parameters["duration"], MAXIMA, ("x", "y", "t"),
+            max_points=parameters["max_points"], period=PeriodTest(REPEATS, LONGEST),
         ),
-        period=PeriodTest(REPEATS, LONGEST),
         integrator=integrator_of(parameters),
         check=0,
         **sweep_options(
             "map", "simplified", {key: parameters[key] for key in keys}, context, variables=LABELS
         ),
-    ).load()
+    ).load()  # fmt: skip
     found = found.assign(
         motion=(("k3", "V_b"), motion_of(found), {
             "long_name": "maxima of x after which the motion repeats, or what it is instead",

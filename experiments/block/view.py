@@ -41,17 +41,17 @@ def diagram(k3: tuple[float, float], model: str = MODELS[0], protocol: str = "pa
         _builder(model),
         {"k3": np.linspace(low, high, LANES)},
         start,
-        section=system.zero_acceleration_section(),
-        observables="x",
-        record=Recording(transient, duration, max_points=PROTOCOL["max_points"]),
-        period=PeriodTest(1e-3),
+        Recording(
+            transient, duration, system.zero_acceleration_section(), "x",
+            max_points=PROTOCOL["max_points"], period=PeriodTest(1e-3),
+        ),
         integrator=integrator_of(PROTOCOL),
         check=0,
         labels=Labels(
             LABELS, name=f"{model}, {protocol} protocol, k3 from {low:.7g} to {high:.7g} N/m"
         ),
         compute=Compute(progress=False),
-    )
+    )  # fmt: skip
 
 
 @functools.cache

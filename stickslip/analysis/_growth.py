@@ -201,22 +201,11 @@ def with_neutral(
     return jnp.where(named, EXPONENT_STATUS.index("neutral"), status)
 
 
-def check_counts(
-    segments: Any, warm_up: Any, blocks: Any, exponents: Any, size: int, name: str = "segments"
-) -> None:
-    """Raise for numbers of segments, which the caller knows by `name`, of blocks or of exponents from
-    which no average can be made."""
-    for argument, value, low in (
-        (name, segments, 4),
-        ("warm_up", warm_up, 0),
-        ("blocks", blocks, 2),
-        ("exponents", exponents, 1),
-    ):
-        check_count(argument, value, low)
+def check_exponents(exponents: Any, size: int) -> None:
+    """Raise for a number of exponents that there cannot be."""
+    check_count("exponents", exponents, 1)
     if exponents > size:
         raise refusal("exponents", exponents, f"at most {size}, the number of directions")
-    if segments < 2 * blocks:
-        raise refusal(name, segments, f"at least 2 blocks = {2 * blocks}, with blocks = {blocks}")
 
 
 def accumulate(step, carry, frame, *, count, warm_up) -> tuple[Any, Float[Array, "segment exponent"]]:

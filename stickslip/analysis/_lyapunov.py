@@ -9,14 +9,14 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree
 
-from .._types import Given, Mode, Numeric
+from .._types import Given, Mode
 from .._validation import (
     as_parameter,
     check_positive,
+    check_type,
     is_concrete,
     leaves_of,
     misshaped,
-    one_number,
     refusal,
 )
 from ..derived import WithDeviations
@@ -37,11 +37,12 @@ from ._arguments import an_integrator, start_of
 from ._growth import (
     LyapunovSpectrum,
     accumulate,
-    check_counts,
+    check_exponents,
     first_frame,
     judged,
     with_neutral,
 )
+from ._recording import Segments
 from .held_directions import held_directions
 from .neutral_directions import neutral_shifts
 
@@ -51,19 +52,14 @@ SAMPLES = 64  # of the motion, of which it is asked whether a shift of its state
 def lyapunov_spectrum(
     system: Given[AbstractHybridSystem],
     y0: PyTree,
+    record: Given[Segments],
     *,
-    segment: Numeric,
-    segments: Given[int],
-    transient: Numeric = 0.0,
-    warm_up: Given[int | None] = None,
     exponents: Given[int | None] = None,
     components: Given[Sequence[str] | None] = None,
     scales: PyTree = None,
-    t0: Numeric = 0.0,
     mode0: Mode | None = None,
     args: PyTree = None,
     integrator: Given[Integrator | None] = None,
-    blocks: Given[int] = 10,
 ) -> LyapunovSpectrum:
     r"""Lyapunov exponents of the motion from `y0`: growth rates of small deviations of the state.
 
@@ -77,12 +73,10 @@ def lyapunov_spectrum(
 
     **Arguments**
 
-    - `system`, `y0`, `t0`, `mode0`, `args`, `integrator`: as for `simulate`.
-    - `segment` [s]: time between two factorisations: so short that over it the fastest direction
-      outgrows the slowest by less than `1e11`, beyond which a direction counts as lost.
-    - `segments`: how many are averaged; `blocks` of them for the error. `warm_up` segments before them
-      (default: a tenth) turn the deviations into the directions that grow.
-    - `transient` [s]: time before all that, without tangents.
+    - `system`, `y0`, `mode0`, `args`, `integrator`: as for `simulate`.
+    - `record`: `Segments(length, count, transient, warm_up, blocks, t0)`: a factorisation after each
+      segment. Let it be so short that over it the fastest direction outgrows the slowest by less than
+      `1e11`, beyond which a direction counts as lost.
     - `exponents`: how many, greatest first (default: all). The cost of each is about that of a motion.
     - `components`: names of the state's components that deviate (default: all), `"x[0]"` for one number
       of an array. Where the others do not depend on them, these are the exponents of the driven part;
@@ -105,14 +99,13 @@ def lyapunov_spectrum(
     """
     the_system(system)
     integrator = an_integrator(integrator)
-    segment = as_parameter(one_number("segment", segment, "positive"))
-    one_number("transient", transient, "not negative")
-    t0 = a_time("t0", t0)
+    check_type("record", record, Segments, "a Segments(length, count)")
+    transient, segment = record.transient, as_parameter(record.length)
+    t0 = a_time("t0", record.t0)
     y0, mode = start_of(system, t0, y0, mode0, args)
     moving = moving_components(y0, components)
     count = int(moving.sum()) if exponents is None else exponents
-    warm_up = segments // 10 if warm_up is None and isinstance(segments, int) else warm_up
-    check_counts(segments, warm_up, blocks, count, int(moving.sum()))
+    check_exponents(count, int(moving.sum()))
     units = _flat_scales(scales, y0)
 
     dropped = transient
@@ -124,7 +117,8 @@ def lyapunov_spectrum(
     program = _compiled if is_concrete((system, args, numbers)) else _spectrum
     return program(
         system, args, integrator, current_executor(), *numbers,
-        segments=segments, warm_up=warm_up, blocks=blocks, count=count, moving=tuple(moving.tolist()),
+        segments=record.count, warm_up=record.warm_up_count, blocks=record.blocks, count=count,
+        moving=tuple(moving.tolist()),
     )  # fmt: skip
 
 

@@ -7,16 +7,17 @@ from typing import Any
 import xarray as xr
 from jaxtyping import PyTree
 
-from .._types import Given, Named, NamedRows, Numeric, Path
-from .._validation import check_count, check_mapping, one_number, refusal
+from .._types import Given, Named, NamedRows
+from .._validation import check_mapping, check_type, refusal
 from ..hybrid import AbstractHybridSystem
-from ..sweep import Compute, Labels, Storage, Variable, run_sweep
+from ..sweep import Labels, Variable, run_sweep
 from ..sweep.grid import check_grid
 from ..sweep.settings import settings_of
 from ._builder import builder_of, check_labels, labelled_parameters
 from ._growth import EXPONENT_STATUS
 from ._lyapunov import lyapunov_spectrum
 from ._orbit_lane import STATUS, engine_status
+from ._recording import Segments
 
 CHUNK = 64  # lanes per block: each is a motion with all its tangents
 
@@ -25,15 +26,11 @@ def lyapunov_diagram(
     system: Given[AbstractHybridSystem | Callable[..., AbstractHybridSystem]],
     grid: NamedRows,
     y0: PyTree,
+    record: Given[Segments],
     *,
-    segment: Numeric,
-    segments: Given[int],
     scales: PyTree = None,
     spectrum: Named | None = None,
-    store: Path | Storage | None = None,
-    labels: Given[Labels | None] = None,
-    compute: Given[Compute | None] = None,
-    part: Given[tuple[int, int] | None] = None,
+    **sweep: Any,
 ) -> xr.Dataset:
     r"""Lyapunov exponents over a grid of parameters: `lyapunov_spectrum` in every lane of a sweep.
 
@@ -43,8 +40,8 @@ def lyapunov_diagram(
       part `drive`). Or a function `(**point) -> system`.
     - `grid`: parameter name to vector of values; all combinations.
     - `y0`, `scales`: as for `lyapunov_spectrum`, or functions of the system that return them.
-    - `segment`, `segments`, and in `spectrum` its other options by name (`transient`, `exponents`,
-      `components`, `integrator`, ...): as for `lyapunov_spectrum`.
+    - `record`, and in `spectrum` the other options by name (`exponents`, `components`, `integrator`,
+      ...): as for `lyapunov_spectrum`.
     - `store`, `labels`, `compute`, `part`: as for `run_sweep`, with 64 lanes per block: with a store
       an interrupted diagram goes on where it stopped.
 
@@ -57,21 +54,17 @@ def lyapunov_diagram(
     **Errors** `ValueError`/`TypeError` naming the argument.
     """
     coords = check_grid(grid)
-    given = settings_of(store, labels, compute, part, "Lyapunov exponents")
+    given = settings_of(**sweep, name="Lyapunov exponents")
     build = builder_of(system, coords)
     options = check_mapping("spectrum", spectrum)
     own = given.labels.variables or {}
     check_labels(own, coords)
-    one_number("segment", segment, "positive")
-    check_count("segments", segments, 4)
+    check_type("record", record, Segments, "a Segments(length, count)")
     _check_options(options)
 
     def lane(**point):
         inner = build(point)
-        found = lyapunov_spectrum(
-            inner, _of(y0, inner), segment=segment, segments=segments, scales=_of(scales, inner),
-            **options,
-        )  # fmt: skip
+        found = lyapunov_spectrum(inner, _of(y0, inner), record, scales=_of(scales, inner), **options)
         return {
             "exponents": found.exponents,
             "error": found.error,
@@ -103,16 +96,16 @@ def lyapunov_diagram(
             "flag_meanings": " ".join(EXPONENT_STATUS),
         },
     )
-    settings = {"segment": segment, "segments": segments, **(given.labels.settings or {})}
+    settings = {"record": record, **(given.labels.settings or {})}
     return run_sweep(
-        lane, coords, store=given.storage.in_chunks(CHUNK), compute=compute, part=part,
+        lane, coords, store=given.storage.in_chunks(CHUNK), compute=given.compute, part=given.part,
         labels=Labels(variables, settings, given.labels.attrs, given.name),
     )  # fmt: skip
 
 
 def _check_options(options: Mapping[str, Any]) -> None:
     """Raise for options that `lyapunov_spectrum` does not have, or that are given elsewhere."""
-    own = ("system", "y0", "segment", "segments", "scales")
+    own = ("system", "y0", "record", "scales")
     allowed = [name for name in inspect.signature(lyapunov_spectrum).parameters if name not in own]
     for name in options:
         if name not in allowed:

@@ -10,7 +10,7 @@ from jaxtyping import PyTree
 from .._compiled_once import compiled_once
 from .._types import Given
 from .._validation import as_float64, check_callable, check_count, refusal
-from ._growth import LyapunovSpectrum, accumulate, check_counts, first_frame, judged
+from ._growth import LyapunovSpectrum, accumulate, check_exponents, first_frame, judged
 
 
 def lyapunov_spectrum_of_map(
@@ -57,7 +57,13 @@ def lyapunov_spectrum_of_map(
     if isinstance(iterations, int) and warm_up is None:
         warm_up = iterations // 10
     count = flat.size if exponents is None else exponents
-    check_counts(iterations, warm_up, blocks, count, flat.size, "iterations")
+    check_count("iterations", iterations, 4)
+    check_count("warm_up", warm_up, 0)
+    check_count("blocks", blocks, 2)
+    check_exponents(count, flat.size)
+    if iterations < 2 * blocks:
+        allowed = f"at least 2 blocks = {2 * blocks}, with blocks = {blocks}"
+        raise refusal("iterations", iterations, allowed)
 
     def flow(flat):
         return ravel_pytree(function(unravel(flat)))[0]

@@ -1,7 +1,7 @@
 """Orbit diagrams by brute force: the points of a section over one or two parameters."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import equinox as eqx
@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from jaxtyping import PyTree
 
-from .._types import Given, Mode, Named, NamedRows, Path
+from .._types import Given, Mode, NamedRows
 from .._validation import (
     check_count,
     check_mapping,
@@ -18,7 +18,7 @@ from .._validation import (
     refusal,
 )
 from ..hybrid import AbstractHybridSystem, Integrator, Section
-from ..sweep import Carried, Compute, Labels, Storage, Variable, run_sweep
+from ..sweep import Carried, Labels, Variable, run_sweep
 from ..sweep.evaluate import lanes_of, prepared
 from ..sweep.grid import block_shape, check_grid
 from ..sweep.settings import Settings, settings_of
@@ -26,12 +26,10 @@ from ._arguments import an_integrator, named_observables, start_of
 from ._attractor import PERIOD_STATUS
 from ._builder import builder_of, check_labels, labelled_parameters
 from ._orbit_lane import STATUS, Numbers, OrbitPlan, halved, run_lane
-from ._recording import PeriodTest, Recording
+from ._recording import Cut, Recording
 from ._starts import check_shapes, labels_of_end, starts_of
 from .observable import (
     Angle,
-    Maximum,
-    Minimum,
     as_observable,
     as_section,
     axes_of,
@@ -41,34 +39,26 @@ from .observable import (
 
 RESULTS_OF_A_LANE = ("count", "status", "period", "period_status", "slow_transient", "flags")
 CHUNK_CPU = 512  # lanes per block: so few that the check can run the same program on as many
-Cut = Section | Maximum | Minimum
 
 
 def orbit_diagram(
     system: Given[AbstractHybridSystem | Callable[..., AbstractHybridSystem]],
     grid: NamedRows,
     y0: PyTree,
-    *,
-    section: Given[Cut | Mapping[str, Cut]],
-    observables: Given[str | Sequence[str] | Named],
     record: Given[Recording],
-    period: Given[PeriodTest | None] = None,
+    *,
     carried: Given[Carried | None] = None,
-    domain: Given[Sequence[Any]] = (),
     mode0: Mode | None = None,
     args: PyTree = None,
     integrator: Given[Integrator | None] = None,
     check: Given[int] = 32,
-    store: Path | Storage | None = None,
-    labels: Given[Labels | None] = None,
-    compute: Given[Compute | None] = None,
-    part: Given[tuple[int, int] | None] = None,
+    **sweep: Any,
 ) -> xr.Dataset:
     r"""Points at which the motion crosses a section, over one or two parameters of a system.
 
     Each lane runs for a transient that is dropped, then for the time recorded, and every crossing of
-    `section` gives a point. The diagram shows what a motion from the given initial state comes to: one
-    attractor per parameter value, never an unstable one. This is not continuation.
+    the section gives a point. The diagram shows what a motion from the given initial state comes to:
+    one attractor per parameter value, never an unstable one. This is not continuation.
 
     **Arguments**
 
@@ -79,17 +69,8 @@ def orbit_diagram(
       other is shared by all. Where the system can take it both ways (an array of as many numbers as the
       grid has values) this raises an error: an `xarray.DataArray` with the grid's names among its
       dimensions is per lane, with other dimensions shared.
-    - `section`: a `Section` (direction in words), or `Maximum("x")`, `Minimum("x")` of an observable;
-      or a mapping from names to several of them, which are recorded in the same run.
-    - `observables`: name or sequence of names: a component of the state, `"x[0]"` for one number of an
-      array, `"slope of x"`, `"t"`, a method `(t, y, mode, args)` of the system; or a mapping from names
-      to those or to functions `(system, t, y, dy, mode, args)`. A component with a period is given
-      within half of it on both sides of zero, and a motion that goes round has a period if it comes
-      back but for whole turns.
-    - `record`: `Recording(transient, duration)`: time dropped, time recorded [s], points, start.
-    - `period`: `PeriodTest(tolerance, longest)`: when points repeat; see `period` below.
-    - `domain`: observables that must not fall below zero, single numbers; a lane in which one does ends
-      there.
+    - `record`: `Recording(transient, duration, section, observables, ...)`: what is dropped, what is
+      recorded and on which section, how many points, and when they repeat.
     - `carried`: `Carried("upwards")` or `Carried("downwards")`: each lane starts from the end of its
       neighbour, which shows hysteresis. Sequential by nature: as many lanes at a time as the other
       parameter has values, one without another. A lane that failed hands on the state it was given. The
@@ -114,8 +95,8 @@ def orbit_diagram(
       from chaos (`too_few_points`), or the result code of its run (`max_steps_reached`: those of the
       `integrator`). Points of chaos that are many enough are "ok";
     - `period`: number of points after which the observables repeat; 0 if after none of 1 to
-      `period.longest`; -1 where that is unknown. `period_status` says why, by number with words in
-      `attrs["flag_meanings"]`: `repeats`; `none`; `lane_failed`; `too_few_points` (4 are needed for
+      `record.period.longest`; -1 where that is unknown. `period_status` says why, by number with words
+      in `attrs["flag_meanings"]`: `repeats`; `none`; `lane_failed`; `too_few_points` (4 are needed for
       period one, twice the longest to say that there is none); `not_finite`; `not_settled` (the points
       still come nearer to something, or creep);
       `constant` (a rest); `zero_on_section` (all that was observed is zero there, as a speed is
@@ -133,19 +114,14 @@ def orbit_diagram(
     **Errors** `ValueError`/`TypeError` naming the argument, before anything is compiled.
     """
     coords = check_grid(grid)
-    given = settings_of(store, labels, compute, part, "orbit diagram")
+    given = settings_of(**sweep, name="orbit diagram")
     shape = tuple(v.size for v in coords.values())
     if len(coords) > 2:
         raise refusal("grid", grid, "of at most two parameters")
     build = builder_of(system, coords)
     first = build({key: float(v[0]) for key, v in coords.items()})
-    check_type("record", record, Recording, "a Recording(transient, duration)")
-    period = PeriodTest() if period is None else period
-    check_type("period", period, PeriodTest, "a PeriodTest, or None")
-    observed = named_observables(observables)
-    if isinstance(domain, str) or callable(domain):
-        domain = (domain,)
-    check_type("domain", domain, tuple | list, "an observable or a sequence of observables")
+    check_type("record", record, Recording, "a Recording(transient, duration, section, observables)")
+    section, observed = record.section, named_observables(record.observables)
 
     def takes(state):
         check_shapes(first, record.t0, state, mode0, args)
@@ -157,7 +133,7 @@ def orbit_diagram(
             for key, what in observed.items()
         }
         cuts, borders = _sections(section, first, state), []
-        for what in domain:
+        for what in record.domain:
             border = whole_of(as_observable("domain", what, first, state)[0])
             shape_of("domain", what, border, first, state, 0, args, single=True)
             borders.append(border)
@@ -200,7 +176,7 @@ def orbit_diagram(
         stops=record.points is not None,
         mode0=None if mode0 is None else mode,
         args=args,
-        period=period,
+        period=record.period,
     )
     settings = {
         "system": system if isinstance(system, AbstractHybridSystem) else first,
@@ -239,7 +215,7 @@ def orbit_diagram(
         dataset = run_sweep(
             lane, coords,
             inputs={"numbers": _spread(numbers, shape), **({"start": y0} if per_lane else {})},
-            store=storage, labels=about, compute=compute, part=part,
+            store=storage, labels=about, compute=given.compute, part=given.part,
         )  # fmt: skip
     else:
 
@@ -248,7 +224,7 @@ def orbit_diagram(
 
         dataset = run_sweep(
             step, coords, carry=y0, carried=carried,
-            store=storage, labels=about, compute=compute, part=part,
+            store=storage, labels=about, compute=given.compute, part=given.part,
         )  # fmt: skip
     if plan.several:
         dataset = dataset.assign_coords(section=list(plan.sections))

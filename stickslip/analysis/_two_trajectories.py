@@ -1,5 +1,6 @@
 """The greatest Lyapunov exponent from the distance of two motions."""
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
@@ -13,14 +14,15 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 from .._compiled_once import compiled_once
 from .._show import counted, number
 from .._types import Given, Mode, Numeric
-from .._validation import as_parameter, check_flag, is_concrete, one_number
+from .._validation import as_parameter, check_flag, check_type, is_concrete, one_number
 from ..hybrid import AbstractHybridSystem, Integrator, simulate
 from ..hybrid.arguments import a_time, the_system
 from ..hybrid.longest_step import spanning
 from ..hybrid.system import mode_type
 from ._arguments import an_integrator, start_of
-from ._growth import averaged, check_counts
+from ._growth import averaged
 from ._lyapunov import moving_components
+from ._recording import Segments
 
 SEPARATION_STATUS = ("ok", "failed", "merged", "saturated")
 LARGE = 0.1  # part of the size of the motion from which on a distance is not small
@@ -66,19 +68,14 @@ class Separation(eqx.Module):
 def two_trajectory_exponent(
     system: Given[AbstractHybridSystem],
     y0: PyTree,
+    record: Given[Segments],
     *,
-    segment: Numeric,
-    segments: Given[int],
     distance: Numeric = 1e-8,
     renormalise: Given[bool] = True,
-    transient: Numeric = 0.0,
-    warm_up: Given[int | None] = None,
     components: Given[Sequence[str] | None] = None,
-    t0: Numeric = 0.0,
     mode0: Mode | None = None,
     args: PyTree = None,
     integrator: Given[Integrator | None] = None,
-    blocks: Given[int] = 10,
 ) -> Separation:
     r"""Greatest Lyapunov exponent by its definition with two motions,
 
@@ -91,7 +88,7 @@ def two_trajectory_exponent(
     **Arguments** as for `lyapunov_spectrum`, and
 
     - `distance`: $\Delta(0)$, in the units of the state; spread evenly over `components`.
-    - `renormalise`: set the distance back to $\Delta(0)$ after each `segment` (Benettin et al. 1976).
+    - `renormalise`: set the distance back to $\Delta(0)$ after each segment (Benettin et al. 1976).
       With `False`, Eq. (2.25) to the letter: the distance saturates at the size of the attractor, so
       that any bounded motion comes out as $\Lambda \to 0$ from above as $t$ grows. The last value of
       `running` shows it; `exponent` is then NaN.
@@ -107,17 +104,16 @@ def two_trajectory_exponent(
     """
     the_system(system)
     integrator = an_integrator(integrator)
-    segment = as_parameter(one_number("segment", segment, "positive"))
+    check_type("record", record, Segments, "a Segments(length, count)")
     distance = as_parameter(one_number("distance", distance, "positive"))
-    one_number("transient", transient, "not negative")
     check_flag("renormalise", renormalise)
-    t0 = a_time("t0", t0)
+    if not renormalise and record.warm_up is None:
+        # The distance is measured from the beginning.
+        record = dataclasses.replace(record, warm_up=0)
+    segment, segments, warm_up = as_parameter(record.length), record.count, record.warm_up_count
+    transient, t0 = record.transient, a_time("t0", record.t0)
     y0, mode = start_of(system, t0, y0, mode0, args)
     moving = moving_components(y0, components)
-    if warm_up is None and isinstance(segments, int):
-        warm_up = segments // 10 if renormalise else 0
-    warm_up = 0 if warm_up is None else warm_up
-    check_counts(segments, warm_up, blocks, 1, 1)
     flat, unravel = ravel_pytree(y0)
 
     whole = transient + segment * (segments + warm_up)
@@ -165,7 +161,7 @@ def two_trajectory_exponent(
     carry, (growth, apart, merged) = compiled_once(lambda *a: jax.lax.scan(step, *a), carry, numbers)
     _, _, good, _, low, high = carry
     local = jnp.where(good, growth[warm_up:] / segment, jnp.nan)[:, None]
-    mean, error = averaged(local, blocks)
+    mean, error = averaged(local, record.blocks)
     size = 0.5 * jnp.sqrt(jnp.sum((high - low) ** 2))
     status = jnp.zeros((), jnp.int32)
     for word, applies in (

@@ -1,44 +1,15 @@
-"""Closed forms in one and two dimensions: no search, only arithmetic."""
+"""The dead zone of contacts of two velocities in closed form: no search, only arithmetic."""
 
 import equinox as eqx
 import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
-from stickslip._validation import (
-    as_parameter,
-    check_broadcast,
-    check_finite,
-    check_nonnegative,
-    misshaped,
-)
-from stickslip.contact._active_set import EPSILON
-from stickslip.contact._problem import as_problem
+from stickslip._validation import misshaped
 
+from ._problem import as_problem
 
-def dead_zone(force: ArrayLike, limit: ArrayLike) -> Float[Array, "..."]:
-    r"""Net force on a body at rest under one dry contact.
-
-    $$\mathrm{DZ}(F, R) = 0 \text{ if } |F| \le R, \qquad F - R\,\mathrm{sgn} F \text{ otherwise}.$$
-
-    The acceleration is this over the mass.
-
-    **Arguments:**
-
-    - `force`: applied force `F` (N), any shape.
-    - `limit`: greatest static friction `R = mu_s N >= 0` (N), of a shape that broadcasts with it.
-
-    **Returns:** the net force (N); exactly zero in the dead zone.
-
-    **Raises:** `ValueError` for values not finite or a negative limit.
-
-    Source: Eqs. (28)-(30) of the paper on the CoreXY mechanism, there with `f_s = -R sgn F`.
-    """
-    force = as_parameter(check_finite("force", force))
-    limit = as_parameter(check_nonnegative("limit", limit))
-    check_broadcast("limit", limit, "force", force)
-    force, limit = jnp.broadcast_arrays(force, limit)
-    return jnp.where(jnp.abs(force) > limit, force - limit * jnp.sign(force), 0.0)
+EPSILON = float(jnp.finfo(jnp.float64).eps)
 
 
 def _cross(a, b):
@@ -61,14 +32,14 @@ def vector_dead_zone(
 
     $$a = \arg\min_a \; \tfrac12 a^T M a - a^T F + \sum_{c\ \text{active}} R_c\, |n_c \cdot a|$$
 
-    The closed form of `resolve` for `n = 2`, without branches. The friction forces fill a polygon
-    with edges along the normals. Inside it `a = 0`. Outside, `a` belongs to an edge or a corner of
-    it. Edge `c` has all other contacts sliding in the sense `sgn(n_k · d_c)`, `d_c` perpendicular
-    to `n_c`; the force of contact `c` that stops it, cut to its interval, makes the edge and its
-    two corners one candidate. Of the edges that `F` lies outside of, the one whose candidate agrees
-    best with the signs it supposes is taken. Choosing by the signs, which are linear in `a`, and
-    not by the least objective, which is quadratic, keeps the result exact to rounding at the
-    borders between the candidates.
+    This is Gauss' principle of least constraint with Coulomb's set of static forces. The friction
+    forces fill a polygon with edges along the normals. Inside it `a = 0`. Outside, `a` belongs to
+    an edge or a corner of it. Edge `c` has all other contacts sliding in the sense `sgn(n_k ·
+    d_c)`, `d_c` perpendicular to `n_c`; the force of contact `c` that stops it, cut to its
+    interval, makes the edge and its two corners one candidate. Of the edges that `F` lies outside
+    of, the one whose candidate agrees best with the signs it supposes is taken. Choosing by the
+    signs, which are linear in `a`, and not by the least objective, which is quadratic, keeps the
+    result exact to rounding at the borders between the candidates.
 
     **Arguments:**
 
@@ -81,14 +52,16 @@ def vector_dead_zone(
 
     **Returns:** `a`, shape `[2]`; exactly zero in the dead zone. Differentiable almost everywhere.
 
-    **Raises:** `ValueError` as `resolve`. A traced mass matrix that is not positive definite is not
-    noticed.
+    **Raises:** `ValueError` naming the argument, its value and what is allowed, before anything is
+    compiled: wrong shapes, values not finite, a mass matrix that is not symmetric positive definite,
+    negative limits. A traced mass matrix that is not positive definite is not noticed.
 
-    Source: `resolve`; in one dimension Eq. (30) of the paper on the CoreXY mechanism.
+    Source: C. F. Gauss (1829); J. J. Moreau (1966, 1988); C. Glocker (2001), "Set-Valued Force Laws";
+    in one dimension Eq. (30) of the paper on the CoreXY mechanism.
     """
     problem = as_problem(mass_matrix, force, normals, limits, active)
     if problem.force.shape != (2,):
-        raise misshaped("force", force, "of shape (2,); see resolve")
+        raise misshaped("force", force, "of shape (2,)")
     limits = jnp.where(problem.active, problem.limits, 0.0)
     return _project(problem.mass_matrix, problem.force, problem.normals, limits)
 

@@ -45,7 +45,7 @@ def as_force(force: Any, size: int) -> Float[Array, " n"]:
     return _as_vector("force", force, size, "velocity")
 
 
-def as_active(name: str, active: Any, normals: Float[Array, "m n"]) -> Bool[Array, " m"]:
+def as_active(active: Any, normals: Float[Array, "m n"]) -> Bool[Array, " m"]:
     """Mask of contacts; all if not given."""
     if active is None:
         return jnp.ones(len(normals), bool)
@@ -54,9 +54,9 @@ def as_active(name: str, active: Any, normals: Float[Array, "m n"]) -> Bool[Arra
     if isinstance(active, list | tuple) and all(isinstance(a, bool | np.bool_) for a in active):
         array = np.asarray(active, bool)
     if not isinstance(array, np.ndarray | jax.Array) or isinstance(array, np.ma.MaskedArray):
-        raise refusal(name, active, allowed, TypeError)
+        raise refusal("active", active, allowed, TypeError)
     if array.dtype != bool or array.shape != (len(normals),):
-        raise refusal(name, active, allowed, but=f"of shape {array.shape} and type {array.dtype}")
+        raise refusal("active", active, allowed, but=f"of shape {array.shape} and type {array.dtype}")
     return jnp.asarray(array)
 
 
@@ -80,9 +80,6 @@ def as_mass_matrix(mass_matrix: Any) -> Float[Array, "n n"]:
     return (array + array.T) / 2
 
 
-NONE_HOLD = object()  # where there are no limits
-
-
 @dataclass(frozen=True)
 class Problem:
     """`M`, `F`, the normals, the limits and the mask, of fitting shapes."""
@@ -93,26 +90,15 @@ class Problem:
     limits: Float[Array, " m"]
     active: Bool[Array, " m"]
 
-    def per_contact(self, name: str, value: Any) -> Float[Array, " m"]:
-        """One more argument with a value per contact."""
-        return _as_vector(name, value, len(self.normals), "contact")
 
-
-def as_problem(
-    mass_matrix: Any,
-    force: Any,
-    normals: Any,
-    limits: Any,
-    active: Any,
-    active_name: str = "active",
-) -> Problem:
-    """Check all of a problem; limits of `NONE_HOLD` are zero."""
+def as_problem(mass_matrix: Any, force: Any, normals: Any, limits: Any, active: Any) -> Problem:
+    """Check all of a problem."""
     matrix = as_mass_matrix(mass_matrix)
     rows = as_normals(normals, len(matrix))
     return Problem(
         matrix,
         as_force(force, len(matrix)),
         rows,
-        jnp.zeros(len(rows)) if limits is NONE_HOLD else as_limits(limits, rows),
-        as_active(active_name, active, rows),
+        as_limits(limits, rows),
+        as_active(active, rows),
     )

@@ -22,7 +22,6 @@ from .._validation import (
     whole_number,
 )
 from ..hybrid import Integrator, Solution
-from ._accuracy import ACCURACY
 from ._evaluate import solve_run
 from ._fit import Fit, best
 from ._levenberg_marquardt import LevenbergMarquardt
@@ -231,18 +230,19 @@ class Problem:
         `GradientDescent(...)`, `MultipleShooting(...)`, `Homotopy(...)`; `start`, values by name in
         place of the unknowns' own; `starts`: the best of so many, spread by `sobol_starts` with `seed`;
         `chunk_size` as for `many_starts`. **Returns** a `Fit`. **Raises** `TypeError`, `ValueError` for
-        anything else. Warns where a fit does not explain the data and the model swings twice or more
-        between two stamps, as it does where these are in milliseconds.
+        anything else. Warns, before anything runs, where the model swings twice or more between two
+        stamps, as it does where these are in milliseconds.
         """
         method = self._method(method)
         unknowns = self.unknowns if start is None else self._from(start)
+        self._compare_stamps(unknowns)
         if starts is not None:
             rows = sobol_starts(unknowns, starts, seed=seed)
-            return self._with_warning(best(self.fits(rows, method=method, chunk_size=chunk_size)))
+            return best(self.fits(rows, method=method, chunk_size=chunk_size))
         space, first = scalars("unknowns", unknowns)
         near, taken = method.brought_near(self._run, self._data, space, first)
         fit = solve_run(method.polish, self._run, self._data, space, space.coordinates(near))
-        return self._with_warning(_with_steps(fit, taken))
+        return _with_steps(fit, taken)
 
     @check_arguments(**_HOW)
     def fits(
@@ -270,13 +270,12 @@ class Problem:
             integrator=run.integrator, delay=run.delay, correct=run.correct,
         )  # fmt: skip
 
-    def _with_warning(self, fit: Fit) -> Fit:
-        """The fit; with a word on the stamps where it does not explain the data."""
-        if is_concrete(fit) and not float(fit.reduced_chi_squared) <= ACCURACY.poor_fit:
-            values = {name: unknown.start if isinstance(unknown, Unknown) else unknown
-                      for name, unknown in self.unknowns.items()}  # fmt: skip
+    def _compare_stamps(self, unknowns: dict[str, Any]) -> None:
+        """A word on stamps that are out of proportion to the model."""
+        values = {name: unknown.start if isinstance(unknown, Unknown) else unknown
+                  for name, unknown in unknowns.items()}  # fmt: skip
+        if is_concrete((values, self._data)):
             warn_of_wide_stamps(self._run, values, self._data, self.records[0].times)
-        return fit
 
     def _method(self, method: AbstractMethod | None) -> AbstractMethod:
         method = LevenbergMarquardt() if method is None else method

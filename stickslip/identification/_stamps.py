@@ -36,7 +36,7 @@ def _slopes(run: Run, values: NamedValues, data: Data) -> Float[Array, "mode siz
 
 
 def warn_of_wide_stamps(run: Run, values: NamedValues, data: Data, times: np.ndarray) -> None:
-    """Warn, once a fit has failed, if the model swings `OFTEN` from one of `times` [s] to the next.
+    """Warn if the model swings `OFTEN` from one of `times` [s] to the next.
 
     Such a record does not show its motion, however right the model. The swing is that of the slowest
     oscillation in any mode, about where the first record begins.

@@ -9,18 +9,16 @@ import jax.numpy as jnp
 import numpy as np
 
 from stickslip._validation import DeclarationError, is_concrete, refusal
-from stickslip.friction import AbstractFrictionLaw
 from stickslip.hybrid.dependence import NONE, degrees
 
 from ._abstract import traced_with
-from ._contact import Contact
-from ._declaration import at_zero, directions_of, in_order, mass_of
-from ._directions import SMALL
-from ._known import known
+from ._abstract_declaration import AbstractDeclaration
+from ._accuracy import ACCURACY
+from ._analysis import sampled_directions
+from ._declaration import at_zero, directions_of, mass_of
+from ._gaps import check_stop_names, check_without_args
+from ._known import numbers_known
 from ._modes import MOST
-from ._states import AbstractWithStates
-from ._stop import check_names, check_without_args
-from ._structure import sampled_directions
 
 
 def check_declaration(mechanism: Any) -> None:
@@ -58,7 +56,11 @@ def check_declaration(mechanism: Any) -> None:
     for name in mechanism.cyclic:
         if name not in coordinates:
             raise refusal("cyclic", name, f"names of coordinates: {', '.join(map(repr, coordinates))}")
-    check_names(mechanism)
+    check_stop_names(mechanism)
+    for name, stop in mechanism.rubbing.items():
+        for one, those, what in (name, names.contacts, "contacts"), (stop, names.stops, "stops"):
+            if one not in those:
+                raise refusal("rubbing", one, f"names of {what}: {', '.join(map(repr, those))}")
     directions_of(mechanism.contact_directions, names.coordinates)
     try:
         _check_structure(mechanism)
@@ -79,7 +81,7 @@ def _check_first_order(mechanism: Any, others: tuple[str, ...]) -> None:
             raise refusal("first_order", name, "a name that no coordinate and no velocity has")
         if not isinstance(unit, str):
             raise refusal(f"first_order[{name!r}]", unit, "a unit, such as 'A'", TypeError)
-    if given and type(mechanism).rates is AbstractWithStates.rates:
+    if given and type(mechanism).rates is AbstractDeclaration.rates:
         raise refusal(
             "first_order", tuple(given), "with a method `rates` that returns the rate of each"
         )
@@ -88,34 +90,18 @@ def _check_first_order(mechanism: Any, others: tuple[str, ...]) -> None:
 def _check_structure(mechanism: Any) -> None:
     if mechanism.stops:
         traced_with(check_without_args, mechanism)
-    for name, row in zip(mechanism.names.stops, mechanism.slopes[:, :-1], strict=True):
-        if not row.any():
-            why = "a function of the coordinates"
-            raise DeclarationError(str(refusal(f"the gap of stop {name!r}", "a constant", why)))
-    for island in mechanism.islands:
-        if island.dependent and not island.shut and not hasattr(island, "lines"):
-            raise _refused(mechanism, island)
     check_directions(mechanism, None)
 
 
 def check_directions(mechanism: Any, args: Any) -> None:
     """Raise for directions that vary and always depend on each other; None for unknown `args`."""
-    for island in mechanism.islands:
-        rows = list(island.rows[: island.contacts])
-        if island.varies and not island.dependent and _depend(mechanism, rows, args):
-            raise _refused(mechanism, island)
+    for group in mechanism.structure.contact_groups:
+        part = group.part
+        if part.in_general_position and _depend(mechanism, part.rows[: part.contacts], args):
+            raise mechanism.structure.dependent(part)
 
 
-def _refused(mechanism: Any, island: Any) -> Exception:
-    everything = mechanism.names.contacts + mechanism.names.stops
-    those = ", ".join(everything[c] for c in island.rows)
-    why = "constant where they depend on each other, of at most 12 contacts of a group"
-    if not island.stops:
-        return refusal("contact_directions", those, why)
-    return DeclarationError(str(refusal("directions of contacts and stops", those, why)))
-
-
-def _depend(mechanism: Any, rows: list[int], args: Any) -> bool:
+def _depend(mechanism: Any, rows: tuple[int, ...], args: Any) -> bool:
     """Whether contacts that may all stick at once have directions that depend on each other."""
     names = mechanism.names
     those = [c for c in rows if names.contacts[c] not in names.opening]
@@ -125,7 +111,9 @@ def _depend(mechanism: Any, rows: list[int], args: Any) -> bool:
     if not found or not np.isfinite(found).all():
         return False
     sizes = [np.linalg.norm(J, axis=1, keepdims=True) + 1e-300 for J in found]
-    return all(np.linalg.svd(J / s)[1].min() < SMALL for J, s in zip(found, sizes, strict=True))
+    return all(
+        np.linalg.svd(J / s)[1].min() < ACCURACY.direction for J, s in zip(found, sizes, strict=True)
+    )
 
 
 def _check_field(what: str, name: Any) -> None:
@@ -149,7 +137,7 @@ def check_mass(mechanism: Any, q: Any = None) -> None:
     if q is None and traced_with(_varies, mechanism):
         return
     q = at_zero(mechanism.names, 0.0)[0] if q is None else q
-    entries = known(_inertia, mechanism, q) if is_concrete((mechanism, q)) else None
+    entries = numbers_known(_inertia, mechanism, q) if is_concrete((mechanism, q)) else None
     entries = _inertia(mechanism, q) if entries is None else entries
     if not all(is_concrete(x) for x in entries) or any(np.ndim(x) for x in entries):
         return  # traced, or one for each lane
@@ -184,37 +172,12 @@ def _varies(mechanism: Any) -> bool:
     return any(d != NONE for d in degrees(entries, (q,), (True,)))
 
 
-def check_contacts(mechanism: Any, given: Any) -> list[Contact]:
-    """The contacts in order, with laws that the event-driven form admits."""
-    names = mechanism.names.contacts
-    if isinstance(given, Mapping):
-        missing = [name for name in names if name not in given]
-        if missing:
-            raise refusal("contacts(t, q, v, args)", sorted(given), f"a Contact for {missing[0]!r} too")
-    contacts = in_order("contacts(t, q, v, args)", given, names, "a Contact for each") if names else []
-    for name, contact in zip(names, contacts, strict=True):
-        if not isinstance(contact, Contact):
-            raise refusal(f"contacts(...)[{name!r}]", contact, "a Contact", TypeError)
-        if not isinstance(contact.law, AbstractFrictionLaw):
-            what = f"the law of contact {name!r}"
-            raise DeclarationError(
-                str(refusal(what, contact.law, "a friction law of stickslip.friction"))
-            )
-    return contacts
-
-
 def check_law(name: str, law: Any) -> None:
     """Raise for a law that has no set-valued form, by the name of its contact."""
     if law.num_states or not law.set_valued:
         form = "bristles" if law.num_states else "regularised"
         why = f"a set-valued law without internal state; `.{form}()` of the mechanism takes this one"
         raise DeclarationError(str(refusal(f"the law of contact {name!r}", law, why)))
-
-
-# A contact that slides slower than this part of the velocities sticks, a stop whose gap is less than
-# this part of the places is met; nothing is slower or closer than rounding at rest [m/s, m].
-SLIDES = 1e-6
-RESTS = 1e-12
 
 
 def check_held(mechanism: Any, mode: int, motion: Any) -> None:
@@ -232,15 +195,15 @@ def check_held(mechanism: Any, mode: int, motion: Any) -> None:
         for part in (motion[:moves], motion[moves:])
     )
     for contact, s, speed in zip(names.contacts, states[:n], motion[:n], strict=True):
-        if s == 0.0 and np.any(np.abs(speed) > SLIDES * fastest + RESTS):
+        if s == 0.0 and np.any(np.abs(speed) > ACCURACY.slides * fastest + ACCURACY.rests):
             allowed = f"a mode in which contact {contact!r} does not stick, or left out"
             raise refusal("mode0", name, allowed, but=f"and it slides at {float(speed):.6g}")
     stops = zip(names.stops, states[n:], motion[n:m], motion[moves:], strict=False)
     for stop, s, rate, gap in stops:
         allowed = f"a mode in which stop {stop!r} is open, or left out"
-        if s == 0.0 and np.any(np.abs(gap) > SLIDES * farthest + RESTS):
+        if s == 0.0 and np.any(np.abs(gap) > ACCURACY.slides * farthest + ACCURACY.rests):
             raise refusal("mode0", name, allowed, but=f"and its gap is {float(gap):.6g}")
-        if s == 0.0 and np.any(np.abs(rate) > SLIDES * fastest + RESTS):
+        if s == 0.0 and np.any(np.abs(rate) > ACCURACY.slides * fastest + ACCURACY.rests):
             raise refusal("mode0", name, allowed, but=f"and its gap changes at {float(rate):.6g}")
 
 

@@ -1,12 +1,16 @@
 """What a mechanism says about one dry contact at one instant."""
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 
 from stickslip._types import Given
+from stickslip._validation import DeclarationError, refusal
 from stickslip.friction import AbstractFrictionLaw
 from stickslip.hybrid.dependence import NONE, degrees
+
+from ._declaration import in_order
 
 
 class Contact(NamedTuple):
@@ -34,3 +38,21 @@ class Contact(NamedTuple):
 def drags(law: Any) -> bool:
     """Whether a law resists without a normal force too."""
     return degrees(lambda u: [law.drag(u)], (jnp.zeros(()),), (True,)) != [NONE]
+
+
+def contacts_in_order(names: tuple[str, ...], given: Any) -> list[Contact]:
+    """The contacts in the order of their names; raises for what is not one, or has no friction law."""
+    if isinstance(given, Mapping):
+        missing = [name for name in names if name not in given]
+        if missing:
+            raise refusal("contacts(t, q, v, args)", sorted(given), f"a Contact for {missing[0]!r} too")
+    contacts = in_order("contacts(t, q, v, args)", given, names, "a Contact for each") if names else []
+    for name, contact in zip(names, contacts, strict=True):
+        if not isinstance(contact, Contact):
+            raise refusal(f"contacts(...)[{name!r}]", contact, "a Contact", TypeError)
+        if not isinstance(contact.law, AbstractFrictionLaw):
+            what = f"the law of contact {name!r}"
+            raise DeclarationError(
+                str(refusal(what, contact.law, "a friction law of stickslip.friction"))
+            )
+    return contacts

@@ -1,25 +1,24 @@
 """States of first order beside coordinates and velocities: a current, a temperature, a filter."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 
-from stickslip._validation import DeclarationError, refusal
+from stickslip._validation import refusal
 
-if TYPE_CHECKING:
-    from ._mechanism import AbstractMechanism
+from ._abstract_declaration import AbstractDeclaration
 
 RATES = "rates(t, q, v, args)"
 
 
-def rates_of(machine: "AbstractMechanism", t: Any, q: Any, v: Any, args: Any) -> list[Any]:
+def rates_of(declaration: AbstractDeclaration, t: Any, q: Any, v: Any, args: Any) -> list[Any]:
     """Rates of the states of first order, in their order."""
-    names = machine.names.first_order
+    names = declaration.names.first_order
     if not names:
         return []
-    given = machine.rates(t, q, v, args)
+    given = declaration.rates(t, q, v, args)
     if not isinstance(given, Mapping):
         raise refusal(RATES, given, f"a mapping with a rate for each of {_listed(names)}", TypeError)
     for name in names:
@@ -42,23 +41,15 @@ def rates_of(machine: "AbstractMechanism", t: Any, q: Any, v: Any, args: Any) ->
     return found
 
 
-def check_rates(machine: "AbstractMechanism", t: Any, y: Any, args: Any) -> None:
+def check_rates(declaration: AbstractDeclaration, t: Any, y: Any, args: Any) -> None:
     """Raise for rates that are missing or of wrong shapes, by name, without compiling anything."""
-    if machine.first_order:
+    if declaration.first_order:
 
         def rates(t, q, v):
-            return rates_of(machine, t, q, v, args)
+            return rates_of(declaration, t, q, v, args)
 
-        t, (q, v) = jax.tree.map(jnp.asarray, (t, machine.to_coordinates(y)))
+        t, (q, v) = jax.tree.map(jnp.asarray, (t, declaration.to_coordinates(y)))
         jax.eval_shape(rates, t, q, v)
-
-
-def refuse_gap(stop: str) -> DeclarationError:
-    """The error of a stop that a state of first order moves."""
-    allowed = "a function of the time and the coordinates only"
-    return DeclarationError(
-        str(refusal(f"the gap of stop {stop!r}", "a function of a first-order state", allowed))
-    )
 
 
 def _listed(names: tuple[str, ...]) -> str:

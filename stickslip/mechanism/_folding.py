@@ -31,7 +31,7 @@ def affine_forms(function: Callable, operands: Any) -> list[np.ndarray | None]:
     return _walk(closed.jaxpr, closed.consts, given, forms[0])
 
 
-def folded(function: Callable, operands: Any) -> list[float | None]:
+def constants_of(function: Callable, operands: Any) -> list[float | None]:
     """Every leaf of `function(*operands)`: its number if it is a constant, else None."""
     return [_constant(form) for form in affine_forms(function, operands)]
 

@@ -11,14 +11,20 @@ from jaxtyping import Array, Float, PyTree
 from stickslip._argument_checks import OBSERVABLE, check_arguments, reals
 from stickslip._fastmath import where
 from stickslip._types import Given, Numeric
-from stickslip._validation import as_parameter, check_in, check_positive, check_type, refusal
+from stickslip._validation import (
+    DeclarationError,
+    as_parameter,
+    check_in,
+    check_positive,
+    check_type,
+    refusal,
+)
 from stickslip.friction import AbstractBristleLaw, AbstractFrictionLaw, LuGre, Regularised
 from stickslip.hybrid.system import NO_MODE
 
-from ._check import DeclarationError
 from ._contact import drags
-from ._instant import Instant, pressing, push_of
-from ._mechanism import AbstractMechanism
+from ._instant import Instant, pressing
+from ._observables import AbstractWithObservables
 from ._scalars import times, total
 from .account import AbstractMechanicalSystem
 
@@ -31,7 +37,7 @@ class _AbstractSmoothForm(AbstractMechanicalSystem):
     A contact that does not open and loses its normal force ends the run, as in the other form.
     """
 
-    mechanism: eqx.AbstractVar[AbstractMechanism]
+    mechanism: eqx.AbstractVar[AbstractWithObservables]
 
     mode_names: ClassVar = ("motion",)
 
@@ -48,7 +54,7 @@ class _AbstractSmoothForm(AbstractMechanicalSystem):
     def guard_names(self) -> tuple[str, ...]:
         """One of each contact that does not open and may lose its normal force."""
         names = self.mechanism.names.contacts
-        return tuple(f"{names[c]} loses its normal force" for c in self.mechanism.lifting)
+        return tuple(f"{names[c]} loses its normal force" for c in self.mechanism.structure.lifting)
 
     def time_scale(self, args):
         """That of the mechanism."""
@@ -64,7 +70,7 @@ class _AbstractSmoothForm(AbstractMechanicalSystem):
 
     def guards(self, t, y, mode, args):
         at = self.mechanism.instant(t, self.bare(y), args)
-        loads = (at.contacts[c].normal_force for c in self.mechanism.lifting)
+        loads = (at.contacts[c].normal_force for c in self.mechanism.structure.lifting)
         return tuple(jnp.asarray(load, jnp.float64) for load in loads)
 
     def transition(self, t, y, mode, guard, args):
@@ -79,10 +85,10 @@ class _AbstractSmoothForm(AbstractMechanicalSystem):
 
     def _motion(self, at: Instant, friction: list) -> tuple[Any, Any]:
         """Rates of coordinates and velocities under the friction of all contacts."""
-        machine, force = self.mechanism, list(at.force)
+        force = list(at.force)
         for c, (n, f) in enumerate(zip(at.directions, friction, strict=True)):
             force = [total((g, times(x, f))) for g, x in zip(force, n, strict=True)]
-            push = push_of(machine, at, c)
+            push = at.pushes[c]
             if push is not None:
                 pressed = pressing(at.contacts[c].normal_force)
                 force = [total((g, times(x, pressed))) for g, x in zip(force, push, strict=True)]
@@ -107,11 +113,11 @@ class RegularisedMechanism(_AbstractSmoothForm):
     its contact.
     """
 
-    mechanism: AbstractMechanism
+    mechanism: AbstractWithObservables
     v_reg: Float[Array, "..."]
     kind: str = eqx.field(static=True)
 
-    def __init__(self, mechanism: Given[AbstractMechanism], v_reg: Numeric, kind: str = "tanh"):
+    def __init__(self, mechanism: Given[AbstractWithObservables], v_reg: Numeric, kind: str = "tanh"):
         self.mechanism = _without_stops(mechanism)
         self.v_reg = as_parameter(check_positive("v_reg", v_reg))
         self.kind = check_in("kind", kind, KINDS)
@@ -180,13 +186,13 @@ class BristleMechanism(_AbstractSmoothForm):
     that of a contact.
     """
 
-    mechanism: AbstractMechanism
+    mechanism: AbstractWithObservables
     kind: type[AbstractBristleLaw] = eqx.field(static=True)
     parameters: dict[str, Any]
 
     def __init__(
         self,
-        mechanism: Given[AbstractMechanism],
+        mechanism: Given[AbstractWithObservables],
         kind: type[AbstractBristleLaw] = LuGre,
         parameters: dict[str, Any] | None = None,
     ):
@@ -247,8 +253,8 @@ class BristleMechanism(_AbstractSmoothForm):
         return self.mechanism.smooth_powers(at, self._friction(at, y.z)[0])
 
 
-def _without_stops(mechanism: Any) -> AbstractMechanism:
-    check_type("mechanism", mechanism, AbstractMechanism, "an AbstractMechanism")
+def _without_stops(mechanism: Any) -> AbstractWithObservables:
+    check_type("mechanism", mechanism, AbstractWithObservables, "an AbstractMechanism")
     if mechanism.stops:
         those = ", ".join(map(repr, mechanism.stops))
         why = "of the event-driven form only: a smooth form has no impacts"
@@ -256,11 +262,11 @@ def _without_stops(mechanism: Any) -> AbstractMechanism:
     return mechanism
 
 
-def _load(machine: AbstractMechanism, name: str, contact: Any) -> Any:
+def _load(machine: AbstractWithObservables, name: str, contact: Any) -> Any:
     return pressing(contact.normal_force) if name in machine.opening else contact.normal_force
 
 
-def _pressed(machine: AbstractMechanism, name: str, contact: Any, force: Any) -> Any:
+def _pressed(machine: AbstractWithObservables, name: str, contact: Any, force: Any) -> Any:
     """Friction of a contact that may be open: its drag ends with the normal force too."""
     if name not in machine.opening or not drags(contact.law):
         return force

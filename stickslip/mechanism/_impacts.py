@@ -1,6 +1,6 @@
 """Impacts at rigid stops: Newton's law, the stops that are closed already, and what comes to rest."""
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -8,42 +8,30 @@ from jax import lax
 
 from stickslip._fastmath import where
 
-from ._instant import Instant, instant_of, rows_of, slow_contacts
-from ._island import Island
-from ._reserve import NO_LIMIT
+from ._accuracy import ACCURACY
+from ._group import AbstractContactGroup
+from ._instant import Instant
+from ._local import LocalInstant
+from ._moment import Moment
 from ._scalars import any_of, dot, is_zero, times, total
-from ._settle import Limits, settled
-
-if TYPE_CHECKING:
-    from ._mechanism import AbstractMechanism
-
-ROUNDING = 8 * 2.3e-16  # of the terms of a gap
 
 
-class Struck(NamedTuple):
+class Impact(NamedTuple):
     """What is known right after a guard of a stop, or the same as before if another one has fired.
 
-    - `at`, `states`: the instant, and the states of contacts and stops; those without speed may rest.
+    - `now`, `states`: the moment, and the states of contacts and stops; those without speed may rest.
     - `met`: for each stop whether it was open and has been met.
     - `jammed`: whether an impulse drives the mechanism into another stop.
     """
 
-    at: Instant
+    now: Moment
     states: list[Any]
     met: list[Any]
     jammed: Any
 
 
-def struck(
-    machine: "AbstractMechanism",
-    t: Any,
-    at: Instant,
-    states: list,
-    number: Any,
-    args: Any,
-    law: Any,
-) -> Struck:
-    r"""State and speeds right after stop `number` has been met, if it is one.
+def impact(now: Moment, states: Any, guard: Any) -> Impact:
+    r"""State and speeds right after the stop with this guard has been met, if one has it.
 
     The impulses $\Lambda \ge 0$ of the stop $s$ that is met and of those closed already, $R$, obey
 
@@ -51,159 +39,135 @@ def struck(
       0 \le u_r^+ \perp \Lambda_r \ge 0 \quad (r \in R)$$
 
     (Moreau's impact law: $u_r^- = 0$). An impact that would leave no more than the speed of rest leaves
-    none if the mechanism is pressed on the stop after it: `law(at, island, states)` decides, which
-    returns the states of the contacts of an island.
+    none if the mechanism is pressed on the stop after it: the law of all contacts decides.
 
     The state is placed on the stop: whatever the parameters, the gap has no derivative left there.
     """
-    first = len(at.contacts)
+    at, numbers = now.at, now.structure.guards
     q, v, v_rest = list(at.q), list(at.v), list(at.v)
-    hit = [jnp.zeros((), bool)] * first + [number == k for k in range(len(at.stops))]
-    met = [h & (s == 2.0) for h, s in zip(hit, states, strict=True)]
     new, jammed = list(states), jnp.zeros((), bool)
-    bumps: list[_Bump] = []
-    for island in machine.islands:
-        if not island.stops:
-            continue
-        M, J = at.mass.of(island.columns), rows_of(island, at)
-        own, here = [hit[c] for c in island.rows], [met[c] for c in island.rows]
-        closed = [hit[c] & False if c < first else states[c] == 0.0 for c in island.rows]
-        bump = any_of(here)
-        _place(island, at, M, J, q, own if island.shut else _either(own, closed), any_of(own))
-        kept = _impulses(island, at, M, J, here, closed)
-        target = _rebounds(island, at, here)
-        _hurry(island, at, M, J, v, kept, target, bump)
-        slow = _slow(island, at, J, v, here, closed, target)
-        held = kept if island.shut else _either(here, closed)
-        _hurry(island, at, M, J, v_rest, held, [0.0 * x for x in target], bump)
-        for i, c in enumerate(island.rows[island.contacts :], island.contacts):
-            if island.shut:
-                onward = times(J[i][0], v_rest[island.columns[0]]) - at.surfaces[c]
-                jammed = jammed | (bump & closed[i] & (onward < 0.0))
-        bumps.append(_Bump(island, bump, here, closed, kept, held, slow))
-    places, speeds = type(at.q), type(at.v)
-    still = instant_of(machine, t, places(*q), speeds(*v_rest), args)
-    for island, bump, here, closed, kept, held, slow in bumps:
-        given = _begun(island, still, at, states, bump, held)
-        found = law(still, island, given, bump & slow)
-        rests = slow & any_of(h & (x == 0.0) for h, x in zip(here, found, strict=True))
-        for i, c in enumerate(island.rows[island.contacts :], island.contacts):
-            stays = (rests & held[i] & (found[i] == 0.0)) | (~rests & kept[i] & closed[i])
-            new[c] = where(bump, where(stays, 0.0, 2.0), states[c])
-        for j in island.columns:
+    hit = [guard == numbers.stops.get(c, -1) for c in range(len(states))]
+    met = [h & (s == 2.0) for h, s in zip(hit, states, strict=True)]
+    bumps = [_Bump(group, now.of(group), hit, met, states)
+             for group in now.structure.contact_groups if group.stops]  # fmt: skip
+    for bump in bumps:
+        bump.place(q)
+        bump.hurry(v, bump.kept, bump.target)
+        bump.hurry(v_rest, bump.held, [0.0 * x for x in bump.target])
+        jammed = jammed | bump.jams(v_rest)
+    still = now.moved(q, v_rest)
+    for bump in bumps:
+        group, here = bump.group, still.of(bump.group)
+        begun = bump.states_after(here, states, bump.held)
+        slow = bump.slow(v)
+        never = tuple(s == 9.0 for s in begun)
+        found, _ = group.states_after(here, states, begun, never, bump.met & slow)
+        rests = slow & any_of(h & (x == 0.0) for h, x in zip(bump.here, found, strict=True))
+        for i, c in enumerate(group.rows[group.contacts :], group.contacts):
+            stays = (rests & bump.held[i] & (found[i] == 0.0)) | (
+                ~rests & bump.kept[i] & bump.closed[i]
+            )
+            new[c] = where(bump.met, where(stays, 0.0, 2.0), states[c])
+        for j in group.columns:
             v[j] = where(rests, v_rest[j], v[j])
-    after = instant_of(machine, t, places(*q), speeds(*v), args)
-    for island, bump, *_ in bumps:
-        on = [new[c] == 0.0 for c in island.rows]
-        for c, s in zip(island.rows, _begun(island, after, at, new, bump, on), strict=True):
-            new[c] = s
-    return Struck(after, new, met, jammed)
+    after = now.moved(q, v)
+    for bump in bumps:
+        on = [new[c] == 0.0 for c in bump.group.rows]
+        found = bump.states_after(after.of(bump.group), new, on)
+        new = bump.group.with_own(new, found)
+    return Impact(after, new, met, jammed)
 
 
-class _Bump(NamedTuple):
-    """An island, whether one of its stops has been met, and by row: which, which are closed already,
-    which take an impulse or stay on, which would rest; and whether the impact leaves little enough."""
+class _Bump:
+    """A group with stops of which one may have been met.
 
-    island: Island
-    bump: Any
-    here: list[Any]
-    closed: list[Any]
-    kept: list[Any]
-    held: list[Any]
-    slow: Any
+    By row: which has been met, `here`; which are `closed` already; which take an impulse or stay on,
+    `kept`; which would rest, `held`; and the speeds off the stops after the impact, `target`.
+    """
 
+    def __init__(
+        self, group: AbstractContactGroup, local: LocalInstant, hit: list, met: list, states: Any
+    ):
+        rows, k = group.rows, group.contacts
+        self.group, self.local = group, local
+        self.hit, self.here = [hit[c] for c in rows], [met[c] for c in rows]
+        self.closed = [(states[c] == 0.0) if i >= k else hit[c] & False for i, c in enumerate(rows)]
+        self.met = any_of(self.here)
+        self.kept = group.impulses(local, self.here, self.closed)
+        self.held = group.with_closed(self.here, self.closed)
+        self.speeds = [local.at.speeds[c] for c in rows]
+        self.target = [jnp.zeros(())] * k + [
+            # What is off already, by rounding, goes on as it does.
+            where(h, where(u < 0.0, -stop.stop.restitution * u, u), 0.0)
+            for h, u, stop in zip(self.here[k:], self.speeds[k:], local.stops, strict=True)
+        ]
 
-def _slow(island: Island, at: Instant, J: list, v: list, here: list, closed: list, target: list) -> Any:
-    """Whether nothing moves off the stops that are met or closed at more than their speeds of rest."""
-    slow = any_of(here)
-    for i, c in enumerate(island.rows[island.contacts :], island.contacts):
-        rest_speed = at.stops[c - len(at.contacts)].stop.rest_speed
-        off = dot(J[i], [v[j] for j in island.columns]) - at.surfaces[c]
-        slow = slow & (~here[i] | ((target[i] <= rest_speed) & (at.speeds[c] <= 0.0)))
-        if not island.shut:
-            slow = slow & (~closed[i] | (off <= rest_speed))
-    return slow
+    def _changes(self, on: list, speeds: list) -> Any:
+        """The least changes of velocities, by the inertia, that give the stops in `on` these speeds."""
+        none = [jnp.zeros((), jnp.float64)] * self.group.n
+        here = self.local
+        return self.group.motion(here.mass, none, here.lines, tuple(on), speeds).acceleration
 
+    def _alone(self, i: int) -> list[int]:
+        """Rows that only velocity number `i` of the group enters: it has no rounding of a sum."""
+        return [
+            c for c, line in enumerate(self.local.lines)
+            if not is_zero(line[i]) and all(is_zero(n) for k, n in enumerate(line) if k != i)
+        ]  # fmt: skip
 
-def _either(some: list, others: list) -> list:
-    return [a | b for a, b in zip(some, others, strict=True)]
+    def place(self, q: list) -> None:
+        """Move the coordinates onto the stops that are hit or stay closed; into `q`."""
+        gaps = [jnp.zeros(())] * self.group.contacts + self.group.gaps(self.local)
+        on = self.group.with_closed(self.hit, self.closed)
+        shift = list(self._changes(on, [times(-1.0, g) for g in gaps]))
+        for i, j in enumerate(self.group.columns):
+            for c in self._alone(i):
+                shift[i] = where(on[c], times(-1.0 / self.local.lines[c][i], gaps[c]), shift[i])
+            if q[j] is not None:
+                q[j] = where(any_of(self.hit), q[j] + shift[i], q[j])
 
+    def hurry(self, v: list, on: list, target: list) -> None:
+        """Give the speeds `target` to the stops in `on`; into `v`."""
+        here = self.local
+        change = self._changes(on, [x - u for u, x in zip(self.speeds, target, strict=True)])
+        for i, j in enumerate(self.group.columns):
+            now = v[j] + change[i]
+            for c in self._alone(i):
+                speed = times(1.0 / here.lines[c][i], total((target[c], here.surfaces[c])))
+                now = where(on[c], speed, now)
+            v[j] = where(self.met, now, v[j])
 
-def _begun(
-    island: Island, at: Instant, before: Instant, states: list, bump: Any, closes: list
-) -> list[Any]:
-    """States of an island after an impact: contacts by their speeds, stops that may close at rest."""
-    found = []
-    slows = slow_contacts(at, island, before)
-    for c, slow, on in zip(island.rows, slows, closes, strict=True):
-        if c < len(at.contacts):
-            speed = where(slow, 0.0, jnp.sign(at.speeds[c]))
-            found.append(where(bump & (states[c] != 2.0), speed, states[c]))
-        else:
-            found.append(where(bump & on, 0.0, states[c]))
-    return found
+    def jams(self, v_rest: list) -> Any:
+        """Whether the impulse drives the mechanism into a closed stop that takes none."""
+        found, v = self.met & False, [v_rest[j] for j in self.group.columns]
+        for i in range(self.group.contacts, self.group.m):
+            onward = dot(self.local.lines[i], v) - self.local.surfaces[i]
+            found = found | (self.met & self.closed[i] & ~self.held[i] & (onward < 0.0))
+        return found
 
+    def slow(self, v: list) -> Any:
+        """Whether nothing moves off stops that are met or held at more than their speeds of rest."""
+        slow, own = self.met, [v[j] for j in self.group.columns]
+        held = self.group.with_closed([h & False for h in self.here], self.closed)
+        for i, stop in enumerate(self.local.stops, self.group.contacts):
+            rest_speed = stop.stop.rest_speed
+            off = dot(self.local.lines[i], own) - self.local.surfaces[i]
+            leaves = (self.target[i] <= rest_speed) & (self.speeds[i] <= 0.0)
+            slow = slow & (~self.here[i] | leaves) & (~held[i] | (off <= rest_speed))
+        return slow
 
-def _place(island: Island, at: Instant, M: Any, J: list, q: list, on: list, some: Any) -> None:
-    """Move the coordinates onto the stops in `on`; into `q`."""
-    gaps = [_gap(at, c) for c in island.rows]
-    none = [jnp.zeros((), jnp.float64)] * island.n
-    shift = island.motion(M, none, J, on, [times(-1.0, g) for g in gaps]).acceleration
-    for i, j in enumerate(island.columns):
-        # A coordinate that a stop alone decides has no rounding of a sum.
-        for row, gap, is_on in zip(J, gaps, on, strict=True):
-            if not is_zero(row[i]) and all(is_zero(x) for k, x in enumerate(row) if k != i):
-                shift[i] = where(is_on, times(-1.0 / row[i], gap), shift[i])
-        if q[j] is not None:
-            q[j] = where(some, q[j] + shift[i], q[j])
-
-
-def _gap(at: Instant, c: int) -> Any:
-    k = c - len(at.contacts)
-    return jnp.asarray(at.stops[k].stop.gap, jnp.float64) if k >= 0 else jnp.zeros(())
-
-
-def _rebounds(island: Island, at: Instant, here: list) -> list[Any]:
-    """Speed off each stop after the impact; 0 for stops that are closed."""
-    found = []
-    for c, h in zip(island.rows, here, strict=True):
-        k, u = c - len(at.contacts), at.speeds[c]
-        e = at.stops[k].stop.restitution if k >= 0 else 0.0
-        # What is off already, by rounding, goes on as it does.
-        found.append(where(h, where(u < 0.0, -e * u, u), 0.0))
-    return found
-
-
-def _impulses(island: Island, at: Instant, M: Any, J: list, here: list, closed: list) -> list[Any]:
-    """Which stops, of the one that is met and those that are closed, take an impulse or stay on."""
-    if island.stops == 1 or island.shut:
-        bump = any_of(here)
-        return [h | (r & ~bump) if island.shut else h | r for h, r in zip(here, closed, strict=True)]
-    none = [jnp.zeros((), jnp.float64)] * island.n
-    zero = [0.0] * island.contacts
-    limits = Limits([0.0] * island.m, zero + [NO_LIMIT] * island.stops)
-    speeds = [at.speeds[c] for c in island.rows]
-    # As accelerations under no force: what is met has to leave, what is closed must not come closer.
-    gamma = [where(h, -u, 0.0) for h, u in zip(here, speeds, strict=True)]
-    states = [where(h | r, 0.0, 2.0) for h, r in zip(here, closed, strict=True)]
-    never = [h & False for h in here]
-    found, _ = settled(island, M, none, J, gamma, limits, limits, states, never, any_of(here))
-    return [x == 0.0 for x in found]
-
-
-def _hurry(
-    island: Island, at: Instant, M: Any, J: list, v: list, kept: list, target: list, bump: Any
-) -> None:
-    """Give the speeds `target` to the stops in `kept`; into `v`."""
-    none = [jnp.zeros((), jnp.float64)] * island.n
-    gamma = [x - at.speeds[c] for c, x in zip(island.rows, target, strict=True)]
-    change = island.motion(M, none, J, kept, gamma).acceleration
-    for i, j in enumerate(island.columns):
-        now = v[j] + change[i]
-        for c, row, x, on in zip(island.rows, J, target, kept, strict=True):
-            if not is_zero(row[i]) and all(is_zero(n) for k, n in enumerate(row) if k != i):
-                now = where(on, times(1.0 / row[i], total((x, at.surfaces[c]))), now)
-        v[j] = where(bump, now, v[j])
+    def states_after(self, here: LocalInstant, states: Any, closes: list) -> tuple:
+        """States after the impact: contacts by their speeds, stops that may close at rest."""
+        found = []
+        rows = zip(self.group.rows, here.slow(self.local), closes, strict=True)
+        for i, (c, slow, on) in enumerate(rows):
+            speed = where(slow, 0.0, jnp.sign(here.at.speeds[c]))
+            moves = self.met & (states[c] != 2.0)
+            found.append(
+                where(moves, speed, states[c]) if i < self.group.contacts
+                else where(self.met & on, 0.0, states[c])
+            )  # fmt: skip
+        return tuple(found)
 
 
 def touches(at: Instant, k: int) -> tuple[Any, Any]:
@@ -212,5 +176,5 @@ def touches(at: Instant, k: int) -> tuple[Any, Any]:
     gap = lax.stop_gradient(jnp.asarray(stop.stop.gap, jnp.float64))
     terms = [times(n, x) for n, x in zip(stop.row, at.q, strict=False) if x is not None]
     size = total(jnp.abs(jnp.asarray(x)) for x in terms if not is_zero(x))
-    small = jax.tree.map(lax.stop_gradient, ROUNDING * size)
+    small = jax.tree.map(lax.stop_gradient, ACCURACY.rounding * size)
     return jnp.abs(gap) <= small, gap < -small

@@ -29,7 +29,7 @@ class NotArithmetic(Exception):
     """An operation other than arithmetic on numbers."""
 
 
-def known(function: Callable, *operands: Any) -> list[Any] | None:
+def numbers_known(function: Callable, *operands: Any) -> list[Any] | None:
     """Leaves of `function(*operands)`, numbers of NumPy; None where they are more than arithmetic.
 
     A function that is known by its name, no lambda: its trace is kept for the next call.
@@ -46,13 +46,13 @@ def known(function: Callable, *operands: Any) -> list[Any] | None:
         hash(key)
     except TypeError:
         return None
-    return evaluated(_traced(*key), numbers)
+    return numbers_from(_traced(*key), numbers)
 
 
-def evaluated(closed: Any, numbers: list[Any]) -> list[Any] | None:
+def numbers_from(closed: Any, numbers: list[Any]) -> list[Any] | None:
     """Results of a traced function, numbers of NumPy; None where they are more than arithmetic."""
     try:
-        return _evaluated(closed.jaxpr, closed.consts, numbers)
+        return _numbers(closed.jaxpr, closed.consts, numbers)
     except NotArithmetic:
         return None
 
@@ -67,7 +67,7 @@ def _traced(function: Callable, form: Any, arrays: tuple, rest: tuple, shapes: t
     return jax.make_jaxpr(of)([jax.ShapeDtypeStruct(*shape) for shape in shapes])
 
 
-def _evaluated(jaxpr: Any, consts: Any, operands: Any) -> list[Any]:
+def _numbers(jaxpr: Any, consts: Any, operands: Any) -> list[Any]:
     found = walk(jaxpr, operands, result_of, lambda _, number: number, consts, _needed(jaxpr))
     return [np.asarray(x) for x in found]
 
@@ -87,7 +87,7 @@ def result_of(eqn: Any, given: list[Any]) -> list[Any]:
     name = eqn.primitive.name
     inner = called(eqn) if name in ("jit", "pjit", "custom_jvp_call", "closed_call") else None
     if inner is not None:
-        return _evaluated(*inner, given)
+        return _numbers(*inner, given)
     if name == "convert_element_type":
         return [np.asarray(given[0]).astype(eqn.params["new_dtype"])]
     if any(np.ndim(x) for x in given):

@@ -1,13 +1,11 @@
 """Declare masses, forces and contacts of a mechanism; its modes, guards and transitions follow."""
 
-import abc
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import PyTree
 
 from stickslip._argument_checks import check_arguments, reals
 from stickslip._argument_checks import state as some_state
@@ -16,37 +14,23 @@ from stickslip._fastmath import where
 from stickslip._types import Numeric, overridable
 from stickslip._validation import is_concrete
 from stickslip.friction import AbstractBristleLaw, LuGre
+from stickslip.hybrid.system import NO_MODE
 
-from . import _changes
 from ._abstract import traced_with
+from ._analysis import check_args, contacts_without_drag
 from ._check import check_declaration, check_directions, check_held, check_law, check_load, check_mass
-from ._contact import Contact
-from ._declaration import directions_of
+from ._dependent import motion_in_rows
 from ._first_order import check_rates
-from ._instant import (
-    Instant,
-    floats,
-    in_rows,
-    instant_of,
-    loaded,
-    motion_of,
-    names_of_rows,
-    surface_accelerations,
-    touching,
-)
-from ._island import Island, islands_of
-from ._island_rows import IslandRows
-from ._known import known
+from ._forms import BristleMechanism, RegularisedMechanism
+from ._gaps import check_gaps
+from ._group import AbstractContactGroup
+from ._known import numbers_known
 from ._modes import ModeNames
+from ._moment import touching
 from ._observables import AbstractWithObservables
 from ._rows import NumberRow
 from ._scalars import Mass
-from ._stop import check_gaps
-from ._structure import check_args, coupled, inertia_forms, steady, without_drag
-from ._together import motion_in_rows
-
-if TYPE_CHECKING:
-    from ._forms import BristleMechanism, RegularisedMechanism
+from ._verbs import accelerations, guards, initial_states, transition
 
 
 class AbstractMechanism(AbstractWithObservables):
@@ -103,6 +87,9 @@ class AbstractMechanism(AbstractWithObservables):
     - `opening`: names of the contacts that open where their normal force falls to zero, and close
       where it rises again.
     - `stops`: names of rigid stops, which end the motion towards them with an impact.
+    - `rubbing`: of contacts that rub on a stop, the stop: `{"sole": "floor"}`. What the stop bears is
+      their normal force, and they are open while it is; its impacts are without friction. Each on a
+      coordinate of its own, which inertia does not couple with the other.
 
     and as methods `mass_matrix(q)`, `forces(t, q, v, args)`, `contacts(t, q, v, args)`,
     `gaps(t, q, args)` (where there are stops), `potential_energy(q)` (for the energy account only)
@@ -150,8 +137,8 @@ class AbstractMechanism(AbstractWithObservables):
     **Limits.** Friction of a contact acts along one line. Friction in a plane, opposite to a velocity
     of two components, is not covered: two contacts that cross, each with the normal force of the body,
     are a square in place of the circle, and a puck on them bends off its line and stops too early.
-    Normal forces that depend on friction or accelerations (Painlevé) are not covered, nor is friction
-    in a stop. Dependent directions that vary, surfaces of dependent contacts whose speeds vary (but
+    Normal forces that depend on friction (Painlevé) are not covered, nor is friction at an impact.
+    Dependent directions that vary, surfaces of dependent contacts whose speeds vary (but
     beside a stop on one coordinate), and more than 31 contacts (a stop counts as half of one) raise an
     error. Where contacts have directions across the coordinates, accelerations lose as many digits as
     the inertias that they join have in their ratio.
@@ -166,78 +153,10 @@ class AbstractMechanism(AbstractWithObservables):
         Dynamics with Unilateral Contacts*, Wiley, 1996.
     """
 
-    # -- what the user declares
-
-    @abc.abstractmethod
-    def mass_matrix(self, q: PyTree) -> Any:
-        """Inertia: a mass for each coordinate, or the rows of a symmetric positive definite matrix.
-
-        A mapping by coordinate or a sequence in their order, its entries numbers or again such rows.
-        A row is an array in a sequence only: by name, arrays are masses of many lanes.
-        """
-
-    @abc.abstractmethod
-    def forces(self, t: Numeric, q: PyTree, v: PyTree, args: PyTree) -> Any:
-        """Generalised forces [N] other than those of the contacts, gyroscopic ones too.
-
-        A mapping by coordinate, where a missing one is 0, or a sequence in their order.
-        """
-
-    def contacts(
-        self, t: Numeric, q: PyTree, v: PyTree, args: PyTree
-    ) -> Mapping[str, Contact] | Sequence[Contact]:
-        """A `Contact` for each name in `contact_directions`."""
-        return {}
-
-    def switches(  # pyright: ignore[reportIncompatibleMethodOverride]
-        self, t: Numeric, q: PyTree, v: PyTree, args: PyTree
-    ) -> tuple:
-        """Scalars at whose changes of sign a force bends or jumps without showing it.
-
-        `AbstractHybridSystem.switches` says which those are, and what follows.
-        """
-        return ()
-
-    def potential_energy(self, q: PyTree) -> Any:
-        """Potential energy [J] of those forces that have one; 0 if left out.
-
-        What states of first order store belongs to it too, as $\\frac12 L i^2$ of a winding.
-        """
-        return 0.0
-
     # -- names and structure
 
     def __check_init__(self):
         check_declaration(self)
-
-    @property
-    def directions(self) -> np.ndarray:
-        """Directions of the contacts `[contact, coordinate]`, NaN where `contacts` returns them."""
-        return directions_of(self.contact_directions, tuple(self.coordinates))
-
-    @property
-    def islands(self) -> tuple[Island, ...]:
-        """Groups of velocities that contacts and inertia couple."""
-        directions = np.vstack([self.directions, self.slopes[:, :-1]])
-        joined, inertia = traced_with(coupled, self), traced_with(inertia_forms, self)
-        return islands_of(directions.tobytes(), directions.shape, joined, inertia, len(self.stops))
-
-    @property
-    def lifting(self) -> tuple[int, ...]:
-        """Contacts that do not open, and whose normal force changes with time or state."""
-        names, kept = self.names, traced_with(steady, self)
-        contacts = enumerate(names.contacts)
-        return tuple(c for c, name in contacts if name not in names.opening and c not in kept)
-
-    @property
-    def parted(self) -> tuple[int, ...]:
-        """Contacts with a guard for each of the two limits of their friction at rest."""
-        return traced_with(_changes.parted, self)
-
-    @property
-    def shared(self) -> tuple[Island, ...]:
-        """Islands whose resting contacts have one guard together."""
-        return tuple(island for island in self.islands if island.dependent)
 
     @overridable
     def mode_names(self) -> Sequence[str]:
@@ -247,68 +166,45 @@ class AbstractMechanism(AbstractWithObservables):
 
     @overridable
     def guard_names(self) -> tuple[str, ...]:
-        """One of each contact, one of each group of dependent contacts, one of each that may open, and
-        one of each stop."""
-        names = self.names
-        own = [f"{name} stops or gives way" for name in names.contacts]
-        own += [f"{names.contacts[c]} gives way forward" for c in self.parted]
-        for island in self.shared:
-            own.append(" and ".join(names_of_rows(self, island.rows)) + " give way")
-        own += [f"{name} opens or closes" for name in names.opening]
-        own += [f"{names.contacts[c]} loses its normal force" for c in self.lifting]
-        own += [f"{name} is met or left" for name in names.stops]
-        return tuple(own)
+        """One guard per contact, and per second limit of its friction, per group of dependent contacts,
+        per contact that may open or lose its normal force, per stop."""
+        return self.structure.guard_names
 
     # -- one instant, and the hybrid system
 
-    def instant(self, t: Numeric, y: PyTree, args: PyTree) -> Instant:
-        """What the declaration says at time `t` in state `y`."""
-        # As arrays: a number of Python would count as structure.
-        t, (q, v) = floats((t, self.to_coordinates(y)))
-        return instant_of(self, t, q, v, args)
-
     def vector_field(self, t, y, mode, args):
-        at, states = self.instant(t, y, args), self.states(mode)
-        for name, contact in zip(self.names.contacts, at.contacts, strict=True):
+        now = self._moment(t, y, args)
+        for name, contact in zip(self.names.contacts, now.at.contacts, strict=True):
             check_law(name, contact.law)
-        force, gamma = loaded(self, at, states, apart=True), surface_accelerations(self, t, at, args)
-        a: list[Any] = [None] * len(at.force)
-        for island in self.islands:
-            if in_rows(self, island):
-                found = IslandRows(self, island, at, states, force).motion()[0]
-            else:
-                found = motion_of(island, at, states, force, gamma).acceleration
-            for j, x in zip(island.columns, found, strict=True):
-                a[j] = jnp.asarray(x, jnp.float64)
-        return self.from_coordinates(at.q_rate, type(at.v)(*a))
+        a = accelerations(now, self.states(mode))
+        return self.from_coordinates(now.at.q_rate, type(now.at.v)(*a))
 
     def motion_together(
-        self, island: Island, mass: Mass, force: NumberRow, rest: NumberRow
+        self, group: AbstractContactGroup, mass: Mass, force: NumberRow, rest: NumberRow
     ) -> tuple[NumberRow, NumberRow]:
         """Motion of dependent contacts: acceleration of each velocity, and force of all in `rest`.
 
         A machine that has a faster closed form overrides this. A `NumberRow` is an array with one axis;
         in a program that is fused over many lanes it is a tuple, and so are both results.
 
-        **Arguments:** `island`, the velocities and contacts; their `mass`; `force` on each velocity
+        **Arguments:** `group`, the velocities and contacts; their `mass`; `force` on each velocity
         [N]; `rest`, whether each contact is at rest: with each set all contacts that it holds.
         """
-        return motion_in_rows(island, mass, force, rest)
+        return motion_in_rows(group, mass, force, rest)
 
     def switches_in(self, t, y, mode, args):
         return tuple(self.switches(t, *self.to_coordinates(y), args))
 
     def guards(self, t, y, mode, args):
-        return _changes.guards(self, t, y, mode, args)
+        return guards(self._moment(t, y, args), self.states(mode))
 
     @property
     def continuous_guards(self) -> tuple[int, ...]:
         """Those of the normal forces: friction begins and ends with them at 0, but for drag."""
-        names, opening = self.names, self.opening
-        first = len(names.contacts) + len(self.parted) + len(self.shared)
-        smooth = traced_with(without_drag, self) if opening else set()
-        own = [i for i, name in enumerate(opening) if names.contacts.index(name) in smooth]
-        return tuple(first + i for i in (*own, *range(len(opening), len(opening) + len(self.lifting))))
+        numbers = self.structure.guards
+        smooth = traced_with(contacts_without_drag, self) if self.opening else set()
+        opens = [number for c, number in numbers.opens.items() if c in smooth]
+        return (*opens, *numbers.lifts.values())
 
     @property
     def answers_jumps(self) -> bool:
@@ -316,11 +212,19 @@ class AbstractMechanism(AbstractWithObservables):
         return True
 
     def transition(self, t, y, mode, guard, args):
-        return _changes.transition(self, t, y, mode, guard, args)
+        """State and mode right after guard number `guard` has fired; -1 if a load has jumped."""
+        now = self._moment(t, y, args)
+        others = len(self.guard_names) > now.structure.guards.many
+        q, v, states, failed = transition(now, self.states(mode), guard, others)
+        return self.from_coordinates(q, v), self._mode_of(states, failed)
 
     @check_arguments(t=reals, y=some_state)
     def initial_mode(self, t, y, args):
-        return _changes.initial_mode(self, t, y, args)
+        return self._mode_of(*initial_states(self._moment(t, y, args)))
+
+    def _mode_of(self, states: Any, failed: Any) -> Any:
+        mode = self.mode_of(states)
+        return where(failed, jnp.asarray(NO_MODE, mode.dtype), mode)
 
     def check_start(self, t, y, args):
         """Raise `ValueError` for a contact that pulls at the start, and a wrong inertia or stop."""
@@ -336,7 +240,7 @@ class AbstractMechanism(AbstractWithObservables):
             check_mass(self, self.to_coordinates(y)[0])
         fixed = [name for name in names.contacts if name not in names.opening]
         if fixed and is_concrete((self, t, y, args)):
-            loads = known(_loads, self, t, y, args)
+            loads = numbers_known(_loads, self, t, y, args)
             loads = _compiled_loads(self, t, y, args) if loads is None else loads
             for name, load in zip(fixed, loads, strict=True):
                 check_load(name, load)
@@ -350,7 +254,7 @@ class AbstractMechanism(AbstractWithObservables):
             jax.eval_shape(self.to_coordinates, y)
         except (AttributeError, TypeError):
             return  # no state of this mechanism, as the run says
-        found = known(_motion, self, t, y, args)
+        found = numbers_known(_motion, self, t, y, args)
         found = _compiled_motion(self, t, y, args) if found is None else found
         check_held(self, int(mode), found)
 
@@ -363,25 +267,21 @@ class AbstractMechanism(AbstractWithObservables):
 
     # -- the same declaration in other forms
 
-    def regularised(self, v_reg: Numeric, kind: str = "tanh") -> "RegularisedMechanism":
+    def regularised(self, v_reg: Numeric, kind: str = "tanh") -> RegularisedMechanism:
         """The mechanism with `Regularised` laws of the width `v_reg` [m/s]: a smooth system."""
-        from ._forms import RegularisedMechanism
-
         return RegularisedMechanism(self, v_reg, kind)
 
     def bristles(
         self, kind: type[AbstractBristleLaw] = LuGre, **parameters: Numeric
-    ) -> "BristleMechanism":
+    ) -> BristleMechanism:
         """The mechanism with elastic bristles in its contacts: `bristles(LuGre, sigma_0=1e5)`."""
-        from ._forms import BristleMechanism
-
         return BristleMechanism(self, kind, parameters)
 
 
 def _loads(machine: AbstractMechanism, t: Any, y: Any, args: Any) -> list[Any]:
     """Normal forces of the contacts that do not open [N]."""
     names = machine.names
-    contacts, *_ = touching(machine, t, *machine.to_coordinates(y), args)
+    contacts, *_ = touching(machine, machine.structure, t, *machine.to_coordinates(y), args)
     loads = zip(names.contacts, contacts, strict=True)
     return [jnp.asarray(c.normal_force, jnp.float64) for name, c in loads if name not in names.opening]
 

@@ -1,6 +1,6 @@
 """Energy, powers and forces of a mechanism in a state and mode."""
 
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -12,31 +12,46 @@ from stickslip._fastmath import where
 from stickslip._types import Numeric, Whole
 
 from ._abstract import traced_with
+from ._abstract_declaration import AbstractDeclaration
+from ._analysis import driven_contacts
 from ._declaration import mass_of
-from ._instant import Instant, floats, pressing, pushed
+from ._instant import Instant, floats, pressing
 from ._modes import sense_of
-from ._scalars import dot, total
-from ._structure import driven
-from ._with_stops import AbstractWithStops
+from ._moment import Moment, moment_of
+from ._scalars import dot, is_zero, total
+from ._structure import Structure, structure_of
+from ._two_sided import two_sided_contacts
+from ._verbs import held_forces, normal_forces
 
-if TYPE_CHECKING:
-    from ._mechanism import AbstractMechanism
 
-
-class AbstractWithObservables(AbstractWithStops):
-    """A part of `AbstractMechanism`, which says what it declares."""
+class AbstractWithObservables(AbstractDeclaration):
+    """What an `AbstractMechanism` is at one instant, and what is observed of it."""
 
     @property
-    def _whole(self) -> "AbstractMechanism":
-        """This mechanism, as what its parts are not by themselves."""
-        return cast("AbstractMechanism", self)
+    def structure(self) -> Structure:
+        """All that the declaration says once and for all: names, groups of contacts, guards."""
+        return traced_with(structure_of, self)
+
+    @property
+    def two_sided_contacts(self) -> tuple[int, ...]:
+        """Contacts with a guard for each of the two limits of their friction at rest."""
+        return traced_with(two_sided_contacts, self)
+
+    def instant(self, t: Numeric, y: PyTree, args: PyTree) -> Instant:
+        """What the declaration says at time `t` in state `y`."""
+        return self._moment(t, y, args).at
+
+    def _moment(self, t: Numeric, y: PyTree, args: PyTree) -> Moment:
+        # As arrays: a number of Python would count as structure.
+        t, (q, v) = floats((t, self.to_coordinates(y)))
+        return moment_of(self, self.structure, t, q, v, args)
 
     @check_arguments(y=some_state)
     def energy(self, y):
         """Kinetic and potential energy [J]."""
         q, v = self.to_coordinates(y)
-        momentum = mass_of(self._whole.mass_matrix(q), self.names.coordinates).times(v)
-        return total((0.5 * dot(v, momentum), self._whole.potential_energy(q)))
+        momentum = mass_of(self.mass_matrix(q), self.names.coordinates).times(v)
+        return total((0.5 * dot(v, momentum), self.potential_energy(q)))
 
     @check_arguments(**OBSERVABLE)
     def powers(self, t, y, mode, args):
@@ -47,10 +62,10 @@ class AbstractWithObservables(AbstractWithStops):
         its counter surface; `drive of NAME`, likewise, of a stop that moves. Losses at impacts are in
         the log of events.
         """
-        at = self._whole.instant(t, y, args)
+        at = self.instant(t, y, args)
         found = {"forces": self.declared_power(at, self.states(mode))}
         friction = self.friction_forces(t, y, mode, args)
-        moving = traced_with(driven, (self, args))
+        moving = traced_with(driven_contacts, (self, args))
         for c, name in enumerate(self.names.contacts):
             found[f"friction of {name}"] = friction[name] * at.speeds[c]
             if name in moving:
@@ -73,14 +88,12 @@ class AbstractWithObservables(AbstractWithStops):
 
     def declared_power(self, at: Instant, states: PyTree) -> Any:
         """Power of all forces but friction, less what the potential and the changing inertia take."""
-        force = list(at.force)
-        for c, s in enumerate(states[: len(at.contacts)]):
-            force = pushed(self._whole, force, at, c, s)
+        force = at.forces_in(states)
 
         def stored(q):
-            momentum = mass_of(self._whole.mass_matrix(q), self.names.coordinates).times(at.v)
+            momentum = mass_of(self.mass_matrix(q), self.names.coordinates).times(at.v)
             zero = 0.0 * jnp.asarray(at.v[0], jnp.float64)
-            return total((0.5 * dot(at.v, momentum), self._whole.potential_energy(q), zero))
+            return total((0.5 * dot(at.v, momentum), self.potential_energy(q), zero))
 
         _, rate = jax.jvp(stored, (floats(at.q),), (floats(at.q_rate),))
         return total((dot(force, at.v), rate))
@@ -94,12 +107,13 @@ class AbstractWithObservables(AbstractWithStops):
         Contacts at rest with dependent directions share a load in no unique way: those that lead bear
         all of it.
         """
-        at, states = self._whole.instant(t, y, args), self.states(mode)
-        held, found = self.held(t, at, states, args), {}
+        now, states = self._moment(t, y, args), self.states(mode)
+        at, held, found = now.at, held_forces(now, states), {}
+        loads = normal_forces(now, states)
         for c, (name, contact) in enumerate(zip(self.names.contacts, at.contacts, strict=True)):
-            s = states[c]
-            slips = contact.law.slip_force(at.speeds[c], contact.normal_force, sense_of(s))
-            slips = where(s == 2.0, 0.0, slips) if name in self.opening else slips
+            s, load = states[c], loads.get(c, contact.normal_force)
+            slips = contact.law.slip_force(at.speeds[c], load, sense_of(s))
+            slips = where(s == 2.0, 0.0, slips) if name in self.opening or c in loads else slips
             found[name] = where(s == 0.0, held[c], slips)
         return found
 
@@ -108,13 +122,12 @@ class AbstractWithObservables(AbstractWithStops):
         self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None
     ) -> dict[str, Any]:
         """Normal force in each contact [N], by name; 0 where it is open."""
-        at, states = self._whole.instant(t, y, args), self.states(mode)
-        return {
-            name: where(s == 2.0, 0.0, contact.normal_force)
-            if name in self.opening
-            else contact.normal_force
-            for name, contact, s in zip(self.names.contacts, at.contacts, states, strict=False)
-        }
+        now, states = self._moment(t, y, args), self.states(mode)
+        loads, found = normal_forces(now, states), {}
+        for c, (name, contact) in enumerate(zip(self.names.contacts, now.at.contacts, strict=True)):
+            load = loads.get(c, contact.normal_force)
+            found[name] = where(states[c] == 2.0, 0.0, load) if name in self.opening else load
+        return found
 
     @check_arguments(**OBSERVABLE)
     def relative_velocities(
@@ -122,5 +135,27 @@ class AbstractWithObservables(AbstractWithStops):
     ) -> dict[str, Any]:
         """Sliding speed of each contact, and rate of the gap of each stop [m/s], by name."""
         names = self.names
-        speeds = self._whole.instant(t, y, args).speeds
+        speeds = self.instant(t, y, args).speeds
         return dict(zip(names.contacts + names.stops, speeds, strict=True))
+
+    @check_arguments(**OBSERVABLE)
+    def stop_forces(self, t: Numeric, y: PyTree, mode: Whole, args: PyTree = None) -> dict[str, Any]:
+        """Force of each stop on the mechanism, along the gradient of its gap [N], by name.
+
+        0 where it is open. A stop that shares its load with contacts at rest in no unique way bears
+        what those that lead leave to it.
+        """
+        now, states = self._moment(t, y, args), self.states(mode)
+        first, held = len(now.at.contacts), held_forces(now, states)
+        return {
+            name: where(states[first + k] == 0.0, held[first + k], 0.0)
+            for k, name in enumerate(self.stops)
+        }
+
+    def drives_of_stops(self, t: Numeric, y: PyTree, mode: Whole, args: PyTree) -> dict[str, Any]:
+        """Power of each stop that moves [W], by name, while the mechanism rests on it."""
+        stops = self.instant(t, y, args).stops
+        moving = [k for k, stop in enumerate(stops) if not is_zero(stop.rate)]
+        borne = self.stop_forces(t, y, mode, args) if moving else {}
+        names = {k: self.names.stops[k] for k in moving}
+        return {f"drive of {name}": -borne[name] * stops[k].rate for k, name in names.items()}

@@ -31,6 +31,11 @@ def row(values: Any) -> NumberRow:
     return lax.optimization_barrier(jnp.stack(jnp.broadcast_arrays(*values)))
 
 
+def constants(values: list, dtype: Any) -> Any:
+    """Constants side by side in the form that `row` makes."""
+    return tuple(values) if current_executor().fused else np.array(values, dtype)
+
+
 def each(function: Callable, *rows: Any) -> NumberRow:
     """`function` of the numbers at each place; anything but a row is the same at all places."""
     sizes = {len(r) for r in rows if isinstance(r, tuple)}

@@ -16,8 +16,7 @@ import numpy as np
 
 from stickslip._fastmath import SMOOTH, where
 
-DEPENDENT = 1e-12  # part of a diagonal entry that elimination leaves of a row that depends on others
-AGREEING = 1e-9  # part of its terms to which the side of such a row is that of the others
+from ._accuracy import ACCURACY
 
 
 def is_zero(x: Any) -> bool:
@@ -53,7 +52,7 @@ def over(n: Any) -> Any:
     return 1.0 / where(n == 0.0, np.inf, n)
 
 
-def dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
+def dot(a: Sequence[Any], b: Any) -> Any:
     """Scalar product."""
     return total(times(x, y) for x, y in zip(a, b, strict=True))
 
@@ -98,7 +97,7 @@ class Factors:
             pivot = minus(A[i][i], dot(scaled, self.low[i]))
             if semidefinite:
                 with jax.named_scope(SMOOTH):
-                    self.depends.append(pivot <= DEPENDENT * A[i][i])
+                    self.depends.append(pivot <= ACCURACY.dependent_row * A[i][i])
                     pivot = where(self.depends[i], np.inf, pivot)
             self.inverse.append(1.0 / pivot)
 
@@ -110,7 +109,7 @@ class Factors:
             if self.depends:
                 with jax.named_scope(SMOOTH):
                     terms = total(jnp.abs(times(n, y)) for n, y in zip(self.low[i], x, strict=False))
-                    differs = jnp.abs(x[i]) > AGREEING * (jnp.abs(value) + terms)
+                    differs = jnp.abs(x[i]) > ACCURACY.agreeing_row * (jnp.abs(value) + terms)
                     x[i] = where(self.depends[i] & differs, np.nan, x[i])
         x = [times(value, inverse) for value, inverse in zip(x, self.inverse, strict=True)]
         for i in reversed(range(len(x))):
@@ -149,7 +148,7 @@ class Mass:
         assert self.full is not None
         return Factors(self.full)
 
-    def solve(self, force: Sequence[Any]) -> list[Any]:
+    def solve(self, force: Any) -> list[Any]:
         """Accelerations under the forces."""
         if self.diagonal is not None:
             return [f if is_zero(f) else f / m for f, m in zip(force, self.diagonal, strict=True)]

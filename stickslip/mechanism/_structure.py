@@ -1,177 +1,155 @@
-"""Structure of a declaration: what inertia couples, and what changes with time, state and `args`."""
+"""Structure of a mechanism: all that its declaration says once and for all, found once by tracing."""
 
-from typing import TYPE_CHECKING, Any
+import functools
+from collections.abc import Iterator
+from typing import NamedTuple
 
-import jax
-import jax.extend
-import jax.numpy as jnp
 import numpy as np
 
 from stickslip._validation import DeclarationError, refusal
-from stickslip.hybrid.dependence import NONE, degrees
 
-from ._abstract import abstract, numbers_of, traced_with, with_numbers
-from ._any_args import Looked, Sealed, with_any_args
-from ._contact import drags
-from ._declaration import at_zero, coordinates_type, in_order, mass_of
-from ._folding import affine_forms
-from ._known import evaluated
-from ._scalars import is_zero
-from ._stop import constant_slopes, slopes_under
-
-if TYPE_CHECKING:
-    from ._mechanism import AbstractMechanism
+from ._abstract_declaration import AbstractDeclaration
+from ._analysis import coupled_velocities, inertia_forms, steady_contacts
+from ._declaration import Names
+from ._gaps import slope_table
+from ._group import AbstractContactGroup
+from ._kinds import group_of
+from ._local import Part
 
 
-def coupled(machine: "AbstractMechanism") -> bytes:
-    """Which velocities the inertia couples, as bytes of booleans `[n, n]`."""
-    names, seen = machine.names, []
+class GuardNumbers(NamedTuple):
+    """Numbers of the guards: `own` of each contact (two where it has a second one), and of each stop;
+    `joint` of groups, by their first contact; those of contacts that `open`, or `lift` without; and
+    how `many` there are."""
 
-    def entries(q):
-        seen.append(mass_of(machine.mass_matrix(q), names.coordinates).full)
-        return 0.0
-
-    jax.eval_shape(entries, at_zero(names)[0])
-    found = np.eye(len(names.coordinates), dtype=bool)
-    if seen[0] is not None:
-        found = np.array([[not is_zero(x) for x in row] for row in seen[0]])
-    return (found | found.T).tobytes()
+    own: dict[int, tuple[int, ...]]
+    joint: dict[int, int]
+    opens: dict[int, int]
+    lifts: dict[int, int]
+    stops: dict[int, int]
+    many: int
 
 
-def inertia_forms(machine: "AbstractMechanism") -> bytes:
-    """A full mass matrix as a sum of constant ones, one for each number that it is affine in.
+class Structure:
+    """What a declaration says once and for all, whatever its numbers.
 
-    As bytes of floats `[k, n, n]`. Empty where the mass is diagonal, and where one of its entries is
-    not affine in parameters and coordinates: a combination of entries that vanishes in each of the sum
-    vanishes everywhere.
+    - `names`; `directions` of the contacts `[contact, coordinate]` and `slopes` of the gaps
+      `[stop, coordinate, and time last]`, NaN where they are not constant;
+    - `groups`: velocities that contacts and inertia couple, with what is on them;
+    - `opening`, `lifting`: contacts that open, and others that may lose their normal force;
+      `two_sided`: those with a guard for each limit of their friction.
     """
-    names = machine.names
-    leaves, form = abstract(machine)
 
-    def entries(numbers, q):
-        whole = jax.tree.unflatten(form, with_numbers(leaves, numbers))
-        mass = whole.mass_matrix(coordinates_type(names.places)(*q))
-        full = mass_of(mass, names.coordinates).full
-        return [jnp.asarray(x, jnp.float64) + 0.0 for row in full or [] for x in row]
+    def __init__(
+        self, names: Names, directions: np.ndarray, slopes: np.ndarray, parts: list[Part],
+        lifting: tuple[int, ...], two_sided: tuple[int, ...],
+    ):  # fmt: skip
+        self.names, self.directions, self.slopes = names, directions, slopes
+        self.opening = tuple(names.contacts.index(name) for name in names.opening)
+        self.lifting, self.two_sided = lifting, two_sided
+        self.groups = tuple(self._group_of(part) for part in parts)
 
-    scalar = jax.ShapeDtypeStruct((), jnp.float64)
-    q = [None if name in names.cyclic else scalar for name in names.places]
-    found = affine_forms(entries, (numbers_of(leaves), q))
-    known = [x for x in found if x is not None]
-    if not found or len(known) < len(found):
-        return b""
-    parts = np.array(known).T
-    return parts[(parts != 0.0).any(axis=1)].tobytes()
-
-
-def steady_under(machine: "AbstractMechanism", args: Any) -> set[int]:
-    """Contacts whose normal force changes neither with time nor with the state under `args`."""
-    names = machine.names
-
-    def loads(t, q, v):
-        contacts = in_order("contacts(...)", machine.contacts(t, q, v, args), names.contacts, "")
-        return [jnp.asarray(c.normal_force, jnp.float64) + 0.0 for c in contacts]
-
-    found = degrees(loads, (jnp.zeros(()), *at_zero(names)), (True,) * 3)
-    return {c for c, degree in enumerate(found) if degree == NONE}
-
-
-def steady(machine: "AbstractMechanism") -> set[int]:
-    """The same whatever `args` are."""
-    return with_any_args(lambda args: steady_under(machine, args))
-
-
-def without_drag(machine: "AbstractMechanism") -> set[int]:
-    """Contacts whose law resists by their normal force alone, whatever `args` are."""
-    names = machine.names
-
-    def under(args):
-        found = set()
-
-        def laws(t, q, v):
-            contacts = in_order("contacts(...)", machine.contacts(t, q, v, args), names.contacts, "")
-            found.update(c for c, contact in enumerate(contacts) if not drags(contact.law))
-            return 0.0
-
-        jax.eval_shape(laws, jnp.zeros(()), *at_zero(names))
+    def _group_of(self, part: Part) -> AbstractContactGroup:
+        found = group_of(part)
+        if found is None:
+            raise self.dependent(part)
         return found
 
-    return with_any_args(under)
+    def dependent(self, part: Part) -> Exception:
+        """The error of a group whose directions depend on each other as no kind of groups allows."""
+        those = ", ".join(self.names_of_rows(part.rows))
+        why = "constant where they depend on each other, of at most 12 contacts of a group"
+        if not part.stops:
+            return refusal("contact_directions", those, why)
+        return DeclarationError(str(refusal("directions of contacts and stops", those, why)))
+
+    def names_of_rows(self, rows: tuple[int, ...] | list[int]) -> list[str]:
+        """Names of some of the contacts and stops."""
+        names = self.names.contacts + self.names.stops
+        return [names[c] for c in rows]
+
+    @functools.cached_property
+    def contact_groups(self) -> tuple[AbstractContactGroup, ...]:
+        """Groups that have a contact or a stop."""
+        return tuple(group for group in self.groups if group.rows)
+
+    @functools.cached_property
+    def guards(self) -> GuardNumbers:
+        """The numbers of all guards, in the order of `guard_names`."""
+        count = len(self.names.contacts)
+        own: dict[int, tuple[int, ...]] = {c: (c,) for c in range(count)}
+        own.update({c: (c, count + k) for k, c in enumerate(self.two_sided)})
+        after = iter(range(count + len(self.two_sided), 10**6))
+        joint = {group.rows[0]: next(after) for group in self.contact_groups if group.joint_guards}
+        opens, lifts = ({c: next(after) for c in those} for those in (self.opening, self.lifting))
+        stops = {count + k: next(after) for k in range(len(self.names.stops))}
+        return GuardNumbers(own, joint, opens, lifts, stops, next(after))
+
+    @property
+    def guard_names(self) -> tuple[str, ...]:
+        """One guard per contact, and per second limit of its friction, per group of dependent contacts,
+        per contact that may open or lose its normal force, per stop."""
+        names = self.names
+        own = [f"{name} stops or gives way" for name in names.contacts]
+        own += [f"{names.contacts[c]} gives way forward" for c in self.two_sided]
+        for group in self.contact_groups:
+            if group.joint_guards:
+                own.append(" and ".join(self.names_of_rows(group.rows)) + " give way")
+        own += [f"{name} opens or closes" for name in names.opening]
+        own += [f"{names.contacts[c]} loses its normal force" for c in self.lifting]
+        return (*own, *(f"{name} is met or left" for name in names.stops))
 
 
-def check_args(machine: "AbstractMechanism", args: Any) -> None:
-    """Raise for `args` under which something changes that is known to be constant without them."""
-    if args is not None:
-        changed = traced_with(_changed_by, (machine, args))
-        if changed:
-            allowed = "that whatever the kind of `args`, or depend on them otherwise than by it"
-            why = "constant without `args`, but not with these"
-            raise DeclarationError(str(refusal(changed[0], why, allowed)))
+def structure_of(declaration: AbstractDeclaration) -> Structure:
+    """The structure of a mechanism."""
+    return structure_with(declaration, declaration.two_sided_contacts)
 
 
-def _changed_by(given: tuple["AbstractMechanism", Any]) -> list[str]:
-    """What a machine declares so: it asks for `type(args)`, which nothing shows before the run."""
-    machine, args = given
-    names = machine.names
-    loads, gaps = steady(machine), constant_slopes(machine)
-    try:
-        loads = loads - steady_under(machine, args) if loads else loads
-        gaps = gaps - slopes_under(machine, args) if gaps else gaps
-    except Exception:
-        return []  # whole numbers in `args` are none here: the run has them as they are
-    found = [f"the normal force of contact {names.contacts[c]!r}" for c in loads]
-    return found + [f"the slope of the gap of stop {names.stops[k]!r}" for k, *_ in gaps]
+def structure_with(declaration: AbstractDeclaration, two_sided: tuple[int, ...]) -> Structure:
+    """The structure of a mechanism of which these contacts have two guards."""
+    names, directions, slopes = declaration.names, declaration.directions, slope_table(declaration)
+    for name, row in zip(names.stops, slopes[:, :-1], strict=True):
+        if not row.any():
+            why = "a function of the coordinates"
+            raise DeclarationError(str(refusal(f"the gap of stop {name!r}", "a constant", why)))
+    steady = steady_contacts(declaration)
+    opening = tuple(names.contacts.index(name) for name in names.opening)
+    others = {*opening, *steady, *map(names.contacts.index, declaration.rubbing)}
+    lifting = tuple(c for c in range(len(names.contacts)) if c not in others)
+    J = np.vstack([directions, slopes[:, :-1]])
+    inertia = inertia_forms(declaration)
+    rubbing = tuple(
+        (names.contacts.index(name), len(names.contacts) + names.stops.index(stop))
+        for name, stop in declaration.rubbing.items()
+    )
+    coupled = coupled_velocities(declaration)
+    parts = [
+        Part(columns, rows, J[np.ix_(rows, columns)],
+             None if inertia is None else inertia[:, columns][:, :, columns],
+             sum(c >= len(directions) for c in rows), opening, lifting, two_sided,
+             tuple(pair for pair in rubbing if pair[0] in rows),
+             bool(coupled[np.ix_(columns, columns)].sum() > len(columns)))
+        for columns, rows in _coupled(J, coupled, rubbing)
+    ]  # fmt: skip
+    return Structure(names, directions, slopes, parts, lifting, two_sided)
 
 
-def sampled_directions(given: tuple["AbstractMechanism", Any]) -> list[np.ndarray]:
-    """Directions of all contacts [contact, coordinate] for two sets of numbers in general position.
+def _coupled(
+    J: np.ndarray, inertia: np.ndarray, rubbing: tuple[tuple[int, int], ...]
+) -> Iterator[tuple[tuple[int, ...], tuple[int, ...]]]:
+    """Velocities that contacts or inertia couple, and the contacts and stops on them.
 
-    `given`: the machine and its `args`; None for those that are not known: the list is empty where they
-    have a say. What depends on each other here can be refused; from independence nothing follows.
+    Contacts of different groups cannot change each other's accelerations, so each group is treated
+    alone: the cost of a mechanism grows with the sizes of its groups, not with the number of modes.
     """
-    machine, _ = given
-    names = machine.names
-    leaves, form = abstract(given)
-
-    def directions(numbers, t, q, v):
-        whole, args = jax.tree.unflatten(form, with_numbers(leaves, numbers))
-        args = Sealed() if args is None else args
-        contacts = in_order("contacts(...)", whole.contacts(t, q, v, args), names.contacts, "")
-        rows = (
-            contact.direction if np.isnan(row).any() else row
-            for row, contact in zip(machine.directions, contacts, strict=True)
-        )
-        entries = (x for row in rows for x in in_order("direction", row, names.coordinates, ""))
-        return [jnp.asarray(x, jnp.float64) for x in entries]
-
-    found, random = [], np.random.default_rng(0)
-    try:
-        shapes = numbers_of(leaves), jnp.zeros(()), *at_zero(names)
-        closed = jax.make_jaxpr(directions)(*shapes)
-        for _ in range(2):
-            numbers = [random.uniform(0.5, 1.5, x.shape) for x in jax.tree.leaves(shapes)]
-            entries = evaluated(closed, numbers)
-            if entries is None:
-                with jax.ensure_compile_time_eval():
-                    entries = jax.jit(jax.extend.core.jaxpr_as_fun(closed))(*numbers)
-            found.append(np.array(entries, float).reshape(machine.directions.shape))
-    except (Exception, Looked):
-        return []
-    return found
-
-
-def driven(given: tuple["AbstractMechanism", Any]) -> tuple[str, ...]:
-    """Contacts of a machine whose counter surface may move under `args`: all but those of speed 0."""
-    (machine, args), seen = given, []
-    names = machine.names
-
-    def speeds(t, q, v):
-        contacts = in_order("contacts(...)", machine.contacts(t, q, v, args), names.contacts, "")
-        seen.extend(not is_zero(contact.surface_speed) for contact in contacts)
-        return 0.0
-
-    try:
-        jax.eval_shape(speeds, jnp.zeros(()), *at_zero(names))
-    except Exception:  # whole numbers in `args` are no such here; the run has them as they are
-        return names.contacts
-    return tuple(name for name, moves in zip(names.contacts, seen, strict=True) if moves)
+    joined, n = inertia.copy(), J.shape[1]
+    touches = np.isnan(J) | (J != 0)
+    for touched in (*touches, *(touches[c] | touches[k] for c, k in rubbing)):
+        joined |= np.outer(touched, touched)
+    label = list(range(n))
+    for _ in range(n):
+        for i, j in zip(*np.nonzero(joined), strict=True):
+            label[i] = label[j] = min(label[i], label[j])
+    for one in sorted(set(label)):
+        columns = tuple(j for j in range(n) if label[j] == one)
+        yield columns, tuple(c for c in range(len(J)) if touches[c, columns].any())

@@ -136,7 +136,9 @@ class Settings(NamedTuple):
     name: str
 
 
-def settings_of(store: Any, labels: Any, compute: Any, part: Any, name: str = "sweep") -> Settings:
+def settings_of(
+    store: Any = None, labels: Any = None, compute: Any = None, part: Any = None, name: str = "sweep"
+) -> Settings:
     """The settings as they are used; `ValueError` or `TypeError` naming the one that is wrong."""
     if isinstance(store, str | os.PathLike):
         the_directory("store", store)

@@ -90,7 +90,7 @@ class CoulombOscillator(AbstractMechanism):
     # does for both limits of friction, and costs half of what the general guards cost.
 
     @property
-    def parted(self) -> tuple[int, ...]:
+    def two_sided_contacts(self) -> tuple[int, ...]:
         """None: one guard looks after both limits."""
         return ()
 

@@ -239,7 +239,7 @@ class JointedBeam(AbstractMechanism):
         """Guards are small if the belt is slow: its speed, and a force that belongs to it."""
         speed = where(self.v == 0.0, self.scales.speed, abs(self.v))
         force = where(self.k3 > 0.0, self.k3, self.k2) * speed * jnp.sqrt(self.m / self.k2)
-        return (*[speed] * (1 + len(self.parted)), force)
+        return (*[speed] * (1 + len(self.two_sided_contacts)), force)
 
     def start(self, x: Number | None = None) -> JointedBeamState:
         """State (2.6): the mass moves with the belt at `y = 0`, the beam rests; `x` is its depth [m].

@@ -38,7 +38,7 @@ def test_the_closed_form_is_the_motion_of_the_base_class(executor):
     """In every mode, under forces at random: accelerations, and the force of all that rests."""
     p = machine(3)
     system, mass = cx.CoreXY(p, cx.Harmonic(1.0, 1.0)), line_masses(p)
-    (island,) = system.islands
+    (group,) = system.structure.groups
     forces = np.random.default_rng(0).normal(size=(len(SIGNS), 4))
 
     def both(force, signs):
@@ -46,7 +46,7 @@ def test_the_closed_form_is_the_motion_of_the_base_class(executor):
         if executor is FUSED:
             force, rest = tuple(force), tuple(rest)
         ours = contact_motion(Line(*mass), force, rest)
-        base = AbstractMechanism.motion_together(system, island, Mass(list(mass)), force, rest)
+        base = AbstractMechanism.motion_together(system, group, Mass(list(mass)), force, rest)
         return jnp.stack([jnp.stack(x) for x in ours]), jnp.stack([jnp.stack(x) for x in base])
 
     with use_executor(executor):

@@ -5,7 +5,7 @@ import pytest
 
 import corexy_jax as cx
 import stickslip as ss
-from stickslip.analysis import lyapunov_spectrum
+from stickslip.analysis import Segments, lyapunov_spectrum
 
 
 @pytest.mark.slow
@@ -17,9 +17,7 @@ def test_exponents_of_a_machine_that_rolls_on_one_motor():
     p, _ = cx.scenario(1)
     machine = cx.CoreXY(p, cx.UserVoltage(lambda t, args: (6.0 + 0.0 * t, 3.0 + 0.0 * t)))
     integrator = ss.Integrator("tsit5", ss.AdaptiveStep(1e-9, 1e-11), max_steps=1_000_000)
-    found = lyapunov_spectrum(
-        machine, machine.state(), segment=0.02, segments=200, transient=2.0, integrator=integrator
-    )
+    found = lyapunov_spectrum(machine, machine.state(), Segments(0.02, 200, 2.0), integrator=integrator)
     assert machine.mode_names[int(found.mode1)] == "RS +++0++0+"
     resting = machine.directions[np.asarray(machine.states(found.mode1)) == 0.0]
     assert np.linalg.matrix_rank(resting) == 2

@@ -1,4 +1,4 @@
-"""What begins to slide at one instant, against the general solver of `stickslip.contact`."""
+"""What begins to slide at one instant, against the general solver of `tests.oracle`."""
 
 import jax
 import jax.numpy as jnp
@@ -8,15 +8,16 @@ import corexy_jax as cx
 from corexy_jax._contact_motion import contact_motion
 from corexy_jax._contacts import NORMALS, Line
 from corexy_jax._modes import SIGNS
-from stickslip.contact import dead_zone_gauge, resolve
+from stickslip.mechanism._laws import Bounds
+from stickslip.mechanism._motion import Motion
 from stickslip.mechanism._scalars import Mass
-from stickslip.mechanism._settle_together import settled_together
-from stickslip.mechanism._together import Bounds, onset
+from stickslip.mechanism._search import Problem
+from tests.oracle import dead_zone_gauge, resolve
 
 COUNT = 600
 NO_SENSE = 9.0
 SYSTEM = cx.CoreXY(*cx.scenario(1))
-(ISLAND,) = SYSTEM.islands
+(GROUP,) = SYSTEM.structure.groups
 
 
 def problems():
@@ -37,10 +38,13 @@ def problems():
 def ours(mass, drive, static, kinetic, signs):
     """By the law of the base class with the closed form of the machine; `NO_SENSE` without an end."""
     force = jnp.concatenate([jnp.zeros(2), drive]) - (signs * kinetic) @ jnp.asarray(NORMALS)
-    found, ended = settled_together(
-        ISLAND, Mass(list(mass)), SYSTEM.motion_together, force,
-        Bounds(None, static), Bounds(None, kinetic), signs, jnp.zeros(8, bool), jnp.asarray(True),
-    )  # fmt: skip
+
+    def motion(M, F, J, rest, gamma):
+        return Motion(*SYSTEM.motion_together(GROUP, M, F, rest), None)
+
+    limits = [0.0] * 8, Bounds(None, static), Bounds(None, kinetic), motion
+    start = signs, jnp.zeros(8, bool), jnp.asarray(True)
+    found, ended = GROUP.law(Problem(Mass(list(mass)), force, NORMALS.tolist(), *limits, *start))
     return jnp.where(ended, found, NO_SENSE)
 
 
@@ -77,7 +81,7 @@ def reserves(mass, drive, static, kinetic, signs):
     rest = signs == 0
     force = jnp.concatenate([jnp.zeros(2), drive]) - (signs * kinetic) @ jnp.asarray(NORMALS)
     acceleration, reaction = contact_motion(Line(*mass), tuple(force), tuple(rest))
-    giving_way = onset(ISLAND, Bounds(None, tuple(static)), tuple(rest), reaction)
+    giving_way = GROUP.onset(Bounds(None, tuple(static)), tuple(rest), reaction)
     # The reaction of the resting contacts must lie in the set of their friction forces.
     reaction = jnp.stack(reaction)
     gauge = dead_zone_gauge(reaction, jnp.asarray(NORMALS), static, active=rest)

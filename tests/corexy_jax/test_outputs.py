@@ -6,8 +6,8 @@ import pytest
 
 import corexy_jax as cx
 from corexy_jax._contacts import NORMALS, contact_loads
-from stickslip.contact import in_dead_zone
 from tests.corexy_jax._runs import solution
+from tests.oracle import in_dead_zone
 
 
 def test_outputs_of_scenario_1():

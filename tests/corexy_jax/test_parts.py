@@ -211,13 +211,13 @@ def test_modes_are_the_faces_of_the_arrangement():
 def test_closure_and_projection():
     """What cannot slide while given contacts rest, by the rank of their normals; the nearest speeds."""
     p, voltage = cx.scenario(1)
-    (island,) = cx.CoreXY(p, voltage).islands
+    (group,) = cx.CoreXY(p, voltage).structure.groups
     mass = Line(*map(float, line_masses(p)))
     weight = np.sqrt(np.array(mass))
     cases = []
     for rest in itertools.product((False, True), repeat=8):
         held = np.array(rest)
-        closed = (island.closure[held @ 2 ** np.arange(8)] >> np.arange(8)) % 2 == 1
+        closed = (group.tables.closure[held @ 2 ** np.arange(8)] >> np.arange(8)) % 2 == 1
         rank = np.linalg.matrix_rank(NORMALS[held]) if held.any() else 0
         spanned = [
             np.linalg.matrix_rank(np.vstack([NORMALS[held], NORMALS[c : c + 1]])) == rank
@@ -252,7 +252,7 @@ def test_lines_on_which_the_machine_gives_way():
             line = line * np.sign(line[np.argmax(np.abs(line) > 1e-9)])
             found.add(tuple(np.round(line, 9) + 0.0))
     given = set()
-    for line in cx.CoreXY(*cx.scenario(1)).islands[0].lines:
+    for line in cx.CoreXY(*cx.scenario(1)).structure.groups[0].tables.lines:
         line = line / np.max(np.abs(line))
         line = line * np.sign(line[np.argmax(np.abs(line) > 1e-9)])
         given.add(tuple(np.round(line, 9) + 0.0))

@@ -33,7 +33,7 @@ from corexy_jax import _outputs as machine_outputs
 from corexy_jax import _simulate as machine
 from stickslip import _compilation_cache
 from stickslip.analysis import _attractor, _volume
-from stickslip.contact import _constrained, _dead_zone, _resolve, _zonotope
+from stickslip.contact import _dead_zone, _zonotope
 from stickslip.continuation import _continue
 from stickslip.friction import _contract
 from stickslip.hybrid import _interpolate, _saltation, _simulate
@@ -101,10 +101,7 @@ BEHIND = (
     (_attractor, "_away_from_last_round"),
     (_contract, "_form"),
     (_dead_zone, "_project"),
-    (_constrained, "_hold"),
-    (_resolve, "_resolve"),
     (_zonotope, "_vertices"),
-    (_zonotope, "_gauge"),
     (_axes, "canvas"),
     (machine, "march"),
     (machine_feedforward, "_plan"),

@@ -19,11 +19,8 @@ TRANSIENT = arg(1.0, "not negative", "float32")
 COMMON = {
     "system": SYSTEM, "y0": arg(START), "mode0": MODE, "args": ARGS, "integrator": INTEGRATOR,
 }  # fmt: skip
-AVERAGE = {
-    "segment": DURATION, "segments": arg(40), "transient": TRANSIENT,
-    "warm_up": arg(4, "none", "count"),
-    "components": arg(("x",), "none"), "t0": arg(0.0, "finite"), "blocks": arg(4),
-}  # fmt: skip
+SEGMENTS = analysis.Segments(1.0, 40, warm_up=4, blocks=4)
+AVERAGE = {"record": arg(SEGMENTS), "components": arg(("x",), "none")}
 SPECTRUM = analysis.Spectrum(jnp.arange(9.0), jnp.array([0, 1, 5, 1, 0, 2, 0.5, 0.2, 0.1]), "hann")
 SECTION = ss.Section(lambda s, t, y, dy, m, a: dy.vx)
 GRID = arg({"k3": [80.0, 81.0]})
@@ -63,7 +60,7 @@ TARGETS = [
     Target(
         analysis.lyapunov_diagram,
         {
-            "system": BUILDER, "grid": GRID, "y0": arg(START), "segment": DURATION, "segments": arg(40),
+            "system": BUILDER, "grid": GRID, "y0": arg(START), "record": arg(SEGMENTS),
             "scales": arg(None, "none"),
             "spectrum": arg(None, "none", "mapping"), **SWEEP,
         },
@@ -89,19 +86,29 @@ TARGETS = [
     Target(
         analysis.orbit_diagram,
         {
-            **COMMON, "system": BUILDER, "grid": GRID, "section": arg(SECTION),
-            "observables": arg("x"), "record": arg(analysis.Recording(1.0, 1.0, max_points=8)),
-            "period": arg(None, "none"), "carried": arg(None, "none"),
-            "domain": arg((), "none of them", "constant"), "check": arg(0, "count"),
-            **SWEEP,
+            **COMMON, "system": BUILDER, "grid": GRID,
+            "record": arg(analysis.Recording(1.0, 1.0, SECTION, "x", max_points=8)),
+            "carried": arg(None, "none"), "check": arg(0, "count"), **SWEEP,
         },
         _swept(analysis.orbit_diagram),
     ),
     Target(
         analysis.Recording,
         {
-            "transient": TRANSIENT, "duration": DURATION, "points": arg(4, "none"),
-            "max_points": arg(8), "t0": arg(0.0, "finite"),
+            "transient": TRANSIENT, "duration": DURATION, "section": arg(SECTION),
+            "observables": arg("x"), "points": arg(4, "none"), "max_points": arg(8),
+            "period": arg(analysis.PeriodTest()), "domain": arg((), "none of them", "constant"),
+            "t0": arg(0.0, "finite"),
+        },
+        lambda **given: analysis.orbit_diagram(
+            BLOCK, {"k3": [80.0, 81.0]}, START, analysis.Recording(**given)
+        ),
+    ),
+    Target(
+        analysis.Segments,
+        {
+            "length": DURATION, "count": arg(40), "transient": TRANSIENT,
+            "warm_up": arg(4, "none", "count"), "blocks": arg(4), "t0": arg(0.0, "finite"),
         },
     ),
     Target(

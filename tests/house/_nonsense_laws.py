@@ -88,27 +88,7 @@ PROBLEM = {
 LIMITS = arg([1.0, 2.0], "row")
 MASK = arg(np.array([True, True]), "none", "mask")
 CONTACTS = [
-    Target(contact.dead_zone, {"force": arg(3.0, *FINITE), "limit": arg(1.0, *NOT_NEGATIVE)}),
     Target(contact.vector_dead_zone, {**PROBLEM, "limits": LIMITS, "active": MASK}),
-    Target(
-        contact.resolve,
-        {**PROBLEM, "limits": LIMITS, "active": MASK, "max_steps": arg(128)},
-    ),
-    Target(
-        contact.hold,
-        {
-            **PROBLEM, "held": arg(np.array([True, False]), "mask"),
-            "contact_acceleration": arg([0.0, 0.0], "none", "row"),
-        },
-    ),
-    *(
-        Target(
-            function,
-            {"force": arg([3.0, 1.5], "row"), "normals": arg(np.eye(2)), "limits": LIMITS,
-             "active": MASK},
-        )
-        for function in (contact.dead_zone_gauge, contact.in_dead_zone)
-    ),
     Target(contact.zonotope_vertices, {"normals": arg(np.eye(2)), "limits": LIMITS}),
 ]  # fmt: skip
 

@@ -129,6 +129,7 @@ TARGETS = [
       for target in of(kind(*TABLE), piece_of__t=arg(0.1, "real"), __call____t=arg(0.1, "real"))),
     *of(cx.Ramps(*TABLE, *TABLE[1:]), piece_of__t=arg(0.1, "real"), __call____t=arg(0.1, "real")),
     *of(cx.UserVoltage(lambda t, args: (t, t))),
+    *of(ss.sweep.Storage(), chunk=arg(4, "none")),
     *of(SMOOTHED, y=arg(SMOOTHED.state(CARRIAGE)), s=arg(SMOOTHED.state(CARRIAGE)),
         state__y=arg(CARRIAGE), powers__t=arg(0.1, "finite", "float32", "batch")),
 ]  # fmt: skip

@@ -57,6 +57,7 @@ ELSEWHERE = {
     "cls": "what the method belongs to",
     "options": "each option is an argument of its own in the template",
     "changes": "each parameter is an argument of its own in the template of the class",
+    "sweep": "each option is an argument of its own in the template",
     "values of CoreXYParameters": "each parameter is an argument of its own in the template",
 }
 
@@ -76,9 +77,9 @@ EXEMPT_METHODS = {
     **dict.fromkeys(
         (
             "declared_power", "smooth_powers", "from_coordinates", "to_coordinates",
-            "AbstractMechanism.instant",
-            "AbstractWithStops.states", "AbstractWithStops.mode_of", "AbstractWithStops.held",
-            "AbstractMechanism.motion_together", "AbstractWithStops.drives_of_stops",
+            "AbstractWithObservables.instant", "AbstractWithObservables.drives_of_stops",
+            "AbstractDeclaration.states", "AbstractDeclaration.mode_of",
+            "AbstractMechanism.motion_together",
         ),
         "parts of a machine's vector field, called inside of its programs",
     ),
@@ -101,7 +102,7 @@ EXEMPT_METHODS = {
         "parts of the machine's vector field, called inside of its programs",
     ),
     **dict.fromkeys(
-        ("AbstractMechanism.bristles", "AbstractWithStates.state", "CoreXY.state"),
+        ("AbstractMechanism.bristles", "AbstractDeclaration.state", "CoreXY.state"),
         "has a template with the constructors",
     ),
     **dict.fromkeys(

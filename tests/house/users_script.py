@@ -180,10 +180,9 @@ diagram = analysis.orbit_diagram(
     system,
     {"stiffness": np.linspace(1.0, 2.0, 11)},
     y0,
-    section=analysis.Maximum("x"),
-    observables=["x", "t"],
-    record=analysis.Recording(100.0, 50.0),
-    period=analysis.PeriodTest(longest=4),
+    analysis.Recording(
+        100.0, 50.0, analysis.Maximum("x"), ["x", "t"], period=analysis.PeriodTest(longest=4)
+    ),
     integrator=adaptive,
     store="diagram",
 )
@@ -192,12 +191,16 @@ analysis.orbit_diagram(
     lambda stiffness: Oscillator(stiffness),
     {"stiffness": [1.0, 2.0]},
     y0,
-    section={"zero": section, "top": analysis.Maximum("x")},
-    observables={"height": lambda system, t, y, dy, mode, args: y.x},
-    record=analysis.Recording(100.0, 50.0, points=20),
+    analysis.Recording(
+        100.0,
+        50.0,
+        {"zero": section, "top": analysis.Maximum("x")},
+        {"height": lambda system, t, y, dy, mode, args: y.x},
+        points=20,
+    ),
 )
 analysis.time_history(system, y0, np.linspace(0.0, 10.0, 101), ["x", "v"])
-spectrum = analysis.lyapunov_spectrum(system, y0, segment=1.0, segments=100, transient=10.0)
+spectrum = analysis.lyapunov_spectrum(system, y0, analysis.Segments(1.0, 100, 10.0))
 print(spectrum.exponents[0])
 swept = sweep.run_sweep(
     lambda k: {"x": 2.0 * k}, {"k": [1.0, 2.0]}, labels=sweep.Labels({"x": sweep.Variable(units="m")})

@@ -224,11 +224,11 @@ def test_structure_follows_an_edit():
     exec(PARTS, cell)
     machine = cell["Sledges"]()
     machine.check_start(0.0, machine.state(), None)
-    assert [island.columns for island in machine.islands] == [(0,), (1,)]
-    assert machine.lifting == ()
+    assert [group.columns for group in machine.structure.groups] == [(0,), (1,)]
+    assert machine.structure.lifting == ()
     exec("coupling = 0.5\ndef load(t):\n    return jnp.sin(t)", cell)
-    assert [island.columns for island in machine.islands] == [(0, 1)]
-    assert machine.lifting == (0,)
+    assert [group.columns for group in machine.structure.groups] == [(0, 1)]
+    assert machine.structure.lifting == (0,)
     exec("def load(t):\n    return -1.0", cell)
     with pytest.raises(ValueError, match=r"normal force of contact .floor. at the start = -1"):
         machine.check_start(0.0, machine.state(), None)

@@ -10,6 +10,7 @@ import stickslip as ss
 from stickslip.analysis import (
     Maximum,
     Recording,
+    Segments,
     lyapunov_spectrum,
     lyapunov_spectrum_of_map,
     orbit_diagram,
@@ -45,11 +46,11 @@ def search(belt_speed=0.2):
 
 def spectrum(belt_speed=0.2, segment=1.0):
     start = Motion(x=0.0, v=belt_speed)
-    return lyapunov_spectrum(block(belt_speed), start, segment=segment, segments=20, transient=2.0)
+    return lyapunov_spectrum(block(belt_speed), start, Segments(segment, 20, 2.0))
 
 
 def separation(belt_speed=0.2):
-    return two_trajectory_exponent(block(belt_speed), Motion(x=0.5, v=0.1), segment=1.0, segments=20)
+    return two_trajectory_exponent(block(belt_speed), Motion(x=0.5, v=0.1), Segments(1.0, 20))
 
 
 def of_map(a=1.4):
@@ -70,7 +71,7 @@ def fit(method, rate=2.0):
 def diagram(last=0.3):
     return orbit_diagram(
         block(), {"belt_speed": np.linspace(0.2, last, 4)}, Motion(x=0.0, v=0.2),
-        section=Maximum("x"), observables="x", record=Recording(5.0, 10.0), check=0,
+        Recording(5.0, 10.0, Maximum("x"), "x"), check=0,
     )  # fmt: skip
 
 

@@ -10,6 +10,7 @@ from stickslip.analysis import (
     Maximum,
     Minimum,
     Recording,
+    Segments,
     energy_ledger,
     lyapunov_spectrum,
     orbit_diagram,
@@ -97,7 +98,13 @@ def test_energy_ledger():
 
 
 PORTABLE = Compute("portable")
-RECORD = {"record": Recording(0.0, 30.0, max_points=6), "integrator": STEP, "compute": PORTABLE}
+RUN = {"integrator": STEP, "compute": PORTABLE}
+
+
+def recording(section, observables, duration=30.0, **more):
+    return Recording(0.0, duration, section, observables, max_points=6, **more)
+
+
 SPEEDS = np.array([0.2, 0.25, 0.3])
 
 
@@ -105,13 +112,16 @@ SPEEDS = np.array([0.2, 0.25, 0.3])
 def test_orbit_diagram():
     grid = {"belt_speed": SPEEDS}
     found = orbit_diagram(
-        lambda belt_speed: machine(belt_speed, True), grid, Y_ARRAYS, **RECORD, check=2,
-        section={"top": Maximum("x[0]"), "low": Minimum("x[1]")}, observables=["x", "slope of v[1]"],
+        lambda belt_speed: machine(belt_speed, True), grid, Y_ARRAYS,
+        recording({"top": Maximum("x[0]"), "low": Minimum("x[1]")}, ["x", "slope of v[1]"]),
+        check=2, **RUN,
     )  # fmt: skip
     truth = orbit_diagram(
-        lambda belt_speed: machine(belt_speed, False), grid, Y_SCALARS, **RECORD, check=2,
-        section={"top": Maximum("x_0"), "low": Minimum("x_1")},
-        observables=["x_0", "x_1", "slope of v_1"],
+        lambda belt_speed: machine(belt_speed, False), grid, Y_SCALARS,
+        recording(
+            {"top": Maximum("x_0"), "low": Minimum("x_1")}, ["x_0", "x_1", "slope of v_1"]
+        ),
+        check=2, **RUN,
     )  # fmt: skip
     assert found.x.dims == ("belt_speed", "section", "point", "x_0")
     assert found.error_x.dims == ("checked", "section", "x_0")
@@ -131,11 +141,9 @@ STROBE = ss.Section(lambda system, t, y, dy, mode, args: jnp.sin(2 * np.pi * t),
 FREE = {
     "system": Free(1.0),
     "grid": {"stiffness": np.array([1.0, 1.44])},
-    "section": STROBE,
-    "observables": ["x"],
     "check": 0,
-    **RECORD,
-    "record": Recording(0.0, 6.3, max_points=6),
+    "record": recording(STROBE, ["x"], 6.3),
+    **RUN,
 }
 TWO = {"x": np.array([0.5, -0.25]), "v": np.array([0.0, 1.0])}
 
@@ -169,7 +177,7 @@ def test_an_array_for_all_lanes():
     truth = exact(TWO["x"], TWO["v"], OMEGA[:, None, None], N[:, None])
     np.testing.assert_allclose(shared.x[:, :6], truth, atol=1e-6)
     # A section of one number says what is meant.
-    said = orbit_diagram(**{**FREE, "section": Maximum("x[0]")}, y0=TWO)
+    said = orbit_diagram(**{**FREE, "record": recording(Maximum("x[0]"), ["x"], 6.3)}, y0=TWO)
     assert said.x.dims == ("stiffness", "point", "x_0")
 
 
@@ -184,14 +192,14 @@ def test_an_array_for_each_lane_beside_one_for_all():
 @pytest.mark.slow
 def test_carried_lanes_hand_on_arrays():
     grid = {"belt_speed": SPEEDS}
-    options = {**RECORD, "carried": Carried("downwards"), "check": 2}
+    options = {**RUN, "carried": Carried("downwards"), "check": 2}
     found = orbit_diagram(
-        lambda belt_speed: machine(belt_speed, True), grid, Y_ARRAYS, **options,
-        section=Maximum("x[0]"), observables="x",
+        lambda belt_speed: machine(belt_speed, True), grid, Y_ARRAYS,
+        recording(Maximum("x[0]"), "x"), **options,
     )  # fmt: skip
     truth = orbit_diagram(
-        lambda belt_speed: machine(belt_speed, False), grid, Y_SCALARS, **options,
-        section=Maximum("x_0"), observables=["x_0", "x_1"],
+        lambda belt_speed: machine(belt_speed, False), grid, Y_SCALARS,
+        recording(Maximum("x_0"), ["x_0", "x_1"]), **options,
     )  # fmt: skip
     for i in range(2):
         near(found.x[..., i], truth[f"x_{i}"])
@@ -202,7 +210,7 @@ def test_carried_lanes_hand_on_arrays():
 @pytest.mark.slow
 @pytest.mark.parametrize("store", [False, True])
 def test_all_cores_and_a_store(store, tmp_path):
-    options = {**FREE, "compute": Compute(), "observables": ["x", "x[1]"]}
+    options = {**FREE, "compute": Compute(), "record": recording(STROBE, ["x", "x[1]"], 6.3)}
     place = {"store": tmp_path / "store"} if store else {}
     found = orbit_diagram(**options, **place, y0=over(["mass"]))
     truth = orbit_diagram(**{**options, "compute": PORTABLE}, y0=over(["mass"]))
@@ -210,7 +218,7 @@ def test_all_cores_and_a_store(store, tmp_path):
     same(found["x[1]"], found.x[..., 1])
 
 
-LONG = {"segment": 1.0, "segments": 20, "integrator": STEP}
+LONG = {"record": Segments(1.0, 20), "integrator": STEP}
 
 
 def test_exponents_of_one_mass():
@@ -263,7 +271,9 @@ def history(observables, sections=None):
             r"sections\['a'\].observable = 'x', of shape \(2,\)",
         ),
         (
-            lambda: orbit_diagram(**{**FREE, "domain": "slope of x"}, y0=over(["mass"])),
+            lambda: orbit_diagram(
+                **{**FREE, "record": recording(STROBE, ["x"], domain="slope of x")}, y0=over(["mass"])
+            ),
             r"domain = 'slope of x', of shape \(2,\): it must be one number, of slope of x\[0\] to",
         ),
         (

@@ -8,6 +8,7 @@ import pytest
 import stickslip as ss
 from stickslip.analysis import (
     LyapunovSpectrum,
+    Segments,
     lyapunov_diagram,
     lyapunov_spectrum,
     lyapunov_spectrum_of_map,
@@ -42,9 +43,7 @@ START = Motion(x=0.1, v=0.0)
 
 @jax.jit
 def smooth_spectrum(system, u0):
-    return lyapunov_spectrum(
-        system, u0, segment=0.5, segments=1600, warm_up=40, transient=20.0, integrator=SMOOTH
-    )
+    return lyapunov_spectrum(system, u0, Segments(0.5, 1600, 20.0, warm_up=40), integrator=SMOOTH)
 
 
 def impacting(**changes):
@@ -106,13 +105,13 @@ def test_two_trajectories_of_a_linear_flow():
     """Eq. (2.25), with and without bringing the motions together again: the slowest decay, -0.2."""
     flow = Flow(jnp.diag(jnp.array([-0.2, -1.0, -2.0])), jnp.asarray(0.0), jnp.asarray(0.0))
 
-    def exponent(**options):
+    def exponent(warm_up, renormalise):
         return two_trajectory_exponent(
-            flow, Point(1.0, 1.0, 1.0), segment=1.0, segments=20, distance=1e-3, integrator=SMOOTH,
-            **options,
+            flow, Point(1.0, 1.0, 1.0), Segments(1.0, 20, warm_up=warm_up), distance=1e-3,
+            renormalise=renormalise, integrator=SMOOTH,
         )  # fmt: skip
 
-    again, printed = jax.jit(lambda: (exponent(warm_up=20), exponent(renormalise=False)))()
+    again, printed = jax.jit(lambda: (exponent(20, True), exponent(None, False)))()
     np.testing.assert_allclose(again.exponent, -0.2, atol=1e-6)
     # Spread evenly over three components, of which two are soon gone.
     np.testing.assert_allclose(printed.distance[-1], 1e-3 / 3**0.5 * np.exp(-4.0), rtol=1e-4)
@@ -184,7 +183,7 @@ def test_impacts_equal_the_computation_by_hand(monkeypatch):
         def lane(e, saltation):
             # Segments in step with the computation by hand.
             found = lyapunov_spectrum(
-                impacting(e=e), START, args=saltation, segment=1.5, segments=20, warm_up=0, blocks=2,
+                impacting(e=e), START, Segments(1.5, 20, warm_up=0, blocks=2), args=saltation,
                 integrator=FINE,
             )  # fmt: skip
             return found.local.sum(axis=0) * 1.5
@@ -252,7 +251,7 @@ def test_sum_of_exponents_is_the_growth_of_volume(name):
     @jax.jit
     def both():
         found = lyapunov_spectrum(
-            system, start, segment=duration / segments, segments=segments, warm_up=0, integrator=FINE
+            system, start, Segments(duration / segments, segments, warm_up=0), integrator=FINE
         )
         return found.sum, volume_growth(system, start, duration=duration, integrator=FINE)
 
@@ -266,7 +265,7 @@ def test_sum_of_exponents_is_the_growth_of_volume(name):
 
 @pytest.mark.slow
 def test_impacts_over_a_long_time_and_by_two_trajectories():
-    options = dict(segment=1.5, segments=2000, transient=150.0, integrator=FINE)
+    options = dict(record=Segments(1.5, 2000, 150.0), integrator=FINE)
     found = jax.jit(lambda: lyapunov_spectrum(impacting(), START, **options))()
     # The computation by hand has an error too: parts from different starts, their beginnings left out.
     parts = []
@@ -286,7 +285,7 @@ def test_stick_slip_cycle_has_zero_and_minus_infinity():
     found = lyapunov_diagram(
         CoulombOscillator(1.0, 1.0, 1.0, 0.5, 0.2), {"belt_speed": speeds},
         lambda system: Motion(0.0, system.belt_speed),
-        segment=2.0, segments=60, spectrum={"warm_up": 10, "integrator": SMOOTH},
+        Segments(2.0, 60, warm_up=10), spectrum={"integrator": SMOOTH},
         compute=Compute("portable"),
     )  # fmt: skip
     assert found.exponents.dims == ("belt_speed", "exponent")
@@ -329,9 +328,9 @@ def test_error_sees_noise_and_drift():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"segment": 0.0}, "segment = 0.0: it must be finite and positive"),
-        ({"segments": 2}, "segments = 2: it must be an integer of at least 4"),
-        ({"segments": 12}, "segments = 12: it must be at least 2 blocks = 20"),
+        ({"length": 0.0}, "length = 0.0: it must be finite and positive"),
+        ({"count": 2}, "count = 2: it must be an integer of at least 4"),
+        ({"count": 12}, "count = 12: it must be at least 2 blocks = 20"),
         ({"warm_up": -1}, "warm_up = -1"),
         ({"blocks": 1}, "blocks = 1"),
         ({"exponents": 3}, "exponents = 3: it must be at most 2"),
@@ -341,16 +340,17 @@ def test_error_sees_noise_and_drift():
     ],
 )
 def test_wrong_arguments(changes, message):
-    options = {"segment": 1.0, "segments": 20, **changes}
+    own = {name: changes[name] for name in ("exponents", "components") if name in changes}
+    record = {"length": 1.0, "count": 20, **{k: v for k, v in changes.items() if k not in own}}
     with pytest.raises(ValueError, match=message):
-        lyapunov_spectrum(impacting(), START, **options)
+        lyapunov_spectrum(impacting(), START, Segments(**record), **own)
     with pytest.raises(TypeError, match="system = 'oscillator': it must be"):
-        lyapunov_spectrum("oscillator", START, segment=1.0, segments=20)
+        lyapunov_spectrum("oscillator", START, Segments(1.0, 20))
 
 
 def test_wrong_arguments_of_the_others():
     with pytest.raises(ValueError, match=r"distance = 0\.0"):
-        two_trajectory_exponent(impacting(), START, segment=1.0, segments=20, distance=0.0)
+        two_trajectory_exponent(impacting(), START, Segments(1.0, 20), distance=0.0)
     with pytest.raises(ValueError, match="iterations = 3"):
         lyapunov_spectrum_of_map(lambda x: x, 0.1, iterations=3)
     with pytest.raises(TypeError, match="function"):
@@ -365,13 +365,12 @@ def test_wrong_arguments_of_the_others():
                 system,
                 {"wrong": [1.0]} if system != "oscillator" else grid,
                 y0,
-                segment=1.0,
-                segments=20,
+                Segments(1.0, 20),
             )
     with pytest.raises(TypeError, match=r"spectrum = \[1\]: it must be"):
-        lyapunov_diagram(impacting(), grid, START, segment=1.0, segments=20, spectrum=[1])
-    with pytest.raises(ValueError, match="segments = 3"):
-        lyapunov_diagram(impacting(), grid, START, segment=1.0, segments=3)
+        lyapunov_diagram(impacting(), grid, START, Segments(1.0, 20), spectrum=[1])
+    with pytest.raises(ValueError, match="count = 3"):
+        lyapunov_diagram(impacting(), grid, START, Segments(1.0, 3))
     with pytest.raises(ValueError, match=r"duration = -1\.0"):
         volume_growth(impacting(), START, duration=-1.0)
     assert LyapunovSpectrum.__doc__

@@ -11,6 +11,7 @@ import pytest
 import stickslip as ss
 from stickslip import AbstractHybridSystem
 from stickslip.analysis import (
+    Segments,
     _growth,
     lyapunov_diagram,
     lyapunov_spectrum,
@@ -50,7 +51,7 @@ def test_words_of_what_is_told(monkeypatch):
 def test_a_block_at_rest_and_one_that_stops_early():
     """On a belt that stands still it sticks: nothing moves, no deviation either."""
     speeds = np.array([0.0, 0.2])
-    options = {"segment": 2.0, "segments": 20, "compute": Compute("portable")}
+    options = {"record": Segments(2.0, 20), "compute": Compute("portable")}
     spectrum = {"integrator": SMOOTH}
     start = lambda system: Motion(0.0, system.belt_speed)  # noqa: E731
     found = lyapunov_diagram(BLOCK, {"belt_speed": speeds}, start, spectrum=spectrum, **options)
@@ -59,18 +60,18 @@ def test_a_block_at_rest_and_one_that_stops_early():
     assert np.isnan(found.exponents[0]).all()
     assert np.isfinite(found.exponents[1, 0])
     # A rest whose linear field decides is told: the eigenvalues.
-    rest = lyapunov_spectrum(lorenz(0.5), Point(0.0, 0.0, 0.0), segment=0.5, segments=40, warm_up=40)
+    rest = lyapunov_spectrum(lorenz(0.5), Point(0.0, 0.0, 0.0), Segments(0.5, 40, warm_up=40))
     assert rest.words.tolist() == ["ok"] * 3
     np.testing.assert_allclose(rest.exponents[1], -8 / 3, rtol=1e-3)
 
     # Carried by the belt for ever, it moves: the stick holds its speed, and no event says so.
     carried = eqx.tree_at(lambda block: block.stiffness, BLOCK, 1e-9)
-    found = lyapunov_spectrum(carried, Motion(0.0, 0.2), segment=2.0, segments=20, integrator=SMOOTH)
+    found = lyapunov_spectrum(carried, Motion(0.0, 0.2), Segments(2.0, 20), integrator=SMOOTH)
     assert found.words.tolist() == ["ok", "lost"]
     np.testing.assert_allclose(found.exponents, [0.0, -np.inf], atol=1e-12)
 
     few = ss.Integrator("tsit5", ss.AdaptiveStep(1e-8, 1e-10), max_steps=5)
-    lost = lyapunov_spectrum(BLOCK, Motion(0.0, 0.2), segment=2.0, segments=20, integrator=few)
+    lost = lyapunov_spectrum(BLOCK, Motion(0.0, 0.2), Segments(2.0, 20), integrator=few)
     assert lost.words.tolist() == ["failed", "failed"]
     assert np.isnan(lost.exponents).all()
     assert np.isnan(lost.kaplan_yorke_dimension)
@@ -113,7 +114,7 @@ def test_sticks_that_last_in_a_machine_of_a_thousand_modes(apart):
     start = machine.state(**dict(zip(machine.names.velocities, speeds, strict=True)))
     # 13 periods of the damped oscillation, so that nothing of it is left in the mean.
     period = 2.0 * np.pi / np.sqrt(1.0 - 0.04)
-    options = {"segment": period / 4.0, "segments": 52, "warm_up": 20, "integrator": SMOOTH}
+    options = {"record": Segments(period / 4.0, 52, warm_up=20), "integrator": SMOOTH}
     found = lyapunov_spectrum(machine, start, **options)
     assert machine.mode_names[int(found.mode1)] == " / ".join([*["stick"] * 4, "slip backward"])
     assert found.words.tolist() == ["ok"] * 6 + ["lost"] * 4
@@ -144,27 +145,27 @@ class ByHand(AbstractHybridSystem):
 
 @pytest.mark.slow
 def test_a_stick_that_lasts_in_a_system_written_by_hand():
-    found = lyapunov_spectrum(ByHand(), Motion(0.0, 0.2), segment=2.0, segments=20, integrator=SMOOTH)
+    found = lyapunov_spectrum(ByHand(), Motion(0.0, 0.2), Segments(2.0, 20), integrator=SMOOTH)
     assert found.words.tolist() == ["ok", "lost"]
     np.testing.assert_allclose(found.exponents, [0.0, -np.inf], atol=1e-12)
 
 
 def two(system, start, **options):
-    options = {"segment": 1.0, "segments": 20, "integrator": SMOOTH, **options}
+    options = {"record": Segments(1.0, 20), "integrator": SMOOTH, **options}
     return jax.jit(lambda: two_trajectory_exponent(system, start, **options))()
 
 
 def test_two_motions_that_merge_saturate_or_fail():
     decay = Flow(jnp.diag(jnp.array([-4.0, -4.0, -4.0])), ZERO, ZERO)
-    offset = Point(1.0, 1.0, 1.0)
-    assert two(decay, offset, distance=1e-3, warm_up=0).words == "ok"
+    offset, unwarmed = Point(1.0, 1.0, 1.0), Segments(1.0, 20, warm_up=0)
+    assert two(decay, offset, distance=1e-3, record=unwarmed).words == "ok"
     # Two balls come to rest on one floor: the distance is zero from then on, not ever smaller.
-    ball = two(BouncingBall(0.5, 9.81, 0.7, 0.02), Motion(1.0, 0.0), distance=1e-6, warm_up=0)
+    ball = two(BouncingBall(0.5, 9.81, 0.7, 0.02), Motion(1.0, 0.0), distance=1e-6, record=unwarmed)
     assert ball.words == "merged"
     assert np.isnan(ball.exponent)
     assert np.isnan(ball.error)
     # Lorenz: e^(0.9 t) from 1e-8 is the size of the attractor after 23; as printed, 0.9 is not seen.
-    printed = two(lorenz(), Point(1.0, 1.0, 20.0), segment=2.0, renormalise=False)
+    printed = two(lorenz(), Point(1.0, 1.0, 20.0), record=Segments(2.0, 20), renormalise=False)
     assert printed.words == "saturated"
     assert np.isnan(printed.exponent)
     assert 0.0 < float(printed.running[-1]) < 0.7

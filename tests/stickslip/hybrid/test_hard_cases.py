@@ -101,7 +101,7 @@ def test_event_at_the_end():
     assert later.num_events == 1
 
 
-def test_two_guards_in_one_step_fire_in_order():
+def test_two_sided_in_one_step_fire_in_order():
     class Two(Circle):
         guard_names: ClassVar = ("first", "second")
         mode_names: ClassVar = ("none", "one", "both")

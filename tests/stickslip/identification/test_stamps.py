@@ -22,6 +22,17 @@ def fitted(times):
     assert float(fit.reduced_chi_squared) > 100.0
 
 
+def test_stamps_are_named_before_anything_runs(monkeypatch):
+    """A run over thousands of swings, and a fit of such runs, takes minutes."""
+
+    def solved(*_):
+        raise AssertionError("a fit has begun without a word")
+
+    monkeypatch.setattr("stickslip.identification._problem.solved_run", solved)
+    with pytest.warns(UserWarning, match="times lie 500 s apart"), pytest.raises(AssertionError):
+        fitted(np.linspace(0.0, 10e3, 21))
+
+
 def test_stamps_between_which_the_model_swings_are_named():
     with pytest.warns(UserWarning, match=r"times lie 500 s apart, .* swings 87.2 times .* in seconds"):
         fitted(np.linspace(0.0, 10e3, 21))

@@ -10,7 +10,7 @@ import pytest
 import stickslip as ss
 from stickslip.friction import Coulomb
 from stickslip.mechanism import AbstractMechanism, Contact
-from stickslip.mechanism._known import known
+from stickslip.mechanism._known import numbers_known
 from stickslip.systems import BouncingBall, OscillatorBetweenStops, PairMotion, TwoBlocksOnBelt
 from tests.stickslip.mechanism._stopped import Guided
 from tests.stickslip.systems._systems import PAIR
@@ -49,7 +49,7 @@ def test_arithmetic_is_done_without_a_program(x, compiled):
     machine = Pressed(1.5, 9.81, 0.7)
     y = machine.state(x=x, v_phi=0.3)
     compiled.clear()
-    (found,) = known(loads, machine, y)
+    (found,) = numbers_known(loads, machine, y)
     assert not compiled
     expected = 1.5 * 9.81 - 0.7 * (8.0 if x > 0 else -0.3) + 0.5
     np.testing.assert_allclose(found, expected, rtol=1e-15)
@@ -57,7 +57,7 @@ def test_arithmetic_is_done_without_a_program(x, compiled):
 
 def test_more_than_arithmetic_is_left_alone():
     machine = Pressed(1.5, 9.81, 0.7, curved=True)
-    assert known(loads, machine, machine.state()) is None
+    assert numbers_known(loads, machine, machine.state()) is None
 
 
 @pytest.mark.parametrize("curved", [False, True])
@@ -109,7 +109,7 @@ def test_masses_of_lanes_by_name_are_no_rows_of_a_matrix():
 
 def test_random_keys_are_no_numbers():
     """Arguments may hold a key: what depends on it is left to a program."""
-    assert known(jax.random.key_data, jax.random.key(0)) is None
+    assert numbers_known(jax.random.key_data, jax.random.key(0)) is None
     key = jax.random.key(0)
     run = ss.simulate(TwoBlocksOnBelt(**PAIR), 0.0, 0.1, PairMotion(0.1, 0.0, 0.0, 0.0), args=key)
     assert bool(run.successful)

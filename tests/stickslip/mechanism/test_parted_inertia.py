@@ -10,9 +10,10 @@ import pytest
 import stickslip as ss
 from stickslip.friction import Coulomb
 from stickslip.mechanism import AbstractMechanism, Contact
-from stickslip.mechanism._island import Island
+from stickslip.mechanism._independent import CoupledContacts, SeparateContacts
+from stickslip.mechanism._laws import Bounds
 from stickslip.mechanism._scalars import Mass
-from stickslip.mechanism._settle import Limits, settled
+from tests.stickslip.mechanism._groups import group, states_by_law
 from tests.stickslip.mechanism._machines import Chain, Train, chain
 
 
@@ -47,15 +48,15 @@ class Wagons(AbstractMechanism):
     ],
 )
 def test_what_vanishes_is_read_off_the_declaration(kind, separate):
-    (island,) = Wagons(1.0, 0.0, kind).islands
-    assert island.separate is separate
+    (of,) = Wagons(1.0, 0.0, kind).structure.groups
+    assert type(of) is (SeparateContacts if separate else CoupledContacts)
 
 
 @pytest.mark.parametrize("blocks", [1, 2, 5])
 def test_relative_coordinates_are_parted(blocks):
-    (island,) = chain(blocks, Train).islands
-    assert island.separate
-    np.testing.assert_array_equal(island.parted, ~np.eye(blocks, dtype=bool))
+    (of,) = chain(blocks, Train).structure.groups
+    assert type(of) is SeparateContacts
+    np.testing.assert_array_equal(of.decoupled, ~np.eye(blocks, dtype=bool))
 
 
 def test_a_group_and_each_by_itself_find_the_same():
@@ -63,20 +64,14 @@ def test_a_group_and_each_by_itself_find_the_same():
     n, rng = 4, np.random.default_rng(3)
     J = np.tril(np.ones((n, n)))
     generic = J.T @ np.diag([0.7, 1.1, 1.3, 0.9]) @ J
-    alone = Island((0, 1, 2, 3), (0, 1, 2, 3), J, generic)
-    together = Island((0, 1, 2, 3), (0, 1, 2, 3), J)
-    assert alone.separate
-    assert not together.separate
-    rows = [[float(x) for x in row] for row in J]
+    alone, together = group(J, generic[None]), group(J)
+    assert type(alone) is SeparateContacts
+    assert type(together) is CoupledContacts
 
-    def states(island, masses, load, limit):
+    def states(of, masses, load, limit):
         M = Mass(full=[list(row) for row in J.T @ jnp.diag(masses) @ J])
-        limits = Limits([-x for x in limit], list(limit))
-        zero = jnp.zeros(())
-        none = [zero > 1.0] * n
-        found, ended = settled(
-            island, M, list(load), rows, [0.0] * n, limits, limits, [zero] * n, none, zero < 1.0
-        )
+        limits = Bounds(None, tuple(limit))
+        found, ended = states_by_law(of, M, tuple(load), [0.0] * n, limits, limits)
         return jnp.stack(found), ended
 
     count = 300

@@ -1,4 +1,4 @@
-"""Stops beside contacts: bits of the mode, the order of guards, islands that inertia parts."""
+"""Stops beside contacts: bits of the mode, the order of guards, groups that inertia parts."""
 
 from typing import Any, ClassVar
 
@@ -11,6 +11,7 @@ import pytest
 import stickslip as ss
 from stickslip.friction import Coulomb
 from stickslip.mechanism import AbstractMechanism, Contact, Stop
+from stickslip.mechanism._independent import SeparateContacts
 from stickslip.mechanism._modes import ModeNames, mode_of, states_of
 from tests.stickslip.mechanism._stopped import Guided
 
@@ -106,7 +107,7 @@ def test_a_contact_beside_a_stop_gives_way_to_either_side(push, guard):
             return push * t, -10.0
 
     machine = Pushed((2.0, 1.0), 0.3, Coulomb(30.0, 25.0))
-    assert machine.parted == (0,)
+    assert machine.two_sided_contacts == (0,)
     run = ss.simulate(machine, 0.0, 45.0, machine.state(), max_events=1, throw=False)
     assert machine.mode_names[int(run.events.mode_before[0])] == "stick / closed"
     assert int(run.events.guard[0]) == guard
@@ -160,13 +161,13 @@ class Wagons(AbstractMechanism):
 
 @pytest.mark.parametrize("law", [None, Coulomb(0.7, 0.5)])
 def test_stops_that_inertia_parts_move_as_in_places(law):
-    """Relative coordinates join the wagons into one island, whose contacts and stops do not feel each
-    other; in places each wagon is an island."""
+    """Relative coordinates join the wagons into one group, whose contacts and stops do not feel each
+    other; in places each wagon is a group."""
     places, relative = (Wagons((1.0, 2.0), 0.2, law, kind) for kind in (False, True))
-    assert len(places.islands) == 2
-    (island,) = relative.islands
-    assert island.separate
-    assert island.stops == len(relative.stops)
+    assert len(places.structure.groups) == 2
+    (of,) = relative.structure.groups
+    assert type(of) is SeparateContacts
+    assert of.stops == len(relative.stops)
     found = []
     for machine in (places, relative):
         run = ss.simulate(machine, 0.0, 20.0, machine.state(), integrator=FINE, max_events=128)

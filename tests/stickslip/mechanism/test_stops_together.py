@@ -322,12 +322,12 @@ def test_stops_that_depend_on_args():
 
 def test_structure_of_the_directions():
     """Constant slopes of the gaps are known while tracing, whatever the parameters in them."""
-    np.testing.assert_array_equal(Pair((1.0, 1.0), 0.5).slopes, [[-1.0, 1.0, 0.0]])
-    np.testing.assert_array_equal(Box(0.5).slopes, [[0.5, 1.0, 0.0], [-1.0, 1.0, 0.0]])
-    slopes = Ball(0.5, table=0.2).slopes
+    np.testing.assert_array_equal(Pair((1.0, 1.0), 0.5).structure.slopes, [[-1.0, 1.0, 0.0]])
+    np.testing.assert_array_equal(Box(0.5).structure.slopes, [[0.5, 1.0, 0.0], [-1.0, 1.0, 0.0]])
+    slopes = Ball(0.5, table=0.2).structure.slopes
     assert slopes[0, 0] == 1.0
     assert np.isnan(slopes[0, 1])
-    assert np.isnan(Wire(0.5).slopes[0, 0])
-    assert Wire(0.5).slopes[0, 1] == 1.0
-    assert len(Row((1.0,) * 3, (), 0.5).islands) == 1
-    assert len(Free(both()).islands) == 2
+    assert np.isnan(Wire(0.5).structure.slopes[0, 0])
+    assert Wire(0.5).structure.slopes[0, 1] == 1.0
+    assert len(Row((1.0,) * 3, (), 0.5).structure.groups) == 1
+    assert len(Free(both()).structure.groups) == 2

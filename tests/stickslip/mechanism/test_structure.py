@@ -18,8 +18,8 @@ import stickslip as ss
 from stickslip.friction import Coulomb
 from stickslip.mechanism import AbstractMechanism, Contact, Stop
 from stickslip.mechanism._abstract import traced_with
+from stickslip.mechanism._analysis import inertia_forms
 from stickslip.mechanism._any_args import Looked, Sealed
-from stickslip.mechanism._structure import inertia_forms
 
 
 class Pair(AbstractMechanism):
@@ -60,10 +60,10 @@ ENTRIES = {
 def test_what_couples_velocities_anywhere_couples_them():
     machines = [Pair(entry) for entry in ENTRIES.values()]
     for name, machine in zip(ENTRIES, machines, strict=True):
-        assert [island.columns for island in machine.islands] == [(0, 1)], name
+        assert [group.columns for group in machine.structure.groups] == [(0, 1)], name
     for constant in (0.0, 0, np.float64(0.0), -0.0):
         machine = Pair(lambda m, q, constant=constant: constant)
-        assert [island.columns for island in machine.islands] == [(0,), (1,)]
+        assert [group.columns for group in machine.structure.groups] == [(0,), (1,)]
 
     # At other parameters than those the structure was read at, here and there.
     moved = [
@@ -145,14 +145,14 @@ class Wagons(AbstractMechanism):
     ],
 )
 def test_inertia_that_vanishes_for_some_numbers_parts_nothing(shared, separate):
-    (island,) = Wagons((1.0, 1.0, 0.0), shared).islands
-    assert island.separate is separate
+    (of,) = Wagons((1.0, 1.0, 0.0), shared).structure.groups
+    assert of.separate is separate
 
 
 def test_forms_of_inertia_are_exact():
     """One matrix of what is constant, one for each number: a proof, whatever the numbers are."""
     machine = Wagons((30.0, 40.0, 5.0), lambda a, b, c, q: 2.0**-60 * c + 7.0 + (a - a))
-    parts = np.frombuffer(traced_with(inertia_forms, machine)).reshape(-1, 2, 2)
+    parts = traced_with(inertia_forms, machine)
     small = 2.0**-60
     expected = [
         [[14.0, 7.0], [7.0, 0.0]],
@@ -249,8 +249,8 @@ READS = {
 def test_what_args_may_change_is_not_constant(read):
     """A normal force and a gap that have a default when there are no `args`."""
     block = Block(load=lambda t, q, v, args: read(args, t))
-    assert block.lifting == (0,)
-    slopes = Block(gap=lambda t, q, args: q.x - read(args, t)).slopes
+    assert block.structure.lifting == (0,)
+    slopes = Block(gap=lambda t, q, args: q.x - read(args, t)).structure.slopes
     assert np.isnan(slopes[0, -1])
 
 
@@ -270,13 +270,18 @@ VARYING = {
 
 @pytest.mark.parametrize("load", VARYING.values(), ids=VARYING)
 def test_what_varies_somewhere_is_not_constant(load):
-    assert Block(load=lambda t, q, v, args: load(t, q, v)).lifting == (0,)
+    assert Block(load=lambda t, q, v, args: load(t, q, v)).structure.lifting == (0,)
 
 
 def test_a_force_with_a_default_is_not_known_to_be_affine():
-    assert Block(push=lambda t, q, v, args: -q.x if args is None else -(q.x**3)).parted == ()
-    assert Block(push=lambda t, q, v, args: -q.x * (1.0 if args is None else args)).parted == ()
-    assert Block(push=lambda t, q, v, args: -q.x).parted == (0,)
+    assert (
+        Block(push=lambda t, q, v, args: -q.x if args is None else -(q.x**3)).two_sided_contacts == ()
+    )
+    assert (
+        Block(push=lambda t, q, v, args: -q.x * (1.0 if args is None else args)).two_sided_contacts
+        == ()
+    )
+    assert Block(push=lambda t, q, v, args: -q.x).two_sided_contacts == (0,)
 
 
 def test_what_is_not_looked_at_stays_what_it_is():
@@ -286,11 +291,11 @@ def test_what_is_not_looked_at_stays_what_it_is():
         speed=lambda t, q, v, args: ignores(args, 0.0),
         push=lambda t, q, v, args: ignores(args, t),
     )
-    assert block.lifting == ()
-    assert block.parted == (0,)
+    assert block.structure.lifting == ()
+    assert block.two_sided_contacts == (0,)
     walled = Block(gap=lambda t, q, args: 1.0 - q.x + 0.5 * ignores(args, t))
-    np.testing.assert_array_equal(walled.slopes, [[-1.0, 0.5]])
-    assert Block(load=lambda t, q, v, args: jnp.sqrt(2.0)).lifting == ()
+    np.testing.assert_array_equal(walled.structure.slopes, [[-1.0, 0.5]])
+    assert Block(load=lambda t, q, v, args: jnp.sqrt(2.0)).structure.lifting == ()
 
 
 @pytest.mark.parametrize(
@@ -305,7 +310,7 @@ def test_what_is_not_looked_at_stays_what_it_is():
     ],
 )
 def test_slopes_of_gaps(gap, slopes):
-    np.testing.assert_array_equal(Block(gap=gap).slopes, [slopes])
+    np.testing.assert_array_equal(Block(gap=gap).structure.slopes, [slopes])
 
 
 def test_which_surfaces_move_is_asked_with_the_args_of_the_run():
@@ -386,7 +391,7 @@ class Rubbing(AbstractMechanism):
 def test_directions_that_are_always_equal_are_not_in_general_position(rows, fine):
     """Their friction would be that of a singular matrix, in some runs without a failure."""
     if fine:
-        assert Rubbing(rows).islands[0].rows == (0, 1)
+        assert Rubbing(rows).structure.groups[0].rows == (0, 1)
     else:
         with pytest.raises(ValueError, match=r"'pad, other pad'.*constant where they depend"):
             Rubbing(rows)

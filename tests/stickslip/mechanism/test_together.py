@@ -1,4 +1,4 @@
-"""Dependent contacts in rows: as a vector, as a tuple, and one contact after the other."""
+"""Dependent contacts in rows: as a vector, as a tuple, and line by line in NumPy."""
 
 import jax
 import jax.numpy as jnp
@@ -9,11 +9,11 @@ from stickslip.friction import Asymmetric, Coulomb, Stribeck
 from stickslip.hybrid import use_executor
 from stickslip.hybrid.executor import FUSED, PORTABLE
 from stickslip.mechanism import Contact
-from stickslip.mechanism._island import Motion
+from stickslip.mechanism._dependent import motion_in_rows
+from stickslip.mechanism._laws import Bounds, Laws
 from stickslip.mechanism._rows import each, row
 from stickslip.mechanism._scalars import Mass
-from stickslip.mechanism._together import Bounds, Laws, closed, motion_in_rows, onset
-from tests.stickslip.mechanism._islands import DEPENDENT, distance, found, instants, island
+from tests.stickslip.mechanism._groups import DEPENDENT, distance, found, instants, named
 
 EXECUTORS = {"vector": PORTABLE, "tuple": FUSED}
 COUNT = 300
@@ -25,7 +25,7 @@ def stacked(rows):
 
 @pytest.mark.parametrize("name", DEPENDENT)
 def test_the_law_does_not_depend_on_the_form(name):
-    of, given = island(name), instants(name, COUNT)
+    of, given = named(name), instants(name, COUNT)
     answers = []
     for executor in EXECUTORS.values():
         with use_executor(executor):
@@ -39,40 +39,45 @@ def test_the_law_does_not_depend_on_the_form(name):
 @pytest.mark.parametrize("symmetric", [True, False])
 @pytest.mark.parametrize("name", DEPENDENT)
 def test_how_contacts_give_way(name, symmetric):
-    """Against `Island.onset`, which takes one contact after the other."""
-    of, rng = island(name), np.random.default_rng(5)
+    """By the definition of the zonotope's facets, line by line in NumPy."""
+    of, rng = named(name), np.random.default_rng(5)
     high = rng.uniform(0.1, 3.0, (COUNT, of.m))
     low = -high if symmetric else -rng.uniform(0.1, 3.0, (COUNT, of.m))
     rest, reaction = rng.random((COUNT, of.m)) < 0.6, rng.normal(size=(COUNT, of.n))
+    rest[0] = False
 
     def in_rows(low, high, rest, reaction):
-        parts = (row(list(x)) for x in (high, rest, reaction))
-        high, rest, reaction = parts
+        high, rest, reaction = (row(list(x)) for x in (high, rest, reaction))
         bounds = Bounds(None if symmetric else row(list(low)), high)
-        answer = onset(of, bounds, rest, reaction)
+        answer = of.onset(bounds, rest, reaction)
         slow = each(lambda r: r | True, rest)
-        return answer.share, stacked(answer.ways), stacked(closed(of, rest, slow))
+        return answer.share, stacked(answer.ways), stacked(of.closure(rest, slow))
 
-    def one_by_one(low, high, rest, reaction):
-        motion = Motion([], list(reaction), [])
-        share, ways = of.onset(list(low), list(high), list(rest), motion)
-        return share, jnp.stack(ways), jnp.stack(of.closed(list(rest), [jnp.ones((), bool)] * of.m))
-
-    expected = jax.jit(jax.vmap(one_by_one))(low, high, rest, reaction)
+    expected = [one_by_one(of, *numbers) for numbers in zip(low, high, rest, reaction, strict=True)]
+    shares, ways, closures = (np.array(x) for x in zip(*expected, strict=True))
     for executor in EXECUTORS.values():
         with use_executor(executor):
             answer = jax.jit(jax.vmap(in_rows))(low, high, rest, reaction)
-        for ours, theirs in zip(answer, expected, strict=True):
-            np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-12)
-    assert np.any(np.asarray(expected[0]) > 1.0)
-    assert np.any(np.asarray(expected[0]) < 1.0)
+        np.testing.assert_allclose(answer[0], shares, rtol=1e-12)
+        np.testing.assert_array_equal(answer[1], ways)
+        np.testing.assert_array_equal(answer[2], closures)
+    assert np.any(shares > 1.0)
+    assert np.any(shares < 1.0)
 
 
-class At:
-    """What `Laws` reads of an instant."""
-
-    def __init__(self, laws, loads):
-        self.contacts = [Contact(law, load) for law, load in zip(laws, loads, strict=True)]
+def one_by_one(of, low, high, rest, reaction):
+    """Share of what can be borne and senses of giving way, by every line; what rests with `rest`."""
+    share, ways = -1.0, np.zeros(of.m)
+    for line, along in zip(of.tables.lines, of.tables.along, strict=True):
+        load = line @ reaction
+        against = np.where(along * load > 0.0, high, -low) * rest
+        used = abs(load) / (np.abs(along) @ against + 1e-150) if (along * rest).any() else -1.0
+        if used > share:
+            share, ways = used, -np.sign(load) * np.sign(along) * rest
+    J = of.directions
+    rank = np.linalg.matrix_rank(J[rest]) if rest.any() else 0
+    spanned = [np.linalg.matrix_rank(np.vstack([J[rest], J[c : c + 1]])) == rank for c in range(of.m)]
+    return share, ways, rest | np.array(spanned)
 
 
 KINDS = {
@@ -86,15 +91,12 @@ KINDS = {
 @pytest.mark.parametrize("kinds", [("Coulomb",) * 4, ("Stribeck",) * 4, ("asymmetric",) * 4,
                                    ("Coulomb", "Stribeck", "asymmetric", "Coulomb")])  # fmt: skip
 def test_friction_of_laws_side_by_side(form, kinds):
-    of, loads, a = (
-        island("carriage"),
-        jnp.asarray([1.0, 2.0, 0.5, 3.0]),
-        jnp.asarray([0.1, 0.2, 0.3, 0.4]),
-    )
+    loads, a = jnp.asarray([1.0, 2.0, 0.5, 3.0]), jnp.asarray([0.1, 0.2, 0.3, 0.4])
     speeds, states = jnp.asarray([0.2, -0.3, 0.1, -0.4]), jnp.asarray([1.0, -1.0, 0.0, -1.0])
     with use_executor(EXECUTORS[form]):
         laws = [KINDS[kind](x) for kind, x in zip(kinds, a, strict=True)]
-        side_by_side = Laws(of, At(laws, loads))
+        contacts = [Contact(law, load) for law, load in zip(laws, loads, strict=True)]
+        side_by_side = Laws(contacts, row)
         friction = stacked(side_by_side.friction(lambda: row(list(speeds)), row(list(states))))
         static = side_by_side.bounds("static_coefficient")
         low, high = stacked(static.lower), stacked(static.high)
@@ -105,8 +107,8 @@ def test_friction_of_laws_side_by_side(form, kinds):
         np.testing.assert_allclose(high[c], law.static_coefficient(-1) * loads[c], rtol=1e-14)
 
 
-def test_motion_in_rows_is_that_of_the_island():
-    of, mass = island("carriage"), Mass([2.0, 3.0])
+def test_motion_in_rows_is_that_of_the_group():
+    of, mass = named("carriage"), Mass([2.0, 3.0])
     rest = jnp.asarray([False, False, True, False])
     a, reaction = motion_in_rows(of, mass, jnp.asarray([1.0, -4.0]), rest)
     # Along x - y, where x + y is held: 5 a = 5.

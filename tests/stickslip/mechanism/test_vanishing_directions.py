@@ -12,9 +12,9 @@ from scipy.integrate import quad, solve_ivp
 import stickslip as ss
 from stickslip.friction import Coulomb
 from stickslip.mechanism import AbstractMechanism, Contact
-from stickslip.mechanism._island import Island
+from stickslip.mechanism._laws import Bounds
 from stickslip.mechanism._scalars import Mass
-from stickslip.mechanism._settle import Limits, settled
+from tests.stickslip.mechanism._groups import group, states_by_law
 
 
 class Crank(AbstractMechanism):
@@ -270,23 +270,19 @@ def test_linkages(kind):
 
 def test_a_direction_that_vanishes_holds_nothing():
     """A resting contact changes no acceleration where its direction is 0, and all of it elsewhere."""
-    island, one = Island((0,), (0,), np.array([[np.nan]])), jnp.ones(())
+    of, one = group([[np.nan]]), jnp.ones(())
     for n, truth in ((0.0, 1.5), (2.0, 0.0)):
-        rest = [jnp.asarray(True)]
-        found = island.motion(Mass([2.0 * one]), [3.0 * one], [[n * one]], rest, [0.0])
+        rest = (jnp.asarray(True),)
+        found = of.motion(Mass([2.0 * one]), [3.0 * one], [[n * one]], rest, [0.0])
         assert float(found.acceleration[0]) == truth
         assert float(found.force[0]) == (-1.5 if n else 0.0)
 
 
 def test_a_direction_near_zero_is_no_measure_of_the_others():
     """Its force over its lever is beyond all others; beside that their own excess would be rounding."""
-    island, one = Island((0, 1), (0, 1), np.array([[np.nan, np.nan], [0.0, 1.0]])), jnp.ones(())
-    low, high = [-0.3 * one, -0.3 * one], [0.3 * one, 0.3 * one]
-    J, none = [[1e-13 * one, 0.0 * one], [0.0, 1.0]], [jnp.asarray(False)] * 2
-    limits = Limits(low, high)
-    states, ended = settled(
-        island, Mass([one, one]), [one, 0.5 * one], J, [0.0, 0.0], limits, limits,
-        [0.0 * one, 0.0 * one], none, jnp.asarray(True),
-    )  # fmt: skip
+    of, one = group([[np.nan, np.nan], [0.0, 1.0]]), jnp.ones(())
+    limits = Bounds(None, (0.3 * one, 0.3 * one))
+    J, gamma = [[1e-13 * one, 0.0 * one], [0.0, 1.0]], [0.0, 0.0]
+    states, ended = states_by_law(of, Mass([one, one]), (one, 0.5 * one), gamma, limits, limits, J)
     assert bool(ended)
     assert [float(s) for s in states] == [1.0, 1.0]

@@ -1,5 +1,6 @@
 """Three contacts of two coordinates whose friction weakens: they stop and give way together."""
 
+from dataclasses import replace
 from typing import ClassVar
 
 import jax
@@ -9,7 +10,7 @@ import pytest
 
 import stickslip as ss
 from stickslip.friction import Stribeck
-from stickslip.mechanism import Contact, _settle_together
+from stickslip.mechanism import Contact, _search
 from tests.stickslip.mechanism._pair import AbstractPair, random_pairs
 
 END = 15.0
@@ -55,7 +56,7 @@ def test_the_limit_of_a_law_is_known_to_rounding():
 @pytest.mark.slow
 def test_taken_exactly_some_chatter(monkeypatch):
     """The fault, planted."""
-    monkeypatch.setattr(_settle_together, "NO_DROP", 0.0)
+    monkeypatch.setattr(_search, "ACCURACY", replace(_search.ACCURACY, no_drop=0.0))
     every = ss.map_lanes(lambda p: lane(p, longest=END / 99))(random_pairs(240)[20:])
     assert np.sum(~np.asarray(every[3])) > 5
 

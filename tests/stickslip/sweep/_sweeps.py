@@ -8,7 +8,9 @@ import time
 import jax.numpy as jnp
 import numpy as np
 
+import stickslip as ss
 from stickslip.sweep import Carried, Variable, refine_sweep, run_sweep
+from stickslip.systems import CoulombOscillator, Motion
 from tests.stickslip.sweep._options import options
 
 SMALL = {"k": np.linspace(1.0, 2.0, 5), "q": np.array([0.5, 0.25])}
@@ -54,6 +56,18 @@ def refined(store=None, levels=2, radius=0.8, tolerance=0.0, **more):
         lambda a, b: disc(a, b, radius), DISC, {"inside": tolerance}, levels=levels,
         **options(store, chunk=8, settings={"radius": radius}, variables=variables, **more),
     )  # fmt: skip
+
+
+def simulated(store, **more):
+    """A motion with events, whose program has many parts."""
+
+    def lane(belt_speed):
+        block = CoulombOscillator(1.0, 1.0, 1.5, 0.5, belt_speed)
+        start = Motion(x=jnp.zeros(()), v=belt_speed)
+        run = ss.simulate(block, 0.0, 20.0, start, max_events=None, throw=False)
+        return {"x": run.y1.x, "ok": run.successful}
+
+    return run_sweep(lane, {"belt_speed": np.linspace(0.2, 0.4, 6)}, **options(store, chunk=3, **more))
 
 
 def elsewhere(store, name="STICKSLIP_TEST_OFFSET", **more):

@@ -56,6 +56,14 @@ def test_workers_compute_what_one_process_does(function, more, client, tmp_path)
             assert_same(tmp_path / "store" / "refined" / step, tmp_path / "alone" / "refined" / step)
 
 
+def test_the_program_of_a_motion_is_that_of_the_process_that_asks(client, tmp_path):
+    """Workers compile with optimisation, unlike the quick suite: the last digits may differ."""
+    alone = _sweeps.simulated(None)
+    found = _sweeps.simulated(tmp_path / "store", client=client)
+    assert found.attrs["sweep_state"] == "finished"
+    np.testing.assert_allclose(found.x, alone.x, rtol=1e-9)
+
+
 def workers_of(client):
     """Process numbers of the workers."""
     return list(client.run(os.getpid).values())

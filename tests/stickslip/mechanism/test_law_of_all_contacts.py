@@ -6,16 +6,17 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from stickslip.contact import resolve
+from stickslip.mechanism._laws import Bounds
 from stickslip.mechanism._scalars import Mass
-from tests.stickslip.mechanism._islands import (
+from tests.oracle import resolve
+from tests.stickslip.mechanism._groups import (
     DEPENDENT,
     STRUCTURES,
     distance,
     enumerated,
     found,
     instants,
-    island,
+    named,
 )
 
 CASES = 500
@@ -24,7 +25,7 @@ CASES = 500
 @pytest.mark.parametrize("name", STRUCTURES)
 def test_the_least_of_gauss_function(name):
     """Static friction as kinetic: the acceleration is the minimum of a convex function."""
-    of, given = island(name), instants(name, CASES)
+    of, given = named(name), instants(name, CASES)
     states, acceleration, ended = found(of, given)
     assert ended.all()
     assert {*np.unique(states)} == {-1.0, 0.0, 1.0}
@@ -34,7 +35,7 @@ def test_the_least_of_gauss_function(name):
 @pytest.mark.parametrize("name", ["chain, relative", "carriage", "five in space"])
 def test_a_drop_of_friction_ends_in_a_state_that_is_allowed(name):
     """What slides goes in its sense under kinetic friction; what rests bears no more than static."""
-    of, given = island(name), instants(name, CASES, seed=1)
+    of, given = named(name), instants(name, CASES, seed=1)
     J = of.directions
     states, a, ended = found(of, given, static=1.4)
     assert ended.all()
@@ -67,15 +68,15 @@ def outside(J, load, bounds) -> float:
 @pytest.mark.parametrize("name", DEPENDENT)
 def test_share_of_what_dependent_contacts_bear(name):
     """The largest load in the direction of the given one, by linear programming."""
-    of, given = island(name), instants(name, 60, seed=2)
+    of, given = named(name), instants(name, 60, seed=2)
     J = of.directions
-    rest, rows = [jnp.ones((), bool)] * of.m, [[float(x) for x in row] for row in J]
+    rest, rows = (jnp.ones((), bool),) * of.m, J.tolist()
 
     def share(M, F, low, high):
-        motion = of.motion(Mass(full=[list(row) for row in M]), list(F), rows, rest, [0.0] * of.m)
-        return of.onset(list(low), list(high), rest, motion)[0], jnp.stack(
-            [jnp.asarray(x, jnp.float64) for x in motion.reaction]
-        )
+        motion = of.motion(Mass(full=[list(row) for row in M]), tuple(F), rows, rest, [0.0] * of.m)
+        reaction = of.row([jnp.asarray(x, jnp.float64) for x in motion.reaction])
+        bounds = Bounds(of.row(list(low)), of.row(list(high)))
+        return of.onset(bounds, of.row(list(rest)), reaction).share, jnp.stack(list(reaction))
 
     arguments = map(jnp.asarray, (given.M, given.F, given.low, given.high))
     shares, reactions = jax.jit(jax.vmap(share))(*arguments)
@@ -99,8 +100,8 @@ def test_share_of_what_dependent_contacts_bear(name):
 
 @pytest.mark.parametrize("name", ["carriage", "carriage on four skew rails", "five in space"])
 def test_as_resolve(name):
-    """The search of `stickslip.contact`, another one, for friction that is the same both ways."""
-    of, given = island(name), instants(name, CASES, seed=3)
+    """The search of `tests.oracle`, another one, for friction that is the same both ways."""
+    of, given = named(name), instants(name, CASES, seed=3)
     given = given._replace(low=-given.high, gamma=0.0 * given.gamma)
     _, acceleration, _ = found(of, given)
     answer = jax.vmap(resolve, in_axes=(0, 0, None, 0))(
@@ -111,7 +112,7 @@ def test_as_resolve(name):
 
 def test_a_velocity_that_no_contact_touches():
     """Its lever is zero, which once made every overload rounding: a block that carries a pendulum."""
-    of, given = island("dependent, of fewer than all velocities"), instants("carriage", 1)
+    of, given = named("dependent, of fewer than all velocities"), instants("carriage", 1)
     J = of.directions
     M = np.array([[[3.0, 0.0, 1.0], [0.0, 2.0, 0.0], [1.0, 0.0, 1.0]]])
     F, limits = np.array([[4.0, 0.0, 0.0]]), np.full((1, 3), 0.5)
