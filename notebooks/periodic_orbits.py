@@ -32,6 +32,7 @@ import numpy as np
 import stickslip as ss
 from stickslip import plot
 from stickslip.continuation import (
+    Follow,
     OrbitGuess,
     continue_equilibrium,
     continue_orbit,
@@ -109,7 +110,7 @@ assert not bool(nothing.successful)
 
 # %%
 branch = continue_orbit(
-    block, orbit, "belt_speed", (0.4, 0.8), step=0.04, both=not QUICK, max_points=60
+    block, orbit, "belt_speed", (0.4, 0.8), follow=Follow(step=0.04, both=not QUICK, max_points=60)
 )
 print(branch)
 (fold,) = branch["GR"]
@@ -174,10 +175,14 @@ assert fold.words.startswith("grazing-sliding")
 
 # %%
 curve = continue_point(
-    block, fold, ("belt_speed", "damping"), ((0.5, 0.9), (0.4, 0.6)), step=0.15, both=not QUICK
+    block,
+    fold,
+    ("belt_speed", "damping"),
+    ((0.5, 0.9), (0.4, 0.6)),
+    follow=Follow(step=0.15, both=not QUICK),
 )
 print(curve)
-plot.curve(curve).set_title("Discontinuous fold over speed and damping")
+plot.branch(curve).set_title("Discontinuous fold over speed and damping")
 plt.show()
 
 # %% [markdown]
@@ -193,12 +198,16 @@ plt.show()
 
 # %%
 slip = block.mode_names.index("slip backward")
-rest = continue_equilibrium(block, block.state(x=0.35), "belt_speed", (0.3, 0.9), mode0=slip)
+rest = continue_equilibrium(
+    block, block.state(x=0.35), "belt_speed", (0.3, 0.9), mode0=slip, follow=Follow(step=0.02)
+)
 print(rest)
 (point,) = rest["HB"]
 assert abs(point.value - hopf) < 1e-10
 if not QUICK:
-    born = continue_orbit(block, point, "belt_speed", (0.4, 0.8), step=0.2, max_points=80)
+    born = continue_orbit(
+        block, point, "belt_speed", (0.4, 0.8), follow=Follow(step=0.2, max_points=80)
+    )
     print(born)
     assert abs(born["GR"][0].value - fold.value) < 1e-8
 
@@ -231,9 +240,13 @@ def cycle(system):
 switched = ss.WithPeriodicBreaks(Switched(0.45), breaks, cycle)
 start = OrbitGuess(Motion(0.0, 1.0), float(cycle(switched.system)))
 driven = continue_orbit(
-    switched, start, "system__frequency", (0.25, 0.6), step=0.1 if QUICK else 0.04,
+    switched,
+    start,
+    "system__frequency",
+    (0.25, 0.6),
     forcing_period=lambda system: cycle(system.system),
-)  # fmt: skip
+    follow=Follow(step=0.1 if QUICK else 0.04),
+)
 print(driven)
 assert np.asarray(driven.orbits.stable).all()
 axis = plot.branch(driven, "x")

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 import stickslip as ss
-from stickslip.continuation import Branch, OrbitGuess, PeriodicOrbit, continue_orbit
+from stickslip.continuation import Branch, Follow, OrbitGuess, PeriodicOrbit, Shooting, continue_orbit
 
 from .._experiment import Context
 from ._diagram import PARAMETERS, diagrams
@@ -49,9 +49,8 @@ def followed(variant: str, damping: float, parameters: Mapping[str, Any]) -> Bra
         "beam__v",
         (parameters["follow_min"], parameters["follow_max"]),
         forcing_period=PressedBeam.period,
-        step=parameters["step"],
-        max_points=parameters["max_orbits"],
-        integrator=ss.Integrator("dop853", rule),
+        follow=Follow(step=parameters["step"], max_points=parameters["max_orbits"]),
+        shooting=Shooting(integrator=ss.Integrator("dop853", rule)),
     )
 
 

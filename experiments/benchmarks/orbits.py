@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
 import stickslip as ss
-from stickslip.continuation import OrbitGuess, continue_orbit
+from stickslip.continuation import Follow, OrbitGuess, Shooting, continue_orbit
 from stickslip.systems import BlockState
 
 from . import _orbits_auto
@@ -48,10 +48,13 @@ def ours(case: Case, state: np.ndarray, period: float):
     """Orbits as rows (k3, period), doublings alike."""
     x, y, vx, vy = map(float, state)
     branch = continue_orbit(
-        case.system(LOW), OrbitGuess(BlockState(x, vx, y, vy), period), "k3", (LOW - STEP, HIGH),
-        step=STEP / (HIGH - LOW + STEP), both=False,
-        integrator=ss.Integrator("tsit5", ss.AdaptiveStep(TOLERANCE)),
-    )  # fmt: skip
+        case.system(LOW),
+        OrbitGuess(BlockState(x, vx, y, vy), period),
+        "k3",
+        (LOW - STEP, HIGH),
+        follow=Follow(step=STEP / (HIGH - LOW + STEP), both=False),
+        shooting=Shooting(integrator=ss.Integrator("tsit5", ss.AdaptiveStep(TOLERANCE))),
+    )
     flips = [(p.value, float(p.orbit.period)) for p in branch["PD"]]
     return np.column_stack([branch.values, np.asarray(branch.orbits.period)]), np.array(flips)
 

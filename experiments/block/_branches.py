@@ -18,8 +18,10 @@ from stickslip.analysis import STATUS
 from stickslip.continuation import (
     Branch,
     BranchPoint,
+    Follow,
     OrbitGuess,
     PeriodicOrbit,
+    Shooting,
     continue_orbit,
     load_branch,
     save_branch,
@@ -85,9 +87,8 @@ def family(
     """
     options = {
         "bounds": (parameters["follow_min"], parameters["follow_max"]),
-        "step": parameters["step"],
-        "max_points": parameters["max_orbits"],
-        "integrator": precise(parameters),
+        "follow": Follow(step=parameters["step"], max_points=parameters["max_orbits"]),
+        "shooting": Shooting(integrator=precise(parameters)),
     }
     system, start = system_of(model, parameters["follow_min"], parameters["set"])[:2]
 
@@ -101,7 +102,8 @@ def family(
     doublings, missing = [0], []
     for level in range(1, parameters["doublings"] + 1):
         # The longer the orbits are the more they depend on where they start.
-        options["segments"] = level * parameters["segments"]
+        segments = level * parameters["segments"]
+        options["shooting"] = Shooting(segments, precise(parameters))
         here = [b for b, d in zip(branches, doublings, strict=True) if d == level - 1]
         met: list[float] = []
         for number, point in enumerate(_flips(here)):

@@ -7,7 +7,14 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from stickslip.continuation import Branch, BranchPoint, OrbitGuess, continue_orbit
+from stickslip.continuation import (
+    Branch,
+    BranchPoint,
+    Follow,
+    OrbitGuess,
+    Shooting,
+    continue_orbit,
+)
 from stickslip.systems import BlockState
 
 from ._branches import precise
@@ -120,7 +127,6 @@ def _guess(row: xr.Dataset, i: int) -> OrbitGuess:
 def _options(parameters: Mapping[str, Any], step: float) -> dict[str, Any]:
     return {
         "bounds": bounds_of(parameters)[0],
-        "step": step,
-        "max_points": parameters["max_orbits"],
-        "integrator": precise(parameters),
+        "follow": Follow(step=step, max_points=parameters["max_orbits"]),
+        "shooting": Shooting(integrator=precise(parameters)),
     }

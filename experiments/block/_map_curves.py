@@ -7,7 +7,13 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from stickslip.continuation import BifurcationCurve, Branch, BranchPoint, continue_point
+from stickslip.continuation import (
+    Branch,
+    BranchPoint,
+    Follow,
+    Shooting,
+    continue_point,
+)
 
 from ._branches import precise
 from ._map import system_at
@@ -31,7 +37,7 @@ class Followed:
     towards which k3 there are orbits; 0 where that is not one side.
     """
 
-    curve: BifurcationCurve
+    curve: Branch
     start: BranchPoint
     level: int
     side: int
@@ -98,15 +104,14 @@ def _is_birth(found: list[Followed], point: BranchPoint, speed: float, cell: np.
     )
 
 
-def _curve(point: BranchPoint, speed: float, parameters, **options: Any) -> BifurcationCurve | None:
+def _curve(point: BranchPoint, speed: float, parameters, **options: Any) -> Branch | None:
     """The curve through a point at a belt speed; None where none can be followed."""
     system = system_at(parameters["friction"], point.value, speed)
     bounds = options.pop("bounds", bounds_of(parameters))
+    follow = Follow(parameters["curve_step"], parameters["curve_points"], **options)
+    shooting = Shooting(integrator=precise(parameters))
     try:
-        return continue_point(
-            system, point, PLANE, bounds, step=parameters["curve_step"],
-            max_points=parameters["curve_points"], integrator=precise(parameters), **options,
-        )  # fmt: skip
+        return continue_point(system, point, PLANE, bounds, follow=follow, shooting=shooting)
     except ValueError:
         return None
 

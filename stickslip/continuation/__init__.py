@@ -1,17 +1,15 @@
 """Periodic orbits through stick, slip and impact: Newton's method, Floquet multipliers, branches."""
 
-from ._bifurcation_curve import BifurcationCurve as BifurcationCurve
-from ._bifurcation_curve import CurveEnd as CurveEnd
-from ._bifurcation_curve import CurvePoint as CurvePoint
 from ._branch import Branch as Branch
 from ._branch import BranchPoint as BranchPoint
 from ._continue import continue_orbit as continue_orbit
 from ._continue_equilibrium import continue_equilibrium as continue_equilibrium
 from ._continue_point import continue_point as continue_point
-from ._equilibrium import EquilibriumBranch as EquilibriumBranch
-from ._equilibrium import EquilibriumPoint as EquilibriumPoint
+from ._equilibrium import Equilibrium as Equilibrium
 from ._guess import OrbitGuess as OrbitGuess
 from ._guess import orbit_guess as orbit_guess
+from ._options import Follow as Follow
+from ._options import Shooting as Shooting
 from ._orbit import PeriodicOrbit as PeriodicOrbit
 from ._outcome import ORBITS as ORBITS
 from ._periodic_orbit import periodic_orbit as periodic_orbit

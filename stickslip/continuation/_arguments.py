@@ -1,6 +1,7 @@
 """Arguments that the ways of following an orbit have in common."""
 
-from collections.abc import Callable, Mapping
+import dataclasses
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -9,25 +10,38 @@ from jaxtyping import PyTree
 from .._validation import (
     as_parameter,
     check_callable,
-    check_count,
     check_handed_on,
     check_type,
     one_concrete,
     refusal,
 )
 from ..analysis.observable import check_parameter, with_parameters
-from ..hybrid import AbstractHybridSystem, Integrator, current_executor
+from ..hybrid import AbstractHybridSystem, current_executor
 from ..hybrid.arguments import start_of
 from ..hybrid.tree import with_float_arrays
 from ._along import Problem
 from ._beginning import beside_breaks
-from ._closing import check_autonomous, tight
-from ._follow import Point
+from ._closing import check_autonomous
 from ._guess import OrbitGuess, check_seen
+from ._options import Follow, Shooting
 from ._orbit import PeriodicOrbit
-from ._points import TESTS
 
-TAKEN = (*TESTS, "GR", "SQ", "HB", "UZ", "EP")
+
+def follow_of(follow: Any, bounds: tuple[tuple[float, float], ...]) -> Follow:
+    """The settings of a branch within bounds, with the values asked for as rows of numbers."""
+    check_type("follow", follow, Follow, "a Follow")
+    rows = follow.values_by_parameter(len(bounds))
+    if len(rows) != len(bounds):
+        allowed = f"{len(bounds)} tuples of numbers, one for each parameter"
+        raise refusal("follow.values", follow.values, allowed, TypeError)
+    names = ["follow.values"] if len(bounds) == 1 else [f"follow.values[{i}]" for i in range(len(rows))]
+    found = tuple(levels_of(*both) for both in zip(names, rows, bounds, strict=True))
+    values = found[0] if len(bounds) == 1 else found
+    return dataclasses.replace(follow, values=values, step=float(follow.step))
+
+
+def shooting_of(shooting: Any) -> Shooting:
+    return check_type("shooting", shooting, Shooting, "a Shooting")
 
 
 def bounds_of(argument: str, bounds: Any) -> tuple[float, float]:
@@ -69,23 +83,8 @@ def concrete_guess(system: AbstractHybridSystem, guess: OrbitGuess, args: PyTree
     period = float(one_concrete("orbit.period", guess.period, "positive"))
     t0 = float(one_concrete("orbit.t0", guess.t0))
     y0, mode0 = start_of(system, t0, guess.y0, guess.mode0, args)
-    t0, y0, mode0 = beside_breaks(system, args, tight(), t0, y0, mode0)
+    t0, y0, mode0 = beside_breaks(system, args, Shooting().tight(), t0, y0, mode0)
     return OrbitGuess(y0, period, mode0, t0, guess.turns)
-
-
-def functions_of(functions: Any) -> dict[str, Callable[[Point], float]]:
-    """Functions whose zeros are special points: those that all branches have, and the user's."""
-    tests = dict(TESTS)
-    if functions is None:
-        return tests
-    if not isinstance(functions, Mapping):
-        raise refusal("functions", functions, "a mapping from labels to functions, or None", TypeError)
-    for label, function in functions.items():
-        if not isinstance(label, str) or label in TAKEN:
-            raise refusal("functions", label, "labels that are not taken")
-        check_callable(f"functions[{label!r}]", function, "f(orbit)", 0)
-        tests[label] = lambda point, function=function: float(function(point.orbit))
-    return tests
 
 
 def problem_of(
@@ -96,16 +95,11 @@ def problem_of(
     forcing_period: Any,
     *,
     args: PyTree,
-    segments: int,
-    integrator: Any,
-    max_events: int,
+    shooting: Any,
 ) -> Problem:
     """What is followed from an orbit over parameters that have these values there."""
     check_handed_on("args", args)
-    check_count("segments", segments, 1)
-    check_count("max_events", max_events, 1)
-    integrator = tight() if integrator is None else integrator
-    check_type("integrator", integrator, Integrator, "an Integrator or None")
+    shooting = shooting_of(shooting)
     there, multiple = with_parameters(system, dict(values)), 1
     if forcing_period is None:
         state = orbit.t0, orbit.y0, orbit.mode0
@@ -120,6 +114,6 @@ def problem_of(
             raise refusal("forcing_period(system)", float(forcing), allowed)
     system, args = with_float_arrays((system, args))
     return Problem(
-        system, args, integrator, as_parameter(np.asarray(spans, float)),
-        tuple(values), forcing_period, multiple, segments, max_events, current_executor(),
+        system, args, shooting.tight(), as_parameter(np.asarray(spans, float)), tuple(values),
+        forcing_period, multiple, shooting.segments, shooting.max_events, current_executor(),
     )  # fmt: skip

@@ -1,13 +1,13 @@
 """The curve over two parameters on which orbits of one sequence of modes end."""
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
-from ._along import Problem, passed
-from ._curve import AbstractCurve, Place, directed, last_place
-from ._follow import Failure, Point, ahead, correct, strayed
+from ._along import Problem
+from ._curves import AbstractCurve, Place, directed, last_place, reason_of
+from ._family import Event, Failure, Leg
+from ._point import Point, ahead, correct, strayed
 from ._points import border
+from ._touches import events_of, first_difference
 
 INSIDE = (0.0, 0.02, 0.1, 0.5, 2.0)  # of the step: how far beside the border orbits are looked for
 NEAR = 1.0  # of the way to them: how far from where they are expected they are
@@ -15,42 +15,25 @@ AROUND = 16  # directions in which they are looked for at first
 # How far beyond a border the motion is looked at for its other sequence, and around a corner for all
 # that there are, in parts of its size.
 OUTSIDE, NEARBY = (1e-9, 1e-8, 1e-7), (1e-6, 1e-5, 1e-4)
-# How far beside an orbit that touches a guard, as well as it is known, motions have other events.
-TOUCHING = (1e-9, 1e-8, 1e-7, 1e-6)
-
-
-def _events(problem: Problem, point: Point, u: np.ndarray) -> list | None:
-    """Guards and modes of one period from these unknowns on."""
-    log, good = jax.device_get(passed(problem, jnp.asarray(u), point.modes, point.anchor))
-    if not good:
-        return None
-    return list(zip(log.guard[: log.count].tolist(), log.mode_after[: log.count].tolist(), strict=True))
-
-
-def touches(problem: Problem, point: Point, ways: list[np.ndarray]) -> bool:
-    """Whether an orbit touches a guard: motions next to it, both ways, have other events."""
-    if not problem.system.guard_names:
-        return False
-    own = _events(problem, point, point.u)
-    sides = [sign * way for way in ways for sign in (1.0, -1.0)]
-    found = (_events(problem, point, point.u + d * way) for d in TOUCHING for way in sides)
-    return any(events is not None and events != own for events in found)
-
-
-def _difference(own: list | None, other: list | None) -> tuple | None:
-    """Where another list of events first differs, and the event there."""
-    if own is None or other is None or own == other:
-        return None
-    both = zip(own, other, strict=False)
-    at = next((i for i, (a, b) in enumerate(both) if a != b), min(len(own), len(other)))
-    return (at, *(other[at] if at < len(other) else ()))
+CORNER = "GRGR: the border of another sequence of modes is met"
 
 
 class Border(AbstractCurve):
     """The curve on which orbits of one sequence of modes end, by bisection across it."""
 
-    def __init__(self, problem: Problem, sequence: tuple):
-        self.problem, self.sequence = problem, sequence
+    def __init__(self, problem: Problem, label: str, sequence: tuple):
+        self.problem, self.label, self.own = problem, label, sequence
+
+    def reason(self, last: Place, failure: Failure) -> str:
+        return CORNER if self.corner(last) else reason_of(self.problem, last, failure)
+
+    def others(self, leg: Leg, found: list[Event]) -> list[Event]:
+        """The corner at which the border of another event is met, nearer than all else."""
+        last = self.met(leg.before, leg.after, leg.distance)
+        if last is None:
+            return found
+        found = [event for event in found if not event.ends]
+        return [*found, Event("EP", last, CORNER, ends=True, located=True)]
 
     def begin(self, point: Point, distance: float) -> Place | Failure:
         """A place at an orbit that nearly is the last one of its sequence.
@@ -100,11 +83,11 @@ class Border(AbstractCurve):
         `(index, guard, mode after)`, or None where none is seen. What comes later is no matter: a
         first touch of a stop kicks as the square root of how deep it is, into other borders too.
         """
-        own = _events(self.problem, place.point, place.point.u)
+        own = events_of(self.problem, place.point, place.point.u)
         for beside in OUTSIDE:
-            found = _events(self.problem, place.point, place.point.u - beside * place.normal)
+            found = events_of(self.problem, place.point, place.point.u - beside * place.normal)
             if found != own:
-                return _difference(own, found)
+                return first_difference(own, found)
         return None
 
     def met(self, before: Place, after: Place, distance: float) -> Place | None:
@@ -117,7 +100,7 @@ class Border(AbstractCurve):
 
     def corner(self, place: Place) -> bool:
         """Whether motions near a place differ from its orbit in more than one first event."""
-        own = _events(self.problem, place.point, place.point.u)
+        own = events_of(self.problem, place.point, place.point.u)
         directions = [
             side * place.way - lean * place.normal
             for side in (1.0, -1.0)
@@ -125,7 +108,9 @@ class Border(AbstractCurve):
         ]
         for beside in NEARBY:
             beyond = {
-                _difference(own, _events(self.problem, place.point, place.point.u + beside * direction))
+                first_difference(
+                    own, events_of(self.problem, place.point, place.point.u + beside * direction)
+                )
                 for direction in directions
             } - {None}
             if len(beyond) > 1:
@@ -133,7 +118,7 @@ class Border(AbstractCurve):
         return False
 
     def _alike(self, point: Point) -> bool:
-        return point.sequence == self.sequence
+        return point.sequence == self.own
 
     def _across(self, place: Place, distance: float) -> Point | Failure:
         """The last orbit on the line across the curve, at a distance along it."""

@@ -1,6 +1,5 @@
-"""A branch of periodic orbits as data: orbits in order, special points, a labelled Dataset."""
+"""A branch as data: solutions in order, special points, a labelled Dataset."""
 
-import dataclasses
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -11,129 +10,159 @@ import numpy as np
 from .._show import counted, html_table, number
 from ..analysis.observable import with_parameters
 from ..hybrid import AbstractHybridSystem
-from ..hybrid.components import components_of
-from ._along import Problem
-from ._follow import Point
+from ._equilibrium import Equilibrium
+from ._family import AbstractFamily, Event
 from ._orbit import PeriodicOrbit
+from ._walk import Half
 
 if TYPE_CHECKING:
     import xarray as xr
 
 
-@dataclasses.dataclass(frozen=True)
-class Special:
-    """A special point while the branch is followed: after which orbit it comes, and why."""
-
-    label: str
-    point: Point
-    words: str
-    index: int
-
-    def at(self, index: int) -> "Special":
-        """The same after another orbit."""
-        return dataclasses.replace(self, index=index)
-
-
 class BranchPoint(eqx.Module):
-    """A special point of a branch: `label`, `value` of the parameter, `orbit`, and in `words` why.
+    """A special point of a branch: `label`, `values` of the parameters, and in `words` why or what.
 
-    `index`: number of the orbit of the branch before it. `slope`: direction of the branch there, the
-    rates of the first point, of the period if it is an unknown, and of the parameter. `system`: with
-    the parameter at this value.
+    - `orbit`: a `PeriodicOrbit`, or an `Equilibrium`. Of a point that was not located, such as `LP?`,
+      it is the one before it.
+    - `index`: number of the point of the branch before it.
+    - `slope`: direction of the branch there: of orbits the rates of the first point, of the period if
+      it is an unknown, and of the parameter; of equilibria those of the state and of the parameter; of
+      a curve those of its two parameters.
+    - `system`: with the parameters at these values.
     """
 
     label: str
-    value: float
-    orbit: PeriodicOrbit
+    values: np.ndarray
+    orbit: PeriodicOrbit | Equilibrium
     words: str
     index: int
     slope: np.ndarray
     system: AbstractHybridSystem
 
+    @property
+    def value(self) -> float:
+        """Of the only parameter, or the first one."""
+        return float(self.values[0])
+
     def __repr__(self) -> str:
-        after = f": {self.words}" if self.words else ""
-        return f"{self.label} at {self.value:.10g}{after}"
+        period = isinstance(self.orbit, Equilibrium) and self.label == "HB"
+        more = f", period {float(self.orbit.period):.10g} s" if period else ""
+        return f"{self.label} at {_listed(self.values)}{more}{': ' * bool(self.words)}{self.words}"
 
 
 class Branch(eqx.Module):
-    """Periodic orbits over one parameter, in order along the branch.
+    """Periodic orbits or equilibria over one parameter, or special orbits over two, in order.
 
-    - `parameter`: its name; `values`, `[point]`.
-    - `orbits`: a `PeriodicOrbit` with a leading axis, `[point]`.
-    - `sequences`: the sequence of (guard, mode after) of each orbit, turned to its smallest form.
-    - `specials`: `BranchPoint`s, in order along the branch.
+    - `parameters`: names; `values`, `[point]`, over two parameters `[point, 2]`.
+    - `orbits`: a `PeriodicOrbit` or an `Equilibrium` with a leading axis, `[point]`.
+    - `sequences`: the sequence of (guard, mode after) of each orbit, turned to its smallest form; of an
+      equilibrium its mode.
+    - `specials`: `BranchPoint`s, in order along the branch; the first and the last are its ends, `EP`,
+      of a closed one only the last.
+    - `label`: of a curve over two parameters that of its points, as of a `BranchPoint`.
     """
 
-    parameter: str
+    parameters: tuple[str, ...]
     values: np.ndarray
-    orbits: PeriodicOrbit
+    orbits: PeriodicOrbit | Equilibrium
     sequences: tuple
     specials: tuple[BranchPoint, ...]
     system: AbstractHybridSystem
+    label: str = ""
+
+    @property
+    def parameter(self) -> str:
+        """The only parameter, or the first one."""
+        return self.parameters[0]
+
+    @property
+    def ends(self) -> tuple[BranchPoint, ...]:
+        """Where and why it ends, on one side and the other."""
+        return self["EP"]
 
     def __getitem__(self, label: str) -> tuple[BranchPoint, ...]:
         """All special points with a label."""
         return tuple(s for s in self.specials if s.label == label)
 
     def __len__(self) -> int:
-        return self.values.size
+        return self.values.shape[0]
 
     def __repr__(self) -> str:
+        return "\n".join([self._head(), *(f"  {special!r}" for special in self.specials)])
+
+    def _head(self) -> str:
+        low, high = (np.atleast_1d(end(self.values, axis=0)) for end in (np.min, np.max))
+        over = ", ".join(
+            f"{name} from {number(a)} to {number(b)}"
+            for name, a, b in zip(self.parameters, low, high, strict=True)
+        )
+        if self.label:
+            return f"Branch of {self.label}: {counted(len(self), 'point')}; {over}"
         stable = int(np.sum(np.asarray(self.orbits.stable)))
+        if isinstance(self.orbits, Equilibrium):
+            return (
+                f"Branch: {counted(len(self), 'equilibrium', 'equilibria')}, {stable:,} stable; {over}"
+            )
         flagged = int(np.sum(np.asarray(self.orbits.flags) != 0))
-        head = (
-            f"Branch: {counted(len(self), 'orbit')}, {stable:,} stable; {self.parameter} from "
-            f"{number(self.values.min())} to {number(self.values.max())}{self._free()}"
+        # Along which components the place of the orbits is that of the first one.
+        free = jax.tree.map(lambda leaf: leaf[0], self.orbits).place.partition(",")[0]
+        return (
+            f"Branch: {counted(len(self), 'orbit')}, {stable:,} stable; {over}{'; ' * bool(free)}{free}"
             f"{f'; derivative flags: {flagged:,} of the orbits' * (flagged > 0)}"
         )
-        return "\n".join([head, *(f"  {special!r}" for special in self.specials)])
-
-    def _free(self) -> str:
-        """Along which components the place of the orbits is that of the first one."""
-        words = jax.tree.map(lambda leaf: leaf[0], self.orbits).place.partition(",")[0]
-        return f"; {words}" if words else ""
 
     def _repr_html_(self) -> str:
-        head = repr(self).partition("\n")[0]
-        rows = [(s.label, f"{s.value:.10g}", s.words) for s in self.specials]
-        return html_table(head, ("label", self.parameter, ""), rows)
+        rows = [(s.label, *(f"{v:.10g}" for v in s.values), s.words) for s in self.specials]
+        return html_table(self._head(), ("label", *self.parameters, ""), rows)
 
     def to_dataset(self) -> "xr.Dataset":
         """The branch as an `xarray.Dataset` along `point`, special points along `special`.
 
-        `period` [s], `stable`, `multiplier_real` and `multiplier_imag` along `multiplier`,
+        Of orbits `period` [s], `stable`, `multiplier_real` and `multiplier_imag` along `multiplier`,
         `start_<name>` (the state at the start of each orbit, with its unit), `lowest_<name>`,
         `highest_<name>` and `amplitude_<name>` (half their difference) over the period, `sequence` (a
         number per mode sequence), `mode_sequence` (its modes by name), `num_events` and the derivative
-        `flags` of each orbit, the parameter as coordinate;
-        `label`, `special_<parameter>`, `special_period`, `special_words` along `special`. A parameter
-        with the name of one of these is called `parameter_<name>`.
+        `flags` of each orbit; of equilibria the components of the state, `stable`, `eigenvalue_real`
+        and `eigenvalue_imag` [1/s] along `eigenvalue`. The parameter is a coordinate, two are columns;
+        `label`, `special_<parameter>`, `special_period` [s], `special_words` along `special`. A
+        parameter with the name of one of these is called `parameter_<name>`.
         """
         import xarray as xr
 
-        orbits = self.orbits
         units = getattr(self.system, "parameter_units", {})
-        names = {s: k for k, s in enumerate(dict.fromkeys(self.sequences))}
-        unit = {"units": units[self.parameter]} if self.parameter in units else {}
+        marks = self.specials
+        periods = np.array([float(s.orbit.period) for s in marks], float)
         data: dict[str, Any] = {
-            "period": ("point", np.asarray(orbits.period), {"units": "s"}),
-            "stable": ("point", np.asarray(orbits.stable)),
-            "multiplier_real": (("point", "multiplier"), np.real(orbits.multipliers)),
-            "multiplier_imag": (("point", "multiplier"), np.imag(orbits.multipliers)),
+            **self.orbits.columns(self.system),
+            **self._sequences(),
+            "label": ("special", np.array([s.label for s in marks], dtype=str)),
+            "special_period": ("special", periods, {"units": "s"}),
+            "special_words": ("special", np.array([s.words for s in marks], dtype=str)),
+        }
+        coordinates, columns = {}, self.values.reshape(len(self), -1).T
+        for i, (name, column) in enumerate(zip(self.parameters, columns, strict=True)):
+            unit = {"units": units[name]} if name in units else {}
+            own = column_of(name, data)
+            places = np.array([s.values[i] for s in marks], float)
+            data[f"special_{own}"] = "special", places, unit
+            coordinates[own] = "point", column, unit
+        if len(self.parameters) > 1:
+            return xr.Dataset({**data, **coordinates}, attrs={"label": self.label})
+        return xr.Dataset(data, coords=coordinates)
+
+    def _sequences(self) -> dict[str, Any]:
+        if isinstance(self.orbits, Equilibrium):
+            return {}
+        names = {s: k for k, s in enumerate(dict.fromkeys(self.sequences))}
+        modes = [_modes(self.system, s) for s in self.sequences]
+        return {
             "sequence": ("point", np.array([names[s] for s in self.sequences])),
-            "mode_sequence": ("point", np.array([_modes(self.system, s) for s in self.sequences])),
-            "num_events": ("point", np.asarray(orbits.events.count)),
-            "flags": ("point", np.asarray(orbits.flags)),
-            "label": ("special", np.array([s.label for s in self.specials], dtype=str)),
-            "special_period": (
-                "special", np.array([float(s.orbit.period) for s in self.specials]), {"units": "s"},
-            ),
-            "special_words": ("special", np.array([s.words for s in self.specials], dtype=str)),
-            **labelled_states(orbits, self.system),
-        }  # fmt: skip
-        name = column_of(self.parameter, data)
-        data[f"special_{name}"] = "special", np.array([s.value for s in self.specials], float), unit
-        return xr.Dataset(data, coords={name: ("point", self.values, unit)})
+            "mode_sequence": ("point", np.array(modes)),
+        }
+
+
+def _listed(values: np.ndarray) -> str:
+    return ", ".join(f"{value:.10g}" for value in values)
 
 
 def column_of(parameter: str, data: Mapping[str, Any]) -> str:
@@ -143,20 +172,6 @@ def column_of(parameter: str, data: Mapping[str, Any]) -> str:
     return parameter if free else f"parameter_{parameter}"
 
 
-def labelled_states(orbits: PeriodicOrbit, system: AbstractHybridSystem) -> dict[str, Any]:
-    """Start, least and greatest values, amplitudes of orbits along `point`, with their units."""
-    data = {}
-    for prefix, tree in (("start", orbits.y0), ("lowest", orbits.lowest), ("highest", orbits.highest)):
-        for name, leaf in components_of(tree).items():
-            axes = ["point", *(f"{name}_{k}" for k in range(np.ndim(leaf) - 1))]
-            label = {"units": system.units[name]} if name in system.units else {}
-            data[f"{prefix}_{name}"] = (axes, np.asarray(leaf), label)
-    for name in components_of(orbits.lowest):
-        axes, low, label = data[f"lowest_{name}"]
-        data[f"amplitude_{name}"] = (axes, 0.5 * (data[f"highest_{name}"][1] - low), label)
-    return data
-
-
 def _modes(system: AbstractHybridSystem, sequence: tuple) -> str:
     """Modes of a sequence by name, in the order in which they are entered."""
     # Without events the sequence is the one mode that there is.
@@ -164,35 +179,23 @@ def _modes(system: AbstractHybridSystem, sequence: tuple) -> str:
     return ", ".join(str(system.mode_names[mode]) for mode in modes)
 
 
-def special_of(special: Special, problem: Problem, system: AbstractHybridSystem) -> BranchPoint:
-    """A special point as users see it, of their system."""
-    point = special.point
-    states, scales = np.asarray(point.anchor.size).size, [np.asarray(point.anchor.size)]
-    if problem.forcing_period is None:
-        scales.append(np.asarray([float(point.anchor.period)]))
-    scales.append(np.asarray(problem.unit))
-    scale = np.concatenate(scales)
-    slope = np.append(point.tangent[:states], point.tangent[states - scale.size :]) * scale
-    there = with_parameters(system, {problem.names[0]: np.float64(point.value)})
-    return BranchPoint(
-        special.label, point.value, point.orbit, special.words, special.index, slope, there
-    )
-
-
 def branch_of(
-    parameter: str,
-    points: list[Point],
-    specials: list[Special],
-    system: AbstractHybridSystem,
-    problem: Problem,
+    family: AbstractFamily, half: Half, system: AbstractHybridSystem, label: str = ""
 ) -> Branch:
-    """The branch of points in order."""
-    orbits = jax.tree.map(lambda *leaves: np.stack(leaves), *(p.orbit for p in points))
+    """The branch of points in order, of the system as users know it."""
+    names = family.names
+    orbits = [family.orbit(point) for point in half.points]
+    values = np.stack([np.asarray(point.values, float) for point in half.points])
+
+    def special(event: Event) -> BranchPoint:
+        at = np.array(event.point.values, float)
+        there = with_parameters(system, dict(zip(names, map(np.float64, at), strict=True)))
+        orbit, slope = family.orbit(event.point, event.label), family.slope(event.point)
+        return BranchPoint(event.label, at, orbit, event.words, event.index, slope, there)
+
     return Branch(
-        parameter,
-        np.array([p.value for p in points]),
-        orbits,
-        tuple(p.sequence for p in points),
-        tuple(special_of(s, problem, system) for s in specials),
-        system,
-    )
+        names, values if len(names) > 1 else values[:, 0],
+        jax.tree.map(lambda *leaves: np.stack(leaves), *orbits),
+        tuple(family.sequence(point) for point in half.points),
+        tuple(special(event) for event in half.events), system, label,
+    )  # fmt: skip

@@ -11,7 +11,8 @@ from scipy.interpolate import BarycentricInterpolator
 from scipy.optimize import brentq
 
 from ._along import Problem, evaluated, orbit_at
-from ._follow import Failure, Point, correct
+from ._family import Failure
+from ._point import Point, correct
 
 # Orbits at these numbers of widths around the zero; the width in parts of the step, and how many times
 # the zero is searched anew from what was found.
@@ -23,10 +24,10 @@ ASTRAY = 0.05  # of the step: farther from the cubic through both ends an orbit 
 AGREE, CLOSES = 1e-6, 1e-9
 
 
-def located_beside(
+def zero_beside(
     problem: Problem, before: Point, after: Point, test: Callable[[Point], float]
-) -> tuple[Point, float] | Failure:
-    """The point between two others where a function is zero, and where, in parts of the step.
+) -> Point | Failure:
+    """The point between two others where a function is zero.
 
     Where two branches cross Newton's method has no step: at the point itself, and near it, it ends on
     either branch. So nothing is solved there. Orbits at a safe distance on both sides are, from the
@@ -78,7 +79,7 @@ def located_beside(
             if abs(zeros[0] - zeros[1]) > AGREE:
                 break
             found = _on(problem, before, nodes, good, zeros[0])
-            return found if isinstance(found, Failure) else (found, zeros[0])
+            return found
     return why
 
 

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float, PyTree
 
 from .._validation import refusal
 from ..analysis.neutral_directions import neutral_shifts, projection_on
-from ..hybrid import AbstractHybridSystem, AdaptiveStep, Integrator, SaveAt, simulate
+from ..hybrid import AbstractHybridSystem, Integrator, SaveAt, simulate
 from ..hybrid.longest_step import depends_on_time
 from ._holding import on_constraints
 from ._monodromy import pieces_of
@@ -24,11 +24,6 @@ TURNS = 0.1  # of its mean speed: an angle that turns so fast shows the place on
 # the second part of that.
 SWINGS, BACK = 1e-6, 0.5
 KEEPS = 1e-6  # of the growth of deviations in a piece: by so much at most it changes a neutral shift
-
-
-def tight() -> Integrator:
-    """The integrator of orbits where none is given."""
-    return Integrator(step=AdaptiveStep(1e-12))
 
 
 def check_autonomous(

@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 import jax.numpy as jnp
@@ -11,20 +11,23 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import PyTree
 
 from .._types import Given
-from .._validation import check_count, check_flag, check_type, one_concrete, refusal
-from ..hybrid import AbstractHybridSystem, Integrator
+from .._validation import check_type, refusal
+from ..hybrid import AbstractHybridSystem
 from ..hybrid.arguments import the_system
 from ..hybrid.status import DISCONTINUOUS
 from ._along import Problem, evaluated
-from ._arguments import bounds_of, concrete_guess, functions_of, levels_of, problem_of, value_of
-from ._branch import Branch, BranchPoint, Special, branch_of
-from ._equilibrium import EquilibriumPoint
-from ._follow import Failure, Point, ahead, begin, turned
+from ._arguments import bounds_of, concrete_guess, follow_of, problem_of, value_of
+from ._branch import Branch, BranchPoint, branch_of
+from ._equilibrium import Equilibrium
+from ._family import Failure
 from ._guess import OrbitGuess
+from ._options import FOLLOW, SHOOTING, Follow, Shooting
 from ._orbit import PeriodicOrbit
-from ._points import Level
+from ._orbits import CLOSED, Orbits
+from ._point import Point, ahead, begin, remeasured
 from ._switch import born, crossing, doubled, outward
-from ._walk import settled, walked
+from ._walk import follow as follow_branch
+from ._walk import joined
 
 PRIMES = (7, 11, 13)
 ALIKE = 1e-3  # part of their size by which the ends of one motion differ, seen at other instants
@@ -36,20 +39,14 @@ CUT_OFF = ("max_points", "bounds", "homoclinic")  # ends beyond which a branch g
 
 def continue_orbit(
     system: Given[AbstractHybridSystem],
-    orbit: Given[PeriodicOrbit | OrbitGuess | BranchPoint | EquilibriumPoint],
+    orbit: Given[PeriodicOrbit | OrbitGuess | BranchPoint],
     parameter: Given[str],
     bounds: Given[tuple[float, float]],
     *,
     forcing_period: Given[Callable[[Any], Any] | None] = None,
-    step: Given[float] = 0.01,
-    max_points: Given[int] = 200,
-    values: Given[tuple[float, ...]] = (),
-    functions: Given[Mapping[str, Callable[[PeriodicOrbit], Any]] | None] = None,
-    both: Given[bool] = True,
-    segments: Given[int] = 1,
+    follow: Given[Follow] = FOLLOW,
+    shooting: Given[Shooting] = SHOOTING,
     args: PyTree = None,
-    integrator: Given[Integrator | None] = None,
-    max_events: Given[int] = 256,
 ) -> Branch:
     r"""Follow a periodic orbit over one parameter, through folds and changes of the mode sequence.
 
@@ -74,15 +71,11 @@ def continue_orbit(
     - `bounds`: least and greatest value of the parameter.
     - `forcing_period(system)` [s]: of a system that depends on the time; the orbit's period is a
       multiple of it. None: the period is an unknown.
-    - `step`: first and longest step, in parts of the bounds' distance (and of the motion's size, at all
-      knots together: with more `segments` the same step is a shorter part of the branch).
-    - `max_points`: orbits on each of the two halves of the branch.
-    - `values` of the parameter at which a point `UZ` is wanted.
-    - `functions`: real functions of the orbit, by label, whose zeros are located too.
-    - `both`: follow to both sides of `orbit`; otherwise to larger values of the parameter.
-    - `segments`, `args`, `integrator`, `max_events`: as for `periodic_orbit`. Orbits whose multipliers
-      are large (hundreds) need several segments; with one the steps become so short that the branch
-      does not get on.
+    - `follow`: a `Follow`, whose `step` is in parts of the motion's size at all knots together: with
+      more `segments` the same step is a shorter part of the branch.
+    - `shooting`: a `Shooting`. Orbits whose multipliers are large (hundreds) need several `segments`;
+      with one the steps become so short that the branch does not get on.
+    - `args`: as for `simulate`.
 
     **Returns** a `Branch`: the orbits in order along the branch, and the special points `LP` (fold),
     `PD` (period doubling), `NS` (torus), `BP` (branch point), `GR` (an event appears or vanishes), `SQ`
@@ -90,10 +83,10 @@ def continue_orbit(
     has shrunk to an equilibrium), `EP` (end, with the reason).
 
     Steps at which Newton's method fails, or that end on another branch, are shortened: an orbit farther
-    from where it was expected than the branch bends is none of it, and one beyond a border only if its
-    branch leads back there. A branch of doubled orbits ends where it meets the orbit that it doubles,
-    at its doubling. A special point that the search did not find is labelled with a question mark,
-    `LP?`, and between which orbits it lies.
+    from the prediction than the curvature explains is on another branch, and an orbit beyond a border
+    belongs to the branch only if its own branch leads back there. A branch of doubled orbits ends
+    where it meets the orbit that it doubles, at its doubling. A special point that the search did not
+    find is labelled with a question mark, `LP?`, and between which orbits it lies.
 
     The loop is Python and runs outside `jit`; it compiles three programs for the first branch of a
     system and none for later ones. Of a `GR` point `words` name the sliding bifurcation.
@@ -107,48 +100,16 @@ def continue_orbit(
     that is one of a family at its value of the parameter, as by a quantity that is conserved.
     """
     the_system(system)
-    special, rest, known = _start_of(system, orbit, args)
-    value = value_of(system, parameter)
+    special, known = _start_of(system, orbit, args)
+    value = value_of(system, parameter) if special is None else special.value
     low, high = bounds_of("bounds", bounds)
-    one_concrete("step", step, "positive")
-    check_count("max_points", max_points, 1)
-    check_flag("both", both)
-    levels = [Level(level) for level in levels_of("values", values, (low, high))]
-    tests = [*functions_of(functions).items(), *(("UZ", level) for level in levels)]
-    if special is not None:
-        value = special.value
-    elif rest is not None:
-        value = rest.value
+    options = follow_of(follow, ((low, high),))
     if not low <= value <= high:
         raise refusal("bounds", (low, high), f"around the value of {parameter}, {value}")
     problem = problem_of(
-        system, {parameter: value}, [high - low], known, forcing_period, args=args, segments=segments,
-        integrator=integrator, max_events=max_events,
-    )  # fmt: skip
-    if rest is not None:
-        starts = [born(problem, rest)]
-    elif special is not None and special.label == "PD":
-        problem = dataclasses.replace(problem, multiple=2 * problem.multiple)
-        starts = [doubled(problem, known, value)]  # backwards lies the point it came from
-    elif special is not None and special.label == "BP":
-        starts = list(crossing(problem, known, value, special.slope))
-    elif special is not None and special.words.partition(" ")[0] in CUT_OFF:
-        first = begin(problem, known, value)
-        starts = [outward(problem, first, special.slope) if isinstance(first, Point) else first]
-    else:
-        first = begin(problem, known, value)
-        if isinstance(first, Point):
-            problem, first = _shortest(problem, first)
-        if isinstance(first, Point):
-            first = settled(problem, first)
-            other = _beside(problem, first, 0.5 * (low + high))
-            if other:
-                allowed = (
-                    f"an orbit that is alone, or whose place is free all along the branch: {other}"
-                )
-                raise refusal("orbit", orbit, allowed, but="one with a further multiplier 1")
-            first = first if first.tangent[-1] > 0 else turned(first)
-        starts = [first, first if isinstance(first, Failure) else turned(first)]
+        system, {parameter: value}, [high - low], known, forcing_period, args=args, shooting=shooting
+    )
+    problem, starts = _starts(problem, orbit, special, known, value, 0.5 * (low + high))
     one, *others = starts
     if isinstance(one, Failure):
         one, *others = [p for p in others if isinstance(p, Point)] or [one]
@@ -160,40 +121,61 @@ def continue_orbit(
             "if a load does, see WithPeriodicBreaks; friction needs modes"
         )
         raise refusal("orbit", orbit, allowed)
-    forward, marks = walked(problem, one, (low, high), step, max_points, tests)
-    marks = [Special("UZ", level.at(one), "", 0) for level in levels if level(one) == 0.0] + marks
-    closed = bool(marks) and marks[-1].words.startswith("closed")
-    if closed or not both or not others or isinstance(others[0], Failure):
-        return branch_of(parameter, forward, marks, system, problem)
-    backward, before = walked(problem, others[0], (low, high), step, max_points, tests)
-    if special is None or special.label != "BP":  # both halves begin with the same orbit
-        forward, marks = forward[1:], [s.at(s.index - 1) for s in marks]
-    # Of two orbits the one before is the later one of the backward half.
-    count = len(backward)
-    specials = [s.at(max(count - s.index - 2, 0)) for s in before[::-1]]
-    specials += [s.at(count + s.index) for s in marks]
-    return branch_of(parameter, backward[::-1] + forward, specials, system, problem)
+    family = Orbits(problem, options.tests, int(one.orbit.repeats))
+    half = follow_branch(family, one, ((low, high),), options)
+    if options.both and others and isinstance(others[0], Point) and half.events[-1].words != CLOSED:
+        back = follow_branch(family, others[0], ((low, high),), options, first=False)
+        # The other branch at a crossing begins beside it, on both sides.
+        half = joined(half, back, shared=special is None or special.label != "BP")
+    return branch_of(family, half, system)
+
+
+def _starts(
+    problem: Problem, orbit: Any, special: BranchPoint | None, known: Any, value: float, middle: float
+) -> tuple[Problem, list[Point | Failure]]:
+    """Where each half of the branch begins, and what is followed then."""
+    if special is not None and special.label == "HB":
+        return problem, [born(problem, special.orbit, value)]
+    if special is not None and special.label == "PD":
+        problem = dataclasses.replace(problem, multiple=2 * problem.multiple)
+        return problem, [doubled(problem, known, value)]  # backwards lies the point it came from
+    if special is not None and special.label == "BP":
+        return problem, list(crossing(problem, known, value, special.slope))
+    first = begin(problem, known, value)
+    if isinstance(first, Failure):
+        return problem, [first]
+    if special is not None and special.words.partition(" ")[0] in CUT_OFF:
+        return problem, [outward(problem, first, special.slope)]
+    problem, first = _shortest(problem, first)
+    if isinstance(first, Failure):
+        return problem, [first]
+    first = remeasured(problem, first)
+    other = _beside(problem, first, middle)
+    if other:
+        allowed = f"an orbit that is alone, or whose place is free all along the branch: {other}"
+        raise refusal("orbit", orbit, allowed, but="one with a further multiplier 1")
+    first = first if first.tangent[-1] > 0 else first.turned()
+    return problem, [first, first.turned()]
 
 
 def _start_of(
     system: AbstractHybridSystem, orbit: Any, args: PyTree
-) -> tuple[BranchPoint | None, EquilibriumPoint | None, Any]:
-    """Special point, Hopf point (None where it is neither), and the orbit or guess to begin with."""
-    kinds = PeriodicOrbit | OrbitGuess | BranchPoint | EquilibriumPoint
-    words = "a PeriodicOrbit, an OrbitGuess, a BranchPoint or an EquilibriumPoint"
-    check_type("orbit", orbit, kinds, words)
-    if isinstance(orbit, EquilibriumPoint):
-        if orbit.label != "HB":
-            raise refusal("orbit", orbit, "a Hopf point, HB, if it is an EquilibriumPoint")
-        guess = OrbitGuess(orbit.y, orbit.period, orbit.mode)
-        return None, orbit, concrete_guess(system, guess, args)
+) -> tuple[BranchPoint | None, PeriodicOrbit | OrbitGuess]:
+    """The special point, None where it is none, and the orbit or guess to begin with."""
+    kinds = PeriodicOrbit | OrbitGuess | BranchPoint
+    check_type("orbit", orbit, kinds, "a PeriodicOrbit, an OrbitGuess or a BranchPoint")
     if isinstance(orbit, OrbitGuess):
-        return None, None, concrete_guess(system, orbit, args)
+        return None, concrete_guess(system, orbit, args)
     special = orbit if isinstance(orbit, BranchPoint) else None
     known: Any = orbit if special is None else special.orbit
+    if isinstance(known, Equilibrium):
+        if orbit.label != "HB":
+            raise refusal("orbit", orbit, "a Hopf point, HB, if it is one of equilibria")
+        guess = OrbitGuess(known.y, known.period, int(known.mode))
+        return special, concrete_guess(system, guess, args)
     if np.shape(known.period) != () or not bool(known.successful):
         raise refusal("orbit", orbit, "one successful PeriodicOrbit")
-    return special, None, known
+    return special, known
 
 
 def _beside(problem: Problem, first: Point, middle: float) -> str:

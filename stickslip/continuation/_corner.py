@@ -5,7 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from ._along import Problem, evaluated
-from ._follow import Failure, Point, ahead, correct, leaps, tangent_of, turned
+from ._family import Failure
+from ._point import Point, ahead, correct, leaps, tangent_of
 
 # How far from the border the motion is looked at for its other sequence, in parts of the motion's size.
 BESIDE = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
@@ -70,7 +71,7 @@ def led_back(problem: Problem, last: Point, new: Point) -> list[Point] | None:
     The branch is followed back to the border. None if it does not lead there: then it is another one
     that passes by.
     """
-    way = [new if (last.u - new.u) @ new.tangent > 0 else turned(new)]
+    way = [new if (last.u - new.u) @ new.tangent > 0 else new.turned()]
     whole = float(np.linalg.norm(last.u - new.u))
     left = whole
     while left > TOUCHES and len(way) < STEPS:
@@ -81,7 +82,7 @@ def led_back(problem: Problem, last: Point, new: Point) -> list[Point] | None:
         left = float(np.linalg.norm(last.u - point.u))
     if left > max(TOUCHES, CONNECTED * whole):
         return None
-    return [turned(point) for point in reversed(way)]
+    return [point.turned() for point in reversed(way)]
 
 
 def _nearer(problem: Problem, last: Point, point: Point, left: float) -> Point | None:

@@ -1,14 +1,14 @@
 """Where a curve of special points meets another one: functions whose zeros these points are."""
 
+import functools
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
-from ._curve import Place
-from ._follow import Point
+from ._family import Test
+from ._point import Point
 from ._points import multipliers_of
-
-Named = tuple[str, Callable[[Place], float]]
 
 
 def folding(point: Point) -> float:
@@ -16,17 +16,13 @@ def folding(point: Point) -> float:
     return float(np.linalg.det(point.tangent[:, -2:]))
 
 
-def _multipliers(place: Place) -> np.ndarray:
+def _multipliers(place: Any) -> np.ndarray:
     return multipliers_of(place.point.orbit)
 
 
 def _without(found: np.ndarray, target: float) -> np.ndarray:
     """All multipliers but the one nearest to a number."""
     return np.delete(found, int(np.argmin(np.abs(found - target)))) if found.size else found
-
-
-def _product(found: np.ndarray, root: float) -> float:
-    return float(np.real(np.prod(found - root)))
 
 
 def _pairs(found: np.ndarray) -> float:
@@ -37,51 +33,53 @@ def _pairs(found: np.ndarray) -> float:
     return float(np.real(product))
 
 
-def _turn(place: Place) -> float:
+def _turn(place: Any) -> float:
     """Twice the cosine of the angle of the pair whose product is 1."""
     found = _multipliers(place)
     pairs = [(abs(a * b - 1.0), a + b) for i, a in enumerate(found) for b in found[:i]]
     return float(np.real(min(pairs, key=lambda p: p[0])[1]))
 
 
-def passed_by(label: str) -> list[Named]:
-    """Functions of a place, by name of their zero, at which the curve of a label goes on."""
-    if label != "NS":
-        return []
-    return [
-        ("R3: the pair is a third root of 1, resonance 1:3", lambda p: _turn(p) + 1.0),
-        ("R4: the pair is a fourth root of 1, resonance 1:4", _turn),
-    ]
+def degenerate(label: str, before: Any) -> list[Test]:
+    """Tests of a place behind another one, at which the curve of a label ends, or which it passes."""
 
+    def others(target: float) -> Callable[[Any], np.ndarray]:
+        return lambda place: _without(_multipliers(place), target)
 
-def degenerate(label: str, before: Place) -> list[Named]:
-    """Functions of a place, by name of their zero, at which the curve of a label ends."""
+    def product(found: Callable[[Any], np.ndarray], root: float) -> Callable[[Any], float]:
+        return lambda place: float(np.real(np.prod(found(place) - root)))
+
+    def pairs(found: Callable[[Any], np.ndarray]) -> Callable[[Any], float]:
+        return lambda place: _pairs(found(place))
+
+    ends = functools.partial(Test, ends=True)
     if label == "LP":
-        forward = before.way[-2:]
+        forward = before.rates
         return [
             # At a cusp the parameters turn back, while the curve goes on.
-            ("CP: cusp, where two folds meet", lambda p: float(forward @ p.way[-2:])),
-            ("LPPD: a multiplier is -1", lambda p: _product(_without(_multipliers(p), 1.0), -1.0)),
-            ("R1: a second multiplier is 1", lambda p: _product(_without(_multipliers(p), 1.0), 1.0)),
-            ("LPNS: a pair is on the unit circle", lambda p: _pairs(_without(_multipliers(p), 1.0))),
+            ends("CP", lambda place: float(forward @ place.rates), "cusp, where two folds meet"),
+            ends("LPPD", product(others(1.0), -1.0), "a multiplier is -1"),
+            ends("R1", product(others(1.0), 1.0), "a second multiplier is 1"),
+            ends("LPNS", pairs(others(1.0)), "a pair is on the unit circle"),
         ]
     if label == "PD":
         return [
-            ("LPPD: a multiplier is 1", lambda p: _product(_multipliers(p), 1.0)),
-            (
-                "R2: a second multiplier is -1",
-                lambda p: _product(_without(_multipliers(p), -1.0), -1.0),
-            ),
-            ("PDNS: a pair is on the unit circle", lambda p: _pairs(_without(_multipliers(p), -1.0))),
+            ends("LPPD", product(_multipliers, 1.0), "a multiplier is 1"),
+            ends("R2", product(others(-1.0), -1.0), "a second multiplier is -1"),
+            ends("PDNS", pairs(others(-1.0)), "a pair is on the unit circle"),
         ]
     if label == "NS":
         return [
-            ("R1: the pair meets at 1, resonance 1:1", lambda p: _turn(p) - 2.0),
-            ("R2: the pair meets at -1, resonance 1:2", lambda p: _turn(p) + 2.0),
+            ends("R1", lambda place: _turn(place) - 2.0, "the pair meets at 1, resonance 1:1"),
+            ends("R2", lambda place: _turn(place) + 2.0, "the pair meets at -1, resonance 1:2"),
+            Test(
+                "R3", lambda place: _turn(place) + 1.0, "the pair is a third root of 1, resonance 1:3"
+            ),
+            Test("R4", _turn, "the pair is a fourth root of 1, resonance 1:4"),
         ]
     if label in ("GR", "SQ"):
         return [
-            ("LP: a multiplier is 1", lambda p: _product(_multipliers(p), 1.0)),
-            ("PD: a multiplier is -1", lambda p: _product(_multipliers(p), -1.0)),
+            ends("LP", product(_multipliers, 1.0), "a multiplier is 1"),
+            ends("PD", product(_multipliers, -1.0), "a multiplier is -1"),
         ]
     return []

@@ -16,7 +16,6 @@ from .._validation import (
     MOST,
     as_float64,
     as_parameter,
-    check_count,
     check_mapping,
     check_text,
     check_type,
@@ -29,8 +28,6 @@ from ..analysis.neutral_directions import neutral_shifts, projection_on
 from ..hybrid import (
     AbstractHybridSystem,
     AbstractSystemWrapper,
-    AdaptiveStep,
-    Integrator,
     SaveAt,
     Section,
     current_executor,
@@ -42,6 +39,7 @@ from ..hybrid.arguments import a_time, check_field, start_of, the_system
 from ..hybrid.longest_step import spanning
 from ..hybrid.tree import with_float_arrays
 from ._closing import in_units
+from ._options import SHOOTING, Shooting
 from ._turns import apart, given_turns, turns_of
 
 # Two returns whose distances from the start differ by less than this factor are equally good: the first
@@ -49,6 +47,7 @@ from ._turns import apart, given_turns, turns_of
 AS_NEAR = 3.0
 NEAR = 1e-6
 SAMPLES = 256
+ROUGH = 1e-10  # relative, of the integrator where none is given
 
 
 class OrbitGuess(eqx.Module):
@@ -98,8 +97,7 @@ def orbit_guess(
     t0: Numeric = 0.0,
     mode0: Mode | None = None,
     args: PyTree = None,
-    integrator: Given[Integrator | None] = None,
-    max_events: Given[int] = 256,
+    shooting: Given[Shooting] = SHOOTING,
 ) -> OrbitGuess:
     r"""A guess for `periodic_orbit` from a simulation that has settled.
 
@@ -111,13 +109,13 @@ def orbit_guess(
 
     **Arguments**
 
-    - `system`, `y0`, `t0`, `mode0`, `args`, `integrator`: as for `simulate`.
+    - `system`, `y0`, `t0`, `mode0`, `args`: as for `simulate`; `shooting`: a `Shooting`, of which
+      `segments` do not matter here.
     - `transient` [s], not negative: time that is dropped; where the motion has not settled the guess is
       a rough one.
     - `max_period` [s]: the longest period looked for.
     - `forcing_period` [s]: of a system that depends on the time; at most `max_period`. The guess has it
       or a multiple of it as its period.
-    - `max_events`: room for the events of one period.
 
     **Returns** an `OrbitGuess`. Where no return is seen within `max_period` its period is NaN, which
     `periodic_orbit` refuses, or answers with `guess_failed` under `jit` and `vmap`, where it works too.
@@ -136,10 +134,7 @@ def orbit_guess(
         multiples = int(float(max_period) / float(forcing_period) * (1 + 1e-9))
         if multiples < 1:
             raise refusal("max_period", max_period, f"at least forcing_period, {forcing_period}")
-    check_count("max_events", max_events, 1)
-    if integrator is None:
-        integrator = Integrator(step=AdaptiveStep(1e-10))  # pyright: ignore[reportCallIssue]
-    check_type("integrator", integrator, Integrator, "an Integrator or None")
+    check_type("shooting", shooting, Shooting, "a Shooting")
     t0 = a_time("t0", t0)
     y0, mode = start_of(system, t0, y0, mode0, args)
     check_field(system, t0, y0, mode, args)
@@ -147,8 +142,8 @@ def orbit_guess(
     numbers = y0, mode, t0, *map(as_parameter, (transient, max_period, forcing_period or 0.0))
     program = _compiled if is_concrete((system, args, numbers)) else _guess
     return program(
-        system, args, integrator, current_executor(), *numbers,
-        multiples=multiples, max_events=max_events,
+        system, args, shooting.tight(ROUGH), current_executor(), *numbers,
+        multiples=multiples, max_events=shooting.max_events,
     )  # fmt: skip
 
 

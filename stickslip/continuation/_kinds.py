@@ -8,7 +8,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 
 from ..hybrid import AbstractHybridSystem
-from ._follow import Point
+from ._point import Point
 
 # A state that jumps at an event by more than this part of the motion's size: an impact.
 JUMPS = 1e-9

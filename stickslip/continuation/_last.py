@@ -9,9 +9,9 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 
 from ._along import Problem
-from ._follow import Point
+from ._equilibria import axis_pair
+from ._point import Point
 from ._rest import Field, Rest, corrected
-from ._rest_points import axis_pair
 
 # To the Hopf point: secants, of which one as short as this, in parts of the bounds, is the last.
 SECANTS, NEARLY = 30, 1e-14

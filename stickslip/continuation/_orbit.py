@@ -10,8 +10,8 @@ from jaxtyping import Array, Bool, Complex, Float, Int, PyTree, UInt
 
 from .._show import html_table, number
 from .._validation import is_concrete
-from ..hybrid import EventLog
-from ..hybrid.components import numbers_of
+from ..hybrid import AbstractHybridSystem, EventLog
+from ..hybrid.components import components_of, numbers_of
 from ..hybrid.status import describe_flags
 from ._outcome import ORBITS
 
@@ -110,6 +110,26 @@ class PeriodicOrbit(eqx.Module):
         counts = zip(numbers_of(self.y0), np.asarray(ravel_pytree(self.turns)[0]), strict=True)
         found = ", ".join(f"{name} {count}" for name, count in counts if count)
         return f"whole turns {found}" if found else ""
+
+    def columns(self, system: AbstractHybridSystem) -> dict[str, Any]:
+        """Columns of a dataset along `point`, of orbits with one leading axis."""
+        data: dict[str, Any] = {
+            "period": ("point", np.asarray(self.period), {"units": "s"}),
+            "stable": ("point", np.asarray(self.stable)),
+            "multiplier_real": (("point", "multiplier"), np.real(self.multipliers)),
+            "multiplier_imag": (("point", "multiplier"), np.imag(self.multipliers)),
+            "num_events": ("point", np.asarray(self.events.count)),
+            "flags": ("point", np.asarray(self.flags)),
+        }
+        for prefix, tree in (("start", self.y0), ("lowest", self.lowest), ("highest", self.highest)):
+            for name, leaf in components_of(tree).items():
+                axes = ["point", *(f"{name}_{k}" for k in range(np.ndim(leaf) - 1))]
+                label = {"units": system.units[name]} if name in system.units else {}
+                data[f"{prefix}_{name}"] = (axes, np.asarray(leaf), label)
+        for name in components_of(self.lowest):
+            axes, low, label = data[f"lowest_{name}"]
+            data[f"amplitude_{name}"] = (axes, 0.5 * (data[f"highest_{name}"][1] - low), label)
+        return data
 
     def __str__(self) -> str:
         """Period and multipliers; of a batch, how many orbits were found and are stable."""

@@ -14,7 +14,6 @@ from ..analysis.held_directions import held_directions
 from ..derived import WithIntegrals
 from ..hybrid import (
     AbstractHybridSystem,
-    Integrator,
     SaveAt,
     current_executor,
     jit_plainly,
@@ -36,7 +35,6 @@ from ._closing import (
     in_units,
     known,
     plane_across,
-    tight,
     unknowns,
 )
 from ._extremes import ROWS, watched
@@ -45,6 +43,7 @@ from ._guess import OrbitGuess, check_seen, gained_by
 from ._holding import holds, own_mode
 from ._monodromy import through_events
 from ._newton import STALLED, newton
+from ._options import SHOOTING, Shooting
 from ._orbit import PeriodicOrbit
 from ._outcome import first_of
 from ._settling import settles
@@ -67,12 +66,10 @@ def periodic_orbit(
     guess: Given[OrbitGuess | PeriodicOrbit],
     *,
     forced: Given[bool] = False,
-    segments: Given[int] = 1,
-    args: PyTree = None,
-    integrator: Given[Integrator | None] = None,
+    shooting: Given[Shooting] = SHOOTING,
     tolerance: Numeric = 1e-12,
     max_steps: Given[int] = 25,
-    max_events: Given[int] = 256,
+    args: PyTree = None,
 ) -> PeriodicOrbit:
     r"""Periodic orbit near a guess, with Floquet multipliers; the mode sequence is found, not given.
 
@@ -85,17 +82,15 @@ def periodic_orbit(
 
     **Arguments**
 
-    - `system`, `args`, `integrator`: as for `simulate`; by default `AdaptiveStep(1e-12)`.
+    - `system`, `args`: as for `simulate`.
     - `guess`: an `OrbitGuess` (of `orbit_guess`, from a simulation, or by hand), or another
       `PeriodicOrbit`: of other parameters, or from a file.
     - `forced`: whether the system depends on the time itself, periodically: then the period of the
       guess is that of the forcing, or a multiple of it, and is kept.
-    - `segments`: the period in so many pieces, whose starts are unknowns too (multiple shooting): for
-      long or very unstable orbits. The knots may fall into sticks. An orbit that is too unstable to be
-      simulated to a hundredth of its size, with multipliers above some 1e9, is `not_reproduced`.
+    - `shooting`: a `Shooting`. An orbit that is too unstable to be simulated to a hundredth of its
+      size, with multipliers above some 1e9, is `not_reproduced`, with however many `segments`.
     - `tolerance`: of the residual, in parts of the motion's size. `max_steps`: evaluations of the
       return map.
-    - `max_events`: room for the events of one period.
 
     **Returns** a `PeriodicOrbit`; `result` says, also under `jit`, `vmap` and `map_lanes`, whether it
     is one. The orbit was simulated once more from a state on it, in the mode that the system itself
@@ -114,13 +109,9 @@ def periodic_orbit(
     check_type("guess", guess, OrbitGuess | PeriodicOrbit, "an OrbitGuess or a PeriodicOrbit")
     if not isinstance(forced, bool):
         raise refusal("forced", forced, "True or False", TypeError)
-    check_count("segments", segments, 1)
+    check_type("shooting", shooting, Shooting, "a Shooting")
     one_number("tolerance", tolerance, "positive")
     check_count("max_steps", max_steps, 1)
-    check_count("max_events", max_events, 1)
-    if integrator is None:
-        integrator = tight()
-    check_type("integrator", integrator, Integrator, "an Integrator or None")
     t0 = a_time("guess.t0", guess.t0)
     check_seen("guess", guess)
     period = as_parameter(one_number("guess.period", guess.period, "positive"))
@@ -132,8 +123,8 @@ def periodic_orbit(
     numbers = y0, mode0, t0, period, gained_by(system, guess), as_parameter(tolerance)
     program = _compiled if is_concrete((system, args, numbers)) else _orbit
     return program(
-        system, args, integrator, current_executor(), *numbers,
-        forced=forced, segments=segments, max_steps=max_steps, max_events=max_events,
+        system, args, shooting.tight(), current_executor(), *numbers, forced=forced,
+        segments=shooting.segments, max_steps=max_steps, max_events=shooting.max_events,
     )  # fmt: skip
 
 

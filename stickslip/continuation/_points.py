@@ -1,15 +1,13 @@
-"""Special points of a branch: functions whose zeros they are, and where exactly these lie."""
+"""Functions of orbits whose zeros are special points, and the border of a sequence of modes."""
 
-import dataclasses
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
 
 from ._along import Problem
-from ._follow import Failure, Point, ahead, strayed
+from ._family import Failure
 from ._orbit import PeriodicOrbit
+from ._point import Point, ahead, strayed
 
 # Up to which part of the distance the search for a border between sequences is halved, how often it
 # begins again, and what it must gain to go on.
@@ -17,8 +15,6 @@ HALVED = 2.0**-24
 ROUNDS = 12
 FURTHER = 1e-13
 BENDS = 0.5  # of the distance: orbits farther from the straight line are not of this branch
-# A function that changes its sign has a zero there if it comes down to this part of its larger value.
-ZERO = 1e-3
 # A multiplier that is not real has at least this part of its size beside the axis.
 OFF_AXIS = 1e-9
 
@@ -55,68 +51,11 @@ def branching(point: Point) -> float:
     return float(np.linalg.det(np.vstack([point.jacobian, point.tangent])))
 
 
-TESTS: dict[str, Callable[[Point], float]] = {
-    "LP": turning, "PD": doubling, "NS": torus, "BP": branching,
-}  # fmt: skip
-
-
-@dataclasses.dataclass(frozen=True)
-class Level:
-    """Distance of a parameter, by its number, from a value that was asked for."""
-
-    value: float
-    number: int = 0
-
-    def __call__(self, point: Point) -> float:
-        return float(point.values[self.number]) - self.value
-
-    def at(self, point: Point) -> Point:
-        """A point that was located there, with the very value."""
-        values = np.array(point.values, float)
-        values[self.number] = self.value
-        return dataclasses.replace(point, values=values)
-
-
 def is_torus(point: Point) -> bool:
     """Whether the pair whose product is 1 is a conjugate one."""
     found = multipliers_of(point.orbit)
     pairs = [(abs(a * b - 1.0), a) for i, a in enumerate(found) for b in found[:i]]
     return bool(pairs and abs(np.imag(min(pairs, key=lambda p: p[0])[1])) > OFF_AXIS)
-
-
-def located(
-    problem: Problem,
-    before: Point,
-    after: Point,
-    distance: float,
-    test: Callable[[Point], float],
-    onward: Callable[[float], Point | Failure] | None = None,
-) -> Point | Failure:
-    """The point between two others where a function of the orbit is zero, by Brent's method.
-
-    `onward(distance)`: the point at a distance from the first, by default along its tangent.
-    A `Failure` where an orbit between is not found, or where the function jumps over zero.
-    """
-    ends = {0.0: before, distance: after}
-    largest = max(abs(test(before)), abs(test(after)))
-
-    def value(at: float) -> float:
-        found = ends.get(at)
-        if found is None:
-            found = ahead(problem, before, at) if onward is None else onward(at)
-            if isinstance(found, Failure):
-                raise ArithmeticError(found.result)
-            ends[at] = found
-        return test(found)
-
-    try:
-        found: Any = brentq(value, 0.0, distance, xtol=1e-15, rtol=1e-14)  # pyright: ignore[reportArgumentType]
-        root = float(found)
-        if abs(value(root)) > ZERO * largest:
-            return Failure("the function jumps there")
-    except (ArithmeticError, ValueError) as error:
-        return Failure(str(error))
-    return ends[root]
 
 
 def border(

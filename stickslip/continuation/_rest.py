@@ -65,17 +65,29 @@ class Measure:
 
 @dataclasses.dataclass(frozen=True)
 class Rest:
-    """An equilibrium: state and parameter `z`, the derivative by them, tangent, linear motion."""
+    """An equilibrium: state and parameter `z`, the derivative by them, tangent, linear motion.
+
+    `measure`: by which it was found, and the next one is.
+    """
 
     z: np.ndarray
     tangent: np.ndarray
     jacobian: np.ndarray
     eigenvalues: np.ndarray
     vectors: np.ndarray
+    measure: Measure
 
     @property
     def value(self) -> float:
         return float(self.z[-1])
+
+    @property
+    def values(self) -> np.ndarray:
+        return self.z[-1:]
+
+    def turned(self) -> "Rest":
+        """The same, with the branch followed the other way."""
+        return dataclasses.replace(self, tangent=-self.tangent)
 
 
 class Field:
@@ -230,7 +242,7 @@ def described(field: Field, z: np.ndarray, sense: np.ndarray, measure: Measure |
     rates, vectors = np.linalg.eig(jacobian[:, :-1])
     order = np.lexsort((-np.imag(rates), -np.real(rates)))
     tangent = tangent_of(jacobian, sense, measure_of(measure.size, jacobian))
-    return Rest(z, tangent, jacobian, rates[order], vectors[:, order])
+    return Rest(z, tangent, jacobian, rates[order], vectors[:, order], measure)
 
 
 def tangent_of(jacobian: np.ndarray, sense: np.ndarray, measure: Measure) -> np.ndarray:

@@ -18,13 +18,14 @@ from ..hybrid import RESULTS, AbstractHybridSystem, EventLog
 from ..hybrid.arguments import the_system
 from ._arguments import value_of
 from ._branch import Branch, BranchPoint
+from ._equilibrium import Equilibrium
 from ._orbit import PeriodicOrbit
 from ._outcome import ORBITS
 
 if TYPE_CHECKING:
     import xarray as xr
 
-FORMAT = "stickslip branch 1"
+FORMAT = "stickslip branch 2"
 ORBITS_OF, SPECIALS_OF = "orbit", "special_orbit"
 
 
@@ -36,18 +37,17 @@ def save_branch(branch: Given[Branch], path: Given[str | os.PathLike]) -> pathli
 
     **Returns** the path. **Errors** `TypeError` naming the argument; `OSError` of the file system.
     """
-    check_type("branch", branch, Branch, "a Branch of continue_orbit")
+    check_type("branch", branch, Branch, "a Branch")
     path = _path(path)
     dataset = branch.to_dataset().assign_attrs(
-        stickslip=FORMAT, parameter=branch.parameter, sequences=json.dumps(branch.sequences)
-    )
-    count = int(np.max(np.asarray(branch.orbits.events.count), initial=0))
-    dataset = _with_leaves(dataset, ORBITS_OF, "point", branch.orbits, count)
+        stickslip=FORMAT, parameters=json.dumps(branch.parameters), label=branch.label,
+        sequences=json.dumps(branch.sequences), kind=type(branch.orbits).__name__,
+    )  # fmt: skip
+    dataset = _with_leaves(dataset, ORBITS_OF, "point", branch.orbits)
     if branch.specials:
         marks = branch.specials
         orbits = jax.tree.map(lambda *leaves: np.stack(leaves), *(m.orbit for m in marks))
-        most = int(np.max(np.asarray(orbits.events.count), initial=0))
-        dataset = _with_leaves(dataset, SPECIALS_OF, "special", orbits, most)
+        dataset = _with_leaves(dataset, SPECIALS_OF, "special", orbits)
         dataset["special_index"] = "special", np.array([m.index for m in marks])
         dataset["special_slope"] = ("special", "direction"), np.stack([m.slope for m in marks])
     temporary = path.with_name(path.name + ".part")
@@ -62,9 +62,9 @@ def save_branch(branch: Given[Branch], path: Given[str | os.PathLike]) -> pathli
 def load_branch(
     path: Given[str | os.PathLike], system: Given[AbstractHybridSystem], y0: PyTree
 ) -> Branch:
-    """Read a branch that `save_branch` wrote; `continue_orbit` goes on from any of its points.
+    """Read a branch that `save_branch` wrote; `continue_orbit` goes on from its points.
 
-    - `system`: the one that was followed, with any value of the parameter that the branch is over.
+    - `system`: the one that was followed, with any values of the parameters that the branch is over.
     - `y0`: a state of the system, of any values: its structure.
 
     **Returns** the `Branch`, equal to the saved one to the last bit. A saved log of events has only
@@ -84,25 +84,35 @@ def load_branch(
             data = opened.load()
     except Exception as error:  # whatever the reader meets in a file that nobody has verified
         raise refusal("path", str(path), "a file of save_branch") from error
-    if data.attrs.get("stickslip") != FORMAT:
-        raise refusal("path", str(path), "a file of save_branch")
-    parameter = str(data.attrs["parameter"])
-    value_of(system, parameter, "system")
-    _check_state(data, as_float64("y0", y0), y0)
+    form = str(data.attrs.get("stickslip", ""))
+    if form != FORMAT:
+        but = f"of the format {form!r}" if form else None
+        raise refusal("path", str(path), f"a file of save_branch of the format {FORMAT!r}", but=but)
     try:
-        orbits = _orbits(data, ORBITS_OF, y0)
-        values = np.asarray(data[_column(data, parameter)])
+        parameters = tuple(json.loads(data.attrs["parameters"]))
+        kind = {"PeriodicOrbit": _orbit_like, "Equilibrium": _equilibrium_like}[data.attrs["kind"]]
+    except (KeyError, ValueError) as error:
+        raise refusal("path", str(path), "a file of save_branch") from error
+    for parameter in parameters:
+        value_of(system, parameter, "system")
+    _check_state(data, "y0" if kind is _orbit_like else "y", as_float64("y0", y0), y0)
+    try:
+        template = kind(y0)
+        orbits = _orbits(data, ORBITS_OF, template)
+        columns = [np.asarray(data[_column(data, name)]) for name in parameters]
+        values = columns[0] if len(columns) == 1 else np.stack(columns, axis=1)
         sequences = tuple(_tuples(s) for s in json.loads(data.attrs["sequences"]))
-        specials = tuple(_specials(data, parameter, y0, system)) if "special_index" in data else ()
+        found = _specials(data, parameters, template, system) if "special_index" in data else ()
+        specials = tuple(found)
     except (KeyError, ValueError, TypeError) as error:
         raise refusal("path", str(path), f"a file of save_branch with this state: {error}") from error
-    return Branch(parameter, values, orbits, sequences, specials, system)
+    return Branch(parameters, values, orbits, sequences, specials, system, str(data.attrs["label"]))
 
 
 def _column(data: "xr.Dataset", parameter: str) -> str:
-    """What the parameter is called in a file."""
+    """What a parameter is called in a file."""
     other = f"parameter_{parameter}"
-    return other if other in data.coords else parameter
+    return other if other in data.variables else parameter
 
 
 def _path(path: Any) -> pathlib.Path:
@@ -111,12 +121,13 @@ def _path(path: Any) -> pathlib.Path:
     return pathlib.Path(path)
 
 
-def _check_state(data: "xr.Dataset", y0: PyTree, given: Any) -> None:
+def _check_state(data: "xr.Dataset", leaf: str, y0: PyTree, given: Any) -> None:
     """Raise for a state of other components than those in the file, or of other shapes."""
     found, _ = jax.tree_util.tree_flatten_with_path(y0)
     own = {jax.tree_util.keystr(path): np.shape(leaf) for path, leaf in found}
-    head = f"{ORBITS_OF}.y0"
-    names = [str(name) for name in data.data_vars if str(name).startswith(head)]
+    head = f"{ORBITS_OF}.{leaf}"
+    names = [str(name) for name in data.data_vars if str(name).startswith((head + ".", head + "["))]
+    names += [head] if head in data.data_vars else []
     if not names:
         raise refusal("path", "a file", "a file of save_branch")
     known = {name.removeprefix(head): data[name].shape[1:] for name in names}
@@ -125,14 +136,18 @@ def _check_state(data: "xr.Dataset", y0: PyTree, given: Any) -> None:
         raise refusal("y0", given, f"a state with the components and shapes of the file: {words}")
 
 
-def _named(orbit: PeriodicOrbit) -> list[tuple[str, Any]]:
+def _named(orbit: PeriodicOrbit | Equilibrium) -> list[tuple[str, Any]]:
     """Leaves of an orbit by name, such as `events.y_before.x`."""
     found, _ = jax.tree_util.tree_flatten_with_path(orbit)
     return [(jax.tree_util.keystr(path).lstrip(".").replace("_value", "code"), a) for path, a in found]
 
 
-def _with_leaves(dataset: "xr.Dataset", prefix: str, axis: str, orbits: PeriodicOrbit, events: int):
-    new = {}
+def _with_leaves(
+    dataset: "xr.Dataset", prefix: str, axis: str, orbits: PeriodicOrbit | Equilibrium
+) -> "xr.Dataset":
+    """With all arrays of orbits beside the columns; of a log of events as many rows as there are."""
+    log, new = getattr(orbits, "events", None), {}
+    events = 0 if log is None else int(np.max(np.asarray(log.count), initial=0))
     for name, leaf in _named(orbits):
         array = np.asarray(leaf)
         if name.startswith("events.") and name != "events.count":
@@ -153,9 +168,8 @@ def _real(array: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
         yield "", array.astype(np.int8) if array.dtype == bool else array
 
 
-def _orbits(data: "xr.Dataset", prefix: str, y0: PyTree) -> PeriodicOrbit:
+def _orbits(data: "xr.Dataset", prefix: str, template: Any) -> Any:
     """Orbits with a leading axis. Raises `KeyError` for what is missing, `ValueError` for a shape."""
-    template = _template(y0)
     known = {str(name) for name in data.data_vars if str(name).startswith(f"{prefix}.")}
     leaves, structure = [], jax.tree.structure(template)
     for name, leaf in _named(template):
@@ -176,7 +190,14 @@ def _orbits(data: "xr.Dataset", prefix: str, y0: PyTree) -> PeriodicOrbit:
     return jax.tree.unflatten(structure, leaves)
 
 
-def _template(y0: PyTree) -> PeriodicOrbit:
+def _equilibrium_like(y0: PyTree) -> Equilibrium:
+    """An equilibrium of the right structure and types."""
+    size = sum(int(np.size(leaf)) for leaf in jax.tree.leaves(y0))
+    state = jax.tree.map(lambda leaf: np.zeros(np.shape(leaf)), y0)
+    return Equilibrium(state, np.zeros((), int), np.zeros(size, complex), np.zeros(()), np.zeros(size))
+
+
+def _orbit_like(y0: PyTree) -> PeriodicOrbit:
     """An orbit of the right structure and types."""
     size = sum(int(np.size(leaf)) for leaf in jax.tree.leaves(y0))
     state = jax.tree.map(lambda leaf: jnp.zeros(np.shape(leaf)), y0)
@@ -195,18 +216,17 @@ def _template(y0: PyTree) -> PeriodicOrbit:
 
 
 def _specials(
-    data: "xr.Dataset", parameter: str, y0: PyTree, system: AbstractHybridSystem
+    data: "xr.Dataset", parameters: tuple[str, ...], template: Any, system: AbstractHybridSystem
 ) -> Iterator[BranchPoint]:
-    orbits = _orbits(data, SPECIALS_OF, y0)
-    column = f"special_{_column(data, parameter)}"
-    columns = ("label", column, "special_words", "special_index", "special_slope")
-    for k, row in enumerate(zip(*(np.asarray(data[name]) for name in columns), strict=True)):
-        label, value, words, index, slope = row
+    orbits = _orbits(data, SPECIALS_OF, template)
+    columns = [np.asarray(data[f"special_{_column(data, name)}"], float) for name in parameters]
+    names = ("label", "special_words", "special_index", "special_slope")
+    for k, row in enumerate(zip(*(np.asarray(data[name]) for name in names), strict=True)):
+        label, words, index, slope = row
         orbit = jax.tree.map(lambda leaf, k=k: leaf[k], orbits)
-        there = with_parameters(system, {parameter: np.float64(value)})
-        yield BranchPoint(
-            str(label), float(value), orbit, str(words), int(index), np.asarray(slope), there
-        )
+        values = np.array([column[k] for column in columns])
+        there = with_parameters(system, dict(zip(parameters, map(np.float64, values), strict=True)))
+        yield BranchPoint(str(label), values, orbit, str(words), int(index), np.asarray(slope), there)
 
 
 def _tuples(value: Any) -> Any:

@@ -9,10 +9,11 @@ from jax.flatten_util import ravel_pytree
 
 from ..hybrid import simulate
 from ._along import Problem, anchored, evaluated, system_at
-from ._equilibrium import EquilibriumPoint
-from ._follow import Failure, Point, ahead, begin, correct, leaps, turned
+from ._equilibrium import Equilibrium
+from ._family import Failure
 from ._guess import OrbitGuess
 from ._orbit import PeriodicOrbit
+from ._point import Point, ahead, begin, correct, leaps
 from ._points import doubling
 from ._rest import scales_of
 from ._turns import apart, turns_of
@@ -59,7 +60,7 @@ def doubled(problem: Problem, orbit: PeriodicOrbit, value: float) -> Point | Fai
         found = correct(problem, u + amplitude * along, modes, anchor, across, along)
         # An orbit that repeats itself within the period is the old one.
         if isinstance(found, Point) and int(found.orbit.repeats) == 1:
-            return found if found.tangent @ along > 0 else turned(found)
+            return found if found.tangent @ along > 0 else found.turned()
     return found if isinstance(found, Failure) else Failure("not_converged")
 
 
@@ -131,7 +132,7 @@ def _half_a_period(problem: Problem, point: Point) -> np.ndarray:
     return np.asarray(jnp.where(half.successful, away / jnp.asarray(point.anchor.extent), jnp.nan))
 
 
-def born(problem: Problem, rest: EquilibriumPoint) -> Point | Failure:
+def born(problem: Problem, rest: Equilibrium, value: float) -> Point | Failure:
     """A small orbit near a Hopf point, and the way on from there.
 
     As at a doubling the parameter changes with the square of the amplitude, so that the amplitude is
@@ -140,7 +141,7 @@ def born(problem: Problem, rest: EquilibriumPoint) -> Point | Failure:
     """
     flat, unravel = ravel_pytree(rest.y)
     flat, found = np.asarray(flat, float), Failure("not_converged")
-    ellipse, least = _small_ellipse(problem, rest)
+    ellipse, least = _small_ellipse(problem, rest, value)
     parts, smaller = list(PARTS), 0
     while parts:
         part = parts.pop(0)
@@ -148,7 +149,7 @@ def born(problem: Problem, rest: EquilibriumPoint) -> Point | Failure:
             continue
         swing = part * ellipse
         anchor, u, modes = anchored(
-            problem, jnp.asarray([rest.value]), unravel(jnp.asarray(flat + swing)),
+            problem, jnp.asarray([value]), unravel(jnp.asarray(flat + swing)),
             jnp.asarray(rest.mode, jnp.int32), jnp.zeros(()), jnp.asarray(rest.period),
         )  # fmt: skip
         u = np.asarray(u)
@@ -159,22 +160,22 @@ def born(problem: Problem, rest: EquilibriumPoint) -> Point | Failure:
         if isinstance(new, Failure):
             found = new
             continue
-        away, late = _from_birth(problem, new, rest)
+        away, late = _from_birth(problem, new, rest, value)
         if away <= ASIDE and late <= LATE:
-            return new if new.tangent @ along > 0 else turned(new)
+            return new if new.tangent @ along > 0 else new.turned()
         if smaller < SMALLER:
             smaller += 1
             parts.insert(0, 0.5 * part * min(0.5, np.sqrt(ASIDE / max(away, ASIDE))))
     return found
 
 
-def _from_birth(problem: Problem, point: Point, rest: EquilibriumPoint) -> tuple[float, float]:
+def _from_birth(problem: Problem, point: Point, rest: Equilibrium, value: float) -> tuple[float, float]:
     """How far an orbit is from a Hopf point, in parts of the bounds' distance and of the period."""
-    away = abs(point.value - rest.value) / float(np.asarray(problem.unit)[0])
-    return away, abs(float(point.orbit.period) / rest.period - 1.0)
+    away = abs(point.value - value) / float(np.asarray(problem.unit)[0])
+    return away, abs(float(point.orbit.period) / float(rest.period) - 1.0)
 
 
-def _small_ellipse(problem: Problem, rest: EquilibriumPoint) -> tuple[np.ndarray, float]:
+def _small_ellipse(problem: Problem, rest: Equilibrium, value: float) -> tuple[np.ndarray, float]:
     r"""Start, from the equilibrium, of the largest linear orbit that is nearly one of the field.
 
     The linear orbit of $\dot w = J w$ with $J^2 w = -\omega^2 w$ begins with the swing. What the field
@@ -182,7 +183,7 @@ def _small_ellipse(problem: Problem, rest: EquilibriumPoint) -> tuple[np.ndarray
     ever smaller ones. The part of it from which on it does is the other number.
     """
     flat, unravel = ravel_pytree(rest.y)
-    system = system_at(problem, [rest.value])
+    system = system_at(problem, [value])
 
     def field(flat):
         rates = system.vector_field(0.0, unravel(flat), jnp.asarray(rest.mode), problem.args)
@@ -214,7 +215,7 @@ def outward(problem: Problem, point: Point, slope: np.ndarray) -> Point:
     known = _in_parts(problem, point, slope)
     states, free = np.asarray(point.anchor.size).size, 1 + (problem.forcing_period is None)
     own = np.append(point.tangent[:states], point.tangent[-free:])
-    return point if own @ known >= 0 else turned(point)
+    return point if own @ known >= 0 else point.turned()
 
 
 def _in_parts(problem: Problem, point: Point, slope: np.ndarray) -> np.ndarray:

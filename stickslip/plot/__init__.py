@@ -17,7 +17,6 @@ is shown and nothing is saved: that is left to the caller, as is the backend.
 """
 
 from ._branch import branch as branch
-from ._curve import curve as curve
 from ._energy_account import energy_account as energy_account
 from ._exponents import exponents as exponents
 from ._fit import fit as fit

@@ -1,4 +1,4 @@
-"""Branches of periodic orbits over a parameter."""
+"""Branches of orbits and equilibria over a parameter or two."""
 
 from typing import Any
 
@@ -23,22 +23,30 @@ def branch(
     ax: Given[Axes | None] = None,
     **options: Any,
 ) -> Axes:
-    """A branch of periodic orbits: stable ones as a line, unstable ones dashed, special points marked.
+    """A branch: stable orbits or equilibria as a line, unstable ones dashed, special points marked.
+
+    One over two parameters is drawn in their plane.
 
     **Arguments**
 
-    - `branch`: of `stickslip.continuation.continue_orbit`.
+    - `branch`: of `stickslip.continuation`.
     - `observable`: a component of the state, `"x[0]"` for one number of an array, whose greatest value
       over the period is drawn (with `lowest` its least one too); `"period"`; the first one by default.
+      Over two parameters it is left out.
     - `ax`, `options`: axes to draw into, for instance those of an orbit diagram; properties of lines.
 
-    **Returns** the axes.
+    **Returns** the axes. Special points have their label. An end of a branch over one parameter is not
+    marked, nor over two parameters one at a bound; others have the first word of their reason.
 
     **Raises** `ValueError`, `TypeError` naming the argument.
     """
-    check_type("branch", branch, Branch, "a Branch of continuation.continue_orbit")
+    check_type("branch", branch, Branch, "a Branch of stickslip.continuation")
     if not isinstance(lowest, bool):
         raise refusal("lowest", lowest, "True or False", TypeError)
+    if len(branch.parameters) > 1:
+        if observable is not None:
+            raise refusal("observable", observable, "None for a branch over two parameters")
+        return _in_the_plane(branch, ax, options)
     orbits = branch.orbits
     place = _place(orbits.highest, observable)
     _axes.check_axes(ax)
@@ -81,8 +89,30 @@ def branch(
     return axis
 
 
+def _in_the_plane(branch: Branch, ax: Axes | None, options: dict[str, Any]) -> Axes:
+    """A branch in the plane of its two parameters."""
+    _axes.check_axes(ax)
+    options = {"label": branch.label, "color": _axes.BLUE, **_axes.check_options(options)}
+    axis = _axes.canvas(ax)
+    axis.plot(*branch.values.T, **options)
+    unmarked = "bounds of", "closed", "max_points", *(s.label for s in branch.specials)
+    marks = [(s.words.partition(":")[0] if s.label == "EP" else s.label, s) for s in branch.specials]
+    for word, special in marks:
+        if special.label == "EP" and word.startswith(unmarked):
+            continue
+        axis.plot(*special.values, "o", color="black", markersize=4)
+        axis.annotate(
+            word, tuple(map(float, special.values)), xytext=(4, 4), textcoords="offset points",
+            fontsize="small",
+        )  # fmt: skip
+    units = getattr(branch.system, "parameter_units", {})
+    one, two = (_axes.axis_label(name, units.get(name)) for name in branch.parameters)
+    axis.set(xlabel=one, ylabel=two)
+    return axis
+
+
 def _names(batch: Any) -> list[str]:
-    """Names of the single numbers of a state, of which there is a batch."""
+    """Names of the scalar entries of a batched state."""
     parts = components_of(batch).items()
     return [entry for name, leaf in parts for entry in entries(name, np.shape(leaf)[1:])]
 

@@ -42,9 +42,10 @@ def multipliers(
     check_type("orbits", orbits, PeriodicOrbit | Branch, allowed)
     if not is_concrete(orbits):
         raise refusal("orbits", orbits, "known: call this outside of jit and vmap", TypeError)
+    many = orbits.orbits if isinstance(orbits, Branch) else orbits
+    check_type("orbits", many, PeriodicOrbit, allowed)
     _axes.check_axes(ax)
     options = normalize_kwargs(_axes.check_options(options), Line2D)
-    many = orbits.orbits if isinstance(orbits, Branch) else orbits
     specials = orbits.specials if isinstance(orbits, Branch) else ()
     marked: dict[str, np.ndarray] = {}
     for special in specials:

@@ -56,12 +56,15 @@ def orbit(
 
     **Raises** `ValueError`, `TypeError` naming the argument.
     """
-    check_type("branch", branch, Branch, "a Branch of continuation.continue_orbit")
-    found, value, title = _orbit_at(branch, at)
+    allowed = "a Branch of periodic orbits"
+    check_type("branch", branch, Branch, allowed)
+    check_type("branch.orbits", branch.orbits, PeriodicOrbit, allowed)
+    found, values, title = _orbit_at(branch, at)
     check_handed_on("args", args)
     _axes.check_axes(ax)
     _axes.check_options(options)
-    system = with_parameters(branch.system, {branch.parameter: np.float64(value)})
+    there = dict(zip(branch.parameters, map(np.float64, values), strict=True))
+    system = with_parameters(branch.system, there)
     for argument, what in (("x", x), ("y", y)):
         if what is not None:
             function_of(argument, what, system, found.y0)
@@ -72,14 +75,15 @@ def orbit(
     else:
         axis = phase_plane(solution, system, x, y, args=args, ax=ax, **options)
         _sticks(axis, solution, system)
-    parameter = _with_unit(f"{branch.parameter} = {value:.6g}", _unit(branch))
+    units = getattr(branch.system, "parameter_units", {})
+    parameter = ", ".join(_with_unit(f"{k} = {v:.6g}", units.get(k)) for k, v in there.items())
     period = _with_unit(f"period {float(found.period):.6g}", second_of(system))
     axis.set_title(f"{title} at {parameter}, {period}", fontsize="medium")
     return axis
 
 
-def _orbit_at(branch: Branch, at: Any) -> tuple[PeriodicOrbit, float, str]:
-    """The orbit, the value of the parameter, and what the orbit is called."""
+def _orbit_at(branch: Branch, at: Any) -> tuple[PeriodicOrbit, np.ndarray, str]:
+    """The orbit, the values of the parameters, and what the orbit is called."""
     size = len(branch)
     specials = ", ".join(f"branch[{s!r}]" for s in dict.fromkeys(s.label for s in branch.specials))
     allowed = f"the number of an orbit, from {-size} to {size - 1}, or one of branch.specials" + (
@@ -88,18 +92,19 @@ def _orbit_at(branch: Branch, at: Any) -> tuple[PeriodicOrbit, float, str]:
     if isinstance(at, BranchPoint):
         if not any(at is special for special in branch.specials):
             raise refusal("at", at, allowed, but="of another branch")
-        found, value, title = at.orbit, at.value, at.label
+        found, values, title = at.orbit, at.values, at.label
     else:
         if not isinstance(at, int | np.integer) or isinstance(at, bool):
             raise refusal("at", at, allowed, TypeError)
         if not -size <= at < size:
             raise refusal("at", at, allowed)
         number = int(at) % size
-        found, value = jax.tree.map(lambda leaf: leaf[number], branch.orbits), branch.values[number]
+        found = jax.tree.map(lambda leaf: leaf[number], branch.orbits)
+        values = branch.values[number]
         title = f"orbit {number}"
     if not bool(found.successful):
         raise refusal("at", at, "of an orbit that was found", but=str(found.result))
-    return found, float(value), title
+    return found, np.atleast_1d(values), title
 
 
 def _period(system: AbstractHybridSystem, found: PeriodicOrbit, args: PyTree) -> Solution:
@@ -135,10 +140,6 @@ def _sticks(axis: Axes, solution: Solution, system: AbstractHybridSystem) -> Non
         )  # fmt: skip
     if held:
         axis.legend(frameon=False, fontsize="small")
-
-
-def _unit(branch: Branch) -> str | None:
-    return getattr(branch.system, "parameter_units", {}).get(branch.parameter)
 
 
 def _with_unit(text: str, unit: str | None) -> str:

@@ -14,9 +14,9 @@ import distributed
 import jax
 import numpy as np
 
-from ._compute import Memory, joined
 from ._describe import Described, computed_with
 from ._manifest import differences
+from ._memory import Memory, results_of_unit
 from ._store import Store, SweepMismatchError
 from .evaluate import identity_of, lanes_for, results_by_name
 from .grid import Block, blocks_inside
@@ -66,7 +66,7 @@ def compute_by_client(
             results, by = future.result()
             _, unit, inside, chain = running.pop(future.key)
             shaped = map(evaluate.shaped, inside, results)
-            values = joined(unit, inside, shaped, meter.advance)
+            values = results_of_unit(unit, inside, shaped, meter.advance)
             kept.write(unit, values, by if by_host else None)
             if chain:
                 done.add(begin(chain))

@@ -19,9 +19,10 @@ from .._validation import (
     numbers,
     refusal,
 )
-from ._compute import Memory, compute_rest
+from ._compute import compute_rest
 from ._describe import Described, describe
 from ._labels import Labels, Variable
+from ._memory import Memory
 from ._read import dataset_so_far
 from ._store import Store
 from .grid import block_shape, check_grid, shard_shape

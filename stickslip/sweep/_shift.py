@@ -9,6 +9,7 @@ import warnings
 
 import jax
 import jax.numpy as jnp
+import jaxlib.version
 
 
 def shift_is_right() -> bool:
@@ -27,8 +28,8 @@ def warn_of_wrong_shifts() -> None:
     """`RuntimeWarning` with what to write instead, if this compiler gets the shift wrong."""
     if not shift_is_right():
         warnings.warn(
-            f"jaxlib {jax.lib.__version__} shifts an array within itself wrongly under jit on a CPU, "
-            "without an error: b.at[1:].set(b[:-1]) can hold b[0] everywhere (openxla/xla issue "
+            f"jaxlib {jaxlib.version.__version__} shifts an array within itself wrongly under jit on "
+            "a CPU, without an error: b.at[1:].set(b[:-1]) can hold b[0] everywhere (openxla/xla issue "
             "49176). stickslip does not write this; if your own equations do, write jnp.roll or "
             "jnp.concatenate instead. This is said once for each jaxlib on a machine.",
             RuntimeWarning,

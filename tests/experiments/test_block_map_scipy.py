@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 from experiments._experiment import chosen, load
 from experiments.block._branches import precise
 from experiments.block._map import system_at
-from stickslip.continuation import continue_orbit, continue_point, orbit_guess
+from stickslip.continuation import Follow, Shooting, continue_orbit, continue_point, orbit_guess
 from stickslip.systems import BlockState
 
 # Set A as its page prints it.
@@ -92,12 +92,23 @@ def test_three_points_of_the_curve_are_doublings_of_returns_with_scipy():
     exact = precise(parameters)
     system = system_at("smooth", 72.0, 0.1)
     guess = orbit_guess(system, BlockState(0.0, 0.0, 0.0, 0.0), transient=60.0, max_period=2.0)
-    branch = continue_orbit(system, guess, "k3", (54.0, 126.0), step=0.02, integrator=exact)
+    branch = continue_orbit(
+        system,
+        guess,
+        "k3",
+        (54.0, 126.0),
+        follow=Follow(step=0.02),
+        shooting=Shooting(integrator=exact),
+    )
     (first, *_) = branch["PD"]
     curve = continue_point(
-        system_at("smooth", first.value, 0.1), first, ("k3", "V_b"), ((60.0, 116.0), (0.05, 0.18)),
-        step=0.04, max_points=100, integrator=exact,
-    )  # fmt: skip
+        system_at("smooth", first.value, 0.1),
+        first,
+        ("k3", "V_b"),
+        ((60.0, 116.0), (0.05, 0.18)),
+        follow=Follow(step=0.04, max_points=100),
+        shooting=Shooting(integrator=exact),
+    )
     # On the left, past the top and on the lower side, none of them where the curve begins.
     speeds = curve.values[:, 1]
     top = int(np.argmax(speeds))

@@ -32,12 +32,9 @@ ORBIT = continuation.PeriodicOrbit(
     jnp.zeros((2, 2)), POINT, POINT,
 )  # fmt: skip
 ROW = jax.tree.map(lambda leaf: leaf[None], ORBIT)
-BRANCH = continuation.Branch("belt_speed", np.array([0.2]), ROW, ((0,),), (), OSCILLATOR)
-SPECIAL = continuation.BranchPoint("PD", 0.2, ORBIT, "", 0, np.zeros(4), OSCILLATOR)
-END = continuation.CurveEnd(np.array([0.2, 1.0]), ORBIT, "max_points", OSCILLATOR)
-CURVE = continuation.BifurcationCurve(
-    "PD", ("belt_speed", "stiffness"), np.array([[0.2, 1.0]]), ROW, ((0,),), (END, END), OSCILLATOR
-)
+BRANCH = continuation.Branch(("belt_speed",), np.array([0.2]), ROW, ((0,),), (), OSCILLATOR)
+SPECIAL = continuation.BranchPoint("PD", np.array([0.2]), ORBIT, "", 0, np.zeros(4), OSCILLATOR)
+FOLLOW, SHOOTING = continuation.Follow(), continuation.Shooting()
 
 
 def _inside(path):
@@ -65,26 +62,34 @@ TARGETS = [
         {
             "system": SYSTEM, "y0": STATE, "transient": arg(1.0, "not negative", "float32"),
             "max_period": PERIOD, "forcing_period": arg(None, "none"), "t0": TIME, "mode0": MODE,
-            "args": ARGS, "integrator": INTEGRATOR, "max_events": COUNT,
+            "args": ARGS, "shooting": arg(SHOOTING),
         },
+    ),
+    Target(
+        continuation.Follow,
+        {
+            "step": arg(0.01, "positive", "float32"), "max_points": COUNT, "both": arg(True, "flag"),
+            "values": arg((0.15, 0.2), "none of them"), "tests": arg({}, "mapping"),
+        },
+    ),
+    Target(
+        continuation.Shooting,
+        {"segments": arg(2), "integrator": INTEGRATOR, "max_events": COUNT},
     ),
     Target(
         continuation.periodic_orbit,
         {
             "system": SYSTEM, "guess": arg(continuation.OrbitGuess(START, 1.0, 0)),
-            "forced": arg(True, "flag"), "segments": arg(2), "args": ARGS, "integrator": INTEGRATOR,
-            "tolerance": PERIOD, "max_steps": COUNT, "max_events": COUNT,
+            "forced": arg(True, "flag"), "shooting": arg(SHOOTING), "tolerance": PERIOD,
+            "max_steps": COUNT, "args": ARGS,
         },
     ),
     Target(
         continuation.continue_orbit,
         {
             "system": SYSTEM, "orbit": arg(ORBIT), "parameter": arg("belt_speed"),
-            "bounds": arg((0.1, 0.3)), "forcing_period": arg(None, "none"),
-            "step": arg(0.01, "positive", "float32"), "max_points": COUNT,
-            "values": arg((0.15, 0.2), "none of them"),
-            "functions": arg(None, "none", "mapping"), "both": arg(True, "flag"), "segments": arg(2),
-            "args": ARGS, "integrator": INTEGRATOR, "max_events": COUNT,
+            "bounds": arg((0.1, 0.3)), "forcing_period": arg(None, "none"), "follow": arg(FOLLOW),
+            "shooting": arg(SHOOTING), "args": ARGS,
         },
     ),
     Target(
@@ -92,19 +97,14 @@ TARGETS = [
         {
             "system": SYSTEM, "point": arg(SPECIAL), "parameters": arg(("belt_speed", "stiffness")),
             "bounds": arg(((0.1, 0.3), (0.5, 2.0))), "forcing_period": arg(None, "none"),
-            "step": arg(0.01, "positive", "float32"), "max_points": COUNT,
-            "values": arg(((0.15,), (1.0,))),
-            "functions": arg(None, "none", "mapping"), "both": arg(True, "flag"), "segments": arg(2),
-            "args": ARGS, "integrator": INTEGRATOR, "max_events": COUNT,
+            "follow": arg(FOLLOW), "shooting": arg(SHOOTING), "args": ARGS,
         },
     ),
     Target(
         continuation.continue_equilibrium,
         {
             "system": SYSTEM, "y0": arg(START), "parameter": arg("belt_speed"),
-            "bounds": arg((0.1, 0.3)), "mode0": MODE, "step": arg(0.01, "positive", "float32"),
-            "max_points": COUNT, "values": arg((0.15, 0.2), "none of them"),
-            "both": arg(True, "flag"), "args": ARGS,
+            "bounds": arg((0.1, 0.3)), "mode0": MODE, "follow": arg(FOLLOW), "args": ARGS,
         },
     ),
     Target(
@@ -116,7 +116,6 @@ TARGETS = [
         continuation.load_branch,
         {"path": arg(_saved(), "path"), "system": SYSTEM, "y0": arg(START, "states")},
     ),
-    Target(plot.curve, {"curve": arg(CURVE), "ax": arg(None, "none")}),
     Target(
         plot.branch,
         {

@@ -24,7 +24,6 @@ REASONS = {
     "stickslip.continuation._orbit.PeriodicOrbit.result": RESULT,
     "stickslip.continuation._orbit.PeriodicOrbit.simulation": RESULT,
     "stickslip.plot._branch.branch.options": LINES,
-    "stickslip.plot._curve.curve.options": LINES,
     "stickslip.plot._energy_account.energy_account.options": LINES,
     "stickslip.plot._exponents.exponents.options": LINES,
     "stickslip.plot._fit.fit.options": LINES,

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import stickslip as ss
-from stickslip.continuation import OrbitGuess, continue_orbit, periodic_orbit
+from stickslip.continuation import Follow, OrbitGuess, continue_orbit, periodic_orbit
 
 
 def whole_turn(system):
@@ -322,5 +322,5 @@ def closed_branch():
     system = ForcedBlock(0.1, w)
     orbit = periodic_orbit(system, OrbitGuess(Motion(1.0, 0.0), 4 * np.pi / w), forced=True)
     return continue_orbit(
-        system, orbit, "frequency", (1.5, 2.0), step=0.02, forcing_period=of_frequency
+        system, orbit, "frequency", (1.5, 2.0), forcing_period=of_frequency, follow=Follow(step=0.02)
     )

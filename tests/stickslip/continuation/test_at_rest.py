@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.continuation import OrbitGuess, continue_orbit, orbit_guess, periodic_orbit
+from stickslip.continuation import Follow, OrbitGuess, continue_orbit, orbit_guess, periodic_orbit
 from stickslip.friction import Coulomb
 from stickslip.mechanism import AbstractMechanism, Contact
 from tests.stickslip.continuation._systems import (
@@ -56,9 +56,13 @@ def test_borders_do_not_depend_on_the_step():
     found = []
     for step in (0.02, 0.12):
         branch = continue_orbit(
-            system, orbit, "frequency", (0.07, 0.3), step=step, forcing_period=of_frequency,
-            functions={"level": lambda orbit: orbit.highest.x - 2.125},
-        )  # fmt: skip
+            system,
+            orbit,
+            "frequency",
+            (0.07, 0.3),
+            forcing_period=of_frequency,
+            follow=Follow(step=step, tests={"level": lambda orbit: orbit.highest.x - 2.125}),
+        )
         found.append([(s.label, s.value) for s in branch.specials])
         assert [end.value for end in branch["EP"]] == pytest.approx([0.07, 0.3], abs=1e-12)
     assert [label for label, _ in found[0]] == [label for label, _ in found[1]]
@@ -159,7 +163,7 @@ def test_grazing_is_known_as_well_from_the_side_of_impacts():
     )
     for step in (0.02, 0.1):
         branch = continue_orbit(
-            system, guess, "amplitude", (0.05, 0.3), step=step, forcing_period=whole_turn
+            system, guess, "amplitude", (0.05, 0.3), forcing_period=whole_turn, follow=Follow(step=step)
         )
         (graze,) = branch["GR"]
         assert graze.value == pytest.approx(0.1, abs=1e-10)
@@ -169,5 +173,5 @@ def test_grazing_is_known_as_well_from_the_side_of_impacts():
 @pytest.mark.parametrize("turns", [7, 11])
 def test_turns_that_no_part_of_sixty_shows(turns):
     guess = OrbitGuess(Cycle(1.1, 0.0), 2 * np.pi * turns)
-    branch = continue_orbit(Radial(0.2), guess, "a", (0.1, 0.3), step=0.2)
+    branch = continue_orbit(Radial(0.2), guess, "a", (0.1, 0.3), follow=Follow(step=0.2))
     np.testing.assert_allclose(np.asarray(branch.orbits.period), 2 * np.pi, rtol=1e-9)

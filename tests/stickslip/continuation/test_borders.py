@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from stickslip.continuation._along import Anchor
-from stickslip.continuation._follow import Point
 from stickslip.continuation._kinds import kind_of
 from stickslip.continuation._orbit import PeriodicOrbit
-from stickslip.continuation._walk import _closed
+from stickslip.continuation._point import Point
+from stickslip.continuation._walk import has_come_round
 from stickslip.systems import JointedBeam
 
 BEAM = JointedBeam.constructed(1e-3)  # slip backward, stick, slip forward, no contact
@@ -62,5 +62,5 @@ def points(ways):
 
 
 def test_a_branch_that_has_not_turned_back_has_not_come_round():
-    assert not _closed(points([0.01] * 12), 0.1)
-    assert _closed(points([0.01] * 5 + [-0.01] * 5 + [0.01] * 2), 0.1)
+    assert not has_come_round(points([0.01] * 12), 0.1)
+    assert has_come_round(points([0.01] * 5 + [-0.01] * 5 + [0.01] * 2), 0.1)

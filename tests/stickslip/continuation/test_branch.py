@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import expm
 from scipy.optimize import minimize_scalar
 
-from stickslip.continuation import continue_orbit, orbit_guess, periodic_orbit
+from stickslip.continuation import Follow, continue_orbit, orbit_guess, periodic_orbit
 from tests.stickslip.continuation._systems import (
     CocoStickSlip,
     Motion,
@@ -26,9 +26,13 @@ def test_grazing_of_coco_and_beyond():
         forcing_period=period,
     )  # fmt: skip
     branch = continue_orbit(
-        system, periodic_orbit(system, guess, forced=True), "voltage", (0.4, 0.7), step=0.02,
+        system,
+        periodic_orbit(system, guess, forced=True),
+        "voltage",
+        (0.4, 0.7),
         forcing_period=half_turn,
-    )  # fmt: skip
+        follow=Follow(step=0.02),
+    )
     (graze,) = branch["GR"]
     assert graze.value == pytest.approx(0.5875162504, abs=1e-9)
     found = np.asarray(graze.orbit.multipliers)
@@ -48,9 +52,13 @@ def test_flip_of_the_forced_block_on_a_closed_branch():
     assert branch.specials[-1].words.startswith("closed")
 
     doubled = continue_orbit(
-        branch.system, flip, "frequency", (1.5, 2.0), step=0.02,
-        forcing_period=of_frequency, max_points=20,
-    )  # fmt: skip
+        branch.system,
+        flip,
+        "frequency",
+        (1.5, 2.0),
+        forcing_period=of_frequency,
+        follow=Follow(step=0.02, max_points=20),
+    )
     first = float(doubled.orbits.period[0]) * doubled.values[0] / (8 * np.pi)
     assert first == pytest.approx(1.0, abs=1e-9)
     assert np.asarray(doubled.orbits.repeats).tolist() == [1] * len(doubled)
@@ -69,9 +77,13 @@ def test_grazing_of_the_impact_oscillator():
         system, Motion(0.0, 0.0), transient=60 * period, max_period=1.5 * period, forcing_period=period
     )
     branch = continue_orbit(
-        system, periodic_orbit(system, guess, forced=True), "amplitude", (0.05, 0.2), step=0.02,
+        system,
+        periodic_orbit(system, guess, forced=True),
+        "amplitude",
+        (0.05, 0.2),
         forcing_period=whole_turn,
-    )  # fmt: skip
+        follow=Follow(step=0.02),
+    )
     (graze,) = branch["GR"]
     assert graze.value == pytest.approx(0.1, abs=1e-10)
 

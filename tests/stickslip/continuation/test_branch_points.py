@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import stickslip as ss
-from stickslip.continuation import continue_orbit, orbit_guess
+from stickslip.continuation import Follow, continue_orbit, orbit_guess
 from tests.stickslip.continuation._systems import Motion
 
 pytestmark = pytest.mark.slow
@@ -81,7 +81,7 @@ def test_broken_symmetry_of_a_forced_oscillator():
     assert len(known) == 2
     for step in (0.01, 0.05):
         branch = continue_orbit(
-            system, guess, "amplitude", (1.0, 2.2), step=step, forcing_period=forcing
+            system, guess, "amplitude", (1.0, 2.2), forcing_period=forcing, follow=Follow(step=step)
         )
         assert [s.label for s in branch.specials] == ["EP", "BP", "BP", "EP"]
         np.testing.assert_allclose([point.value for point in branch["BP"]], known, atol=1e-9)
@@ -89,7 +89,12 @@ def test_broken_symmetry_of_a_forced_oscillator():
             assert np.asarray(point.orbit.multipliers)[0] == pytest.approx(1.0, abs=1e-7)
     # The orbits that are not symmetric: they part at one of the points and come together at the other.
     other = continue_orbit(
-        system, branch["BP"][0], "amplitude", (1.0, 2.2), step=0.02, forcing_period=forcing
+        system,
+        branch["BP"][0],
+        "amplitude",
+        (1.0, 2.2),
+        forcing_period=forcing,
+        follow=Follow(step=0.02),
     )
     highest, lowest = np.asarray(other.orbits.highest.x), np.asarray(other.orbits.lowest.x)
     assert np.max(np.abs(highest + lowest)) > 0.05

@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 
 import stickslip as ss
 from stickslip.continuation import (
+    Follow,
     OrbitGuess,
     continue_orbit,
     continue_point,
@@ -37,7 +38,9 @@ def test_fold_and_flip_of_the_ball_are_the_closed_forms():
     start = Motion(strength * np.cos(phase) + np.pi**2 / 2, 0.0)
     system = Bouncing(strength, e)
     orbit = periodic_orbit(system, OrbitGuess(start, 2 * np.pi, 0, phase + np.pi), forced=True)
-    branch = continue_orbit(system, orbit, "strength", (0.9, 1.7), step=0.02, forcing_period=whole_turn)
+    branch = continue_orbit(
+        system, orbit, "strength", (0.9, 1.7), forcing_period=whole_turn, follow=Follow(step=0.02)
+    )
     fold = np.pi * (1 - e) / (1 + e)
     flip = np.hypot(fold, 2 * (1 + e * e) / (1 + e) ** 2)
     assert branch["LP"][0].value == pytest.approx(fold, abs=1e-9)
@@ -51,7 +54,7 @@ def test_fold_and_flip_of_the_ball_are_the_closed_forms():
     names, bounds = ("strength", "restitution"), ((0.2, 4.0), (0.1, 0.9))
     for label in ("LP", "PD"):
         curve = continue_point(
-            system, branch[label][0], names, bounds, forcing_period=whole_turn, step=0.05
+            system, branch[label][0], names, bounds, forcing_period=whole_turn, follow=Follow(step=0.05)
         )
         strength, e = curve.values.T
         exact = np.pi * (1 - e) / (1 + e)
@@ -92,16 +95,24 @@ def test_loss_of_pure_slip_over_the_frequency():
         system, Motion(1.0, 0.0), transient=60 * period, max_period=2.5 * period, forcing_period=period
     )
     branch = continue_orbit(
-        system, periodic_orbit(system, guess, forced=True), "amplitude", (1.1, 2.5), step=0.02,
+        system,
+        periodic_orbit(system, guess, forced=True),
+        "amplitude",
+        (1.1, 2.5),
         forcing_period=of_frequency,
-    )  # fmt: skip
+        follow=Follow(step=0.02),
+    )
     (border,) = branch["GR"]
     assert border.words == "crossing-sliding, 2 events, 4 beyond"
     assert border.value == pytest.approx(1.3770178175, abs=1e-9)
     curve = continue_point(
-        system, border, ("amplitude", "frequency"), ((1.0, 2.5), (0.5, 1.2)), step=0.1,
+        system,
+        border,
+        ("amplitude", "frequency"),
+        ((1.0, 2.5), (0.5, 1.2)),
         forcing_period=of_frequency,
-    )  # fmt: skip
+        follow=Follow(step=0.1),
+    )
     force, w = curve.values.T
     assert w.min() < 0.6
     assert w.max() == pytest.approx(1.2)
@@ -129,7 +140,12 @@ def flip_of_the_slip_field():
     w = 1.75
     orbit = periodic_orbit(Backward(0.1, w), OrbitGuess(Motion(1.0, 0.0), 4 * np.pi / w), forced=True)
     branch = continue_orbit(
-        Backward(0.1, w), orbit, "frequency", (1.5, 2.0), step=0.02, forcing_period=of_frequency
+        Backward(0.1, w),
+        orbit,
+        "frequency",
+        (1.5, 2.0),
+        forcing_period=of_frequency,
+        follow=Follow(step=0.02),
     )
     return min(branch["PD"], key=lambda point: abs(point.value - 1.7129810362))
 
@@ -137,9 +153,13 @@ def flip_of_the_slip_field():
 @pytest.mark.slow
 def test_flip_curve_of_the_forced_block_ends_where_the_orbit_grazes_the_belt():
     curve = continue_point(
-        closed_branch().system, closed_branch()["PD"][0], ("frequency", "amplitude"),
-        ((1.0, 4.0), (0.0, 4.0)), forcing_period=of_frequency, step=0.03,
-    )  # fmt: skip
+        closed_branch().system,
+        closed_branch()["PD"][0],
+        ("frequency", "amplitude"),
+        ((1.0, 4.0), (0.0, 4.0)),
+        forcing_period=of_frequency,
+        follow=Follow(step=0.03),
+    )
     assert np.asarray(curve.orbits.multipliers)[:, 0] == pytest.approx(-1.0, abs=1e-9)
     for end in curve.ends:
         assert end.words == "grazes: the sequence of modes ends here"
@@ -154,10 +174,14 @@ def test_flip_curve_of_the_forced_block_ends_where_the_orbit_grazes_the_belt():
 def test_flip_curve_of_the_slip_field_passes_the_published_points():
     """Yoshitake, Sueoka; five digits are printed."""
     curve = continue_point(
-        Backward(0.1, 1.75), flip_of_the_slip_field(), ("frequency", "amplitude"),
-        ((1.0, 4.0), (0.05, 2.28608)), forcing_period=of_frequency, step=0.03, both=False,
-    )  # fmt: skip
-    assert curve.ends[1].words == "bounds of amplitude"
+        Backward(0.1, 1.75),
+        flip_of_the_slip_field(),
+        ("frequency", "amplitude"),
+        ((1.0, 4.0), (0.05, 2.28608)),
+        forcing_period=of_frequency,
+        follow=Follow(step=0.03, both=False),
+    )
+    assert curve.ends[-1].words == "bounds of amplitude"
     assert curve.values[-1] == pytest.approx([2.73420, 2.28608], abs=1e-5)
     frequency, amplitude = curve.values.T
     between = CubicSpline(amplitude, frequency)
@@ -204,12 +228,21 @@ def test_borders_of_two_stops_end_where_they_meet(start, offsets, largest, stop)
     system, bounds = TwoStops(0.05, start), (0.05, largest)
     orbit = periodic_orbit(system, OrbitGuess(Motion(start, 0.5), 2 * np.pi, 0), forced=True)
     branch = continue_orbit(
-        system, orbit, "amplitude", bounds, step=0.05, forcing_period=whole_turn, both=False,
-        max_points=20,
-    )  # fmt: skip
+        system,
+        orbit,
+        "amplitude",
+        bounds,
+        forcing_period=whole_turn,
+        follow=Follow(step=0.05, both=False, max_points=20),
+    )
     border = branch["GR"][0]
     curve = continue_point(
-        system, border, ("amplitude", "offset"), (bounds, offsets), forcing_period=whole_turn, step=0.1
+        system,
+        border,
+        ("amplitude", "offset"),
+        (bounds, offsets),
+        forcing_period=whole_turn,
+        follow=Follow(step=0.1),
     )
     a, b = curve.values.T
     np.testing.assert_allclose(10 * a[1:-1], np.abs(stop - b[1:-1]), rtol=1e-8)
@@ -242,11 +275,13 @@ class Cusp(ss.AbstractSmoothSystem):
 def test_folds_of_cycles_end_at_the_cusp():
     system = Cusp(0.0, 0.3)
     orbit = periodic_orbit(system, OrbitGuess(Cycle(1.0 + 0.3**0.5, 0.0), 2 * np.pi))
-    branch = continue_orbit(system, orbit, "a", (-0.2, 0.2), step=0.1)
+    branch = continue_orbit(system, orbit, "a", (-0.2, 0.2), follow=Follow(step=0.1))
     fold = branch["LP"][0]
     size = (4 * 0.3**3 / 27) ** 0.5
     assert abs(fold.value) == pytest.approx(size, abs=1e-10)
-    curve = continue_point(system, fold, ("a", "b"), ((-0.5, 0.5), (-0.5, 1.0)), step=0.05)
+    curve = continue_point(
+        system, fold, ("a", "b"), ((-0.5, 0.5), (-0.5, 1.0)), follow=Follow(step=0.05)
+    )
     a, b = curve.values.T
     np.testing.assert_allclose(27 * a**2, 4 * b**3, atol=1e-10)
     one, two = sorted(curve.ends, key=lambda end: float(end.values[1]))
@@ -255,108 +290,18 @@ def test_folds_of_cycles_end_at_the_cusp():
     assert two.words.startswith("bounds of ")
 
 
-class Torus(NamedTuple):
-    x: Any
-    y: Any
-    p: Any
-    q: Any
-
-
-class Pair(ss.AbstractSmoothSystem):
-    r"""Cycle $r = 1$ of period $2\pi$, with a pair of multipliers $e^{2\pi(a \pm i b)}$."""
-
-    a: Any
-    b: Any
-    units: ClassVar = {"x": "1", "y": "1", "p": "1", "q": "1"}
-
-    def vector_field(self, t, y, mode, args):
-        grow = 1.0 - y.x**2 - y.y**2
-        small = self.a - y.p**2 - y.q**2
-        # The pair is coupled to the cycle: its period does not depend on it.
-        return Torus(
-            grow * y.x - y.y, grow * y.y + y.x, small * y.p - self.b * y.q + 0.1 * y.p * grow,
-            small * y.q + self.b * y.p,
-        )  # fmt: skip
-
-
-@pytest.mark.slow
-def test_torus_points_pass_strong_resonances():
-    """Of multipliers $e^{2\\pi(a \\pm ib)}$ the pair is a third or a fourth root of 1 there."""
-    system = Pair(-0.05, 0.3)
-    orbit = periodic_orbit(system, OrbitGuess(Torus(1.0, 0.0, 0.0, 0.0), 2 * np.pi))
-    branch = continue_orbit(system, orbit, "a", (-0.1, 0.1), step=0.1)
-    (torus,) = branch["NS"]
-    assert torus.value == pytest.approx(0.0, abs=1e-9)
-    curve = continue_point(
-        system, torus, ("a", "b"), ((-0.1, 0.1), (0.05, 0.45)), values=((), (0.3, 0.2)), step=0.1
-    )
-    np.testing.assert_allclose(curve.values[:, 0], 0.0, atol=1e-9)
-    found = {special.label: special for special in curve.specials}
-    for label, b in (("R4", 1 / 4), ("R3", 1 / 3)):
-        assert found[label].values[1] == pytest.approx(b, abs=1e-9)
-        assert float(found[label].system.b) == found[label].values[1]
-        low, high = sorted(curve.values[found[label].index : found[label].index + 2, 1])
-        assert low <= b <= high
-    assert sorted(float(point.values[1]) for point in curve["UZ"]) == [0.2, 0.3]
-    assert [end.words for end in curve.ends] == ["bounds of b"] * 2
-    assert [float(end.system.b) for end in curve.ends] == [end.values[1] for end in curve.ends]
-
-
-class Real(Pair):
-    r"""The same with the pair $e^{2\pi(a \pm i\sqrt b)}$, which is real for b < 0."""
-
-    def vector_field(self, t, y, mode, args):
-        grow = 1.0 - y.x**2 - y.y**2
-        small = self.a - y.p**2 - y.q**2
-        return Torus(grow * y.x - y.y, grow * y.y + y.x, small * y.p - self.b * y.q, small * y.q + y.p)
-
-
-@pytest.mark.slow
-def test_torus_points_end_where_the_pair_becomes_real():
-    system = Real(-0.05, 0.09)
-    orbit = periodic_orbit(system, OrbitGuess(Torus(1.0, 0.0, 0.0, 0.0), 2 * np.pi))
-    branch = continue_orbit(system, orbit, "a", (-0.1, 0.1), step=0.1)
-    curve = continue_point(system, branch["NS"][0], ("a", "b"), ((-0.1, 0.1), (-0.2, 0.2)), step=0.1)
-    (one,) = curve["R1"]
-    np.testing.assert_allclose(one.values, 0.0, atol=1e-8)
-    (end,) = [end for end in curve.ends if end.words.startswith("R1")]
-    np.testing.assert_array_equal(end.values, one.values)
-    assert [round(float(point.values[1]), 9) for point in (*curve["R4"], *curve["R3"])] == [
-        0.0625, 0.111111111,
-    ]  # fmt: skip
-
-
-class Ring(Pair):
-    r"""The same with multipliers $e^{2\pi(a^2 + b^2 - 0.04 \pm 0.3i)}$."""
-
-    def vector_field(self, t, y, mode, args):
-        return Pair(self.a**2 + self.b**2 - 0.04, 0.3).vector_field(t, y, mode, args)
-
-
-@pytest.mark.slow
-def test_a_curve_that_comes_round_is_closed():
-    system = Ring(0.0, 0.1)
-    orbit = periodic_orbit(system, OrbitGuess(Torus(1.0, 0.0, 0.0, 0.0), 2 * np.pi))
-    branch = continue_orbit(system, orbit, "a", (0.0, 0.3), step=0.1)
-    (torus,) = branch["NS"]
-    assert torus.value == pytest.approx(np.sqrt(0.03), abs=1e-9)
-    curve = continue_point(system, torus, ("a", "b"), ((-0.5, 0.5), (-0.5, 0.5)), step=0.05)
-    a, b = curve.values.T
-    np.testing.assert_allclose(np.hypot(a, b), 0.2, atol=1e-9)
-    assert curve.ends[1].words.startswith("closed")
-    turned = np.unwrap(np.arctan2(b, a))
-    assert abs(turned[-1] - turned[0]) == pytest.approx(2 * np.pi, abs=0.3)  # once, not twice
-
-
 @pytest.mark.slow
 def test_discontinuous_fold_and_its_curve_over_the_damping():
     """Stick-slip orbit and slip cycle end in one point; the latter also in its Hopf point."""
     system = WeakeningBlock(belt_speed=0.6, damping=0.5)
     guess = orbit_guess(system, Motion(1.0, 0.1), transient=50.0, max_period=12.0)
     branch = continue_orbit(
-        system, periodic_orbit(system, guess), "belt_speed", (0.4, 0.8), step=0.04, both=False,
-        max_points=60,
-    )  # fmt: skip
+        system,
+        periodic_orbit(system, guess),
+        "belt_speed",
+        (0.4, 0.8),
+        follow=Follow(step=0.04, both=False, max_points=60),
+    )
     (fold,), (end,) = branch["GR"], branch["EP"]
     assert fold.value == pytest.approx(0.6721494669, abs=1e-9)
     assert float(fold.orbit.period) == pytest.approx(6.4622679113, abs=1e-8)
@@ -374,7 +319,9 @@ def test_discontinuous_fold_and_its_curve_over_the_damping():
     assert data["label"].values.tolist() == ["GR", "HB", "EP"]
     assert data["start_x"].attrs["units"] == "m"
     assert fold.words.startswith("grazing-sliding")
-    curve = continue_point(system, fold, ("belt_speed", "damping"), ((0.5, 0.9), (0.4, 0.6)), step=0.15)
+    curve = continue_point(
+        system, fold, ("belt_speed", "damping"), ((0.5, 0.9), (0.4, 0.6)), follow=Follow(step=0.15)
+    )
     assert len(curve) > 5
     for v, c in curve.values[::2]:
         assert discontinuous_fold(c) == pytest.approx(v, abs=1e-8)
@@ -406,10 +353,10 @@ class Symmetric(ss.AbstractSmoothSystem):
 def test_the_other_branch_of_a_symmetric_branch_point():
     system = Symmetric(-0.1)
     orbit = periodic_orbit(system, OrbitGuess(Pitchfork(1.0, 0.0, 0.0), 2 * np.pi))
-    branch = continue_orbit(system, orbit, "a", (-0.2, 0.2), step=0.06)
+    branch = continue_orbit(system, orbit, "a", (-0.2, 0.2), follow=Follow(step=0.06))
     (point,) = branch["BP"]
     assert point.value == pytest.approx(0.0, abs=1e-8)
-    other = continue_orbit(system, point, "a", (-0.2, 0.2), step=0.06)
+    other = continue_orbit(system, point, "a", (-0.2, 0.2), follow=Follow(step=0.06))
     w, a = np.asarray(other.orbits.y0.w), other.values
     np.testing.assert_allclose(w**2, a, atol=1e-9)
     assert w.min() < -0.3
@@ -424,13 +371,13 @@ def test_branch_points_have_a_curve_while_the_system_stays_symmetric():
     for b, c in ((0.3, 0.0), (0.0, 1.0)):
         system = Symmetric(-0.1, b, c)
         orbit = periodic_orbit(system, OrbitGuess(Pitchfork(1.0, 0.0, 0.0), 2 * np.pi))
-        branch = continue_orbit(system, orbit, "a", (-0.2, 0.4), step=0.06)
+        branch = continue_orbit(system, orbit, "a", (-0.2, 0.4), follow=Follow(step=0.06))
         (point,) = branch["BP"]
         if c:  # w = 0 is none for any other b
             with pytest.raises(ValueError, match="point = BranchPoint: it must be one from which"):
-                continue_point(system, point, ("a", "b"), bounds, step=0.1)
+                continue_point(system, point, ("a", "b"), bounds, follow=Follow(step=0.1))
             continue
-        curve = continue_point(system, point, ("a", "b"), bounds, step=0.1)
+        curve = continue_point(system, point, ("a", "b"), bounds, follow=Follow(step=0.1))
         np.testing.assert_allclose(curve.values[:, 0], curve.values[:, 1] ** 2, atol=1e-9)
         np.testing.assert_allclose(np.asarray(curve.orbits.multipliers)[:, 0], 1.0, atol=1e-9)
         assert [end.words for end in curve.ends] == ["bounds of b"] * 2

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.continuation import OrbitGuess, continue_orbit, periodic_orbit
+from stickslip.continuation import Follow, OrbitGuess, Shooting, continue_orbit, periodic_orbit
 
 pytestmark = pytest.mark.slow
 
@@ -52,14 +52,14 @@ class Saddle(ss.AbstractSmoothSystem):
 
 def test_a_neutral_saddle_is_no_torus_point():
     guess = OrbitGuess(Band(1.0, 0.0, 0.0, 0.0), 2 * np.pi)
-    branch = continue_orbit(Saddle(-0.05), guess, "a", (-0.06, 0.06), step=0.2)
+    branch = continue_orbit(Saddle(-0.05), guess, "a", (-0.06, 0.06), follow=Follow(step=0.2))
     found = np.asarray(branch.orbits.multipliers)
     products = np.real(found[:, 0] * found[:, 1])
     assert products.min() < 1.0 < products.max()
     assert [special.label for special in branch.specials] == ["EP", "EP"]
 
 
-OPTIONS = {"bounds": (-0.1, 0.1), "step": 0.2}
+OPTIONS = {"bounds": (-0.1, 0.1), "follow": Follow(step=0.2)}
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +92,7 @@ def test_an_orbit_of_two_turns_says_so():
 @pytest.mark.parametrize("segments", [1, 2, 3, 8])
 def test_orbits_of_twice_the_period_begin_at_the_doubling(twice, segments):
     (flip,) = twice["PD"]
-    doubled = continue_orbit(Twisted(-0.05), flip, "a", segments=segments, **OPTIONS)
+    doubled = continue_orbit(Twisted(-0.05), flip, "a", shooting=Shooting(segments=segments), **OPTIONS)
     a, y = doubled.values, doubled.orbits.y0
     np.testing.assert_allclose(np.asarray(doubled.orbits.period), 4 * np.pi, rtol=1e-9)
     np.testing.assert_allclose(np.asarray(y.p) ** 2 + np.asarray(y.q) ** 2, a, atol=1e-9)
@@ -113,7 +113,7 @@ class Bubble(Twisted):
 @pytest.mark.parametrize("step", [0.25, 0.2, 0.07, 0.01])
 def test_a_branch_of_doubled_orbits_ends_where_it_meets_the_other_doubling(step):
     """It leaps to the orbit that it doubles at no step, and is not followed into its mirror image."""
-    options = {"bounds": (-0.1, 0.2), "step": step}
+    options = {"bounds": (-0.1, 0.2), "follow": Follow(step=step)}
     guess = OrbitGuess(Band(1.0, 0.0, 0.0, 0.0), 2 * np.pi)
     branch = continue_orbit(Bubble(-0.05), guess, "a", **options)
     assert [flip.value for flip in branch["PD"]] == pytest.approx([0.0, 0.1], abs=1e-9)

@@ -8,6 +8,7 @@ import pytest
 
 import stickslip as ss
 from stickslip.continuation import (
+    Follow,
     OrbitGuess,
     continue_equilibrium,
     continue_orbit,
@@ -35,7 +36,7 @@ def test_equilibria_on_the_orbit_and_values_asked_for(tmp_path):
     system, wanted = Meeting(2.0), (2.0, 1.2, 2.1)
     guess = OrbitGuess(Plane(1.0, 0.0), 2 * np.pi / 3**0.5)
     branch = continue_orbit(
-        system, guess, "a", (0.5, 2.5), step=0.1, max_points=25, values=wanted, functions=None
+        system, guess, "a", (0.5, 2.5), follow=Follow(step=0.1, max_points=25, values=wanted)
     )
     assert [point.value for point in branch["UZ"]] == [1.2, 2.0, 2.1]
     for point in branch["UZ"]:
@@ -49,7 +50,7 @@ def test_equilibria_on_the_orbit_and_values_asked_for(tmp_path):
     saved = load_branch(save_branch(branch, tmp_path / "branch.nc"), system, Plane(0.0, 0.0))
     assert [float(s.system.a) for s in saved["UZ"]] == [1.2, 2.0, 2.1]
     with pytest.raises(ValueError, match=r"values\[1\] = 3.0: it must be within the bounds"):
-        continue_orbit(system, guess, "a", (0.5, 2.5), values=(1.0, 3.0))
+        continue_orbit(system, guess, "a", (0.5, 2.5), follow=Follow(values=(1.0, 3.0)))
 
 
 class Saddle(ss.AbstractSmoothSystem):
@@ -66,7 +67,7 @@ def test_from_a_hopf_point_to_a_saddle():
     """The constant is that of normal-form tables, to the digits printed; the other end is exact."""
     system = Saddle(-0.95)
     guess = orbit_guess(system, Motion(1.2, 0.1), transient=200.0, max_period=40.0)
-    branch = continue_orbit(system, guess, "mu", (-1.2, -0.7), step=0.05)
+    branch = continue_orbit(system, guess, "mu", (-1.2, -0.7), follow=Follow(step=0.05))
     (birth,) = branch["HB"]
     assert birth.value == pytest.approx(-1.0, abs=1e-12)
     assert float(birth.orbit.period) == pytest.approx(2 * np.pi, rel=1e-12)
@@ -81,10 +82,12 @@ def test_from_a_hopf_point_to_a_saddle():
 def test_equilibria_at_values_asked_for():
     """$x = a$, $v = 0$; the start, a bound and values between states."""
     wanted = (0.0, 0.123, -0.2, 0.3)
-    branch = continue_equilibrium(Driven(0.0), Motion(0.0, 0.0), "a", (-0.2, 0.3), values=wanted)
+    branch = continue_equilibrium(
+        Driven(0.0), Motion(0.0, 0.0), "a", (-0.2, 0.3), follow=Follow(step=0.02, values=wanted)
+    )
     assert [point.value for point in branch["UZ"]] == [-0.2, 0.0, 0.123, 0.3]
     for point in branch["UZ"]:
-        assert float(point.y.x) == pytest.approx(point.value, abs=1e-14)
+        assert float(point.orbit.y.x) == pytest.approx(point.value, abs=1e-14)
         assert float(point.system.a) == point.value
 
 
@@ -135,9 +138,13 @@ def test_the_touch_of_a_wall_in_place_of_a_turn_is_grazing():
     orbit = periodic_orbit(Walled(5.0), guess, forced=True)
     largest = float(orbit.highest.x)
     branch = continue_orbit(
-        Walled(largest + 0.05), orbit, "wall", (largest - 0.1, largest + 0.1),
-        forcing_period=whole_turn, step=0.2, max_points=8,
-    )  # fmt: skip
+        Walled(largest + 0.05),
+        orbit,
+        "wall",
+        (largest - 0.1, largest + 0.1),
+        forcing_period=whole_turn,
+        follow=Follow(step=0.2, max_points=8),
+    )
     assert not branch["SQ"]
     (graze,) = branch["GR"]
     assert graze.words == "grazing, 2 events, 2 beyond"

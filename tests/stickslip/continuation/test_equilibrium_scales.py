@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.continuation import continue_equilibrium, continue_orbit
+from stickslip.continuation import Follow, continue_equilibrium, continue_orbit
 
 FOLD = 2.0 / (3.0 * np.sqrt(3.0))
 
@@ -102,7 +102,8 @@ def followed(rates, y, a, bounds, scale, **options):
     """Special points, with the parameter in natural units, and the branch."""
     system, start = scaled(rates, y, a, scale)
     low, high = (scale.origin + scale.unit * bound for bound in bounds)
-    branch = continue_equilibrium(system, start, "p", (low, high), **options)
+    follow = Follow(**{"step": 0.02, **options})
+    branch = continue_equilibrium(system, start, "p", (low, high), follow=follow)
     return [(s.label, (s.value - scale.origin) / scale.unit) for s in branch.specials], branch
 
 
@@ -181,10 +182,10 @@ def test_a_pitchfork_along_its_other_branch(a, step):
     assert [pair for pair in found if pair[0] != "EP"] == special(
         [("LP", -0.25), ("BP", 0.0), ("LP", -0.25)]
     )
-    x = np.asarray(branch.y.z)[:, 0]
+    x = np.asarray(branch.orbits.y.z)[:, 0]
     np.testing.assert_allclose(branch.values, x**4 - x**2, atol=1e-12)
     (point,) = branch["BP"]
-    assert abs(np.asarray(point.y.z)[0]) < 1e-9
+    assert abs(np.asarray(point.orbit.y.z)[0]) < 1e-9
 
 
 def test_a_fold_beside_a_branch_point():
@@ -273,8 +274,8 @@ def test_what_jumps_over_zero_has_a_question_mark():
 def test_small_orbits_are_born_in_any_units(scale):
     system, start = scaled(van_der_pol, [0.0, 0.0], -0.1234, scale)
     bounds = (-0.5 * scale.unit, 0.5 * scale.unit)
-    (hopf,) = continue_equilibrium(system, start, "p", bounds)["HB"]
-    branch = continue_orbit(system, hopf, "p", bounds, step=0.05, max_points=4)
+    (hopf,) = continue_equilibrium(system, start, "p", bounds, follow=Follow(step=0.02))["HB"]
+    branch = continue_orbit(system, hopf, "p", bounds, follow=Follow(step=0.05, max_points=4))
     a = branch.values / scale.unit
     length = np.broadcast_to(scale.units_of, 2)[0]
     assert 0.0 < a[0] < 0.01

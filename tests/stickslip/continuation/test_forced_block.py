@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, fsolve
 
-from stickslip.continuation import OrbitGuess, continue_orbit, continue_point, periodic_orbit
+from stickslip.continuation import Follow, OrbitGuess, continue_orbit, continue_point, periodic_orbit
 from tests.stickslip.continuation._systems import ForcedBlock, Motion, closed_branch, of_frequency
 
 pytestmark = pytest.mark.slow
@@ -31,7 +31,12 @@ def test_torus_of_the_pure_slip_orbit(w, force):
     """A conjugate pair is on the unit circle where the integral of the divergence is zero."""
     start = OrbitGuess(Motion(0.45 + 0.8 / (1.0 - w * w), 0.0), 2 * np.pi / w, 0)
     branch = continue_orbit(
-        ForcedBlock(0.8, w), start, "amplitude", (0.7, 2.0), step=0.05, forcing_period=of_frequency
+        ForcedBlock(0.8, w),
+        start,
+        "amplitude",
+        (0.7, 2.0),
+        forcing_period=of_frequency,
+        follow=Follow(step=0.05),
     )
     (torus,) = branch["NS"]
     assert np.abs(torus.orbit.multipliers) == pytest.approx(1.0, abs=1e-9)
@@ -110,9 +115,13 @@ def test_grazing_of_the_orbits_of_several_turns(turns, w, start, phase, least):
     """The multipliers at the last orbit without stick are those of the slip, not of the other side."""
     guess = OrbitGuess(Motion(*start), 2 * np.pi * turns / w, 0)
     branch = continue_orbit(
-        ForcedBlock(0.1, w), guess, "frequency", (least, w + 0.0015), step=0.1,
+        ForcedBlock(0.1, w),
+        guess,
+        "frequency",
+        (least, w + 0.0015),
         forcing_period=of_frequency,
-    )  # fmt: skip
+        follow=Follow(step=0.1),
+    )
     (graze,) = branch["GR"]
     known, multipliers = touch(turns, phase, graze.value)
     assert graze.words == "grazing-sliding, 0 events, 2 beyond"
@@ -127,12 +136,21 @@ def test_the_grazing_curve_ends_at_its_doublings():
     w = 1.67
     guess = OrbitGuess(Motion(0.06294528, 0.05908821), 4 * np.pi / w, 0)
     branch = continue_orbit(
-        ForcedBlock(0.1, w), guess, "frequency", (1.665, 1.6715), step=0.1, forcing_period=of_frequency
+        ForcedBlock(0.1, w),
+        guess,
+        "frequency",
+        (1.665, 1.6715),
+        forcing_period=of_frequency,
+        follow=Follow(step=0.1),
     )
     curve = continue_point(
-        ForcedBlock(0.1, w), branch["GR"][0], ("frequency", "amplitude"), ((1.4, 3.0), (0.0, 2.0)),
-        forcing_period=of_frequency, step=0.05,
-    )  # fmt: skip
+        ForcedBlock(0.1, w),
+        branch["GR"][0],
+        ("frequency", "amplitude"),
+        ((1.4, 3.0), (0.0, 2.0)),
+        forcing_period=of_frequency,
+        follow=Follow(step=0.05),
+    )
     assert [end.words for end in curve.ends] == ["PD: a multiplier is -1"] * 2
     phases = []
     for end in curve.ends:
@@ -182,9 +200,13 @@ def test_the_doubled_orbit_with_stick_is_a_fixed_point_of_the_release_map():
     """With a stick the motion is known by when it ends: the slope of this map is the multiplier."""
     branch = closed_branch()
     doubled = continue_orbit(
-        branch.system, branch["PD"][0], "frequency", (1.5, 2.0), step=0.02,
+        branch.system,
+        branch["PD"][0],
+        "frequency",
+        (1.5, 2.0),
         forcing_period=of_frequency,
-    )  # fmt: skip
+        follow=Follow(step=0.02),
+    )
     # Stick is lost where the orbit of half the period grazes.
     grazing = [point.value for point in doubled["GR"]]
     assert grazing == pytest.approx([1.707799715, 1.667690998], abs=1e-7)

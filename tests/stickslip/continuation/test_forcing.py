@@ -9,7 +9,7 @@ import pytest
 from scipy.linalg import expm
 
 import stickslip as ss
-from stickslip.continuation import OrbitGuess, continue_orbit, orbit_guess, periodic_orbit
+from stickslip.continuation import Follow, OrbitGuess, continue_orbit, orbit_guess, periodic_orbit
 from tests.stickslip.continuation._systems import Motion, of_frequency
 
 
@@ -108,7 +108,12 @@ def test_a_branch_under_a_square_wave_moves_its_breaks():
     system = ss.WithPeriodicBreaks(Switched(W), breaks, of_frequency)
     guess = orbit_guess(system, START, transient=60.0, max_period=10.0, forcing_period=2 * np.pi / W)
     branch = continue_orbit(
-        system, guess, "system__frequency", (0.8, 2.0), step=0.05, forcing_period=of_inner_frequency
+        system,
+        guess,
+        "system__frequency",
+        (0.8, 2.0),
+        forcing_period=of_inner_frequency,
+        follow=Follow(step=0.05),
     )
     assert [end.words for end in branch["EP"]] == ["bounds"] * 2
     assert len(branch) < 80

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.continuation import OrbitGuess, continue_orbit, orbit_guess, periodic_orbit
+from stickslip.continuation import Follow, OrbitGuess, continue_orbit, orbit_guess, periodic_orbit
 from stickslip.friction import Coulomb
 from stickslip.mechanism import AbstractMechanism, Contact
 from tests.stickslip.continuation._systems import Motion, whole_turn
@@ -64,7 +64,12 @@ def test_a_drift_is_said_and_a_spring_is_seen(sled):
 def test_a_branch_does_not_run_along_the_family(sled):
     found = sled(2.0, 0.6, 0.0)
     branch = continue_orbit(
-        Sled(2.0, 0.6, 0.0), found, "force", (1.0, 4.0), step=0.1, forcing_period=whole_turn
+        Sled(2.0, 0.6, 0.0),
+        found,
+        "force",
+        (1.0, 4.0),
+        forcing_period=whole_turn,
+        follow=Follow(step=0.1),
     )
     assert [(s.label, s.words) for s in branch.specials] == [("EP", "bounds"), ("EP", "bounds")]
     assert np.asarray(branch.orbits.stable).all()
@@ -174,7 +179,12 @@ def test_a_body_on_the_ground(kind):
     )
     orbit = periodic_orbit(system, guess, forced=True)
     branch = continue_orbit(
-        system, orbit, "force", (1.1, 4.0), step=0.05, forcing_period=whole_turn, max_points=60
+        system,
+        orbit,
+        "force",
+        (1.1, 4.0),
+        forcing_period=whole_turn,
+        follow=Follow(step=0.05, max_points=60),
     )
     assert [s.label for s in branch.specials] == ["EP", "GR", "EP"]
     assert sorted(s.value for s in branch["EP"]) == pytest.approx([1.1, 4.0], abs=1e-8)

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.continuation import OrbitGuess, _walk, continue_orbit
+from stickslip.continuation import Follow, OrbitGuess, _orbits, continue_orbit
 from stickslip.continuation._arguments import concrete_guess, problem_of
 from stickslip.continuation._corner import led_back
-from stickslip.continuation._follow import Failure, begin, correct, leaps, turned
+from stickslip.continuation._family import Failure
+from stickslip.continuation._orbits import alike
+from stickslip.continuation._point import begin, correct, leaps
 from stickslip.continuation._points import border
-from stickslip.continuation._walk import alike
 
 from ._systems import Motion
 from .test_doubled import Band, Twisted
@@ -63,7 +64,7 @@ def cycle(r):
 def problem_for(system, guess, value, span=0.2):
     known = concrete_guess(system, guess, None)
     return problem_of(
-        system, {"a": value}, [span], known, None, args=None, segments=1, integrator=None, max_events=64
+        system, {"a": value}, [span], known, None, args=None, shooting=Shooting(max_events=64)
     )  # fmt: skip
 
 
@@ -75,7 +76,7 @@ def test_an_orbit_beyond_a_border_is_one_of_a_branch_that_leads_back_to_it():
     """The other cycle has the sequence of modes that is wanted, and its branch passes by."""
     problem = problem_for(Rings(1.02), cycle(1.0), 1.02)
     start = begun(problem, cycle(1.0), 1.02)
-    down = start if start.tangent[-1] < 0 else turned(start)
+    down = start if start.tangent[-1] < 0 else start.turned()
     last, _ = border(problem, down, 0.2, alike(down))
     assert last.value == pytest.approx(1.0, abs=1e-8)
     along = np.eye(last.u.size)[-1:]  # at a = 0.99 both: states in parts of the diameter, a of the span
@@ -110,9 +111,14 @@ def test_an_orbit_that_repeats_itself_is_none_of_the_branch_that_doubles_it():
 def test_a_change_of_sign_without_a_zero_has_a_question_mark(name, test, words):
     """Of the cycle r = a of the moving ring."""
     branch = continue_orbit(
-        Growing(1.0), cycle(1.0), "a", (1.0, 1.1), step=0.07, both=False,
-        functions={name: test, "zero": lambda orbit: orbit.y0.x + 1.013},
-    )  # fmt: skip
+        Growing(1.0),
+        cycle(1.0),
+        "a",
+        (1.0, 1.1),
+        follow=Follow(
+            step=0.07, both=False, tests={name: test, "zero": lambda orbit: orbit.y0.x + 1.013}
+        ),
+    )
     (zero,) = branch["zero"]
     assert zero.value == pytest.approx(1.013, abs=1e-10)
     assert not branch[name]
@@ -125,7 +131,7 @@ def test_a_change_of_sign_without_a_zero_has_a_question_mark(name, test, words):
 @pytest.mark.parametrize("reach", [0.1, 0.03])
 def test_where_newton_fails_far_away_steps_are_shorter(monkeypatch, reach):
     """No border is searched for there: that takes a hundred times as long, and gets no further."""
-    unchecked, tries = _walk.unchecked, []
+    unchecked, tries = _orbits.unchecked, []
 
     def near(problem, point, move):
         tries.append(float(np.linalg.norm(move)))
@@ -134,9 +140,11 @@ def test_where_newton_fails_far_away_steps_are_shorter(monkeypatch, reach):
         found = unchecked(problem, point, move)
         return dataclasses.replace(found, evaluations=6 if tries[-1] > 0.1 * reach else 2)
 
-    monkeypatch.setattr(_walk, "unchecked", near)
-    monkeypatch.setattr(_walk, "border", None)
-    branch = continue_orbit(Growing(1.0), cycle(1.0), "a", (1.0, 1.1), step=0.3, both=False)
+    monkeypatch.setattr(_orbits, "unchecked", near)
+    monkeypatch.setattr(_orbits, "border", None)
+    branch = continue_orbit(
+        Growing(1.0), cycle(1.0), "a", (1.0, 1.1), follow=Follow(step=0.3, both=False)
+    )
     assert [(s.label, s.value) for s in branch.specials] == [("EP", pytest.approx(1.1, abs=1e-12))]
     assert len(tries) < 5 * len(branch)
     np.testing.assert_allclose(np.hypot(*map(np.asarray, branch.orbits.y0)), branch.values, rtol=1e-9)

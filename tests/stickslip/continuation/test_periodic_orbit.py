@@ -11,6 +11,7 @@ import stickslip as ss
 from stickslip.continuation import (
     ORBITS,
     OrbitGuess,
+    Shooting,
     continue_orbit,
     orbit_guess,
     periodic_orbit,
@@ -86,7 +87,7 @@ def test_the_orbit_does_not_depend_on_where_it_begins(leine, start, mode, period
 def test_several_pieces_give_the_same_orbit(leine, segments):
     """Multiple shooting; some knots are in the stick, and the multiplier is zero all the same."""
     start = OrbitGuess(Motion(0.0, -0.8), 12.0, 1)
-    found = periodic_orbit(LEINE, start, segments=segments)
+    found = periodic_orbit(LEINE, start, shooting=Shooting(segments=segments))
     assert bool(found.successful)
     assert float(found.period) == pytest.approx(PERIOD, abs=2e-10)
     assert found.multipliers.tolist() == [0.0]

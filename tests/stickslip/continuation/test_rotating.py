@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import stickslip as ss
-from stickslip.continuation import OrbitGuess, continue_orbit, periodic_orbit
+from stickslip.continuation import Follow, OrbitGuess, continue_orbit, periodic_orbit
 from tests.stickslip.continuation._systems import Motion
 
 
@@ -67,7 +67,7 @@ def test_one_orbit_for_each_torque(step, most, sense):
     period, speed = turn(sense * 0.9)
     start = OrbitGuess(Motion(0.0, speed), period)
     ends = sorted((sense * 0.3, sense * 2.0))
-    branch = continue_orbit(Round(sense * 0.9), start, "torque", tuple(ends), step=step)
+    branch = continue_orbit(Round(sense * 0.9), start, "torque", tuple(ends), follow=Follow(step=step))
     assert len(branch) <= most
     assert sorted(point.value for point in branch["EP"]) == pytest.approx(ends, abs=1e-8)
     assert [point.words for point in branch.specials] == ["bounds", "bounds"]

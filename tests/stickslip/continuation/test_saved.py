@@ -8,18 +8,13 @@ import pytest
 import xarray as xr
 
 import stickslip as ss
-from stickslip.continuation import (
-    OrbitGuess,
-    continue_orbit,
-    load_branch,
-    save_branch,
-)
+from stickslip.continuation import Follow, OrbitGuess, continue_orbit, load_branch, save_branch
 from stickslip.systems import Motion as OtherState
 from tests.stickslip.continuation._systems import Cycle, Motion, Radial, WeakeningBlock
 
 pytestmark = pytest.mark.slow  # three programs are compiled
 
-OPTIONS = {"step": 0.05, "max_points": 6}
+OPTIONS = {"follow": Follow(step=0.05, max_points=6)}
 SYSTEM = Radial(0.5)
 
 
@@ -137,7 +132,7 @@ class Named(ss.AbstractSmoothSystem):
 @pytest.mark.parametrize("name", ["period", "label"])
 def test_a_parameter_may_have_the_name_of_a_column(name, tmp_path):
     guess = OrbitGuess(Cycle(1.5**0.5, 0.0), 2 * np.pi)
-    branch = continue_orbit(Named(0.5), guess, name, (-0.2, 0.6), step=0.2, max_points=2)
+    branch = continue_orbit(Named(0.5), guess, name, (-0.2, 0.6), follow=Follow(step=0.2, max_points=2))
     data = branch.to_dataset()
     np.testing.assert_array_equal(data[f"parameter_{name}"], branch.values)
     np.testing.assert_allclose(data["period"], 2 * np.pi, rtol=1e-9)

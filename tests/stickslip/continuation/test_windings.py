@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import stickslip as ss
-from stickslip.continuation import OrbitGuess, continue_orbit, orbit_guess, periodic_orbit
+from stickslip.continuation import Follow, OrbitGuess, continue_orbit, orbit_guess, periodic_orbit
 from stickslip.friction import Coulomb
 from stickslip.mechanism import AbstractMechanism, Contact
 from tests.stickslip.continuation._systems import Motion
@@ -203,7 +203,9 @@ def test_two_rotors_locked_two_to_one():
     ours = np.sort_complex(np.append(orbit.multipliers, orbit.trivial))
     assert ours == pytest.approx(np.sort_complex(np.linalg.eigvals(matrix)), abs=1e-8)
 
-    branch = continue_orbit(system, orbit, "torque", (0.55, 0.9), step=0.1, max_points=15)
+    branch = continue_orbit(
+        system, orbit, "torque", (0.55, 0.9), follow=Follow(step=0.1, max_points=15)
+    )
     assert [end.words for end in branch["EP"]] == ["bounds", "bounds"]
     assert set(np.asarray(branch.orbits.turns.x)) == {2}
     assert set(np.asarray(branch.orbits.turns.z)) == {1}

@@ -23,9 +23,11 @@ class BetweenWalls(_stopped.Pushed):
         return {}
 
 
-# A machine, the kind of its group, and the coordinates at which its stops are open or met.
+# A machine, the kind of its group, and coordinates at which stops are open or met, or contacts slide.
 TABLE = {
-    "separate": (_machines.chain(2), _independent.SeparateContacts, {}),
+    "separate": (
+        _machines.chain(2), _independent.SeparateContacts, {"x_1": (-1.5, 0.2, 1.5), "x_2": (0.2, 1.2)},
+    ),
     "coupled": (_machines.arm(), _independent.CoupledContacts, {}),
     "coupled stops": (
         _stopped.Row((1.0, 1.5, 0.7), (), 0.5, drive=-2.0), _independent.CoupledContacts,

@@ -61,8 +61,10 @@ def branch_of(parameter, values, systems, guesses, **options):
     """A branch from orbits that are looked for one by one, which compiles less than following them."""
     found = [periodic_orbit(s, g, **options) for s, g in zip(systems, guesses, strict=True)]
     orbits = jax.tree.map(lambda *leaves: np.stack(leaves), *found)
-    end = BranchPoint("EP", values[-1], found[-1], "", len(values) - 1, np.zeros(4), systems[-1])
-    return Branch(parameter, np.asarray(values), orbits, ((),) * len(values), (end,), systems[0])
+    end = BranchPoint(
+        "EP", np.array(values[-1:]), found[-1], "", len(values) - 1, np.zeros(4), systems[-1]
+    )
+    return Branch((parameter,), np.asarray(values), orbits, ((),) * len(values), (end,), systems[0])
 
 
 @pytest.fixture(scope="module")
@@ -99,7 +101,7 @@ def marked(branch, multipliers, specials):
     """A branch with given multipliers, and special points of given labels and multipliers."""
     orbit = one(branch, 0)
     points = tuple(
-        BranchPoint(label, 0.0, with_multipliers(orbit, row), "", 0, np.zeros(4), branch.system)
+        BranchPoint(label, np.zeros(1), with_multipliers(orbit, row), "", 0, np.zeros(4), branch.system)
         for label, row in specials
     )
     orbits = with_multipliers(orbit, multipliers)
@@ -305,7 +307,7 @@ def test_numbers_of_arrays_over_the_parameter(ring):
 
 
 def test_a_branch_and_its_special_points(block):
-    flip = BranchPoint("PD", 0.22, one(block, 0), "", 0, np.zeros(4), block.system)
+    flip = BranchPoint("PD", np.array([0.22]), one(block, 0), "", 0, np.zeros(4), block.system)
     axis = plot.branch(eqx.tree_at(lambda b: b.specials, block, (flip,), is_leaf=None), "x")
     line, mark = axis.lines
     np.testing.assert_array_equal(line.get_data(), [block.values, block.orbits.highest.x])

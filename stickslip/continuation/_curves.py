@@ -2,22 +2,35 @@
 
 import abc
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
 
+from ._accuracy import ACCURACY
 from ._along import Problem
-from ._follow import Failure, Point, ahead, beginning_elsewhere
+from ._degenerate import degenerate
+from ._family import (
+    AbstractFamily,
+    Control,
+    Event,
+    Failure,
+    Gap,
+    Leg,
+    Reached,
+    Test,
+    longer,
+    next_point,
+)
+from ._orbit import PeriodicOrbit
+from ._point import Point, ahead, beginning_elsewhere
+from ._touches import touches
+from ._walk import has_come_round
 
 # Slopes of a test are differences over this distance, in parts of the motion's size.
 SLOPE = 1e-4
 SECANTS = 12  # at most, to the curve
 NEARLY = 1e-13  # of the size: a secant as short as this ends the search
-BEND = 0.9  # cosine between two directions of the curve: sharper bends get shorter steps
-SHORTEST = 2.0**-10
-LONGER = 1.5
 LAST = 1e-9  # of the step: how exactly the end of a curve is known
 # The end of a curve is searched anew from the last place found: by so much nearer in each round, up to
 # four times as far as was left. Chords shorter than the last number have no direction.
@@ -35,6 +48,32 @@ class Place:
     way: np.ndarray
     normal: np.ndarray
     steep: float = 1.0
+
+    @property
+    def values(self) -> np.ndarray:
+        return self.point.values
+
+    @property
+    def orbit(self) -> PeriodicOrbit:
+        return self.point.orbit
+
+    @property
+    def anchor(self) -> Any:
+        return self.point.anchor
+
+    @property
+    def sequence(self) -> tuple:
+        return self.point.sequence
+
+    @property
+    def rates(self) -> np.ndarray:
+        """Of the parameters along the curve."""
+        return self.way[-2:]
+
+    @property
+    def place(self) -> np.ndarray:
+        """The parameters in parts of the bounds' distances."""
+        return self.point.place
 
     def turned(self) -> "Place":
         """The same, with the curve followed the other way."""
@@ -56,21 +95,80 @@ def directed(old: Place, point: Point, along: np.ndarray, steep: float) -> Place
     return Place(point, np.array([one, two]) / size @ point.tangent, normal, steep)
 
 
-class AbstractCurve(abc.ABC):
-    """A curve in the surface of orbits that can be followed from one place to the next."""
+class AbstractCurve(AbstractFamily):
+    """A curve in the surface of orbits of a problem with two parameters, of points with a `label`."""
 
     problem: Problem
+    label: str
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return self.problem.names
+
+    @property
+    def control(self) -> Control:
+        return Control(ACCURACY.bend, ACCURACY.shortest, ACCURACY.shortest)
 
     @abc.abstractmethod
-    def onward(self, place: Place, distance: float) -> Place | Failure:
-        """The place at a distance along the curve."""
+    def reason(self, last: Place, failure: Failure) -> str:
+        """Why the curve ends at its last place."""
+
+    def tests(self, point: Place) -> list[Test]:
+        return degenerate(self.label, point)
+
+    def cosine(self, point: Place, new: Place) -> float:
+        return float(new.way @ point.way)
+
+    def length(self, one: Place, other: Place) -> float:
+        return float(np.linalg.norm(other.point.u - one.point.u))
+
+    def at_level(self, point: Place, number: int, value: float) -> Place:
+        values = np.array(point.values, float)
+        values[number] = value
+        return dataclasses.replace(point, point=dataclasses.replace(point.point, values=values))
+
+    def orbit(self, point: Place, label: str = "") -> PeriodicOrbit:
+        return point.orbit
+
+    def sequence(self, point: Place) -> tuple:
+        return point.sequence
+
+    def slope(self, point: Place) -> np.ndarray:
+        """Rates of both parameters."""
+        return point.rates * np.asarray(self.problem.unit)
+
+    def remeasured(self, points: list[Place], new: Place) -> Place:
+        return elsewhere(self.problem, new)
+
+    def over(self, points: list[Place], distance: float) -> str:
+        return "closed: the curve has come round" if has_come_round(points, distance) else ""
+
+    def advance(
+        self, points: list[Place], distance: float, longest: float
+    ) -> Iterator[Leg | Gap | Event | Reached]:
+        place = points[-1]
+        new, distance = next_point(self, place, distance)
+        if isinstance(new, Failure):
+            distance *= ACCURACY.shortest  # the last that was tried
+            last = last_place(self, place, distance)
+            if last is not place:
+                yield Leg(place, last, self.length(place, last))
+            yield Event(
+                "EP", last, self.reason(last, new), ends=True, located=last is not place
+            )  # fmt: skip
+            return
+        yield Leg(place, new, distance)
+        yield Reached(new, longer(self, new, distance, longest))
 
 
 class Zeros(AbstractCurve):
     """The curve on which a smooth function of the orbit is zero, by secants across it."""
 
-    def __init__(self, problem: Problem, test: Callable[[Point], float]):
-        self.problem, self.test = problem, test
+    def __init__(self, problem: Problem, label: str, test: Callable[[Point], float]):
+        self.problem, self.label, self.test = problem, label, test
+
+    def reason(self, last: Place, failure: Failure) -> str:
+        return reason_of(self.problem, last, failure)
 
     def begin(self, point: Point) -> Place | Failure:
         """A place at a point that nearly is on the curve."""
@@ -138,6 +236,13 @@ class Zeros(AbstractCurve):
         return Failure("not_converged")
 
 
+def reason_of(problem: Problem, last: Place, failure: Failure) -> str:
+    """Why a curve ends at its last place."""
+    if failure.result == "mode_differs" or touches(problem, last.point, [last.way, last.normal]):
+        return "grazes: the sequence of modes ends here"
+    return f"{failure.result}: the next orbit was not found"
+
+
 def elsewhere(problem: Problem, place: Place) -> Place:
     """The same place measured around its own orbit, where that is possible."""
     old, found = place.point, beginning_elsewhere(problem, place.point)
@@ -170,18 +275,6 @@ def elsewhere(problem: Problem, place: Place) -> Place:
     return Place(new, way @ new.tangent, side * across @ new.tangent, place.steep)
 
 
-def stepped(curve: AbstractCurve, place: Place, distance: float, longest: float):
-    """The next place and the step to it; or why there is none, and the last step tried."""
-    shortest = longest * SHORTEST
-    while True:
-        new = curve.onward(place, distance)
-        if not isinstance(new, Failure) and (new.way @ place.way > BEND or distance <= shortest):
-            return new, distance
-        if distance <= shortest:
-            return new, distance
-        distance *= 0.5
-
-
 def last_place(
     curve: AbstractCurve, place: Place, distance: float, alike: Callable[[Place], bool] | None = None
 ) -> Place:
@@ -206,27 +299,3 @@ def last_place(
         if span < LAST * distance:
             break
     return last
-
-
-def zero_between(
-    curve: AbstractCurve, before: Place, after: Place, distance: float, test: Callable[[Place], float]
-) -> Place | Failure:
-    """The place between two others where another function is zero, by Brent's method."""
-    ends = {0.0: before, distance: after}
-
-    def value(at: float) -> float:
-        found = ends.get(at)
-        if found is None:
-            found = curve.onward(before, at)
-            if isinstance(found, Failure):
-                raise ArithmeticError(found.result)
-            ends[at] = found
-        return test(found)
-
-    try:
-        found: Any = brentq(value, 0.0, distance, xtol=1e-14)
-        root = float(found)
-        value(root)
-    except (ArithmeticError, ValueError) as error:
-        return Failure(str(error))
-    return ends[root]

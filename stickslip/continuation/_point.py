@@ -8,18 +8,15 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..hybrid import simulate
+from ._accuracy import ACCURACY
 from ._along import Anchor, Problem, anchored, evaluated, orbit_at, system_at
+from ._family import Failure
 from ._guess import OrbitGuess, gained_by
 from ._orbit import PeriodicOrbit
 
 EVALUATIONS = 10  # of Newton's method at one point
 # An event this near to the start of the period, in parts of it: the start is moved.
 NEAR_START = 0.02
-QUICK = 4  # evaluations after which the next step is longer
-# Newton's method may end on another branch. An orbit is none of this one if it is farther from where it
-# was expected than so many steps, or, where the branch is smooth, than it bends and the second number;
-# orbits are known to the third.
-STRAYS, SWERVES, KNOWN = 2.0, 0.1, 1e-6
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,12 +46,19 @@ class Point:
         """Guards and modes of one period, from wherever it begins."""
         return round_trip(self.orbit)
 
+    @property
+    def rates(self) -> np.ndarray:
+        """Of the parameter along the branch."""
+        return self.tangent[-1:]
 
-@dataclasses.dataclass(frozen=True)
-class Failure:
-    """Why there is no point: a name of `ORBITS`."""
+    @property
+    def place(self) -> np.ndarray:
+        """The parameters in parts of the bounds' distances."""
+        return self.u[-self.values.size :]
 
-    result: str
+    def turned(self) -> "Point":
+        """The same orbit, with the branch followed the other way."""
+        return dataclasses.replace(self, tangent=-self.tangent)
 
 
 def round_trip(orbit: PeriodicOrbit) -> tuple:
@@ -154,7 +158,7 @@ def ahead(
     way = point.tangent if way is None else way
     found = unchecked(problem, point, distance * way)
     there = point.u + distance * way
-    return Failure("not_converged") if strayed(found, there, distance, STRAYS) else found
+    return Failure("not_converged") if strayed(found, there, distance, ACCURACY.strays) else found
 
 
 def unchecked(problem: Problem, point: Point, move: np.ndarray) -> Point | Failure:
@@ -166,7 +170,7 @@ def strayed(found: Point | Failure, expected: np.ndarray, distance: float, most:
     """Whether an orbit is farther from where it was expected than so many steps."""
     if isinstance(found, Failure):
         return False
-    return bool(np.linalg.norm(found.u - expected) > most * abs(distance) + KNOWN)
+    return bool(np.linalg.norm(found.u - expected) > most * abs(distance) + ACCURACY.known)
 
 
 def leaps(point: Point, new: Point, distance: float) -> bool:
@@ -175,25 +179,26 @@ def leaps(point: Point, new: Point, distance: float) -> bool:
     if int(new.orbit.repeats) > int(point.orbit.repeats):
         return True
     angle = float(np.arccos(np.clip(new.tangent @ point.tangent, -1.0, 1.0)))
-    return strayed(new, point.u + distance * point.tangent, distance, SWERVES + angle)
+    return strayed(new, point.u + distance * point.tangent, distance, ACCURACY.swerves + angle)
 
 
-def moved(problem: Problem, point: Point) -> Point | Failure:
-    """The same orbit measured around itself; begun elsewhere if an event is near its start.
+def remeasured(problem: Problem, point: Point) -> Point:
+    """The same orbit measured around itself, where that is possible; begun elsewhere if an event is
+    near its start.
 
     The plane of its first point is then across the motion there, and nearby orbits have no event at
     their start, which is put into the middle of the longest time without event.
     """
     found = beginning_elsewhere(problem, point)
     if isinstance(found, Failure):
-        return found
+        return point
     new, shift = found
     around = new.anchor
     before, after = (_direction(problem, p, around.size) for p in (point, new))
     if shift:  # states at different places of the orbit are not comparable
         ends = slice(-2, None) if problem.forcing_period is None else slice(-1, None)
         before, after = before[ends], after[ends]
-    return new if before @ after >= 0 else turned(new)
+    return new if before @ after >= 0 else new.turned()
 
 
 def beginning_elsewhere(problem: Problem, point: Point) -> tuple[Point, float] | Failure:
@@ -241,8 +246,3 @@ def _direction(problem: Problem, point: Point, size: Any) -> np.ndarray:
     if problem.forcing_period is not None:
         return np.append(first, point.tangent[-1])
     return np.concatenate([first, point.tangent[-2:]])
-
-
-def turned(point: Point) -> Point:
-    """The same orbit, with the branch followed the other way."""
-    return dataclasses.replace(point, tangent=-point.tangent)

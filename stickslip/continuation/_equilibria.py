@@ -1,0 +1,315 @@
+"""Equilibria over one parameter as a family: steps, folds, branch points and Hopf points."""
+
+import dataclasses
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ._accuracy import ACCURACY
+from ._equilibrium import Equilibrium
+from ._family import (
+    AbstractFamily,
+    Control,
+    Event,
+    Failure,
+    Gap,
+    Leg,
+    Reached,
+    Test,
+    longer,
+    next_point,
+    zero_between,
+)
+from ._rest import (
+    Field,
+    Measure,
+    Rest,
+    angle_of,
+    corrected,
+    described,
+    measure_of,
+    of_length_one,
+    renewed,
+    scales_of,
+)
+
+BEND = 0.32  # angle between two tangents [rad]: sharper bends get shorter steps
+SHORTEST = 2.0**-12  # of a step
+KNOWN = 1e-9  # of the sizes: to which equilibria are known
+# Largest deviation of a component that began to move from the move that the tangents predict, as a part
+# of that move.
+ASTRAY = 0.9
+# Part of the largest singular value: a step does not end as near as this to a branch point, but is
+# shortened by the other factor.
+DOUBLE, AWAY = 1e-7, 0.8
+OFF_AXIS = 1e-9  # part of its size beside the real axis of an eigenvalue that is not real
+NEARER, EVALUATIONS, CLOSE = 30, 20, 1e-13  # of the search for a branch point
+NULL = 1e-9  # of the defect of an equation at a solution
+LEVEL = 1e-5  # rate of the parameter along the branch, at a branch point where it turns
+
+
+def turning(rest: Rest) -> float:
+    """Rate of the parameter along the branch: zero at a fold."""
+    return float(rest.measure.part(rest.tangent)[-1])
+
+
+def crossing(rest: Rest) -> float:
+    """Least singular value of the derivative, with the sign of its determinant with the tangent."""
+    measure = rest.measure
+    matrix = measure.balanced(rest.jacobian)
+    found = np.linalg.svd(matrix, compute_uv=False)
+    row = rest.tangent / measure.columns
+    sign = np.linalg.slogdet(np.vstack([matrix, row / np.linalg.norm(row)]))[0]
+    return float(sign * found[-1])
+
+
+def pairs(rest: Rest) -> float:
+    r"""$\prod_{i<j}(\lambda_i + \lambda_j)$, by the sizes: zero with a pair on the imaginary axis."""
+    found, product = rest.eigenvalues, 1.0 + 0.0j
+    for i in range(found.size):
+        for j in range(i):
+            product *= (found[i] + found[j]) / max(abs(found[i]), abs(found[j]), 1e-300)
+    return float(np.real(product)) if found.size > 1 else 1.0
+
+
+OWN = (
+    Test("BP", crossing, zero=1e-12, odd=True),
+    Test("HB", pairs, zero=1e-11),
+    Test("LP", turning, zero=1e-12, odd=True),
+)
+
+
+def axis_pair(rest: Rest) -> int | None:
+    """Number of the eigenvalue above the axis whose pair is on it; None if both are real."""
+    found = rest.eigenvalues
+    near = [(abs(a + b), i) for i, a in enumerate(found) for b in found[:i]]
+    if not near:
+        return None
+    at = min(near)[1]
+    if not abs(found[at].imag) > OFF_AXIS * abs(found[at]):
+        return None
+    return int(np.argmin(np.abs(found - 1j * abs(found[at].imag))))
+
+
+@dataclasses.dataclass(frozen=True)
+class Equilibria(AbstractFamily):
+    """Equilibria of a field in one `mode` over one parameter.
+
+    `functions` of the equilibrium are tests of users.
+    """
+
+    field: Field
+    mode: int
+    functions: Mapping[str, Callable[[Equilibrium], Any]]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return (self.field.name,)
+
+    @property
+    def control(self) -> Control:
+        return Control(float(np.cos(BEND)), SHORTEST, SHORTEST)
+
+    def onward(self, point: Rest, distance: float) -> Rest | Failure:
+        along = point.measure.along(point.tangent)
+        there = point.z + distance * point.tangent
+        found = corrected(self.field, there, along, point.tangent, point.measure)
+        return Failure("Newton's method finds no equilibrium there") if found is None else found
+
+    def cosine(self, point: Rest, new: Rest) -> float:
+        return float(np.cos(angle_of(point.tangent, new.tangent, point.measure)))
+
+    def leaps(self, point: Rest, new: Rest, distance: float) -> bool:
+        """Whether an equilibrium, a step ahead, is farther away than the branch bends."""
+        measure, move = point.measure, distance * point.tangent
+        away = measure.length(new.z - point.z - move)
+        bend = angle_of(point.tangent, new.tangent, measure)
+        if away > (ACCURACY.swerves + bend) * distance + KNOWN:
+            return True
+        return strays(point, new, measure, measure.size)
+
+    def length(self, one: Rest, other: Rest) -> float:
+        return one.measure.length(other.z - one.z)
+
+    def at_level(self, point: Rest, number: int, value: float) -> Rest:
+        return dataclasses.replace(point, z=np.append(point.z[:-1], value))
+
+    def orbit(self, point: Rest, label: str = "") -> Equilibrium:
+        period, swing = np.nan, np.zeros(point.z.size - 1)
+        pair = axis_pair(point) if label == "HB" else None
+        if pair is not None:
+            period = 2.0 * np.pi / abs(point.eigenvalues[pair].imag)
+            swing = np.real(point.vectors[:, pair])
+        y = jax.tree.map(np.asarray, self.field.unravel(jnp.asarray(point.z[:-1])))
+        return Equilibrium(y, np.asarray(self.mode), point.eigenvalues, np.asarray(period), swing)
+
+    def sequence(self, point: Rest) -> tuple:
+        return (self.mode,)
+
+    def slope(self, point: Rest) -> np.ndarray:
+        """Rates of the state and of the parameter."""
+        return point.tangent
+
+    def tests(self, point: Rest) -> list[Test]:
+        users = self.functions.items()
+        return [*OWN, *(Test(k, lambda p, f=f: float(f(self.orbit(p)))) for k, f in users)]
+
+    def zero(
+        self, before: Rest, after: Rest, distance: float, test: Test, found: list[Event]
+    ) -> Rest | Failure | None:
+        """Where two branches cross, the parameter may turn along one of them: it is no fold, although
+        its rate passes zero, since beyond it another branch goes on. No Hopf point is where the
+        eigenvalues whose sum passes zero are real, on both sides if it is not located."""
+        if test.zero and abs(test(before)) <= test.zero:
+            return None if test.label == "HB" and axis_pair(before) is None else before
+        if test.label == "BP":
+            return _branch_point(self.field, before, after, distance, before.measure)
+        bracket, known = [0.0, distance], {}
+        crossed = [event.point for event in found if event.label == "BP"]
+        if test.label == "LP" and crossed:
+            rate = turning(crossed[0])
+            if abs(rate) <= LEVEL:
+                return None
+            at = float(before.measure.along(before.tangent) @ (crossed[0].z - before.z))
+            known[at] = crossed[0]
+            bracket[0 if rate * turning(before) > 0.0 else 1] = at
+        ends = bracket[0], bracket[1]
+        point = zero_between(self.onward, before, after, distance, test, ends, known)
+        if test.label != "HB":
+            return point
+        if isinstance(point, Failure):
+            return None if axis_pair(before) is axis_pair(after) is None else point
+        return None if axis_pair(point) is None else point
+
+    def remeasured(self, points: list[Rest], new: Rest) -> Rest:
+        states = np.stack([point.z for point in (*points, new)])
+        measure = renewed(points[-1].measure, points[-1], new, np.ptp(states, axis=0))
+        tangent = of_length_one(new.tangent, new.tangent, measure)
+        return dataclasses.replace(new, tangent=tangent, measure=measure)
+
+    def advance(
+        self, points: list[Rest], distance: float, longest: float
+    ) -> Iterator[Leg | Gap | Event | Reached]:
+        point, first = points[-1], distance
+        new, distance = next_point(self, point, distance)
+        while isinstance(new, Rest) and distance == first and _double(new) and not _double(point):
+            first *= AWAY  # near a branch point the tangent is not known
+            new, distance = next_point(self, point, first)
+        if isinstance(new, Failure):
+            words = "not_converged: the next equilibrium was not found"
+            yield Event("EP", point, words, ends=True)
+            return
+        yield Leg(point, new, distance)
+        yield Reached(new, longer(self, new, distance, longest))
+
+
+def strays(point: Rest, new: Rest, measure: Measure, size: np.ndarray) -> bool:
+    """Whether a component without size moves as the tangents at both ends do not let expect."""
+    change = new.z[-1] - point.z[-1]
+    if point.tangent[-1] == 0.0 or new.tangent[-1] == 0.0:
+        return False
+    own = measure_of(measure.size, new.jacobian)
+    move, least = new.z - point.z, own.least(new.jacobian, new.z)
+    expected = 0.5 * change * (point.tangent / point.tangent[-1] + new.tangent / new.tangent[-1])
+    most = ASTRAY * np.maximum(np.abs(move), np.abs(expected)) + least
+    return bool(np.any((size == 0.0) & (np.abs(move - expected) > most)))
+
+
+def _double(point: Rest) -> bool:
+    """Whether it is hardly farther from a branch point than rounding."""
+    return abs(crossing(point)) < DOUBLE
+
+
+def _branch_point(
+    field: Field, rest: Rest, new: Rest, distance: float, measure: Measure
+) -> Rest | Failure:
+    """The equilibrium where the derivative has a second null vector.
+
+    At it Newton's method for equilibria is singular, and near it ill-conditioned. A larger system,
+    for the point and the left null vector together, is not; it is tried from ever nearer.
+    """
+    along = measure.along(rest.tangent)
+    low, high = (0.0, rest, crossing(rest)), (distance, new, crossing(new))
+    largest, reason = max(abs(low[2]), abs(high[2])), "Newton's method finds no equilibrium there"
+    for _ in range(NEARER):
+        part = float(np.clip(low[2] / (low[2] - high[2]), 0.05, 0.95))
+        guess = low[1].z + part * (high[1].z - low[1].z)
+        point = _singular(field, guess, measure)
+        width = measure.length(high[1].z - low[1].z)
+        if point is not None and measure.length(point - guess) <= width:
+            at = along @ (point - rest.z)
+            if low[0] - 0.1 * width <= at <= high[0] + 0.1 * width:
+                return _at_branch_point(field, point, high[1].z - low[1].z, measure)
+        middle = 0.5 * (low[0] + high[0])
+        found = corrected(field, rest.z + middle * rest.tangent, along, rest.tangent, measure)
+        if found is None:
+            return Failure(reason)
+        value = crossing(found)
+        if value * low[2] > 0.0:
+            low = middle, found, value
+        else:
+            high = middle, found, value
+    if min(abs(low[2]), abs(high[2])) > ACCURACY.zero * largest:
+        return Failure("the function jumps there")
+    return Failure(reason)
+
+
+def _singular(field: Field, z: np.ndarray, measure: Measure) -> np.ndarray | None:
+    r"""Solution of $f + \beta\phi = 0$, $\phi^T f' = 0$, $|\phi| = 1$ with $\beta = 0$, near `z`."""
+    rows, columns = measure.rows, measure.columns
+    n = rows.size
+    phi, beta = np.linalg.svd(measure.balanced(field(z)[1]))[0][:, -1], 0.0
+    before = np.inf
+    for _ in range(EVALUATIONS):
+        values, jacobian = field(z)
+        slope, bend = measure.balanced(jacobian), field.curvature(z, phi * rows)
+        bend = bend * columns[:, None] * columns[None, :]
+        matrix = np.block(
+            [
+                [slope, beta * np.eye(n), phi[:, None]],
+                [bend, slope.T, np.zeros((n + 1, 1))],
+                [np.zeros((1, n + 1)), 2.0 * phi[None, :], np.zeros((1, 1))],
+            ]
+        )
+        right = np.concatenate([values * rows + beta * phi, slope.T @ phi, [phi @ phi - 1.0]])
+        if not (np.all(np.isfinite(matrix)) and np.all(np.isfinite(right))):
+            return None
+        lines, stacks = scales_of(matrix)
+        scaled = matrix * lines[:, None] * stacks[None, :]
+        move = stacks * np.linalg.lstsq(scaled, right * lines, rcond=1e-15)[0]
+        z, phi, beta = z - move[: n + 1] * columns, phi - move[n + 1 : -1], beta - move[-1]
+        parts = measure.part(move[: n + 1] * columns)
+        longest = float(np.max(np.abs(np.concatenate([parts, move[n + 1 :]]))))
+        if longest <= CLOSE or (longest <= NULL and longest >= 0.5 * before):
+            least = np.linalg.svd(measure.balanced(field(z)[1]), compute_uv=False)[-1]
+            return z if abs(beta) <= NULL and least <= 1e-6 else None
+        before = longest
+    return None
+
+
+def _at_branch_point(
+    field: Field, z: np.ndarray, chord: np.ndarray, measure: Measure
+) -> Rest | Failure:
+    """The branch point, with that of the two tangents which is nearer to a chord."""
+    slope = measure.balanced(field(z)[1])
+    left, _, right = np.linalg.svd(slope)
+    plane = right[-2:]
+    bend = field.curvature(z, left[:, -1] * measure.rows)
+    bend = plane @ (bend * measure.columns[:, None] * measure.columns[None, :]) @ plane.T
+    # A quadratic form is zero on two lines: half-way between them lies an eigenvector.
+    values, vectors = np.linalg.eigh(bend)
+    if values[0] < 0.0 < values[1]:
+        one, other = np.sqrt(values[1]), np.sqrt(-values[0])
+        lines = [(one * vectors[:, 0] + s * other * vectors[:, 1]) @ plane for s in (1.0, -1.0)]
+        ways = [of_length_one(line * measure.columns, chord, measure) for line in lines]
+        parts = [abs(measure.part(way) @ measure.part(chord)) for way in ways]
+        tangent = ways[int(np.argmax(parts))]
+    else:
+        tangent = of_length_one(chord, chord, measure)
+    point = described(field, z, tangent, measure)
+    if point is None:
+        return Failure("Newton's method finds no equilibrium there")
+    return dataclasses.replace(point, tangent=tangent)
