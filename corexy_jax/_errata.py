@@ -2,7 +2,7 @@
 
 import equinox as eqx
 
-from stickslip.checks import CheckedModule, Given, check_flag, check_in
+from stickslip.checks import Given, check_flag, check_in
 
 CLAIMS = {
     "A1": "x rows of (39), (48), (57), (66): minus before the torques of pulleys 1_1 and 2_1",
@@ -21,7 +21,7 @@ CLAIMS = {
 CHOICES = ("A5", "A7", "A10", "A11")
 
 
-class Errata(eqx.Module, metaclass=CheckedModule):
+class Errata(eqx.Module):
     """Which errata of the paper are corrected; none by default, so that all is as printed.
 
     Fields `A1`, `A2`, `A3`, `A4`, `A6`, `A8`, `A9`, `A12`: true where corrected, see

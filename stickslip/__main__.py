@@ -38,7 +38,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("name", nargs="?", help=what)
     parser.add_argument("--version", action="version", version=f"stickslip {__version__}")
     options = parser.parse_args(given)
-    found = [entry for package in _installed() for entry in public_names(package)]
+    found = [entry for package in _installed_packages() for entry in public_names(package)]
     if options.name is None:
         print(_listing(found))
         return 0
@@ -61,7 +61,7 @@ def main(arguments: list[str] | None = None) -> int:
     return 2
 
 
-def _installed() -> list[str]:
+def _installed_packages() -> list[str]:
     """The packages that are there; `corexy_jax` may be left out of an installation."""
     return [p for p in PACKAGES if importlib.util.find_spec(p.split(".")[0]) is not None]
 

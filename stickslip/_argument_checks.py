@@ -1,13 +1,13 @@
-"""Arguments of public methods: numbers, states and modes, one at a time or whole logs of them.
+"""Checks at the door: what each argument of a public function, method or constructor must be.
 
-A method names the arguments that are checked before it runs, each with its check:
+A decorator names the arguments that are checked before anything runs, each with its check:
 
 >>> import equinox as eqx
 >>> class Spring(eqx.Module):
 ...     stiffness: float
 ...
-...     @check_arguments(x=reals)
-...     def force(self, x):
+...     @check_arguments(x=reals, level=or_none(number("positive")))
+...     def force(self, x, level=None):
 ...         return -self.stiffness * x
 >>> Spring(2.0).force(0.5)
 -1.0
@@ -16,14 +16,25 @@ Traceback (most recent call last):
     ...
 TypeError: x = '0.5': it must be a real number or an array of real numbers.
 
-Types and shapes are checked, and numbers where few of them are allowed; tracers pass by their type,
-so that nothing is added to a program. NaN and infinity pass: logs have them in rows that were never
-reached, and there the answer is NaN.
+On a class it checks the fields of every object that is made:
+
+>>> @check_arguments(stiffness=number("positive"))
+... class Positive(Spring):
+...     pass
+>>> Positive(-1.0)
+Traceback (most recent call last):
+    ...
+ValueError: stiffness = -1.0: it must be finite and positive.
+
+A check is handed the object whose method is called, the name of the argument and its value, and returns
+the value to use. Those of methods that take whole logs look at types and shapes, and at numbers where
+few of them are allowed: NaN and infinity pass, since logs have them in rows that were never reached.
+Tracers pass by their type, so that nothing is added to a program.
 """
 
 import functools
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any, TypeVar, cast
 
 import jax
@@ -32,42 +43,105 @@ import numpy as np
 from jax.core import Tracer
 
 from ._validation import (
+    KINDS,
+    MOST,
     REAL,
+    as_parameter,
+    check_between,
+    check_callable,
+    check_count,
+    check_flag,
     check_float64,
+    check_in,
+    check_text,
     check_type,
     is_concrete,
     leaves_of,
     misshaped,
     numbers,
+    one_concrete,
     one_number,
+    one_row,
+    one_static,
     refusal,
 )
 
-Method = TypeVar("Method", bound=Callable[..., Any])
+Checked = TypeVar("Checked", bound=Callable[..., Any])
 Check = Callable[[Any, str, Any], Any]  # the object, the argument's name, its value -> the value to use
+# Or in a word what numbers, or arrays of them, must be: "any", "finite", "positive", "not negative".
+Rule = Check | str
 
 
-def check_arguments(**checks: Check) -> Callable[[Method], Method]:
-    """Decorator of a method: the arguments named here are checked before it runs."""
+def check_of(rule: Rule) -> Check:
+    """A check, also where it is said in a word."""
+    return checked_by(KINDS[rule]) if isinstance(rule, str) else rule
 
-    def decorated(method: Method) -> Method:
-        names = tuple(inspect.signature(method).parameters)[1:]
-        assert set(checks) <= set(names), (method, checks)
-        row = tuple(checks.get(name) for name in names)
 
-        @functools.wraps(method)
-        def checked(self: Any, *args: Any, **named: Any) -> Any:
-            given = (
-                check(self, name, value) if check else value
-                for name, check, value in zip(names, row, args, strict=False)
-            )
-            for name in named.keys() & checks.keys():
-                named[name] = checks[name](self, name, named[name])
-            return method(self, *given, *args[len(names) :], **named)
+def check_arguments(**rules: Rule) -> Callable[[Checked], Checked]:
+    """Decorator of a function, a method or a module: the arguments named here are checked first."""
 
-        return cast(Method, checked)
+    checks = {name: check_of(rule) for name, rule in rules.items()}
 
-    return decorated
+    def decorate(of: Any) -> Any:
+        parameters = inspect.signature(of).parameters
+        assert checks.keys() <= parameters.keys(), (of, checks)
+        if inspect.isclass(of):
+            return _with_checked_fields(of, checks)
+        places = [p.name for p in parameters.values() if p.kind is p.POSITIONAL_OR_KEYWORD]
+        row = tuple(checks.get(name) for name in places)
+        bound = places[:1] in (["self"], ["cls"])
+
+        @functools.wraps(of)
+        def with_checks(*args: Any, **named: Any) -> Any:
+            owner = args[0] if bound and args else None
+            given = [
+                check(owner, name, value) if check else value
+                for name, check, value in zip(places, row, args, strict=False)
+            ]
+            for name in checks:
+                if name in named:
+                    named[name] = checks[name](owner, name, named[name])
+            return of(*given, *args[len(places) :], **named)
+
+        return with_checks
+
+    return cast(Any, decorate)
+
+
+def parameters(**rules: Rule) -> Callable[[Checked], Checked]:
+    """Decorator of a constructor: the arguments named here are checked, and stored in fields of their
+    names, as float64 arrays or `None`, before the constructor itself runs."""
+
+    checks = {name: check_of(rule) for name, rule in rules.items()}
+
+    def decorate(init: Any) -> Any:
+        signature = inspect.signature(init)
+
+        @functools.wraps(init)
+        def with_parameters(self: Any, *args: Any, **named: Any) -> None:
+            given = signature.bind(self, *args, **named)
+            given.apply_defaults()
+            for name, check in checks.items():
+                value = check(self, name, given.arguments[name])
+                setattr(self, name, None if value is None else as_parameter(value))
+            init(self, *args, **named)
+
+        return with_parameters
+
+    return cast(Any, decorate)
+
+
+def _with_checked_fields(cls: type, checks: dict[str, Check]) -> type:
+    own: Any = vars(cls).get("__check_init__")
+
+    def __check_init__(self: Any) -> None:
+        for name, check in checks.items():
+            check(self, name, getattr(self, name))
+        if own is not None:
+            own(self)
+
+    cast(Any, cls).__check_init__ = __check_init__
+    return cls
 
 
 def check_own_methods(cls: type, checks: dict[str, dict[str, Check]]) -> None:
@@ -79,6 +153,64 @@ def check_own_methods(cls: type, checks: dict[str, dict[str, Check]]) -> None:
             # An heir may call its arguments what it likes; their order is what the base class says.
             named = dict(zip(arguments, of.values(), strict=False))
             setattr(cls, name, check_arguments(**named)(method))
+
+
+def checked_by(check: Callable[..., Any], *rest: Any) -> Check:
+    """The check `check(name, value, *rest)`, which asks nothing of the object."""
+    return lambda owner, name, value: check(name, value, *rest)
+
+
+flag = checked_by(check_flag)  # True or False
+
+
+def between(low: float, high: float) -> Check:
+    """Numbers in a closed interval."""
+    return checked_by(check_between, low, high)
+
+
+def number(kind: str = "finite") -> Check:
+    """One number, traced or not: `"any"`, `"finite"`, `"positive"` or `"not negative"`."""
+    return checked_by(one_number, kind)
+
+
+def known_number(kind: str = "finite") -> Check:
+    """One number that is known now, not traced."""
+    return checked_by(one_concrete, kind)
+
+
+def static_number(kind: str = "finite") -> Check:
+    """A number of Python, part of the program."""
+    return checked_by(one_static, kind)
+
+
+def row(kind: str = "finite", least: int = 1) -> Check:
+    """A vector of at least so many numbers."""
+    return checked_by(one_row, kind, least)
+
+
+def count(low: int, high: int = MOST) -> Check:
+    """An integer of Python from `low` to `high`."""
+    return checked_by(check_count, low, high)
+
+
+def choice(allowed: Collection[Any]) -> Check:
+    """One of a few words."""
+    return checked_by(check_in, allowed)
+
+
+def text(allowed: str = "a text") -> Check:
+    """A text that is not empty."""
+    return checked_by(check_text, allowed)
+
+
+def callable_as(call: str, *arguments: Any) -> Check:
+    """Callable as `call` shows, with such `arguments`."""
+    return checked_by(check_callable, call, *arguments)
+
+
+def instance(expected: Any, allowed: str) -> Check:
+    """An object of this class."""
+    return checked_by(check_type, expected, allowed)
 
 
 def reals(owner: Any, name: str, value: Any) -> Any:
@@ -173,8 +305,9 @@ def not_negative_number(owner: Any, name: str, value: Any) -> Any:
     return value
 
 
-def or_none(check: Check) -> Check:
+def or_none(rule: Rule) -> Check:
     """The same, or None."""
+    check = check_of(rule)
     return lambda owner, name, value: None if value is None else check(owner, name, value)
 
 
@@ -194,13 +327,8 @@ def whole_state(owner: Any, name: str, value: Any) -> Any:
     return value
 
 
-def instance(expected: type, allowed: str) -> Check:
-    """What is of this class."""
-    return lambda owner, name, value: check_type(name, value, expected, allowed)
-
-
 def own_arguments(owner: Any, name: str, value: Any) -> Any:
-    """The user's own arguments: any pytree that ends."""
+    """The user's own arguments: any pytree."""
     leaves_of(name, value)
     return value
 

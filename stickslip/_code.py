@@ -108,10 +108,10 @@ def compiled_by_code(function: Callable, compiler_options: dict[str, Any] | None
     compiled = eqx.filter_jit(of_code, **options)
 
     @functools.wraps(function)
-    def called(*args: Any, **named: Any) -> Any:
+    def call(*args: Any, **named: Any) -> Any:
         return compiled(code_key(args, named), args, named)
 
-    return called
+    return call
 
 
 _kept: collections.OrderedDict[tuple, "_Reached"] = collections.OrderedDict()
@@ -211,7 +211,7 @@ class _Reached:
         self.lowest = sys.maxsize  # depth of the outermost of those that was met again
         self.in_trace = False  # whether a number was met that exists in one trace only
         self.changed = False
-        self.digest = _digested(tuple(map(self._described, roots)))
+        self.digest = _digest(tuple(map(self._description, roots)))
         if not self.in_trace:
             self.seen = self._objects()
         if self.changed:
@@ -240,7 +240,7 @@ class _Reached:
                 found += thing.values()
         return found
 
-    def _described(self, thing: Any) -> Any:
+    def _description(self, thing: Any) -> Any:
         """A description that is equal for all things that compute the same."""
         if isinstance(thing, _NUMBERS):
             return type(thing).__name__, repr(thing)
@@ -253,7 +253,7 @@ class _Reached:
         depth, outside = len(self.open), self.lowest
         self.open[id(thing)], self.lowest = depth, sys.maxsize
         try:
-            found = _digested((type(thing).__qualname__, *self._parts(thing)))
+            found = _digest((type(thing).__qualname__, *self._parts(thing)))
         finally:
             del self.open[id(thing)]
         if self.lowest < depth:  # described by the way that led here: not for other ways
@@ -288,50 +288,50 @@ class _Reached:
             yield from self._function(thing)
         elif isinstance(thing, types.CellType):
             self.cells.append(thing)
-            yield self._described(thing.cell_contents)
+            yield self._description(thing.cell_contents)
         elif isinstance(thing, dict):
             self.containers.append(thing)
             yield from self._items(thing)
         elif isinstance(thing, list | tuple):
             if isinstance(thing, list):
                 self.containers.append(thing)
-            yield from map(self._described, tuple(thing))
+            yield from map(self._description, tuple(thing))
         elif isinstance(thing, set | frozenset):
             if isinstance(thing, set):
                 self.values.append((frozenset, thing, frozenset(thing)))
-            yield sorted(str(self._described(element)) for element in thing)
+            yield sorted(str(self._description(element)) for element in thing)
         elif isinstance(thing, enum.Enum):
             yield thing.name
         elif isinstance(thing, type):
             self.holders.append(thing)
-            yield from map(self._described, thing.__bases__)
+            yield from map(self._description, thing.__bases__)
             own = {name: held for name, held in vars(thing).items() if name not in _OF_CLASSES}
             yield from self._items(own)
         else:
             yield from self._object(thing)
 
     def _items(self, things: Mapping[Any, Any]) -> Iterator[Any]:
-        yield from ((str(name), self._described(thing)) for name, thing in list(things.items()))
+        yield from ((str(name), self._description(thing)) for name, thing in list(things.items()))
 
     def _code(self, code: types.CodeType) -> Iterator[Any]:
         yield code.co_code, code.co_names, code.co_varnames, code.co_freevars
-        yield from map(self._described, code.co_consts)
+        yield from map(self._description, code.co_consts)
 
     def _function(self, function: types.FunctionType) -> Iterator[Any]:
         self.functions.append(function)
-        yield self._described(function.__code__)
-        yield self._described(function.__defaults__)
-        yield self._described(function.__kwdefaults__)
-        yield from map(self._described, function.__closure__ or ())
+        yield self._description(function.__code__)
+        yield self._description(function.__defaults__)
+        yield self._description(function.__kwdefaults__)
+        yield from map(self._description, function.__closure__ or ())
         names, attributes = _reads(function.__code__)
         for name in sorted(names):
-            value = self._named(function.__globals__, name)
-            yield name, self._described(value)
+            value = self._value_of_name(function.__globals__, name)
+            yield name, self._description(value)
             if isinstance(value, types.ModuleType) and not _in_library(value.__name__):
                 for attribute in sorted(attributes & vars(value).keys()):
-                    yield attribute, self._described(self._named(vars(value), attribute))
+                    yield attribute, self._description(self._value_of_name(vars(value), attribute))
 
-    def _named(self, namespace: dict, name: str) -> Any:
+    def _value_of_name(self, namespace: dict, name: str) -> Any:
         _, read, absent = self.names.setdefault(id(namespace), (namespace, set(), set()))
         (read if name in namespace else absent).add(name)
         # An absent name is built in, or a module that the function imports itself.
@@ -342,15 +342,15 @@ class _Reached:
         kind = type(thing)
         wrapped = getattr(thing, "__func__", None) or getattr(thing, "__wrapped__", None)
         if callable(wrapped):  # of a method and of a function that JAX compiles
-            yield self._described(wrapped)
-            yield self._described(getattr(thing, "__self__", None))
+            yield self._description(wrapped)
+            yield self._description(getattr(thing, "__self__", None))
         elif isinstance(thing, property):
-            yield from map(self._described, (thing.fget, thing.fset))
+            yield from map(self._description, (thing.fget, thing.fset))
         elif isinstance(thing, functools.partial):
-            yield from map(self._described, (thing.func, thing.args, thing.keywords))
+            yield from map(self._description, (thing.func, thing.args, thing.keywords))
         elif _held(thing) and not (_standard(kind) and kind is not types.SimpleNamespace):
             self.holders.append(thing)
-            yield self._described(kind)
+            yield self._description(kind)
             yield from self._items(_held(thing))
         elif _is_value(kind):
             yield self._identity(_equals.setdefault(thing, thing))
@@ -358,7 +358,7 @@ class _Reached:
             self.values.append((repr, thing, repr(thing)))
             yield repr(thing)
         else:
-            yield self._described(kind)
+            yield self._description(kind)
             yield self._identity(thing)
 
     def _identity(self, thing: Any) -> int:
@@ -394,7 +394,7 @@ def _is_value(kind: type) -> bool:
     return kind.__hash__ not in (None, object.__hash__)
 
 
-def _digested(parts: Any) -> str:
+def _digest(parts: Any) -> str:
     return hashlib.blake2b(repr(parts).encode(), digest_size=16).hexdigest()
 
 

@@ -44,7 +44,7 @@ def value_text(value: Any, unit: str | None = None) -> str:
     if isinstance(value, np.ndarray | jax.Array):
         return _array_text(value) + after
     if isinstance(value, eqx.Module):
-        return repr(value) if type(value).__repr__ is not eqx.Module.__repr__ else described(value)
+        return repr(value) if type(value).__repr__ is not eqx.Module.__repr__ else module_text(value)
     if isinstance(value, tuple) and hasattr(value, "_fields"):
         names: Any = getattr(value, "_fields", ())
         parts = (f"{name}={value_text(part)}" for name, part in zip(names, value, strict=True))
@@ -95,7 +95,7 @@ def units_of(module: Any) -> Mapping[str, str]:
     return units if isinstance(units, Mapping) else {}
 
 
-def described(module: Any) -> str:
+def module_text(module: Any) -> str:
     """A module by its parameters with their units: what `repr` of systems and laws gives."""
     units = units_of(module)
     parts = [f"{k}={value_text(v, units.get(k))}" for k, v in parameters_of(module).items()]
@@ -103,10 +103,10 @@ def described(module: Any) -> str:
     line = f"{name}({', '.join(parts)})"
     if len(line) <= WIDTH and "\n" not in line:
         return line
-    return f"{name}(\n{_filled(parts)})"
+    return f"{name}(\n{_filled_lines(parts)})"
 
 
-def _filled(parts: Sequence[str]) -> str:
+def _filled_lines(parts: Sequence[str]) -> str:
     """Parts in as few lines as hold them, indented; one that has several lines keeps them."""
     lines, row = [], ""
     for part in parts:
@@ -149,7 +149,7 @@ class AbstractShown(eqx.Module):
     parameter_units: ClassVar[Mapping[str, str]] = {}
 
     def __repr__(self) -> str:
-        return described(self)
+        return module_text(self)
 
     def _repr_html_(self) -> str:
         return parameters_html(self)

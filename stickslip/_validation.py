@@ -44,7 +44,6 @@ REAL = "a real number or an array of real numbers"
 _SHORT = reprlib.Repr()
 _SHORT.maxstring = _SHORT.maxother = 60
 _SHORT.maxlevel = 3
-DEEPEST = 64  # levels of lists in lists and the like
 
 
 def shown(value: Any) -> str:
@@ -84,36 +83,20 @@ def misshaped(name: str, value: Any, allowed: str) -> Exception:
     return refusal(name, value, allowed, but=f"of shape {np.shape(value)}")
 
 
-def _ends(value: Any, above: tuple[int, ...] = ()) -> bool:
-    """Whether no list or dictionary holds itself.
-
-    To be asked before JAX flattens anything: it fails on one that does, and loses count of Python's
-    recursion, so that something innocent fails some calls later.
-    """
-    if not isinstance(value, list | tuple | dict):
-        return True
-    if id(value) in above or len(above) == DEEPEST:
-        return False
-    items = value.values() if isinstance(value, dict) else value
-    return all(_ends(item, (*above, id(value))) for item in items)
-
-
 def is_concrete(value: Any) -> bool:
     """Whether all array leaves of `value` hold numbers that can be read now."""
     try:
-        return not (_ends(value) and any(isinstance(a, Tracer) for a in jax.tree.leaves(value)))
+        return not any(isinstance(a, Tracer) for a in jax.tree.leaves(value))
     except (ValueError, TypeError):
         return True  # no pytree; the check that follows says so
 
 
 def leaves_of(name: str, tree: Any) -> list[tuple[str, Any]]:
     """Leaves of a pytree with their paths as a caller writes them, `y0.x` or `inputs['a'][0]`."""
-    allowed = "a pytree that ends, its dictionaries with keys that can be sorted"
-    if not _ends(tree):
-        raise refusal(name, tree, allowed, TypeError)
     try:
         found = jax.tree_util.tree_leaves_with_path(tree)
     except (ValueError, TypeError):
+        allowed = "a pytree, its dictionaries with keys that can be sorted"
         raise refusal(name, tree, allowed, TypeError) from None
     return [(name + jax.tree_util.keystr(path), leaf) for path, leaf in found]
 
@@ -135,7 +118,7 @@ def numbers(name: str, value: Any, allowed: str = REAL) -> np.ndarray:
     if isinstance(value, int) and abs(value) >= 2**63:
         raise refusal(name, value, "a float where an integer of 64 bits does not hold it")
     try:
-        if _ends(value) and _could_be_numbers(value):
+        if _could_be_numbers(value):
             array = np.asarray(value)
             if array.dtype.kind in "iuf" or jnp.issubdtype(array.dtype, jnp.floating):
                 return array
@@ -355,8 +338,7 @@ def check_mapping(name: str, value: Any, allowed: str = "a mapping from names") 
     """A mapping from names, as a new dictionary; empty for `None`."""
     if value is None:
         return {}
-    named = isinstance(value, Mapping) and all(isinstance(key, str) for key in value)
-    if not named or not _ends(value):
+    if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
         raise refusal(name, value, allowed, TypeError)
     return dict(value)
 

@@ -12,7 +12,6 @@ from ._argument_checks import modes as modes
 from ._argument_checks import one_real as one_real
 from ._argument_checks import reals as reals
 from ._argument_checks import with_components as with_components
-from ._checked import CheckedModule as CheckedModule
 from ._types import Given as Given
 from ._types import Numeric as Numeric
 from ._types import Row as Row

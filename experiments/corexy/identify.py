@@ -11,7 +11,13 @@ from matplotlib.figure import Figure
 
 import corexy_jax as cx
 import stickslip as ss
-from stickslip.identification import best, gradient_descent, many_starts, sensitivities
+from stickslip.identification import (
+    GradientDescent,
+    LevenbergMarquardt,
+    best,
+    many_starts,
+    sensitivities,
+)
 
 from .._experiment import Context, Experiment
 from ._bench import BENCH
@@ -87,8 +93,8 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
         data = cx.with_noise(run(p, v), key)
         starts = {name: truth[i] * factors[number, :, i] for i, name in enumerate(NAMES)}
         fits = many_starts(
-            _residual, starts, data, p, v, times, max_steps=parameters["steps"],
-            chunk_size=LANES, executor=parameters["executor"],
+            _residual, starts, data, p, v, times, chunk_size=LANES, executor=parameters["executor"],
+            method=LevenbergMarquardt(max_steps=parameters["steps"]),
         )  # fmt: skip
         one = best(fits)
         errors = one.standard_errors()
@@ -138,8 +144,8 @@ def _by_adam(parameters, starts, number, *case) -> np.ndarray:
         return np.full(count, np.nan)
     some = {name: a[:count] for name, a in starts.items()}
     fits = many_starts(
-        _residual, some, *case, fit=gradient_descent, steps=parameters["adam_steps"], chunk_size=LANES,
-        executor=parameters["executor"],
+        _residual, some, *case, chunk_size=LANES, executor=parameters["executor"],
+        method=GradientDescent(steps=parameters["adam_steps"]),
     )  # fmt: skip
     return np.asarray(fits.reduced_chi_squared)
 

@@ -12,7 +12,14 @@ from matplotlib.figure import Figure
 
 import corexy_jax as cx
 import stickslip as ss
-from stickslip.identification import Sensitivity, design_input, many_starts, sensitivities
+from stickslip.identification import (
+    CMAES,
+    LevenbergMarquardt,
+    Sensitivity,
+    design_input,
+    many_starts,
+    sensitivities,
+)
 
 from .._experiment import Context, Experiment
 from .._statement import Verdict, judge_all, statement
@@ -56,9 +63,10 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     limits = np.full(tried.shape[1:], LIMIT)
     for criterion in ("D", "A"):
         made = design_input(
-            _residual, truth, -limits, limits, nothing, machine, times, start=tried[best],
-            criterion=criterion, rounds=parameters["rounds"], population=parameters["population"],
-            seed=parameters["seed"], **lanes,
+            _residual, truth, -limits, limits, nothing, machine, times, criterion=criterion,
+            search=CMAES(
+                parameters["rounds"], parameters["population"], parameters["seed"], tried[best]
+            ), **lanes,
         )  # fmt: skip
         inputs[criterion] = np.asarray(made.coefficients)
         histories[criterion] = np.asarray(made.history)
@@ -137,7 +145,10 @@ def _fits(ends, truth, errors, nothing, machine, times, parameters, lanes) -> np
             )
         )
         starts = {name: np.array([value]) for name, value in truth.items()}
-        fit = many_starts(_residual, starts, ends, data, machine, times, max_steps=20, **lanes)
+        fit = many_starts(
+            _residual, starts, ends, data, machine, times,
+            method=LevenbergMarquardt(max_steps=20), **lanes,
+        )  # fmt: skip
         rows.append([float(np.log(fit.values[n][0] / truth[n]) / errors[n][where]) for n in NAMES])
     return np.array(rows).reshape(-1, len(NAMES))
 

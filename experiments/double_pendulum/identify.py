@@ -20,6 +20,7 @@ from stickslip.identification import (
     Fit,
     LevenbergMarquardt,
     MultipleShooting,
+    WhitenessTest,
     compare,
     ljung_box,
     report,
@@ -139,7 +140,8 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
         for name in ("q1", "q2")
     }
     told = report(
-        fits[SIMULATED], series=series, comparison=compared, lags=LAGS,
+        fits[SIMULATED], series=series, comparison=compared,
+        whiteness=WhitenessTest(lags=LAGS),
         held_out={f"trajectory {HELD_OUT} [rad]": rows[SIMULATED][:, later].ravel()},
         title="Double pendulum, by simulation from rest",
     )  # fmt: skip

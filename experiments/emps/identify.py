@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 from stickslip.identification import (
     Fit,
     Unknown,
+    WhitenessTest,
     autocorrelation,
     compare,
     least_squares,
@@ -192,7 +193,7 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     last = {"command [V]": held_out["asymmetric"]} if held_out else None
     told = report(
         fits["asymmetric"], profile=intervals, series={"command": residuals["asymmetric"]},
-        inputs={"reference": np.gradient(blocks(record.reference, kept))},
+        whiteness=WhitenessTest(inputs={"reference": np.gradient(blocks(record.reference, kept))}),
         held_out=last, comparison=compared,
         title="EMPS, asymmetric friction, by the command of the controller",
     )  # fmt: skip

@@ -16,6 +16,7 @@ from matplotlib.patches import Rectangle
 from stickslip.identification import (
     Fit,
     LevenbergMarquardt,
+    WhitenessTest,
     autocorrelation,
     compare,
     ljung_box,
@@ -88,7 +89,7 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
         tables[law] = _table(task, fits[law], step.time, parameters["profile"])
     compared = compare(fits, held_out=held or None, sigma=SIGMA, noise_known=False)
     told = report(
-        fits["ageing"], comparison=compared, lags=LAGS,
+        fits["ageing"], comparison=compared, whiteness=WhitenessTest(lags=LAGS),
         held_out={"coefficient": held["ageing"]} if held else None,
         title="Basalt, step from 3 to 10 µm/s, ageing law",
     )  # fmt: skip

@@ -9,7 +9,6 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from .._checked import CheckedModule
 from .._validation import check_callable, check_text, refusal, shown
 from ..hybrid import AbstractHybridSystem, Section
 from ..hybrid.components import (
@@ -27,7 +26,7 @@ CALL = "f(system, t, y, dy, mode, args)"
 Observable = Callable[[AbstractHybridSystem, Any, PyTree, PyTree, Any, PyTree], Any]
 
 
-class Maximum(eqx.Module, metaclass=CheckedModule):
+class Maximum(eqx.Module):
     """Section at the local maxima along the motion of an observable (smooth, without slopes in it)."""
 
     observable: str | Callable = eqx.field(static=True)
@@ -38,7 +37,7 @@ class Maximum(eqx.Module, metaclass=CheckedModule):
         _check_observable(self.observable)
 
 
-class Minimum(eqx.Module, metaclass=CheckedModule):
+class Minimum(eqx.Module):
     """Section at the local minima along the motion of an observable (smooth, without slopes in it)."""
 
     observable: str | Callable = eqx.field(static=True)

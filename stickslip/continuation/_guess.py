@@ -10,7 +10,6 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree
 
-from .._checked import CheckedModule
 from .._show import value_text
 from .._types import Given, Mode, Numeric
 from .._validation import (
@@ -51,7 +50,7 @@ SAMPLES = 256
 ROUGH = 1e-10  # relative, of the integrator where none is given
 
 
-class OrbitGuess(eqx.Module, metaclass=CheckedModule):
+class OrbitGuess(eqx.Module):
     """A state that nearly returns after a period.
 
     - `y0`: the state; `mode0`: its mode, name or number, by default that of `system.initial_mode`.

@@ -5,7 +5,6 @@ from typing import Any
 
 import equinox as eqx
 
-from .._checked import CheckedModule
 from .._types import Given
 from .._validation import check_callable, check_count, check_flag, check_type, one_concrete, refusal
 from ..hybrid import AdaptiveStep, Integrator
@@ -15,7 +14,7 @@ from ._accuracy import ACCURACY
 LABELS = ("LP", "PD", "NS", "BP", "HB", "GR", "SQ", "UZ", "EP")
 
 
-class Follow(eqx.Module, metaclass=CheckedModule):
+class Follow(eqx.Module):
     """How a branch is followed: by `continue_orbit`, `continue_equilibrium` and `continue_point` alike.
 
     - `step`: first and longest step, in parts of the bounds' distance and of the motion's size (of the
@@ -60,7 +59,7 @@ class Follow(eqx.Module, metaclass=CheckedModule):
         return (self.values,) if count == 1 else (self.values or ((),) * count)
 
 
-class Shooting(eqx.Module, metaclass=CheckedModule):
+class Shooting(eqx.Module):
     """How a periodic orbit is shot: in all verbs that look for one.
 
     - `segments`: the period in so many pieces, whose starts are unknowns too (multiple shooting): for

@@ -7,7 +7,8 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from stickslip import _fastmath as fast
-from stickslip._validation import as_parameter, check_positive, one_static, refusal
+from stickslip._argument_checks import check_arguments, parameters, static_number
+from stickslip._validation import refusal
 from stickslip.friction._bristle import AbstractBristleLaw, check_steady_law, has_breakaway_jump
 from stickslip.friction.law import AbstractFrictionLaw, GivenState, Number, State, in_dtype_of
 
@@ -49,14 +50,15 @@ class Dahl(AbstractBristleLaw):
 
     parameter_units: ClassVar = {"sigma_0": "1/m"}
 
+    @check_arguments(exponent=static_number("positive"))
+    @parameters(sigma_0="positive")
     def __init__(self, law: AbstractFrictionLaw, sigma_0: Number, exponent: float | int = 1):
         check_steady_law(law)
         if has_breakaway_jump(law):
             equal = "one whose static and kinetic coefficients are equal at rest (LuGre takes any)"
             raise refusal("law", law, equal)
         self.law = law
-        self.sigma_0 = as_parameter(check_positive("sigma_0", sigma_0))
-        self.exponent = float(one_static("exponent", exponent, "positive"))
+        self.exponent = float(exponent)
 
     def steady_magnitude(self, v: Number, sense: Number) -> Float[Array, "..."]:
         v, sense = in_dtype_of(v, sense)

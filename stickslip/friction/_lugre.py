@@ -5,18 +5,12 @@ from typing import ClassVar
 from jaxtyping import Array, Float
 
 from stickslip import _fastmath as fast
-from stickslip._validation import as_parameter, check_nonnegative, check_positive, refusal, shown
+from stickslip._argument_checks import or_none, parameters
+from stickslip._validation import refusal, shown
 from stickslip.friction._bristle import AbstractBristleLaw, check_steady_law, has_breakaway_jump
 from stickslip.friction._sum import Sum
 from stickslip.friction._viscous import ViscousFriction
-from stickslip.friction.law import (
-    AbstractFrictionLaw,
-    GivenState,
-    Number,
-    State,
-    in_dtype_of,
-    jump_in,
-)
+from stickslip.friction.law import AbstractFrictionLaw, GivenState, Number, State, in_dtype_of, jump_in
 
 
 class LuGre(AbstractBristleLaw):
@@ -69,6 +63,9 @@ class LuGre(AbstractBristleLaw):
 
     parameter_units: ClassVar = {"sigma_0": "1/m", "sigma_1": "s/m", "sigma_2": "s/m", "v_s": "m/s"}
 
+    @parameters(
+        sigma_0="positive", sigma_1="not negative", sigma_2="not negative", v_s=or_none("positive"),
+    )  # fmt: skip
     def __init__(
         self,
         law: AbstractFrictionLaw,
@@ -82,10 +79,6 @@ class LuGre(AbstractBristleLaw):
             why = f"law = {shown(law)} has a static coefficient above its kinetic one"
             raise refusal("v_s", None, f"a positive Stribeck velocity, because {why}")
         self.law = law
-        self.sigma_0 = as_parameter(check_positive("sigma_0", sigma_0))
-        self.sigma_1 = as_parameter(check_nonnegative("sigma_1", sigma_1))
-        self.sigma_2 = as_parameter(check_nonnegative("sigma_2", sigma_2))
-        self.v_s = None if v_s is None else as_parameter(check_positive("v_s", v_s))
 
     def steady_magnitude(self, v: Number, sense: Number) -> Float[Array, "..."]:
         v, sense = in_dtype_of(v, sense)

@@ -10,14 +10,7 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from stickslip import _fastmath as fast
-from stickslip._argument_checks import check_arguments, reals
-from stickslip._validation import (
-    as_parameter,
-    check_finite,
-    check_in,
-    check_nonnegative,
-    check_positive,
-)
+from stickslip._argument_checks import check_arguments, choice, parameters, reals
 from stickslip.friction._coulomb import Coulomb
 from stickslip.friction.law import (
     AbstractFrictionLaw,
@@ -96,6 +89,11 @@ class RateAndState(AbstractFrictionLaw):
     is_dissipative: ClassVar[bool] = True
     num_states: ClassVar[int] = 1
 
+    @check_arguments(evolution=choice(get_args(Evolution)))
+    @parameters(
+        mu_0="not negative", a="positive", b="finite", d_c="positive", v_0="positive",
+        v_rest="positive",
+    )  # fmt: skip
     def __init__(
         self,
         mu_0: Number,
@@ -103,16 +101,10 @@ class RateAndState(AbstractFrictionLaw):
         b: Number,
         d_c: Number,
         v_0: Number,
-        evolution: str = "ageing",
+        evolution: Evolution = "ageing",
         v_rest: Number = 1e-20,
     ):
-        self.mu_0 = as_parameter(check_nonnegative("mu_0", mu_0))
-        self.a = as_parameter(check_positive("a", a))
-        self.b = as_parameter(check_finite("b", b))
-        self.d_c = as_parameter(check_positive("d_c", d_c))
-        self.v_0 = as_parameter(check_positive("v_0", v_0))
-        self.v_rest = as_parameter(check_positive("v_rest", v_rest))
-        self.evolution = check_in("evolution", evolution, get_args(Evolution))
+        self.evolution = evolution
 
     def _strength(self, v: Number, age: Number) -> tuple[Float[Array, "..."], ...]:
         """`v`, the exponent of the direct effect for the logarithm of an age, and $a$, $v_0$."""

@@ -10,7 +10,7 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from stickslip import _fastmath as fast
-from stickslip._validation import as_parameter, check_in, check_positive
+from stickslip._argument_checks import check_arguments, choice, or_none, parameters
 from stickslip.friction._smoothed import AbstractSmoothedLaw
 from stickslip.friction.law import (
     AbstractFrictionLaw,
@@ -95,20 +95,20 @@ class Regularised(AbstractSmoothedLaw, AbstractMemorylessLaw):
 
     parameter_units: ClassVar = {"v_reg": "m/s", "v_brk": "m/s"}
 
+    @check_arguments(kind=choice(get_args(Kind)))
+    @parameters(v_reg="positive", v_brk=or_none("positive"))
     def __init__(
         self,
         law: AbstractFrictionLaw,
         v_reg: Number,
-        kind: str = "tanh",
+        kind: Kind = "tanh",
         v_brk: Number | None = None,
     ):
         # Any other has no jump to round off.
         self.law = check_law("law", law, "set-valued")
-        self.v_reg = as_parameter(check_positive("v_reg", v_reg))
-        self.kind = check_in("kind", kind, get_args(Kind))
-        self.v_brk = (
-            10.0 * self.v_reg if v_brk is None else as_parameter(check_positive("v_brk", v_brk))
-        )
+        self.kind = kind
+        if v_brk is None:
+            self.v_brk = 10.0 * self.v_reg
 
     def kinetic(self, v: Number, sense: Number) -> Float[Array, "..."]:
         v, sense, v_reg, v_brk = in_dtype_of(v, sense, self.v_reg, self.v_brk)

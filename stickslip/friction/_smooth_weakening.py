@@ -6,7 +6,7 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from stickslip import _fastmath as fast
-from stickslip._validation import as_parameter, check_nonnegative, check_positive
+from stickslip._argument_checks import parameters
 from stickslip.friction._weakening import HyperbolicWeakening, weakening_factor
 from stickslip.friction.law import AbstractDryFrictionLaw, Number, in_dtype_of
 
@@ -63,11 +63,9 @@ class SmoothHyperbolicWeakening(AbstractDryFrictionLaw):
     is_odd: ClassVar[bool] = True
     is_dissipative: ClassVar[bool] = True
 
+    @parameters(mu_0="not negative", alpha="positive", beta="not negative", gamma="not negative")
     def __init__(self, mu_0: Number, alpha: Number, beta: Number, gamma: Number):
-        self.mu_0 = as_parameter(check_nonnegative("mu_0", mu_0))
-        self.alpha = as_parameter(check_positive("alpha", alpha))
-        self.beta = as_parameter(check_nonnegative("beta", beta))
-        self.gamma = as_parameter(check_nonnegative("gamma", gamma))
+        pass
 
     def kinetic(self, v: Number, sense: Number) -> Float[Array, "..."]:
         v, sense, mu_0, alpha, beta, gamma = in_dtype_of(

@@ -8,7 +8,8 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from stickslip import _fastmath as fast
-from stickslip._validation import as_parameter, check_at_least, check_nonnegative, check_positive
+from stickslip._argument_checks import check_arguments, parameters
+from stickslip._validation import as_parameter, check_at_least
 from stickslip.friction.law import AbstractDryFrictionLaw, Number, in_dtype_of, shaped_like
 
 
@@ -58,13 +59,10 @@ class Stribeck(AbstractDryFrictionLaw):
     is_odd: ClassVar[bool] = True
     is_dissipative: ClassVar[bool] = True
 
+    @check_arguments(exponent="positive")
+    @parameters(mu_s="not negative", mu_k="not negative", v_s="positive")
     def __init__(self, mu_s: Number, mu_k: Number, v_s: Number, exponent: Number = 2):
-        check_nonnegative("mu_k", mu_k)
-        check_nonnegative("mu_s", mu_s)
-        self.mu_s = as_parameter(check_at_least("mu_s", mu_s, "mu_k", mu_k))
-        self.mu_k = as_parameter(mu_k)
-        self.v_s = as_parameter(check_positive("v_s", v_s))
-        check_positive("exponent", exponent)
+        check_at_least("mu_s", mu_s, "mu_k", mu_k)
         fixed = isinstance(exponent, int | float)
         self._fixed_exponent = float(exponent) if fixed else 0.0
         self._free_exponent = None if fixed else as_parameter(exponent)

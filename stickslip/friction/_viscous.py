@@ -5,7 +5,7 @@ from typing import ClassVar
 from jax import lax
 from jaxtyping import Array, Float
 
-from stickslip._validation import as_parameter, check_nonnegative
+from stickslip._argument_checks import parameters
 from stickslip.friction.law import (
     AbstractDryFrictionLaw,
     AbstractMemorylessLaw,
@@ -45,8 +45,9 @@ class ViscousFriction(AbstractDryFrictionLaw):
     is_odd: ClassVar[bool] = True
     is_dissipative: ClassVar[bool] = True
 
+    @parameters(mu_v="not negative")
     def __init__(self, mu_v: Number):
-        self.mu_v = as_parameter(check_nonnegative("mu_v", mu_v))
+        pass
 
     def kinetic(self, v: Number, sense: Number) -> Float[Array, "..."]:
         v, sense, mu_v = in_dtype_of(v, sense, self.mu_v)
@@ -86,8 +87,9 @@ class ViscousDamping(AbstractMemorylessLaw):
     is_odd: ClassVar[bool] = True
     is_dissipative: ClassVar[bool] = True
 
+    @parameters(c="not negative")
     def __init__(self, c: Number):
-        self.c = as_parameter(check_nonnegative("c", c))
+        pass
 
     def kinetic(self, v: Number, sense: Number) -> Float[Array, "..."]:
         v, sense = in_dtype_of(v, sense)

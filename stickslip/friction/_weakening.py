@@ -6,8 +6,8 @@ import jax
 from jax import lax
 from jaxtyping import Array, Float
 
+from stickslip._argument_checks import or_none, parameters
 from stickslip._fastmath import SMOOTH, where
-from stickslip._validation import as_parameter, check_nonnegative
 from stickslip.friction.law import AbstractDryFrictionLaw, Number, in_dtype_of
 
 
@@ -57,10 +57,10 @@ class HyperbolicWeakening(AbstractDryFrictionLaw):
     is_odd: ClassVar[bool] = True
     is_dissipative: ClassVar[bool] = True
 
+    @parameters(mu_s="not negative", gamma="not negative", mu_k=or_none("not negative"))
     def __init__(self, mu_s: Number, gamma: Number, mu_k: Number | None = None):
-        self.mu_s = as_parameter(check_nonnegative("mu_s", mu_s))
-        self.gamma = as_parameter(check_nonnegative("gamma", gamma))
-        self.mu_k = as_parameter(check_nonnegative("mu_k", mu_s if mu_k is None else mu_k))
+        if mu_k is None:
+            self.mu_k = self.mu_s
 
     def kinetic(self, v: Number, sense: Number) -> Float[Array, "..."]:
         v, sense, mu_k, gamma = in_dtype_of(v, sense, self.mu_k, self.gamma)

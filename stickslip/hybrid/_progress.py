@@ -8,13 +8,12 @@ import equinox.internal as eqxi
 import jax
 import jax.numpy as jnp
 
-from .._checked import CheckedModule
 from .._types import Numeric, Whole
 from .._validation import check_text, one_static
 from .status import RUNNING
 
 
-class ProgressMeter(eqx.Module, metaclass=CheckedModule):
+class ProgressMeter(eqx.Module):
     """Writes `name: 42 % (t = 21 of 50 s), 3 s left` to stderr, at most every `interval` seconds.
 
     Off unless given to `Integrator(progress=...)`. Safe under `jit` and `vmap`: it shows the slowest

@@ -7,7 +7,6 @@ import jax
 from jax.interpreters.partial_eval import dce_jaxpr
 from jaxtyping import PyTree
 
-from .._checked import CheckedModule
 from .._types import Numeric, Whole
 from .._validation import check_callable, check_flag, check_in, check_text
 from .system import DIRECTIONS, AbstractHybridSystem
@@ -15,7 +14,7 @@ from .system import DIRECTIONS, AbstractHybridSystem
 CALL = "f(system, t, y, dy, mode, args)"
 
 
-class Section(eqx.Module, metaclass=CheckedModule):
+class Section(eqx.Module):
     """A scalar function of the motion whose zero crossings are recorded.
 
     **Arguments**

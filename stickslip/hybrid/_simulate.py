@@ -9,7 +9,6 @@ import jax.numpy as jnp
 from jax.lax import stop_gradient
 from jaxtyping import PyTree
 
-from .._checked import CheckedModule
 from .._types import Given, Mode, Numeric, Row
 from .._validation import check_at_least, check_count, check_flag, check_type, leaves_of, refusal
 from . import _solution as out
@@ -53,7 +52,7 @@ if TYPE_CHECKING:
     import diffrax
 
 
-class SaveAt(eqx.Module, metaclass=CheckedModule):
+class SaveAt(eqx.Module):
     """Which parts of the motion are kept besides its end.
 
     - `ts`: output times [s], increasing, within `[t0, t1]`; the integrator lands on each.
@@ -74,7 +73,7 @@ class SaveAt(eqx.Module, metaclass=CheckedModule):
         check_count("max_rows", self.max_rows, 1)
 
 
-class Integrator(eqx.Module, metaclass=CheckedModule):
+class Integrator(eqx.Module):
     """Method, step-size rule and limits.
 
     - `method`: `"dop853"` (default; order 8), `"tsit5"`, `"rk4"`, or any diffrax solver; implicit

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PyTree, UInt
 
 from .._outcome import names_of, tally
-from .._show import counted, described
+from .._show import counted, module_text
 from .._types import Given, MaybeNone
 from .._validation import check_broadcast, check_type, is_concrete
 from ._labelled import events_dataframe, solution_dataset
@@ -87,7 +87,7 @@ class Stats(eqx.Module):
     num_events: Int[Array, "*batch"]
 
     def __repr__(self) -> str:
-        return described(self)
+        return module_text(self)
 
 
 class Solution(eqx.Module):

@@ -8,7 +8,6 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from .._checked import CheckedModule
 from .._types import Numeric
 from .._validation import (
     check_at_least,
@@ -26,7 +25,7 @@ else:
     from equinox import AbstractClassVar
 
 
-class AbstractStepSize(eqx.Module, metaclass=CheckedModule):
+class AbstractStepSize(eqx.Module):
     """How long the next step may be. Events and output times shorten it further.
 
     Two kinds exist. A rule that is not `adaptive` takes steps of `initial(None, None, None)` all along,

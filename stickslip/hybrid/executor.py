@@ -21,7 +21,6 @@ from jax.experimental.xla_metadata import set_xla_metadata
 from jax.interpreters.partial_eval import dce_jaxpr
 from jaxtyping import PyTree
 
-from .._checked import CheckedModule
 from .._jaxpr import spelled_out
 from .._validation import check_flag, check_type
 
@@ -34,7 +33,7 @@ _LOOP = {"inlineable": "false", "xla_cpu_small_call": "true"}
 LOOP_NAME = "fused_time_loop"  # of the call that holds a whole time loop, in a traced program
 
 
-class Executor(eqx.Module, metaclass=CheckedModule):
+class Executor(eqx.Module):
     """Wraps the pieces of the integrator; the numbers are the same to rounding in all variants.
 
     `compact`: the smallest program, whatever the batch.

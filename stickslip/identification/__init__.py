@@ -1,15 +1,16 @@
 """Parameters of a system from measurements: least squares through exact events."""
 
-from ._best import best as best
 from ._compare import Comparison as Comparison
 from ._compare import compare as compare
 from ._descent import GradientDescent as GradientDescent
 from ._fit import Fit as Fit
+from ._fit import best as best
 from ._gauss_newton import GaussNewton as GaussNewton
-from ._gradient import gradient_descent as gradient_descent
 from ._homotopy import Homotopy as Homotopy
+from ._input_design import CMAES as CMAES
 from ._input_design import InputDesign as InputDesign
 from ._input_design import design_input as design_input
+from ._least_squares import gradient_descent as gradient_descent
 from ._least_squares import least_squares as least_squares
 from ._levenberg_marquardt import LevenbergMarquardt as LevenbergMarquardt
 from ._losses import AbstractLoss as AbstractLoss
@@ -17,6 +18,7 @@ from ._losses import Huber as Huber
 from ._losses import SoftL1 as SoftL1
 from ._many_starts import many_starts as many_starts
 from ._many_starts import sensitivities as sensitivities
+from ._methods import AbstractIterativeMethod as AbstractIterativeMethod
 from ._methods import AbstractMethod as AbstractMethod
 from ._multiple_shooting import MultipleShooting as MultipleShooting
 from ._observed import Observed as Observed
@@ -28,6 +30,7 @@ from ._profile import Profile as Profile
 from ._profile import profile as profile
 from ._record import Record as Record
 from ._report import Report as Report
+from ._report import WhitenessTest as WhitenessTest
 from ._report import report as report
 from ._results import RESULTS as RESULTS
 from ._sensitivity import Sensitivity as Sensitivity

@@ -16,10 +16,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
+from ._accuracy import ACCURACY
 from ._unknowns import Space
-
-LEFT = 0.005  # part of the distance to a bound that a step leaves
-MOST = 10.0  # times the distance to a single bound that a step may end at
 
 
 class Kinds(NamedTuple):
@@ -50,13 +48,14 @@ def curvature(kinds: Kinds, z: Any, gradient: Any) -> Any:
 def within(kinds: Kinds, z: Any, step: Any) -> Any:
     """The linear step, as far as the bounds let it go."""
     s = _part(kinds, z)
-    down = jnp.where(kinds.bounded, (LEFT - 1.0) / (1.0 - s), -jnp.inf)
-    up = jnp.where(kinds.between, (1.0 - LEFT) / jnp.where(kinds.between, s, 1.0), MOST - 1.0)
+    down = jnp.where(kinds.bounded, (ACCURACY.left_to_bound - 1.0) / (1.0 - s), -jnp.inf)
+    to_upper = (1.0 - ACCURACY.left_to_bound) / jnp.where(kinds.between, s, 1.0)
+    up = jnp.where(kinds.between, to_upper, ACCURACY.away_from_bound - 1.0)
     up = jnp.where(kinds.bounded, up, jnp.inf)
     return jnp.clip(step, down, up)
 
 
-def moved(kinds: Kinds, z: Any, step: Any) -> Any:
+def coordinates_after(kinds: Kinds, z: Any, step: Any) -> Any:
     """Coordinates of the values after such a step."""
     s = _part(kinds, z)
     step_in = jnp.where(kinds.bounded, step, 0.0)

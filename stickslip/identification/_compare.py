@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from .._argument_checks import check_arguments, flag, known_number
 from .._types import Given, NamedRows
-from .._validation import check_flag, check_type, is_concrete, numbers, one_concrete, refusal
-from ._fit import Fit
+from .._validation import is_concrete, numbers, refusal
+from ._fit import Fit, one_fit
 
 COLUMNS = {
     "unknowns": "number of unknowns", "chi_squared": "sum of the squared residuals",
@@ -51,6 +52,7 @@ class Comparison:
     __repr__ = __str__
 
 
+@check_arguments(sigma=known_number("positive"), noise_known=flag)
 def compare(
     fits: Given[Mapping[str, Fit]],
     *,
@@ -76,12 +78,7 @@ def compare(
     if not isinstance(fits, Mapping) or not fits or not all(isinstance(k, str) for k in fits):
         raise refusal("fits", fits, allowed, TypeError)
     for name, fit in fits.items():
-        where = f"fits[{name!r}]"
-        check_type(where, fit, Fit, "a Fit")
-        if not is_concrete(fit) or fit.steps.ndim != 0:
-            raise refusal(where, fit, "one fit, known: call this outside of jit and vmap")
-    one_concrete("sigma", sigma, "positive")
-    check_flag("noise_known", noise_known)
+        one_fit(None, f"fits[{name!r}]", fit)
     rows = {name: np.asarray(fit.data_residual) for name, fit in fits.items()}
     sizes = {name: int(np.isfinite(row).sum()) for name, row in rows.items()}
     if len(set(sizes.values())) != 1:

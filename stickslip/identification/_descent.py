@@ -7,11 +7,11 @@ import jax
 import jax.numpy as jnp
 import optax
 
+from .._argument_checks import check_arguments, count, instance, number, or_none
 from .._types import Given
-from .._validation import check_count, check_type, one_number
 from ._fit import Fit
-from ._losses import AbstractLoss
-from ._methods import AbstractMethod, Iteration
+from ._losses import AbstractLoss, loss_or_none
+from ._methods import AbstractIterativeMethod, Iteration
 from ._results import CODE
 from ._sensitivity import Sensitivity
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     Optimiser = optax.GradientTransformation
 
 
-class GradientDescent(AbstractMethod):
+class GradientDescent(AbstractIterativeMethod):
     """An optimiser of optax that follows the gradient; the best point on the way is kept.
 
     **Arguments:** `optimiser`, `steps`, `tolerance` as for `gradient_descent`; `loss`, a robust loss
@@ -31,6 +31,10 @@ class GradientDescent(AbstractMethod):
     tolerance: float
     loss: AbstractLoss | None
 
+    @check_arguments(
+        optimiser=or_none(instance(optax.GradientTransformation, "an optimiser of optax")),
+        steps=count(1), tolerance=number("positive"), loss=loss_or_none,
+    )  # fmt: skip
     def __init__(
         self,
         optimiser: Given["Optimiser | None"] = None,
@@ -38,14 +42,10 @@ class GradientDescent(AbstractMethod):
         tolerance: float = 0.1,
         loss: Given[AbstractLoss | None] = None,
     ):
-        self.steps = check_count("steps", steps, 1)
-        self.tolerance = float(one_number("tolerance", tolerance, "positive"))
+        self.steps, self.tolerance, self.loss = steps, float(tolerance), loss
         if optimiser is None:
             optimiser = optax.adam(optax.cosine_decay_schedule(0.03, steps))
-        self.optimiser = check_type(
-            "optimiser", optimiser, optax.GradientTransformation, "an optimiser of optax"
-        )
-        self.loss = check_type("loss", loss, AbstractLoss | None, "a loss such as Huber(), or None")
+        self.optimiser = optimiser
 
     def begin(self, z, rows, space=None):
         nothing = jnp.full((rows,), jnp.nan), jnp.full((rows, z.shape[0]), jnp.nan)

@@ -53,23 +53,28 @@ def _shape(out: Any) -> str:
     return f"an array of shape {out.shape}" if hasattr(out, "shape") else f"a {type(out).__name__}"
 
 
-def solved(method: Any, residual: Callable[[NamedValues], Any], space: Space, z: Array) -> Any:
-    """`method.solve` for the residual, compiled once for all residuals that differ in their data only.
+def with_operands(
+    residual: Callable[[NamedValues], Any], space: Space, z: Array, loss: AbstractLoss | None = None
+) -> tuple[Any, Callable[[Any], Evaluation]]:
+    """What the residual closes over, and the evaluation that is given it as operands.
 
-    The data that a residual closes over are made operands before a loop can make constants of them.
+    So loops cannot make constants of the data, and other data need no new program.
     """
-    jaxpr, consts, form = closed_jaxpr(evaluation(residual, space, method.loss), (z,))
+    jaxpr, consts, form = closed_jaxpr(evaluation(residual, space, loss), (z,))
 
-    def solve(z, consts):
-        def evaluate(z):
-            return jax.tree.unflatten(form, jax.core.eval_jaxpr(jaxpr, (), *consts, z))
+    def of(consts: Any) -> Evaluation:
+        return lambda z: jax.tree.unflatten(form, jax.core.eval_jaxpr(jaxpr, (), *consts, z))
 
-        return method.solve(evaluate, space, z)
-
-    return compiled_once(solve, z, consts)
+    return consts, of
 
 
-def solved_run(method: Any, run: Any, data: Any, space: Space, z: Array) -> Any:
+def solve_residual(method: Any, residual: Callable[[NamedValues], Any], space: Space, z: Array) -> Any:
+    """`method.solve` for the residual, compiled once for all that differ in their data only."""
+    consts, evaluate = with_operands(residual, space, z, method.loss)
+    return compiled_once(lambda z, consts: method.solve(evaluate(consts), space, z), z, consts)
+
+
+def solve_run(method: Any, run: Any, data: Any, space: Space, z: Array) -> Any:
     """`method.solve` for the residuals `run(values, data)`: traced once for equal `run`s."""
     given = jax.tree.map(
         lambda a: jnp.asarray(a) if isinstance(a, np.ndarray | np.generic) else a,

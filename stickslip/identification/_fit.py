@@ -8,18 +8,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from .._argument_checks import check_arguments, not_negative_number, one_real
+from .._argument_checks import check_arguments, instance, not_negative_number, one_real
 from .._show import html_table, number
-from .._types import Numeric
-from .._validation import is_concrete, refusal
+from .._types import Given, Numeric
+from .._validation import check_type, is_concrete, refusal
+from ._accuracy import ACCURACY
 from ._results import CODE, RESULTS, to_result
 from ._sensitivity import Sensitivity
 from ._unknowns import NamedValues, Space, all_positive
 
-POOR = 4.0  # reduced chi squared from which a fit is said not to explain the data
 
-
-def _level(owner: Any, name: str, value: Any) -> Any:
+def probability(owner: Any, name: str, value: Any) -> Any:
     """A probability, traced or not."""
     value = one_real(owner, name, value)
     if is_concrete(value) and not 0.0 < float(value) < 1.0:
@@ -85,7 +84,7 @@ class Fit(eqx.Module):
             f"{message} after {int(self.steps)} steps; reduced chi squared "
             f"{float(self.reduced_chi_squared):.4g} of {rows} residuals"
         )
-        if float(self.reduced_chi_squared) > POOR:
+        if float(self.reduced_chi_squared) > ACCURACY.poor_fit:
             lines.append(
                 "the residuals are far above their noise: another minimum (try more starts), another "
                 "model, or more noise than stated; the standard errors are those of the stated noise, "
@@ -162,14 +161,14 @@ class Fit(eqx.Module):
         return 2.0 * self.cost / (self.residual.shape[-1] - len(self.sensitivity.names))
 
     @check_arguments(threshold=not_negative_number)
-    def standard_errors(self, threshold: Numeric = 1e-7) -> NamedValues:
+    def standard_errors(self, threshold: Numeric = ACCURACY.seen) -> NamedValues:
         """Standard error of every estimate, in its own unit; infinite if the data do not see it."""
         relative = self.sensitivity.relative_standard_errors(threshold)
         slopes = jnp.abs(self.slopes)
         return {name: relative[name] * slopes[..., i] for i, name in enumerate(relative)}
 
-    @check_arguments(level=_level, threshold=not_negative_number)
-    def interval(self, level: Numeric = 0.95, threshold: Numeric = 1e-7) -> NamedValues:
+    @check_arguments(level=probability, threshold=not_negative_number)
+    def interval(self, level: Numeric = 0.95, threshold: Numeric = ACCURACY.seen) -> NamedValues:
         r"""Wald interval of every estimate, `[*batch, 2]`, lower end first, in its own unit.
 
         $p \pm z\sigma$ with the quantile $z$ of the normal distribution and the standard error of the
@@ -185,7 +184,7 @@ class Fit(eqx.Module):
         }
 
     @check_arguments(threshold=not_negative_number)
-    def correlation(self, threshold: Numeric = 1e-7) -> Float[Array, "*batch unknown unknown"]:
+    def correlation(self, threshold: Numeric = ACCURACY.seen) -> Float[Array, "*batch unknown unknown"]:
         """Correlation of the estimates, to first order; NaN for unknowns that the data do not see.
 
         Rows and columns are in the order of `names`.
@@ -197,10 +196,30 @@ class Fit(eqx.Module):
         return matrix / size[..., :, None] / size[..., None, :]
 
     @check_arguments(threshold=not_negative_number)
-    def covariance(self, threshold: Numeric = 1e-7) -> Float[Array, "*batch unknown unknown"]:
+    def covariance(self, threshold: Numeric = ACCURACY.seen) -> Float[Array, "*batch unknown unknown"]:
         """Covariance of the values, to first order; combinations not seen are left out of it.
 
         Rows and columns are in the order of `names`.
         """
         slopes = self.slopes
         return slopes[..., :, None] * self.sensitivity.covariance(threshold) * slopes[..., None, :]
+
+
+def one_fit(owner: Any, name: str, value: Any) -> Any:
+    """A single fit whose numbers are known."""
+    check_type(name, value, Fit, "a Fit")
+    if not is_concrete(value) or value.steps.ndim != 0:
+        raise refusal(name, value, "one fit, known: call this outside of jit and vmap")
+    return value
+
+
+@check_arguments(fits=instance(Fit, "a Fit"))
+def best(fits: Given[Fit]) -> Fit:
+    """The fit of least cost; `fits` as from `many_starts`.
+
+    **Raises** `TypeError` for anything else, `ValueError` for a single fit.
+    """
+    if fits.steps.ndim != 1:
+        raise refusal("fits", fits, "one row of fits", but=f"of shape {fits.steps.shape}")
+    row = jnp.argmin(fits.cost)
+    return jax.tree.map(lambda a: a[row] if eqx.is_array(a) else a, fits)

@@ -8,24 +8,26 @@ import jax.numpy as jnp
 import lineax as lx
 import optimistix as optx
 
-from .._validation import check_count, check_type, one_number
-from ._bounded import curvature, kinds_of, moved, within
+from .._argument_checks import check_arguments, count, number
+from ._accuracy import ACCURACY
+from ._bounded import coordinates_after, curvature, kinds_of, within
 from ._fit import Fit
-from ._losses import AbstractLoss
-from ._methods import AbstractMethod, Iteration
+from ._losses import AbstractLoss, loss_or_none
+from ._methods import AbstractIterativeMethod, Iteration
 from ._results import CODE
 from ._sensitivity import Sensitivity
 
 DESCENT = optx.DampedNewtonDescent(linear_solver=lx.QR())
-LEAST = 1e-10  # damping of the step that shows what is still to be gained
-UNSEEN = 1e-8  # part of the largest sensitivity that counts as that of what is not seen at all
+
+
+SETTINGS = {"tolerance": number("positive"), "max_steps": count(1), "loss": loss_or_none}
 
 
 def _info(residual: Any, matrix: Any) -> Any:
     return optx.FunctionInfo.ResidualJac(residual, lx.MatrixLinearOperator(matrix))
 
 
-class AbstractGaussNewton(AbstractMethod):
+class AbstractGaussNewton(AbstractIterativeMethod):
     """Steps of the linear model of the residuals, shortened by a search of optimistix."""
 
     if TYPE_CHECKING:
@@ -38,17 +40,12 @@ class AbstractGaussNewton(AbstractMethod):
         max_steps: eqx.AbstractVar[int]
         _search: eqx.AbstractClassVar[optx.AbstractSearch]
 
-    def __check_init__(self):
-        one_number("tolerance", self.tolerance, "positive")
-        check_count("max_steps", self.max_steps, 1)
-        check_type("loss", self.loss, AbstractLoss | None, "a loss such as Huber(), or None")
-
     @abc.abstractmethod
     def _sizes(self, matrix, bend) -> Any:
         """Sizes of the coordinates, in which steps are measured."""
 
     @abc.abstractmethod
-    def _shortened(self, size, full, y, rows, whole) -> tuple[Any, Any]:
+    def _limited_step(self, size, full, y, rows, whole) -> tuple[Any, Any]:
         """The step that the search wants at `size`, and whether there is one, where `full` is the
         one to the minimum of the linear model `rows + whole @ step` from `y`."""
 
@@ -89,7 +86,7 @@ class AbstractGaussNewton(AbstractMethod):
         code = jnp.where(lost, CODE["start_not_finite"], code).astype(jnp.int32)
         done = ended | failed | lost | (steps >= self.max_steps)
         kept = (y, residual, matrix, step, search, kinds, last, code)
-        return Iteration(moved(kinds, y, step), kept, steps, done)
+        return Iteration(coordinates_after(kinds, y, step), kept, steps, done)
 
     def _step(self, kinds, y, size, residual, matrix):
         """From `y` the shortened step and one with hardly any damping, what that would gain, and
@@ -99,8 +96,8 @@ class AbstractGaussNewton(AbstractMethod):
         rows = jnp.concatenate([residual, jnp.zeros_like(y)])
         whole = jnp.concatenate([matrix, jnp.diag(jnp.sqrt(bend))]) / sizes[None, :]
         # A short step does not show what can be gained: it is short where the last were refused.
-        far, _ = descended(jnp.asarray(1.0 / LEAST), y, rows, whole)
-        step, result = self._shortened(size, far, y, rows, whole)
+        far, _ = descent_step(jnp.asarray(1.0 / ACCURACY.least_damping), y, rows, whole)
+        step, result = self._limited_step(size, far, y, rows, whole)
         change = whole @ far
         gain = -jnp.sum(change * (rows + 0.5 * change))
         step, far = (within(kinds, y, found / sizes) for found in (step, far))
@@ -113,6 +110,7 @@ class AbstractGaussNewton(AbstractMethod):
         return Fit(space.values(y), residual, found, now.steps, good, space, code)
 
 
+@check_arguments(**SETTINGS)
 class GaussNewton(AbstractGaussNewton):
     """Gauss-Newton: the step to the minimum of the linear model, halved until it gains enough.
 
@@ -132,7 +130,7 @@ class GaussNewton(AbstractGaussNewton):
     def _sizes(self, matrix, bend):
         return sensitivities(matrix, bend)
 
-    def _shortened(self, size, full, y, rows, whole) -> tuple[Any, Any]:
+    def _limited_step(self, size, full, y, rows, whole) -> tuple[Any, Any]:
         return size * full, optx.RESULTS.successful
 
 
@@ -140,10 +138,10 @@ def sensitivities(matrix: Any, bend: Any) -> Any:
     """What each coordinate moves the residuals by: in these units no unit of a value matters."""
     sizes = jnp.sqrt(jnp.sum(matrix**2, axis=0) + bend)
     largest = jnp.max(sizes, initial=0.0)
-    return jnp.maximum(sizes, jnp.where(largest > 0.0, UNSEEN * largest, 1.0))
+    return jnp.maximum(sizes, jnp.where(largest > 0.0, ACCURACY.least_sensitivity * largest, 1.0))
 
 
-def descended(size: Any, y: Any, rows: Any, matrix: Any) -> Any:
+def descent_step(size: Any, y: Any, rows: Any, matrix: Any) -> Any:
     info = _info(rows, matrix)
     return DESCENT.step(size, DESCENT.query(y, info, DESCENT.init(y, info)))
 

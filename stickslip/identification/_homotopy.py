@@ -8,17 +8,17 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from .._checked import CheckedModule
+from .._argument_checks import callable_as, check_arguments, checked_by, instance, or_none
 from .._types import Given
-from .._validation import check_callable, check_type, one_static, refusal
-from ._evaluate import solved_run
+from ._accuracy import ACCURACY
+from ._evaluate import solve_run
 from ._levenberg_marquardt import LevenbergMarquardt
-from ._many_starts import many_starts
+from ._many_starts import many_fits
+from ._methods import AbstractMethod, check_falling
 from ._run import Data, Run
-from ._unknowns import NamedValues, Space, checked
+from ._unknowns import NamedValues, Space
 
 WIDTH = "width of the homotopy"
-FAR = 7.0  # the farthest that a coordinate with a bound goes towards it, a factor of 1,100
 
 
 def regularised(system: Any, width: Any) -> Any:
@@ -37,15 +37,14 @@ class _Smoothed:
         return self.smooth(self.system(values, inputs), values[WIDTH])
 
 
-def _coarse() -> LevenbergMarquardt:
-    return LevenbergMarquardt(tolerance=1e-3, max_steps=30)
+LEVENBERG = instance(LevenbergMarquardt, "a LevenbergMarquardt(...)")
 
 
-def _exact() -> LevenbergMarquardt:
-    return LevenbergMarquardt()
-
-
-class Homotopy(eqx.Module, metaclass=CheckedModule):
+@check_arguments(
+    widths=checked_by(check_falling), smooth=or_none(callable_as("f(system, width)", None, 1.0)),
+    method=LEVENBERG, polish=LEVENBERG,
+)  # fmt: skip
+class Homotopy(AbstractMethod):
     r"""The same fit with friction rounded widely, then less, then not at all, each from where the one
     before ended.
 
@@ -74,47 +73,31 @@ class Homotopy(eqx.Module, metaclass=CheckedModule):
 
     widths: Given[tuple[float, ...]] = eqx.field(static=True)
     smooth: Given[Callable[[Any, Any], Any] | None] = eqx.field(static=True, default=None)
-    method: LevenbergMarquardt = eqx.field(default_factory=_coarse)
-    polish: LevenbergMarquardt = eqx.field(default_factory=_exact)
+    method: LevenbergMarquardt = eqx.field(
+        default_factory=lambda: LevenbergMarquardt(tolerance=1e-3, max_steps=30)
+    )
+    polish: LevenbergMarquardt = eqx.field(default_factory=LevenbergMarquardt)
 
-    def __check_init__(self):
-        if not isinstance(self.widths, tuple) or not self.widths:
-            raise refusal("widths", self.widths, "a tuple of falling numbers", TypeError)
-        for i, width in enumerate(self.widths):
-            one_static(f"widths[{i}]", width, "positive")
-        if any(b >= a for a, b in zip(self.widths, self.widths[1:], strict=False)):
-            raise refusal("widths", self.widths, "falling")
-        if self.smooth is not None:
-            check_callable("smooth", self.smooth, "f(system, width)", None, 1.0)
-        for name in ("method", "polish"):
-            check_type(name, getattr(self, name), LevenbergMarquardt, "a LevenbergMarquardt(...)")
-
-    def brought_near(
-        self, run: Run, data: Data, lengths: tuple[int, ...], space: Space, values: NamedValues
-    ) -> tuple[NamedValues, int]:
-        """Values from which `polish` begins, and the steps taken to them."""
+    def brought_near(self, run, data, space, values):
         taken, first = 0, space.coordinates(values)
         for rounded, known in self._stages(run, data):
             z = _not_too_far(space, first, space.coordinates(values))
-            fit = solved_run(self.method, rounded, known, space, z)
+            fit = solve_run(self.method, rounded, known, space, z)
             taken += int(fit.steps)
             if bool(jnp.isfinite(fit.cost)):
                 values = dict(fit.values)
         return space.values(_not_too_far(space, first, space.coordinates(values))), taken
 
-    def many_near(
-        self, run: Run, data: Data, rows: dict[str, Any], chunk_size: int | None, placed: Callable
-    ) -> tuple[dict[str, np.ndarray], np.ndarray]:
-        """The same from many starts at once; `placed` makes unknowns of rows of numbers."""
-        space, now = checked("starts", rows)
-        first, taken = space.coordinates(now), 0
+    def many_near(self, run, data, space, values, chunk_size):
+        """All starts at once, stage by stage."""
+        taken, first = 0, space.coordinates(values)
         for rounded, known in self._stages(run, data):
-            fits = many_starts(rounded, placed(now), known, fit=self.method, chunk_size=chunk_size)
+            fits = many_fits(self.method, rounded, space, values, (known,), chunk_size)
             good = jnp.isfinite(fits.cost)
-            kept = {name: jnp.where(good, fits.values[name], row) for name, row in now.items()}
-            now = space.values(_not_too_far(space, first, space.coordinates(kept)))
+            kept = {name: jnp.where(good, fits.values[name], row) for name, row in values.items()}
+            values = space.values(_not_too_far(space, first, space.coordinates(kept)))
             taken = taken + np.asarray(fits.steps)
-        return {name: np.asarray(row) for name, row in now.items()}, np.asarray(taken)
+        return {name: np.asarray(row) for name, row in values.items()}, taken
 
     def _stages(self, run: Run, data: Data) -> list[tuple[Run, Data]]:
         rounded = dataclasses.replace(run, system=_Smoothed(run.system, self.smooth or regularised))
@@ -127,6 +110,6 @@ class Homotopy(eqx.Module, metaclass=CheckedModule):
 
 def _not_too_far(space: Space, first: Any, z: Any) -> Any:
     """Where an unknown hardly matters it may have gone to its bound, from where nothing returns."""
-    near = jnp.clip(z, first - FAR, first + FAR)
+    near = jnp.clip(z, first - ACCURACY.homotopy_reach, first + ACCURACY.homotopy_reach)
     bounded = np.array([bounds != (None, None) for bounds in space.bounds])
     return jnp.where(bounded, near, z)

@@ -9,28 +9,40 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
+from .._argument_checks import check_arguments, choice, count, instance, or_none
 from .._types import Given
-from .._validation import (
-    check_callable,
-    check_count,
-    check_finite,
-    check_in,
-    check_type,
-    is_concrete,
-    leaves_of,
-    misshaped,
-    numbers,
-    refusal,
-)
+from .._validation import check_callable, check_finite, check_type, is_concrete, misshaped, refusal
+from ._accuracy import ACCURACY
 from ._evolution import Evolution
-from ._many_starts import asked_width, check_lanes, evaluated, evaluator
+from ._many_starts import LANES, asked_width, check_shared, evaluate_rows, evaluator
 from ._sensitivity import Sensitivity
 from ._unknowns import NamedUnknowns, scalars
 
 Limits: TypeAlias = Given[float | Sequence[Any] | np.ndarray | Array | None]
 CRITERIA = ("D", "A")
-SIZE = 0.2  # of the first steps, in parts of the limits
-LEAST = 1e-14  # part of the largest information below which there is none
+
+
+def _known_numbers(owner: Any, name: str, value: Any) -> Any:
+    if not is_concrete(value):
+        raise refusal(name, value, "known: call this outside of jit and vmap", TypeError)
+    return check_finite(name, value)
+
+
+@check_arguments(
+    rounds=count(1), population=count(4), seed=count(0), start=or_none(_known_numbers)
+)  # fmt: skip
+class CMAES(eqx.Module):
+    """The search of `design_input`: covariance matrix adaptation, a `population` of inputs a round.
+
+    **Arguments:** `rounds`; `population`, at least 4; `seed` of the draws; `start`: coefficients to
+    begin with; by default the best of the first population, which is spread evenly. **Raises**
+    `TypeError`, `ValueError` for anything else.
+    """
+
+    rounds: int = 40
+    population: int = 64
+    seed: int = 0
+    start: Limits = None
 
 
 class InputDesign(eqx.Module):
@@ -48,18 +60,18 @@ class InputDesign(eqx.Module):
     first: Float[Array, ""]
 
 
+@check_arguments(
+    criterion=choice(CRITERIA), search=or_none(instance(CMAES, "a CMAES(...) or None")), **LANES
+)
 def design_input(
     residual: Given[Callable[..., Any]],
     values: NamedUnknowns,
     low: Limits,
     high: Limits,
     *shared: PyTree,
-    start: Limits = None,
     criterion: str = "A",
     about: Given[Sequence[str] | None] = None,
-    rounds: int = 40,
-    population: int = 64,
-    seed: int = 0,
+    search: Given[CMAES | None] = None,
     chunk_size: int | None = None,
     executor: str = "auto",
 ) -> InputDesign:
@@ -87,11 +99,10 @@ def design_input(
       in it do not matter, only what is computed.
     - `values`: by name positive numbers or `Unknown`s, at which the information is taken; priors count.
     - `low`, `high`: limits of the coefficients, arrays of one shape, or a number for one of them.
-    - `shared`: arrays handed on. `start`: coefficients to begin with; by default the best of the first
-      population, which is spread evenly.
+    - `shared`: arrays handed on.
     - `about`: names of unknowns, all by default; the others are then unknown too, but of no interest.
-    - `rounds`, `population`: how many inputs are tried. `seed`; `chunk_size`, `executor` as for
-      `many_starts`.
+    - `search`: how many inputs are tried, from where, by default `CMAES()`. `chunk_size`, `executor` as
+      for `many_starts`.
 
     **Returns** an `InputDesign`. **Raises** `TypeError`, `ValueError` for anything else, and where no
     input of the first population shows all unknowns `about`. It is a loop of Python and does not
@@ -105,40 +116,36 @@ def design_input(
     if not is_concrete(found):
         raise refusal("values", values, "known: this is a loop of Python, call it outside of jit")
     kept = _about(about, space.names)
-    check_in("criterion", criterion, CRITERIA)
-    for name, count, least in (("rounds", rounds, 1), ("population", population, 4), ("seed", seed, 0)):
-        check_count(name, count, least)
-    check_lanes(chunk_size, executor)
-    for i, tree in enumerate(shared):
-        for name, leaf in leaves_of(f"shared[{i}]", tree):
-            check_finite(name, numbers(name, leaf))
-    begin = None if start is None else _start(start, low, high)
+    check_shared(shared)
+    search = CMAES() if search is None else search
+    begin = None if search.start is None else _start(search.start, low, high)
+    population, seed = search.population, search.seed
     z = np.broadcast_to(np.asarray(space.coordinates(found)), (population, len(space.names)))
     shared = jax.tree.map(lambda a: np.broadcast_to(a, (population, *np.shape(a))), shared)
     rows = np.arange(population)
 
-    def tried(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def value_inputs(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Criterion and sensitivities of inputs in parts of the limits."""
         inputs = low + points.reshape(population, *low.shape) * (high - low)
         program, each = evaluator(residual, space, chunk_size, executor, population, (inputs, *shared))
-        matrix = evaluated(program, z, each, rows, asked_width(program, chunk_size))[1]
+        matrix = evaluate_rows(program, z, each, rows, asked_width(program, chunk_size))[1]
         return np.array([_criterion(one, kept, criterion) for one in matrix]), matrix
 
     points = np.random.default_rng(seed).uniform(size=(population, low.size))
     if begin is not None:
         points[0] = ((begin - low) / (high - low)).ravel()
-    told, matrices = tried(points)
+    told, matrices = value_inputs(points)
     if not np.isfinite(told).any():
         names = ", ".join(space.names[i] for i in kept)
         raise refusal("about", names, "unknowns that the data of at least one input show")
     at = int(np.argmax(np.where(np.isfinite(told), told, -np.inf))) if begin is None else 0
     first = told[at]
     best = (first if np.isfinite(first) else -np.inf), points[at], matrices[at]
-    search, history = Evolution(points[at], SIZE, population, seed + 1), []
-    for _ in range(rounds):
-        points = search.ask()
-        told, matrices = tried(points)
-        search.tell(told)
+    evolution, history = Evolution(points[at], ACCURACY.design_step, population, seed + 1), []
+    for _ in range(search.rounds):
+        points = evolution.ask()
+        told, matrices = value_inputs(points)
+        evolution.tell(told)
         at = int(np.argmax(np.where(np.isfinite(told), told, -np.inf)))
         if told[at] > best[0]:
             best = told[at], points[at], matrices[at]
@@ -162,18 +169,17 @@ def _criterion(matrix: np.ndarray, kept: np.ndarray, criterion: str) -> float:
     if others.size:
         mixed = information[np.ix_(others, kept)]
         inner = information[np.ix_(others, others)]
-        left = left - mixed.T @ np.linalg.pinv(inner, rcond=LEAST, hermitian=True) @ mixed
+        inverse = np.linalg.pinv(inner, rcond=ACCURACY.least_information, hermitian=True)
+        left = left - mixed.T @ inverse @ mixed
     sizes = np.linalg.eigvalsh(left)
-    if not sizes[0] > LEAST * np.max(np.diag(information)):
+    if not sizes[0] > ACCURACY.least_information * np.max(np.diag(information)):
         return np.nan
     return float(np.sum(np.log(sizes)) if criterion == "D" else -np.log(np.sum(1.0 / sizes)))
 
 
 def _limits(low: Any, high: Any) -> tuple[np.ndarray, np.ndarray]:
     for name, limit in (("low", low), ("high", high)):
-        if not is_concrete(limit):
-            raise refusal(name, limit, "known: call this outside of jit and vmap", TypeError)
-        check_finite(name, limit)
+        _known_numbers(None, name, limit)
     shapes = np.shape(low), np.shape(high)
     if shapes[0] != shapes[1] and () not in shapes:
         raise misshaped("high", high, f"a number or of shape {shapes[0]}, as low")
@@ -187,9 +193,7 @@ def _limits(low: Any, high: Any) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _start(start: Any, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    if not is_concrete(start):
-        raise refusal("start", start, "known: call this outside of jit and vmap", TypeError)
-    found = np.asarray(check_finite("start", start), np.float64)
+    found = np.asarray(start, np.float64)
     if found.shape != low.shape:
         raise misshaped("start", start, f"of shape {low.shape}, as the limits")
     if np.any((found < low) | (found > high)):

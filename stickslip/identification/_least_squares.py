@@ -1,17 +1,26 @@
-"""Levenberg-Marquardt with exact Jacobians."""
+"""Fits of a residual function from one start, by methods with their usual settings."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from .._argument_checks import callable_as, check_arguments, number
 from .._types import Given
-from .._validation import check_callable
-from ._evaluate import solved
+from ._descent import GradientDescent
+from ._evaluate import solve_residual
 from ._fit import Fit
+from ._gauss_newton import SETTINGS
 from ._levenberg_marquardt import LevenbergMarquardt
 from ._losses import AbstractLoss
+from ._methods import AbstractIterativeMethod
 from ._unknowns import NamedUnknowns, NamedValues, scalars
 
+if TYPE_CHECKING:
+    import optax
 
+
+@check_arguments(
+    residual=callable_as("f(values)", {}), damping=number("positive"), **SETTINGS
+)  # fmt: skip
 def least_squares(
     residual: Callable[[NamedValues], Any],
     start: NamedUnknowns,
@@ -53,7 +62,32 @@ def least_squares(
     call, and compiled where its program is a new one. Works under `jit` and `vmap`; the estimate is
     not differentiated, because that would take second derivatives of the motion.
     """
-    method = LevenbergMarquardt(damping, tolerance, max_steps, loss)
-    check_callable("residual", residual, "f(values)", {})
+    return _solve(LevenbergMarquardt(damping, tolerance, max_steps, loss), residual, start)
+
+
+@check_arguments(residual=callable_as("f(values)", {}))
+def gradient_descent(
+    residual: Callable[[NamedValues], Any],
+    start: NamedUnknowns,
+    *,
+    optimiser: Given["optax.GradientTransformation | None"] = None,
+    steps: int = 300,
+    tolerance: float = 0.1,
+) -> Fit:
+    r"""Minimise $\tfrac12\|r(p)\|^2$ by an optimiser of optax, in the coordinates of the unknowns.
+
+    For noise in the objective, schedules and constraints of your own; `least_squares` takes far fewer
+    runs. The gradient is $J^T r$ with the Jacobian by forward mode through all events.
+
+    **Arguments:** `residual`, `start` as for `least_squares`; `optimiser`, by default Adam with a rate
+    that falls from 0.03 to 0 along a cosine; `steps`, how many; `tolerance`: a fit is successful if the
+    minimum is nearer than this, in standard errors, by the linearised problem. **Returns** the best
+    `Fit` on the way. **Raises** as `least_squares`, and `TypeError` if `optimiser` is not an
+    `optax.GradientTransformation`.
+    """
+    return _solve(GradientDescent(optimiser, steps, tolerance), residual, start)
+
+
+def _solve(method: AbstractIterativeMethod, residual: Any, start: Any) -> Fit:
     space, values = scalars("start", start)
-    return solved(method, residual, space, space.coordinates(values))
+    return solve_residual(method, residual, space, space.coordinates(values))

@@ -6,13 +6,11 @@ from typing import Any
 import equinox as eqx
 import jax.numpy as jnp
 
-from .._argument_checks import check_arguments, reals
-from .._checked import CheckedModule
+from .._argument_checks import check_arguments, instance, or_none, reals, static_number
 from .._types import Numeric
-from .._validation import one_static
 
 
-class AbstractLoss(eqx.Module, metaclass=CheckedModule):
+class AbstractLoss(eqx.Module):
     r"""A loss $\rho(r)$ in place of $r^2$, as a weight on residuals: $\rho(r) = (w(r)\,r)^2$.
 
     What is minimised is $\tfrac12\sum\rho(r_i)$; priors keep their squares.
@@ -23,6 +21,10 @@ class AbstractLoss(eqx.Module, metaclass=CheckedModule):
         """$w$ of residuals in standard deviations."""
 
 
+loss_or_none = or_none(instance(AbstractLoss, "a loss such as Huber(), or None"))
+
+
+@check_arguments(corner=static_number("positive"))
 class Huber(AbstractLoss):
     r"""$\rho = r^2$ up to the `corner` $c$, $2c|r| - c^2$ beyond, in standard deviations.
 
@@ -33,9 +35,6 @@ class Huber(AbstractLoss):
 
     corner: float = eqx.field(static=True, default=1.345)
 
-    def __check_init__(self):
-        one_static("corner", self.corner, "positive")
-
     @check_arguments(residual=reals)
     def weight(self, residual: Numeric) -> Any:
         size = jnp.abs(residual)
@@ -45,6 +44,7 @@ class Huber(AbstractLoss):
         return jnp.where(far, jnp.where(far, beyond, 1.0), 1.0)
 
 
+@check_arguments(corner=static_number("positive"))
 class SoftL1(AbstractLoss):
     r"""$\rho = 2c^2(\sqrt{1 + (r/c)^2} - 1)$ with the `corner` $c$: smooth everywhere.
 
@@ -52,9 +52,6 @@ class SoftL1(AbstractLoss):
     """
 
     corner: float = eqx.field(static=True, default=1.0)
-
-    def __check_init__(self):
-        one_static("corner", self.corner, "positive")
 
     @check_arguments(residual=reals)
     def weight(self, residual: Numeric) -> Any:

@@ -11,14 +11,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
+from .._argument_checks import check_arguments, choice, count, instance, or_none
 from .._code import jit_by_code
 from .._types import Given
 from .._validation import (
     check_callable,
-    check_count,
     check_finite,
-    check_in,
-    check_type,
     is_concrete,
     leaves_of,
     misshaped,
@@ -28,46 +26,39 @@ from .._validation import (
 from ..sweep import map_lanes
 from ..sweep.lanes import EXECUTORS
 from ..sweep.progress import Progress
-from ._descent import GradientDescent
+from ._accuracy import ACCURACY
 from ._evaluate import evaluation
 from ._fit import Fit
-from ._gradient import gradient_descent
-from ._least_squares import least_squares
 from ._levenberg_marquardt import LevenbergMarquardt
-from ._methods import AbstractMethod
+from ._methods import AbstractIterativeMethod
 from ._sensitivity import Sensitivity
-from ._unknowns import NamedUnknownRows, NamedValues, Space, checked
+from ._unknowns import NamedUnknownRows, NamedValues, Space, space_of
 
-# Rows of a call of the program where the user names no chunk: the least, and from one to the next.
-FEWEST = 8
-WIDER = 4
-
-METHODS: dict[Any, Callable[..., AbstractMethod]] = {
-    least_squares: LevenbergMarquardt,
-    gradient_descent: GradientDescent,
-}
+LANES = {"chunk_size": or_none(count(1)), "executor": choice(EXECUTORS)}
 
 
+@check_arguments(
+    method=or_none(instance(AbstractIterativeMethod, "a method such as LevenbergMarquardt(), or None")),
+    progress=or_none(instance(bool, "True, False or None")), **LANES,
+)  # fmt: skip
 def many_starts(
     residual: Callable[..., Any],
     starts: NamedUnknownRows,
     *shared: PyTree,
-    fit: Given[Callable[..., Fit] | AbstractMethod] = least_squares,
+    method: Given[AbstractIterativeMethod | None] = None,
     chunk_size: int | None = None,
     executor: str = "auto",
     progress: bool | None = None,
-    **options: Any,
 ) -> Fit:
-    """`fit` from every start; `best` picks the best of them.
+    """A fit from every start; `best` picks the best of them.
 
     Residuals and Jacobians of all starts that are still on their way are evaluated together, on all
     cores, by one compiled program that the methods have in common.
 
     **Arguments**
 
-    - `residual(values, *shared)`; `fit`: `least_squares` or `gradient_descent`, with `options` as they
-      take them, or a method such as `LevenbergMarquardt()`; `starts`, by name one row of positive
-      numbers, or an `Unknown` with a row.
+    - `residual(values, *shared)`; `starts`, by name one row of positive numbers, or an `Unknown` with a
+      row. `method`, by default `LevenbergMarquardt()`.
     - `shared`: arrays that are the same for all starts. Handed over like this, other data of the same
       shape use the program that is compiled already, as long as `residual` is the same function.
     - `chunk_size`, `executor` as for `stickslip.map_lanes`. One program serves all steps and all
@@ -76,19 +67,31 @@ def many_starts(
     - `progress`: a line on stderr with how many have ended, the step and the lowest cost; by default
       where stderr is a terminal.
 
-    **Returns** a `Fit` with the starts in front. **Raises** as `fit` does, and `ValueError` for starts
-    of different lengths, an unknown `fit`, and `shared` with numbers that are not finite. It is a loop
+    **Returns** a `Fit` with the starts in front. **Raises** as `least_squares`, and `ValueError` for
+    starts of different lengths, and `shared` with numbers that are not finite. It is a loop
     of Python and does not work under `jit`. Interrupted (`KeyboardInterrupt`) it keeps no fit, but says
     where the best of them had come to.
     """
-    method = _method(fit, options)
     check_callable("residual", residual, "f(values, *shared)", {}, *shared)
-    check_lanes(chunk_size, executor)
-    check_type("progress", progress, bool | None, "True, False or None")
-    space, found, count = _rows("starts", starts)
-    for i, tree in enumerate(shared):
-        for name, leaf in leaves_of(f"shared[{i}]", tree):
-            check_finite(name, numbers(name, leaf))
+    space, found = rows_of("starts", starts)
+    check_shared(shared)
+    found = {name: np.asarray(row) for name, row in found.items()}
+    method = LevenbergMarquardt() if method is None else method
+    return many_fits(method, residual, space, found, shared, chunk_size, executor, progress)
+
+
+def many_fits(
+    method: AbstractIterativeMethod,
+    residual: Callable[..., Any],
+    space: Space,
+    found: NamedValues,
+    shared: tuple[PyTree, ...],
+    chunk_size: int | None,
+    executor: str = "auto",
+    progress: bool | None = None,
+) -> Fit:
+    """`many_starts` of what has been checked: from rows of values of the unknowns of a space."""
+    count = next(iter(found.values())).shape[0]
     program, _ = evaluator(residual, space, chunk_size, executor, 0, (), method.loss)
     width = _width(program, count, chunk_size)
     room = -(-count // width) * width
@@ -101,8 +104,8 @@ def many_starts(
     try:
         meter.show("compiling")
         while todo.size:
-            out, matrix = evaluated(program, z, shared, todo, width)
-            best = best.or_better(z[todo], out[todo])
+            out, matrix = evaluate_rows(program, z, shared, todo, width)
+            best = best.or_lower(z[todo], out[todo])
             if now is None:
                 now = _begin(method, jnp.asarray(z), out.shape[1], space)
             now = _advance(method, now, jnp.asarray(out), jnp.asarray(matrix))
@@ -113,7 +116,7 @@ def many_starts(
     except KeyboardInterrupt:
         raise KeyboardInterrupt(
             f"interrupted after {best.steps} steps: no fit is kept; {meter.done} of {count} starts had "
-            f"ended. {best.said(space)}"
+            f"ended. {best.in_words(space)}"
         ) from None
     finally:
         meter.close()
@@ -128,7 +131,7 @@ class _Best(NamedTuple):
     cost: float = math.inf
     z: np.ndarray | None = None
 
-    def or_better(self, z: np.ndarray, residuals: np.ndarray) -> "_Best":
+    def or_lower(self, z: np.ndarray, residuals: np.ndarray) -> "_Best":
         costs = 0.5 * np.sum(residuals**2, axis=1)
         costs[~np.isfinite(costs)] = math.inf
         i = int(np.argmin(costs))
@@ -136,7 +139,7 @@ class _Best(NamedTuple):
             return _Best(self.steps + 1, float(costs[i]), z[i])
         return self._replace(steps=self.steps + 1)
 
-    def said(self, space: Space) -> str:
+    def in_words(self, space: Space) -> str:
         if self.z is None:
             return "None was finite."
         values = space.values(jnp.asarray(self.z))
@@ -144,6 +147,7 @@ class _Best(NamedTuple):
         return f"The lowest cost was {self.cost:.6g}, at {where}."
 
 
+@check_arguments(**LANES)
 def sensitivities(
     residual: Callable[..., Any],
     values: NamedUnknownRows,
@@ -158,8 +162,8 @@ def sensitivities(
     front. **Raises** `TypeError`, `ValueError` for anything else.
     """
     check_callable("residual", residual, "f(values, *each)", {}, *each)
-    check_lanes(chunk_size, executor)
-    space, found, count = _rows("values", values)
+    space, found = rows_of("values", values)
+    count = next(iter(found.values())).shape[0]
     for i, tree in enumerate(each):
         for name, leaf in leaves_of(f"each[{i}]", tree):
             check_finite(name, leaf)
@@ -168,35 +172,26 @@ def sensitivities(
     each = jax.tree.map(np.asarray, each)
     program, each = evaluator(residual, space, chunk_size, executor, count, each)
     rows, z = np.arange(count), space.coordinates(found)
-    matrix = evaluated(program, z, each, rows, asked_width(program, chunk_size))[1]
+    matrix = evaluate_rows(program, z, each, rows, asked_width(program, chunk_size))[1]
     return Sensitivity(space.names, jnp.asarray(matrix))
 
 
-def _method(fit: Any, options: dict[str, Any]) -> AbstractMethod:
-    if isinstance(fit, AbstractMethod):
-        if options:
-            raise refusal("options", options, "empty where fit is a method, which has its own")
-        return fit
-    if fit is not least_squares and fit is not gradient_descent:
-        raise refusal("fit", fit, "least_squares or gradient_descent, or a method")
-    return METHODS[fit](**options)
-
-
-def _rows(name: str, values: Any) -> tuple[Space, NamedValues, int]:
-    space, found = checked(name, values)
+def rows_of(name: str, values: Any) -> tuple[Space, NamedValues]:
+    """Unknowns, and rows of one length of their values, by name."""
+    space, found = space_of(name, values)
     shapes = {key: a.shape for key, a in found.items()}
     if len(set(shapes.values())) != 1 or len(next(iter(shapes.values()))) != 1:
         raise refusal(name, values, "rows of one length by name", but=f"of shapes {shapes}")
     if not is_concrete(found):
         raise refusal(name, values, "known: this is a loop of Python, call it outside of jit and vmap")
-    (count,) = next(iter(shapes.values()))
-    return space, found, count
+    return space, found
 
 
-def check_lanes(chunk_size: Any, executor: Any) -> None:
-    if chunk_size is not None:
-        check_count("chunk_size", chunk_size, 1)
-    check_in("executor", executor, EXECUTORS)
+def check_shared(shared: tuple[PyTree, ...]) -> None:
+    """Arrays of finite numbers, which are handed to the residual."""
+    for i, tree in enumerate(shared):
+        for name, leaf in leaves_of(f"shared[{i}]", tree):
+            check_finite(name, numbers(name, leaf))
 
 
 @functools.lru_cache(maxsize=8)
@@ -232,9 +227,9 @@ def _most(program: map_lanes) -> int:
 
 def _width(program: map_lanes, count: int, chunk_size: int | None) -> int:
     """Rows of every call: of few starts few, but not of each number its own, which would compile."""
-    asked, width = asked_width(program, chunk_size), FEWEST
+    asked, width = asked_width(program, chunk_size), ACCURACY.fewest_starts
     while width < count:
-        width *= WIDER
+        width *= ACCURACY.more_starts
     return min(width, _most(program)) if asked is None else asked
 
 
@@ -243,7 +238,7 @@ def asked_width(program: map_lanes, chunk_size: int | None) -> int | None:
     return None if chunk_size is None else _most(program)
 
 
-def evaluated(
+def evaluate_rows(
     program: map_lanes, z, each, rows: np.ndarray, width: int | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Residuals and Jacobians of all lanes; those of lanes not in `rows` are zero.

@@ -1,27 +1,60 @@
 """Multiple shooting: fits to long records, along which the phase of the motion would be lost."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import optimistix as optx
 from jax.flatten_util import ravel_pytree
 
-from .._checked import CheckedModule
-from .._types import Given
-from .._validation import check_callable, check_count, check_type, one_static, refusal
-from ._levenberg_marquardt import LevenbergMarquardt
-from ._plain_damping import PlainDamping
+from .._argument_checks import callable_as, check_arguments, checked_by, count, instance, or_none
+from .._types import Given, Numeric
+from .._validation import refusal
+from ._gauss_newton import AbstractGaussNewton
+from ._levenberg_marquardt import LevenbergMarquardt, damped_step
+from ._losses import AbstractLoss
+from ._methods import AbstractMethod, check_falling
 from ._run import Data, Run
-from ._shooting import Segments, Shooting, cut, improved, residual_and_jacobian, states_at
-from ._unknowns import NamedValues, Space
+from ._shooting import Segments, Shooting, minimise, residual_and_jacobian, segments_of, states_at
+from ._unknowns import NamedValues
 
 Guess = Callable[[Any, dict[str, Any], dict[str, Any]], Any]
 
 
-class MultipleShooting(eqx.Module, metaclass=CheckedModule):
+class PlainDamping(AbstractGaussNewton):
+    """Levenberg-Marquardt whose damping counts in the coordinates themselves, each open and of the size
+    1, with a slower trust region.
+
+    The rows of multiple shooting have sizes of its own choosing, with many knots whose columns are
+    small at first. Damping in sensitivities lets these run: of 100 starts over 20 periods 72 arrived
+    with it, 91 with this one.
+    """
+
+    damping: Numeric
+    tolerance: float = eqx.field(static=True)
+    max_steps: int
+    loss: AbstractLoss | None = None
+    _search: ClassVar = optx.ClassicalTrustRegion()
+
+    def begin(self, z, rows, space=None):
+        return super().begin(z, rows)
+
+    def _sizes(self, matrix, bend):
+        return jnp.ones_like(bend)
+
+    def _limited_step(self, size, full, y, rows, whole):
+        return damped_step(size / self.damping, full, y, rows, whole)
+
+
+@check_arguments(
+    segments=count(2), guess=or_none(callable_as("f(t, values, slopes)", 0.0, {}, {})),
+    weights=checked_by(check_falling), max_steps=count(1),
+    polish=instance(LevenbergMarquardt, "a LevenbergMarquardt(...)"),
+)  # fmt: skip
+class MultipleShooting(AbstractMethod):
     r"""Every record is cut into segments, each of which begins at a state of its own.
 
     Over a long record of a motion that sticks and slips, a wrong parameter shifts the phase by whole
@@ -49,31 +82,20 @@ class MultipleShooting(eqx.Module, metaclass=CheckedModule):
     guess: Given[Guess | None] = eqx.field(static=True, default=None)
     weights: Given[tuple[float, ...]] = eqx.field(static=True, default=(1.0, 0.1, 0.01))
     max_steps: int = eqx.field(static=True, default=40)
-    polish: LevenbergMarquardt = eqx.field(default_factory=lambda: LevenbergMarquardt())
+    polish: LevenbergMarquardt = eqx.field(default_factory=LevenbergMarquardt)
 
-    def __check_init__(self):
-        check_count("segments", self.segments, 2)
-        if self.guess is not None:
-            check_callable("guess", self.guess, "f(t, values, slopes)", 0.0, {}, {})
-        if not isinstance(self.weights, tuple) or not self.weights:
-            raise refusal("weights", self.weights, "a tuple of falling numbers", TypeError)
-        for i, weight in enumerate(self.weights):
-            one_static(f"weights[{i}]", weight, "positive")
-        if any(b >= a for a, b in zip(self.weights, self.weights[1:], strict=False)):
-            raise refusal("weights", self.weights, "falling")
-        check_count("max_steps", self.max_steps, 1)
-        check_type("polish", self.polish, LevenbergMarquardt, "a LevenbergMarquardt(...)")
+    def check_run(self, run):
+        if run.correct is not None:
+            raise refusal("method", self, "another than MultipleShooting where states are corrected")
 
-    def brought_near(
-        self, run: Run, data: Data, lengths: tuple[int, ...], space: Space, values: NamedValues
-    ) -> tuple[NamedValues, int]:
-        """Values from which `polish` converges, and the steps taken to them."""
+    def brought_near(self, run, data, space, values):
+        lengths = data.lengths
         if min(lengths) <= self.segments:
             allowed = f"below {min(lengths)}, the number of stamps of the shortest record"
             raise refusal("segments", self.segments, allowed)
-        segments = cut(data, lengths, self.segments)
+        segments = segments_of(data, self.segments)
         z = space.coordinates(values)
-        states = self._states(run, data, lengths, segments, values)
+        states = self._states(run, data, segments, values)
         scales = np.max(np.abs(states), axis=0)
         scales = np.where(scales > 0.0, scales, 1.0)
         unknown = jnp.concatenate([z, jnp.asarray((states / scales).reshape(-1))])
@@ -89,13 +111,11 @@ class MultipleShooting(eqx.Module, metaclass=CheckedModule):
             # Small steps at first: the nearest minimum of a segment is the one that is meant.
             damping = jnp.asarray(max(1.0, 10.0 * size * weight**2))
             method = PlainDamping(damping, 1e-3, self.max_steps)
-            unknown, _, steps = improved(method, shooting, unknown)
+            unknown, _, steps = minimise(method, shooting, unknown)
             taken += int(steps)
         return space.values(unknown[: len(space.names)]), taken
 
-    def _states(
-        self, run: Run, data: Data, lengths: tuple[int, ...], segments: Segments, values: NamedValues
-    ) -> np.ndarray:
+    def _states(self, run: Run, data: Data, segments: Segments, values: NamedValues) -> np.ndarray:
         """States at the knots, one row each."""
         if self.guess is None:
             return np.asarray(states_at(run, values, data, segments))
@@ -104,7 +124,7 @@ class MultipleShooting(eqx.Module, metaclass=CheckedModule):
             r, t = int(segments.record[g]), segments.begin[g]
             measured, slopes = {}, {}
             for i, (name, _) in enumerate(run.observed):
-                times, row = _present(data, r, i, lengths[r])
+                times, row = _present(data, r, i, data.lengths[r])
                 if times.size > 1:
                     measured[name] = np.interp(t, times, row)
                     slopes[name] = np.interp(t, times, np.gradient(row, times))

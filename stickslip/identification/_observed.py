@@ -8,11 +8,12 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._argument_checks import callable_as, check_arguments, instance, known_number
 from .._types import Given, Numeric
-from .._validation import as_parameter, check_callable, check_mapping, check_type, one_concrete, refusal
+from .._validation import as_parameter, check_mapping, check_type, refusal
 from ._record import Record
 from ._run import Data
-from ._signal import padded
+from ._signal import pad_signal
 
 Observe = Callable[[Any, Any, Any], Any]
 
@@ -28,10 +29,12 @@ class Observed(eqx.Module):
     sd: Float[Array, ""]
     unit: str = eqx.field(static=True)
 
+    @check_arguments(
+        function=callable_as("f(t, y, system)", 0.0, None, None), sd=known_number("positive"),
+        unit=instance(str, "a text"),
+    )  # fmt: skip
     def __init__(self, function: Given[Observe], sd: Numeric, unit: str = ""):
-        self.function = check_callable("function", function, "f(t, y, system)", 0.0, None, None)
-        self.sd = as_parameter(one_concrete("sd", sd, "positive"))
-        self.unit = check_type("unit", unit, str, "a text")
+        self.function, self.sd, self.unit = function, as_parameter(sd), unit
 
 
 def observed_of(observed: Any) -> dict[str, Observed]:
@@ -81,7 +84,7 @@ def data_of(records: tuple[Record, ...], observed: dict[str, Observed]) -> Data:
     for name in records[0].inputs:
         signals = [record.inputs[name] for record in records]
         most = [max(getattr(s, a).size for s in signals) for a in ("times", "breaks")]
-        inputs[name] = _stacked([padded(s, *most) for s in signals])
+        inputs[name] = _stack([pad_signal(s, *most) for s in signals])
     times = [np.pad(r.times, (0, longest - r.times.size), mode="edge") for r in records]
     return Data(
         times=np.stack(times),
@@ -90,9 +93,9 @@ def data_of(records: tuple[Record, ...], observed: dict[str, Observed]) -> Data:
         keep=np.flatnonzero(present),
         deviations=np.array([float(o.sd) for o in observed.values()]),
         inputs=inputs,
-        known=_stacked([r.known for r in records]),
+        known=_stack([r.known for r in records]),
     )  # fmt: skip
 
 
-def _stacked(trees: list[Any]) -> Any:
+def _stack(trees: list[Any]) -> Any:
     return jax.tree.map(lambda *rows: np.stack(rows), *trees)

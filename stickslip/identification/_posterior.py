@@ -5,24 +5,21 @@ from typing import Any
 
 import equinox as eqx
 import jax
-import jax.core
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 from jaxtyping import Array, Bool, Float
 
+from .._argument_checks import callable_as, check_arguments, count
 from .._compiled_once import compiled_once
 from .._types import Given
-from .._validation import check_callable, check_count, check_type, is_concrete, refusal
-from ..hybrid.executor import closed_jaxpr
-from ._evaluate import evaluation
-from ._fit import Fit
+from .._validation import refusal
+from ._accuracy import ACCURACY
+from ._evaluate import with_operands
+from ._fit import Fit, one_fit
 from ._unknowns import NamedValues, Space
 
 INSTALL = "pip install 'stickslip[posterior]'"
-ACCEPTANCE = 0.9  # aimed at: kinks of the density at a changed mode sequence cost accuracy
-SPREAD = 0.5  # of the first points of the chains, in standard errors
-WIDEST = 1.0  # largest first step of a coordinate: a combination that is not seen has no error
 
 
 class Posterior(eqx.Module):
@@ -74,6 +71,10 @@ class Posterior(eqx.Module):
     __repr__ = __str__
 
 
+@check_arguments(
+    residual=callable_as("f(values)", {}), fit=one_fit, draws=count(2), warmup=count(50),
+    chains=count(1), seed=count(0), max_doublings=count(1),
+)  # fmt: skip
 def posterior(
     residual: Given[Callable[[NamedValues], Any]],
     fit: Given[Fit],
@@ -102,40 +103,29 @@ def posterior(
 
     Source: M. D. Hoffman, A. Gelman, The No-U-Turn Sampler, J. Mach. Learn. Res. 15 (2014) 1593.
     """
-    check_callable("residual", residual, "f(values)", {})
-    check_type("fit", fit, Fit, "a Fit")
-    if not is_concrete(fit) or fit.steps.ndim != 0:
-        raise refusal("fit", fit, "one fit, known: call this outside of jit and vmap")
     if not bool(fit.successful):
         raise refusal("fit", str(fit), "a fit that converged")
-    check_count("draws", draws, 2)
-    check_count("warmup", warmup, 50)
-    check_count("chains", chains, 1)
-    check_count("seed", seed, 0)
-    check_count("max_doublings", max_doublings, 1)
     _check_proper(fit)
     try:
         import blackjax
     except ImportError as error:
         raise ImportError(f"posterior needs blackjax: {INSTALL}") from error
     space, z = fit.space, fit.space.coordinates(fit.values)
-    # What the residual closes over becomes operands, so that other data need no new program.
-    jaxpr, consts, form = closed_jaxpr(evaluation(residual, space), (z,))
+    consts, evaluation = with_operands(residual, space, z)
     keys = jax.random.split(jax.random.key(seed), chains)
 
     def run(z, scales, keys, consts):
-        def evaluate(z):
-            return jax.tree.unflatten(form, jax.core.eval_jaxpr(jaxpr, (), *consts, z))
+        evaluate = evaluation(consts)
 
         def density(w):
             return _log_density(evaluate, space, z + scales @ w)
 
         def chain(key):
             first, adapt, sample = jax.random.split(key, 3)
-            start = SPREAD * jax.random.normal(first, z.shape)
+            start = ACCURACY.chain_spread * jax.random.normal(first, z.shape)
             nuts: Any = blackjax.nuts
             adaptation: Any = blackjax.window_adaptation(
-                nuts, density, target_acceptance_rate=ACCEPTANCE, initial_step_size=0.5,
+                nuts, density, target_acceptance_rate=ACCURACY.acceptance, initial_step_size=0.5,
                 max_num_doublings=max_doublings,
             )  # fmt: skip
             (state, found), _ = adaptation.run(adapt, start, warmup)
@@ -187,7 +177,7 @@ def _log_density(evaluate: Callable, space: Space, z: Array) -> Array:
 def _scales(fit: Fit) -> Array:
     """Coordinates of one standard deviation of each combination that the data see."""
     values, directions = fit.sensitivity.singular_values, fit.sensitivity.directions
-    return directions.T / jnp.maximum(values, 1.0 / WIDEST)[None, :]
+    return directions.T / jnp.maximum(values, 1.0 / ACCURACY.widest_step)[None, :]
 
 
 def _check_proper(fit: Fit) -> None:
@@ -197,6 +187,6 @@ def _check_proper(fit: Fit) -> None:
     for i, name in enumerate(fit.names):
         low, high = fit.space.bounds[i]
         held = fit.space.priors[i] is not None or (low is not None and high is not None)
-        if weight[i] > 1e-4 and not held and int(active[name]) == 0:
+        if weight[i] > ACCURACY.part and not held and int(active[name]) == 0:
             allowed = "one whose data see every unknown that has neither a prior nor two bounds"
             raise refusal("fit", str(fit), allowed, but=f"this one does not see {name}")

@@ -8,16 +8,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._argument_checks import reals
+from .._argument_checks import callable_as, check_arguments, count, instance, or_none, reals
 from .._show import counted
 from .._types import Given, NamedNumbers
 from .._validation import (
     as_parameter,
-    check_callable,
-    check_count,
     check_finite,
     check_mapping,
-    check_type,
     is_concrete,
     misshaped,
     one_row,
@@ -25,21 +22,18 @@ from .._validation import (
     whole_number,
 )
 from ..hybrid import Integrator, Solution
-from ._best import best
-from ._evaluate import solved_run
-from ._fit import Fit
-from ._homotopy import Homotopy
+from ._evaluate import solve_run
+from ._fit import Fit, best
 from ._levenberg_marquardt import LevenbergMarquardt
-from ._many_starts import many_starts
+from ._many_starts import many_fits, rows_of
 from ._methods import AbstractMethod
-from ._multiple_shooting import MultipleShooting
 from ._observed import Observed, data_of, observed_of, records_of
 from ._record import Record
 from ._run import Run, motion_of, residual_of
 from ._stamps import warn_of_wide_stamps
 from ._starts import sobol_starts
 from ._unknown import Unknown
-from ._unknowns import NamedUnknowns, NamedValues, checked, scalars
+from ._unknowns import NamedUnknowns, NamedValues, scalars, space_of
 
 
 class Simulation(eqx.Module):
@@ -55,6 +49,10 @@ class Simulation(eqx.Module):
     def __repr__(self) -> str:
         names = ", ".join(self.observed)
         return f"Simulation: {names} at {counted(self.times.shape[-1], 'time')}; {self.solution!r}"
+
+
+A_METHOD = "a method such as LevenbergMarquardt() or MultipleShooting(20)"
+_HOW = {"method": or_none(instance(AbstractMethod, A_METHOD)), "chunk_size": or_none(count(1))}
 
 
 class Problem:
@@ -102,6 +100,12 @@ class Problem:
     **Raises** `TypeError`, `ValueError` for anything else, before anything is traced.
     """
 
+    @check_arguments(
+        system=callable_as("f(values, inputs)", {}, {}),
+        initial_state=callable_as("f(values, inputs)", {}, {}),
+        integrator=or_none(instance(Integrator, "an Integrator or None")),
+        correct=or_none(callable_as("f(values, state, innovations)", {}, None, {})),
+    )
     def __init__(
         self,
         system: Given[Callable[[NamedValues, dict], Any]],
@@ -114,15 +118,10 @@ class Problem:
         delay: Given[str | None] = None,
         correct: Given[Callable[[NamedValues, Any, NamedValues], Any] | None] = None,
     ):
-        if correct is not None:
-            check_callable("correct", correct, "f(values, state, innovations)", {}, None, {})
-        check_callable("system", system, "f(values, inputs)", {}, {})
-        check_callable("initial_state", initial_state, "f(values, inputs)", {}, {})
         scalars("unknowns", unknowns)
         self.given = dict(unknowns)
         self.observed = observed_of(observed)
         self.records = records_of(records, self.observed)
-        check_type("integrator", integrator, Integrator | None, "an Integrator or None")
         self.labels = tuple(r.name or str(i) for i, r in enumerate(self.records))
         if len(set(self.labels)) < len(self.labels):
             raise refusal("records", self.labels, "records with different names")
@@ -182,7 +181,7 @@ class Problem:
         fails. **Arguments**, **Raises** as `residual`."""
         found = self._values(values)
         row = residual_of(self._run, found, self._data)
-        prior = checked("unknowns", self.unknowns)[0].prior_rows(found)
+        prior = space_of("unknowns", self.unknowns)[0].prior_rows(found)
         density = -0.5 * (jnp.sum(row**2) + jnp.sum(prior**2))
         return jnp.where(jnp.isfinite(density), density, -jnp.inf)
 
@@ -215,10 +214,11 @@ class Problem:
                     at += times.size
         return found
 
+    @check_arguments(starts=or_none(count(1)), seed=count(0), **_HOW)
     def fit(
         self,
         *,
-        method: Given[AbstractMethod | MultipleShooting | Homotopy | None] = None,
+        method: Given[AbstractMethod | None] = None,
         start: NamedNumbers | None = None,
         starts: Given[int | None] = None,
         seed: int = 0,
@@ -234,57 +234,33 @@ class Problem:
         stamps, as it does where these are in milliseconds.
         """
         method = self._method(method)
-        if chunk_size is not None:
-            check_count("chunk_size", chunk_size, 1)
         unknowns = self.unknowns if start is None else self._from(start)
         self._compare_stamps(unknowns)
         if starts is not None:
-            check_count("starts", starts, 1)
             rows = sobol_starts(unknowns, starts, seed=seed)
             return best(self.fits(rows, method=method, chunk_size=chunk_size))
-        check_count("seed", seed, 0)
         space, first = scalars("unknowns", unknowns)
-        if isinstance(method, MultipleShooting | Homotopy):
-            near, taken = method.brought_near(self._run, self._data, self._lengths, space, first)
-            fit = solved_run(method.polish, self._run, self._data, space, space.coordinates(near))
-            return _with_steps(fit, np.asarray(taken))
-        return solved_run(method, self._run, self._data, space, space.coordinates(first))
+        near, taken = method.brought_near(self._run, self._data, space, first)
+        fit = solve_run(method.polish, self._run, self._data, space, space.coordinates(near))
+        return _with_steps(fit, taken)
 
+    @check_arguments(**_HOW)
     def fits(
         self,
         starts: Given[Mapping[str, Any]],
         *,
-        method: Given[AbstractMethod | MultipleShooting | Homotopy | None] = None,
+        method: Given[AbstractMethod | None] = None,
         chunk_size: int | None = None,
     ) -> Fit:
         """One fit from each of many `starts`, rows of values by name; see `many_starts`."""
         method = self._method(method)
-        if chunk_size is not None:
-            check_count("chunk_size", chunk_size, 1)
-        rows = _placed(self.unknowns, check_mapping("starts", starts), "starts")
+        rows = _with_starts(self.unknowns, check_mapping("starts", starts), "starts")
         for name, row in starts.items():
             one_row(f"starts[{name!r}]", row)
-        if isinstance(method, Homotopy):
-            near, taken = method.many_near(
-                self._run, self._data, rows, chunk_size, lambda now: _placed(rows, now, "starts")
-            )
-            rows = _placed(rows, near, "starts")
-            fits = many_starts(self._run, rows, self._data, fit=method.polish, chunk_size=chunk_size)
-            return _with_steps(fits, taken)
-        if not isinstance(method, MultipleShooting):
-            one: Any = method  # an `AbstractMethod`, as `_method` has found
-            return many_starts(self._run, rows, self._data, fit=one, chunk_size=chunk_size)
-        space, found = checked("starts", rows)
-        count = next(iter(found.values())).shape[0]
-        near, taken = [], []
-        for i in range(count):
-            one = {name: row[i] for name, row in found.items()}
-            values, steps = method.brought_near(self._run, self._data, self._lengths, space, one)
-            near.append(values)
-            taken.append(steps)
-        rows = _placed(rows, {name: np.stack([v[name] for v in near]) for name in rows}, "starts")
-        fits = many_starts(self._run, rows, self._data, fit=method.polish, chunk_size=chunk_size)
-        return _with_steps(fits, np.array(taken))
+        space, found = rows_of("starts", rows)
+        near, taken = method.many_near(self._run, self._data, space, found, chunk_size)
+        fits = many_fits(method.polish, self._run, space, near, (self._data,), chunk_size)
+        return _with_steps(fits, taken)
 
     def with_records(self, records: Given[Record | Sequence[Record]]) -> "Problem":
         """The same problem with other records; of the same shapes, they use the compiled programs."""
@@ -301,14 +277,13 @@ class Problem:
         if is_concrete((values, self._data)):
             warn_of_wide_stamps(self._run, values, self._data, self.records[0].times)
 
-    def _method(self, method: Any) -> Any:
-        found = _method(method)
-        if isinstance(found, MultipleShooting) and self._run.correct is not None:
-            raise refusal("method", method, "another than MultipleShooting where states are corrected")
-        return found
+    def _method(self, method: AbstractMethod | None) -> AbstractMethod:
+        method = LevenbergMarquardt() if method is None else method
+        method.check_run(self._run)
+        return method
 
     def _from(self, start: Any) -> dict[str, Any]:
-        return _placed(self.unknowns, check_mapping("start", start), "start")
+        return _with_starts(self.unknowns, check_mapping("start", start), "start")
 
     def _values(self, values: Any) -> NamedValues:
         values, names = check_mapping("values", values), self.unknowns
@@ -321,19 +296,12 @@ class Problem:
         return {name: as_parameter(values[name]) for name in names}
 
 
-def _method(method: Any) -> Any:
-    if method is None:
-        return LevenbergMarquardt()
-    allowed = "a method such as LevenbergMarquardt() or MultipleShooting(20)"
-    return check_type("method", method, AbstractMethod | MultipleShooting | Homotopy, allowed)
-
-
-def _with_steps(fit: Fit, taken: np.ndarray) -> Fit:
+def _with_steps(fit: Fit, taken: int | np.ndarray) -> Fit:
     """With the steps that were taken before."""
-    return eqx.tree_at(lambda f: f.steps, fit, jnp.asarray(np.asarray(fit.steps) + taken, jnp.int32))
+    return eqx.tree_at(lambda f: f.steps, fit, fit.steps + jnp.asarray(taken, jnp.int32))
 
 
-def _placed(unknowns: dict[str, Any], starts: dict[str, Any], argument: str) -> dict[str, Any]:
+def _with_starts(unknowns: dict[str, Any], starts: dict[str, Any], argument: str) -> dict[str, Any]:
     """The same unknowns with other starts."""
     if set(starts) != set(unknowns):
         raise refusal(argument, starts, f"numbers by the names {', '.join(unknowns)}")

@@ -10,21 +10,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from .._argument_checks import callable_as, check_arguments, count, instance
 from .._compiled_once import compiled_once
 from .._types import Given, Named
-from .._validation import (
-    check_callable,
-    check_count,
-    check_mapping,
-    check_that,
-    check_type,
-    is_concrete,
-    misshaped,
-    refusal,
-)
-from ..hybrid.executor import closed_jaxpr
-from ._evaluate import evaluation
-from ._fit import Fit
+from .._validation import check_count, check_mapping, check_that, is_concrete, refusal
+from ._accuracy import ACCURACY
+from ._evaluate import with_operands
+from ._fit import Fit, probability
 from ._profile_walk import BELOW, EDGE, FAILED, Walk
 from ._unknowns import NamedValues, Space
 
@@ -32,9 +24,6 @@ IDENTIFIABLE, PRACTICALLY_NOT, STRUCTURALLY_NOT, UNDECIDED = range(4)
 VERDICTS = (
     "identifiable", "practically not identifiable", "structurally not identifiable", "not decided",
 )  # fmt: skip
-FACTOR = 1e3  # how far an unknown without a bound is followed
-NEXT_TO = 1e-9  # of the distance between two bounds is left out
-FLAT = 1e-6  # of the level
 
 
 class Profile(eqx.Module):
@@ -95,14 +84,14 @@ class Profile(eqx.Module):
         part = f"{100 * float(self.level):g}%"
         lines = []
         for i, name in enumerate(self.names):
-            low, high = self.shown(i)
+            low, high = self.ends_in_words(i)
             middle = float(self.estimate[i])
             lines.append(f"{name} = {middle:.6g}, {part} from {low} to {high}: {self.verdicts[name]}")
         return "\n".join(lines)
 
     __repr__ = __str__
 
-    def shown(self, row: int) -> tuple[str, str]:
+    def ends_in_words(self, row: int) -> tuple[str, str]:
         """Both ends of an interval, with a sign where the profile stays below the level beyond."""
         check_count("row", row, 0, len(self.names) - 1)
         ends = [int(end) == BELOW for end in self.ends[row]]
@@ -110,6 +99,10 @@ class Profile(eqx.Module):
         return f"{'<' if ends[0] else ''}{low:.6g}", f"{'>' if ends[1] else ''}{high:.6g}"
 
 
+@check_arguments(
+    residual=callable_as("f(values)", {}), fit=instance(Fit, "a Fit"), level=probability,
+    points=count(1, 20), max_steps=count(10),
+)  # fmt: skip
 def profile(
     residual: Callable[[NamedValues], Any],
     fit: Given[Fit],
@@ -152,28 +145,19 @@ def profile(
     **Returns** a `Profile`. **Raises** `TypeError`, `ValueError` for anything else. Works under `jit`
     and `vmap`.
     """
-    check_callable("residual", residual, "f(values)", {})
-    check_type("fit", fit, Fit, "a Fit")
     if fit.steps.ndim != 0:
         raise refusal(
             "fit", fit, "one fit: use jax.vmap for a batch", but=f"of shape {fit.steps.shape}"
         )
-    check_that("level", level, lambda x: (x > 0) & (x < 1), "above 0 and below 1")
-    if np.shape(level) != ():
-        raise misshaped("level", level, "one number")
-    check_count("points", points, 1, 20)
-    check_count("max_steps", max_steps, 10)
     space = fit.space
-    chosen = _chosen(names, space.names)
+    chosen = _names_to_profile(names, space.names)
     z = space.coordinates(fit.values)
     lows, highs = _limits(limits, space, z, fit.values)
     rows = [space.names.index(name) for name in chosen]
-    jaxpr, consts, form = closed_jaxpr(evaluation(residual, space), (z,))
+    consts, evaluation = with_operands(residual, space, z)
 
     def every(z, lows, highs, level, points, max_steps, consts):
-        def evaluate(z):
-            return jax.tree.unflatten(form, jax.core.eval_jaxpr(jaxpr, (), *consts, z))
-
+        evaluate = evaluation(consts)
         target = 2.0 * jax.lax.erf_inv(level) ** 2
         unbounded = jnp.asarray([bounds == (None, None) for bounds in space.bounds])
         walk = Walk(target, points, max_steps, unbounded)
@@ -190,10 +174,10 @@ def profile(
         jnp.asarray(max_steps, jnp.int32),
     )  # fmt: skip
     sides = compiled_once(every, z, lows, highs, *operands, consts)
-    return _collected(sides, fit, space, tuple(chosen), operands[0])
+    return _profile_of(sides, fit, space, tuple(chosen), operands[0])
 
 
-def _chosen(names: Any, known: tuple[str, ...]) -> list[str]:
+def _names_to_profile(names: Any, known: tuple[str, ...]) -> list[str]:
     if names is None:
         return list(known)
     given = [names] if isinstance(names, str) else names
@@ -215,13 +199,13 @@ def _limits(limits: Any, space: Space, z: Array, values: NamedValues) -> tuple[A
     lows, highs = [], []
     for i, (low, high) in enumerate(space.bounds):
         if low is not None and high is not None:
-            far = jnp.maximum(-jnp.log(NEXT_TO), jnp.abs(z[i]) + 1.0)
+            far = jnp.maximum(-jnp.log(ACCURACY.next_to_bound), jnp.abs(z[i]) + 1.0)
             ends = (-far, far)
         elif low is None and high is None:
-            reach = FACTOR * jnp.maximum(jnp.abs(z[i]), 1.0)
+            reach = ACCURACY.profile_reach * jnp.maximum(jnp.abs(z[i]), 1.0)
             ends = (z[i] - reach, z[i] + reach)
         else:
-            ends = (z[i] - jnp.log(FACTOR), z[i] + jnp.log(FACTOR))
+            ends = (z[i] - jnp.log(ACCURACY.profile_reach), z[i] + jnp.log(ACCURACY.profile_reach))
         lows.append(ends[0])
         highs.append(ends[1])
     for name, pair in given.items():
@@ -245,7 +229,7 @@ def _limits(limits: Any, space: Space, z: Array, values: NamedValues) -> tuple[A
     return jnp.stack(lows), jnp.stack(highs)
 
 
-def _widened(found, status, rises, values: list[Array], level: Array) -> Array:
+def _outermost_ends(found, status, rises, values: list[Array], level: Array) -> Array:
     """Ends `[unknown, side]` at a jump, moved out to the farthest point below the level that the walk
     of any unknown has met: the minimum there is no higher."""
     below = rises <= 2.0 * jax.lax.erf_inv(level) ** 2
@@ -255,41 +239,41 @@ def _widened(found, status, rises, values: list[Array], level: Array) -> Array:
     return jnp.where((status == EDGE) | (status == FAILED), wider, found)
 
 
-def _collected(sides: Any, fit: Fit, space: Space, names: tuple[str, ...], level: Array) -> Profile:
+def _profile_of(sides: Any, fit: Fit, space: Space, names: tuple[str, ...], level: Array) -> Profile:
     count = len(names)
     rows = jnp.asarray([space.names.index(name) for name in names])
 
-    def paired(a):
+    def side_by_side(a):
         return a.reshape(count, 2, *a.shape[1:])
 
-    def own(z):
+    def values_of_own(z):
         """Values of the profiled unknowns where `z[unknown, ...]` are all coordinates there."""
         values = space.values(z)
         return jnp.stack([values[name][i] for i, name in enumerate(names)])
 
-    ends = paired(sides.inside[2])
-    found, estimate = own(ends), own(paired(sides.best)[:, 0])
-    status, distances = paired(sides.status), paired(sides.distances)
-    rises, others = paired(sides.rises), paired(sides.others)
-    best = paired(sides.best)
+    ends = side_by_side(sides.inside[2])
+    found, estimate = values_of_own(ends), values_of_own(side_by_side(sides.best)[:, 0])
+    status, distances = side_by_side(sides.status), side_by_side(sides.distances)
+    rises, others = side_by_side(sides.rises), side_by_side(sides.others)
+    best = side_by_side(sides.best)
     sign = jnp.asarray([-1.0, 1.0])[None, :, None]
     at = jnp.take_along_axis(best, rows[:, None, None], axis=-1) + sign * distances
     # Coordinates of a lone upper bound fall where values rise.
     swapped = found[:, 0] > found[:, 1]
     found, status, others, at, rises, evaluations = (
         jnp.where(swapped.reshape(-1, *(1,) * (a.ndim - 1)), a[:, ::-1], a)
-        for a in (found, status, others, at, rises, paired(sides.turns))
+        for a in (found, status, others, at, rises, side_by_side(sides.turns))
     )
     points = jnp.broadcast_to(at[..., None], (*at.shape, len(space.names)))
     every = space.values(others)
-    found = _widened(found, status, rises, [every[name] for name in names], level)
+    found = _outermost_ends(found, status, rises, [every[name] for name in names], level)
     errors = fit.standard_errors()
     half = jnp.sqrt(2.0) * jax.lax.erf_inv(level)
     wide = half * jnp.stack([errors[name] for name in names])
     blind = ~jnp.isfinite(wide)
     highest = jnp.max(jnp.where(jnp.isfinite(rises), rises, -jnp.inf), axis=(1, 2))
     to_both_limits = jnp.all(status == BELOW, axis=1)
-    flat = to_both_limits & (highest <= FLAT * 2.0 * half**2 / 2.0)
+    flat = to_both_limits & (highest <= ACCURACY.flat * 2.0 * half**2 / 2.0)
     lost = jnp.any(status == FAILED, axis=1)
     below = jnp.any(status == BELOW, axis=1)
     verdict = jnp.select(
@@ -301,6 +285,6 @@ def _collected(sides: Any, fit: Fit, space: Space, names: tuple[str, ...], level
     fall = 2.0 * fit.cost - 2.0 * jnp.min(sides.least) - jnp.minimum(least, 0.0)
     return Profile(
         names, space.names, level, estimate, found[:, 0], found[:, 1],
-        estimate - wide, estimate + wide, status, verdict, own(points), rises,
+        estimate - wide, estimate + wide, status, verdict, values_of_own(points), rises,
         jnp.stack([every[name] for name in space.names], axis=-1), fall, evaluations,
     )  # fmt: skip

@@ -18,20 +18,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from ._accuracy import ACCURACY
 from ._evaluate import Evaluation
 
-ROWS = 40  # points of a side that are kept
-LONGEST = 3.0  # how much a step may grow
-INNER = 25  # steps of the refit at one point
-LEAST = 1e-10  # combinations with a smaller part of the largest singular value are left where they are
-HALTED = 1e2  # damping, in parts of the largest curvature, at which a refit has come to a jump
-GIVEN_UP = 2  # steps of a refit whose linearised problem stays far above the level
-FAR = 1.5  # roots of the rise, in those of the level, up to which a refit may have ended outside
-NARROW = 1e-6  # of the distance: as narrowly is a jump enclosed
-COARSE = 1e-2  # and as narrowly at least, when all steps are spent
 AS_IS, OUTSIDE, AROUND = 1, 2, 3  # starts of a refit after the first
-SETS, PROBES = 8, 6
-LIGHTEST = 1e-8  # change of the residuals, in standard deviations, for a coordinate that matters
 
 FOUND, BELOW, EDGE, FAILED = 0, 1, 2, 3  # how a side ends
 
@@ -40,9 +30,9 @@ FOUND, BELOW, EDGE, FAILED = 0, 1, 2, 3  # how a side ends
 def _ball(size: int) -> np.ndarray:
     """Points `[set, probe, unknown]`, evenly in the unit ball, the same ones every time."""
     rng = np.random.default_rng(0)
-    points = rng.standard_normal((SETS, PROBES, size))
+    points = rng.standard_normal((ACCURACY.probe_sets, ACCURACY.probes, size))
     points /= np.linalg.norm(points, axis=-1, keepdims=True)
-    return points * rng.uniform(size=(SETS, PROBES, 1)) ** (1.0 / size)
+    return points * rng.uniform(size=(ACCURACY.probe_sets, ACCURACY.probes, 1)) ** (1.0 / size)
 
 
 class Linear(NamedTuple):
@@ -73,7 +63,7 @@ def linear(residual: Array, matrix: Array, mask: Bool[Array, " unknown"], held: 
     free = jnp.where(fixed[None, :], 0.0, matrix)
     weight = jnp.sqrt(jnp.sum(free**2, axis=0))
     # An unknown at its bound moves nothing any more, however far its coordinate goes.
-    matters = weight > LIGHTEST
+    matters = weight > ACCURACY.lightest
     free = jnp.where(matters[None, :], free, 0.0)
     weight = jnp.where(matters, weight, 1.0)
     # A triangle first: the singular values of rows times unknowns cost far more.
@@ -81,7 +71,7 @@ def linear(residual: Array, matrix: Array, mask: Bool[Array, " unknown"], held: 
     q, r = jnp.linalg.qr(jnp.pad(free / weight[None, :], [(0, short), (0, 0)]))
     u, values, directions = jnp.linalg.svd(r)
     left = q[: matrix.shape[0]] @ u
-    seen = values > LEAST * values[0]
+    seen = values > ACCURACY.refit_rank * values[0]
     inverse = jnp.where(seen, 1.0 / jnp.where(seen, values, 1.0), 0.0)
     by_own = jnp.where(seen, left.T @ own, 0.0)
     drift = -(directions.T @ (inverse * by_own)) / weight
@@ -92,7 +82,7 @@ def linear(residual: Array, matrix: Array, mask: Bool[Array, " unknown"], held: 
     one = mask.astype(matrix.dtype) / weight
     column = (directions.T @ (inverse**2 * (directions @ one))) / weight
     variance = jnp.sum(jnp.where(mask, column, 0.0))
-    hidden = jnp.any(~seen & (jnp.abs(directions @ mask.astype(matrix.dtype)) > 1e-4))
+    hidden = jnp.any(~seen & (jnp.abs(directions @ mask.astype(matrix.dtype)) > ACCURACY.part))
     blind = hidden | ~(variance > 0.0)
     safe = jnp.where(variance > 0.0, variance, 1.0)
     return Linear(
@@ -157,12 +147,13 @@ class Walk(eqx.Module):
         )
         number = jnp.zeros((), jnp.int32)
         nowhere = jnp.asarray(jnp.inf)
+        points = jnp.full(ACCURACY.profile_points, jnp.nan)
         return Side(
             trial=z, fresh=~no, start=~no, z=z, cost=nowhere, here=empty, damping=zero, foreseen=zero,
             inner=number, attempt=number, kept=(nowhere, z, empty), best=z, least=zero, d=zero,
             last=zero, inside=(zero, zero, z, empty), outside=(nowhere, nowhere, z), count=number,
-            turns=number, status=number - 1, distances=jnp.full(ROWS, jnp.nan),
-            rises=jnp.full(ROWS, jnp.nan), others=jnp.full((ROWS, size), jnp.nan),
+            turns=number, status=number - 1, distances=points, rises=points,
+            others=jnp.full((*points.shape, size), jnp.nan),
         )  # fmt: skip
 
     def _turn(self, now: Side, mask, sign, limits, residual, matrix) -> Side:
@@ -180,19 +171,20 @@ class Walk(eqx.Module):
         damping = jnp.where(taken & (gained > 0.25 * now.foreseen), less, more)
         damping = jnp.where(now.fresh, 0.0, damping)
         tail = jnp.asarray(now.inner + 1, jnp.int32)
-        stalled = ~now.fresh & (jnp.abs(gained) <= 1e-14 * jnp.abs(now.cost))
+        stalled = ~now.fresh & (jnp.abs(gained) <= ACCURACY.stalled * jnp.abs(now.cost))
         now = now._replace(
             z=jnp.where(taken, now.trial, now.z), cost=jnp.where(taken, cost, now.cost), here=here,
             damping=damping, inner=tail, turns=now.turns + 1,
         )  # fmt: skip
         left = 0.5 * jnp.sum(here.along**2)  # what is still to gain
         # The minimum itself in more digits: the interval is measured from there.
-        good = left <= jnp.where(now.start, 1e-15, 1e-9) * self.target
-        tired = stalled | (now.inner >= INNER) | (damping > jnp.where(now.start, 1e12, HALTED))
-        close = tired & (left <= 1e-4 * self.target)
+        good = left <= jnp.where(now.start, ACCURACY.minimum, ACCURACY.refit) * self.target
+        most = jnp.where(now.start, ACCURACY.most_damping, ACCURACY.halted)
+        tired = stalled | (now.inner >= ACCURACY.refit_steps) | (damping > most)
+        close = tired & (left <= ACCURACY.refit_at_rest * self.target)
         done = ~lost & (good | close)
         # A probe is one evaluation; a refit may come down from far.
-        patience = jnp.where(now.attempt < AROUND, GIVEN_UP, 1)
+        patience = jnp.where(now.attempt < AROUND, ACCURACY.given_up, 1)
         hope = jnp.where(now.attempt < AROUND, 4.0 * left, 0.0) + 0.5 * self.target
         hopeless = ~now.start & (now.inner >= patience) & (now.cost - now.least > hope)
         ended = done | lost | tired | hopeless
@@ -201,8 +193,8 @@ class Walk(eqx.Module):
             lambda new, old: jnp.where(lower, new, old), (now.cost, now.z, now.here), now.kept
         )
         root = jnp.sqrt(jnp.maximum(2.0 * (kept[0] - now.least) / self.target, 0.0))
-        last = now.attempt >= AROUND + PROBES - 1
-        settled = now.start | (root < 1.0) | (done & (root <= FAR)) | last
+        last = now.attempt >= AROUND + ACCURACY.probes - 1
+        settled = now.start | (root < 1.0) | (done & (root <= ACCURACY.near_outside)) | last
         onwards = self._onwards(now, kept, mask, sign, limits)
         another = self._another(now._replace(kept=kept), mask, sign)
         again = self._again(now)
@@ -210,12 +202,12 @@ class Walk(eqx.Module):
             lambda a, b, c: jnp.where(ended, jnp.where(settled, a, b), c), onwards, another, again
         )
         spent = (after.status < 0) & (after.turns >= self.max_steps)
-        enclosed = after.outside[0] - after.inside[0] <= COARSE * after.outside[0]
+        enclosed = after.outside[0] - after.inside[0] <= ACCURACY.coarse * after.outside[0]
         return after._replace(status=jnp.where(spent, jnp.where(enclosed, EDGE, FAILED), after.status))
 
     def _again(self, now: Side) -> Side:
         """Another step of the refit at the same distance, damped as in Levenberg's method."""
-        seen = now.here.values > LEAST * now.here.values[0]
+        seen = now.here.values > ACCURACY.refit_rank * now.here.values[0]
         s = jnp.where(seen, now.here.values, 1.0)
         damped = now.damping * now.here.values[0] ** 2
         part = jnp.where(seen, s**2 / (s**2 + damped), 0.0)
@@ -228,18 +220,18 @@ class Walk(eqx.Module):
 
     def _another(self, now: Side, mask, sign) -> Side:
         """Another start of the refit at the same distance."""
-        near = now.outside[1] <= FAR * jnp.sqrt(self.target)
+        near = now.outside[1] <= ACCURACY.near_outside * jnp.sqrt(self.target)
         attempt = now.attempt + 1
         attempt = attempt + ((attempt == OUTSIDE) & ~near).astype(jnp.int32)
         _, root, inside, here = now.inside
-        number = jnp.clip(attempt - AROUND, 0, PROBES - 1)
-        ball = jnp.asarray(_ball(inside.shape[0]))[now.count % SETS, number]
-        seen = here.values > LEAST * here.values[0]
+        number = jnp.clip(attempt - AROUND, 0, ACCURACY.probes - 1)
+        ball = jnp.asarray(_ball(inside.shape[0]))[now.count % ACCURACY.probe_sets, number]
+        seen = here.values > ACCURACY.refit_rank * here.values[0]
         room = jnp.sqrt(jnp.maximum(self.target - root**2, 0.0))
         off = jnp.where(seen, room * ball / jnp.where(seen, here.values, 1.0), 0.0)
         longest = self._longest(inside)
         around = jnp.clip(here.directions.T @ off / here.weight, -longest, longest)
-        around = inside + self._drifted(now, sign) + around
+        around = inside + self._follow_drift(now, sign) + around
         trial = jnp.where(attempt >= AROUND, around, inside)
         trial = jnp.where(attempt == OUTSIDE, now.outside[2], trial)
         return self._begun(trial, now._replace(attempt=attempt), mask, sign)
@@ -251,7 +243,7 @@ class Walk(eqx.Module):
             inner=jnp.zeros((), jnp.int32), damping=jnp.zeros(()), cost=jnp.asarray(jnp.inf),
         )  # fmt: skip
 
-    def _drifted(self, now: Side, sign) -> Array:
+    def _follow_drift(self, now: Side, sign) -> Array:
         """How the others follow from the point inside to the present distance."""
         distance, _, inside, here = now.inside
         longest = self._longest(inside)
@@ -268,7 +260,7 @@ class Walk(eqx.Module):
         root = jnp.sqrt(jnp.maximum(rise, 0.0))
         aim = jnp.sqrt(self.target)
         count = now.count + 1
-        at = jnp.minimum(now.count, ROWS - 1)
+        at = jnp.minimum(now.count, ACCURACY.profile_points - 1)
         now = now._replace(
             start=jnp.zeros((), bool), best=best, least=least, count=count,
             distances=now.distances.at[at].set(now.d), rises=now.rises.at[at].set(rise),
@@ -277,8 +269,8 @@ class Walk(eqx.Module):
         # Slope of the root of the rise; at the minimum that of a parabola.
         curved = jnp.sqrt(now.here.curvature)
         slope = sign * now.here.slope / jnp.where(root > 0.0, root, 1.0)
-        slope = jnp.where(root > 1e-3 * aim, slope, curved)
-        hit = ~begun & (jnp.abs(root - aim) <= 2e-8 * aim)
+        slope = jnp.where(root > ACCURACY.next_to_minimum * aim, slope, curved)
+        hit = ~begun & (jnp.abs(root - aim) <= ACCURACY.interval_end * aim)
         within = begun | (root < aim)
         mine = (now.d, root, now.z, now.here)
         inside = jax.tree.map(lambda new, old: jnp.where(within, new, old), mine, now.inside)
@@ -289,9 +281,9 @@ class Walk(eqx.Module):
         step = self._step(now, begun, root, slope, inside, outside, reach)
         d = jnp.minimum(step, reach)
         open_end = within & (now.d >= reach) & ~begun
-        narrow = jnp.isfinite(outside[0]) & (outside[0] - inside[0] <= NARROW * outside[0])
+        narrow = jnp.isfinite(outside[0]) & (outside[0] - inside[0] <= ACCURACY.narrow * outside[0])
         lost_at_once = begun & lost
-        smooth = 0.5 * jnp.sum(now.here.along**2) <= 1e-4 * self.target
+        smooth = 0.5 * jnp.sum(now.here.along**2) <= ACCURACY.refit_at_rest * self.target
         crossed = jnp.where(smooth, FOUND, EDGE)  # else the refit halted there at a jump
         status = jnp.where(
             hit, crossed, jnp.where(open_end, BELOW, jnp.where(narrow, EDGE, now.status))
@@ -303,7 +295,7 @@ class Walk(eqx.Module):
             d=d, last=jnp.abs(d - inside[0]), inside=inside, outside=outside, status=status,
             kept=(jnp.asarray(jnp.inf), *now.kept[1:]), attempt=jnp.zeros((), jnp.int32),
         )  # fmt: skip
-        return self._begun(inside[2] + self._drifted(now, sign), now, mask, sign)
+        return self._begun(inside[2] + self._follow_drift(now, sign), now, mask, sign)
 
     def _longest(self, z: Array) -> Array:
         """How far a coordinate may go in a step: from one end of its bounds no step finds back."""
@@ -315,10 +307,10 @@ class Walk(eqx.Module):
         uphill = slope > 0.0
         steep = jnp.where(uphill, slope, 1.0)
         goal = jnp.minimum(aim, root + aim / self.points)
-        far = jnp.where(begun, reach, LONGEST * now.last)
+        far = jnp.where(begun, reach, ACCURACY.longest_step * now.last)
         onwards = jnp.where(uphill, (goal - root) / steep, far)
         # Next to the minimum rounding has a say in the slope.
-        onwards = jnp.where(root < 1e-3 * aim, jnp.maximum(onwards, far), onwards)
+        onwards = jnp.where(root < ACCURACY.next_to_minimum * aim, jnp.maximum(onwards, far), onwards)
         onwards = now.d + jnp.minimum(onwards, far)
         first = jnp.where(uphill, aim / self.points / steep, jnp.minimum(1e-3 * reach, 1.0))
         newton = now.d + jnp.where(uphill, (aim - root) / steep, jnp.inf)

@@ -6,11 +6,11 @@ from typing import Any
 import equinox as eqx
 import numpy as np
 
+from .._argument_checks import check_arguments, choice, instance
 from .._show import counted, number
 from .._types import Given, Named, NamedRows, Numeric, Row
 from .._validation import (
     check_finite,
-    check_in,
     check_increasing,
     check_mapping,
     check_that,
@@ -61,6 +61,7 @@ class Record(eqx.Module):
     units: dict[str, str] = eqx.field(static=True)
     name: str = eqx.field(static=True)
 
+    @check_arguments(interpolation=choice(KINDS), name=instance(str, "a text"))
     def __init__(
         self,
         times: Row,
@@ -74,8 +75,6 @@ class Record(eqx.Module):
         units: Given[Mapping[str, str] | None] = None,
         name: str = "",
     ):
-        check_in("interpolation", interpolation, KINDS)
-        check_type("name", name, str, "a text")
         if not is_concrete((times, values, inputs)):
             raise refusal("times", times, "known: make a Record outside of jit and vmap", TypeError)
         check_finite("times", times)

@@ -5,36 +5,24 @@ import os
 from collections.abc import Mapping
 from typing import Any
 
+import equinox as eqx
 import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
+from .._argument_checks import check_arguments, count, flag, instance, or_none, text
 from .._types import Given, NamedRows, Path
-from .._validation import (
-    check_count,
-    check_flag,
-    check_text,
-    check_type,
-    is_concrete,
-    misshaped,
-    numbers,
-    refusal,
-)
+from .._validation import check_type, is_concrete, misshaped, numbers, refusal
 from ..hybrid import Solution, same_mode_sequence
 from ..hybrid.status import flags_text
+from ._accuracy import ACCURACY
 from ._compare import Comparison
-from ._fit import POOR, Fit
+from ._fit import Fit, one_fit
 from ._profile import Profile
 from ._report_html import page
-from ._report_plot import drawn
+from ._report_plot import draw_report
 from ._unseen import unseen
-from ._whiteness import (
-    Correlation,
-    LjungBox,
-    autocorrelation,
-    cross_correlation,
-    ljung_box,
-)
+from ._whiteness import Correlation, LjungBox, autocorrelation, cross_correlation, ljung_box
 
 
 class Whiteness:
@@ -81,7 +69,7 @@ class Report:
             if profile is not None:
                 known = name in profile.names
                 at = profile.names.index(name) if known else 0
-                row += [" to ".join(profile.shown(at)) if known else "not asked for"]
+                row += [" to ".join(profile.ends_in_words(at)) if known else "not asked for"]
                 row += [profile.verdicts[name] if known else ""]
             side = int(self.fit.active_bounds[name])
             table.append([*row, {0: "", -1: "at the lower", 1: "at the upper"}[side]])
@@ -105,7 +93,7 @@ class Report:
                 f"The profile found a sum of squares {float(self.profile.fall):.3g} below the fit's: "
                 "the fit is not the best minimum."
             )
-        if float(fit.reduced_chi_squared) > POOR:
+        if float(fit.reduced_chi_squared) > ACCURACY.poor_fit:
             said.append(
                 "The residuals are far above their noise: intervals and verdicts hold for this minimum "
                 "alone. Try more starts, another model, or more noise."
@@ -134,12 +122,12 @@ class Report:
         return said + (self.modes or ["Modes were not compared: no runs were given."])
 
     def __str__(self) -> str:
-        parts = [self.title, "", *_aligned(self.rows()), "", "Correlation of the estimates"]
+        parts = [self.title, "", *_columns_aligned(self.rows()), "", "Correlation of the estimates"]
         names = self.fit.names
         table = [["", *names]]
         for name, row in zip(names, self.correlation, strict=True):
             table.append([name, *(f"{c:+.3f}" if np.isfinite(c) else "-" for c in row)])
-        parts += [*_aligned(table), "", *self.statements()]
+        parts += [*_columns_aligned(table), "", *self.statements()]
         if self.comparison is not None:
             parts += ["", "Models compared", str(self.comparison)]
         return "\n".join(parts)
@@ -190,7 +178,7 @@ class Report:
 
     def plot(self) -> Figure:
         """Profiles, residuals with their correlations, correlation of the estimates, on one figure."""
-        return drawn(self)
+        return draw_report(self)
 
     def to_html(self, path: Path) -> None:
         """One file that holds all of it, pictures too, and loads nothing from elsewhere.
@@ -202,18 +190,39 @@ class Report:
         page(self, os.fspath(path))
 
 
+class WhitenessTest(eqx.Module):
+    """How a report tests whether residuals are white.
+
+    **Arguments:** `lags` of the correlations and of the Ljung-Box test; `inputs` by name, of the shapes
+    of the residuals, with which these are correlated; `past_data`: whether the model predicted each
+    sample from those before it, so that the unknowns take degrees of freedom off the test, see
+    `ljung_box`. **Raises** `TypeError`, `ValueError` for anything else.
+    """
+
+    lags: int = eqx.field(static=True)
+    inputs: dict[str, np.ndarray]
+    past_data: bool = eqx.field(static=True)
+
+    @check_arguments(lags=count(1), past_data=flag)
+    def __init__(self, lags: int = 20, inputs: NamedRows | None = None, past_data: bool = False):
+        self.lags, self.inputs, self.past_data = lags, _rows("inputs", inputs), past_data
+
+
+@check_arguments(
+    fit=one_fit, profile=or_none(instance(Profile, "a Profile or None")), title=text(),
+    whiteness=or_none(instance(WhitenessTest, "a WhitenessTest(...) or None")),
+    comparison=or_none(instance(Comparison, "a Comparison or None")),
+)  # fmt: skip
 def report(
     fit: Given[Fit],
     *,
     profile: Given[Profile | None] = None,
     series: NamedRows | None = None,
-    inputs: NamedRows | None = None,
+    whiteness: Given[WhitenessTest | None] = None,
     held_out: NamedRows | None = None,
     comparison: Given[Comparison | None] = None,
     runs: Given[Mapping[str, Solution] | None] = None,
     other_runs: Given[Mapping[str, Solution] | None] = None,
-    lags: int = 20,
-    past_data: bool = False,
     title: str = "Report of a fit",
 ) -> Report:
     """A `Report` of a fit, of whatever is given.
@@ -222,37 +231,30 @@ def report(
 
     - `fit`, one; `profile` of it, for intervals with verdicts.
     - `series`: residuals in the order of time by name of the signal, a row or a row per record, NaN
-      where missing; by default the residual of the fit. `inputs` by name, of the same shapes.
+      where missing; by default the residual of the fit. `whiteness`: how they are tested, by default
+      `WhitenessTest()`.
     - `held_out`: errors on data not used in the fit, by name of the record, in a unit of their own.
     - `comparison` with other models.
     - `runs`: the solution of each record at the estimate, whose events and derivative flags are listed;
       `other_runs`, of the same names, at other values, e.g. at the start or the true ones: whether
       they go through the same modes, without which no derivative connects them.
-    - `lags` of the tests; `past_data`: whether the model predicted each sample from those before it, so
-      that the unknowns take degrees of freedom off the test, see `ljung_box`.
 
     **Raises** `TypeError`, `ValueError` for anything else. It reads numbers and does not work under
     `jit`.
     """
-    check_type("fit", fit, Fit, "a Fit")
-    if not is_concrete(fit) or fit.steps.ndim != 0:
-        raise refusal("fit", fit, "one fit, known: call this outside of jit and vmap")
-    check_type("profile", profile, Profile | None, "a Profile or None")
     if profile is not None and (not is_concrete(profile) or profile.verdict.ndim != 1):
         raise refusal("profile", profile, "one profile, known: call this outside of jit and vmap")
     if profile is not None and profile.all_names != fit.names:
         raise refusal("profile", profile, f"of the unknowns {', '.join(fit.names)}")
-    check_type("comparison", comparison, Comparison | None, "a Comparison or None")
-    check_text("title", title)
-    check_count("lags", lags, 1)
-    check_flag("past_data", past_data)
+    tests = WhitenessTest() if whiteness is None else whiteness
+    lags, past_data = tests.lags, tests.past_data
     if past_data and lags <= len(fit.names):
         raise refusal("lags", lags, f"more than the {len(fit.names)} unknowns")
     given = _rows("series", series)
     if series is None:
         given = {"residual": np.asarray(fit.data_residual)}
-    driven = _rows("inputs", inputs)
-    whiteness = {}
+    driven = tests.inputs
+    results = {}
     for name, row in given.items():
         if row.shape[-1] <= lags + 1:
             if series is None:
@@ -264,12 +266,12 @@ def report(
         unknowns = len(fit.names) if past_data else 0
         both = {other: cross_correlation(row, u, lags) for other, u in driven.items()}
         test = ljung_box(row, lags, unknowns=unknowns)
-        whiteness[name] = Whiteness(row, autocorrelation(row, lags), test, both)
+        results[name] = Whiteness(row, autocorrelation(row, lags), test, both)
     scores = {
         name: float(np.sqrt(np.nanmean(row**2))) for name, row in _rows("held_out", held_out).items()
     }
     modes = _modes(_runs("runs", runs), _runs("other_runs", other_runs))
-    return Report(fit, profile, whiteness, scores, comparison, modes, unseen(fit), title)
+    return Report(fit, profile, results, scores, comparison, modes, unseen(fit), title)
 
 
 def _rows(name: str, given: Any) -> dict[str, np.ndarray]:
@@ -328,7 +330,7 @@ def _largest(found: Correlation) -> str:
     return f"{float(found.values[at]):+.3f} at lag {int(found.lags[at])}"
 
 
-def _aligned(table: list[list[str]]) -> list[str]:
+def _columns_aligned(table: list[list[str]]) -> list[str]:
     widths = [max(len(row[i]) for row in table) for i in range(len(table[0]))]
     return [
         "  ".join(f"{cell:<{w}}" for cell, w in zip(row, widths, strict=True)).rstrip() for row in table

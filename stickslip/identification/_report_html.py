@@ -18,7 +18,7 @@ th { font-weight: 600 } .no { color: #c0392b; font-weight: 600 }
 
 def page(report: Any, path: str) -> None:
     """Write it to `path`, all of it or nothing."""
-    sentences = "".join(f"<li>{_marked(s)}</li>" for s in report.statements())
+    sentences = "".join(f"<li>{_with_marks(s)}</li>" for s in report.statements())
     names = report.fit.names
     matrix = [["", *names]]
     for name, row in zip(names, report.correlation, strict=True):
@@ -43,7 +43,7 @@ def page(report: Any, path: str) -> None:
     os.replace(temporary, path)
 
 
-def _marked(sentence: str) -> str:
+def _with_marks(sentence: str) -> str:
     text = html.escape(sentence)
     return text.replace("NOT", '<span class="no">not</span>').replace(
         "NO derivative", '<span class="no">no</span> derivative'

@@ -7,11 +7,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from .._drawing import BLUE, GREY, RED, residual_dots
+from ._accuracy import ACCURACY
 
-WIDE = 4  # panels in a row
 
-
-def drawn(report: Any) -> Figure:
+def draw_report(report: Any) -> Figure:
     """Profiles first, then residual, autocorrelation and inputs of each series, then correlations."""
     profiled = report.profile.names if report.profile else ()
     panels: list[tuple[str, Any]] = [("profile", i) for i in range(len(profiled))]
@@ -19,12 +18,12 @@ def drawn(report: Any) -> Figure:
         panels += [("series", name), ("own", name)]
         panels += [("input", (name, other)) for other in found.with_input]
     panels.append(("correlation", None))
-    rows = -(-len(panels) // WIDE)
-    columns = min(WIDE, len(panels))
+    rows = -(-len(panels) // ACCURACY.panels)
+    columns = min(ACCURACY.panels, len(panels))
     figure = Figure(figsize=(3.1 * columns, 2.6 * rows), layout="constrained")
     axes = np.atleast_1d(figure.subplots(rows, columns, squeeze=False)).ravel()
     draw = {
-        "profile": _profile, "series": _series, "own": _own, "input": _input,
+        "profile": _profile, "series": _series, "own": _autocorrelation, "input": _input,
         "correlation": _correlation,
     }  # fmt: skip
     for axis, (kind, which) in zip(axes, panels, strict=False):
@@ -81,7 +80,7 @@ def _stems(axis: Any, found: Any) -> None:
     axis.set_xlabel("lag [samples]")
 
 
-def _own(figure: Any, axis: Any, report: Any, name: str) -> None:
+def _autocorrelation(figure: Any, axis: Any, report: Any, name: str) -> None:
     found = report.whiteness[name]
     _stems(axis, found.own)
     axis.set_title(f"autocorrelation, p = {float(found.test.p_value):.2g}")

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from .._validation import as_float64
 from ..hybrid import Integrator, SaveAt, WithBreaks, jit_plainly, simulate
 from ..hybrid.longest_step import spanning
 from ._signal import Signal, breaks_of
@@ -32,12 +33,19 @@ class Data(eqx.Module):
     inputs: dict[str, Signal]
     known: dict[str, Any]
 
+    @property
+    def lengths(self) -> tuple[int, ...]:
+        """How many stamps each record has: they increase until the last, which is repeated."""
+        return tuple((1 + np.sum(np.diff(np.asarray(self.times)) > 0.0, axis=1)).tolist())
+
     def begin_of(self, record: Any) -> Array:
         """Time of the initial state of a record."""
         return jnp.asarray(self.begin)[record]
 
 
-def asked(name: str, function: SystemOf, values: NamedValues, inputs: dict[str, Signal]) -> Any:
+def call_with_values(
+    name: str, function: SystemOf, values: NamedValues, inputs: dict[str, Signal]
+) -> Any:
     """What a function of a problem returns; what it asks for and nobody declared is named."""
     try:
         return function(values, inputs)
@@ -72,16 +80,28 @@ class Run:
             name: jnp.stack([jnp.asarray(values[part]) for part in parts]) for name, parts in self.local
         }
 
-    def with_breaks(
-        self, values: NamedValues, inputs: dict[str, Signal], y0: Any, begin: Any
-    ) -> tuple[Any, Any, Any]:
-        """The system, the same with the breaks of its inputs, and its state at `begin`."""
-        system = asked("system", self.system, values, inputs)
-        breaks = breaks_of(system)
-        if breaks is None:
-            return system, system, y0
-        whole = WithBreaks(system, breaks)
-        return system, whole, whole.start(y0, begin)
+    def start(self, values: NamedValues, inputs: dict[str, Signal]) -> Any:
+        """The state in which a record begins."""
+        y0 = call_with_values("initial_state", self.initial_state, values, inputs)
+        return as_float64("y0", y0)
+
+    def system_of(self, values: NamedValues, inputs: dict[str, Signal]) -> tuple[Any, Array | None]:
+        """The system, and the breaks of its inputs, if it has any."""
+        system = call_with_values("system", self.system, values, inputs)
+        return system, breaks_of(system)
+
+    def motion(
+        self, system: Any, breaks: Array | None, y0: Any, begin: Any, ts: Array, log: bool = False
+    ) -> tuple[Any, Any]:
+        """States of the system at the times `ts`, from `y0` at `begin`, and the `Solution`."""
+        whole = system if breaks is None else WithBreaks(system, breaks)
+        solution = simulate(
+            whole, begin, ts[-1], y0 if breaks is None else whole.start(y0, begin),
+            integrator=self.integrator, saveat=SaveAt(ts=ts, events=log),
+            max_events=4096 if log else None, throw=False,
+        )  # fmt: skip
+        assert solution.outputs is not None
+        return solution.outputs.y if breaks is None else solution.outputs.y.y, solution
 
     def observe(self, system: Any, times: Array, states: Any) -> Float[Array, "observed time"]:
         """What is observed of the states at `times`."""
@@ -98,42 +118,29 @@ class Run:
     def one(self, values: NamedValues, one: tuple, log: bool) -> tuple[Array, Any]:
         """What is observed in one record; with its `Solution` if `log`."""
         times, begin, inputs = one
-        y0 = asked("initial_state", self.initial_state, values, inputs)
-        system, whole, y0 = self.with_breaks(values, inputs, y0, begin)
+        system, breaks = self.system_of(values, inputs)
         ts = self.times_of(values, times, begin)
-        solution = simulate(
-            whole, begin, ts[-1], y0, integrator=self.integrator,
-            saveat=SaveAt(ts=ts, events=log), max_events=4096 if log else None, throw=False,
-        )  # fmt: skip
-        assert solution.outputs is not None
-        states = solution.outputs.y if whole is system else solution.outputs.y.y
+        states, solution = self.motion(system, breaks, self.start(values, inputs), begin, ts, log)
         return self.observe(system, ts, states), solution
 
-    def corrected(self, values: NamedValues, one: tuple, measured: Array, present: Array) -> Array:
+    def predict_corrected(
+        self, values: NamedValues, one: tuple, measured: Array, present: Array
+    ) -> Array:
         """What is observed just before each stamp of one record, where the state has been corrected at
         the stamps before."""
         times, begin, inputs = one
         correct = self.correct
         assert correct is not None
-        y0 = asked("initial_state", self.initial_state, values, inputs)
-        y0 = jax.tree.map(lambda a: jnp.asarray(a, jnp.float64), y0)
-
-        system, whole, _ = self.with_breaks(values, inputs, y0, begin)
+        system, breaks = self.system_of(values, inputs)
         ts = self.times_of(values, times, begin)
         # From stamp to stamp the motion is bounded in its steps by the record, as it is in one go.
         integrator = Integrator() if self.integrator is None else self.integrator
-        integrator = spanning(integrator, ts[-1] - begin)
+        run = dataclasses.replace(self, integrator=spanning(integrator, ts[-1] - begin))
 
         def onwards(now, stamp):
             since, y = now
             t, seen, here = stamp
-            start = y if whole is system else whole.start(y, since)
-            solution = simulate(
-                whole, since, t, start, integrator=integrator,
-                saveat=SaveAt(ts=t[None], events=False), max_events=None, throw=False,
-            )  # fmt: skip
-            assert solution.outputs is not None
-            states = solution.outputs.y if whole is system else solution.outputs.y.y
+            states, _ = run.motion(system, breaks, y, since, t[None])
             row = self.observe(system, t[None], states)[:, 0]
             off = jnp.where(here, seen - row, 0.0)
             before = jax.tree.map(lambda a: a[0], states)
@@ -145,7 +152,9 @@ class Run:
             return (t, after), row
 
         first = jnp.asarray(begin, ts.dtype)
-        _, rows = jax.lax.scan(onwards, (first, y0), (ts, measured.T, present.T))
+        _, rows = jax.lax.scan(
+            onwards, (first, self.start(values, inputs)), (ts, measured.T, present.T)
+        )
         return rows.T
 
     def predictions(self, values: NamedValues, data: Data) -> Float[Array, "record observed time"]:
@@ -153,18 +162,18 @@ class Run:
         common, local = self.split(values)
         present = jnp.zeros(data.values.size, bool).at[data.keep].set(True)
 
-        def predicted(row):
+        def predict(row):
             mine, known, one, measured, present = row
             values = {**known, **common, **mine}
             if self.correct is not None:
-                return self.corrected(values, one, measured, present)
+                return self.predict_corrected(values, one, measured, present)
             return self.one(values, one, log=False)[0]
 
         ones = (data.times, data.begin, data.inputs)
         rows = (local, data.known, ones, data.values, present.reshape(data.values.shape))
         if data.times.shape[0] == 1:
-            return predicted(jax.tree.map(lambda a: jnp.asarray(a)[0], rows))[None]
-        return jax.lax.map(predicted, rows)
+            return predict(jax.tree.map(lambda a: jnp.asarray(a)[0], rows))[None]
+        return jax.lax.map(predict, rows)
 
     def __call__(self, values: NamedValues, data: Data) -> Float[Array, " row"]:
         """Residuals of what was measured, in standard deviations: record, observed, time."""

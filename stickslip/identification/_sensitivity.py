@@ -7,10 +7,11 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from .._argument_checks import check_arguments, not_negative_number
+from .._argument_checks import callable_as, check_arguments, not_negative_number
 from .._show import number
 from .._types import Numeric
-from .._validation import check_callable, is_concrete
+from .._validation import is_concrete
+from ._accuracy import ACCURACY
 from ._evaluate import evaluation
 from ._unknowns import NamedUnknowns, NamedValues, scalars
 
@@ -56,12 +57,12 @@ class Sensitivity(eqx.Module):
         return f"{text}; singular values {', '.join(number(s) for s in self.singular_values)}"
 
     @check_arguments(threshold=not_negative_number)
-    def seen(self, threshold: Numeric = 1e-7) -> Bool[Array, "*batch unknown"]:
+    def seen(self, threshold: Numeric = ACCURACY.seen) -> Bool[Array, "*batch unknown"]:
         """Which combinations are seen: singular values above `threshold` times the largest."""
         return self.singular_values > threshold * self.singular_values[..., :1]
 
     @check_arguments(threshold=not_negative_number)
-    def covariance(self, threshold: Numeric = 1e-7) -> Float[Array, "*batch unknown unknown"]:
+    def covariance(self, threshold: Numeric = ACCURACY.seen) -> Float[Array, "*batch unknown unknown"]:
         r"""Covariance $(S^T S)^{-1}$ of the logarithms, to first order.
 
         Combinations that are not `seen` are left out of the sum; the unknowns that they contain have
@@ -72,18 +73,19 @@ class Sensitivity(eqx.Module):
         return jnp.einsum("...ki,...k,...kj->...ij", self.directions, weight, self.directions)
 
     @check_arguments(threshold=not_negative_number)
-    def relative_standard_errors(self, threshold: Numeric = 1e-7) -> NamedValues:
+    def relative_standard_errors(self, threshold: Numeric = ACCURACY.seen) -> NamedValues:
         """Standard error of every unknown in parts of its value: that of its logarithm.
 
         Infinite if the unknown is in a combination not seen. In units: `Fit.standard_errors`.
         """
         hidden = jnp.where(self.seen(threshold)[..., None], 0.0, jnp.abs(self.directions))
-        lost = jnp.max(hidden, axis=-2) > 1e-4
+        lost = jnp.max(hidden, axis=-2) > ACCURACY.part
         variance = jnp.diagonal(self.covariance(threshold), axis1=-2, axis2=-1)
         errors = jnp.where(lost, jnp.inf, jnp.sqrt(variance))
         return {name: errors[..., i] for i, name in enumerate(self.names)}
 
 
+@check_arguments(residual=callable_as("f(values)", {}))
 def sensitivity(residual: Callable[[NamedValues], Any], values: NamedUnknowns) -> Sensitivity:
     """`Sensitivity` of the residuals at `values`, by forward mode through all events.
 
@@ -91,6 +93,5 @@ def sensitivity(residual: Callable[[NamedValues], Any], values: NamedUnknowns) -
     `(model - data) / sigma`; `values`, positive numbers or `Unknown`s by name. **Raises**
     `TypeError`, `ValueError` for anything else. Works under `jit` and `vmap`.
     """
-    check_callable("residual", residual, "f(values)", {})
     space, found = scalars("values", values)
     return Sensitivity(space.names, evaluation(residual, space)(space.coordinates(found))[1])

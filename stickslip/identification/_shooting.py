@@ -9,10 +9,10 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int
 
-from ..hybrid import SaveAt, jit_plainly, simulate
+from ..hybrid import jit_plainly
 from ._losses import AbstractLoss
-from ._methods import AbstractMethod
-from ._run import Data, Run, asked
+from ._methods import AbstractIterativeMethod
+from ._run import Data, Run
 from ._unknowns import NamedValues, Space
 
 
@@ -33,10 +33,10 @@ class Segments(eqx.Module):
     inner: Int[Array | np.ndarray, " knot"]
 
 
-def cut(data: Data, lengths: tuple[int, ...], count: int) -> Segments:
+def segments_of(data: Data, count: int) -> Segments:
     """The records cut at stamps, each into `count` segments of as many stamps, to one."""
     rows = []
-    for r, n in enumerate(lengths):
+    for r, n in enumerate(data.lengths):
         ends = np.unique(np.round(np.linspace(0, n - 1, count + 1)).astype(int))[1:]
         begins = np.concatenate([[-1], ends[:-1]])
         rows += [(r, i + 1, j + 1) for i, j in zip(begins, ends, strict=True)]
@@ -90,19 +90,12 @@ class Shooting(eqx.Module):
         """What is observed in one segment, and the state at its end."""
         record, first, begin, times = row
         values, inputs = self._of(z, record)
-        y0 = asked("initial_state", self.run.initial_state, values, inputs)
-        y0 = jax.tree.map(lambda a: jnp.asarray(a, jnp.float64), y0)
-        flat, unravel = ravel_pytree(y0)
+        flat, unravel = ravel_pytree(self.run.start(values, inputs))
         y0 = unravel(jnp.where(first, flat, state))
         ts = self.run.times_of(values, times, self.data.begin_of(record))
         begin = jnp.where(first, begin, self.run.times_of(values, begin, self.data.begin_of(record)))
-        system, whole, y0 = self.run.with_breaks(values, inputs, y0, begin)
-        solution = simulate(
-            whole, begin, ts[-1], y0, integrator=self.run.integrator,
-            saveat=SaveAt(ts=ts, events=False), max_events=None, throw=False,
-        )  # fmt: skip
-        assert solution.outputs is not None
-        states = solution.outputs.y if whole is system else solution.outputs.y.y
+        system, breaks = self.run.system_of(values, inputs)
+        states, _ = self.run.motion(system, breaks, y0, begin, ts)
         last = jax.tree.map(lambda a: a[-1], states)
         return self.run.observe(system, ts, states), ravel_pytree(last)[0]
 
@@ -135,7 +128,7 @@ class Shooting(eqx.Module):
         wide = jnp.concatenate([d_off[..., :p], by_state.reshape(*model.shape, knots * n)], axis=-1)
         data, d_data = off[segments.keep], wide.reshape(off.size, -1)[segments.keep]
         if self.loss is not None:
-            data, d_data = _weighed(self.loss, data, d_data)
+            data, d_data = _weigh(self.loss, data, d_data)
         # Jumps: the end of the segment before a knot, less the state of the knot.
         before = inner - 1
         jump = (ends[before] / scales - unknown[p:].reshape(knots, n)) / self.weight
@@ -156,13 +149,15 @@ class Shooting(eqx.Module):
         )
 
 
-def _weighed(loss: AbstractLoss, row: Array, matrix: Array) -> tuple[Array, Array]:
+def _weigh(loss: AbstractLoss, row: Array, matrix: Array) -> tuple[Array, Array]:
     weighed, slope = jax.jvp(lambda r: r * loss.weight(r), (row,), (jnp.ones_like(row),))
     return weighed, slope[:, None] * matrix
 
 
 @jit_plainly
-def improved(method: AbstractMethod, shooting: Shooting, unknown: Array) -> tuple[Array, Array, Array]:
+def minimise(
+    method: AbstractIterativeMethod, shooting: Shooting, unknown: Array
+) -> tuple[Array, Array, Array]:
     """`method` on the segments: unknowns, cost, and steps taken."""
     once = jax.jit(lambda unknown: shooting(unknown))
     rows = jax.eval_shape(once, unknown)[0].shape[0]
@@ -191,15 +186,9 @@ def states_at(run: Run, values: NamedValues, data: Data, segments: Segments) -> 
         mine, known, (times, begin, inputs) = row
         here = {**known, **common, **mine}
         ts = run.times_of(here, times, begin)
-        y0 = asked("initial_state", run.initial_state, here, inputs)
-        system, whole, y0 = run.with_breaks(here, inputs, y0, begin)
-        found = simulate(
-            whole, begin, ts[-1], y0, integrator=run.integrator,
-            saveat=SaveAt(ts=ts, events=False), max_events=None, throw=False,
-        )  # fmt: skip
-        assert found.outputs is not None
-        y = found.outputs.y if whole is system else found.outputs.y.y
-        return jax.vmap(lambda y: ravel_pytree(y)[0])(y)
+        system, breaks = run.system_of(here, inputs)
+        states, _ = run.motion(system, breaks, run.start(here, inputs), begin, ts)
+        return jax.vmap(lambda y: ravel_pytree(y)[0])(states)
 
     every = jax.lax.map(states, (local, data.known, (data.times, data.begin, data.inputs)))
     record = jnp.asarray(segments.record)[segments.inner]

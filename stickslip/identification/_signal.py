@@ -8,12 +8,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
-from .._argument_checks import check_arguments, one_real, reals
+from .._argument_checks import check_arguments, choice, one_real, reals
 from .._types import Numeric, Row
-from .._validation import check_finite, check_in, is_concrete, misshaped, one_row, refusal
+from .._validation import check_finite, is_concrete, misshaped, one_row, refusal
+from ._accuracy import ACCURACY
 
 KINDS = ("hold", "linear", "cubic")
-FAR = 1e300  # time of a break that never comes [s]
 
 
 class Signal(eqx.Module):
@@ -42,8 +42,8 @@ class Signal(eqx.Module):
     breaks: Float[Array | np.ndarray, " break"]
     end: Float[Array | np.ndarray, ""]
 
+    @check_arguments(kind=choice(KINDS))
     def __init__(self, times: Row, values: Row, kind: str = "hold"):
-        check_in("kind", kind, KINDS)
         times, values = _row("times", times), _row("values", values)
         if values.shape != times.shape:
             raise misshaped("values", values, f"of shape {times.shape}, as times")
@@ -56,7 +56,7 @@ class Signal(eqx.Module):
             self.breaks = times[jumps]
             self.end = np.asarray(2.0 * times[-1] - times[-2])
         else:
-            self.times, self.coefficients, self.breaks = _interpolated(times, values, kind)
+            self.times, self.coefficients, self.breaks = _pieces_of(times, values, kind)
             self.end = np.asarray(times[-1])
 
     @check_arguments(t=reals)
@@ -96,7 +96,7 @@ def _check_order(times: np.ndarray, kind: str) -> None:
         raise refusal(f"times[{at}]", times[at].item(), allowed)
 
 
-def _interpolated(times: np.ndarray, values: np.ndarray, kind: str):
+def _pieces_of(times: np.ndarray, values: np.ndarray, kind: str):
     """Beginnings and coefficients of the pieces, and the breaks, of what lies between the jumps."""
     from scipy.interpolate import CubicSpline
 
@@ -118,16 +118,16 @@ def _interpolated(times: np.ndarray, values: np.ndarray, kind: str):
     return np.concatenate(starts), np.concatenate(rows, axis=1), np.sort(np.concatenate(breaks))
 
 
-def padded(signal: Signal, pieces: int, breaks: int) -> Signal:
+def pad_signal(signal: Signal, pieces: int, breaks: int) -> Signal:
     """The same with arrays of so many pieces and breaks; those added never come."""
     more, never = pieces - signal.times.size, breaks - signal.breaks.size
     return eqx.tree_at(
         lambda s: (s.times, s.coefficients, s.breaks),
         signal,
         (
-            np.concatenate([signal.times, np.full(more, FAR)]),
+            np.concatenate([signal.times, np.full(more, ACCURACY.never)]),
             np.pad(np.asarray(signal.coefficients), ((0, 0), (0, more)), mode="edge"),
-            np.concatenate([signal.breaks, np.full(never, FAR)]),
+            np.concatenate([signal.breaks, np.full(never, ACCURACY.never)]),
         ),
     )
 
@@ -140,7 +140,7 @@ def breaks_of(system: PyTree) -> Array | None:
         return None
     times = jnp.sort(jnp.concatenate([jnp.asarray(row) for row in rows]))
     # Inputs sampled by one clock jump together: of equal times one stays.
-    gap = jnp.diff(times, prepend=-FAR)
-    again = jax.lax.stop_gradient(gap <= 4e-16 * jnp.abs(times)) | (times >= FAR)
-    later = FAR * (1.0 + 1e-3 * jnp.arange(1.0, times.shape[0] + 1.0))
+    gap = jnp.diff(times, prepend=-ACCURACY.never)
+    again = jax.lax.stop_gradient(gap <= 4e-16 * jnp.abs(times)) | (times >= ACCURACY.never)
+    later = ACCURACY.never * (1.0 + 1e-3 * jnp.arange(1.0, times.shape[0] + 1.0))
     return jnp.sort(jnp.where(again, later, times))

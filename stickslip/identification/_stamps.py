@@ -10,12 +10,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..hybrid import jit_by_code
-from ._run import Data, Run, asked
+from ._accuracy import ACCURACY
+from ._run import Data, Run, call_with_values
 from ._unknowns import NamedValues
-
-MOST_MODES = 16  # modes that are asked for oscillations
-OFTEN = 2.0  # swings between two stamps from which on a record is said not to show them
-OVERDAMPED = 1e-6  # part of its rate that an oscillation turns at least
 
 
 @jit_by_code
@@ -26,9 +23,8 @@ def _slopes(run: Run, values: NamedValues, data: Data) -> Float[Array, "mode siz
         lambda a: jnp.asarray(a)[0], (local, data.known, data.begin, data.inputs)
     )
     values = {**known, **common, **mine}
-    system = asked("system", run.system, values, inputs)
-    y0 = asked("initial_state", run.initial_state, values, inputs)
-    row, form = jax.flatten_util.ravel_pytree(jax.tree.map(lambda a: jnp.asarray(a, jnp.float64), y0))
+    system = call_with_values("system", run.system, values, inputs)
+    row, form = jax.flatten_util.ravel_pytree(run.start(values, inputs))
 
     def of(mode):
         def field(row):
@@ -36,7 +32,7 @@ def _slopes(run: Run, values: NamedValues, data: Data) -> Float[Array, "mode siz
 
         return jax.jacfwd(field)(row)
 
-    return jax.lax.map(of, jnp.arange(min(len(system.mode_names), MOST_MODES)))
+    return jax.lax.map(of, jnp.arange(min(len(system.mode_names), ACCURACY.most_modes)))
 
 
 def warn_of_wide_stamps(run: Run, values: NamedValues, data: Data, times: np.ndarray) -> None:
@@ -52,9 +48,9 @@ def warn_of_wide_stamps(run: Run, values: NamedValues, data: Data, times: np.nda
     if not found.size:
         return
     rates = np.linalg.eigvals(found).ravel()
-    turning = np.abs(rates.imag)[np.abs(rates.imag) > OVERDAMPED * np.abs(rates)]
+    turning = np.abs(rates.imag)[np.abs(rates.imag) > ACCURACY.overdamped * np.abs(rates)]
     spacing = float(np.median(np.diff(times)))
-    if not turning.size or spacing * turning.min() < OFTEN * 2.0 * np.pi:
+    if not turning.size or spacing * turning.min() < ACCURACY.most_swings * 2.0 * np.pi:
         return
     period = 2.0 * np.pi / turning.min()
     warnings.warn(

@@ -4,10 +4,11 @@ from typing import Any
 
 import numpy as np
 
-from .._validation import check_count, one_static
+from .._argument_checks import check_arguments, count, static_number
 from ._unknowns import NamedUnknowns, scalars
 
 
+@check_arguments(count=count(1), spread=static_number("positive"), seed=count(0))
 def sobol_starts(
     unknowns: NamedUnknowns, count: int, *, spread: float = 2.0, seed: int = 0
 ) -> dict[str, np.ndarray]:
@@ -26,9 +27,6 @@ def sobol_starts(
     from scipy.stats import norm, qmc
 
     space, first = scalars("unknowns", unknowns)
-    check_count("count", count, 1)
-    one_static("spread", spread, "positive")
-    check_count("seed", seed, 0)
     sobol: Any = qmc.Sobol  # `seed` is called `rng` in new versions, which take both
     points = sobol(len(space.names), seed=seed).random(2 ** int(np.ceil(np.log2(count + 1))))
     points = np.clip(points[:count], 1e-3, 1.0 - 1e-3)

@@ -6,18 +6,9 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._argument_checks import check_arguments, flag, instance, number, or_none
 from .._types import Given, Numeric
-from .._validation import (
-    as_parameter,
-    check_finite,
-    check_flag,
-    check_positive,
-    check_that,
-    check_type,
-    one_number,
-    one_static,
-    refusal,
-)
+from .._validation import as_parameter, check_that, one_static, refusal
 
 
 class Normal(eqx.Module):
@@ -29,9 +20,9 @@ class Normal(eqx.Module):
     mean: Float[Array, ""]
     sd: Float[Array, ""]
 
+    @check_arguments(mean=number(), sd=number("positive"))
     def __init__(self, mean: Numeric, sd: Numeric):
-        self.mean = as_parameter(one_number("mean", mean))
-        self.sd = as_parameter(one_number("sd", sd, "positive"))
+        self.mean, self.sd = as_parameter(mean), as_parameter(sd)
 
 
 Bounds = tuple[float | None, float | None]
@@ -79,6 +70,10 @@ class Unknown(eqx.Module):
     per_record: bool = eqx.field(static=True)
     scale: Float[Array, ""] | None
 
+    @check_arguments(
+        start="finite", prior=or_none(instance(Normal, "a Normal or None")),
+        unit=instance(str, "a text"), per_record=flag, scale=or_none(number("positive")),
+    )  # fmt: skip
     def __init__(
         self,
         start: Numeric,
@@ -90,18 +85,13 @@ class Unknown(eqx.Module):
     ):
         self.bounds = _pair(bounds)
         low, high = self.bounds
-        check_finite("start", start)
         if low is not None:
             check_that("start", start, lambda x: x > low, f"above bounds[0] = {low}")
         if high is not None:
             check_that("start", start, lambda x: x < high, f"below bounds[1] = {high}")
         self.start = as_parameter(start)
-        self.prior = check_type("prior", prior, Normal | None, "a Normal or None")
-        self.unit = check_type("unit", unit, str, "a text")
-        self.per_record = check_flag("per_record", per_record)
-        if scale is not None:
-            scale = as_parameter(one_number("scale", check_positive("scale", scale)))
-        self.scale = scale
+        self.prior, self.unit, self.per_record = prior, unit, per_record
+        self.scale = None if scale is None else as_parameter(scale)
 
 
 def _pair(bounds: Any) -> Bounds:

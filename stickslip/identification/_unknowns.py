@@ -11,15 +11,13 @@ from jaxtyping import Array, Float
 
 from .._types import Given
 from .._validation import as_parameter, check_positive, is_concrete, misshaped, refusal
+from ._accuracy import ACCURACY
 from ._unknown import Bounds, Normal, Unknown
 
 NamedValues = dict[str, Any]
 NamedUnknowns: TypeAlias = Given[Mapping[str, float | np.ndarray | Array | Unknown]]
 NamedUnknownRows: TypeAlias = Given[Mapping[str, Sequence[Any] | np.ndarray | Array | Unknown]]
 POSITIVE: Bounds = (0.0, None)
-
-
-NEAR = 0.01  # part of a standard error, and of the distance between the bounds
 
 
 class Space(eqx.Module):
@@ -111,8 +109,8 @@ class Space(eqx.Module):
         side = jnp.zeros(jnp.shape(value), jnp.int32)
         if low is None and high is None:
             return side
-        part = jnp.where(jnp.isfinite(error), NEAR * error, 0.0)
-        near = jnp.clip(part, 1e-6 * span, NEAR * span)
+        part = jnp.where(jnp.isfinite(error), ACCURACY.at_bound * error, 0.0)
+        near = jnp.clip(part, 1e-6 * span, ACCURACY.at_bound * span)
         if low is not None:
             side = jnp.where(value - low < near, -1, side)
         if high is not None:
@@ -128,7 +126,7 @@ def all_positive(names: tuple[str, ...]) -> Space:
     )
 
 
-def checked(name: str, values: Any) -> tuple[Space, NamedValues]:
+def space_of(name: str, values: Any) -> tuple[Space, NamedValues]:
     """A mapping of names to unknowns or positive numbers, or rows of them, in alphabetical order."""
     if not isinstance(values, Mapping) or not values or not all(isinstance(k, str) for k in values):
         allowed = "a mapping from names to positive numbers or Unknowns, not empty"
@@ -174,7 +172,7 @@ def _scale(given: Unknown) -> Any:
 
 def scalars(name: str, values: Any) -> tuple[Space, NamedValues]:
     """A mapping of names to one unknown or positive number each."""
-    space, found = checked(name, values)
+    space, found = space_of(name, values)
     for key, value in found.items():
         if value.shape != ():
             raise misshaped(f"{name}[{key!r}]", value, "one number (many_starts takes rows)")

@@ -5,16 +5,14 @@ from typing import Any
 
 import numpy as np
 
-from .._argument_checks import not_negative_number
+from .._argument_checks import check_arguments, not_negative_number
 from .._types import Given, Numeric
-from .._validation import check_type, is_concrete, refusal
-from ._fit import Fit
-
-PART = 1e-4  # of a unit vector that counts as none
-LARGEST = 6  # of a denominator
+from ._accuracy import ACCURACY
+from ._fit import Fit, one_fit
 
 
-def unseen(fit: Given[Fit], threshold: Numeric = 1e-7) -> list[str]:
+@check_arguments(fit=one_fit, threshold=not_negative_number)
+def unseen(fit: Given[Fit], threshold: Numeric = ACCURACY.seen) -> list[str]:
     """What the data do not see, a sentence for each group of unknowns that hide each other.
 
     Positive unknowns hide each other in products, e.g. `"k1 * k2 is seen, k1 / k2 is not"`; others in
@@ -32,10 +30,6 @@ def unseen(fit: Given[Fit], threshold: Numeric = 1e-7) -> list[str]:
     **Arguments:** `fit`, one; `threshold` as for `Sensitivity.seen`. **Raises** `TypeError`,
     `ValueError` for anything else; it reads numbers and does not work under `jit`.
     """
-    check_type("fit", fit, Fit, "a Fit")
-    if not is_concrete(fit) or fit.steps.ndim != 0:
-        raise refusal("fit", fit, "one fit, known: call this outside of jit and vmap")
-    not_negative_number(None, "threshold", threshold)
     hidden = np.asarray(fit.sensitivity.directions)[~np.asarray(fit.sensitivity.seen(threshold))]
     if not hidden.size:
         return []
@@ -46,33 +40,36 @@ def unseen(fit: Given[Fit], threshold: Numeric = 1e-7) -> list[str]:
     for group in _groups(hidden):
         names = [fit.names[i] for i in group]
         rows = hidden[:, group]
-        rows = rows[np.linalg.norm(rows, axis=1) > PART]
+        rows = rows[np.linalg.norm(rows, axis=1) > ACCURACY.part]
         if len(group) == 1:
             sentences.append(f"{names[0]} is not seen")
             continue
         scale = np.abs(slopes[group])
         if all(positive[i] for i in group):
-            unknown, known = (_reduced(part(rows)) for part in (_span, _complement))
+            unknown, known = (_echelon_form(part(rows)) for part in (_span, _complement))
             lost, seen = ([_product(names, row) for row in part] for part in (unknown, known))
         else:
             signed = slopes[group]
-            unknown, known = _reduced(_span(rows * signed)), _reduced(_complement(rows)) / signed
+            unknown, known = (
+                _echelon_form(_span(rows * signed)),
+                _echelon_form(_complement(rows)) / signed,
+            )
             lost, seen = ([_sum(names, row, scale) for row in part] for part in (unknown, known))
         if not seen:
             sentences.append(f"none of {', '.join(names)} is seen")
             continue
-        sentences.append(f"{_listed(seen)} seen, {_listed(lost)} not")
+        sentences.append(f"{_list_of(seen)} seen, {_list_of(lost)} not")
     return sentences
 
 
-def _listed(words: list[str]) -> str:
+def _list_of(words: list[str]) -> str:
     return f"{', '.join(words)} {'is' if len(words) == 1 else 'are'}"
 
 
 def _groups(hidden: np.ndarray) -> list[list[int]]:
     """Unknowns with a part in common combinations that are not seen."""
     # The projection on what is not seen does not depend on the basis that was found for it.
-    joined = np.abs(hidden.T @ hidden) > PART
+    joined = np.abs(hidden.T @ hidden) > ACCURACY.part
     left, groups = {int(i) for i in np.flatnonzero(joined.any(axis=0))}, []
     while left:
         group, new = set(), {min(left)}
@@ -86,22 +83,22 @@ def _groups(hidden: np.ndarray) -> list[list[int]]:
 
 def _span(rows: np.ndarray) -> np.ndarray:
     _, s, directions = np.linalg.svd(rows, full_matrices=False)
-    return directions[s > PART * s[0]]
+    return directions[s > ACCURACY.part * s[0]]
 
 
 def _complement(rows: np.ndarray) -> np.ndarray:
     _, s, directions = np.linalg.svd(rows, full_matrices=True)
-    return directions[int(np.sum(s > PART * s[0])) :]
+    return directions[int(np.sum(s > ACCURACY.part * s[0])) :]
 
 
-def _reduced(rows: np.ndarray) -> np.ndarray:
+def _echelon_form(rows: np.ndarray) -> np.ndarray:
     """The same span by rows with a one where all others have zeros, as far as there are ones."""
     rows, done = rows.copy(), 0
     for column in range(rows.shape[1]):
         if done == len(rows):
             break
         best = done + int(np.argmax(np.abs(rows[done:, column])))
-        if abs(rows[best, column]) < PART:
+        if abs(rows[best, column]) < ACCURACY.part:
             continue
         rows[[done, best]] = rows[[best, done]]
         rows[done] /= rows[done, column]
@@ -114,7 +111,7 @@ def _reduced(rows: np.ndarray) -> np.ndarray:
 
 def _whole(row: np.ndarray) -> list[Any]:
     """Exponents as small integers where they are such numbers times one factor."""
-    found = [fractions.Fraction(float(x)).limit_denominator(LARGEST) for x in row]
+    found = [fractions.Fraction(float(x)).limit_denominator(ACCURACY.largest_denominator) for x in row]
     if any(abs(float(f) - x) > 1e-3 for f, x in zip(found, row, strict=True)):
         return [round(float(x), 2) for x in row]
     common = int(np.lcm.reduce([f.denominator for f in found]))
@@ -122,7 +119,7 @@ def _whole(row: np.ndarray) -> list[Any]:
 
 
 def _product(names: list[str], row: np.ndarray) -> str:
-    powers = [(n, e) for n, e in zip(names, _whole(row), strict=True) if abs(e) > PART]
+    powers = [(n, e) for n, e in zip(names, _whole(row), strict=True) if abs(e) > ACCURACY.part]
     above = [n if e == 1 else f"{n}^{e}" for n, e in powers if e > 0]
     below = [n if e == -1 else f"{n}^{-e}" for n, e in powers if e < 0]
     text = " * ".join(above) or "1"
@@ -135,7 +132,8 @@ def _product(names: list[str], row: np.ndarray) -> str:
 def _sum(names: list[str], row: np.ndarray, scale: np.ndarray) -> str:
     """A term for each unknown that matters when all change by their own sizes."""
     part = np.abs(row) * scale
-    kept = [(n, c) for n, c, p in zip(names, row, part, strict=True) if p > PART * np.max(part)]
+    least = ACCURACY.part * np.max(part)
+    kept = [(n, c) for n, c, p in zip(names, row, part, strict=True) if p > least]
     text, first = "", abs(kept[0][1])
     for n, c in kept:
         c = c / first

@@ -8,16 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from .._argument_checks import check_arguments, count
 from .._types import Rows
-from .._validation import (
-    as_parameter,
-    check_count,
-    check_that,
-    is_concrete,
-    misshaped,
-    numbers,
-    refusal,
-)
+from .._validation import as_parameter, check_that, is_concrete, misshaped, numbers, refusal
 
 
 class Correlation(eqx.Module):
@@ -45,6 +38,13 @@ class LjungBox(eqx.Module):
     p_value: Float[Array, ""]
 
 
+def _level(owner: Any, name: str, value: Any) -> Any:
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        raise refusal(name, value, "a number of Python above 0 and below 1", TypeError)
+    return check_that(name, value, lambda x: (x > 0) & (x < 1), "above 0 and below 1")
+
+
+@check_arguments(lags=count(1), level=_level)
 def autocorrelation(series: Rows, lags: int = 20, *, level: float = 0.95) -> Correlation:
     r"""Correlation of a series with itself, $r_k = \sum_t x_t x_{t+k} / \sum_t x_t^2$.
 
@@ -57,7 +57,6 @@ def autocorrelation(series: Rows, lags: int = 20, *, level: float = 0.95) -> Cor
     $\pm z \sqrt{n_k}/n$ of white noise, $n_k$ products at lag $k$ of $n$ samples. **Raises**
     `TypeError`, `ValueError` for anything else. Works under `jit`, `vmap` and `grad`.
     """
-    _check_level(level)
     rows, here = _rows("series", series, lags)
     sums, counts = _products(rows, here, rows, here, jnp.arange(lags + 1))
     number = _count(here)
@@ -66,6 +65,7 @@ def autocorrelation(series: Rows, lags: int = 20, *, level: float = 0.95) -> Cor
     return Correlation(jnp.arange(lags + 1), sums / sums[0], band, float(level))
 
 
+@check_arguments(lags=count(1), level=_level)
 def cross_correlation(series: Rows, other: Rows, lags: int = 20, *, level: float = 0.95) -> Correlation:
     r"""Correlation of residuals with an input, $\sum_t u_t e_{t+k}/\sqrt{\sum u^2 \sum e^2}$.
 
@@ -76,7 +76,6 @@ def cross_correlation(series: Rows, other: Rows, lags: int = 20, *, level: float
     as in `autocorrelation`; `lags` to both sides; `level` of the band $\pm z\sqrt{n_k}/n$, which holds
     if the residual is white. **Raises** as `autocorrelation`.
     """
-    _check_level(level)
     given: Any = series
     rows, here = _rows("series", series, lags)
     inputs, there = _rows("other", other, lags)
@@ -93,6 +92,7 @@ def cross_correlation(series: Rows, other: Rows, lags: int = 20, *, level: float
     return Correlation(jnp.arange(-lags, lags + 1), sums / size, band, float(level))
 
 
+@check_arguments(lags=count(1), unknowns=count(0))
 def ljung_box(series: Rows, lags: int = 20, *, unknowns: int = 0) -> LjungBox:
     r"""The test of Ljung and Box, $Q = n(n+2)\sum_{k=1}^{m} r_k^2/n_k$, with $n_k = n - k$ products.
 
@@ -106,7 +106,6 @@ def ljung_box(series: Rows, lags: int = 20, *, unknowns: int = 0) -> LjungBox:
     **Arguments:** `series` as for `autocorrelation`, `lags` $m$, more than `unknowns`. **Raises**
     `TypeError`, `ValueError` for anything else. Source: Ljung & Box, Biometrika 65 (1978).
     """
-    check_count("unknowns", unknowns, 0)
     rows, here = _rows("series", series, lags)
     if unknowns >= lags:
         raise refusal("unknowns", unknowns, f"less than lags = {lags}")
@@ -158,19 +157,12 @@ def in_even_steps(times: Rows, series: Rows) -> Float[np.ndarray, " sample"]:
     return filled
 
 
-def _check_level(level: Any) -> None:
-    if not isinstance(level, int | float) or isinstance(level, bool):
-        raise refusal("level", level, "a number of Python above 0 and below 1", TypeError)
-    check_that("level", level, lambda x: (x > 0) & (x < 1), "above 0 and below 1")
-
-
 def _width(level: float) -> Any:
     return jnp.sqrt(2.0) * jax.lax.erf_inv(jnp.asarray(float(level)))
 
 
 def _rows(name: str, series: Any, lags: Any) -> tuple[Array, Array]:
     """Rows without their means, zero where they are missing, and where they are not."""
-    check_count("lags", lags, 1)
     if is_concrete(series):
         array = numbers(name, series)
         if np.isinf(array).any():
@@ -196,11 +188,11 @@ def _products(first, present, second, there, lags) -> tuple[Array, Array]:
     """Sum over `first[t] * second[t + k]` and number of pairs present, for each lag k."""
     # By the fast transform: every lag by itself would read a long record as often as there are lags.
     length = 2 * first.shape[-1]
-    sums = _correlated(first, second, length)[lags]
-    counts = _correlated(present.astype(jnp.float64), there.astype(jnp.float64), length)[lags]
+    sums = _sums_over_lags(first, second, length)[lags]
+    counts = _sums_over_lags(present.astype(jnp.float64), there.astype(jnp.float64), length)[lags]
     return sums, jnp.round(counts)
 
 
-def _correlated(first, second, length: int) -> Array:
+def _sums_over_lags(first, second, length: int) -> Array:
     a, b = jnp.fft.rfft(first, length), jnp.fft.rfft(second, length)
     return jnp.sum(jnp.fft.irfft(jnp.conj(a) * b, length), axis=0)

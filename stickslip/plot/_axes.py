@@ -61,7 +61,7 @@ def canvas(ax: Any, rows: int | None = None, *, heights: Sequence[float] | None 
     return axes[0, 0] if rows is None else axes[:, 0]
 
 
-def labelled(name: str, unit: str | None) -> str:
+def axis_label(name: str, unit: str | None) -> str:
     """Label of an axis: the name, and the unit in brackets where there is one."""
     return f"{name} [{unit}]" if unit not in (None, "", "1") else name
 

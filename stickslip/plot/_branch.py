@@ -53,7 +53,7 @@ def branch(
     options = _axes.check_options(options)
     axis = _axes.canvas(ax)
 
-    def drawn(orbits: Any) -> list[np.ndarray]:
+    def curves_of(orbits: Any) -> list[np.ndarray]:
         if place is None:
             return [np.asarray(orbits.period)]
         trees = (orbits.highest, orbits.lowest) if lowest else (orbits.highest,)
@@ -61,7 +61,7 @@ def branch(
         return [leaf[(..., *(place.index or ()))] for leaf in leaves]
 
     values, stable = branch.values, np.asarray(orbits.stable)
-    for row in drawn(orbits):
+    for row in curves_of(orbits):
         for wanted, style in ((True, "-"), (False, "--")):
             # A piece goes on to the first orbit of the other kind: lines do not end at special points.
             shown = stable == wanted
@@ -73,19 +73,19 @@ def branch(
     for special in branch.specials:
         if special.label == "EP":
             continue
-        for at in drawn(special.orbit):
+        for at in curves_of(special.orbit):
             axis.plot(special.value, at, MARKS.get(special.label, "*"), color="black", markersize=4)
             axis.annotate(
                 special.label, (special.value, float(at)), xytext=(4, 4), textcoords="offset points",
                 fontsize="small",
             )  # fmt: skip
     units = getattr(branch.system, "parameter_units", {})
-    axis.set_xlabel(_axes.labelled(branch.parameter, units.get(branch.parameter)))
+    axis.set_xlabel(_axes.axis_label(branch.parameter, units.get(branch.parameter)))
     if place is None:
         axis.set_ylabel("period [s]")
     else:
         name = next(iter(_names(orbits.highest))) if observable is None else observable
-        axis.set_ylabel(_axes.labelled(f"greatest {name}", unit_of(branch.system, place.name)))
+        axis.set_ylabel(_axes.axis_label(f"greatest {name}", unit_of(branch.system, place.name)))
     return axis
 
 
@@ -106,7 +106,7 @@ def _in_the_plane(branch: Branch, ax: Axes | None, options: dict[str, Any]) -> A
             fontsize="small",
         )  # fmt: skip
     units = getattr(branch.system, "parameter_units", {})
-    one, two = (_axes.labelled(name, units.get(name)) for name in branch.parameters)
+    one, two = (_axes.axis_label(name, units.get(name)) for name in branch.parameters)
     axis.set(xlabel=one, ylabel=two)
     return axis
 

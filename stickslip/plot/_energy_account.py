@@ -52,9 +52,9 @@ def energy_account(
         above.plot(time, lost, **{"label": "at events", "linestyle": "--", **options})
     below.plot(time, np.asarray(dataset["imbalance"]), **{"color": _axes.RED, **options})
     unit = dataset["energy"].attrs.get("units")
-    above.set_ylabel(_axes.labelled("energy", unit))
-    below.set_ylabel(_axes.labelled("left over", unit))
-    below.set_xlabel(_axes.labelled("t", dataset.time.attrs.get("units", "s")))
+    above.set_ylabel(_axes.axis_label("energy", unit))
+    below.set_ylabel(_axes.axis_label("left over", unit))
+    below.set_xlabel(_axes.axis_label("t", dataset.time.attrs.get("units", "s")))
     if ax is None:
         _axes.legend(above)
     return axes

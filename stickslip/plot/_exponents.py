@@ -86,7 +86,7 @@ def _over_parameter(dataset: xr.Dataset, ax: Any, options: dict[str, Any]) -> Ax
         axis.errorbar(np.asarray(across), row, width, elinewidth=options["linewidth"], **options)
     axis.axhline(0.0, color=_axes.GREY, linewidth=0.6, zorder=0)
     axis.set_xlabel(
-        _axes.labelled(str(across.attrs.get("long_name", parameter)), across.attrs.get("units"))
+        _axes.axis_label(str(across.attrs.get("long_name", parameter)), across.attrs.get("units"))
     )
-    axis.set_ylabel(_axes.labelled("exponent", dataset["exponents"].attrs.get("units")))
+    axis.set_ylabel(_axes.axis_label("exponent", dataset["exponents"].attrs.get("units")))
     return axis

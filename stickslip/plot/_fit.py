@@ -76,7 +76,7 @@ def fit(
         data = measured.times[there], measured.values[name][there]
         above.plot(*data, ".", ms=3, color=_axes.BLUE, label="data")
         above.plot(np.asarray(run.times), np.asarray(run.observed[name]), **options)
-        above.set_ylabel(_axes.labelled(name, problem.observed[name].unit))
+        above.set_ylabel(_axes.axis_label(name, problem.observed[name].unit))
         times, values = parts[name]
         _residuals(below, np.asarray(times), np.asarray(values))
     axes[-1].set_xlabel("t [s]")

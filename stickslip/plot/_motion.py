@@ -12,7 +12,7 @@ from .._types import Given
 from .._validation import check_flag, refusal
 from ..hybrid import AbstractHybridSystem, Solution
 from . import _axes
-from ._observed import Source, named, several, unbroken, within
+from ._observed import Source, list_of_names, several, with_gaps, within
 from ._shade import bands, spans
 from ._sticks import contacts_of, intervals, sticking
 
@@ -74,13 +74,13 @@ def motion(
                 axis, held[contact], label=f"{contact} sticks" if contact else "stick",
                 color=SHADES[i % len(SHADES)], low=i / len(shaded), high=(i + 1) / len(shaded),
             )  # fmt: skip
-        axis.plot(time, unbroken(row), **options)
+        axis.plot(time, with_gaps(row), **options)
         if events and not source.dataset and source.solution.events is not None:
             _mark(axis, source, what, function, row)
-        axis.set_ylabel(_axes.labelled(row.name, row.unit))
+        axis.set_ylabel(_axes.axis_label(row.name, row.unit))
         if ax is None:
             axis.set_xlim(time[0], time[-1])
-    np.atleast_1d(axes)[-1].set_xlabel(_axes.labelled(name, unit))
+    np.atleast_1d(axes)[-1].set_xlabel(_axes.axis_label(name, unit))
     if ax is None:
         _axes.legend(np.atleast_1d(axes)[0])
     return axes
@@ -101,9 +101,8 @@ def _contacts(source: Source, contacts: Any) -> tuple[str, ...]:
         raise refusal("contacts", contacts, "the name of a contact, or a sequence of names", TypeError)
     for name in row:
         if name not in known:
-            raise refusal(
-                "contacts", contacts, f"of the contacts that may stick: {named(dict.fromkeys(known))}"
-            )
+            among = list_of_names(dict.fromkeys(known))
+            raise refusal("contacts", contacts, f"of the contacts that may stick: {among}")
     return tuple(row)
 
 

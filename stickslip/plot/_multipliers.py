@@ -51,8 +51,8 @@ def multipliers(
     for special in specials:
         if special.label != "EP":
             before = marked.get(special.label, np.zeros(0, complex))
-            marked[special.label] = np.append(before, _known(special.orbit))
-    drawn = {"stable": _known(many, True), "unstable": _known(many, False)}
+            marked[special.label] = np.append(before, _multipliers_of(special.orbit))
+    drawn = {"stable": _multipliers_of(many, True), "unstable": _multipliers_of(many, False)}
     every = np.concatenate([*drawn.values(), *marked.values()])
     if not every.size:
         nothing = "orbits that were found, with a multiplier that is a number"
@@ -89,7 +89,7 @@ def multipliers(
     return axis
 
 
-def _known(orbits: PeriodicOrbit, stable: bool | None = None) -> np.ndarray:
+def _multipliers_of(orbits: PeriodicOrbit, stable: bool | None = None) -> np.ndarray:
     """Multipliers of orbits that were found, in a row; of the stable ones alone, or of the others."""
     found = np.asarray(orbits.multipliers)
     rows = np.asarray(orbits.successful)

@@ -119,7 +119,7 @@ class Source:
         if function is not None:
             log, label = self.log, name if isinstance(name, str) else "observable"
             rows, axes = (log.t, log.y, log.dy, log.mode), self.solution.t1.ndim + 1
-            values = _evaluated(function, axes, self.system, rows, self.args)
+            values = _evaluate(function, axes, self.system, rows, self.args)
             return Series(label, None, None, self._kept(values))
         plain = name.removeprefix("slope of ")
         component = self.parts[plain][0]
@@ -195,7 +195,7 @@ def _variables(dataset: xr.Dataset) -> dict[str, tuple[str, tuple[int, ...]]]:
 
 
 @jit_by_code
-def _evaluated(function: Any, axes: int, system: Any, log: tuple, args: PyTree) -> Any:
+def _evaluate(function: Any, axes: int, system: Any, log: tuple, args: PyTree) -> Any:
     def one(t, y, dy, mode):
         return function(system, t, y, dy, mode, args)
 
@@ -224,7 +224,7 @@ def several(source: Source, observables: Any) -> tuple[dict[Any, Any], bool]:
     return found, single
 
 
-def unbroken(row: Series) -> np.ndarray:
+def with_gaps(row: Series) -> np.ndarray:
     """Values of one run; of a periodic one within half a period of zero, with a gap where it jumps."""
     if row.period is None:
         return row.values
@@ -240,6 +240,6 @@ def within(values: np.ndarray, period: float) -> np.ndarray:
     return np.mod(np.asarray(values) + 0.5 * period, period) - 0.5 * period
 
 
-def named(what: Mapping[str, Any]) -> str:
+def list_of_names(what: Mapping[str, Any]) -> str:
     """Names in a row, for messages."""
     return ", ".join(map(repr, what)) or "none"

@@ -59,7 +59,7 @@ def orbit(
     allowed = "a Branch of periodic orbits"
     check_type("branch", branch, Branch, allowed)
     check_type("branch.orbits", branch.orbits, PeriodicOrbit, allowed)
-    found, values, title = _chosen(branch, at)
+    found, values, title = _orbit_at(branch, at)
     check_handed_on("args", args)
     _axes.check_axes(ax)
     _axes.check_options(options)
@@ -76,13 +76,13 @@ def orbit(
         axis = phase_plane(solution, system, x, y, args=args, ax=ax, **options)
         _sticks(axis, solution, system)
     units = getattr(branch.system, "parameter_units", {})
-    parameter = ", ".join(_valued(f"{k} = {v:.6g}", units.get(k)) for k, v in there.items())
-    period = _valued(f"period {float(found.period):.6g}", second_of(system))
+    parameter = ", ".join(_with_unit(f"{k} = {v:.6g}", units.get(k)) for k, v in there.items())
+    period = _with_unit(f"period {float(found.period):.6g}", second_of(system))
     axis.set_title(f"{title} at {parameter}, {period}", fontsize="medium")
     return axis
 
 
-def _chosen(branch: Branch, at: Any) -> tuple[PeriodicOrbit, np.ndarray, str]:
+def _orbit_at(branch: Branch, at: Any) -> tuple[PeriodicOrbit, np.ndarray, str]:
     """The orbit, the values of the parameters, and what the orbit is called."""
     size = len(branch)
     specials = ", ".join(f"branch[{s!r}]" for s in dict.fromkeys(s.label for s in branch.specials))
@@ -142,6 +142,6 @@ def _sticks(axis: Axes, solution: Solution, system: AbstractHybridSystem) -> Non
         axis.legend(frameon=False, fontsize="small")
 
 
-def _valued(text: str, unit: str | None) -> str:
+def _with_unit(text: str, unit: str | None) -> str:
     """A number with its unit behind it."""
     return text if unit in (None, "", "1") else f"{text} {unit}"

@@ -94,4 +94,4 @@ def _dots(count: int) -> dict[str, Any]:
 
 def _label(variable: xr.DataArray, name: str, entry: str = "") -> str:
     text = str(variable.attrs.get("long_name", name)) + entry
-    return _axes.labelled(text, variable.attrs.get("units"))
+    return _axes.axis_label(text, variable.attrs.get("units"))

@@ -11,7 +11,7 @@ from .._validation import refusal
 from ..hybrid import AbstractHybridSystem, Solution
 from ..mechanism import AbstractMechanism
 from . import _axes
-from ._observed import Source, unbroken
+from ._observed import Source, with_gaps
 from ._sticks import mechanism_of
 
 
@@ -48,11 +48,11 @@ def phase_plane(
     axis = _axes.canvas(ax)
     across, along = (source.row(chosen[a], functions[a]) for a in ("x", "y"))
     size = across.values.shape[-1]
-    across_rows, along_rows = (unbroken(row).reshape(-1, size) for row in (across, along))
+    across_rows, along_rows = (with_gaps(row).reshape(-1, size) for row in (across, along))
     for one, other in zip(across_rows, along_rows, strict=True):
         axis.plot(one, other, **options)
-    axis.set_xlabel(_axes.labelled(across.name, across.unit))
-    axis.set_ylabel(_axes.labelled(along.name, along.unit))
+    axis.set_xlabel(_axes.axis_label(across.name, across.unit))
+    axis.set_ylabel(_axes.axis_label(along.name, along.unit))
     return axis
 
 

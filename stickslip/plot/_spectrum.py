@@ -62,5 +62,5 @@ def spectrum(
     if top > 0.0:
         axis.set_ylim(top / DECADES, 2.0 * top)
     axis.set_xlabel("frequency" if unit == "1" else "frequency [Hz]")
-    axis.set_ylabel(_axes.labelled("amplitude", unit))
+    axis.set_ylabel(_axes.axis_label("amplitude", unit))
     return axis

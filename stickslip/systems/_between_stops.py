@@ -5,17 +5,10 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from stickslip._argument_checks import OBSERVABLE, check_arguments, reals
+from stickslip._argument_checks import OBSERVABLE, between, check_arguments, parameters, reals
 from stickslip._fastmath import where
 from stickslip._types import Numeric
-from stickslip._validation import (
-    as_parameter,
-    check_above,
-    check_between,
-    check_finite,
-    check_nonnegative,
-    check_positive,
-)
+from stickslip._validation import check_above
 from stickslip.mechanism import AbstractMechanism, Stop
 from stickslip.systems._mechanical import Motion, Number
 
@@ -74,6 +67,11 @@ class OscillatorBetweenStops(AbstractMechanism):
         "the mass meets or leaves the upper stop",
     )
 
+    @parameters(
+        mass="positive", stiffness="positive", damping="not negative", lower="finite", upper="finite",
+        rest_speed="not negative", force_amplitude="finite", force_frequency="finite",
+        restitution=between(0.0, 1.0),
+    )  # fmt: skip
     def __init__(
         self,
         mass: Number,
@@ -87,16 +85,7 @@ class OscillatorBetweenStops(AbstractMechanism):
         force_amplitude: Number = 0.0,
         force_frequency: Number = 1.0,
     ):
-        self.mass = as_parameter(check_positive("mass", mass))
-        self.stiffness = as_parameter(check_positive("stiffness", stiffness))
-        self.damping = as_parameter(check_nonnegative("damping", damping))
-        self.lower = as_parameter(check_finite("lower", lower))
-        self.upper = as_parameter(check_finite("upper", upper))
         check_above("upper", upper, "lower", lower)
-        self.restitution = as_parameter(check_between("restitution", restitution, 0.0, 1.0))
-        self.rest_speed = as_parameter(check_nonnegative("rest_speed", rest_speed))
-        self.force_amplitude = as_parameter(check_finite("force_amplitude", force_amplitude))
-        self.force_frequency = as_parameter(check_finite("force_frequency", force_frequency))
 
     @check_arguments(t=reals)
     def drive(self, t: Numeric) -> Any:

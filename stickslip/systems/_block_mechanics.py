@@ -1,7 +1,6 @@
 """Mechanics of the block on a belt and of its pendulum, whatever moves the belt."""
 
 import abc
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 
 import equinox as eqx
@@ -9,16 +8,9 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
-from .._argument_checks import OBSERVABLE, check_arguments, instance, reals, state
+from .._argument_checks import OBSERVABLE, Rule, check_arguments, instance, reals, state
 from .._types import Numeric, Whole
-from .._validation import (
-    as_parameter,
-    check_finite,
-    check_nonnegative,
-    check_positive,
-    is_concrete,
-    refusal,
-)
+from .._validation import as_parameter, check_positive, is_concrete, refusal
 from ..friction import AbstractFrictionLaw, SmoothHyperbolicWeakening
 from ..friction.law import Number
 from ..friction.law import check_law as is_law
@@ -207,19 +199,22 @@ def _acceleration(system, t, y, dy, mode, args):
     return dy.vx
 
 
-def block_parameters(**given: Number) -> dict[str, Float[Array, "..."]]:
-    """Checked mechanical parameters as float64 arrays."""
-    checks: dict[str, Callable] = dict.fromkeys(("m", "M", "J", "r", "g"), check_positive)
-    checks |= dict.fromkeys(("k1", "k2", "k3", "c1", "c2"), check_nonnegative)
-    checks["Q"] = check_finite
-    found = {name: as_parameter(checks[name](name, value)) for name, value in given.items()}
-    if is_concrete(found):
-        r, J = np.asarray(found["r"]), np.asarray(found["J"])
+# The mechanical parameters of a block.
+BLOCK: dict[str, Rule] = {
+    **dict.fromkeys(("m", "M", "J", "r", "g"), "positive"),
+    **dict.fromkeys(("k1", "k2", "k3", "c1", "c2"), "not negative"),
+    "Q": "finite",
+}
+
+
+def check_rim(J: Any, r: Any) -> None:
+    """Raise where the inertia of the rim is rounded to nothing."""
+    if is_concrete((J, r)):
+        J_, r_ = np.asarray(J), np.asarray(r)
         with np.errstate(over="ignore", under="ignore"):
-            light = not J.min() / (r * r).max() > 0.0
+            light = not J_.min() / (r_ * r_).max() > 0.0
         if light:
-            raise refusal("r", given["r"], "so small that the rim's inertia J / r^2 is above 0")
-    return found
+            raise refusal("r", r, "so small that the rim's inertia J / r^2 is above 0")
 
 
 def check_law(law: Any, set_valued: bool) -> AbstractFrictionLaw:

@@ -5,20 +5,20 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, PyTree
 
-from .._argument_checks import OBSERVABLE, check_arguments, state
+from .._argument_checks import OBSERVABLE, check_arguments, parameters, state
 from .._types import Given, Numeric, Whole
-from .._validation import as_parameter, check_finite
 from ..friction import AbstractFrictionLaw
 from ..friction.law import Number
 from ..hybrid import AbstractSmoothSystem
 from ..mechanism import AbstractMechanism, Contact, Instant
 from ._block_mechanics import (
     BELT_SPEED,
+    BLOCK,
     AbstractBlockOnBelt,
     Block,
     BlockState,
-    block_parameters,
     check_law,
+    check_rim,
     scaled_block,
     set_a,
 )
@@ -31,6 +31,7 @@ class AbstractBlockOnSteadyBelt(AbstractBlockOnBelt):
 
     parameter_units: ClassVar = {**AbstractBlockOnBelt.parameter_units, "V_b": "m/s"}
 
+    @parameters(**BLOCK, V_b="finite")
     def __init__(
         self,
         *,
@@ -48,11 +49,8 @@ class AbstractBlockOnSteadyBelt(AbstractBlockOnBelt):
         law: AbstractFrictionLaw,
         g: Number = 9.81,
     ):
-        given = block_parameters(m=m, M=M, J=J, k1=k1, k2=k2, k3=k3, c1=c1, c2=c2, r=r, Q=Q, g=g)
-        for name, value in given.items():
-            setattr(self, name, value)
+        check_rim(J, r)
         self.law = check_law(law, self.set_valued)
-        self.V_b = as_parameter(check_finite("V_b", V_b))
 
     @classmethod
     def constructed(

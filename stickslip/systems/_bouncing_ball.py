@@ -4,7 +4,7 @@ from typing import ClassVar
 
 from jaxtyping import Array, Float
 
-from stickslip._validation import as_parameter, check_between, check_nonnegative, check_positive
+from stickslip._argument_checks import between, parameters
 from stickslip.mechanism import AbstractMechanism, Stop
 from stickslip.systems._mechanical import Motion, Number
 
@@ -50,11 +50,11 @@ class BouncingBall(AbstractMechanism):
     mode_names: ClassVar = ("flight", "rest")
     guard_names: ClassVar = ("the ball meets the ground",)
 
+    @parameters(
+        mass="positive", gravity="positive", rest_speed="not negative", restitution=between(0.0, 1.0),
+    )  # fmt: skip
     def __init__(self, mass: Number, gravity: Number, restitution: Number, rest_speed: Number = 1e-3):
-        self.mass = as_parameter(check_positive("mass", mass))
-        self.gravity = as_parameter(check_positive("gravity", gravity))
-        self.restitution = as_parameter(check_between("restitution", restitution, 0.0, 1.0))
-        self.rest_speed = as_parameter(check_nonnegative("rest_speed", rest_speed))
+        pass
 
     def mass_matrix(self, q):
         return {"x": self.mass}

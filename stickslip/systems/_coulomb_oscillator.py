@@ -5,10 +5,9 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from stickslip._argument_checks import OBSERVABLE, check_arguments, modes, state
+from stickslip._argument_checks import OBSERVABLE, check_arguments, modes, parameters, state
 from stickslip._fastmath import where
 from stickslip._types import Whole
-from stickslip._validation import as_parameter, check_finite, check_nonnegative, check_positive
 from stickslip.friction import Coulomb
 from stickslip.mechanism import AbstractMechanism, Contact
 from stickslip.systems._mechanical import SLIP_MODES, STICK, Motion, Number, holding_force, slip_sense
@@ -60,6 +59,10 @@ class CoulombOscillator(AbstractMechanism):
     state_class: ClassVar = Motion
     mode_names: ClassVar = SLIP_MODES
 
+    @parameters(
+        mass="positive", stiffness="positive", static_force="not negative",
+        kinetic_force="not negative", belt_speed="finite",
+    )  # fmt: skip
     def __init__(
         self,
         mass: Number,
@@ -68,11 +71,7 @@ class CoulombOscillator(AbstractMechanism):
         kinetic_force: Number,
         belt_speed: Number,
     ):
-        self.mass = as_parameter(check_positive("mass", mass))
-        self.stiffness = as_parameter(check_positive("stiffness", stiffness))
-        self.static_force = as_parameter(check_nonnegative("static_force", static_force))
-        self.kinetic_force = as_parameter(check_nonnegative("kinetic_force", kinetic_force))
-        self.belt_speed = as_parameter(check_finite("belt_speed", belt_speed))
+        pass
 
     def mass_matrix(self, q):
         return {"x": self.mass}

@@ -8,17 +8,21 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, PyTree
 
-from .._argument_checks import OBSERVABLE, check_arguments, guard_numbers, modes, or_none, reals, state
+from .._argument_checks import (
+    OBSERVABLE,
+    Rule,
+    check_arguments,
+    choice,
+    guard_numbers,
+    modes,
+    or_none,
+    parameters,
+    reals,
+    state,
+)
 from .._fastmath import where
 from .._types import Given, Numeric, Whole
-from .._validation import (
-    as_parameter,
-    check_at_least,
-    check_finite,
-    check_in,
-    check_nonnegative,
-    check_positive,
-)
+from .._validation import as_parameter, check_at_least, check_in, check_positive
 from ..friction.law import Number
 from ..hybrid import AbstractHybridSystem
 from ._mechanical import slip_sense
@@ -36,8 +40,11 @@ DRIVE_A = {
 # average from 100 s to 200 s after a start from rest: what `voltage_for_belt_speed` finds.
 U_IN_A: dict[Sign, float] = {"consistent": 4.33807376846, "printed": 4.18995053541}
 
-POSITIVE = ("L_w", "R_w", "J_dc", "rho", "eta", "r_bp")
-NONNEGATIVE = ("k_e", "k_m", "b", "T_k", "J_bp")
+PARAMETERS: dict[str, Rule] = {
+    **dict.fromkeys(("L_w", "R_w", "J_dc", "rho", "eta", "r_bp"), "positive"),
+    **dict.fromkeys(("k_e", "k_m", "b", "T_k", "J_bp"), "not negative"),
+    "U_in": "finite", "T_st": or_none("finite"),
+}  # fmt: skip
 # Torques, inertias and the force constant: with the block's parameters, what one factor may multiply.
 SCALED = ("k_m", "J_dc", "J_bp", "b", "T_k", "T_st")
 
@@ -123,6 +130,10 @@ class DCDrive(AbstractHybridSystem):
     guard_scales: ClassVar = (1.0, 1e-3, 1e-3)
     units: ClassVar = {"omega": "rad/s", "i_w": "A"}
 
+    @check_arguments(
+        motor_friction=choice(get_args(Sign)), belt_reaction=choice(get_args(Sign))
+    )  # fmt: skip
+    @parameters(**PARAMETERS)
     def __init__(
         self,
         *,
@@ -139,21 +150,14 @@ class DCDrive(AbstractHybridSystem):
         r_bp: Number,
         U_in: Number,
         T_st: Number | None = None,
-        motor_friction: str = "consistent",
-        belt_reaction: str = "consistent",
+        motor_friction: Sign = "consistent",
+        belt_reaction: Sign = "consistent",
     ):
-        given = {
-            "L_w": L_w, "R_w": R_w, "k_e": k_e, "k_m": k_m, "J_dc": J_dc, "b": b, "T_k": T_k,
-            "rho": rho, "eta": eta, "J_bp": J_bp, "r_bp": r_bp,
-        }  # fmt: skip
-        for name, value in given.items():
-            check = check_positive if name in POSITIVE else check_nonnegative
-            setattr(self, name, as_parameter(check(name, value)))
-        T_st = T_k if T_st is None else check_at_least("T_st", check_finite("T_st", T_st), "T_k", T_k)
-        self.T_st = as_parameter(T_st)
-        self.U_in = as_parameter(check_finite("U_in", U_in))
-        self.motor_friction = check_in("motor_friction", motor_friction, get_args(Sign))
-        self.belt_reaction = check_in("belt_reaction", belt_reaction, get_args(Sign))
+        if T_st is None:
+            self.T_st = self.T_k
+        else:
+            check_at_least("T_st", T_st, "T_k", T_k)
+        self.motor_friction, self.belt_reaction = motor_friction, belt_reaction
 
     @classmethod
     def constructed(cls, **changes: Given[ArrayLike | str]) -> "DCDrive":

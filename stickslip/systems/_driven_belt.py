@@ -7,16 +7,16 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, PyTree
 
-from .._argument_checks import OBSERVABLE, check_arguments, reals, state
+from .._argument_checks import OBSERVABLE, check_arguments, instance, parameters, reals, state
 from .._types import Given, Numeric, Whole
-from .._validation import check_type
 from ..friction import AbstractFrictionLaw
 from ..friction.law import Number
 from ._block_mechanics import (
+    BLOCK,
     AbstractBlockOnBelt,
     Block,
-    block_parameters,
     check_law,
+    check_rim,
     scaled_block,
     set_a,
 )
@@ -42,6 +42,8 @@ class AbstractBlockOnDrivenBelt(AbstractBlockOnBelt):
 
     drive: DCDrive
 
+    @check_arguments(drive=instance(DCDrive, "a DCDrive"))
+    @parameters(**BLOCK)
     def __init__(
         self,
         *,
@@ -59,11 +61,9 @@ class AbstractBlockOnDrivenBelt(AbstractBlockOnBelt):
         drive: DCDrive,
         g: Number = 9.81,
     ):
-        given = block_parameters(m=m, M=M, J=J, k1=k1, k2=k2, k3=k3, c1=c1, c2=c2, r=r, Q=Q, g=g)
-        for name, value in given.items():
-            setattr(self, name, value)
+        check_rim(J, r)
         self.law = check_law(law, self.set_valued)
-        self.drive = check_type("drive", drive, DCDrive, "a DCDrive")
+        self.drive = drive
 
     @classmethod
     def constructed(

@@ -75,7 +75,7 @@ class BlockOnDrivenBeltSetValued(AbstractBlockOnDrivenBelt, AbstractMechanism):
         return {"x": self.m, "y": self.J / (self.r * self.r), "s": drive}
 
     def forces(self, t, q, v, args):
-        if self._printed:
+        if self._is_printed:
             signs = f"{self.drive.belt_reaction}, {self.drive.motor_friction}"
             raise refusal(
                 "belt_reaction, motor_friction", signs, "consistent: no mechanism has these signs"
@@ -110,45 +110,45 @@ class BlockOnDrivenBeltSetValued(AbstractBlockOnDrivenBelt, AbstractMechanism):
     @check_arguments(**OBSERVABLE)
     def friction_force(self, t: Numeric, y: DrivenBlockState, mode: Whole, args: PyTree = None) -> Any:
         """Friction force $T_s$ [N] as in (11); the block feels $-T_s$. At rest, what holds it."""
-        if self._printed:
+        if self._is_printed:
             return printed.moves(self, y, mode // printed.PARTS, mode % printed.PARTS).T_s
         return -self.friction_forces(t, y, mode, args)["block"]
 
     # -- signs as printed
 
     @property
-    def _printed(self) -> bool:
+    def _is_printed(self) -> bool:
         return "printed" in (self.drive.belt_reaction, self.drive.motor_friction)
 
     @property
     def guard_names(self) -> tuple[str, ...]:
         """Those of the contacts; of block, belt and drive where a sign is as printed."""
-        return printed.GUARDS if self._printed else super().guard_names
+        return printed.GUARDS if self._is_printed else super().guard_names
 
     @property
     def guard_scales(self) -> Any:
         """Of torques a thousandth where a sign is as printed."""
-        return printed.SCALES if self._printed else super().guard_scales
+        return printed.SCALES if self._is_printed else super().guard_scales
 
     def vector_field(self, t, y, mode, args):
-        if not self._printed:
+        if not self._is_printed:
             return super().vector_field(t, y, mode, args)
         now = printed.moves(self, y, mode // printed.PARTS, mode % printed.PARTS)
         dy = self.slope(y, now.loads, now.T_s)._replace(vx=now.ax)
         return DrivenBlockState(*dy, omega=now.domega, i_w=self.drive.current_rate(y))
 
     def guards(self, t, y, mode, args):
-        if self._printed:
+        if self._is_printed:
             return printed.guards(self, y, mode)
         return super().guards(t, y, mode, args)
 
     def transition(self, t, y, mode, guard, args):
-        if self._printed:
+        if self._is_printed:
             return printed.transition(self, y, mode, guard)
         return super().transition(t, y, mode, guard, args)
 
     @check_arguments(t=reals, y=state)
     def initial_mode(self, t, y, args):
-        if self._printed:
+        if self._is_printed:
             return printed.first_mode(self, y, y.vx == self.belt_velocity(y))
         return super().initial_mode(t, y, args)

@@ -9,21 +9,20 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, PyTree
 
-from .._argument_checks import OBSERVABLE, check_arguments, one_real, state
+from .._argument_checks import (
+    OBSERVABLE,
+    check_arguments,
+    choice,
+    count,
+    instance,
+    one_real,
+    or_none,
+    parameters,
+    state,
+)
 from .._fastmath import where
 from .._types import Given, Numeric, Whole
-from .._validation import (
-    as_parameter,
-    check_count,
-    check_finite,
-    check_in,
-    check_nonnegative,
-    check_positive,
-    check_type,
-    is_concrete,
-    refusal,
-    shown,
-)
+from .._validation import as_parameter, check_finite, check_type, is_concrete, refusal, shown
 from ..friction import AbstractFrictionLaw, HyperbolicWeakening
 from ..friction.law import Number, check_law
 from ..mechanism import AbstractMechanism, Contact
@@ -32,6 +31,7 @@ from ._printed_weakening import PrintedWeakening
 
 Word: TypeAlias = Given[Literal["consistent", "printed"]]
 WORDS = ("consistent", "printed")
+A_SCALE = "a BeamScales, or None for dimensionless numbers"
 
 # Constructed: the paper's table of parameters is missing. The period of x and the frequency of the
 # mass on its joint are those the text names, 0.54 and 0.25.
@@ -146,6 +146,14 @@ class JointedBeam(AbstractMechanism):
     state_class: ClassVar = JointedBeamState
     mode_names: ClassVar = ("slip backward", "stick", "slip forward", "no contact")
 
+    @check_arguments(
+        modes=count(1), scales=or_none(instance(BeamScales, A_SCALE)),
+        **dict.fromkeys(("joint", "friction", "shape", "coupling"), choice(WORDS)),
+    )  # fmt: skip
+    @parameters(
+        m="positive", k1="positive", k2="positive", k3="not negative", mu_s="not negative",
+        gamma="not negative", v="finite", damping="not negative", z_A="finite",
+    )  # fmt: skip
     def __init__(
         self,
         *,
@@ -166,30 +174,16 @@ class JointedBeam(AbstractMechanism):
         shape: Word = "consistent",
         coupling: Word = "consistent",
     ):
-        self.m = as_parameter(check_positive("m", m))
-        self.k1 = as_parameter(check_positive("k1", k1))
-        self.k2 = as_parameter(check_positive("k2", k2))
-        self.k3 = as_parameter(check_nonnegative("k3", k3))
-        self.mu_s = as_parameter(check_nonnegative("mu_s", mu_s))
-        self.gamma = as_parameter(check_nonnegative("gamma", gamma))
-        self.v = as_parameter(check_finite("v", v))
-        self.damping = as_parameter(check_nonnegative("damping", damping))
         self.law = None if law is None else check_law("law", law, "set-valued")
-        self.modes = check_count("modes", modes, 1)
-        if scales is not None:
-            check_type("scales", scales, BeamScales, "a BeamScales, or None for dimensionless numbers")
+        self.modes, self.joint, self.friction = modes, joint, friction
+        self.shape, self.coupling = shape, coupling
         self.is_dimensionless = scales is None
         self.scales = BeamScales() if scales is None else scales
         inside = "inside the beam: above 0 and below 1"
-        self.z_A = as_parameter(check_finite("z_A", z_A))
         if is_concrete((z_A, self.scales)):
             share = np.asarray(z_A) / np.asarray(self.scales.L)
             if not np.all((share > 0) & (share < 1)):
                 raise refusal("z_A", z_A, f"{inside} times its length L = {shown(self.scales.L)}")
-        self.joint = check_in("joint", joint, WORDS)
-        self.friction = check_in("friction", friction, WORDS)
-        self.shape = check_in("shape", shape, WORDS)
-        self.coupling = check_in("coupling", coupling, WORDS)
 
     @classmethod
     def constructed(cls, v: Number, **changes: Given[ArrayLike | str | BeamScales]) -> "JointedBeam":

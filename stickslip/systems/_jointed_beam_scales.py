@@ -5,8 +5,8 @@ from typing import Any, ClassVar
 import jax
 from jaxtyping import Array, Float
 
+from .._argument_checks import parameters
 from .._show import AbstractShown
-from .._validation import as_parameter, check_positive
 from ..friction.law import Number
 
 # Of a jointed beam with dimensions.
@@ -48,10 +48,9 @@ class BeamScales(AbstractShown):
 
     parameter_units: ClassVar = {"EI": "N m2", "L": "m", "rhoA": "kg/m"}
 
+    @parameters(EI="positive", L="positive", rhoA="positive")
     def __init__(self, EI: Number = 1.0, L: Number = 1.0, rhoA: Number = 1.0):
-        self.EI = as_parameter(check_positive("EI", EI))
-        self.L = as_parameter(check_positive("L", L))
-        self.rhoA = as_parameter(check_positive("rhoA", rhoA))
+        pass
 
     @property
     def length(self) -> Float[Array, "..."]:

@@ -4,8 +4,7 @@ from typing import ClassVar
 
 from jaxtyping import Array, Float
 
-from stickslip._argument_checks import OBSERVABLE, check_arguments
-from stickslip._validation import as_parameter, check_finite, check_nonnegative, check_positive
+from stickslip._argument_checks import OBSERVABLE, check_arguments, parameters
 from stickslip.friction import Coulomb
 from stickslip.mechanism import AbstractMechanism, Contact
 from stickslip.systems._mechanical import Motion, Number
@@ -49,11 +48,11 @@ class SlidingBlock(AbstractMechanism):
     state_class: ClassVar = Motion
     mode_names: ClassVar = ("slip backward", "rest", "slip forward")
 
+    @parameters(
+        mass="positive", static_force="not negative", kinetic_force="not negative", force="finite",
+    )  # fmt: skip
     def __init__(self, mass: Number, static_force: Number, kinetic_force: Number, force: Number = 0.0):
-        self.mass = as_parameter(check_positive("mass", mass))
-        self.static_force = as_parameter(check_nonnegative("static_force", static_force))
-        self.kinetic_force = as_parameter(check_nonnegative("kinetic_force", kinetic_force))
-        self.force = as_parameter(check_finite("force", force))
+        pass
 
     def mass_matrix(self, q):
         return {"x": self.mass}

@@ -4,8 +4,7 @@ from typing import Any, ClassVar, NamedTuple
 
 from jaxtyping import Array, Float
 
-from stickslip._argument_checks import OBSERVABLE, check_arguments
-from stickslip._validation import as_parameter, check_finite, check_nonnegative, check_positive
+from stickslip._argument_checks import OBSERVABLE, check_arguments, parameters
 from stickslip.friction import Coulomb
 from stickslip.mechanism import AbstractMechanism, Contact
 from stickslip.systems._mechanical import Number
@@ -70,6 +69,11 @@ class TwoBlocksOnBelt(AbstractMechanism):
     contact_directions: ClassVar = {"block 1": {"x_1": 1.0}, "block 2": {"x_2": 1.0}}
     state_class: ClassVar = PairMotion
 
+    @parameters(
+        mass_1="positive", mass_2="positive", stiffness_1="not negative", stiffness_2="not negative",
+        coupling="not negative", static_force_1="not negative", static_force_2="not negative",
+        kinetic_force_1="not negative", kinetic_force_2="not negative", belt_speed="finite",
+    )  # fmt: skip
     def __init__(
         self,
         *,
@@ -84,16 +88,7 @@ class TwoBlocksOnBelt(AbstractMechanism):
         kinetic_force_2: Number,
         belt_speed: Number,
     ):
-        self.mass_1 = as_parameter(check_positive("mass_1", mass_1))
-        self.mass_2 = as_parameter(check_positive("mass_2", mass_2))
-        self.stiffness_1 = as_parameter(check_nonnegative("stiffness_1", stiffness_1))
-        self.stiffness_2 = as_parameter(check_nonnegative("stiffness_2", stiffness_2))
-        self.coupling = as_parameter(check_nonnegative("coupling", coupling))
-        self.static_force_1 = as_parameter(check_nonnegative("static_force_1", static_force_1))
-        self.static_force_2 = as_parameter(check_nonnegative("static_force_2", static_force_2))
-        self.kinetic_force_1 = as_parameter(check_nonnegative("kinetic_force_1", kinetic_force_1))
-        self.kinetic_force_2 = as_parameter(check_nonnegative("kinetic_force_2", kinetic_force_2))
-        self.belt_speed = as_parameter(check_finite("belt_speed", belt_speed))
+        pass
 
     def mass_matrix(self, q):
         return {"x_1": self.mass_1, "x_2": self.mass_2}

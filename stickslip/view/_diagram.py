@@ -139,7 +139,7 @@ class Diagram:
     def label(self, key: str) -> str:
         """Name of a variable for an axis, with its unit."""
         attrs = self.dataset[key].attrs if key in self.dataset else {}
-        return labelled(key, attrs)
+        return axis_label(key, attrs)
 
     def about(self, x: float) -> str:
         """The parameter with its value and unit."""
@@ -165,7 +165,7 @@ class Diagram:
         return f"{self.about(float(lanes.x[lane]))}: {said}, status {status}"
 
 
-def labelled(key: str, attrs: Any) -> str:
+def axis_label(key: str, attrs: Any) -> str:
     """Name and unit for an axis. A dollar sign would have the page fetch a program for formulas."""
     unit = str(attrs.get("units", ""))
     text = str(attrs.get("long_name", key))

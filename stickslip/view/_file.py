@@ -43,7 +43,7 @@ def choices_of(diagram: Diagram) -> list[tuple[int, ...]]:
     return list(itertools.product(*(range(len(values)) for values in diagram.others.values())))
 
 
-def packed(diagram: Diagram, most: int) -> Packed:
+def pack_points(diagram: Diagram, most: int) -> Packed:
     """At most about so many points. Lanes are left out, never points of one, which follow each other.
 
     Errors: `ValueError` where two lanes of each choice are too much.
@@ -112,7 +112,7 @@ def _orbit(diagram: Diagram, functions: Functions, point: dict[str, Any]) -> dic
 
 def document_of(diagram: Diagram, orbits: list[dict[str, Any]], most: int) -> Document:
     """The document of the file: all it knows is in one callback."""
-    pack = packed(diagram, most)
+    pack = pack_points(diagram, most)
     notes = [f"{pack.y.size:,} points of {pack.x.size:,} lanes, in 32 bits"]
     notes[0] += "." if pack.stride == 1 else f": one lane in {pack.stride} is in this file."
     if orbits:

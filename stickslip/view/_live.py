@@ -35,7 +35,7 @@ class Live:
         # The second of two quick clicks is a double one, wherever it is.
         for click in ("tap", "doubletap"):
             self.page.diagram.on_event(click, lambda event: self.choose(event.x))
-        self.page.diagram.on_event("selectiongeometry", self._dragged)
+        self.page.diagram.on_event("selectiongeometry", self._on_drag)
         self.page.back.on_click(self.back)
         for select in self.page.selects:
             select.on_change("value", lambda attr, old, new: self.back())
@@ -57,7 +57,7 @@ class Live:
         lanes = self.lanes if self.region is None else self.lanes.part(*self.region)
         total = int(lanes.counts().sum())
         stride = max(1, -(-total // MOST_DRAWN))
-        self.page.drawn.data = drawn(lanes.every(stride))
+        self.page.drawn.data = columns_of(lanes.every(stride))
 
     def choose(self, x: float) -> None:
         """Show the lane nearest to a parameter, and have its orbit computed."""
@@ -97,7 +97,7 @@ class Live:
         if found.second is not None:
             page.plane_points.data = {"x": found.first, "y": found.second}
 
-    def _dragged(self, event: Any) -> None:
+    def _on_drag(self, event: Any) -> None:
         if event.final and event.geometry.get("x0") is not None:
             low, high = sorted((event.geometry["x0"], event.geometry["x1"]))
             self.drag(float(low), float(high))
@@ -108,9 +108,9 @@ class Live:
             self.region = (low, high)
             self._show()
             return
-        self._later("computing the region ...", lambda: self._computed(low, high))
+        self._later("computing the region ...", lambda: self._compute_region(low, high))
 
-    def _computed(self, low: float, high: float) -> None:
+    def _compute_region(self, low: float, high: float) -> None:
         assert self.functions.diagram is not None
         others = self.whole.point(low, self.chosen)
         found = self.functions.diagram(**{**others, self.whole.x: (low, high)})
@@ -150,7 +150,7 @@ class Live:
         self.document.add_next_tick_callback(work)
 
 
-def drawn(lanes: Lanes) -> dict[str, np.ndarray]:
+def columns_of(lanes: Lanes) -> dict[str, np.ndarray]:
     """The points of lanes as columns of the diagram."""
     counts = lanes.counts()
     used = np.arange(lanes.y.shape[1]) < counts[:, None]
@@ -164,7 +164,7 @@ def drawn(lanes: Lanes) -> dict[str, np.ndarray]:
     }
 
 
-def started(diagram: Diagram, functions: Functions | None, port: int) -> Any:
+def start_server(diagram: Diagram, functions: Functions | None, port: int) -> Any:
     """A server of bokeh with the page, on this machine only, that answers once its loop runs."""
     from bokeh.server.server import Server
 
@@ -178,7 +178,7 @@ def started(diagram: Diagram, functions: Functions | None, port: int) -> Any:
 
 def serve(diagram: Diagram, functions: Functions | None, *, port: int, browser: bool) -> None:
     """The page at a port of this machine, until Ctrl-C. Errors: `OSError` for a port in use."""
-    server = started(diagram, functions, port)
+    server = start_server(diagram, functions, port)
     print(f"{diagram.title}\nhttp://localhost:{server.port}/ (Ctrl-C ends it)", flush=True)
     if browser:
         server.io_loop.add_callback(server.show, "/")

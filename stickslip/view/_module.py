@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from .._validation import check_callable, refusal
-from ._diagram import Diagram, labelled
+from ._diagram import Diagram, axis_label
 
 HAS = "a module with a function `orbit(**point)` or `diagram(**ranges)`"
 
@@ -31,7 +31,7 @@ class Motion(NamedTuple):
     labels: tuple[str, str, str]  # of the axes: time, first and second
 
 
-def imported(name: str, diagram: Diagram) -> Functions:
+def import_functions(name: str, diagram: Diagram) -> Functions:
     """The functions of a module, which must take the parameters of `diagram` by name.
 
     Errors: `ValueError` or `TypeError` naming the module or its function.
@@ -75,9 +75,9 @@ def motion(dataset: Any, observable: str) -> Motion:
     first = observable if observable in seen else seen[0]
     second = next((key for key in seen if key != first), None)
     labels = (
-        labelled("time", dataset["time"].attrs),
-        labelled(first, dataset[first].attrs),
-        "" if second is None else labelled(second, dataset[second].attrs),
+        axis_label("time", dataset["time"].attrs),
+        axis_label(first, dataset[first].attrs),
+        "" if second is None else axis_label(second, dataset[second].attrs),
     )
     values = [np.asarray(dataset[key].values, np.float64) for key in ("time", first)]
     other = None if second is None else np.asarray(dataset[second].values, np.float64)

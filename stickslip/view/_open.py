@@ -11,7 +11,7 @@ from ..sweep import open_dataset
 ALLOWED = "a netCDF file or the store of a sweep"
 
 
-def opened(path: str) -> xr.Dataset:
+def open_stored(path: str) -> xr.Dataset:
     """What is stored at `path`. Errors: `ValueError` naming the path."""
     place: pathlib.Path = the_directory("path", path, f"the path of {ALLOWED}")
     if place.is_dir():

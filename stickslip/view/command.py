@@ -7,8 +7,8 @@ import sys
 
 from .._validation import check_count, refusal
 from ._diagram import Diagram
-from ._module import imported
-from ._open import opened
+from ._module import import_functions
+from ._open import open_stored
 
 ABSENT = "The viewer draws with bokeh, which is not installed: pip install 'bokeh>=3.7'"
 
@@ -42,9 +42,9 @@ def main(arguments: list[str]) -> int:
         check_count("port", options.port, 0, 65535)
         target = None if options.html is None else _target(options.html)
         diagram = Diagram(
-            opened(options.path), options.path, x=options.x, observable=options.observable
+            open_stored(options.path), options.path, x=options.x, observable=options.observable
         )
-        functions = None if options.module is None else imported(options.module, diagram)
+        functions = None if options.module is None else import_functions(options.module, diagram)
     except (ValueError, TypeError) as error:
         print(error, file=sys.stderr)
         return 2

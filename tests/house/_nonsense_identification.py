@@ -127,7 +127,7 @@ FITTED = [
         identification.many_starts,
         {
             "residual": RESIDUAL, "starts": arg({"a": [1.0, 2.0]}), "shared": arg(1.0, "shared"),
-            "fit": arg(identification.least_squares), **LANES, **LEVENBERG, "loss": LOSS,
+            "method": arg(identification.LevenbergMarquardt(1.0), "none"), **LANES,
             "progress": arg(None, "none", "flag"),
         },
         lambda residual, starts, shared, **given: identification.many_starts(
@@ -144,14 +144,20 @@ FITTED = [
         ),
     ),
     Target(
+        identification.CMAES,
+        {
+            "rounds": arg(2), "population": arg(8), "seed": arg(0, "count"),
+            "start": arg(None, "none", "reals"),
+        },
+    ),
+    Target(
         identification.design_input,
         {
             "residual": RESIDUAL, "values": arg(UNKNOWN, "unknowns"),
             "low": arg(np.zeros(3), "finite", "float32"),
             "high": arg(np.ones(3), "positive", "float32"),
-            "shared": arg(1.0, "shared"), "start": arg(None, "none"), "criterion": arg("D"),
-            "about": arg(None, "none"), "rounds": arg(2), "population": arg(8),
-            "seed": arg(0, "count"), **LANES,
+            "shared": arg(1.0, "shared"), "criterion": arg("D"),
+            "about": arg(None, "none"), "search": arg(None, "none"), **LANES,
         },
         lambda residual, values, low, high, shared, **given: identification.design_input(
             residual, values, low, high, shared, **given

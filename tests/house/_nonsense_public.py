@@ -103,7 +103,9 @@ EXEMPT_METHODS = {
     ),
     **dict.fromkeys(
         (
-            "AbstractMethod.solve", "AbstractGaussNewton.begin",
+            "AbstractMethod.check_run", "AbstractMethod.many_near", "AbstractIterativeMethod.solve",
+            "AbstractIterativeMethod.brought_near", "AbstractIterativeMethod.many_near",
+            "MultipleShooting.check_run", "AbstractGaussNewton.begin",
             "AbstractGaussNewton.advance", "AbstractGaussNewton.finish",
             "GradientDescent.begin", "GradientDescent.advance", "GradientDescent.finish",
             "MultipleShooting.brought_near", "Homotopy.brought_near", "Homotopy.many_near",

@@ -66,11 +66,16 @@ TARGETS = [
         },
     ),
     Target(
+        identification.WhitenessTest,
+        {"lags": arg(3), "inputs": ROWS, "past_data": arg(False, "flag")},
+    ),
+    Target(
         identification.report,
         {
-            "fit": arg(ONE), "profile": arg(None, "none"), "series": ROWS, "inputs": ROWS,
-            "held_out": ROWS, "comparison": arg(None, "none"), "runs": ROWS, "other_runs": ROWS,
-            "lags": arg(3), "past_data": arg(False, "flag"), "title": arg("title", "text"),
+            "fit": arg(ONE), "profile": arg(None, "none"), "series": ROWS,
+            "whiteness": arg(None, "none"), "held_out": ROWS, "comparison": arg(None, "none"),
+            "runs": ROWS, "other_runs": ROWS,
+            "title": arg("title", "text"),
         },
     ),
 ]  # fmt: skip

@@ -19,7 +19,6 @@ REASONS = {
     "stickslip.analysis._growth.LyapunovSpectrum.result": RESULT,
     "stickslip.analysis._lyapunov_diagram.lyapunov_diagram.sweep": "the settings of run_sweep",
     "stickslip.analysis._orbit_diagram.orbit_diagram.sweep": "the settings of run_sweep",
-    "stickslip.identification._many_starts.many_starts.options": "what the function `fit` takes",
     "stickslip.identification._record.Record.from_table.options": "the options of Record",
     "stickslip.identification._record.Record.from_table.table": "what gives columns by name",
     "stickslip.continuation._orbit.PeriodicOrbit.result": RESULT,

@@ -225,7 +225,7 @@ best = identification.many_starts(residual, {"size": [1.0, 2.0], "rate": [1.0, 3
 print(identification.best(best).values["rate"])
 identification.gradient_descent(residual, {"size": 1.0, "rate": 2.0}, optimiser=optax.adam(1e-2))
 identification.many_starts(
-    residual, {"size": [1.0]}, fit=identification.LevenbergMarquardt(tolerance=1e-6), chunk_size=8
+    residual, {"size": [1.0]}, method=identification.LevenbergMarquardt(tolerance=1e-6), chunk_size=8
 )
 
 plot.motion(run, block, "x")

@@ -1,4 +1,4 @@
-"""Constructors refuse bad parameters by name, value and what is allowed; tracers pass."""
+"""Constructors name parameters that do not go together; `tests/house` feeds each one nonsense."""
 
 import re
 
@@ -23,38 +23,12 @@ from stickslip.friction import (
 
 COULOMB = Coulomb(0.4, 0.3)
 SMOOTH = SmoothHyperbolicWeakening(0.26, 190.0, 0.9, 1.75)
-NOT_NEGATIVE = "it must be finite and not negative."
-POSITIVE = "it must be finite and positive."
 
 
 @pytest.mark.parametrize(
     ("construct", "message"),
     [
-        (lambda: Coulomb(-0.1), f"mu_s = -0.1: {NOT_NEGATIVE}"),
-        (lambda: Coulomb(0.1, np.nan), f"mu_k = nan: {NOT_NEGATIVE}"),
-        (lambda: Coulomb(jnp.array([0.1, -0.2])), f"mu_s[1] = -0.2: {NOT_NEGATIVE}"),
         (lambda: Stribeck(0.3, 0.4, 0.1), "mu_s = 0.3: it must be at least mu_k = 0.4."),
-        (lambda: Stribeck(0.3, -0.4, 0.1), f"mu_k = -0.4: {NOT_NEGATIVE}"),
-        (lambda: Stribeck(np.inf, 0.4, 0.1), f"mu_s = inf: {NOT_NEGATIVE}"),
-        (lambda: Stribeck(0.4, 0.3, 0.0), f"v_s = 0.0: {POSITIVE}"),
-        (lambda: Stribeck(0.4, 0.3, 0.1, -2), f"exponent = -2: {POSITIVE}"),
-        (lambda: Stribeck(0.4, 0.3, 0.1, jnp.array(0.0)), f"exponent = 0.0: {POSITIVE}"),
-        (lambda: HyperbolicWeakening(0.3, -1.0), f"gamma = -1.0: {NOT_NEGATIVE}"),
-        (lambda: HyperbolicWeakening(-0.3, 1.0), f"mu_s = -0.3: {NOT_NEGATIVE}"),
-        (lambda: HyperbolicWeakening(0.3, 1.0, -0.1), f"mu_k = -0.1: {NOT_NEGATIVE}"),
-        (lambda: SmoothHyperbolicWeakening(-1, 1, 1, 1), f"mu_0 = -1: {NOT_NEGATIVE}"),
-        (lambda: SmoothHyperbolicWeakening(1, 0, 1, 1), f"alpha = 0: {POSITIVE}"),
-        (lambda: SmoothHyperbolicWeakening(1, np.inf, 1, 1), f"alpha = inf: {POSITIVE}"),
-        (lambda: SmoothHyperbolicWeakening(1, 1, -1, 1), f"beta = -1: {NOT_NEGATIVE}"),
-        (lambda: SmoothHyperbolicWeakening(1, 1, 1, -1), f"gamma = -1: {NOT_NEGATIVE}"),
-        (lambda: ViscousFriction(-0.1), f"mu_v = -0.1: {NOT_NEGATIVE}"),
-        (lambda: ViscousDamping(-0.1), f"c = -0.1: {NOT_NEGATIVE}"),
-        (lambda: Regularised(COULOMB, 0.0), f"v_reg = 0.0: {POSITIVE}"),
-        (lambda: Regularised(COULOMB, 1e-3, v_brk=-1.0), f"v_brk = -1.0: {POSITIVE}"),
-        (
-            lambda: Regularised(COULOMB, 1e-3, "cubic"),
-            "kind = 'cubic': it must be one of 'tanh', 'arctan', 'sqrt'.",
-        ),
         (
             lambda: Regularised(SMOOTH, 1e-3),
             "law = SmoothHyperbolicWeakening: it must be a set-valued law without internal state",
@@ -69,8 +43,6 @@ POSITIVE = "it must be finite and positive."
             "backward = Dahl: it must be a law without internal state (",
         ),
         (lambda: Sum(), "laws = (): it must be at least one friction law."),
-        (lambda: Dahl(Coulomb(0.3), 0.0), f"sigma_0 = 0.0: {POSITIVE}"),
-        (lambda: Dahl(Coulomb(0.3), 1e3, exponent=-1.0), f"exponent = -1.0: {POSITIVE}"),
         (lambda: Dahl(COULOMB, 1e3), "law = Coulomb: it must be one whose static and kinetic"),
         (lambda: Dahl(SMOOTH, 1e3), "law = SmoothHyperbolicWeakening: it must be a set-valued law"),
         (
@@ -82,10 +54,6 @@ POSITIVE = "it must be finite and positive."
             "law.kinetic_limit(-1) = 0.0: it must be positive; bristles divide by it.",
         ),
         (lambda: LuGre(COULOMB, 1e3), "v_s = None: it must be a positive Stribeck velocity"),
-        (lambda: LuGre(Coulomb(0.3), 1e3, -1.0), f"sigma_1 = -1.0: {NOT_NEGATIVE}"),
-        (lambda: LuGre(Coulomb(0.3), 1e3, 0.0, -1.0), f"sigma_2 = -1.0: {NOT_NEGATIVE}"),
-        (lambda: LuGre(Coulomb(0.3), np.nan), f"sigma_0 = nan: {POSITIVE}"),
-        (lambda: LuGre(COULOMB, 1e3, v_s=0.0), f"v_s = 0.0: {POSITIVE}"),
     ],
 )
 def test_bad_parameters_are_named(construct, message):

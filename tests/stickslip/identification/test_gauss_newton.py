@@ -6,15 +6,15 @@ import pytest
 import scipy.optimize
 
 from stickslip.identification import GaussNewton, Unknown, many_starts
-from stickslip.identification._evaluate import solved
-from stickslip.identification._unknowns import checked
+from stickslip.identification._evaluate import solve_residual
+from stickslip.identification._unknowns import space_of
 
 TIMES = np.linspace(0.0, 4.0, 60)
 
 
 def found(residual, unknowns, **options):
-    space, first = checked("unknowns", unknowns)
-    return solved(GaussNewton(**options), residual, space, space.coordinates(first))
+    space, first = space_of("unknowns", unknowns)
+    return solve_residual(GaussNewton(**options), residual, space, space.coordinates(first))
 
 
 def test_a_linear_model_is_done_at_once():
@@ -58,7 +58,7 @@ def test_many_starts_take_it():
     rows = {"size": np.array([1.0, 2.0, 4.0]), "rate": np.array([0.3, 0.9, 2.0])}
     data = np.asarray(2.0 * np.exp(-0.9 * TIMES))
     fits = many_starts(
-        lambda p: p["size"] * jnp.exp(-p["rate"] * TIMES) - data, rows, fit=GaussNewton()
+        lambda p: p["size"] * jnp.exp(-p["rate"] * TIMES) - data, rows, method=GaussNewton()
     )
     np.testing.assert_allclose(fits.values["rate"], 0.9, rtol=1e-7)
     assert np.all(fits.successful)

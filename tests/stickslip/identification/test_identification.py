@@ -169,7 +169,7 @@ def test_many_starts_show_how_far_they_are(capsys):
 def test_an_interruption_of_many_starts_says_where_the_best_had_come(monkeypatch):
     """After the step that followed the end of the first: costs are known from single evaluations."""
     starts = {"a": np.array([0.3, 1.001, 1.2]), "b": np.array([3.0, 1.0, 1.0])}
-    evaluate, tried, left = _many_starts.evaluated, [], [3]
+    evaluate, tried, left = _many_starts.evaluate_rows, [], [3]
 
     def stopped(program, z, shared, todo, whole):
         if left[-1] < 3:
@@ -178,7 +178,7 @@ def test_an_interruption_of_many_starts_says_where_the_best_had_come(monkeypatch
         tried.append(np.exp(z[todo]))
         return evaluate(program, z, shared, todo, whole)
 
-    monkeypatch.setattr(_many_starts, "evaluated", stopped)
+    monkeypatch.setattr(_many_starts, "evaluate_rows", stopped)
     with pytest.raises(KeyboardInterrupt) as caught:
         many_starts(lambda p: jnp.append(rosenbrock(p), 1.0), starts)
     a, b = np.concatenate(tried).T
@@ -260,26 +260,12 @@ def test_gradient_descent_through_events():
 
 
 def test_bad_input():
-    for bad, error, text in (
-        ({}, TypeError, "start = {}"),
-        (3.0, TypeError, "start = 3.0"),
-        ({"a": -1.0}, ValueError, r"start\['a'\] = -1.0"),
-        ({"a": "x"}, TypeError, r"start\['a'\] = 'x'"),
-    ):
-        with pytest.raises(error, match=text):
-            least_squares(rosenbrock, bad)
-    with pytest.raises(ValueError, match="damping = 0"):
-        least_squares(rosenbrock, dict(a=1.0, b=1.0), damping=0.0)
-    with pytest.raises(TypeError, match="optimiser"):
-        gradient_descent(rosenbrock, dict(a=1.0, b=1.0), optimiser=3)
     with pytest.raises(
         ValueError, match=r"residual\(values\) = an array of shape \(\): it must be one array"
     ):
         least_squares(lambda p: p["a"], dict(a=1.0))
     with pytest.raises(ValueError, match=r"residual\(values\) = a tuple"):
         sensitivity(lambda p: (p["a"], p["a"]), dict(a=1.0))
-    with pytest.raises(TypeError, match="stepz"):
-        gradient_descent(rosenbrock, dict(a=1.0, b=1.0), stepz=3)
     single = least_squares(rosenbrock, dict(a=1.0, b=1.0))
     with pytest.raises(ValueError, match=r"fits = Fit, of shape"):
         best(single)
@@ -290,7 +276,6 @@ def test_bad_input_of_many_starts():
     for starts, text in (
         ({"a": np.ones(3), "b": np.ones(2)}, "starts = .* of shapes"),
         ({"a": 1.0, "b": 1.0}, "starts = .* of shapes"),
-        ({"a": np.ones(0), "b": np.ones(0)}, "at least one element"),
         ({"a": np.ones(3), "b": np.array([1.0, np.nan, 1.0])}, r"starts\['b'\]\[1\] = nan"),
         ({"a": np.ones(3), "b": np.array([1.0, 1.0, -2.0])}, r"starts\['b'\]\[2\] = -2.0"),
     ):
@@ -298,11 +283,5 @@ def test_bad_input_of_many_starts():
             many_starts(rosenbrock, starts)
     with pytest.raises(ValueError, match=r"shared\[0\]\['x'\]\[1\] = inf: it must be finite"):
         many_starts(lambda p, data: p["a"] - data["x"], rows, {"x": np.array([1.0, np.inf])})
-    with pytest.raises(ValueError, match="it must be least_squares or gradient_descent"):
-        many_starts(rosenbrock, rows, fit=best)
-    with pytest.raises(ValueError, match="max_steps = 0"):
-        many_starts(rosenbrock, rows, max_steps=0)
-    with pytest.raises(ValueError, match="executor = 'best'"):
-        many_starts(rosenbrock, rows, executor="best")
     with pytest.raises(ValueError, match=r"starts = .*: it must be known"):
         jax.jit(lambda a: many_starts(rosenbrock, {"a": a, "b": a}).steps)(np.ones(3))

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from stickslip.identification import Normal, Unknown, sensitivities, sensitivity
+from stickslip.identification import CMAES, Normal, Unknown, sensitivities, sensitivity
 from stickslip.identification import design_input as design_on
 
 design_input = functools.partial(design_on, executor="portable", criterion="D")
@@ -31,7 +31,7 @@ def line(values, u):
 
 def test_d_optimal_rows_are_those_of_hadamard():
     """For four rows with entries in [-1, 1] det S'S is at most 4^2, with orthogonal columns."""
-    found = design_input(plane, HERE, -np.ones((4, 2)), 1.0, rounds=40, population=16)
+    found = design_input(plane, HERE, -np.ones((4, 2)), 1.0, search=CMAES(40, 16))
     assert float(found.value) == pytest.approx(np.log(16.0), abs=1e-9)
     rows = np.asarray(found.coefficients)
     np.testing.assert_allclose(rows.T @ rows, 4.0 * np.eye(2), atol=1e-6)
@@ -43,7 +43,7 @@ def test_d_optimal_rows_are_those_of_hadamard():
 @pytest.mark.parametrize(("criterion", "part"), [("D", 1.0 / 2.0), ("A", 2.0 / 3.0)])
 def test_time_is_shared_out_as_each_criterion_wants(criterion, part):
     """det = 4 u (1 - u) is greatest at 1/2; the trace 1/u + 1/(4 (1 - u)) is least at 2/3."""
-    found = design_input(shared_out, HERE, [0.01], [0.99], criterion=criterion, rounds=30, population=8)
+    found = design_input(shared_out, HERE, [0.01], [0.99], criterion=criterion, search=CMAES(30, 8))
     assert float(found.coefficients[0]) == pytest.approx(part, abs=1e-4)
     u = part
     value = {"D": np.log(4.0 * u * (1.0 - u)), "A": -np.log(1.0 / u + 0.25 / (1.0 - u))}[criterion]
@@ -52,11 +52,11 @@ def test_time_is_shared_out_as_each_criterion_wants(criterion, part):
 
 def test_what_is_not_asked_for_is_unknown_all_the_same():
     """The slope of a line with an unknown offset needs both ends; with a known one only the far one."""
-    with_offset = design_input(line, HERE, np.zeros(2), 1.0, about=["a"], rounds=25, population=12)
+    with_offset = design_input(line, HERE, np.zeros(2), 1.0, about=["a"], search=CMAES(25, 12))
     np.testing.assert_allclose(np.sort(with_offset.coefficients), [0.0, 1.0], atol=1e-6)
     assert float(with_offset.value) == pytest.approx(np.log(0.5), abs=1e-9)
     known = {"a": 1.0, "b": Unknown(1.0, bounds=(0.0, None), prior=Normal(1.0, 1e-6))}
-    without = design_input(line, known, np.zeros(2), 1.0, about=["a"], rounds=25, population=12)
+    without = design_input(line, known, np.zeros(2), 1.0, about=["a"], search=CMAES(25, 12))
     np.testing.assert_allclose(without.coefficients, 1.0, atol=1e-6)
     assert float(without.value) == pytest.approx(np.log(2.0), abs=1e-5)
 
@@ -66,7 +66,7 @@ def test_inputs_under_which_a_run_fails_are_left_out_and_a_start_is_kept():
         return jnp.where(u > 0.7, jnp.nan, 1.0) * plane(values, jnp.diag(u))
 
     begin = np.array([0.2, 0.3])
-    found = design_input(fails, HERE, np.zeros(2), 1.0, start=begin, rounds=30, population=12)
+    found = design_input(fails, HERE, np.zeros(2), 1.0, search=CMAES(30, 12, start=begin))
     assert float(found.first) == pytest.approx(2.0 * np.log(0.06))
     assert np.all((np.asarray(found.coefficients) <= 0.7) & (np.asarray(found.coefficients) > 0.68))
     there = sensitivity(lambda p: fails(p, found.coefficients), HERE)
@@ -75,11 +75,13 @@ def test_inputs_under_which_a_run_fails_are_left_out_and_a_start_is_kept():
 
 def test_what_cannot_be_designed_is_refused():
     with pytest.raises(ValueError, match="about = 'a, b': it must be unknowns that the data of"):
-        design_input(lambda p, u: u * p["a"] * p["b"], HERE, np.zeros(3), 1.0, population=4)
+        design_input(
+            lambda p, u: u * p["a"] * p["b"], HERE, np.zeros(3), 1.0, search=CMAES(population=4)
+        )
     with pytest.raises(ValueError, match=r"low\[\(1,\)\] = 1.0: it must be below high, 1.0"):
         design_input(plane, HERE, [0.0, 1.0], 1.0)
     with pytest.raises(ValueError, match=r"start = .*: it must be within the limits"):
-        design_input(plane, HERE, np.zeros(2), 1.0, start=[0.5, 1.5])
+        design_input(plane, HERE, np.zeros(2), 1.0, search=CMAES(start=[0.5, 1.5]))
     with pytest.raises(ValueError, match=r"about = .*: it must be some of the names a, b"):
         design_input(plane, HERE, np.zeros(2), 1.0, about=["c"])
 
@@ -103,7 +105,7 @@ def test_chunks_of_one_size_are_one_program_for_any_number_of_inputs():
             inputs = np.linspace(0.0, 1.0, count)[:, None] * np.array([0.0, 1.0])
             found = sensitivities(residual, rows, inputs, **options)
             np.testing.assert_allclose(found.matrix[..., 0], inputs, atol=1e-15)
-        design_on(residual, HERE, np.zeros(2), 1.0, rounds=2, population=6, **options)
+        design_on(residual, HERE, np.zeros(2), 1.0, search=CMAES(2, 6), **options)
     finally:
         jax.monitoring.unregister_event_duration_listener(hear)
     assert len(lowered) == 1

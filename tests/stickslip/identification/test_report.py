@@ -9,7 +9,14 @@ import scipy.stats
 import xarray as xr
 
 import stickslip as ss
-from stickslip.identification import Unknown, compare, least_squares, profile, report
+from stickslip.identification import (
+    Unknown,
+    WhitenessTest,
+    compare,
+    least_squares,
+    profile,
+    report,
+)
 from stickslip.systems import CoulombOscillator, Motion
 
 T = np.linspace(0.0, 2.0, 200)
@@ -29,10 +36,13 @@ START = {
 }  # fmt: skip
 
 
+BY_INPUT = WhitenessTest(inputs={"u": INPUT})
+
+
 def made(colour=0.0, **more):
     fit = least_squares(lambda p: residual(p, colour), START, max_steps=300)
     found = profile(lambda p: residual(p, colour), fit)
-    return report(fit, profile=found, inputs={"u": INPUT}, series={"x": fit.residual}, **more)
+    return report(fit, profile=found, whiteness=BY_INPUT, series={"x": fit.residual}, **more)
 
 
 def run(stiffness):
@@ -125,8 +135,6 @@ def test_bad_input(tmp_path):
     with pytest.raises(ValueError, match=r"profile = .* of the unknowns gain, height"):
         report(fit, profile=profile(lambda p: jnp.stack([p["q"] - 1.0]), other))
     with pytest.raises(ValueError, match=r"inputs\['u'\] = .* of shape \(200,\), as series\['x'\]"):
-        report(fit, series={"x": fit.residual}, inputs={"u": INPUT[:5]})
+        report(fit, series={"x": fit.residual}, whiteness=WhitenessTest(inputs={"u": INPUT[:5]}))
     with pytest.raises(ValueError, match=r"other_runs = .* named as runs"):
         report(fit, other_runs={"a": run(1.0)})
-    with pytest.raises(TypeError, match="path = 3"):
-        report(fit).to_html(3)

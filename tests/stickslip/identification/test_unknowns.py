@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from stickslip.identification import (
+    LevenbergMarquardt,
     Normal,
     Unknown,
     best,
@@ -116,7 +117,7 @@ def test_many_starts_and_vmap_of_unknowns():
         "share": Unknown([0.5, 0.2, 0.9], bounds=(0.0, 1.0)),
     }
     exact = np.linalg.lstsq(MATRIX, DATA)[0]
-    found = many_starts(residual, rows, tolerance=1e-15)
+    found = many_starts(residual, rows, method=LevenbergMarquardt(tolerance=1e-15))
     assert bool(jnp.all(found.successful))
     for i, name in enumerate(NAMES):
         np.testing.assert_allclose(found.values[name], exact[i], rtol=1e-8)
@@ -138,12 +139,7 @@ def test_bad_unknowns():
         (lambda: Unknown(2.0, (3.0, None)), ValueError, r"start = 2.0: it must be above bounds\[0\]"),
         (lambda: Unknown(2.0, (None, 2.0)), ValueError, r"start = 2.0: it must be below bounds\[1\]"),
         (lambda: Unknown(2.0, (3.0, 1.0)), ValueError, r"bounds = \(3.0, 1.0\): it must be a pair"),
-        (lambda: Unknown(2.0, 3.0), TypeError, "bounds = 3.0: it must be a pair"),
         (lambda: Unknown(2.0, ("a", None)), TypeError, r"bounds\[0\] = 'a'"),
-        (lambda: Unknown(2.0, prior=3.0), TypeError, "prior = 3.0: it must be a Normal"),
-        (lambda: Unknown(np.nan), ValueError, "start = nan"),
-        (lambda: Unknown(1.0, scale=0.0), ValueError, "scale = 0.0"),
-        (lambda: Normal(0.0, 0.0), ValueError, "sd = 0.0"),
     ):
         with pytest.raises(error, match=text):
             make()

@@ -277,13 +277,10 @@ def test_wrong_arguments_of_an_orbit(ring, block):
             TypeError,
             r"at = 'PD': it must be .* or one of branch.specials \(here of branch\['EP'\]",
         ),
-        (True, TypeError, "at = True"),
         (block.specials[0], ValueError, "at = BranchPoint, of another branch: it must be"),
     ):
         with pytest.raises(kind, match=text):
             plot.orbit(ring, at)
-    with pytest.raises(TypeError, match="branch = 1: it must be a Branch"):
-        plot.orbit(1, 0)
     with pytest.raises(ValueError, match=r"x = 'w': it must be .*z\[0\]"):
         plot.orbit(ring, 0, "w")
     with pytest.raises(ValueError, match=r"y = 'z': it must be a single number, one of z\[0\], z\[1\]"):

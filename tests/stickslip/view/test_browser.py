@@ -7,8 +7,8 @@ import pytest
 
 from stickslip.__main__ import main
 from stickslip.view._diagram import Diagram
-from stickslip.view._live import started
-from stickslip.view._module import imported
+from stickslip.view._live import start_server
+from stickslip.view._module import import_functions
 from tests.stickslip.view import _chromium
 from tests.stickslip.view._made_up import A, diagram_of, sections_of
 
@@ -99,7 +99,7 @@ def test_sections_are_chosen_on_the_page(tmp_path):
 
 async def ask(diagram):
     """What the server's page shows after a click, an orbit that fails, a dragged region, and back."""
-    server = started(diagram, imported("tests.stickslip.view._made_up", diagram), 0)
+    server = start_server(diagram, import_functions("tests.stickslip.view._made_up", diagram), 0)
     try:
         async with _chromium.open_page(f"http://localhost:{server.port}/") as page:
             await page.until(READY)

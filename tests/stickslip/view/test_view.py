@@ -18,8 +18,8 @@ from bokeh.models import CustomJS
 from stickslip.view import _file
 from stickslip.view._diagram import Diagram
 from stickslip.view._live import Live
-from stickslip.view._module import imported
-from stickslip.view._open import opened
+from stickslip.view._module import import_functions
+from stickslip.view._open import open_stored
 
 MODULE, ALONE = "tests.stickslip.view._made_up", "tests.stickslip.view._alone"
 
@@ -32,9 +32,9 @@ def written(tmp_path, dataset=None):
 
 def page(tmp_path, module=None):
     path = written(tmp_path)
-    diagram = Diagram(opened(path), path)
+    diagram = Diagram(open_stored(path), path)
     document = Document()
-    return Live(diagram, module and imported(module, diagram), document), document
+    return Live(diagram, module and import_functions(module, diagram), document), document
 
 
 def work(document):
@@ -112,9 +112,9 @@ def test_the_users_functions_are_asked_and_their_errors_shown(tmp_path, capsys):
 
 def test_a_section_is_chosen_by_name_and_no_function_is_given_it(tmp_path):
     path = written(tmp_path, sections_of())
-    diagram = Diagram(opened(path), path)
+    diagram = Diagram(open_stored(path), path)
     document = Document()
-    live = Live(diagram, imported(ALONE, diagram), document)
+    live = Live(diagram, import_functions(ALONE, diagram), document)
     work(document)
     (select,) = live.page.selects
     assert [label for _, label in select.options] == ["top", "low"]
@@ -135,7 +135,7 @@ def test_a_section_is_chosen_by_name_and_no_function_is_given_it(tmp_path):
 def test_a_file_keeps_one_orbit_for_all_sections(tmp_path):
     diagram = Diagram(sections_of(), "made up")
     _alone.ASKED.clear()
-    found = _file.orbits_of(diagram, imported(ALONE, diagram))
+    found = _file.orbits_of(diagram, import_functions(ALONE, diagram))
     assert [(orbit["slice"], orbit["x"]) for orbit in found] == [(i, a) for i in range(2) for a in A]
     assert _alone.ASKED == list(A)
 
@@ -147,7 +147,7 @@ def test_one_file_without_a_server(tmp_path, capsys):
     assert len(text) < _file.LARGEST
     assert not re.findall(r"""<(?:script|link|img|iframe)[^>]*(?:src|href)\s*=\s*["']http""", text)
     diagram = Diagram(diagram_of(), "made up")
-    found = _file.orbits_of(diagram, imported(MODULE, diagram))
+    found = _file.orbits_of(diagram, import_functions(MODULE, diagram))
     assert len(found) == 22
     assert [orbit["x"] for orbit in found if orbit["error"]] == pytest.approx([1.9, 2.0, 1.9, 2.0])
     capsys.readouterr()
@@ -159,12 +159,12 @@ def test_one_file_without_a_server(tmp_path, capsys):
 
 
 def test_lanes_are_left_out_evenly_where_all_do_not_fit():
-    pack = _file.packed(Diagram(diagram_of(), "made up"), 30)
+    pack = _file.pack_points(Diagram(diagram_of(), "made up"), 30)
     truth = diagram_of().x.values[:, ::2]
     assert pack.stride == 2
     np.testing.assert_allclose(pack.y, truth[np.isfinite(truth)], rtol=1e-7)
     with pytest.raises(ValueError, match="two lanes of each of 2 choices"):
-        _file.packed(Diagram(diagram_of(), "made up"), 3)
+        _file.pack_points(Diagram(diagram_of(), "made up"), 3)
 
 
 def test_a_store_of_a_sweep_is_read(tmp_path):
@@ -174,7 +174,7 @@ def test_a_store_of_a_sweep_is_read(tmp_path):
         lambda a: {"x": np.arange(3.0) * a}, {"a": np.array([1.0, 2.0])}, store=tmp_path / "store",
         labels=Labels({"x": Variable(("point",))}), compute=Compute("portable", progress=False),
     )  # fmt: skip
-    diagram = Diagram(opened(str(tmp_path / "store")), "store")
+    diagram = Diagram(open_stored(str(tmp_path / "store")), "store")
     lanes = diagram.lanes([])
     assert lanes.y.tolist() == [[0, 1, 2], [0, 2, 4]]
     assert diagram.in_words(lanes, 1) == "a = 2: period unknown (not stored), status not stored"
@@ -196,7 +196,7 @@ def test_a_store_of_several_sections_has_their_names(tmp_path):
     )  # fmt: skip
     read = open_dataset(tmp_path / "store")
     assert read.x.sel(section="low").shape == (3, 2)
-    diagram = Diagram(opened(str(tmp_path / "store")), "store")
+    diagram = Diagram(open_stored(str(tmp_path / "store")), "store")
     assert diagram.others == {"section": ["top", "low"]}
     assert diagram.parameters == ["stiffness"]
     # From rest at 1 the first top comes after a period: all tops are at 1, all lows at -1.

@@ -1,0 +1,112 @@
+"""Numbers that decide in fits, profiles, designs and reports: our choice where no source is named."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """Thresholds and counts of the package, each with its unit, its meaning and where it comes from."""
+
+    # [-] singular values of a sensitivity below this part of the largest are not seen by the data: the
+    # Jacobians of runs with a tolerance of 1e-8 have some seven digits
+    seen: float = 1e-7
+    # [-] entries of a direction, a unit vector, below this belong to unknowns that are no part of it
+    part: float = 1e-4
+    # [-] reduced chi squared from which on a fit is said not to explain the data: twice the noise
+    poor_fit: float = 4.0
+    # [-] an estimate nearer to its bound than this part of its standard error, and of the distance
+    # between the bounds, is at the bound
+    at_bound: float = 0.01
+
+    # Steps of a fit.
+    # [-] part of the distance to a bound that a step leaves: Coleman and Li (1996) take 0.995 of it
+    left_to_bound: float = 0.005
+    # [-] distances from a single bound at which a step may end, in those at which it began
+    away_from_bound: float = 10.0
+    # [-] damping of the step that shows what is still to be gained: hardly any
+    least_damping: float = 1e-10
+    # [-] part of the largest sensitivity that stands for that of an unknown that moves nothing
+    least_sensitivity: float = 1e-8
+    # [-] logarithm of the farthest way of an unknown with a bound towards it under rounded friction, a
+    # factor of 1,100: nothing returns from the bound itself
+    homotopy_reach: float = 7.0
+    # starts in one call of the program of many starts: the fewest, and from one size to the next
+    fewest_starts: int = 8
+    more_starts: int = 4
+
+    # Profiles.
+    # [-] distances, or sizes, up to which an unknown without a bound on that side is followed
+    profile_reach: float = 1e3
+    # [-] part of the distance between two bounds that is left out next to each
+    next_to_bound: float = 1e-9
+    # [-] a profile that rises by less than this part of the level is flat
+    flat: float = 1e-6
+    # points of a side that are kept
+    profile_points: int = 40
+    # [-] length of a step along a profile in that of the one before
+    longest_step: float = 3.0
+    # steps of the refit at one point
+    refit_steps: int = 25
+    # [-] combinations with a smaller part of the largest singular value stay where they are in a refit
+    refit_rank: float = 1e-10
+    # [-] of the level: what a linearised problem may still promise at the minimum of all unknowns, from
+    # which the interval is measured; at the end of a refit; and of one that gains no more
+    minimum: float = 1e-15
+    refit: float = 1e-9
+    refit_at_rest: float = 1e-4
+    # [-] of the sum of squares: a refit that gains less gains no more
+    stalled: float = 1e-14
+    # [-] of the root of the level: the end of an interval is found
+    interval_end: float = 2e-8
+    # [-] of the root of the level: next to the minimum rounding has a say in the slope of the rise
+    next_to_minimum: float = 1e-3
+    # [-] damping, in parts of the largest curvature, at which the search of the minimum ends
+    most_damping: float = 1e12
+    # [-] damping, in parts of the largest curvature, at which a refit has come to a jump
+    halted: float = 1e2
+    # steps of a refit whose linearised problem stays far above the level
+    given_up: int = 2
+    # [-] roots of the rise, in those of the level, up to which a refit may have ended outside
+    near_outside: float = 1.5
+    # [-] of the distance: a jump of the profile is enclosed as narrowly, and at least as narrowly as
+    # the second when all steps are spent
+    narrow: float = 1e-6
+    coarse: float = 1e-2
+    # sets of points around the one inside from which a refit begins anew, and points of a set
+    probe_sets: int = 8
+    probes: int = 6
+    # [standard deviations] change of the residuals by a coordinate that matters
+    lightest: float = 1e-8
+
+    # Posterior.
+    # [-] acceptance aimed at: kinks of the density at a changed mode sequence cost accuracy
+    acceptance: float = 0.9
+    # [standard errors] spread of the first points of the chains
+    chain_spread: float = 0.5
+    # [-] largest first step of a coordinate: a combination that is not seen has no standard error
+    widest_step: float = 1.0
+
+    # Design of inputs.
+    # [-] size of the first steps of the search, in parts of the limits
+    design_step: float = 0.2
+    # [-] part of the largest information below which there is none
+    least_information: float = 1e-14
+
+    # Stamps and signals.
+    # modes that are asked for oscillations
+    most_modes: int = 16
+    # swings between two stamps from which on a record is said not to show them: Nyquist asks for 0.5
+    most_swings: float = 2.0
+    # [-] an oscillation turns by at least this part of its rate
+    overdamped: float = 1e-6
+    # [s] time of a break that never comes
+    never: float = 1e300
+
+    # Words and pictures.
+    # largest denominator of an exponent of a combination
+    largest_denominator: int = 6
+    # panels in a row of the pictures of a report
+    panels: int = 4
+
+
+ACCURACY = Accuracy()
