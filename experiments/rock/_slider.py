@@ -51,7 +51,7 @@ class SpringSlider(ss.AbstractSmoothSystem):
         return 1.0
 
 
-def slider(law: str, values: dict[str, Any], load: Signal) -> SpringSlider:
+def slider(law: Any, values: dict[str, Any], load: Signal) -> SpringSlider:
     """The slider under values by name."""
     friction = RateAndState(
         values["mu_0"], values["a"], values["b"], values["d_c"], SPEEDS[0], evolution=law

@@ -1,4 +1,4 @@
-"""What a finite sequence of points says about the attractor: its period, and whether it is reached."""
+"""The attractor by a finite sequence of points: its period, and whether it is reached."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -20,7 +20,7 @@ from .._validation import (
     whole_number,
 )
 
-# What `period` means, by number in `period_status`. Only "repeats" and "none" are measurements.
+# Meanings of `period`, by number in `period_status`. Only "repeats" and "none" are measurements.
 PERIOD_STATUS = (
     "repeats",
     "none",
@@ -150,7 +150,7 @@ def period_of(
         largest = jnp.maximum(largest, jnp.where(jnp.isfinite(start), jnp.abs(start), 0.0))
     moves = size > ROUNDING * largest
     resolved = tolerance * size >= rounding
-    # What does not move repeats anyhow.
+    # A fixed point repeats anyhow.
     scaled = (latest - low[None, :]) / jnp.where(moves, size, jnp.inf)[None, :]
     tells = moves & (jnp.max(jnp.abs(latest), axis=0) > VANISHES * size)
 

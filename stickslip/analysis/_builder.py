@@ -1,4 +1,4 @@
-"""What makes the system of each point of a grid, and the labels of such a diagram."""
+"""Builders of the system of each point of a grid, and the labels of such a diagram."""
 
 from collections.abc import Callable, Collection, Mapping
 from typing import Any
@@ -43,7 +43,7 @@ def labelled_parameters(
 ) -> dict[str, Variable]:
     """Labels of the grid: those given, else the units that the system states of its parameters.
 
-    What a function makes of a point is its own business, and has no unit that is known here.
+    A function may make anything of a point, and its unit is not known here.
     """
     found = {}
     for key in coords:

@@ -15,14 +15,14 @@ from .._validation import check_count, is_concrete, refusal
 # Below this part of the longest image a direction counts as lost: it lies in the span of the others
 # to rounding.
 LOST = 1e-11
-# What an exponent is. New words go to the end.
+# Meanings of an exponent. New words go to the end.
 EXPONENT_STATUS = ("ok", "lost", "at_rest", "failed", "neutral")
 
 
 class LyapunovSpectrum(eqx.Module):
     r"""Lyapunov exponents, greatest first, and how sure they are. Batch axes come in front.
 
-    - `exponents` [1/s] (per iteration for a map): mean growth rates. Those that agree within their
+    - `exponents` [1/s] (per iteration for a map): mean growth rates. Rates that agree within their
       errors may stand either way: the order is that of the directions followed. `-inf` for a
       direction that is lost in finite time: where slip turns into stick the tangent map loses rank.
     - `error` [1/s]: the larger of two estimates: standard error of the mean from block means, which
@@ -94,7 +94,7 @@ class LyapunovSpectrum(eqx.Module):
     def kaplan_yorke_dimension(self) -> Float[Array, "*batch"]:
         r"""$j + \sum_{i \le j}\lambda_i/|\lambda_{j+1}|$, $j$ the last with a sum not below zero.
 
-        Of the full spectrum, an estimate of the information dimension of the attractor (Kaplan &
+        For the full spectrum, an estimate of the information dimension of the attractor (Kaplan &
         Yorke 1979). 0 where all exponents are negative, the dimension of the state where no partial
         sum is. An exponent that is zero counts with the error it has. NaN where an exponent is.
         """

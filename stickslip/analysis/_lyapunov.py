@@ -185,7 +185,7 @@ def _spectrum(
     shifts = neutral_shifts(
         system, args, ts, states, modes, unravel, jnp.where(reach > 0.0, reach, scales)
     )
-    # Of those components that deviate, and by shifts of these alone.
+    # Only for components that deviate, and by shifts of these alone.
     own = jnp.any(shifts != 0.0, axis=0) & ~jnp.any((shifts != 0.0) & (mask == 0.0), axis=0)
     status = with_neutral(mean, error, status, jnp.sum(own, dtype=jnp.int32))
     return LyapunovSpectrum(

@@ -15,7 +15,7 @@ from ._attractor import CANNOT_TELL, PERIOD_STATUS, ROUNDING, period_of
 from ._recording import PeriodTest
 from .observable import Angle, Observable, whole_of
 
-# What became of a lane. New words go to the end: stored numbers keep their meaning.
+# Fates of a lane. New words go to the end: stored numbers keep their meaning.
 STATUS = (
     "ok",
     "left_domain",
@@ -58,7 +58,7 @@ class OrbitPlan(NamedTuple):
 
 
 class Numbers(NamedTuple):
-    """What may differ between two runs of one compiled program."""
+    """Numbers that may differ between two runs of one compiled program."""
 
     t0: Any
     transient: Any

@@ -9,8 +9,8 @@ from jaxtyping import Array, Float, PyTree
 
 from ..hybrid import AbstractHybridSystem
 
-# Of the derivatives along a shift, in parts of the largest: below the first it is one that may change
-# nothing; a component with less of it has no part in it.
+# Bounds on the derivatives along a shift, in parts of the largest: below the first it is one that may
+# change nothing; a component with less of it has no part in it.
 WEAK, NONE = 1e-8, 1e-7
 # Sizes of the motion by which a state is shifted to see whether anything changes, and the largest
 # change, in parts of what is largest along the motion, that is rounding.
@@ -30,7 +30,7 @@ def neutral_shifts(
 
     In parts of the size of each component; columns that are zero are none. They are the common kernel
     of the derivatives along a motion, of `ts`, `states`, `modes`, if nothing changes far away either: a
-    wall that the motion does not reach holds a place. What the transitions do with them is not asked.
+    wall that the motion does not reach holds a place. Transitions are not asked.
     """
 
     def acting(t, flat, mode):

@@ -55,7 +55,7 @@ def _check_observable(observable: Any) -> None:
         check_text("observable", observable, f"the name of an observable or a function {CALL}")
 
 
-# What is read off is a value, not a closure: equal ones make equal programs, which are traced once.
+# An observable is a value, not a closure: equal ones make equal programs, which are traced once.
 
 
 @dataclasses.dataclass(frozen=True)

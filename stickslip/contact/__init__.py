@@ -1,7 +1,7 @@
 """Dry contacts at rest on a body with two velocities: the dead zone, and the motion beyond it.
 
 A body with generalised velocities `v` and dry contacts with sliding velocities `n_c · v` is at rest.
-What it does next follows from Gauss' principle with Coulomb's set of static forces:
+The next motion follows from Gauss' principle with Coulomb's set of static forces:
 
     a = argmin 1/2 a' M a - a' F + sum_c R_c |n_c · a| ,    R_c = mu_s N_c
 

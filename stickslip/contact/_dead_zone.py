@@ -36,7 +36,7 @@ def vector_dead_zone(
     forces fill a polygon with edges along the normals. Inside it `a = 0`. Outside, `a` belongs to
     an edge or a corner of it. Edge `c` has all other contacts sliding in the sense `sgn(n_k ·
     d_c)`, `d_c` perpendicular to `n_c`; the force of contact `c` that stops it, cut to its
-    interval, makes the edge and its two corners one candidate. Of the edges that `F` lies outside
+    interval, makes the edge and its two corners one candidate. Among the edges that `F` lies outside
     of, the one whose candidate agrees best with the signs it supposes is taken. Choosing by the
     signs, which are linear in `a`, and not by the least objective, which is quadratic, keeps the
     result exact to rounding at the borders between the candidates.

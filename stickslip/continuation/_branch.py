@@ -12,7 +12,6 @@ from ..analysis.observable import with_parameters
 from ..hybrid import AbstractHybridSystem
 from ._equilibrium import Equilibrium
 from ._family import AbstractFamily, Event
-from ._orbit import PeriodicOrbit
 from ._walk import Half
 
 if TYPE_CHECKING:
@@ -33,7 +32,7 @@ class BranchPoint(eqx.Module):
 
     label: str
     values: np.ndarray
-    orbit: PeriodicOrbit | Equilibrium
+    orbit: Any  # PeriodicOrbit, or Equilibrium
     words: str
     index: int
     slope: np.ndarray
@@ -64,7 +63,7 @@ class Branch(eqx.Module):
 
     parameters: tuple[str, ...]
     values: np.ndarray
-    orbits: PeriodicOrbit | Equilibrium
+    orbits: Any  # PeriodicOrbit, or Equilibrium, with one leading axis
     sequences: tuple
     specials: tuple[BranchPoint, ...]
     system: AbstractHybridSystem

@@ -86,7 +86,7 @@ def load_branch(
         raise refusal("path", str(path), "a file of save_branch") from error
     form = str(data.attrs.get("stickslip", ""))
     if form != FORMAT:
-        but = f"of the format {form!r}" if form else None
+        but = f"of the format {form!r}" if form else ""
         raise refusal("path", str(path), f"a file of save_branch of the format {FORMAT!r}", but=but)
     try:
         parameters = tuple(json.loads(data.attrs["parameters"]))

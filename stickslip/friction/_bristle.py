@@ -1,4 +1,4 @@
-"""What the bristle laws share: a deflection that gives the contact a tangential stiffness."""
+"""Shared by the bristle laws: a deflection that gives the contact a tangential stiffness."""
 
 import abc
 

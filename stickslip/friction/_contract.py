@@ -1,4 +1,4 @@
-"""What every friction law must fulfil, checked by numbers."""
+"""The contract that every friction law must fulfil, checked by numbers."""
 
 from collections.abc import Iterator
 from typing import Any

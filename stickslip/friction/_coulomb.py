@@ -15,6 +15,7 @@ class Coulomb(AbstractDryFrictionLaw):
     $$\mu(v) = \mu_k\,\mathrm{sgn}\,v \quad (v \ne 0), \qquad |\mu(0)| \le \max(\mu_s, \mu_k)$$
 
     - At rest: the interval $[-\mu_s, \mu_s]$, or $[-\mu_k, \mu_k]$ where $\mu_s < \mu_k$.
+      At $\mu_s = \mu_k$ derivatives are those of $\mu_s \ge \mu_k$, without a flag.
     - Limits: $\mu(0^\pm) = \mu(\pm\infty) = \pm\mu_k$.
     - Set-valued, odd, dissipative.
 

@@ -1,4 +1,4 @@
-"""What laws without a jump take over from the set-valued law they are made of."""
+"""Properties that laws without a jump take over from the set-valued law they are made of."""
 
 import equinox as eqx
 from jaxtyping import Array, Float

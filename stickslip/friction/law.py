@@ -1,4 +1,4 @@
-"""What every friction law offers to a mechanism, whatever its form."""
+"""Interface of every friction law to a mechanism, whatever its form."""
 
 import abc
 from typing import TYPE_CHECKING, Any, cast
@@ -37,7 +37,7 @@ def deformation(law: "AbstractFrictionLaw", name: str, value: Any) -> Any:
     return tuple(reals(law, f"{name}[{i}]", item) for i, item in enumerate(value))
 
 
-# What the methods that a law defines look at: their arguments in order.
+# Arguments of the methods that a law defines, in order.
 _CHECKED: dict[str, dict[str, Check]] = {
     "kinetic": {"v": reals, "sense": senses},
     "static_coefficient": {"sense": senses},

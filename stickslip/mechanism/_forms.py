@@ -115,7 +115,7 @@ class RegularisedMechanism(_AbstractSmoothForm):
 
     mechanism: AbstractWithObservables
     v_reg: Float[Array, "..."]
-    kind: str = eqx.field(static=True)
+    kind: Any = eqx.field(static=True)
 
     def __init__(self, mechanism: Given[AbstractWithObservables], v_reg: Numeric, kind: str = "tanh"):
         self.mechanism = _without_stops(mechanism)

@@ -170,6 +170,12 @@ class AbstractMechanism(AbstractWithObservables):
         per contact that may open or lose its normal force, per stop."""
         return self.structure.guard_names
 
+    @property
+    def islands(self) -> tuple[AbstractContactGroup, ...]:
+        """Groups of velocities that contacts and inertia couple: `columns` are the numbers of their
+        coordinates, `rows` those of their contacts and stops."""
+        return self.structure.groups
+
     # -- one instant, and the hybrid system
 
     def vector_field(self, t, y, mode, args):

@@ -74,11 +74,11 @@ class Source:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What is there to draw: single numbers of the state, or of the variables over time."""
+        """Names that can be drawn: single numbers of the state, or of the variables over time."""
         return tuple(name for name in self.parts if not self.dataset or name != "mode")
 
     def function(self, argument: str, name: Any) -> Any:
-        """What computes an observable; refused where there is none of the name."""
+        """Function of an observable; an error where there is none of the name."""
         if self.dataset:
             if not isinstance(name, str) or name not in self.parts:
                 raise refusal(argument, name, f"one of {', '.join(self.parts)}")
@@ -130,7 +130,7 @@ class Source:
 
 
 def function_of(argument: str, name: Any, system: Any, state: PyTree) -> Any:
-    """What computes an observable, None for a single number of the state; refused if it is neither."""
+    """Function of an observable, None for a single number of the state; an error if it is neither."""
     components = components_of(state)
     parts = _parts(components)
     plain = name.removeprefix("slope of ") if isinstance(name, str) else name

@@ -66,7 +66,7 @@ def intervals(solution: Solution, system: AbstractHybridSystem) -> dict[str, lis
     edges = np.concatenate([[solution.t0], np.asarray(log.t)[:count], [solution.t1]])
     first = log.mode_before[0] if count else solution.mode1
     modes = np.concatenate([[first], np.asarray(log.mode_after)[:count]]).astype(np.int64)
-    # What lasts no time at all is not seen: a contact that passes through rest, events at one instant.
+    # A stick of no duration is not seen: a contact that passes through rest, events at one instant.
     lasts = np.diff(edges) > 0.0
     begin, end, modes = edges[:-1][lasts], edges[1:][lasts], modes[lasts]
     found = {}
@@ -79,5 +79,5 @@ def intervals(solution: Solution, system: AbstractHybridSystem) -> dict[str, lis
 
 
 def rows_of(solution: Solution) -> Any:
-    """What a run kept of the motion: outputs, else steps, else None."""
+    """Rows of the motion that a run kept: outputs, else steps, else None."""
     return solution.steps if solution.outputs is None else solution.outputs

@@ -47,7 +47,7 @@ class BlockState(NamedTuple):
 
 
 class Loads(NamedTuple):
-    """What acts on block and rim besides inertia and friction, and the normal force."""
+    """Forces on block and rim besides inertia and friction, and the normal force."""
 
     on_block: Any  # left-hand side of (8) without inertia [N]
     on_rim: Any  # left-hand side of (9) without inertia, plus Q/r [N]

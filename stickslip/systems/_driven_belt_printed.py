@@ -33,7 +33,7 @@ _PREFERENCE = tuple(
 
 
 class Moves(NamedTuple):
-    """What follows from a state and a mode."""
+    """Quantities that follow from a state and a mode."""
 
     loads: Loads
     T_s: Any

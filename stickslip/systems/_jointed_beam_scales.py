@@ -17,7 +17,7 @@ PARAMETER_UNITS = {
 
 
 class BeamScales(AbstractShown):
-    r"""What turns dimensional quantities of a beam into dimensionless ones, Eq. (2.9).
+    r"""Scales that turn dimensional quantities of a beam into dimensionless ones, Eq. (2.9).
 
     With $\alpha_1 = EI$, $\alpha_2 = L$, $\alpha_3 = \rho A$ as units, a dimensionless quantity is the
     dimensional one divided by

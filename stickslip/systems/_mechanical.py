@@ -1,4 +1,4 @@
-"""What the reference systems share: the state of a point, names of modes, the law of one contact."""
+"""Shared by the reference systems: the state of a point, names of modes, the law of one contact."""
 
 from typing import Any, NamedTuple
 

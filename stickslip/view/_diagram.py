@@ -1,4 +1,4 @@
-"""What a diagram is to the viewer: which variable is drawn over which, and the words of its lanes."""
+"""A diagram as the viewer sees it: which variable is drawn over which, and the words of its lanes."""
 
 import pathlib
 from collections.abc import Sequence
@@ -86,7 +86,7 @@ class Diagram:
             for key in grid
             if key != self.x
         }
-        # What functions of the user are given: neither a section nor the number of an array's element.
+        # Arguments of the user's functions: neither a section nor the number of an array's element.
         recorded = SECTION if "sections" in dataset.attrs else None
         self.parameters = [key for key in grid if key in dataset.coords and key != recorded]
         if any(not dataset.sizes[key] for key in grid):
@@ -147,7 +147,7 @@ class Diagram:
         return f"{self.x} = {x:.7g}{'' if unit in ('', '1') else f' {unit}'}"
 
     def periods(self) -> dict[str, Any]:
-        """What the numbers of `period` mean, for the words on the page."""
+        """Meanings of the numbers of `period`, for the words on the page."""
         most = f" up to {self.longest}" if self.longest else ""
         return {"none": f"no period{most}", "untold": "period unknown", "reasons": list(self.reasons)}
 

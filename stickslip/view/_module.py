@@ -16,7 +16,7 @@ HAS = "a module with a function `orbit(**point)` or `diagram(**ranges)`"
 
 
 class Functions(NamedTuple):
-    """What the module has of the two."""
+    """Those of the two functions that the module has."""
 
     orbit: Callable[..., Any] | None
     diagram: Callable[..., Any] | None
@@ -58,7 +58,7 @@ def import_functions(name: str, diagram: Diagram) -> Functions:
 
 
 def motion(dataset: Any, observable: str) -> Motion:
-    """What is drawn of an orbit: the diagram's observable, or the first, and the next one over it.
+    """Observables of an orbit that are drawn: the diagram's or the first, and the next over it.
 
     Errors: `TypeError` or `ValueError` if `dataset` is not a Dataset over `time`.
     """

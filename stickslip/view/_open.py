@@ -12,7 +12,7 @@ ALLOWED = "a netCDF file or the store of a sweep"
 
 
 def open_stored(path: str) -> xr.Dataset:
-    """What is stored at `path`. Errors: `ValueError` naming the path."""
+    """The dataset stored at `path`. Errors: `ValueError` naming the path."""
     place: pathlib.Path = the_directory("path", path, f"the path of {ALLOWED}")
     if place.is_dir():
         return open_dataset(place)

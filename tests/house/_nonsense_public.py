@@ -112,6 +112,14 @@ EXEMPT_METHODS = {
         ),
         "steps of a method, called inside of the programs of fits",
     ),
+    **dict.fromkeys(
+        ("PeriodicOrbit.columns", "Equilibrium.columns"),
+        "parts of `Branch.to_dataset`, which has a template",
+    ),
+    **dict.fromkeys(
+        ("Follow.values_by_parameter", "Shooting.tight"),
+        "read by the verbs that take the settings",
+    ),
     "map_lanes.__call__": "has a template with the constructors",
 }  # fmt: skip
 

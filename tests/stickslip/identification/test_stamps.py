@@ -28,7 +28,7 @@ def test_stamps_are_named_before_anything_runs(monkeypatch):
     def solved(*_):
         raise AssertionError("a fit has begun without a word")
 
-    monkeypatch.setattr("stickslip.identification._problem.solved_run", solved)
+    monkeypatch.setattr("stickslip.identification._problem.solve_run", solved)
     with pytest.warns(UserWarning, match="times lie 500 s apart"), pytest.raises(AssertionError):
         fitted(np.linspace(0.0, 10e3, 21))
 

@@ -13,8 +13,10 @@ import pytest
 import stickslip as ss
 from stickslip.sweep import SweepMismatchError, _programs, run_sweep
 from tests.house._repository import ROOT
+from tests.stickslip.sweep._options import options
 
 X = jnp.arange(3.0)
+GRID = {"k": [1.0, 2.0]}
 NUMBER = jax.ShapeDtypeStruct((), jnp.float64)
 
 
@@ -134,14 +136,14 @@ def test_what_was_altered_since_counts(what, tmp_path):
         "array": lambda k: jnp.mean(array * k),
         "object": line,
     }
-    options = {"grid": {"k": [1.0, 2.0]}, "executor": "portable"}
-    run_sweep(lanes[what], **options)
-    run_sweep(lanes[what], store=tmp_path / "s", **options)
+    store = tmp_path / "s"
+    run_sweep(lanes[what], GRID, **options())
+    run_sweep(lanes[what], GRID, **options(store))
     factor = table["factor"] = line.slope = 5.0
     array *= 5.0
-    np.testing.assert_allclose(run_sweep(lanes[what], **options).value, [5.0, 10.0])
+    np.testing.assert_allclose(run_sweep(lanes[what], GRID, **options()).value, [5.0, 10.0])
     with pytest.raises(SweepMismatchError, match="program is"):
-        run_sweep(lanes[what], store=tmp_path / "s", **options)
+        run_sweep(lanes[what], GRID, **options(store))
 
 
 def measured(value):
@@ -152,26 +154,26 @@ def measured(value):
 
 
 def test_a_sweep_that_calls_the_host_is_stored_but_not_resumed(tmp_path):
-    options = {"grid": {"k": [1.0, 2.0]}, "store": tmp_path / "s", "executor": "portable"}
-    run_sweep(measured(1.0), **options)
+    store = tmp_path / "s"
+    run_sweep(measured(1.0), GRID, **options(store))
     for value in (1.0, 100.0):
         with pytest.raises(
             SweepMismatchError, match=r"calls the host \(pure_callback of .*instrument\)"
         ):
-            run_sweep(measured(value), **options)
-    assert (run_sweep(measured(100.0), resume=False, **options).value == 100.0).all()
+            run_sweep(measured(value), GRID, **options(store))
+    assert (run_sweep(measured(100.0), GRID, **options(store, resume=False)).value == 100.0).all()
 
 
 @pytest.mark.parametrize("change", [1e-12, np.nan])
 def test_a_constant_that_differs_is_another_sweep(change, tmp_path):
-    options = {"grid": {"k": [1.0, 2.0]}, "store": tmp_path / "s", "executor": "portable"}
+    store = tmp_path / "s"
     values = np.linspace(0.0, 1.0, 3000)
-    run_sweep(constant_lane(values), **options)
-    run_sweep(constant_lane(values.copy()), **options)
+    run_sweep(constant_lane(values), GRID, **options(store))
+    run_sweep(constant_lane(values.copy()), GRID, **options(store))
     other = values.copy()
     other[1234] += change
     with pytest.raises(SweepMismatchError, match="program is"):
-        run_sweep(constant_lane(other), **options)
+        run_sweep(constant_lane(other), GRID, **options(store))
 
 
 def constant_lane(values):
