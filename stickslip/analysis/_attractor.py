@@ -154,14 +154,14 @@ def period_of(
     scaled = (latest - low[None, :]) / jnp.where(moves, size, jnp.inf)[None, :]
     tells = moves & (jnp.max(jnp.abs(latest), axis=0) > VANISHES * size)
 
-    def judged(p):
+    def is_repeated(p):
         repeats = _away_from_last_round(scaled, jnp.maximum(quarter, p) + p, p) <= tolerance
         enough = count >= jnp.maximum(2 * p, p + 3)
         return enough & repeats, *_approach(scaled, count, quarter, p, tolerance)
 
     # All at once in one piece of program: unrolled it took a second to compile.
     tried = jnp.arange(1, max(min(max_period, room // 2), 1) + 1, dtype=count.dtype)
-    repeats, shrunk, still = jax.vmap(judged)(tried)
+    repeats, shrunk, still = jax.vmap(is_repeated)(tried)
     period = jnp.where(jnp.any(repeats), tried[jnp.argmax(repeats)], 0)
     slow = jnp.any(shrunk)
     creeps = jnp.any(still) | _draws_together(scaled, count)

@@ -136,7 +136,7 @@ def first_frame(size: int, count: int) -> Float[Array, "size count"]:
     return jnp.linalg.qr(jnp.sin(rows * columns * columns + 0.7 * rows * rows))[0]
 
 
-def orthonormalised(
+def orthonormal_columns(
     images: Float[Array, "size count"],
 ) -> tuple[Float[Array, "size count"], Float[Array, " count"]]:
     """Orthonormal columns that span the images one after the other, and the logarithms of growth.
@@ -153,7 +153,7 @@ def orthonormalised(
     return q, jnp.where(jnp.all(jnp.isfinite(images)), growth, jnp.nan)
 
 
-def averaged(
+def mean_and_error(
     local: Float[Array, "segment exponent"], blocks: int
 ) -> tuple[Float[Array, " exponent"], Float[Array, " exponent"]]:
     """Mean over the segments and its error, see `LyapunovSpectrum.error`."""
@@ -169,11 +169,11 @@ def averaged(
     return mean, jnp.where(finite[0], jnp.maximum(spread, drift), jnp.nan)
 
 
-def judged(
+def spectrum_of_rates(
     local: Float[Array, "segment exponent"], rests: Any, blocks: int
 ) -> tuple[Float[Array, " exponent"], Float[Array, " exponent"], Int[Array, " exponent"]]:
     """Exponents, errors and `LyapunovSpectrum.status`; `rests`: whether the state never moved."""
-    mean, error = averaged(local, blocks)
+    mean, error = mean_and_error(local, blocks)
     # Where the linear field decides, deviations of a rest grow or shrink for sure; those that a stick
     # takes away say nothing.
     still = rests & jnp.all((jnp.abs(mean) <= 3.0 * error) | jnp.isneginf(mean))
@@ -216,7 +216,7 @@ def accumulate(step, carry, frame, *, count, warm_up) -> tuple[Any, Float[Array,
 
     def segment(state, _):
         carry, images = step(*state)
-        frame, growth = orthonormalised(images)
+        frame, growth = orthonormal_columns(images)
         return (carry, frame), growth
 
     (carry, _), growth = jax.lax.scan(segment, (carry, frame), None, length=warm_up + count)

@@ -39,7 +39,7 @@ from ._growth import (
     accumulate,
     check_exponents,
     first_frame,
-    judged,
+    spectrum_of_rates,
     with_neutral,
 )
 from ._recording import Segments
@@ -180,7 +180,7 @@ def _spectrum(
     carry, growth = accumulate(step, carry, frame, count=segments, warm_up=warm_up)
     _, y1, mode, flags, result, good, rests, (ts, states, modes) = carry
     local = jnp.where(good, growth / segment, jnp.nan)
-    mean, error, status = judged(local, rests, blocks)
+    mean, error, status = spectrum_of_rates(local, rests, blocks)
     reach = jnp.max(states, axis=0) - jnp.min(states, axis=0)
     shifts = neutral_shifts(
         system, args, ts, states, modes, unravel, jnp.where(reach > 0.0, reach, scales)
@@ -231,7 +231,7 @@ def moving_components(y0: PyTree, components: Any) -> np.ndarray:
     names = tuple(getattr(y0, "_fields", None) or getattr(y0, "__dict__", ()))
     row = (components,) if isinstance(components, str) else components
     if not isinstance(row, Sequence) or not row or not all(isinstance(name, str) for name in row):
-        raise _unknown(components, y0)
+        raise _unknown_component(components, y0)
     places = [
         np.arange(end - a.size, end).reshape(a.shape) for a, end in zip(leaves, ends, strict=True)
     ]
@@ -244,11 +244,11 @@ def moving_components(y0: PyTree, components: Any) -> np.ndarray:
             for numbers in jax.tree.leaves(getattr(jax.tree.unflatten(form, places), name)):
                 moving[numbers] = True
         else:
-            raise _unknown(components, y0)
+            raise _unknown_component(components, y0)
     return moving
 
 
-def _unknown(components: Any, y0: PyTree) -> Exception:
+def _unknown_component(components: Any, y0: PyTree) -> Exception:
     return refusal(
         "components", components, f"names of components of the state, of {component_list(y0)}"
     )

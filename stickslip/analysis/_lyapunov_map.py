@@ -10,7 +10,7 @@ from jaxtyping import PyTree
 from .._compiled_once import compiled_once
 from .._types import Given
 from .._validation import as_float64, check_callable, check_count, refusal
-from ._growth import LyapunovSpectrum, accumulate, check_exponents, first_frame, judged
+from ._growth import LyapunovSpectrum, accumulate, check_exponents, first_frame, spectrum_of_rates
 
 
 def lyapunov_spectrum_of_map(
@@ -78,7 +78,7 @@ def lyapunov_spectrum_of_map(
 
     flat, local = compiled_once(run, flat, jnp.asarray(transient, jnp.int32))
     # A fixed point of a map is not stick: the exponents of the identity are zero.
-    mean, error, status = judged(local, jnp.zeros((), bool), blocks)
+    mean, error, status = spectrum_of_rates(local, jnp.zeros((), bool), blocks)
     assert warm_up is not None
     return LyapunovSpectrum(
         exponents=mean,

@@ -25,7 +25,7 @@ from ..sweep.settings import Settings, settings_of
 from ._arguments import an_integrator, named_observables, start_of
 from ._attractor import PERIOD_STATUS
 from ._builder import builder_of, check_labels, labelled_parameters
-from ._orbit_lane import STATUS, Numbers, OrbitPlan, halved, run_lane
+from ._orbit_lane import STATUS, Numbers, OrbitPlan, finer_integrator, run_lane
 from ._recording import Cut, Recording
 from ._starts import check_shapes, labels_of_end, starts_of
 from .observable import (
@@ -230,7 +230,7 @@ def orbit_diagram(
         dataset = dataset.assign_coords(section=list(plan.sections))
     if check:
         begun = starts.flat(shape) if carried is None else _handed_on(dataset, y0, carried, coords)
-        finer, _ = _numbers(halved(integrator), record)
+        finer, _ = _numbers(finer_integrator(integrator), record)
         own_start = per_lane or carried is not None
         settings = given._replace(storage=storage)
         extra = _check(

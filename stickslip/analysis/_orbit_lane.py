@@ -230,7 +230,7 @@ def engine_status(result: RESULTS) -> Any:  # pyright: ignore[reportInvalidTypeF
     return status
 
 
-def halved(integrator: Integrator) -> Integrator:
+def finer_integrator(integrator: Integrator) -> Integrator:
     """The integrator to check another with: half the step, or a 32nd of the tolerances."""
     step: Any = integrator.step
     if step.adaptive:

@@ -28,7 +28,7 @@ class PeriodTest:
     longest: Given[int] = 16
 
     def __post_init__(self):
-        _set(self, "tolerance", float(one_concrete("tolerance", self.tolerance, "positive")))
+        _set_field(self, "tolerance", float(one_concrete("tolerance", self.tolerance, "positive")))
         check_count("longest", self.longest, 1)
 
 
@@ -66,16 +66,16 @@ class Recording:
     t0: Numeric = 0.0
 
     def __post_init__(self):
-        _set(self, "transient", float(one_concrete("transient", self.transient, "not negative")))
-        _set(self, "duration", float(one_concrete("duration", self.duration, "positive")))
-        _set(self, "t0", float(a_time("t0", one_concrete("t0", self.t0))))
+        _set_field(self, "transient", float(one_concrete("transient", self.transient, "not negative")))
+        _set_field(self, "duration", float(one_concrete("duration", self.duration, "positive")))
+        _set_field(self, "t0", float(a_time("t0", one_concrete("t0", self.t0))))
         check_count("max_points", self.max_points, 1)
         if self.points is not None:
             check_count("points", self.points, 1)
         check_type("period", self.period, PeriodTest, "a PeriodTest")
         named_observables(self.observables)
         whole = isinstance(self.domain, str) or callable(self.domain)
-        _set(self, "domain", (self.domain,) if whole else self.domain)
+        _set_field(self, "domain", (self.domain,) if whole else self.domain)
         check_type("domain", self.domain, tuple | list, "an observable or a sequence of observables")
 
     @property
@@ -129,5 +129,5 @@ class Segments:
         return self.length * (self.count + self.warm_up_count)
 
 
-def _set(thing: object, name: str, value: Any) -> None:
+def _set_field(thing: object, name: str, value: Any) -> None:
     object.__setattr__(thing, name, value)

@@ -70,9 +70,9 @@ def starts_of(
     chosen = rule
     if any(np.shape(a) for a in leaves):
         ways = _readings(rule, open_)
-        fits, trouble = _taken(takes, ways, [of_first(lanes) for lanes in ways])
+        fits, trouble = _possible_readings(takes, ways, [of_first(lanes) for lanes in ways])
         if len(fits) > 1:
-            fits = _taken(reads, fits, [of_first(lanes) for lanes in fits])[0] or fits
+            fits = _possible_readings(reads, fits, [of_first(lanes) for lanes in fits])[0] or fits
         if not fits:
             shapes = sorted({a.shape for a in leaves})
             allowed = f"of the system's own shapes, the grid's shape {grid} in front for one per lane"
@@ -97,7 +97,7 @@ def starts_of(
     return Starts(whole, per_lane, of_first(chosen))
 
 
-def _taken(
+def _possible_readings(
     judge: Callable[[PyTree], Any], readings: list[list[bool]], states: list[PyTree]
 ) -> tuple[list[list[bool]], Exception | None]:
     """The ways of reading that raise nothing, and the error of the first of the others."""

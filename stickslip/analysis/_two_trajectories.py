@@ -20,7 +20,7 @@ from ..hybrid.arguments import a_time, the_system
 from ..hybrid.longest_step import spanning
 from ..hybrid.system import mode_type
 from ._arguments import an_integrator, start_of
-from ._growth import averaged
+from ._growth import mean_and_error
 from ._lyapunov import moving_components
 from ._recording import Segments
 
@@ -161,7 +161,7 @@ def two_trajectory_exponent(
     carry, (growth, apart, merged) = compiled_once(lambda *a: jax.lax.scan(step, *a), carry, numbers)
     _, _, good, _, low, high = carry
     local = jnp.where(good, growth[warm_up:] / segment, jnp.nan)[:, None]
-    mean, error = averaged(local, record.blocks)
+    mean, error = mean_and_error(local, record.blocks)
     size = 0.5 * jnp.sqrt(jnp.sum((high - low) ** 2))
     status = jnp.zeros((), jnp.int32)
     for word, applies in (

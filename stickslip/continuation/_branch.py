@@ -1,7 +1,7 @@
 """A branch as data: solutions in order, special points, a labelled Dataset."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import equinox as eqx
 import jax
@@ -12,10 +12,15 @@ from ..analysis.observable import with_parameters
 from ..hybrid import AbstractHybridSystem
 from ._equilibrium import Equilibrium
 from ._family import AbstractFamily, Event
+from ._orbit import PeriodicOrbit
 from ._walk import Half
 
 if TYPE_CHECKING:
     import xarray as xr
+
+    Found: TypeAlias = Any  # who follows orbits need not say again that they are none but orbits
+else:
+    Found = PeriodicOrbit | Equilibrium
 
 
 class BranchPoint(eqx.Module):
@@ -32,7 +37,7 @@ class BranchPoint(eqx.Module):
 
     label: str
     values: np.ndarray
-    orbit: Any  # PeriodicOrbit, or Equilibrium
+    orbit: Found
     words: str
     index: int
     slope: np.ndarray
@@ -63,7 +68,7 @@ class Branch(eqx.Module):
 
     parameters: tuple[str, ...]
     values: np.ndarray
-    orbits: Any  # PeriodicOrbit, or Equilibrium, with one leading axis
+    orbits: Found
     sequences: tuple
     specials: tuple[BranchPoint, ...]
     system: AbstractHybridSystem

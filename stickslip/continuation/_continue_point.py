@@ -93,10 +93,10 @@ def continue_point(
     if isinstance(start, Failure):
         raise refusal("point", point, f"one from which a curve can be followed: it is {start.result}")
     start = start if start.way[-1] >= 0 else start.turned()
-    bounds: Any = tuple(map(tuple, limits.tolist()))
-    half = follow_branch(curve, start, bounds, options)
+    box: Any = tuple(map(tuple, limits.tolist()))
+    half = follow_branch(curve, start, box, options)
     if options.both and not half.events[-1].words.startswith("closed"):
-        half = joined(half, follow_branch(curve, start.turned(), bounds, options, first=False))
+        half = joined(half, follow_branch(curve, start.turned(), box, options, first=False))
     return branch_of(curve, half, system, point.label)
 
 

@@ -96,14 +96,14 @@ class BeamScales(AbstractShown):
 def times_scale(state: Any, scales: BeamScales, power: int) -> Any:
     """State whose lengths and speeds are multiplied by their units to the `power` +1 or -1."""
 
-    def scaled(value, unit):
+    def in_units(value, unit):
         return value * unit if power > 0 else value / unit
 
     return type(state)(
-        x=scaled(state.x, scales.length),
-        vx=scaled(state.vx, scales.speed),
-        y=scaled(state.y, scales.length),
-        vy=scaled(state.vy, scales.speed),
-        q=scaled(state.q, scales.length),
-        p=scaled(state.p, scales.speed),
+        x=in_units(state.x, scales.length),
+        vx=in_units(state.vx, scales.speed),
+        y=in_units(state.y, scales.length),
+        vy=in_units(state.vy, scales.speed),
+        q=in_units(state.q, scales.length),
+        p=in_units(state.p, scales.speed),
     )

@@ -45,12 +45,12 @@ class Live:
         document.add_root(self.page.root)
 
     @property
-    def chosen(self) -> list[int]:
+    def choices(self) -> list[int]:
         """Numbers of the chosen values of the other coordinates."""
         return [int(select.value) for select in self.page.selects]
 
     def _lanes(self) -> Lanes:
-        return self.shown.lanes(self.shown.matching(self.whole, self.chosen))
+        return self.shown.lanes(self.shown.matching(self.whole, self.choices))
 
     def draw(self) -> None:
         """The points of the lanes shown, thinned evenly to what a browser draws."""
@@ -87,7 +87,7 @@ class Live:
         assert self.functions.orbit is not None
         page = self.page
         found = motion(
-            self.functions.orbit(**self.whole.point(self.x, self.chosen)), self.whole.observable
+            self.functions.orbit(**self.whole.point(self.x, self.choices)), self.whole.observable
         )
         page.orbit.title.text = f"orbit, {words}"
         page.orbit.xaxis.axis_label, page.orbit.yaxis.axis_label = found.labels[:2]
@@ -112,7 +112,7 @@ class Live:
 
     def _compute_region(self, low: float, high: float) -> None:
         assert self.functions.diagram is not None
-        others = self.whole.point(low, self.chosen)
+        others = self.whole.point(low, self.choices)
         found = self.functions.diagram(**{**others, self.whole.x: (low, high)})
         if not isinstance(found, xr.Dataset):
             what = "an xarray.Dataset, as `orbit_diagram` returns"

@@ -12,7 +12,8 @@ from pathlib import Path
 from tests.house._repository import ROOT, imported_modules, tracked_files
 
 LAYERS = ("mechanism", "continuation", "hybrid", "identification", "sweep", "analysis")
-# One word, and a participle. `_NOUNS` end like one and are none.
+# One word, and a participle. `_NOUNS` end like one and are none; public methods that return a changed
+# copy of their object, or another constructor, are called by `_COPIES`.
 _PARTICIPLE = re.compile(
     r"(?<![aeiou])[a-z]+(ed|wn|lt|ght|ung|ken|den|ven|sen)|known|moved|put|set|seen|met|cut|led"
 )
@@ -29,6 +30,9 @@ _NOUNS = {
     "height",
     "right",
 }
+
+
+_COPIES = {"constructed", "delayed", "printed", "regularised", "scaled"}
 
 
 @cache
@@ -53,7 +57,7 @@ def participles(package: str) -> list[str]:
         f"{path.relative_to(ROOT)}:{function.lineno} {function.name}"
         for path, tree in trees(package).items()
         for function in _functions(tree)
-        if (word := function.name.strip("_")) not in _NOUNS and _PARTICIPLE.fullmatch(word)
+        if (word := function.name.strip("_")) not in _NOUNS | _COPIES and _PARTICIPLE.fullmatch(word)
     ]
 
 

@@ -15,7 +15,7 @@ from stickslip.analysis import (
     two_trajectory_exponent,
     volume_growth,
 )
-from stickslip.analysis._growth import averaged, first_frame, orthonormalised
+from stickslip.analysis._growth import first_frame, mean_and_error, orthonormal_columns
 from stickslip.derived import WithDeviations
 from stickslip.sweep import Compute
 from stickslip.systems import (
@@ -308,17 +308,17 @@ def test_stick_slip_cycle_has_zero_and_minus_infinity():
 
 def test_lost_direction_is_replaced():
     images = jnp.array([[1.0, 2.0, 0.3], [0.0, 0.0, 0.1], [2.0, 4.0, 0.7]])
-    q, logs = orthonormalised(images)
+    q, logs = orthonormal_columns(images)
     np.testing.assert_allclose(q.T @ q, np.eye(3), atol=1e-14)
     assert np.isneginf(np.asarray(logs)).tolist() == [False, True, False]
 
 
 def test_error_sees_noise_and_drift():
     noise = np.random.default_rng(1).standard_normal((4000, 1))
-    mean, error = averaged(jnp.asarray(noise), 10)
+    mean, error = mean_and_error(jnp.asarray(noise), 10)
     assert 0.3 / 4000**0.5 < float(error[0]) < 3 / 4000**0.5
     drift = 1 / np.arange(1.0, 1001)[:, None]  # a shear: ln(t)/t on its way to 0
-    mean, error = averaged(jnp.asarray(drift), 10)
+    mean, error = mean_and_error(jnp.asarray(drift), 10)
     assert abs(float(mean[0])) <= 3 * float(error[0])
 
 

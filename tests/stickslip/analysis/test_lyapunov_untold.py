@@ -185,4 +185,4 @@ def test_rounding_is_no_distance():
 def test_a_growth_that_is_not_finite_is_not_lost():
     for bad in (np.nan, np.inf):
         images = jnp.array([[1.0, 0.0], [0.0, bad]])
-        assert np.isnan(_growth.orthonormalised(images)[1]).all()
+        assert np.isnan(_growth.orthonormal_columns(images)[1]).all()
