@@ -287,9 +287,11 @@ def _derivative(structure, program, runs, rng):
             return refusal_of(error, "derivative", n)
         size = np.abs(coarse).max() + 1e-6
         doubt = np.abs(coarse - fine).max() / size
-        # Equal parameters may be a bend, as of the greater of two: the slope is that of one side.
-        here = np.asarray(end(jnp.asarray(x), n)[0])
-        ways = coarse, np.asarray(a - here) / 1e-6, np.asarray(here - b) / 1e-6
+        ways = [coarse]
+        if len({*n.values.values()}) < len(n.values):
+            # Equal parameters may be a bend, as of the greater of two: the slope is that of one side.
+            here = np.asarray(end(jnp.asarray(x), n)[0])
+            ways += [np.asarray(a - here) / 1e-6, np.asarray(here - b) / 1e-6]
         error = float(min(np.abs(np.asarray(slope) - way).max() for way in ways) / size)
         if error <= SLOPES:
             return Finding(RIGHT, "derivative", "", n)
