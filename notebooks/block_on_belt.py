@@ -129,9 +129,9 @@ def diagram(low, high):
         Recording(
             TRANSIENT, DURATION, smooth.zero_acceleration_section(), "x", max_points=96,
             period=PeriodTest(1e-2 if QUICK else 1e-3, longest=4 if QUICK else 16),
+            check=0 if QUICK else 16,
         ),
-        integrator=fast,
-        check=0 if QUICK else 16, compute=Compute(EXECUTOR, progress=False),
+        integrator=fast, compute=Compute(EXECUTOR, progress=False),
     )  # fmt: skip
 
 

@@ -11,8 +11,9 @@ import pytest
 from tests.house import counts
 
 # Most that is allowed today: lower these with the counts, never raise them.
-MOST_NUMBERS = 346
-MOST_ARGUMENTS = 16
+MOST_NUMBERS = 337
+MOST_ARGUMENTS = 12
+MOST_FIELDS = 16  # of a constructor: the parameters of a machine
 # Packages whose functions are named for what they do, and whose sentences begin with a subject.
 CLEAN = ("analysis", "contact", "derived", "friction", "hybrid", "plot", "systems", "view")
 # Sentences that begin with their object, and words for which English has plainer ones.
@@ -72,6 +73,7 @@ def test_a_sentence_that_begins_with_its_object_is_seen():
 def test_numbers_and_arguments_do_not_grow():
     assert len(counts.numbers("stickslip")) <= MOST_NUMBERS
     assert next(iter(counts.arguments("stickslip").values())) <= MOST_ARGUMENTS
+    assert next(iter(counts.fields("stickslip").values())) <= MOST_FIELDS
 
 
 @pytest.mark.parametrize("name", counts.LAYERS)
