@@ -61,7 +61,7 @@ def measurement(
     times = _checked_times(times)
     found = ss.simulate(
         system, 0.0, times[-1], system.state(), integrator=integrator,
-        saveat=SaveAt(ts=times, events=False), max_events=None, throw=False,
+        saveat=SaveAt(ts=times, max_events=None), throw=False,
     )  # fmt: skip
     assert found.outputs is not None
     y = found.outputs.y

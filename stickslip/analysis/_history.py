@@ -126,8 +126,7 @@ def _mode_names(system: Any, mode: np.ndarray) -> dict[str, list]:
 def _run(system, y0, t, transient, mode0, args, integrator, cuts, max_crossings, functions):
     solution = simulate(
         system, t[0] - transient, t[-1], y0, mode0, args, integrator=integrator,
-        saveat=SaveAt(ts=t, events=False), sections=cuts, max_crossings=max_crossings, max_events=None,
-        throw=False,
+        saveat=SaveAt(ts=t, sections=cuts, max_events=None, max_crossings=max_crossings), throw=False,
     )  # fmt: skip
 
     def read(log):
@@ -177,7 +176,14 @@ def energy_ledger(
     integrator = an_integrator(integrator)
     if record.transient > 0:
         early = simulate(
-            system, record.t0, times[0], y0, mode, args, integrator=integrator, max_events=None
+            system,
+            record.t0,
+            times[0],
+            y0,
+            mode,
+            args,
+            integrator=integrator,
+            saveat=SaveAt(max_events=None),
         )
         y0, mode = early.y1, early.mode1
     system, args = with_float_arrays((system, args))
@@ -210,7 +216,7 @@ def _account(system, y0, t, mode0, args, integrator, max_events):
     ledger = WithIntegrals(system, _powers)
     solution = simulate(
         ledger, t[0], t[-1], ledger.start(y0, t[0], args), mode0, args,
-        integrator=integrator, saveat=SaveAt(ts=t), max_events=max_events, throw=False,
+        integrator=integrator, saveat=SaveAt(ts=t, max_events=max_events), throw=False,
     )  # fmt: skip
     log, events = solution.outputs, solution.events
     assert log is not None

@@ -24,6 +24,7 @@ from ..hybrid import (
     RESULTS,
     AbstractHybridSystem,
     Integrator,
+    SaveAt,
     current_executor,
     jit_plainly,
     simulate,
@@ -132,7 +133,15 @@ def _spectrum(
     def run(system, begin, end, y, mode):
         with use_executor(execute):
             return simulate(
-                system, begin, end, y, mode, args, integrator=integrator, max_events=None, throw=False
+                system,
+                begin,
+                end,
+                y,
+                mode,
+                args,
+                integrator=integrator,
+                saveat=SaveAt(max_events=None),
+                throw=False,
             )
 
     result, good = RESULTS.successful, jnp.ones((), bool)

@@ -15,7 +15,7 @@ from .._compiled_once import compiled_once
 from .._show import counted, number
 from .._types import Given, Mode, Numeric
 from .._validation import as_parameter, check_flag, check_type, is_concrete, one_number
-from ..hybrid import AbstractHybridSystem, Integrator, simulate
+from ..hybrid import AbstractHybridSystem, Integrator, SaveAt, simulate
 from ..hybrid.arguments import a_time, the_system
 from ..hybrid.longest_step import spanning
 from ..hybrid.system import mode_type
@@ -122,7 +122,7 @@ def two_trajectory_exponent(
     def run(begin, end, flat, mode):
         solution = simulate(
             system, begin, end, unravel(flat), mode, args,
-            integrator=integrator, max_events=None, throw=False,
+            integrator=integrator, saveat=SaveAt(max_events=None), throw=False,
         )  # fmt: skip
         return ravel_pytree(solution.y1)[0], solution.mode1, solution.successful
 

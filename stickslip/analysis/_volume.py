@@ -66,13 +66,20 @@ def volume_growth(
     y0, mode = start_of(system, t0, y0, mode0, args)
     if not (isinstance(dropped, int | float) and dropped == 0):
         early = simulate(
-            system, t0, t0 + dropped, y0, mode, args, integrator=integrator, max_events=None
+            system,
+            t0,
+            t0 + dropped,
+            y0,
+            mode,
+            args,
+            integrator=integrator,
+            saveat=SaveAt(max_events=None),
         )
         t0, y0, mode = t0 + dropped, early.y1, early.mode1
     ledger = WithIntegrals(system, _rates)
     solution = simulate(
-        ledger, t0, t0 + duration, ledger.start(y0, t0, args), mode, args,
-        integrator=integrator, saveat=SaveAt(events=True), max_events=max_events,
+        ledger, t0, t0 + duration, ledger.start(y0, t0, args), mode, args, integrator=integrator,
+        saveat=SaveAt(events=True, max_events=max_events),
     )  # fmt: skip
     grown = solution.y1.integrals["divergence"]
     if not system.guard_names:

@@ -97,8 +97,8 @@ class Run:
         whole = system if breaks is None else WithBreaks(system, breaks)
         solution = simulate(
             whole, begin, ts[-1], y0 if breaks is None else whole.start(y0, begin),
-            integrator=self.integrator, saveat=SaveAt(ts=ts, events=log),
-            max_events=4096 if log else None, throw=False,
+            integrator=self.integrator,
+            saveat=SaveAt(ts=ts, events=log, max_events=4096 if log else None), throw=False,
         )  # fmt: skip
         assert solution.outputs is not None
         return solution.outputs.y if breaks is None else solution.outputs.y.y, solution

@@ -127,7 +127,7 @@ def test_a_first_call_compiles_one_program(compiled):
     simulate()  # which shares with all that follows how a number becomes an array
     for call in (
         search,
-        lambda: simulate(max_events=9),
+        lambda: simulate(saveat=ss.SaveAt(max_events=9)),
         lambda: corexy_jax.simulate(parameters, voltage, 0.1, rows=11),
     ):
         compiled.clear()

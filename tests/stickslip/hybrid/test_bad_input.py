@@ -71,8 +71,8 @@ def run(system=None, t0=0.0, t1=1.0, y0=Y0, mode0=None, **kwargs):
         (dict(integrator=with_atol({"kg": 1e-9})), ValueError, ["atol = {'kg': 1e-09}", "'x'"]),
         (dict(integrator=with_atol([1e-9])), ValueError, ["atol = ", "structure of the state"]),
         (dict(integrator=with_atol(jnp.ones(2))), ValueError, ["atol = ", "(2,)", "one number"]),
-        (dict(max_events=-1), ValueError, ["max_events = -1", "integer of at least 0"]),
-        (dict(max_crossings=0), ValueError, ["max_crossings = 0", "integer of at least 1"]),
+        (dict(saveat=8), TypeError, ["saveat = 8", "a SaveAt"]),
+        (dict(max_events=8), TypeError, ["unexpected keyword argument", "max_events"]),
     ],
 )
 def test_simulate(kwargs, error, words):
@@ -102,6 +102,9 @@ def test_simulate(kwargs, error, words):
         (lambda: ss.Integrator(dfx.Euler()), ["step = AdaptiveStep", "Euler", "error estimate"]),
         (lambda: ss.Integrator(max_steps=0), ["max_steps = 0", "integer of at least 1"]),
         (lambda: ss.SaveAt(ts=[[0.5]]), ["ts = [[0.5]]", "(1, 1)", "a vector"]),
+        (lambda: ss.SaveAt(max_events=-1), ["max_events = -1", "integer of at least 0"]),
+        (lambda: ss.SaveAt(max_crossings=0), ["max_crossings = 0", "integer of at least 1"]),
+        (lambda: ss.SaveAt(sections="x"), ["sections = 'x'", "a Section or a sequence of Sections"]),
         (lambda: ss.Section(lambda *a: 0.0, "up"), ["direction = 'up'", "rising"]),
         (lambda: ss.map_lanes(abs, executor="fast"), ["executor = 'fast'", "portable"]),
         (lambda: ss.map_lanes(abs, chunk_size=0), ["chunk_size = 0", "integer of at least 1"]),

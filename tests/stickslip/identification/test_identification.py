@@ -35,8 +35,8 @@ def positions(values):
     friction = (values["mu_s"] * values["load"], values["mu_k"] * values["load"])
     block = CoulombOscillator(1.0, values["stiffness"], *friction, 0.2)
     found = ss.simulate(
-        block, 0.0, TIMES[-1], Motion(x=0.0, v=0.2), "stick", max_events=None, throw=False,
-        saveat=ss.SaveAt(ts=TIMES, events=False),
+        block, 0.0, TIMES[-1], Motion(x=0.0, v=0.2), "stick", throw=False,
+        saveat=ss.SaveAt(ts=TIMES, max_events=None),
     )  # fmt: skip
     return found.outputs.y.x
 

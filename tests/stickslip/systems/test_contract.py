@@ -29,9 +29,9 @@ def history(name):
     """The run of a case with all powers integrated, every step kept."""
     case = CASES[name]
     system = ledger(case.system)
-    saveat = ss.SaveAt(steps=True, max_rows=512)
+    saveat = ss.SaveAt(steps=True, max_rows=512, max_events=64)
     y0 = system.start(case.start)
-    return ss.simulate(system, 0.0, case.t1, y0, integrator=PRECISE, saveat=saveat, max_events=64)
+    return ss.simulate(system, 0.0, case.t1, y0, integrator=PRECISE, saveat=saveat)
 
 
 def kept_steps(name):
@@ -147,7 +147,13 @@ def test_batched_equals_a_loop_and_slopes_are_finite(name):
             [leaf * factor for leaf in jax.tree.leaves(case.system)[:2]],
         )
         solution = ss.simulate(
-            system, 0.0, case.t1, case.start, integrator=integrator, max_events=None, throw=False
+            system,
+            0.0,
+            case.t1,
+            case.start,
+            integrator=integrator,
+            saveat=ss.SaveAt(max_events=None),
+            throw=False,
         )
         return jnp.stack(jax.tree.leaves(solution.y1)), (solution.mode1, solution.num_events)
 
