@@ -75,17 +75,15 @@ assert abs(float(run.events.t[0]) - 0.5 * 2.0 * 9.81 / (20.0 * 0.4)) < 1e-9
 assert bool(run.successful)
 
 # %% [markdown]
-# The modes say when each sledge sticks: a word of two bits for each contact, of which `mode_names`
-# makes the text.
+# The modes say when each sledge sticks: `contact_states` has the words of each contact, by its name.
 
 # %%
-names = [sledges.mode_names[m].split(" / ") for m in run.outputs.mode]
-sticks = np.array([[word == "stick" for word in words] for words in names])
+states = sledges.contact_states(run.outputs.mode)
 figure, axes = plt.subplots(2, 1, sharex=True, figsize=(9, 5), layout="constrained")
 for axis, rate, name in zip(axes, ("v_x", "v_y"), ("front", "rear"), strict=True):
     plot.motion(run, sledges, rate, contacts=name, events=False, ax=axis).legend(loc="upper right")
 axes[0].set_xlabel(None)
-assert np.abs(np.asarray(run.outputs.y.v_x)[sticks[:, 0]]).max() < 1e-12
+assert np.abs(np.asarray(run.outputs.y.v_x)[states["front"] == "stick"]).max() < 1e-12
 
 # %% [markdown]
 # ## Three forms of one declaration

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from stickslip._code import code_key
-from stickslip._jaxpr import called, walk
+from stickslip._jaxpr import called, equations, nowhere, walk
 
 _OPERATIONS: dict[str, Callable] = {
     "add": np.add, "add_any": np.add, "sub": np.subtract, "mul": np.multiply, "neg": np.negative,
@@ -75,7 +75,7 @@ def _numbers(jaxpr: Any, consts: Any, operands: Any) -> list[Any]:
 def _needed(jaxpr: Any) -> list[Any]:
     """The equations that the results come from: a contact declares more than its normal force."""
     sought, found = set(map(id, jaxpr.outvars)), []
-    for eqn in reversed(jaxpr.eqns):
+    for eqn in reversed([*equations(jaxpr, nowhere)]):
         if any(id(var) in sought for var in eqn.outvars):
             sought.update(map(id, eqn.invars))
             found.append(eqn)

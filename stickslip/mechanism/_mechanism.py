@@ -68,6 +68,8 @@ class AbstractMechanism(AbstractWithObservables):
     1.0354672845
     >>> [block.mode_names[m] for m in run.events.mode_after[:3]]
     ['slip backward', 'stick', 'slip backward']
+    >>> block.contact_states(1)
+    {'belt': 'stick'}
 
     **To declare**, as class attributes (or properties, where a number of parts is a static field):
 

@@ -8,13 +8,15 @@ others have no identity here, so that their programs are neither shared nor vouc
 import collections
 import hashlib
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
 import jax
 import jax.extend
 import jax.numpy as jnp
 import numpy as np
+
+from .._jaxpr import equations
 
 _PROGRAMS: collections.OrderedDict = collections.OrderedDict()
 PROGRAMS_KEPT = 16
@@ -111,33 +113,28 @@ def refused_to_fuse(error: Exception) -> bool:
 def _outside(closed: Any) -> Iterator[tuple[str, Any]]:
     """Constants that a program holds, and parameters of its calls of the host."""
     seen = set()
-    todo = [closed]
-    while todo:
-        item = todo.pop()
-        if isinstance(item, jax.extend.core.ClosedJaxpr):
-            for value in item.consts:
-                if hasattr(value, "dtype"):
-                    yield "constant", value
-            item = item.jaxpr
-        if id(item) in seen:
-            continue
-        seen.add(id(item))
-        for eqn in item.eqns:
-            for atom in eqn.invars:
-                value = getattr(atom, "val", None)
-                if getattr(value, "ndim", 0):  # numbers are in the text, arrays may not be
-                    yield "constant", value
-            if _HOST.search(eqn.primitive.name):
-                yield eqn.primitive.name, eqn.params
-            todo += reversed(list(jaxprs_in(eqn.params)))
+
+    def is_new(eqn: Any) -> bool:
+        inside = set(map(id, jax.extend.core.jaxprs_in_params(eqn.params)))
+        new = not inside <= seen
+        seen.update(inside)
+        return new
+
+    yield from _arrays(closed.consts)
+    for eqn in equations(closed.jaxpr, is_new):
+        # Numbers are in the text, arrays may not be.
+        literals = (getattr(atom, "val", None) for atom in eqn.invars)
+        yield from _arrays(value for value in literals if getattr(value, "ndim", 0))
+        if _HOST.search(eqn.primitive.name):
+            yield eqn.primitive.name, eqn.params
+        for value in eqn.params.values():
+            for inner in value if isinstance(value, tuple | list) else (value,):
+                if isinstance(inner, jax.extend.core.ClosedJaxpr):
+                    yield from _arrays(inner.consts)
 
 
-def jaxprs_in(params: dict[str, Any]) -> Iterator[Any]:
-    """Programs inside an equation: branches, bodies of loops, what is called."""
-    for value in params.values():
-        for item in value if isinstance(value, tuple | list) else (value,):
-            if isinstance(item, jax.extend.core.ClosedJaxpr | jax.extend.core.Jaxpr):
-                yield item
+def _arrays(values: Iterable) -> Iterator[tuple[str, Any]]:
+    return (("constant", value) for value in values if hasattr(value, "dtype"))
 
 
 def _function(params: dict[str, Any]) -> Any:

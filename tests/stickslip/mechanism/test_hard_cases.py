@@ -136,9 +136,9 @@ def test_as_many_contacts_as_32_bits_hold():
     machine = chain(15)
     run = ss.simulate(machine, 0.0, 2.0, machine.state(x_15=3.0), saveat=ss.SaveAt(max_events=64))
     assert int(run.num_events) > 0
-    last = machine.mode_names[int(run.events.mode_after[0])].split(" / ")
+    last = machine.contact_states(int(run.events.mode_after[0]))
     assert len(last) == 15
-    assert last[0] == "stick"
+    assert next(iter(last.values())) == "stick"
     with pytest.raises(ValueError, match=r"mode0.*\.\.\."):
         ss.simulate(machine, 0.0, 2.0, machine.state(), "glued")
 
