@@ -1,7 +1,7 @@
 """Checks of what a run is given: times, initial state, mode, sections; before anything is compiled."""
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -82,7 +82,7 @@ def output_times(ts: Any, t0: Any, t1: Any) -> Array | None:
     return times("saveat.ts", ts)
 
 
-def sections_of(sections: Any) -> tuple[Section, ...]:
+def sections_of(sections: Sequence[Section] | Section) -> tuple[Section, ...]:
     """Sections as a tuple, of one or several."""
     if isinstance(sections, Section):
         return (sections,)

@@ -82,6 +82,11 @@ def test_simulate(kwargs, error, words):
         assert word in str(raised.value), (word, str(raised.value))
 
 
+def test_sections_of_another_type():
+    with pytest.raises(TypeError, match=r"sections = 'x': it must be a Section or a sequence of Sec"):
+        ss.SaveAt(sections="x")
+
+
 @pytest.mark.parametrize(
     ("make", "words"),
     [
@@ -104,7 +109,6 @@ def test_simulate(kwargs, error, words):
         (lambda: ss.SaveAt(ts=[[0.5]]), ["ts = [[0.5]]", "(1, 1)", "a vector"]),
         (lambda: ss.SaveAt(max_events=-1), ["max_events = -1", "integer of at least 0"]),
         (lambda: ss.SaveAt(max_crossings=0), ["max_crossings = 0", "integer of at least 1"]),
-        (lambda: ss.SaveAt(sections="x"), ["sections = 'x'", "a Section or a sequence of Sections"]),
         (lambda: ss.Section(lambda *a: 0.0, "up"), ["direction = 'up'", "rising"]),
         (lambda: ss.map_lanes(abs, executor="fast"), ["executor = 'fast'", "portable"]),
         (lambda: ss.map_lanes(abs, chunk_size=0), ["chunk_size = 0", "integer of at least 1"]),
