@@ -53,7 +53,7 @@ def equations(jaxpr: Any, enters: Callable[[Any], bool] = lambda eqn: True) -> I
                 yield from equations(getattr(inner, "jaxpr", inner), enters)
 
 
-def called(eqn: Any) -> tuple[Any, Sequence] | None:
+def called_program(eqn: Any) -> tuple[Any, Sequence] | None:
     """The program that an equation runs once on its operands, and its constants; None without one."""
     if eqn.primitive.name in _NO_CALLS:
         return None
@@ -79,7 +79,7 @@ def spelled_out(jaxpr: Any, consts: Sequence, operands: Sequence, names: Collect
     """Results of a program, with the calls of these `names` spelled out."""
 
     def rule(eqn: Any, values: list) -> list:
-        inner = called(eqn) if eqn.primitive.name in names else None
+        inner = called_program(eqn) if eqn.primitive.name in names else None
         return bound(eqn, values) if inner is None else spelled_out(*inner, values, names)
 
     return walk(jaxpr, operands, rule, lambda _, number: number, consts)

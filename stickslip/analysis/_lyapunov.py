@@ -16,8 +16,8 @@ from .._validation import (
     check_type,
     is_concrete,
     leaves_of,
-    misshaped,
     refusal,
+    shape_refusal,
 )
 from ..derived import WithDeviations
 from ..hybrid import (
@@ -226,7 +226,7 @@ def _flat_scales(scales: PyTree, y0: PyTree) -> Float[Array, " size"]:
     for (name, s), a in zip(named, jax.tree.leaves(y0), strict=True):
         check_positive(name, s)
         if jnp.shape(s) not in ((), a.shape):
-            raise misshaped(name, s, f"one number or of shape {a.shape}, as in y0")
+            raise shape_refusal(name, s, f"one number or of shape {a.shape}, as in y0")
         flat.append(jnp.ravel(jnp.broadcast_to(as_parameter(s), a.shape)))
     return jnp.concatenate(flat)
 

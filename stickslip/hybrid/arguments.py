@@ -19,9 +19,9 @@ from .._validation import (
     check_type,
     is_concrete,
     leaves_of,
-    misshaped,
     numbers,
     refusal,
+    shape_refusal,
     whole_number,
 )
 from ._section import Section
@@ -33,7 +33,7 @@ def a_time(name: str, value: Any) -> Array:
     """One finite real number as a float64 scalar."""
     time = _one_leaf(name, value, "a real number")
     if time.shape != ():
-        raise misshaped(name, value, "one number (use jax.vmap)")
+        raise shape_refusal(name, value, "one number (use jax.vmap)")
     return time
 
 
@@ -58,7 +58,7 @@ def check_times(name: str, ts: Any) -> Any:
     else:
         array = jnp.asarray(ts)
     if array.ndim != 1:
-        raise misshaped(name, ts, "a vector (use jax.vmap)")
+        raise shape_refusal(name, ts, "a vector (use jax.vmap)")
     return check_float64(name, array)
 
 

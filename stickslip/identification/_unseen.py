@@ -27,10 +27,12 @@ def unseen(fit: Given[Fit], threshold: Numeric = ACCURACY.seen) -> list[str]:
     >>> unseen(fit)
     ['k1 * k2 is seen, k1 / k2 is not']
 
-    **Arguments:** `fit`, one; `threshold` as for `Sensitivity.seen`. **Raises** `TypeError`,
+    **Arguments:** `fit`, one; `threshold` as for `Sensitivity.seen_directions`. **Raises** `TypeError`,
     `ValueError` for anything else; it reads numbers and does not work under `jit`.
     """
-    hidden = np.asarray(fit.sensitivity.directions)[~np.asarray(fit.sensitivity.seen(threshold))]
+    hidden = np.asarray(fit.sensitivity.directions)[
+        ~np.asarray(fit.sensitivity.seen_directions(threshold))
+    ]
     if not hidden.size:
         return []
     # In products where all that hide each other are positive numbers, otherwise in sums.

@@ -55,7 +55,7 @@ def impact(now: Moment, states: Any, guard: Any) -> Impact:
         bump.hurry(v, bump.kept, bump.target)
         bump.hurry(v_rest, bump.held, [0.0 * x for x in bump.target])
         jammed = jammed | bump.jams(v_rest)
-    still = now.moved(q, v_rest)
+    still = now.moved_to(q, v_rest)
     for bump in bumps:
         group, here = bump.group, still.of(bump.group)
         begun = bump.states_after(here, states, bump.held)
@@ -70,7 +70,7 @@ def impact(now: Moment, states: Any, guard: Any) -> Impact:
             new[c] = where(bump.met, where(stays, 0.0, 2.0), states[c])
         for j in group.columns:
             v[j] = where(rests, v_rest[j], v[j])
-    after = now.moved(q, v)
+    after = now.moved_to(q, v)
     for bump in bumps:
         on = [new[c] == 0.0 for c in bump.group.rows]
         found = bump.states_after(after.of(bump.group), new, on)

@@ -92,12 +92,12 @@ class AbstractWithObservables(AbstractDeclaration):
         """Power of all forces but friction, less what the potential and the changing inertia take."""
         force = at.forces_in(states)
 
-        def stored(q):
+        def stored_energy(q):
             momentum = mass_of(self.mass_matrix(q), self.names.coordinates).times(at.v)
             zero = 0.0 * jnp.asarray(at.v[0], jnp.float64)
             return total((0.5 * dot(at.v, momentum), self.potential_energy(q), zero))
 
-        _, rate = jax.jvp(stored, (floats(at.q),), (floats(at.q_rate),))
+        _, rate = jax.jvp(stored_energy, (floats(at.q),), (floats(at.q_rate),))
         return total((dot(force, at.v), rate))
 
     @check_arguments(mode=modes)

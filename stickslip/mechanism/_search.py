@@ -83,7 +83,7 @@ class AbstractSearched:
         """Relative accelerations along the contacts."""
         return relative(problem.lines, acceleration, problem.gamma)
 
-    def loaded(self, lines: list, force: NumberRow, friction: NumberRow) -> NumberRow:
+    def with_friction(self, lines: list, force: NumberRow, friction: NumberRow) -> NumberRow:
         """`force` and the friction of all contacts."""
         for n, f in zip(lines, friction, strict=True):
             force = tuple(total((g, times(x, f))) for g, x in zip(force, n, strict=True))
@@ -205,7 +205,7 @@ def states_by_search(group: AbstractSearched, problem: Problem) -> tuple[NumberR
             standing, now.states, middle, half,
         )  # fmt: skip
         rest = resting(now.states)
-        found = problem.moves(group.loaded(problem.lines, problem.force, friction), rest)
+        found = problem.moves(group.with_friction(problem.lines, problem.force, friction), rest)
         before, after = group.slips(problem, now.acceleration), group.slips(problem, found.acceleration)
 
         def path(s, v0, v1, stands, rests):

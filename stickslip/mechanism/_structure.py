@@ -129,12 +129,12 @@ def structure_with(declaration: AbstractDeclaration, two_sided: tuple[int, ...])
              sum(c >= len(directions) for c in rows), opening, lifting, two_sided,
              tuple(pair for pair in rubbing if pair[0] in rows),
              bool(coupled[np.ix_(columns, columns)].sum() > len(columns)))
-        for columns, rows in _coupled(J, coupled, rubbing)
+        for columns, rows in _coupled_sets(J, coupled, rubbing)
     ]  # fmt: skip
     return Structure(names, directions, slopes, parts, lifting, two_sided)
 
 
-def _coupled(
+def _coupled_sets(
     J: np.ndarray, inertia: np.ndarray, rubbing: tuple[tuple[int, int], ...]
 ) -> Iterator[tuple[tuple[int, ...], tuple[int, ...]]]:
     """Velocities that contacts or inertia couple, and the contacts and stops on them.

@@ -42,8 +42,10 @@ class VaryingContacts(AbstractIndependentContacts):
     def decides(self, rests: Any, n: Any) -> Any:
         return rests & (n != 0.0)
 
-    def projected(self, here, still):
-        return here.velocities if (self.m, self.n) == (1, 1) else super().projected(here, still)
+    def nearest_velocities(self, here, still):
+        return (
+            here.velocities if (self.m, self.n) == (1, 1) else super().nearest_velocities(here, still)
+        )
 
     def passing(self, own, hit, stops):
         return passing_through(own, hit, stops)

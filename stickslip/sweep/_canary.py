@@ -62,11 +62,11 @@ def wished_executor() -> str:
 def fused_is_trusted() -> bool:
     """Whether the environment says so, or the trial succeeded, now or earlier."""
     wish = wished_executor()
-    return _tried() if wish == "auto" else wish == "fused"
+    return _trial_succeeds() if wish == "auto" else wish == "fused"
 
 
 @functools.cache
-def _tried() -> bool:
+def _trial_succeeds() -> bool:
     path, limit = _cache_file(), time.monotonic() + TIMEOUT
     verdict = _read(path)
     if verdict is None:

@@ -133,7 +133,7 @@ class Cells:
             own = np.flatnonzero(self._depth == depth)
             side = self._side >> int(depth)
             counts = [end // side for end in self._ends]
-            keys = _joined(self._low[own] // side, counts)
+            keys = _keys_of_places(self._low[own] // side, counts)
             order = np.argsort(keys)
             own, keys = own[order], keys[order]
             # Of the cells that meet at a point, each holds what lies a little to one side of it.
@@ -141,7 +141,7 @@ class Cells:
                 near = (self.places - np.array(offset)) // side
                 inside = np.all((near >= 0) & (near < np.array(counts)), axis=1)
                 wanted = np.flatnonzero(inside)
-                sought = _joined(near[wanted], counts)
+                sought = _keys_of_places(near[wanted], counts)
                 found = np.minimum(np.searchsorted(keys, sought), len(keys) - 1)
                 same = keys[found] == sought
                 cells.append(own[found[same]])
@@ -162,7 +162,7 @@ def _all(sizes: Sequence[int]) -> np.ndarray:
     return np.indices(sizes).reshape(len(sizes), -1).T
 
 
-def _joined(places: np.ndarray, counts: Sequence[int]) -> np.ndarray:
+def _keys_of_places(places: np.ndarray, counts: Sequence[int]) -> np.ndarray:
     key = places[:, 0]
     for i, count in enumerate(counts[1:], 1):
         key = key * count + places[:, i]

@@ -65,7 +65,7 @@ def describe(
         function, coords, inputs, sides, carry, axis, backward, settings.compute.executor,
         settings.compute.threads,
     )  # fmt: skip
-    outputs = _labelled(evaluate.output_shapes(), coords, labels.variables)
+    outputs = _labelled_outputs(evaluate.output_shapes(), coords, labels.variables)
     layout = Layout(
         coords=coords,
         outputs=outputs,
@@ -125,7 +125,7 @@ def computed_with(lanes: map_lanes) -> dict[str, str]:
     }
 
 
-def _labelled(shapes, coords, variables):
+def _labelled_outputs(shapes, coords, variables):
     outputs = {}
     for key, struct in output_names(shapes).items():
         label = variables.get(key, Variable())

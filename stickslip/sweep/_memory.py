@@ -36,7 +36,7 @@ class Memory:
     def log(self, **entry: Any) -> None:
         """No diary is kept of what ends with the process."""
 
-    def interrupted(self, meter: Progress) -> str:
+    def interruption(self, meter: Progress) -> str:
         """What an interruption leaves."""
         return (
             f"interrupted after {meter.done:,} of {meter.total:,} lanes: nothing is kept, because the "

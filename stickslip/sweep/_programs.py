@@ -69,7 +69,7 @@ def identify(traced: Any, lowered: jax.stages.Lowered) -> Identity:
     return Identity(total.hexdigest(), tuple(sorted(unknown)), tuple(sorted(silent)))
 
 
-def compiled(traced: Any, lowered: jax.stages.Lowered, devices: Any) -> jax.stages.Compiled:
+def compiled_program(traced: Any, lowered: jax.stages.Lowered, devices: Any) -> jax.stages.Compiled:
     """Compiled program; functions that come to the same program share it."""
     identity = identify(traced, lowered)
     if identity.unknown or identity.silent:

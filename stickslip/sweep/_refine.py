@@ -21,7 +21,7 @@ from ._labels import Labels
 from ._layout import Layout
 from ._manifest import differences, identity
 from ._read import dataset_so_far
-from ._refined import LANE, OWN, Part, assembled, walk
+from ._refined import LANE, OWN, Part, all_points, walk
 from ._run import described_grid, in_memory
 from ._store import Store, SweepMismatchError
 from .evaluate import output_names, prepared
@@ -100,12 +100,12 @@ def refine_sweep(
     with contextlib.ExitStack() as stack:
         steps = _Steps(function, coords, settings, about, stack)
         found = walk(Cells(list(coords.values()), levels, tolerances), steps, max_points)
-    if found.stopped:
+    if found.is_stopped:
         said = f"{settings.name}: {found.state}; what there is is kept."
         warnings.warn(said, RuntimeWarning, stacklevel=2)
     first = found.parts[0].attrs
     kept = {name: first[name] for name in ("sweep_verified",) if name in first}
-    return assembled(found, list(coords), kept)
+    return all_points(found, list(coords), kept)
 
 
 class _Listed(NamedTuple):

@@ -28,7 +28,7 @@ class Refined(NamedTuple):
     state: str
 
     @property
-    def stopped(self) -> bool:
+    def is_stopped(self) -> bool:
         """Whether more points are wanted than are allowed."""
         return "max_points" in self.state
 
@@ -67,7 +67,7 @@ def walk(cells: Cells, get: Get, most: int) -> Refined:
         number += 1
 
 
-def assembled(found: Refined, names: list[str], about: Mapping[str, Any]) -> xr.Dataset:
+def all_points(found: Refined, names: list[str], about: Mapping[str, Any]) -> xr.Dataset:
     """All points: of one parameter in ascending order, of two in the order in which they were added."""
     cells, first = found.cells, found.parts[0]
     rank = len(names)
