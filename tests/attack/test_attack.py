@@ -41,6 +41,7 @@ def test_block_on_a_belt_is_right_in_the_reference_and_in_the_package():
     np.testing.assert_allclose(np.stack([*states.values()], -1), truth.y, atol=1e-8)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("name", OF_STRUCTURES)
 def test_said_otherwise_a_machine_is_the_same_for_the_reference(name):
     """So the transformations are right, whatever the package does."""
