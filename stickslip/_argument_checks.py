@@ -278,7 +278,7 @@ def state(owner: Any, name: str, value: Any) -> Any:
 
 
 def with_components(name: str, value: Any, components: tuple[str, ...]) -> Any:
-    """What has these components, numbers or arrays of them."""
+    """The value if it has these components, numbers or arrays of them."""
     for part in components:
         try:
             number = getattr(value, part)
@@ -333,5 +333,5 @@ def own_arguments(owner: Any, name: str, value: Any) -> Any:
     return value
 
 
-# What an observable of a system takes.
+# Arguments of an observable of a system.
 OBSERVABLE: dict[str, Check] = {"t": reals, "y": state, "mode": modes, "args": own_arguments}

@@ -1,4 +1,4 @@
-"""Arguments: their types, and checks that refuse them by name, value and what is allowed.
+"""Arguments: their types, and checks that name them, their value and what is allowed.
 
 For packages that are built on this one. A check is handed the name of an argument and its value,
 returns the value, and lets pass what is traced. `Given[T]` marks a parameter that the callable checks

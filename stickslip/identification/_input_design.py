@@ -46,7 +46,7 @@ class CMAES(eqx.Module):
 
 
 class InputDesign(eqx.Module):
-    """What `design_input` found.
+    """Result of `design_input`.
 
     - `coefficients`: of the best input. `value`: of the criterion there, in nats; see `design_input`.
     - `sensitivity`: a `Sensitivity` there, with the standard errors to be expected.
@@ -164,7 +164,7 @@ def _criterion(matrix: np.ndarray, kept: np.ndarray, criterion: str) -> float:
         return np.nan
     information = matrix.T @ matrix
     others = np.setdiff1d(np.arange(len(information)), kept)
-    # What is left about some if the others are unknown: the Schur complement.
+    # Information left about some if the others are unknown: the Schur complement.
     left = information[np.ix_(kept, kept)]
     if others.size:
         mixed = information[np.ix_(others, kept)]

@@ -1,4 +1,4 @@
-"""What is to be found, from what."""
+"""Unknowns to be found, and the data they are found from."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -37,7 +37,8 @@ from ._unknowns import NamedUnknowns, NamedValues, scalars, space_of
 
 
 class Simulation(eqx.Module):
-    """What would have been observed in a record: rows by name at `times` [s], and the `Solution`.
+    """Values that would have been observed in a record: rows by name at `times` [s], and the
+    `Solution`.
 
     With inputs that jump, states of the solution are those of `stickslip.WithBreaks`.
     """

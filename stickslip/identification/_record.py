@@ -1,4 +1,4 @@
-"""What was measured in one run."""
+"""Measurements of one run."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any

@@ -77,11 +77,11 @@ class Report:
 
     @property
     def correlation(self) -> np.ndarray:
-        """Of the estimates, by the linearised problem; NaN for unknowns that it does not see."""
+        """Correlation of the estimates, by the linearised problem; NaN for unknowns it does not see."""
         return np.asarray(self.fit.correlation())
 
     def statements(self) -> list[str]:
-        """What is to be said in sentences."""
+        """Sentences of the report."""
         fit = self.fit
         said = [
             f"{'Converged' if bool(fit.successful) else 'Did NOT converge'} in {int(fit.steps)} steps; "

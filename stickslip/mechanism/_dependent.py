@@ -25,7 +25,7 @@ from ._search import Overload, Problem, resting
 
 
 class Tables(NamedTuple):
-    """What constant directions say of all sets of contacts, each set a number of bits.
+    """All that constant directions say of all sets of contacts, each set a number of bits.
 
     - `leaders`: an independent part of each set; `closure`: contacts that rest wherever it does;
       `covered`: contacts whose speed is then proportional to that of another.
@@ -69,7 +69,8 @@ def tables_of(directions: bytes, m: int) -> Tables:
 
 
 class _AbstractDependentContacts(AbstractContactGroup):
-    """What dependent contacts share: a largest independent part of those that rest leads and bears all.
+    """Load that dependent contacts share: a largest independent part of those that rest leads and bears
+    all.
 
     All that give way have one guard together.
     """
@@ -97,7 +98,7 @@ class _AbstractDependentContacts(AbstractContactGroup):
     def agree(self, surfaces: list[Any]) -> Any:
         """Whether the speeds of the surfaces are those of one rigid motion of them all.
 
-        What the resting contacts hold then has no speed at all, whatever rounding left of it.
+        A velocity that the resting contacts hold has no speed at all, whatever rounding left of it.
         """
         every: Any = True
         for column in self.tables.fixed.T.tolist():

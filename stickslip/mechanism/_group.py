@@ -49,8 +49,8 @@ class Fired(NamedTuple):
 
 
 class Release(NamedTuple):
-    """What a guard lets go: the sense of each contact that gives way (0 of others); whether some give
-    way, whether some stop, and whether a contact has lost its normal force."""
+    """Contacts that a guard lets go: the sense of each contact that gives way (0 of others); whether
+    some give way, whether some stop, and whether a contact has lost its normal force."""
 
     ways: NumberRow
     gives_way: Any
@@ -59,7 +59,7 @@ class Release(NamedTuple):
 
 
 class Landing(NamedTuple):
-    """What was at `rest` before an event, was `hit`, and is `passing` its zero; whether the group is
+    """Contacts at `rest` before an event, `hit` by it, and `passing` their zero; whether the group is
     `touched` at all, and `lands`: what rests is made to rest to the last digit."""
 
     rest: NumberRow
@@ -157,8 +157,8 @@ class AbstractContactGroup(AbstractSearched, abc.ABC):
     def not_followed(
         self, moving: list[int], still: list[int], straight: Callable[[], bool]
     ) -> list[int]:
-        """Of the contacts and stops `moving`, whose surfaces move or turn, those that what rests on
-        another cannot follow. `still`: stops of no speed; `straight`: whether no direction varies."""
+        """Contacts and stops `moving`, whose surfaces move or turn, that a body which rests on another
+        cannot follow. `still`: stops of no speed; `straight`: whether no direction varies."""
         return []
 
     # -- guards
@@ -184,7 +184,7 @@ class AbstractContactGroup(AbstractSearched, abc.ABC):
 
     @abc.abstractmethod
     def release(self, here: LocalInstant, states: Any, hit: NumberRow, fired: Fired) -> Release:
-        """What gives way, and what stops."""
+        """Contacts that give way, and those that stop."""
 
     def hit(self, fired: Fired) -> NumberRow:
         """Contacts and stops whose own guard has fired."""
@@ -365,7 +365,7 @@ class AbstractContactGroup(AbstractSearched, abc.ABC):
 
 
 def reserves(bounds: Bounds, force: NumberRow) -> list[tuple[Any, Any]]:
-    """What is left to each contact, upwards and downwards [N]; a stop has no upper limit."""
+    """Friction that is left to each contact, upwards and downwards [N]; a stop has no upper limit."""
     return [
         (high if high is NO_LIMIT else high - borne, minus(borne, low))
         for low, high, borne in zip(bounds.lower, bounds.high, force, strict=True)

@@ -17,7 +17,7 @@ from ._scalars import any_of, dot, is_zero, times, total
 
 
 class Impact(NamedTuple):
-    """What is known right after a guard of a stop, or the same as before if another one has fired.
+    """State right after a guard of a stop, or the same as before if another one has fired.
 
     - `now`, `states`: the moment, and the states of contacts and stops; those without speed may rest.
     - `met`: for each stop whether it was open and has been met.
@@ -97,7 +97,7 @@ class _Bump:
         self.held = group.with_closed(self.here, self.closed)
         self.speeds = [local.at.speeds[c] for c in rows]
         self.target = [jnp.zeros(())] * k + [
-            # What is off already, by rounding, goes on as it does.
+            # A body that is off already, by rounding, goes on as it does.
             where(h, where(u < 0.0, -stop.stop.restitution * u, u), 0.0)
             for h, u, stop in zip(self.here[k:], self.speeds[k:], local.stops, strict=True)
         ]

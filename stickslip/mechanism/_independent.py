@@ -78,7 +78,7 @@ class AbstractIndependentContacts(AbstractContactGroup):
             sense = where(borne > 0.0, -1.0, 1.0) if len(ways) < self.contacts else 1.0
             ways.append(where(go, sense, 0.0))
             if c in self.part.lifting:
-                # What bears nothing gives way only where nothing presses it on any more.
+                # A contact that bears nothing gives way only where nothing presses it on any more.
                 failed = failed | (go & (borne == 0.0))
         gives_way = any_of(lets_go)
         return Release(tuple(ways), gives_way, any_of(hit) & ~gives_way, failed)

@@ -89,7 +89,7 @@ class AbstractMechanism(AbstractWithObservables):
     - `opening`: names of the contacts that open where their normal force falls to zero, and close
       where it rises again.
     - `stops`: names of rigid stops, which end the motion towards them with an impact.
-    - `rubbing`: of contacts that rub on a stop, the stop: `{"sole": "floor"}`. What the stop bears is
+    - `rubbing`: of contacts that rub on a stop, the stop: `{"sole": "floor"}`. The load of the stop is
       their normal force, and they are open while it is; its impacts are without friction. Each on a
       coordinate of its own, which inertia does not couple with the other.
 

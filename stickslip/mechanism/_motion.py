@@ -82,9 +82,8 @@ def motion_by_forces(
 def _with_decided_velocities(a: list, n: list, own: list[int], rests: Any, gamma: Any) -> list[Any]:
     """`a`, of which a contact that rests decides the velocity along its largest entry.
 
-    What it holds alone as its other entries vanish then has no acceleration at all, where rounding
-    of the forces that cancel would be the whole motion.
-    """
+    A velocity that it holds alone as its other entries vanish then has no acceleration at all, where
+    rounding of the forces that cancel would be the whole motion."""
     found, sizes = list(a), [jnp.abs(jnp.asarray(n[j])) for j in own]
     for place, j in enumerate(own):
         others = [i for i in own if i != j]

@@ -27,7 +27,7 @@ from ._verbs import held_forces, normal_forces
 
 
 class AbstractWithObservables(AbstractDeclaration):
-    """What an `AbstractMechanism` is at one instant, and what is observed of it."""
+    """An `AbstractMechanism` at one instant, and what is observed of it."""
 
     @property
     def structure(self) -> Structure:
@@ -40,7 +40,7 @@ class AbstractWithObservables(AbstractDeclaration):
         return traced_with(two_sided_contacts, self)
 
     def instant(self, t: Numeric, y: PyTree, args: PyTree) -> Instant:
-        """What the declaration says at time `t` in state `y`."""
+        """All that the declaration says at time `t` in state `y`."""
         return self._moment(t, y, args).at
 
     def _moment(self, t: Numeric, y: PyTree, args: PyTree) -> Moment:

@@ -21,7 +21,7 @@ from ._varying import ends_at_rest, landing_beside_passing, passing_through, wit
 
 
 class _AbstractOneVelocity(AbstractContactGroup):
-    """What a velocity with several stops, or stops and contacts, has in all cases."""
+    """All that velocities with several stops, or stops and contacts, have in common."""
 
     @property
     def leading(self) -> list[int]:
@@ -50,7 +50,7 @@ class _AbstractOneVelocity(AbstractContactGroup):
     def slow_then(self, here: LocalInstant, own: NumberRow, hit: NumberRow, stops: Any) -> NumberRow:
         rest = resting(own)
         if here.drifts:
-            # What has just lost its speed says which others have lost theirs.
+            # A contact that has just lost its speed says which others have lost theirs.
             return self.slow(here, own, tuple(h | (r & ~stops) for h, r in zip(hit, rest, strict=True)))
         return super().slow_then(here, own, hit, stops)
 
@@ -64,8 +64,8 @@ class _AbstractOneVelocity(AbstractContactGroup):
             return landing_beside_passing(self.rows, still, found, landing, fired.rested)
         if not here.drifts:
             return super().landing(here, still, found, landing, fired)
-        # What a stop carries off keeps its velocity: that of a stop which has hardly begun to move is
-        # rounding, and might be against the sense in which the others are left.
+        # A contact that a stop carries off keeps its velocity: that of a stop which has hardly begun to
+        # move is rounding, and might be against the sense in which the others are left.
         rest = landing.rest
         left_behind = any_of(tuple(h & r for h, r in zip(landing.hit, rest, strict=True)))
         keeps = [left_behind & (i >= self.contacts) for i in range(self.m)]
@@ -169,12 +169,11 @@ class ContactsOnOneVelocity(_AbstractOneVelocity):
     def _beside(self, here: LocalInstant, states: Any, motion: Motion) -> list[Any]:
         """Guards where something rests beside surfaces that move.
 
-        What slides, slides as the surface of what rests has it, and may do so with a speed of exactly 0
+        Contacts slide as the surface of what rests has it, and may do so with a speed of exactly 0
         from some time on, as on a cam that comes to a stand: it rests then. Near such a time the
         integrated speed errs by the steps, and that of the surface by rounding as it begins to move:
-        only what both say has passed through rest. What rests together does so until the surfaces part,
-        as where a cam begins to move that carries what rests on the ground too.
-        """
+        only what both say has passed through rest. Contacts that rest together do so until the surfaces
+        part, as where a cam begins to move that carries what rests on the ground too."""
         (a,), own = motion.acceleration, self.own_states(states)
         n = [line[0] for line in here.lines]
         (m,) = here.mass.times([1.0])
@@ -214,7 +213,8 @@ class ContactsOnOneVelocity(_AbstractOneVelocity):
     def ending(self, problem, states, acceleration, slow):
         return ends_at_rest(problem, states, acceleration, slow) if self.part.varies else states
 
-    # What has no speed may be parted at once: on each surface the one velocity changes differently.
+    # Contacts without speed may be parted at once: on each surface the one velocity changes
+    # differently.
 
     def begins(self, problem: Problem, standing: NumberRow, slow: Any) -> tuple[NumberRow, NumberRow]:
         origin, face = super().begins(problem, standing, slow)

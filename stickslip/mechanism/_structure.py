@@ -31,7 +31,7 @@ class GuardNumbers(NamedTuple):
 
 
 class Structure:
-    """What a declaration says once and for all, whatever its numbers.
+    """All that a declaration says once and for all, whatever its numbers.
 
     - `names`; `directions` of the contacts `[contact, coordinate]` and `slopes` of the gaps
       `[stop, coordinate, and time last]`, NaN where they are not constant;

@@ -1,4 +1,4 @@
-"""What a mechanism does, group by group: it moves, its guards fire, its mode changes, it starts."""
+"""The verbs of a mechanism, group by group: it moves, its guards fire, its mode changes, it starts."""
 
 from typing import Any
 

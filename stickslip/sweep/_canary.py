@@ -3,7 +3,7 @@
 The fused executor rests on attributes internal to XLA. A compiler that does not take them may abort
 the process, so the trial runs in another one: a stick-slip motion with events, sections and
 derivatives, compared in value with the portable executor. The verdict is kept on disk per jaxlib
-version and processor. What ends the trial from outside, such as the time-out, gives no verdict.
+version and processor. Whatever ends the trial from outside, such as the time-out, gives no verdict.
 """
 
 import contextlib

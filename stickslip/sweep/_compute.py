@@ -1,4 +1,4 @@
-"""What is left of a sweep, computed: here by all cores, or by the workers of a Dask client."""
+"""Computes the rest of a sweep: here by all cores, or by the workers of a Dask client."""
 
 import time
 

@@ -26,7 +26,7 @@ IN_HAND = 2  # tasks in the hands of Dask for each thread of its workers, so tha
 
 
 class _Task(NamedTuple):
-    """What makes a worker's program, and what it is compared with."""
+    """All that makes a worker's program, and that the program is compared with."""
 
     function: Any
     carried: bool

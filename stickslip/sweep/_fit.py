@@ -1,7 +1,7 @@
 """How many lanes a fused chunk may hold: what the cache takes, and what the compiler does.
 
 XLA's CPU compiler splits an operation over threads where it believes that it takes 0.1 ms and more;
-inside a fused time loop it then ends with an error. What it believes grows with the lanes of a chunk,
+inside a fused time loop it then ends with an error. This belief grows with the lanes of a chunk,
 so that smaller chunks compile.
 """
 
@@ -50,7 +50,7 @@ def check_motions(closed: Any, lanes: int) -> None:
 
 
 def smaller(lanes: int) -> Fit:
-    """What to try where the compiler refused to fuse `lanes` of them; 0: however few."""
+    """The next try where the compiler did not fuse `lanes` of them; 0: however few."""
     if lanes // 4 >= FEWEST:
         return Fit("fused", lanes // 4)
     return Fit("portable", CHUNK_PORTABLE)

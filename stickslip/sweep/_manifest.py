@@ -1,4 +1,4 @@
-"""What a sweep is: everything that decides its numbers, as JSON, and how two of them differ."""
+"""Identity of a sweep: everything that decides its numbers, as JSON, and how two of them differ."""
 
 import dataclasses
 import functools
@@ -118,7 +118,7 @@ def with_checksum(manifest: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def free(manifest: Mapping[str, Any]) -> tuple[str, ...]:
-    """What may differ between two manifests of the same sweep."""
+    """Parts that may differ between two manifests of the same sweep."""
     return (*FREE, "computed_with") if manifest.get("hosts") == "any" else FREE
 
 

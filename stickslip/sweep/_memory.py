@@ -37,7 +37,7 @@ class Memory:
         """No diary is kept of what ends with the process."""
 
     def interruption(self, meter: Progress) -> str:
-        """What an interruption leaves."""
+        """Words for what an interruption leaves."""
         return (
             f"interrupted after {meter.done:,} of {meter.total:,} lanes: nothing is kept, because the "
             "sweep has no store; with store='some/directory' the same call goes on where it stopped"

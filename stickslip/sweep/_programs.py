@@ -1,4 +1,4 @@
-"""What a traced program is: its text, its constants, and the code of the host that it calls.
+"""Identity of a traced program: its text, its constants, and the code of the host that it calls.
 
 The text alone does not say which function a host callback calls: two programs that differ in it only
 have equal texts. Callbacks of `equinox.error_if` are known by their messages and never return. All
@@ -146,7 +146,7 @@ def _function(params: dict[str, Any]) -> Any:
 
 
 def _error_message(function: Any) -> str | None:
-    """What `equinox.error_if` would say; `None` for any other function."""
+    """Message of `equinox.error_if`; `None` for any other function."""
     if getattr(function, "__module__", None) != "equinox._errors":
         return None
     cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)

@@ -32,7 +32,7 @@ def record_of(
 
 
 def made_by(value: Any) -> Any:
-    """What computed a unit, by its record, where that says so."""
+    """Software that computed a unit, by its record, where that says so."""
     return value.get(BY) if isinstance(value, dict) else None
 
 
@@ -69,7 +69,7 @@ class Looked:
     """Whether units are recorded and their files as they were written, most of them unread.
 
     A file of the size recorded that did not change since the record was written is believed; of all
-    others the checksum is computed. What changes a file through the system shows in its time of change,
+    others the checksum is computed. A change of a file through the system shows in its time of change,
     which a program cannot set back; the decay of a disk does not show, and is what `verify_store` is
     for. A folder that changed after the last record may have been put there whole, with old files in
     it: they are read. While others write, that is so of every folder, and `folders=False` leaves it.

@@ -57,7 +57,7 @@ def refine_sweep(
     with its length, not with the area. When the sweep is finished, no cell is wider than that unless
     all points at its corners and on its edges are alike, or no number lies between its ends.
 
-    What lies inside a cell whose points are all alike is not found: an island, or a pair of jumps,
+    Anything inside a cell whose points are all alike is not found: an island, or a pair of jumps,
     between neighbouring points of the grid. So take a grid that no feature of interest slips through.
 
     **Arguments**
@@ -212,7 +212,7 @@ def _check_by(by: Any) -> dict[str, float]:
 
 
 def _check_results(layout: Layout, tolerances: Mapping[str, float]) -> None:
-    """What is compared must be there and real, and no name be one of ours."""
+    """Raise unless all that is compared is there and real, and no name is one of ours."""
     for name, tolerance in tolerances.items():
         if name not in layout.outputs:
             known = ", ".join(map(repr, layout.outputs))

@@ -21,7 +21,7 @@ class Part(NamedTuple):
 
 
 class Refined(NamedTuple):
-    """What is known of a refinement."""
+    """All that is known of a refinement."""
 
     cells: Cells
     parts: list[xr.Dataset]

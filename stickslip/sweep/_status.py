@@ -55,7 +55,7 @@ def sweep_status(store: Path) -> dict[str, Any]:
 
 
 def _levels_of_refinement(path, refine, below) -> dict[str, Any]:
-    """What is known of the levels of a refinement."""
+    """All that is known of the levels of a refinement."""
     levels: dict[int, dict[str, int]] = {}
     for about, step in below:
         level = levels.setdefault(about["level"], {"lanes": 0, "lanes_finished": 0})

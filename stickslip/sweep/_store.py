@@ -319,7 +319,7 @@ class Store:
             write_whole(path, json.dumps(record, indent=1) + "\n", self._mark)
 
     def _remove_half_written(self) -> None:
-        """What processes that computed a part and were killed have left."""
+        """Files that processes which computed a part and were killed have left."""
         files = Files(self.manifest)
         for top in (DATA, "finished"):
             for folder, _, names in os.walk(self.path / top):
@@ -329,7 +329,7 @@ class Store:
                             path.unlink()
 
     def interruption(self, meter: Any) -> str:
-        """What an interruption leaves."""
+        """Words for what an interruption leaves."""
         return (
             f"interrupted: {self.count_finished()} of {Files(self.manifest).total} blocks are kept in "
             f"store {str(self.path)!r}, and the same call goes on from there"

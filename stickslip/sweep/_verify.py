@@ -23,7 +23,7 @@ def verify_store(store: Path, *, repair: Given[bool] = False) -> list[str]:
 
     **Arguments**
 
-    - `store`: of a sweep, finished or not, with all steps of one that is refined. What others are
+    - `store`: of a sweep, finished or not, with all steps of one that is refined. Files that others are
       writing meanwhile may be named as damaged.
     - `repair`: remove the records of units with a damaged file, so that the next `run_sweep` computes
       them again. It writes damaged headers and coordinates again in any case.

@@ -151,7 +151,7 @@ class Evaluate:
         return self._handed_on(region, index, read), jax.tree.map(row, points)
 
     def _handed_on(self, region, index, read) -> PyTree:
-        """What the neighbours before the block hand on to it, row by row."""
+        """State that the neighbours before the block hand on to it, row by row."""
         rows = int(np.prod([n for i, n in enumerate(self.sides) if i != self.axis]))
         along = region[self.axis]
         before = along.stop if self.backward else along.start - 1

@@ -60,7 +60,7 @@ class map_lanes:
       subprocess has shown that this jaxlib compiles it and agrees in value. The trial cannot cover
       every program: should XLA ever abort while compiling yours, use `"portable"` here or
       `STICKSLIP_EXECUTOR=portable` in the environment, which may also be `fused` (without a trial)
-      or `auto`. A program that the compiler refuses to fuse, such as one with thousands of rows per
+      or `auto`. A program that the compiler does not fuse, such as one with thousands of rows per
       lane, is computed by the portable executor, and a warning says so.
     - `workers`: devices or, with a single CPU device, threads to use; by default all.
 
@@ -86,7 +86,7 @@ class map_lanes:
         for name, value in (("chunk_size", chunk_size), ("workers", workers)):
             if value is not None:
                 check_count(name, value, 1)
-        wished_executor()  # nonsense in the environment is refused, whether it would matter or not
+        wished_executor()  # nonsense in the environment raises an error, whether it would matter or not
         cpu = jax.default_backend() == "cpu"
         if executor == "auto":
             executor = "fused" if cpu and fused_is_trusted() else "portable"
