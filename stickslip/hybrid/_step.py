@@ -186,7 +186,7 @@ def _with_stale(plan: Plan, lane: Lane, values: Values) -> Values:
 
 @jax.custom_jvp
 def _with_slope_of(margin: Any, value: Any) -> Any:
-    """`value`, with the derivative of `margin`: a bend that is met to the last digit moves as others."""
+    """`value`, with the derivative of `margin`: a bend met to the last digit moves as others do."""
     return value
 
 
