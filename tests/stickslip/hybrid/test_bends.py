@@ -218,6 +218,30 @@ class Looped(ss.AbstractSmoothSystem):
         return (y.x, y.x - 0.5) if self.declares else ()
 
 
+class Kicked(ss.AbstractSmoothSystem):
+    """A spring with a pull that jumps at `-place`."""
+
+    place: Any
+
+    def vector_field(self, t, y, mode, args):
+        return Motion(x=y.v, v=-3.0 * y.x - jnp.where(y.x < -self.place, -2.0, 4.0))
+
+
+def test_a_border_that_is_met_to_the_last_digit_still_moves():
+    """Of 58 runs with up to four crossings each, some end a step where the two sides are equal."""
+
+    def end(place, t1):
+        run = ss.simulate(Kicked(place), 0.0, t1, Motion(0.7, 0.0), integrator=PRECISE)
+        return run.y1.x, (run.y1.x, run.flags)
+
+    h, t1 = 1e-5, np.arange(0.3, 6.05, 0.1)
+    found = jax.jit(jax.vmap(jax.jacfwd(end, has_aux=True)))
+    slopes, (ends, flags) = found(np.repeat(0.5 + h * np.arange(-1, 2), 58), np.tile(t1, 3))
+    low, _, high = ends.reshape(3, 58)
+    np.testing.assert_allclose(slopes.reshape(3, 58)[1], (high - low) / (2 * h), atol=1e-6)
+    assert not np.any(flags)
+
+
 @pytest.mark.more
 def test_what_is_not_seen_is_flagged_and_can_be_declared():
     def end(load, declares):
