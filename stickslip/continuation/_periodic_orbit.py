@@ -35,11 +35,11 @@ from ._closing import (
     equations,
     extent,
     in_units,
-    known,
     plane_across,
+    states_and_period,
     unknowns,
 )
-from ._extremes import ROWS, watched
+from ._extremes import ROWS, run_with_extremes
 from ._floquet import multipliers_of, split_off, with_ones
 from ._guess import OrbitGuess, check_seen, gained_by
 from ._holding import holds, own_mode
@@ -114,7 +114,7 @@ def periodic_orbit(
     numbers = y0, mode0, t0, period, gained_by(system, guess), as_parameter(tolerance)
     program = _compiled if is_concrete((system, args, numbers)) else _orbit
     return program(
-        system, args, shooting.tight(), current_executor(), *numbers, forced=forced,
+        system, args, shooting.integrator_or(), current_executor(), *numbers, forced=forced,
         segments=shooting.segments, max_steps=max_steps, max_events=shooting.max_events,
     )  # fmt: skip
 
@@ -146,7 +146,7 @@ def _orbit(
             longest=lambda u, du: _longest(u, du, frame, jnp.maximum(reach.moves, reach.least)),
         )  # fmt: skip
         rests = settles(motion, frame, found, unravel, reach.modes[0]) if frame.free else False
-        return described(
+        return describe_orbit(
             motion, frame, found, tolerance, unravel, reach.modes[0], segments, max_events, rests
         )
 
@@ -171,12 +171,12 @@ def _longest(u, du, frame: Frame, reach):
     return part
 
 
-def described(
+def describe_orbit(
     motion, frame: Frame, found, tolerance, unravel, mode0, segments, max_events, rests=False
 ):  # fmt: skip
     """The orbit with its multipliers, simulated once more; `rests`: where it is none, it settles."""
     system, args, unit = motion.system, motion.args, frame.size
-    y, period = known(found.u, frame, segments)
+    y, period = states_and_period(found.u, frame, segments)
     carried = found.carried
     mode1 = carried.modes[-1]
     # The end of the last piece: on the sticking set to the last digit, unlike Newton's start.
@@ -195,7 +195,7 @@ def described(
             saveat=SaveAt(ts=ts, steps=True, max_rows=ROWS), max_events=max_events, throw=False,
         )  # fmt: skip
 
-    solution, low, high = watched(
+    solution, low, high = run_with_extremes(
         run, frame.t0, period, ledger.start(start, frame.t0, args), own, system, args,
         motion.integrator, lambda state: state.y,
     )  # fmt: skip
@@ -222,7 +222,7 @@ def described(
         monodromy = piece @ monodromy
     on_set = held_directions(system, frame.t0, start, mode1, args, unit, jnp.ones_like(unit))
     rank, by_events = through_events(system, args, log, unit)
-    # What is held all the time, and by no event, has no part in the volume of deviations.
+    # A direction that is held all the time, and by no event, has no part in the volume of deviations.
     held = jnp.eye(unit.shape[0]) - on_set
     within = on_set @ monodromy @ on_set
     alone = jnp.linalg.det(within + held) if holds(system, args, start) else jnp.linalg.det(monodromy)

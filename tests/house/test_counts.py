@@ -14,7 +14,17 @@ from tests.house import counts
 MOST_NUMBERS = 272
 MOST_ARGUMENTS = 16
 # Packages whose functions are named for what they do, and whose sentences begin with a subject.
-CLEAN = ("analysis", "contact", "derived", "friction", "hybrid", "plot", "systems", "view")
+CLEAN = (
+    "analysis",
+    "contact",
+    "continuation",
+    "derived",
+    "friction",
+    "hybrid",
+    "plot",
+    "systems",
+    "view",
+)
 # Sentences that begin with their object, and words for which English has plainer ones.
 STUMBLES = re.compile(
     r"(?:^|(?<=[.:] ))(?:What |Of the |Of those |Those that )"
