@@ -182,7 +182,7 @@ def _greatest(
             def look(best):
                 return best.at[number].max(greatest_near(number, rows[number], places[number]))
 
-            return jax.lax.cond(wanted[number], looked, lambda best: best, best)
+            return jax.lax.cond(wanted[number], look, lambda best: best, best)
 
         return jax.lax.fori_loop(0, 2 * size, one, best), values, wanted
 

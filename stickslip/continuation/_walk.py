@@ -99,7 +99,7 @@ class _Watch:
         return [*self.family.tests(point), *self.own]
 
     def begin(self, start: Any, step: float) -> list[Event]:
-        """Values asked for that are those of the start. Other tests that are zero have the sign before."""
+        """Values asked for that are those of the start. Tests that are zero have an earlier sign."""
         behind = None
         for test in self.family.tests(start):
             if not self._sign(test, start) and test(start) == test(start):
