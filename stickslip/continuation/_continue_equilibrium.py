@@ -122,7 +122,7 @@ def _first_measure(family: Equilibria, first: Rest, span: float, step: float) ->
         # Where the state bends fast, only a small change of the parameter says how fast it moves.
         for k in range(ACCURACY.rounds):
             for way in (1.0, -1.0):
-                change = way * ACCURACY.near * span * 0.25**k * sense / sense[-1]
+                change = way * step * span * 0.25**k * sense / sense[-1]
                 new = equilibrium_at(field, first.z + change, along, sense, measure)
                 if new is not None and not strays(first, new, measure, none):
                     return next_measure(measure, first, new, none)
