@@ -60,6 +60,7 @@ STARTS = np.array([-1.0, -0.3, -0.5, -0.1])
 STIFF = np.array([1.0, 15.0, 1e3, 1e5])
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("derivative", [jax.jacfwd, jax.grad])
 def test_slopes_through_a_soft_stop_are_those_of_the_closed_form(derivative):
     # The last comes to the stop without a speed, and leaves it: a bend that is only touched is no bend.
@@ -89,6 +90,7 @@ class Rectified(ss.AbstractSmoothSystem):
         return Motion(x=y.v, v=-y.x - self.stiffness * jax.nn.relu(y.x - GAP) - smooth)
 
 
+@pytest.mark.more
 def test_rules_of_their_own_hide_no_bend():
     def end(x):
         run = ss.simulate(Rectified(1e4), 0.0, 3.0, Motion(x, 0.0 * x), integrator=PRECISE)
@@ -118,6 +120,7 @@ class Cliff(ss.AbstractSmoothSystem):
         return Motion(x=y.v, v=jnp.where(y.x > 0.0, self.above, self.below))
 
 
+@pytest.mark.more
 def test_slopes_through_a_force_that_jumps_in_the_state():
     def end(height, above, below):
         run = ss.simulate(Cliff(above, below), 0.0, 3.0, Motion(height, 0.0 * height), throw=False)
@@ -174,6 +177,7 @@ class Wheels(AbstractMechanism):
         return {"brake": Contact(self.law, 0.3)}
 
 
+@pytest.mark.more
 def test_a_gear_with_play_a_table_and_a_brake():
     """Slopes by differences of runs; the log has the brake's events alone."""
 
@@ -212,6 +216,31 @@ class Looped(ss.AbstractSmoothSystem):
         return (y.x, y.x - 0.5) if self.declares else ()
 
 
+class Kicked(ss.AbstractSmoothSystem):
+    """A spring with a pull that jumps at `-place`."""
+
+    place: Any
+
+    def vector_field(self, t, y, mode, args):
+        return Motion(x=y.v, v=-3.0 * y.x - jnp.where(y.x < -self.place, -2.0, 4.0))
+
+
+def test_a_border_that_is_met_to_the_last_digit_still_moves():
+    """Of 58 runs with up to four crossings each, some end a step where the two sides are equal."""
+
+    def end(place, t1):
+        run = ss.simulate(Kicked(place), 0.0, t1, Motion(0.7, 0.0), integrator=PRECISE)
+        return run.y1.x, (run.y1.x, run.flags)
+
+    h, t1 = 1e-5, np.arange(0.3, 6.05, 0.1)
+    found = jax.jit(jax.vmap(jax.jacfwd(end, has_aux=True)))
+    slopes, (ends, flags) = found(np.repeat(0.5 + h * np.arange(-1, 2), 58), np.tile(t1, 3))
+    low, _, high = ends.reshape(3, 58)
+    np.testing.assert_allclose(slopes.reshape(3, 58)[1], (high - low) / (2 * h), atol=1e-6)
+    assert not np.any(flags)
+
+
+@pytest.mark.more
 def test_what_is_not_seen_is_flagged_and_can_be_declared():
     def end(load, declares):
         run = ss.simulate(Looped(load, declares), 0.0, 2.0, Height(-0.25))
