@@ -11,6 +11,7 @@ from .._types import Given, Numeric
 from .._validation import as_parameter, check_count, check_type, is_concrete, one_number, refusal
 from ..analysis import divergence
 from ..analysis.held_directions import held_directions
+from ..analysis.neutral_directions import projection_on
 from ..derived import WithIntegrals
 from ..hybrid import (
     AbstractHybridSystem,
@@ -181,7 +182,11 @@ def describe_orbit(
     mode1 = carried.modes[-1]
     # The end of the last piece: on the sticking set to the last digit, unlike Newton's start.
     end = jnp.where(jnp.all(carried.good), carried.ends[-1], y[0])
-    neutral = in_units(carried.neutral, unit)
+    on_set = held_directions(
+        system, frame.t0, unravel(y[0]), mode1, args, unit, jnp.ones_like(unit)
+    )  # fmt: skip
+    free = _free_shifts(frame.shifts, carried.neutral, on_set)
+    neutral = in_units(free, unit)
     flat = y[0] + without(end - y[0], frame.turns, neutral, frame.turn)
     start = unravel(flat)
 
@@ -220,7 +225,6 @@ def describe_orbit(
     monodromy = jnp.eye(unit.shape[0])
     for piece in carried.pieces:
         monodromy = piece @ monodromy
-    on_set = held_directions(system, frame.t0, start, mode1, args, unit, jnp.ones_like(unit))
     rank, by_events = through_events(system, args, log, unit)
     # A direction that is held all the time, and by no event, has no part in the volume of deviations.
     held = jnp.eye(unit.shape[0]) - on_set
@@ -230,8 +234,8 @@ def describe_orbit(
     monodromy = within
     by_events = by_events * jnp.exp(solution.y1.integrals["divergence"])
     # Shifts that change nothing are taken out of what becomes of deviations: their multipliers are 1.
-    beside = jnp.eye(unit.shape[0]) - carried.neutral
-    count = jnp.round(jnp.trace(carried.neutral)).astype(jnp.int32)
+    beside = jnp.eye(unit.shape[0]) - free
+    count = jnp.round(jnp.trace(free)).astype(jnp.int32)
     if frame.free:
         slope = ravel_pytree(system.vector_field(frame.t0, start, mode1, args))[0] / unit
         trivial, rest = split_off(beside @ monodromy @ beside, beside @ slope)
@@ -291,6 +295,16 @@ def describe_orbit(
         drift=unravel(drift),
         turns=jax.tree.map(lambda leaf: leaf.astype(jnp.int32), unravel(frame.turns)),
     )
+
+
+def _free_shifts(shifts, neutral, on_set):
+    """Projection on the shifts that change nothing and are not held.
+
+    While a contact sticks nothing depends on its speed, as if it were a place that is free; but a
+    deviation of it is none of the motion, and its multiplier is 0.
+    """
+    left = jnp.maximum(jnp.abs(neutral @ shifts - shifts), jnp.abs(on_set @ shifts - shifts))
+    return projection_on(jnp.where(jnp.max(left, axis=0) <= ACCURACY.known, shifts, 0.0))
 
 
 def _rates(system, t, y, mode, args):
