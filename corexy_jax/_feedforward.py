@@ -17,9 +17,9 @@ from stickslip.checks import (
     check_between,
     check_count,
     is_concrete,
-    misshaped,
     one_concrete,
     refusal,
+    shape_refusal,
 )
 
 from ._arguments import the_machine
@@ -143,7 +143,7 @@ def known_machine(parameters: CoreXYParameters) -> None:
         raise refusal("parameters", parameters, "known: call this outside of jit and vmap", TypeError)
     for name in (field.name for field in dataclasses.fields(parameters)):
         if np.ndim(getattr(parameters, name)):
-            raise misshaped(f"parameters.{name}", getattr(parameters, name), "one number")
+            raise shape_refusal(f"parameters.{name}", getattr(parameters, name), "one number")
 
 
 def with_tensions(p: CoreXYParameters, one: Any, two: Any) -> CoreXYParameters:

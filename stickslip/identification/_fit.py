@@ -1,4 +1,4 @@
-"""What a fit returns."""
+"""Results of a fit."""
 
 from typing import Any
 

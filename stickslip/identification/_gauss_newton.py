@@ -95,7 +95,7 @@ class AbstractGaussNewton(AbstractIterativeMethod):
         sizes = self._sizes(matrix, bend)
         rows = jnp.concatenate([residual, jnp.zeros_like(y)])
         whole = jnp.concatenate([matrix, jnp.diag(jnp.sqrt(bend))]) / sizes[None, :]
-        # A short step does not show what can be gained: it is short where the last were refused.
+        # A short step does not show what can be gained: it is short where the last were not taken.
         far, _ = descent_step(jnp.asarray(1.0 / ACCURACY.least_damping), y, rows, whole)
         step, result = self._limited_step(size, far, y, rows, whole)
         change = whole @ far
@@ -135,7 +135,7 @@ class GaussNewton(AbstractGaussNewton):
 
 
 def sensitivities(matrix: Any, bend: Any) -> Any:
-    """What each coordinate moves the residuals by: in these units no unit of a value matters."""
+    """How far each coordinate moves the residuals by: in these units no unit of a value matters."""
     sizes = jnp.sqrt(jnp.sum(matrix**2, axis=0) + bend)
     largest = jnp.max(sizes, initial=0.0)
     return jnp.maximum(sizes, jnp.where(largest > 0.0, ACCURACY.least_sensitivity * largest, 1.0))

@@ -53,7 +53,7 @@ def least_squares(
     - `damping` $\lambda$ of the first step, $(J^TJ + \lambda D^2)\,\delta = -J^Tr$ with the lengths $D$
       of the columns of $J$, so that units and noise do not matter. More makes the first steps shorter.
     - `tolerance`: relative and absolute, of the coordinates and the residuals; or of the cost, by
-      what the next step would gain if the residual were linear. `max_steps`: limit, refused ones
+      what the next step would gain if the residual were linear. `max_steps`: limit, those not taken
       included.
     - `loss`: a robust loss such as `Huber()` in place of squares, or `None`.
 

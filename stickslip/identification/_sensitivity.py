@@ -57,7 +57,7 @@ class Sensitivity(eqx.Module):
         return f"{text}; singular values {', '.join(number(s) for s in self.singular_values)}"
 
     @check_arguments(threshold=not_negative_number)
-    def seen(self, threshold: Numeric = ACCURACY.seen) -> Bool[Array, "*batch unknown"]:
+    def seen_directions(self, threshold: Numeric = ACCURACY.seen) -> Bool[Array, "*batch unknown"]:
         """Which combinations are seen: singular values above `threshold` times the largest."""
         return self.singular_values > threshold * self.singular_values[..., :1]
 
@@ -68,7 +68,7 @@ class Sensitivity(eqx.Module):
         Combinations that are not `seen` are left out of the sum; the unknowns that they contain have
         no finite variance, see `relative_standard_errors`.
         """
-        seen = self.seen(threshold)
+        seen = self.seen_directions(threshold)
         weight = jnp.where(seen, 1.0 / jnp.where(seen, self.singular_values, 1.0) ** 2, 0.0)
         return jnp.einsum("...ki,...k,...kj->...ij", self.directions, weight, self.directions)
 
@@ -78,7 +78,7 @@ class Sensitivity(eqx.Module):
 
         Infinite if the unknown is in a combination not seen. In units: `Fit.standard_errors`.
         """
-        hidden = jnp.where(self.seen(threshold)[..., None], 0.0, jnp.abs(self.directions))
+        hidden = jnp.where(self.seen_directions(threshold)[..., None], 0.0, jnp.abs(self.directions))
         lost = jnp.max(hidden, axis=-2) > ACCURACY.part
         variance = jnp.diagonal(self.covariance(threshold), axis1=-2, axis2=-1)
         errors = jnp.where(lost, jnp.inf, jnp.sqrt(variance))

@@ -87,7 +87,7 @@ class Shooting(eqx.Module):
         return {**mine[1], **common, **mine[0]}, mine[2]
 
     def segment(self, z: Array, state: Array, row: tuple) -> tuple[Array, Array]:
-        """What is observed in one segment, and the state at its end."""
+        """Observations of one segment, and the state at its end."""
         record, first, begin, times = row
         values, inputs = self._of(z, record)
         flat, unravel = ravel_pytree(self.run.start(values, inputs))

@@ -13,7 +13,7 @@ from ._fit import Fit, one_fit
 
 @check_arguments(fit=one_fit, threshold=not_negative_number)
 def unseen(fit: Given[Fit], threshold: Numeric = ACCURACY.seen) -> list[str]:
-    """What the data do not see, a sentence for each group of unknowns that hide each other.
+    """Unknowns that the data do not see, a sentence for each group of unknowns that hide each other.
 
     Positive unknowns hide each other in products, e.g. `"k1 * k2 is seen, k1 / k2 is not"`; others in
     sums, with coefficients in their units. To first order, at the estimate. Both lists of a sentence
@@ -27,10 +27,12 @@ def unseen(fit: Given[Fit], threshold: Numeric = ACCURACY.seen) -> list[str]:
     >>> unseen(fit)
     ['k1 * k2 is seen, k1 / k2 is not']
 
-    **Arguments:** `fit`, one; `threshold` as for `Sensitivity.seen`. **Raises** `TypeError`,
+    **Arguments:** `fit`, one; `threshold` as for `Sensitivity.seen_directions`. **Raises** `TypeError`,
     `ValueError` for anything else; it reads numbers and does not work under `jit`.
     """
-    hidden = np.asarray(fit.sensitivity.directions)[~np.asarray(fit.sensitivity.seen(threshold))]
+    hidden = np.asarray(fit.sensitivity.directions)[
+        ~np.asarray(fit.sensitivity.seen_directions(threshold))
+    ]
     if not hidden.size:
         return []
     # In products where all that hide each other are positive numbers, otherwise in sums.

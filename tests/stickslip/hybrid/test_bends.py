@@ -52,7 +52,7 @@ def closed_form(x, v, k, t1):
 
 
 def of_soft(x, k):
-    run = ss.simulate(Soft(k), 0.0, 10.0, Motion(x=x, v=jnp.zeros(())), max_events=0)
+    run = ss.simulate(Soft(k), 0.0, 10.0, Motion(x=x, v=jnp.zeros(())), saveat=ss.SaveAt(max_events=0))
     return run.y1.x, (run.y1.x, run.flags)
 
 
@@ -183,7 +183,9 @@ def test_a_gear_with_play_a_table_and_a_brake():
 
     def end(gap):
         wheels = Wheels(gap, Coulomb(1.0, 0.8))
-        run = ss.simulate(wheels, 0.0, 6.0, wheels.state(a=0.3, v_a=1.0), max_events=32)
+        run = ss.simulate(
+            wheels, 0.0, 6.0, wheels.state(a=0.3, v_a=1.0), saveat=ss.SaveAt(max_events=32)
+        )
         return run.y1.b, (run.y1.b, run.flags, run.num_events, run.events.guard, run.mode1)
 
     gap, h = 0.1, 1e-5
