@@ -12,10 +12,9 @@ from .._validation import as_parameter, check_finite, check_increasing, check_ty
 from ._wrapper import AbstractSystemWrapper
 from .accuracy import ACCURACY
 from .event_functions import guards_over_magnitudes
+from .status import JUMP
 from .system import AbstractHybridSystem, guard_directions, guard_scales, mode_type
 from .tree import select
-
-JUMP = -1  # in place of a guard, for systems that answer jumps
 
 
 class Pieced(NamedTuple):

@@ -8,14 +8,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
+from .._argument_checks import check_arguments, checked_by, number, or_none, static_number
 from .._types import Numeric
-from .._validation import (
-    check_at_least,
-    check_between,
-    check_that,
-    one_number,
-    one_static,
-)
+from .._validation import check_at_least, check_between, check_that
 from ._tolerance import check_tolerances
 
 if TYPE_CHECKING:
@@ -92,6 +87,7 @@ class AbstractAdaptiveStep(AbstractStepSize):
         """
 
 
+@check_arguments(h=number("positive"))
 class FixedStep(AbstractStepSize):
     """Steps of length `h` [s] wherever no event and no output time is nearer.
 
@@ -102,13 +98,16 @@ class FixedStep(AbstractStepSize):
 
     adaptive: ClassVar = False
 
-    def __check_init__(self):
-        one_number("h", self.h, "positive")
-
     def initial(self, y, dy, scale):
         return jnp.asarray(self.h, jnp.float64)
 
 
+@check_arguments(
+    rtol=number("positive"), atol=checked_by(check_tolerances), dtmin=number("not negative"),
+    dtmax=or_none(number("any")), h0=or_none(number("positive")), pcoeff=static_number(),
+    icoeff=static_number(), safety=static_number("positive"), factor_min=static_number("positive"),
+    factor_max=static_number("positive"),
+)  # fmt: skip
 class AdaptiveStep(AbstractAdaptiveStep):
     r"""Steps such that the local error estimate stays below `atol + rtol |y|` in every component.
 
@@ -154,22 +153,11 @@ class AdaptiveStep(AbstractAdaptiveStep):
         return self.pcoeff != 0.0
 
     def __check_init__(self):
-        one_number("rtol", self.rtol, "positive")
-        check_tolerances("atol", self.atol)
-        one_number("dtmin", self.dtmin, "not negative")
         if self.dtmax is not None:
-            one_number("dtmax", self.dtmax, "any")
             check_that("dtmax", self.dtmax, lambda a: a > 0, "positive (infinity for no bound)")
             check_at_least("dtmax", self.dtmax, "dtmin", self.dtmin)
-        if self.h0 is not None:
-            one_number("h0", self.h0, "positive")
-        one_static("pcoeff", self.pcoeff)
-        one_static("icoeff", self.icoeff)
-        one_static("safety", self.safety, "positive")
         check_between("safety", self.safety, 0.0, 1.0)
-        one_static("factor_min", self.factor_min, "positive")
         check_that("factor_min", self.factor_min, lambda a: a < 1, "below 1")
-        one_static("factor_max", self.factor_max, "positive")
         check_that("factor_max", self.factor_max, lambda a: a >= 1, "at least 1")
 
     def initial(self, y, dy, scale):

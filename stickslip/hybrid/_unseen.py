@@ -25,7 +25,7 @@ from .components import components_of, entries, period_of
 # what bends twice or levels off at both ends. With more it may be flat, rise, fall, and be flat again.
 HIDES = 4
 # Added to the turns of a function that is not a polynomial: kinks of several terms add up.
-BENT = 8
+BENT = 2 * HIDES
 
 _SAME = {
     "neg", "copy", "copy_p", "real", "optimization_barrier", "stop_gradient",
@@ -294,7 +294,7 @@ def step_excess(watched: tuple[Watched, ...], h: Any, longest: Any, ends: Ends, 
         y0, y1, dy0, dy1 = (jnp.ravel(leaf[one.leaf]) for leaf in leaves)
         moved, size = jnp.abs(y1 - y0), jnp.maximum(jnp.abs(y0), jnp.abs(y1))
         bend = jnp.abs(y1 - y0 - 0.5 * h * (dy0 + dy1))
-        even = (bend <= ACCURACY.even * moved + ACCURACY.component_rounding * size) & (
+        even = (bend <= ACCURACY.even * moved + ACCURACY.rounding * size) & (
             moved > ACCURACY.moves * size
         )
         way, free, hides = np.asarray(one.way), np.asarray(one.free), np.asarray(one.hides)

@@ -13,9 +13,9 @@ class RESULTS(eqx.Enumeration):  # pyright: ignore[reportGeneralTypeIssues]
 
     successful = ""
     max_steps_reached = (
-        "The fit, not a run, took all its steps before it converged. Give more to "
-        "`least_squares(max_steps=...)`, or to the method, as `LevenbergMarquardt(max_steps=...)`; "
-        "start nearer, or see `fit.sensitivity` for combinations that the data do not see."
+        "The fit, not a run, took all its steps before it converged. Give more to the method, as "
+        "`LevenbergMarquardt(max_steps=...)`; start nearer, or see `fit.sensitivity` for combinations "
+        "that the data do not see."
     )
     start_not_finite = (
         "The residual at the start is not finite: the run from there failed. Begin elsewhere."

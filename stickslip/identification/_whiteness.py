@@ -10,7 +10,15 @@ from jaxtyping import Array, Float, Int
 
 from .._argument_checks import check_arguments, count
 from .._types import Rows
-from .._validation import as_parameter, check_that, is_concrete, misshaped, numbers, refusal
+from .._validation import (
+    as_parameter,
+    check_known,
+    check_that,
+    is_concrete,
+    misshaped,
+    numbers,
+    refusal,
+)
 
 
 class Correlation(eqx.Module):
@@ -127,8 +135,7 @@ def in_even_steps(times: Rows, series: Rows) -> Float[np.ndarray, " sample"]:
     """
     rows = []
     for name, given in (("times", times), ("series", series)):
-        if not is_concrete(given):
-            raise refusal(name, given, "known: call this outside of jit and vmap", TypeError)
+        check_known(name, given)
         rows.append(numbers(name, given))
         if rows[-1].ndim != 1 or rows[-1].size < 2:
             raise misshaped(name, given, "one row of at least 2")

@@ -4,12 +4,13 @@ import jax.numpy as jnp
 import numpy as np
 
 from stickslip import identification
+from stickslip.identification._unknowns import scalars
 from tests.house._nonsense_identification import RESIDUAL
 from tests.house._nonsense_target import Target, arg
 
 ONE = identification.Fit(
     {"a": jnp.ones(())}, jnp.ones(3), identification.Sensitivity(("a",), jnp.ones((3, 1))),
-    jnp.ones((), jnp.int32), jnp.ones((), bool),
+    jnp.ones((), jnp.int32), scalars("start", {"a": 1.0})[0], jnp.zeros((), jnp.int32),
 )  # fmt: skip
 SIDES = jnp.zeros((1, 2, 3))
 PROFILE = identification.Profile(
@@ -44,7 +45,7 @@ TARGETS = [
     ),
     Target(
         identification.unseen,
-        {"fit": arg(ONE), "threshold": arg(1e-7, "not negative", "float32")},
+        {"fit": arg(ONE)},
     ),
     Target(identification.autocorrelation, {"series": SERIES, "lags": arg(3), "level": LEVEL}),
     Target(
