@@ -41,7 +41,7 @@ from .dependence import may_jump
 from .event_functions import event_functions
 from .executor import current_executor
 from .longest_step import step_bound
-from .status import BENT, CODE, STILL, flag, to_result
+from .status import BENT, CODE, CODES, RESULTS, STILL, flag, item_of
 from .stepper import ExplicitRungeKutta, as_stepper
 from .system import AbstractHybridSystem
 from .tree import frozen, select, shift, with_float_arrays
@@ -354,7 +354,7 @@ def _assemble(plan: Plan, problem, t0, t1, start, ts, smooth, counts, capacities
         steps=steps,
         events=events,
         crossings=crossings,
-        result=to_result(counts.status),
+        result=item_of(RESULTS, CODES, counts.status),
         flags=flags,
         flagged_at=counts.flagged_at,
         flagged_guard=counts.flagged_guard,

@@ -46,7 +46,8 @@ class Accuracy:
 
     # Guards beside zero.
     slack: float = 1e-12
-    """Part of its magnitude by which a guard below zero is not violated: rounding of the state."""
+    """Part of its magnitude by which a guard below zero is not violated, and a component at rest moves:
+    rounding of the state."""
     rounded: float = 4e-3
     """Part of the terms in parameters of which `slack` is the rounding."""
     edge: float = 4 * slack
@@ -145,8 +146,6 @@ class Accuracy:
     even: float = 1e-6
     """Part of the way: a motion that is the parabola through its ends and slopes to this part is even,
     and the error of a step has nothing to see."""
-    moves: float = 1e-12
-    """Part of a component: one that moves by less is at rest."""
     numbers_told_apart: int = 64
     """Numbers of a state whose turns are told apart; of a larger state its leaves are."""
     unseen_motion: float = 1e7

@@ -62,11 +62,6 @@ CODES = (
 CODE = {name: number for number, name in enumerate(CODES)}
 
 
-def to_result(code: Int[Array, "*batch"]) -> RESULTS:  # pyright: ignore[reportInvalidTypeForm]
-    """`RESULTS` item of an integer code of the loop."""
-    return item_of(RESULTS, CODES, code)
-
-
 def item_of(results: Any, names: tuple[str, ...], code: Int[Array, "*batch"]) -> Any:
     """Item of an enumeration by a code, the place in the row of `names`; the first by default."""
     result = getattr(results, names[0])

@@ -3,6 +3,7 @@
 from ._compare import Comparison as Comparison
 from ._compare import compare as compare
 from ._descent import GradientDescent as GradientDescent
+from ._fit import RESULTS as RESULTS
 from ._fit import Fit as Fit
 from ._fit import best as best
 from ._gauss_newton import GaussNewton as GaussNewton
@@ -32,7 +33,6 @@ from ._record import Record as Record
 from ._report import Report as Report
 from ._report import WhitenessTest as WhitenessTest
 from ._report import report as report
-from ._results import RESULTS as RESULTS
 from ._sensitivity import Sensitivity as Sensitivity
 from ._sensitivity import sensitivity as sensitivity
 from ._signal import Signal as Signal

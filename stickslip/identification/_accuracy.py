@@ -99,6 +99,8 @@ class Accuracy:
     overdamped: float = 1e-6
 
     # Words and pictures.
+    # [-] probability of the band of a correlation of noise
+    band: float = 0.95
     # largest denominator of an exponent of a combination
     largest_denominator: int = 6
     # panels in a row of the pictures of a report

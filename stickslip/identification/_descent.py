@@ -9,10 +9,9 @@ import optax
 
 from .._argument_checks import check_arguments, count, instance, number, or_none
 from .._types import Given
-from ._fit import Fit
+from ._fit import CODE, Fit
 from ._losses import AbstractLoss, loss_or_none
 from ._methods import AbstractIterativeMethod, Iteration
-from ._results import CODE
 from ._sensitivity import Sensitivity
 
 

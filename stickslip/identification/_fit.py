@@ -1,4 +1,4 @@
-"""What a fit returns."""
+"""What a fit returns, and how it ends."""
 
 from typing import Any
 
@@ -9,13 +9,38 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from .._argument_checks import check_arguments, instance, one_real
+from .._outcome import in_words
 from .._show import html_table, number
 from .._types import Given, Numeric
 from .._validation import check_type, is_concrete, refusal
+from ..hybrid.status import item_of
 from ._accuracy import ACCURACY
-from ._results import CODE, RESULTS, to_result
 from ._sensitivity import Sensitivity
 from ._unknowns import NamedValues, Space
+
+
+@in_words
+class RESULTS(eqx.Enumeration):  # pyright: ignore[reportGeneralTypeIssues]
+    """Outcome of a fit; `RESULTS[fit.result]` is the message."""
+
+    successful = ""
+    max_steps_reached = (
+        "The fit, not a run, took all its steps before it converged. Give more to the method, as "
+        "`LevenbergMarquardt(max_steps=...)`; start nearer, or see `fit.sensitivity` for combinations "
+        "that the data do not see."
+    )
+    start_not_finite = (
+        "The residual at the start is not finite: the run from there failed. Begin elsewhere."
+    )
+    step_not_finite = "A step could not be computed: the Jacobian is not finite."
+    far_from_minimum = (
+        "The optimiser took its steps, and the minimum is further away than `tolerance` standard "
+        "errors. Give it more steps or another rate."
+    )
+
+
+CODES = ("successful", "max_steps_reached", "start_not_finite", "step_not_finite", "far_from_minimum")
+CODE = {name: number for number, name in enumerate(CODES)}
 
 
 def probability(owner: Any, name: str, value: Any) -> Any:
@@ -96,7 +121,7 @@ class Fit(eqx.Module):
     @property
     def result(self) -> Any:
         """Item of `identification.RESULTS`."""
-        return to_result(self.code)
+        return item_of(RESULTS, CODES, self.code)
 
     @property
     def names(self) -> tuple[str, ...]:

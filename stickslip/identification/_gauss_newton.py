@@ -12,10 +12,9 @@ from .._argument_checks import check_arguments, count, number
 from .._types import Numeric
 from ._accuracy import ACCURACY
 from ._bounded import coordinates_after, curvature, kinds_of, within
-from ._fit import Fit
+from ._fit import CODE, Fit
 from ._losses import AbstractLoss, loss_or_none
 from ._methods import AbstractIterativeMethod, Iteration
-from ._results import CODE
 from ._sensitivity import Sensitivity
 
 DESCENT = optx.DampedNewtonDescent(linear_solver=lx.QR())

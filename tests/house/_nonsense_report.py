@@ -25,7 +25,6 @@ POSTERIOR = identification.Posterior(
 COMPARISON = identification.compare({"one": ONE})
 REPORT = identification.report(ONE)
 SERIES = arg(np.arange(30.0))
-LEVEL = arg(0.95)
 ROWS = arg(None, "none", "mapping")
 TARGETS = [
     Target(
@@ -47,10 +46,10 @@ TARGETS = [
         identification.unseen,
         {"fit": arg(ONE)},
     ),
-    Target(identification.autocorrelation, {"series": SERIES, "lags": arg(3), "level": LEVEL}),
+    Target(identification.autocorrelation, {"series": SERIES, "lags": arg(3)}),
     Target(
         identification.cross_correlation,
-        {"series": SERIES, "other": SERIES, "lags": arg(3), "level": LEVEL},
+        {"series": SERIES, "other": SERIES, "lags": arg(3)},
     ),
     Target(
         identification.ljung_box, {"series": SERIES, "lags": arg(3), "unknowns": arg(0, "count")}
