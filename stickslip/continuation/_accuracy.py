@@ -1,7 +1,8 @@
-"""The numbers that decide in this package, each with its unit, its meaning and where it comes from.
+"""Numbers that decide in continuation, each with its unit and its meaning, chosen by us unless said.
 
-Where no source is named a number is a choice: it was tried on the truths of the tests, which hold for
-numbers several times larger and smaller.
+None is an option. "Part" is a ratio without a unit, of the scale that stands beside the number where it
+is used: the motion's size, the bounds' distance, the step, the largest entry. All were tried on the
+truths of the tests, which hold for numbers several times larger and smaller.
 """
 
 import dataclasses
@@ -9,26 +10,121 @@ import dataclasses
 
 @dataclasses.dataclass(frozen=True)
 class Accuracy:
-    """Numbers of continuation; "parts" are parts of what is named behind them."""
+    """Numbers that decide in continuation; `ACCURACY` is the one object of this class."""
+
+    # Levels of smallness, so that one idea has one number: from rounding to what is only alike.
+    short: float = 1e-13
+    """Part: a last step of a search. Newton's method squares the error, secants nearly do. A component
+    that moves by less of its value, some hundreds of spacings of numbers, does not move."""
+    rounding: float = 1e-12
+    """Part: singular values, entries and rates that come out of a whole computation are rounding below
+    it. Some thousand spacings of numbers: the condition of what was solved."""
+    solved: float = 1e-11
+    """Part of the motion's size to which an orbit closes where Newton's method ends. What a mode holds
+    is held to it, and balanced equations of equilibria are singular below it."""
+    zero: float = 1e-9
+    """Part: a quantity that is zero without rounding is smaller, where orbits or eigenvalues enter it:
+    a jump at an event, a distance from the real axis, a drift, a share of a direction."""
+    closes: float = 1e-8
+    """Part: an orbit simulated once more returns to it, times the growth of deviations in a period;
+    field and guards of the same states are the same to it a period later."""
+    known: float = 1e-6
+    """Part of the motion's size: two orbits nearer than this are one. It leaves room for the
+    condition of the equations, which may lose five of the digits that are `solved`."""
+    little: float = 1e-4
+    """Part: a move for differences and first secants, small against the bends of a branch, large
+    against `zero`. An orbit whose extent has shrunk to it is at rest."""
+    alike: float = 1e-3
+    """Part: two results of different ways to one thing agree to it. A function that jumps is larger
+    than this part of its values at both ends."""
+    near: float = 1e-2
+    """Part: beside an orbit, but of the same branch; also the growth of errors that is too much."""
 
     # Steps along a branch.
-    shorter: float = 0.5  # factor of a step that failed, bends or leaps
-    longer: float = 1.5  # factor of the step after one that succeeded
-    quick: int = 4  # evaluations of Newton's method, after which the next step is longer
-    bend: float = 0.9  # cosine of the angle between two tangents: sharper bends get shorter steps
-    straight: float = 0.99  # the same: between two such orbits their branch is straight
-    shortest: float = 2.0**-10  # part of a step below which it is not shortened for a bend
-    patience: float = 2.0**-4  # part of a step that failed, down to which shorter ones are tried
-    strays: float = 2.0  # steps, that an orbit may be from where it was expected
-    swerves: float = 0.1  # of a step, that it may be, besides what the branch bends
-    known: float = 1e-6  # of the motion's size: to which orbits are known
-    looking: tuple[float, ...] = (2.0**-4, 2.0**-8, 2.0**-12)  # of a step: looked at behind a point
-    # Events along a branch.
-    zero: float = 1e-3  # of its larger value at the ends: a function that only jumps stays above this
-    at_bound: float = 1e-6  # of the bounds' distance: an end no farther from a bound is at it
-    least_round: int = 8  # points of a closed branch
-    # Newton's method.
-    integration: float = 1e-12  # relative, of the integrator of orbits where none is given
+    shorter: float = 0.5
+    """Factor of a step that failed, bends or leaps, or ends on a branch point. Part of a way or of a
+    period that is still near its beginning."""
+    longer: float = 1.5
+    """Factor of the step after one that succeeded."""
+    quick: int = 4
+    """Evaluations of Newton's method, after which the next step is longer."""
+    bend: float = 0.9
+    """Cosine of the angle between two tangents: sharper bends get shorter steps,"""
+    bend_at_rest: float = 0.95
+    """and of tangents of equilibria, whose steps cost little."""
+    straight: float = 0.99
+    """The same: between two such orbits their branch is straight."""
+    shortest: float = 2.0**-12
+    """Part of a step below which it is not shortened for a bend, of equilibria also not where Newton's
+    method fails."""
+    patience: float = 2.0**-4
+    """Part of a step that failed, down to which shorter ones are tried. A point is looked at from
+    behind with this part of a step, its square and its cube."""
+    strays: float = 2.0
+    """Steps that an orbit may be from where it was expected. Also the factor from one part of a motion
+    or of a branch to the next."""
+    swerves: float = 0.1
+    """Of a step, that it may be, besides what the branch bends; what a law may be off by; part of its
+    mean speed at which an angle shows the place on an orbit."""
+    follows: float = 0.9
+    """Part of the move of a component by which it may differ from what the tangents predict."""
+    shrinks: float = 0.3
+    """Part by which a step may change the extent of the motion, or a period, or that is left of the way
+    to a border to which a branch leads. Steps between orbits of that way that are all kept."""
+    far: float = 10.0
+    """Moves or sizes: what is farther from where it began is something else."""
+    least_points: int = 8
+    """Points of a closed branch, at least; evaluations, after which components that do not move along
+    the branch are not waited for."""
+
+    # Searches.
+    evaluations: int = 10
+    """Evaluations of Newton's method at one orbit; an equilibrium has `tries`, from farther away."""
+    tries: int = 30
+    """Secants, halvings, sizes or evaluations at an equilibrium that are tried at most."""
+    rounds: int = 12
+    """Times that a search begins anew from what was found."""
+    few: int = 4
+    """The same, where each costs several orbits."""
+    nearer: float = 2.0**-6
+    """Part of what is left to which a round of bisection comes,"""
+    halved: float = 2.0**-24
+    """and to which it does where one round decides."""
+    around: int = 16
+    """Directions, or instants of an orbit, that are asked at first."""
+    stalled: float = 1e3
+    """Tolerances: rounding may keep the residual of Newton's method from falling further; then up to so
+    much is an end, no failure."""
+    inside: tuple[float, ...] = (0.0, 0.02, 0.1, 0.5, 2.0)
+    """Of a step along a border: how far beside it orbits are looked for."""
+    beyond: tuple[float, ...] = (1e-4, 1e-3, 1e-2, 1e-5)
+    """Of the motion's size: how far the first orbit on the other side is from a border."""
+    amplitudes: tuple[float, ...] = (1.0, 0.3, 3.0, 0.1, 10.0, 0.03, 0.01)
+    """First amplitudes of an orbit that begins at another one, in parts of `near`, or at an
+    equilibrium, in parts of what is hardly nonlinear."""
+    widths: tuple[float, ...] = (0.08, 0.16, 0.03)
+    """Of a step: distances of the orbits between which a branch point is found."""
+    decades: int = 25
+    """Powers of ten to both sides in which the amplitude of a first orbit is looked for."""
+
+    # What a period is sampled and judged by.
+    samples: int = 64
+    """Points of a period, at least, at which the size of each component is read off; the most events
+    or orbits that are compared one by one."""
+    parts: int = 60
+    """Of the period, at which the motion is compared with its start: most small numbers divide it."""
+    block: int = 32
+    """Steps in which extremes are looked for side by side."""
+    as_near: float = 3.0
+    """Factor: two returns whose distances differ by less are equally good: the first is taken."""
+    steep: float = 4.0
+    """Power of the period that an exponential law has at least where it is told from others."""
+
+    # Integration of one period where no integrator is given: relative tolerances.
+    integration: float = 1e-12
+    """Of orbits, whose derivatives are looked at,"""
+    guessing: float = 1e-10
+    """and of first guesses."""
 
 
 ACCURACY = Accuracy()

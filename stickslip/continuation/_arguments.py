@@ -19,6 +19,7 @@ from ..analysis.observable import check_parameter, with_parameters
 from ..hybrid import AbstractHybridSystem, current_executor
 from ..hybrid.arguments import start_of
 from ..hybrid.tree import with_float_arrays
+from ._accuracy import ACCURACY
 from ._along import Problem
 from ._beginning import beside_breaks
 from ._closing import check_autonomous
@@ -109,7 +110,7 @@ def problem_of(
         forcing = one_concrete("forcing_period(system)", forcing_period(there), "positive")
         ratio = float(orbit.period) / float(forcing)
         multiple = round(ratio)
-        if multiple < 1 or abs(ratio - multiple) > 1e-6:
+        if multiple < 1 or abs(ratio - multiple) > ACCURACY.known:
             allowed = f"of which the orbit's period, {float(orbit.period)} s, is a multiple"
             raise refusal("forcing_period(system)", float(forcing), allowed)
     system, args = with_float_arrays((system, args))

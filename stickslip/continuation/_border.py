@@ -2,19 +2,14 @@
 
 import numpy as np
 
+from ._accuracy import ACCURACY
 from ._along import Problem
 from ._curves import AbstractCurve, Place, directed, last_place, reason_of
 from ._family import Event, Failure, Leg
 from ._point import Point, ahead, correct, strayed
 from ._points import border
-from ._touches import events_of, first_difference
+from ._touches import TOUCHING, decades, events_of, first_difference
 
-INSIDE = (0.0, 0.02, 0.1, 0.5, 2.0)  # of the step: how far beside the border orbits are looked for
-NEAR = 1.0  # of the way to them: how far from where they are expected they are
-AROUND = 16  # directions in which they are looked for at first
-# How far beyond a border the motion is looked at for its other sequence, and around a corner for all
-# that there are, in parts of its size.
-OUTSIDE, NEARBY = (1e-9, 1e-8, 1e-7), (1e-6, 1e-5, 1e-4)
 CORNER = "GRGR: the border of another sequence of modes is met"
 
 
@@ -49,17 +44,17 @@ class Border(AbstractCurve):
             found = ahead(self.problem, point, radius, direction(angle))
             return not isinstance(found, Failure) and self._alike(found)
 
-        turn = 2.0 * np.pi / AROUND
+        turn = 2.0 * np.pi / ACCURACY.around
         for part in (0.03, 0.003, 0.3):
             radius = part * distance
-            there = [inside(k * turn, radius) for k in range(AROUND)]
-            edges = [k for k in range(AROUND) if there[k - 1] != there[k]]
+            there = [inside(k * turn, radius) for k in range(ACCURACY.around)]
+            edges = [k for k in range(ACCURACY.around) if there[k - 1] != there[k]]
             if len(edges) != 2:
                 continue
             ends = {}
             for k in edges:
                 one, two = (k - 1) * turn, k * turn
-                while two - one > 1e-6:
+                while two - one > ACCURACY.known:
                     middle = 0.5 * (one + two)
                     one, two = (
                         (middle, two) if inside(middle, radius) == there[k - 1] else (one, middle)
@@ -67,7 +62,7 @@ class Border(AbstractCurve):
                 ends[there[k]] = 0.5 * (one + two)
             arc = (ends[False] - ends[True]) % (2.0 * np.pi)
             normal = direction(ends[True] + 0.5 * arc)
-            place = Place(point, normal, normal)
+            place = Place(point, normal, normal, 1.0)
             last, _ = border(self.problem, point, radius, self._alike, -normal)
             return directed(place, last, direction(ends[False]) - direction(ends[True]), 1.0)
         return Failure("mode_differs")
@@ -84,7 +79,7 @@ class Border(AbstractCurve):
         first touch of a stop kicks as the square root of how deep it is, into other borders too.
         """
         own = events_of(self.problem, place.point, place.point.u)
-        for beside in OUTSIDE:
+        for beside in TOUCHING:
             found = events_of(self.problem, place.point, place.point.u - beside * place.normal)
             if found != own:
                 return first_difference(own, found)
@@ -106,7 +101,7 @@ class Border(AbstractCurve):
             for side in (1.0, -1.0)
             for lean in (-0.3, 0.3, 1.0, 3.0)
         ]
-        for beside in NEARBY:
+        for beside in decades(ACCURACY.known, ACCURACY.little):
             beyond = {
                 first_difference(
                     own, events_of(self.problem, place.point, place.point.u + beside * direction)
@@ -123,12 +118,12 @@ class Border(AbstractCurve):
     def _across(self, place: Place, distance: float) -> Point | Failure:
         """The last orbit on the line across the curve, at a distance along it."""
         begin = place.point
-        for inside in INSIDE:
+        for inside in ACCURACY.inside:
             there = begin.u + distance * (place.way + inside * place.normal)
             found = correct(
                 self.problem, there, begin.modes, begin.anchor, begin.tangent, begin.tangent
             )  # fmt: skip
-            if strayed(found, there, (1.0 + inside) * distance, NEAR):
+            if strayed(found, there, (1.0 + inside) * distance, 1.0):
                 continue
             if not isinstance(found, Failure) and self._alike(found):
                 reach = (1.0 + 2.0 * inside) * distance

@@ -10,18 +10,13 @@ import numpy as np
 from scipy.interpolate import BarycentricInterpolator
 from scipy.optimize import brentq
 
+from ._accuracy import ACCURACY
 from ._along import Problem, evaluated, orbit_at
 from ._family import Failure
 from ._point import Point, correct
 
-# Orbits at these numbers of widths around the zero; the width in parts of the step, and how many times
-# the zero is searched anew from what was found.
+# Orbits at these numbers of widths around the zero.
 NODES = np.array([-3.0, -2.0, -1.0, 1.0, 2.0, 3.0])
-WIDTHS, ROUNDS = (0.08, 0.16, 0.03), 4
-ASTRAY = 0.05  # of the step: farther from the cubic through both ends an orbit is of another branch
-# The zeros of the polynomials through all orbits and through the inner ones differ by at most the first
-# number, in parts of the step; the orbit between them closes to the second.
-AGREE, CLOSES = 1e-6, 1e-9
 
 
 def zero_beside(
@@ -51,7 +46,8 @@ def zero_beside(
             there, way = cubic(x)
             found = correct(problem, there, before.modes, before.anchor, way, way)
             if isinstance(found, Point) and (
-                found.sequence != before.sequence or np.linalg.norm(found.u - there) > ASTRAY * length
+                found.sequence != before.sequence
+                or np.linalg.norm(found.u - there) > ACCURACY.swerves * length
             ):
                 found = Failure("not_converged")
             known[x] = found
@@ -59,9 +55,9 @@ def zero_beside(
 
     ends = test(before), test(after)
     root, why = ends[0] / (ends[0] - ends[1]), Failure("not_converged")
-    for width in WIDTHS:
+    for width in ACCURACY.widths:
         middle = root
-        for _ in range(ROUNDS):
+        for _ in range(ACCURACY.few):
             nodes = middle + width * NODES
             points = [at(float(x)) for x in nodes]
             good = [p for p in points if isinstance(p, Point)]
@@ -76,7 +72,7 @@ def zero_beside(
             middle, moved = zeros[0], abs(zeros[0] - middle)
             if moved > 0.5 * width:
                 continue
-            if abs(zeros[0] - zeros[1]) > AGREE:
+            if abs(zeros[0] - zeros[1]) > ACCURACY.known:
                 break
             found = _on(problem, before, nodes, good, zeros[0])
             return found
@@ -103,7 +99,7 @@ def _on(
     modes = points[2].modes
     found = jax.device_get(evaluated(problem, jnp.asarray(u), modes, before.anchor))
     residual, jacobian, closing = found
-    if not (np.all(closing.good) and np.max(np.abs(residual)) <= CLOSES):
+    if not (np.all(closing.good) and np.max(np.abs(residual)) <= ACCURACY.zero):
         return Failure("not_converged")
     orbit = orbit_at(problem, u, jnp.asarray(modes), before.anchor, found)
     if not bool(orbit.successful):

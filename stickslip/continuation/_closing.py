@@ -13,17 +13,10 @@ from .._validation import refusal
 from ..analysis.neutral_directions import neutral_shifts, projection_on
 from ..hybrid import AbstractHybridSystem, Integrator, SaveAt, simulate
 from ..hybrid.longest_step import depends_on_time
+from ._accuracy import ACCURACY
 from ._holding import on_constraints
 from ._monodromy import pieces_of
-from ._turns import ROUNDING, turns_of, whole_turns, without
-
-# Points of a period at which the size of each component is read off.
-SAMPLES = 64
-TURNS = 0.1  # of its mean speed: an angle that turns so fast shows the place on the orbit
-# What else there is of a motion swings if it moves by the first part of its values, and comes back to
-# the second part of that.
-SWINGS, BACK = 1e-6, 0.5
-KEEPS = 1e-6  # of the growth of deviations in a piece: by so much at most it changes a neutral shift
+from ._turns import turns_of, whole_turns, without
 
 
 def check_autonomous(
@@ -156,7 +149,7 @@ def equations(
     pieces = jnp.stack(pieces_of(jacobian, segments, count))
     changed = jnp.max(jnp.abs(pieces @ frame.shifts - frame.shifts[None]), axis=1)
     grows = jnp.maximum(jnp.max(jnp.abs(pieces), axis=(1, 2)), 1.0)
-    kept = jnp.all(changed <= KEEPS * grows[:, None], axis=0)
+    kept = jnp.all(changed <= ACCURACY.known * grows[:, None], axis=0)
     neutral = projection_on(jnp.where(kept[None, :], frame.shifts, 0.0))
     rows = slice((segments - 1) * count, segments * count)
     # Of the last piece alone: the knots go on turning.
@@ -207,7 +200,7 @@ def extent(
     parts of `moves`.
     """
     # Knots first, so that none is missed by rounding.
-    parts = segments * -(-SAMPLES // segments)
+    parts = segments * -(-ACCURACY.samples // segments)
     ts = t0 + period * jnp.arange(parts, dtype=jnp.float64) / parts
     solution = simulate(
         motion.system, t0, t0 + period, y, mode, motion.args, integrator=motion.integrator,
@@ -221,7 +214,7 @@ def extent(
     low = jnp.min(jnp.where(finite, flat, jnp.inf), axis=0)
     largest = jnp.maximum(jnp.abs(high), jnp.abs(low))
     span = high - low
-    moves = jnp.where(span > ROUNDING * largest, span, jnp.where(largest > 0, largest, 1.0))
+    moves = jnp.where(span > ACCURACY.short * largest, span, jnp.where(largest > 0, largest, 1.0))
     each = parts // segments
     knots, found = flat[::each], outputs.mode[::each]
     first, unravel = ravel_pytree(y)
@@ -243,8 +236,10 @@ def _closed_by(shifts: Array, path: Float[Array, "sample size"], goes: Array) ->
     """Which shift a motion of unknown period has to come round by, as it does nothing but turn."""
     rest = path - path @ projection_on(shifts)
     span = jnp.max(rest, axis=0) - jnp.min(rest, axis=0)
-    largest, rounding = (jnp.max(jnp.abs(a), axis=0) for a in (rest, ROUNDING * path))
-    swings = (span > SWINGS * largest + rounding) & (jnp.abs(rest[-1] - rest[0]) < BACK * span)
+    largest, rounding = (jnp.max(jnp.abs(a), axis=0) for a in (rest, ACCURACY.short * path))
+    swings = (span > ACCURACY.known * largest + rounding) & (
+        jnp.abs(rest[-1] - rest[0]) < ACCURACY.shorter * span
+    )
     turning = jnp.any(goes[:, None] & (shifts != 0.0), axis=0)
     first = jnp.arange(turning.size) == jnp.argmax(turning)
     return turning & first & ~jnp.any(swings)
@@ -264,6 +259,6 @@ def plane_across(
     goes = turns != 0.0
     mean = jnp.where(goes, turns * jnp.where(goes, turn, 1.0) / (period * size), jnp.inf)
     turning = jnp.where(goes, slope, 0.0)
-    slope = jnp.where(jnp.any(slope / mean > TURNS), turning, slope)
+    slope = jnp.where(jnp.any(slope / mean > ACCURACY.swerves), turning, slope)
     length = jnp.linalg.norm(slope)
     return slope / jnp.where(length > 0, length, 1.0)

@@ -15,6 +15,7 @@ from .._validation import check_type, refusal
 from ..hybrid import AbstractHybridSystem
 from ..hybrid.arguments import the_system
 from ..hybrid.status import DISCONTINUOUS
+from ._accuracy import ACCURACY
 from ._along import Problem, evaluated
 from ._arguments import bounds_of, concrete_guess, follow_of, problem_of, value_of
 from ._branch import Branch, BranchPoint, branch_of
@@ -29,11 +30,7 @@ from ._switch import born, crossing, doubled, outward
 from ._walk import follow as follow_branch
 from ._walk import joined
 
-PRIMES = (7, 11, 13)
-ALIKE = 1e-3  # part of their size by which the ends of one motion differ, seen at other instants
-# Of the derivative: below the first part, and below the second slope of the parameter, here and so far
-# away, orbits are a family at one value of the parameter.
-SINGULAR, VERTICAL, ASIDE = 1e-9, 1e-7, 1e-2
+PRIMES = tuple(n for n in range(7, 14) if math.gcd(n, ACCURACY.parts) == 1)
 CUT_OFF = ("max_points", "bounds", "homoclinic")  # ends beyond which a branch goes on
 
 
@@ -187,14 +184,14 @@ def _beside(problem: Problem, first: Point, middle: float) -> str:
     """
     family = "it is one of a family, by a conserved quantity or a place that is free between limits"
     strength = np.linalg.svd(first.jacobian, compute_uv=False)
-    if strength[-1] < SINGULAR * strength[0]:
+    if strength[-1] < ACCURACY.zero * strength[0]:
         return family
-    if abs(first.tangent[-1]) < VERTICAL:
-        then = ahead(problem, first, ASIDE)
-        return family if isinstance(then, Point) and abs(then.tangent[-1]) < VERTICAL else ""
+    if abs(first.tangent[-1]) < ACCURACY.known:
+        then = ahead(problem, first, ACCURACY.near)
+        return family if isinstance(then, Point) and abs(then.tangent[-1]) < ACCURACY.known else ""
     if np.any(first.orbit.neutral):
         aside = first.u.copy()
-        aside[-1] += np.copysign(ASIDE, middle - first.value)
+        aside[-1] += np.copysign(ACCURACY.near, middle - first.value)
         found = evaluated(problem, jnp.asarray(aside), first.modes, first.anchor)[2]
         held = np.trace(np.asarray(found.neutral)) < np.trace(first.orbit.neutral) - 0.5
         if np.all(found.good) and held:
@@ -239,4 +236,4 @@ def _same(one: Point, other: Point) -> bool:
     size = np.asarray(one.anchor.extent)
     ends = zip(*((p.orbit.lowest, p.orbit.highest) for p in (one, other)), strict=True)
     away = [np.abs(ravel_pytree(a)[0] - ravel_pytree(b)[0]) / size for a, b in ends]
-    return bool(np.max(away) < ALIKE)
+    return bool(np.max(away) < ACCURACY.alike)

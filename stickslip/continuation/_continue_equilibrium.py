@@ -11,10 +11,11 @@ from .._validation import refusal
 from ..hybrid import AbstractHybridSystem
 from ..hybrid.arguments import check_field, start_of, the_system
 from ..hybrid.tree import with_float_arrays
+from ._accuracy import ACCURACY
 from ._arguments import bounds_of, follow_of, value_of
 from ._branch import Branch, branch_of
 from ._closing import check_autonomous
-from ._equilibria import BEND, KNOWN, Equilibria, strays
+from ._equilibria import Equilibria, strays
 from ._options import FOLLOW, Follow
 from ._rest import (
     Field,
@@ -29,10 +30,6 @@ from ._rest import (
 )
 from ._walk import follow as follow_branch
 from ._walk import joined
-
-SLACK = 1e-12  # of the bounds' distance: as far outside of them is rounding
-TRIES, LADDER = 16, 30  # of a first step, of first sizes
-FIRST = 0.02  # of the bounds' distance: the first of them
 
 
 def continue_equilibrium(
@@ -107,7 +104,7 @@ def _first(field: Field, z: np.ndarray, hold: np.ndarray, span: float) -> Rest |
     measure = measure_of(np.append(np.abs(z[:-1]), span), jacobian)
     along = measure.along(tangent_of(jacobian, hold, measure))
     found = corrected(field, z, along, hold, measure)
-    return found if found is not None and abs(found.value - z[-1]) <= SLACK * span else None
+    return found if found is not None and abs(found.value - z[-1]) <= ACCURACY.rounding * span else None
 
 
 def _measured(family: Equilibria, first: Rest, span: float, step: float) -> Measure:
@@ -118,26 +115,26 @@ def _measured(family: Equilibria, first: Rest, span: float, step: float) -> Meas
     field, size = family.field, np.append(np.zeros(first.z.size - 1), span)
     measure = measure_of(size, first.jacobian)
     rate = abs(first.tangent[-1] / measure.columns[-1])
-    if rate > KNOWN * np.max(np.abs(first.tangent / measure.columns)):
+    if rate > ACCURACY.zero * np.max(np.abs(first.tangent / measure.columns)):
         along, sense, none = measure.along(first.tangent), first.tangent, np.zeros(size.size)
         along = np.where(np.arange(size.size) < size.size - 1, 0.0, along)
-        for k in range(TRIES):
+        for k in range(ACCURACY.rounds):
             for way in (1.0, -1.0):
-                change = way * FIRST * span * 0.25**k * sense / sense[-1]
+                change = way * ACCURACY.near * span * 0.25**k * sense / sense[-1]
                 new = corrected(field, first.z + change, along, sense, measure)
                 if new is not None and not strays(first, new, measure, none):
                     return renewed(measure, first, new, none)
     way = first.tangent / np.max(np.abs(first.tangent / measure.columns))
     way[-1] = 0.0
     largest = np.max(np.abs(first.z[:-1]) / np.where(way[:-1] != 0.0, np.abs(way[:-1]), np.inf))
-    for k in range(2 * LADDER):
-        size = np.abs(way) * (largest if largest > 0.0 else 4.0**LADDER) * 0.25**k
+    for k in range(2 * ACCURACY.tries):
+        size = np.abs(way) * (largest if largest > 0.0 else 4.0**ACCURACY.tries) * 0.25**k
         size[-1] = span
         measure = dataclasses.replace(measure, size=size)
         tangent = of_length_one(first.tangent, first.tangent, measure)
         rest = dataclasses.replace(first, tangent=tangent, measure=measure)
         new = family.onward(rest, step)
         if isinstance(new, Rest) and not family.leaps(rest, new, step):
-            if angle_of(tangent, new.tangent, measure) < 0.5 * BEND:
+            if angle_of(tangent, new.tangent, measure) < 0.5 * np.arccos(ACCURACY.bend_at_rest):
                 break
     return measure

@@ -21,12 +21,12 @@ from ._options import FOLLOW, SHOOTING, Follow, Shooting
 from ._orbit import PeriodicOrbit
 from ._point import Point, begin, round_trip
 from ._points import branching, doubling, torus
+from ._touches import TOUCHING
 from ._walk import follow as follow_branch
 from ._walk import joined
 
 BORDERS = ("GR", "SQ")
 FUNCTIONS = {"LP": folding, "PD": doubling, "NS": torus, "BP": branching}
-BESIDE = (1e-10, 1e-9, 1e-8, 1e-7, 1e-6)  # of the first parameter's bounds
 
 
 def continue_point(
@@ -127,7 +127,7 @@ def _start(
         return zeros, first if isinstance(first, Failure) else zeros.begin(first)
     # At the border itself rounding decides which events there are: then from a little beside it.
     border = Border(problem, point.label, round_trip(point.orbit))
-    for beside in (0.0, *BESIDE):
+    for beside in (0.0, *TOUCHING):
         for side in (1.0, -1.0):
             move = np.array([side * beside * problem.unit[0], 0.0])
             found = begin(problem, point.orbit, values + move)

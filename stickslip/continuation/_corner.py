@@ -4,19 +4,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ._accuracy import ACCURACY
 from ._along import Problem, evaluated
 from ._family import Failure
 from ._point import Point, ahead, correct, leaps, tangent_of
-
-# How far from the border the motion is looked at for its other sequence, in parts of the motion's size.
-BESIDE = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
-# How far the first orbit beyond is from the border.
-BEYOND = (1e-4, 1e-3, 1e-2, 1e-5)
-FARTHEST = 10.0  # moves, that it is from the border
-# An orbit beyond belongs to the border if its branch leads back to it: nearer than the first number, or
-# than this part of what it was away. By so many steps, of half of what is left or less.
-TOUCHES, CONNECTED = 1e-4, 0.3
-STEPS, SHORTER = 60, 4
+from ._touches import decades
 
 
 def across(problem: Problem, last: Point, seen: Point | Failure) -> list[Point] | None:
@@ -36,7 +28,7 @@ def across(problem: Problem, last: Point, seen: Point | Failure) -> list[Point] 
     _, _, found = jax.device_get(evaluated(problem, jnp.asarray(last.u), last.modes, last.anchor))
     own = found.sequence.tolist()
     tangents: list[np.ndarray] = []
-    for beside in BESIDE:
+    for beside in decades(ACCURACY.known, ACCURACY.near):
         for direction in _directions(last):
             u = last.u + beside * direction
             _, jacobian, other = jax.device_get(
@@ -45,10 +37,10 @@ def across(problem: Problem, last: Point, seen: Point | Failure) -> list[Point] 
             if not np.all(other.good) or other.sequence.tolist() == own:
                 continue
             tangent = tangent_of(jacobian, None)
-            if tangent is None or any(abs(tangent @ t) > 1.0 - 1e-6 for t in tangents):
+            if tangent is None or any(abs(tangent @ t) > 1.0 - ACCURACY.known for t in tangents):
                 continue
             tangents.append(tangent)
-            for beyond in BEYOND:
+            for beyond in ACCURACY.beyond:
                 for side in (1.0, -1.0):
                     way = _beyond(problem, last, side * beyond * tangent, side * tangent)
                     if way is not None:
@@ -60,7 +52,7 @@ def _beyond(problem: Problem, last: Point, move: np.ndarray, tangent: np.ndarray
     new = correct(problem, last.u + move, last.modes, last.anchor, tangent, tangent)
     if isinstance(new, Failure) or new.sequence == last.sequence:
         return None
-    if np.linalg.norm(new.u - last.u) > FARTHEST * np.linalg.norm(move):
+    if np.linalg.norm(new.u - last.u) > ACCURACY.far * np.linalg.norm(move):
         return None
     return led_back(problem, last, new)
 
@@ -74,21 +66,21 @@ def led_back(problem: Problem, last: Point, new: Point) -> list[Point] | None:
     way = [new if (last.u - new.u) @ new.tangent > 0 else new.turned()]
     whole = float(np.linalg.norm(last.u - new.u))
     left = whole
-    while left > TOUCHES and len(way) < STEPS:
+    while left > ACCURACY.little and len(way) < ACCURACY.samples:
         point = _nearer(problem, last, way[-1], left)
         if point is None:
             break
         way.append(point)
         left = float(np.linalg.norm(last.u - point.u))
-    if left > max(TOUCHES, CONNECTED * whole):
+    if left > max(ACCURACY.little, ACCURACY.shrinks * whole):
         return None
     return [point.turned() for point in reversed(way)]
 
 
 def _nearer(problem: Problem, last: Point, point: Point, left: float) -> Point | None:
     """The next orbit of a branch that leads back to a border; None where it does not."""
-    for k in range(1, SHORTER + 1):
-        step = left * 0.5**k
+    for k in range(1, ACCURACY.few + 1):
+        step = left * ACCURACY.shorter**k
         new = ahead(problem, point, step)
         if isinstance(new, Failure) or new.sequence != point.sequence or leaps(point, new, step):
             continue

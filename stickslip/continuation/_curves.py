@@ -27,15 +27,6 @@ from ._point import Point, ahead, beginning_elsewhere
 from ._touches import touches
 from ._walk import has_come_round
 
-# Slopes of a test are differences over this distance, in parts of the motion's size.
-SLOPE = 1e-4
-SECANTS = 12  # at most, to the curve
-NEARLY = 1e-13  # of the size: a secant as short as this ends the search
-LAST = 1e-9  # of the step: how exactly the end of a curve is known
-# The end of a curve is searched anew from the last place found: by so much nearer in each round, up to
-# four times as far as was left. Chords shorter than the last number have no direction.
-NEARER, ROUNDS, CHORD = 2.0**-6, 10, 1e-5
-
 
 @dataclasses.dataclass(frozen=True)
 class Place:
@@ -47,7 +38,7 @@ class Place:
     point: Point
     way: np.ndarray
     normal: np.ndarray
-    steep: float = 1.0
+    steep: float
 
     @property
     def values(self) -> np.ndarray:
@@ -177,7 +168,7 @@ class Zeros(AbstractCurve):
             return Failure("singular")
         across = slopes / np.linalg.norm(slopes) @ point.tangent
         near = Place(point, across, across, float(np.linalg.norm(slopes)))
-        found = self._reached(near, point, 1e-2)
+        found = self._reached(near, point, ACCURACY.near)
         return found if isinstance(found, Failure) else self._with_slopes(near, *found)
 
     def onward(self, place: Place, distance: float) -> Place | Failure:
@@ -193,12 +184,12 @@ class Zeros(AbstractCurve):
         found = []
         for row in point.tangent:
             ends = []
-            for d in (-SLOPE, SLOPE):
+            for d in (-ACCURACY.little, ACCURACY.little):
                 p = ahead(self.problem, point, d, row)
                 if isinstance(p, Failure) or p.sequence != point.sequence:
                     return None
                 ends.append(self.test(p))
-            found.append((ends[1] - ends[0]) / (2.0 * SLOPE))
+            found.append((ends[1] - ends[0]) / (2.0 * ACCURACY.little))
         slopes = np.asarray(found)
         return slopes if np.linalg.norm(slopes) > 0.0 else None
 
@@ -217,9 +208,9 @@ class Zeros(AbstractCurve):
             return Failure("mode_differs")
         at, best, slope = 0.0, near, place.steep
         value = self.test(near)
-        for _ in range(SECANTS):
+        for _ in range(ACCURACY.tries):
             step = -value / slope
-            if value == 0.0 or abs(step) <= NEARLY:
+            if value == 0.0 or abs(step) <= ACCURACY.short:
                 return best, slope
             if not abs(at + step) <= reach:
                 return Failure("not_converged")
@@ -229,7 +220,7 @@ class Zeros(AbstractCurve):
             if found.sequence != near.sequence:
                 return Failure("mode_differs")
             new = self.test(found)
-            if abs(new) >= abs(value) and abs(step) < 1e-8:
+            if abs(new) >= abs(value) and abs(step) < ACCURACY.closes:
                 return best, slope  # rounding
             slope = (new - value) / step if new != value else slope
             at, value, best = at + step, new, found
@@ -284,18 +275,18 @@ def last_place(
     of the way, so that the search is begun again from the last place found, with shorter steps.
     """
     last, span = place, distance
-    for _ in range(ROUNDS):
+    for _ in range(ACCURACY.rounds):
         low, high, best = 0.0, span, last
-        while high - low > NEARER * span:
+        while high - low > ACCURACY.nearer * span:
             middle = 0.5 * (low + high)
             found = curve.onward(last, middle)
             if isinstance(found, Failure) or (alike is not None and not alike(found)):
                 high = middle
             else:
                 low, best = middle, found
-        if low < CHORD:
+        if low < ACCURACY.known:
             best = dataclasses.replace(best, way=last.way)
         last, span = best, 4.0 * (high - low)
-        if span < LAST * distance:
+        if span < ACCURACY.zero * distance:
             break
     return last

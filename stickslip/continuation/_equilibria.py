@@ -36,20 +36,6 @@ from ._rest import (
     scales_of,
 )
 
-BEND = 0.32  # angle between two tangents [rad]: sharper bends get shorter steps
-SHORTEST = 2.0**-12  # of a step
-KNOWN = 1e-9  # of the sizes: to which equilibria are known
-# Largest deviation of a component that began to move from the move that the tangents predict, as a part
-# of that move.
-ASTRAY = 0.9
-# Part of the largest singular value: a step does not end as near as this to a branch point, but is
-# shortened by the other factor.
-DOUBLE, AWAY = 1e-7, 0.8
-OFF_AXIS = 1e-9  # part of its size beside the real axis of an eigenvalue that is not real
-NEARER, EVALUATIONS, CLOSE = 30, 20, 1e-13  # of the search for a branch point
-NULL = 1e-9  # of the defect of an equation at a solution
-LEVEL = 1e-5  # rate of the parameter along the branch, at a branch point where it turns
-
 
 def turning(rest: Rest) -> float:
     """Rate of the parameter along the branch: zero at a fold."""
@@ -76,9 +62,9 @@ def pairs(rest: Rest) -> float:
 
 
 OWN = (
-    Test("BP", crossing, zero=1e-12, odd=True),
-    Test("HB", pairs, zero=1e-11),
-    Test("LP", turning, zero=1e-12, odd=True),
+    Test("BP", crossing, zero=ACCURACY.rounding, odd=True),
+    Test("HB", pairs, zero=ACCURACY.solved),
+    Test("LP", turning, zero=ACCURACY.rounding, odd=True),
 )
 
 
@@ -89,7 +75,7 @@ def axis_pair(rest: Rest) -> int | None:
     if not near:
         return None
     at = min(near)[1]
-    if not abs(found[at].imag) > OFF_AXIS * abs(found[at]):
+    if not abs(found[at].imag) > ACCURACY.zero * abs(found[at]):
         return None
     return int(np.argmin(np.abs(found - 1j * abs(found[at].imag))))
 
@@ -111,7 +97,7 @@ class Equilibria(AbstractFamily):
 
     @property
     def control(self) -> Control:
-        return Control(float(np.cos(BEND)), SHORTEST, SHORTEST)
+        return Control(ACCURACY.bend_at_rest, ACCURACY.shortest, ACCURACY.shortest)
 
     def onward(self, point: Rest, distance: float) -> Rest | Failure:
         along = point.measure.along(point.tangent)
@@ -127,7 +113,7 @@ class Equilibria(AbstractFamily):
         measure, move = point.measure, distance * point.tangent
         away = measure.length(new.z - point.z - move)
         bend = angle_of(point.tangent, new.tangent, measure)
-        if away > (ACCURACY.swerves + bend) * distance + KNOWN:
+        if away > (ACCURACY.swerves + bend) * distance + ACCURACY.zero:
             return True
         return strays(point, new, measure, measure.size)
 
@@ -171,7 +157,7 @@ class Equilibria(AbstractFamily):
         crossed = [event.point for event in found if event.label == "BP"]
         if test.label == "LP" and crossed:
             rate = turning(crossed[0])
-            if abs(rate) <= LEVEL:
+            if abs(rate) <= ACCURACY.known:
                 return None
             at = float(before.measure.along(before.tangent) @ (crossed[0].z - before.z))
             known[at] = crossed[0]
@@ -196,7 +182,7 @@ class Equilibria(AbstractFamily):
         point, first = points[-1], distance
         new, distance = next_point(self, point, distance)
         while isinstance(new, Rest) and distance == first and _double(new) and not _double(point):
-            first *= AWAY  # near a branch point the tangent is not known
+            first *= ACCURACY.shorter  # near a branch point the tangent is not known
             new, distance = next_point(self, point, first)
         if isinstance(new, Failure):
             words = "not_converged: the next equilibrium was not found"
@@ -214,13 +200,13 @@ def strays(point: Rest, new: Rest, measure: Measure, size: np.ndarray) -> bool:
     own = measure_of(measure.size, new.jacobian)
     move, least = new.z - point.z, own.least(new.jacobian, new.z)
     expected = 0.5 * change * (point.tangent / point.tangent[-1] + new.tangent / new.tangent[-1])
-    most = ASTRAY * np.maximum(np.abs(move), np.abs(expected)) + least
+    most = ACCURACY.follows * np.maximum(np.abs(move), np.abs(expected)) + least
     return bool(np.any((size == 0.0) & (np.abs(move - expected) > most)))
 
 
 def _double(point: Rest) -> bool:
     """Whether it is hardly farther from a branch point than rounding."""
-    return abs(crossing(point)) < DOUBLE
+    return abs(crossing(point)) < ACCURACY.known
 
 
 def _branch_point(
@@ -234,7 +220,7 @@ def _branch_point(
     along = measure.along(rest.tangent)
     low, high = (0.0, rest, crossing(rest)), (distance, new, crossing(new))
     largest, reason = max(abs(low[2]), abs(high[2])), "Newton's method finds no equilibrium there"
-    for _ in range(NEARER):
+    for _ in range(ACCURACY.tries):
         part = float(np.clip(low[2] / (low[2] - high[2]), 0.05, 0.95))
         guess = low[1].z + part * (high[1].z - low[1].z)
         point = _singular(field, guess, measure)
@@ -252,7 +238,7 @@ def _branch_point(
             low = middle, found, value
         else:
             high = middle, found, value
-    if min(abs(low[2]), abs(high[2])) > ACCURACY.zero * largest:
+    if min(abs(low[2]), abs(high[2])) > ACCURACY.alike * largest:
         return Failure("the function jumps there")
     return Failure(reason)
 
@@ -263,7 +249,7 @@ def _singular(field: Field, z: np.ndarray, measure: Measure) -> np.ndarray | Non
     n = rows.size
     phi, beta = np.linalg.svd(measure.balanced(field(z)[1]))[0][:, -1], 0.0
     before = np.inf
-    for _ in range(EVALUATIONS):
+    for _ in range(ACCURACY.tries):
         values, jacobian = field(z)
         slope, bend = measure.balanced(jacobian), field.curvature(z, phi * rows)
         bend = bend * columns[:, None] * columns[None, :]
@@ -283,9 +269,9 @@ def _singular(field: Field, z: np.ndarray, measure: Measure) -> np.ndarray | Non
         z, phi, beta = z - move[: n + 1] * columns, phi - move[n + 1 : -1], beta - move[-1]
         parts = measure.part(move[: n + 1] * columns)
         longest = float(np.max(np.abs(np.concatenate([parts, move[n + 1 :]]))))
-        if longest <= CLOSE or (longest <= NULL and longest >= 0.5 * before):
+        if longest <= ACCURACY.short or (longest <= ACCURACY.zero and longest >= 0.5 * before):
             least = np.linalg.svd(measure.balanced(field(z)[1]), compute_uv=False)[-1]
-            return z if abs(beta) <= NULL and least <= 1e-6 else None
+            return z if abs(beta) <= ACCURACY.zero and least <= ACCURACY.known else None
         before = longest
     return None
 

@@ -16,15 +16,13 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from ..hybrid import AbstractHybridSystem, Integrator, Solution, StateLog
+from ..hybrid.accuracy import ACCURACY as ENGINE
 from ..hybrid.executor import COMPACT
 from ..hybrid.stepper import as_stepper
+from ._accuracy import ACCURACY
 
-BLOCK = 32  # steps that are looked at side by side
-ROWS = 1 + 64 * BLOCK  # of the log of steps
-LONGER = 2.0  # times the last one: the next part of a motion that has more steps
+ROWS = 1 + ACCURACY.samples * ACCURACY.block  # of the log of steps
 INSIDE = np.arange(1, 8) / 8  # of a step: where the quintic is looked at first
-EVALUATIONS = 6  # of the motion near an extreme; each squares the error
-ROUNDING = 1e-14  # of a component's magnitude: no extreme is greater than another one by less
 
 
 def _hermite(order: int) -> np.ndarray:
@@ -76,7 +74,7 @@ def watched(
             (jax.tree.map(lambda a: a[None], found.y1), found.mode1[None]),
         )
         later = jnp.where(full, steps.t[at], begin + span)
-        span = jnp.minimum(LONGER * (later - begin), end - later)
+        span = jnp.minimum(ACCURACY.strays * (later - begin), end - later)
         more = (later > begin) & (span > 0) & found.successful
         return kept, best, jnp.zeros((), bool), later, span, state, mode, more
 
@@ -102,7 +100,7 @@ def _greatest(
     known = (jnp.arange(ROWS, dtype=jnp.int32) < steps.count)[:, None] & jnp.isfinite(flat)
     both, size = jnp.concatenate([flat, -flat], axis=1), flat.shape[1]
     best = jnp.maximum(best, jnp.max(jnp.where(jnp.tile(known, (1, 2)), both, -jnp.inf), axis=0))
-    least = ROUNDING * jnp.tile(jnp.maximum(jnp.abs(best[:size]), jnp.abs(best[size:])), 2)
+    least = ENGINE.near_one * jnp.tile(jnp.maximum(jnp.abs(best[:size]), jnp.abs(best[size:])), 2)
     modes = jnp.maximum(steps.mode, 0)
 
     def field(t, state, mode):
@@ -136,7 +134,7 @@ def _greatest(
         """Of all steps the largest values below those `before`: values, rows, places."""
 
         def block(k, found):
-            index = k * BLOCK + jnp.arange(BLOCK, dtype=jnp.int32)
+            index = k * ACCURACY.block + jnp.arange(ACCURACY.block, dtype=jnp.int32)
             values, places = jax.vmap(looked_at)(index)
             values = jnp.where(values < before[None, :], values, -jnp.inf)
             row = jnp.argmax(values, axis=0)
@@ -145,7 +143,7 @@ def _greatest(
 
         none = jnp.zeros(2 * size, jnp.int32)
         begun = (jnp.full(2 * size, -jnp.inf), none, none.astype(jnp.argmax(best).dtype))
-        return jax.lax.fori_loop(0, -(-steps.count // BLOCK), block, begun)
+        return jax.lax.fori_loop(0, -(-steps.count // ACCURACY.block), block, begun)
 
     def refined(number, row, place):
         """Greatest value of one number near a place inside a step."""
@@ -170,7 +168,7 @@ def _greatest(
         at = jnp.asarray(INSIDE)[place] * h
         gap = (INSIDE[1] - INSIDE[0]) * h
         begun = (at, at - gap, at + gap, jnp.asarray(-jnp.inf))
-        return jax.lax.fori_loop(0, EVALUATIONS, body, begun)[-1]
+        return jax.lax.fori_loop(0, ACCURACY.evaluations, body, begun)[-1]
 
     def going(carry):
         return jnp.any(carry[-1])

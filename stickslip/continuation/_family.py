@@ -102,7 +102,7 @@ class Control:
     """How steps are shortened.
 
     - `bend`: cosine of the largest angle between two tangents. `straight`: above this cosine a step
-      that follows a failure is not what the failure came from.
+      that follows a failure is not what the failure came from; None: no cosine says so.
     - `shortest`: part of the first length below which a step is not shortened for a bend.
     - `patience`: the same where the corrector fails.
     """
@@ -110,7 +110,7 @@ class Control:
     bend: float
     shortest: float
     patience: float
-    straight: float = 2.0
+    straight: float | None = None
 
 
 class AbstractFamily(abc.ABC):
@@ -217,7 +217,8 @@ def next_point(family: AbstractFamily, point: Any, distance: float) -> tuple[Any
         else:
             turn, leaps = family.cosine(point, new), family.leaps(point, new, distance)
             if not leaps and turn > control.bend:
-                if failed and family.is_quick(new) and turn > control.straight:
+                straight = control.straight is not None and turn > control.straight
+                if failed and straight and family.is_quick(new):
                     return failed
                 return new, distance
             if distance <= shortest:
@@ -256,7 +257,7 @@ def zero_between(
     try:
         found: Any = brentq(value, *bracket, xtol=1e-15, rtol=1e-14)  # pyright: ignore[reportArgumentType]
         root = float(found)
-        if abs(value(root)) > ACCURACY.zero * largest:
+        if abs(value(root)) > ACCURACY.alike * largest:
             return Failure("the function jumps there")
     except (ArithmeticError, ValueError) as error:
         return Failure(str(error))

@@ -5,8 +5,7 @@ from typing import Any
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float, Int
 
-# A singular value below this part of the largest is zero: what an event projects out is rounding.
-LOST = 1e-12
+from ._accuracy import ACCURACY
 
 
 def nonzero_first(multipliers: Complex[Array, " size"]) -> Complex[Array, " size"]:
@@ -28,9 +27,10 @@ def multipliers_of(matrix: Float[Array, "size size"], rank: Any) -> Complex[Arra
     rank = jnp.minimum(jnp.asarray(rank, jnp.int32), size)
     largest = None
     for _ in range(size):
+        # What an event projects out leaves a singular value of rounding.
         left, strength, right = jnp.linalg.svd(matrix)
         largest = strength[0] if largest is None else largest
-        kept = (index < rank) & (strength > LOST * largest)
+        kept = (index < rank) & (strength > ACCURACY.rounding * largest)
         rank = jnp.sum(kept, dtype=jnp.int32)
         small = (strength[:, None] * right) @ left
         matrix = jnp.where(kept[:, None] & kept[None, :], small, 0.0)

@@ -38,16 +38,10 @@ from ..hybrid import (
 from ..hybrid.arguments import a_time, check_field, start_of, the_system
 from ..hybrid.longest_step import spanning
 from ..hybrid.tree import with_float_arrays
+from ._accuracy import ACCURACY
 from ._closing import in_units
 from ._options import SHOOTING, Shooting
 from ._turns import apart, given_turns, turns_of
-
-# Two returns whose distances from the start differ by less than this factor are equally good: the first
-# is taken. A return nearer than the second number, in parts of the motion's size, is one in any case.
-AS_NEAR = 3.0
-NEAR = 1e-6
-SAMPLES = 256
-ROUGH = 1e-10  # relative, of the integrator where none is given
 
 
 class OrbitGuess(eqx.Module):
@@ -142,7 +136,7 @@ def orbit_guess(
     numbers = y0, mode, t0, *map(as_parameter, (transient, max_period, forcing_period or 0.0))
     program = _compiled if is_concrete((system, args, numbers)) else _guess
     return program(
-        system, args, shooting.tight(ROUGH), current_executor(), *numbers,
+        system, args, shooting.tight(ACCURACY.guessing), current_executor(), *numbers,
         multiples=multiples, max_events=shooting.max_events,
     )  # fmt: skip
 
@@ -215,7 +209,7 @@ def _guess(
     # Each run is a program of its own to compile: there are three.
     begin = t0 + transient
     if multiples is None:
-        after = longest * jnp.linspace(0.0, 1.0, SAMPLES)
+        after = longest * jnp.linspace(0.0, 1.0, ACCURACY.samples)
     else:
         after = forcing * jnp.arange(multiples + 1.0)
     seen = run(system, t0, begin + after[-1], y0, mode, max_events=None,
@@ -244,7 +238,7 @@ def _guess(
         states, after = states[1:], after[1:]
     away = jnp.max(jnp.abs(apart(states - flat[None, :], neutral, turn) / size[None, :]), axis=1)
     away = jnp.where(jnp.isfinite(away), away, jnp.inf)
-    good = jnp.isfinite(away) & (away <= jnp.maximum(AS_NEAR * jnp.min(away), NEAR))
+    good = jnp.isfinite(away) & (away <= jnp.maximum(ACCURACY.as_near * jnp.min(away), ACCURACY.known))
     period = jnp.where(jnp.any(good), after[jnp.argmax(good)], jnp.nan)
 
     # From the middle of the longest time without an event.

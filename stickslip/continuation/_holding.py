@@ -7,14 +7,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
 from ..hybrid import AbstractHybridSystem
-from ..hybrid.accuracy import ACCURACY
+from ..hybrid.accuracy import ACCURACY as ENGINE
 from ..hybrid.arguments import first_mode
 from ..hybrid.event_functions import guards_over_magnitudes
 from ..hybrid.system import guard_directions, mode_type
 from ..hybrid.tree import frozen
-
-DEPENDENT = 1e-9  # of its length: a constraint that the others leave no more of is one of them
-HELD = 1e-11  # of the sizes: numbers that are zero but for rounding
+from ._accuracy import ACCURACY
 
 
 def _constraints(system: AbstractHybridSystem, t, flat, unravel, mode, args) -> Array | None:
@@ -51,7 +49,8 @@ def on_constraints(
         normal = normal / jnp.where(largest > 0.0, largest, 1.0)
         left = projection @ (projection @ normal)
         length = left @ left
-        new = length > DEPENDENT**2 * (normal @ normal)
+        # A constraint of which the others leave no more than rounding is one of them.
+        new = length > ACCURACY.zero**2 * (normal @ normal)
         length = jnp.where(new, length, 1.0)
         state = state - jnp.where(new, left * (value / (jnp.where(new, largest, 1.0) * length)), 0.0)
         projection = projection - jnp.where(new, jnp.outer(left, left) / length, 0.0)
@@ -71,9 +70,9 @@ def own_mode(
     if values is None or not system.guard_names:
         return own
     normals = jax.jacfwd(lambda z: _constraints(system, t, z, unravel, mode, args))(flat)
-    held = jnp.all(jnp.abs(values) <= HELD * (jnp.abs(normals) @ size))
+    held = jnp.all(jnp.abs(values) <= ACCURACY.solved * (jnp.abs(normals) @ size))
     guards = guards_over_magnitudes(system, t, unravel(flat), mode, args)
     sides = jnp.asarray([-1.0 if d == "rising" else 1.0 for d in guard_directions(system)])
     both = jnp.asarray([d == "both" for d in guard_directions(system)])
     falls = jnp.where(both, jnp.abs(guards), sides * guards)
-    return jnp.where(held & jnp.all(falls >= -ACCURACY.slack), mode, own).astype(own.dtype)
+    return jnp.where(held & jnp.all(falls >= -ENGINE.slack), mode, own).astype(own.dtype)

@@ -8,11 +8,8 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 
 from ..hybrid import AbstractHybridSystem
+from ._accuracy import ACCURACY
 from ._point import Point
-
-# A state that jumps at an event by more than this part of the motion's size: an impact.
-JUMPS = 1e-9
-MOST_EVENTS = 64  # in which the events that are new are looked for
 
 
 def kind_of(system: AbstractHybridSystem, one: Point, two: Point) -> str:
@@ -33,7 +30,7 @@ def kind_of(system: AbstractHybridSystem, one: Point, two: Point) -> str:
     if len(few) == len(many):
         # Where a slip turns round anyway, at a wall, an impact is one event in place of another.
         return "grazing" if impacts(one) != impacts(two) else ""
-    if len(many) > MOST_EVENTS:
+    if len(many) > ACCURACY.samples:
         return ""
     # An orbit without events is in one mode: what is added begins and ends in it.
     alone = [] if few else [i for i in range(len(many)) if many[i - 1] == int(short.orbit.mode0)]
@@ -97,7 +94,7 @@ def _jumps(point: Point) -> np.ndarray:
     log, size = point.orbit.events, np.asarray(point.anchor.extent)
     flat = jax.vmap(lambda y: ravel_pytree(y)[0])
     before, after = (np.asarray(flat(y)) for y in (log.y_before, log.y_after))
-    return np.max(np.abs(after - before) / size, axis=1) > JUMPS
+    return np.max(np.abs(after - before) / size, axis=1) > ACCURACY.zero
 
 
 def impacts(point: Point) -> int:

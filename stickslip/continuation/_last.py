@@ -8,20 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 
+from ._accuracy import ACCURACY
 from ._along import Problem
 from ._equilibria import axis_pair
 from ._point import Point
 from ._rest import Field, Rest, corrected
-
-# To the Hopf point: secants, of which one as short as this, in parts of the bounds, is the last.
-SECANTS, NEARLY = 30, 1e-14
-NEAR = 0.3  # how far its period may be from that of the last orbit, in parts of it
-# The law of the period is read off from the last orbits, within which it has doubled, and at least so
-# many steps. It explains all but the next part of what the rate changes by; a power is off by the last.
-DOUBLED, LEAST, UNEXPLAINED, OFF = 2.0, 5, 0.02, 0.15
-STEEP = 4.0  # power of the period that an exponential law has at least where it is told from others
-# Of the bounds' distance: so near to its limit a branch is at it; and how well the parameter is known.
-RESOLVED, ROUNDING = 1e-6, 1e-12
 
 
 def hopf_point(problem: Problem, point: Point) -> Point | None:
@@ -49,19 +40,19 @@ def hopf_point(problem: Problem, point: Point) -> Point | None:
     old = at(np.append(0.5 * (low + high), point.value))
     if old is None:
         return None
-    new = at(old.z + np.append(np.zeros(low.size), 1e-4 * unit))
-    for _ in range(SECANTS):
+    new = at(old.z + np.append(np.zeros(low.size), ACCURACY.little * unit))
+    for _ in range(ACCURACY.tries):
         if new is None or rate(new) == rate(old):
             break
         step = -rate(new) * (new.value - old.value) / (rate(new) - rate(old))
-        if abs(step) <= NEARLY * unit:
+        if abs(step) <= ACCURACY.short * unit:
             break
         old, new = new, at(new.z + np.append(np.zeros(low.size), step))
     pair = None if new is None else axis_pair(new)
-    if new is None or pair is None or not abs(rate(new)) <= 1e-9 * turn:
+    if new is None or pair is None or not abs(rate(new)) <= ACCURACY.zero * turn:
         return None
     period = 2.0 * np.pi / abs(new.eigenvalues[pair].imag)
-    if abs(period / float(orbit.period) - 1.0) > NEAR:
+    if abs(period / float(orbit.period) - 1.0) > ACCURACY.shrinks:
         return None
     y = jax.tree.map(np.asarray, field.unravel(jnp.asarray(new.z[:-1])))
     still = eqx.tree_at(
@@ -84,13 +75,13 @@ def endless(points: list[Point], unit: float) -> tuple[str, bool]:
     begin = int(turns[-1]) + 1 if turns.size else 0
     period, value = period[begin:], value[begin:]
     # What is left beyond the rounding of the parameter.
-    moved = np.abs(np.diff(value)) > ROUNDING * unit
+    moved = np.abs(np.diff(value)) > ACCURACY.rounding * unit
     count = int(np.argmin(moved)) if not moved.all() else moved.size
     period, value, stopped = period[: count + 1], value[: count + 1], count < moved.size
-    early = np.flatnonzero(period < period[-1] / DOUBLED)
-    if not early.size or period.size <= LEAST:
+    early = np.flatnonzero(period < period[-1] / ACCURACY.strays)
+    if not early.size or period.size <= ACCURACY.quick:
         return "", False
-    begin = min(int(early[-1]) + 1, period.size - LEAST - 1)
+    begin = min(int(early[-1]) + 1, period.size - ACCURACY.quick - 1)
     period, value = period[begin:], value[begin:]
     change = np.diff(value)
     if not (np.all(change > 0.0) or np.all(change < 0.0)):
@@ -100,15 +91,17 @@ def endless(points: list[Point], unit: float) -> tuple[str, bool]:
     for kind, x in (("saddle", middle), ("SNIC", np.log(middle))):
         slope, start = np.polyfit(x, rate, 1)
         left = np.sqrt(np.mean((rate - slope * x - start) ** 2))
-        if slope >= 0.0 or left > UNEXPLAINED * np.ptp(rate):
+        if slope >= 0.0 or left > ACCURACY.near * np.ptp(rate):
             continue
         way = np.sign(change[-1]) * np.exp(slope * x[-1] + start)
-        if kind == "saddle" and -slope * period[-1] > STEEP:
+        if kind == "saddle" and -slope * period[-1] > ACCURACY.steep:
             left = way / -slope * np.exp(slope * (period[-1] - middle[-1]))
-            return _words("a saddle", value[-1] + left), stopped or bool(abs(left) <= RESOLVED * unit)
-        if kind == "SNIC" and abs(slope + 3.0) <= OFF:
+            return _words("a saddle", value[-1] + left), stopped or bool(
+                abs(left) <= ACCURACY.known * unit
+            )
+        if kind == "SNIC" and abs(slope + 3.0) <= ACCURACY.swerves:
             left = 0.5 * way * middle[-1] ** 3 / period[-1] ** 2
-            over = bool(abs(left) <= RESOLVED * unit)
+            over = bool(abs(left) <= ACCURACY.known * unit)
             return _words("a saddle-node, SNIC", value[-1] + left), over
     return "", False
 

@@ -4,9 +4,7 @@ import jax
 import jax.numpy as jnp
 
 from ..hybrid import saltation_matrix
-
-# A jump that takes a direction away does so to rounding; the others keep it.
-LOST_AT_EVENT = 1e-9
+from ._accuracy import ACCURACY
 
 
 def pieces_of(jacobian, segments: int, size: int) -> list:
@@ -35,7 +33,8 @@ def through_events(system, args, log, unit):
         matrix = matrix * unit[None, :] / unit[:, None]
         finite = jnp.where(jnp.isfinite(matrix), matrix, 0.0)
         strength = jnp.linalg.svd(finite, compute_uv=False)
-        found = jnp.sum(strength > LOST_AT_EVENT * strength[0], dtype=jnp.int32)
+        # A jump that takes a direction away does so to rounding; the others keep it.
+        found = jnp.sum(strength > ACCURACY.zero * strength[0], dtype=jnp.int32)
         determinant = jnp.where(found < size, 0.0, jnp.linalg.det(matrix))
         return jnp.minimum(rank, found), product * determinant
 

@@ -8,14 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-# Directions of the unknowns that change the residual by less than this part of the strongest one are
-# left alone: the step of least length is taken where a whole family of orbits solves the equations.
-NEUTRAL = 1e-12
-SHORTEST = 2.0**-10
-# Rounding and the choice of step lengths keep the residual from falling further; up to so many times
-# the tolerance that is an end, not a failure. Up to ten times it few shorter steps are tried.
-STALLED = 1e3
-NEARLY, TRIED = 10.0, 0.25
+from ._accuracy import ACCURACY
 
 
 class Newton(NamedTuple):
@@ -52,7 +45,9 @@ def newton(
 
     def solve(jacobian, residual):
         left, strength, right = jnp.linalg.svd(jnp.where(jnp.isfinite(jacobian), jacobian, 0.0))
-        kept = strength > NEUTRAL * strength[0]
+        # Directions that do not change the residual are left alone: the step of least length is taken
+        # where a whole family of orbits solves the equations.
+        kept = strength > ACCURACY.rounding * strength[0]
         along = (left.T @ residual) / jnp.where(kept, strength, 1.0)
         return -right.T @ jnp.where(kept, along, 0.0)
 
@@ -61,8 +56,9 @@ def newton(
         return du, jnp.all(jnp.isfinite(jacobian)) & jnp.all(jnp.isfinite(du))
 
     def stuck(norm, part):
-        rounding = (norm <= NEARLY * tolerance) & (part < TRIED)
-        return (norm > tolerance) & ((part < SHORTEST) | rounding)
+        # Near the tolerance it is rounding that keeps the residual: few shorter steps are tried.
+        rounding = (norm <= ACCURACY.far * tolerance) & (part < ACCURACY.shrinks)
+        return (norm > tolerance) & ((part < ACCURACY.shortest) | rounding)
 
     def going(carry):
         _, _, _, norm, _, _, _, part, fine, steps = carry

@@ -13,9 +13,8 @@ from .._validation import is_concrete
 from ..hybrid import AbstractHybridSystem, EventLog
 from ..hybrid.components import components_of, numbers_of
 from ..hybrid.status import describe_flags
+from ._accuracy import ACCURACY
 from ._outcome import ORBITS
-
-DRIFTS = 1e-9  # of what the component moves through: less is rounding
 
 
 class PeriodicOrbit(eqx.Module):
@@ -101,7 +100,7 @@ class PeriodicOrbit(eqx.Module):
         free = ", ".join(name for name, is_free in zip(names, moved, strict=True) if is_free)
         reach = np.asarray(ravel_pytree(self.highest)[0] - ravel_pytree(self.lowest)[0])
         goes = [f"{name} by {number(d)}" for name, d, r in zip(names, flat, reach, strict=True)
-                if abs(d) > DRIFTS * r]  # fmt: skip
+                if abs(d) > ACCURACY.zero * r]  # fmt: skip
         return f"place free along {free}" + f", in a period moves on {', '.join(goes)}" * bool(goes)
 
     @property

@@ -34,18 +34,6 @@ from ._switch import birth
 from ._touches import touches
 from ._walk import has_come_round
 
-# A step changes the extent of the motion by at most this part; one that has shrunk so far is a rest.
-SHRINKS, AT_REST = 0.3, 1e-4
-# Beyond a border the next orbit is near the last one before it: within so many of what is left of the
-# step, or of this part of it.
-NEAR, APART = 2.0, 0.01
-# Orbits that lead from a border to a distant one are all kept where they are so many steps apart.
-SPARSE = 0.25
-REACH = 1e-3  # at least so far the last orbit of the other side is looked for
-SAME = 1e-3  # of the step: a fold so near to a branch point is that point
-ROUNDS = 12  # in which the orbit at a bound is approached
-STUCK = 1e-7  # of the step: a branch that goes on by less ends
-
 REPEATS = "repeats: a branch of a shorter period is met"
 CLOSED = "closed: the branch has come round"
 OWN = (
@@ -131,7 +119,7 @@ class Orbits(AbstractFamily):
             return at
         # Where the parameter turns at the point where branches cross there is no fold.
         crossings = [event.point.u for event in found if event.label == "BP"]
-        near = any(np.linalg.norm(at.u - u) < SAME * distance for u in crossings)
+        near = any(np.linalg.norm(at.u - u) < ACCURACY.alike * distance for u in crossings)
         if (test.label == "LP" and near) or (test.label == "NS" and not is_torus(at)):
             return None
         return at
@@ -167,13 +155,13 @@ class Orbits(AbstractFamily):
     ) -> Iterator[Leg | Gap | Event | Reached]:
         problem, point = self.problem, points[-1]
         extent = _shrunk(point)
-        if extent < AT_REST:
+        if extent < ACCURACY.little:
             hopf = hopf_point(problem, point)
             if hopf is not None:
                 yield Event("HB", hopf)
             yield Event("EP", point, "at_rest: the orbit shrinks to an equilibrium", ends=True)
             return
-        found, distance = next_point(self, point, min(distance, SHRINKS * extent))
+        found, distance = next_point(self, point, min(distance, ACCURACY.shrinks * extent))
         if isinstance(found, Point) and found.sequence == point.sequence:
             yield Leg(point, found, distance)
             yield Reached(found, longer(self, found, distance, longest))
@@ -183,10 +171,10 @@ class Orbits(AbstractFamily):
         yield Leg(point, last, at)
         way, near = None, False
         if at < distance:
-            way, near = self._beyond(last, found, distance - at, APART * distance)
+            way, near = self._beyond(last, found, distance - at, ACCURACY.near * distance)
         if way is not None:
             yield from self._through(points, last, way, way[0] is found, near, (distance, longest))
-        elif at >= distance or at > STUCK * longest:
+        elif at >= distance or at > ACCURACY.closes * longest:
             # No border here: Newton's method had gone elsewhere.
             yield Reached(last, longer(self, last, at, longest))
         else:
@@ -214,7 +202,7 @@ class Orbits(AbstractFamily):
         for before, after in itertools.pairwise([*begins, *way]):
             back = float((before.u - after.u) @ -after.tangent)
             yield Leg(before, after, back, backward=True)
-            if np.linalg.norm(after.u - before.u) > SPARSE * longest and after is not way[-1]:
+            if np.linalg.norm(after.u - before.u) > ACCURACY.shrinks * longest and after is not way[-1]:
                 yield Reached(after, distance)
         yield Reached(way[-1], longer(self, way[-1], distance if near else longest, longest))
 
@@ -224,7 +212,7 @@ class Orbits(AbstractFamily):
         """Orbits beyond a border, outwards, None if there are none; and whether they lead to the orbit
         that was found there. Between that one and the border there may be others."""
         problem = self.problem
-        if not isinstance(found, Point) or strayed(found, last.u, max(rest, least), NEAR):
+        if not isinstance(found, Point) or strayed(found, last.u, max(rest, least), ACCURACY.strays):
             return across(problem, last, found), False
         way = led_back(problem, last, found)
         if way is not None:
@@ -241,7 +229,7 @@ class Orbits(AbstractFamily):
         if impacts(new) >= impacts(last):
             return last
         back = new if (last.u - new.u) @ new.tangent > 0 else new.turned()
-        reach = 2.0 * float(np.linalg.norm(last.u - new.u)) + REACH
+        reach = 2.0 * float(np.linalg.norm(last.u - new.u)) + ACCURACY.alike
         edge, at = border(self.problem, back, reach, alike(new))
         return edge.turned() if at < reach else last
 
@@ -288,7 +276,7 @@ def _at_bound(problem: Problem, before: Point, after: Point, distance: float, te
     Where Newton's method does not get there from the first one, from another one nearer to it.
     """
     onward = functools.partial(ahead, problem)
-    for _ in range(ROUNDS):
+    for _ in range(ACCURACY.rounds):
         found = zero_between(onward, before, after, distance, test)
         if isinstance(found, Point):
             return found
@@ -305,7 +293,7 @@ def _at_bound(problem: Problem, before: Point, after: Point, distance: float, te
 
 def _nearest(problem: Problem, before: Point, distance: float) -> tuple[float, Point] | None:
     """The first orbit of the branch that is found with ever shorter steps, and its step."""
-    for step in (distance * ACCURACY.shorter**k for k in range(1, ROUNDS)):
+    for step in (distance * ACCURACY.shorter**k for k in range(1, ACCURACY.rounds)):
         point = ahead(problem, before, step)
         if isinstance(point, Failure) or point.sequence != before.sequence:
             continue

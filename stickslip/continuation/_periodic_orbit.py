@@ -20,9 +20,11 @@ from ..hybrid import (
     simulate,
     use_executor,
 )
+from ..hybrid.accuracy import ACCURACY as ENGINE
 from ..hybrid.arguments import a_time, check_field, start_of, the_system
 from ..hybrid.longest_step import spanning
 from ..hybrid.tree import with_float_arrays
+from ._accuracy import ACCURACY
 from ._beginning import beside_breaks
 from ._closing import (
     Extent,
@@ -42,23 +44,12 @@ from ._floquet import multipliers_of, split_off, with_ones
 from ._guess import OrbitGuess, check_seen, gained_by
 from ._holding import holds, own_mode
 from ._monodromy import through_events
-from ._newton import STALLED, newton
+from ._newton import newton
 from ._options import SHOOTING, Shooting
 from ._orbit import PeriodicOrbit
 from ._outcome import first_of
 from ._settling import settles
 from ._turns import apart, turns_of, without
-
-# Against the size of the motion at the guess: smaller is an equilibrium.
-SHRUNK = 1e-9
-# Simulated once more an orbit returns to this, times the growth of deviations in a period; at most to
-# the second, however unstable it is.
-CLOSES, AT_MOST = 1e-8, 1e-2
-APART = 1e-5  # states farther from each other are not the same again
-BETWEEN = 0.381966  # of such a part: where what acts is compared with a period later
-BESIDE = 0.37  # of the motion's size: states that are asked too
-RECURS = 1e-7  # of the largest field and guard of the period: a larger change is another forcing
-PARTS = 60  # of the period, at which the motion is compared with its start
 
 
 def periodic_orbit(
@@ -174,9 +165,9 @@ def _longest(u, du, frame: Frame, reach):
     """A step may halve the period, not more, and move no component by ten times the motion's size, or
     its value."""
     states = (du[:-1] if frame.free else du).reshape(-1, reach.size) * (frame.size / reach)[None, :]
-    part = 10.0 / jnp.maximum(jnp.max(jnp.abs(states)), 10.0)
+    part = ACCURACY.far / jnp.maximum(jnp.max(jnp.abs(states)), ACCURACY.far)
     if frame.free:
-        part = jnp.minimum(part, 0.5 * u[-1] / jnp.maximum(jnp.abs(du[-1]), 1e-300))
+        part = jnp.minimum(part, ACCURACY.shorter * u[-1] / jnp.maximum(jnp.abs(du[-1]), 1e-300))
     return part
 
 
@@ -198,7 +189,7 @@ def described(
     own = own_mode(system, frame.t0, flat, unravel, mode1, args, unit)
 
     def run(begin, span, state, mode):
-        ts = begin + span * jnp.arange(PARTS + 1.0) / PARTS
+        ts = begin + span * jnp.arange(ACCURACY.parts + 1.0) / ACCURACY.parts
         return simulate(
             ledger, begin, ts[-1], state, mode, args, integrator=motion.integrator,
             saveat=SaveAt(ts=ts, steps=True, max_rows=ROWS), max_events=max_events, throw=False,
@@ -258,16 +249,16 @@ def described(
     if segments == 1:
         same &= carried.sequence[0] == solution.sequence
 
-    reached = (found.norm <= tolerance) | (found.stalled & (found.norm <= STALLED * tolerance))
+    reached = (found.norm <= tolerance) | (found.stalled & (found.norm <= ACCURACY.stalled * tolerance))
     strength = jnp.maximum(jnp.max(jnp.abs(monodromy)), 1.0)
-    allowed = jnp.minimum(CLOSES * strength, AT_MOST)
+    allowed = jnp.minimum(ACCURACY.closes * strength, ACCURACY.near)
     result = first_of(
         (~jnp.isfinite(found.norm), "guess_failed"),
         (~reached & jnp.asarray(rests), "at_rest"),
         (found.singular, "singular"),
         (~reached & found.stalled, "stalled"),
         (~reached, "not_converged"),
-        (moves < SHRUNK, "at_rest"),
+        (moves < ACCURACY.zero, "at_rest"),
         (mode1 != mode0, "mode_differs"),
         (~recurs, "period_differs"),
         (~(solution.successful & (closing <= allowed)), "not_reproduced"),
@@ -313,10 +304,15 @@ def _recurs(motion: Motion, frame: Frame, states, gained, modes, period, unravel
     `gained`: whole turns of angles, and shifts that change nothing. States beside the motion are asked
     too: of an even rotation all rates are rounding.
     """
-    states = jnp.concatenate([states, states + BESIDE * frame.size[None, :]])
+    states = jnp.concatenate([states, states + ENGINE.points_inside[0] * frame.size[None, :]])
     modes = jnp.concatenate([modes, modes])
     # Not at the instants of the motion: at these a load may jump.
-    ts = frame.t0 + period * (jnp.tile(jnp.arange(PARTS + 1.0), 2) + BETWEEN) / PARTS
+    ts = (
+        frame.t0
+        + period
+        * (jnp.tile(jnp.arange(ACCURACY.parts + 1.0), 2) + ENGINE.points_inside[0])
+        / ACCURACY.parts
+    )
 
     def acting(t, y, mode):
         y, mode = unravel(y), jnp.maximum(mode, 0)
@@ -330,21 +326,21 @@ def _recurs(motion: Motion, frame: Frame, states, gained, modes, period, unravel
     )
     now, later = jnp.split(both, 2)
     largest = jnp.max(jnp.abs(now), axis=0)
-    return ~jnp.any(jnp.abs(later - now) > RECURS * largest[None, :])
+    return ~jnp.any(jnp.abs(later - now) > ACCURACY.closes * largest[None, :])
 
 
 def _repeats(states, unit, neutral, turn, strength):
-    """How often the motion is repeated within the period, of numbers that divide PARTS.
+    """How often the motion is repeated within the period, of numbers that divide ACCURACY.parts.
 
     All of it is compared: where a body rests for a while no single state tells. `strength`: how much
     deviations grow in the period; in half of it they grow by the root of that.
     """
-    numbers = np.array([n for n in range(2, PARTS + 1) if PARTS % n == 0], np.int32)
+    numbers = np.array([n for n in range(2, ACCURACY.parts + 1) if ACCURACY.parts % n == 0], np.int32)
 
     def off(part):
         later = jnp.roll(states[:-1], -part, axis=0)
         return jnp.max(jnp.abs(apart(later - states[:-1], neutral, turn) / unit[None, :]))
 
-    away = jax.lax.map(off, PARTS // numbers)
-    near = jnp.minimum(CLOSES * strength ** (1.0 / numbers), APART)
+    away = jax.lax.map(off, ACCURACY.parts // numbers)
+    near = jnp.minimum(ACCURACY.closes * strength ** (1.0 / numbers), ACCURACY.known)
     return jnp.max(jnp.where(away <= near, numbers, np.int32(1)))

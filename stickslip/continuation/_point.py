@@ -14,10 +14,6 @@ from ._family import Failure
 from ._guess import OrbitGuess, gained_by
 from ._orbit import PeriodicOrbit
 
-EVALUATIONS = 10  # of Newton's method at one point
-# An event this near to the start of the period, in parts of it: the start is moved.
-NEAR_START = 0.02
-
 
 @dataclasses.dataclass(frozen=True)
 class Point:
@@ -115,25 +111,25 @@ def begin(problem: Problem, orbit: PeriodicOrbit | OrbitGuess, value: Any) -> Po
 
 def correct(
     problem: Problem, u: np.ndarray, modes: Any, anchor: Anchor, along: np.ndarray,
-    sense: np.ndarray | None, tolerance: float = 1e-11,
+    sense: np.ndarray | None, tolerance: float = ACCURACY.solved,
 ) -> Point | Failure:  # fmt: skip
     """Newton's method in the plane through `u` perpendicular to `along`, or to each of its rows; the
     orbit is simulated again."""
     start, best = u, np.inf
-    for evaluation in range(1, EVALUATIONS + 1):
+    for evaluation in range(1, ACCURACY.evaluations + 1):
         residual, jacobian, found = jax.device_get(evaluated(problem, jnp.asarray(u), modes, anchor))
         if not np.all(found.good) or not np.all(np.isfinite(residual)):
             return Failure("guess_failed")
         norm = float(np.max(np.abs(residual)))
-        if norm <= tolerance or (norm < 1e3 * tolerance and norm > 0.5 * best):
+        if norm <= tolerance or (norm < ACCURACY.stalled * tolerance and norm > 0.5 * best):
             break
-        if norm > 10.0 * best or evaluation == EVALUATIONS:
+        if norm > ACCURACY.far * best or evaluation == ACCURACY.evaluations:
             return Failure("not_converged")
         best = min(best, norm)
         system = np.vstack([jacobian, along])
         right = np.append(residual, along @ (u - start))
         try:
-            step = np.linalg.lstsq(system, right, rcond=1e-12)[0]
+            step = np.linalg.lstsq(system, right, rcond=ACCURACY.rounding)[0]
         except np.linalg.LinAlgError:
             return Failure("singular")
         if not np.all(np.isfinite(step)):
@@ -232,7 +228,7 @@ def _shift(orbit: PeriodicOrbit) -> float:
     if not count:
         return 0.0
     times = np.asarray(orbit.events.t)[:count] - float(orbit.t0)
-    if NEAR_START * period < times[0] and times[-1] < (1.0 - NEAR_START) * period:
+    if ACCURACY.near * period < times[0] and times[-1] < (1.0 - ACCURACY.near) * period:
         return 0.0
     gaps = np.diff(np.append(times, times[0] + period))
     at = int(np.argmax(gaps))

@@ -4,19 +4,11 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ._accuracy import ACCURACY
 from ._along import Problem
 from ._family import Failure
 from ._orbit import PeriodicOrbit
 from ._point import Point, ahead, strayed
-
-# Up to which part of the distance the search for a border between sequences is halved, how often it
-# begins again, and what it must gain to go on.
-HALVED = 2.0**-24
-ROUNDS = 12
-FURTHER = 1e-13
-BENDS = 0.5  # of the distance: orbits farther from the straight line are not of this branch
-# A multiplier that is not real has at least this part of its size beside the axis.
-OFF_AXIS = 1e-9
 
 
 def multipliers_of(orbit: PeriodicOrbit) -> np.ndarray:
@@ -55,7 +47,7 @@ def is_torus(point: Point) -> bool:
     """Whether the pair whose product is 1 is a conjugate one."""
     found = multipliers_of(point.orbit)
     pairs = [(abs(a * b - 1.0), a) for i, a in enumerate(found) for b in found[:i]]
-    return bool(pairs and abs(np.imag(min(pairs, key=lambda p: p[0])[1])) > OFF_AXIS)
+    return bool(pairs and abs(np.imag(min(pairs, key=lambda p: p[0])[1])) > ACCURACY.zero)
 
 
 def border(
@@ -71,22 +63,22 @@ def border(
     again from the last point found, until it does not get further.
     """
     last, whole, span = before, 0.0, distance
-    for _ in range(ROUNDS):
+    for _ in range(ACCURACY.rounds):
         low, high, best = 0.0, span, last
-        while high - low > HALVED * span:
+        while high - low > ACCURACY.halved * span:
             middle = 0.5 * (low + high)
             found = ahead(problem, last, middle, way)
             there = last.u + middle * (last.tangent if way is None else way)
             if (
                 not isinstance(found, Failure)
                 and alike(found)
-                and not strayed(found, there, middle, BENDS)
+                and not strayed(found, there, middle, ACCURACY.shorter)
             ):
                 low, best = middle, found
             else:
                 high = middle
         last, whole = best, whole + low
-        if low <= FURTHER * distance or whole >= distance:
+        if low <= ACCURACY.short * distance or whole >= distance:
             break
         # What was left was too far away, not by much.
         span = min(0.5 * span, distance - whole)

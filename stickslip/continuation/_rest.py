@@ -11,18 +11,7 @@ from jaxtyping import PyTree
 
 from .._code import jit_by_code
 from ..analysis.observable import with_parameters
-
-EVALUATIONS = 20  # of Newton's method
-CLOSE = 1e-13  # a step as short as this, in parts of the sizes, ends it
-ROUNDING = 1e-9  # or one that is no shorter than the one before and below this
-# After so many evaluations components that do not move along the branch are not waited for.
-SETTLED = 8
-NOTHING = 1e-12  # of the largest: parts of a tangent that are rounding
-# Of what the other components of the linear motion let expect, and of its own value: a component that
-# has moved by less has not moved.
-STILL, STEADY = 1e-10, 1e-9
-TINY = 1e-10  # entries of a balanced matrix that are left out
-SINGULAR = 1e-11  # singular values smaller than this part of the largest are zero
+from ._accuracy import ACCURACY
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,7 +49,7 @@ class Measure:
         for _ in range(z.size.bit_length()):
             near = (near.astype(int) @ near) > 0
         known = np.max(np.where(near, (self.size / self.columns)[None, :], 0.0), axis=1)
-        return np.maximum(STILL * self.columns * known, STEADY * np.abs(z))
+        return np.maximum(ACCURACY.zero * self.columns * known, ACCURACY.zero * np.abs(z))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -138,7 +127,7 @@ def scales_of(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     taken = matrix != 0.0
     logs = np.log(np.where(taken, np.abs(matrix), 1.0))
     rows, columns = _least_squares(taken, logs)
-    taken &= logs + rows[:, None] + columns[None, :] > np.log(TINY)
+    taken &= logs + rows[:, None] + columns[None, :] > np.log(ACCURACY.zero)
     rows, columns = _least_squares(taken, logs)
     size = np.where(taken, logs + rows[:, None] + columns[None, :], -np.inf).max(axis=1)
     return np.exp(rows - np.where(np.isfinite(size), size, 0.0)), np.exp(columns)
@@ -172,7 +161,7 @@ def corrected(
     """
     start, before, known = z, np.inf, measure
     seen = np.abs(z)
-    for evaluation in range(1, EVALUATIONS + 1):
+    for evaluation in range(1, ACCURACY.tries + 1):
         values, jacobian = field(z)
         if not (np.all(np.isfinite(values)) and np.all(np.isfinite(jacobian))):
             return None
@@ -194,13 +183,14 @@ def corrected(
             size = seen
             waited = np.ones(z.size, bool)
         else:
-            size = np.maximum(measure.size, np.maximum(np.abs(z), measure.least(jacobian, z) / STILL))
+            least = measure.least(jacobian, z) / ACCURACY.zero
+            size = np.maximum(measure.size, np.maximum(np.abs(z), least))
             waited = measure.size > 0.0
         parts = np.where(move == 0.0, 0.0, np.abs(move) / np.where(size > 0.0, size, 1e-300))
-        if evaluation >= SETTLED:
-            parts = np.where(waited, parts, np.minimum(parts, CLOSE))
+        if evaluation >= ACCURACY.least_points:
+            parts = np.where(waited, parts, np.minimum(parts, ACCURACY.short))
         longest = float(np.max(parts))
-        if longest <= CLOSE or (longest <= ROUNDING and longest >= 0.5 * before):
+        if longest <= ACCURACY.short or (longest <= ACCURACY.zero and longest >= 0.5 * before):
             break
         before = longest
     else:
@@ -226,7 +216,7 @@ def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 def _still(field: Field, z: np.ndarray, seen: np.ndarray) -> np.ndarray:
     """What is left of the first guess of components that vanish is removed, where that is no worse."""
-    none = np.where(np.abs(z) <= CLOSE * seen, 0.0, z)
+    none = np.where(np.abs(z) <= ACCURACY.short * seen, 0.0, z)
     none[-1] = z[-1]
     values, other = np.abs(field(z)[0]), np.abs(field(none)[0])
     return none if np.all(other <= values) else z
@@ -248,12 +238,12 @@ def described(field: Field, z: np.ndarray, sense: np.ndarray, measure: Measure |
 def tangent_of(jacobian: np.ndarray, sense: np.ndarray, measure: Measure) -> np.ndarray:
     """Null vector of the derivative, of length one."""
     _, found, right = np.linalg.svd(measure.balanced(jacobian))
-    none = 1 + int(np.sum(found <= SINGULAR * max(found[0], 1e-300)))
+    none = 1 + int(np.sum(found <= ACCURACY.solved * max(found[0], 1e-300)))
     null, own = right[-none:], sense / measure.columns
     vector = null[-1] if none == 1 else (null @ own) @ null
     if not np.any(vector):
         vector = null[-1]
-    vector = np.where(np.abs(vector) <= NOTHING * np.max(np.abs(vector)), 0.0, vector)
+    vector = np.where(np.abs(vector) <= ACCURACY.rounding * np.max(np.abs(vector)), 0.0, vector)
     return of_length_one(vector * measure.columns, sense, measure)
 
 

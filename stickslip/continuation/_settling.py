@@ -6,11 +6,9 @@ import jax
 import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 
+from ._accuracy import ACCURACY
 from ._closing import Frame, Motion, known
 from ._newton import Newton
-
-EVALUATIONS = 10  # of Newton's method for the equilibrium, which is near
-NONLINEAR = 0.1  # part of what is missing to a closed motion that the linear one does not explain
 
 
 def settles(motion: Motion, frame: Frame, found: Newton, unravel: Any, mode: Any) -> Any:
@@ -30,11 +28,11 @@ def settles(motion: Motion, frame: Frame, found: Newton, unravel: Any, mode: Any
     def nearer(_, state):
         return state - unit * jnp.linalg.solve(jax.jacfwd(field)(state) * unit[None, :], field(state))
 
-    rest = jax.lax.fori_loop(0, EVALUATIONS, nearer, y[0])
+    rest = jax.lax.fori_loop(0, ACCURACY.evaluations, nearer, y[0])
     begins, ends = (y - rest[None, :]) / unit[None, :], (carried.ends - rest[None, :]) / unit[None, :]
     pieces = carried.pieces
     off = ends - jnp.einsum("kij,kj->ki", pieces, begins)
-    linear = jnp.max(jnp.abs(off)) <= NONLINEAR * jnp.max(jnp.abs(ends - begins))
+    linear = jnp.max(jnp.abs(off)) <= ACCURACY.swerves * jnp.max(jnp.abs(ends - begins))
     whole = jnp.eye(unit.shape[0])
     for piece in pieces:
         whole = piece @ whole

@@ -8,6 +8,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 
 from ..hybrid import simulate
+from ._accuracy import ACCURACY
 from ._along import Problem, anchored, evaluated, system_at
 from ._equilibrium import Equilibrium
 from ._family import Failure
@@ -17,19 +18,6 @@ from ._point import Point, ahead, begin, correct, leaps
 from ._points import doubling
 from ._rest import scales_of
 from ._turns import apart, turns_of
-
-# First amplitudes of the other orbit that are tried, in parts of the motion's size.
-AMPLITUDES = (1e-2, 3e-3, 3e-2, 1e-3, 3e-4, 1e-4)
-# Of an orbit at a Hopf point: parts of the amplitude that are tried, how often smaller ones, how far it
-# may be from there by its parameter, in parts of the bounds' distance, and by its period.
-PARTS, SMALLER, ASIDE, LATE = (1.0, 0.3, 3.0, 0.1, 10.0, 0.03, 0.01), 4, 0.01, 0.1
-# That amplitude: what the field differs from the linear one by, in parts of this, on so many points of
-# the orbit; sizes from so many powers of ten; components with less than the last part do not move.
-NONLINEAR, ROUND, DECADES, NONE = 1e-2, 16, 25, 1e-9
-HALVED = 6  # times, a step in search of the orbit that is doubled
-# The doubling of that one is found by secants: the first, the last, and how far away it may be, in
-# parts of the motion's size.
-SECANTS, FIRST, NEARLY, REACH = 25, 1e-4, 1e-12, 0.1
 
 
 def doubled(problem: Problem, orbit: PeriodicOrbit, value: float) -> Point | Failure:
@@ -56,7 +44,7 @@ def doubled(problem: Problem, orbit: PeriodicOrbit, value: float) -> Point | Fai
     own = one[-1] * one + two[-1] * two
     across = along - (along @ own) / (own @ own) * own
     found: Point | Failure = Failure("not_converged")
-    for amplitude in AMPLITUDES:
+    for amplitude in ACCURACY.near * np.array(ACCURACY.amplitudes):
         found = correct(problem, u + amplitude * along, modes, anchor, across, along)
         # An orbit that repeats itself within the period is the old one.
         if isinstance(found, Point) and int(found.orbit.repeats) == 1:
@@ -78,7 +66,7 @@ def birth(problem: Problem, before: Point, after: Point, distance: float) -> Poi
         return None
     near = [(np.linalg.norm(change), before), (np.linalg.norm(other), after)]
     low, high = 0.0, distance
-    for _ in range(HALVED):
+    for _ in range(ACCURACY.few):
         middle = 0.5 * (low + high)
         found = ahead(problem, before, middle)
         if isinstance(found, Failure) or leaps(before, found, middle):
@@ -101,21 +89,21 @@ def _doubling(problem: Problem, point: Point) -> Point | None:
             return None
         problem = dataclasses.replace(problem, multiple=problem.multiple // 2)
     half = OrbitGuess(orbit.y0, 0.5 * orbit.period, orbit.mode0, orbit.t0)
-    found, step = begin(problem, half, point.value), FIRST
+    found, step = begin(problem, half, point.value), ACCURACY.little
     if isinstance(found, Failure):
         return None
     value, at = doubling(found), 0.0
     start, best = found, found
-    for _ in range(SECANTS):
+    for _ in range(ACCURACY.tries):
         new = ahead(problem, start, at + step)
         if isinstance(new, Failure) or new.sequence != start.sequence:
             return None
         slope = (doubling(new) - value) / step
         value, at, best = doubling(new), at + step, new
-        if value == 0.0 or abs(step) <= NEARLY:
+        if value == 0.0 or abs(step) <= ACCURACY.rounding:
             return best
         step = -value / slope if slope != 0.0 else np.inf
-        if not abs(at + step) <= REACH:
+        if not abs(at + step) <= ACCURACY.swerves:
             return None
     return None
 
@@ -142,7 +130,7 @@ def born(problem: Problem, rest: Equilibrium, value: float) -> Point | Failure:
     flat, unravel = ravel_pytree(rest.y)
     flat, found = np.asarray(flat, float), Failure("not_converged")
     ellipse, least = _small_ellipse(problem, rest, value)
-    parts, smaller = list(PARTS), 0
+    parts, smaller = list(ACCURACY.amplitudes), 0
     while parts:
         part = parts.pop(0)
         if part < least:
@@ -161,11 +149,11 @@ def born(problem: Problem, rest: Equilibrium, value: float) -> Point | Failure:
             found = new
             continue
         away, late = _from_birth(problem, new, rest, value)
-        if away <= ASIDE and late <= LATE:
+        if away <= ACCURACY.near and late <= ACCURACY.swerves:
             return new if new.tangent @ along > 0 else new.turned()
-        if smaller < SMALLER:
+        if smaller < ACCURACY.few:
             smaller += 1
-            parts.insert(0, 0.5 * part * min(0.5, np.sqrt(ASIDE / max(away, ASIDE))))
+            parts.insert(0, 0.5 * part * min(0.5, np.sqrt(ACCURACY.near / max(away, ACCURACY.near))))
     return found
 
 
@@ -192,20 +180,20 @@ def _small_ellipse(problem: Problem, rest: Equilibrium, value: float) -> tuple[n
     jacobian = np.asarray(jax.jacfwd(field)(jnp.asarray(flat)))
     swing = np.asarray(rest.swing)
     other = jacobian @ swing * rest.period / (2.0 * np.pi)
-    angles = np.linspace(0.0, 2.0 * np.pi, ROUND, endpoint=False)[:, None]
+    angles = np.linspace(0.0, 2.0 * np.pi, ACCURACY.around, endpoint=False)[:, None]
     ways = np.cos(angles) * swing + np.sin(angles) * other
     rates = ways @ jacobian.T
     whole = np.max(np.abs(rates), axis=0)
     parts = whole * scales_of(jacobian)[0]
-    taken = parts > NONE * np.max(parts)  # the others do not take part in this motion
-    sizes = 10.0 ** np.arange(DECADES, -DECADES, -0.5)[:, None, None]
+    taken = parts > ACCURACY.zero * np.max(parts)  # the others do not take part in this motion
+    sizes = 10.0 ** np.arange(ACCURACY.decades, -ACCURACY.decades, -0.5)[:, None, None]
     states = jnp.asarray(np.asarray(flat) + sizes * ways)
     off = np.asarray(jax.vmap(jax.vmap(field))(states)) - np.asarray(field(jnp.asarray(flat)))
     off -= sizes * rates
     part = np.max(np.abs(off[:, :, taken]) / (sizes * whole[taken]), axis=(1, 2))
-    good = np.flatnonzero(part <= NONLINEAR)
+    good = np.flatnonzero(part <= ACCURACY.near)
     if not good.size or good[0] == 0:  # a linear field has orbits of any size
-        return swing * (np.linalg.norm(flat) or 1.0) * NONLINEAR, 0.0
+        return swing * (np.linalg.norm(flat) or 1.0) * ACCURACY.near, 0.0
     size = sizes[good[0], 0, 0]
     return size * swing, float(sizes[int(np.nanargmin(part)), 0, 0] / size)
 
@@ -248,7 +236,7 @@ def crossing(problem: Problem, orbit: PeriodicOrbit, value: float, slope: np.nda
     ends: list[Point | Failure] = []
     for way in (across, -across):
         new: Point | Failure = Failure("not_converged")
-        for amplitude in AMPLITUDES:
+        for amplitude in ACCURACY.near * np.array(ACCURACY.amplitudes):
             new = correct(problem, found.u + amplitude * way, found.modes, anchor, way, way)
             if isinstance(new, Point):
                 new = dataclasses.replace(new, tangent=new.tangent * np.sign(new.tangent @ way))

@@ -4,11 +4,18 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ._accuracy import ACCURACY
 from ._along import Problem, passed
 from ._point import Point
 
+
+def decades(first: float, last: float) -> list[float]:
+    """Powers of ten from one number to another."""
+    return (10.0 ** np.arange(round(np.log10(first)), round(np.log10(last)) + 0.5)).tolist()
+
+
 # How far beside an orbit that touches a guard, as well as it is known, motions have other events.
-TOUCHING = (1e-9, 1e-8, 1e-7, 1e-6)
+TOUCHING = decades(ACCURACY.zero, ACCURACY.known)
 
 
 def events_of(problem: Problem, point: Point, u: np.ndarray) -> list | None:

@@ -10,11 +10,10 @@ from jaxtyping import Array, Float, PyTree
 from .._validation import MOST, check_mapping, refusal, whole_number
 from ..hybrid import AbstractHybridSystem
 from ..hybrid.components import components_of, period_of
+from ._accuracy import ACCURACY
 
-ROUNDING = 256 * 2.0**-52
 # Of an angle that a shift moves along with others: by so many turns it may have gone on beside it.
 BESIDE = sorted(range(-6, 7), key=lambda turns: (abs(turns), -turns))
-AS_NEAR = 1e-6  # squares of turns: of counts that leave the same the first is taken
 
 
 def turns_of(system: AbstractHybridSystem, y: PyTree) -> np.ndarray:
@@ -58,7 +57,7 @@ def whole_turns(
     period, row = np.where(is_angle, turn, 1.0), (1,) * (away.ndim - 1) + turn.shape
     left, rest = neutral, away / period.reshape(row)
     for i in angles:
-        new = left[i, i] > ROUNDING
+        new = left[i, i] > ACCURACY.short
         column = jnp.where(new, left[:, i] / jnp.where(new, left[i, i], 1.0), 0.0)
         left = left - column[:, None] * left[i][None, :]
         column = (column * period[i] / period).reshape(row)
@@ -66,11 +65,12 @@ def whole_turns(
         beyond = rest[None, ..., i] - tried.reshape(-1, *row[:-1])
         rests = rest[None] - beyond[..., None] * column[None]
         # Angles that no other shift moves say which.
-        held = is_angle & (jnp.diagonal(left) <= ROUNDING)
+        held = is_angle & (jnp.diagonal(left) <= ACCURACY.short)
         off = jnp.sum(
             jnp.square(rests - jnp.round(rests)) @ jnp.diag(held.astype(rests.dtype)), axis=-1
         )
-        best = jnp.argmax(off <= jnp.min(off, axis=0, keepdims=True) + AS_NEAR, axis=0)
+        # Of counts that leave the same the first is taken.
+        best = jnp.argmax(off <= jnp.min(off, axis=0, keepdims=True) + ACCURACY.known, axis=0)
         rest = jnp.take_along_axis(rests, best[None, ..., None], axis=0)[0]
     return jnp.where(is_angle.reshape(row) & jnp.isfinite(rest), jnp.round(rest), 0.0)
 

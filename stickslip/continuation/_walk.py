@@ -167,7 +167,7 @@ class _Watch:
 
     def _nearby(self, point: Any, step: float) -> Any:
         """A point a little farther along the branch."""
-        for part in ACCURACY.looking:
+        for part in ACCURACY.patience ** np.arange(1.0, 4.0):
             new = self.family.onward(point, part * step)
             if not isinstance(new, Failure) and not self.family.leaps(point, new, part * step):
                 return new
@@ -197,7 +197,7 @@ class _Watch:
         assert test.level is not None
         number, value = test.level
         low, high = self.bounds[number]
-        near = bool(abs(point.values[number] - value) <= ACCURACY.at_bound * (high - low))
+        near = bool(abs(point.values[number] - value) <= ACCURACY.known * (high - low))
         words = test.words if near else f"{test.words}: not reached, the next orbit is beyond"
         return Event("EP", point, words, ends=True, located=near)
 
@@ -217,7 +217,7 @@ def has_come_round(points: list, distance: float) -> bool:
     parts of the bounds' distances.
     """
     first, last = points[0], points[-1]
-    if len(points) < ACCURACY.least_round or last.sequence != first.sequence:
+    if len(points) < ACCURACY.least_points or last.sequence != first.sequence:
         return False
     # No curve comes round without going back: where the state moves fast, orbits of one way are as near
     # to each other in the parameter as the first and last of a round.
