@@ -11,7 +11,7 @@ import pytest
 from tests.house import counts
 
 # Most that is allowed today: lower these with the counts, never raise them.
-MOST_NUMBERS = 272
+MOST_NUMBERS = 253
 MOST_ARGUMENTS = 16
 # Packages whose functions are named for what they do, and whose sentences begin with a subject.
 CLEAN = ("analysis", "contact", "derived", "friction", "hybrid", "plot", "systems", "view")
