@@ -13,7 +13,6 @@ PEERS := numba heyoka xpplab
 SUITE := $(RUN) -m pytest -q -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 # Shapes and types are checked at call time; a sixth of the time, so not in the quick suite.
 TYPED := --jaxtyping-packages=stickslip,corexy_jax,beartype.beartype
-MORE := house/test_strict_mode.py corexy_jax $(addprefix stickslip/,hybrid friction contact sweep)
 # What a user's shell may hold that would let another installation leak into ours.
 unexport PYTHONPATH PYTHONHOME PIP_TARGET PIP_PREFIX PIP_USER
 # Without bytecode every process of the tests would compile all libraries for six seconds.
@@ -74,10 +73,10 @@ docs: setup ## the documentation site, into build/docs; its notebooks are execut
 	@echo "build/docs/index.html"
 
 test: setup ## the quick suite
-	@$(SUITE) -m "not slow"
+	@$(SUITE) -m "not slow and not more"
 
-test-more: setup ## a part of the quick suite again, with shapes and types checked at call time
-	@$(SUITE) -m "not slow" $(TYPED) $(addprefix tests/,$(MORE))
+test-more: setup ## the quick suite and as much again, with shapes and types checked at call time
+	@$(SUITE) -m "not slow" $(TYPED)
 
 test-all: setup ## every test, the slow ones too, with shapes and types checked at call time
 	@$(SUITE) $(TYPED)

@@ -15,6 +15,7 @@ import pytest
 
 TABLE = Path(__file__).parent / "budget.toml"
 SHOWN = 60
+QUICK = "not slow and not more"
 
 
 def _children_and_self() -> float:
@@ -66,7 +67,7 @@ class Budget:
     def above(self) -> dict[str, tuple[int, int]]:
         """Files of the quick suite that need more programs than they may, with both numbers."""
         # The numbers are those of one JAX: others make more programs of the same tests.
-        if self.config.option.markexpr != "not slow" or jax.version.__version_info__ >= (0, 11):
+        if self.config.option.markexpr != QUICK or jax.version.__version_info__ >= (0, 11):
             return {}
         return {
             path: (int(used[0]), self._limit(path))

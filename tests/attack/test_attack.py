@@ -27,6 +27,7 @@ BLOCK = Structure(
 VALUES = Numbers({"p0": 1.0, "p1": 1.0, "p2": 1.0, "p3": 0.5, "p4": 0.2}, {"x": 0.0, "v_x": 0.2}, 50.0)
 
 
+@pytest.mark.more
 def test_block_on_a_belt_is_right_in_the_reference_and_in_the_package():
     """Its place after 50 s stands in the docstring of `AbstractMechanism`."""
     truth = truth_of(BLOCK, VALUES)
@@ -40,6 +41,7 @@ def test_block_on_a_belt_is_right_in_the_reference_and_in_the_package():
     np.testing.assert_allclose(np.stack([*states.values()], -1), truth.y, atol=1e-8)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("name", OF_STRUCTURES)
 def test_said_otherwise_a_machine_is_the_same_for_the_reference(name):
     """So the transformations are right, whatever the package does."""

@@ -32,6 +32,7 @@ def wrong_senses(number, h, t, sense):
     return np.sum((np.any(sense != np.asarray(found.senses), axis=1) & ~near)[1:])
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("number", [1, 2, 3])
 def test_time_stepping_agrees_within_its_own_error(number):
     """Positions to the reference's error, which is what a halved step changes in it, and the modes."""

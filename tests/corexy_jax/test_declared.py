@@ -18,6 +18,7 @@ from tests.corexy_jax._random import machine
 from tests.corexy_jax._runs import solution
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("number", RECORDED)
 def test_events_and_ends_are_those_of_the_modes_written_by_hand(number):
     end, *events = RECORDED[number]

@@ -39,6 +39,7 @@ def needed(found: cx.CoreXYSolution, row: int) -> tuple[np.ndarray, np.ndarray]:
     return np.array([need.mu_1s, need.mu_2s]), np.array(volts)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("volts", [24.0, pytest.param(2.5, marks=pytest.mark.slow)])
 def test_the_collar_follows_the_path_with_both_motors_rolling(volts):
     found, made = check(volts), plan(volts)

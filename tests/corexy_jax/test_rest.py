@@ -111,6 +111,7 @@ def test_random_voltages_give_the_motion_of_small_steps_or_a_flag():
     assert np.sum(wrong) <= number // 100
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(
     ("tension", "amplitude"),
     [(46.93070429808473, 3.323232323232323), (73.88951717746787, 5.181818181818182)],

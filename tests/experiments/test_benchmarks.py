@@ -20,6 +20,7 @@ def by_c(build, job, k3):
         pytest.skip(str(problem))
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("case", [set_a(), mild()], ids=lambda case: case.name)
 def test_c_takes_the_points_that_scipy_finds(case):
     # A quarter of the step: in set A the crossing lies where the block comes to stick, within 1 ms.

@@ -106,6 +106,7 @@ def told_by(motion):
     return motion._replace(tau=motion.tau / np.array([[1.0], [GAIN]]))
 
 
+@pytest.mark.more
 def test_motion_is_that_of_implicit_steps(motion):
     known = TRUTH | {"gain": GAIN}
     task = problem([told_by(motion)], known, 10, known=known)

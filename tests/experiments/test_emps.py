@@ -55,6 +55,7 @@ def symmetric():
     return made(TRUTH)
 
 
+@pytest.mark.more
 def test_command_is_that_of_an_independent_integrator(symmetric):
     found = np.asarray(command({k: jnp.asarray(v) for k, v in TRUTH.items()}, symmetric, 1))
     size = np.sqrt(np.mean(symmetric.u**2))
@@ -80,6 +81,7 @@ def opened(values, record):
     return np.array(rows)
 
 
+@pytest.mark.more
 def test_the_score_is_that_of_an_independent_integrator(symmetric):
     """Open loop, and after the first 20 samples, whose error is not counted."""
     wrong = TRUTH | {"dry": 21.0, "viscous": 206.0}

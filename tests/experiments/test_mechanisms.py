@@ -162,6 +162,7 @@ def test_area_of_the_loop_of_bristles():
     assert dahl_drive.area(a) == pytest.approx(lost + last, rel=1e-8)
 
 
+@pytest.mark.more
 def test_blocks_that_slip_are_superposed_modes():
     """One block is its own mode, and a chain of three the exponential of its matrix."""
     for blocks in (1, 3):
@@ -175,6 +176,7 @@ def test_blocks_that_slip_are_superposed_modes():
     np.testing.assert_allclose(known, held + swing @ (chain.uneven(3) - held), atol=1e-10)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("size", [1e-9, 1.0, 1e9])
 def test_a_block_keeps_its_period_at_every_scale(size):
     """Lengths in another unit: forces, places and speeds are `size` times as large."""
@@ -190,6 +192,7 @@ def test_a_block_keeps_its_period_at_every_scale(size):
     np.testing.assert_allclose(period, known, rtol=1e-9)
 
 
+@pytest.mark.more
 def test_a_chain_at_rest_stays():
     """On a belt that stands, loaded below its friction."""
     machine = chain.chain(3, Coulomb(1.0, 0.5), 0.0)

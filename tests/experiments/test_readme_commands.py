@@ -47,6 +47,7 @@ def test_every_experiment_belongs_to_a_family_and_is_on_the_page_of_results():
     assert all(name.split("-")[0] in FAMILIES for name in load())
 
 
+@pytest.mark.more
 def test_demo(tmp_path):
     """What `make demo` runs, on eleven values of k3."""
     dry = subprocess.run(

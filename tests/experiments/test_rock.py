@@ -47,6 +47,7 @@ def made(law: str) -> Step:
     return Step(times, pulled, f + trend * x)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("law", [LAWS[0], pytest.param(LAWS[1], marks=pytest.mark.slow)])
 def test_terms_of_a_known_contact(law):
     step = made(law)

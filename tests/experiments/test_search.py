@@ -100,6 +100,7 @@ def test_children_take_each_value_from_one_of_two_parents():
     np.testing.assert_allclose(np.log(varied / parents[0]).std(axis=0), [0.1, 0.2, 0.0], rtol=0.05)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("model", MODELS[1:])
 def test_found_sets_run_the_belt_at_its_speed_on_average(model):
     """The full model has no `V_b`: its voltage must give it, whatever the sign of the reaction.

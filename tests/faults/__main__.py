@@ -16,6 +16,7 @@ import tempfile
 import time
 from pathlib import Path
 
+from tests._budget import QUICK
 from tests.faults._table import Fault, faults, faulty
 from tests.house._repository import ROOT, tracked_files
 
@@ -29,7 +30,7 @@ def copy_tree(target: Path) -> None:
 
 def passes(tree: Path, *paths: str) -> bool:
     """Whether these quick tests pass in `tree`, at the first failure not."""
-    command = [sys.executable, "-m", "pytest", "-q", "-x", "-n", "0", "-m", "not slow", *paths]
+    command = [sys.executable, "-m", "pytest", "-q", "-x", "-n", "0", "-m", QUICK, *paths]
     environment = {**os.environ, "PYTHONPATH": str(tree)}
     done = subprocess.run(command, cwd=tree, env=environment, capture_output=True, check=False)
     if done.returncode > 1 and b"error" not in done.stdout.lower():

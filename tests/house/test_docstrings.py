@@ -15,6 +15,7 @@ MODULES = sorted(
 )
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("name", MODULES)
 def test_examples_of_docstrings(name):
     done = doctest.testmod(importlib.import_module(name))

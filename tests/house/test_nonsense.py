@@ -25,6 +25,7 @@ def walk(tmp_path, share: int) -> dict:
     return json.loads(out.read_text())
 
 
+@pytest.mark.more
 def test_nonsense_is_refused_properly(tmp_path):
     found = walk(tmp_path, 6)
     assert found["complaints"] == []

@@ -5,12 +5,14 @@ import pytest
 from tests.house._repository import PACKAGES, run_python
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("package", PACKAGES)
 def test_importing_switches_to_float64(package):
     done = run_python(f"import jax.numpy as jnp, {package}; print(jnp.zeros(()).dtype)")
     assert done.stdout.strip() == "float64", done.stderr
 
 
+@pytest.mark.more
 def test_a_switch_already_thrown_is_kept():
     done = run_python(
         "import stickslip, jax.numpy as jnp; print(jnp.zeros(()).dtype)", JAX_ENABLE_X64="true"
@@ -18,6 +20,7 @@ def test_a_switch_already_thrown_is_kept():
     assert done.stdout.strip() == "float64", done.stderr
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(
     ("package", "setting"), [("stickslip", "0"), ("stickslip", "False"), ("corexy_jax", "off")]
 )

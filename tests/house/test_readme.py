@@ -18,8 +18,11 @@ def text_of(page):
     return page.read_text(encoding="utf-8")
 
 
+# The README's own run in the quick suite.
 EXAMPLES = [
-    pytest.param(code, output, id=f"{page.stem}-{number}")
+    pytest.param(
+        code, output, id=f"{page.stem}-{number}", marks=[] if page == README else pytest.mark.more
+    )
     for page in PAGES
     for number, (code, output) in enumerate(EXAMPLE.findall(text_of(page)))
 ]

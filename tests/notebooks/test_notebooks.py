@@ -44,6 +44,7 @@ def test_a_mechanism_of_ones_own_takes_25_lines():
     assert declared.end_lineno - declared.lineno + 1 <= 25
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(
     "path", [pytest.param(path, id=path.stem, marks=marks(path)) for path in NOTEBOOKS]
 )

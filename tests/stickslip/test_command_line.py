@@ -9,6 +9,7 @@ from stickslip.__main__ import main
 from stickslip._public import PACKAGES, first_sentence, public_names
 
 
+@pytest.mark.more
 def test_every_public_name_is_listed_once_with_what_it_does(capsys):
     assert main([]) == 0
     lines = capsys.readouterr().out.splitlines()
@@ -70,6 +71,7 @@ def test_first_sentences(text, first):
     assert first_sentence(text) == first
 
 
+@pytest.mark.more
 def test_a_reader_that_has_seen_enough_is_no_error():
     command = f"{sys.executable} -m stickslip | head -n 1"
     done = subprocess.run(command, shell=True, capture_output=True, text=True, check=True)

@@ -38,6 +38,7 @@ def process(cache):
     return folder, int(hits), float(x)
 
 
+@pytest.mark.more
 def test_programs_are_read_and_damaged_ones_compiled_anew(tmp_path):
     folder, hits, x = process(tmp_path)
     assert folder.startswith(str(tmp_path))

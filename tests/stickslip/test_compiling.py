@@ -115,12 +115,14 @@ def nothing_more_is_compiled(calls, compiled):
         assert not compiled
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("name", CALLS)
 def test_second_call_compiles_nothing(name, compiled, standard_dtype_promotion):
     jax.clear_caches()
     nothing_more_is_compiled(CALLS[name], compiled)
 
 
+@pytest.mark.more
 def test_a_first_call_compiles_one_program(compiled):
     """Whatever is computed outside of it is compiled, and later called, on its own."""
     parameters, voltage = corexy_jax.scenario(1)
@@ -136,6 +138,7 @@ def test_a_first_call_compiles_one_program(compiled):
         assert len(compiled) == 1
 
 
+@pytest.mark.more
 def test_the_program_of_the_consistent_machine_is_small():
     """9,414 lines lowered; 13,933 to 14,083 instructions, by the processor that XLA compiles for.
 

@@ -160,6 +160,7 @@ def exact(x, v, omega, t):
 OMEGA, N = np.array([1.0, 1.2]), np.arange(1.0, 7.0)
 
 
+@pytest.mark.more
 def test_a_number_for_each_lane():
     """An array of two over a grid of two may be either, and its dimensions say which."""
     with pytest.raises(ValueError, match=r"y0\['v'\] = .*, of shape \(2,\): it must be told apart"):
@@ -181,6 +182,7 @@ def test_an_array_for_all_lanes():
     assert said.x.dims == ("stiffness", "point", "x_0")
 
 
+@pytest.mark.more
 def test_an_array_for_each_lane_beside_one_for_all():
     mixed = {"x": np.stack([TWO["x"], 2 * TWO["x"]]), "v": TWO["v"]}
     found = orbit_diagram(**FREE, y0=mixed)

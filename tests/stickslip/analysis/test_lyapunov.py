@@ -174,6 +174,7 @@ def equals_the_computation_by_hand(growth, e):
     np.testing.assert_allclose(growth, exact, atol=1e-6)
 
 
+@pytest.mark.more
 def test_impacts_equal_the_computation_by_hand(monkeypatch):
     """Two restitutions in a batch; the same test fails once saltation is switched off."""
     switchable(monkeypatch)
@@ -279,6 +280,7 @@ def test_impacts_over_a_long_time_and_by_two_trajectories():
     agree(two.exponent, exact[0], np.hypot(two.error, spread[0]), 0.025)
 
 
+@pytest.mark.more
 def test_stick_slip_cycle_has_zero_and_minus_infinity():
     """One direction is along the cycle, the other is lost whenever the block comes to stick."""
     speeds = [0.2, 0.3]

@@ -48,6 +48,7 @@ def test_words_of_what_is_told(monkeypatch):
     assert np.isneginf(forgets.exponents).all()
 
 
+@pytest.mark.more
 def test_a_block_at_rest_and_one_that_stops_early():
     """On a belt that stands still it sticks: nothing moves, no deviation either."""
     speeds = np.array([0.0, 0.2])
@@ -155,6 +156,7 @@ def two(system, start, **options):
     return jax.jit(lambda: two_trajectory_exponent(system, start, **options))()
 
 
+@pytest.mark.more
 def test_two_motions_that_merge_saturate_or_fail():
     decay = Flow(jnp.diag(jnp.array([-4.0, -4.0, -4.0])), ZERO, ZERO)
     offset, unwarmed = Point(1.0, 1.0, 1.0), Segments(1.0, 20, warm_up=0)

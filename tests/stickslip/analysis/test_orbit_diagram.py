@@ -64,6 +64,7 @@ def meanings(dataset, name="status"):
     return [words[int(s)] for s in np.ravel(dataset[name])]
 
 
+@pytest.mark.more
 def test_radius_period_and_labels():
     result = diagram(**{**HOPF, "check": 4})
     np.testing.assert_allclose(result.u[:, :7], np.sqrt(MU)[:, None] * np.ones(7), rtol=1e-4)
@@ -132,6 +133,7 @@ def test_periods_where_one_observable_vanishes_on_the_section():
     assert (speed.period == -1).all()
 
 
+@pytest.mark.more
 def test_a_record_too_short_or_too_early_does_not_say_chaos():
     short = diagram(**{**CASCADE, "points": 20, "duration": 200.0})
     assert short.period.values.tolist() == [1, 2, 4, 5, -1, 2]
@@ -144,6 +146,7 @@ def test_a_record_too_short_or_too_early_does_not_say_chaos():
     assert not (fewer.period == 0).any()
 
 
+@pytest.mark.more
 def test_a_motion_at_rest_has_no_period():
     """A block on a belt at rest stops and sticks: the section is never reached."""
     result = diagram(
@@ -159,6 +162,7 @@ def test_a_motion_at_rest_has_no_period():
     assert float(result.end_v[0]) == 0.0
 
 
+@pytest.mark.more
 def test_a_transient_that_did_not_settle_is_no_ok():
     """r' = r (mu - r^2): at mu = 0.25 the distance falls by e^-0.5 a second, e^-pi a round."""
     result = diagram(**{**HOPF, "transient": 1e-3, "duration": 100.0, "max_points": 32})
@@ -166,6 +170,7 @@ def test_a_transient_that_did_not_settle_is_no_ok():
     assert int(result.period[0]) == 1
 
 
+@pytest.mark.more
 def test_a_lane_whose_points_still_differ_is_not_ok():
     """The radius grows by 2 mu a second: over the record it is still on its way by 2% to 40%."""
     slow = {**HOPF, "grid": {"mu": [0.002, 0.003, 0.005, 0.25]}, "y0": Rotor(0.03, 0.0)}
@@ -177,6 +182,7 @@ def test_a_lane_whose_points_still_differ_is_not_ok():
         assert (result.period[:3] == -1).all()
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -197,6 +203,7 @@ def test_status_of_a_lane(change, words):
     assert (result["count"] == np.isfinite(result.u).sum("point")).all()
 
 
+@pytest.mark.more
 def test_a_lane_that_blows_up_is_marked_and_leaves_the_others_alone():
     call = {
         "system": Quadratic(p=0.0),
@@ -220,6 +227,7 @@ def test_a_lane_that_blows_up_is_marked_and_leaves_the_others_alone():
     np.testing.assert_allclose(odd.t[0, :5], [2.0, 3.0, 4.0, 5.0, 6.0], atol=1e-4)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(
     ("carried", "check"), [("upwards", 0), pytest.param("downwards", 25, marks=pytest.mark.slow)]
 )
@@ -249,6 +257,7 @@ def test_carried_lanes_show_hysteresis(carried, check):
         assert float(result.error_x.max()) < 1e-4
 
 
+@pytest.mark.more
 def test_several_sections_of_one_run_are_those_of_single_ones():
     """Maxima and minima of u on the circle of radius sqrt(mu) are its ends; v vanishes on both."""
     both = {"top": Maximum("u"), "bottom": Minimum("u")}
@@ -298,6 +307,7 @@ def test_two_parameters_and_a_state_per_lane():
     np.testing.assert_array_equal(result.checked_scale, [1.0, 1.0, 0.5])
 
 
+@pytest.mark.more
 def test_dry_friction_and_the_result_does_not_depend_on_the_cut():
     block = CoulombOscillator(1.0, 1.0, 1.0, 0.5, 0.2)
     call = {

@@ -51,6 +51,7 @@ def check_plane(problem, a, tolerance=1e-12):
     assert optimality_gap(problem, a, found.contact_force) <= 10 * tolerance
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("m", [1, 2, 3, 4, pytest.param(8, marks=pytest.mark.slow)])
 def test_plane_equals_general_solution(m):
     kinds = ("generic", "dependent", "repeated", "zero limits", "tie", "nearly dependent")

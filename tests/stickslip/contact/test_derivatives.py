@@ -78,6 +78,7 @@ def check_derivatives(function, modes, point, arguments):
         np.testing.assert_allclose(back, ahead, atol=1e-12 * size)
 
 
+@pytest.mark.more
 def test_accelerations_and_forces():
     """Where all contacts at rest are independent, the forces are unique, too."""
     function = jax.jit(symmetrised(outputs))
@@ -91,6 +92,7 @@ def test_accelerations_and_forces():
     assert mixed >= 5
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(
     "kind", [pytest.param("generic", marks=pytest.mark.slow), "dependent", "repeated"]
 )

@@ -46,6 +46,7 @@ def check_resolution(problem, found, reference=None, tolerance=1e-12):
     assert np.all(np.abs(relative[~moving]) <= 1e-11 * problem.scale * lengths[~moving])
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("m", range(1, 9))
 def test_equals_enumeration_for_every_size(m):
     """Sizes from 1 to 6 in one shape, the rest idle: also a test of zero normals."""
@@ -59,6 +60,7 @@ def test_equals_enumeration_for_every_size(m):
         np.testing.assert_array_equal(found.contact_state[m:], 0)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(("n", "m"), [(1, 1), (1, 4), (2, 4), (3, 2), (4, 5)])
 def test_equals_enumeration(n, m):
     problems = random_problems(100 * n + m, 105, n, m)
@@ -70,6 +72,7 @@ def test_equals_enumeration(n, m):
         assert objective(problem, result.acceleration) <= objective(problem, a) + 1e-12 * terms
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(("n", "m"), [(2, 4), (4, 8), LARGEST])
 def test_optimality_conditions_of_thousands(n, m):
     problems = random_problems(n, 2100, n, m)
@@ -174,6 +177,7 @@ def test_examples_of_the_docstrings(module):
     assert (failed, tried > 0) == (0, True)
 
 
+@pytest.mark.more
 def test_batches_of_any_shape_give_the_same():
     """Lanes come in chunks, the last one padded: sizes around that, nested and shared arguments."""
     problems = batch(random_problems(21, 130, 2, 4))

@@ -31,6 +31,7 @@ class Meeting(ss.AbstractSmoothSystem):
         return Plane(grow * y.x - turn * y.y, grow * y.y + turn * y.x)
 
 
+@pytest.mark.more
 def test_equilibria_on_the_orbit_and_values_asked_for(tmp_path):
     """The first value is that of the start, the others lie on either side of it."""
     system, wanted = Meeting(2.0), (2.0, 1.2, 2.1)
@@ -100,6 +101,7 @@ class Driven(ss.AbstractSmoothSystem):
         return Motion(y.v, self.a - y.x - 0.1 * y.v)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("waited", [0.0, 30.0])
 def test_a_motion_that_settles_is_at_rest(waited):
     """Whether or not the guess begins where its plane contains the equilibrium."""

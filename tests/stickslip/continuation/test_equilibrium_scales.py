@@ -201,6 +201,7 @@ def test_a_fold_beside_a_branch_point():
         )  # fmt: skip
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(
     ("rates", "label"), [(van_der_pol, "HB"), (pitchfork, "BP"), (transcritical, "BP")]
 )

@@ -22,6 +22,7 @@ class Relaxation(ss.AbstractSmoothSystem):
 
 
 # SciPy, DOP853 at 1e-12, with events where a component's rate is zero.
+@pytest.mark.more
 @pytest.mark.parametrize(
     ("mu", "place", "speed"),
     [
@@ -83,6 +84,7 @@ def greatest(value):
     return best
 
 
+@pytest.mark.more
 def test_arrays_of_many_extremes():
     """Closed form: sums of harmonics, with nearly equal maxima that no few instants tell apart."""
     start = Bank(jnp.zeros(3), jnp.zeros(3), jnp.ones(2))

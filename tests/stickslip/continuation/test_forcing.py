@@ -52,6 +52,7 @@ def at_the_break(w):
     return np.linalg.solve(half[:2, :2] + np.eye(2), -half[:2, 2])
 
 
+@pytest.mark.more
 def test_a_state_that_returns_at_another_phase_of_the_forcing_is_no_orbit():
     """It returns after any time for some state; a motion from it goes elsewhere in the next period."""
     for part, result in (
@@ -81,6 +82,7 @@ def test_a_branch_ends_where_its_forcing_has_another_period():
     assert np.ptp(branch.values) < 1e-5
 
 
+@pytest.mark.more
 def test_jumps_that_nobody_declared_are_named():
     orbit = periodic_orbit(Switched(W), OrbitGuess(START, 2 * np.pi / W), forced=True)
     assert "derivative flags: discontinuous" in str(orbit)
@@ -88,6 +90,7 @@ def test_jumps_that_nobody_declared_are_named():
         continue_orbit(Switched(W), orbit, "frequency", (1.0, 2.0), forcing_period=of_frequency)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("t0", [0.0, 0.3, 5 * np.pi / W, -3.0, 1e4])
 def test_an_orbit_under_a_square_wave(t0):
     """In closed form, wherever it begins: at a break the middle of the piece behind it is taken."""

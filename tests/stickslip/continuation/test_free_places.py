@@ -38,6 +38,7 @@ def sled():
     )
 
 
+@pytest.mark.more
 def test_the_place_is_that_of_the_guess(sled):
     found = sled(2.0, 0.0, 0.0)
     assert float(found.y0.x) == 5.0

@@ -39,6 +39,7 @@ def leine():
     return periodic_orbit(LEINE, guess)
 
 
+@pytest.mark.more
 def test_block_on_a_belt(leine):
     assert bool(leine.successful)
     assert float(leine.period) == pytest.approx(PERIOD, abs=2e-10)

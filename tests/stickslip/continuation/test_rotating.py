@@ -48,6 +48,7 @@ def truth():
     return turn(0.9)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(("faster", "longer"), [(0.9, 1.1), (1.1, 1.0)])
 def test_newton_from_a_tenth_off(truth, faster, longer):
     """The place on the orbit is that of the angle: the speed, 40 times its ripple, may change."""

@@ -60,6 +60,7 @@ def locked(torque, force, start, p, q):
     return y, np.linalg.eigvals(matrix)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(
     ("p", "q", "torque", "force", "start"),
     [

@@ -24,6 +24,7 @@ SPEEDS = np.geomspace(1e-9, 1e2, 45)
 V = jnp.concatenate([-SPEEDS[::-1], SPEEDS])
 
 
+@pytest.mark.more
 @every_law
 def test_law_keeps_its_claims(law):
     check_friction_law(law)
@@ -56,6 +57,7 @@ def test_one_trace_serves_all_parameters(law):
     assert traces == 1
 
 
+@pytest.mark.more
 @every_law
 def test_batched_parameters_equal_a_loop(law):
     factors = jnp.array([1.0, 1.1, 1.3])

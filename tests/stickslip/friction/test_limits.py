@@ -23,6 +23,7 @@ def errors(family, law, widths):
     return np.array([np.max(np.abs(family(w).coefficient(V) - law.coefficient(V))) for w in widths])
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(("kind", "order"), [("arctan", 1), ("sqrt", 2)])
 @pytest.mark.parametrize(
     "law",

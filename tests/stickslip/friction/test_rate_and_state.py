@@ -133,6 +133,7 @@ class _Slider(AbstractMechanism):
         return 0.1
 
 
+@pytest.mark.more
 @every_kind
 def test_declared_mechanism_against_a_stiff_solver(kind):
     """A slider with mass, pulled from slow creep into stick-slip; SciPy integrates age and speed."""

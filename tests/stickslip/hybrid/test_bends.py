@@ -60,6 +60,7 @@ STARTS = np.array([-1.0, -0.3, -0.5, -0.1])
 STIFF = np.array([1.0, 15.0, 1e3, 1e5])
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("derivative", [jax.jacfwd, jax.grad])
 def test_slopes_through_a_soft_stop_are_those_of_the_closed_form(derivative):
     # The last comes to the stop without a speed, and leaves it: a bend that is only touched is no bend.
@@ -89,6 +90,7 @@ class Rectified(ss.AbstractSmoothSystem):
         return Motion(x=y.v, v=-y.x - self.stiffness * jax.nn.relu(y.x - GAP) - smooth)
 
 
+@pytest.mark.more
 def test_rules_of_their_own_hide_no_bend():
     def end(x):
         run = ss.simulate(Rectified(1e4), 0.0, 3.0, Motion(x, 0.0 * x), integrator=PRECISE)
@@ -118,6 +120,7 @@ class Cliff(ss.AbstractSmoothSystem):
         return Motion(x=y.v, v=jnp.where(y.x > 0.0, self.above, self.below))
 
 
+@pytest.mark.more
 def test_slopes_through_a_force_that_jumps_in_the_state():
     def end(height, above, below):
         run = ss.simulate(Cliff(above, below), 0.0, 3.0, Motion(height, 0.0 * height), throw=False)
@@ -174,6 +177,7 @@ class Wheels(AbstractMechanism):
         return {"brake": Contact(self.law, 0.3)}
 
 
+@pytest.mark.more
 def test_a_gear_with_play_a_table_and_a_brake():
     """Slopes by differences of runs; the log has the brake's events alone."""
 
@@ -212,6 +216,7 @@ class Looped(ss.AbstractSmoothSystem):
         return (y.x, y.x - 0.5) if self.declares else ()
 
 
+@pytest.mark.more
 def test_what_is_not_seen_is_flagged_and_can_be_declared():
     def end(load, declares):
         run = ss.simulate(Looped(load, declares), 0.0, 2.0, Height(-0.25))

@@ -36,6 +36,7 @@ def exact(begin, end, force):
 POINT = (jnp.asarray(2.0), jnp.asarray(3.5), jnp.asarray(4.0))
 
 
+@pytest.mark.more
 def test_a_push_between_two_breaks_and_its_derivatives():
     x, run = position(*POINT)
     np.testing.assert_allclose(x, exact(*POINT), rtol=1e-12)

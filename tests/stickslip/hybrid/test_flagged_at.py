@@ -5,6 +5,7 @@ from typing import Any, ClassVar
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 import stickslip as ss
 
@@ -41,6 +42,7 @@ def run(walls):
     return ss.simulate(Hands(walls), 0.0, 2.8, start, throw=False)
 
 
+@pytest.mark.more
 def test_the_first_flag_names_its_guard_and_time():
     cases = [
         ((NEVER, NEVER), 0, np.nan, -1),

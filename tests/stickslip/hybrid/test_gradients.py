@@ -43,6 +43,7 @@ def value_and_jacobians(function, p):
     return value, forward, jax.jit(jax.jacrev(function))(p)
 
 
+@pytest.mark.more
 def test_forward_and_reverse_equal_the_closed_form():
     p = jnp.array([0.2, 1.0, 0.5])
     expected = [16.2232182593, -5.1724137931, 5.1724137931]
@@ -55,6 +56,7 @@ def test_forward_and_reverse_equal_the_closed_form():
     np.testing.assert_allclose(reverse, expected, rtol=1e-9)
 
 
+@pytest.mark.more
 def test_derivatives_of_event_times():
     """The first release is at F_s/v, the first return where the slip phase of the cosine ends."""
     p = jnp.array([0.25, 1.1, 0.4])
@@ -78,6 +80,7 @@ def test_derivatives_of_event_times():
     np.testing.assert_allclose(reverse, slopes, atol=1e-8)
 
 
+@pytest.mark.more
 def test_curved_guard_and_explicit_time():
     """Ball on a floor that moves as s t + c t^2/2: impact where the parabolas meet.
 
@@ -130,6 +133,7 @@ def everything(q, ts):
     return jnp.where(jnp.isnan(flat), 0.0, flat)
 
 
+@pytest.mark.more
 def test_every_kind_of_result_forward_reverse_and_finite_differences():
     q, ts = jnp.array([0.3, 1.0, 0.1, 0.05, 9.3]), jnp.array([1.0, 4.1, 7.7])
     forward, by_time = jax.jit(jax.jacfwd(everything, argnums=(0, 1)))(q, ts)
@@ -156,6 +160,7 @@ def test_saltation_matrix_against_its_closed_form():
     np.testing.assert_allclose(sticks, [[1.0, 0.0], [0.0, 0.0]], atol=1e-14)
 
 
+@pytest.mark.more
 def test_monodromy_of_the_stick_slip_cycle():
     """Start inside slip on the cycle: multipliers 1 (along the motion) and exactly 0 (stick)."""
     v, a = 0.2, 0.5
@@ -186,6 +191,7 @@ def test_monodromy_of_the_stick_slip_cycle():
     np.testing.assert_allclose(jax.jit(jax.jacrev(after_period))(z0), monodromy, atol=1e-12)
 
 
+@pytest.mark.more
 def test_adaptive_steps_and_smooth_systems_too():
     @jax.jit
     def end(z):

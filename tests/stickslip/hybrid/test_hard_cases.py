@@ -230,6 +230,7 @@ def test_good_lanes_are_not_disturbed_by_bad_ones():
     assert not bool(mixed.successful[1])
 
 
+@pytest.mark.more
 def test_throw_raises_the_message():
     given = StickSlip(0.2), 0.0, 50.0, State(0.0, 0.2)
     # Outside of a transformation the error keeps what was computed, and says nothing of compilers.

@@ -41,6 +41,7 @@ class Returning(ss.AbstractHybridSystem):
         return jnp.zeros((), int)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(
     "step", [ss.FixedStep(0.7), ss.FixedStep(0.3), ss.AdaptiveStep(1e-10)], ids=str
 )

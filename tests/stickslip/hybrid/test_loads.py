@@ -37,6 +37,7 @@ def wrong(x, run, reference, events):
 MANY = pytest.param(1000, 100_000, marks=pytest.mark.slow)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(("number", "steps"), [(60, 60_000), MANY])
 def test_random_loads_end_as_marched_by_hand_or_are_flagged(number, steps):
     loads, kinds = random_loads(number, seed=number)
@@ -52,6 +53,7 @@ def test_random_loads_end_as_marched_by_hand_or_are_flagged(number, steps):
     assert np.all(np.isin(flags[flags != 0] & ~(DISCONTINUOUS | GRAZING), 0))
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(("number", "steps"), [(40, 60_000), MANY])
 def test_loads_with_declared_steps_are_right_without_a_flag(number, steps):
     loads, kinds = random_loads(4 * number, seed=number + 1)
@@ -66,6 +68,7 @@ def test_loads_with_declared_steps_are_right_without_a_flag(number, steps):
     assert np.all(np.asarray(run.num_events) <= np.asarray(events) + 4)
 
 
+@pytest.mark.more
 def test_without_the_doubt_most_events_at_rest_are_missed(monkeypatch):
     """The fault this file is about, planted."""
     loads, _ = random_loads(30, seed=3)
@@ -81,6 +84,7 @@ def test_without_the_doubt_most_events_at_rest_are_missed(monkeypatch):
     assert np.sum(off & (np.asarray(found.flags) == 0)) > 10
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("amplitude", [1.05, 1.001, 1.5])
 @pytest.mark.parametrize("rate", [1.0, 10.0])
 def test_a_resting_block_under_one_tone(amplitude, rate):
@@ -177,6 +181,7 @@ def test_a_jump_that_nobody_declared_is_flagged_and_one_that_is_not_there_is_not
     assert int(ss.simulate(Pushed(100.0, 100.0), 0.0, END, Motion(0.0, 1.0)).flags) == 0
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("rows", [2, 7, 61, 601])
 def test_the_motion_does_not_depend_on_what_is_asked_for(rows):
     loads, _ = random_loads(8, seed=11)

@@ -64,6 +64,7 @@ BOGACKI = ss.Tableau(
 )  # fmt: skip
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(
     ("integrator", "error"),
     [
@@ -95,6 +96,7 @@ def test_a_rule_without_derivatives():
     np.testing.assert_allclose(run.y1.x, EXACT, atol=1e-9)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(("method", "order"), [(HEUN, 3), (Kutta38(), 4), (BOGACKI, 3)])
 def test_order_of_convergence(method, order):
     def error(h):

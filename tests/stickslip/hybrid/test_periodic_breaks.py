@@ -74,6 +74,7 @@ def _breaks(T, duty, begin):
     return begin + T * whole, begin + T * (whole + duty)
 
 
+@pytest.mark.more
 def test_derivatives_by_the_period_and_the_times():
     def end(T, duty, begin):
         return ss.simulate(recurring(T, duty, begin), 0.0, 30.0, Motion(0.0, 0.0)).y1.x
@@ -126,6 +127,7 @@ class Block(ss.AbstractHybridSystem):
         return jnp.where(y.v < 0.2, 0, jnp.where(y.v > 0.2, 2, at)).astype(jnp.int32)
 
 
+@pytest.mark.more
 def test_jumps_that_end_a_stick_or_find_the_block_slipping():
     """The same events as with each break declared by itself; a jump may release the block."""
     block = Block(5.0)

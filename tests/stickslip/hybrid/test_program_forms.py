@@ -75,6 +75,7 @@ def close(found, expected, tolerance):
     )
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("form", ["alone", "compact", "batch", "fused"])
 @pytest.mark.parametrize("method", METHODS)
 def test_a_step_and_its_derivatives_are_those_of_the_definition(method, form):
@@ -138,6 +139,7 @@ DERIVATIVES = {
 }
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(
     "what", ["value", *(pytest.param(w, marks=pytest.mark.slow) for w in ("jvp", "grad"))]
 )
@@ -202,6 +204,7 @@ print(size(end), size(jax.grad(lambda k3: end(k3).x)), size(turns))
 """
 
 
+@pytest.mark.more
 def test_programs_of_a_smooth_system_are_small():
     """Instructions that XLA leaves, compiled as for users: 1,655, 5,746 and, with a section, 4,076.
 

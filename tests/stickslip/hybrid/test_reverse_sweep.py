@@ -34,6 +34,7 @@ def results(p, max_steps, saveat=None):
 
 
 # About 160 attempts on tapes of 16 rows: the third is more than four chapters of four segments.
+@pytest.mark.more
 @pytest.mark.parametrize(
     "max_steps", [301, *(pytest.param(n, marks=pytest.mark.slow) for n in (240, 4001))]
 )
@@ -146,6 +147,7 @@ class _LogDecay(ss.AbstractSmoothSystem):
         return -self.rate * y * jnp.log(y)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("batch", [False, True], ids=["alone", "batch"])
 def test_rejected_steps_into_nan_leave_no_trace(batch):
     class Bold(Doubling):

@@ -32,6 +32,7 @@ def run(at, t0, h):
     return ss.simulate(block, t0, t0 + 8 * h, rest, integrator=fixed, max_events=8)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(("t0", "h"), [(0.0, 1e-4), (29.0, 8e-6), (29.0, 1e-7), (1e6, 1e-3)])
 def test_an_event_in_a_short_step_is_no_grazing(t0, h):
     at = jnp.asarray(t0 + 3.4 * h)
@@ -60,6 +61,7 @@ def held(speed):
     return ss.simulate(block, 0.0, 4.1, Motion(0.0, speed), integrator=fixed, max_events=4)
 
 
+@pytest.mark.more
 def test_a_guard_that_reaches_zero_as_a_step_ends_is_found_in_the_next():
     """The limit 1 N is reached at t = 4, after twenty steps, to rounding."""
     speed = jnp.asarray(0.25)

@@ -44,6 +44,7 @@ def value_and_slopes(row, end):
     return *rest, slopes
 
 
+@pytest.mark.more
 def test_the_same_digits_for_all_amplitudes():
     rows, ends = random_oscillators(200, seed=0)
     x, good, flags, slopes = map(np.asarray, value_and_slopes(jnp.asarray(rows), jnp.asarray(ends)))
@@ -62,6 +63,7 @@ def test_the_same_digits_for_all_amplitudes():
         np.testing.assert_allclose(by * row, true, atol=1e-4 * np.abs(true).max(), rtol=0)
 
 
+@pytest.mark.more
 def test_an_absolute_tolerance_above_the_motion_is_flagged():
     def run(size, **tolerance):
         block = CoulombOscillator(1.0, 1.0, size, 0.5 * size, 0.2 * size)

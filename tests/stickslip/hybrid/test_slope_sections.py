@@ -51,6 +51,7 @@ def exact(level, direction):
     return np.sort(found[direction])
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("method", ["dop853", "tsit5"])
 @pytest.mark.parametrize("direction", ["rising", "falling", "both"])
 def test_both_crossings_within_a_step_are_found(direction, method):

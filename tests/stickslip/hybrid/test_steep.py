@@ -74,6 +74,7 @@ def by_scipy(force, k, start):
 STARTS = np.array([[0.0, 0.1, 0.02, 0.5], [0.0, 0.0, 0.02, -0.4]])
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(("force", "off"), [(drag, 1e-7), (rope, 1e-6), (orifice, 1e-4)])
 def test_motion_and_slopes_from_rest(force, off):
     def end(k, x, y):
@@ -154,6 +155,7 @@ def in_a_loop(d):
     )[1]
 
 
+@pytest.mark.more
 def test_bends_in_rules_of_the_user_are_seen_and_those_in_loops_flagged():
     def slope(stop):
         def end(x):
@@ -209,6 +211,7 @@ class Pressed(ss.AbstractSmoothSystem):
         return Motion(x=y.v, v=jnp.cos(2.0 * t) - y.x - stop)
 
 
+@pytest.mark.more
 def test_a_comparison_of_what_is_held_at_zero_does_not_outlive_it():
     """Beyond the stop 0 is compared with 0: the outcome of before went on, with its damping."""
 
@@ -247,6 +250,7 @@ class Ball(AbstractMechanism):
         return {"ground": Contact(Coulomb(0.2))}
 
 
+@pytest.mark.more
 def test_guards_have_the_slopes_of_the_force_in_them():
     """Derivatives were NaN, and where the normal force varies the run ended."""
 

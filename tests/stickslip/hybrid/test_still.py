@@ -29,6 +29,7 @@ def exact(t):
     return np.exp(GROWTH * t) * (np.cos(omega * t) - GROWTH / omega * np.sin(omega * t))
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("method", ["dop853", "tsit5"])
 @pytest.mark.parametrize("load", [0.0, 0.7, 1e6])
 def test_derivatives_from_an_equilibrium_are_right_or_flagged(method, load):
@@ -85,6 +86,7 @@ def test_a_small_motion_beside_a_large_number_is_no_rest():
     assert int(run.flags) & STILL == 0
 
 
+@pytest.mark.more
 def test_a_block_that_sticks_for_good_is_not_doubted():
     """At rest on ground, the state has no rate of its own: its derivative is right with any steps."""
     block = CoulombOscillator(1.0, 1.0, 1.0, 0.5, 0.0)

@@ -69,6 +69,7 @@ class TwoBlocks(ss.AbstractHybridSystem):
         return 4
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("number", [30, pytest.param(1000, marks=pytest.mark.slow)])
 def test_two_blocks_under_random_loads_end_as_with_tiny_steps_or_are_flagged(number):
     loads, kinds = random_loads(number, seed=5)

@@ -112,6 +112,7 @@ def at_time_bound(number, seed, part):
     return (torque, drag, speed, *edges), lasts
 
 
+@pytest.mark.more
 def test_pushes_by_a_rotor_are_found_at_the_documented_bound():
     """`AdaptiveStep`: not shorter than 0.4 of 1/1000 of the run, in whatever way the rotor turns."""
     given, lasts = at_time_bound(80, seed=0, part=0.4)

@@ -69,6 +69,7 @@ def products(values):
     return logs @ PRODUCTS.T
 
 
+@pytest.mark.more
 def test_noise_free_data_give_the_values_back():
     found = many()
     assert bool(found.successful[0])

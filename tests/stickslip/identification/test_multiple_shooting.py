@@ -90,6 +90,7 @@ def test_twenty_periods_from_a_hundred_starts():
     assert arrived(found.fits(rows, method=POLISH, chunk_size=8), reference).sum() < 50
 
 
+@pytest.mark.more
 def test_derivatives_of_segments():
     """Against central differences, at states off the motion, so that no knot is at a mode's border."""
     found = problem(3)
@@ -110,6 +111,7 @@ def test_derivatives_of_segments():
         np.testing.assert_allclose(matrix[:, i], slope, atol=2e-4 * max(1.0, np.max(np.abs(slope))))
 
 
+@pytest.mark.more
 def test_without_jumps_the_segments_are_the_run():
     """With the states of the run at the knots, some in stick, the residual is that of the run."""
     found = problem(3)

@@ -28,6 +28,7 @@ def sampled(residual, unknowns, **words):
     return fit, posterior(residual, fit, **({"draws": 1500, "warmup": 300} | words))
 
 
+@pytest.mark.more
 def test_linear_model_has_the_normal_distribution():
     fit, found = sampled(line, two())
     errors = {name: float(error) for name, error in fit.standard_errors().items()}

@@ -107,6 +107,7 @@ def pushed_exactly(times, knots, force, offset):
     return np.array(found)
 
 
+@pytest.mark.more
 def test_held_input_is_the_exact_piecewise_solution():
     """The force jumps at times between the stamps; with steps that do not see it the error is 1e-2."""
     knots = np.array([0.0, 0.37, 1.41, 2.6, 3.3])
@@ -178,6 +179,7 @@ def test_linear_inputs_bend():
     assert Signal([0.0, 1.0, 2.0, 3.0], [0.0, 1.0, 2.0, 0.0], "linear").breaks.tolist() == [2.0]
 
 
+@pytest.mark.more
 def test_known_parameters_come_back_from_stick_slip_records():
     """Two records of different lengths, irregular times: each has its own initial position."""
     one, two = TIMES, TIMES[:25]
@@ -238,6 +240,7 @@ def test_log_density_is_that_of_the_normal_distribution():
     assert difference == pytest.approx(by_scipy(other) - by_scipy(one), abs=1e-6)
 
 
+@pytest.mark.more
 def test_same_optimum_as_scipy_with_fewer_runs():
     """SciPy with finite differences on the same residual, counted in runs of the model."""
     rows = measured(TIMES, noise=SIGMA)
@@ -365,6 +368,7 @@ def test_many_fits_of_a_problem_compile_once():
     assert abs(float(best.values["stiffness"]) - 1.0) < 5 * float(best.standard_errors()["stiffness"])
 
 
+@pytest.mark.more
 def test_what_the_data_do_not_see_is_a_verdict():
     """An unknown that nothing depends on: no error, an infinite interval."""
     found = Problem(

@@ -32,6 +32,7 @@ def clean(last=1.0):
     return 2.0 * (1.0 - np.exp(-last * T))
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("level", [0.95, 0.68])
 def test_of_a_linear_model_profile_and_wald_intervals_agree(level):
     """The sum of squares is a parabola: both are the interval of the textbook."""
@@ -54,6 +55,7 @@ def test_of_a_linear_model_profile_and_wald_intervals_agree(level):
     np.testing.assert_allclose(found.others[0][here[0]], way[here[0]], atol=1e-4)
 
 
+@pytest.mark.more
 def test_a_curved_profile_is_that_of_scipy():
     data = clean() + 0.02 * np.random.default_rng(5).normal(size=20)
     fit = least_squares(lambda p: rises(p, data), dict(a=2.5, b=0.8))
@@ -115,6 +117,7 @@ def test_a_bound_of_another_unknown_ends_the_interval():
     assert float(found.lower[0]) == pytest.approx((6.0 - np.sqrt(QUANTILE)) / 5.0, abs=1e-7)
 
 
+@pytest.mark.more
 def test_practically_not_identifiable_within_bounds():
     """Of a rise that has hardly bent yet, only the product of height and rate is seen well."""
     data = clean(0.3)
@@ -179,6 +182,7 @@ def test_an_upper_bound_alone():
     np.testing.assert_allclose(found.upper, found.wald_upper, rtol=1e-5)
 
 
+@pytest.mark.more
 def test_under_jit_and_vmap_and_compiled_once(compiled):
     rows = clean() + 0.02 * np.random.default_rng(3).normal(size=(4, 20))
 

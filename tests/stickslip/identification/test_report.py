@@ -51,6 +51,7 @@ def run(stiffness):
     return ss.simulate(block, 0.0, 9.0, Motion(x=0.0, v=0.2), "stick", max_events=None)
 
 
+@pytest.mark.more
 def test_text():
     runs = {"swing": run(1.0)}
     found = made(held_out={"fresh": [0.3, np.nan, 0.4]}, runs=runs, other_runs={"swing": run(30.0)})
@@ -110,6 +111,7 @@ def test_what_the_data_do_not_see_has_no_interval_and_no_correlation():
         fit.interval(1.0)
 
 
+@pytest.mark.more
 def test_files(tmp_path):
     fit = least_squares(residual, START)
     found = made(comparison=compare({"only": fit}), title="A <test> & more")

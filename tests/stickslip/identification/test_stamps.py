@@ -33,6 +33,7 @@ def test_stamps_are_named_before_anything_runs(monkeypatch):
         fitted(np.linspace(0.0, 10e3, 21))
 
 
+@pytest.mark.more
 def test_stamps_between_which_the_model_swings_are_named():
     with pytest.warns(UserWarning, match=r"times lie 500 s apart, .* swings 87.2 times .* in seconds"):
         fitted(np.linspace(0.0, 10e3, 21))

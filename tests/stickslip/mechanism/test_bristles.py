@@ -118,6 +118,7 @@ CASES = [
 ]
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(("name", "kind"), CASES)
 def test_random_machines_with_bristles_are_scipys(name, kind):
     many = parameters(4, len(name))
@@ -147,6 +148,7 @@ def test_bristles_without_a_load_are_free():
     np.testing.assert_allclose([end.x, end.v_x], [np.cos(8.0), -2.0 * np.sin(8.0)], atol=1e-9)
 
 
+@pytest.mark.more
 def test_bristles_of_a_contact_that_opens_tend_to_the_event_driven_form():
     machine = Bouncing(5.0, 3.0, 1.7, Coulomb(0.3), 0.2)
     start = machine.state(y=-0.1)
@@ -167,6 +169,7 @@ class Lifted(Pushed):
         return {"ground": Contact(self.law, 1.0 - 0.5 * t)}
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("form", ["itself", "regularised", "bristles"])
 def test_a_contact_that_loses_its_normal_force_ends_the_run_in_every_form(form):
     machine = Lifted(Coulomb(0.5), lambda t: 2.0)

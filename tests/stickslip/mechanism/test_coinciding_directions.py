@@ -75,6 +75,7 @@ def ends():
     return [np.asarray(x).reshape(2, -1) for x in found]
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("how", [0, 1], ids=["at the start", "as loads jump"])
 def test_a_pad_that_turns_away_from_a_body_at_rest(ends, how):
     """The law of rest ended in no mode where the contacts coincide."""
@@ -104,6 +105,7 @@ class Pressed(AbstractMechanism):
         return {"ground": Contact(Coulomb(1.0)), "pad": pad}
 
 
+@pytest.mark.more
 def test_a_pad_beside_the_ground_on_one_line():
     """The load is borne by both, or by none of them."""
     rows = [*itertools.product((2.0, 1.2, 0.5, -0.5, -1.2, -2.0), (0.0, 0.1, 0.5), (0.8, -0.8, 1.0))]

@@ -98,6 +98,7 @@ def answers(request):
     return machine, jax.tree.map(np.asarray, ask(states_of(machine, places)))
 
 
+@pytest.mark.more
 def test_what_begins_is_allowed(answers):
     """No guard is beyond its zero in the mode of a state: the law of all contacts and guards agree."""
     machine, (mode, values, held, *_) = answers

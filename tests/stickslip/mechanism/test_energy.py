@@ -52,6 +52,7 @@ CASES = {
 SLOW = {"chain", "dependent contacts"}
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(
     "name", [pytest.param(n, marks=pytest.mark.slow) if n in SLOW else n for n in CASES]
 )

@@ -100,6 +100,7 @@ def winch_by_exponentials(U, end, k=1.5, wall=None, restitution=0.0, most=60):
     raise AssertionError("too many events")
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(("U", "k"), [(4.5, 1.5), (6.0, 0.3)])
 def test_a_motor_that_pulls_a_block_is_the_matrix_exponential(U, k):
     winch = Winch(U, k=k)

@@ -24,6 +24,7 @@ def block_end(p):
     return ss.simulate(block, 0.0, 30.0, block.state(v_x=v), max_events=None).y1.x
 
 
+@pytest.mark.more
 def test_one_contact_as_the_closed_form():
     p = jnp.array([0.2, 1.0, 0.5])
     expected = [16.2232182593, -5.1724137931, 5.1724137931]
@@ -89,6 +90,7 @@ def differences(run, p, h=1e-5):
     return (ends[1 : n + 1] - ends[n + 1 :]).T / (2 * h), int(events[0])
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("name", FORWARD)
 def test_both_modes_as_central_differences(name):
     agree_with_differences(*CASES[name])

@@ -12,6 +12,7 @@ from tests.stickslip.hybrid._loads import END, march, random_loads
 from tests.stickslip.mechanism._machines import Chain, Oscillator, Pushed, Train, chain, flat
 
 
+@pytest.mark.more
 def test_random_loads_that_begin_late():
     """Against a march in small steps that knows nothing of events; jumps are declared as breaks."""
     loads, kinds = random_loads(40, 3)
@@ -65,6 +66,7 @@ def test_a_chain_at_rest_that_is_barely_moved():
     assert float(run.events.y_before.x_2[1]) == pytest.approx(x, abs=1e-9)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("length", [1e-12, 1e-6, 1e6])
 @pytest.mark.parametrize("kind", [Chain, Train])
 def test_units_of_length_do_not_matter(length, kind):
@@ -113,6 +115,7 @@ def test_kinetic_above_static_friction():
     np.testing.assert_allclose(ends[0], ends[1], atol=1e-10)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("kind", [Chain, pytest.param(Train, marks=pytest.mark.slow)])
 def test_equal_blocks_stop_and_start_at_one_instant(kind):
     """Blocks side by side without a spring between that stretches: each is the block alone."""

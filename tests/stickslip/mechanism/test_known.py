@@ -81,6 +81,7 @@ MADE = {
 QUICK = {"friction and stops"}
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(
     "name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in MADE]
 )

@@ -22,6 +22,7 @@ from tests.stickslip.mechanism._groups import (
 CASES = 500
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("name", STRUCTURES)
 def test_the_least_of_gauss_function(name):
     """Static friction as kinetic: the acceleration is the minimum of a convex function."""

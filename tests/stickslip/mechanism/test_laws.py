@@ -57,6 +57,7 @@ def differences(smooth, exact):
     return np.abs(np.asarray(smooth) - np.asarray(exact)).max(-1)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(("machine", "law"), CASES)
 def test_regularised_over_stick_and_slip(machine, law):
     """Rest is creep at a speed of the order of the width: first order.
@@ -78,6 +79,7 @@ def test_regularised_over_stick_and_slip(machine, law):
     assert np.log(errors[0] / errors[1]) / np.log(4.0) > (0.5 if drops else 0.8)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(("kind", "order"), [("sqrt", 2.0), ("arctan", 1.0)])
 @pytest.mark.parametrize("law", ["coulomb", pytest.param("sum", marks=pytest.mark.slow)])
 def test_order_of_the_rounding_in_pure_slip(law, kind, order):
@@ -94,6 +96,7 @@ def test_order_of_the_rounding_in_pure_slip(law, kind, order):
     np.testing.assert_allclose(np.log(errors[0] / errors[1]) / np.log(4.0), order, atol=0.05)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("law", SMOOTH_AT_REST)
 def test_bristles_over_stick_and_slip(law):
     """Deflections fall like one over `sigma_0`, what the damping does like one over its root."""

@@ -70,6 +70,7 @@ def stopped(number, integrator=None):
     return np.abs(t - true[:, 0]), np.abs(x - true[:, 1])
 
 
+@pytest.mark.more
 def test_when_and_where_a_block_comes_to_rest():
     late, off = stopped(60)
     assert np.max(late) < 1e-8

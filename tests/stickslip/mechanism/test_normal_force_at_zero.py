@@ -192,6 +192,7 @@ class Skid(AbstractMechanism):
         return [Contact(Sum(Coulomb(0.0), ViscousDamping(self.c)), self.parts @ loads)]
 
 
+@pytest.mark.more
 def test_drag_of_a_contact_ends_where_its_normal_force_is_zero_for_a_while():
     """By time and by the state; it went on, but where a run began so, and in smooth forms always."""
 
@@ -276,6 +277,7 @@ class Pads(AbstractMechanism):
         return [Contact(Coulomb(mu), n - t) for mu, n in zip(self.friction, self.loads, strict=True)]
 
 
+@pytest.mark.more
 def test_where_two_contacts_open_at_once_derivatives_exist():
     """Friction ends with the load, so it does not matter which of them opens first."""
     end, speed, friction = 3.0, 2.0, jnp.array([0.3, 0.2])

@@ -88,6 +88,7 @@ def test_a_group_and_each_by_itself_find_the_same():
     np.testing.assert_array_equal(one, other)
 
 
+@pytest.mark.more
 def test_the_motion_is_that_of_the_places():
     """The same chain in its two sets of coordinates: events and ends."""
     ends = []

@@ -123,6 +123,7 @@ def pucks():
     return p, jax.jit(jax.vmap(slopes))(jnp.asarray(p))
 
 
+@pytest.mark.more
 def test_random_pucks_on_a_spring_are_those_of_scipy(pucks):
     p, (_, (found, (flags, successful))) = pucks
     assert np.all(successful)

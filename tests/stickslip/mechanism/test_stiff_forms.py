@@ -122,6 +122,7 @@ def check(form, law, method, tolerance):
     return np.asarray(attempts)
 
 
+@pytest.mark.more
 def test_the_recommended_method_starts_from_rest_in_all_units():
     attempts = check("LuGre", "Stribeck", dfx.Kvaerno5(), 1e-7)
     assert np.ptp(attempts[DURATIONS == 1.0]) <= 0.02 * attempts[1]

@@ -54,6 +54,7 @@ def flight(e, g, h):
     return e**2 * v * since - 0.5 * g * since**2
 
 
+@pytest.mark.more
 def test_derivatives_through_impacts_are_those_of_the_closed_form():
     p = jnp.array([0.5, 2.0, 3.0])
 
@@ -240,6 +241,7 @@ def test_a_mass_comes_to_rest_in_a_corner():
     np.testing.assert_allclose([forces["left plane"], forces["right plane"]], [1.3 / 1.5, 0.2 / 1.5])
 
 
+@pytest.mark.more
 def test_an_impact_pushes_on_what_touches():
     """Plastic: three masses go on together; the momentum is that of one. Elastic ones hand it on."""
     row = Row((1.0, 1.0, 1.0), (), 0.0, stiffness=0.0, drive=0.0)
@@ -278,6 +280,7 @@ def test_a_bead_slides_on_a_curve():
     np.testing.assert_allclose(wire.stop_forces(0.0, low, closed)["bowl"], 1.0 + 2 * 0.4**2)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("size", [1e-9, *(pytest.param(s, marks=pytest.mark.slow) for s in (1.0, 1e6))])
 def test_no_length_is_special(size):
     """The same motion in nanometres and in thousands of kilometres."""

@@ -18,6 +18,7 @@ from tests.stickslip.mechanism._stopped import Guided
 FINE = ss.Integrator("dop853", ss.AdaptiveStep(1e-11, 1e-12))
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(
     ("contacts", "stops"), [(0, 1), (0, 30), (0, 31), (14, 2), (14, 3), (15, 1), (30, 2), (0, 62)]
 )
@@ -98,6 +99,7 @@ def test_stops_have_the_last_guards():
     assert names == ("guide stops or gives way", "guide gives way forward", "top is met or left")
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(("push", "guard"), [(-1.0, 0), (1.0, 1)])
 def test_a_contact_beside_a_stop_gives_way_to_either_side(push, guard):
     """What is left to the guide on either side falls with time, as a mass rests on its block."""
@@ -159,6 +161,7 @@ class Wagons(AbstractMechanism):
         return 0.5
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("law", [None, Coulomb(0.7, 0.5)])
 def test_stops_that_inertia_parts_move_as_in_places(law):
     """Relative coordinates join the wagons into one group, whose contacts and stops do not feel each

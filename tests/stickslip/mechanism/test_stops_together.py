@@ -104,6 +104,7 @@ ENERGY = {
 OFTEN = ("between walls", "bead")
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(
     "name", [n if n in OFTEN else pytest.param(n, marks=pytest.mark.slow) for n in ENERGY]
 )
@@ -164,6 +165,7 @@ SLOPES = {
 QUICK = ("pendulum",)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(
     "name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in SLOPES]
 )
@@ -171,6 +173,7 @@ def test_derivatives_through_stops_as_central_differences(name):
     agree_with_differences(*SLOPES[name], h=1e-6)
 
 
+@pytest.mark.more
 def test_random_pairs():
     """Springs, pushes, restitution at random: no mass goes through the other, laws hold at impacts."""
     random = np.random.default_rng(3)

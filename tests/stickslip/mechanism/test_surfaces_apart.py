@@ -92,6 +92,7 @@ def along_the_line(p, start, steps=20_000):
     return x, v
 
 
+@pytest.mark.more
 def test_one_velocity_between_two_belts():
     low = [0.5, -0.5, -0.5, 0.1, 0.1, 0.0, 0.3]
     high = [4.0, 0.5, 0.5, 0.6, 0.6, 2.0, 4.0]
@@ -113,6 +114,7 @@ def test_one_velocity_between_two_belts():
     assert np.mean(np.asarray(found.flags) == 0) > 0.9
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_a_slab_on_four_guides(seed):
     rng = np.random.default_rng(seed)
@@ -132,6 +134,7 @@ def test_a_slab_on_four_guides(seed):
     np.testing.assert_allclose(found, exact, atol=1e-2)
 
 
+@pytest.mark.more
 def test_what_two_contacts_hold_rests_with_them():
     """On one surface: as the last of the speeds vanishes nothing but rounding is left to compare."""
     rng = np.random.default_rng(5)

@@ -23,6 +23,7 @@ def stacked(rows):
     return jnp.stack(rows) if isinstance(rows, tuple) else rows
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("name", DEPENDENT)
 def test_the_law_does_not_depend_on_the_form(name):
     of, given = named(name), instants(name, COUNT)

@@ -61,6 +61,7 @@ def ends():
     return run
 
 
+@pytest.mark.more
 def test_without_friction_a_dead_centre_is_not_felt(ends):
     """In the middle, at time 0, on the way back; reached with a speed that goes to zero; from rest."""
     rows = [

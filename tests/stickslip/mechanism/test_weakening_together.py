@@ -44,6 +44,7 @@ def lane(p, rtol=1e-10, longest=END / 100):
     return jnp.stack([found.y1.x, found.y1.y]), found.num_events, found.flags, found.successful
 
 
+@pytest.mark.more
 def test_the_limit_of_a_law_is_known_to_rounding():
     """`mu_k + (mu_s - mu_k)` is not `mu_s`: what gave way was at rest again, and gave way again."""
     p = random_pairs(158)[57]

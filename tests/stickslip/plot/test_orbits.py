@@ -126,6 +126,7 @@ def beyond(axis):
     return [line for line in axis.lines if line.get_label() == "_beyond"]
 
 
+@pytest.mark.more
 def test_multipliers_of_one_orbit(tank):
     orbit = one(tank, 0)
     axis = plot.multipliers(orbit)
@@ -184,6 +185,7 @@ def test_multipliers_of_a_branch_mark_its_special_points(tank):
     assert axis.texts[0].get_text().startswith("1 of 10 multipliers beyond")
 
 
+@pytest.mark.more
 def test_the_trivial_multiplier_is_not_drawn(ring):
     (line,) = named(plot.multipliers(ring)).values()
     np.testing.assert_allclose(
@@ -213,6 +215,7 @@ def closed(line, orbit, names=("x", "v")):
         assert values.min() == pytest.approx(float(low), abs=1e-4)
 
 
+@pytest.mark.more
 def test_orbit_with_sticks(block):
     axis = plot.orbit(block, 1)
     curve, stick = axis.lines

@@ -53,6 +53,7 @@ def bands(axis):
     ]
 
 
+@pytest.mark.more
 def test_motion():
     above, below = plot.motion(RUN, block())
     for axis, values, label in (

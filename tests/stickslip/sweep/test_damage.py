@@ -86,6 +86,7 @@ def damaged(kind, stores, tmp_path):
     return tmp_path / "store"
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("kind", KINDS)
 def test_it_is_repaired_refused_or_harmless(kind, stores, tmp_path):
     store = damaged(kind, stores, tmp_path)
@@ -108,6 +109,7 @@ def test_it_is_repaired_refused_or_harmless(kind, stores, tmp_path):
     assert again.attrs["sweep_state"] == "finished"
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("kind", AROUND)
 def test_replacing_removes_the_sweep_and_nothing_else(kind, stores, tmp_path):
     store = damaged(kind, stores, tmp_path)

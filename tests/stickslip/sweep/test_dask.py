@@ -69,6 +69,7 @@ def workers_of(client):
     return list(client.run(os.getpid).values())
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("kills", [1, pytest.param(6, marks=pytest.mark.slow)])
 def test_killed_workers_cost_time_and_no_byte(kills, client, whole, tmp_path, monkeypatch):
     """`kill -9` while a worker has blocks in hand; what it had computed is computed by another."""

@@ -42,6 +42,7 @@ def test_motions_inside_a_lane_count(motions, lanes):
     assert len(mapped._compiled) == 1
 
 
+@pytest.mark.more
 def test_directions_of_a_derivative_are_no_motions():
     def lane(speed):
         return jax.jacfwd(lambda p: motion(p[0] + p[1:].sum()).y1.x)(jnp.zeros(6).at[0].set(speed))
@@ -75,6 +76,7 @@ def rows(speed, ts):
     return motion(speed, saveat=ss.SaveAt(ts=ts)).outputs.y.x
 
 
+@pytest.mark.more
 def test_what_does_not_fuse_is_computed_in_smaller_chunks():
     """Thousands of rows per lane: the compiler splits an operation and cannot link it."""
     ts = SPEEDS[:, None] * jnp.linspace(0.0, 20.0, 4001)[None]
@@ -106,6 +108,7 @@ def refusing(monkeypatch, above):
     return seen
 
 
+@pytest.mark.more
 def test_smaller_chunks_are_tried_before_the_portable_executor(monkeypatch):
     seen = refusing(monkeypatch, above=16)
     mapped = ss.map_lanes(lambda v: motion(v).y1.x, executor="fused", workers=1)
@@ -139,6 +142,7 @@ def test_other_errors_of_the_compiler_are_raised(monkeypatch):
         ss.map_lanes(lambda v: motion(v).y1.x, executor="fused", workers=1)(SPEEDS)
 
 
+@pytest.mark.more
 def test_a_refusal_is_remembered(monkeypatch):
     """To find out again that a program does not compile would take as long as to compile it."""
     tries = []

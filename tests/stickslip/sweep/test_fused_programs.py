@@ -34,6 +34,7 @@ def lanes(function, executor):
     return ss.map_lanes(function, executor=executor)(SPEEDS)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("function", [logged, unread])
 @pytest.mark.parametrize("mass", [1.0, np.array(1.0)], ids=["number", "array"])
 def test_constants_and_unread_results(function, mass):
@@ -51,6 +52,7 @@ def test_a_single_lane():
     np.testing.assert_allclose(fused, jax.jit(one)(0.3), rtol=0, atol=1e-13)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(
     "derivative",
     [pytest.param(jax.grad, marks=pytest.mark.slow), jax.jacfwd],

@@ -26,6 +26,7 @@ def on(kind, **options):
     return mapped
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("kind", ["devices", "threads"])
 @pytest.mark.parametrize(("n", "options"), [(1, {}), (3, {}), (11, {"chunk_size": 4}), (40, {})])
 def test_it_is_vmap(kind, n, options):

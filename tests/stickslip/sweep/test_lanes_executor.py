@@ -30,6 +30,7 @@ def end(speed: Any) -> Any:
     return ss.simulate(Witness(1.0, 1.0, 1.0, 0.5, speed), 0.0, 8.0, y0, throw=False).y1.x
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(
     "derivative", [lambda f: f, jax.jacfwd, pytest.param(jax.jacrev, marks=pytest.mark.slow)]
 )

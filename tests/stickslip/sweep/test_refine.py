@@ -46,6 +46,7 @@ def never(monkeypatch):
     return lambda: monkeypatch.setattr(Evaluate, "__call__", refuse)
 
 
+@pytest.mark.more
 def test_a_jump_of_one_parameter_is_enclosed():
     found = refine_sweep(
         lambda a: {"side": (a > jnp.pi).astype(int), "twice": 2.0 * a},

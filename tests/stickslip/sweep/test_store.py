@@ -63,6 +63,7 @@ def run_and_kill(path, seconds: float) -> int:
     return len(list(path.glob("finished/*.json")))
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("kills", [2, pytest.param(10, marks=pytest.mark.slow)])
 def test_killed_and_resumed_equals_uninterrupted(kills, tmp_path, whole):
     chance = random.Random(kills)

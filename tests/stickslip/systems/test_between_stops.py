@@ -30,6 +30,7 @@ def exact(t1, v=1.5, **changes):
     )  # fmt: skip
 
 
+@pytest.mark.more
 def test_free_oscillator_between_symmetric_stops():
     free = dict(damping=0.0, force_amplitude=0.0, lower=-0.5, upper=0.5, restitution=0.95)
     solution = simulated(8.0, **free)
@@ -41,6 +42,7 @@ def test_free_oscillator_between_symmetric_stops():
     assert [int(g) for g in solution.events.guard[:4]] == [1, 0, 1, 0]
 
 
+@pytest.mark.more
 def test_damped_and_driven():
     values = {name: jnp.asarray(value) for name, value in STOPS.items()}
 

@@ -44,6 +44,7 @@ def lane(tree, i):
     return np.array([leaf[i] for leaf in jax.tree.leaves(tree)])
 
 
+@pytest.mark.more
 def test_smooth_motion_and_poincare_points_are_scipys(smooth_runs):
     (crossings,) = smooth_runs.crossings
     for i, k3 in enumerate(K3):
@@ -56,6 +57,7 @@ def test_smooth_motion_and_poincare_points_are_scipys(smooth_runs):
         np.testing.assert_allclose(lane(smooth_runs.y1, i), end, rtol=0, atol=1e-8)
 
 
+@pytest.mark.more
 def test_set_valued_motion_and_poincare_points_are_scipys(dry_runs):
     (crossings,) = dry_runs.crossings
     for i, k3 in enumerate(K3):
@@ -95,6 +97,7 @@ def test_steeper_laws_tend_to_the_set_valued_one():
     assert distance[2] < 1e-4
 
 
+@pytest.mark.more
 def test_energy_is_accounted_for():
     system = BlockOnBeltSetValued.constructed(k3=85.0)
     powers = {"belt": "J", "friction": "J", "dampers": "J"}

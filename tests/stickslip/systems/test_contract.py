@@ -77,6 +77,7 @@ def test_transitions_keep_the_structure_and_lead_to_modes(name):
             assert jax.tree.map(lambda a: (jnp.shape(a), a.dtype), slope) == shapes
 
 
+@pytest.mark.more
 @every_case
 def test_run_is_a_success_with_events(name):
     solution = history(name)
@@ -133,6 +134,7 @@ def test_energy_is_accounted_for(name):
     assert all(works[loss] <= 0.0 for loss in case.losses)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("name", list(CASES)[::2])
 def test_batched_equals_a_loop_and_slopes_are_finite(name):
     case = CASES[name]

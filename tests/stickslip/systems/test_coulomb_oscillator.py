@@ -39,6 +39,7 @@ def test_closed_form_is_periodic_and_meets_the_numbers_of_the_task():
     )
 
 
+@pytest.mark.more
 def test_every_belt_at_once():
     """25,000 belts in one call: state at 50 s to 1e-10, times of all events to 1e-11."""
 
@@ -76,6 +77,7 @@ def slopes_of_all_belts(transform):
     return v, np.stack(ss.map_lanes(lane)(v), axis=-1)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("transform", [jax.jacfwd, jax.grad], ids=["forward", "reverse"])
 def test_derivatives_over_all_belts(transform):
     v, slopes = slopes_of_all_belts(transform)

@@ -30,6 +30,7 @@ def run(system, t_end, y0, **options):
     )
 
 
+@pytest.mark.more
 def test_too_small_a_voltage_never_turns_the_drive():
     """k_m U/R_w = T_st is the border: 0.2 V for the constructed drive."""
     end = ss.simulate(DCDrive.constructed(U_in=0.199), 0.0, 5.0, STANDING)
@@ -84,6 +85,7 @@ def signs():
     return out
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("sign", ["consistent", "printed"])
 def test_every_joule_of_the_full_model_is_accounted_for(signs, sign):
     system, end = signs[sign]
@@ -110,6 +112,7 @@ def test_full_motion_is_scipys(signs, sign, factor):
     np.testing.assert_allclose(np.array(end.y1.y)[4:], expected[4:], rtol=1e-8)
 
 
+@pytest.mark.more
 def test_poincare_points_of_the_full_model_are_scipys():
     system = BlockOnDrivenBelt.constructed(k3=80.0)
     # One acceleration passes zero so slowly that an error of 1e-12 moves the point by 1e-11 m.
@@ -132,6 +135,7 @@ def dry():
     return system, ss.simulate(ledger, 0.0, 3.0, ledger.start(AT_REST))
 
 
+@pytest.mark.more
 def test_set_valued_full_model_starts_from_rest(dry):
     """Block and rotor rest; the rotor breaks loose and takes the block along until it slips."""
     system, end = dry
@@ -154,6 +158,7 @@ class ByHand(BlockOnDrivenBeltSetValued):
         return True
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(
     ("changes", "y0"),
     [
@@ -180,6 +185,7 @@ def test_declared_modes_are_those_tried_by_hand(changes, y0):
     np.testing.assert_allclose(declared.y1.i_w, tried.y1.i_w, rtol=0, atol=1e-9)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(
     "signs",
     [
@@ -202,6 +208,7 @@ def test_printed_signs_of_the_set_valued_model_create_energy(signs):
         ss.simulate(system.regularised(1e-2), 0.0, 1.0, RUNNING)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("form", ["regularised", pytest.param("bristles", marks=pytest.mark.slow)])
 def test_every_joule_of_a_smooth_form_is_accounted_for(form):
     """From slip and from belt at rest: friction of block and bearing, gear, winding and dampers."""

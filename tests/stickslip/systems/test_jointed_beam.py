@@ -105,6 +105,7 @@ def test_frequencies_with_the_joint_are_the_zeros_of_the_secular_equation():
     np.testing.assert_allclose(found, np.sort([*zeros, np.sqrt(omega2[4])]), rtol=1e-10)
 
 
+@pytest.mark.more
 def test_free_response_of_the_beam():
     """Let go from two modes: each swings by itself, the energy stays."""
     system = JointedBeam.constructed(1e-3, k1=1e-14, mu_s=0.0)
@@ -244,6 +245,7 @@ def test_derivative_by_the_belt_speed_through_all_events():
 # Other laws
 
 
+@pytest.mark.more
 def test_coulomb_friction_against_scipy():
     """The paper's law without weakening, given as a law of its own; the numbers of the paper's play no
     part then."""

@@ -56,6 +56,7 @@ def values_of(**changes):
     return {name: jnp.asarray({**PAIR, **changes}[name]) for name in PAIR}
 
 
+@pytest.mark.more
 def test_motion_and_events():
     solution, _ = program(values_of(), 0.1)
     end, events = exact()

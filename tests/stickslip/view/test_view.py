@@ -180,6 +180,7 @@ def test_a_store_of_a_sweep_is_read(tmp_path):
     assert diagram.in_words(lanes, 1) == "a = 2: period unknown (not stored), status not stored"
 
 
+@pytest.mark.more
 def test_a_store_of_several_sections_has_their_names(tmp_path):
     import stickslip as ss
     from stickslip.analysis import Maximum as Top
