@@ -17,9 +17,9 @@ from stickslip.checks import (
     check_between,
     check_count,
     check_known,
-    misshaped,
     one_concrete,
     refusal,
+    shape_refusal,
 )
 
 from ._arguments import the_machine
@@ -142,7 +142,7 @@ def known_machine(parameters: CoreXYParameters) -> None:
     check_known("parameters", parameters)
     for name in (field.name for field in dataclasses.fields(parameters)):
         if np.ndim(getattr(parameters, name)):
-            raise misshaped(f"parameters.{name}", getattr(parameters, name), "one number")
+            raise shape_refusal(f"parameters.{name}", getattr(parameters, name), "one number")
 
 
 def with_tensions(p: CoreXYParameters, one: Any, two: Any) -> CoreXYParameters:

@@ -18,9 +18,9 @@ from stickslip.checks import (
     check_mapping,
     check_nonnegative,
     check_positive,
-    misshaped,
     one_row,
     refusal,
+    shape_refusal,
 )
 
 from ._arguments import named, the_integrator, the_machine
@@ -61,7 +61,7 @@ def measurement(
     times = _checked_times(times)
     found = ss.simulate(
         system, 0.0, times[-1], system.state(), integrator=integrator,
-        saveat=SaveAt(ts=times, events=False), max_events=None, throw=False,
+        saveat=SaveAt(ts=times, max_events=None), throw=False,
     )  # fmt: skip
     assert found.outputs is not None
     y = found.outputs.y
@@ -150,7 +150,7 @@ def measurement_residuals(
     named("data", data, Measurement)
     for name, row in zip(data._fields, data, strict=True):
         if jnp.shape(row) != jnp.shape(times):
-            raise misshaped(f"data.{name}", row, f"of shape {jnp.shape(times)}, as times")
+            raise shape_refusal(f"data.{name}", row, f"of shape {jnp.shape(times)}, as times")
     _check_noise(noise)
     for name, sigma in zip(noise._fields, noise, strict=True):
         check_positive(f"noise.{name}", sigma)

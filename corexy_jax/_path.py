@@ -16,10 +16,10 @@ from stickslip.checks import (
     check_finite,
     check_known,
     check_type,
-    misshaped,
     one_concrete,
     one_row,
     refusal,
+    shape_refusal,
 )
 
 Points = Sequence[Sequence[float]] | np.ndarray | Array
@@ -72,7 +72,7 @@ class Path:
     def _place(self, s: Any) -> Any:
         place = jnp.stack([jnp.asarray(c, jnp.float64) for c in self.function(s)])
         if place.shape != (2,):
-            raise misshaped("function(s)", place, "x and y, two numbers")
+            raise shape_refusal("function(s)", place, "x and y, two numbers")
         return place
 
     def _jet(self, s: Any) -> Any:
@@ -90,7 +90,7 @@ class Path:
         check_finite("centre", centre)
         middle = np.asarray(centre, np.float64)
         if middle.shape != (2,):
-            raise misshaped("centre", centre, "x and y, two numbers")
+            raise shape_refusal("centre", centre, "x and y, two numbers")
         size = float(one_concrete("radius", radius, "positive"))
         first, by = (float(one_concrete(n, a, "finite")) for n, a in (("start", start), ("turn", turn)))
         if not 0.0 < abs(by) <= MOST_TURNS:
@@ -182,7 +182,7 @@ def rows_of_points(name: str, points: Any) -> np.ndarray:
     check_finite(name, points)
     found = np.asarray(points, np.float64)
     if found.ndim != 2 or found.shape[0] < 2 or found.shape[1] != 2:
-        raise misshaped(name, points, "of shape [point, 2], at least two points")
+        raise shape_refusal(name, points, "of shape [point, 2], at least two points")
     for i, (a, b) in enumerate(itertools.pairwise(found)):
         if not np.linalg.norm(b - a) > 0.0:
             raise refusal(f"{name}[{i + 1}]", b.tolist(), "another place than the point before it")

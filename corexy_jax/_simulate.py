@@ -139,8 +139,8 @@ def _motion(system: CoreXY, t1, y0, rows: int, integrator, max_events, execute: 
     ts = jnp.linspace(0.0, 1.0, rows) * t1
     with use_executor(execute):
         solution = ss.simulate(
-            ledger, 0.0, t1, start, integrator=integrator, saveat=SaveAt(ts=ts),
-            max_events=max_events, throw=False,
+            ledger, 0.0, t1, start, integrator=integrator, saveat=SaveAt(ts=ts, max_events=max_events),
+            throw=False,
         )  # fmt: skip
     return _from_engine(system, y0, solution), solution.successful
 

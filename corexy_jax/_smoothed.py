@@ -261,7 +261,7 @@ def simulate_smoothed(
     ts = jnp.linspace(0.0, 1.0, rows) * t1
     solution = ss.simulate(
         ledger, 0.0, t1, ledger.start(system.state(cast("CoreXYState", y0))), integrator=integrator,
-        saveat=SaveAt(ts=ts, events=False), max_events=None, throw=throw,
+        saveat=SaveAt(ts=ts, max_events=None), throw=throw,
     )  # fmt: skip
     found = solution.outputs
     assert found is not None

@@ -23,12 +23,12 @@ from stickslip.checks import (
     check_own_methods,
     check_positive,
     is_concrete,
-    misshaped,
     one_number,
     one_real,
     one_row,
     reals,
     refusal,
+    shape_refusal,
 )
 from stickslip.fastmath import sin_cos, where
 from stickslip.show import AbstractShown
@@ -182,7 +182,7 @@ class AbstractTable(AbstractVoltage):
         for name, volts in (("v1", v1), ("v2", v2)):
             setattr(self, name, as_parameter(check_finite(name, volts)))
             if getattr(self, name).shape != rows:
-                raise misshaped(name, volts, f"of shape {rows}, as times")
+                raise shape_refusal(name, volts, f"of shape {rows}, as times")
 
     def _row(self, piece):
         return jnp.clip(piece, 0.0, self.times.shape[0] - 1.0).astype(jnp.int32)
@@ -254,7 +254,7 @@ class Ramps(AbstractTable):
         for name, slope in (("slope_1", slope_1), ("slope_2", slope_2)):
             setattr(self, name, as_parameter(check_finite(name, slope)))
             if getattr(self, name).shape != self.times.shape:
-                raise misshaped(name, slope, f"of shape {self.times.shape}, as times")
+                raise shape_refusal(name, slope, f"of shape {self.times.shape}, as times")
 
     def volts(self, t, piece):
         row = self._row(piece)

@@ -58,9 +58,11 @@ plain = ss.Integrator("rk4", ss.FixedStep(1e-3))
 def motion(system):
     """Ten seconds from rest, with outputs, events and the points of the paper's section."""
     return ss.simulate(
-        system, 0.0, END, START,
-        integrator=plain, saveat=ss.SaveAt(ts=jnp.asarray(grid)),
-        sections=block.zero_acceleration_section(), max_crossings=32, throw=False,
+        system, 0.0, END, START, integrator=plain,
+        saveat=ss.SaveAt(
+            ts=jnp.asarray(grid), sections=block.zero_acceleration_section(), max_crossings=32,
+        ),
+        throw=False,
     )  # fmt: skip
 
 
@@ -129,9 +131,9 @@ def diagram(low, high):
         Recording(
             TRANSIENT, DURATION, smooth.zero_acceleration_section(), "x", max_points=96,
             period=PeriodTest(1e-2 if QUICK else 1e-3, longest=4 if QUICK else 16),
+            check=0 if QUICK else 16,
         ),
-        integrator=fast,
-        check=0 if QUICK else 16, compute=Compute(EXECUTOR, progress=False),
+        integrator=fast, compute=Compute(EXECUTOR, progress=False),
     )  # fmt: skip
 
 
@@ -193,7 +195,9 @@ def exponent(k3):
     system = BlockOnBelt.constructed(k3=k3)
 
     def flow(y, seconds):
-        end = ss.simulate(system, 0.0, seconds, y, integrator=fast, max_events=None, throw=False)
+        end = ss.simulate(
+            system, 0.0, seconds, y, integrator=fast, saveat=ss.SaveAt(max_events=None), throw=False
+        )
         return end.y1
 
     def step(carry, seconds):
@@ -239,7 +243,9 @@ def outcome(p):
     """Position after one second and time of the second event, for `p = (k3, V_b, mu_0)`."""
     changed = type(law)(p[2], law.alpha, law.beta, law.gamma).set_valued_limit()
     system = BlockOnBeltSetValued.constructed(k3=p[0], V_b=p[1], law=changed)
-    end = ss.simulate(system, 0.0, 1.0, START, integrator=plain, max_events=8, throw=False)
+    end = ss.simulate(
+        system, 0.0, 1.0, START, integrator=plain, saveat=ss.SaveAt(max_events=8), throw=False
+    )
     both = jnp.stack([end.y1.x, end.events.t[1]])
     return both, both
 

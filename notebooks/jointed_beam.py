@@ -30,6 +30,7 @@ import numpy as np
 import stickslip as ss
 from stickslip import plot
 from stickslip.analysis import (
+    Samples,
     Segments,
     amplitude_spectrum,
     energy_ledger,
@@ -60,8 +61,9 @@ sticks = ss.Section(
     lambda system, t, y, dy, mode, args: jnp.where(mode == 1, 1.0, -1.0), "rising", name="stick"
 )
 motion = time_history(
-    beam, beam.start(), t, ["x", "y", "vy", "w", "w_rate", "friction_power", "beam_power"],
-    sections={"stick": sticks}, integrator=METHOD, max_crossings=1024,
+    beam, beam.start(), Samples(t, max_points=1024),
+    ["x", "y", "vy", "w", "w_rate", "friction_power", "beam_power"],
+    sections={"stick": sticks}, integrator=METHOD,
 )  # fmt: skip
 stuck = motion.mode.values == 1
 assert np.all(motion.vy.values[stuck] == SLOW)
@@ -131,7 +133,7 @@ right.set(xlabel="time", title="$W_b$, mass to beam: irregular")
 # positive. First a case where we know the answer, the logistic map at 4, with $\ln 2$.
 
 # %%
-known = lyapunov_spectrum_of_map(lambda z: 4.0 * z * (1.0 - z), 0.3, iterations=4000, transient=50)
+known = lyapunov_spectrum_of_map(lambda z: 4.0 * z * (1.0 - z), 0.3, Segments(1, 4000, 50))
 print(f"logistic map: {float(known.exponents[0]):.4f} ± {float(known.error[0]):.4f}, ln 2 = 0.6931")
 assert abs(float(known.exponents[0]) - np.log(2)) < 3 * float(known.error[0])
 

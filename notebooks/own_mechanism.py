@@ -75,17 +75,15 @@ assert abs(float(run.events.t[0]) - 0.5 * 2.0 * 9.81 / (20.0 * 0.4)) < 1e-9
 assert bool(run.successful)
 
 # %% [markdown]
-# The modes say when each sledge sticks: a word of two bits for each contact, of which `mode_names`
-# makes the text.
+# The modes say when each sledge sticks: `contact_states` has the words of each contact, by its name.
 
 # %%
-names = [sledges.mode_names[m].split(" / ") for m in run.outputs.mode]
-sticks = np.array([[word == "stick" for word in words] for words in names])
+states = sledges.contact_states(run.outputs.mode)
 figure, axes = plt.subplots(2, 1, sharex=True, figsize=(9, 5), layout="constrained")
 for axis, rate, name in zip(axes, ("v_x", "v_y"), ("front", "rear"), strict=True):
     plot.motion(run, sledges, rate, contacts=name, events=False, ax=axis).legend(loc="upper right")
 axes[0].set_xlabel(None)
-assert np.abs(np.asarray(run.outputs.y.v_x)[sticks[:, 0]]).max() < 1e-12
+assert np.abs(np.asarray(run.outputs.y.v_x)[states["front"] == "stick"]).max() < 1e-12
 
 # %% [markdown]
 # ## Three forms of one declaration
@@ -100,13 +98,15 @@ fine = ss.Integrator("dop853", ss.AdaptiveStep(1e-8, 1e-9), max_steps=1_000_000)
 gaps = []
 for v_reg in (1e-2, 1e-3):
     smooth = sledges.regularised(v_reg)
-    y = ss.simulate(smooth, 0.0, SHORT, start, integrator=fine, max_events=None).y1
+    y = ss.simulate(smooth, 0.0, SHORT, start, integrator=fine, saveat=ss.SaveAt(max_events=None)).y1
     gaps.append(abs(float(y.x - sharp)))
     print(f"regularised, {v_reg:g} m/s: {gaps[-1]:.1e} m off")
 for stiffness in (1e2, 1e4):
     # Critical damping on the bristles, 2 sqrt(sigma_0 m / N), where N = 9.81 m.
     form = sledges.bristles(LuGre, sigma_0=stiffness, sigma_1=2.0 * (stiffness / 9.81) ** 0.5)
-    y = ss.simulate(form, 0.0, SHORT, form.start(start), integrator=fine, max_events=None).y1
+    y = ss.simulate(
+        form, 0.0, SHORT, form.start(start), integrator=fine, saveat=ss.SaveAt(max_events=None)
+    ).y1
     gaps.append(abs(float(y.y.x - sharp)))
     print(f"bristles, {stiffness:g} 1/m: {gaps[-1]:.1e} m off")
 assert gaps[1] < gaps[0]
@@ -149,10 +149,8 @@ speeds = jnp.linspace(0.05, 1.5, LANES)
 def share(speed):
     """Share of the last 20 of 60 s in which the front sledge sticks."""
     machine = Sledges((2.0, 1.0), 20.0, sledges.law, speed)
-    saved = ss.SaveAt(ts=jnp.linspace(40.0, 60.0, 401), events=False)
-    out = ss.simulate(
-        machine, 0.0, 60.0, machine.state(), saveat=saved, max_events=None, throw=False
-    ).outputs
+    saved = ss.SaveAt(ts=jnp.linspace(40.0, 60.0, 401), max_events=None)
+    out = ss.simulate(machine, 0.0, 60.0, machine.state(), saveat=saved, throw=False).outputs
     return jnp.mean(jnp.asarray(out.mode & 3 == 1, jnp.float64))
 
 

@@ -57,13 +57,13 @@ from ._validation import (
     check_type,
     is_concrete,
     leaves_of,
-    misshaped,
     numbers,
     one_concrete,
     one_number,
     one_row,
     one_static,
     refusal,
+    shape_refusal,
 )
 
 Checked = TypeVar("Checked", bound=Callable[..., Any])
@@ -278,7 +278,7 @@ def state(owner: Any, name: str, value: Any) -> Any:
 
 
 def with_components(name: str, value: Any, components: tuple[str, ...]) -> Any:
-    """What has these components, numbers or arrays of them."""
+    """The value if it has these components, numbers or arrays of them."""
     for part in components:
         try:
             number = getattr(value, part)
@@ -293,7 +293,7 @@ def one_real(owner: Any, name: str, value: Any) -> Any:
     """One real number, traced or not."""
     value = reals(owner, name, value)
     if np.shape(value) != ():
-        raise misshaped(name, value, "one number")
+        raise shape_refusal(name, value, "one number")
     return value
 
 
@@ -323,7 +323,7 @@ def whole_state(owner: Any, name: str, value: Any) -> Any:
         raise refusal(name, value, "a state: a pytree of at least one number", TypeError)
     for where, leaf in leaves:
         if not np.size(check_float64(where, leaf)):
-            raise misshaped(where, leaf, "a number or an array with at least one element")
+            raise shape_refusal(where, leaf, "a number or an array with at least one element")
     return value
 
 
@@ -333,5 +333,5 @@ def own_arguments(owner: Any, name: str, value: Any) -> Any:
     return value
 
 
-# What an observable of a system takes.
+# Arguments of an observable of a system.
 OBSERVABLE: dict[str, Check] = {"t": reals, "y": state, "mode": modes, "args": own_arguments}

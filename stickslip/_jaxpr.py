@@ -18,13 +18,13 @@ def walk(
     rule: Callable[[Any, list], Sequence],
     constant: Callable[[Any, Any], Any],
     consts: Sequence | None = None,
-    equations: Sequence | None = None,
+    needed: Sequence | None = None,
 ) -> list:
     """Results of a program for the operands `given`, each equation by `rule(equation, operands)`.
 
     A rule returns one value for each result.
     `constant(variable, number)` stands for a number in the program, None where its `consts` are not
-    given. `equations`: those of the program that are needed; all if left out.
+    given. `needed`: the equations that are, in their order; all if left out.
     """
     numbers = [None] * len(jaxpr.constvars) if consts is None else consts
     known: dict[Any, Any] = {v: constant(v, x) for v, x in zip(jaxpr.constvars, numbers, strict=True)}
@@ -33,10 +33,15 @@ def walk(
     def of(atom: Any) -> Any:
         return constant(atom, atom.val) if isinstance(atom, LITERAL) else known[atom]
 
-    for eqn in jaxpr.eqns if equations is None else equations:
+    for eqn in equations(jaxpr, nowhere) if needed is None else needed:
         found = rule(eqn, [of(atom) for atom in eqn.invars])
         known.update(zip(eqn.outvars, found, strict=True))
     return [of(atom) for atom in jaxpr.outvars]
+
+
+def nowhere(eqn: Any) -> bool:
+    """For `equations` of a program without those of its parameters."""
+    return False
 
 
 def equations(jaxpr: Any, enters: Callable[[Any], bool] = lambda eqn: True) -> Iterator[Any]:
@@ -48,7 +53,7 @@ def equations(jaxpr: Any, enters: Callable[[Any], bool] = lambda eqn: True) -> I
                 yield from equations(getattr(inner, "jaxpr", inner), enters)
 
 
-def called(eqn: Any) -> tuple[Any, Sequence] | None:
+def called_program(eqn: Any) -> tuple[Any, Sequence] | None:
     """The program that an equation runs once on its operands, and its constants; None without one."""
     if eqn.primitive.name in _NO_CALLS:
         return None
@@ -74,7 +79,7 @@ def spelled_out(jaxpr: Any, consts: Sequence, operands: Sequence, names: Collect
     """Results of a program, with the calls of these `names` spelled out."""
 
     def rule(eqn: Any, values: list) -> list:
-        inner = called(eqn) if eqn.primitive.name in names else None
+        inner = called_program(eqn) if eqn.primitive.name in names else None
         return bound(eqn, values) if inner is None else spelled_out(*inner, values, names)
 
     return walk(jaxpr, operands, rule, lambda _, number: number, consts)

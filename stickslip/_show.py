@@ -20,7 +20,7 @@ def number(value: Any) -> str:
     return f"{float(value):.6g}"
 
 
-def counted(count: int, one: str, many: str | None = None) -> str:
+def amount(count: int, one: str, many: str | None = None) -> str:
     """`1 run`, `10,000 runs`."""
     return f"{count:,} {one if count == 1 else many or one + 's'}"
 

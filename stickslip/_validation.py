@@ -46,7 +46,7 @@ _SHORT.maxstring = _SHORT.maxother = 60
 _SHORT.maxlevel = 3
 
 
-def shown(value: Any) -> str:
+def shown_value(value: Any) -> str:
     """`value` as messages show it: short, on one line, whatever its own `repr` does."""
     if isinstance(value, eqx.Module):
         return type(value).__name__
@@ -75,10 +75,10 @@ def refusal(
     - `kind`: `ValueError`, or `TypeError` for a value of the wrong kind, whatever its number.
     - `but`: what about the value is wrong, where it does not show it, such as its shape.
     """
-    return kind(f"{name} = {shown(value)}{but and ', '}{but}: it must be {allowed}.")
+    return kind(f"{name} = {shown_value(value)}{but and ', '}{but}: it must be {allowed}.")
 
 
-def misshaped(name: str, value: Any, allowed: str) -> Exception:
+def shape_refusal(name: str, value: Any, allowed: str) -> Exception:
     """The refusal of an array for its shape."""
     return refusal(name, value, allowed, but=f"of shape {np.shape(value)}")
 
@@ -143,7 +143,7 @@ def check_that(
         return value
     array = numbers(name, value)
     if array.size == 0:
-        raise misshaped(name, value, f"{allowed}, with at least one element")
+        raise shape_refusal(name, value, f"{allowed}, with at least one element")
     good = np.broadcast_to(holds(array), array.shape)
     if not good.all():
         raise _element(name, array, good, allowed)
@@ -197,7 +197,7 @@ def check_above(name: str, value: T, bound_name: str, bound: Any) -> T:
     """Greater than another argument, in every element."""
     check_at_least(name, value, bound_name, bound)
     if is_concrete(value) and is_concrete(bound) and np.any(np.asarray(value) == np.asarray(bound)):
-        raise refusal(name, value, f"above {bound_name} = {shown(bound)}")
+        raise refusal(name, value, f"above {bound_name} = {shown_value(bound)}")
     return value
 
 
@@ -208,7 +208,7 @@ def check_broadcast(name: str, value: T, other_name: str, other: Any) -> T:
         np.broadcast_shapes(np.shape(shape), np.shape(other))
     except ValueError:
         allowed = f"of a shape that broadcasts with {np.shape(other)}, that of {other_name}"
-        raise misshaped(name, value, allowed) from None
+        raise shape_refusal(name, value, allowed) from None
     return value
 
 
@@ -224,7 +224,7 @@ def one_number(name: str, value: Any, kind: str = "finite") -> Any:
     """A single finite, positive or not negative number, traced or not."""
     KINDS[kind](name, value)
     if np.shape(value) != ():
-        raise misshaped(name, value, "one number")
+        raise shape_refusal(name, value, "one number")
     return value
 
 
@@ -252,7 +252,7 @@ def one_row(name: str, value: Any, kind: str = "finite", least: int = 1) -> Any:
     KINDS[kind](name, value)
     shape = np.shape(value)
     if len(shape) != 1 or shape[0] < least:
-        raise misshaped(name, value, f"one row of at least {least}")
+        raise shape_refusal(name, value, f"one row of at least {least}")
     return value
 
 

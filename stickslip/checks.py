@@ -1,4 +1,4 @@
-"""Arguments: their types, and checks that refuse them by name, value and what is allowed.
+"""Arguments: their types, and checks that name them, their value and what is allowed.
 
 For packages that are built on this one. A check is handed the name of an argument and its value,
 returns the value, and lets pass what is traced. `Given[T]` marks a parameter that the callable checks
@@ -34,10 +34,10 @@ from ._validation import check_nonnegative as check_nonnegative
 from ._validation import check_positive as check_positive
 from ._validation import check_type as check_type
 from ._validation import is_concrete as is_concrete
-from ._validation import misshaped as misshaped
 from ._validation import numbers as numbers
 from ._validation import one_concrete as one_concrete
 from ._validation import one_number as one_number
 from ._validation import one_row as one_row
 from ._validation import refusal as refusal
+from ._validation import shape_refusal as shape_refusal
 from ._validation import whole_number as whole_number

@@ -59,12 +59,13 @@ def points(system: JointedBeam, start: Any, parameters: Mapping[str, Any]) -> di
     sections = (*(section(f) for f in SECTIONS.values()), stick_section())
     settled = ss.simulate(
         counted, 0.0, begin, counted.start(start), integrator=integrator,
-        max_events=None, throw=False,
+        saveat=ss.SaveAt(max_events=None), throw=False,
     )  # fmt: skip
     run = ss.simulate(
         counted, begin, begin + parameters["duration"], settled.y1, settled.mode1,
-        integrator=integrator, sections=sections, max_crossings=parameters["max_points"],
-        max_events=None, throw=False,
+        integrator=integrator,
+        saveat=ss.SaveAt(sections=sections, max_events=None, max_crossings=parameters["max_points"]),
+        throw=False,
     )  # fmt: skip
     x, y, w, stick = run.crossings
     shares = run.y1.integrals["stick"] - settled.y1.integrals["stick"]

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from stickslip.analysis import amplitude_spectrum, time_history
+from stickslip.analysis import Samples, amplitude_spectrum, time_history
+from stickslip.sweep import Labels, Variable
 
 from ._model import CAPTION, VARIANTS, accurate, stick_section, system_of
 
@@ -25,8 +26,9 @@ def motions(v: float, parameters: Mapping[str, Any]) -> xr.Dataset:
     for variant in VARIANTS:
         system = system_of(variant, v, parameters["modes"])
         history = time_history(
-            system, system.start(), t, OBSERVABLES, integrator=accurate(), max_crossings=4096,
-            sections={"stick": stick_section()}, labels=dict.fromkeys(OBSERVABLES, "1"),
+            system, system.start(), Samples(t, max_points=4096), OBSERVABLES, integrator=accurate(),
+            sections={"stick": stick_section()},
+            labels=Labels(dict.fromkeys(OBSERVABLES, Variable(units="1"))),
         )  # fmt: skip
         kept = history[[*OBSERVABLES, "mode"]]
         late = t >= parameters["dropped"]

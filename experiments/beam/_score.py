@@ -135,16 +135,15 @@ def _motion_lane(settings: Settings) -> Lane:
     times = settings["dt"] * np.arange(round(settings["recorded"] / settings["dt"]))
 
     def lane(coordinates, v, numbers):
-        options: dict[str, Any] = {
-            "integrator": fixed_step(numbers["h"]), "max_events": None, "throw": False
-        }  # fmt: skip
+        options: dict[str, Any] = {"integrator": fixed_step(numbers["h"]), "throw": False}
         begin = numbers["transient"]
         t = begin + times
         system, start = system_and_start(coordinates, v, settings["modes"])
-        settled = ss.simulate(system, 0.0, begin, start, **options)
+        settled = ss.simulate(system, 0.0, begin, start, saveat=ss.SaveAt(max_events=None), **options)
         run = ss.simulate(
-            system, begin, t[-1], settled.y1, settled.mode1, saveat=ss.SaveAt(ts=t, events=False),
-            sections=stick_section(), max_crossings=512, **options,
+            system, begin, t[-1], settled.y1, settled.mode1,
+            saveat=ss.SaveAt(ts=t, sections=stick_section(), max_events=None, max_crossings=512),
+            **options,
         )  # fmt: skip
         log = run.outputs
         assert log is not None

@@ -9,7 +9,7 @@ from matplotlib.patches import Rectangle
 
 import stickslip as ss
 from stickslip import plot
-from stickslip.analysis import time_history
+from stickslip.analysis import Samples, time_history
 from stickslip.systems import JointedBeam
 
 from .._experiment import Context, Experiment
@@ -30,7 +30,7 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     names = [f"q{i}" for i in range(beam.modes)]
     parts = {name: (lambda system, t, y, dy, mode, args, i=i: y.q[i]) for i, name in enumerate(names)}
     seen = time_history(
-        beam, beam.start(), times, {"x": "x", "y": "y", "vy": "vy", **parts}, transient=begin,
+        beam, beam.start(), Samples(times, begin), {"x": "x", "y": "y", "vy": "vy", **parts},
         integrator=METHOD,
     )  # fmt: skip
     z = np.linspace(0.0, 1.0, NODES)

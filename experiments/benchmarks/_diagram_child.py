@@ -25,13 +25,13 @@ def diagram(job: Job, check: int):
     system, start = job.case.system(80.0), job.case.initial
 
     section = system.zero_acceleration_section()
-    record = Recording(job.transient, job.duration, section, "x", max_points=job.room)
+    record = Recording(job.transient, job.duration, section, "x", max_points=job.room, check=check)
 
     def run(k3: np.ndarray):
         return orbit_diagram(
             system, {"k3": k3}, start, record,
             integrator=steps_of(tolerance=1e-8),
-            check=check, compute=Compute(progress=False),
+            compute=Compute(progress=False),
         )  # fmt: skip
 
     return run

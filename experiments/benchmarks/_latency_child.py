@@ -26,7 +26,9 @@ def block_section():
     turns = ss.Section(lambda system, t, y, dy, mode, args: y.vx, "falling")
 
     def end(k3):
-        run = ss.simulate(BlockOnBelt.constructed(k3=k3), 0.0, 12.0, rest, sections=turns)
+        run = ss.simulate(
+            BlockOnBelt.constructed(k3=k3), 0.0, 12.0, rest, saveat=ss.SaveAt(sections=turns)
+        )
         return run.y1.x, run.crossings[0].t
 
     return end, 85.0

@@ -85,7 +85,9 @@ def run_of(blocks: int, relative: bool) -> Any:
             names = machine.names
             y0 = machine.state(**dict(zip(names.coordinates, gaps, strict=True)))
             y0 = y0._replace(**{names.velocities[0]: speed + 0.0})
-        end = ss.simulate(machine, 0.0, END, y0, integrator=INTEGRATOR, max_events=None, throw=False)
+        end = ss.simulate(
+            machine, 0.0, END, y0, integrator=INTEGRATOR, saveat=ss.SaveAt(max_events=None), throw=False
+        )
         x = jnp.stack(end.y1[:blocks])
         return jnp.cumsum(x) if relative else x, end.num_events
 
@@ -137,7 +139,7 @@ def arm() -> str:
     def end(mass):
         machine = Arm(mass)
         y0 = machine.state(a=0.3, b=-0.4, v_a=1.0)
-        return ss.simulate(machine, 0.0, 6.0, y0, max_events=None, throw=False).y1.a
+        return ss.simulate(machine, 0.0, 6.0, y0, saveat=ss.SaveAt(max_events=None), throw=False).y1.a
 
     mass = jnp.asarray(1.0)
     calls = [jax.jit(end), jax.jit(jax.jacfwd(end)), jax.jit(jax.grad(end))]

@@ -63,7 +63,7 @@ def consistent(tolerance):
         system = cx.CoreXY(*built(numbers))
         found = ss.simulate(
             system, 0.0, END, system.state(), integrator=integrator,
-            saveat=ss.SaveAt(events=False), max_events=None, throw=False,
+            saveat=ss.SaveAt(max_events=None), throw=False,
         )  # fmt: skip
         y = found.y1
         return jnp.where(found.successful, jnp.stack([y.x, y.y, y.omega_1, y.omega_2]), jnp.nan)

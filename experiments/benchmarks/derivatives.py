@@ -23,7 +23,7 @@ def main(size: str = "normal") -> str:
         start = Motion(p[5], speed + p[0] + p[6])
         step = ss.FixedStep(0.35)
         run = ss.simulate(
-            system, 0.0, END + p[7], start, "stick", max_events=None, throw=False,
+            system, 0.0, END + p[7], start, "stick", saveat=ss.SaveAt(max_events=None), throw=False,
             integrator=ss.Integrator(step=step, max_steps=1024),
         )  # fmt: skip
         return run.y1.x

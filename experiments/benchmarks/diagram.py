@@ -45,14 +45,19 @@ def steps_of(h: float | None = None, tolerance: float | None = None) -> ss.Integ
 
 def engine(job: Job, executor: str, integrator=None) -> Callable[[np.ndarray], Points]:
     """The job through the public interface: two simulations a lane, mapped over the lanes."""
-    options: Any = {"integrator": integrator or steps_of(job.h), "max_events": None, "throw": False}
+    options: Any = {"integrator": integrator or steps_of(job.h), "throw": False}
 
     def lane(k3):
         system = job.case.system(k3)
-        settled = ss.simulate(system, 0.0, job.transient, job.case.initial, **options)
+        settled = ss.simulate(
+            system, 0.0, job.transient, job.case.initial, saveat=ss.SaveAt(max_events=None), **options
+        )
         run = ss.simulate(
             system, job.transient, job.end, settled.y1, settled.mode1,
-            sections=system.zero_acceleration_section(), max_crossings=job.room, **options,
+            saveat=ss.SaveAt(
+                sections=system.zero_acceleration_section(), max_events=None, max_crossings=job.room
+            ),
+            **options,
         )  # fmt: skip
         rows = run.crossings[0]
         return rows.y.x, rows.t, rows.count
@@ -84,7 +89,9 @@ def accuracy(case: Case, number: int = 40) -> str:
     k3 = jnp.linspace(72.0, 97.0, number)
 
     def end(state, k3, seconds, integrator):
-        options: Any = {"integrator": integrator, "max_events": None, "throw": False}
+        options: Any = {
+            "integrator": integrator, "saveat": ss.SaveAt(max_events=None), "throw": False
+        }  # fmt: skip
         return ss.simulate(case.system(k3), 0.0, seconds, state, **options).y1
 
     zero = jax.tree.map(lambda a: jnp.full(number, a), case.initial)

@@ -42,8 +42,8 @@ def engine(step: ss.FixedStep | ss.AdaptiveStep, executor: str):
     def lane(v):
         system = CoulombOscillator(1.0, 1.0, 1.0, 0.5, v)
         run = ss.simulate(
-            system, 0.0, END, Motion(0.0 * v, v), "stick", max_events=None, throw=False,
-            integrator=ss.Integrator(step=step, max_steps=2048),
+            system, 0.0, END, Motion(0.0 * v, v), "stick", saveat=ss.SaveAt(max_events=None),
+            throw=False, integrator=ss.Integrator(step=step, max_steps=2048),
         )  # fmt: skip
         return run.y1.x
 

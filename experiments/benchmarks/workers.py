@@ -31,7 +31,7 @@ def _sweep(folder: pathlib.Path, client: Any, units: int, duration: float) -> No
     def lane(belt_speed):
         block = CoulombOscillator(1.0, 1.0, 1.5, 0.5, belt_speed)
         start = Motion(x=jnp.zeros(()), v=belt_speed)
-        run = ss.simulate(block, 0.0, duration, start, max_events=None, throw=False)
+        run = ss.simulate(block, 0.0, duration, start, saveat=ss.SaveAt(max_events=None), throw=False)
         return {"x": run.y1.x, "events": run.num_events, "ok": run.successful}
 
     grid = {"belt_speed": np.linspace(0.2, 0.4, units * UNIT)}

@@ -248,8 +248,11 @@ def _crossings(system, integrator, k3, starts, periods, most):
     def lane(k3, y0, period):
         there = eqx.tree_at(lambda s: s.k3, system, k3)
         found = ss.simulate(
-            there, 0.0, period, y0, integrator=integrator, max_events=None, throw=False,
-            sections=there.zero_acceleration_section(), max_crossings=most,
+            there, 0.0, period, y0, integrator=integrator,
+            saveat=ss.SaveAt(
+                sections=there.zero_acceleration_section(), max_events=None, max_crossings=most,
+            ),
+            throw=False,
         )  # fmt: skip
         return jnp.where(found.successful, found.crossings[0].y.x, jnp.nan)
 

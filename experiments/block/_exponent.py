@@ -39,7 +39,14 @@ def largest_exponents(
 
         def run(y, mode, duration):
             end = ss.simulate(
-                system, 0.0, duration, y, mode, integrator=integrator, max_events=None, throw=False
+                system,
+                0.0,
+                duration,
+                y,
+                mode,
+                integrator=integrator,
+                saveat=ss.SaveAt(max_events=None),
+                throw=False,
             )
             return end.y1, end.mode1, end.successful
 

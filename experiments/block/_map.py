@@ -73,10 +73,9 @@ def settled_motions(parameters: Mapping[str, Any], context: Context) -> xr.Datas
         BlockState(0.0, 0.0, 0.0, 0.0),
         Recording(
             parameters["transient"], parameters["duration"], MAXIMA, ("x", "y", "t"),
-            max_points=parameters["max_points"], period=PeriodTest(REPEATS, LONGEST),
+            max_points=parameters["max_points"], period=PeriodTest(REPEATS, LONGEST), check=0,
         ),
         integrator=integrator_of(parameters),
-        check=0,
         **sweep_options(
             "map", "simplified", {key: parameters[key] for key in keys}, context, variables=LABELS
         ),

@@ -36,15 +36,18 @@ def regimes(
     """
     step: Any = ss.AdaptiveStep
     integrator = ss.Integrator("tsit5", step(tolerance, 0.1 * tolerance), max_steps=2_000_000)
-    options: Any = {"integrator": integrator, "max_events": None, "throw": False}
+    options: Any = {"integrator": integrator, "throw": False}
 
     def lane(p, k3, pull):
         system, start = build(p, k3, pull)
         # One run for transient and record: XLA aborts on some programs with one that records beside
         # one that does not, see `map_lanes`.
         run: Any = ss.simulate(
-            system, 0.0, transient + duration, start, sections=MAXIMA,
-            max_crossings=ROOM, saveat=ss.SaveAt(ts=transient + duration * SAMPLES), **options,
+            system, 0.0, transient + duration, start,
+            saveat=ss.SaveAt(
+                ts=transient + duration * SAMPLES, sections=MAXIMA, max_events=None, max_crossings=ROOM
+            ),
+            **options,
         )  # fmt: skip
         rows, samples = run.crossings[0], run.outputs
         seen = jnp.stack([samples.y.x, samples.y.y], axis=1)
@@ -62,7 +65,9 @@ def regimes(
             y, v = carry
 
             def flow(y):
-                return ss.simulate(system, 0.0, 1.0, y, run.mode1, **options).y1
+                return ss.simulate(
+                    system, 0.0, 1.0, y, run.mode1, saveat=ss.SaveAt(max_events=None), **options
+                ).y1
 
             y, v = jax.jvp(flow, (y,), (v,))
             length = jnp.sqrt(sum(c * c for c in v))
@@ -89,8 +94,8 @@ def mean_friction(executor: str) -> ss.map_lanes:
     def lane(p, k3):
         system, start = simplified(p, k3)
         run: Any = ss.simulate(
-            system, 0.0, 60.0, start, integrator=integrator, saveat=ss.SaveAt(ts=times),
-            max_events=None, throw=False,
+            system, 0.0, 60.0, start, integrator=integrator,
+            saveat=ss.SaveAt(ts=times, max_events=None), throw=False,
         )  # fmt: skip
         # The block's acceleration is zero on average: friction balances its load.
         return -jax.vmap(lambda y: system.loads(y).on_block)(run.outputs.y).mean()

@@ -27,7 +27,7 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     times = begin + parameters["duration"] * np.arange(rows) / rows
     run = ss.simulate(
         block, 0.0, begin + parameters["duration"], BlockState(0.0, 0.0, 0.0, 0.0),
-        saveat=ss.SaveAt(ts=jnp.asarray(times), events=False), max_events=None,
+        saveat=ss.SaveAt(ts=jnp.asarray(times), max_events=None),
     )  # fmt: skip
     data = run.to_dataset(block)[["x", "vx", "y", "mode"]]
     data["stick"] = data.mode == block.mode_names.index("stick")

@@ -36,9 +36,11 @@ def compute(parameters, context: Context) -> xr.Dataset:
         def run(t0, t1, y, mode, ts, system=system):
             # The transient is recorded too and its record dropped: one program serves both parts.
             return ss.simulate(
-                system, t0, t1, y, mode, integrator=integrator, max_events=None,
-                sections=system.zero_acceleration_section(),
-                max_crossings=room, saveat=ss.SaveAt(ts=jnp.asarray(ts)),
+                system, t0, t1, y, mode, integrator=integrator,
+                saveat=ss.SaveAt(
+                    ts=jnp.asarray(ts), sections=system.zero_acceleration_section(), max_events=None,
+                    max_crossings=room,
+                ),
             )  # fmt: skip
 
         settled = run(0.0, first, y, mode, np.linspace(0.0, first, times.size))

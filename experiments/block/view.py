@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from stickslip.analysis import PeriodTest, Recording, orbit_diagram, time_history
+from stickslip.analysis import PeriodTest, Recording, Samples, orbit_diagram, time_history
 from stickslip.sweep import Compute, Labels
 
 from ._diagram import LABELS, MODELS, PROTOCOL, integrator_of, system_of
@@ -28,7 +28,7 @@ def orbit(k3: float, model: str = MODELS[0], protocol: str = "paper") -> xr.Data
     system, start = system_of(model, float(k3))
     times = transient + np.arange(round(SHOWN / INTERVAL) + 1) * INTERVAL
     return time_history(
-        system, start, times, OBSERVABLES, transient=transient, integrator=integrator_of(PROTOCOL)
+        system, start, Samples(times, transient), OBSERVABLES, integrator=integrator_of(PROTOCOL)
     )
 
 
@@ -43,10 +43,9 @@ def diagram(k3: tuple[float, float], model: str = MODELS[0], protocol: str = "pa
         start,
         Recording(
             transient, duration, system.zero_acceleration_section(), "x",
-            max_points=PROTOCOL["max_points"], period=PeriodTest(1e-3),
+            max_points=PROTOCOL["max_points"], period=PeriodTest(1e-3), check=0,
         ),
         integrator=integrator_of(PROTOCOL),
-        check=0,
         labels=Labels(
             LABELS, name=f"{model}, {protocol} protocol, k3 from {low:.7g} to {high:.7g} N/m"
         ),

@@ -40,7 +40,7 @@ def lane(parameters: cx.CoreXYParameters, voltage: cx.AbstractVoltage) -> dict[s
     integrator = ss.Integrator(method="tsit5", step=step)
     found = ss.simulate(
         ledger, 0.0, DURATION, ledger.start(system.state()), integrator=integrator,
-        saveat=ss.SaveAt(events=False), max_events=None, throw=False,
+        saveat=ss.SaveAt(max_events=None), throw=False,
     )  # fmt: skip
     sums = found.y1.integrals
     shares = {name: sums[name] / DURATION for name in ("dmn_2", "dmn_3", "dmn_4", "moving")}

@@ -34,8 +34,8 @@ def _lane(p: Any, voltage: Any, end: Any, goal: Any, one: Any, two: Any) -> dict
     system = cx.CoreXY(machine, voltage)
     ledger = WithIntegrals(system, _slip_rates, units={"slip_1": "m", "slip_2": "m"})
     found = ss.simulate(
-        ledger, 0.0, 2.0 * end, ledger.start(system.state()), max_events=None,
-        saveat=ss.SaveAt(events=False), throw=False,
+        ledger, 0.0, 2.0 * end, ledger.start(system.state()), saveat=ss.SaveAt(max_events=None),
+        throw=False,
     )  # fmt: skip
     y, slip = found.y1.y, found.y1.integrals
     good = jnp.where(found.successful, 1.0, jnp.nan)

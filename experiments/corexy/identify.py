@@ -104,7 +104,7 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
             "error": np.array([float(errors[name]) for name in NAMES]),
             "singular_value": np.asarray(one.sensitivity.singular_values),
             "direction": np.asarray(one.sensitivity.directions),
-            "seen": np.asarray(one.sensitivity.seen()),
+            "seen": np.asarray(one.sensitivity.seen_directions()),
             "chi_squared": np.asarray(fits.reduced_chi_squared),
             "steps": np.asarray(fits.steps),
             "start": np.stack([starts[name] for name in NAMES], axis=-1),

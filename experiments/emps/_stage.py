@@ -101,7 +101,7 @@ def motion(
     found = ss.simulate(
         stage, 0.0, times[-1], stage.state(**start),
         integrator=ss.Integrator("rk4", ss.FixedStep(STEP), max_steps=10 * record.q.size),
-        saveat=ss.SaveAt(ts=times[::every], events=False), max_events=None, throw=throw,
+        saveat=ss.SaveAt(ts=times[::every], max_events=None), throw=throw,
     )  # fmt: skip
     return found, stage
 

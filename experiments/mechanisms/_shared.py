@@ -27,7 +27,13 @@ def flow_matrix(machine: AbstractMechanism, y: Any, duration: float, steps: int 
     def end(start):
         y0 = jax.tree.unflatten(form, list(start))
         run = ss.simulate(
-            machine, 0.0, duration, y0, integrator=integrator, max_events=None, throw=False
+            machine,
+            0.0,
+            duration,
+            y0,
+            integrator=integrator,
+            saveat=ss.SaveAt(max_events=None),
+            throw=False,
         )
         return jnp.stack(jax.tree.leaves(run.y1))
 

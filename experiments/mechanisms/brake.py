@@ -108,8 +108,9 @@ def ends(mu: Any, seconds: float) -> tuple[Any, Any, Any]:
     machine = brake(mu, damping=0.02)
     y0 = machine.steady()
     run = ss.simulate(
-        machine, 0.0, seconds, y0._replace(x=y0.x + 0.05), integrator=FAST, max_events=None,
-        saveat=ss.SaveAt(ts=seconds - 60.0 + jnp.linspace(0.0, 60.0, 2401), events=False), throw=False,
+        machine, 0.0, seconds, y0._replace(x=y0.x + 0.05), integrator=FAST,
+        saveat=ss.SaveAt(ts=seconds - 60.0 + jnp.linspace(0.0, 60.0, 2401), max_events=None),
+        throw=False,
     )  # fmt: skip
     share = [jnp.mean(jnp.asarray(run.outputs.mode == m, jnp.float64)) for m in range(4)]
     return jnp.max(jnp.abs(run.outputs.y.x - y0.x)), jnp.stack(share), run.successful
@@ -131,7 +132,11 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     y0 = machine.steady()
     y0 = y0._replace(x=y0.x + 0.05)
     run = ss.simulate(
-        machine, 0.0, 150.0, y0, saveat=ss.SaveAt(ts=jnp.asarray(shown), events=False), max_events=None
+        machine,
+        0.0,
+        150.0,
+        y0,
+        saveat=ss.SaveAt(ts=jnp.asarray(shown), max_events=None),
     )
     log: Any = run.outputs
     ledger = energy_ledger(machine, y0, shown[:: len(shown) // 50])

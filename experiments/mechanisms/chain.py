@@ -103,7 +103,14 @@ def slipping(blocks: int, seconds: float) -> tuple[np.ndarray, np.ndarray]:
     """Places after `seconds` on a fast belt, simulated and by the modes of the chain [m]."""
     machine = chain(blocks, Coulomb(STATIC, KINETIC), 50.0)
     first = uneven(blocks)
-    run = ss.simulate(machine, 0.0, seconds, machine.at(first, 0.0), integrator=CLOSE, max_events=None)
+    run = ss.simulate(
+        machine,
+        0.0,
+        seconds,
+        machine.at(first, 0.0),
+        integrator=CLOSE,
+        saveat=ss.SaveAt(max_events=None),
+    )
     places = np.array([float(x) for x in run.y1[:blocks]])
     j, i = np.meshgrid(np.arange(blocks), np.arange(blocks))
     modes = np.cos(j * np.pi * (i + 0.5) / blocks)
@@ -123,7 +130,7 @@ def alike(blocks: int, belt_speed: float = 0.2) -> tuple[float, float, np.ndarra
         40.0,
         machine.at([0.0] * blocks, belt_speed),
         integrator=CLOSE,
-        max_events=40 * blocks,
+        saveat=ss.SaveAt(max_events=40 * blocks),
     )
     events: Any = run.events
     rest = sum(1 << 2 * c for c in range(blocks))
@@ -171,7 +178,13 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
 
     def motion_from(places):
         run = ss.simulate(
-            machine, 0.0, 10.0, machine.at(places, 0.1), integrator=CLOSE, max_events=None, throw=False
+            machine,
+            0.0,
+            10.0,
+            machine.at(places, 0.1),
+            integrator=CLOSE,
+            saveat=ss.SaveAt(max_events=None),
+            throw=False,
         )
         return jnp.stack(run.y1[: q["compared"]]), run.num_events
 
@@ -183,8 +196,8 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     shown = np.linspace(0.0, q["shown"], 2001)
     whole = chain(q["blocks"], weakening(), SLOW)
     motion = ss.simulate(
-        whole, 0.0, q["shown"], whole.at(uneven(q["blocks"]), SLOW), max_events=None,
-        saveat=ss.SaveAt(ts=jnp.asarray(shown), events=False),
+        whole, 0.0, q["shown"], whole.at(uneven(q["blocks"]), SLOW),
+        saveat=ss.SaveAt(ts=jnp.asarray(shown), max_events=None),
     )  # fmt: skip
     log: Any = motion.outputs
     rates = np.stack(log.y[q["blocks"] :], axis=1)

@@ -89,8 +89,8 @@ def _cycle(form: Any, start: Any, omega: Any, periods: int) -> tuple[Any, Any, A
     # A turn of the carriage is where its speed passes through zero; enough points find it to 1e-7.
     times = begin + period * jnp.linspace(0.0, 1.0, 4001)
     run = ss.simulate(
-        ledger, 0.0, periods * period, ledger.start(start), integrator=BELOW, max_events=None,
-        saveat=ss.SaveAt(ts=times, events=False), throw=False,
+        ledger, 0.0, periods * period, ledger.start(start), integrator=BELOW,
+        saveat=ss.SaveAt(ts=times, max_events=None), throw=False,
     )  # fmt: skip
     y = run.outputs.y.y
     x = (y.y if hasattr(y, "y") else y).carriage
@@ -119,8 +119,9 @@ def small_frequencies() -> np.ndarray:
     def end(start, seconds=0.01):
         """A step of the motion so small that bristles bend and do not slide."""
         run = ss.simulate(
-            form, 0.0, seconds, jax.tree.unflatten(tree, list(start)), max_events=None,
-            integrator=ss.Integrator("dop853", ss.FixedStep(1e-3)), throw=False,
+            form, 0.0, seconds, jax.tree.unflatten(tree, list(start)),
+            saveat=ss.SaveAt(max_events=None), integrator=ss.Integrator("dop853", ss.FixedStep(1e-3)),
+            throw=False,
         )  # fmt: skip
         return jnp.stack(jax.tree.leaves(run.y1))
 
@@ -159,8 +160,8 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     for a in (1.5e-3, 4e-3, 1e-2):
         form = drive(a, omega[1]).bristles(Dahl, sigma_0=STIFFNESS / 10.0)
         run = ss.simulate(
-            form, 0.0, shown[-1], form.start(form.mechanism.state()), max_events=None,
-            saveat=ss.SaveAt(ts=jnp.asarray(shown), events=False),
+            form, 0.0, shown[-1], form.start(form.mechanism.state()),
+            saveat=ss.SaveAt(ts=jnp.asarray(shown), max_events=None),
         )  # fmt: skip
         log: Any = run.outputs
         loops.append(np.stack([log.y.y.carriage, STIFFNESS * log.y.z[0][0]]))

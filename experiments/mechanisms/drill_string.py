@@ -130,8 +130,8 @@ def settled(speed: Any, start: Any, seconds: float) -> tuple[Any, Any, Any]:
     """Least and greatest speed of the bit over the last 60 s of `seconds`, time stuck, success."""
     machine = rig(speed)
     run = ss.simulate(
-        machine, 0.0, seconds, start(machine), integrator=FAST, max_events=None, throw=False,
-        saveat=ss.SaveAt(ts=seconds - 60.0 + jnp.linspace(0.0, 60.0, 1201), events=False),
+        machine, 0.0, seconds, start(machine), integrator=FAST, throw=False,
+        saveat=ss.SaveAt(ts=seconds - 60.0 + jnp.linspace(0.0, 60.0, 1201), max_events=None),
     )  # fmt: skip
     v = run.outputs.y.v_bit
     stuck = jnp.mean(jnp.asarray(run.outputs.mode == 1, jnp.float64))
@@ -165,7 +165,7 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     machine = rig(40.0 * RPM)
     run = ss.simulate(
         machine, 0.0, 60.0, machine.state(v_table=40.0 * RPM),
-        saveat=ss.SaveAt(ts=jnp.asarray(shown), events=False), max_events=None,
+        saveat=ss.SaveAt(ts=jnp.asarray(shown), max_events=None),
     )  # fmt: skip
     log: Any = run.outputs
     return xr.Dataset(

@@ -97,8 +97,8 @@ def swings(ratio: Any, drop: float, periods: int) -> tuple[Any, Any, Any]:
     y0 = machine.state(phi=machine.held(), v_phi=jnp.minimum(first, 0.98))
     times = periods - 2.0 + jnp.linspace(0.0, 2.0, 801)
     run = ss.simulate(
-        machine, 0.0, float(periods), y0, integrator=FAST, max_events=None, throw=False,
-        saveat=ss.SaveAt(ts=times, events=False),
+        machine, 0.0, float(periods), y0, integrator=FAST, throw=False,
+        saveat=ss.SaveAt(ts=times, max_events=None),
     )  # fmt: skip
     v = run.outputs.y.v_phi
     stuck = jnp.mean(jnp.asarray(run.outputs.mode == 1, jnp.float64))
@@ -130,8 +130,7 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
         machine = pendulum(r, q["drop"])
         y0 = machine.state(phi=float(machine.held()), v_phi=0.9)
         run = ss.simulate(
-            machine, 0.0, 212.0, y0, max_events=None,
-            saveat=ss.SaveAt(ts=jnp.asarray(200.0 + shown), events=False),
+            machine, 0.0, 212.0, y0, saveat=ss.SaveAt(ts=jnp.asarray(200.0 + shown), max_events=None),
         )  # fmt: skip
         log: Any = run.outputs
         motions.append(np.stack([log.y.phi, log.y.v_phi, log.mode == 1]))

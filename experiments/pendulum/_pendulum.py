@@ -173,7 +173,7 @@ def predicted(values: dict[str, Any], segment: Segment, every: int) -> np.ndarra
     run = ss.simulate(
         system, 0.0, float(times[-1]), system.state(phi=phi, v_phi=speed),
         integrator=ss.Integrator("dop853", ss.AdaptiveStep(1e-8, 1e-8)),
-        saveat=ss.SaveAt(ts=times, events=False), max_events=None,
+        saveat=ss.SaveAt(ts=times, max_events=None),
     )  # fmt: skip
     assert run.outputs is not None
     return np.asarray(run.outputs.y.phi) + float(system.zero)

@@ -67,7 +67,7 @@ def position(values: dict[str, Any], times: Any) -> jax.Array:
     found = ss.simulate(
         block, 0.0, times[-1], block.state(x=0.0, v=values["belt_speed"]),
         integrator=ss.Integrator("dop853", ss.AdaptiveStep(1e-9, 1e-9)),
-        saveat=ss.SaveAt(ts=times, events=False), max_events=None, throw=False,
+        saveat=ss.SaveAt(ts=times, max_events=None), throw=False,
     )  # fmt: skip
     assert found.outputs is not None
     return found.outputs.y.x

@@ -13,6 +13,7 @@ from ._orbit_diagram import orbit_diagram as orbit_diagram
 from ._orbit_lane import STATUS as STATUS
 from ._recording import PeriodTest as PeriodTest
 from ._recording import Recording as Recording
+from ._recording import Samples as Samples
 from ._recording import Segments as Segments
 from ._spectrum import Peak as Peak
 from ._spectrum import Spectrum as Spectrum

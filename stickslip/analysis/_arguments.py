@@ -37,16 +37,12 @@ def named_observables(observables: Any) -> dict[str, Any]:
     return named
 
 
-def times_of(t: Any) -> np.ndarray:
+def times_of(name: str, t: Any) -> np.ndarray:
     """Output times as a vector that increases."""
     if not is_concrete(t):
-        raise refusal("t", t, "known: it becomes a coordinate, so call this outside of jit and vmap")
-    return np.asarray(check_increasing("t", one_row("t", as_float64("t", _no_tree(t)), least=2)))
-
-
-def _no_tree(t: Any) -> Any:
-    """A row as a list or an array, not a pytree of single numbers."""
-    return numbers("t", t, "a vector of real numbers")
+        raise refusal(name, t, "known: it becomes a coordinate, so call this outside of jit and vmap")
+    row = numbers(name, t, "a vector of real numbers")  # not a pytree of single numbers
+    return np.asarray(check_increasing(name, one_row(name, as_float64(name, row), least=2)))
 
 
 def an_integrator(integrator: Any) -> Integrator:

@@ -12,11 +12,11 @@ from .._validation import (
     MOST,
     check_count,
     is_concrete,
-    misshaped,
     numbers,
     one_number,
     one_static,
     refusal,
+    shape_refusal,
     whole_number,
 )
 
@@ -116,14 +116,14 @@ def period_of(
     """
     points, span = _columns("points", points), _columns("span", span)
     if span.shape != (2, points.shape[1]):
-        raise misshaped("span", span, f"of the shape {(2, points.shape[1])}")
+        raise shape_refusal("span", span, f"of the shape {(2, points.shape[1])}")
     count = jnp.asarray(whole_number("count", count, 0, MOST))
     one_number("tolerance", tolerance, "positive")
     check_count("max_period", max_period, 1)
     if start is not None:
         start = jnp.asarray(_numbers("start", start))
         if start.shape != points.shape[1:]:
-            raise misshaped("start", start, f"of the shape {points.shape[1:]}")
+            raise shape_refusal("start", start, f"of the shape {points.shape[1:]}")
     turns = _periods(periods, points.shape[1])
     room = points.shape[0]
     quarter = jnp.maximum(count // 4, 3)
@@ -190,7 +190,7 @@ def _periods(periods: Any, count: int) -> tuple[float | None, ...]:
     if not isinstance(periods, tuple | list):
         raise refusal("periods", periods, "a sequence of positive numbers or None, or None", TypeError)
     if len(periods) != count:
-        raise misshaped("periods", tuple(periods), f"{count} of them, one for each observable")
+        raise shape_refusal("periods", tuple(periods), f"{count} of them, one for each observable")
     return tuple(
         None if p is None else float(one_static(f"periods[{i}]", p, "positive"))
         for i, p in enumerate(periods)
@@ -209,7 +209,7 @@ def _columns(name: str, values: Any) -> Any:
     """A table of numbers, a column for each observable; NaN is allowed."""
     values = _numbers(name, values)
     if values.ndim != 2:
-        raise misshaped(name, values, "a table, a column for each observable")
+        raise shape_refusal(name, values, "a table, a column for each observable")
     return values
 
 

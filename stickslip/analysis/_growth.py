@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
 
-from .._show import counted, html_table, number
+from .._show import amount, html_table, number
 from .._types import Numeric, Whole
 from .._validation import check_count, is_concrete, refusal
 
@@ -60,9 +60,7 @@ class LyapunovSpectrum(eqx.Module):
         values, errors = np.asarray(self.exponents), np.asarray(self.error)
         if values.ndim > 1:
             return f"LyapunovSpectrum: {_of_batch(values[..., 0])}, {values.shape[-1]} exponents each"
-        head = (
-            f"LyapunovSpectrum of {counted(self.time.size, 'segment')}, to {number(self.time[-1])} s:"
-        )
+        head = f"LyapunovSpectrum of {amount(self.time.size, 'segment')}, to {number(self.time[-1])} s:"
         return "\n".join([head, *(f"  {a} {b}" for a, b in _exponents(self, values, errors))])
 
     __repr__ = __str__
@@ -126,7 +124,7 @@ def _of_batch(greatest: Any) -> str:
     span = (
         f" from {number(finite.min())} to {number(finite.max())} 1/s" if finite.size else " not finite"
     )
-    return f"{counted(greatest.size, 'spectrum', 'spectra')}, the greatest exponent{span}"
+    return f"{amount(greatest.size, 'spectrum', 'spectra')}, the greatest exponent{span}"
 
 
 def first_frame(size: int, count: int) -> Float[Array, "size count"]:

@@ -10,19 +10,17 @@ import xarray as xr
 from jaxtyping import PyTree
 
 from .._code import jit_by_code
-from .._types import Given, Mode, Named, Numeric, Row
-from .._validation import check_count, check_mapping, check_type, one_concrete, refusal
+from .._types import Given, Mode, Named, Row
+from .._validation import check_count, check_mapping, check_type, refusal
 from ..derived import WithIntegrals
 from ..hybrid import AbstractHybridSystem, Integrator, SaveAt, Section, raise_failures, simulate
 from ..hybrid.arguments import the_system
 from ..hybrid.components import own_axes
 from ..hybrid.tree import with_float_arrays
-from ._arguments import (
-    an_integrator,
-    named_observables,
-    start_of,
-    times_of,
-)
+from ..sweep import Labels, Variable
+from ._arguments import an_integrator, named_observables, start_of
+from ._builder import check_labels
+from ._recording import Samples, samples_of
 from .observable import Angle, Maximum, Minimum, as_observable, as_section, axes_of, shape_of
 
 MOST_NAMES = 1024  # of more modes only those are named that occur
@@ -31,32 +29,32 @@ MOST_NAMES = 1024  # of more modes only those are named that occur
 def time_history(
     system: Given[AbstractHybridSystem],
     y0: PyTree,
-    t: Row,
+    record: Given[Samples] | Row,
     observables: Given[str | Sequence[str] | Named],
     *,
     sections: Given[Mapping[str, Section | Maximum | Minimum] | None] = None,
-    transient: Numeric = 0.0,
+    labels: Given[Labels | None] = None,
     mode0: Mode | None = None,
     args: PyTree = None,
     integrator: Given[Integrator | None] = None,
-    max_crossings: int = 256,
-    labels: Given[Mapping[str, str] | None] = None,
 ) -> xr.Dataset:
-    r"""Observables of a motion at times `t`, and at the crossings of any number of sections.
+    r"""Observables of a motion at given times, and at the crossings of any number of sections.
 
     A phase portrait is one observable over another; a Poincaré section is any scalar of the motion.
 
     **Arguments**
 
-    - `system`, `y0`, `mode0`, `args`, `integrator`: as for `simulate`, which starts at `t[0] -
-      transient`; `t` [s] increases.
+    - `system`, `y0`, `mode0`, `args`, `integrator`: as for `simulate`.
+    - `record`: the times [s], which increase; or `Samples(ts, transient)`, for a motion that starts
+      before the first of them.
     - `observables`: names of components of the state, `"x[0]"` for one number of an array,
       `"slope of x"`, `"t"`, methods `(t, y, mode, args)` of the system; or a mapping from names to
       those or to functions `(system, t, y, dy, mode, args)`. A component with a period is given within
       half of it on both sides of zero.
     - `sections`: mapping from names to a `Section` (any scalar, direction in words), `Maximum("x")` or
-      `Minimum("x")` of an observable. Crossings before `t[0]` are left out.
-    - `labels`: units of observables by name, where the system does not know them.
+      `Minimum("x")` of an observable. Crossings before the first time are left out.
+    - `labels`: `Labels(variables={"x": Variable(units="m")}, attrs, name)`: units the system does not
+      know, longer names, attributes and the title of the dataset.
 
     **Returns** an `xarray.Dataset`: each observable over `time`, `mode`, and for each section
     `at_<section>_<observable>` and `at_<section>_t` over `<section>_point`. `attrs["mode_names"]` names
@@ -67,12 +65,15 @@ def time_history(
     **Errors** `ValueError`/`TypeError` naming the argument; `SimulationError` where the motion fails.
     """
     the_system(system)
-    one_concrete("transient", transient, "not negative")
-    times = times_of(t)
-    y0, mode = start_of(system, times[0] - transient, y0, mode0, args)
-    check_count("max_crossings", max_crossings, 1)
+    record = samples_of(record)
+    times = np.asarray(record.ts)
+    y0, mode = start_of(system, record.t0, y0, mode0, args)
     integrator = an_integrator(integrator)
-    sections, labels = check_mapping("sections", sections), check_mapping("labels", labels)
+    sections = check_mapping("sections", sections)
+    labels = check_type("labels", Labels() if labels is None else labels, Labels, "a Labels, or None")
+    if labels.settings:
+        raise refusal("labels.settings", labels.settings, "unset, which only a sweep has")
+    variables, title = labels.variables or {}, {} if labels.name is None else {"title": labels.name}
     named = named_observables(observables)
     found = {k: as_observable(f"observables[{k!r}]", what, system, y0) for k, what in named.items()}
     for name, section in sections.items():
@@ -81,39 +82,36 @@ def time_history(
     cuts = tuple(
         as_section(section, system, y0, f"sections[{name!r}]") for name, section in sections.items()
     )
-    for name, unit in labels.items():
-        if name not in found or not isinstance(unit, str):
-            raise refusal(f"labels[{name!r}]", unit, f"the unit of one of {', '.join(found)}")
+    check_labels(variables, found)
     own = {
         k: axes_of(k, f, len(shape_of(f"observables[{k!r}]", named[k], f, system, y0, mode, args)))
         for k, (f, _) in found.items()
     }
     system, args = with_float_arrays((system, args))
     solution, *data = _run(
-        system, y0, jnp.asarray(times), jnp.asarray(transient, jnp.float64), mode, args, integrator,
-        cuts, max_crossings, tuple((k, f) for k, (f, _) in found.items()),
+        system, y0, jnp.asarray(times), jnp.asarray(record.transient, jnp.float64), mode, args,
+        integrator, cuts, record.max_points, tuple((k, f) for k, (f, _) in found.items()),
     )  # fmt: skip
     raise_failures(solution, solution.successful)
     values, mode, points = jax.tree.map(np.asarray, data)
-    units = {k: labels.get(k, unit) for k, (_, unit) in found.items()}
-    attrs = {k: {"units": u} if u else {} for k, u in units.items()}
+    attrs: dict[str, dict[str, Any]] = {
+        k: {"units": unit} if unit else {} for k, (_, unit) in found.items()
+    }
     for k, (function, _) in found.items():
         if isinstance(function, Angle):
             attrs[k]["period"] = function.period
+        attrs[k] |= variables.get(k, Variable()).attributes()
     second = _second(system)
-    variables: dict[str, Any] = {k: (("time", *own[k]), v, attrs[k]) for k, v in values.items()}
-    variables["mode"] = ("time", mode, {})
+    arrays: dict[str, Any] = {k: (("time", *own[k]), v, attrs[k]) for k, v in values.items()}
+    arrays["mode"] = ("time", mode, {})
     for name, (when, at) in zip(sections, points, strict=True):
         # Sorted by time: what the log has room for beyond the crossings, and what is too early, goes.
         kept = np.isfinite(when) & (when >= times[0])
-        variables[f"at_{name}_t"] = (f"{name}_point", when[kept], second)
+        arrays[f"at_{name}_t"] = (f"{name}_point", when[kept], second)
         for k, v in at.items():
-            variables[f"at_{name}_{k}"] = ((f"{name}_point", *own[k]), v[kept], attrs[k])
-    return xr.Dataset(
-        variables,
-        {"time": ("time", times, second)},
-        _mode_names(system, mode),
-    )
+            arrays[f"at_{name}_{k}"] = ((f"{name}_point", *own[k]), v[kept], attrs[k])
+    about = {**_mode_names(system, mode), **title, **(labels.attrs or {})}
+    return xr.Dataset(arrays, {"time": ("time", times, second)}, about)
 
 
 def _mode_names(system: Any, mode: np.ndarray) -> dict[str, list]:
@@ -128,8 +126,7 @@ def _mode_names(system: Any, mode: np.ndarray) -> dict[str, list]:
 def _run(system, y0, t, transient, mode0, args, integrator, cuts, max_crossings, functions):
     solution = simulate(
         system, t[0] - transient, t[-1], y0, mode0, args, integrator=integrator,
-        saveat=SaveAt(ts=t, events=False), sections=cuts, max_crossings=max_crossings, max_events=None,
-        throw=False,
+        saveat=SaveAt(ts=t, sections=cuts, max_events=None, max_crossings=max_crossings), throw=False,
     )  # fmt: skip
 
     def read(log):
@@ -146,7 +143,7 @@ def _run(system, y0, t, transient, mode0, args, integrator, cuts, max_crossings,
 def energy_ledger(
     system: Given[AbstractHybridSystem],
     y0: PyTree,
-    t: Row,
+    record: Given[Samples] | Row,
     *,
     mode0: Mode | None = None,
     args: PyTree = None,
@@ -157,8 +154,9 @@ def energy_ledger(
 
     $$E(t) - E(t_0) = \sum_i \int_{t_0}^t P_i\,dt + \sum_{\text{events}} \Delta E$$
 
-    **Arguments**: as for `simulate`; `t` [s], from which the ledger is kept, increases. The system
-    must have `energy(y)` and `powers(t, y, mode, args)`, as an `AbstractMechanicalSystem` has.
+    **Arguments**: as for `simulate`; `record` as for `time_history`, the account begins with the first
+    of its times. The system must have `energy(y)` and `powers(t, y, mode, args)`, as an
+    `AbstractMechanicalSystem` has.
 
     **Returns** an `xarray.Dataset` over `time`: `energy`, `power_<name>`, `work_<name>`,
     `loss_at_events` (the sum of $\Delta E$ so far), and `imbalance`, what the equation above leaves
@@ -171,10 +169,23 @@ def energy_ledger(
     for method in ("energy", "powers"):
         if not callable(getattr(system, method, None)):
             raise refusal("system", system, f"a system with a method `{method}`", TypeError)
-    times = times_of(t)
-    y0, mode = start_of(system, times[0], y0, mode0, args)
+    record = samples_of(record)
+    times = np.asarray(record.ts)
+    y0, mode = start_of(system, record.t0, y0, mode0, args)
     check_count("max_events", max_events, 1)
     integrator = an_integrator(integrator)
+    if record.transient > 0:
+        early = simulate(
+            system,
+            record.t0,
+            times[0],
+            y0,
+            mode,
+            args,
+            integrator=integrator,
+            saveat=SaveAt(max_events=None),
+        )
+        y0, mode = early.y1, early.mode1
     system, args = with_float_arrays((system, args))
     solution, *data = _account(system, y0, jnp.asarray(times), mode, args, integrator, max_events)
     raise_failures(solution, solution.successful)
@@ -205,7 +216,7 @@ def _account(system, y0, t, mode0, args, integrator, max_events):
     ledger = WithIntegrals(system, _powers)
     solution = simulate(
         ledger, t[0], t[-1], ledger.start(y0, t[0], args), mode0, args,
-        integrator=integrator, saveat=SaveAt(ts=t), max_events=max_events, throw=False,
+        integrator=integrator, saveat=SaveAt(ts=t, max_events=max_events), throw=False,
     )  # fmt: skip
     log, events = solution.outputs, solution.events
     assert log is not None

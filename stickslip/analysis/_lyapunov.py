@@ -16,14 +16,15 @@ from .._validation import (
     check_type,
     is_concrete,
     leaves_of,
-    misshaped,
     refusal,
+    shape_refusal,
 )
 from ..derived import WithDeviations
 from ..hybrid import (
     RESULTS,
     AbstractHybridSystem,
     Integrator,
+    SaveAt,
     current_executor,
     jit_plainly,
     simulate,
@@ -132,7 +133,15 @@ def _spectrum(
     def run(system, begin, end, y, mode):
         with use_executor(execute):
             return simulate(
-                system, begin, end, y, mode, args, integrator=integrator, max_events=None, throw=False
+                system,
+                begin,
+                end,
+                y,
+                mode,
+                args,
+                integrator=integrator,
+                saveat=SaveAt(max_events=None),
+                throw=False,
             )
 
     result, good = RESULTS.successful, jnp.ones((), bool)
@@ -217,7 +226,7 @@ def _flat_scales(scales: PyTree, y0: PyTree) -> Float[Array, " size"]:
     for (name, s), a in zip(named, jax.tree.leaves(y0), strict=True):
         check_positive(name, s)
         if jnp.shape(s) not in ((), a.shape):
-            raise misshaped(name, s, f"one number or of shape {a.shape}, as in y0")
+            raise shape_refusal(name, s, f"one number or of shape {a.shape}, as in y0")
         flat.append(jnp.ravel(jnp.broadcast_to(as_parameter(s), a.shape)))
     return jnp.concatenate(flat)
 

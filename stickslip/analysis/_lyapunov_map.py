@@ -1,6 +1,7 @@
 """Lyapunov exponents of maps."""
 
 from collections.abc import Callable
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -9,19 +10,17 @@ from jaxtyping import PyTree
 
 from .._compiled_once import compiled_once
 from .._types import Given
-from .._validation import as_float64, check_callable, check_count, refusal
+from .._validation import as_float64, check_callable, check_type, one_concrete, refusal
 from ._growth import LyapunovSpectrum, accumulate, check_exponents, first_frame, spectrum_of_rates
+from ._recording import Segments
 
 
 def lyapunov_spectrum_of_map(
     function: Callable[[PyTree], PyTree],
     z0: PyTree,
+    record: Given[Segments],
     *,
-    iterations: Given[int],
-    transient: Given[int] = 0,
-    warm_up: Given[int | None] = None,
     exponents: Given[int | None] = None,
-    blocks: Given[int] = 10,
 ) -> LyapunovSpectrum:
     r"""Lyapunov exponents of $z_{n+1} = F(z_n)$, per iteration.
 
@@ -32,9 +31,9 @@ def lyapunov_spectrum_of_map(
 
     - `function(z) -> z`: the map, differentiable where the orbit goes; `z` is a pytree of floats. A
       Poincaré map by `simulate` with a terminal section is one.
-    - `z0`: start. `transient`: iterations dropped.
-    - `iterations`: how many are averaged, `blocks` of them for the error, after `warm_up` (default: a
-      tenth).
+    - `z0`: start.
+    - `record`: `Segments(length, count, transient, warm_up, blocks, t0)`, all times counted in
+      iterations: `Segments(1, 4000)` averages 4,000 of them, with a factorisation after each.
     - `exponents`: how many, greatest first (default: all).
 
     **Returns** a `LyapunovSpectrum` with `time` counted in iterations; the exponents of an orbit that
@@ -53,40 +52,47 @@ def lyapunov_spectrum_of_map(
     ):
         raise refusal("function(z)", image, "of floats, with the structure and the shapes of z")
     flat, unravel = ravel_pytree(z0)
-    check_count("transient", transient, 0)
-    if isinstance(iterations, int) and warm_up is None:
-        warm_up = iterations // 10
+    check_type("record", record, Segments, "a Segments(length, count)")
+    length, transient, begin = (
+        _iterations(f"record.{name}", getattr(record, name)) for name in ("length", "transient", "t0")
+    )
+    segments, warm_up = record.count, record.warm_up_count
     count = flat.size if exponents is None else exponents
-    check_count("iterations", iterations, 4)
-    check_count("warm_up", warm_up, 0)
-    check_count("blocks", blocks, 2)
     check_exponents(count, flat.size)
-    if iterations < 2 * blocks:
-        allowed = f"at least 2 blocks = {2 * blocks}, with blocks = {blocks}"
-        raise refusal("iterations", iterations, allowed)
+
+    def once(flat):
+        return ravel_pytree(function(unravel(flat)))[0]
 
     def flow(flat):
-        return ravel_pytree(function(unravel(flat)))[0]
+        return once(flat) if length == 1 else jax.lax.fori_loop(0, length, lambda _, z: once(z), flat)
 
     def step(flat, frame):
         return flow(flat), jax.vmap(lambda c: jax.jvp(flow, (flat,), (c,))[1], 1, 1)(frame)
 
     def run(flat, transient):
-        flat = jax.lax.fori_loop(0, transient, lambda _, flat: flow(flat), flat)
+        flat = jax.lax.fori_loop(0, transient, lambda _, flat: once(flat), flat)
         frame = first_frame(flat.size, count)
-        return accumulate(step, flat, frame, count=iterations, warm_up=warm_up)
+        return accumulate(step, flat, frame, count=segments, warm_up=warm_up)
 
-    flat, local = compiled_once(run, flat, jnp.asarray(transient, jnp.int32))
+    flat, growth = compiled_once(run, flat, jnp.asarray(transient, jnp.int32))
+    local = growth / length
     # A fixed point of a map is not stick: the exponents of the identity are zero.
-    mean, error, status = spectrum_of_rates(local, jnp.zeros((), bool), blocks)
-    assert warm_up is not None
+    mean, error, status = spectrum_of_rates(local, jnp.zeros((), bool), record.blocks)
     return LyapunovSpectrum(
         exponents=mean,
         error=error,
         local=local,
-        time=jnp.arange(1.0, iterations + 1),
+        time=length * jnp.arange(1.0, segments + 1),
         lost=jnp.sum(jnp.isneginf(local), axis=0, dtype=jnp.int32),
-        t1=jnp.asarray(float(iterations + warm_up)) + transient,
+        t1=jnp.asarray(float(begin + transient + length * (segments + warm_up))),
         y1=unravel(flat),
         status=status,
     )
+
+
+def _iterations(name: str, value: Any) -> int:
+    """A time of a map, which is a number of iterations."""
+    number = float(one_concrete(name, value))
+    if number != int(number):
+        raise refusal(name, value, "a whole number of iterations")
+    return int(number)

@@ -11,12 +11,7 @@ import xarray as xr
 from jaxtyping import PyTree
 
 from .._types import Given, Mode, NamedRows
-from .._validation import (
-    check_count,
-    check_mapping,
-    check_type,
-    refusal,
-)
+from .._validation import check_mapping, check_type, refusal
 from ..hybrid import AbstractHybridSystem, Integrator, Section
 from ..sweep import Carried, Labels, Variable, run_sweep
 from ..sweep.evaluate import lanes_of, prepared
@@ -51,7 +46,6 @@ def orbit_diagram(
     mode0: Mode | None = None,
     args: PyTree = None,
     integrator: Given[Integrator | None] = None,
-    check: Given[int] = 32,
     **sweep: Any,
 ) -> xr.Dataset:
     r"""Points at which the motion crosses a section, over one or two parameters of a system.
@@ -70,14 +64,12 @@ def orbit_diagram(
       grid has values) this raises an error: an `xarray.DataArray` with the grid's names among its
       dimensions is per lane, with other dimensions shared.
     - `record`: `Recording(transient, duration, section, observables, ...)`: what is dropped, what is
-      recorded and on which section, how many points, and when they repeat.
+      recorded and on which section, how many points, when they repeat, and how many lanes are checked.
     - `carried`: `Carried("upwards")` or `Carried("downwards")`: each lane starts from the end of its
       neighbour, which shows hysteresis. Sequential by nature: as many lanes at a time as the other
       parameter has values, one without another. A lane that failed hands on the state it was given. The
       clock starts at `record.t0` in every lane: give an explicit forcing its phase as a state, or let
       the time of a run be a multiple of its period.
-    - `check`: so many lanes, evenly spaced, are computed again at half the step (`FixedStep`) or a
-      32nd of the tolerances, for an error estimate. 0 leaves it out.
     - `integrator`, `args`, `mode0`: as for `simulate`.
     - `store`, `labels`, `compute`, `part`: as for `run_sweep`, with 512 lanes per block on a CPU. By
       default a parameter has the unit that the system states.
@@ -107,8 +99,8 @@ def orbit_diagram(
       more time. False too where that cannot be told;
     - `flags`: as in `Solution`, of transient and record;
     - `end_...`: the state at the end (`carry_...` if carried);
-    - with `check`, along `checked`: `checked_<parameter>`, and per observable `error_<name>`, the
-      largest difference over the points of the lane, NaN where their number differs. Lanes of a
+    - with `record.check`, along `checked`: `checked_<parameter>`, and per observable `error_<name>`,
+      the largest difference over the points of the lane, NaN where their number differs. Lanes of a
       chaotic attractor differ by its size: look at those with a period (`checked_period`).
 
     **Errors** `ValueError`/`TypeError` naming the argument, before anything is compiled.
@@ -154,7 +146,6 @@ def orbit_diagram(
             raise refusal(
                 f"observables[{key!r}]", observed[key], "given another name: this one is taken"
             )
-    check_count("check", check, 0)
     check_type("carried", carried, Carried | None, "a Carried, or None")
     if carried is not None and per_lane:
         raise refusal("y0", y0, "one state for a carried diagram, not one per lane")
@@ -228,13 +219,13 @@ def orbit_diagram(
         )  # fmt: skip
     if plan.several:
         dataset = dataset.assign_coords(section=list(plan.sections))
-    if check:
+    if record.check:
         begun = starts.flat(shape) if carried is None else _handed_on(dataset, y0, carried, coords)
         finer, _ = _numbers(finer_integrator(integrator), record)
         own_start = per_lane or carried is not None
         settings = given._replace(storage=storage)
         extra = _check(
-            lane, finer, coords, begun if own_start else None, check, dataset, observed, settings
+            lane, finer, coords, begun if own_start else None, record.check, dataset, observed, settings
         )
         dataset = dataset.assign(extra)
     return dataset

@@ -84,21 +84,26 @@ def run_lane(
         for f in plan.domain:
             # A terminal section sees crossings only, not a start on the wrong side.
             inside &= f(system, start, y0, slope, mode, args) >= 0
-    options: dict[str, Any] = {"integrator": integrator, "max_events": None, "throw": False}
+    options: dict[str, Any] = {"integrator": integrator, "throw": False}
     early, flags = jnp.zeros((), jnp.int32), jnp.zeros((), jnp.int32)
     y, first_mode = y0, mode
     if plan.settles:
         settled = simulate(
-            system, start, jnp.where(inside, begin, start), y0, mode, args, sections=borders, **options
-        )
+            system, start, jnp.where(inside, begin, start), y0, mode, args,
+            saveat=SaveAt(sections=borders, max_events=None), **options,
+        )  # fmt: skip
         y, mode, early = settled.y1, settled.mode1, engine_status(settled.result)
         flags = settled.flags
     early = jnp.where(inside, early, STATUS.index("left_domain"))
     going = early == 0
     length = jnp.where(going, numbers.duration, 0.0)
     recorded = simulate(
-        system, begin, begin + length, y, mode, args, saveat=SaveAt(ts=begin + length * SAMPLES),
-        sections=(*plan.sections.values(), *borders), max_crossings=plan.size, **options,
+        system, begin, begin + length, y, mode, args,
+        saveat=SaveAt(
+            ts=begin + length * SAMPLES, sections=(*plan.sections.values(), *borders),
+            max_events=None, max_crossings=plan.size,
+        ),
+        **options,
     )  # fmt: skip
     logs, samples = recorded.crossings[: len(plan.sections)], recorded.outputs
     assert samples is not None

@@ -1,14 +1,14 @@
-"""How a diagram looks at a motion: what is recorded, and when points repeat."""
+"""How an analysis looks at a motion: when, on which sections or in which segments."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from .._types import Given, Named, Numeric
+from .._types import Given, Named, Numeric, Row
 from .._validation import check_count, check_type, one_concrete, one_number, refusal
 from ..hybrid import Section
 from ..hybrid.arguments import a_time
-from ._arguments import named_observables
+from ._arguments import named_observables, times_of
 from .observable import Maximum, Minimum
 
 Cut = Section | Maximum | Minimum
@@ -49,6 +49,8 @@ class Recording:
     - `period`: when points repeat.
     - `domain`: observables that must not fall below zero, single numbers; a motion of which one does
       ends there.
+    - `check`: so many lanes, evenly spaced, are computed again at half the step (`FixedStep`) or a
+      32nd of the tolerances, for an error estimate. 0 leaves it out.
     - `t0`: time at the start [s].
 
     Errors: `ValueError`/`TypeError` naming the field, its value and what is allowed; sections and
@@ -63,6 +65,7 @@ class Recording:
     max_points: Given[int] = 256
     period: Given[PeriodTest] = dataclasses.field(default_factory=PeriodTest)
     domain: Given[Sequence[Any]] = ()
+    check: Given[int] = 32
     t0: Numeric = 0.0
 
     def __post_init__(self):
@@ -70,6 +73,7 @@ class Recording:
         _set_field(self, "duration", float(one_concrete("duration", self.duration, "positive")))
         _set_field(self, "t0", float(a_time("t0", one_concrete("t0", self.t0))))
         check_count("max_points", self.max_points, 1)
+        check_count("check", self.check, 0)
         if self.points is not None:
             check_count("points", self.points, 1)
         check_type("period", self.period, PeriodTest, "a PeriodTest")
@@ -82,6 +86,37 @@ class Recording:
     def size(self) -> int:
         """Points for which there is room."""
         return self.max_points if self.points is None else self.points
+
+
+@dataclasses.dataclass(frozen=True)
+class Samples:
+    """The times at which a motion is read; a row of times `t` means `Samples(t)`.
+
+    - `ts`: the times [s], two or more, increasing.
+    - `transient`: time dropped before the first of them [s]; the motion starts at its beginning.
+    - `max_points`: room for so many crossings of each section.
+
+    Errors: `ValueError`/`TypeError` naming the field, its value and what is allowed.
+    """
+
+    ts: Row
+    transient: Numeric = 0.0
+    max_points: Given[int] = 256
+
+    def __post_init__(self):
+        check_count("max_points", self.max_points, 1)
+        _set_field(self, "ts", times_of("ts", self.ts))
+        _set_field(self, "transient", float(one_concrete("transient", self.transient, "not negative")))
+
+    @property
+    def t0(self) -> float:
+        """Time at the start of the motion [s]."""
+        return float(self.ts[0]) - float(self.transient)
+
+
+def samples_of(record: Any) -> Samples:
+    """The samples that are meant by a `Samples` or by a row of times."""
+    return record if isinstance(record, Samples) else Samples(times_of("record", record))
 
 
 @dataclasses.dataclass(frozen=True)

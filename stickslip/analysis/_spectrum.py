@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._show import counted, number
+from .._show import amount, number
 from .._types import Given, NamedNumbers, Numeric, Row
 from .._validation import (
     check_count,
@@ -17,9 +17,9 @@ from .._validation import (
     check_mapping,
     check_type,
     is_concrete,
-    misshaped,
     one_number,
     refusal,
+    shape_refusal,
 )
 
 WINDOWS = ("hann", "rectangular")
@@ -40,7 +40,7 @@ class Spectrum(eqx.Module):
         if not is_concrete(self):
             return f"Spectrum(traced, of shape {self.amplitude.shape})"
         amplitude, frequency = np.asarray(self.amplitude), np.asarray(self.frequency)
-        many = f"{counted(amplitude[..., 0].size, 'signal')}, " if amplitude.ndim > 1 else ""
+        many = f"{amount(amplitude[..., 0].size, 'signal')}, " if amplitude.ndim > 1 else ""
         text = f"Spectrum: {many}{frequency.size:,} frequencies from 0 to {number(frequency[-1])} Hz"
         if amplitude.ndim > 1 or frequency.size < 2:
             return text
@@ -97,7 +97,7 @@ def amplitude_spectrum(
     if u.ndim and not -u.ndim <= axis < u.ndim:
         raise refusal("axis", axis, f"from {-u.ndim} to {u.ndim - 1}")
     if u.ndim == 0 or u.shape[axis] < 8:
-        raise misshaped("signal", signal, "an array of at least 8 samples, along the axis")
+        raise shape_refusal("signal", signal, "an array of at least 8 samples, along the axis")
     u = jnp.moveaxis(u, axis, -1)
     size = u.shape[-1]
     angle = 2 * np.pi * np.arange(size) / size

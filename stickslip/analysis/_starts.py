@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 from jaxtyping import PyTree
 
-from .._validation import check_finite, leaves_of, misshaped, refusal
+from .._validation import check_finite, leaves_of, refusal, shape_refusal
 from ..hybrid import AbstractHybridSystem
 from ..hybrid.components import components_of, own_axes
 
@@ -122,7 +122,7 @@ def _two_ways(name: str, leaf: Any, coords: Mapping[str, np.ndarray]) -> Excepti
         "told apart, since the system takes it both as a number per lane and as an array for all: "
         f"xarray.DataArray(values, dims=[{dims}]) is per lane, with other dims it is shared"
     )
-    return misshaped(name, leaf, allowed)
+    return shape_refusal(name, leaf, allowed)
 
 
 def _readings(rule: list[bool], open_: list[int]) -> list[list[bool]]:

@@ -12,10 +12,10 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from .._compiled_once import compiled_once
-from .._show import counted, number
+from .._show import amount, number
 from .._types import Given, Mode, Numeric
 from .._validation import as_parameter, check_flag, check_type, is_concrete, one_number
-from ..hybrid import AbstractHybridSystem, Integrator, simulate
+from ..hybrid import AbstractHybridSystem, Integrator, SaveAt, simulate
 from ..hybrid.arguments import a_time, the_system
 from ..hybrid.longest_step import spanning
 from ..hybrid.system import mode_type
@@ -55,7 +55,7 @@ class Separation(eqx.Module):
         if not is_concrete(self):
             return f"Separation(traced, of shape {self.exponent.shape})"
         if np.ndim(self.exponent):
-            return f"Separation: {counted(np.size(self.exponent), 'pair')} of motions"
+            return f"Separation: {amount(np.size(self.exponent), 'pair')} of motions"
         value = f"{float(self.exponent):+.6g} +- {float(self.error):.2g} 1/s"
         return f"Separation: {value} to {number(self.time[-1])} s ({self.words})"
 
@@ -122,7 +122,7 @@ def two_trajectory_exponent(
     def run(begin, end, flat, mode):
         solution = simulate(
             system, begin, end, unravel(flat), mode, args,
-            integrator=integrator, max_events=None, throw=False,
+            integrator=integrator, saveat=SaveAt(max_events=None), throw=False,
         )  # fmt: skip
         return ravel_pytree(solution.y1)[0], solution.mode1, solution.successful
 

@@ -6,11 +6,12 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree
 
 from .._types import Given, Mode, Numeric, Whole
-from .._validation import as_float64, as_parameter, check_count, check_handed_on, one_number
+from .._validation import as_float64, as_parameter, check_count, check_handed_on, check_type
 from ..derived import WithIntegrals
 from ..hybrid import AbstractHybridSystem, Integrator, SaveAt, saltation_matrix, simulate
 from ..hybrid.arguments import a_time, check_field, mode_index, the_system
 from ._arguments import an_integrator, start_of
+from ._recording import Segments
 
 
 def divergence(
@@ -35,9 +36,8 @@ def divergence(
 def volume_growth(
     system: Given[AbstractHybridSystem],
     y0: PyTree,
+    record: Given[Segments],
     *,
-    duration: Numeric,
-    t0: Numeric = 0.0,
     mode0: Mode | None = None,
     args: PyTree = None,
     integrator: Given[Integrator | None] = None,
@@ -45,26 +45,41 @@ def volume_growth(
 ) -> Float[Array, ""]:
     r"""Mean growth rate of an infinitesimal volume along the motion from `y0` [1/s],
 
-    $$\frac1T\Bigl[\int_0^T \mathrm{div}\,f\,dt + \sum_{\text{events}} \ln|\det S|\Bigr],$$
+    $$\frac1T\Bigl[\int_{t_1}^{t_1 + T} \mathrm{div}\,f\,dt + \sum_{\text{events}} \ln|\det S|\Bigr],$$
 
-    with the saltation matrix $S$ of each event. It equals the sum of all Lyapunov exponents, and is
+    with the saltation matrix $S$ of each event, over the segments of `record` without what it drops
+    and its warm-up. It equals the sum of all Lyapunov exponents, and is
     computed without tangents: an independent check of `lyapunov_spectrum`. `-inf` where an event
     loses rank (slip to stick).
 
-    **Arguments**: as for `simulate`; `duration` $T$ [s]; `max_events`, room for the events
-    of a motion whose system has guards.
+    **Arguments**: as for `lyapunov_spectrum`; `max_events`, room for the events of a motion whose
+    system has guards.
     **Errors** as `simulate`, `RESULTS.max_events_reached` among them.
     """
     the_system(system)
-    duration = as_parameter(one_number("duration", duration, "positive"))
-    t0 = a_time("t0", t0)
+    check_type("record", record, Segments, "a Segments(length, count)")
+    duration = as_parameter(record.length) * record.count
+    dropped = record.transient + record.length * record.warm_up_count
+    t0 = a_time("t0", record.t0)
     check_count("max_events", max_events, 1)
     integrator = an_integrator(integrator)
     y0, mode = start_of(system, t0, y0, mode0, args)
+    if not (isinstance(dropped, int | float) and dropped == 0):
+        early = simulate(
+            system,
+            t0,
+            t0 + dropped,
+            y0,
+            mode,
+            args,
+            integrator=integrator,
+            saveat=SaveAt(max_events=None),
+        )
+        t0, y0, mode = t0 + dropped, early.y1, early.mode1
     ledger = WithIntegrals(system, _rates)
     solution = simulate(
-        ledger, t0, t0 + duration, ledger.start(y0, t0, args), mode, args,
-        integrator=integrator, saveat=SaveAt(events=True), max_events=max_events,
+        ledger, t0, t0 + duration, ledger.start(y0, t0, args), mode, args, integrator=integrator,
+        saveat=SaveAt(events=True, max_events=max_events),
     )  # fmt: skip
     grown = solution.y1.integrals["divergence"]
     if not system.guard_names:

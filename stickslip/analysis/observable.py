@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from .._validation import check_callable, check_text, refusal, shown
+from .._validation import check_callable, check_text, refusal, shown_value
 from ..hybrid import AbstractHybridSystem, Section
 from ..hybrid.components import (
     Place,
@@ -226,5 +226,5 @@ def check_parameter(system: AbstractHybridSystem, name: str, argument: str | Non
             raise refusal(argument, name, named)
         tree = getattr(tree, part)
     if jnp.shape(tree) != () or not eqx.is_inexact_array_like(tree):
-        named = f"named after a parameter that is a real number, not {shown(tree)}"
+        named = f"named after a parameter that is a real number, not {shown_value(tree)}"
         raise refusal(argument, name, named)

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
-from stickslip._validation import misshaped
+from stickslip._validation import shape_refusal
 
 from ._problem import as_problem
 
@@ -61,7 +61,7 @@ def vector_dead_zone(
     """
     problem = as_problem(mass_matrix, force, normals, limits, active)
     if problem.force.shape != (2,):
-        raise misshaped("force", force, "of shape (2,)")
+        raise shape_refusal("force", force, "of shape (2,)")
     limits = jnp.where(problem.active, problem.limits, 0.0)
     return _project(problem.mass_matrix, problem.force, problem.normals, limits)
 

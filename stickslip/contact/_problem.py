@@ -13,15 +13,15 @@ from stickslip._validation import (
     check_finite,
     check_nonnegative,
     is_concrete,
-    misshaped,
     refusal,
+    shape_refusal,
 )
 
 
 def _as_vector(name: str, value: Any, size: int, of: str) -> Float[Array, " size"]:
     array = as_parameter(check_finite(name, value))
     if array.shape != (size,):
-        raise misshaped(name, value, f"of shape ({size},), one value per {of}, as the normals have")
+        raise shape_refusal(name, value, f"of shape ({size},), one value per {of}, as the normals have")
     return array
 
 
@@ -31,7 +31,7 @@ def as_normals(normals: Any, size: int | None = None) -> Float[Array, "m n"]:
     if array.ndim != 2 or 0 in array.shape or (size is not None and array.shape[1] != size):
         columns = "n" if size is None else size
         allowed = f"of shape (m, {columns}), one row per contact, m at least 1; batch with jax.vmap"
-        raise misshaped("normals", normals, allowed)
+        raise shape_refusal("normals", normals, allowed)
     return array
 
 
@@ -65,7 +65,7 @@ def as_mass_matrix(mass_matrix: Any) -> Float[Array, "n n"]:
     array = as_parameter(check_finite("mass_matrix", mass_matrix))
     if array.ndim != 2 or array.shape[0] != array.shape[1] or array.shape[0] == 0:
         allowed = "of shape (n, n), n at least 1; batch with jax.vmap"
-        raise misshaped("mass_matrix", mass_matrix, allowed)
+        raise shape_refusal("mass_matrix", mass_matrix, allowed)
     if is_concrete(array):
         matrix = np.asarray(array)
         uneven = np.abs(matrix - matrix.T)

@@ -12,7 +12,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import PyTree
 
 from ..analysis.observable import with_parameters
-from ..hybrid import AbstractHybridSystem, Integrator, jit_plainly, simulate, use_executor
+from ..hybrid import AbstractHybridSystem, Integrator, SaveAt, jit_plainly, simulate, use_executor
 from ..hybrid.longest_step import spanning
 from ..hybrid.system import mode_type
 from ._closing import (
@@ -189,7 +189,7 @@ def _passed(problem: Problem, u: Any, modes: Any, anchor: Anchor):
     with use_executor(problem.executor):
         run = simulate(
             motion.system, frame.t0, frame.t0 + period, unravel(states[0]), modes[0], motion.args,
-            integrator=motion.integrator, max_events=problem.max_events, throw=False,
+            integrator=motion.integrator, saveat=SaveAt(max_events=problem.max_events), throw=False,
         )  # fmt: skip
     return run.events, run.successful
 

@@ -8,6 +8,7 @@ from ..hybrid import (
     AbstractHybridSystem,
     AbstractSystemWrapper,
     Integrator,
+    SaveAt,
     WithPeriodicBreaks,
     simulate,
 )
@@ -25,6 +26,7 @@ def beside_breaks(
         found = found.system
     later = beside_break(found, t0)
     run = simulate(
-        system, t0, later, y0, mode0, args, integrator=integrator, max_events=None, throw=False
+        system, t0, later, y0, mode0, args, integrator=integrator, saveat=SaveAt(max_events=None),
+        throw=False,
     )  # fmt: skip
     return later, run.y1, run.mode1

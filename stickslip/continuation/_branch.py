@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from .._show import counted, html_table, number
+from .._show import amount, html_table, number
 from ..analysis.observable import with_parameters
 from ..hybrid import AbstractHybridSystem
 from ._equilibrium import Equilibrium
@@ -101,17 +101,17 @@ class Branch(eqx.Module):
             for name, a, b in zip(self.parameters, low, high, strict=True)
         )
         if self.label:
-            return f"Branch of {self.label}: {counted(len(self), 'point')}; {over}"
+            return f"Branch of {self.label}: {amount(len(self), 'point')}; {over}"
         stable = int(np.sum(np.asarray(self.orbits.stable)))
         if isinstance(self.orbits, Equilibrium):
             return (
-                f"Branch: {counted(len(self), 'equilibrium', 'equilibria')}, {stable:,} stable; {over}"
+                f"Branch: {amount(len(self), 'equilibrium', 'equilibria')}, {stable:,} stable; {over}"
             )
         flagged = int(np.sum(np.asarray(self.orbits.flags) != 0))
         # Along which components the place of the orbits is that of the first one.
         free = jax.tree.map(lambda leaf: leaf[0], self.orbits).place.partition(",")[0]
         return (
-            f"Branch: {counted(len(self), 'orbit')}, {stable:,} stable; {over}{'; ' * bool(free)}{free}"
+            f"Branch: {amount(len(self), 'orbit')}, {stable:,} stable; {over}{'; ' * bool(free)}{free}"
             f"{f'; derivative flags: {flagged:,} of the orbits' * (flagged > 0)}"
         )
 

@@ -114,7 +114,7 @@ def closure(
         state = on_constraints(motion.system, begin, state, unravel, mode, motion.args)
         solution = simulate(
             motion.system, begin, end, unravel(state), mode, motion.args,
-            integrator=motion.integrator, saveat=SaveAt(events=False), max_events=None, throw=False,
+            integrator=motion.integrator, saveat=SaveAt(max_events=None), throw=False,
         )  # fmt: skip
         return (
             ravel_pytree(solution.y1)[0], solution.mode1, solution.successful, solution.result,
@@ -204,7 +204,7 @@ def extent(
     ts = t0 + period * jnp.arange(parts, dtype=jnp.float64) / parts
     solution = simulate(
         motion.system, t0, t0 + period, y, mode, motion.args, integrator=motion.integrator,
-        saveat=SaveAt(ts=ts, events=False), max_events=None, throw=False,
+        saveat=SaveAt(ts=ts, max_events=None), throw=False,
     )  # fmt: skip
     outputs = solution.outputs
     assert outputs is not None

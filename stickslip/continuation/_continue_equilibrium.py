@@ -120,7 +120,7 @@ def _measured(family: Equilibria, first: Rest, span: float, step: float) -> Meas
         along = np.where(np.arange(size.size) < size.size - 1, 0.0, along)
         for k in range(ACCURACY.rounds):
             for way in (1.0, -1.0):
-                change = way * ACCURACY.near * span * 0.25**k * sense / sense[-1]
+                change = way * step * span * 0.25**k * sense / sense[-1]
                 new = corrected(field, first.z + change, along, sense, measure)
                 if new is not None and not strays(first, new, measure, none):
                     return renewed(measure, first, new, none)

@@ -206,7 +206,7 @@ def strays(point: Rest, new: Rest, measure: Measure, size: np.ndarray) -> bool:
 
 def _double(point: Rest) -> bool:
     """Whether it is hardly farther from a branch point than rounding."""
-    return abs(crossing(point)) < ACCURACY.known
+    return abs(crossing(point)) < ACCURACY.closes
 
 
 def _branch_point(

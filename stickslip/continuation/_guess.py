@@ -212,8 +212,8 @@ def _guess(
         after = longest * jnp.linspace(0.0, 1.0, ACCURACY.samples)
     else:
         after = forcing * jnp.arange(multiples + 1.0)
-    seen = run(system, t0, begin + after[-1], y0, mode, max_events=None,
-               saveat=SaveAt(ts=begin + after, events=False)).outputs  # fmt: skip
+    seen = run(system, t0, begin + after[-1], y0, mode,
+               saveat=SaveAt(ts=begin + after, max_events=None)).outputs  # fmt: skip
     assert seen is not None
     y, slope = (jax.tree.map(lambda leaf: leaf[0], rows) for rows in (seen.y, seen.dy))
     mode = jnp.where(seen.mode[0] < 0, mode, seen.mode[0]).astype(jnp.asarray(mode).dtype)
@@ -228,13 +228,14 @@ def _guess(
         normal = slope / jnp.maximum(jnp.linalg.norm(slope), 1e-300)
         watched = run(
             _Anchored(system, flat, normal, size, neutral), begin, begin + longest, y, mode,
-            sections=(RETURN,), max_events=max_events, max_crossings=64,
+            saveat=SaveAt(sections=RETURN, max_events=max_events, max_crossings=64),
         )  # fmt: skip
         log = watched.crossings[0]
         states = jax.vmap(lambda state: ravel_pytree(state)[0])(log.y)
         after = log.t - begin
     else:
-        watched = run(system, begin, begin + after[-1], y, mode, max_events=max_events)
+        kept = SaveAt(max_events=max_events)
+        watched = run(system, begin, begin + after[-1], y, mode, saveat=kept)
         states, after = states[1:], after[1:]
     away = jnp.max(jnp.abs(apart(states - flat[None, :], neutral, turn) / size[None, :]), axis=1)
     away = jnp.where(jnp.isfinite(away), away, jnp.inf)
@@ -248,7 +249,7 @@ def _guess(
     gaps = jnp.diff(marks)
     at = jnp.argmax(gaps)
     middle = marks[at] + 0.5 * gaps[at]
-    start = run(system, begin, middle, y, mode, max_events=None)
+    start = run(system, begin, middle, y, mode, saveat=SaveAt(max_events=None))
     return OrbitGuess(start.y1, period, start.mode1, middle)
 
 

@@ -192,7 +192,7 @@ def described(
         ts = begin + span * jnp.arange(ACCURACY.parts + 1.0) / ACCURACY.parts
         return simulate(
             ledger, begin, ts[-1], state, mode, args, integrator=motion.integrator,
-            saveat=SaveAt(ts=ts, steps=True, max_rows=ROWS), max_events=max_events, throw=False,
+            saveat=SaveAt(ts=ts, steps=True, max_rows=ROWS, max_events=max_events), throw=False,
         )  # fmt: skip
 
     solution, low, high = watched(

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..hybrid import simulate
+from ..hybrid import SaveAt, simulate
 from ._accuracy import ACCURACY
 from ._along import Anchor, Problem, anchored, evaluated, orbit_at, system_at
 from ._family import Failure
@@ -204,7 +204,7 @@ def beginning_elsewhere(problem: Problem, point: Point) -> tuple[Point, float] |
     if shift:
         run = simulate(
             system_at(problem, point.values), orbit.t0, orbit.t0 + shift, y, mode, problem.args,
-            integrator=problem.integrator, max_events=None,
+            integrator=problem.integrator, saveat=SaveAt(max_events=None),
         )  # fmt: skip
         y, mode = run.y1, run.mode1
     phase = (float(anchor.phase) + shift / period) % 1.0

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 
-from ..hybrid import simulate
+from ..hybrid import SaveAt, simulate
 from ._accuracy import ACCURACY
 from ._along import Problem, anchored, evaluated, system_at
 from ._equilibrium import Equilibrium
@@ -113,7 +113,8 @@ def _half_a_period(problem: Problem, point: Point) -> np.ndarray:
     orbit = point.orbit
     half = simulate(
         system_at(problem, point.values), orbit.t0, orbit.t0 + 0.5 * orbit.period, orbit.y0,
-        orbit.mode0, problem.args, integrator=problem.integrator, max_events=None, throw=False,
+        orbit.mode0, problem.args, integrator=problem.integrator, saveat=SaveAt(max_events=None),
+        throw=False,
     )  # fmt: skip
     away = ravel_pytree(half.y1)[0] - ravel_pytree(orbit.y0)[0]
     away = apart(away, jnp.asarray(orbit.neutral), turns_of(problem.system, orbit.y0))

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float, PyTree
 
 from .._argument_checks import check_arguments, instance, reals, whole_state
 from .._types import Given
-from .._validation import check_type, misshaped
+from .._validation import check_type, shape_refusal
 from ..hybrid import AbstractHybridSystem, AbstractSystemWrapper
 from ..hybrid.event_time import event_delay
 
@@ -58,7 +58,7 @@ class WithDeviations(AbstractSystemWrapper):
         """State with the deviations `columns` of the flattened `y`."""
         size = sum(np.size(leaf) for leaf in jax.tree.leaves(y))
         if np.ndim(columns) != 2 or np.shape(columns)[0] != size:
-            raise misshaped("columns", columns, f"columns of {size}, as many as y has components")
+            raise shape_refusal("columns", columns, f"columns of {size}, as many as y has components")
         unravel = ravel_pytree(y)[1]
         return Deviating(y, jax.vmap(unravel, in_axes=1, out_axes=-1)(columns))
 

@@ -4,7 +4,7 @@ import jax
 from jaxtyping import Array, Float
 
 from stickslip._fastmath import SMOOTH, where
-from stickslip._validation import refusal, shown
+from stickslip._validation import refusal, shown_value
 from stickslip.friction.law import (
     AbstractFrictionLaw,
     AbstractMemorylessLaw,
@@ -47,7 +47,7 @@ class Asymmetric(AbstractMemorylessLaw):
                 raise refusal(name, law, wrapped)
         if forward.set_valued != backward.set_valued:
             kind = "set-valued" if forward.set_valued else "smooth"
-            raise refusal("backward", backward, f"{kind}, as forward = {shown(forward)} is")
+            raise refusal("backward", backward, f"{kind}, as forward = {shown_value(forward)} is")
         self.forward = forward
         self.backward = backward
 

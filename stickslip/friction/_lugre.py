@@ -6,7 +6,7 @@ from jaxtyping import Array, Float
 
 from stickslip import _fastmath as fast
 from stickslip._argument_checks import or_none, parameters
-from stickslip._validation import refusal, shown
+from stickslip._validation import refusal, shown_value
 from stickslip.friction._bristle import AbstractBristleLaw, check_steady_law, has_breakaway_jump
 from stickslip.friction._sum import Sum
 from stickslip.friction._viscous import ViscousFriction
@@ -76,7 +76,7 @@ class LuGre(AbstractBristleLaw):
     ):
         check_steady_law(law)
         if v_s is None and has_breakaway_jump(law):
-            why = f"law = {shown(law)} has a static coefficient above its kinetic one"
+            why = f"law = {shown_value(law)} has a static coefficient above its kinetic one"
             raise refusal("v_s", None, f"a positive Stribeck velocity, because {why}")
         self.law = law
 

@@ -17,7 +17,7 @@ import numpy as np
 from jax.lax import stop_gradient
 
 from .._fastmath import SMOOTH
-from .._jaxpr import bound, called, equations, walk
+from .._jaxpr import bound, called_program, equations, walk
 from ._steep import gently, steep_operand
 from .accuracy import ACCURACY
 
@@ -172,7 +172,7 @@ def _equation(eqn: Any, given: list[_Known], outcomes: Outcomes, smooth: bool) -
     varies = any(k.varies for k in given)
     if not varies:
         return [_Known(value) for value in bound(eqn, [k.value for k in given])]
-    inner = called(eqn) if name in _CALLS else None
+    inner = called_program(eqn) if name in _CALLS else None
     if not smooth and (own := _own_rule(eqn)) is not None:
         return _evaluate_by_rule(eqn, own, given, outcomes)
     if (

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float, PyTree
 
 from .._argument_checks import check_arguments, instance, reals, time, whole_state
 from .._types import Given, Numeric, Row
-from .._validation import as_parameter, check_finite, check_increasing, check_type, misshaped
+from .._validation import as_parameter, check_finite, check_increasing, check_type, shape_refusal
 from ._wrapper import AbstractSystemWrapper
 from .accuracy import ACCURACY
 from .event_functions import guards_over_magnitudes
@@ -85,7 +85,7 @@ class WithBreaks(AbstractSystemWrapper):
         self.system = check_type("system", system, AbstractHybridSystem, "an AbstractHybridSystem")
         self.times = as_parameter(check_finite("times", times))
         if self.times.ndim != 1 or self.times.size == 0:
-            raise misshaped("times", times, "one row of times")
+            raise shape_refusal("times", times, "one row of times")
         check_increasing("times", times)
 
     _own_guards: ClassVar = ("the load breaks",)

@@ -9,7 +9,7 @@ import numpy as np
 
 from .._outcome import names_of, tally
 from .._types import Given
-from .._validation import is_concrete, misshaped, refusal
+from .._validation import is_concrete, refusal, shape_refusal
 
 ResultT = TypeVar("ResultT")
 
@@ -45,7 +45,9 @@ def raise_failures(solution: ResultT, successful: Given[bool | np.ndarray | jax.
     result: Any = solution
     lanes = np.shape(result.result._value)
     if np.shape(successful) not in ((), lanes):
-        raise misshaped("successful", successful, f"one flag, or of the shape of the results, {lanes}")
+        raise shape_refusal(
+            "successful", successful, f"one flag, or of the shape of the results, {lanes}"
+        )
     if is_concrete((successful, result.result)):
         if np.asarray(successful).all():
             return solution

@@ -6,7 +6,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from .._validation import check_known, misshaped, numbers, refusal
+from .._validation import check_known, numbers, refusal, shape_refusal
 from .accuracy import ACCURACY
 from .arguments import the_system
 from .components import components_of, entries, own_axes, per_second, period_of, second_of, unit_of
@@ -40,7 +40,7 @@ def _batch_axes(batch: Any, shape: tuple[int, ...], system: Any) -> dict[str, An
     for (name, values), size in zip(names.items(), shape, strict=True):
         row = numbers(f"batch[{name!r}]", values, "a row of numbers")
         if row.shape != (size,):
-            raise misshaped(f"batch[{name!r}]", values, f"of shape {(size,)}, as the axis")
+            raise shape_refusal(f"batch[{name!r}]", values, f"of shape {(size,)}, as the axis")
         found[name] = (name, row, _units(system.parameter_units.get(name)))
     return found
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from .._outcome import names_of, tally
-from .._show import counted, html_table, number, value_text
+from .._show import amount, html_table, number, value_text
 from .._validation import is_concrete
 from .accuracy import ACCURACY
 from .components import components_of
@@ -15,15 +15,15 @@ from .status import RESULTS, flags_text
 def log_text(name: str, log: Any, one: str, more: str) -> str:
     """One line on a log: how many rows, from when to when, and what `more` says."""
     if not is_concrete(log):
-        return f"{name}(traced, with room for {counted(log.t.shape[-1], one)})"
+        return f"{name}(traced, with room for {amount(log.t.shape[-1], one)})"
     count = np.asarray(log.count)
     if count.ndim:
         low, high = (int(count.min()), int(count.max())) if count.size else (0, 0)
         rows = f"{low:,} to {high:,}" if low != high else f"{low:,}"
-        return f"{name}: {counted(count.size, 'run')} of {rows} {one}s"
+        return f"{name}: {amount(count.size, 'run')} of {rows} {one}s"
     times = np.asarray(log.t)[: int(count)]
     span = f", t = {number(times[0])} to {number(times[-1])} s" if times.size else ""
-    return f"{name}: {counted(times.size, one)}{span}{f': {more}' if more and times.size else ''}"
+    return f"{name}: {amount(times.size, one)}{span}{f': {more}' if more and times.size else ''}"
 
 
 def mode_path(log: Any) -> str:
@@ -53,7 +53,7 @@ def log_html(name: str, log: Any, codes: tuple[str, ...]) -> str:
     ]
     if count > ACCURACY.listed:
         rows.append(["..."] * len(columns))
-    return html_table(f"{name}: {counted(count, 'row')}", tuple(columns), rows)
+    return html_table(f"{name}: {amount(count, 'row')}", tuple(columns), rows)
 
 
 def solution_html(solution: Any) -> str:
@@ -83,5 +83,5 @@ def _kept(solution: Any) -> str:
         log = getattr(solution, name)
         if log is not None:
             found.append(f"{int(log.count):,} {name}")
-    found += [f"{counted(int(log.count), 'crossing')}" for log in solution.crossings]
+    found += [f"{amount(int(log.count), 'crossing')}" for log in solution.crossings]
     return ", ".join(found) or "the end alone"

@@ -17,6 +17,7 @@ from jax.flatten_util import ravel_pytree
 from jax.interpreters.partial_eval import dce_jaxpr
 from jaxtyping import PyTree
 
+from .._jaxpr import LITERAL, equations, nowhere
 from ._bends import Change, Outcomes, compares, evaluate_with
 from ._section import Section
 from ._wrapper import AbstractSystemWrapper
@@ -244,10 +245,9 @@ def _on_declared_sides(
 
 def _moves(slope: Any, jaxpr: Any) -> bool:
     """Whether a result of a program is more than the constant 0."""
-    literal = jax.extend.core.Literal
-    made = [eqn for eqn in jaxpr.eqns if any(var is slope for var in eqn.outvars)]
-    atoms = [slope] if isinstance(slope, literal) else [atom for eqn in made for atom in eqn.invars]
-    return not (atoms and all(isinstance(a, literal) and not np.any(a.val) for a in atoms))
+    made = (eqn for eqn in equations(jaxpr, nowhere) if any(var is slope for var in eqn.outvars))
+    atoms = [slope] if isinstance(slope, LITERAL) else [atom for eqn in made for atom in eqn.invars]
+    return not (atoms and all(isinstance(a, LITERAL) and not np.any(a.val) for a in atoms))
 
 
 def without_sides(solution: Any, system: Any) -> Any:

@@ -54,20 +54,31 @@ if TYPE_CHECKING:
 
 @check_arguments(
     ts=or_none(checked_by(check_times)), max_rows=checked_by(check_count, 1),
+    max_events=or_none(checked_by(check_count, 0)), max_crossings=checked_by(check_count, 1),
     **dict.fromkeys(("steps", "events"), checked_by(check_flag)),
 )  # fmt: skip
 class SaveAt(eqx.Module):
     """Which parts of the motion are kept besides its end.
 
-    - `ts`: output times [s], increasing, within `[t0, t1]`; the integrator lands on each.
+    - `ts`: output times [s], increasing, within `[t0, t1]`; the integrator lands on each. They are
+      `outputs` of the `Solution`.
     - `steps`: every accepted step and both sides of every event; at most `max_rows` rows.
-    - `events`: the log of transitions (capacity `max_events` of `simulate`).
+    - `events`: the log of transitions.
+    - `sections`: one or several `Section`s, whose `crossings` are recorded; a terminal one ends the
+      motion.
+    - `max_events`: room in the log of events; a lane with more ends with
+      `RESULTS.max_events_reached`. `None` keeps no log and sets no limit.
+    - `max_crossings`: room for the crossings of each section; a lane with more ends with
+      `RESULTS.max_crossings_reached`.
     """
 
     ts: Row | None = None
     steps: bool = eqx.field(static=True, default=False)
     events: bool = eqx.field(static=True, default=True)
+    sections: tuple[Section, ...] | Section = eqx.field(converter=sections_of, default=())
     max_rows: int = eqx.field(static=True, default=4096)
+    max_events: int | None = eqx.field(static=True, default=256)
+    max_crossings: int = eqx.field(static=True, default=256)
 
 
 @check_arguments(
@@ -123,9 +134,6 @@ def simulate(
     *,
     integrator: Integrator | None = None,
     saveat: SaveAt | None = None,
-    sections: tuple[Section, ...] | Section = (),
-    max_events: int | None = 256,
-    max_crossings: int = 256,
     throw: bool = True,
 ) -> Solution:
     r"""Simulate a hybrid system from `t0` to `t1`, every event located to rounding.
@@ -145,10 +153,7 @@ def simulate(
       error, for concrete numbers).
     - `args`: passed through to the system's functions, e.g. inputs; a pytree.
     - `integrator`: an `Integrator`: method, step-size rule, limits.
-    - `saveat`: a `SaveAt`: output times, every step, events.
-    - `sections`: `Section`s whose crossings are recorded, up to `max_crossings` each.
-    - `max_events`: room in the log of events; a lane with more ends with
-      `RESULTS.max_events_reached`. `None` keeps no log and sets no limit.
+    - `saveat`: a `SaveAt`: output times, every step, crossings of sections, room for events.
     - `throw`: raise if a lane fails. With `False` the failure is in `solution.result`, lane by lane,
       and everything computed until then is returned.
 
@@ -178,16 +183,12 @@ def simulate(
     saveat = USUALLY_KEPT if saveat is None else saveat
     check_type("integrator", integrator, Integrator, "an Integrator")
     check_type("saveat", saveat, SaveAt, "a SaveAt")
-    sections = sections_of(sections)
     check_flag("throw", throw)
     leaves_of("args", args)
     system, args = with_float_arrays((the_system(system), args))
     t0, t1 = a_time("t0", t0), a_time("t1", t1)
     check_at_least("t1", t1, "t0", t0)
     ts = output_times(saveat.ts, t0, t1)
-    if max_events is not None:
-        check_count("max_events", max_events, 0)
-    check_count("max_crossings", max_crossings, 1)
     y0, mode0 = the_start(system, y0, mode0, args)
     system.check_start(t0, y0, args)
     if mode0 is not None:
@@ -195,10 +196,7 @@ def simulate(
         system.check_mode(t0, y0, mode, args)
 
     def run(mode0):
-        return _run(
-            system, args, t0, t1, y0, mode0, ts, integrator, saveat, sections, max_events,
-            max_crossings, current_executor(),
-        )  # fmt: skip
+        return _run(system, args, t0, t1, y0, mode0, ts, integrator, saveat, current_executor())
 
     try:
         solution, fine = run(mode0)
@@ -211,21 +209,8 @@ def simulate(
 
 
 @jit_plainly
-def _run(
-    system,
-    args,
-    t0,
-    t1,
-    y0,
-    mode0,
-    ts,
-    integrator,
-    saveat,
-    sections,
-    max_events,
-    max_crossings,
-    execute,
-) -> tuple[Solution, Any]:
+def _run(system, args, t0, t1, y0, mode0, ts, integrator, saveat, execute) -> tuple[Solution, Any]:
+    sections, max_events, max_crossings = saveat.sections, saveat.max_events, saveat.max_crossings
     if mode0 is None:
         mode0 = first_mode(*frozen((system, t0, y0, args)))
     problem = (system, args)

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PyTree, UInt
 
 from .._outcome import names_of, tally
-from .._show import counted, module_text
+from .._show import amount, module_text
 from .._types import Given, MaybeNone
 from .._validation import check_broadcast, check_type, is_concrete
 from ._labelled import events_dataframe, solution_dataset
@@ -211,7 +211,7 @@ def _batch_text(solution: Any) -> str:
     start, end = np.min(np.asarray(solution.t0)), np.max(np.asarray(solution.t1))
     shape = f" of shape {solution.t1.shape}" if solution.t1.ndim > 1 else ""
     return (
-        f"Solution: {counted(runs, 'run')}{shape}, {ends}; t = {start:g} to {end:g} s, {many} events; "
+        f"Solution: {amount(runs, 'run')}{shape}, {ends}; t = {start:g} to {end:g} s, {many} events; "
         f"derivative flags: {f'{flagged:,} of the runs' if flagged else 'none'}"
     )
 

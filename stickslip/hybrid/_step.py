@@ -179,8 +179,18 @@ def _with_stale(plan: Plan, lane: Lane, values: Values) -> Values:
             if beyond is not None:
                 counts = counts & ((lane.bracket.tries == 0) | (beyond == i))
             stale = jnp.where(counts, STALE, 0.0)
-            row[i] = jnp.where(jnp.isnan(jax.lax.stop_gradient(row[i])), stale, row[i])
+            unknown = jnp.isnan(jax.lax.stop_gradient(row[i]))
+            row[i] = _with_slope_of(row[i], jnp.where(unknown, stale, row[i]))
     return values._replace(value=tuple(row))
+
+
+@jax.custom_jvp
+def _with_slope_of(margin: Any, value: Any) -> Any:
+    """`value`, with the derivative of `margin`: a bend met to the last digit moves as others do."""
+    return value
+
+
+_with_slope_of.defjvp(lambda given, rates: (given[1], rates[0]))
 
 
 @piece

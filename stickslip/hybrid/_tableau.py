@@ -11,10 +11,10 @@ from .._validation import (
     check_count,
     check_finite,
     check_text,
-    misshaped,
     numbers,
     one_row,
     refusal,
+    shape_refusal,
 )
 from . import _dop853
 
@@ -56,11 +56,13 @@ class Tableau:
         weights = None if none else check_finite("error_weights", self.error_weights)
         weights = None if weights is None else numbers("error_weights", weights)
         if a.shape != (n, n):
-            raise misshaped("a", self.a, f"{n} rows of {n} numbers, one per stage")
+            raise shape_refusal("a", self.a, f"{n} rows of {n} numbers, one per stage")
         if c.shape != (n,):
-            raise misshaped("c", self.c, f"{n} numbers, one per stage")
+            raise shape_refusal("c", self.c, f"{n} numbers, one per stage")
         if weights is not None and (weights.ndim != 2 or weights.shape[1] != n + 1 or len(weights) > 2):
-            raise misshaped("error_weights", self.error_weights, f"one or two rows of {n + 1} numbers")
+            raise shape_refusal(
+                "error_weights", self.error_weights, f"one or two rows of {n + 1} numbers"
+            )
         check_finite("a", a)
         check_finite("b", b)
         if np.any(np.triu(a)):

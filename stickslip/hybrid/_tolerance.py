@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
-from .._validation import check_mapping, check_positive, leaves_of, misshaped, refusal
+from .._validation import check_mapping, check_positive, leaves_of, refusal, shape_refusal
 from .accuracy import ACCURACY
 
 TOLERANCE = (
@@ -61,7 +61,7 @@ def component_tolerances(atol: Any, y: PyTree, units: Mapping[str, str]) -> tupl
 def _number(name: str, value: Any, like: Any) -> Array:
     """The tolerance of a leaf of the state: one number, or one for each of its numbers."""
     if jnp.shape(value) not in ((), jnp.shape(like)):
-        raise misshaped(name, value, f"one number or of shape {jnp.shape(like)}, as in the state")
+        raise shape_refusal(name, value, f"one number or of shape {jnp.shape(like)}, as in the state")
     return jax.lax.stop_gradient(jnp.asarray(check_positive(name, value), jnp.float64))
 
 

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from .._jaxpr import called, walk
+from .._jaxpr import called_program, walk
 from ._tolerance import Ends
 from .accuracy import ACCURACY
 from .components import components_of, entries, period_of
@@ -107,7 +107,7 @@ def _equation(eqn: Any, given: list[np.ndarray], count: int) -> list[np.ndarray]
     if name == "cond" and not given[0][..., :count].any():
         rows = [_walk(b.jaxpr, given[1:], count) for b in p["branches"]]
         return [_any_of(np.stack(column)) for column in zip(*rows, strict=True)]
-    inner = called(eqn)
+    inner = called_program(eqn)
     if inner is not None:
         return _walk(inner[0], given, count)
     # Of what is not known each number depends on all, in any way.

@@ -50,7 +50,7 @@ class Accuracy:
     rounding of the state."""
     rounded: float = 4e-3
     """Part of the terms in parameters of which `slack` is the rounding."""
-    edge: float = 4 * slack
+    edge: float = 4e-12
     """Part of its terms by which a state is moved off a border on which it lies; more than `slack`."""
     far: float = 1e30
     """Value of an event function that cannot fire."""

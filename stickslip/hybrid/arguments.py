@@ -1,7 +1,7 @@
 """Checks of what a run is given: times, initial state, mode, sections; before anything is compiled."""
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -19,9 +19,9 @@ from .._validation import (
     check_type,
     is_concrete,
     leaves_of,
-    misshaped,
     numbers,
     refusal,
+    shape_refusal,
     whole_number,
 )
 from ._section import Section
@@ -35,7 +35,7 @@ def a_time(name: str, value: Any) -> Array:
         raise refusal(name, value, "a real number", TypeError)
     time = as_float64(name, value)
     if time.shape != ():
-        raise misshaped(name, value, "one number (use jax.vmap)")
+        raise shape_refusal(name, value, "one number (use jax.vmap)")
     return time
 
 
@@ -53,7 +53,7 @@ def check_times(name: str, ts: Any) -> Any:
     else:
         array = jnp.asarray(ts)
     if array.ndim != 1:
-        raise misshaped(name, ts, "a vector (use jax.vmap)")
+        raise shape_refusal(name, ts, "a vector (use jax.vmap)")
     return check_float64(name, array)
 
 
@@ -77,7 +77,7 @@ def output_times(ts: Any, t0: Any, t1: Any) -> Array | None:
     return times("saveat.ts", ts)
 
 
-def sections_of(sections: Any) -> tuple[Section, ...]:
+def sections_of(sections: Sequence[Section] | Section) -> tuple[Section, ...]:
     """Sections as a tuple, of one or several."""
     if isinstance(sections, Section):
         return (sections,)

@@ -10,7 +10,7 @@ from typing import Any
 
 import jax
 
-from .._jaxpr import PROGRAMS, called, walk
+from .._jaxpr import PROGRAMS, called_program, walk
 
 NONE, AFFINE, OTHER = range(3)  # degree of a result in the operands asked about
 
@@ -61,7 +61,7 @@ def _jumps(jaxpr: Any, given: Sequence[int]) -> bool:
             if name == "cond":
                 found.extend(_jumps(b.jaxpr, inputs[1:]) for b in eqn.params["branches"])
             elif not PROGRAMS.isdisjoint(eqn.params):
-                inner = called(eqn)  # None: a loop, which may do anything
+                inner = called_program(eqn)  # None: a loop, which may do anything
                 found.append(inner is None or _jumps(inner[0], inputs))
         return _equation(eqn, inputs)
 
@@ -96,7 +96,7 @@ def _equation(eqn: Any, given: list[int]) -> list[int]:
     if name == "cond" and given[0] == NONE:
         branches = [_walk(b.jaxpr, given[1:]) for b in eqn.params["branches"]]
         return [max(column) for column in zip(*branches, strict=True)]
-    inner = called(eqn)
+    inner = called_program(eqn)
     return [OTHER] * count if inner is None else _walk(inner[0], given)
 
 

@@ -18,9 +18,9 @@ from .._validation import (
     check_increasing,
     check_type,
     is_concrete,
-    misshaped,
     one_number,
     refusal,
+    shape_refusal,
 )
 from ._breaks import state_after_jump
 from ._wrapper import AbstractSystemWrapper
@@ -91,7 +91,7 @@ class WithPeriodicBreaks(AbstractSystemWrapper):
             given.append(number if rule is None else rule(system))
         row, cycle = check_finite("times", given[0]), one_number("period", given[1], "positive")
         if np.ndim(row) != 1 or np.size(row) == 0:
-            raise misshaped("times", row, "one row of times")
+            raise shape_refusal("times", row, "one row of times")
         check_increasing("times", row)
         row, cycle = as_parameter(row), as_parameter(cycle)
         if is_concrete((row, cycle)) and not float(row[-1] - row[0]) < float(cycle):

@@ -4,11 +4,10 @@ The coordinate of a value with the bound 0 is its logarithm, so a value that bel
 coordinate that goes to minus infinity, with a column of the Jacobian that vanishes: damping in such
 coordinates creeps. Here the coordinates stay, and the steps are those of the values: a step $d$ of the
 linear model in $z$ moves the value by $d\,\mathrm{d}p/\mathrm{d}z$, but leaves at least a part of its
-distance to a bound, and at most so many times it: what is hardly seen yet would go too far. What the
-map adds to the second derivative, $g_i p''_i/p'_i$ where it is positive, parts an unknown that goes to
-its bound from the others. Both as in T. F. Coleman and Y. Li, An interior trust region approach for
-nonlinear minimization subject to bounds, SIAM J. Optim. 6 (1996) 418.
-"""
+distance to a bound, and at most so many times it: what is hardly seen yet would go too far. The term
+that the map adds to the second derivative, $g_i p''_i/p'_i$ where it is positive, parts an unknown that
+goes to its bound from the others. Both as in T. F. Coleman and Y. Li, An interior trust region approach
+for nonlinear minimization subject to bounds, SIAM J. Optim. 6 (1996) 418."""
 
 from typing import Any, NamedTuple
 
@@ -28,7 +27,7 @@ class Kinds(NamedTuple):
 
 
 def kinds_of(space: Space | None, count: int) -> Kinds:
-    """Of the unknowns of a space; what comes behind them is open, and all is without a space."""
+    """Map of the unknowns of a space; what comes behind them is open, and all is without a space."""
     ends = [] if space is None else [(low is not None, high is not None) for low, high in space.bounds]
     ends += [(False, False)] * (count - len(ends))
     return Kinds(jnp.array([a or b for a, b in ends]), jnp.array([a and b for a, b in ends]))
@@ -40,7 +39,7 @@ def _part(kinds: Kinds, z: Any) -> Any:
 
 
 def curvature(kinds: Kinds, z: Any, gradient: Any) -> Any:
-    """What the map of the coordinates adds to the second derivatives, where it is positive."""
+    """Term that the map of the coordinates adds to the second derivatives, where it is positive."""
     bend = jnp.where(kinds.bounded, 1.0 - 2.0 * _part(kinds, z), 0.0)
     return jnp.maximum(bend * gradient, 0.0)
 

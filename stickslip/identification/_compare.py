@@ -8,7 +8,7 @@ import xarray as xr
 
 from .._argument_checks import check_arguments, flag, known_number
 from .._types import Given, NamedRows
-from .._validation import check_known, check_mapping, misshaped, numbers, refusal
+from .._validation import check_known, check_mapping, numbers, refusal, shape_refusal
 from ._fit import Fit, one_fit
 
 COLUMNS = {
@@ -116,5 +116,5 @@ def rows_by_name(name: str, given: Any) -> dict[str, np.ndarray]:
         where = f"{name}[{key!r}]"
         found[key] = numbers(where, check_known(where, row)).astype(np.float64)
         if found[key].ndim not in (1, 2) or not np.isfinite(found[key]).any():
-            raise misshaped(where, row, "a row, or one per record, not all of it missing")
+            raise shape_refusal(where, row, "a row, or one per record, not all of it missing")
     return found

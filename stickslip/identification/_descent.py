@@ -62,7 +62,7 @@ class GradientDescent(AbstractIterativeMethod):
     def finish(self, space, now):
         cost, z, residual, matrix = now.kept[1]
         found = Sensitivity(space.names, jnp.where(jnp.isfinite(matrix), matrix, 0.0))
-        seen = found.seen()
+        seen = found.seen_directions()
         along = found.directions @ (found.matrix.T @ residual)
         along = along / jnp.where(seen, found.singular_values, 1.0)
         left = jnp.sqrt(jnp.sum(jnp.where(seen, along, 0.0) ** 2))

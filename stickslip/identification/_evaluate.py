@@ -56,7 +56,7 @@ def _shape(out: Any) -> str:
 def with_operands(
     residual: Callable[[NamedValues], Any], space: Space, z: Array, loss: AbstractLoss | None = None
 ) -> tuple[Any, Callable[[Any], Evaluation]]:
-    """What the residual closes over, and the evaluation that is given it as operands.
+    """All that the residual closes over, and the evaluation that is given it as operands.
 
     So loops cannot make constants of the data, and other data need no new program.
     """

@@ -1,4 +1,4 @@
-"""What a fit returns, and how it ends."""
+"""Results of a fit, and how it ends."""
 
 from typing import Any
 

@@ -98,7 +98,7 @@ class AbstractGaussNewton(AbstractIterativeMethod):
         sizes = self._sizes(matrix, bend)
         rows = jnp.concatenate([residual, jnp.zeros_like(y)])
         whole = jnp.concatenate([matrix, jnp.diag(jnp.sqrt(bend))]) / sizes[None, :]
-        # A short step does not show what can be gained: it is short where the last were refused.
+        # A short step does not show what can be gained: it is short where the last were not taken.
         far, _ = descent_step(jnp.asarray(1.0 / ACCURACY.least_damping), y, rows, whole)
         step, result = self._limited_step(size, far, y, rows, whole)
         change = whole @ far

@@ -56,15 +56,16 @@ class Homotopy(AbstractMethod):
     same `Fit`. Of 64 starts up to a factor 4 off, along three periods of a driven block, all arrived
     at the optimum, and 24 with the exact law alone.
 
-    What even the exact law does not feel, such as a static coefficient below the kinetic one, no
-    rounding brings back: let the unknown be the excess of the one over the other, positive.
+    No rounding brings back an unknown that even the exact law does not feel, such as a static
+    coefficient below the kinetic one: let the excess of the one over the other be the unknown,
+    positive.
 
     **Arguments**
 
     - `widths` [m/s]: falling; the first about a third of the greatest sliding speed, the last about the
       slowest that matters. The narrower, the more steps a run takes.
     - `smooth(system, width)`: the system with rounded friction, of the same states; by default
-      `system.regularised(width)`, for an `AbstractMechanism`. What is `observed` is handed this one.
+      `system.regularised(width)`, for an `AbstractMechanism`. The `observed` system is handed this one.
     - `method`: for the rounded ones; by default `LevenbergMarquardt(tolerance=1e-3, max_steps=30)`.
       `polish`: for the exact one.
 

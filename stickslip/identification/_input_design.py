@@ -16,8 +16,8 @@ from .._validation import (
     check_finite,
     check_known,
     is_concrete,
-    misshaped,
     refusal,
+    shape_refusal,
 )
 from ._accuracy import ACCURACY
 from ._evolution import Evolution
@@ -51,7 +51,7 @@ class CMAES(eqx.Module):
 
 
 class InputDesign(eqx.Module):
-    """What `design_input` found.
+    """Result of `design_input`.
 
     - `coefficients`: of the best input. `value`: of the criterion there, in nats; see `design_input`.
     - `sensitivity`: a `Sensitivity` there, with the standard errors to be expected.
@@ -169,7 +169,7 @@ def _criterion(matrix: np.ndarray, kept: np.ndarray, criterion: str) -> float:
         return np.nan
     information = matrix.T @ matrix
     others = np.setdiff1d(np.arange(len(information)), kept)
-    # What is left about some if the others are unknown: the Schur complement.
+    # Information left about some if the others are unknown: the Schur complement.
     left = information[np.ix_(kept, kept)]
     if others.size:
         mixed = information[np.ix_(others, kept)]
@@ -187,10 +187,10 @@ def _limits(low: Any, high: Any) -> tuple[np.ndarray, np.ndarray]:
         _known_numbers(None, name, limit)
     shapes = np.shape(low), np.shape(high)
     if shapes[0] != shapes[1] and () not in shapes:
-        raise misshaped("high", high, f"a number or of shape {shapes[0]}, as low")
+        raise shape_refusal("high", high, f"a number or of shape {shapes[0]}, as low")
     low, high = (np.array(a, np.float64) for a in np.broadcast_arrays(low, high))
     if not low.size or low.ndim == 0:
-        raise misshaped("low", low, "an array, unless high is one")
+        raise shape_refusal("low", low, "an array, unless high is one")
     if np.any(low >= high):
         at = tuple(int(i) for i in np.argwhere(low >= high)[0])
         raise refusal(f"low[{at}]", low[at].item(), f"below high, {high[at].item()}")
@@ -200,7 +200,7 @@ def _limits(low: Any, high: Any) -> tuple[np.ndarray, np.ndarray]:
 def _start(start: Any, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     found = np.asarray(start, np.float64)
     if found.shape != low.shape:
-        raise misshaped("start", start, f"of shape {low.shape}, as the limits")
+        raise shape_refusal("start", start, f"of shape {low.shape}, as the limits")
     if np.any((found < low) | (found > high)):
         raise refusal("start", start, "within the limits low and high")
     return found

@@ -13,7 +13,7 @@ from .._types import Numeric
 class AbstractLoss(eqx.Module):
     r"""A loss $\rho(r)$ in place of $r^2$, as a weight on residuals: $\rho(r) = (w(r)\,r)^2$.
 
-    What is minimised is $\tfrac12\sum\rho(r_i)$; priors keep their squares.
+    The function minimised is $\tfrac12\sum\rho(r_i)$; priors keep their squares.
     """
 
     @abc.abstractmethod

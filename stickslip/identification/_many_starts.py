@@ -19,9 +19,9 @@ from .._validation import (
     check_finite,
     is_concrete,
     leaves_of,
-    misshaped,
     numbers,
     refusal,
+    shape_refusal,
 )
 from ..sweep import map_lanes
 from ..sweep.lanes import EXECUTORS
@@ -218,7 +218,7 @@ def sensitivities(
         for name, leaf in leaves_of(f"each[{i}]", tree):
             check_finite(name, leaf)
             if np.shape(leaf)[:1] != (count,):
-                raise misshaped(name, leaf, f"an array of {count} rows, as values")
+                raise shape_refusal(name, leaf, f"an array of {count} rows, as values")
     each = jax.tree.map(np.asarray, each)
     program, each = evaluator(residual, space, chunk_size, executor, count, each)
     rows, z = np.arange(count), space.coordinates(found)

@@ -1,6 +1,6 @@
 """Methods of a fit, and iterative ones: each a step from one evaluation of the residuals to the next.
 
-What evaluates them is the caller's business: a loop under `jit`, or a loop on the host that hands
+Their evaluation is the caller's business: a loop under `jit`, or a loop on the host that hands
 many starts at once to one compiled program.
 """
 

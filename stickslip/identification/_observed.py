@@ -1,4 +1,4 @@
-"""What a problem is given: what is observed, and the records, checked and made equally long."""
+"""Data of a problem: what is observed, and the records, checked and made equally long."""
 
 from collections.abc import Callable
 from typing import Any

@@ -181,7 +181,7 @@ def _scales(fit: Fit) -> Array:
 
 
 def _check_proper(fit: Fit) -> None:
-    hidden = np.asarray(fit.sensitivity.directions)[~np.asarray(fit.sensitivity.seen())]
+    hidden = np.asarray(fit.sensitivity.directions)[~np.asarray(fit.sensitivity.seen_directions())]
     weight = np.max(np.abs(hidden), axis=0, initial=0.0)
     active = fit.active_bounds
     for i, name in enumerate(fit.names):

@@ -1,4 +1,4 @@
-"""What is to be found, from what."""
+"""Unknowns to be found, and the data they are found from."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -9,16 +9,16 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._argument_checks import callable_as, check_arguments, count, instance, or_none, reals
-from .._show import counted
+from .._show import amount
 from .._types import Given, NamedNumbers
 from .._validation import (
     as_parameter,
     check_finite,
     check_mapping,
     is_concrete,
-    misshaped,
     one_row,
     refusal,
+    shape_refusal,
     whole_number,
 )
 from ..hybrid import Integrator, Solution
@@ -36,7 +36,8 @@ from ._unknowns import NamedUnknowns, NamedValues, scalars, space_of
 
 
 class Simulation(eqx.Module):
-    """What would have been observed in a record: rows by name at `times` [s], and the `Solution`.
+    """Values that would have been observed in a record: rows by name at `times` [s], and the
+    `Solution`.
 
     With inputs that jump, states of the solution are those of `stickslip.WithBreaks`.
     """
@@ -47,7 +48,7 @@ class Simulation(eqx.Module):
 
     def __repr__(self) -> str:
         names = ", ".join(self.observed)
-        return f"Simulation: {names} at {counted(self.times.shape[-1], 'time')}; {self.solution!r}"
+        return f"Simulation: {names} at {amount(self.times.shape[-1], 'time')}; {self.solution!r}"
 
 
 A_METHOD = "a method such as LevenbergMarquardt() or MultipleShooting(20)"
@@ -148,7 +149,7 @@ class Problem:
         stamps = sum(self._lengths)
         return (
             f"Problem: {', '.join(self.unknowns)} from {', '.join(self.observed)} at "
-            f"{counted(stamps, 'time')} in {counted(len(self.records), 'record')}"
+            f"{amount(stamps, 'time')} in {amount(len(self.records), 'record')}"
         )
 
     @property
@@ -202,7 +203,7 @@ class Problem:
         count = self._data.keep.size
         residual = reals(self, "residual", residual)
         if np.shape(residual) != (count,):
-            raise misshaped("residual", residual, f"one row of {count}")
+            raise shape_refusal("residual", residual, f"one row of {count}")
         found, at = {}, 0
         for label, record in zip(self.labels, self.records, strict=True):
             found[label] = {}
@@ -290,7 +291,7 @@ class Problem:
         for name, value in values.items():
             check_finite(f"values[{name!r}]", value)
             if np.shape(value) != ():
-                raise misshaped(f"values[{name!r}]", value, "one number")
+                raise shape_refusal(f"values[{name!r}]", value, "one number")
         return {name: as_parameter(values[name]) for name in names}
 
 

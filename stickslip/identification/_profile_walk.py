@@ -4,7 +4,7 @@ Every turn of the loop evaluates the residuals once, whatever it is for, so that
 over never wait for each other.
 
 Where the sum of squares jumps, as an event appears or vanishes, a refit halts at the jump or begins on
-its far side. What it has found is still an upper bound of the minimum: below the level the distance
+its far side. The value found is still an upper bound of the minimum: below the level the distance
 lies inside. Above it other starts are tried: the point inside as it is, the point outside, and points
 around, of which the linearised problem says that they are below the level.
 """
@@ -157,7 +157,7 @@ class Walk(eqx.Module):
         )  # fmt: skip
 
     def _turn(self, now: Side, mask, sign, limits, residual, matrix) -> Side:
-        """Take or refuse the trial; then another one here, or the next distance."""
+        """Take the trial or not; then another one here, or the next distance."""
         cost = 0.5 * jnp.sum(residual**2)
         finite = jnp.isfinite(cost) & jnp.all(jnp.isfinite(matrix))
         cost = jnp.where(finite, cost, jnp.inf)

@@ -1,4 +1,4 @@
-"""What was measured in one run."""
+"""Measurements of one run."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -7,7 +7,7 @@ import equinox as eqx
 import numpy as np
 
 from .._argument_checks import check_arguments, choice, instance
-from .._show import counted, number
+from .._show import amount, number
 from .._types import Given, Named, NamedRows, Numeric, Row
 from .._validation import (
     check_finite,
@@ -16,11 +16,11 @@ from .._validation import (
     check_that,
     check_type,
     is_concrete,
-    misshaped,
     numbers,
     one_concrete,
     one_row,
     refusal,
+    shape_refusal,
 )
 from ._signal import KINDS, Signal
 
@@ -110,7 +110,7 @@ class Record(eqx.Module):
         if not is_concrete(self):
             return f"Record(traced, of {', '.join(self.values)})"
         name = f" {self.name!r}" if self.name else ""
-        rows = [f"{counted(self.times.size, 'sample')}, t = {number(self.times[0])} to "
+        rows = [f"{amount(self.times.size, 'sample')}, t = {number(self.times[0])} to "
                 f"{number(self.times[-1])} s"]  # fmt: skip
         for key, there in self.present.items():
             unit, lost = self.units.get(key), int(np.sum(~there))
@@ -169,7 +169,7 @@ class Record(eqx.Module):
 def _row(name: str, row: Any, count: int) -> np.ndarray:
     array = numbers(name, row)
     if array.shape != (count,):
-        raise misshaped(name, row, f"one row of {count}, as many as times")
+        raise shape_refusal(name, row, f"one row of {count}, as many as times")
     return np.asarray(array, np.float64)
 
 

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from .._argument_checks import check_arguments, count, flag, instance, or_none, text
 from .._types import Given, NamedRows, Path
-from .._validation import check_mapping, check_type, is_concrete, misshaped, refusal
+from .._validation import check_mapping, check_type, is_concrete, refusal, shape_refusal
 from ..hybrid import Solution, same_mode_sequence
 from ..hybrid.status import flags_text
 from ._accuracy import ACCURACY
@@ -77,7 +77,7 @@ class Report:
 
     @property
     def correlation(self) -> np.ndarray:
-        """Of the estimates, by the linearised problem; NaN for unknowns that it does not see."""
+        """Correlation of the estimates, by the linearised problem; NaN for unknowns it does not see."""
         return np.asarray(self.fit.correlation())
 
     def correlation_rows(self) -> list[list[str]]:
@@ -89,7 +89,7 @@ class Report:
         return table
 
     def statements(self) -> list[str]:
-        """What is to be said in sentences."""
+        """Sentences of the report."""
         fit = self.fit
         said = [
             f"{'Converged' if bool(fit.successful) else 'Did NOT converge'} in {int(fit.steps)} steps; "
@@ -263,10 +263,12 @@ def report(
         if row.shape[-1] <= lags + 1:
             if series is None:
                 continue  # too short for a test, and not asked for
-            raise misshaped(f"series[{name!r}]", row, f"of more than lags + 1 = {lags + 1} samples")
+            raise shape_refusal(f"series[{name!r}]", row, f"of more than lags + 1 = {lags + 1} samples")
         for other, u in driven.items():
             if u.shape != row.shape:
-                raise misshaped(f"inputs[{other!r}]", u, f"of shape {row.shape}, as series[{name!r}]")
+                raise shape_refusal(
+                    f"inputs[{other!r}]", u, f"of shape {row.shape}, as series[{name!r}]"
+                )
         unknowns = len(fit.names) if past_data else 0
         both = {other: cross_correlation(row, u, lags) for other, u in driven.items()}
         test = ljung_box(row, lags, unknowns=unknowns)

@@ -47,7 +47,7 @@ class Data(eqx.Module):
 def call_with_values(
     name: str, function: SystemOf, values: NamedValues, inputs: dict[str, Signal]
 ) -> Any:
-    """What a function of a problem returns; what it asks for and nobody declared is named."""
+    """Result of a function of a problem; what it asks for and nobody declared is named."""
     try:
         return function(values, inputs)
     except KeyError as error:
@@ -106,14 +106,14 @@ class Run:
         whole = system if breaks is None else WithBreaks(system, breaks)
         solution = simulate(
             whole, begin, ts[-1], y0 if breaks is None else whole.start(y0, begin),
-            integrator=self.integrator, saveat=SaveAt(ts=ts, events=log),
-            max_events=4096 if log else None, throw=False,
+            integrator=self.integrator,
+            saveat=SaveAt(ts=ts, events=log, max_events=4096 if log else None), throw=False,
         )  # fmt: skip
         assert solution.outputs is not None
         return solution.outputs.y if breaks is None else solution.outputs.y.y, solution
 
     def observe(self, system: Any, times: Array, states: Any) -> Float[Array, "observed time"]:
-        """What is observed of the states at `times`."""
+        """Observations of the states at `times`."""
         rows = [
             jax.vmap(lambda t, y, f=f: jnp.asarray(f(t, y, system), jnp.float64))(times, states)
             for _, f in self.observed
@@ -125,7 +125,7 @@ class Run:
         return times if self.delay is None else jnp.maximum(times - values[self.delay], begin)
 
     def one(self, values: NamedValues, one: tuple, log: bool) -> tuple[Array, Any]:
-        """What is observed in one record; with its `Solution` if `log`."""
+        """Observations of one record; with its `Solution` if `log`."""
         times, begin, inputs = one
         system, breaks = self.system_of(values, inputs)
         ts = self.times_of(values, times, begin)
@@ -135,7 +135,7 @@ class Run:
     def predict_corrected(
         self, values: NamedValues, one: tuple, measured: Array, present: Array
     ) -> Array:
-        """What is observed just before each stamp of one record, where the state has been corrected at
+        """Observations just before each stamp of one record, where the state has been corrected at
         the stamps before."""
         times, begin, inputs = one
         correct = self.correct
@@ -167,7 +167,7 @@ class Run:
         return rows.T
 
     def predictions(self, values: NamedValues, data: Data) -> Float[Array, "record observed time"]:
-        """What is observed in all records, one after the other by one program."""
+        """Observations of all records, one after the other by one program."""
         common, local = self.split(values)
 
         def predict(row):
@@ -197,7 +197,7 @@ def residual_of(run: Run, values: NamedValues, data: Data) -> Float[Array, " row
 
 @jit_plainly
 def motion_of(run: Run, values: NamedValues, data: Data, record: Int[Array, ""]) -> tuple[Array, Any]:
-    """What is observed in one record, with its `Solution`."""
+    """Observations of one record, with its `Solution`."""
     values, inputs = run.of_record(values, data, record)
     one = jnp.asarray(data.times)[record], data.begin_of(record), inputs
     return run.one(values, one, log=True)

@@ -55,7 +55,7 @@ class Sensitivity(eqx.Module):
             return f"{text}, of shape {self.matrix.shape[:-2]}"
         return f"{text}; singular values {', '.join(number(s) for s in self.singular_values)}"
 
-    def seen(self) -> Bool[Array, "*batch unknown"]:
+    def seen_directions(self) -> Bool[Array, "*batch unknown"]:
         """Which combinations are seen: singular values above 1e-7 of the largest."""
         return self.singular_values > ACCURACY.seen * self.singular_values[..., :1]
 
@@ -65,7 +65,7 @@ class Sensitivity(eqx.Module):
         Combinations that are not `seen` are left out of the sum; the unknowns that they contain have
         no finite variance, see `relative_standard_errors`.
         """
-        seen = self.seen()
+        seen = self.seen_directions()
         weight = jnp.where(seen, 1.0 / jnp.where(seen, self.singular_values, 1.0) ** 2, 0.0)
         return jnp.einsum("...ki,...k,...kj->...ij", self.directions, weight, self.directions)
 
@@ -74,7 +74,7 @@ class Sensitivity(eqx.Module):
 
         Infinite if the unknown is in a combination not seen. In units: `Fit.standard_errors`.
         """
-        hidden = jnp.where(self.seen()[..., None], 0.0, jnp.abs(self.directions))
+        hidden = jnp.where(self.seen_directions()[..., None], 0.0, jnp.abs(self.directions))
         lost = jnp.max(hidden, axis=-2) > ACCURACY.part
         variance = jnp.diagonal(self.covariance(), axis1=-2, axis2=-1)
         errors = jnp.where(lost, jnp.inf, jnp.sqrt(variance))

@@ -75,7 +75,7 @@ class Shooting(eqx.Module):
     loss: AbstractLoss | None
 
     def segment(self, z: Array, state: Array, row: tuple) -> tuple[Array, Array]:
-        """What is observed in one segment, and the state at its end."""
+        """Observations of one segment, and the state at its end."""
         record, first, begin, times = row
         values, inputs = self.run.of_record(self.space.values(z), self.data, record)
         flat, unravel = ravel_pytree(self.run.start(values, inputs))

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float, PyTree
 
 from .._argument_checks import check_arguments, choice, one_real, reals
 from .._types import Numeric, Row
-from .._validation import check_finite, is_concrete, misshaped, one_row, refusal
+from .._validation import check_finite, is_concrete, one_row, refusal, shape_refusal
 from ..hybrid.accuracy import ACCURACY as ENGINE
 
 NEVER = ENGINE.never  # time of a break that never comes [s]
@@ -47,7 +47,7 @@ class Signal(eqx.Module):
     def __init__(self, times: Row, values: Row, kind: str = "hold"):
         times, values = _row("times", times), _row("values", values)
         if values.shape != times.shape:
-            raise misshaped("values", values, f"of shape {times.shape}, as times")
+            raise shape_refusal("values", values, f"of shape {times.shape}, as times")
         _check_order(times, kind)
         if kind == "hold":
             jumps = np.flatnonzero(np.diff(values) != 0.0) + 1

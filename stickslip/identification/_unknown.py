@@ -1,4 +1,4 @@
-"""What is said about one unknown before a fit."""
+"""Statements about one unknown before a fit."""
 
 from typing import Any
 

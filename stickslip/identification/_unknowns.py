@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._types import Given
-from .._validation import as_parameter, check_positive, is_concrete, misshaped, refusal
+from .._validation import as_parameter, check_positive, is_concrete, refusal, shape_refusal
 from ._accuracy import ACCURACY
 from ._unknown import Bounds, Normal, Unknown
 
@@ -175,5 +175,5 @@ def scalars(name: str, values: Any) -> tuple[Space, NamedValues]:
     space, found = space_of(name, values)
     for key, value in found.items():
         if value.shape != ():
-            raise misshaped(f"{name}[{key!r}]", value, "one number (many_starts takes rows)")
+            raise shape_refusal(f"{name}[{key!r}]", value, "one number (many_starts takes rows)")
     return space, found

@@ -13,7 +13,7 @@ from ._fit import Fit, one_fit
 
 @check_arguments(fit=one_fit)
 def unseen(fit: Given[Fit]) -> list[str]:
-    """What the data do not see, a sentence for each group of unknowns that hide each other.
+    """Unknowns that the data do not see, a sentence for each group of unknowns that hide each other.
 
     Positive unknowns hide each other in products, e.g. `"k1 * k2 is seen, k1 / k2 is not"`; others in
     sums, with coefficients in their units. To first order, at the estimate. Both lists of a sentence
@@ -30,7 +30,7 @@ def unseen(fit: Given[Fit]) -> list[str]:
     **Arguments:** `fit`, one. **Raises** `TypeError`, `ValueError` for anything else; it reads numbers
     and does not work under `jit`.
     """
-    hidden = np.asarray(fit.sensitivity.directions)[~np.asarray(fit.sensitivity.seen())]
+    hidden = np.asarray(fit.sensitivity.directions)[~np.asarray(fit.sensitivity.seen_directions())]
     if not hidden.size:
         return []
     # In products where all that hide each other are positive numbers, otherwise in sums.

@@ -16,9 +16,9 @@ from .._validation import (
     check_known,
     check_that,
     is_concrete,
-    misshaped,
     numbers,
     refusal,
+    shape_refusal,
 )
 from ._accuracy import ACCURACY
 
@@ -86,7 +86,7 @@ def cross_correlation(series: Rows, other: Rows, lags: int = 20) -> Correlation:
     rows, here = _rows("series", series, lags)
     inputs, there = _rows("other", other, lags)
     if rows.shape != inputs.shape:
-        raise misshaped("other", other, f"of the shape of series, {np.shape(given)}")
+        raise shape_refusal("other", other, f"of the shape of series, {np.shape(given)}")
     shifts = jnp.arange(lags + 1)
     after, counts_after = _products(inputs, there, rows, here, shifts)
     before, counts_before = _products(rows, here, inputs, there, shifts)
@@ -136,10 +136,10 @@ def in_even_steps(times: Rows, series: Rows) -> Float[np.ndarray, " sample"]:
         check_known(name, given)
         rows.append(numbers(name, given))
         if rows[-1].ndim != 1 or rows[-1].size < 2:
-            raise misshaped(name, given, "one row of at least 2")
+            raise shape_refusal(name, given, "one row of at least 2")
     grid, values = (row.astype(np.float64) for row in rows)
     if grid.shape != values.shape:
-        raise misshaped("series", series, f"as long as times, {grid.size}")
+        raise shape_refusal("series", series, f"as long as times, {grid.size}")
     check_that("times", grid, np.isfinite, "finite")
     steps = np.diff(grid)
     if (steps <= 0).any():
@@ -170,7 +170,7 @@ def _rows(name: str, series: Any, lags: Any) -> tuple[Array, Array]:
             raise refusal(name, series, "finite, or NaN where it is missing")
     shape = np.shape(series)
     if len(shape) not in (1, 2) or shape[-1] <= lags + 1:
-        raise misshaped(name, series, f"a row, or rows, of more than lags + 1 = {lags + 1}")
+        raise shape_refusal(name, series, f"a row, or rows, of more than lags + 1 = {lags + 1}")
     rows = jnp.atleast_2d(as_parameter(series))
     here = ~jnp.isnan(rows)
     if is_concrete(series) and not (np.asarray(here).sum(axis=1) > 1).all():

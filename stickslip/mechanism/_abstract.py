@@ -44,12 +44,12 @@ def traced_with(function: Any, system: Any) -> Any:
     try:
         hash(key)
     except TypeError:
-        return _traced.__wrapped__(*key)
-    return _traced(*key)
+        return _trace_of.__wrapped__(*key)
+    return _trace_of(*key)
 
 
 @functools.lru_cache(maxsize=1024)
-def _traced(function: Any, form: Any, leaves: Any, code: str) -> Any:
+def _trace_of(function: Any, form: Any, leaves: Any, code: str) -> Any:
     seen: list[Any] = []
 
     def run(numbers):

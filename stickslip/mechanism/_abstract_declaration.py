@@ -1,4 +1,4 @@
-"""What a mechanism declares: the abstract class that all analyses and evaluations are given."""
+"""Declaration of a mechanism: the abstract class that all analyses and evaluations are given."""
 
 import abc
 from collections.abc import Mapping, Sequence
@@ -89,7 +89,7 @@ class AbstractDeclaration(AbstractMechanicalSystem):
     def potential_energy(self, q: PyTree) -> Any:
         """Potential energy [J] of those forces that have one; 0 if left out.
 
-        What states of first order store belongs to it too, as $\\frac12 L i^2$ of a winding.
+        Energy in states of first order belongs to it too, as $\\frac12 L i^2$ of a winding.
         """
         return 0.0
 

@@ -111,7 +111,8 @@ def check_args(declaration: AbstractDeclaration, args: Any) -> None:
 
 
 def _changed_by(given: tuple[AbstractDeclaration, Any]) -> list[str]:
-    """What a declaration declares so: it asks for `type(args)`, which nothing shows before the run."""
+    """Dependence that a declaration states so: it asks for `type(args)`, which nothing shows before the
+    run."""
     declaration, args = given
     names = declaration.names
     loads, gaps = steady_contacts(declaration), constant_slopes(declaration)
@@ -128,7 +129,7 @@ def sampled_directions(given: tuple[AbstractDeclaration, Any]) -> list[np.ndarra
     """Directions of all contacts [contact, coordinate] for two sets of numbers in general position.
 
     `given`: the declaration and its `args`; None for those that are not known: the list is empty where
-    they have a say. What depends on each other here can be refused; from independence nothing follows.
+    they have a say. Dependence here can raise an error; from independence nothing follows.
     """
     declaration, _ = given
     names = declaration.names

@@ -1,4 +1,4 @@
-"""What a machine declares whatever its `args` are: these are not known before a run brings them.
+"""Declarations that hold whatever the `args` are: these are not known before a run brings them.
 
 A declaration may have a default for the time when there are none, and then looks as if it had another
 structure than in the run. So it is asked twice: without `args`, and with some that nobody may look at.
@@ -42,11 +42,10 @@ Mapping.register(Sealed)  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def with_any_args(analysis: Callable[[Any], set]) -> set:
-    """What `analysis(args)` states both without `args` and with unknown ones.
+    """Results of `analysis(args)` that hold both without `args` and with unknown ones.
 
-    Nothing if it looks at them or fails: what fails here takes `args` of some kind, or is refused where
-    the run brings its own.
-    """
+    Nothing if it looks at them or fails: what fails here takes `args` of some kind, or raises an error
+    where the run brings its own."""
     sealed, found = Sealed(), []
     for args in (None, sealed):
         try:

@@ -1,4 +1,4 @@
-"""What a mechanism says about one dry contact at one instant."""
+"""All that a mechanism says about one dry contact at one instant."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple

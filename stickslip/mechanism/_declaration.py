@@ -1,4 +1,4 @@
-"""What a mechanism declares, read while tracing: names, directions and inertia."""
+"""Declarations of a mechanism, read while tracing: names, directions and inertia."""
 
 import functools
 from collections.abc import Mapping, Sequence

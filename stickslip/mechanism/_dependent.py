@@ -25,7 +25,7 @@ from ._search import Overload, Problem, resting
 
 
 class Tables(NamedTuple):
-    """What constant directions say of all sets of contacts, each set a number of bits.
+    """All that constant directions say of all sets of contacts, each set a number of bits.
 
     - `leaders`: an independent part of each set; `closure`: contacts that rest wherever it does;
       `covered`: contacts whose speed is then proportional to that of another.
@@ -69,7 +69,8 @@ def tables_of(directions: bytes, m: int) -> Tables:
 
 
 class _AbstractDependentContacts(AbstractContactGroup):
-    """What dependent contacts share: a largest independent part of those that rest leads and bears all.
+    """Load that dependent contacts share: a largest independent part of those that rest leads and bears
+    all.
 
     All that give way have one guard together.
     """
@@ -97,7 +98,7 @@ class _AbstractDependentContacts(AbstractContactGroup):
     def agree(self, surfaces: list[Any]) -> Any:
         """Whether the speeds of the surfaces are those of one rigid motion of them all.
 
-        What the resting contacts hold then has no speed at all, whatever rounding left of it.
+        A velocity that the resting contacts hold has no speed at all, whatever rounding left of it.
         """
         every: Any = True
         for column in self.tables.fixed.T.tolist():
@@ -107,7 +108,7 @@ class _AbstractDependentContacts(AbstractContactGroup):
                 every = every & (jnp.abs(jnp.asarray(total(terms))) <= ACCURACY.direction * size)
         return every
 
-    def tied(self, here: LocalInstant, own: NumberRow) -> NumberRow:
+    def tied_contacts(self, here: LocalInstant, own: NumberRow) -> NumberRow:
         """Contacts whose sliding speed is proportional to that of an earlier one while others rest.
 
         None unless the speeds of the surfaces `agree`: two belts of different speeds under one body
@@ -149,15 +150,15 @@ class DependentContacts(_AbstractDependentContacts):
     def row(self, values: Any) -> NumberRow:
         return row(values)
 
-    def own(self, states: Any) -> NumberRow:
+    def own_states(self, states: Any) -> NumberRow:
         if isinstance(states, tuple | list) or self.rows != tuple(range(len(states))):
-            return super().own(states)
+            return super().own_states(states)
         return states
 
     def with_own(self, states: Any, own: NumberRow) -> Any:
         return own if self.rows == tuple(range(len(states))) else super().with_own(states, own)
 
-    def loaded(self, lines: list, force: NumberRow, friction: NumberRow) -> NumberRow:
+    def with_friction(self, lines: list, force: NumberRow, friction: NumberRow) -> NumberRow:
         return each(lambda f, g: f + g, force, through(self.directions.T, friction))
 
     def slips(self, problem: Problem, acceleration: NumberRow) -> NumberRow:
@@ -171,11 +172,11 @@ class DependentContacts(_AbstractDependentContacts):
         return motion
 
     def guards(self, here: LocalInstant, states: Any) -> Guards:
-        own = self.own(states)
+        own = self.own_states(states)
         # One of those that always slide together is enough; two would count as coincident.
         found = each(
             lambda s, tied, u: where((s == 0.0) | tied, 1.0, s * u),
-            own, self.tied(here, own), here.speeds,
+            own, self.tied_contacts(here, own), here.speeds,
         )  # fmt: skip
         reaction = self.motion_in(here, states).reaction
         share = self.onset(here.static, resting(own), reaction).share
@@ -187,7 +188,7 @@ class DependentContacts(_AbstractDependentContacts):
 
     def release(self, here: LocalInstant, states: Any, hit: NumberRow, fired: Fired) -> Release:
         reaction = lax.stop_gradient(self.motion_in(here, states).reaction)
-        ways = self.onset(here.static, resting(self.own(states)), reaction).ways
+        ways = self.onset(here.static, resting(self.own_states(states)), reaction).ways
         return Release(ways, fired.guard == fired.joint[self.rows[0]], any_of(hit))
 
     def carries(self, here: LocalInstant) -> Any:
@@ -268,7 +269,7 @@ class DependentWithStops(_AbstractDependentContacts):
         return least_reserve(bounds, rest, along, loads)
 
     def guards(self, here: LocalInstant, states: Any) -> Guards:
-        own, tied = self.own(states), self.tied(here, self.own(states))
+        own, tied = self.own_states(states), self.tied_contacts(here, self.own_states(states))
         found = [
             where((s == 0.0) | t, 1.0, s * u) for s, t, u in zip(own, tied, here.speeds, strict=True)
         ]
@@ -280,7 +281,7 @@ class DependentWithStops(_AbstractDependentContacts):
 
     def release(self, here: LocalInstant, states: Any, hit: NumberRow, fired: Fired) -> Release:
         motion = jax.tree.map(lax.stop_gradient, self.motion_in(here, states))
-        _, ways = self.reserve(without_slope(here.static), resting(self.own(states)), motion)
+        _, ways = self.reserve(without_slope(here.static), resting(self.own_states(states)), motion)
         return Release(ways, fired.guard == fired.joint[self.rows[0]], any_of(hit))
 
     def overload(

@@ -20,13 +20,13 @@ def rates_of(declaration: AbstractDeclaration, t: Any, q: Any, v: Any, args: Any
         return []
     given = declaration.rates(t, q, v, args)
     if not isinstance(given, Mapping):
-        raise refusal(RATES, given, f"a mapping with a rate for each of {_listed(names)}", TypeError)
+        raise refusal(RATES, given, f"a mapping with a rate for each of {_list_of(names)}", TypeError)
     for name in names:
         if name not in given:
             raise refusal(RATES, sorted(given), f"a mapping with a rate for {name!r} too")
     for name in given:
         if name not in names:
-            raise refusal(RATES, sorted(given), f"a mapping with keys out of {_listed(names)}")
+            raise refusal(RATES, sorted(given), f"a mapping with keys out of {_list_of(names)}")
     found = []
     for name in names:
         rate, state = given[name], getattr(q, name)
@@ -52,5 +52,5 @@ def check_rates(declaration: AbstractDeclaration, t: Any, y: Any, args: Any) -> 
         jax.eval_shape(rates, t, q, v)
 
 
-def _listed(names: tuple[str, ...]) -> str:
+def _list_of(names: tuple[str, ...]) -> str:
     return ", ".join(map(repr, names))

@@ -7,7 +7,7 @@ import jax
 import jax.core
 import numpy as np
 
-from stickslip._jaxpr import called, walk
+from stickslip._jaxpr import called_program, walk
 
 from ._known import NotArithmetic, result_of
 
@@ -52,7 +52,7 @@ def _walk(jaxpr: Any, consts: Any, given: list, one: np.ndarray) -> list:
 
 def _equation(eqn: Any, given: list, one: np.ndarray) -> list:
     name, scalars = eqn.primitive.name, all(not v.aval.shape for v in (*eqn.outvars, *eqn.invars))
-    inner = called(eqn)
+    inner = called_program(eqn)
     if inner is not None:
         return _walk(*inner, given, one)
     unknown = [None] * len(eqn.outvars)

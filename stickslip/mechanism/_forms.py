@@ -140,7 +140,7 @@ class RegularisedMechanism(_AbstractSmoothForm):
                 raise DeclarationError(str(refusal(f"the law of contact {name!r}", law, why)))
             smooth = Regularised(law, self.v_reg, self.kind) if law.set_valued else law
             load = _load(self.mechanism, name, contact)
-            found.append(_pressed(self.mechanism, name, contact, smooth.force(u, load)))
+            found.append(_friction_under_load(self.mechanism, name, contact, smooth.force(u, load)))
         return found
 
     def bare(self, y: PyTree) -> Any:
@@ -230,7 +230,7 @@ class BristleMechanism(_AbstractSmoothForm):
             law = self._law(name, contact.law)
             load = _load(self.mechanism, name, contact)
             force = law.force_from_state(u, load, tuple(deflection))
-            forces.append(_pressed(self.mechanism, name, contact, force))
+            forces.append(_friction_under_load(self.mechanism, name, contact, force))
             rates.append(tuple(law.state_rate(u, tuple(deflection))))
         return forces, tuple(rates)
 
@@ -266,7 +266,7 @@ def _load(machine: AbstractWithObservables, name: str, contact: Any) -> Any:
     return pressing(contact.normal_force) if name in machine.opening else contact.normal_force
 
 
-def _pressed(machine: AbstractWithObservables, name: str, contact: Any, force: Any) -> Any:
+def _friction_under_load(machine: AbstractWithObservables, name: str, contact: Any, force: Any) -> Any:
     """Friction of a contact that may be open: its drag ends with the normal force too."""
     if name not in machine.opening or not drags(contact.law):
         return force

@@ -49,8 +49,8 @@ class Fired(NamedTuple):
 
 
 class Release(NamedTuple):
-    """What a guard lets go: the sense of each contact that gives way (0 of others); whether some give
-    way, whether some stop, and whether a contact has lost its normal force."""
+    """Contacts that a guard lets go: the sense of each contact that gives way (0 of others); whether
+    some give way, whether some stop, and whether a contact has lost its normal force."""
 
     ways: NumberRow
     gives_way: Any
@@ -59,7 +59,7 @@ class Release(NamedTuple):
 
 
 class Landing(NamedTuple):
-    """What was at `rest` before an event, was `hit`, and is `passing` its zero; whether the group is
+    """Contacts at `rest` before an event, `hit` by it, and `passing` their zero; whether the group is
     `touched` at all, and `lands`: what rests is made to rest to the last digit."""
 
     rest: NumberRow
@@ -120,7 +120,7 @@ class AbstractContactGroup(AbstractSearched, abc.ABC):
         """One number a contact, side by side."""
         return tuple(values)
 
-    def own(self, states: Any) -> NumberRow:
+    def own_states(self, states: Any) -> NumberRow:
         """States of the contacts and stops of this group."""
         return self.row([states[c] for c in self.rows])
 
@@ -147,18 +147,18 @@ class AbstractContactGroup(AbstractSearched, abc.ABC):
         force = self.row([everything[j] for j in self.columns])
         if self.separate and not needed:
             return force
-        return self.loaded(here.lines, force, self.friction(here, self.own(states)))
+        return self.with_friction(here.lines, force, self.friction(here, self.own_states(states)))
 
     def motion_in(self, here: LocalInstant, states: Any, needed: bool = False) -> Motion:
         """Motion in the mode of these states."""
-        load, rest = self.load(here, states, needed), resting(self.own(states))
+        load, rest = self.load(here, states, needed), resting(self.own_states(states))
         return self.mover(here)(here.mass, load, here.lines, rest, here.gamma)
 
     def not_followed(
         self, moving: list[int], still: list[int], straight: Callable[[], bool]
     ) -> list[int]:
-        """Of the contacts and stops `moving`, whose surfaces move or turn, those that what rests on
-        another cannot follow. `still`: stops of no speed; `straight`: whether no direction varies."""
+        """Contacts and stops `moving`, whose surfaces move or turn, that a body which rests on another
+        cannot follow. `still`: stops of no speed; `straight`: whether no direction varies."""
         return []
 
     # -- guards
@@ -184,7 +184,7 @@ class AbstractContactGroup(AbstractSearched, abc.ABC):
 
     @abc.abstractmethod
     def release(self, here: LocalInstant, states: Any, hit: NumberRow, fired: Fired) -> Release:
-        """What gives way, and what stops."""
+        """Contacts that give way, and those that stop."""
 
     def hit(self, fired: Fired) -> NumberRow:
         """Contacts and stops whose own guard has fired."""
@@ -211,7 +211,7 @@ class AbstractContactGroup(AbstractSearched, abc.ABC):
 
     def transition(self, here: LocalInstant, states: Any, fired: Fired) -> Change:
         """The group right after a guard has fired."""
-        own, hit = self.own(states), self.hit(fired)
+        own, hit = self.own_states(states), self.hit(fired)
         rest = resting(own)
         release = self.release(here, states, hit, fired)
         gives_way, stops = release.gives_way, release.stops
@@ -273,7 +273,7 @@ class AbstractContactGroup(AbstractSearched, abc.ABC):
 
     def at_rest(self, here: LocalInstant, still: NumberRow) -> NumberRow:
         """Velocities with the contacts in `still` at rest, to the last digit."""
-        v = self.projected(here, still)
+        v = self.nearest_velocities(here, still)
         for i, (line, w, rests) in enumerate(zip(here.lines, here.surfaces, still, strict=True)):
             entries = [j for j, n in enumerate(line) if not is_zero(n)]
             if len(entries) == 1:
@@ -291,7 +291,7 @@ class AbstractContactGroup(AbstractSearched, abc.ABC):
                     v[j] = where(rests & (leads == place), alone, now[j])
         return tuple(v)
 
-    def projected(self, here: LocalInstant, still: NumberRow) -> list[Any]:
+    def nearest_velocities(self, here: LocalInstant, still: NumberRow) -> list[Any]:
         """The velocities nearest by the inertia at which the contacts in `still` do not slide."""
         v = here.velocities
         none = [jnp.zeros_like(x) for x in v]
@@ -327,7 +327,7 @@ class AbstractContactGroup(AbstractSearched, abc.ABC):
                 lambda s, start, f: 0.0 if is_zero(f) else where((s == 0.0) | start, 0.0, f),
                 own, started, self.friction(here, own),
             )  # fmt: skip
-            force = self.loaded(here.lines, force, slides)
+            force = self.with_friction(here.lines, force, slides)
         return self.law(Problem(
             here.mass, force, here.lines, here.gamma, here.static, here.kinetic, self.mover(here),
             own, started, active, passing,
@@ -365,7 +365,7 @@ class AbstractContactGroup(AbstractSearched, abc.ABC):
 
 
 def reserves(bounds: Bounds, force: NumberRow) -> list[tuple[Any, Any]]:
-    """What is left to each contact, upwards and downwards [N]; a stop has no upper limit."""
+    """Friction that is left to each contact, upwards and downwards [N]; a stop has no upper limit."""
     return [
         (high if high is NO_LIMIT else high - borne, minus(borne, low))
         for low, high, borne in zip(bounds.lower, bounds.high, force, strict=True)

@@ -17,7 +17,7 @@ from ._scalars import any_of, dot, is_zero, times, total
 
 
 class Impact(NamedTuple):
-    """What is known right after a guard of a stop, or the same as before if another one has fired.
+    """State right after a guard of a stop, or the same as before if another one has fired.
 
     - `now`, `states`: the moment, and the states of contacts and stops; those without speed may rest.
     - `met`: for each stop whether it was open and has been met.
@@ -55,7 +55,7 @@ def impact(now: Moment, states: Any, guard: Any) -> Impact:
         bump.hurry(v, bump.kept, bump.target)
         bump.hurry(v_rest, bump.held, [0.0 * x for x in bump.target])
         jammed = jammed | bump.jams(v_rest)
-    still = now.moved(q, v_rest)
+    still = now.moved_to(q, v_rest)
     for bump in bumps:
         group, here = bump.group, still.of(bump.group)
         begun = bump.states_after(here, states, bump.held)
@@ -70,7 +70,7 @@ def impact(now: Moment, states: Any, guard: Any) -> Impact:
             new[c] = where(bump.met, where(stays, 0.0, 2.0), states[c])
         for j in group.columns:
             v[j] = where(rests, v_rest[j], v[j])
-    after = now.moved(q, v)
+    after = now.moved_to(q, v)
     for bump in bumps:
         on = [new[c] == 0.0 for c in bump.group.rows]
         found = bump.states_after(after.of(bump.group), new, on)
@@ -97,7 +97,7 @@ class _Bump:
         self.held = group.with_closed(self.here, self.closed)
         self.speeds = [local.at.speeds[c] for c in rows]
         self.target = [jnp.zeros(())] * k + [
-            # What is off already, by rounding, goes on as it does.
+            # A body that is off already, by rounding, goes on as it does.
             where(h, where(u < 0.0, -stop.stop.restitution * u, u), 0.0)
             for h, u, stop in zip(self.here[k:], self.speeds[k:], local.stops, strict=True)
         ]

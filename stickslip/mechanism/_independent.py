@@ -24,7 +24,7 @@ from ._laws import NO_LIMIT, Bounds
 from ._local import LocalInstant, Part
 from ._motion import Motion
 from ._rows import NumberRow
-from ._scalars import Factors, Mass, any_of, chosen, dot, is_zero, minus, over, times, total
+from ._scalars import Factors, Mass, any_of, choose, dot, is_zero, minus, over, times, total
 from ._search import Overload, Problem, resting
 
 UNRESISTED = -1.0  # share of its friction that a contact uses which does not rest: less than any
@@ -51,7 +51,7 @@ class AbstractIndependentContacts(AbstractContactGroup):
     """Contacts of which each gives way by itself, as what it bears reaches its limit."""
 
     def guards(self, here: LocalInstant, states: Any) -> Guards:
-        own, motion = self.own(states), self.motion_in(here, states)
+        own, motion = self.own_states(states), self.motion_in(here, states)
         rest, found, ahead = resting(own), [], {}
         limits = zip(here.static.lower, here.static.high, motion.force, strict=True)
         for c, r, s, (low, high, borne) in zip(self.rows, rest, own, limits, strict=True):
@@ -68,7 +68,7 @@ class AbstractIndependentContacts(AbstractContactGroup):
         return Guards(tuple(found), ahead)
 
     def release(self, here: LocalInstant, states: Any, hit: NumberRow, fired: Fired) -> Release:
-        rest = resting(self.own(states))
+        rest = resting(self.own_states(states))
         force = jax.tree.map(lax.stop_gradient, self.motion_in(here, states)).force
         lets_go = [h & r for h, r in zip(hit, rest, strict=True)]
         failed: Any = False
@@ -78,7 +78,7 @@ class AbstractIndependentContacts(AbstractContactGroup):
             sense = where(borne > 0.0, -1.0, 1.0) if len(ways) < self.contacts else 1.0
             ways.append(where(go, sense, 0.0))
             if c in self.part.lifting:
-                # What bears nothing gives way only where nothing presses it on any more.
+                # A contact that bears nothing gives way only where nothing presses it on any more.
                 failed = failed | (go & (borne == 0.0))
         gives_way = any_of(lets_go)
         return Release(tuple(ways), gives_way, any_of(hit) & ~gives_way, failed)
@@ -110,7 +110,7 @@ class _AbstractFixedDirections(AbstractIndependentContacts):
     def __init__(self, part: Part):
         super().__init__(part)
         self.inverse = completed_inverse(part.directions)
-        self.decoupled = decoupled(part, self.inverse)
+        self.decoupled = decoupled_inertia(part, self.inverse)
 
     def motion(self, M: Mass, F: Any, J: list[list], rest: NumberRow, gamma: list) -> Motion:
         if self.m == self.n == 1:
@@ -135,7 +135,7 @@ class _AbstractFixedDirections(AbstractIndependentContacts):
             return where(any_of(those), 1.0 if i == j else 0.0, inertia[i][j])
 
         A = [[kept(i, j) for j in everything] for i in everything]
-        surface = [chosen(r, g, 0.0) for r, g in zip(rest, gamma, strict=True)]
+        surface = [choose(r, g, 0.0) for r, g in zip(rest, gamma, strict=True)]
         b = [
             minus(f, total(times(inertia[i][j], surface[j]) for j in range(self.m)))
             for i, f in enumerate(force)
@@ -148,9 +148,9 @@ class _AbstractFixedDirections(AbstractIndependentContacts):
         borne = [where(rest[i], minus(dot(inertia[i], along), force[i]), 0.0) for i in range(self.m)]
         return Motion(tuple(dot([float(x) for x in row], along) for row in T), (), tuple(borne))
 
-    def projected(self, here, still):
+    def nearest_velocities(self, here, still):
         # One velocity that its contact decides needs no projection.
-        return here.velocities if self.m == self.n == 1 else super().projected(here, still)
+        return here.velocities if self.m == self.n == 1 else super().nearest_velocities(here, still)
 
 
 class SeparateContacts(_AbstractFixedDirections):
@@ -162,7 +162,7 @@ class SeparateContacts(_AbstractFixedDirections):
     def takes(cls, part: Part) -> bool:
         if part.varies or part.dependent or part.shut:
             return False
-        apart = decoupled(part, completed_inverse(part.directions)) | np.eye(
+        apart = decoupled_inertia(part, completed_inverse(part.directions)) | np.eye(
             len(part.columns), dtype=bool
         )
         return len(part.rows) == 1 or bool(apart.all())
@@ -193,7 +193,7 @@ def states_one_by_one(problem: Problem) -> tuple[NumberRow, Any]:
     return tuple(after), every[0]
 
 
-def decoupled(part: Part, inverse: np.ndarray) -> np.ndarray:
+def decoupled_inertia(part: Part, inverse: np.ndarray) -> np.ndarray:
     """Inertia between speeds along contacts that vanishes whatever the parameters are."""
     n = len(part.columns)
     if part.inertia is None:

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from stickslip._code import code_key
-from stickslip._jaxpr import called, walk
+from stickslip._jaxpr import called_program, equations, nowhere, walk
 
 _OPERATIONS: dict[str, Callable] = {
     "add": np.add, "add_any": np.add, "sub": np.subtract, "mul": np.multiply, "neg": np.negative,
@@ -46,7 +46,7 @@ def numbers_known(function: Callable, *operands: Any) -> list[Any] | None:
         hash(key)
     except TypeError:
         return None
-    return numbers_from(_traced(*key), numbers)
+    return numbers_from(_trace_of(*key), numbers)
 
 
 def numbers_from(closed: Any, numbers: list[Any]) -> list[Any] | None:
@@ -58,7 +58,9 @@ def numbers_from(closed: Any, numbers: list[Any]) -> list[Any] | None:
 
 
 @functools.lru_cache(maxsize=128)
-def _traced(function: Callable, form: Any, arrays: tuple, rest: tuple, shapes: tuple, code: str) -> Any:
+def _trace_of(
+    function: Callable, form: Any, arrays: tuple, rest: tuple, shapes: tuple, code: str
+) -> Any:
     def of(numbers):
         given, others = iter(numbers), iter(rest)
         leaves = [next(given) if array else next(others) for array in arrays]
@@ -68,14 +70,14 @@ def _traced(function: Callable, form: Any, arrays: tuple, rest: tuple, shapes: t
 
 
 def _numbers(jaxpr: Any, consts: Any, operands: Any) -> list[Any]:
-    found = walk(jaxpr, operands, result_of, lambda _, number: number, consts, _needed(jaxpr))
+    found = walk(jaxpr, operands, result_of, lambda _, number: number, consts, _needed_equations(jaxpr))
     return [np.asarray(x) for x in found]
 
 
-def _needed(jaxpr: Any) -> list[Any]:
+def _needed_equations(jaxpr: Any) -> list[Any]:
     """The equations that the results come from: a contact declares more than its normal force."""
     sought, found = set(map(id, jaxpr.outvars)), []
-    for eqn in reversed(jaxpr.eqns):
+    for eqn in reversed([*equations(jaxpr, nowhere)]):
         if any(id(var) in sought for var in eqn.outvars):
             sought.update(map(id, eqn.invars))
             found.append(eqn)
@@ -85,7 +87,7 @@ def _needed(jaxpr: Any) -> list[Any]:
 def result_of(eqn: Any, given: list[Any]) -> list[Any]:
     """Results of one equation; raises `NotArithmetic`."""
     name = eqn.primitive.name
-    inner = called(eqn) if name in ("jit", "pjit", "custom_jvp_call", "closed_call") else None
+    inner = called_program(eqn) if name in ("jit", "pjit", "custom_jvp_call", "closed_call") else None
     if inner is not None:
         return _numbers(*inner, given)
     if name == "convert_element_type":

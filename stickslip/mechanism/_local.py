@@ -110,12 +110,12 @@ class LocalInstant:
 
     @functools.cached_property
     def static(self) -> Bounds:
-        """What the contacts and stops can bear at rest [N]."""
+        """Forces that the contacts and stops can bear at rest [N]."""
         return self.laws.bounds("static_coefficient")
 
     @functools.cached_property
     def kinetic(self) -> Bounds:
-        """What they bear as they begin to slide [N]."""
+        """Forces that they bear as they begin to slide [N]."""
         return self.laws.bounds("kinetic_limit")
 
     def slow(

@@ -68,6 +68,8 @@ class AbstractMechanism(AbstractWithObservables):
     1.0354672845
     >>> [block.mode_names[m] for m in run.events.mode_after[:3]]
     ['slip backward', 'stick', 'slip backward']
+    >>> block.contact_states(1)
+    {'belt': 'stick'}
 
     **To declare**, as class attributes (or properties, where a number of parts is a static field):
 
@@ -87,7 +89,7 @@ class AbstractMechanism(AbstractWithObservables):
     - `opening`: names of the contacts that open where their normal force falls to zero, and close
       where it rises again.
     - `stops`: names of rigid stops, which end the motion towards them with an impact.
-    - `rubbing`: of contacts that rub on a stop, the stop: `{"sole": "floor"}`. What the stop bears is
+    - `rubbing`: of contacts that rub on a stop, the stop: `{"sole": "floor"}`. The load of the stop is
       their normal force, and they are open while it is; its impacts are without friction. Each on a
       coordinate of its own, which inertia does not couple with the other.
 

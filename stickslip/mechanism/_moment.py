@@ -76,7 +76,7 @@ class Moment:
         self.declaration, self.structure, self.at = declaration, structure, at
         self.t, self.args = t, args
 
-    def moved(self, q: Any, v: Any) -> "Moment":
+    def moved_to(self, q: Any, v: Any) -> "Moment":
         """The same instant at other coordinates and velocities."""
         q, v = type(self.at.q)(*q), type(self.at.v)(*v)
         return moment_of(self.declaration, self.structure, self.t, q, v, self.args)
@@ -113,7 +113,7 @@ class Moment:
         def speeds(t, q):
             return self.touching(t, q, at.v)[2]
 
-        def given(v):
+        def speeds_of_surfaces(v):
             contacts, rows, *_ = self.touching(t, at.q, v)
             return [
                 sum(jnp.asarray(x, jnp.float64) + 0.0 for x in (contact.surface_speed, *row))
@@ -122,7 +122,9 @@ class Moment:
 
         t = jnp.asarray(self.t, jnp.float64)
         q, v, q_rate = floats(at.q), floats(at.v), floats(at.q_rate)
-        for name, depends in zip(names, degrees(given, (v,), (True,)) if names else [], strict=True):
+        for name, depends in zip(
+            names, degrees(speeds_of_surfaces, (v,), (True,)) if names else [], strict=True
+        ):
             if depends != NONE:
                 what = f"surface_speed and direction of contact {name!r}"
                 allowed = (
@@ -143,7 +145,7 @@ class Moment:
         still = [count + k for k, rate in enumerate(slopes[:, -1]) if rate == 0.0]
         for group in self.structure.contact_groups:
             moves = [c for c in group.rows if c in moving]
-            rows = group.not_followed(moves, still, functools.partial(self._straight, group))
+            rows = group.not_followed(moves, still, functools.partial(self._is_straight, group))
             if rows:
                 others = ", ".join(
                     self.structure.names_of_rows([c for c in group.rows if c not in rows])
@@ -159,7 +161,7 @@ class Moment:
                 those = ", ".join(self.structure.names_of_rows(rows))
                 raise DeclarationError(str(refusal(what, those, allowed)))
 
-    def _straight(self, group: AbstractContactGroup) -> bool:
+    def _is_straight(self, group: AbstractContactGroup) -> bool:
         """Whether the directions of all contacts of a group are constant during a run."""
         if not np.isnan(group.directions[: group.contacts]).any():
             return True

@@ -69,7 +69,7 @@ def motion_by_forces(
             decides = rest[c] & (J[c][j] != 0.0) if varies else rest[c]
             a[j] = where(decides, times(over(J[c][j]), gamma[c]), a[j])
         elif np.isnan(part.directions[c]).any():
-            a = _decided(a, J[c], own, rest[c], gamma[c])
+            a = _with_decided_velocities(a, J[c], own, rest[c], gamma[c])
     reaction = [total(times(J[c][j], force[c]) for c in range(m)) for j in range(n)]
     if part.rank == n and all(map(is_zero, gamma)):
         leads = [held[c] & ~d for c, d in zip(order, factors.depends, strict=False)]
@@ -79,12 +79,11 @@ def motion_by_forces(
     return Motion(tuple(a), tuple(reaction), tuple(force))
 
 
-def _decided(a: list, n: list, own: list[int], rests: Any, gamma: Any) -> list[Any]:
+def _with_decided_velocities(a: list, n: list, own: list[int], rests: Any, gamma: Any) -> list[Any]:
     """`a`, of which a contact that rests decides the velocity along its largest entry.
 
-    What it holds alone as its other entries vanish then has no acceleration at all, where rounding
-    of the forces that cancel would be the whole motion.
-    """
+    A velocity that it holds alone as its other entries vanish then has no acceleration at all, where
+    rounding of the forces that cancel would be the whole motion."""
     found, sizes = list(a), [jnp.abs(jnp.asarray(n[j])) for j in own]
     for place, j in enumerate(own):
         others = [i for i in own if i != j]

@@ -4,19 +4,21 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import PyTree
 
-from stickslip._argument_checks import OBSERVABLE, check_arguments
+from stickslip._argument_checks import OBSERVABLE, check_arguments, modes
 from stickslip._argument_checks import state as some_state
 from stickslip._fastmath import where
 from stickslip._types import Numeric, Whole
+from stickslip._validation import is_concrete, refusal
 
 from ._abstract import traced_with
 from ._abstract_declaration import AbstractDeclaration
 from ._analysis import driven_contacts
 from ._declaration import mass_of
 from ._instant import Instant, floats, pressing
-from ._modes import sense_of
+from ._modes import STOP_WORDS, WORDS, sense_of
 from ._moment import Moment, moment_of
 from ._scalars import dot, is_zero, total
 from ._structure import Structure, structure_of
@@ -25,7 +27,7 @@ from ._verbs import held_forces, normal_forces
 
 
 class AbstractWithObservables(AbstractDeclaration):
-    """What an `AbstractMechanism` is at one instant, and what is observed of it."""
+    """An `AbstractMechanism` at one instant, and what is observed of it."""
 
     @property
     def structure(self) -> Structure:
@@ -38,7 +40,7 @@ class AbstractWithObservables(AbstractDeclaration):
         return traced_with(two_sided_contacts, self)
 
     def instant(self, t: Numeric, y: PyTree, args: PyTree) -> Instant:
-        """What the declaration says at time `t` in state `y`."""
+        """All that the declaration says at time `t` in state `y`."""
         return self._moment(t, y, args).at
 
     def _moment(self, t: Numeric, y: PyTree, args: PyTree) -> Moment:
@@ -90,13 +92,37 @@ class AbstractWithObservables(AbstractDeclaration):
         """Power of all forces but friction, less what the potential and the changing inertia take."""
         force = at.forces_in(states)
 
-        def stored(q):
+        def stored_energy(q):
             momentum = mass_of(self.mass_matrix(q), self.names.coordinates).times(at.v)
             zero = 0.0 * jnp.asarray(at.v[0], jnp.float64)
             return total((0.5 * dot(at.v, momentum), self.potential_energy(q), zero))
 
-        _, rate = jax.jvp(stored, (floats(at.q),), (floats(at.q_rate),))
+        _, rate = jax.jvp(stored_energy, (floats(at.q),), (floats(at.q_rate),))
         return total((dot(force, at.v), rate))
+
+    @check_arguments(mode=modes)
+    def contact_states(self, mode: Whole) -> dict[str, Any]:
+        """State of each contact and stop in a mode, in the words of `mode_names`, by name.
+
+        A contact is in `"slip backward"`, `"stick"`, `"slip forward"` or `"open"`, a stop `"open"` or
+        `"closed"`. An array of modes, as of a log, gives arrays of words of its shape; in mode -1, of
+        rows that were never reached, they are empty.
+
+        **Raises** `TypeError` or `ValueError` for anything but known numbers of modes.
+        """
+        if not is_concrete(mode):
+            raise refusal("mode", mode, "known: words are made outside of jit and vmap")
+        mode, contacts = np.asarray(mode), self.names.contacts
+        found = {}
+        for name, state in zip(contacts + self.names.stops, self.states(mode), strict=True):
+            state = np.broadcast_to(np.asarray(state), mode.shape).astype(int)
+            if name in contacts:
+                words = np.array(WORDS)[state + 1]
+            else:
+                words = np.array(STOP_WORDS)[(state == 0).astype(int)]
+            words = np.where(mode < 0, "", words)
+            found[name] = words if mode.shape else str(words)
+        return found
 
     @check_arguments(**OBSERVABLE)
     def friction_forces(

@@ -15,13 +15,13 @@ from ._local import LocalInstant, Part
 from ._motion import Motion
 from ._reserve import least_reserve
 from ._rows import NumberRow, any_of
-from ._scalars import Mass, chosen, is_zero, minus, over, times, total, without_slope
+from ._scalars import Mass, choose, is_zero, minus, over, times, total, without_slope
 from ._search import Overload, Problem, resting, senses_of, states_by_search
 from ._varying import ends_at_rest, landing_beside_passing, passing_through, with_loose
 
 
 class _AbstractOneVelocity(AbstractContactGroup):
-    """What a velocity with several stops, or stops and contacts, has in all cases."""
+    """All that velocities with several stops, or stops and contacts, have in common."""
 
     @property
     def leading(self) -> list[int]:
@@ -32,7 +32,7 @@ class _AbstractOneVelocity(AbstractContactGroup):
         (m,), order = M.diagonal or (M.full or [[None]])[0], self.leading
         held: Any = 0.0
         for c in reversed(order):
-            held = chosen(rest[c], times(1.0 / J[c][0], gamma[c]), held)
+            held = choose(rest[c], times(1.0 / J[c][0], gamma[c]), held)
         some = any_of(tuple(rest))
         a = where(some, held, F[0] / m)
         needed = where(some, minus(times(m, held), F[0]), 0.0)
@@ -50,7 +50,7 @@ class _AbstractOneVelocity(AbstractContactGroup):
     def slow_then(self, here: LocalInstant, own: NumberRow, hit: NumberRow, stops: Any) -> NumberRow:
         rest = resting(own)
         if here.drifts:
-            # What has just lost its speed says which others have lost theirs.
+            # A contact that has just lost its speed says which others have lost theirs.
             return self.slow(here, own, tuple(h | (r & ~stops) for h, r in zip(hit, rest, strict=True)))
         return super().slow_then(here, own, hit, stops)
 
@@ -64,8 +64,8 @@ class _AbstractOneVelocity(AbstractContactGroup):
             return landing_beside_passing(self.rows, still, found, landing, fired.rested)
         if not here.drifts:
             return super().landing(here, still, found, landing, fired)
-        # What a stop carries off keeps its velocity: that of a stop which has hardly begun to move is
-        # rounding, and might be against the sense in which the others are left.
+        # A contact that a stop carries off keeps its velocity: that of a stop which has hardly begun to
+        # move is rounding, and might be against the sense in which the others are left.
         rest = landing.rest
         left_behind = any_of(tuple(h & r for h, r in zip(landing.hit, rest, strict=True)))
         keeps = [left_behind & (i >= self.contacts) for i in range(self.m)]
@@ -114,14 +114,14 @@ class StopsOnOneVelocity(_AbstractOneVelocity):
         return times(1.0 / lines[c][0], motion.reaction[0])
 
     def guards(self, here: LocalInstant, states: Any) -> Guards:
-        own, motion = self.own(states), self.motion_in(here, states)
+        own, motion = self.own_states(states), self.motion_in(here, states)
         return Guards(tuple(
             where(s == 0.0, self.off(here.lines, motion, c), gap)
             for c, (s, gap) in enumerate(zip(own, self.gaps(here), strict=True))
         ), {})  # fmt: skip
 
     def release(self, here: LocalInstant, states: Any, hit: NumberRow, fired: Fired) -> Release:
-        lets_go = tuple(h & (s == 0.0) for h, s in zip(hit, self.own(states), strict=True))
+        lets_go = tuple(h & (s == 0.0) for h, s in zip(hit, self.own_states(states), strict=True))
         gives_way = any_of(lets_go)
         return Release(
             tuple(where(go, 1.0, 0.0) for go in lets_go), gives_way, any_of(hit) & ~gives_way
@@ -154,7 +154,7 @@ class ContactsOnOneVelocity(_AbstractOneVelocity):
         return moving if moving and not straight() else []
 
     def guards(self, here: LocalInstant, states: Any) -> Guards:
-        own, motion, k = self.own(states), self.motion_in(here, states), self.contacts
+        own, motion, k = self.own_states(states), self.motion_in(here, states), self.contacts
         rest = resting(own)
         found = [where(r, 1.0, s * u) for r, s, u in zip(rest[:k], own, here.speeds, strict=False)]
         found += [where(r, 1.0, gap) for r, gap in zip(rest[k:], self.gaps(here), strict=True)]
@@ -169,13 +169,12 @@ class ContactsOnOneVelocity(_AbstractOneVelocity):
     def _beside(self, here: LocalInstant, states: Any, motion: Motion) -> list[Any]:
         """Guards where something rests beside surfaces that move.
 
-        What slides, slides as the surface of what rests has it, and may do so with a speed of exactly 0
+        Contacts slide as the surface of what rests has it, and may do so with a speed of exactly 0
         from some time on, as on a cam that comes to a stand: it rests then. Near such a time the
         integrated speed errs by the steps, and that of the surface by rounding as it begins to move:
-        only what both say has passed through rest. What rests together does so until the surfaces part,
-        as where a cam begins to move that carries what rests on the ground too.
-        """
-        (a,), own = motion.acceleration, self.own(states)
+        only what both say has passed through rest. Contacts that rest together do so until the surfaces
+        part, as where a cam begins to move that carries what rests on the ground too."""
+        (a,), own = motion.acceleration, self.own_states(states)
         n = [line[0] for line in here.lines]
         (m,) = here.mass.times([1.0])
         spans = zip(n, here.static.lower, here.static.high, strict=True)
@@ -197,7 +196,7 @@ class ContactsOnOneVelocity(_AbstractOneVelocity):
 
     def release(self, here: LocalInstant, states: Any, hit: NumberRow, fired: Fired) -> Release:
         motion = jax.tree.map(lax.stop_gradient, self.motion_in(here, states))
-        rest, static = resting(self.own(states)), without_slope(here.static)
+        rest, static = resting(self.own_states(states)), without_slope(here.static)
         _, ways = self.reserve(here.lines, static, rest, motion)
         return Release(ways, fired.guard == fired.joint[self.rows[0]], any_of(hit))
 
@@ -214,7 +213,8 @@ class ContactsOnOneVelocity(_AbstractOneVelocity):
     def ending(self, problem, states, acceleration, slow):
         return ends_at_rest(problem, states, acceleration, slow) if self.part.varies else states
 
-    # What has no speed may be parted at once: on each surface the one velocity changes differently.
+    # Contacts without speed may be parted at once: on each surface the one velocity changes
+    # differently.
 
     def begins(self, problem: Problem, standing: NumberRow, slow: Any) -> tuple[NumberRow, NumberRow]:
         origin, face = super().begins(problem, standing, slow)

@@ -38,7 +38,7 @@ def least_reserve(
 
 
 def _left_along(bounds: Bounds, rest: NumberRow, slopes: list, load: Any) -> tuple[Any, Any]:
-    """What the contacts in `rest` can bear more than `load` along a line, upwards and downwards."""
+    """Force beyond `load` that the contacts in `rest` bear along a line, upwards and downwards."""
     most: list[Any] = []
     least: list[Any] = []
     any_more = any_less = rest[0] & False

@@ -50,10 +50,10 @@ def through(table: np.ndarray, numbers: NumberRow) -> NumberRow:
     """Linear map by a constant table, `table @ numbers`. Small integers in it cost no product."""
     if not isinstance(numbers, tuple):
         return jnp.sum(jnp.asarray(table, jnp.float64) * numbers[None, :], axis=1)
-    return tuple(_combined(weights, numbers) for weights in table)
+    return tuple(_weighted_sum(weights, numbers) for weights in table)
 
 
-def _combined(weights: np.ndarray, numbers: tuple) -> Any:
+def _weighted_sum(weights: np.ndarray, numbers: tuple) -> Any:
     """Equal weights are taken out of the sum."""
     total = None
     for size in sorted({abs(w) for w in weights if w}):

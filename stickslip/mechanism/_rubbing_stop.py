@@ -71,9 +71,9 @@ class RubbingStop(AbstractContactGroup):
 
     def of_contact(self, here: LocalInstant, states: Any) -> LocalInstant:
         """The contact, pressed by what the stop bears in the mode of these states."""
-        return here.of(self.contact.part, self.pressed(here, states))
+        return here.of(self.contact.part, self.instant_under_load(here, states))
 
-    def pressed(self, here: LocalInstant, states: Any) -> Instant:
+    def instant_under_load(self, here: LocalInstant, states: Any) -> Instant:
         ((c, k), (force,)) = self.rows, self.stop.motion_in(self.of_stop(here), states).force
         load = where((states[k] == 0.0) & (force > 0.0), force, 0.0)
         contacts = list(here.at.contacts)
@@ -126,4 +126,6 @@ class RubbingStop(AbstractContactGroup):
 
     def normal_forces(self, here: LocalInstant, states: Any) -> dict[int, Any]:
         c = self.rows[0]
-        return {c: jnp.asarray(self.pressed(here, states).contacts[c].normal_force, jnp.float64)}
+        return {
+            c: jnp.asarray(self.instant_under_load(here, states).contacts[c].normal_force, jnp.float64)
+        }

@@ -62,7 +62,7 @@ def any_of(conditions: Iterable[Any]) -> Any:
     return functools.reduce(operator.or_, conditions)
 
 
-def chosen(condition: Any, yes: Any, no: Any) -> Any:
+def choose(condition: Any, yes: Any, no: Any) -> Any:
     """`where`, without an operation where both are the constant 0."""
     return 0.0 if is_zero(yes) and is_zero(no) else where(condition, yes, no)
 
@@ -70,10 +70,10 @@ def chosen(condition: Any, yes: Any, no: Any) -> Any:
 def without_slope(tree: Any) -> Any:
     """`stop_gradient` that leaves constants what they are: as arrays their zeros would be unknown."""
 
-    def fixed(x: Any) -> Any:
+    def as_constant(x: Any) -> Any:
         return x if isinstance(x, int | float | np.number) else jax.lax.stop_gradient(x)
 
-    return jax.tree.map(fixed, tree)
+    return jax.tree.map(as_constant, tree)
 
 
 class Factors:

@@ -77,13 +77,13 @@ class Overload(NamedTuple):
 
 
 class AbstractSearched:
-    """What the search asks of a group of contacts; rows are tuples unless a kind says otherwise."""
+    """All that the search asks of a group of contacts; rows are tuples unless a kind says otherwise."""
 
     def slips(self, problem: Problem, acceleration: NumberRow) -> NumberRow:
         """Relative accelerations along the contacts."""
         return relative(problem.lines, acceleration, problem.gamma)
 
-    def loaded(self, lines: list, force: NumberRow, friction: NumberRow) -> NumberRow:
+    def with_friction(self, lines: list, force: NumberRow, friction: NumberRow) -> NumberRow:
         """`force` and the friction of all contacts."""
         for n, f in zip(lines, friction, strict=True):
             force = tuple(total((g, times(x, f))) for g, x in zip(force, n, strict=True))
@@ -133,7 +133,7 @@ class _Search(NamedTuple):
 
 
 def relative(lines: list[list], v: Any, surfaces: list) -> tuple:
-    """What directions make of velocities, or of accelerations, less those of the surfaces."""
+    """Speeds that directions make of velocities, or of accelerations, less those of the surfaces."""
     pairs = zip(lines, surfaces, strict=True)
     return tuple(jnp.asarray(minus(dot(n, v), w), jnp.float64) for n, w in pairs)
 
@@ -164,9 +164,9 @@ def without_drop(static: Any, kinetic: Any) -> Any:
 def states_by_search(group: AbstractSearched, problem: Problem) -> tuple[NumberRow, Any]:
     r"""States of all contacts an instant later: those without speed by the law of all contacts.
 
-    What begins to slide is under kinetic friction from then on: kinetic ahead, static behind. That may
-    make others slide, or send one back that had only just begun. So the law is asked again, as time
-    stepping with steps of no length would, until the senses stay.
+    A contact that begins to slide is under kinetic friction from then on: kinetic ahead, static behind.
+    That may make others slide, or send one back that had only just begun. So the law is asked again, as
+    time stepping with steps of no length would, until the senses stay.
 
     The minimum is found by the primal active-set method on the faces of the arrangement of the planes
     $n_c\cdot a = \gamma_c$: go to the minimum of the face, or to the first contact that stops on the
@@ -189,7 +189,8 @@ def states_by_search(group: AbstractSearched, problem: Problem) -> tuple[NumberR
 
     def pivot(now: _Search) -> _Search:
         slow = ACCURACY.slow * now.still / inertia
-        # What has begun to slide bears kinetic friction ahead; a stop bears any force or none.
+        # A contact that has begun to slide bears kinetic friction ahead; a stop bears any force or
+        # none.
         least = each(lambda given, R, K: where(given > 0.0, K, R), now.given, low, kinetic_low)
         most = each(
             lambda given, R, K: NO_LIMIT if R is NO_LIMIT else where(given < 0.0, K, R),
@@ -205,7 +206,7 @@ def states_by_search(group: AbstractSearched, problem: Problem) -> tuple[NumberR
             standing, now.states, middle, half,
         )  # fmt: skip
         rest = resting(now.states)
-        found = problem.moves(group.loaded(problem.lines, problem.force, friction), rest)
+        found = problem.moves(group.with_friction(problem.lines, problem.force, friction), rest)
         before, after = group.slips(problem, now.acceleration), group.slips(problem, found.acceleration)
 
         def path(s, v0, v1, stands, rests):

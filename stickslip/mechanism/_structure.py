@@ -31,7 +31,7 @@ class GuardNumbers(NamedTuple):
 
 
 class Structure:
-    """What a declaration says once and for all, whatever its numbers.
+    """All that a declaration says once and for all, whatever its numbers.
 
     - `names`; `directions` of the contacts `[contact, coordinate]` and `slopes` of the gaps
       `[stop, coordinate, and time last]`, NaN where they are not constant;
@@ -129,12 +129,12 @@ def structure_with(declaration: AbstractDeclaration, two_sided: tuple[int, ...])
              sum(c >= len(directions) for c in rows), opening, lifting, two_sided,
              tuple(pair for pair in rubbing if pair[0] in rows),
              bool(coupled[np.ix_(columns, columns)].sum() > len(columns)))
-        for columns, rows in _coupled(J, coupled, rubbing)
+        for columns, rows in _coupled_sets(J, coupled, rubbing)
     ]  # fmt: skip
     return Structure(names, directions, slopes, parts, lifting, two_sided)
 
 
-def _coupled(
+def _coupled_sets(
     J: np.ndarray, inertia: np.ndarray, rubbing: tuple[tuple[int, int], ...]
 ) -> Iterator[tuple[tuple[int, ...], tuple[int, ...]]]:
     """Velocities that contacts or inertia couple, and the contacts and stops on them.

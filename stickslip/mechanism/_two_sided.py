@@ -25,7 +25,7 @@ def two_sided_contacts(declaration: AbstractDeclaration) -> tuple[int, ...]:
         return ()
 
     def sides(t, y, args):
-        # What is chosen by a state counts with all it may be: stops that are open, and closed.
+        # A choice by a state counts with all it may be: stops that are open, and closed.
         now = moment_of(declaration, structure, t, *declaration.to_coordinates(y), args)
         states = [jnp.zeros(())] * count + [jnp.full((), 2.0)] * stops
         found: list[Any] = [now.at.v[0] * now.at.v[0]] * (2 * count)

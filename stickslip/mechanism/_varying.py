@@ -42,8 +42,10 @@ class VaryingContacts(AbstractIndependentContacts):
     def decides(self, rests: Any, n: Any) -> Any:
         return rests & (n != 0.0)
 
-    def projected(self, here, still):
-        return here.velocities if (self.m, self.n) == (1, 1) else super().projected(here, still)
+    def nearest_velocities(self, here, still):
+        return (
+            here.velocities if (self.m, self.n) == (1, 1) else super().nearest_velocities(here, still)
+        )
 
     def passing(self, own, hit, stops):
         return passing_through(own, hit, stops)
@@ -71,9 +73,9 @@ def landing_beside_passing(
 ) -> tuple[NumberRow, Any, dict[int, Any]]:
     """As `AbstractContactGroup.landing`: what was at rest, or is, is made to rest.
 
-    What passes through rest keeps its velocity: where its direction vanishes, to be made to rest would
-    stop the mechanism. Nor is anything else made to rest then: it might send back what has just passed.
-    """
+    A contact that passes through rest keeps its velocity: where its direction vanishes, to be made to
+    rest would stop the mechanism. Nor is anything else made to rest then: it might send back what has
+    just passed."""
     still = tuple(x & (rested[c] | (f == 0.0)) for x, c, f in zip(still, rows, found, strict=True))
     passed = tuple((p != 0.0) & (f != 0.0) for p, f in zip(landing.passing, found, strict=True))
     return still, landing.lands & ~any_of(passed), {}
@@ -126,7 +128,7 @@ def _loose_senses(part: Part, problem: Problem) -> NumberRow:
         drive = minus(dot(line, free), g)
         sense = jnp.sign(drive)
         if passing is not None:
-            # What is left of direction and speed may be rounding.
+            # The rest of direction and speed may be rounding.
             sense = where(passing[c] == 0.0, sense, passing[c])
         found.append(where(stands & (jnp.abs(drive) > ACCURACY.clearly * most), sense, 0.0))
     return tuple(found)

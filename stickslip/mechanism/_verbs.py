@@ -1,4 +1,4 @@
-"""What a mechanism does, group by group: it moves, its guards fire, its mode changes, it starts."""
+"""The verbs of a mechanism, group by group: it moves, its guards fire, its mode changes, it starts."""
 
 from typing import Any
 
@@ -113,7 +113,7 @@ def transition(now: Moment, states: Any, guard: Any, others: bool) -> tuple[Any,
         new = group.with_own(new, change.states)
         failed = failed | change.failed
     q, v = type(now.at.q)(*q), type(now.at.v)(*v)
-    new = loosened_ahead(now.moved(q, v), new, accelerations) if jumped else new
+    new = loosened_ahead(now.moved_to(q, v), new, accelerations) if jumped else new
     return q, v, new, failed
 
 
@@ -152,7 +152,7 @@ def initial_states(now: Moment) -> tuple[Any, Any]:
         states = group.with_own(states, group.at_start(now.of(group), states))
     states = sliding_ahead(now, states, accelerations)
     for group in structure.contact_groups:
-        own, active = group.own(states), jnp.ones((), bool)
+        own, active = group.own_states(states), jnp.ones((), bool)
         none = group.row([jnp.zeros((), bool)] * group.m)
         found, ended = group.states_after(now.of(group), states, own, none, active)
         states = group.with_own(states, found)

@@ -1,4 +1,4 @@
-"""What every mechanical system offers beyond the hybrid interface: its energy account."""
+"""All that every mechanical system offers beyond the hybrid interface: its energy account."""
 
 import abc
 from typing import Any

@@ -119,8 +119,9 @@ def _period(system: AbstractHybridSystem, found: PeriodicOrbit, args: PyTree) ->
     rest = POINTS + (1 << (2 * count + 15).bit_length()) - both.size
     times = np.unique(np.concatenate([np.linspace(start, end, rest), both]))
     return simulate(
-        system, start, end, found.y0, found.mode0, args, saveat=SaveAt(ts=times),
-        integrator=Integrator(step=AdaptiveStep(1e-10)), max_events=max(room, 256),
+        system, start, end, found.y0, found.mode0, args,
+        saveat=SaveAt(ts=times, max_events=max(room, 256)),
+        integrator=Integrator(step=AdaptiveStep(1e-10)),
     )  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 
 from .._types import Given, Row
-from .._validation import check_known, check_text, misshaped, one_row, refusal
+from .._validation import check_known, check_text, one_row, refusal, shape_refusal
 from . import _axes
 
 
@@ -36,7 +36,7 @@ def shade(
     if isinstance(row, np.ma.MaskedArray) or row.dtype != bool:
         raise refusal("holds", holds, "a row of booleans", TypeError)
     if row.shape != times.shape:
-        raise misshaped("holds", holds, f"of shape {times.shape}, as time")
+        raise shape_refusal("holds", holds, f"of shape {times.shape}, as time")
     if label is not None:
         check_text("label", label)
     check_colour("color", color)

@@ -3,7 +3,7 @@
 The fused executor rests on attributes internal to XLA. A compiler that does not take them may abort
 the process, so the trial runs in another one: a stick-slip motion with events, sections and
 derivatives, compared in value with the portable executor. The verdict is kept on disk per jaxlib
-version and processor. What ends the trial from outside, such as the time-out, gives no verdict.
+version and processor. Whatever ends the trial from outside, such as the time-out, gives no verdict.
 """
 
 import contextlib
@@ -62,11 +62,11 @@ def wished_executor() -> str:
 def fused_is_trusted() -> bool:
     """Whether the environment says so, or the trial succeeded, now or earlier."""
     wish = wished_executor()
-    return _tried() if wish == "auto" else wish == "fused"
+    return _trial_succeeds() if wish == "auto" else wish == "fused"
 
 
 @functools.cache
-def _tried() -> bool:
+def _trial_succeeds() -> bool:
     path, limit = _cache_file(), time.monotonic() + TIMEOUT
     verdict = _read(path)
     if verdict is None:

@@ -133,15 +133,15 @@ class Cells:
             own = np.flatnonzero(self._depth == depth)
             side = self._side >> int(depth)
             counts = [end // side for end in self._ends]
-            keys = _joined(self._low[own] // side, counts)
+            keys = _keys_of_places(self._low[own] // side, counts)
             order = np.argsort(keys)
             own, keys = own[order], keys[order]
-            # Of the cells that meet at a point, each holds what lies a little to one side of it.
+            # Each cell that meets others at a point holds what lies a little to one side of it.
             for offset in self._offsets(2):
                 near = (self.places - np.array(offset)) // side
                 inside = np.all((near >= 0) & (near < np.array(counts)), axis=1)
                 wanted = np.flatnonzero(inside)
-                sought = _joined(near[wanted], counts)
+                sought = _keys_of_places(near[wanted], counts)
                 found = np.minimum(np.searchsorted(keys, sought), len(keys) - 1)
                 same = keys[found] == sought
                 cells.append(own[found[same]])
@@ -162,7 +162,7 @@ def _all(sizes: Sequence[int]) -> np.ndarray:
     return np.indices(sizes).reshape(len(sizes), -1).T
 
 
-def _joined(places: np.ndarray, counts: Sequence[int]) -> np.ndarray:
+def _keys_of_places(places: np.ndarray, counts: Sequence[int]) -> np.ndarray:
     key = places[:, 0]
     for i, count in enumerate(counts[1:], 1):
         key = key * count + places[:, i]
@@ -184,5 +184,5 @@ def _differ(values: np.ndarray, point: np.ndarray, starts: np.ndarray, tolerance
     wide = np.uint64 if values.dtype.kind in "ub" else np.int64
     sorted_ = values[point].astype(wide)
     most, least = np.maximum.reduceat(sorted_, starts), np.minimum.reduceat(sorted_, starts)
-    # Of the widest integers too the difference has room, without a sign.
+    # The difference of the widest integers has room too, without a sign.
     return np.any(most.view(np.uint64) - least.view(np.uint64) > tolerance, axis=1)

@@ -1,4 +1,4 @@
-"""What is left of a sweep, computed: here by all cores, or by the workers of a Dask client."""
+"""Computes the rest of a sweep: here by all cores, or by the workers of a Dask client."""
 
 import time
 
@@ -22,7 +22,7 @@ def compute_rest(sweep: Described, kept: Memory | Store, settings: Settings, nam
     units = chains(sweep.units, evaluate.axis)
     if settings.part is not None:
         units = units[settings.part[0] :: settings.part[1]]
-    left = [rest for chain in units if (rest := _unfinished(chain, kept))]
+    left = [rest for chain in units if (rest := _rest_of_chain(chain, kept))]
     total, missing = (sum(unit.lanes for chain in found for unit in chain) for found in (units, left))
     meter = Progress(total, total - missing, name=name, shown=compute.progress)
     if not left:
@@ -43,13 +43,13 @@ def compute_rest(sweep: Described, kept: Memory | Store, settings: Settings, nam
 
             compute_by_client(compute.client, sweep, left, kept, meter)
     except KeyboardInterrupt:
-        raise KeyboardInterrupt(kept.interrupted(meter)) from None
+        raise KeyboardInterrupt(kept.interruption(meter)) from None
     finally:
         meter.close()
     kept.log(event="end", seconds=round(time.monotonic() - begin, 3), lanes=missing)
 
 
-def _unfinished(chain: list[Block], kept: Memory | Store) -> list[Block]:
+def _rest_of_chain(chain: list[Block], kept: Memory | Store) -> list[Block]:
     for i, unit in enumerate(chain):
         if not kept.is_finished(unit):
             return chain[i:]

@@ -26,7 +26,7 @@ IN_HAND = 2  # tasks in the hands of Dask for each thread of its workers, so tha
 
 
 class _Task(NamedTuple):
-    """What makes a worker's program, and what it is compared with."""
+    """All that makes a worker's program, and that the program is compared with."""
 
     function: Any
     carried: bool
@@ -52,31 +52,33 @@ def compute_by_client(
         unit = chain.popleft()
         inside = blocks_inside(unit, layout.shape, layout.sides)
         lanes = [evaluate.arguments(block, kept.read) for block in inside]
-        future = client.submit(_computed, task, lanes, pure=False)
+        future = client.submit(_compute_blocks, task, lanes, pure=False)
         running[future.key] = future, unit, inside, chain
         return future
 
-    def wanted() -> int:
+    def room_in_hand() -> int:
         threads = sum(client.nthreads().values())  # workers come and go
         return max(min(IN_HAND * threads - len(running), len(waiting)), not running and bool(waiting))
 
     try:
-        done = distributed.as_completed([begin(waiting.popleft()) for _ in range(wanted())])
+        done = distributed.as_completed([begin(waiting.popleft()) for _ in range(room_in_hand())])
         for future in done:
             results, by = future.result()
             _, unit, inside, chain = running.pop(future.key)
-            shaped = map(evaluate.shaped, inside, results)
+            shaped = map(evaluate.in_shape_of, inside, results)
             values = results_of_unit(unit, inside, shaped, meter.advance)
             kept.write(unit, values, by if by_host else None)
             if chain:
                 done.add(begin(chain))
-            for _ in range(wanted()):
+            for _ in range(room_in_hand()):
                 done.add(begin(waiting.popleft()))
     finally:
         client.cancel([future for future, *_ in running.values()])
 
 
-def _computed(task: bytes, blocks: list[Any]) -> tuple[list[dict[str, np.ndarray]], dict[str, Any]]:
+def _compute_blocks(
+    task: bytes, blocks: list[Any]
+) -> tuple[list[dict[str, np.ndarray]], dict[str, Any]]:
     """On a worker: results of blocks, and what computed them."""
     lanes, by = _program(task, jax.tree.structure(blocks[0]), *_shapes(blocks[0]))
     return [results_by_name(lanes, arguments) for arguments in blocks], by
@@ -90,7 +92,7 @@ def _program(task: bytes, structure: Any, *shapes: Any) -> tuple[Any, dict[str, 
     one = jax.tree.unflatten(structure, [jax.ShapeDtypeStruct(*shape) for shape in shapes])
     by = computed_with(lanes)
     # Traced in this order by the process that asks too: what is traced once has names in the program.
-    with lanes.chosen():
+    with lanes.tracing():
         jax.eval_shape(lanes.function, one)
     there = {"program": wanted.program, "computed_with": wanted.computed_with or by}
     here = {"program": identity_of(lanes, one).digest, "computed_with": by}

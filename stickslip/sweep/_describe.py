@@ -21,7 +21,7 @@ from .settings import Settings
 
 @dataclasses.dataclass(frozen=True)
 class Described:
-    """What is known of a sweep once its function is traced."""
+    """All that is known of a sweep once its function is traced."""
 
     evaluate: Evaluate
     layout: Layout
@@ -35,7 +35,7 @@ class Described:
 
     @property
     def units(self) -> list[Block]:
-        """What is written at a time: blocks, or shards of them."""
+        """Pieces that are written at a time: blocks, or shards of them."""
         return self.pieces(self.layout.shard)
 
 
@@ -65,7 +65,7 @@ def describe(
         function, coords, inputs, sides, carry, axis, backward, settings.compute.executor,
         settings.compute.threads,
     )  # fmt: skip
-    outputs = _labelled(evaluate.output_shapes(), coords, labels.variables)
+    outputs = _labelled_outputs(evaluate.output_shapes(), coords, labels.variables)
     layout = Layout(
         coords=coords,
         outputs=outputs,
@@ -117,7 +117,7 @@ def describe(
 
 
 def computed_with(lanes: map_lanes) -> dict[str, str]:
-    """What the numbers of these lanes go through on this host."""
+    """Software that the numbers of these lanes go through on this host."""
     return {
         "executor": lanes.executor,
         "backend": jax.default_backend(),
@@ -125,7 +125,7 @@ def computed_with(lanes: map_lanes) -> dict[str, str]:
     }
 
 
-def _labelled(shapes, coords, variables):
+def _labelled_outputs(shapes, coords, variables):
     outputs = {}
     for key, struct in output_names(shapes).items():
         label = variables.get(key, Variable())

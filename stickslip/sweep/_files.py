@@ -37,7 +37,7 @@ def half_written(path: pathlib.Path, mark: str = "") -> pathlib.Path:
 
 
 def read_json(path: pathlib.Path) -> Any:
-    """What the file says; `FileNotFoundError` if it is not there, `ValueError` if it says nothing."""
+    """Content of the file; `FileNotFoundError` if it is not there, `ValueError` if it says nothing."""
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:

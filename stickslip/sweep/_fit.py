@@ -1,21 +1,18 @@
 """How many lanes a fused chunk may hold: what the cache takes, and what the compiler does.
 
 XLA's CPU compiler splits an operation over threads where it believes that it takes 0.1 ms and more;
-inside a fused time loop it then ends with an error. What it believes grows with the lanes of a chunk,
+inside a fused time loop it then ends with an error. This belief grows with the lanes of a chunk,
 so that smaller chunks compile.
 """
 
 from collections import Counter
-from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-import jax
-import jax.extend.core
 import jax.numpy as jnp
 import numpy as np
 
+from .._jaxpr import equations, nowhere
 from ..hybrid.executor import LOOP_NAME
-from ._programs import jaxprs_in
 
 CHUNK_FUSED = 64  # lanes whose state fits the first-level cache
 CHUNK_PORTABLE = 1024  # more: each operation is dispatched by itself
@@ -43,7 +40,8 @@ class TooManyMotions(Exception):
 
 def check_motions(closed: Any, lanes: int) -> None:
     """Raise `TooManyMotions` where a lane runs so many motions at once that fewer lanes fit."""
-    motions = max((_motions(eqn) for eqn in _loops(closed)), default=lanes)
+    loops = (eqn for eqn in equations(closed.jaxpr) if eqn.params.get("name") == LOOP_NAME)
+    motions = max(map(_motions, loops), default=lanes)
     each = -(-motions // lanes)
     fitting = CHUNK_FUSED // each
     fitting = max(fitting - fitting % FEWEST if fitting > FEWEST else fitting, 2)
@@ -52,7 +50,7 @@ def check_motions(closed: Any, lanes: int) -> None:
 
 
 def smaller(lanes: int) -> Fit:
-    """What to try where the compiler refused to fuse `lanes` of them; 0: however few."""
+    """The next try where the compiler did not fuse `lanes` of them; 0: however few."""
     if lanes // 4 >= FEWEST:
         return Fit("fused", lanes // 4)
     return Fit("portable", CHUNK_PORTABLE)
@@ -64,7 +62,7 @@ def _motions(eqn: Any) -> int:
     Counters have no derivatives, whose directions would be counted as motions. Rows that a scan stacks
     are no counters, but results.
     """
-    kept = _carried(eqn)
+    kept = _handed_from_step_to_step(eqn)
     sizes = Counter(
         int(np.prod(v.aval.shape))
         for v in (eqn.outvars if kept is None else kept)
@@ -73,25 +71,14 @@ def _motions(eqn: Any) -> int:
     return sizes.most_common(1)[0][0] if sizes else 1
 
 
-def _carried(eqn: Any) -> Any:
-    """What a marked loop that is a scan hands from step to step; None for other loops."""
-    for inner in jaxprs_in(eqn.params):
-        jaxpr = inner.jaxpr if isinstance(inner, jax.extend.core.ClosedJaxpr) else inner
-        for loop in jaxpr.eqns:
-            if loop.primitive.name == "scan":
-                # What is stacked has one axis more outside of the step than inside. How many are
-                # carried has another name in each version of JAX.
-                step = loop.params["jaxpr"]
-                ends = getattr(step, "jaxpr", step).outvars
-                pairs = zip(loop.outvars, ends, strict=True)
-                return [v for v, end in pairs if v.aval.shape == end.aval.shape]
+def _handed_from_step_to_step(eqn: Any) -> Any:
+    """Variables that a marked loop that is a scan hands from step to step; None for other loops."""
+    for inner in equations(getattr(eqn.params["jaxpr"], "jaxpr", eqn.params["jaxpr"]), nowhere):
+        if inner.primitive.name == "scan":
+            # A stacked one has one axis more outside of the step than inside. How many are
+            # carried has another name in each version of JAX.
+            step = inner.params["jaxpr"]
+            ends = getattr(step, "jaxpr", step).outvars
+            pairs = zip(inner.outvars, ends, strict=True)
+            return [v for v, end in pairs if v.aval.shape == end.aval.shape]
     return None
-
-
-def _loops(closed: Any) -> Iterator[Any]:
-    jaxpr = closed.jaxpr if isinstance(closed, jax.extend.core.ClosedJaxpr) else closed
-    for eqn in jaxpr.eqns:
-        if eqn.params.get("name") == LOOP_NAME:
-            yield eqn
-        for inner in jaxprs_in(eqn.params):
-            yield from _loops(inner)

@@ -1,4 +1,4 @@
-"""What a sweep and its results are called: names, units, and what is written beside the numbers."""
+"""Names and units of a sweep and its results, and what is written beside the numbers."""
 
 import dataclasses
 from collections.abc import Mapping

@@ -80,7 +80,7 @@ class Layout:
         return files
 
     def encoder(self) -> "Encoder":
-        """What makes the files of one unit after another."""
+        """Maker of the files of one unit after another."""
         return Encoder(self._made(self.attributes()), self)
 
 

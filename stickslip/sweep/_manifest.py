@@ -1,4 +1,4 @@
-"""What a sweep is: everything that decides its numbers, as JSON, and how two of them differ."""
+"""Identity of a sweep: everything that decides its numbers, as JSON, and how two of them differ."""
 
 import dataclasses
 import functools
@@ -111,14 +111,14 @@ def versions() -> dict[str, str]:
 FREE = ("information", "attributes", "files", "seal", "reference")  # the last: of earlier versions
 
 
-def sealed(manifest: Mapping[str, Any]) -> dict[str, Any]:
+def with_checksum(manifest: Mapping[str, Any]) -> dict[str, Any]:
     """The manifest, or a record, with a checksum of itself, by which an alteration is found."""
     plain = {key: value for key, value in manifest.items() if key != "seal"}
     return {**plain, "seal": digest(json.dumps(plain, sort_keys=True))}
 
 
 def free(manifest: Mapping[str, Any]) -> tuple[str, ...]:
-    """What may differ between two manifests of the same sweep."""
+    """Parts that may differ between two manifests of the same sweep."""
     return (*FREE, "computed_with") if manifest.get("hosts") == "any" else FREE
 
 
@@ -146,7 +146,7 @@ def is_manifest(value: Any) -> bool:
     )
 
 
-def fault(value: Any) -> str | None:
+def fault_of(value: Any) -> str | None:
     """Why a manifest cannot be relied on; `None` if it can."""
     if not is_manifest(value):
         return "has a manifest.json that is not of a sweep"
@@ -157,7 +157,7 @@ def fault(value: Any) -> str | None:
         made = f", made by stickslip {by}" if isinstance(by, str) else ""
         return f"is of format {value['format']}{made}, and this stickslip goes on with format {FORMAT}"
     try:
-        if sealed(value).get("seal") == value.get("seal"):
+        if with_checksum(value).get("seal") == value.get("seal"):
             return None
     except RecursionError:
         pass
@@ -173,17 +173,17 @@ def differences(stored: Any, wanted: Any, path: str = "") -> list[str]:
                 continue
             name = f"{path}.{key}" if path else key
             if key not in stored:
-                found.append(f"{name} is new here ({_shown(wanted[key])})")
+                found.append(f"{name} is new here ({_as_text(wanted[key])})")
             elif key not in wanted:
-                found.append(f"{name} = {_shown(stored[key])} is in the store only")
+                found.append(f"{name} = {_as_text(stored[key])} is in the store only")
             else:
                 found += differences(stored[key], wanted[key], name)
         return found
     if stored != wanted:
-        return [f"{path} is {_shown(stored)} in the store, {_shown(wanted)} now"]
+        return [f"{path} is {_as_text(stored)} in the store, {_as_text(wanted)} now"]
     return []
 
 
-def _shown(value: Any) -> str:
+def _as_text(value: Any) -> str:
     text = repr(value)
     return text if len(text) <= 70 else text[:67] + "..."

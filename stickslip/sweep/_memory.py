@@ -36,8 +36,8 @@ class Memory:
     def log(self, **entry: Any) -> None:
         """No diary is kept of what ends with the process."""
 
-    def interrupted(self, meter: Progress) -> str:
-        """What an interruption leaves."""
+    def interruption(self, meter: Progress) -> str:
+        """Words for what an interruption leaves."""
         return (
             f"interrupted after {meter.done:,} of {meter.total:,} lanes: nothing is kept, because the "
             "sweep has no store; with store='some/directory' the same call goes on where it stopped"

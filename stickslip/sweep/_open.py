@@ -15,7 +15,7 @@ from ._children import child, is_begun
 from ._layout import REFINE
 from ._manifest import digest
 from ._read import open_store
-from ._refined import Part, Refined, assembled, walk
+from ._refined import Part, Refined, all_points, walk
 
 
 def open_dataset(path: str | os.PathLike, *, verify: bool = True) -> xr.Dataset:
@@ -45,7 +45,7 @@ def open_dataset(path: str | os.PathLike, *, verify: bool = True) -> xr.Dataset:
         return first
     found = refined_in(path, manifest, verify, first)
     about = {"sweep_verified": first.attrs["sweep_verified"]}
-    return assembled(found, list(manifest["coordinates"]), about)
+    return all_points(found, list(manifest["coordinates"]), about)
 
 
 def refined_in(

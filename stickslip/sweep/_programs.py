@@ -1,4 +1,4 @@
-"""What a traced program is: its text, its constants, and the code of the host that it calls.
+"""Identity of a traced program: its text, its constants, and the code of the host that it calls.
 
 The text alone does not say which function a host callback calls: two programs that differ in it only
 have equal texts. Callbacks of `equinox.error_if` are known by their messages and never return. All
@@ -8,13 +8,15 @@ others have no identity here, so that their programs are neither shared nor vouc
 import collections
 import hashlib
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
 import jax
 import jax.extend
 import jax.numpy as jnp
 import numpy as np
+
+from .._jaxpr import equations
 
 _PROGRAMS: collections.OrderedDict = collections.OrderedDict()
 PROGRAMS_KEPT = 16
@@ -67,7 +69,7 @@ def identify(traced: Any, lowered: jax.stages.Lowered) -> Identity:
     return Identity(total.hexdigest(), tuple(sorted(unknown)), tuple(sorted(silent)))
 
 
-def compiled(traced: Any, lowered: jax.stages.Lowered, devices: Any) -> jax.stages.Compiled:
+def compiled_program(traced: Any, lowered: jax.stages.Lowered, devices: Any) -> jax.stages.Compiled:
     """Compiled program; functions that come to the same program share it."""
     identity = identify(traced, lowered)
     if identity.unknown or identity.silent:
@@ -111,33 +113,28 @@ def refused_to_fuse(error: Exception) -> bool:
 def _outside(closed: Any) -> Iterator[tuple[str, Any]]:
     """Constants that a program holds, and parameters of its calls of the host."""
     seen = set()
-    todo = [closed]
-    while todo:
-        item = todo.pop()
-        if isinstance(item, jax.extend.core.ClosedJaxpr):
-            for value in item.consts:
-                if hasattr(value, "dtype"):
-                    yield "constant", value
-            item = item.jaxpr
-        if id(item) in seen:
-            continue
-        seen.add(id(item))
-        for eqn in item.eqns:
-            for atom in eqn.invars:
-                value = getattr(atom, "val", None)
-                if getattr(value, "ndim", 0):  # numbers are in the text, arrays may not be
-                    yield "constant", value
-            if _HOST.search(eqn.primitive.name):
-                yield eqn.primitive.name, eqn.params
-            todo += reversed(list(jaxprs_in(eqn.params)))
+
+    def is_new(eqn: Any) -> bool:
+        inside = set(map(id, jax.extend.core.jaxprs_in_params(eqn.params)))
+        new = not inside <= seen
+        seen.update(inside)
+        return new
+
+    yield from _arrays(closed.consts)
+    for eqn in equations(closed.jaxpr, is_new):
+        # Numbers are in the text, arrays may not be.
+        literals = (getattr(atom, "val", None) for atom in eqn.invars)
+        yield from _arrays(value for value in literals if getattr(value, "ndim", 0))
+        if _HOST.search(eqn.primitive.name):
+            yield eqn.primitive.name, eqn.params
+        for value in eqn.params.values():
+            for inner in value if isinstance(value, tuple | list) else (value,):
+                if isinstance(inner, jax.extend.core.ClosedJaxpr):
+                    yield from _arrays(inner.consts)
 
 
-def jaxprs_in(params: dict[str, Any]) -> Iterator[Any]:
-    """Programs inside an equation: branches, bodies of loops, what is called."""
-    for value in params.values():
-        for item in value if isinstance(value, tuple | list) else (value,):
-            if isinstance(item, jax.extend.core.ClosedJaxpr | jax.extend.core.Jaxpr):
-                yield item
+def _arrays(values: Iterable) -> Iterator[tuple[str, Any]]:
+    return (("constant", value) for value in values if hasattr(value, "dtype"))
 
 
 def _function(params: dict[str, Any]) -> Any:
@@ -149,7 +146,7 @@ def _function(params: dict[str, Any]) -> Any:
 
 
 def _error_message(function: Any) -> str | None:
-    """What `equinox.error_if` would say; `None` for any other function."""
+    """Message of `equinox.error_if`; `None` for any other function."""
     if getattr(function, "__module__", None) != "equinox._errors":
         return None
     cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)

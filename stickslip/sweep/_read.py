@@ -11,8 +11,8 @@ from zarr.storage import LocalStore, WrapperStore
 
 from ._files import checksum, read_json
 from ._layout import DATA, Files, record_file
-from ._manifest import fault, identity
-from ._records import is_record, made_by, record, recorded
+from ._manifest import fault_of, identity
+from ._records import is_record, made_by, record, recorded_units
 
 BY_AGE = "by size and age"
 _ASK = "it must be as run_sweep left it, or read unverified with verify=False"
@@ -47,7 +47,7 @@ def open_store(path: pathlib.Path, verify: bool) -> tuple[xr.Dataset, Any]:
     manifest: Any = None
     try:
         manifest = read_json(path / "manifest.json")
-        why = fault(manifest)
+        why = fault_of(manifest)
     except FileNotFoundError:
         why = "has no manifest.json"
     except ValueError as error:
@@ -55,40 +55,42 @@ def open_store(path: pathlib.Path, verify: bool) -> tuple[xr.Dataset, Any]:
     if verify:
         if why is not None:
             raise ValueError(f"{begin} {why}: {_ASK}.")
-        state, names = _verified(begin, path, manifest)
+        state, names = _verified_files(begin, path, manifest)
         return _dataset(begin, path, state, "yes", names), manifest
-    state = "unknown" if why is not None else _recorded(path, manifest)
+    state = "unknown" if why is not None else _recorded_files(path, manifest)
     return _dataset(begin, path, state, "no", None), manifest if why is None else None
 
 
 def dataset_so_far(path: pathlib.Path, manifest: Mapping[str, Any]) -> xr.Dataset:
     """The dataset of a store whose units were looked at or written a moment ago, if they are there."""
-    names, there = list(manifest["files"]), recorded(path)
+    names, there = list(manifest["files"]), recorded_units(path)
     for number, own in Files(manifest).blocks():
         names += own if number in there else []
-    return _dataset(f"store = {str(path)!r}", path, _recorded(path, manifest), BY_AGE, names)
+    return _dataset(f"store = {str(path)!r}", path, _recorded_files(path, manifest), BY_AGE, names)
 
 
-def _recorded(path: pathlib.Path, manifest: Mapping[str, Any]) -> str:
+def _recorded_files(path: pathlib.Path, manifest: Mapping[str, Any]) -> str:
     total = Files(manifest).total
-    return _state(sum(number < total for number in recorded(path)), total)
+    return _state(sum(number < total for number in recorded_units(path)), total)
 
 
 def _state(done: int, total: int) -> str:
     return "finished" if done == total else f"unfinished: {done} of {total} blocks"
 
 
-def _verified(begin: str, path: pathlib.Path, manifest: Mapping[str, Any]) -> tuple[str, list[str]]:
+def _verified_files(
+    begin: str, path: pathlib.Path, manifest: Mapping[str, Any]
+) -> tuple[str, list[str]]:
     """State of the store and the files with a checksum; `ValueError` naming the first damaged one."""
 
-    def damaged(file: str) -> ValueError:
+    def damage(file: str) -> ValueError:
         what = "is not as it was written" if os.path.lexists(path / file) else "is missing"
         return ValueError(f"{begin} is damaged, {file} {what}: {_ASK}; the same sweep repairs most.")
 
     names = []
     for file, sum_ in manifest["files"].items():
         if checksum(path / file) != sum_:
-            raise damaged(file)
+            raise damage(file)
         names.append(file)
     sweep, wanted, done = identity(manifest), Files(manifest), 0
     for number, files in wanted.blocks():
@@ -98,14 +100,14 @@ def _verified(begin: str, path: pathlib.Path, manifest: Mapping[str, Any]) -> tu
         except FileNotFoundError:
             continue
         except ValueError:
-            raise damaged(own) from None
+            raise damage(own) from None
         now = record(path, sweep, number, files, manifest["format"], made_by(value))
         if not is_record(value) or value.keys() != now.keys():
-            raise damaged(own)
+            raise damage(own)
         if value != now:
             sums = value["files"]
             bad = [file for file in files if sums.get(file) != now["files"][file]]
-            raise damaged((bad or [own])[0])
+            raise damage((bad or [own])[0])
         names += files
         done += 1
     return _state(done, wanted.total), names

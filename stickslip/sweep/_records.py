@@ -9,7 +9,7 @@ from typing import Any
 
 from ._files import checksum, checksum_of, read_json
 from ._layout import FINISHED, record_file
-from ._manifest import BEFORE_SHARDS, sealed
+from ._manifest import BEFORE_SHARDS, with_checksum
 
 
 def record(
@@ -32,7 +32,7 @@ def record_of(
 
 
 def made_by(value: Any) -> Any:
-    """What computed a unit, by its record, where that says so."""
+    """Software that computed a unit, by its record, where that says so."""
     return value.get(BY) if isinstance(value, dict) else None
 
 
@@ -40,13 +40,13 @@ def _record(sweep, number, sums, sizes, kind, by) -> dict[str, Any]:
     made = {"sweep": sweep, "block": number, "files": sums}
     if kind == BEFORE_SHARDS:
         return made
-    return sealed({**made, "bytes": sizes, **({} if by is None else {BY: by})})
+    return with_checksum({**made, "bytes": sizes, **({} if by is None else {BY: by})})
 
 
 BY = "computed_with"
 
 
-def recorded(path: pathlib.Path) -> set[int]:
+def recorded_units(path: pathlib.Path) -> set[int]:
     """Numbers of the units that have a record, whatever it is worth."""
     try:
         names = os.listdir(path / FINISHED)
@@ -69,7 +69,7 @@ class Looked:
     """Whether units are recorded and their files as they were written, most of them unread.
 
     A file of the size recorded that did not change since the record was written is believed; of all
-    others the checksum is computed. What changes a file through the system shows in its time of change,
+    others the checksum is computed. A change of a file through the system shows in its time of change,
     which a program cannot set back; the decay of a disk does not show, and is what `verify_store` is
     for. A folder that changed after the last record may have been put there whole, with old files in
     it: they are read. While others write, that is so of every folder, and `folders=False` leaves it.
@@ -80,7 +80,7 @@ class Looked:
         self._folders: dict[pathlib.Path, bool] = {}
         self._last = None
         if folders:
-            self._last = max((_changed(p) for p in (path / FINISHED).glob("*.json")), default=0)
+            self._last = max((_time_of_change(p) for p in (path / FINISHED).glob("*.json")), default=0)
 
     def is_finished(self, number: int, names: Sequence[str]) -> bool:
         """Whether the unit counts, whose files have these names."""
@@ -98,12 +98,12 @@ class Looked:
             return False
         if not set(sums) == set(sizes) == set(names):
             return False
-        written = _changed(own)
+        written = _time_of_change(own)
         for name in names:
             path = self.path / name
             if _size(path) != sizes[name]:
                 return False
-            unread = _changed(path) < written and self._is_old(path.parent)
+            unread = _time_of_change(path) < written and self._is_old(path.parent)
             if not unread and checksum(path) != sums[name]:
                 return False
         return True
@@ -113,12 +113,14 @@ class Looked:
         if folder == self.path:
             return True
         if folder not in self._folders:
-            old = not folder.is_symlink() and (self._last is None or _changed(folder) < self._last)
+            old = not folder.is_symlink() and (
+                self._last is None or _time_of_change(folder) < self._last
+            )
             self._folders[folder] = old and self._is_old(folder.parent)
         return self._folders[folder]
 
 
-def _changed(path: pathlib.Path) -> float | int:
+def _time_of_change(path: pathlib.Path) -> float | int:
     """When the file, or the link in its place, changed last, in ns; for ever where it is not there."""
     try:
         about = os.lstat(path)

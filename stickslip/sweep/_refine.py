@@ -21,7 +21,7 @@ from ._labels import Labels
 from ._layout import Layout
 from ._manifest import differences, identity
 from ._read import dataset_so_far
-from ._refined import LANE, OWN, Part, assembled, walk
+from ._refined import LANE, OWN, Part, all_points, walk
 from ._run import described_grid, in_memory
 from ._store import Store, SweepMismatchError
 from .evaluate import output_names, prepared
@@ -57,7 +57,7 @@ def refine_sweep(
     with its length, not with the area. When the sweep is finished, no cell is wider than that unless
     all points at its corners and on its edges are alike, or no number lies between its ends.
 
-    What lies inside a cell whose points are all alike is not found: an island, or a pair of jumps,
+    Anything inside a cell whose points are all alike is not found: an island, or a pair of jumps,
     between neighbouring points of the grid. So take a grid that no feature of interest slips through.
 
     **Arguments**
@@ -100,12 +100,12 @@ def refine_sweep(
     with contextlib.ExitStack() as stack:
         steps = _Steps(function, coords, settings, about, stack)
         found = walk(Cells(list(coords.values()), levels, tolerances), steps, max_points)
-    if found.stopped:
+    if found.is_stopped:
         said = f"{settings.name}: {found.state}; what there is is kept."
         warnings.warn(said, RuntimeWarning, stacklevel=2)
     first = found.parts[0].attrs
     kept = {name: first[name] for name in ("sweep_verified",) if name in first}
-    return assembled(found, list(coords), kept)
+    return all_points(found, list(coords), kept)
 
 
 class _Listed(NamedTuple):
@@ -212,7 +212,7 @@ def _check_by(by: Any) -> dict[str, float]:
 
 
 def _check_results(layout: Layout, tolerances: Mapping[str, float]) -> None:
-    """What is compared must be there and real, and no name be one of ours."""
+    """Raise unless all that is compared is there and real, and no name is one of ours."""
     for name, tolerance in tolerances.items():
         if name not in layout.outputs:
             known = ", ".join(map(repr, layout.outputs))

@@ -21,14 +21,14 @@ class Part(NamedTuple):
 
 
 class Refined(NamedTuple):
-    """What is known of a refinement."""
+    """All that is known of a refinement."""
 
     cells: Cells
     parts: list[xr.Dataset]
     state: str
 
     @property
-    def stopped(self) -> bool:
+    def is_stopped(self) -> bool:
         """Whether more points are wanted than are allowed."""
         return "max_points" in self.state
 
@@ -67,7 +67,7 @@ def walk(cells: Cells, get: Get, most: int) -> Refined:
         number += 1
 
 
-def assembled(found: Refined, names: list[str], about: Mapping[str, Any]) -> xr.Dataset:
+def all_points(found: Refined, names: list[str], about: Mapping[str, Any]) -> xr.Dataset:
     """All points: of one parameter in ascending order, of two in the order in which they were added."""
     cells, first = found.cells, found.parts[0]
     rank = len(names)

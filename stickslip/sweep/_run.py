@@ -15,9 +15,9 @@ from .._validation import (
     check_mapping,
     check_type,
     leaves_of,
-    misshaped,
     numbers,
     refusal,
+    shape_refusal,
 )
 from ._compute import compute_rest
 from ._describe import Described, describe
@@ -173,6 +173,6 @@ def _check_inputs(inputs, coords):
         for where, leaf in leaves_of(f"inputs[{key!r}]", tree):
             _check_numbers(where, leaf)
             if np.shape(leaf)[: len(shape)] != shape:
-                raise misshaped(where, leaf, f"an array with the leading axes of the grid, {shape}")
+                raise shape_refusal(where, leaf, f"an array with the leading axes of the grid, {shape}")
         checked[key] = jax.tree.map(np.asarray, tree)
     return checked

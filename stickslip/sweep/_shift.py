@@ -15,13 +15,13 @@ import jaxlib.version
 def shift_is_right() -> bool:
     """Whether a shift by one under `jit` gives what the same operations give one by one."""
 
-    def shifted(y):
+    def shift(y):
         buffer = y + 1.0
         return buffer.at[1:].set(buffer[:-1])[None]
 
     with jax.ensure_compile_time_eval():
         y = jnp.arange(16.0)
-        return bool(jnp.all(jax.jit(shifted)(y) == shifted(y)))
+        return bool(jnp.all(jax.jit(shift)(y) == shift(y)))
 
 
 def warn_of_wrong_shifts() -> None:

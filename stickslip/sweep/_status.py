@@ -13,7 +13,7 @@ from ._children import children
 from ._layout import DATA, REFINE, Files
 from ._manifest import identity
 from ._open import refined_in
-from ._records import Looked, recorded
+from ._records import Looked, recorded_units
 from ._verify import the_manifest
 from .grid import Block, blocks
 
@@ -51,11 +51,11 @@ def sweep_status(store: Path) -> dict[str, Any]:
             for word, n in counts.items():
                 total[word] = total.get(word, 0) + n
         found["damaged"] += [f"step {number}, {unit}" for unit in step["damaged"]]
-    return {**found, "refined": _refined(path, refine, below)}
+    return {**found, "refined": _levels_of_refinement(path, refine, below)}
 
 
-def _refined(path, refine, below) -> dict[str, Any]:
-    """What is known of the levels of a refinement."""
+def _levels_of_refinement(path, refine, below) -> dict[str, Any]:
+    """All that is known of the levels of a refinement."""
     levels: dict[int, dict[str, int]] = {}
     for about, step in below:
         level = levels.setdefault(about["level"], {"lanes": 0, "lanes_finished": 0})
@@ -75,7 +75,7 @@ def _refined(path, refine, below) -> dict[str, Any]:
 def _one(path: pathlib.Path) -> dict[str, Any]:
     """The same of a store without those inside it."""
     manifest = the_manifest(path)
-    files, there = Files(manifest), recorded(path)
+    files, there = Files(manifest), recorded_units(path)
     looked = Looked(path, identity(manifest), manifest["format"], folders=False)
     names = dict(files.blocks())
     units = [unit for unit in blocks(files.shape, files.sides) if unit.number in there]

@@ -34,8 +34,8 @@ import zarr
 from ._children import REFINED, children
 from ._files import checksum, checksum_of, link_above, read_json, write_whole
 from ._layout import DATA, Encoder, Files, Layout, chunk_file, record_file
-from ._manifest import as_stored, differences, fault, identity, is_manifest, sealed
-from ._records import Looked, record_of, recorded
+from ._manifest import as_stored, differences, fault_of, identity, is_manifest, with_checksum
+from ._records import Looked, record_of, recorded_units
 from .grid import Block
 
 try:
@@ -142,7 +142,7 @@ class Store:
         except ValueError as error:
             why = f"has an unreadable manifest.json ({error})"
         else:
-            why = fault(stored)
+            why = fault_of(stored)
         if (why is not None or stored is None) and self._is_proven():
             self._set_aside("manifest.json")
             stored, why = self._set_up(self.manifest), None
@@ -204,7 +204,7 @@ class Store:
         """Write the manifest, then every header and coordinate that is not as it says."""
         files = self.layout.skeleton(manifest["attributes"])
         with self._writing("write headers and coordinates"):
-            self.manifest = sealed({**manifest, "files": _sums(files)})
+            self.manifest = with_checksum({**manifest, "files": _sums(files)})
             text = json.dumps(self.manifest, indent=1) + "\n"
             write_whole(self._free("manifest.json"), text, self._mark)
             for name, data in files.items():
@@ -285,13 +285,13 @@ class Store:
             raise SweepWriteError(
                 error.errno or errno.EIO,
                 f"could not {what} in store {str(self.path)!r}: {error.strerror or error}{at}. "
-                f"{self.finished()} finished blocks are kept; remove the cause (space, permissions) "
-                "and run the same sweep again to go on from there",
+                f"{self.count_finished()} finished blocks are kept; remove the cause (space, "
+                "permissions) and run the same sweep again to go on from there",
             ) from error
 
-    def finished(self) -> int:
+    def count_finished(self) -> int:
         """Number of units that have a record."""
-        return len(recorded(self.path))
+        return len(recorded_units(self.path))
 
     def _chunks(self, unit: Block) -> list[str]:
         return [
@@ -319,7 +319,7 @@ class Store:
             write_whole(path, json.dumps(record, indent=1) + "\n", self._mark)
 
     def _remove_half_written(self) -> None:
-        """What processes that computed a part and were killed have left."""
+        """Files that processes which computed a part and were killed have left."""
         files = Files(self.manifest)
         for top in (DATA, "finished"):
             for folder, _, names in os.walk(self.path / top):
@@ -328,11 +328,11 @@ class Store:
                         with contextlib.suppress(OSError):
                             path.unlink()
 
-    def interrupted(self, meter: Any) -> str:
-        """What an interruption leaves."""
+    def interruption(self, meter: Any) -> str:
+        """Words for what an interruption leaves."""
         return (
-            f"interrupted: {self.finished()} of {Files(self.manifest).total} blocks are kept in store "
-            f"{str(self.path)!r}, and the same call goes on from there"
+            f"interrupted: {self.count_finished()} of {Files(self.manifest).total} blocks are kept in "
+            f"store {str(self.path)!r}, and the same call goes on from there"
         )
 
     def read(self, name: str, region: tuple[Any, ...]) -> np.ndarray:

@@ -6,7 +6,7 @@ from typing import Any, ClassVar, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from ..hybrid import FixedStep, Integrator, Section, simulate
+from ..hybrid import FixedStep, Integrator, SaveAt, Section, simulate
 from ..hybrid.system import AbstractHybridSystem
 from .lanes import map_lanes
 
@@ -43,7 +43,7 @@ def _lane(belt_speed):
         solution: Any = simulate(
             block, 0.0, 12.0, _State(0.0 * belt_speed, belt_speed), 0,
             integrator=Integrator("rk4", step, max_steps=512),
-            sections=section, max_events=8, max_crossings=8, throw=False,
+            saveat=SaveAt(sections=section, max_events=8, max_crossings=8), throw=False,
         )  # fmt: skip
         return solution.y1.x, (solution.events.t, solution.crossings[0].t)
 

@@ -11,8 +11,8 @@ from .._validation import check_flag, refusal
 from ._children import children
 from ._files import checksum, read_json, write_whole
 from ._layout import Files, record_file
-from ._manifest import fault, identity, sealed
-from ._records import is_record, made_by, record, recorded
+from ._manifest import fault_of, identity, with_checksum
+from ._records import is_record, made_by, record, recorded_units
 
 
 def verify_store(store: Path, *, repair: Given[bool] = False) -> list[str]:
@@ -23,7 +23,7 @@ def verify_store(store: Path, *, repair: Given[bool] = False) -> list[str]:
 
     **Arguments**
 
-    - `store`: of a sweep, finished or not, with all steps of one that is refined. What others are
+    - `store`: of a sweep, finished or not, with all steps of one that is refined. Files that others are
       writing meanwhile may be named as damaged.
     - `repair`: remove the records of units with a damaged file, so that the next `run_sweep` computes
       them again. It writes damaged headers and coordinates again in any case.
@@ -48,7 +48,7 @@ def _one(path: pathlib.Path, repair: bool) -> list[str]:
     canonical = json.dumps(manifest, indent=1) + "\n"
     found = [] if _text(path / "manifest.json") == canonical else ["manifest.json"]
     found += [name for name, sum_ in manifest["files"].items() if checksum(path / name) != sum_]
-    there = recorded(path)
+    there = recorded_units(path)
     sweep = identity(manifest)
     for number, names in Files(manifest).blocks():
         if number not in there:
@@ -56,7 +56,7 @@ def _one(path: pathlib.Path, repair: bool) -> list[str]:
         own, by = record_file(number), None
         with contextlib.suppress(OSError, ValueError):
             by = made_by(read_json(path / own))
-        bad = _damaged(path, own, record(path, sweep, number, names, manifest["format"], by))
+        bad = _damaged_files(path, own, record(path, sweep, number, names, manifest["format"], by))
         found += bad
         if bad and repair:
             (path / own).unlink(missing_ok=True)
@@ -72,7 +72,7 @@ def the_manifest(path: pathlib.Path) -> dict[str, Any]:
         raise refusal("store", str(path), "the directory of a sweep's store")
     try:
         manifest = read_json(path / "manifest.json")
-        why = fault(manifest)
+        why = fault_of(manifest)
     except FileNotFoundError:
         why, manifest = "has no manifest.json", None
     except ValueError as error:
@@ -86,7 +86,7 @@ def the_manifest(path: pathlib.Path) -> dict[str, Any]:
     return manifest
 
 
-def _damaged(path: pathlib.Path, own: str, now: dict[str, Any]) -> list[str]:
+def _damaged_files(path: pathlib.Path, own: str, now: dict[str, Any]) -> list[str]:
     """Which files of a unit are not as recorded: the record, or what it vouches for."""
     try:
         value = read_json(path / own)
@@ -95,7 +95,7 @@ def _damaged(path: pathlib.Path, own: str, now: dict[str, Any]) -> list[str]:
     if value == now and _text(path / own) == json.dumps(now, indent=1) + "\n":
         return []
     if not is_record(value) or value.get("seal", None) != (
-        sealed(value)["seal"] if "seal" in now else None
+        with_checksum(value)["seal"] if "seal" in now else None
     ):
         return [own]
     bad = [name for name, sum_ in now["files"].items() if value["files"].get(name) != sum_]

@@ -151,7 +151,7 @@ class Evaluate:
         return self._handed_on(region, index, read), jax.tree.map(row, points)
 
     def _handed_on(self, region, index, read) -> PyTree:
-        """What the neighbours before the block hand on to it, row by row."""
+        """State that the neighbours before the block hand on to it, row by row."""
         rows = int(np.prod([n for i, n in enumerate(self.sides) if i != self.axis]))
         along = region[self.axis]
         before = along.stop if self.backward else along.start - 1
@@ -186,7 +186,7 @@ class Evaluate:
     def output_shapes(self) -> PyTree:
         """Shapes and dtypes of one point's results."""
         # With the executor that will compute them, so that what is traced here is traced once.
-        with self.lanes.chosen():
+        with self.lanes.tracing():
             shapes = jax.eval_shape(self.lanes.function, self._shapes())
         if self.axis is None:
             return shapes
@@ -198,9 +198,9 @@ class Evaluate:
 
     def __call__(self, block: Block, read: Callable) -> dict[str, np.ndarray]:
         """Results of a block by name. `read(name, region)` gives what was computed before."""
-        return self.shaped(block, results_by_name(self.lanes, self.arguments(block, read)))
+        return self.in_shape_of(block, results_by_name(self.lanes, self.arguments(block, read)))
 
-    def shaped(self, block: Block, results: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    def in_shape_of(self, block: Block, results: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Results of the lanes of a block in the shape of its part of the grid."""
         rank = len(self.sides)
         out = {}

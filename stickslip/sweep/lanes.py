@@ -18,8 +18,8 @@ from .._validation import (
     check_in,
     is_concrete,
     leaves_of,
-    misshaped,
     refusal,
+    shape_refusal,
 )
 from ..hybrid.executor import FUSED, PORTABLE, use_executor
 from ._canary import fused_is_trusted, wished_executor
@@ -32,7 +32,7 @@ from ._fit import (
     check_motions,
     smaller,
 )
-from ._programs import UNKNOWN_OPERATION, compiled, refused_to_fuse
+from ._programs import UNKNOWN_OPERATION, compiled_program, refused_to_fuse
 
 EXECUTORS = ("auto", "fused", "portable")
 CHUNK_ACCELERATOR = 65536
@@ -60,7 +60,7 @@ class map_lanes:
       subprocess has shown that this jaxlib compiles it and agrees in value. The trial cannot cover
       every program: should XLA ever abort while compiling yours, use `"portable"` here or
       `STICKSLIP_EXECUTOR=portable` in the environment, which may also be `fused` (without a trial)
-      or `auto`. A program that the compiler refuses to fuse, such as one with thousands of rows per
+      or `auto`. A program that the compiler does not fuse, such as one with thousands of rows per
       lane, is computed by the portable executor, and a warning says so.
     - `workers`: devices or, with a single CPU device, threads to use; by default all.
 
@@ -86,7 +86,7 @@ class map_lanes:
         for name, value in (("chunk_size", chunk_size), ("workers", workers)):
             if value is not None:
                 check_count(name, value, 1)
-        wished_executor()  # nonsense in the environment is refused, whether it would matter or not
+        wished_executor()  # nonsense in the environment raises an error, whether it would matter or not
         cpu = jax.default_backend() == "cpu"
         if executor == "auto":
             executor = "fused" if cpu and fused_is_trusted() else "portable"
@@ -113,9 +113,9 @@ class map_lanes:
         if not is_concrete(inputs):
             out = self._chunks(PORTABLE)(self._pad(inputs, n, self._chunk(n, parts)))
             return jax.tree.map(lambda a: _lanes(a)[:n], out)
-        return self._joined(self._run(*self._fitted(inputs, n, parts)), n)
+        return self._join_chunks(self._run(*self._fitting_program(inputs, n, parts)), n)
 
-    def chosen(self):
+    def tracing(self):
         """Context in which `simulate` is traced for the executor of these lanes."""
         return use_executor(self._executor)
 
@@ -132,17 +132,17 @@ class map_lanes:
             lanes = -(-lanes // VECTOR) * VECTOR
         return min(most, max(lanes, 2))
 
-    def _fitted(self, inputs, n, parts):
+    def _fitting_program(self, inputs, n, parts):
         """Program, and the inputs cut into the chunks that it takes, one part for each thread."""
         leaves = jax.tree.leaves(inputs)
         form = (n, jax.tree.structure(inputs), *((a.shape[1:], a.dtype) for a in leaves))
         if form in self._fits:
             fit = self._fits[form]
-            cut = self._cut(inputs, n, parts, fit)
+            cut = self._cut_into_chunks(inputs, n, parts, fit)
             return self._program(cut[0], fit), cut
         fit = Fit(self.executor, self.chunk_size)
         while True:
-            cut = self._cut(inputs, n, parts, fit)
+            cut = self._cut_into_chunks(inputs, n, parts, fit)
             lanes = jax.tree.leaves(cut)[0].shape[1]
             try:
                 program = self._program(cut[0], fit)
@@ -158,7 +158,7 @@ class map_lanes:
                 self._fits[form] = fit
                 return program, cut
 
-    def _cut(self, inputs, n, parts, fit):
+    def _cut_into_chunks(self, inputs, n, parts, fit):
         """Inputs as `[chunks, chunk, ...]`, one part for each thread."""
         chunk = self._chunk(n, parts, fit.lanes)
         chunks = self._pad(inputs, n, chunk, parts)
@@ -174,13 +174,13 @@ class map_lanes:
         count = -(-n // chunk)
         count = -(-count // parts) * parts
 
-        def cut(a):
+        def cut_leaf(a):
             index = jnp.minimum(jnp.arange(count * chunk), n - 1)
             return a[index].reshape(count, chunk, *a.shape[1:])
 
-        return jax.tree.map(cut, inputs)
+        return jax.tree.map(cut_leaf, inputs)
 
-    def _joined(self, out, n):
+    def _join_chunks(self, out, n):
         """Results of `n` lanes from `[chunks, chunk, ...]`."""
         on_cpu = self.devices[0].platform == "cpu"
 
@@ -219,7 +219,7 @@ class map_lanes:
                 if fit.executor == "fused":
                     check_motions(traced.jaxpr, leaves[0].shape[1])
                 lowered = traced.lower()
-            self._compiled[key] = compiled(traced, lowered, self.devices)
+            self._compiled[key] = compiled_program(traced, lowered, self.devices)
         return self._compiled[key]
 
     def _run(self, program, parts):
@@ -244,7 +244,7 @@ def _lanes_in(inputs):
         except (TypeError, ValueError, OverflowError):
             raise refusal(name, leaf, "an array of numbers", TypeError) from None
         if shape[:1] in ((), (0,)):
-            raise misshaped(name, leaf, "an array with one lane or more in front")
+            raise shape_refusal(name, leaf, "an array with one lane or more in front")
         sizes.add(shape[0])
     if not sizes:
         raise refusal("inputs", inputs, "a pytree with an array to map over")

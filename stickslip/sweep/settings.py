@@ -103,7 +103,7 @@ class Compute:
 
     @property
     def threads(self) -> int | None:
-        """What `map_lanes` takes as `workers`."""
+        """Number that `map_lanes` takes as `workers`."""
         return 1 if self.workers is None and self.client is not None else self.workers
 
 

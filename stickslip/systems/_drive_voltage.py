@@ -36,8 +36,8 @@ def mean_belt_speed(
     start = travelling.start(DrivenBlockState(*(jnp.zeros(()),) * 6))
     ts = jnp.stack([dropped, dropped + lasts])
     solution = simulate(
-        travelling, 0.0, dropped + lasts, start,
-        integrator=integrator, saveat=SaveAt(ts=ts, events=False), max_events=None,
+        travelling, 0.0, dropped + lasts, start, integrator=integrator,
+        saveat=SaveAt(ts=ts, max_events=None),
     )  # fmt: skip
     assert solution.outputs is not None
     travel = solution.outputs.y.integrals["travel"]

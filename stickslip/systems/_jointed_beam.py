@@ -22,7 +22,7 @@ from .._argument_checks import (
 )
 from .._fastmath import where
 from .._types import Given, Numeric, Whole
-from .._validation import as_parameter, check_finite, check_type, is_concrete, refusal, shown
+from .._validation import as_parameter, check_finite, check_type, is_concrete, refusal, shown_value
 from ..friction import AbstractFrictionLaw, HyperbolicWeakening
 from ..friction.law import Number, check_law
 from ..mechanism import AbstractMechanism, Contact
@@ -183,7 +183,7 @@ class JointedBeam(AbstractMechanism):
         if is_concrete((z_A, self.scales)):
             share = np.asarray(z_A) / np.asarray(self.scales.L)
             if not np.all((share > 0) & (share < 1)):
-                raise refusal("z_A", z_A, f"{inside} times its length L = {shown(self.scales.L)}")
+                raise refusal("z_A", z_A, f"{inside} times its length L = {shown_value(self.scales.L)}")
 
     @classmethod
     def constructed(cls, v: Number, **changes: Given[ArrayLike | str | BeamScales]) -> "JointedBeam":

@@ -182,7 +182,9 @@ def test_derivatives_of_the_end_exist_through_all_events():
     @jax.jit
     def end(gain):
         system = system_of(gain)
-        run = ss.simulate(system, 0.0, 1.25 * made.end, system.state(), max_events=None)
+        run = ss.simulate(
+            system, 0.0, 1.25 * made.end, system.state(), saveat=ss.SaveAt(max_events=None)
+        )
         return jnp.stack([run.y1.x, run.y1.y]), run.flags
 
     value, slope = jax.jvp(lambda g: end(g)[0], (1.001,), (1.0,))

@@ -35,7 +35,7 @@ def outcome(theta, t1, number_like):
     integrator = ss.Integrator(step=ss.AdaptiveStep(1e-12, 1e-12))
     found = ss.simulate(
         ledger, 0.0, t1, ledger.start(system.state()), integrator=integrator,
-        saveat=ss.SaveAt(events=False), max_events=None,
+        saveat=ss.SaveAt(max_events=None),
     )  # fmt: skip
     y, slips = found.y1.y, found.y1.integrals
     return jnp.stack([y.x, y.y, slips["slip_1"], slips["slip_2"]]), (found.sequence, found.flags)

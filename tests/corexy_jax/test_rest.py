@@ -25,7 +25,7 @@ def ends(voltage, tension_1, tension_2, ts=None, step=None):
     """Position at the end, number of events, success, flags."""
     system = cx.CoreXY(machine(tension_1, tension_2), voltage)
     run = ss.simulate(
-        system, 0.0, END, system.state(), throw=False, max_events=None, saveat=ss.SaveAt(ts=ts),
+        system, 0.0, END, system.state(), throw=False, saveat=ss.SaveAt(ts=ts, max_events=None),
         integrator=None if step is None else ss.Integrator(step=step),
     )  # fmt: skip
     return jnp.stack([run.y1.x, run.y1.y]), run.num_events, run.successful, run.flags
@@ -121,5 +121,7 @@ def test_a_peak_soon_after_a_step_begins_is_not_missed(tension, amplitude):
     parameters = cx.CoreXYParameters(P1=tension, P2=tension, mu_1s_b=2.0, mu_2s_b=2.0)
     system = cx.CoreXY(parameters, cx.Harmonic(amplitude, 0.5 * amplitude))
     loose = ss.Integrator("tsit5", ss.AdaptiveStep(1e-9, 1e-9))
-    run = ss.simulate(system, 0.0, 6.0, system.state(), integrator=loose, max_events=32)
+    run = ss.simulate(
+        system, 0.0, 6.0, system.state(), integrator=loose, saveat=ss.SaveAt(max_events=32)
+    )
     assert int(run.num_events) == 12

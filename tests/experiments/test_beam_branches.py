@@ -66,8 +66,12 @@ def test_field_and_guards_are_those_of_the_beam(variant):
 def test_motion_is_that_of_the_beam():
     beam = system_of("consistent", 3e-3, 2)
     system = pressed(beam)
-    one = ss.simulate(system, 0.0, 10.0, system.start(), integrator=accurate(), max_events=None)
-    two = ss.simulate(beam, 0.0, 10.0, beam.start(), integrator=accurate(), max_events=None)
+    one = ss.simulate(
+        system, 0.0, 10.0, system.start(), integrator=accurate(), saveat=ss.SaveAt(max_events=None)
+    )
+    two = ss.simulate(
+        beam, 0.0, 10.0, beam.start(), integrator=accurate(), saveat=ss.SaveAt(max_events=None)
+    )
     for name, size in (("y", 1e-3), ("vy", 1e-3), ("q", 1e-5), ("p", 1e-4)):
         a, b = np.asarray(getattr(one.y1, name)), np.asarray(getattr(two.y1, name))
         np.testing.assert_allclose(a, b, atol=1e-5 * size)

@@ -143,7 +143,9 @@ QUICK = chosen(load()["block-branches"], True, []) | {"doublings": 1, "max_orbit
 def beginning():
     """A diagram of two lanes: one that is not settled, and one on the orbit."""
     system, start = _branches.system_of("simplified", 80.0, "A")
-    run = ss.simulate(system, 0.0, 60.0, start, integrator=precise(QUICK), max_events=None)
+    run = ss.simulate(
+        system, 0.0, 60.0, start, integrator=precise(QUICK), saveat=ss.SaveAt(max_events=None)
+    )
     rows = ("protocol", "k3")
     ends = {f"end_{k}": (rows, [[float(v), float(v)]]) for k, v in run.y1._asdict().items()}
     return xr.Dataset({

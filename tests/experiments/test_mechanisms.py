@@ -62,7 +62,7 @@ def test_brake_at_rest_and_alone():
     """Without load it does not rub: the frequencies are those of the springs."""
     machine = brake.Brake(1.0, 0.0, 2.0, 0.0, 0.0, Coulomb(0.6), 0.8)
     y0 = machine.state(x=0.1, y=0.2)
-    run = ss.simulate(machine, 0.0, 3.0, y0, max_events=None)
+    run = ss.simulate(machine, 0.0, 3.0, y0, saveat=ss.SaveAt(max_events=None))
     assert machine.mode_names[int(run.mode1)] == "open"
     assert float(run.y1.x) == pytest.approx(0.1 * np.cos(3.0), abs=1e-7)
     assert float(run.y1.y) == pytest.approx(0.2 * np.cos(3.0 * np.sqrt(2.0)), abs=1e-7)

@@ -112,7 +112,7 @@ def test_found_sets_run_the_belt_at_its_speed_on_average(model):
         system, start = system_of(model, 85.0, name)
         run = ss.simulate(
             system, 0.0, 60.0, start, integrator=integrator_of({"tolerance": 1e-7, "method": "tsit5"}),
-            saveat=ss.SaveAt(ts=jnp.linspace(30.0, 60.0, 3001)), max_events=None,
+            saveat=ss.SaveAt(ts=jnp.linspace(30.0, 60.0, 3001), max_events=None),
         )  # fmt: skip
         speed = float(system.belt_velocity(run.outputs.y).mean())
         assert speed == pytest.approx(values["V_b"], rel=1e-4)

@@ -56,7 +56,7 @@ TARGETS = [
             "renormalise": arg(True, "flag"),
         },
     ),
-    Target(analysis.volume_growth, {**COMMON, "duration": DURATION, "t0": TIME, "max_events": arg(8)}),
+    Target(analysis.volume_growth, {**COMMON, "record": arg(SEGMENTS), "max_events": arg(8)}),
     Target(
         analysis.lyapunov_diagram,
         {
@@ -70,25 +70,26 @@ TARGETS = [
         analysis.lyapunov_spectrum_of_map,
         {
             "function": arg(_logistic), "z0": arg(0.3, "states"),
-            "iterations": arg(40), "transient": arg(0, "count"), "warm_up": arg(4, "none", "count"),
-            "exponents": arg(1, "none"), "blocks": arg(4),
+            "record": arg(analysis.Segments(1, 40, blocks=4)), "exponents": arg(1, "none"),
         },
     ),
     Target(
         analysis.time_history,
         {
-            **COMMON, "t": arg([0.0, 1.0], "times"), "observables": arg("x"),
-            "sections": arg(None, "none", "mapping"), "transient": TRANSIENT, "max_crossings": arg(8),
-            "labels": arg(None, "none", "mapping"),
+            **COMMON, "record": arg([0.0, 1.0], "times"), "observables": arg("x"),
+            "sections": arg(None, "none", "mapping"), "labels": arg(None, "none"),
         },
     ),
-    Target(analysis.energy_ledger, {**COMMON, "t": arg([0.0, 1.0], "times"), "max_events": arg(8)}),
+    Target(
+        analysis.energy_ledger,
+        {**COMMON, "record": arg([0.0, 1.0], "times"), "max_events": arg(8)},
+    ),
     Target(
         analysis.orbit_diagram,
         {
             **COMMON, "system": BUILDER, "grid": GRID,
-            "record": arg(analysis.Recording(1.0, 1.0, SECTION, "x", max_points=8)),
-            "carried": arg(None, "none"), "check": arg(0, "count"), **SWEEP,
+            "record": arg(analysis.Recording(1.0, 1.0, SECTION, "x", max_points=8, check=0)),
+            "carried": arg(None, "none"), **SWEEP,
         },
         _swept(analysis.orbit_diagram),
     ),
@@ -98,11 +99,15 @@ TARGETS = [
             "transient": TRANSIENT, "duration": DURATION, "section": arg(SECTION),
             "observables": arg("x"), "points": arg(4, "none"), "max_points": arg(8),
             "period": arg(analysis.PeriodTest()), "domain": arg((), "none of them", "constant"),
-            "t0": arg(0.0, "finite"),
+            "check": arg(0, "count"), "t0": arg(0.0, "finite"),
         },
         lambda **given: analysis.orbit_diagram(
             BLOCK, {"k3": [80.0, 81.0]}, START, analysis.Recording(**given)
         ),
+    ),
+    Target(
+        analysis.Samples,
+        {"ts": arg([0.0, 1.0], "times"), "transient": TRANSIENT, "max_points": arg(8)},
     ),
     Target(
         analysis.Segments,

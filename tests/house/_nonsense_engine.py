@@ -30,7 +30,7 @@ ENGINE_ONLY = {"system": SYSTEM, "args": ARGS}
 def _run() -> ss.Solution:
     return ss.simulate(
         OSCILLATOR, 0.0, 0.3, START, 0, integrator=RK4,
-        saveat=ss.SaveAt(steps=True, events=False, max_rows=8), max_events=None,
+        saveat=ss.SaveAt(steps=True, max_rows=8, max_events=None),
     )  # fmt: skip
 
 
@@ -56,7 +56,8 @@ ENGINE = [
         ss.SaveAt,
         {
             "ts": arg([0.5], "none", "no times"), "steps": arg(True, "flag"),
-            "events": arg(True, "flag"), "max_rows": arg(8),
+            "events": arg(True, "flag"), "sections": arg((), "none of them"), "max_rows": arg(8),
+            "max_events": arg(8, "none", "count"), "max_crossings": arg(8),
         },
         lambda **given: ss.simulate(OSCILLATOR, 0.0, 1.0, START, 0, saveat=ss.SaveAt(**given)),
     ),
@@ -93,15 +94,16 @@ ENGINE = [
             "function": arg(lambda s, t, y, dy, m, args: y.x, "constant"), "direction": arg("rising"),
             "terminal": arg(False, "flag"), "name": arg("top", "text"),
         },
-        lambda **given: ss.simulate(OSCILLATOR, 0.0, 1.0, START, 0, sections=ss.Section(**given)),
+        lambda **given: ss.simulate(
+            OSCILLATOR, 0.0, 1.0, START, 0, saveat=ss.SaveAt(sections=ss.Section(**given))
+        ),
     ),
     Target(
         ss.simulate,
         {
             "system": SYSTEM, "t0": TIME, "t1": arg(1.0, "finite"), "y0": STATE, "mode0": MODE,
             "args": ARGS, "integrator": INTEGRATOR, "saveat": arg(ss.SaveAt(), "none"),
-            "sections": arg((), "none of them"), "max_events": arg(8, "none", "count"),
-            "max_crossings": arg(8), "throw": arg(True, "flag"),
+            "throw": arg(True, "flag"),
         },
     ),
     Target(

@@ -5,7 +5,7 @@ All are read from the syntax trees of the tracked files, so that they are exact 
 
 import ast
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 
@@ -88,7 +88,10 @@ def numbers(package: str) -> list[str]:
 
 
 def _is_home(node: ast.ClassDef) -> bool:
-    return any("dataclass(frozen=True" in ast.unparse(d) for d in node.decorator_list)
+    """Whether a class holds nothing but numbers. Defaults of settings are those of arguments."""
+    fields = [part for part in node.body if isinstance(part, ast.AnnAssign)]
+    frozen = any("dataclass(frozen=True" in ast.unparse(d) for d in node.decorator_list)
+    return frozen and all(part.value is not None and _is_number(part.value) for part in fields)
 
 
 def interpreters(package: str) -> list[str]:
@@ -103,7 +106,27 @@ def interpreters(package: str) -> list[str]:
 
 
 def arguments(package: str) -> dict[str, int]:
-    """How many arguments each public function and constructor has, the most first."""
+    """How many arguments each public function and method has, the most first.
+
+    Public is a name without an underscore that a user can import: the `__init__` of its package names
+    it, or its page has no underscore. `**options` count as one. Constructors are counted apart, by
+    `fields`: those of a machine are the parameters of a paper, each with a unit, and no object would
+    group them that the paper does not have.
+    """
+    return _sizes(package, lambda path, name: _is_exported(path, name) and not name.startswith("_"))
+
+
+def inner_arguments(package: str) -> dict[str, int]:
+    """The same for functions that pages of one package share, which no user sees."""
+    return _sizes(package, lambda path, name: not _is_exported(path, name) and name[0] != "_")
+
+
+def fields(package: str) -> dict[str, int]:
+    """How many arguments each constructor that is written out has, the most first."""
+    return _sizes(package, lambda path, name: name == "__init__")
+
+
+def _sizes(package: str, counts_in: Callable[[Path, str], bool]) -> dict[str, int]:
     found = {}
     for path, tree in trees(package).items():
         for node in tree.body:
@@ -111,16 +134,34 @@ def arguments(package: str) -> dict[str, int]:
                 node.body if isinstance(node, ast.ClassDef) and not node.name.startswith("_") else []
             )
             for function in [node, *methods]:
-                hidden = isinstance(function, ast.FunctionDef) and function.name.startswith("_")
-                if isinstance(function, ast.FunctionDef) and not (
-                    hidden and function.name != "__init__"
-                ):
+                if isinstance(function, ast.FunctionDef) and counts_in(path, function.name):
                     a = function.args
-                    names = [x.arg for x in (*a.posonlyargs, *a.args, *a.kwonlyargs)]
+                    names = [x.arg for x in (*a.posonlyargs, *a.args, *a.kwonlyargs, a.kwarg) if x]
                     own = [name for name in names if name not in ("self", "cls")]
                     where = f"{path.relative_to(ROOT)}:{function.lineno} {function.name}"
                     found[where] = len(own)
     return dict(sorted(found.items(), key=lambda item: -item[1]))
+
+
+@cache
+def _is_exported(path: Path, name: str) -> bool:
+    """Whether a user can import a function of this name from this page, or a class that has it."""
+    if not path.stem.startswith("_"):
+        return True
+    owners = {
+        node.name
+        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.ClassDef | ast.FunctionDef)
+        and name in (node.name, *(getattr(inner, "name", "") for inner in node.body))
+    }
+    door = ast.parse((path.parent / "__init__.py").read_text(encoding="utf-8"))
+    exported = {
+        alias.name
+        for node in ast.walk(door)
+        if isinstance(node, ast.ImportFrom) and node.module == path.stem
+        for alias in node.names
+    }
+    return not exported.isdisjoint(owners)
 
 
 def import_graph(package: str) -> dict[str, set[str]]:
@@ -156,7 +197,9 @@ def circles(package: str) -> list[set[str]]:
 
 def main() -> None:
     """Print every count."""
-    most, many = next(iter(arguments("stickslip").items()))
+    (most, many), (field, of_fields), (inner, of_inner) = (
+        next(iter(found("stickslip").items())) for found in (arguments, fields, inner_arguments)
+    )
     rows = {
         "lines of Python in stickslip": lines("stickslip"),
         **{f"  in stickslip/{name}": lines(f"stickslip/{name}") for name in LAYERS},
@@ -166,6 +209,8 @@ def main() -> None:
         "functions named by a participle": len(participles("stickslip")),
         "most arguments of a public function": f"{many} ({most})",
         "public functions of more than 9": sum(n > 9 for n in arguments("stickslip").values()),
+        "most arguments of a constructor": f"{of_fields} ({field})",
+        "most arguments of an inner function": f"{of_inner} ({inner})",
         **{f"circles in stickslip/{name}": len(circles(f"stickslip/{name}")) for name in LAYERS},
     }
     for name, value in rows.items():

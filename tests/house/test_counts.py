@@ -11,10 +11,14 @@ import pytest
 from tests.house import counts
 
 # Most that is allowed today: lower these with the counts, never raise them.
-MOST_NUMBERS = 253
-MOST_ARGUMENTS = 16
+MOST_NUMBERS = 247
+MOST_ARGUMENTS = 9
+MOST_FIELDS = 16  # of a constructor: the parameters of a machine
 # Packages whose functions are named for what they do, and whose sentences begin with a subject.
-CLEAN = ("analysis", "contact", "derived", "friction", "hybrid", "plot", "systems", "view")
+CLEAN = (
+    "analysis", "contact", "derived", "friction", "hybrid", "identification", "mechanism", "plot",
+    "sweep", "systems", "view",
+)  # fmt: skip
 # Sentences that begin with their object, and words for which English has plainer ones.
 STUMBLES = re.compile(
     r"(?:^|(?<=[.:] ))(?:What |Of the |Of those |Those that )"
@@ -72,6 +76,7 @@ def test_a_sentence_that_begins_with_its_object_is_seen():
 def test_numbers_and_arguments_do_not_grow():
     assert len(counts.numbers("stickslip")) <= MOST_NUMBERS
     assert next(iter(counts.arguments("stickslip").values())) <= MOST_ARGUMENTS
+    assert next(iter(counts.fields("stickslip").values())) <= MOST_FIELDS
 
 
 @pytest.mark.parametrize("name", counts.LAYERS)

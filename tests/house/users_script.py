@@ -161,7 +161,13 @@ solution = ss.simulate(
 )
 print(solution.to_dataset(system)["x"], solution.events.to_dataframe(system))
 section = ss.Section(lambda system, t, y, dy, mode, args: y.x, name="zero", direction="rising")
-ss.simulate(Timed(system), 0.0, 1.0, (y0, 0.0), sections=section, max_events=None)
+ss.simulate(
+    Timed(system),
+    0.0,
+    1.0,
+    (y0, 0.0),
+    saveat=ss.SaveAt(sections=section, max_events=None),
+)
 ss.interpolate(system, solution, [0.1, 0.3])
 
 block = Block(1.0, 1.0, friction.Stribeck(1.0, 0.5, 0.1))

@@ -57,7 +57,7 @@ def of_map(a=1.4):
     def henon(z):
         return 1.0 - a * z[0] * z[0] + z[1], 0.3 * z[0]
 
-    return lyapunov_spectrum_of_map(henon, (0.1, 0.1), iterations=100)
+    return lyapunov_spectrum_of_map(henon, (0.1, 0.1), Segments(1, 100))
 
 
 def fit(rate=2.0, method=None):
@@ -72,7 +72,7 @@ def fit(rate=2.0, method=None):
 def diagram(last=0.3):
     return orbit_diagram(
         block(), {"belt_speed": np.linspace(0.2, last, 4)}, Motion(x=0.0, v=0.2),
-        Recording(5.0, 10.0, Maximum("x"), "x"), check=0,
+        Recording(5.0, 10.0, Maximum("x"), "x", check=0),
     )  # fmt: skip
 
 
@@ -130,7 +130,7 @@ def test_a_first_call_compiles_one_program(compiled):
     simulate()  # which shares with all that follows how a number becomes an array
     for call in (
         search,
-        lambda: simulate(max_events=9),
+        lambda: simulate(saveat=ss.SaveAt(max_events=9)),
         lambda: corexy_jax.simulate(parameters, voltage, 0.1, rows=11),
     ):
         compiled.clear()

@@ -23,9 +23,9 @@ BLOCK = CoulombOscillator(1.0, 1.0, 1.0, 0.5, 0.2)
 @jax.jit
 def run(belt_speed):
     block = CoulombOscillator(1.0, 1.0, 1.0, 0.5, belt_speed)
-    saveat = ss.SaveAt(ts=jnp.linspace(0.0, 30.0, 31))
+    saveat = ss.SaveAt(ts=jnp.linspace(0.0, 30.0, 31), max_events=8)
     start = Motion(x=0.0, v=belt_speed)
-    return ss.simulate(block, 0.0, 30.0, start, saveat=saveat, max_events=8, throw=False)
+    return ss.simulate(block, 0.0, 30.0, start, saveat=saveat, throw=False)
 
 
 RUN = run(0.2)

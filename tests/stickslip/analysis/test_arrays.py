@@ -113,15 +113,15 @@ def test_orbit_diagram():
     grid = {"belt_speed": SPEEDS}
     found = orbit_diagram(
         lambda belt_speed: machine(belt_speed, True), grid, Y_ARRAYS,
-        recording({"top": Maximum("x[0]"), "low": Minimum("x[1]")}, ["x", "slope of v[1]"]),
-        check=2, **RUN,
+        recording({"top": Maximum("x[0]"), "low": Minimum("x[1]")}, ["x", "slope of v[1]"], check=2),
+        **RUN,
     )  # fmt: skip
     truth = orbit_diagram(
         lambda belt_speed: machine(belt_speed, False), grid, Y_SCALARS,
         recording(
-            {"top": Maximum("x_0"), "low": Minimum("x_1")}, ["x_0", "x_1", "slope of v_1"]
+            {"top": Maximum("x_0"), "low": Minimum("x_1")}, ["x_0", "x_1", "slope of v_1"], check=2
         ),
-        check=2, **RUN,
+        **RUN,
     )  # fmt: skip
     assert found.x.dims == ("belt_speed", "section", "point", "x_0")
     assert found.error_x.dims == ("checked", "section", "x_0")
@@ -252,9 +252,12 @@ def test_two_trajectories_and_volume():
         SCALARS, Y_SCALARS, **LONG, components=["x_0", "x_1"], distance=1e-6
     )
     np.testing.assert_allclose(found.distance, truth.distance, rtol=1e-6)
-    short = {"duration": 3.0, "integrator": STEP}  # before the first event
-    np.testing.assert_allclose(volume_growth(ARRAYS, Y_ARRAYS, **short), -0.1, atol=1e-12)
-    assert float(volume_growth(ARRAYS, Y_ARRAYS, duration=20.0, integrator=STEP)) == -np.inf
+    short = Segments(0.15, 20, warm_up=0)  # ends before the first event
+    np.testing.assert_allclose(
+        volume_growth(ARRAYS, Y_ARRAYS, short, integrator=STEP), -0.1, atol=1e-12
+    )
+    long = Segments(1.0, 20, warm_up=0)
+    assert float(volume_growth(ARRAYS, Y_ARRAYS, long, integrator=STEP)) == -np.inf
 
 
 def history(observables, sections=None):

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.analysis import Maximum, energy_ledger, time_history
+from stickslip.analysis import Maximum, Samples, energy_ledger, time_history
+from stickslip.sweep import Labels, Variable
 from stickslip.systems import BouncingBall, CoulombOscillator, Motion
 
 from ._chaos import Point, lorenz
@@ -20,7 +21,7 @@ def history():
     return time_history(
         OSCILLATOR,
         Motion(0.0, 0.2),
-        np.linspace(30.0, 60.0, 301),
+        Samples(np.linspace(30.0, 60.0, 301), transient=30.0),
         {
             "x": "x",
             "v": "v",
@@ -31,9 +32,8 @@ def history():
             "top": Maximum("x"),
             "rising": ss.Section(lambda system, t, y, dy, mode, args: y.x - 0.3, "rising"),
         },
-        transient=30.0,
         integrator=PRECISE,
-        labels={"a": "m/s^2"},
+        labels=Labels({"a": Variable(units="m/s^2", long_name="acceleration")}, name="one run"),
     )
 
 
@@ -47,7 +47,8 @@ def test_history_is_the_motion(history):
     np.testing.assert_array_equal(history.v.values[stuck], 0.2)
     np.testing.assert_allclose(history.work_rate, history.v * history.a, atol=1e-15)
     assert history.x.units == "m"
-    assert history.a.units == "m/s^2"
+    assert history.a.attrs == {"units": "m/s^2", "long_name": "acceleration"}
+    assert history.attrs["title"] == "one run"
     assert history.attrs["mode_names"] == ["slip backward", "stick", "slip forward"]
 
 
@@ -78,6 +79,18 @@ def test_ledger_of_a_cycle():
     assert ledger.power_belt.units == "W"
 
 
+def test_a_ledger_after_a_transient_is_the_rest_of_the_ledger():
+    t = np.linspace(4.0, 9.0, 26)
+    start = Motion(0.0, 0.2)
+    late = energy_ledger(OSCILLATOR, start, Samples(t, transient=4.0), integrator=PRECISE)
+    whole = energy_ledger(OSCILLATOR, start, np.concatenate([[0.0], t]), integrator=PRECISE)
+    whole = whole.isel(time=slice(1, None))
+    np.testing.assert_allclose(late.energy, whole.energy, atol=1e-9)
+    works = whole.work_friction - whole.work_friction[0]
+    np.testing.assert_allclose(late.work_friction, works, atol=1e-9)
+    assert float(abs(works[-1])) > 0.1
+
+
 def test_ledger_of_impacts():
     """The ball loses (1 - e^2) of its kinetic energy at each bounce, counted at events."""
     ball = BouncingBall(0.5, 9.81, 0.7, 0.2)
@@ -93,10 +106,22 @@ def test_bad_input():
     with pytest.raises(ValueError, match=r"observables = \(\): it must be a name.*at least one"):
         time_history(OSCILLATOR, y0, t, ())
     for wrong in ([1.0], [1.0, 0.0], np.zeros((2, 2))):
-        with pytest.raises(ValueError, match=r"^t(\[1\])? = "):
+        with pytest.raises(ValueError, match=r"^record(\[1\])? = "):
             time_history(OSCILLATOR, y0, wrong, "x")
-        with pytest.raises(ValueError, match=r"^t(\[1\])? = "):
+        with pytest.raises(ValueError, match=r"^record(\[1\])? = "):
             energy_ledger(OSCILLATOR, y0, wrong)
+        with pytest.raises(ValueError, match=r"^ts(\[1\])? = "):
+            Samples(wrong)
+    with pytest.raises(ValueError, match=r"transient = -1\.0"):
+        Samples(t, -1.0)
+    with pytest.raises(ValueError, match="max_points = 0"):
+        Samples(t, max_points=0)
+    with pytest.raises(ValueError, match=r"variables\['z'\].*a label of one of x"):
+        time_history(OSCILLATOR, y0, t, "x", labels=Labels({"z": Variable(units="m")}))
+    with pytest.raises(ValueError, match=r"labels\.settings"):
+        time_history(OSCILLATOR, y0, t, "x", labels=Labels(settings={"seed": 1}))
+    with pytest.raises(TypeError, match="unexpected keyword argument 'transient'"):
+        time_history(OSCILLATOR, y0, t, "x", transient=1.0)
     with pytest.raises(TypeError, match=r"sections\['a'\] = 'x': it must be a Section"):
         time_history(OSCILLATOR, y0, t, "x", sections={"a": "x"})
     with pytest.raises(TypeError, match="must be a system with a method `energy`"):

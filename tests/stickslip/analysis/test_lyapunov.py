@@ -124,23 +124,41 @@ def test_two_trajectories_of_a_linear_flow():
 
 def test_maps():
     """Logistic at 4: ln 2. Tent of slope s: ln s exactly."""
-    logistic = lyapunov_spectrum_of_map(
-        lambda x: 4 * x * (1 - x), 0.2345, iterations=20_000, transient=100
-    )
+    logistic = lyapunov_spectrum_of_map(lambda x: 4 * x * (1 - x), 0.2345, Segments(1, 20_000, 100))
     agree(logistic.exponents[0], np.log(2), logistic.error[0], 0.01)
     slope = 1.99  # at 2 the orbit ends at 0: each step shifts out a binary digit
     tent = lyapunov_spectrum_of_map(
-        lambda x: slope * jnp.where(x < 0.5, x, 1 - x), 0.2345, iterations=200
+        lambda x: slope * jnp.where(x < 0.5, x, 1 - x), 0.2345, Segments(1, 200)
     )
     np.testing.assert_allclose(tent.exponents, np.log(slope), rtol=1e-13)
     assert float(tent.error[0]) < 1e-12
+
+
+def test_segments_of_several_iterations():
+    """The volume of the Hénon map shrinks by 0.3 an iteration, however many make a segment."""
+    found = lyapunov_spectrum_of_map(
+        lambda z: (1 - 1.4 * z[0] ** 2 + z[1], 0.3 * z[0]), (0.1, 0.1), Segments(3, 20, 6, 2, t0=10)
+    )
+    np.testing.assert_allclose(found.local.sum(axis=1), np.log(0.3), rtol=1e-12)
+    np.testing.assert_array_equal(found.time, 3.0 * np.arange(1, 21))
+    assert float(found.t1) == 10 + 6 + 3 * (20 + 2)
+
+
+def test_growth_of_volume_after_a_transient():
+    """The damper takes 0.1 / s of the volume, wherever the average begins."""
+    system = OscillatorBetweenStops(
+        1.0, 2.0, damping=0.1, lower=-9.0, upper=9.0, restitution=0.8, rest_speed=0.0
+    )
+    record = Segments(0.1, 20, transient=1.0, warm_up=2, t0=3.0)
+    grown = jax.jit(lambda: volume_growth(system, Motion(0.0, 1.5), record, integrator=FINE))()
+    np.testing.assert_allclose(grown, -0.1, rtol=1e-10)
 
 
 @pytest.mark.slow
 def test_henon_map():
     """Sprott 2003: 0.4192; the determinant is -0.3 everywhere."""
     henon = lyapunov_spectrum_of_map(
-        lambda z: (1 - 1.4 * z[0] ** 2 + z[1], 0.3 * z[0]), (0.1, 0.1), iterations=40_000, transient=100
+        lambda z: (1 - 1.4 * z[0] ** 2 + z[1], 0.3 * z[0]), (0.1, 0.1), Segments(1, 40_000, 100)
     )
     agree(henon.exponents[0], 0.4192, henon.error[0], 0.01)
     np.testing.assert_allclose(henon.sum, np.log(0.3), rtol=1e-12)
@@ -202,7 +220,9 @@ def test_impacts_equal_the_computation_by_hand(monkeypatch):
 
     @jax.jit
     def volume():
-        return volume_growth(impacting(), START, duration=30.0, integrator=FINE, max_events=64)
+        return volume_growth(
+            impacting(), START, Segments(1.5, 20, warm_up=0), integrator=FINE, max_events=64
+        )
 
     np.testing.assert_allclose(found[0].sum(), 30.0 * volume(), atol=1e-7)
 
@@ -251,10 +271,9 @@ def test_sum_of_exponents_is_the_growth_of_volume(name):
 
     @jax.jit
     def both():
-        found = lyapunov_spectrum(
-            system, start, Segments(duration / segments, segments, warm_up=0), integrator=FINE
-        )
-        return found.sum, volume_growth(system, start, duration=duration, integrator=FINE)
+        record = Segments(duration / segments, segments, warm_up=0)
+        found = lyapunov_spectrum(system, start, record, integrator=FINE)
+        return found.sum, volume_growth(system, start, record, integrator=FINE)
 
     total, volume = (float(a) for a in both())
     if finite:
@@ -353,10 +372,12 @@ def test_wrong_arguments(changes, message):
 def test_wrong_arguments_of_the_others():
     with pytest.raises(ValueError, match=r"distance = 0\.0"):
         two_trajectory_exponent(impacting(), START, Segments(1.0, 20), distance=0.0)
-    with pytest.raises(ValueError, match="iterations = 3"):
-        lyapunov_spectrum_of_map(lambda x: x, 0.1, iterations=3)
+    with pytest.raises(ValueError, match=r"record\.length = 0\.5: it must be a whole number of iter"):
+        lyapunov_spectrum_of_map(lambda x: x, 0.1, Segments(0.5, 20))
+    with pytest.raises(TypeError, match="unexpected keyword argument 'iterations'"):
+        lyapunov_spectrum_of_map(lambda x: x, 0.1, iterations=100)
     with pytest.raises(TypeError, match="function"):
-        lyapunov_spectrum_of_map(2.0, 0.1, iterations=100)
+        lyapunov_spectrum_of_map(2.0, 0.1, Segments(1, 100))
     grid = {"damping": [0.1]}
     for system, y0, message in (
         ("oscillator", START, "system = 'oscillator'"),
@@ -373,6 +394,6 @@ def test_wrong_arguments_of_the_others():
         lyapunov_diagram(impacting(), grid, START, Segments(1.0, 20), spectrum=[1])
     with pytest.raises(ValueError, match="count = 3"):
         lyapunov_diagram(impacting(), grid, START, Segments(1.0, 3))
-    with pytest.raises(ValueError, match=r"duration = -1\.0"):
-        volume_growth(impacting(), START, duration=-1.0)
+    with pytest.raises(TypeError, match=r"record = 30\.0: it must be a Segments"):
+        volume_growth(impacting(), START, 30.0)
     assert LyapunovSpectrum.__doc__

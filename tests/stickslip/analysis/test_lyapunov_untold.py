@@ -33,7 +33,7 @@ ZERO = jnp.asarray(0.0)
 @pytest.mark.parametrize("start", [0.3, 2.0])
 def test_an_orbit_that_leaves_the_finite_numbers(start):
     """Logistic map at 5: almost every orbit runs off to minus infinity. It came out as stable."""
-    found = lyapunov_spectrum_of_map(lambda x: 5 * x * (1 - x), start, iterations=200)
+    found = lyapunov_spectrum_of_map(lambda x: 5 * x * (1 - x), start, Segments(1, 200))
     assert np.isnan(found.exponents).all()
     assert np.isnan(found.error).all()
     assert found.words.tolist() == ["failed"]
@@ -42,8 +42,8 @@ def test_an_orbit_that_leaves_the_finite_numbers(start):
 
 def test_words_of_what_is_told(monkeypatch):
     """The identity is neutral; a constant map forgets all."""
-    assert lyapunov_spectrum_of_map(lambda x: x, 0.3, iterations=40).words.tolist() == ["ok"]
-    forgets = lyapunov_spectrum_of_map(lambda x: 0 * x + 0.5, 0.3, iterations=40)
+    assert lyapunov_spectrum_of_map(lambda x: x, 0.3, Segments(1, 40)).words.tolist() == ["ok"]
+    forgets = lyapunov_spectrum_of_map(lambda x: 0 * x + 0.5, 0.3, Segments(1, 40))
     assert forgets.words.tolist() == ["lost"]
     assert np.isneginf(forgets.exponents).all()
 

@@ -23,7 +23,8 @@ MU = np.array([0.25, 0.49, 1.0, 1.44])
 
 
 RECORDED = (
-    "transient", "duration", "section", "observables", "points", "max_points", "period", "domain", "t0"
+    "transient", "duration", "section", "observables", "points", "max_points", "period", "domain",
+    "check", "t0",
 )  # fmt: skip
 
 

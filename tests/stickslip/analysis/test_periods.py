@@ -59,9 +59,9 @@ def diagram(kind):
         kind(0.5), {"torque": TORQUES}, Swing(0.1, 0.0),
         Recording(
             50 * TURN, 20.3 * TURN, STROBE, ["theta", "omega"], max_points=21,
-            period=PeriodTest(longest=4),
+            period=PeriodTest(longest=4), check=0,
         ),
-        integrator=RK4, check=0,
+        integrator=RK4,
         compute=Compute("portable", progress=False),
     )  # fmt: skip
 

@@ -94,7 +94,7 @@ def test_response_to_a_step_of_the_speed(kind):
     run = ss.simulate(
         _Dragged(law, v_2), 0.0, times[-1], _State(*law.steady_state(v_1)),
         integrator=ss.Integrator("dop853", ss.AdaptiveStep(1e-11, 1e-18)),
-        saveat=ss.SaveAt(ts=times, events=False), max_events=None,
+        saveat=ss.SaveAt(ts=times, max_events=None),
     )  # fmt: skip
     found = law.coefficient_from_state(v_2, (run.outputs.y.z,))
     slip = v_2 * times / D_C
@@ -155,7 +155,7 @@ def test_declared_mechanism_against_a_stiff_solver(kind):
     run = ss.simulate(
         form, 0.0, 4.0, form.start(form.mechanism.state(x=-0.024, v_x=0.01)),
         integrator=ss.Integrator("dop853", ss.AdaptiveStep(1e-9, 1e-12)),
-        saveat=ss.SaveAt(ts=times, events=False), max_events=None,
+        saveat=ss.SaveAt(ts=times, max_events=None),
     )  # fmt: skip
     np.testing.assert_allclose(run.outputs.y.y.x, told.y[0], rtol=0, atol=2e-8)
     np.testing.assert_allclose(run.outputs.y.z[0][0], d_c * np.log(v_0 * told.y[2] / d_c), atol=1e-7)

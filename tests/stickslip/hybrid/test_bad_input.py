@@ -71,8 +71,8 @@ def run(system=None, t0=0.0, t1=1.0, y0=Y0, mode0=None, **kwargs):
         (dict(integrator=with_atol({"kg": 1e-9})), ValueError, ["atol = {'kg': 1e-09}", "'x'"]),
         (dict(integrator=with_atol([1e-9])), ValueError, ["atol = ", "structure of the state"]),
         (dict(integrator=with_atol(jnp.ones(2))), ValueError, ["atol = ", "(2,)", "one number"]),
-        (dict(max_events=-1), ValueError, ["max_events = -1", "integer of at least 0"]),
-        (dict(max_crossings=0), ValueError, ["max_crossings = 0", "integer of at least 1"]),
+        (dict(saveat=8), TypeError, ["saveat = 8", "a SaveAt"]),
+        (dict(max_events=8), TypeError, ["unexpected keyword argument", "max_events"]),
     ],
 )
 def test_simulate(kwargs, error, words):
@@ -80,6 +80,11 @@ def test_simulate(kwargs, error, words):
         run(**kwargs)
     for word in words:
         assert word in str(raised.value), (word, str(raised.value))
+
+
+def test_sections_of_another_type():
+    with pytest.raises(TypeError, match=r"sections = 'x': it must be a Section or a sequence of Sec"):
+        ss.SaveAt(sections="x")
 
 
 @pytest.mark.parametrize(
@@ -102,6 +107,8 @@ def test_simulate(kwargs, error, words):
         (lambda: ss.Integrator(dfx.Euler()), ["step = AdaptiveStep", "Euler", "error estimate"]),
         (lambda: ss.Integrator(max_steps=0), ["max_steps = 0", "integer of at least 1"]),
         (lambda: ss.SaveAt(ts=[[0.5]]), ["ts = [[0.5]]", "(1, 1)", "a vector"]),
+        (lambda: ss.SaveAt(max_events=-1), ["max_events = -1", "integer of at least 0"]),
+        (lambda: ss.SaveAt(max_crossings=0), ["max_crossings = 0", "integer of at least 1"]),
         (lambda: ss.Section(lambda *a: 0.0, "up"), ["direction = 'up'", "rising"]),
         (lambda: ss.map_lanes(abs, executor="fast"), ["executor = 'fast'", "portable"]),
         (lambda: ss.map_lanes(abs, chunk_size=0), ["chunk_size = 0", "integer of at least 1"]),

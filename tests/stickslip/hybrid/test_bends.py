@@ -52,7 +52,7 @@ def closed_form(x, v, k, t1):
 
 
 def of_soft(x, k):
-    run = ss.simulate(Soft(k), 0.0, 10.0, Motion(x=x, v=jnp.zeros(())), max_events=0)
+    run = ss.simulate(Soft(k), 0.0, 10.0, Motion(x=x, v=jnp.zeros(())), saveat=ss.SaveAt(max_events=0))
     return run.y1.x, (run.y1.x, run.flags)
 
 
@@ -183,7 +183,9 @@ def test_a_gear_with_play_a_table_and_a_brake():
 
     def end(gap):
         wheels = Wheels(gap, Coulomb(1.0, 0.8))
-        run = ss.simulate(wheels, 0.0, 6.0, wheels.state(a=0.3, v_a=1.0), max_events=32)
+        run = ss.simulate(
+            wheels, 0.0, 6.0, wheels.state(a=0.3, v_a=1.0), saveat=ss.SaveAt(max_events=32)
+        )
         return run.y1.b, (run.y1.b, run.flags, run.num_events, run.events.guard, run.mode1)
 
     gap, h = 0.1, 1e-5
@@ -214,6 +216,30 @@ class Looped(ss.AbstractSmoothSystem):
 
     def switches(self, t, y, mode, args):
         return (y.x, y.x - 0.5) if self.declares else ()
+
+
+class Kicked(ss.AbstractSmoothSystem):
+    """A spring with a pull that jumps at `-place`."""
+
+    place: Any
+
+    def vector_field(self, t, y, mode, args):
+        return Motion(x=y.v, v=-3.0 * y.x - jnp.where(y.x < -self.place, -2.0, 4.0))
+
+
+def test_a_border_that_is_met_to_the_last_digit_still_moves():
+    """Of 58 runs with up to four crossings each, some end a step where the two sides are equal."""
+
+    def end(place, t1):
+        run = ss.simulate(Kicked(place), 0.0, t1, Motion(0.7, 0.0), integrator=PRECISE)
+        return run.y1.x, (run.y1.x, run.flags)
+
+    h, t1 = 1e-5, np.arange(0.3, 6.05, 0.1)
+    found = jax.jit(jax.vmap(jax.jacfwd(end, has_aux=True)))
+    slopes, (ends, flags) = found(np.repeat(0.5 + h * np.arange(-1, 2), 58), np.tile(t1, 3))
+    low, _, high = ends.reshape(3, 58)
+    np.testing.assert_allclose(slopes.reshape(3, 58)[1], (high - low) / (2 * h), atol=1e-6)
+    assert not np.any(flags)
 
 
 @pytest.mark.more

@@ -104,8 +104,8 @@ def test_outputs_at_the_very_breaks():
     def run(times):
         system = ss.WithBreaks(Lines(times, jnp.asarray(forces)), times[1:-1])
         start = system.start(Motion(0.0, 0.0))
-        saveat = ss.SaveAt(ts=times)
-        done = ss.simulate(system, 0.0, times[-1], start, saveat=saveat, max_events=2 * count)
+        saveat = ss.SaveAt(ts=times, max_events=2 * count)
+        done = ss.simulate(system, 0.0, times[-1], start, saveat=saveat)
         return done.outputs.y.y.x, done.num_events, done.flags
 
     for step in (0.02, 0.1, 1.0 / 3.0, 0.7):

@@ -73,7 +73,7 @@ def test_first_of_three_zeros_fires(method):
 
     def first(speed, threshold, phase):
         run = ss.simulate(
-            Pulled(speed, threshold, phase), 0.0, END, Carried(0.0), max_events=1,
+            Pulled(speed, threshold, phase), 0.0, END, Carried(0.0), saveat=ss.SaveAt(max_events=1),
             integrator=ss.Integrator(method, ss.AdaptiveStep(1e-8)),
         )  # fmt: skip
         return run.events.t[0], run.flags
@@ -116,7 +116,7 @@ def test_a_section_records_all_three(method, direction, chosen):
             lambda system, t, y, dy, mode, args: threshold - y.x - jax.numpy.sin(t + phase), direction
         )
         run = ss.simulate(
-            Carriage(speed), 0.0, END, Carried(0.0), sections=section,
+            Carriage(speed), 0.0, END, Carried(0.0), saveat=ss.SaveAt(sections=section),
             integrator=ss.Integrator(method, ss.AdaptiveStep(1e-8)),
         )  # fmt: skip
         return run.crossings[0].count, run.crossings[0].t[:3]

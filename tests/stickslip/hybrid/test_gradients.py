@@ -27,7 +27,7 @@ def end_of_stick_slip(parameters, t=30.0, h=0.25, **kwargs):
         State(0.0 * v, v),
         0,
         integrator=fixed(h),
-        max_events=None,
+        saveat=ss.SaveAt(max_events=None),
         **kwargs,
     )
 
@@ -64,7 +64,13 @@ def test_derivatives_of_event_times():
     def times(p):
         v, fs, fk = p
         run = ss.simulate(
-            StickSlip(v, fs, fk), 0.0, 12.0, State(0.0 * v, v), 0, integrator=fixed(0.25), max_events=4
+            StickSlip(v, fs, fk),
+            0.0,
+            12.0,
+            State(0.0 * v, v),
+            0,
+            integrator=fixed(0.25),
+            saveat=ss.SaveAt(max_events=4),
         )
         return run.events.t[:2]
 
@@ -91,7 +97,7 @@ def test_curved_guard_and_explicit_time():
         slope, curvature, x0, v0, t0 = p
         run = ss.simulate(
             Flight(-1.0, 0.5, slope, curvature), t0, 2.0, State(x0, v0), 0,
-            integrator=fixed(0.5, "rk4"), max_events=1,
+            integrator=fixed(0.5, "rk4"), saveat=ss.SaveAt(max_events=1),
         )  # fmt: skip
         return jnp.stack([run.events.t[0], run.y1.x, run.y1.v])
 
@@ -116,14 +122,14 @@ def everything(q, ts):
     """All kinds of results of one run as one vector."""
     v, fs, x0, t0, t1 = q
     run = ss.simulate(
-        StickSlip(v, fs, 0.5), t0, t1, State(x0, v), 0,
-        integrator=fixed(0.3, "tsit5"),
-        saveat=ss.SaveAt(ts=ts, steps=True, max_rows=64),
-        sections=(
-            ss.Section(lambda system, t, y, dy, mode, args: y.x - 0.3, "both"),
-            ss.Section(lambda system, t, y, dy, mode, args: dy.v + 0.2, "rising"),
+        StickSlip(v, fs, 0.5), t0, t1, State(x0, v), 0, integrator=fixed(0.3, "tsit5"),
+        saveat=ss.SaveAt(
+            ts=ts, steps=True, max_rows=64, max_events=4, max_crossings=4,
+            sections=(
+                ss.Section(lambda system, t, y, dy, mode, args: y.x - 0.3, "both"),
+                ss.Section(lambda system, t, y, dy, mode, args: dy.v + 0.2, "rising"),
+            ),
         ),
-        max_events=4, max_crossings=4,
     )  # fmt: skip
     pieces = [
         run.y1, run.outputs.y, run.outputs.dy, run.crossings[0].t, run.crossings[1].y,

@@ -36,11 +36,21 @@ def test_guard_that_starts_at_zero_and_falls_fires_at_once():
 def test_short_rise_from_zero_within_one_step():
     """From zero with a small upward speed the ball is back on the floor after 0.02, in one step."""
     run = ss.simulate(
-        Flight(), 0.0, 0.015, State(0.0, 0.01), integrator=fixed(1.0, "rk4"), max_events=32
+        Flight(),
+        0.0,
+        0.015,
+        State(0.0, 0.01),
+        integrator=fixed(1.0, "rk4"),
+        saveat=ss.SaveAt(max_events=32),
     )
     assert run.num_events == 0
     run = ss.simulate(
-        Flight(), 0.0, 0.025, State(0.0, 0.01), integrator=fixed(1.0, "rk4"), max_events=32
+        Flight(),
+        0.0,
+        0.025,
+        State(0.0, 0.01),
+        integrator=fixed(1.0, "rk4"),
+        saveat=ss.SaveAt(max_events=32),
     )
     assert run.num_events == 1
     assert abs(run.events.t[0] - 0.02) < 1e-15
@@ -73,7 +83,7 @@ def test_excursion_without_dip_detection_needs_a_bounded_step():
 def test_two_crossings_of_one_section_in_one_step():
     section = ss.Section(lambda system, t, y, dy, mode, args: y.x + 0.999, "both")
     run = ss.simulate(
-        Parabola(-9.0), 0.0, 4.0, State(0.0, -(2.0**0.5)), sections=section,
+        Parabola(-9.0), 0.0, 4.0, State(0.0, -(2.0**0.5)), saveat=ss.SaveAt(sections=section),
         integrator=fixed(1.3, "rk4"),
     )  # fmt: skip
     half = (2 * 1e-3) ** 0.5
@@ -141,7 +151,13 @@ def test_both_guards_of_one_mode_the_nearer_one_wins():
 def test_zeno_ends_with_a_code_not_a_hang():
     """A bouncing ball's impacts accumulate at t = (1 + e)/(1 - e) sqrt(2 x0/g)."""
     run = ss.simulate(
-        Flight(), 0.0, 10.0, State(0.5, 0.0), integrator=fixed(0.5, "rk4"), max_events=200, throw=False
+        Flight(),
+        0.0,
+        10.0,
+        State(0.5, 0.0),
+        integrator=fixed(0.5, "rk4"),
+        saveat=ss.SaveAt(max_events=200),
+        throw=False,
     )
     assert run.result == ss.RESULTS.chattering
     assert abs(run.t1 - 3.0) < 1e-6
@@ -198,7 +214,7 @@ def test_lanes_fail_each_in_their_own_way():
     def lane(fate):
         return ss.simulate(
             Mixed(0.0, 1.0, fate), 0.0, 12.0, State(1.0, 0.0), 0,
-            integrator=fixed(0.1, "rk4"), max_events=20, throw=False,
+            integrator=fixed(0.1, "rk4"), saveat=ss.SaveAt(max_events=20), throw=False,
         )  # fmt: skip
 
     run = jax.vmap(lane)(jnp.array([0, 1, 2, 3]))
@@ -221,7 +237,7 @@ def test_good_lanes_are_not_disturbed_by_bad_ones():
             0,
             integrator=fixed(0.3),
             throw=False,
-            max_events=16,
+            saveat=ss.SaveAt(max_events=16),
         )
 
     alone = jax.vmap(lane)(jnp.array([0.2, 0.3]))
@@ -236,13 +252,15 @@ def test_throw_raises_the_message():
     # Outside of a transformation the error keeps what was computed, and says nothing of compilers.
     message = r"^max_events_reached \(the run got to t = [0-9.]+ s\): The log of events is full"
     with pytest.raises(ss.SimulationError, match=message) as caught:
-        ss.simulate(*given, max_events=3)
-    kept = ss.simulate(*given, max_events=3, throw=False)
+        ss.simulate(*given, saveat=ss.SaveAt(max_events=3))
+    kept = ss.simulate(*given, saveat=ss.SaveAt(max_events=3), throw=False)
     jax.tree.map(np.testing.assert_array_equal, caught.value.solution.y1, kept.y1)
     assert 0.0 < float(kept.t1) < 50.0
     with pytest.raises(Exception, match="log of events is full"):
-        jax.jit(lambda: ss.simulate(*given, max_events=3))()
-    many = jax.vmap(lambda v: ss.simulate(*given[:3], State(0.0, v), max_events=3, throw=False))
+        jax.jit(lambda: ss.simulate(*given, saveat=ss.SaveAt(max_events=3)))()
+    many = jax.vmap(
+        lambda v: ss.simulate(*given[:3], State(0.0, v), saveat=ss.SaveAt(max_events=3), throw=False)
+    )
     found = many(jnp.array([0.2, 0.1]))
     with pytest.raises(ss.SimulationError, match=r"^1 of 2 runs failed:\n  1 max_events_reached: "):
         raise_failures(found, jnp.array([True, False]))
@@ -257,7 +275,12 @@ def test_max_steps_and_crossings_have_codes():
     assert run.t1 < 3.0
     section = ss.Section(lambda system, t, y, dy, mode, args: y.v, "both")
     run = ss.simulate(
-        Circle(-2.0), 0.0, 50.0, State(1.0, 0.0), sections=section, max_crossings=3, throw=False
+        Circle(-2.0),
+        0.0,
+        50.0,
+        State(1.0, 0.0),
+        saveat=ss.SaveAt(sections=section, max_crossings=3),
+        throw=False,
     )
     assert run.result == ss.RESULTS.max_crossings_reached
     assert run.crossings[0].count == 3

@@ -113,7 +113,13 @@ def test_no_hop_is_missed(method):
         )  # fmt: skip
         integrator = ss.Integrator(method=method, step=ss.AdaptiveStep(rtol))
         out = ss.simulate(
-            stops, 0.0, END, Motion(x, v), integrator=integrator, max_events=512, throw=False
+            stops,
+            0.0,
+            END,
+            Motion(x, v),
+            integrator=integrator,
+            saveat=ss.SaveAt(max_events=512),
+            throw=False,
         )
         return out.y1.x, out.num_events, out.flags
 

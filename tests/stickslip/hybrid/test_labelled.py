@@ -22,8 +22,8 @@ def runs(belt_speed):
     block = CoulombOscillator(1.0, 1.0, 1.0, 0.5, belt_speed)
     section = ss.Section(lambda system, t, y, dy, mode, args: y.x - 0.5, "rising")
     return ss.simulate(
-        block, 0.0, 30.0, Motion(x=0.0, v=belt_speed), sections=section,
-        saveat=ss.SaveAt(ts=TIMES), max_events=8, max_crossings=8,
+        block, 0.0, 30.0, Motion(x=0.0, v=belt_speed),
+        saveat=ss.SaveAt(ts=TIMES, sections=section, max_events=8, max_crossings=8),
     )  # fmt: skip
 
 
@@ -99,7 +99,13 @@ class Turning(ss.AbstractSmoothSystem):
 
 def test_arrays_and_periods():
     start = Rod(0.0, jnp.arange(3.0))
-    run = ss.simulate(Turning(), 0.0, 1.0, start, saveat=ss.SaveAt(steps=True), max_events=None)
+    run = ss.simulate(
+        Turning(),
+        0.0,
+        1.0,
+        start,
+        saveat=ss.SaveAt(steps=True, max_events=None),
+    )
     data = run.to_dataset(Turning())
     assert data.parts.dims == ("time", "parts_0")
     assert data.theta.attrs == {"units": "rad", "period": 2 * math.pi}

@@ -18,14 +18,16 @@ REST = Motion(0.0, 0.0)
 @jax.jit
 @jax.vmap
 def by_default(load):
-    return ss.simulate(Block(load), 0.0, END, REST, max_events=512, throw=False)
+    return ss.simulate(Block(load), 0.0, END, REST, saveat=ss.SaveAt(max_events=512), throw=False)
 
 
 @jax.jit
 @jax.vmap
 def with_breaks(load):
     block = ss.WithBreaks(Block(load), load.breaks)
-    return ss.simulate(block, 0.0, END, block.start(REST), max_events=512, throw=False)
+    return ss.simulate(
+        block, 0.0, END, block.start(REST), saveat=ss.SaveAt(max_events=512), throw=False
+    )
 
 
 def wrong(x, run, reference, events):
@@ -78,7 +80,9 @@ def test_without_the_doubt_most_events_at_rest_are_missed(monkeypatch):
     @jax.jit
     @jax.vmap
     def run(load):
-        return ss.simulate(Block(load), 0.0, END, REST, max_events=512, throw=False, integrator=free)
+        return ss.simulate(
+            Block(load), 0.0, END, REST, saveat=ss.SaveAt(max_events=512), throw=False, integrator=free
+        )
 
     off = wrong((found := run(loads)).y1.x, found, *march(loads, 60_000))
     assert np.sum(off & (np.asarray(found.flags) == 0)) > 10
@@ -97,7 +101,7 @@ def test_a_resting_block_under_one_tone(amplitude, rate):
     )  # fmt: skip
     fine = ss.Integrator(step=ss.AdaptiveStep(1e-12, 1e-14, dtmax=1e-2 / rate))
     run, exact = (
-        ss.simulate(Block(load), 0.0, 30.0 / rate, REST, integrator=i, max_events=64)
+        ss.simulate(Block(load), 0.0, 30.0 / rate, REST, integrator=i, saveat=ss.SaveAt(max_events=64))
         for i in (None, fine)
     )
     assert int(run.num_events) == int(exact.num_events) > 5
@@ -169,7 +173,7 @@ def test_sections_of_time_are_not_jumped_over():
     """A stroboscopic section, while nothing moves."""
     strobe = ss.Section(lambda system, t, y, dy, mode, args: jnp.sin(2 * jnp.pi * t), "rising")
     rest = Pushed(1e9, 1.0)
-    run = ss.simulate(rest, 0.0, 25.5, REST, sections=strobe)
+    run = ss.simulate(rest, 0.0, 25.5, REST, saveat=ss.SaveAt(sections=strobe))
     np.testing.assert_allclose(run.crossings[0].t[:25], np.arange(1.0, 26.0), atol=1e-9)
     assert int(run.crossings[0].count) == 25
 

@@ -148,7 +148,7 @@ def test_implicit_methods_take_as_many_steps_as_the_tolerance_asks_for(size):
 
     def run(method, tolerance):
         rule = ss.Integrator(method, ss.AdaptiveStep(tolerance))
-        return ss.simulate(block, 0.0, 30.0, start, integrator=rule, max_events=None)
+        return ss.simulate(block, 0.0, 30.0, start, integrator=rule, saveat=ss.SaveAt(max_events=None))
 
     exact = float(run("dop853", 1e-12).y1.x)
     for tolerance, most, error in ((1e-5, 300, 2e-4), (1e-10, 2_000, 2e-8)):

@@ -53,7 +53,7 @@ def pieces(t, system):
 
 @jax.jit
 def pushed_from_rest(system):
-    return ss.simulate(system, 0.0, 100.0, Motion(0.0, 0.0), max_events=None)
+    return ss.simulate(system, 0.0, 100.0, Motion(0.0, 0.0), saveat=ss.SaveAt(max_events=None))
 
 
 @pytest.mark.parametrize(

@@ -191,7 +191,7 @@ def end(k3):
     return run(k3).y1
 
 def turns(k3):
-    found = run(k3, sections=ss.Section(lambda system, t, y, dy, mode, args: y.vx))
+    found = run(k3, saveat=ss.SaveAt(sections=ss.Section(lambda system, t, y, dy, mode, args: y.vx)))
     return found.y1.x, found.crossings[0].t
 
 def text(function):

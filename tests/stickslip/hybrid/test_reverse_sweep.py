@@ -25,8 +25,8 @@ def results(p, max_steps, saveat=None):
     v, fs, fk = p
     integrator = ss.Integrator(step=fixed(0.25).step, max_steps=max_steps)
     run = ss.simulate(
-        StickSlip(v, fs, fk), 0.0, 30.0, State(0.0 * v, v), 0, integrator=integrator, max_events=8,
-        saveat=saveat, throw=False,
+        StickSlip(v, fs, fk), 0.0, 30.0, State(0.0 * v, v), 0, integrator=integrator,
+        saveat=ss.SaveAt(max_events=8) if saveat is None else saveat, throw=False,
     )  # fmt: skip
     logged = [] if saveat is None else [run.outputs.y.x, run.steps.y.x[:200:7]]
     found = jnp.concatenate([jnp.stack([run.y1.x, run.events.t[3], run.events.y_after.x[4]]), *logged])

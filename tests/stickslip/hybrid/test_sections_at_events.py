@@ -43,7 +43,9 @@ def test_zeros_of_guards_are_crossings_of_the_same_functions(number):
     @jax.vmap
     def run(amplitude, omega):
         load = tone_only(amplitude, omega)
-        found = ss.simulate(Block(load), 0.0, END, REST, args=load, sections=SECTIONS, throw=False)
+        found = ss.simulate(
+            Block(load), 0.0, END, REST, args=load, saveat=ss.SaveAt(sections=SECTIONS), throw=False
+        )
         return found.successful, found.flags, found.events, found.num_events, found.crossings
 
     successful, flags, events, events_count, crossings = run(jnp.asarray(amplitude), jnp.asarray(omega))
@@ -71,16 +73,22 @@ def test_what_leaves_zero_and_comes_back_within_the_first_step(direction, termin
     section = ss.Section(lambda system, t, y, dy, mode, args: y.x, direction, terminal=terminal)
     flight = Flight(acceleration=-9.0, slope=-100.0)
     step = ss.Integrator("rk4", ss.FixedStep(0.3), detect_dips=False)
-    run = ss.simulate(flight, 0.0, 0.9, State(0.0, 1.0), sections=section, integrator=step)
+    run = ss.simulate(
+        flight, 0.0, 0.9, State(0.0, 1.0), saveat=ss.SaveAt(sections=section), integrator=step
+    )
     assert int(run.crossings[0].count) == 1
     np.testing.assert_allclose(run.crossings[0].t[0], 2.0 / 9.0, rtol=1e-12)
     down = ss.Section(lambda system, t, y, dy, mode, args: y.x, "rising", terminal=terminal)
-    run = ss.simulate(flight, 0.0, 0.9, State(0.0, 1.0), sections=down, integrator=step)
+    run = ss.simulate(
+        flight, 0.0, 0.9, State(0.0, 1.0), saveat=ss.SaveAt(sections=down), integrator=step
+    )
     assert int(run.crossings[0].count) == 0
 
 
 def test_what_begins_on_zero_is_counted_once_it_comes_back():
     section = ss.Section(lambda system, t, y, dy, mode, args: y.x, "both")
-    run = ss.simulate(Flight(-9.0, slope=-100.0), 0.0, 0.5, State(0.0, 1.0), sections=section)
+    run = ss.simulate(
+        Flight(-9.0, slope=-100.0), 0.0, 0.5, State(0.0, 1.0), saveat=ss.SaveAt(sections=section)
+    )
     assert int(run.crossings[0].count) == 1
     np.testing.assert_allclose(run.crossings[0].t[0], 2.0 / 9.0, rtol=1e-9)

@@ -29,7 +29,7 @@ def run(at, t0, h):
     # Between two numbers, so that no time can be told at which the guard is zero.
     before = 0.4 * np.spacing(max(t0, h))
     block, rest = Block(Growth(at, before, h)), Motion(0.0, 0.0)
-    return ss.simulate(block, t0, t0 + 8 * h, rest, integrator=fixed, max_events=8)
+    return ss.simulate(block, t0, t0 + 8 * h, rest, integrator=fixed, saveat=ss.SaveAt(max_events=8))
 
 
 @pytest.mark.more
@@ -58,7 +58,9 @@ class Bent(CoulombOscillator):
 def held(speed):
     block = Bent(1.0, 1.0, 1.0, 0.5, speed)
     fixed = ss.Integrator(step=ss.FixedStep(0.2))
-    return ss.simulate(block, 0.0, 4.1, Motion(0.0, speed), integrator=fixed, max_events=4)
+    return ss.simulate(
+        block, 0.0, 4.1, Motion(0.0, speed), integrator=fixed, saveat=ss.SaveAt(max_events=4)
+    )
 
 
 @pytest.mark.more

@@ -19,14 +19,18 @@ def run():
         0.0,
         50.0,
         START,
-        saveat=ss.SaveAt(ts=jnp.linspace(0.0, 50.0, 11), steps=True, max_rows=512),
-        sections=(
-            ss.Section(lambda system, t, y, dy, mode, args: y.x - 0.3, "rising"),
-            ss.Section(lambda system, t, y, dy, mode, args: y.x - 0.3, "falling"),
-            ss.Section(lambda system, t, y, dy, mode, args: y.x - 0.3, "both"),
-            ss.Section(lambda system, t, y, dy, mode, args: dy.v + 0.2, "rising"),
+        saveat=ss.SaveAt(
+            ts=jnp.linspace(0.0, 50.0, 11),
+            steps=True,
+            max_rows=512,
+            sections=(
+                ss.Section(lambda system, t, y, dy, mode, args: y.x - 0.3, "rising"),
+                ss.Section(lambda system, t, y, dy, mode, args: y.x - 0.3, "falling"),
+                ss.Section(lambda system, t, y, dy, mode, args: y.x - 0.3, "both"),
+                ss.Section(lambda system, t, y, dy, mode, args: dy.v + 0.2, "rising"),
+            ),
+            max_events=32,
         ),
-        max_events=32,
         integrator=ss.Integrator(step=ss.AdaptiveStep(1e-13, 1e-13)),
     )
 
@@ -129,7 +133,7 @@ def test_order_between_and_across_events(method, order):
             State(0.0, 0.31),
             0,
             integrator=fixed(h, method),
-            max_events=None,
+            saveat=ss.SaveAt(max_events=None),
         ).y1.x
 
     errors = [abs(float(end(h)) - x) for h in hs]
@@ -162,7 +166,14 @@ def test_zero_length_run_and_output_at_start():
 def test_terminal_section_ends_the_run_on_the_section():
     section = ss.Section(lambda system, t, y, dy, mode, args: y.x - 0.25, "falling", terminal=True)
     exact = ss.Integrator(step=ss.AdaptiveStep(1e-14, 1e-14))
-    run = ss.simulate(Circle(level=-2.0), 0.0, 9.0, State(1.0, 0.0), sections=section, integrator=exact)
+    run = ss.simulate(
+        Circle(level=-2.0),
+        0.0,
+        9.0,
+        State(1.0, 0.0),
+        saveat=ss.SaveAt(sections=section),
+        integrator=exact,
+    )
     assert run.result == ss.RESULTS.event_occurred
     assert abs(run.t1 - np.arccos(0.25)) < 1e-13
     assert abs(run.y1.x - 0.25) < 1e-15
@@ -183,7 +194,13 @@ def test_one_lane_is_the_same_under_vmap_and_in_chunks():
 
     def end(v):
         return ss.simulate(
-            StickSlip(v), 0.0, 20.0, State(0.0 * v, v), 0, integrator=fixed(0.3), max_events=16
+            StickSlip(v),
+            0.0,
+            20.0,
+            State(0.0 * v, v),
+            0,
+            integrator=fixed(0.3),
+            saveat=ss.SaveAt(max_events=16),
         )
 
     together = jax.jit(jax.vmap(end))(speeds)
@@ -203,7 +220,7 @@ def test_recorded_sections_do_not_change_the_motion():
     )
 
     def end(sections):
-        return ss.simulate(StickSlip(0.2), 0.0, 20.0, START, sections=sections)
+        return ss.simulate(StickSlip(0.2), 0.0, 20.0, START, saveat=ss.SaveAt(sections=sections))
 
     bare, cut = end(()), end(sections)
     assert int(cut.crossings[0].count) > 0
@@ -223,7 +240,7 @@ def test_a_short_excursion_through_a_section_is_seen_from_both_sides(side):
     both, falling = (
         ss.simulate(
             Circle(-5.0), 0.0, 6.0, State(float(np.cos(3.0)), float(np.sin(3.0))),
-            sections=ss.Section(gap, direction), integrator=fixed(0.21),
+            saveat=ss.SaveAt(sections=ss.Section(gap, direction)), integrator=fixed(0.21),
         ).crossings[0]
         for direction in ("both", "falling")
     )  # fmt: skip

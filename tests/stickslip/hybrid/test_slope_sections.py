@@ -38,7 +38,13 @@ def crossings(level, direction, method):
     integrator = ss.Integrator(method, ss.AdaptiveStep(1e-7))
     start = Motion(1.0, 0.0)
     run = ss.simulate(
-        Oscillator(), 0.0, END, start, args=level, sections=(section,), integrator=integrator
+        Oscillator(),
+        0.0,
+        END,
+        start,
+        args=level,
+        saveat=ss.SaveAt(sections=(section,)),
+        integrator=integrator,
     )
     return run.crossings[0].count, run.crossings[0].t
 

@@ -80,7 +80,7 @@ def test_two_blocks_under_random_loads_end_as_with_tiny_steps_or_are_flagged(num
         def run(load):
             return ss.simulate(
                 TwoBlocks(load), 0.0, END, Positions(0.0, 0.0, 0.0, 0.0), 4, throw=False,
-                integrator=ss.Integrator(step=step), max_events=None,
+                integrator=ss.Integrator(step=step), saveat=ss.SaveAt(max_events=None),
             )  # fmt: skip
 
         found = run(loads)

@@ -114,7 +114,9 @@ def in_a_row(length, force, time):
 def found(make, units, **options):
     def run(length, force, time):
         machine, end, start = make(length, force, time)
-        done = ss.simulate(machine, 0.0, end, start, max_events=64, throw=False, **options)
+        done = ss.simulate(
+            machine, 0.0, end, start, saveat=ss.SaveAt(max_events=64), throw=False, **options
+        )
         return done.y1.x / length, done.y1.v_x * time / length, done.events.t / time, done.num_events, (
             done.flags, done.successful
         )  # fmt: skip
@@ -159,7 +161,9 @@ def test_short_excursions_through_a_section_are_seen_however_small():
 
     def crossings(size):
         start = Motion(size, 0.0 * size)
-        done = ss.simulate(Swing(), 0.0, 7.0, start, args=0.9999 * size, sections=section)
+        done = ss.simulate(
+            Swing(), 0.0, 7.0, start, args=0.9999 * size, saveat=ss.SaveAt(sections=section)
+        )
         return done.crossings[0].count, done.crossings[0].t[:2]
 
     count, times = map_to_numpy(jax.jit(jax.vmap(crossings))(jnp.asarray([1.0, 1e-14, 1e9])))

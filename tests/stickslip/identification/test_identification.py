@@ -35,8 +35,8 @@ def positions(values):
     friction = (values["mu_s"] * values["load"], values["mu_k"] * values["load"])
     block = CoulombOscillator(1.0, values["stiffness"], *friction, 0.2)
     found = ss.simulate(
-        block, 0.0, TIMES[-1], Motion(x=0.0, v=0.2), "stick", max_events=None, throw=False,
-        saveat=ss.SaveAt(ts=TIMES, events=False),
+        block, 0.0, TIMES[-1], Motion(x=0.0, v=0.2), "stick", throw=False,
+        saveat=ss.SaveAt(ts=TIMES, max_events=None),
     )  # fmt: skip
     return found.outputs.y.x
 
@@ -95,7 +95,7 @@ def test_covariance_is_that_of_repeated_experiments():
 def test_products_that_cannot_be_seen():
     found = jax.tree.map(lambda a: a[0], many())
     matrix = found.sensitivity
-    np.testing.assert_array_equal(matrix.seen(), [True, True, True, False])
+    np.testing.assert_array_equal(matrix.seen_directions(), [True, True, True, False])
     hidden = matrix.directions[3] * np.sign(matrix.directions[3][0])
     np.testing.assert_allclose(hidden, np.array([1, -1, -1, 0]) / np.sqrt(3), atol=1e-9)
     errors = found.standard_errors()
@@ -117,7 +117,7 @@ def test_sensitivity_of_a_formula():
 
 def test_fewer_data_than_unknowns():
     found = sensitivity(lambda p: jnp.stack([p["a"] * p["b"]]), dict(a=1.0, b=2.0))
-    np.testing.assert_array_equal(found.seen(), [True, False])
+    np.testing.assert_array_equal(found.seen_directions(), [True, False])
     assert all(np.isinf(float(e)) for e in found.relative_standard_errors().values())
 
 

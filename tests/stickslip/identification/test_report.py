@@ -48,7 +48,9 @@ def made(colour=0.0, **more):
 
 def run(stiffness):
     block = CoulombOscillator(1.0, stiffness, 1.0, 0.5, 0.2)
-    return ss.simulate(block, 0.0, 9.0, Motion(x=0.0, v=0.2), "stick", max_events=None)
+    return ss.simulate(
+        block, 0.0, 9.0, Motion(x=0.0, v=0.2), "stick", saveat=ss.SaveAt(max_events=None)
+    )
 
 
 @pytest.mark.more

@@ -76,13 +76,13 @@ def test_chain_in_both_coordinates(blocks):
     make = dict(mass=1.0, pull=1.0, coupling=2.0, laws=laws, speed=speed, blocks=blocks)
     machine, train = type(machine)(**make), Train(**make)
     start = {f"x_{i + 1}": 0.3 * (-1.0) ** i for i in range(blocks)}
-    run = ss.simulate(machine, 0.0, t1, machine.state(**start), max_events=512)
+    run = ss.simulate(machine, 0.0, t1, machine.state(**start), saveat=ss.SaveAt(max_events=512))
     exact = np.asarray(flat(run.y1))
     assert int(run.num_events) > 2 * blocks
 
     apart = np.diff([*start.values()], prepend=0.0)
     relative = {name: float(x) for name, x in zip(start, apart, strict=True)}
-    other = ss.simulate(train, 0.0, t1, train.state(**relative), max_events=512)
+    other = ss.simulate(train, 0.0, t1, train.state(**relative), saveat=ss.SaveAt(max_events=512))
     both = np.asarray(flat(other.y1)).reshape(2, blocks).cumsum(1).ravel()
     np.testing.assert_allclose(both, exact, atol=1e-9)
     assert int(other.num_events) == int(run.num_events)
@@ -96,7 +96,7 @@ def test_chain_in_both_coordinates(blocks):
 def test_carriage_with_dependent_contacts():
     machine = carriage()
     t1 = 12.0
-    run = ss.simulate(machine, 0.0, t1, machine.state(), max_events=128)
+    run = ss.simulate(machine, 0.0, t1, machine.state(), saveat=ss.SaveAt(max_events=128))
     assert int(run.num_events) > 10
     J = np.array([[1, 0], [0, 1], [1, 1], [1, -1]], float)
 
@@ -142,7 +142,7 @@ def between_belts(t1, low=0.4, high=0.7, slow=0.1, fast=0.5, stiffness=1.0):
 @pytest.mark.parametrize("t1", [3.0, 10.0])
 def test_block_between_two_belts(t1):
     machine = BetweenBelts(1.0, (Coulomb(0.4), Coulomb(0.7)), (0.1, 0.5))
-    run = ss.simulate(machine, 0.0, t1, machine.state(v_x=0.5), max_events=32)
+    run = ss.simulate(machine, 0.0, t1, machine.state(v_x=0.5), saveat=ss.SaveAt(max_events=32))
     times, end = between_belts(t1)
     count = int(run.num_events)
     np.testing.assert_allclose(np.unique(np.round(run.events.t[:count], 9)), times, atol=1e-8)
@@ -153,6 +153,9 @@ def test_two_belts_of_one_speed_are_one_belt():
     """Contacts whose directions and speeds agree rest and slide together."""
     pair = BetweenBelts(1.0, (Coulomb(0.4, 0.2), Coulomb(0.7, 0.4)), (0.2, 0.2))
     one = Oscillator(1.0, 1.0, Coulomb(1.1, 0.6), 0.2)
-    end = [ss.simulate(m, 0.0, 30.0, m.state(v_x=0.2), max_events=64) for m in (pair, one)]
+    end = [
+        ss.simulate(m, 0.0, 30.0, m.state(v_x=0.2), saveat=ss.SaveAt(max_events=64))
+        for m in (pair, one)
+    ]
     np.testing.assert_allclose(flat(end[0].y1), flat(end[1].y1), atol=1e-9)
     assert jax.tree.leaves(end[0].num_events) == jax.tree.leaves(end[1].num_events)

@@ -121,3 +121,27 @@ def test_what_rests_after_an_event_is_held(answers):
 def test_the_field_has_the_slopes_of_its_differences(answers):
     _, (mode, _, _, _, slopes, differences) = answers
     np.testing.assert_allclose(slopes[mode >= 0], differences[mode >= 0], rtol=1e-5, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", TABLE)
+def test_states_of_contacts_by_name_are_the_words_of_the_mode(name):
+    machine, _, _ = TABLE[name]
+    names = machine.names.contacts + machine.names.stops
+    numbers = np.random.default_rng(0).integers(0, len(machine.mode_names), 40)
+    found = machine.contact_states(np.append(numbers, -1))
+    assert tuple(found) == names
+    for row, mode in enumerate(numbers):
+        one = machine.contact_states(int(mode))
+        assert " / ".join(one.values()) == machine.mode_names[int(mode)]
+        assert one == {key: words[row] for key, words in found.items()}
+    assert {words[-1] for words in found.values()} == {""}
+
+
+def test_states_of_contacts_in_no_mode_raise():
+    machine = _machines.chain(2)
+    with pytest.raises(ValueError, match="mode = 16: it must be an integer from 0 to 15"):
+        machine.contact_states(16)
+    with pytest.raises(TypeError, match=r"mode = 0\.5: it must be an integer"):
+        machine.contact_states(0.5)
+    with pytest.raises(ValueError, match=r"mode.*outside of jit and vmap"):
+        jax.jit(lambda mode: len(machine.contact_states(mode)))(1)

@@ -21,7 +21,7 @@ from tests.stickslip.mechanism._machines import (
 def accounted(machine, y0, t1, max_events=256):
     """Change of the energy, and the integrals of the powers by name."""
     ledger = WithIntegrals(machine, type(machine).powers)
-    run = ss.simulate(ledger, 0.0, t1, ledger.start(y0), max_events=max_events)
+    run = ss.simulate(ledger, 0.0, t1, ledger.start(y0), saveat=ss.SaveAt(max_events=max_events))
     change = float(machine.energy(run.y1.y) - machine.energy(y0))
     sums = {name: float(x) for name, x in run.y1.integrals.items()}
     return change, sums, run

@@ -21,7 +21,7 @@ from tests.stickslip.mechanism._machines import (
 def block_end(p):
     v, fs, fk = p
     block = Oscillator(1.0, 1.0, Coulomb(fs, fk), v)
-    return ss.simulate(block, 0.0, 30.0, block.state(v_x=v), max_events=None).y1.x
+    return ss.simulate(block, 0.0, 30.0, block.state(v_x=v), saveat=ss.SaveAt(max_events=None)).y1.x
 
 
 @pytest.mark.more
@@ -40,7 +40,7 @@ def row_of(kind):
         # Places 0.5, -0.8 and 0, or the distances between them.
         other = dict(x_2=-0.8) if kind is Chain else dict(x_2=-0.8 - first, x_3=0.8)
         y0 = machine.state(x_1=first, **other)
-        return ss.simulate(machine, 0.0, 18.0, y0, max_events=None)
+        return ss.simulate(machine, 0.0, 18.0, y0, saveat=ss.SaveAt(max_events=None))
 
     return run, [0.2, 0.6, 1.0, 0.5], 6
 
@@ -48,20 +48,24 @@ def row_of(kind):
 def arm_run(p):
     mass, torque, shoulder, elbow = p
     machine = Arm(mass, torque, (Coulomb(shoulder, 0.7), Coulomb(0.8, elbow)))
-    return ss.simulate(machine, 0.0, 6.0, machine.state(a=0.3, b=-0.4, v_a=1.0), max_events=None)
+    return ss.simulate(
+        machine, 0.0, 6.0, machine.state(a=0.3, b=-0.4, v_a=1.0), saveat=ss.SaveAt(max_events=None)
+    )
 
 
 def lifted(p):
     pad, lift, kinetic, speed = p
     machine = Bouncing(pad, lift, 1.7, Coulomb(0.5, kinetic), speed)
-    return ss.simulate(machine, 0.0, 9.0, machine.state(x=0.3, y=-0.1), max_events=None)
+    return ss.simulate(
+        machine, 0.0, 9.0, machine.state(x=0.3, y=-0.1), saveat=ss.SaveAt(max_events=None)
+    )
 
 
 def pulled(p):
     """Four contacts of two velocities, which give way together."""
     static, amplitude = p
     machine = carriage(static, amplitude)
-    return ss.simulate(machine, 0.0, 9.0, machine.state(), max_events=None)
+    return ss.simulate(machine, 0.0, 9.0, machine.state(), saveat=ss.SaveAt(max_events=None))
 
 
 CASES = {
@@ -116,6 +120,8 @@ def agree_with_differences(run, p, least, h=1e-5):
 def test_equal_blocks_that_stop_and_start_together_are_flagged():
     """Which event of two at one instant is first is rounding, and derivatives may depend on it."""
     machine = Chain(1.0, 1.0, 2.0, (Coulomb(1.0, 0.5),) * 2, 0.2, 2)
-    run = ss.simulate(machine, 0.0, 20.0, machine.state(x_1=1.3, x_2=1.3), max_events=None)
+    run = ss.simulate(
+        machine, 0.0, 20.0, machine.state(x_1=1.3, x_2=1.3), saveat=ss.SaveAt(max_events=None)
+    )
     assert int(run.num_events) >= 4
     assert not run.differentiable

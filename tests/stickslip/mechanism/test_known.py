@@ -92,9 +92,9 @@ def test_the_first_call_of_a_declared_machine_compiles_one_program(name, compile
     machine = make(1.5)
     y = machine.state(**{machine.names.coordinates[-1]: 0.1})
     compiled.clear()
-    jax.block_until_ready(ss.simulate(machine, 0.0, 0.1, y, max_events=9).y1)
+    jax.block_until_ready(ss.simulate(machine, 0.0, 0.1, y, saveat=ss.SaveAt(max_events=9)).y1)
     assert len(compiled) == 1
-    jax.block_until_ready(ss.simulate(make(1.6), 0.0, 0.12, y, max_events=9).y1)
+    jax.block_until_ready(ss.simulate(make(1.6), 0.0, 0.12, y, saveat=ss.SaveAt(max_events=9)).y1)
     assert len(compiled) == 1
 
 

@@ -67,7 +67,7 @@ def test_regularised_over_stick_and_slip(machine, law):
     """
     hybrid, y0 = MACHINES[machine](LAWS[law])
     t1 = 9.0
-    run = ss.simulate(hybrid, 0.0, t1, y0, max_events=64)
+    run = ss.simulate(hybrid, 0.0, t1, y0, saveat=ss.SaveAt(max_events=64))
     assert int(run.num_events) >= 1
 
     def smooth(v_reg):
@@ -102,7 +102,7 @@ def test_bristles_over_stick_and_slip(law):
     """Deflections fall like one over `sigma_0`, what the damping does like one over its root."""
     machine, y0 = oscillator(LAWS[law])
     t1 = 9.0
-    run = ss.simulate(machine, 0.0, t1, y0, max_events=64)
+    run = ss.simulate(machine, 0.0, t1, y0, saveat=ss.SaveAt(max_events=64))
     assert int(run.num_events) >= 1
 
     def elastic(sigma_0):
@@ -136,7 +136,7 @@ def test_order_of_stiff_bristles(machine, law):
         y0 = hybrid.state(x_1=0.5, x_2=-0.3)
     else:
         hybrid, y0 = {**MACHINES, "arm": arm}[machine](LAWS[law])
-    run = ss.simulate(hybrid, 0.0, 6.0, y0, max_events=64)
+    run = ss.simulate(hybrid, 0.0, 6.0, y0, saveat=ss.SaveAt(max_events=64))
     assert int(run.num_events) >= 1
     integrator = ss.Integrator("tsit5", ss.AdaptiveStep(1e-7, 1e-9), max_steps=10**8)
 

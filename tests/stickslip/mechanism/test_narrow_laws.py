@@ -133,7 +133,7 @@ def test_random_pairs_are_those_of_fine_steps_or_flagged():
         pair = Pair(p)
         step = ss.AdaptiveStep(rtol, dtmax=longest)
         found = ss.simulate(
-            pair, 0.0, end, pair.state(x=0.3, y=-0.2), throw=False, max_events=600,
+            pair, 0.0, end, pair.state(x=0.3, y=-0.2), throw=False, saveat=ss.SaveAt(max_events=600),
             integrator=ss.Integrator(step=step),
         )  # fmt: skip
         return jnp.stack([found.y1.x, found.y1.y]), found.num_events, found.flags, found.successful

@@ -81,7 +81,7 @@ def test_rail_alone_while_the_pad_is_open(swapped):
     def run(p):
         machine = Machine(p)
         start = machine.state(y=-0.2)
-        return ss.simulate(machine, 0.0, END, start, throw=False, max_events=256)
+        return ss.simulate(machine, 0.0, END, start, throw=False, saveat=ss.SaveAt(max_events=256))
 
     found = run(jnp.asarray(p))
     assert np.all(found.successful)

@@ -49,7 +49,7 @@ def changes(machine, run):
 def test_a_puck_falls_bounces_rubs_and_stops():
     """No friction in flight nor at the impacts (2, 0.6, 0.18, 0.054 m/s); on the floor 3 m/s2."""
     puck = Puck()
-    run = ss.simulate(puck, 0.0, 2.0, puck.state(y=0.2, v_x=1.5), max_events=16)
+    run = ss.simulate(puck, 0.0, 2.0, puck.state(y=0.2, v_x=1.5), saveat=ss.SaveAt(max_events=16))
     landing = 0.2 + 0.12 + 0.036 + 0.0108
     stop = landing + 1.5 / (MU_K * 10.0)
     assert changes(puck, run) == [
@@ -63,7 +63,7 @@ def test_a_puck_falls_bounces_rubs_and_stops():
 def test_friction_falls_with_what_the_stop_bears():
     """At rest until 0.5 (10 - 2 t) N is 2 N, then under 0.3 (10 - 2 t) N, and free from 5 s on."""
     puck = Puck(lift=2.0, push=2.0)
-    run = ss.simulate(puck, 0.0, 6.0, puck.state(), max_events=8)
+    run = ss.simulate(puck, 0.0, 6.0, puck.state(), saveat=ss.SaveAt(max_events=8))
     assert changes(puck, run) == ["slip forward / closed", "open / open"]
     np.testing.assert_allclose(run.events.t[:2], [3.0, 5.0], rtol=1e-9)
 

@@ -60,7 +60,7 @@ def test_derivatives_through_impacts_are_those_of_the_closed_form():
 
     def end(p):
         ball = Ball(p[0], rest=0.0, weight=p[1])
-        return ss.simulate(ball, 0.0, 3.5, ball.state(x=p[2]), max_events=8).y1.x
+        return ss.simulate(ball, 0.0, 3.5, ball.state(x=p[2]), saveat=ss.SaveAt(max_events=8)).y1.x
 
     exact = jax.grad(lambda p: flight(*p))(p)
     np.testing.assert_allclose(end(p), flight(*p), rtol=1e-12)
@@ -114,7 +114,9 @@ def test_a_moving_stop_gives_its_speed():
 @pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
 def test_two_masses_collide(e):
     pair = Pair((1.0, 3.0), e, push=(0.5, 0.0))
-    run = ss.simulate(pair, 0.0, 1.0, pair.state(y=1.0, v_x=2.0, v_y=-1.0), max_events=4)
+    run = ss.simulate(
+        pair, 0.0, 1.0, pair.state(y=1.0, v_x=2.0, v_y=-1.0), saveat=ss.SaveAt(max_events=4)
+    )
     t = (-3.0 + np.sqrt(9.0 + 1.0)) / 0.5  # 1 = 3 t + t^2 / 4
     np.testing.assert_allclose(run.events.t[0], t, rtol=1e-13)
     before = np.array([2.0 + 0.5 * t, -1.0])

@@ -79,7 +79,7 @@ class Yard(AbstractMechanism):
 def test_a_stop_beyond_32_bits():
     """The wagon brakes at 0.5 m/s2, meets the buffer at sqrt(3) m/s and comes to rest behind it."""
     yard = Yard(Coulomb(0.5), 0.5, 16)
-    run = ss.simulate(yard, 0.0, 6.0, yard.state(v_x_15=2.0), max_events=8)
+    run = ss.simulate(yard, 0.0, 6.0, yard.state(v_x_15=2.0), saveat=ss.SaveAt(max_events=8))
     brakes = " / ".join(["stick"] * 15)
     after = [yard.mode_names[int(m)] for m in run.events.mode_after[: int(run.num_events)]]
     assert after == [f"{brakes} / slip backward / open", f"{brakes} / stick / open"]
@@ -110,7 +110,7 @@ def test_a_contact_beside_a_stop_gives_way_to_either_side(push, guard):
 
     machine = Pushed((2.0, 1.0), 0.3, Coulomb(30.0, 25.0))
     assert machine.two_sided_contacts == (0,)
-    run = ss.simulate(machine, 0.0, 45.0, machine.state(), max_events=1, throw=False)
+    run = ss.simulate(machine, 0.0, 45.0, machine.state(), saveat=ss.SaveAt(max_events=1), throw=False)
     assert machine.mode_names[int(run.events.mode_before[0])] == "stick / closed"
     assert int(run.events.guard[0]) == guard
     np.testing.assert_allclose(run.events.t[0], 30.0 + 10.0 * push, rtol=1e-12)
@@ -173,7 +173,9 @@ def test_stops_that_inertia_parts_move_as_in_places(law):
     assert of.stops == len(relative.stops)
     found = []
     for machine in (places, relative):
-        run = ss.simulate(machine, 0.0, 20.0, machine.state(), integrator=FINE, max_events=128)
+        run = ss.simulate(
+            machine, 0.0, 20.0, machine.state(), integrator=FINE, saveat=ss.SaveAt(max_events=128)
+        )
         count = int(run.num_events)
         modes = [machine.mode_names[int(m)] for m in run.events.mode_after[:count]]
         found.append((machine.places(run.y1), np.asarray(run.events.t[:count]), modes))

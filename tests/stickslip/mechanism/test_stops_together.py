@@ -128,31 +128,31 @@ def test_powers_and_impacts_account_for_the_energy(name):
 def blocks(p):
     mass, drive, e = p
     row = Row((mass, 2.0, 1.5), (), e, 0.02, drive=drive)
-    return ss.simulate(row, 0.0, 4.0, row.state(x_0=0.1), max_events=None)
+    return ss.simulate(row, 0.0, 4.0, row.state(x_0=0.1), saveat=ss.SaveAt(max_events=None))
 
 
 def wall(p):
     start, place, e, gravity = p
     pendulum = Pendulum(place, e, gravity=gravity)
-    return ss.simulate(pendulum, 0.0, 4.0, pendulum.state(a=start), max_events=None)
+    return ss.simulate(pendulum, 0.0, 4.0, pendulum.state(a=start), saveat=ss.SaveAt(max_events=None))
 
 
 def shaken(p):
     e, table, weight = p
     ball = Ball(e, 1e-3, weight, table, 2.0, 0.3)
-    return ss.simulate(ball, 0.0, 6.0, ball.state(x=1.0), max_events=None)
+    return ss.simulate(ball, 0.0, 6.0, ball.state(x=1.0), saveat=ss.SaveAt(max_events=None))
 
 
 def landed(p):
     masses, e, kinetic, gravity = p
     machine = Guided((2.0, masses), e, Coulomb(100.0, kinetic), 0.2, gravity)
-    return ss.simulate(machine, 0.0, 0.65, machine.state(mass=1.0), max_events=None)
+    return ss.simulate(machine, 0.0, 0.65, machine.state(mass=1.0), saveat=ss.SaveAt(max_events=None))
 
 
 def bead(p):
     x, e, gravity = p
     wire = Wire(e, 0.05, gravity)
-    return ss.simulate(wire, 0.0, 4.0, wire.state(x=x, y=2.0), max_events=None)
+    return ss.simulate(wire, 0.0, 4.0, wire.state(x=x, y=2.0), saveat=ss.SaveAt(max_events=None))
 
 
 SLOPES = {
@@ -191,8 +191,8 @@ def test_random_pairs():
     def runs(p):
         pair = Pair((p[0], p[1]), p[2], 1e-3, (p[3], p[4]), (p[5], p[6]))
         y0 = pair.state(x=-1.0, y=1.0, v_x=p[7], v_y=p[8])
-        at = ss.SaveAt(ts=jnp.linspace(0.0, 12.0, 97))
-        return ss.simulate(pair, 0.0, 12.0, y0, saveat=at, max_events=128, throw=False)
+        at = ss.SaveAt(ts=jnp.linspace(0.0, 12.0, 97), max_events=128)
+        return ss.simulate(pair, 0.0, 12.0, y0, saveat=at, throw=False)
 
     found = runs(numbers)
     assert (found.result == ss.RESULTS.successful).all()

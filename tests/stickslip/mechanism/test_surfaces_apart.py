@@ -102,7 +102,9 @@ def test_one_velocity_between_two_belts():
     @jax.vmap
     def run(p):
         block = BetweenSurfaces(p)
-        return ss.simulate(block, 0.0, END, block.state(x=0.3), throw=False, max_events=256)
+        return ss.simulate(
+            block, 0.0, END, block.state(x=0.3), throw=False, saveat=ss.SaveAt(max_events=256)
+        )
 
     found = run(jnp.asarray(p))
     assert np.all(found.successful)
@@ -121,7 +123,7 @@ def test_a_slab_on_four_guides(seed):
     limits, speeds = rng.uniform(0.2, 1.0, 4), rng.uniform(-0.5, 0.5, 4)
     rates = rng.uniform(0.8, 2.0, 2)
     table = Table(*map(jnp.asarray, (limits, speeds, rates)))
-    run = ss.simulate(table, 0.0, END, table.state(), max_events=256)
+    run = ss.simulate(table, 0.0, END, table.state(), saveat=ss.SaveAt(max_events=256))
     assert int(run.num_events) > 10
     J = np.array([[1, 0], [0, 1], [1, 1], [1, -1]], float)
 
@@ -150,7 +152,9 @@ def test_what_two_contacts_hold_rests_with_them():
     @jax.vmap
     def run(limits, speeds, rates, end):
         table = Table(limits, speeds, rates)
-        return ss.simulate(table, 0.0, end, table.state(), throw=False, max_events=256)
+        return ss.simulate(
+            table, 0.0, end, table.state(), throw=False, saveat=ss.SaveAt(max_events=256)
+        )
 
     found = run(*(jnp.asarray(a[lane]) for a in (limits, speeds, rates)), jnp.asarray(ends))
     assert np.all(found.successful)

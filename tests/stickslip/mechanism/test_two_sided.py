@@ -29,7 +29,7 @@ def test_which_contacts_have_two():
 def test_the_one_that_is_reached_fires(belt_speed, guard, name):
     """The spring pulls back at its limit of 1 N after 5 s, whichever way the belt runs."""
     system = Oscillator(1.0, 1.0, 1.0, 0.5, belt_speed)
-    run = ss.simulate(system, 0.0, 8.0, Motion(x=0.0, v=belt_speed), max_events=9)
+    run = ss.simulate(system, 0.0, 8.0, Motion(x=0.0, v=belt_speed), saveat=ss.SaveAt(max_events=9))
     assert int(run.num_events) == 1
     np.testing.assert_allclose(run.events.t[0], 5.0, rtol=1e-12)
     assert int(run.events.guard[0]) == guard

@@ -52,7 +52,7 @@ def test_random_runs_are_those_of_fine_steps_without_flags(number):
         machine = Curved(p)
         begin = machine.state(x=0.3, y=-0.2)
         found = ss.simulate(
-            machine, 0.0, 20.0, begin, throw=False, max_events=400,
+            machine, 0.0, 20.0, begin, throw=False, saveat=ss.SaveAt(max_events=400),
             integrator=ss.Integrator(step=ss.AdaptiveStep(rtol, dtmax=longest), max_steps=200_000),
         )  # fmt: skip
         return jnp.stack([found.y1.x, found.y1.y]), found.num_events, found.flags, found.successful

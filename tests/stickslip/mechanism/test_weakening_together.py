@@ -38,7 +38,7 @@ class Three(AbstractPair):
 def lane(p, rtol=1e-10, longest=END / 100):
     three, step = Three(p), ss.AdaptiveStep(rtol, dtmax=longest)
     found = ss.simulate(
-        three, 0.0, END, three.state(x=0.3, y=-0.2), throw=False, max_events=600,
+        three, 0.0, END, three.state(x=0.3, y=-0.2), throw=False, saveat=ss.SaveAt(max_events=600),
         integrator=ss.Integrator(step=step),
     )  # fmt: skip
     return jnp.stack([found.y1.x, found.y1.y]), found.num_events, found.flags, found.successful

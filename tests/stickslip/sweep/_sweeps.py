@@ -64,7 +64,7 @@ def simulated(store, **more):
     def lane(belt_speed):
         block = CoulombOscillator(1.0, 1.0, 1.5, 0.5, belt_speed)
         start = Motion(x=jnp.zeros(()), v=belt_speed)
-        run = ss.simulate(block, 0.0, 20.0, start, max_events=None, throw=False)
+        run = ss.simulate(block, 0.0, 20.0, start, saveat=ss.SaveAt(max_events=None), throw=False)
         return {"x": run.y1.x, "ok": run.successful}
 
     return run_sweep(lane, {"belt_speed": np.linspace(0.2, 0.4, 6)}, **options(store, chunk=3, **more))

@@ -20,9 +20,9 @@ def cache(tmp_path, monkeypatch):
     monkeypatch.setenv("STICKSLIP_CACHE", str(tmp_path))
     monkeypatch.delenv("STICKSLIP_EXECUTOR", raising=False)
     monkeypatch.setattr(_shift, "shift_is_right", lambda: True)
-    _canary._tried.cache_clear()
+    _canary._trial_succeeds.cache_clear()
     yield tmp_path
-    _canary._tried.cache_clear()
+    _canary._trial_succeeds.cache_clear()
 
 
 def tried(monkeypatch, verdict):
@@ -36,7 +36,7 @@ def tried(monkeypatch, verdict):
     monkeypatch.setattr(_canary, "run_trial", trial)
     answers = []
     for _ in range(3):
-        _canary._tried.cache_clear()
+        _canary._trial_succeeds.cache_clear()
         answers.append(_canary.fused_is_trusted())
     return len(runs), answers
 
@@ -144,7 +144,7 @@ def test_two_first_starts_at_once_share_one_trial(cache, monkeypatch):
 
     def first_start(_):
         together.wait()
-        return _canary._tried.__wrapped__()
+        return _canary._trial_succeeds.__wrapped__()
 
     monkeypatch.setattr(_canary, "run_trial", trial)
     with concurrent.futures.ThreadPoolExecutor(2) as pool:

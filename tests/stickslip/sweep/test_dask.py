@@ -79,7 +79,7 @@ def test_killed_workers_cost_time_and_no_byte(kills, client, whole, tmp_path, mo
 
     def killing(self, unit, values, by=None):
         write(self, unit, values, by)
-        if len(hit) < kills and self.finished() >= at[len(hit)]:
+        if len(hit) < kills and self.count_finished() >= at[len(hit)]:
             victim = chance.choice(workers_of(client))
             os.kill(victim, signal.SIGKILL)
             hit.append(victim)

@@ -92,7 +92,7 @@ def test_what_does_not_fuse_is_computed_in_smaller_chunks():
 def refusing(monkeypatch, above):
     """A compiler that refuses to fuse more than so many lanes; the attempts that it saw."""
     seen = []
-    compiled = lanes.compiled
+    compiled_program = lanes.compiled_program
 
     def compile_or_refuse(traced, lowered, devices):
         fused = "xla_cpu_small_call" in lowered.as_text()
@@ -102,9 +102,9 @@ def refusing(monkeypatch, above):
             raise jax.errors.JaxRuntimeError(
                 "INTERNAL: Failed to materialize symbols: { (<x>, { k }) }"
             )
-        return compiled(traced, lowered, devices)
+        return compiled_program(traced, lowered, devices)
 
-    monkeypatch.setattr(lanes, "compiled", compile_or_refuse)
+    monkeypatch.setattr(lanes, "compiled_program", compile_or_refuse)
     return seen
 
 
@@ -137,7 +137,7 @@ def test_other_errors_of_the_compiler_are_raised(monkeypatch):
     def broken(*_):
         raise jax.errors.JaxRuntimeError("RESOURCE_EXHAUSTED: Out of memory")
 
-    monkeypatch.setattr(lanes, "compiled", broken)
+    monkeypatch.setattr(lanes, "compiled_program", broken)
     with pytest.raises(jax.errors.JaxRuntimeError, match="Out of memory"):
         ss.map_lanes(lambda v: motion(v).y1.x, executor="fused", workers=1)(SPEEDS)
 
@@ -156,5 +156,5 @@ def test_a_refusal_is_remembered(monkeypatch):
     for _ in range(2):
         traced = jax.jit(lambda x: 2.0 * x).trace(1.0)
         with pytest.raises(jax.errors.JaxRuntimeError, match="materialize"):
-            _programs.compiled(traced, traced.lower(), ())
+            _programs.compiled_program(traced, traced.lower(), ())
     assert len(tries) == 1

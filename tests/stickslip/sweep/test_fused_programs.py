@@ -26,7 +26,7 @@ def unread(v, mass):
     block = CoulombOscillator(mass, 1.0, 1.0, 0.5, v)
     start = Motion(x=0.0 * v, v=v)
     return ss.simulate(
-        block, 0.0, 8.0, start, "stick", integrator=STEP, max_events=None, throw=False
+        block, 0.0, 8.0, start, "stick", integrator=STEP, saveat=ss.SaveAt(max_events=None), throw=False
     ).y1.x
 
 
@@ -66,8 +66,9 @@ def test_derivatives_of_recorded_crossings(derivative):
         block = CoulombOscillator(1.0, 1.0, 1.0, 0.5, v)
         start = Motion(x=0.0 * v, v=v)
         run = ss.simulate(
-            block, 0.0, 8.0, start, "stick", sections=section, max_crossings=2, max_events=4,
-            integrator=STEP, throw=False,
+            block, 0.0, 8.0, start, "stick",
+            saveat=ss.SaveAt(sections=section, max_events=4, max_crossings=2), integrator=STEP,
+            throw=False,
         )  # fmt: skip
         return run.crossings[0].t[0]
 

@@ -248,7 +248,7 @@ def test_where_a_block_on_a_belt_begins_to_stick():
     def lane(x0, belt_speed):
         block = CoulombOscillator(1.0, 4.0, 3.0, 2.0, belt_speed)
         start = Motion(x=x0, v=jnp.zeros(()))
-        run = ss.simulate(block, 0.0, jnp.pi, start, max_events=None, throw=False)
+        run = ss.simulate(block, 0.0, jnp.pi, start, saveat=ss.SaveAt(max_events=None), throw=False)
         return {"sticks": run.num_events > 0, "ok": run.successful}
 
     found = refine_sweep(lane, grid, {"sticks": 0, "ok": 0}, levels=levels, **PLAIN)

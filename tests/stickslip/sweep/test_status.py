@@ -96,7 +96,9 @@ def test_decay_that_no_time_shows_is_left_to_verify(whole, tmp_path, monkeypatch
     data[len(data) // 2] ^= 4
     victim.write_bytes(bytes(data))
     with monkeypatch.context() as patch:
-        patch.setattr(_records, "_changed", lambda path: 0 if path == victim or path.is_dir() else 1)
+        patch.setattr(
+            _records, "_time_of_change", lambda path: 0 if path == victim or path.is_dir() else 1
+        )
         _sweeps.small(path, chunk=3, shard=6)
     assert verify_store(path) == [str(victim.relative_to(path))]
     assert verify_store(path, repair=True)
@@ -153,14 +155,14 @@ def test_a_host_that_differs_is_refused_by_name_or_recorded(tmp_path, monkeypatc
 
 def test_a_store_of_format_2_is_gone_on_with_in_its_own_way(tmp_path):
     """As the version before wrote it: no shard, and records without sizes and seal."""
-    from stickslip.sweep._manifest import identity, sealed
+    from stickslip.sweep._manifest import identity, with_checksum
 
     path = tmp_path / "store"
     _sweeps.small(path)
     before = contents(path / "data.zarr")
     manifest = json.loads((path / "manifest.json").read_text())
     del manifest["shard"]
-    manifest = sealed({**manifest, "format": 2})
+    manifest = with_checksum({**manifest, "format": 2})
     (path / "manifest.json").write_text(json.dumps(manifest, indent=1) + "\n")
     for file in (path / "finished").iterdir():
         record = json.loads(file.read_text())

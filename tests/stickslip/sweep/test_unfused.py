@@ -44,7 +44,7 @@ def test_reverse_derivatives_by_the_times_of_breaks_fuse():
 
 
 def test_what_no_chunk_avoids_is_computed_by_the_portable_executor_at_once(monkeypatch):
-    seen, compiled = [], lanes.compiled
+    seen, compiled_program = [], lanes.compiled_program
 
     def refuse(traced, lowered, devices):
         fused = "xla_cpu_small_call" in lowered.as_text()
@@ -53,7 +53,7 @@ def test_what_no_chunk_avoids_is_computed_by_the_portable_executor_at_once(monke
             raise jax.errors.JaxRuntimeError(
                 "UNIMPLEMENTED: Unhandled opcode for elemental IR emission: scatter"
             )
-        return compiled(traced, lowered, devices)
+        return compiled_program(traced, lowered, devices)
 
     def position(begin):
         step = ss.Integrator("rk4", ss.FixedStep(0.5))
@@ -61,7 +61,7 @@ def test_what_no_chunk_avoids_is_computed_by_the_portable_executor_at_once(monke
         start = Motion(0.0, 0.0)
         return ss.simulate(pushed, 0.0, END, start, integrator=step, throw=False).y1.v
 
-    monkeypatch.setattr(lanes, "compiled", refuse)
+    monkeypatch.setattr(lanes, "compiled_program", refuse)
     mapped = ss.map_lanes(position, executor="fused", workers=1)
     with pytest.warns(UserWarning, match="portable executor"):
         found = mapped(np.zeros(64))

@@ -19,7 +19,9 @@ STEPS = ss.Integrator(step=ss.FixedStep(0.1))
 
 def simulated(t1, v=1.5, **changes):
     system = OscillatorBetweenStops(**{**STOPS, **changes})
-    return ss.simulate(system, 0.0, t1, Motion(0.0, v), integrator=STEPS, max_events=64)
+    return ss.simulate(
+        system, 0.0, t1, Motion(0.0, v), integrator=STEPS, saveat=ss.SaveAt(max_events=64)
+    )
 
 
 def exact(t1, v=1.5, **changes):

@@ -107,7 +107,7 @@ def test_endless_bounces_end_with_a_code():
     solution = dropped(4.0, restitution=0.5, rest_speed=0.0, throw=False)
     assert bool(solution.result == ss.RESULTS.chattering)
     assert float(solution.t1) == pytest.approx(limit, abs=1e-6)
-    few = dropped(4.0, restitution=0.5, rest_speed=0.0, throw=False, max_events=10)
+    few = dropped(4.0, restitution=0.5, rest_speed=0.0, throw=False, saveat=ss.SaveAt(max_events=10))
     assert bool(few.result == ss.RESULTS.max_events_reached)
     times, _ = bounces(9.81, 0.5, 1.0, 10)
     np.testing.assert_allclose(few.events.t, times, rtol=1e-13)

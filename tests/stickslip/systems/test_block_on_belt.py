@@ -24,7 +24,12 @@ T_END = 5.0
 def run(model, k3, t_end=T_END, y0=REST, **options):
     system = model.constructed(k3=k3)
     return ss.simulate(
-        system, 0.0, t_end, y0, sections=system.zero_acceleration_section(), max_crossings=64, **options
+        system,
+        0.0,
+        t_end,
+        y0,
+        saveat=ss.SaveAt(sections=system.zero_acceleration_section(), max_crossings=64),
+        **options,
     )
 
 
@@ -90,7 +95,7 @@ def test_steeper_laws_tend_to_the_set_valued_one():
     def end(alpha):
         law = SmoothHyperbolicWeakening(0.26, alpha, 0.9, 1.75)
         system = BlockOnBelt.constructed(k3=85.0, law=law)
-        return ss.simulate(system, 0.0, t_end, REST, max_events=None).y1.x
+        return ss.simulate(system, 0.0, t_end, REST, saveat=ss.SaveAt(max_events=None)).y1.x
 
     distance = np.abs(end(jnp.array([1e3, 4e3, 16e3])) - dry.x)
     assert distance[0] > 3 * distance[1] > 9 * distance[2]
@@ -122,8 +127,11 @@ def test_derivatives_forward_reverse_and_by_differences(model):
         law = law.set_valued_limit() if model.set_valued else law
         system = model.constructed(k3=k3, V_b=V_b, law=law)
         solution = ss.simulate(
-            system, 0.0, 1.2, REST, sections=system.zero_acceleration_section(),
-            max_crossings=4, max_events=8, integrator=resolved,
+            system, 0.0, 1.2, REST,
+            saveat=ss.SaveAt(
+                sections=system.zero_acceleration_section(), max_events=8, max_crossings=4,
+            ),
+            integrator=resolved,
         )  # fmt: skip
         return solution.y1.x + solution.crossings[0].y.x[1]
 
@@ -146,7 +154,12 @@ def test_poincare_points_of_periodic_lanes_are_scipys():
 
     def settle(k):
         return ss.simulate(
-            BlockOnBelt.constructed(k3=k), 0.0, 300.0, REST, integrator=steps, max_events=None
+            BlockOnBelt.constructed(k3=k),
+            0.0,
+            300.0,
+            REST,
+            integrator=steps,
+            saveat=ss.SaveAt(max_events=None),
         ).y1
 
     settled = jax.vmap(settle)(k3)

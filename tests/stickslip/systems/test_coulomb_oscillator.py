@@ -44,7 +44,7 @@ def test_every_belt_at_once():
     """25,000 belts in one call: state at 50 s to 1e-10, times of all events to 1e-11."""
 
     def lane(v):
-        solution = run(v, 1.0, 0.5, 50.0, max_events=16)
+        solution = run(v, 1.0, 0.5, 50.0, saveat=ss.SaveAt(max_events=16))
         return solution.y1.x, solution.events.t, solution.events.mode_after, solution.flags
 
     v = np.linspace(0.2, 0.4, 25_000)
@@ -69,7 +69,7 @@ def slopes_of_all_belts(transform):
 
     def lane(v):
         def end(p):
-            return run(*p, 30.0, max_events=None).y1.x
+            return run(*p, 30.0, saveat=ss.SaveAt(max_events=None)).y1.x
 
         return transform(end)((v, jnp.ones_like(v), jnp.full_like(v, 0.5)))
 

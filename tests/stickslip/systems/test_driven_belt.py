@@ -26,7 +26,12 @@ STANDING = DriveState(omega=0.0, i_w=0.0)
 
 def run(system, t_end, y0, **options):
     return ss.simulate(
-        system, 0.0, t_end, y0, sections=system.zero_acceleration_section(), max_crossings=64, **options
+        system,
+        0.0,
+        t_end,
+        y0,
+        saveat=ss.SaveAt(sections=system.zero_acceleration_section(), max_crossings=64),
+        **options,
     )
 
 

@@ -32,7 +32,7 @@ def program(ledger, ts, y0, tolerance):
     step = ss.AdaptiveStep(tolerance, 1e-6 * tolerance)
     return ss.simulate(
         ledger, 0.0, ts[-1], y0, integrator=ss.Integrator(step=step, max_steps=1_000_000),
-        saveat=ss.SaveAt(ts=ts), max_events=2048,
+        saveat=ss.SaveAt(ts=ts, max_events=2048),
     )  # fmt: skip
 
 
@@ -233,7 +233,9 @@ def test_derivative_by_the_belt_speed_through_all_events():
 
     def end(v):
         system = JointedBeam.constructed(v)
-        run = ss.simulate(system, 0.0, 3.0, system.start(), max_events=None, integrator=steps)
+        run = ss.simulate(
+            system, 0.0, 3.0, system.start(), saveat=ss.SaveAt(max_events=None), integrator=steps
+        )
         return run.y1.y
 
     slope, step = jax.jit(jax.jacfwd(end))(5e-4), 1e-9

@@ -25,7 +25,9 @@ def names_of(modes):
 def simulated(x_2=0.1, **changes):
     p = {**PAIR, **changes}
     y0 = PairMotion(0.0, p["belt_speed"], x_2, p["belt_speed"])
-    return ss.simulate(TwoBlocksOnBelt(**p), 0.0, T1, y0, integrator=STEPS, max_events=32)
+    return ss.simulate(
+        TwoBlocksOnBelt(**p), 0.0, T1, y0, integrator=STEPS, saveat=ss.SaveAt(max_events=32)
+    )
 
 
 def exact(x_2=0.1, **changes):

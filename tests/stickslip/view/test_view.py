@@ -189,8 +189,8 @@ def test_a_store_of_several_sections_has_their_names(tmp_path):
     from tests.stickslip.analysis._arrays import Free
 
     orbit_diagram(
-        Free(1.0), {"stiffness": np.array([1.0, 1.44, 2.25])}, {"x": 1.0, "v": 0.0}, check=0,
-        record=Recording(0.0, 15.0, {"top": Top("x"), "low": Minimum("x")}, "x", points=2),
+        Free(1.0), {"stiffness": np.array([1.0, 1.44, 2.25])}, {"x": 1.0, "v": 0.0},
+        record=Recording(0.0, 15.0, {"top": Top("x"), "low": Minimum("x")}, "x", points=2, check=0),
         store=tmp_path / "store",
         integrator=ss.Integrator("rk4", ss.FixedStep(0.05)),
         compute=Compute("portable", progress=False),
