@@ -127,19 +127,7 @@ def orbit_diagram(
         raise refusal("y0", starts.y0, "one state for a carried diagram, not one per lane")
     own = reader.own_axes(read, one, mode)
     integrator = an_integrator(integrator)
-    plan = OrbitPlan(
-        build=build,
-        sections=read.sections,
-        several=not isinstance(record.section, Cut),
-        observables={key: function for key, (function, _) in read.observables.items()},
-        domain=read.domain,
-        settles=bool(record.transient > 0),
-        size=record.size,
-        stops=record.points is not None,
-        mode0=None if mode0 is None else mode,
-        args=args,
-        period=record.period,
-    )
+    plan = _plan_of(build, record, read, None if mode0 is None else mode, args)
     variables = _labels(plan, read.observables, own, coords, given.labels.variables, system)
     prefix = "end" if carried is None else "carry"
     for key, (axes, unit) in labels_of_end(first, starts.first, prefix).items():
@@ -183,11 +171,10 @@ def orbit_diagram(
         dataset = dataset.assign_coords(section=list(plan.sections))
     if not record.check:
         return dataset
-    begun = None
-    if carried is not None:
+    if carried is None:
+        begun = starts.flat(shape) if starts.per_lane else None
+    else:
         begun = _handed_on(dataset, starts.y0, carried, coords)
-    elif starts.per_lane:
-        begun = starts.flat(shape)
     finer, _ = _numbers(finer_integrator(integrator), record)
     return dataset.assign(
         _check(lane, finer, coords, begun, record.check, dataset, read.observables, given)
@@ -248,6 +235,22 @@ def _check_names(observed: Mapping[str, Any], coords: Mapping[str, Any]) -> None
         if key in coords or key in RESULTS_OF_A_LANE:
             allowed = "given another name: this one is taken"
             raise refusal(f"observables[{key!r}]", what, allowed)
+
+
+def _plan_of(build: Callable, record: Recording, read: _Read, mode0: Any, args: PyTree) -> OrbitPlan:
+    return OrbitPlan(
+        build=build,
+        sections=read.sections,
+        several=not isinstance(record.section, Cut),
+        observables={key: function for key, (function, _) in read.observables.items()},
+        domain=read.domain,
+        settles=bool(record.transient > 0),
+        size=record.size,
+        stops=record.points is not None,
+        mode0=mode0,
+        args=args,
+        period=record.period,
+    )
 
 
 def _told(
