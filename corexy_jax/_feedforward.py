@@ -16,7 +16,7 @@ from stickslip.checks import (
     Numeric,
     check_between,
     check_count,
-    is_concrete,
+    check_known,
     one_concrete,
     refusal,
     shape_refusal,
@@ -139,8 +139,7 @@ def machines_within(parameters: CoreXYParameters, error: float) -> list[CoreXYPa
 
 def known_machine(parameters: CoreXYParameters) -> None:
     """Errors: `TypeError`, `ValueError` for a machine that is traced, or a batch of them."""
-    if not is_concrete(parameters):
-        raise refusal("parameters", parameters, "known: call this outside of jit and vmap", TypeError)
+    check_known("parameters", parameters)
     for name in (field.name for field in dataclasses.fields(parameters)):
         if np.ndim(getattr(parameters, name)):
             raise shape_refusal(f"parameters.{name}", getattr(parameters, name), "one number")

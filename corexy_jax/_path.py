@@ -14,8 +14,8 @@ from stickslip.checks import (
     Numeric,
     check_callable,
     check_finite,
+    check_known,
     check_type,
-    is_concrete,
     one_concrete,
     one_row,
     refusal,
@@ -178,8 +178,7 @@ def _turn(a: np.ndarray, b: np.ndarray) -> float:
 
 def rows_of_points(name: str, points: Any) -> np.ndarray:
     """Points `[point, 2]`, at least two, none where the one before it is."""
-    if not is_concrete(points):
-        raise refusal(name, points, "known: call this outside of jit and vmap", TypeError)
+    check_known(name, points)
     check_finite(name, points)
     found = np.asarray(points, np.float64)
     if found.ndim != 2 or found.shape[0] < 2 or found.shape[1] != 2:

@@ -228,11 +228,16 @@ def one_number(name: str, value: Any, kind: str = "finite") -> Any:
     return value
 
 
-def one_concrete(name: str, value: Any, kind: str = "finite") -> Any:
-    """One number that is known now, not traced."""
+def check_known(name: str, value: T) -> T:
+    """What holds numbers that can be read now, none of them traced."""
     if not is_concrete(value):
         raise refusal(name, value, "known: call this outside of jit and vmap", TypeError)
-    return one_number(name, value, kind)
+    return value
+
+
+def one_concrete(name: str, value: Any, kind: str = "finite") -> Any:
+    """One number that is known now, not traced."""
+    return one_number(name, check_known(name, value), kind)
 
 
 def one_static(name: str, value: Any, kind: str = "finite") -> Any:

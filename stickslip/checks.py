@@ -28,6 +28,7 @@ from ._validation import check_flag as check_flag
 from ._validation import check_handed_on as check_handed_on
 from ._validation import check_in as check_in
 from ._validation import check_increasing as check_increasing
+from ._validation import check_known as check_known
 from ._validation import check_mapping as check_mapping
 from ._validation import check_nonnegative as check_nonnegative
 from ._validation import check_positive as check_positive

@@ -18,6 +18,7 @@ from matplotlib.figure import Figure
 
 from stickslip.identification import (
     Fit,
+    LevenbergMarquardt,
     Unknown,
     WhitenessTest,
     autocorrelation,
@@ -114,8 +115,9 @@ def of_both_sides(values: dict[str, Any]) -> dict[str, Any]:
 def best_of(residual: Any, law: str, parameters: dict[str, Any], steps: int = 60) -> list[Fit]:
     """Fits from the random starts, the best first."""
     rng = np.random.default_rng(parameters["seed"])
+    method = LevenbergMarquardt(max_steps=steps)
     fits = [
-        least_squares(residual, starts(law, rng, parameters["spread"]), max_steps=steps)
+        least_squares(residual, starts(law, rng, parameters["spread"]), method)
         for _ in range(parameters["starts"])
     ]
     return sorted(fits, key=lambda fit: float(fit.cost))
@@ -181,7 +183,8 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     for law in PUBLISHED if parameters["all"] else ():
         # Fitted to the first part of the command alone, scored on the rest of the same run.
         early = by_command(record, measured, kept)
-        known = least_squares(lambda p, early=early: early(p)[:later], _near(fits[law]), max_steps=40)
+        method = LevenbergMarquardt(max_steps=40)
+        known = least_squares(lambda p, early=early: early(p)[:later], _near(fits[law]), method)
         held_out[law] = SIGMA * np.asarray(early(known.values))[later:]
         scores[f"command of the first part, {law}"] = [score(known.values, r) for r in over.values()]
     compared = compare(fits, held_out=held_out or None, sigma=SIGMA, noise_known=False)
@@ -219,7 +222,7 @@ def _with_rise(residual: Any, fit: Fit) -> Fit:
     start = _near(fit) | {
         "rise": Unknown(0.5, bounds=(0.0, None)), "v_s": Unknown(5e-3, bounds=(1e-4, 0.1)),
     }  # fmt: skip
-    return least_squares(residual, start, max_steps=60)
+    return least_squares(residual, start, LevenbergMarquardt(max_steps=60))
 
 
 def _column(fit: Fit, apart: float) -> dict[str, Any]:

@@ -19,7 +19,14 @@ import numpy as np
 
 import corexy_jax as cx
 import stickslip as ss
-from stickslip.identification import Fit, Profile, least_squares, profile, sensitivity
+from stickslip.identification import (
+    Fit,
+    LevenbergMarquardt,
+    Profile,
+    least_squares,
+    profile,
+    sensitivity,
+)
 
 from ..corexy._input import Input
 from ._many import Case
@@ -78,7 +85,8 @@ def _residual(values, data, machine, ends, sigma, keep):
 
 @jax.jit
 def _fit(start, *data) -> Fit:
-    return least_squares(lambda values: _residual(values, *data), start, max_steps=MAX_STEPS)
+    method = LevenbergMarquardt(max_steps=MAX_STEPS)
+    return least_squares(lambda values: _residual(values, *data), start, method)
 
 
 @jax.jit

@@ -107,7 +107,7 @@ class Accuracy:
     decades: int = 25
     """Powers of ten to both sides in which the amplitude of a first orbit is looked for."""
 
-    # What a period is sampled and judged by.
+    # Samples of a period, and laws that are read off from them.
     samples: int = 64
     """Points of a period, at least, at which the size of each component is read off; the most events
     or orbits that are compared one by one."""

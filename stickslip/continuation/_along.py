@@ -21,18 +21,18 @@ from ._closing import (
     closure,
     equations,
     extent,
-    known,
     plane_across,
+    states_and_period,
     unknowns,
 )
 from ._newton import Newton
 from ._orbit import PeriodicOrbit
-from ._periodic_orbit import described
+from ._periodic_orbit import describe_orbit
 from ._turns import turns_of
 
 
 class Problem(eqx.Module):
-    """What is followed: a system with one free parameter or two, and how the period depends on them.
+    """Problem of a branch: a system with one free parameter or two, on which its period may depend.
 
     `forcing_period(system)` [s] and `multiple`, or None for a period that is an unknown. `unit`,
     `[parameter]`: the size of a step of each parameter.
@@ -76,20 +76,20 @@ def system_at(problem: Problem, values: Any) -> AbstractHybridSystem:
     return with_parameters(problem.system, {name: values[i] for i, name in enumerate(problem.names)})
 
 
-def _fixed(problem: Problem, values: Any) -> Problem:
+def _problem_at(problem: Problem, values: Any) -> Problem:
     """The same with no free parameter, at these values: one program for whatever is followed."""
     known = {name: jnp.asarray(value) for name, value in zip(problem.names, values, strict=True)}
     system = with_parameters(problem.system, known)
     return dataclasses.replace(problem, system=system, names=(), unit=jnp.zeros(0))
 
 
-def _parted(problem: Problem, u: Any) -> tuple[Problem, Any]:
+def _split_unknowns(problem: Problem, u: Any) -> tuple[Problem, Any]:
     """Unknowns without the parameters, and the problem with these fixed."""
     u, free = np.asarray(u, float), len(problem.names)
-    return _fixed(problem, u[-free:] * np.asarray(problem.unit)), jnp.asarray(u[:-free])
+    return _problem_at(problem, u[-free:] * np.asarray(problem.unit)), jnp.asarray(u[:-free])
 
 
-def _framed(problem: Problem, anchor: Anchor) -> tuple[Motion, Frame]:
+def _frame_of(problem: Problem, anchor: Anchor) -> tuple[Motion, Frame]:
     turn = turns_of(problem.system, anchor.y)
     system = problem.system
     period, t0 = anchor.period, jnp.zeros(())
@@ -105,7 +105,7 @@ def _framed(problem: Problem, anchor: Anchor) -> tuple[Motion, Frame]:
     return Motion(system, problem.args, problem.integrator), frame
 
 
-def anchored(
+def anchor_at(
     problem: Problem, values: Any, y: PyTree, mode: Any, phase: Any, period: Any,
     before: tuple[Anchor, bool] | None = None, gained: Any = np.nan,
 ):  # fmt: skip
@@ -127,19 +127,19 @@ def anchored(
         shift = same * np.abs(flat - np.asarray(ravel_pytree(old.y)[0]))
     gained = np.broadcast_to(gained, flat.shape)
     numbers = (phase, period, size, largest, reached, shift, gained)
-    anchor, u, modes = _anchored(
-        _fixed(problem, values), y, jnp.asarray(mode, mode_type(problem.system)),
+    anchor, u, modes = _anchor_at(
+        _problem_at(problem, values), y, jnp.asarray(mode, mode_type(problem.system)),
         *(jnp.asarray(number, jnp.float64) for number in numbers),
     )  # fmt: skip
     return anchor, np.append(u, values / np.asarray(problem.unit)), modes
 
 
 @jit_plainly
-def _anchored(
+def _anchor_at(
     problem: Problem, y: PyTree, mode: Any, phase, period, size, largest, reached, shift, gained
 ):  # fmt: skip
     ones = jnp.ones(size.shape)
-    motion, frame = _framed(
+    motion, frame = _frame_of(
         problem,
         Anchor(y, phase, period, ones, ones, ones, ones, jnp.zeros((size.size, size.size)), 0.0 * ones),
     )
@@ -155,37 +155,37 @@ def _anchored(
     largest = jnp.maximum(largest, found.moves)
     shifts = found.shifts * found.moves[:, None]
     anchor = Anchor(y, phase, frame.period, ones, size, found.moves, largest, shifts, found.turns)
-    _, frame = _framed(problem, anchor)
+    _, frame = _frame_of(problem, anchor)
     normal = plane_across(slope, size, frame.shifts, found.turns, frame.turn, frame.period)
     return anchor._replace(normal=normal), unknowns(found.knots, frame), found.modes
 
 
 @jit_plainly
-def evaluated(problem: Problem, u: Any, modes: Any, anchor: Anchor):
+def equations_at(problem: Problem, u: Any, modes: Any, anchor: Anchor):
     """Residual, its derivative by all unknowns, the parameters last, and what the pieces were."""
     _, unravel = ravel_pytree(anchor.y)
     free = len(problem.names)
 
     def found_from(u):
         there = system_at(problem, u[-free:] * problem.unit)
-        motion, frame = _framed(dataclasses.replace(problem, system=there), anchor)
+        motion, frame = _frame_of(dataclasses.replace(problem, system=there), anchor)
         span = jax.lax.stop_gradient(frame.period)
         integrator = spanning(motion.integrator, span)
         with use_executor(problem.executor):
             return closure(u[:-free], modes, motion._replace(integrator=integrator), frame, unravel)
 
-    return equations(found_from, u, _framed(problem, anchor)[1], problem.segments)
+    return equations(found_from, u, _frame_of(problem, anchor)[1], problem.segments)
 
 
-def passed(problem: Problem, u: Any, modes: Any, anchor: Anchor):
+def events_along(problem: Problem, u: Any, modes: Any, anchor: Anchor):
     """Events of one period from the first state of these unknowns, and whether it went well."""
-    return _passed(*_parted(problem, u), modes, anchor)
+    return _events_along(*_split_unknowns(problem, u), modes, anchor)
 
 
 @jit_plainly
-def _passed(problem: Problem, u: Any, modes: Any, anchor: Anchor):
+def _events_along(problem: Problem, u: Any, modes: Any, anchor: Anchor):
     motion, frame, unravel = _around(problem, modes, anchor)
-    states, period = known(u, frame, problem.segments)
+    states, period = states_and_period(u, frame, problem.segments)
     with use_executor(problem.executor):
         run = simulate(
             motion.system, frame.t0, frame.t0 + period, unravel(states[0]), modes[0], motion.args,
@@ -197,7 +197,7 @@ def _passed(problem: Problem, u: Any, modes: Any, anchor: Anchor):
 def orbit_at(problem: Problem, u: Any, modes: Any, anchor: Anchor, found: Any) -> PeriodicOrbit:
     """The orbit of these unknowns, simulated once more, with its multipliers."""
     residual, jacobian, closing = found
-    fixed, u = _parted(problem, u)
+    fixed, u = _split_unknowns(problem, u)
     return _orbit_at(fixed, u, modes, anchor, (residual, jacobian[:, : u.size], closing))
 
 
@@ -209,14 +209,14 @@ def _orbit_at(problem: Problem, u: Any, modes: Any, anchor: Anchor, found: Any) 
     none = jnp.zeros((), bool)
     solved = Newton(u, jacobian, closing, norm, jnp.ones((), jnp.int32), none, none)
     with use_executor(problem.executor):
-        return described(
+        return describe_orbit(
             motion, frame, solved, jnp.inf, unravel, modes[0], problem.segments, problem.max_events
         )
 
 
 def _around(problem: Problem, modes: Any, anchor: Anchor) -> tuple[Motion, Frame, Any]:
-    """What moves, with steps bounded as for one period, and the frame of an anchor."""
+    """The motion, with steps bounded as for one period, and the frame of an anchor."""
     _, unravel = ravel_pytree(anchor.y)
-    motion, frame = _framed(problem, anchor)
+    motion, frame = _frame_of(problem, anchor)
     integrator = spanning(motion.integrator, frame.period)
     return motion._replace(integrator=integrator), frame, unravel

@@ -84,7 +84,7 @@ def concrete_guess(system: AbstractHybridSystem, guess: OrbitGuess, args: PyTree
     period = float(one_concrete("orbit.period", guess.period, "positive"))
     t0 = float(one_concrete("orbit.t0", guess.t0))
     y0, mode0 = start_of(system, t0, guess.y0, guess.mode0, args)
-    t0, y0, mode0 = beside_breaks(system, args, Shooting().tight(), t0, y0, mode0)
+    t0, y0, mode0 = beside_breaks(system, args, Shooting().integrator_or(), t0, y0, mode0)
     return OrbitGuess(y0, period, mode0, t0, guess.turns)
 
 
@@ -98,7 +98,7 @@ def problem_of(
     args: PyTree,
     shooting: Any,
 ) -> Problem:
-    """What is followed from an orbit over parameters that have these values there."""
+    """The problem of a branch from an orbit over parameters that have these values there."""
     check_handed_on("args", args)
     shooting = shooting_of(shooting)
     there, multiple = with_parameters(system, dict(values)), 1
@@ -108,6 +108,7 @@ def problem_of(
     else:
         check_callable("forcing_period", forcing_period, "forcing_period(system)", system)
         forcing = one_concrete("forcing_period(system)", forcing_period(there), "positive")
+        # A period that was simulated is known to some digits; a number of periods is a whole one.
         ratio = float(orbit.period) / float(forcing)
         multiple = round(ratio)
         if multiple < 1 or abs(ratio - multiple) > ACCURACY.known:
@@ -115,6 +116,6 @@ def problem_of(
             raise refusal("forcing_period(system)", float(forcing), allowed)
     system, args = with_float_arrays((system, args))
     return Problem(
-        system, args, shooting.tight(), as_parameter(np.asarray(spans, float)), tuple(values),
+        system, args, shooting.integrator_or(), as_parameter(np.asarray(spans, float)), tuple(values),
         forcing_period, multiple, shooting.segments, shooting.max_events, current_executor(),
     )  # fmt: skip

@@ -24,6 +24,7 @@ def beside_breaks(
         if not isinstance(found, AbstractSystemWrapper):
             return t0, y0, mode0
         found = found.system
+    # Not before the break: there the load is that of the piece which ends.
     later = beside_break(found, t0)
     run = simulate(
         system, t0, later, y0, mode0, args, integrator=integrator, saveat=SaveAt(max_events=None),

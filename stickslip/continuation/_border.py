@@ -4,9 +4,9 @@ import numpy as np
 
 from ._accuracy import ACCURACY
 from ._along import Problem
-from ._curves import AbstractCurve, Place, directed, last_place, reason_of
+from ._curves import AbstractCurve, Place, last_place, place_along, reason_of
 from ._family import Event, Failure, Leg
-from ._point import Point, ahead, correct, strayed
+from ._point import Point, ahead, correct, is_astray
 from ._points import border
 from ._touches import TOUCHING, decades, events_of, first_difference
 
@@ -24,7 +24,7 @@ class Border(AbstractCurve):
 
     def others(self, leg: Leg, found: list[Event]) -> list[Event]:
         """The corner at which the border of another event is met, nearer than all else."""
-        last = self.met(leg.before, leg.after, leg.distance)
+        last = self.corner_between(leg.before, leg.after, leg.distance)
         if last is None:
             return found
         found = [event for event in found if not event.ends]
@@ -47,6 +47,7 @@ class Border(AbstractCurve):
         turn = 2.0 * np.pi / ACCURACY.around
         for part in (0.03, 0.003, 0.3):
             radius = part * distance
+            # Two edges, or the circle is too large for the border to be straight in it.
             there = [inside(k * turn, radius) for k in range(ACCURACY.around)]
             edges = [k for k in range(ACCURACY.around) if there[k - 1] != there[k]]
             if len(edges) != 2:
@@ -64,7 +65,7 @@ class Border(AbstractCurve):
             normal = direction(ends[True] + 0.5 * arc)
             place = Place(point, normal, normal, 1.0)
             last, _ = border(self.problem, point, radius, self._alike, -normal)
-            return directed(place, last, direction(ends[False]) - direction(ends[True]), 1.0)
+            return place_along(place, last, direction(ends[False]) - direction(ends[True]), 1.0)
         return Failure("mode_differs")
 
     def onward(self, place: Place, distance: float) -> Place | Failure:
@@ -75,7 +76,7 @@ class Border(AbstractCurve):
     def outside(self, place: Place) -> tuple | None:
         """The first event of a motion just beyond a place that is not as on the orbit.
 
-        `(index, guard, mode after)`, or None where none is seen. What comes later is no matter: a
+        `(index, guard, mode after)`, or None where none is seen. Later events do not matter: a
         first touch of a stop kicks as the square root of how deep it is, into other borders too.
         """
         own = events_of(self.problem, place.point, place.point.u)
@@ -85,7 +86,7 @@ class Border(AbstractCurve):
                 return first_difference(own, found)
         return None
 
-    def met(self, before: Place, after: Place, distance: float) -> Place | None:
+    def corner_between(self, before: Place, after: Place, distance: float) -> Place | None:
         """The place between two others where the border of another event is met, if there is one."""
         beyond = self.outside(before)
         if self.outside(after) == beyond:
@@ -118,12 +119,13 @@ class Border(AbstractCurve):
     def _across(self, place: Place, distance: float) -> Point | Failure:
         """The last orbit on the line across the curve, at a distance along it."""
         begin = place.point
+        # On the tangent first; where the border bends towards the orbits they are a little inside.
         for inside in ACCURACY.inside:
             there = begin.u + distance * (place.way + inside * place.normal)
             found = correct(
                 self.problem, there, begin.modes, begin.anchor, begin.tangent, begin.tangent
             )  # fmt: skip
-            if strayed(found, there, (1.0 + inside) * distance, 1.0):
+            if is_astray(found, there, (1.0 + inside) * distance, 1.0):
                 continue
             if not isinstance(found, Failure) and self._alike(found):
                 reach = (1.0 + 2.0 * inside) * distance

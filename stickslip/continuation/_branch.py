@@ -45,13 +45,13 @@ class BranchPoint(eqx.Module):
 
     @property
     def value(self) -> float:
-        """Of the only parameter, or the first one."""
+        """Value of the only parameter, or of the first one."""
         return float(self.values[0])
 
     def __repr__(self) -> str:
         period = isinstance(self.orbit, Equilibrium) and self.label == "HB"
         more = f", period {float(self.orbit.period):.10g} s" if period else ""
-        return f"{self.label} at {_listed(self.values)}{more}{': ' * bool(self.words)}{self.words}"
+        return f"{self.label} at {_list_text(self.values)}{more}{': ' * bool(self.words)}{self.words}"
 
 
 class Branch(eqx.Module):
@@ -165,12 +165,12 @@ class Branch(eqx.Module):
         }
 
 
-def _listed(values: np.ndarray) -> str:
+def _list_text(values: np.ndarray) -> str:
     return ", ".join(f"{value:.10g}" for value in values)
 
 
 def column_of(parameter: str, data: Mapping[str, Any]) -> str:
-    """What a parameter is called beside the columns of a dataset, whose names and axes it may have."""
+    """Name of a parameter beside the columns of a dataset, whose names and axes it may have."""
     axes = ("point", "special", "multiplier")
     free = parameter not in data and parameter not in axes and f"special_{parameter}" not in data
     return parameter if free else f"parameter_{parameter}"

@@ -11,7 +11,7 @@ from scipy.interpolate import BarycentricInterpolator
 from scipy.optimize import brentq
 
 from ._accuracy import ACCURACY
-from ._along import Problem, evaluated, orbit_at
+from ._along import Problem, equations_at, orbit_at
 from ._family import Failure
 from ._point import Point, correct
 
@@ -70,6 +70,7 @@ def zero_beside(
                 why = Failure("the function jumps there")
                 break
             middle, moved = zeros[0], abs(zeros[0] - middle)
+            # The zero was not between the inner orbits: they are placed anew around it.
             if moved > 0.5 * width:
                 continue
             if abs(zeros[0] - zeros[1]) > ACCURACY.known:
@@ -97,7 +98,7 @@ def _on(
     u = np.asarray(BarycentricInterpolator(nodes, np.stack([p.u for p in points]))(x))
     tangent = np.asarray(BarycentricInterpolator(nodes, np.stack([p.tangent for p in points]))(x))
     modes = points[2].modes
-    found = jax.device_get(evaluated(problem, jnp.asarray(u), modes, before.anchor))
+    found = jax.device_get(equations_at(problem, jnp.asarray(u), modes, before.anchor))
     residual, jacobian, closing = found
     if not (np.all(closing.good) and np.max(np.abs(residual)) <= ACCURACY.zero):
         return Failure("not_converged")

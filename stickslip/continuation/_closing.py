@@ -35,7 +35,7 @@ def check_autonomous(
 
 
 class Motion(NamedTuple):
-    """What moves: a system, its arguments, and how it is integrated."""
+    """A system that moves, its arguments, and how it is integrated."""
 
     system: AbstractHybridSystem
     args: PyTree
@@ -43,7 +43,7 @@ class Motion(NamedTuple):
 
 
 class Frame(NamedTuple):
-    """What stays the same while Newton's method runs.
+    """Everything that stays the same while Newton's method runs.
 
     - `t0`: time of the first point [s]; `period` [s]: that of the forcing times its multiple, or of the
       guess where it is `free`, an unknown too.
@@ -91,7 +91,7 @@ def unknowns(y: Float[Array, "segment size"], frame: Frame) -> Float[Array, " un
     return jnp.append(flat, 1.0) if frame.free else flat
 
 
-def known(u: Float[Array, " unknown"], frame: Frame, segments: int) -> tuple[Any, Any]:
+def states_and_period(u: Float[Array, " unknown"], frame: Frame, segments: int) -> tuple[Any, Any]:
     """States at the knots `[segment, size]` and the period, of a vector of unknowns."""
     period = frame.period * u[-1] if frame.free else frame.period
     return u[: segments * frame.size.shape[0]].reshape(segments, -1) * frame.size[None, :], period
@@ -107,7 +107,7 @@ def closure(
     Pieces begin on what their modes hold, from where a stick would go on at any speed.
     """
     segments = modes.shape[0]
-    y, period = known(u, frame, segments)
+    y, period = states_and_period(u, frame, segments)
     times = frame.t0 + period * jnp.arange(segments + 1, dtype=jnp.float64) / segments
 
     def piece(begin, end, state, mode):
@@ -152,7 +152,7 @@ def equations(
     kept = jnp.all(changed <= ACCURACY.known * grows[:, None], axis=0)
     neutral = projection_on(jnp.where(kept[None, :], frame.shifts, 0.0))
     rows = slice((segments - 1) * count, segments * count)
-    # Of the last piece alone: the knots go on turning.
+    # Whole turns are taken from the last piece alone: the knots go on turning.
     away = found.residual[rows] * frame.size
     closes = without(away, frame.turns, in_units(neutral, frame.size), frame.turn) / frame.size
     place = neutral @ (u[:count] - frame.anchor / frame.size)
@@ -177,7 +177,7 @@ def _each(piece: Any, *rows: Any) -> Any:
 
 
 class Extent(NamedTuple):
-    """What a motion reaches in a time: see `extent`."""
+    """How far a motion reaches in a time: see `extent`."""
 
     moves: Float[Array, " size"]
     least: Float[Array, " size"]

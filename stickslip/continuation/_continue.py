@@ -16,7 +16,7 @@ from ..hybrid import AbstractHybridSystem
 from ..hybrid.arguments import the_system
 from ..hybrid.status import DISCONTINUOUS
 from ._accuracy import ACCURACY
-from ._along import Problem, evaluated
+from ._along import Problem, equations_at
 from ._arguments import bounds_of, concrete_guess, follow_of, problem_of, value_of
 from ._branch import Branch, BranchPoint, branch_of
 from ._equilibrium import Equilibrium
@@ -25,10 +25,10 @@ from ._guess import OrbitGuess
 from ._options import FOLLOW, SHOOTING, Follow, Shooting
 from ._orbit import PeriodicOrbit
 from ._orbits import CLOSED, Orbits
-from ._point import Point, ahead, begin, remeasured
-from ._switch import born, crossing, doubled, outward
+from ._point import Point, ahead, begin, remeasure
+from ._switch import crossing, doubled_orbit, orbit_at_hopf, outward
 from ._walk import follow as follow_branch
-from ._walk import joined
+from ._walk import join
 
 PRIMES = tuple(n for n in range(7, 14) if math.gcd(n, ACCURACY.parts) == 1)
 CUT_OFF = ("max_points", "bounds", "homoclinic")  # ends beyond which a branch goes on
@@ -123,7 +123,7 @@ def continue_orbit(
     if options.both and others and isinstance(others[0], Point) and half.events[-1].words != CLOSED:
         back = follow_branch(family, others[0], ((low, high),), options, first=False)
         # The other branch at a crossing begins beside it, on both sides.
-        half = joined(half, back, shared=special is None or special.label != "BP")
+        half = join(half, back, shared=special is None or special.label != "BP")
     return branch_of(family, half, system)
 
 
@@ -132,10 +132,10 @@ def _starts(
 ) -> tuple[Problem, list[Point | Failure]]:
     """Where each half of the branch begins, and what is followed then."""
     if special is not None and special.label == "HB":
-        return problem, [born(problem, special.orbit, value)]
+        return problem, [orbit_at_hopf(problem, special.orbit, value)]
     if special is not None and special.label == "PD":
         problem = dataclasses.replace(problem, multiple=2 * problem.multiple)
-        return problem, [doubled(problem, known, value)]  # backwards lies the point it came from
+        return problem, [doubled_orbit(problem, known, value)]  # backwards lies the point it came from
     if special is not None and special.label == "BP":
         return problem, list(crossing(problem, known, value, special.slope))
     first = begin(problem, known, value)
@@ -146,13 +146,13 @@ def _starts(
     problem, first = _shortest(problem, first)
     if isinstance(first, Failure):
         return problem, [first]
-    first = remeasured(problem, first)
+    first = remeasure(problem, first)
     other = _beside(problem, first, middle)
     if other:
         allowed = f"an orbit that is alone, or whose place is free all along the branch: {other}"
         raise refusal("orbit", orbit, allowed, but="one with a further multiplier 1")
-    first = first if first.tangent[-1] > 0 else first.turned()
-    return problem, [first, first.turned()]
+    first = first if first.tangent[-1] > 0 else first.backward()
+    return problem, [first, first.backward()]
 
 
 def _start_of(
@@ -192,7 +192,7 @@ def _beside(problem: Problem, first: Point, middle: float) -> str:
     if np.any(first.orbit.neutral):
         aside = first.u.copy()
         aside[-1] += np.copysign(ACCURACY.near, middle - first.value)
-        found = evaluated(problem, jnp.asarray(aside), first.modes, first.anchor)[2]
+        found = equations_at(problem, jnp.asarray(aside), first.modes, first.anchor)[2]
         held = np.trace(np.asarray(found.neutral)) < np.trace(first.orbit.neutral) - 0.5
         if np.all(found.good) and held:
             return "a place that is free at this value of the parameter is not at others"

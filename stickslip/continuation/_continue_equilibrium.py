@@ -22,14 +22,14 @@ from ._rest import (
     Measure,
     Rest,
     angle_of,
-    corrected,
+    equilibrium_at,
     measure_of,
+    next_measure,
     of_length_one,
-    renewed,
     tangent_of,
 )
 from ._walk import follow as follow_branch
-from ._walk import joined
+from ._walk import join
 
 
 def continue_equilibrium(
@@ -61,8 +61,8 @@ def continue_equilibrium(
     `BP` (branch point), `HB` (Hopf: a pair crosses the imaginary axis), `UZ` and `EP` (end, with the
     reason). From an `HB` point `continue_orbit` follows the periodic orbits that are born there. It
     runs outside `jit`. A branch point at which the parameter turns, as along one branch of a pitchfork,
-    is a `BP` and no `LP`. What is not located has a question mark, `LP?`, and words between which
-    states it lies. Results do not depend on the units of the state, of the time and of the parameter.
+    is a `BP` and not an `LP`. A point that is not located has a question mark, `LP?`, and words between
+    which states it lies. Results do not depend on the units of state, time and parameter.
 
     **Errors** `ValueError`/`TypeError` naming the argument; also where Newton's method finds no
     equilibrium from `y0`.
@@ -85,29 +85,30 @@ def continue_equilibrium(
     if first is None:
         raise refusal("y0", y0, "near an equilibrium of this mode: Newton's method finds none")
     family = Equilibria(field, int(mode), options.tests)
-    measure = _measured(family, first, high - low, options.step)
+    measure = _first_measure(family, first, high - low, options.step)
     tangent = of_length_one(first.tangent, hold, measure)
     first = dataclasses.replace(first, tangent=tangent, measure=measure)
     half = follow_branch(family, first, ((low, high),), options)
     if options.both:
-        back = follow_branch(family, first.turned(), ((low, high),), options, first=False)
-        half = joined(half, back)
+        back = follow_branch(family, first.backward(), ((low, high),), options, first=False)
+        half = join(half, back)
     return branch_of(family, half, system)
 
 
 def _first(field: Field, z: np.ndarray, hold: np.ndarray, span: float) -> Rest | None:
     """The equilibrium near the given state, at the value of the parameter; at a fold, all but at it."""
-    first = corrected(field, z, hold, hold, None)
+    first = equilibrium_at(field, z, hold, hold, None)
+    # At a fold no equilibrium is near at this value of the parameter: it is let go along the branch.
     jacobian = field(z)[1]
     if first is not None or not np.all(np.isfinite(jacobian)):
         return first
     measure = measure_of(np.append(np.abs(z[:-1]), span), jacobian)
     along = measure.along(tangent_of(jacobian, hold, measure))
-    found = corrected(field, z, along, hold, measure)
+    found = equilibrium_at(field, z, along, hold, measure)
     return found if found is not None and abs(found.value - z[-1]) <= ACCURACY.rounding * span else None
 
 
-def _measured(family: Equilibria, first: Rest, span: float, step: float) -> Measure:
+def _first_measure(family: Equilibria, first: Rest, span: float, step: float) -> Measure:
     """Sizes at the start: how far each component moves, as slope and curvature there let expect.
 
     The parameter is changed a little to find them; at a start where it turns, nothing but trying tells.
@@ -118,15 +119,17 @@ def _measured(family: Equilibria, first: Rest, span: float, step: float) -> Meas
     if rate > ACCURACY.zero * np.max(np.abs(first.tangent / measure.columns)):
         along, sense, none = measure.along(first.tangent), first.tangent, np.zeros(size.size)
         along = np.where(np.arange(size.size) < size.size - 1, 0.0, along)
+        # Where the state bends fast, only a small change of the parameter says how fast it moves.
         for k in range(ACCURACY.rounds):
             for way in (1.0, -1.0):
                 change = way * step * span * 0.25**k * sense / sense[-1]
-                new = corrected(field, first.z + change, along, sense, measure)
+                new = equilibrium_at(field, first.z + change, along, sense, measure)
                 if new is not None and not strays(first, new, measure, none):
-                    return renewed(measure, first, new, none)
+                    return next_measure(measure, first, new, none)
     way = first.tangent / np.max(np.abs(first.tangent / measure.columns))
     way[-1] = 0.0
     largest = np.max(np.abs(first.z[:-1]) / np.where(way[:-1] != 0.0, np.abs(way[:-1]), np.inf))
+    # Sizes from far too large ones on: the first with which a step is straight enough is the branch's.
     for k in range(2 * ACCURACY.tries):
         size = np.abs(way) * (largest if largest > 0.0 else 4.0**ACCURACY.tries) * 0.25**k
         size[-1] = span

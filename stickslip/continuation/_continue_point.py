@@ -23,7 +23,7 @@ from ._point import Point, begin, round_trip
 from ._points import branching, doubling, torus
 from ._touches import TOUCHING
 from ._walk import follow as follow_branch
-from ._walk import joined
+from ._walk import join
 
 BORDERS = ("GR", "SQ")
 FUNCTIONS = {"LP": folding, "PD": doubling, "NS": torus, "BP": branching}
@@ -92,11 +92,12 @@ def continue_point(
     curve, start = _start(problem, point, np.array([*there.values()]), tests, options.step)
     if isinstance(start, Failure):
         raise refusal("point", point, f"one from which a curve can be followed: it is {start.result}")
-    start = start if start.way[-1] >= 0 else start.turned()
+    # The first half goes to larger values of the second parameter, whatever the curve's own sense is.
+    start = start if start.way[-1] >= 0 else start.backward()
     box: Any = tuple(map(tuple, limits.tolist()))
     half = follow_branch(curve, start, box, options)
     if options.both and not half.events[-1].words.startswith("closed"):
-        half = joined(half, follow_branch(curve, start.turned(), box, options, first=False))
+        half = join(half, follow_branch(curve, start.backward(), box, options, first=False))
     return branch_of(curve, half, system, point.label)
 
 

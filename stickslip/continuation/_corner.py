@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ._accuracy import ACCURACY
-from ._along import Problem, evaluated
+from ._along import Problem, equations_at
 from ._family import Failure
 from ._point import Point, ahead, correct, leaps, tangent_of
 from ._touches import decades
@@ -25,18 +25,20 @@ def across(problem: Problem, last: Point, seen: Point | Failure) -> list[Point] 
         way = led_back(problem, last, seen)
         if way is not None:
             return way
-    _, _, found = jax.device_get(evaluated(problem, jnp.asarray(last.u), last.modes, last.anchor))
+    _, _, found = jax.device_get(equations_at(problem, jnp.asarray(last.u), last.modes, last.anchor))
     own = found.sequence.tolist()
     tangents: list[np.ndarray] = []
+    # Beside the orbit, not on it: there rounding decides which of the two pieces is met.
     for beside in decades(ACCURACY.known, ACCURACY.near):
         for direction in _directions(last):
             u = last.u + beside * direction
             _, jacobian, other = jax.device_get(
-                evaluated(problem, jnp.asarray(u), last.modes, last.anchor)
+                equations_at(problem, jnp.asarray(u), last.modes, last.anchor)
             )
             if not np.all(other.good) or other.sequence.tolist() == own:
                 continue
             tangent = tangent_of(jacobian, None)
+            # A piece that was seen from another side already has the same tangent.
             if tangent is None or any(abs(tangent @ t) > 1.0 - ACCURACY.known for t in tangents):
                 continue
             tangents.append(tangent)
@@ -63,7 +65,7 @@ def led_back(problem: Problem, last: Point, new: Point) -> list[Point] | None:
     The branch is followed back to the border. None if it does not lead there: then it is another one
     that passes by.
     """
-    way = [new if (last.u - new.u) @ new.tangent > 0 else new.turned()]
+    way = [new if (last.u - new.u) @ new.tangent > 0 else new.backward()]
     whole = float(np.linalg.norm(last.u - new.u))
     left = whole
     while left > ACCURACY.little and len(way) < ACCURACY.samples:
@@ -74,12 +76,13 @@ def led_back(problem: Problem, last: Point, new: Point) -> list[Point] | None:
         left = float(np.linalg.norm(last.u - point.u))
     if left > max(ACCURACY.little, ACCURACY.shrinks * whole):
         return None
-    return [point.turned() for point in reversed(way)]
+    return [point.backward() for point in reversed(way)]
 
 
 def _nearer(problem: Problem, last: Point, point: Point, left: float) -> Point | None:
     """The next orbit of a branch that leads back to a border; None where it does not."""
     for k in range(1, ACCURACY.few + 1):
+        # Half of the way at most: the border, where Newton's method has no orbit, is not to be met.
         step = left * ACCURACY.shorter**k
         new = ahead(problem, point, step)
         if isinstance(new, Failure) or new.sequence != point.sequence or leaps(point, new, step):

@@ -58,7 +58,7 @@ class Place:
 
     @property
     def rates(self) -> np.ndarray:
-        """Of the parameters along the curve."""
+        """Rates of the parameters along the curve."""
         return self.way[-2:]
 
     @property
@@ -66,7 +66,7 @@ class Place:
         """The parameters in parts of the bounds' distances."""
         return self.point.place
 
-    def turned(self) -> "Place":
+    def backward(self) -> "Place":
         """The same, with the curve followed the other way."""
         return dataclasses.replace(self, way=-self.way)
 
@@ -74,10 +74,10 @@ class Place:
         """Another point not far along the curve; its direction is that of the parabola through both."""
         chord = point.u - self.point.u
         chord = chord / np.linalg.norm(chord)
-        return directed(self, point, 2.0 * (chord @ self.way) * chord - self.way, steep)
+        return place_along(self, point, 2.0 * (chord @ self.way) * chord - self.way, steep)
 
 
-def directed(old: Place, point: Point, along: np.ndarray, steep: float) -> Place:
+def place_along(old: Place, point: Point, along: np.ndarray, steep: float) -> Place:
     """A point with a direction of the curve and the normal on the side of the old one."""
     one, two = point.tangent @ along
     size = np.hypot(one, two)
@@ -128,7 +128,7 @@ class AbstractCurve(AbstractFamily):
         """Rates of both parameters."""
         return point.rates * np.asarray(self.problem.unit)
 
-    def remeasured(self, points: list[Place], new: Place) -> Place:
+    def remeasure(self, points: list[Place], new: Place) -> Place:
         return elsewhere(self.problem, new)
 
     def over(self, points: list[Place], distance: float) -> str:
@@ -168,7 +168,7 @@ class Zeros(AbstractCurve):
             return Failure("singular")
         across = slopes / np.linalg.norm(slopes) @ point.tangent
         near = Place(point, across, across, float(np.linalg.norm(slopes)))
-        found = self._reached(near, point, ACCURACY.near)
+        found = self._zero_across(near, point, ACCURACY.near)
         return found if isinstance(found, Failure) else self._with_slopes(near, *found)
 
     def onward(self, place: Place, distance: float) -> Place | Failure:
@@ -176,11 +176,11 @@ class Zeros(AbstractCurve):
         near = ahead(self.problem, place.point, distance, place.way)
         if isinstance(near, Failure):
             return near
-        found = self._reached(place, near, distance)
+        found = self._zero_across(place, near, distance)
         return found if isinstance(found, Failure) else self._with_slopes(place, *found)
 
     def _slopes(self, point: Point) -> np.ndarray | None:
-        """Of the test by the coordinates of the plane; None where the sequence of modes ends nearby."""
+        """Slopes of the test by the coordinates of the plane; None where its sequence of modes ends."""
         found = []
         for row in point.tangent:
             ends = []
@@ -202,7 +202,7 @@ class Zeros(AbstractCurve):
         way = np.array([-across[1], across[0]]) @ point.tangent
         return Place(point, way if way @ old.way >= 0 else -way, across @ point.tangent, steep)
 
-    def _reached(self, place: Place, near: Point, reach: float) -> tuple[Point, float] | Failure:
+    def _zero_across(self, place: Place, near: Point, reach: float) -> tuple[Point, float] | Failure:
         """The zero on the line across the curve through a point near it, and the slope there."""
         if near.sequence != place.point.sequence:
             return Failure("mode_differs")
@@ -284,9 +284,10 @@ def last_place(
                 high = middle
             else:
                 low, best = middle, found
+        # Chords as short as this have no direction.
         if low < ACCURACY.known:
             best = dataclasses.replace(best, way=last.way)
-        last, span = best, 4.0 * (high - low)
+        last, span = best, 4.0 * (high - low)  # more than was left, for it is a little off
         if span < ACCURACY.zero * distance:
             break
     return last

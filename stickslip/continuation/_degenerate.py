@@ -26,6 +26,7 @@ def _without(found: np.ndarray, target: float) -> np.ndarray:
 
 
 def _pairs(found: np.ndarray) -> float:
+    # A product over all pairs is smooth where two of them change places; a single pair is not.
     product = 1.0 + 0.0j
     for i in range(found.size):
         for j in range(i):

@@ -28,11 +28,11 @@ from ._rest import (
     Measure,
     Rest,
     angle_of,
-    corrected,
-    described,
+    describe_rest,
+    equilibrium_at,
     measure_of,
+    next_measure,
     of_length_one,
-    renewed,
     scales_of,
 )
 
@@ -45,7 +45,7 @@ def turning(rest: Rest) -> float:
 def crossing(rest: Rest) -> float:
     """Least singular value of the derivative, with the sign of its determinant with the tangent."""
     measure = rest.measure
-    matrix = measure.balanced(rest.jacobian)
+    matrix = measure.balance(rest.jacobian)
     found = np.linalg.svd(matrix, compute_uv=False)
     row = rest.tangent / measure.columns
     sign = np.linalg.slogdet(np.vstack([matrix, row / np.linalg.norm(row)]))[0]
@@ -102,7 +102,7 @@ class Equilibria(AbstractFamily):
     def onward(self, point: Rest, distance: float) -> Rest | Failure:
         along = point.measure.along(point.tangent)
         there = point.z + distance * point.tangent
-        found = corrected(self.field, there, along, point.tangent, point.measure)
+        found = equilibrium_at(self.field, there, along, point.tangent, point.measure)
         return Failure("Newton's method finds no equilibrium there") if found is None else found
 
     def cosine(self, point: Rest, new: Rest) -> float:
@@ -146,8 +146,8 @@ class Equilibria(AbstractFamily):
     def zero(
         self, before: Rest, after: Rest, distance: float, test: Test, found: list[Event]
     ) -> Rest | Failure | None:
-        """Where two branches cross, the parameter may turn along one of them: it is no fold, although
-        its rate passes zero, since beyond it another branch goes on. No Hopf point is where the
+        """Where two branches cross, the parameter may turn along one of them: not a fold, although its
+        rate passes zero, since beyond it another branch goes on. No Hopf point is where the
         eigenvalues whose sum passes zero are real, on both sides if it is not located."""
         if test.zero and abs(test(before)) <= test.zero:
             return None if test.label == "HB" and axis_pair(before) is None else before
@@ -170,9 +170,9 @@ class Equilibria(AbstractFamily):
             return None if axis_pair(before) is axis_pair(after) is None else point
         return None if axis_pair(point) is None else point
 
-    def remeasured(self, points: list[Rest], new: Rest) -> Rest:
+    def remeasure(self, points: list[Rest], new: Rest) -> Rest:
         states = np.stack([point.z for point in (*points, new)])
-        measure = renewed(points[-1].measure, points[-1], new, np.ptp(states, axis=0))
+        measure = next_measure(points[-1].measure, points[-1], new, np.ptp(states, axis=0))
         tangent = of_length_one(new.tangent, new.tangent, measure)
         return dataclasses.replace(new, tangent=tangent, measure=measure)
 
@@ -200,6 +200,7 @@ def strays(point: Rest, new: Rest, measure: Measure, size: np.ndarray) -> bool:
     own = measure_of(measure.size, new.jacobian)
     move, least = new.z - point.z, own.least(new.jacobian, new.z)
     expected = 0.5 * change * (point.tangent / point.tangent[-1] + new.tangent / new.tangent[-1])
+    # Only a sign that is wrong, or a size, says so: near its beginning the tangents hardly predict it.
     most = ACCURACY.follows * np.maximum(np.abs(move), np.abs(expected)) + least
     return bool(np.any((size == 0.0) & (np.abs(move - expected) > most)))
 
@@ -230,7 +231,7 @@ def _branch_point(
             if low[0] - 0.1 * width <= at <= high[0] + 0.1 * width:
                 return _at_branch_point(field, point, high[1].z - low[1].z, measure)
         middle = 0.5 * (low[0] + high[0])
-        found = corrected(field, rest.z + middle * rest.tangent, along, rest.tangent, measure)
+        found = equilibrium_at(field, rest.z + middle * rest.tangent, along, rest.tangent, measure)
         if found is None:
             return Failure(reason)
         value = crossing(found)
@@ -247,11 +248,11 @@ def _singular(field: Field, z: np.ndarray, measure: Measure) -> np.ndarray | Non
     r"""Solution of $f + \beta\phi = 0$, $\phi^T f' = 0$, $|\phi| = 1$ with $\beta = 0$, near `z`."""
     rows, columns = measure.rows, measure.columns
     n = rows.size
-    phi, beta = np.linalg.svd(measure.balanced(field(z)[1]))[0][:, -1], 0.0
+    phi, beta = np.linalg.svd(measure.balance(field(z)[1]))[0][:, -1], 0.0
     before = np.inf
     for _ in range(ACCURACY.tries):
         values, jacobian = field(z)
-        slope, bend = measure.balanced(jacobian), field.curvature(z, phi * rows)
+        slope, bend = measure.balance(jacobian), field.curvature(z, phi * rows)
         bend = bend * columns[:, None] * columns[None, :]
         matrix = np.block(
             [
@@ -270,7 +271,7 @@ def _singular(field: Field, z: np.ndarray, measure: Measure) -> np.ndarray | Non
         parts = measure.part(move[: n + 1] * columns)
         longest = float(np.max(np.abs(np.concatenate([parts, move[n + 1 :]]))))
         if longest <= ACCURACY.short or (longest <= ACCURACY.zero and longest >= 0.5 * before):
-            least = np.linalg.svd(measure.balanced(field(z)[1]), compute_uv=False)[-1]
+            least = np.linalg.svd(measure.balance(field(z)[1]), compute_uv=False)[-1]
             return z if abs(beta) <= ACCURACY.zero and least <= ACCURACY.known else None
         before = longest
     return None
@@ -280,7 +281,7 @@ def _at_branch_point(
     field: Field, z: np.ndarray, chord: np.ndarray, measure: Measure
 ) -> Rest | Failure:
     """The branch point, with that of the two tangents which is nearer to a chord."""
-    slope = measure.balanced(field(z)[1])
+    slope = measure.balance(field(z)[1])
     left, _, right = np.linalg.svd(slope)
     plane = right[-2:]
     bend = field.curvature(z, left[:, -1] * measure.rows)
@@ -295,7 +296,7 @@ def _at_branch_point(
         tangent = ways[int(np.argmax(parts))]
     else:
         tangent = of_length_one(chord, chord, measure)
-    point = described(field, z, tangent, measure)
+    point = describe_rest(field, z, tangent, measure)
     if point is None:
         return Failure("Newton's method finds no equilibrium there")
     return dataclasses.replace(point, tangent=tangent)

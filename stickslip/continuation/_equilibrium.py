@@ -42,6 +42,7 @@ class Equilibrium(eqx.Module):
 
     def columns(self, system: AbstractHybridSystem) -> dict[str, Any]:
         """Columns of a dataset along `point`: state, stability, eigenvalues."""
+        # A state has its own units by name; eigenvalues mix them, and are rates in any.
         rate = {"units": "1/s"}
         data: dict[str, Any] = {
             "stable": ("point", self.stable),

@@ -40,7 +40,7 @@ def _hermite(order: int) -> np.ndarray:
 CUBIC, QUINTIC = _hermite(1), _hermite(2)
 
 
-def watched(
+def run_with_extremes(
     run: Callable, begin: Any, span: Any, state: Any, mode: Any, system: AbstractHybridSystem,
     args: Any, integrator: Integrator, y: Callable,
 ) -> tuple[Solution, Float[Array, " size"], Float[Array, " size"]]:  # fmt: skip
@@ -113,7 +113,7 @@ def _greatest(
         return dy, jax.jvp(lambda t, y: field(t, y, mode), (t, state), (one, dy))[1]
 
     def looked_at(index):
-        """What values of a step from a row may be as large as, and where; of numbers and negatives."""
+        """Bounds of the values of a step from a row, and where; of numbers and their negatives."""
         mode = modes[index + 1]  # of the step that ends there
         h = steps.t[index + 1] - steps.t[index]
         ends = [(flat[i], *rates(steps.t[i], flat[i], mode)) for i in (index, index + 1)]
@@ -145,7 +145,7 @@ def _greatest(
         begun = (jnp.full(2 * size, -jnp.inf), none, none.astype(jnp.argmax(best).dtype))
         return jax.lax.fori_loop(0, -(-steps.count // ACCURACY.block), block, begun)
 
-    def refined(number, row, place):
+    def greatest_near(number, row, place):
         """Greatest value of one number near a place inside a step."""
         part, sign = number % size, jnp.where(number < size, 1.0, -1.0)
         t0, start, mode = steps.t[row], flat[row], modes[row + 1]
@@ -179,10 +179,10 @@ def _greatest(
         wanted = values > best + least
 
         def one(number, best):
-            def looked(best):
-                return best.at[number].max(refined(number, rows[number], places[number]))
+            def look(best):
+                return best.at[number].max(greatest_near(number, rows[number], places[number]))
 
-            return jax.lax.cond(wanted[number], looked, lambda best: best, best)
+            return jax.lax.cond(wanted[number], look, lambda best: best, best)
 
         return jax.lax.fori_loop(0, 2 * size, one, best), values, wanted
 

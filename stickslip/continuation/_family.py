@@ -114,7 +114,7 @@ class Control:
 
 
 class AbstractFamily(abc.ABC):
-    """Solutions over one parameter or two. A point has `values` of these, and `turned()`."""
+    """Solutions over one parameter or two. A point has `values` of these, and `backward()`."""
 
     names: tuple[str, ...]
     control: Control
@@ -135,7 +135,7 @@ class AbstractFamily(abc.ABC):
 
     @abc.abstractmethod
     def cosine(self, point: Any, new: Any) -> float:
-        """Of the angle between the directions of the branch at two points."""
+        """Cosine of the angle between the directions of the branch at two points."""
 
     @abc.abstractmethod
     def length(self, one: Any, other: Any) -> float:
@@ -157,7 +157,7 @@ class AbstractFamily(abc.ABC):
     def slope(self, point: Any) -> Any:
         """Direction of the branch, in units."""
 
-    def onward_unchecked(self, point: Any, distance: float) -> Any:
+    def onward_anywhere(self, point: Any, distance: float) -> Any:
         """The corrector, whose result may lie on another branch."""
         return self.onward(point, distance)
 
@@ -174,7 +174,7 @@ class AbstractFamily(abc.ABC):
         return True
 
     def zero(self, before: Any, after: Any, distance: float, test: Test, found: list[Event]) -> Any:
-        """The point between two others where a test is zero, a `Failure`, or None where it is no event.
+        """The point between two others where a test is zero; a `Failure`, or None: there is no event.
 
         `found`: events that are known between both.
         """
@@ -184,7 +184,7 @@ class AbstractFamily(abc.ABC):
         """Events of a leg with those that are no zeros of a test, from those found."""
         return found
 
-    def remeasured(self, points: list, new: Any) -> Any:
+    def remeasure(self, points: list, new: Any) -> Any:
         """A new point, measured around itself."""
         return new
 
@@ -207,7 +207,7 @@ def next_point(family: AbstractFamily, point: Any, distance: float) -> tuple[Any
     control, failed = family.control, None
     shortest = distance * control.shortest
     while True:
-        new = family.onward_unchecked(point, distance)
+        new = family.onward_anywhere(point, distance)
         if isinstance(new, Failure):
             failed = failed or (new, distance)
             if distance <= failed[1] * control.patience:
@@ -223,6 +223,7 @@ def next_point(family: AbstractFamily, point: Any, distance: float) -> tuple[Any
                 return new, distance
             if distance <= shortest:
                 return (Failure("not_converged") if leaps else new), distance
+        # By halves: a point before a bend is found with few evaluations, or not at all.
         distance *= ACCURACY.shorter
 
 

@@ -27,7 +27,7 @@ def multipliers_of(matrix: Float[Array, "size size"], rank: Any) -> Complex[Arra
     rank = jnp.minimum(jnp.asarray(rank, jnp.int32), size)
     largest = None
     for _ in range(size):
-        # What an event projects out leaves a singular value of rounding.
+        # A direction that an event projects out leaves a singular value of rounding.
         left, strength, right = jnp.linalg.svd(matrix)
         largest = strength[0] if largest is None else largest
         kept = (index < rank) & (strength > ACCURACY.rounding * largest)

@@ -111,8 +111,8 @@ def orbit_guess(
     - `forcing_period` [s]: of a system that depends on the time; at most `max_period`. The guess has it
       or a multiple of it as its period.
 
-    **Returns** an `OrbitGuess`. Where no return is seen within `max_period` its period is NaN, which
-    `periodic_orbit` refuses, or answers with `guess_failed` under `jit` and `vmap`, where it works too.
+    **Returns** an `OrbitGuess`. Where no return is seen within `max_period` its period is NaN:
+    `periodic_orbit` raises, or answers with `guess_failed` under `jit` and `vmap`, where it works too.
 
     **Errors** `ValueError`/`TypeError` naming the argument, before compilation.
     """
@@ -136,7 +136,7 @@ def orbit_guess(
     numbers = y0, mode, t0, *map(as_parameter, (transient, max_period, forcing_period or 0.0))
     program = _compiled if is_concrete((system, args, numbers)) else _guess
     return program(
-        system, args, shooting.tight(ACCURACY.guessing), current_executor(), *numbers,
+        system, args, shooting.integrator_or(ACCURACY.guessing), current_executor(), *numbers,
         multiples=multiples, max_events=shooting.max_events,
     )  # fmt: skip
 
@@ -239,6 +239,7 @@ def _guess(
         states, after = states[1:], after[1:]
     away = jnp.max(jnp.abs(apart(states - flat[None, :], neutral, turn) / size[None, :]), axis=1)
     away = jnp.where(jnp.isfinite(away), away, jnp.inf)
+    # A return as near as two orbits are to be one is a return in any case, also if others are nearer.
     good = jnp.isfinite(away) & (away <= jnp.maximum(ACCURACY.as_near * jnp.min(away), ACCURACY.known))
     period = jnp.where(jnp.any(good), after[jnp.argmax(good)], jnp.nan)
 

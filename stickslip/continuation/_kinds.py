@@ -34,15 +34,15 @@ def kind_of(system: AbstractHybridSystem, one: Point, two: Point) -> str:
         return ""
     # An orbit without events is in one mode: what is added begins and ends in it.
     alone = [] if few else [i for i in range(len(many)) if many[i - 1] == int(short.orbit.mode0)]
-    added = [(alone[0], len(many))] if alone else _added(few, many)
+    added = [(alone[0], len(many))] if alone else _added_parts(few, many)
     if added is None:
         return ""
     jumps, lasts = _jumps(long), _lasts(long)
-    kinds = {_cut_named(system, many, i, j, jumps, lasts) for i, j in added}
+    kinds = {_kind_of_cut(system, many, i, j, jumps, lasts) for i, j in added}
     return kinds.pop() if len(kinds) == 1 else ""
 
 
-def _cut_named(
+def _kind_of_cut(
     system: Any, modes: list[int], at: int, count: int, jumps: np.ndarray, lasts: np.ndarray
 ) -> str:
     """Name of one part, or of the same part as it may be cut out as well a little earlier or later.
@@ -53,10 +53,10 @@ def _cut_named(
     total = len(modes)
     found = []
     for shift in range(1 - count, count) if count < total else (0,):
-        # What is left is the same where the modes at both ends of each such cut are.
+        # The rest is the same where the modes at both ends of each such cut are.
         ends = range(shift) if shift > 0 else range(shift, 0)
         if all(modes[(at + k) % total] == modes[(at + k + count) % total] for k in ends):
-            kind = _named(system, modes, (at + shift) % total, count, jumps)
+            kind = _kind_of_part(system, modes, (at + shift) % total, count, jumps)
             inside = sum(float(lasts[(at + shift + k) % total]) for k in range(count - 1))
             found += [(inside, kind)] if kind else []
     return min(found)[1] if found else ""
@@ -73,7 +73,7 @@ def _cycle(point: Point) -> list[int]:
     return np.asarray(point.orbit.events.mode_after)[: int(point.orbit.events.count)].tolist()
 
 
-def _added(few: list[int], many: list[int]) -> list[tuple[int, int]] | None:
+def _added_parts(few: list[int], many: list[int]) -> list[tuple[int, int]] | None:
     """Parts of the longer cycle that the shorter one lacks; None if that is not all the difference."""
     for k in range(len(few)):
         turned = few[k:] + few[:k]
@@ -102,7 +102,7 @@ def impacts(point: Point) -> int:
     return int(np.sum(_jumps(point)[: int(point.orbit.events.count)]))
 
 
-def _named(system: Any, modes: list[int], at: int, count: int, jumps: np.ndarray) -> str:
+def _kind_of_part(system: Any, modes: list[int], at: int, count: int, jumps: np.ndarray) -> str:
     """Name of one part that is added to a cycle of modes."""
     total = len(modes)
     places = [(at + i) % total for i in range(count)]

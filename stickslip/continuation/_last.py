@@ -1,4 +1,4 @@
-"""What the end of a branch of orbits is: a Hopf point, or an orbit whose period grows without bound."""
+"""Ends of a branch of orbits: a Hopf point, or an orbit whose period grows without bound."""
 
 import dataclasses
 
@@ -12,7 +12,7 @@ from ._accuracy import ACCURACY
 from ._along import Problem
 from ._equilibria import axis_pair
 from ._point import Point
-from ._rest import Field, Rest, corrected
+from ._rest import Field, Rest, equilibrium_at
 
 
 def hopf_point(problem: Problem, point: Point) -> Point | None:
@@ -35,7 +35,7 @@ def hopf_point(problem: Problem, point: Point) -> Point | None:
         return float(np.real(found[np.argmin(np.abs(np.abs(np.imag(found)) - turn))]))
 
     def at(z: np.ndarray) -> Rest | None:
-        return corrected(field, z, hold, hold, None)
+        return equilibrium_at(field, z, hold, hold, None)
 
     old = at(np.append(0.5 * (low + high), point.value))
     if old is None:
@@ -52,6 +52,7 @@ def hopf_point(problem: Problem, point: Point) -> Point | None:
     if new is None or pair is None or not abs(rate(new)) <= ACCURACY.zero * turn:
         return None
     period = 2.0 * np.pi / abs(new.eigenvalues[pair].imag)
+    # Another pair may cross the axis nearby: the orbit turns as fast as its own.
     if abs(period / float(orbit.period) - 1.0) > ACCURACY.shrinks:
         return None
     y = jax.tree.map(np.asarray, field.unravel(jnp.asarray(new.z[:-1])))
@@ -74,7 +75,7 @@ def endless(points: list[Point], unit: float) -> tuple[str, bool]:
     turns = np.flatnonzero(np.diff(period) <= 0.0)
     begin = int(turns[-1]) + 1 if turns.size else 0
     period, value = period[begin:], value[begin:]
-    # What is left beyond the rounding of the parameter.
+    # Steps of the parameter that are more than its rounding.
     moved = np.abs(np.diff(value)) > ACCURACY.rounding * unit
     count = int(np.argmin(moved)) if not moved.all() else moved.size
     period, value, stopped = period[: count + 1], value[: count + 1], count < moved.size
@@ -88,6 +89,7 @@ def endless(points: list[Point], unit: float) -> tuple[str, bool]:
         return "", False
     rate = np.log(np.abs(change / np.diff(period)))
     middle = 0.5 * (period[1:] + period[:-1])
+    # Two laws, each a straight line in its own scales: the one that fits is what lies at the end.
     for kind, x in (("saddle", middle), ("SNIC", np.log(middle))):
         slope, start = np.polyfit(x, rate, 1)
         left = np.sqrt(np.mean((rate - slope * x - start) ** 2))
@@ -99,6 +101,7 @@ def endless(points: list[Point], unit: float) -> tuple[str, bool]:
             return _words("a saddle", value[-1] + left), stopped or bool(
                 abs(left) <= ACCURACY.known * unit
             )
+        # The rate goes as the third power there: the parameter as the second.
         if kind == "SNIC" and abs(slope + 3.0) <= ACCURACY.swerves:
             left = 0.5 * way * middle[-1] ** 3 / period[-1] ** 2
             over = bool(abs(left) <= ACCURACY.known * unit)

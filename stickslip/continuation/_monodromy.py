@@ -1,4 +1,4 @@
-"""What a period does to small deviations: pieces, jumps at events, directions that a mode holds."""
+"""Growth of small deviations in a period: pieces, jumps at events, directions that a mode holds."""
 
 import jax
 import jax.numpy as jnp

@@ -80,8 +80,9 @@ class Shooting(eqx.Module):
         if self.integrator is not None:
             check_type("integrator", self.integrator, Integrator, "an Integrator or None")
 
-    def tight(self, tolerance: float = ACCURACY.integration) -> Integrator:
+    def integrator_or(self, tolerance: float = ACCURACY.integration) -> Integrator:
         """The integrator, or one of this tolerance where none is given."""
+        # Derivatives of a period are needed to more digits than a run of `simulate` has by default.
         if self.integrator is not None:
             return self.integrator
         return Integrator(step=AdaptiveStep(tolerance))

@@ -28,7 +28,7 @@ from ._family import (
 from ._kinds import impacts, kind_of
 from ._last import endless, hopf_point
 from ._orbit import PeriodicOrbit
-from ._point import Point, ahead, leaps, remeasured, strayed, unchecked
+from ._point import Point, ahead, correct_from, is_astray, leaps, remeasure
 from ._points import border, branching, doubling, is_torus, torus, turning
 from ._switch import birth
 from ._touches import touches
@@ -67,8 +67,8 @@ class Orbits(AbstractFamily):
     def onward(self, point: Point, distance: float) -> Point | Failure:
         return ahead(self.problem, point, distance)
 
-    def onward_unchecked(self, point: Point, distance: float) -> Point | Failure:
-        return unchecked(self.problem, point, distance * point.tangent)
+    def onward_anywhere(self, point: Point, distance: float) -> Point | Failure:
+        return correct_from(self.problem, point, distance * point.tangent)
 
     def differs(self, point: Point, new: Point) -> bool:
         return new.sequence != point.sequence
@@ -132,8 +132,8 @@ class Orbits(AbstractFamily):
         found = [event for event in found if event.label[:2] not in ("LP", "BP") and not event.ends]
         return [*found, Event("EP", met, REPEATS, ends=True)]
 
-    def remeasured(self, points: list[Point], new: Point) -> Point:
-        return remeasured(self.problem, new)
+    def remeasure(self, points: list[Point], new: Point) -> Point:
+        return remeasure(self.problem, new)
 
     def over(self, points: list[Point], distance: float) -> str:
         if has_come_round(points, distance):
@@ -212,7 +212,7 @@ class Orbits(AbstractFamily):
         """Orbits beyond a border, outwards, None if there are none; and whether they lead to the orbit
         that was found there. Between that one and the border there may be others."""
         problem = self.problem
-        if not isinstance(found, Point) or strayed(found, last.u, max(rest, least), ACCURACY.strays):
+        if not isinstance(found, Point) or is_astray(found, last.u, max(rest, least), ACCURACY.strays):
             return across(problem, last, found), False
         way = led_back(problem, last, found)
         if way is not None:
@@ -228,10 +228,10 @@ class Orbits(AbstractFamily):
         """
         if impacts(new) >= impacts(last):
             return last
-        back = new if (last.u - new.u) @ new.tangent > 0 else new.turned()
+        back = new if (last.u - new.u) @ new.tangent > 0 else new.backward()
         reach = 2.0 * float(np.linalg.norm(last.u - new.u)) + ACCURACY.alike
         edge, at = border(self.problem, back, reach, alike(new))
-        return edge.turned() if at < reach else last
+        return edge.backward() if at < reach else last
 
     def _change(self, last: Point, new: Point, edge: Point) -> Event:
         """The border between two sequences, at one of its orbits: an event more or less, or others."""

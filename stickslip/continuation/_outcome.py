@@ -1,4 +1,4 @@
-"""What became of the search for a periodic orbit."""
+"""Outcomes of the search for a periodic orbit."""
 
 from typing import Any
 
@@ -53,6 +53,7 @@ NUMBER = {name: number for number, name in enumerate(NAMES)}
 
 def first_of(*cases: tuple[Any, str]) -> Any:
     """`ORBITS` item of the first condition that holds, `successful` if none does."""
+    # From the last to the first, so that the first that holds is what is left.
     code = jnp.zeros((), jnp.int32)
     for condition, name in reversed(cases):
         code = jnp.where(condition, NUMBER[name], code)

@@ -11,6 +11,7 @@ from .._types import Given, Numeric
 from .._validation import as_parameter, check_count, check_type, is_concrete, one_number, refusal
 from ..analysis import divergence
 from ..analysis.held_directions import held_directions
+from ..analysis.neutral_directions import projection_on
 from ..derived import WithIntegrals
 from ..hybrid import (
     AbstractHybridSystem,
@@ -35,11 +36,11 @@ from ._closing import (
     equations,
     extent,
     in_units,
-    known,
     plane_across,
+    states_and_period,
     unknowns,
 )
-from ._extremes import ROWS, watched
+from ._extremes import ROWS, run_with_extremes
 from ._floquet import multipliers_of, split_off, with_ones
 from ._guess import OrbitGuess, check_seen, gained_by
 from ._holding import holds, own_mode
@@ -114,7 +115,7 @@ def periodic_orbit(
     numbers = y0, mode0, t0, period, gained_by(system, guess), as_parameter(tolerance)
     program = _compiled if is_concrete((system, args, numbers)) else _orbit
     return program(
-        system, args, shooting.tight(), current_executor(), *numbers, forced=forced,
+        system, args, shooting.integrator_or(), current_executor(), *numbers, forced=forced,
         segments=shooting.segments, max_steps=max_steps, max_events=shooting.max_events,
     )  # fmt: skip
 
@@ -146,7 +147,7 @@ def _orbit(
             longest=lambda u, du: _longest(u, du, frame, jnp.maximum(reach.moves, reach.least)),
         )  # fmt: skip
         rests = settles(motion, frame, found, unravel, reach.modes[0]) if frame.free else False
-        return described(
+        return describe_orbit(
             motion, frame, found, tolerance, unravel, reach.modes[0], segments, max_events, rests
         )
 
@@ -171,17 +172,21 @@ def _longest(u, du, frame: Frame, reach):
     return part
 
 
-def described(
+def describe_orbit(
     motion, frame: Frame, found, tolerance, unravel, mode0, segments, max_events, rests=False
 ):  # fmt: skip
     """The orbit with its multipliers, simulated once more; `rests`: where it is none, it settles."""
     system, args, unit = motion.system, motion.args, frame.size
-    y, period = known(found.u, frame, segments)
+    y, period = states_and_period(found.u, frame, segments)
     carried = found.carried
     mode1 = carried.modes[-1]
     # The end of the last piece: on the sticking set to the last digit, unlike Newton's start.
     end = jnp.where(jnp.all(carried.good), carried.ends[-1], y[0])
-    neutral = in_units(carried.neutral, unit)
+    on_set = held_directions(
+        system, frame.t0, unravel(y[0]), mode1, args, unit, jnp.ones_like(unit)
+    )  # fmt: skip
+    free = _free_shifts(frame.shifts, carried.neutral, on_set)
+    neutral = in_units(free, unit)
     flat = y[0] + without(end - y[0], frame.turns, neutral, frame.turn)
     start = unravel(flat)
 
@@ -195,7 +200,7 @@ def described(
             saveat=SaveAt(ts=ts, steps=True, max_rows=ROWS, max_events=max_events), throw=False,
         )  # fmt: skip
 
-    solution, low, high = watched(
+    solution, low, high = run_with_extremes(
         run, frame.t0, period, ledger.start(start, frame.t0, args), own, system, args,
         motion.integrator, lambda state: state.y,
     )  # fmt: skip
@@ -220,9 +225,8 @@ def described(
     monodromy = jnp.eye(unit.shape[0])
     for piece in carried.pieces:
         monodromy = piece @ monodromy
-    on_set = held_directions(system, frame.t0, start, mode1, args, unit, jnp.ones_like(unit))
     rank, by_events = through_events(system, args, log, unit)
-    # What is held all the time, and by no event, has no part in the volume of deviations.
+    # A direction that is held all the time, and by no event, has no part in the volume of deviations.
     held = jnp.eye(unit.shape[0]) - on_set
     within = on_set @ monodromy @ on_set
     alone = jnp.linalg.det(within + held) if holds(system, args, start) else jnp.linalg.det(monodromy)
@@ -230,8 +234,8 @@ def described(
     monodromy = within
     by_events = by_events * jnp.exp(solution.y1.integrals["divergence"])
     # Shifts that change nothing are taken out of what becomes of deviations: their multipliers are 1.
-    beside = jnp.eye(unit.shape[0]) - carried.neutral
-    count = jnp.round(jnp.trace(carried.neutral)).astype(jnp.int32)
+    beside = jnp.eye(unit.shape[0]) - free
+    count = jnp.round(jnp.trace(free)).astype(jnp.int32)
     if frame.free:
         slope = ravel_pytree(system.vector_field(frame.t0, start, mode1, args))[0] / unit
         trivial, rest = split_off(beside @ monodromy @ beside, beside @ slope)
@@ -291,6 +295,16 @@ def described(
         drift=unravel(drift),
         turns=jax.tree.map(lambda leaf: leaf.astype(jnp.int32), unravel(frame.turns)),
     )
+
+
+def _free_shifts(shifts, neutral, on_set):
+    """Projection on the shifts that change nothing and are not held.
+
+    While a contact sticks nothing depends on its speed, as if it were a place that is free; but a
+    deviation of it is none of the motion, and its multiplier is 0.
+    """
+    left = jnp.maximum(jnp.abs(neutral @ shifts - shifts), jnp.abs(on_set @ shifts - shifts))
+    return projection_on(jnp.where(jnp.max(left, axis=0) <= ACCURACY.known, shifts, 0.0))
 
 
 def _rates(system, t, y, mode, args):

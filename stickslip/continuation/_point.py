@@ -9,7 +9,7 @@ import numpy as np
 
 from ..hybrid import SaveAt, simulate
 from ._accuracy import ACCURACY
-from ._along import Anchor, Problem, anchored, evaluated, orbit_at, system_at
+from ._along import Anchor, Problem, anchor_at, equations_at, orbit_at, system_at
 from ._family import Failure
 from ._guess import OrbitGuess, gained_by
 from ._orbit import PeriodicOrbit
@@ -34,7 +34,7 @@ class Point:
 
     @property
     def value(self) -> float:
-        """Of the one parameter."""
+        """Value of the one parameter."""
         return float(self.values[0])
 
     @property
@@ -44,7 +44,7 @@ class Point:
 
     @property
     def rates(self) -> np.ndarray:
-        """Of the parameter along the branch."""
+        """Rate of the parameter along the branch."""
         return self.tangent[-1:]
 
     @property
@@ -52,7 +52,7 @@ class Point:
         """The parameters in parts of the bounds' distances."""
         return self.u[-self.values.size :]
 
-    def turned(self) -> "Point":
+    def backward(self) -> "Point":
         """The same orbit, with the branch followed the other way."""
         return dataclasses.replace(self, tangent=-self.tangent)
 
@@ -95,7 +95,7 @@ def begin(problem: Problem, orbit: PeriodicOrbit | OrbitGuess, value: Any) -> Po
     """The first point of a branch: an orbit that is corrected at its own parameters."""
     value = np.atleast_1d(value)
     phase = jnp.asarray(float(orbit.t0) / float(orbit.period) % 1.0)
-    anchor, u, modes = anchored(
+    anchor, u, modes = anchor_at(
         problem,
         jnp.asarray(value, jnp.float64),
         orbit.y0,
@@ -117,7 +117,7 @@ def correct(
     orbit is simulated again."""
     start, best = u, np.inf
     for evaluation in range(1, ACCURACY.evaluations + 1):
-        residual, jacobian, found = jax.device_get(evaluated(problem, jnp.asarray(u), modes, anchor))
+        residual, jacobian, found = jax.device_get(equations_at(problem, jnp.asarray(u), modes, anchor))
         if not np.all(found.good) or not np.all(np.isfinite(residual)):
             return Failure("guess_failed")
         norm = float(np.max(np.abs(residual)))
@@ -152,17 +152,17 @@ def ahead(
 ) -> Point | Failure:
     """The point at a distance along the tangent of this one, or another way in the plane of orbits."""
     way = point.tangent if way is None else way
-    found = unchecked(problem, point, distance * way)
+    found = correct_from(problem, point, distance * way)
     there = point.u + distance * way
-    return Failure("not_converged") if strayed(found, there, distance, ACCURACY.strays) else found
+    return Failure("not_converged") if is_astray(found, there, distance, ACCURACY.strays) else found
 
 
-def unchecked(problem: Problem, point: Point, move: np.ndarray) -> Point | Failure:
-    """What Newton's method finds from a move away from a point: it may lie on another branch."""
+def correct_from(problem: Problem, point: Point, move: np.ndarray) -> Point | Failure:
+    """The orbit that Newton's method finds from a move away from a point: maybe on another branch."""
     return correct(problem, point.u + move, point.modes, point.anchor, point.tangent, point.tangent)
 
 
-def strayed(found: Point | Failure, expected: np.ndarray, distance: float, most: float) -> bool:
+def is_astray(found: Point | Failure, expected: np.ndarray, distance: float, most: float) -> bool:
     """Whether an orbit is farther from where it was expected than so many steps."""
     if isinstance(found, Failure):
         return False
@@ -175,10 +175,10 @@ def leaps(point: Point, new: Point, distance: float) -> bool:
     if int(new.orbit.repeats) > int(point.orbit.repeats):
         return True
     angle = float(np.arccos(np.clip(new.tangent @ point.tangent, -1.0, 1.0)))
-    return strayed(new, point.u + distance * point.tangent, distance, ACCURACY.swerves + angle)
+    return is_astray(new, point.u + distance * point.tangent, distance, ACCURACY.swerves + angle)
 
 
-def remeasured(problem: Problem, point: Point) -> Point:
+def remeasure(problem: Problem, point: Point) -> Point:
     """The same orbit measured around itself, where that is possible; begun elsewhere if an event is
     near its start.
 
@@ -194,7 +194,7 @@ def remeasured(problem: Problem, point: Point) -> Point:
     if shift:  # states at different places of the orbit are not comparable
         ends = slice(-2, None) if problem.forcing_period is None else slice(-1, None)
         before, after = before[ends], after[ends]
-    return new if before @ after >= 0 else new.turned()
+    return new if before @ after >= 0 else new.backward()
 
 
 def beginning_elsewhere(problem: Problem, point: Point) -> tuple[Point, float] | Failure:
@@ -208,7 +208,7 @@ def beginning_elsewhere(problem: Problem, point: Point) -> tuple[Point, float] |
         )  # fmt: skip
         y, mode = run.y1, run.mode1
     phase = (float(anchor.phase) + shift / period) % 1.0
-    around, u, modes = anchored(
+    around, u, modes = anchor_at(
         problem,
         jnp.asarray(point.values),
         y,

@@ -8,7 +8,7 @@ from ._accuracy import ACCURACY
 from ._along import Problem
 from ._family import Failure
 from ._orbit import PeriodicOrbit
-from ._point import Point, ahead, strayed
+from ._point import Point, ahead, is_astray
 
 
 def multipliers_of(orbit: PeriodicOrbit) -> np.ndarray:
@@ -64,6 +64,7 @@ def border(
     """
     last, whole, span = before, 0.0, distance
     for _ in range(ACCURACY.rounds):
+        # By bisection: of a border nothing but its side is known at an orbit.
         low, high, best = 0.0, span, last
         while high - low > ACCURACY.halved * span:
             middle = 0.5 * (low + high)
@@ -72,7 +73,7 @@ def border(
             if (
                 not isinstance(found, Failure)
                 and alike(found)
-                and not strayed(found, there, middle, ACCURACY.shorter)
+                and not is_astray(found, there, middle, ACCURACY.shorter)
             ):
                 low, best = middle, found
             else:
@@ -80,6 +81,6 @@ def border(
         last, whole = best, whole + low
         if low <= ACCURACY.short * distance or whole >= distance:
             break
-        # What was left was too far away, not by much.
+        # The rest of the way was too long, not by much.
         span = min(0.5 * span, distance - whole)
     return last, whole

@@ -16,7 +16,7 @@ from ._accuracy import ACCURACY
 
 @dataclasses.dataclass(frozen=True)
 class Measure:
-    """What distances, Newton's method and singular values are measured by, at one place of a branch.
+    """Scales of distances, of Newton's method and of singular values at one place of a branch.
 
     `size`, `[unknown]`: of each component, the parameter's last, that of the bounds' distance; zero for
     components that have not moved, which do not count. `rows`, `columns`: with these factors the
@@ -38,12 +38,12 @@ class Measure:
         """The covector whose product with a move is its length along a tangent."""
         return self.part(self.part(tangent))
 
-    def balanced(self, jacobian: np.ndarray) -> np.ndarray:
+    def balance(self, jacobian: np.ndarray) -> np.ndarray:
         return jacobian * self.rows[:, None] * self.columns[None, :]
 
     def least(self, jacobian: np.ndarray, z: np.ndarray) -> np.ndarray:
         """Moves of the components that are rounding."""
-        linked = np.abs(self.balanced(jacobian)) > 1e-14
+        linked = np.abs(self.balance(jacobian)) > 1e-14
         near = (linked.T.astype(int) @ linked) > 0
         np.fill_diagonal(near, True)
         for _ in range(z.size.bit_length()):
@@ -74,7 +74,7 @@ class Rest:
     def values(self) -> np.ndarray:
         return self.z[-1:]
 
-    def turned(self) -> "Rest":
+    def backward(self) -> "Rest":
         """The same, with the branch followed the other way."""
         return dataclasses.replace(self, tangent=-self.tangent)
 
@@ -127,6 +127,7 @@ def scales_of(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     taken = matrix != 0.0
     logs = np.log(np.where(taken, np.abs(matrix), 1.0))
     rows, columns = _least_squares(taken, logs)
+    # Rounding may have made the tiny ones, and would have a say in the scales.
     taken &= logs + rows[:, None] + columns[None, :] > np.log(ACCURACY.zero)
     rows, columns = _least_squares(taken, logs)
     size = np.where(taken, logs + rows[:, None] + columns[None, :], -np.inf).max(axis=1)
@@ -152,7 +153,7 @@ def _or_one(size: Any) -> np.ndarray:
     return np.where(size > 0.0, size, 1.0)
 
 
-def corrected(
+def equilibrium_at(
     field: Field, z: np.ndarray, along: np.ndarray, sense: np.ndarray, measure: Measure | None
 ) -> Rest | None:
     """The equilibrium in the plane through `z` across `along`; None where Newton's method fails.
@@ -170,9 +171,9 @@ def corrected(
         assert measure is not None
         row = along * measure.columns
         length = _or_one(np.linalg.norm(row))
-        matrix = np.vstack([measure.balanced(jacobian), row / length])
+        matrix = np.vstack([measure.balance(jacobian), row / length])
         right = np.append(values * measure.rows, along @ (z - start) / length)
-        move = _solved(matrix, right) * measure.columns
+        move = _solve_balanced(matrix, right) * measure.columns
         if known is None:
             move[-1] = 0.0
         if not np.all(np.isfinite(move)):
@@ -187,6 +188,7 @@ def corrected(
             size = np.maximum(measure.size, np.maximum(np.abs(z), least))
             waited = measure.size > 0.0
         parts = np.where(move == 0.0, 0.0, np.abs(move) / np.where(size > 0.0, size, 1e-300))
+        # A component that does not move along the branch may wander within its rounding for ever.
         if evaluation >= ACCURACY.least_points:
             parts = np.where(waited, parts, np.minimum(parts, ACCURACY.short))
         longest = float(np.max(parts))
@@ -197,12 +199,13 @@ def corrected(
         return None
     if known is None:
         z = _still(field, z, seen)
-    return described(field, z, sense, measure)
+    return describe_rest(field, z, sense, measure)
 
 
-def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+def _solve_balanced(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
     """Solution by elimination, which leaves zero what is zero; the shortest one if there are many."""
     try:
+        # Elimination first: singular vectors mix all components, and a zero is one no longer.
         found = np.linalg.solve(matrix, right)
         if np.all(np.isfinite(found)) and np.linalg.norm(found) <= 1e6 * np.linalg.norm(right):
             return found
@@ -215,14 +218,16 @@ def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 
 def _still(field: Field, z: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """What is left of the first guess of components that vanish is removed, where that is no worse."""
+    """Remains of the first guess in components that vanish are removed, unless that is worse."""
     none = np.where(np.abs(z) <= ACCURACY.short * seen, 0.0, z)
     none[-1] = z[-1]
     values, other = np.abs(field(z)[0]), np.abs(field(none)[0])
     return none if np.all(other <= values) else z
 
 
-def described(field: Field, z: np.ndarray, sense: np.ndarray, measure: Measure | None) -> Rest | None:
+def describe_rest(
+    field: Field, z: np.ndarray, sense: np.ndarray, measure: Measure | None
+) -> Rest | None:
     """The equilibrium at `z` with its tangent, that of the null vectors which is nearest to `sense`."""
     jacobian = field(z)[1]
     if not np.all(np.isfinite(jacobian)):
@@ -237,7 +242,8 @@ def described(field: Field, z: np.ndarray, sense: np.ndarray, measure: Measure |
 
 def tangent_of(jacobian: np.ndarray, sense: np.ndarray, measure: Measure) -> np.ndarray:
     """Null vector of the derivative, of length one."""
-    _, found, right = np.linalg.svd(measure.balanced(jacobian))
+    _, found, right = np.linalg.svd(measure.balance(jacobian))
+    # At a branch point there is a plane of them: the tangent is what the one before has in it.
     none = 1 + int(np.sum(found <= ACCURACY.solved * max(found[0], 1e-300)))
     null, own = right[-none:], sense / measure.columns
     vector = null[-1] if none == 1 else (null @ own) @ null
@@ -263,7 +269,7 @@ def angle_of(one: np.ndarray, other: np.ndarray, measure: Measure) -> float:
     return float(np.arccos(np.clip(one @ other / size, -1.0, 1.0))) if size > 0.0 else 0.0
 
 
-def renewed(measure: Measure, rest: Rest, new: Rest, extent: np.ndarray) -> Measure:
+def next_measure(measure: Measure, rest: Rest, new: Rest, extent: np.ndarray) -> Measure:
     """The measure at the next equilibrium: sizes of the extent that the branch has had so far.
 
     Larger ones are those by which the components move until the parameter has changed by the bounds'
@@ -275,16 +281,17 @@ def renewed(measure: Measure, rest: Rest, new: Rest, extent: np.ndarray) -> Meas
     least = own.least(new.jacobian, new.z)
     far = extent
     if rest.tangent[-1] != 0.0 and new.tangent[-1] != 0.0 and new.value != rest.value:
-        far = np.maximum(far, _expected(rest, new, measure.size[-1]))
+        far = np.maximum(far, _expected_moves(rest, new, measure.size[-1]))
     size = np.maximum(measure.size, np.where(far > least, far, 0.0))
     size[-1] = measure.size[-1]
     return dataclasses.replace(own, size=size)
 
 
-def _expected(rest: Rest, new: Rest, span: float) -> np.ndarray:
+def _expected_moves(rest: Rest, new: Rest, span: float) -> np.ndarray:
     """Moves of the components while the parameter changes by a span."""
     before, slope = (point.tangent / point.tangent[-1] for point in (rest, new))
     move, change = new.z - rest.z, new.value - rest.value
+    # The parabola over the parameter has no end at a fold, that over the component has none at rest.
     far = np.abs(slope) * span + 0.5 * np.abs((slope - before) / change) * span**2
     moved = (slope != 0.0) & (before != 0.0) & (move != 0.0)
     one = np.ones(move.size)

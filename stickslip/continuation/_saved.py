@@ -70,8 +70,8 @@ def load_branch(
     **Returns** the `Branch`, equal to the saved one to the last bit. A saved log of events has only
     as many rows as there are events.
 
-    **Errors** `ValueError` naming the argument: a file that is no such branch, or is damaged; a system
-    without its parameter; a state of other components. `TypeError` for a path that is none.
+    **Errors** `ValueError` naming the argument: a file that is not such a branch, or is damaged; a
+    system without its parameter; a state of other components. `TypeError` for a path that is none.
     """
     import xarray as xr
 
@@ -110,7 +110,7 @@ def load_branch(
 
 
 def _column(data: "xr.Dataset", parameter: str) -> str:
-    """What a parameter is called in a file."""
+    """Name of a parameter in a file."""
     other = f"parameter_{parameter}"
     return other if other in data.variables else parameter
 
@@ -136,7 +136,7 @@ def _check_state(data: "xr.Dataset", leaf: str, y0: PyTree, given: Any) -> None:
         raise refusal("y0", given, f"a state with the components and shapes of the file: {words}")
 
 
-def _named(orbit: PeriodicOrbit | Equilibrium) -> list[tuple[str, Any]]:
+def _leaves_by_name(orbit: PeriodicOrbit | Equilibrium) -> list[tuple[str, Any]]:
     """Leaves of an orbit by name, such as `events.y_before.x`."""
     found, _ = jax.tree_util.tree_flatten_with_path(orbit)
     return [(jax.tree_util.keystr(path).lstrip(".").replace("_value", "code"), a) for path, a in found]
@@ -148,7 +148,7 @@ def _with_leaves(
     """With all arrays of orbits beside the columns; of a log of events as many rows as there are."""
     log, new = getattr(orbits, "events", None), {}
     events = 0 if log is None else int(np.max(np.asarray(log.count), initial=0))
-    for name, leaf in _named(orbits):
+    for name, leaf in _leaves_by_name(orbits):
         array = np.asarray(leaf)
         if name.startswith("events.") and name != "events.count":
             array = array[:, :events]
@@ -172,7 +172,7 @@ def _orbits(data: "xr.Dataset", prefix: str, template: Any) -> Any:
     """Orbits with a leading axis. Raises `KeyError` for what is missing, `ValueError` for a shape."""
     known = {str(name) for name in data.data_vars if str(name).startswith(f"{prefix}.")}
     leaves, structure = [], jax.tree.structure(template)
-    for name, leaf in _named(template):
+    for name, leaf in _leaves_by_name(template):
         key = f"{prefix}.{name}"
         if np.iscomplexobj(leaf):
             array = np.asarray(data[f"{key}.real"]) + 1j * np.asarray(data[f"{key}.imag"])

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 
 from ._accuracy import ACCURACY
-from ._closing import Frame, Motion, known
+from ._closing import Frame, Motion, states_and_period
 from ._newton import Newton
 
 
@@ -19,7 +19,7 @@ def settles(motion: Motion, frame: Frame, found: Newton, unravel: Any, mode: Any
     """
     carried, unit = found.carried, frame.size
     segments = carried.modes.shape[0]
-    y, _ = known(found.u, frame, segments)
+    y, _ = states_and_period(found.u, frame, segments)
 
     def field(state):
         rates = motion.system.vector_field(frame.t0, unravel(state), mode, motion.args)
@@ -31,6 +31,7 @@ def settles(motion: Motion, frame: Frame, found: Newton, unravel: Any, mode: Any
     rest = jax.lax.fori_loop(0, ACCURACY.evaluations, nearer, y[0])
     begins, ends = (y - rest[None, :]) / unit[None, :], (carried.ends - rest[None, :]) / unit[None, :]
     pieces = carried.pieces
+    # Within a small ball about the equilibrium the linear motion explains nearly all of the way.
     off = ends - jnp.einsum("kij,kj->ki", pieces, begins)
     linear = jnp.max(jnp.abs(off)) <= ACCURACY.swerves * jnp.max(jnp.abs(ends - begins))
     whole = jnp.eye(unit.shape[0])

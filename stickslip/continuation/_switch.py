@@ -9,7 +9,7 @@ from jax.flatten_util import ravel_pytree
 
 from ..hybrid import SaveAt, simulate
 from ._accuracy import ACCURACY
-from ._along import Problem, anchored, evaluated, system_at
+from ._along import Problem, anchor_at, equations_at, system_at
 from ._equilibrium import Equilibrium
 from ._family import Failure
 from ._guess import OrbitGuess
@@ -20,7 +20,7 @@ from ._rest import scales_of
 from ._turns import apart, turns_of
 
 
-def doubled(problem: Problem, orbit: PeriodicOrbit, value: float) -> Point | Failure:
+def doubled_orbit(problem: Problem, orbit: PeriodicOrbit, value: float) -> Point | Failure:
     r"""An orbit of twice the period near one with the multiplier -1, and the way on from there.
 
     Round twice the orbit is a branch point: the derivative takes a plane to zero. One direction in it
@@ -30,11 +30,11 @@ def doubled(problem: Problem, orbit: PeriodicOrbit, value: float) -> Point | Fai
     """
     period = 2.0 * float(orbit.period)
     phase = jnp.asarray(float(orbit.t0) / period % 1.0)
-    anchor, u, modes = anchored(
+    anchor, u, modes = anchor_at(
         problem, jnp.asarray([value]), orbit.y0, orbit.mode0, phase, jnp.asarray(period)
     )
     u, states = np.asarray(u), np.asarray(anchor.size).size
-    _, jacobian, _ = jax.device_get(evaluated(problem, jnp.asarray(u), modes, anchor))
+    _, jacobian, _ = jax.device_get(equations_at(problem, jnp.asarray(u), modes, anchor))
     if not np.all(np.isfinite(jacobian)):
         return Failure("guess_failed")
     one, two = np.linalg.svd(jacobian)[2][-2:]
@@ -48,7 +48,7 @@ def doubled(problem: Problem, orbit: PeriodicOrbit, value: float) -> Point | Fai
         found = correct(problem, u + amplitude * along, modes, anchor, across, along)
         # An orbit that repeats itself within the period is the old one.
         if isinstance(found, Point) and int(found.orbit.repeats) == 1:
-            return found if found.tangent @ along > 0 else found.turned()
+            return found if found.tangent @ along > 0 else found.backward()
     return found if isinstance(found, Failure) else Failure("not_converged")
 
 
@@ -121,7 +121,7 @@ def _half_a_period(problem: Problem, point: Point) -> np.ndarray:
     return np.asarray(jnp.where(half.successful, away / jnp.asarray(point.anchor.extent), jnp.nan))
 
 
-def born(problem: Problem, rest: Equilibrium, value: float) -> Point | Failure:
+def orbit_at_hopf(problem: Problem, rest: Equilibrium, value: float) -> Point | Failure:
     """A small orbit near a Hopf point, and the way on from there.
 
     As at a doubling the parameter changes with the square of the amplitude, so that the amplitude is
@@ -137,7 +137,7 @@ def born(problem: Problem, rest: Equilibrium, value: float) -> Point | Failure:
         if part < least:
             continue
         swing = part * ellipse
-        anchor, u, modes = anchored(
+        anchor, u, modes = anchor_at(
             problem, jnp.asarray([value]), unravel(jnp.asarray(flat + swing)),
             jnp.asarray(rest.mode, jnp.int32), jnp.zeros(()), jnp.asarray(rest.period),
         )  # fmt: skip
@@ -151,7 +151,7 @@ def born(problem: Problem, rest: Equilibrium, value: float) -> Point | Failure:
             continue
         away, late = _from_birth(problem, new, rest, value)
         if away <= ACCURACY.near and late <= ACCURACY.swerves:
-            return new if new.tangent @ along > 0 else new.turned()
+            return new if new.tangent @ along > 0 else new.backward()
         if smaller < ACCURACY.few:
             smaller += 1
             parts.insert(0, 0.5 * part * min(0.5, np.sqrt(ACCURACY.near / max(away, ACCURACY.near))))
@@ -167,8 +167,8 @@ def _from_birth(problem: Problem, point: Point, rest: Equilibrium, value: float)
 def _small_ellipse(problem: Problem, rest: Equilibrium, value: float) -> tuple[np.ndarray, float]:
     r"""Start, from the equilibrium, of the largest linear orbit that is nearly one of the field.
 
-    The linear orbit of $\dot w = J w$ with $J^2 w = -\omega^2 w$ begins with the swing. What the field
-    differs from the linear one by, in parts of that, grows with the amplitude, and by rounding with
+    The linear orbit of $\dot w = J w$ with $J^2 w = -\omega^2 w$ begins with the swing. The difference
+    of the field from the linear one, in parts of that, grows with the amplitude, and by rounding with
     ever smaller ones. The part of it from which on it does is the other number.
     """
     flat, unravel = ravel_pytree(rest.y)
@@ -204,7 +204,7 @@ def outward(problem: Problem, point: Point, slope: np.ndarray) -> Point:
     known = _in_parts(problem, point, slope)
     states, free = np.asarray(point.anchor.size).size, 1 + (problem.forcing_period is None)
     own = np.append(point.tangent[:states], point.tangent[-free:])
-    return point if own @ known >= 0 else point.turned()
+    return point if own @ known >= 0 else point.backward()
 
 
 def _in_parts(problem: Problem, point: Point, slope: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ._accuracy import ACCURACY
-from ._along import Problem, passed
+from ._along import Problem, events_along
 from ._point import Point
 
 
@@ -20,7 +20,7 @@ TOUCHING = decades(ACCURACY.zero, ACCURACY.known)
 
 def events_of(problem: Problem, point: Point, u: np.ndarray) -> list | None:
     """Guards and modes of one period from these unknowns on."""
-    log, good = jax.device_get(passed(problem, jnp.asarray(u), point.modes, point.anchor))
+    log, good = jax.device_get(events_along(problem, jnp.asarray(u), point.modes, point.anchor))
     if not good:
         return None
     return list(zip(log.guard[: log.count].tolist(), log.mode_after[: log.count].tolist(), strict=True))
@@ -30,6 +30,7 @@ def touches(problem: Problem, point: Point, ways: list[np.ndarray]) -> bool:
     """Whether an orbit touches a guard: motions next to it, both ways, have other events."""
     if not problem.system.guard_names:
         return False
+    # At a touch the derivative is that of one side: only motions beside it show the other.
     own = events_of(problem, point, point.u)
     sides = [sign * way for way in ways for sign in (1.0, -1.0)]
     found = (events_of(problem, point, point.u + d * way) for d in TOUCHING for way in sides)

@@ -28,7 +28,7 @@ def turns_of(system: AbstractHybridSystem, y: PyTree) -> np.ndarray:
 def given_turns(
     system: AbstractHybridSystem, y: PyTree, turns: Mapping[str, Any] | None
 ) -> Float[Array, " size"]:
-    """Turns that a guess says, by name; NaN for what it says nothing about, 0 for what is no angle."""
+    """Turns that a guess says, by name; NaN for those it does not say, 0 for what is not an angle."""
     turns = check_mapping("guess.turns", turns, "a mapping from names of angles to whole numbers")
     angles = [name for name in components_of(y) if period_of(system, name) is not None]
     for name, count in turns.items():

@@ -44,7 +44,7 @@ def follow(
                 found = [item] if item.ends or watch.within(item.point) else []
             else:
                 distance = item.distance
-                points.append(family.remeasured(points, item.point))
+                points.append(family.remeasure(points, item.point))
                 words = family.over(points, distance)
                 found = [Event("EP", points[-1], words, ends=True)] if words else []
             for event in found:
@@ -57,7 +57,7 @@ def follow(
     return Half(points, events)
 
 
-def joined(forward: Half, backward: Half, shared: bool = True) -> Half:
+def join(forward: Half, backward: Half, shared: bool = True) -> Half:
     """Both halves as one, the second one backwards; `shared`: whether both begin with one point."""
     points, marks = forward.points, forward.events
     if shared:
@@ -99,11 +99,11 @@ class _Watch:
         return [*self.family.tests(point), *self.own]
 
     def begin(self, start: Any, step: float) -> list[Event]:
-        """Values asked for that are those of the start. What else is zero there has the sign before."""
+        """Values asked for that are those of the start. Tests that are zero have an earlier sign."""
         behind = None
         for test in self.family.tests(start):
             if not self._sign(test, start) and test(start) == test(start):
-                behind = self._nearby(start.turned(), step) if behind is None else behind
+                behind = self._nearby(start.backward(), step) if behind is None else behind
                 if not isinstance(behind, Failure):
                     self.signs[_key(test)] = test.sign(behind) * (-1 if test.odd else 1)
         return [Event("UZ", start) for test in self.own if not test.bound and test(start) == 0.0]
@@ -111,7 +111,7 @@ class _Watch:
     def on_leg(self, leg: Leg) -> list[Event]:
         """Events between two points, in order, up to the first one at which the branch ends."""
         if leg.backward:  # the later point was found first
-            before, after = leg.after.turned(), leg.before.turned()
+            before, after = leg.after.backward(), leg.before.backward()
         else:
             before, after = leg.before, leg.after
         found: list[Event] = []
@@ -127,7 +127,7 @@ class _Watch:
                 found += self._event(test, before, after, leg, found)
         if leg.backward:
             self.signs = {_key(test): test.sign(leg.after) for test in self.tests(leg.after)}
-            found = [dataclasses.replace(event, point=event.point.turned()) for event in found]
+            found = [dataclasses.replace(event, point=event.point.backward()) for event in found]
         found = self.family.others(leg, found)
         far = {id(event): self.family.length(leg.before, event.point) for event in found}
         ends = [far[id(event)] for event in found if event.ends]

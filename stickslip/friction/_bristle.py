@@ -9,9 +9,9 @@ from jaxtyping import Array, Float
 
 from stickslip._fastmath import side_of
 from stickslip._validation import check_that, is_concrete
-from stickslip.friction._smoothed import AbstractSmoothedLaw
 from stickslip.friction.law import (
     AbstractFrictionLaw,
+    AbstractSmoothedLaw,
     Number,
     State,
     check_law,

@@ -1,5 +1,6 @@
 """Smooth approximations of any set-valued law."""
 
+import math
 from collections.abc import Callable
 from typing import ClassVar, Literal, get_args
 
@@ -11,10 +12,10 @@ from jaxtyping import Array, Float
 
 from stickslip import _fastmath as fast
 from stickslip._argument_checks import check_arguments, choice, or_none, parameters
-from stickslip.friction._smoothed import AbstractSmoothedLaw
 from stickslip.friction.law import (
     AbstractFrictionLaw,
     AbstractMemorylessLaw,
+    AbstractSmoothedLaw,
     Number,
     check_law,
     in_dtype_of,
@@ -23,8 +24,7 @@ from stickslip.friction.law import (
 
 Kind = Literal["tanh", "arctan", "sqrt"]
 
-_HALF_PI = 1.5707963267948966
-_SQRT_E = 1.6487212707001282
+_HALF_PI, _SQRT_E = math.pi / 2.0, math.exp(0.5)
 
 
 def _arctan(u: Float[Array, "..."]) -> Float[Array, "..."]:

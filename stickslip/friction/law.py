@@ -3,6 +3,7 @@
 import abc
 from typing import TYPE_CHECKING, Any, cast
 
+import equinox as eqx
 import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, ArrayLike, Float, Real
@@ -225,6 +226,33 @@ class AbstractDryFrictionLaw(AbstractMemorylessLaw):
     def drag(self, v: Number) -> Float[Array, "..."]:
         (v,) = in_dtype_of(v)
         return lax.full_like(v, 0.0)
+
+
+class AbstractSmoothedLaw(AbstractFrictionLaw):
+    """A smooth stand-in for a set-valued law: its static coefficient, its drag, its symmetry."""
+
+    law: eqx.AbstractVar[AbstractFrictionLaw]
+
+    @property
+    def set_valued(self) -> bool:
+        return False
+
+    @property
+    def is_odd(self) -> bool:
+        return self.law.is_odd
+
+    @property
+    def is_dissipative(self) -> bool:
+        return self.law.is_dissipative
+
+    def static_coefficient(self, sense: Number = 1) -> Float[Array, "..."]:
+        return self.law.static_coefficient(sense)
+
+    def drag(self, v: Number) -> Float[Array, "..."]:
+        return self.law.drag(v)
+
+    def set_valued_limit(self) -> AbstractFrictionLaw:
+        return self.law
 
 
 def check_law(name: str, law: Any, kind: str = "") -> Any:

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 
 from . import _locate
 from ._control import rounding
-from ._event_decision import RESTED, TOUCHED, First, is_guard
+from ._event_decision import First, is_guard
 from ._loop_state import (
     COLLAPSED,
     EVENT,
@@ -31,7 +31,9 @@ from .status import (
     EVENT_AT_START,
     FLAGS,
     GRAZING,
+    RESTED,
     RUNNING,
+    TOUCHED,
     flag,
     flags_with,
     of_guard,
@@ -51,7 +53,7 @@ def sections_at_zero(plan: Plan, code: Any, lane: Lane, values: Values) -> tuple
     # After one event another may follow at once, and then no step says how well the first was located.
     full = jnp.maximum(lane.full, jnp.where(lane.h > 0, 0.0, lane.h_free))
     known_to = ACCURACY.same_instant * (
-        ACCURACY.event_tolerance * full + ACCURACY.time_rounding * jnp.abs(lane.t)
+        ACCURACY.event_tolerance * full + ACCURACY.rounding * jnp.abs(lane.t)
     )
     event = is_event(code) | ((code == REFRESH) & (lane.events > 0))
     return tuple(

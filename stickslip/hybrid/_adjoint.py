@@ -17,7 +17,7 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ._loop import run_block, running
-from ._loop_state import Lane, Plan, is_accepted
+from ._loop_state import Lane, Plan, is_accepted, start_lane
 from ._pullback import Tape, pull, tape_row
 from .accuracy import ACCURACY
 from .executor import time_loop
@@ -61,7 +61,7 @@ class _Sweep(NamedTuple):
     bars: PyTree  # cotangents, called bars as in the literature, before what has been walked through
 
 
-def adjoint(inputs, fixed, wanted, plan: Plan, cotangents, make_start) -> PyTree:
+def adjoint(inputs, fixed, wanted, plan: Plan, cotangents) -> PyTree:
     """Cotangents of `inputs = (problem, t0, y0)` for the cotangents of the smooth results.
 
     `wanted`: a tree of flags like `inputs`; the others get None. A log without cotangents is None.
@@ -80,7 +80,7 @@ def adjoint(inputs, fixed, wanted, plan: Plan, cotangents, make_start) -> PyTree
             axes = iter(axes)
             places = [next(axes) if moves else None for moves in dynamic]
             axes = _Given(*jax.tree.unflatten(form, places))
-        bars, out_form = jax.tree.flatten(_swept(given, axes, wanted, make_start))
+        bars, out_form = jax.tree.flatten(_swept(given, axes, wanted))
         return bars
 
     # Batched by hand: the tape then lies with the lanes of an attempt side by side, and a row is
@@ -105,7 +105,7 @@ class _Given(NamedTuple):
     cotangents: Any
 
 
-def _swept(given: _Given, axes: _Given | None, wanted, make_start) -> PyTree:
+def _swept(given: _Given, axes: _Given | None, wanted) -> PyTree:
     """The sweep, of one lane or, where the operands have `axes`, of a batch."""
 
     def map_lanes_with(function, *others: int, out: Any = 0):
@@ -124,8 +124,8 @@ def _swept(given: _Given, axes: _Given | None, wanted, make_start) -> PyTree:
     pulled = map_lanes_with(lambda given, rows, bars: _pull_block_back(given, wanted, rows, bars), 1, 0)
 
     def begin(given: _Given):
-        mode0 = given.fixed[0]
-        lane = make_start(given.plan, given.inputs, mode0)
+        (_, t0, y0), mode0 = given.inputs, given.fixed[0]
+        lane = start_lane(given.plan, t0, y0, mode0)
         return lane, None if logs.steps is None else jnp.zeros_like(mode0)
 
     # Cotangents behind the last attempt: those of the end itself, and zero of parameters and of the

@@ -20,7 +20,7 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ._adjoint import adjoint
-from ._loop_state import Plan, start
+from ._loop_state import Plan, start_lane
 from ._record import Capacities, Logs, record
 from ._tolerance import largest_magnitude, sizes, too_loose
 from .status import COARSE, flag, told
@@ -60,7 +60,7 @@ class Counts(NamedTuple):
 def _raw(inputs, fixed, plan: Plan, capacities: Capacities) -> tuple[Smooth, Counts]:
     problem, t0, y0 = inputs
     mode0, t1, outputs = fixed
-    lane = start(plan, t0, y0, y0, mode0)
+    lane = start_lane(plan, t0, y0, mode0)
     lane, logs, steps = record(plan, capacities, problem, lane, t1, outputs)
 
     def count(value):
@@ -158,7 +158,7 @@ def _tangent_transpose(operands, cotangents):
 
     wanted = jax.tree.map(is_linear, t_inputs, is_leaf=lambda x: x is None or is_linear(x))
     inputs, fixed = eqxi.nondifferentiable((inputs, fixed), msg=f"stickslip: no {_NO_SECOND}")
-    bars = adjoint(inputs, fixed, wanted, plan, _with_zeros(cotangents, like), _raw_start)
+    bars = adjoint(inputs, fixed, wanted, plan, _with_zeros(cotangents, like))
     bars = jax.tree.map(lambda w, b: b if w else None, wanted, bars)
     # A transpose returns a cotangent for every operand, None for those it is not linear in.
     nones = [jax.tree.map(lambda _: None, x) for x in (inputs, fixed, plan, capacities, like)]
@@ -188,11 +188,6 @@ def _with_zeros(cotangents: Smooth, like: Smooth) -> Smooth:
             steps=log(logs.steps, forms.steps),
         ),
     )
-
-
-def _raw_start(plan, inputs, mode0):
-    _, t0, y0 = inputs
-    return start(plan, t0, y0, y0, mode0)
 
 
 _tangent_p: Any = eqxi.create_vprim(

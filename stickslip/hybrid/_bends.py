@@ -7,7 +7,7 @@ function is smooth through that border, as the field of a mode is.
 
 import pathlib
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -237,10 +237,10 @@ def _comparison(eqn: Any, given: list[_Known], outcomes: Outcomes) -> _Known:
     return _Known(plain, True)
 
 
-def _greater(a: Any, b: Any, outcomes: Outcomes) -> Any:
-    """The greater of two, with the slope of the one that the outcome names."""
-    plain = jax.lax.max(*jnp.broadcast_arrays(a, b))
-    outcome = ~outcomes.above(b, a)
+def _extreme(pick: Callable, a: Any, b: Any, outcomes: Outcomes) -> Any:
+    """The greater or lesser of two, by `jax.lax.max` or `min`, with the slope of the outcome named."""
+    plain = pick(*jnp.broadcast_arrays(a, b))
+    outcome = ~(outcomes.above(b, a) if pick is jax.lax.max else outcomes.above(a, b))
     one = jnp.where(outcome, a, b)
     # At a border the value is that of both. Beyond, one that may be no operand there is not used.
     found = one + stop_gradient(plain - one)
@@ -248,18 +248,9 @@ def _greater(a: Any, b: Any, outcomes: Outcomes) -> Any:
     return found
 
 
-def _less(a: Any, b: Any, outcomes: Outcomes) -> Any:
-    plain = jax.lax.min(*jnp.broadcast_arrays(a, b))
-    outcome = ~outcomes.above(a, b)
-    one = jnp.where(outcome, a, b)
-    found = one + stop_gradient(plain - one)
-    outcomes.extremes[id(found)] = (a, b, outcome, found)
-    return found
-
-
 def _clamp(eqn: Any, given: list[_Known], outcomes: Outcomes) -> Any:
     low, x, high = (k.value for k in given)
-    return _less(high, _greater(low, x, outcomes), outcomes)
+    return _extreme(jax.lax.min, high, _extreme(jax.lax.max, low, x, outcomes), outcomes)
 
 
 def _magnitude(eqn: Any, given: list[_Known], outcomes: Outcomes) -> Any:
@@ -276,19 +267,19 @@ def _sign(eqn: Any, given: list[_Known], outcomes: Outcomes) -> Any:
 
 
 def _largest(eqn: Any, given: list[_Known], outcomes: Outcomes) -> Any:
-    pick = _greater if eqn.primitive.name == "reduce_max" else _less
+    pick = jax.lax.max if eqn.primitive.name == "reduce_max" else jax.lax.min
     axes = eqn.params["axes"]
     rows = jnp.moveaxis(given[0].value, axes, range(len(axes)))
     rows = rows.reshape((-1, *rows.shape[len(axes) :]))
     found = rows[0]
     for i in range(1, rows.shape[0]):
-        found = pick(found, rows[i], outcomes)
+        found = _extreme(pick, found, rows[i], outcomes)
     return found
 
 
 def _of_two(eqn: Any, given: list[_Known], outcomes: Outcomes) -> Any:
-    pick = _greater if eqn.primitive.name == "max" else _less
-    return pick(given[0].value, given[1].value, outcomes)
+    pick = jax.lax.max if eqn.primitive.name == "max" else jax.lax.min
+    return _extreme(pick, given[0].value, given[1].value, outcomes)
 
 
 _RULES: dict[str, Any] = {
@@ -346,39 +337,33 @@ def _has_no_rule_of_jax(eqn: Any) -> bool:
 def _branches(eqn: Any, given: list[_Known], outcomes: Outcomes, smooth: bool) -> list[_Known]:
     """Branches of a choice; the outcomes in those not taken stay what they are."""
     branches, index, operands = eqn.params["branches"], given[0].value, given[1:]
-    parts, forms, width = [], [], outcomes.width
+
+    def look(branch: Any, own: Outcomes, values: Sequence) -> list:
+        known = [k._replace(value=v, plain=None) for k, v in zip(operands, values, strict=True)]
+        return [k.value for k in _run(branch.jaxpr, branch.consts, known, own, smooth)]
+
+    # Traced once to know how many outcomes each has, and again where it belongs.
+    forms, starts = [], [outcomes.width]
     for branch in branches:
-        own = Outcomes(outcomes.code, width)
-
-        def look(*values, branch=branch, own=own):
-            known = [k._replace(value=v, plain=None) for k, v in zip(operands, values, strict=True)]
-            found = _run(branch.jaxpr, branch.consts, known, own, smooth)
-            return [k.value for k in found], own.margins, own.found
-
-        # Traced once to know how many outcomes each has, and again where it belongs.
-        jax.eval_shape(look, *(k.value for k in operands))
+        own = Outcomes(outcomes.code, starts[-1])
+        jax.eval_shape(lambda *v, b=branch, own=own: look(b, own, v), *(k.value for k in operands))
         forms.append(own)
-        width = own.width
+        starts.append(own.width)
 
-    def part(number: int, branch: Any, start: int) -> Any:
+    def part(number: int) -> Any:
         def run(*values):
-            own = Outcomes(outcomes.code, start)
-            known = [k._replace(value=v, plain=None) for k, v in zip(operands, values, strict=True)]
-            found = _run(branch.jaxpr, branch.consts, known, own, smooth)
+            own = Outcomes(outcomes.code, starts[number])
+            found = look(branches[number], own, values)
             margins = [jnp.ones(()) for form in forms for _ in form.margins]
             first = sum(len(form.margins) for form in forms[:number])
             margins[first : first + len(own.margins)] = own.margins
-            return [k.value for k in found], margins, jnp.asarray(own.found, jnp.int64)
+            return found, margins, jnp.asarray(own.found, jnp.int64)
 
         return run
 
-    start = outcomes.width
-    for number, (branch, form) in enumerate(zip(branches, forms, strict=True)):
-        parts.append(part(number, branch, start))
-        start = form.width
-    values = [k.value for k in operands]
+    parts, values = [part(number) for number in range(len(branches))], [k.value for k in operands]
     found, margins, code = jax.lax.switch(index, parts, *values)
-    outcomes.width = width
+    outcomes.width = starts[-1]
     outcomes.left |= any(form.left for form in forms)
     outcomes.jumps |= any(form.jumps for form in forms)
     outcomes.found = outcomes.found + code

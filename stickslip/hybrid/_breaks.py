@@ -1,6 +1,6 @@
 """A system whose load jumps or bends at known times."""
 
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -12,10 +12,9 @@ from .._validation import as_parameter, check_finite, check_increasing, check_ty
 from ._wrapper import AbstractSystemWrapper
 from .accuracy import ACCURACY
 from .event_functions import guards_over_magnitudes
-from .system import AbstractHybridSystem, guard_directions, guard_scales, mode_type
+from .status import JUMP
+from .system import AbstractHybridSystem, guard_directions, mode_type
 from .tree import select
-
-JUMP = -1  # in place of a guard, for systems that answer jumps
 
 
 class Pieced(NamedTuple):
@@ -56,7 +55,7 @@ class WithBreaks(AbstractSystemWrapper):
     A jump that is not declared is found too, by ever shorter steps; it is flagged as discontinuous
     because the derivative by its time is lost. Here it is exact, by the saltation formula:
 
-    >>> from typing import Any, NamedTuple
+    >>> from typing import Any, ClassVar, NamedTuple
     >>> import jax
     >>> import jax.numpy as jnp
     >>> import stickslip as ss
@@ -89,22 +88,13 @@ class WithBreaks(AbstractSystemWrapper):
             raise shape_refusal("times", times, "one row of times")
         check_increasing("times", times)
 
-    @property
-    def guard_names(self) -> tuple[str, ...]:
-        """Those of `system`, and `"the load breaks"`."""
-        return (*self.system.guard_names, "the load breaks")
+    _own_guards: ClassVar = ("the load breaks",)
 
     @property
-    def guard_directions(self) -> tuple[str, ...]:
-        """Those of `system`, then `"falling"`."""
-        return (*guard_directions(self.system), "falling")
-
-    @property
-    def guard_scales(self) -> Any:
-        """Those of `system` if it states them, then the largest of the times."""
+    def _own_scales(self) -> tuple:
+        """The largest of the times."""
         last = jnp.max(jnp.abs(self.times))
-        last = jnp.where(last > 0.0, last, 1.0)
-        return None if self.system.guard_scales is None else (*guard_scales(self.system), last)
+        return (jnp.where(last > 0.0, last, 1.0),)
 
     @property
     def units(self) -> dict[str, str]:

@@ -22,7 +22,7 @@ from .accuracy import ACCURACY
 from .event_functions import EventFunctions, Values
 from .tree import cubic
 
-NO_JUMP = ACCURACY.slack / ACCURACY.guard_rounding
+NO_JUMP = ACCURACY.slack / ACCURACY.rounding
 
 
 class Verdict(NamedTuple):
@@ -71,11 +71,11 @@ def judge(
         return jnp.zeros_like(h)
     functions = plan.functions
     courses = [_course(functions, i, lane, values, inside[i], h) for i in looked]
-    roundings = [ACCURACY.guard_rounding if i < functions.num_guards else 0.0 for i in looked]
+    roundings = [ACCURACY.rounding if i < functions.num_guards else 0.0 for i in looked]
     short = h <= plan.resolution
-    instant = ACCURACY.guard_rounding * plan.noise.time / jnp.maximum(h, plan.resolution)
+    instant = ACCURACY.rounding * plan.noise.time / jnp.maximum(h, plan.resolution)
     sections = [i >= functions.num_guards for i in looked]
-    if plan.execute.fused or len(looked) <= ACCURACY.judged_apart:
+    if plan.execute.fused or len(looked) <= ACCURACY.judged_together:
         ones = zip(courses, roundings, sections, strict=True)
         found = [_look_inside(*of_one, instant, short) for of_one in ones]
     else:

@@ -27,11 +27,8 @@ from ._step import Step
 from .accuracy import ACCURACY
 from .event_functions import STALE, EventFunctions, Values
 from .executor import bookkeeping, piece
-from .status import DISCONTINUOUS, GRAZING, RUNNING, flag, of_guard
+from .status import DISCONTINUOUS, GRAZING, RESTED, RUNNING, TOUCHED, flag, of_guard
 from .tree import all_finite
-
-# Of a bend of a force, inside a step only: what it makes of derivatives is seen at the end of the step.
-TOUCHED, RESTED = 1 << 7, 1 << 8
 
 
 class First(NamedTuple):
@@ -240,10 +237,10 @@ def _what_fires(plan: Plan, lane: Lane, h: Any, first: First, code: Any) -> Any:
     full = jnp.where(free, h, lane.full)
     # A short step late in a run cannot be divided further than the time can be told. The correction
     # must be small against the step that led here too: a hop may be tiny.
-    fine = jnp.maximum(tolerance * full, ACCURACY.time_rounding * jnp.abs(lane.t))
+    fine = jnp.maximum(tolerance * full, ACCURACY.rounding * jnp.abs(lane.t))
     # But what is within the rounding of the time is near: a step may have ended on the very zero, at a
     # time asked for, and the next one begins there.
-    least = jnp.maximum(ACCURACY.correction_reach * h, ACCURACY.time_rounding * jnp.abs(lane.t))
+    least = jnp.maximum(ACCURACY.correction_reach * h, ACCURACY.rounding * jnp.abs(lane.t))
     reach = jnp.where(h == 0, tolerance * full, jnp.minimum(fine, least))
     near = jnp.abs(first.value) <= -rate * reach
     if functions.num_guards:

@@ -6,7 +6,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from .._validation import is_concrete, numbers, refusal, shape_refusal
+from .._validation import check_known, numbers, refusal, shape_refusal
 from .accuracy import ACCURACY
 from .arguments import the_system
 from .components import components_of, entries, own_axes, per_second, period_of, second_of, unit_of
@@ -55,8 +55,7 @@ def _units(unit: str | None, **more: Any) -> dict[str, Any]:
 def _check(name: str, given: Any, system: Any) -> None:
     """Raise for anything that is not a system, and for a log or solution that is traced."""
     the_system(system)
-    if not is_concrete(given):
-        raise refusal(name, given, "known: call this outside of jit and vmap", TypeError)
+    check_known(name, given)
 
 
 def solution_dataset(solution: Any, system: Any, batch: Any) -> Any:

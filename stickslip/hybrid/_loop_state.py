@@ -147,7 +147,7 @@ def moved_on(code: Any) -> Any:
     return (code >= PLAIN) & (code < EVENT)
 
 
-def start(plan: Plan, t0, y0, dy_like, mode0) -> Lane:
+def start_lane(plan: Plan, t0, y0, mode0) -> Lane:
     """Lane at `t0`, before its first attempt, which has length zero and computes the slope."""
     zero = jnp.zeros_like(t0)
     izero = jnp.zeros(jnp.shape(t0), jnp.int32)
@@ -156,7 +156,7 @@ def start(plan: Plan, t0, y0, dy_like, mode0) -> Lane:
     return Lane(
         t=t0,
         y=y0,
-        dy=jax.tree.map(jnp.zeros_like, dy_like),
+        dy=jax.tree.map(jnp.zeros_like, y0),
         mode=mode0,
         fresh=zero,
         values=(zero,) * n,

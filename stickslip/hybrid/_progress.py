@@ -8,11 +8,12 @@ import equinox.internal as eqxi
 import jax
 import jax.numpy as jnp
 
+from .._argument_checks import check_arguments, static_number, text
 from .._types import Numeric, Whole
-from .._validation import check_text, one_static
 from .status import RUNNING
 
 
+@check_arguments(name=text(), interval=static_number("not negative"))
 class ProgressMeter(eqx.Module):
     """Writes `name: 42 % (t = 21 of 50 s), 3 s left` to stderr, at most every `interval` seconds.
 
@@ -25,10 +26,6 @@ class ProgressMeter(eqx.Module):
 
     name: str = eqx.field(static=True, default="simulate")
     interval: float = eqx.field(static=True, default=0.5)
-
-    def __check_init__(self):
-        check_text("name", self.name)
-        one_static("interval", self.interval, "not negative")
 
     def report(self, t0: Numeric, t: Numeric, t1: Numeric, status: Whole) -> None:
         """Called inside the loop, once per block of attempts."""

@@ -7,13 +7,16 @@ import jax
 from jax.interpreters.partial_eval import dce_jaxpr
 from jaxtyping import PyTree
 
+from .._argument_checks import callable_as, check_arguments, choice, flag, text
 from .._types import Numeric, Whole
-from .._validation import check_callable, check_flag, check_in, check_text
 from .system import DIRECTIONS, AbstractHybridSystem
 
 CALL = "f(system, t, y, dy, mode, args)"
 
 
+@check_arguments(
+    direction=choice(DIRECTIONS), terminal=flag, name=text(), function=callable_as(CALL, *range(6))
+)
 class Section(eqx.Module):
     """A scalar function of the motion whose zero crossings are recorded.
 
@@ -42,12 +45,6 @@ class Section(eqx.Module):
     direction: str = eqx.field(static=True, default="falling")
     terminal: bool = eqx.field(static=True, default=False)
     name: str = eqx.field(static=True, default="section")
-
-    def __check_init__(self):
-        check_in("direction", self.direction, DIRECTIONS)
-        check_flag("terminal", self.terminal)
-        check_text("name", self.name)
-        check_callable("function", self.function, CALL, *range(6))
 
     def uses_slope(
         self, system: AbstractHybridSystem, t: Numeric, y: PyTree, dy: PyTree, mode: Whole, args: PyTree

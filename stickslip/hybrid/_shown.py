@@ -32,8 +32,8 @@ def mode_path(log: Any) -> str:
         return ""
     count = int(log.count)
     modes = [*np.asarray(log.mode_before)[: min(count, 1)], *np.asarray(log.mode_after)[:count]]
-    shown = " > ".join(str(int(m)) for m in modes[: ACCURACY.shown_rows + 1])
-    return f"modes {shown}{' > ...' if len(modes) > ACCURACY.shown_rows + 1 else ''}"
+    shown = " > ".join(str(int(m)) for m in modes[: ACCURACY.listed + 1])
+    return f"modes {shown}{' > ...' if len(modes) > ACCURACY.listed + 1 else ''}"
 
 
 def log_html(name: str, log: Any, codes: tuple[str, ...]) -> str:
@@ -49,9 +49,9 @@ def log_html(name: str, log: Any, codes: tuple[str, ...]) -> str:
     count = int(log.count)
     rows = [
         [value_text(np.asarray(column)[i]) for column in columns.values()]
-        for i in range(min(count, ACCURACY.shown_rows))
+        for i in range(min(count, ACCURACY.listed))
     ]
-    if count > ACCURACY.shown_rows:
+    if count > ACCURACY.listed:
         rows.append(["..."] * len(columns))
     return html_table(f"{name}: {amount(count, 'row')}", tuple(columns), rows)
 

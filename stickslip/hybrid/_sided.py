@@ -22,7 +22,7 @@ from ._bends import Change, Outcomes, compares, evaluate_with
 from ._section import Section
 from ._wrapper import AbstractSystemWrapper
 from .accuracy import ACCURACY
-from .system import AbstractHybridSystem, guard_directions, mode_type
+from .system import AbstractHybridSystem, mode_type
 
 
 class Sided(AbstractSystemWrapper):
@@ -52,20 +52,12 @@ class Sided(AbstractSystemWrapper):
         return len(self.changes), self.width
 
     @property
-    def guard_names(self) -> tuple[str, ...]:
-        """Those of `system`, then one of each bend."""
-        return (*self.system.guard_names, *("a force bends",) * len(self.changes))
+    def _own_guards(self) -> tuple[str, ...]:
+        return ("a force bends",) * len(self.changes)
 
     @property
-    def guard_directions(self) -> tuple[str, ...]:
-        """Those of `system`, then `"falling"`."""
-        return (*guard_directions(self.system), *("falling",) * len(self.changes))
-
-    @property
-    def guard_scales(self) -> Any:
-        """Those of `system` if it states them; that of a bend is never stated."""
-        stated = self.system.guard_scales
-        return None if stated is None else (*stated, *(None,) * len(self.changes))
+    def _own_scales(self) -> tuple:
+        return (None,) * len(self.changes)  # never stated
 
     def inner_mode(self, mode: Any) -> Any:
         """The mode of `system`."""

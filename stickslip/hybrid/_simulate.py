@@ -1,6 +1,5 @@
 """`simulate`: the one way to run a hybrid system."""
 
-import functools
 from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
@@ -9,6 +8,7 @@ import jax.numpy as jnp
 from jax.lax import stop_gradient
 from jaxtyping import PyTree
 
+from .._argument_checks import check_arguments, checked_by, instance, or_none
 from .._types import Given, Mode, Numeric, Row
 from .._validation import check_at_least, check_count, check_flag, check_type, leaves_of, refusal
 from . import _solution as out
@@ -41,7 +41,7 @@ from .dependence import may_jump
 from .event_functions import event_functions
 from .executor import current_executor
 from .longest_step import step_bound
-from .status import BENT, CODE, STILL, flag, to_result
+from .status import BENT, CODE, CODES, RESULTS, STILL, flag, item_of
 from .stepper import ExplicitRungeKutta, as_stepper
 from .system import AbstractHybridSystem
 from .tree import frozen, select, shift, with_float_arrays
@@ -52,6 +52,11 @@ if TYPE_CHECKING:
     import diffrax
 
 
+@check_arguments(
+    ts=or_none(checked_by(check_times)), max_rows=checked_by(check_count, 1),
+    max_events=or_none(checked_by(check_count, 0)), max_crossings=checked_by(check_count, 1),
+    **dict.fromkeys(("steps", "events"), checked_by(check_flag)),
+)  # fmt: skip
 class SaveAt(eqx.Module):
     """Which parts of the motion are kept besides its end.
 
@@ -75,17 +80,11 @@ class SaveAt(eqx.Module):
     max_events: int | None = eqx.field(static=True, default=256)
     max_crossings: int = eqx.field(static=True, default=256)
 
-    def __check_init__(self):
-        if self.ts is not None:
-            check_times("ts", self.ts)
-        check_flag("steps", self.steps)
-        check_flag("events", self.events)
-        check_count("max_rows", self.max_rows, 1)
-        if self.max_events is not None:
-            check_count("max_events", self.max_events, 0)
-        check_count("max_crossings", self.max_crossings, 1)
 
-
+@check_arguments(
+    max_steps=checked_by(check_count, 1), detect_dips=checked_by(check_flag),
+    progress=or_none(instance(ProgressMeter, "a ProgressMeter or None")),
+)  # fmt: skip
 class Integrator(eqx.Module):
     """Method, step-size rule and limits.
 
@@ -119,9 +118,10 @@ class Integrator(eqx.Module):
         check_type("step", self.step, AbstractStepSize, "an AdaptiveStep or a FixedStep")
         if self.step.adaptive and not stepper.has_error_estimate():
             raise refusal("step", self.step, f"FixedStep(h): {self.method!r} has no error estimate")
-        check_count("max_steps", self.max_steps, 1)
-        check_flag("detect_dips", self.detect_dips)
-        check_type("progress", self.progress, ProgressMeter | None, "a ProgressMeter or None")
+
+
+# For all calls that do not give their own: they were checked when they were made.
+USUAL, USUALLY_KEPT = Integrator(), SaveAt()
 
 
 def simulate(
@@ -179,8 +179,8 @@ def simulate(
     values, `t1 < t0`, an unknown mode, unordered output times, guards that are not scalars; all
     before compilation. `SimulationError` for a run that fails, which has the solution until then.
     """
-    integrator = _usual_integrator() if integrator is None else integrator
-    saveat = _usual_saveat() if saveat is None else saveat
+    integrator = USUAL if integrator is None else integrator
+    saveat = USUALLY_KEPT if saveat is None else saveat
     check_type("integrator", integrator, Integrator, "an Integrator")
     check_type("saveat", saveat, SaveAt, "a SaveAt")
     check_flag("throw", throw)
@@ -206,19 +206,6 @@ def simulate(
         # Perhaps `initial_mode` asks in Python which number it has.
         solution, fine = run(first_mode(system, t0, y0, args))
     return raise_failures(solution, fine) if throw else solution
-
-
-# One object for all calls that do not give their own: it was checked when it was made.
-
-
-@functools.cache
-def _usual_integrator() -> Integrator:
-    return Integrator()
-
-
-@functools.cache
-def _usual_saveat() -> SaveAt:
-    return SaveAt()
 
 
 @jit_plainly
@@ -352,7 +339,7 @@ def _assemble(plan: Plan, problem, t0, t1, start, ts, smooth, counts, capacities
         steps=steps,
         events=events,
         crossings=crossings,
-        result=to_result(counts.status),
+        result=item_of(RESULTS, CODES, counts.status),
         flags=flags,
         flagged_at=counts.flagged_at,
         flagged_guard=counts.flagged_guard,

@@ -8,14 +8,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
+from .._argument_checks import check_arguments, checked_by, number, or_none
 from .._types import Numeric
-from .._validation import (
-    check_at_least,
-    check_between,
-    check_that,
-    one_number,
-    one_static,
-)
+from .._validation import check_at_least, check_that
 from ._tolerance import check_tolerances
 
 if TYPE_CHECKING:
@@ -92,6 +87,7 @@ class AbstractAdaptiveStep(AbstractStepSize):
         """
 
 
+@check_arguments(h=number("positive"))
 class FixedStep(AbstractStepSize):
     """Steps of length `h` [s] wherever no event and no output time is nearer.
 
@@ -102,13 +98,14 @@ class FixedStep(AbstractStepSize):
 
     adaptive: ClassVar = False
 
-    def __check_init__(self):
-        one_number("h", self.h, "positive")
-
     def initial(self, y, dy, scale):
         return jnp.asarray(self.h, jnp.float64)
 
 
+@check_arguments(
+    rtol=number("positive"), atol=checked_by(check_tolerances), dtmin=number("not negative"),
+    dtmax=or_none(number("any")), h0=or_none(number("positive")),
+)  # fmt: skip
 class AdaptiveStep(AbstractAdaptiveStep):
     r"""Steps such that the local error estimate stays below `atol + rtol |y|` in every component.
 
@@ -119,23 +116,22 @@ class AdaptiveStep(AbstractAdaptiveStep):
     of the field. So lengths may be in metres or in nanometres. An `atol` above 1e-4 of a component's
     motion is flagged (`Solution.flags`).
 
-    After an accepted step of scaled error `E` the length is multiplied by
-    `safety * E**(-(icoeff + pcoeff)/k) * E_previous**(pcoeff/k)`, kept within `[factor_min,
-    factor_max]`, where `k` is the order of the method (Söderlind 2002; Hairer & Wanner IV.2).
-    `dtmax` [s] bounds the step; infinity means no bound. For `None`, the default, what the error of a
-    step does not see is bounded: the time, where the field or an event function depends on it, and
-    components of the state that move on whatever they do to others, as the angle of a rotor, where
-    these depend on it by more than a line, a parabola or two bends. Such steps are no longer than twice
-    the `time_scale` of the system; where it states none, a component goes no farther in one step than
-    1/36 of its period (`periods`), and a time or a component without one lasts no longer than 1/1000 of
-    the run. A component that is acted upon by what it drives is bounded so while it moves evenly; else
-    its own motion says how long a step is (with a period at most 1/8 of it). An excursion that
-    begins and ends within 0.4 of the longest step, or within 1/60 of a period, can be missed. `dtmin`
-    [s]: a step that would have to be shorter ends the lane with `RESULTS.dt_min_reached`.
+    After an accepted step of scaled error `E` the length is multiplied by `0.9 * E**(-1/k)`, kept
+    within `[0.2, 10]`, where `k` is the order of the method (Hairer, Nørsett & Wanner II.4). `h0` [s]:
+    length of the first step, by default a hundredth of the time in which the state changes. `dtmax` [s]
+    bounds the step; infinity means no bound. For `None`, the default, what the error of a step does not
+    see is bounded: the time, where the field or an event function depends on it, and components of the
+    state that move on whatever they do to others, as the angle of a rotor, where these depend on it by
+    more than a line, a parabola or two bends. Such steps are no longer than twice the `time_scale` of
+    the system; where it states none, a component goes no farther in one step than 1/36 of its period
+    (`periods`), and a time or a component without one lasts no longer than 1/1000 of the run. A
+    component that is acted upon by what it drives is bounded so while it moves evenly; else its own
+    motion says how long a step is (with a period at most 1/8 of it). An excursion that begins and ends
+    within 0.4 of the longest step, or within 1/60 of a period, can be missed. `dtmin` [s]: a step that
+    would have to be shorter ends the lane with `RESULTS.dt_min_reached`.
 
     Errors: `ValueError` if a tolerance is not positive, or `dtmin < 0`, or `dtmax` not above 0 or below
-    `dtmin`, or `safety` not in (0, 1], or `factor_min` not in (0, 1), or `factor_max` below 1. If
-    `atol` does not fit the state, `simulate` raises an error.
+    `dtmin`, or `h0` not positive. If `atol` does not fit the state, `simulate` raises an error.
     """
 
     rtol: Numeric
@@ -143,34 +139,13 @@ class AdaptiveStep(AbstractAdaptiveStep):
     dtmax: Numeric | None = None
     dtmin: Numeric = 0.0
     h0: Numeric | None = None
-    pcoeff: float = eqx.field(static=True, default=0.0)
-    icoeff: float = eqx.field(static=True, default=1.0)
-    safety: float = eqx.field(static=True, default=0.9)
-    factor_min: float = eqx.field(static=True, default=0.2)
-    factor_max: float = eqx.field(static=True, default=10.0)
 
-    @property
-    def remembers(self) -> bool:
-        return self.pcoeff != 0.0
+    remembers: ClassVar = False
 
     def __check_init__(self):
-        one_number("rtol", self.rtol, "positive")
-        check_tolerances("atol", self.atol)
-        one_number("dtmin", self.dtmin, "not negative")
         if self.dtmax is not None:
-            one_number("dtmax", self.dtmax, "any")
             check_that("dtmax", self.dtmax, lambda a: a > 0, "positive (infinity for no bound)")
             check_at_least("dtmax", self.dtmax, "dtmin", self.dtmin)
-        if self.h0 is not None:
-            one_number("h0", self.h0, "positive")
-        one_static("pcoeff", self.pcoeff)
-        one_static("icoeff", self.icoeff)
-        one_static("safety", self.safety, "positive")
-        check_between("safety", self.safety, 0.0, 1.0)
-        one_static("factor_min", self.factor_min, "positive")
-        check_that("factor_min", self.factor_min, lambda a: a < 1, "below 1")
-        one_static("factor_max", self.factor_max, "positive")
-        check_that("factor_max", self.factor_max, lambda a: a >= 1, "at least 1")
 
     def initial(self, y, dy, scale):
         """The given `h0`, else a hundredth of the time in which the state changes by itself; infinite
@@ -191,9 +166,5 @@ class AdaptiveStep(AbstractAdaptiveStep):
 
     def factor(self, error: Numeric, previous: Numeric, order: int) -> Any:
         """Ratio of the next step to this one."""
-        error = jnp.maximum(error, 1e-10)
-        previous = jnp.maximum(previous, 1e-10)
-        logarithm = -(self.icoeff + self.pcoeff) / order * jnp.log(error)
-        if self.pcoeff:
-            logarithm = logarithm + self.pcoeff / order * jnp.log(previous)
-        return jnp.clip(self.safety * jnp.exp(logarithm), self.factor_min, self.factor_max)
+        logarithm = -1.0 / order * jnp.log(jnp.maximum(error, 1e-10))
+        return jnp.clip(0.9 * jnp.exp(logarithm), 0.2, 10.0)

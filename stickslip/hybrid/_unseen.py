@@ -25,7 +25,7 @@ from .components import components_of, entries, period_of
 # what bends twice or levels off at both ends. With more it may be flat, rise, fall, and be flat again.
 HIDES = 4
 # Added to the turns of a function that is not a polynomial: kinks of several terms add up.
-BENT = 8
+BENT = 2 * HIDES
 
 _SAME = {
     "neg", "copy", "copy_p", "real", "optimization_barrier", "stop_gradient",
@@ -112,19 +112,13 @@ def _equation(eqn: Any, given: list[np.ndarray], count: int) -> list[np.ndarray]
         return _walk(inner[0], given, count)
     # Of what is not known each number depends on all, in any way.
     one = all(a.shape[:-1] in ((), shapes[0]) for a in given) and name not in _MIXES
-    reach = np.zeros(count + 1, bool)
-    rows = []
-    for shape in shapes:
-        if one and shape == shapes[0]:
-            any_of = np.zeros((*shape, count + 1), bool)
-            for a in given:
-                any_of = any_of | (a > 0)
-        else:
-            for a in given:
-                reach = reach | (a > 0).any(axis=tuple(range(a.ndim - 1)))
-            any_of = np.broadcast_to(reach, (*shape, count + 1))
-        rows.append(np.where(any_of, HIDES, 0).astype(np.uint8))
-    return rows
+    alike = functools.reduce(np.logical_or, given) if one else None
+    reach = functools.reduce(np.logical_or, (a.any(axis=tuple(range(a.ndim - 1))) for a in given))
+    rows: Any = (alike if one and shape == shapes[0] else reach for shape in shapes)
+    return [
+        np.where(np.broadcast_to(row, (*shape, count + 1)), HIDES, 0).astype(np.uint8)
+        for row, shape in zip(rows, shapes, strict=True)
+    ]
 
 
 def _zero(a: np.ndarray) -> np.ndarray:
@@ -294,8 +288,8 @@ def step_excess(watched: tuple[Watched, ...], h: Any, longest: Any, ends: Ends, 
         y0, y1, dy0, dy1 = (jnp.ravel(leaf[one.leaf]) for leaf in leaves)
         moved, size = jnp.abs(y1 - y0), jnp.maximum(jnp.abs(y0), jnp.abs(y1))
         bend = jnp.abs(y1 - y0 - 0.5 * h * (dy0 + dy1))
-        even = (bend <= ACCURACY.even * moved + ACCURACY.component_rounding * size) & (
-            moved > ACCURACY.moves * size
+        even = (bend <= ACCURACY.even * moved + ACCURACY.rounding * size) & (
+            moved > ACCURACY.slack * size
         )
         way, free, hides = np.asarray(one.way), np.asarray(one.free), np.asarray(one.hides)
         way = jnp.where(even | free, way, ACCURACY.of_seen_period * way)

@@ -8,7 +8,8 @@ import equinox as eqx
 from jaxtyping import PyTree
 
 from .._argument_checks import check_arguments, reals
-from .system import AbstractHybridSystem
+from .._types import overridable
+from .system import AbstractHybridSystem, guard_directions
 
 
 class AbstractSystemWrapper(AbstractHybridSystem):
@@ -52,20 +53,25 @@ class AbstractSystemWrapper(AbstractHybridSystem):
         """Those of `system`."""
         return self.system.mode_names
 
+    # Guards that a wrapper adds behind those of its system, each of which falls; their magnitudes.
+    _own_guards = overridable(lambda self: ())
+    _own_scales = overridable(lambda self: ())
+
     @property
     def guard_names(self) -> tuple[str, ...]:
-        """Those of `system`."""
-        return self.system.guard_names
+        """Those of `system`, then its own."""
+        return (*self.system.guard_names, *self._own_guards)
 
     @property
     def guard_directions(self) -> tuple[str, ...] | None:
-        """Those of `system`."""
-        return self.system.guard_directions
+        """Those of `system`, then `"falling"` for its own."""
+        return (*guard_directions(self.system), *("falling",) * len(self._own_guards))
 
     @property
     def guard_scales(self) -> Any:
-        """Those of `system`."""
-        return self.system.guard_scales
+        """Those of `system` if it states them, then those of its own."""
+        stated = self.system.guard_scales
+        return None if stated is None else (*stated, *self._own_scales)
 
     @property
     def units(self) -> Mapping[str, str]:

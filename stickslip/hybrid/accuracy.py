@@ -25,8 +25,10 @@ class Accuracy:
     """Part of the step to an event that the last Newton correction may be."""
     crossing_tries: int = 64
     """Tries to find a crossing that goes on from a stored step; bisection alone needs 52."""
-    time_rounding: float = 1e-15
-    """Part of the time: no event is located better; four roundings."""
+    rounding: float = 1e-15
+    """Part of a number: four roundings. No event is located better in time. A mismatch by this part of
+    the magnitude of a guard, whose terms may all but cancel, is rounding, and so is a bend of a motion
+    by this part of a component."""
     same_instant: float = 4.0
     """Multiples of the accuracy of an event's time within which two events share their instant."""
     coincidence: float = 1e-9
@@ -44,7 +46,8 @@ class Accuracy:
 
     # Guards beside zero.
     slack: float = 1e-12
-    """Part of its magnitude by which a guard below zero is not violated: rounding of the state."""
+    """Part of its magnitude by which a guard below zero is not violated, and a component at rest moves:
+    rounding of the state."""
     rounded: float = 4e-3
     """Part of the terms in parameters of which `slack` is the rounding."""
     edge: float = 4e-12
@@ -62,14 +65,12 @@ class Accuracy:
     """A doubt beyond this says no more than that the step is much too long."""
     value_rounding: float = 1e-13
     """Part of the values: mismatches below it are rounding."""
-    guard_rounding: float = 1e-15
-    """Part of the magnitude of a guard: so are those below it, where its terms all but cancel."""
     judged_together: int = 4
     """Functions judged in one call, which has one result: the compiler would compute what several share
-    for each. It would run a larger call on several threads, which a fused program cannot do."""
-    judged_apart: int = 4
-    """More functions are judged by one small program. It compiles sooner, but puts an end to vector
-    instructions in all that the compiler fuses with the stacking: batches ran three times as long."""
+    for each. It would run a larger call on several threads, which a fused program cannot do. In a
+    portable one, more functions are judged by one small program. It compiles sooner, but puts an end to
+    vector instructions in all that the compiler fuses with the stacking: batches ran three times as
+    long."""
     ends_on_zero: float = 1e-3
     """Part of slope times step: a step that ends beyond a zero by less than this ends on it."""
 
@@ -145,10 +146,6 @@ class Accuracy:
     even: float = 1e-6
     """Part of the way: a motion that is the parabola through its ends and slopes to this part is even,
     and the error of a step has nothing to see."""
-    component_rounding: float = 4 * 2.3e-16
-    """Part of a component: its rounding in a step, four spacings of numbers."""
-    moves: float = 1e-12
-    """Part of a component: one that moves by less is at rest."""
     numbers_told_apart: int = 64
     """Numbers of a state whose turns are told apart; of a larger state its leaves are."""
     unseen_motion: float = 1e7
@@ -181,12 +178,8 @@ class Accuracy:
     """Operations that a call must save: it has to store its result, which is read again."""
     named_modes: int = 1024
     """Of more modes only those are named that occur."""
-    listed_modes: int = 9
-    """Names of modes that a message lists."""
-    listed_components: int = 12
-    """Names of components that a message lists."""
-    shown_rows: int = 8
-    """Rows of a log that are shown."""
+    listed: int = 9
+    """Names of modes, names of components, or rows of a log that a text lists."""
 
 
 ACCURACY = Accuracy()

@@ -31,17 +31,12 @@ from .system import AbstractHybridSystem, mode_type
 
 def a_time(name: str, value: Any) -> Array:
     """One finite real number as a float64 scalar."""
-    time = _one_leaf(name, value, "a real number")
+    if leaves_of(name, value) != [(name, value)]:
+        raise refusal(name, value, "a real number", TypeError)
+    time = as_float64(name, value)
     if time.shape != ():
         raise shape_refusal(name, value, "one number (use jax.vmap)")
     return time
-
-
-def _one_leaf(name: str, value: Any, allowed: str) -> Array:
-    """A number or an array, no tree of several."""
-    if leaves_of(name, value) != [(name, value)]:
-        raise refusal(name, value, allowed, TypeError)
-    return as_float64(name, value)
 
 
 def times(name: str, ts: Any) -> Array:
@@ -181,8 +176,8 @@ def mode_index(name: str, system: AbstractHybridSystem, mode: Any) -> Array:
     try:
         return jnp.asarray(whole_number(name, mode, 0, len(names) - 1), mode_type(system))
     except (TypeError, ValueError):
-        words = ", ".join(map(repr, itertools.islice(names, ACCURACY.listed_modes)))
-        more = ", ..." if len(names) > ACCURACY.listed_modes else ""
+        words = ", ".join(map(repr, itertools.islice(names, ACCURACY.listed)))
+        more = ", ..." if len(names) > ACCURACY.listed else ""
         allowed = f"a mode of the system, an integer from 0 to {len(names) - 1} or one of {words}{more}"
         raise refusal(name, mode, allowed) from None
 

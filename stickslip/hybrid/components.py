@@ -89,9 +89,7 @@ def component_list(y: PyTree) -> str:
     for name, leaf in components_of(y).items():
         names = list(entries(name, np.shape(leaf))) if np.size(leaf) else [name]
         found.append(names[0] if len(names) == 1 else f"{names[0]} to {names[-1]}")
-    return ", ".join(found[: ACCURACY.listed_components]) + (
-        ", ..." if len(found) > ACCURACY.listed_components else ""
-    )
+    return ", ".join(found[: ACCURACY.listed]) + (", ..." if len(found) > ACCURACY.listed else "")
 
 
 def unit_of(system: Any, name: str) -> str | None:

@@ -12,7 +12,7 @@ import jax
 
 from .._jaxpr import PROGRAMS, called_program, walk
 
-NONE, AFFINE, OTHER = 0, 1, 2  # degree of a result in the operands asked about
+NONE, AFFINE, OTHER = range(3)  # degree of a result in the operands asked about
 
 _LINEAR = {
     "add", "add_any", "sub", "neg", "copy", "copy_p", "convert_element_type", "broadcast_in_dim",

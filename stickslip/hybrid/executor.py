@@ -21,6 +21,7 @@ from jax.experimental.xla_metadata import set_xla_metadata
 from jax.interpreters.partial_eval import dce_jaxpr
 from jaxtyping import PyTree
 
+from .._argument_checks import check_arguments, checked_by
 from .._jaxpr import spelled_out
 from .._validation import check_flag, check_type
 
@@ -33,6 +34,7 @@ _LOOP = {"inlineable": "false", "xla_cpu_small_call": "true"}
 LOOP_NAME = "fused_time_loop"  # of the call that holds a whole time loop, in a traced program
 
 
+@check_arguments(**dict.fromkeys(("fused", "compact"), checked_by(check_flag)))
 class Executor(eqx.Module):
     """Wraps the pieces of the integrator; the numbers are the same to rounding in all variants.
 
@@ -41,10 +43,6 @@ class Executor(eqx.Module):
 
     fused: bool = eqx.field(static=True)
     compact: bool = eqx.field(static=True, default=False)
-
-    def __check_init__(self):
-        check_flag("fused", self.fused)
-        check_flag("compact", self.compact)
 
     @property
     def execute(self) -> "Executor":

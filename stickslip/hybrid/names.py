@@ -35,6 +35,3 @@ class MadeNames(Sequence):
         except ValueError:
             return False
         return True
-
-    def __iter__(self):
-        return (self[i] for i in range(len(self)))

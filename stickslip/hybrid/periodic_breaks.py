@@ -1,7 +1,7 @@
 """A system whose load jumps or bends at times that recur with a period."""
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
@@ -26,7 +26,7 @@ from ._breaks import state_after_jump
 from ._wrapper import AbstractSystemWrapper
 from .accuracy import ACCURACY
 from .names import MadeNames
-from .system import AbstractHybridSystem, guard_directions, guard_scales, mode_type
+from .system import AbstractHybridSystem, mode_type
 from .tree import select
 
 
@@ -119,21 +119,12 @@ class WithPeriodicBreaks(AbstractSystemWrapper):
         """Those of `system` in each piece: `"slip, load 1"`, which ends at the first break, and on."""
         return _Names(self.system.mode_names, self._cycle()[0].size)
 
-    @property
-    def guard_names(self) -> tuple[str, ...]:
-        """Those of `system`, and `"the load breaks"`."""
-        return (*self.system.guard_names, "the load breaks")
+    _own_guards: ClassVar = ("the load breaks",)
 
     @property
-    def guard_directions(self) -> tuple[str, ...]:
-        """Those of `system`, then `"falling"`."""
-        return (*guard_directions(self.system), "falling")
-
-    @property
-    def guard_scales(self) -> Any:
-        """Those of `system` if it states them, then the period."""
-        period = self._cycle()[1]
-        return None if self.system.guard_scales is None else (*guard_scales(self.system), period)
+    def _own_scales(self) -> tuple:
+        """The period."""
+        return (self._cycle()[1],)
 
     def time_scale(self, args):
         begin, end, period = self._pieces()

@@ -12,6 +12,8 @@ from .._outcome import in_words
 from .._show import number
 
 RUNNING = -1
+NO_MODE = -1  # what `transition` and `initial_mode` return where no mode is admissible
+JUMP = -1  # in place of a guard, for systems that answer jumps
 
 
 @in_words
@@ -58,11 +60,6 @@ CODES = (
     "nonfinite",
 )
 CODE = {name: number for number, name in enumerate(CODES)}
-
-
-def to_result(code: Int[Array, "*batch"]) -> RESULTS:  # pyright: ignore[reportInvalidTypeForm]
-    """`RESULTS` item of an integer code of the loop."""
-    return item_of(RESULTS, CODES, code)
 
 
 def item_of(results: Any, names: tuple[str, ...], code: Int[Array, "*batch"]) -> Any:
@@ -115,6 +112,8 @@ def flag(condition, bit: int):
 # the time as a float: the last of them, a part in 4e-9, make room for the others.
 BITS = 9  # those of the flags, and two more that are used inside of a step
 FLAGS = (1 << BITS) - 1
+# Of a bend of a force, inside a step only: what it makes of derivatives is seen at the end of the step.
+TOUCHED, RESTED = 1 << 7, 1 << 8
 NOTED = (1 << 24) - 1
 
 

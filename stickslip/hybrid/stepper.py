@@ -142,31 +142,28 @@ class ExplicitRungeKutta(AbstractStepper):
         return bool(self.tableau.error_weights)
 
     def step(self, field, t, y, dy, h, execute):
-        return self._step(field, t, y, dy, h, execute)[:3]
+        return self.step_and_look(field, t, y, dy, h, execute, (), (), False)[:3]
 
     def step_and_look(self, field, t, y, dy, h, execute, points, wanted, surprises):
-        found = self._step(field, t, y, dy, h, execute, points, wanted, surprises)
-        return found._replace(
-            states=found.states or tuple(cubics(points, y, dy, found.y1, found.dy1, h))
-        )
-
-    def _step(
-        self, field, t, y, dy, h, execute, points: Points = (), wanted: tuple = (),
-        surprises: bool = False,
-    ):  # fmt: skip
         surprises = surprises and self.tableau.ends_twice
         rows = weights_within(self.tableau, points) if points else ()
         if execute.fused:
-            return self._step_written_out(field, t, y, dy, h, execute, rows, wanted, surprises)
-        if execute.compact:
-            return Looked(*_rolled.step(self.tableau, field, t, y, dy, h, rows, surprises))
-        return alone_or_batched(
-            lambda f, t, y, dy, h: Looked(*_rolled.step(self.tableau, f, t, y, dy, h, rows, surprises)),
-            lambda f, t, y, dy, h: self._step_written_out(
-                f, t, y, dy, h, execute, rows, wanted, surprises
-            ),
-            [(field, (t, y))], t, y, dy, h,
-        )  # fmt: skip
+            found = self._step_written_out(field, t, y, dy, h, execute, rows, wanted, surprises)
+        elif execute.compact:
+            found = Looked(*_rolled.step(self.tableau, field, t, y, dy, h, rows, surprises))
+        else:
+            found = alone_or_batched(
+                lambda f, t, y, dy, h: Looked(
+                    *_rolled.step(self.tableau, f, t, y, dy, h, rows, surprises)
+                ),
+                lambda f, t, y, dy, h: self._step_written_out(
+                    f, t, y, dy, h, execute, rows, wanted, surprises
+                ),
+                [(field, (t, y))], t, y, dy, h,
+            )  # fmt: skip
+        return found._replace(
+            states=found.states or tuple(cubics(points, y, dy, found.y1, found.dy1, h))
+        )
 
     def _step_written_out(self, field, t, y, dy, h, execute, inside, wanted, surprises):
         # Traced once and called in every stage, however large the field is.

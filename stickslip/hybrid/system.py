@@ -17,7 +17,6 @@ if not TYPE_CHECKING:
     from equinox import AbstractClassVar
 
 DIRECTIONS = ("rising", "falling", "both")
-NO_MODE = -1  # what `transition` and `initial_mode` return where no mode is admissible
 
 
 def mode_type(system: Any) -> Any:

@@ -1,5 +1,7 @@
 """Arithmetic on state pytrees."""
 
+import functools
+import operator
 from collections.abc import Sequence
 from typing import Any
 
@@ -69,10 +71,7 @@ def write_row(rows: PyTree, row: PyTree, index: Any) -> PyTree:
 def all_finite(tree: PyTree) -> Array:
     """One boolean: no NaN and no infinity in any leaf."""
     flags = [jnp.all(jnp.isfinite(leaf)) for leaf in jax.tree.leaves(tree)]
-    result = flags[0]
-    for flag in flags[1:]:
-        result = result & flag
-    return result
+    return functools.reduce(operator.and_, flags)
 
 
 def with_float_arrays(tree: PyTree) -> PyTree:

@@ -27,16 +27,14 @@ class Accuracy:
     least_damping: float = 1e-10
     # [-] part of the largest sensitivity that stands for that of an unknown that moves nothing
     least_sensitivity: float = 1e-8
-    # [-] logarithm of the farthest way of an unknown with a bound towards it under rounded friction, a
-    # factor of 1,100: nothing returns from the bound itself
-    homotopy_reach: float = 7.0
     # starts in one call of the program of many starts: the fewest, and from one size to the next
     fewest_starts: int = 8
     more_starts: int = 4
 
     # Profiles.
-    # [-] distances, or sizes, up to which an unknown without a bound on that side is followed
-    profile_reach: float = 1e3
+    # [-] distances, or sizes, up to which an unknown is followed: along a profile where it has no bound
+    # on that side, and towards a bound under rounded friction, from which itself nothing returns
+    reach: float = 1e3
     # [-] part of the distance between two bounds that is left out next to each
     next_to_bound: float = 1e-9
     # [-] a profile that rises by less than this part of the level is flat
@@ -99,10 +97,10 @@ class Accuracy:
     most_swings: float = 2.0
     # [-] an oscillation turns by at least this part of its rate
     overdamped: float = 1e-6
-    # [s] time of a break that never comes
-    never: float = 1e300
 
     # Words and pictures.
+    # [-] probability of the band of a correlation of noise
+    band: float = 0.95
     # largest denominator of an exponent of a combination
     largest_denominator: int = 6
     # panels in a row of the pictures of a report

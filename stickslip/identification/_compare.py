@@ -8,7 +8,7 @@ import xarray as xr
 
 from .._argument_checks import check_arguments, flag, known_number
 from .._types import Given, NamedRows
-from .._validation import is_concrete, numbers, refusal
+from .._validation import check_known, check_mapping, numbers, refusal, shape_refusal
 from ._fit import Fit, one_fit
 
 COLUMNS = {
@@ -83,7 +83,9 @@ def compare(
     sizes = {name: int(np.isfinite(row).sum()) for name, row in rows.items()}
     if len(set(sizes.values())) != 1:
         raise refusal("fits", fits, "fits to the same data", but=f"with residuals {sizes}")
-    errors = _held_out(held_out, fits)
+    errors = rows_by_name("held_out", held_out)
+    if not set(errors) <= set(fits):
+        raise refusal("held_out", held_out, f"errors by names among {', '.join(fits)}", TypeError)
     n = next(iter(sizes.values()))
     table: dict[str, list[float]] = {name: [] for name in COLUMNS}
     for name, fit in fits.items():
@@ -107,18 +109,12 @@ def compare(
     return Comparison(tuple(fits), arrays, noise_known)
 
 
-def _held_out(held_out: Any, fits: Mapping[str, Fit]) -> dict[str, np.ndarray]:
-    if held_out is None:
-        return {}
-    if not isinstance(held_out, Mapping) or not set(held_out) <= set(fits):
-        raise refusal("held_out", held_out, f"errors by names among {', '.join(fits)}", TypeError)
+def rows_by_name(name: str, given: Any) -> dict[str, np.ndarray]:
+    """Rows of numbers, or one per record, by name, not all of them missing; none for `None`."""
     found = {}
-    for name, given in held_out.items():
-        where = f"held_out[{name!r}]"
-        if not is_concrete(given):
-            raise refusal(where, given, "known: call this outside of jit and vmap", TypeError)
-        row = numbers(where, given).astype(np.float64)
-        if not np.isfinite(row).any():
-            raise refusal(where, given, "errors, not all of them missing")
-        found[name] = row
+    for key, row in check_mapping(name, given, "rows by name").items():
+        where = f"{name}[{key!r}]"
+        found[key] = numbers(where, check_known(where, row)).astype(np.float64)
+        if found[key].ndim not in (1, 2) or not np.isfinite(found[key]).any():
+            raise shape_refusal(where, row, "a row, or one per record, not all of it missing")
     return found

@@ -68,12 +68,6 @@ def with_operands(
     return consts, of
 
 
-def solve_residual(method: Any, residual: Callable[[NamedValues], Any], space: Space, z: Array) -> Any:
-    """`method.solve` for the residual, compiled once for all that differ in their data only."""
-    consts, evaluate = with_operands(residual, space, z, method.loss)
-    return compiled_once(lambda z, consts: method.solve(evaluate(consts), space, z), z, consts)
-
-
 def solve_run(method: Any, run: Any, data: Any, space: Space, z: Array) -> Any:
     """`method.solve` for the residuals `run(values, data)`: traced once for equal `run`s."""
     given = jax.tree.map(

@@ -1,4 +1,4 @@
-"""Results of a fit."""
+"""Results of a fit, and how it ends."""
 
 from typing import Any
 
@@ -8,14 +8,39 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from .._argument_checks import check_arguments, instance, not_negative_number, one_real
+from .._argument_checks import check_arguments, instance, one_real
+from .._outcome import in_words
 from .._show import html_table, number
 from .._types import Given, Numeric
 from .._validation import check_type, is_concrete, refusal
+from ..hybrid.status import item_of
 from ._accuracy import ACCURACY
-from ._results import CODE, RESULTS, to_result
 from ._sensitivity import Sensitivity
-from ._unknowns import NamedValues, Space, all_positive
+from ._unknowns import NamedValues, Space
+
+
+@in_words
+class RESULTS(eqx.Enumeration):  # pyright: ignore[reportGeneralTypeIssues]
+    """Outcome of a fit; `RESULTS[fit.result]` is the message."""
+
+    successful = ""
+    max_steps_reached = (
+        "The fit, not a run, took all its steps before it converged. Give more to the method, as "
+        "`LevenbergMarquardt(max_steps=...)`; start nearer, or see `fit.sensitivity` for combinations "
+        "that the data do not see."
+    )
+    start_not_finite = (
+        "The residual at the start is not finite: the run from there failed. Begin elsewhere."
+    )
+    step_not_finite = "A step could not be computed: the Jacobian is not finite."
+    far_from_minimum = (
+        "The optimiser took its steps, and the minimum is further away than `tolerance` standard "
+        "errors. Give it more steps or another rate."
+    )
+
+
+CODES = ("successful", "max_steps_reached", "start_not_finite", "step_not_finite", "far_from_minimum")
+CODE = {name: number for number, name in enumerate(CODES)}
 
 
 def probability(owner: Any, name: str, value: Any) -> Any:
@@ -31,10 +56,9 @@ class Fit(eqx.Module):
 
     - `values`: the estimates by name. `residual` there, in units of its standard deviation; rows of
       priors come last.
-    - `sensitivity`: at the estimate. `steps`: iterations. `successful`: whether it converged, which
-      does not say that it explains the data: that is `reduced_chi_squared`.
-    - `code`: why the method stopped; `result` is the item of `RESULTS`, whose message says it.
+    - `sensitivity`: at the estimate. `steps`: iterations.
     - `space`: of the unknowns, with their bounds, units and priors.
+    - `code`: why the method stopped; `result` is the item of `RESULTS`, whose message says it.
 
     How well the estimates are known: `standard_errors`, `interval`, `covariance`, `correlation`, by the
     linearised problem, rows and columns in the order of `names`; `cost`, `reduced_chi_squared`,
@@ -45,25 +69,8 @@ class Fit(eqx.Module):
     residual: Float[Array, "*batch row"]
     sensitivity: Sensitivity
     steps: Int[Array, "*batch"]
-    successful: Bool[Array, "*batch"]
     space: Space
     code: Int[Array, "*batch"]
-
-    def __init__(
-        self,
-        values: NamedValues,
-        residual: Array,
-        sensitivity: Sensitivity,
-        steps: Array,
-        successful: Array,
-        space: Space | None = None,
-        code: Array | None = None,
-    ):
-        self.values, self.residual, self.sensitivity = values, residual, sensitivity
-        self.steps, self.successful = steps, successful
-        self.space = all_positive(sensitivity.names) if space is None else space
-        failed = CODE["max_steps_reached"]
-        self.code = jnp.where(successful, 0, failed).astype(jnp.int32) if code is None else code
 
     def __str__(self) -> str:
         """Estimates with standard errors and units; of a batch, how many converged."""
@@ -99,23 +106,22 @@ class Fit(eqx.Module):
             return html_table(str(self), (), ())
         errors, active = self.standard_errors(), self.active_bounds
         ends = {0: "", -1: "lower", 1: "upper"}
-        rows = [
-            (
-                name,
-                number(self.values[name]),
-                f"{float(errors[name]):.2g}",
-                unit,
-                ends[int(active[name])],
-            )
-            for name, unit in self.units.items()
-        ]
+        rows = []
+        for name, unit in self.units.items():
+            value, error = number(self.values[name]), f"{float(errors[name]):.2g}"
+            rows.append((name, value, error, unit, ends[int(active[name])]))
         head = ("unknown", "estimate", "standard error", "unit", "at its bound")
         return html_table(str(self).rpartition("\n")[2], head, rows)
 
     @property
+    def successful(self) -> Bool[Array, "*batch"]:
+        """Whether it converged, which does not say that it explains the data: `reduced_chi_squared`."""
+        return self.code == CODE["successful"]
+
+    @property
     def result(self) -> Any:
         """Item of `identification.RESULTS`."""
-        return to_result(self.code)
+        return item_of(RESULTS, CODES, self.code)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -160,15 +166,14 @@ class Fit(eqx.Module):
         r"""$\|r\|^2/(n - p)$ of $n$ residuals and $p$ unknowns; near 1 if the noise is as assumed."""
         return 2.0 * self.cost / (self.residual.shape[-1] - len(self.sensitivity.names))
 
-    @check_arguments(threshold=not_negative_number)
-    def standard_errors(self, threshold: Numeric = ACCURACY.seen) -> NamedValues:
+    def standard_errors(self) -> NamedValues:
         """Standard error of every estimate, in its own unit; infinite if the data do not see it."""
-        relative = self.sensitivity.relative_standard_errors(threshold)
+        relative = self.sensitivity.relative_standard_errors()
         slopes = jnp.abs(self.slopes)
         return {name: relative[name] * slopes[..., i] for i, name in enumerate(relative)}
 
-    @check_arguments(level=probability, threshold=not_negative_number)
-    def interval(self, level: Numeric = 0.95, threshold: Numeric = ACCURACY.seen) -> NamedValues:
+    @check_arguments(level=probability)
+    def interval(self, level: Numeric = 0.95) -> NamedValues:
         r"""Wald interval of every estimate, `[*batch, 2]`, lower end first, in its own unit.
 
         $p \pm z\sigma$ with the quantile $z$ of the normal distribution and the standard error of the
@@ -176,33 +181,31 @@ class Fit(eqx.Module):
         `profile` follows the curvature. **Arguments** `level`, above 0 and below 1.
         """
         width = jnp.sqrt(2.0) * jax.scipy.special.erfinv(jnp.asarray(level, jnp.float64))
-        errors = self.standard_errors(threshold)
+        errors = self.standard_errors()
         ends = jnp.asarray([-1.0, 1.0]) * width
         return {
             name: jnp.expand_dims(value, -1) + ends * jnp.expand_dims(errors[name], -1)
             for name, value in self.values.items()
         }
 
-    @check_arguments(threshold=not_negative_number)
-    def correlation(self, threshold: Numeric = ACCURACY.seen) -> Float[Array, "*batch unknown unknown"]:
+    def correlation(self) -> Float[Array, "*batch unknown unknown"]:
         """Correlation of the estimates, to first order; NaN for unknowns that the data do not see.
 
         Rows and columns are in the order of `names`.
         """
-        matrix, errors = self.covariance(threshold), self.standard_errors(threshold)
+        matrix, errors = self.covariance(), self.standard_errors()
         seen = jnp.stack([jnp.isfinite(errors[name]) for name in self.names], axis=-1)
         variance = jnp.diagonal(matrix, axis1=-2, axis2=-1)
         size = jnp.sqrt(jnp.where(seen & (variance > 0), variance, jnp.nan))
         return matrix / size[..., :, None] / size[..., None, :]
 
-    @check_arguments(threshold=not_negative_number)
-    def covariance(self, threshold: Numeric = ACCURACY.seen) -> Float[Array, "*batch unknown unknown"]:
+    def covariance(self) -> Float[Array, "*batch unknown unknown"]:
         """Covariance of the values, to first order; combinations not seen are left out of it.
 
         Rows and columns are in the order of `names`.
         """
         slopes = self.slopes
-        return slopes[..., :, None] * self.sensitivity.covariance(threshold) * slopes[..., None, :]
+        return slopes[..., :, None] * self.sensitivity.covariance() * slopes[..., None, :]
 
 
 def one_fit(owner: Any, name: str, value: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Gauss-Newton, and what it shares with Levenberg-Marquardt, from the parts that optimistix offers."""
+"""Gauss-Newton and Levenberg-Marquardt, from the parts that optimistix offers."""
 
 import abc
 from typing import TYPE_CHECKING, Any, ClassVar, cast
@@ -9,12 +9,12 @@ import lineax as lx
 import optimistix as optx
 
 from .._argument_checks import check_arguments, count, number
+from .._types import Numeric
 from ._accuracy import ACCURACY
 from ._bounded import coordinates_after, curvature, kinds_of, within
-from ._fit import Fit
+from ._fit import CODE, Fit
 from ._losses import AbstractLoss, loss_or_none
 from ._methods import AbstractIterativeMethod, Iteration
-from ._results import CODE
 from ._sensitivity import Sensitivity
 
 DESCENT = optx.DampedNewtonDescent(linear_solver=lx.QR())
@@ -40,9 +40,12 @@ class AbstractGaussNewton(AbstractIterativeMethod):
         max_steps: eqx.AbstractVar[int]
         _search: eqx.AbstractClassVar[optx.AbstractSearch]
 
-    @abc.abstractmethod
     def _sizes(self, matrix, bend) -> Any:
-        """Sizes of the coordinates, in which steps are measured."""
+        """Sizes of the coordinates, in which steps are measured: by how much each moves the residuals,
+        so that no unit of a value matters."""
+        sizes = jnp.sqrt(jnp.sum(matrix**2, axis=0) + bend)
+        largest = jnp.max(sizes, initial=0.0)
+        return jnp.maximum(sizes, jnp.where(largest > 0.0, ACCURACY.least_sensitivity * largest, 1.0))
 
     @abc.abstractmethod
     def _limited_step(self, size, full, y, rows, whole) -> tuple[Any, Any]:
@@ -106,8 +109,7 @@ class AbstractGaussNewton(AbstractIterativeMethod):
     def finish(self, space, now):
         y, residual, matrix, _, _, _, _, code = now.kept
         found = Sensitivity(space.names, matrix)
-        good = code == CODE["successful"]
-        return Fit(space.values(y), residual, found, now.steps, good, space, code)
+        return Fit(space.values(y), residual, found, now.steps, space, code)
 
 
 @check_arguments(**SETTINGS)
@@ -118,8 +120,8 @@ class GaussNewton(AbstractGaussNewton):
     damped. Elsewhere `LevenbergMarquardt` is the safer one: along directions that the data hardly show
     these steps are long. By the line search of optimistix (Armijo's rule).
 
-    **Arguments:** `tolerance`, `max_steps` as for `least_squares`; `loss`, a robust loss such as
-    `Huber()`, or `None`. **Raises** `TypeError`, `ValueError` for anything else.
+    **Arguments:** `tolerance`, `max_steps`, `loss` as for `LevenbergMarquardt`. **Raises** `TypeError`,
+    `ValueError` for anything else.
     """
 
     tolerance: float = eqx.field(static=True, default=1e-8)
@@ -127,18 +129,45 @@ class GaussNewton(AbstractGaussNewton):
     loss: AbstractLoss | None = None
     _search: ClassVar = optx.BacktrackingArmijo()
 
-    def _sizes(self, matrix, bend):
-        return sensitivities(matrix, bend)
-
     def _limited_step(self, size, full, y, rows, whole) -> tuple[Any, Any]:
         return size * full, optx.RESULTS.successful
 
 
-def sensitivities(matrix: Any, bend: Any) -> Any:
-    """How far each coordinate moves the residuals by: in these units no unit of a value matters."""
-    sizes = jnp.sqrt(jnp.sum(matrix**2, axis=0) + bend)
-    largest = jnp.max(sizes, initial=0.0)
-    return jnp.maximum(sizes, jnp.where(largest > 0.0, ACCURACY.least_sensitivity * largest, 1.0))
+class AbstractDamped(AbstractGaussNewton):
+    """Steps damped by a trust region, whose size begins with 1 over the `damping`."""
+
+    if TYPE_CHECKING:
+        damping = cast("Numeric", 1.0)
+    else:
+        damping: eqx.AbstractVar[Numeric]
+
+    def _limited_step(self, size, full, y, rows, whole):
+        # It waits for the full one: two batched factorisations side by side block each other for ever
+        # where XLA has two threads, each holding one and waiting for help with its batch.
+        return descent_step(size / self.damping, y, rows, whole + 0.0 * jnp.sum(full))
+
+
+@check_arguments(damping=number("positive"), **SETTINGS)
+class LevenbergMarquardt(AbstractDamped):
+    r"""Levenberg-Marquardt: the damped descent and the trust region of optimistix, step by step.
+
+    **Arguments**
+
+    - `damping` $\lambda$ of the first step, $(J^TJ + \lambda D^2)\,\delta = -J^Tr$ with the lengths $D$
+      of the columns of $J$, so that units and noise do not matter. More makes the first steps shorter.
+    - `tolerance`: relative and absolute, of the coordinates and the residuals; or of the cost, by
+      what the next step would gain if the residual were linear. `max_steps`: limit, rejected ones
+      included.
+    - `loss`: a robust loss such as `Huber()` in place of squares, or `None`.
+
+    **Raises** `TypeError`, `ValueError` for anything else.
+    """
+
+    damping: Numeric = 1.0
+    tolerance: float = eqx.field(static=True, default=1e-8)
+    max_steps: int = 64
+    loss: AbstractLoss | None = None
+    _search: ClassVar = optx.ClassicalTrustRegion(high_cutoff=0.75, high_constant=5.0)
 
 
 def descent_step(size: Any, y: Any, rows: Any, matrix: Any) -> Any:

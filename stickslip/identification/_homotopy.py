@@ -12,7 +12,7 @@ from .._argument_checks import callable_as, check_arguments, checked_by, instanc
 from .._types import Given
 from ._accuracy import ACCURACY
 from ._evaluate import solve_run
-from ._levenberg_marquardt import LevenbergMarquardt
+from ._gauss_newton import LevenbergMarquardt
 from ._many_starts import many_fits
 from ._methods import AbstractMethod, check_falling
 from ._run import Data, Run
@@ -111,6 +111,6 @@ class Homotopy(AbstractMethod):
 
 def _not_too_far(space: Space, first: Any, z: Any) -> Any:
     """Where an unknown hardly matters it may have gone to its bound, from where nothing returns."""
-    near = jnp.clip(z, first - ACCURACY.homotopy_reach, first + ACCURACY.homotopy_reach)
+    near = jnp.clip(z, first - np.log(ACCURACY.reach), first + np.log(ACCURACY.reach))
     bounded = np.array([bounds != (None, None) for bounds in space.bounds])
     return jnp.where(bounded, near, z)

@@ -11,21 +11,26 @@ from jaxtyping import Array, Float, PyTree
 
 from .._argument_checks import check_arguments, choice, count, instance, or_none
 from .._types import Given
-from .._validation import check_callable, check_finite, check_type, is_concrete, refusal, shape_refusal
+from .._validation import (
+    check_callable,
+    check_finite,
+    check_known,
+    is_concrete,
+    refusal,
+    shape_refusal,
+)
 from ._accuracy import ACCURACY
 from ._evolution import Evolution
 from ._many_starts import LANES, asked_width, check_shared, evaluate_rows, evaluator
 from ._sensitivity import Sensitivity
-from ._unknowns import NamedUnknowns, scalars
+from ._unknowns import NamedUnknowns, names_among, scalars
 
 Limits: TypeAlias = Given[float | Sequence[Any] | np.ndarray | Array | None]
 CRITERIA = ("D", "A")
 
 
 def _known_numbers(owner: Any, name: str, value: Any) -> Any:
-    if not is_concrete(value):
-        raise refusal(name, value, "known: call this outside of jit and vmap", TypeError)
-    return check_finite(name, value)
+    return check_finite(name, check_known(name, value))
 
 
 @check_arguments(
@@ -115,7 +120,7 @@ def design_input(
     space, found = scalars("values", values)
     if not is_concrete(found):
         raise refusal("values", values, "known: this is a loop of Python, call it outside of jit")
-    kept = _about(about, space.names)
+    kept = np.array([space.names.index(a) for a in names_among("about", about, space.names)])
     check_shared(shared)
     search = CMAES() if search is None else search
     begin = None if search.start is None else _start(search.start, low, high)
@@ -199,12 +204,3 @@ def _start(start: Any, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     if np.any((found < low) | (found > high)):
         raise refusal("start", start, "within the limits low and high")
     return found
-
-
-def _about(about: Any, names: tuple[str, ...]) -> np.ndarray:
-    if about is None:
-        return np.arange(len(names))
-    check_type("about", about, list | tuple, "a list of names of unknowns, or None")
-    if not about or any(not isinstance(a, str) or a not in names for a in about):
-        raise refusal("about", about, f"some of the names {', '.join(names)}")
-    return np.array(sorted({names.index(a) for a in about}))

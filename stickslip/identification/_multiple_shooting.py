@@ -13,8 +13,7 @@ from jax.flatten_util import ravel_pytree
 from .._argument_checks import callable_as, check_arguments, checked_by, count, instance, or_none
 from .._types import Given, Numeric
 from .._validation import refusal
-from ._gauss_newton import AbstractGaussNewton
-from ._levenberg_marquardt import LevenbergMarquardt, damped_step
+from ._gauss_newton import AbstractDamped, LevenbergMarquardt
 from ._losses import AbstractLoss
 from ._methods import AbstractMethod, check_falling
 from ._run import Data, Run
@@ -24,7 +23,7 @@ from ._unknowns import NamedValues
 Guess = Callable[[Any, dict[str, Any], dict[str, Any]], Any]
 
 
-class PlainDamping(AbstractGaussNewton):
+class PlainDamping(AbstractDamped):
     """Levenberg-Marquardt whose damping counts in the coordinates themselves, each open and of the size
     1, with a slower trust region.
 
@@ -44,9 +43,6 @@ class PlainDamping(AbstractGaussNewton):
 
     def _sizes(self, matrix, bend):
         return jnp.ones_like(bend)
-
-    def _limited_step(self, size, full, y, rows, whole):
-        return damped_step(size / self.damping, full, y, rows, whole)
 
 
 @check_arguments(
@@ -124,20 +120,11 @@ class MultipleShooting(AbstractMethod):
             r, t = int(segments.record[g]), segments.begin[g]
             measured, slopes = {}, {}
             for i, (name, _) in enumerate(run.observed):
-                times, row = _present(data, r, i, data.lengths[r])
+                there = data.present[r, i]
+                times, row = data.times[r][there], data.values[r, i][there]
                 if times.size > 1:
                     measured[name] = np.interp(t, times, row)
                     slopes[name] = np.interp(t, times, np.gradient(row, times))
             state = self.guess(t, measured, slopes)
             rows.append(np.asarray(ravel_pytree(jax.tree.map(float, state))[0]))
         return np.stack(rows)
-
-
-def _present(data: Data, record: int, observed: int, length: int) -> tuple[np.ndarray, np.ndarray]:
-    """Stamps and values of what was measured of one quantity in one record."""
-    shape = data.values.shape
-    there = np.zeros(data.values.size, bool)
-    there[np.asarray(data.keep)] = True
-    there = there.reshape(shape)[record, observed, :length]
-    times = np.asarray(data.times)[record, :length][there]
-    return times, np.asarray(data.values)[record, observed, :length][there]

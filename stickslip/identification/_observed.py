@@ -90,6 +90,7 @@ def data_of(records: tuple[Record, ...], observed: dict[str, Observed]) -> Data:
         times=np.stack(times),
         begin=np.stack([r.begin for r in records]),
         values=values,
+        present=present,
         keep=np.flatnonzero(present),
         deviations=np.array([float(o.sd) for o in observed.values()]),
         inputs=inputs,

@@ -24,14 +24,13 @@ from .._validation import (
 from ..hybrid import Integrator, Solution
 from ._evaluate import solve_run
 from ._fit import Fit, best
-from ._levenberg_marquardt import LevenbergMarquardt
-from ._many_starts import many_fits, rows_of
+from ._gauss_newton import LevenbergMarquardt
+from ._many_starts import many_fits, rows_of, sobol_starts
 from ._methods import AbstractMethod
 from ._observed import Observed, data_of, observed_of, records_of
 from ._record import Record
 from ._run import Run, motion_of, residual_of
 from ._stamps import warn_of_wide_stamps
-from ._starts import sobol_starts
 from ._unknown import Unknown
 from ._unknowns import NamedUnknowns, NamedValues, scalars, space_of
 
@@ -235,7 +234,9 @@ class Problem:
         stamps, as it does where these are in milliseconds.
         """
         method = self._method(method)
-        unknowns = self.unknowns if start is None else self._from(start)
+        unknowns = self.unknowns
+        if start is not None:
+            unknowns = _with_starts(unknowns, check_mapping("start", start), "start")
         self._compare_stamps(unknowns)
         if starts is not None:
             rows = sobol_starts(unknowns, starts, seed=seed)
@@ -282,9 +283,6 @@ class Problem:
         method = LevenbergMarquardt() if method is None else method
         method.check_run(self._run)
         return method
-
-    def _from(self, start: Any) -> dict[str, Any]:
-        return _with_starts(self.unknowns, check_mapping("start", start), "start")
 
     def _values(self, values: Any) -> NamedValues:
         values, names = check_mapping("values", values), self.unknowns

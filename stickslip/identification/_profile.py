@@ -18,7 +18,7 @@ from ._accuracy import ACCURACY
 from ._evaluate import with_operands
 from ._fit import Fit, probability
 from ._profile_walk import BELOW, EDGE, FAILED, Walk
-from ._unknowns import NamedValues, Space
+from ._unknowns import NamedValues, Space, names_among
 
 IDENTIFIABLE, PRACTICALLY_NOT, STRUCTURALLY_NOT, UNDECIDED = range(4)
 VERDICTS = (
@@ -150,7 +150,7 @@ def profile(
             "fit", fit, "one fit: use jax.vmap for a batch", but=f"of shape {fit.steps.shape}"
         )
     space = fit.space
-    chosen = _names_to_profile(names, space.names)
+    chosen = names_among("names", names, space.names)
     z = space.coordinates(fit.values)
     lows, highs = _limits(limits, space, z, fit.values)
     rows = [space.names.index(name) for name in chosen]
@@ -177,16 +177,6 @@ def profile(
     return _profile_of(sides, fit, space, tuple(chosen), operands[0])
 
 
-def _names_to_profile(names: Any, known: tuple[str, ...]) -> list[str]:
-    if names is None:
-        return list(known)
-    given = [names] if isinstance(names, str) else names
-    good = isinstance(given, list | tuple) and len(given) > 0
-    if not good or any(not isinstance(n, str) or n not in known for n in given):
-        raise refusal("names", names, f"names among {', '.join(known)}")
-    return sorted(set(given))
-
-
 def _coordinates(space: Space, name: str, at: Array, values: NamedValues) -> Array:
     """Coordinates of one unknown at a row of its values; the others stay."""
     rows = {other: jnp.broadcast_to(value, at.shape) for other, value in values.items()}
@@ -202,10 +192,10 @@ def _limits(limits: Any, space: Space, z: Array, values: NamedValues) -> tuple[A
             far = jnp.maximum(-jnp.log(ACCURACY.next_to_bound), jnp.abs(z[i]) + 1.0)
             ends = (-far, far)
         elif low is None and high is None:
-            reach = ACCURACY.profile_reach * jnp.maximum(jnp.abs(z[i]), 1.0)
+            reach = ACCURACY.reach * jnp.maximum(jnp.abs(z[i]), 1.0)
             ends = (z[i] - reach, z[i] + reach)
         else:
-            ends = (z[i] - jnp.log(ACCURACY.profile_reach), z[i] + jnp.log(ACCURACY.profile_reach))
+            ends = (z[i] - jnp.log(ACCURACY.reach), z[i] + jnp.log(ACCURACY.reach))
         lows.append(ends[0])
         highs.append(ends[1])
     for name, pair in given.items():

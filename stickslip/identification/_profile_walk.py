@@ -21,9 +21,9 @@ from jaxtyping import Array, Bool, Float, Int
 from ._accuracy import ACCURACY
 from ._evaluate import Evaluation
 
-AS_IS, OUTSIDE, AROUND = 1, 2, 3  # starts of a refit after the first
+AS_IS, OUTSIDE, AROUND = range(1, 4)  # starts of a refit after the first
 
-FOUND, BELOW, EDGE, FAILED = 0, 1, 2, 3  # how a side ends
+FOUND, BELOW, EDGE, FAILED = range(4)  # how a side ends
 
 
 @functools.cache

@@ -12,11 +12,11 @@ from matplotlib.figure import Figure
 
 from .._argument_checks import check_arguments, count, flag, instance, or_none, text
 from .._types import Given, NamedRows, Path
-from .._validation import check_type, is_concrete, numbers, refusal, shape_refusal
+from .._validation import check_mapping, check_type, is_concrete, refusal, shape_refusal
 from ..hybrid import Solution, same_mode_sequence
 from ..hybrid.status import flags_text
 from ._accuracy import ACCURACY
-from ._compare import Comparison
+from ._compare import Comparison, rows_by_name
 from ._fit import Fit, one_fit
 from ._profile import Profile
 from ._report_html import page
@@ -80,6 +80,14 @@ class Report:
         """Correlation of the estimates, by the linearised problem; NaN for unknowns it does not see."""
         return np.asarray(self.fit.correlation())
 
+    def correlation_rows(self) -> list[list[str]]:
+        """The table of correlations, its head first."""
+        names = self.fit.names
+        table = [["", *names]]
+        for name, row in zip(names, self.correlation, strict=True):
+            table.append([name, *(f"{c:+.3f}" if np.isfinite(c) else "-" for c in row)])
+        return table
+
     def statements(self) -> list[str]:
         """Sentences of the report."""
         fit = self.fit
@@ -123,11 +131,7 @@ class Report:
 
     def __str__(self) -> str:
         parts = [self.title, "", *_columns_aligned(self.rows()), "", "Correlation of the estimates"]
-        names = self.fit.names
-        table = [["", *names]]
-        for name, row in zip(names, self.correlation, strict=True):
-            table.append([name, *(f"{c:+.3f}" if np.isfinite(c) else "-" for c in row)])
-        parts += [*_columns_aligned(table), "", *self.statements()]
+        parts += [*_columns_aligned(self.correlation_rows()), "", *self.statements()]
         if self.comparison is not None:
             parts += ["", "Models compared", str(self.comparison)]
         return "\n".join(parts)
@@ -205,7 +209,7 @@ class WhitenessTest(eqx.Module):
 
     @check_arguments(lags=count(1), past_data=flag)
     def __init__(self, lags: int = 20, inputs: NamedRows | None = None, past_data: bool = False):
-        self.lags, self.inputs, self.past_data = lags, _rows("inputs", inputs), past_data
+        self.lags, self.inputs, self.past_data = lags, rows_by_name("inputs", inputs), past_data
 
 
 @check_arguments(
@@ -250,7 +254,7 @@ def report(
     lags, past_data = tests.lags, tests.past_data
     if past_data and lags <= len(fit.names):
         raise refusal("lags", lags, f"more than the {len(fit.names)} unknowns")
-    given = _rows("series", series)
+    given = rows_by_name("series", series)
     if series is None:
         given = {"residual": np.asarray(fit.data_residual)}
     driven = tests.inputs
@@ -270,38 +274,20 @@ def report(
         test = ljung_box(row, lags, unknowns=unknowns)
         results[name] = Whiteness(row, autocorrelation(row, lags), test, both)
     scores = {
-        name: float(np.sqrt(np.nanmean(row**2))) for name, row in _rows("held_out", held_out).items()
+        name: float(np.sqrt(np.nanmean(row**2)))
+        for name, row in rows_by_name("held_out", held_out).items()
     }
     modes = _modes(_runs("runs", runs), _runs("other_runs", other_runs))
     return Report(fit, profile, results, scores, comparison, modes, unseen(fit), title)
 
 
-def _rows(name: str, given: Any) -> dict[str, np.ndarray]:
-    if given is None:
-        return {}
-    if not isinstance(given, Mapping) or not all(isinstance(key, str) for key in given):
-        raise refusal(name, given, "rows by name", TypeError)
-    found = {}
-    for key, row in given.items():
-        where = f"{name}[{key!r}]"
-        if not is_concrete(row):
-            raise refusal(where, row, "known: call this outside of jit and vmap", TypeError)
-        found[key] = numbers(where, row).astype(np.float64)
-        if found[key].ndim not in (1, 2) or not np.isfinite(found[key]).any():
-            raise shape_refusal(where, row, "a row, or one per record, not all of it missing")
-    return found
-
-
 def _runs(name: str, given: Any) -> Mapping[str, Solution]:
-    if given is None:
-        return {}
-    if not isinstance(given, Mapping):
-        raise refusal(name, given, "solutions by name of the record", TypeError)
-    for key, run in given.items():
+    runs = check_mapping(name, given, "solutions by name of the record")
+    for key, run in runs.items():
         check_type(f"{name}[{key!r}]", run, Solution, "a Solution")
         if not is_concrete(run.flags) or run.flags.ndim != 0:
             raise refusal(f"{name}[{key!r}]", run, "one solution, known")
-    return given
+    return runs
 
 
 def _modes(runs: Mapping[str, Solution], others: Mapping[str, Solution]) -> list[str]:

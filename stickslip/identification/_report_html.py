@@ -19,15 +19,11 @@ th { font-weight: 600 } .no { color: #c0392b; font-weight: 600 }
 def page(report: Any, path: str) -> None:
     """Write it to `path`, all of it or nothing."""
     sentences = "".join(f"<li>{_with_marks(s)}</li>" for s in report.statements())
-    names = report.fit.names
-    matrix = [["", *names]]
-    for name, row in zip(names, report.correlation, strict=True):
-        matrix.append([name, *(f"{c:+.3f}" if c == c else "–" for c in row)])
     parts = [
         f"<h1>{html.escape(report.title)}</h1>",
         "<h2>Estimates</h2>", _table(report.rows()),
         "<h2>Findings</h2>", f"<ul>{sentences}</ul>",
-        "<h2>Correlation of the estimates</h2>", _table(matrix),
+        "<h2>Correlation of the estimates</h2>", _table(report.correlation_rows()),
     ]  # fmt: skip
     if report.comparison is not None:
         parts += ["<h2>Models compared</h2>", f"<pre>{html.escape(str(report.comparison))}</pre>"]

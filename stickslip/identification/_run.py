@@ -8,7 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from .._validation import as_float64
 from ..hybrid import Integrator, SaveAt, WithBreaks, jit_plainly, simulate
@@ -22,12 +22,13 @@ SystemOf = Callable[[NamedValues, dict[str, Signal]], Any]
 class Data(eqx.Module):
     """All records, one row each, made equally long by repeating their last time.
 
-    `keep`: which of `[record, observed, time]`, flattened, were measured.
+    `present`: which values were measured; `keep`: their places among all, flattened.
     """
 
     times: Float[Array | np.ndarray, "record time"]
     begin: Float[Array | np.ndarray, " record"]
     values: Float[Array | np.ndarray, "record observed time"]
+    present: Bool[Array | np.ndarray, "record observed time"]
     keep: Int[Array | np.ndarray, " row"]
     deviations: Float[Array | np.ndarray, " observed"]
     inputs: dict[str, Signal]
@@ -79,6 +80,14 @@ class Run:
         return common, {
             name: jnp.stack([jnp.asarray(values[part]) for part in parts]) for name, parts in self.local
         }
+
+    def of_record(self, values: NamedValues, data: Data, record: Any) -> tuple[NamedValues, Any]:
+        """Values of one record by name, those known of it too, and its inputs."""
+        common, local = self.split(values)
+        mine, known, inputs = jax.tree.map(
+            lambda a: jnp.asarray(a)[record], (local, data.known, data.inputs)
+        )
+        return {**known, **common, **mine}, inputs
 
     def start(self, values: NamedValues, inputs: dict[str, Signal]) -> Any:
         """The state in which a record begins."""
@@ -160,7 +169,6 @@ class Run:
     def predictions(self, values: NamedValues, data: Data) -> Float[Array, "record observed time"]:
         """Observations of all records, one after the other by one program."""
         common, local = self.split(values)
-        present = jnp.zeros(data.values.size, bool).at[data.keep].set(True)
 
         def predict(row):
             mine, known, one, measured, present = row
@@ -170,7 +178,7 @@ class Run:
             return self.one(values, one, log=False)[0]
 
         ones = (data.times, data.begin, data.inputs)
-        rows = (local, data.known, ones, data.values, present.reshape(data.values.shape))
+        rows = (local, data.known, ones, data.values, data.present)
         if data.times.shape[0] == 1:
             return predict(jax.tree.map(lambda a: jnp.asarray(a)[0], rows))[None]
         return jax.lax.map(predict, rows)
@@ -190,7 +198,6 @@ def residual_of(run: Run, values: NamedValues, data: Data) -> Float[Array, " row
 @jit_plainly
 def motion_of(run: Run, values: NamedValues, data: Data, record: Int[Array, ""]) -> tuple[Array, Any]:
     """Observations of one record, with its `Solution`."""
-    common, local = run.split(values)
-    rows = (local, data.known, (data.times, data.begin, data.inputs))
-    mine, known, one = jax.tree.map(lambda a: jnp.asarray(a)[record], rows)
-    return run.one({**known, **common, **mine}, one, log=True)
+    values, inputs = run.of_record(values, data, record)
+    one = jnp.asarray(data.times)[record], data.begin_of(record), inputs
+    return run.one(values, one, log=True)

@@ -7,9 +7,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from .._argument_checks import callable_as, check_arguments, not_negative_number
+from .._argument_checks import callable_as, check_arguments
 from .._show import number
-from .._types import Numeric
 from .._validation import is_concrete
 from ._accuracy import ACCURACY
 from ._evaluate import evaluation
@@ -56,31 +55,28 @@ class Sensitivity(eqx.Module):
             return f"{text}, of shape {self.matrix.shape[:-2]}"
         return f"{text}; singular values {', '.join(number(s) for s in self.singular_values)}"
 
-    @check_arguments(threshold=not_negative_number)
-    def seen_directions(self, threshold: Numeric = ACCURACY.seen) -> Bool[Array, "*batch unknown"]:
-        """Which combinations are seen: singular values above `threshold` times the largest."""
-        return self.singular_values > threshold * self.singular_values[..., :1]
+    def seen_directions(self) -> Bool[Array, "*batch unknown"]:
+        """Which combinations are seen: singular values above 1e-7 of the largest."""
+        return self.singular_values > ACCURACY.seen * self.singular_values[..., :1]
 
-    @check_arguments(threshold=not_negative_number)
-    def covariance(self, threshold: Numeric = ACCURACY.seen) -> Float[Array, "*batch unknown unknown"]:
+    def covariance(self) -> Float[Array, "*batch unknown unknown"]:
         r"""Covariance $(S^T S)^{-1}$ of the logarithms, to first order.
 
         Combinations that are not `seen` are left out of the sum; the unknowns that they contain have
         no finite variance, see `relative_standard_errors`.
         """
-        seen = self.seen_directions(threshold)
+        seen = self.seen_directions()
         weight = jnp.where(seen, 1.0 / jnp.where(seen, self.singular_values, 1.0) ** 2, 0.0)
         return jnp.einsum("...ki,...k,...kj->...ij", self.directions, weight, self.directions)
 
-    @check_arguments(threshold=not_negative_number)
-    def relative_standard_errors(self, threshold: Numeric = ACCURACY.seen) -> NamedValues:
+    def relative_standard_errors(self) -> NamedValues:
         """Standard error of every unknown in parts of its value: that of its logarithm.
 
         Infinite if the unknown is in a combination not seen. In units: `Fit.standard_errors`.
         """
-        hidden = jnp.where(self.seen_directions(threshold)[..., None], 0.0, jnp.abs(self.directions))
+        hidden = jnp.where(self.seen_directions()[..., None], 0.0, jnp.abs(self.directions))
         lost = jnp.max(hidden, axis=-2) > ACCURACY.part
-        variance = jnp.diagonal(self.covariance(threshold), axis1=-2, axis2=-1)
+        variance = jnp.diagonal(self.covariance(), axis1=-2, axis2=-1)
         errors = jnp.where(lost, jnp.inf, jnp.sqrt(variance))
         return {name: errors[..., i] for i, name in enumerate(self.names)}
 

@@ -1,7 +1,5 @@
 """The program of multiple shooting: segments between knots, each from a state of its own."""
 
-from typing import Any
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -42,16 +40,13 @@ def segments_of(data: Data, count: int) -> Segments:
         rows += [(r, i + 1, j + 1) for i, j in zip(begins, ends, strict=True)]
     longest = max(j - i for _, i, j in rows)
     observed = data.values.shape[1]
-    present = np.zeros(data.values.size, bool)
-    present[data.keep] = True
-    present = present.reshape(data.values.shape)
     values = np.zeros((len(rows), observed, longest))
     kept = np.zeros(values.shape, bool)
     times = np.zeros((len(rows), longest))
     for g, (r, i, j) in enumerate(rows):
         times[g] = np.pad(data.times[r, i:j], (0, longest - (j - i)), mode="edge")
         values[g, :, : j - i] = data.values[r, :, i:j]
-        kept[g, :, : j - i] = present[r, :, i:j]
+        kept[g, :, : j - i] = data.present[r, :, i:j]
     first = np.array([i == 0 for _, i, _ in rows])
     begin = [data.begin[r] if i == 0 else data.times[r, i - 1] for r, i, _ in rows]
     return Segments(
@@ -79,17 +74,10 @@ class Shooting(eqx.Module):
     weight: Float[Array, ""]
     loss: AbstractLoss | None
 
-    def _of(self, z: Array, record: Any) -> tuple[NamedValues, Any]:
-        common, local = self.run.split(self.space.values(z))
-        mine = jax.tree.map(
-            lambda a: jnp.asarray(a)[record], (local, self.data.known, self.data.inputs)
-        )
-        return {**mine[1], **common, **mine[0]}, mine[2]
-
     def segment(self, z: Array, state: Array, row: tuple) -> tuple[Array, Array]:
         """Observations of one segment, and the state at its end."""
         record, first, begin, times = row
-        values, inputs = self._of(z, record)
+        values, inputs = self.run.of_record(self.space.values(z), self.data, record)
         flat, unravel = ravel_pytree(self.run.start(values, inputs))
         y0 = unravel(jnp.where(first, flat, state))
         ts = self.run.times_of(values, times, self.data.begin_of(record))

@@ -11,8 +11,9 @@ from jaxtyping import Array, Float, PyTree
 from .._argument_checks import check_arguments, choice, one_real, reals
 from .._types import Numeric, Row
 from .._validation import check_finite, is_concrete, one_row, refusal, shape_refusal
-from ._accuracy import ACCURACY
+from ..hybrid.accuracy import ACCURACY as ENGINE
 
+NEVER = ENGINE.never  # time of a break that never comes [s]
 KINDS = ("hold", "linear", "cubic")
 
 
@@ -125,9 +126,9 @@ def pad_signal(signal: Signal, pieces: int, breaks: int) -> Signal:
         lambda s: (s.times, s.coefficients, s.breaks),
         signal,
         (
-            np.concatenate([signal.times, np.full(more, ACCURACY.never)]),
+            np.concatenate([signal.times, np.full(more, NEVER)]),
             np.pad(np.asarray(signal.coefficients), ((0, 0), (0, more)), mode="edge"),
-            np.concatenate([signal.breaks, np.full(never, ACCURACY.never)]),
+            np.concatenate([signal.breaks, np.full(never, NEVER)]),
         ),
     )
 
@@ -140,7 +141,7 @@ def breaks_of(system: PyTree) -> Array | None:
         return None
     times = jnp.sort(jnp.concatenate([jnp.asarray(row) for row in rows]))
     # Inputs sampled by one clock jump together: of equal times one stays.
-    gap = jnp.diff(times, prepend=-ACCURACY.never)
-    again = jax.lax.stop_gradient(gap <= 4e-16 * jnp.abs(times)) | (times >= ACCURACY.never)
-    later = ACCURACY.never * (1.0 + 1e-3 * jnp.arange(1.0, times.shape[0] + 1.0))
+    gap = jnp.diff(times, prepend=-NEVER)
+    again = jax.lax.stop_gradient(gap <= 4e-16 * jnp.abs(times)) | (times >= NEVER)
+    later = NEVER * (1.0 + 1e-3 * jnp.arange(1.0, times.shape[0] + 1.0))
     return jnp.sort(jnp.where(again, later, times))

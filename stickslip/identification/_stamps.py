@@ -18,11 +18,8 @@ from ._unknowns import NamedValues
 @jit_by_code
 def _slopes(run: Run, values: NamedValues, data: Data) -> Float[Array, "mode size size"]:
     """Derivatives of the field by the state, where the first record begins, in each mode."""
-    common, local = run.split(values)
-    mine, known, begin, inputs = jax.tree.map(
-        lambda a: jnp.asarray(a)[0], (local, data.known, data.begin, data.inputs)
-    )
-    values = {**known, **common, **mine}
+    values, inputs = run.of_record(values, data, 0)
+    begin = data.begin_of(0)
     system = call_with_values("system", run.system, values, inputs)
     row, form = jax.flatten_util.ravel_pytree(run.start(values, inputs))
 

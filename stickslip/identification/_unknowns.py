@@ -118,14 +118,6 @@ class Space(eqx.Module):
         return side
 
 
-def all_positive(names: tuple[str, ...]) -> Space:
-    """Of plain positive numbers."""
-    nothing, count = (None,), len(names)
-    return Space(
-        names, (POSITIVE,) * count, ("",) * count, (False,) * count, nothing * count, nothing * count
-    )
-
-
 def space_of(name: str, values: Any) -> tuple[Space, NamedValues]:
     """A mapping of names to unknowns or positive numbers, or rows of them, in alphabetical order."""
     if not isinstance(values, Mapping) or not values or not all(isinstance(k, str) for k in values):
@@ -168,6 +160,14 @@ def _scale(given: Unknown) -> Any:
     size = lib.max(lib.abs(lib.asarray(given.start) - ((high if low is None else low) or 0.0)))
     size = lib.where(size > 0.0, size, 1.0)
     return as_parameter(size) if known else size
+
+
+def names_among(argument: str, given: Any, known: tuple[str, ...]) -> list[str]:
+    """Names of unknowns that are chosen: all for `None`, in alphabetical order."""
+    row = known if given is None else [given] if isinstance(given, str) else given
+    if not isinstance(row, list | tuple) or not row or not set(map(str, row)) <= set(known):
+        raise refusal(argument, given, f"names among {', '.join(known)}")
+    return sorted(set(row))
 
 
 def scalars(name: str, values: Any) -> tuple[Space, NamedValues]:

@@ -5,14 +5,14 @@ from typing import Any
 
 import numpy as np
 
-from .._argument_checks import check_arguments, not_negative_number
-from .._types import Given, Numeric
+from .._argument_checks import check_arguments
+from .._types import Given
 from ._accuracy import ACCURACY
 from ._fit import Fit, one_fit
 
 
-@check_arguments(fit=one_fit, threshold=not_negative_number)
-def unseen(fit: Given[Fit], threshold: Numeric = ACCURACY.seen) -> list[str]:
+@check_arguments(fit=one_fit)
+def unseen(fit: Given[Fit]) -> list[str]:
     """Unknowns that the data do not see, a sentence for each group of unknowns that hide each other.
 
     Positive unknowns hide each other in products, e.g. `"k1 * k2 is seen, k1 / k2 is not"`; others in
@@ -27,12 +27,10 @@ def unseen(fit: Given[Fit], threshold: Numeric = ACCURACY.seen) -> list[str]:
     >>> unseen(fit)
     ['k1 * k2 is seen, k1 / k2 is not']
 
-    **Arguments:** `fit`, one; `threshold` as for `Sensitivity.seen_directions`. **Raises** `TypeError`,
-    `ValueError` for anything else; it reads numbers and does not work under `jit`.
+    **Arguments:** `fit`, one. **Raises** `TypeError`, `ValueError` for anything else; it reads numbers
+    and does not work under `jit`.
     """
-    hidden = np.asarray(fit.sensitivity.directions)[
-        ~np.asarray(fit.sensitivity.seen_directions(threshold))
-    ]
+    hidden = np.asarray(fit.sensitivity.directions)[~np.asarray(fit.sensitivity.seen_directions())]
     if not hidden.size:
         return []
     # In products where all that hide each other are positive numbers, otherwise in sums.

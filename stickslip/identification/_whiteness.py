@@ -1,5 +1,6 @@
 r"""Whether residuals are noise: correlation in time, with the input, and the test of Ljung and Box."""
 
+import statistics
 from typing import Any
 
 import equinox as eqx
@@ -10,17 +11,28 @@ from jaxtyping import Array, Float, Int
 
 from .._argument_checks import check_arguments, count
 from .._types import Rows
-from .._validation import as_parameter, check_that, is_concrete, numbers, refusal, shape_refusal
+from .._validation import (
+    as_parameter,
+    check_known,
+    check_that,
+    is_concrete,
+    numbers,
+    refusal,
+    shape_refusal,
+)
+from ._accuracy import ACCURACY
+
+# Quantile of the normal distribution at which the band of a correlation ends.
+WIDTH = statistics.NormalDist().inv_cdf(0.5 + 0.5 * ACCURACY.band)
 
 
 class Correlation(eqx.Module):
-    """Correlation at `lags` [samples]; `band` holds that of noise with the probability `level`, each
-    lag by itself."""
+    """Correlation at `lags` [samples]; `band` holds that of noise with the probability 95%, each lag by
+    itself."""
 
     lags: Int[Array, " lag"]
     values: Float[Array, " lag"]
     band: Float[Array, " lag"]
-    level: float = eqx.field(static=True)
 
     @property
     def outside(self) -> Float[Array, ""]:
@@ -38,14 +50,8 @@ class LjungBox(eqx.Module):
     p_value: Float[Array, ""]
 
 
-def _level(owner: Any, name: str, value: Any) -> Any:
-    if not isinstance(value, int | float) or isinstance(value, bool):
-        raise refusal(name, value, "a number of Python above 0 and below 1", TypeError)
-    return check_that(name, value, lambda x: (x > 0) & (x < 1), "above 0 and below 1")
-
-
-@check_arguments(lags=count(1), level=_level)
-def autocorrelation(series: Rows, lags: int = 20, *, level: float = 0.95) -> Correlation:
+@check_arguments(lags=count(1))
+def autocorrelation(series: Rows, lags: int = 20) -> Correlation:
     r"""Correlation of a series with itself, $r_k = \sum_t x_t x_{t+k} / \sum_t x_t^2$.
 
     **Missing rows** are NaN and stay in their place: $x$ is the series without its mean and zero where
@@ -53,27 +59,27 @@ def autocorrelation(series: Rows, lags: int = 20, *, level: float = 0.95) -> Cor
     with gaps must have NaN in them, see `in_even_steps`. **Several records** are rows, shorter ones
     filled up with NaN; each loses its own mean, and no product reaches from one into the next.
 
-    **Arguments:** `series`, one row or several; `lags`, up to the shortest; `level` of the band
+    **Arguments:** `series`, one row or several; `lags`, up to the shortest. The band is
     $\pm z \sqrt{n_k}/n$ of white noise, $n_k$ products at lag $k$ of $n$ samples. **Raises**
     `TypeError`, `ValueError` for anything else. Works under `jit`, `vmap` and `grad`.
     """
     rows, here = _rows("series", series, lags)
     sums, counts = _products(rows, here, rows, here, jnp.arange(lags + 1))
     number = _count(here)
-    band = _width(level) * jnp.sqrt(counts) / number
+    band = WIDTH * jnp.sqrt(counts) / number
     band = jnp.where(jnp.arange(lags + 1) == 0, jnp.inf, band)
-    return Correlation(jnp.arange(lags + 1), sums / sums[0], band, float(level))
+    return Correlation(jnp.arange(lags + 1), sums / sums[0], band)
 
 
-@check_arguments(lags=count(1), level=_level)
-def cross_correlation(series: Rows, other: Rows, lags: int = 20, *, level: float = 0.95) -> Correlation:
+@check_arguments(lags=count(1))
+def cross_correlation(series: Rows, other: Rows, lags: int = 20) -> Correlation:
     r"""Correlation of residuals with an input, $\sum_t u_t e_{t+k}/\sqrt{\sum u^2 \sum e^2}$.
 
     At positive lags the residual follows the input: values outside of the band show a dependence that
     the model has missed. At negative lags the input follows the residual, as it does in a closed loop.
 
     **Arguments:** `series` $e$ and `other` $u$ of the same shape, with missing rows and several records
-    as in `autocorrelation`; `lags` to both sides; `level` of the band $\pm z\sqrt{n_k}/n$, which holds
+    as in `autocorrelation`; `lags` to both sides. The band is $\pm z\sqrt{n_k}/n$, which holds
     if the residual is white. **Raises** as `autocorrelation`.
     """
     given: Any = series
@@ -88,8 +94,8 @@ def cross_correlation(series: Rows, other: Rows, lags: int = 20, *, level: float
     counts = jnp.concatenate([counts_before[:0:-1], counts_after])
     number = _count(here & there)
     size = jnp.sqrt(jnp.sum(rows**2) * jnp.sum(inputs**2))
-    band = _width(level) * jnp.sqrt(counts) / number
-    return Correlation(jnp.arange(-lags, lags + 1), sums / size, band, float(level))
+    band = WIDTH * jnp.sqrt(counts) / number
+    return Correlation(jnp.arange(-lags, lags + 1), sums / size, band)
 
 
 @check_arguments(lags=count(1), unknowns=count(0))
@@ -127,8 +133,7 @@ def in_even_steps(times: Rows, series: Rows) -> Float[np.ndarray, " sample"]:
     """
     rows = []
     for name, given in (("times", times), ("series", series)):
-        if not is_concrete(given):
-            raise refusal(name, given, "known: call this outside of jit and vmap", TypeError)
+        check_known(name, given)
         rows.append(numbers(name, given))
         if rows[-1].ndim != 1 or rows[-1].size < 2:
             raise shape_refusal(name, given, "one row of at least 2")
@@ -155,10 +160,6 @@ def in_even_steps(times: Rows, series: Rows) -> Float[np.ndarray, " sample"]:
     filled = np.full(int(places[-1]) + 1, np.nan)
     filled[places.astype(int)] = values
     return filled
-
-
-def _width(level: float) -> Any:
-    return jnp.sqrt(2.0) * jax.lax.erf_inv(jnp.asarray(float(level)))
 
 
 def _rows(name: str, series: Any, lags: Any) -> tuple[Array, Array]:

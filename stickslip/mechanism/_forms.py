@@ -20,7 +20,7 @@ from stickslip._validation import (
     refusal,
 )
 from stickslip.friction import AbstractBristleLaw, AbstractFrictionLaw, LuGre, Regularised
-from stickslip.hybrid.system import NO_MODE
+from stickslip.hybrid.status import NO_MODE
 
 from ._contact import drags
 from ._instant import Instant, pressing

@@ -14,7 +14,7 @@ from stickslip._fastmath import where
 from stickslip._types import Numeric, overridable
 from stickslip._validation import is_concrete
 from stickslip.friction import AbstractBristleLaw, LuGre
-from stickslip.hybrid.system import NO_MODE
+from stickslip.hybrid.status import NO_MODE
 
 from ._abstract import traced_with
 from ._analysis import check_args, contacts_without_drag

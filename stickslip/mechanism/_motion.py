@@ -79,6 +79,7 @@ def motion_by_forces(
     return Motion(tuple(a), tuple(reaction), tuple(force))
 
 
+@jax.named_scope(SMOOTH)
 def _with_decided_velocities(a: list, n: list, own: list[int], rests: Any, gamma: Any) -> list[Any]:
     """`a`, of which a contact that rests decides the velocity along its largest entry.
 

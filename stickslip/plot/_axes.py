@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.artist import ArtistInspector
 from matplotlib.axes import Axes
+from matplotlib.cbook import normalize_kwargs
 from matplotlib.lines import Line2D
 
 from .._drawing import BAND as BAND
@@ -32,13 +33,23 @@ def check_axes(ax: Any, count: int | None = None) -> None:
 
 
 def check_options(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Raise for a keyword that is not a property of a line."""
+    """Properties of a line by their full names; raises for a keyword that is none."""
     known = {*(inspector := ArtistInspector(Line2D)).get_setters()}
     known |= {alias for names in inspector.aliasd.values() for alias in names}
     for name, value in options.items():
         if name not in known:
             raise refusal(name, value, "left out: further options are properties of a line", TypeError)
-    return dict(options)
+    return normalize_kwargs(dict(options), Line2D)
+
+
+def begin(
+    ax: Any, options: Mapping[str, Any], rows: int | None = None,
+    heights: Sequence[float] | None = None, **usual: Any,
+) -> tuple[Any, dict[str, Any]]:  # fmt: skip
+    """Axes as of `canvas`, and the options behind those that are usual, all checked before."""
+    check_axes(ax, rows)
+    options = {**usual, **check_options(options)}
+    return canvas(ax, rows, heights=heights), options
 
 
 def canvas(ax: Any, rows: int | None = None, *, heights: Sequence[float] | None = None) -> Any:
@@ -66,7 +77,7 @@ def axis_label(name: str, unit: str | None) -> str:
     return f"{name} [{unit}]" if unit not in (None, "", "1") else name
 
 
-def legend(axis: Axes) -> None:
+def legend(axis: Axes, **options: Any) -> None:
     """A legend, where there is more than one thing to tell apart."""
     if len(axis.get_legend_handles_labels()[1]) > 1:
-        axis.legend(frameon=False, fontsize="small")
+        axis.legend(frameon=False, fontsize="small", **options)

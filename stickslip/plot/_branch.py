@@ -9,7 +9,15 @@ from matplotlib.axes import Axes
 from .._types import Given
 from .._validation import check_type, refusal
 from ..continuation import Branch
-from ..hybrid.components import Place, component_list, components_of, entries, place_of, unit_of
+from ..hybrid.components import (
+    Place,
+    component_list,
+    components_of,
+    entries,
+    numbers_of,
+    place_of,
+    unit_of,
+)
 from . import _axes
 
 MARKS = {"LP": "s", "PD": "D", "NS": "o", "BP": "X", "GR": "^", "SQ": "v"}
@@ -49,9 +57,7 @@ def branch(
         return _in_the_plane(branch, ax, options)
     orbits = branch.orbits
     place = _place(orbits.highest, observable)
-    _axes.check_axes(ax)
-    options = _axes.check_options(options)
-    axis = _axes.canvas(ax)
+    axis, options = _axes.begin(ax, options)
 
     def curves_of(orbits: Any) -> list[np.ndarray]:
         if place is None:
@@ -84,16 +90,14 @@ def branch(
     if place is None:
         axis.set_ylabel("period [s]")
     else:
-        name = next(iter(_names(orbits.highest))) if observable is None else observable
+        name = numbers_of(_one(orbits.highest))[0] if observable is None else observable
         axis.set_ylabel(_axes.axis_label(f"greatest {name}", unit_of(branch.system, place.name)))
     return axis
 
 
 def _in_the_plane(branch: Branch, ax: Axes | None, options: dict[str, Any]) -> Axes:
     """A branch in the plane of its two parameters."""
-    _axes.check_axes(ax)
-    options = {"label": branch.label, "color": _axes.BLUE, **_axes.check_options(options)}
-    axis = _axes.canvas(ax)
+    axis, options = _axes.begin(ax, options, label=branch.label, color=_axes.BLUE)
     axis.plot(*branch.values.T, **options)
     unmarked = "bounds of", "closed", "max_points", *(s.label for s in branch.specials)
     marks = [(s.words.partition(":")[0] if s.label == "EP" else s.label, s) for s in branch.specials]
@@ -111,19 +115,18 @@ def _in_the_plane(branch: Branch, ax: Axes | None, options: dict[str, Any]) -> A
     return axis
 
 
-def _names(batch: Any) -> list[str]:
-    """Names of the scalar entries of a batched state."""
-    parts = components_of(batch).items()
-    return [entry for name, leaf in parts for entry in entries(name, np.shape(leaf)[1:])]
+def _one(batch: Any) -> Any:
+    """A state of the form of those in a batch."""
+    return jax.tree.map(lambda leaf: np.zeros(np.shape(leaf)[1:]), batch)
 
 
 def _place(batch: Any, observable: Any) -> Place | None:
     """Where in a state the observable is; None for the period."""
     if isinstance(observable, str) and observable == "period":
         return None
-    one = jax.tree.map(lambda leaf: np.zeros(np.shape(leaf)[1:]), batch)
+    one = _one(batch)
     if observable is None:
-        observable = _names(batch)[0]
+        observable = numbers_of(one)[0]
     place = place_of(one, observable) if isinstance(observable, str) else None
     if place is None:
         raise refusal("observable", observable, f"one of {component_list(one)}, period")

@@ -36,11 +36,8 @@ def energy_account(
     if not {*NEEDED} <= set(map(str, dataset.data_vars)) or dataset["energy"].dims != ("time",):
         allowed = f"of analysis.energy_ledger: with {', '.join(NEEDED)} over time"
         raise refusal("dataset", "a Dataset", allowed)
-    _axes.check_axes(ax, 2)
-    options = {"linewidth": 1.0, **_axes.check_options(options)}
-    if "lw" in options:
-        options.pop("linewidth")
-    above, below = axes = _axes.canvas(ax, 2, heights=[2.0, 1.0])
+    axes, options = _axes.begin(ax, options, 2, [2.0, 1.0], linewidth=1.0)
+    above, below = axes
     time, energy = np.asarray(dataset.time), np.asarray(dataset["energy"])
     above.plot(time, energy - energy[0], **{"color": "k", "label": "gain of energy", **options})
     for name in map(str, dataset.data_vars):

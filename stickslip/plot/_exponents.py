@@ -7,7 +7,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from .._types import Given
-from .._validation import is_concrete, refusal
+from .._validation import check_known, refusal
 from ..analysis import LyapunovSpectrum
 from . import _axes
 
@@ -36,14 +36,11 @@ def exponents(
     if not isinstance(found, LyapunovSpectrum):
         allowed = "a LyapunovSpectrum, or a Dataset of lyapunov_diagram"
         raise refusal("found", found, allowed, TypeError)
-    if not is_concrete(found):
-        raise refusal("found", found, "known: call this outside of jit and vmap", TypeError)
+    check_known("found", found)
     if found.exponents.ndim != 1:
         take = "one spectrum of the batch: jax.tree.map(lambda a: a[0], found)"
         raise refusal("found", found, take, but=f"of shape {found.exponents.shape[:-1]}")
-    _axes.check_axes(ax)
-    options = {"linewidth": 1.0, **_axes.check_options(options)}
-    axis = _axes.canvas(ax)
+    axis, options = _axes.begin(ax, options, linewidth=1.0)
     time, running = np.asarray(found.time), np.asarray(found.running)
     values, errors = np.asarray(found.exponents), np.asarray(found.error)
     settled = []
@@ -73,10 +70,9 @@ def _over_parameter(dataset: xr.Dataset, ax: Any, options: dict[str, Any]) -> Ax
         over = f"over {', '.join(parameters) or 'no parameter'}"
         raise refusal("found", "a Dataset", "over one parameter: select values of the others", but=over)
     (parameter,) = parameters
-    _axes.check_axes(ax)
-    given = _axes.check_options(options)
-    options = {"marker": ".", "markersize": 2.0, "linewidth": 0.4, "linestyle": "none", **given}
-    axis = _axes.canvas(ax)
+    axis, options = _axes.begin(
+        ax, options, marker=".", markersize=2.0, linewidth=0.4, linestyle="none"
+    )
     across = dataset[parameter]
     values = np.asarray(dataset["exponents"].transpose(parameter, "exponent"))
     errors = np.asarray(dataset["error"].transpose(parameter, "exponent"))

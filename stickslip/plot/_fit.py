@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 
 from .._drawing import residual_dots
 from .._types import Given
-from .._validation import check_count, check_type, is_concrete, refusal
+from .._validation import check_count, check_known, check_type, refusal
 from ..identification import Fit, Problem
 from . import _axes
 
@@ -38,17 +38,14 @@ def fit(
     **Raises** `ValueError`, `TypeError` naming the argument; for a batch of fits.
     """
     check_type("found", found, Fit, "a Fit")
-    if not is_concrete(found):
-        raise refusal("found", found, "known: call this outside of jit and vmap", TypeError)
+    check_known("found", found)
     if found.steps.ndim:
         but = f"of shape {found.steps.shape}"
         raise refusal("found", found, "one fit, such as identification.best(fits)", but=but)
     check_type("problem", problem, Problem | None, "a Problem or None")
     check_count("record", record, 0)
     if problem is None:
-        _axes.check_axes(ax)
-        _axes.check_options(options)
-        axis = _axes.canvas(ax)
+        axis, _ = _axes.begin(ax, options)
         values = np.asarray(found.data_residual)
         _residuals(axis, np.arange(values.size), values)
         axis.set_xlabel("row")
@@ -63,11 +60,9 @@ def fit(
         raise refusal("found", found, "a Fit of the problem: with as many residuals")
     measured = problem.records[record]
     names = [name for name in problem.observed if name in measured.values]
-    _axes.check_axes(ax, 2 * len(names))
-    options = {"color": _axes.RED, "linewidth": 1.0, "label": "model", **_axes.check_options(options)}
-    if "lw" in options:
-        options.pop("linewidth")
-    axes = _axes.canvas(ax, 2 * len(names), heights=[2.0, 1.0] * len(names))
+    heights = [2.0, 1.0] * len(names)
+    usual = {"color": _axes.RED, "linewidth": 1.0, "label": "model"}
+    axes, options = _axes.begin(ax, options, len(heights), heights, **usual)
     parts = problem.parts(np.asarray(found.data_residual))[problem.labels[record]]
     run = problem.simulate({name: found.values[name] for name in found.names}, record)
     for i, name in enumerate(names):

@@ -60,11 +60,8 @@ def motion(
     check_flag("events", events)
     functions, single = several(source, observables)
     shaded = _contacts(source, contacts)
-    _axes.check_axes(ax, None if single else len(functions))
-    options = {"color": _axes.BLUE, "lw": 1.0, **_axes.check_options(options)}
-    if "linewidth" in options:
-        options.pop("lw")
-    axes = _axes.canvas(ax, None if single else len(functions))
+    rows = None if single else len(functions)
+    axes, options = _axes.begin(ax, options, rows, color=_axes.BLUE, linewidth=1.0)
     held = _held(source) if shaded else {}
     time, (name, unit) = source.time, source.time_label
     for axis, (what, function) in zip(np.atleast_1d(axes), functions.items(), strict=True):

@@ -4,12 +4,10 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.cbook import normalize_kwargs
-from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 
 from .._types import Given
-from .._validation import check_type, is_concrete, refusal
+from .._validation import check_known, check_type, refusal
 from ..continuation import Branch, PeriodicOrbit
 from . import _axes
 from ._branch import MARKS
@@ -40,12 +38,11 @@ def multipliers(
     """
     allowed = "a PeriodicOrbit or a Branch of stickslip.continuation"
     check_type("orbits", orbits, PeriodicOrbit | Branch, allowed)
-    if not is_concrete(orbits):
-        raise refusal("orbits", orbits, "known: call this outside of jit and vmap", TypeError)
+    check_known("orbits", orbits)
     many = orbits.orbits if isinstance(orbits, Branch) else orbits
     check_type("orbits", many, PeriodicOrbit, allowed)
     _axes.check_axes(ax)
-    options = normalize_kwargs(_axes.check_options(options), Line2D)
+    options = _axes.check_options(options)
     specials = orbits.specials if isinstance(orbits, Branch) else ()
     marked: dict[str, np.ndarray] = {}
     for special in specials:
@@ -83,9 +80,7 @@ def multipliers(
         )  # fmt: skip
     _note(axis, every, reach)
     axis.set(xlabel="real part", ylabel="imaginary part")
-    if len(axis.get_legend_handles_labels()[1]) > 1:
-        # Notes are at the bottom.
-        axis.legend(loc="upper right", frameon=False, fontsize="small")
+    _axes.legend(axis, loc="upper right")  # notes are at the bottom
     return axis
 
 

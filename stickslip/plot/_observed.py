@@ -9,7 +9,7 @@ import xarray as xr
 from jaxtyping import PyTree
 
 from .._code import jit_by_code
-from .._validation import check_handed_on, is_concrete, refusal
+from .._validation import check_handed_on, check_known, refusal
 from ..analysis.observable import as_observable
 from ..hybrid import AbstractHybridSystem, Solution
 from ..hybrid.components import components_of, entries, per_second, period_of, second_of, unit_of
@@ -52,8 +52,7 @@ class Source:
             raise refusal("solution", solution, "a Solution, or a Dataset over `time`", TypeError)
         if system is None:
             raise refusal("system", system, "the system of the solution", TypeError)
-        if not is_concrete(solution):
-            raise refusal("solution", solution, "known: call this outside of jit and vmap", TypeError)
+        check_known("solution", solution)
         if one:
             self.solution = solution = one_run(solution, lane)
         self.log = rows_of(solution)

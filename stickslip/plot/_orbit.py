@@ -12,7 +12,7 @@ from .._validation import check_handed_on, check_type, refusal
 from ..analysis.observable import with_parameters
 from ..continuation import Branch, BranchPoint, PeriodicOrbit
 from ..hybrid import AbstractHybridSystem, AdaptiveStep, Integrator, SaveAt, Solution, simulate
-from ..hybrid.components import components_of, entries, second_of
+from ..hybrid.components import numbers_of, second_of
 from . import _axes
 from ._motion import motion
 from ._observed import function_of
@@ -69,7 +69,7 @@ def orbit(
         if what is not None:
             function_of(argument, what, system, found.y0)
     solution = _period(system, found, args)
-    names = [e for name, leaf in components_of(found.y0).items() for e in entries(name, np.shape(leaf))]
+    names = numbers_of(found.y0)
     if y is None and len(names) == 1 and x in (None, names[0]):
         axis = motion(solution, system, names[0], args=args, ax=ax, **options)
     else:

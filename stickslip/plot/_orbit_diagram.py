@@ -57,9 +57,7 @@ def orbit_diagram(
         allowed = "over one parameter: select a value of each other one, dataset.sel(k=..., method=...)"
         raise refusal("dataset", "a Dataset", allowed, but=over)
     (parameter,) = parameters
-    _axes.check_axes(ax)
-    options = _axes.check_options(options)
-    axis = _axes.canvas(ax)
+    axis, options = _axes.begin(ax, options)
     across = dataset[parameter]
     values = np.asarray(found.transpose(parameter, ...), float).reshape(across.size, -1)
     places = np.broadcast_to(np.asarray(across)[:, None], values.shape)

@@ -41,11 +41,7 @@ def phase_plane(
     y = _rate(source, x) if y is None else y
     chosen = {"x": x, "y": y}
     functions = {argument: source.function(argument, what) for argument, what in chosen.items()}
-    _axes.check_axes(ax)
-    options = {"color": _axes.BLUE, "linewidth": 0.8, **_axes.check_options(options)}
-    if "lw" in options:
-        options.pop("linewidth")
-    axis = _axes.canvas(ax)
+    axis, options = _axes.begin(ax, options, color=_axes.BLUE, linewidth=0.8)
     across, along = (source.row(chosen[a], functions[a]) for a in ("x", "y"))
     size = across.values.shape[-1]
     across_rows, along_rows = (with_gaps(row).reshape(-1, size) for row in (across, along))

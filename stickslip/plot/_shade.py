@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 
 from .._types import Given, Row
-from .._validation import check_text, is_concrete, one_row, refusal, shape_refusal
+from .._validation import check_known, check_text, one_row, refusal, shape_refusal
 from . import _axes
 
 
@@ -31,8 +31,7 @@ def shade(
     **Raises** `ValueError`, `TypeError` naming the argument.
     """
     times = np.asarray(one_row("time", time))
-    if not is_concrete(holds):
-        raise refusal("holds", holds, "known: call this outside of jit and vmap", TypeError)
+    check_known("holds", holds)
     row = np.ma.asarray(holds) if isinstance(holds, np.ma.MaskedArray) else _array(holds)
     if isinstance(row, np.ma.MaskedArray) or row.dtype != bool:
         raise refusal("holds", holds, "a row of booleans", TypeError)
@@ -63,10 +62,13 @@ def check_colour(name: str, value: Any) -> Any:
     return value
 
 
-def spans(time: np.ndarray, holds: np.ndarray) -> list[tuple[float, float]]:
-    """First and last time of each run of true rows."""
+def spans(
+    time: np.ndarray, holds: np.ndarray, until: np.ndarray | None = None
+) -> list[tuple[float, float]]:
+    """First and last time of each run of true rows, each row until its own time where one is given."""
+    until = time if until is None else until
     edges = np.flatnonzero(np.diff(np.concatenate([[0], holds.astype(int), [0]])))
-    return [(float(time[a]), float(time[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    return [(float(time[a]), float(until[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def bands(

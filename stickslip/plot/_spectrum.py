@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from .._types import Given
-from .._validation import check_mapping, check_text, check_type, is_concrete, one_concrete, refusal
+from .._validation import check_known, check_mapping, check_text, check_type, one_concrete
 from ..analysis import Spectrum
 from . import _axes
 
@@ -37,18 +37,13 @@ def spectrum(
     **Raises** `ValueError`, `TypeError` naming the argument.
     """
     check_type("found", found, Spectrum, "a Spectrum")
-    if not is_concrete(found):
-        raise refusal("found", found, "known: call this outside of jit and vmap", TypeError)
+    check_known("found", found)
     if unit is not None:
         check_text("unit", unit)
     bases = check_mapping("bases", bases, "a mapping from names to frequencies")
     for name, base in bases.items():
         one_concrete(f"bases[{name!r}]", base, "positive")
-    _axes.check_axes(ax)
-    options = {"color": _axes.BLUE, "linewidth": 0.8, **_axes.check_options(options)}
-    if "lw" in options:
-        options.pop("linewidth")
-    axis = _axes.canvas(ax)
+    axis, options = _axes.begin(ax, options, color=_axes.BLUE, linewidth=0.8)
     frequency, amplitude = np.asarray(found.frequency), np.asarray(found.amplitude)
     for row in amplitude.reshape(-1, frequency.size):
         axis.semilogy(frequency[1:], row[1:], **options)

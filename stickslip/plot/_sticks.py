@@ -6,6 +6,7 @@ import numpy as np
 
 from ..hybrid import AbstractHybridSystem, Solution, WithPeriodicBreaks
 from ..mechanism import AbstractMechanism
+from ._shade import spans
 
 
 def mechanism_of(system: Any) -> Any:
@@ -59,8 +60,6 @@ def intervals(solution: Solution, system: AbstractHybridSystem) -> dict[str, lis
         rows = rows_of(solution)
         if rows is None:
             return {}
-        from ._shade import spans
-
         time, mode = np.asarray(rows.t)[: int(rows.count)], np.asarray(rows.mode)[: int(rows.count)]
         return {name: spans(time, held) for name, held in sticking(system, mode).items()}
     edges = np.concatenate([[solution.t0], np.asarray(log.t)[:count], [solution.t1]])
@@ -69,13 +68,7 @@ def intervals(solution: Solution, system: AbstractHybridSystem) -> dict[str, lis
     # A stick of no duration is not seen: a contact that passes through rest, events at one instant.
     lasts = np.diff(edges) > 0.0
     begin, end, modes = edges[:-1][lasts], edges[1:][lasts], modes[lasts]
-    found = {}
-    for name, held in sticking(system, modes).items():
-        runs = np.flatnonzero(np.diff(np.concatenate([[0], held.astype(int), [0]])))
-        found[name] = [
-            (float(begin[a]), float(end[b - 1])) for a, b in zip(runs[::2], runs[1::2], strict=True)
-        ]
-    return found
+    return {name: spans(begin, held, end) for name, held in sticking(system, modes).items()}
 
 
 def rows_of(solution: Solution) -> Any:

@@ -3,19 +3,17 @@
 import abc
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 
-import equinox as eqx
-import jax
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
 from .._argument_checks import OBSERVABLE, Rule, check_arguments, instance, reals, state
 from .._types import Numeric, Whole
-from .._validation import as_parameter, check_positive, is_concrete, refusal
+from .._validation import is_concrete, refusal
 from ..friction import AbstractFrictionLaw, SmoothHyperbolicWeakening
 from ..friction.law import Number
 from ..friction.law import check_law as is_law
 from ..hybrid import Section
-from ._mechanical import AbstractMechanicalSystem
+from ._mechanical import AbstractMechanicalSystem, with_scaled
 
 if TYPE_CHECKING:
     # By this name in this file, or type checkers take class attributes for fields.
@@ -102,9 +100,16 @@ class AbstractBlockOnBelt(AbstractMechanicalSystem):
     def belt_velocity(self, y: PyTree) -> Float[Array, "..."]:
         """Velocity of the belt [m/s]."""
 
-    @abc.abstractmethod
-    def friction_force(self, t: Numeric, y: PyTree, mode: Whole, args: PyTree = None) -> Any:
+    @check_arguments(**OBSERVABLE)
+    def friction_force(self, t: Numeric, y: PyTree, mode: Whole = 0, args: PyTree = None) -> Any:
         """Friction force $T_s$ [N] as in (11); the block feels $-T_s$."""
+        return self.sliding_force(y, self.loads(y))
+
+    @check_arguments(y=state, loads=instance(Loads, "what `loads` returns"))
+    def sliding_force(self, y: PyTree, loads: Loads) -> Any:
+        """$T_s$ [N] by the relative velocity alone, as a smooth law has it."""
+        v = y.vx - self.belt_velocity(y)
+        return self.law.coefficient(v) * loads.normal + self.law.drag(v)
 
     @check_arguments(y=state)
     def loads(self, y: PyTree) -> Loads:
@@ -186,6 +191,10 @@ class AbstractBlockOnBelt(AbstractMechanicalSystem):
         zd = y.vx + y.vy
         return -self.c1 * zd * zd - self.c2 * y.vy * y.vy
 
+    def scaled(self: "Block", factor: Number) -> "Block":
+        """All masses, stiffnesses, dampings and `Q` times `factor`: the motion is the same."""
+        return with_scaled(self, SCALED, factor)
+
     def zero_acceleration_section(self) -> Section:
         """The paper's Poincaré map: the acceleration of `m` crosses zero from positive to negative.
 
@@ -239,13 +248,3 @@ def set_a(k3: Number, changes: dict[str, Any], set_valued: bool) -> dict[str, An
 
 
 Block = TypeVar("Block", bound=AbstractBlockOnBelt)
-
-
-def scaled_block(system: Block, factor: Number) -> Block:
-    """`system` with masses, stiffnesses, dampings and `Q` times `factor`."""
-    factor = as_parameter(check_positive("factor", factor))
-
-    def parts(s):
-        return [getattr(s, name) for name in SCALED]
-
-    return eqx.tree_at(parts, system, jax.tree.map(lambda a: a * factor, parts(system)))

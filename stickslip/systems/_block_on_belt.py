@@ -19,9 +19,9 @@ from ._block_mechanics import (
     BlockState,
     check_law,
     check_rim,
-    scaled_block,
     set_a,
 )
+from ._mechanical import SLIP_MODES
 
 
 class AbstractBlockOnSteadyBelt(AbstractBlockOnBelt):
@@ -81,10 +81,6 @@ class AbstractBlockOnSteadyBelt(AbstractBlockOnBelt):
             "dampers": self.damper_power(t, y, mode, args),
         }
 
-    def scaled(self: Block, factor: Number) -> Block:
-        """All masses, stiffnesses, dampings and `Q` times `factor`: the motion is the same."""
-        return scaled_block(self, factor)
-
 
 class BlockOnBelt(AbstractBlockOnSteadyBelt, AbstractSmoothSystem):
     r"""Simplified model, Eqs. (8)-(12): the belt runs at a constant speed $V_b$; smooth friction.
@@ -111,17 +107,9 @@ class BlockOnBelt(AbstractBlockOnSteadyBelt, AbstractSmoothSystem):
     set_valued: ClassVar = False
     units: ClassVar = {"x": "m", "vx": "m/s", "y": "m", "vy": "m/s"}
 
-    @check_arguments(**OBSERVABLE)
-    def friction_force(self, t: Numeric, y: BlockState, mode: Whole = 0, args: PyTree = None) -> Any:
-        """Friction force $T_s$ [N] as in (11); the block feels $-T_s$."""
-        v = y.vx - self.V_b
-        return self.law.coefficient(v) * self.loads(y).normal + self.law.drag(v)
-
     def vector_field(self, t, y, mode, args):
         loads = self.loads(y)
-        v = y.vx - self.V_b
-        T_s = self.law.coefficient(v) * loads.normal + self.law.drag(v)
-        return self.slope(y, loads, T_s)
+        return self.slope(y, loads, self.sliding_force(y, loads))
 
 
 class BlockOnBeltSetValued(AbstractBlockOnSteadyBelt, AbstractMechanism):
@@ -156,7 +144,7 @@ class BlockOnBeltSetValued(AbstractBlockOnSteadyBelt, AbstractMechanism):
     velocities: ClassVar = {"x": "vx", "y": "vy"}
     contact_directions: ClassVar = {"belt": {"x": 1.0}}
     state_class: ClassVar = BlockState
-    mode_names: ClassVar = ("slip backward", "stick", "slip forward")
+    mode_names: ClassVar = SLIP_MODES
 
     def mass_matrix(self, q):
         return {"x": self.m, "y": self.J / (self.r * self.r)}

@@ -3,7 +3,6 @@
 from typing import Any, ClassVar, Literal, NamedTuple, cast, get_args
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, PyTree
@@ -22,14 +21,14 @@ from .._argument_checks import (
 )
 from .._fastmath import where
 from .._types import Given, Numeric, Whole
-from .._validation import as_parameter, check_at_least, check_in, check_positive
+from .._validation import check_at_least, check_in
 from ..friction.law import Number
 from ..hybrid import AbstractHybridSystem
-from ._mechanical import slip_sense
+from ._mechanical import slip_sense, with_scaled
 
 Sign = Literal["consistent", "printed"]
 
-TURNING_BACKWARD, RESTING, TURNING_FORWARD = 0, 1, 2
+TURNING_BACKWARD, RESTING, TURNING_FORWARD = range(3)  # numbers of the modes
 
 # Constructed: the paper prints no parameters.
 DRIVE_A = {
@@ -278,12 +277,7 @@ class DCDrive(AbstractHybridSystem):
 
     def scaled(self, factor: Number) -> "DCDrive":
         """Inertias, torques and `k_m` times `factor`: the same motion under `factor` times the load."""
-        factor = as_parameter(check_positive("factor", factor))
-
-        def parts(s):
-            return [getattr(s, name) for name in SCALED]
-
-        return eqx.tree_at(parts, self, jax.tree.map(lambda a: a * factor, parts(self)))
+        return with_scaled(self, SCALED, factor)
 
 
 def _belt_force(args: Any) -> Any:

@@ -17,7 +17,6 @@ from ._block_mechanics import (
     Block,
     check_law,
     check_rim,
-    scaled_block,
     set_a,
 )
 from ._dc_drive import DCDrive
@@ -119,7 +118,7 @@ class AbstractBlockOnDrivenBelt(AbstractBlockOnBelt):
 
     def scaled(self, factor: Number) -> Any:
         """All masses, forces and torques of block and drive times `factor`: the motion is the same."""
-        changed = scaled_block(self, factor)
+        changed: Any = super().scaled(factor)
         return eqx.tree_at(lambda s: s.drive, changed, self.drive.scaled(factor))
 
 
@@ -152,18 +151,9 @@ class BlockOnDrivenBelt(AbstractBlockOnDrivenBelt):
     guard_scales: ClassVar = DCDrive.guard_scales
     units: ClassVar = DRIVEN_UNITS
 
-    @check_arguments(**OBSERVABLE)
-    def friction_force(
-        self, t: Numeric, y: DrivenBlockState, mode: Whole = 0, args: PyTree = None
-    ) -> Any:
-        """Friction force $T_s$ [N] as in (11); the block feels $-T_s$."""
-        v = y.vx - self.belt_velocity(y)
-        return self.law.coefficient(v) * self.loads(y).normal + self.law.drag(v)
-
     def vector_field(self, t, y, mode, args):
         loads = self.loads(y)
-        v = y.vx - self.belt_velocity(y)
-        T_s = self.law.coefficient(v) * loads.normal + self.law.drag(v)
+        T_s = self.sliding_force(y, loads)
         return DrivenBlockState(*self.slope(y, loads, T_s), *self.drive.slope(y, T_s, mode))
 
     def guards(self, t, y, mode, args):

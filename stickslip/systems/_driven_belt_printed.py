@@ -10,12 +10,13 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 
 from .._fastmath import where
-from ..hybrid.system import NO_MODE
+from ..hybrid.status import NO_MODE
 from ._block_mechanics import Loads
 from ._dc_drive import RESTING, TURNING_BACKWARD, TURNING_FORWARD, DCDrive
-from ._mechanical import BACKWARD, FORWARD, STICK, slip_sense
+from ._mechanical import BACKWARD, FORWARD, SLIP_MODES, STICK, slip_sense
 
-PARTS = 4  # mode number = 4 drive + contact
+CONTACTS = (*SLIP_MODES, "open")
+PARTS = len(CONTACTS)  # mode number = 4 drive + contact
 GUARDS = (
     "friction reaches its upper static limit",
     "friction reaches its lower static limit",

@@ -53,9 +53,7 @@ class BlockOnDrivenBeltSetValued(AbstractBlockOnDrivenBelt, AbstractMechanism):
     state_class: ClassVar = DrivenBlockState
     units: ClassVar = DRIVEN_UNITS
     mode_names: ClassVar = tuple(
-        f"{drive}, {contact}"
-        for drive in DCDrive.mode_names
-        for contact in ("slip backward", "stick", "slip forward", "open")
+        f"{drive}, {contact}" for drive in DCDrive.mode_names for contact in printed.CONTACTS
     )
 
     def to_coordinates(self, y):

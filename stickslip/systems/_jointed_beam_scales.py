@@ -96,14 +96,6 @@ class BeamScales(AbstractShown):
 def times_scale(state: Any, scales: BeamScales, power: int) -> Any:
     """State whose lengths and speeds are multiplied by their units to the `power` +1 or -1."""
 
-    def in_units(value, unit):
-        return value * unit if power > 0 else value / unit
-
-    return type(state)(
-        x=in_units(state.x, scales.length),
-        vx=in_units(state.vx, scales.speed),
-        y=in_units(state.y, scales.length),
-        vy=in_units(state.vy, scales.speed),
-        q=in_units(state.q, scales.length),
-        p=in_units(state.p, scales.speed),
-    )
+    units = (scales.length, scales.speed) * 3  # of a place and its rate in turn
+    pairs = zip(state, units, strict=True)
+    return type(state)(*(a * unit if power > 0 else a / unit for a, unit in pairs))

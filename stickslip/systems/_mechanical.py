@@ -1,13 +1,17 @@
 """Shared by the reference systems: the state of a point, names of modes, the law of one contact."""
 
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple, TypeVar
 
+import equinox as eqx
 from jaxtyping import ArrayLike, Real
 
 from stickslip._fastmath import where
+from stickslip._validation import as_parameter, check_positive
 from stickslip.mechanism.account import AbstractMechanicalSystem as AbstractMechanicalSystem
 
 Number = Real[ArrayLike, "..."]
+System = TypeVar("System", bound=eqx.Module)
 
 SLIP_MODES = ("slip backward", "stick", "slip forward")
 BACKWARD, STICK, FORWARD = range(3)  # their numbers
@@ -31,15 +35,11 @@ def slip_sense(mode: Any) -> Any:
     return where(mode == STICK, 0.0, where(mode == BACKWARD, -1.0, 1.0))
 
 
-def mode_at_rest(load: Any, limit: Any) -> Any:
-    """Mode of a contact without relative velocity under `load` [N], all force but friction.
+def with_scaled(system: System, names: Sequence[str], factor: Number) -> System:
+    """`system` with the parameters of these names times `factor`, a positive number."""
+    factor = as_parameter(check_positive("factor", factor))
 
-    Beyond `limit` [N] the load starts a slip in its own sense.
-    """
-    return where(load > limit, FORWARD, where(load < -limit, BACKWARD, STICK))
+    def parts(s: Any) -> list:
+        return [getattr(s, name) for name in names]
 
-
-def contact_mode(relative_velocity: Any, load: Any, limit: Any) -> Any:
-    """Mode of a contact: the sense of its slip; without one the load decides."""
-    at_rest = mode_at_rest(load, limit)
-    return where(relative_velocity < 0.0, BACKWARD, where(relative_velocity > 0.0, FORWARD, at_rest))
+    return eqx.tree_at(parts, system, [part * factor for part in parts(system)])

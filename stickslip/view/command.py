@@ -5,11 +5,15 @@ import importlib.util
 import pathlib
 import sys
 
+import xarray as xr
+
+from .._paths import the_directory
 from .._validation import check_count, refusal
+from ..sweep import open_dataset
 from ._diagram import Diagram
 from ._module import import_functions
-from ._open import open_stored
 
+ALLOWED = "a netCDF file or the store of a sweep"
 ABSENT = "The viewer draws with bokeh, which is not installed: pip install 'bokeh>=3.7'"
 
 
@@ -75,3 +79,20 @@ def _target(text: str) -> pathlib.Path:
     if path.is_dir() or not path.parent.is_dir():
         raise refusal("html", text, "the path of a file in a directory that is there")
     return path
+
+
+def open_stored(path: str) -> xr.Dataset:
+    """The dataset stored at `path`. Errors: `ValueError` naming the path."""
+    place: pathlib.Path = the_directory("path", path, f"the path of {ALLOWED}")
+    if place.is_dir():
+        return open_dataset(place)
+    if not place.is_file():
+        raise refusal("path", path, f"{ALLOWED} that is there")
+    try:
+        # Times are numbers like any other.
+        return xr.open_dataset(place, decode_times=False)
+    except Exception as error:  # whatever the readers meet in files of another kind
+        text = " ".join(str(error).split())[:80]
+        raise refusal(
+            "path", path, ALLOWED, but=f"unreadable ({type(error).__name__}: {text})"
+        ) from error

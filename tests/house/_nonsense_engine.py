@@ -70,8 +70,6 @@ ENGINE = [
             "dtmax": arg(1.0, "none", "positive", "float32", "infinite"),
             "dtmin": arg(0.0, "not negative", "float32"),
             "h0": arg(None, "none", "positive", "float32"),
-            "pcoeff": arg(0.0, "finite"), "icoeff": arg(1.0, "finite"),
-            "safety": arg(0.9), "factor_min": arg(0.2), "factor_max": arg(10.0, "positive"),
         },
     ),
     Target(

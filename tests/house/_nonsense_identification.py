@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from stickslip import identification
+from stickslip.identification._unknowns import scalars
 from stickslip.systems import CoulombOscillator, Motion
 from tests.house._nonsense_engine import INTEGRATOR
 from tests.house._nonsense_target import Target, arg
@@ -14,7 +15,7 @@ RESIDUAL = arg(lambda p, *shared: p["a"][None], "function")
 FITS = identification.Fit(
     {"a": jnp.ones(2)}, jnp.ones((2, 3)),
     eqx.filter_vmap(lambda m: identification.Sensitivity(("a",), m))(jnp.ones((2, 3, 1))),
-    jnp.ones(2, jnp.int32), jnp.ones(2, bool),
+    jnp.ones(2, jnp.int32), scalars("start", {"a": 1.0})[0], jnp.zeros(2, jnp.int32),
 )  # fmt: skip
 LEVENBERG = {
     "damping": arg(1.0, "positive", "float32"), "tolerance": arg(1e-8, "positive", "float32"),
@@ -114,13 +115,9 @@ MEASURED = [
 FITTED = [
     Target(
         identification.least_squares,
-        {"residual": RESIDUAL, "start": arg(UNKNOWN, "unknowns"), **LEVENBERG, "loss": LOSS},
-    ),
-    Target(
-        identification.gradient_descent,
         {
-            "residual": RESIDUAL, "start": arg(UNKNOWN, "unknowns"), "optimiser": arg(None, "none"),
-            "steps": arg(3), "tolerance": arg(0.1, "positive", "float32"),
+            "residual": RESIDUAL, "start": arg(UNKNOWN, "unknowns"),
+            "method": arg(identification.LevenbergMarquardt(1.0), "none"),
         },
     ),
     Target(

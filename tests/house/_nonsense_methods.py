@@ -36,7 +36,7 @@ TABLE = ([0.0, 1.0], [1.0, 2.0], [0.0, 0.0])
 NAMED = {
     **dict.fromkeys(("v", "normal_force", "t", "T_s", "coefficient"), arg(0.1, *REALS)),
     "sense": arg(1, "senses"), "mode": arg(0, "modes"), "guard": arg(0, "modes"),
-    "args": arg(None, "unused"), "threshold": arg(1e-7, "not negative", "float32"),
+    "args": arg(None, "unused"),
     "piece": arg(0.0, "pieces"), "z": arg(0.1, "real"), "level": arg(0.95, "float32"),
     "factor": arg(2.0, "positive", "float32", "batch"),
     "v_reg": arg(1e-3, "positive", "float32", "batch"), "kind": arg("tanh"),

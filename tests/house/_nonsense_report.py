@@ -4,12 +4,13 @@ import jax.numpy as jnp
 import numpy as np
 
 from stickslip import identification
+from stickslip.identification._unknowns import scalars
 from tests.house._nonsense_identification import RESIDUAL
 from tests.house._nonsense_target import Target, arg
 
 ONE = identification.Fit(
     {"a": jnp.ones(())}, jnp.ones(3), identification.Sensitivity(("a",), jnp.ones((3, 1))),
-    jnp.ones((), jnp.int32), jnp.ones((), bool),
+    jnp.ones((), jnp.int32), scalars("start", {"a": 1.0})[0], jnp.zeros((), jnp.int32),
 )  # fmt: skip
 SIDES = jnp.zeros((1, 2, 3))
 PROFILE = identification.Profile(
@@ -24,7 +25,6 @@ POSTERIOR = identification.Posterior(
 COMPARISON = identification.compare({"one": ONE})
 REPORT = identification.report(ONE)
 SERIES = arg(np.arange(30.0))
-LEVEL = arg(0.95)
 ROWS = arg(None, "none", "mapping")
 TARGETS = [
     Target(
@@ -44,12 +44,12 @@ TARGETS = [
     ),
     Target(
         identification.unseen,
-        {"fit": arg(ONE), "threshold": arg(1e-7, "not negative", "float32")},
+        {"fit": arg(ONE)},
     ),
-    Target(identification.autocorrelation, {"series": SERIES, "lags": arg(3), "level": LEVEL}),
+    Target(identification.autocorrelation, {"series": SERIES, "lags": arg(3)}),
     Target(
         identification.cross_correlation,
-        {"series": SERIES, "other": SERIES, "lags": arg(3), "level": LEVEL},
+        {"series": SERIES, "other": SERIES, "lags": arg(3)},
     ),
     Target(
         identification.ljung_box, {"series": SERIES, "lags": arg(3), "unknowns": arg(0, "count")}

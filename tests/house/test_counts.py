@@ -11,13 +11,13 @@ import pytest
 from tests.house import counts
 
 # Most that is allowed today: lower these with the counts, never raise them.
-MOST_NUMBERS = 265
+MOST_NUMBERS = 247
 MOST_ARGUMENTS = 9
 MOST_FIELDS = 16  # of a constructor: the parameters of a machine
 # Packages whose functions are named for what they do, and whose sentences begin with a subject.
 CLEAN = (
-    "analysis", "contact", "derived", "friction", "hybrid", "identification", "mechanism", "plot",
-    "sweep", "systems", "view",
+    "analysis", "contact", "continuation", "derived", "friction", "hybrid", "identification",
+    "mechanism", "plot", "sweep", "systems", "view",
 )  # fmt: skip
 # Sentences that begin with their object, and words for which English has plainer ones.
 STUMBLES = re.compile(

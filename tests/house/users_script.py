@@ -225,11 +225,12 @@ print(fit.values["size"], fit.standard_errors()["rate"], fit.cost, fit.covarianc
 identification.least_squares(
     residual,
     {"size": identification.Unknown(1.0, bounds=(0.0, None), unit="m")},
-    loss=identification.Huber(),
+    identification.LevenbergMarquardt(loss=identification.Huber()),
 )
 best = identification.many_starts(residual, {"size": [1.0, 2.0], "rate": [1.0, 3.0]})
 print(identification.best(best).values["rate"])
-identification.gradient_descent(residual, {"size": 1.0, "rate": 2.0}, optimiser=optax.adam(1e-2))
+descent = identification.GradientDescent(optax.adam(1e-2))
+identification.least_squares(residual, {"size": 1.0, "rate": 2.0}, descent)
 identification.many_starts(
     residual, {"size": [1.0]}, method=identification.LevenbergMarquardt(tolerance=1e-6), chunk_size=8
 )

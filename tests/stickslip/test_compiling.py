@@ -16,7 +16,7 @@ from stickslip.analysis import (
     orbit_diagram,
     two_trajectory_exponent,
 )
-from stickslip.identification import gradient_descent, least_squares
+from stickslip.identification import GradientDescent, least_squares
 from stickslip.systems import CoulombOscillator, Motion
 
 
@@ -60,12 +60,13 @@ def of_map(a=1.4):
     return lyapunov_spectrum_of_map(henon, (0.1, 0.1), Segments(1, 100))
 
 
-def fit(method, rate=2.0):
+def fit(rate=2.0, method=None):
     t = jnp.linspace(0.0, 1.0, 20)
     data = 3.0 * jnp.exp(-rate * t)
-    return method(
-        lambda p: (p["size"] * jnp.exp(-p["rate"] * t) - data) / 0.01, {"size": 1.0, "rate": 1.0}
-    )
+    return least_squares(
+        lambda p: (p["size"] * jnp.exp(-p["rate"] * t) - data) / 0.01, {"size": 1.0, "rate": 1.0},
+        method,
+    )  # fmt: skip
 
 
 def diagram(last=0.3):
@@ -89,8 +90,8 @@ CALLS = {
     "lyapunov_spectrum": (spectrum, lambda: spectrum(0.25), lambda: spectrum(0.2, 0.9)),
     "two_trajectory_exponent": (separation, lambda: separation(0.25)),
     "lyapunov_spectrum_of_map": (of_map,),
-    "least_squares": (lambda: fit(least_squares), lambda: fit(least_squares, 1.9)),
-    "gradient_descent": (lambda: fit(gradient_descent),),
+    "least_squares": (fit, lambda: fit(1.9)),
+    "GradientDescent": (lambda: fit(method=GradientDescent()),),
     "orbit_diagram": (diagram, lambda: diagram(0.35)),
     "corexy_jax consistent": (
         lambda: machine("consistent"),

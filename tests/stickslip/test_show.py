@@ -13,6 +13,7 @@ import stickslip as ss
 from stickslip import friction, systems
 from stickslip.analysis import LyapunovSpectrum, amplitude_spectrum
 from stickslip.identification import Fit, Record, Sensitivity, Simulation, least_squares
+from stickslip.identification._unknowns import scalars
 from stickslip.show import AbstractShown
 from stickslip.systems import CoulombOscillator, Motion
 
@@ -163,7 +164,8 @@ def test_spectra_and_fits():
     )
     values = {"k": jnp.asarray(2.0)}
     sensitivity = Sensitivity(("k",), jnp.ones((4, 1)))
-    fit = Fit(values, jnp.ones(4), sensitivity, jnp.asarray(3, jnp.int32), jnp.asarray(True))
+    space, three = scalars("start", values)[0], jnp.asarray(3, jnp.int32)
+    fit = Fit(values, jnp.ones(4), sensitivity, three, space, jnp.asarray(0, jnp.int32))
     assert repr(fit) == str(fit)
     assert "k = 2 +- 1" in repr(fit)
     assert "<td>k</td><td>2</td><td>1</td>" in fit._repr_html_()

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import stickslip as ss
 from stickslip.continuation import (
@@ -170,6 +171,24 @@ def test_flip_of_the_forced_block():
         assert bool(found.successful)
     assert complex(found.multipliers[0]) == pytest.approx(-1.0, abs=1e-8)
     assert float(found.determinant) == pytest.approx(float(found.determinant_by_events), abs=1e-10)
+
+
+def test_a_speed_that_stick_holds_is_not_a_free_place():
+    """No field and no guard of the stick depends on it; the other multipliers are those of SciPy."""
+    period, system = np.pi / 0.92, CocoStickSlip(0.5)
+
+    def stick(t, y):
+        return [y[1], (0.5 * np.sin(0.92 * t) / (1.0 - y[0])) ** 2 - 0.04 * y[1] - y[0]]
+
+    x, v = solve_ivp(stick, (0.0, 60 * period), [0.0, 0.0], "DOP853", rtol=1e-9, atol=1e-11).y[:, -1]
+    found = periodic_orbit(system, OrbitGuess(Sliding(x, v, 0.0), period, 0), forced=True)
+    assert np.asarray(found.multipliers)[2] == 0.0
+    product = complex(np.prod(np.asarray(found.multipliers)[:2]))
+    assert product == pytest.approx(np.exp(-0.04 * period), abs=1e-11)
+    assert not np.any(np.asarray(found.neutral))
+    assert found.place == ""
+    assert int(found.rank) == 2
+    assert bool(found.stable)
 
 
 @pytest.mark.slow

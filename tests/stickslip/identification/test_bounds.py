@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.optimize
 
-from stickslip.identification import Unknown, least_squares
+from stickslip.identification import LevenbergMarquardt, Unknown, least_squares
 
 ENDS = ((None, None), (0.0, None), (None, 1.0), (-1.0, 2.0), (0.0, None), (0.5, 1.5))
 NAMES = "abcdef"
@@ -35,7 +35,8 @@ def test_optima_at_bounds_are_those_of_scipy(cases):
     }
 
     def one(matrix, data):
-        return least_squares(lambda p: rows_of(p, matrix, data), unknowns, tolerance=1e-13)
+        method = LevenbergMarquardt(tolerance=1e-13)
+        return least_squares(lambda p: rows_of(p, matrix, data), unknowns, method)
 
     fits = jax.vmap(one)(matrix, data)
     low = [-np.inf if a is None else a for a, _ in ENDS]
@@ -98,6 +99,6 @@ def test_a_step_that_was_refused_does_not_end_the_fit():
 
     for start in ((-1.2, 1.0), (-4.0, -3.0), (8.0, -50.0)):
         x, y = (Unknown(value, scale=1.0) for value in start)
-        fit = least_squares(valley, dict(x=x, y=y), max_steps=300)
+        fit = least_squares(valley, dict(x=x, y=y), LevenbergMarquardt(max_steps=300))
         assert bool(fit.successful)
         assert float(fit.values["x"]) == pytest.approx(1.0, abs=1e-4)

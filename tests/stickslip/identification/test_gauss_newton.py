@@ -5,16 +5,13 @@ import numpy as np
 import pytest
 import scipy.optimize
 
-from stickslip.identification import GaussNewton, Unknown, many_starts
-from stickslip.identification._evaluate import solve_residual
-from stickslip.identification._unknowns import space_of
+from stickslip.identification import GaussNewton, Unknown, least_squares, many_starts
 
 TIMES = np.linspace(0.0, 4.0, 60)
 
 
 def found(residual, unknowns, **options):
-    space, first = space_of("unknowns", unknowns)
-    return solve_residual(GaussNewton(**options), residual, space, space.coordinates(first))
+    return least_squares(residual, unknowns, GaussNewton(**options))
 
 
 def test_a_linear_model_is_done_at_once():

@@ -10,9 +10,9 @@ import pytest
 
 import stickslip as ss
 from stickslip.identification import (
+    GradientDescent,
     _many_starts,
     best,
-    gradient_descent,
     least_squares,
     many_starts,
     sensitivities,
@@ -239,10 +239,10 @@ def test_a_step_that_fails_is_refused():
 
 @pytest.mark.usefixtures("standard_dtype_promotion")
 def test_gradient_descent():
-    found = gradient_descent(rosenbrock, dict(a=0.6, b=0.6), steps=2000)
+    found = least_squares(rosenbrock, dict(a=0.6, b=0.6), GradientDescent(steps=2000))
     assert bool(found.successful)
     assert float(found.values["a"]) == pytest.approx(1.0, abs=1e-2)
-    stopped = gradient_descent(rosenbrock, dict(a=0.6, b=0.6), steps=3)
+    stopped = least_squares(rosenbrock, dict(a=0.6, b=0.6), GradientDescent(steps=3))
     assert not bool(stopped.successful)
 
 
@@ -253,7 +253,8 @@ def test_gradient_descent_through_events():
 
     @jax.jit
     def fit(start):
-        return gradient_descent(lambda p: (positions(p) - measured) / SIGMA, start, steps=1000)
+        method = GradientDescent(steps=1000)
+        return least_squares(lambda p: (positions(p) - measured) / SIGMA, start, method)
 
     found = fit(START)
     assert np.max(np.abs(products(START))) > 0.02

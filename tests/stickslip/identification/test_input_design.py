@@ -82,7 +82,7 @@ def test_what_cannot_be_designed_is_refused():
         design_input(plane, HERE, [0.0, 1.0], 1.0)
     with pytest.raises(ValueError, match=r"start = .*: it must be within the limits"):
         design_input(plane, HERE, np.zeros(2), 1.0, search=CMAES(start=[0.5, 1.5]))
-    with pytest.raises(ValueError, match=r"about = .*: it must be some of the names a, b"):
+    with pytest.raises(ValueError, match=r"about = .*: it must be names among a, b"):
         design_input(plane, HERE, np.zeros(2), 1.0, about=["c"])
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from stickslip.identification import Normal, Unknown, least_squares, posterior
+from stickslip.identification import LevenbergMarquardt, Normal, Unknown, least_squares, posterior
 
 RNG = np.random.default_rng(3)
 MATRIX = RNG.normal(size=(40, 2)) @ np.array([[1.0, 0.9], [0.0, 0.5]])
@@ -72,7 +72,7 @@ def test_refusals(monkeypatch):
     blind = least_squares(product, dict(a=1.0, b=1.5))
     with pytest.raises(ValueError, match=r"does not see a: it must be one whose data see every"):
         posterior(product, blind)
-    short = least_squares(line, two(), max_steps=1)
+    short = least_squares(line, two(), LevenbergMarquardt(max_steps=1))
     with pytest.raises(ValueError, match="it must be a fit that converged"):
         posterior(line, short)
     monkeypatch.setitem(sys.modules, "blackjax", None)

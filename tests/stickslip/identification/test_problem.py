@@ -274,7 +274,8 @@ def test_robust_losses_are_those_of_scipy(loss, name):
         return (p["a"] + p["b"] * t - data) / 0.1
 
     start = {"a": Unknown(1.0), "b": Unknown(1.0)}
-    ours = least_squares(residual, start, loss=loss, tolerance=1e-14, max_steps=300)
+    method = LevenbergMarquardt(loss=loss, tolerance=1e-14, max_steps=300)
+    ours = least_squares(residual, start, method)
     theirs = scipy.optimize.least_squares(
         lambda p: (p[0] + p[1] * t - data) / 0.1, [1.0, 1.0], loss=name, f_scale=1.5,
         xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=1000,
@@ -291,7 +292,10 @@ def test_results_are_messages():
         return jnp.stack([10.0 * (p["b"] - p["a"] ** 2), 1.0 - p["a"]])
 
     for fit, word in (
-        (least_squares(residual, dict(a=0.3, b=3.0), max_steps=2), "`least_squares(max_steps=...)`"),
+        (
+            least_squares(residual, dict(a=0.3, b=3.0), LevenbergMarquardt(max_steps=2)),
+            "`LevenbergMarquardt(max_steps=...)`",
+        ),
         (least_squares(lambda p: p["a"][None] * jnp.nan, dict(a=1.0)), "at the start"),
     ):
         assert not bool(fit.successful)

@@ -7,7 +7,7 @@ import pytest
 import scipy.optimize
 import scipy.stats
 
-from stickslip.identification import Unknown, least_squares, profile, unseen
+from stickslip.identification import LevenbergMarquardt, Unknown, least_squares, profile, unseen
 from stickslip.identification._profile import VERDICTS
 
 RNG = np.random.default_rng(0)
@@ -167,7 +167,7 @@ def test_beyond_a_jump_the_others_give_way():
 
 def test_a_fit_that_is_no_minimum_is_told():
     fit = least_squares(linear, STARTS)
-    poor = least_squares(linear, STARTS, max_steps=1)
+    poor = least_squares(linear, STARTS, LevenbergMarquardt(max_steps=1))
     found = profile(linear, poor)
     assert float(found.fall) == pytest.approx(2.0 * float(poor.cost - fit.cost), rel=1e-6)
     np.testing.assert_allclose(found.estimate, [fit.values[n] for n in "abc"], rtol=1e-6)

@@ -10,6 +10,7 @@ import xarray as xr
 
 import stickslip as ss
 from stickslip.identification import (
+    LevenbergMarquardt,
     Unknown,
     WhitenessTest,
     compare,
@@ -40,7 +41,7 @@ BY_INPUT = WhitenessTest(inputs={"u": INPUT})
 
 
 def made(colour=0.0, **more):
-    fit = least_squares(lambda p: residual(p, colour), START, max_steps=300)
+    fit = least_squares(lambda p: residual(p, colour), START, LevenbergMarquardt(max_steps=300))
     found = profile(lambda p: residual(p, colour), fit)
     return report(fit, profile=found, whiteness=BY_INPUT, series={"x": fit.residual}, **more)
 

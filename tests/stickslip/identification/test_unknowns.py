@@ -39,7 +39,7 @@ def row(values):
 
 
 def test_linear_model_has_the_closed_form():
-    fit = least_squares(residual, UNKNOWNS, tolerance=1e-15)
+    fit = least_squares(residual, UNKNOWNS, LevenbergMarquardt(tolerance=1e-15))
     exact = np.linalg.lstsq(MATRIX, DATA)[0]
     np.testing.assert_allclose(row(fit.values), exact, rtol=1e-9)
     covariance = SIGMA**2 * np.linalg.inv(MATRIX.T @ MATRIX)
@@ -56,7 +56,7 @@ def test_prior_is_a_row_of_the_residual():
     """With a prior the estimate is that of the rows and the prior's row together."""
     mean, sd = -2.0, 0.005
     prior = UNKNOWNS | {"offset": Unknown(-1.0, prior=Normal(mean, sd))}
-    fit = least_squares(residual, prior, tolerance=1e-15)
+    fit = least_squares(residual, prior, LevenbergMarquardt(tolerance=1e-15))
     matrix = np.vstack([MATRIX / SIGMA, np.array([0.0, 1.0 / sd, 0.0])])
     exact = np.linalg.lstsq(matrix, np.append(DATA / SIGMA, mean / sd))[0]
     np.testing.assert_allclose(row(fit.values), exact, rtol=1e-9)
@@ -84,7 +84,7 @@ def test_coordinates_are_a_smooth_bijection(bounds, value):
 def test_a_bound_that_is_active():
     """The closed form without the bound is beyond it: the estimate lies at it, the rest is refitted."""
     start = UNKNOWNS | {"share": Unknown(0.7, bounds=(0.5, 1.0))}
-    fit = least_squares(residual, start, tolerance=1e-15, max_steps=200)
+    fit = least_squares(residual, start, LevenbergMarquardt(tolerance=1e-15, max_steps=200))
     assert {name: int(side) for name, side in fit.active_bounds.items()} == {
         "mass": 0, "offset": 0, "share": -1,
     }  # fmt: skip
@@ -123,7 +123,7 @@ def test_many_starts_and_vmap_of_unknowns():
         np.testing.assert_allclose(found.values[name], exact[i], rtol=1e-8)
     np.testing.assert_allclose(row(best(found).standard_errors()),
         SIGMA * np.sqrt(np.diag(np.linalg.inv(MATRIX.T @ MATRIX))), rtol=1e-6)  # fmt: skip
-    each = jax.vmap(lambda u: least_squares(residual, u, tolerance=1e-15))(rows)
+    each = jax.vmap(lambda u: least_squares(residual, u, LevenbergMarquardt(tolerance=1e-15)))(rows)
     np.testing.assert_allclose(each.values["offset"], exact[1], rtol=1e-8)
     assert each.covariance().shape == (3, 3, 3)
 

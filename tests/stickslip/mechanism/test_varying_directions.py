@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import stickslip as ss
 from stickslip.friction import Coulomb, Stribeck
@@ -129,3 +130,46 @@ def test_a_contact_that_passes_its_zero_beside_one_at_rest(drift):
     after, mode = machine.transition(0.5, y, jnp.int32(mode), 1, args)
     assert machine.mode_names[int(mode)] == "stick / slip backward"
     assert min(machine.guards(0.5, after, mode, args)) > 0.0
+
+
+class Slope(AbstractMechanism):
+    """A body on a pad whose direction has two entries of equal size where `y` is zero."""
+
+    pull: Any
+    coordinates: ClassVar = {"x": "m", "y": "m"}
+    contact_directions: ClassVar = {"pad": None}
+
+    def mass_matrix(self, q):
+        return {"x": 1.0, "y": 1.0}
+
+    def forces(self, t, q, v, args):
+        return {"x": -q.x, "y": self.pull - q.y}
+
+    def contacts(self, t, q, v, args):
+        return {"pad": Contact(Coulomb(0.3), direction={"x": 1.0, "y": jnp.cos(q.y)})}
+
+
+def test_a_start_where_two_entries_of_a_direction_are_equal():
+    """Which of them is the larger was taken for a bend of the force, met anew at every step."""
+    starts = np.array([[-0.525, 0.0, 0.0], [0.5, 0.0, 0.5], [-0.2, 0.0, 2.0], [0.0, 0.5, 0.0]])
+
+    def run(v_x, v_y, pull):
+        machine = Slope(pull)
+        few = ss.Integrator(max_steps=2000)
+        begin = machine.state(v_x=v_x, v_y=v_y)
+        end = ss.simulate(machine, 0.0, 0.3, begin, integrator=few, throw=False)
+        return jnp.stack([end.y1.x, end.y1.y]), end.flags, end.successful
+
+    def truth(v_x, v_y, pull):
+        def rates(t, y):
+            lever = np.cos(y[1])
+            friction = -0.3 * np.sign(y[2] + lever * y[3])
+            return [y[2], y[3], friction - y[0], pull - y[1] + lever * friction]
+
+        begin = [0.0, 0.0, v_x, v_y]
+        return solve_ivp(rates, (0.0, 0.3), begin, "DOP853", rtol=1e-11, atol=1e-12).y[:2, -1]
+
+    ends, flags, successful = jax.jit(jax.vmap(run))(*starts.T)
+    assert bool(np.all(successful))
+    assert not np.any(flags)
+    np.testing.assert_allclose(ends, [truth(*start) for start in starts], atol=1e-10)

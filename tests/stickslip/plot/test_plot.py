@@ -16,6 +16,7 @@ from stickslip import plot
 from stickslip.analysis import LyapunovSpectrum, amplitude_spectrum, energy_ledger, time_history
 from stickslip.friction import Coulomb
 from stickslip.identification import Fit, Observed, Problem, Record, Sensitivity
+from stickslip.identification._unknowns import scalars
 from stickslip.mechanism import AbstractMechanism, Contact
 from stickslip.systems import CoulombOscillator, Motion
 
@@ -303,7 +304,9 @@ def test_fit():
     )
     values = {"k": jnp.asarray(1.02)}
     residual, weight = problem.residual(values), Sensitivity(("k",), jnp.ones((8, 1)))
-    found = Fit(values, residual, weight, jnp.asarray(3, jnp.int32), jnp.asarray(True))
+    three, converged = jnp.asarray(3, jnp.int32), jnp.asarray(0, jnp.int32)
+    space = scalars("unknowns", {"k": 1.1})[0]
+    found = Fit(values, residual, weight, three, space, converged)
     above, below = plot.fit(found, problem)
     dots, model = above.lines
     np.testing.assert_array_equal(dots.get_ydata(), data[np.isfinite(data)])
@@ -316,7 +319,8 @@ def test_fit():
     alone = plot.fit(found)
     np.testing.assert_array_equal(alone.lines[0].get_ydata(), found.data_residual)
     weight = Sensitivity(("q",), jnp.ones((8, 1)))
-    other = Fit({"q": jnp.ones(())}, residual, weight, found.steps, found.successful)
+    space = scalars("unknowns", {"q": 1.0})[0]
+    other = Fit({"q": jnp.ones(())}, residual, weight, three, space, converged)
     with pytest.raises(ValueError, match=r"found = Fit, with the unknowns q: it must be a Fit of the"):
         plot.fit(other, problem)
 

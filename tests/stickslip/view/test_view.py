@@ -19,7 +19,7 @@ from stickslip.view import _file
 from stickslip.view._diagram import Diagram
 from stickslip.view._live import Live
 from stickslip.view._module import import_functions
-from stickslip.view._open import open_stored
+from stickslip.view.command import open_stored
 
 MODULE, ALONE = "tests.stickslip.view._made_up", "tests.stickslip.view._alone"
 
