@@ -1,8 +1,9 @@
 """Orbit diagrams by brute force: the points of a section over one or two parameters."""
 
+import functools
 import math
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -22,9 +23,10 @@ from ._attractor import PERIOD_STATUS
 from ._builder import builder_of, check_labels, labelled_parameters
 from ._orbit_lane import STATUS, Numbers, OrbitPlan, finer_integrator, run_lane
 from ._recording import Cut, Recording
-from ._starts import check_shapes, labels_of_end, starts_of
+from ._starts import Starts, check_shapes, labels_of_end, starts_of
 from .observable import (
     Angle,
+    Observable,
     as_observable,
     as_section,
     axes_of,
@@ -107,78 +109,32 @@ def orbit_diagram(
     """
     coords = check_grid(grid)
     given = settings_of(**sweep, name="orbit diagram")
-    shape = tuple(v.size for v in coords.values())
     if len(coords) > 2:
         raise refusal("grid", grid, "of at most two parameters")
     build = builder_of(system, coords)
     first = build({key: float(v[0]) for key, v in coords.items()})
     check_type("record", record, Recording, "a Recording(transient, duration, section, observables)")
-    section, observed = record.section, named_observables(record.observables)
-
-    def takes(state):
-        check_shapes(first, record.t0, state, mode0, args)
-
-    def reads(state):
-        """Observables with their units, sections and borders, all of a state of these shapes."""
-        found = {
-            key: as_observable(f"observables[{key!r}]", what, first, state)
-            for key, what in observed.items()
-        }
-        cuts, borders = _sections(section, first, state), []
-        for what in record.domain:
-            border = whole_of(as_observable("domain", what, first, state)[0])
-            shape_of("domain", what, border, first, state, 0, args, single=True)
-            borders.append(border)
-        for name, cut in cuts.items():
-            argument = "section" if isinstance(section, Cut) else f"section[{name!r}]"
-            if shape_of(argument, cut.name, cut.function, first, state, 0, args):
-                shapes = sorted({np.shape(a) for a in jax.tree.leaves(state)})
-                but = f"which gives an array of a y0 of shapes {shapes} beside the grid's shape {shape}"
-                raise refusal(argument, cut.name, "of one number", but=but)
-        return found, cuts, tuple(borders)
-
-    starts = starts_of(y0, coords, takes, reads)
-    y0, per_lane = starts.y0, starts.per_lane
-    one, mode = start_of(first, record.t0, starts.first, mode0, args)
-    found, cuts, borders = reads(one)
-    for key in found:
-        if key in coords or key in RESULTS_OF_A_LANE:
-            raise refusal(
-                f"observables[{key!r}]", observed[key], "given another name: this one is taken"
-            )
-    check_type("carried", carried, Carried | None, "a Carried, or None")
-    if carried is not None and per_lane:
-        raise refusal("y0", y0, "one state for a carried diagram, not one per lane")
-    own = {
-        key: axes_of(
-            key, f, len(shape_of(f"observables[{key!r}]", observed[key], f, first, one, mode, args))
-        )
-        for key, (f, _) in found.items()
-    }
-    integrator = an_integrator(integrator)
-    plan = OrbitPlan(
-        build=build,
-        sections=cuts,
-        several=not isinstance(section, Cut),
-        observables={key: function for key, (function, _) in found.items()},
-        domain=borders,
-        settles=bool(record.transient > 0),
-        size=record.size,
-        stops=record.points is not None,
-        mode0=None if mode0 is None else mode,
-        args=args,
-        period=record.period,
+    shape = tuple(v.size for v in coords.values())
+    reader = _Reader(first, record, args, shape)
+    starts = starts_of(
+        y0, coords, lambda state: check_shapes(first, record.t0, state, mode0, args), reader.read
     )
-    settings = {
+    one, mode = start_of(first, record.t0, starts.first, mode0, args)
+    read = reader.read(one)
+    _check_names(named_observables(record.observables), coords)
+    check_type("carried", carried, Carried | None, "a Carried, or None")
+    if carried is not None and starts.per_lane:
+        raise refusal("y0", starts.y0, "one state for a carried diagram, not one per lane")
+    own = reader.own_axes(read, one, mode)
+    integrator = an_integrator(integrator)
+    plan = _plan_of(build, record, read, None if mode0 is None else mode, args)
+    variables = _labels(plan, read.observables, own, coords, given.labels.variables, system)
+    prefix = "end" if carried is None else "carry"
+    for key, (axes, unit) in labels_of_end(first, starts.first, prefix).items():
+        variables[key] = Variable(axes, unit)
+    told = {
         "system": system if isinstance(system, AbstractHybridSystem) else first,
-        "section": {
-            name: {"name": cut.name, "direction": cut.direction} for name, cut in plan.sections.items()
-        },
-        "transient": record.transient,
-        "duration": record.duration,
-        "points": record.points,
-        "initial_state": None if per_lane else y0,
-        "carried": None if carried is None else carried.direction,
+        **_told(plan, record, starts, carried),
         "integrator": integrator,
         **(given.labels.settings or {}),
     }
@@ -186,49 +142,131 @@ def orbit_diagram(
         **({"sections": list(plan.sections)} if plan.several else {}),
         **(given.labels.attrs or {}),
     }
-    variables = _labels(plan, found, own, coords, given.labels.variables, system)
-    prefix = "end" if carried is None else "carry"
-    for key, (axes, unit) in labels_of_end(first, starts.first, prefix).items():
-        variables[key] = Variable(axes, unit)
-    about = Labels(variables, settings, attrs, given.name)
-    storage = given.storage
+    given = given._replace(labels=Labels(variables, told, attrs, given.name))
+    if carried is None and jax.default_backend() == "cpu":
+        given = given._replace(storage=given.storage.in_chunks(CHUNK_CPU))
     # Numbers enter as inputs, so that other times and steps do not make another program.
     numbers, static = _numbers(integrator, record)
 
     @prepared
     def lane(numbers, start=None, **point):
-        end, results = run_lane(plan, static, numbers, y0 if start is None else start, point)
+        end, results = run_lane(plan, static, numbers, starts.y0 if start is None else start, point)
         return {**results, "end": end}
 
+    def step(carry, **point):
+        return run_lane(plan, static, numbers, carry, point)
+
+    swept = functools.partial(
+        run_sweep, store=given.storage, labels=given.labels, compute=given.compute, part=given.part
+    )
     if carried is None:
-        if jax.default_backend() == "cpu":
-            storage = storage.in_chunks(CHUNK_CPU)
-        dataset = run_sweep(
-            lane, coords,
-            inputs={"numbers": _spread(numbers, shape), **({"start": y0} if per_lane else {})},
-            store=storage, labels=about, compute=given.compute, part=given.part,
-        )  # fmt: skip
+        inputs = {
+            "numbers": _spread(numbers, shape),
+            **({"start": starts.y0} if starts.per_lane else {}),
+        }
+        dataset = swept(lane, coords, inputs=inputs)
     else:
-
-        def step(carry, **point):
-            return run_lane(plan, static, numbers, carry, point)
-
-        dataset = run_sweep(
-            step, coords, carry=y0, carried=carried,
-            store=storage, labels=about, compute=given.compute, part=given.part,
-        )  # fmt: skip
+        dataset = swept(step, coords, carry=starts.y0, carried=carried)
     if plan.several:
         dataset = dataset.assign_coords(section=list(plan.sections))
-    if record.check:
-        begun = starts.flat(shape) if carried is None else _handed_on(dataset, y0, carried, coords)
-        finer, _ = _numbers(finer_integrator(integrator), record)
-        own_start = per_lane or carried is not None
-        settings = given._replace(storage=storage)
-        extra = _check(
-            lane, finer, coords, begun if own_start else None, record.check, dataset, observed, settings
-        )
-        dataset = dataset.assign(extra)
-    return dataset
+    if not record.check:
+        return dataset
+    if carried is None:
+        begun = starts.flat(shape) if starts.per_lane else None
+    else:
+        begun = _handed_on(dataset, starts.y0, carried, coords)
+    finer, _ = _numbers(finer_integrator(integrator), record)
+    return dataset.assign(
+        _check(lane, finer, coords, begun, record.check, dataset, read.observables, given)
+    )
+
+
+class _Read(NamedTuple):
+    """All that is read off a motion: observables with their units, sections, borders of the domain."""
+
+    observables: dict[str, tuple[Observable, str | None]]
+    sections: dict[str, Section]
+    domain: tuple[Observable, ...]
+
+
+class _Reader(NamedTuple):
+    """Reads off a state what the recording asks of it."""
+
+    system: AbstractHybridSystem  # of the first point
+    record: Recording
+    args: PyTree
+    shape: tuple[int, ...]  # of the grid
+
+    def read(self, state: PyTree) -> _Read:
+        """Observables, sections and borders, all of a state of these shapes."""
+        section, domain = self.record.section, []
+        found = {
+            key: as_observable(f"observables[{key!r}]", what, self.system, state)
+            for key, what in named_observables(self.record.observables).items()
+        }
+        cuts = _sections(section, self.system, state)
+        for what in self.record.domain:
+            border = whole_of(as_observable("domain", what, self.system, state)[0])
+            shape_of("domain", what, border, self.system, state, 0, self.args, single=True)
+            domain.append(border)
+        for name, cut in cuts.items():
+            argument = "section" if isinstance(section, Cut) else f"section[{name!r}]"
+            if shape_of(argument, cut.name, cut.function, self.system, state, 0, self.args):
+                shapes = sorted({np.shape(a) for a in jax.tree.leaves(state)})
+                beside = f"a y0 of shapes {shapes} beside the grid's shape {self.shape}"
+                raise refusal(
+                    argument, cut.name, "of one number", but=f"which gives an array of {beside}"
+                )
+        return _Read(found, cuts, tuple(domain))
+
+    def own_axes(self, read: _Read, state: PyTree, mode: Any) -> dict[str, tuple[str, ...]]:
+        """Names of the axes that an observable has of its own."""
+        observed = named_observables(self.record.observables)
+        found = {}
+        for key, (f, _) in read.observables.items():
+            argument, what = f"observables[{key!r}]", observed[key]
+            rank = len(shape_of(argument, what, f, self.system, state, mode, self.args))
+            found[key] = axes_of(key, f, rank)
+        return found
+
+
+def _check_names(observed: Mapping[str, Any], coords: Mapping[str, Any]) -> None:
+    for key, what in observed.items():
+        if key in coords or key in RESULTS_OF_A_LANE:
+            allowed = "given another name: this one is taken"
+            raise refusal(f"observables[{key!r}]", what, allowed)
+
+
+def _plan_of(build: Callable, record: Recording, read: _Read, mode0: Any, args: PyTree) -> OrbitPlan:
+    return OrbitPlan(
+        build=build,
+        sections=read.sections,
+        several=not isinstance(record.section, Cut),
+        observables={key: function for key, (function, _) in read.observables.items()},
+        domain=read.domain,
+        settles=bool(record.transient > 0),
+        size=record.size,
+        stops=record.points is not None,
+        mode0=mode0,
+        args=args,
+        period=record.period,
+    )
+
+
+def _told(
+    plan: OrbitPlan, record: Recording, starts: Starts, carried: Carried | None
+) -> dict[str, Any]:
+    """Settings that the store keeps of the diagram, and compares."""
+    return {
+        "section": {
+            name: {"name": cut.name, "direction": cut.direction} for name, cut in plan.sections.items()
+        },
+        "transient": record.transient,
+        "duration": record.duration,
+        "points": record.points,
+        "initial_state": None if starts.per_lane else starts.y0,
+        "carried": None if carried is None else carried.direction,
+    }
 
 
 def _sections(section, system, y0) -> dict[str, Section]:

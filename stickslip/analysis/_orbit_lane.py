@@ -10,7 +10,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from ..hybrid import RESULTS, Integrator, SaveAt, Section, simulate
+from ..hybrid import (
+    RESULTS,
+    AbstractHybridSystem,
+    Integrator,
+    SaveAt,
+    Section,
+    Solution,
+    simulate,
+)
 from ._attractor import CANNOT_TELL, PERIOD_STATUS, ROUNDING, period_of
 from ._recording import PeriodTest
 from .observable import Angle, Observable, whole_of
@@ -72,6 +80,57 @@ def run_lane(
     """End state, and the results of the lane by name."""
     step = eqx.combine(numbers.step, integrator.step)
     integrator = eqx.tree_at(lambda i: i.step, integrator, step)
+    lane = _lane_at(plan, integrator, numbers, y0, point)
+    y, mode, early, flags = _after_transient(plan, lane)
+    going = early == 0
+    recorded = _recorded_run(plan, lane, y, mode, jnp.where(going, numbers.duration, 0.0))
+    logs, samples = recorded.crossings[: len(plan.sections)], recorded.outputs
+    most = functools.reduce(jnp.maximum, [rows.count for rows in logs])
+    late = _status_of_record(plan, recorded, most)
+    status = jnp.where(going, late, early).astype(jnp.int32)
+    usable = _is_one_of(status, USABLE[:2])
+    failed = ~(usable | (status == STATUS.index("no_crossing")))
+    judged = _judged_observables(plan, lane, samples)
+    parts, verdicts = zip(
+        *(_points_of(plan, lane, judged, rows, going, failed) for rows in logs), strict=True
+    )
+    results = jax.tree.map(lambda *rows: jnp.stack(rows), *parts) if plan.several else parts[0]
+    slow = usable & _any_of([verdict.slow for verdict in verdicts])
+    status = _status_by_points(plan, status, jnp.where(going, most, 0), slow, verdicts)
+    results |= {
+        "status": status.astype(jnp.int32),
+        "slow_transient": slow,
+        "flags": flags | recorded.flags,
+    }
+    # A lane that failed has nothing to hand on; one that never crossed its section ends somewhere too.
+    sound = usable | (status == STATUS.index("no_crossing"))
+    end = jax.tree.map(lambda a, b: jnp.where(sound & jnp.isfinite(a), a, b), recorded.y1, lane.y0)
+    return end, results
+
+
+class _Lane(NamedTuple):
+    """A lane before it runs."""
+
+    system: AbstractHybridSystem
+    args: PyTree
+    start: Any  # time at the start
+    begin: Any  # time at which the record begins
+    y0: PyTree
+    mode: Any
+    borders: tuple[Section, ...]  # of the domain
+    inside: Any  # whether the start lies in the domain
+    options: dict[str, Any]  # of `simulate`
+
+    def values(self, f: Observable, log: Any) -> Any:
+        """Observable over the rows of a log, NaN past its count."""
+        seen = jax.vmap(lambda t, y, dy, m: f(self.system, t, y, dy, m, self.args))(
+            log.t, log.y, log.dy, log.mode
+        )
+        kept = jnp.arange(log.t.size, dtype=log.count.dtype) < log.count
+        return jnp.where(kept.reshape(-1, *(1,) * (seen.ndim - 1)), seen, jnp.nan)
+
+
+def _lane_at(plan: OrbitPlan, integrator: Integrator, numbers: Numbers, y0: PyTree, point) -> _Lane:
     system, args = plan.build(point), plan.args
     start = jnp.asarray(numbers.t0, jnp.float64)
     begin = start + numbers.transient
@@ -84,126 +143,142 @@ def run_lane(
         for f in plan.domain:
             # A terminal section sees crossings only, not a start on the wrong side.
             inside &= f(system, start, y0, slope, mode, args) >= 0
-    options: dict[str, Any] = {"integrator": integrator, "throw": False}
+    options = {"integrator": integrator, "throw": False}
+    return _Lane(system, args, start, begin, y0, mode, borders, inside, options)
+
+
+def _after_transient(plan: OrbitPlan, lane: _Lane) -> tuple[PyTree, Any, Any, Any]:
+    """State, mode, status and flags once the transient is dropped."""
     early, flags = jnp.zeros((), jnp.int32), jnp.zeros((), jnp.int32)
-    y, first_mode = y0, mode
+    y, mode = lane.y0, lane.mode
     if plan.settles:
+        end = jnp.where(lane.inside, lane.begin, lane.start)
         settled = simulate(
-            system, start, jnp.where(inside, begin, start), y0, mode, args,
-            saveat=SaveAt(sections=borders, max_events=None), **options,
+            lane.system, lane.start, end, y, mode, lane.args,
+            saveat=SaveAt(sections=lane.borders, max_events=None), **lane.options,
         )  # fmt: skip
         y, mode, early = settled.y1, settled.mode1, engine_status(settled.result)
         flags = settled.flags
-    early = jnp.where(inside, early, STATUS.index("left_domain"))
-    going = early == 0
-    length = jnp.where(going, numbers.duration, 0.0)
-    recorded = simulate(
-        system, begin, begin + length, y, mode, args,
+    return y, mode, jnp.where(lane.inside, early, STATUS.index("left_domain")), flags
+
+
+def _recorded_run(plan: OrbitPlan, lane: _Lane, y: PyTree, mode: Any, length: Any) -> Solution:
+    """The motion after the transient, with the crossings of the sections and samples for its size."""
+    return simulate(
+        lane.system, lane.begin, lane.begin + length, y, mode, lane.args,
         saveat=SaveAt(
-            ts=begin + length * SAMPLES, sections=(*plan.sections.values(), *borders),
+            ts=lane.begin + length * SAMPLES, sections=(*plan.sections.values(), *lane.borders),
             max_events=None, max_crossings=plan.size,
         ),
-        **options,
+        **lane.options,
     )  # fmt: skip
-    logs, samples = recorded.crossings[: len(plan.sections)], recorded.outputs
-    assert samples is not None
 
-    def values(f, log):
-        """Observable over the rows of a log, NaN past its count."""
-        seen = jax.vmap(lambda t, y, dy, m: f(system, t, y, dy, m, args))(
-            log.t, log.y, log.dy, log.mode
-        )
-        kept = jnp.arange(log.t.size, dtype=log.count.dtype) < log.count
-        return jnp.where(kept.reshape(-1, *(1,) * (seen.ndim - 1)), seen, jnp.nan)
 
-    late = engine_status(recorded.result)
+def _status_of_record(plan: OrbitPlan, recorded: Solution, most: Any) -> Any:
+    """Status by how the record ended, and by the `most` points of a section."""
+    status = engine_status(recorded.result)
     full = recorded.result == RESULTS.max_crossings_reached
-    late = jnp.where(full, 0 if plan.stops else STATUS.index("buffer_full"), late)
-    most = functools.reduce(jnp.maximum, [rows.count for rows in logs])
-    late = jnp.where((late == 0) & (most == 0), STATUS.index("no_crossing"), late)
-    status = jnp.where(going, late, early).astype(jnp.int32)
-    usable = _is_one_of(status, USABLE[:2])
-    failed = ~(usable | (status == STATUS.index("no_crossing")))
+    status = jnp.where(full, 0 if plan.stops else STATUS.index("buffer_full"), status)
+    return jnp.where((status == 0) & (most == 0), STATUS.index("no_crossing"), status)
+
+
+class _Judged(NamedTuple):
+    """Observables by which points are compared, whole turns left in, and how far the motion goes."""
+
+    names: list[str]
+    observables: list[Observable]
+    whole: list[Observable]
+    begun: list[Any]  # at the start
+    turns: tuple  # period of each number, or None
+    span: Any  # least and greatest over the samples
+    samples: Any  # how many there are
+
+
+def _judged_observables(plan: OrbitPlan, lane: _Lane, samples: Any) -> _Judged:
     # Time never repeats: it has no say in the period unless it is all there is.
-    judged = [name for name in plan.observables if name != "t"] or list(plan.observables)
-    found = [plan.observables[name] for name in judged]
-    # Of what goes round, whole turns are left out by the judge, which knows how far the motion goes.
+    names = [name for name in plan.observables if name != "t"] or list(plan.observables)
+    found = [plan.observables[name] for name in names]
+    # Whole turns of a motion that goes round are left out by the judge, which knows how far it goes.
     functions = [whole_of(f) for f in found]
-    slope0 = system.vector_field(start, y0, first_mode, args)
-    begun = [
-        jnp.asarray(f(system, start, y0, slope0, first_mode, args), jnp.float64) for f in functions
-    ]
+    system, start, y0, mode, args = lane.system, lane.start, lane.y0, lane.mode, lane.args
+    slope = system.vector_field(start, y0, mode, args)
+    begun = [jnp.asarray(f(system, start, y0, slope, mode, args), jnp.float64) for f in functions]
     # Each number of an array is judged by itself.
     turns = tuple(
         f.period if isinstance(f, Angle) else None
         for f, at_start in zip(found, begun, strict=True)
         for _ in range(at_start.size)
     )
-    span = _span(_columns([values(f, samples) for f in functions]), samples.count)
+    span = _span(_columns([lane.values(f, samples) for f in functions]), samples.count)
+    return _Judged(names, found, functions, begun, turns, span, samples.count)
 
-    def of_section(rows):
-        """Points, their number, and the verdict on them."""
-        points = {name: values(f, rows) for name, f in plan.observables.items()}
-        count = jnp.where(going, rows.count, 0).astype(jnp.int32)
-        seen = [
-            values(whole, rows) if isinstance(f, Angle) else points[name]
-            for name, f, whole in zip(judged, found, functions, strict=True)
-        ]
-        columns = _columns(seen)
-        verdict = period_of(
-            columns,
-            count,
-            span,
-            tolerance=plan.period.tolerance,
-            max_period=plan.period.longest,
-            periods=turns if any(turns) else None,
-            start=jnp.concatenate([a.reshape(-1) for a in begun]),
-        )
-        # So few samples of the motion do not give its size, which the tolerance refers to.
-        judged_by = jnp.where(
-            samples.count < FEWEST_SAMPLES, PERIOD_STATUS.index("too_few_points"), verdict.status
-        )
-        judged_by = jnp.where(failed, PERIOD_STATUS.index("lane_failed"), judged_by)
-        told = judged_by <= PERIOD_STATUS.index("none")
-        # Points that agree are those of the motion, however few they are.
-        ends = _span(columns, count)
-        spread = jnp.ptp(ends, axis=0)
-        size = jnp.maximum(jnp.ptp(span, axis=0), spread)
-        rounding = ROUNDING * jnp.max(jnp.abs(ends), axis=0)
-        apart = jnp.any(spread > plan.period.tolerance * size + rounding)
-        results = {
-            **points,
-            "count": count,
-            "period": jnp.where(told, verdict.period, CANNOT_TELL).astype(jnp.int32),
-            "period_status": judged_by.astype(jnp.int32),
-        }
-        still = judged_by == PERIOD_STATUS.index("not_settled")
-        undecided = (judged_by == PERIOD_STATUS.index("too_few_points")) & apart
-        return results, verdict.slow, told, still, undecided
 
-    parts, slows, tolds, stills, short_ones = zip(*map(of_section, logs), strict=True)
-    results = jax.tree.map(lambda *rows: jnp.stack(rows), *parts) if plan.several else parts[0]
-    any_of = functools.partial(functools.reduce, jnp.logical_or)
-    slow = usable & any_of(slows)
-    most = jnp.where(going, most, 0)
+class _Verdict(NamedTuple):
+    """Verdict on the points of a section."""
+
+    slow: Any
+    told: Any  # whether it says something on the period
+    still: Any  # whether the points still come nearer to something
+    undecided: Any  # whether they are too few
+
+
+def _points_of(
+    plan: OrbitPlan, lane: _Lane, judged: _Judged, rows: Any, going: Any, failed: Any
+) -> tuple[dict[str, Any], _Verdict]:
+    """Points of a section with their number and period, and the verdict on them."""
+    points = {name: lane.values(f, rows) for name, f in plan.observables.items()}
+    count = jnp.where(going, rows.count, 0).astype(jnp.int32)
+    seen = [
+        lane.values(whole, rows) if isinstance(f, Angle) else points[name]
+        for name, f, whole in zip(judged.names, judged.observables, judged.whole, strict=True)
+    ]
+    columns = _columns(seen)
+    verdict = period_of(
+        columns,
+        count,
+        judged.span,
+        tolerance=plan.period.tolerance,
+        max_period=plan.period.longest,
+        periods=judged.turns if any(judged.turns) else None,
+        start=jnp.concatenate([a.reshape(-1) for a in judged.begun]),
+    )
+    # So few samples of the motion do not give its size, which the tolerance refers to.
+    few = PERIOD_STATUS.index("too_few_points")
+    status = jnp.where(judged.samples < FEWEST_SAMPLES, few, verdict.status)
+    status = jnp.where(failed, PERIOD_STATUS.index("lane_failed"), status)
+    told = status <= PERIOD_STATUS.index("none")
+    # Points that agree are those of the motion, however few they are.
+    ends = _span(columns, count)
+    spread = jnp.ptp(ends, axis=0)
+    size = jnp.maximum(jnp.ptp(judged.span, axis=0), spread)
+    rounding = ROUNDING * jnp.max(jnp.abs(ends), axis=0)
+    apart = jnp.any(spread > plan.period.tolerance * size + rounding)
+    results = {
+        **points,
+        "count": count,
+        "period": jnp.where(told, verdict.period, CANNOT_TELL).astype(jnp.int32),
+        "period_status": status.astype(jnp.int32),
+    }
+    still = status == PERIOD_STATUS.index("not_settled")
+    return results, _Verdict(verdict.slow, told, still, (status == few) & apart)
+
+
+def _status_by_points(plan: OrbitPlan, status: Any, most: Any, slow: Any, verdicts: tuple) -> Any:
+    """Status of a lane whose run succeeded, by the verdicts on its sections."""
     short = (most < plan.size) if plan.stops else jnp.zeros((), bool)
     status = jnp.where((status == 0) & short, STATUS.index("fewer_points"), status)
     # One section whose points tell is enough: the others are of the same motion.
-    untold = (status == 0) & ~any_of(tolds)
+    untold = (status == 0) & ~_any_of([verdict.told for verdict in verdicts])
     if plan.settles:
-        unsettled = ((status == 0) & slow) | (untold & any_of(stills))
+        still = _any_of([verdict.still for verdict in verdicts])
+        unsettled = ((status == 0) & slow) | (untold & still)
         status = jnp.where(unsettled, STATUS.index("not_settled"), status)
-    few = (status == 0) & untold & any_of(short_ones)
-    status = jnp.where(few, STATUS.index("too_few_points"), status)
-    results |= {
-        "status": status.astype(jnp.int32),
-        "slow_transient": slow,
-        "flags": flags | recorded.flags,
-    }
-    # A lane that failed has nothing to hand on; one that never crossed its section ends somewhere too.
-    sound = usable | (status == STATUS.index("no_crossing"))
-    end = jax.tree.map(lambda a, b: jnp.where(sound & jnp.isfinite(a), a, b), recorded.y1, y0)
-    return end, results
+    few = (status == 0) & untold & _any_of([verdict.undecided for verdict in verdicts])
+    return jnp.where(few, STATUS.index("too_few_points"), status)
+
+
+def _any_of(flags: list) -> Any:
+    return functools.reduce(jnp.logical_or, flags)
 
 
 def _columns(seen):

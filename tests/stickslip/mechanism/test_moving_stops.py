@@ -117,10 +117,12 @@ def test_a_cam_that_comes_to_a_stand_and_moves_on():
         machine = Cam(*case)
         ts = jnp.array([0.5, 1.5, 2.5, 3.5, 5.0])
         found = ss.simulate(machine, 0.0, 5.0, machine.state(), saveat=ss.SaveAt(ts=ts), throw=False)
-        return found.outputs.y.x, found.successful
+        return found.outputs.y.x, found.successful, found.num_events
 
-    x, successful = jax.jit(jax.vmap(run))(jnp.asarray(cases))
+    x, successful, events = jax.jit(jax.vmap(run))(jnp.asarray(cases))
     assert bool(successful.all())
+    # Off with the cam and to a stand on it, and nothing else: no stop a little later, by rounding.
+    np.testing.assert_array_equal(events, [2, 2, 3, 6])
     np.testing.assert_allclose(x[:, :3], np.tile([0.0, 0.025, 0.05], (4, 1)), atol=1e-10)
     np.testing.assert_allclose(x[:2, 3:], 0.05, atol=1e-10)  # friction holds it where the cam left it
     # Pulled off at 1.3 N; then the force left is 1.4 s - 0.8 N, and 0.6 N from 3 s.
