@@ -47,7 +47,7 @@ def zero_beside(
             found = correct(problem, there, before.modes, before.anchor, way, way)
             if isinstance(found, Point) and (
                 found.sequence != before.sequence
-                or np.linalg.norm(found.u - there) > ACCURACY.swerves * length
+                or np.linalg.norm(found.u - there) > 0.5 * ACCURACY.swerves * length
             ):
                 found = Failure("not_converged")
             known[x] = found

@@ -79,7 +79,9 @@ def numbers(package: str) -> list[str]:
     for path, tree in trees(package).items():
         if path.name in ("status.py", "_loop_state.py", "_dop853.py", "_fastmath.py"):
             continue
-        homes = [node.body for node in tree.body if isinstance(node, ast.ClassDef) and _is_home(node)]
+        named = path.stem.strip("_") == "accuracy"
+        classes = [node for node in tree.body if isinstance(node, ast.ClassDef)]
+        homes = [node.body for node in classes if named or _is_home(node)]
         for node in [node for body in (tree.body, *homes) for node in body]:
             if isinstance(node, ast.Assign | ast.AnnAssign) and node.value and _is_number(node.value):
                 target = node.target if isinstance(node, ast.AnnAssign) else node.targets[0]

@@ -182,7 +182,6 @@ def test_too_few_points_say_nothing(count):
     assert verdict(logistic(3.3, 1000, count)) == (-1, "too_few_points", False)
 
 
-@pytest.mark.more
 def test_how_many_points_are_needed():
     assert [points_needed(p) for p in (1, 2, 3, 4, 16)] == [4, 5, 6, 8, 32]
     for a, period in CYCLES:

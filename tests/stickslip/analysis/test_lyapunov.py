@@ -192,7 +192,6 @@ def equals_the_computation_by_hand(growth, e):
     np.testing.assert_allclose(growth, exact, atol=1e-6)
 
 
-@pytest.mark.more
 def test_impacts_equal_the_computation_by_hand(monkeypatch):
     """Two restitutions in a batch; the same test fails once saltation is switched off."""
     switchable(monkeypatch)
