@@ -188,7 +188,9 @@ def _beside(problem: Problem, first: Point, middle: float) -> str:
         return family
     if abs(first.tangent[-1]) < 0.1 * ACCURACY.known:
         then = ahead(problem, first, ACCURACY.near)
-        return family if isinstance(then, Point) and abs(then.tangent[-1]) < 0.1 * ACCURACY.known else ""
+        return (
+            family if isinstance(then, Point) and abs(then.tangent[-1]) < 0.1 * ACCURACY.known else ""
+        )
     if np.any(first.orbit.neutral):
         aside = first.u.copy()
         aside[-1] += np.copysign(ACCURACY.near, middle - first.value)

@@ -373,19 +373,29 @@ def _branches(eqn: Any, given: list[_Known], outcomes: Outcomes, smooth: bool) -
     return [_Known(value, varies, chosen=varies) for value in found]
 
 
+def _same_axes(outside: Any, inside: Any) -> int:
+    """How many operands of a loop, or results, are those of one round; rows have an axis more."""
+    pairs = zip(outside, inside, strict=True)
+    return sum(a.aval.ndim == b.aval.ndim for a, b in pairs)
+
+
 def _rounds(eqn: Any, given: list[_Known], outcomes: Outcomes, smooth: bool) -> list[_Known]:
     """A loop of few rounds, written out."""
     params = eqn.params
-    body, consts = params["jaxpr"], given[: params["num_consts"]]
-    carry = given[params["num_consts"] : params["num_consts"] + params["num_carry"]]
-    rows = given[params["num_consts"] + params["num_carry"] :]
+    body = params["jaxpr"]
+    # Constants, what is carried, rows: told apart by their axes, because versions of JAX count them in
+    # parameters of different names.
+    lasting = _same_axes(eqn.invars, body.jaxpr.invars)
+    carried = _same_axes(eqn.outvars, body.jaxpr.outvars)
+    consts, carry = given[: lasting - carried], given[lasting - carried : lasting]
+    rows = given[lasting:]
     stacked: list[list] = []
     order = range(params["length"])
     for i in reversed(order) if params["reverse"] else order:
         row = [_Known(k.value[i], k.varies) for k in rows]
         out = _run(body.jaxpr, body.consts, [*consts, *carry, *row], outcomes, smooth)
-        carry = out[: params["num_carry"]]
-        stacked.append([k.value for k in out[params["num_carry"] :]])
+        carry = out[:carried]
+        stacked.append([k.value for k in out[carried:]])
     if params["reverse"]:
         stacked.reverse()
     columns = [jnp.stack(column) for column in zip(*stacked, strict=True)] if stacked else []

@@ -75,7 +75,7 @@ class SaveAt(eqx.Module):
     ts: Row | None = None
     steps: bool = eqx.field(static=True, default=False)
     events: bool = eqx.field(static=True, default=True)
-    sections: tuple[Section, ...] | Section = eqx.field(converter=sections_of, default=())
+    sections: Given[tuple[Section, ...] | Section] = eqx.field(converter=sections_of, default=())
     max_rows: int = eqx.field(static=True, default=4096)
     max_events: int | None = eqx.field(static=True, default=256)
     max_crossings: int = eqx.field(static=True, default=256)
@@ -132,9 +132,9 @@ def simulate(
     mode0: Mode | None = None,
     args: PyTree = None,
     *,
-    integrator: Integrator | None = None,
-    saveat: SaveAt | None = None,
-    throw: bool = True,
+    integrator: Given[Integrator | None] = None,
+    saveat: Given[SaveAt | None] = None,
+    throw: Given[bool] = True,
 ) -> Solution:
     r"""Simulate a hybrid system from `t0` to `t1`, every event located to rounding.
 

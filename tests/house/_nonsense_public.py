@@ -117,7 +117,7 @@ EXEMPT_METHODS = {
         "parts of `Branch.to_dataset`, which has a template",
     ),
     **dict.fromkeys(
-        ("Follow.values_by_parameter", "Shooting.tight"),
+        ("Follow.values_by_parameter", "Shooting.integrator_or"),
         "read by the verbs that take the settings",
     ),
     "map_lanes.__call__": "has a template with the constructors",

@@ -141,8 +141,7 @@ STROBE = ss.Section(lambda system, t, y, dy, mode, args: jnp.sin(2 * np.pi * t),
 FREE = {
     "system": Free(1.0),
     "grid": {"stiffness": np.array([1.0, 1.44])},
-    "check": 0,
-    "record": recording(STROBE, ["x"], 6.3),
+    "record": recording(STROBE, ["x"], 6.3, check=0),
     **RUN,
 }
 TWO = {"x": np.array([0.5, -0.25]), "v": np.array([0.0, 1.0])}
@@ -178,7 +177,7 @@ def test_an_array_for_all_lanes():
     truth = exact(TWO["x"], TWO["v"], OMEGA[:, None, None], N[:, None])
     np.testing.assert_allclose(shared.x[:, :6], truth, atol=1e-6)
     # A section of one number says what is meant.
-    said = orbit_diagram(**{**FREE, "record": recording(Maximum("x[0]"), ["x"], 6.3)}, y0=TWO)
+    said = orbit_diagram(**{**FREE, "record": recording(Maximum("x[0]"), ["x"], 6.3, check=0)}, y0=TWO)
     assert said.x.dims == ("stiffness", "point", "x_0")
 
 
@@ -194,14 +193,14 @@ def test_an_array_for_each_lane_beside_one_for_all():
 @pytest.mark.slow
 def test_carried_lanes_hand_on_arrays():
     grid = {"belt_speed": SPEEDS}
-    options = {**RUN, "carried": Carried("downwards"), "check": 2}
+    options = {**RUN, "carried": Carried("downwards")}
     found = orbit_diagram(
         lambda belt_speed: machine(belt_speed, True), grid, Y_ARRAYS,
-        recording(Maximum("x[0]"), "x"), **options,
+        recording(Maximum("x[0]"), "x", check=2), **options,
     )  # fmt: skip
     truth = orbit_diagram(
         lambda belt_speed: machine(belt_speed, False), grid, Y_SCALARS,
-        recording(Maximum("x_0"), ["x_0", "x_1"]), **options,
+        recording(Maximum("x_0"), ["x_0", "x_1"], check=2), **options,
     )  # fmt: skip
     for i in range(2):
         near(found.x[..., i], truth[f"x_{i}"])
@@ -212,7 +211,7 @@ def test_carried_lanes_hand_on_arrays():
 @pytest.mark.slow
 @pytest.mark.parametrize("store", [False, True])
 def test_all_cores_and_a_store(store, tmp_path):
-    options = {**FREE, "compute": Compute(), "record": recording(STROBE, ["x", "x[1]"], 6.3)}
+    options = {**FREE, "compute": Compute(), "record": recording(STROBE, ["x", "x[1]"], 6.3, check=0)}
     place = {"store": tmp_path / "store"} if store else {}
     found = orbit_diagram(**options, **place, y0=over(["mass"]))
     truth = orbit_diagram(**{**options, "compute": PORTABLE}, y0=over(["mass"]))

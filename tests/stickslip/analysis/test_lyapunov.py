@@ -374,7 +374,7 @@ def test_wrong_arguments_of_the_others():
     with pytest.raises(ValueError, match=r"record\.length = 0\.5: it must be a whole number of iter"):
         lyapunov_spectrum_of_map(lambda x: x, 0.1, Segments(0.5, 20))
     with pytest.raises(TypeError, match="unexpected keyword argument 'iterations'"):
-        lyapunov_spectrum_of_map(lambda x: x, 0.1, iterations=100)
+        lyapunov_spectrum_of_map(lambda x: x, 0.1, Segments(1, 100), iterations=100)
     with pytest.raises(TypeError, match="function"):
         lyapunov_spectrum_of_map(2.0, 0.1, Segments(1, 100))
     grid = {"damping": [0.1]}

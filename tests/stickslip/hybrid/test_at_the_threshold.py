@@ -5,7 +5,6 @@ from typing import ClassVar
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pytest
 
 import stickslip as ss
 from stickslip.friction import Coulomb
@@ -33,7 +32,6 @@ def runs(start, mass, stiffness, limit, tolerance, t0=0.0):
     return map(np.asarray, found)
 
 
-@pytest.mark.more
 def test_a_stop_at_the_very_threshold_is_flagged():
     rng = np.random.default_rng(0)
     scales = 10.0 ** rng.uniform(-3, 3, (3, 60))

@@ -43,7 +43,6 @@ def value_and_jacobians(function, p):
     return value, forward, jax.jit(jax.jacrev(function))(p)
 
 
-@pytest.mark.more
 def test_forward_and_reverse_equal_the_closed_form():
     p = jnp.array([0.2, 1.0, 0.5])
     expected = [16.2232182593, -5.1724137931, 5.1724137931]
@@ -86,7 +85,6 @@ def test_derivatives_of_event_times():
     np.testing.assert_allclose(reverse, slopes, atol=1e-8)
 
 
-@pytest.mark.more
 def test_curved_guard_and_explicit_time():
     """Ball on a floor that moves as s t + c t^2/2: impact where the parabolas meet.
 

@@ -59,7 +59,6 @@ def with_derivative(amplitude):
     return run
 
 
-@pytest.mark.more
 @pytest.mark.parametrize("amplitude", [1.0, 1e-9])
 def test_derivatives_next_to_grazing_are_right_or_flagged(amplitude):
     run = with_derivative(amplitude)

@@ -88,7 +88,6 @@ def test_without_the_doubt_most_events_at_rest_are_missed(monkeypatch):
     assert np.sum(off & (np.asarray(found.flags) == 0)) > 10
 
 
-@pytest.mark.more
 @pytest.mark.parametrize("amplitude", [1.05, 1.001, 1.5])
 @pytest.mark.parametrize("rate", [1.0, 10.0])
 def test_a_resting_block_under_one_tone(amplitude, rate):

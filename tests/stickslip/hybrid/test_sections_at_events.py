@@ -66,7 +66,6 @@ def test_zeros_of_guards_are_crossings_of_the_same_functions(number):
             np.testing.assert_allclose(section.t[i][: len(true)], true, rtol=0, atol=2e-7)
 
 
-@pytest.mark.more
 @pytest.mark.parametrize(("direction", "terminal"), [("falling", True), ("both", False)])
 def test_what_leaves_zero_and_comes_back_within_the_first_step(direction, terminal):
     """Thrown up at 1 m/s it is back after 2/9 s, at the last quarter of the first step."""

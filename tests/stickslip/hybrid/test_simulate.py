@@ -114,7 +114,6 @@ def test_str_says_what_happened(run):
     assert "derivative flags: none" in str(run)
 
 
-@pytest.mark.more
 @pytest.mark.parametrize(
     ("method", "order"),
     [("rk4", 4), ("tsit5", 5), ("dop853", 8), (dfx.Heun(), 2), (dfx.Bosh3(), 3), (dfx.Kvaerno3(), 3)],
@@ -229,7 +228,6 @@ def test_recorded_sections_do_not_change_the_motion():
     np.testing.assert_allclose(cut.y1.x, bare.y1.x, rtol=0, atol=1e-14)
 
 
-@pytest.mark.more
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_short_excursion_through_a_section_is_seen_from_both_sides(side):
     """x = cos(t - 3) is above 0.999 for 0.09 s, between two ends of steps of 0.21 s."""
