@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, PyTree
 
 from .._code import jit_by_code
+from .._types import Given
 from .._validation import (
     DeclarationError,
     as_float64,
@@ -77,7 +78,7 @@ def output_times(ts: Any, t0: Any, t1: Any) -> Array | None:
     return times("saveat.ts", ts)
 
 
-def sections_of(sections: Sequence[Section] | Section) -> tuple[Section, ...]:
+def sections_of(sections: Given[Sequence[Section] | Section]) -> tuple[Section, ...]:
     """Sections as a tuple, of one or several."""
     if isinstance(sections, Section):
         return (sections,)
