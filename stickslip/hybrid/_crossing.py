@@ -155,6 +155,9 @@ def _search(plan: Plan, problem, section: Section, row: Starts) -> tuple[Any, Py
         (value, _), (rate, _) = _along(problem, section, row.mode, t, y, dy)
         return value, rate
 
+    def is_zero(value, rate):
+        return jnp.abs(value) <= ACCURACY.event_tolerance * row.h * jnp.abs(rate)
+
     def cond(carry):
         *_, searching, tries = carry
         return eqxi.unvmap_any(searching) & (tries < ACCURACY.crossing_tries)
@@ -168,9 +171,10 @@ def _search(plan: Plan, problem, section: Section, row: Starts) -> tuple[Any, Py
         found = value_of(execute, row.t + h, y, dy)
         y, dy = ravel_pytree(y)[0], ravel_pytree(dy)[0]
         slope, *start = select(begins, (dy, *found), (slope, *start))
-        end = jnp.where(whole, found[0], end)
         # One that starts on zero, at an event say, has a sign of rounding: it has left that of its end.
-        on_zero = jnp.abs(start[0]) <= ACCURACY.event_tolerance * row.h * jnp.abs(start[1])
+        # Where an event ends the step too, only the slope at the start knows where it goes.
+        end = jnp.where(whole, jnp.where(is_zero(*found), -start[1], found[0]), end)
+        on_zero = is_zero(*start)
         side = jnp.where(on_zero, -end, start[0])
         sign = {"falling": 1.0, "rising": -1.0}.get(section.direction, jnp.sign(side))
         value, rate, value0, rate0 = (sign * a for a in (*found, *start))

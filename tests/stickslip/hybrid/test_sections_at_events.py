@@ -8,7 +8,7 @@ import pytest
 import stickslip as ss
 from stickslip.systems import Motion
 from tests.stickslip.hybrid._loads import Block, random_loads
-from tests.stickslip.hybrid._systems import Flight, State
+from tests.stickslip.hybrid._systems import Circle, Flight, State, fixed
 
 END = 20.0
 REST = Motion(0.0, 0.0)
@@ -91,3 +91,22 @@ def test_what_begins_on_zero_is_counted_once_it_comes_back():
     )
     assert int(run.crossings[0].count) == 1
     np.testing.assert_allclose(run.crossings[0].t[0], 2.0 / 9.0, rtol=1e-9)
+
+
+def test_a_step_between_two_events_crosses_at_its_end():
+    """x = cos t passes -level down and up again within one step; the section is the guard."""
+    levels = np.linspace(0.9, 0.99995, 32)
+
+    @jax.jit
+    @jax.vmap
+    def run(level):
+        section = ss.Section(lambda system, t, y, dy, mode, args: y.x + level, "both")
+        return ss.simulate(
+            Circle(-level), 0.0, 6.0, State(1.0, 0.0), saveat=ss.SaveAt(sections=section, max_events=2),
+            integrator=fixed(1.0),
+        )  # fmt: skip
+
+    found = run(jnp.asarray(levels))
+    np.testing.assert_array_equal(found.num_events, 2)
+    np.testing.assert_array_equal(found.crossings[0].count, 2)
+    np.testing.assert_allclose(found.crossings[0].t[:, :2], found.events.t, rtol=1e-12)
