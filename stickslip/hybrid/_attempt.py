@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ._accounts import accounts, crossed_sections, sections_at_zero
+from ._accounts import accounts, crossed_sections, sections_at_zero, steepest
 from ._control import control
 from ._event_decision import First, decide, lowest, search_bracket
 from ._loop_state import (
@@ -203,7 +203,13 @@ def _next_start_values(
     if at_zero:
         guards, sections = kept.value[: -len(at_zero)], kept.value[-len(at_zero) :]
         rounded = (jnp.where(zero, 0.0, v) for v, zero in zip(sections, at_zero, strict=True))
-        kept = kept._replace(value=(*guards, *rounded))
+        # In the mode after the event they are at zero if they were so at the event: by the same slope.
+        event, n = is_event(code), len(guards)
+        slopes = (
+            jnp.where(zero & event, steepest(old, new), new)
+            for old, new, zero in zip(lane.rates[n:], kept.rate[n:], at_zero, strict=True)
+        )
+        kept = kept._replace(value=(*guards, *rounded), rate=(*kept.rate[:n], *slopes))
     old = Values(lane.values, lane.rates, lane.scales)
     return select(is_accepted(code), kept, old) if keeps else kept
 
