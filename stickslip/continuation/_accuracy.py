@@ -12,7 +12,8 @@ import dataclasses
 class Accuracy:
     """Numbers that decide in continuation; `ACCURACY` is the one object of this class."""
 
-    # Levels of smallness, so that one idea has one number: from rounding to what is only alike.
+    # Levels of smallness, so that one idea has one number: from rounding to what is only alike. One
+    # more is `ENGINE.zero`: jumps at an event, distances from the real axis, drifts, shares.
     short: float = 1e-13
     """Part: a last step of a search. Newton's method squares the error, secants nearly do. A component
     that moves by less of its value, some hundreds of spacings of numbers, does not move."""
@@ -22,9 +23,6 @@ class Accuracy:
     solved: float = 1e-11
     """Part of the motion's size to which an orbit closes where Newton's method ends. What a mode holds
     is held to it, and balanced equations of equilibria are singular below it."""
-    zero: float = 1e-9
-    """Part: a quantity that is zero without rounding is smaller, where orbits or eigenvalues enter it:
-    a jump at an event, a distance from the real axis, a drift, a share of a direction."""
     closes: float = 1e-8
     """Part: an orbit simulated once more returns to it, times the growth of deviations in a period;
     field and guards of the same states are the same to it a period later."""
@@ -33,7 +31,7 @@ class Accuracy:
     condition of the equations, which may lose five of the digits that are `solved`."""
     little: float = 1e-4
     """Part: a move for differences and first secants, small against the bends of a branch, large
-    against `zero`. An orbit whose extent has shrunk to it is at rest."""
+    against `ENGINE.zero`. An orbit whose extent has shrunk to it is at rest."""
     alike: float = 1e-3
     """Part: two results of different ways to one thing agree to it. A function that jumps is larger
     than this part of its values at both ends."""

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ..hybrid.accuracy import ACCURACY as ENGINE
 from ._accuracy import ACCURACY
 from ._along import Problem
 from ._family import Failure
@@ -47,7 +48,7 @@ def is_torus(point: Point) -> bool:
     """Whether the pair whose product is 1 is a conjugate one."""
     found = multipliers_of(point.orbit)
     pairs = [(abs(a * b - 1.0), a) for i, a in enumerate(found) for b in found[:i]]
-    return bool(pairs and abs(np.imag(min(pairs, key=lambda p: p[0])[1])) > ACCURACY.zero)
+    return bool(pairs and abs(np.imag(min(pairs, key=lambda p: p[0])[1])) > ENGINE.zero)
 
 
 def border(

@@ -103,8 +103,6 @@ class Accuracy:
     band: float = 0.95
     # largest denominator of an exponent of a combination
     largest_denominator: int = 6
-    # panels in a row of the pictures of a report
-    panels: int = 4
 
 
 ACCURACY = Accuracy()

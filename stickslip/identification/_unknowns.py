@@ -17,7 +17,6 @@ from ._unknown import Bounds, Normal, Unknown
 NamedValues = dict[str, Any]
 NamedUnknowns: TypeAlias = Given[Mapping[str, float | np.ndarray | Array | Unknown]]
 NamedUnknownRows: TypeAlias = Given[Mapping[str, Sequence[Any] | np.ndarray | Array | Unknown]]
-POSITIVE: Bounds = (0.0, None)
 
 
 class Space(eqx.Module):
@@ -135,7 +134,7 @@ def space_of(name: str, values: Any) -> tuple[Space, NamedValues]:
             scales.append(_scale(given))
         else:
             starts[key] = as_parameter(check_positive(f"{name}[{key!r}]", given))
-            bounds.append(POSITIVE)
+            bounds.append((0.0, None))
             units.append("")
             priors.append(None)
             scales.append(None)
