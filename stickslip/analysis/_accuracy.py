@@ -13,11 +13,10 @@ class Accuracy:
     """Part of the size of the motion from which on a distance is not small."""
     lost: float = 1e-11
     """Part of the longest image below which a direction lies in the span of the others to rounding."""
-    weak: float = 1e-8
-    """Part of the largest derivative: along a shift of less, it may be that nothing changes,"""
     unchanged: float = 1e-7
-    """and nothing does that changes by less than this part of the largest value along the motion, and
-    that moves a component by less than this part."""
+    """Part of the largest derivative: along a shift of less, it may be that nothing changes. Nothing
+    does that changes by less than this part of the largest value along the motion, and components
+    with less of a shift have no part in it."""
     shifts: tuple[float, ...] = (0.37, -31.7, 1234.5)
     """Sizes of the motion by which a state is shifted to see whether anything changes."""
     samples: int = 64

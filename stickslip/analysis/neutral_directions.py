@@ -41,7 +41,7 @@ def neutral_shifts(
     count = size.shape[0]
     rows = jnp.concatenate([rows.reshape(-1, count), jnp.zeros((count, count))])
     _, strength, right = jnp.linalg.svd(rows, full_matrices=False)
-    columns = echelon(jnp.where(strength[None, :] <= ACCURACY.weak, right.T, 0.0) @ right)
+    columns = echelon(jnp.where(strength[None, :] <= ACCURACY.unchanged, right.T, 0.0) @ right)
 
     now = values(ts, states, modes)
     known = jnp.isfinite(now)

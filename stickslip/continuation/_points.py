@@ -67,7 +67,7 @@ def border(
     for _ in range(ACCURACY.rounds):
         # By bisection: of a border nothing but its side is known at an orbit.
         low, high, best = 0.0, span, last
-        while high - low > ACCURACY.halved * span:
+        while high - low > ACCURACY.nearer**4 * span:
             middle = 0.5 * (low + high)
             found = ahead(problem, last, middle, way)
             there = last.u + middle * (last.tangent if way is None else way)

@@ -188,7 +188,7 @@ def _small_ellipse(problem: Problem, rest: Equilibrium, value: float) -> tuple[n
     whole = np.max(np.abs(rates), axis=0)
     parts = whole * scales_of(jacobian)[0]
     taken = parts > ENGINE.zero * np.max(parts)  # the others do not take part in this motion
-    sizes = 10.0 ** np.arange(ACCURACY.decades, -ACCURACY.decades, -0.5)[:, None, None]
+    sizes = 10.0 ** np.arange(ACCURACY.tries, -ACCURACY.tries, -0.5)[:, None, None]
     states = jnp.asarray(np.asarray(flat) + sizes * ways)
     off = np.asarray(jax.vmap(jax.vmap(field))(states)) - np.asarray(field(jnp.asarray(flat)))
     off -= sizes * rates

@@ -109,7 +109,7 @@ class Space(eqx.Module):
         if low is None and high is None:
             return side
         part = jnp.where(jnp.isfinite(error), ACCURACY.at_bound * error, 0.0)
-        near = jnp.clip(part, 1e-6 * span, ACCURACY.at_bound * span)
+        near = jnp.clip(part, ACCURACY.narrow * span, ACCURACY.at_bound * span)
         if low is not None:
             side = jnp.where(value - low < near, -1, side)
         if high is not None:
