@@ -283,6 +283,7 @@ def test_a_state_beyond_a_declared_border_stays_where_it_is_but_for_that():
     """At x = 0.001 the ratio could be made 0 by y = 80 for 160: motions were off by 1e-7 of it."""
     y = Place(jnp.asarray(1e-3), jnp.asarray(160.0))
     sided, _ = _sided.system_with_sides(Ratio(), 0.0, y, jnp.zeros((), jnp.int32), None)
+    assert sided is not None
     below = sided.with_sides(0.0, Place(-y.x, y.y), jnp.zeros((), jnp.int32), None)
     np.testing.assert_allclose(sided.vector_field(0.0, y, below, None).y, 160.0, rtol=1e-3)
 
