@@ -81,6 +81,8 @@ class Overload(NamedTuple):
 class AbstractSearched:
     """All that the search asks of a group of contacts; rows are tuples unless a kind says otherwise."""
 
+    opens: bool = False  # whether some contact can open
+
     def slips(self, problem: Problem, acceleration: NumberRow) -> NumberRow:
         """Relative accelerations along the contacts."""
         return relative(problem.lines, acceleration, problem.gamma)
@@ -187,7 +189,7 @@ def states_by_search(group: AbstractSearched, problem: Problem) -> tuple[NumberR
     )  # fmt: skip
     low, kinetic_low = static.lower, kinetic.lower
     creeping = _creeping(problem)
-    inertia, size = _scales(problem, standing)
+    inertia, size = _scales(problem, standing, group.opens)
 
     def pivot(now: _Search) -> _Search:
         slow = ACCURACY.slow * now.still / inertia
@@ -282,18 +284,21 @@ def _creeping(problem: Problem) -> NumberRow:
     )  # fmt: skip
 
 
-def _scales(problem: Problem, standing: NumberRow) -> tuple[Any, Any]:
+def _scales(problem: Problem, standing: NumberRow, opens: bool) -> tuple[Any, Any]:
     """Inertia that contacts feel [kg], and the size of all forces at them together [N]."""
     levers = _levers(problem.lines, standing)
     M = problem.mass
     diagonal = M.diagonal or [line[i] for i, line in enumerate(M.full or [])]
     felt = [times(m, times(over(x), over(x))) for m, x in zip(diagonal, levers, strict=True)
             if not is_zero(x)]  # fmt: skip
-    # A stop can bear without limit; what friction can bear is a scale.
+    # A stop can bear without limit; what friction can bear is a scale. That of a contact that is open
+    # has the sign of its normal force.
     widths = each(
         lambda high, low: 0.0 if high is NO_LIMIT else high - low,
         problem.static.high, problem.static.lower,
     )  # fmt: skip
+    if opens:
+        widths = each(jnp.abs, widths)
     borne = total(widths) if isinstance(widths, tuple) else jnp.sum(widths)
     if isinstance(problem.force, tuple):
         loads = total(
