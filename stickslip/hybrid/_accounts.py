@@ -52,9 +52,7 @@ def sections_at_zero(plan: Plan, code: Any, lane: Lane, values: Values) -> tuple
     functions = plan.functions
     # After one event another may follow at once, and then no step says how well the first was located.
     full = jnp.maximum(lane.full, jnp.where(lane.h > 0, 0.0, lane.h_free))
-    known_to = ACCURACY.same_instant * (
-        ACCURACY.event_tolerance * full + ACCURACY.rounding * jnp.abs(lane.t)
-    )
+    known_to = ACCURACY.same_instant * (ACCURACY.solved * full + ACCURACY.rounding * jnp.abs(lane.t))
     event = is_event(code) | ((code == REFRESH) & (lane.events > 0))
     return tuple(
         event & (jnp.abs(values.value[i]) <= known_to * _steepest(lane.rates[i], values.rate[i]))

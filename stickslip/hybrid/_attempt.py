@@ -163,7 +163,7 @@ def _kick(plan: Plan, mode, index, t, y, *, problem):
     slopes = jax.vmap(look)(jnp.stack([mode, system.transition(t, y, mode, index, args)[1]]))
     return tuple(
         _differs(a, level)
-        for a, level in zip(slopes, (ACCURACY.jump_of_field, ACCURACY.bend_of_field), strict=True)
+        for a, level in zip(slopes, (ACCURACY.jump_of_field, ACCURACY.zero), strict=True)
     )
 
 

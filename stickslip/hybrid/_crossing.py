@@ -170,7 +170,7 @@ def _search(plan: Plan, problem, section: Section, row: Starts) -> tuple[Any, Py
         slope, *start = select(begins, (dy, *found), (slope, *start))
         end = jnp.where(whole, found[0], end)
         # One that starts on zero, at an event say, has a sign of rounding: it has left that of its end.
-        on_zero = jnp.abs(start[0]) <= ACCURACY.event_tolerance * row.h * jnp.abs(start[1])
+        on_zero = jnp.abs(start[0]) <= ACCURACY.solved * row.h * jnp.abs(start[1])
         side = jnp.where(on_zero, -end, start[0])
         sign = {"falling": 1.0, "rising": -1.0}.get(section.direction, jnp.sign(side))
         value, rate, value0, rate0 = (sign * a for a in (*found, *start))

@@ -69,7 +69,7 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
     touched = best.index - 1  # the last such guard, -1 for none
     free = lane.bracket.tries == 0
     full = jnp.where(free, lane.h, lane.full)
-    beside = -ACCURACY.coincidence * full
+    beside = -ACCURACY.zero * full
     at_start = ~free & (lane.h == 0)
     rounding = -2.0 * ACCURACY.lowest / lane.h
     for i in range(functions.count):
@@ -243,7 +243,7 @@ def _what_fires(plan: Plan, lane: Lane, h: Any, first: First, code: Any) -> Any:
     free, fresh = b.tries == 0, lane.fresh == 1.0
     guards = is_guard(functions, first)
     rate = first.rate
-    tolerance = jnp.where(guards, ACCURACY.event_tolerance, ACCURACY.section_tolerance)
+    tolerance = jnp.where(guards, ACCURACY.solved, ACCURACY.section_tolerance)
     full = jnp.where(free, h, lane.full)
     # A short step late in a run cannot be divided further than the time can be told. The correction
     # must be small against the step that led here too: a hop may be tiny.

@@ -18,6 +18,7 @@ from jax.interpreters.partial_eval import dce_jaxpr
 from jaxtyping import PyTree
 
 from .._jaxpr import LITERAL, equations, nowhere
+from .._validation import MOST_NUMBERED
 from ._bends import Change, Outcomes, compares, evaluate_with
 from ._section import Section
 from ._wrapper import AbstractSystemWrapper
@@ -145,7 +146,7 @@ def system_with_sides(
     numbers = Program(by_numbers, (system, args), t, mode, y)
     # A system that declares its switches knows of what is not seen.
     left, width = found.left and not found.declared, found.width
-    if not found.changes or len(system.mode_names) << width > ACCURACY.modes_and_sides:
+    if not found.changes or len(system.mode_names) << width > MOST_NUMBERED:
         return None, left or bool(found.changes)
     changes, jumps, roots = tuple(found.changes), found.jumps, found.roots
 

@@ -8,8 +8,8 @@ import numpy as np
 from jax import lax
 
 from stickslip._fastmath import where
+from stickslip.hybrid.accuracy import ACCURACY as ENGINE
 
-from ._accuracy import ACCURACY
 from ._directions import completed_inverse
 from ._group import (
     AbstractContactGroup,
@@ -25,9 +25,7 @@ from ._local import LocalInstant, Part
 from ._motion import Motion
 from ._rows import NumberRow
 from ._scalars import Factors, Mass, any_of, choose, dot, is_zero, minus, over, times, total
-from ._search import Overload, Problem, resting
-
-UNRESISTED = -1.0  # share of its friction that a contact uses which does not rest: less than any
+from ._search import UNRESISTED, Overload, Problem, resting
 
 
 class FreeVelocities(AbstractContactGroup):
@@ -207,7 +205,7 @@ def decoupled_inertia(part: Part, inverse: np.ndarray) -> np.ndarray:
         return np.zeros((n, n), bool)
     inertia = part.inertia.reshape(-1, n, n)
     sizes = np.abs(inverse.T) @ np.abs(inertia) @ np.abs(inverse)
-    return np.all(np.abs(inverse.T @ inertia @ inverse) <= ACCURACY.inertia * sizes, axis=0)
+    return np.all(np.abs(inverse.T @ inertia @ inverse) <= ENGINE.slack * sizes, axis=0)
 
 
 def _motion_of_one(M: Mass, F: Any, n: Any, rests: Any, gamma: Any) -> Motion:
