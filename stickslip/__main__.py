@@ -12,8 +12,6 @@ from ._version import __version__
 
 # First words of commands about the store of a sweep.
 SWEEPS = ("status", "verify")
-# A line of the list is cut, not wrapped: one look finds the name.
-NARROWEST = 60
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -98,7 +96,8 @@ def _page(entry: Public) -> str:
 
 def _rows(rows: list[tuple[str, str]]) -> list[str]:
     """Names in a column, each with a sentence that is cut where the line ends."""
-    width = max(NARROWEST, shutil.get_terminal_size((104, 24)).columns)
+    # A line of the list is cut, not wrapped: one look finds the name.
+    width = max(60, shutil.get_terminal_size((104, 24)).columns)
     column = max(len(name) for name, _ in rows) + 2
     lines = (f"  {name:<{column}}{text}" for name, text in rows)
     return [line if len(line) <= width else f"{line[: width - 3]}..." for line in lines]

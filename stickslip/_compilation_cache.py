@@ -14,9 +14,6 @@ from ._paths import the_directory
 from ._types import Path
 from ._validation import one_static
 
-# A first fit is a few long programs and some two hundred of milliseconds: a figure of the machine that
-# took 35 s with the long ones kept takes 30 s with all of them.
-WORTH = 0.0  # s of compiling
 _SUFFIX = "-cache"
 
 
@@ -53,7 +50,9 @@ def enable_compilation_cache(
     _shrink(folder.parent, max_bytes)
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_enable_compilation_cache", True)
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", WORTH)
+    # All are kept. A first fit is a few long programs and some two hundred of milliseconds: a figure of
+    # the machine that took 35 s with the long ones kept takes 30 s with all of them.
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", 0)
     # JAX would keep to the cache, or to none, that it found at its first compilation.
     compilation_cache.reset_cache()

@@ -16,7 +16,7 @@ from ._validation import is_concrete
 from .hybrid.compile_options import plain_options
 from .hybrid.executor import closed_jaxpr
 
-MOST = 16  # programs kept
+MOST_KEPT = 16  # programs, here and of sweeps
 _programs: collections.OrderedDict[Any, Any] = collections.OrderedDict()
 _known: collections.OrderedDict[Any, Any] = collections.OrderedDict()
 _turn = threading.Lock()
@@ -64,10 +64,10 @@ def compiled_once(function: Callable[..., PyTree], *operands: PyTree, key: Any =
         program = lowered.compile(compiler_options=plain_options())
     with _turn:
         _programs[text] = program
-        while len(_programs) > MOST:
+        while len(_programs) > MOST_KEPT:
             _programs.popitem(last=False)
         if key is not None:
             _known[key] = program, consts, form, rest
-            while len(_known) > MOST:
+            while len(_known) > MOST_KEPT:
                 _known.popitem(last=False)
     return eqx.combine(jax.tree.unflatten(form, program(*given)), rest)

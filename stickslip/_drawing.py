@@ -4,11 +4,10 @@ import numpy as np
 from matplotlib.axes import Axes
 
 BLUE, RED, GREY, BAND = "#1f4e9c", "#c0392b", "0.6", "0.8"
-MOST = 4000  # dots that a panel tells apart
 
 
 def residual_dots(axis: Axes, places: np.ndarray, values: np.ndarray, size: float = 1.5) -> None:
-    """At most so many residuals over their places, and the line that they should lie about."""
-    every = max(values.size // MOST, 1)
+    """As many residuals as a panel tells apart over their places, and the line to lie about."""
+    every = max(values.size // 4000, 1)
     axis.plot(places[::every], values[::every], ".", ms=size, color=BLUE)
     axis.axhline(0.0, lw=0.6, color=GREY)

@@ -7,7 +7,6 @@ from typing import Any
 
 from ._validation import refusal
 
-LONGEST_NAME = 255
 DIRECTORY = "the path of a directory"
 
 
@@ -30,7 +29,7 @@ def the_directory(name: str, path: Any, allowed: str = DIRECTORY) -> pathlib.Pat
         os.lstat(expanded)
     except OSError as error:
         if error.errno == errno.ENAMETOOLONG:
-            short = f"{allowed} whose names have at most {LONGEST_NAME} bytes"
+            short = f"{allowed} whose names have at most 255 bytes"
             raise refusal(name, text, short) from None
     except ValueError as error:
         raise refusal(name, text, f"{allowed} ({error})") from None

@@ -13,6 +13,7 @@ from jax.core import Tracer
 
 WIDTH = 104  # characters of a line
 FEW = 6  # numbers that are listed one by one
+LISTED = 9  # names of modes, names of components, or rows of a log that are listed
 
 
 def number(value: Any) -> str:

@@ -39,7 +39,8 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 T = TypeVar("T")
-MOST = 2**31 - 1  # what an index of an array can count
+MOST = int(np.iinfo(np.int32).max)  # what an index of an array can count
+MOST_NUMBERED = 2**62  # places or modes that one integer of 64 bits tells apart, and can add
 REAL = "a real number or an array of real numbers"
 _SHORT = reprlib.Repr()
 _SHORT.maxstring = _SHORT.maxother = 60

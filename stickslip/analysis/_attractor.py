@@ -19,6 +19,8 @@ from .._validation import (
     shape_refusal,
     whole_number,
 )
+from ..hybrid.accuracy import ACCURACY as ENGINE
+from ._accuracy import ACCURACY
 
 # Meanings of `period`, by number in `period_status`. Only "repeats" and "none" are measurements.
 PERIOD_STATUS = (
@@ -33,12 +35,6 @@ PERIOD_STATUS = (
     "below_rounding",
 )
 CANNOT_TELL = -1  # `period` where the points do not say
-# Values closer than so many units in the last place are equal: sums and square roots went into them.
-ROUNDING = 64 * 2.0**-52
-# A value this small against the observable's motion is zero because the section says so.
-VANISHES = 1e-9
-# A difference below this part of the motion is a step of an approach, not a jump on an attractor.
-SMALL_STEP = 0.05
 
 
 class Verdict(NamedTuple):
@@ -135,7 +131,7 @@ def period_of(
     latest = jnp.where(valid[:, None], latest, latest[:1])
     low = jnp.minimum(span[0], jnp.min(latest, axis=0))
     high = jnp.maximum(span[1], jnp.max(latest, axis=0))
-    rounding = ROUNDING * jnp.maximum(jnp.abs(low), jnp.abs(high))
+    rounding = ENGINE.some_roundings * jnp.maximum(jnp.abs(low), jnp.abs(high))
     largest = jnp.maximum(jnp.abs(low), jnp.abs(high))
     for k, turn in enumerate(turns):
         if turn is not None:
@@ -148,11 +144,11 @@ def period_of(
     size = high - low
     if start is not None:
         largest = jnp.maximum(largest, jnp.where(jnp.isfinite(start), jnp.abs(start), 0.0))
-    moves = size > ROUNDING * largest
+    moves = size > ENGINE.some_roundings * largest
     resolved = tolerance * size >= rounding
     # A fixed point repeats anyhow.
     scaled = (latest - low[None, :]) / jnp.where(moves, size, jnp.inf)[None, :]
-    tells = moves & (jnp.max(jnp.abs(latest), axis=0) > VANISHES * size)
+    tells = moves & (jnp.max(jnp.abs(latest), axis=0) > ENGINE.zero * size)
 
     def is_repeated(p):
         repeats = _away_from_last_round(scaled, jnp.maximum(quarter, p) + p, p) <= tolerance
@@ -260,10 +256,12 @@ def _approach(scaled, count, quarter, p, tolerance):
     part = jnp.maximum((count - p) // 4, 1)
     parts = [largest((index >= k * part) & (index < (k + 1) * part)) for k in range(4)]
     smaller = jnp.stack([parts[k] < 0.97 * parts[k + 1] for k in range(3)]).all()
-    near = (parts[3] < SMALL_STEP) & (parts[0] > 0)
+    near = (parts[3] < ACCURACY.small_step) & (parts[0] > 0)
     half = compared & (index < (count - p + 1) // 2)
     # From round to round, not from point to point: an approach may alternate.
     before = step[jnp.minimum(index + p, room - 1)]
     pair = (half & (index < count - 2 * p))[:, None]
-    one_way = jnp.all((step * before >= 0) | ~pair) & (largest(half) < SMALL_STEP) & jnp.any(pair)
+    one_way = (
+        jnp.all((step * before >= 0) | ~pair) & (largest(half) < ACCURACY.small_step) & jnp.any(pair)
+    )
     return shrunk, long_enough & (count >= p + 12) & ((smaller & near) | one_way)

@@ -14,6 +14,7 @@ from .._types import Given, Mode, Named, Row
 from .._validation import check_count, check_mapping, check_type, refusal
 from ..derived import WithIntegrals
 from ..hybrid import AbstractHybridSystem, Integrator, SaveAt, Section, raise_failures, simulate
+from ..hybrid.accuracy import ACCURACY as ENGINE
 from ..hybrid.arguments import the_system
 from ..hybrid.components import own_axes
 from ..hybrid.tree import with_float_arrays
@@ -22,8 +23,6 @@ from ._arguments import an_integrator, named_observables, start_of
 from ._builder import check_labels
 from ._recording import Samples, samples_of
 from .observable import Angle, Maximum, Minimum, as_observable, as_section, axes_of, shape_of
-
-MOST_NAMES = 1024  # of more modes only those are named that occur
 
 
 def time_history(
@@ -116,7 +115,7 @@ def time_history(
 
 def _mode_names(system: Any, mode: np.ndarray) -> dict[str, list]:
     names = system.mode_names
-    if len(names) <= MOST_NAMES:
+    if len(names) <= ENGINE.named_modes:
         return {"mode_names": list(names)}
     met = [int(number) for number in np.unique(mode) if number >= 0]
     return {"mode_numbers": met, "mode_names": [names[number] for number in met]}

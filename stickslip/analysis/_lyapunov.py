@@ -34,6 +34,7 @@ from ..hybrid.arguments import a_time, the_system
 from ..hybrid.components import component_list, place_of
 from ..hybrid.longest_step import spanning
 from ..hybrid.tree import with_float_arrays
+from ._accuracy import ACCURACY
 from ._arguments import an_integrator, start_of
 from ._growth import (
     LyapunovSpectrum,
@@ -46,8 +47,6 @@ from ._growth import (
 from ._recording import Segments
 from .held_directions import held_directions
 from .neutral_directions import neutral_shifts
-
-SAMPLES = 64  # of the motion, of which it is asked whether a shift of its states changes anything
 
 
 def lyapunov_spectrum(
@@ -174,7 +173,7 @@ def _spectrum(
             usable,
             rests & jnp.all(jnp.stack(jax.tree.leaves(same))),
             tuple(
-                rows.at[number.astype(jnp.int32) % SAMPLES].set(new)
+                rows.at[number.astype(jnp.int32) % ACCURACY.samples].set(new)
                 for rows, new in zip(seen, (start, ravel_pytree(y)[0], mode), strict=True)
             ),
         )
@@ -184,7 +183,7 @@ def _spectrum(
     frame = jnp.zeros((len(moving), count)).at[np.flatnonzero(moving)].set(first_frame(size, count))
     flags = jnp.zeros((), jnp.int32)
     flat, unravel = ravel_pytree(y0)
-    seen = tuple(jnp.broadcast_to(a, (SAMPLES, *jnp.shape(a))) for a in (begin, flat, mode))
+    seen = tuple(jnp.broadcast_to(a, (ACCURACY.samples, *jnp.shape(a))) for a in (begin, flat, mode))
     carry = (jnp.zeros(()), y0, mode, flags, result, good, jnp.ones((), bool), seen)
     carry, growth = accumulate(step, carry, frame, count=segments, warm_up=warm_up)
     _, y1, mode, flags, result, good, rests, (ts, states, modes) = carry

@@ -13,13 +13,12 @@ from ..hybrid import AbstractHybridSystem
 from ..sweep import Labels, Variable, run_sweep
 from ..sweep.grid import check_grid
 from ..sweep.settings import settings_of
+from ._accuracy import ACCURACY
 from ._builder import builder_of, check_labels, labelled_parameters
 from ._growth import EXPONENT_STATUS
 from ._lyapunov import lyapunov_spectrum
 from ._orbit_lane import STATUS, engine_status
 from ._recording import Segments
-
-CHUNK = 64  # lanes per block: each is a motion with all its tangents
 
 
 def lyapunov_diagram(
@@ -97,8 +96,9 @@ def lyapunov_diagram(
         },
     )
     settings = {"record": record, **(given.labels.settings or {})}
+    store = given.storage.in_chunks(ACCURACY.with_tangents)
     return run_sweep(
-        lane, coords, store=given.storage.in_chunks(CHUNK), compute=given.compute, part=given.part,
+        lane, coords, store=store, compute=given.compute, part=given.part,
         labels=Labels(variables, settings, given.labels.attrs, given.name),
     )  # fmt: skip
 

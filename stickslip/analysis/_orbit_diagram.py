@@ -18,6 +18,7 @@ from ..sweep import Carried, Labels, Variable, run_sweep
 from ..sweep.evaluate import lanes_of, prepared
 from ..sweep.grid import block_shape, check_grid
 from ..sweep.settings import Settings, settings_of
+from ._accuracy import ACCURACY
 from ._arguments import an_integrator, named_observables, start_of
 from ._attractor import PERIOD_STATUS
 from ._builder import builder_of, check_labels, labelled_parameters
@@ -35,7 +36,6 @@ from .observable import (
 )
 
 RESULTS_OF_A_LANE = ("count", "status", "period", "period_status", "slow_transient", "flags")
-CHUNK_CPU = 512  # lanes per block: so few that the check can run the same program on as many
 
 
 def orbit_diagram(
@@ -144,7 +144,7 @@ def orbit_diagram(
     }
     given = given._replace(labels=Labels(variables, told, attrs, given.name))
     if carried is None and jax.default_backend() == "cpu":
-        given = given._replace(storage=given.storage.in_chunks(CHUNK_CPU))
+        given = given._replace(storage=given.storage.in_chunks(ACCURACY.side_by_side))
     # Numbers enter as inputs, so that other times and steps do not make another program.
     numbers, static = _numbers(integrator, record)
 
@@ -352,7 +352,7 @@ def _check(lane, numbers, coords, starts, check, dataset, observed, settings: Se
     place = np.unravel_index(picked, shape)
     # As many lanes as a block of the sweep has, so that its program serves, unless that is a lot more.
     block = math.prod(block_shape(shape, settings.storage.lanes))
-    filled = np.resize(picked, block) if picked.size <= block <= CHUNK_CPU else picked
+    filled = np.resize(picked, block) if picked.size <= block <= ACCURACY.side_by_side else picked
     points = {
         key: v[i] for (key, v), i in zip(coords.items(), np.unravel_index(filled, shape), strict=True)
     }

@@ -19,7 +19,9 @@ from ..hybrid import (
     Solution,
     simulate,
 )
-from ._attractor import CANNOT_TELL, PERIOD_STATUS, ROUNDING, period_of
+from ..hybrid.accuracy import ACCURACY as ENGINE
+from ._accuracy import ACCURACY
+from ._attractor import CANNOT_TELL, PERIOD_STATUS, period_of
 from ._recording import PeriodTest
 from .observable import Angle, Observable, whole_of
 
@@ -46,7 +48,6 @@ USABLE = ("ok", "buffer_full", "not_settled", "fewer_points", "too_few_points")
 # of the motion is hit at one phase all the time; dense at the beginning, which is all there is where a
 # lane stops after so many points.
 SAMPLES = ((np.arange(24) + 1.0) / 24) ** 3
-FEWEST_SAMPLES = 8
 
 
 class OrbitPlan(NamedTuple):
@@ -244,14 +245,14 @@ def _points_of(
     )
     # So few samples of the motion do not give its size, which the tolerance refers to.
     few = PERIOD_STATUS.index("too_few_points")
-    status = jnp.where(judged.samples < FEWEST_SAMPLES, few, verdict.status)
+    status = jnp.where(judged.samples < ACCURACY.fewest_samples, few, verdict.status)
     status = jnp.where(failed, PERIOD_STATUS.index("lane_failed"), status)
     told = status <= PERIOD_STATUS.index("none")
     # Points that agree are those of the motion, however few they are.
     ends = _span(columns, count)
     spread = jnp.ptp(ends, axis=0)
     size = jnp.maximum(jnp.ptp(judged.span, axis=0), spread)
-    rounding = ROUNDING * jnp.max(jnp.abs(ends), axis=0)
+    rounding = ENGINE.some_roundings * jnp.max(jnp.abs(ends), axis=0)
     apart = jnp.any(spread > plan.period.tolerance * size + rounding)
     results = {
         **points,

@@ -14,8 +14,7 @@ from jaxtyping import PyTree
 from .._validation import check_finite, leaves_of, refusal, shape_refusal
 from ..hybrid import AbstractHybridSystem
 from ..hybrid.components import components_of, own_axes
-
-FEW = 4  # leaves that may be read in two ways, all ways of reading which are tried
+from ._accuracy import ACCURACY
 
 
 class Starts(NamedTuple):
@@ -127,7 +126,7 @@ def _two_ways(name: str, leaf: Any, coords: Mapping[str, np.ndarray]) -> Excepti
 
 def _readings(rule: list[bool], open_: list[int]) -> list[list[bool]]:
     """Ways of reading the leaves, the rule first; of many leaves all at once and one by one."""
-    if len(open_) <= FEW:
+    if len(open_) <= ACCURACY.open_leaves:
         flips = [c for n in range(len(open_) + 1) for c in itertools.combinations(open_, n)]
     else:
         ones = [(i,) for i in open_]

@@ -16,17 +16,17 @@ from .._show import amount, number
 from .._types import Given, Mode, Numeric
 from .._validation import as_parameter, check_flag, check_type, is_concrete, one_number
 from ..hybrid import AbstractHybridSystem, Integrator, SaveAt, simulate
+from ..hybrid.accuracy import ACCURACY as ENGINE
 from ..hybrid.arguments import a_time, the_system
 from ..hybrid.longest_step import spanning
 from ..hybrid.system import mode_type
+from ._accuracy import ACCURACY
 from ._arguments import an_integrator, start_of
 from ._growth import mean_and_error
 from ._lyapunov import moving_components
 from ._recording import Segments
 
 SEPARATION_STATUS = ("ok", "failed", "merged", "saturated")
-LARGE = 0.1  # part of the size of the motion from which on a distance is not small
-ROUNDING = 64 * 2.0**-52
 
 
 class Separation(eqx.Module):
@@ -152,7 +152,7 @@ def two_trajectory_exponent(
             modes = modes.at[1].set(mode_of(end, pair[1]))
         after = distance if renormalise else kept
         low, high = jnp.minimum(low, pair[0]), jnp.maximum(high, pair[0])
-        noise = ROUNDING * jnp.sqrt(jnp.sum(pair[0] * pair[0]))
+        noise = ENGINE.some_roundings * jnp.sqrt(jnp.sum(pair[0] * pair[0]))
         return (pair, modes, good & jnp.all(well), after, low, high), (growth, now, now <= noise)
 
     numbers = jnp.arange(segments + warm_up, dtype=jnp.float64)
@@ -165,7 +165,7 @@ def two_trajectory_exponent(
     size = 0.5 * jnp.sqrt(jnp.sum((high - low) ** 2))
     status = jnp.zeros((), jnp.int32)
     for word, applies in (
-        ("saturated", jnp.any((apart > LARGE * size) & (apart > distance))),
+        ("saturated", jnp.any((apart > ACCURACY.large * size) & (apart > distance))),
         ("merged", jnp.any(merged)),
         ("failed", ~good | ~jnp.all(jnp.isfinite(apart))),
     ):

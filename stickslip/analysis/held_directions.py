@@ -8,10 +8,8 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree
 
 from ..hybrid import AbstractHybridSystem
-
-SAME = 1e-9  # of its size: a transition that moves the state by less leaves it where it is
-DEPENDENT = 1e-9  # of its length: a constraint that the others leave no more of is one of them
-AT_ONCE = 512  # transitions that are tried side by side
+from ..hybrid.accuracy import ACCURACY as ENGINE
+from ._accuracy import ACCURACY
 
 
 def held_directions(
@@ -60,7 +58,7 @@ def _beside(normals: Float[Array, "constraint size"]) -> Float[Array, "size size
         # Twice: what rounding leaves of a nearly dependent row is not orthogonal to the others.
         left = projection @ (projection @ normal)
         length = left @ left
-        new = length > DEPENDENT**2 * (normal @ normal)
+        new = length > ENGINE.zero**2 * (normal @ normal)
         change = jnp.outer(left, left) / jnp.where(new, length, 1.0)
         return projection - jnp.where(new, change, 0.0)
 
@@ -86,17 +84,17 @@ def _by_transitions(system, t, flat, unravel, mode, args, unit) -> Float[Array, 
     def some(projection, numbers):
         after, found = jax.vmap(lambda n: jump(flat, n))(numbers)
         slopes = jax.vmap(lambda n: jax.jacfwd(lambda z: jump(z, n)[0])(flat))(numbers)
-        stays = jnp.all(jnp.abs(after - flat[None, :]) <= SAME * jnp.abs(flat)[None, :], axis=1)
+        stays = jnp.all(jnp.abs(after - flat[None, :]) <= ENGINE.zero * jnp.abs(flat)[None, :], axis=1)
         slopes = slopes * unit[None, None, :] / unit[None, :, None]
         # An impact that happens to find no speed leaves the state alone too, but it holds nothing.
-        projects = jnp.max(jnp.abs(slopes @ slopes - slopes), axis=(1, 2)) <= SAME
+        projects = jnp.max(jnp.abs(slopes @ slopes - slopes), axis=(1, 2)) <= ENGINE.zero
         used = stays & (found == mode) & projects
         slopes = jnp.where(used[:, None, None], slopes, jnp.eye(size)[None])
         return jax.lax.fori_loop(0, len(numbers), lambda n, p: slopes[n] @ p, projection), None
 
     if not pairs:
         return jnp.eye(size)
-    width = min(pairs, AT_ONCE)
+    width = min(pairs, ACCURACY.side_by_side)
     rows = -(-pairs // width)
     # The last ones are tried twice where they do not come out even, which changes nothing.
     numbers = jnp.minimum(jnp.arange(rows * width, dtype=jnp.int32), pairs - 1).reshape(rows, width)

@@ -8,13 +8,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree
 
 from ..hybrid import AbstractHybridSystem
-
-# Bounds on the derivatives along a shift, in parts of the largest: below the first it is one that may
-# change nothing; a component with less of it has no part in it.
-WEAK, NONE = 1e-8, 1e-7
-# Sizes of the motion by which a state is shifted to see whether anything changes, and the largest
-# change, in parts of what is largest along the motion, that is rounding.
-SHIFTS, SAME = (0.37, -31.7, 1234.5), 1e-7
+from ._accuracy import ACCURACY
 
 
 def neutral_shifts(
@@ -47,19 +41,20 @@ def neutral_shifts(
     count = size.shape[0]
     rows = jnp.concatenate([rows.reshape(-1, count), jnp.zeros((count, count))])
     _, strength, right = jnp.linalg.svd(rows, full_matrices=False)
-    columns = echelon(jnp.where(strength[None, :] <= WEAK, right.T, 0.0) @ right)
+    columns = echelon(jnp.where(strength[None, :] <= ACCURACY.unchanged, right.T, 0.0) @ right)
 
     now = values(ts, states, modes)
     known = jnp.isfinite(now)
     largest = jnp.max(jnp.where(known, jnp.abs(now), 0.0), axis=0)
 
+    shifts, number = jnp.asarray(ACCURACY.shifts), len(ACCURACY.shifts)
+
     def nothing_changes(column):
-        moved = (
-            states[None] + jnp.asarray(SHIFTS)[:, None, None] * (column * size)[None, None]
-        ).reshape(-1, count)
-        times, where = jnp.tile(ts, len(SHIFTS)), jnp.tile(modes, len(SHIFTS))
-        away = jnp.abs(values(times, moved, where) - jnp.tile(now, (len(SHIFTS), 1)))
-        return jnp.all((away <= SAME * largest[None, :]) | ~jnp.tile(known, (len(SHIFTS), 1)))
+        moved = (states[None] + shifts[:, None, None] * (column * size)[None, None]).reshape(-1, count)
+        times, where = jnp.tile(ts, number), jnp.tile(modes, number)
+        away = jnp.abs(values(times, moved, where) - jnp.tile(now, (number, 1)))
+        same = away <= ACCURACY.unchanged * largest[None, :]
+        return jnp.all(same | ~jnp.tile(known, (number, 1)))
 
     kept = jax.lax.map(nothing_changes, columns.T) & jnp.all(jnp.isfinite(states))
     return jnp.where(kept[None, :], columns, 0.0)
@@ -71,10 +66,10 @@ def echelon(projection: Float[Array, "size size"]) -> Float[Array, "size size"]:
     def step(i, carry):
         left, columns = carry
         column = left[:, i]
-        new = column[i] > NONE
+        new = column[i] > ACCURACY.unchanged
         part = jnp.where(new, jnp.outer(column, column) / jnp.where(new, column[i], 1.0), 0.0)
         column = column / jnp.where(new, jnp.max(jnp.abs(column)), 1.0)
-        column = jnp.where(new & (jnp.abs(column) > NONE), column, 0.0)
+        column = jnp.where(new & (jnp.abs(column) > ACCURACY.unchanged), column, 0.0)
         return left - part, columns.at[:, i].set(column)
 
     size = projection.shape[0]
@@ -84,4 +79,4 @@ def echelon(projection: Float[Array, "size size"]) -> Float[Array, "size size"]:
 def projection_on(columns: Float[Array, "size size"]) -> Float[Array, "size size"]:
     """Orthogonal projection on what columns span, of which some may be zero."""
     left, strength, _ = jnp.linalg.svd(columns)
-    return jnp.where(strength[None, :] > NONE, left, 0.0) @ left.T
+    return jnp.where(strength[None, :] > ACCURACY.unchanged, left, 0.0) @ left.T

@@ -12,7 +12,8 @@ import dataclasses
 class Accuracy:
     """Numbers that decide in continuation; `ACCURACY` is the one object of this class."""
 
-    # Levels of smallness, so that one idea has one number: from rounding to what is only alike.
+    # Levels of smallness, so that one idea has one number: from rounding to what is only alike. One
+    # more is `ENGINE.zero`: jumps at an event, distances from the real axis, drifts, shares.
     short: float = 1e-13
     """Part: a last step of a search. Newton's method squares the error, secants nearly do. A component
     that moves by less of its value, some hundreds of spacings of numbers, does not move."""
@@ -22,9 +23,6 @@ class Accuracy:
     solved: float = 1e-11
     """Part of the motion's size to which an orbit closes where Newton's method ends. What a mode holds
     is held to it, and balanced equations of equilibria are singular below it."""
-    zero: float = 1e-9
-    """Part: a quantity that is zero without rounding is smaller, where orbits or eigenvalues enter it:
-    a jump at an event, a distance from the real axis, a drift, a share of a direction."""
     closes: float = 1e-8
     """Part: an orbit simulated once more returns to it, times the growth of deviations in a period;
     field and guards of the same states are the same to it a period later."""
@@ -33,7 +31,7 @@ class Accuracy:
     condition of the equations, which may lose five of the digits that are `solved`."""
     little: float = 1e-4
     """Part: a move for differences and first secants, small against the bends of a branch, large
-    against `zero`. An orbit whose extent has shrunk to it is at rest."""
+    against `ENGINE.zero`. An orbit whose extent has shrunk to it is at rest."""
     alike: float = 1e-3
     """Part: two results of different ways to one thing agree to it. A function that jumps is larger
     than this part of its values at both ends."""
@@ -54,9 +52,6 @@ class Accuracy:
     """and of tangents of equilibria, whose steps cost little."""
     straight: float = 0.99
     """The same: between two such orbits their branch is straight."""
-    shortest: float = 2.0**-12
-    """Part of a step below which it is not shortened for a bend, of equilibria also not where Newton's
-    method fails."""
     patience: float = 2.0**-4
     """Part of a step that failed, down to which shorter ones are tried. A point is looked at from
     behind with this part of a step, its square and its cube."""
@@ -81,15 +76,15 @@ class Accuracy:
     evaluations: int = 10
     """Evaluations of Newton's method at one orbit; an equilibrium has `tries`, from farther away."""
     tries: int = 30
-    """Secants, halvings, sizes or evaluations at an equilibrium that are tried at most."""
+    """Secants, halvings, sizes (of a first orbit in powers of ten, to both sides) or evaluations at an
+    equilibrium that are tried at most."""
     rounds: int = 12
     """Times that a search begins anew from what was found."""
     few: int = 4
     """The same, where each costs several orbits."""
     nearer: float = 2.0**-6
-    """Part of what is left to which a round of bisection comes,"""
-    halved: float = 2.0**-24
-    """and to which it does where one round decides."""
+    """Part of what is left to which a round of bisection comes; where one round decides, it comes as
+    far as four."""
     around: int = 16
     """Directions, or instants of an orbit, that are asked at first."""
     stalled: float = 1e3
@@ -97,15 +92,11 @@ class Accuracy:
     much is an end, no failure."""
     inside: tuple[float, ...] = (0.0, 0.02, 0.1, 0.5, 2.0)
     """Of a step along a border: how far beside it orbits are looked for."""
-    beyond: tuple[float, ...] = (1e-4, 1e-3, 1e-2, 1e-5)
-    """Of the motion's size: how far the first orbit on the other side is from a border."""
     amplitudes: tuple[float, ...] = (1.0, 0.3, 3.0, 0.1, 10.0, 0.03, 0.01)
     """First amplitudes of an orbit that begins at another one, in parts of `near`, or at an
     equilibrium, in parts of what is hardly nonlinear."""
     widths: tuple[float, ...] = (0.08, 0.16, 0.03)
     """Of a step: distances of the orbits between which a branch point is found."""
-    decades: int = 25
-    """Powers of ten to both sides in which the amplitude of a first orbit is looked for."""
 
     # Samples of a period, and laws that are read off from them.
     samples: int = 64
@@ -125,6 +116,14 @@ class Accuracy:
     """Of orbits, whose derivatives are looked at,"""
     guessing: float = 1e-10
     """and of first guesses."""
+
+    @property
+    def shortest(self) -> float:
+        """Part of a step below which it is not shortened for a bend: the cube of `patience`.
+
+        Of equilibria also not where Newton's method fails.
+        """
+        return self.patience**3
 
 
 ACCURACY = Accuracy()

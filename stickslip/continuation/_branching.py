@@ -10,6 +10,7 @@ import numpy as np
 from scipy.interpolate import BarycentricInterpolator
 from scipy.optimize import brentq
 
+from ..hybrid.accuracy import ACCURACY as ENGINE
 from ._accuracy import ACCURACY
 from ._along import Problem, equations_at, orbit_at
 from ._family import Failure
@@ -100,7 +101,7 @@ def _on(
     modes = points[2].modes
     found = jax.device_get(equations_at(problem, jnp.asarray(u), modes, before.anchor))
     residual, jacobian, closing = found
-    if not (np.all(closing.good) and np.max(np.abs(residual)) <= ACCURACY.zero):
+    if not (np.all(closing.good) and np.max(np.abs(residual)) <= ENGINE.zero):
         return Failure("not_converged")
     orbit = orbit_at(problem, u, jnp.asarray(modes), before.anchor, found)
     if not bool(orbit.successful):

@@ -13,6 +13,7 @@ from jaxtyping import PyTree
 from .._types import Given
 from .._validation import check_type, refusal
 from ..hybrid import AbstractHybridSystem
+from ..hybrid.accuracy import ACCURACY as ENGINE
 from ..hybrid.arguments import the_system
 from ..hybrid.status import DISCONTINUOUS
 from ._accuracy import ACCURACY
@@ -184,7 +185,7 @@ def _beside(problem: Problem, first: Point, middle: float) -> str:
     """
     family = "it is one of a family, by a conserved quantity or a place that is free between limits"
     strength = np.linalg.svd(first.jacobian, compute_uv=False)
-    if strength[-1] < ACCURACY.zero * strength[0]:
+    if strength[-1] < ENGINE.zero * strength[0]:
         return family
     if abs(first.tangent[-1]) < 0.1 * ACCURACY.known:
         then = ahead(problem, first, ACCURACY.near)

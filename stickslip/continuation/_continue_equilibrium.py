@@ -9,6 +9,7 @@ from jaxtyping import PyTree
 from .._types import Given, Mode
 from .._validation import refusal
 from ..hybrid import AbstractHybridSystem
+from ..hybrid.accuracy import ACCURACY as ENGINE
 from ..hybrid.arguments import check_field, start_of, the_system
 from ..hybrid.tree import with_float_arrays
 from ._accuracy import ACCURACY
@@ -116,7 +117,7 @@ def _first_measure(family: Equilibria, first: Rest, span: float, step: float) ->
     field, size = family.field, np.append(np.zeros(first.z.size - 1), span)
     measure = measure_of(size, first.jacobian)
     rate = abs(first.tangent[-1] / measure.columns[-1])
-    if rate > ACCURACY.zero * np.max(np.abs(first.tangent / measure.columns)):
+    if rate > ENGINE.zero * np.max(np.abs(first.tangent / measure.columns)):
         along, sense, none = measure.along(first.tangent), first.tangent, np.zeros(size.size)
         along = np.where(np.arange(size.size) < size.size - 1, 0.0, along)
         # Where the state bends fast, only a small change of the parameter says how fast it moves.

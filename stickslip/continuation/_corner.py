@@ -42,7 +42,8 @@ def across(problem: Problem, last: Point, seen: Point | Failure) -> list[Point] 
             if tangent is None or any(abs(tangent @ t) > 1.0 - ACCURACY.known for t in tangents):
                 continue
             tangents.append(tangent)
-            for beyond in ACCURACY.beyond:
+            # So far from the border, in parts of the motion's size, the first orbit behind it may lie.
+            for beyond in (*decades(ACCURACY.little, ACCURACY.near), 0.1 * ACCURACY.little):
                 for side in (1.0, -1.0):
                     way = _beyond(problem, last, side * beyond * tangent, side * tangent)
                     if way is not None:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..hybrid.accuracy import ACCURACY as ENGINE
 from ._accuracy import ACCURACY
 from ._along import Problem
 from ._degenerate import degenerate
@@ -288,6 +289,6 @@ def last_place(
         if low < ACCURACY.known:
             best = dataclasses.replace(best, way=last.way)
         last, span = best, 4.0 * (high - low)  # more than was left, for it is a little off
-        if span < ACCURACY.zero * distance:
+        if span < ENGINE.zero * distance:
             break
     return last

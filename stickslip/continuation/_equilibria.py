@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..hybrid.accuracy import ACCURACY as ENGINE
 from ._accuracy import ACCURACY
 from ._equilibrium import Equilibrium
 from ._family import (
@@ -75,7 +76,7 @@ def axis_pair(rest: Rest) -> int | None:
     if not near:
         return None
     at = min(near)[1]
-    if not abs(found[at].imag) > ACCURACY.zero * abs(found[at]):
+    if not abs(found[at].imag) > ENGINE.zero * abs(found[at]):
         return None
     return int(np.argmin(np.abs(found - 1j * abs(found[at].imag))))
 
@@ -113,7 +114,7 @@ class Equilibria(AbstractFamily):
         measure, move = point.measure, distance * point.tangent
         away = measure.length(new.z - point.z - move)
         bend = angle_of(point.tangent, new.tangent, measure)
-        if away > (ACCURACY.swerves + bend) * distance + ACCURACY.zero:
+        if away > (ACCURACY.swerves + bend) * distance + ENGINE.zero:
             return True
         return strays(point, new, measure, measure.size)
 
@@ -270,9 +271,9 @@ def _singular(field: Field, z: np.ndarray, measure: Measure) -> np.ndarray | Non
         z, phi, beta = z - move[: n + 1] * columns, phi - move[n + 1 : -1], beta - move[-1]
         parts = measure.part(move[: n + 1] * columns)
         longest = float(np.max(np.abs(np.concatenate([parts, move[n + 1 :]]))))
-        if longest <= ACCURACY.short or (longest <= ACCURACY.zero and longest >= 0.5 * before):
+        if longest <= ACCURACY.short or (longest <= ENGINE.zero and longest >= 0.5 * before):
             least = np.linalg.svd(measure.balance(field(z)[1]), compute_uv=False)[-1]
-            return z if abs(beta) <= ACCURACY.zero and least <= ACCURACY.known else None
+            return z if abs(beta) <= ENGINE.zero and least <= ACCURACY.known else None
         before = longest
     return None
 

@@ -100,7 +100,7 @@ def _greatest(
     known = (jnp.arange(ROWS, dtype=jnp.int32) < steps.count)[:, None] & jnp.isfinite(flat)
     both, size = jnp.concatenate([flat, -flat], axis=1), flat.shape[1]
     best = jnp.maximum(best, jnp.max(jnp.where(jnp.tile(known, (1, 2)), both, -jnp.inf), axis=0))
-    least = ENGINE.near_one * jnp.tile(jnp.maximum(jnp.abs(best[:size]), jnp.abs(best[size:])), 2)
+    least = ENGINE.some_roundings * jnp.tile(jnp.maximum(jnp.abs(best[:size]), jnp.abs(best[size:])), 2)
     modes = jnp.maximum(steps.mode, 0)
 
     def field(t, state, mode):

@@ -50,7 +50,7 @@ def on_constraints(
         left = projection @ (projection @ normal)
         length = left @ left
         # A constraint of which the others leave no more than rounding is one of them.
-        new = length > ACCURACY.zero**2 * (normal @ normal)
+        new = length > ENGINE.zero**2 * (normal @ normal)
         length = jnp.where(new, length, 1.0)
         state = state - jnp.where(new, left * (value / (jnp.where(new, largest, 1.0) * length)), 0.0)
         projection = projection - jnp.where(new, jnp.outer(left, left) / length, 0.0)

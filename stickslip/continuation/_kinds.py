@@ -8,6 +8,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 
 from ..hybrid import AbstractHybridSystem
+from ..hybrid.accuracy import ACCURACY as ENGINE
 from ._accuracy import ACCURACY
 from ._point import Point
 
@@ -94,7 +95,7 @@ def _jumps(point: Point) -> np.ndarray:
     log, size = point.orbit.events, np.asarray(point.anchor.extent)
     flat = jax.vmap(lambda y: ravel_pytree(y)[0])
     before, after = (np.asarray(flat(y)) for y in (log.y_before, log.y_after))
-    return np.max(np.abs(after - before) / size, axis=1) > ACCURACY.zero
+    return np.max(np.abs(after - before) / size, axis=1) > ENGINE.zero
 
 
 def impacts(point: Point) -> int:

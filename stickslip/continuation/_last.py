@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 
+from ..hybrid.accuracy import ACCURACY as ENGINE
 from ._accuracy import ACCURACY
 from ._along import Problem
 from ._equilibria import axis_pair
@@ -49,7 +50,7 @@ def hopf_point(problem: Problem, point: Point) -> Point | None:
             break
         old, new = new, at(new.z + np.append(np.zeros(low.size), step))
     pair = None if new is None else axis_pair(new)
-    if new is None or pair is None or not abs(rate(new)) <= ACCURACY.zero * turn:
+    if new is None or pair is None or not abs(rate(new)) <= ENGINE.zero * turn:
         return None
     period = 2.0 * np.pi / abs(new.eigenvalues[pair].imag)
     # Another pair may cross the axis nearby: the orbit turns as fast as its own.

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 
 from ..hybrid import saltation_matrix
-from ._accuracy import ACCURACY
+from ..hybrid.accuracy import ACCURACY as ENGINE
 
 
 def pieces_of(jacobian, segments: int, size: int) -> list:
@@ -34,7 +34,7 @@ def through_events(system, args, log, unit):
         finite = jnp.where(jnp.isfinite(matrix), matrix, 0.0)
         strength = jnp.linalg.svd(finite, compute_uv=False)
         # A jump that takes a direction away does so to rounding; the others keep it.
-        found = jnp.sum(strength > ACCURACY.zero * strength[0], dtype=jnp.int32)
+        found = jnp.sum(strength > ENGINE.zero * strength[0], dtype=jnp.int32)
         determinant = jnp.where(found < size, 0.0, jnp.linalg.det(matrix))
         return jnp.minimum(rank, found), product * determinant
 

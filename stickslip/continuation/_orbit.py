@@ -11,9 +11,9 @@ from jaxtyping import Array, Bool, Complex, Float, Int, PyTree, UInt
 from .._show import html_table, number
 from .._validation import is_concrete
 from ..hybrid import AbstractHybridSystem, EventLog
+from ..hybrid.accuracy import ACCURACY as ENGINE
 from ..hybrid.components import components_of, numbers_of
 from ..hybrid.status import describe_flags
-from ._accuracy import ACCURACY
 from ._outcome import ORBITS
 
 
@@ -100,7 +100,7 @@ class PeriodicOrbit(eqx.Module):
         free = ", ".join(name for name, is_free in zip(names, moved, strict=True) if is_free)
         reach = np.asarray(ravel_pytree(self.highest)[0] - ravel_pytree(self.lowest)[0])
         goes = [f"{name} by {number(d)}" for name, d, r in zip(names, flat, reach, strict=True)
-                if abs(d) > ACCURACY.zero * r]  # fmt: skip
+                if abs(d) > ENGINE.zero * r]  # fmt: skip
         return f"place free along {free}" + f", in a period moves on {', '.join(goes)}" * bool(goes)
 
     @property

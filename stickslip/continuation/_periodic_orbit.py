@@ -262,7 +262,7 @@ def describe_orbit(
         (found.singular, "singular"),
         (~reached & found.stalled, "stalled"),
         (~reached, "not_converged"),
-        (moves < ACCURACY.zero, "at_rest"),
+        (moves < ENGINE.zero, "at_rest"),
         (mode1 != mode0, "mode_differs"),
         (~recurs, "period_differs"),
         (~(solution.successful & (closing <= allowed)), "not_reproduced"),

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ..hybrid.accuracy import ACCURACY as ENGINE
 from ._accuracy import ACCURACY
 from ._along import Problem
 from ._family import Failure
@@ -47,7 +48,7 @@ def is_torus(point: Point) -> bool:
     """Whether the pair whose product is 1 is a conjugate one."""
     found = multipliers_of(point.orbit)
     pairs = [(abs(a * b - 1.0), a) for i, a in enumerate(found) for b in found[:i]]
-    return bool(pairs and abs(np.imag(min(pairs, key=lambda p: p[0])[1])) > ACCURACY.zero)
+    return bool(pairs and abs(np.imag(min(pairs, key=lambda p: p[0])[1])) > ENGINE.zero)
 
 
 def border(
@@ -66,7 +67,7 @@ def border(
     for _ in range(ACCURACY.rounds):
         # By bisection: of a border nothing but its side is known at an orbit.
         low, high, best = 0.0, span, last
-        while high - low > ACCURACY.halved * span:
+        while high - low > ACCURACY.nearer**4 * span:
             middle = 0.5 * (low + high)
             found = ahead(problem, last, middle, way)
             there = last.u + middle * (last.tangent if way is None else way)

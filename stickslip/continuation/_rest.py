@@ -11,6 +11,7 @@ from jaxtyping import PyTree
 
 from .._code import jit_by_code
 from ..analysis.observable import with_parameters
+from ..hybrid.accuracy import ACCURACY as ENGINE
 from ._accuracy import ACCURACY
 
 
@@ -49,7 +50,7 @@ class Measure:
         for _ in range(z.size.bit_length()):
             near = (near.astype(int) @ near) > 0
         known = np.max(np.where(near, (self.size / self.columns)[None, :], 0.0), axis=1)
-        return np.maximum(ACCURACY.zero * self.columns * known, ACCURACY.zero * np.abs(z))
+        return np.maximum(ENGINE.zero * self.columns * known, ENGINE.zero * np.abs(z))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -128,7 +129,7 @@ def scales_of(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     logs = np.log(np.where(taken, np.abs(matrix), 1.0))
     rows, columns = _least_squares(taken, logs)
     # Rounding may have made the tiny ones, and would have a say in the scales.
-    taken &= logs + rows[:, None] + columns[None, :] > np.log(ACCURACY.zero)
+    taken &= logs + rows[:, None] + columns[None, :] > np.log(ENGINE.zero)
     rows, columns = _least_squares(taken, logs)
     size = np.where(taken, logs + rows[:, None] + columns[None, :], -np.inf).max(axis=1)
     return np.exp(rows - np.where(np.isfinite(size), size, 0.0)), np.exp(columns)
@@ -184,7 +185,7 @@ def equilibrium_at(
             size = seen
             waited = np.ones(z.size, bool)
         else:
-            least = measure.least(jacobian, z) / ACCURACY.zero
+            least = measure.least(jacobian, z) / ENGINE.zero
             size = np.maximum(measure.size, np.maximum(np.abs(z), least))
             waited = measure.size > 0.0
         parts = np.where(move == 0.0, 0.0, np.abs(move) / np.where(size > 0.0, size, 1e-300))
@@ -192,7 +193,7 @@ def equilibrium_at(
         if evaluation >= ACCURACY.least_points:
             parts = np.where(waited, parts, np.minimum(parts, ACCURACY.short))
         longest = float(np.max(parts))
-        if longest <= ACCURACY.short or (longest <= ACCURACY.zero and longest >= 0.5 * before):
+        if longest <= ACCURACY.short or (longest <= ENGINE.zero and longest >= 0.5 * before):
             break
         before = longest
     else:

@@ -8,6 +8,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 
 from ..hybrid import SaveAt, simulate
+from ..hybrid.accuracy import ACCURACY as ENGINE
 from ._accuracy import ACCURACY
 from ._along import Problem, anchor_at, equations_at, system_at
 from ._equilibrium import Equilibrium
@@ -186,8 +187,8 @@ def _small_ellipse(problem: Problem, rest: Equilibrium, value: float) -> tuple[n
     rates = ways @ jacobian.T
     whole = np.max(np.abs(rates), axis=0)
     parts = whole * scales_of(jacobian)[0]
-    taken = parts > ACCURACY.zero * np.max(parts)  # the others do not take part in this motion
-    sizes = 10.0 ** np.arange(ACCURACY.decades, -ACCURACY.decades, -0.5)[:, None, None]
+    taken = parts > ENGINE.zero * np.max(parts)  # the others do not take part in this motion
+    sizes = 10.0 ** np.arange(ACCURACY.tries, -ACCURACY.tries, -0.5)[:, None, None]
     states = jnp.asarray(np.asarray(flat) + sizes * ways)
     off = np.asarray(jax.vmap(jax.vmap(field))(states)) - np.asarray(field(jnp.asarray(flat)))
     off -= sizes * rates

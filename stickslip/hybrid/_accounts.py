@@ -53,9 +53,7 @@ def sections_at_zero(plan: Plan, code: Any, lane: Lane, values: Values) -> tuple
     # After one event another may follow at once, and then no step says how well the first was located.
     opened = jnp.where((lane.bracket.tries == 0) & (lane.h > 0), lane.h, lane.full)
     full = jnp.maximum(opened, jnp.where(lane.h > 0, 0.0, lane.h_free))
-    known_to = ACCURACY.same_instant * (
-        ACCURACY.event_tolerance * full + ACCURACY.rounding * jnp.abs(lane.t)
-    )
+    known_to = ACCURACY.same_instant * (ACCURACY.solved * full + ACCURACY.rounding * jnp.abs(lane.t))
     event = is_event(code) | ((code == REFRESH) & (lane.events > 0))
     return tuple(
         event & (jnp.abs(values.value[i]) <= known_to * steepest(lane.rates[i], values.rate[i]))
@@ -88,7 +86,8 @@ def crossed_sections(
         # at the joint of two steps is counted once.
         beyond = value <= 0
         if at_zero:
-            beyond = beyond | at_zero[i - functions.num_guards]
+            # Right after an event it is crossed if it falls: it may have crossed upwards just before.
+            beyond = beyond | (at_zero[i - functions.num_guards] & ((lane.h > 0) | (rate < 0)))
         if functions.acts(i):
             if not meets:
                 crossed = (*crossed, jnp.zeros_like(beyond))

@@ -93,9 +93,12 @@ def _advance(
     t, y, dy, mode = _end_of_attempt(
         plan, code, lane.t, lane.y, lane.dy, lane.mode, step, dt, jump, keeps=keeps
     )
-    at_zero = sections_at_zero(plan, code, bare, step.values) if guarded else ()
+    seen, at_zero = step.values, ()
+    if guarded and plan.functions.sections:
+        seen = _values_at_event(plan, step.values, dt)
+        at_zero = sections_at_zero(plan, code, bare, seen)
     known = _next_start_values(plan, code, bare, step.kept, at_zero, keeps=keeps)
-    fired = crossed_sections(plan, code, bare, step.values, at_zero, meets=first is not None)
+    fired = crossed_sections(plan, code, bare, seen, at_zero, meets=first is not None)
 
     # The length that opened the bracket outlives the attempts inside it: tolerances are parts of it,
     # because a hop of the search may be arbitrarily short.
@@ -163,7 +166,7 @@ def _kick(plan: Plan, mode, index, t, y, *, problem):
     slopes = jax.vmap(look)(jnp.stack([mode, system.transition(t, y, mode, index, args)[1]]))
     return tuple(
         _differs(a, level)
-        for a, level in zip(slopes, (ACCURACY.jump_of_field, ACCURACY.bend_of_field), strict=True)
+        for a, level in zip(slopes, (ACCURACY.jump_of_field, ACCURACY.zero), strict=True)
     )
 
 
@@ -190,6 +193,13 @@ def _end_of_attempt(plan: Plan, code, t, y, dy, mode, step: Step, dt, jump, *, k
         mode = jnp.where(event, jump[1], mode)
     # A rejected lane tries again from the same slope.
     return t, y, select(goes, step.dy1, dy) if keeps else step.dy1, mode
+
+
+@bookkeeping
+def _values_at_event(plan: Plan, values: Values, dt) -> Values:
+    """Event functions at the time of the event, to which the attempt does not reach by `dt`."""
+    moved = (v + rate * dt for v, rate in zip(values.value, values.rate, strict=True))
+    return values._replace(value=tuple(moved))
 
 
 @bookkeeping

@@ -52,6 +52,7 @@ class Outcomes:
         self.declared = False  # whether the system declares switches
         self.jumps = False  # whether something is rounded, which jumps
         self.steep = False  # whether something has no slope where an outcome puts it, as a root at 0
+        self.roots = False  # whether something is a root or a power, whose slopes may have none at 0
         self.extremes: dict[int, tuple] = {}  # results of `max` and the like, and what they came from
         self.asked: dict[tuple, tuple] = {}  # outcomes by the numbers compared, which they keep alive
         # Results of equations, and the operands that they keep alive.
@@ -205,6 +206,7 @@ def _equation(eqn: Any, given: list[_Known], outcomes: Outcomes, smooth: bool) -
     if not smooth:
         body = eqn.params.get({"scan": "jaxpr", "while": "body_jaxpr"}.get(name, ""))
         outcomes.left |= (name in _SORTED and real) or (body is not None and compares(body.jaxpr))
+    outcomes.roots |= name in ("sqrt", "cbrt", "pow")
     chosen, place = any(k.chosen for k in given), steep_operand(eqn)
     found = bound(eqn, [k.value for k in given])
     if place is not None and given[place].chosen:
@@ -366,6 +368,7 @@ def _branches(eqn: Any, given: list[_Known], outcomes: Outcomes, smooth: bool) -
     outcomes.width = starts[-1]
     outcomes.left |= any(form.left for form in forms)
     outcomes.jumps |= any(form.jumps for form in forms)
+    outcomes.roots |= any(form.roots for form in forms)
     outcomes.found = outcomes.found + code
     outcomes.margins += margins
     outcomes.changes += [change for form in forms for change in form.changes]

@@ -112,7 +112,7 @@ class WithBreaks(AbstractSystemWrapper):
 
     def _next(self, piece: Any) -> Any:
         row = jnp.clip(piece, 0, self.times.size - 1).astype(jnp.int32)
-        return jnp.where(piece >= self.times.size, ACCURACY.never, _entry(self.times, row))
+        return jnp.where(piece >= self.times.size, ACCURACY.far, _entry(self.times, row))
 
     def _inside(self, t: Any, piece: Any) -> Any:
         """`t`, or the first or last instant of the piece: with the slope 1 in all cases.
@@ -120,8 +120,8 @@ class WithBreaks(AbstractSystemWrapper):
         A break is located to rounding, and a lane may come out on either side of it.
         """
         begin, end = jax.lax.stop_gradient((self._next(piece - 1.0), self._next(piece)))
-        begin = jnp.where(piece > 0.0, begin, -ACCURACY.never)
-        last = end - ACCURACY.before_break * jnp.abs(end) - 1e-300
+        begin = jnp.where(piece > 0.0, begin, -ACCURACY.far)
+        last = end - ACCURACY.rounding * jnp.abs(end) - 1e-300
         now = jax.lax.stop_gradient(t)
         within = jnp.minimum(jnp.maximum(now, begin), last)
         return jnp.where(within == now, t, within + (t - now))

@@ -100,7 +100,9 @@ def _free(plan: Plan, code, h, h_free, first, factors, tries, landed):
     grown = jnp.where(landed | (tries != 0), jnp.maximum(grown, h_free), grown)
     taken = jnp.where(code == PLAIN, grown, first)
     # A rejected step must become shorter whatever the rule says, or it would be repeated as it is.
-    rejected = h * jnp.minimum(factors[-1], 0.9)
+    # One that ended on a border is halved, because the part that is left decides.
+    most = 0.5 if plan.functions.roots else 0.9
+    rejected = h * jnp.minimum(factors[-1], most)
     return jnp.minimum(jnp.where(code == REJECT, rejected, taken), rule.dtmax)
 
 

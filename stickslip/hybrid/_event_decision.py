@@ -69,7 +69,7 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
     touched = best.index - 1  # the last such guard, -1 for none
     free = lane.bracket.tries == 0
     full = jnp.where(free, lane.h, lane.full)
-    beside = -ACCURACY.coincidence * full
+    beside = -ACCURACY.zero * full
     at_start = ~free & (lane.h == 0)
     rounding = -2.0 * ACCURACY.lowest / lane.h
     for i in range(functions.count):
@@ -91,9 +91,12 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         bend = is_guard and functions.is_bend(i)
         if bend:
             # A margin held by an outcome still moves beyond the border of that alone, which is met
-            # first.
+            # first. While that is located a margin of 0 would be lower than what is just above it.
             held = (rate == 0) & (rate0 == 0) & (lane.h > 0) & (value0 >= 0)
-            value = jnp.where(held & (stop_gradient(value) < 2.0 * STALE), ACCURACY.far, value)
+            later = stop_gradient(value) < 2.0 * STALE
+            if functions.count > 1:
+                later = later | (~free & (lane.bracket.beyond != i))
+            value = jnp.where(held & later, ACCURACY.far, value)
         if plan.detect_dips:
             dips, place = _locate.dip(value0, rate0, stop_gradient(value), rate, lane.h)
             sooner = dips & (place < best.h_dip)
@@ -216,7 +219,14 @@ def decide(plan: Plan, lane: Lane, step: Step, first: First | None) -> Any:
     if first is not None and plan.functions.num_guards:
         bad = bad | jnp.isnan(first.value)
     if plan.step_size.adaptive:
-        inaccurate = ~(step.error <= 1.0)
+        largest: Any = 1.0
+        if first is not None and plan.functions.roots:
+            # The slope of `max(d, 0)**1.5`, by which derivatives move, is a root of `d`: up to its zero
+            # a step has fewer digits of them than of the state. A rejected one ends before it.
+            rule: Any = plan.step_size
+            at_bend = (code == EVENT) & plan.functions.is_bend(first.index)
+            largest = jnp.where(at_bend, rule.rtol**0.5, largest)
+        inaccurate = ~(step.error <= largest)
         # Inside a bracket the steps are parts of one whose error was accepted; the first attempt in a
         # mode, of length zero, still has the slope of the mode before. But that error has not seen what
         # bends at the event alone, as a friction law does at rest: the step that ends there has.
@@ -233,7 +243,7 @@ def _what_fires(plan: Plan, lane: Lane, h: Any, first: First, code: Any) -> Any:
     free, fresh = b.tries == 0, lane.fresh == 1.0
     guards = is_guard(functions, first)
     rate = first.rate
-    tolerance = jnp.where(guards, ACCURACY.event_tolerance, ACCURACY.section_tolerance)
+    tolerance = jnp.where(guards, ACCURACY.solved, ACCURACY.section_tolerance)
     full = jnp.where(free, h, lane.full)
     # A short step late in a run cannot be divided further than the time can be told. The correction
     # must be small against the step that led here too: a hop may be tiny.

@@ -69,9 +69,7 @@ def is_collapsed(b: Bracket, t: Any, full: Any) -> Any:
     leaves zero at the start without a slope, as the square of a speed at rest, is halved for ever.
     """
     told = 4e-16 * jnp.maximum(jnp.abs(t), b.high)
-    return b.high - b.low <= jnp.where(
-        b.low == 0.0, jnp.maximum(told, ACCURACY.event_tolerance * full), told
-    )
+    return b.high - b.low <= jnp.where(b.low == 0.0, jnp.maximum(told, ACCURACY.solved * full), told)
 
 
 def propose(b: Bracket, full: Any, t: Any) -> Any:
@@ -104,7 +102,7 @@ def propose(b: Bracket, full: Any, t: Any) -> Any:
     # A guard that has just fired starts at zero: every interpolation would find that zero again. One
     # that leaves zero without a slope, as a block whose friction is just overcome, may fall by
     # rounding.
-    level = (b.rate_low <= 0) & (-b.rate_low <= ACCURACY.level_slope * jnp.abs(b.rate_high))
+    level = (b.rate_low <= 0) & (-b.rate_low <= ACCURACY.zero * jnp.abs(b.rate_high))
     resting = at_first & ((b.rate_low >= 0) | level) & (b.value_low <= 1e-12)
     forced = (tries >= ACCURACY.bisect_every) & (jnp.floor(tries * 0.5) * 2.0 == tries)
     rise = b.rate_low * b.high
@@ -117,10 +115,7 @@ def propose(b: Bracket, full: Any, t: Any) -> Any:
     guess = jnp.where(halve, b.low + 0.5 * width, guess)
     # Falling, and so near zero at the start that the Newton correction reaches it: the event is there.
     at_start = (
-        at_first
-        & (b.rate_low < 0)
-        & ~level
-        & (b.value_low <= -ACCURACY.event_tolerance * full * b.rate_low)
+        at_first & (b.rate_low < 0) & ~level & (b.value_low <= -ACCURACY.solved * full * b.rate_low)
     )
     guess = jnp.where(at_start, 0.0, guess)
     return jnp.where(is_collapsed(b, t, full) & (b.tries != 0), b.high, guess)
@@ -131,7 +126,7 @@ def begins_inside(value0: Any, rate0: Any, rate: Any) -> Any:
 
     A guard that rests on zero has a slope of rounding beside that of its end, and does not.
     """
-    return (value0 > 0) | ((value0 == 0) & (rate0 > ACCURACY.level_slope * jnp.abs(rate)))
+    return (value0 > 0) | ((value0 == 0) & (rate0 > ACCURACY.zero * jnp.abs(rate)))
 
 
 def dip(value0: Any, rate0: Any, value1: Any, rate1: Any, h: Any) -> tuple[Any, Any]:

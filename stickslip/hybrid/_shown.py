@@ -5,9 +5,8 @@ from typing import Any
 import numpy as np
 
 from .._outcome import names_of, tally
-from .._show import amount, html_table, number, value_text
+from .._show import LISTED, amount, html_table, number, value_text
 from .._validation import is_concrete
-from .accuracy import ACCURACY
 from .components import components_of
 from .status import RESULTS, flags_text
 
@@ -32,8 +31,8 @@ def mode_path(log: Any) -> str:
         return ""
     count = int(log.count)
     modes = [*np.asarray(log.mode_before)[: min(count, 1)], *np.asarray(log.mode_after)[:count]]
-    shown = " > ".join(str(int(m)) for m in modes[: ACCURACY.listed + 1])
-    return f"modes {shown}{' > ...' if len(modes) > ACCURACY.listed + 1 else ''}"
+    shown = " > ".join(str(int(m)) for m in modes[: LISTED + 1])
+    return f"modes {shown}{' > ...' if len(modes) > LISTED + 1 else ''}"
 
 
 def log_html(name: str, log: Any, codes: tuple[str, ...]) -> str:
@@ -49,9 +48,9 @@ def log_html(name: str, log: Any, codes: tuple[str, ...]) -> str:
     count = int(log.count)
     rows = [
         [value_text(np.asarray(column)[i]) for column in columns.values()]
-        for i in range(min(count, ACCURACY.listed))
+        for i in range(min(count, LISTED))
     ]
-    if count > ACCURACY.listed:
+    if count > LISTED:
         rows.append(["..."] * len(columns))
     return html_table(f"{name}: {amount(count, 'row')}", tuple(columns), rows)
 

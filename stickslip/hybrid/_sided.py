@@ -18,6 +18,7 @@ from jax.interpreters.partial_eval import dce_jaxpr
 from jaxtyping import PyTree
 
 from .._jaxpr import LITERAL, equations, nowhere
+from .._validation import MOST_NUMBERED
 from ._bends import Change, Outcomes, compares, evaluate_with
 from ._section import Section
 from ._wrapper import AbstractSystemWrapper
@@ -32,6 +33,7 @@ class Sided(AbstractSystemWrapper):
     width: int = eqx.field(static=True)
     changes: tuple[Change, ...] = eqx.field(static=True)
     jumps: bool = eqx.field(static=True)  # whether the field is rounded somewhere: that is not located
+    roots: bool = eqx.field(static=True)
     field: "Program" = eqx.field(static=True)  # slope of the state and the margins, by the sides given
     numbers: "Program" = eqx.field(static=True)  # sides by the numbers
     steep: bool = eqx.field(
@@ -47,9 +49,10 @@ class Sided(AbstractSystemWrapper):
         return range(len(self.system.mode_names) << self.width)
 
     @property
-    def _sides(self) -> tuple[int, int]:
-        """Number of the bends, and of the low bits of the mode that say on which side of them it is."""
-        return len(self.changes), self.width
+    def _sides(self) -> tuple[int, int, bool]:
+        """Number of the bends, and of the low bits of the mode that say on which side of them it is;
+        whether the field has roots."""
+        return len(self.changes), self.width, self.roots
 
     @property
     def _own_guards(self) -> tuple[str, ...]:
@@ -143,9 +146,9 @@ def system_with_sides(
     numbers = Program(by_numbers, (system, args), t, mode, y)
     # A system that declares its switches knows of what is not seen.
     left, width = found.left and not found.declared, found.width
-    if not found.changes or len(system.mode_names) << width > ACCURACY.modes_and_sides:
+    if not found.changes or len(system.mode_names) << width > MOST_NUMBERED:
         return None, left or bool(found.changes)
-    changes, jumps = tuple(found.changes), found.jumps
+    changes, jumps, roots = tuple(found.changes), found.jumps, found.roots
 
     def by_sides(system, args, t, mode, y):
         slope, found = _look(system, t, y, jnp.asarray(mode >> width, kind), args, mode)
@@ -156,7 +159,7 @@ def system_with_sides(
     field = Program(by_sides, (system, args), t, jnp.asarray(mode, wide) << width, y)
     outcomes = Outcomes()
     jax.eval_shape(lambda t, y: _gentle_guards(system, t, y, mode, args, outcomes), t, y)
-    return Sided(system, width, changes, jumps, field, numbers, outcomes.steep), left
+    return Sided(system, width, changes, jumps, roots, field, numbers, outcomes.steep), left
 
 
 def _gentle_guards(system: Any, t: Any, y: PyTree, mode: Any, args: PyTree, seen: Any = None) -> tuple:
@@ -233,8 +236,9 @@ def _on_declared_sides(
         slopes = ravel_pytree(slopes)[0]
         beside = ACCURACY.edge * (jnp.sum(jnp.abs(slopes * flat)) + jnp.abs(now)) + 1e-300
         lacks = jax.lax.stop_gradient(jnp.maximum(beside - jnp.where(side, now, -now), 0.0))
-        # Each number by its own size; the time, which comes first, only if there is nothing else.
-        weight = jnp.abs(flat) / jnp.maximum(jnp.max(jnp.abs(flat)), 1e-300) + 1e-6
+        # Each number by its own size, and by more where it passes zero, lest one of little effect be
+        # moved far in its place; the time, which comes first, only if there is nothing else.
+        weight = jnp.abs(flat) / jnp.maximum(jnp.max(jnp.abs(flat)), 1e-300) + 1e-3
         first = np.concatenate([[1e-12], np.ones(flat.size - 1)])
         weight = jnp.where(slopes == 0.0, 0.0, first * weight**2)
         reach = jnp.sum(weight * slopes * slopes)

@@ -106,7 +106,7 @@ def _unit(plan: Plan, field, lane: Lane, h) -> list:
     terms = jax.tree.map(lambda a: a / ACCURACY.root_share, cancelling(field, t, y))
     noise = plan.noise._replace(terms=terms)
     rule: Any = plan.step_size
-    rtol = rule.rtol if rule.adaptive else ACCURACY.root_tolerance
+    rtol = rule.rtol if rule.adaptive else ACCURACY.solved
     unit = scales(rtol, plan.atols, noise, size, Ends(h, y, y1, dy, dy))
     return jax.lax.stop_gradient(unit)
 
@@ -215,7 +215,7 @@ def _rescale(plan: Plan, lane: Lane, values: Values) -> tuple[tuple, Values, Val
             value, rate, terms = (jnp.where(jnp.abs(a) < jnp.inf, a, 0.0) for a in (value, rate, terms))
         found = jnp.maximum(jnp.abs(value), terms)
         begun = jnp.abs(rate) * time
-        unknown = (begun == 0.0) & (terms == 0.0) & (value < ACCURACY.near_one) & (value != 0.0)
+        unknown = (begun == 0.0) & (terms == 0.0) & (value < ACCURACY.some_roundings) & (value != 0.0)
         begun = jnp.where(unknown, 1.0, begun)
         begun = jnp.where(begun > found, -begun, found)
         used += (jnp.where(stays & (scale != 0.0), scale, begun),)

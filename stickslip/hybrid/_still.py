@@ -39,7 +39,7 @@ def too_still(
     for a, b, da, db, size, by_others, atol, term in zip(*leaves, plan.atols, terms, strict=True):
         seen = rule.rtol * jnp.maximum(size, ACCURACY.smallest * most)
         seen = ACCURACY.unseen_motion * (
-            seen + (ACCURACY.field_rounding * term * mean_step if atol is None else atol)
+            seen + (ACCURACY.few_roundings * term * mean_step if atol is None else atol)
         )
         # A velocity is zero at rest: what it is seen against comes from the positions, in its own unit.
         seen = jnp.minimum(seen, ACCURACY.seen_motion * jnp.maximum(size, by_others))

@@ -135,14 +135,14 @@ def scales(rtol: Any, atols: tuple, noise: Noise, size: PyTree, step: Ends) -> l
         for s, _, b, *_ in zip(*leaves, strict=True):
             most = jnp.maximum(most, jnp.max(jnp.maximum(s, jnp.abs(b))))
     found = []
-    short = step.h <= ACCURACY.short * ACCURACY.field_rounding * noise.time
+    short = step.h <= ACCURACY.short * ACCURACY.few_roundings * noise.time
     for atol, s, a, b, n, da, db in zip(atols, *leaves, strict=True):
         here = jnp.maximum(jnp.abs(a), jnp.abs(b))
         if atol is None:
             here = jnp.maximum(jnp.maximum(s, here), ACCURACY.smallest * most)
             ends = jnp.where(short, jnp.maximum(jnp.abs(da), jnp.abs(db)), jnp.abs(da))
             unsure = n * step.h + noise.time * ends
-            found.append(rtol * here + ACCURACY.field_rounding * unsure)
+            found.append(rtol * here + ACCURACY.few_roundings * unsure)
         else:
             found.append(atol + rtol * here)
     return found

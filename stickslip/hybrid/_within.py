@@ -52,11 +52,7 @@ def _weights_that_meet(
     rows = np.zeros((len(wanted), len(used)))
     rows[:, used] = np.linalg.lstsq(conditions[:, used], wanted.T, rcond=1e-12)[0].T
     missed = np.abs(rows @ conditions.T - wanted).max()
-    return (
-        rows
-        if missed < ACCURACY.conditions_met and np.abs(rows).max() < ACCURACY.inner_weight
-        else None
-    )
+    return rows if missed < ACCURACY.slack and np.abs(rows).max() < ACCURACY.inner_weight else None
 
 
 @functools.cache

@@ -12,13 +12,12 @@ class Accuracy:
     """Numbers that decide in the engine; `ACCURACY` is the one object of this class."""
 
     # Location of events and sections.
-    event_tolerance: float = 1e-11
+    solved: float = 1e-11
     """Part of the full step: an event whose last Newton correction is this small is accepted. The
-    correction is applied, so that its square is the error of the location."""
+    correction is applied, so that its square is the error of the location. Part of the motion to which
+    stage equations of implicit methods are solved where no tolerance says it."""
     section_tolerance: float = 1e-6
     """The same for sections, which are corrected after the run with their exact rate."""
-    level_slope: float = 1e-9
-    """Part of the other slope below which a slope counts as zero."""
     bisect_every: int = 8
     """Tries between two bisections: steep on one side, flat on the other, interpolation may creep."""
     correction_reach: float = 1e-3
@@ -26,13 +25,11 @@ class Accuracy:
     crossing_tries: int = 64
     """Tries to find a crossing that goes on from a stored step; bisection alone needs 52."""
     rounding: float = 1e-15
-    """Part of a number: four roundings. No event is located better in time. A mismatch by this part of
-    the magnitude of a guard, whose terms may all but cancel, is rounding, and so is a bend of a motion
-    by this part of a component."""
+    """Part of a number: four roundings. No event is located better in time, and the last instant before
+    a break is earlier by it. A mismatch by this part of the magnitude of a guard, whose terms may all
+    but cancel, is rounding, and so is a bend of a motion by this part of a component."""
     same_instant: float = 4.0
     """Multiples of the accuracy of an event's time within which two events share their instant."""
-    coincidence: float = 1e-9
-    """Part of a full step within which two guards fire at the same instant."""
     lowest: float = 1e-16
     """Part of its magnitude by which a function still falls at its lowest, at the end of a step,"""
     was_lowest: float = 0.1
@@ -44,16 +41,29 @@ class Accuracy:
     guards_of_one_jump: int = 2
     """Guards that one jump of a load may violate, one after the other."""
 
-    # Guards beside zero.
+    # Levels of smallness, of which other packages use the same.
+    zero: float = 1e-9
+    """Part: a difference that is zero without rounding is smaller, where slopes, orbits or solutions of
+    equations enter it: a slope beside another, two sides of a bend that does not jump, what a direction
+    has besides others; of a full step, two guards that fire at one instant."""
     slack: float = 1e-12
     """Part of its magnitude by which a guard below zero is not violated, and a component at rest moves:
-    rounding of the state."""
+    rounding of the state. Whatever a few operations make of terms is zero below this part of them."""
+    some_roundings: float = 64 * 2.0**-52
+    """Part of a value, 64 spacings of numbers: sums and square roots went into it, or a time at which a
+    load such as the sign of a sine jumps, and from which it is evaluated so far away."""
+    few_roundings: float = 8 * 2.3e-16
+    """Part of the terms that cancel in a field, a speed or a gap: their rounding, eight spacings."""
+    tiny: float = 1e-150
+    """A number whose square is still a normal number: nothing, but to divide by."""
+
+    # Guards beside zero.
     rounded: float = 4e-3
     """Part of the terms in parameters of which `slack` is the rounding."""
     edge: float = 4e-12
     """Part of its terms by which a state is moved off a border on which it lies; more than `slack`."""
     far: float = 1e30
-    """Value of an event function that cannot fire."""
+    """Value of an event function that cannot fire, and time of the break after the last [s]."""
 
     # Excursions of an event function inside a step.
     points_inside: tuple[float, float] = (0.3819660112501051, 0.7236067977499789)
@@ -76,28 +86,18 @@ class Accuracy:
 
     # Bends and jumps of the field.
     jump_of_field: float = 1e-5
-    """Part of itself by which the field differs at least on both sides of a bend that jumps."""
-    bend_of_field: float = 1e-9
-    """The same of its slope, where the field does not jump."""
+    """Part of itself by which the field differs at least on both sides of a bend that jumps. Its slope
+    differs by `zero` at least, where the field does not."""
     outcome_bits: int = 48
     """Bits of all outcomes of comparisons, which are a part of the mode."""
     longest_scan: int = 16
     """Rounds of a loop in the field that is looked into."""
-    modes_and_sides: int = 2**62
-    """Modes and sides that an integer can tell apart."""
 
     # Breaks of loads, and periodic pieces.
-    never: float = 1e300
-    """Time of the break after the last [s]."""
-    before_break: float = 4.5e-16
-    """Part of its time by which the last instant before a break is earlier."""
     early: float = 0.1
     """Part of what is left of the period beside a piece: so long before it begins it is the next."""
     of_rest: float = 0.4
     """The same, as time scale: no step passes over more than what is left."""
-    at_once: float = 64 * 2.0**-52
-    """Part of the time: a break that is no farther away is past. Loads such as the sign of a sine jump
-    up to some rounding beside the break, and are evaluated so far from it."""
     beside: float = 1e-6
     """Part of the length of a piece: nearer to its end is at a break."""
 
@@ -105,12 +105,8 @@ class Accuracy:
     smallest: float = 1e-6
     """Part of the largest component: a smaller one is measured against this part. In a long chain the
     far end begins to move like a high power of the time, of which no method has a digit."""
-    field_rounding: float = 8 * 2.3e-16
-    """Part of the terms that cancel in the field: their rounding, eight spacings of numbers."""
     short: float = 1e4
     """Roundings of the time: shorter steps may hold a jump that cannot be told any better."""
-    tiny: float = 1e-150
-    """A number whose square is still a normal number."""
     loose: float = 1e-4
     """Part of a component: an absolute tolerance above it says nothing about the component."""
     expected: float = 0.4
@@ -121,13 +117,10 @@ class Accuracy:
     holds a jump of the field. Steps resolve a smooth field long before."""
     forgets: float = 0.95
     """Part of the longest step that is remembered after one more."""
-    near_one: float = 1e-14
-    """Rounding of a number near 1."""
     root_share: float = 0.1
-    """Part of the tolerance to which stage equations of implicit methods are solved,"""
-    root_tolerance: float = 1e-11
-    """and part of the motion with fixed steps. The step-size rule does not see the error that is left;
-    but a stricter bound than the iteration can meet rejects steps that are accurate enough."""
+    """Part of the tolerance to which stage equations of implicit methods are solved. The step-size rule
+    does not see the error that is left; but a stricter bound than the iteration can meet rejects steps
+    that are accurate enough."""
 
     # Lengths of steps where no error sets them.
     of_time_scale: float = 2.0
@@ -162,8 +155,6 @@ class Accuracy:
     """Order of those states: the cubic that they are compared with has order 3, more is not needed."""
     inner_weight: float = 2.0
     """Largest weight of a slope; larger ones would be the difference of large numbers."""
-    conditions_met: float = 1e-12
-    """How well the conditions of an order that the method allows are met."""
 
     # Sizes of programs, tapes and messages: they decide on time and room alone.
     block: int = 8
@@ -178,8 +169,6 @@ class Accuracy:
     """Operations that a call must save: it has to store its result, which is read again."""
     named_modes: int = 1024
     """Of more modes only those are named that occur."""
-    listed: int = 9
-    """Names of modes, names of components, or rows of a log that a text lists."""
 
 
 ACCURACY = Accuracy()

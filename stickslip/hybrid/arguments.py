@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, PyTree
 
 from .._code import jit_by_code
+from .._show import LISTED
 from .._types import Given
 from .._validation import (
     DeclarationError,
@@ -26,7 +27,6 @@ from .._validation import (
     whole_number,
 )
 from ._section import Section
-from .accuracy import ACCURACY
 from .system import AbstractHybridSystem, mode_type
 
 
@@ -177,8 +177,8 @@ def mode_index(name: str, system: AbstractHybridSystem, mode: Any) -> Array:
     try:
         return jnp.asarray(whole_number(name, mode, 0, len(names) - 1), mode_type(system))
     except (TypeError, ValueError):
-        words = ", ".join(map(repr, itertools.islice(names, ACCURACY.listed)))
-        more = ", ..." if len(names) > ACCURACY.listed else ""
+        words = ", ".join(map(repr, itertools.islice(names, LISTED)))
+        more = ", ..." if len(names) > LISTED else ""
         allowed = f"a mode of the system, an integer from 0 to {len(names) - 1} or one of {words}{more}"
         raise refusal(name, mode, allowed) from None
 

@@ -10,8 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
+from .._show import LISTED
 from .._validation import one_static
-from .accuracy import ACCURACY
 
 
 class Place(NamedTuple):
@@ -89,7 +89,7 @@ def component_list(y: PyTree) -> str:
     for name, leaf in components_of(y).items():
         names = list(entries(name, np.shape(leaf))) if np.size(leaf) else [name]
         found.append(names[0] if len(names) == 1 else f"{names[0]} to {names[-1]}")
-    return ", ".join(found[: ACCURACY.listed]) + (", ..." if len(found) > ACCURACY.listed else "")
+    return ", ".join(found[:LISTED]) + (", ..." if len(found) > LISTED else "")
 
 
 def unit_of(system: Any, name: str) -> str | None:

@@ -46,6 +46,7 @@ class EventFunctions(eqx.Module):
     # How many of the guards, the last of them, are bends of a force: events without a transition.
     num_bends: int = eqx.field(static=True)
     width: int = eqx.field(static=True)  # low bits of the mode that say on which side of them a lane is
+    roots: bool = eqx.field(static=True)  # whether a force with bends has roots, whose slope may bend
 
     @property
     def count(self) -> int:
@@ -210,7 +211,7 @@ def event_functions(
     degree = degrees(function, (t, y), (True, True))
     kept = [known and d != NONE for known, d in zip(judged, degree, strict=True)]
     # A name that no parameter of a user's has.
-    num_bends, width = getattr(system, "_sides", (0, 0))
+    num_bends, width, roots = getattr(system, "_sides", (0, 0, False))
     return EventFunctions(
         num_guards=len(names),
         directions=guard_directions(system) + tuple(s.direction for s in sections),
@@ -225,6 +226,7 @@ def event_functions(
         stated=tuple(scale is not None for scale in scales),
         num_bends=num_bends,
         width=width,
+        roots=roots,
     )
 
 

@@ -157,7 +157,7 @@ class WithPeriodicBreaks(AbstractSystemWrapper):
         """`t`, or the first or last instant of the piece: with the slope 1 in all cases."""
         begin, end = jax.lax.stop_gradient(self._around(t, piece))
         now = jax.lax.stop_gradient(t)
-        away = ACCURACY.at_once * (jnp.abs(now) + (end - begin))
+        away = ACCURACY.some_roundings * (jnp.abs(now) + (end - begin))
         within = jnp.minimum(jnp.maximum(now, begin + away), end - away)
         return jnp.where(within == now, t, within + (t - now))
 
@@ -186,7 +186,7 @@ class WithPeriodicBreaks(AbstractSystemWrapper):
     def _piece_at(self, t: Any) -> tuple[Any, Any]:
         """The piece that a time is in, at a break the one that begins there; and since when [s]."""
         times, period = self._cycle()
-        late = ACCURACY.at_once * (jnp.abs(jnp.asarray(t, jnp.float64)) + period)
+        late = ACCURACY.some_roundings * (jnp.abs(jnp.asarray(t, jnp.float64)) + period)
         since = jnp.mod(t - times + late, period)
         latest = jnp.argmin(since).astype(jnp.int32)
         return (latest + 1) % times.size, jnp.maximum(since[latest] - late, 0.0)
@@ -200,7 +200,7 @@ class WithPeriodicBreaks(AbstractSystemWrapper):
         """That of `system`; and `ValueError` for a piece of the load that the time is not in."""
         if is_concrete((self, t, mode)) and np.ndim(mode) == 0 and int(mode) >= 0:
             begin, end = (float(b) for b in self._around(t, self._mode_and_piece(mode)[1]))
-            near = 1e-9 * (end - begin) + ACCURACY.slack * abs(float(t))
+            near = ACCURACY.zero * (end - begin) + ACCURACY.slack * abs(float(t))
             if not begin - near <= float(t) <= end + near:
                 name = self.mode_names[int(mode)]
                 raise refusal("mode0", name, f"of the piece of the load at {float(t)} s")

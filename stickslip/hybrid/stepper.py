@@ -243,7 +243,7 @@ class DiffraxStepper(AbstractStepper):
 
     solver: dfx.AbstractSolver
     open: tuple[str, ...] = eqx.field(static=True, default=())
-    rtol: Any = ACCURACY.root_tolerance
+    rtol: Any = ACCURACY.solved
     unit: tuple | None = None
 
     @property
@@ -350,7 +350,7 @@ def as_stepper(method: Any, rtol: Any = None) -> AbstractStepper:
     if plain and isinstance(method, dfx.AbstractERK):
         return ExplicitRungeKutta(_tableau.from_diffrax(method))
     if isinstance(method, dfx.AbstractSolver):
-        rtol = ACCURACY.root_tolerance if rtol is None else rtol
+        rtol = ACCURACY.solved if rtol is None else rtol
         return DiffraxStepper(*_with_newton(_with_own_loop(method, "lax")), rtol)
     raise ValueError(
         f"method={method!r} is not a solver; allowed: {sorted(_tableau.NAMED)}, a Tableau, or a "

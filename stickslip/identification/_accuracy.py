@@ -23,10 +23,14 @@ class Accuracy:
     left_to_bound: float = 0.005
     # [-] distances from a single bound at which a step may end, in those at which it began
     away_from_bound: float = 10.0
-    # [-] damping of the step that shows what is still to be gained: hardly any
-    least_damping: float = 1e-10
-    # [-] part of the largest sensitivity that stands for that of an unknown that moves nothing
+    # [-, standard deviations] part of the largest sensitivity that stands for that of an unknown that
+    # moves nothing, and change of the residuals by a coordinate that does not matter
     least_sensitivity: float = 1e-8
+    # [-] combinations with a smaller part of the largest singular value stay where they are; as damping
+    # of a step it is hardly any, and shows what is still to be gained
+    rank: float = 1e-10
+    # [-] of a sum of squares: a refit that gains less gains no more, and information below it is none
+    sum_rounding: float = 1e-14
     # starts in one call of the program of many starts: the fewest, and from one size to the next
     fewest_starts: int = 8
     more_starts: int = 4
@@ -37,23 +41,20 @@ class Accuracy:
     reach: float = 1e3
     # [-] part of the distance between two bounds that is left out next to each
     next_to_bound: float = 1e-9
-    # [-] a profile that rises by less than this part of the level is flat
-    flat: float = 1e-6
+    # [-] a profile that rises by less than this part of the level is flat; a jump of it is enclosed as
+    # narrowly, in parts of the distance; an oscillation turns by at least this part of its rate
+    narrow: float = 1e-6
     # points of a side that are kept
     profile_points: int = 40
     # [-] length of a step along a profile in that of the one before
     longest_step: float = 3.0
     # steps of the refit at one point
     refit_steps: int = 25
-    # [-] combinations with a smaller part of the largest singular value stay where they are in a refit
-    refit_rank: float = 1e-10
     # [-] of the level: what a linearised problem may still promise at the minimum of all unknowns, from
     # which the interval is measured; at the end of a refit; and of one that gains no more
     minimum: float = 1e-15
     refit: float = 1e-9
     refit_at_rest: float = 1e-4
-    # [-] of the sum of squares: a refit that gains less gains no more
-    stalled: float = 1e-14
     # [-] of the root of the level: the end of an interval is found
     interval_end: float = 2e-8
     # [-] of the root of the level: next to the minimum rounding has a say in the slope of the rise
@@ -66,45 +67,33 @@ class Accuracy:
     given_up: int = 2
     # [-] roots of the rise, in those of the level, up to which a refit may have ended outside
     near_outside: float = 1.5
-    # [-] of the distance: a jump of the profile is enclosed as narrowly, and at least as narrowly as
-    # the second when all steps are spent
-    narrow: float = 1e-6
+    # [-] of the distance: so narrowly at least a jump is enclosed when all steps are spent
     coarse: float = 1e-2
     # sets of points around the one inside from which a refit begins anew, and points of a set
     probe_sets: int = 8
     probes: int = 6
-    # [standard deviations] change of the residuals by a coordinate that matters
-    lightest: float = 1e-8
 
     # Posterior.
     # [-] acceptance aimed at: kinks of the density at a changed mode sequence cost accuracy
     acceptance: float = 0.9
     # [standard errors] spread of the first points of the chains
     chain_spread: float = 0.5
-    # [-] largest first step of a coordinate: a combination that is not seen has no standard error
-    widest_step: float = 1.0
 
     # Design of inputs.
     # [-] size of the first steps of the search, in parts of the limits
     design_step: float = 0.2
-    # [-] part of the largest information below which there is none
-    least_information: float = 1e-14
 
     # Stamps and signals.
     # modes that are asked for oscillations
     most_modes: int = 16
     # swings between two stamps from which on a record is said not to show them: Nyquist asks for 0.5
     most_swings: float = 2.0
-    # [-] an oscillation turns by at least this part of its rate
-    overdamped: float = 1e-6
 
     # Words and pictures.
     # [-] probability of the band of a correlation of noise
     band: float = 0.95
     # largest denominator of an exponent of a combination
     largest_denominator: int = 6
-    # panels in a row of the pictures of a report
-    panels: int = 4
 
 
 ACCURACY = Accuracy()

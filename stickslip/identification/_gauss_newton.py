@@ -99,7 +99,7 @@ class AbstractGaussNewton(AbstractIterativeMethod):
         rows = jnp.concatenate([residual, jnp.zeros_like(y)])
         whole = jnp.concatenate([matrix, jnp.diag(jnp.sqrt(bend))]) / sizes[None, :]
         # A short step does not show what can be gained: it is short where the last were not taken.
-        far, _ = descent_step(jnp.asarray(1.0 / ACCURACY.least_damping), y, rows, whole)
+        far, _ = descent_step(jnp.asarray(1.0 / ACCURACY.rank), y, rows, whole)
         step, result = self._limited_step(size, far, y, rows, whole)
         change = whole @ far
         gain = -jnp.sum(change * (rows + 0.5 * change))

@@ -174,10 +174,10 @@ def _criterion(matrix: np.ndarray, kept: np.ndarray, criterion: str) -> float:
     if others.size:
         mixed = information[np.ix_(others, kept)]
         inner = information[np.ix_(others, others)]
-        inverse = np.linalg.pinv(inner, rcond=ACCURACY.least_information, hermitian=True)
+        inverse = np.linalg.pinv(inner, rcond=ACCURACY.sum_rounding, hermitian=True)
         left = left - mixed.T @ inverse @ mixed
     sizes = np.linalg.eigvalsh(left)
-    if not sizes[0] > ACCURACY.least_information * np.max(np.diag(information)):
+    if not sizes[0] > ACCURACY.sum_rounding * np.max(np.diag(information)):
         return np.nan
     return float(np.sum(np.log(sizes)) if criterion == "D" else -np.log(np.sum(1.0 / sizes)))
 

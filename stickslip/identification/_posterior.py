@@ -175,9 +175,12 @@ def _log_density(evaluate: Callable, space: Space, z: Array) -> Array:
 
 
 def _scales(fit: Fit) -> Array:
-    """Coordinates of one standard deviation of each combination that the data see."""
+    """Coordinates of one standard deviation of each combination that the data see.
+
+    One that they do not see has none, and gets a step of one.
+    """
     values, directions = fit.sensitivity.singular_values, fit.sensitivity.directions
-    return directions.T / jnp.maximum(values, 1.0 / ACCURACY.widest_step)[None, :]
+    return directions.T / jnp.maximum(values, 1.0)[None, :]
 
 
 def _check_proper(fit: Fit) -> None:

@@ -63,7 +63,7 @@ def linear(residual: Array, matrix: Array, mask: Bool[Array, " unknown"], held: 
     free = jnp.where(fixed[None, :], 0.0, matrix)
     weight = jnp.sqrt(jnp.sum(free**2, axis=0))
     # An unknown at its bound moves nothing any more, however far its coordinate goes.
-    matters = weight > ACCURACY.lightest
+    matters = weight > ACCURACY.least_sensitivity
     free = jnp.where(matters[None, :], free, 0.0)
     weight = jnp.where(matters, weight, 1.0)
     # A triangle first: the singular values of rows times unknowns cost far more.
@@ -71,7 +71,7 @@ def linear(residual: Array, matrix: Array, mask: Bool[Array, " unknown"], held: 
     q, r = jnp.linalg.qr(jnp.pad(free / weight[None, :], [(0, short), (0, 0)]))
     u, values, directions = jnp.linalg.svd(r)
     left = q[: matrix.shape[0]] @ u
-    seen = values > ACCURACY.refit_rank * values[0]
+    seen = values > ACCURACY.rank * values[0]
     inverse = jnp.where(seen, 1.0 / jnp.where(seen, values, 1.0), 0.0)
     by_own = jnp.where(seen, left.T @ own, 0.0)
     drift = -(directions.T @ (inverse * by_own)) / weight
@@ -171,7 +171,7 @@ class Walk(eqx.Module):
         damping = jnp.where(taken & (gained > 0.25 * now.foreseen), less, more)
         damping = jnp.where(now.fresh, 0.0, damping)
         tail = jnp.asarray(now.inner + 1, jnp.int32)
-        stalled = ~now.fresh & (jnp.abs(gained) <= ACCURACY.stalled * jnp.abs(now.cost))
+        stalled = ~now.fresh & (jnp.abs(gained) <= ACCURACY.sum_rounding * jnp.abs(now.cost))
         now = now._replace(
             z=jnp.where(taken, now.trial, now.z), cost=jnp.where(taken, cost, now.cost), here=here,
             damping=damping, inner=tail, turns=now.turns + 1,
@@ -207,7 +207,7 @@ class Walk(eqx.Module):
 
     def _again(self, now: Side) -> Side:
         """Another step of the refit at the same distance, damped as in Levenberg's method."""
-        seen = now.here.values > ACCURACY.refit_rank * now.here.values[0]
+        seen = now.here.values > ACCURACY.rank * now.here.values[0]
         s = jnp.where(seen, now.here.values, 1.0)
         damped = now.damping * now.here.values[0] ** 2
         part = jnp.where(seen, s**2 / (s**2 + damped), 0.0)
@@ -226,7 +226,7 @@ class Walk(eqx.Module):
         _, root, inside, here = now.inside
         number = jnp.clip(attempt - AROUND, 0, ACCURACY.probes - 1)
         ball = jnp.asarray(_ball(inside.shape[0]))[now.count % ACCURACY.probe_sets, number]
-        seen = here.values > ACCURACY.refit_rank * here.values[0]
+        seen = here.values > ACCURACY.rank * here.values[0]
         room = jnp.sqrt(jnp.maximum(self.target - root**2, 0.0))
         off = jnp.where(seen, room * ball / jnp.where(seen, here.values, 1.0), 0.0)
         longest = self._longest(inside)

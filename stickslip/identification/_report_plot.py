@@ -7,10 +7,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from .._drawing import BLUE, GREY, RED, residual_dots
-from ._accuracy import ACCURACY
 
 
-def draw_report(report: Any) -> Figure:
+def draw_report(report: Any, across: int = 4) -> Figure:
     """Profiles first, then residual, autocorrelation and inputs of each series, then correlations."""
     profiled = report.profile.names if report.profile else ()
     panels: list[tuple[str, Any]] = [("profile", i) for i in range(len(profiled))]
@@ -18,8 +17,8 @@ def draw_report(report: Any) -> Figure:
         panels += [("series", name), ("own", name)]
         panels += [("input", (name, other)) for other in found.with_input]
     panels.append(("correlation", None))
-    rows = -(-len(panels) // ACCURACY.panels)
-    columns = min(ACCURACY.panels, len(panels))
+    rows = -(-len(panels) // across)
+    columns = min(across, len(panels))
     figure = Figure(figsize=(3.1 * columns, 2.6 * rows), layout="constrained")
     axes = np.atleast_1d(figure.subplots(rows, columns, squeeze=False)).ravel()
     draw = {

@@ -13,7 +13,7 @@ from .._types import Numeric, Row
 from .._validation import check_finite, is_concrete, one_row, refusal, shape_refusal
 from ..hybrid.accuracy import ACCURACY as ENGINE
 
-NEVER = ENGINE.never  # time of a break that never comes [s]
+NEVER = ENGINE.far  # time of a break that never comes [s]
 KINDS = ("hold", "linear", "cubic")
 
 

@@ -45,7 +45,7 @@ def warn_of_wide_stamps(run: Run, values: NamedValues, data: Data, times: np.nda
     if not found.size:
         return
     rates = np.linalg.eigvals(found).ravel()
-    turning = np.abs(rates.imag)[np.abs(rates.imag) > ACCURACY.overdamped * np.abs(rates)]
+    turning = np.abs(rates.imag)[np.abs(rates.imag) > ACCURACY.narrow * np.abs(rates)]
     spacing = float(np.median(np.diff(times)))
     if not turning.size or spacing * turning.min() < ACCURACY.most_swings * 2.0 * np.pi:
         return

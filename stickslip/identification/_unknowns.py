@@ -17,7 +17,6 @@ from ._unknown import Bounds, Normal, Unknown
 NamedValues = dict[str, Any]
 NamedUnknowns: TypeAlias = Given[Mapping[str, float | np.ndarray | Array | Unknown]]
 NamedUnknownRows: TypeAlias = Given[Mapping[str, Sequence[Any] | np.ndarray | Array | Unknown]]
-POSITIVE: Bounds = (0.0, None)
 
 
 class Space(eqx.Module):
@@ -110,7 +109,7 @@ class Space(eqx.Module):
         if low is None and high is None:
             return side
         part = jnp.where(jnp.isfinite(error), ACCURACY.at_bound * error, 0.0)
-        near = jnp.clip(part, 1e-6 * span, ACCURACY.at_bound * span)
+        near = jnp.clip(part, ACCURACY.narrow * span, ACCURACY.at_bound * span)
         if low is not None:
             side = jnp.where(value - low < near, -1, side)
         if high is not None:
@@ -135,7 +134,7 @@ def space_of(name: str, values: Any) -> tuple[Space, NamedValues]:
             scales.append(_scale(given))
         else:
             starts[key] = as_parameter(check_positive(f"{name}[{key!r}]", given))
-            bounds.append(POSITIVE)
+            bounds.append((0.0, None))
             units.append("")
             priors.append(None)
             scales.append(None)

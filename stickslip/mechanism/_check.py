@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from stickslip._validation import DeclarationError, is_concrete, refusal
+from stickslip.hybrid.accuracy import ACCURACY as ENGINE
 from stickslip.hybrid.dependence import NONE, degrees
 
 from ._abstract import traced_with
@@ -111,9 +112,7 @@ def _depend(mechanism: Any, rows: tuple[int, ...], args: Any) -> bool:
     if not found or not np.isfinite(found).all():
         return False
     sizes = [np.linalg.norm(J, axis=1, keepdims=True) + 1e-300 for J in found]
-    return all(
-        np.linalg.svd(J / s)[1].min() < ACCURACY.direction for J, s in zip(found, sizes, strict=True)
-    )
+    return all(np.linalg.svd(J / s)[1].min() < ENGINE.zero for J, s in zip(found, sizes, strict=True))
 
 
 def _check_field(what: str, name: Any) -> None:

@@ -10,18 +10,18 @@ import numpy as np
 from jax import lax
 
 from stickslip._fastmath import where
+from stickslip.hybrid.accuracy import ACCURACY as ENGINE
 
 from ._accuracy import ACCURACY
 from ._directions import lines_of, null_space
 from ._group import AbstractContactGroup, Fired, Guards, Release
-from ._independent import UNRESISTED
 from ._laws import Bounds
 from ._local import LocalInstant, Part
 from ._motion import Motion, motion_by_forces
 from ._reserve import least_reserve
 from ._rows import NumberRow, any_of, any_through, constants, each, first_greatest, row, through
 from ._scalars import Mass, is_zero, times, total, without_slope
-from ._search import Overload, Problem, resting
+from ._search import UNRESISTED, Overload, Problem, resting
 
 
 class Tables(NamedTuple):
@@ -45,7 +45,7 @@ class Tables(NamedTuple):
 def tables_of(directions: bytes, m: int) -> Tables:
     """Of directions `[contact, velocity]`, as bytes so that they are analysed once."""
     J = np.frombuffer(directions).reshape(m, -1)
-    n, small = J.shape[1], ACCURACY.direction
+    n, small = J.shape[1], ENGINE.zero
     leading, closure, covered = (np.zeros(2**m, np.int32) for _ in range(3))
     for bits in range(2**m):
         leaders: list[int] = []
@@ -105,7 +105,7 @@ class _AbstractDependentContacts(AbstractContactGroup):
             terms = [times(x, w) for x, w in zip(column, surfaces, strict=True) if x]
             if not all(map(is_zero, terms)):
                 size = total(abs(term) for term in terms)
-                every = every & (jnp.abs(jnp.asarray(total(terms))) <= ACCURACY.direction * size)
+                every = every & (jnp.abs(jnp.asarray(total(terms))) <= ENGINE.zero * size)
         return every
 
     def tied_contacts(self, here: LocalInstant, own: NumberRow) -> NumberRow:
@@ -208,7 +208,7 @@ class DependentContacts(_AbstractDependentContacts):
         return Overload(onset.share > 1.0, onset.ways)
 
     def onset(
-        self, bounds: Bounds, rest: NumberRow, reaction: NumberRow, slack: Any = ACCURACY.nothing
+        self, bounds: Bounds, rest: NumberRow, reaction: NumberRow, slack: Any = ENGINE.tiny
     ) -> "Onset":
         r"""How much of the friction the contacts in `rest` use, and the way in which they give way.
 

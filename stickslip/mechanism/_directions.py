@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 
-from ._accuracy import ACCURACY
+from stickslip.hybrid.accuracy import ACCURACY as ENGINE
 
 
 def completed_inverse(J: np.ndarray) -> np.ndarray:
@@ -20,7 +20,7 @@ def completed_inverse(J: np.ndarray) -> np.ndarray:
 
 def _whole(A: np.ndarray) -> np.ndarray:
     nearest = np.round(A)
-    return np.where(np.abs(A - nearest) < ACCURACY.whole, nearest, A) + 0.0
+    return np.where(np.abs(A - nearest) < ENGINE.slack, nearest, A) + 0.0
 
 
 def null_space(A: np.ndarray, n: int) -> np.ndarray:
@@ -32,7 +32,7 @@ def null_space(A: np.ndarray, n: int) -> np.ndarray:
         if row == len(A):
             break
         best = row + int(np.argmax(np.abs(A[row:, column])))
-        if abs(A[best, column]) < ACCURACY.pivot:
+        if abs(A[best, column]) < ENGINE.zero:
             continue
         A[[row, best]] = A[[best, row]]
         A[row] /= A[row, column]
@@ -45,7 +45,7 @@ def null_space(A: np.ndarray, n: int) -> np.ndarray:
     for k, c in enumerate(free):
         basis[c, k] = 1.0
         basis[pivots, k] = -A[: len(pivots), c]
-    return np.where(np.abs(basis) < ACCURACY.whole, 0.0, basis)
+    return np.where(np.abs(basis) < ENGINE.slack, 0.0, basis)
 
 
 def lines_of(J: np.ndarray) -> np.ndarray:
@@ -58,10 +58,10 @@ def lines_of(J: np.ndarray) -> np.ndarray:
         if np.linalg.matrix_rank(part) < rank - 1:
             continue
         line = null_space(part @ held.T, rank)[:, 0] @ held
-        line = np.where(np.abs(line) < ACCURACY.whole, 0.0, line)
-        line = line / np.abs(line[np.abs(line) > ACCURACY.direction]).min()
+        line = np.where(np.abs(line) < ENGINE.slack, 0.0, line)
+        line = line / np.abs(line[np.abs(line) > ENGINE.zero]).min()
         whole = np.round(line)
-        line = np.where(np.abs(line - whole) < ACCURACY.direction, whole, line)
+        line = np.where(np.abs(line - whole) < ENGINE.zero, whole, line)
         if not any(np.allclose(line, s * other) for other in found for s in (1, -1)):
             found.append(line)
     return np.array(found)

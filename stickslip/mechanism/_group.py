@@ -100,6 +100,7 @@ class AbstractContactGroup(AbstractSearched, abc.ABC):
         self.columns, self.rows, self.directions = part.columns, part.rows, part.directions
         self.m, self.n = part.directions.shape
         self.stops, self.contacts = part.stops, part.contacts
+        self.opens = bool(part.opening)
 
     @classmethod
     @abc.abstractmethod

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 from jax import lax
 
 from stickslip._fastmath import where
+from stickslip.hybrid.accuracy import ACCURACY as ENGINE
 
-from ._accuracy import ACCURACY
 from ._group import AbstractContactGroup
 from ._instant import Instant
 from ._local import LocalInstant
@@ -176,5 +176,5 @@ def touches(at: Instant, k: int) -> tuple[Any, Any]:
     gap = lax.stop_gradient(jnp.asarray(stop.stop.gap, jnp.float64))
     terms = [times(n, x) for n, x in zip(stop.row, at.q, strict=False) if x is not None]
     size = total(jnp.abs(jnp.asarray(x)) for x in terms if not is_zero(x))
-    small = jax.tree.map(lax.stop_gradient, ACCURACY.rounding * size)
+    small = jax.tree.map(lax.stop_gradient, ENGINE.few_roundings * size)
     return jnp.abs(gap) <= small, gap < -small

@@ -8,8 +8,8 @@ import numpy as np
 from jax import lax
 
 from stickslip._fastmath import where
+from stickslip.hybrid.accuracy import ACCURACY as ENGINE
 
-from ._accuracy import ACCURACY
 from ._directions import completed_inverse
 from ._group import (
     AbstractContactGroup,
@@ -25,9 +25,7 @@ from ._local import LocalInstant, Part
 from ._motion import Motion
 from ._rows import NumberRow
 from ._scalars import Factors, Mass, any_of, choose, dot, is_zero, minus, over, times, total
-from ._search import Overload, Problem, resting
-
-UNRESISTED = -1.0  # share of its friction that a contact uses which does not rest: less than any
+from ._search import UNRESISTED, Overload, Problem, resting
 
 
 class FreeVelocities(AbstractContactGroup):
@@ -73,13 +71,20 @@ class AbstractIndependentContacts(AbstractContactGroup):
         lets_go = [h & r for h, r in zip(hit, rest, strict=True)]
         failed: Any = False
         ways = []
-        for c, go, borne in zip(self.rows, lets_go, force, strict=True):
-            # The contact slides against the force that it carried; a stop moves off.
-            sense = where(borne > 0.0, -1.0, 1.0) if len(ways) < self.contacts else 1.0
+        limits = zip(here.static.lower, here.static.high, strict=True)
+        for c, go, borne, (low, high) in zip(self.rows, lets_go, force, limits, strict=True):
+            sense: Any = 1.0  # a stop moves off
+            bears = borne != 0.0
+            if high is not NO_LIMIT:
+                # The contact slides against the force that it carried, be that one of 0.
+                contact = here.contacts[len(ways)]
+                odd = contact.law.is_odd
+                sense = where(borne > 0.0 if odd else high - borne < borne - low, -1.0, 1.0)
+                bears = bears if odd else bears | (contact.normal_force > 0.0)
             ways.append(where(go, sense, 0.0))
             if c in self.part.lifting:
                 # A contact that bears nothing gives way only where nothing presses it on any more.
-                failed = failed | (go & (borne == 0.0))
+                failed = failed | (go & ~bears)
         gives_way = any_of(lets_go)
         return Release(tuple(ways), gives_way, any_of(hit) & ~gives_way, failed)
 
@@ -200,7 +205,7 @@ def decoupled_inertia(part: Part, inverse: np.ndarray) -> np.ndarray:
         return np.zeros((n, n), bool)
     inertia = part.inertia.reshape(-1, n, n)
     sizes = np.abs(inverse.T) @ np.abs(inertia) @ np.abs(inverse)
-    return np.all(np.abs(inverse.T @ inertia @ inverse) <= ACCURACY.inertia * sizes, axis=0)
+    return np.all(np.abs(inverse.T @ inertia @ inverse) <= ENGINE.slack * sizes, axis=0)
 
 
 def _motion_of_one(M: Mass, F: Any, n: Any, rests: Any, gamma: Any) -> Motion:

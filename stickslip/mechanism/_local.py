@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from ._accuracy import ACCURACY
+from stickslip.hybrid.accuracy import ACCURACY as ENGINE
+
 from ._instant import Instant
 from ._laws import Bounds, Laws
 from ._rows import NumberRow
@@ -121,7 +122,7 @@ class LocalInstant:
     def slow(
         self,
         before: "LocalInstant | None" = None,
-        part: float = ACCURACY.rounding,
+        part: float = ENGINE.few_roundings,
         speeds: Any = None,
     ) -> list[Any]:
         """Whether a sliding speed is rounding of the terms that it is the sum of, or this `part` of it.

@@ -12,7 +12,8 @@ BACKWARD, REST, FORWARD, OPEN = 0, 1, 2, 3
 WORDS = ("slip backward", "stick", "slip forward", "open")
 STOP_WORDS = ("open", "closed")
 BITS = 2  # of each contact, the first contact the lowest; each stop has one, above all contacts
-MOST_IN_32, MOST = 15, 31  # contacts whose mode is an integer of 32, and of 64 bits
+# Contacts whose mode is an integer of 32, and of 64 bits, one of which is its sign.
+MOST_IN_32, MOST = 31 // BITS, 63 // BITS
 
 
 class ModeNames(MadeNames):

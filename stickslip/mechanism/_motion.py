@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from stickslip._fastmath import SMOOTH, where
+from stickslip.hybrid.accuracy import ACCURACY as ENGINE
 
-from ._accuracy import ACCURACY
 from ._local import Part
 from ._scalars import Factors, Mass, dot, is_zero, minus, over, times, total
 
@@ -33,7 +33,7 @@ def resisting(share: Any) -> Any:
     Where its direction vanishes it changes nothing: to rest would take a force without bound.
     """
     with jax.named_scope(SMOOTH):
-        return jnp.maximum(share, ACCURACY.nothing)
+        return jnp.maximum(share, ENGINE.tiny)
 
 
 def motion_by_forces(

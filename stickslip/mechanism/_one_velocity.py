@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jax import lax
 
 from stickslip._fastmath import where
+from stickslip.hybrid.accuracy import ACCURACY as ENGINE
 
 from ._accuracy import ACCURACY
 from ._group import AbstractContactGroup, Fired, Guards, Release
@@ -180,7 +181,7 @@ class ContactsOnOneVelocity(_AbstractOneVelocity):
         spans = zip(n, here.static.lower, here.static.high, strict=True)
         borne = (jnp.abs(x) * (high - low) for x, low, high in spans if high is not NO_LIMIT)
         (force,) = self.load(here, states)
-        most = ACCURACY.apart * total((jnp.abs(jnp.asarray(force)), jnp.abs(m * a), *borne))
+        most = ENGINE.zero * total((jnp.abs(jnp.asarray(force)), jnp.abs(m * a), *borne))
         speed: Any = here.at.v[self.columns[0]]
         for i in reversed(self.leading):
             speed = where(own[i] == 0.0, times(over(n[i]), here.surfaces[i]), speed)
@@ -190,7 +191,7 @@ class ContactsOnOneVelocity(_AbstractOneVelocity):
             slip = times(x, speed) - w
             slides = jnp.maximum(s * slip, s * u)
             slides = where((slip == 0.0) & (apart == 0.0), -1.0, slides)
-            share = jnp.minimum(apart / (most + ACCURACY.nothing), ACCURACY.most_share)
+            share = jnp.minimum(apart / (most + ENGINE.tiny), ACCURACY.most_share)
             found.append(where(s == 0.0, 1.0 - share, slides))
         return found
 

@@ -15,8 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from stickslip._fastmath import SMOOTH, where
-
-from ._accuracy import ACCURACY
+from stickslip.hybrid.accuracy import ACCURACY as ENGINE
 
 
 def is_zero(x: Any) -> bool:
@@ -97,7 +96,7 @@ class Factors:
             pivot = minus(A[i][i], dot(scaled, self.low[i]))
             if semidefinite:
                 with jax.named_scope(SMOOTH):
-                    self.depends.append(pivot <= ACCURACY.dependent_row * A[i][i])
+                    self.depends.append(pivot <= ENGINE.slack * A[i][i])
                     pivot = where(self.depends[i], np.inf, pivot)
             self.inverse.append(1.0 / pivot)
 
@@ -109,7 +108,7 @@ class Factors:
             if self.depends:
                 with jax.named_scope(SMOOTH):
                     terms = total(jnp.abs(times(n, y)) for n, y in zip(self.low[i], x, strict=False))
-                    differs = jnp.abs(x[i]) > ACCURACY.agreeing_row * (jnp.abs(value) + terms)
+                    differs = jnp.abs(x[i]) > ENGINE.zero * (jnp.abs(value) + terms)
                     x[i] = where(self.depends[i] & differs, np.nan, x[i])
         x = [times(value, inverse) for value, inverse in zip(x, self.inverse, strict=True)]
         for i in reversed(range(len(x))):

@@ -10,6 +10,7 @@ import numpy as np
 from jax import lax
 
 from stickslip._fastmath import where
+from stickslip.hybrid.accuracy import ACCURACY as ENGINE
 
 from ._accuracy import ACCURACY
 from ._laws import NO_LIMIT, Bounds
@@ -17,7 +18,8 @@ from ._motion import Motion
 from ._rows import NumberRow, any_of, each, first_greatest, through, with_place
 from ._scalars import Mass, dot, is_zero, minus, over, times, total, without_slope
 
-NOT_BLOCKED = -2.0  # less than any part of a way, taken negative
+# Less than the share of its friction that any contact uses, and than a part of a way taken negative.
+UNRESISTED = -2.0
 
 
 class Problem(NamedTuple):
@@ -78,6 +80,8 @@ class Overload(NamedTuple):
 
 class AbstractSearched:
     """All that the search asks of a group of contacts; rows are tuples unless a kind says otherwise."""
+
+    opens: bool = False  # whether some contact can open
 
     def slips(self, problem: Problem, acceleration: NumberRow) -> NumberRow:
         """Relative accelerations along the contacts."""
@@ -158,7 +162,7 @@ def without_drop(static: Any, kinetic: Any) -> Any:
     """
     if static is NO_LIMIT:
         return jnp.ones((), bool)
-    return jnp.abs(static - kinetic) <= ACCURACY.no_drop * jnp.abs(static)
+    return jnp.abs(static - kinetic) <= ENGINE.slack * jnp.abs(static)
 
 
 def states_by_search(group: AbstractSearched, problem: Problem) -> tuple[NumberRow, Any]:
@@ -185,7 +189,7 @@ def states_by_search(group: AbstractSearched, problem: Problem) -> tuple[NumberR
     )  # fmt: skip
     low, kinetic_low = static.lower, kinetic.lower
     creeping = _creeping(problem)
-    inertia, size = _scales(problem, standing)
+    inertia, size = _scales(problem, standing, group.opens)
 
     def pivot(now: _Search) -> _Search:
         slow = ACCURACY.slow * now.still / inertia
@@ -212,12 +216,12 @@ def states_by_search(group: AbstractSearched, problem: Problem) -> tuple[NumberR
         def path(s, v0, v1, stands, rests):
             v0, v1 = jnp.maximum(s * v0, 0.0), s * v1
             stops = stands & ~rests & (v1 < group.least_acceleration * slow)
-            return where(stops, -v0 / (v0 - v1 + 2.0 * slow), NOT_BLOCKED)
+            return where(stops, -v0 / (v0 - v1 + 2.0 * slow), UNRESISTED)
 
         # The part of the way to the first contact that stops.
         paths = each(path, now.states, before, after, standing, rest)
-        share, first = first_greatest(paths, NOT_BLOCKED)
-        blocked, part = share > NOT_BLOCKED, jnp.clip(-share, 0.0, 1.0)
+        share, first = first_greatest(paths, UNRESISTED)
+        blocked, part = share > UNRESISTED, jnp.clip(-share, 0.0, 1.0)
         reached = each(
             lambda a, b: where(blocked, a + part * (b - a), b), now.acceleration, found.acceleration
         )
@@ -280,18 +284,21 @@ def _creeping(problem: Problem) -> NumberRow:
     )  # fmt: skip
 
 
-def _scales(problem: Problem, standing: NumberRow) -> tuple[Any, Any]:
+def _scales(problem: Problem, standing: NumberRow, opens: bool) -> tuple[Any, Any]:
     """Inertia that contacts feel [kg], and the size of all forces at them together [N]."""
     levers = _levers(problem.lines, standing)
     M = problem.mass
     diagonal = M.diagonal or [line[i] for i, line in enumerate(M.full or [])]
     felt = [times(m, times(over(x), over(x))) for m, x in zip(diagonal, levers, strict=True)
             if not is_zero(x)]  # fmt: skip
-    # A stop can bear without limit; what friction can bear is a scale.
+    # A stop can bear without limit; what friction can bear is a scale. That of a contact that is open
+    # has the sign of its normal force.
     widths = each(
         lambda high, low: 0.0 if high is NO_LIMIT else high - low,
         problem.static.high, problem.static.lower,
     )  # fmt: skip
+    if opens:
+        widths = each(jnp.abs, widths)
     borne = total(widths) if isinstance(widths, tuple) else jnp.sum(widths)
     if isinstance(problem.force, tuple):
         loads = total(

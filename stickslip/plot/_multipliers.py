@@ -12,8 +12,6 @@ from ..continuation import Branch, PeriodicOrbit
 from . import _axes
 from ._branch import MARKS
 
-NEAR, FAR = 1.2, 2.5  # what is shown: so far from zero, the second if something lies beyond the first
-ROOM = 1.06  # of that: where the axes end
 CIRCLE = "unit circle"
 
 
@@ -105,11 +103,12 @@ def _edge(found: np.ndarray, reach: float) -> np.ndarray:
 
 def _circle(axis: Axes, every: np.ndarray) -> float:
     """Draw the unit circle and the axes through zero; how far from zero is shown."""
-    reach = FAR if np.max(_beyond(every)) > NEAR else NEAR
+    reach = 2.5 if np.max(_beyond(every)) > 1.2 else 1.2
+    room = 1.06  # of what is shown: where the axes end
     circles = [patch for patch in axis.patches if patch.get_gid() == CIRCLE]
     if circles:
         # Drawn before, for other orbits: their triangles at the edge stay there.
-        reach = max(reach, axis.get_xlim()[1] / ROOM)
+        reach = max(reach, axis.get_xlim()[1] / room)
     else:
         circle = Circle((0.0, 0.0), 1.0, fill=False, edgecolor=_axes.GREY, linewidth=0.8, zorder=1.0)
         circle.set_gid(CIRCLE)
@@ -117,7 +116,7 @@ def _circle(axis: Axes, every: np.ndarray) -> float:
         axis.axhline(0.0, color=_axes.BAND, linewidth=0.5, zorder=0.5)
         axis.axvline(0.0, color=_axes.BAND, linewidth=0.5, zorder=0.5)
     axis.set_aspect("equal", adjustable="box")
-    axis.set(xlim=(-ROOM * reach, ROOM * reach), ylim=(-ROOM * reach, ROOM * reach))
+    axis.set(xlim=(-room * reach, room * reach), ylim=(-room * reach, room * reach))
     return reach
 
 

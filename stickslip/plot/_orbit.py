@@ -19,10 +19,6 @@ from ._observed import function_of
 from ._phase_plane import phase_plane
 from ._sticks import rows_of, sticking
 
-POINTS = 2001  # of a period
-BEHIND = 1e-9  # of the period: how long after an event the state behind it is drawn
-WIDER = 4.0  # points by which a stick is wider than the curve
-
 
 def orbit(
     branch: Given[Branch],
@@ -113,10 +109,11 @@ def _period(system: AbstractHybridSystem, found: PeriodicOrbit, args: PyTree) ->
     end = start + period
     count, room = int(found.events.count), found.events.t.shape[-1]
     events = np.asarray(found.events.t)[:count]
-    both = np.concatenate([events, events + BEHIND * period])
+    # An event is drawn from both sides: at it, and a trace of the period later.
+    both = np.concatenate([events, events + 1e-9 * period])
     both = both[(both > start) & (both < end)]
     # So many that their number is the same for most orbits of a branch: one program for all of them.
-    rest = POINTS + (1 << (2 * count + 15).bit_length()) - both.size
+    rest = 2001 + (1 << (2 * count + 15).bit_length()) - both.size
     times = np.unique(np.concatenate([np.linspace(start, end, rest), both]))
     return simulate(
         system, start, end, found.y0, found.mode0, args,
@@ -129,7 +126,7 @@ def _sticks(axis: Axes, solution: Solution, system: AbstractHybridSystem) -> Non
     """A broad line beneath the curve where a contact sticks."""
     (*_, line) = axis.lines
     rows: Any = rows_of(solution)
-    width = line.get_linewidth() + WIDER
+    width = line.get_linewidth() + 4.0  # points: it shows on both sides
     across, along = np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
     held = sticking(system, np.asarray(rows.mode))
     held = {name: stuck for name, stuck in held.items() if np.any(stuck[1:] & stuck[:-1])}

@@ -11,8 +11,6 @@ from .._validation import check_type, refusal
 from ..hybrid.components import entries, split
 from . import _axes
 
-FAINT = 2e5  # points from which on they are drawn fainter
-
 
 def orbit_diagram(
     dataset: Given[xr.Dataset],
@@ -82,11 +80,11 @@ def _one_number(found: xr.DataArray, observable: str, index: tuple[int, ...] | N
 
 
 def _dots(count: int) -> dict[str, Any]:
-    """Below half a pixel a dot would fade."""
+    """Below half a pixel a dot would fade; very many are drawn fainter instead."""
     return {
         "color": _axes.BLUE, "marker": ".", "linestyle": "none", "markeredgewidth": 0,
         "markersize": float(np.clip(3.0e4 / max(count, 1), 0.4, 4.0)),
-        "alpha": 0.6 if count > FAINT else 0.8, "rasterized": True,
+        "alpha": 0.6 if count > 2e5 else 0.8, "rasterized": True,
     }  # fmt: skip
 
 

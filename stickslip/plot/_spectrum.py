@@ -11,8 +11,6 @@ from .._validation import check_known, check_mapping, check_text, check_type, on
 from ..analysis import Spectrum
 from . import _axes
 
-DECADES = 1e6  # from the greatest amplitude down
-
 
 def spectrum(
     found: Given[Spectrum],
@@ -55,7 +53,7 @@ def spectrum(
         )  # fmt: skip
     top = float(amplitude[..., 1:].max()) if amplitude.shape[-1] > 1 else 0.0
     if top > 0.0:
-        axis.set_ylim(top / DECADES, 2.0 * top)
+        axis.set_ylim(1e-6 * top, 2.0 * top)  # six decades from the greatest amplitude down
     axis.set_xlabel("frequency" if unit == "1" else "frequency [Hz]")
     axis.set_ylabel(_axes.axis_label("amplitude", unit))
     return axis

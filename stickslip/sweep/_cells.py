@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-MOST_KEYS = 2**62  # places of the finest lattice, so that a place is one integer
+from .._validation import MOST_NUMBERED
 
 
 class Step(NamedTuple):
@@ -152,7 +152,7 @@ class Cells:
 def most_levels(sizes: Sequence[int]) -> int:
     """How often the cells of a grid can be halved so that each place has a number."""
     levels = 0
-    while math.prod((n - 1) * 2 ** (levels + 1) + 1 for n in sizes) < MOST_KEYS and levels < 52:
+    while math.prod((n - 1) * 2 ** (levels + 1) + 1 for n in sizes) < MOST_NUMBERED and levels < 52:
         levels += 1
     return levels
 

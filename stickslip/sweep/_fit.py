@@ -16,7 +16,7 @@ from ..hybrid.executor import LOOP_NAME
 
 CHUNK_FUSED = 64  # lanes whose state fits the first-level cache
 CHUNK_PORTABLE = 1024  # more: each operation is dispatched by itself
-FEWEST = 8  # lanes of the widest vector unit of a CPU: below, the portable executor is no slower
+VECTOR = 8  # lanes of the widest vector unit of a CPU: below, the portable executor is no slower
 PORTABLE_INSTEAD = (
     "the compiler does not fuse this function: it is computed by the portable executor. Fewer output "
     "times per lane may help."
@@ -44,14 +44,14 @@ def check_motions(closed: Any, lanes: int) -> None:
     motions = max(map(_motions, loops), default=lanes)
     each = -(-motions // lanes)
     fitting = CHUNK_FUSED // each
-    fitting = max(fitting - fitting % FEWEST if fitting > FEWEST else fitting, 2)
+    fitting = max(fitting - fitting % VECTOR if fitting > VECTOR else fitting, 2)
     if each > 1 and lanes > fitting:
         raise TooManyMotions(fitting)
 
 
 def smaller(lanes: int) -> Fit:
     """The next try where the compiler did not fuse `lanes` of them; 0: however few."""
-    if lanes // 4 >= FEWEST:
+    if lanes // 4 >= VECTOR:
         return Fit("fused", lanes // 4)
     return Fit("portable", CHUNK_PORTABLE)
 

@@ -16,10 +16,10 @@ import jax.extend
 import jax.numpy as jnp
 import numpy as np
 
+from .._compiled_once import MOST_KEPT
 from .._jaxpr import equations
 
 _PROGRAMS: collections.OrderedDict = collections.OrderedDict()
-PROGRAMS_KEPT = 16
 # Primitives that run code which is not in the program's text. Those of `jax.debug` return nothing.
 _SILENT = ("debug_callback", "debug_print")
 _HOST = re.compile(r"callback|ffi_call|custom_partitioning|^debug_print$|^outside_call")
@@ -93,7 +93,7 @@ def compiled_program(traced: Any, lowered: jax.stages.Lowered, devices: Any) -> 
             # To find that out again would take as long.
             _PROGRAMS[key] = error
     _PROGRAMS.move_to_end(key)
-    while len(_PROGRAMS) > PROGRAMS_KEPT:
+    while len(_PROGRAMS) > MOST_KEPT:
         _PROGRAMS.popitem(last=False)
     found = _PROGRAMS[key]
     if isinstance(found, Exception):

@@ -17,6 +17,7 @@ from ._children import child, children
 from ._compute import compute_rest
 from ._describe import Described, describe
 from ._files import read_json
+from ._fit import VECTOR
 from ._labels import Labels
 from ._layout import Layout
 from ._manifest import differences, identity
@@ -28,9 +29,6 @@ from .evaluate import output_names, prepared
 from .grid import check_grid, shard_shape
 from .settings import Compute, Settings, Storage, settings_of
 
-MAX_POINTS = 1_000_000
-SMALLEST_BLOCK = 8  # lanes; the widest vector unit of a CPU takes them at once
-
 
 def refine_sweep(
     function: Given[Callable[..., Any]],
@@ -38,7 +36,7 @@ def refine_sweep(
     by: Given[Mapping[str, float]],
     *,
     levels: Given[int] = 4,
-    max_points: Given[int] = MAX_POINTS,
+    max_points: Given[int] = 1_000_000,
     store: Path | Storage | None = None,
     labels: Given[Labels | None] = None,
     compute: Given[Compute | None] = None,
@@ -178,7 +176,7 @@ class _Steps:
 
 def block_side(count: int, chunk: int) -> int:
     """Lanes of a block of `count` points: of few sizes, so that not each step is compiled anew."""
-    side = SMALLEST_BLOCK
+    side = VECTOR
     while side < min(count, chunk):
         side *= 2
     return min(side, chunk)

@@ -5,12 +5,20 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 
 from .._validation import numbers, one_row, refusal
 
-CHUNK = 4096  # lanes per block: large against a chunk of `map_lanes`, small against a long sweep
 MAX_LANES = 2**40
+
+
+def block_lanes() -> int:
+    """Lanes per block: large against a chunk of `map_lanes` on a CPU, small against a long sweep.
+
+    An accelerator computes a block at once.
+    """
+    return 4096 if jax.default_backend() == "cpu" else 65536
 
 
 class Block(NamedTuple):

@@ -27,16 +27,16 @@ from ._fit import (
     CHUNK_FUSED,
     CHUNK_PORTABLE,
     PORTABLE_INSTEAD,
+    VECTOR,
     Fit,
     TooManyMotions,
     check_motions,
     smaller,
 )
 from ._programs import UNKNOWN_OPERATION, compiled_program, refused_to_fuse
+from .grid import block_lanes
 
 EXECUTORS = ("auto", "fused", "portable")
-CHUNK_ACCELERATOR = 65536
-VECTOR = 8  # float64 lanes of the widest vector unit of a CPU
 
 
 class map_lanes:
@@ -93,7 +93,7 @@ class map_lanes:
         self.function = function
         self.executor = executor
         fitting = CHUNK_FUSED if executor == "fused" else CHUNK_PORTABLE
-        self.chunk_size = chunk_size or (fitting if cpu else CHUNK_ACCELERATOR)
+        self.chunk_size = chunk_size or (fitting if cpu else block_lanes())
         if executor == "fused":
             # The compiler does not take a fused loop over single numbers.
             self.chunk_size = max(self.chunk_size, 2)

@@ -6,13 +6,11 @@ import pathlib
 import sys
 from typing import Any, Literal, NamedTuple
 
-import jax
-
 from .._paths import DIRECTORY, the_directory
 from .._types import Given, Path
 from .._validation import check_count, check_flag, check_in, check_text, check_type, refusal
 from ._labels import Labels
-from .grid import CHUNK
+from .grid import block_lanes
 from .lanes import EXECUTORS
 
 DIRECTIONS = ("upwards", "downwards")
@@ -66,7 +64,7 @@ class Storage:
         """Lanes per block."""
         if self.chunk is not None:
             return self.chunk
-        return CHUNK if jax.default_backend() == "cpu" else 16 * CHUNK
+        return block_lanes()
 
 
 @dataclasses.dataclass(frozen=True)

@@ -27,7 +27,6 @@ SET_A = {
     "m": 0.20, "M": 0.21, "k1": 17.0, "k2": 11.0, "c1": 0.9965, "c2": 0.035, "r": 0.25, "g": 9.81,
 }  # fmt: skip
 LAW_A = {"mu_0": 0.26, "alpha": 190.0, "beta": 0.9, "gamma": 1.75}
-BELT_SPEED = 0.12  # [m/s], constructed
 
 # lam(0) = sqrt(2) l / (2 r) with l = (3 sqrt(2) / 4) r.
 LEVER = 0.75

@@ -12,7 +12,6 @@ from ..friction.law import Number
 from ..hybrid import AbstractSmoothSystem
 from ..mechanism import AbstractMechanism, Contact, Instant
 from ._block_mechanics import (
-    BELT_SPEED,
     BLOCK,
     AbstractBlockOnBelt,
     Block,
@@ -60,7 +59,7 @@ class AbstractBlockOnSteadyBelt(AbstractBlockOnBelt):
 
         `changes` replace single parameters; `J` and `Q` follow `M`, `g` and `r` unless they are given.
         """
-        return cls(**{"V_b": BELT_SPEED, **set_a(k3, changes, cls.set_valued)})
+        return cls(**{"V_b": 0.12, **set_a(k3, changes, cls.set_valued)})
 
     @check_arguments(y=state)
     def belt_velocity(self, y: BlockState) -> Float[Array, "..."]:

@@ -11,8 +11,6 @@ from ..derived import WithIntegrals
 from ..hybrid import FixedStep, Integrator, SaveAt, simulate
 from ._driven_belt import AbstractBlockOnDrivenBelt, DrivenBlockState
 
-MAX_EVALUATIONS = 20
-
 
 def mean_belt_speed(
     system: AbstractBlockOnDrivenBelt,
@@ -70,7 +68,8 @@ def voltage_for_belt_speed(
     # Without coupling, the speed grows by this much per volt.
     slope = float(drive.transmission / (drive.k_e + drive.R_w * drive.b / drive.k_m))
     last_error = 0.0
-    for _ in range(MAX_EVALUATIONS):
+    evaluations = 20
+    for _ in range(evaluations):
         now = float(error(jnp.asarray(U)))
         if abs(now) <= tolerance:
             return U
@@ -79,7 +78,7 @@ def voltage_for_belt_speed(
         U, last_U, last_error = U - now / slope, U, now
     raise RuntimeError(
         f"the mean belt speed is {last_error + speed:.6g} m/s at U_in = {last_U} V, not {speed} m/s; "
-        f"{MAX_EVALUATIONS} evaluations were made."
+        f"{evaluations} evaluations were made."
     )
 
 

@@ -38,7 +38,6 @@ A_SCALE = "a BeamScales, or None for dimensionless numbers"
 CONSTRUCTED = {
     "m": 0.1, "k1": 0.25, "k2": 7.6, "k3": 22.8, "mu_s": 0.30, "gamma": 10.0, "z_A": 0.4,
 }  # fmt: skip
-CONSTRUCTED_X = 9.2e-4  # x at the start, constructed too
 # The constant $\sqrt2$ that makes sin(i pi z) orthonormal on [0, 1].
 NORMAL = math.sqrt(2.0)
 
@@ -246,7 +245,7 @@ class JointedBeam(AbstractMechanism):
 
         Without `x` it is the constructed 9.2e-4 (times the length of the beam).
         """
-        x = CONSTRUCTED_X * self.scales.length if x is None else as_parameter(check_finite("x", x))
+        x = 9.2e-4 * self.scales.length if x is None else as_parameter(check_finite("x", x))
         zero = jnp.zeros_like(x + self.v)
         still = jnp.zeros(self.modes)
         return JointedBeamState(x=x + zero, vx=zero, y=zero, vy=self.v + zero, q=still, p=still)

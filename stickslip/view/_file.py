@@ -22,8 +22,6 @@ from ._page import failure, page_of
 
 LARGEST = 5_000_000  # bytes of the file
 MOST_POINTS = 450_000  # 4 bytes each, a third more as text: what the programs of the page leave
-ORBITS = 40
-SAMPLES = 2000  # of each orbit
 
 
 class Packed(NamedTuple):
@@ -72,12 +70,12 @@ def pack_points(diagram: Diagram, most: int) -> Packed:
     )
 
 
-def orbits_of(diagram: Diagram, functions: Functions) -> list[dict[str, Any]]:
-    """Orbits at evenly spaced parameters, about `ORBITS` over all choices, or their errors in words."""
+def orbits_of(diagram: Diagram, functions: Functions, about: int = 40) -> list[dict[str, Any]]:
+    """Orbits at evenly spaced parameters, `about` so many over all choices, or errors in words."""
     if functions.orbit is None:
         return []
     choices = choices_of(diagram)
-    each = max(2, ORBITS // len(choices))
+    each = max(2, about // len(choices))
     x = diagram.lanes(choices[0]).x
     values = x[np.unique(np.linspace(0, x.size - 1, min(each, x.size)).round().astype(int))]
     found, known = [], {}
@@ -91,8 +89,10 @@ def orbits_of(diagram: Diagram, functions: Functions) -> list[dict[str, Any]]:
     return found
 
 
-def _orbit(diagram: Diagram, functions: Functions, point: dict[str, Any]) -> dict[str, Any]:
-    """The orbit at a point as the page keeps it, or the error of the user's function."""
+def _orbit(
+    diagram: Diagram, functions: Functions, point: dict[str, Any], most: int = 2000
+) -> dict[str, Any]:
+    """The orbit at a point in at most so many samples, or the error of the user's function."""
     assert functions.orbit is not None
     empty = np.zeros(0, np.float32)
     here: dict[str, Any] = {"t": empty, "first": empty, "second": empty, "error": ""}
@@ -102,7 +102,7 @@ def _orbit(diagram: Diagram, functions: Functions, point: dict[str, Any]) -> dic
         traceback.print_exc(file=sys.stderr)
         here["error"] = failure(error)
     else:
-        stride = max(1, -(-run.t.size // SAMPLES))
+        stride = max(1, -(-run.t.size // most))
         second = empty if run.second is None else run.second
         here |= {"t": run.t, "first": run.first, "second": second, "labels": run.labels}
         for key in ("t", "first", "second"):

@@ -32,6 +32,8 @@ _NOUNS = {
 }
 
 
+# Names of numbers that stand for words: of modes and their bits, of a result, of forms of a file.
+_CODES = {"(BACKWARD, REST, FORWARD, OPEN)", "BITS", "CANNOT_TELL", "FORMAT", "BEFORE_SHARDS"}
 _COPIES = {"constructed", "delayed", "printed", "regularised", "scaled"}
 
 
@@ -73,19 +75,23 @@ def _is_number(node: ast.AST) -> bool:
 def numbers(package: str) -> list[str]:
     """Numbers that decide, in a module or in a frozen dataclass of numbers, which is their home.
 
-    Codes and coefficients of methods decide nothing.
+    Codes and coefficients of methods decide nothing, nor does how values look in texts (`_show.py`),
+    what is set on an object of a library, and defaults of a class of which users make the objects.
     """
     found = []
     for path, tree in trees(package).items():
-        if path.name in ("status.py", "_loop_state.py", "_dop853.py", "_fastmath.py"):
+        if path.name in ("status.py", "_loop_state.py", "_dop853.py", "_fastmath.py", "_show.py"):
             continue
         named = path.stem.strip("_") == "accuracy"
         classes = [node for node in tree.body if isinstance(node, ast.ClassDef)]
-        homes = [node.body for node in classes if named or _is_home(node)]
+        ready = {ast.unparse(node.value) for node in tree.body if isinstance(node, ast.Assign)}
+        homes = [c.body for c in classes if named or (f"{c.name}()" in ready and _is_home(c))]
         for node in [node for body in (tree.body, *homes) for node in body]:
             if isinstance(node, ast.Assign | ast.AnnAssign) and node.value and _is_number(node.value):
                 target = node.target if isinstance(node, ast.AnnAssign) else node.targets[0]
-                found.append(f"{path.relative_to(ROOT)}:{node.lineno} {ast.unparse(target)}")
+                name = ast.unparse(target)
+                if "." not in name and name not in _CODES:
+                    found.append(f"{path.relative_to(ROOT)}:{node.lineno} {name}")
     return found
 
 

@@ -109,8 +109,8 @@ def sweep(extra):
     for points, period in SEQUENCES.values():
         for scale in SCALES:
             for offset in OFFSETS:
-                resolved = _attractor.ROUNDING * (abs(offset) + scale) < 2e-4 * scale
-                moves = _attractor.ROUNDING * (abs(offset) + scale) < 2 * scale
+                resolved = _attractor.ENGINE.some_roundings * (abs(offset) + scale) < 2e-4 * scale
+                moves = _attractor.ENGINE.some_roundings * (abs(offset) + scale) < 2 * scale
                 columns, ends = [offset + scale * points], [[offset - scale] * 2, [offset + scale] * 2]
                 for values, low, high in extra(scale, offset, rng):
                     columns.append(values[:, None])

@@ -239,8 +239,8 @@ class Chain(AbstractMechanism):
         return self.force.switches(self.data, t, q.x, q.y, v.x, v.y)
 
 
-class Sliding(Exception):
-    """A jump of the force attracts from both sides: there is no motion in the usual sense."""
+class NoMotion(Exception):
+    """A jump of the force attracts from both sides, or the motion is infinite before the end."""
 
 
 class _March:
@@ -306,7 +306,7 @@ class _March:
             i, way = crossed
             sides = [s + way if k == i else s for k, s in enumerate(sides)]
             if self.jumps[i] and way * self.rate(i, t, y, sides) < 0.0:
-                raise Sliding
+                raise NoMotion
         raise RuntimeError("the motion crosses too many borders")
 
     def _steps(self, t: float, y: np.ndarray, until: float, sides: list[int]) -> Any:
@@ -315,6 +315,8 @@ class _March:
         )
         while solver.status == "running":
             solver.step()
+            if solver.status == "failed":  # its steps become shorter than the time can tell
+                raise NoMotion
             yield solver
 
     def _to_border(self, t: float, y: np.ndarray, sides: list[int]) -> Any:
@@ -358,7 +360,7 @@ class _March:
 
 
 def end_of(force: Force, data: Data) -> np.ndarray:
-    """State `x, y, v, w` at the end; `Sliding` where there is none."""
+    """State `x, y, v, w` at the end; `NoMotion` where there is none."""
     return _March(force, data).end()
 
 

@@ -264,6 +264,30 @@ def test_what_is_not_seen_is_flagged_and_can_be_declared():
     assert int(bent) & BENT
 
 
+class Place(NamedTuple):
+    x: Any
+    y: Any
+
+
+class Ratio(ss.AbstractSmoothSystem):
+    """A border in a ratio that `y` hardly changes, and a rate that it does."""
+
+    def vector_field(self, t, y, mode, args):
+        return Place(1.0, y.y)
+
+    def switches(self, t, y, mode, args):
+        return (y.x / (1.0 + y.y**2),)
+
+
+def test_a_state_beyond_a_declared_border_stays_where_it_is_but_for_that():
+    """At x = 0.001 the ratio could be made 0 by y = 80 for 160: motions were off by 1e-7 of it."""
+    y = Place(jnp.asarray(1e-3), jnp.asarray(160.0))
+    sided, _ = _sided.system_with_sides(Ratio(), 0.0, y, jnp.zeros((), jnp.int32), None)
+    assert sided is not None
+    below = sided.with_sides(0.0, Place(-y.x, y.y), jnp.zeros((), jnp.int32), None)
+    np.testing.assert_allclose(sided.vector_field(0.0, y, below, None).y, 160.0, rtol=1e-3)
+
+
 def test_a_rest_on_a_bend_has_no_slope_and_says_so():
     run = ss.simulate(Soft(3.0, GAP), 0.0, 10.0, Motion(GAP, 0.0))
     assert int(run.flags) & GRAZING

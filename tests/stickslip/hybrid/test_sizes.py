@@ -118,7 +118,7 @@ def test_an_equilibrium_is_not_resolved_below_rounding():
 
 
 def test_without_the_rounding_of_the_field_an_equilibrium_costs_many_more_steps(monkeypatch):
-    set_accuracy(monkeypatch, field_rounding=0.0)
+    set_accuracy(monkeypatch, few_roundings=0.0)
     integrator = ss.Integrator(max_steps=3000, detect_dips=False)  # another program
     start = Motion(3e-6 * (1 + 4e-16), 0.0)
     run = ss.simulate(Spring(), 0.0, 1.0, start, integrator=integrator, throw=False)

@@ -232,6 +232,76 @@ def test_a_comparison_of_what_is_held_at_zero_does_not_outlive_it():
     np.testing.assert_allclose(x[0], right, atol=1e-6)
 
 
+def test_what_is_held_beside_a_border_does_not_fire_before_it():
+    """From the last number below the stop, late, some of these chattered on it: a depth of 0 there is
+    lower than a distance of one rounding."""
+    rng = np.random.default_rng(0)
+    stop, speed = rng.uniform([0.05, 0.2], [0.3, 1.5], (64, 2)).T
+    late, short = 4.2303326209647159, 1e-9
+
+    class At(Pressed):
+        stop: Any
+
+        def vector_field(self, t, y, mode, args):
+            return super().vector_field(t, Motion(y.x - self.stop + 0.05, y.v), mode, args)
+
+    @jax.jit
+    @jax.vmap
+    def run(stop, x, v):
+        found = ss.simulate(At(8.0, stop), late, late + short, Motion(x, v), throw=False)
+        return found.y1.x - x, found.result == ss.RESULTS.successful
+
+    way, ok = run(stop, np.nextafter(stop, 0.0), speed)
+    assert np.all(ok)
+    np.testing.assert_allclose(way, short * speed, atol=1e-12)
+
+
+class Hertz(ss.AbstractSmoothSystem):
+    a: Any
+
+    def vector_field(self, t, y, mode, args):
+        return Motion(x=y.v, v=-y.x - jnp.maximum(y.x - self.a, 0.0) ** 1.5)
+
+
+def test_slopes_of_a_root_are_as_accurate_up_to_its_border():
+    """The last step before the border was accepted for the state: slopes were off by 1.3e-4."""
+    start, places = np.array([0.0, 1.0]), np.linspace(0.3, 0.95, 5)
+
+    @jax.jit
+    @jax.vmap
+    def slope(a):
+        def end(a):
+            step = ss.Integrator(step=ss.AdaptiveStep(1e-8, 1e-8))
+            return ss.simulate(Hertz(a), 0.0, 4.0, Motion(*start), integrator=step).y1.x
+
+        return jax.jvp(end, (a,), (jnp.ones(()),))[1]
+
+    def right(a):
+        """By the tangent in an angle w, t = middle + half sin(w), in which its field is smooth."""
+
+        def field(t, y):
+            return [y[1], -y[0] - max(y[0] - a, 0.0) ** 1.5]
+
+        def leaves(t, y):
+            return y[0] - a
+
+        leaves.direction = -1.0
+        precise = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}
+        motion = solve_ivp(field, (0.0, 4.0), start, events=leaves, dense_output=True, **precise)
+        first, last = np.arcsin(a), motion.t_events[0][0]
+        middle, half = (first + last) / 2, (last - first) / 2
+
+        def tangent(w, z):
+            depth = motion.sol(middle + half * np.sin(w))[0] - a
+            pull = 1.5 * np.sqrt(max(depth, 0.0))
+            return half * np.cos(w) * np.array([z[1], -z[0] - pull * (z[0] - 1.0)])
+
+        x, v = solve_ivp(tangent, (-np.pi / 2, np.pi / 2), [0.0, 0.0], **precise).y[:, -1]
+        return np.cos(4.0 - last) * x + np.sin(4.0 - last) * v
+
+    np.testing.assert_allclose(slope(places), [right(a) for a in places], rtol=2e-5)
+
+
 class Ball(AbstractMechanism):
     """A ball on a rough ground and on a spring of Hertz, whose root has no slope where it is off it."""
 

@@ -14,12 +14,13 @@ import pytest
 
 import stickslip as ss
 
-from ._random_forces import LENGTH, Chain, Data, Force, Sliding, data_of, end_of, force_of
+from ._random_forces import LENGTH, Chain, Data, Force, NoMotion, data_of, end_of, force_of
 
 SEED, STRUCTURES, DRAWS = 37, 25, 8
 PRECISE = ss.Integrator(step=ss.AdaptiveStep(1e-12, 1e-12))
 STEPS = (1e-4, 2e-5, 4e-6)  # of the differences; the largest suffices but for short excursions
-RIGHT, FLAGGED, NO_MOTION = "right", "flagged", "no motion, and said so"
+RIGHT, RIGHT_FLAGGED, FLAGGED = "right", "right, flagged", "flagged"
+NO_MOTION = "no motion, and said so"
 WRONG, LOUD, SILENT = "WRONG", "LOUD", "NO MOTION, NOT SAID"
 
 
@@ -61,14 +62,17 @@ def off(a: np.ndarray, b: np.ndarray) -> float:
 def verdict(force, data, along, bound, value, slope, flags, successful) -> str:
     try:
         truth = end_of(force, data)
-    except Sliding:
+    except NoMotion:
         return SILENT if successful else NO_MOTION
     if not successful:
         return LOUD
     right = any(off(slope, difference(force, data, along, h)) <= bound for h in STEPS)
     if off(value, truth) > 1e-8 or not (right or flags):
         return WRONG
-    return FLAGGED if flags else RIGHT
+    if not right:
+        return FLAGGED
+    # Where a motion grows without end, a border may be lost in the rounding of its terms.
+    return RIGHT_FLAGGED if flags else RIGHT
 
 
 def verdicts(number: int) -> Counter:
@@ -91,5 +95,5 @@ def verdicts(number: int) -> Counter:
 def test_slopes_of_random_forces(number):
     found = verdicts(number)
     print(f"structure {number}: {dict(found)}")
-    assert set(found) <= {RIGHT, FLAGGED, NO_MOTION}
+    assert set(found) <= {RIGHT, RIGHT_FLAGGED, FLAGGED, NO_MOTION}
     assert number % 2 or FLAGGED not in found  # what is declared has a slope

@@ -1,5 +1,7 @@
 """Every set-valued law in all forms of a declared machine: the smooth ones tend to the event-driven."""
 
+from typing import Any, ClassVar
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -16,6 +18,7 @@ from stickslip.friction import (
     Sum,
     ViscousFriction,
 )
+from stickslip.mechanism import AbstractMechanism, Contact
 from tests.stickslip.mechanism._machines import Arm, Chain, Oscillator, flat
 
 LAWS = {
@@ -168,3 +171,35 @@ def test_laws_that_need_no_wrapping_stay_as_they_are():
     a, b = 0.3 - 0.08, (0.2 + 0.2 * (0.3 - 0.08)) / w
     x = 0.08 + np.exp(-0.6) * (a * np.cos(3 * w) + b * np.sin(3 * w))
     assert float(ends[0].x) == pytest.approx(x, abs=1e-9)
+
+
+class Ratchet(AbstractMechanism):
+    """A block under the load `place - t` that rubs forwards only."""
+
+    place: Any
+    coordinates: ClassVar = {"x": "m"}
+    contact_directions: ClassVar = {"ground": {"x": 1.0}}
+
+    def mass_matrix(self, q):
+        return {"x": 1.0}
+
+    def forces(self, t, q, v, args):
+        return {"x": self.place - t}
+
+    def contacts(self, t, q, v, args):
+        press = 3.0 + jnp.cos(3.0 * t)
+        return {"ground": Contact(Asymmetric(Coulomb(2.0), Coulomb(0.0)), normal_force=press)}
+
+
+def test_friction_of_one_sense_lets_go_where_the_load_passes_zero():
+    """Some of these chattered there, others had no mode: a force of rounding had the say."""
+
+    @jax.jit
+    @jax.vmap
+    def end(place):
+        machine = Ratchet(place)
+        return ss.simulate(machine, 0.0, place + 1.0, machine.state()).y1.x
+
+    # At rest to `place`, then v = -(t - place)^2 / 2.
+    places = np.random.default_rng(0).uniform(0.5, 3.0, 64)
+    np.testing.assert_allclose(end(places), -1.0 / 6.0, rtol=1e-9)

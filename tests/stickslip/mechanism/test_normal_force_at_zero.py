@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 import stickslip as ss
 from stickslip.friction import Coulomb, Sum, ViscousDamping
-from stickslip.mechanism import AbstractMechanism, Contact
+from stickslip.mechanism import AbstractMechanism, Contact, Stop
 
 END = 4.0
 
@@ -295,3 +295,34 @@ def test_where_two_contacts_open_at_once_derivatives_exist():
     np.testing.assert_allclose(times, loads, rtol=1e-12)
     np.testing.assert_allclose(slope, jax.jacfwd(exact)(loads), rtol=1e-9)
     assert int(flags) == 0
+
+
+class Shoe(AbstractMechanism):
+    """A shoe that presses a body against a wall, at the instant at which it is about to open."""
+
+    coordinates: ClassVar = {"x": "m"}
+    contact_directions: ClassVar = {"shoe": {"x": 1.0}}
+    opening: ClassVar = ("shoe",)
+    stops: ClassVar = ("wall",)
+
+    def mass_matrix(self, q):
+        return {"x": 1.0}
+
+    def forces(self, t, q, v, args):
+        return {}
+
+    def contacts(self, t, q, v, args):
+        return {"shoe": Contact(Coulomb(0.5), normal_force=-4e-16, normal_direction={"x": 1.0})}
+
+    def gaps(self, t, q, args):
+        return {"wall": Stop(0.1 - q.x, 0.5)}
+
+
+def test_a_stop_that_bears_nothing_stays_closed_as_a_contact_opens():
+    """What counts as rounding had the sign of the normal force: 0 was more than could be borne."""
+    machine = Shoe()
+    names = [str(name) for name in machine.mode_names]
+    guard = machine.guard_names.index("shoe opens or closes")
+    before = jnp.asarray(names.index("stick / closed"))
+    _, mode = machine.transition(0.0, machine.state(x=0.1), before, guard, None)
+    assert names[int(mode)] == "open / closed"

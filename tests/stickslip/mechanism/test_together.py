@@ -13,6 +13,7 @@ from stickslip.mechanism._dependent import motion_in_rows
 from stickslip.mechanism._laws import Bounds, Laws
 from stickslip.mechanism._rows import each, row
 from stickslip.mechanism._scalars import Mass
+from stickslip.mechanism._search import UNRESISTED
 from tests.stickslip.mechanism._groups import DEPENDENT, distance, found, instants, named
 
 EXECUTORS = {"vector": PORTABLE, "tuple": FUSED}
@@ -68,11 +69,11 @@ def test_how_contacts_give_way(name, symmetric):
 
 def one_by_one(of, low, high, rest, reaction):
     """Share of what can be borne and senses of giving way, by every line; what rests with `rest`."""
-    share, ways = -1.0, np.zeros(of.m)
+    share, ways = UNRESISTED, np.zeros(of.m)
     for line, along in zip(of.tables.lines, of.tables.along, strict=True):
         load = line @ reaction
         against = np.where(along * load > 0.0, high, -low) * rest
-        used = abs(load) / (np.abs(along) @ against + 1e-150) if (along * rest).any() else -1.0
+        used = abs(load) / (np.abs(along) @ against + 1e-150) if (along * rest).any() else UNRESISTED
         if used > share:
             share, ways = used, -np.sign(load) * np.sign(along) * rest
     J = of.directions

@@ -57,7 +57,7 @@ def test_the_limit_of_a_law_is_known_to_rounding():
 @pytest.mark.slow
 def test_taken_exactly_some_chatter(monkeypatch):
     """The fault, planted."""
-    monkeypatch.setattr(_search, "ACCURACY", replace(_search.ACCURACY, no_drop=0.0))
+    monkeypatch.setattr(_search, "ENGINE", replace(_search.ENGINE, slack=0.0))
     every = ss.map_lanes(lambda p: lane(p, longest=END / 99))(random_pairs(240)[20:])
     assert np.sum(~np.asarray(every[3])) > 5
 
