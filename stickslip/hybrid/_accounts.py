@@ -51,16 +51,18 @@ def sections_at_zero(plan: Plan, code: Any, lane: Lane, values: Values) -> tuple
     """
     functions = plan.functions
     # After one event another may follow at once, and then no step says how well the first was located.
-    full = jnp.maximum(lane.full, jnp.where(lane.h > 0, 0.0, lane.h_free))
+    opened = jnp.where((lane.bracket.tries == 0) & (lane.h > 0), lane.h, lane.full)
+    full = jnp.maximum(opened, jnp.where(lane.h > 0, 0.0, lane.h_free))
     known_to = ACCURACY.same_instant * (ACCURACY.solved * full + ACCURACY.rounding * jnp.abs(lane.t))
     event = is_event(code) | ((code == REFRESH) & (lane.events > 0))
     return tuple(
-        event & (jnp.abs(values.value[i]) <= known_to * _steepest(lane.rates[i], values.rate[i]))
+        event & (jnp.abs(values.value[i]) <= known_to * steepest(lane.rates[i], values.rate[i]))
         for i in range(functions.num_guards, functions.count)
     )
 
 
-def _steepest(before: Any, after: Any) -> Any:
+def steepest(before: Any, after: Any) -> Any:
+    """The larger of two slopes, without its sign."""
     return jnp.maximum(jnp.abs(before), jnp.abs(after))
 
 
@@ -84,7 +86,8 @@ def crossed_sections(
         # at the joint of two steps is counted once.
         beyond = value <= 0
         if at_zero:
-            beyond = beyond | at_zero[i - functions.num_guards]
+            # Right after an event it is crossed if it falls: it may have crossed upwards just before.
+            beyond = beyond | (at_zero[i - functions.num_guards] & ((lane.h > 0) | (rate < 0)))
         if functions.acts(i):
             if not meets:
                 crossed = (*crossed, jnp.zeros_like(beyond))

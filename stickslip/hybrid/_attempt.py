@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ._accounts import accounts, crossed_sections, sections_at_zero
+from ._accounts import accounts, crossed_sections, sections_at_zero, steepest
 from ._control import control
 from ._event_decision import First, decide, lowest, search_bracket
 from ._loop_state import (
@@ -93,9 +93,12 @@ def _advance(
     t, y, dy, mode = _end_of_attempt(
         plan, code, lane.t, lane.y, lane.dy, lane.mode, step, dt, jump, keeps=keeps
     )
-    at_zero = sections_at_zero(plan, code, bare, step.values) if guarded else ()
+    seen, at_zero = step.values, ()
+    if guarded and plan.functions.sections:
+        seen = _values_at_event(plan, step.values, dt)
+        at_zero = sections_at_zero(plan, code, bare, seen)
     known = _next_start_values(plan, code, bare, step.kept, at_zero, keeps=keeps)
-    fired = crossed_sections(plan, code, bare, step.values, at_zero, meets=first is not None)
+    fired = crossed_sections(plan, code, bare, seen, at_zero, meets=first is not None)
 
     # The length that opened the bracket outlives the attempts inside it: tolerances are parts of it,
     # because a hop of the search may be arbitrarily short.
@@ -193,6 +196,13 @@ def _end_of_attempt(plan: Plan, code, t, y, dy, mode, step: Step, dt, jump, *, k
 
 
 @bookkeeping
+def _values_at_event(plan: Plan, values: Values, dt) -> Values:
+    """Event functions at the time of the event, to which the attempt does not reach by `dt`."""
+    moved = (v + rate * dt for v, rate in zip(values.value, values.rate, strict=True))
+    return values._replace(value=tuple(moved))
+
+
+@bookkeeping
 def _next_start_values(
     plan: Plan, code, lane: Lane, kept: Values, at_zero: tuple, *, keeps: bool
 ) -> Values:
@@ -203,7 +213,13 @@ def _next_start_values(
     if at_zero:
         guards, sections = kept.value[: -len(at_zero)], kept.value[-len(at_zero) :]
         rounded = (jnp.where(zero, 0.0, v) for v, zero in zip(sections, at_zero, strict=True))
-        kept = kept._replace(value=(*guards, *rounded))
+        # In the mode after the event they are at zero if they were so at the event: by the same slope.
+        event, n = is_event(code), len(guards)
+        slopes = (
+            jnp.where(zero & event, steepest(old, new), new)
+            for old, new, zero in zip(lane.rates[n:], kept.rate[n:], at_zero, strict=True)
+        )
+        kept = kept._replace(value=(*guards, *rounded), rate=(*kept.rate[:n], *slopes))
     old = Values(lane.values, lane.rates, lane.scales)
     return select(is_accepted(code), kept, old) if keeps else kept
 

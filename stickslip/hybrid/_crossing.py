@@ -155,6 +155,11 @@ def _search(plan: Plan, problem, section: Section, row: Starts) -> tuple[Any, Py
         (value, _), (rate, _) = _along(problem, section, row.mode, t, y, dy)
         return value, rate
 
+    def is_zero(value, rate):
+        # The run rounds by the step before this one, which may have been longer.
+        instant = ACCURACY.zero * row.h + ACCURACY.same_instant * ACCURACY.rounding * jnp.abs(row.t)
+        return jnp.abs(value) <= instant * jnp.abs(rate)
+
     def cond(carry):
         *_, searching, tries = carry
         return eqxi.unvmap_any(searching) & (tries < ACCURACY.crossing_tries)
@@ -168,12 +173,16 @@ def _search(plan: Plan, problem, section: Section, row: Starts) -> tuple[Any, Py
         found = value_of(execute, row.t + h, y, dy)
         y, dy = ravel_pytree(y)[0], ravel_pytree(dy)[0]
         slope, *start = select(begins, (dy, *found), (slope, *start))
-        end = jnp.where(whole, found[0], end)
         # One that starts on zero, at an event say, has a sign of rounding: it has left that of its end.
-        on_zero = jnp.abs(start[0]) <= ACCURACY.solved * row.h * jnp.abs(start[1])
-        side = jnp.where(on_zero, -end, start[0])
+        # Where an event ends the step too, only the slope at the start knows where it goes.
+        end = jnp.where(whole, jnp.where(is_zero(*found), 0.0, found[0]), end)
+        on_zero = is_zero(*start)
+        if section.direction == "both":  # it crosses: of two ends on one side the lower is on zero
+            on_zero = on_zero | ((start[0] * end > 0) & (jnp.abs(start[0]) < jnp.abs(end)))
+        side = jnp.where(on_zero, jnp.where(end == 0, start[1], -end), start[0])
         sign = {"falling": 1.0, "rising": -1.0}.get(section.direction, jnp.sign(side))
         value, rate, value0, rate0 = (sign * a for a in (*found, *start))
+        on_zero = on_zero | ((value0 < 0) & (rate0 > 0))
         value0 = jnp.where(on_zero, jnp.maximum(value0, 0.0), value0)
         near = jnp.abs(value) <= -rate * ACCURACY.section_tolerance * row.h
         collapsed = _locate.is_collapsed(bracket, row.t, row.h)

@@ -84,7 +84,6 @@ def greatest(value):
     return best
 
 
-@pytest.mark.more
 def test_arrays_of_many_extremes():
     """Closed form: sums of harmonics, with nearly equal maxima that no few instants tell apart."""
     start = Bank(jnp.zeros(3), jnp.zeros(3), jnp.ones(2))

@@ -164,6 +164,19 @@ def test_saltation_matrix_against_its_closed_form():
     np.testing.assert_allclose(sticks, [[1.0, 0.0], [0.0, 0.0]], atol=1e-14)
 
 
+class Carried(Flight):
+    """Where it lands it is put on a belt that has gone 3 t."""
+
+    def transition(self, t, y, mode, guard, args):
+        return State(y.x + 3.0 * t, y.v), mode
+
+
+def test_saltation_matrix_of_a_jump_that_depends_on_time():
+    """x = x0 + v (t - t0) lands on x = 0 at t0 - x0/v, and the later the farther it is put."""
+    matrix = ss.saltation_matrix(Carried(acceleration=0.0), 1.0, State(0.0, -2.0), 0, 0)
+    np.testing.assert_allclose(matrix, [[1.0 + 3.0 / 2.0, 0.0], [0.0, 1.0]], atol=1e-14)
+
+
 @pytest.mark.more
 def test_monodromy_of_the_stick_slip_cycle():
     """Start inside slip on the cycle: multipliers 1 (along the motion) and exactly 0 (stick)."""

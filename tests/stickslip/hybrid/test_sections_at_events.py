@@ -8,7 +8,7 @@ import pytest
 import stickslip as ss
 from stickslip.systems import Motion
 from tests.stickslip.hybrid._loads import Block, random_loads
-from tests.stickslip.hybrid._systems import Flight, State
+from tests.stickslip.hybrid._systems import Circle, Flight, State, fixed
 
 END = 20.0
 REST = Motion(0.0, 0.0)
@@ -91,3 +91,53 @@ def test_what_begins_on_zero_is_counted_once_it_comes_back():
     )
     assert int(run.crossings[0].count) == 1
     np.testing.assert_allclose(run.crossings[0].t[0], 2.0 / 9.0, rtol=1e-9)
+
+
+def test_a_step_between_two_events_crosses_at_its_end():
+    """x = cos t passes -level down and up again within one step; the section is the guard."""
+    levels = np.linspace(0.9, 0.99995, 32)
+
+    @jax.jit
+    @jax.vmap
+    def run(level):
+        section = ss.Section(lambda system, t, y, dy, mode, args: y.x + level, "both")
+        return ss.simulate(
+            Circle(-level), 0.0, 6.0, State(1.0, 0.0), saveat=ss.SaveAt(sections=section, max_events=2),
+            integrator=fixed(1.0),
+        )  # fmt: skip
+
+    found = run(jnp.asarray(levels))
+    np.testing.assert_array_equal(found.num_events, 2)
+    np.testing.assert_array_equal(found.crossings[0].count, 2)
+    np.testing.assert_allclose(found.crossings[0].t[:, :2], found.events.t, rtol=1e-12)
+
+
+def test_sections_next_to_a_guard_are_crossed_once():
+    """Nearer to it than an event is located, on either side: x = cos t, closed form."""
+    rng = np.random.default_rng(0)
+    levels = rng.uniform(-0.99, 0.99, 256)
+    others = levels + 10.0 ** rng.uniform(-13.0, -9.5, 256) * rng.choice([-1.0, 1.0], 256)
+    ends = rng.uniform(2.0, 20.0, 256)
+    ends[::4] = np.arccos(levels[::4]) + 2.0 * np.pi  # on an event
+
+    @jax.jit
+    @jax.vmap
+    def run(level, other, end):
+        sections = tuple(
+            ss.Section(lambda system, t, y, dy, mode, args: y.x - other, direction)
+            for direction in ("both", "rising", "falling")
+        )
+        saveat = ss.SaveAt(sections=sections)
+        found = ss.simulate(
+            Circle(level), 0.0, end, State(1.0, 0.0), integrator=fixed(1.0), saveat=saveat
+        )
+        return found.crossings
+
+    for crossings, turns in zip(run(levels, others, ends), ((1, -1), (-1,), (1,)), strict=True):
+        for i, end in enumerate(ends):
+            angles = [turn * np.arccos(others[i]) for turn in turns]
+            times = np.sort(np.add.outer(2.0 * np.pi * np.arange(5), angles).ravel())
+            times = times[times > 0]
+            count = int(crossings.count[i])
+            assert np.sum(times < end - 1e-3) <= count <= np.sum(times < end + 1e-3)
+            np.testing.assert_allclose(crossings.t[i, :count], times[:count], atol=1e-4)

@@ -107,6 +107,26 @@ def test_interpolate_has_the_accuracy_of_the_method(run):
     y = ss.interpolate(StickSlip(0.2), run, ts)
     expected = [stick_slip_motion(t, 0.2)[0] if t > 0 else 0.0 for t in np.asarray(ts)]
     np.testing.assert_allclose(y.x, expected, rtol=0, atol=1e-9)
+    outside = ss.interpolate(StickSlip(0.2), run, jnp.asarray([-1e-9, 50.0 + 1e-9]))
+    assert np.all(np.isnan(outside.x))
+
+
+def test_attempts_are_few(run):
+    """One of five ends beyond an event or is too long; the search of an event takes two or three."""
+    assert int(run.stats.num_attempts) <= 205
+
+
+def test_a_log_may_be_full():
+    """The third event of the second lane has no row."""
+    *_, events = stick_slip_motion(30.0, 0.2)
+    ends = 0.5 * (events[1:3] + events[2:4])
+    found = jax.vmap(
+        lambda end: ss.simulate(
+            StickSlip(0.2), 0.0, end, START, saveat=ss.SaveAt(max_events=2), throw=False
+        )
+    )(jnp.asarray(ends))
+    np.testing.assert_array_equal(found.result == ss.RESULTS.successful, [True, False])
+    np.testing.assert_array_equal(found.result == ss.RESULTS.max_events_reached, [False, True])
 
 
 def test_str_says_what_happened(run):

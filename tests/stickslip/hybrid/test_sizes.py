@@ -63,7 +63,6 @@ def test_the_same_digits_for_all_amplitudes():
         np.testing.assert_allclose(by * row, true, atol=1e-4 * np.abs(true).max(), rtol=0)
 
 
-@pytest.mark.more
 def test_an_absolute_tolerance_above_the_motion_is_flagged():
     def run(size, **tolerance):
         block = CoulombOscillator(1.0, 1.0, size, 0.5 * size, 0.2 * size)

@@ -29,9 +29,10 @@ def exact(t):
     return np.exp(GROWTH * t) * (np.cos(omega * t) - GROWTH / omega * np.sin(omega * t))
 
 
-@pytest.mark.more
-@pytest.mark.parametrize("method", ["dop853", "tsit5"])
-@pytest.mark.parametrize("load", [0.0, 0.7, 1e6])
+@pytest.mark.parametrize("method", ["dop853", pytest.param("tsit5", marks=pytest.mark.more)])
+@pytest.mark.parametrize(
+    "load", [pytest.param(0.0, marks=pytest.mark.more), 0.7, pytest.param(1e6, marks=pytest.mark.more)]
+)
 def test_derivatives_from_an_equilibrium_are_right_or_flagged(method, load):
     @jax.jit
     def run(away, t1, dtmax):
