@@ -1,15 +1,18 @@
 """Functions whose zeros are special points, by the eigenvalues of random matrices."""
 
-from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 
+from stickslip.continuation import PeriodicOrbit
+from stickslip.continuation._point import Point
 from stickslip.continuation._points import doubling, torus
 
 
 def point(matrix):
     multipliers = np.append(np.linalg.eigvals(matrix), 1.0)
-    return SimpleNamespace(orbit=SimpleNamespace(multipliers=multipliers, neutral=np.ones((1, 1))))
+    orbit = Mock(spec=PeriodicOrbit, multipliers=multipliers, neutral=np.ones((1, 1)))
+    return Mock(spec=Point, orbit=orbit)
 
 
 def test_a_period_doubles_where_the_determinant_of_m_plus_one_vanishes():
