@@ -195,7 +195,7 @@ class DependentContacts(_AbstractDependentContacts):
         # Beside speeds that are all rounding none of them is small.
         return self.agree(here.surfaces)
 
-    def at_rest(self, here: LocalInstant, still: NumberRow) -> NumberRow:
+    def at_rest(self, here: LocalInstant, still: NumberRow, kept: NumberRow | None = None) -> NumberRow:
         if not all(map(is_zero, here.surfaces)):
             return self.row(super().at_rest(here, tuple(still)))
         momenta = self.row(here.mass.times([here.at.v[j] for j in self.columns]))

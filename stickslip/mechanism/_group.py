@@ -238,9 +238,10 @@ class AbstractContactGroup(AbstractSearched, abc.ABC):
         found, ended = self.states_after(here, states, after, started, touched, passing)
         landing = Landing(rest, hit, touched, lands, passing)
         still, lands, places = self.landing(here, still, found, landing, fired)
-        velocities = each(
-            lambda x, v: where(lands, x, v), self.at_rest(here, still), self.row(here.velocities)
-        )
+        # Others that are made to rest beside a contact that passes might send it back.
+        kept = None if passing is None else past_zero(passing, found)
+        landed = self.at_rest(here, still, kept)
+        velocities = each(lambda x, v: where(lands, x, v), landed, self.row(here.velocities))
         found = each(lambda x, s: where(touched, x, s), found, own)
         return Change(velocities, found, places, release.failed | (touched & ~ended))
 
@@ -272,9 +273,11 @@ class AbstractContactGroup(AbstractSearched, abc.ABC):
         `found`: the states by the law of all contacts."""
         return still, landing.lands, {}
 
-    def at_rest(self, here: LocalInstant, still: NumberRow) -> NumberRow:
-        """Velocities with the contacts in `still` at rest, to the last digit."""
-        v = self.nearest_velocities(here, still)
+    def at_rest(self, here: LocalInstant, still: NumberRow, kept: NumberRow | None = None) -> NumberRow:
+        """Velocities with the contacts in `still` at rest, to the last digit.
+
+        Contacts in `kept` keep their speed."""
+        v = self.nearest_velocities(here, still, kept)
         for i, (line, w, rests) in enumerate(zip(here.lines, here.surfaces, still, strict=True)):
             entries = [j for j, n in enumerate(line) if not is_zero(n)]
             if len(entries) == 1:
@@ -292,12 +295,17 @@ class AbstractContactGroup(AbstractSearched, abc.ABC):
                     v[j] = where(rests & (leads == place), alone, now[j])
         return tuple(v)
 
-    def nearest_velocities(self, here: LocalInstant, still: NumberRow) -> list[Any]:
+    def nearest_velocities(
+        self, here: LocalInstant, still: NumberRow, kept: NumberRow | None = None
+    ) -> list[Any]:
         """The velocities nearest by the inertia at which the contacts in `still` do not slide."""
-        v = here.velocities
+        v, held = here.velocities, still
         none = [jnp.zeros_like(x) for x in v]
         back = [times(-1.0, here.at.speeds[c]) for c in self.rows]
-        change = self.motion(here.mass, none, here.lines, still, back).acceleration
+        if kept is not None:
+            back = [where(rests, x, 0.0) for rests, x in zip(still, back, strict=True)]
+            held = each(lambda rests, keeps: rests | keeps, still, kept)
+        change = self.motion(here.mass, none, here.lines, held, back).acceleration
         some = any_of(still)
         return [where(some, x + d, x) for x, d in zip(v, change, strict=True)]
 
@@ -360,6 +368,11 @@ class AbstractContactGroup(AbstractSearched, abc.ABC):
             states, never, any_of_all(met),
         ))  # fmt: skip
         return [x == 0.0 for x in found]
+
+
+def past_zero(passing: NumberRow, found: NumberRow) -> NumberRow:
+    """Contacts that pass through rest and slide on."""
+    return each(lambda p, f: (p != 0.0) & (f != 0.0), passing, found)
 
 
 # -- how contacts give way one by one

@@ -153,9 +153,11 @@ class _AbstractFixedDirections(AbstractIndependentContacts):
         borne = [where(rest[i], minus(dot(inertia[i], along), force[i]), 0.0) for i in range(self.m)]
         return Motion(tuple(dot([float(x) for x in row], along) for row in T), (), tuple(borne))
 
-    def nearest_velocities(self, here, still):
+    def nearest_velocities(self, here, still, kept=None):
         # One velocity that its contact decides needs no projection.
-        return here.velocities if self.m == self.n == 1 else super().nearest_velocities(here, still)
+        return (
+            here.velocities if self.m == self.n == 1 else super().nearest_velocities(here, still, kept)
+        )
 
 
 class SeparateContacts(_AbstractFixedDirections):

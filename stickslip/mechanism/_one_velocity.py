@@ -10,7 +10,7 @@ from stickslip._fastmath import where
 from stickslip.hybrid.accuracy import ACCURACY as ENGINE
 
 from ._accuracy import ACCURACY
-from ._group import AbstractContactGroup, Fired, Guards, Release
+from ._group import AbstractContactGroup, Fired, Guards, Release, past_zero
 from ._laws import NO_LIMIT, Bounds
 from ._local import LocalInstant, Part
 from ._motion import Motion
@@ -18,7 +18,7 @@ from ._reserve import least_reserve
 from ._rows import NumberRow, any_of
 from ._scalars import Mass, choose, is_zero, minus, over, times, total, without_slope
 from ._search import Overload, Problem, resting, senses_of, states_by_search
-from ._varying import ends_at_rest, landing_beside_passing, passing_through, with_loose
+from ._varying import contacts_at_rest, ends_at_rest, passing_through, with_loose
 
 
 class _AbstractOneVelocity(AbstractContactGroup):
@@ -62,7 +62,9 @@ class _AbstractOneVelocity(AbstractContactGroup):
 
     def landing(self, here, still, found, landing, fired):
         if not here.drifts and self.part.varies:
-            return landing_beside_passing(self.rows, still, found, landing, fired.rested)
+            still = contacts_at_rest(self.rows, still, found, fired.rested)
+            # The velocity of all is that of the contact that passes.
+            return still, landing.lands & ~any_of(past_zero(landing.passing, found)), {}
         if not here.drifts:
             return super().landing(here, still, found, landing, fired)
         # A contact that a stop carries off keeps its velocity: that of a stop which has hardly begun to

@@ -8,12 +8,11 @@ import numpy as np
 from stickslip._fastmath import where
 
 from ._accuracy import ACCURACY
-from ._group import Landing
 from ._independent import AbstractIndependentContacts, states_one_by_one
 from ._laws import NO_LIMIT
 from ._local import Part
 from ._motion import Motion, motion_by_forces, resisting
-from ._rows import NumberRow, any_of, each
+from ._rows import NumberRow, each
 from ._scalars import Mass, dot, minus, over, times, total
 from ._search import Problem, senses_of, states_by_search
 
@@ -42,16 +41,16 @@ class VaryingContacts(AbstractIndependentContacts):
     def decides(self, rests: Any, n: Any) -> Any:
         return rests & (n != 0.0)
 
-    def nearest_velocities(self, here, still):
-        return (
-            here.velocities if (self.m, self.n) == (1, 1) else super().nearest_velocities(here, still)
-        )
+    def nearest_velocities(self, here, still, kept=None):
+        if (self.m, self.n) == (1, 1):
+            return here.velocities
+        return super().nearest_velocities(here, still, kept)
 
     def passing(self, own, hit, stops):
         return passing_through(own, hit, stops)
 
     def landing(self, here, still, found, landing, fired):
-        return landing_beside_passing(self.rows, still, found, landing, fired.rested)
+        return contacts_at_rest(self.rows, still, found, fired.rested), landing.lands, {}
 
     least_acceleration = -1.0
 
@@ -68,17 +67,15 @@ def passing_through(own: NumberRow, hit: NumberRow, stops: Any) -> NumberRow:
     return each(lambda h, s: where(stops & h & (s != 0.0), -s, 0.0), hit, own)
 
 
-def landing_beside_passing(
-    rows: tuple[int, ...], still: NumberRow, found: NumberRow, landing: Landing, rested: list
-) -> tuple[NumberRow, Any, dict[int, Any]]:
-    """As `AbstractContactGroup.landing`: what was at rest, or is, is made to rest.
+def contacts_at_rest(
+    rows: tuple[int, ...], still: NumberRow, found: NumberRow, rested: list
+) -> NumberRow:
+    """Contacts in `still` that were at rest, or are.
 
     A contact that passes through rest keeps its velocity: where its direction vanishes, to be made to
-    rest would stop the mechanism. Nor is anything else made to rest then: it might send back what has
-    just passed."""
-    still = tuple(x & (rested[c] | (f == 0.0)) for x, c, f in zip(still, rows, found, strict=True))
-    passed = tuple((p != 0.0) & (f != 0.0) for p, f in zip(landing.passing, found, strict=True))
-    return still, landing.lands & ~any_of(passed), {}
+    rest would stop the mechanism.
+    """
+    return tuple(x & (rested[c] | (f == 0.0)) for x, c, f in zip(still, rows, found, strict=True))
 
 
 def ends_at_rest(problem: Problem, states: NumberRow, acceleration: NumberRow, slow: Any) -> NumberRow:

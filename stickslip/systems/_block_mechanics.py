@@ -96,7 +96,7 @@ class AbstractBlockOnBelt(AbstractMechanicalSystem):
     set_valued: AbstractClassVar[bool]  # whether the block sticks
 
     @abc.abstractmethod
-    def belt_velocity(self, y: PyTree) -> Float[Array, "..."]:
+    def belt_velocity(self, y: PyTree) -> Numeric:
         """Velocity of the belt [m/s]."""
 
     @check_arguments(**OBSERVABLE)

@@ -62,7 +62,7 @@ class AbstractBlockOnSteadyBelt(AbstractBlockOnBelt):
         return cls(**{"V_b": 0.12, **set_a(k3, changes, cls.set_valued)})
 
     @check_arguments(y=state)
-    def belt_velocity(self, y: BlockState) -> Float[Array, "..."]:
+    def belt_velocity(self, y: BlockState) -> Numeric:
         """Velocity of the belt, constant [m/s]."""
         return self.V_b
 

@@ -100,6 +100,7 @@ def shrunk(
             if time.process_time() > end:
                 return structure, n
             s = s.pruned()
+            m = m._replace(start={c: x for c, x in m.start.items() if c in s.components})
             try:
                 still = wrong(s, m)
             except Exception:  # what is left is no machine any more

@@ -2,12 +2,14 @@
 
 from typing import Any, ClassVar, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import stickslip as ss
 from stickslip.continuation import Follow, OrbitGuess, continue_orbit, orbit_guess, periodic_orbit
+from stickslip.continuation._closing import Closure, Frame, equations
 from stickslip.friction import Coulomb
 from stickslip.mechanism import AbstractMechanism, Contact
 from tests.stickslip.continuation._systems import Motion, whole_turn
@@ -59,6 +61,25 @@ def test_a_drift_is_said_and_a_spring_is_seen(sled):
         assert not np.any(held.neutral)
         roots = np.exp(TURN * np.roots([1.0, DAMPING, stiffness]))
         assert np.sort_complex(held.multipliers) == pytest.approx(np.sort_complex(roots), abs=1e-9)
+
+
+def test_an_orbit_beside_its_anchor_has_a_residual_along_the_family():
+    """By hand, in parts of 2 m and 0.5 m/s: the map x + v + 0.3, v / 2 + 0.05 has a free place x."""
+    size, anchor, zero = jnp.array([2.0, 0.5]), jnp.array([5.0, 0.1]), jnp.zeros(2)
+    shift = jnp.array([[1.0, 0.0], [0.0, 0.0]])
+    frame = Frame(0.0, TURN, False, anchor, zero, size, shift, np.full(2, np.inf), zero)
+
+    def found_from(u):
+        x, v = u * size
+        end = jnp.stack([x + v + 0.3, 0.5 * v + 0.05])
+        none = jnp.zeros(1, jnp.int32)
+        return Closure(end / size - u, end[None], none, none == 0, none, none, none, none)
+
+    begin = jnp.array([7.0, 0.2]) / size
+    residual, jacobian, found = jax.jit(lambda u: equations(found_from, u, frame, 1))(begin)
+    np.testing.assert_allclose(residual, [(7.0 - 5.0) / 2.0, (0.15 - 0.2) / 0.5], rtol=1e-14)
+    np.testing.assert_allclose(jacobian, [[1.0, 0.0], [0.0, 0.5 - 1.0]], atol=1e-14)
+    np.testing.assert_allclose(found.neutral, shift, atol=1e-14)
 
 
 @pytest.mark.slow

@@ -80,6 +80,27 @@ def test_without_sides_a_step_over_a_bend_has_a_wrong_slope(monkeypatch):
     assert abs(slope / closed_form(-0.3, 0.0, 1e5, 10.0)[1] - 1.0) > 2e-4
 
 
+class Valley(ss.AbstractSmoothSystem):
+    """A pull of -|x|: a spring above zero, and below it one that pushes away."""
+
+    def vector_field(self, t, y, mode, args):
+        return Motion(x=y.v, v=-jnp.abs(y.x))
+
+
+def test_the_corner_of_an_absolute_value_is_met_in_long_steps():
+    """x = a cos t, and from pi / 2 on x = -a sinh(t - pi / 2); a step across it is 1e-2 off."""
+    long = ss.Integrator(step=ss.FixedStep(0.25))
+
+    def end(a):
+        run = ss.simulate(Valley(), 0.0, 3.0, Motion(a, 0.0 * a), integrator=long)
+        return run.y1.x, (run.y1.x, run.flags)
+
+    slope, (x, flags) = jax.jit(jax.jacfwd(end, has_aux=True))(jnp.asarray(0.7))
+    exact = -np.sinh(3.0 - np.pi / 2)
+    np.testing.assert_allclose([slope, x], [exact, 0.7 * exact], rtol=1e-10)
+    assert int(flags) == 0
+
+
 class Rectified(ss.AbstractSmoothSystem):
     """`Soft` by functions of JAX that have derivatives of their own."""
 

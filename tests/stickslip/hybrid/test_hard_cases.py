@@ -33,6 +33,40 @@ def test_guard_that_starts_at_zero_and_falls_fires_at_once():
     assert run.num_events == 1
 
 
+def test_guard_that_starts_below_zero_by_rounding_does_not_fire_before_the_start():
+    """x = -9e-13 - sin t has passed the level 9e-13 s before the run begins."""
+
+    class Metres(Circle):
+        guard_scales: ClassVar = (1.0, 1.0)
+
+    run = ss.simulate(Metres(), 0.0, 1.0, State(-9e-13, -1.0), "above", integrator=fixed(0.4))
+    assert float(run.events.t[0]) == 0.0
+    assert float(run.events.y_after.x[0]) == -9e-13
+    assert run.num_events == 1
+
+
+def test_guard_that_is_zero_for_a_while_fires_where_that_ends():
+    """At 1.3 s; the search in the step of 4 s looks at 2 s and at 1 s."""
+
+    class Late(Circle):
+        def guards(self, t, y, mode, args):
+            return jnp.where(mode == 0, -jnp.maximum(t - 1.3, 0.0), 1.0), jnp.ones(())
+
+    run = ss.simulate(Late(), 0.0, 8.0, State(1.0, 0.0), "above", integrator=fixed(4.0))
+    np.testing.assert_allclose(run.events.t[0], 1.3, rtol=1e-12)
+    assert run.num_events == 1
+
+
+def test_run_ends_where_the_second_of_two_guards_has_no_value_any_more():
+    class Lost(Circle):
+        def guards(self, t, y, mode, args):
+            return jnp.ones(()), 1.0 + jnp.sqrt(1.0 - t)
+
+    run = ss.simulate(Lost(), 0.0, 2.0, State(1.0, 0.0), "above", integrator=fixed(0.3), throw=False)
+    assert run.result == ss.RESULTS.nonfinite
+    np.testing.assert_allclose(run.t1, 0.9, rtol=1e-12)
+
+
 def test_short_rise_from_zero_within_one_step():
     """From zero with a small upward speed the ball is back on the floor after 0.02, in one step."""
     run = ss.simulate(

@@ -133,6 +133,40 @@ def test_a_cam_that_comes_to_a_stand_and_moves_on():
     np.testing.assert_allclose(x[3, 3:], [0.025, 0.0], atol=1e-10)  # the weight follows the cam
 
 
+class Press(AbstractMechanism):
+    """1 kg pressed on a bed; a die comes down from 1 m, or a lift comes up from 1 m below the bed."""
+
+    speeds: Any  # of the die and of the lift
+    coordinates: ClassVar = {"x": "m"}
+    stops: ClassVar = ("bed", "die", "lift")
+
+    def mass_matrix(self, q):
+        return 1.0
+
+    def forces(self, t, q, v, args):
+        return {"x": -1.0}
+
+    def gaps(self, t, q, args):
+        die, lift = 1.0 - self.speeds[0] * t, self.speeds[1] * t - 1.0
+        return {"bed": Stop(q.x, 0.5), "die": Stop(die - q.x, 0.5), "lift": Stop(q.x - lift, 0.5)}
+
+
+def test_an_impact_into_a_closed_stop_ends_a_run_and_one_off_it_does_not():
+    @jax.jit
+    @jax.vmap
+    def run(speeds):
+        machine = Press(speeds)
+        found = ss.simulate(machine, 0.0, 1.5, machine.state(), throw=False)
+        return found.t1, found.y1.x, found.result
+
+    t1, x, result = run(jnp.eye(2))
+    np.testing.assert_array_equal(result == ss.RESULTS.no_admissible_mode, [True, False])
+    np.testing.assert_array_equal(result == ss.RESULTS.successful, [False, True])
+    np.testing.assert_allclose(t1, [1.0, 1.5], rtol=1e-12)
+    # The lift of 1 m/s throws the body up at 1.5 m/s.
+    np.testing.assert_allclose(x, [0.0, 1.5 * 0.5 - 0.5**3], atol=1e-12)
+
+
 def test_what_cannot_move_is_refused_with_what_it_depends_on():
     class Shelf(Cam):
         coordinates: ClassVar = {"x": "m", "y": "m"}

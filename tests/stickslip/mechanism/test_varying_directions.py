@@ -71,6 +71,16 @@ def test_random_runs_are_those_of_fine_steps_without_flags(number):
     assert np.min(fine[1]) >= 4
 
 
+def test_a_contact_that_gives_way_as_another_passes_its_zero():
+    """The drift of its rest was against the sense in which it gave way, and stopped it: chattering."""
+    machine = Curved(np.array([1.10682776, 0.89702609, 0.72705426, 0.82229915, 0.0]))
+    found = ss.simulate(
+        machine, 0.0, 2.0, machine.state(x=0.3, y=-0.2), throw=False,
+        integrator=ss.Integrator(step=ss.AdaptiveStep(1e-10, dtmax=0.2)),
+    )  # fmt: skip
+    assert found.successful
+
+
 class Tilting(AbstractMechanism):
     """Two masses under a force that friction holds along a curve, which is level at the start."""
 
