@@ -64,7 +64,7 @@ def autocorrelation(series: Rows, lags: int = 20) -> Correlation:
     $\pm z \sqrt{n_k}/n$ of white noise, $n_k$ products at lag $k$ of $n$ samples. **Raises**
     `TypeError`, `ValueError` for anything else. Works under `jit`, `vmap` and `grad`.
     """
-    return _autocorrelation(_checked("series", series, lags), lags)
+    return _autocorrelation(_rows_of("series", series, lags), lags)
 
 
 @check_arguments(lags=count(1))
@@ -79,7 +79,7 @@ def cross_correlation(series: Rows, other: Rows, lags: int = 20) -> Correlation:
     if the residual is white. **Raises** as `autocorrelation`.
     """
     given: Any = series
-    rows, inputs = _checked("series", series, lags), _checked("other", other, lags)
+    rows, inputs = _rows_of("series", series, lags), _rows_of("other", other, lags)
     if rows.shape != inputs.shape:
         raise shape_refusal("other", other, f"of the shape of series, {np.shape(given)}")
     return _cross_correlation(rows, inputs, lags)
@@ -99,7 +99,7 @@ def ljung_box(series: Rows, lags: int = 20, *, unknowns: int = 0) -> LjungBox:
     **Arguments:** `series` as for `autocorrelation`, `lags` $m$, more than `unknowns`. **Raises**
     `TypeError`, `ValueError` for anything else. Source: Ljung & Box, Biometrika 65 (1978).
     """
-    rows = _checked("series", series, lags)
+    rows = _rows_of("series", series, lags)
     if unknowns >= lags:
         raise refusal("unknowns", unknowns, f"less than lags = {lags}")
     degrees = lags - unknowns
@@ -144,7 +144,7 @@ def in_even_steps(times: Rows, series: Rows) -> Float[np.ndarray, " sample"]:
     return filled
 
 
-def _checked(name: str, series: Any, lags: Any) -> Array:
+def _rows_of(name: str, series: Any, lags: Any) -> Array:
     """The series as rows."""
     if is_concrete(series):
         array = numbers(name, series)
@@ -161,7 +161,7 @@ def _checked(name: str, series: Any, lags: Any) -> Array:
 # One program each: the operations one by one would be two hundred, compiled for every length.
 @functools.partial(jax.jit, static_argnums=1)
 def _autocorrelation(given: Array, lags: int) -> Correlation:
-    rows, here = _centred(given)
+    rows, here = _without_means(given)
     sums, counts = _products(rows, here, rows, here, jnp.arange(lags + 1))
     band = WIDTH * jnp.sqrt(counts) / _count(here)
     band = jnp.where(jnp.arange(lags + 1) == 0, jnp.inf, band)
@@ -170,7 +170,7 @@ def _autocorrelation(given: Array, lags: int) -> Correlation:
 
 @functools.partial(jax.jit, static_argnums=2)
 def _cross_correlation(given: Array, other: Array, lags: int) -> Correlation:
-    (rows, here), (inputs, there) = _centred(given), _centred(other)
+    (rows, here), (inputs, there) = _without_means(given), _without_means(other)
     shifts = jnp.arange(lags + 1)
     after, counts_after = _products(inputs, there, rows, here, shifts)
     before, counts_before = _products(rows, here, inputs, there, shifts)
@@ -183,7 +183,7 @@ def _cross_correlation(given: Array, other: Array, lags: int) -> Correlation:
 
 @functools.partial(jax.jit, static_argnums=(1, 2))
 def _ljung_box(given: Array, lags: int, degrees: int) -> LjungBox:
-    rows, here = _centred(given)
+    rows, here = _without_means(given)
     sums, counts = _products(rows, here, rows, here, jnp.arange(lags + 1))
     number = _count(here)
     ratio = (sums[1:] / sums[0]) ** 2 / jnp.maximum(counts[1:], 1.0)
@@ -192,7 +192,7 @@ def _ljung_box(given: Array, lags: int, degrees: int) -> LjungBox:
     return LjungBox(statistic, degrees, p_value)
 
 
-def _centred(given: Array) -> tuple[Array, Array]:
+def _without_means(given: Array) -> tuple[Array, Array]:
     """Rows without their means, zero where they are missing, and where they are not."""
     here = ~jnp.isnan(given)
     filled = jnp.where(here, given, 0.0)
