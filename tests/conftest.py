@@ -23,6 +23,12 @@ jax.config.update("jax_numpy_dtype_promotion", "strict")
 matplotlib.use("agg")
 
 MOST_MAPS = 30_000
+PASSES_OVER_LOOPS = (
+    "simplify-while-loops",
+    "while-loop-constant-sinking",
+    "while-loop-invariant-code-motion",
+    "while-loop-trip-count-annotator",
+)
 
 # The same examples on every run, and no deadline: the first call of a jitted function compiles.
 hypothesis.settings.register_profile("reproducible", derandomize=True, deadline=None)
@@ -43,6 +49,10 @@ def pytest_configure(config: pytest.Config) -> None:
     flags = ["--xla_force_host_platform_device_count=2"]
     if "not slow" in config.option.markexpr:
         jax.config.update("jax_disable_most_optimizations", True)
+        jax.config.update("jax_traceback_in_locations_limit", 0)  # no line of source for each operation
+        # To ask how often a loop turns, these copy the module once for each loop and round: 40% of the
+        # time of the compiler, for programs that run once.
+        flags.append(f"--xla_disable_hlo_passes={','.join(PASSES_OVER_LOOPS)}")
         if jax.version.__version_info__ < (0, 11):
             # Newer compilers know only the emitters that take half of the time here.
             flags.append("--xla_cpu_use_fusion_emitters=false")

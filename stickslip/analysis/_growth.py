@@ -1,5 +1,6 @@
 """Growth of small deviations: re-orthonormalisation, averages and their errors."""
 
+import functools
 from typing import Any
 
 import equinox as eqx
@@ -165,6 +166,8 @@ def mean_and_error(
     return mean, jnp.where(finite[0], jnp.maximum(spread, drift), jnp.nan)
 
 
+# One program for every length of record, not fifty operations.
+@functools.partial(jax.jit, static_argnums=2)
 def spectrum_of_rates(
     local: Float[Array, "segment exponent"], rests: Any, blocks: int
 ) -> tuple[Float[Array, " exponent"], Float[Array, " exponent"], Int[Array, " exponent"]]:

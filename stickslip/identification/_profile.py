@@ -174,7 +174,7 @@ def profile(
         jnp.asarray(max_steps, jnp.int32),
     )  # fmt: skip
     sides = compiled_once(every, z, lows, highs, *operands, consts)
-    return _profile_of(sides, fit, space, tuple(chosen), operands[0])
+    return _profile_of(sides, fit.cost, fit.standard_errors(), space, tuple(chosen), operands[0])
 
 
 def _coordinates(space: Space, name: str, at: Array, values: NamedValues) -> Array:
@@ -229,7 +229,11 @@ def _outermost_ends(found, status, rises, values: list[Array], level: Array) -> 
     return jnp.where((status == EDGE) | (status == FAILED), wider, found)
 
 
-def _profile_of(sides: Any, fit: Fit, space: Space, names: tuple[str, ...], level: Array) -> Profile:
+# One program: the operations one by one would be seventy.
+@eqx.filter_jit
+def _profile_of(
+    sides: Any, cost: Array, errors: NamedValues, space: Space, names: tuple[str, ...], level: Array
+) -> Profile:
     count = len(names)
     rows = jnp.asarray([space.names.index(name) for name in names])
 
@@ -257,7 +261,6 @@ def _profile_of(sides: Any, fit: Fit, space: Space, names: tuple[str, ...], leve
     points = jnp.broadcast_to(at[..., None], (*at.shape, len(space.names)))
     every = space.values(others)
     found = _outermost_ends(found, status, rises, [every[name] for name in names], level)
-    errors = fit.standard_errors()
     half = jnp.sqrt(2.0) * jax.lax.erf_inv(level)
     wide = half * jnp.stack([errors[name] for name in names])
     blind = ~jnp.isfinite(wide)
@@ -272,7 +275,7 @@ def _profile_of(sides: Any, fit: Fit, space: Space, names: tuple[str, ...], leve
         IDENTIFIABLE,
     )
     least = jnp.min(jnp.where(jnp.isfinite(rises), rises, jnp.inf))
-    fall = 2.0 * fit.cost - 2.0 * jnp.min(sides.least) - jnp.minimum(least, 0.0)
+    fall = 2.0 * cost - 2.0 * jnp.min(sides.least) - jnp.minimum(least, 0.0)
     return Profile(
         names, space.names, level, estimate, found[:, 0], found[:, 1],
         estimate - wide, estimate + wide, status, verdict, values_of_own(points), rises,

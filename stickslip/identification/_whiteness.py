@@ -1,5 +1,6 @@
 r"""Whether residuals are noise: correlation in time, with the input, and the test of Ljung and Box."""
 
+import functools
 import statistics
 from typing import Any
 
@@ -63,12 +64,7 @@ def autocorrelation(series: Rows, lags: int = 20) -> Correlation:
     $\pm z \sqrt{n_k}/n$ of white noise, $n_k$ products at lag $k$ of $n$ samples. **Raises**
     `TypeError`, `ValueError` for anything else. Works under `jit`, `vmap` and `grad`.
     """
-    rows, here = _rows("series", series, lags)
-    sums, counts = _products(rows, here, rows, here, jnp.arange(lags + 1))
-    number = _count(here)
-    band = WIDTH * jnp.sqrt(counts) / number
-    band = jnp.where(jnp.arange(lags + 1) == 0, jnp.inf, band)
-    return Correlation(jnp.arange(lags + 1), sums / sums[0], band)
+    return _autocorrelation(_rows_of("series", series, lags), lags)
 
 
 @check_arguments(lags=count(1))
@@ -83,19 +79,10 @@ def cross_correlation(series: Rows, other: Rows, lags: int = 20) -> Correlation:
     if the residual is white. **Raises** as `autocorrelation`.
     """
     given: Any = series
-    rows, here = _rows("series", series, lags)
-    inputs, there = _rows("other", other, lags)
+    rows, inputs = _rows_of("series", series, lags), _rows_of("other", other, lags)
     if rows.shape != inputs.shape:
         raise shape_refusal("other", other, f"of the shape of series, {np.shape(given)}")
-    shifts = jnp.arange(lags + 1)
-    after, counts_after = _products(inputs, there, rows, here, shifts)
-    before, counts_before = _products(rows, here, inputs, there, shifts)
-    sums = jnp.concatenate([before[:0:-1], after])
-    counts = jnp.concatenate([counts_before[:0:-1], counts_after])
-    number = _count(here & there)
-    size = jnp.sqrt(jnp.sum(rows**2) * jnp.sum(inputs**2))
-    band = WIDTH * jnp.sqrt(counts) / number
-    return Correlation(jnp.arange(-lags, lags + 1), sums / size, band)
+    return _cross_correlation(rows, inputs, lags)
 
 
 @check_arguments(lags=count(1), unknowns=count(0))
@@ -112,16 +99,11 @@ def ljung_box(series: Rows, lags: int = 20, *, unknowns: int = 0) -> LjungBox:
     **Arguments:** `series` as for `autocorrelation`, `lags` $m$, more than `unknowns`. **Raises**
     `TypeError`, `ValueError` for anything else. Source: Ljung & Box, Biometrika 65 (1978).
     """
-    rows, here = _rows("series", series, lags)
+    rows = _rows_of("series", series, lags)
     if unknowns >= lags:
         raise refusal("unknowns", unknowns, f"less than lags = {lags}")
-    sums, counts = _products(rows, here, rows, here, jnp.arange(lags + 1))
-    number = _count(here)
-    ratio = (sums[1:] / sums[0]) ** 2 / jnp.maximum(counts[1:], 1.0)
-    statistic = number * (number + 2.0) * jnp.sum(ratio)
     degrees = lags - unknowns
-    p_value = jax.scipy.special.gammaincc(0.5 * degrees, 0.5 * statistic)
-    return LjungBox(statistic, degrees, p_value)
+    return _ljung_box(rows, lags, degrees)
 
 
 def in_even_steps(times: Rows, series: Rows) -> Float[np.ndarray, " sample"]:
@@ -162,8 +144,8 @@ def in_even_steps(times: Rows, series: Rows) -> Float[np.ndarray, " sample"]:
     return filled
 
 
-def _rows(name: str, series: Any, lags: Any) -> tuple[Array, Array]:
-    """Rows without their means, zero where they are missing, and where they are not."""
+def _rows_of(name: str, series: Any, lags: Any) -> Array:
+    """The series as rows."""
     if is_concrete(series):
         array = numbers(name, series)
         if np.isinf(array).any():
@@ -171,11 +153,49 @@ def _rows(name: str, series: Any, lags: Any) -> tuple[Array, Array]:
     shape = np.shape(series)
     if len(shape) not in (1, 2) or shape[-1] <= lags + 1:
         raise shape_refusal(name, series, f"a row, or rows, of more than lags + 1 = {lags + 1}")
-    rows = jnp.atleast_2d(as_parameter(series))
-    here = ~jnp.isnan(rows)
-    if is_concrete(series) and not (np.asarray(here).sum(axis=1) > 1).all():
+    if is_concrete(series) and not (np.count_nonzero(~np.isnan(np.asarray(series)), axis=-1) > 1).all():
         raise refusal(name, series, "rows with at least two samples that are not missing")
-    filled = jnp.where(here, rows, 0.0)
+    return as_parameter(series).reshape(-1, shape[-1])
+
+
+# One program each: the operations one by one would be two hundred, compiled for every length.
+@functools.partial(jax.jit, static_argnums=1)
+def _autocorrelation(given: Array, lags: int) -> Correlation:
+    rows, here = _without_means(given)
+    sums, counts = _products(rows, here, rows, here, jnp.arange(lags + 1))
+    band = WIDTH * jnp.sqrt(counts) / _count(here)
+    band = jnp.where(jnp.arange(lags + 1) == 0, jnp.inf, band)
+    return Correlation(jnp.arange(lags + 1), sums / sums[0], band)
+
+
+@functools.partial(jax.jit, static_argnums=2)
+def _cross_correlation(given: Array, other: Array, lags: int) -> Correlation:
+    (rows, here), (inputs, there) = _without_means(given), _without_means(other)
+    shifts = jnp.arange(lags + 1)
+    after, counts_after = _products(inputs, there, rows, here, shifts)
+    before, counts_before = _products(rows, here, inputs, there, shifts)
+    sums = jnp.concatenate([before[:0:-1], after])
+    counts = jnp.concatenate([counts_before[:0:-1], counts_after])
+    size = jnp.sqrt(jnp.sum(rows**2) * jnp.sum(inputs**2))
+    band = WIDTH * jnp.sqrt(counts) / _count(here & there)
+    return Correlation(jnp.arange(-lags, lags + 1), sums / size, band)
+
+
+@functools.partial(jax.jit, static_argnums=(1, 2))
+def _ljung_box(given: Array, lags: int, degrees: int) -> LjungBox:
+    rows, here = _without_means(given)
+    sums, counts = _products(rows, here, rows, here, jnp.arange(lags + 1))
+    number = _count(here)
+    ratio = (sums[1:] / sums[0]) ** 2 / jnp.maximum(counts[1:], 1.0)
+    statistic = number * (number + 2.0) * jnp.sum(ratio)
+    p_value = jax.scipy.special.gammaincc(0.5 * degrees, 0.5 * statistic)
+    return LjungBox(statistic, degrees, p_value)
+
+
+def _without_means(given: Array) -> tuple[Array, Array]:
+    """Rows without their means, zero where they are missing, and where they are not."""
+    here = ~jnp.isnan(given)
+    filled = jnp.where(here, given, 0.0)
     counts = jnp.maximum(_count(here, axis=1), 1.0)[:, None]
     mean = jnp.sum(filled, axis=1, keepdims=True) / counts
     return jnp.where(here, filled - mean, 0.0), here

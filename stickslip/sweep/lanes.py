@@ -161,35 +161,30 @@ class map_lanes:
     def _cut_into_chunks(self, inputs, n, parts, fit):
         """Inputs as `[chunks, chunk, ...]`, one part for each thread."""
         chunk = self._chunk(n, parts, fit.lanes)
-        chunks = self._pad(inputs, n, chunk, parts)
+        chunks = self._pad(jax.tree.map(self._on_host, inputs), n, chunk, parts)
         if len(self.devices) > 1 or parts == 1:
-            return [chunks]
+            return [jax.device_put(chunks)]
         count = jax.tree.leaves(chunks)[0].shape[0] // parts
         return [
-            jax.tree.map(lambda a, i=i: a[i * count : (i + 1) * count], chunks) for i in range(parts)
+            jax.device_put(jax.tree.map(lambda a, i=i: a[i * count : (i + 1) * count], chunks))
+            for i in range(parts)
         ]
 
     def _pad(self, inputs, n, chunk, parts=1):
         """Inputs as `[chunks, chunk, ...]`, the last lane repeated to fill the last chunks."""
         count = -(-n // chunk)
         count = -(-count // parts) * parts
-
-        def cut_leaf(a):
-            index = jnp.minimum(jnp.arange(count * chunk), n - 1)
-            return a[index].reshape(count, chunk, *a.shape[1:])
-
-        return jax.tree.map(cut_leaf, inputs)
+        index = np.minimum(np.arange(count * chunk), n - 1)
+        return jax.tree.map(lambda a: a[index].reshape(count, chunk, *a.shape[1:]), inputs)
 
     def _join_chunks(self, out, n):
         """Results of `n` lanes from `[chunks, chunk, ...]`."""
+        return jax.device_put(jax.tree.map(lambda a: _lanes(self._on_host(a))[:n], out))
+
+    def _on_host(self, a):
+        """Through NumPy: to cut or join on host devices takes a compiled program for each shape."""
         on_cpu = self.devices[0].platform == "cpu"
-
-        def join(a):
-            # Through NumPy: to join host devices by a compiled program takes several times as long.
-            through_numpy = on_cpu and isinstance(a.dtype, np.dtype)  # keys are not
-            return jnp.asarray(_lanes(np.asarray(a) if through_numpy else a)[:n])
-
-        return jax.tree.map(join, out)
+        return np.asarray(a) if on_cpu and isinstance(a.dtype, np.dtype) else a  # keys are not
 
     def _chunks(self, executor):
         def run(chunks):

@@ -28,7 +28,9 @@ def run(belt_speed):
     return ss.simulate(block, 0.0, 30.0, start, saveat=saveat, throw=False)
 
 
-RUN = run(0.2)
+@pytest.fixture(scope="module")
+def one():
+    return run(0.2)
 
 
 def test_systems_and_laws():
@@ -118,23 +120,23 @@ def test_a_class_of_ones_own():
     assert "&lt;b&gt;" in Spring(1.0, "<b>")._repr_html_()
 
 
-def test_outcomes_in_words():
+def test_outcomes_in_words(one):
     assert str(ss.RESULTS.successful) == "successful"
     assert repr(ss.RESULTS.chattering) == "RESULTS.chattering"
-    both = jax.tree.map(lambda a, b: jnp.stack([a, a, b]), RUN.result, ss.RESULTS.chattering)
+    both = jax.tree.map(lambda a, b: jnp.stack([a, a, b]), one.result, ss.RESULTS.chattering)
     assert str(both) == "2 successful, 1 chattering"
     assert isinstance(both, ss.RESULTS)
     assert "chattering" in ss.RESULTS[ss.RESULTS.chattering]
     assert str(least_squares(lambda p: jnp.stack([p["q"] - 1.0]), {"q": 2.0}).result) == "successful"
 
 
-def test_solutions():
-    assert repr(RUN) == str(RUN) == (
+def test_solutions(one):
+    assert repr(one) == str(one) == (
         "Solution: t = 0 to 30 s, 6 events, 57 steps accepted of 81; successful; derivative flags: none"
-    ).replace("57 steps accepted of 81", f"{RUN.stats.num_accepted} steps accepted of "
-              f"{RUN.stats.num_attempts}")  # fmt: skip
+    ).replace("57 steps accepted of 81", f"{one.stats.num_accepted} steps accepted of "
+              f"{one.stats.num_attempts}")  # fmt: skip
     result = jnp.asarray([0] * 9998 + [int(ss.RESULTS.chattering._value)] * 2)
-    many = jax.tree.map(lambda a: jnp.broadcast_to(a, (10_000, *a.shape)), RUN)
+    many = jax.tree.map(lambda a: jnp.broadcast_to(a, (10_000, *a.shape)), one)
     many = eqx.tree_at(lambda s: s.result._value, many, result)
     many = eqx.tree_at(lambda s: s.flags, many, jnp.asarray(result != 0, jnp.int32))
     assert str(many) == (
@@ -142,14 +144,14 @@ def test_solutions():
         "flags: 2 of the runs"
     )
     assert "<td>9,998</td><td>successful</td>" in many._repr_html_()
-    assert "<td>outcome</td><td>successful</td>" in RUN._repr_html_()
+    assert "<td>outcome</td><td>successful</td>" in one._repr_html_()
     assert repr(many.events) == "EventLog: 10,000 runs of 6 events"
-    assert repr(RUN.events) == "EventLog: 6 events, t = 5 to 26.7078 s: modes 1 > 0 > 1 > 0 > 1 > 0 > 1"
-    assert repr(RUN.outputs) == "StateLog: 31 rows, t = 0 to 30 s: x, v"
-    assert RUN.events._repr_html_().count("<tr>") == 7
+    assert repr(one.events) == "EventLog: 6 events, t = 5 to 26.7078 s: modes 1 > 0 > 1 > 0 > 1 > 0 > 1"
+    assert repr(one.outputs) == "StateLog: 31 rows, t = 0 to 30 s: x, v"
+    assert one.events._repr_html_().count("<tr>") == 7
 
 
-def test_spectra_and_fits():
+def test_spectra_and_fits(one):
     local = jnp.asarray([[1.0, -jnp.inf], [3.0, -jnp.inf]])
     found = LyapunovSpectrum(
         jnp.asarray([2.0, -jnp.inf]), jnp.asarray([0.25, jnp.nan]), local, jnp.arange(1.0, 3.0),
@@ -174,7 +176,7 @@ def test_spectra_and_fits():
         np.arange(4.0), {"x": [0.0, np.nan, 1.0, 2.0]}, missing="nan", units={"x": "m"}, name="a"
     )
     assert repr(record) == "Record 'a': 4 samples, t = 0 to 3 s; x [m], 1 missing"
-    simulation = Simulation(RUN.outputs.t, {"x": RUN.outputs.y.x}, RUN)
+    simulation = Simulation(one.outputs.t, {"x": one.outputs.y.x}, one)
     assert repr(simulation).startswith("Simulation: x at 31 times; Solution: t = 0 to 30 s, 6 events")
 
 

@@ -21,13 +21,19 @@ def polynomial(degree):
     return least_squares(lambda p: jnp.asarray(error(p, DATA) / SIGMA), start)
 
 
-FITS = {f"degree {k}": polynomial(k) for k in (1, 2, 5)}
-HELD_OUT = {name: error(fit.values, FRESH) for name, fit in FITS.items()}
+@pytest.fixture(scope="module")
+def fits():
+    return {f"degree {k}": polynomial(k) for k in (1, 2, 5)}
+
+
+@pytest.fixture(scope="module")
+def held_out(fits):
+    return {name: error(fit.values, FRESH) for name, fit in fits.items()}
 
 
 @pytest.mark.parametrize("known", [True, False])
-def test_formulas(known):
-    found = compare(FITS, held_out=HELD_OUT, sigma=SIGMA, noise_known=known)
+def test_formulas(known, fits, held_out):
+    found = compare(fits, held_out=held_out, sigma=SIGMA, noise_known=known)
     rest = np.polynomial.polynomial.polyfit(X, DATA, 2)
     chi = np.sum((np.polynomial.polynomial.polyval(X, rest) - DATA) ** 2) / SIGMA**2
     k = 3 if known else 4
@@ -43,9 +49,9 @@ def test_formulas(known):
     assert row["held_out_weighted"] == pytest.approx(score / SIGMA, rel=1e-6)
 
 
-def test_the_true_degree_is_chosen():
+def test_the_true_degree_is_chosen(fits, held_out):
     for known in (True, False):
-        found = compare(FITS, held_out=HELD_OUT, sigma=SIGMA, noise_known=known)
+        found = compare(fits, held_out=held_out, sigma=SIGMA, noise_known=known)
         for by in ("aicc", "bic", "held_out"):
             assert found.best(by) == "degree 2"
         assert found.best("chi_squared") == "degree 5"
@@ -53,11 +59,11 @@ def test_the_true_degree_is_chosen():
     assert "degree 5" in str(found)
 
 
-def test_bad_input():
+def test_bad_input(fits):
     short = least_squares(lambda p: jnp.stack([p["a"] - 1.0]), dict(a=2.0))
     with pytest.raises(ValueError, match=r"fits to the same data"):
-        compare({**FITS, "other": short})
+        compare({**fits, "other": short})
     with pytest.raises(TypeError, match=r"held_out = .* among degree 1"):
-        compare(FITS, held_out={"degree 9": X})
+        compare(fits, held_out={"degree 9": X})
     with pytest.raises(ValueError, match=r"by = 'rmse'"):
-        compare(FITS).best("rmse")
+        compare(fits).best("rmse")

@@ -42,7 +42,9 @@ def run(belt_speed=0.2):
     return ss.simulate(block(belt_speed), 0.0, 30.0, start, saveat=saveat)
 
 
-RUN = run()
+@pytest.fixture(scope="module")
+def one():
+    return run()
 
 
 def bands(axis):
@@ -54,11 +56,11 @@ def bands(axis):
 
 
 @pytest.mark.more
-def test_motion():
-    above, below = plot.motion(RUN, block())
+def test_motion(one):
+    above, below = plot.motion(one, block())
     for axis, values, label in (
-        (above, RUN.outputs.y.x, "x [m]"),
-        (below, RUN.outputs.y.v, "v [m/s]"),
+        (above, one.outputs.y.x, "x [m]"),
+        (below, one.outputs.y.v, "v [m/s]"),
     ):
         line, marks = axis.lines
         np.testing.assert_array_equal(line.get_xdata(), GRID)
@@ -66,21 +68,21 @@ def test_motion():
         # Bands end where the closed form says, not at the outputs, which are 0.1 s apart.
         (drawn,) = bands(axis)
         np.testing.assert_allclose(drawn, np.transpose([BEGINS, ENDS]), atol=1e-9)
-        assert len(drawn) == 1 + np.sum(np.asarray(RUN.events.mode_after)[: int(RUN.num_events)] == 1)
-        np.testing.assert_array_equal(marks.get_xdata(), RUN.events.t[:6])
+        assert len(drawn) == 1 + np.sum(np.asarray(one.events.mode_after)[: int(one.num_events)] == 1)
+        np.testing.assert_array_equal(marks.get_xdata(), one.events.t[:6])
         assert axis.get_ylabel() == label
     np.testing.assert_allclose(above.lines[1].get_ydata(), [1.0, 0.0] * 3, atol=1e-9)
     assert below.get_xlabel() == "t [s]"
     assert [text.get_text() for text in above.get_legend().get_texts()] == ["belt sticks", "events"]
 
 
-def test_motion_into_given_axes():
+def test_motion_into_given_axes(one):
     figure, axis = plt.subplots()
-    found = plot.motion(RUN, block(), "slope of v", contacts=(), events=False, ax=axis, color="k")
+    found = plot.motion(one, block(), "slope of v", contacts=(), events=False, ax=axis, color="k")
     assert found is axis
     assert plt.get_fignums() == [figure.number]
     (line,) = axis.lines
-    np.testing.assert_array_equal(line.get_ydata(), RUN.outputs.dy.v)
+    np.testing.assert_array_equal(line.get_ydata(), one.outputs.dy.v)
     assert (line.get_color(), axis.get_ylabel(), len(axis.collections)) == (
         "k",
         "slope of v [m/s/s]",
@@ -88,9 +90,9 @@ def test_motion_into_given_axes():
     )
 
 
-def test_without_a_log_of_events_rows_say_what_sticks():
-    unlogged = eqx.tree_at(lambda r: r.events, RUN, None)
-    full = eqx.tree_at(lambda r: r.events.count, RUN, jnp.asarray(2, jnp.int32))
+def test_without_a_log_of_events_rows_say_what_sticks(one):
+    unlogged = eqx.tree_at(lambda r: r.events, one, None)
+    full = eqx.tree_at(lambda r: r.events.count, one, jnp.asarray(2, jnp.int32))
     for given in (unlogged, full):
         (drawn,) = bands(plot.motion(given, block(), "x"))
         np.testing.assert_allclose(drawn, np.transpose([BEGINS, ENDS]), atol=0.1)
@@ -106,9 +108,9 @@ def test_motion_of_a_dataset():
     np.testing.assert_array_equal(named, drawn)
 
 
-def test_one_run_of_a_batch():
+def test_one_run_of_a_batch(one):
     other = run(0.3)
-    batch = jax.tree.map(lambda *rows: jnp.stack(rows), RUN, other)
+    batch = jax.tree.map(lambda *rows: jnp.stack(rows), one, other)
     axis = plot.motion(batch, block(0.3), "x", lane=1)
     np.testing.assert_array_equal(axis.lines[0].get_ydata(), other.outputs.y.x)
     np.testing.assert_array_equal(axis.lines[1].get_xdata(), other.events.t[: int(other.num_events)])
@@ -125,7 +127,7 @@ def test_one_run_of_a_batch():
         ),
         (batch, 2, "lane = 2, for a solution"),
         (table, 1, r"lane = 1, .* it must be 2 numbers, .* up to \(0, 1\)"),
-        (RUN, 0, "lane = 0: it must be None: the solution is a single run"),
+        (one, 0, "lane = 0: it must be None: the solution is a single run"),
         (batch.to_dataset(block()), None, r"over run before `time`: .* dataset.isel\(run=0\)"),
     ):
         with pytest.raises(ValueError, match=text):
@@ -219,12 +221,12 @@ def test_contacts_share_the_height_and_an_angle_goes_round():
     np.testing.assert_array_equal(only, right)
 
 
-def test_phase_plane():
-    axis = plot.phase_plane(RUN, block())
-    np.testing.assert_array_equal(axis.lines[0].get_xdata(), RUN.outputs.y.x)
-    np.testing.assert_array_equal(axis.lines[0].get_ydata(), RUN.outputs.y.v)
+def test_phase_plane(one):
+    axis = plot.phase_plane(one, block())
+    np.testing.assert_array_equal(axis.lines[0].get_xdata(), one.outputs.y.x)
+    np.testing.assert_array_equal(axis.lines[0].get_ydata(), one.outputs.y.v)
     assert (axis.get_xlabel(), axis.get_ylabel()) == ("x [m]", "v [m/s]")
-    batch = jax.tree.map(lambda *rows: jnp.stack(rows), RUN, run(0.3))
+    batch = jax.tree.map(lambda *rows: jnp.stack(rows), one, run(0.3))
     lines = plot.phase_plane(batch, block(), "v", "x").lines
     assert len(lines) == 2
     np.testing.assert_array_equal(lines[1].get_ydata(), batch.outputs.y.x[1])
@@ -331,23 +333,23 @@ def test_shade():
     np.testing.assert_array_equal(bands(axis)[0], [(0.0, 1.0), (3.0, 3.0)])
 
 
-def test_wrong_arguments():
-    batch = jax.tree.map(lambda a: a[None], RUN)
+def test_wrong_arguments(one):
+    batch = jax.tree.map(lambda a: a[None], one)
     with pytest.raises(ValueError, match=r"solution = Solution, of shape \(1,\): .* one run of"):
         plot.motion(batch, block())
     with pytest.raises(ValueError, match=r"solution = Solution: it must be of a run with saveat="):
-        plot.motion(eqx.tree_at(lambda r: r.outputs, RUN, None), block())
+        plot.motion(eqx.tree_at(lambda r: r.outputs, one, None), block())
     with pytest.raises(ValueError, match=r"contacts = 'rail': .* 'belt'"):
-        plot.motion(RUN, block(), contacts="rail")
+        plot.motion(one, block(), contacts="rail")
     with pytest.raises(TypeError, match="system = None: it must be the system of the solution"):
-        plot.motion(RUN)
+        plot.motion(one)
     with pytest.raises(ValueError, match=r"ax = .*, of length 1: it must be 2 axes"):
-        plot.motion(RUN, block(), ax=[plt.subplots()[1]])
+        plot.motion(one, block(), ax=[plt.subplots()[1]])
     with pytest.raises(TypeError, match=r"colour = 'k': .* properties of a line"):
-        plot.phase_plane(RUN, block(), colour="k")
+        plot.phase_plane(one, block(), colour="k")
 
 
-def test_the_second_picture_compiles_nothing(compiled):
+def test_the_second_picture_compiles_nothing(compiled, one):
     def pull(system, t, y, dy, mode, args):
         return -system.stiffness * y.x
 
@@ -357,7 +359,7 @@ def test_the_second_picture_compiles_nothing(compiled):
         plot.phase_plane(solution, block())
         solution.to_dataset(block())
 
-    draw(RUN)
+    draw(one)
     count = len(compiled)
-    draw(jax.tree.map(jnp.asarray, RUN))
+    draw(jax.tree.map(jnp.asarray, one))
     assert len(compiled) == count
