@@ -37,6 +37,9 @@ from ._programs import UNKNOWN_OPERATION, compiled_program, refused_to_fuse
 from .grid import block_lanes
 
 EXECUTORS = ("auto", "fused", "portable")
+# Lanes have threads of their own. The pool that XLA's loops share may wait for ever for a batch, with all
+# of its threads idle (seen with JAX 0.10; https://github.com/PyAutoLabs/PyAutoFit/issues/1528).
+ON_CPU = {"xla_cpu_prefer_vector_width": "512", "xla_cpu_multi_thread_eigen": False}
 
 
 class map_lanes:
@@ -205,9 +208,7 @@ class map_lanes:
                 mesh = Mesh(np.array(self.devices), ("lanes",))
                 spec = PartitionSpec("lanes")
                 run = jax.shard_map(run, mesh=mesh, in_specs=spec, out_specs=spec, check_vma=False)
-            options = None
-            if self.devices[0].platform == "cpu":
-                options = {"xla_cpu_prefer_vector_width": "512"}
+            options = ON_CPU if self.devices[0].platform == "cpu" else None
             # Some of the engine is traced only as the program is lowered.
             with use_executor(executor):
                 traced = jax.jit(run, compiler_options=options).trace(chunks)
