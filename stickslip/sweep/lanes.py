@@ -37,8 +37,8 @@ from ._programs import UNKNOWN_OPERATION, compiled_program, refused_to_fuse
 from .grid import block_lanes
 
 EXECUTORS = ("auto", "fused", "portable")
-# Lanes have threads of their own. The pool that XLA's loops share may wait for ever for a batch, with all
-# of its threads idle (seen with JAX 0.10; https://github.com/PyAutoLabs/PyAutoFit/issues/1528).
+# Lanes have threads of their own. The pool that XLA's loops share may wait for ever for a batch, with
+# all of its threads idle (seen with JAX 0.10; https://github.com/PyAutoLabs/PyAutoFit/issues/1528).
 ON_CPU = {"xla_cpu_prefer_vector_width": "512", "xla_cpu_multi_thread_eigen": False}
 
 
