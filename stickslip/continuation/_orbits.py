@@ -228,10 +228,14 @@ class Orbits(AbstractFamily):
         """
         if impacts(new) >= impacts(last):
             return last
-        back = new if (last.u - new.u) @ new.tangent > 0 else new.backward()
         reach = 2.0 * float(np.linalg.norm(last.u - new.u)) + ACCURACY.alike
-        edge, at = border(self.problem, back, reach, alike(new))
-        return edge.backward() if at < reach else last
+        back = new if (last.u - new.u) @ new.tangent > 0 else new.backward()
+        # The root of the distance may lead the orbits with impact to where those without go on.
+        for way in (back, back.backward()):
+            edge, at = border(self.problem, way, reach, alike(new))
+            if at < reach:
+                return edge.backward()
+        return last
 
     def _change(self, last: Point, new: Point, edge: Point) -> Event:
         """The border between two sequences, at one of its orbits: an event more or less, or others."""

@@ -205,7 +205,7 @@ def test_the_doubled_orbit_with_stick_is_a_fixed_point_of_the_release_map():
         "frequency",
         (1.5, 2.0),
         forcing_period=of_frequency,
-        follow=Follow(step=0.02),
+        follow=Follow(step=0.015),
     )
     # Stick is lost where the orbit of half the period grazes.
     grazing = [point.value for point in doubled["GR"]]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.continuation import Follow, OrbitGuess, _orbits, continue_orbit
+from stickslip.continuation import Follow, OrbitGuess, Shooting, _orbits, continue_orbit
 from stickslip.continuation._arguments import concrete_guess, problem_of
 from stickslip.continuation._corner import led_back
 from stickslip.continuation._family import Failure
@@ -76,7 +76,7 @@ def test_an_orbit_beyond_a_border_is_one_of_a_branch_that_leads_back_to_it():
     """The other cycle has the sequence of modes that is wanted, and its branch passes by."""
     problem = problem_for(Rings(1.02), cycle(1.0), 1.02)
     start = begun(problem, cycle(1.0), 1.02)
-    down = start if start.tangent[-1] < 0 else start.turned()
+    down = start if start.tangent[-1] < 0 else start.backward()
     last, _ = border(problem, down, 0.2, alike(down))
     assert last.value == pytest.approx(1.0, abs=1e-8)
     along = np.eye(last.u.size)[-1:]  # at a = 0.99 both: states in parts of the diameter, a of the span
@@ -131,16 +131,16 @@ def test_a_change_of_sign_without_a_zero_has_a_question_mark(name, test, words):
 @pytest.mark.parametrize("reach", [0.1, 0.03])
 def test_where_newton_fails_far_away_steps_are_shorter(monkeypatch, reach):
     """No border is searched for there: that takes a hundred times as long, and gets no further."""
-    unchecked, tries = _orbits.unchecked, []
+    correct, tries = _orbits.correct_from, []
 
     def near(problem, point, move):
         tries.append(float(np.linalg.norm(move)))
         if tries[-1] >= reach:
             return Failure("not_converged")
-        found = unchecked(problem, point, move)
+        found = correct(problem, point, move)
         return dataclasses.replace(found, evaluations=6 if tries[-1] > 0.1 * reach else 2)
 
-    monkeypatch.setattr(_orbits, "unchecked", near)
+    monkeypatch.setattr(_orbits, "correct_from", near)
     monkeypatch.setattr(_orbits, "border", None)
     branch = continue_orbit(
         Growing(1.0), cycle(1.0), "a", (1.0, 1.1), follow=Follow(step=0.3, both=False)

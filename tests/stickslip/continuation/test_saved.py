@@ -1,5 +1,6 @@
 """Branches in files: nothing is lost, and they go on where they ended."""
 
+import json
 from typing import Any
 
 import jax
@@ -78,7 +79,7 @@ def test_it_goes_on_beyond_its_end(branch, path):
 
 def test_the_file_is_a_dataset_by_itself(path):
     with xr.open_dataset(path, engine="h5netcdf") as data:
-        assert data.attrs["parameter"] == "a"
+        assert json.loads(data.attrs["parameters"]) == ["a"]
         amplitude = data["amplitude_x"] / np.sqrt(1.0 + data["a"])
         np.testing.assert_allclose(amplitude, 1.0, rtol=1e-6)
         assert set(data["mode_sequence"].values) == {"motion"}
