@@ -8,6 +8,8 @@ from . import _precision as _precision
 
 # isort: split
 from ._compilation_cache import enable_compilation_cache as enable_compilation_cache
+from ._export import export as export
+from ._export import load as load
 from ._piecewise import absolute as absolute
 from ._piecewise import backlash as backlash
 from ._piecewise import dead_band as dead_band

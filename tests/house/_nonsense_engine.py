@@ -51,6 +51,11 @@ def _store() -> str:
     return path
 
 
+def _program() -> str:
+    """A file of `export`."""
+    return str(ss.export(lambda x: x, (1.0,), f"{INSIDE.name}/program.zip"))
+
+
 ENGINE = [
     Target(
         ss.SaveAt,
@@ -151,6 +156,16 @@ ENGINE = [
             _inside(directory), max_bytes=max_bytes
         ),
     ),
+    Target(
+        ss.export,
+        {
+            "function": arg(lambda x: x, "function"), "arguments": arg((1.0,)),
+            "path": arg("program.zip", "path"), "batch": arg(False, "flag"),
+            "derivatives": arg(False, "flag"), "units": arg(None, "none", "mapping"),
+        },
+        lambda path, **given: ss.export(path=_inside(path), **given),
+    ),
+    Target(ss.load, {"path": arg(_program(), "path")}),
     Target(hybrid.piece, {"function": arg(lambda execute, x: x, "constant")}),
     Target(hybrid.jit_by_code, {"function": arg(lambda x: x, "constant")}),
     Target(hybrid.jit_plainly, {"function": arg(lambda x: x, "constant")}),
