@@ -49,7 +49,10 @@ def export(
     ...     block = CoulombOscillator(1.0, 1.0, 1.0, mu_k, speed)
     ...     run = ss.simulate(block, 0.0, 30.0, Motion(x=0.0, v=speed), "stick", throw=False)
     ...     return {"end": run.y1, "result": run.result}
-    >>> program = load(export(run, (0.5, 0.2), "oscillator.zip", units={"end.x": "m"}))
+    >>> import pathlib, tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder, "oscillator.zip")
+    ...     program = load(export(run, (0.5, 0.2), path, units={"end.x": "m"}))
     >>> found = program(0.5, 0.2)
     >>> print(f"{found['end']['x']:.6f}", program.words["result"][found["result"]])
     0.658437 successful
