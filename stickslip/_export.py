@@ -85,15 +85,19 @@ def export(
     given, rest = eqx.partition(arguments, eqx.is_array_like)
     form = jax.tree.structure(given)
     inputs = {name: jnp.asarray(leaf) for name, leaf in _by_name(names, given)}
+    if len(inputs) < form.num_leaves:
+        raise refusal("arguments", arguments, "a tuple whose numbers have names of their own")
     outputs: dict[str, dict[str, Any]] = {}
 
     def flat(*leaves: Any) -> list[Any]:
-        found, outputs_of = [], {}
+        found: list[Any] = []
+        outputs_of: dict[str, dict[str, Any]] = {}
         made = function(*eqx.combine(jax.tree.unflatten(form, leaves), rest))
         for place, leaf in jax.tree.leaves_with_path(made, is_leaf=_is_code):
-            name, about = _dotted(place), {}
+            name, about = _dotted(place), {"place": _keys(place)}
             if _is_code(leaf):
-                leaf, about = leaf._value, {"words": list(leaf._enumeration._name_to_item)}
+                about["words"] = list(leaf._enumeration._name_to_item)
+                leaf = leaf._value
             if eqx.is_array_like(leaf):
                 if name in outputs_of:
                     raise refusal("function", function, f"one with one result named {name!r}")
@@ -181,7 +185,8 @@ class load:
         if self.header["batch"] and len({a.shape[0] for a in numbers}) > 1:
             lengths = {name: a.shape[0] for name, a in zip(self._inputs, numbers, strict=True)}
             raise refusal("arguments", lengths, "batches of one length")
-        return _nested(dict(zip(self.header["outputs"], self._run(*numbers), strict=True)))
+        places = (about["place"] for about in self.header["outputs"].values())
+        return _nested(list(zip(places, self._run(*numbers), strict=True)))
 
     def _number(self, name: str, leaf: Any) -> Any:
         shape, dtype = self._inputs[name]
@@ -228,17 +233,21 @@ def _is_code(leaf: Any) -> bool:
     return isinstance(leaf, Outcome)
 
 
-def _nested(named: dict[str, Any]) -> Any:
-    """Dicts and lists by dotted names; a number without a name is itself."""
-    if set(named) == {""}:
-        return named[""]
-    parts: dict[str, dict[str, Any]] = {}
-    for name, value in named.items():
-        first, _, rest = name.partition(".")
-        parts.setdefault(first, {})[rest] = value
+def _keys(place: tuple) -> list[str | int]:
+    """The way to a result: numbers in tuples and lists, names elsewhere."""
+    return [key.idx if isinstance(key, jax.tree_util.SequenceKey) else _dotted((key,)) for key in place]
+
+
+def _nested(placed: list[tuple[list, Any]]) -> Any:
+    """Dicts and lists by the ways to their numbers."""
+    if not placed[0][0]:
+        return placed[0][1]
+    parts: dict[Any, list] = {}
+    for (first, *rest), value in placed:
+        parts.setdefault(first, []).append((rest, value))
     found = {first: _nested(inner) for first, inner in parts.items()}
-    if all(map(str.isdigit, found)):
-        return [found.get(str(i)) for i in range(1 + max(map(int, found), default=-1))]
+    if isinstance(next(iter(found)), int):
+        return [found.get(i) for i in range(1 + max(found))]
     return found
 
 

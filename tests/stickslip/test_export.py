@@ -127,6 +127,17 @@ def test_files_of_other_versions_are_refused(path, tmp_path, change, why):
         ss.load(other)
 
 
+def test_numbers_that_name_results_are_names(tmp_path):
+    def named(x, y):
+        return {"far": {10**9: x["a.b"] + y}, "a": (x["a.b"], y), "a.b": y}
+
+    program = ss.load(ss.export(named, ({"a.b": 1.0}, 2.0), tmp_path / "named.zip"))
+    found = program({"a.b": 3.0}, 4.0)
+    assert found == {"far": {"1000000000": 7.0}, "a": [3.0, 4.0], "a.b": 4.0}
+    with pytest.raises(ValueError, match=r"arguments = .*names of their own"):
+        ss.export(lambda x: x, ({"a.b": 1.0, "a": {"b": 2.0}},), tmp_path / "none.zip")
+
+
 def test_what_is_no_file_is_refused(tmp_path):
     with pytest.raises(ValueError, match=r"path = .*: it must be a file of stickslip.export"):
         ss.load(tmp_path / "none.zip")
