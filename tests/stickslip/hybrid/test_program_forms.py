@@ -216,7 +216,9 @@ def test_programs_of_a_smooth_system_are_small():
     own after the search.
     """
     as_users = {**os.environ, "XLA_FLAGS": ""}  # the suite leaves passes of XLA out, see conftest
-    run = subprocess.run([sys.executable, "-c", SIZES], env=as_users, capture_output=True, text=True, check=True)
+    run = subprocess.run(
+        [sys.executable, "-c", SIZES], env=as_users, capture_output=True, text=True, check=True
+    )
     plain, gradient, section = map(int, run.stdout.split())
     assert plain <= 1_700
     assert gradient <= 5_900
