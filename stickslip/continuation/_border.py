@@ -1,5 +1,8 @@
 """The curve over two parameters on which orbits of one sequence of modes end."""
 
+import dataclasses
+from collections.abc import Callable
+
 import numpy as np
 
 from ._accuracy import ACCURACY
@@ -86,12 +89,20 @@ class Border(AbstractCurve):
                 return first_difference(own, found)
         return None
 
+    def alike(self, place: Place) -> Callable[[Place], bool]:
+        """Beyond a corner the last orbit across this border is the last one of another border.
+
+        Across the first place, because a short chord to the other has no direction.
+        """
+        beyond, normal = self.outside(place), place.normal
+        return lambda other: self.outside(dataclasses.replace(other, normal=normal)) == beyond
+
     def corner_between(self, before: Place, after: Place, distance: float) -> Place | None:
         """The place between two others where the border of another event is met, if there is one."""
-        beyond = self.outside(before)
-        if self.outside(after) == beyond:
+        alike = self.alike(before)
+        if alike(after):
             return None
-        last = last_place(self, before, distance, lambda place: self.outside(place) == beyond)
+        last = last_place(self, before, distance, alike)
         return last if self.corner(last) else None
 
     def corner(self, place: Place) -> bool:

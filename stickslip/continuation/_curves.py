@@ -105,6 +105,10 @@ class AbstractCurve(AbstractFamily):
     def reason(self, last: Place, failure: Failure) -> str:
         """Why the curve ends at its last place."""
 
+    def alike(self, place: Place) -> Callable[[Place], bool] | None:
+        """What tells places of this curve from those of another one that crosses it."""
+        return None
+
     def tests(self, point: Place) -> list[Test]:
         return degenerate(self.label, point)
 
@@ -142,7 +146,7 @@ class AbstractCurve(AbstractFamily):
         new, distance = next_point(self, place, distance)
         if isinstance(new, Failure):
             distance *= ACCURACY.shortest  # the last that was tried
-            last = last_place(self, place, distance)
+            last = last_place(self, place, distance, self.alike(place))
             if last is not place:
                 yield Leg(place, last, self.length(place, last))
             yield Event(
