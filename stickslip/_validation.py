@@ -26,6 +26,7 @@ module stores.
 
 import contextlib
 import inspect
+import math
 import operator
 import reprlib
 from collections.abc import Callable, Collection, Mapping
@@ -185,6 +186,8 @@ def check_at_least(name: str, value: T, bound_name: str, bound: Any) -> T:
     if not (is_concrete(value) and is_concrete(bound)):
         return value
     array, limit = numbers(name, value), numbers(bound_name, bound)
+    if not array.shape and not limit.shape and array >= limit:
+        return value
     check_broadcast(name, value, bound_name, bound)
     array, limit = np.broadcast_arrays(array, limit)
     good = np.asarray(array >= limit)
@@ -369,16 +372,22 @@ def check_handed_on(name: str, tree: T) -> T:
 def as_float64(name: str, tree: Any) -> Any:
     """A pytree of finite real numbers with float64 arrays as leaves, for states and times.
 
+    Single numbers become arrays of NumPy: to hand one to a device takes twenty microseconds.
+
     Raises `TypeError` for leaves that are not real numbers and `ValueError` for leaves that are
     float32 arrays, whose digits were lost before, or not finite.
     """
+    if type(tree) is float and math.isfinite(tree):
+        return np.asarray(tree)
     leaves = [_float64(where, leaf) for where, leaf in leaves_of(name, tree)]
     return jax.tree.unflatten(jax.tree.structure(tree), leaves)
 
 
-def _float64(name: str, leaf: Any) -> Array:
+def _float64(name: str, leaf: Any) -> Array | np.ndarray:
     array = check_float64(name, leaf)
-    return as_parameter(leaf if isinstance(leaf, jax.Array) else array)
+    if isinstance(leaf, jax.Array) or array.shape:
+        return as_parameter(leaf if isinstance(leaf, jax.Array) else array)
+    return np.asarray(array, np.float64)
 
 
 def check_float64(name: str, leaf: Any) -> Any:

@@ -106,7 +106,7 @@ class AbstractCurve(AbstractFamily):
         """Why the curve ends at its last place."""
 
     def alike(self, place: Place) -> Callable[[Place], bool] | None:
-        """What tells places of this curve from those of another one that crosses it."""
+        """Return what tells places of this curve from those of another that crosses it, if needed."""
         return None
 
     def tests(self, point: Place) -> list[Test]:

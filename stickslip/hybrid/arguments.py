@@ -30,9 +30,9 @@ from ._section import Section
 from .system import AbstractHybridSystem, mode_type
 
 
-def a_time(name: str, value: Any) -> Array:
+def a_time(name: str, value: Any) -> Array | np.ndarray:
     """One finite real number as a float64 scalar."""
-    if leaves_of(name, value) != [(name, value)]:
+    if type(value) is not float and leaves_of(name, value) != [(name, value)]:
         raise refusal(name, value, "a real number", TypeError)
     time = as_float64(name, value)
     if time.shape != ():

@@ -6,7 +6,6 @@ from types import FunctionType
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 
 from .._code import compiled_by_code
 from .._types import Given
@@ -17,6 +16,9 @@ from .executor import current_executor
 # and no faster with them. From JAX 0.11 on the compiler has no others, and rejects the option.
 KNOWN = jax.__version_info__ < (0, 11)
 OPTIONS = {"xla_cpu_use_fusion_emitters": False}
+
+
+_zero = jax.jit(lambda: 0.0)
 
 
 def plain_options() -> dict[str, Any] | None:
@@ -48,8 +50,8 @@ def jit_plainly(function: Given[Callable]) -> Callable:
 
     @functools.wraps(function)
     def call(*args: Any, **named: Any) -> Any:
-        # Inside of `jit` zeros are traced, and so is an argument that is batched or differentiated.
-        alone = plain_options() is not None and is_concrete((args, named, jnp.zeros(())))
+        # Inside of `jit` any result is traced, and so is an argument that is batched or differentiated.
+        alone = plain_options() is not None and is_concrete((args, named, _zero()))
         return (plain if alone else usual)(*args, **named)
 
     return call

@@ -8,6 +8,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, PyTree
 
 
@@ -76,7 +77,7 @@ def all_finite(tree: PyTree) -> Array:
 
 def with_float_arrays(tree: PyTree) -> PyTree:
     """`tree` with its Python floats as arrays: another number then is not another program."""
-    return jax.tree.map(lambda a: jnp.asarray(a, jnp.float64) if isinstance(a, float) else a, tree)
+    return jax.tree.map(lambda a: np.asarray(a, np.float64) if isinstance(a, float) else a, tree)
 
 
 def frozen(tree: PyTree) -> PyTree:

@@ -170,10 +170,8 @@ class AbstractDeclaration(AbstractMechanicalSystem):
         The velocities have the names of the coordinates.
         """
         names = self.names
+        places = [None if name in names.cyclic else getattr(y, name) for name in names.places]
         return (
-            coordinates_type(names.places)(*[self._of(y, name) for name in names.places]),
+            coordinates_type(names.places)(*places),
             coordinates_type(names.coordinates)(*[getattr(y, name) for name in names.velocities]),
         )
-
-    def _of(self, y: PyTree, name: str) -> Any:
-        return None if name in self.cyclic else getattr(y, name)

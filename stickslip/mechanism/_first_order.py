@@ -3,12 +3,12 @@
 from collections.abc import Mapping
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 
 from stickslip._validation import refusal
 
 from ._abstract_declaration import AbstractDeclaration
+from ._known import kept_trace
 
 RATES = "rates(t, q, v, args)"
 
@@ -44,12 +44,7 @@ def rates_of(declaration: AbstractDeclaration, t: Any, q: Any, v: Any, args: Any
 def check_rates(declaration: AbstractDeclaration, t: Any, y: Any, args: Any) -> None:
     """Raise for rates that are missing or of wrong shapes, by name, without compiling anything."""
     if declaration.first_order:
-
-        def rates(t, q, v):
-            return rates_of(declaration, t, q, v, args)
-
-        t, (q, v) = jax.tree.map(jnp.asarray, (t, declaration.to_coordinates(y)))
-        jax.eval_shape(rates, t, q, v)
+        kept_trace(rates_of, declaration, t, *declaration.to_coordinates(y), args)
 
 
 def _list_of(names: tuple[str, ...]) -> str:

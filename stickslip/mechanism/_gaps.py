@@ -1,22 +1,24 @@
 """Gaps of the stops of a mechanism: their gradients, and the slopes that are constant."""
 
 import contextlib
+from collections.abc import Callable
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from stickslip._validation import DeclarationError, refusal
-from stickslip.hybrid.dependence import NONE, degrees
+from stickslip._validation import DeclarationError, is_concrete, refusal
+from stickslip.hybrid.dependence import NONE, degrees_in
 
 from ._abstract import abstract, numbers_of, with_numbers
 from ._abstract_declaration import AbstractDeclaration
 from ._any_args import Looked, Sealed, with_any_args
 from ._declaration import at_zero, coordinates_type
 from ._folding import constants_of
+from ._known import kept_trace, numbers_known
 from ._modes import BITS, MOST
-from ._stop import Stop, StopNow, stops_in_order
+from ._stop import Stop, StopNow, check_numbers, stops_in_order
 
 
 def check_stop_names(declaration: AbstractDeclaration) -> None:
@@ -55,18 +57,47 @@ def check_without_args(declaration: AbstractDeclaration) -> None:
 
 def check_gaps(declaration: AbstractDeclaration, t: Any, y: Any, args: Any) -> None:
     """Raise for wrong stops, by name, without compiling anything."""
-    if declaration.stops:
-        n = len(declaration.names.coordinates)
+    if not declaration.stops:
+        return
+    q, _ = declaration.to_coordinates(y)
+    states = tuple(q[len(declaration.names.coordinates) :])
+    for name, degree in zip(
+        declaration.stops, _degrees(_gap_values, (states,), (t, q, declaration, args)), strict=True
+    ):
+        if degree != NONE:
+            raise _gap_of_first_order(name)
+    if is_concrete((declaration, t, y, args)):
+        found = numbers_known(_stop_numbers, t, q, declaration, args)
+        fixed = _degrees(_stop_numbers, (t, q), (declaration, args))
+        for i, name in enumerate(declaration.stops if found else ()):
+            # One that depends on the place may be out of range while the stop is far away.
+            restitution, rest_speed = (
+                x if degree == NONE else 0.0
+                for x, degree in zip(found[2 * i : 2 * i + 2], fixed[2 * i : 2 * i + 2], strict=True)
+            )
+            check_numbers(name, Stop(0.0, restitution, rest_speed))
 
-        def gaps(t, q, states):
-            given = _stops_of(declaration, t, type(q)(*q[:n], *states), args)
-            return [jnp.asarray(stop.gap, jnp.float64) + 0.0 * t for stop in given]
 
-        t, q = jax.tree.map(jnp.asarray, (t, declaration.to_coordinates(y)[0]))
-        found = degrees(gaps, (t, q, tuple(q[n:])), (False, False, True))
-        for name, degree in zip(declaration.stops, found, strict=True):
-            if degree != NONE:
-                raise _gap_of_first_order(name)
+def _degrees(function: Callable, asked: tuple, others: tuple) -> list[int]:
+    """Degree of each result of `function(*asked, *others)` in the numbers of `asked`."""
+    program, numbers = kept_trace(function, *asked, *others)
+    count = len(jax.tree.leaves(asked))
+    return degrees_in(program, [i < count for i in range(len(numbers))])
+
+
+def _gap_values(
+    states: tuple, t: Any, q: Any, declaration: AbstractDeclaration, args: Any
+) -> list[Any]:
+    """Gaps of the stops; `states` are the states of first order."""
+    n = len(declaration.names.coordinates)
+    given = _stops_of(declaration, t, type(q)(*q[:n], *states), args)
+    return [jnp.asarray(stop.gap, jnp.float64) + 0.0 * t for stop in given]
+
+
+def _stop_numbers(t: Any, q: Any, declaration: AbstractDeclaration, args: Any) -> list[Any]:
+    """Restitution and speed of rest of each stop."""
+    given = _stops_of(declaration, t, q, args)
+    return [jnp.asarray(x, jnp.float64) for stop in given for x in (stop.restitution, stop.rest_speed)]
 
 
 def _gap_of_first_order(stop: str) -> DeclarationError:

@@ -30,23 +30,32 @@ class NotArithmetic(Exception):
 
 
 def numbers_known(function: Callable, *operands: Any) -> list[Any] | None:
-    """Leaves of `function(*operands)`, numbers of NumPy; None where they are more than arithmetic.
+    """Leaves of `function(*operands)`, numbers of NumPy; None where they are more than arithmetic."""
+    if any(
+        jnp.issubdtype(getattr(x, "dtype", float), jax.dtypes.prng_key)
+        for x in jax.tree.leaves(operands)
+    ):
+        return None  # random keys are arrays, but not of numbers
+    program, numbers = kept_trace(function, *operands)
+    return numbers_from(program, [np.asarray(x) for x in numbers])
 
-    A function that is known by its name, no lambda: its trace is kept for the next call.
+
+def kept_trace(function: Callable, *operands: Any) -> tuple[Any, list[Any]]:
+    """A function as a program of the floats and arrays among its operands, and those, in its order.
+
+    Kept for operands of the same form and code, so `function` must have a name: a lambda has none.
     """
     leaves, form = jax.tree.flatten(operands)
-    if any(jnp.issubdtype(getattr(x, "dtype", float), jax.dtypes.prng_key) for x in leaves):
-        return None  # random keys are arrays, but not of numbers
     arrays = [isinstance(x, jax.Array | np.ndarray | float) for x in leaves]
     rest = tuple(x for x, array in zip(leaves, arrays, strict=True) if not array)
-    numbers = [np.asarray(x) for x, array in zip(leaves, arrays, strict=True) if array]
-    shapes = tuple((x.shape, x.dtype) for x in numbers)
+    numbers = [x for x, array in zip(leaves, arrays, strict=True) if array]
+    shapes = tuple((np.shape(x), getattr(x, "dtype", np.dtype(float))) for x in numbers)
     key = (function, form, tuple(arrays), rest, shapes, code_key(operands))
     try:
         hash(key)
     except TypeError:
-        return None
-    return numbers_from(_trace_of(*key), numbers)
+        return _trace_of.__wrapped__(*key), numbers
+    return _trace_of(*key), numbers
 
 
 def numbers_from(closed: Any, numbers: list[Any]) -> list[Any] | None:

@@ -245,7 +245,7 @@ class AbstractMechanism(AbstractWithObservables):
         check_gaps(self, t, y, args)
         check_rates(self, t, y, args)
         if is_concrete((self, y)):
-            check_mass(self, self.to_coordinates(y)[0])
+            check_mass(self, type(self).to_coordinates(self, y)[0])
         fixed = [name for name in names.contacts if name not in names.opening]
         if fixed and is_concrete((self, t, y, args)):
             loads = numbers_known(_loads, self, t, y, args)

@@ -8,6 +8,8 @@ so that smaller chunks compile.
 from collections import Counter
 from typing import Any, NamedTuple
 
+import jax
+import jax.extend
 import jax.numpy as jnp
 import numpy as np
 
@@ -23,11 +25,22 @@ PORTABLE_INSTEAD = (
 )
 
 
+# With JAX 0.10 two programs at once that call LAPACK on larger matrices wait for each other for ever,
+# most of the time, with all threads idle; one at a time never did, and neither do those of JAX 0.12.
+MAY_WAIT = jax.__version_info__ < (0, 11)
+_OF_LAPACK = frozenset(
+    thing.name
+    for thing in vars(jax.lax.linalg).values()
+    if isinstance(thing, jax.extend.core.Primitive)
+)
+
+
 class Fit(NamedTuple):
-    """Executor and the most lanes of a chunk."""
+    """Executor and the most lanes of a chunk; whether one chunk is computed at a time."""
 
     executor: str
     lanes: int
+    alone: bool = False
 
 
 class TooManyMotions(Exception):
@@ -49,11 +62,21 @@ def check_motions(closed: Any, lanes: int) -> None:
         raise TooManyMotions(fitting)
 
 
-def smaller(lanes: int) -> Fit:
+class MustBeAlone(Exception):
+    """A traced program must not run beside others."""
+
+
+def check_alone(closed: Any) -> None:
+    """Raise `MustBeAlone` for a program that calls LAPACK, where two may wait for each other."""
+    if MAY_WAIT and any(eqn.primitive.name in _OF_LAPACK for eqn in equations(closed.jaxpr)):
+        raise MustBeAlone
+
+
+def smaller(fit: Fit, lanes: int) -> Fit:
     """The next try where the compiler did not fuse `lanes` of them; 0: however few."""
     if lanes // 4 >= VECTOR:
-        return Fit("fused", lanes // 4)
-    return Fit("portable", CHUNK_PORTABLE)
+        return fit._replace(lanes=lanes // 4)
+    return fit._replace(executor="portable", lanes=CHUNK_PORTABLE)
 
 
 def _motions(eqn: Any) -> int:

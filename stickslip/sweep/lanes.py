@@ -1,7 +1,9 @@
 """Many independent lanes of one function: small chunks, all cores, the fast executor."""
 
 import concurrent.futures
+import contextlib
 import os
+import threading
 import warnings
 from collections.abc import Callable
 
@@ -29,7 +31,9 @@ from ._fit import (
     PORTABLE_INSTEAD,
     VECTOR,
     Fit,
+    MustBeAlone,
     TooManyMotions,
+    check_alone,
     check_motions,
     smaller,
 )
@@ -37,9 +41,10 @@ from ._programs import UNKNOWN_OPERATION, compiled_program, refused_to_fuse
 from .grid import block_lanes
 
 EXECUTORS = ("auto", "fused", "portable")
-# Lanes have threads of their own. The pool that XLA's loops share may wait for ever for a batch, with
-# all of its threads idle (seen with JAX 0.10; https://github.com/PyAutoLabs/PyAutoFit/issues/1528).
+# Lanes have threads of their own. Operations that share XLA's pool from within it, such as a Fourier
+# transform, may wait for ever (https://github.com/PyAutoLabs/PyAutoFit/issues/1530).
 ON_CPU = {"xla_cpu_prefer_vector_width": "512", "xla_cpu_multi_thread_eigen": False}
+_ALONE = threading.Lock()  # of the programs that must not run side by side, in all threads of a process
 
 
 class map_lanes:
@@ -116,7 +121,9 @@ class map_lanes:
         if not is_concrete(inputs):
             out = self._chunks(PORTABLE)(self._pad(inputs, n, self._chunk(n, parts)))
             return jax.tree.map(lambda a: _lanes(a)[:n], out)
-        return self._join_chunks(self._run(*self._fitting_program(inputs, n, parts)), n)
+        program, cut, fit = self._fitting_program(inputs, n, parts)
+        with _ALONE if fit.alone else contextlib.nullcontext():
+            return self._join_chunks(self._run(program, cut), n)
 
     def tracing(self):
         """Context in which `simulate` is traced for the executor of these lanes."""
@@ -136,13 +143,13 @@ class map_lanes:
         return min(most, max(lanes, 2))
 
     def _fitting_program(self, inputs, n, parts):
-        """Program, and the inputs cut into the chunks that it takes, one part for each thread."""
+        """Program, the inputs cut into chunks, one part for each thread, and the fit of both."""
         leaves = jax.tree.leaves(inputs)
         form = (n, jax.tree.structure(inputs), *((a.shape[1:], a.dtype) for a in leaves))
         if form in self._fits:
             fit = self._fits[form]
             cut = self._cut_into_chunks(inputs, n, parts, fit)
-            return self._program(cut[0], fit), cut
+            return self._program(cut[0], fit), cut, fit
         fit = Fit(self.executor, self.chunk_size)
         while True:
             cut = self._cut_into_chunks(inputs, n, parts, fit)
@@ -150,22 +157,25 @@ class map_lanes:
             try:
                 program = self._program(cut[0], fit)
             except TooManyMotions as error:
-                fit = Fit(fit.executor, error.lanes)
+                fit = fit._replace(lanes=error.lanes)
+            except MustBeAlone:
+                fit = fit._replace(alone=True)
             except jax.errors.JaxRuntimeError as error:
                 if fit.executor != "fused" or not refused_to_fuse(error):
                     raise
-                fit = smaller(0 if UNKNOWN_OPERATION in str(error) else lanes)
+                fit = smaller(fit, 0 if UNKNOWN_OPERATION in str(error) else lanes)
                 if fit.executor != "fused":
                     warnings.warn(PORTABLE_INSTEAD, stacklevel=3)
             else:
                 self._fits[form] = fit
-                return program, cut
+                return program, cut, fit
 
     def _cut_into_chunks(self, inputs, n, parts, fit):
         """Inputs as `[chunks, chunk, ...]`, one part for each thread."""
+        parts = 1 if fit.alone else parts
         chunk = self._chunk(n, parts, fit.lanes)
         chunks = self._pad(jax.tree.map(self._on_host, inputs), n, chunk, parts)
-        if len(self.devices) > 1 or parts == 1:
+        if len(self._devices(fit)) > 1 or parts == 1:
             return [jax.device_put(chunks)]
         count = jax.tree.leaves(chunks)[0].shape[0] // parts
         return [
@@ -189,6 +199,9 @@ class map_lanes:
         on_cpu = self.devices[0].platform == "cpu"
         return np.asarray(a) if on_cpu and isinstance(a.dtype, np.dtype) else a  # keys are not
 
+    def _devices(self, fit):
+        return self.devices[:1] if fit.alone else self.devices
+
     def _chunks(self, executor):
         def run(chunks):
             with use_executor(executor):
@@ -200,22 +213,25 @@ class map_lanes:
         """Compiled program for this shape; raises `TooManyMotions` for chunks that are too large."""
         leaves = jax.tree.leaves(chunks)
         shapes = ((a.shape, a.dtype) for a in leaves)
-        key = (fit.executor, jax.tree.structure(chunks), *shapes, code_key(self.function))
+        key = (fit.executor, jax.tree.structure(chunks), *shapes, code_key(self.function), fit.alone)
         if key not in self._compiled:
             executor = FUSED if fit.executor == "fused" else PORTABLE
-            run = self._chunks(executor)
-            if len(self.devices) > 1:
-                mesh = Mesh(np.array(self.devices), ("lanes",))
+            run, devices = self._chunks(executor), self._devices(fit)
+            if len(devices) > 1:
+                mesh = Mesh(np.array(devices), ("lanes",))
                 spec = PartitionSpec("lanes")
                 run = jax.shard_map(run, mesh=mesh, in_specs=spec, out_specs=spec, check_vma=False)
-            options = ON_CPU if self.devices[0].platform == "cpu" else None
+            on_cpu = devices[0].platform == "cpu"
+            options = ON_CPU if on_cpu else None
             # Some of the engine is traced only as the program is lowered.
             with use_executor(executor):
                 traced = jax.jit(run, compiler_options=options).trace(chunks)
+                if on_cpu and not fit.alone:
+                    check_alone(traced.jaxpr)
                 if fit.executor == "fused":
                     check_motions(traced.jaxpr, leaves[0].shape[1])
                 lowered = traced.lower()
-            self._compiled[key] = compiled_program(traced, lowered, self.devices)
+            self._compiled[key] = compiled_program(traced, lowered, devices)
         return self._compiled[key]
 
     def _run(self, program, parts):
