@@ -64,6 +64,7 @@ def test_time_stepping_converges_at_first_order(number):
     assert wrong_senses(number, sizes[2], t, senses) <= 1
 
 
+@pytest.mark.more
 def test_orientation_numbers():
     one, two, three = (columns(solution(n))[0] for n in (1, 2, 3))
     assert one[:, 0].max() == pytest.approx(4.947, abs=1e-3)

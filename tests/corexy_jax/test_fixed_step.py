@@ -21,6 +21,7 @@ def test_dead_zone_of_one_axis():
     np.testing.assert_array_equal(dead_zone_row(load, 1.0), [0, 0, 0, 0, 2, -2])
 
 
+@pytest.mark.more
 def test_corrected_algorithm_agrees_with_the_events():
     """All errata corrected: first order in the step, to the motion of `consistent` over 2 s."""
     exact = columns(solution(1))[0][:201]
@@ -32,6 +33,7 @@ def test_corrected_algorithm_agrees_with_the_events():
     assert errors[1] < 0.5 * errors[0]
 
 
+@pytest.mark.more
 def test_rounding_is_no_sense_of_motion():
     """Along the diagonal one contact rests, in whatever last place x and y differ."""
     errata = cx.Errata.corrected()

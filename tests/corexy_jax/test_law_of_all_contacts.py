@@ -3,6 +3,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 import corexy_jax as cx
 from corexy_jax._contact_motion import contact_motion
@@ -61,6 +62,7 @@ def asked_again(mass, drive, static, kinetic, signs, given):
     return jnp.where(standing, jnp.sign(found.contact_acceleration), signs)
 
 
+@pytest.mark.more
 def test_the_general_solver_finds_the_same_senses():
     given = problems()
     found = np.asarray(ours(*given))

@@ -117,6 +117,7 @@ def test_motion_is_that_of_implicit_steps(motion):
     assert np.abs(errors(looser, zeros, [motion])[0]).max() > 0.02
 
 
+@pytest.mark.more
 def test_inverse_dynamics_of_a_known_pendulum(motion):
     values, deviations, left = inverse_dynamics([motion])
     assert left < 0.05

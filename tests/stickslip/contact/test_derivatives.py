@@ -177,6 +177,7 @@ def test_gauge():
         check_derivatives(dead_zone_gauge, modes, point, arguments)
 
 
+@pytest.mark.more
 def test_hold():
     M, F, N, _ = random_problem(np.random.default_rng(9), 4, 3, "generic")
     held = np.array([True, False, True])

@@ -3,6 +3,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -39,6 +40,7 @@ def weight(problem):
     return lambda force: np.sqrt(force @ np.linalg.solve(problem.mass_matrix, force))
 
 
+@pytest.mark.more
 @given(problems())
 def test_power_is_balanced(problem):
     """What the load supplies beyond friction accelerates: `a'Ma - a'F + sum R |n . a| = 0`."""

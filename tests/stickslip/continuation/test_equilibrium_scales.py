@@ -144,6 +144,7 @@ KNOWN = (
 FEW = [*KNOWN[:2], *(pytest.param(case, marks=pytest.mark.slow) for case in KNOWN[2:])]
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("case", FEW, ids=lambda case: case[0].__name__)
 def test_special_points_in_any_units(case):
     rates, y, a, bounds, right = case

@@ -173,6 +173,7 @@ def test_flip_of_the_forced_block():
     assert float(found.determinant) == pytest.approx(float(found.determinant_by_events), abs=1e-10)
 
 
+@pytest.mark.more
 def test_a_speed_that_stick_holds_is_not_a_free_place():
     """No field and no guard of the stick depends on it; the other multipliers are those of SciPy."""
     period, system = np.pi / 0.92, CocoStickSlip(0.5)

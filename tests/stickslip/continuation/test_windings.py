@@ -82,6 +82,7 @@ def test_turns_of_the_guess_are_those_of_the_orbit(p, q, torque, force, start):
     assert np.sort_complex(found.multipliers) == pytest.approx(np.sort_complex(multipliers), rel=1e-8)
 
 
+@pytest.mark.more
 def test_turns_may_be_given():
     """From this start the motion does not go round; that which does, once, is another orbit."""
     start, system = Motion(5.89, 0.5), Rotor(0.06, 1.0, 0.0)

@@ -68,12 +68,14 @@ def test_both_crossings_within_a_step_are_found(direction, method):
     np.testing.assert_allclose(times[: len(known)], known, atol=3e-5)
 
 
+@pytest.mark.more
 def test_lanes_of_all_depths_have_all_their_crossings():
     levels = 1.0 - 10.0 ** np.linspace(-4.0, -0.5, 40)
     counts, _ = ss.map_lanes(lambda level: crossings(level, "both", "dop853"))(jnp.asarray(levels))
     np.testing.assert_array_equal(counts, 2 * TURNS + 1)
 
 
+@pytest.mark.more
 def test_derivative_of_a_crossing_that_a_look_inside_found():
     def third(level):
         return crossings(level, "both", "dop853")[1][2]

@@ -78,6 +78,7 @@ def test_noise_free_data_give_the_values_back():
     assert int(found.steps[0]) < 30
 
 
+@pytest.mark.more
 def test_covariance_is_that_of_repeated_experiments():
     """Spread of the estimates over noise against the first-order covariance; 499 copies tell to 6 %."""
     found = many()

@@ -83,6 +83,7 @@ def product(p):
     return jnp.stack([p["k1"] * p["k2"] - 6.0, 2.0 * p["c"] - 8.0, p["c"] - 4.5])
 
 
+@pytest.mark.more
 def test_a_product_hides_its_factors():
     fit = least_squares(product, dict(k1=1.0, k2=2.0, c=3.0))
     found = profile(product, fit)
@@ -109,6 +110,7 @@ def test_flat_without_a_singular_sensitivity():
     }
 
 
+@pytest.mark.more
 def test_a_bound_of_another_unknown_ends_the_interval():
     unknowns = dict(k1=Unknown(1.0), k2=Unknown(2.0, bounds=(0.0, 5.0)), c=3.0)
     fit = least_squares(product, unknowns)
@@ -165,6 +167,7 @@ def test_beyond_a_jump_the_others_give_way():
     assert np.all(found.rises[0, 1][here] >= least - 1e-9)
 
 
+@pytest.mark.more
 def test_a_fit_that_is_no_minimum_is_told():
     fit = least_squares(linear, STARTS)
     poor = least_squares(linear, STARTS, LevenbergMarquardt(max_steps=1))

@@ -72,6 +72,7 @@ def test_text():
     assert "goes through the same modes" in str(same)
 
 
+@pytest.mark.more
 def test_a_missed_input_is_told():
     found = made(colour=1.5)
     assert "x: NOT white" in str(found)
@@ -134,6 +135,7 @@ def test_files(tmp_path):
     assert len(found.plot().axes) >= 8
 
 
+@pytest.mark.more
 def test_bad_input(tmp_path):
     fit = least_squares(residual, START)
     other = least_squares(lambda p: jnp.stack([p["q"] - 1.0]), dict(q=2.0))

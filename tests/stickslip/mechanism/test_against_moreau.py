@@ -67,6 +67,7 @@ def converges(exact, reference, steps=(500, 4000)):
     assert errors[0] / errors[-1] > 0.5 * steps[-1] / steps[0]
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("blocks", [3, pytest.param(8, marks=pytest.mark.slow)])
 def test_chain_in_both_coordinates(blocks):
     """Friction without a drop: time stepping has no other."""
@@ -93,6 +94,7 @@ def test_chain_in_both_coordinates(blocks):
     converges(exact, lambda n: moreau(M, force, J, 0.0, limits, q, t1, n))
 
 
+@pytest.mark.more
 def test_carriage_with_dependent_contacts():
     machine = carriage()
     t1 = 12.0
@@ -139,6 +141,7 @@ def between_belts(t1, low=0.4, high=0.7, slow=0.1, fast=0.5, stiffness=1.0):
     return [t_1, t_2, t_3], (x_3 + slow / omega * np.sin(phase), slow * np.cos(phase))
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("t1", [3.0, 10.0])
 def test_block_between_two_belts(t1):
     machine = BetweenBelts(1.0, (Coulomb(0.4), Coulomb(0.7)), (0.1, 0.5))
@@ -149,6 +152,7 @@ def test_block_between_two_belts(t1):
     np.testing.assert_allclose(flat(run.y1), end, atol=1e-9)
 
 
+@pytest.mark.more
 def test_two_belts_of_one_speed_are_one_belt():
     """Contacts whose directions and speeds agree rest and slide together."""
     pair = BetweenBelts(1.0, (Coulomb(0.4, 0.2), Coulomb(0.7, 0.4)), (0.2, 0.2))

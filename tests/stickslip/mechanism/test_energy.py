@@ -69,6 +69,7 @@ def test_powers_account_for_the_energy(name):
     assert min(friction) < -1e-3
 
 
+@pytest.mark.more
 def test_without_a_potential_the_work_of_the_springs_is_a_power():
     """Springs of the chain are forces to the account; those of the oscillator are stored."""
     block = Oscillator(1.0, 1.0, Coulomb(1.0, 0.5), 0.2)

@@ -111,6 +111,7 @@ def test_a_motor_that_pulls_a_block_is_the_matrix_exponential(U, k):
     np.testing.assert_allclose([run.y1.x, run.y1.v_x, run.y1.current], end, rtol=0, atol=1e-9)
 
 
+@pytest.mark.more
 def test_an_impact_leaves_the_current_as_it_is():
     winch = Walled(2.0)
     run = ss.simulate(winch, 0.0, 2.1, winch.state())
@@ -148,6 +149,7 @@ def test_slopes_are_those_of_differences_and_lanes_those_of_single_runs():
     np.testing.assert_allclose(lanes, [end(2.0), end(4.5)], rtol=0, atol=1e-9)
 
 
+@pytest.mark.more
 def test_both_smooth_forms_tend_to_the_event_driven_one():
     winch = Winch(4.5, law=Coulomb(0.6, 0.6))
     exact = ss.simulate(winch, 0.0, 4.0, winch.state()).y1

@@ -92,6 +92,7 @@ def test_no_stop_hides_from_the_slope_at_its_end():
     assert np.max(off) < 1e-10
 
 
+@pytest.mark.more
 def test_without_the_slope_at_the_end_some_are_late(monkeypatch):
     """The second fault this file is about, planted: no error estimate has the slope at the end."""
     monkeypatch.setattr(ss.Tableau, "ends_twice", False)
@@ -100,6 +101,7 @@ def test_without_the_slope_at_the_end_some_are_late(monkeypatch):
     assert np.mean(late > 1e-8) > 0.003
 
 
+@pytest.mark.more
 def test_without_the_error_of_the_last_step_most_are_wrong(monkeypatch):
     """The fault this file is about, planted: what ends on an event is not judged by its error."""
     monkeypatch.setattr(_event_decision, "SECTION", _event_decision.COLLAPSED)

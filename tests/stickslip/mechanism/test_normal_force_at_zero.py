@@ -192,6 +192,7 @@ class Skid(AbstractMechanism):
         return [Contact(Sum(Coulomb(0.0), ViscousDamping(self.c)), self.parts @ loads)]
 
 
+@pytest.mark.more
 def test_drag_of_a_contact_ends_where_its_normal_force_is_zero_for_a_while():
     """By time and by the state; it went on, but where a run began so, and in smooth forms always."""
 

@@ -59,6 +59,7 @@ def test_relative_coordinates_are_parted(blocks):
     np.testing.assert_array_equal(of.decoupled, ~np.eye(blocks, dtype=bool))
 
 
+@pytest.mark.more
 def test_a_group_and_each_by_itself_find_the_same():
     """Random loads below, at and above the limits, against the search over all contacts."""
     n, rng = 4, np.random.default_rng(3)

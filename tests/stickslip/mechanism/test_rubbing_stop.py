@@ -131,6 +131,7 @@ def test_random_pucks_on_a_spring_are_those_of_scipy(pucks):
     np.testing.assert_allclose(found, [marched(row) for row in p], atol=1e-8)
 
 
+@pytest.mark.more
 def test_slopes_are_those_of_differences(pucks):
     p, (slopes, _) = pucks
     row, h = p[0], 1e-5

@@ -65,6 +65,7 @@ def test_blocks_that_bump_against_moreau(e, limits, least):
     assert errors[1] < min(3e-3, 0.3 * errors[0])
 
 
+@pytest.mark.more
 def test_block_between_walls_against_moreau():
     laws, e = Coulomb(0.4), 0.6
     block = Pushed(laws, lambda t: jnp.sin(0.7 * t), e)

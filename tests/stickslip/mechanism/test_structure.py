@@ -404,6 +404,7 @@ class Tuned(Rubbing):
         return [Contact(Coulomb(args), direction=row) for row in self.rows(self.r, q)]
 
 
+@pytest.mark.more
 def test_directions_unknown_without_args_are_judged_when_a_run_brings_them():
     """A start at rest had no multipliers of friction (NaN), and ended at its first instant."""
     tuned = Tuned(lambda r, q: [{"x": r}, {"x": -2.0 * r}])

@@ -95,6 +95,7 @@ def duration(friction, torque, phi, w, end):
     return sum(quad(slowness, a, b, epsabs=1e-12)[0] for a, b in itertools.pairwise(edges))
 
 
+@pytest.mark.more
 def test_friction_about_dead_centres_by_energy(ends):
     """From dead centres too, and in any units of force."""
     rows = [

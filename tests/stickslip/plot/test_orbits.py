@@ -141,6 +141,7 @@ def test_multipliers_of_one_orbit(tank):
     assert not axis.texts
 
 
+@pytest.mark.more
 def test_multipliers_of_a_batch_tell_stable_from_unstable(tank):
     table = [[[0.5, 0.0], [0.3 + 0.4j, 0.3 - 0.4j]], [[-1.5, 0.2], [np.nan, np.nan]]]
     axis = plot.multipliers(with_multipliers(one(tank, 0), table), ms=3.0, c="k")
@@ -237,6 +238,7 @@ def test_orbit_with_sticks(block):
     assert (axis.get_xlabel(), axis.get_ylabel()) == ("x [m]", "v [m/s]")
 
 
+@pytest.mark.more
 def test_orbit_at_a_special_point(block):
     special = block.specials[-1]
     _, axis = plt.subplots()
@@ -247,6 +249,7 @@ def test_orbit_at_a_special_point(block):
     assert axis.get_title().startswith(f"EP at belt_speed = {special.value:.6g}, period ")
 
 
+@pytest.mark.more
 def test_orbit_of_an_array(ring):
     axis = plot.orbit(ring, -1)
     (curve,) = axis.lines

@@ -76,6 +76,7 @@ def test_set_valued_motion_and_poincare_points_are_scipys(dry_runs):
         np.testing.assert_allclose(lane(dry_runs.y1, i), end, rtol=0, atol=1e-8)
 
 
+@pytest.mark.more
 def test_sticking_block_has_the_belts_speed_to_the_last_bit(dry_runs):
     events = dry_runs.events
     begins = np.asarray(events.mode_after) == 1

@@ -101,6 +101,7 @@ def test_every_joule_of_the_full_model_is_accounted_for(signs, sign):
     assert work["supply"] > 0 > max(work["motor"], work["dampers"])
 
 
+@pytest.mark.more
 def test_printed_sign_of_the_belt_force_creates_energy(signs):
     """B-E2: friction must take energy out of block and belt together."""
     work = {sign: float(end.y1.integrals["contact"]) for sign, (_, end) in signs.items()}

@@ -71,6 +71,7 @@ def test_motion_and_events():
     assert len(set(modes)) >= 4
 
 
+@pytest.mark.more
 def test_derivatives():
     _, slopes = program(values_of(), 0.1)
     expected = derivatives(lambda **p: exact(**p)[0], {name: PAIR[name] for name in CHANGED})
