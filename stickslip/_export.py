@@ -94,7 +94,7 @@ def export(
         outputs_of: dict[str, dict[str, Any]] = {}
         made = function(*eqx.combine(jax.tree.unflatten(form, leaves), rest))
         for place, leaf in jax.tree.leaves_with_path(made, is_leaf=_is_code):
-            name, about = _dotted(place), {"place": _keys(place)}
+            name, about = _path_text(place), {"place": _keys(place)}
             if _is_code(leaf):
                 about["words"] = list(leaf._enumeration._name_to_item)
                 leaf = leaf._value
@@ -169,7 +169,7 @@ class load:
         }
 
     def __repr__(self) -> str:
-        given, found = (_listed(self.header[part]) for part in ("inputs", "outputs"))
+        given, found = (_names_with_units(self.header[part]) for part in ("inputs", "outputs"))
         made = f"stickslip {self.header['stickslip']}, JAX {self.header['jax']}, {self.header['date']}"
         return f"{self.header['function']}({given}) -> {found} ({made})"
 
@@ -186,7 +186,7 @@ class load:
             lengths = {name: a.shape[0] for name, a in zip(self._inputs, numbers, strict=True)}
             raise refusal("arguments", lengths, "batches of one length")
         places = (about["place"] for about in self.header["outputs"].values())
-        return _nested(list(zip(places, self._run(*numbers), strict=True)))
+        return _tree_of(list(zip(places, self._run(*numbers), strict=True)))
 
     def _number(self, name: str, leaf: Any) -> Any:
         shape, dtype = self._inputs[name]
@@ -200,7 +200,7 @@ class load:
         return array.astype(dtype)
 
 
-def _listed(parts: dict[str, dict[str, Any]]) -> str:
+def _names_with_units(parts: dict[str, dict[str, Any]]) -> str:
     return ", ".join(
         f"{name} [{about['unit']}]" if "unit" in about else name for name, about in parts.items()
     )
@@ -219,13 +219,13 @@ def _names_of(function: Callable, count: int) -> list[str]:
 def _by_name(names: list[str], arguments: tuple) -> list[tuple[str, Any]]:
     """Names and leaves of the arguments."""
     return [
-        (".".join(filter(None, (name, _dotted(place)))), leaf)
+        (".".join(filter(None, (name, _path_text(place)))), leaf)
         for name, argument in zip(names, arguments, strict=True)
         for place, leaf in jax.tree.leaves_with_path(argument)
     ]
 
 
-def _dotted(place: tuple) -> str:
+def _path_text(place: tuple) -> str:
     return jax.tree_util.keystr(place, simple=True, separator=".")
 
 
@@ -235,17 +235,19 @@ def _is_code(leaf: Any) -> bool:
 
 def _keys(place: tuple) -> list[str | int]:
     """The way to a result: numbers in tuples and lists, names elsewhere."""
-    return [key.idx if isinstance(key, jax.tree_util.SequenceKey) else _dotted((key,)) for key in place]
+    return [
+        key.idx if isinstance(key, jax.tree_util.SequenceKey) else _path_text((key,)) for key in place
+    ]
 
 
-def _nested(placed: list[tuple[list, Any]]) -> Any:
+def _tree_of(placed: list[tuple[list, Any]]) -> Any:
     """Dicts and lists by the ways to their numbers."""
     if not placed[0][0]:
         return placed[0][1]
     parts: dict[Any, list] = {}
     for (first, *rest), value in placed:
         parts.setdefault(first, []).append((rest, value))
-    found = {first: _nested(inner) for first, inner in parts.items()}
+    found = {first: _tree_of(inner) for first, inner in parts.items()}
     if isinstance(next(iter(found)), int):
         return [found.get(i) for i in range(1 + max(found))]
     return found
