@@ -161,8 +161,15 @@ def check_sections(
 
 
 def the_system(system: Any) -> AbstractHybridSystem:
-    """`system`, if it is one."""
-    return check_type("system", system, AbstractHybridSystem, "an AbstractHybridSystem")
+    """`system`, if it is one that names its modes and guards."""
+    check_type("system", system, AbstractHybridSystem, "an AbstractHybridSystem")
+    for name in ("mode_names", "guard_names"):
+        given = getattr(system, name)
+        # A machine of many contacts makes the names of its modes as they are asked for.
+        if not isinstance(given, Sequence) or isinstance(given, str):
+            allowed = "a tuple of names (not a method; a property may compute it)"
+            raise refusal(name, given, allowed, TypeError)
+    return system
 
 
 def mode_index(name: str, system: AbstractHybridSystem, mode: Any) -> Array:

@@ -9,11 +9,12 @@ import jax.numpy as jnp
 from jax.interpreters.partial_eval import dce_jaxpr
 from jaxtyping import PyTree
 
+from .._validation import check_in, one_number
 from ._section import Section
 from ._tolerance import generic, sizes
 from .accuracy import ACCURACY
 from .dependence import AFFINE, NONE, OTHER, degrees
-from .system import AbstractHybridSystem, guard_directions, guard_scales
+from .system import DIRECTIONS, AbstractHybridSystem, guard_directions, guard_scales
 
 # Value of a bend that lies beyond zero by so little that any other is located before it.
 STALE = -10.0 * ACCURACY.slack
@@ -200,6 +201,12 @@ def event_functions(
     ):
         if len(given) != len(names):
             raise ValueError(f"guard_{label}={given} must have {len(names)} entries, one per guard")
+    for i, (direction, scale) in enumerate(
+        zip(guard_directions(system), guard_scales(system), strict=True)
+    ):
+        check_in(f"guard_directions[{i}]", direction, DIRECTIONS)
+        if system.guard_scales is not None:
+            one_number(f"guard_scales[{i}]", scale, "positive")
     for section in sections:
         check(
             lambda t, y, dy, s=section: s.function(system, t, y, dy, mode, args), section.name, t, y, dy

@@ -231,10 +231,19 @@ def switch(mode: Whole, functions: tuple[Callable, ...], *operands: PyTree) -> P
 
 def guard_directions(system: AbstractHybridSystem) -> tuple[str, ...]:
     """Direction words of all guards, `"falling"` where the system is silent."""
-    return system.guard_directions or ("falling",) * len(system.guard_names)
+    return _of_each_guard(system, "guard_directions", "falling")
 
 
 def guard_scales(system: AbstractHybridSystem) -> tuple:
     """Stated magnitudes of all guards, 1 where the system is silent."""
-    scales = system.guard_scales
-    return (1.0,) * len(system.guard_names) if scales is None else tuple(scales)
+    return _of_each_guard(system, "guard_scales", 1.0)
+
+
+def _of_each_guard(system: AbstractHybridSystem, name: str, silent: Any) -> tuple:
+    given = getattr(system, name)
+    if given is None or given == ():
+        return (silent,) * len(system.guard_names)
+    if not isinstance(given, tuple | list):
+        allowed = "a tuple with an entry for each guard (not a method; a property may compute it)"
+        raise refusal(name, given, allowed, TypeError)
+    return tuple(given)

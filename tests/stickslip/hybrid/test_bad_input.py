@@ -40,6 +40,26 @@ class WrongScales(Circle):
     guard_scales: ClassVar = (1.0,)
 
 
+class ScalesOfAMethod(Circle):
+    def guard_scales(self):
+        return 1.0, 1.0
+
+
+class NegativeScale(Circle):
+    guard_scales: ClassVar = (1.0, -1.0)
+
+
+class WrongDirection(Circle):
+    """It was taken for "falling" without a word."""
+
+    guard_directions: ClassVar = ("falling", "sideways")
+
+
+class NamesOfAMethod(Circle):
+    def mode_names(self):
+        return "above", "below"
+
+
 def with_atol(atol):
     return ss.Integrator(step=ss.AdaptiveStep(1e-8, atol))
 
@@ -65,6 +85,10 @@ def run(system=None, t0=0.0, t1=1.0, y0=Y0, mode0=None, **kwargs):
         (dict(system=VectorGuard()), ValueError, ["guards", "(2,)", "scalars"]),
         (dict(system=WrongSlope()), ValueError, ["vector_field", "structure", "y0"]),
         (dict(system=WrongScales()), ValueError, ["guard_scales", "2 entries"]),
+        (dict(system=ScalesOfAMethod()), TypeError, ["guard_scales = ", "not a method"]),
+        (dict(system=NegativeScale()), ValueError, ["guard_scales[1] = -1.0", "positive"]),
+        (dict(system=WrongDirection()), ValueError, ["guard_directions[1] = 'sideways'", "'both'"]),
+        (dict(system=NamesOfAMethod()), TypeError, ["mode_names = ", "not a method"]),
         (dict(system="a spring"), TypeError, ["system", "a spring", "AbstractHybridSystem"]),
         (dict(saveat=ss.SaveAt(ts=[0.5, 0.2])), ValueError, ["saveat.ts[1] = 0.2", "increase", "0.5"]),
         (dict(saveat=ss.SaveAt(ts=[0.5, 2.0])), ValueError, ["saveat.ts", "2.0", "[0.0, 1.0]"]),
