@@ -99,14 +99,19 @@ def compiled_by_code(function: Callable, compiler_options: dict[str, Any] | None
     """The same with options of the compiler, as `jax.jit` takes them."""
 
     def of_code(static: tuple, operands: list) -> tuple[list, _Constants]:
-        _, form, others = static
+        _, form, others, _ = static
         args, named = jax.tree.unflatten(form, _all_leaves(operands, others))
         found, constants = _arrays_and_rest(function(*args, **named))
         return found, _Constants(constants)
 
     of_code.__name__ = of_code.__qualname__ = function.__name__
     program = jax.jit(of_code, static_argnums=0, compiler_options=compiler_options)
-    explained: list = []  # made where it is needed
+
+    def again(key: tuple, args: tuple, named: dict[str, Any]) -> Any:
+        return function(*args, **named)
+
+    options: Any = {"compiler_options": compiler_options}
+    worded = eqx.filter_jit(again, **options)
 
     @functools.wraps(function)
     def call(*args: Any, **named: Any) -> Any:
@@ -114,15 +119,13 @@ def compiled_by_code(function: Callable, compiler_options: dict[str, Any] | None
         code = code_key(args, named)
         try:
             # `equinox.filter_jit` does the same in six times the time, a fifth of a millisecond.
-            found, constants = program((code, form, others), operands)
+            found, constants = program((code, form, others, told_apart(others)), operands)
             jax.block_until_ready(found[:1])
-        except jax.errors.JaxRuntimeError as error:
+        except (jax.errors.JaxRuntimeError, ValueError) as error:
             if "EquinoxRuntimeError" not in str(error):
                 raise
             # An error of `equinox.error_if`, which Equinox words with the place where it was raised.
-            if not explained:
-                explained.append(eqx.filter_jit(function, compiler_options=compiler_options))
-            return explained[0](*args, **named)
+            return worded((code, told_apart(others)), args, named)
         form, others = constants.value
         return jax.tree.unflatten(form, _all_leaves(found, others))
 
@@ -138,6 +141,11 @@ class _Constants:
 
 
 _OPERAND = object()  # in the place of an array
+
+
+def told_apart(constants: tuple) -> tuple:
+    """What tells constants from those that Python takes for equal: 1, 1.0 and True; 0.0 and -0.0."""
+    return tuple((type(x), x.hex() if type(x) is float else None) for x in constants)
 
 
 def _arrays_and_rest(tree: Any) -> tuple[list, tuple[Any, tuple]]:

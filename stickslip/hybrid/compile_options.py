@@ -6,6 +6,7 @@ from types import FunctionType
 from typing import Any
 
 import jax
+import jax.extend
 
 from .._code import compiled_by_code
 from .._types import Given
@@ -18,7 +19,7 @@ KNOWN = jax.__version_info__ < (0, 11)
 OPTIONS = {"xla_cpu_use_fusion_emitters": False}
 
 
-_zero = jax.jit(lambda: 0.0)
+_OUTSIDE = jax.extend.core.get_opaque_trace_state()  # of all transformations, where this is imported
 
 
 def plain_options() -> dict[str, Any] | None:
@@ -50,8 +51,8 @@ def jit_plainly(function: Given[Callable]) -> Callable:
 
     @functools.wraps(function)
     def call(*args: Any, **named: Any) -> Any:
-        # Inside of `jit` any result is traced, and so is an argument that is batched or differentiated.
-        alone = plain_options() is not None and is_concrete((args, named, _zero()))
+        outside = jax.extend.core.get_opaque_trace_state() == _OUTSIDE
+        alone = outside and plain_options() is not None and is_concrete((args, named))
         return (plain if alone else usual)(*args, **named)
 
     return call

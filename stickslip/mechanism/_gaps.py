@@ -67,15 +67,12 @@ def check_gaps(declaration: AbstractDeclaration, t: Any, y: Any, args: Any) -> N
         if degree != NONE:
             raise _gap_of_first_order(name)
     if is_concrete((declaration, t, y, args)):
-        found = numbers_known(_stop_numbers, t, q, declaration, args)
+        found = numbers_known(_stop_numbers, t, q, declaration, args) or []
         fixed = _degrees(_stop_numbers, (t, q), (declaration, args))
-        for i, name in enumerate(declaration.stops if found else ()):
-            # One that depends on the place may be out of range while the stop is far away.
-            restitution, rest_speed = (
-                x if degree == NONE else 0.0
-                for x, degree in zip(found[2 * i : 2 * i + 2], fixed[2 * i : 2 * i + 2], strict=True)
-            )
-            check_numbers(name, Stop(0.0, restitution, rest_speed))
+        # One that depends on the place may be out of range while the stop is far away.
+        known = [x if degree == NONE else 0.0 for x, degree in zip(found, fixed, strict=False)]
+        for name, *numbers in zip(declaration.stops, known[::2], known[1::2], strict=False):
+            check_numbers(name, Stop(0.0, *numbers))
 
 
 def _degrees(function: Callable, asked: tuple, others: tuple) -> list[int]:

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from stickslip._code import code_key
+from stickslip._code import code_key, told_apart
 from stickslip._jaxpr import called_program, equations, nowhere, walk
 
 _OPERATIONS: dict[str, Callable] = {
@@ -50,7 +50,8 @@ def kept_trace(function: Callable, *operands: Any) -> tuple[Any, list[Any]]:
     rest = tuple(x for x, array in zip(leaves, arrays, strict=True) if not array)
     numbers = [x for x, array in zip(leaves, arrays, strict=True) if array]
     shapes = tuple((np.shape(x), getattr(x, "dtype", np.dtype(float))) for x in numbers)
-    key = (function, form, tuple(arrays), rest, shapes, code_key(operands))
+    code = (code_key(operands), told_apart(rest))
+    key = (function, form, tuple(arrays), rest, shapes, code)
     try:
         hash(key)
     except TypeError:
@@ -68,7 +69,7 @@ def numbers_from(closed: Any, numbers: list[Any]) -> list[Any] | None:
 
 @functools.lru_cache(maxsize=128)
 def _trace_of(
-    function: Callable, form: Any, arrays: tuple, rest: tuple, shapes: tuple, code: str
+    function: Callable, form: Any, arrays: tuple, rest: tuple, shapes: tuple, code: tuple
 ) -> Any:
     def of(numbers):
         given, others = iter(numbers), iter(rest)

@@ -5,6 +5,7 @@ import functools
 import types
 from typing import Any, ClassVar, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -243,3 +244,25 @@ def test_a_kept_map_and_a_kept_program_see_the_edit(cell):
     exec("K = 5.0", cell)
     assert lanes(x)["y"].tolist() == [0.0, 5.0, 10.0]
     assert float(twice(cell["deeper"], 3.0)) == 450.0
+
+
+def test_constants_that_python_takes_for_equal_are_other_programs():
+    """1, 1.0 and True; 0.0 and -0.0: the program of the first was used for all."""
+
+    @jit_by_code
+    def which(x, n):
+        return x * (2.0 if n is True else 3.0 if isinstance(n, int) else 5.0 * np.copysign(1.0, n))
+
+    found = [float(which(jnp.ones(()), n)) for n in (1, True, 1.0, 0.0, -0.0, 0, 1)]
+    assert found == [3.0, 2.0, 5.0, 5.0, -5.0, 3.0, 3.0]
+
+
+def test_an_error_of_equinox_has_its_words():
+    @jit_by_code
+    def root(x):
+        return jnp.sqrt(eqx.error_if(x, x < 0.0, "below the table"))
+
+    assert float(root(jnp.asarray(4.0))) == 2.0
+    for _ in range(2):
+        with pytest.raises(eqx.EquinoxRuntimeError, match="below the table"):
+            root(jnp.asarray(-4.0))
