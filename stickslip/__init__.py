@@ -10,6 +10,7 @@ from . import _precision as _precision
 from ._compilation_cache import enable_compilation_cache as enable_compilation_cache
 from ._export import export as export
 from ._export import load as load
+from ._fmu import export_fmu as export_fmu
 from ._piecewise import absolute as absolute
 from ._piecewise import backlash as backlash
 from ._piecewise import dead_band as dead_band

@@ -30,14 +30,10 @@ import zlib
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.core
 import jax.numpy as jnp
 import numpy as np
-
-from ._types import Given
-from ._validation import check_type
 
 MOST_GROUPS = 64  # groups of classes and functions whose code is remembered
 MOST_OBJECTS = 20_000  # reached from one group; any further one counts by its identity
@@ -80,84 +76,6 @@ def code_key(*trees: Any) -> str:
         while len(_kept) > MOST_GROUPS:
             _kept.popitem(last=False)
     return kept.digest
-
-
-def jit_by_code(function: Given[Callable]) -> Callable:
-    """`equinox.filter_jit` whose programs are those of the code that its arguments have now.
-
-    A class or a function among the arguments, or within them, may read globals and call helper
-    functions. Where one of these was edited since, as in the cell of a notebook, `function` is traced
-    again.
-
-    **Errors** `TypeError` unless `function` is a function.
-    """
-    check_type("function", function, types.FunctionType, "a function")
-    return compiled_by_code(function, None)
-
-
-def compiled_by_code(function: Callable, compiler_options: dict[str, Any] | None) -> Callable:
-    """The same with options of the compiler, as `jax.jit` takes them."""
-
-    def of_code(static: tuple, operands: list) -> tuple[list, _Constants]:
-        _, form, others, _ = static
-        args, named = jax.tree.unflatten(form, _all_leaves(operands, others))
-        found, constants = _arrays_and_rest(function(*args, **named))
-        return found, _Constants(constants)
-
-    of_code.__name__ = of_code.__qualname__ = function.__name__
-    program = jax.jit(of_code, static_argnums=0, compiler_options=compiler_options)
-
-    def again(key: tuple, args: tuple, named: dict[str, Any]) -> Any:
-        return function(*args, **named)
-
-    options: Any = {"compiler_options": compiler_options}
-    worded = eqx.filter_jit(again, **options)
-
-    @functools.wraps(function)
-    def call(*args: Any, **named: Any) -> Any:
-        operands, (form, others) = _arrays_and_rest((args, named))
-        code = code_key(args, named)
-        try:
-            # `equinox.filter_jit` does the same in six times the time, a fifth of a millisecond.
-            found, constants = program((code, form, others, told_apart(others)), operands)
-            jax.block_until_ready(found[:1])
-        except (jax.errors.JaxRuntimeError, ValueError) as error:
-            if "EquinoxRuntimeError" not in str(error):
-                raise
-            # An error of `equinox.error_if`, which Equinox words with the place where it was raised.
-            return worded((code, told_apart(others)), args, named)
-        form, others = constants.value
-        return jax.tree.unflatten(form, _all_leaves(found, others))
-
-    return call
-
-
-@jax.tree_util.register_static
-@dataclasses.dataclass(frozen=True)
-class _Constants:
-    """What of a result is no array: it is part of the program."""
-
-    value: tuple[Any, tuple]
-
-
-_OPERAND = object()  # in the place of an array
-
-
-def told_apart(constants: tuple) -> tuple:
-    """What tells constants from those that Python takes for equal: 1, 1.0 and True; 0.0 and -0.0."""
-    return tuple((type(x), x.hex() if type(x) is float else None) for x in constants)
-
-
-def _arrays_and_rest(tree: Any) -> tuple[list, tuple[Any, tuple]]:
-    """Arrays of a pytree; its form and everything else in it."""
-    leaves, form = jax.tree.flatten(tree)
-    arrays = [leaf for leaf in leaves if eqx.is_array(leaf)]
-    return arrays, (form, tuple(_OPERAND if eqx.is_array(leaf) else leaf for leaf in leaves))
-
-
-def _all_leaves(arrays: list, others: tuple) -> list:
-    given = iter(arrays)
-    return [next(given) if other is _OPERAND else other for other in others]
 
 
 _kept: collections.OrderedDict[tuple, "_Reached"] = collections.OrderedDict()

@@ -191,7 +191,9 @@ class load:
     def _number(self, name: str, leaf: Any) -> Any:
         shape, dtype = self._inputs[name]
         array = leaf if isinstance(leaf, jax.Array) else np.asarray(leaf)
-        if not np.can_cast(array.dtype, dtype, "safe"):
+        # An `int` has no size of its own: it is one of the smallest type that holds it.
+        given = np.min_scalar_type(leaf) if type(leaf) is int else array.dtype
+        if not np.can_cast(given, dtype, "safe"):
             raise refusal(name, leaf, f"of type {dtype}", TypeError)
         batch = self.header["batch"]
         if array.ndim != len(shape) + batch or array.shape[batch:] != shape:

@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 from jaxtyping import PyTree
 
-from .._code import jit_by_code
+from .._jit_by_code import jit_by_code
 from .._types import Given, Mode, Named, Row
 from .._validation import check_count, check_mapping, check_type, refusal
 from ..derived import WithIntegrals

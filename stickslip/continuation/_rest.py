@@ -9,7 +9,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import PyTree
 
-from .._code import jit_by_code
+from .._jit_by_code import jit_by_code
 from ..analysis.observable import with_parameters
 from ..hybrid.accuracy import ACCURACY as ENGINE
 from ._accuracy import ACCURACY

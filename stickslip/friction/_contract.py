@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from stickslip._code import jit_by_code
+from stickslip._jit_by_code import jit_by_code
 from stickslip._types import Row
 from stickslip._validation import one_row
 from stickslip.friction.law import AbstractFrictionLaw, Number, State, check_law

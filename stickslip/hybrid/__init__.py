@@ -1,6 +1,6 @@
 """The hybrid engine: description of mode-switched systems and their exact, batched simulation."""
 
-from .._code import jit_by_code as jit_by_code
+from .._jit_by_code import jit_by_code as jit_by_code
 from ._breaks import Pieced as Pieced
 from ._breaks import WithBreaks as WithBreaks
 from ._failure import SimulationError as SimulationError

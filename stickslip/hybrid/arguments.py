@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
-from .._code import jit_by_code
+from .._jit_by_code import jit_by_code
 from .._show import LISTED
 from .._types import Given
 from .._validation import (

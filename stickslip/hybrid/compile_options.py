@@ -8,7 +8,7 @@ from typing import Any
 import jax
 import jax.extend
 
-from .._code import compiled_by_code
+from .._jit_by_code import compiled_by_code
 from .._types import Given
 from .._validation import check_type, is_concrete
 from .executor import current_executor

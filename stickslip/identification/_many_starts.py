@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import PyTree
 
 from .._argument_checks import check_arguments, choice, count, instance, or_none, static_number
-from .._code import jit_by_code
+from .._jit_by_code import jit_by_code
 from .._types import Given
 from .._validation import (
     check_callable,

@@ -12,8 +12,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from stickslip._code import code_key, told_apart
+from stickslip._code import code_key
 from stickslip._jaxpr import called_program, equations, nowhere, walk
+from stickslip._jit_by_code import told_apart
 
 _OPERATIONS: dict[str, Callable] = {
     "add": np.add, "add_any": np.add, "sub": np.subtract, "mul": np.multiply, "neg": np.negative,

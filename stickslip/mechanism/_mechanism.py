@@ -9,8 +9,8 @@ import numpy as np
 
 from stickslip._argument_checks import check_arguments, reals
 from stickslip._argument_checks import state as some_state
-from stickslip._code import jit_by_code
 from stickslip._fastmath import where
+from stickslip._jit_by_code import jit_by_code
 from stickslip._types import Numeric, overridable
 from stickslip._validation import is_concrete
 from stickslip.friction import AbstractBristleLaw, LuGre

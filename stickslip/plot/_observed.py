@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from jaxtyping import PyTree
 
-from .._code import jit_by_code
+from .._jit_by_code import jit_by_code
 from .._validation import check_handed_on, check_known, refusal
 from ..analysis.observable import as_observable
 from ..hybrid import AbstractHybridSystem, Solution

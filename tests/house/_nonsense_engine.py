@@ -165,6 +165,15 @@ ENGINE = [
         },
         lambda path, **given: ss.export(path=_inside(path), **given),
     ),
+    Target(
+        ss.export_fmu,
+        {
+            "system": SYSTEM, "y0": STATE, "path": arg("machine.fmu", "path"), "mode0": MODE,
+            "args": ARGS, "t0": TIME, "inputs": arg(()), "outputs": arg(None, "none", "mapping"),
+            "integrator": INTEGRATOR,
+        },
+        lambda path, **given: ss.export_fmu(path=_inside(path), **given),
+    ),
     Target(ss.load, {"path": arg(_program(), "path")}),
     Target(hybrid.piece, {"function": arg(lambda execute, x: x, "constant")}),
     Target(hybrid.jit_by_code, {"function": arg(lambda x: x, "constant")}),
