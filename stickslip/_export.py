@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import PyTree
 
 from ._outcome import Outcome
+from ._paths import the_file
 from ._types import Given
 from ._validation import check_callable, check_flag, check_mapping, check_text, check_type, refusal
 from ._version import __version__
@@ -73,9 +74,12 @@ def export(
     **Errors** `ValueError`/`TypeError` naming the argument, for a function that calls the host too;
     `OSError` of the file system.
     """
-    check_type("arguments", arguments, tuple, "a tuple, an example for each argument")
+    allowed = "a tuple with an example for each argument, of one at least"
+    check_type("arguments", arguments, tuple, allowed)
+    if not arguments:
+        raise refusal("arguments", arguments, allowed)
     check_callable("function", function, "f(*arguments)", *arguments)
-    check_type("path", path, str | os.PathLike, "the path of a file")
+    path = the_file("path", path)
     check_flag("batch", batch)
     check_flag("derivatives", derivatives)
     units = check_mapping("units", units)
@@ -137,7 +141,7 @@ def export(
         "outputs": outputs,
         "sha256": hashlib.sha256(program).hexdigest(),
     }
-    return _write(pathlib.Path(path), header, program)
+    return _write(path, header, program)
 
 
 class load:
@@ -156,8 +160,7 @@ class load:
     """
 
     def __init__(self, path: Given[str | os.PathLike[str]]):
-        check_type("path", path, str | os.PathLike, "the path of a file")
-        self.header, program = _read(pathlib.Path(path))
+        self.header, program = _read(the_file("path", path))
         outputs = self.header["outputs"]
         self.words = {
             name: tuple(about["words"]) for name, about in outputs.items() if "words" in about

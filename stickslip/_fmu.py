@@ -17,6 +17,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import PyTree
 
 from ._export import export
+from ._paths import the_file
 from ._show import units_of
 from ._types import Given, Mode, Numeric
 from ._validation import check_callable, check_mapping, check_type, leaves_of, refusal
@@ -90,21 +91,21 @@ def export_fmu(
     **Errors** `ValueError`/`TypeError` naming the argument; `ImportError` without `pythonfmu3`;
     `OSError` of the file system.
     """
-    path = pathlib.Path(check_type("path", path, str | os.PathLike, "the path of a file"))
+    path = the_file("path", path)
     integrator = Integrator() if integrator is None else integrator
     check_type("integrator", integrator, Integrator, "an Integrator")
     inputs = check_type("inputs", inputs, list | tuple, "a list of names of numbers")
-    functions = check_mapping("outputs", outputs)
+    functions = {_identifier(k): f for k, f in check_mapping("outputs", outputs).items()}
     leaves_of("args", args)
     system, t0 = the_system(system), a_time("t0", t0)
     y0, start = start_of(system, t0, y0, mode0, args)
     check_field(system, t0, y0, start, args)
-    numbers, rest = eqx.partition((system, args), eqx.is_inexact_array_like)
+    numbers, rest = eqx.partition((system, args), _is_real)
     values, numbers_from = ravel_pytree(jax.tree.map(lambda a: jnp.asarray(a, jnp.float64), numbers))
     state, state_from = ravel_pytree(y0)
     parameters = dict(_parameters(system, args, numbers))
     for name in inputs:
-        if name not in parameters:
+        if not isinstance(name, str) or name not in parameters:
             raise refusal("inputs", name, f"among {', '.join(parameters) or 'no numbers at all'}")
     components = dict(_components(system, y0))
     for name, function in functions.items():
@@ -146,7 +147,8 @@ def export_fmu(
         """State and mode after a guard has fired; with the guard -1 the mode of the state."""
         own, given = machine(numbers)
         y = state_from(state)
-        after = y, jnp.asarray(own.initial_mode(t, y, given), mode.dtype)
+        begins = own.initial_mode(t, y, given) if chosen < 0 else mode
+        after = y, jnp.asarray(begins, mode.dtype)
         if own.guard_names:
             fired = own.transition(t, y, mode, jnp.maximum(guard, 0), given)
             after = select(guard >= 0, (fired[0], jnp.asarray(fired[1], mode.dtype)), after)
@@ -180,6 +182,10 @@ def export_fmu(
         return _build(place, about["name"], path)
 
 
+def _is_real(leaf: Any) -> bool:
+    return eqx.is_inexact_array_like(leaf) and not np.iscomplexobj(leaf)
+
+
 def _build(place: pathlib.Path, name: str, path: pathlib.Path) -> pathlib.Path:
     """The unit from its parts in a folder."""
     try:
@@ -207,7 +213,7 @@ def _build(place: pathlib.Path, name: str, path: pathlib.Path) -> pathlib.Path:
 def _components(system: AbstractHybridSystem, y: PyTree) -> Iterator[tuple[str, str | None]]:
     """Names and units of the numbers of a state, in the order in which it is flattened."""
     for name, leaf in components_of(y).items():
-        for entry in entries(name, np.shape(leaf)):
+        for entry in _entries(_identifier(name), leaf):
             yield entry, unit_of(system, name)
 
 
@@ -224,7 +230,18 @@ def _parameters(system: Any, args: PyTree, numbers: PyTree) -> Iterator[tuple[st
                 name = f"{name}[{key.idx}]"
                 owner = owner[key.idx] if isinstance(owner, list | tuple) else None
             else:
-                name = f"{name}.{jax.tree_util.keystr((key,), simple=True)}"
+                name = f"{name}.{_identifier(jax.tree_util.keystr((key,), simple=True))}"
                 owner = owner[key.key] if isinstance(owner, Mapping) else None
-        for entry in entries(name, np.shape(leaf)):
+        for entry in _entries(name, leaf):
             yield entry, unit
+
+
+def _entries(name: str, leaf: Any) -> list[str]:
+    return [entry.replace(", ", ",") for entry in entries(name, np.shape(leaf))]
+
+
+def _identifier(name: str) -> str:
+    """A name as FMI takes it: what is more than letters, digits and underscores in quotes."""
+    if re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII):
+        return name
+    return "'" + re.sub(r"(['\\])", r"\\\1", name) + "'"

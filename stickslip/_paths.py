@@ -8,6 +8,7 @@ from typing import Any
 from ._validation import refusal
 
 DIRECTORY = "the path of a directory"
+FILE = "the path of a file"
 
 
 def the_directory(name: str, path: Any, allowed: str = DIRECTORY) -> pathlib.Path:
@@ -34,3 +35,11 @@ def the_directory(name: str, path: Any, allowed: str = DIRECTORY) -> pathlib.Pat
     except ValueError as error:
         raise refusal(name, text, f"{allowed} ({error})") from None
     return expanded
+
+
+def the_file(name: str, path: Any) -> pathlib.Path:
+    """The path of a file that is there or could be, `~` expanded. Errors as of `the_directory`."""
+    found = the_directory(name, path, FILE)
+    if not found.name or found.is_dir():
+        raise refusal(name, path, f"{FILE}, and not of a directory")
+    return found

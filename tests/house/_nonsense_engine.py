@@ -169,8 +169,8 @@ ENGINE = [
         ss.export_fmu,
         {
             "system": SYSTEM, "y0": STATE, "path": arg("machine.fmu", "path"), "mode0": MODE,
-            "args": ARGS, "t0": TIME, "inputs": arg(()), "outputs": arg(None, "none", "mapping"),
-            "integrator": INTEGRATOR,
+            "args": ARGS, "t0": TIME, "inputs": arg((), "none of them"),
+            "outputs": arg(None, "none", "mapping"), "integrator": INTEGRATOR,
         },
         lambda path, **given: ss.export_fmu(path=_inside(path), **given),
     ),

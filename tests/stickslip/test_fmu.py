@@ -183,6 +183,33 @@ def test_a_start_without_a_mode_is_an_error_of_the_unit(unit, capfd):
     assert "no_admissible_mode at 0.0 s" in capfd.readouterr().out
 
 
+class Swings(ss.AbstractSmoothSystem):
+    """Three bodies on equal springs, with a state and arguments of any names."""
+
+    rates: Any
+    count: int
+
+    def vector_field(self, t, y, mode, args):
+        return {
+            "x": y["speed of x"],
+            "speed of x": args["it's"][0] * jnp.sin(t) - (self.rates @ self.rates) * y["x"],
+        }
+
+
+@pytest.mark.more
+def test_a_smooth_system_of_arrays_and_any_names(tmp_path):
+    swings, args = Swings(jnp.array([1.0, 2.0]), 3), {"it's": [0.3, 1j, 2], "none": None}
+    y0 = {"x": jnp.array([1.0, 0.5, 0.1]), "speed of x": jnp.zeros(3)}
+    path = ss.export_fmu(swings, y0, tmp_path / "swings.fmu", args=args)
+    about = fmpy.read_model_description(str(path), validate=True, validate_variable_names=True)
+    names = {variable.name for variable in about.modelVariables}
+    assert {"x[2]", r"args.'it\'s'[0]", "system.rates[1]", "der('speed of x'[1])"} <= names
+    rows, found = by_fmpy(path, "CoSimulation", 3.0, ["x[0]", "'speed of x'[2]"])
+    end = ss.simulate(swings, 0.0, 3.0, y0, args=args).y1
+    np.testing.assert_allclose(found[-1], [end["x"][0], end["speed of x"][2]], rtol=1e-9)
+    assert rows["events"][-1] == 0
+
+
 def test_what_a_unit_cannot_have_is_refused(tmp_path):
     path = tmp_path / "none.fmu"
     args = Force(0.2)
