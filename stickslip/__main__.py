@@ -7,7 +7,7 @@ import shutil
 import sys
 from typing import Any
 
-from ._public import PACKAGES, Public, first_sentence, public_names
+from ._public import PACKAGES, Public, first_sentence, names_in, public_names
 from ._version import __version__
 
 # First words of commands about the store of a sweep.
@@ -36,7 +36,12 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("name", nargs="?", help=what)
     parser.add_argument("--version", action="version", version=f"stickslip {__version__}")
     options = parser.parse_args(given)
-    found = [entry for package in _installed_packages() for entry in public_names(package)]
+    packages = _installed_packages()
+    if options.name is not None:
+        # To import them all takes two seconds; their files tell in which of them a name can be.
+        words = set(options.name.split("."))
+        packages = [p for p in packages if words & {p.split(".")[-1], *names_in(p)}] or packages
+    found = [entry for package in packages for entry in public_names(package)]
     if options.name is None:
         print(_listing(found))
         return 0
@@ -52,6 +57,7 @@ def main(arguments: list[str] | None = None) -> int:
     if methods:
         print("\n\n".join(methods))
         return 0
+    found = [entry for package in _installed_packages() for entry in public_names(package)]
     word = options.name.split(".")[-1].lower()
     near = sorted({f"{e.package}.{e.name}" for e in found if word in e.name.lower()})
     hint = f" Names like it: {', '.join(near[:8])}." if near else ""

@@ -1,7 +1,10 @@
 """Names that the packages export, in one place: for the command line, the site and the tests."""
 
+import ast
 import importlib
+import importlib.util
 import inspect
+import pathlib
 import re
 from collections.abc import Iterator
 from types import ModuleType
@@ -36,6 +39,23 @@ class Public(NamedTuple):
     name: str
     thing: Any
     summary: str
+
+
+def names_in(package: str) -> set[str]:
+    """Names that the file of a package binds, read without importing it: more than the public ones."""
+    found = importlib.util.find_spec(package)
+    if found is None or found.origin is None:
+        return set()
+    tree = ast.parse(pathlib.Path(found.origin).read_text(encoding="utf-8"))
+    names = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom | ast.Import):
+            names |= {alias.asname or alias.name for alias in node.names}
+        elif isinstance(node, ast.FunctionDef | ast.ClassDef):
+            names.add(node.name)
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            names.add(node.id)
+    return names
 
 
 def public_names(package: str) -> Iterator[Public]:

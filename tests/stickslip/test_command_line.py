@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from stickslip.__main__ import main
-from stickslip._public import PACKAGES, first_sentence, public_names
+from stickslip._public import PACKAGES, first_sentence, names_in, public_names
 
 
 @pytest.mark.more
@@ -77,3 +77,13 @@ def test_a_reader_that_has_seen_enough_is_no_error():
     done = subprocess.run(command, shell=True, capture_output=True, text=True, check=True)
     assert done.stdout == "stickslip\n"
     assert "Traceback" not in done.stderr
+
+
+def test_a_name_is_found_without_importing_what_cannot_have_it():
+    """Every public name, in the files of the packages as in the packages."""
+    for package in PACKAGES:
+        assert {entry.name for entry in public_names(package)} <= names_in(package)
+    code = "import sys; from stickslip.__main__ import main; main(['Stribeck']); print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "stickslip.friction" in done.stdout
+    assert "stickslip.identification" not in done.stdout
