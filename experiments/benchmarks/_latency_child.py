@@ -1,8 +1,11 @@
 """One program in a process of its own: how long until its first result, and how large it is."""
 
 import json
+import os
+import pathlib
 import sys
 import time
+from collections.abc import Callable
 from typing import Any
 
 START = time.perf_counter()
@@ -58,14 +61,14 @@ def block_diffrax():
     return end, 85.0
 
 
-def stick_slip():
+def stick_slip(throw: bool = True):
     """The stick-slip oscillator of the README."""
     import stickslip as ss
     from stickslip.systems import CoulombOscillator, Motion
 
     def end(v):
         oscillator = CoulombOscillator(1.0, 1.0, 1.0, 0.5, v)
-        return ss.simulate(oscillator, 0.0, 30.0, Motion(x=0.0, v=v), "stick").y1.x
+        return ss.simulate(oscillator, 0.0, 30.0, Motion(x=0.0, v=v), "stick", throw=throw).y1.x
 
     return end, 0.2
 
@@ -86,7 +89,7 @@ def stick_slip_grad():
     return jax.grad(function), at
 
 
-def corexy():
+def corexy(throw: bool = True):
     """Scenario 1 of the CoreXY machine, consistent law, 1 s."""
     import corexy_jax as cx
 
@@ -96,7 +99,7 @@ def corexy():
         import equinox as eqx
 
         machine = eqx.tree_at(lambda p: p.mu_k, parameters, friction)
-        return cx.simulate(machine, voltage, 1.0, rows=11).y.x
+        return cx.simulate(machine, voltage, 1.0, rows=11, throw=throw).y.x
 
     return end, 0.1
 
@@ -152,13 +155,30 @@ def first_result(name: str) -> dict[str, float]:
 
 def plain_call(name: str) -> dict[str, float]:
     """Seconds of a first and a further call as in a notebook, with programs kept on disk."""
-    import jax
-
     import stickslip as ss
 
     ss.enable_compilation_cache()
     function, at = CASES[name]()
     begin = time.perf_counter()
+    return _first_and_next(function, at, begin)
+
+
+def loaded_call(name: str) -> dict[str, float]:
+    """The same of an exported program, from reading its file on; the first process writes it."""
+    import stickslip as ss
+
+    ss.enable_compilation_cache()
+    path = pathlib.Path(os.environ["STICKSLIP_CACHE"], f"{name}.zip")
+    function, at = CASES[name](throw=False)
+    if not path.is_file():
+        ss.export(function, (at,), path)
+    begin = time.perf_counter()
+    return _first_and_next(ss.load(path), at, begin)
+
+
+def _first_and_next(function: Callable, at: float, begin: float) -> dict[str, float]:
+    import jax
+
     jax.block_until_ready(function(at))
     first = time.perf_counter()
     for _ in range(5):
@@ -168,4 +188,7 @@ def plain_call(name: str) -> dict[str, float]:
 
 if __name__ == "__main__":
     kind, what = sys.argv[1:]
-    print(json.dumps({"import": imports, "program": first_result, "call": plain_call}[kind](what)))
+    kinds = {
+        "import": imports, "program": first_result, "call": plain_call, "load": loaded_call
+    }  # fmt: skip
+    print(json.dumps(kinds[kind](what)))

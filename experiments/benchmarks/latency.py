@@ -4,6 +4,7 @@ Each program runs in a process of its own, one after the other, in turns. Instru
 compiled program are exact counts; seconds move with whatever else the machine does.
 """
 
+import itertools
 import json
 import os
 import statistics
@@ -27,6 +28,10 @@ PROGRAMS = {
     "stick_slip_grad": "stick-slip oscillator, grad",
     "corexy": "CoreXY, consistent",
     "corexy_jvp": "CoreXY, jvp by one parameter",
+}
+KINDS = {
+    "call": "plain calls, programs kept on disk",
+    "load": "programs of `export`, kept on disk when compiled",
 }
 CACHED = ("stick_slip", "corexy")  # once more by a second process with a warm cache
 
@@ -53,7 +58,7 @@ def main(size: str = "normal") -> str:
     warm = [name for name in CACHED if name in names]
     imports: dict[str, list] = {}
     programs: dict[str, list] = {}
-    calls: dict[str, list] = {}
+    calls: dict[tuple[str, str, bool], list] = {}
     with tempfile.TemporaryDirectory() as cache:
         for number in range(rounds):
             for name, modules in IMPORTS.items():
@@ -61,10 +66,12 @@ def main(size: str = "normal") -> str:
             for name in names:
                 programs.setdefault(name, []).append(_child("program", name))
             for name in warm:
-                found = _child("call", name, STICKSLIP_CACHE=cache)
-                calls.setdefault(f"{name} {'again' if number else 'cold'}", []).append(found)
-        for name in warm:
-            calls.setdefault(f"{name} again", []).append(_child("call", name, STICKSLIP_CACHE=cache))
+                for kind in KINDS:
+                    found = _child(kind, name, STICKSLIP_CACHE=cache)
+                    calls.setdefault((kind, name, number > 0), []).append(found)
+        for kind, name in itertools.product(KINDS, warm):
+            found = _child(kind, name, STICKSLIP_CACHE=cache)
+            calls.setdefault((kind, name, True), []).append(found)
     lines = [f"Time to the first result, seconds, medians of {rounds}", _row("", "import", "ratio")]
     peer = _median(next(iter(imports.values())))["import"]
     for name, rows in imports.items():
@@ -75,12 +82,13 @@ def main(size: str = "normal") -> str:
         row = _median(rows)
         times = [f"{row[key]:.2f}" for key in ("trace", "compile", "first")]
         lines.append(_row(PROGRAMS[name], *times, f"{row['next']:.4f}", f"{row['size']:.0f}"))
-    lines.append(_row("plain calls, programs kept on disk", "", "", "first", "next"))
-    for key, rows in calls.items():
-        name, kind = key.split()
-        label = f"{PROGRAMS[name]}, {'another process' if kind == 'again' else 'empty folder'}"
-        row = _median(rows)
-        lines.append(_row(label, "", "", f"{row['first']:.2f}", f"{row['next']:.4f}"))
+    for kind, title in KINDS.items():
+        lines.append(_row(title, "", "", "first", "next"))
+        for (own, name, again), rows in calls.items():
+            if own == kind:
+                label = f"{PROGRAMS[name]}, {'another process' if again else 'empty folder'}"
+                row = _median(rows)
+                lines.append(_row(label, "", "", f"{row['first']:.2f}", f"{row['next']:.4f}"))
     return "\n".join(lines)
 
 

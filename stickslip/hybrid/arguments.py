@@ -1,6 +1,7 @@
 """Checks of what a run is given: times, initial state, mode, sections; before anything is compiled."""
 
 import itertools
+import weakref
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -102,7 +103,7 @@ def start_of(
     """Initial state in float64, and the mode: the one given, checked, or that of the state."""
     y0, mode = the_start(system, y0, mode0, args)
     if mode is not None:
-        return y0, mode
+        return y0, jnp.asarray(mode)
     if is_concrete((system, t0, y0, args)):
         try:
             return y0, _compiled_first_mode(system, t0, y0, args)
@@ -160,19 +161,25 @@ def check_sections(
             raise refusal(what, found, "a real number")
 
 
+_named: weakref.WeakSet[type] = weakref.WeakSet()  # classes whose systems name modes and guards
+
+
 def the_system(system: Any) -> AbstractHybridSystem:
     """`system`, if it is one that names its modes and guards."""
     check_type("system", system, AbstractHybridSystem, "an AbstractHybridSystem")
+    if type(system) in _named:
+        return system
     for name in ("mode_names", "guard_names"):
         given = getattr(system, name)
         # A machine of many contacts makes the names of its modes as they are asked for.
         if not isinstance(given, Sequence) or isinstance(given, str):
             allowed = "a tuple of names (not a method; a property may compute it)"
             raise refusal(name, given, allowed, TypeError)
+    _named.add(type(system))
     return system
 
 
-def mode_index(name: str, system: AbstractHybridSystem, mode: Any) -> Array:
+def mode_index(name: str, system: AbstractHybridSystem, mode: Any) -> Array | np.ndarray:
     """Mode number from a name or a number.
 
     Raises `ValueError` where `mode` is a name the system does not have or a concrete number outside
@@ -180,9 +187,11 @@ def mode_index(name: str, system: AbstractHybridSystem, mode: Any) -> Array:
     """
     names = system.mode_names
     if isinstance(mode, str) and mode in names:
-        return jnp.asarray(names.index(mode), mode_type(system))
+        return np.asarray(names.index(mode), mode_type(system))
     try:
-        return jnp.asarray(whole_number(name, mode, 0, len(names) - 1), mode_type(system))
+        number = whole_number(name, mode, 0, len(names) - 1)
+        as_array = np.asarray if is_concrete(number) else jnp.asarray
+        return as_array(number, mode_type(system))
     except (TypeError, ValueError):
         words = ", ".join(map(repr, itertools.islice(names, LISTED)))
         more = ", ..." if len(names) > LISTED else ""

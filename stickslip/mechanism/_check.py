@@ -179,15 +179,15 @@ def check_law(name: str, law: Any) -> None:
         raise DeclarationError(str(refusal(f"the law of contact {name!r}", law, why)))
 
 
-def check_held(mechanism: Any, mode: int, motion: Any) -> None:
+def check_held(mechanism: Any, mode: int, found: Any) -> None:
     """Raise for a mode in which a contact sticks that slides, or a stop is closed that is not met.
 
-    It would be held at that speed, or there. `motion`: speeds of contacts and stops, all velocities and
-    speeds of surfaces; gaps of the stops, all places.
+    It would be held at that speed, or there. `found`: states of contacts and stops; speeds of contacts
+    and stops, all velocities and speeds of surfaces; gaps of the stops, all places.
     """
     names, n = mechanism.names, len(mechanism.names.contacts)
-    name, states = mechanism.mode_names[mode], [float(s) for s in mechanism.states(mode)]
     m = n + len(names.stops)
+    states, motion = [float(s) for s in found[:m]], found[m:]
     moves = 2 * m + len(names.velocities)  # how many of `motion` are speeds
     fastest, farthest = (
         max((float(np.max(np.abs(x), initial=0.0)) for x in part), default=0.0)
@@ -196,14 +196,17 @@ def check_held(mechanism: Any, mode: int, motion: Any) -> None:
     for contact, s, speed in zip(names.contacts, states[:n], motion[:n], strict=True):
         if s == 0.0 and np.any(np.abs(speed) > ACCURACY.slides * fastest + ACCURACY.rests):
             allowed = f"a mode in which contact {contact!r} does not stick, or left out"
-            raise refusal("mode0", name, allowed, but=f"and it slides at {float(speed):.6g}")
+            slides = f"and it slides at {float(speed):.6g}"
+            raise refusal("mode0", mechanism.mode_names[mode], allowed, but=slides)
     stops = zip(names.stops, states[n:], motion[n:m], motion[moves:], strict=False)
     for stop, s, rate, gap in stops:
         allowed = f"a mode in which stop {stop!r} is open, or left out"
         if s == 0.0 and np.any(np.abs(gap) > ACCURACY.slides * farthest + ACCURACY.rests):
-            raise refusal("mode0", name, allowed, but=f"and its gap is {float(gap):.6g}")
+            apart = f"and its gap is {float(gap):.6g}"
+            raise refusal("mode0", mechanism.mode_names[mode], allowed, but=apart)
         if s == 0.0 and np.any(np.abs(rate) > ACCURACY.slides * fastest + ACCURACY.rests):
-            raise refusal("mode0", name, allowed, but=f"and its gap changes at {float(rate):.6g}")
+            moves = f"and its gap changes at {float(rate):.6g}"
+            raise refusal("mode0", mechanism.mode_names[mode], allowed, but=moves)
 
 
 def check_load(name: str, load: Any) -> None:

@@ -9,7 +9,6 @@ from collections.abc import Callable
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from stickslip._code import code_key
@@ -22,8 +21,12 @@ _OPERATIONS: dict[str, Callable] = {
     "sqrt": np.sqrt, "exp": np.exp, "log": np.log, "sin": np.sin, "cos": np.cos, "tan": np.tan,
     "tanh": np.tanh, "pow": np.power, "copy": np.positive,
     "stop_gradient": np.positive, "gt": np.greater, "ge": np.greater_equal,
+    "and": np.bitwise_and, "shift_right_arithmetic": np.right_shift,
     "lt": np.less, "le": np.less_equal, "eq": np.equal, "ne": np.not_equal,
 }  # fmt: skip
+
+
+FLOAT = np.dtype(float)
 
 
 class NotArithmetic(Exception):
@@ -32,12 +35,9 @@ class NotArithmetic(Exception):
 
 def numbers_known(function: Callable, *operands: Any) -> list[Any] | None:
     """Leaves of `function(*operands)`, numbers of NumPy; None where they are more than arithmetic."""
-    if any(
-        jnp.issubdtype(getattr(x, "dtype", float), jax.dtypes.prng_key)
-        for x in jax.tree.leaves(operands)
-    ):
-        return None  # random keys are arrays, but not of numbers
     program, numbers = kept_trace(function, *operands)
+    if not all(isinstance(getattr(x, "dtype", FLOAT), np.dtype) for x in numbers):
+        return None  # random keys are arrays, but not of numbers
     return numbers_from(program, [np.asarray(x) for x in numbers])
 
 
@@ -50,7 +50,7 @@ def kept_trace(function: Callable, *operands: Any) -> tuple[Any, list[Any]]:
     arrays = [isinstance(x, jax.Array | np.ndarray | float) for x in leaves]
     rest = tuple(x for x, array in zip(leaves, arrays, strict=True) if not array)
     numbers = [x for x, array in zip(leaves, arrays, strict=True) if array]
-    shapes = tuple((np.shape(x), getattr(x, "dtype", np.dtype(float))) for x in numbers)
+    shapes = tuple((np.shape(x), getattr(x, "dtype", FLOAT)) for x in numbers)
     code = (code_key(operands), told_apart(rest))
     key = (function, form, tuple(arrays), rest, shapes, code)
     try:
@@ -85,6 +85,7 @@ def _numbers(jaxpr: Any, consts: Any, operands: Any) -> list[Any]:
     return [np.asarray(x) for x in found]
 
 
+@functools.lru_cache(maxsize=256)
 def _needed_equations(jaxpr: Any) -> list[Any]:
     """The equations that the results come from: a contact declares more than its normal force."""
     sought, found = set(map(id, jaxpr.outvars)), []

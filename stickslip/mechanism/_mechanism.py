@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -15,6 +14,7 @@ from stickslip._types import Numeric, overridable
 from stickslip._validation import is_concrete
 from stickslip.friction import AbstractBristleLaw, LuGre
 from stickslip.hybrid.status import NO_MODE
+from stickslip.hybrid.system import mode_type
 
 from ._abstract import traced_with
 from ._analysis import check_args, contacts_without_drag
@@ -258,12 +258,12 @@ class AbstractMechanism(AbstractWithObservables):
         met."""
         if not is_concrete((self, t, y, mode, args)) or np.ndim(mode) or int(mode) < 0:
             return
+        word = np.asarray(mode, mode_type(self))
         try:  # a machine may have a state of its own
-            jax.eval_shape(self.to_coordinates, y)
+            found = numbers_known(_held, self, t, y, word, args)
+            found = _compiled_held(self, t, y, word, args) if found is None else found
         except (AttributeError, TypeError):
             return  # no state of this mechanism, as the run says
-        found = numbers_known(_motion, self, t, y, args)
-        found = _compiled_motion(self, t, y, args) if found is None else found
         check_held(self, int(mode), found)
 
     def constraints(self, t, y, mode, args):
@@ -297,12 +297,14 @@ def _loads(machine: AbstractMechanism, t: Any, y: Any, args: Any) -> list[Any]:
 _compiled_loads = jit_by_code(_loads)
 
 
-def _motion(machine: AbstractMechanism, t: Any, y: Any, args: Any) -> list[Any]:
-    """Sliding speeds of contacts and rates of gaps, velocities and speeds of surfaces; gaps, places."""
+def _held(machine: AbstractMechanism, t: Any, y: Any, mode: Any, args: Any) -> list[Any]:
+    """States of contacts and stops; sliding speeds of contacts and rates of gaps, velocities and
+    speeds of surfaces; gaps, places."""
     at = machine.instant(t, y, args)
     speeds, gaps = (*at.speeds, *at.v, *at.surfaces), [stop.stop.gap for stop in at.stops]
     places = [x for x in at.q[: len(machine.names.coordinates)] if x is not None]
-    return [jnp.asarray(x, jnp.float64) for x in (*speeds, *gaps, *places)]
+    states = list(machine.states(mode))
+    return [jnp.asarray(x, jnp.float64) for x in (*states, *speeds, *gaps, *places)]
 
 
-_compiled_motion = jit_by_code(_motion)
+_compiled_held = jit_by_code(_held)
