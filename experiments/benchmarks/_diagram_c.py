@@ -1,31 +1,19 @@
 """The C file compiled for this machine, with the widths and flags that run fastest here."""
 
-import atexit
 import ctypes
 import dataclasses
 import itertools
 import pathlib
-import shutil
-import subprocess
-import tempfile
 import time
 from typing import Any
 
 import numpy as np
 
+from ._c import compiled
 from ._diagram_job import Case, Job, Points, tsit5
 
 SOURCE = pathlib.Path(__file__).with_name("diagram.c")
-# No -ffast-math: the exponential needs its order of operations. What is here changes no value but by
-# contraction to fused multiply-adds.
-FLAGS = ("-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast")
 SCHEDULING = ("-fschedule-insns", "-fsched-pressure")
-_folder = tempfile.TemporaryDirectory(prefix="stickslip-bench-")
-atexit.register(_folder.cleanup)
-
-
-class CompilerAbsentError(RuntimeError):
-    """There is no C compiler, or it does not take the file."""
 
 
 def _header(case: Case) -> str:
@@ -59,23 +47,9 @@ class Build:
         return f"width {self.width} x {self.groups}{flags}"
 
     def load(self, case: Case):
-        compiler = shutil.which("cc") or shutil.which("gcc")
-        if compiler is None:
-            raise CompilerAbsentError("no C compiler")
-        folder = pathlib.Path(_folder.name, case.name.replace(" ", "-"))
-        folder.mkdir(exist_ok=True)
-        (folder / "job.h").write_text(_header(case))
-        library = folder / f"diagram-{self.width}-{self.groups}-{len(self.flags)}.so"
-        if not library.exists():
-            command = [
-                compiler, *FLAGS, *self.flags, "-Wno-psabi", "-fopenmp", "-fPIC", "-shared",
-                f"-DWIDTH={self.width}", f"-DGROUPS={self.groups}", f"-I{folder}",
-                str(SOURCE), "-o", str(library), "-lm",
-            ]  # fmt: skip
-            done = subprocess.run(command, capture_output=True, text=True, check=False)
-            if done.returncode:
-                raise CompilerAbsentError(f"{compiler}: {done.stderr.strip()[-300:]}")
-        function = ctypes.CDLL(str(library)).diagram
+        name = f"{case.name.replace(' ', '-')}-{self.width}-{self.groups}-{len(self.flags)}"
+        flags = (*self.flags, f"-DWIDTH={self.width}", f"-DGROUPS={self.groups}")
+        function = compiled(SOURCE, name, _header(case), flags).diagram
         number, pointer = ctypes.c_long, ctypes.c_void_p
         function.argtypes = [
             number, pointer, ctypes.c_double, number, number, number, ctypes.c_int,

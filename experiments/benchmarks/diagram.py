@@ -23,7 +23,8 @@ import numpy as np
 import stickslip as ss
 
 from . import _diagram_peers as peers
-from ._diagram_c import Build, CompilerAbsentError, fastest, runner
+from ._c import CompilerAbsentError
+from ._diagram_c import Build, fastest, runner
 from ._diagram_job import LANES, Case, Job, Points, errors, full_model, mild, plain_field, set_a
 from ._harness import Candidate, absent, interleave, table
 

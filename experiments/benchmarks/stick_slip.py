@@ -1,12 +1,14 @@
 """25,000 stick-slip motions with exact events: the engine against peers, errors beside the times.
 
 Block on belt, m = k = 1, F_s = 1, F_k = 0.5, belt speed 0.2 to 0.4, start stuck at x = 0, T = 50;
-the closed form is the truth.
+the closed form is the truth. C and numba take the method and the steps of the engine.
 """
 
 import concurrent.futures
+import ctypes
 import functools
 import os
+import pathlib
 
 import jax
 import jax.numpy as jnp
@@ -15,6 +17,7 @@ import numpy as np
 import stickslip as ss
 from stickslip.systems import CoulombOscillator, Motion
 
+from ._c import CompilerAbsentError, compiled
 from ._harness import Candidate, absent, interleave, table
 
 END = 50.0
@@ -48,6 +51,89 @@ def engine(step: ss.FixedStep | ss.AdaptiveStep, executor: str):
         return run.y1.x
 
     return ss.map_lanes(lane, executor=executor)
+
+
+def dop853() -> tuple[np.ndarray, np.ndarray]:
+    """Coefficients of the method of the engine, as SciPy has them."""
+    from scipy.integrate import DOP853
+
+    return DOP853.A[: DOP853.n_stages, : DOP853.n_stages], DOP853.B
+
+
+def by_c(speeds, h: float, threads: int):
+    """The loop of `stick_slip.c`: eight lanes a register."""
+    a, b = dop853()
+
+    def sum_of(name: str, row: np.ndarray) -> str:
+        return " + ".join(f"{name}{j} * {float(c)!r}" for j, c in enumerate(row) if c) or "zero"
+
+    lines = []
+    for i, row in enumerate(a):
+        lines.append(f"real p{i} = u + h * ({sum_of('q', row)});")
+        lines.append(f"real q{i} = slips * (half - x - h * ({sum_of('p', row)}));")
+    lines.append(f"x1 = x + h * ({sum_of('p', b)}); u1 = u + h * ({sum_of('q', b)});")
+    header = f"#define STEP {' '.join(lines)}\n"
+    source = pathlib.Path(__file__).with_name("stick_slip.c")
+    function = compiled(source, "stick-slip", header).stick_slip
+    pointer, number = ctypes.c_void_p, ctypes.c_double
+    function.argtypes = [ctypes.c_long, pointer, number, number, ctypes.c_int, pointer]
+    function.restype = None
+
+    def run():
+        out = np.empty(speeds.size)
+        function(speeds.size, speeds.ctypes.data, h, END, threads, out.ctypes.data)
+        return out
+
+    return run
+
+
+def by_numba(speeds, h: float):
+    """A lane after the other, each event by Newton's method on a step that is repeated."""
+    import numba  # pyright: ignore[reportMissingImports]
+
+    a, b = dop853()
+    n = b.size
+
+    @numba.njit(fastmath=True, error_model="numpy")
+    def step(x, u, slips, h, dx, du):
+        for s in range(n):
+            xs, us = x, u
+            for j in range(s):
+                xs += h * a[s, j] * dx[j]
+                us += h * a[s, j] * du[j]
+            dx[s], du[s] = us, (0.5 - xs) * slips
+        for s in range(n):
+            x += h * b[s] * dx[s]
+            u += h * b[s] * du[s]
+        return x, u
+
+    @numba.njit(parallel=True, fastmath=True, error_model="numpy")
+    def run():
+        out = np.empty(speeds.size)
+        for lane in numba.prange(speeds.size):
+            v, t, x, u, slips = speeds[lane], 0.0, 0.0, speeds[lane], 0.0
+            dx, du = np.empty(n), np.empty(n)
+            while t < END:
+                hh = min(h, END - t)
+                x1, u1 = step(x, u, slips, hh, dx, du)
+                g = v - u1 if slips else 1.0 - x1
+                fires = g < 0.0
+                if fires:
+                    for _ in range(20):
+                        rate = x1 - 0.5 if slips else -u1
+                        change = -g / rate
+                        hh += change
+                        x1, u1 = step(x, u, slips, hh, dx, du)
+                        g = v - u1 if slips else 1.0 - x1
+                        if abs(change) < 1e-13:
+                            break
+                t, x, u = t + hh, x1, u1
+                if fires:
+                    u, slips = v, 1.0 - slips
+            out[lane] = x
+        return out
+
+    return run
 
 
 def diffrax_loop(speeds, tolerance):
@@ -164,7 +250,7 @@ def heyoka_batch(speeds, threads=2):
 
 
 def main(size: str = "normal") -> str:
-    """The table: engine in its variants, heyoka, diffrax."""
+    """The table: engine in its variants, C, numba, heyoka, diffrax."""
     quick = size == "quick"
     speeds = np.linspace(0.2, 0.4, LANES)
     truth = np.array([closed_form(v) for v in speeds])
@@ -186,12 +272,20 @@ def main(size: str = "normal") -> str:
     add("engine, fused, fixed steps 0.35", mapped(fixed, "fused"))
     add("engine, fused, adaptive 1e-10", mapped(adaptive, "fused"))
     add("engine, portable, fixed steps 0.35", mapped(fixed, "portable"))
+    threads = os.cpu_count() or 1
+    try:
+        add(f"C, eight lanes a register, {threads} threads", by_c(speeds, fixed.h, threads))
+    except CompilerAbsentError:
+        missing.append("a C compiler")
+    if absent("numba"):
+        missing.append("numba")
+    else:
+        add(f"numba, {threads} threads", by_numba(speeds, fixed.h))
     if absent("heyoka"):
         missing.append("heyoka")
     else:
         part = speeds[::8] if quick else speeds
         add("heyoka, one after the other, one thread", heyoka_serial(part), part, 3)
-        threads = os.cpu_count() or 1
         add(f"heyoka, batches, {threads} threads", heyoka_batch(part, threads), part, 3)
     for tolerance in (1e-8, 3e-14):
         call = diffrax_loop(jnp.asarray(few), tolerance)

@@ -6,8 +6,9 @@ import math
 import numpy as np
 import pytest
 
-from experiments.benchmarks import latency
-from experiments.benchmarks._diagram_c import Build, CompilerAbsentError, runner
+from experiments.benchmarks import latency, stick_slip
+from experiments.benchmarks._c import CompilerAbsentError
+from experiments.benchmarks._diagram_c import Build, runner
 from experiments.benchmarks._diagram_job import Job, Points, errors, mild, set_a
 from experiments.benchmarks._diagram_peers import scipy_dop853
 from experiments.benchmarks._harness import Candidate, interleave, table
@@ -70,3 +71,13 @@ def test_latency_measures_every_part():
     assert 1_000 < int(sizes["block on belt"]) < 5_400
     assert sum("import" in line for line in lines) == 4
     assert any("another process" in line for line in lines)
+
+
+def test_c_written_for_stick_slip_keeps_all_events():
+    speeds = np.linspace(0.2, 0.4, 64)
+    try:
+        found = stick_slip.by_c(speeds, 0.35, 1)()
+    except CompilerAbsentError as problem:
+        pytest.skip(str(problem))
+    truth = [stick_slip.closed_form(v) for v in speeds]
+    np.testing.assert_allclose(found, truth, rtol=0.0, atol=1e-9)
