@@ -85,8 +85,8 @@ def export_fmu(
     - `inputs`: names of numbers in `system` and `args`, as `"args.force"`, that are inputs.
     - `outputs`: functions `(system, t, y, mode, args)` by name, each of one number.
 
-    **Returns** the path. A step that fails ends with an error that says why, and leaves the unit at
-    the communication point before it.
+    **Returns** the path. A step that fails ends with an error, the log says why, and the unit stays
+    at the communication point before it; in model exchange it asks for the end of the simulation.
 
     **Errors** `ValueError`/`TypeError` naming the argument; `ImportError` without `pythonfmu3`;
     `OSError` of the file system.

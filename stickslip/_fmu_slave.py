@@ -3,6 +3,7 @@
 import json
 import math
 import pathlib
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -24,18 +25,24 @@ from pythonfmu3.modelexchange import Fmi3UpdateDiscreteStatesResult
 from ._export import load
 from .hybrid import RESULTS
 
+PROGRAMS = ("look", "step", "change")
+
 
 class Machine(Fmi3SlaveBase, ModelExchange, CoSimulation):
     """A machine as FMI 3.0 asks for it: its variables, its steps, its rates, guards and transitions.
 
     All that changes is in `now`, numbers that JSON can hold, so that a tool can keep and restore it.
+
+    Nothing is raised after the constructor: the library that calls gives up its references twice then,
+    and the process ends in a later collection of garbage. What fails is said by the status and the log.
     """
 
     def __init__(self, **kwargs: Any):
         super().__init__(**kwargs)
         self._folder = pathlib.Path(str(self.resources))
         self._about = about = json.loads((self._folder / "about.json").read_text(encoding="utf-8"))
-        self._programs: dict[str, load] = {}
+        self._programs = {name: load(self._folder / f"{name}.zip") for name in PROGRAMS}
+        self._failure: str | None = None
         self._seen: tuple[Any, Any] = (None, None)
         self.description = about["description"]
         self.time = about["time"]
@@ -102,8 +109,6 @@ class Machine(Fmi3SlaveBase, ModelExchange, CoSimulation):
         return lambda: self.now[part][i], write
 
     def _run(self, name: str, *more: Any) -> dict[str, Any]:
-        if name not in self._programs:
-            self._programs[name] = load(self._folder / f"{name}.zip")
         now = self.now
         given = np.asarray(now["values"]), np.asarray(now["state"]), now["mode"], self.time
         return self._programs[name](*given, *more)
@@ -116,28 +121,39 @@ class Machine(Fmi3SlaveBase, ModelExchange, CoSimulation):
             self._seen = here, {k: np.asarray(v).tolist() for k, v in found.items()}
         return self._seen[1]
 
-    def _step(self, lasts: float) -> str | None:
-        """Go on for a time, or to the end of what happens at this instant; what stands against it."""
+    def _step(self, lasts: float) -> None:
+        """Go on for a time, or to the end of what happens at this instant."""
         found = self._run("step", lasts)
         result = self._programs["step"].words["result"][int(found["result"])]
         if result != "successful":
-            return f"{result} at {self.time} s. {RESULTS[getattr(RESULTS, result)]}"
+            raise _Failure(getattr(RESULTS, result))
         self.now["state"] = np.asarray(found["state"]).tolist()
         self.now["mode"] = int(found["mode"])
         self.now["flags"] |= int(found["flags"])
         if int(found["events"]):
             self.now["events"] += int(found["events"])
             self.now["event_time"] = float(found["event_time"])
-        return None
 
     def _change(self, guard: int) -> None:
         """The transition of a guard; with -1 into the mode of the state."""
         found = self._run("change", guard)
         if int(found["mode"]) < 0:
-            result = RESULTS.no_admissible_mode
-            raise RuntimeError(f"{result} at {self.time} s. {RESULTS[result]}")
+            raise _Failure(RESULTS.no_admissible_mode)
         self.now["state"] = np.asarray(found["state"]).tolist()
         self.now["mode"] = int(found["mode"])
+
+    def _goes(self, do: Callable[[], None]) -> bool:
+        """Whether what is done succeeds; what stands against it goes to the log, and stays."""
+        if self._failure is None:
+            try:
+                do()
+            except _Failure as failure:
+                self._failure = f"{failure.result} at {self.time} s. {RESULTS[failure.result]}"
+            except Exception as error:
+                self._failure = f"{type(error).__name__} at {self.time} s. {error}"
+        if self._failure is not None:
+            self.log(self._failure, Fmi3Status.error)
+        return self._failure is None
 
     # -- of both kinds
 
@@ -145,14 +161,12 @@ class Machine(Fmi3SlaveBase, ModelExchange, CoSimulation):
         self.time = start_time
 
     def exit_initialization_mode(self) -> None:
+        self._goes(self._begin)
+
+    def _begin(self) -> None:
         if self.now["mode"] < 0:
             self._change(-1)
-        self._settle()
-
-    def _settle(self) -> None:
-        wrong = self._step(0.0)
-        if wrong is not None:
-            raise RuntimeError(wrong)
+        self._step(0.0)
 
     def _get_fmu_state(self) -> dict[str, Any]:
         return {**self.now, "time": self.time}
@@ -160,14 +174,13 @@ class Machine(Fmi3SlaveBase, ModelExchange, CoSimulation):
     def _set_fmu_state(self, state: dict[str, Any]) -> None:
         self.time = state["time"]
         self.now = {name: state[name] for name in self.now}
+        self._failure = None
 
     # -- co-simulation
 
     def do_step(self, current_time: float, step_size: float) -> Fmi3StepResult:
         self.time = current_time
-        wrong = self._step(step_size)
-        if wrong is not None:
-            self.log(wrong, Fmi3Status.error)
+        if not self._goes(lambda: self._step(step_size)):
             return Fmi3StepResult(status=Fmi3Status.error)
         self.time = current_time + step_size
         return Fmi3StepResult()
@@ -197,24 +210,35 @@ class Machine(Fmi3SlaveBase, ModelExchange, CoSimulation):
         A guard that is zero as its mode begins, as the sliding speed of what starts to slide, has
         not been inside yet and does not fire; what is outside beyond rounding fires all the same.
         """
+        before = self.now["events"], self.now["state"]
+        going = self._goes(self._fire)
+        after = self.now["events"], self.now["state"]
+        return Fmi3UpdateDiscreteStatesResult(
+            discreteStateNeedsUpdate=going and after[0] != before[0],
+            valuesOfContinuousStatesChanged=after[1] != before[1],
+            terminateSimulation=not going,
+        )
+
+    def _fire(self) -> None:
         inside, highest = self._inside(), self.now["highest"]
         fired = [i for i, value in enumerate(inside) if value <= 0.0 < highest[i]]
-        first = min(fired, key=inside.__getitem__, default=-1)
-        before = self.now["events"], self.now["state"]
-        if first >= 0:
+        if fired:
+            first = min(fired, key=inside.__getitem__)
             self.now["events"] += 1
             self.now["event_time"] = self.time
             if not self._about["sides"][first]:
                 self.now["sides"][first] *= -1
             self._change(first)
-        self._settle()
+        self._step(0.0)
         self.now["highest"] = [0.0] * len(inside)
         self._inside()
-        after = self.now["events"], self.now["state"]
-        return Fmi3UpdateDiscreteStatesResult(
-            discreteStateNeedsUpdate=after[0] != before[0],
-            valuesOfContinuousStatesChanged=after[1] != before[1],
-        )
+
+
+class _Failure(Exception):
+    """A run that ends with a result other than success."""
+
+    def __init__(self, result: Any):
+        self.result = result
 
 
 def _sign(value: float) -> int:

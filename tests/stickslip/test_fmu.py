@@ -174,13 +174,21 @@ def test_a_tool_can_go_back(unit):
 
 
 @pytest.mark.more
-def test_a_start_without_a_mode_is_an_error_of_the_unit(unit, capfd):
+def test_a_start_without_a_mode_is_an_error_of_the_first_step(unit, capfd):
+    """And never an exception in the library that calls the unit: it would end the process later."""
     slave, number = unit
     slave.enterInitializationMode(startTime=0.0)
     slave.setFloat64([number["x"]], [2.0])
-    with pytest.raises(fmpy.fmi1.FMICallException):
-        slave.exitInitializationMode()
+    slave.exitInitializationMode()
+    with pytest.raises(fmpy.fmi1.FMICallException, match=r"failed with status 3 \(error\)"):
+        slave.doStep(0.0, 1.0)
     assert "no_admissible_mode at 0.0 s" in capfd.readouterr().out
+
+
+@pytest.mark.more
+def test_in_model_exchange_such_a_start_ends_the_simulation(kicked):
+    with pytest.raises(Exception, match="requested termination during initial event update"):
+        by_fmpy(kicked, "ModelExchange", 1.0, ["x"], start_values={"x": 2.0})
 
 
 class Swings(ss.AbstractSmoothSystem):
