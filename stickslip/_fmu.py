@@ -23,6 +23,7 @@ from ._types import Given, Mode, Numeric
 from ._validation import check_callable, check_mapping, check_type, leaves_of, refusal
 from ._version import __version__
 from .hybrid import AbstractHybridSystem, Integrator, simulate
+from .hybrid.accuracy import ACCURACY
 from .hybrid.arguments import a_time, check_field, mode_index, start_of, the_system
 from .hybrid.components import components_of, entries, per_second, second_of, unit_of
 from .hybrid.system import guard_directions, mode_type
@@ -32,7 +33,6 @@ from .hybrid.tree import select
 OWN = ("time", "mode", "events", "event_time", "flags")
 # The side of a guard that is inside of its mode; of one that fires both ways, the one it is on.
 SIDES = {"falling": 1, "rising": -1, "both": 0}
-NAMED_MODES = 64  # modes whose names the description of the unit lists
 SCRIPT = """from pythonfmu3 import Fmi3SlaveBase
 from stickslip._fmu_slave import Machine
 
@@ -168,7 +168,7 @@ def export_fmu(
         "state": state.tolist(),
         "mode": chosen,
         "time": float(t0),
-        "modes": list(system.mode_names) if len(system.mode_names) <= NAMED_MODES else [],
+        "modes": list(system.mode_names) if len(system.mode_names) <= ACCURACY.named_modes else [],
         "guards": list(system.guard_names),
         "sides": [SIDES[word] for word in guard_directions(system)],
         "outputs": list(functions),

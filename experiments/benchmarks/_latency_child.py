@@ -169,7 +169,8 @@ def loaded_call(name: str) -> dict[str, float]:
 
     ss.enable_compilation_cache()
     path = pathlib.Path(os.environ["STICKSLIP_CACHE"], f"{name}.zip")
-    function, at = CASES[name](throw=False)
+    make: Any = CASES[name]
+    function, at = make(throw=False)
     if not path.is_file():
         ss.export(function, (at,), path)
     begin = time.perf_counter()

@@ -21,6 +21,7 @@ from ._c import CompilerAbsentError, compiled
 from ._harness import Candidate, absent, interleave, table
 
 END = 50.0
+STEP = 0.35
 LANES = 25_088  # 25,000, filled up to whole chunks on two cores
 
 
@@ -267,20 +268,20 @@ def main(size: str = "normal") -> str:
         program = engine(step, executor)
         return functools.partial(lambda p: jax.block_until_ready(p(speeds)), program)
 
-    fixed = ss.FixedStep(0.35)
+    fixed = ss.FixedStep(STEP)
     adaptive = ss.AdaptiveStep(1e-10, 1e-10)
     add("engine, fused, fixed steps 0.35", mapped(fixed, "fused"))
     add("engine, fused, adaptive 1e-10", mapped(adaptive, "fused"))
     add("engine, portable, fixed steps 0.35", mapped(fixed, "portable"))
     threads = os.cpu_count() or 1
     try:
-        add(f"C, eight lanes a register, {threads} threads", by_c(speeds, fixed.h, threads))
+        add(f"C, eight lanes a register, {threads} threads", by_c(speeds, STEP, threads))
     except CompilerAbsentError:
         missing.append("a C compiler")
     if absent("numba"):
         missing.append("numba")
     else:
-        add(f"numba, {threads} threads", by_numba(speeds, fixed.h))
+        add(f"numba, {threads} threads", by_numba(speeds, STEP))
     if absent("heyoka"):
         missing.append("heyoka")
     else:

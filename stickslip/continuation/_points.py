@@ -66,21 +66,23 @@ def border(
     last, whole, span = before, 0.0, distance
     for _ in range(ACCURACY.rounds):
         # By bisection: of a border nothing but its side is known at an orbit.
-        low, high, best = 0.0, span, last
-        while high - low > ACCURACY.nearer**4 * span:
+        low, high, best, other = 0.0, span, last, None
+        while high - low > ACCURACY.nearer ** (4 if other is None else 5) * span:
             middle = 0.5 * (low + high)
             found = ahead(problem, last, middle, way)
             there = last.u + middle * (last.tangent if way is None else way)
-            if (
-                not isinstance(found, Failure)
-                and alike(found)
-                and not is_astray(found, there, middle, ACCURACY.shorter)
-            ):
+            if isinstance(found, Failure) or is_astray(found, there, middle, ACCURACY.shorter):
+                high, other = middle, None
+            elif alike(found):
                 low, best = middle, found
             else:
-                high = middle
+                high, other = middle, found
         last, whole = best, whole + low
-        if low <= ACCURACY.short * distance or whole >= distance:
+        # The orbit goes on right behind the last one, as another kind: the method has not failed.
+        goes_on = other is not None and (
+            np.linalg.norm(other.u - best.u) <= ACCURACY.strays * (high - low) + ACCURACY.short
+        )
+        if goes_on or low <= ACCURACY.short * distance or whole >= distance:
             break
         # The rest of the way was too long, not by much.
         span = min(0.5 * span, distance - whole)
