@@ -4,6 +4,7 @@ import json
 import math
 import pathlib
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -64,7 +65,7 @@ class Machine(Fmi3SlaveBase, ModelExchange, CoSimulation):
         self.register_units([Unit(name) for name in dict.fromkeys([about["second"], *every]) if name])
 
         def number(name: str, unit: str | None, read: Any, write: Any = None, **about: Any) -> None:
-            made = Float64(name, unit=unit, getter=read, setter=write, **about)
+            made = Float64(name, unit=unit, getter=read, setter=write or self._kept, **about)
             self.register_variable(made, nested=False)
 
         second = about["second"]
@@ -92,11 +93,10 @@ class Machine(Fmi3SlaveBase, ModelExchange, CoSimulation):
             self.register_event_indicator(len(self.vars) - 1)
         modes = ", ".join(f"{i}: {name}" for i, name in enumerate(about["modes"]))
         for name, text in (("mode", modes), ("events", "so far"), ("flags", "of all steps")):
-            self.register_variable(
-                Int64(name, getter=lambda name=name: int(self.now[name]), description=text,
-                      causality=Fmi3Causality.output, variability=Fmi3Variability.discrete),
-                nested=False,
-            )  # fmt: skip
+            kind = {"causality": Fmi3Causality.output, "variability": Fmi3Variability.discrete}
+            read = partial(self._whole, name)
+            made = Int64(name, getter=read, setter=self._kept, description=text, **kind)
+            self.register_variable(made, nested=False)
         number("event_time", second, lambda: self.now["event_time"], description="of the last event",
                causality=Fmi3Causality.output, variability=Fmi3Variability.discrete)  # fmt: skip
 
@@ -108,16 +108,24 @@ class Machine(Fmi3SlaveBase, ModelExchange, CoSimulation):
 
         return lambda: self.now[part][i], write
 
-    def _run(self, name: str, *more: Any) -> dict[str, Any]:
-        now = self.now
-        given = np.asarray(now["values"]), np.asarray(now["state"]), now["mode"], self.time
+    def _whole(self, name: str) -> int:
+        return int(self.now[name])
+
+    def _kept(self, value: Any) -> None:
+        self.log("An output cannot be set: it stays what it is.", Fmi3Status.error)
+
+    def _run(self, name: str, *more: Any, mode: int | None = None) -> dict[str, Any]:
+        now, mode = self.now, self.now["mode"] if mode is None else mode
+        given = np.asarray(now["values"]), np.asarray(now["state"]), mode, self.time
         return self._programs[name](*given, *more)
 
     def _look(self) -> dict[str, list]:
         """Rates, guards and outputs of where the machine is."""
         here = (self.now["values"], self.now["state"], self.now["mode"], self.time)
         if self._seen[0] != here:
-            found = self._run("look")
+            # A tool may read outputs before the start, when the mode is still that of the state.
+            mode = self.now["mode"] if self.now["mode"] >= 0 else int(self._run("change", -1)["mode"])
+            found = self._run("look", mode=mode)
             self._seen = here, {k: np.asarray(v).tolist() for k, v in found.items()}
         return self._seen[1]
 

@@ -186,6 +186,15 @@ def test_a_start_without_a_mode_is_an_error_of_the_first_step(unit, capfd):
 
 
 @pytest.mark.more
+def test_outputs_are_there_before_the_start_and_cannot_be_set(unit, capfd):
+    slave, number = unit
+    slave.enterInitializationMode(startTime=0.0)
+    slave.setFloat64([number["v"], number["power"]], [0.5, 3.0])
+    assert slave.getFloat64([number["power"], number["der(v)"]]) == [0.2 * 0.5, 0.2 - 1.0]
+    assert "An output cannot be set" in capfd.readouterr().out
+
+
+@pytest.mark.more
 def test_in_model_exchange_such_a_start_ends_the_simulation(kicked):
     with pytest.raises(Exception, match="requested termination during initial event update"):
         by_fmpy(kicked, "ModelExchange", 1.0, ["x"], start_values={"x": 2.0})
