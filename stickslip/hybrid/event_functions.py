@@ -205,7 +205,7 @@ def event_functions(
         zip(guard_directions(system), guard_scales(system), strict=True)
     ):
         check_in(f"guard_directions[{i}]", direction, DIRECTIONS)
-        if system.guard_scales is not None:
+        if scale is not None:  # which a bend of a force has: it is learned from the motion
             one_number(f"guard_scales[{i}]", scale, "positive")
     for section in sections:
         check(

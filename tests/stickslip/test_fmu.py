@@ -2,8 +2,6 @@
 
 from typing import Any, ClassVar, NamedTuple
 
-import fmpy
-import fmpy.fmi3
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -57,7 +55,16 @@ def kicked(tmp_path_factory):
     )
 
 
+def description(path):
+    """What the unit says of itself, judged by FMPy, whose imports take long."""
+    import fmpy
+
+    return fmpy.read_model_description(str(path), validate=True, validate_variable_names=True)
+
+
 def by_fmpy(path, kind, t1, output, count=40, **more):
+    import fmpy
+
     rows = fmpy.simulate_fmu(
         str(path), fmi_type=kind, start_time=0.0, stop_time=t1, output_interval=t1 / count,
         relative_tolerance=1e-11, output=[*output, "mode", "events", "event_time"],
@@ -102,7 +109,7 @@ CASES = {
 def test_a_machine_in_fmpy_moves_as_in_simulate(case, tmp_path):
     system, y0, t1, mode0 = CASES[case]()
     path = ss.export_fmu(system, y0, tmp_path / "a.fmu", mode0=mode0, integrator=TIGHT)
-    fmpy.read_model_description(str(path), validate=True, validate_variable_names=True)
+    assert {v.name for v in description(path).modelVariables} >= set(type(y0)._fields)
     run, expected = by_simulate(system, y0, t1, mode0)
     sizes = np.abs(expected).max(0)
     sizes[sizes == 0.0] = 1.0
@@ -143,7 +150,9 @@ def test_inputs_parameters_and_start_values_are_those_of_the_tool(kicked, kind):
 @pytest.fixture
 def unit(kicked):
     """An instance for co-simulation, and the numbers of its variables."""
-    about = fmpy.read_model_description(str(kicked))
+    import fmpy.fmi3
+
+    about = description(kicked)
     slave = fmpy.fmi3.FMU3Slave(
         guid=about.guid, unzipDirectory=fmpy.extract(str(kicked)),
         modelIdentifier=about.coSimulation.modelIdentifier, instanceName="kicked",
@@ -180,7 +189,7 @@ def test_a_start_without_a_mode_is_an_error_of_the_first_step(unit, capfd):
     slave.enterInitializationMode(startTime=0.0)
     slave.setFloat64([number["x"]], [2.0])
     slave.exitInitializationMode()
-    with pytest.raises(fmpy.fmi1.FMICallException, match=r"failed with status 3 \(error\)"):
+    with pytest.raises(Exception, match=r"failed with status 3 \(error\)"):
         slave.doStep(0.0, 1.0)
     assert "no_admissible_mode at 0.0 s" in capfd.readouterr().out
 
@@ -218,8 +227,7 @@ def test_a_smooth_system_of_arrays_and_any_names(tmp_path):
     swings, args = Swings(jnp.array([1.0, 2.0]), 3), {"it's": [0.3, 1j, 2], "none": None}
     y0 = {"x": jnp.array([1.0, 0.5, 0.1]), "speed of x": jnp.zeros(3)}
     path = ss.export_fmu(swings, y0, tmp_path / "swings.fmu", args=args)
-    about = fmpy.read_model_description(str(path), validate=True, validate_variable_names=True)
-    names = {variable.name for variable in about.modelVariables}
+    names = {variable.name for variable in description(path).modelVariables}
     assert {"x[2]", r"args.'it\'s'[0]", "system.rates[1]", "der('speed of x'[1])"} <= names
     rows, found = by_fmpy(path, "CoSimulation", 3.0, ["x[0]", "'speed of x'[2]"])
     end = ss.simulate(swings, 0.0, 3.0, y0, args=args).y1
