@@ -90,7 +90,7 @@ class AbstractHybridSystem(AbstractShown):
       A guard is taken as violated below `-1e-12` of its magnitude: by default, how much it changes
       as the state goes from zero to the largest values of the motion so far, or its own largest value
       in this mode where that is more; `guard_scales` states magnitudes instead (a property may compute
-      them).
+      them; `None` for one that is not stated).
     - `transition(t, y, mode, guard, args) -> (y, mode)`: called at the located zero of guard number
       `guard`. It must return a mode that is admissible right afterwards; `-1` where there is none
       (the lane then ends with `RESULTS.no_admissible_mode`).
