@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -259,11 +260,15 @@ class AbstractMechanism(AbstractWithObservables):
         if not is_concrete((self, t, y, mode, args)) or np.ndim(mode) or int(mode) < 0:
             return
         word = np.asarray(mode, mode_type(self))
-        try:  # a machine may have a state of its own
+        try:
             found = numbers_known(_held, self, t, y, word, args)
             found = _compiled_held(self, t, y, word, args) if found is None else found
         except (AttributeError, TypeError):
-            return  # no state of this mechanism, as the run says
+            try:  # a machine may have a state of its own
+                jax.eval_shape(self.to_coordinates, y)
+            except (AttributeError, TypeError):
+                return  # no state of this mechanism, as the run says
+            raise  # of what is declared
         check_held(self, int(mode), found)
 
     def constraints(self, t, y, mode, args):
