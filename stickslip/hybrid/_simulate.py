@@ -13,6 +13,7 @@ from .._types import Given, Mode, Numeric, Row
 from .._validation import check_at_least, check_count, check_flag, check_type, leaves_of, refusal
 from . import _solution as out
 from ._autodiff import core
+from ._component_groups import component_groups
 from ._crossing import crossings as located
 from ._failure import raise_failures
 from ._loop_state import Plan
@@ -244,6 +245,7 @@ def _run(system, args, t0, t1, y0, mode0, ts, integrator, saveat, execute) -> tu
         max_steps=integrator.max_steps,
         has_outputs=ts is not None,
         atols=atols,
+        groups=component_groups(system, y0) if atols else (),
         noise=stop_gradient(Noise(jnp.maximum(jnp.abs(t0), jnp.abs(t1)), terms)),
         watched=watched,
         longest=stop_gradient(longest),

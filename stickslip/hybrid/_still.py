@@ -14,6 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ._loop_state import Plan
+from ._tolerance import least_sizes
 from .accuracy import ACCURACY
 
 
@@ -32,12 +33,10 @@ def too_still(
     mean_step = lasts / jnp.maximum(steps - ACCURACY.still_beginning, 1).astype(jnp.float64)
     terms = jax.tree.leaves(plan.noise.terms)
     leaves = [jax.tree.leaves(tree) for tree in (y0, y1, dy0, dy1, sizes, driven)]
-    most: Any = 0.0
-    for size in leaves[4]:
-        most = jnp.maximum(most, jnp.max(size))
     still = jnp.ones_like(t) > 0
-    for a, b, da, db, size, by_others, atol, term in zip(*leaves, plan.atols, terms, strict=True):
-        seen = rule.rtol * jnp.maximum(size, ACCURACY.smallest * most)
+    rows = zip(*leaves, plan.atols, least_sizes(plan.groups, leaves[4]), terms, strict=True)
+    for a, b, da, db, size, by_others, atol, least, term in rows:
+        seen = rule.rtol * jnp.maximum(size, least)
         seen = ACCURACY.unseen_motion * (
             seen + (ACCURACY.few_roundings * term * mean_step if atol is None else atol)
         )

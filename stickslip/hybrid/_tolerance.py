@@ -1,5 +1,6 @@
 """The scaled error of a step: what counts as small in each component of the state."""
 
+import functools
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -9,7 +10,9 @@ from jaxtyping import Array, PyTree
 
 from .._validation import check_mapping, check_positive, leaves_of, refusal, shape_refusal
 from .accuracy import ACCURACY
+from .components import components_of
 
+MIXED, STILL = "no unit", "no motion"  # groups of components beside those of units
 TOLERANCE = (
     "None, a positive number, a mapping from names of components or from units, or a pytree with the "
     "structure of the state"
@@ -41,7 +44,7 @@ def component_tolerances(atol: Any, y: PyTree, units: Mapping[str, str]) -> tupl
         given = zip(leaves_of("atol", atol), leaves, strict=True)
         return tuple(_number(name, value, like) for (name, value), like in given)
     if isinstance(atol, Mapping):
-        names = [_name(path) for path, _ in jax.tree_util.tree_leaves_with_path(y)]
+        names = list(components_of(y))
         known = {*names, *(units.get(name) for name in names)} - {None}
         for key in atol:
             if key not in known:
@@ -65,14 +68,6 @@ def _number(name: str, value: Any, like: Any) -> Array:
     return jax.lax.stop_gradient(jnp.asarray(check_positive(name, value), jnp.float64))
 
 
-def _name(path: tuple) -> str:
-    last = path[-1] if path else None
-    for attribute in ("name", "key", "idx"):
-        if hasattr(last, attribute):
-            return str(getattr(last, attribute))
-    return ""
-
-
 def sizes(y: PyTree) -> PyTree:
     """Magnitude of each component; what the largest so far begins with."""
     return jax.tree.map(jnp.abs, y)
@@ -81,6 +76,23 @@ def sizes(y: PyTree) -> PyTree:
 def largest_magnitude(size: PyTree, y: PyTree) -> PyTree:
     """Largest magnitude so far, of each component."""
     return jax.tree.map(lambda s, a: jnp.maximum(s, jnp.abs(a)), size, y)
+
+
+def least_sizes(groups: tuple[str, ...], sizes: list) -> list:
+    """The least size of each leaf: a part of the largest number of its group.
+
+    Next to other groups hardly anything is small, as their units are others. But what begins like a
+    high power of the time has no digit at first, and has to end somewhere.
+    """
+    most: dict[str, Any] = {}
+    for group, size in zip(groups, sizes, strict=True):
+        most[group] = jnp.maximum(most.get(group, ACCURACY.tiny), jnp.max(size))
+    every = functools.reduce(
+        jnp.maximum, [a for group, a in most.items() if group != STILL], ACCURACY.tiny
+    )
+    most[MIXED] = every
+    other = ACCURACY.smallest**5 * every
+    return [jnp.maximum(ACCURACY.smallest * most[group], other) for group in groups]
 
 
 def generic(size: PyTree) -> PyTree:
@@ -117,32 +129,32 @@ class Ends(NamedTuple):
     dy1: PyTree
 
 
-def scales(rtol: Any, atols: tuple, noise: Noise, size: PyTree, step: Ends) -> list:
+def scales(
+    rtol: Any, atols: tuple, groups: tuple[str, ...], noise: Noise, size: PyTree, step: Ends
+) -> list:
     """Meaning of an error of 1 in each leaf: `atol + rtol max(|y0|, |y1|)`.
 
     Without an absolute tolerance, `rtol` times the largest magnitude so far, of the component itself
-    or of a part (`ACCURACY.smallest`) of the largest component. Added to this are the rounding of the
-    field and the motion within the rounding of the time: a field that jumps where the state is still
-    zero leaves an error of the size of the motion however short the step. The slope at the end of a
-    longer step does not count: where a stiff motion explodes, it grows faster than the error.
+    or of a part (`ACCURACY.smallest`) of the largest component of its group. Added to this are the
+    rounding of the field and the motion within the rounding of the time: a field that jumps where the
+    state is still zero leaves an error of the size of the motion however short the step. The slope at
+    the end of a longer step does not count: where a stiff motion explodes, it grows faster than the
+    error.
     """
     size = step.y0 if size is None else size
     leaves = [
         jax.tree.leaves(tree) for tree in (size, step.y0, step.y1, noise.terms, step.dy0, step.dy1)
     ]
-    most: Any = ACCURACY.tiny
-    if any(a is None for a in atols):
-        for s, _, b, *_ in zip(*leaves, strict=True):
-            most = jnp.maximum(most, jnp.max(jnp.maximum(s, jnp.abs(b))))
+    moved = [jnp.maximum(s, jnp.abs(b)) for s, _, b, *_ in zip(*leaves, strict=True)]
     found = []
     short = step.h <= ACCURACY.short * ACCURACY.few_roundings * noise.time
-    for atol, s, a, b, n, da, db in zip(atols, *leaves, strict=True):
+    for atol, least, s, a, b, n, da, db in zip(atols, least_sizes(groups, moved), *leaves, strict=True):
         here = jnp.maximum(jnp.abs(a), jnp.abs(b))
         if atol is None:
-            here = jnp.maximum(jnp.maximum(s, here), ACCURACY.smallest * most)
+            here = jnp.maximum(jnp.maximum(s, here), least)
             ends = jnp.where(short, jnp.maximum(jnp.abs(da), jnp.abs(db)), jnp.abs(da))
             unsure = n * step.h + noise.time * ends
-            found.append(rtol * here + ACCURACY.few_roundings * unsure)
+            found.append(jnp.maximum(rtol * here + ACCURACY.few_roundings * unsure, ACCURACY.tiny))
         else:
             found.append(atol + rtol * here)
     return found
@@ -188,15 +200,12 @@ def largest_surprise(surprise: PyTree, scale: list, ends: Ends, rtol: Any) -> An
     return jnp.minimum(most, 1e70)
 
 
-def too_loose(atols: tuple, size: PyTree) -> Any:
+def too_loose(atols: tuple, groups: tuple[str, ...], size: PyTree) -> Any:
     """Whether an absolute tolerance is above the motion of a component that does move."""
     leaves = jax.tree.leaves(size) if atols else []
-    most: Any = 0.0
-    for s in leaves:
-        most = jnp.maximum(most, jnp.max(s))
     loose: Any = jnp.zeros((), bool)
-    for atol, s in zip(atols, leaves, strict=True):
+    for atol, least, s in zip(atols, least_sizes(groups, leaves), leaves, strict=True):
         if atol is not None:
             # A component that is rounding next to the others does not move.
-            loose = loose | jnp.any((s > 0) & (s > 1e-14 * most) & (atol > ACCURACY.loose * s))
+            loose = loose | jnp.any((s > 1e-8 * least) & (atol > ACCURACY.loose * s))
     return loose
