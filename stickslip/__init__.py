@@ -3,6 +3,9 @@
 Importing the package switches JAX to 64-bit floating point, see `stickslip._precision`.
 """
 
+import importlib
+from typing import TYPE_CHECKING
+
 # Before every other import of the package, so that no constant is made in single precision.
 from . import _precision as _precision
 
@@ -41,3 +44,30 @@ from .hybrid import same_mode_sequence as same_mode_sequence
 from .hybrid import simulate as simulate
 from .hybrid import switch as switch
 from .sweep import map_lanes as map_lanes
+
+if TYPE_CHECKING:
+    from . import analysis as analysis
+    from . import contact as contact
+    from . import continuation as continuation
+    from . import derived as derived
+    from . import friction as friction
+    from . import identification as identification
+    from . import mechanism as mechanism
+    from . import plot as plot
+    from . import systems as systems
+
+# They come when they are used, since some import what takes longer than the rest of the package.
+_PACKAGES = (
+    "analysis", "contact", "continuation", "derived", "friction", "identification", "mechanism", "plot",
+    "systems",
+)  # fmt: skip
+
+
+def __getattr__(name: str):
+    if name not in _PACKAGES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return importlib.import_module(f".{name}", __name__)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_PACKAGES})

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
+from .._netcdf import path_of, read_netcdf, write_netcdf
 from .._types import Given
 from .._validation import as_float64, check_type, refusal
 from ..analysis.observable import with_parameters
@@ -38,9 +39,9 @@ def save_branch(branch: Given[Branch], path: Given[str | os.PathLike]) -> pathli
     **Returns** the path. **Errors** `TypeError` naming the argument; `OSError` of the file system.
     """
     check_type("branch", branch, Branch, "a Branch")
-    path = _path(path)
+    path = path_of(path)
     dataset = branch.to_dataset().assign_attrs(
-        stickslip=FORMAT, parameters=json.dumps(branch.parameters), label=branch.label,
+        parameters=json.dumps(branch.parameters), label=branch.label,
         sequences=json.dumps(branch.sequences), kind=type(branch.orbits).__name__,
     )  # fmt: skip
     dataset = _with_leaves(dataset, ORBITS_OF, "point", branch.orbits)
@@ -50,13 +51,7 @@ def save_branch(branch: Given[Branch], path: Given[str | os.PathLike]) -> pathli
         dataset = _with_leaves(dataset, SPECIALS_OF, "special", orbits)
         dataset["special_index"] = "special", np.array([m.index for m in marks])
         dataset["special_slope"] = ("special", "direction"), np.stack([m.slope for m in marks])
-    temporary = path.with_name(path.name + ".part")
-    try:
-        dataset.to_netcdf(temporary, engine="h5netcdf")
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
-    return path
+    return write_netcdf(dataset, path, FORMAT)
 
 
 def load_branch(
@@ -73,21 +68,9 @@ def load_branch(
     **Errors** `ValueError` naming the argument: a file that is not such a branch, or is damaged; a
     system without its parameter; a state of other components. `TypeError` for a path that is none.
     """
-    import xarray as xr
-
-    path = _path(path)
+    path_of(path)
     the_system(system)
-    if not path.is_file():
-        raise refusal("path", str(path), "a file of save_branch", but="no file")
-    try:
-        with xr.open_dataset(path, engine="h5netcdf") as opened:
-            data = opened.load()
-    except Exception as error:  # whatever the reader meets in a file that nobody has verified
-        raise refusal("path", str(path), "a file of save_branch") from error
-    form = str(data.attrs.get("stickslip", ""))
-    if form != FORMAT:
-        but = f"of the format {form!r}" if form else ""
-        raise refusal("path", str(path), f"a file of save_branch of the format {FORMAT!r}", but=but)
+    data = read_netcdf(path, FORMAT, "save_branch")
     try:
         parameters = tuple(json.loads(data.attrs["parameters"]))
         kind = {"PeriodicOrbit": _orbit_like, "Equilibrium": _equilibrium_like}[data.attrs["kind"]]
@@ -113,12 +96,6 @@ def _column(data: "xr.Dataset", parameter: str) -> str:
     """Name of a parameter in a file."""
     other = f"parameter_{parameter}"
     return other if other in data.variables else parameter
-
-
-def _path(path: Any) -> pathlib.Path:
-    if not isinstance(path, str | os.PathLike) or not os.fspath(path):
-        raise refusal("path", path, "the path of a file", TypeError)
-    return pathlib.Path(path)
 
 
 def _check_state(data: "xr.Dataset", leaf: str, y0: PyTree, given: Any) -> None:

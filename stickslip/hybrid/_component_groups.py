@@ -17,7 +17,7 @@ def component_groups(system: AbstractHybridSystem, y: PyTree) -> tuple[str, ...]
 
     Components of one unit that a system states are a group: a metre is compared with no second. A
     component without a unit, or of a wrapper, as an integral is, is compared with all that moves
-    (`MIXED`): an integral may be nothing but rounding. The number of a piece of a load is no motion
+    (`MIXED`): an integral may be nothing but rounding. The number of a piece of a load does not move
     (`STILL`).
     """
     while isinstance(system, AbstractSystemWrapper):

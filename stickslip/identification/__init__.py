@@ -25,6 +25,8 @@ from ._multiple_shooting import MultipleShooting as MultipleShooting
 from ._observed import Observed as Observed
 from ._posterior import Posterior as Posterior
 from ._posterior import posterior as posterior
+from ._prediction import Prediction as Prediction
+from ._prediction import Score as Score
 from ._problem import Problem as Problem
 from ._problem import Simulation as Simulation
 from ._profile import Profile as Profile
@@ -33,6 +35,7 @@ from ._record import Record as Record
 from ._report import Report as Report
 from ._report import WhitenessTest as WhitenessTest
 from ._report import report as report
+from ._saved_fit import load_fit as load_fit
 from ._sensitivity import Sensitivity as Sensitivity
 from ._sensitivity import sensitivity as sensitivity
 from ._signal import Signal as Signal

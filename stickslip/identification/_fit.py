@@ -1,5 +1,7 @@
 """Results of a fit, and how it ends."""
 
+import os
+import pathlib
 from typing import Any
 
 import equinox as eqx
@@ -59,6 +61,7 @@ class Fit(eqx.Module):
     - `sensitivity`: at the estimate. `steps`: iterations.
     - `space`: of the unknowns, with their bounds, units and priors.
     - `code`: why the method stopped; `result` is the item of `RESULTS`, whose message says it.
+    - `digest` of the data of a `Problem`, empty otherwise. `save(path)`; `load_fit(path)` reads it.
 
     How well the estimates are known: `standard_errors`, `interval`, `covariance`, `correlation`, by the
     linearised problem, rows and columns in the order of `names`; `cost`, `reduced_chi_squared`,
@@ -71,6 +74,7 @@ class Fit(eqx.Module):
     steps: Int[Array, "*batch"]
     space: Space
     code: Int[Array, "*batch"]
+    digest: str = eqx.field(static=True, default="")
 
     def __str__(self) -> str:
         """Estimates with standard errors and units; of a batch, how many converged."""
@@ -112,6 +116,16 @@ class Fit(eqx.Module):
             rows.append((name, value, error, unit, ends[int(active[name])]))
         head = ("unknown", "estimate", "standard error", "unit", "at its bound")
         return html_table(str(self).rpartition("\n")[2], head, rows)
+
+    def save(self, path: Given[str | os.PathLike]) -> pathlib.Path:
+        """Write the fit to a netCDF file, whole or not at all, from which `load_fit` reads it.
+
+        **Returns** the path. **Raises** `TypeError` for a path that is none, `ValueError` for a fit
+        that is traced, `OSError` of the file system.
+        """
+        from ._saved_fit import save_fit  # which knows fits
+
+        return save_fit(self, path)
 
     @property
     def successful(self) -> Bool[Array, "*batch"]:

@@ -1,14 +1,17 @@
 """Unknowns to be found, and the data they are found from."""
 
+import dataclasses
+import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._argument_checks import callable_as, check_arguments, count, instance, or_none, reals
+from .._argument_checks import callable_as, check_arguments, count, instance, number, or_none, reals
 from .._show import amount
 from .._types import Given, NamedNumbers
 from .._validation import (
@@ -23,11 +26,12 @@ from .._validation import (
 )
 from ..hybrid import Integrator, Solution
 from ._evaluate import solve_run
-from ._fit import Fit, best
+from ._fit import Fit, best, one_fit, probability
 from ._gauss_newton import LevenbergMarquardt
 from ._many_starts import many_fits, rows_of, sobol_starts
 from ._methods import AbstractMethod
 from ._observed import Observed, data_of, observed_of, records_of
+from ._prediction import Prediction, Score, predict, score
 from ._record import Record
 from ._run import Run, motion_of, residual_of
 from ._stamps import warn_of_wide_stamps
@@ -52,6 +56,7 @@ class Simulation(eqx.Module):
 
 
 A_METHOD = "a method such as LevenbergMarquardt() or MultipleShooting(20)"
+_RECORD = instance((int, np.integer, Record), "the number of a record, or a Record")
 _HOW = {"method": or_none(instance(AbstractMethod, A_METHOD)), "chunk_size": or_none(count(1))}
 
 
@@ -244,7 +249,7 @@ class Problem:
         space, first = scalars("unknowns", unknowns)
         near, taken = method.brought_near(self._run, self._data, space, first)
         fit = solve_run(method.polish, self._run, self._data, space, space.coordinates(near))
-        return _with_steps(fit, taken)
+        return self._told(fit, taken)
 
     @check_arguments(**_HOW)
     def fits(
@@ -262,7 +267,7 @@ class Problem:
         space, found = rows_of("starts", rows)
         near, taken = method.many_near(self._run, self._data, space, found, chunk_size)
         fits = many_fits(method.polish, self._run, space, near, (self._data,), chunk_size)
-        return _with_steps(fits, taken)
+        return self._told(fits, taken)
 
     def with_records(self, records: Given[Record | Sequence[Record]]) -> "Problem":
         """The same problem with other records; of the same shapes, they use the compiled programs."""
@@ -271,6 +276,83 @@ class Problem:
             run.system, run.initial_state, self.given, self.observed, records,
             integrator=run.integrator, delay=run.delay, correct=run.correct,
         )  # fmt: skip
+
+    @check_arguments(
+        fit=one_fit, level=probability, draws=or_none(count(2)), seed=count(0), record=_RECORD
+    )
+    def predict(
+        self,
+        fit: Given[Fit],
+        record: Given[int | Record] = 0,
+        *,
+        level: float = 0.95,
+        draws: int | None = None,
+        seed: int = 0,
+    ) -> Prediction:
+        """The motion that a fit of these unknowns predicts of a record, with bands; never corrected.
+
+        **Arguments:** `fit`, also of other records or a `load_fit`; `record`, the number of one of the
+        problem's, or a further `Record`; `level` of the bands. By default they follow from the
+        Jacobian, to first order; with `draws` they are quantiles of so many motions with unknowns drawn
+        from the normal distribution of their coordinates, by `seed`, which keep the bounds and see
+        whatever bends. **Returns** a `Prediction`. **Raises** `TypeError`, `ValueError` for anything
+        else: for a fit of other unknowns, as those per record are, which belong to their record.
+        """
+        problem, which = self._with(record)
+        problem._values(problem._of_fit(fit))
+        return predict(problem, fit, which, float(level), draws, seed)
+
+    @check_arguments(after=number("not negative"), windows=count(1), record=_RECORD)
+    def score(
+        self,
+        fit: Given[Fit] | NamedNumbers,
+        record: Given[int | Record] = 0,
+        *,
+        after: float = 0.0,
+        windows: int = 1,
+    ) -> Score:
+        """How far a record is from the motion of a fit, which runs freely from its start.
+
+        **Arguments:** `fit`, or values by name; `record` as for `predict`; `after` [s]: what begins the
+        record and is not counted; `windows`: in how many parts the rest is scored. The motion starts as
+        the problem's `initial_state` says, fitted where this depends on unknowns. **Returns** a
+        `Score`. **Raises** as `predict`.
+        """
+        problem, which = self._with(record)
+        values = problem._values(problem._of_fit(fit) if isinstance(fit, Fit) else fit, "fit")
+        rows = problem.simulate(values, which).observed
+        rows = {name: np.asarray(row) for name, row in rows.items()}
+        return score(problem, rows, which, float(after), windows)
+
+    @property
+    def digest(self) -> str:
+        """Of all numbers of the records and of the stated noise; a `Fit` keeps that of its data."""
+        sums = hashlib.sha256()
+        for path, leaf in jax.tree_util.tree_leaves_with_path(self._data):
+            array = np.ascontiguousarray(leaf)
+            sums.update(f"{jax.tree_util.keystr(path)} {array.dtype} {array.shape}".encode())
+            sums.update(array.tobytes())
+        return sums.hexdigest()
+
+    def _with(self, record: int | Record) -> tuple["Problem", int]:
+        """The problem that has the record, and its number there."""
+        if isinstance(record, Record):
+            return self.with_records(record), 0
+        whole_number("record", record, 0, len(self.records) - 1)
+        return self, record
+
+    def _of_fit(self, fit: Fit) -> NamedValues:
+        """The estimates, of these unknowns."""
+        if set(fit.names) != set(self.unknowns):
+            given = f"Fit of {', '.join(fit.names)}"
+            raise refusal("fit", given, f"a Fit of {', '.join(self.unknowns)}")
+        return fit.values
+
+    def _told(self, fit: Fit, taken: int | np.ndarray) -> Fit:
+        """With the steps that were taken before, and the digest of the data."""
+        steps = fit.steps + jnp.asarray(taken, jnp.int32)
+        digest = self.digest if is_concrete(self._data) else ""
+        return dataclasses.replace(fit, steps=steps, digest=digest)
 
     def _compare_stamps(self, unknowns: dict[str, Any]) -> None:
         """A word on stamps that are out of proportion to the model."""
@@ -284,20 +366,15 @@ class Problem:
         method.check_run(self._run)
         return method
 
-    def _values(self, values: Any) -> NamedValues:
-        values, names = check_mapping("values", values), self.unknowns
+    def _values(self, values: Any, argument: str = "values") -> NamedValues:
+        values, names = check_mapping(argument, values), self.unknowns
         if set(values) != set(names):
-            raise refusal("values", values, f"numbers by the names {', '.join(names)}")
+            raise refusal(argument, values, f"numbers by the names {', '.join(names)}")
         for name, value in values.items():
-            check_finite(f"values[{name!r}]", value)
+            check_finite(f"{argument}[{name!r}]", value)
             if np.shape(value) != ():
-                raise shape_refusal(f"values[{name!r}]", value, "one number")
+                raise shape_refusal(f"{argument}[{name!r}]", value, "one number")
         return {name: as_parameter(values[name]) for name in names}
-
-
-def _with_steps(fit: Fit, taken: int | np.ndarray) -> Fit:
-    """With the steps that were taken before."""
-    return eqx.tree_at(lambda f: f.steps, fit, fit.steps + jnp.asarray(taken, jnp.int32))
 
 
 def _with_starts(unknowns: dict[str, Any], starts: dict[str, Any], argument: str) -> dict[str, Any]:

@@ -25,5 +25,6 @@ from ._multipliers import multipliers as multipliers
 from ._orbit import orbit as orbit
 from ._orbit_diagram import orbit_diagram as orbit_diagram
 from ._phase_plane import phase_plane as phase_plane
+from ._prediction import prediction as prediction
 from ._shade import shade as shade
 from ._spectrum import spectrum as spectrum

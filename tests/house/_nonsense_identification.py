@@ -1,5 +1,7 @@
 """Right arguments of the identification."""
 
+import tempfile
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -177,4 +179,14 @@ FITTED = [
         },
     ),
 ]  # fmt: skip
-TARGETS = [*FITTED, *MEASURED]
+BEST = identification.best(FITS)
+SAVED = tempfile.TemporaryDirectory()
+
+ROWS = {"x": np.zeros(2)}
+PREDICTION = identification.Prediction(
+    RECORD.times, ROWS, ROWS, ROWS, ROWS, ROWS, level=0.95, units={"x": ""}, record=RECORD
+)
+READ = [
+    Target(identification.load_fit, {"path": arg(str(BEST.save(f"{SAVED.name}/fit.nc")), "path")}),
+]
+TARGETS = [*READ, *FITTED, *MEASURED]

@@ -4,6 +4,7 @@ Arguments are told by their names, which mean the same in all methods of a kind.
 """
 
 import inspect
+import tempfile
 from typing import Any
 
 import jax.numpy as jnp
@@ -13,7 +14,15 @@ import corexy_jax as cx
 import stickslip as ss
 from stickslip import derived, friction, identification, systems
 from tests.house._nonsense_engine import OSCILLATOR, START
-from tests.house._nonsense_identification import FITS, PROBLEM, RECORD, SIGNAL, UNKNOWN
+from tests.house._nonsense_identification import (
+    BEST,
+    FITS,
+    PREDICTION,
+    PROBLEM,
+    RECORD,
+    SIGNAL,
+    UNKNOWN,
+)
 from tests.house._nonsense_laws import BLOCK, DRY, SMOOTH
 from tests.house._nonsense_machine import PARAMETERS, VOLTAGE
 from tests.house._nonsense_public import methods_of
@@ -30,6 +39,7 @@ DEVIATING = TANGENT.start(START, np.eye(2))
 DRIVE = systems.DCDrive.constructed()
 SMOOTHED = cx.SmoothedCoreXY(PARAMETERS, VOLTAGE)
 CARRIAGE = cx.CoreXYState(*(0.0,) * 9)
+INSIDE = tempfile.TemporaryDirectory()
 TABLE = ([0.0, 1.0], [1.0, 2.0], [0.0, 0.0])
 
 # What an argument of a name takes, whatever the method.
@@ -108,7 +118,8 @@ TARGETS = [
         y=arg(LEDGER.start(START))),
     *of(TANGENT, start__y=arg(START, STATES), columns=arg(np.ones((2, 1))), y=arg(DEVIATING),
         state=arg(DEVIATING)),
-    *of(FITS),
+    *of(FITS, path=arg(f"{INSIDE.name}/fit.nc", "path")),
+    *of(PREDICTION),
     *of(PROFILE, row=arg(0, "count")),
     *of(POSTERIOR),
     *of(COMPARISON, by=arg("bic")),
@@ -121,7 +132,9 @@ TARGETS = [
         residual=arg(np.zeros(2), "residuals"), method=arg(None, "none"),
         start=arg(None, "none", "unknowns"),
         starts=arg(None, "none"), fits__starts=arg({"a": [1.0, 2.0]}), seed=arg(0, "count"),
-        chunk_size=arg(None, "none"), records=arg(RECORD),
+        chunk_size=arg(None, "none"), records=arg(RECORD), fit=arg(BEST),
+        score__fit=arg(BEST, "unknowns"), draws=arg(None, "none"),
+        after=arg(0.1, "not negative", "float32"), windows=arg(2),
     ),
     *of(identification.Sensitivity(("a",), jnp.ones((3, 1)))),
     *(target for kind in (cx.Harmonic, cx.SquareWave) for target in of(kind(1.0, 2.0))),

@@ -11,6 +11,7 @@ from stickslip.hybrid import EventLog, StateLog
 from stickslip.hybrid._solution import Stats
 from stickslip.systems import Motion
 from tests.house._nonsense_engine import OSCILLATOR
+from tests.house._nonsense_identification import PREDICTION
 from tests.house._nonsense_report import ONE
 from tests.house._nonsense_target import Target, arg
 
@@ -75,6 +76,7 @@ TARGETS = [
         plot.fit,
         {"found": arg(ONE), "problem": arg(None, "none"), "record": arg(0, "count"), "ax": AX},
     ),
+    Target(plot.prediction, {"found": arg(PREDICTION), "ax": AX}),
     Target(plot.energy_account, {"dataset": arg(LEDGER), "ax": AX}),
     Target(
         plot.shade,

@@ -33,6 +33,8 @@ EXEMPT = {
     "Correlation": RETURNED,
     "LjungBox": RETURNED,
     "Comparison": RETURNED,
+    "Prediction": RETURNED,
+    "Score": RETURNED,
     "Report": RETURNED,
     "CoreXYSolution": RETURNED,
     "InputDesign": RETURNED,

@@ -32,6 +32,7 @@ REASONS = {
     "stickslip.plot._orbit.orbit.options": LINES,
     "stickslip.plot._orbit_diagram.orbit_diagram.options": LINES,
     "stickslip.plot._phase_plane.phase_plane.options": LINES,
+    "stickslip.plot._prediction.prediction.options": LINES,
     "stickslip.plot._spectrum.spectrum.options": LINES,
     "stickslip.sweep.settings.Compute.client": "a class of a package that may be absent",
     "stickslip.sweep._manifest.as_json.value": "anything, of which it says what it is",
