@@ -151,29 +151,43 @@ def _rows_in_use(log: Any, kept: int) -> Any:
 
 def events_dataframe(events: Any, system: Any) -> Any:
     """See `EventLog.to_dataframe`."""
+    _check("events", events, system)
+    modes, guards = system.mode_names, system.guard_names
+    named = {"guard": guards, "mode_before": modes, "mode_after": modes}
+    states = {"_before": events.y_before, "_after": events.y_after}
+    return _dataframe("events", events, system, named, states, "event")
+
+
+def states_dataframe(log: Any, system: Any) -> Any:
+    """See `Solution.to_dataframe`."""
+    _check("log", log, system)
+    return _dataframe("log", log, system, {"mode": system.mode_names}, {"": log.y}, "row")
+
+
+def _dataframe(
+    argument: str, log: Any, system: Any, named: Mapping[str, Any], states: Mapping[str, Any], row: str
+) -> Any:
+    """A row for each row of a log in use: times, `named` columns of codes, components of `states`."""
     import pandas as pd
 
-    _check("events", events, system)
-    count = np.asarray(events.count)
-    kept = np.arange(np.shape(events.t)[-1]) < count[..., None]
-    modes, guards = system.mode_names, system.guard_names
-    table: dict[str, Any] = {"t": np.asarray(events.t)[kept]}
+    kept = np.arange(np.shape(log.t)[-1]) < np.asarray(log.count)[..., None]
+    table: dict[str, Any] = {"t": np.asarray(log.t)[kept]}
     units = {"t": second_of(system)}
-    for name, known in (("guard", guards), ("mode_before", modes), ("mode_after", modes)):
-        table[name] = _names(f"events.{name}", np.asarray(getattr(events, name))[kept], known)
-    for end, y in (("before", events.y_before), ("after", events.y_after)):
+    for name, known in named.items():
+        table[name] = _names(f"{argument}.{name}", np.asarray(getattr(log, name))[kept], known)
+    for end, y in states.items():
         for name, leaf in components_of(y).items():
             rows, unit = np.asarray(leaf)[kept], unit_of(system, name)
             for entry, index in entries(name, rows.shape[1:]).items():
-                table[f"{entry}_{end}"] = rows[(slice(None), *index)]
+                table[f"{entry}{end}"] = rows[(slice(None), *index)]
                 if unit is not None:
-                    units[f"{entry}_{end}"] = unit
+                    units[f"{entry}{end}"] = unit
     where = np.nonzero(kept)
     if kept.ndim == 1:
-        index: Any = pd.Index(where[0], name="event")
+        index: Any = pd.Index(where[0], name=row)
     else:
         runs = ["run"] if kept.ndim == 2 else [f"run_{i}" for i in range(kept.ndim - 1)]
-        index = pd.MultiIndex.from_arrays(list(where), names=[*runs, "event"])
+        index = pd.MultiIndex.from_arrays(list(where), names=[*runs, row])
     frame = pd.DataFrame(table, index=index)
     frame.attrs["units"] = units
     return frame

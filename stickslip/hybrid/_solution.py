@@ -12,8 +12,8 @@ from jaxtyping import Array, Bool, Float, Int, PyTree, UInt
 from .._outcome import names_of, tally
 from .._show import amount, module_text
 from .._types import Given, MaybeNone
-from .._validation import check_broadcast, check_type, is_concrete
-from ._labelled import events_dataframe, solution_dataset
+from .._validation import check_broadcast, check_type, is_concrete, refusal
+from ._labelled import events_dataframe, solution_dataset, states_dataframe
 from ._shown import log_html, log_text, mode_path, solution_html
 from .components import components_of
 from .status import RESULTS, flags_text
@@ -196,6 +196,22 @@ class Solution(eqx.Module):
         state that is not of the system, or names that do not go with the batch axes.
         """
         return solution_dataset(self, system, batch)
+
+    def to_dataframe(self, system: Given[AbstractHybridSystem]) -> "pd.DataFrame":
+        """The motion as a table of pandas: a row a time of the outputs, or a step where there are none.
+
+        Columns: `t` [s], `mode` by name, and each component of the state by its name, of an array
+        `<name>[0]` and so on; units by column in `attrs["units"]`. Of a batch the index is the number
+        of the run along each batch axis, and the row. The events: `solution.events.to_dataframe`.
+
+        **Raises** `TypeError` if `system` is not one and for a run that is traced; `ValueError` for a
+        run that kept no states, or that of another system.
+        """
+        log = self.steps if self.outputs is None else self.outputs
+        if log is None:
+            kept = "a run that kept states, as with saveat=SaveAt(ts=...) or SaveAt(steps=True)"
+            raise refusal("outputs", None, kept)
+        return states_dataframe(log, system)
 
 
 def _batch_text(solution: Any) -> str:

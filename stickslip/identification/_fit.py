@@ -19,6 +19,7 @@ from ..hybrid.status import item_of
 from ._accuracy import ACCURACY
 from ._sensitivity import Sensitivity
 from ._unknowns import NamedValues, Space
+from ._write_fit import save_fit
 
 
 @in_words
@@ -123,9 +124,7 @@ class Fit(eqx.Module):
         **Returns** the path. **Raises** `TypeError` for a path that is none, `ValueError` for a fit
         that is traced, `OSError` of the file system.
         """
-        from ._saved_fit import save_fit  # which knows fits
-
-        return save_fit(self, path)
+        return save_fit(self, CODES, path)
 
     @property
     def successful(self) -> Bool[Array, "*batch"]:

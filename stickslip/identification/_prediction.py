@@ -1,4 +1,4 @@
-"""What a fit says of a record: the motion with a band, and how far the record is from it."""
+"""Predictions of a record by a fit: the motion with bands, and how far the record is from it."""
 
 from typing import Any
 
@@ -23,7 +23,7 @@ BANDS = ("lower", "upper", "measured_lower", "measured_upper")
 
 
 class Prediction(eqx.Module):
-    r"""What would be observed in a record, and how well that is known.
+    r"""Observations of a record as a fit predicts them, and how well they are known.
 
     - `times` [s]; `mean`: rows by name, of the estimates themselves. NaN where the run fails.
     - `lower`, `upper`: ends of the band that the uncertainty of the unknowns makes;
@@ -114,20 +114,20 @@ class Score(eqx.Module):
 def _rows_and_slopes(run: Run, space: Space, z: Array, data: Data, record: Any) -> tuple[Array, Array]:
     """Observations of a record, and their derivatives by the coordinates of the unknowns."""
 
-    def observed(z):
-        rows = _observed(run, space, z, data, record)
+    def twice(z):
+        rows = _observations(run, space, z, data, record)
         return rows, rows
 
-    slopes, rows = jax.jacfwd(observed, has_aux=True)(z)
+    slopes, rows = jax.jacfwd(twice, has_aux=True)(z)
     return rows, slopes
 
 
 @jit_plainly
 def _rows_of_many(run: Run, space: Space, zs: Array, data: Data, record: Any) -> Array:
-    return jax.vmap(lambda z: _observed(run, space, z, data, record))(zs)
+    return jax.vmap(lambda z: _observations(run, space, z, data, record))(zs)
 
 
-def _observed(
+def _observations(
     run: Run, space: Space, z: Array, data: Data, record: Any
 ) -> Float[Array, "observed time"]:
     values, inputs = run.of_record(space.values(z), data, record)
@@ -152,14 +152,14 @@ def predict(
         )
     count = problem.records[record].times.size
 
-    def named(rows):
+    def by_name(rows):
         return {name: rows[i, :count] for i, name in enumerate(problem.observed)}
 
     units = {name: observed.unit for name, observed in problem.observed.items()}
-    bands = dict(zip(BANDS, map(named, ends), strict=True))
+    bands = dict(zip(BANDS, map(by_name, ends), strict=True))
     measured = problem.records[record]
     return Prediction(
-        measured.times, named(rows), **bands, level=level, units=units, record=measured, failed=failed
+        measured.times, by_name(rows), **bands, level=level, units=units, record=measured, failed=failed
     )
 
 
@@ -171,7 +171,7 @@ def _by_slopes(fit: Fit, rows: Any, slopes: Any, noise: Any, level: float) -> li
     variance = np.einsum("...i,ij,...j", slopes, np.asarray(sensitivity.covariance()), slopes)
     seen, directions = np.asarray(sensitivity.seen_directions()), np.asarray(sensitivity.directions)
     if not seen.all():
-        # What no datum has seen may be anything, and with it all that depends on it.
+        # An unknown that no datum has seen may be anything, and with it all that depends on it.
         hidden = np.abs(slopes @ directions[~seen].T).max(axis=-1)
         lost = hidden > ACCURACY.part * np.linalg.norm(slopes, axis=-1)
         variance = np.where(lost, np.inf, variance)

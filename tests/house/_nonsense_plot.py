@@ -46,6 +46,7 @@ TARGETS = [
         {"system": arg(OSCILLATOR), "batch": arg(None, "none", "none of them", "mapping")},
         RUN.to_dataset,
     ),
+    Target(ss.Solution.to_dataframe, {"system": arg(OSCILLATOR)}, RUN.to_dataframe),
     Target(EventLog.to_dataframe, {"system": arg(OSCILLATOR)}, EVENTS.to_dataframe),
     Target(
         plot.motion,

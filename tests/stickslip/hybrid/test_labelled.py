@@ -73,6 +73,22 @@ def test_a_batch(batch):
     assert own.t.dims == own.x.dims == ("case", "row")
 
 
+def test_the_motion_as_a_table_has_a_row_for_each_time(run, batch):
+    """The dataset as a table had one for each time and event: 3,606 for 601."""
+    table = run.to_dataframe(BLOCK)
+    assert list(table.columns) == ["t", "mode", "x", "v"]
+    np.testing.assert_array_equal(table.t, TIMES)
+    np.testing.assert_array_equal(table.x, run.outputs.y.x)
+    assert table.attrs["units"] == {"t": "s", "x": "m", "v": "m/s"}
+    assert list(table["mode"][:7]) == ["stick"] * 6 + ["slip backward"]
+    both = batch.to_dataframe(BLOCK)
+    assert both.index.names == ["run", "row"]
+    np.testing.assert_array_equal(both.loc[1].v, batch.outputs.y.v[1])
+    ended = ss.simulate(BLOCK, 0.0, 1.0, Motion(x=0.0, v=0.2))
+    with pytest.raises(ValueError, match=r"outputs = None: it must be a run that kept states"):
+        ended.to_dataframe(BLOCK)
+
+
 def test_the_events_as_a_table(batch, run):
     table = run.events.to_dataframe(BLOCK)
     assert list(table.columns) == [
