@@ -157,7 +157,8 @@ def _run_one(name: str, experiments, options, out: pathlib.Path) -> bool:
     experiment = experiments[DEMO if name == "demo" else name]
     changes = list(options.changes)
     if name == "demo":
-        experiment = dataclasses.replace(experiment, name="demo")
+        title = "a block that sticks and slips on a belt, over the stiffness of its spring"
+        experiment = dataclasses.replace(experiment, name="demo", title=title)
         changes = ["converged_duration=0", "exponents=0", *changes]
     record = out / f"{experiment.name}.json"
     parameters = chosen(experiment, options.quick, changes)
@@ -186,6 +187,13 @@ def _run_one(name: str, experiments, options, out: pathlib.Path) -> bool:
     for path in files:
         print(f"  wrote {path}")
     print(f"  {time.monotonic() - begin:.1f} s")
+    if name == "demo":
+        data = next(path for path in files if path.suffix == ".nc")
+        print(
+            f"In the browser, with the motion behind every point:\n"
+            f"  .venv/bin/python -m stickslip view {data} --with experiments.block.view\n"
+            "Next: notebooks/getting_started.py, or `.venv/bin/python -m experiments --list`."
+        )
     return True
 
 

@@ -143,6 +143,10 @@ class RegularisedMechanism(_AbstractSmoothForm):
             found.append(_friction_under_load(self.mechanism, name, contact, smooth.force(u, load)))
         return found
 
+    def state(self, **values: Numeric) -> Any:
+        """A state by the names of its components, as that of the mechanism."""
+        return self.mechanism.state(**values)
+
     def bare(self, y: PyTree) -> Any:
         """The state itself."""
         return y

@@ -100,7 +100,10 @@ EXEMPT_METHODS = {
         "parts of the machine's vector field, called inside of its programs",
     ),
     **dict.fromkeys(
-        ("AbstractMechanism.bristles", "AbstractDeclaration.state", "CoreXY.state"),
+        (
+            "AbstractMechanism.bristles", "AbstractDeclaration.state", "CoreXY.state",
+            "RegularisedMechanism.state",
+        ),
         "has a template with the constructors",
     ),
     **dict.fromkeys(

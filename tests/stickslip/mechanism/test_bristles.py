@@ -175,7 +175,7 @@ def test_a_contact_that_loses_its_normal_force_ends_the_run_in_every_form(form):
     machine = Lifted(Coulomb(0.5), lambda t: 2.0)
     forms = {
         "itself": lambda: (machine, machine.state()),
-        "regularised": lambda: (machine.regularised(1e-2), machine.state()),
+        "regularised": lambda: (machine.regularised(1e-2), machine.regularised(1e-2).state()),
         "bristles": lambda: (
             machine.bristles(LuGre, sigma_0=1e2, sigma_1=10.0),
             machine.bristles(LuGre, sigma_0=1e2).start(machine.state()),
