@@ -190,16 +190,18 @@ class Fit(eqx.Module):
         r"""Wald interval of every estimate, `[*batch, 2]`, lower end first, in its own unit.
 
         $p \pm z\sigma$ with the quantile $z$ of the normal distribution and the standard error of the
-        linearised problem; infinite where the data do not see the unknown. Bounds have no say in it.
-        `profile` follows the curvature. **Arguments** `level`, above 0 and below 1.
+        linearised problem, cut off at the bounds of the unknown; infinite where the data do not see it
+        and no bound is there. `profile` follows the curvature. **Arguments** `level`, above 0 and
+        below 1.
         """
         width = jnp.sqrt(2.0) * jax.scipy.special.erfinv(jnp.asarray(level, jnp.float64))
         errors = self.standard_errors()
         ends = jnp.asarray([-1.0, 1.0]) * width
-        return {
-            name: jnp.expand_dims(value, -1) + ends * jnp.expand_dims(errors[name], -1)
-            for name, value in self.values.items()
-        }
+        found = {}
+        for name, (low, high) in zip(self.space.names, self.space.bounds, strict=True):
+            row = jnp.expand_dims(self.values[name], -1) + ends * jnp.expand_dims(errors[name], -1)
+            found[name] = jnp.clip(row, low, high)
+        return found
 
     def correlation(self) -> Float[Array, "*batch unknown unknown"]:
         """Correlation of the estimates, to first order; NaN for unknowns that the data do not see.

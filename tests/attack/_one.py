@@ -49,7 +49,8 @@ def smallest(structure: Structure, found: Finding, seconds: float) -> str:
     def wrong(s: Structure, n: Numbers) -> bool:
         return again(s, n, found.check).verdict == WRONG
 
-    s, n = shrunk(structure, found.numbers, wrong, seconds)
+    # In other units a machine with a number for its mass is another machine.
+    s, n = shrunk(structure, found.numbers, wrong, seconds, literals=found.check != "units")
     last = again(s, n, found.check)
     text = "\n".join("    " + line for line in script(s, n, TIMES).splitlines())
     return f"shrunk ({last.verdict}: {last.words}):\n{text}"

@@ -7,8 +7,11 @@ from dataclasses import replace
 from ._structure import Numbers, Structure, words
 
 
-def smaller(s: Structure, n: Numbers) -> Iterator[tuple[Structure, Numbers]]:
-    """Machines with one feature less, the coarse cuts first."""
+def smaller(s: Structure, n: Numbers, literals: bool = True) -> Iterator[tuple[Structure, Numbers]]:
+    """Machines with one feature less, the coarse cuts first.
+
+    `literals`: whether a mass or a force may become a number that is written down, and so has no unit.
+    """
     for c in s.coordinates:
         if len(s.coordinates) > 1:
             yield from _without(s, n, c)
@@ -25,7 +28,7 @@ def smaller(s: Structure, n: Numbers) -> Iterator[tuple[Structure, Numbers]]:
     for pair in s.mass:
         if pair[0] != pair[1]:
             yield replace(s, mass={p: x for p, x in s.mass.items() if p != pair}), n
-        elif s.mass[pair] != "1.0":
+        elif literals and s.mass[pair] != "1.0":
             yield replace(s, mass={**s.mass, pair: "1.0"}), n
     for i, c in enumerate(s.contacts):
         plainer = [replace(c, push=None), replace(c, opens=False, push=None), replace(c, surface=None)]
@@ -41,7 +44,7 @@ def smaller(s: Structure, n: Numbers) -> Iterator[tuple[Structure, Numbers]]:
                 yield replace(s, contacts=(*s.contacts[:i], new, *s.contacts[i + 1 :])), n
     for i, (c, term) in enumerate(s.forces):
         short = "1.0" if "t" not in words(term) else "sin(t)"
-        if len(term) > len(short) + 4:
+        if literals and len(term) > len(short) + 4:
             yield replace(s, forces=(*s.forces[:i], (c, short), *s.forces[i + 1 :])), n
     for name, p in s.parameters.items():
         if p.where != "field":
@@ -90,13 +93,14 @@ def _without(s: Structure, n: Numbers, gone: str) -> Iterator[tuple[Structure, N
 
 
 def shrunk(
-    structure: Structure, n: Numbers, wrong: Callable[[Structure, Numbers], bool], seconds: float
-) -> tuple[Structure, Numbers]:
-    """Take away while it stays wrong, for so many seconds of the processor."""
+    structure: Structure, n: Numbers, wrong: Callable[[Structure, Numbers], bool], seconds: float,
+    literals: bool = True,
+) -> tuple[Structure, Numbers]:  # fmt: skip
+    """Take away while it stays wrong, for so many seconds of the processor; see `smaller`."""
     end, again = time.process_time() + seconds, True
     while again:
         again = False
-        for s, m in smaller(structure, n):
+        for s, m in smaller(structure, n, literals):
             if time.process_time() > end:
                 return structure, n
             s = s.pruned()

