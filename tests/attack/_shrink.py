@@ -10,7 +10,8 @@ from ._structure import Numbers, Structure, words
 def smaller(s: Structure, n: Numbers, literals: bool = True) -> Iterator[tuple[Structure, Numbers]]:
     """Machines with one feature less, the coarse cuts first.
 
-    `literals`: whether a mass or a force may become a number that is written down, and so has no unit.
+    `literals`: whether a mass, a force or a law may become a number that is written down, and so has no
+    unit.
     """
     for c in s.coordinates:
         if len(s.coordinates) > 1:
@@ -32,11 +33,11 @@ def smaller(s: Structure, n: Numbers, literals: bool = True) -> Iterator[tuple[S
             yield replace(s, mass={**s.mass, pair: "1.0"}), n
     for i, c in enumerate(s.contacts):
         plainer = [replace(c, push=None), replace(c, opens=False, push=None), replace(c, surface=None)]
-        plainer.append(replace(c, normal=None, opens=False, push=None))
+        if literals:
+            plainer += [replace(c, normal=None, opens=False, push=None)]
         names = [x for x in s.parameters if x in words(c.law)]
-        plainer += [replace(c, law=f"Coulomb({x})") for x in names[:1]] + [
-            replace(c, law="Coulomb(1.0)")
-        ]
+        limits = [*names[:1], "1.0"] if literals else names[:1]
+        plainer += [replace(c, law=f"Coulomb({x})") for x in limits]
         if len(c.row) > 1:
             plainer += [replace(c, row={x: c.row[x]}) for x in c.row]
         for new in plainer:
