@@ -112,10 +112,10 @@ class AdaptiveStep(AbstractAdaptiveStep):
     `atol` is a number, a mapping from names of components or from units (`{"m": 1e-12, "m/s": 1e-9}`),
     or a pytree like the state. For `None`, the default, and for components that a mapping leaves out,
     the size of the motion itself takes its place: the error of a component stays below `rtol` times its
-    largest magnitude so far, but at least 1e-6 of that of the largest component of the same unit, and
-    above the rounding of the field. So lengths may be in metres or in nanometres. Components without a
-    stated unit, and integrals, are compared with all others. An `atol` above 1e-4 of a component's
-    motion is flagged (`Solution.flags`).
+    largest magnitude so far, but at least 1e-6 of that of the largest component of its kind, and above
+    the rounding of the field. So lengths may be in metres or in nanometres. A kind are coordinates and
+    velocities, or states of one unit; what has no stated unit is compared with all others. An `atol`
+    above 1e-4 of a component's motion is flagged (`Solution.flags`).
 
     After an accepted step of scaled error `E` the length is multiplied by `0.9 * E**(-1/k)`, kept
     within `[0.2, 10]`, where `k` is the order of the method (Hairer, Nørsett & Wanner II.4). `h0` [s]:
