@@ -73,7 +73,7 @@ def _raw(inputs, fixed, plan: Plan, capacities: Capacities) -> tuple[Smooth, Cou
         Counts(
             mode=lane.mode,
             status=count(lane.status),
-            flags=flags | flag(too_loose(plan.atols, plan.groups, _size(lane, y0)), COARSE),
+            flags=flags | flag(too_loose(plan.atols, plan.kinds, plan.noise, _size(lane, y0)), COARSE),
             flagged_at=flagged_at,
             flagged_guard=flagged_guard,
             sequence=lane.sequence,

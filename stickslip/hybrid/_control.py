@@ -79,7 +79,7 @@ def _begun(plan: Plan, h_free, h, y, dy, size):
     h_free, h, y, dy, size = jax.lax.stop_gradient((h_free, h, y, dy, size))
 
     def initial(y, dy, size, h_free):
-        scale = scales(rule.rtol, plan.atols, plan.groups, plan.noise, size, Ends(h, y, y, dy, dy))
+        scale = scales(rule.rtol, plan.atols, plan.kinds, plan.noise, size, Ends(h, y, y, dy, dy))
         first = rule.initial(y, dy, scale)
         first = jnp.where(jnp.isfinite(first), first, ACCURACY.first_step * plan.resolution)
         return jnp.where(h_free == 0, first, h_free)

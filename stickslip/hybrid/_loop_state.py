@@ -85,7 +85,7 @@ class Plan(eqx.Module):
     max_steps: int = eqx.field(static=True)
     has_outputs: bool = eqx.field(static=True)
     atols: tuple  # absolute tolerance of each leaf of the state; None: by the size of the motion
-    groups: tuple[str, ...] = eqx.field(static=True)  # of leaves that are measured by their largest
+    kinds: tuple[str, ...] = eqx.field(static=True)  # of leaves, each measured by its largest
     noise: Noise  # whose rounding no step can undercut
     watched: tuple[Watched, ...] = eqx.field(static=True)  # motions that an error may not see
     longest: Any  # while one of these moves evenly [s]

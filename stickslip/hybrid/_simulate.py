@@ -13,7 +13,7 @@ from .._types import Given, Mode, Numeric, Row
 from .._validation import check_at_least, check_count, check_flag, check_type, leaves_of, refusal
 from . import _solution as out
 from ._autodiff import core
-from ._component_groups import component_groups
+from ._component_kinds import component_kinds, sizes_driven
 from ._crossing import crossings as located
 from ._failure import raise_failures
 from ._loop_state import Plan
@@ -228,13 +228,19 @@ def _run(system, args, t0, t1, y0, mode0, ts, integrator, saveat, execute) -> tu
         system, problem, sections = bent, (bent, args), tuple(map(of_sided, sections))
     functions = event_functions(system, sections, t0, y0, y0, mode0, args)
     stepper = as_stepper(integrator.method, _rtol(rule))
-    atols, terms = (), y0  # no tolerances with fixed steps that solve nothing
+    atols, kinds, terms, sizes = (), (), y0, {}  # no tolerances with fixed steps that solve nothing
     if rule.adaptive or stepper.solves:
         atols = component_tolerances(rule.atol if rule.adaptive else None, y0, system.units)
+        kinds = component_kinds(system, y0)
     if rule.adaptive:
         rule = eqx.tree_at(lambda r: r.atol, rule, None, is_leaf=lambda a: a is None)
         if any(atol is None for atol in atols):
-            terms = cancelling(lambda t, y: system.vector_field(t, y, mode0, args), t0, y0)
+
+            def field(t, y):
+                return system.vector_field(t, y, mode0, args)
+
+            terms = cancelling(field, t0, y0)
+            sizes = sizes_driven(field, t0, y0, kinds, jnp.abs(t1 - t0))
     plan = Plan(
         stepper=stepper,
         step_size=jax.tree.map(lambda a: stop_gradient(jnp.asarray(a, jnp.float64)), rule),
@@ -245,8 +251,8 @@ def _run(system, args, t0, t1, y0, mode0, ts, integrator, saveat, execute) -> tu
         max_steps=integrator.max_steps,
         has_outputs=ts is not None,
         atols=atols,
-        groups=component_groups(system, y0) if atols else (),
-        noise=stop_gradient(Noise(jnp.maximum(jnp.abs(t0), jnp.abs(t1)), terms)),
+        kinds=kinds,
+        noise=stop_gradient(Noise(jnp.maximum(jnp.abs(t0), jnp.abs(t1)), terms, sizes)),
         watched=watched,
         longest=stop_gradient(longest),
         resolution=stop_gradient(ACCURACY.resolution * (t1 - t0)),

@@ -107,7 +107,7 @@ def _unit(plan: Plan, field, lane: Lane, h) -> list:
     noise = plan.noise._replace(terms=terms)
     rule: Any = plan.step_size
     rtol = rule.rtol if rule.adaptive else ACCURACY.solved
-    unit = scales(rtol, plan.atols, plan.groups, noise, size, Ends(h, y, y1, dy, dy))
+    unit = scales(rtol, plan.atols, plan.kinds, noise, size, Ends(h, y, y1, dy, dy))
     return jax.lax.stop_gradient(unit)
 
 
@@ -119,7 +119,7 @@ def _follow_size(plan: Plan, size, y):
 @bookkeeping
 def _scaled_error(plan: Plan, errors, surprise, noise, size, ends: Ends):
     rule: Any = plan.step_size  # an adaptive one: others estimate no error
-    scale = scales(rule.rtol, plan.atols, plan.groups, noise, size, ends)
+    scale = scales(rule.rtol, plan.atols, plan.kinds, noise, size, ends)
     unseen = None
     if surprise is not None:
         unseen = largest_surprise(surprise, scale, ends, rule.rtol)

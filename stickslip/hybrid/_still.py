@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ._loop_state import Plan
-from ._tolerance import least_sizes
+from ._tolerance import largest_of_kinds, least_sizes
 from .accuracy import ACCURACY
 
 
@@ -33,10 +33,11 @@ def too_still(
     mean_step = lasts / jnp.maximum(steps - ACCURACY.still_beginning, 1).astype(jnp.float64)
     terms = jax.tree.leaves(plan.noise.terms)
     leaves = [jax.tree.leaves(tree) for tree in (y0, y1, dy0, dy1, sizes, driven)]
+    least = least_sizes(plan.kinds, largest_of_kinds(plan.kinds, leaves[4]), plan.noise)
     still = jnp.ones_like(t) > 0
-    rows = zip(*leaves, plan.atols, least_sizes(plan.groups, leaves[4]), terms, strict=True)
-    for a, b, da, db, size, by_others, atol, least, term in rows:
-        seen = rule.rtol * jnp.maximum(size, least)
+    rows = zip(*leaves, plan.atols, least, terms, strict=True)
+    for a, b, da, db, size, by_others, atol, small, term in rows:
+        seen = rule.rtol * jnp.maximum(size, small)
         seen = ACCURACY.unseen_motion * (
             seen + (ACCURACY.few_roundings * term * mean_step if atol is None else atol)
         )

@@ -12,7 +12,8 @@ from .._validation import check_mapping, check_positive, leaves_of, refusal, sha
 from .accuracy import ACCURACY
 from .components import components_of
 
-MIXED, STILL = "no unit", "no motion"  # groups of components beside those of units
+# Kinds of components beside those of one unit: coordinates, velocities, all without a unit, numbers.
+COORDINATES, VELOCITIES, MIXED, STILL = "coordinates", "velocities", "mixed", "still"
 TOLERANCE = (
     "None, a positive number, a mapping from names of components or from units, or a pytree with the "
     "structure of the state"
@@ -78,21 +79,31 @@ def largest_magnitude(size: PyTree, y: PyTree) -> PyTree:
     return jax.tree.map(lambda s, a: jnp.maximum(s, jnp.abs(a)), size, y)
 
 
-def least_sizes(groups: tuple[str, ...], sizes: list) -> list:
-    """The least size of each leaf: a part of the largest number of its group.
-
-    Next to other groups hardly anything is small, as their units are others. But what begins like a
-    high power of the time has no digit at first, and has to end somewhere.
-    """
+def largest_of_kinds(kinds: tuple[str, ...], sizes: list) -> dict[str, Any]:
+    """The largest number of each kind; of what is `MIXED` that of all that moves."""
     most: dict[str, Any] = {}
-    for group, size in zip(groups, sizes, strict=True):
-        most[group] = jnp.maximum(most.get(group, ACCURACY.tiny), jnp.max(size))
-    every = functools.reduce(
-        jnp.maximum, [a for group, a in most.items() if group != STILL], ACCURACY.tiny
-    )
-    most[MIXED] = every
-    other = ACCURACY.smallest**5 * every
-    return [jnp.maximum(ACCURACY.smallest * most[group], other) for group in groups]
+    for kind, size in zip(kinds, sizes, strict=True):
+        most[kind] = jnp.maximum(most.get(kind, ACCURACY.tiny), jnp.max(size))
+    moves = [largest for kind, largest in most.items() if kind != STILL]
+    most[MIXED] = functools.reduce(jnp.maximum, moves, ACCURACY.tiny)
+    return most
+
+
+def least_sizes(kinds: tuple[str, ...], most: dict[str, Any], noise: "Noise") -> list:
+    """The least size of each leaf: a part of the largest number of its kind.
+
+    Coordinates and velocities are measured together: a velocity that a contact holds at rest may be
+    nothing but rounding. So may be a state of another kind that it drives: that is measured by what
+    the motion would drive in it. Next to other kinds hardly anything is small, as their units are
+    others; but what begins like a high power of the time has no digit at first, and has to end
+    somewhere.
+    """
+    places, rates = (most.get(kind, 0.0) for kind in (COORDINATES, VELOCITIES))
+    sizes = {**most, **dict.fromkeys((COORDINATES, VELOCITIES), jnp.maximum(places, rates))}
+    for kind, (by_places, by_rates) in noise.driven.items():
+        sizes[kind] = jnp.maximum(most[kind], by_places * places + by_rates * rates)
+    other = ACCURACY.smallest**5 * most[MIXED]
+    return [jnp.maximum(ACCURACY.smallest * sizes[kind], other) for kind in kinds]
 
 
 def generic(size: PyTree) -> PyTree:
@@ -117,6 +128,7 @@ class Noise(NamedTuple):
 
     time: Any  # largest time of the run [s]
     terms: PyTree  # terms that add up to the slope
+    driven: dict[str, tuple]  # sizes of other kinds under coordinates of 1, and under velocities of 1
 
 
 class Ends(NamedTuple):
@@ -130,12 +142,12 @@ class Ends(NamedTuple):
 
 
 def scales(
-    rtol: Any, atols: tuple, groups: tuple[str, ...], noise: Noise, size: PyTree, step: Ends
+    rtol: Any, atols: tuple, kinds: tuple[str, ...], noise: Noise, size: PyTree, step: Ends
 ) -> list:
     """Meaning of an error of 1 in each leaf: `atol + rtol max(|y0|, |y1|)`.
 
     Without an absolute tolerance, `rtol` times the largest magnitude so far, of the component itself
-    or of a part (`ACCURACY.smallest`) of the largest component of its group. Added to this are the
+    or of a part (`ACCURACY.smallest`) of the largest component of its kind. Added to this are the
     rounding of the field and the motion within the rounding of the time: a field that jumps where the
     state is still zero leaves an error of the size of the motion however short the step. The slope at
     the end of a longer step does not count: where a stiff motion explodes, it grows faster than the
@@ -146,9 +158,11 @@ def scales(
         jax.tree.leaves(tree) for tree in (size, step.y0, step.y1, noise.terms, step.dy0, step.dy1)
     ]
     moved = [jnp.maximum(s, jnp.abs(b)) for s, _, b, *_ in zip(*leaves, strict=True)]
+    most = largest_of_kinds(kinds, moved)
     found = []
     short = step.h <= ACCURACY.short * ACCURACY.few_roundings * noise.time
-    for atol, least, s, a, b, n, da, db in zip(atols, least_sizes(groups, moved), *leaves, strict=True):
+    rows = zip(atols, least_sizes(kinds, most, noise), *leaves, strict=True)
+    for atol, least, s, a, b, n, da, db in rows:
         here = jnp.maximum(jnp.abs(a), jnp.abs(b))
         if atol is None:
             here = jnp.maximum(jnp.maximum(s, here), least)
@@ -200,12 +214,13 @@ def largest_surprise(surprise: PyTree, scale: list, ends: Ends, rtol: Any) -> An
     return jnp.minimum(most, 1e70)
 
 
-def too_loose(atols: tuple, groups: tuple[str, ...], size: PyTree) -> Any:
+def too_loose(atols: tuple, kinds: tuple[str, ...], noise: Noise, size: PyTree) -> Any:
     """Whether an absolute tolerance is above the motion of a component that does move."""
     leaves = jax.tree.leaves(size) if atols else []
+    least = least_sizes(kinds, largest_of_kinds(kinds, leaves), noise) if leaves else []
     loose: Any = jnp.zeros((), bool)
-    for atol, least, s in zip(atols, least_sizes(groups, leaves), leaves, strict=True):
+    for atol, small, s in zip(atols, least, leaves, strict=True):
         if atol is not None:
             # A component that is rounding next to the others does not move.
-            loose = loose | jnp.any((s > 1e-8 * least) & (atol > ACCURACY.loose * s))
+            loose = loose | jnp.any((s > 1e-8 * small) & (atol > ACCURACY.loose * s))
     return loose

@@ -29,8 +29,8 @@ class Accuracy:
     # derivatives by time of a speed that is zero at the start: from rest under a rising load about a
     # lever of zero it grows as t^3
     highest_rate: int = 3
-    # [-] of the velocities: a contact said to stick that is faster than this slides; of the places:
-    # a stop said to be closed whose gap is larger is not met
+    # [-] of the terms of a sliding speed, or of a gap: a contact said to stick whose speed is larger
+    # slides, a stop said to be closed whose gap is larger is not met
     slides: float = 1e-6
     # [m/s, m] slower or closer than it is rounding at rest
     rests: float = 1e-12

@@ -182,31 +182,26 @@ def check_law(name: str, law: Any) -> None:
 def check_held(mechanism: Any, mode: int, found: Any) -> None:
     """Raise for a mode in which a contact sticks that slides, or a stop is closed that is not met.
 
-    It would be held at that speed, or there. `found`: states of contacts and stops; speeds of contacts
-    and stops, all velocities and speeds of surfaces; gaps of the stops, all places.
+    It would be held at that speed, or there. `found`: states, speeds and sizes of their terms, of
+    contacts and stops; gaps of the stops and sizes of their terms.
     """
     names, n = mechanism.names, len(mechanism.names.contacts)
-    m = n + len(names.stops)
-    states, motion = [float(s) for s in found[:m]], found[m:]
-    moves = 2 * m + len(names.velocities)  # how many of `motion` are speeds
-    fastest, farthest = (
-        max((float(np.max(np.abs(x), initial=0.0)) for x in part), default=0.0)
-        for part in (motion[:moves], motion[moves:])
-    )
-    for contact, s, speed in zip(names.contacts, states[:n], motion[:n], strict=True):
-        if s == 0.0 and np.any(np.abs(speed) > ACCURACY.slides * fastest + ACCURACY.rests):
+    m, k = n + len(mechanism.names.stops), len(mechanism.names.stops)
+    states, speeds, fastest, gaps, farthest = np.split(np.asarray(found), np.cumsum([m, m, m, k]))
+    moves = np.abs(speeds) > ACCURACY.slides * fastest + ACCURACY.rests
+    apart = np.abs(gaps) > ACCURACY.slides * farthest + ACCURACY.rests
+    given = mechanism.mode_names[mode]
+    for c, contact in enumerate(names.contacts):
+        if states[c] == 0.0 and moves[c]:
             allowed = f"a mode in which contact {contact!r} does not stick, or left out"
-            slides = f"and it slides at {float(speed):.6g}"
-            raise refusal("mode0", mechanism.mode_names[mode], allowed, but=slides)
-    stops = zip(names.stops, states[n:], motion[n:m], motion[moves:], strict=False)
-    for stop, s, rate, gap in stops:
+            raise refusal("mode0", given, allowed, but=f"and it slides at {speeds[c]:.6g}")
+    for c, stop in enumerate(names.stops):
         allowed = f"a mode in which stop {stop!r} is open, or left out"
-        if s == 0.0 and np.any(np.abs(gap) > ACCURACY.slides * farthest + ACCURACY.rests):
-            apart = f"and its gap is {float(gap):.6g}"
-            raise refusal("mode0", mechanism.mode_names[mode], allowed, but=apart)
-        if s == 0.0 and np.any(np.abs(rate) > ACCURACY.slides * fastest + ACCURACY.rests):
-            moves = f"and its gap changes at {float(rate):.6g}"
-            raise refusal("mode0", mechanism.mode_names[mode], allowed, but=moves)
+        if states[n + c] == 0.0 and apart[c]:
+            raise refusal("mode0", given, allowed, but=f"and its gap is {gaps[c]:.6g}")
+        if states[n + c] == 0.0 and moves[n + c]:
+            but = f"and its gap changes at {speeds[n + c]:.6g}"
+            raise refusal("mode0", given, allowed, but=but)
 
 
 def check_load(name: str, load: Any) -> None:

@@ -30,7 +30,7 @@ from ._modes import ModeNames
 from ._moment import touching
 from ._observables import AbstractWithObservables
 from ._rows import NumberRow
-from ._scalars import Mass
+from ._scalars import Mass, times, total
 from ._verbs import accelerations, guards, initial_states, transition
 
 
@@ -303,13 +303,21 @@ _compiled_loads = jit_by_code(_loads)
 
 
 def _held(machine: AbstractMechanism, t: Any, y: Any, mode: Any, args: Any) -> list[Any]:
-    """States of contacts and stops; sliding speeds of contacts and rates of gaps, velocities and
-    speeds of surfaces; gaps, places."""
-    at = machine.instant(t, y, args)
-    speeds, gaps = (*at.speeds, *at.v, *at.surfaces), [stop.stop.gap for stop in at.stops]
-    places = [x for x in at.q[: len(machine.names.coordinates)] if x is not None]
-    states = list(machine.states(mode))
-    return [jnp.asarray(x, jnp.float64) for x in (*states, *speeds, *gaps, *places)]
+    """States, speeds, and sizes of the terms of the speeds, of contacts and stops; gaps of the stops,
+    and sizes of their terms to first order.
+    """
+    at, states = machine.instant(t, y, args), list(machine.states(mode))
+    fastest = [
+        total(jnp.abs(times(n, x)) for n, x in zip(line, at.v, strict=True)) + jnp.abs(w)
+        for line, w in zip(at.directions, at.surfaces, strict=True)
+    ]
+    gaps, farthest = [stop.stop.gap for stop in at.stops], []
+    for gap, line in zip(gaps, at.directions[len(at.contacts) :], strict=True):
+        terms = [times(n, x) for n, x in zip(line, at.q, strict=False) if x is not None]
+        rest = jnp.abs(gap - total(terms))
+        farthest.append(total(jnp.abs(x) for x in terms) + rest)
+    found = (*states, *at.speeds, *fastest, *gaps, *farthest)
+    return [jnp.asarray(x, jnp.float64) for x in found]
 
 
 _compiled_held = jit_by_code(_held)

@@ -167,7 +167,9 @@ class Driven(AbstractMechanism):
         return {"x": self.force * (push * q.valve - part - 4.0 * part**3)}
 
     def rates(self, t, q, v, args):
-        return {"valve": (jnp.cos(t / self.time) - q.valve) / self.time}
+        # The fastest of all, so that it sets the steps.
+        opens = jnp.cos(3.0 * t / self.time) - q.valve - 5.0 * q.valve**3
+        return {"valve": 10.0 * opens / self.time}
 
     def time_scale(self, args):
         return self.time
@@ -189,6 +191,46 @@ def test_what_has_no_metre_does_not_loosen_what_has(units):
 
     ends = end(*jnp.asarray([(1.0, 1.0, 1.0), units]).T)
     np.testing.assert_allclose(ends[1], ends[0], atol=1e-11)
+
+
+class Circuit(AbstractMechanism):
+    """A carriage that feels nothing but the rounding of its force, its circuit, and a filter behind."""
+
+    length: Any
+    ampere: Any
+    coordinates: ClassVar = {"turn": "rad", "x": "m"}
+    first_order: ClassVar = {"current": "A", "filtered": "V", "heat": "K"}
+
+    def mass_matrix(self, q):
+        return {"turn": 1.0, "x": 1.0}
+
+    def forces(self, t, q, v, args):
+        c = self.length * jnp.cos(q.turn)
+        return {"turn": -q.turn, "x": 3.0 * c - (1.1 * c + 1.9 * c)}
+
+    def rates(self, t, q, v, args):
+        driven, volts = -0.5 * v.x * self.ampere / self.length, q.current / self.ampere
+        return {
+            "current": (driven - q.current) / 0.1, "filtered": (volts - q.filtered) / 0.1,
+            "heat": q.filtered,
+        }  # fmt: skip
+
+
+def test_what_follows_nothing_but_rounding_costs_no_steps():
+    """Measured by themselves alone the speed of `x`, its current or its filter ended the run."""
+
+    @jax.jit
+    @jax.vmap
+    def run(length, ampere):
+        machine = Circuit(length, ampere)
+        found = ss.simulate(machine, 0.0, 3.0, machine.state(turn=1.0), throw=False)
+        return found.successful, found.stats.num_attempts, found.y1.turn
+
+    units = jnp.asarray([(1.0, 1.0), (1e-12, 1.0), (1.0, 1e-12), (1e-6, 1e12)])
+    good, attempts, turn = run(*units.T)
+    assert np.all(good)
+    assert np.max(attempts) < 2000
+    np.testing.assert_allclose(turn, np.cos(3.0), atol=1e-9)
 
 
 class Swing(ss.AbstractSmoothSystem):

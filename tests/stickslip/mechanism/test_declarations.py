@@ -159,6 +159,14 @@ def test_a_mode_in_which_what_slides_would_stick():
     ball.check_mode(0.0, Motion(0.0, 0.0), 1, None)
 
 
+def test_a_fast_rotor_hides_no_sliding():
+    """Measured against all velocities, 0.01 beside 1e5 was rounding, and stuck."""
+    machine = declared()
+    with pytest.raises(ValueError, match=r"mode0 = 'stick', and it slides at 0\.01: "):
+        ss.simulate(machine, 0.0, 1.0, machine.state(v_x=1e-2, v_y=1e5), "stick")
+    ss.simulate(machine, 0.0, 1.0, machine.state(v_y=1e5), "stick")
+
+
 def test_laws_that_a_smooth_form_does_not_take():
     bristly = declared(contacts=pad(law=LuGre(Coulomb(1.0), 1e4)))
     with pytest.raises(DeclarationError, match=r"'pad'.*bristles\(\)"):
