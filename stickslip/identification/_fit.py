@@ -10,13 +10,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from .._argument_checks import check_arguments, instance, one_real
+from .._argument_checks import check_arguments, flag, instance, one_real
 from .._outcome import in_words
 from .._show import html_table, number
 from .._types import Given, Numeric
 from .._validation import check_type, is_concrete, refusal
 from ..hybrid.status import item_of
 from ._accuracy import ACCURACY
+from ._robust import robust_covariance
 from ._sensitivity import Sensitivity
 from ._unknowns import NamedValues, Space
 from ._write_fit import save_fit
@@ -64,9 +65,14 @@ class Fit(eqx.Module):
     - `code`: why the method stopped; `result` is the item of `RESULTS`, whose message says it.
     - `digest` of the data of a `Problem`, empty otherwise. `save(path)`; `load_fit(path)` reads it.
 
+    - `instants`: of a `Problem`, the number of the time at which each residual was measured, in the
+      `grid` of (records, times). Otherwise the residuals are taken as one series in their order.
+
     How well the estimates are known: `standard_errors`, `interval`, `covariance`, `correlation`, by the
     linearised problem, rows and columns in the order of `names`; `cost`, `reduced_chi_squared`,
-    `active_bounds`, `jacobian`.
+    `active_bounds`, `jacobian`. The first three trust the noise as stated. With `robust=True` they do
+    not: residuals may be larger than stated and hang together in time, as those of a model that is not
+    quite right do, and of filtered signals (`robust_covariance`).
     """
 
     values: dict[str, Float[Array, "*batch"]]
@@ -76,6 +82,8 @@ class Fit(eqx.Module):
     space: Space
     code: Int[Array, "*batch"]
     digest: str = eqx.field(static=True, default="")
+    instants: Int[Array, "*batch datum"] | None = None
+    grid: tuple[int, int] = eqx.field(static=True, default=(1, 0))
 
     def __str__(self) -> str:
         """Estimates with standard errors and units; of a batch, how many converged."""
@@ -84,39 +92,47 @@ class Fit(eqx.Module):
         if self.steps.ndim != 0:
             done, costs = np.asarray(self.successful), np.asarray(self.cost)
             return f"{done.size} fits, {done.sum()} converged, lowest cost {costs.min():.6g}"
-        errors, active = self.standard_errors(), self.active_bounds
+        poor, active = self._poor(), self.active_bounds
+        errors, stated = self.standard_errors(robust=poor), self.standard_errors()
         lines = []
         for name, unit in self.units.items():
             end = {0: "", -1: ", at its lower bound", 1: ", at its upper bound"}[int(active[name])]
             value = f"{float(self.values[name]):.6g} +- {float(errors[name]):.2g}"
-            lines.append(f"{name} = {value}{' ' * bool(unit)}{unit}{end}")
+            trusting = f" (by the stated noise {float(stated[name]):.2g})" if poor else ""
+            lines.append(f"{name} = {value}{' ' * bool(unit)}{unit}{trusting}{end}")
         message = RESULTS[self.result] or "converged"
         rows = np.size(self.data_residual)
         lines.append(
             f"{message} after {int(self.steps)} steps; reduced chi squared "
             f"{float(self.reduced_chi_squared):.4g} of {rows} residuals"
         )
-        if float(self.reduced_chi_squared) > ACCURACY.poor_fit:
+        if poor:
             lines.append(
                 "the residuals are far above their noise: another minimum (try more starts), another "
-                "model, or more noise than stated; the standard errors are those of the stated noise, "
-                f"too small by {float(self.reduced_chi_squared) ** 0.5:.2g} or more"
+                "model, or more noise than stated; the standard errors are robust ones, which see how "
+                "large the residuals are and how long they hang together, and no error of the model"
             )
         return "\n".join(lines)
+
+    def _poor(self) -> bool:
+        """Whether the residuals of one fit, which is known, are far above their noise."""
+        return float(self.reduced_chi_squared) > ACCURACY.poor_fit
 
     __repr__ = __str__
 
     def _repr_html_(self) -> str:
         if not is_concrete(self) or self.steps.ndim != 0:
             return html_table(str(self), (), ())
-        errors, active = self.standard_errors(), self.active_bounds
+        errors, active = self.standard_errors(robust=self._poor()), self.active_bounds
         ends = {0: "", -1: "lower", 1: "upper"}
         rows = []
         for name, unit in self.units.items():
             value, error = number(self.values[name]), f"{float(errors[name]):.2g}"
             rows.append((name, value, error, unit, ends[int(active[name])]))
-        head = ("unknown", "estimate", "standard error", "unit", "at its bound")
-        return html_table(str(self).rpartition("\n")[2], head, rows)
+        kind = "robust standard error" if self._poor() else "standard error"
+        head = ("unknown", "estimate", kind, "unit", "at its bound")
+        said = str(self).split("\n")[len(rows) :]
+        return html_table("; ".join(said), head, rows)
 
     def save(self, path: Given[str | os.PathLike]) -> pathlib.Path:
         """Write the fit to a netCDF file, whole or not at all, from which `load_fit` reads it.
@@ -179,23 +195,27 @@ class Fit(eqx.Module):
         r"""$\|r\|^2/(n - p)$ of $n$ residuals and $p$ unknowns; near 1 if the noise is as assumed."""
         return 2.0 * self.cost / (self.residual.shape[-1] - len(self.sensitivity.names))
 
-    def standard_errors(self) -> NamedValues:
-        """Standard error of every estimate, in its own unit; infinite if the data do not see it."""
-        relative = self.sensitivity.relative_standard_errors()
+    @check_arguments(robust=flag)
+    def standard_errors(self, robust: bool = False) -> NamedValues:
+        """Standard error of every estimate, in its own unit; infinite if the data do not see it.
+
+        **Arguments:** `robust`, whether without trust in the stated noise.
+        """
+        relative = self.sensitivity.errors_of(self._of_coordinates(robust))
         slopes = jnp.abs(self.slopes)
         return {name: relative[name] * slopes[..., i] for i, name in enumerate(relative)}
 
-    @check_arguments(level=probability)
-    def interval(self, level: Numeric = 0.95) -> NamedValues:
+    @check_arguments(level=probability, robust=flag)
+    def interval(self, level: Numeric = 0.95, robust: bool = False) -> NamedValues:
         r"""Wald interval of every estimate, `[*batch, 2]`, lower end first, in its own unit.
 
         $p \pm z\sigma$ with the quantile $z$ of the normal distribution and the standard error of the
         linearised problem, cut off at the bounds of the unknown; infinite where the data do not see it
         and no bound is there. `profile` follows the curvature. **Arguments** `level`, above 0 and
-        below 1.
+        below 1; `robust` as for `standard_errors`.
         """
         width = jnp.sqrt(2.0) * jax.scipy.special.erfinv(jnp.asarray(level, jnp.float64))
-        errors = self.standard_errors()
+        errors = self.standard_errors(robust)
         ends = jnp.asarray([-1.0, 1.0]) * width
         found = {}
         for name, (low, high) in zip(self.space.names, self.space.bounds, strict=True):
@@ -214,13 +234,32 @@ class Fit(eqx.Module):
         size = jnp.sqrt(jnp.where(seen & (variance > 0), variance, jnp.nan))
         return matrix / size[..., :, None] / size[..., None, :]
 
-    def covariance(self) -> Float[Array, "*batch unknown unknown"]:
+    @check_arguments(robust=flag)
+    def covariance(self, robust: bool = False) -> Float[Array, "*batch unknown unknown"]:
         """Covariance of the values, to first order; combinations not seen are left out of it.
 
-        Rows and columns are in the order of `names`.
+        Rows and columns are in the order of `names`. **Arguments:** `robust` as for `standard_errors`.
         """
         slopes = self.slopes
-        return slopes[..., :, None] * self.sensitivity.covariance() * slopes[..., None, :]
+        return slopes[..., :, None] * self._of_coordinates(robust) * slopes[..., None, :]
+
+    def _of_coordinates(self, robust: bool) -> Any:
+        """Covariance of the coordinates in which the methods work."""
+        bread, priors = self.sensitivity.covariance(), self.space.num_priors
+        if not robust:
+            return bread
+        instants, grid = self.instants, self.grid
+        if instants is None:
+            rows = self.residual.shape[-1] - priors
+            instants, grid = jnp.arange(rows), (1, rows)
+        instants = jnp.broadcast_to(instants, (*self.steps.shape, instants.shape[-1]))
+
+        def one(bread, matrix, residual, instants):
+            return robust_covariance(bread, matrix, residual, priors, instants, grid)
+
+        for _ in self.steps.shape:
+            one = jax.vmap(one)
+        return one(bread, self.sensitivity.matrix, self.residual, instants)
 
 
 def one_fit(owner: Any, name: str, value: Any) -> Any:

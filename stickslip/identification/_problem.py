@@ -349,10 +349,15 @@ class Problem:
         return fit.values
 
     def _told(self, fit: Fit, taken: int | np.ndarray) -> Fit:
-        """With the steps that were taken before, and the digest of the data."""
+        """With the steps that were taken before, the digest of the data and when they were taken."""
         steps = fit.steps + jnp.asarray(taken, jnp.int32)
         digest = self.digest if is_concrete(self._data) else ""
-        return dataclasses.replace(fit, steps=steps, digest=digest)
+        records, observed, times = self._data.present.shape
+        instants = self._data.keep // (observed * times) * times + self._data.keep % times
+        instants = jnp.broadcast_to(instants, (*steps.shape, instants.size))
+        return dataclasses.replace(
+            fit, steps=steps, digest=digest, instants=instants, grid=(records, times)
+        )
 
     def _compare_stamps(self, unknowns: dict[str, Any]) -> None:
         """A word on stamps that are out of proportion to the model."""

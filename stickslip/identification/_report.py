@@ -55,15 +55,16 @@ class Report:
 
     def rows(self) -> list[list[str]]:
         """The table of estimates, its head first."""
-        head = ["unknown", "estimate", "unit", "standard error", "Wald 95%"]
+        head = ["unknown", "estimate", "unit", "standard error", "robust error", "Wald 95%"]
         profile = self.profile
         if profile is not None:
             head += [f"profile {100 * float(profile.level):g}%", "verdict"]
         table = [[*head, "bound"]]
         errors, wald = self.fit.standard_errors(), self.fit.interval()
+        robust = self.fit.standard_errors(robust=True)
         for name, unit in self.fit.units.items():
             value, error = float(self.fit.values[name]), float(errors[name])
-            row = [name, f"{value:.6g}", unit or "-", f"{error:.3g}"]
+            row = [name, f"{value:.6g}", unit or "-", f"{error:.3g}", f"{float(robust[name]):.3g}"]
             low, high = map(float, wald[name])
             row += [f"{low:.6g} to {high:.6g}" if np.isfinite(error) else "none"]
             if profile is not None:
@@ -103,8 +104,10 @@ class Report:
             )
         if float(fit.reduced_chi_squared) > ACCURACY.poor_fit:
             said.append(
-                "The residuals are far above their noise: intervals and verdicts hold for this minimum "
-                "alone. Try more starts, another model, or more noise."
+                "The residuals are far above their noise: standard errors, intervals and verdicts are too "
+                "narrow, as they trust it. Robust errors see how large the residuals are and how long "
+                "they hang together, and no error of the model. Try more starts, another model, or more "
+                "noise."
             )
         hidden = [f"What the data see: {s}." for s in self.hidden]
         said += hidden or ["The data see all unknowns, to first order."]
@@ -142,10 +145,11 @@ class Report:
         """Everything with labels: dimensions `unknown`, `other` unknown, `side`, `point`, `series`,
         `lag`, `record`."""
         fit, names = self.fit, list(self.fit.names)
-        errors = fit.standard_errors()
+        errors, robust = fit.standard_errors(), fit.standard_errors(robust=True)
         data: dict[str, Any] = {
             "estimate": ("unknown", [float(fit.values[n]) for n in names]),
             "standard_error": ("unknown", [float(errors[n]) for n in names]),
+            "robust_error": ("unknown", [float(robust[n]) for n in names]),
             "unit": ("unknown", list(fit.units.values())),
             "active_bound": ("unknown", [int(fit.active_bounds[n]) for n in names]),
             "correlation": (("unknown", "other"), self.correlation),

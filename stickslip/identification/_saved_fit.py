@@ -57,6 +57,8 @@ def _fit_of(data: "xr.Dataset") -> Fit:
         {name: array(VALUE + name) for name in names}, array("residual"), sensitivity, array("steps"),
         Space(names, bounds, units, stated, tuple(scales), tuple(priors)), jnp.asarray(code),
         digest=str(data.attrs["digest"]),
+        instants=array("instants") if "instants" in data else None,
+        grid=_tuples(json.loads(data.attrs["grid"])),
     )  # fmt: skip
 
 

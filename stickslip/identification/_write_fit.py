@@ -16,7 +16,7 @@ from .._version import __version__
 if TYPE_CHECKING:
     import xarray as xr
 
-FORMAT = "stickslip fit 1"
+FORMAT = "stickslip fit 2"
 STATIC = ("names", "bounds", "units", "stated")  # of the space of the unknowns
 VALUE, SCALE = "value of ", "scale of "
 
@@ -31,6 +31,8 @@ def save_fit(fit: Any, codes: tuple[str, ...], path: Given[str | os.PathLike]) -
         "singular_values": (("direction",), sensitivity.singular_values),
         "directions": (("direction", "unknown"), sensitivity.directions),
     }  # fmt: skip
+    if fit.instants is not None:
+        columns["instants"] = ("datum",), fit.instants
     columns |= {VALUE + name: ((), value) for name, value in fit.values.items()}
     columns |= {
         SCALE + n: ((), a) for n, a in zip(space.names, space.scales, strict=True) if a is not None
@@ -39,6 +41,7 @@ def save_fit(fit: Any, codes: tuple[str, ...], path: Given[str | os.PathLike]) -
     priors = [None if p is None else [float(p.mean), float(p.sd)] for p in space.priors]
     attributes |= {
         "priors": json.dumps(priors), "digest": fit.digest, "codes": json.dumps(codes),
+        "grid": json.dumps(fit.grid),
         "versions": json.dumps({"stickslip": __version__, "jax": jax.__version__}),
     }  # fmt: skip
     return write_netcdf(_dataset(columns, fit.units, attributes), path, FORMAT)
