@@ -130,8 +130,7 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
         data[f"{name}_computed"] = ("time", np.asarray(seen.observed[name]), units[name])
     if intervals is not None:
         data["lower"], data["upper"] = (
-            ("unknown", [float(side[intervals.names.index(n)]) for n in names])
-            for side in (intervals.lower, intervals.upper)
+            ("unknown", [float(side[n]) for n in names]) for side in (intervals.lower, intervals.upper)
         )
     return xr.Dataset(
         data, {"unknown": list(names), "time": ("time", log.times, {"units": "s"})},

@@ -32,26 +32,10 @@ from ._slider import LAWS, SIGMA, STARTS, problem
 
 WANTED, WITHIN = Measured.ROCK, Measured.ROCK_WITHIN
 METHOD = LevenbergMarquardt(max_steps=100)
-CORRELATED = 0.5  # so long the residuals are correlated with themselves [s]
 HELD = 20.0  # what comes later than this after the step is predicted, in one more fit [s]
 LAGS = 50
 PAIR = ("a", "b")
 MICRO = 1e6  # µm in a metre
-
-
-def correlated_covariance(jacobian: np.ndarray, residual: np.ndarray, time: np.ndarray) -> np.ndarray:
-    """Covariance of estimates under noise that is correlated up to `CORRELATED`: that of the score by
-    the residuals themselves, with weights that fall to zero (Newey and West, Econometrica 55, 1987)."""
-    rows = jacobian * residual[:, None]
-    middle = rows.T @ rows
-    for lag in range(1, residual.size):
-        weight = np.maximum(1.0 - (time[lag:] - time[:-lag]) / CORRELATED, 0.0)
-        if not weight.any():
-            break
-        both = (weight[:, None] * rows[lag:]).T @ rows[:-lag]
-        middle = middle + both + both.T
-    inverse = np.linalg.inv(jacobian.T @ jacobian)
-    return inverse @ middle @ inverse
 
 
 def fits_of(task: Any, parameters: dict[str, Any]) -> list[Fit]:
@@ -102,7 +86,7 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
         name: (("law", *dims), np.array([tables[law][name] for law in LAWS]))
         for name, dims in (
             ("estimate", ("unknown",)), ("wald", ("unknown", "end")), ("profile", ("unknown", "end")),
-            ("covariance", ("unknown", "other")), ("correlated_covariance", ("unknown", "other")),
+            ("covariance", ("unknown", "other")), ("robust_covariance", ("unknown", "other")),
         )
     } | {
         "apart": ("law", list(apart.values())),
@@ -135,11 +119,10 @@ def _table(task: Any, fit: Fit, time: np.ndarray, profiled: bool) -> dict[str, n
     ends = np.full((len(names), 2), np.nan)
     if profiled:
         found = profile(task.residual_function, fit)
-        ends = np.stack([np.asarray(found.lower), np.asarray(found.upper)], axis=1)
-    correlated = correlated_covariance(np.asarray(fit.jacobian), np.asarray(fit.residual), time)
+        ends = np.array([[float(found.lower[name]), float(found.upper[name])] for name in names])
     return {
         "estimate": values, "wald": wald, "profile": ends, "covariance": np.asarray(fit.covariance()),
-        "correlated_covariance": correlated,
+        "robust_covariance": np.asarray(fit.covariance(robust=True)),
     }  # fmt: skip
 
 
@@ -161,7 +144,7 @@ def draw(data: xr.Dataset) -> Figure:
         row = data.sel(law=law)
         centre = row.estimate.sel(unknown=list(PAIR)).values
         for name, style, said in (
-            ("covariance", "-", "white noise"), ("correlated_covariance", "--", "noise as it is"),
+            ("covariance", "-", "white noise"), ("robust_covariance", "--", "noise as it is"),
         ):  # fmt: skip
             square = row[name].sel(unknown=list(PAIR), other=list(PAIR)).values
             ring = centre[:, None] + np.linalg.cholesky(square) @ circle
@@ -205,14 +188,14 @@ def _correlation(data: xr.Dataset, law: str) -> float:
 
 def _inflated(data: xr.Dataset) -> dict[str, float]:
     """By law, the variance of a under the noise as it is over that under white noise."""
-    both = ("correlated_covariance", "covariance")
+    both = ("robust_covariance", "covariance")
     real, white = ({law: _block(data, law, name)[0, 0] for law in LAWS} for name in both)
     return {law: float(real[law] / white[law]) for law in LAWS}
 
 
 def _surplus(data: xr.Dataset, law: str) -> tuple[float, float]:
     """b - a with its standard error."""
-    square = _block(data, law, "correlated_covariance")
+    square = _block(data, law, "robust_covariance")
     error = np.sqrt(square[0, 0] + square[1, 1] - 2.0 * square[0, 1])
     return _pair(data, law)["b"] - _pair(data, law)["a"], float(error)
 
@@ -235,7 +218,7 @@ def ageing_law_as_published(data: xr.Dataset) -> Verdict:
 
     def listed(law: str) -> str:
         white, real = (
-            np.sqrt(np.diag(_block(data, law, n))) for n in ("covariance", "correlated_covariance")
+            np.sqrt(np.diag(_block(data, law, n))) for n in ("covariance", "robust_covariance")
         )
         return f"{law}: " + ", ".join(
             f"{n} = {v:.5f} +- {w:.5f} (noise as it is {r:.5f})"

@@ -30,6 +30,7 @@ from stickslip.identification import (
 
 from ..corexy._input import Input
 from ._many import Case
+from .coverage import PROFILED
 
 NAMES = tuple(sorted(cx.FITTED_PARAMETERS))
 BELTS = ("mu_1k_b", "mu_2k_b")
@@ -294,7 +295,8 @@ class Search:
         the sum of squares, where a slip more or less begins, as at a minimum."""
         found, rounds = _profile(fit, *self.data, kept(1.0)), 1
         while self._doubtful(fit, found) and rounds <= AGAIN:
-            points = np.asarray(found.others).reshape(-1, len(NAMES))
+            every = found.others.values()
+            points = np.stack([np.ravel([others[n] for others in every]) for n in NAMES], axis=-1)
             points = points[np.isfinite(points).all(axis=1)]
             rows = np.concatenate([self._drawn_around(fit), points])
             sets: list[dict[str, Any]] = [dict(zip(NAMES, row, strict=True)) for row in rows]
@@ -312,7 +314,9 @@ class Search:
     def _doubtful(self, fit: Fit, found: Profile) -> bool:
         at_noise = 2.0 * float(fit.cost) <= self.limit
         lower = float(found.fall) > LOWER
-        return at_noise and (lower or bool((np.asarray(found.verdict) == UNDECIDED).any()))
+        return at_noise and (
+            lower or bool((np.asarray(list(found.verdict.values())) == UNDECIDED).any())
+        )
 
     def _drawn_around(self, fit: Fit) -> np.ndarray:
         """Values as likely as a Wald interval says, none further than a factor e from the fit."""
@@ -352,11 +356,9 @@ def one(parameters: dict[str, Any], number: int) -> Case:
     return {
         "truth": [truth[name] for name in NAMES],
         "machine": [known[name] for name in KNOWN],
-        "estimate": found.estimate, "error": [float(errors[name]) for name in NAMES],
-        "lower": found.lower, "upper": found.upper,
-        "wald_lower": found.wald_lower, "wald_upper": found.wald_upper,
-        "verdict": found.verdict, "ends": found.ends, "fall": found.fall,
-        "evaluations": found.evaluations, "successful": best.successful,
+        "error": [float(errors[name]) for name in NAMES],
+        **{key: [getattr(found, key)[name] for name in NAMES] for key in (*PROFILED, "evaluations")},
+        "fall": found.fall, "successful": best.successful,
         "least": 2.0 * float(best.cost), "limit": search.limit, "starts": search.tried,
         "rounds": rounds,
         "of_start": search.costs,

@@ -27,6 +27,7 @@ from .._statement import Verdict, judge_all, statement
 from .._thresholds import COVERED, Synthetic
 from ._many import Case, covered, many
 
+PROFILED = ("estimate", "lower", "upper", "wald_lower", "wald_upper", "verdict", "ends")
 NAMES = ("belt_speed", "kinetic_force", "static_force", "stiffness")
 LABELS = {
     "belt_speed": "$v_b$", "kinetic_force": "$F_k$", "static_force": "$F_s$", "stiffness": "$k$",
@@ -122,10 +123,9 @@ def one(parameters: dict[str, Any], number: int) -> Case:
     least = float(np.sum(np.asarray(best.residual) ** 2))
     return {
         "truth": [truth[name] for name in NAMES],
-        "estimate": found.estimate, "lower": found.lower, "upper": found.upper,
-        "wald_lower": found.wald_lower, "wald_upper": found.wald_upper,
-        "verdict": found.verdict, "ends": found.ends, "fall": found.fall,
-        "evaluations": found.evaluations.sum(), "successful": best.successful,
+        **{key: [getattr(found, key)[name] for name in NAMES] for key in PROFILED},
+        "fall": found.fall, "evaluations": np.sum(list(found.evaluations.values())),
+        "successful": best.successful,
         "least": least, "starts": tried, "noise": sigma / give(truth),
         "excess": float(np.sum(np.asarray(_rows(truth, *given)) ** 2)) - least,
     }  # fmt: skip

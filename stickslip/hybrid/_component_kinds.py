@@ -36,7 +36,11 @@ def component_kinds(system: AbstractHybridSystem, y: PyTree) -> tuple[str, ...]:
             VELOCITIES if unit.endswith("/s") else COORDINATES if per_second(unit) in stated else unit
         )
 
-    return tuple(map(kind, units, jax.tree.leaves(_counts(y))))
+    kinds = tuple(map(kind, units, jax.tree.leaves(_counts(y))))
+    if {*kinds} <= {COORDINATES, VELOCITIES, MIXED, STILL}:
+        # Measured together, they need not be told apart: less to compute at every step.
+        return tuple(COORDINATES if kind == VELOCITIES else kind for kind in kinds)
+    return kinds
 
 
 def sizes_driven(

@@ -102,6 +102,8 @@ def least_sizes(kinds: tuple[str, ...], most: dict[str, Any], noise: "Noise") ->
     sizes = {**most, **dict.fromkeys((COORDINATES, VELOCITIES), jnp.maximum(places, rates))}
     for kind, (by_places, by_rates) in noise.driven.items():
         sizes[kind] = jnp.maximum(most[kind], by_places * places + by_rates * rates)
+    if len({*kinds} - {STILL}) == 1:
+        return [ACCURACY.smallest * sizes[kind] for kind in kinds]
     other = ACCURACY.smallest**5 * most[MIXED]
     return [jnp.maximum(ACCURACY.smallest * sizes[kind], other) for kind in kinds]
 

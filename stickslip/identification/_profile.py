@@ -5,7 +5,6 @@ from typing import Any
 
 import equinox as eqx
 import jax
-import jax.core
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
@@ -13,7 +12,7 @@ from jaxtyping import Array, Float, Int
 from .._argument_checks import callable_as, check_arguments, count, instance
 from .._compiled_once import compiled_once
 from .._types import Given, Named
-from .._validation import check_count, check_mapping, check_that, is_concrete, refusal
+from .._validation import check_in, check_mapping, check_that, is_concrete, refusal
 from ._accuracy import ACCURACY
 from ._evaluate import with_operands
 from ._fit import Fit, probability
@@ -33,69 +32,67 @@ class Profile(eqx.Module):
     held at $p$, the interval is where $\Delta$ stays below the quantile `level` of $\chi^2$ with one
     degree of freedom.
 
-    - `names` profiled, in alphabetical order; `level`.
+    - `names` profiled, in alphabetical order; `level`. All that follows is by name.
     - `estimate`, `lower`, `upper`, and `wald_lower`, `wald_upper` by the linearised problem, infinite
-      where it does not see the unknown: `[unknown]`, in its unit; `intervals` has them by name. Where
-      the profile stays below the level, the end is where the search stopped.
-    - `ends`, `[unknown, side]`, lower side first: 0 found, 1 stays below the level up to the limit,
-      2 a jump of the profile or the edge of where the model runs, 3 not found within the `max_steps` of
-      `profile`. At 2 and 3 the end is the farthest point found below the level, at which the profile is
-      no higher: to a part in 1e6 of the distance for 2, in 100 where the steps ran out.
+      where it does not see the unknown, each in its unit: `found.lower["mass"]`. Where the profile
+      stays below the level, the end is where the search stopped.
+    - `ends`, `[side]`, lower side first: 0 found, 1 stays below the level up to the limit, 2 a jump of
+      the profile or the edge of where the model runs, 3 not found within the `max_steps` of `profile`.
+      At 2 and 3 the end is the farthest point found below the level, at which the profile is no
+      higher: to a part in 1e6 of the distance for 2, in 100 where the steps ran out.
     - `verdict`: 0 identifiable, 1 practically not, as the profile stays below on one or both sides,
       2 structurally not, as it is flat or the linearised problem does not see it, 3 not decided.
-    - `values`, `rises` $\Delta$, `[unknown, side, point]`: the profile, NaN past its last point;
-      `others`, `[unknown, side, point, all unknowns]`: all there, in the order of `all_names`.
+    - `values`, `rises` $\Delta$, `[side, point]`: the profile, NaN past its last point; `others`,
+      by name of every unknown, `[side, point]`: all there.
     - `fall`: how far below the fit's the least $\|r\|^2$ lies that was found on the way; above the
       level the fit was at another minimum.
-    - `evaluations` of residual and Jacobian, `[unknown, side]`.
+    - `evaluations` of residual and Jacobian, `[side]`.
     """
 
-    names: tuple[str, ...] = eqx.field(static=True)
-    all_names: tuple[str, ...] = eqx.field(static=True)
     level: Float[Array, "*batch"]
-    estimate: Float[Array, "*batch unknown"]
-    lower: Float[Array, "*batch unknown"]
-    upper: Float[Array, "*batch unknown"]
-    wald_lower: Float[Array, "*batch unknown"]
-    wald_upper: Float[Array, "*batch unknown"]
-    ends: Int[Array, "*batch unknown 2"]
-    verdict: Int[Array, "*batch unknown"]
-    values: Float[Array, "*batch unknown 2 point"]
-    rises: Float[Array, "*batch unknown 2 point"]
-    others: Float[Array, "*batch unknown 2 point every"]
+    estimate: NamedValues
+    lower: NamedValues
+    upper: NamedValues
+    wald_lower: NamedValues
+    wald_upper: NamedValues
+    ends: dict[str, Int[Array, "*batch 2"]]
+    verdict: dict[str, Int[Array, "*batch"]]
+    values: dict[str, Float[Array, "*batch 2 point"]]
+    rises: dict[str, Float[Array, "*batch 2 point"]]
+    others: dict[str, dict[str, Float[Array, "*batch 2 point"]]]
     fall: Float[Array, "*batch"]
-    evaluations: Int[Array, "*batch unknown 2"]
+    evaluations: dict[str, Int[Array, "*batch 2"]]
 
     @property
-    def intervals(self) -> NamedValues:
-        """By name the ends of the interval."""
-        return {name: (self.lower[..., i], self.upper[..., i]) for i, name in enumerate(self.names)}
+    def names(self) -> tuple[str, ...]:
+        """The unknowns profiled, in alphabetical order."""
+        return tuple(sorted(self.lower))
 
     @property
     def verdicts(self) -> dict[str, str]:
         """By name the verdict, in words; of one profile that is known, not traced."""
-        if not is_concrete(self.verdict) or self.verdict.ndim != 1:
+        if not is_concrete(self.verdict) or self.level.ndim != 0:
             raise refusal("verdict", self.verdict, "that of one profile, known")
-        return {name: VERDICTS[int(self.verdict[i])] for i, name in enumerate(self.names)}
+        return {name: VERDICTS[int(self.verdict[name])] for name in self.names}
 
     def __str__(self) -> str:
-        if isinstance(self.verdict, jax.core.Tracer) or self.verdict.ndim != 1:
-            return f"Profile(batch of shape {self.verdict.shape[:-1]})"
+        if not is_concrete(self.level) or self.level.ndim != 0:
+            return f"Profile(of shape {self.level.shape})"
         part = f"{100 * float(self.level):g}%"
         lines = []
-        for i, name in enumerate(self.names):
-            low, high = self.ends_in_words(i)
-            middle = float(self.estimate[i])
+        for name in self.names:
+            low, high = self.ends_in_words(name)
+            middle = float(self.estimate[name])
             lines.append(f"{name} = {middle:.6g}, {part} from {low} to {high}: {self.verdicts[name]}")
         return "\n".join(lines)
 
     __repr__ = __str__
 
-    def ends_in_words(self, row: int) -> tuple[str, str]:
+    def ends_in_words(self, name: str) -> tuple[str, str]:
         """Both ends of an interval, with a sign where the profile stays below the level beyond."""
-        check_count("row", row, 0, len(self.names) - 1)
-        ends = [int(end) == BELOW for end in self.ends[row]]
-        low, high = float(self.lower[row]), float(self.upper[row])
+        check_in("name", name, self.names)
+        ends = [int(end) == BELOW for end in self.ends[name]]
+        low, high = float(self.lower[name]), float(self.upper[name])
         return f"{'<' if ends[0] else ''}{low:.6g}", f"{'>' if ends[1] else ''}{high:.6g}"
 
 
@@ -127,7 +124,7 @@ def profile(
     >>> found = profile(residual, fit)
     >>> found.verdicts["a"], found.verdicts["c"]
     ('structurally not identifiable', 'identifiable')
-    >>> print(f"{float(found.lower[2]):.6f} {float(found.upper[2]):.6f}")
+    >>> print(f"{float(found.lower['c']):.6f} {float(found.upper['c']):.6f}")
     3.020018 4.979982
 
     **Arguments**
@@ -276,8 +273,14 @@ def _profile_of(
     )
     least = jnp.min(jnp.where(jnp.isfinite(rises), rises, jnp.inf))
     fall = 2.0 * cost - 2.0 * jnp.min(sides.least) - jnp.minimum(least, 0.0)
+
+    def by_name(rows):
+        return {name: rows[i] for i, name in enumerate(names)}
+
+    wald_lower, wald_upper = by_name(estimate - wide), by_name(estimate + wide)
     return Profile(
-        names, space.names, level, estimate, found[:, 0], found[:, 1],
-        estimate - wide, estimate + wide, status, verdict, values_of_own(points), rises,
-        jnp.stack([every[name] for name in space.names], axis=-1), fall, evaluations,
+        level, by_name(estimate), by_name(found[:, 0]), by_name(found[:, 1]), wald_lower, wald_upper,
+        by_name(status), by_name(verdict), by_name(values_of_own(points)), by_name(rises),
+        {name: {other: a[i] for other, a in every.items()} for i, name in enumerate(names)}, fall,
+        by_name(evaluations),
     )  # fmt: skip

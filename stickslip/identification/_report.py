@@ -69,8 +69,7 @@ class Report:
             row += [f"{low:.6g} to {high:.6g}" if np.isfinite(error) else "none"]
             if profile is not None:
                 known = name in profile.names
-                at = profile.names.index(name) if known else 0
-                row += [" to ".join(profile.ends_in_words(at)) if known else "not asked for"]
+                row += [" to ".join(profile.ends_in_words(name)) if known else "not asked for"]
                 row += [profile.verdicts[name] if known else ""]
             side = int(self.fit.active_bounds[name])
             table.append([*row, {0: "", -1: "at the lower", 1: "at the upper"}[side]])
@@ -104,10 +103,10 @@ class Report:
             )
         if float(fit.reduced_chi_squared) > ACCURACY.poor_fit:
             said.append(
-                "The residuals are far above their noise: standard errors, intervals and verdicts are too "
-                "narrow, as they trust it. Robust errors see how large the residuals are and how long "
-                "they hang together, and no error of the model. Try more starts, another model, or more "
-                "noise."
+                "The residuals are far above their noise, which standard errors, intervals and "
+                "verdicts trust: these are too narrow. Robust errors see how large the residuals are "
+                "and how long they hang together, and no error of the model. Try more starts, another "
+                "model, or more noise."
             )
         hidden = [f"What the data see: {s}." for s in self.hidden]
         said += hidden or ["The data see all unknowns, to first order."]
@@ -162,10 +161,9 @@ class Report:
                 "end": found.ends, "profile_value": found.values, "profile_rise": found.rises,
             }  # fmt: skip
             for key, values in rows.items():
-                array = np.asarray(values, dtype=float)
-                whole = np.full((len(names), *array.shape[1:]), np.nan)
-                whole[[names.index(n) for n in found.names]] = array
-                data[key] = (("unknown", "side", "point")[: array.ndim], whole)
+                shape = np.shape(values[found.names[0]])
+                every = [np.asarray(values.get(n, np.full(shape, np.nan)), float) for n in names]
+                data[key] = (("unknown", "side", "point")[: len(shape) + 1], every)
             coords["side"] = ["lower", "upper"]
         if self.whiteness:
             tests = self.whiteness.values()
@@ -250,9 +248,9 @@ def report(
     **Raises** `TypeError`, `ValueError` for anything else. It reads numbers and does not work under
     `jit`.
     """
-    if profile is not None and (not is_concrete(profile) or profile.verdict.ndim != 1):
+    if profile is not None and (not is_concrete(profile) or profile.level.ndim != 0):
         raise refusal("profile", profile, "one profile, known: call this outside of jit and vmap")
-    if profile is not None and profile.all_names != fit.names:
+    if profile is not None and set(profile.others[profile.names[0]]) != set(fit.names):
         raise refusal("profile", profile, f"of the unknowns {', '.join(fit.names)}")
     tests = WhitenessTest() if whiteness is None else whiteness
     lags, past_data = tests.lags, tests.past_data

@@ -12,7 +12,7 @@ from .._drawing import BLUE, GREY, RED, residual_dots
 def draw_report(report: Any, across: int = 4) -> Figure:
     """Profiles first, then residual, autocorrelation and inputs of each series, then correlations."""
     profiled = report.profile.names if report.profile else ()
-    panels: list[tuple[str, Any]] = [("profile", i) for i in range(len(profiled))]
+    panels: list[tuple[str, Any]] = [("profile", name) for name in profiled]
     for name, found in report.whiteness.items():
         panels += [("series", name), ("own", name)]
         panels += [("input", (name, other)) for other in found.with_input]
@@ -36,18 +36,17 @@ def draw_report(report: Any, across: int = 4) -> Figure:
     return figure
 
 
-def _profile(figure: Any, axis: Any, report: Any, i: int) -> None:
+def _profile(figure: Any, axis: Any, report: Any, name: str) -> None:
     found = report.profile
-    name = found.names[i]
-    values, rises = np.asarray(found.values[i]).ravel(), np.asarray(found.rises[i]).ravel()
+    values, rises = np.asarray(found.values[name]).ravel(), np.asarray(found.rises[name]).ravel()
     keep = np.isfinite(values) & np.isfinite(rises)
     order = np.argsort(values[keep])
     axis.plot(values[keep][order], rises[keep][order], "o-", ms=2.5, lw=1.0, color=BLUE)
-    half = (found.wald_upper[i] - found.wald_lower[i]) / 2.0
+    half = (found.wald_upper[name] - found.wald_lower[name]) / 2.0
     # The level is where the straight interval ends.
     level = _quantile(float(found.level))
     if np.isfinite(float(half)):
-        middle = float(found.estimate[i])
+        middle = float(found.estimate[name])
         x = middle + float(half) * np.linspace(-1.2, 1.2, 61)
         axis.plot(x, level * np.linspace(-1.2, 1.2, 61) ** 2, "--", lw=0.8, color=GREY)
     axis.axhline(level, lw=0.7, color=RED)

@@ -86,17 +86,6 @@ def test_stability_of_steady_sliding(law):
     assert found[1.25].real.max() < -1e-3
 
 
-def test_covariance_under_correlated_noise():
-    """Of a mean under noise of first order: larger than for white noise by (1 + r)/(1 - r)."""
-    rng, r, count = np.random.default_rng(0), 0.6, 40_000
-    noise = scipy.signal.lfilter([1.0], [1.0, -r], rng.normal(size=count)) * np.sqrt(1.0 - r * r)
-    time = 0.01 * np.arange(count)
-    found = identify.correlated_covariance(np.ones((count, 1)), noise, time)
-    assert found[0, 0] * count == pytest.approx((1.0 + r) / (1.0 - r), rel=0.15)
-    white = identify.correlated_covariance(np.ones((count, 1)), rng.normal(size=count), time)
-    assert white[0, 0] * count == pytest.approx(1.0, rel=0.15)
-
-
 def test_records_of_another_format(tmp_path, capsys, monkeypatch):
     monkeypatch.delenv(_data.VARIABLE, raising=False)
     assert main(["identify-rock", "--out", str(tmp_path / "out")]) == 1

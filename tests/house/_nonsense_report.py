@@ -12,11 +12,10 @@ ONE = identification.Fit(
     {"a": jnp.ones(())}, jnp.ones(3), identification.Sensitivity(("a",), jnp.ones((3, 1))),
     jnp.ones((), jnp.int32), scalars("start", {"a": 1.0})[0], jnp.zeros((), jnp.int32),
 )  # fmt: skip
-SIDES = jnp.zeros((1, 2, 3))
+SIDES, WHOLE = {"a": jnp.zeros((2, 3))}, {"a": jnp.ones(2, jnp.int32)}
 PROFILE = identification.Profile(
-    ("a",), ("a",), jnp.asarray(0.95), *(jnp.ones(1),) * 5, jnp.zeros((1, 2), jnp.int32),
-    jnp.zeros(1, jnp.int32), SIDES, SIDES, SIDES[..., None], jnp.zeros(()),
-    jnp.ones((1, 2), jnp.int32),
+    jnp.asarray(0.95), *({"a": jnp.ones(())},) * 5, WHOLE, {"a": jnp.zeros((), jnp.int32)}, SIDES,
+    SIDES, {"a": SIDES}, jnp.zeros(()), WHOLE,
 )  # fmt: skip
 POSTERIOR = identification.Posterior(
     {"a": jnp.ones((2, 4))}, jnp.zeros((2, 4), bool), {"a": jnp.ones(())}, {"a": jnp.ones(())},

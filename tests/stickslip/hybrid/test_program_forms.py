@@ -207,7 +207,7 @@ print(size(end), size(jax.grad(lambda k3: end(k3).x)), size(turns))
 
 @pytest.mark.more
 def test_programs_of_a_smooth_system_are_small():
-    """Instructions that XLA leaves, compiled as for users: 1,655, 5,746 and, with a section, 4,076.
+    """Instructions that XLA leaves, compiled as for users: 1,681, 5,795 and, with a section, 4,177.
 
     The text has as many lines again for the stack frames, which are no part of the program. By lines it
     was 13,155 and 67,008 with every stage written out, and 3,494 and 8,228 without tolerances that

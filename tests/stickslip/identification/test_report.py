@@ -59,8 +59,8 @@ def test_text():
     found = made(held_out={"fresh": [0.3, np.nan, 0.4]}, runs=runs, other_runs={"swing": run(30.0)})
     text = str(found)
     rows = {row[0]: row for row in found.rows()}
-    assert rows["rate"][6] == "identifiable"
-    assert rows["height"][6] == rows["gain"][6] == "structurally not identifiable"
+    assert rows["rate"][7] == "identifiable"
+    assert rows["height"][7] == rows["gain"][7] == "structurally not identifiable"
     assert rows["late"][-1] == "at the lower"
     assert rows["height"][2] == "m"
     assert "What the data see: gain * height is seen, gain / height is not." in text

@@ -36,7 +36,9 @@ def coloured(rng, phi, count, size=1.0):
 @jax.jit
 @jax.vmap
 def fitted(data):
-    fit = least_squares(lambda p: jnp.asarray(SHAPES) @ jnp.stack([p[n] for n in "abc"]) - data, UNKNOWNS)
+    fit = least_squares(
+        lambda p: jnp.asarray(SHAPES) @ jnp.stack([p[n] for n in "abc"]) - data, UNKNOWNS
+    )
     both = [jnp.stack(list(fit.interval(0.95, robust).values())) for robust in (False, True)]
     return jnp.stack(both), jnp.stack([fit.covariance(False), fit.covariance(True)])
 
@@ -91,7 +93,7 @@ def twice():
 
 
 def test_channels_that_say_the_same_are_counted_once(twice, tmp_path):
-    one, two = twice
+    _, two = twice
     stated = [float(fit.standard_errors()["k"]) for fit in twice]
     robust = [float(fit.standard_errors(robust=True)["k"]) for fit in twice]
     assert stated[1] == pytest.approx(stated[0] / np.sqrt(2.0), rel=1e-6)
