@@ -156,6 +156,14 @@ class AbstractShown(eqx.Module):
         return parameters_html(self)
 
 
+def columns_aligned(table: Sequence[Sequence[str]]) -> list[str]:
+    """Lines of a table of texts, its columns one under the other."""
+    widths = [max(len(row[i]) for row in table) for i in range(len(table[0]))]
+    return [
+        "  ".join(f"{cell:<{w}}" for cell, w in zip(row, widths, strict=True)).rstrip() for row in table
+    ]
+
+
 def html_table(title: str, head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     """A table of texts, escaped."""
 

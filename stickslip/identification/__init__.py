@@ -22,6 +22,7 @@ from ._many_starts import sobol_starts as sobol_starts
 from ._methods import AbstractIterativeMethod as AbstractIterativeMethod
 from ._methods import AbstractMethod as AbstractMethod
 from ._multiple_shooting import MultipleShooting as MultipleShooting
+from ._noise_level import noise_level as noise_level
 from ._observed import Observed as Observed
 from ._posterior import Posterior as Posterior
 from ._posterior import posterior as posterior
@@ -31,7 +32,9 @@ from ._problem import Problem as Problem
 from ._problem import Simulation as Simulation
 from ._profile import Profile as Profile
 from ._profile import profile as profile
+from ._read_table import read_table as read_table
 from ._record import Record as Record
+from ._record_summary import RecordSummary as RecordSummary
 from ._report import Report as Report
 from ._report import WhitenessTest as WhitenessTest
 from ._report import report as report

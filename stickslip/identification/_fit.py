@@ -18,7 +18,7 @@ from .._validation import check_type, is_concrete, refusal
 from ..hybrid.status import item_of
 from ._accuracy import ACCURACY
 from ._robust import robust_covariance
-from ._sensitivity import Sensitivity
+from ._sensitivity import Sensitivity, errors_of
 from ._unknowns import NamedValues, Space
 from ._write_fit import save_fit
 
@@ -201,7 +201,7 @@ class Fit(eqx.Module):
 
         **Arguments:** `robust`, whether without trust in the stated noise.
         """
-        relative = self.sensitivity.errors_of(self._of_coordinates(robust))
+        relative = errors_of(self.sensitivity, self._of_coordinates(robust))
         slopes = jnp.abs(self.slopes)
         return {name: relative[name] * slopes[..., i] for i, name in enumerate(relative)}
 

@@ -8,9 +8,10 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._argument_checks import callable_as, check_arguments, instance, known_number
+from .._argument_checks import callable_as, check_arguments, instance, known_number, or_none
 from .._types import Given, Numeric
 from .._validation import as_parameter, check_mapping, check_type, refusal
+from ._noise_level import noise_level
 from ._record import Record
 from ._run import Data
 from ._signal import pad_signal
@@ -21,20 +22,32 @@ Observe = Callable[[Any, Any, Any], Any]
 class Observed(eqx.Module):
     """A function `(t, y, system) -> number` of time [s] and state that is measured with normal noise.
 
-    **Arguments:** `function`; `sd`, the standard deviation of the noise, positive; `unit` of both.
-    **Raises** `TypeError`, `ValueError` for anything else.
+    **Arguments:** `function`; `sd`, the standard deviation of the noise, positive, or None: a `Problem`
+    estimates it from its records (`noise_level`), and its `observed` tell it; `unit` of both;
+    `quantum`: the smallest step of the encoder, below a twelfth of whose square no such estimate of a
+    variance goes. **Raises** `TypeError`, `ValueError` for anything else.
     """
 
     function: Callable[..., Any] = eqx.field(static=True)
-    sd: Float[Array, ""]
+    sd: Float[Array, ""] | None
     unit: str = eqx.field(static=True)
+    quantum: float | None = eqx.field(static=True)
 
     @check_arguments(
-        function=callable_as("f(t, y, system)", 0.0, None, None), sd=known_number("positive"),
-        unit=instance(str, "a text"),
+        function=callable_as("f(t, y, system)", 0.0, None, None),
+        sd=or_none(known_number("positive")), unit=instance(str, "a text"),
+        quantum=or_none(known_number("positive")),
     )  # fmt: skip
-    def __init__(self, function: Given[Observe], sd: Numeric, unit: str = ""):
-        self.function, self.sd, self.unit = function, as_parameter(sd), unit
+    def __init__(
+        self,
+        function: Given[Observe],
+        sd: Numeric | None = None,
+        unit: str = "",
+        quantum: float | None = None,
+    ):
+        self.function, self.unit = function, unit
+        self.sd = None if sd is None else as_parameter(sd)
+        self.quantum = None if quantum is None else float(quantum)
 
 
 def observed_of(observed: Any) -> dict[str, Observed]:
@@ -70,6 +83,27 @@ def records_of(records: Any, observed: dict[str, Observed]) -> tuple[Record, ...
     return tuple(row)
 
 
+def with_noise_of(observed: dict[str, Observed], records: tuple[Record, ...]) -> dict[str, Observed]:
+    """The same with the noise of every quantity: where it is not stated, that of the records, weighed
+    by their samples."""
+    found = {}
+    for name, one in observed.items():
+        if one.sd is None:
+            rows = [r.values[name][r.present[name]] for r in records if name in r.values]
+            try:
+                levels = [noise_level(row, one.quantum) for row in rows]
+            except ValueError as error:
+                allowed = "stated (sd=...), or a quantity whose records show it"
+                raise refusal(f"observed[{name!r}].sd", None, allowed, but=f"but {error}") from None
+            if not levels or not max(levels) > 0.0:
+                allowed = "stated (sd=...): no record shows any noise"
+                raise refusal(f"observed[{name!r}].sd", None, allowed)
+            square = np.average(np.square(levels), weights=[row.size for row in rows])
+            one = Observed(one.function, float(np.sqrt(square)), one.unit, one.quantum)
+        found[name] = one
+    return found
+
+
 def data_of(records: tuple[Record, ...], observed: dict[str, Observed]) -> Data:
     """Records of one length: the last time is repeated, which costs an attempt each."""
     longest = max(record.times.size for record in records)
@@ -92,7 +126,7 @@ def data_of(records: tuple[Record, ...], observed: dict[str, Observed]) -> Data:
         values=values,
         present=present,
         keep=np.flatnonzero(present),
-        deviations=np.array([float(o.sd) for o in observed.values()]),
+        deviations=np.array([float(o.sd) for o in observed.values() if o.sd is not None]),
         inputs=inputs,
         known=_stack([r.known for r in records]),
     )  # fmt: skip

@@ -30,7 +30,7 @@ from ._fit import Fit, best, one_fit, probability
 from ._gauss_newton import LevenbergMarquardt
 from ._many_starts import many_fits, rows_of, sobol_starts
 from ._methods import AbstractMethod
-from ._observed import Observed, data_of, observed_of, records_of
+from ._observed import Observed, data_of, observed_of, records_of, with_noise_of
 from ._prediction import Prediction, Score, predict, score
 from ._record import Record
 from ._run import Run, motion_of, residual_of
@@ -125,8 +125,9 @@ class Problem:
     ):
         scalars("unknowns", unknowns)
         self.given = dict(unknowns)
-        self.observed = observed_of(observed)
-        self.records = records_of(records, self.observed)
+        stated = observed_of(observed)
+        self.records = records_of(records, stated)
+        self.observed = with_noise_of(stated, self.records)
         self.labels = tuple(r.name or str(i) for i, r in enumerate(self.records))
         if len(set(self.labels)) < len(self.labels):
             raise refusal("records", self.labels, "records with different names")

@@ -22,6 +22,8 @@ from .._validation import (
     refusal,
     shape_refusal,
 )
+from ._record_summary import RecordSummary, summary_of
+from ._si import to_si
 from ._signal import KINDS, Signal
 
 EVERY: dict[str, np.ndarray] = {}  # in place of masks: every NaN is missing
@@ -126,27 +128,49 @@ class Record(eqx.Module):
         time: str = "time",
         values: Given[Iterable[str] | Mapping[str, str]],
         inputs: Given[Iterable[str] | Mapping[str, str]] = (),
+        from_units: Given[Mapping[str, str] | None] = None,
         **options: Any,
     ) -> "Record":
-        """From the columns of a pandas frame, the variables of an xarray dataset, or a mapping.
+        """From the columns of a `read_table`, a pandas frame, or the variables of an xarray dataset.
+
+        >>> table = {"t": [0.0, 100.0, 200.0], "angle": [0.0, 9.0, 18.0]}
+        >>> record = Record.from_table(
+        ...     table, time="t", values={"phi": "angle"}, from_units={"time": "ms", "phi": "deg"}
+        ... )
+        >>> record.units, float(record.times[-1])
+        ({'phi': 'rad'}, 0.2)
 
         **Arguments:** `table`; `time` [s], the column of the stamps; `values` and `inputs`: columns, or
-        a mapping from names of the `Problem` to columns; `options` as for `Record`. Units that the
-        columns carry (`attrs["units"]`) are taken. **Raises** as `Record`, `ValueError` for an unknown
-        column.
+        a mapping from names of the `Problem` to columns; `from_units`: by these names, and `time`, the
+        unit of a column that is to be converted to SI, as `"ms"`, `"deg"`, `"mm/s"`, `"rpm"`; `options`
+        as for `Record`. Units that the columns carry (`attrs["units"]`) are taken as they are where
+        none is stated. **Raises** as `Record`, `ValueError` for an unknown column or unit.
         """
         values, inputs = _columns("values", values), _columns("inputs", inputs)
         units = dict(check_mapping("units", options.pop("units", None)))
+        columns = {"time": time, **values, **inputs}
+        stored = check_mapping("from_units", from_units)
+        for name, unit in stored.items():
+            if name not in columns:
+                allowed = f"named after one of {', '.join(columns)}"
+                raise refusal(f"from_units[{name!r}]", unit, allowed)
         rows = {}
         for role, names in (("time", {"time": time}), ("values", values), ("inputs", inputs)):
             rows[role] = {}
             for name, column in names.items():
-                rows[role][name], unit = _column(table, role, column)
+                row, unit = _column(table, role, column)
+                if name in stored:
+                    row, unit = to_si(f"from_units[{name!r}]", row, stored[name])
                 if unit and role != "time":
                     units.setdefault(name, unit)
+                rows[role][name] = row
         return cls(
             rows["time"]["time"], rows["values"], inputs=rows["inputs"], units=units or None, **options
         )
+
+    def summary(self) -> RecordSummary:
+        """Rate and gaps of the stamps, range, noise, quantum and saturation."""
+        return summary_of(self.times, self.values, self.present, self.units)
 
     def _input(self, name: str, given: Any, kind: str) -> Signal:
         if isinstance(given, Signal):

@@ -11,6 +11,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from .._argument_checks import check_arguments, count, flag, instance, or_none, text
+from .._show import columns_aligned
 from .._types import Given, NamedRows, Path
 from .._validation import check_mapping, check_type, is_concrete, refusal, shape_refusal
 from ..hybrid import Solution, same_mode_sequence
@@ -132,8 +133,8 @@ class Report:
         return said + (self.modes or ["Modes were not compared: no runs were given."])
 
     def __str__(self) -> str:
-        parts = [self.title, "", *_columns_aligned(self.rows()), "", "Correlation of the estimates"]
-        parts += [*_columns_aligned(self.correlation_rows()), "", *self.statements()]
+        parts = [self.title, "", *columns_aligned(self.rows()), "", "Correlation of the estimates"]
+        parts += [*columns_aligned(self.correlation_rows()), "", *self.statements()]
         if self.comparison is not None:
             parts += ["", "Models compared", str(self.comparison)]
         return "\n".join(parts)
@@ -318,10 +319,3 @@ def _largest(found: Correlation) -> str:
     ratio = np.abs(np.asarray(found.values)) / np.asarray(found.band)
     at = int(np.argmax(ratio))
     return f"{float(found.values[at]):+.3f} at lag {int(found.lags[at])}"
-
-
-def _columns_aligned(table: list[list[str]]) -> list[str]:
-    widths = [max(len(row[i]) for row in table) for i in range(len(table[0]))]
-    return [
-        "  ".join(f"{cell:<{w}}" for cell, w in zip(row, widths, strict=True)).rstrip() for row in table
-    ]

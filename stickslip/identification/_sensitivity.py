@@ -74,16 +74,17 @@ class Sensitivity(eqx.Module):
 
         Infinite if the unknown is in a combination not seen. In units: `Fit.standard_errors`.
         """
-        return self.errors_of(self.covariance())
+        return errors_of(self, self.covariance())
 
-    def errors_of(self, covariance: Any) -> NamedValues:
-        """Roots of the diagonal of a covariance of the logarithms, infinite as
-        `relative_standard_errors`."""
-        hidden = jnp.where(self.seen_directions()[..., None], 0.0, jnp.abs(self.directions))
-        lost = jnp.max(hidden, axis=-2) > ACCURACY.part
-        variance = jnp.diagonal(covariance, axis1=-2, axis2=-1)
-        errors = jnp.where(lost, jnp.inf, jnp.sqrt(variance))
-        return {name: errors[..., i] for i, name in enumerate(self.names)}
+
+def errors_of(sensitivity: Sensitivity, covariance: Array) -> NamedValues:
+    """Roots of the diagonal of a covariance of the logarithms; infinite for an unknown in a combination
+    not seen."""
+    hidden = jnp.where(sensitivity.seen_directions()[..., None], 0.0, jnp.abs(sensitivity.directions))
+    lost = jnp.max(hidden, axis=-2) > ACCURACY.part
+    variance = jnp.diagonal(covariance, axis1=-2, axis2=-1)
+    errors = jnp.where(lost, jnp.inf, jnp.sqrt(variance))
+    return {name: errors[..., i] for i, name in enumerate(sensitivity.names)}
 
 
 @check_arguments(residual=callable_as("f(values)", {}))

@@ -1,5 +1,6 @@
 """Right arguments of the identification."""
 
+import pathlib
 import tempfile
 
 import equinox as eqx
@@ -26,6 +27,9 @@ LEVENBERG = {
 LOSS = arg(None, "none")
 LANES = {"chunk_size": arg(2, "none"), "executor": arg("portable")}
 RECORD = identification.Record([0.0, 1.0], {"x": [0.0, 0.1]})
+FOLDER = tempfile.TemporaryDirectory()
+TABLE = f"{FOLDER.name}/table.csv"
+pathlib.Path(TABLE).write_text("t,x\n0,1\n", encoding="utf-8")
 
 
 def _block(values, inputs):
@@ -74,7 +78,8 @@ MEASURED = [
         identification.Observed,
         {
             "function": arg(lambda t, y, system: y.x, "function"),
-            "sd": arg(0.1, "positive", "float32"), "unit": arg("m", "text", "empty text"),
+            "sd": arg(0.1, "positive", "float32", "none"), "unit": arg("m", "text", "empty text"),
+            "quantum": arg(None, "none", "positive", "float32"),
         },
     ),
     Target(
@@ -95,7 +100,18 @@ MEASURED = [
         {
             "table": arg({"t": [0.0, 1.0], "x": [0.0, 1.0]}), "time": arg("t"),
             "values": arg(("x",)), "inputs": arg((), "none of them", "none", "mapping"),
+            "from_units": arg(None, "none", "mapping"),
         },
+    ),
+    Target(
+        identification.noise_level,
+        {
+            "series": arg(np.arange(9.0) ** 2), "quantum": arg(None, "none", "positive", "float32"),
+        },
+    ),
+    Target(
+        identification.read_table,
+        {"path": arg(TABLE), "columns": arg(None, "none"), "decimal": arg(".")},
     ),
     Target(
         identification.Problem,

@@ -35,6 +35,7 @@ EXEMPT = {
     "Comparison": RETURNED,
     "Prediction": RETURNED,
     "Score": RETURNED,
+    "RecordSummary": RETURNED,
     "Report": RETURNED,
     "CoreXYSolution": RETURNED,
     "InputDesign": RETURNED,

@@ -1,0 +1,172 @@
+"""Records come in: text and MATLAB files, units, marks of the instrument, noise from the data."""
+
+import h5py
+import numpy as np
+import pandas as pd
+import pytest
+import scipy.io
+
+from stickslip.identification import Observed, Problem, Record, noise_level, read_table
+from stickslip.systems import CoulombOscillator, Motion
+
+T = np.arange(200) * 5.0  # [ms]
+ANGLE = 90.0 * np.sin(0.01 * T)  # [deg]
+
+TEXTS = {
+    "comma.csv": ("# a log\nt_ms,phi\n", ",", ".", {}),
+    "german.csv": ("t_ms; phi\n", ";", ",", {"decimal": ","}),
+    "tabs.tsv": ("t_ms\tphi\n", "\t", ".", {}),
+    "tabs.txt": ("t_ms\tphi\n", "\t", ",", {"decimal": ","}),
+    "spaces.txt": ("  t_ms   phi\n", "   ", ".", {}),
+    "bare.dat": ("", ",", ".", {"columns": ("t_ms", "phi")}),
+    "bom.csv": ("\ufefft_ms,phi\n", ",", ".", {}),
+}
+
+
+@pytest.mark.parametrize("name", TEXTS)
+def test_text(name, tmp_path):
+    head, mark, point, options = TEXTS[name]
+    lines = [
+        f"{t!r}{mark}{a!r}".replace(".", point) for t, a in zip(T.tolist(), ANGLE.tolist(), strict=True)
+    ]
+    path = tmp_path / name
+    path.write_text(head + "\n".join(lines) + "\n", encoding="utf-8")
+    table = read_table(path, **options)
+    assert list(table) == ["t_ms", "phi"]
+    np.testing.assert_array_equal(table["t_ms"], T)
+    np.testing.assert_array_equal(table["phi"], ANGLE)
+
+
+def test_matlab(tmp_path):
+    """Structures, cells, texts beside numbers, and the format of version 7.3."""
+    path = tmp_path / "a.mat"
+    cells = np.empty(2, object)
+    cells[:] = [T, ANGLE[:3]]
+    scipy.io.savemat(path, {"log": {"t": T, "phi": ANGLE}, "runs": cells, "who": "me", "one": 3.0})
+    table = read_table(path)
+    assert set(table) == {"log.t", "log.phi", "runs[0]", "runs[1]", "one"}
+    np.testing.assert_array_equal(table["log.phi"], ANGLE)
+    np.testing.assert_array_equal(table["runs[1]"], ANGLE[:3])
+    with h5py.File(tmp_path / "b.mat", "w", userblock_size=512) as data:
+        data["log/phi"] = ANGLE[:, None]  # as MATLAB writes a row
+    with (tmp_path / "b.mat").open("r+b") as data:
+        data.write(b"MATLAB 7.3 MAT-file".ljust(116) + b" " * 8 + b"\x00\x02IM")
+    np.testing.assert_array_equal(read_table(tmp_path / "b.mat")["log.phi"], ANGLE)
+
+
+def test_refused(tmp_path):
+    (tmp_path / "no_head.csv").write_text("1,2\n3,4\n")
+    with pytest.raises(ValueError, match=r"begins with '1,2'.*whose first line names its columns"):
+        read_table(tmp_path / "no_head.csv")
+    (tmp_path / "empty.csv").write_text("a,b\n")
+    with pytest.raises(ValueError, match="a table with rows"):
+        read_table(tmp_path / "empty.csv")
+    (tmp_path / "none.csv").write_text("")
+    with pytest.raises(ValueError, match="path"):
+        read_table(tmp_path / "none.csv")
+    (tmp_path / "x.mat").write_bytes(b"nothing of the kind" * 20)
+    with pytest.raises(ValueError, match="a MATLAB file"):
+        read_table(tmp_path / "x.mat")
+    with pytest.raises(FileNotFoundError):
+        read_table(tmp_path / "absent.csv")
+
+
+UNITS = {
+    "ms": (1e-3, "s"), "deg": (np.pi / 180.0, "rad"), "rpm": (np.pi / 30.0, "rad/s"),
+    "mm/s": (1e-3, "m/s"), "kN": (1e3, "N"), "mA": (1e-3, "A"), "N": (1.0, "N"), "mV": (1e-3, "V"),
+    "g": (1e-3, "kg"), "kg": (1.0, "kg"), "inch": (0.0254, "m"), "um": (1e-6, "m"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("unit", UNITS)
+def test_units(unit):
+    factor, si = UNITS[unit]
+    record = Record.from_table(
+        {"t": T, "a": ANGLE}, time="t", values={"x": "a"}, from_units={"time": "ms", "x": unit}
+    )
+    np.testing.assert_allclose(record.values["x"], factor * ANGLE, rtol=1e-14)
+    np.testing.assert_allclose(record.times, 1e-3 * T, rtol=1e-14)
+    assert record.units == {"x": si}
+
+
+def test_units_refused():
+    for given, words in (({"y": "mm"}, "named after one of time, x"), ({"x": "furz"}, "furz")):
+        with pytest.raises(ValueError, match=words):
+            Record.from_table({"t": T, "x": T}, time="t", values=("x",), from_units=given)
+
+
+def test_frames_and_summary():
+    """Rate, gaps, jitter, quantum of an encoder, and an amplifier that clips."""
+    rng = np.random.default_rng(0)
+    times = np.delete(1e-3 * np.arange(4001), range(1000, 1021))
+    turns = np.round(3.0 * np.sin(2.0 * times) / 1e-3) * 1e-3
+    clipped = np.clip(3.0 * np.sin(5.0 * times), -2.5, 2.5)
+    rests = np.where(times < 2.0, times - times**2 / 4.0, 1.0)
+    noisy = np.cos(2.0 * times) + 0.01 * rng.normal(size=times.size)
+    frame = pd.DataFrame({"time": times, "turn": turns, "u": clipped, "x": rests, "y": noisy})
+    seen = Record.from_table(frame, values=("turn", "u", "x", "y")).summary()
+    assert (seen.samples, seen.gaps) == (3980, 1)
+    assert seen.rate == pytest.approx(1000.0)
+    assert seen.longest == pytest.approx(0.022)
+    assert seen.series["turn"].quantum == pytest.approx(1e-3, rel=1e-6)
+    assert [seen.series[name].quantum for name in ("u", "x", "y")] == [None] * 3
+    share = np.mean(np.abs(clipped) == 2.5)
+    assert seen.series["u"].saturated == pytest.approx(share, abs=0.002)
+    assert [seen.series[name].saturated for name in ("turn", "x", "y")] == [0.0] * 3
+    assert seen.series["y"].noise == pytest.approx(0.01, rel=0.1)
+    for text in ("3,980 samples in 4 s at 1000 Hz", "1 gap, the longest 0.022 s", "saturated"):
+        assert text in str(seen)
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("noise", [1e-1, 1e-2, 1e-4])
+def test_noise_level_is_that_of_the_noise(noise, size):
+    """Of 100 draws: the mean to 3%, and none off by more than six standard deviations."""
+    t = np.linspace(0.0, 6.0, 600)
+    rng = np.random.default_rng(2)
+    found = [
+        noise_level(size * (np.sin(3.0 * t) + t + noise * rng.normal(size=t.size))) / (noise * size)
+        for _ in range(100)
+    ]
+    assert np.mean(found) == pytest.approx(1.0, abs=0.03)
+    assert max(np.abs(np.array(found) - 1.0)) < 0.3
+
+
+def test_noise_level_of_an_encoder():
+    """Of a slow motion the differences see less than the steps leave: q/sqrt(12) is the least."""
+    t = np.linspace(0.0, 1.0, 2000)
+    row = np.round(0.5 * t / 1e-2) * 1e-2
+    assert noise_level(row) < 1e-2 / np.sqrt(12.0)
+    assert noise_level(row, 1e-2) == pytest.approx(1e-2 / np.sqrt(12.0))
+    with pytest.raises(ValueError, match="changes"):
+        noise_level(np.ones(20))
+
+
+def problem(sd, **options):
+    times = np.linspace(0.0, 10.0, 400)
+    clean = 1.0 - np.cos(times)
+    data = clean + 0.02 * np.random.default_rng(4).normal(size=times.size)
+    return Problem(
+        lambda p, inputs: CoulombOscillator(p["mass"], 1.0, 1e-12, 1e-12, 0.0),
+        lambda p, inputs: Motion(0.0, 0.0),
+        {"mass": 1.1},
+        {"x": Observed(lambda t, y, system: 1.0 + y.x, sd, "m", **options)},
+        Record(times, {"x": data}),
+    )
+
+
+def test_a_problem_finds_the_noise_of_its_records():
+    found = problem(None)
+    assert float(found.observed["x"].sd) == pytest.approx(0.02, rel=0.15)
+    assert float(problem(None, quantum=0.5).observed["x"].sd) == pytest.approx(0.5 / np.sqrt(12.0))
+    assert float(problem(0.3).observed["x"].sd) == 0.3
+    other = found.with_records(Record([0.0, 1.0], {"x": [0.0, 1.0]}))
+    assert float(other.observed["x"].sd) == float(found.observed["x"].sd)
+    with pytest.raises(ValueError, match=r"observed\['x'\]\.sd.*stated"):
+        Problem(
+            lambda p, inputs: CoulombOscillator(1.0, p["k"], 1.0, 0.5, 0.2),
+            lambda p, inputs: Motion(0.0, 0.0),
+            {"k": 1.0},
+            {"x": Observed(lambda t, y, system: y.x)},
+            Record([0.0, 1.0, 2.0], {"x": [0.0, 1.0, 2.0]}),
+        )
