@@ -2,6 +2,8 @@
 
 import os
 import pathlib
+from collections.abc import Sequence
+from typing import Any
 
 VARIABLE = "STICKSLIP_DATA"
 
@@ -29,3 +31,20 @@ def find(folder: pathlib.Path | None, group: str, name: str, origin: str) -> pat
     raise MissingDataError(
         f"{said} {given}: it must be a folder with {name} or {group}/{name}. {origin}"
     )
+
+
+def listed(key: str, text: Any) -> tuple[str, ...]:
+    """Names separated by commas, of records to fit or to score. Errors: `ValueError` for one twice."""
+    found = tuple(filter(None, (part.strip() for part in str(text).split(","))))
+    if len(set(found)) < len(found):
+        raise ValueError(f"--set {key}={text}: it must name each record once.")
+    return found
+
+
+def numbered(key: str, text: Any, allowed: Sequence[int] | None = None) -> tuple[int, ...]:
+    """The same of records that have numbers. Errors: `ValueError` for others than those `allowed`."""
+    found = listed(key, text)
+    among = "numbers" if allowed is None else f"among {', '.join(map(str, allowed))}"
+    if not all(part.isdigit() and (allowed is None or int(part) in allowed) for part in found):
+        raise ValueError(f"--set {key}={text}: it must be {among}, separated by commas.")
+    return tuple(map(int, found))

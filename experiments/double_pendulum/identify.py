@@ -26,6 +26,7 @@ from stickslip.identification import (
     report,
 )
 
+from .._data import numbered
 from .._experiment import Context, Experiment
 from .._statement import Untold, Verdict, judge_all, statement
 from .._thresholds import Measured
@@ -48,7 +49,6 @@ MODELS = {
         "cf2": 0.07708291842936994,
     },
 }  # fmt: skip
-FITTED, HELD_OUT = (2, 3, 4), 5  # trajectories
 FIRST = 3.0  # of the record held out, which shows the zeros of its encoders [s]
 METHOD = LevenbergMarquardt(max_steps=100)
 MULTIPLE = MultipleShooting(20, guess=shot, polish=METHOD)
@@ -109,9 +109,15 @@ def from_afar(task: Any, ends: Fit, parameters: dict[str, Any]) -> dict[str, lis
 
 
 def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
-    fitted = FITTED[: parameters["records"]]
+    fitted = numbered("records", parameters["records"])
+    scored = numbered("scored", parameters["scored"])
+    if not fitted or not scored or {*fitted} & {*scored}:
+        raise ValueError(
+            f"--set scored={parameters['scored']}: it must name trajectories that are not among "
+            f"records={parameters['records']}, and each list one at least."
+        )
     motions = [load(context.data, number).until(parameters["duration"]) for number in fitted]
-    held_out = load(context.data, HELD_OUT).until(parameters["duration"])
+    held_out, *further = (load(context.data, n).until(parameters["duration"]) for n in scored)
     every = parameters["every"]
     values, deviations, relative = inverse_dynamics(motions)
     *_, without = inverse_dynamics(motions, zeros=False)
@@ -142,10 +148,15 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     told = report(
         fits[SIMULATED], series=series, comparison=compared,
         whiteness=WhitenessTest(lags=LAGS),
-        held_out={f"trajectory {HELD_OUT} [rad]": rows[SIMULATED][:, later].ravel()},
+        held_out={f"trajectory {scored[0]} [rad]": rows[SIMULATED][:, later].ravel()},
         title="Double pendulum, by simulation from rest",
     )  # fmt: skip
     print(told)
+    for number, motion in zip(scored[1:], further, strict=True):
+        for name, (row, _) in columns.items():
+            left = predicted(row, motion, every, name != BARE)[:, motion.time[::every] > FIRST]
+            size = 1e3 * float(np.sqrt(np.mean(left**2)))
+            print(f"Trajectory {number} after {FIRST:g} s, {name}: {size:.3g} mrad")
 
     def table(which: int) -> np.ndarray:
         return np.array(
@@ -193,7 +204,7 @@ def draw(data: xr.Dataset) -> Figure:
             row.time, row.measured + row.error.sel(fit=SIMULATED), color=colour, lw=0.9,
             label=f"joint {joint}, predicted",
         )  # fmt: skip
-    motion.set(xlabel="time [s]", ylabel="angle [rad]", title="trajectory 5, held out; grey: measured")
+    motion.set(xlabel="time [s]", ylabel="angle [rad]", title="trajectory held out; grey: measured")
     shown = {SIMULATED: "#1f4e9c", INVERSE: "#3d7a4b", REFERENCE: "0.6"}
     for name, colour in shown.items():
         size = np.sqrt((data.error.sel(fit=name) ** 2).mean("joint"))
@@ -224,7 +235,7 @@ def draw(data: xr.Dataset) -> Figure:
     bars.set_yticks(np.arange(data.fit.size), [str(n).replace(", ", ",\n") for n in data.fit.values])
     bars.tick_params(axis="y", labelsize=8)
     bars.invert_yaxis()
-    bars.set(xlabel="root mean square error [mrad]", title="trajectory 5 after 3 s")
+    bars.set(xlabel="root mean square error [mrad]", title="trajectory held out, after 3 s")
     for axis in (motion, wrong, ratio):
         axis.legend(frameon=False, fontsize=7)
     for axis in axes.flat:
@@ -378,11 +389,11 @@ EXPERIMENT = Experiment(
     name="identify-double-pendulum",
     title="Double pendulum: inertia and dry friction of both joints from measured motions",
     parameters={
-        "every": 10, "records": 3, "duration": 20.0, "all": True, "afar": True, "starts": 2,
-        "spread": 0.3, "seed": 0,
+        "every": 10, "records": "2,3,4", "scored": "5", "duration": 20.0, "all": True, "afar": True,
+        "starts": 2, "spread": 0.3, "seed": 0,
     },
     # One record, as it begins: with zeros of the encoders, without a gain of the motor.
-    quick={"records": 1, "duration": 5.0, "all": False, "afar": False},
+    quick={"records": "2", "duration": 5.0, "all": False, "afar": False},
     compute=compute,
     draw=draw,
     judge=judge,

@@ -86,10 +86,11 @@ def law_of(values: dict[str, Any]) -> AbstractFrictionLaw:
 
 
 def motion(
-    values: dict[str, Any], record: Record, *, closed: bool, every: int, throw: bool = False
-) -> tuple[ss.Solution, Stage]:
+    values: dict[str, Any], record: Record, *, closed: bool, every: int, throw: bool = False,
+    moving: Any = 1.0,
+) -> tuple[ss.Solution, Stage]:  # fmt: skip
     """The run over the record from the state given by its first samples, shown at every `every`-th
-    sample, and the stage."""
+    sample, and the stage. `moving`: 1, or 0 for a start from rest."""
     table = jnp.asarray(record.reference if closed else record.u)
     stage = Stage(
         values["mass"], law_of(values), values.get("offset", 0.0), table, record.gain, record.k_p,
@@ -97,7 +98,7 @@ def motion(
     )  # fmt: skip
     curve = np.polyfit(np.arange(FIRST) * STEP, record.q[:FIRST], 2)
     times = STEP * np.arange(record.q.size)
-    start = {"q": curve[2], "v_q": curve[1]} | ({"u": record.u[0]} if closed else {})
+    start = {"q": curve[2], "v_q": moving * curve[1]} | ({"u": record.u[0]} if closed else {})
     found = ss.simulate(
         stage, 0.0, times[-1], stage.state(**start),
         integrator=ss.Integrator("rk4", ss.FixedStep(STEP), max_steps=10 * record.q.size),
@@ -106,9 +107,9 @@ def motion(
     return found, stage
 
 
-def position(values: dict[str, Any], record: Record, every: int) -> Any:
+def position(values: dict[str, Any], record: Record, every: int, moving: Any = 1.0) -> Any:
     """Position [m] open loop from the command of the record: what the benchmark scores."""
-    outputs = motion(values, record, closed=False, every=every)[0].outputs
+    outputs = motion(values, record, closed=False, every=every, moving=moving)[0].outputs
     assert outputs is not None
     return outputs.y.q
 

@@ -6,7 +6,8 @@
   force of 0.01 N too much is an error of a millimetre at the end.
 
 Without `all` one law is fitted by position, and none to a part of the command or to a simulated one.
-`--set scored=FILE` scores all laws on a further record of the same format too, to which none is fitted.
+`--set scored=FILE,...` scores all laws on further records of the same format too, to which none is
+fitted. Every score is told from the state that the first samples give and from rest.
 """
 
 from typing import Any
@@ -29,11 +30,12 @@ from stickslip.identification import (
     report,
 )
 
+from .._data import listed
 from .._experiment import Context, Experiment
 from .._statement import Untold, Verdict, judge_all, statement
 from .._thresholds import Measured
 from ._inverse import inverse_dynamics
-from ._record import Record, load
+from ._record import NAME, Record, load
 from ._stage import FIRST, command, position
 
 PUBLISHED = {
@@ -96,9 +98,11 @@ def part(record: Record, begin: int, end: int) -> Record:
     return record._replace(**{key: getattr(record, key)[begin:end] for key in ("q", "reference", "u")})
 
 
-def score(values: dict[str, Any], record: Record) -> float:
-    """Root mean square error of the position [m], open loop, after the samples for the state."""
-    error = np.asarray(position(of_both_sides(values), record, 1)) - record.q
+def score(values: dict[str, Any], record: Record, moving: float = 1.0) -> float:
+    """Root mean square error of the position [m], open loop, after the samples for the state; from the
+    state that these give, or with `moving` 0 from rest."""
+    at_rest_or_not = np.float64(moving)
+    error = np.asarray(position(of_both_sides(values), record, 1, at_rest_or_not)) - record.q
     return float(np.sqrt(np.mean(error[FIRST:] ** 2)))
 
 
@@ -126,8 +130,8 @@ def best_of(residual: Any, law: str, parameters: dict[str, Any], steps: int = 60
 def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     if not 0.2 <= parameters["split"] <= 0.8:
         raise ValueError(f"--set split={parameters['split']}: it must be from 0.2 to 0.8.")
-    record = load(context.data)
-    further = load(context.data, parameters["scored"]) if parameters["scored"] else None
+    record = load(context.data, parameters["records"])
+    further = {name: load(context.data, name) for name in listed("scored", parameters["scored"])}
     kept = parameters["kept"]
     size = record.q.size
     if parameters["duration"] < 24.84:
@@ -157,27 +161,25 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     split = round(parameters["split"] * size)
     first, second = part(record, 0, split), part(record, split, size)
     over = {"all": record, "first": first, "second": second}
-    if further is not None:
-        over["further"] = further
-    scores, ends = {}, {}
+    over |= further
+    models: dict[str, Any] = {}
+    ends = {}
     for law, values in PUBLISHED.items():
-        scores[f"published, {law}"] = [score(values, r) for r in over.values()]
-    for law, fit in fits.items() if further is not None else ():
-        # To the whole command, so that only the further record has not been seen.
-        scores[f"command, {law}"] = [score(fit.values, r) for r in over.values()]
+        models[f"published, {law}"] = values
+    for law, fit in fits.items() if further else ():
+        # To the whole command, so that only a further record has not been seen.
+        models[f"command, {law}"] = fit.values
     for law in PUBLISHED if parameters["all"] else ("asymmetric",):
         found = best_of(by_position(first, kept), law, parameters | {"starts": 1, "spread": 0.0})[0]
         columns[f"by position, {law}"] = _column(found, 0.0)
         name = f"position of the first part, {law}"
-        scores[name] = [score(found.values, r) for r in over.values()]
+        models[name] = found.values
         ends[law] = found
     shown = ends["asymmetric"]
     if parameters["all"]:
         shown = _with_rise(by_position(first, kept), shown)
         columns[f"by position, {RICHER}"] = _column(shown, 0.0)
-        scores[f"position of the first part, {RICHER}"] = [
-            score(shown.values, r) for r in over.values()
-        ]
+        models[f"position of the first part, {RICHER}"] = shown.values
     held_out = {}
     later = measured.size * 6 // 10
     for law in PUBLISHED if parameters["all"] else ():
@@ -186,7 +188,7 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
         method = LevenbergMarquardt(max_steps=40)
         known = least_squares(lambda p, early=early: early(p)[:later], _near(fits[law]), method)
         held_out[law] = SIGMA * np.asarray(early(known.values))[later:]
-        scores[f"command of the first part, {law}"] = [score(known.values, r) for r in over.values()]
+        models[f"command of the first part, {law}"] = known.values
     compared = compare(fits, held_out=held_out or None, sigma=SIGMA, noise_known=False)
     intervals = None
     if parameters["profile"]:
@@ -201,13 +203,23 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
         title="EMPS, asymmetric friction, by the command of the controller",
     )  # fmt: skip
     print(told)
-    if further is not None:
-        for name, row in scores.items():
-            print(f"{parameters['scored']}, {name}: {1e3 * row[-1]:.3f} mm")
-    shown = np.asarray(position(of_both_sides(shown.values), record, 1))[::kept]
+    scores = {name: [score(values, r) for r in over.values()] for name, values in models.items()}
+    for name, whole in ({parameters["records"]: record} | further).items():
+        print(_ranking(name, whole, models))
     return _dataset(
         columns, residuals, scores, compared, record, shown, split, kept, str(told), list(over)
     )
+
+
+def _ranking(name: str, record: Record, models: dict[str, Any]) -> str:
+    """The laws by their error of the position over a record, from both starts: one decides on it."""
+    starts = {f"the state that its first {FIRST} samples give": 1.0, "rest": 0.0}
+    lines = [f"{name}, error of the position open loop"]
+    for start, moving in starts.items():
+        found = sorted((1e3 * score(values, record, moving), law) for law, values in models.items())
+        told = ", ".join(f"{law} {error:.3g} mm" for error, law in found)
+        lines.append(f"  from {start}: {told}")
+    return "\n".join(lines)
 
 
 def _near(fit: Fit) -> dict[str, Unknown]:
@@ -308,7 +320,7 @@ def draw(data: xr.Dataset) -> Figure:
     wide = 0.72 / len(parts)
     for k, over in enumerate(parts):
         place_of = place + wide * (k - 0.5 * (len(parts) - 1))
-        label = f"{over} part" if over != "further" else "further record"
+        label = f"{over} part" if over in ("first", "second") else over
         bars.barh(place_of, 1e3 * data.score.sel(over=over), 0.94 * wide, label=label)
     bars.set_yticks(place, [str(m).replace(", ", "\n") for m in data.model.values], fontsize=7)
     bars.invert_yaxis()
@@ -420,7 +432,7 @@ EXPERIMENT = Experiment(
     title="EMPS: mass and friction of a positioning system from its measured record",
     parameters={
         "starts": 4, "spread": 0.5, "kept": 50, "split": 0.6, "duration": 24.84, "profile": True,
-        "all": True, "scored": "", "seed": 0,
+        "all": True, "records": NAME, "scored": "", "seed": 0,
     },
     # Two of four strokes: by command both laws, by position the asymmetric one alone.
     quick={"starts": 1, "split": 0.5, "duration": 12.5, "profile": False, "all": False},

@@ -22,14 +22,14 @@ class Segment(NamedTuple):
     v_phi: np.ndarray
 
 
-def load(folder: pathlib.Path | None) -> tuple[list[Segment], list[Segment]]:
-    """Segments to identify with, and segments to validate with.
+def load(folder: pathlib.Path | None, name: str = NAME) -> tuple[list[Segment], list[Segment]]:
+    """Of the record `name`, segments to identify with, and segments to validate with.
 
     Errors: `MissingDataError`; `ValueError` for another format.
     """
     import scipy.io  # few commands need it, and all import this file
 
-    path = find(folder, "multiarm_pendulum", NAME, ORIGIN)
+    path = find(folder, "multiarm_pendulum", name, ORIGIN)
     found = scipy.io.loadmat(path)
     lost = [key for key in ("Y_id", "Y_vad", "dt") if key not in found]
     if lost:

@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 
 from stickslip.identification import Fit, LevenbergMarquardt, compare
 
+from .._data import listed, numbered
 from .._experiment import Context, Experiment
 from .._statement import Verdict, judge_all, statement
 from .._thresholds import Measured
@@ -68,8 +69,22 @@ def folds_of(law: str, segments: list[Segment], every: int) -> list[np.ndarray]:
     return found
 
 
+def _scored(law: str, fit: Fit, segments: list[Segment], every: int) -> str:
+    """Error on the rest of the segments of a further record, whose states alone are fitted."""
+    known = {name: float(fit.values[name]) for name in terms_of(law)}
+    task = problem(law, segments, every, hidden=HIDDEN, known=known)
+    rows = rest_of(task, task.fit(method=METHOD), segments, every)
+    sizes = ", ".join(f"{1e3 * size:.2f}" for size in rms(rows))
+    return f"root mean square error on the last {HIDDEN:.0%} of each segment {sizes} mrad"
+
+
 def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
-    first, second = (rows[: parameters["swings"]] for rows in load(context.data))
+    every_one, later_ones = load(context.data)
+    chosen = numbered("records", parameters["records"], range(1, 1 + len(every_one)))
+    if not chosen:
+        raise ValueError("--set records=: it must name a segment at least.")
+    first, second = [every_one[n - 1] for n in chosen], later_ones[: len(chosen)]
+    others = {name: load(context.data, name) for name in listed("scored", parameters["scored"])}
     every = parameters["every"]
     fits, rest, later, left_out = {}, {}, {}, {}
     laws = tuple(LAWS)[:: 1 if parameters["all"] else len(LAWS) - 1]
@@ -80,6 +95,9 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     held = {law: np.concatenate(rows) for law, rows in rest.items()}
     compared = compare(fits, held_out=held, sigma=SIGMA, noise_known=False)
     print(compared)
+    for name, (one, two) in others.items():
+        for law in laws:
+            print(f"{name}, {law}: {_scored(law, fits[law], [*one, *two], every)}")
     names = list(TERMS)
     values = {law: fit.values for law, fit in fits.items()}
     errors = {law: fit.standard_errors() for law, fit in fits.items()}
@@ -111,7 +129,7 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     size, shown = second[0].phi[::every].size, later["viscous"][0].size
     time = STEP * every * np.arange(size - shown, size)
     coords = {
-        "law": list(laws), "term": names, "segment": np.arange(1, 1 + len(first)),
+        "law": list(laws), "term": names, "segment": list(chosen),
         "later": np.arange(1, 1 + len(second)), "time": time,
     }  # fmt: skip
     return xr.Dataset(data, coords)
@@ -230,9 +248,9 @@ judge = judge_all("R2.")
 EXPERIMENT = Experiment(
     name="identify-pendulum",
     title="Free pendulum: the friction of its bearing from a measured decay",
-    parameters={"every": 20, "swings": 4, "all": True, "folds": True},
+    parameters={"records": "1,2,3,4", "scored": "", "every": 20, "all": True, "folds": True},
     # Of the laws the poorest and the richest, of the segments one of each kind.
-    quick={"swings": 1, "all": False, "folds": False},
+    quick={"records": "1", "all": False, "folds": False},
     compute=compute,
     draw=draw,
     judge=judge,

@@ -60,19 +60,27 @@ def slider(law: Any, values: dict[str, Any], load: Signal) -> SpringSlider:
     return SpringSlider(friction, values["stiffness"], late, values["trend"])
 
 
-def problem(law: str, step: Step, begin: float, *, last: float | None = None) -> Problem:
+def problem(
+    law: str, step: Step, begin: float, *, last: float | None = None,
+    speeds: tuple[float, float] = SPEEDS, known: dict[str, float] | None = None,
+) -> Problem:  # fmt: skip
     """The law, the apparatus and a linear trend, from the coefficient up to the time `last` [s];
-    `begin` of the higher speed [s], which a fit may correct."""
+    `begin` of the higher speed [s], which a fit may correct.
+
+    With `known` numbers of the law and of the apparatus only those are unknown that belong to the
+    record: the coefficient before the step, the trend, and when the step came.
+    """
     end = float(step.time[-1])
-    load = Signal([0.0, begin, end], [*SPEEDS, SPEEDS[1]])
+    load = Signal([0.0, begin, end], [*speeds, speeds[1]])
     record = Record(
-        step.time, {"friction": step.friction}, inputs={"load": load},
+        step.time, {"friction": step.friction}, inputs={"load": load}, known=known or {},
         missing={"friction": step.time > (end if last is None else last)},
     )  # fmt: skip
     starts = STARTS | {"mu_0": float(np.median(step.friction[step.time < begin]))}
     unknowns = {
         name: Unknown(start, bounds=(0.0, None), unit=UNITS.get(name, "1"))
         for name, start in starts.items()
+        if name not in (known or {})
     } | {
         "trend": Unknown(0.0, unit=UNITS["trend"], scale=1.0),
         "late": Unknown(0.0, unit=UNITS["late"], scale=0.1),

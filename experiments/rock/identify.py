@@ -24,10 +24,11 @@ from stickslip.identification import (
     report,
 )
 
+from .._data import listed
 from .._experiment import Context, Experiment
 from .._statement import Untold, Verdict, judge_all, statement
 from .._thresholds import Measured
-from ._record import load, step_of
+from ._record import NAME, Step, load, step_of
 from ._slider import LAWS, SIGMA, STARTS, problem
 
 WANTED, WITHIN = Measured.ROCK, Measured.ROCK_WITHIN
@@ -54,7 +55,8 @@ def fits_of(task: Any, parameters: dict[str, Any]) -> list[Fit]:
 
 
 def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
-    step = load(context.data)
+    step = load(context.data, parameters["records"])
+    further = {name: load(context.data, name) for name in listed("scored", parameters["scored"])}
     begin, before, after = step_of(step)
     later = step.time > begin + HELD
     fits, tables, held, apart = {}, {}, {}, {}
@@ -70,7 +72,7 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
             part = known.fit(method=METHOD)
             computed = np.asarray(known.simulate(part.values).observed["friction"])
             held[law] = (computed - step.friction)[later]
-        tables[law] = _table(task, fits[law], step.time, parameters["profile"])
+        tables[law] = _table(task, fits[law], parameters["profile"])
     compared = compare(fits, held_out=held or None, sigma=SIGMA, noise_known=False)
     told = report(
         fits["ageing"], comparison=compared, whiteness=WhitenessTest(lags=LAGS),
@@ -78,6 +80,9 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
         title="Basalt, step from 3 to 10 µm/s, ageing law",
     )  # fmt: skip
     print(told)
+    for name, other in further.items():
+        for law in LAWS:
+            print(f"{name}, {law}: {_scored(law, fits[law], other)}")
     names = list(fits["ageing"].names)
     residuals = {law: np.asarray(fits[law].residual) for law in LAWS}
     fast = step.time > np.nextafter(begin, 0.0)
@@ -110,7 +115,22 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     return xr.Dataset(data, coords, attributes)
 
 
-def _table(task: Any, fit: Fit, time: np.ndarray, profiled: bool) -> dict[str, np.ndarray]:
+def _scored(law: str, fit: Fit, step: Step) -> str:
+    """How well a law with its apparatus explains a further step, as it comes and fitted anew."""
+    begin, *speeds = step_of(step)
+    known = {name: float(fit.values[name]) for name in STARTS}
+    found = []
+    for given in (known, None):
+        task = problem(law, step, begin, speeds=(speeds[0], speeds[1]), known=given)
+        left = np.asarray(task.fit(method=METHOD).data_residual)
+        found.append(f"{SIGMA * float(np.sqrt(np.mean(left**2))):.3g}")
+    return (
+        f"root mean square error of the coefficient {found[0]} with a, b, d_c and stiffness of "
+        f"the record fitted, {found[1]} with its own"
+    )
+
+
+def _table(task: Any, fit: Fit, profiled: bool) -> dict[str, np.ndarray]:
     """Estimates with their intervals and covariances, in the order of `fit.names`."""
     names = fit.names
     values = np.array([float(fit.values[name]) for name in names])
@@ -324,7 +344,10 @@ judge = judge_all("R3.")
 EXPERIMENT = Experiment(
     name="identify-rock",
     title="Basalt: rate-and-state friction from a measured step of the speed",
-    parameters={"starts": 3, "spread": 0.5, "profile": True, "predict": True, "seed": 0},
+    parameters={
+        "records": NAME, "scored": "", "starts": 3, "spread": 0.5, "profile": True, "predict": True,
+        "seed": 0,
+    },
     quick={"starts": 1, "profile": False, "predict": False},
     compute=compute,
     draw=draw,

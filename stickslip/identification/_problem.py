@@ -2,6 +2,7 @@
 
 import dataclasses
 import hashlib
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -25,6 +26,7 @@ from .._validation import (
     whole_number,
 )
 from ..hybrid import Integrator, Solution
+from ._accuracy import ACCURACY
 from ._evaluate import solve_run
 from ._fit import Fit, best, one_fit, probability
 from ._gauss_newton import LevenbergMarquardt
@@ -237,7 +239,8 @@ class Problem:
         place of the unknowns' own; `starts`: the best of so many, spread by `sobol_starts` with `seed`;
         `chunk_size` as for `many_starts`. **Returns** a `Fit`. **Raises** `TypeError`, `ValueError` for
         anything else. Warns, before anything runs, where the model swings twice or more between two
-        stamps, as it does where these are in milliseconds.
+        stamps, as it does where these are in milliseconds; and of a fit that converged and leaves
+        residuals far above their noise.
         """
         method = self._method(method)
         unknowns = self.unknowns
@@ -250,7 +253,9 @@ class Problem:
         space, first = scalars("unknowns", unknowns)
         near, taken = method.brought_near(self._run, self._data, space, first)
         fit = solve_run(method.polish, self._run, self._data, space, space.coordinates(near))
-        return self._told(fit, taken)
+        fit = self._told(fit, taken)
+        self._warn_of_misfit(fit)
+        return fit
 
     @check_arguments(**_HOW)
     def fits(
@@ -359,6 +364,17 @@ class Problem:
         return dataclasses.replace(
             fit, steps=steps, digest=digest, instants=instants, grid=(records, times)
         )
+
+    def _warn_of_misfit(self, fit: Fit) -> None:
+        """A word on a fit that is successful and does not explain the data."""
+        left = fit.reduced_chi_squared
+        if is_concrete(fit) and bool(fit.successful) and float(left) > ACCURACY.poor_fit:
+            warnings.warn(
+                f"The fit converged, and its reduced chi squared is {float(left):.3g}: the residuals are "
+                "far above their noise. Standard errors that trust it are too small; see "
+                "fit.standard_errors(robust=True).",
+                stacklevel=4,
+            )
 
     def _compare_stamps(self, unknowns: dict[str, Any]) -> None:
         """A word on stamps that are out of proportion to the model."""

@@ -167,9 +167,9 @@ def test_a_further_record_is_scored_by_all_laws(tmp_path):
     _output.run(identify.EXPERIMENT, tmp_path, quick=True, data=tmp_path, changes=changes)
     with xr.open_dataset(tmp_path / "identify-emps.nc", engine="h5netcdf") as data:
         score = data.score.load()
-    np.testing.assert_array_equal(score.sel(over="further"), score.sel(over="all"))
+    np.testing.assert_array_equal(score.sel(over="PULSES.mat"), score.sel(over="all"))
     assert {"published, asymmetric", "command, asymmetric"} <= set(score.model.values)
-    assert np.all(score.sel(over="further") > 1e-4)
+    assert np.all(score.sel(over="PULSES.mat") > 1e-4)
 
 
 def test_a_further_record_that_is_not_there(tmp_path, capsys):
