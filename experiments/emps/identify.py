@@ -206,8 +206,9 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     scores = {name: [score(values, r) for r in over.values()] for name, values in models.items()}
     for name, whole in ({parameters["records"]: record} | further).items():
         print(_ranking(name, whole, models))
+    computed = np.asarray(position(of_both_sides(shown.values), record, 1))[::kept]
     return _dataset(
-        columns, residuals, scores, compared, record, shown, split, kept, str(told), list(over)
+        columns, residuals, scores, compared, record, computed, split, kept, str(told), list(over)
     )
 
 
@@ -246,7 +247,7 @@ def _column(fit: Fit, apart: float) -> dict[str, Any]:
 
 
 def _dataset(
-    columns, residuals, scores, compared, record, shown, split, kept, told, over
+    columns, residuals, scores, compared, record, computed, split, kept, told, over
 ) -> xr.Dataset:
     def table(key):
         return np.array([[c[key].get(n, np.nan) for n in UNKNOWNS] for c in columns.values()], float)
@@ -266,7 +267,7 @@ def _dataset(
         "band": ("lag", band),
         "score": (("model", "over"), np.array(list(scores.values())), {"units": "m"}),
         "measured": ("time", record.q[::kept], {"units": "m"}),
-        "computed": ("time", np.asarray(shown), {"units": "m"}),
+        "computed": ("time", computed, {"units": "m"}),
         "unit": ("unknown", [unit_of(name) for name in UNKNOWNS]),
     }
     none = np.full(len(compared.names), np.nan)

@@ -370,8 +370,8 @@ class Problem:
         left = fit.reduced_chi_squared
         if is_concrete(fit) and bool(fit.successful) and float(left) > ACCURACY.poor_fit:
             warnings.warn(
-                f"The fit converged, and its reduced chi squared is {float(left):.3g}: the residuals are "
-                "far above their noise. Standard errors that trust it are too small; see "
+                f"The fit converged, and its reduced chi squared is {float(left):.3g}: the residuals "
+                "are far above their noise. Standard errors that trust it are too small; see "
                 "fit.standard_errors(robust=True).",
                 stacklevel=4,
             )

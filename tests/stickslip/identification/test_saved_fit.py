@@ -77,7 +77,7 @@ def test_what_is_no_file_of_a_fit_is_named(tmp_path):
         (data.drop_vars("matrix"), "damaged"),
         (data.assign(code=7), "damaged"),
         (data.assign_attrs(priors="[null"), "damaged"),
-        (data.assign_attrs(stickslip="stickslip fit 2"), "of the format 'stickslip fit 2'"),
+        (data.assign_attrs(stickslip="stickslip fit 9"), "of the format 'stickslip fit 9'"),
     ):
         damaged.to_netcdf(tmp_path / "other.nc", engine="h5netcdf")
         with pytest.raises(ValueError, match=said):
