@@ -11,8 +11,9 @@ from typing import Any
 import xarray as xr
 from matplotlib.figure import Figure
 
+from stickslip.plot import Movie
+
 from . import _settings
-from ._movie import Movie
 from ._statement import Statement as Statement
 
 GROUPS = (

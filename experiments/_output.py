@@ -17,7 +17,6 @@ import xarray as xr
 from stickslip.sweep import as_json, code_revision, versions
 
 from ._experiment import Context, Experiment, chosen
-from ._movie import write_gif
 
 STYLE: dict[Any, Any] = {
     "font.size": 9,
@@ -131,7 +130,7 @@ def draw(experiment: Experiment, dataset: xr.Dataset, out: pathlib.Path) -> list
         plt.close(figure)
         if experiment.animate is not None:
             movie = experiment.animate(dataset)
-            paths.append(write_gif(movie, out / f"{experiment.name}.gif"))
+            paths.append(movie.save(out / f"{experiment.name}.gif"))
             plt.close(movie.figure)
     return paths
 
