@@ -12,6 +12,7 @@ import jax
 import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from stickslip.sweep import as_json, code_revision, versions
@@ -50,6 +51,8 @@ def run(
     out.mkdir(parents=True, exist_ok=True)
     files = [write_data(dataset, out / f"{experiment.name}.nc")]
     files += draw(experiment, dataset, out)
+    if experiment.table is not None:
+        files.append(write_table(experiment.table(dataset), out / f"{experiment.name}.csv"))
     record = {
         "name": experiment.name,
         "title": experiment.title,
@@ -71,6 +74,14 @@ def run(
         "statements": [dataclasses.asdict(s) for s in experiment.judge(dataset)],
     }
     return [*files, write_record(record, out / f"{experiment.name}.json")]
+
+
+def write_table(table: pd.DataFrame, path: pathlib.Path) -> pathlib.Path:
+    """The columns as CSV, all of it or nothing."""
+    temporary = path.with_name(path.name + ".part")
+    table.to_csv(temporary, index=False)
+    os.replace(temporary, path)
+    return path
 
 
 def write_record(record: dict[str, Any], path: pathlib.Path) -> pathlib.Path:
