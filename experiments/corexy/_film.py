@@ -22,8 +22,8 @@ def film(
     frames: int,
     per_second: int,
 ) -> Movie:
-    """The collar at each `place`, `[row, 2]` [m], the rims of the motors `turned` by so much, `[row, 2]`
-    [m], and whether each belt `slips`, `[row, 2]`.
+    """The collar at each `place` [m], the rims of the motors `turned` by so much [m], and whether each
+    belt `slips`; `[row, 2]` each.
 
     `curves(axes, k)` draws those of motor k + 1; `words(row)` is the title.
     """
