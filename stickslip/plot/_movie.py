@@ -65,7 +65,8 @@ class Movie:
 
     def save(self, path: Path, *, dpi: int = 80) -> pathlib.Path:
         """Save all frames: as a GIF where `path` ends with `.gif`, as a page with buttons and a slider
-        where it ends with `.html`. Neither needs another program.
+        where it ends with `.html`. Neither needs another program; the signs on the buttons come from
+        the net, without which they are blank.
 
         **Arguments:** `path` of the file, which is written over, all of it or nothing; `dpi`, dots per
         inch. A GIF counts in hundredths of a second: 10, 20, 25 or 50 frames a second it shows in time.

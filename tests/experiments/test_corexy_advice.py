@@ -114,6 +114,18 @@ def test_a_plan_is_a_table_that_gives_its_voltages_back(tmp_path, capsys):
         animate.read_plan(str(path))
 
 
+def test_rows_of_a_plan_are_kinks_jumps_or_nothing(tmp_path):
+    path = tmp_path / "plan.csv"
+    path.write_text("time,v1,v2\n0,0,4\n0.5,1,4\n1,2,4\n2,2,4\n2,-2,4\n3,0,4\n")
+    voltage, start = animate.read_plan(str(path))
+    # The row at 0.5 s lies on the line; that at 1 s is a kink, those at 2 s a jump; 0 V at the end.
+    np.testing.assert_array_equal(voltage.times, [0.0, 1.0, 2.0, 3.0])
+    np.testing.assert_array_equal(voltage.v1, [0.0, 2.0, -2.0, 0.0])
+    np.testing.assert_array_equal(voltage.slope_1, [2.0, 0.0, 2.0, 0.0])
+    np.testing.assert_array_equal(voltage.v2, [4.0, 4.0, 4.0, 0.0])
+    assert start == {}
+
+
 def test_a_log_moves_as_its_encoders_say(tmp_path):
     time = np.linspace(0.0, 1.0, 51)
     x, y, r = 0.1 * time**2, 0.05 * time, 0.05
