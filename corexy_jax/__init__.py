@@ -62,6 +62,7 @@ from ._transitions import needed_friction as needed_friction
 from ._transitions import next_dmn as next_dmn
 from ._voltage import AbstractTable as AbstractTable
 from ._voltage import AbstractVoltage as AbstractVoltage
+from ._voltage import ConstantVoltage as ConstantVoltage
 from ._voltage import Harmonic as Harmonic
 from ._voltage import PiecewiseStep as PiecewiseStep
 from ._voltage import Ramps as Ramps

@@ -28,7 +28,7 @@ from ._contacts import (
 from ._modes import MODE_NAMES, mode_dmn, mode_number, mode_signs
 from ._motors import motor_torque
 from ._parameters import CoreXYParameters
-from ._voltage import AbstractVoltage
+from ._voltage import VOLTAGES, AbstractVoltage
 
 NEXT_PIECE = NUM_CONTACTS + 1  # number of the guard
 LOSS_NAMES = ("x", "y", "u", "w", "motor_1", "motor_2", "belt_1", "belt_2")
@@ -117,7 +117,7 @@ class CoreXY(AbstractMechanism):
 
     def __init__(self, parameters: Given[CoreXYParameters], voltage: Given[AbstractVoltage]):
         self.parameters = check_type("parameters", parameters, CoreXYParameters, "CoreXYParameters")
-        self.voltage = check_type("voltage", voltage, AbstractVoltage, "an AbstractVoltage")
+        self.voltage = check_type("voltage", voltage, AbstractVoltage, VOLTAGES)
 
     # -- the declaration
 

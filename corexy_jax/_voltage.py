@@ -33,6 +33,7 @@ from stickslip.checks import (
 from stickslip.fastmath import sin_cos, where
 from stickslip.show import AbstractShown
 
+VOLTAGES = "an AbstractVoltage, such as ConstantVoltage(v1, v2) or UserVoltage(function)"
 NEVER = 1e300  # time of a break that does not come [s]
 
 
@@ -96,6 +97,33 @@ class AbstractVoltage(AbstractShown):
         """Voltages [V] at time `t` [s]."""
         t = jnp.asarray(t, jnp.float64)
         return self.volts(t, self.piece_of(t))
+
+
+class ConstantVoltage(AbstractVoltage):
+    """The same voltages all the time. **Arguments:** `v1`, `v2` [V], finite."""
+
+    v1: Float[Array, "..."]
+    v2: Float[Array, "..."]
+
+    parameter_units: ClassVar = {"v1": "V", "v2": "V"}
+
+    has_breaks: ClassVar[bool] = False
+
+    def __init__(self, v1: Numeric, v2: Numeric):
+        self.v1 = as_parameter(check_finite("v1", v1))
+        self.v2 = as_parameter(check_finite("v2", v2))
+
+    def volts(self, t, piece):
+        return self.v1, self.v2
+
+    def time_scale(self):
+        return jnp.inf
+
+    def piece_of(self, t):
+        return jnp.zeros_like(t)
+
+    def piece_end(self, piece):
+        return jnp.full_like(piece, NEVER)
 
 
 class Harmonic(AbstractVoltage):
@@ -268,7 +296,9 @@ class UserVoltage(AbstractVoltage):
     **Arguments:** `function`; `args`, a pytree of its parameters, which may be differentiated;
     `shortest` [s], the shortest time in which the voltages change by their own size. It bounds
     the steps while the machine rests; not given, a pulse shorter than 1/2500 of the run can be missed.
-    **Raises** `TypeError` unless `function` is callable, `ValueError` for a time that is not positive.
+    The voltage itself is called with the time alone, `voltage(t)`: it has its `args`.
+    **Raises** `TypeError` unless `function` is callable and gives a pair of numbers, `ValueError` for a
+    time that is not positive.
     """
 
     function: Callable = eqx.field(static=True)
@@ -285,6 +315,10 @@ class UserVoltage(AbstractVoltage):
     ):
         self.function = check_callable("function", function, "f(t, args) -> (v1, v2)", 0.0, args)
         self.args = check_handed_on("args", args)
+        gives = eqx.filter_eval_shape(function, jnp.zeros(()), args)
+        if not isinstance(gives, tuple | list) or len(gives) != 2 or not all(map(_is_number, gives)):
+            pair = "callable as f(t, args) -> (v1, v2), a pair of numbers [V]"
+            raise refusal("function", function, pair, TypeError, but=f"which gives {gives!r}")
         if shortest is not None:
             shortest = as_parameter(one_number("shortest", shortest, "positive"))
         self.shortest = shortest
@@ -301,3 +335,9 @@ class UserVoltage(AbstractVoltage):
 
     def piece_end(self, piece):
         return jnp.full_like(piece, NEVER)
+
+
+def _is_number(value: Any) -> bool:
+    """Whether it is a real number, or the shape of an array of them."""
+    kind = value.dtype.kind if hasattr(value, "dtype") else np.asarray(value).dtype.kind
+    return kind in "iuf"

@@ -133,7 +133,9 @@ def _keep_or_write(name: str, experiments, out: pathlib.Path) -> int:
 def _write_template(experiments, options) -> int:
     taken = experiments.get(options.name)
     if taken is None or taken.measured is None or taken.measured.template is None:
-        takers = ", ".join(name for name, e in experiments.items() if e.measured is not None)
+        takers = ", ".join(
+            name for name, e in experiments.items() if e.measured and e.measured.template
+        )
         print(f"--template {options.template}: only for {takers}.", file=sys.stderr)
         return 2
     if options.template.exists():

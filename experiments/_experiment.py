@@ -8,11 +8,13 @@ import re
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import pandas as pd
 import xarray as xr
 from matplotlib.figure import Figure
 
+from stickslip.plot import Movie
+
 from . import _settings
-from ._movie import Movie
 from ._statement import Statement as Statement
 
 GROUPS = (
@@ -42,6 +44,7 @@ class Experiment:
       `judge(dataset) -> list of Statement`: each reads nothing but its arguments, so that a picture
       can be drawn again from the file.
     - `animate(dataset) -> Movie`: frames of a GIF beside the picture.
+    - `table(dataset) -> DataFrame`: columns that are written as CSV beside the picture.
     - `brought`: whether it reads measured records that the user brings.
     - `measured`: what runs in its place on a file of the user's, named by `--data`; `template` writes
       such a file to a path, and returns what it wrote.
@@ -55,6 +58,7 @@ class Experiment:
     draw: Callable[[xr.Dataset], Figure]
     judge: Callable[[xr.Dataset], list[Statement]] = lambda dataset: []
     animate: Callable[[xr.Dataset], Movie] | None = None
+    table: Callable[[xr.Dataset], pd.DataFrame] | None = None
     brought: bool = False
     measured: "Experiment | None" = None
     template: Callable[[pathlib.Path], list[pathlib.Path]] | None = None

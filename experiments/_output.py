@@ -12,12 +12,12 @@ import jax
 import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from stickslip.sweep import as_json, code_revision, versions
 
 from ._experiment import Context, Experiment, chosen
-from ._movie import write_gif
 
 STYLE: dict[Any, Any] = {
     "font.size": 9,
@@ -51,6 +51,8 @@ def run(
     out.mkdir(parents=True, exist_ok=True)
     files = [write_data(dataset, out / f"{experiment.name}.nc")]
     files += draw(experiment, dataset, out)
+    if experiment.table is not None:
+        files.append(write_table(experiment.table(dataset), out / f"{experiment.name}.csv"))
     record = {
         "name": experiment.name,
         "title": experiment.title,
@@ -72,6 +74,14 @@ def run(
         "statements": [dataclasses.asdict(s) for s in experiment.judge(dataset)],
     }
     return [*files, write_record(record, out / f"{experiment.name}.json")]
+
+
+def write_table(table: pd.DataFrame, path: pathlib.Path) -> pathlib.Path:
+    """The columns as CSV, all of it or nothing."""
+    temporary = path.with_name(path.name + ".part")
+    table.to_csv(temporary, index=False)
+    os.replace(temporary, path)
+    return path
 
 
 def write_record(record: dict[str, Any], path: pathlib.Path) -> pathlib.Path:
@@ -131,7 +141,7 @@ def draw(experiment: Experiment, dataset: xr.Dataset, out: pathlib.Path) -> list
         plt.close(figure)
         if experiment.animate is not None:
             movie = experiment.animate(dataset)
-            paths.append(write_gif(movie, out / f"{experiment.name}.gif"))
+            paths.append(movie.save(out / f"{experiment.name}.gif"))
             plt.close(movie.figure)
     return paths
 

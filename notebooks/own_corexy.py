@@ -211,7 +211,8 @@ axes[1].set_xlabel("time [s]")
 plt.show()
 
 # %% [markdown]
-# The same from the command line, with the report printed and a picture kept: `python -m experiments
+# The same from the command line, with the report printed, which belt to tighten by how much, and a
+# picture kept: `python -m experiments
 # identify-corexy --data LOG.csv --set machine=LOG-machine.json --set profile=true`. Other names and
 # units of columns: `--set columns=time=t,v1=u_1 --set units=time=ms,theta_1=count --set
 # counts_per_turn=4000`; other unknowns: `--set unknowns=P1,P2,mu_k`.

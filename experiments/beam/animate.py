@@ -10,11 +10,12 @@ from matplotlib.patches import Rectangle
 import stickslip as ss
 from stickslip import plot
 from stickslip.analysis import Samples, time_history
+from stickslip.plot import SLIP, STICK, Movie, coil
 from stickslip.systems import JointedBeam
 
 from .._experiment import Context, Experiment
-from .._movie import DARK, PALE, SLIP, STICK, Movie, coil, still
 
+DARK, PALE = "0.25", "0.8"
 NODES = 81  # of the beam
 SIDE = 0.14
 MARKS = 0.18
@@ -111,6 +112,6 @@ EXPERIMENT = Experiment(
     },
     quick={"frames": 20, "transient": 20.0},
     compute=compute,
-    draw=still(animate),
+    draw=lambda data: animate(data).still(),
     animate=animate,
 )  # fmt: skip

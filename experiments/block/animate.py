@@ -10,11 +10,12 @@ from matplotlib.patches import Circle, Rectangle
 
 import stickslip as ss
 from stickslip import plot
+from stickslip.plot import SLIP, STICK, Movie, coil
 from stickslip.systems import BlockOnBeltSetValued, BlockState
 
 from .._experiment import Context, Experiment
-from .._movie import DARK, PALE, SLIP, STICK, Movie, coil, still
 
+DARK, PALE = "0.25", "0.8"
 SIDE, TOP = 0.10, 0.0  # of the block, and height of the belt [m]
 LEFT, RIGHT, DRUM = -0.30, 0.42, 0.05  # ends of the belt and radius of its drums [m]
 MARKS = 0.06  # between marks of the belt [m]
@@ -102,6 +103,6 @@ EXPERIMENT = Experiment(
     },
     quick={"frames": 20, "transient": 5.0},
     compute=compute,
-    draw=still(animate),
+    draw=lambda data: animate(data).still(),
     animate=animate,
 )  # fmt: skip

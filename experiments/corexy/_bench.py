@@ -12,6 +12,7 @@ import stickslip as ss
 from stickslip.identification import Fit, Observed, Problem, Record, Unknown, profile, report
 
 from .._experiment import Context, Experiment
+from ._advice import GOOD, advice, sketch
 from ._log import KIND, Log, pairs, read_log, read_machine, write_template
 
 SENSOR_NOISE = {"place": 1e-4, "angle": 1e-3, "speed": 0.05}
@@ -19,10 +20,6 @@ UNIT = {"place": "m", "angle": "rad", "speed": "rad/s"}
 FITTED = {"P1": "N", "P2": "N", "m": "kg", "M": "kg", "r_f": "m"} | dict.fromkeys(
     ("mu_s", "mu_k", "mu_1s_b", "mu_2s_b", "mu_1k_b", "mu_2k_b"), ""
 )
-
-
-GOOD = 1.5  # reduced chi squared of a fit that needs no other start
-FAR = 10.0  # above it the model does not describe the log
 
 
 def _observed(name: str, sd: float) -> Observed:
@@ -110,14 +107,13 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
         title=f"CoreXY, {context.data.name}",
     )  # fmt: skip
     print(told)
-    ratio = float(fit.reduced_chi_squared) ** 0.5
-    if ratio**2 > FAR:
-        print(
-            "The machine computed is not the one measured: its residuals are "
-            f"{ratio:.3g} times the noise. Look at the picture; check units, signs and "
-            "--set machine=FILE; take more --set starts=, or gentler voltages."
-        )
     seen = task.simulate(fit.values)
+    final = cx.with_values(machine, dict(fit.values))
+    tensions = {name: float(getattr(final, name)) for name in ("P1", "P2")}
+    off = {name: row - np.asarray(seen.observed[name]) for name, row in log.measured.items()}
+    rms = {name: float(np.sqrt(np.mean(row**2))) for name, row in off.items()}
+    said = "\n".join(advice(fit, intervals, tensions, rms))
+    print(f"\n{said}")
     errors = fit.standard_errors()
     units = {name: {"units": UNIT[KIND[name]]} for name in log.measured}
     data: dict[str, Any] = {
@@ -135,7 +131,7 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     return xr.Dataset(
         data, {"unknown": list(names), "time": ("time", log.times, {"units": "s"})},
         {
-            "report": str(told), "successful": int(bool(fit.successful)),
+            "report": str(told), "advice": said, **tensions, "successful": int(bool(fit.successful)),
             "chi_squared": float(fit.reduced_chi_squared),
         },
     )  # fmt: skip
@@ -143,21 +139,24 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
 
 def draw(data: xr.Dataset) -> Figure:
     names = [str(k).removesuffix("_measured") for k in data if str(k).endswith("_measured")]
-    figure, axes = plt.subplots(
-        len(names), 1, figsize=(8.0, 1.9 * len(names)), sharex=True, squeeze=False
-    )
-    for axis, name in zip(axes.flat, names, strict=True):
+    figure = plt.figure(figsize=(11.0, max(5.4, 1.9 * len(names))))
+    grid = figure.add_gridspec(len(names), 2, width_ratios=(1.7, 1.0))
+    axes = [figure.add_subplot(grid[0, 0])]
+    axes += [figure.add_subplot(grid[i, 0], sharex=axes[0]) for i in range(1, len(names))]
+    tensions = {name: float(data.attrs[name]) for name in ("P1", "P2")}
+    sketch(figure.add_subplot(grid[:, 1]), tensions, data.attrs["advice"])
+    for axis, name in zip(axes, names, strict=True):
         measured, computed = data[f"{name}_measured"], data[f"{name}_computed"]
         axis.plot(data.time, measured, ".", ms=2.5, color="0.55", label="measured")
         axis.plot(data.time, computed, lw=1.0, color="#1f4e9c", label="computed")
         axis.set_ylabel(f"{name} [{measured.attrs['units']}]")
-    axes.flat[-1].set_xlabel("time [s]")
-    axes.flat[0].legend(frameon=False, fontsize=8)
+    axes[-1].set_xlabel("time [s]")
+    axes[0].legend(frameon=False, fontsize=8)
     values = [
         f"{n} = {float(v):.4g} ± {float(e):.2g}"
         for n, v, e in zip(data.unknown.values, data.estimate, data.standard_error, strict=True)
     ]
-    axes.flat[0].set_title(", ".join(values), fontsize=9)
+    axes[0].set_title(", ".join(values), fontsize=9)
     return figure
 
 

@@ -54,37 +54,45 @@ def pairs(key: str, text: str, allowed: tuple[str, ...]) -> dict[str, str]:
     return found
 
 
-def read_log(path: pathlib.Path, columns: str, units: str, counts_per_turn: float) -> Log:
-    """The log in `path`. Errors: `ValueError` naming the file, column or unit."""
+def read_table(
+    path: pathlib.Path, needed: tuple[str, ...], columns: str = "", units: str = "",
+    counts_per_turn: float = 0.0, said: str = "--data ",
+) -> dict[str, np.ndarray]:  # fmt: skip
+    """Columns of the file at `path` by name, in SI units, those of `needed` among them.
+
+    Errors: `ValueError` naming the file, as the command line has `said` it, the column or the unit.
+    """
     names = dict(zip(KIND, KIND, strict=True)) | pairs("columns", columns, tuple(KIND))
     given = pairs("units", units, tuple(KIND))
     try:
         table = pd.read_csv(path, comment="#", skipinitialspace=True)
     except (OSError, UnicodeDecodeError, pd.errors.ParserError, pd.errors.EmptyDataError) as error:
         raise ValueError(
-            f"--data {path}: it must be a file of comma-separated values; {error}"
+            f"{said}{path}: it must be a file of comma-separated values; {error}"
         ) from None
-    lost = [names[key] for key in NEEDED if names[key] not in table]
+    lost = [names[key] for key in needed if names[key] not in table]
     asked = [key for key in pairs("columns", columns, tuple(KIND)) if names[key] not in table]
     if lost or asked:
         wanted = ", ".join(lost or [names[key] for key in asked])
         raise ValueError(
-            f"--data {path}: it must have the columns {wanted}; it has {', '.join(map(str, table))}. "
+            f"{said}{path}: it must have the columns {wanted}; it has {', '.join(map(str, table))}. "
             "Name others by --set columns=time=t,v1=u_1,..."
         )
     found = {}
     for key, kind in KIND.items():
         if names[key] in table:
-            found[key] = _column(path, table, names[key]) * _unit(key, kind, given, counts_per_turn)
+            row = _column(f"{said}{path}", table, names[key])
+            found[key] = row * _unit(key, kind, given, counts_per_turn)
+    return found
+
+
+def read_log(path: pathlib.Path, columns: str, units: str, counts_per_turn: float) -> Log:
+    """The log in `path`. Errors: `ValueError` naming the file, column or unit."""
+    found = read_table(path, NEEDED, columns, units, counts_per_turn)
     rows = {key: found[key] for key in MEASURED if key in found}
     if not rows:
         raise ValueError(f"--data {path}: it must have one of the columns {', '.join(MEASURED)}.")
-    times = found["time"] - found["time"][0]
-    if times.size < 10 or not np.all(np.diff(times) > 0.0):
-        at = int(np.argmin(np.diff(times))) + 1 if times.size > 1 else 0
-        raise ValueError(
-            f"--data {path}: the time must increase over at least 10 rows; it does not at row {at + 1}."
-        )
+    times = times_of(path, found)
     moved = np.flatnonzero((found["v1"] != 0.0) | (found["v2"] != 0.0))
     if not moved.size:
         raise ValueError(f"--data {path}: v1 and v2 are zero everywhere, so nothing can be learnt.")
@@ -95,13 +103,24 @@ def read_log(path: pathlib.Path, columns: str, units: str, counts_per_turn: floa
     return Log(times, rows, _held(times, found["v1"], found["v2"]))
 
 
-def _column(path: pathlib.Path, table: pd.DataFrame, name: str) -> np.ndarray:
+def times_of(path: pathlib.Path, found: dict[str, np.ndarray]) -> np.ndarray:
+    """The times of a log from 0 on [s]. Errors: `ValueError` where they do not increase."""
+    times = found["time"] - found["time"][0]
+    if times.size < 10 or not np.all(np.diff(times) > 0.0):
+        at = int(np.argmin(np.diff(times))) + 1 if times.size > 1 else 0
+        raise ValueError(
+            f"--data {path}: the time must increase over at least 10 rows; it does not at row {at + 1}."
+        )
+    return times
+
+
+def _column(where: str, table: pd.DataFrame, name: str) -> np.ndarray:
     numbers: Any = pd.to_numeric(table[name], errors="coerce")
     row = np.asarray(numbers, np.float64)
     bad = np.flatnonzero(~np.isfinite(row))
     if bad.size:
         raise ValueError(
-            f"--data {path}: column {name} must hold numbers; row {int(bad[0]) + 1} holds "
+            f"{where}: column {name} must hold numbers; row {int(bad[0]) + 1} holds "
             f"{table[name].iloc[int(bad[0])]!r}."
         )
     return row

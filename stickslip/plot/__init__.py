@@ -1,6 +1,7 @@
-"""Pictures: motions, phase planes, branches, orbits, multipliers, orbit diagrams, spectra, fits.
+"""Pictures: motions, animations, phase planes, branches, orbits, orbit diagrams, spectra, fits.
 
-Every function draws into the axes `ax`, or makes a figure where none are given, and returns the axes.
+Every function but `animate` draws into the axes `ax`, or makes a figure where none are given, and
+returns the axes.
 Names and units come from the system or the dataset. Further options go to matplotlib's lines. Nothing
 is shown and nothing is saved: that is left to the caller, as is the backend.
 
@@ -16,15 +17,27 @@ is shown and nothing is saved: that is left to the caller, as is the backend.
 ('x [m]', 'v [m/s]', 't [s]')
 """
 
+from ._animate import animate as animate
+from ._block import Belt as Belt
+from ._block import Block as Block
+from ._block import Wall as Wall
 from ._branch import branch as branch
 from ._energy_account import energy_account as energy_account
 from ._exponents import exponents as exponents
 from ._fit import fit as fit
 from ._motion import motion as motion
+from ._movie import SLIP as SLIP
+from ._movie import STICK as STICK
+from ._movie import Movie as Movie
 from ._multipliers import multipliers as multipliers
 from ._orbit import orbit as orbit
 from ._orbit_diagram import orbit_diagram as orbit_diagram
+from ._pendulum import Pendulum as Pendulum
 from ._phase_plane import phase_plane as phase_plane
 from ._prediction import prediction as prediction
+from ._scene import AbstractPart as AbstractPart
 from ._shade import shade as shade
 from ._spectrum import spectrum as spectrum
+from ._spring import Damper as Damper
+from ._spring import Spring as Spring
+from ._spring import coil as coil

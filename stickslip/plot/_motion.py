@@ -13,8 +13,8 @@ from .._validation import check_flag, refusal
 from ..hybrid import AbstractHybridSystem, Solution
 from . import _axes
 from ._observed import Source, list_of_names, several, with_gaps, within
-from ._shade import bands, spans
-from ._sticks import contacts_of, intervals, sticking
+from ._shade import bands
+from ._sticks import contacts_of, intervals_of
 
 SHADES = ("0.82", "#dbe6f4", "#f4e3d3", "#dcefdc", "#eadff0")
 
@@ -62,7 +62,7 @@ def motion(
     shaded = _contacts(source, contacts)
     rows = None if single else len(functions)
     axes, options = _axes.begin(ax, options, rows, color=_axes.BLUE, linewidth=1.0)
-    held = _held(source) if shaded else {}
+    held = intervals_of(source) if shaded else {}
     time, (name, unit) = source.time, source.time_label
     for axis, (what, function) in zip(np.atleast_1d(axes), functions.items(), strict=True):
         row = source.row(what, function)
@@ -101,21 +101,6 @@ def _contacts(source: Source, contacts: Any) -> tuple[str, ...]:
             among = list_of_names(dict.fromkeys(known))
             raise refusal("contacts", contacts, f"of the contacts that may stick: {among}")
     return tuple(row)
-
-
-def _held(source: Source) -> dict[str, list[tuple[float, float]]]:
-    if not source.dataset:
-        return intervals(source.solution, source.system)
-    mode, time = np.asarray(source.solution["mode"]), source.time
-    if source.system is not None:
-        found = sticking(source.system, mode)
-    else:
-        attrs = source.solution.attrs
-        names = list(attrs["mode_names"])
-        numbers = list(attrs.get("mode_numbers", range(len(names))))
-        stick = [number for number, name in zip(numbers, names, strict=True) if "stick" in name]
-        found = {"": np.isin(mode, stick)}
-    return {name: spans(time, row) for name, row in found.items()}
 
 
 def _mark(axis: Axes, source: Source, what: Any, function: Any, row: Any) -> None:

@@ -71,6 +71,24 @@ def intervals(solution: Solution, system: AbstractHybridSystem) -> dict[str, lis
     return {name: spans(begin, held, end) for name, held in sticking(system, modes).items()}
 
 
+def intervals_of(source: Any) -> dict[str, list[tuple[float, float]]]:
+    """The same of a `Source`; of a dataset by the modes of its rows."""
+    if not source.dataset:
+        return intervals(source.solution, source.system)
+    attrs = source.solution.attrs
+    if "mode" not in source.solution or (source.system is None and "mode_names" not in attrs):
+        return {}
+    mode, time = np.asarray(source.solution["mode"]), source.time
+    if source.system is not None:
+        found = sticking(source.system, mode)
+    else:
+        names = list(attrs["mode_names"])
+        numbers = list(attrs.get("mode_numbers", range(len(names))))
+        stick = [number for number, name in zip(numbers, names, strict=True) if "stick" in name]
+        found = {"": np.isin(mode, stick)}
+    return {name: spans(time, row) for name, row in found.items()}
+
+
 def rows_of(solution: Solution) -> Any:
     """Rows of the motion that a run kept: outputs, else steps, else None."""
     return solution.steps if solution.outputs is None else solution.outputs

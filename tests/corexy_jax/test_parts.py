@@ -67,7 +67,11 @@ def test_bad_input_is_named():
         cx.PiecewiseStep([0.0], [1.0], [1.0])
     with refused(TypeError, "function"):
         cx.UserVoltage(3.0)
-    with refused(TypeError, "voltage"):
+    with refused(TypeError, "a pair of numbers [V]"):
+        cx.UserVoltage(lambda t, args: t)
+    with refused(TypeError, "a pair of numbers [V]"):
+        cx.UserVoltage(lambda t, args: (t, "2"))
+    with refused(TypeError, "such as ConstantVoltage(v1, v2)"):
         cx.CoreXY(cx.CoreXYParameters(), 5.0)
     p, v = cx.scenario(1)
     with refused(ValueError, "method = 'exact'"):
@@ -94,6 +98,20 @@ def test_harmonic_and_square_wave():
     ends = jax.vmap(wave.piece_end)(piece)
     np.testing.assert_allclose(ends, (np.arange(9) + 1) / 2.8)
     np.testing.assert_array_equal(jax.vmap(wave.piece_of)(ends + 1e-9), piece + 1)
+
+
+def test_a_constant_voltage_is_a_table_of_it():
+    """The run is that under the same voltages held from row to row."""
+    p = cx.CoreXYParameters()
+    ends = [
+        cx.simulate(p, voltage, 0.2, rows=3).y
+        for voltage in (
+            cx.ConstantVoltage(6.0, 2.0), cx.PiecewiseStep([0.0, 9.0], [6.0, 0.0], [2.0, 0.0])
+        )
+    ]  # fmt: skip
+    assert float(ends[0].x[-1]) > 1e-3
+    for one, other in zip(*ends, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-8, atol=1e-12)
 
 
 def test_tables_of_voltages():

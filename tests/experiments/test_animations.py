@@ -1,30 +1,18 @@
-"""Animations: what moves is what was computed, belts keep their length, the file is a GIF."""
+"""Animations: what moves is what was computed, belts keep their length."""
 
 import numpy as np
 import pytest
 import xarray as xr
 from matplotlib import pyplot as plt
-from PIL import Image
 
-from experiments._movie import Movie, along_path, coil, write_gif
 from experiments.block import animate as block
-from experiments.corexy import animate as corexy
+from experiments.corexy._machine import along_path, paths
 
 
 @pytest.fixture(autouse=True)
 def _closed():
     yield
     plt.close("all")
-
-
-def test_a_gif(tmp_path):
-    figure, axis = plt.subplots(figsize=(1.0, 1.0))
-    (dot,) = axis.plot([0.0, 1.0], [0.0, 1.0], "o")
-    movie = Movie(figure, lambda i: dot.set_data([0.2 * i], [0.5]), 4, 10)
-    path = write_gif(movie, tmp_path / "dot.gif")
-    with Image.open(path) as picture:
-        assert (picture.format, picture.n_frames, picture.info["duration"]) == ("GIF", 4, 100)
-    assert [p.name for p in tmp_path.iterdir()] == ["dot.gif"]
 
 
 def length(corners):
@@ -34,7 +22,7 @@ def length(corners):
 @pytest.mark.parametrize("belt", [0, 1])
 def test_belts_keep_their_length_and_turn_their_motors(belt):
     gap = 0.1
-    corners = [corexy.paths(x, y, 3.0, 2.0, gap)[belt] for x, y in ((1.0, 0.5), (2.2, 1.4))]
+    corners = [paths(x, y, 3.0, 2.0, gap)[belt] for x, y in ((1.0, 0.5), (2.2, 1.4))]
     assert length(corners[0]) == pytest.approx(length(corners[1]), abs=1e-12)
     # From the collar to the motor it grows by x + y, or by y - x: as the virtual pulleys turn.
     grown = length(corners[1][:3]) - length(corners[0][:3])
@@ -44,9 +32,6 @@ def test_belts_keep_their_length_and_turn_their_motors(belt):
 def test_points_along_a_path():
     x, y = along_path([(0.0, 0.0), (2.0, 0.0), (2.0, 3.0)], [0.5, 2.0, 4.0])
     np.testing.assert_allclose([x, y], [[0.5, 2.0, 2.0], [0.0, 0.0, 2.0]])
-    x, y = coil((0.0, 0.0), (0.0, 2.0), 4, 0.2)
-    assert (x[0], y[0], x[-1], y[-1]) == (0.0, 0.0, 0.0, 2.0)
-    assert np.ptp(x) == pytest.approx(0.2)
 
 
 def test_the_block_goes_where_the_motion_does():

@@ -81,7 +81,10 @@ def test_wrong_options(tmp_path, capsys):
     (tmp_path / "m.json").write_text(json.dumps({"P1": -1.0}))
     assert "P1 = -1.0" in told(f"machine={tmp_path / 'm.json'}")[1]
     assert main(["block-fig02", "--data", str(path), "--out", out]) == 2
-    assert "it must be a folder; files are taken by identify-corexy" in capsys.readouterr().err
+    assert (
+        "it must be a folder; files are taken by animate-corexy, identify-corexy"
+        in capsys.readouterr().err
+    )
     assert main(["block-fig02", "--template", str(tmp_path / "t.csv")]) == 2
     assert main(["identify-corexy", "--template", str(path)]) == 2
     assert "it exists, and is not written over" in capsys.readouterr().err

@@ -47,7 +47,7 @@ from stickslip.identification import (
     _report,
     _sensitivity,
 )
-from stickslip.plot import _axes
+from stickslip.plot import _axes, _movie
 from stickslip.sweep import evaluate
 from tests.house import (
     _nonsense_analyses,
@@ -103,6 +103,7 @@ BEHIND = (
     (_dead_zone, "_project"),
     (_zonotope, "_vertices"),
     (_axes, "canvas"),
+    (_movie.Movie, "_animation"),
     (machine, "march"),
     (machine_feedforward, "_plan"),
     (machine_along, "cut"),

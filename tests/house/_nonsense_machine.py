@@ -109,10 +109,11 @@ TARGETS = [
         },
     ),
     Target(cx.Feedforward.at, {"t": arg(0.1, "reals")}, PLAN.at),
+    Target(cx.ConstantVoltage, finite(v1=1.0, v2=1.0)),
     Target(
         cx.UserVoltage,
         {
-            "function": arg(lambda t, args: (t, t), "function"), "args": arg(None, "handed on"),
+            "function": arg(lambda t, args: (t, t)), "args": arg(None, "handed on"),
             "shortest": arg(None, "none", "positive", "float32"),
         },
     ),

@@ -142,6 +142,7 @@ TARGETS = [
     *(target for kind in (cx.Sampled, cx.PiecewiseStep)
       for target in of(kind(*TABLE), piece_of__t=arg(0.1, "real"), __call____t=arg(0.1, "real"))),
     *of(cx.Ramps(*TABLE, *TABLE[1:]), piece_of__t=arg(0.1, "real"), __call____t=arg(0.1, "real")),
+    *of(cx.ConstantVoltage(1.0, 2.0)),
     *of(cx.UserVoltage(lambda t, args: (t, t))),
     *of(ss.sweep.Storage(), chunk=arg(4, "none")),
     *of(SMOOTHED, y=arg(SMOOTHED.state(CARRIAGE)), s=arg(SMOOTHED.state(CARRIAGE)),

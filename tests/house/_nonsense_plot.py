@@ -4,6 +4,7 @@ import jax.numpy as jnp
 import matplotlib
 import numpy as np
 import xarray as xr
+from matplotlib.figure import Figure
 
 import stickslip as ss
 from stickslip import analysis, plot
@@ -35,10 +36,14 @@ LEDGER = xr.Dataset(
     {"time": [0.0, 1.0, 2.0]},
 )
 SPECTRUM = analysis.Spectrum(jnp.arange(3.0), jnp.ones(3), "hann")
+MOVIE = plot.Movie(Figure(), lambda i: None, 2, 20)
 EXPONENTS = analysis.LyapunovSpectrum(
     jnp.zeros(1), jnp.zeros(1), jnp.zeros((4, 1)), jnp.arange(4.0), jnp.zeros(1, jnp.int32), 1.0, ROWS
 )
 AX = arg(None, "none")
+# A number, the name of an observable, or a function f(t, y) of what is read when it is drawn.
+QUANTITY = ("finite", "text", "function")
+CONTACT = arg(None, "none", "text")
 ARGS = arg(None, "handed on")
 TARGETS = [
     Target(
@@ -86,4 +91,47 @@ TARGETS = [
             "label": arg(None, "none", "text"), "color": arg("0.8"), "ax": AX,
         },
     ),
+    Target(
+        plot.Block,
+        {
+            "x": arg(0.0, *QUANTITY), "y": arg(0.0, *QUANTITY), "width": arg(None, "none", "positive"),
+            "height": arg(None, "none", "positive"), "contact": CONTACT,
+        },
+    ),
+    Target(plot.Belt, {"speed": arg(0.0, *QUANTITY), "y": arg(None, "none", "finite")}),
+    Target(plot.Wall, {"x": arg(0.0, *QUANTITY), "y": arg(0.0, *QUANTITY)}),
+    Target(plot.Spring, {"start": arg(0.0, *QUANTITY), "end": arg("x", *QUANTITY)}),
+    Target(plot.Damper, {"start": arg(0.0, *QUANTITY), "end": arg("x", *QUANTITY)}),
+    Target(
+        plot.Pendulum,
+        {
+            "angle": arg(0.0, *QUANTITY), "pivot": arg((0.0, 0.0), *QUANTITY),
+            "length": arg(1.0, "positive"), "contact": CONTACT,
+        },
+    ),
+    Target(
+        plot.coil,
+        {
+            "start": arg((0.0, 0.0), "two numbers", "row"),
+            "end": arg((1.0, 0.0), "two numbers", "row"),
+            "turns": arg(6), "width": arg(1.0, "positive"),
+        },
+    ),
+    Target(
+        plot.animate,
+        {
+            "solution": arg(RUN), "system": arg(OSCILLATOR), "draw": arg([plot.Block("x")], "none"),
+            "observables": arg(None, "none", "function"), "lane": arg(None, "none"), "args": ARGS,
+            "speed": arg(1.0, "float32"), "per_second": arg(20),
+        },
+    ),
+    Target(
+        plot.Movie,
+        {
+            "figure": arg(Figure()), "update": arg(print, "function"), "frames": arg(2),
+            "per_second": arg(20),
+        },
+    ),
+    Target(plot.Movie.save, {"path": arg("a.gif"), "dpi": arg(80)}, MOVIE.save),
+    Target(plot.Movie.still, {"frame": arg(0, "none", "count")}, MOVIE.still),
 ]  # fmt: skip

@@ -126,6 +126,10 @@ EXEMPT_METHODS = {
         ("Follow.values_by_parameter", "Shooting.integrator_or"),
         "read by the verbs that take the settings",
     ),
+    **dict.fromkeys(
+        ("Block.read", "Belt.read", "Wall.read", "Spring.read", "Damper.read", "Pendulum.read"),
+        "parts of a drawing, asked by `animate`, which has a template",
+    ),
     "map_lanes.__call__": "has a template with the constructors",
     "load.__call__": "takes what the file names",
 }  # fmt: skip

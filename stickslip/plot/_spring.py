@@ -1,0 +1,99 @@
+"""Springs and dampers between two places."""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from .._types import Given, Row
+from .._validation import check_count, check_finite, one_static, shape_refusal
+from ._scene import DARK, AbstractPart, Place, Reading, Scene, check_place
+
+# How far along the way between its ends and across it the lines of a damper go: rod, cup, piston, rod.
+CUP = ((0.0, 0.3, 0.3, 0.6, np.nan, 0.3, 0.3, 0.6), (0.0, 0.0, 0.5, 0.5, np.nan, 0.0, -0.5, -0.5))
+PISTON = ((np.nan, 0.45, 0.45, np.nan, 0.45, 1.0), (np.nan, -0.35, 0.35, np.nan, 0.0, 0.0))
+
+
+def coil(
+    start: Row, end: Row, turns: int = 6, width: Given[float] = 1.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """A spring between two points, as a zigzag.
+
+    **Arguments:** `start`, `end`: x and y of the points; `turns` of the zigzag; its `width`, in the
+    same unit. **Returns** x and y of its corners, `[corner]` each. **Raises** `TypeError`,
+    `ValueError` naming the argument.
+    """
+    ends = []
+    for name, point in (("start", start), ("end", end)):
+        check_finite(name, point)
+        ends.append(np.asarray(point, np.float64))
+        if ends[-1].shape != (2,):
+            raise shape_refusal(name, point, "x and y, two numbers")
+    check_count("turns", turns, 1)
+    along = np.concatenate([[0.0, 0.15], np.linspace(0.15, 0.85, 2 * turns + 1)[1:-1], [0.85, 1.0]])
+    across = np.concatenate([[0.0, 0.0], np.tile([0.5, -0.5], turns)[: 2 * turns - 1], [0.0, 0.0]])
+    begin, stop = ends
+    return _between(begin, stop, along, one_static("width", width, "positive") * across)
+
+
+def _between(
+    start: np.ndarray, end: np.ndarray, along: np.ndarray, across: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points by their parts of the way from `start` to `end`, and their distances from it."""
+    way = end - start
+    normal = np.array([-way[1], way[0]]) / max(float(np.hypot(*way)), 1e-300)
+    points = start + along[:, None] * way + across[:, None] * normal
+    return points[:, 0], points[:, 1]
+
+
+@dataclasses.dataclass(frozen=True)
+class Spring(AbstractPart):
+    """A spring from one place to another.
+
+    **Arguments:** `start`, `end` [m]: x at the height 0, or a pair of x and y, each a number, the name
+    of an observable, or a function `f(t, y)` of time and state.
+
+    **Raises** `TypeError`, `ValueError` naming the argument.
+    """
+
+    start: Place
+    end: Place
+
+    def __post_init__(self) -> None:
+        check_place("start", self.start)
+        check_place("end", self.end)
+
+    def read(self, scene: Scene) -> Reading:
+        """The spring as the frames have it."""
+        return _line(self, scene, lambda start, end, size: coil(start, end, 6, 0.4 * size))
+
+
+@dataclasses.dataclass(frozen=True)
+class Damper(AbstractPart):
+    """A damper from one place to another, which are given as those of a `Spring`."""
+
+    start: Place
+    end: Place
+
+    def __post_init__(self) -> None:
+        check_place("start", self.start)
+        check_place("end", self.end)
+
+    def read(self, scene: Scene) -> Reading:
+        """The damper as the frames have it."""
+        along, across = np.array([a + b for a, b in zip(CUP, PISTON, strict=True)])
+        return _line(
+            self, scene, lambda start, end, size: _between(start, end, along, 0.5 * size * across)
+        )
+
+
+def _line(part: Spring | Damper, scene: Scene, shape: Callable[..., Any]) -> Reading:
+    """A part drawn by one line, whose `shape(start, end, size)` gives its corners."""
+    start, end = scene.place("start", part.start), scene.place("end", part.end)
+
+    def draw(axis: Any, size: float) -> Any:
+        (line,) = axis.plot([], [], color=DARK, lw=1.2, zorder=2)
+        return lambda i: line.set_data(*shape(start[i], end[i], size))
+
+    return Reading(np.concatenate([start, end]), draw)
