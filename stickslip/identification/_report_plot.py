@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from .._drawing import BLUE, GREY, RED, residual_dots
+from .._drawing import BLUE, GREY, RED, Picture, residual_dots
 
 
 def draw_report(report: Any, across: int = 4) -> Figure:
@@ -19,7 +19,7 @@ def draw_report(report: Any, across: int = 4) -> Figure:
     panels.append(("correlation", None))
     rows = -(-len(panels) // across)
     columns = min(across, len(panels))
-    figure = Figure(figsize=(3.1 * columns, 2.6 * rows), layout="constrained")
+    figure = Picture(figsize=(3.1 * columns, 2.6 * rows), layout="constrained")
     axes = np.atleast_1d(figure.subplots(rows, columns, squeeze=False)).ravel()
     draw = {
         "profile": _profile, "series": _series, "own": _autocorrelation, "input": _input,
