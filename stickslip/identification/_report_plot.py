@@ -52,6 +52,7 @@ def _profile(figure: Any, axis: Any, report: Any, i: int) -> None:
         axis.plot(x, level * np.linspace(-1.2, 1.2, 61) ** 2, "--", lw=0.8, color=GREY)
     axis.axhline(level, lw=0.7, color=RED)
     axis.set_ylim(-0.05 * level, 1.6 * level)
+    axis.locator_params(axis="x", nbins=4)
     axis.set_title(f"{name}: {found.verdicts[name]}")
     unit = report.fit.units[name]
     axis.set_xlabel(f"{name} [{unit}]" if unit else name)
