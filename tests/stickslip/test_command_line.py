@@ -131,4 +131,4 @@ def test_the_glossary_is_sorted_and_names_what_is_there():
 def is_word_of_a_user(name):
     """Methods, fields and labels, not names of packages."""
     methods = {"first_order", "mass_matrix", "static_coefficient", "contact_directions", "rest_speed"}
-    return name in methods | {"forcing_period", "GR", "HB", "PD"}
+    return name in methods | {"forcing_period", "guard_names", "GR", "HB", "PD"}
