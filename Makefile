@@ -59,16 +59,10 @@ figures: setup ## every figure of the papers at full resolution; resumes where i
 results: setup ## take full runs from results/ into the repository, and write the pages from them
 	@$(RUN) -m experiments record
 
-notebooks: setup ## execute notebooks/*.py into notebooks/*.ipynb
-	@set -e; for source in notebooks/*.py; do \
-	    [ -e "$$source" ] || { echo "no notebooks yet"; break; }; \
-	    target="$${source%.py}.ipynb"; \
-	    echo "$$target"; \
-	    $(RUN) -m jupytext --quiet --to ipynb --set-kernel python3 --output "$$target" "$$source"; \
-	    $(BIN)/jupyter-execute --inplace "$$target"; \
-	done
+notebooks: setup ## execute notebooks/*.py into notebooks/*.ipynb, those that have changed; ten minutes or more
+	@$(RUN) notebooks/_site/execution.py
 
-docs: setup ## the documentation site, into build/docs; its notebooks are executed, warnings are errors
+docs: setup ## the site, into build/docs: with what `make notebooks` made, or executed at quick size
 	@$(RUN) -m sphinx -W --keep-going -n -q -j 1 -c notebooks/_site -d build/doctrees notebooks build/docs
 	@echo "build/docs/index.html"
 

@@ -1,4 +1,4 @@
-"""Pictures of the README and the pages: the diagram that `make demo` draws, a motion, an attempt."""
+"""Pictures of the README and the pages: the demo's diagram, a motion, an attempt, animations."""
 
 import pathlib
 import tempfile
@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import matplotlib
 import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
+from PIL import Image
 
 import stickslip as ss
 from stickslip import plot
@@ -18,6 +19,7 @@ from ._records import shrink
 
 FOLDER = pathlib.Path(__file__).parent / "pictures"
 WIDTH, COLOURS = 800, 200  # pixels; so many that no rare colour is lost
+MOVIES = ("animate-block", "animate-beam", "animate-corexy")
 BELT, END = 0.2, 30.0  # [m/s], [s], those of the README's example
 
 
@@ -35,7 +37,7 @@ def motion() -> Figure:
 
 
 def write(out: pathlib.Path, folder: pathlib.Path = FOLDER) -> list[pathlib.Path]:
-    """All pictures, small; that of the diagram from `demo.png` in `out`, if it is there."""
+    """All pictures, small; the diagram and the animations if `demo.png` and their GIFs are in `out`."""
     folder.mkdir(exist_ok=True)
     written = []
     with tempfile.TemporaryDirectory() as place, matplotlib.rc_context(STYLE):
@@ -48,4 +50,30 @@ def write(out: pathlib.Path, folder: pathlib.Path = FOLDER) -> list[pathlib.Path
     if (out / "demo.png").exists():
         shrink(out / "demo.png", folder / "diagram.png", WIDTH, COLOURS)
         written.append(folder / "diagram.png")
+    for name in MOVIES:
+        if (out / f"{name}.gif").exists():
+            written.append(shrink_movie(out / f"{name}.gif", folder / f"{name}.gif"))
     return written
+
+
+def shrink_movie(
+    source: pathlib.Path, target: pathlib.Path, width: int = 480, colours: int = 32, every: int = 2
+) -> pathlib.Path:
+    """A GIF of `width` pixels with so many colours and every so many frames, at the same pace."""
+    with Image.open(source) as movie:
+        frames = []
+        for number in range(0, movie.n_frames, every):  # pyright: ignore[reportAttributeAccessIssue]
+            movie.seek(number)
+            size = (width, round(movie.height * width / movie.width))
+            frames.append(movie.convert("RGB").resize(size, Image.Resampling.LANCZOS))
+        # One palette from frames throughout: a colour that comes late would be missing from the first.
+        strip = Image.new("RGB", (frames[0].width, 4 * frames[0].height))
+        for place in range(4):
+            strip.paste(frames[place * len(frames) // 4], (0, place * frames[0].height))
+        palette = strip.quantize(colours, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+        first, *rest = (one.quantize(palette=palette, dither=Image.Dither.NONE) for one in frames)
+        milliseconds = every * movie.info["duration"]
+        first.save(
+            target, save_all=True, append_images=rest, duration=milliseconds, loop=0, optimize=True
+        )
+    return target

@@ -17,12 +17,9 @@
 # differentiate through everything.
 #
 # The parameters are **constructed** (set A): the paper the model comes from prints none. Units are
-# SI. `NOTEBOOK_QUICK=1` in the environment makes all of it short; the numbers in the text are those
-# of the long version.
+# SI.
 
-# %%
-import os
-
+# %% tags=["remove-output"]
 import jax
 import jax.numpy as jnp
 import matplotlib.pyplot as plt
@@ -35,9 +32,12 @@ from stickslip.sweep import Compute
 from stickslip.systems import BlockOnBelt, BlockOnBeltSetValued, BlockState
 
 ss.enable_compilation_cache()  # what a run compiles, the next one reads from disk
-QUICK = os.environ.get("NOTEBOOK_QUICK", "0") not in ("", "0")
-EXECUTOR = "portable" if QUICK else "auto"  # the fused one is for many lanes
 START = BlockState(x=0.0, vx=0.0, y=0.0, vy=0.0)
+
+# %% tags=["remove-cell"]
+import os
+
+QUICK = os.environ.get("NOTEBOOK_QUICK", "0") not in ("", "0")
 
 # %% [markdown]
 # ## One motion
@@ -82,6 +82,8 @@ stick = mode == block.mode_names.index("stick")
 late = grid > 2.0
 share = stick[late].mean()
 print(f"the block sticks {share:.0%} of the time")
+
+# %% tags=["remove-cell"]
 assert bool(run.successful)
 # While it sticks, it moves with the belt, to rounding.
 assert np.abs(np.asarray(y.vx)[stick][1:] - float(block.V_b)).max() < 1e-12
@@ -102,6 +104,8 @@ energy = np.asarray(jax.vmap(block.energy)(run.outputs.y))
 fed = {name: np.trapezoid(np.asarray(p), grid) for name, p in powers.items()}
 gap = energy[-1] - energy[0] - sum(fed.values())
 print({name: f"{value:+.4f} J" for name, value in fed.items()}, f"unaccounted for: {gap:+.1e} J")
+
+# %% tags=["remove-cell"]
 assert abs(gap) < 2e-3 * fed["belt"]
 assert fed["friction"] < 0.0 > fed["dampers"]
 
@@ -118,8 +122,8 @@ assert fed["friction"] < 0.0 > fed["dampers"]
 # would survive a `kill -9` and go on where it stopped.
 
 # %%
-LANES = 8 if QUICK else 401
-TRANSIENT, DURATION = (30.0, 12.0) if QUICK else (150.0, 40.0)
+LANES, TRANSIENT, DURATION = 401, 150.0, 40.0
+PERIOD, CHECK = PeriodTest(1e-3, longest=16), 16
 smooth = BlockOnBelt.constructed(k3=85.0)
 fast = ss.Integrator("tsit5", ss.AdaptiveStep(1e-8, 1e-9), max_steps=10_000_000)
 
@@ -130,10 +134,9 @@ def diagram(low, high):
         smooth, {"k3": np.linspace(low, high, LANES)}, START,
         Recording(
             TRANSIENT, DURATION, smooth.zero_acceleration_section(), "x", max_points=96,
-            period=PeriodTest(1e-2 if QUICK else 1e-3, longest=4 if QUICK else 16),
-            check=0 if QUICK else 16,
+            period=PERIOD, check=CHECK,
         ),
-        integrator=fast, compute=Compute(EXECUTOR, progress=False),
+        integrator=fast, compute=Compute(progress=False),
     )  # fmt: skip
 
 
@@ -149,12 +152,20 @@ def show(data, title):
     return figure
 
 
+# %% tags=["remove-cell"]
+if QUICK:
+    LANES, TRANSIENT, DURATION = 8, 30.0, 12.0
+    PERIOD, CHECK = PeriodTest(1e-2, longest=4), 0
+
+# %%
 whole = diagram(72.0, 97.0)
 show(whole, "Simplified model, set A")
 words = whole.status.attrs["flag_meanings"].split()
 ran = whole.status.isin([words.index("ok"), words.index("not_settled")])
 print("lanes that failed:", int((~ran).sum()))
 print("lanes that had not settled:", int((whole.status == words.index("not_settled")).sum()))
+
+# %% tags=["remove-cell"]
 assert ran.all()
 assert int(whole.period.sel(k3=74.0, method="nearest")) == 1
 assert int(whole.period.sel(k3=83.0, method="nearest")) == 2
@@ -176,6 +187,8 @@ print(f"still approaching their attractor: {float(whole.slow_transient.mean()):.
 window = diagram(88.0, 92.0)
 show(window, "Into chaos")
 spread = window.x.max("point") - window.x.min("point")
+
+# %% tags=["remove-cell"]
 assert float(spread.max()) > 1.5 * float(whole.x.sel(k3=74.0, method="nearest").std())
 
 # %% [markdown]
@@ -186,8 +199,8 @@ assert float(spread.max()) > 1.5 * float(whole.x.sel(k3=74.0, method="nearest").
 # system without external clock (a shift in time neither grows nor decays), positive for chaos.
 
 # %%
-SEGMENTS, SEGMENT = (10, 2.0) if QUICK else (150, 2.0)
-SETTLE = 20.0 if QUICK else 150.0
+SEGMENTS, SEGMENT, SETTLE = 150, 2.0, 150.0
+VALUES = np.linspace(72.0, 97.0, 101)
 
 
 def exponent(k3):
@@ -214,14 +227,20 @@ def exponent(k3):
     return growth[3:].mean() / SEGMENT
 
 
-values = jnp.array([76.0, 93.0]) if QUICK else jnp.linspace(72.0, 97.0, 101)
-exponents = np.asarray(ss.map_lanes(exponent, executor=EXECUTOR)(values))
+# %% tags=["remove-cell"]
+if QUICK:
+    SEGMENTS, SETTLE, VALUES = 10, 20.0, np.array([76.0, 93.0])
+
+# %%
+exponents = np.asarray(ss.map_lanes(exponent)(jnp.asarray(VALUES)))
 figure, axis = plt.subplots(figsize=(9, 2.5), layout="constrained")
 axis.axhline(0.0, color="0.6")
-axis.plot(values, exponents, ".-")
+axis.plot(VALUES, exponents, ".-")
 axis.set(xlabel="k3 [N/m]", ylabel="exponent [1/s]")
-periodic, chaotic = (float(exponents[np.abs(values - k3).argmin()]) for k3 in (76.0, 93.0))
+periodic, chaotic = (float(exponents[np.abs(VALUES - k3).argmin()]) for k3 in (76.0, 93.0))
 print(f"k3 = 76: {periodic:+.3f} 1/s, k3 = 93: {chaotic:+.3f} 1/s")
+
+# %% tags=["remove-cell"]
 assert abs(periodic) < 0.05
 assert chaotic > 0.05
 
@@ -261,6 +280,8 @@ print(f"x(1 s) = {value[0]:.6f} m, second event at {value[1]:.6f} s")
 for i, name in enumerate(NAMES):
     print(f"by {name:5s} exact {slopes[0, i]:+.8f} {slopes[1, i]:+.8f}", end="   ")
     print(f"central differences {differences[0, i]:+.8f} {differences[1, i]:+.8f}")
+
+# %% tags=["remove-cell"]
 np.testing.assert_allclose(slopes, differences, rtol=1e-5, atol=1e-8)
 
 # %% [markdown]

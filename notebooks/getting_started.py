@@ -12,12 +12,9 @@
 # # Getting started
 #
 # One block on a belt, from the first run to a diagram, in five cells. Install first: `pip install .` in
-# a checkout, or `make setup` for an environment of its own. `NOTEBOOK_QUICK=1` in the environment makes
-# the page short.
+# a checkout, or `make setup` for an environment of its own.
 
-# %%
-import os
-
+# %% tags=["remove-output"]
 import jax
 import jax.numpy as jnp
 import matplotlib.pyplot as plt
@@ -28,6 +25,10 @@ from stickslip.analysis import Maximum, time_history
 from stickslip.systems import CoulombOscillator, Motion
 
 ss.enable_compilation_cache()  # what a run compiles, the next one reads from disk
+
+# %% tags=["remove-cell"]
+import os
+
 QUICK = os.environ.get("NOTEBOOK_QUICK", "0") not in ("", "0")
 
 # %% [markdown]
@@ -44,6 +45,8 @@ run = ss.simulate(block, 0.0, 30.0, start, "stick")
 print(run)
 for t, mode in zip(run.events.t[:4], run.events.mode_after[:4], strict=True):
     print(f"{t:.12f} s: {block.mode_names[mode]}")
+
+# %% tags=["remove-cell"]
 assert abs(float(run.events.t[0]) - 5.0) < 1e-12
 
 # %% [markdown]
@@ -64,6 +67,9 @@ axis.plot(t, history.x, label="x [m]")
 axis.plot(history.at_peak_t, history.at_peak_x, "o", label="peaks")
 axis.set_xlabel("t [s]")
 axis.legend(loc="upper right")
+plt.show()
+
+# %% tags=["remove-cell"]
 assert np.all(history.v.values[stuck.values] == 0.2)
 
 # %% [markdown]
@@ -82,6 +88,8 @@ def end(belt_speed):
 
 slope = jax.jit(jax.grad(end))(0.2)
 print(f"d x(30) / d belt speed = {slope:.10f} s; in closed form 16.2232182593 s")
+
+# %% tags=["remove-cell"]
 assert abs(float(slope) - 16.2232182593) < 1e-8
 assert int(run.flags) == 0
 
@@ -91,12 +99,20 @@ assert int(run.flags) == 0
 # `map_lanes` is `jax.vmap` on all cores; a *lane* is one of the runs. Each has its own events.
 
 # %%
-LANES = 64 if QUICK else 10_000
+LANES = 10_000
+
+# %% tags=["remove-cell"]
+LANES = 64 if QUICK else LANES
+
+# %%
 speeds = jnp.linspace(0.05, 0.6, LANES)
-ends = np.asarray(ss.map_lanes(end, executor="portable" if QUICK else "auto")(speeds))
+ends = np.asarray(ss.map_lanes(end)(speeds))
 figure, axis = plt.subplots(figsize=(8, 3), layout="constrained")
 axis.plot(speeds, ends, ".", markersize=2)
 axis.set(xlabel="belt speed [m/s]", ylabel="x(30 s) [m]")
+plt.show()
+
+# %% tags=["remove-cell"]
 assert np.isfinite(ends).all()
 
 # %% [markdown]

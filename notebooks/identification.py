@@ -13,11 +13,8 @@
 #
 # A sledge on a spring is pushed by a known force, and an encoder writes down where it is. What is its
 # friction, how far can the number be trusted, and what can these data not show?
-#
-# `NOTEBOOK_QUICK=1` in the environment makes it short.
 
-# %%
-import os
+# %% tags=["remove-output"]
 from typing import Any, ClassVar
 
 import matplotlib.pyplot as plt
@@ -31,6 +28,10 @@ from stickslip.identification import Observed, Problem, Record, Unknown, profile
 from stickslip.mechanism import AbstractMechanism, Contact
 
 ss.enable_compilation_cache()  # what a run compiles, the next one reads from disk
+
+# %% tags=["remove-cell"]
+import os
+
 QUICK = os.environ.get("NOTEBOOK_QUICK", "0") not in ("", "0")
 
 
@@ -68,7 +69,13 @@ class Sledge(AbstractMechanism):
 TRUTH = {"mass": 1.2, "stiffness": 40.0, "friction": 0.3}
 SD = 5e-4  # of the encoder [m]
 rng = np.random.default_rng(3)
-times = np.arange(0.0, 3.0 if QUICK else 8.0, 0.02)
+END = 8.0  # s
+
+# %% tags=["remove-cell"]
+END = 3.0 if QUICK else END
+
+# %%
+times = np.arange(0.0, END, 0.02)
 log = pd.DataFrame({"time": times, "push": 6.0 * np.sin(3.0 * times) + 3.0 * np.sin(7.3 * times)})
 log["position"] = 0.0
 
@@ -107,6 +114,8 @@ log.head()
 problem = problem_of(log)
 fit = problem.fit()
 print(fit)
+
+# %% tags=["remove-cell"]
 assert bool(fit.successful)
 for name, error in fit.standard_errors().items():
     assert abs(float(fit.values[name]) - TRUTH[name]) < 4.0 * float(error)
@@ -126,8 +135,10 @@ told = report(
     fit, profile=found, series={"position": np.asarray(parts["position"][1])}, runs={"log": solution}
 )
 print(told)
-assert set(found.verdicts.values()) == {"identifiable"}
 told.plot()
+
+# %% tags=["remove-cell"]
+assert set(found.verdicts.values()) == {"identifiable"}
 
 # %% [markdown]
 # ## If the verdict is no
@@ -144,8 +155,10 @@ both = problem_of(
 blind = both.fit()
 verdicts = profile(both.residual_function, blind, ["friction", "normal"]).verdicts
 print(report(blind).hidden)
-assert set(verdicts.values()) == {"structurally not identifiable"}
 product = float(blind.values["friction"] * blind.values["normal"])
+
+# %% tags=["remove-cell"]
+assert set(verdicts.values()) == {"structurally not identifiable"}
 assert abs(product - 0.3 * 9.0) < 0.02
 
 # %% [markdown]

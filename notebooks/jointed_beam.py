@@ -17,11 +17,8 @@
 # and how sure are we?
 #
 # All numbers are dimensionless. The parameters are **constructed**: the paper's table is lost.
-# `NOTEBOOK_QUICK=1` in the environment makes all of it short.
 
-# %%
-import os
-
+# %% tags=["remove-output"]
 import jax
 import jax.numpy as jnp
 import matplotlib.pyplot as plt
@@ -43,10 +40,15 @@ from stickslip.analysis import (
 from stickslip.systems import JointedBeam, JointedBeamState
 
 ss.enable_compilation_cache()  # what a run compiles, the next one reads from disk
-QUICK = os.environ.get("NOTEBOOK_QUICK", "0") not in ("", "0")
 SLOW, FAST = 5e-4, 5e-3  # speeds of the belt
-END, DROPPED = (44.0, 12.0) if QUICK else (400.0, 200.0)
+END, DROPPED = 400.0, 200.0
 METHOD = ss.Integrator("tsit5", ss.AdaptiveStep(1e-9, 1e-14), max_steps=10_000_000)
+
+# %% tags=["remove-cell"]
+import os
+
+QUICK = os.environ.get("NOTEBOOK_QUICK", "0") not in ("", "0")
+END, DROPPED = (44.0, 12.0) if QUICK else (END, DROPPED)
 
 # %% [markdown]
 # ## The motion
@@ -66,8 +68,6 @@ motion = time_history(
     sections={"stick": sticks}, integrator=METHOD,
 )  # fmt: skip
 stuck = motion.mode.values == 1
-assert np.all(motion.vy.values[stuck] == SLOW)
-assert motion.time.units == motion.y.units == "1"
 
 figure, axes = plt.subplots(1, 3, figsize=(11, 3.2), layout="constrained")
 late = t >= DROPPED
@@ -76,6 +76,11 @@ axes[0].set_title("grey: stick")
 settled = motion.isel(time=late)
 plot.phase_plane(settled, x="y", y="vy", ax=axes[1], linewidth=0.4).set_title("the mass")
 plot.phase_plane(settled, x="w", y="w_rate", ax=axes[2], linewidth=0.4).set_title("the beam")
+plt.show()
+
+# %% tags=["remove-cell"]
+assert np.all(motion.vy.values[stuck] == SLOW)
+assert motion.time.units == motion.y.units == "1"
 
 # %% [markdown]
 # The stick begins once a bounce. The bounce has a closed form, half a swing on both springs and
@@ -86,6 +91,8 @@ onsets = motion.at_stick_t.values
 period = np.diff(onsets[onsets > DROPPED]).mean()
 exact = np.pi * np.sqrt(0.1 / 30.4) + np.pi * np.sqrt(0.1 / 7.6)
 print(f"stick begins every {period:.6f}, the bounce takes {exact:.6f}")
+
+# %% tags=["remove-cell"]
 assert abs(period - exact) < 1e-3
 
 # %% [markdown]
@@ -96,13 +103,15 @@ assert abs(period - exact) < 1e-3
 
 # %%
 bases = {"f_s": 1 / period, "f_1": np.pi / 2, "f_2": 2 * np.pi}
+peaks = {}
 for name in ("y", "w"):
     lines = spectral_peaks(amplitude_spectrum(motion[name].values[late], 0.01), count=6, bases=bases)
     print(name, "; ".join(f"{p.frequency:.3f} {p.name} ({p.amplitude:.1e})" for p in lines))
-    if name == "y":
-        assert [p.name for p in lines[:3]] == ["1 f_s", "2 f_s", "3 f_s"]
-    else:
-        assert "1 f_1" in [p.name for p in lines]
+    peaks[name] = [p.name for p in lines]
+
+# %% tags=["remove-cell"]
+assert peaks["y"][:3] == ["1 f_s", "2 f_s", "3 f_s"]
+assert "1 f_1" in peaks["w"]
 
 # %% [markdown]
 # ## Where the power goes
@@ -115,9 +124,6 @@ gain = float(ledger.energy[-1] - ledger.energy[0])
 for name in ("belt", "friction"):
     print(f"work of {name:>8}: {float(ledger[f'work_{name}'][-1]):+.3e}")
 print(f"gain of energy   : {gain:+.3e}, left over {float(abs(ledger.imbalance).max()):.1e}")
-assert float(abs(ledger.imbalance).max()) < 1e-6 * float(ledger.work_belt[-1])
-assert float(motion.friction_power.max()) <= 0.0
-assert np.all(motion.friction_power.values[stuck] == 0.0)
 
 plot.energy_account(ledger)
 figure, (left, right) = plt.subplots(1, 2, figsize=(11, 3.2), layout="constrained")
@@ -125,6 +131,12 @@ left.plot(t[late][:400], motion.friction_power[late][:400])
 left.set(xlabel="time", title="$W_f$, friction: regular")
 right.plot(t[late][:400], motion.beam_power[late][:400])
 right.set(xlabel="time", title="$W_b$, mass to beam: irregular")
+plt.show()
+
+# %% tags=["remove-cell"]
+assert float(abs(ledger.imbalance).max()) < 1e-6 * float(ledger.work_belt[-1])
+assert float(motion.friction_power.max()) <= 0.0
+assert np.all(motion.friction_power.values[stuck] == 0.0)
 
 # %% [markdown]
 # ## Is it chaotic?
@@ -135,6 +147,8 @@ right.set(xlabel="time", title="$W_b$, mass to beam: irregular")
 # %%
 known = lyapunov_spectrum_of_map(lambda z: 4.0 * z * (1.0 - z), 0.3, Segments(1, 4000, 50))
 print(f"logistic map: {float(known.exponents[0]):.4f} ± {float(known.error[0]):.4f}, ln 2 = 0.6931")
+
+# %% tags=["remove-cell"]
 assert abs(float(known.exponents[0]) - np.log(2)) < 3 * float(known.error[0])
 
 # %% [markdown]
@@ -144,7 +158,14 @@ assert abs(float(known.exponents[0]) - np.log(2)) < 3 * float(known.error[0])
 # exponent of $-\infty$.
 
 # %%
-SEGMENTS, WARM_UP, MODES = (40, 10, 2) if QUICK else (1600, 40, 4)
+SEGMENTS, WARM_UP, MODES = 1600, 40, 4
+
+# %% tags=["remove-cell"]
+if QUICK:
+    SEGMENTS, WARM_UP, MODES = 40, 10, 2
+
+
+# %%
 
 
 @jax.jit
@@ -161,9 +182,12 @@ def exponents(v):
     )  # fmt: skip
 
 
-for v in (SLOW, FAST):
-    found = exponents(v)
+spectra = [exponents(v) for v in (SLOW, FAST)]
+for v, found in zip((SLOW, FAST), spectra, strict=True):
     print(f"v = {v:g}: {found}")
+
+# %% tags=["remove-cell"]
+for found in spectra:
     values, errors = np.asarray(found.exponents), np.asarray(found.error)
     assert np.isneginf(values[-1])
     finite = np.isfinite(values)
@@ -185,14 +209,19 @@ for v in (SLOW, FAST):
 # zero from above as $1/t$: its last value depends on when one stopped.
 
 # %%
+TIMES = 400
 system = JointedBeam.constructed(FAST, modes=MODES)
 
+# %% tags=["remove-cell"]
+TIMES = 20 if QUICK else TIMES
 
+
+# %%
 @jax.jit
 def printed_separation(y0):
     """Eq. (2.25) to the letter."""
     return two_trajectory_exponent(
-        system, y0, Segments(1.0, 20 if QUICK else 400), distance=1e-8, renormalise=False,
+        system, y0, Segments(1.0, TIMES), distance=1e-8, renormalise=False,
         integrator=METHOD,
     )  # fmt: skip
 
@@ -201,8 +230,11 @@ apart = printed_separation(system.start())
 half = apart.running.shape[0] // 2
 print(f"(2.25) after {float(apart.time[half]):.0f}: {float(apart.running[half]):+.4f}")
 print(f"(2.25) after {float(apart.time[-1]):.0f}: {float(apart.running[-1]):+.4f}")
-assert bool(apart.successful)
 figure, axis = plt.subplots(figsize=(6, 3), layout="constrained")
 axis.plot(apart.time, apart.running)
 axis.axhline(0.0, color="0.6")
 axis.set(xlabel="time", ylabel=r"$\Lambda$, Eq. (2.25)")
+plt.show()
+
+# %% tags=["remove-cell"]
+assert bool(apart.successful)

@@ -15,10 +15,9 @@
 # the motion with its events, two smooth forms, sweeps over all cores and derivatives.
 #
 # The machine: a motor drags a sledge over rough ground, and the sledge drags another one, each on an
-# elastic rope. `NOTEBOOK_QUICK=1` in the environment makes it short.
+# elastic rope.
 
-# %%
-import os
+# %% tags=["remove-output"]
 from typing import Any, ClassVar
 
 import jax
@@ -32,6 +31,10 @@ from stickslip.friction import LuGre, Stribeck
 from stickslip.mechanism import AbstractMechanism, Contact
 
 ss.enable_compilation_cache()  # what a run compiles, the next one reads from disk
+
+# %% tags=["remove-cell"]
+import os
+
 QUICK = os.environ.get("NOTEBOOK_QUICK", "0") not in ("", "0")
 
 
@@ -70,6 +73,7 @@ run = ss.simulate(sledges, 0.0, END, start, saveat=ss.SaveAt(ts=jnp.asarray(grid
 print(run)
 print(run.events.to_dataframe(sledges)[["t", "mode_after"]].head())
 
+# %% tags=["remove-cell"]
 # The front one lets go when its rope pulls with the friction that it bears at rest.
 assert abs(float(run.events.t[0]) - 0.5 * 2.0 * 9.81 / (20.0 * 0.4)) < 1e-9
 assert bool(run.successful)
@@ -83,6 +87,9 @@ figure, axes = plt.subplots(2, 1, sharex=True, figsize=(9, 5), layout="constrain
 for axis, rate, name in zip(axes, ("v_x", "v_y"), ("front", "rear"), strict=True):
     plot.motion(run, sledges, rate, contacts=name, events=False, ax=axis).legend(loc="upper right")
 axes[0].set_xlabel(None)
+plt.show()
+
+# %% tags=["remove-cell"]
 assert np.abs(np.asarray(run.outputs.y.v_x)[states["front"] == "stick"]).max() < 1e-12
 
 # %% [markdown]
@@ -109,9 +116,10 @@ for stiffness in (1e2, 1e4):
     ).y1
     gaps.append(abs(float(y.y.x - sharp)))
     print(f"bristles, {stiffness:g} 1/m: {gaps[-1]:.1e} m off")
+
+# %% tags=["remove-cell"]
 assert gaps[1] < gaps[0]
 assert gaps[3] < gaps[2]
-
 
 # %% [markdown]
 # ## A derivative
@@ -133,6 +141,8 @@ beside = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
 ends = jax.jit(jax.vmap(place))(jnp.asarray(np.asarray(p) + 1e-5 * beside))
 differences = (ends[::2] - ends[1::2]) / 2e-5
 print(f"exact {slope}, differences {differences}")
+
+# %% tags=["remove-cell"]
 np.testing.assert_allclose(slope, differences, rtol=1e-5)
 
 # %% [markdown]
@@ -142,8 +152,7 @@ np.testing.assert_allclose(slope, differences, rtol=1e-5)
 # front sledge no longer come to rest?
 
 # %%
-LANES = 16 if QUICK else 400
-speeds = jnp.linspace(0.05, 1.5, LANES)
+speeds = jnp.linspace(0.05, 1.5, 400)
 
 
 def share(speed):
@@ -154,13 +163,19 @@ def share(speed):
     return jnp.mean(jnp.asarray(out.mode & 3 == 1, jnp.float64))
 
 
-shares = np.asarray(ss.map_lanes(share, executor="portable" if QUICK else "auto")(speeds))
+# %% tags=["remove-cell"]
+speeds = jnp.linspace(0.05, 1.5, 16) if QUICK else speeds
+
+# %%
+shares = np.asarray(ss.map_lanes(share)(speeds))
 figure, axis = plt.subplots(figsize=(9, 2.5), layout="constrained")
 axis.plot(speeds, shares, ".-")
 axis.set(xlabel="speed of the motor [m/s]", ylabel="time that the front sticks")
 print(
     f"sticks {shares[0]:.0%} of the time at {speeds[0]:.2f} m/s, {shares[-1]:.0%} at {speeds[-1]:.2f}"
 )
+
+# %% tags=["remove-cell"]
 assert shares[0] > 0.5 > shares[-1]
 
 # %% [markdown]

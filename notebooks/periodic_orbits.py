@@ -19,8 +19,7 @@
 # The machine: a block on a belt, held by a spring and a dashpot, with friction that falls with the slip
 # speed (Leine, Van Campen, De Kraker, Van den Steen, Nonlinear Dynamics 16, 1998).
 
-# %%
-import os
+# %% tags=["remove-output"]
 import pathlib
 import tempfile
 from typing import Any, ClassVar
@@ -47,7 +46,14 @@ from stickslip.mechanism import AbstractMechanism, Contact
 from stickslip.systems import Motion
 
 ss.enable_compilation_cache()  # what a run compiles, the next one reads from disk
+BOTH, STEP, POINTS = True, 0.04, 80  # both ways, in steps of so much, and at most so far
+
+# %% tags=["remove-cell"]
+import os
+
 QUICK = os.environ.get("NOTEBOOK_QUICK", "0") not in ("", "0")
+if QUICK:
+    BOTH, STEP, POINTS = False, 0.1, 4
 
 
 # %%
@@ -85,6 +91,8 @@ guess = orbit_guess(block, block.state(x=1.0), transient=50.0, max_period=12.0)
 orbit = periodic_orbit(block, guess)
 print(orbit)
 print(orbit.events.to_dataframe(block)[["t", "mode_after"]])
+
+# %% tags=["remove-cell"]
 assert bool(orbit.successful)
 assert bool(orbit.stable)
 assert orbit.multipliers.tolist() == [0.0]
@@ -96,9 +104,11 @@ assert orbit.multipliers.tolist() == [0.0]
 # %%
 by_hand = periodic_orbit(block, OrbitGuess(block.state(x=0.4, v_x=-0.65), 6.5))
 print(by_hand)
-assert abs(float(by_hand.period - orbit.period)) < 1e-9
 nothing = periodic_orbit(block, OrbitGuess(block.state(x=0.3571), 3.0))
 print(nothing)
+
+# %% tags=["remove-cell"]
+assert abs(float(by_hand.period - orbit.period)) < 1e-9
 assert not bool(nothing.successful)
 
 # %% [markdown]
@@ -110,11 +120,13 @@ assert not bool(nothing.successful)
 
 # %%
 branch = continue_orbit(
-    block, orbit, "belt_speed", (0.4, 0.8), follow=Follow(step=0.04, both=not QUICK, max_points=60)
+    block, orbit, "belt_speed", (0.4, 0.8), follow=Follow(step=0.04, both=BOTH, max_points=60)
 )
 print(branch)
 (fold,) = branch["GR"]
 hopf = (np.sqrt(3 / 0.5) - 1) / 3
+
+# %% tags=["remove-cell"]
 assert abs(fold.value - 0.6721494669) < 1e-8
 assert abs(branch["EP"][-1].value - hopf) < 1e-6
 
@@ -163,6 +175,8 @@ print(branch.to_dataset())
 
 # %%
 print(fold)
+
+# %% tags=["remove-cell"]
 assert fold.words.startswith("grazing-sliding")
 
 # %% [markdown]
@@ -179,7 +193,7 @@ curve = continue_point(
     fold,
     ("belt_speed", "damping"),
     ((0.5, 0.9), (0.4, 0.6)),
-    follow=Follow(step=0.15, both=not QUICK),
+    follow=Follow(step=0.15, both=BOTH),
 )
 print(curve)
 plot.branch(curve).set_title("Discontinuous fold over speed and damping")
@@ -203,13 +217,14 @@ rest = continue_equilibrium(
 )
 print(rest)
 (point,) = rest["HB"]
+born = continue_orbit(
+    block, point, "belt_speed", (0.4, 0.8), follow=Follow(step=0.2, max_points=POINTS)
+)
+print(born)
+
+# %% tags=["remove-cell"]
 assert abs(point.value - hopf) < 1e-10
-if not QUICK:
-    born = continue_orbit(
-        block, point, "belt_speed", (0.4, 0.8), follow=Follow(step=0.2, max_points=80)
-    )
-    print(born)
-    assert abs(born["GR"][0].value - fold.value) < 1e-8
+assert QUICK or abs(born["GR"][0].value - fold.value) < 1e-8
 
 # %% [markdown]
 # ## A load that jumps
@@ -245,13 +260,15 @@ driven = continue_orbit(
     "system__frequency",
     (0.25, 0.6),
     forcing_period=lambda system: cycle(system.system),
-    follow=Follow(step=0.1 if QUICK else 0.04),
+    follow=Follow(step=STEP),
 )
 print(driven)
-assert np.asarray(driven.orbits.stable).all()
 axis = plot.branch(driven, "x")
 axis.set_title("Resonance with the third harmonic of a square wave")
 plt.show()
+
+# %% tags=["remove-cell"]
+assert np.asarray(driven.orbits.stable).all()
 
 # %% [markdown]
 # ## Where a conserved quantity makes a family of every orbit
@@ -273,5 +290,7 @@ plt.show()
 with tempfile.TemporaryDirectory() as folder:
     path = save_branch(branch, pathlib.Path(folder) / "branch.nc")
     again = load_branch(path, block, block.state(x=0.0))
+
+# %% tags=["remove-cell"]
 assert repr(again) == repr(branch)
 assert (again.values == branch.values).all()

@@ -1,12 +1,14 @@
-"""Command line: `python -m stickslip` lists what there is, `NAME` shows one; more are commands."""
+"""Command line: `python -m stickslip` lists the names, `NAME` shows one, `--find WORD` looks one up."""
 
 import argparse
 import importlib.util
 import inspect
 import shutil
 import sys
+import textwrap
 from typing import Any
 
+from ._glossary import terms_with, without_links
 from ._public import PACKAGES, Public, first_sentence, names_in, public_names
 from ._version import __version__
 
@@ -34,8 +36,15 @@ def main(arguments: list[str] | None = None) -> int:
     )
     what = "a public name, as `simulate`, `friction.Stribeck` or `Problem.fit`, or a package"
     parser.add_argument("name", nargs="?", help=what)
+    parser.add_argument(
+        "--find",
+        metavar="WORD",
+        help="a word of the field, such as `damper` or `limit cycle`: where it is",
+    )
     parser.add_argument("--version", action="version", version=f"stickslip {__version__}")
     options = parser.parse_args(given)
+    if options.find is not None:
+        return _find(options.find)
     packages = _installed_packages()
     if options.name is not None:
         # To import them all takes two seconds; their files tell in which of them a name can be.
@@ -63,6 +72,30 @@ def main(arguments: list[str] | None = None) -> int:
     hint = f" Names like it: {', '.join(near[:8])}." if near else ""
     print(f"name = {options.name!r}: it must be a public name or a package.{hint}", file=sys.stderr)
     return 2
+
+
+def _find(text: str) -> int:
+    """Print the entries of the glossary, then the public names, that have every word of `text`."""
+    if not text.strip():
+        print(f"--find {text!r}: it must be a word of the field.", file=sys.stderr)
+        return 2
+    terms = terms_with(text)
+    words = text.lower().split()
+    entries = [e for package in _installed_packages() for e in public_names(package)]
+    names = [e for e in entries if all(w in f"{e.name} {e.summary}".lower() for w in words)]
+    blocks = [_entry(term.words, term.meaning, without_links(term.here)) for term in terms]
+    if names:
+        blocks.append("\n".join(_rows([(f"{e.package}.{e.name}", e.summary) for e in names])))
+    if not blocks:
+        print(f"--find {text!r}: no such word here. Try one alone, or its beginning.", file=sys.stderr)
+        return 2
+    print("\n\n".join(blocks))
+    return 0
+
+
+def _entry(words: str, *texts: str) -> str:
+    lines = [textwrap.fill(text, 100, initial_indent="  ", subsequent_indent="  ") for text in texts]
+    return "\n".join([words, *lines])
 
 
 def _installed_packages() -> list[str]:

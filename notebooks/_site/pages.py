@@ -1,4 +1,4 @@
-"""Pages that nobody writes by hand: the reference of every public name, and the gallery."""
+"""Pages that nobody writes by hand: the reference of every public name, glossary and gallery."""
 
 import importlib
 import inspect
@@ -8,22 +8,36 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from experiments._experiment import natural
+from stickslip._glossary import glossary
 from stickslip._public import PACKAGES, Public, first_sentence, public_names
 
 ROOT = Path(__file__).parents[2]
 RECORDS = ROOT / "experiments" / "records"
+PICTURES = ROOT / "experiments" / "pictures"
+# Of the gallery: the beginning of the names of commands, and what they are of.
+TOPICS = {
+    "animate": "In motion",
+    "block": "Block on a belt",
+    "beam": "Jointed beam",
+    "corexy": "CoreXY",
+    "identify": "Identification",
+    "mechanism": "Other mechanisms",
+}
 _FENCE = ":" * 5
+_IMAGES = "_images"  # where the built site has its pictures, seen from a page
 # A call that a reader would not write: the machinery of pytrees and of named tuples.
 _INHERITED = {"_asdict", "_make", "_replace", "count", "index"}
 
 
 def write_pages(source: Path) -> None:
-    """Write `api/*.md` and `gallery.md` into the folder of the site's pages."""
+    """Write `api/*.md`, `glossary.md` and `gallery.md` into the folder of the site's pages."""
     folder = source / "api"
     folder.mkdir(exist_ok=True)
     _write(folder / "index.md", _api_index())
     for package in PACKAGES:
         _write(folder / f"{package}.md", "\n".join(_api_page(package)))
+    _write(source / "glossary.md", "\n".join(_glossary()))
     _write(source / "gallery.md", "\n".join(_gallery()))
 
 
@@ -37,7 +51,7 @@ def _api_index() -> str:
     rows = []
     for package in PACKAGES:
         about = first_sentence(inspect.getdoc(importlib.import_module(package)))
-        names = ", ".join(f"`{entry.name}`" for entry in public_names(package))
+        names = ", ".join(_link(entry) for entry in public_names(package))
         rows.append(f"**[{package}]({package}.md)**: {about} {names}.\n")
     tree = "\n".join(PACKAGES)
     return (
@@ -45,6 +59,10 @@ def _api_index() -> str:
         + "\n".join(rows)
         + f"\n```{{toctree}}\n:hidden:\n\n{tree}\n```\n"
     )
+
+
+def _link(entry: Public, title: str = "") -> str:
+    return f"{{py:obj}}`{title or entry.name} <{entry.package}.{entry.name}>`"
 
 
 def _api_page(package: str) -> Iterator[str]:
@@ -155,14 +173,45 @@ def _until_blank(lines: list[str], start: int) -> tuple[list[str], int]:
     return lines[start:end], end
 
 
+def _glossary() -> Iterator[str]:
+    """Every entry, with its names and calls linked to the reference."""
+    entries = {}
+    for package in PACKAGES:
+        for entry in public_names(package):
+            whole = f"{package}.{entry.name}"
+            # Of names that two packages have, the name alone means the first.
+            for name in (whole, whole.removeprefix("stickslip."), entry.name):
+                entries.setdefault(name, entry)
+
+    def linked(found: re.Match) -> str:
+        entry = entries.get(found[1].split("(")[0])
+        return found[0] if entry is None else _link(entry, found[1])
+
+    yield "# Glossary\n"
+    yield "Words of the field and where they are; in a terminal `python -m stickslip --find WORD`.\n"
+    yield "```{glossary}"
+    for term in glossary():
+        yield "\n".join(term.words.split(", "))
+        for text in (term.meaning, term.here):
+            yield "  " + re.sub(r"`([^`]+)`", linked, text) + "\n"
+    yield "```"
+
+
 def _gallery() -> Iterator[str]:
+    """Pictures of the records by topic, moving where there is an animation."""
     yield "# Gallery\n"
-    yield "Every picture is drawn by the command under it, from a checkout after `make setup`.\n"
-    for path in sorted(RECORDS.glob("*.json")):
-        picture = path.with_suffix(".png")
-        if not picture.exists():
-            continue
-        title = json.loads(path.read_text(encoding="utf-8")).get("title", path.stem)
-        yield f"\n## {path.stem}\n\n{title}\n"
-        yield f"![{title}](../experiments/records/{picture.name})\n"
-        yield f"```sh\npython -m experiments {path.stem}\n```\n"
+    yield "The command under a picture draws it in a checkout after `make setup`. Click to enlarge.\n"
+    records = [path for path in RECORDS.glob("*.json") if path.with_suffix(".png").exists()]
+    records.sort(key=lambda path: natural(path.stem))
+    for beginning, topic in TOPICS.items():
+        yield f"\n## {topic}\n\n{_FENCE}{{container}} gallery\n"
+        for path in records:
+            if path.stem.startswith(beginning):
+                title = json.loads(path.read_text(encoding="utf-8"))["title"]
+                moving = PICTURES / f"{path.stem}.gif"
+                picture = (moving if moving.exists() else path.with_suffix(".png")).relative_to(ROOT)
+                yield f"{_FENCE[:-1]}{{container}} card\n"
+                yield f"```{{image}} ../{picture}\n:target: {_IMAGES}/{picture.name}"
+                yield f":alt: {title}\n```\n"
+                yield f"{title}\n\n`python -m experiments {path.stem}`\n{_FENCE[:-1]}\n"
+        yield _FENCE

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from .._drawing import BLUE, GREY, RED, residual_dots
+from .._drawing import BLUE, GREY, RED, Picture, residual_dots
 
 
 def draw_report(report: Any, across: int = 4) -> Figure:
@@ -19,7 +19,7 @@ def draw_report(report: Any, across: int = 4) -> Figure:
     panels.append(("correlation", None))
     rows = -(-len(panels) // across)
     columns = min(across, len(panels))
-    figure = Figure(figsize=(3.1 * columns, 2.6 * rows), layout="constrained")
+    figure = Picture(figsize=(3.1 * columns, 2.6 * rows), layout="constrained")
     axes = np.atleast_1d(figure.subplots(rows, columns, squeeze=False)).ravel()
     draw = {
         "profile": _profile, "series": _series, "own": _autocorrelation, "input": _input,
@@ -51,6 +51,7 @@ def _profile(figure: Any, axis: Any, report: Any, name: str) -> None:
         axis.plot(x, level * np.linspace(-1.2, 1.2, 61) ** 2, "--", lw=0.8, color=GREY)
     axis.axhline(level, lw=0.7, color=RED)
     axis.set_ylim(-0.05 * level, 1.6 * level)
+    axis.locator_params(axis="x", nbins=4)
     axis.set_title(f"{name}: {found.verdicts[name]}")
     unit = report.fit.units[name]
     axis.set_xlabel(f"{name} [{unit}]" if unit else name)

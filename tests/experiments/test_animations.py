@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 import xarray as xr
 from matplotlib import pyplot as plt
+from PIL import Image
 
+from experiments._pictures import shrink_movie
 from experiments.block import animate as block
 from experiments.corexy._machine import along_path, paths
 
@@ -13,6 +15,20 @@ from experiments.corexy._machine import along_path, paths
 def _closed():
     yield
     plt.close("all")
+
+
+def test_a_small_gif_keeps_its_pace_and_a_colour_that_comes_late(tmp_path):
+    colours = ["white"] * 8 + ["red"] * 4
+    first, *rest = (Image.new("RGB", (40, 20), colour) for colour in colours)
+    first.putpixel((3, 3), (0, 0, 255))
+    for number, frame in enumerate(rest):
+        frame.putpixel((number, 0), (0, 0, 0))  # equal frames would be joined
+    first.save(tmp_path / "large.gif", save_all=True, append_images=rest, duration=50, loop=0)
+    with Image.open(shrink_movie(tmp_path / "large.gif", tmp_path / "small.gif", 20, 8)) as small:
+        assert (small.size, small.n_frames, small.info["duration"]) == ((20, 10), 6, 100)
+        small.seek(5)
+        red, green, blue = small.convert("RGB").getpixel((15, 8))
+    assert red > 200 > 60 > max(green, blue)
 
 
 def length(corners):

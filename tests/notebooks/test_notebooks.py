@@ -17,6 +17,7 @@ SLOW = {
     "identification",
     "jointed_beam",
     "own_corexy",
+    "own_law",
     "periodic_orbits",
     "own_mechanism",
 }
@@ -50,6 +51,7 @@ def test_a_mechanism_of_ones_own_takes_25_lines():
 )
 def test_notebook(path, monkeypatch):
     monkeypatch.setenv("NOTEBOOK_QUICK", "1")
+    monkeypatch.setenv("STICKSLIP_EXECUTOR", "portable")
     # A cell shows its picture when it is run in Jupyter; here the pictures are only made.
     try:
         done = runpy.run_path(str(path))

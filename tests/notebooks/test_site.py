@@ -1,6 +1,6 @@
 """The documentation site: every public name has an entry, examples stay whole, no link is broken."""
 
-import importlib.util
+import importlib
 import os
 import re
 import subprocess
@@ -10,18 +10,15 @@ import pytest
 
 from stickslip._public import PACKAGES, public_names
 from tests.house._repository import ROOT
+from tests.house.test_readme import EXAMPLE, README, text_of
 
 SITE = ROOT / "notebooks" / "_site"
 
 
-@pytest.fixture(scope="module")
-def pages():
-    spec = importlib.util.spec_from_file_location("pages", SITE / "pages.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+@pytest.fixture
+def pages(monkeypatch):
+    monkeypatch.syspath_prepend(SITE)
+    return importlib.import_module("pages")
 
 
 def test_every_public_name_has_an_entry_and_nothing_is_left_of_other_dialects(pages, tmp_path):
@@ -38,12 +35,43 @@ def test_every_public_name_has_an_entry_and_nothing_is_left_of_other_dialects(pa
         assert text.count("```") % 2 == 0
 
 
-def test_the_gallery_shows_at_least_twenty_pictures_with_their_commands(pages, tmp_path):
+def test_the_gallery_shows_every_record_by_topic_with_its_command(pages, tmp_path):
     pages.write_pages(tmp_path)
     text = (tmp_path / "gallery.md").read_text(encoding="utf-8")
-    assert text.count("![") == text.count("python -m experiments ") >= 20
-    for picture in re.findall(r"\]\(\.\./(.*?)\)", text):
-        assert (ROOT / picture).exists()
+    shown = re.findall(r"`python -m experiments (.*)`", text)
+    assert sorted(shown) == sorted(path.stem for path in pages.RECORDS.glob("*.png"))
+    assert shown.index("beam-fig2.2") < shown.index("beam-fig2.10") < shown.index("mechanism-brake")
+    pictures = re.findall(r"\{image\} \.\./(.*)", text)
+    assert len(pictures) == len(shown)
+    assert [picture for picture in pictures if not (ROOT / picture).exists()] == []
+    assert sum(picture.endswith(".gif") for picture in pictures) == 3
+
+
+def test_pictures_that_move_are_small(pages):
+    assert max(path.stat().st_size for path in pages.PICTURES.iterdir()) < 300e3
+
+
+def test_the_reference_leads_to_its_names_and_so_does_the_glossary(pages, tmp_path):
+    pages.write_pages(tmp_path)
+    index = (tmp_path / "api" / "index.md").read_text(encoding="utf-8")
+    for package in PACKAGES:
+        for entry in public_names(package):
+            assert f"{{py:obj}}`{entry.name} <{package}.{entry.name}>`" in index
+    text = (tmp_path / "glossary.md").read_text(encoding="utf-8")
+    assert "{py:obj}`plot.branch <stickslip.plot.branch>`" in text
+    assert "{py:obj}`backlash(x, gap) <stickslip.backlash>`" in text
+    for word in ("damper", "friction damper", "planar friction", "controller", "Jenkins element"):
+        assert f"\n{word}\n" in text
+
+
+def test_the_home_page_shows_what_the_tests_of_the_readme_run():
+    home = (ROOT / "notebooks" / "index.md").read_text(encoding="utf-8")
+    parts = []
+    for begin, end in re.findall(r'README\.md\n:start-after: "(.*)"\n:end-before: "(.*)"', home):
+        assert text_of(README).count(begin) == text_of(README).count(end) == 1
+        parts.append(text_of(README).partition(begin)[2].partition(end)[0])
+    assert "pip install ." in parts[0]
+    assert EXAMPLE.findall(parts[1]) == EXAMPLE.findall(text_of(README))[:1]
 
 
 def test_docstrings_are_turned_into_pages(pages):
@@ -69,7 +97,7 @@ def test_the_site_builds_without_a_warning(tmp_path):
     pytest.importorskip("myst_nb", reason="the extra `docs` is not installed")
     command = [
         sys.executable, "-m", "sphinx", "-W", "--keep-going", "-n", "-q", "-c", str(SITE),
-        "-D", "nb_execution_mode=off", "-d", str(tmp_path / "trees"),
+        "-D", "nb_custom_formats..py=jupytext.reads", "-d", str(tmp_path / "trees"),
         str(ROOT / "notebooks"), str(tmp_path / "site"),
     ]  # fmt: skip
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}

@@ -1,12 +1,15 @@
 """`python -m stickslip`: the list of what there is, and one page of it."""
 
+import re
 import subprocess
 import sys
 
 import pytest
 
 from stickslip.__main__ import main
+from stickslip._glossary import glossary
 from stickslip._public import PACKAGES, first_sentence, names_in, public_names
+from tests.house._repository import ROOT
 
 
 @pytest.mark.more
@@ -87,3 +90,45 @@ def test_a_name_is_found_without_importing_what_cannot_have_it():
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert "stickslip.friction" in done.stdout
     assert "stickslip.identification" not in done.stdout
+
+
+WORDS = (
+    "stiction, Jenkins, Masing, Iwan, Stribeck, presliding, hunting, squeal, backlash, Karnopp, "
+    "planar, complementarity, time stepping, Filippov, saltation matrix, Poincaré section, "
+    "grazing, chattering, Zeno, limit cycle, Floquet, isola, basin, regularisation, LuGre, "
+    "Dahl, bristle, damper, dead zone, dead band, breakaway, controller"
+).split(", ")
+
+
+@pytest.mark.parametrize("word", WORDS)
+def test_words_of_the_field_are_found(word, capsys):
+    assert main(["--find", word]) == 0
+    assert word.lower() in capsys.readouterr().out.splitlines()[0].lower()
+
+
+def test_names_and_docstrings_are_found_with_the_words(capsys):
+    assert main(["--find", "FOLD orbit"]) == 0
+    assert "stickslip.continuation.continue_orbit" in capsys.readouterr().out
+    assert main(["--find", "zzz"]) == 2
+    assert "'zzz': no such word" in capsys.readouterr().err
+    assert main(["--find", " "]) == 2
+
+
+def test_the_glossary_is_sorted_and_names_what_is_there():
+    """Each name in backticks that looks like one of ours is one; every page that is linked exists."""
+    words = [term.words.lower() for term in glossary()]
+    assert words == sorted(words)
+    known = {name for package in PACKAGES for name in names_in(package)}
+    for term in glossary():
+        assert term.meaning.endswith(".")
+        assert term.here.endswith(".")
+        named = re.findall(r"`(?:\w+\.)*([A-Z]\w+|[a-z]+_\w+)", term.here)
+        assert [n for n in named if n not in known and not is_word_of_a_user(n)] == []
+        pages = re.findall(r"\]\(([^)]+)\)", term.here)
+        assert [page for page in pages if not (ROOT / "notebooks" / page).exists()] == []
+
+
+def is_word_of_a_user(name):
+    """Methods, fields and labels, not names of packages."""
+    methods = {"first_order", "mass_matrix", "static_coefficient", "contact_directions", "rest_speed"}
+    return name in methods | {"forcing_period", "guard_names", "GR", "HB", "PD"}

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import scipy.stats
 import xarray as xr
+from IPython.core.formatters import DisplayFormatter
 
 import stickslip as ss
 from stickslip.identification import (
@@ -146,6 +147,9 @@ def test_files(tmp_path):
     assert all(link.startswith(("#", "data:")) for link in links)
     assert text.count("<svg") == 1
     assert len(found.plot().axes) >= 8
+    # Without pyplot, whose figures IPython knows.
+    shown, _ = DisplayFormatter().format(found.plot())
+    assert shown["image/png"].startswith(b"\x89PNG")
 
 
 @pytest.mark.more
