@@ -40,7 +40,6 @@ def _parser() -> argparse.ArgumentParser:
         "--template", metavar="FILE", type=pathlib.Path,
         help="write an example of such a file, and stop",
     )  # fmt: skip
-    parser.add_argument("--progress", action="store_true", help="show progress off a terminal too")
     return parser
 
 
@@ -167,11 +166,10 @@ def _run_one(name: str, experiments, options, out: pathlib.Path) -> bool:
         return True
     begin = time.monotonic()
     print(f"{name}: {experiment.title}", flush=True)
-    shown = True if options.progress or name == "demo" else None
     try:
         files = run(
-            experiment, out, quick=options.quick, changes=changes, progress=shown,
-            fresh=options.fresh, data=options.data,
+            experiment, out, quick=options.quick, changes=changes, fresh=options.fresh,
+            data=options.data,
         )  # fmt: skip
     except MissingDataError as error:
         print(error, file=sys.stderr)

@@ -25,6 +25,7 @@ from .._validation import (
     whole_number,
 )
 from ..hybrid import Integrator, Solution
+from ..progress import Progress
 from ._evaluate import solve_run
 from ._fit import Fit, best, one_fit, probability
 from ._gauss_newton import LevenbergMarquardt
@@ -247,8 +248,9 @@ class Problem:
             rows = sobol_starts(unknowns, starts, seed=seed)
             return best(self.fits(rows, method=method, chunk_size=chunk_size))
         space, first = scalars("unknowns", unknowns)
-        near, taken = method.brought_near(self._run, self._data, space, first)
-        fit = solve_run(method.polish, self._run, self._data, space, space.coordinates(near))
+        with Progress("fit"):
+            near, taken = method.brought_near(self._run, self._data, space, first)
+            fit = solve_run(method.polish, self._run, self._data, space, space.coordinates(near))
         return self._told(fit, taken)
 
     @check_arguments(**_HOW)
@@ -265,8 +267,9 @@ class Problem:
         for name, row in starts.items():
             one_row(f"starts[{name!r}]", row)
         space, found = rows_of("starts", rows)
-        near, taken = method.many_near(self._run, self._data, space, found, chunk_size)
-        fits = many_fits(method.polish, self._run, space, near, (self._data,), chunk_size)
+        with Progress("fits"):
+            near, taken = method.many_near(self._run, self._data, space, found, chunk_size)
+            fits = many_fits(method.polish, self._run, space, near, (self._data,), chunk_size)
         return self._told(fits, taken)
 
     def with_records(self, records: Given[Record | Sequence[Record]]) -> "Problem":
