@@ -7,7 +7,7 @@ import shutil
 import sys
 from typing import Any
 
-from ._public import PACKAGES, Public, first_sentence, names_in, public_names
+from ._public import FOR_BUILDERS, PACKAGES, Public, first_sentence, names_in, public_names
 from ._version import __version__
 
 # First words of commands about the store of a sweep.
@@ -43,7 +43,8 @@ def main(arguments: list[str] | None = None) -> int:
         packages = [p for p in packages if words & {p.split(".")[-1], *names_in(p)}] or packages
     found = [entry for package in packages for entry in public_names(package)]
     if options.name is None:
-        print(_listing(found))
+        print(_listing([entry for entry in found if entry.package not in FOR_BUILDERS]))
+        print(f"\nFor packages that are built on these: {', '.join(FOR_BUILDERS)}")
         return 0
     chosen = [entry for entry in found if options.name in _spellings(entry)]
     if chosen:
@@ -81,7 +82,8 @@ def _is_package(name: str, package: str) -> bool:
 
 def _listing(entries: list[Public]) -> str:
     lines, package = [], None
-    for entry, row in zip(entries, _rows([(e.name, e.summary) for e in entries]), strict=True):
+    rows = _rows([(_called(e.name, e.thing), e.summary) for e in entries])
+    for entry, row in zip(entries, rows, strict=True):
         if entry.package != package:
             lines += [""] * (package is not None) + [entry.package]
             package = entry.package
@@ -96,8 +98,13 @@ def _page(entry: Public) -> str:
     methods = _methods(entry.thing)
     if not methods:
         return text
-    rows = [(name, first_sentence(inspect.getdoc(m))) for name, m in methods.items()]
+    rows = [(_called(name, m), first_sentence(inspect.getdoc(m))) for name, m in methods.items()]
     return "\n".join([text, "", "Methods and properties:", *_rows(rows)])
+
+
+def _called(name: str, thing: Any) -> str:
+    """The name, with brackets if it is that of a function or a method."""
+    return f"{name}()" if callable(thing) and not inspect.isclass(thing) else name
 
 
 def _rows(rows: list[tuple[str, str]]) -> list[str]:

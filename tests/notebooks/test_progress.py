@@ -31,8 +31,7 @@ found = ss.sweep.run_sweep(lambda k: k, grid, compute=compute)
 def test_a_notebook_shows_progress(monkeypatch):
     monkeypatch.setenv("STICKSLIP_PROGRESS", "on")
     notebook = jupytext.reads(SOURCE, fmt="py:percent")
-    notebook.metadata["kernelspec"] = {"name": "python3", "display_name": "python3", "language": "python"}
-    nbclient.NotebookClient(notebook, timeout=300).execute()
+    nbclient.NotebookClient(notebook, timeout=300, kernel_name="python3").execute()
     first, second, third = (cell.outputs for cell in notebook.cells)
     assert not first
     assert not third
