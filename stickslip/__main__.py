@@ -82,7 +82,7 @@ def _is_package(name: str, package: str) -> bool:
 
 def _listing(entries: list[Public]) -> str:
     lines, package = [], None
-    rows = _rows([(_called(e.name, e.thing), e.summary) for e in entries])
+    rows = _rows([(_with_brackets(e.name, e.thing), e.summary) for e in entries])
     for entry, row in zip(entries, rows, strict=True):
         if entry.package != package:
             lines += [""] * (package is not None) + [entry.package]
@@ -98,11 +98,11 @@ def _page(entry: Public) -> str:
     methods = _methods(entry.thing)
     if not methods:
         return text
-    rows = [(_called(name, m), first_sentence(inspect.getdoc(m))) for name, m in methods.items()]
+    rows = [(_with_brackets(name, m), first_sentence(inspect.getdoc(m))) for name, m in methods.items()]
     return "\n".join([text, "", "Methods and properties:", *_rows(rows)])
 
 
-def _called(name: str, thing: Any) -> str:
+def _with_brackets(name: str, thing: Any) -> str:
     """The name, with brackets if it is that of a function or a method."""
     return f"{name}()" if callable(thing) and not inspect.isclass(thing) else name
 

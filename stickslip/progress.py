@@ -24,7 +24,7 @@ _PARTS = tuple(f"/jax/core/compile/{name}_duration" for name in _NAMES)
 
 @dataclasses.dataclass(frozen=True)
 class Pace:
-    """When a line is written, all in s; `PACE` is the one object of this class."""
+    """When a line is written, all in s but the last."""
 
     patience: float = 3.0
     """Nothing is said of a call that ends before."""
@@ -44,13 +44,11 @@ class Pace:
     """Of the time gone, by which the pauses grow but in a terminal: a day makes no endless log."""
 
 
-PACE = Pace()
-
-
 class _Here(threading.local):
-    """Meters of this thread that have begun and not ended, the outermost first."""
+    """Meters of this thread that have begun and not ended, the outermost first, and their pace."""
 
     def __init__(self):
+        self.pace = Pace()
         self.meters: list[Progress] = []
 
 
@@ -104,7 +102,8 @@ class Progress:
         self.terminal = bool(getattr(self.stream, "isatty", lambda: False)())
         self.rewrites = self.terminal or type(self.stream).__module__.startswith("ipykernel")
         self.is_on = shown is not False and self.stream is not None and wished_progress()
-        self.patience = 0.0 if shown else PACE.patience
+        self.pace = _here.pace
+        self.patience = 0.0 if shown else self.pace.patience
         self.pause = pause
         self.begin = self.since = time.monotonic()
         self.compiles_since = self.begin  # infinite from where it runs
@@ -136,10 +135,10 @@ class Progress:
             self.close(error is None)
 
     def _look(self) -> None:
-        wait = min(self.patience or PACE.look, PACE.patience)
+        wait = min(self.patience or self.pace.look, self.pace.patience)
         while not self._ended.wait(wait):
             self.show()
-            wait = PACE.look
+            wait = self.pace.look
 
     def line(self) -> str:
         """The line as it stands now; the rate is that of this run alone, without compiling."""
@@ -168,7 +167,7 @@ class Progress:
         with self._lock:
             now = time.monotonic()
             told = next((meter for meter in tuple(self._all) if meter.total is not None), self)
-            compiles = now - self.compiles_since > PACE.look
+            compiles = now - self.compiles_since > self.pace.look
             stage = (id(told), compiles, told.total is not None and told.done >= told.total)
             if self._counted and told is self:
                 return  # the last line stays that of the count
@@ -185,9 +184,9 @@ class Progress:
         if self.pause is not None:
             return self.pause
         if self.terminal:
-            return PACE.terminal
-        least = PACE.notebook if self.rewrites else PACE.log if new else PACE.nothing_new
-        return max(least, PACE.share * (time.monotonic() - self.begin))
+            return self.pace.terminal
+        least = self.pace.notebook if self.rewrites else self.pace.log if new else self.pace.nothing_new
+        return max(least, self.pace.share * (time.monotonic() - self.begin))
 
     def _write(self, text: str) -> None:
         if self.terminal:
@@ -263,14 +262,15 @@ def end_first_call() -> None:
         _here.meters[0].__exit__(*sys.exc_info())
 
 
-def _hear(event: str, seconds: float, **_: Any) -> None:
+def _hear(event: str, duration_secs: float, **_: Any) -> None:
     """A part of compiling has ended in this thread."""
     if not _here.meters or event not in _PARTS:
         return
     now, first = time.monotonic(), _here.meters[0]
     # A program is traced, lowered and compiled, one after the other.
-    first.made_in = seconds if event == _PARTS[0] else first.made_in + seconds
-    if first.made_in < PACE.program:
+    so_far = 0.0 if event == _PARTS[0] else first.made_in
+    first.made_in = so_far + duration_secs
+    if first.made_in < first.pace.program:
         return
     if event != _PARTS[-1]:
         first.compiles_since = min(first.compiles_since, now)

@@ -80,5 +80,5 @@ def _unit_of(system: Any, key: str) -> str | None:
 
 def _holds(system: Any, key: str, value: float) -> bool:
     """Whether a parameter is one number, this one."""
-    found = getattr(*_holder(system, key), None)
+    found: Any = getattr(*_holder(system, key), None)
     return is_concrete(found) and np.shape(found) == () and bool(found == value)

@@ -22,7 +22,8 @@ def orbit_diagram(
 ) -> Axes:
     """An orbit diagram: every point of every lane over its parameter.
 
-    Points of lanes whose status is not "ok" are red, and a legend says why, with the number of lanes.
+    Unless a `color` is given, points of lanes whose status is not "ok" are red, and a legend says why,
+    with the numbers of lanes.
 
     **Arguments**
 
@@ -65,11 +66,10 @@ def orbit_diagram(
     shown = np.isfinite(values)
     dots = _dots(int(shown.sum()))
     doubtful, why = _not_ok(dataset, parameter)
-    good = shown & ~doubtful[:, None]
-    axis.plot(places[good], values[good], **{**dots, **options})
-    if (bad := shown & doubtful[:, None]).any():
-        red = {**dots, "color": _axes.RED, **options, "label": why}
-        axis.plot(places[bad], values[bad], **red)
+    bad = shown & doubtful[:, None] & ("color" not in options)
+    axis.plot(places[shown & ~bad], values[shown & ~bad], **{**dots, **options})
+    if bad.any():
+        axis.plot(places[bad], values[bad], **{**dots, "color": _axes.RED, **options, "label": why})
         axis.legend(fontsize="small", markerscale=max(1.0, 4.0 / dots["markersize"]))
     axis.set_xlabel(_label(across, parameter))
     entry = observable.removeprefix(base)

@@ -1,6 +1,5 @@
 """The line about a long call: when it comes, what it says, and the one switch that silences it."""
 
-import dataclasses
 import io
 import time
 
@@ -19,7 +18,7 @@ def quick(monkeypatch):
     """Lines come after hundredths of a second."""
     monkeypatch.setenv("STICKSLIP_PROGRESS", "on")
     short = {"patience": 0.04, "look": 0.02, "log": 0.0, "nothing_new": 10.0}
-    monkeypatch.setattr(progress, "PACE", dataclasses.replace(progress.PACE, **short))
+    monkeypatch.setattr(progress._here, "pace", progress.Pace(**short))
 
 
 class Terminal(io.StringIO):
