@@ -203,13 +203,13 @@ def _in_plain_words(draw: Callable[[Any], Any]) -> Callable[[Any], Any]:
     """The picture of the diagram for those who have not read the paper."""
 
     def drawn(dataset: Any) -> Any:
-        figure = draw(
-            dataset.assign_attrs(
-                caption="Each dot is where the block is at a moment when its acceleration falls through "
-                "zero, once the start is forgotten. Where a branch of dots splits into two, the period "
-                "of the motion doubles; a cloud is chaos. Parameters made up by us."
-            )
+        text = (
+            "Each dot is where the block is at a moment when its acceleration falls through zero, from "
+            f"{float(dataset.transient[0]):g} s after the start on. Where a branch of dots splits into "
+            "two, the period of the motion doubles; a cloud is chaos, a short streak has not settled yet. "
+            "Parameters made up by us."
         )
+        figure = draw(dataset.assign_attrs(caption=text))
         figure.axes[0].set_title("A block on a belt: where it period-doubles", fontsize=10)
         return figure
 
