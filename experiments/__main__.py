@@ -206,7 +206,7 @@ def _in_plain_words(draw: Callable[[Any], Any]) -> Callable[[Any], Any]:
         text = (
             "Each dot is where the block is at a moment when its acceleration falls through zero, from "
             f"{float(dataset.transient[0]):g} s after the start on. Where a branch of dots splits into "
-            "two, the period of the motion doubles; a cloud is chaos, a short streak has not settled yet. "
+            "two, the period of the motion doubles; a cloud is chaos, a streak has not settled. "
             "Parameters made up by us."
         )
         figure = draw(dataset.assign_attrs(caption=text))
