@@ -109,6 +109,7 @@ def test_within_another_call_what_counts_is_said(quick, capsys):
             for _ in range(10):
                 meter.advance(1)
                 time.sleep(0.01)
+        time.sleep(0.1)
     lines = capsys.readouterr().err.splitlines()
     assert any(line.startswith("outer: 5 points, k = 2, ") for line in lines)
     assert any(line.startswith("inner: 10 of 10 starts (100%), ") for line in lines)
