@@ -5,6 +5,8 @@ import os
 import pathlib
 import sys
 import time
+from collections.abc import Callable
+from typing import Any
 
 DEMO = "block-fig02"
 PAGES = ("record", "results", "pictures")
@@ -40,7 +42,6 @@ def _parser() -> argparse.ArgumentParser:
         "--template", metavar="FILE", type=pathlib.Path,
         help="write an example of such a file, and stop",
     )  # fmt: skip
-    parser.add_argument("--progress", action="store_true", help="show progress off a terminal too")
     return parser
 
 
@@ -160,7 +161,9 @@ def _run_one(name: str, experiments, options, out: pathlib.Path) -> bool:
     changes = list(options.changes)
     if name == "demo":
         title = "a block that sticks and slips on a belt, over the stiffness of its spring"
-        experiment = dataclasses.replace(experiment, name="demo", title=title)
+        experiment = dataclasses.replace(
+            experiment, name="demo", title=title, draw=_in_plain_words(experiment.draw)
+        )
         changes = ["converged_duration=0", "exponents=0", *changes]
     record = out / f"{experiment.name}.json"
     parameters = chosen(experiment, options.quick, changes)
@@ -169,11 +172,10 @@ def _run_one(name: str, experiments, options, out: pathlib.Path) -> bool:
         return True
     begin = time.monotonic()
     print(f"{name}: {experiment.title}", flush=True)
-    shown = True if options.progress or name == "demo" else None
     try:
         files = run(
-            experiment, out, quick=options.quick, changes=changes, progress=shown,
-            fresh=options.fresh, data=options.data,
+            experiment, out, quick=options.quick, changes=changes, fresh=options.fresh,
+            data=options.data,
         )  # fmt: skip
     except MissingDataError as error:
         print(error, file=sys.stderr)
@@ -197,6 +199,23 @@ def _run_one(name: str, experiments, options, out: pathlib.Path) -> bool:
             "Next: notebooks/getting_started.py, or `.venv/bin/python -m experiments --list`."
         )
     return True
+
+
+def _in_plain_words(draw: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """The picture of the diagram for those who have not read the paper."""
+
+    def drawn(dataset: Any) -> Any:
+        text = (
+            "Each dot is where the block is at a moment when its acceleration falls through zero, from "
+            f"{float(dataset.transient[0]):g} s after the start on. Where a branch of dots splits into "
+            "two, the period of the motion doubles; a cloud is chaos, a streak has not settled. "
+            "Parameters made up by us."
+        )
+        figure = draw(dataset.assign_attrs(caption=text))
+        figure.axes[0].set_title("A block on a belt: where it period-doubles", fontsize=10)
+        return figure
+
+    return drawn
 
 
 def _keep_compiled() -> None:

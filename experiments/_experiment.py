@@ -27,10 +27,9 @@ FOR_THE_VIEWER = "view"
 
 @dataclasses.dataclass(frozen=True)
 class Context:
-    """Cache directory of a run, whether it shows progress, and the folder of the user's records."""
+    """Cache directory of a run, whether it begins anew, and the folder of the user's records."""
 
     stores: pathlib.Path
-    progress: bool | None = None
     fresh: bool = False
     data: pathlib.Path | None = None
 

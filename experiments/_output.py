@@ -38,14 +38,13 @@ def run(
     *,
     quick: bool = False,
     changes: list[str] | None = None,
-    progress: bool | None = None,
     fresh: bool = False,
     data: pathlib.Path | None = None,
 ) -> list[pathlib.Path]:
     """Compute, draw, judge and write; the files written."""
     parameters = chosen(experiment, quick, changes or [])
     begin, spent, load = time.monotonic(), _processor_time(), os.getloadavg()[0]
-    dataset = experiment.compute(parameters, Context(out / "stores", progress, fresh, data))
+    dataset = experiment.compute(parameters, Context(out / "stores", fresh, data))
     dataset = dataset.assign_attrs(experiment=experiment.name, title=experiment.title)
     computed = time.monotonic() - begin
     out.mkdir(parents=True, exist_ok=True)

@@ -9,7 +9,7 @@ import textwrap
 from typing import Any
 
 from ._glossary import terms_with, without_links
-from ._public import PACKAGES, Public, first_sentence, names_in, public_names
+from ._public import FOR_BUILDERS, PACKAGES, Public, first_sentence, names_in, public_names
 from ._version import __version__
 
 # First words of commands about the store of a sweep.
@@ -52,7 +52,8 @@ def main(arguments: list[str] | None = None) -> int:
         packages = [p for p in packages if words & {p.split(".")[-1], *names_in(p)}] or packages
     found = [entry for package in packages for entry in public_names(package)]
     if options.name is None:
-        print(_listing(found))
+        print(_listing([entry for entry in found if entry.package not in FOR_BUILDERS]))
+        print(f"\nFor packages that are built on these: {', '.join(FOR_BUILDERS)}")
         return 0
     chosen = [entry for entry in found if options.name in _spellings(entry)]
     if chosen:
@@ -114,7 +115,8 @@ def _is_package(name: str, package: str) -> bool:
 
 def _listing(entries: list[Public]) -> str:
     lines, package = [], None
-    for entry, row in zip(entries, _rows([(e.name, e.summary) for e in entries]), strict=True):
+    rows = _rows([(_with_brackets(e.name, e.thing), e.summary) for e in entries])
+    for entry, row in zip(entries, rows, strict=True):
         if entry.package != package:
             lines += [""] * (package is not None) + [entry.package]
             package = entry.package
@@ -129,8 +131,13 @@ def _page(entry: Public) -> str:
     methods = _methods(entry.thing)
     if not methods:
         return text
-    rows = [(name, first_sentence(inspect.getdoc(m))) for name, m in methods.items()]
+    rows = [(_with_brackets(name, m), first_sentence(inspect.getdoc(m))) for name, m in methods.items()]
     return "\n".join([text, "", "Methods and properties:", *_rows(rows)])
+
+
+def _with_brackets(name: str, thing: Any) -> str:
+    """The name, with brackets if it is that of a function or a method."""
+    return f"{name}()" if callable(thing) and not inspect.isclass(thing) else name
 
 
 def _rows(rows: list[tuple[str, str]]) -> list[str]:

@@ -15,6 +15,7 @@ from ._code import code_key
 from ._validation import is_concrete
 from .hybrid.compile_options import plain_options
 from .hybrid.executor import closed_jaxpr
+from .progress import ready
 
 MOST_KEPT = 16  # programs, here and of sweeps
 _programs: collections.OrderedDict[Any, Any] = collections.OrderedDict()
@@ -42,6 +43,7 @@ def compiled_once(function: Callable[..., PyTree], *operands: PyTree, key: Any =
         with _turn:
             kept = _known.get(key)
         if kept is not None:
+            ready()
             program, consts, form, rest = kept
             return eqx.combine(jax.tree.unflatten(form, program(*consts, *leaves)), rest)
     rest: Any = None
@@ -62,6 +64,7 @@ def compiled_once(function: Callable[..., PyTree], *operands: PyTree, key: Any =
         program = _programs.pop(text, None)
     if program is None:
         program = lowered.compile(compiler_options=plain_options())
+    ready()
     with _turn:
         _programs[text] = program
         while len(_programs) > MOST_KEPT:
@@ -70,4 +73,6 @@ def compiled_once(function: Callable[..., PyTree], *operands: PyTree, key: Any =
             _known[key] = program, consts, form, rest
             while len(_known) > MOST_KEPT:
                 _known.popitem(last=False)
-    return eqx.combine(jax.tree.unflatten(form, program(*given)), rest)
+    # The end of a call is that of its meter.
+    found = jax.block_until_ready(program(*given))
+    return eqx.combine(jax.tree.unflatten(form, found), rest)

@@ -30,6 +30,8 @@ PACKAGES = (
     "stickslip.show",
     "corexy_jax",
 )
+# Of those that packages built on this one need, and no user: shown when they are asked for.
+FOR_BUILDERS = ("stickslip.checks", "stickslip.fastmath", "stickslip.show")
 
 
 class Public(NamedTuple):

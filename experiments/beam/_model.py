@@ -76,5 +76,5 @@ def sweep_options(
     return {
         "store": Storage(path, chunk=chunk, resume=not context.fresh),
         "labels": Labels(variables, settings=dict(settings), name=f"{kind}, {variant}"),
-        "compute": Compute(executor, progress=context.progress),
+        "compute": Compute(executor),
     }

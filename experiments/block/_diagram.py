@@ -10,7 +10,7 @@ import xarray as xr
 
 import stickslip as ss
 from stickslip.analysis import PeriodTest, Recording, orbit_diagram
-from stickslip.sweep import Compute, Labels, Storage, Variable
+from stickslip.sweep import Labels, Storage, Variable
 from stickslip.systems import BlockOnBelt, BlockOnDrivenBelt, BlockState, DrivenBlockState
 
 from .._experiment import Context
@@ -173,7 +173,6 @@ def sweep_options(
     return {
         "store": Storage(path, chunk=chunk, resume=not context.fresh),
         "labels": Labels(name=f"{kind}, {model}", **labels),
-        "compute": Compute(progress=context.progress),
     }
 
 

@@ -16,6 +16,8 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
+from stickslip.progress import Progress
+
 from .._experiment import Context, Experiment, Statement
 from .._statement import Verdict, statement
 from .._thresholds import Block
@@ -122,7 +124,7 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     """Generations of sets: cross and vary, rank, look thoroughly, keep the best, narrow the spread."""
     q = parameters
     looker, rng = RegimeSearch(q), np.random.default_rng(q["seed"])
-    begin, looked, seconds = time.monotonic(), 0, 0.0
+    looked, seconds = 0, 0.0
     begun = start_values()[None, :]
     if q["founders"]:
         begun = np.concatenate([begun, found_values()])
@@ -130,20 +132,20 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     known = first[0]
     assert known is not None
     pool = _scored(begun, first)
-    for generation in range(q["generations"]):
-        width = q["spread"] * spreads() * 0.7**generation
-        parents = np.array([entry[1] for entry in pool[: q["parents"]]])
-        sets = children(parents, q["sets"], width, rng)
-        start = time.monotonic()
-        ranks = looker.first(sets)
-        # The first call compiles; the rate is that of the others.
-        seconds, looked = (0.0, 0) if generation == 0 else (seconds, looked)
-        seconds, looked = seconds + time.monotonic() - start, looked + len(sets)
-        best = sets[np.argsort(-ranks, kind="stable")[: q["looks"]]]
-        pool = sorted(pool + _scored(best, looker.regimes(best)), key=lambda entry: -entry[0])
-        if context.progress:
-            text = f"generation {generation + 1}: best score {pool[0][0]:.3f}"
-            print(f"{text}, {time.monotonic() - begin:.0f} s", flush=True)
+    with Progress("search", q["generations"], things="generations") as meter:
+        for generation in range(q["generations"]):
+            width = q["spread"] * spreads() * 0.7**generation
+            parents = np.array([entry[1] for entry in pool[: q["parents"]]])
+            sets = children(parents, q["sets"], width, rng)
+            start = time.monotonic()
+            ranks = looker.first(sets)
+            # The first call compiles; the rate is that of the others.
+            seconds, looked = (0.0, 0) if generation == 0 else (seconds, looked)
+            seconds, looked = seconds + time.monotonic() - start, looked + len(sets)
+            best = sets[np.argsort(-ranks, kind="stable")[: q["looks"]]]
+            pool = sorted(pool + _scored(best, looker.regimes(best)), key=lambda entry: -entry[0])
+            meter.note = f"best score {pool[0][0]:.3f}"
+            meter.advance(1)
     winner = pool[0]
     which = [("set A", begun[0], known), ("best found", winner[1], winner[2])]
     fine, models = looker.fine, ("simplified", "full")

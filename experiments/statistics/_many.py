@@ -16,6 +16,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from stickslip.progress import Progress
 from stickslip.sweep import as_json
 
 from .._experiment import Context
@@ -41,11 +42,9 @@ def many(name: str, one: One, parameters: dict[str, Any], context: Context, bloc
     blocks = [(a, min(a + block, count)) for a in range(0, count, block)]
     todo = [part for part in blocks if _read(_path(folder, *part)) is None]
     tasks = [(one, parameters, first, last, folder) for first, last in todo]
-    done = len(blocks) - len(todo)
-    for found in _each(tasks, min(parameters["workers"], len(tasks))):
-        done += 1
-        if context.progress:
-            print(f"{name}: {found}, {done} of {len(blocks)} blocks", flush=True)
+    with Progress(name, len(blocks), len(blocks) - len(todo), things="blocks") as meter:
+        for _ in _each(tasks, min(parameters["workers"], len(tasks))):
+            meter.advance(1)
     rows = [_read(_path(folder, *part)) for part in blocks]
     return {key: np.concatenate([row[key] for row in rows if row]) for key in rows[0] or ()}
 
@@ -96,6 +95,7 @@ def _each(tasks: list[Any], workers: int):
 
 
 def _begin() -> None:
+    os.environ["STICKSLIP_PROGRESS"] = "off"  # the process that began this one counts
     if not os.environ.get("JAX_COMPILATION_CACHE_DIR"):
         from stickslip import enable_compilation_cache
 

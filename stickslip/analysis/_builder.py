@@ -3,7 +3,9 @@
 from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
-from .._validation import check_callable, check_type, refusal
+import numpy as np
+
+from .._validation import check_callable, check_type, is_concrete, refusal
 from ..hybrid import AbstractHybridSystem
 from ..sweep import Variable
 from .observable import check_parameter, with_parameters
@@ -39,22 +41,44 @@ def check_labels(labels: Mapping[str, Any], known: Collection[str]) -> None:
 
 
 def labelled_parameters(
-    system: Any, coords: Collection[str], labels: Mapping[str, Any]
+    system: Any, coords: Mapping[str, Any], labels: Mapping[str, Any]
 ) -> dict[str, Variable]:
     """Labels of the grid: those given, else the units that the system states of its parameters.
 
-    A function may make anything of a point, and its unit is not known here.
+    A function may make anything of a point. Where its systems have a parameter of the same name with
+    the value of the point, at both ends of the grid, that is the one which is meant.
     """
+    made = []
+    if not isinstance(system, AbstractHybridSystem):
+        points = [{key: float(values[end]) for key, values in coords.items()} for end in (0, -1)]
+        made = [(system(**point), point) for point in points]
     found = {}
     for key in coords:
         given, unit = labels.get(key), None
         if isinstance(system, AbstractHybridSystem):
-            *parts, name = key.split("__")
-            holder: Any = system
-            for part in parts:
-                holder = getattr(holder, part)
-            unit = getattr(holder, "parameter_units", {}).get(name)
+            unit = _unit_of(system, key)
+        elif all(_holds(one, key, point[key]) for one, point in made):
+            unit = _unit_of(made[0][0], key)
         if given is not None or unit is not None:
             given = Variable() if given is None else given
             found[key] = Variable(given.dims, given.units or unit, given.long_name, given.attrs)
     return found
+
+
+def _holder(system: Any, key: str) -> tuple[Any, str]:
+    """The part of a system that has a parameter, and the name that it has there."""
+    *parts, name = key.split("__")
+    for part in parts:
+        system = getattr(system, part, None)
+    return system, name
+
+
+def _unit_of(system: Any, key: str) -> str | None:
+    holder, name = _holder(system, key)
+    return getattr(holder, "parameter_units", {}).get(name)
+
+
+def _holds(system: Any, key: str, value: float) -> bool:
+    """Whether a parameter is one number, this one."""
+    found: Any = getattr(*_holder(system, key), None)
+    return is_concrete(found) and np.shape(found) == () and bool(found == value)

@@ -14,6 +14,7 @@ from jaxtyping import PyTree
 from .._types import Given, Mode, NamedRows
 from .._validation import check_mapping, check_type, refusal
 from ..hybrid import AbstractHybridSystem, Integrator, Section
+from ..progress import Progress
 from ..sweep import Carried, Labels, Variable, run_sweep
 from ..sweep.evaluate import lanes_of, prepared
 from ..sweep.grid import block_shape, check_grid
@@ -360,7 +361,8 @@ def _check(lane, numbers, coords, starts, check, dataset, observed, settings: Se
     if starts is not None:
         arguments["start"] = jax.tree.map(lambda a: np.asarray(a)[filled], starts)
     program = lanes_of(lane, settings.compute.executor, settings.compute.threads)
-    again = jax.tree.map(lambda a: np.asarray(a)[: picked.size], program(arguments))
+    with Progress(f"{settings.name}, check", shown=settings.compute.progress):
+        again = jax.tree.map(lambda a: np.asarray(a)[: picked.size], program(arguments))
     index = {key: xr.DataArray(i, dims="checked") for key, i in zip(coords, place, strict=True)}
     before = dataset[[*observed, "count", "period"]].isel(index)
     same = np.asarray(before["count"]) == np.asarray(again["count"])

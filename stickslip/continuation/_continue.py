@@ -16,6 +16,7 @@ from ..hybrid import AbstractHybridSystem
 from ..hybrid.accuracy import ACCURACY as ENGINE
 from ..hybrid.arguments import the_system
 from ..hybrid.status import DISCONTINUOUS
+from ..progress import showing
 from ._accuracy import ACCURACY
 from ._along import Problem, equations_at
 from ._arguments import bounds_of, concrete_guess, follow_of, problem_of, value_of
@@ -35,6 +36,7 @@ PRIMES = tuple(n for n in range(7, 14) if math.gcd(n, ACCURACY.parts) == 1)
 CUT_OFF = ("max_points", "bounds", "homoclinic")  # ends beyond which a branch goes on
 
 
+@showing("continue_orbit")
 def continue_orbit(
     system: Given[AbstractHybridSystem],
     orbit: Given[PeriodicOrbit | OrbitGuess | BranchPoint],

@@ -12,6 +12,7 @@ from ..hybrid import AbstractHybridSystem
 from ..hybrid.accuracy import ACCURACY as ENGINE
 from ..hybrid.arguments import check_field, start_of, the_system
 from ..hybrid.tree import with_float_arrays
+from ..progress import showing
 from ._accuracy import ACCURACY
 from ._arguments import bounds_of, follow_of, value_of
 from ._branch import Branch, branch_of
@@ -33,6 +34,7 @@ from ._walk import follow as follow_branch
 from ._walk import join
 
 
+@showing("continue_equilibrium")
 def continue_equilibrium(
     system: Given[AbstractHybridSystem],
     y0: PyTree,

@@ -10,6 +10,7 @@ from .._types import Given
 from .._validation import check_type, refusal
 from ..hybrid import AbstractHybridSystem
 from ..hybrid.arguments import the_system
+from ..progress import showing
 from ._along import Problem
 from ._arguments import bounds_of, follow_of, problem_of, value_of
 from ._border import Border
@@ -29,6 +30,7 @@ BORDERS = ("GR", "SQ")
 FUNCTIONS = {"LP": folding, "PD": doubling, "NS": torus, "BP": branching}
 
 
+@showing("continue_point")
 def continue_point(
     system: Given[AbstractHybridSystem],
     point: Given[BranchPoint],

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from ..progress import tell
 from ._accuracy import ACCURACY
 from ._family import AbstractFamily, Event, Failure, Gap, Leg, Test
 from ._options import Follow
@@ -45,6 +46,7 @@ def follow(
             else:
                 distance = item.distance
                 points.append(family.remeasure(points, item.point))
+                tell(_place(family, points))
                 words = family.over(points, distance)
                 found = [Event("EP", points[-1], words, ends=True)] if words else []
             for event in found:
@@ -55,6 +57,12 @@ def follow(
         events += [event.at(len(points) - 1) for event in watch.finish(points[-1], options.step)]
     events.append(Event("EP", points[-1], family.cut_off(points), len(points) - 1))
     return Half(points, events)
+
+
+def _place(family: AbstractFamily, points: list) -> str:
+    """How many points there are, and the parameters at the last of them."""
+    there = zip(family.names, points[-1].values, strict=True)
+    return f"{len(points)} points, {', '.join(f'{name} = {float(v):.6g}' for name, v in there)}"
 
 
 def join(forward: Half, backward: Half, shared: bool = True) -> Half:

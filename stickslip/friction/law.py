@@ -80,6 +80,10 @@ class AbstractFrictionLaw(AbstractShown):
     **Raises**, in all methods and in those of subclasses: `TypeError` or `ValueError` naming the
     argument, its value and what is allowed. Infinite and NaN velocities are allowed, as logs have them.
 
+    Velocities come one alone or as a row or any other array of them: a method takes each by itself and
+    returns the same shape. A function of one number, as a network, is made so by `jnp.vectorize`;
+    otherwise `jnp.dot` says that shapes differ (`dot_general requires contracting dimensions ...`).
+
     To write your own law, subclass `AbstractDryFrictionLaw`: three properties and three methods.
     """
 

@@ -1,8 +1,5 @@
 """A progress line for long runs: how far the slowest lane has come."""
 
-import sys
-import time
-
 import equinox as eqx
 import equinox.internal as eqxi
 import jax
@@ -10,12 +7,13 @@ import jax.numpy as jnp
 
 from .._argument_checks import check_arguments, static_number, text
 from .._types import Numeric, Whole
+from ..progress import Progress
 from .status import RUNNING
 
 
 @check_arguments(name=text(), interval=static_number("not negative"))
 class ProgressMeter(eqx.Module):
-    """Writes `name: 42 % (t = 21 of 50 s), 3 s left` to stderr, at most every `interval` seconds.
+    """Writes `name: 21 of 50 s (42%), 7 per s, 0:03 gone, 0:04 left` to stderr, every `interval` [s].
 
     Off unless given to `Integrator(progress=...)`. Safe under `jit` and `vmap`: it shows the slowest
     lane. It costs a host callback per 128 attempts.
@@ -35,21 +33,14 @@ class ProgressMeter(eqx.Module):
         jax.debug.callback(_line, slowest, span, name=self.name, interval=self.interval)
 
 
-_started: dict[str, tuple[float, float]] = {}  # name -> (start of the run, last line)
+_meters: dict[str, Progress] = {}
 
 
 def _line(slowest, span, *, name: str, interval: float) -> None:
-    now = time.monotonic()
-    share = 1.0 - float(slowest) / float(span) if float(span) > 0 else 1.0
-    start, last = _started.get(name, (now, 0.0))
-    done = share >= 1.0
-    if done or now - last >= interval:
-        left = (now - start) * (1.0 - share) / share if share > 0 else float("nan")
-        end = "\n" if done else ""
-        sys.stderr.write(f"\r{name}: {100 * share:3.0f} %, {left:.0f} s left {end}")
-        sys.stderr.flush()
-        last = now
-    if done:
-        _started.pop(name, None)
-    else:
-        _started[name] = (start, last)
+    done = float(span) - float(slowest)
+    if name not in _meters:
+        _meters[name] = Progress(name, float(span), things="s", shown=True, pause=interval)
+        _meters[name].compiles_since = float("inf")
+    _meters[name].advance(done - _meters[name].done)
+    if not slowest > 0.0:
+        _meters.pop(name).close()

@@ -183,7 +183,7 @@ def simulate(
     integrator = USUAL if integrator is None else integrator
     saveat = USUALLY_KEPT if saveat is None else saveat
     check_type("integrator", integrator, Integrator, "an Integrator")
-    check_type("saveat", saveat, SaveAt, "a SaveAt")
+    check_type("saveat", saveat, SaveAt, "a SaveAt, such as SaveAt(ts=times)")
     check_flag("throw", throw)
     leaves_of("args", args)
     system, args = with_float_arrays((the_system(system), args))

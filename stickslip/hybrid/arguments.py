@@ -140,9 +140,10 @@ def check_field(
             f"of the structure {form}, as {name} is",
         )
     for (where, a), b in zip(leaves_of(name, y0), jax.tree.leaves(slope), strict=True):
-        if a.shape != b.shape or b.dtype != jnp.float64:
+        shape, dtype = np.shape(b), jnp.result_type(b)  # of a number of Python, too
+        if a.shape != shape or dtype != jnp.float64:
             raise ValueError(
-                f"vector_field(t, y, mode, args) = an array of shape {b.shape}, dtype {b.dtype} for "
+                f"vector_field(t, y, mode, args) = an array of shape {shape}, dtype {dtype} for "
                 f"{where}: it must be of shape {a.shape}, dtype float64."
             )
 

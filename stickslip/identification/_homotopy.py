@@ -10,6 +10,7 @@ import numpy as np
 
 from .._argument_checks import callable_as, check_arguments, checked_by, instance, or_none
 from .._types import Given
+from ..progress import tell
 from ._accuracy import ACCURACY
 from ._evaluate import solve_run
 from ._gauss_newton import LevenbergMarquardt
@@ -81,7 +82,8 @@ class Homotopy(AbstractMethod):
 
     def brought_near(self, run, data, space, values):
         taken, first = 0, space.coordinates(values)
-        for rounded, known in self._stages(run, data):
+        for number, (rounded, known) in enumerate(self._stages(run, data)):
+            tell(f"width {self.widths[number]:g} m/s, {taken} steps")
             z = _not_too_far(space, first, space.coordinates(values))
             fit = solve_run(self.method, rounded, known, space, z)
             taken += int(fit.steps)

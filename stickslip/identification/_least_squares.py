@@ -6,6 +6,7 @@ from typing import Any
 from .._argument_checks import callable_as, check_arguments, instance, or_none
 from .._compiled_once import compiled_once
 from .._types import Given
+from ..progress import showing
 from ._evaluate import with_operands
 from ._fit import Fit
 from ._gauss_newton import LevenbergMarquardt
@@ -16,6 +17,7 @@ A_METHOD = or_none(instance(AbstractIterativeMethod, "a method such as Levenberg
 
 
 @check_arguments(residual=callable_as("f(values)", {}), method=A_METHOD)
+@showing("least_squares")
 def least_squares(
     residual: Callable[[NamedValues], Any],
     start: NamedUnknowns,

@@ -23,9 +23,9 @@ from .._validation import (
     refusal,
     shape_refusal,
 )
+from ..progress import Progress
 from ..sweep import map_lanes
 from ..sweep.lanes import EXECUTORS
-from ..sweep.progress import Progress
 from ._accuracy import ACCURACY
 from ._evaluate import evaluation
 from ._fit import Fit
@@ -115,7 +115,7 @@ def many_starts(
       numbers of starts up to 8, or 32, 128 and so on, or any number with a `chunk_size`: where fewer
       are on their way it is filled up with copies. Some 10 to 100 starts are usual.
     - `progress`: a line on stderr with how many have ended, the step and the lowest cost; by default
-      where stderr is a terminal.
+      from the third second on, True at once, False never.
 
     **Returns** a `Fit` with the starts in front. **Raises** as `least_squares`, and `ValueError` for
     starts of different lengths, and `shared` with numbers that are not finite. It is a loop
@@ -150,26 +150,24 @@ def many_fits(
     now = None
     filled = {name: np.pad(a, (0, room - count), mode="edge") for name, a in found.items()}
     todo, z = np.arange(count), np.asarray(space.coordinates(filled))
-    meter, best = Progress(count, name="many_starts", things="starts", shown=progress), _Best()
+    meter, best = Progress("many_starts", count, things="starts", shown=progress), _Best()
     try:
-        meter.show("compiling")
-        while todo.size:
-            out, matrix = evaluate_rows(program, z, shared, todo, width)
-            best = best.or_lower(z[todo], out[todo])
-            if now is None:
-                now = _begin(method, jnp.asarray(z), out.shape[1], space)
-            now = _advance(method, now, jnp.asarray(out), jnp.asarray(matrix))
-            z, left = np.asarray(now.z), np.flatnonzero(~np.asarray(now.done)[:count])
-            meter.note = f"step {best.steps}, lowest cost {best.cost:.6g}"
-            meter.advance(todo.size - left.size)
-            todo = left
+        with meter:
+            while todo.size:
+                out, matrix = evaluate_rows(program, z, shared, todo, width)
+                best = best.or_lower(z[todo], out[todo])
+                if now is None:
+                    now = _begin(method, jnp.asarray(z), out.shape[1], space)
+                now = _advance(method, now, jnp.asarray(out), jnp.asarray(matrix))
+                z, left = np.asarray(now.z), np.flatnonzero(~np.asarray(now.done)[:count])
+                meter.note = f"step {best.steps}, lowest cost {best.cost:.6g}"
+                meter.advance(todo.size - left.size)
+                todo = left
     except KeyboardInterrupt:
         raise KeyboardInterrupt(
             f"interrupted after {best.steps} steps: no fit is kept; {meter.done} of {count} starts had "
             f"ended. {best.in_words(space)}"
         ) from None
-    finally:
-        meter.close()
     # Cut off by NumPy: a slice of each length would be a program of its own.
     return jax.tree.map(lambda a: jax.device_put(np.asarray(a)[:count]), _finish(method, space, now))
 

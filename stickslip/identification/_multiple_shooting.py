@@ -13,6 +13,7 @@ from jax.flatten_util import ravel_pytree
 from .._argument_checks import callable_as, check_arguments, checked_by, count, instance, or_none
 from .._types import Given, Numeric
 from .._validation import refusal
+from ..progress import tell
 from ._gauss_newton import AbstractDamped, LevenbergMarquardt
 from ._losses import AbstractLoss
 from ._methods import AbstractMethod, check_falling
@@ -97,6 +98,7 @@ class MultipleShooting(AbstractMethod):
         unknown = jnp.concatenate([z, jnp.asarray((states / scales).reshape(-1))])
         taken, size = 0, None
         for weight in self.weights:
+            tell(f"weight {weight:g} of the jumps, {taken} steps")
             shooting = Shooting(
                 run, space, data, segments, jnp.asarray(scales), jnp.asarray(weight), self.polish.loss
             )

@@ -14,6 +14,7 @@ from .._argument_checks import callable_as, check_arguments, count
 from .._compiled_once import compiled_once
 from .._types import Given
 from .._validation import refusal
+from ..progress import showing
 from ._accuracy import ACCURACY
 from ._evaluate import with_operands
 from ._fit import Fit, one_fit
@@ -75,6 +76,7 @@ class Posterior(eqx.Module):
     residual=callable_as("f(values)", {}), fit=one_fit, draws=count(2), warmup=count(50),
     chains=count(1), seed=count(0), max_doublings=count(1),
 )  # fmt: skip
+@showing("posterior")
 def posterior(
     residual: Given[Callable[[NamedValues], Any]],
     fit: Given[Fit],

@@ -26,6 +26,7 @@ from .._validation import (
     whole_number,
 )
 from ..hybrid import Integrator, Solution
+from ..progress import Progress
 from ._accuracy import ACCURACY
 from ._evaluate import solve_run
 from ._fit import Fit, best, one_fit, probability
@@ -251,8 +252,9 @@ class Problem:
             rows = sobol_starts(unknowns, starts, seed=seed)
             return best(self.fits(rows, method=method, chunk_size=chunk_size))
         space, first = scalars("unknowns", unknowns)
-        near, taken = method.brought_near(self._run, self._data, space, first)
-        fit = solve_run(method.polish, self._run, self._data, space, space.coordinates(near))
+        with Progress("fit"):
+            near, taken = method.brought_near(self._run, self._data, space, first)
+            fit = solve_run(method.polish, self._run, self._data, space, space.coordinates(near))
         fit = self._told(fit, taken)
         self._warn_of_misfit(fit)
         return fit
@@ -271,8 +273,9 @@ class Problem:
         for name, row in starts.items():
             one_row(f"starts[{name!r}]", row)
         space, found = rows_of("starts", rows)
-        near, taken = method.many_near(self._run, self._data, space, found, chunk_size)
-        fits = many_fits(method.polish, self._run, space, near, (self._data,), chunk_size)
+        with Progress("fits"):
+            near, taken = method.many_near(self._run, self._data, space, found, chunk_size)
+            fits = many_fits(method.polish, self._run, space, near, (self._data,), chunk_size)
         return self._told(fits, taken)
 
     def with_records(self, records: Given[Record | Sequence[Record]]) -> "Problem":

@@ -13,6 +13,7 @@ from .._argument_checks import callable_as, check_arguments, count, instance
 from .._compiled_once import compiled_once
 from .._types import Given, Named
 from .._validation import check_in, check_mapping, check_that, is_concrete, refusal
+from ..progress import showing
 from ._accuracy import ACCURACY
 from ._evaluate import with_operands
 from ._fit import Fit, probability
@@ -100,6 +101,7 @@ class Profile(eqx.Module):
     residual=callable_as("f(values)", {}), fit=instance(Fit, "a Fit"), level=probability,
     points=count(1, 20), max_steps=count(10),
 )  # fmt: skip
+@showing("profile")
 def profile(
     residual: Callable[[NamedValues], Any],
     fit: Given[Fit],

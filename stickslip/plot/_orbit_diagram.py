@@ -6,6 +6,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
+from .._show import amount
 from .._types import Given
 from .._validation import check_type, refusal
 from ..hybrid.components import entries, split
@@ -20,6 +21,9 @@ def orbit_diagram(
     **options: Any,
 ) -> Axes:
     """An orbit diagram: every point of every lane over its parameter.
+
+    Unless a `color` is given, points of lanes whose status is not "ok" are red, and a legend says why,
+    with the numbers of lanes.
 
     **Arguments**
 
@@ -60,11 +64,31 @@ def orbit_diagram(
     values = np.asarray(found.transpose(parameter, ...), float).reshape(across.size, -1)
     places = np.broadcast_to(np.asarray(across)[:, None], values.shape)
     shown = np.isfinite(values)
-    axis.plot(places[shown], values[shown], **{**_dots(int(shown.sum())), **options})
+    dots = _dots(int(shown.sum()))
+    doubtful, why = _not_ok(dataset, parameter)
+    bad = shown & doubtful[:, None] & ("color" not in options)
+    axis.plot(places[shown & ~bad], values[shown & ~bad], **{**dots, **options})
+    if bad.any():
+        axis.plot(places[bad], values[bad], **{**dots, "color": _axes.RED, **options, "label": why})
+        axis.legend(fontsize="small", markerscale=max(1.0, 4.0 / dots["markersize"]))
     axis.set_xlabel(_label(across, parameter))
     entry = observable.removeprefix(base)
     axis.set_ylabel(_label(found, base, entry))
     return axis
+
+
+def _not_ok(dataset: xr.Dataset, parameter: str) -> tuple[np.ndarray, str]:
+    """Which lanes have another status than "ok", and which ones in words, with numbers of lanes."""
+    status = dataset.get("status")
+    if status is None or status.dims != (parameter,):
+        return np.zeros(dataset.sizes[parameter], bool), ""
+    numbers = np.asarray(status)
+    counts = (
+        f"{word.replace('_', ' ')}: {amount(count, 'lane')}"
+        for number, word in enumerate(status.attrs["flag_meanings"].split())
+        if number and (count := int(np.sum(numbers == number)))
+    )
+    return numbers != 0, ", ".join(counts)
 
 
 def _one_number(found: xr.DataArray, observable: str, index: tuple[int, ...] | None) -> xr.DataArray:

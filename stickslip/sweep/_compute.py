@@ -2,13 +2,13 @@
 
 import time
 
+from ..progress import Progress
 from ._describe import Described
 from ._manifest import code_revision
 from ._memory import Memory, results_of_unit
 from ._store import Store
 from .evaluate import Evaluate
 from .grid import Block, blocks_inside, chains
-from .progress import Progress
 from .settings import Settings
 
 
@@ -24,28 +24,24 @@ def compute_rest(sweep: Described, kept: Memory | Store, settings: Settings, nam
         units = units[settings.part[0] :: settings.part[1]]
     left = [rest for chain in units if (rest := _rest_of_chain(chain, kept))]
     total, missing = (sum(unit.lanes for chain in found for unit in chain) for found in (units, left))
-    meter = Progress(total, total - missing, name=name, shown=compute.progress)
     if not left:
-        meter.show(f"all {total:,} lanes were finished before")
-        meter.close()
         return
+    meter = Progress(name, total, total - missing, shown=compute.progress)
     begin = time.monotonic()
     kept.log(
         event="begin", blocks_to_do=sum(map(len, left)), blocks=len(sweep.units),
         code_revision=code_revision(), workers=compute.workers,
     )  # fmt: skip
     try:
-        meter.show("compiling")
-        if compute.client is None:
-            _compute_here(evaluate, left, kept, meter)
-        else:
-            from ._dask import compute_by_client
+        with meter:
+            if compute.client is None:
+                _compute_here(evaluate, left, kept, meter)
+            else:
+                from ._dask import compute_by_client
 
-            compute_by_client(compute.client, sweep, left, kept, meter)
+                compute_by_client(compute.client, sweep, left, kept, meter)
     except KeyboardInterrupt:
         raise KeyboardInterrupt(kept.interruption(meter)) from None
-    finally:
-        meter.close()
     kept.log(event="end", seconds=round(time.monotonic() - begin, 3), lanes=missing)
 
 

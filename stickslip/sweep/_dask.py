@@ -14,13 +14,13 @@ import distributed
 import jax
 import numpy as np
 
+from ..progress import Progress
 from ._describe import Described, computed_with
 from ._manifest import differences
 from ._memory import Memory, results_of_unit
 from ._store import Store, SweepMismatchError
 from .evaluate import identity_of, lanes_for, results_by_name
 from .grid import Block, blocks_inside
-from .progress import Progress
 
 IN_HAND = 2  # tasks in the hands of Dask for each thread of its workers, so that none of them waits
 
@@ -80,8 +80,9 @@ def _compute_blocks(
     task: bytes, blocks: list[Any]
 ) -> tuple[list[dict[str, np.ndarray]], dict[str, Any]]:
     """On a worker: results of blocks, and what computed them."""
-    lanes, by = _program(task, jax.tree.structure(blocks[0]), *_shapes(blocks[0]))
-    return [results_by_name(lanes, arguments) for arguments in blocks], by
+    with Progress("worker", shown=False):  # the process that has the client counts
+        lanes, by = _program(task, jax.tree.structure(blocks[0]), *_shapes(blocks[0]))
+        return [results_by_name(lanes, arguments) for arguments in blocks], by
 
 
 @functools.lru_cache(maxsize=4)

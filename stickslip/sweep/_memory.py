@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from ..progress import Progress
 from ._layout import Layout
 from .grid import Block
-from .progress import Progress
 
 
 class Memory:

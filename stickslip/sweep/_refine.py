@@ -12,6 +12,7 @@ import xarray as xr
 
 from .._types import Given, NamedRows, Path
 from .._validation import check_callable, check_count, one_static, refusal
+from ..progress import Progress
 from ._cells import Cells, Step, most_levels
 from ._children import child, children
 from ._compute import compute_rest
@@ -96,6 +97,7 @@ def refine_sweep(
     check_callable("function", function, f"f({', '.join(coords)})", **coords)
     about = {"by": tolerances, "levels": levels, "max_points": max_points}
     with contextlib.ExitStack() as stack:
+        stack.enter_context(Progress(settings.name, shown=settings.compute.progress))
         steps = _Steps(function, coords, settings, about, stack)
         found = walk(Cells(list(coords.values()), levels, tolerances), steps, max_points)
     if found.is_stopped:

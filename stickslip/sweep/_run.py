@@ -19,6 +19,7 @@ from .._validation import (
     refusal,
     shape_refusal,
 )
+from ..progress import Progress
 from ._compute import compute_rest
 from ._describe import Described, describe
 from ._labels import Labels, Variable
@@ -93,16 +94,17 @@ def run_sweep(
     call = f"f({'' if carry is None else 'carry, '}{', '.join([*coords, *inputs])})"
     check_callable("function", function, call, *[carry][: carry is not None], **coords, **inputs)
     backward = carried is not None and carried.direction == "downwards"
-    sweep = described_grid(
-        function, coords, settings, inputs=inputs, carry=carry, axis=axis, backward=backward
-    )
     path = settings.storage.directory
-    if path is None:
-        return in_memory(sweep, settings, settings.name)
-    with Store(path, sweep.layout, sweep.manifest, shared=part is not None) as kept:
-        kept.open(resume=settings.storage.resume)
-        compute_rest(sweep, kept, settings, settings.name)
-    return dataset_so_far(path, kept.manifest)
+    with Progress(settings.name, shown=settings.compute.progress):
+        sweep = described_grid(
+            function, coords, settings, inputs=inputs, carry=carry, axis=axis, backward=backward
+        )
+        if path is None:
+            return in_memory(sweep, settings, settings.name)
+        with Store(path, sweep.layout, sweep.manifest, shared=part is not None) as kept:
+            kept.open(resume=settings.storage.resume)
+            compute_rest(sweep, kept, settings, settings.name)
+        return dataset_so_far(path, kept.manifest)
 
 
 def described_grid(function, coords, settings: Settings, *, axis=None, **more) -> Described:

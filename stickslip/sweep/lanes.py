@@ -24,6 +24,7 @@ from .._validation import (
     shape_refusal,
 )
 from ..hybrid.executor import FUSED, PORTABLE, use_executor
+from ..progress import Progress, ready
 from ._canary import fused_is_trusted, wished_executor
 from ._fit import (
     CHUNK_FUSED,
@@ -121,9 +122,12 @@ class map_lanes:
         if not is_concrete(inputs):
             out = self._chunks(PORTABLE)(self._pad(inputs, n, self._chunk(n, parts)))
             return jax.tree.map(lambda a: _lanes(a)[:n], out)
-        program, cut, fit = self._fitting_program(inputs, n, parts)
-        with _ALONE if fit.alone else contextlib.nullcontext():
-            return self._join_chunks(self._run(program, cut), n)
+        # A call of few lanes that is compiled is shorter than a meter takes to begin.
+        with Progress("map_lanes") if self._takes_long(inputs, n, parts) else contextlib.nullcontext():
+            program, cut, fit = self._fitting_program(inputs, n, parts)
+            ready()
+            with _ALONE if fit.alone else contextlib.nullcontext():
+                return self._join_chunks(self._run(program, cut), n)
 
     def tracing(self):
         """Context in which `simulate` is traced for the executor of these lanes."""
@@ -142,10 +146,13 @@ class map_lanes:
             lanes = -(-lanes // VECTOR) * VECTOR
         return min(most, max(lanes, 2))
 
+    def _takes_long(self, inputs, n, parts):
+        """Whether a call may: it compiles, or has more lanes than one chunk for each thread."""
+        return n > self.chunk_size * parts or _form(inputs, n) not in self._fits
+
     def _fitting_program(self, inputs, n, parts):
         """Program, the inputs cut into chunks, one part for each thread, and the fit of both."""
-        leaves = jax.tree.leaves(inputs)
-        form = (n, jax.tree.structure(inputs), *((a.shape[1:], a.dtype) for a in leaves))
+        form = _form(inputs, n)
         if form in self._fits:
             fit = self._fits[form]
             cut = self._cut_into_chunks(inputs, n, parts, fit)
@@ -240,6 +247,12 @@ class map_lanes:
         with concurrent.futures.ThreadPoolExecutor(len(parts)) as pool:
             outs = list(pool.map(lambda part: jax.block_until_ready(program(part)), parts))
         return jax.tree.map(lambda *a: jnp.concatenate(a), *outs)
+
+
+def _form(inputs, n):
+    """Shapes and types of the inputs of `n` lanes, by which the compiler was asked."""
+    leaves = jax.tree.leaves(inputs)
+    return (n, jax.tree.structure(inputs), *((a.shape[1:], a.dtype) for a in leaves))
 
 
 def _lanes_in(inputs):

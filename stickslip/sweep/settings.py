@@ -77,7 +77,8 @@ class Compute:
     - `client`: a `Client` of Dask distributed, whose workers compute the blocks: `Client()` starts some
       on this host. Blocks of a worker that is lost are computed by another. This process alone writes
       the store, which the workers need not see; functions travel by cloudpickle.
-    - `progress`: a line on stderr with rate and time left; by default where stderr is a terminal.
+    - `progress`: a line on stderr with rate and time left; by default from the third second on, True at
+      once, False never.
 
     Errors: `ValueError`/`TypeError` naming the field, its value and what is allowed.
     """

@@ -111,7 +111,7 @@ def orbit(y, period, k3):
 @pytest.mark.slow
 def test_the_first_doubling_is_that_of_shooting_with_scipy(tmp_path):
     parameters = chosen(load()["block-branches"], True, [])
-    found = with_branches(MODELS[:1], parameters, Context(tmp_path, False))
+    found = with_branches(MODELS[:1], parameters, Context(tmp_path))
     labels = found.special_label.values.tolist()
     flip = found.isel(special=labels.index("PD"))
     assert labels.count("PD") == 1

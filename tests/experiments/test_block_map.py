@@ -276,7 +276,7 @@ def test_a_standing_belt_a_failed_lane_and_the_rest(monkeypatch, tmp_path):
     )
     changes = ["k3_min=70", "k3_max=80", "columns=3", "speed_min=0", "speed_max=0.12", "rows=3"]
     parameters = chosen(load()["block-map"], True, changes)
-    found = settled_motions(parameters, Context(tmp_path, False))
+    found = settled_motions(parameters, Context(tmp_path))
     assert found.motion.dims == ("k3", "V_b")
     assert found.motion[:, 0].values.tolist() == [RESTS, RESTS, FAILED]
     assert found.motion[:, 2].values.tolist() == [1, 1, FAILED]
@@ -289,7 +289,7 @@ def test_a_map_without_a_doubling_claims_nothing(tmp_path):
     changes = ["k3_min=62", "k3_max=68", "speed_min=0.14", "speed_max=0.18", "curve_speed=0.16",
                "columns=3", "rows=3", "doublings=1"]  # fmt: skip
     experiment = load()["block-map"]
-    data = experiment.compute(chosen(experiment, True, changes), Context(tmp_path, False))
+    data = experiment.compute(chosen(experiment, True, changes), Context(tmp_path))
     assert (data.motion == 1).all()
     assert data.sizes["curve"] == data.sizes["paper"] == 0
     assert data.attrs["curves"].startswith("0 followed")

@@ -1,5 +1,7 @@
 """Orbit diagrams of systems whose attractors are known."""
 
+from typing import Any, ClassVar
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -145,6 +147,39 @@ def test_a_record_too_short_or_too_early_does_not_say_chaos():
     fewer = diagram(**{**CASCADE, "points": 20, "duration": 60.0, "transient": 1.0})
     assert set(meanings(fewer)) == {"fewer_points"}
     assert not (fewer.period == 0).any()
+
+
+class Resonant(ss.AbstractSmoothSystem):
+    r"""$\ddot x + 2\zeta\dot x + x = \cos s$, $\dot s = \omega$: transients decay as $e^{-\zeta t}$."""
+
+    omega: Any
+    units: ClassVar = {"x": "m", "v": "m/s", "s": "rad"}
+    parameter_units: ClassVar = {"omega": "rad/s"}
+
+    def vector_field(self, t, y, mode, args):
+        pull = jnp.cos(y["s"]) - y["x"] - 2.0 * 0.005 * y["v"]
+        return {"x": y["v"], "v": pull, "s": self.omega}
+
+
+@pytest.mark.more
+@pytest.mark.parametrize("transient", [20.0, 100.0, 3000.0])
+def test_a_lightly_damped_resonance_is_not_ok_before_it_has_settled(transient):
+    """Maxima of the closed form are all alike: where they differ by 2 %, it has not been reached."""
+    result = diagram(
+        lambda omega: Resonant(omega), {"omega": np.linspace(0.7, 1.3, 16)},
+        {"x": 0.0, "v": 0.0, "s": 0.0}, section=Maximum("x"), observables="x", transient=transient,
+        duration=100.0, check=0, compute=Compute("portable"),
+    )  # fmt: skip
+    x, omega = result.x.values, result.omega.values
+    spread = (np.nanmax(x, axis=1) - np.nanmin(x, axis=1)) / np.nanmax(np.abs(x), axis=1)
+    ok = np.array(meanings(result)) == "ok"
+    assert not np.any(ok & (spread > 0.02))
+    assert set(np.array(meanings(result))[~ok]) <= {"not_settled", "too_few_points"}
+    assert ok.all() == (transient == 3000.0)
+    if transient == 3000.0:
+        closed = 1.0 / np.hypot(1.0 - omega**2, 0.01 * omega)
+        np.testing.assert_allclose(np.nanmax(x, axis=1), closed, rtol=1e-4)
+    assert result.omega.attrs["units"] == "rad/s"  # known of a function, too
 
 
 @pytest.mark.more

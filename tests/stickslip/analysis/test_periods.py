@@ -123,7 +123,12 @@ def test_parameters_have_units():
     belt = BlockOnDrivenBelt.constructed(85.0)
     parts = labelled_parameters(belt, {"drive__U_in": TORQUES, "k3": TORQUES}, {})
     assert [v.units for v in parts.values()] == ["V", "N/m"]
-    assert labelled_parameters(lambda torque: Pendulum(torque), grid, {}) == {}
+    # A function may make anything of a point: the unit is known where the parameter has its value.
+    one = {"torque": TORQUES}
+    made = labelled_parameters(lambda torque: Pendulum(torque), one, {})
+    assert made["torque"].units == "1"
+    assert labelled_parameters(lambda torque: Pendulum(2.0 * torque), one, {}) == {}
+    assert labelled_parameters(lambda pull: Pendulum(pull), {"pull": TORQUES}, {}) == {}
 
 
 @pytest.mark.slow

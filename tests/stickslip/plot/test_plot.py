@@ -13,6 +13,7 @@ import xarray as xr
 
 import stickslip as ss
 from stickslip import plot
+from stickslip._drawing import BLUE, RED
 from stickslip.analysis import LyapunovSpectrum, amplitude_spectrum, energy_ledger, time_history
 from stickslip.friction import Coulomb
 from stickslip.identification import Fit, Observed, Problem, Record, Sensitivity
@@ -243,6 +244,12 @@ def test_orbit_diagram():
     np.testing.assert_array_equal(axis.lines[0].get_ydata(), [1.0, 1.0, 2.0])
     assert (axis.get_xlabel(), axis.get_ylabel()) == ("stiffness [N/m]", "x [m]")
     np.testing.assert_array_equal(plot.orbit_diagram(data, "period").lines[0].get_ydata(), [1, 2])
+    assert axis.get_legend() is None
+    status = {"flag_values": [0, 1, 2], "flag_meanings": "ok not_settled left_domain"}
+    axis = plot.orbit_diagram(data.assign(status=("k", [0, 1], status)))
+    assert [line.get_ydata().tolist() for line in axis.lines] == [[1.0], [1.0, 2.0]]
+    assert [line.get_color() for line in axis.lines] == [BLUE, RED]
+    assert [text.get_text() for text in axis.get_legend().get_texts()] == ["not settled: 1 lane"]
     with pytest.raises(ValueError, match=r"dataset = .*of points over m, k: it must be over one param"):
         plot.orbit_diagram(data.expand_dims(m=[0.0, 1.0]))
 
