@@ -1,5 +1,6 @@
 """Friction and tensions of a user's own machine, from its log."""
 
+import pathlib
 from typing import Any
 
 import matplotlib.pyplot as plt
@@ -11,6 +12,7 @@ import corexy_jax as cx
 import stickslip as ss
 from stickslip.identification import Fit, Observed, Problem, Record, Unknown, profile, report
 
+from .._data import listed
 from .._experiment import Context, Experiment
 from ._advice import GOOD, advice, sketch
 from ._log import KIND, Log, pairs, read_log, read_machine, write_template
@@ -114,6 +116,13 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     rms = {name: float(np.sqrt(np.mean(row**2))) for name, row in off.items()}
     said = "\n".join(advice(fit, intervals, tensions, rms))
     print(f"\n{said}")
+    for name in listed("scored", parameters["scored"]):
+        path = pathlib.Path(name) if pathlib.Path(name).exists() else context.data.parent / name
+        other = read_log(
+            path, parameters["columns"], parameters["units"], parameters["counts_per_turn"]
+        )
+        further = problem_of(other, machine, names, noise, parameters["tolerance"])
+        print(f"\n{name}, to which nothing was fitted, from rest\n{further.score(fit)}")
     errors = fit.standard_errors()
     units = {name: {"units": UNIT[KIND[name]]} for name in log.measured}
     data: dict[str, Any] = {
@@ -165,7 +174,8 @@ BENCH = Experiment(
     title="CoreXY: friction and tensions from a log of your own",
     parameters={
         "columns": "", "units": "", "counts_per_turn": 0.0, "machine": "", "unknowns": "P1,P2",
-        "noise": "", "starts": 8, "spread": 2.0, "seed": 0, "profile": False, "tolerance": 1e-8,
+        "noise": "", "scored": "", "starts": 8, "spread": 2.0, "seed": 0, "profile": False,
+        "tolerance": 1e-8,
     },
     quick={},
     compute=compute,

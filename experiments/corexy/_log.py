@@ -12,6 +12,7 @@ import pandas as pd
 
 import corexy_jax as cx
 import stickslip as ss
+from stickslip.identification import read_table
 
 ANGLES = ("theta_1", "theta_2")
 SPEEDS = ("omega_1", "omega_2")
@@ -54,7 +55,7 @@ def pairs(key: str, text: str, allowed: tuple[str, ...]) -> dict[str, str]:
     return found
 
 
-def read_table(
+def read_columns(
     path: pathlib.Path, needed: tuple[str, ...], columns: str = "", units: str = "",
     counts_per_turn: float = 0.0, said: str = "--data ",
 ) -> dict[str, np.ndarray]:  # fmt: skip
@@ -65,11 +66,9 @@ def read_table(
     names = dict(zip(KIND, KIND, strict=True)) | pairs("columns", columns, tuple(KIND))
     given = pairs("units", units, tuple(KIND))
     try:
-        table = pd.read_csv(path, comment="#", skipinitialspace=True)
-    except (OSError, UnicodeDecodeError, pd.errors.ParserError, pd.errors.EmptyDataError) as error:
-        raise ValueError(
-            f"{said}{path}: it must be a file of comma-separated values; {error}"
-        ) from None
+        table = read_table(path)
+    except (OSError, ValueError) as error:
+        raise ValueError(f"{said}{path}: it must be a table of numbers; {error}") from None
     lost = [names[key] for key in needed if names[key] not in table]
     asked = [key for key in pairs("columns", columns, tuple(KIND)) if names[key] not in table]
     if lost or asked:
@@ -88,7 +87,7 @@ def read_table(
 
 def read_log(path: pathlib.Path, columns: str, units: str, counts_per_turn: float) -> Log:
     """The log in `path`. Errors: `ValueError` naming the file, column or unit."""
-    found = read_table(path, NEEDED, columns, units, counts_per_turn)
+    found = read_columns(path, NEEDED, columns, units, counts_per_turn)
     rows = {key: found[key] for key in MEASURED if key in found}
     if not rows:
         raise ValueError(f"--data {path}: it must have one of the columns {', '.join(MEASURED)}.")
@@ -114,14 +113,14 @@ def times_of(path: pathlib.Path, found: dict[str, np.ndarray]) -> np.ndarray:
     return times
 
 
-def _column(where: str, table: pd.DataFrame, name: str) -> np.ndarray:
+def _column(where: str, table: dict[str, np.ndarray], name: str) -> np.ndarray:
     numbers: Any = pd.to_numeric(table[name], errors="coerce")
     row = np.asarray(numbers, np.float64)
     bad = np.flatnonzero(~np.isfinite(row))
     if bad.size:
         raise ValueError(
             f"{where}: column {name} must hold numbers; row {int(bad[0]) + 1} holds "
-            f"{table[name].iloc[int(bad[0])]!r}."
+            f"{np.asarray(table[name]).tolist()[int(bad[0])]!r}."
         )
     return row
 

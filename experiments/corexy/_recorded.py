@@ -12,7 +12,7 @@ from stickslip.plot import Movie
 from .._experiment import Context, Experiment
 from .._settings import refused
 from ._film import film
-from ._log import ANGLES, PLACES, SPEEDS, read_table, times_of
+from ._log import ANGLES, PLACES, SPEEDS, read_columns, times_of
 from ._machine import BELTS
 
 
@@ -24,7 +24,7 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     """
     path = context.data
     assert path is not None
-    found = read_table(
+    found = read_columns(
         path, ("time",), parameters["columns"], parameters["units"], parameters["counts_per_turn"]
     )
     times = times_of(path, found)

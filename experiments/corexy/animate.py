@@ -14,7 +14,7 @@ from stickslip.plot import Movie
 
 from .._experiment import Context, Experiment
 from ._film import film
-from ._log import NEEDED, read_table
+from ._log import NEEDED, read_columns
 from ._machine import BELTS
 from ._recorded import RECORDED
 from .plan import machine_of
@@ -28,7 +28,7 @@ def read_plan(text: str) -> tuple[cx.Ramps, dict[str, Any]]:
 
     Errors: `ValueError` naming the file.
     """
-    found = read_table(pathlib.Path(text), NEEDED, said="--set plan=")
+    found = read_columns(pathlib.Path(text), NEEDED, said="--set plan=")
     times, volts = found["time"], np.stack([found["v1"], found["v2"]], axis=1)
     steps = np.diff(times)
     if times.size < 2 or times[0] != 0.0 or np.any(steps < 0.0) or not times[-1] > 0.0:

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 import corexy_jax as cx
 
 from .._experiment import Context, Experiment
-from ._log import read_machine, read_table
+from ._log import read_columns, read_machine
 from ._machine import BELTS
 from .feedforward import MACHINE
 
@@ -35,7 +35,7 @@ def read_path(text: str, columns: str, units: str) -> np.ndarray:
         raise ValueError(
             f"--set path={text}: it must be one of {', '.join(SHAPES)}, or a file with columns x and y."
         )
-    found = read_table(path, ("x", "y"), columns, units, said="--set path=")
+    found = read_columns(path, ("x", "y"), columns, units, said="--set path=")
     return np.stack([found["x"], found["y"]], axis=1)
 
 

@@ -95,9 +95,15 @@ def test_template_tells_the_tensions(tmp_path, capsys):
     """From 50% off, with an interval that holds them."""
     log, machine = tmp_path / "log.csv", tmp_path / "log-machine.json"
     assert main(["identify-corexy", "--template", str(log)]) == 0
-    words = ["--set", f"machine={machine}", "--set", "profile=true"]
+    changes = (f"machine={machine}", "profile=true", "scored=log.csv")  # found beside the log
+    words = [word for change in changes for word in ("--set", change)]
     assert main(["identify-corexy", "--data", str(log), "--out", str(tmp_path / "out"), *words]) == 0
-    assert "identifiable" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "identifiable" in told
+    scored = told.partition("log.csv, to which nothing was fitted, from rest\n")[2]
+    chi = [float(line.split()[-1]) for line in scored.splitlines() if "chi squared" in line]
+    assert len(chi) > 1
+    assert all(0.7 < value < 1.3 for value in chi)
     with xr.open_dataset(tmp_path / "out" / "identify-corexy.nc", engine="h5netcdf") as data:
         data = data.load()
     assert list(data.start.values) == [30.0, 20.0]
