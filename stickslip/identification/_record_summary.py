@@ -82,9 +82,11 @@ def summary_of(
         name: _series(row[present[name]], units.get(name, ""), int(np.sum(~present[name])))
         for name, row in values.items()
     }
+    jitter = float(np.std(steps[~long]))
+    jitter = jitter if jitter > 1e-9 * float(np.abs(times).max()) else 0.0  # stamps are rounded
     return RecordSummary(
         times.size, 1.0 / step, float(times[-1] - times[0]), int(long.sum()), float(steps.max()),
-        float(np.std(steps[~long])), series,
+        jitter, series,
     )  # fmt: skip
 
 
