@@ -201,7 +201,7 @@ class Fit(eqx.Module):
 
         **Arguments:** `robust`, whether without trust in the stated noise.
         """
-        relative = errors_of(self.sensitivity, self._of_coordinates(robust))
+        relative = errors_of(self.sensitivity, coordinate_covariance(self, robust))
         slopes = jnp.abs(self.slopes)
         return {name: relative[name] * slopes[..., i] for i, name in enumerate(relative)}
 
@@ -241,25 +241,26 @@ class Fit(eqx.Module):
         Rows and columns are in the order of `names`. **Arguments:** `robust` as for `standard_errors`.
         """
         slopes = self.slopes
-        return slopes[..., :, None] * self._of_coordinates(robust) * slopes[..., None, :]
+        return slopes[..., :, None] * coordinate_covariance(self, robust) * slopes[..., None, :]
 
-    def _of_coordinates(self, robust: bool) -> Any:
-        """Covariance of the coordinates in which the methods work."""
-        bread, priors = self.sensitivity.covariance(), self.space.num_priors
-        if not robust:
-            return bread
-        instants, grid = self.instants, self.grid
-        if instants is None:
-            rows = self.residual.shape[-1] - priors
-            instants, grid = jnp.arange(rows), (1, rows)
-        instants = jnp.broadcast_to(instants, (*self.steps.shape, instants.shape[-1]))
 
-        def one(bread, matrix, residual, instants):
-            return robust_covariance(bread, matrix, residual, priors, instants, grid)
+def coordinate_covariance(fit: Fit, robust: bool) -> Float[Array, "*batch unknown unknown"]:
+    """Covariance of the coordinates in which the methods work."""
+    bread, priors = fit.sensitivity.covariance(), fit.space.num_priors
+    if not robust:
+        return bread
+    instants, grid = fit.instants, fit.grid
+    if instants is None:
+        rows = fit.residual.shape[-1] - priors
+        instants, grid = jnp.arange(rows), (1, rows)
+    instants = jnp.broadcast_to(instants, (*fit.steps.shape, instants.shape[-1]))
 
-        for _ in self.steps.shape:
-            one = jax.vmap(one)
-        return one(bread, self.sensitivity.matrix, self.residual, instants)
+    def one(bread, matrix, residual, instants):
+        return robust_covariance(bread, matrix, residual, priors, instants, grid)
+
+    for _ in fit.steps.shape:
+        one = jax.vmap(one)
+    return one(bread, fit.sensitivity.matrix, fit.residual, instants)
 
 
 def one_fit(owner: Any, name: str, value: Any) -> Any:

@@ -13,7 +13,7 @@ from .._show import amount, html_table, number
 from .._validation import refusal
 from ..hybrid import jit_plainly
 from ._accuracy import ACCURACY
-from ._fit import Fit
+from ._fit import Fit, coordinate_covariance
 from ._record import Record
 from ._run import Data, Run
 from ._unknowns import Space
@@ -136,20 +136,21 @@ def _observations(
 
 
 def predict(
-    problem: Any, fit: Fit, record: int, level: float, draws: int | None, seed: int
+    problem: Any, fit: Fit, record: int, level: float, draws: int | None, seed: int, robust: bool
 ) -> Prediction:
     """`Problem.predict` of one of its own records."""
     run, data, space = problem._run, problem._data, fit.space
     z, where = space.coordinates(fit.values), jnp.asarray(record)
     rows, slopes = map(np.asarray, _rows_and_slopes(run, space, z, data, where))
     noise = data.deviations[:, None]
-    failed = 0
+    if robust:
+        noise = noise * max(float(fit.reduced_chi_squared), 1.0) ** 0.5
+    failed, covariance = 0, np.asarray(coordinate_covariance(fit, robust))
     if draws is None:
-        ends = _by_slopes(fit, rows, slopes, noise, level)
+        ends = _by_slopes(fit, covariance, rows, slopes, noise, level)
     else:
-        ends, failed = _by_draws(
-            fit, run, data, where, noise, level, np.random.default_rng(seed), draws
-        )
+        rng = np.random.default_rng(seed)
+        ends, failed = _by_draws(fit, covariance, run, data, where, noise, level, rng, draws)
     count = problem.records[record].times.size
 
     def by_name(rows):
@@ -163,12 +164,14 @@ def predict(
     )
 
 
-def _by_slopes(fit: Fit, rows: Any, slopes: Any, noise: Any, level: float) -> list[Any]:
+def _by_slopes(
+    fit: Fit, covariance: Any, rows: Any, slopes: Any, noise: Any, level: float
+) -> list[Any]:
     """Ends of both bands, of the linearised problem."""
     from scipy.stats import norm
 
     sensitivity = fit.sensitivity
-    variance = np.einsum("...i,ij,...j", slopes, np.asarray(sensitivity.covariance()), slopes)
+    variance = np.einsum("...i,ij,...j", slopes, covariance, slopes)
     seen, directions = np.asarray(sensitivity.seen_directions()), np.asarray(sensitivity.directions)
     if not seen.all():
         # An unknown that no datum has seen may be anything, and with it all that depends on it.
@@ -181,15 +184,22 @@ def _by_slopes(fit: Fit, rows: Any, slopes: Any, noise: Any, level: float) -> li
 
 
 def _by_draws(
-    fit: Fit, run: Run, data: Data, record: Any, noise: Any, level: float, rng: Any, draws: int
+    fit: Fit,
+    covariance: Any,
+    run: Run,
+    data: Data,
+    record: Any,
+    noise: Any,
+    level: float,
+    rng: Any,
+    draws: int,
 ) -> tuple[list[Any], int]:
     """Ends of both bands as quantiles of motions whose unknowns are drawn; how many of them failed."""
     sensitivity, z = fit.sensitivity, np.asarray(fit.space.coordinates(fit.values))
     if not np.all(np.asarray(sensitivity.seen_directions())):
         hidden = "with draws=None where the data do not see all unknowns"
         raise refusal("draws", draws, hidden)
-    s, directions = np.asarray(sensitivity.singular_values), np.asarray(sensitivity.directions)
-    zs = z + (rng.normal(size=(draws, s.size)) / s) @ directions
+    zs = rng.multivariate_normal(z, covariance, draws, method="eigh")
     found = np.asarray(_rows_of_many(run, fit.space, jnp.asarray(zs), data, record))
     good = np.all(np.isfinite(found), axis=(1, 2))
     if not good.any():

@@ -12,7 +12,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._argument_checks import callable_as, check_arguments, count, instance, number, or_none, reals
+from .._argument_checks import (
+    callable_as,
+    check_arguments,
+    count,
+    flag,
+    instance,
+    number,
+    or_none,
+    reals,
+)
 from .._show import amount
 from .._types import Given, NamedNumbers
 from .._validation import (
@@ -287,8 +296,9 @@ class Problem:
         )  # fmt: skip
 
     @check_arguments(
-        fit=one_fit, level=probability, draws=or_none(count(2)), seed=count(0), record=_RECORD
-    )
+        fit=one_fit, level=probability, draws=or_none(count(2)), seed=count(0), robust=flag,
+        record=_RECORD,
+    )  # fmt: skip
     def predict(
         self,
         fit: Given[Fit],
@@ -297,6 +307,7 @@ class Problem:
         level: float = 0.95,
         draws: int | None = None,
         seed: int = 0,
+        robust: bool = False,
     ) -> Prediction:
         """The motion that a fit of these unknowns predicts of a record, with bands; never corrected.
 
@@ -304,12 +315,13 @@ class Problem:
         problem's, or a further `Record`; `level` of the bands. By default they follow from the
         Jacobian, to first order; with `draws` they are quantiles of so many motions with unknowns drawn
         from the normal distribution of their coordinates, by `seed`, which keep the bounds and see
-        whatever bends. **Returns** a `Prediction`. **Raises** `TypeError`, `ValueError` for anything
+        whatever bends; `robust`: without trust in the stated noise, for a fit that leaves residuals far
+        above it. **Returns** a `Prediction`. **Raises** `TypeError`, `ValueError` for anything
         else: for a fit of other unknowns, as those per record are, which belong to their record.
         """
         problem, which = self._with(record)
         problem._values(problem._of_fit(fit))
-        return predict(problem, fit, which, float(level), draws, seed)
+        return predict(problem, fit, which, float(level), draws, seed, robust)
 
     @check_arguments(after=number("not negative"), windows=count(1), record=_RECORD)
     def score(

@@ -135,7 +135,7 @@ TARGETS = [
         starts=arg(None, "none"), fits__starts=arg({"a": [1.0, 2.0]}), seed=arg(0, "count"),
         chunk_size=arg(None, "none"), records=arg(RECORD), fit=arg(BEST),
         score__fit=arg(BEST, "unknowns"), draws=arg(None, "none"),
-        after=arg(0.1, "not negative", "float32"), windows=arg(2),
+        after=arg(0.1, "not negative", "float32"), windows=arg(2), robust=arg(False, "flag"),
     ),
     *of(identification.Sensitivity(("a",), jnp.ones((3, 1)))),
     *(target for kind in (cx.Harmonic, cx.SquareWave) for target in of(kind(1.0, 2.0))),

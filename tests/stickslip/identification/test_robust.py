@@ -92,13 +92,13 @@ def twice():
     with pytest.warns(UserWarning, match="reduced chi squared is 231"):
         one = problem("one").fit()
     with pytest.warns(UserWarning, match="above their noise"):
-        return one, problem("one", "two").fit()
+        return one, problem("one", "two").fit(), problem("one")
 
 
 def test_channels_that_say_the_same_are_counted_once(twice, tmp_path):
-    _, two = twice
-    stated = [float(fit.standard_errors()["k"]) for fit in twice]
-    robust = [float(fit.standard_errors(robust=True)["k"]) for fit in twice]
+    one, two, _ = twice
+    stated = [float(fit.standard_errors()["k"]) for fit in (one, two)]
+    robust = [float(fit.standard_errors(robust=True)["k"]) for fit in (one, two)]
     assert stated[1] == pytest.approx(stated[0] / np.sqrt(2.0), rel=1e-6)
     assert robust[1] == pytest.approx(robust[0], rel=0.02)
     read = load_fit(two.save(tmp_path / "fit.nc"))
@@ -108,10 +108,24 @@ def test_channels_that_say_the_same_are_counted_once(twice, tmp_path):
 
 def test_poor_fit_says_both(twice):
     """The motion of another machine: the stated errors are marked as such, and do not stand alone."""
-    one, _ = twice
+    one, *_ = twice
     assert float(one.reduced_chi_squared) > 4.0
     robust, stated = (float(one.standard_errors(robust=r)["k"]) for r in (True, False))
     assert robust > 5.0 * stated
     assert f"+- {robust:.2g} (by the stated noise {stated:.2g})" in str(one)
     assert "robust" in one._repr_html_()
     assert f"{robust:.3g}" in str(report(one))
+
+
+def test_bands_of_a_poor_fit(twice):
+    """Of one unknown the band is as many times wider as its error; that of a measurement adds what the
+    residuals are, not what was stated."""
+    one, _, task = twice
+    ratio = float(one.standard_errors(robust=True)["k"] / one.standard_errors()["k"])
+    plain, robust = (task.predict(one, robust=r) for r in (False, True))
+    widths = [found.upper["one"][50:] - found.mean["one"][50:] for found in (plain, robust)]
+    assert np.max(widths[0]) > 0.0
+    np.testing.assert_allclose(widths[1], ratio * widths[0], rtol=1e-9)
+    measured = robust.measured_upper["one"][50:] - robust.mean["one"][50:]
+    noise = 1.959964 * 0.01 * float(one.reduced_chi_squared) ** 0.5
+    np.testing.assert_allclose(measured, np.hypot(widths[1], noise), rtol=1e-6)
