@@ -16,6 +16,7 @@ def test_all_are_there():
         "corexy-dead-zone",
         "corexy-feedforward",
         "corexy-input-design",
+        "corexy-plan",
         "identify-corexy",
     }
 
