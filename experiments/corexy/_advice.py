@@ -30,6 +30,9 @@ def advice(
     `tensions` P1, P2 [N], those that were not fitted as given; `noise`: the root mean square of the
     residuals of each signal, in its unit.
     """
+    chi_squared = float(fit.reduced_chi_squared)
+    if not chi_squared <= FAR:
+        return [_void(chi_squared, noise)]
     said = [WHICH]
     verdicts = {} if profile is None else profile.verdicts
     errors = {name: float(error) for name, error in fit.standard_errors().items()}
@@ -38,17 +41,16 @@ def advice(
         name for name in fitted
         if not math.isfinite(errors[name]) or verdicts.get(name, "identifiable") != "identifiable"
     ]  # fmt: skip
-    half = math.nan
     if not fitted:
         said.append("The tensions were not among the unknowns: this fit says nothing about them.")
     elif lost:
         said.append(
             f"This log does not show {' and '.join(lost)}: leave the belts as they are, move "
             "the machine otherwise, with jumps of the voltage in both directions of both motors, and "
-            "fit again."
+            "fit again. Check its units first (--set units=time=ms,...)."
         )
     else:
-        half = SURE * _error_of_difference(fit, fitted)
+        half = SURE * _error_of_difference(fit, fitted, chi_squared > GOOD)
         said.append(_looser(tensions["P1"], tensions["P2"], half))
         said += [
             f"The tension {name} = {value:.4g} N was taken as given."
@@ -59,16 +61,15 @@ def advice(
             if profile is not None
             else "The data see the tensions to first order; --set profile=true tests them farther off."
         )
-    return [*said, *_trust(float(fit.reduced_chi_squared), half, noise)]
+    return [*said, _trust(chi_squared, noise)]
 
 
-def _error_of_difference(fit: Fit, names: list[str]) -> float:
+def _error_of_difference(fit: Fit, names: list[str], robust: bool) -> float:
     """Standard error of P1 - P2 [N], where both were fitted with their correlation."""
-    errors = np.array([float(fit.standard_errors()[name]) for name in names])
     places = [list(fit.names).index(name) for name in names]
-    correlation = np.asarray(fit.correlation())[np.ix_(places, places)]
-    signs = np.array([1.0, -1.0])[: errors.size] * errors
-    return math.sqrt(float(signs @ correlation @ signs))
+    covariance = np.asarray(fit.covariance(robust))[np.ix_(places, places)]
+    signs = np.array([1.0, -1.0])[: len(names)]
+    return math.sqrt(float(signs @ covariance @ signs))
 
 
 def _looser(one: float, two: float, half: float) -> str:
@@ -89,33 +90,40 @@ def _looser(one: float, two: float, half: float) -> str:
     )
 
 
-def _trust(chi_squared: float, half: float, noise: Mapping[str, float]) -> list[str]:
+def _option(noise: Mapping[str, float]) -> str:
+    return "--set noise=" + ",".join(f"{name}={size:.2g}" for name, size in noise.items())
+
+
+def _void(chi_squared: float, noise: Mapping[str, float]) -> str:
+    """The one thing to say of a fit that does not describe the log."""
+    return (
+        f"VOID: the residuals are {math.sqrt(chi_squared):.3g} times the noise that was assumed "
+        f"(reduced chi squared {chi_squared:.3g}), so the machine computed is not the one measured, "
+        "and nothing is said about the belts. Look at the picture; check units and signs "
+        "(--set units=...), and that --set machine=FILE is your machine; take more --set starts=, or gentler voltages. If "
+        f"your sensors are as noisy as that, say so by {_option(noise)}."
+    )
+
+
+def _trust(chi_squared: float, noise: Mapping[str, float]) -> str:
     """How far the numbers can be trusted."""
     ratio = math.sqrt(chi_squared)
-    option = "--set noise=" + ",".join(f"{name}={size:.2g}" for name, size in noise.items())
     if chi_squared > GOOD:
-        nearer = f", nearer to +- {ratio * half:.2g} N" if math.isfinite(half) else ""
-        said = [
-            f"Do not trust the intervals: the residuals are {ratio:.3g} times the noise that was "
-            f"assumed (reduced chi squared {chi_squared:.3g}), so they are too narrow{nearer}. If your "
-            f"sensors are as noisy as that, say so by {option}."
-        ]
-        if chi_squared > FAR:
-            said.append(
-                "If they are not, the machine computed is not the one measured and the advice is void: "
-                "look at the picture; check units, signs and --set machine=FILE; take more "
-                "--set starts=, or gentler voltages."
-            )
-        return said
+        return (
+            f"The residuals are {ratio:.3g} times the noise that was assumed (reduced chi squared "
+            f"{chi_squared:.3g}). The interval of the advice takes them as they are; those of the "
+            "table and of a profile trust the assumed noise and are too narrow. If your sensors are as "
+            f"noisy as that, say so by {_option(noise)}."
+        )
     if chi_squared < 1.0 / GOOD:
-        return [
+        return (
             f"The residuals are only {ratio:.2g} of the noise that was assumed (reduced chi squared "
-            f"{chi_squared:.3g}), so the intervals are too wide. Say the noise by {option}."
-        ]
-    return [
+            f"{chi_squared:.3g}), so the intervals are too wide. Say the noise by {_option(noise)}."
+        )
+    return (
         "The residuals are as large as the noise that was assumed (reduced chi squared "
         f"{chi_squared:.3g}): the intervals stand."
-    ]
+    )
 
 
 def sketch(axis: Axes, tensions: Mapping[str, float], said: str) -> None:

@@ -15,7 +15,7 @@ from stickslip.identification import Fit, Observed, Problem, Record, Unknown, pr
 from .._data import listed
 from .._experiment import Context, Experiment
 from ._advice import GOOD, advice, sketch
-from ._log import KIND, Log, pairs, read_log, read_machine, write_template
+from ._log import KIND, Log, machine_told, pairs, read_log, read_machine, write_template
 
 SENSOR_NOISE = {"place": 1e-4, "angle": 1e-3, "speed": 0.05}
 UNIT = {"place": "m", "angle": "rad", "speed": "rad/s"}
@@ -114,7 +114,8 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     tensions = {name: float(getattr(final, name)) for name in ("P1", "P2")}
     off = {name: row - np.asarray(seen.observed[name]) for name, row in log.measured.items()}
     rms = {name: float(np.sqrt(np.mean(row**2))) for name, row in off.items()}
-    said = "\n".join(advice(fit, intervals, tensions, rms))
+    first = [machine_told(parameters["machine"]), *filter(None, [log.missing])]
+    said = "\n".join([*first, *advice(fit, intervals, tensions, rms)])
     print(f"\n{said}")
     for name in listed("scored", parameters["scored"]):
         path = pathlib.Path(name) if pathlib.Path(name).exists() else context.data.parent / name

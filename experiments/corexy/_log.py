@@ -4,6 +4,7 @@ import dataclasses
 import json
 import math
 import pathlib
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -35,11 +36,12 @@ KIND |= dict.fromkeys(ANGLES, "angle") | dict.fromkeys(SPEEDS, "speed")
 
 class Log(NamedTuple):
     """Samples at `times` [s] from 0 on: what was measured in SI units by name, places and angles from
-    where they were at rest; and the voltages."""
+    where they were at rest; the voltages; and what is to be said about missing rows."""
 
     times: np.ndarray
     measured: dict[str, np.ndarray]
     voltage: cx.PiecewiseStep
+    missing: str = ""
 
 
 def pairs(key: str, text: str, allowed: tuple[str, ...]) -> dict[str, str]:
@@ -99,7 +101,7 @@ def read_log(path: pathlib.Path, columns: str, units: str, counts_per_turn: floa
     for key in (*ANGLES, *PLACES):
         if key in rows:
             rows[key] = rows[key] - np.mean(rows[key][:still])
-    return Log(times, rows, _held(times, found["v1"], found["v2"]))
+    return Log(times, rows, _held(times, found["v1"], found["v2"]), gaps(times, found))
 
 
 def times_of(path: pathlib.Path, found: dict[str, np.ndarray]) -> np.ndarray:
@@ -145,6 +147,28 @@ def _held(times: np.ndarray, v1: np.ndarray, v2: np.ndarray) -> cx.PiecewiseStep
     if new.size == 1:
         new = np.array([0, times.size - 1])
     return cx.PiecewiseStep(times[new], v1[new], v2[new])
+
+
+def gaps(times: np.ndarray, rows: Mapping[str, np.ndarray]) -> str:
+    """A sentence on gaps of a log within which a voltage changed, so that it is not known when."""
+    steps = np.diff(times)
+    lost = steps > 1.5 * np.median(steps)
+    lost &= np.any([np.diff(rows[name]) != 0.0 for name in ("v1", "v2")], axis=0)
+    if not lost.any():
+        return ""
+    at = int(np.flatnonzero(lost)[0])
+    return (
+        f"Rows are missing where a voltage changes, {int(lost.sum())} times, first between "
+        f"{times[at]:.6g} s and {times[at + 1]:.6g} s: the old voltage is held to the next row."
+    )
+
+
+def machine_told(text: str) -> str:
+    """Which machine is computed."""
+    named = (
+        f"that of {text}" if text else "that of Table 1 of the paper; --set machine=FILE names yours"
+    )
+    return f"The machine is {named}."
 
 
 def read_machine(text: str) -> cx.CoreXYParameters:

@@ -13,6 +13,7 @@ import corexy_jax as cx
 from experiments._experiment import Context, chosen
 from experiments.corexy import animate, plan
 from experiments.corexy._advice import advice
+from experiments.corexy._log import gaps, machine_told
 from experiments.corexy._recorded import RECORDED
 from experiments.corexy._recorded import animate as film_of_log
 
@@ -31,7 +32,9 @@ def told(
     fit = types.SimpleNamespace(
         names=names, reduced_chi_squared=chi_squared,
         standard_errors=lambda: dict(zip(names, errors, strict=False)),
-        correlation=lambda: (np.eye(2) + correlation * np.eye(2)[::-1])[: len(names), : len(names)],
+        covariance=lambda robust: ((3.0 if robust else 1.0) ** 2) * (
+            np.outer(errors, errors) * (np.eye(2) + correlation * np.eye(2)[::-1])
+        )[: len(names), : len(names)],
     )  # fmt: skip
     verdicts = None
     if profile is not None:
@@ -70,11 +73,25 @@ def test_noise_that_was_said_wrong_is_named_with_its_option():
     assert "the intervals stand" in told(20.0, 30.0)
     far = told(20.0, 30.0, chi_squared=4.0)
     assert "2 times the noise" in far
-    assert "too narrow, nearer to +- 0.2 N" in far
+    assert "Tighten belt 1 by 10.00 N +- 0.29 N" in far  # of the residuals as they are, here thrice
     assert option in far
-    assert "advice is void" not in far
-    assert "advice is void" in told(20.0, 30.0, chi_squared=25.0)
+    for chi_squared in (25.0, 1e7, np.nan, np.inf):
+        void = told(20.0, 30.0, chi_squared=chi_squared)
+        assert void.startswith("VOID: ")
+        assert option in void
+        assert "ighten" not in void
     assert f"too wide. Say the noise by {option}" in told(20.0, 30.0, chi_squared=0.25)
+
+
+def test_rows_missing_where_a_voltage_changes_are_named():
+    """The dropped rows of a log within which a voltage jumps made the wrong belt the loose one."""
+    times = np.delete(0.01 * np.arange(100), [40, 41, 70])
+    volts = np.where(times < 0.405, 4.5, -4.5)
+    said = gaps(times, {"v1": volts, "v2": 0.0 * volts})
+    assert "1 times, first between 0.39 s and 0.42 s" in said
+    assert gaps(times, {"v1": 0.0 * volts, "v2": 0.0 * volts}) == ""
+    assert "Table 1" in machine_told("")
+    assert "m.json" in machine_told("m.json")
 
 
 def test_belts_are_called_as_their_motors_turn():
