@@ -100,8 +100,8 @@ def _void(chi_squared: float, noise: Mapping[str, float]) -> str:
         f"VOID: the residuals are {math.sqrt(chi_squared):.3g} times the noise that was assumed "
         f"(reduced chi squared {chi_squared:.3g}), so the machine computed is not the one measured, "
         "and nothing is said about the belts. Look at the picture; check units and signs "
-        "(--set units=...), and that --set machine=FILE is your machine; take more --set starts=, or gentler voltages. If "
-        f"your sensors are as noisy as that, say so by {_option(noise)}."
+        "(--set units=...), and that --set machine=FILE is your machine; take more --set starts=, or "
+        f"gentler voltages. If your sensors are as noisy as that, say so by {_option(noise)}."
     )
 
 
