@@ -56,7 +56,7 @@ _here = _Here()
 _hears: list[bool] = []
 
 
-def clock(seconds: float) -> str:
+def clock(seconds: int | float) -> str:
     """`65.0` as `1:05`, `4000.0` as `1:06:40`."""
     if not math.isfinite(seconds):
         return "?"
@@ -88,12 +88,12 @@ class Progress:
     def __init__(
         self,
         name: str,
-        total: float | None = None,
-        done: float = 0,
+        total: int | float | None = None,
+        done: int | float = 0,
         *,
         things: str = "lanes",
         shown: bool | None = None,
-        pause: float | None = None,
+        pause: int | float | None = None,
         stream: Any = None,
     ):
         self.name, self.total, self.done, self.things = name, total, done, things
@@ -197,7 +197,7 @@ class Progress:
             self.stream.flush()
         self._width = len(text)
 
-    def advance(self, count: float) -> None:
+    def advance(self, count: int | float) -> None:
         """Count `count` more as finished."""
         self.done += count
         self._all[0].compiles_since = math.inf
@@ -220,7 +220,7 @@ class Progress:
             self._stage, self._width = None, 0
 
 
-def _number(value: float) -> str:
+def _number(value: int | float) -> str:
     return f"{value:,}" if isinstance(value, int) else f"{value:.4g}"
 
 

@@ -124,3 +124,41 @@ def test_ordinary_stick_slip_is_not_flagged():
         return ss.simulate(block, 0.0, 60.0, Motion(0.0, speed), "stick", throw=False).flags
 
     assert not np.any(jax.jit(jax.vmap(flags))(jnp.linspace(0.02, 2.0, 100)))
+
+
+class Clock(ss.AbstractHybridSystem):
+    """x'' = -x, with a sample at `next` that changes nothing but the time of the next one."""
+
+    mode_names: ClassVar = ("runs",)
+    guard_names: ClassVar = ("sample",)
+
+    def vector_field(self, t, y, mode, args):
+        return {"x": y["v"], "v": -y["x"], "next": 0.0 * t}
+
+    def guards(self, t, y, mode, args):
+        return (y["next"] - t,)
+
+    def transition(self, t, y, mode, guard, args):
+        return {**y, "next": y["next"] + 0.01}, mode
+
+    def initial_mode(self, t, y, args):
+        return 0
+
+
+def test_outputs_that_fall_on_a_steep_guard_are_no_touch():
+    """A step ended at the time asked for, a rounding behind the guard, which then seemed to be flat."""
+    system = Clock()
+    times = ss.SaveAt(ts=jnp.asarray([6.77]))
+
+    @jax.jit
+    @jax.vmap
+    def run(off):
+        start = {"x": 0.1, "v": 0.2, "next": 6.77 + off}
+        found = ss.simulate(system, 6.765, 6.775, start, saveat=times)
+        return found.flags, found.num_events, found.y1["next"]
+
+    off = jnp.asarray([0.0, *(s * 10.0**-k for s in (-1.0, 1.0) for k in range(10, 17))])
+    flags, events, after = run(off)
+    assert np.all(flags == 0)
+    assert np.all(events == 1)
+    np.testing.assert_allclose(after, 6.78 + off, rtol=1e-15)
