@@ -88,7 +88,8 @@ def _find(text: str) -> int:
     if names:
         blocks.append("\n".join(_rows([(f"{e.package}.{e.name}", e.summary) for e in names])))
     if not blocks:
-        print(f"--find {text!r}: no such word here. Try one alone, or its beginning.", file=sys.stderr)
+        other = "one of them alone" if len(words) > 1 else "its beginning, or another word for it"
+        print(f"--find {text!r}: no such word here. Try {other}.", file=sys.stderr)
         return 2
     print("\n\n".join(blocks))
     return 0

@@ -69,7 +69,7 @@ def public_names(package: str) -> Iterator[Public]:
     root = importlib.import_module(package.split(".")[0])
     for name in sorted(getattr(module, "__all__", None) or vars(module), key=str.lower):
         thing = getattr(module, name)
-        if name.startswith("_") or isinstance(thing, ModuleType):
+        if name.startswith("_") or name == "TYPE_CHECKING" or isinstance(thing, ModuleType):
             continue
         if module is not root and vars(root).get(name) is thing:
             continue

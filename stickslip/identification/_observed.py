@@ -73,7 +73,10 @@ def records_of(records: Any, observed: dict[str, Observed]) -> tuple[Record, ...
                 raise refusal(where, record, allowed, but=f"with values of {name!r}")
             unit, expected = record.units.get(name), observed[name].unit
             if unit is not None and unit != expected:
-                allowed = f"in {expected!r}, the unit of observed[{name!r}]"
+                allowed = (
+                    f"in {expected!r}, the unit of observed[{name!r}]; "
+                    "Record.from_table(..., from_units=...) converts"
+                )
                 raise refusal(f"{where}.units[{name!r}]", unit, allowed)
         for kind in ("inputs", "known"):
             names, first = set(getattr(record, kind)), set(getattr(row[0], kind))

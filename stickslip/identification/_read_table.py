@@ -1,14 +1,16 @@
 """Tables of numbers from the files that measuring instruments and MATLAB write."""
 
+import itertools
 import os
 import pathlib
+import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from .._types import Given
-from .._validation import check_in, check_type, refusal
+from .._validation import check_count, check_in, check_type, refusal
 
 SEPARATORS = (";", "\t", ",")
 
@@ -18,6 +20,7 @@ def read_table(
     *,
     columns: Given[Sequence[str] | None] = None,
     decimal: str = ".",
+    skip: int = 0,
 ) -> dict[str, np.ndarray]:
     """Columns by name of a table of text, or variables of a MATLAB file, for `Record.from_table`.
 
@@ -28,13 +31,14 @@ def read_table(
     is one row.
 
     **Arguments:** `path`; `columns`: names for a table whose first line has none; `decimal`: the
-    decimal point, `"."` or `","`. **Returns** arrays by name; text in a column stays text. **Raises**
-    `ValueError` for a file that is not such a table, `TypeError` for other arguments, `OSError` where
-    it cannot be read.
+    decimal point, `"."` or `","`; `skip`: how many lines of text come before the table. **Returns**
+    arrays by name; text in a column stays text. **Raises** `ValueError` for a file that is not such a
+    table, `TypeError` for other arguments, `OSError` where it cannot be read.
     """
     if not isinstance(path, str | os.PathLike) or not os.fspath(path):
         raise refusal("path", path, "the path of a file", TypeError)
     check_in("decimal", decimal, (".", ","))
+    check_count("skip", skip, 0)
     names = columns
     if names is not None:
         if isinstance(names, str) or not isinstance(names, Sequence) or not len(names):
@@ -48,30 +52,57 @@ def read_table(
         if names is not None:
             raise refusal("columns", columns, "None for a .mat file, whose variables have names")
         return _matlab(file)
-    return _text(file, names, decimal)
+    return _text(file, names, decimal, skip)
 
 
-def _text(file: pathlib.Path, names: Sequence[str] | None, decimal: str) -> dict[str, np.ndarray]:
+def _text(
+    file: pathlib.Path, names: Sequence[str] | None, decimal: str, skip: int
+) -> dict[str, np.ndarray]:
     import pandas as pd
 
-    with file.open(encoding="utf-8-sig", errors="replace") as lines:
-        first = next((line for line in lines if line.strip() and not line.startswith("#")), "")
+    encoding = _encoding(file)
+    with file.open(encoding=encoding, errors="replace") as lines:
+        rest = itertools.islice(lines, skip, None)
+        first = next((line for line in rest if line.strip() and not line.startswith("#")), "")
     marks = [mark for mark in SEPARATORS if mark in first and mark != decimal]
     reads: Any = pd.read_csv
     try:
-        table = reads(
-            file, sep=marks[0] if marks else r"\s+", decimal=decimal, comment="#", encoding="utf-8-sig",
-            skipinitialspace=True, names=None if names is None else list(names), index_col=False,
-        )  # fmt: skip
-    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
-        raise refusal("path", str(file), "a table of text", but=f"unreadable ({error})") from None
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", pd.errors.ParserWarning)  # of numbers without a column
+            table = reads(
+                file, sep=marks[0] if marks else r"\s+", decimal=decimal, comment="#",
+                skiprows=skip, names=None if names is None else list(names), index_col=False,
+                skipinitialspace=True, encoding=encoding, encoding_errors="replace",
+            )  # fmt: skip
+    except (pd.errors.ParserError, pd.errors.ParserWarning, pd.errors.EmptyDataError) as error:
+        told = str(error).strip().splitlines()[0]
+        allowed = "a table of text; skip=N leaves out N lines before it"
+        raise refusal("path", str(file), allowed, but=f"unreadable ({told})") from None
     heads = [str(head).strip() for head in table.columns]
     if names is None and all(_is_number(head) for head in heads):
         allowed = "a table whose first line names its columns, or columns=(...) must be given"
         raise refusal("path", str(file), allowed, but=f"which begins with {first.strip()[:60]!r}")
     if not len(table):
         raise refusal("path", str(file), "a table with rows", but="without any")
-    return {head: np.asarray(table.iloc[:, i]) for i, head in enumerate(heads)}
+    found = {head: np.asarray(table.iloc[:, i]) for i, head in enumerate(heads)}
+    for head, column in found.items():
+        sample = str(column[0])
+        is_text = column.dtype.kind not in "biuf"
+        if decimal == "." and is_text and "," in sample and _is_number(sample):
+            raise refusal("decimal", decimal, "',' for this file", but=f"and {head} holds {sample!r}")
+    return found
+
+
+def _encoding(file: pathlib.Path) -> str:
+    """UTF-8, or what instruments wrote before it."""
+    with file.open("rb") as data:
+        begin = data.read(65536)
+    try:
+        begin.decode()
+    except UnicodeDecodeError as error:
+        if error.start < len(begin) - 4:  # not a sign that is cut in two
+            return "latin-1"
+    return "utf-8-sig"
 
 
 def _is_number(text: str) -> bool:

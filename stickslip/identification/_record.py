@@ -1,5 +1,6 @@
 """Measurements of one run."""
 
+import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -23,7 +24,7 @@ from .._validation import (
     shape_refusal,
 )
 from ._record_summary import RecordSummary, summary_of
-from ._si import to_si
+from ._si import is_unit, to_si
 from ._signal import KINDS, Signal
 
 EVERY: dict[str, np.ndarray] = {}  # in place of masks: every NaN is missing
@@ -143,8 +144,9 @@ class Record(eqx.Module):
         **Arguments:** `table`; `time` [s], the column of the stamps; `values` and `inputs`: columns, or
         a mapping from names of the `Problem` to columns; `from_units`: by these names, and `time`, the
         unit of a column that is to be converted to SI, as `"ms"`, `"deg"`, `"mm/s"`, `"rpm"`; `options`
-        as for `Record`. Units that the columns carry (`attrs["units"]`) are taken as they are where
-        none is stated. **Raises** as `Record`, `ValueError` for an unknown column or unit.
+        as for `Record`. Units that the columns carry (`attrs["units"]`, or as in the name `Weg [mm]`)
+        are taken as they are where none is stated, and a `Problem` refuses those of others than its
+        own. **Raises** as `Record`, `ValueError` for an unknown column or unit.
         """
         values, inputs = _columns("values", values), _columns("inputs", inputs)
         units = dict(check_mapping("units", options.pop("units", None)))
@@ -161,6 +163,9 @@ class Record(eqx.Module):
                 row, unit = _column(table, role, column)
                 if name in stored:
                     row, unit = to_si(f"from_units[{name!r}]", row, stored[name])
+                elif role == "time" and unit not in ("", "s"):
+                    allowed = f"in s; from_units={{'time': {unit!r}}} converts it"
+                    raise refusal("time", column, allowed, but=f"in {unit!r}")
                 if unit and role != "time":
                     units.setdefault(name, unit)
                 rows[role][name] = row
@@ -170,7 +175,7 @@ class Record(eqx.Module):
 
     def summary(self) -> RecordSummary:
         """Rate and gaps of the stamps, range, noise, quantum and saturation."""
-        return summary_of(self.times, self.values, self.present, self.units)
+        return summary_of(self.name, self.times, self.values, self.present, self.units)
 
     def _input(self, name: str, given: Any, kind: str) -> Signal:
         if isinstance(given, Signal):
@@ -252,4 +257,6 @@ def _column(table: Any, role: str, column: Any) -> tuple[np.ndarray, str]:
     except Exception:
         raise refusal(role, column, "a column of the table") from None
     attributes = getattr(found, "attrs", None) or {}
-    return np.asarray(found), str(attributes.get("units", ""))
+    named = re.search(r"[\[(]([^\[\]()]+)[\])]\s*$", column)
+    unit = attributes.get("units") or (named[1].strip() if named and is_unit(named[1]) else "")
+    return np.asarray(found), str(unit)

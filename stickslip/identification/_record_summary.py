@@ -26,11 +26,12 @@ class SeriesSummary(NamedTuple):
 class RecordSummary(NamedTuple):
     """A record at a glance; `print` shows it.
 
-    `rate` [Hz], of the median step; `duration` [s]; `gaps`: how many steps are longer than one and a
-    half of it, the longest of them `longest` [s]; `jitter` [s]: standard deviation of the other steps;
-    `series` by name.
+    `name`, and number of `samples`; `rate` [Hz], of the median step; `duration` [s]; `gaps`: how many
+    steps are longer than one and a half of it, the longest of them `longest` [s]; `jitter` [s]:
+    standard deviation of the other steps; `series` by name.
     """
 
+    name: str
     samples: int
     rate: float
     duration: float
@@ -53,9 +54,10 @@ class RecordSummary(NamedTuple):
             if self.gaps
             else "no gaps"
         )
+        name = f"{self.name}: " if self.name else ""
         return (
-            f"{amount(self.samples, 'sample')} in {number(self.duration)} s at {number(self.rate)} Hz "
-            f"(jitter {number(self.jitter)} s), {gaps}"
+            f"{name}{amount(self.samples, 'sample')} in {number(self.duration)} s at "
+            f"{number(self.rate)} Hz (jitter {number(self.jitter)} s), {gaps}"
         )
 
     def _table(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
@@ -69,6 +71,7 @@ class RecordSummary(NamedTuple):
 
 
 def summary_of(
+    name: str,
     times: np.ndarray,
     values: Mapping[str, np.ndarray],
     present: Mapping[str, np.ndarray],
@@ -85,7 +88,7 @@ def summary_of(
     jitter = float(np.std(steps[~long]))
     jitter = jitter if jitter > 1e-9 * float(np.abs(times).max()) else 0.0  # stamps are rounded
     return RecordSummary(
-        times.size, 1.0 / step, float(times[-1] - times[0]), int(long.sum()), float(steps.max()),
+        name, times.size, 1.0 / step, float(times[-1] - times[0]), int(long.sum()), float(steps.max()),
         jitter, series,
     )  # fmt: skip
 

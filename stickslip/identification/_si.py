@@ -30,6 +30,15 @@ def to_si(name: str, values: Any, unit: Any) -> tuple[np.ndarray, str]:
     return np.asarray(found.magnitude), f"{target:~C}".replace("**", "^").replace("*", " ")
 
 
+def is_unit(text: str) -> bool:
+    """Whether a text is a unit that `to_si` knows."""
+    try:
+        to_si("unit", 1.0, text.strip())
+    except ValueError:
+        return False
+    return True
+
+
 @functools.cache
 def _registry() -> Any:
     import pint

@@ -135,4 +135,14 @@ def test_the_glossary_is_sorted_and_names_what_is_there():
 def is_word_of_a_user(name):
     """Methods, fields and labels, not names of packages."""
     methods = {"first_order", "mass_matrix", "static_coefficient", "contact_directions", "rest_speed"}
-    return name in methods | {"forcing_period", "guard_names", "GR", "HB", "PD"}
+    words = {
+        "forcing_period",
+        "from_table",
+        "from_units",
+        "guard_names",
+        "per_record",
+        "GR",
+        "HB",
+        "PD",
+    }
+    return name in methods | words

@@ -67,6 +67,19 @@ def test_refused(tmp_path):
     (tmp_path / "x.mat").write_bytes(b"nothing of the kind" * 20)
     with pytest.raises(ValueError, match="a MATLAB file"):
         read_table(tmp_path / "x.mat")
+    (tmp_path / "logger.txt").write_text("made by\nno. 3; of 4\nt;x\n0,0;1,5\n4,0;2,5\n")
+    np.testing.assert_array_equal(
+        read_table(tmp_path / "logger.txt", decimal=",", skip=2)["x"], [1.5, 2.5]
+    )
+    with pytest.raises(
+        ValueError, match=r"decimal = '\.', and t holds '0,0': it must be ',' for this file"
+    ):
+        read_table(tmp_path / "logger.txt", skip=2)
+    (tmp_path / "old.csv").write_bytes("t;\u03b1 [\u00b0]\n0;1;\n1;2;\n".encode("latin-1", "replace"))
+    assert list(read_table(tmp_path / "old.csv")) == ["t", "? [\u00b0]"]
+    (tmp_path / "ragged.csv").write_text("by, someone\na,b,c\n1,2,3\n")
+    with pytest.raises(ValueError, match=r"unreadable .*skip=N leaves out N lines before it\.$"):
+        read_table(tmp_path / "ragged.csv")
     with pytest.raises(FileNotFoundError):
         read_table(tmp_path / "absent.csv")
 
@@ -93,6 +106,20 @@ def test_units_refused():
     for given, words in (({"y": "mm"}, "named after one of time, x"), ({"x": "furz"}, "furz")):
         with pytest.raises(ValueError, match=words):
             Record.from_table({"t": T, "x": T}, time="t", values=("x",), from_units=given)
+
+
+def test_units_in_names():
+    """What stands in brackets is the unit, if it is one: nothing in millimetres is taken for metres."""
+    table = {"Zeit [ms]": T, "Weg [mm]": ANGLE, "Kraft (N)": ANGLE, "a (filtered)": ANGLE}
+    with pytest.raises(ValueError, match=r"time = 'Zeit \[ms\]', in 'ms': .*from_units"):
+        Record.from_table(table, time="Zeit [ms]", values={"x": "Weg [mm]"})
+    record = Record.from_table(
+        table, time="Zeit [ms]", from_units={"time": "ms"},
+        values={"x": "Weg [mm]", "f": "Kraft (N)", "a": "a (filtered)"},
+    )  # fmt: skip
+    assert record.units == {"x": "mm", "f": "N"}
+    with pytest.raises(ValueError, match=r"units\['x'\] = 'mm': it must be in 'm'.*from_units"):
+        problem(0.1).with_records(Record(record.times, {"x": ANGLE}, units={"x": "mm"}))
 
 
 def test_frames_and_summary():
