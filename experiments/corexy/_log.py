@@ -163,12 +163,11 @@ def gaps(times: np.ndarray, rows: Mapping[str, np.ndarray]) -> str:
     )
 
 
-def machine_told(text: str) -> str:
-    """Which machine is computed."""
-    named = (
-        f"that of {text}" if text else "that of Table 1 of the paper; --set machine=FILE names yours"
-    )
-    return f"The machine is {named}."
+def machine_told(text: str, without: str = "Table 1 of the paper") -> str:
+    """Which machine is computed: that of the file `text`, or `without` one another."""
+    if text:
+        return f"The machine is that of {text}."
+    return f"The machine is that of {without}; --set machine=FILE names yours."
 
 
 def read_machine(text: str) -> cx.CoreXYParameters:

@@ -14,7 +14,7 @@ from stickslip.plot import Movie
 
 from .._experiment import Context, Experiment
 from ._film import film
-from ._log import NEEDED, read_columns
+from ._log import NEEDED, machine_told, read_columns
 from ._machine import BELTS
 from ._recorded import RECORDED
 from .plan import machine_of
@@ -42,7 +42,7 @@ def read_plan(text: str) -> tuple[cx.Ramps, dict[str, Any]]:
     rows = [np.append(times[begins][new], times[-1])]
     rows += [np.append(column[begins][new], 0.0) for column in volts.T]
     rows += [np.append(column[new], 0.0) for column in slopes.T]
-    return cx.Ramps(*rows), {name: found[name] for name in ("x", "y") if name in found}
+    return cx.Ramps(*rows), {name: found[name] for name in ("time", "x", "y") if name in found}
 
 
 def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
@@ -52,14 +52,28 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
         p = machine_of(parameters["machine"])
         v, planned = read_plan(parameters["plan"])
         end, name = 1.1 * float(v.times[-1]), pathlib.Path(parameters["plan"]).name
-        start = cx.CoreXY(p, v).state(**{key: row[0] for key, row in planned.items()})
+        start = cx.CoreXY(p, v).state(**{key: planned[key][0] for key in ("x", "y") if key in planned})
     else:
         p, v = cx.scenario(parameters["scenario"])
         end, name, start = begin + parameters["duration"], f"scenario {parameters['scenario']}", None
     data = cx.outputs(cx.simulate(p, v, end, rows=rows, y0=start))[list(KEPT)]
+    if parameters["plan"]:
+        print(machine_told(parameters["machine"], "corexy-feedforward"))
+        print(_off_the_plan(data, planned))
     late = np.asarray(data.time) >= begin - 1e-9
     kept = {key: parameters[key] for key in ("frames", "per_second")}
     return data.isel(time=late).assign_attrs(r=float(p.r), drive=name, **kept)
+
+
+def _off_the_plan(data: xr.Dataset, planned: dict[str, Any]) -> str:
+    """How far the collar gets from where the plan has it."""
+    if not {"x", "y", "time"} <= set(planned):
+        return "The plan does not say where the collar is to be."
+    time = np.asarray(data.time)
+    time, rows = time[time <= planned["time"][-1]], slice(0, int(np.sum(time <= planned["time"][-1])))
+    off = [np.asarray(data[k])[rows] - np.interp(time, planned["time"], planned[k]) for k in "xy"]
+    size = 1e3 * np.hypot(*off)
+    return f"The collar gets up to {size.max():.2g} mm off the plan, and ends {size[-1]:.2g} mm off."
 
 
 def _slips(data: xr.Dataset) -> np.ndarray:

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 import corexy_jax as cx
 
 from .._experiment import Context, Experiment
-from ._log import read_columns, read_machine
+from ._log import machine_told, read_columns, read_machine
 from ._machine import BELTS
 from .feedforward import MACHINE
 
@@ -54,6 +54,7 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
         plan = cx.feedforward_along(machine, path, **limits)
     else:
         plan = cx.feedforward(machine, points, **limits)
+    print(machine_told(parameters["machine"], "corexy-feedforward"))
     told = cx.check_rolling(plan)
     print(f"{float(plan.end):.4f} s: {told}")
     voltage, end = plan.voltage, float(plan.end)
