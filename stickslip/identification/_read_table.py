@@ -33,7 +33,7 @@ def read_table(
     **Arguments:** `path`; `columns`: names for a table whose first line has none; `decimal`: the
     decimal point, `"."` or `","`; `skip`: how many lines of text come before the table. **Returns**
     arrays by name; text in a column stays text. **Raises** `ValueError` for a file that is not such a
-    table, `TypeError` for other arguments, `OSError` where it cannot be read.
+    table, or not there, `TypeError` for other arguments, `OSError` where it cannot be read.
     """
     if not isinstance(path, str | os.PathLike) or not os.fspath(path):
         raise refusal("path", path, "the path of a file", TypeError)
@@ -47,7 +47,7 @@ def read_table(
             check_type("columns", name, str, "a list of names")
     file = pathlib.Path(path)
     if not file.is_file():
-        raise refusal("path", str(file), "the path of a file that is there", FileNotFoundError)
+        raise refusal("path", str(file), "the path of a table", but="no file")
     if file.suffix.lower() == ".mat":
         if names is not None:
             raise refusal("columns", columns, "None for a .mat file, whose variables have names")

@@ -111,7 +111,7 @@ MEASURED = [
     ),
     Target(
         identification.read_table,
-        {"path": arg(TABLE), "columns": arg(None, "none"), "decimal": arg("."), "skip": arg(0)},
+        {"path": arg(TABLE), "columns": arg(None, "none"), "decimal": arg("."), "skip": arg(0, "count")},
     ),
     Target(
         identification.Problem,

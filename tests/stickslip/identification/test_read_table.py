@@ -80,7 +80,7 @@ def test_refused(tmp_path):
     (tmp_path / "ragged.csv").write_text("by, someone\na,b,c\n1,2,3\n")
     with pytest.raises(ValueError, match=r"unreadable .*skip=N leaves out N lines before it\.$"):
         read_table(tmp_path / "ragged.csv")
-    with pytest.raises(FileNotFoundError):
+    with pytest.raises(ValueError, match=r"absent.csv', no file: it must be the path of a table"):
         read_table(tmp_path / "absent.csv")
 
 
