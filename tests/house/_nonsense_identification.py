@@ -111,7 +111,10 @@ MEASURED = [
     ),
     Target(
         identification.read_table,
-        {"path": arg(TABLE), "columns": arg(None, "none"), "decimal": arg("."), "skip": arg(0, "count")},
+        {
+            "path": arg(TABLE), "columns": arg(None, "none"), "decimal": arg("."),
+            "skip": arg(0, "count"),
+        },
     ),
     Target(
         identification.Problem,
