@@ -240,3 +240,27 @@ def _errors(values: np.ndarray, model: np.ndarray, there: np.ndarray) -> tuple[f
     whole = np.linalg.norm(spread)
     part = 1.0 - np.linalg.norm(off) / whole if whole > 0.0 else np.nan
     return float(np.sqrt(np.mean(off**2))), float(part)
+
+
+def with_own(problem: Any, given: Any, after: float) -> dict[str, Any]:
+    """The shared values, and those of the unknowns of a problem's one record: where they are not given,
+    from what it measures before `after` [s]."""
+    run, (record,) = problem._run, problem.records
+    shared, own = {name: given[name] for name in run.shared}, dict(run.local)
+    if all(part in given for parts in own.values() for part in parts):
+        return dict(given)
+    early = record.times < record.times[0] + after
+    if not early.any():
+        allowed = f"above 0: {', '.join(own)} of a further record are found from what comes before"
+        raise refusal("after", after, allowed)
+    begins = Record(
+        record.times, record.values, inputs=record.inputs, begin=record.begin, name=record.name,
+        missing={name: ~(there & early) for name, there in record.present.items()},
+        known={**record.known, **shared},
+    )  # fmt: skip
+    unknowns = {name: problem.given[name] for name in own}
+    found = type(problem)(
+        run.system, run.initial_state, unknowns, problem.observed, begins, integrator=run.integrator,
+        delay=run.delay, correct=run.correct,
+    ).fit()  # fmt: skip
+    return {**shared, **found.values}

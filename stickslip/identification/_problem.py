@@ -43,7 +43,7 @@ from ._gauss_newton import LevenbergMarquardt
 from ._many_starts import many_fits, rows_of, sobol_starts
 from ._methods import AbstractMethod
 from ._observed import Observed, data_of, observed_of, records_of, with_noise_of
-from ._prediction import Prediction, Score, predict, score
+from ._prediction import Prediction, Score, predict, score, with_own
 from ._record import Record
 from ._run import Run, motion_of, residual_of
 from ._stamps import warn_of_wide_stamps
@@ -336,11 +336,20 @@ class Problem:
 
         **Arguments:** `fit`, or values by name; `record` as for `predict`; `after` [s]: what begins the
         record and is not counted; `windows`: in how many parts the rest is scored. The motion starts as
-        the problem's `initial_state` says, fitted where this depends on unknowns. **Returns** a
-        `Score`. **Raises** as `predict`.
+        the problem's `initial_state` says, fitted where this depends on unknowns. Unknowns per record
+        of a further one are found from what it measures before `after`, the others staying as they
+        are. **Returns** a `Score`. **Raises** as `predict`, and `ValueError` where nothing comes before
+        `after` that such unknowns could be found from.
         """
         problem, which = self._with(record)
-        values = problem._values(problem._of_fit(fit) if isinstance(fit, Fit) else fit, "fit")
+        given, shared = fit.values if isinstance(fit, Fit) else fit, self._run.shared
+        if problem is not self and self._run.local and {*shared} <= {*given}:
+            if isinstance(fit, Fit):  # whose records may be called as this one is
+                given = {name: fit.values[name] for name in shared}
+            given = with_own(problem, given, float(after))
+        elif isinstance(fit, Fit):
+            given = problem._of_fit(fit)
+        values = problem._values(given, "fit")
         rows = problem.simulate(values, which).observed
         rows = {name: np.asarray(row) for name, row in rows.items()}
         return score(problem, rows, which, float(after), windows)

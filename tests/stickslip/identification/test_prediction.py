@@ -142,7 +142,7 @@ def test_a_fit_of_other_unknowns_is_refused(fit):
         block, lambda p, inputs: Motion(x=p["x"], v=0.2),
         {**UNKNOWNS, "x": Unknown(0.0, per_record=True)}, OBSERVED, record(np.zeros(TIMES.size)),
     )  # fmt: skip
-    for act in (other.predict, other.score):
+    for act in (other.predict, other.score):  # of its own record
         with pytest.raises(
             ValueError,
             match=r"fit = .*of friction, stiffness.*: .* a Fit of friction, stiffness, x\[0\]",
@@ -195,3 +195,36 @@ def test_the_bands_hold_what_they_say():
         whole.append(found.inside()["position"])
     assert 0.93 < np.mean(own) < 0.97
     assert 0.93 < np.mean(whole) < 0.97
+
+
+def test_a_further_record_begins_where_its_first_part_says():
+    """Each record starts elsewhere: of a further one the start is found before what is scored."""
+    times = np.linspace(0.0, 12.0, 121)
+
+    def made(x, seed):
+        clean = Problem(
+            block, lambda p, inputs: Motion(x=p["x"], v=0.0), {**UNKNOWNS, "x": Unknown(x, scale=1.0)},
+            OBSERVED, Record(times, {"position": 0.0 * times}),
+        ).simulate({**TRUTH, "x": x}).observed["position"]  # fmt: skip
+        noise = SD * np.random.default_rng(seed).normal(size=times.size)
+        return Record(times, {"position": np.asarray(clean) + noise}, name=f"at {x}")
+
+    unknowns = {**UNKNOWNS, "stiffness": 1.15, "x": Unknown(1.3, per_record=True, scale=1.0)}
+    records = [made(1.0, 1), made(1.6, 2)]
+    problem = Problem(block, lambda p, inputs: Motion(x=p["x"], v=0.0), unknowns, OBSERVED, records)
+    near = {**TRUTH, "x[at 1.0]": 1.0, "x[at 1.6]": 1.6}
+    fit, further = problem.fit(start=near), made(1.25, 3)
+    found = problem.score(fit, further, after=6.0)
+    assert 0.6 < float(found.chi_squared["position"][0]) < 1.6
+    assert found.windows[0] == 6.0
+    alike = Record(times, further.values, name="at 1.0")  # as one that was fitted is called
+    np.testing.assert_allclose(
+        problem.score(fit, alike, after=6.0).rms["position"], found.rms["position"]
+    )
+    shared = {name: float(fit.values[name]) for name in ("friction", "stiffness")}
+    again = problem.score(shared, further, after=6.0)
+    np.testing.assert_allclose(again.rms["position"], found.rms["position"], rtol=1e-9)
+    stated = problem.score({**shared, "x[at 1.25]": 1.25}, further)
+    assert 0.6 < float(stated.chi_squared["position"][0]) < 1.6
+    with pytest.raises(ValueError, match=r"after = 0\.0: it must be above 0: x of a further"):
+        problem.score(fit, further)
