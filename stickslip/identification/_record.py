@@ -145,7 +145,7 @@ class Record(eqx.Module):
         a mapping from names of the `Problem` to columns; `from_units`: by these names, and `time`, the
         unit of a column that is to be converted to SI, as `"ms"`, `"deg"`, `"mm/s"`, `"rpm"`; `options`
         as for `Record`. Units that the columns carry (`attrs["units"]`, or as in the name `Weg [mm]`)
-        are taken as they are where none is stated, and a `Problem` refuses those of others than its
+        are taken as they are where none is stated; a `Problem` raises `ValueError` for others than its
         own. **Raises** as `Record`, `ValueError` for an unknown column or unit.
         """
         values, inputs = _columns("values", values), _columns("inputs", inputs)
