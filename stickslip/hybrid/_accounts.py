@@ -169,7 +169,7 @@ def _of_events(plan: Plan, code, lane: Lane, h, t, mode, first: First) -> dict[s
     grazes = (lane.h > 0) & (first.rate**2 * lane.h < 2.0 * bend * plan.touching)
     # A step may end on a guard that is below zero by rounding only, as at a time asked for: its zero
     # lies before the next step, and its bracket collapses, however steep it is.
-    grazes = jnp.where(code == COLLAPSED, ~_falls_clearly(first, lane.h), (code == EVENT) & grazes)
+    grazes = jnp.where(code == COLLAPSED, ~_falls_clearly(plan, lane, first), (code == EVENT) & grazes)
     marks, coincides, violated = first.marks, first.close > 1, code == VIOLATED
     mine = of_guard(first.index)
     if plan.functions.num_bends:
@@ -198,11 +198,13 @@ def _of_events(plan: Plan, code, lane: Lane, h, t, mode, first: First) -> dict[s
     return kept | dict(zero_events=zero_events, flags=flags, sequence=sequence)
 
 
-def _falls_clearly(first: First, h: Any):
-    """Whether the guard falls at one slope over the whole of a short step, and does not jump."""
+def _falls_clearly(plan: Plan, lane: Lane, first: First):
+    """Whether the guard falls at one slope over the whole of a short step, does not jump, and falls
+    over the step that was asked by more than the tolerance of the state can decide."""
     steady = (first.rate < 0) & (jnp.abs(first.rate - first.rate_start) < -0.5 * first.rate)
-    off = jnp.abs(first.value - first.value_start - first.rate * h)
-    return steady & (off < ACCURACY.slack - 0.5 * first.rate * h)
+    off = jnp.abs(first.value - first.value_start - first.rate * lane.h)
+    steep = -first.rate * lane.full > plan.touching
+    return steady & steep & (off < ACCURACY.slack - 0.5 * first.rate * lane.h)
 
 
 def _is_undecided(plan: Plan, lane: Lane, first: First):
