@@ -1,7 +1,7 @@
 """Springs and dampers between two places."""
 
+import abc
 import dataclasses
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -48,7 +48,35 @@ def _between(
 
 
 @dataclasses.dataclass(frozen=True)
-class Spring(AbstractPart):
+class _LineBetween(AbstractPart):
+    """A part that is drawn by one line between two places."""
+
+    start: Place
+    end: Place
+
+    def __post_init__(self) -> None:
+        check_place("start", self.start)
+        check_place("end", self.end)
+
+    @abc.abstractmethod
+    def _corners(
+        self, start: np.ndarray, end: np.ndarray, size: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Corners between two points, in a drawing whose blocks are of this `size` [m]."""
+
+    def read(self, scene: Scene) -> Reading:
+        """The part as the frames have it."""
+        start, end = scene.place("start", self.start), scene.place("end", self.end)
+
+        def draw(axis: Any, size: float) -> Any:
+            (line,) = axis.plot([], [], color=DARK, lw=1.2, zorder=2)
+            return lambda i: line.set_data(*self._corners(start[i], end[i], size))
+
+        return Reading(np.concatenate([start, end]), draw)
+
+
+@dataclasses.dataclass(frozen=True)
+class Spring(_LineBetween):
     """A spring from one place to another.
 
     **Arguments:** `start`, `end` [m]: x at the height 0, or a pair of x and y, each a number, the name
@@ -57,43 +85,18 @@ class Spring(AbstractPart):
     **Raises** `TypeError`, `ValueError` naming the argument.
     """
 
-    start: Place
-    end: Place
-
-    def __post_init__(self) -> None:
-        check_place("start", self.start)
-        check_place("end", self.end)
-
-    def read(self, scene: Scene) -> Reading:
-        """The spring as the frames have it."""
-        return _line(self, scene, lambda start, end, size: coil(start, end, 6, 0.4 * size))
+    def _corners(
+        self, start: np.ndarray, end: np.ndarray, size: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        return coil(start, end, 6, 0.4 * size)
 
 
 @dataclasses.dataclass(frozen=True)
-class Damper(AbstractPart):
+class Damper(_LineBetween):
     """A damper from one place to another, which are given as those of a `Spring`."""
 
-    start: Place
-    end: Place
-
-    def __post_init__(self) -> None:
-        check_place("start", self.start)
-        check_place("end", self.end)
-
-    def read(self, scene: Scene) -> Reading:
-        """The damper as the frames have it."""
+    def _corners(
+        self, start: np.ndarray, end: np.ndarray, size: float
+    ) -> tuple[np.ndarray, np.ndarray]:
         along, across = np.array([a + b for a, b in zip(CUP, PISTON, strict=True)])
-        return _line(
-            self, scene, lambda start, end, size: _between(start, end, along, 0.5 * size * across)
-        )
-
-
-def _line(part: Spring | Damper, scene: Scene, shape: Callable[..., Any]) -> Reading:
-    """A part drawn by one line, whose `shape(start, end, size)` gives its corners."""
-    start, end = scene.place("start", part.start), scene.place("end", part.end)
-
-    def draw(axis: Any, size: float) -> Any:
-        (line,) = axis.plot([], [], color=DARK, lw=1.2, zorder=2)
-        return lambda i: line.set_data(*shape(start[i], end[i], size))
-
-    return Reading(np.concatenate([start, end]), draw)
+        return _between(start, end, along, 0.5 * size * across)
