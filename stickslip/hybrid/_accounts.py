@@ -53,12 +53,37 @@ def sections_at_zero(plan: Plan, code: Any, lane: Lane, values: Values) -> tuple
     # After one event another may follow at once, and then no step says how well the first was located.
     opened = jnp.where((lane.bracket.tries == 0) & (lane.h > 0), lane.h, lane.full)
     full = jnp.maximum(opened, jnp.where(lane.h > 0, 0.0, lane.h_free))
-    known_to = ACCURACY.same_instant * (ACCURACY.solved * full + ACCURACY.rounding * jnp.abs(lane.t))
     event = is_event(code) | ((code == REFRESH) & (lane.events > 0))
     return tuple(
-        event & (jnp.abs(values.value[i]) <= known_to * steepest(lane.rates[i], values.rate[i]))
-        for i in range(functions.num_guards, functions.count)
+        event & _is_zero(lane, values, i, full) for i in range(functions.num_guards, functions.count)
     )
+
+
+def _is_zero(lane: Lane, values: Values, i: int, full: Any) -> Any:
+    """Whether a function is zero as far as the time of an event in a step of length `full` is known."""
+    known_to = ACCURACY.same_instant * (ACCURACY.solved * full + ACCURACY.rounding * jnp.abs(lane.t))
+    return jnp.abs(values.value[i]) <= known_to * steepest(lane.rates[i], values.rate[i])
+
+
+@bookkeeping
+def without_passed(plan: Plan, code: Any, lane: Lane, h: Any, first: First, kept: Values) -> Values:
+    """Values to go on with, exactly 0 for a guard that fires both ways and has just fired.
+
+    It then has the sign that it goes to. The sign of what the location leaves of it would be that of a
+    rounding, and where it is the wrong one the guard would fire again at once. A transition may take
+    the guard elsewhere: then it has the sign that it has there.
+    """
+    value = list(kept.value)
+    for i, direction in enumerate(plan.functions.directions[: plan.functions.num_guards]):
+        if direction != "both":
+            continue
+        passed = (lane.values[i] == 0) & (h == 0) & _is_zero(lane, kept, i, lane.full)
+        # Of another guard a zero is one that is still to be met: it keeps the sign that it comes from.
+        met = jnp.where(value[i] == 0, ACCURACY.tiny * jnp.sign(lane.values[i]), value[i])
+        met = jnp.where(passed | (first.index == i), 0.0, met)
+        after = jnp.where((code == REFRESH) & passed, 0.0, value[i])
+        value[i] = jnp.where(is_event(code), met, after)
+    return kept._replace(value=tuple(value))
 
 
 def steepest(before: Any, after: Any) -> Any:

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ._accounts import accounts, crossed_sections, sections_at_zero, steepest
+from ._accounts import accounts, crossed_sections, sections_at_zero, steepest, without_passed
 from ._control import control
 from ._event_decision import First, decide, lowest, search_bracket
 from ._loop_state import (
@@ -97,7 +97,8 @@ def _advance(
     if guarded and plan.functions.sections:
         seen = _values_at_event(plan, step.values, dt)
         at_zero = sections_at_zero(plan, code, bare, seen)
-    known = _next_start_values(plan, code, bare, step.kept, at_zero, keeps=keeps)
+    kept = step.kept if first is None else without_passed(plan, code, bare, step.h, first, step.kept)
+    known = _next_start_values(plan, code, bare, kept, at_zero, keeps=keeps)
     fired = crossed_sections(plan, code, bare, seen, at_zero, meets=first is not None)
 
     # The length that opened the bracket outlives the attempts inside it: tolerances are parts of it,

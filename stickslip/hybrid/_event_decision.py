@@ -82,6 +82,8 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         if not is_guard or functions.directions[i] == "both":
             goes = jnp.where(lane.rates[i] == 0, stop_gradient(values.value[i]), lane.rates[i])
             side = jnp.where(start_value == 0, goes, start_value)
+            if is_guard:  # in a new mode it is wherever the transition has taken it
+                side = jnp.where(lane.fresh == 1.0, side, stop_gradient(values.value[i]))
         # For sections, both crossings of a short excursion count, from either side.
         sign = functions.sign(i, side) if acts else jnp.sign(side)
         value, value0 = sign * values.value[i], sign * start_value

@@ -41,7 +41,7 @@ class Lane(NamedTuple):
     dy: PyTree  # slope at (t, y, mode); stale right after an event, until an attempt of length zero
     mode: Any
     fresh: Any  # whether `dy` and `values` belong to the present mode
-    values: tuple  # event functions at (t, y); 0 for a section that has just fired
+    values: tuple  # event functions at (t, y); 0 for what has just fired and fires both ways
     rates: tuple
     scales: tuple  # magnitudes of the guards behind `values`, where they are learned
     size: PyTree  # largest magnitude of each component so far; None if nothing follows it

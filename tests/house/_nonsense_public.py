@@ -127,7 +127,7 @@ EXEMPT_METHODS = {
         "read by the verbs that take the settings",
     ),
     **dict.fromkeys(
-        ("Block.read", "Belt.read", "Wall.read", "Spring.read", "Damper.read", "Pendulum.read"),
+        ("Block.read", "Belt.read", "Wall.read", "_LineBetween.read", "Pendulum.read"),
         "parts of a drawing, asked by `animate`, which has a template",
     ),
     "map_lanes.__call__": "has a template with the constructors",
