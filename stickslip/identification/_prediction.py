@@ -1,6 +1,6 @@
 """Predictions of a record by a fit: the motion with bands, and how far the record is from it."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -135,22 +135,50 @@ def _observations(
     return run.one(values, one, log=False)[0]
 
 
+class Part(NamedTuple):
+    """Unknowns that one fit has found: coordinates of a record move by `moves` times theirs."""
+
+    fit: Fit
+    moves: np.ndarray
+
+
+class Known(NamedTuple):
+    """How well the unknowns of a record are known: their coordinates, and the parts that move them,
+    which are independent of each other."""
+
+    space: Space
+    z: np.ndarray
+    parts: list[Part]
+
+
+def known_by(fit: Fit) -> Known:
+    """The unknowns of a record that a fit has found all of."""
+    z = np.asarray(fit.space.coordinates(fit.values))
+    return Known(fit.space, z, [Part(fit, np.eye(z.size))])
+
+
+def rows_and_slopes(problem: Any, space: Space, z: np.ndarray, record: int) -> list[np.ndarray]:
+    """Observations of a record of a problem, and their derivatives by the coordinates."""
+    where = jnp.asarray(record)
+    found = _rows_and_slopes(problem._run, space, jnp.asarray(z), problem._data, where)
+    return [np.asarray(a) for a in found]
+
+
 def predict(
-    problem: Any, fit: Fit, record: int, level: float, draws: int | None, seed: int, robust: bool
+    problem: Any, known: Known, record: int, level: float, draws: int | None, seed: int, robust: bool
 ) -> Prediction:
     """`Problem.predict` of one of its own records."""
-    run, data, space = problem._run, problem._data, fit.space
-    z, where = space.coordinates(fit.values), jnp.asarray(record)
-    rows, slopes = map(np.asarray, _rows_and_slopes(run, space, z, data, where))
-    noise = data.deviations[:, None]
+    rows, slopes = rows_and_slopes(problem, known.space, known.z, record)
+    noise = problem._data.deviations[:, None]
     if robust:
-        noise = noise * max(float(fit.reduced_chi_squared), 1.0) ** 0.5
-    failed, covariance = 0, np.asarray(coordinate_covariance(fit, robust))
+        left = float(known.parts[0].fit.reduced_chi_squared)
+        noise = noise * max(left, 1.0) ** 0.5
+    failed = 0
     if draws is None:
-        ends = _by_slopes(fit, covariance, rows, slopes, noise, level)
+        ends = _by_slopes(known, robust, rows, slopes, noise, level)
     else:
-        rng = np.random.default_rng(seed)
-        ends, failed = _by_draws(fit, covariance, run, data, where, noise, level, rng, draws)
+        zs = _drawn(known, robust, np.random.default_rng(seed), draws)
+        ends, failed = _by_draws(known.space, zs, problem, record, noise, level, seed)
     count = problem.records[record].times.size
 
     def by_name(rows):
@@ -165,12 +193,21 @@ def predict(
 
 
 def _by_slopes(
-    fit: Fit, covariance: Any, rows: Any, slopes: Any, noise: Any, level: float
+    known: Known, robust: bool, rows: Any, slopes: Any, noise: Any, level: float
 ) -> list[Any]:
     """Ends of both bands, of the linearised problem."""
     from scipy.stats import norm
 
+    variance = sum(_variance(part.fit, robust, slopes @ part.moves) for part in known.parts)
+    width = norm.ppf(0.5 + 0.5 * level)
+    own, whole = width * np.sqrt(variance), width * np.sqrt(variance + noise**2)
+    return [rows - own, rows + own, rows - whole, rows + whole]
+
+
+def _variance(fit: Fit, robust: bool, slopes: np.ndarray) -> Any:
+    """Of what moves by `slopes` with the unknowns of a fit; infinite where no datum tells."""
     sensitivity = fit.sensitivity
+    covariance = np.asarray(coordinate_covariance(fit, robust))
     variance = np.einsum("...i,ij,...j", slopes, covariance, slopes)
     seen, directions = np.asarray(sensitivity.seen_directions()), np.asarray(sensitivity.directions)
     if not seen.all():
@@ -178,37 +215,35 @@ def _by_slopes(
         hidden = np.abs(slopes @ directions[~seen].T).max(axis=-1)
         lost = hidden > ACCURACY.part * np.linalg.norm(slopes, axis=-1)
         variance = np.where(lost, np.inf, variance)
-    width = norm.ppf(0.5 + 0.5 * level)
-    own, whole = width * np.sqrt(variance), width * np.sqrt(variance + noise**2)
-    return [rows - own, rows + own, rows - whole, rows + whole]
+    return variance
+
+
+def _drawn(known: Known, robust: bool, rng: Any, draws: int) -> np.ndarray:
+    """Rows of coordinates, of the normal distribution of each part."""
+    zs = np.tile(known.z, (draws, 1))
+    for fit, moves in known.parts:
+        if not np.all(np.asarray(fit.sensitivity.seen_directions())):
+            raise refusal("draws", draws, "with draws=None where the data do not see all unknowns")
+        covariance = np.asarray(coordinate_covariance(fit, robust))
+        zero = np.zeros(len(covariance))
+        zs += rng.multivariate_normal(zero, covariance, draws, method="eigh") @ moves.T
+    return zs
 
 
 def _by_draws(
-    fit: Fit,
-    covariance: Any,
-    run: Run,
-    data: Data,
-    record: Any,
-    noise: Any,
-    level: float,
-    rng: Any,
-    draws: int,
+    space: Space, zs: np.ndarray, problem: Any, record: int, noise: Any, level: float, seed: int
 ) -> tuple[list[Any], int]:
     """Ends of both bands as quantiles of motions whose unknowns are drawn; how many of them failed."""
-    sensitivity, z = fit.sensitivity, np.asarray(fit.space.coordinates(fit.values))
-    if not np.all(np.asarray(sensitivity.seen_directions())):
-        hidden = "with draws=None where the data do not see all unknowns"
-        raise refusal("draws", draws, hidden)
-    zs = rng.multivariate_normal(z, covariance, draws, method="eigh")
-    found = np.asarray(_rows_of_many(run, fit.space, jnp.asarray(zs), data, record))
+    where = jnp.asarray(record)
+    found = np.asarray(_rows_of_many(problem._run, space, jnp.asarray(zs), problem._data, where))
     good = np.all(np.isfinite(found), axis=(1, 2))
     if not good.any():
-        return [np.full(found.shape[1:], np.nan)] * 4, draws
+        return [np.full(found.shape[1:], np.nan)] * 4, len(zs)
     found = found[good]
     sides = [0.5 - 0.5 * level, 0.5 + 0.5 * level]
-    measured = found + noise * rng.normal(size=found.shape)
+    measured = found + noise * np.random.default_rng([seed, 1]).normal(size=found.shape)
     ends = (*np.quantile(found, sides, axis=0), *np.quantile(measured, sides, axis=0))
-    return list(ends), int(draws - good.sum())
+    return list(ends), int(len(zs) - good.sum())
 
 
 def score(problem: Any, rows: Rows, record: int, after: float, windows: int) -> Score:
@@ -240,27 +275,3 @@ def _errors(values: np.ndarray, model: np.ndarray, there: np.ndarray) -> tuple[f
     whole = np.linalg.norm(spread)
     part = 1.0 - np.linalg.norm(off) / whole if whole > 0.0 else np.nan
     return float(np.sqrt(np.mean(off**2))), float(part)
-
-
-def with_own(problem: Any, given: Any, after: float) -> dict[str, Any]:
-    """The shared values, and those of the unknowns of a problem's one record: where they are not given,
-    from what it measures before `after` [s]."""
-    run, (record,) = problem._run, problem.records
-    shared, own = {name: given[name] for name in run.shared}, dict(run.local)
-    if all(part in given for parts in own.values() for part in parts):
-        return dict(given)
-    early = record.times < record.times[0] + after
-    if not early.any():
-        allowed = f"above 0: {', '.join(own)} of a further record are found from what comes before"
-        raise refusal("after", after, allowed)
-    begins = Record(
-        record.times, record.values, inputs=record.inputs, begin=record.begin, name=record.name,
-        missing={name: ~(there & early) for name, there in record.present.items()},
-        known={**record.known, **shared},
-    )  # fmt: skip
-    unknowns = {name: problem.given[name] for name in own}
-    found = type(problem)(
-        run.system, run.initial_state, unknowns, problem.observed, begins, integrator=run.integrator,
-        delay=run.delay, correct=run.correct,
-    ).fit()  # fmt: skip
-    return {**shared, **found.values}

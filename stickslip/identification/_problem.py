@@ -39,11 +39,12 @@ from ..progress import Progress
 from ._accuracy import ACCURACY
 from ._evaluate import solve_run
 from ._fit import Fit, best, one_fit, probability
+from ._further_record import known_of_further, with_own
 from ._gauss_newton import LevenbergMarquardt
 from ._many_starts import many_fits, rows_of, sobol_starts
 from ._methods import AbstractMethod
 from ._observed import Observed, data_of, observed_of, records_of, with_noise_of
-from ._prediction import Prediction, Score, predict, score, with_own
+from ._prediction import Prediction, Score, known_by, predict, score
 from ._record import Record
 from ._run import Run, motion_of, residual_of
 from ._stamps import warn_of_wide_stamps
@@ -297,7 +298,7 @@ class Problem:
 
     @check_arguments(
         fit=one_fit, level=probability, draws=or_none(count(2)), seed=count(0), robust=flag,
-        record=_RECORD,
+        record=_RECORD, after=number("not negative"),
     )  # fmt: skip
     def predict(
         self,
@@ -308,6 +309,7 @@ class Problem:
         draws: int | None = None,
         seed: int = 0,
         robust: bool = False,
+        after: float = 0.0,
     ) -> Prediction:
         """The motion that a fit of these unknowns predicts of a record, with bands; never corrected.
 
@@ -316,12 +318,18 @@ class Problem:
         Jacobian, to first order; with `draws` they are quantiles of so many motions with unknowns drawn
         from the normal distribution of their coordinates, by `seed`, which keep the bounds and see
         whatever bends; `robust`: without trust in the stated noise, for a fit that leaves residuals far
-        above it. **Returns** a `Prediction`. **Raises** `TypeError`, `ValueError` for anything
-        else: for a fit of other unknowns, as those per record are, which belong to their record.
+        above it. Unknowns per record of a further one are found from what it measures before `after`
+        [s], and are as uncertain as that and the shared ones leave them. **Returns** a `Prediction`.
+        **Raises** `TypeError`, `ValueError` for anything else, as a fit of other unknowns, or where
+        nothing comes before `after` that unknowns per record could be found from.
         """
         problem, which = self._with(record)
-        problem._values(problem._of_fit(fit))
-        return predict(problem, fit, which, float(level), draws, seed, robust)
+        if problem is not self and self._run.local and {*self._run.shared} <= {*fit.names}:
+            known = known_of_further(problem, fit, float(after))
+        else:
+            problem._values(problem._of_fit(fit))
+            known = known_by(fit)
+        return predict(problem, known, which, float(level), draws, seed, robust)
 
     @check_arguments(after=number("not negative"), windows=count(1), record=_RECORD)
     def score(
@@ -344,9 +352,9 @@ class Problem:
         problem, which = self._with(record)
         given, shared = fit.values if isinstance(fit, Fit) else fit, self._run.shared
         if problem is not self and self._run.local and {*shared} <= {*given}:
-            if isinstance(fit, Fit):  # whose records may be called as this one is
-                given = {name: fit.values[name] for name in shared}
-            given = with_own(problem, given, float(after))
+            # Of a fit the records may be called as this one is.
+            if isinstance(fit, Fit) or not {*problem.unknowns} <= {*given}:
+                given, _ = with_own(problem, {name: given[name] for name in shared}, float(after))
         elif isinstance(fit, Fit):
             given = problem._of_fit(fit)
         values = problem._values(given, "fit")

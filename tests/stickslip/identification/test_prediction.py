@@ -197,27 +197,41 @@ def test_the_bands_hold_what_they_say():
     assert 0.93 < np.mean(whole) < 0.97
 
 
-def test_a_further_record_begins_where_its_first_part_says():
+BEGINS = np.linspace(0.0, 12.0, 121)
+OWN = {**UNKNOWNS, "stiffness": 1.15, "x": Unknown(1.3, per_record=True, scale=1.0)}
+
+
+def from_rest(p, inputs):
+    return Motion(x=p["x"], v=0.0)
+
+
+NEAR = {**TRUTH, "x[at 1.0]": 1.0, "x[at 1.6]": 1.6}
+
+
+def begun_at(x, seed):
+    """A record of a block that is let go at `x`, with noise."""
+    clean = Problem(
+        block, from_rest, {**UNKNOWNS, "x": Unknown(x, scale=1.0)}, OBSERVED,
+        Record(BEGINS, {"position": 0.0 * BEGINS}),
+    ).simulate({**TRUTH, "x": x}).observed["position"]  # fmt: skip
+    noise = SD * np.random.default_rng(seed).normal(size=BEGINS.size)
+    return Record(BEGINS, {"position": np.asarray(clean) + noise}, name=f"at {x}"), np.asarray(clean)
+
+
+@pytest.fixture(scope="module")
+def two_starts():
+    problem = Problem(block, from_rest, OWN, OBSERVED, [begun_at(1.0, 1)[0], begun_at(1.6, 2)[0]])
+    return problem, problem.fit(start=NEAR)
+
+
+def test_a_further_record_begins_where_its_first_part_says(two_starts):
     """Each record starts elsewhere: of a further one the start is found before what is scored."""
-    times = np.linspace(0.0, 12.0, 121)
-
-    def made(x, seed):
-        clean = Problem(
-            block, lambda p, inputs: Motion(x=p["x"], v=0.0), {**UNKNOWNS, "x": Unknown(x, scale=1.0)},
-            OBSERVED, Record(times, {"position": 0.0 * times}),
-        ).simulate({**TRUTH, "x": x}).observed["position"]  # fmt: skip
-        noise = SD * np.random.default_rng(seed).normal(size=times.size)
-        return Record(times, {"position": np.asarray(clean) + noise}, name=f"at {x}")
-
-    unknowns = {**UNKNOWNS, "stiffness": 1.15, "x": Unknown(1.3, per_record=True, scale=1.0)}
-    records = [made(1.0, 1), made(1.6, 2)]
-    problem = Problem(block, lambda p, inputs: Motion(x=p["x"], v=0.0), unknowns, OBSERVED, records)
-    near = {**TRUTH, "x[at 1.0]": 1.0, "x[at 1.6]": 1.6}
-    fit, further = problem.fit(start=near), made(1.25, 3)
+    problem, fit = two_starts
+    further, _ = begun_at(1.25, 3)
     found = problem.score(fit, further, after=6.0)
     assert 0.6 < float(found.chi_squared["position"][0]) < 1.6
     assert found.windows[0] == 6.0
-    alike = Record(times, further.values, name="at 1.0")  # as one that was fitted is called
+    alike = Record(BEGINS, further.values, name="at 1.0")  # as one that was fitted is called
     np.testing.assert_allclose(
         problem.score(fit, alike, after=6.0).rms["position"], found.rms["position"]
     )
@@ -226,5 +240,65 @@ def test_a_further_record_begins_where_its_first_part_says():
     np.testing.assert_allclose(again.rms["position"], found.rms["position"], rtol=1e-9)
     stated = problem.score({**shared, "x[at 1.25]": 1.25}, further)
     assert 0.6 < float(stated.chi_squared["position"][0]) < 1.6
-    with pytest.raises(ValueError, match=r"after = 0\.0: it must be above 0: x of a further"):
-        problem.score(fit, further)
+    for act in (problem.score, problem.predict):
+        with pytest.raises(ValueError, match=r"after = 0\.0: it must be above 0: x of a further"):
+            act(fit, further)
+
+
+def test_the_band_of_a_further_record_knows_of_its_start(two_starts):
+    """The start is found again with other shared values, by differences, and has its own error."""
+    problem, fit = two_starts
+    further, _ = begun_at(1.25, 3)
+    names, early = ("friction", "stiffness"), BEGINS < 4.0
+    alone = Problem(
+        block, from_rest, {**UNKNOWNS, "x": Unknown(1.3, scale=1.0)}, OBSERVED,
+        Record(BEGINS, {"position": 0.0 * BEGINS}),
+    )  # fmt: skip
+
+    def rows(shared, x):
+        values = {**dict(zip(names, shared, strict=True)), "x": x}
+        return np.asarray(alone.simulate(values).observed["position"])
+
+    def slope(shared, x, h=1e-6):
+        return (rows(shared, x + h) - rows(shared, x - h)) / (2.0 * h)
+
+    def start_of(shared, x=1.25):
+        for _ in range(8):
+            by_x = slope(shared, x)[early]
+            x -= by_x @ (rows(shared, x) - further.values["position"])[early] / (by_x @ by_x)
+        return x
+
+    best = np.array([float(fit.values[name]) for name in names])
+    x = start_of(best)
+    by_shared = []
+    for i in range(2):
+        h = 1e-5 * np.eye(2)[i]
+        both = [rows(s, start_of(s)) for s in (best + h, best - h)]
+        by_shared.append((both[0] - both[1]) / 2e-5)
+    by_shared, by_x = np.stack(by_shared, -1), slope(best, x)
+    where = [fit.names.index(name) for name in names]
+    covariance = np.asarray(fit.covariance())[np.ix_(where, where)]
+    variance = np.einsum("ti,ij,tj->t", by_shared, covariance, by_shared)
+    variance += by_x**2 * SD**2 / np.sum(by_x[early] ** 2)
+    found = problem.predict(fit, further, after=4.0)
+    np.testing.assert_allclose(found.mean["position"], rows(best, x), atol=1e-7)
+    size = found.upper["position"] - found.mean["position"]
+    np.testing.assert_allclose(size, norm.ppf(0.975) * np.sqrt(variance), rtol=1e-3, atol=1e-7)
+    drawn = problem.predict(fit, further, after=4.0, draws=1000, seed=1)
+    wide = drawn.upper["position"] - drawn.lower["position"]
+    assert drawn.failed == 0
+    np.testing.assert_allclose(wide[::10], 2.0 * size[::10], rtol=0.15)
+
+
+@pytest.mark.more
+def test_bands_of_further_records_hold_what_they_say(two_starts):
+    problem, _ = two_starts
+    inside = []
+    for seed in range(60):
+        records = [begun_at(x, 10 * seed + i)[0] for i, x in enumerate((1.0, 1.6))]
+        fit = problem.with_records(records).fit(start=NEAR)
+        further, clean = begun_at(1.25, 10 * seed + 5)
+        found = problem.predict(fit, further, after=4.0)
+        held = (found.lower["position"] <= clean) & (clean <= found.upper["position"])
+        inside.append(held[BEGINS > 4.0].mean())
+    assert 0.90 < np.mean(inside) < 0.99
