@@ -281,7 +281,8 @@ def _read(path: pathlib.Path) -> tuple[dict[str, Any], bytes]:
             header = json.loads(file.read(HEADER))
             program = file.read(PROGRAM)
     except DAMAGES as error:
-        raise ValueError(f"{path} is damaged, or is not a file of stickslip.export: {error}") from error
+        but = f"which is damaged or another file ({error})"
+        raise refusal("path", str(path), "a file of stickslip.export", but=but) from error
     if header.get("format") != FORMAT:
         refuse(f"has the format {header.get('format')!r}; this version reads {FORMAT!r}")
     if hashlib.sha256(program).hexdigest() != header["sha256"]:

@@ -76,6 +76,9 @@ def _text(
             )  # fmt: skip
     except (pd.errors.ParserError, pd.errors.ParserWarning, pd.errors.EmptyDataError) as error:
         told = str(error).strip().splitlines()[0]
+        if names is not None and isinstance(error, pd.errors.ParserWarning):
+            allowed = f"a name for each column of {file}"
+            raise refusal("columns", list(names), allowed) from None
         allowed = "a table of text; skip=N leaves out N lines before it"
         raise refusal("path", str(file), allowed, but=f"unreadable ({told})") from None
     heads = [str(head).strip() for head in table.columns]

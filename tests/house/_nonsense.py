@@ -15,6 +15,7 @@ import os
 import pathlib
 import re
 import sys
+import tempfile
 import time
 import traceback
 import warnings
@@ -241,11 +242,14 @@ def main(share: int) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    with warnings.catch_warnings():
+    out = pathlib.Path(sys.argv[2]).resolve() if len(sys.argv) > 2 else None
+    with warnings.catch_warnings(), tempfile.TemporaryDirectory() as place:
         warnings.simplefilter("ignore")
+        os.chdir(place)  # where files of nonsensical names come
         found = main(int(sys.argv[1]) if len(sys.argv) > 1 else 1)
+        os.chdir("/")
     for target, name, kind, word, text in found["complaints"]:
         print(f"{target}({name}={kind}): {word}: {text}")
     print(json.dumps({k: v for k, v in found.items() if k != "complaints"}))
-    if len(sys.argv) > 2:
-        pathlib.Path(sys.argv[2]).write_text(json.dumps(found, indent=1))
+    if out is not None:
+        out.write_text(json.dumps(found, indent=1))

@@ -54,7 +54,7 @@ TARGETS = [
         continuation.OrbitGuess,
         {
             "y0": arg(START, "states"), "period": PERIOD, "mode0": arg(0, "none", "whole", "text"),
-            "t0": TIME, "turns": arg(None, "none", "mapping"),
+            "t0": TIME, "turns": arg(None, "none", "entries"),
         },
     ),
     Target(
