@@ -15,8 +15,13 @@ WORTH = 0.1  # s of compiling from which a program is kept
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m experiments", description="Compute and draw the figures of the papers."
-    )
+        prog="python -m experiments", description="Compute and draw the figures of the papers.",
+        add_help=False,
+    )  # fmt: skip
+    parser.add_argument(
+        "-h", "--help", action="store_true", dest="asks",
+        help="this text, and for an experiment the keys of --set with their values",
+    )  # fmt: skip
     parser.add_argument(
         "name",
         nargs="?",
@@ -49,6 +54,9 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command line; the exit status."""
     parser = _parser()
     options = parser.parse_args(arguments)
+    if options.asks and options.name is None:
+        parser.print_help()
+        return 0
     from . import _experiment
     from ._experiment import chosen
     from ._scoreboard import scoreboard
@@ -75,6 +83,10 @@ def main(arguments: list[str] | None = None) -> int:
             file=sys.stderr,
         )
         return 2
+    if options.asks:
+        parser.print_help()
+        _print_keys(options.name, experiments)
+        return 0
     if options.name == "all" and options.changes:
         print("--set changes one experiment: name it instead of 'all'.", file=sys.stderr)
         return 2
@@ -106,6 +118,26 @@ def main(arguments: list[str] | None = None) -> int:
     if failed and len(names) > 1:
         print(f"failed: {', '.join(failed)}", file=sys.stderr)
     return 1 if failed else 0
+
+
+def _print_keys(name: str, experiments) -> None:
+    """The keys of `--set` of an experiment, at full resolution and with `--quick`."""
+    from ._settings import choices_of
+
+    experiment = experiments.get(DEMO if name == "demo" else name)
+    if experiment is None:  # all of them
+        return
+    kinds = [("", experiment)]
+    if experiment.measured is not None:
+        kinds.append((" with --data FILE", experiment.measured))
+    print(f"\n{name}: {experiment.title}")
+    for when, kind in kinds:
+        print(f"keys of --set{when}:")
+        for key, value in kind.parameters.items():
+            text = f"  {key}={value}" + (
+                f", with --quick {kind.quick[key]}" if key in kind.quick else ""
+            )
+            print(text + (f"; one of {', '.join(given)}" if (given := choices_of(key)) else ""))
 
 
 def _keep_or_write(name: str, experiments, out: pathlib.Path) -> int:

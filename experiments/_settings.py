@@ -73,7 +73,7 @@ def _check_one(key: str, text: str, values: Mapping[str, Any]) -> None:
     if isinstance(value, bool):
         return
     if isinstance(value, str):
-        allowed = _choices(key)
+        allowed = choices_of(key)
         if allowed and value not in allowed:
             raise refused(key, text, f"one of {', '.join(allowed)}")
         return
@@ -104,7 +104,8 @@ def _check_cut(values, changed, end: str, begin: str | None, step: str) -> None:
         raise refused(step, changed.get(step, values[step]), at_least)
 
 
-def _choices(key: str) -> tuple[str, ...]:
+def choices_of(key: str) -> tuple[str, ...]:
+    """The texts that a key may have; none where any may be."""
     if key == "set":
         from .block._sets import FOUND  # an experiment; it knows this module by way of its own
 

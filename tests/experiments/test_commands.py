@@ -197,6 +197,18 @@ def test_statements_of_no_directory(tmp_path, capsys):
     assert "none: it must be a directory of results" in capsys.readouterr().err
 
 
+def test_help_says_what_can_be_set(capsys):
+    assert command.main(["-h"]) == 0
+    assert "keys of --set:" not in capsys.readouterr().out
+    assert command.main(["block-fig02", "--help"]) == 0
+    told = capsys.readouterr().out
+    assert "k3_step=0.001, with --quick 0.5" in told
+    assert "method=tsit5; one of dop853, tsit5, rk4" in told
+    assert command.main(["identify-corexy", "-h"]) == 0
+    own = capsys.readouterr().out.split("keys of --set with --data FILE:")[1]
+    assert "  scored=" in own
+
+
 @pytest.mark.usefixtures("only_line")
 def test_commands(tmp_path, capsys):
     out = ["--out", str(tmp_path)]
