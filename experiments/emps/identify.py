@@ -6,8 +6,9 @@
   force of 0.01 N too much is an error of a millimetre at the end.
 
 Without `all` one law is fitted by position, and none to a part of the command or to a simulated one.
-`--set scored=FILE,...` scores all laws on further records of the same format too, to which none is
-fitted. Every score is told from the state that the first samples give and from rest.
+`--set records=FILE,...` fits several records together; the first is shown. `--set scored=FILE,...`
+scores all laws on further records of the same format too, to which none is fitted. Every score is told
+from the state that the first samples give and from rest.
 """
 
 from typing import Any
@@ -36,7 +37,8 @@ from .._statement import Untold, Verdict, judge_all, statement
 from .._thresholds import Measured
 from ._inverse import inverse_dynamics
 from ._record import NAME, Record, load
-from ._stage import FIRST, command, position
+from ._residuals import SIGMA, blocks, by_command, by_position, commands, joined
+from ._stage import FIRST, position
 
 PUBLISHED = {
     "symmetric": {"mass": 95.1089, "viscous": 203.5034, "dry": 20.3935, "offset": -3.1648},
@@ -50,20 +52,12 @@ UNKNOWNS = (
     "mass", "viscous", "dry", "offset", "viscous_forward", "viscous_backward", "dry_forward",
     "dry_backward", "rise", "v_s",
 )  # fmt: skip
-SIGMA = 0.05  # of a mean command [V]: what the residuals show
-SIGMA_Q = 1e-3  # of a position, open loop [m]
 RICHER = "asymmetric with rise"
 LAGS = 20
 
 
 def unit_of(name: str) -> str:
     return UNITS.get(name, "N s/m" if name.startswith("viscous") else "N")
-
-
-def blocks(row: Any, kept: int) -> Any:
-    """Means over `kept` samples at a time, of what is measured and of what is computed alike."""
-    whole = row.shape[0] // kept * kept
-    return row[:whole].reshape(-1, kept).mean(axis=1)
 
 
 def starts(law: str, rng: np.random.Generator, spread: float) -> dict[str, Unknown]:
@@ -74,24 +68,6 @@ def starts(law: str, rng: np.random.Generator, spread: float) -> dict[str, Unkno
         bounds = (None, None) if name == "offset" else (0.0, None)
         found[name] = Unknown(start, bounds=bounds, unit=unit_of(name))
     return found
-
-
-def by_command(record: Record, measured: Any, kept: int):
-    """Residuals of the command under the controller, in standard deviations."""
-
-    def residual(values):
-        return (blocks(command(values, record, 1), kept) - measured) / SIGMA
-
-    return residual
-
-
-def by_position(record: Record, every: int):
-    """Residuals of the position open loop, in standard deviations."""
-
-    def residual(values):
-        return (position(values, record, every) - record.q[::every]) / SIGMA_Q
-
-    return residual
 
 
 def part(record: Record, begin: int, end: int) -> Record:
@@ -130,20 +106,21 @@ def best_of(residual: Any, law: str, parameters: dict[str, Any], steps: int = 60
 def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
     if not 0.2 <= parameters["split"] <= 0.8:
         raise ValueError(f"--set split={parameters['split']}: it must be from 0.2 to 0.8.")
-    record = load(context.data, parameters["records"])
+    fitted = listed("records", parameters["records"])
+    if not fitted:
+        raise ValueError("--set records=: it must name a record.")
+    records = [load(context.data, name) for name in fitted]
     further = {name: load(context.data, name) for name in listed("scored", parameters["scored"])}
     kept = parameters["kept"]
-    size = record.q.size
     if parameters["duration"] < 24.84:
-        size = round(parameters["duration"] * 1000)
-        record = part(record, 0, size)
-    measured = blocks(record.u, kept)
+        records = [part(record, 0, round(parameters["duration"] * 1000)) for record in records]
+    measured = joined(records, lambda record: blocks(record.u, kept))
     columns: dict[str, dict[str, Any]] = {}
     residuals, fits = {}, {}
     for law in PUBLISHED:
-        values, errors, relative = inverse_dynamics(record, law == "asymmetric")
+        values, errors, relative = inverse_dynamics(records, law == "asymmetric")
         columns[f"inverse dynamics, {law}"] = {"values": values, "errors": errors, "left": relative}
-        found = best_of(by_command(record, measured, kept), law, parameters)
+        found = best_of(by_command(records, measured, kept), law, parameters)
         fits[law] = found[0]
         residuals[law] = np.asarray(found[0].residual)
         apart = max(
@@ -155,12 +132,14 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
         # What the true law leaves: its own run with white noise of the size that was found.
         truth = {name: fits["asymmetric"].values[name] for name in fits["asymmetric"].names}
         noise = np.random.default_rng(parameters["seed"] + 1).normal(size=measured.size)
-        made = np.asarray(blocks(command(truth, record, 1), kept)) + SIGMA * noise
-        again = best_of(by_command(record, made, kept), "asymmetric", parameters | {"starts": 1})[0]
+        made = np.asarray(commands(truth, records, kept)) + SIGMA * noise
+        again = best_of(by_command(records, made, kept), "asymmetric", parameters | {"starts": 1})[0]
         residuals["asymmetric, simulated"] = np.asarray(again.residual)
-    split = round(parameters["split"] * size)
-    first, second = part(record, 0, split), part(record, split, size)
-    over = {"all": record, "first": first, "second": second}
+    splits = [round(parameters["split"] * record.q.size) for record in records]
+    firsts = [part(record, 0, split) for record, split in zip(records, splits, strict=True)]
+    record, split = records[0], splits[0]  # what is shown
+    over = {"all": record, "first": firsts[0], "second": part(record, split, record.q.size)}
+    over |= dict(zip(fitted[1:], records[1:], strict=True))
     over |= further
     models: dict[str, Any] = {}
     ends = {}
@@ -170,42 +149,45 @@ def compute(parameters: dict[str, Any], context: Context) -> xr.Dataset:
         # To the whole command, so that only a further record has not been seen.
         models[f"command, {law}"] = fit.values
     for law in PUBLISHED if parameters["all"] else ("asymmetric",):
-        found = best_of(by_position(first, kept), law, parameters | {"starts": 1, "spread": 0.0})[0]
+        found = best_of(by_position(firsts, kept), law, parameters | {"starts": 1, "spread": 0.0})[0]
         columns[f"by position, {law}"] = _column(found, 0.0)
         name = f"position of the first part, {law}"
         models[name] = found.values
         ends[law] = found
     shown = ends["asymmetric"]
     if parameters["all"]:
-        shown = _with_rise(by_position(first, kept), shown)
+        shown = _with_rise(by_position(firsts, kept), shown)
         columns[f"by position, {RICHER}"] = _column(shown, 0.0)
         models[f"position of the first part, {RICHER}"] = shown.values
     held_out = {}
-    later = measured.size * 6 // 10
+    # Fitted to the first part of the command of each, scored on the rest of the same runs.
+    early = joined(
+        records, lambda record: np.arange(n := record.u.size // kept) < n * 6 // 10
+    )  # fmt: skip
     for law in PUBLISHED if parameters["all"] else ():
-        # Fitted to the first part of the command alone, scored on the rest of the same run.
-        early = by_command(record, measured, kept)
+        whole = by_command(records, measured, kept)
         method = LevenbergMarquardt(max_steps=40)
-        known = least_squares(lambda p, early=early: early(p)[:later], _near(fits[law]), method)
-        held_out[law] = SIGMA * np.asarray(early(known.values))[later:]
+        known = least_squares(lambda p, whole=whole: whole(p)[early], _near(fits[law]), method)
+        held_out[law] = SIGMA * np.asarray(whole(known.values))[~early]
         models[f"command of the first part, {law}"] = known.values
     compared = compare(fits, held_out=held_out or None, sigma=SIGMA, noise_known=False)
     intervals = None
     if parameters["profile"]:
         intervals = profile(
-            by_command(record, measured, kept), fits["asymmetric"], points=2, max_steps=100
+            by_command(records, measured, kept), fits["asymmetric"], points=2, max_steps=100
         )
+    steps = joined(records, lambda record: np.gradient(blocks(record.reference, kept)))
     last = {"command [V]": held_out["asymmetric"]} if held_out else None
     told = report(
         fits["asymmetric"], profile=intervals, series={"command": residuals["asymmetric"]},
-        whiteness=WhitenessTest(inputs={"reference": np.gradient(blocks(record.reference, kept))}),
+        whiteness=WhitenessTest(inputs={"reference": steps}),
         held_out=last, comparison=compared,
         title="EMPS, asymmetric friction, by the command of the controller",
     )  # fmt: skip
     print(told)
     scores = {name: [score(values, r) for r in over.values()] for name, values in models.items()}
-    for name, whole in ({parameters["records"]: record} | further).items():
-        print(_ranking(name, whole, models))
+    for name, one in (dict(zip(fitted, records, strict=True)) | further).items():
+        print(_ranking(name, one, models))
     computed = np.asarray(position(of_both_sides(shown.values), record, 1))[::kept]
     return _dataset(
         columns, residuals, scores, compared, record, computed, split, kept, str(told), list(over)

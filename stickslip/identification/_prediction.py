@@ -177,7 +177,7 @@ def predict(
     if draws is None:
         ends = _by_slopes(known, robust, rows, slopes, noise, level)
     else:
-        zs = _drawn(known, robust, np.random.default_rng(seed), draws)
+        zs = _coordinates_at_random(known, robust, np.random.default_rng(seed), draws)
         ends, failed = _by_draws(known.space, zs, problem, record, noise, level, seed)
     count = problem.records[record].times.size
 
@@ -218,7 +218,7 @@ def _variance(fit: Fit, robust: bool, slopes: np.ndarray) -> Any:
     return variance
 
 
-def _drawn(known: Known, robust: bool, rng: Any, draws: int) -> np.ndarray:
+def _coordinates_at_random(known: Known, robust: bool, rng: Any, draws: int) -> np.ndarray:
     """Rows of coordinates, of the normal distribution of each part."""
     zs = np.tile(known.z, (draws, 1))
     for fit, moves in known.parts:

@@ -96,11 +96,11 @@ def test_the_score_is_that_of_an_independent_integrator(symmetric):
 
 
 def test_inverse_dynamics_of_a_known_machine(symmetric):
-    values, errors, left = inverse_dynamics(symmetric)
+    values, errors, left = inverse_dynamics([symmetric])
     for name, value in TRUTH.items():
         assert abs(values[name] - value) < 0.02 * abs(value) + 3.0 * errors[name], name
     assert left < 0.05
-    sides, _, _ = inverse_dynamics(made(SIDES), asymmetric=True)
+    sides, _, _ = inverse_dynamics([made(SIDES)], asymmetric=True)
     assert sides["viscous_backward"] - sides["viscous_forward"] == pytest.approx(70.0, abs=7.0)
 
 
@@ -129,7 +129,7 @@ def measured() -> Record:
 def test_published_estimates_from_the_measured_record():
     record = measured()
     for law, values in identify.PUBLISHED.items():
-        found, errors, _ = inverse_dynamics(record, law == "asymmetric")
+        found, errors, _ = inverse_dynamics([record], law == "asymmetric")
         assert {n: abs(found[n] / v - 1.0) < 5e-3 for n, v in values.items()} == dict.fromkeys(
             values, True
         )
@@ -170,6 +170,26 @@ def test_a_further_record_is_scored_by_all_laws(tmp_path):
     np.testing.assert_array_equal(score.sel(over="PULSES.mat"), score.sel(over="all"))
     assert {"published, asymmetric", "command, asymmetric"} <= set(score.model.values)
     assert np.all(score.sel(over="PULSES.mat") > 1e-4)
+
+
+@pytest.mark.slow
+def test_two_records_are_fitted_together(tmp_path):
+    """The same record twice: the same estimates, known better by the root of two."""
+    measured()
+    folder = pathlib.Path(os.environ[_data.VARIABLE])
+    for name in (NAME, "AGAIN.mat"):
+        (tmp_path / name).write_bytes(_data.find(folder, "emps", NAME, "").read_bytes())
+    found = []
+    for names in (NAME, f"{NAME},AGAIN.mat"):
+        changes = [f"records={names}", "duration=6.0"]
+        _output.run(identify.EXPERIMENT, tmp_path, quick=True, data=tmp_path, changes=changes)
+        with xr.open_dataset(tmp_path / "identify-emps.nc", engine="h5netcdf") as data:
+            found.append(data.load())
+    one, two = found
+    np.testing.assert_allclose(two.estimate, one.estimate, rtol=1e-4)
+    np.testing.assert_allclose(two.standard_error * 2.0**0.5, one.standard_error, rtol=2e-2)
+    assert list(two.over.values) == ["all", "first", "second", "AGAIN.mat"]
+    np.testing.assert_array_equal(two.score.sel(over="AGAIN.mat"), two.score.sel(over="all"))
 
 
 def test_a_further_record_that_is_not_there(tmp_path, capsys):
