@@ -87,7 +87,8 @@ class AbstractHybridSystem(AbstractShown):
     - `guards(t, y, mode, args) -> tuple of scalars`, one per entry of `guard_names`. With the
       default direction `"falling"`, positive means inside the mode; a guard that does not belong to
       `mode` returns a positive constant. `guard_directions` may say `"rising"` or `"both"`: such a
-      guard fires at every change of its sign, and once it has fired has the sign that it goes to.
+      guard fires at every change of its sign, and once it has fired has the sign that it goes to. So
+      does a mark that acts in one direction alone: its `transition` changes nothing on the way back.
       A guard is taken as violated below `-1e-12` of its magnitude: by default, how much it changes
       as the state goes from zero to the largest values of the motion so far, or its own largest value
       in this mode where that is more; `guard_scales` states magnitudes instead (a property may compute
