@@ -32,6 +32,8 @@ class Accuracy:
     # [-] of the terms of a sliding speed, or of a gap: a contact said to stick whose speed is larger
     # slides, a stop said to be closed whose gap is larger is not met
     slides: float = 1e-6
+    # [-] of the speed of rest of a planar contact: slower it passes through zero against its load
+    passes: float = 1e-3
     # [m/s, m] slower or closer than it is rounding at rest
     rests: float = 1e-12
 

@@ -26,6 +26,8 @@ class Contact(NamedTuple):
       the mechanism holds None because it depends on the state or on parameters.
     - `normal_direction`: the generalised force of a normal force of 1 N on the mechanism, likewise;
       only for a contact that may open, since it vanishes with the contact.
+    - `rest_speed` [m/s], positive: of a contact in a plane (`AbstractMechanism.planar`) alone; the end of
+      a slide, slower than this, is that under constant forces.
     """
 
     law: Given[AbstractFrictionLaw]
@@ -33,6 +35,7 @@ class Contact(NamedTuple):
     surface_speed: Any = 0.0
     direction: Any = None
     normal_direction: Any = None
+    rest_speed: Any = 1e-6
 
 
 def drags(law: Any) -> bool:

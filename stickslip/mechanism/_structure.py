@@ -90,7 +90,10 @@ class Structure:
         """One guard per contact, and per second limit of its friction, per group of dependent contacts,
         per contact that may open or lose its normal force, per stop."""
         names = self.names
-        own = [f"{name} stops or gives way" for name in names.contacts]
+        words = {c: "stops or gives way" for c in range(len(names.contacts))}
+        for group in self.contact_groups:
+            words.update(group.guard_words)
+        own = [f"{name} {words[c]}" for c, name in enumerate(names.contacts)]
         own += [f"{names.contacts[c]} gives way forward" for c in self.two_sided]
         for group in self.contact_groups:
             if group.joint_guards:
@@ -122,20 +125,25 @@ def structure_with(declaration: AbstractDeclaration, two_sided: tuple[int, ...])
         (names.contacts.index(name), len(names.contacts) + names.stops.index(stop))
         for name, stop in declaration.rubbing.items()
     )
+    planar = tuple(
+        (names.contacts.index(first), names.contacts.index(second))
+        for first, second in declaration.planar.items()
+    )
     coupled = coupled_velocities(declaration)
     parts = [
         Part(columns, rows, J[np.ix_(rows, columns)],
              None if inertia is None else inertia[:, columns][:, :, columns],
              sum(c >= len(directions) for c in rows), opening, lifting, two_sided,
              tuple(pair for pair in rubbing if pair[0] in rows),
+             tuple(pair for pair in planar if pair[0] in rows),
              bool(coupled[np.ix_(columns, columns)].sum() > len(columns)))
-        for columns, rows in _coupled_sets(J, coupled, rubbing)
+        for columns, rows in _coupled_sets(J, coupled, rubbing + planar)
     ]  # fmt: skip
     return Structure(names, directions, slopes, parts, lifting, two_sided)
 
 
 def _coupled_sets(
-    J: np.ndarray, inertia: np.ndarray, rubbing: tuple[tuple[int, int], ...]
+    J: np.ndarray, inertia: np.ndarray, pairs: tuple[tuple[int, int], ...]
 ) -> Iterator[tuple[tuple[int, ...], tuple[int, ...]]]:
     """Velocities that contacts or inertia couple, and the contacts and stops on them.
 
@@ -144,7 +152,7 @@ def _coupled_sets(
     """
     joined, n = inertia.copy(), J.shape[1]
     touches = np.isnan(J) | (J != 0)
-    for touched in (*touches, *(touches[c] | touches[k] for c, k in rubbing)):
+    for touched in (*touches, *(touches[c] | touches[k] for c, k in pairs)):
         joined |= np.outer(touched, touched)
     label = list(range(n))
     for _ in range(n):

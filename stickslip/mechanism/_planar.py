@@ -1,0 +1,329 @@
+"""Friction in a plane: two contacts that bear together what lies in an ellipse."""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from stickslip._fastmath import SMOOTH, where
+from stickslip._validation import DeclarationError, refusal
+from stickslip.hybrid.accuracy import ACCURACY as ENGINE
+
+from ._accuracy import ACCURACY
+from ._group import AbstractContactGroup, Change, Fired, Guards, Release
+from ._independent import CoupledContacts
+from ._local import LocalInstant, Part
+from ._motion import Motion
+from ._rows import NumberRow
+from ._varying import VaryingContacts
+
+Pair = tuple[Any, Any]
+
+
+class Slide(NamedTuple):
+    """A planar contact that slides.
+
+    - `speed` [m/s], negative beyond a passage through zero; `limits` of the friction along each axis
+      [N]; `toward`: the part of each that acts, against it, a unit vector;
+    - `load` that the contact would bear at rest, in parts of the limits; `friction` [N];
+    - `along`, `across`: velocity along the middle of the quadrant of the mode, and across it.
+    """
+
+    speed: Any
+    limits: Pair
+    toward: Pair
+    load: Pair
+    friction: Pair
+    along: Any
+    across: Any
+
+
+class PlanarContact(AbstractContactGroup):
+    r"""Two contacts that are the axes of one contact in a plane.
+
+    With the sliding velocity $u = (u_1, u_2)$, its size $s$ and the limits $R_i = \mu_i N$ friction is
+    that of the greatest dissipation (Moreau):
+
+    $$s = 0:\ \Bigl(\frac{\lambda_1}{R_1}\Bigr)^2 + \Bigl(\frac{\lambda_2}{R_2}\Bigr)^2 \le 1, \qquad
+      s > 0:\ \lambda_i = -\frac{R_i(s)^2 u_i}{\sqrt{(R_1 u_1)^2 + (R_2 u_2)^2}} - d_i(s)\frac{u_i}{s}$$
+
+    For one law it is a disc, and friction is opposite to the velocity. States: a contact that slides has
+    the signs of a quadrant, which it leaves beyond 60 degrees from its middle (no event of the motion,
+    but so the field goes on smoothly through zero); (0, 0) at rest; (2, 2) open; (1, 0) as it ends.
+
+    **The end of a slide.** As $s \to 0$ the direction settles like a power of the time $T$ that is left,
+    which no step resolves. Slower than the speed of rest $s_0$ the load $m = F/R$ in parts of the limit
+    and the deceleration $A$ by friction are held. Then, for a disc without coupling,
+
+    $$T = \frac{s\,(1 + m\cdot e)}{A\,(1 - m^2)}, \qquad \Delta = \frac{s^2}{A}\Bigl[
+      \frac{2 + g}{4 - m^2}\,e + \frac{4 - m^2 + 6g + 3g^2}{4(1 - m^2)(4 - m^2)}\,m\Bigr],
+      \quad g = m\cdot e$$
+
+    are exact. The contact is moved by $\Delta$ and stops after $T$, meanwhile on a straight line.
+    """
+
+    def __init__(self, part: Part):
+        super().__init__(part)
+        (first, second), *more = part.planar
+        those = f"{self.m} contacts and stops of one group"
+        if more or self.m != 2 or self.stops or part.dependent:
+            allowed = (
+                "two contacts of independent directions, which no other contact or stop joins by a "
+                "velocity or by inertia"
+            )
+            raise DeclarationError(str(refusal("planar", those, allowed)))
+        if second in part.opening:
+            allowed = "the first of the two contacts of a planar one, which opens both"
+            raise DeclarationError(str(refusal("opening", "the second", allowed)))
+        self.first, self.second = first, second
+        self.plain = VaryingContacts(part) if part.varies else CoupledContacts(part)
+
+    @classmethod
+    def takes(cls, part: Part) -> bool:
+        return bool(part.planar)
+
+    @property
+    def joint_guards(self) -> int:
+        return 1
+
+    @property
+    def guard_words(self) -> dict[int, str]:
+        return {self.rows[1]: "turns"}
+
+    def motion(self, M, F, J, rest, gamma):
+        return self.plain.motion(M, F, J, rest, gamma)
+
+    def decides(self, rests, n):
+        return self.plain.decides(rests, n)
+
+    # -- friction
+
+    def normal_force(self, here: LocalInstant) -> Any:
+        """That of the first contact [N]; raises for one of the second, and for laws of two senses."""
+        first, second = (here.at.contacts[c] for c in (self.first, self.second))
+        extra = second.normal_direction
+        if not (isinstance(second.normal_force, float) and second.normal_force == 1.0) or extra is not None:
+            allowed = "left out: both axes of a planar contact have that of the first"
+            what = "the normal force of the second contact of `planar`"
+            raise DeclarationError(str(refusal(what, second.normal_force, allowed)))
+        for contact in (first, second):
+            if not contact.law.is_odd:
+                allowed = "the same in both senses: a planar contact knows none"
+                raise DeclarationError(str(refusal("the law of a planar contact", contact.law, allowed)))
+        return first.normal_force
+
+    def normal_forces(self, here: LocalInstant, states: Any) -> dict[int, Any]:
+        return {self.second: jnp.asarray(self.normal_force(here), jnp.float64)}
+
+    def static(self, here: LocalInstant) -> Pair:
+        """Semi-axes of the ellipse at rest [N]."""
+        load = self.normal_force(here)
+        return tuple(contact.law.static_coefficient(1) * load for contact in here.contacts)
+
+    def held(self, here: LocalInstant, states: Any, back: Any = 0.0) -> Motion:
+        """Motion at rest, `back` [m/s^2] against the first axis."""
+        everything = here.at.forces_in(states)
+        force = tuple(everything[j] for j in self.columns)
+        gamma = [here.gamma[0] - back, here.gamma[1]]
+        return self.motion(here.mass, force, here.lines, _both(True), gamma)
+
+    @jax.named_scope(SMOOTH)
+    def slide(self, here: LocalInstant, states: Any) -> Slide:
+        """The contact as it slides in the quadrant of its state."""
+        (u1, u2), (s1, s2) = here.speeds, self.own_states(states)
+        along, across = s1 * u1 + s2 * u2, s1 * u2 - s2 * u1
+        # Through zero the branch of friction goes on; a turn by less than 120 degrees is none.
+        beyond = (along < 0.0) & (3.0 * along * along > across * across)
+        sense = where(beyond, -1.0, 1.0)
+        speed = sense * _size((u1, u2))
+        normal, laws = self.normal_force(here), [contact.law for contact in here.contacts]
+        limits = tuple(law.kinetic(speed, 1) * normal for law in laws)
+        load = tuple(
+            -borne / (limit + ENGINE.tiny)
+            for borne, limit in zip(self.held(here, states).force, limits, strict=True)
+        )
+        pulled = _size(load)
+        # From rest it slides along its load: so small a speed has no direction of its own.
+        hint = where(pulled >= 1.0 - ENGINE.slack, ACCURACY.passes * self.rest_speed(here), 0.0)
+        hint = hint * limits[0] / pulled
+        used = [r * sense * u + hint * m for r, u, m in zip(limits, (u1, u2), load, strict=True)]
+        size = _size(used)
+        toward = (used[0] / size, used[1] / size)
+        friction = tuple(
+            -(r * e + law.drag(speed) * u / speed)
+            for r, e, law, u in zip(limits, toward, laws, (u1, u2), strict=True)
+        )
+        return Slide(speed, limits, toward, load, friction, along, across)
+
+    def rest_speed(self, here: LocalInstant) -> Any:
+        """Slower slides end in closed form [m/s]."""
+        return here.at.contacts[self.first].rest_speed
+
+    def slip_forces(self, here: LocalInstant, states: Any) -> NumberRow:
+        slips = _slips(self.own_states(states))
+        return tuple(where(slips, f, 0.0) for f in self.slide(here, states).friction)
+
+    def load(self, here: LocalInstant, states: Any, needed: bool = False) -> NumberRow:
+        everything = here.at.forces_in(states)
+        force = tuple(everything[j] for j in self.columns)
+        return self.with_friction(here.lines, force, self.slip_forces(here, states))
+
+    def motion_in(self, here: LocalInstant, states: Any, needed: bool = False) -> Motion:
+        s1, s2 = self.own_states(states)
+        rests = s2 == 0.0
+        back = where(rests & (s1 != 0.0), self.straight(here), 0.0)
+        gamma = [here.gamma[0] - back, here.gamma[1]]
+        return self.motion(here.mass, self.load(here, states), here.lines, (rests, rests), gamma)
+
+    def straight(self, here: LocalInstant) -> Any:
+        """Deceleration at the end of a slide, which is along the first axis [m/s^2]."""
+        inertia = -self.impulse(here, (-1.0, 0.0)).force[0]
+        law = here.contacts[0].law
+        return law.kinetic_limit(1) * self.normal_force(here) / jnp.abs(inertia)
+
+    def impulse(self, here: LocalInstant, change: Pair) -> Motion:
+        """Changes of the velocities with these changes of the sliding velocity, and the impulses."""
+        none = tuple(jnp.zeros_like(x) for x in here.velocities)
+        return self.motion(here.mass, none, here.lines, _both(True), [jnp.asarray(x) for x in change])
+
+    # -- guards and events
+
+    def guards(self, here: LocalInstant, states: Any) -> Guards:
+        own = self.own_states(states)
+        slips, rests = _slips(own), own[1] == 0.0
+        now, ends = self.slide(here, states), rests & (own[0] != 0.0)
+        within = jnp.maximum(1.0 - _size(now.load), 0.0)
+        # Under a load beyond its limit it passes through zero if it slides against the load.
+        against = jnp.clip(-_dot(now.load, now.toward), 0.0, 1.0)
+        slow = self.rest_speed(here) * (within + ACCURACY.passes * against)
+        stops = where(slips, now.speed - slow, where(ends, here.speeds[0], 1.0))
+        a, b = now.along * now.along, now.across * now.across
+        turns = where(slips, (3.0 * a - b + ENGINE.tiny**2) / (a + b + ENGINE.tiny**2), 1.0)
+        left = where(rests & ~ends, self.left(here, self.held(here, states)), 1.0)
+        return Guards((stops, turns), {}, (left,))
+
+    def left(self, here: LocalInstant, held: Motion) -> Any:
+        """Force that is left until the contact gives way [N], along the first axis."""
+        first, second = self.static(here)
+        share = (first + ENGINE.tiny) / (second + ENGINE.tiny)
+        return first - _size((held.force[0], share * held.force[1]))
+
+    def release(self, here: LocalInstant, states: Any, hit: NumberRow, fired: Fired) -> Release:
+        raise NotImplementedError("a planar contact has a transition of its own")
+
+    def at_zero(self, here: LocalInstant, states: Any) -> Pair:
+        """State of a contact without speed: at rest, or the quadrant of its load."""
+        held = jax.lax.stop_gradient(self.held(here, states))
+        static = jax.lax.stop_gradient(self.static(here))
+        gives_way = self.left(here, held) < -ENGINE.slack * static[0]
+        way = self.way(here, held)
+        return tuple(where(gives_way, s, 0.0) for s in way)
+
+    def way(self, here: LocalInstant, held: Motion) -> Pair:
+        """The quadrant of the load."""
+        return _quadrant(tuple(-force for force in held.force))
+
+    def slow_both(self, here: LocalInstant) -> Any:
+        """Whether the sliding velocity is rounding."""
+        first, second = here.slow()
+        return first & second
+
+    def at_start(self, here: LocalInstant, states: Any) -> NumberRow:
+        opens, slow = states[self.first] == 2.0, self.slow_both(here)
+        way = _quadrant(here.speeds)
+        return tuple(where(opens, 2.0, where(slow, 0.0, s)) for s in way)
+
+    def states_after(self, here, states, own, started, active, passing=None):
+        stands = (own[0] == 0.0) | (own[1] == 0.0)
+        zero = self.at_zero(here, self.with_own(states, _both(0.0)))
+        found = tuple(where(stands, z, s) for z, s in zip(zero, own, strict=True))
+        return found, jnp.ones((), bool)
+
+    def transition(self, here: LocalInstant, states: Any, fired: Fired) -> Change:
+        own, u = self.own_states(states), here.speeds
+        slips = _slips(own)
+        stop, turn = (fired.guard == fired.numbers[c][0] for c in self.rows)
+        gives_way = (fired.guard == fired.joint[self.rows[0]]) & (own[1] == 0.0)
+        time, moves, speed = self.end(here, states)
+        lasts = stop & slips & (time > 0.0)
+        zero = stop & ~lasts
+        slides = turn & slips
+        opens, opened = own[0] == 2.0, jnp.zeros((), bool)
+        if self.first in fired.toggled:
+            toggle = fired.toggled[self.first]
+            opened = toggle & ~opens
+            closes = toggle & opens
+            zero, slides = zero | (closes & self.slow_both(here)), slides | closes
+            opens = opens & ~toggle
+        if fired.asked is not None:
+            asked = fired.asked & ~opens & ~opened
+            stands = self.slow_both(here) | ((own[0] == 0.0) & (own[1] == 0.0))
+            zero, slides = zero | (asked & stands), slides | asked
+        at_zero = self.at_zero(here, self.with_own(states, _both(0.0)))
+        gone = self.way(here, self.held(here, states))
+        found = []
+        for i, (s, quadrant) in enumerate(zip(own, _quadrant(u), strict=True)):
+            s = where(slides, quadrant, s)
+            s = where(gives_way, gone[i], s)
+            s = where(lasts, 1.0 if i == 0 else 0.0, s)
+            s = where(zero, at_zero[i], s)
+            found.append(where(opened, 2.0, s))
+        rest = self.at_rest(here, _both(jnp.ones((), bool)))
+        last = self.impulse(here, (speed - u[0], -u[1])).acceleration
+        velocities = tuple(
+            where(zero, r, where(lasts, v + dv, v))
+            for r, v, dv in zip(rest, here.velocities, last, strict=True)
+        )
+        back = 0.5 * time * speed
+        shift = self.impulse(here, (moves[0] - back, moves[1])).acceleration
+        places = {
+            j: here.at.q[j] + where(lasts, dq, 0.0)
+            for j, dq in zip(self.columns, shift, strict=True)
+            if here.at.q[j] is not None
+        }
+        return Change(velocities, tuple(found), places, jnp.zeros((), bool))
+
+    def end(self, here: LocalInstant, states: Any) -> tuple[Any, Pair, Any]:
+        """Time that is left of a slide [s], the way on it [m], and the speed with which it ends along
+        the first axis."""
+        now, u = self.slide(here, states), here.speeds
+        m, e = now.load, now.toward
+        m2, g = _dot(m, m), _dot(m, e)
+        # Twice the energy of the sliding velocity over its power of friction, of a disc s/A.
+        pushes = self.impulse(here, (-u[0], -u[1])).force
+        power = _size((now.limits[0] * u[0], now.limits[1] * u[1]))
+        base = -_dot(pushes, u) / (power + ENGINE.tiny)
+        room = where(jnp.abs(1.0 - m2) > ENGINE.zero, 1.0 - m2, 1.0)
+        time = jnp.clip(base * (1.0 + g) / room, 0.0, 2.0 * base * self.rest_speed(here) / now.speed)
+        inside = m2 < 1.0 - ENGINE.zero
+        m2 = where(inside, m2, 0.0)
+        own = base * (2.0 + g) / (4.0 - m2)
+        more = base * (4.0 - m2 + 6.0 * g + 3.0 * g * g) / (4.0 * (1.0 - m2) * (4.0 - m2))
+        size = _size(u)
+        moves = tuple(
+            where(inside, own * x + more * size * y, 0.5 * time * x) for x, y in zip(u, m, strict=True)
+        )
+        return time, moves, self.straight(here) * time
+
+
+def _both(value: Any) -> tuple[Any, Any]:
+    return value, value
+
+
+def _slips(own: NumberRow) -> Any:
+    """Whether the state is that of a quadrant."""
+    return (own[1] != 0.0) & (own[1] != 2.0)
+
+
+def _dot(a: Any, b: Any) -> Any:
+    return a[0] * b[0] + a[1] * b[1]
+
+
+def _size(x: Any) -> Any:
+    """Size of a vector; at zero it has the slope 0."""
+    return jnp.sqrt(x[0] * x[0] + x[1] * x[1] + ENGINE.tiny**2)
+
+
+def _quadrant(x: Any) -> Pair:
+    """Signs of a vector, 1 for 0."""
+    return tuple(where(jnp.asarray(y, jnp.float64) < 0.0, -1.0, 1.0) for y in x)
