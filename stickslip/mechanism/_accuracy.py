@@ -32,8 +32,11 @@ class Accuracy:
     # [-] of the terms of a sliding speed, or of a gap: a contact said to stick whose speed is larger
     # slides, a stop said to be closed whose gap is larger is not met
     slides: float = 1e-6
-    # [-] of the speed of rest of a planar contact: slower it passes through zero against its load
+    # [-] of the speed of rest of a planar contact: nearer to zero it passes through it, against a load
+    # that it cannot bear
     passes: float = 1e-3
+    # [-] speeds of rest from which on it does
+    fast: float = 1e2
     # [m/s, m] slower or closer than it is rounding at rest
     rests: float = 1e-12
 

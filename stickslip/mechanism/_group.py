@@ -173,11 +173,6 @@ class AbstractContactGroup(AbstractSearched, abc.ABC):
         """How many guards the contacts have together."""
         return 0
 
-    @property
-    def guard_words(self) -> dict[int, str]:
-        """Names of guards of contacts that do not say that these stop or give way."""
-        return {}
-
     @abc.abstractmethod
     def guards(self, here: LocalInstant, states: Any) -> Guards:
         """Values of the guards in the mode of these states."""

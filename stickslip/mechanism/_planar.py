@@ -23,10 +23,9 @@ Pair = tuple[Any, Any]
 class Slide(NamedTuple):
     """A planar contact that slides.
 
-    - `speed` [m/s], negative beyond a passage through zero; `limits` of the friction along each axis
-      [N]; `toward`: the part of each that acts, against it, a unit vector;
-    - `load` that the contact would bear at rest, in parts of the limits; `friction` [N];
-    - `along`, `across`: velocity along the middle of the quadrant of the mode, and across it.
+    - `speed` [m/s]; `limits` of the friction along each axis [N]; `toward`: the part of each that acts,
+      against it, a unit vector;
+    - `load` that the contact would bear at rest, in parts of the limits; `friction` [N].
     """
 
     speed: Any
@@ -34,8 +33,6 @@ class Slide(NamedTuple):
     toward: Pair
     load: Pair
     friction: Pair
-    along: Any
-    across: Any
 
 
 class PlanarContact(AbstractContactGroup):
@@ -86,10 +83,6 @@ class PlanarContact(AbstractContactGroup):
     def joint_guards(self) -> int:
         return 1
 
-    @property
-    def guard_words(self) -> dict[int, str]:
-        return {self.rows[1]: "turns"}
-
     def motion(self, M, F, J, rest, gamma):
         return self.plain.motion(M, F, J, rest, gamma)
 
@@ -130,12 +123,7 @@ class PlanarContact(AbstractContactGroup):
     @jax.named_scope(SMOOTH)
     def slide(self, here: LocalInstant, states: Any) -> Slide:
         """The contact as it slides in the quadrant of its state."""
-        (u1, u2), (s1, s2) = here.speeds, self.own_states(states)
-        along, across = s1 * u1 + s2 * u2, s1 * u2 - s2 * u1
-        # Through zero the branch of friction goes on; a turn by less than 120 degrees is none.
-        beyond = (along < 0.0) & (3.0 * along * along > across * across)
-        sense = where(beyond, -1.0, 1.0)
-        speed = sense * _size((u1, u2))
+        u, speed = here.speeds, _size(here.speeds)
         normal, laws = self.normal_force(here), [contact.law for contact in here.contacts]
         limits = tuple(law.kinetic(speed, 1) * normal for law in laws)
         load = tuple(
@@ -144,16 +132,16 @@ class PlanarContact(AbstractContactGroup):
         )
         pulled = _size(load)
         # From rest it slides along its load: so small a speed has no direction of its own.
-        hint = where(pulled >= 1.0 - ENGINE.slack, ACCURACY.passes * self.rest_speed(here), 0.0)
+        hint = where(pulled >= 1.0 - ENGINE.slack, ACCURACY.passes**2 * self.rest_speed(here), 0.0)
         hint = hint * limits[0] / pulled
-        used = [r * sense * u + hint * m for r, u, m in zip(limits, (u1, u2), load, strict=True)]
+        used = [r * x + hint * m for r, x, m in zip(limits, u, load, strict=True)]
         size = _size(used)
         toward = (used[0] / size, used[1] / size)
         friction = tuple(
-            -(r * e + law.drag(speed) * u / speed)
-            for r, e, law, u in zip(limits, toward, laws, (u1, u2), strict=True)
+            -(r * e + law.drag(speed) * x / speed)
+            for r, e, law, x in zip(limits, toward, laws, u, strict=True)
         )
-        return Slide(speed, limits, toward, load, friction, along, across)
+        return Slide(speed, limits, toward, load, friction)
 
     def rest_speed(self, here: LocalInstant) -> Any:
         """Slower slides end in closed form [m/s]."""
@@ -192,15 +180,15 @@ class PlanarContact(AbstractContactGroup):
         own = self.own_states(states)
         slips, rests = _slips(own), own[1] == 0.0
         now, ends = self.slide(here, states), rests & (own[0] != 0.0)
-        within = jnp.maximum(1.0 - _size(now.load), 0.0)
-        # Under a load beyond its limit it passes through zero if it slides against the load.
-        against = jnp.clip(-_dot(now.load, now.toward), 0.0, 1.0)
-        slow = self.rest_speed(here) * (within + ACCURACY.passes * against)
+        # Under a load beyond its limit it passes through zero if it slides straight against the load.
+        (u1, u2), (m1, m2), most, rest = here.speeds, now.load, _size(now.load), self.rest_speed(here)
+        beside = jnp.abs(m1 * u2 - m2 * u1) / (most * ACCURACY.passes * rest)
+        against = jnp.maximum(-_dot(now.load, now.toward), 0.0) / most
+        straight = ACCURACY.fast * against * jnp.maximum(1.0 - beside, 0.0)
+        slow = rest * jnp.maximum(1.0 - most, straight)
         stops = where(slips, now.speed - slow, where(ends, here.speeds[0], 1.0))
-        a, b = now.along * now.along, now.across * now.across
-        turns = where(slips, (3.0 * a - b + ENGINE.tiny**2) / (a + b + ENGINE.tiny**2), 1.0)
         left = where(rests & ~ends, self.left(here, self.held(here, states)), 1.0)
-        return Guards((stops, turns), {}, (left,))
+        return Guards((stops, jnp.ones_like(stops)), {}, (left,))
 
     def left(self, here: LocalInstant, held: Motion) -> Any:
         """Force that is left until the contact gives way [N], along the first axis."""
@@ -212,16 +200,11 @@ class PlanarContact(AbstractContactGroup):
         raise NotImplementedError("a planar contact has a transition of its own")
 
     def at_zero(self, here: LocalInstant, states: Any) -> Pair:
-        """State of a contact without speed: at rest, or the quadrant of its load."""
+        """State of a contact without speed: at rest, or sliding along its load."""
         held = jax.lax.stop_gradient(self.held(here, states))
         static = jax.lax.stop_gradient(self.static(here))
         gives_way = self.left(here, held) < -ENGINE.slack * static[0]
-        way = self.way(here, held)
-        return tuple(where(gives_way, s, 0.0) for s in way)
-
-    def way(self, here: LocalInstant, held: Motion) -> Pair:
-        """The quadrant of the load."""
-        return _quadrant(tuple(-force for force in held.force))
+        return _both(where(gives_way, 1.0, 0.0))
 
     def slow_both(self, here: LocalInstant) -> Any:
         """Whether the sliding velocity is rounding."""
@@ -230,8 +213,7 @@ class PlanarContact(AbstractContactGroup):
 
     def at_start(self, here: LocalInstant, states: Any) -> NumberRow:
         opens, slow = states[self.first] == 2.0, self.slow_both(here)
-        way = _quadrant(here.speeds)
-        return tuple(where(opens, 2.0, where(slow, 0.0, s)) for s in way)
+        return _both(where(opens, 2.0, where(slow, 0.0, 1.0)))
 
     def states_after(self, here, states, own, started, active, passing=None):
         stands = (own[0] == 0.0) | (own[1] == 0.0)
@@ -242,12 +224,12 @@ class PlanarContact(AbstractContactGroup):
     def transition(self, here: LocalInstant, states: Any, fired: Fired) -> Change:
         own, u = self.own_states(states), here.speeds
         slips = _slips(own)
-        stop, turn = (fired.guard == fired.numbers[c][0] for c in self.rows)
+        stop = fired.guard == fired.numbers[self.rows[0]][0]
         gives_way = (fired.guard == fired.joint[self.rows[0]]) & (own[1] == 0.0)
         time, moves, speed = self.end(here, states)
         lasts = stop & slips & (time > 0.0)
         zero = stop & ~lasts
-        slides = turn & slips
+        slides = gives_way
         opens, opened = own[0] == 2.0, jnp.zeros((), bool)
         if self.first in fired.toggled:
             toggle = fired.toggled[self.first]
@@ -260,14 +242,10 @@ class PlanarContact(AbstractContactGroup):
             stands = self.slow_both(here) | ((own[0] == 0.0) & (own[1] == 0.0))
             zero, slides = zero | (asked & stands), slides | asked
         at_zero = self.at_zero(here, self.with_own(states, _both(0.0)))
-        gone = self.way(here, self.held(here, states))
-        found = []
-        for i, (s, quadrant) in enumerate(zip(own, _quadrant(u), strict=True)):
-            s = where(slides, quadrant, s)
-            s = where(gives_way, gone[i], s)
-            s = where(lasts, 1.0 if i == 0 else 0.0, s)
-            s = where(zero, at_zero[i], s)
-            found.append(where(opened, 2.0, s))
+        found = tuple(
+            where(opened, 2.0, where(zero, z, where(lasts, last, where(slides, 1.0, s))))
+            for s, z, last in zip(own, at_zero, (1.0, 0.0), strict=True)
+        )
         rest = self.at_rest(here, _both(jnp.ones((), bool)))
         last = self.impulse(here, (speed - u[0], -u[1])).acceleration
         velocities = tuple(
@@ -281,20 +259,22 @@ class PlanarContact(AbstractContactGroup):
             for j, dq in zip(self.columns, shift, strict=True)
             if here.at.q[j] is not None
         }
-        return Change(velocities, tuple(found), places, jnp.zeros((), bool))
+        return Change(velocities, found, places, jnp.zeros((), bool))
 
     def end(self, here: LocalInstant, states: Any) -> tuple[Any, Pair, Any]:
         """Time that is left of a slide [s], the way on it [m], and the speed with which it ends along
         the first axis."""
         now, u = self.slide(here, states), here.speeds
-        m, e = now.load, now.toward
+        m, used = now.load, (now.limits[0] * u[0], now.limits[1] * u[1])
+        power = _size(used)
+        e = (used[0] / power, used[1] / power)
         m2, g = _dot(m, m), _dot(m, e)
         # Twice the energy of the sliding velocity over its power of friction, of a disc s/A.
         pushes = self.impulse(here, (-u[0], -u[1])).force
-        power = _size((now.limits[0] * u[0], now.limits[1] * u[1]))
         base = -_dot(pushes, u) / (power + ENGINE.tiny)
         room = where(jnp.abs(1.0 - m2) > ENGINE.zero, 1.0 - m2, 1.0)
-        time = jnp.clip(base * (1.0 + g) / room, 0.0, 2.0 * base * self.rest_speed(here) / now.speed)
+        longest = 2.0 * ACCURACY.fast * base * self.rest_speed(here) / now.speed
+        time = jnp.clip(base * (1.0 + g) / room, 0.0, longest)
         inside = m2 < 1.0 - ENGINE.zero
         m2 = where(inside, m2, 0.0)
         own = base * (2.0 + g) / (4.0 - m2)
@@ -311,7 +291,7 @@ def _both(value: Any) -> tuple[Any, Any]:
 
 
 def _slips(own: NumberRow) -> Any:
-    """Whether the state is that of a quadrant."""
+    """Whether the contact slides, and not to its end."""
     return (own[1] != 0.0) & (own[1] != 2.0)
 
 
@@ -322,8 +302,3 @@ def _dot(a: Any, b: Any) -> Any:
 def _size(x: Any) -> Any:
     """Size of a vector; at zero it has the slope 0."""
     return jnp.sqrt(x[0] * x[0] + x[1] * x[1] + ENGINE.tiny**2)
-
-
-def _quadrant(x: Any) -> Pair:
-    """Signs of a vector, 1 for 0."""
-    return tuple(where(jnp.asarray(y, jnp.float64) < 0.0, -1.0, 1.0) for y in x)

@@ -90,10 +90,7 @@ class Structure:
         """One guard per contact, and per second limit of its friction, per group of dependent contacts,
         per contact that may open or lose its normal force, per stop."""
         names = self.names
-        words = {c: "stops or gives way" for c in range(len(names.contacts))}
-        for group in self.contact_groups:
-            words.update(group.guard_words)
-        own = [f"{name} {words[c]}" for c, name in enumerate(names.contacts)]
+        own = [f"{name} stops or gives way" for name in names.contacts]
         own += [f"{names.contacts[c]} gives way forward" for c in self.two_sided]
         for group in self.contact_groups:
             if group.joint_guards:
