@@ -37,6 +37,10 @@ class Accuracy:
     passes: float = 1e-3
     # [-] speeds of rest from which on it does
     fast: float = 1e2
+    # [-] speeds of rest below which it slides along a load that it cannot bear
+    begins: float = 1e1
+    # [-] if its direction differs from that of the load by less, as a slope
+    straight: float = 0.1
     # [m/s, m] slower or closer than it is rounding at rest
     rests: float = 1e-12
 

@@ -131,9 +131,7 @@ class PlanarContact(AbstractContactGroup):
             for borne, limit in zip(self.held(here, states).force, limits, strict=True)
         )
         pulled = _size(load)
-        # From rest it slides along its load: so small a speed has no direction of its own.
-        hint = where(pulled >= 1.0 - ENGINE.slack, ACCURACY.passes**2 * self.rest_speed(here), 0.0)
-        hint = hint * limits[0] / pulled
+        hint = self.hint(here, speed, load, pulled) * limits[0] / pulled
         used = [r * x + hint * m for r, x, m in zip(limits, u, load, strict=True)]
         size = _size(used)
         toward = (used[0] / size, used[1] / size)
@@ -142,6 +140,20 @@ class PlanarContact(AbstractContactGroup):
             for r, e, law, x in zip(limits, toward, laws, u, strict=True)
         )
         return Slide(speed, limits, toward, load, friction)
+
+    def hint(self, here: LocalInstant, speed: Any, load: Pair, pulled: Any) -> Any:
+        """Speed along the load by which the direction of a contact is known that has begun to slide.
+
+        At zero it has none of its own, and while it gains speed slowly it follows the load all the more
+        stiffly; so slow it slides along it.
+        """
+        (u1, u2), (m1, m2), most = here.speeds, load, ACCURACY.begins * self.rest_speed(here)
+        along, across = m1 * u1 + m2 * u2, m1 * u2 - m2 * u1
+        steep = across / jnp.maximum(ACCURACY.straight * along, ENGINE.tiny)
+        straight = where((u1 == 0.0) & (u2 == 0.0), 1.0, 1.0 - jnp.minimum(steep * steep, 1.0))
+        slow = jnp.maximum(1.0 - speed / most, 0.0) * straight
+        least = ACCURACY.passes**2 * self.rest_speed(here)
+        return where(pulled >= 1.0 - ENGINE.slack, least + most * slow * slow, 0.0)
 
     def rest_speed(self, here: LocalInstant) -> Any:
         """Slower slides end in closed form [m/s]."""
@@ -182,10 +194,12 @@ class PlanarContact(AbstractContactGroup):
         now, ends = self.slide(here, states), rests & (own[0] != 0.0)
         # Under a load beyond its limit it passes through zero if it slides straight against the load.
         (u1, u2), (m1, m2), most, rest = here.speeds, now.load, _size(now.load), self.rest_speed(here)
-        beside = jnp.abs(m1 * u2 - m2 * u1) / (most * ACCURACY.passes * rest)
-        against = jnp.maximum(-_dot(now.load, now.toward), 0.0) / most
+        pulls = most > 0.5
+        size = where(pulls, most, 1.0)
+        beside = jnp.abs(m1 * u2 - m2 * u1) / (size * ACCURACY.passes * rest)
+        against = jnp.maximum(-_dot(now.load, now.toward), 0.0) / size
         straight = ACCURACY.fast * against * jnp.maximum(1.0 - beside, 0.0)
-        slow = rest * jnp.maximum(1.0 - most, straight)
+        slow = rest * jnp.maximum(1.0 - most, where(pulls, straight, 0.0))
         stops = where(slips, now.speed - slow, where(ends, here.speeds[0], 1.0))
         left = where(rests & ~ends, self.left(here, self.held(here, states)), 1.0)
         return Guards((stops, jnp.ones_like(stops)), {}, (left,))
