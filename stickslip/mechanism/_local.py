@@ -25,7 +25,7 @@ class Part(NamedTuple):
     - `opening`, `lifting`, `two_sided`: contacts that open, that do not but may lose their normal
       force, and that have a guard for each limit of their friction.
     - `rubbing`: contacts that rub on a stop, and the stop; `planar`: pairs of contacts that are one in
-      a plane; `joined`: whether inertia couples.
+      a plane; `joined`: whether inertia couples; `names` of the rows.
     """
 
     columns: tuple[int, ...]
@@ -39,6 +39,7 @@ class Part(NamedTuple):
     rubbing: tuple[tuple[int, int], ...] = ()
     planar: tuple[tuple[int, int], ...] = ()
     joined: bool = False
+    names: tuple[str, ...] = ()
 
     @property
     def contacts(self) -> int:

@@ -61,18 +61,14 @@ class PlanarContact(AbstractContactGroup):
 
     def __init__(self, part: Part):
         super().__init__(part)
-        (first, second), *more = part.planar
-        those = f"{self.m} contacts and stops of one group"
-        if more or self.m != 2 or self.stops or part.dependent:
+        self.first, self.second = part.planar[0]
+        if self.m != 2 or part.dependent:
+            those = " and ".join(part.names)
             allowed = (
                 "two contacts of independent directions, which no other contact or stop joins by a "
                 "velocity or by inertia"
             )
             raise DeclarationError(str(refusal("planar", those, allowed)))
-        if second in part.opening:
-            allowed = "the first of the two contacts of a planar one, which opens both"
-            raise DeclarationError(str(refusal("opening", "the second", allowed)))
-        self.first, self.second = first, second
         self.plain = VaryingContacts(part) if part.varies else CoupledContacts(part)
 
     @classmethod
@@ -94,15 +90,16 @@ class PlanarContact(AbstractContactGroup):
     def normal_force(self, here: LocalInstant) -> Any:
         """That of the first contact [N]; raises for one of the second, and for laws of two senses."""
         first, second = (here.at.contacts[c] for c in (self.first, self.second))
-        extra = second.normal_direction
-        if not (isinstance(second.normal_force, float) and second.normal_force == 1.0) or extra is not None:
-            allowed = "left out: both axes of a planar contact have that of the first"
-            what = "the normal force of the second contact of `planar`"
+        names = dict(zip(self.rows, self.part.names, strict=True))
+        given = second.normal_force, second.normal_direction
+        if not (isinstance(given[0], float) and given[0] == 1.0) or given[1] is not None:
+            allowed = f"left out: contact {names[self.first]!r} has that of both"
+            what = f"the normal force of contact {names[self.second]!r}"
             raise DeclarationError(str(refusal(what, second.normal_force, allowed)))
-        for contact in (first, second):
+        for name, contact in zip(names.values(), here.contacts, strict=True):
             if not contact.law.is_odd:
-                allowed = "the same in both senses: a planar contact knows none"
-                raise DeclarationError(str(refusal("the law of a planar contact", contact.law, allowed)))
+                allowed = "the same in both senses, of which a planar contact has none"
+                raise DeclarationError(str(refusal(f"the law of contact {name!r}", contact.law, allowed)))
         return first.normal_force
 
     def normal_forces(self, here: LocalInstant, states: Any) -> dict[int, Any]:

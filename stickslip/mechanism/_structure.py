@@ -133,7 +133,8 @@ def structure_with(declaration: AbstractDeclaration, two_sided: tuple[int, ...])
              sum(c >= len(directions) for c in rows), opening, lifting, two_sided,
              tuple(pair for pair in rubbing if pair[0] in rows),
              tuple(pair for pair in planar if pair[0] in rows),
-             bool(coupled[np.ix_(columns, columns)].sum() > len(columns)))
+             bool(coupled[np.ix_(columns, columns)].sum() > len(columns)),
+             tuple((names.contacts + names.stops)[c] for c in rows))
         for columns, rows in _coupled_sets(J, coupled, rubbing + planar)
     ]  # fmt: skip
     return Structure(names, directions, slopes, parts, lifting, two_sided)
