@@ -123,10 +123,9 @@ class PlanarContact(AbstractContactGroup):
         u, speed = here.speeds, _size(here.speeds)
         normal, laws = self.normal_force(here), [contact.law for contact in here.contacts]
         limits = tuple(law.kinetic(speed, 1) * normal for law in laws)
-        load = tuple(
-            -borne / (limit + ENGINE.tiny)
-            for borne, limit in zip(self.held(here, states).force, limits, strict=True)
-        )
+        borne = self.held(here, states).force
+        least = ENGINE.slack * _size(borne) + ENGINE.tiny  # where the normal force vanishes
+        load = tuple(-f / (limit + least) for f, limit in zip(borne, limits, strict=True))
         pulled = _size(load)
         hint = self.hint(here, speed, load, pulled) * limits[0] / pulled
         used = [r * x + hint * m for r, x, m in zip(limits, u, load, strict=True)]
@@ -150,7 +149,7 @@ class PlanarContact(AbstractContactGroup):
         straight = where((u1 == 0.0) & (u2 == 0.0), 1.0, 1.0 - jnp.minimum(steep * steep, 1.0))
         slow = jnp.maximum(1.0 - speed / most, 0.0) * straight
         least = ACCURACY.passes**2 * self.rest_speed(here)
-        return where(pulled >= 1.0 - ENGINE.slack, least + most * slow * slow, 0.0)
+        return where(pulled >= 1.0 - ENGINE.zero, least + most * slow * slow, 0.0)
 
     def rest_speed(self, here: LocalInstant) -> Any:
         """Slower slides end in closed form [m/s]."""
@@ -196,7 +195,8 @@ class PlanarContact(AbstractContactGroup):
         beside = jnp.abs(m1 * u2 - m2 * u1) / (size * ACCURACY.passes * rest)
         against = jnp.maximum(-_dot(now.load, now.toward), 0.0) / size
         straight = ACCURACY.fast * against * jnp.maximum(1.0 - beside, 0.0)
-        slow = rest * jnp.maximum(1.0 - most, where(pulls, straight, 0.0))
+        within = (1.0 - ENGINE.zero - most) * now.limits[0] / (now.limits[0] + ENGINE.tiny)
+        slow = rest * jnp.maximum(within, where(pulls, straight, 0.0))
         stops = where(slips, now.speed - slow, where(ends, here.speeds[0], 1.0))
         left = where(rests & ~ends, self.left(here, self.held(here, states)), 1.0)
         return Guards((stops, jnp.ones_like(stops)), {}, (left,))
@@ -205,7 +205,7 @@ class PlanarContact(AbstractContactGroup):
         """Force that is left until the contact gives way [N], along the first axis."""
         first, second = self.static(here)
         share = (first + ENGINE.tiny) / (second + ENGINE.tiny)
-        return first - _size((held.force[0], share * held.force[1]))
+        return first + ENGINE.tiny - _size((held.force[0], share * held.force[1]))
 
     def release(self, here: LocalInstant, states: Any, hit: NumberRow, fired: Fired) -> Release:
         raise NotImplementedError("a planar contact has a transition of its own")
@@ -214,7 +214,8 @@ class PlanarContact(AbstractContactGroup):
         """State of a contact without speed: at rest, or sliding along its load."""
         held = jax.lax.stop_gradient(self.held(here, states))
         static = jax.lax.stop_gradient(self.static(here))
-        gives_way = self.left(here, held) < -ENGINE.slack * static[0]
+        bears = (held.force[0] != 0.0) | (held.force[1] != 0.0)
+        gives_way = bears & (self.left(here, held) < -ENGINE.slack * static[0])
         return _both(where(gives_way, 1.0, 0.0))
 
     def slow_both(self, here: LocalInstant) -> Any:
@@ -237,6 +238,10 @@ class PlanarContact(AbstractContactGroup):
         slips = _slips(own)
         stop = fired.guard == fired.numbers[self.rows[0]][0]
         gives_way = (fired.guard == fired.joint[self.rows[0]]) & (own[1] == 0.0)
+        # A contact that bears nothing gives way only where nothing presses it on any more.
+        held = self.held(here, states).force
+        empty = gives_way & (held[0] == 0.0) & (held[1] == 0.0)
+        failed = empty if self.first in self.part.lifting else empty & False
         time, moves, speed = self.end(here, states)
         lasts = stop & slips & (time > 0.0)
         zero = stop & ~lasts
@@ -244,7 +249,7 @@ class PlanarContact(AbstractContactGroup):
         opens, opened = own[0] == 2.0, jnp.zeros((), bool)
         if self.first in fired.toggled:
             toggle = fired.toggled[self.first]
-            opened = toggle & ~opens
+            opened = (toggle & ~opens) | empty
             closes = toggle & opens
             zero, slides = zero | (closes & self.slow_both(here)), slides | closes
             opens = opens & ~toggle
@@ -270,7 +275,7 @@ class PlanarContact(AbstractContactGroup):
             for j, dq in zip(self.columns, shift, strict=True)
             if here.at.q[j] is not None
         }
-        return Change(velocities, found, places, jnp.zeros((), bool))
+        return Change(velocities, found, places, failed)
 
     def end(self, here: LocalInstant, states: Any) -> tuple[Any, Pair, Any]:
         """Time that is left of a slide [s], the way on it [m], and the speed with which it ends along
