@@ -145,8 +145,9 @@ class PlanarContact(AbstractContactGroup):
         """
         (u1, u2), (m1, m2), most = here.speeds, load, ACCURACY.begins * self.rest_speed(here)
         along, across = m1 * u1 + m2 * u2, m1 * u2 - m2 * u1
-        steep = across / jnp.maximum(ACCURACY.straight * along, ENGINE.tiny)
-        straight = where((u1 == 0.0) & (u2 == 0.0), 1.0, 1.0 - jnp.minimum(steep * steep, 1.0))
+        steep = jnp.abs(across) / jnp.maximum(ACCURACY.straight * along, ENGINE.tiny)
+        steep = jnp.minimum(steep, 1.0)
+        straight = where((u1 == 0.0) & (u2 == 0.0), 1.0, 1.0 - steep * steep)
         slow = jnp.maximum(1.0 - speed / most, 0.0) * straight
         least = ACCURACY.passes**2 * self.rest_speed(here)
         return where(pulled >= 1.0 - ENGINE.zero, least + most * slow * slow, 0.0)
