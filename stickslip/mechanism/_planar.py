@@ -118,16 +118,19 @@ class PlanarContact(AbstractContactGroup):
         load = self.normal_force(here)
         return tuple(contact.law.static_coefficient(1) * load for contact in here.contacts)
 
-    def held(self, here: LocalInstant, states: Any, back: Any = 0.0) -> Motion:
-        """Motion at rest, `back` [m/s^2] against the first axis."""
+    def held(self, here: LocalInstant, states: Any) -> Motion:
+        """Motion at rest."""
+        force = self.without_friction(here, states)
+        return self.motion(here.mass, force, here.lines, _both(True), here.gamma)
+
+    def without_friction(self, here: LocalInstant, states: Any) -> NumberRow:
+        """All other forces on the velocities."""
         everything = here.at.forces_in(states)
-        force = tuple(everything[j] for j in self.columns)
-        gamma = [here.gamma[0] - back, here.gamma[1]]
-        return self.motion(here.mass, force, here.lines, _both(True), gamma)
+        return tuple(everything[j] for j in self.columns)
 
     @jax.named_scope(SMOOTH)
     def slide(self, here: LocalInstant, states: Any) -> Slide:
-        """The contact as it slides in the quadrant of its state."""
+        """The contact as it slides."""
         u, speed = here.speeds, _size(here.speeds)
         normal, laws = self.normal_force(here), [contact.law for contact in here.contacts]
         limits = tuple(law.kinetic(speed, 1) * normal for law in laws)
@@ -167,18 +170,19 @@ class PlanarContact(AbstractContactGroup):
         return check_positive(f"the rest_speed of contact {name!r}", speed)
 
     def slip_forces(self, here: LocalInstant, states: Any) -> NumberRow:
-        slips = _slips(self.own_states(states))
-        return tuple(where(slips, f, 0.0) for f in self.slide(here, states).friction)
+        own = self.own_states(states)
+        both = zip(self.slide(here, states).friction, self.motion_in(here, states).force, strict=True)
+        return tuple(where(_slips(own), f, where(_ends(own), g, 0.0)) for f, g in both)
 
     def load(self, here: LocalInstant, states: Any, needed: bool = False) -> NumberRow:
-        everything = here.at.forces_in(states)
-        force = tuple(everything[j] for j in self.columns)
-        return self.with_friction(here.lines, force, self.slip_forces(here, states))
+        slips = _slips(self.own_states(states))
+        friction = tuple(where(slips, f, 0.0) for f in self.slide(here, states).friction)
+        return self.with_friction(here.lines, self.without_friction(here, states), friction)
 
     def motion_in(self, here: LocalInstant, states: Any, needed: bool = False) -> Motion:
-        s1, s2 = self.own_states(states)
-        rests = s2 == 0.0
-        back = where(rests & (s1 != 0.0), self.straight(here), 0.0)
+        own = self.own_states(states)
+        rests = own[1] == 0.0
+        back = where(_ends(own), self.straight(here), 0.0)
         gamma = [here.gamma[0] - back, here.gamma[1]]
         return self.motion(here.mass, self.load(here, states), here.lines, (rests, rests), gamma)
 
@@ -198,7 +202,7 @@ class PlanarContact(AbstractContactGroup):
     def guards(self, here: LocalInstant, states: Any) -> Guards:
         own = self.own_states(states)
         slips, rests = _slips(own), own[1] == 0.0
-        now, ends = self.slide(here, states), rests & (own[0] != 0.0)
+        now, ends = self.slide(here, states), _ends(own)
         # Under a load beyond its limit it passes through zero if it slides straight against the load.
         (u1, u2), (m1, m2), most, rest = here.speeds, now.load, _size(now.load), self.rest_speed(here)
         pulls = most > 0.5
@@ -320,6 +324,11 @@ def _both(value: Any) -> tuple[Any, Any]:
 def _slips(own: NumberRow) -> Any:
     """Whether the contact slides, and not to its end."""
     return (own[1] != 0.0) & (own[1] != 2.0)
+
+
+def _ends(own: NumberRow) -> Any:
+    """Whether it slides to its end."""
+    return (own[1] == 0.0) & (own[0] != 0.0)
 
 
 def _dot(a: Any, b: Any) -> Any:

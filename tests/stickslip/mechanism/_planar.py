@@ -4,6 +4,7 @@ from typing import Any, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
+from scipy.integrate import solve_ivp
 
 from stickslip.mechanism import AbstractMechanism, Contact
 
@@ -123,6 +124,41 @@ def moreau(masses, limits, force, surface, q, v, t1, steps):
         v = v - slip * np.minimum(1.0, most / np.maximum(size, 1e-300))
         q = middle + 0.5 * h * v
     return np.concatenate([q.ravel(), v.ravel()])
+
+
+def by_scipy(force, normal, belt, static, kinetic, v, t1, rest=1e-7):
+    """A puck of 1 kg from the origin by SciPy's events: it stops below `rest` [m/s], and gives way there."""
+    t, y, slides = 0.0, np.r_[0.0, 0.0, v], True
+    for _ in range(200):
+        field, guard = _phase(force, normal, belt, static, kinetic, rest, slides)
+        options = dict(method="DOP853", rtol=1e-10, atol=1e-12, max_step=0.02)
+        run = solve_ivp(field, (t, t1), y, events=guard, **options)
+        t, y = run.t[-1], run.y[:, -1]
+        if run.status == 0:
+            return y
+        load = force(t, y[:2])
+        slides = not slides or np.hypot(*load) > static * normal(t)
+        y[2:] = belt + (1.01 * rest * load / np.hypot(*load) if slides else 0.0)
+    raise AssertionError("too many events")
+
+
+def _phase(force, normal, belt, static, kinetic, rest, slides):
+    """Field and guard of a puck that slides, or rests on its belt."""
+
+    def field(t, y):
+        if not slides:
+            return np.r_[belt, 0.0, 0.0]
+        u = y[2:] - belt
+        friction = kinetic * normal(t) * u / max(np.hypot(*u), 1e-300)
+        return np.r_[y[2:], force(t, y[:2]) - friction]
+
+    def guard(t, y):
+        if slides:
+            return np.hypot(*(y[2:] - belt)) - rest
+        return static * normal(t) - np.hypot(*force(t, y[:2]))
+
+    guard.terminal, guard.direction = True, -1
+    return field, guard
 
 
 def slide_to_rest(u, load, deceleration):

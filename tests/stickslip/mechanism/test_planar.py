@@ -16,6 +16,7 @@ from tests.stickslip.mechanism._planar import (
     Pulled,
     Swayed,
     Turntable,
+    by_scipy,
     moreau,
     slide_to_rest,
 )
@@ -278,6 +279,30 @@ def test_random_pucks_against_time_stepping():
     )  # fmt: skip
     found = np.concatenate(found.reshape(2, LANES, 2), axis=1)
     np.testing.assert_allclose(exact, found, atol=3e-3)
+
+
+@pytest.mark.more
+def test_random_pucks_against_events_of_scipy():
+    """Static friction above kinetic, forces that swing: to what the reference takes for rest."""
+    lanes, rng = 40, np.random.default_rng(11)
+    start, load, belt = (rng.normal(size=(lanes, 2)) * x for x in (2.0, 1.2, 0.7))
+    swing, static = rng.uniform(0.0, 4.0, lanes), rng.uniform(0.2, 0.5, lanes)
+    kinetic = static * rng.uniform(0.6, 1.0, lanes)
+
+    def end(load, belt, start, swing, static, kinetic):
+        puck = Swayed(Coulomb(static, kinetic), *load, *belt, swing=swing)
+        y0 = puck.state()._replace(v_x=start[0], v_y=start[1])
+        run = ss.simulate(puck, 0.0, 6.0, y0, throw=False)
+        return jnp.stack(jax.tree.leaves(run.y1)), run.num_events
+
+    exact, events = jax.jit(jax.vmap(end))(load, belt, start, swing, static, kinetic)
+    assert np.mean(np.asarray(events) > 2) > 0.4
+    for i in range(lanes):
+        found = by_scipy(
+            lambda t, q, i=i: load[i] - [3.0 * q[0], -swing[i] * np.sin(2.0 * t)],
+            lambda t: G * (1.0 + 0.3 * np.cos(3.0 * t)), belt[i], static[i], kinetic[i], start[i], 6.0,
+        )  # fmt: skip
+        np.testing.assert_allclose(exact[i], found, atol=1e-6, err_msg=f"lane {i}")
 
 
 @pytest.mark.more
