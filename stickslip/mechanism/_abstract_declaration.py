@@ -36,6 +36,7 @@ class AbstractDeclaration(AbstractMechanicalSystem):
         opening = cast("tuple[str, ...]", ())
         stops = cast("tuple[str, ...]", ())
         rubbing = cast("Mapping[str, str]", {})
+        planar = cast("Mapping[str, str]", {})
         state_class = cast("type | None", None)
     else:
         coordinates: AbstractClassVar[Mapping[str, str]]
@@ -46,6 +47,7 @@ class AbstractDeclaration(AbstractMechanicalSystem):
         opening: ClassVar[tuple[str, ...]] = ()
         stops: ClassVar[tuple[str, ...]] = ()
         rubbing: ClassVar[Mapping[str, str]] = {}
+        planar: ClassVar[Mapping[str, str]] = {}
         state_class: ClassVar[type | None] = None
 
     @abc.abstractmethod

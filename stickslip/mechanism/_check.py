@@ -62,6 +62,7 @@ def check_declaration(mechanism: Any) -> None:
         for one, those, what in (name, names.contacts, "contacts"), (stop, names.stops, "stops"):
             if one not in those:
                 raise refusal("rubbing", one, f"names of {what}: {', '.join(map(repr, those))}")
+    _check_planar(mechanism)
     directions_of(mechanism.contact_directions, names.coordinates)
     try:
         _check_structure(mechanism)
@@ -70,6 +71,23 @@ def check_declaration(mechanism: Any) -> None:
         # Parameters of many lanes at once are judged where a lane is traced.
         if not any(np.ndim(leaf) for leaf in jax.tree.leaves(mechanism)):
             raise
+
+
+def _check_planar(mechanism: Any) -> None:
+    given, contacts = mechanism.planar, mechanism.names.contacts
+    if not isinstance(given, Mapping):
+        raise refusal("planar", given, "a mapping from one contact to another", TypeError)
+    both = [*given, *given.values()]
+    for name in both:
+        if name not in contacts or both.count(name) > 1:
+            allowed = f"names of contacts, each at most once: {', '.join(map(repr, contacts))}"
+            raise refusal("planar", name, allowed)
+    for first, second in given.items():
+        if second in mechanism.opening:
+            raise refusal("opening", second, f"{first!r}, which opens both of a planar contact")
+        for name in first, second:
+            if name in mechanism.rubbing:
+                raise refusal("rubbing", name, "a contact that is not planar")
 
 
 def _check_first_order(mechanism: Any, others: tuple[str, ...]) -> None:

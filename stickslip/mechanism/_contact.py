@@ -26,6 +26,14 @@ class Contact(NamedTuple):
       the mechanism holds None because it depends on the state or on parameters.
     - `normal_direction`: the generalised force of a normal force of 1 N on the mechanism, likewise;
       only for a contact that may open, since it vanishes with the contact.
+    - `rest_speed` $s_0$ [m/s], positive, of the first of two contacts that are one in a plane
+      (`AbstractMechanism.planar`); others have none. The direction of such a slide settles as its speed
+      goes to zero, ever faster. Slower than $s_0$ it goes on under the forces of that instant, for the
+      time $T \approx s_0/(\mu g)$. Forces that change by themselves within $\tau$ leave an error of
+      $T^2/\tau$ of the time of the stop and $s_0 T^2/\tau$ of its place; two coefficients or joined
+      inertia one of a part of $T$ and $s_0 T$. One that passes zero against its load, nearer than
+      $10 s_0$, is right to about $s_0/10$. It should be more than 1e-11 of the largest speed, and on
+      fixed steps $h$ more than $\mu g h$.
     """
 
     law: Given[AbstractFrictionLaw]
@@ -33,6 +41,7 @@ class Contact(NamedTuple):
     surface_speed: Any = 0.0
     direction: Any = None
     normal_direction: Any = None
+    rest_speed: Any = 1e-6
 
 
 def drags(law: Any) -> bool:

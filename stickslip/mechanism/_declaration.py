@@ -128,7 +128,7 @@ def directions_of(given: Mapping[str, Any], coordinates: Sequence[str]) -> np.nd
         what = f"contact_directions[{contact!r}]"
         allowed = "constant numbers (None for a direction that `contacts` returns)"
         if isinstance(row, tuple | list) and any(isinstance(x, ROWS) for x in row):
-            allowed += "; a contact rubs along one line, friction in a plane is not covered"
+            allowed += "; friction in a plane is that of two contacts, which `planar` names"
         entries = in_order(what, row, coordinates, allowed)
         try:
             numbers = [float(x) for x in entries]

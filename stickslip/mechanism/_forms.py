@@ -259,6 +259,9 @@ class BristleMechanism(_AbstractSmoothForm):
 
 def _without_stops(mechanism: Any) -> AbstractWithObservables:
     check_type("mechanism", mechanism, AbstractWithObservables, "an AbstractMechanism")
+    if mechanism.planar:
+        why = "of the event-driven form only: friction in a plane has no smooth form yet"
+        raise DeclarationError(str(refusal("planar", dict(mechanism.planar), why)))
     if mechanism.stops:
         those = ", ".join(map(repr, mechanism.stops))
         why = "of the event-driven form only: a smooth form has no impacts"

@@ -141,6 +141,10 @@ class AbstractContactGroup(AbstractSearched, abc.ABC):
             slips = each(lambda s, f: where(s == 2.0, 0.0, f), s, slips)
         return (*slips, *(0.0,) * self.stops) if self.stops else slips
 
+    def slip_forces(self, here: LocalInstant, states: Any) -> NumberRow:
+        """Friction of the contacts that slide [N], and 0 for each stop."""
+        return self.friction(here, self.own_states(states))
+
     def load(self, here: LocalInstant, states: Any, needed: bool = False) -> NumberRow:
         """Forces on the velocities: friction of contacts that change the acceleration along no other
         only if `needed`, since what they would bear at rest does not depend on it."""

@@ -5,11 +5,13 @@ from ._group import AbstractContactGroup
 from ._independent import CoupledContacts, FreeVelocities, SeparateContacts
 from ._local import Part
 from ._one_velocity import ContactsOnOneVelocity, StopsOnOneVelocity
+from ._planar import PlanarContact
 from ._rubbing_stop import RubbingStop
 from ._varying import VaryingContacts
 
 KINDS: tuple[type[AbstractContactGroup], ...] = (
     FreeVelocities,
+    PlanarContact,
     RubbingStop,
     StopsOnOneVelocity,
     ContactsOnOneVelocity,

@@ -24,7 +24,8 @@ class Part(NamedTuple):
       matrix is a combination of, None where they are not known.
     - `opening`, `lifting`, `two_sided`: contacts that open, that do not but may lose their normal
       force, and that have a guard for each limit of their friction.
-    - `rubbing`: contacts that rub on a stop, and the stop; `joined`: whether inertia couples.
+    - `rubbing`: contacts that rub on a stop, and the stop; `planar`: pairs of contacts that are one in
+      a plane; `joined`: whether inertia couples; `names` of the rows.
     """
 
     columns: tuple[int, ...]
@@ -36,7 +37,9 @@ class Part(NamedTuple):
     lifting: tuple[int, ...] = ()
     two_sided: tuple[int, ...] = ()
     rubbing: tuple[tuple[int, int], ...] = ()
+    planar: tuple[tuple[int, int], ...] = ()
     joined: bool = False
+    names: tuple[str, ...] = ()
 
     @property
     def contacts(self) -> int:

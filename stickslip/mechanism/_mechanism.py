@@ -93,6 +93,12 @@ class AbstractMechanism(AbstractWithObservables):
     - `rubbing`: of contacts that rub on a stop, the stop: `{"sole": "floor"}`. The load of the stop is
       their normal force, and they are open while it is; its impacts are without friction. Each on a
       coordinate of its own, which inertia does not couple with the other.
+    - `planar`: of two contacts that are the axes of one contact in a plane, the second:
+      `{"along": "across"}`. At rest they bear together what lies in an ellipse of the semi-axes
+      $\mu_i N$, a disc for two equal laws; sliding, friction is that of the greatest dissipation, for a
+      disc $-\mu(|u|)\,N\,u/|u|$. Laws are functions of the speed $|u|$. The first has the normal force
+      of both, and opens both. Both slip forward as it slides, whatever its direction; a slide ends in
+      the mode `"slip forward / stick"` (`Contact.rest_speed`).
 
     and as methods `mass_matrix(q)`, `forces(t, q, v, args)`, `contacts(t, q, v, args)`,
     `gaps(t, q, args)` (where there are stops), `potential_energy(q)` (for the energy account only)
@@ -137,9 +143,10 @@ class AbstractMechanism(AbstractWithObservables):
     - `guards`, `guard_names` and `transition`: guards of its own, after all others. Where one of them
       fires, `transition` of this class asks the law of all contacts again, in the state given to it.
 
-    **Limits.** Friction of a contact acts along one line. Friction in a plane, opposite to a velocity
-    of two components, is not covered: two contacts that cross, each with the normal force of the body,
-    are a square in place of the circle, and a puck on them bends off its line and stops too early.
+    **Limits.** Friction acts along a line, or in a plane where `planar` says so: two contacts that only
+    cross, each with the normal force of the body, are a square in place of the circle, and a puck on
+    them bends off its line and stops too early. Beside a planar contact no other contact or stop may
+    touch the velocities that it or inertia joins (a plate on three feet), and it has no smooth form.
     Normal forces that depend on friction (Painlevé) are not covered, nor is friction at an impact.
     Dependent directions that vary, surfaces of dependent contacts whose speeds vary (but
     beside a stop on one coordinate), and more than 31 contacts (a stop counts as half of one) raise an

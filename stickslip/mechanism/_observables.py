@@ -18,12 +18,12 @@ from ._abstract_declaration import AbstractDeclaration
 from ._analysis import driven_contacts
 from ._declaration import mass_of
 from ._instant import Instant, floats, pressing
-from ._modes import STOP_WORDS, WORDS, sense_of
+from ._modes import STOP_WORDS, WORDS
 from ._moment import Moment, moment_of
 from ._scalars import dot, is_zero, total
 from ._structure import Structure, structure_of
 from ._two_sided import two_sided_contacts
-from ._verbs import held_forces, normal_forces
+from ._verbs import held_forces, normal_forces, slip_forces
 
 
 class AbstractWithObservables(AbstractDeclaration):
@@ -134,14 +134,11 @@ class AbstractWithObservables(AbstractDeclaration):
         all of it.
         """
         now, states = self._moment(t, y, args), self.states(mode)
-        at, held, found = now.at, held_forces(now, states), {}
-        loads = normal_forces(now, states)
-        for c, (name, contact) in enumerate(zip(self.names.contacts, at.contacts, strict=True)):
-            s, load = states[c], loads.get(c, contact.normal_force)
-            slips = contact.law.slip_force(at.speeds[c], load, sense_of(s))
-            slips = where(s == 2.0, 0.0, slips) if name in self.opening or c in loads else slips
-            found[name] = where(s == 0.0, held[c], slips)
-        return found
+        held, slips = held_forces(now, states), slip_forces(now, states)
+        return {
+            name: where(states[c] == 0.0, held[c], slips[c])
+            for c, name in enumerate(self.names.contacts)
+        }
 
     @check_arguments(**OBSERVABLE)
     def normal_forces(

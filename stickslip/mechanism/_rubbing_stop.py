@@ -87,6 +87,9 @@ class RubbingStop(AbstractContactGroup):
         a = a if self.places == (0, 1) else a[::-1]
         return Motion(tuple(a), (), (contact.force[0], stop.force[0]))
 
+    def slip_forces(self, here: LocalInstant, states: Any) -> Any:
+        return (*self.contact.slip_forces(self.of_contact(here, states), states), 0.0)
+
     def guards(self, here: LocalInstant, states: Any) -> Guards:
         contact = self.contact.guards(self.of_contact(here, states), states)
         stop = self.stop.guards(self.of_stop(here), states)

@@ -122,20 +122,26 @@ def structure_with(declaration: AbstractDeclaration, two_sided: tuple[int, ...])
         (names.contacts.index(name), len(names.contacts) + names.stops.index(stop))
         for name, stop in declaration.rubbing.items()
     )
+    planar = tuple(
+        (names.contacts.index(first), names.contacts.index(second))
+        for first, second in declaration.planar.items()
+    )
     coupled = coupled_velocities(declaration)
     parts = [
         Part(columns, rows, J[np.ix_(rows, columns)],
              None if inertia is None else inertia[:, columns][:, :, columns],
              sum(c >= len(directions) for c in rows), opening, lifting, two_sided,
              tuple(pair for pair in rubbing if pair[0] in rows),
-             bool(coupled[np.ix_(columns, columns)].sum() > len(columns)))
-        for columns, rows in _coupled_sets(J, coupled, rubbing)
+             tuple(pair for pair in planar if pair[0] in rows),
+             bool(coupled[np.ix_(columns, columns)].sum() > len(columns)),
+             tuple((names.contacts + names.stops)[c] for c in rows))
+        for columns, rows in _coupled_sets(J, coupled, rubbing + planar)
     ]  # fmt: skip
     return Structure(names, directions, slopes, parts, lifting, two_sided)
 
 
 def _coupled_sets(
-    J: np.ndarray, inertia: np.ndarray, rubbing: tuple[tuple[int, int], ...]
+    J: np.ndarray, inertia: np.ndarray, pairs: tuple[tuple[int, int], ...]
 ) -> Iterator[tuple[tuple[int, ...], tuple[int, ...]]]:
     """Velocities that contacts or inertia couple, and the contacts and stops on them.
 
@@ -144,7 +150,7 @@ def _coupled_sets(
     """
     joined, n = inertia.copy(), J.shape[1]
     touches = np.isnan(J) | (J != 0)
-    for touched in (*touches, *(touches[c] | touches[k] for c, k in rubbing)):
+    for touched in (*touches, *(touches[c] | touches[k] for c, k in pairs)):
         joined |= np.outer(touched, touched)
     label = list(range(n))
     for _ in range(n):

@@ -37,6 +37,15 @@ def held_forces(now: Moment, states: Any) -> list[Any]:
     return held
 
 
+def slip_forces(now: Moment, states: Any) -> list[Any]:
+    """Friction of each contact if it slides [N]; 0 of one that is open, and of the stops."""
+    found: list[Any] = [0.0] * len(states)
+    for group in now.structure.contact_groups:
+        for c, force in zip(group.rows, group.slip_forces(now.of(group), states), strict=True):
+            found[c] = force
+    return found
+
+
 def normal_forces(now: Moment, states: Any) -> dict[int, Any]:
     """Normal forces that follow from the motion, by contact [N]."""
     found: dict[int, Any] = {}

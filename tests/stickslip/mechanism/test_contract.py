@@ -8,8 +8,16 @@ import numpy as np
 import pytest
 
 from stickslip.friction import Coulomb, Stribeck
-from stickslip.mechanism import _dependent, _independent, _one_velocity, _rubbing_stop, _varying
+from stickslip.mechanism import (
+    _dependent,
+    _independent,
+    _one_velocity,
+    _planar,
+    _rubbing_stop,
+    _varying,
+)
 from tests.stickslip.mechanism import _machines, _stopped
+from tests.stickslip.mechanism._planar import Turntable
 from tests.stickslip.mechanism.test_rubbing_stop import Puck
 from tests.stickslip.mechanism.test_varying_directions import Curved
 
@@ -46,6 +54,7 @@ TABLE = {
         _stopped.Pushed(LAW, lambda t: -1.0, 0.5), _one_velocity.ContactsOnOneVelocity,
         {"x": (0.0, 0.6)},
     ),
+    "planar": (Turntable(LAW, turn=4.0), _planar.PlanarContact, {"x": (-0.4, 0.1, 0.5)}),
     "stop with friction": (Puck(push=2.0), _rubbing_stop.RubbingStop, {"y": (0.0, 0.3)}),
 }  # fmt: skip
 
