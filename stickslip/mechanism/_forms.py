@@ -25,6 +25,7 @@ from stickslip.hybrid.status import NO_MODE
 from ._contact import drags
 from ._instant import Instant, pressing
 from ._observables import AbstractWithObservables
+from ._planar_smooth import Planes
 from ._scalars import times, total
 from .account import AbstractMechanicalSystem
 
@@ -130,10 +131,8 @@ class RegularisedMechanism(_AbstractSmoothForm):
     parameter_units: ClassVar = {"v_reg": "m/s"}
 
     def _friction(self, at: Instant) -> list[Any]:
-        found = []
-        for name, contact, u in zip(
-            self.mechanism.contact_directions, at.contacts, at.speeds, strict=True
-        ):
+        found, planes = [], Planes(self.mechanism, at)
+        for name, contact, u in zip(planes.names, planes.contacts, planes.speeds, strict=True):
             law = contact.law
             if law.num_states:
                 why = "a law without internal state; `.bristles()` of the mechanism takes this one"
@@ -141,7 +140,7 @@ class RegularisedMechanism(_AbstractSmoothForm):
             smooth = Regularised(law, self.v_reg, self.kind) if law.set_valued else law
             load = _load(self.mechanism, name, contact)
             found.append(_friction_under_load(self.mechanism, name, contact, smooth.force(u, load)))
-        return found
+        return planes.directed(found)
 
     def state(self, **values: Numeric) -> Any:
         """A state by the names of its components, as that of the mechanism."""
@@ -229,13 +228,14 @@ class BristleMechanism(_AbstractSmoothForm):
 
     def _friction(self, at: Instant, z: tuple) -> tuple[list[Any], tuple]:
         forces, rates = [], []
-        names = self.mechanism.contact_directions
-        for name, contact, u, deflection in zip(names, at.contacts, at.speeds, z, strict=True):
+        planes = Planes(self.mechanism, at)
+        those = zip(planes.names, planes.contacts, z, strict=True)
+        for c, (name, contact, deflection) in enumerate(those):
             law = self._law(name, contact.law)
             load = _load(self.mechanism, name, contact)
-            force = law.force_from_state(u, load, tuple(deflection))
+            force, rate = planes.bristles(c, law, load, tuple(deflection))
             forces.append(_friction_under_load(self.mechanism, name, contact, force))
-            rates.append(tuple(law.state_rate(u, tuple(deflection))))
+            rates.append(rate)
         return forces, tuple(rates)
 
     def bare(self, y: PyTree) -> Any:
@@ -259,9 +259,6 @@ class BristleMechanism(_AbstractSmoothForm):
 
 def _without_stops(mechanism: Any) -> AbstractWithObservables:
     check_type("mechanism", mechanism, AbstractWithObservables, "an AbstractMechanism")
-    if mechanism.planar:
-        why = "of the event-driven form only: friction in a plane has no smooth form yet"
-        raise DeclarationError(str(refusal("planar", dict(mechanism.planar), why)))
     if mechanism.stops:
         those = ", ".join(map(repr, mechanism.stops))
         why = "of the event-driven form only: a smooth form has no impacts"

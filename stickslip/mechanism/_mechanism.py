@@ -146,7 +146,7 @@ class AbstractMechanism(AbstractWithObservables):
     **Limits.** Friction acts along a line, or in a plane where `planar` says so: two contacts that only
     cross, each with the normal force of the body, are a square in place of the circle, and a puck on
     them bends off its line and stops too early. Beside a planar contact no other contact or stop may
-    touch the velocities that it or inertia joins (a plate on three feet), and it has no smooth form.
+    touch the velocities that it or inertia joins (a plate on three feet).
     Normal forces that depend on friction (Painlevé) are not covered, nor is friction at an impact.
     Dependent directions that vary, surfaces of dependent contacts whose speeds vary (but
     beside a stop on one coordinate), and more than 31 contacts (a stop counts as half of one) raise an

@@ -127,7 +127,7 @@ def moreau(masses, limits, force, surface, q, v, t1, steps):
 
 
 def by_scipy(force, normal, belt, static, kinetic, v, t1, rest=1e-7):
-    """A puck of 1 kg from the origin by SciPy's events: it stops below `rest` [m/s], and gives way there."""
+    """A puck of 1 kg from the origin, by SciPy; slower than `rest` [m/s] it has stopped."""
     t, y, slides = 0.0, np.r_[0.0, 0.0, v], True
     for _ in range(200):
         field, guard = _phase(force, normal, belt, static, kinetic, rest, slides)

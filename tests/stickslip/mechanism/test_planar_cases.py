@@ -325,10 +325,6 @@ def test_wrong_declarations_are_named():
     vector = {"along": ([1.0, 0.0], [0.0, 1.0])}
     named = "two contacts, which `planar` names"
     _declares(named, ValueError, contact_directions=vector, planar={})
-    with pytest.raises(ValueError, match=r"planar = .*no smooth form"):
-        Puck(Coulomb(MU)).regularised(1e-3)
-    with pytest.raises(ValueError, match=r"planar = .*no smooth form"):
-        Puck(Coulomb(MU)).bristles(sigma_0=1e5)
 
 
 @pytest.mark.more
