@@ -111,7 +111,8 @@ class PlanarContact(AbstractContactGroup):
         return first.normal_force
 
     def normal_forces(self, here: LocalInstant, states: Any) -> dict[int, Any]:
-        return {self.second: jnp.asarray(self.normal_force(here), jnp.float64)}
+        load = jnp.asarray(self.normal_force(here), jnp.float64)
+        return {self.second: where(states[self.second] == 2.0, 0.0, load)}
 
     def static(self, here: LocalInstant) -> Pair:
         """Semi-axes of the ellipse at rest [N]."""
