@@ -22,7 +22,8 @@ class Accuracy:
     most_pivots: int = 128
     # pivots after which ten times as much is taken for rounding: ties of ill-conditioned inertia
     patience: int = 16
-    # [-] of the speed that an overload of the size of rounding brings about: slower is at rest
+    # [-] of the speed that an overload of the size of rounding brings about: slower is at rest. Slower
+    # than the speed of rest over this a planar contact slides along a load whose slope differs by less
     slow: float = 0.1
     # [-] a drive beyond this part of all that can be borne leaves no question of rest
     clearly: float = 2.0
@@ -32,15 +33,6 @@ class Accuracy:
     # [-] of the terms of a sliding speed, or of a gap: a contact said to stick whose speed is larger
     # slides, a stop said to be closed whose gap is larger is not met
     slides: float = 1e-6
-    # [-] of the speed of rest of a planar contact: nearer to zero it passes through it, against a load
-    # that it cannot bear
-    passes: float = 1e-3
-    # [-] speeds of rest from which on it does
-    fast: float = 1e2
-    # [-] speeds of rest below which it slides along a load that it cannot bear
-    begins: float = 1e1
-    # [-] if its direction differs from that of the load by less, as a slope
-    straight: float = 0.1
     # [m/s, m] slower or closer than it is rounding at rest
     rests: float = 1e-12
 

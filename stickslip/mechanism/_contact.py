@@ -32,7 +32,7 @@ class Contact(NamedTuple):
       time $T \approx s_0/(\mu g)$. Forces that change by themselves within $\tau$ leave an error of
       $T^2/\tau$ of the time of the stop and $s_0 T^2/\tau$ of its place; two coefficients or joined
       inertia one of a part of $T$ and $s_0 T$. One that passes zero against its load, nearer than
-      $10 s_0$, is right to about $s_0/10$. It should be more than 1e-11 of the largest speed, and on
+      $s_0$, is right to a part of $s_0$. It should be more than 1e-11 of the largest speed, and on
       fixed steps $h$ more than $\mu g h$.
     """
 

@@ -140,7 +140,7 @@ class RegularisedMechanism(_AbstractSmoothForm):
             smooth = Regularised(law, self.v_reg, self.kind) if law.set_valued else law
             load = _load(self.mechanism, name, contact)
             found.append(_friction_under_load(self.mechanism, name, contact, smooth.force(u, load)))
-        return planes.directed(found)
+        return planes.along_velocities(found)
 
     def state(self, **values: Numeric) -> Any:
         """A state by the names of its components, as that of the mechanism."""

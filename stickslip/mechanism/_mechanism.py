@@ -93,7 +93,7 @@ class AbstractMechanism(AbstractWithObservables):
     - `rubbing`: of contacts that rub on a stop, the stop: `{"sole": "floor"}`. The load of the stop is
       their normal force, and they are open while it is; its impacts are without friction. Each on a
       coordinate of its own, which inertia does not couple with the other.
-    - `planar`: of two contacts that are the axes of one contact in a plane, the second:
+    - `planar`: of two contacts at right angles that are the axes of one in a plane, the second:
       `{"along": "across"}`. At rest they bear together what lies in an ellipse of the semi-axes
       $\mu_i N$, a disc for two equal laws; sliding, friction is that of the greatest dissipation, for a
       disc $-\mu(|u|)\,N\,u/|u|$. Laws are functions of the speed $|u|$. The first has the normal force

@@ -111,7 +111,8 @@ class PlanarContact(AbstractContactGroup):
         return first.normal_force
 
     def normal_forces(self, here: LocalInstant, states: Any) -> dict[int, Any]:
-        return {self.second: jnp.asarray(self.normal_force(here), jnp.float64)}
+        load = jnp.asarray(self.normal_force(here), jnp.float64)
+        return {self.second: where(states[self.second] == 2.0, 0.0, load)}
 
     def static(self, here: LocalInstant) -> Pair:
         """Semi-axes of the ellipse at rest [N]."""
@@ -154,14 +155,13 @@ class PlanarContact(AbstractContactGroup):
         At zero it has none of its own, and while it gains speed slowly it follows the load all the more
         stiffly; so slow it slides along it.
         """
-        (u1, u2), (m1, m2), most = here.speeds, load, ACCURACY.begins * self.rest_speed(here)
-        along, across = m1 * u1 + m2 * u2, m1 * u2 - m2 * u1
-        steep = jnp.abs(across) / jnp.maximum(ACCURACY.straight * along, ENGINE.tiny)
+        u, most = here.speeds, self.rest_speed(here) / ACCURACY.slow
+        steep = jnp.abs(_across(load, u)) / jnp.maximum(ACCURACY.slow * _dot(load, u), ENGINE.tiny)
         steep = jnp.minimum(steep, 1.0)
-        straight = where((u1 == 0.0) & (u2 == 0.0), 1.0, 1.0 - steep * steep)
-        slow = jnp.maximum(1.0 - speed / most, 0.0) * straight
-        least = ACCURACY.passes**2 * self.rest_speed(here)
-        return where(pulled >= 1.0 - ENGINE.zero, least + most * slow * slow, 0.0)
+        along = where((u[0] == 0.0) & (u[1] == 0.0), 1.0, 1.0 - steep * steep)
+        slow = jnp.maximum(1.0 - speed / most, 0.0) * along
+        found = most * (ACCURACY.slides + slow * slow)
+        return where(pulled >= 1.0 - ENGINE.zero, found, 0.0)
 
     def rest_speed(self, here: LocalInstant) -> Any:
         """Slower slides end in closed form [m/s]."""
@@ -182,11 +182,11 @@ class PlanarContact(AbstractContactGroup):
     def motion_in(self, here: LocalInstant, states: Any, needed: bool = False) -> Motion:
         own = self.own_states(states)
         rests = own[1] == 0.0
-        back = where(_ends(own), self.straight(here), 0.0)
+        back = where(_ends(own), self.end_deceleration(here), 0.0)
         gamma = [here.gamma[0] - back, here.gamma[1]]
         return self.motion(here.mass, self.load(here, states), here.lines, (rests, rests), gamma)
 
-    def straight(self, here: LocalInstant) -> Any:
+    def end_deceleration(self, here: LocalInstant) -> Any:
         """Deceleration at the end of a slide, which is along the first axis [m/s^2]."""
         inertia = -self.impulse(here, (-1.0, 0.0)).force[0]
         law = here.contacts[0].law
@@ -204,14 +204,14 @@ class PlanarContact(AbstractContactGroup):
         slips, rests = _slips(own), own[1] == 0.0
         now, ends = self.slide(here, states), _ends(own)
         # Under a load beyond its limit it passes through zero if it slides straight against the load.
-        (u1, u2), (m1, m2), most, rest = here.speeds, now.load, _size(now.load), self.rest_speed(here)
+        most, load = _size(now.load), now.load
         pulls = most > 0.5
         size = where(pulls, most, 1.0)
-        beside = jnp.abs(m1 * u2 - m2 * u1) / (size * ACCURACY.passes * rest)
-        against = jnp.maximum(-_dot(now.load, now.toward), 0.0) / size
-        straight = ACCURACY.fast * against * jnp.maximum(1.0 - beside, 0.0)
+        beside = _across(load, here.speeds) / (size * now.speed)
+        against = jnp.maximum(-_dot(load, now.toward), 0.0) / size
+        straight = against * jnp.maximum(1.0 - beside * beside / ACCURACY.slides, 0.0)
         within = (1.0 - ENGINE.zero - most) * now.limits[0] / (now.limits[0] + ENGINE.tiny)
-        slow = rest * jnp.maximum(within, where(pulls, straight, 0.0))
+        slow = self.rest_speed(here) * jnp.maximum(within, where(pulls, straight, 0.0))
         stops = where(slips, now.speed - slow, where(ends, here.speeds[0], 1.0))
         left = where(rests & ~ends, self.left(here, self.held(here, states)), 1.0)
         return Guards((stops, jnp.ones_like(stops)), {}, (left,))
@@ -304,7 +304,7 @@ class PlanarContact(AbstractContactGroup):
         pushes = self.impulse(here, (-u[0], -u[1])).force
         base = -_dot(pushes, u) / (power + ENGINE.tiny)
         room = where(jnp.abs(1.0 - m2) > ENGINE.zero, 1.0 - m2, 1.0)
-        longest = 2.0 * ACCURACY.fast * base * self.rest_speed(here) / now.speed
+        longest = 2.0 * base * self.rest_speed(here) / now.speed
         time = jnp.clip(base * (1.0 + g) / room, 0.0, longest)
         inside = m2 < 1.0 - ENGINE.zero
         m2 = where(inside, m2, 0.0)
@@ -314,7 +314,7 @@ class PlanarContact(AbstractContactGroup):
         moves = tuple(
             where(inside, own * x + more * size * y, 0.5 * time * x) for x, y in zip(u, m, strict=True)
         )
-        return time, moves, self.straight(here) * time
+        return time, moves, self.end_deceleration(here) * time
 
 
 def _both(value: Any) -> tuple[Any, Any]:
@@ -333,6 +333,10 @@ def _ends(own: NumberRow) -> Any:
 
 def _dot(a: Any, b: Any) -> Any:
     return a[0] * b[0] + a[1] * b[1]
+
+
+def _across(a: Any, b: Any) -> Any:
+    return a[0] * b[1] - a[1] * b[0]
 
 
 def _size(x: Any) -> Any:

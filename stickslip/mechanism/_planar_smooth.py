@@ -40,7 +40,7 @@ class Planes:
             u, w = self.speeds[first], self.speeds[second]
             self.speeds[first] = self.speeds[second] = jnp.sqrt(u * u + w * w + ENGINE.tiny**2)
 
-    def directed(self, forces: list[Any]) -> list[Any]:
+    def along_velocities(self, forces: list[Any]) -> list[Any]:
         """Friction along each contact, of the `forces` of the laws at `speeds` [N]."""
         found = list(forces)
         for pair in self.pairs:

@@ -68,6 +68,8 @@ def test_a_load_beyond_the_disc_turns_it_back(beside):
     puck = Puck(Coulomb(MU), *load)
     start = np.array([3.0 - 0.8 * beside, 4.0 + 0.6 * beside])
     run = ss.simulate(puck, 0.0, 2.0, puck.state(v_x=start[0], v_y=start[1]))
+    if beside < 1e-7:
+        assert log(puck, run)[0] == ["slip forward / stick", "slip forward / slip forward"]
     if beside < 1e-3:
         up, down, e = 3.5 + MU * G, 3.5 - MU * G, np.array([0.6, 0.8])
         back = 2.0 - 5.0 / up

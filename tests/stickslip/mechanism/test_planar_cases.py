@@ -176,6 +176,25 @@ def test_directions_that_vary():
     np.testing.assert_allclose(array(other.y1), [*x, -spin * x[1], spin * x[0]], atol=1e-9)
 
 
+def test_neither_axes_nor_their_order_matter():
+    """Axes at 30 degrees to the coordinates, the second of them as the one with the normal force."""
+    c, s = np.cos(np.pi / 6.0), np.sin(np.pi / 6.0)
+
+    class Turned(Puck):
+        contact_directions: ClassVar = {"along": {"x": c, "y": s}, "across": {"x": -s, "y": c}}
+        planar: ClassVar = {"across": "along"}
+
+        def contacts(self, t, q, v, args):
+            along = Contact(self.law, surface_speed=0.3 * c + 0.2 * s)
+            return {"across": Contact(self.law, G, 0.2 * c - 0.3 * s), "along": along}
+
+    plain, turned = Puck(Coulomb(MU), 1.0, -0.4, 0.3, 0.2), Turned(Coulomb(MU), 1.0, -0.4)
+    runs = [ss.simulate(p, 0.0, 3.0, p.state(v_x=1.0, v_y=2.0)) for p in (plain, turned)]
+    np.testing.assert_allclose(array(runs[1].y1), array(runs[0].y1), atol=1e-10)
+    np.testing.assert_allclose(runs[1].events.t[1], runs[0].events.t[1], atol=1e-10)
+    assert [int(run.num_events) for run in runs] == [2, 2]
+
+
 class Hopping(Puck):
     """Its normal force swings through zero: it opens, flies, and closes again."""
 
@@ -195,6 +214,11 @@ def test_it_opens_and_closes():
     assert names.count("open / open") == 2
     assert "stick / stick" in names
     opens = [t for n, t in zip(names, times, strict=True) if n == "open / open"]
+    for name, load in (("open / open", 0.0), ("stick / stick", G)):
+        mode = puck.mode_names.index(name)
+        found = puck.normal_forces(0.0, puck.state(), mode)
+        assert {key: float(x) for key, x in found.items()} == {"along": load, "across": load}
+        assert float(puck.friction_forces(0.0, puck.state(), mode)["along"]) == -0.5 * (load > 0.0)
     np.testing.assert_allclose(opens, np.array([1.0, 5.0]) * np.pi / 6.0, rtol=1e-12)
 
     def stepped(steps):
