@@ -1,5 +1,7 @@
 """All sliders of a system at one instant: forces, rates, guards, and what follows an event."""
 
+import copy
+import functools
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -7,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..hybrid.accuracy import ACCURACY as ENGINE
 from ._accuracy import ACCURACY
 from ._jenkins import Along, Jenkins
 
@@ -18,6 +21,19 @@ def elongations(elements: tuple[Jenkins, ...], q: Any) -> Any:
         return jnp.stack([d.row for d in directions]) @ q
     found = [jnp.asarray(direction(q), jnp.float64) for direction in directions]
     return jnp.stack([jnp.reshape(e, ()) for e in found])
+
+
+def terms_of(elements: tuple[Jenkins, ...], q: Any) -> Any:
+    """Size of the terms that make each elongation [m], of which its rounding is a part."""
+    size = jax.tree.map(jnp.abs, q)
+    found = []
+    for element in elements:
+        direction = element.direction
+        if isinstance(direction, Along):
+            found.append(Along(jnp.abs(direction.row), direction.names)(size))
+        else:
+            found.append(abs(jax.jvp(direction, (q,), (size,))[1]))
+    return jax.lax.stop_gradient(jnp.stack([jnp.reshape(x, ()) for x in found]))
 
 
 class Push(eqx.Module):
@@ -66,6 +82,7 @@ class Sliders:
         counts = [element.count for element in elements]
         self.count, self.e, self.z, self.k = np.array(counts), e, z, k
         self.varies = np.array([element.varies for element in elements])
+        self.elements, self.q = elements, q
         self.of = np.repeat(np.arange(len(counts)), counts)
         self.rank = np.concatenate([np.arange(n) for n in counts])
         self.first = np.cumsum([0, *counts[:-1]])
@@ -116,27 +133,27 @@ class Sliders:
 
     def guards(self, rates: Rates) -> tuple:
         """Guards of all elements, in the order of `guard_names`."""
+        d, stretch = self.limit[self.first], self.e - self.z[self.first]
+        # One product: both limits are far apart, and it is a polynomial where the motion is one.
+        grip = (d - stretch) * (d + stretch)
+        turn = self.sense * rates.v - rates.limit
+        both, turn = jnp.where(self.k == 0.0, grip, turn), jnp.where(self.k == 0.0, 1.0, turn)
+        if self.varies.any():
+            both, bound = jnp.where(self.open, 1.0, both), self.bound[self.first]
+            lifts = jnp.where(self.open, -bound, bound)
         found: list[Any] = []
         for j, n in enumerate(self.count):
-            k, e, sense = self.k[j], self.e[j], self.sense[j]
-            row = slice(self.first[j], self.first[j] + n)
-            z, d = self.z[row], self.limit[row]
-            # One product: both limits are far apart, and it is a polynomial where the motion is one.
-            grip = (d[0] - (e - z[0])) * (d[0] + (e - z[0]))
-            turn = sense * rates.v[j] - rates.limit[j]
-            if n == 1:
-                both = jnp.where(k == 0.0, grip, turn)
-                found.append(jnp.where(self.open[j], 1.0, both) if self.varies[j] else both)
-            else:
-                # By a sum, because the slope of an index is one that no fused loop takes.
-                next_one = np.arange(n) == jnp.abs(k)
-                room = jnp.sum(jnp.where(next_one, d + sense * z, 0.0)) - sense * e
-                room = jnp.where(jnp.abs(k) == n, 1.0, room)
-                found += [jnp.where(k == 0.0, grip, room), jnp.where(k == 0.0, 1.0, turn)]
-            if self.varies[j]:
-                bound = self.bound[self.first[j]]
-                found.append(jnp.where(self.open[j], -bound, bound))
+            found += [both[j]] if n == 1 else [jnp.where(self.k[j] == 0.0, both[j], self._room(j)), turn[j]]
+            found += [lifts[j]] if self.varies[j] else []
         return tuple(found)
+
+    def _room(self, j: int) -> Any:
+        """How far the elongation of an element is from where the next slider slips [m]."""
+        row = slice(self.first[j], self.first[j] + self.count[j])
+        # By a sum, because the slope of an index is one that no fused loop takes.
+        next_one = np.arange(self.count[j]) == jnp.abs(self.k[j])
+        room = jnp.sum(jnp.where(next_one, self.limit[row] + self.sense[j] * self.z[row], 0.0))
+        return jnp.where(next_one.any(), room - self.sense[j] * self.e[j], 1.0)
 
     # -- what follows an event
 
@@ -146,19 +163,24 @@ class Sliders:
 
     def _reaches(self, sense: Any) -> Any:
         stretch = self.spread(self.e) - self.z
-        terms = jnp.abs(self.spread(self.e)) + jnp.abs(self.z) + self.limit
-        return self.spread(sense) * stretch >= self.limit - ACCURACY.at_limit * terms
+        return self.spread(sense) * stretch >= self.limit - ACCURACY.at_limit * self.terms
+
+    @functools.cached_property
+    def terms(self) -> Any:
+        """Size of what makes the stretch of each spring [m]."""
+        return self.spread(terms_of(self.elements, self.q)) + jnp.abs(self.z) + jnp.abs(self.limit)
 
     def _leading(self, which: Any) -> Any:
         """How many sliders of each element, from the first on without a gap, are such."""
+        if len(self.of) == len(self.count):
+            return which.astype(jnp.float64)
         ends = zip(self.first, self.count, strict=True)
         rows = [jnp.cumprod(which[a : a + n].astype(jnp.float64)) for a, n in ends]
         return jnp.stack([jnp.sum(row) for row in rows])
 
     def admissible(self) -> Any:
         """Whether no spring is beyond its limit, and those of an element are in their order."""
-        stretch = self.spread(self.e) - self.z
-        terms = jnp.abs(self.spread(self.e)) + jnp.abs(self.z) + self.limit
+        stretch, terms = self.spread(self.e) - self.z, self.terms
         inside = jnp.abs(stretch) <= self.limit + ACCURACY.at_limit * terms
         good = jnp.all(inside | self.spread(self.gone))
         if len(self.of) == len(self.count):
@@ -186,11 +208,16 @@ class Sliders:
 
     def at_their_limits(self, k: Any) -> Any:
         """Positions with all that slip, or did so until now, at their limits; followers at 0 force."""
-        after = Sliders.__new__(Sliders)
-        vars(after).update(vars(self), k=k)
+        after = copy.copy(self)
+        after.k = k
         e, z = self.spread(self.e), self.z
         for one in (self, after):
             z = jnp.where(one.slips(), e - self.spread(one.sense) * self.limit, z)
+        # What sticks now is inside of its limit by rounding: the guard begins on the right side of 0.
+        inside = jax.lax.stop_gradient(ENGINE.few_roundings * self.terms)
+        inside = jnp.minimum(inside, jax.lax.stop_gradient(self.limit))
+        sticks = self.slips() & ~after.slips()
+        z = jnp.where(sticks, z + self.spread(self.sense) * inside, z)
         return jnp.where(self.spread(self.open | after.open), e, z)
 
     def within_limits(self) -> Any:
@@ -200,25 +227,23 @@ class Sliders:
 
     def after_guard(self, number: Any, rates: Rates) -> Any:
         """States of the elements after the guard of this number, counted from the first of these."""
-        place, found = 0, self.k
-        turned = jnp.sign(self.e - self.z[self.first])
-        gripped = jnp.where(self.k == 0.0, turned, self.sense)
-        more = jnp.where(gripped == 0.0, 1.0, gripped) * jnp.maximum(
-            jnp.abs(self.at_limit(gripped)), jnp.minimum(jnp.abs(self.k) + 1.0, self.count)
-        )
-        back = self.at_limit(-self.sense) * jnp.where(self.varies, 0.0, 1.0)
+        single = self.count == 1
+        guards = 2 - single + self.varies
+        begin = np.cumsum(guards) - guards
+        first = number == begin
+        grips = first & ((self.k == 0.0) | ~single)
+        turns = jnp.where(single, first & (self.k != 0.0), number == begin + 1)
+        toggles = self.varies & (number == begin + guards - 1)
+        pulled = jnp.where(self.k == 0.0, jnp.sign(self.e - self.z[self.first]), self.sense)
+        pulled = jnp.where(pulled == 0.0, 1.0, pulled)
+        # Others that are at their limits too slip with the one that does.
+        least = jnp.minimum(jnp.abs(self.k) + 1.0, self.count)
+        more = pulled * jnp.maximum(jnp.abs(self.at_limit(pulled)), least)
+        back = jnp.where(self.varies, 0.0, self.at_limit(-self.sense))
         closed = jnp.where(jnp.abs(rates.v) > rates.limit, jnp.sign(rates.v), 0.0)
         toggled = jnp.where(self.open, closed, self.count + 1.0)
-        for j, n in enumerate(self.count):
-            if n == 1:
-                options = [jnp.where(self.k[j] == 0.0, more[j], back[j])]
-            else:
-                options = [more[j], back[j]]
-            options += [toggled[j]] if self.varies[j] else []
-            for option in options:
-                found = found.at[j].set(jnp.where(number == place, option, found[j]))
-                place += 1
-        return found
+        found = jnp.where(grips, more, jnp.where(turns, back, self.k))
+        return jnp.where(toggles, toggled, found)
 
     def after_jump(self, rates: Rates) -> Any:
         """States after speeds have jumped: a slider that would go back sticks."""
