@@ -122,10 +122,10 @@ class LinearStructure(AbstractMechanicalSystem):
         """
         rows = []
         for name, given in (("q", q), ("v", v)):
-            row = jnp.zeros(self.shape) if given is None else as_parameter(check_finite(name, given))
-            if row.shape != self.shape:
-                raise shape_refusal(name, given, f"a row of {self.shape[0]}, one for each node")
-            rows.append(row)
+            row: Any = np.zeros(self.shape) if given is None else check_finite(name, given)
+            if np.shape(row) != self.shape:
+                raise shape_refusal(name, row, f"a row of {self.shape[0]}, one for each node")
+            rows.append(as_parameter(row))
         return StructureState(*rows)
 
     def to_coordinates(self, y: StructureState) -> tuple[Any, Any]:

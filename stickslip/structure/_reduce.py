@@ -15,6 +15,7 @@ from .._validation import (
     check_finite,
     check_known,
     check_nonnegative,
+    numbers,
     refusal,
     shape_refusal,
 )
@@ -108,7 +109,8 @@ def modal_damping(mass: Rows, stiffness: Rows, ratios: Numeric) -> Float[Array, 
     except np.linalg.LinAlgError:
         raise refusal("mass", np.asarray(M).tolist(), "positive definite") from None
     carried = np.asarray(M) @ shapes
-    return (carried * (2.0 * jnp.asarray(ratios) * np.sqrt(np.maximum(squares, 0.0)))) @ carried.T
+    rates = 2.0 * jnp.asarray(ratios, jnp.float64) * np.sqrt(np.maximum(squares, 0.0))
+    return (carried * rates[None, :]) @ carried.T
 
 
 def _sparse(name: str, value: Any) -> Any:
@@ -125,7 +127,7 @@ def _sparse(name: str, value: Any) -> Any:
 
 
 def _nodes(boundary: Any, size: int) -> np.ndarray:
-    nodes = np.asarray(boundary)
+    nodes = numbers("boundary", boundary, NODES)
     if nodes.ndim != 1 or not nodes.size or nodes.dtype.kind not in "iu":
         raise refusal("boundary", boundary, NODES, TypeError)
     if nodes.min() < 0 or nodes.max() >= size or len(set(nodes.tolist())) < nodes.size:

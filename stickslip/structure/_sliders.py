@@ -80,11 +80,12 @@ class Sliders:
         self, elements: tuple[Jenkins, ...], t: Any, q: Any, e: Any, z: Any, k: Any, args: Any
     ):
         counts = [element.count for element in elements]
-        self.count, self.e, self.z, self.k = np.array(counts), e, z, k
+        self.sizes, self.count = counts, np.array(counts, float)
+        self.e, self.z, self.k = e, z, k
         self.varies = np.array([element.varies for element in elements])
         self.elements, self.q = elements, q
         self.of = np.repeat(np.arange(len(counts)), counts)
-        self.rank = np.concatenate([np.arange(n) for n in counts])
+        self.rank = np.concatenate([np.arange(n, dtype=float) for n in counts])
         self.first = np.cumsum([0, *counts[:-1]])
         self.stiffness = jnp.concatenate([jnp.ravel(element.stiffness) for element in elements])
         self.bound = jnp.concatenate([element.bounds(t, q, args) for element in elements])
@@ -98,7 +99,7 @@ class Sliders:
         """The sum over the sliders of each element."""
         if len(self.of) == len(self.count):
             return of_sliders
-        ends = zip(self.first, self.count, strict=True)
+        ends = zip(self.first, self.sizes, strict=True)
         return jnp.stack([jnp.sum(of_sliders[a : a + n]) for a, n in ends])
 
     @property
@@ -142,16 +143,16 @@ class Sliders:
             both, bound = jnp.where(self.open, 1.0, both), self.bound[self.first]
             lifts = jnp.where(self.open, -bound, bound)
         found: list[Any] = []
-        for j, n in enumerate(self.count):
+        for j, n in enumerate(self.sizes):
             found += [both[j]] if n == 1 else [jnp.where(self.k[j] == 0.0, both[j], self._room(j)), turn[j]]
             found += [lifts[j]] if self.varies[j] else []
         return tuple(found)
 
     def _room(self, j: int) -> Any:
         """How far the elongation of an element is from where the next slider slips [m]."""
-        row = slice(self.first[j], self.first[j] + self.count[j])
+        row = slice(self.first[j], self.first[j] + self.sizes[j])
         # By a sum, because the slope of an index is one that no fused loop takes.
-        next_one = np.arange(self.count[j]) == jnp.abs(self.k[j])
+        next_one = np.arange(self.sizes[j], dtype=float) == jnp.abs(self.k[j])
         room = jnp.sum(jnp.where(next_one, self.limit[row] + self.sense[j] * self.z[row], 0.0))
         return jnp.where(next_one.any(), room - self.sense[j] * self.e[j], 1.0)
 
@@ -174,7 +175,7 @@ class Sliders:
         """How many sliders of each element, from the first on without a gap, are such."""
         if len(self.of) == len(self.count):
             return which.astype(jnp.float64)
-        ends = zip(self.first, self.count, strict=True)
+        ends = zip(self.first, self.sizes, strict=True)
         rows = [jnp.cumprod(which[a : a + n].astype(jnp.float64)) for a, n in ends]
         return jnp.stack([jnp.sum(row) for row in rows])
 
@@ -228,12 +229,13 @@ class Sliders:
     def after_guard(self, number: Any, rates: Rates) -> Any:
         """States of the elements after the guard of this number, counted from the first of these."""
         single = self.count == 1
-        guards = 2 - single + self.varies
-        begin = np.cumsum(guards) - guards
+        guards = 2 - single.astype(np.int32) + self.varies
+        begin = (np.cumsum(guards) - guards).astype(np.int32)
+        number = jnp.asarray(number, jnp.int32)
         first = number == begin
         grips = first & ((self.k == 0.0) | ~single)
         turns = jnp.where(single, first & (self.k != 0.0), number == begin + 1)
-        toggles = self.varies & (number == begin + guards - 1)
+        toggles = self.varies & (number == begin + guards.astype(np.int32) - 1)
         pulled = jnp.where(self.k == 0.0, jnp.sign(self.e - self.z[self.first]), self.sense)
         pulled = jnp.where(pulled == 0.0, 1.0, pulled)
         # Others that are at their limits too slip with the one that does.

@@ -3,12 +3,13 @@
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from .._argument_checks import check_arguments, instance, reals, time, whole_state
+from .._argument_checks import check_arguments, instance, one_real, time, whole_state, with_components
 from .._argument_checks import modes as some_modes
 from .._types import Given, Numeric, Whole
 from .._validation import (
@@ -23,7 +24,7 @@ from .._validation import (
 )
 from ..hybrid import AbstractSystemWrapper
 from ..hybrid.status import JUMP, NO_MODE
-from ..hybrid.system import mode_type
+from ..hybrid.system import guard_directions, mode_type
 from ..hybrid.tree import select
 from ..mechanism import AbstractMechanicalSystem, AbstractMechanism
 from ._jenkins import Along, Jenkins
@@ -77,7 +78,8 @@ class WithSliders(AbstractSystemWrapper, AbstractMechanicalSystem):
     """
 
     system: Any
-    sliders: dict[str, Jenkins]
+    elements: tuple[Jenkins, ...]
+    names: tuple[str, ...] = eqx.field(static=True)
 
     def __init__(
         self,
@@ -85,17 +87,19 @@ class WithSliders(AbstractSystemWrapper, AbstractMechanicalSystem):
         sliders: Given[Mapping[str, Jenkins]],
     ):
         self.system = check_type("system", system, AbstractMechanism | LinearStructure, _SYSTEM)
-        self.sliders = check_mapping("sliders", sliders, "a mapping from names to Jenkins elements")
-        if not self.sliders:
+        given = check_mapping("sliders", sliders, "a mapping from names to Jenkins elements")
+        if not given:
             raise refusal("sliders", sliders, "a mapping from at least one name to a Jenkins element")
-        for name, element in self.sliders.items():
+        # Not as a mapping: JAX sorts its keys.
+        self.names, self.elements = tuple(given), tuple(given.values())
+        for name, element in given.items():
             check_type(f"sliders[{name!r}]", element, Jenkins, "a Jenkins element")
             if not name or " / " in name:
                 raise refusal("sliders", name, "names of elements: texts without ' / '")
             self._check_direction(name, element)
         if len(self.mode_names) > MOST_NUMBERED:
             allowed = "fewer, or with their sliders in common elements: modes are numbers of 64 bits"
-            raise refusal("sliders", f"{len(self.sliders)} elements", allowed)
+            raise refusal("sliders", f"{len(given)} elements", allowed)
 
     def _check_direction(self, name: str, element: Jenkins) -> None:
         direction, system = element.direction, self.system
@@ -116,41 +120,49 @@ class WithSliders(AbstractSystemWrapper, AbstractMechanicalSystem):
     # -- names
 
     @property
-    def _elements(self) -> tuple[Jenkins, ...]:
-        return tuple(self.sliders.values())
+    def sliders(self) -> dict[str, Jenkins]:
+        """The elements by name."""
+        return dict(zip(self.names, self.elements, strict=True))
 
     @property
     def _rested(self) -> Any:
         """The system under the force of sliders, of which it matters only that there is one."""
-        return self._under(jnp.zeros(self._number), jnp.zeros(len(self.sliders)))
+        return self._under(jnp.zeros(self._number), jnp.zeros(len(self.names)))
 
     @property
     def _number(self) -> int:
-        return sum(element.count for element in self._elements)
+        return sum(element.count for element in self.elements)
 
     def _under(self, z: Any, k: Any) -> Any:
         """The system under the force of sliders in these positions and states."""
-        return pushed(self.system, Push(self._elements, z, k))
+        return pushed(self.system, Push(self.elements, z, k))
 
     @property
     def mode_names(self) -> SliderModes:
         """Those of `system`, with the state of each element behind them."""
-        counts = tuple(element.count for element in self._elements)
-        varies = tuple(element.varies for element in self._elements)
+        counts = tuple(element.count for element in self.elements)
+        varies = tuple(element.varies for element in self.elements)
         return SliderModes(self.system.mode_names, counts, varies)
 
     @property
     def _own_guards(self) -> tuple[str, ...]:
-        return guard_names(tuple(self.sliders), self._elements)
-
-    @property
-    def _own_scales(self) -> tuple:
-        return (None,) * len(self._own_guards)
+        return guard_names(self.names, self.elements)
 
     @property
     def guard_names(self) -> tuple[str, ...]:
         """Those of `system`, then its own."""
         return (*self._rested.guard_names, *self._own_guards)
+
+    @property
+    def guard_directions(self) -> tuple[str, ...]:
+        """Those of `system`, then `"falling"` for its own."""
+        return (*guard_directions(self._rested), *("falling",) * len(self._own_guards))
+
+    @property
+    def guard_scales(self) -> Any:
+        """Those of `system` if it states them; its own follow the motion."""
+        stated = self._rested.guard_scales
+        return None if stated is None else (*stated, *(None,) * len(self._own_guards))
 
     @property
     def units(self) -> dict[str, str]:
@@ -179,22 +191,22 @@ class WithSliders(AbstractSystemWrapper, AbstractMechanicalSystem):
         word = mode_type(self)
         digits = jnp.asarray(mode, word) // np.array(names.places, np.int64).astype(word)
         digits = digits % np.array(names.bases, np.int64).astype(word)
-        return inner, digits.astype(jnp.float64) - np.array(names.counts)
+        return inner, digits.astype(jnp.float64) - np.array(names.counts, float)
 
     def _mode_of(self, inner: Any, k: Any) -> Any:
         names, word = self.mode_names, mode_type(self)
-        digits = (k + np.array(names.counts)).astype(word)
+        digits = (k + np.array(names.counts, float)).astype(word)
         places = np.array(names.places, np.int64).astype(word)
         whole = jnp.asarray(inner, word) + jnp.sum(digits * places, dtype=word)
         return jnp.where(inner < 0, jnp.asarray(NO_MODE, word), whole)
 
     def _sliders(self, t: Any, y: Slid, k: Any, args: Any) -> Sliders:
         q, _ = self.system.to_coordinates(y.y)
-        return Sliders(self._elements, t, q, elongations(self._elements, q), y.z, k, args)
+        return Sliders(self.elements, t, q, elongations(self.elements, q), y.z, k, args)
 
     def _rates(self, t: Any, y: Slid, args: Any, dy: Any = None) -> Rates:
         """Rates of elongations and limits; accelerations too where the slope `dy` is given."""
-        elements = self._elements
+        elements = self.elements
         q, v = self.system.to_coordinates(y.y)
         places, t = moving(q, v), jnp.asarray(t, jnp.float64)
 
@@ -250,9 +262,9 @@ class WithSliders(AbstractSystemWrapper, AbstractMechanicalSystem):
         k = jnp.where(jumps, later.states(rates), jnp.where(of_system, later.after_jump(rates), own))
         return Slid(after, z), self._mode_of(new, k)
 
-    @check_arguments(t=reals, y=_slid)
+    @check_arguments(t=one_real, y=_slid)
     def initial_mode(self, t, y, args):
-        k = jnp.zeros(len(self.sliders))
+        k = jnp.zeros(len(self.names))
         under = self._under(y.z, k)
         inner = under.initial_mode(t, y.y, args)
         dy = under.vector_field(t, y.y, jnp.maximum(inner, 0), args)
@@ -284,7 +296,7 @@ class WithSliders(AbstractSystemWrapper, AbstractMechanicalSystem):
             raise shape_refusal("y0.z", y.z, f"a row of {self._number}, one for each slider")
         type(self.system).check_start(self.system, t, y.y, args)
         if is_concrete((self, t, y, args)):
-            sliders = self._sliders(t, y, jnp.zeros(len(self.sliders)), args)
+            sliders = self._sliders(t, y, jnp.zeros(len(self.names)), args)
             if not bool(sliders.admissible()):
                 away = np.asarray(sliders.spread(sliders.e) - sliders.z)
                 allowed = (
@@ -298,9 +310,10 @@ class WithSliders(AbstractSystemWrapper, AbstractMechanicalSystem):
         self, y: PyTree, z: Given[Numeric | None] = None, t: Numeric = 0.0, args: PyTree = None
     ) -> Slid:
         """State with sliders at `z` [m], a row of all; by default where the springs bear nothing."""
+        with_components("y", y, tuple(self.system.units))
         if z is None:
             zero = jnp.zeros(self._number)
-            sliders = self._sliders(t, Slid(y, zero), jnp.zeros(len(self.sliders)), args)
+            sliders = self._sliders(t, Slid(y, zero), jnp.zeros(len(self.names)), args)
             return Slid(y, jnp.zeros(self._number) + sliders.spread(sliders.e))
         row = as_parameter(check_finite("z", z))
         if row.shape != (self._number,):
@@ -313,13 +326,13 @@ class WithSliders(AbstractSystemWrapper, AbstractMechanicalSystem):
     def energy(self, y):
         """That of `system`, and of the springs of the sliders [J]."""
         q, _ = self.system.to_coordinates(y.y)
-        e = elongations(self._elements, q)
-        k = jnp.concatenate([jnp.ravel(element.stiffness) for element in self._elements])
-        counts = np.array([element.count for element in self._elements])
+        e = elongations(self.elements, q)
+        k = jnp.concatenate([jnp.ravel(element.stiffness) for element in self.elements])
+        counts = np.array([element.count for element in self.elements])
         stretch = jnp.repeat(e, counts, total_repeat_length=self._number) - y.z
         return self.system.energy(y.y) + 0.5 * jnp.sum(k * stretch * stretch)
 
-    @check_arguments(t=reals, y=_slid, mode=some_modes)
+    @check_arguments(t=one_real, y=_slid, mode=some_modes)
     def powers(self, t, y, mode, args):
         """Those of `system` [W], and `friction of NAME`, what the sliders of each element lose."""
         inner, k = self._split(jnp.asarray(mode))
@@ -329,16 +342,16 @@ class WithSliders(AbstractSystemWrapper, AbstractMechanicalSystem):
         taken = jnp.sum(sliders.forces() * rates.v)
         found["forces"] = found.get("forces", 0.0) + taken
         losses = -sliders.gathered(sliders.springs() * sliders.slider_rates(rates))
-        return {**found, **{f"friction of {n}": x for n, x in zip(self.sliders, losses, strict=True)}}
+        return {**found, **{f"friction of {n}": x for n, x in zip(self.names, losses, strict=True)}}
 
-    @check_arguments(t=reals, y=_slid, mode=some_modes)
+    @check_arguments(t=one_real, y=_slid, mode=some_modes)
     def slider_forces(
         self, t: Numeric, y: PyTree, mode: Whole, args: PyTree = None
     ) -> dict[str, Any]:
         """Force of each element [N], by name: what its springs bear together."""
         _, k = self._split(jnp.asarray(mode))
         forces = self._sliders(t, y, k, args).forces()
-        return dict(zip(self.sliders, forces, strict=True))
+        return dict(zip(self.names, forces, strict=True))
 
     @check_arguments(mode=some_modes)
     def slider_states(self, mode: Whole) -> dict[str, Any]:
@@ -350,7 +363,7 @@ class WithSliders(AbstractSystemWrapper, AbstractMechanicalSystem):
         if not is_concrete(mode):
             raise refusal("mode", mode, "known: words are made outside of jit and vmap")
         names, array, found = self.mode_names, np.asarray(mode), {}
-        for j, (name, base) in enumerate(zip(self.sliders, names.bases, strict=True)):
+        for j, (name, base) in enumerate(zip(self.names, names.bases, strict=True)):
             words = np.array([names.word(j, state - names.counts[j]) for state in range(base)])
             digit = array // names.places[j] % base
             word = np.where(array < 0, "", words[digit])
