@@ -6,7 +6,7 @@ from typing import Any
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from .._argument_checks import check_arguments, count, number
 from .._types import Given, Numeric
@@ -46,7 +46,7 @@ class Called(eqx.Module):
 
 
 def as_called(name: str, value: Any, call: str, *arguments: Any) -> Any:
-    """What is callable: a module with parameters of its own as it is, a function in a module."""
+    """A module with parameters of its own as it is, a function of the user in a `Called`."""
     check_callable(name, value, call, *arguments)
     return value if isinstance(value, eqx.Module) else Called(value)
 
@@ -83,7 +83,7 @@ class Jenkins(eqx.Module):
     With the elongation $e$ of the element and the position $z$ of a slider, each spring bears
 
     $$f = k_t (e - z), \qquad |f| \le f_s, \qquad
-      \dot z = 0 \text{ while } |f| < f_s, \qquad f = f_s\,\mathrm{sgn}\,\dot z \text{ while it slips},$$
+      \dot z = 0 \text{ while } |f| < f_s, \qquad f = f_s\,\mathrm{sgn}\,\dot z \text{ in slip},$$
 
     set-valued, with nothing rounded. A slider that slips sticks again where the elongation turns. On
     the structure the element acts with $-f$ along the gradient of $e$. Several sliders in parallel are
@@ -91,7 +91,7 @@ class Jenkins(eqx.Module):
 
     **Arguments:**
 
-    - `direction`: what makes the elongation [m] out of the coordinates: a mapping from their names to
+    - `direction`: makes the elongation [m] out of the coordinates: a mapping from their names to
       numbers, as `{"x": 1.0, "y": -1.0}` between two of them or `{"x": 1.0}` to the ground; a row of
       numbers; or a function `direction(q)` that is smooth.
     - `stiffness` $k_t$ [N/m], positive; a row for several sliders.
@@ -106,7 +106,8 @@ class Jenkins(eqx.Module):
 
     ??? cite "Reference"
 
-        W. D. Iwan, *J. Appl. Mech.* 33(4):893, 1966; G. Masing, *Proc. 2nd Int. Congr. Appl. Mech.*, 1926.
+        W. D. Iwan, *J. Appl. Mech.* 33(4):893, 1966; G. Masing, *Proc. 2nd Int. Congress Applied
+        Mechanics*, 1926.
     """
 
     direction: Any
@@ -150,7 +151,7 @@ class Jenkins(eqx.Module):
         """Whether the bound is a function."""
         return callable(self.bound)
 
-    def bounds(self, t: Any, q: Any, args: Any) -> Any:
+    def bounds(self, t: Numeric, q: PyTree, args: PyTree) -> Float[Array, " slider"]:
         """Largest force of each slider [N]; not positive where the element is open."""
         given = self.bound(t, q, args) if callable(self.bound) else self.bound
         found = jnp.asarray(given, jnp.float64)
@@ -174,8 +175,8 @@ def iwan(
     r"""Iwan element by the four parameters of Segalman's joint model, as sliders in parallel.
 
     Limits $\varphi$ of the springs have the density
-    $\rho = R\varphi^\chi$ on $[0, \varphi_m]$ and the rest $S\,\delta(\varphi - \varphi_m)$, so that the
-    loss per turn of small loops grows as the force to the power $3 + \chi$; with
+    $\rho = R\varphi^\chi$ on $[0, \varphi_m]$ and the rest $S\,\delta(\varphi - \varphi_m)$, so that
+    the loss per turn of small loops grows as the force to the power $3 + \chi$; with
     $B = \beta + (\chi + 1)/(\chi + 2)$
 
     $$\varphi_m = \frac{F_S(1 + \beta)}{K_T B}, \quad
@@ -184,8 +185,8 @@ def iwan(
     The interval is divided evenly; each part is one slider with its stiffness and its force.
 
     **Arguments:** `direction` as of `Jenkins`; `slip_force` $F_S$ [N], at which all slip; `stiffness`
-    $K_T$ [N/m] of all at rest; `exponent` $\chi$ [-], above -1 and at most 0; `ratio` $\beta$ [-], of the
-    stiffness that is lost at once as the last ones slip; `sliders`, their number.
+    $K_T$ [N/m] of all at rest; `exponent` $\chi$ [-], above -1 and at most 0; `ratio` $\beta$ [-], of
+    the stiffness that is lost at once as the last ones slip; `sliders`, their number.
     **Raises** `ValueError`, `TypeError` naming the argument.
 
     ??? cite "Reference"

@@ -6,14 +6,14 @@ from typing import Any, ClassVar, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from .._argument_checks import OBSERVABLE, check_arguments, parameters
 from .._argument_checks import state as some_state
 from .._types import Given, Numeric, Row, Rows
 from .._validation import as_parameter, check_finite, is_concrete, refusal, shape_refusal
+from ..hybrid.accuracy import ACCURACY as ENGINE
 from ..mechanism import AbstractMechanicalSystem
-from ._accuracy import ACCURACY
 from ._jenkins import as_called
 
 
@@ -41,10 +41,10 @@ class HarmonicForce(eqx.Module):
         if not np.shape(amplitude):
             raise shape_refusal("amplitude", amplitude, "a row, a number for each node")
 
-    def __call__(self, t: Any, q: Any, v: Any, args: Any) -> Any:
+    def __call__(self, t: Numeric, q: PyTree, v: PyTree, args: PyTree) -> Float[Array, " node"]:
         return self.amplitude * jnp.cos(self.frequency * t + self.phase)
 
-    def time_scale(self, args: Any) -> Any:
+    def time_scale(self, args: PyTree) -> Any:
         """Time in which the force changes by its own size [s]."""
         return 1.0 / self.frequency
 
@@ -66,9 +66,9 @@ class LinearStructure(AbstractMechanicalSystem):
     [0.468213, 1.510223]
 
     - State `StructureState(q, v)`, rows; `state(q, v)` makes one, at rest if left out.
-    - `mass`, `damping`, `stiffness`: square matrices `[node, node]` [kg, N s/m, N/m]. Mass and stiffness
-      are symmetric, the mass positive definite. Damping may be gyroscopic; `modal_damping` makes it
-      from ratios.
+    - `mass`, `damping`, `stiffness`: square matrices `[node, node]` [kg, N s/m, N/m]. Mass and
+      stiffness are symmetric, the mass positive definite. Damping may be gyroscopic; `modal_damping`
+      makes it from ratios.
     - `force`: a function `force(t, q, v, args)` that returns a row [N], None for none. An
       `equinox.Module` with that `__call__`, as `HarmonicForce`, has parameters; its method
       `time_scale(args)`, if it has one, is that of the structure.
@@ -139,7 +139,7 @@ class LinearStructure(AbstractMechanicalSystem):
         known = getattr(self.force, "time_scale", None)
         return None if known is None else known(args)
 
-    def forces(self, t: Any, q: Any, v: Any, args: Any) -> Any:
+    def forces(self, t: Numeric, q: PyTree, v: PyTree, args: PyTree) -> Float[Array, " node"]:
         """All forces but those of inertia [N]."""
         inner = self.stiffness @ q + self.damping @ v
         if self.force is None:
@@ -200,6 +200,6 @@ def symmetric(name: str, matrix: Any) -> Any:
     """A matrix that is symmetric, where it is known."""
     if is_concrete(matrix):
         numbers = np.asarray(matrix)
-        if np.abs(numbers - numbers.T).max() > ACCURACY.symmetric * np.abs(numbers).max():
+        if np.abs(numbers - numbers.T).max() > ENGINE.zero * np.abs(numbers).max():
             raise refusal(name, numbers.tolist(), "symmetric")
     return matrix

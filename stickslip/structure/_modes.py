@@ -26,7 +26,7 @@ class SliderModes(MadeNames):
 
     @property
     def places(self) -> tuple[int, ...]:
-        """What each state is multiplied with in the mode."""
+        """The factor of each state in the mode."""
         first = len(self.system)
         return tuple(first * math.prod(self.bases[:j]) for j in range(len(self.counts)))
 

@@ -19,7 +19,7 @@ from .._validation import (
     refusal,
     shape_refusal,
 )
-from ._accuracy import ACCURACY
+from ..hybrid.accuracy import ACCURACY as ENGINE
 from ._linear_structure import square, symmetric
 
 Sparse = Given[scipy.sparse.spmatrix | scipy.sparse.sparray | np.ndarray]
@@ -121,7 +121,7 @@ def _sparse(name: str, value: Any) -> Any:
     found = scipy.sparse.csr_array(value, dtype=float)
     check_finite(name, found.data if found.nnz else 0.0)
     away = abs(found - found.T)
-    if away.nnz and away.max() > ACCURACY.symmetric * abs(found).max():
+    if away.nnz and away.max() > ENGINE.zero * abs(found).max():
         raise refusal(name, value, "symmetric")
     return found
 

@@ -10,7 +10,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..hybrid.accuracy import ACCURACY as ENGINE
-from ._accuracy import ACCURACY
 from ._jenkins import Along, Jenkins
 
 
@@ -61,7 +60,7 @@ def with_places(q: Any, places: Any) -> Any:
 
 
 class Rates(NamedTuple):
-    """What the motion makes of elongations and limits: `v` [m/s], `a` [m/s^2], `limit` [m/s]."""
+    """Speeds `v` [m/s] and accelerations `a` [m/s^2] of the elongations, rates of `limit` [m/s]."""
 
     v: Any
     limit: Any
@@ -95,7 +94,7 @@ class Sliders:
         """A number of each element, for each of its sliders."""
         return of_elements if len(self.of) == len(self.count) else of_elements[self.of]
 
-    def gathered(self, of_sliders: Any) -> Any:
+    def sums(self, of_sliders: Any) -> Any:
         """The sum over the sliders of each element."""
         if len(self.of) == len(self.count):
             return of_sliders
@@ -119,13 +118,13 @@ class Sliders:
     def springs(self) -> Any:
         """Force of the spring of each slider [N]."""
         slips, sense = self.slips(), self.spread(self.sense)
-        stretched = self.stiffness * (self.spread(self.e) - self.z)
-        found = jnp.where(slips, sense * self.bound, stretched)
+        held = self.stiffness * (self.spread(self.e) - self.z)
+        found = jnp.where(slips, sense * self.bound, held)
         return jnp.where(self.spread(self.open), 0.0, found) if self.varies.any() else found
 
     def forces(self) -> Any:
         """Force of each element [N]."""
-        return self.gathered(self.springs())
+        return self.sums(self.springs())
 
     def slider_rates(self, rates: Rates) -> Any:
         """Speed of each slider [m/s]."""
@@ -144,7 +143,9 @@ class Sliders:
             lifts = jnp.where(self.open, -bound, bound)
         found: list[Any] = []
         for j, n in enumerate(self.sizes):
-            found += [both[j]] if n == 1 else [jnp.where(self.k[j] == 0.0, both[j], self._room(j)), turn[j]]
+            found += (
+                [both[j]] if n == 1 else [jnp.where(self.k[j] == 0.0, both[j], self._room(j)), turn[j]]
+            )
             found += [lifts[j]] if self.varies[j] else []
         return tuple(found)
 
@@ -164,7 +165,7 @@ class Sliders:
 
     def _reaches(self, sense: Any) -> Any:
         stretch = self.spread(self.e) - self.z
-        return self.spread(sense) * stretch >= self.limit - ACCURACY.at_limit * self.terms
+        return self.spread(sense) * stretch >= self.limit - ENGINE.edge * self.terms
 
     @functools.cached_property
     def terms(self) -> Any:
@@ -182,11 +183,11 @@ class Sliders:
     def admissible(self) -> Any:
         """Whether no spring is beyond its limit, and those of an element are in their order."""
         stretch, terms = self.spread(self.e) - self.z, self.terms
-        inside = jnp.abs(stretch) <= self.limit + ACCURACY.at_limit * terms
+        inside = jnp.abs(stretch) <= self.limit + ENGINE.edge * terms
         good = jnp.all(inside | self.spread(self.gone))
         if len(self.of) == len(self.count):
             return good
-        slack = ACCURACY.at_limit * (terms[1:] + terms[:-1])
+        slack = ENGINE.edge * (terms[1:] + terms[:-1])
         ordered = jnp.abs(jnp.diff(self.z)) <= jnp.diff(self.limit) + slack
         return good & jnp.all(ordered | (np.diff(self.of) > 0))
 
@@ -214,7 +215,7 @@ class Sliders:
         e, z = self.spread(self.e), self.z
         for one in (self, after):
             z = jnp.where(one.slips(), e - self.spread(one.sense) * self.limit, z)
-        # What sticks now is inside of its limit by rounding: the guard begins on the right side of 0.
+        # Those that stick now are inside of its limit by rounding: the guard begins on the right side of 0.
         inside = jax.lax.stop_gradient(ENGINE.few_roundings * self.terms)
         inside = jnp.minimum(inside, jax.lax.stop_gradient(self.limit))
         sticks = self.slips() & ~after.slips()

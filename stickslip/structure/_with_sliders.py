@@ -30,7 +30,7 @@ from ..mechanism import AbstractMechanicalSystem, AbstractMechanism
 from ._jenkins import Along, Jenkins
 from ._linear_structure import LinearStructure
 from ._modes import SliderModes
-from ._pushed import pushed
+from ._push import under_push
 from ._sliders import Push, Rates, Sliders, elongations, guard_names, moving, with_places
 
 
@@ -125,7 +125,7 @@ class WithSliders(AbstractSystemWrapper, AbstractMechanicalSystem):
         return dict(zip(self.names, self.elements, strict=True))
 
     @property
-    def _rested(self) -> Any:
+    def _at_rest(self) -> Any:
         """The system under the force of sliders, of which it matters only that there is one."""
         return self._under(jnp.zeros(self._number), jnp.zeros(len(self.names)))
 
@@ -135,7 +135,7 @@ class WithSliders(AbstractSystemWrapper, AbstractMechanicalSystem):
 
     def _under(self, z: Any, k: Any) -> Any:
         """The system under the force of sliders in these positions and states."""
-        return pushed(self.system, Push(self.elements, z, k))
+        return under_push(self.system, Push(self.elements, z, k))
 
     @property
     def mode_names(self) -> SliderModes:
@@ -151,17 +151,17 @@ class WithSliders(AbstractSystemWrapper, AbstractMechanicalSystem):
     @property
     def guard_names(self) -> tuple[str, ...]:
         """Those of `system`, then its own."""
-        return (*self._rested.guard_names, *self._own_guards)
+        return (*self._at_rest.guard_names, *self._own_guards)
 
     @property
     def guard_directions(self) -> tuple[str, ...]:
         """Those of `system`, then `"falling"` for its own."""
-        return (*guard_directions(self._rested), *("falling",) * len(self._own_guards))
+        return (*guard_directions(self._at_rest), *("falling",) * len(self._own_guards))
 
     @property
     def guard_scales(self) -> Any:
         """Those of `system` if it states them; its own follow the motion."""
-        stated = self._rested.guard_scales
+        stated = self._at_rest.guard_scales
         return None if stated is None else (*stated, *(None,) * len(self._own_guards))
 
     @property
@@ -172,7 +172,7 @@ class WithSliders(AbstractSystemWrapper, AbstractMechanicalSystem):
     @property
     def continuous_guards(self) -> tuple[int, ...]:
         """Those of `system`."""
-        return self._rested.continuous_guards
+        return self._at_rest.continuous_guards
 
     @property
     def answers_jumps(self) -> bool:
@@ -210,23 +210,21 @@ class WithSliders(AbstractSystemWrapper, AbstractMechanicalSystem):
         q, v = self.system.to_coordinates(y.y)
         places, t = moving(q, v), jnp.asarray(t, jnp.float64)
 
-        def stretched(places):
+        def stretch_of(places):
             return elongations(elements, with_places(q, places))
 
         def limits(t, places):
             now = with_places(q, places)
-            found = [
-                e.bounds(t, now, args)[0] / e.stiffness if e.varies else 0.0 * t for e in elements
-            ]
+            found = [e.bounds(t, now, args)[0] / e.stiffness if e.varies else 0.0 * t for e in elements]
             return jnp.stack([jnp.reshape(d, ()) for d in found])
 
-        rates = jax.jvp(stretched, (places,), (v,))[1]
+        rates = jax.jvp(stretch_of, (places,), (v,))[1]
         limit = jax.jvp(limits, (t, places), (jnp.ones_like(t), v))[1]
         if dy is None:
             return Rates(rates, limit)
         _, v_rate = self.system.to_coordinates(dy)
         along = jax.jvp(
-            lambda places, v: jax.jvp(stretched, (places,), (v,))[1], (places, v), (v, v_rate)
+            lambda places, v: jax.jvp(stretch_of, (places,), (v,))[1], (places, v), (v, v_rate)
         )
         return Rates(rates, limit, along[1])
 
@@ -243,7 +241,7 @@ class WithSliders(AbstractSystemWrapper, AbstractMechanicalSystem):
     def transition(self, t, y, mode, guard, args):
         """State and mode right after guard number `guard` has fired; -1 if a load has jumped."""
         inner, k = self._split(mode)
-        others = len(self._rested.guard_names)
+        others = len(self._at_rest.guard_names)
         jumps, of_system = guard == JUMP, guard < others
         sliders = self._sliders(t, y, k, args)
         moved = jnp.where(jumps, sliders.within_limits(), sliders.at_their_limits(k))
@@ -255,7 +253,7 @@ class WithSliders(AbstractSystemWrapper, AbstractMechanicalSystem):
             found = self._under(moved, k).transition(t, y.y, inner, asked, args)
             after, new = select(of_system, (found[0], jnp.asarray(found[1], inner.dtype)), (after, new))
         z = jnp.where(of_system, moved, sliders.at_their_limits(own))
-        # What the speeds say that the system has now.
+        # The speeds of the system may have jumped.
         dy = self._under(z, k).vector_field(t, after, jnp.maximum(new, 0), args)
         later = self._sliders(t, Slid(after, z), k, args)
         rates = self._rates(t, Slid(after, z), args, dy)
@@ -341,13 +339,11 @@ class WithSliders(AbstractSystemWrapper, AbstractMechanicalSystem):
         # The springs keep what the elements take from the system, but for what the sliders lose.
         taken = jnp.sum(sliders.forces() * rates.v)
         found["forces"] = found.get("forces", 0.0) + taken
-        losses = -sliders.gathered(sliders.springs() * sliders.slider_rates(rates))
+        losses = -sliders.sums(sliders.springs() * sliders.slider_rates(rates))
         return {**found, **{f"friction of {n}": x for n, x in zip(self.names, losses, strict=True)}}
 
     @check_arguments(t=one_real, y=_slid, mode=some_modes)
-    def slider_forces(
-        self, t: Numeric, y: PyTree, mode: Whole, args: PyTree = None
-    ) -> dict[str, Any]:
+    def slider_forces(self, t: Numeric, y: PyTree, mode: Whole, args: PyTree = None) -> dict[str, Any]:
         """Force of each element [N], by name: what its springs bear together."""
         _, k = self._split(jnp.asarray(mode))
         forces = self._sliders(t, y, k, args).forces()

@@ -120,7 +120,10 @@ TARGETS = [
         y=arg(LEDGER.start(START))),
     *of(TANGENT, start__y=arg(START, STATES), columns=arg(np.ones((2, 1))), y=arg(DEVIATING),
         state=arg(DEVIATING)),
-    *of(PAIR_OF_NODES, y=arg(PAIR_OF_NODES.state()), **dict.fromkeys("qv", arg([1.0, 2.0], "none", "row"))),
+    *of(
+        PAIR_OF_NODES, y=arg(PAIR_OF_NODES.state()),
+        **dict.fromkeys("qv", arg([1.0, 2.0], "none", "row")),
+    ),
     *of(DAMPED, y=arg(SLID), start__y=arg(SLID.y), z=arg([0.0], "none"),
         start__t=arg(0.0, "finite", "float32"), t=arg(0.1, "real")),
     *of(FITS, path=arg(f"{INSIDE.name}/fit.nc", "path"), robust=arg(False, "flag")),

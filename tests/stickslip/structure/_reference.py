@@ -67,16 +67,7 @@ class Reference:
                     if t >= until:
                         break
                     continue
-                place, j = min(
-                    (
-                        brentq(
-                            lambda h, j=j: self.margins(expm(A * h) @ x, state)[j], 0.0, h,
-                            xtol=1e-16, rtol=8.9e-16,
-                        ),
-                        j,
-                    )
-                    for j in np.flatnonzero(over)
-                )
+                place, j = min((self._zero(A, x, state, j, h), j) for j in np.flatnonzero(over))
                 after = expm(A * place) @ x
                 self._lose(state, x, after)
                 t, x = t + place, after
@@ -85,6 +76,12 @@ class Reference:
                 self.events.append((t, j, state[j]))
                 break
         return x[:size], x[size : 2 * size], x[2 * size : 2 * size + m]
+
+    def _zero(self, A, x, state, j, h):
+        """When the margin of an element is zero, within `h`."""
+        return brentq(
+            lambda s: self.margins(expm(A * s) @ x, state)[j], 0.0, h, xtol=1e-16, rtol=8.9e-16
+        )
 
     def _lose(self, state, before, after):
         size, m = len(self.F), len(self.kt)

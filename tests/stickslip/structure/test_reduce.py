@@ -15,9 +15,7 @@ def bar(n):
     K = n * scipy.sparse.diags_array(
         [-ones[1:], np.append(2 * ones[1:], 1.0), -ones[1:]], offsets=[-1, 0, 1]
     )
-    M = scipy.sparse.diags_array(
-        [ones[1:], np.append(4 * ones[1:], 2.0), ones[1:]], offsets=[-1, 0, 1]
-    )
+    M = scipy.sparse.diags_array([ones[1:], np.append(4 * ones[1:], 2.0), ones[1:]], offsets=[-1, 0, 1])
     return M / (6 * n), K
 
 

@@ -9,7 +9,7 @@ import jax
 System = TypeVar("System")
 
 
-def pushed(system: System, push: Callable) -> System:
+def under_push(system: System, push: Callable) -> System:
     """`system` with `push(t, q, v, args)` added to its `forces`, and in all else as it is."""
     made = object.__new__(_with_push(type(system)))
     for name, value in {**vars(system), "push_of_sliders": push}.items():
