@@ -63,7 +63,7 @@ class LinearStructure(AbstractMechanicalSystem):
     ... )
     >>> run = ss.simulate(chain, 0.0, 10.0, chain.state())
     >>> chain.frequencies().round(6).tolist()
-    [0.468213, 1.510223]
+    [0.468213, 1.510224]
 
     - State `StructureState(q, v)`, rows; `state(q, v)` makes one, at rest if left out.
     - `mass`, `damping`, `stiffness`: square matrices `[node, node]` [kg, N s/m, N/m]. Mass and

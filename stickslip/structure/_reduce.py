@@ -58,8 +58,8 @@ def craig_bampton(
     >>> small = craig_bampton(M, K, boundary=[n - 1], modes=5)
     >>> damping = modal_damping(small.mass, small.stiffness, 0.01)
     >>> bar = LinearStructure(small.mass, damping, small.stiffness)
-    >>> (bar.frequencies()[:2] / np.pi).round(4).tolist()  # of the continuous bar 0.5 and 1.5
-    [0.5, 1.5]
+    >>> (bar.frequencies()[:2] / np.pi).round(3).tolist()  # of the continuous bar 0.5 and 1.5
+    [0.5, 1.501]
 
     **Arguments:** `mass`, `stiffness`: symmetric matrices `[node, node]`, sparse ones of SciPy or
     arrays; those of the interior positive definite. `boundary`: numbers of the nodes that are kept.

@@ -215,7 +215,7 @@ class Sliders:
         e, z = self.spread(self.e), self.z
         for one in (self, after):
             z = jnp.where(one.slips(), e - self.spread(one.sense) * self.limit, z)
-        # Those that stick now are inside of its limit by rounding: the guard begins on the right side of 0.
+        # Inside of its limit by rounding a slider that sticks now has its guard on the right side of 0.
         inside = jax.lax.stop_gradient(ENGINE.few_roundings * self.terms)
         inside = jnp.minimum(inside, jax.lax.stop_gradient(self.limit))
         sticks = self.slips() & ~after.slips()

@@ -60,7 +60,7 @@ class WithSliders(AbstractSystemWrapper, AbstractMechanicalSystem):
     >>> damped = WithSliders(oscillator, {"damper": Jenkins([1.0], stiffness=0.5, bound=0.1)})
     >>> run = ss.simulate(damped, 0.0, 40.0, damped.start(oscillator.state()))
     >>> f"{run.y1.y.q[0]:.10f}"
-    '...'
+    '-0.0632910122'
     >>> [damped.mode_names[m] for m in run.events.mode_after[:3]]
     ['slip forward', 'stick', 'slip backward']
 
