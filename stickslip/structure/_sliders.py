@@ -136,6 +136,9 @@ class Sliders:
         d, stretch = self.limit[self.first], self.e - self.z[self.first]
         # One product: both limits are far apart, and it is a polynomial where the motion is one.
         grip = (d - stretch) * (d + stretch)
+        # It begins at zero without a slope where an element has turned: not at a rounding beside that.
+        near = jnp.abs(d - jnp.abs(stretch)) <= ENGINE.few_roundings * self.terms[self.first]
+        grip = grip - jax.lax.stop_gradient(jnp.where(near, grip, 0.0))
         turn = self.sense * rates.v - rates.limit
         both, turn = jnp.where(self.k == 0.0, grip, turn), jnp.where(self.k == 0.0, 1.0, turn)
         if self.varies.any():
@@ -203,7 +206,9 @@ class Sliders:
         sense = jnp.where(self.varies & (pulls != 0.0), pulls, sense)
         goes = sense * rates.v - rates.limit
         goes = (goes > 0.0) | ((goes == 0.0) & (sense * rates.a > 0.0))
-        found = jnp.where(goes, self.at_limit(sense), 0.0)
+        # Without a bound nothing sticks.
+        goes = goes | (~self.varies & (self.limit[self.first] == 0.0))
+        found = jnp.where(goes, self.at_limit(jnp.where(sense == 0.0, 1.0, sense)), 0.0)
         closed = self.bound[self.first] > 0.0
         closed = closed | ((self.bound[self.first] == 0.0) & (rates.limit > 0.0))
         return jnp.where(self.varies & ~closed, self.count + 1.0, found)
@@ -215,11 +220,6 @@ class Sliders:
         e, z = self.spread(self.e), self.z
         for one in (self, after):
             z = jnp.where(one.slips(), e - self.spread(one.sense) * self.limit, z)
-        # Inside of its limit by rounding a slider that sticks now has its guard on the right side of 0.
-        inside = jax.lax.stop_gradient(ENGINE.few_roundings * self.terms)
-        inside = jnp.minimum(inside, jax.lax.stop_gradient(self.limit))
-        sticks = self.slips() & ~after.slips()
-        z = jnp.where(sticks, z + self.spread(self.sense) * inside, z)
         return jnp.where(self.spread(self.open | after.open), e, z)
 
     def within_limits(self) -> Any:
