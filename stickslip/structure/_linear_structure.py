@@ -122,7 +122,7 @@ class LinearStructure(AbstractMechanicalSystem):
         """
         rows = []
         for name, given in (("q", q), ("v", v)):
-            row: Any = np.zeros(self.shape) if given is None else check_finite(name, given)
+            row = check_finite(name, np.zeros(self.shape) if given is None else given)
             if np.shape(row) != self.shape:
                 raise shape_refusal(name, row, f"a row of {self.shape[0]}, one for each node")
             rows.append(as_parameter(row))

@@ -85,8 +85,8 @@ def craig_bampton(
         solve = _factor("stiffness", K_ii)
         basis[inside, : len(kept)] = -solve.solve(K_ib.toarray())
         basis[inside, len(kept) :] = _lowest_modes(K_ii, M[inside][:, inside].tocsc(), modes)
-    reduced = (basis.T @ (A @ basis) for A in (M, K))
-    return Reduction(*(0.5 * (A + A.T) for A in reduced), basis)
+    small_M, small_K = (basis.T @ (A @ basis) for A in (M, K))
+    return Reduction(0.5 * (small_M + small_M.T), 0.5 * (small_K + small_K.T), basis)
 
 
 def modal_damping(mass: Rows, stiffness: Rows, ratios: Numeric) -> Float[Array, "node node"]:

@@ -97,7 +97,8 @@ class WithSliders(AbstractSystemWrapper, AbstractMechanicalSystem):
             if not name or " / " in name:
                 raise refusal("sliders", name, "names of elements: texts without ' / '")
             self._check_direction(name, element)
-        if len(self.mode_names) > MOST_NUMBERED:
+        names = self.mode_names
+        if names.places[-1] * names.bases[-1] > MOST_NUMBERED:
             allowed = "fewer, or with their sliders in common elements: modes are numbers of 64 bits"
             raise refusal("sliders", f"{len(given)} elements", allowed)
 
