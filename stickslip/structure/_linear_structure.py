@@ -122,8 +122,8 @@ class LinearStructure(AbstractMechanicalSystem):
         """
         rows = []
         for name, given in (("q", q), ("v", v)):
-            row = check_finite(name, np.zeros(self.shape) if given is None else given)
-            if np.shape(row) != self.shape:
+            row: Any = np.zeros(self.shape) if given is None else given
+            if np.shape(check_finite(name, row)) != self.shape:
                 raise shape_refusal(name, row, f"a row of {self.shape[0]}, one for each node")
             rows.append(as_parameter(row))
         return StructureState(*rows)
@@ -152,7 +152,7 @@ class LinearStructure(AbstractMechanicalSystem):
     def check_start(self, t, y, args):
         """Raise `TypeError`, `ValueError` for what is not a state of this structure."""
         for name in ("q", "v"):
-            row = getattr(y, name, None)
+            row: Any = getattr(y, name, None)
             if np.shape(row) != self.shape:
                 allowed = f"a StructureState with rows of {self.shape[0]}, as `state` makes it"
                 raise refusal("y0", y, allowed, TypeError)

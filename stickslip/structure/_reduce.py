@@ -1,5 +1,6 @@
 """From the matrices of a finite-element model to few: Craig-Bampton reduction, modal damping."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -39,7 +40,7 @@ class Reduction(NamedTuple):
 
 
 def craig_bampton(
-    mass: Sparse, stiffness: Sparse, boundary: Given[Any], modes: Given[int] = 20
+    mass: Sparse, stiffness: Sparse, boundary: Given[Sequence[int] | np.ndarray], modes: Given[int] = 20
 ) -> Reduction:
     r"""Reduction by Craig and Bampton: boundary nodes, and modes of the rest with these fixed.
 
