@@ -51,6 +51,7 @@ def test_chains_are_their_pieces_in_closed_form(n, until, seeds):
     assert events > 40
 
 
+@pytest.mark.more
 def test_elements_that_turn_together_are_one_element_of_their_sum():
     force = HarmonicForce([0.3], 1.2)
     structure = LinearStructure([[1.0]], [[0.04]], [[1.0]], force)

@@ -84,6 +84,7 @@ def test_the_program_does_not_grow_with_the_sliders():
     assert size(10) == size(200)
 
 
+@pytest.mark.more
 def test_derivatives_by_bounds_and_springs_of_many():
     weights = np.cos(np.arange(20.0))
 

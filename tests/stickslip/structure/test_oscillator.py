@@ -37,7 +37,9 @@ def orbit_of(system, w, start=0.0):
     return periodic_orbit(system, OrbitGuess(run.y1, period, t0=0.0), forced=True)
 
 
-@pytest.mark.parametrize("w", AMPLITUDES)
+@pytest.mark.parametrize(
+    "w", [w if w in (1.0, 1.1) else pytest.param(w, marks=pytest.mark.more) for w in AMPLITUDES]
+)
 def test_the_steady_amplitude_is_that_of_the_closed_form(w):
     orbit = orbit_of(oscillator(w), w)
     assert bool(orbit.successful), str(orbit)
@@ -47,7 +49,7 @@ def test_the_steady_amplitude_is_that_of_the_closed_form(w):
     assert int(orbit.events.count) == (4 if w > 1.0 else 0)
 
 
-@pytest.mark.parametrize("f_s", [0.05, 0.3])
+@pytest.mark.parametrize("f_s", [0.05, pytest.param(0.3, marks=pytest.mark.more)])
 def test_other_bounds_agree_with_the_matrix_exponential(f_s):
     w = 1.15
     reference = Reference(np.eye(1), [[0.04]], np.eye(1), [0.1], w, [[1.0]], [0.5], [f_s])
@@ -144,6 +146,7 @@ def test_a_body_that_rests_stays_where_its_springs_hold_it():
     assert int(run.flags) != 0  # derivatives differ on both sides of the limit
 
 
+@pytest.mark.more
 def test_in_free_decay_it_comes_to_rest_within_the_dead_zone():
     system = oscillator(1.0, force=0.0)
     run = ss.simulate(system, 0.0, 400.0, system.start(system.system.state([1.0])))
