@@ -3,6 +3,7 @@
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
@@ -14,6 +15,7 @@ from ..hybrid import AbstractHybridSystem, EventLog
 from ..hybrid.accuracy import ACCURACY as ENGINE
 from ..hybrid.components import components_of, numbers_of
 from ..hybrid.status import describe_flags
+from ._accuracy import ACCURACY
 from ._outcome import ORBITS
 
 
@@ -31,7 +33,8 @@ class PeriodicOrbit(eqx.Module):
     - `rank`: how many multipliers, `trivial` included, are not zero.
     - `repeats`: into how many equal parts the motion divides the period: 1, unless the orbit has a
       shorter one. Numbers that divide 60 are looked for.
-    - `stable`: whether all `multipliers` are inside the unit circle, but for those of `neutral` shifts.
+    - `stable`: whether all `multipliers` are inside the unit circle, but for those of `neutral` shifts
+      and of `conserved` quantities.
     - `determinant`, `determinant_by_events`: $\det M$, and
       $\exp(\int \mathrm{div} f\,dt)\prod\det S$ with the saltation matrix $S$ of each event: equal for
       every orbit.
@@ -85,10 +88,24 @@ class PeriodicOrbit(eqx.Module):
     @property
     def stable(self) -> Bool[Array, "*batch"]:
         """Whether all multipliers are inside the unit circle, without those of shifts of time and state
-        that change nothing."""
-        outside = jnp.sum(~(jnp.abs(self.multipliers) < 1.0), axis=-1)
-        neutral = jnp.round(jnp.trace(self.neutral, axis1=-2, axis2=-1))
-        return self.successful & (outside <= neutral.astype(outside.dtype))
+        that change nothing, and of conserved quantities."""
+        neutral = jnp.round(jnp.trace(self.neutral, axis1=-2, axis2=-1)).astype(jnp.int32)
+        return self.successful & (beyond(self.multipliers, jnp.maximum(neutral, self.conserved)) == 0)
+
+    @property
+    def conserved(self) -> Int[Array, "*batch"]:
+        """How many quantities a forced motion leaves as they are, such as the place of a massless slider
+        that sticks all the time: as many multipliers are 1, and the orbit is one of a family."""
+        ends = (jax.tree.leaves(tree) for tree in (self.lowest, self.highest))
+        axes = self.period.ndim
+        low, high = (
+            jnp.concatenate([jnp.reshape(leaf, (*jnp.shape(leaf)[:axes], -1)) for leaf in end], axis=-1)
+            for end in ends
+        )
+        size = jnp.where(high > low, high - low, jnp.maximum(jnp.abs(high), jnp.abs(low)))
+        size = jnp.where(size > 0.0, size, 1.0)
+        scaled = self.monodromy * size[..., None, :] / size[..., :, None]
+        return jnp.where(jnp.isnan(self.trivial), silent_directions(scaled), 0)
 
     @property
     def place(self) -> str:
@@ -154,6 +171,22 @@ class PeriodicOrbit(eqx.Module):
 
     def _repr_html_(self) -> str:
         return html_table(str(self), (), ())
+
+
+def beyond(multipliers: Complex[Array, "*batch multiplier"], count: Any) -> Int[Array, "*batch"]:
+    """How many multipliers are not inside the unit circle, without so many that are nearest to 1."""
+    order = jnp.argsort(jnp.abs(multipliers - 1.0), axis=-1)
+    outside = jnp.take_along_axis(~(jnp.abs(multipliers) < 1.0), order, axis=-1)
+    left = jnp.arange(outside.shape[-1]) >= jnp.asarray(count)[..., None]
+    return jnp.sum(outside & left, axis=-1, dtype=jnp.int32)
+
+
+def silent_directions(monodromy: Float[Array, "*batch size size"]) -> Int[Array, "*batch"]:
+    """How many linear functions of the state a motion has at its end as at its beginning, whatever the
+    state is; of a monodromy matrix in parts of the motion's size."""
+    away = jnp.where(jnp.isfinite(monodromy), monodromy, 0.0) - jnp.eye(monodromy.shape[-1])
+    strength = jnp.linalg.svd(away, compute_uv=False)
+    return jnp.sum(strength <= ACCURACY.rounding * strength[..., :1], axis=-1, dtype=jnp.int32)
 
 
 def _multiplier(value: complex) -> str:
