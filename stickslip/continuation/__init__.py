@@ -1,5 +1,7 @@
 """Periodic orbits through stick, slip and impact: Newton's method, Floquet multipliers, branches."""
 
+from ._backbone import Backbone as Backbone
+from ._backbone import backbone as backbone
 from ._branch import Branch as Branch
 from ._branch import BranchPoint as BranchPoint
 from ._continue import continue_orbit as continue_orbit

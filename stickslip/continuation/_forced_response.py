@@ -83,7 +83,8 @@ class ForcedResponse(eqx.Module):
     @property
     def phase(self) -> dict[str, Array]:
         """Phase of the first harmonic against that of the force [rad]: negative where it lags."""
-        return {name: jnp.angle(row[..., 0]) for name, row in self.harmonics.items()}
+        first = {name: row[..., 0] for name, row in self.harmonics.items()}
+        return {name: (np if isinstance(u, np.ndarray | np.generic) else jnp).angle(u) for name, u in first.items()}
 
     @property
     def successful(self) -> Bool[Array, "*batch"]:
@@ -210,6 +211,9 @@ class InOneMode(AbstractSmoothSystem):
     def time_scale(self, args):
         return self.system.time_scale(args)
 
+    def constraints(self, t, y, mode, args):
+        return self.system.constraints(t, y, self.mode, args)
+
     def vector_field(self, t, y, mode, args):
         return self.system.vector_field(t, y, self.mode, args)
 
@@ -218,7 +222,7 @@ def _response(
     system, args, integrator, execute, y0, mode0, t0, periods, *, forcing, observables, max_events
 ):  # fmt: skip
     """The response from a start; `periods` negative: the start is near the motion."""
-    period, periods = jnp.asarray(forcing.rule(system), jnp.float64), jnp.asarray(periods, jnp.int32)
+    period, periods = jnp.asarray(forcing.rule(system), jnp.float64), jnp.asarray(periods, jnp.float64)
     with use_executor(execute):
         still, given, start, cycle = frozen((system, args, y0, period))
         t0, start, mode0 = beside_breaks(still, given, spanning(integrator, cycle), t0, start, mode0)
@@ -232,7 +236,7 @@ def _response(
             segments=1, max_steps=ACCURACY.tries,
         )  # fmt: skip
         carried, tolerance = found.carried, ACCURACY.solved
-        # One more step of Newton's method, of which nothing but its derivative is left.
+        # One more step of Newton's method, with the derivative of the solution.
         moving = motion._replace(system=system, args=args)
         frame = frame._replace(period=period)
         away = closure(found.u, carried.modes, moving, frame, unravel)
@@ -240,9 +244,10 @@ def _response(
         good = jnp.isfinite(found.norm) & jnp.all(jnp.isfinite(found.jacobian))
         jacobian = jnp.where(good, found.jacobian, jnp.eye(flat.size))
         step = -jnp.linalg.solve(jacobian, jnp.where(good, away, 0.0))
+        step = jnp.where(jnp.all(jnp.abs(step) <= ACCURACY.known), step, 0.0)
         # Components that stay as they are do so to the last digit: their size is their value.
         still = jnp.abs(found.u - flat / frame.size) <= ACCURACY.short
-        u = jnp.where(still, flat / frame.size, found.u) + step - jax.lax.stop_gradient(step)
+        u = jnp.where(still, flat / frame.size, found.u) + step
         state, mode = unravel(u * frame.size), carried.modes[-1]
         measured, run, end = measure(
             moving, t0, period, state, mode, observables, forcing.harmonics, max_events, frame.size
@@ -264,23 +269,24 @@ def _response(
         (~(run.successful & (closes <= allowed)), "not_reproduced"),
     )
     force = measured.harmonics.get(FORCE)
-    first = jnp.ones((), complex) if force is None else force[0]
-    turn = jnp.conj(first) / jnp.abs(first) if force is not None else first
-    power = turn ** jnp.arange(1, forcing.harmonics + 1)
-    mean, lowest, highest = (_without_force(d) for d in (measured.mean, measured.lowest, measured.highest))
+    lead = jnp.zeros(()) if force is None else jnp.angle(force[0])
+    back = -lead * jnp.arange(1.0, forcing.harmonics + 1.0)
+    power = jax.lax.complex(jnp.cos(back), jnp.sin(back))
+    measured = measured._replace(harmonics={k: v * power for k, v in measured.harmonics.items()})
+    # A motion that is not periodic has no amplitude.
+    periodic = result == ORBITS.successful
+    known = [
+        {name: jnp.where(periodic, value, jnp.nan) for name, value in values.items() if name != FORCE}
+        for values in measured
+    ]
     return ForcedResponse(
-        2.0 * jnp.pi / period, t0, state, mode, mean, lowest, highest,
-        {name: row * power for name, row in _without_force(measured.harmonics).items()},
+        2.0 * jnp.pi / period, t0, state, mode, *known,
         multipliers_of(growth, flat.size), silent_directions(growth), found.norm,
         run.y1.integrals["motion"] <= ENGINE.zero**2, run.num_events, run.sequence, run.flags, result,
     )  # fmt: skip
 
 
 response_program = jit_plainly(_response)
-
-
-def _without_force(values: dict[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in values.items() if name != FORCE}
 
 
 def _settled(motion: Motion, y0: PyTree, mode0: Any, t0: Any, period: Any, periods: Any):

@@ -24,7 +24,7 @@ from ._accuracy import ACCURACY
 from ._arguments import follow_of
 from ._branch import Branch, BranchPoint
 from ._continue import continue_orbit
-from ._forced_response import ForcedResponse, begun, response_program
+from ._forced_response import FORCE, ForcedResponse, begun, response_program
 from ._forcing import FORCING, Forcing
 from ._guess import OrbitGuess
 from ._options import SHOOTING, Follow, Shooting
@@ -74,6 +74,14 @@ class Solver(eqx.Module):
         t0 = float(near.t0) / float(period) * float(self.forcing.rule(there))
         return self(value, near.y0, near.mode0, t0, -1)
 
+    def nearest(self, value: float, near: Sequence[ForcedResponse | PeriodicOrbit]) -> ForcedResponse:
+        """The response from the first of these that leads to one."""
+        found = self.beside(value, near[0])
+        for other in near[1:]:
+            if not bool(found.successful):
+                found = self.beside(value, other)
+        return found
+
 
 class FrequencyResponse(eqx.Module):
     """Forced periodic motions over the frequency, in order along the branch.
@@ -90,6 +98,11 @@ class FrequencyResponse(eqx.Module):
     branch: Branch
     sequences: tuple
     solver: Solver
+
+    @property
+    def observables(self) -> tuple[str, ...]:
+        """Their names, in the order in which they were asked for."""
+        return tuple(name for name, _ in self.solver.observables if name != FORCE)
 
     @property
     def amplitude(self) -> dict[str, np.ndarray]:
@@ -128,9 +141,9 @@ class FrequencyResponse(eqx.Module):
     def peak(self, observable: Given[str | None] = None) -> tuple[float, ForcedResponse]:
         """Frequency of the greatest amplitude of an observable, by default of the first one, and the
         response there; found between the points, to rounding. At a fold or a bound, the point itself."""
-        name = next(iter(self.amplitude)) if observable is None else observable
-        check_in("observable", name, tuple(self.amplitude))
-        heights = np.where(self.responses.successful, self.amplitude[name], -np.inf)
+        name = self.observables[0] if observable is None else observable
+        check_in("observable", name, self.observables)
+        heights = np.nan_to_num(self.amplitude[name])
         top = int(np.argmax(heights))
         best = jax.tree.map(lambda leaf: leaf[top], self.responses)
         value = float(self.frequency[top])
@@ -140,12 +153,13 @@ class FrequencyResponse(eqx.Module):
         if not low < value < high:
             return value, best
 
+        beside = [jax.tree.map(lambda leaf, i=i: leaf[i], self.responses) for i in (top - 1, top + 1)]
+
         def found(at: float) -> ForcedResponse:
-            return self.solver.beside(at, best)
+            return self.solver.nearest(at, [best, *beside])
 
         def height(at: Any) -> float:
-            there = found(float(at))
-            return float(there.amplitude[name]) if bool(there.successful) else -np.inf
+            return float(np.nan_to_num(found(float(at)).amplitude[name]))
 
         rough = minimize_scalar(
             lambda at: -height(at), bounds=(low, high), method="bounded",
@@ -153,23 +167,23 @@ class FrequencyResponse(eqx.Module):
         )  # fmt: skip
         at = float(rough.x)
         # The top of a smooth curve is known to the root of rounding; the zero of its slope better.
-        reach = min(at - low, high - at, ACCURACY.swerves * (high - low))
-        nodes = at + reach * np.cos(np.pi * (np.arange(9) + 0.5) / 9)
-        curve = Chebyshev.fit(nodes, [height(node) for node in nodes], 6, domain=(at - reach, at + reach))
-        zeros = [float(z.real) for z in curve.deriv().roots() if abs(z.imag) < ACCURACY.known * reach]
-        near = [z for z in zeros if abs(z - at) <= ACCURACY.alike * (high - low)]
-        if near:
-            polished = min(near, key=lambda z: abs(z - at))
-            if height(polished) >= height(at) * (1.0 - ACCURACY.rounding):
-                at = polished
+        for part in (ACCURACY.swerves, ACCURACY.swerves**2):
+            reach = min(at - low, high - at, part * (high - low))
+            nodes = at + reach * np.cos(np.pi * (np.arange(9) + 0.5) / 9)
+            heights = [height(node) for node in nodes]
+            curve = Chebyshev.fit(nodes, heights, 6, domain=(at - reach, at + reach))
+            zeros = [z.real for z in curve.deriv().roots() if abs(z.imag) < ACCURACY.known * reach]
+            polished = min(zeros, key=lambda z: abs(z - at), default=at)
+            if height(polished) >= max(*heights, height(at)) * (1.0 - ACCURACY.rounding):
+                at = float(polished)
         return at, found(at)
 
     def __len__(self) -> int:
         return self.frequency.size
 
     def __repr__(self) -> str:
-        name = next(iter(self.amplitude))
-        top = int(np.nanargmax(self.amplitude[name]))
+        name = self.observables[0]
+        top = int(np.argmax(np.nan_to_num(self.amplitude[name])))
         lines = [
             f"FrequencyResponse: {amount(len(self), 'motion')}, {int(np.sum(self.stable)):,} stable; "
             f"{self.solver.forcing.frequency} from {number(np.min(self.frequency))} to "
@@ -295,6 +309,9 @@ def _along(
     if row.size == 2:
         found = [solver.beside(*both) for both in zip(values, orbits, strict=True)]
         return values, sequences, found
+    for end, bound in ((0, row[0]), (-1, row[-1])):
+        if abs(values[end] - bound) <= ACCURACY.known * (row[-1] - row[0]):
+            values[end] = float(bound)
     # Folds are ends of the pieces that are searched for values of the row.
     for special in reversed(branch["LP"]):
         for known, new in ((values, special.value), (orbits, special.orbit)):
@@ -307,7 +324,7 @@ def _along(
         inside = [w for w in row if low <= w < high or high < w <= low or (last and w == high)]
         for w in sorted(inside, reverse=high < low):
             near, far = (i, i + 1) if abs(w - low) <= abs(w - high) else (i + 1, i)
-            found = solver.beside(w, orbits[near])
+            found = solver.nearest(w, [orbits[near], orbits[far]])
             # Between motions with different events it has those of either.
             same = int(found.num_events) == int(orbits[near].events.count)
             at.append((float(w), sequences[near if same else far], found))

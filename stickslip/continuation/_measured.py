@@ -35,10 +35,11 @@ class AlongField:
 
 
 class OverPeriod(AbstractSystemWrapper):
-    """The same system, with the period over which is measured."""
+    """The same system, with the period over which is measured, and the size of the motion."""
 
     system: AbstractHybridSystem
     period: Any
+    size: Any
 
     def inner(self, y, args):
         return y, args
@@ -72,7 +73,7 @@ def measure(
     named = [(name, AlongField(observable)) for name, observable in observables]
 
     def integrands(over: OverPeriod, t, y, mode, args):
-        rates = ravel_pytree(over.system.vector_field(t, y, mode, args))[0] * over.period / size
+        rates = ravel_pytree(over.system.vector_field(t, y, mode, args))[0] * over.period / over.size
         found = {"motion": jnp.sum(rates**2) / over.period}
         for i, (_, value) in enumerate(named):
             u = jnp.asarray(value(over.system, t, y, None, mode, args), jnp.float64) / over.period
@@ -89,7 +90,7 @@ def measure(
 
         return Section(of_ledger, "both")
 
-    ledger = WithIntegrals(OverPeriod(motion.system, period), integrands)
+    ledger = WithIntegrals(OverPeriod(motion.system, period, size), integrands)
     run = simulate(
         ledger, t0, t0 + period, ledger.start(y0, t0, motion.args), mode0, motion.args,
         integrator=motion.integrator, throw=False, saveat=SaveAt(
@@ -106,7 +107,7 @@ def measure(
             return jnp.asarray(found, jnp.float64)
 
         def rows(log, t, y, mode, at=at):
-            known = jnp.arange(log.t.shape[0]) < log.count
+            known = jnp.arange(log.t.shape[0], dtype=jnp.int32) < log.count
             # Rows without an event are not numbers: those of the start stand for them.
             t, y, mode = jax.tree.map(
                 lambda a, b: jnp.where(known.reshape(-1, *(1,) * (a.ndim - 1)), a, b),
@@ -121,6 +122,8 @@ def measure(
             values.append(rows(log, log.t, log.y_after.y, log.mode_after))
         every = jnp.concatenate(values)
         mean[name], lowest[name], highest[name] = total[f"mean {i}"], jnp.min(every), jnp.max(every)
-        parts = [total[f"cos {i} {k}"] + 1j * total[f"sin {i} {k}"] for k in range(1, count + 1)]
-        harmonics[name] = jnp.stack(parts)
+        real, imag = (
+            jnp.stack([total[f"{wave} {i} {k}"] for k in range(1, count + 1)]) for wave in ("cos", "sin")
+        )
+        harmonics[name] = jax.lax.complex(real, imag)
     return Measured(mean, lowest, highest, harmonics), run, run.y1.y

@@ -89,23 +89,25 @@ class PeriodicOrbit(eqx.Module):
     def stable(self) -> Bool[Array, "*batch"]:
         """Whether all multipliers are inside the unit circle, without those of shifts of time and state
         that change nothing, and of conserved quantities."""
-        neutral = jnp.round(jnp.trace(self.neutral, axis1=-2, axis2=-1)).astype(jnp.int32)
-        return self.successful & (beyond(self.multipliers, jnp.maximum(neutral, self.conserved)) == 0)
+        xp = _numpy_of(self.neutral)
+        neutral = xp.round(xp.trace(self.neutral, axis1=-2, axis2=-1)).astype(np.int32)
+        return self.successful & (beyond(self.multipliers, xp.maximum(neutral, self.conserved)) == 0)
 
     @property
     def conserved(self) -> Int[Array, "*batch"]:
         """How many quantities a forced motion leaves as they are, such as the place of a massless slider
         that sticks all the time: as many multipliers are 1, and the orbit is one of a family."""
-        ends = (jax.tree.leaves(tree) for tree in (self.lowest, self.highest))
-        axes = self.period.ndim
-        low, high = (
-            jnp.concatenate([jnp.reshape(leaf, (*jnp.shape(leaf)[:axes], -1)) for leaf in end], axis=-1)
-            for end in ends
-        )
-        size = jnp.where(high > low, high - low, jnp.maximum(jnp.abs(high), jnp.abs(low)))
-        size = jnp.where(size > 0.0, size, 1.0)
+        xp, axes = _numpy_of(self.monodromy), self.period.ndim
+
+        def flat(tree):
+            rows = [xp.reshape(leaf, (*xp.shape(leaf)[:axes], -1)) for leaf in jax.tree.leaves(tree)]
+            return xp.concatenate(rows, axis=-1)
+
+        low, high = flat(self.lowest), flat(self.highest)
+        size = xp.where(high > low, high - low, xp.maximum(xp.abs(high), xp.abs(low)))
+        size = xp.where(size > 0.0, size, 1.0)
         scaled = self.monodromy * size[..., None, :] / size[..., :, None]
-        return jnp.where(jnp.isnan(self.trivial), silent_directions(scaled), 0)
+        return xp.where(xp.isnan(self.trivial), silent_directions(scaled), 0)
 
     @property
     def place(self) -> str:
@@ -175,18 +177,25 @@ class PeriodicOrbit(eqx.Module):
 
 def beyond(multipliers: Complex[Array, "*batch multiplier"], count: Any) -> Int[Array, "*batch"]:
     """How many multipliers are not inside the unit circle, without so many that are nearest to 1."""
-    order = jnp.argsort(jnp.abs(multipliers - 1.0), axis=-1)
-    outside = jnp.take_along_axis(~(jnp.abs(multipliers) < 1.0), order, axis=-1)
-    left = jnp.arange(outside.shape[-1]) >= jnp.asarray(count)[..., None]
-    return jnp.sum(outside & left, axis=-1, dtype=jnp.int32)
+    xp = _numpy_of(multipliers)
+    order = xp.argsort(xp.abs(multipliers - 1.0), axis=-1)
+    outside = xp.take_along_axis(~(xp.abs(multipliers) < 1.0), order, axis=-1)
+    left = np.arange(multipliers.shape[-1], dtype=np.int32) >= xp.asarray(count)[..., None]
+    return xp.sum(outside & left, axis=-1, dtype=np.int32)
 
 
 def silent_directions(monodromy: Float[Array, "*batch size size"]) -> Int[Array, "*batch"]:
     """How many linear functions of the state a motion has at its end as at its beginning, whatever the
     state is; of a monodromy matrix in parts of the motion's size."""
-    away = jnp.where(jnp.isfinite(monodromy), monodromy, 0.0) - jnp.eye(monodromy.shape[-1])
-    strength = jnp.linalg.svd(away, compute_uv=False)
-    return jnp.sum(strength <= ACCURACY.rounding * strength[..., :1], axis=-1, dtype=jnp.int32)
+    xp = _numpy_of(monodromy)
+    away = xp.where(xp.isfinite(monodromy), monodromy, 0.0) - np.eye(monodromy.shape[-1])
+    strength = xp.linalg.svd(away, compute_uv=False)
+    return xp.sum(strength <= ACCURACY.rounding * strength[..., :1], axis=-1, dtype=np.int32)
+
+
+def _numpy_of(array: Any) -> Any:
+    """NumPy for its own arrays, of which every shape would be a program of JAX."""
+    return np if isinstance(array, np.ndarray) else jnp
 
 
 def _multiplier(value: complex) -> str:
