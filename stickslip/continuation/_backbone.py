@@ -1,4 +1,4 @@
-"""`backbone`: phase resonance over the level of the force; amplitude-dependent frequency and damping."""
+"""`backbone`: phase resonance over the level of the force; frequency and damping over amplitude."""
 
 import dataclasses
 from collections.abc import Callable
@@ -23,7 +23,7 @@ from ..progress import showing, tell
 from ._accuracy import ACCURACY
 from ._arguments import value_of
 from ._forced_response import ForcedResponse, begun
-from ._forcing import FORCING, Forcing
+from ._forcing import FORCING, Forcing, check_forcing
 from ._frequency_response import Solver
 from ._options import SHOOTING, Shooting
 
@@ -60,7 +60,7 @@ class Backbone(eqx.Module):
     def __repr__(self) -> str:
         rows = zip(self.values, self.frequency, self.amplitude, self.damping, strict=True)
         table = [
-            f"  {self.level} {number(v)}: {number(w)} rad/s, amplitude {number(a)}, damping ratio {number(z)}"
+            f"  {self.level} {number(v)}: {number(w)} rad/s, amplitude {number(a)}, damping {number(z)}"
             for v, w, a, z in rows
         ]
         return "\n".join([f"Backbone: {amount(self.values.size, 'level')}", *table])
@@ -123,14 +123,13 @@ def backbone(
     **Errors** `ValueError`/`TypeError` naming the argument, before compilation.
     """
     the_system(system)
-    check_type("forcing", forcing, Forcing, "a Forcing")
     check_type("shooting", shooting, Shooting, "a Shooting")
     value_of(system, level, "level")
     row = np.asarray(check_known("values", one_row("values", values)), float)
+    system, args = with_float_arrays((system, args))
+    check_forcing(forcing, system)
     if forcing.force is None:
         raise refusal("forcing.force", None, "given: its work is what is dissipated")
-    system, args = with_float_arrays((system, args))
-    forcing.check(system)
     start = value_of(system, forcing.frequency, "forcing.frequency")
     name = observable if isinstance(observable, str) else "observable"
     named = numbers_of(y0)[0] if observable is None else {name: observable}
@@ -177,8 +176,8 @@ def _resonance(
 ) -> tuple[float, ForcedResponse]:
     """Frequency at which an observable lags the force by 90 degrees, and the response there.
 
-    The cotangent of the lag, which of a linear oscillator is nearly straight over the frequency, has its
-    zero where secants, and then Brent's method, find it.
+    The zero of the cotangent of the lag, which of a linear oscillator is nearly straight over the
+    frequency, by secants and then by Brent's method.
     """
     known: dict[float, ForcedResponse] = {}
 

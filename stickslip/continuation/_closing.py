@@ -175,9 +175,9 @@ def placed(found: Closure, u: Float[Array, " unknown"], frame: Frame, neutral: A
 def conserved(jacobian: Float[Array, "row unknown"], rows: slice) -> Float[Array, "row unknown"]:
     r"""Equations that quantities stay as they are which the motion conserves whatever the unknowns are.
 
-    Such a quantity, $l \cdot y$ with $l^T(M - I) = 0$, as the place of a massless slider that sticks all
-    the time, makes of each forced orbit a family, and says nothing in the residual. There its value is
-    that of the first orbit. `rows`: of the last piece.
+    Such a quantity, $l \cdot y$ with $l^T(M - I) = 0$, as the place of a massless slider that sticks
+    all the time, makes of each forced orbit a family, and says nothing in the residual. There its value
+    is that of the first orbit. `rows`: of the last piece.
     """
     jacobian = jnp.where(jnp.isfinite(jacobian), jacobian, 0.0)
     left, strength, _ = jnp.linalg.svd(jacobian, full_matrices=False)

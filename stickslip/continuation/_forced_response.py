@@ -1,4 +1,4 @@
-"""`forced_response`: the periodic motion at one frequency, under `jit`, `vmap`, `map_lanes` and `grad`."""
+"""`forced_response`: the periodic motion at one frequency, in lanes and with derivatives."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -32,7 +32,7 @@ from ._accuracy import ACCURACY
 from ._beginning import beside_breaks
 from ._closing import Motion, closure, placed
 from ._floquet import multipliers_of
-from ._forcing import FORCING, Forcing
+from ._forcing import FORCING, Forcing, check_forcing
 from ._measured import measure
 from ._options import SHOOTING, Shooting
 from ._orbit import beyond, silent_directions
@@ -84,7 +84,10 @@ class ForcedResponse(eqx.Module):
     def phase(self) -> dict[str, Array]:
         """Phase of the first harmonic against that of the force [rad]: negative where it lags."""
         first = {name: row[..., 0] for name, row in self.harmonics.items()}
-        return {name: (np if isinstance(u, np.ndarray | np.generic) else jnp).angle(u) for name, u in first.items()}
+        return {
+            name: (np if isinstance(u, np.ndarray | np.generic) else jnp).angle(u)
+            for name, u in first.items()
+        }
 
     @property
     def successful(self) -> Bool[Array, "*batch"]:
@@ -142,9 +145,9 @@ def forced_response(
 
     - `system`, `args`, `mode0`: as for `simulate`; `y0`: a state, most often at rest, at time 0.
     - `forcing`: a `Forcing`: the parameter that is the frequency, the force, how many harmonics.
-    - `observables`: names of components of the state, `"slope of x"`, methods `(t, y, mode, args)` of the
-      system, or a mapping from names to those or to functions `(system, t, y, dy, mode, args)`; each of
-      one number. By default the first component.
+    - `observables`: names of components of the state, `"slope of x"`, methods `(t, y, mode, args)` of
+      the system, or a mapping from names to those or to functions `(system, t, y, dy, mode, args)`; of
+      one number each. By default the first component.
     - `periods`: so many are simulated before Newton's method.
     - `shooting`: a `Shooting`.
 
@@ -154,11 +157,10 @@ def forced_response(
     **Errors** `ValueError`/`TypeError` naming the argument, before compilation.
     """
     the_system(system)
-    check_type("forcing", forcing, Forcing, "a Forcing")
     check_type("shooting", shooting, Shooting, "a Shooting")
     check_count("periods", periods, 0)
     system, args = with_float_arrays((system, args))
-    forcing.check(system)
+    check_forcing(forcing, system)
     y0, mode0, found = begun(system, y0, mode0, args, forcing, observables)
     numbers = y0, mode0, jnp.zeros(())
     program = response_program if is_concrete((system, args, numbers)) else _response
@@ -228,12 +230,13 @@ def _response(
         t0, start, mode0 = beside_breaks(still, given, spanning(integrator, cycle), t0, start, mode0)
         motion = Motion(still, given, integrator)
         start, mode0 = jax.lax.cond(
-            periods < 0, lambda: (start, mode0), lambda: _settled(motion, start, mode0, t0, cycle, periods)
+            periods < 0, lambda: (start, mode0),
+            lambda: _settled(motion, start, mode0, t0, cycle, periods),
         )  # fmt: skip
         flat, unravel = ravel_pytree(start)
         motion, frame, found, _ = solve_orbit(
-            motion, start, mode0, t0, cycle, jnp.full(flat.shape, jnp.nan), ACCURACY.solved, forced=True,
-            segments=1, max_steps=ACCURACY.tries,
+            motion, start, mode0, t0, cycle, jnp.full(flat.shape, jnp.nan), ACCURACY.solved,
+            forced=True, segments=1, max_steps=ACCURACY.tries,
         )  # fmt: skip
         carried, tolerance = found.carried, ACCURACY.solved
         # One more step of Newton's method, with the derivative of the solution.

@@ -1,4 +1,4 @@
-"""How a system is forced: which parameter is the frequency, what acts, and what is told of the response."""
+"""How a system is forced: which parameter is the frequency, what acts, how many harmonics are told."""
 
 import dataclasses
 from collections.abc import Callable
@@ -8,7 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from .._types import Given
-from .._validation import check_callable, check_count, check_text, one_concrete, refusal
+from .._validation import check_callable, check_count, check_text, check_type, one_number
 from ..analysis.observable import CALL, check_parameter
 from ..hybrid import AbstractHybridSystem
 
@@ -18,8 +18,8 @@ class Forcing(eqx.Module):
 
     - `frequency`: name of the parameter that is the angular frequency $\omega$ [rad/s], `a__b` for `b`
       inside `a`.
-    - `force`: the force [N] as an observable: the name of a method `(t, y, mode, args)` of the system, or
-      a function `(system, t, y, dy, mode, args)`. Phases are those against its first harmonic; None:
+    - `force`: the force [N] as an observable: the name of a method `(t, y, mode, args)` of the system,
+      or a function `(system, t, y, dy, mode, args)`. Phases are those against its first harmonic; None:
       against $\cos\omega t$.
     - `period(system)` [s]: of the forcing; None: $2\pi/\omega$. The orbits that are followed have it.
     - `harmonics`: how many of them are told, from the first one on.
@@ -50,13 +50,6 @@ class Forcing(eqx.Module):
         """The period [s] as a function of the system."""
         return PeriodRule(self.frequency, self.period)
 
-    def check(self, system: AbstractHybridSystem) -> None:
-        """Raise for a system that has no such parameter, or no positive period."""
-        check_parameter(system, self.frequency, "forcing.frequency")
-        period = self.rule(system)
-        if jnp.shape(period) != ():
-            raise refusal("forcing.period(system)", period, "one number")
-
 
 @dataclasses.dataclass(frozen=True)
 class PeriodRule:
@@ -78,9 +71,11 @@ def parameter_of(system: Any, name: str) -> Any:
     return system
 
 
-def check_forced(forcing: Forcing, system: AbstractHybridSystem) -> float:
-    """Period [s] of the forcing of a system whose parameters are known."""
-    return float(one_concrete("forcing.period(system)", forcing.rule(system), "positive"))
+def check_forcing(forcing: Any, system: AbstractHybridSystem) -> None:
+    """Raise for what is no Forcing, or one whose parameter the system lacks."""
+    check_type("forcing", forcing, Forcing, "a Forcing")
+    check_parameter(system, forcing.frequency, "forcing.frequency")
+    one_number("forcing.period(system)", forcing.rule(system), "positive")
 
 
 FORCING = Forcing()

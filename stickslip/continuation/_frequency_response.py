@@ -1,6 +1,7 @@
-"""`frequency_response`: forced periodic motions over the frequency, through folds, with their harmonics."""
+"""`frequency_response`: forced periodic motions over the frequency, through folds, with harmonics."""
 
 import dataclasses
+import itertools
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -25,7 +26,7 @@ from ._arguments import follow_of
 from ._branch import Branch, BranchPoint
 from ._continue import continue_orbit
 from ._forced_response import FORCE, ForcedResponse, begun, response_program
-from ._forcing import FORCING, Forcing
+from ._forcing import FORCING, Forcing, check_forcing
 from ._guess import OrbitGuess
 from ._options import SHOOTING, Follow, Shooting
 from ._orbit import PeriodicOrbit
@@ -106,7 +107,7 @@ class FrequencyResponse(eqx.Module):
 
     @property
     def amplitude(self) -> dict[str, np.ndarray]:
-        """Of each observable, half of the difference between its greatest and least value, `[point]`."""
+        """Half of the difference between greatest and least value, of each observable, `[point]`."""
         return self.responses.amplitude
 
     @property
@@ -123,9 +124,13 @@ class FrequencyResponse(eqx.Module):
     def parts(self) -> tuple[Part, ...]:
         """Neighbouring points with the same events, in order; where all the time all stick is one."""
         names = self.branch.system.mode_names
-        starts = [0, *(i for i in range(1, len(self.sequences)) if self._differs(i)), len(self.sequences)]
+        starts = [
+            0,
+            *(i for i in range(1, len(self.sequences)) if self._differs(i)),
+            len(self.sequences),
+        ]
         parts = []
-        for first, end in zip(starts[:-1], starts[1:], strict=True):
+        for first, end in itertools.pairwise(starts):
             events = [m[1] if isinstance(m, tuple) else m for m in self.sequences[first]]
             words = ", ".join(str(names[mode]) for mode in events)
             free = int(self.responses.conserved[first])
@@ -140,7 +145,7 @@ class FrequencyResponse(eqx.Module):
 
     def peak(self, observable: Given[str | None] = None) -> tuple[float, ForcedResponse]:
         """Frequency of the greatest amplitude of an observable, by default of the first one, and the
-        response there; found between the points, to rounding. At a fold or a bound, the point itself."""
+        response there; found between the points, to rounding. At a fold or a bound, the point."""
         name = self.observables[0] if observable is None else observable
         check_in("observable", name, self.observables)
         heights = np.nan_to_num(self.amplitude[name])
@@ -212,7 +217,8 @@ class FrequencyResponse(eqx.Module):
         }  # fmt: skip
         for name, row in r.harmonics.items():
             for key, values in (
-                ("amplitude", r.amplitude), ("mean", r.mean), ("lowest", r.lowest), ("highest", r.highest),
+                ("amplitude", r.amplitude), ("mean", r.mean), ("lowest", r.lowest),
+                ("highest", r.highest),
             ):  # fmt: skip
                 data[f"{name}_{key}"] = "point", np.asarray(values[name])
             for key, part in (("real", np.real(row)), ("imag", np.imag(row))):
@@ -266,13 +272,14 @@ def frequency_response(
     no periodic response at the lowest frequency, or friction holds everything at rest there.
     """
     the_system(system)
-    check_type("forcing", forcing, Forcing, "a Forcing")
     check_type("shooting", shooting, Shooting, "a Shooting")
-    row = np.asarray(check_known("frequencies", one_row("frequencies", frequencies, "positive", 2)), float)
+    row = np.asarray(
+        check_known("frequencies", one_row("frequencies", frequencies, "positive", 2)), float
+    )
     check_increasing("frequencies", row)
     follow = dataclasses.replace(follow_of(follow, ((row[0], row[-1]),)), both=False)
     system, args = with_float_arrays((system, args))
-    forcing.check(system)
+    check_forcing(forcing, system)
     system = with_parameters(system, {forcing.frequency: jnp.asarray(row[0])})
     y0, mode0, found = begun(system, y0, None, args, forcing, observables)
     integrator = shooting.integrator_or()

@@ -66,9 +66,8 @@ def measure(
 ) -> tuple[Measured, Solution, PyTree]:  # fmt: skip
     r"""One period of a motion, what is told of it, and its end.
 
-    Mean and harmonics, $u_k = (2/T) \int u(t) e^{-ik\omega t} dt$, are integrals that are integrated with
-    the motion; the extremes lie where the rate of the observable is zero, or beside an event.
-    Beside these stands `motion`, which is 0 where no component moves, in parts of its `size`.
+    Mean and harmonics, $u_k = (2/T) \int u(t) e^{-ik\omega t} dt$, are integrated with the motion;
+    the extremes lie where the rate of the observable is zero, or beside an event. Beside these stands `motion`, which is 0 where no component moves, in parts of its `size`.
     """
     named = [(name, AlongField(observable)) for name, observable in observables]
 
@@ -123,7 +122,8 @@ def measure(
         every = jnp.concatenate(values)
         mean[name], lowest[name], highest[name] = total[f"mean {i}"], jnp.min(every), jnp.max(every)
         real, imag = (
-            jnp.stack([total[f"{wave} {i} {k}"] for k in range(1, count + 1)]) for wave in ("cos", "sin")
+            jnp.stack([total[f"{wave} {i} {k}"] for k in range(1, count + 1)])
+            for wave in ("cos", "sin")
         )
         harmonics[name] = jax.lax.complex(real, imag)
     return Measured(mean, lowest, highest, harmonics), run, run.y1.y

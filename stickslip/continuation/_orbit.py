@@ -95,8 +95,8 @@ class PeriodicOrbit(eqx.Module):
 
     @property
     def conserved(self) -> Int[Array, "*batch"]:
-        """How many quantities a forced motion leaves as they are, such as the place of a massless slider
-        that sticks all the time: as many multipliers are 1, and the orbit is one of a family."""
+        """How many quantities a forced motion leaves as they are, such as the place of a massless
+        slider that sticks all the time: as many multipliers are 1, and the orbit is one of a family."""
         xp, axes = _numpy_of(self.monodromy), self.period.ndim
 
         def flat(tree):

@@ -65,7 +65,7 @@ REST = Slider(0.0, 0.0, 0.0)
 
 
 class Jenkins(ss.AbstractHybridSystem):
-    r"""$m\ddot x + c\dot x + kx + f = F\cos\omega t$, $f = k_t(x - z)$, $|f| \le f_s$; $z$ rests or slips."""
+    r"""$m\ddot x + c\dot x + kx + f = F\cos\omega t$, $f = k_t(x - z)$, $|f| \le f_s$."""
 
     frequency: Any
     limit: Any = 0.1
@@ -125,7 +125,7 @@ def flow(w, stiffness, damping, force, constant, span):
 
 
 def half_turn(u, w, force, limit, k=1.0, kt=0.5, c=0.04):
-    """What a symmetric orbit with two sticks leaves: amplitude, phase at the top, duration of the stick."""
+    """What a symmetric orbit leaves of: amplitude, phase of the force at the top, duration of stick."""
     top, phase, stick = u
     state = np.array([top, 0.0, np.cos(phase), np.sin(phase), 1.0])
     state = flow(w, k + kt, c, force, kt * top - limit, stick) @ state
@@ -135,7 +135,7 @@ def half_turn(u, w, force, limit, k=1.0, kt=0.5, c=0.04):
 
 
 def exact(w, guess, force=0.1, limit=0.1):
-    """Amplitude, phase of the force at the top, duration of a stick."""
+    """Amplitude, phase of the force at the top, duration of stick."""
     return fsolve(half_turn, guess, args=(w, force, limit), xtol=1e-13)
 
 
