@@ -1,6 +1,5 @@
 """Checks of arguments that the analyses share."""
 
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,23 +17,6 @@ from .._validation import (
 from ..hybrid import AbstractHybridSystem, Integrator
 from ..hybrid.arguments import a_time, check_field, the_system
 from ..hybrid.arguments import start_of as _start_of
-
-OBSERVABLES = "a name, a sequence of names, or a mapping from names to names or functions"
-
-
-def named_observables(observables: Any) -> dict[str, Any]:
-    """Observables by name: of a name, a sequence of names, or a mapping."""
-    if isinstance(observables, str):
-        observables = (observables,)
-    if isinstance(observables, Mapping):
-        named = dict(observables)
-    elif isinstance(observables, Sequence) and all(isinstance(o, str) for o in observables):
-        named = {o.replace(" ", "_"): o for o in observables}
-    else:
-        raise refusal("observables", observables, OBSERVABLES, TypeError)
-    if not named or not all(isinstance(name, str) and name for name in named):
-        raise refusal("observables", observables, f"{OBSERVABLES}, at least one")
-    return named
 
 
 def times_of(name: str, t: Any) -> np.ndarray:

@@ -19,10 +19,19 @@ from ..hybrid.arguments import the_system
 from ..hybrid.components import own_axes
 from ..hybrid.tree import with_float_arrays
 from ..sweep import Labels, Variable
-from ._arguments import an_integrator, named_observables, start_of
+from ._arguments import an_integrator, start_of
 from ._builder import check_labels
 from ._recording import Samples, samples_of
-from .observable import Angle, Maximum, Minimum, as_observable, as_section, axes_of, shape_of
+from .observable import (
+    Angle,
+    Maximum,
+    Minimum,
+    as_observable,
+    as_section,
+    axes_of,
+    named_observables,
+    shape_of,
+)
 
 
 def time_history(

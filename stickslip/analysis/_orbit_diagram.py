@@ -20,7 +20,7 @@ from ..sweep.evaluate import lanes_of, prepared
 from ..sweep.grid import block_shape, check_grid
 from ..sweep.settings import Settings, settings_of
 from ._accuracy import ACCURACY
-from ._arguments import an_integrator, named_observables, start_of
+from ._arguments import an_integrator, start_of
 from ._attractor import PERIOD_STATUS
 from ._builder import builder_of, check_labels, labelled_parameters
 from ._orbit_lane import STATUS, Numbers, OrbitPlan, finer_integrator, run_lane
@@ -32,6 +32,7 @@ from .observable import (
     as_observable,
     as_section,
     axes_of,
+    named_observables,
     shape_of,
     whole_of,
 )

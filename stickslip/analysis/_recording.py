@@ -8,8 +8,8 @@ from .._types import Given, Named, Numeric, Row
 from .._validation import check_count, check_type, one_concrete, one_number, refusal
 from ..hybrid import Section
 from ..hybrid.arguments import a_time
-from ._arguments import named_observables, times_of
-from .observable import Maximum, Minimum
+from ._arguments import times_of
+from .observable import Maximum, Minimum, named_observables
 
 Cut = Section | Maximum | Minimum
 

@@ -1,12 +1,13 @@
 """Numbers read off a motion: components of the state, methods of the system, functions."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.core import Tracer
 from jaxtyping import PyTree
 
 from .._validation import check_callable, check_text, refusal, shown_value
@@ -23,6 +24,7 @@ from ..hybrid.components import (
 )
 
 CALL = "f(system, t, y, dy, mode, args)"
+OBSERVABLES = "a name, a sequence of names, or a mapping from names to names or functions"
 Observable = Callable[[AbstractHybridSystem, Any, PyTree, PyTree, Any, PyTree], Any]
 
 
@@ -149,6 +151,21 @@ def as_observable(
     raise refusal(argument, what, allowed)
 
 
+def named_observables(observables: Any) -> dict[str, Any]:
+    """Observables by name: of a name, a sequence of names, or a mapping."""
+    if isinstance(observables, str):
+        observables = (observables,)
+    if isinstance(observables, Mapping):
+        named = dict(observables)
+    elif isinstance(observables, Sequence) and all(isinstance(o, str) for o in observables):
+        named = {o.replace(" ", "_"): o for o in observables}
+    else:
+        raise refusal("observables", observables, OBSERVABLES, TypeError)
+    if not named or not all(isinstance(name, str) and name for name in named):
+        raise refusal("observables", observables, f"{OBSERVABLES}, at least one")
+    return named
+
+
 def shape_of(
     argument: str, what: Any, observable: "Observable", system: AbstractHybridSystem, y0: PyTree,
     mode: Any, args: PyTree, *, single: bool = False,
@@ -225,6 +242,8 @@ def check_parameter(system: AbstractHybridSystem, name: str, argument: str | Non
             named = f"named after a parameter of {type(system).__name__}, here {here}"
             raise refusal(argument, name, named)
         tree = getattr(tree, part)
-    if jnp.shape(tree) != () or not eqx.is_inexact_array_like(tree):
+    traced = isinstance(tree, Tracer)  # of which Equinox asks what it has not
+    real = jnp.issubdtype(tree.dtype, jnp.inexact) if traced else eqx.is_inexact_array_like(tree)
+    if jnp.shape(tree) != () or not real:
         named = f"named after a parameter that is a real number, not {shown_value(tree)}"
         raise refusal(argument, name, named)

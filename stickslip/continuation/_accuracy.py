@@ -111,6 +111,9 @@ class Accuracy:
     steep: float = 4.0
     """Power of the period that an exponential law has at least where it is told from others."""
 
+    settling: int = 20
+    """Periods of the forcing that are simulated before the first response over the frequency."""
+
     # Integration of one period where no integrator is given: relative tolerances.
     integration: float = 1e-12
     """Of orbits, whose derivatives are looked at,"""

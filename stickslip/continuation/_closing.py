@@ -152,15 +152,37 @@ def equations(
     kept = jnp.all(changed <= ACCURACY.known * grows[:, None], axis=0)
     neutral = projection_on(jnp.where(kept[None, :], frame.shifts, 0.0))
     rows = slice((segments - 1) * count, segments * count)
+    last = jacobian[rows] - neutral @ jacobian[rows] + neutral @ jnp.eye(count, u.shape[0])
+    jacobian = jacobian.at[rows].set(last)
+    if not frame.free:
+        jacobian = jacobian + conserved(jacobian, rows)
+    found = found._replace(pieces=pieces, neutral=neutral)
+    found = found._replace(residual=placed(found, u, frame, neutral))
+    return found.residual, jacobian, found
+
+
+def placed(found: Closure, u: Float[Array, " unknown"], frame: Frame, neutral: Array) -> Array:
+    """The residual with the place of the orbit fixed along `neutral`, in parts of the size."""
+    count = frame.size.shape[0]
+    rows = slice((found.modes.shape[0] - 1) * count, found.modes.shape[0] * count)
     # Whole turns are taken from the last piece alone: the knots go on turning.
     away = found.residual[rows] * frame.size
     closes = without(away, frame.turns, in_units(neutral, frame.size), frame.turn) / frame.size
     place = neutral @ (u[:count] - frame.anchor / frame.size)
-    last = jacobian[rows] - neutral @ jacobian[rows] + neutral @ jnp.eye(count, u.shape[0])
-    found = found._replace(
-        residual=found.residual.at[rows].set(closes + place), pieces=pieces, neutral=neutral
-    )
-    return found.residual, jacobian.at[rows].set(last), found
+    return found.residual.at[rows].set(closes + place)
+
+
+def conserved(jacobian: Float[Array, "row unknown"], rows: slice) -> Float[Array, "row unknown"]:
+    r"""Equations that quantities stay as they are which the motion conserves whatever the unknowns are.
+
+    Such a quantity, $l \cdot y$ with $l^T(M - I) = 0$, as the place of a massless slider that sticks
+    all the time, makes of each forced orbit a family, and says nothing in the residual. There its value
+    is that of the first orbit. `rows`: of the last piece.
+    """
+    jacobian = jnp.where(jnp.isfinite(jacobian), jacobian, 0.0)
+    left, strength, _ = jnp.linalg.svd(jacobian, full_matrices=False)
+    silent = jnp.where(strength <= ACCURACY.rounding * strength[0], left, 0.0)
+    return jnp.pad(silent @ silent[rows].T, ((0, 0), (0, jacobian.shape[1] - (rows.stop - rows.start))))
 
 
 def in_units(matrix: Float[Array, "size size"], size: Float[Array, " size"]) -> Array:

@@ -3,6 +3,7 @@
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
@@ -14,6 +15,7 @@ from ..hybrid import AbstractHybridSystem, EventLog
 from ..hybrid.accuracy import ACCURACY as ENGINE
 from ..hybrid.components import components_of, numbers_of
 from ..hybrid.status import describe_flags
+from ._accuracy import ACCURACY
 from ._outcome import ORBITS
 
 
@@ -31,7 +33,8 @@ class PeriodicOrbit(eqx.Module):
     - `rank`: how many multipliers, `trivial` included, are not zero.
     - `repeats`: into how many equal parts the motion divides the period: 1, unless the orbit has a
       shorter one. Numbers that divide 60 are looked for.
-    - `stable`: whether all `multipliers` are inside the unit circle, but for those of `neutral` shifts.
+    - `stable`: whether all `multipliers` are inside the unit circle, but for those of `neutral` shifts
+      and of `conserved` quantities.
     - `determinant`, `determinant_by_events`: $\det M$, and
       $\exp(\int \mathrm{div} f\,dt)\prod\det S$ with the saltation matrix $S$ of each event: equal for
       every orbit.
@@ -85,10 +88,26 @@ class PeriodicOrbit(eqx.Module):
     @property
     def stable(self) -> Bool[Array, "*batch"]:
         """Whether all multipliers are inside the unit circle, without those of shifts of time and state
-        that change nothing."""
-        outside = jnp.sum(~(jnp.abs(self.multipliers) < 1.0), axis=-1)
-        neutral = jnp.round(jnp.trace(self.neutral, axis1=-2, axis2=-1))
-        return self.successful & (outside <= neutral.astype(outside.dtype))
+        that change nothing, and of conserved quantities."""
+        xp = _numpy_of(self.neutral)
+        neutral = xp.round(xp.trace(self.neutral, axis1=-2, axis2=-1)).astype(np.int32)
+        return self.successful & (beyond(self.multipliers, xp.maximum(neutral, self.conserved)) == 0)
+
+    @property
+    def conserved(self) -> Int[Array, "*batch"]:
+        """How many quantities a forced motion leaves as they are, such as the place of a massless
+        slider that sticks all the time: as many multipliers are 1, and the orbit is one of a family."""
+        xp, axes = _numpy_of(self.monodromy), self.period.ndim
+
+        def flat(tree):
+            rows = [xp.reshape(leaf, (*xp.shape(leaf)[:axes], -1)) for leaf in jax.tree.leaves(tree)]
+            return xp.concatenate(rows, axis=-1)
+
+        low, high = flat(self.lowest), flat(self.highest)
+        size = xp.where(high > low, high - low, xp.maximum(xp.abs(high), xp.abs(low)))
+        size = xp.where(size > 0.0, size, 1.0)
+        scaled = self.monodromy * size[..., None, :] / size[..., :, None]
+        return xp.where(xp.isnan(self.trivial), silent_directions(scaled), 0)
 
     @property
     def place(self) -> str:
@@ -154,6 +173,29 @@ class PeriodicOrbit(eqx.Module):
 
     def _repr_html_(self) -> str:
         return html_table(str(self), (), ())
+
+
+def beyond(multipliers: Complex[Array, "*batch multiplier"], count: Any) -> Int[Array, "*batch"]:
+    """How many multipliers are not inside the unit circle, without so many that are nearest to 1."""
+    xp = _numpy_of(multipliers)
+    order = xp.argsort(xp.abs(multipliers - 1.0), axis=-1)
+    outside = xp.take_along_axis(~(xp.abs(multipliers) < 1.0), order, axis=-1)
+    left = np.arange(multipliers.shape[-1], dtype=np.int32) >= xp.asarray(count)[..., None]
+    return xp.sum(outside & left, axis=-1, dtype=np.int32)
+
+
+def silent_directions(monodromy: Float[Array, "*batch size size"]) -> Int[Array, "*batch"]:
+    """How many linear functions of the state a motion has at its end as at its beginning, whatever the
+    state is; of a monodromy matrix in parts of the motion's size."""
+    xp = _numpy_of(monodromy)
+    away = xp.where(xp.isfinite(monodromy), monodromy, 0.0) - np.eye(monodromy.shape[-1])
+    strength = xp.linalg.svd(away, compute_uv=False)
+    return xp.sum(strength <= ACCURACY.rounding * strength[..., :1], axis=-1, dtype=np.int32)
+
+
+def _numpy_of(array: Any) -> Any:
+    """NumPy for its own arrays, of which every shape would be a program of JAX."""
+    return np if isinstance(array, np.ndarray) else jnp
 
 
 def _multiplier(value: complex) -> str:

@@ -1,5 +1,7 @@
 """`periodic_orbit`: from a guess to a periodic orbit, by Newton's method through all events."""
 
+from typing import Any, NamedTuple
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -45,7 +47,7 @@ from ._floquet import multipliers_of, split_off, with_ones
 from ._guess import OrbitGuess, check_seen, gained_by
 from ._holding import holds, own_mode
 from ._monodromy import through_events
-from ._newton import newton
+from ._newton import Newton, newton
 from ._options import SHOOTING, Shooting
 from ._orbit import PeriodicOrbit
 from ._outcome import first_of
@@ -124,32 +126,59 @@ def _orbit(
     system, args, integrator, execute, y0, mode0, t0, period, gained, tolerance,
     *, forced, segments, max_steps, max_events,
 ):  # fmt: skip
-    integrator = spanning(integrator, period)
-    motion = Motion(system, args, integrator)
     _, unravel = ravel_pytree(y0)
     with use_executor(execute):
-        t0, y0, mode0 = beside_breaks(system, args, integrator, t0, y0, mode0)
-        reach = extent(motion, y0, mode0, t0, period, segments, not forced, gained)
-        frame = _frame(motion, y0, mode0, t0, period, reach, forced)
-
-        def evaluate(u, modes):
-            def found_from(u):
-                return closure(u, modes, motion, frame, unravel)
-
-            residual, jacobian, found = equations(found_from, u, frame, segments)
-            norm = jnp.max(jnp.abs(residual))
-            good = jnp.all(found.good) & jnp.isfinite(norm)
-            after = jnp.roll(found.modes, 1).at[0].set(modes[0])
-            return residual, jacobian, jnp.where(good, norm, jnp.inf), after, found
-
-        found = newton(
-            evaluate, unknowns(reach.knots, frame), reach.modes, tolerance=tolerance, most=max_steps,
-            longest=lambda u, du: _longest(u, du, frame, jnp.maximum(reach.moves, reach.least)),
+        t0, y0, mode0 = beside_breaks(system, args, spanning(integrator, period), t0, y0, mode0)
+        solved = solve_orbit(
+            Motion(system, args, integrator), y0, mode0, t0, period, gained, tolerance, forced=forced,
+            segments=segments, max_steps=max_steps,
         )  # fmt: skip
-        rests = settles(motion, frame, found, unravel, reach.modes[0]) if frame.free else False
+        motion, frame, found, modes = solved
+        rests = settles(motion, frame, found, unravel, modes[0]) if frame.free else False
         return describe_orbit(
-            motion, frame, found, tolerance, unravel, reach.modes[0], segments, max_events, rests
+            motion, frame, found, tolerance, unravel, modes[0], segments, max_events, rests
         )
+
+
+class Solved(NamedTuple):
+    """Where Newton's method ended, with what it solved; `modes`: at the knots of the guess."""
+
+    motion: Motion
+    frame: Frame
+    found: Newton
+    modes: Any
+
+
+def solve_orbit(
+    motion: Motion, y0, mode0, t0, period, gained, tolerance, *, forced, segments, max_steps,
+    shifts=True,
+) -> Solved:  # fmt: skip
+    """Newton's method from a guess to the equations of its orbit.
+
+    `shifts`: whether those of the state that change nothing keep the place of the guess; otherwise what
+    the motion conserves does.
+    """
+    motion = motion._replace(integrator=spanning(motion.integrator, period))
+    _, unravel = ravel_pytree(y0)
+    reach = extent(motion, y0, mode0, t0, period, segments, not forced, gained)
+    reach = reach if shifts else reach._replace(shifts=jnp.zeros_like(reach.shifts))
+    frame = _frame(motion, y0, mode0, t0, period, reach, forced)
+
+    def evaluate(u, modes):
+        def found_from(u):
+            return closure(u, modes, motion, frame, unravel)
+
+        residual, jacobian, found = equations(found_from, u, frame, segments)
+        norm = jnp.max(jnp.abs(residual))
+        good = jnp.all(found.good) & jnp.isfinite(norm)
+        after = jnp.roll(found.modes, 1).at[0].set(modes[0])
+        return residual, jacobian, jnp.where(good, norm, jnp.inf), after, found
+
+    found = newton(
+        evaluate, unknowns(reach.knots, frame), reach.modes, tolerance=tolerance, most=max_steps,
+        longest=lambda u, du: _longest(u, du, frame, jnp.maximum(reach.moves, reach.least)),
+    )  # fmt: skip
+    return Solved(motion, frame, found, reach.modes)
 
 
 _compiled = jit_plainly(_orbit)

@@ -25,6 +25,8 @@ from ._branch import branch as branch
 from ._energy_account import energy_account as energy_account
 from ._exponents import exponents as exponents
 from ._fit import fit as fit
+from ._frequency_response import backbone as backbone
+from ._frequency_response import frequency_response as frequency_response
 from ._motion import motion as motion
 from ._movie import SLIP as SLIP
 from ._movie import STICK as STICK

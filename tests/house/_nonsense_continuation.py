@@ -8,6 +8,7 @@ import numpy as np
 
 import stickslip as ss
 from stickslip import continuation, plot
+from stickslip.continuation._frequency_response import Solver
 from stickslip.hybrid import EventLog
 from stickslip.systems import Motion
 from tests.house._nonsense_engine import (
@@ -24,6 +25,7 @@ from tests.house._nonsense_engine import (
 from tests.house._nonsense_target import Target, arg
 
 ONE, ZERO, NONE = jnp.asarray(1.0), jnp.zeros((), jnp.int32), jnp.zeros(0)
+ROWS = np.ones(1)
 CODES, POINT = jnp.zeros(0, jnp.int32), Motion(ONE, ONE)
 ORBIT = continuation.PeriodicOrbit(
     ONE, POINT, ZERO, ONE, jnp.zeros(1, complex), ONE, ZERO, ZERO, jnp.eye(2), ONE, ONE, ONE, ONE, ZERO,
@@ -35,6 +37,17 @@ ROW = jax.tree.map(lambda leaf: leaf[None], ORBIT)
 BRANCH = continuation.Branch(("belt_speed",), np.array([0.2]), ROW, ((0,),), (), OSCILLATOR)
 SPECIAL = continuation.BranchPoint("PD", np.array([0.2]), ORBIT, "", 0, np.zeros(4), OSCILLATOR)
 FOLLOW, SHOOTING = continuation.Follow(), continuation.Shooting()
+FORCING = continuation.Forcing("belt_speed")
+FORCED = continuation.Forcing("belt_speed", "x")
+OBSERVABLES = arg("x", "none")
+TABLE, MANY = {"x": np.ones(1)}, {"x": np.ones((1, 5), complex)}
+RESPONSES = continuation.ForcedResponse(
+    ROWS, ROWS, Motion(ROWS, ROWS), ZERO[None], TABLE, TABLE, TABLE, MANY, MANY["x"][:, :2], ZERO[None],
+    ROWS, np.zeros(1, bool), ZERO[None], jnp.zeros(1, jnp.uint32), ZERO[None], ORBIT.result,
+)  # fmt: skip
+SOLVER = Solver(OSCILLATOR, None, None, FORCING, (("x", None),), 8)
+RESPONSE = continuation.FrequencyResponse(np.array([0.2]), RESPONSES, BRANCH, ((0,),), SOLVER)
+BACKBONE = continuation.Backbone("stiffness", *(np.ones(1),) * 4, RESPONSES)
 
 
 def _inside(path):
@@ -107,6 +120,46 @@ TARGETS = [
             "bounds": arg((0.1, 0.3)), "mode0": MODE, "follow": arg(FOLLOW), "args": ARGS,
         },
     ),
+    Target(
+        continuation.Forcing,
+        {
+            "frequency": arg("w", "text"), "force": arg(None, "none", "text", "function"),
+            "period": arg(None, "none"), "harmonics": COUNT,
+        },
+    ),
+    Target(
+        continuation.forced_response,
+        {
+            "system": SYSTEM, "y0": STATE, "forcing": arg(FORCING), "observables": OBSERVABLES,
+            "periods": COUNT, "mode0": MODE, "shooting": arg(SHOOTING), "args": ARGS,
+        },
+    ),
+    Target(
+        continuation.frequency_response,
+        {
+            "system": SYSTEM, "y0": STATE, "frequencies": arg((0.1, 0.3)), "forcing": arg(FORCING),
+            "observables": OBSERVABLES, "follow": arg(FOLLOW), "shooting": arg(SHOOTING), "args": ARGS,
+        },
+    ),
+    Target(
+        continuation.backbone,
+        {
+            "system": SYSTEM, "y0": STATE, "level": arg("stiffness"), "values": arg([1.0, 2.0]),
+            "forcing": arg(FORCED), "observable": arg("x", "none"), "energy": arg(None, "none"),
+            "shooting": arg(SHOOTING), "args": ARGS,
+        },
+    ),
+    Target(
+        continuation.FrequencyResponse.peak, {"observable": arg("x", "none")}, RESPONSE.peak
+    ),
+    Target(
+        plot.frequency_response,
+        {
+            "found": arg(RESPONSE), "observable": arg("x", "none"), "phase": arg(False, "flag"),
+            "ax": arg(None, "none"),
+        },
+    ),
+    Target(plot.backbone, {"found": arg(BACKBONE), "ax": arg(None, "none")}),
     Target(
         continuation.save_branch,
         {"branch": arg(BRANCH), "path": arg("branch.nc", "path")},
