@@ -136,6 +136,8 @@ class Sliders:
         d, stretch = self.limit[self.first], self.e - self.z[self.first]
         # One product: both limits are far apart, and it is a polynomial where the motion is one.
         grip = (d - stretch) * (d + stretch)
+        # In parts of a constant limit: before anything moves a small number is taken for rounding.
+        grip = grip / jnp.where(~self.varies & (d > 0.0), d * d, 1.0)
         # It begins at zero without a slope where an element has turned: not at a rounding beside that.
         near = jnp.abs(d - jnp.abs(stretch)) <= ENGINE.few_roundings * self.terms[self.first]
         grip = grip - jax.lax.stop_gradient(jnp.where(near, grip, 0.0))

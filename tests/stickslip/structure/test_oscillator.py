@@ -135,6 +135,20 @@ def test_lanes_are_what_each_is_alone():
     np.testing.assert_allclose(mapped[0], alone, atol=1e-12)
 
 
+def test_no_turn_is_lost_or_doubted_for_its_rounding():
+    def run(f_s):
+        system = oscillator(1.2, f_s)
+        begin = system.start(StructureState(jnp.array([0.3]), jnp.zeros(1)))
+        found = ss.simulate(system, 0.0, 20.0, begin, integrator=STRICT, throw=False)
+        return found.successful, found.flags, found.num_events
+
+    bounds = jnp.geomspace(1e-7, 0.1, 60)
+    successful, flags, events = jax.vmap(run)(bounds)
+    assert bool(jnp.all(successful))
+    assert int(jnp.sum(flags != 0)) == 0
+    assert set(np.asarray(events).tolist()) == {13}
+
+
 def test_a_body_that_rests_stays_where_its_springs_hold_it():
     structure = LinearStructure([[1.0]], [[0.5]], [[1.0]])
     system = WithSliders(structure, {"damper": Jenkins([1.0], 0.5, 0.1)})
