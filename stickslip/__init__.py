@@ -54,12 +54,13 @@ if TYPE_CHECKING:
     from . import identification as identification
     from . import mechanism as mechanism
     from . import plot as plot
+    from . import structure as structure
     from . import systems as systems
 
 # They come when they are used, since some import what takes longer than the rest of the package.
 _PACKAGES = (
     "analysis", "contact", "continuation", "derived", "friction", "identification", "mechanism", "plot",
-    "systems",
+    "structure", "systems",
 )  # fmt: skip
 
 

@@ -18,6 +18,7 @@ PACKAGES = (
     "stickslip.friction",
     "stickslip.contact",
     "stickslip.mechanism",
+    "stickslip.structure",
     "stickslip.systems",
     "stickslip.derived",
     "stickslip.sweep",
