@@ -59,6 +59,7 @@ from tests.house import (
     _nonsense_methods,
     _nonsense_plot,
     _nonsense_report,
+    _nonsense_structure,
 )  # fmt: skip
 from tests.house._nonsense_kinds import BY_EQUINOX, allowed, kinds
 from tests.house._nonsense_public import arguments_of, public_callables, public_methods
@@ -74,6 +75,7 @@ TARGETS: list[Target] = [
     *_nonsense_report.TARGETS,
     *_nonsense_plot.TARGETS,
     *_nonsense_methods.TARGETS,
+    *_nonsense_structure.TARGETS,
 ]
 OURS = tuple(str(pathlib.Path(m.__file__).parent) + os.sep for m in (stickslip, corexy_jax))
 LIMIT = 2.0  # s of the processor, so that a busy machine does not count

@@ -27,6 +27,8 @@ from tests.house._nonsense_laws import BLOCK, DRY, SMOOTH
 from tests.house._nonsense_machine import PARAMETERS, VOLTAGE
 from tests.house._nonsense_public import methods_of
 from tests.house._nonsense_report import COMPARISON, POSTERIOR, PROFILE, REPORT
+from tests.house._nonsense_structure import DAMPED, SLID
+from tests.house._nonsense_structure import PAIR as PAIR_OF_NODES
 from tests.house._nonsense_target import Argument, Target, arg
 
 REALS = ("reals",)
@@ -118,6 +120,12 @@ TARGETS = [
         y=arg(LEDGER.start(START))),
     *of(TANGENT, start__y=arg(START, STATES), columns=arg(np.ones((2, 1))), y=arg(DEVIATING),
         state=arg(DEVIATING)),
+    *of(
+        PAIR_OF_NODES, y=arg(PAIR_OF_NODES.state()),
+        **dict.fromkeys("qv", arg([1.0, 2.0], "none", "row")),
+    ),
+    *of(DAMPED, y=arg(SLID), start__y=arg(SLID.y), z=arg([0.0], "none"),
+        start__t=arg(0.0, "finite", "float32"), t=arg(0.1, "real")),
     *of(FITS, path=arg(f"{INSIDE.name}/fit.nc", "path"), robust=arg(False, "flag")),
     *of(PREDICTION),
     *of(PROFILE, name=arg("a")),

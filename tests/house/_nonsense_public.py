@@ -6,7 +6,7 @@ from typing import Any
 
 PACKAGES = (
     "stickslip", "stickslip.friction", "stickslip.contact", "stickslip.systems", "stickslip.sweep",
-    "stickslip.derived",
+    "stickslip.derived", "stickslip.structure",
     "stickslip.analysis", "stickslip.continuation", "stickslip.identification", "stickslip.hybrid",
     "stickslip.plot",
     "corexy_jax",
@@ -69,7 +69,8 @@ EXEMPT_METHODS = {
         (
             "vector_field", "guards", "transition", "inner", "time_scale", "check_start",
             "check_mode", "constraints", "mass_matrix", "switches", "switches_in",
-            "forces", "contacts", "gaps", "potential_energy", "rates",
+            "forces", "contacts", "gaps", "potential_energy", "rates", "HarmonicForce.__call__",
+            "Jenkins.bounds", "LinearStructure.initial_mode",
         ),
         CALLED_BY_ENGINE,
     ),
