@@ -68,6 +68,8 @@ class WithSliders(AbstractSystemWrapper, AbstractMechanicalSystem):
     - Modes: those of `system`, and for each element which of its sliders slip. Events are those of
       `system`, and of each element: a slider slips, or all turn; one whose bound varies opens or
       closes. Elements that turn in the same instant do so one after the other, no more than 16.
+    - A slider that never slips stays where it began: periodic orbits are then a family over its place,
+      with a multiplier of 1 for it, and not `stable`. From `start(y)` none is displaced.
     - The positions of sliders in a row keep the order of their limits, as from rest without forces they
       do: $|z_i - z_{i+1}|$ is at most the difference of the limits. Elements with one slider begin
       anywhere. A state that is not admissible has no mode.
