@@ -48,7 +48,7 @@ class Backbone(eqx.Module):
     responses: ForcedResponse
 
     @property
-    def amplitude(self) -> np.ndarray:
+    def amplitude(self) -> Any:
         """Of the observable."""
         return next(iter(self.responses.amplitude.values()))
 
@@ -201,7 +201,7 @@ def _resonance(
             step = float(np.clip(step, -ACCURACY.swerves * two, ACCURACY.swerves * two))
             one, two = two, two + step
             values = [values[1], cotangent(two)]
-        at: Any = brentq(cotangent, one, two, xtol=1e-300, rtol=1e-14)
+        at: Any = brentq(cotangent, one, two, xtol=1e-300, rtol=1e-14)  # pyright: ignore[reportArgumentType]
         cotangent(at)
     except (ArithmeticError, ValueError):
         return np.nan, near

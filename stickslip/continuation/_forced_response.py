@@ -81,7 +81,7 @@ class ForcedResponse(eqx.Module):
         return {name: 0.5 * (high - self.lowest[name]) for name, high in self.highest.items()}
 
     @property
-    def phase(self) -> dict[str, Array]:
+    def phase(self) -> dict[str, Any]:
         """Phase of the first harmonic against that of the force [rad]: negative where it lags."""
         first = {name: row[..., 0] for name, row in self.harmonics.items()}
         return {
@@ -172,7 +172,7 @@ def forced_response(
 
 def begun(
     system: Any, y0: PyTree, mode0: Any, args: PyTree, forcing: Forcing, observables: Any
-) -> tuple[PyTree, Array, Named]:
+) -> tuple[PyTree, Array, Any]:
     """The start of a response, and its observables as functions, all checked."""
     y0, mode0 = start_of(system, 0.0, y0, mode0, args)
     check_field(system, 0.0, y0, mode0, args)
@@ -278,12 +278,12 @@ def _response(
     measured = measured._replace(harmonics={k: v * power for k, v in measured.harmonics.items()})
     # A motion that is not periodic has no amplitude.
     periodic = result == ORBITS.successful
-    known = [
+    mean, lowest, highest, harmonics = (
         {name: jnp.where(periodic, value, jnp.nan) for name, value in values.items() if name != FORCE}
         for values in measured
-    ]
+    )
     return ForcedResponse(
-        2.0 * jnp.pi / period, t0, state, mode, *known,
+        2.0 * jnp.pi / period, t0, state, mode, mean, lowest, highest, harmonics,
         multipliers_of(growth, flat.size), silent_directions(growth), found.norm,
         run.y1.integrals["motion"] <= ENGINE.zero**2, run.num_events, run.sequence, run.flags, result,
     )  # fmt: skip

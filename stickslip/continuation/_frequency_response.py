@@ -106,7 +106,7 @@ class FrequencyResponse(eqx.Module):
         return tuple(name for name, _ in self.solver.observables if name != FORCE)
 
     @property
-    def amplitude(self) -> dict[str, np.ndarray]:
+    def amplitude(self) -> dict[str, Any]:
         """Half of the difference between greatest and least value, of each observable, `[point]`."""
         return self.responses.amplitude
 
@@ -141,7 +141,7 @@ class FrequencyResponse(eqx.Module):
 
     def _differs(self, i: int) -> bool:
         conserved = self.responses.conserved
-        return self.sequences[i] != self.sequences[i - 1] or conserved[i] != conserved[i - 1]
+        return self.sequences[i] != self.sequences[i - 1] or bool(conserved[i] != conserved[i - 1])
 
     def peak(self, observable: Given[str | None] = None) -> tuple[float, ForcedResponse]:
         """Frequency of the greatest amplitude of an observable, by default of the first one, and the
@@ -166,7 +166,7 @@ class FrequencyResponse(eqx.Module):
         def height(at: Any) -> float:
             return float(np.nan_to_num(found(float(at)).amplitude[name]))
 
-        rough = minimize_scalar(
+        rough: Any = minimize_scalar(
             lambda at: -height(at), bounds=(low, high), method="bounded",
             options={"xatol": ACCURACY.known * (high - low)},
         )  # fmt: skip
