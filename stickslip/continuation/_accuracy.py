@@ -77,7 +77,7 @@ class Accuracy:
     """Evaluations of Newton's method at one orbit; an equilibrium has `tries`, from farther away."""
     tries: int = 30
     """Secants, halvings, sizes (of a first orbit in powers of ten, to both sides) or evaluations at an
-    equilibrium that are tried at most."""
+    equilibrium that are tried at most; periods of a forcing before a first response is looked for."""
     rounds: int = 12
     """Times that a search begins anew from what was found."""
     few: int = 4
@@ -110,9 +110,6 @@ class Accuracy:
     """Factor: two returns whose distances differ by less are equally good: the first is taken."""
     steep: float = 4.0
     """Power of the period that an exponential law has at least where it is told from others."""
-
-    settling: int = 20
-    """Periods of the forcing that are simulated before the first response over the frequency."""
 
     # Integration of one period where no integrator is given: relative tolerances.
     integration: float = 1e-12

@@ -22,7 +22,7 @@ from ..hybrid.tree import with_float_arrays
 from ..progress import showing, tell
 from ._accuracy import ACCURACY
 from ._arguments import value_of
-from ._forced_response import ForcedResponse, begun
+from ._forced_response import ForcedResponse, start_and_observables
 from ._forcing import FORCING, Forcing, check_forcing
 from ._frequency_response import Solver
 from ._options import SHOOTING, Shooting
@@ -48,8 +48,8 @@ class Backbone(eqx.Module):
     responses: ForcedResponse
 
     @property
-    def amplitude(self) -> np.ndarray:
-        """Of the observable."""
+    def amplitude(self) -> Any:
+        """Amplitude of the observable."""
         return next(iter(self.responses.amplitude.values()))
 
     @property
@@ -133,7 +133,9 @@ def backbone(
     start = value_of(system, forcing.frequency, "forcing.frequency")
     name = observable if isinstance(observable, str) else "observable"
     named = numbers_of(y0)[0] if observable is None else {name: observable}
-    y0, mode0, found = begun(system, y0, None, args, forcing, named)  # the observable, and the force
+    y0, mode0, found = start_and_observables(
+        system, y0, None, args, forcing, named
+    )  # the observable, and the force
     if energy is None and not callable(getattr(system, "energy", None)):
         raise refusal("energy", None, "given for a system that has no method energy(y)")
     of = EnergyOf() if energy is None else as_observable("energy", energy, system, y0)[0]
@@ -147,7 +149,7 @@ def backbone(
         near = [found for resonance, found in levels if np.isfinite(resonance)][-1:]
         begin = at.beside(start, near[0]) if near else None
         if begin is None or not bool(begin.successful):
-            begin = at(start, y0, mode0, 0.0, ACCURACY.settling)
+            begin = at(start, y0, mode0, 0.0, ACCURACY.tries)
         resonance, found = _resonance(at, begin, first, start)
         start = resonance if np.isfinite(resonance) else start
         levels.append((resonance, found))
@@ -201,7 +203,8 @@ def _resonance(
             step = float(np.clip(step, -ACCURACY.swerves * two, ACCURACY.swerves * two))
             one, two = two, two + step
             values = [values[1], cotangent(two)]
-        at: Any = brentq(cotangent, one, two, xtol=1e-300, rtol=1e-14)
+        tolerances: Any = {"xtol": 1e-300, "rtol": 1e-14}
+        at: Any = brentq(cotangent, one, two, **tolerances)
         cotangent(at)
     except (ArithmeticError, ValueError):
         return np.nan, near

@@ -155,13 +155,15 @@ def equations(
     last = jacobian[rows] - neutral @ jacobian[rows] + neutral @ jnp.eye(count, u.shape[0])
     jacobian = jacobian.at[rows].set(last)
     if not frame.free:
-        jacobian = jacobian + conserved(jacobian, rows)
+        jacobian = jacobian + conservation_rows(jacobian, rows)
     found = found._replace(pieces=pieces, neutral=neutral)
-    found = found._replace(residual=placed(found, u, frame, neutral))
+    found = found._replace(residual=residual_at_place(found, u, frame, neutral))
     return found.residual, jacobian, found
 
 
-def placed(found: Closure, u: Float[Array, " unknown"], frame: Frame, neutral: Array) -> Array:
+def residual_at_place(
+    found: Closure, u: Float[Array, " unknown"], frame: Frame, neutral: Array
+) -> Array:
     """The residual with the place of the orbit fixed along `neutral`, in parts of the size."""
     count = frame.size.shape[0]
     rows = slice((found.modes.shape[0] - 1) * count, found.modes.shape[0] * count)
@@ -172,7 +174,9 @@ def placed(found: Closure, u: Float[Array, " unknown"], frame: Frame, neutral: A
     return found.residual.at[rows].set(closes + place)
 
 
-def conserved(jacobian: Float[Array, "row unknown"], rows: slice) -> Float[Array, "row unknown"]:
+def conservation_rows(
+    jacobian: Float[Array, "row unknown"], rows: slice
+) -> Float[Array, "row unknown"]:
     r"""Equations that quantities stay as they are which the motion conserves whatever the unknowns are.
 
     Such a quantity, $l \cdot y$ with $l^T(M - I) = 0$, as the place of a massless slider that sticks

@@ -30,7 +30,7 @@ from ..hybrid.longest_step import spanning
 from ..hybrid.tree import frozen, with_float_arrays
 from ._accuracy import ACCURACY
 from ._beginning import beside_breaks
-from ._closing import Motion, closure, placed
+from ._closing import Motion, closure, residual_at_place
 from ._floquet import multipliers_of
 from ._forcing import FORCING, Forcing, check_forcing
 from ._measured import measure
@@ -81,7 +81,7 @@ class ForcedResponse(eqx.Module):
         return {name: 0.5 * (high - self.lowest[name]) for name, high in self.highest.items()}
 
     @property
-    def phase(self) -> dict[str, Array]:
+    def phase(self) -> dict[str, Any]:
         """Phase of the first harmonic against that of the force [rad]: negative where it lags."""
         first = {name: row[..., 0] for name, row in self.harmonics.items()}
         return {
@@ -161,7 +161,7 @@ def forced_response(
     check_count("periods", periods, 0)
     system, args = with_float_arrays((system, args))
     check_forcing(forcing, system)
-    y0, mode0, found = begun(system, y0, mode0, args, forcing, observables)
+    y0, mode0, found = start_and_observables(system, y0, mode0, args, forcing, observables)
     numbers = y0, mode0, jnp.zeros(())
     program = response_program if is_concrete((system, args, numbers)) else _response
     return program(
@@ -170,9 +170,9 @@ def forced_response(
     )  # fmt: skip
 
 
-def begun(
+def start_and_observables(
     system: Any, y0: PyTree, mode0: Any, args: PyTree, forcing: Forcing, observables: Any
-) -> tuple[PyTree, Array, Named]:
+) -> tuple[PyTree, Array, Any]:
     """The start of a response, and its observables as functions, all checked."""
     y0, mode0 = start_of(system, 0.0, y0, mode0, args)
     check_field(system, 0.0, y0, mode0, args)
@@ -231,7 +231,7 @@ def _response(
         motion = Motion(still, given, integrator)
         start, mode0 = jax.lax.cond(
             periods < 0, lambda: (start, mode0),
-            lambda: _settled(motion, start, mode0, t0, cycle, periods),
+            lambda: _after_transient(motion, start, mode0, t0, cycle, periods),
         )  # fmt: skip
         flat, unravel = ravel_pytree(start)
         motion, frame, found, _ = solve_orbit(
@@ -243,7 +243,7 @@ def _response(
         moving = motion._replace(system=system, args=args)
         frame = frame._replace(period=period)
         away = closure(found.u, carried.modes, moving, frame, unravel)
-        away = placed(away, found.u, frame, jax.lax.stop_gradient(carried.neutral))
+        away = residual_at_place(away, found.u, frame, jax.lax.stop_gradient(carried.neutral))
         good = jnp.isfinite(found.norm) & jnp.all(jnp.isfinite(found.jacobian))
         jacobian = jnp.where(good, found.jacobian, jnp.eye(flat.size))
         step = -jnp.linalg.solve(jacobian, jnp.where(good, away, 0.0))
@@ -255,7 +255,7 @@ def _response(
         measured, run, end = measure(
             moving, t0, period, state, mode, observables, forcing.harmonics, max_events, frame.size
         )  # fmt: skip
-    closing = placed(
+    closing = residual_at_place(
         carried._replace(residual=(ravel_pytree(end)[0] - u * frame.size) / frame.size),
         u, frame, carried.neutral,
     )  # fmt: skip
@@ -278,12 +278,12 @@ def _response(
     measured = measured._replace(harmonics={k: v * power for k, v in measured.harmonics.items()})
     # A motion that is not periodic has no amplitude.
     periodic = result == ORBITS.successful
-    known = [
+    mean, lowest, highest, harmonics = (
         {name: jnp.where(periodic, value, jnp.nan) for name, value in values.items() if name != FORCE}
         for values in measured
-    ]
+    )
     return ForcedResponse(
-        2.0 * jnp.pi / period, t0, state, mode, *known,
+        2.0 * jnp.pi / period, t0, state, mode, mean, lowest, highest, harmonics,
         multipliers_of(growth, flat.size), silent_directions(growth), found.norm,
         run.y1.integrals["motion"] <= ENGINE.zero**2, run.num_events, run.sequence, run.flags, result,
     )  # fmt: skip
@@ -292,7 +292,7 @@ def _response(
 response_program = jit_plainly(_response)
 
 
-def _settled(motion: Motion, y0: PyTree, mode0: Any, t0: Any, period: Any, periods: Any):
+def _after_transient(motion: Motion, y0: PyTree, mode0: Any, t0: Any, period: Any, periods: Any):
     """State and mode after so many periods from the periodic motion in the mode of the start."""
     flat, unravel = ravel_pytree(y0)
     alone = motion._replace(system=InOneMode(motion.system, mode0))

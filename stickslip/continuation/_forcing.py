@@ -72,7 +72,7 @@ def parameter_of(system: Any, name: str) -> Any:
 
 
 def check_forcing(forcing: Any, system: AbstractHybridSystem) -> None:
-    """Raise for what is no Forcing, or one whose parameter the system lacks."""
+    """Raise unless it is a Forcing whose parameter the system has."""
     check_type("forcing", forcing, Forcing, "a Forcing")
     check_parameter(system, forcing.frequency, "forcing.frequency")
     one_number("forcing.period(system)", forcing.rule(system), "positive")

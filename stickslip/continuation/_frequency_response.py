@@ -25,7 +25,7 @@ from ._accuracy import ACCURACY
 from ._arguments import follow_of
 from ._branch import Branch, BranchPoint
 from ._continue import continue_orbit
-from ._forced_response import FORCE, ForcedResponse, begun, response_program
+from ._forced_response import FORCE, ForcedResponse, response_program, start_and_observables
 from ._forcing import FORCING, Forcing, check_forcing
 from ._guess import OrbitGuess
 from ._options import SHOOTING, Follow, Shooting
@@ -106,7 +106,7 @@ class FrequencyResponse(eqx.Module):
         return tuple(name for name, _ in self.solver.observables if name != FORCE)
 
     @property
-    def amplitude(self) -> dict[str, np.ndarray]:
+    def amplitude(self) -> dict[str, Any]:
         """Half of the difference between greatest and least value, of each observable, `[point]`."""
         return self.responses.amplitude
 
@@ -141,7 +141,7 @@ class FrequencyResponse(eqx.Module):
 
     def _differs(self, i: int) -> bool:
         conserved = self.responses.conserved
-        return self.sequences[i] != self.sequences[i - 1] or conserved[i] != conserved[i - 1]
+        return self.sequences[i] != self.sequences[i - 1] or bool(conserved[i] != conserved[i - 1])
 
     def peak(self, observable: Given[str | None] = None) -> tuple[float, ForcedResponse]:
         """Frequency of the greatest amplitude of an observable, by default of the first one, and the
@@ -166,7 +166,7 @@ class FrequencyResponse(eqx.Module):
         def height(at: Any) -> float:
             return float(np.nan_to_num(found(float(at)).amplitude[name]))
 
-        rough = minimize_scalar(
+        rough: Any = minimize_scalar(
             lambda at: -height(at), bounds=(low, high), method="bounded",
             options={"xatol": ACCURACY.known * (high - low)},
         )  # fmt: skip
@@ -281,10 +281,10 @@ def frequency_response(
     system, args = with_float_arrays((system, args))
     check_forcing(forcing, system)
     system = with_parameters(system, {forcing.frequency: jnp.asarray(row[0])})
-    y0, mode0, found = begun(system, y0, None, args, forcing, observables)
+    y0, mode0, found = start_and_observables(system, y0, None, args, forcing, observables)
     integrator = shooting.integrator_or()
     solver = Solver(system, args, integrator, forcing, found, shooting.max_events)
-    first = solver(row[0], y0, mode0, 0.0, ACCURACY.settling)
+    first = solver(row[0], y0, mode0, 0.0, ACCURACY.tries)
     _check_first(first, row[0])
     period = 2.0 * np.pi / float(first.frequency)
     guess = OrbitGuess(first.y0, period, int(first.mode0), float(first.t0))

@@ -66,12 +66,13 @@ def measure(
 ) -> tuple[Measured, Solution, PyTree]:  # fmt: skip
     r"""One period of a motion, what is told of it, and its end.
 
-    Mean and harmonics, $u_k = (2/T) \int u(t) e^{-ik\omega t} dt$, are integrated with the motion;
-    the extremes lie where the rate of the observable is zero, or beside an event. Beside these stands `motion`, which is 0 where no component moves, in parts of its `size`.
+    Mean and harmonics, $u_k = (2/T) \int u(t) e^{-ik\omega t} dt$, are integrated with the motion; the
+    extremes lie where the rate of the observable is zero, or beside an event. Beside these stands
+    `motion`, which is 0 where no component moves, in parts of its `size`.
     """
     named = [(name, AlongField(observable)) for name, observable in observables]
 
-    def integrands(over: OverPeriod, t, y, mode, args):
+    def integrands(over: Any, t, y, mode, args):
         rates = ravel_pytree(over.system.vector_field(t, y, mode, args))[0] * over.period / over.size
         found = {"motion": jnp.sum(rates**2) / over.period}
         for i, (_, value) in enumerate(named):

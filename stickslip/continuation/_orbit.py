@@ -180,7 +180,8 @@ def beyond(multipliers: Complex[Array, "*batch multiplier"], count: Any) -> Int[
     xp = _numpy_of(multipliers)
     order = xp.argsort(xp.abs(multipliers - 1.0), axis=-1)
     outside = xp.take_along_axis(~(xp.abs(multipliers) < 1.0), order, axis=-1)
-    left = np.arange(multipliers.shape[-1], dtype=np.int32) >= xp.asarray(count)[..., None]
+    number = np.arange(multipliers.shape[-1], dtype=np.int32)
+    left = number.reshape(*(1,) * (multipliers.ndim - 1), -1) >= xp.asarray(count)[..., None]
     return xp.sum(outside & left, axis=-1, dtype=np.int32)
 
 
@@ -188,7 +189,8 @@ def silent_directions(monodromy: Float[Array, "*batch size size"]) -> Int[Array,
     """How many linear functions of the state a motion has at its end as at its beginning, whatever the
     state is; of a monodromy matrix in parts of the motion's size."""
     xp = _numpy_of(monodromy)
-    away = xp.where(xp.isfinite(monodromy), monodromy, 0.0) - np.eye(monodromy.shape[-1])
+    whole = np.eye(monodromy.shape[-1]).reshape(*(1,) * (monodromy.ndim - 2), *monodromy.shape[-2:])
+    away = xp.where(xp.isfinite(monodromy), monodromy, 0.0) - whole
     strength = xp.linalg.svd(away, compute_uv=False)
     return xp.sum(strength <= ACCURACY.rounding * strength[..., :1], axis=-1, dtype=np.int32)
 
