@@ -49,7 +49,7 @@ class ForcedResponse(eqx.Module):
 
     - `frequency`: $\omega = 2\pi/T$ [rad/s].
     - `t0` [s], `y0`, `mode0`: a point of the motion.
-    - `multipliers`: Floquet multipliers, largest first. `num_conserved`: how many of them are 1 since the
+    - `multipliers`: Floquet multipliers, largest first. `num_conserved`: how many are 1 since the
       motion leaves as many quantities as they are, such as the places of sliders that stick all the
       time: the motion is one of a family, of which it is the one with the quantities of the start.
     - `residual`: how far the end is from the beginning, in parts of the motion's size.

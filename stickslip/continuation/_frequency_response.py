@@ -204,7 +204,8 @@ class FrequencyResponse(eqx.Module):
     def to_dataset(self) -> "xr.Dataset":
         """An `xarray.Dataset` along `point`: for each observable `<name>_amplitude`, `<name>_mean`,
         `<name>_lowest`, `<name>_highest`, `<name>_real` and `<name>_imag` of its harmonics along
-        `harmonic`; `stable`, `num_events`, `num_conserved`, `flags`, `successful`; the frequency as coordinate.
+        `harmonic`; `stable`, `num_events`, `num_conserved`, `flags`, `successful`; the frequency as
+        coordinate.
         """
         import xarray as xr
 
