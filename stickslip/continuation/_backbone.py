@@ -184,12 +184,14 @@ def _resonance(
     known: dict[float, ForcedResponse] = {}
 
     def cotangent(at: float) -> float:
-        beside = sorted(known, key=lambda other: abs(other - at))[: ACCURACY.few]
-        found = solver.nearest(at, [known[other] for other in beside] or [near])
-        if not bool(found.successful):
-            raise ArithmeticError(at)
-        known[at] = found
-        first = complex(found.harmonics[name][0])
+        # Solved again from elsewhere it would differ by rounding, and so might the sign at the zero.
+        if at not in known:
+            beside = sorted(known, key=lambda other: abs(other - at))[: ACCURACY.few]
+            found = solver.nearest(at, [known[other] for other in beside] or [near])
+            if not bool(found.successful):
+                raise ArithmeticError(at)
+            known[at] = found
+        first = complex(known[at].harmonics[name][0])
         return first.real / first.imag
 
     try:

@@ -49,7 +49,7 @@ class ForcedResponse(eqx.Module):
 
     - `frequency`: $\omega = 2\pi/T$ [rad/s].
     - `t0` [s], `y0`, `mode0`: a point of the motion.
-    - `multipliers`: Floquet multipliers, largest first. `conserved`: how many of them are 1 since the
+    - `multipliers`: Floquet multipliers, largest first. `num_conserved`: how many are 1 since the
       motion leaves as many quantities as they are, such as the places of sliders that stick all the
       time: the motion is one of a family, of which it is the one with the quantities of the start.
     - `residual`: how far the end is from the beginning, in parts of the motion's size.
@@ -67,7 +67,7 @@ class ForcedResponse(eqx.Module):
     highest: dict[str, Float[Array, "*batch"]]
     harmonics: dict[str, Complex[Array, "*batch harmonic"]]
     multipliers: Complex[Array, "*batch multiplier"]
-    conserved: Int[Array, "*batch"]
+    num_conserved: Int[Array, "*batch"]
     residual: Float[Array, "*batch"]
     at_rest: Bool[Array, "*batch"]
     num_events: Int[Array, "*batch"]
@@ -97,7 +97,7 @@ class ForcedResponse(eqx.Module):
     @property
     def stable(self) -> Bool[Array, "*batch"]:
         """Whether all multipliers are inside the unit circle, but for those of a family."""
-        return self.successful & (beyond(self.multipliers, self.conserved) == 0)
+        return self.successful & (beyond(self.multipliers, self.num_conserved) == 0)
 
     def __repr__(self) -> str:
         if not is_concrete(self):
@@ -112,7 +112,9 @@ class ForcedResponse(eqx.Module):
             f"{name} {number(a)} at {number(np.rad2deg(self.phase[name]))} deg"
             for name, a in self.amplitude.items()
         ]
-        family = f"; one of a family: {int(self.conserved)} conserved" * (int(self.conserved) > 0)
+        family = f"; one of a family: {int(self.num_conserved)} conserved" * (
+            int(self.num_conserved) > 0
+        )
         return (
             f"ForcedResponse at {number(self.frequency)} rad/s: amplitude of {', '.join(parts)}; "
             f"{int(self.num_events)} events, {'stable' if bool(self.stable) else 'unstable'}{family}"
@@ -200,7 +202,7 @@ FORCE = ""  # no observable has this name
 
 
 class InOneMode(AbstractSmoothSystem):
-    """What a system does as long as it stays in a mode."""
+    """Motion of a system as long as it stays in a mode."""
 
     system: AbstractHybridSystem
     mode: Any

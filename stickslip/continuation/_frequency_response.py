@@ -133,14 +133,14 @@ class FrequencyResponse(eqx.Module):
         for first, end in itertools.pairwise(starts):
             events = [m[1] if isinstance(m, tuple) else m for m in self.sequences[first]]
             words = ", ".join(str(names[mode]) for mode in events)
-            free = int(self.responses.conserved[first])
+            free = int(self.responses.num_conserved[first])
             words += f"; one of a family: {free} conserved, as in the start" * (free > 0)
             values = float(self.frequency[first]), float(self.frequency[end - 1])
             parts.append(Part(*values, int(self.responses.num_events[first]), words))
         return tuple(parts)
 
     def _differs(self, i: int) -> bool:
-        conserved = self.responses.conserved
+        conserved = self.responses.num_conserved
         return self.sequences[i] != self.sequences[i - 1] or bool(conserved[i] != conserved[i - 1])
 
     def peak(self, observable: Given[str | None] = None) -> tuple[float, ForcedResponse]:
@@ -204,14 +204,15 @@ class FrequencyResponse(eqx.Module):
     def to_dataset(self) -> "xr.Dataset":
         """An `xarray.Dataset` along `point`: for each observable `<name>_amplitude`, `<name>_mean`,
         `<name>_lowest`, `<name>_highest`, `<name>_real` and `<name>_imag` of its harmonics along
-        `harmonic`; `stable`, `num_events`, `conserved`, `flags`, `result`; the frequency as coordinate.
+        `harmonic`; `stable`, `num_events`, `num_conserved`, `flags`, `successful`; the frequency as
+        coordinate.
         """
         import xarray as xr
 
         r = self.responses
         data: dict[str, Any] = {
             key: ("point", np.asarray(value)) for key, value in (
-                ("stable", r.stable), ("num_events", r.num_events), ("conserved", r.conserved),
+                ("stable", r.stable), ("num_events", r.num_events), ("num_conserved", r.num_conserved),
                 ("flags", r.flags), ("successful", r.successful),
             )
         }  # fmt: skip

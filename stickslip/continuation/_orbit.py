@@ -34,7 +34,7 @@ class PeriodicOrbit(eqx.Module):
     - `repeats`: into how many equal parts the motion divides the period: 1, unless the orbit has a
       shorter one. Numbers that divide 60 are looked for.
     - `stable`: whether all `multipliers` are inside the unit circle, but for those of `neutral` shifts
-      and of `conserved` quantities.
+      and of the `num_conserved` quantities that stay as they are.
     - `determinant`, `determinant_by_events`: $\det M$, and
       $\exp(\int \mathrm{div} f\,dt)\prod\det S$ with the saltation matrix $S$ of each event: equal for
       every orbit.
@@ -91,10 +91,12 @@ class PeriodicOrbit(eqx.Module):
         that change nothing, and of conserved quantities."""
         xp = _numpy_of(self.neutral)
         neutral = xp.round(xp.trace(self.neutral, axis1=-2, axis2=-1)).astype(np.int32)
-        return self.successful & (beyond(self.multipliers, xp.maximum(neutral, self.conserved)) == 0)
+        return self.successful & (
+            beyond(self.multipliers, xp.maximum(neutral, self.num_conserved)) == 0
+        )
 
     @property
-    def conserved(self) -> Int[Array, "*batch"]:
+    def num_conserved(self) -> Int[Array, "*batch"]:
         """How many quantities a forced motion leaves as they are, such as the place of a massless
         slider that sticks all the time: as many multipliers are 1, and the orbit is one of a family."""
         xp, axes = _numpy_of(self.monodromy), self.period.ndim
