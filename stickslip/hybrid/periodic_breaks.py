@@ -179,9 +179,7 @@ class WithPeriodicBreaks(AbstractSystemWrapper):
         breaks = jnp.asarray(guard) == number
         inside = self._inside(t, piece)
         after, new = self.system.transition(inside, y, inner, jnp.minimum(guard, number - 1), args)
-        past = state_after_jump(
-            self.system, inside, self._inside(t, following), y, inner, args
-        )
+        past = state_after_jump(self.system, inside, self._inside(t, following), y, inner, args)
         y, inner = select(breaks, past, (after, jnp.asarray(new, mode_type(self.system))))
         return y, self._mode_of_piece(inner, jnp.where(breaks, following, piece))
 
