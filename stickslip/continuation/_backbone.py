@@ -131,6 +131,9 @@ def backbone(
     if forcing.force is None:
         raise refusal("forcing.force", None, "given: its work is what is dissipated")
     start = value_of(system, forcing.frequency, "forcing.frequency")
+    if not (observable is None or isinstance(observable, str) or callable(observable)):
+        allowed = "the name of an observable, or a function f(system, t, y, dy, mode, args)"
+        raise refusal("observable", observable, allowed, TypeError)
     name = observable if isinstance(observable, str) else "observable"
     named = numbers_of(y0)[0] if observable is None else {name: observable}
     y0, mode0, found = start_and_observables(

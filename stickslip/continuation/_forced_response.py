@@ -7,6 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from equinox.internal import nondifferentiable
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Complex, Float, Int, PyTree, UInt
 
@@ -132,11 +133,11 @@ def forced_response(
     shooting: Given[Shooting] = SHOOTING,
     args: PyTree = None,
 ) -> ForcedResponse:
-    r"""Steady response of a forced system at the frequency that it has, with derivatives.
+    r"""Steady response of a forced system at the frequency that it has.
 
     Solves $\varphi_T(y) = y$ by Newton's method through all events, and integrates the harmonics of the
-    observables along the motion. Derivatives of all results by parameters and `args` are exact, forward
-    and reverse, by the implicit function theorem: gradients of an amplitude, for instance.
+    observables along the motion. It has no derivatives yet: those of extremes are wrong with one of the
+    versions of JAX, and it raises where they are asked for.
 
     Newton's method begins where a simulation ends, and that begins in the periodic motion that the
     system would have if it stayed in the mode of `y0` for ever; if it has none, as where that is not
@@ -160,11 +161,12 @@ def forced_response(
     """
     the_system(system)
     check_type("shooting", shooting, Shooting, "a Shooting")
-    check_count("periods", periods, 0)
+    check_count("periods", periods, 1)
     system, args = with_float_arrays((system, args))
     check_forcing(forcing, system)
     y0, mode0, found = start_and_observables(system, y0, mode0, args, forcing, observables)
     numbers = y0, mode0, jnp.zeros(())
+    system, args = nondifferentiable((system, args), name="forced_response")
     program = response_program if is_concrete((system, args, numbers)) else _response
     return program(
         system, args, shooting.integrator_or(), current_executor(), *numbers, periods, forcing=forcing,
@@ -249,7 +251,8 @@ def _response(
         good = jnp.isfinite(found.norm) & jnp.all(jnp.isfinite(found.jacobian))
         jacobian = jnp.where(good, found.jacobian, jnp.eye(flat.size))
         step = -jnp.linalg.solve(jacobian, jnp.where(good, away, 0.0))
-        step = jnp.where(jnp.all(jnp.abs(step) <= ACCURACY.known), step, 0.0)
+        small = jnp.all(jnp.abs(step) <= ACCURACY.known)
+        step = jnp.where(small, step, 0.0)
         # Components that stay as they are do so to the last digit: their size is their value.
         still = jnp.abs(found.u - flat / frame.size) <= ACCURACY.short
         u = jnp.where(still, flat / frame.size, found.u) + step
@@ -269,7 +272,7 @@ def _response(
         (~jnp.isfinite(found.norm), "guess_failed"),
         (found.singular, "singular"),
         (~reached & found.stalled, "stalled"),
-        (~reached, "not_converged"),
+        (~reached | ~good | ~small, "not_converged"),  # without the step its derivative is lost
         (run.mode1 != mode, "mode_differs"),
         (~(run.successful & (closes <= allowed)), "not_reproduced"),
     )

@@ -96,7 +96,7 @@ class PeriodicOrbit(eqx.Module):
         )
 
     @property
-    def num_conserved(self) -> Int[Array, "*batch"]:
+    def num_conserved(self) -> Int[Array | np.ndarray, "*batch"]:
         """How many quantities a forced motion leaves as they are, such as the place of a massless
         slider that sticks all the time: as many multipliers are 1, and the orbit is one of a family."""
         xp, axes = _numpy_of(self.monodromy), self.period.ndim
@@ -187,7 +187,7 @@ def beyond(multipliers: Complex[Array, "*batch multiplier"], count: Any) -> Int[
     return xp.sum(outside & left, axis=-1, dtype=np.int32)
 
 
-def silent_directions(monodromy: Float[Array, "*batch size size"]) -> Int[Array, "*batch"]:
+def silent_directions(monodromy: Float[Array | np.ndarray, "*batch size size"]) -> Any:
     """How many linear functions of the state a motion has at its end as at its beginning, whatever the
     state is; of a monodromy matrix in parts of the motion's size."""
     xp = _numpy_of(monodromy)

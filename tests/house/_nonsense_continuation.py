@@ -43,7 +43,8 @@ OBSERVABLES = arg("x", "none")
 TABLE, MANY = {"x": np.ones(1)}, {"x": np.ones((1, 5), complex)}
 RESPONSES = continuation.ForcedResponse(
     ROWS, ROWS, Motion(ROWS, ROWS), ZERO[None], TABLE, TABLE, TABLE, MANY, MANY["x"][:, :2], ZERO[None],
-    ROWS, np.zeros(1, bool), ZERO[None], jnp.zeros(1, jnp.uint32), ZERO[None], ORBIT.result,
+    ROWS, np.zeros(1, bool), ZERO[None], jnp.zeros(1, jnp.uint32), ZERO[None],
+    jax.tree.map(lambda code: code[None], ORBIT.result),
 )  # fmt: skip
 SOLVER = Solver(OSCILLATOR, None, None, FORCING, (("x", None),), 8)
 RESPONSE = continuation.FrequencyResponse(np.array([0.2]), RESPONSES, BRANCH, ((0,),), SOLVER)
