@@ -96,7 +96,7 @@ class ForcedResponse(eqx.Module):
         return self.result == ORBITS.successful
 
     @property
-    def stable(self) -> Bool[Array, "*batch"]:
+    def stable(self) -> Given[Bool[Array, "*batch"]]:
         """Whether all multipliers are inside the unit circle, but for those of a family."""
         return self.successful & (beyond(self.multipliers, self.num_conserved) == 0)
 

@@ -10,6 +10,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Complex, Float, Int, PyTree, UInt
 
 from .._show import html_table, number
+from .._types import Given
 from .._validation import is_concrete
 from ..hybrid import AbstractHybridSystem, EventLog
 from ..hybrid.accuracy import ACCURACY as ENGINE
@@ -86,7 +87,7 @@ class PeriodicOrbit(eqx.Module):
         return self.result == ORBITS.successful
 
     @property
-    def stable(self) -> Bool[Array, "*batch"]:
+    def stable(self) -> Given[Bool[Array, "*batch"]]:
         """Whether all multipliers are inside the unit circle, without those of shifts of time and state
         that change nothing, and of conserved quantities."""
         xp = _numpy_of(self.neutral)
@@ -96,7 +97,7 @@ class PeriodicOrbit(eqx.Module):
         )
 
     @property
-    def num_conserved(self) -> Int[Array | np.ndarray, "*batch"]:
+    def num_conserved(self) -> Given[Int[Array, "*batch"]]:
         """How many quantities a forced motion leaves as they are, such as the place of a massless
         slider that sticks all the time: as many multipliers are 1, and the orbit is one of a family."""
         xp, axes = _numpy_of(self.monodromy), self.period.ndim
@@ -177,7 +178,7 @@ class PeriodicOrbit(eqx.Module):
         return html_table(str(self), (), ())
 
 
-def beyond(multipliers: Complex[Array, "*batch multiplier"], count: Any) -> Int[Array, "*batch"]:
+def beyond(multipliers: Given[Complex[Array, "*batch multiplier"]], count: Any) -> Any:
     """How many multipliers are not inside the unit circle, without so many that are nearest to 1."""
     xp = _numpy_of(multipliers)
     order = xp.argsort(xp.abs(multipliers - 1.0), axis=-1)
@@ -187,7 +188,7 @@ def beyond(multipliers: Complex[Array, "*batch multiplier"], count: Any) -> Int[
     return xp.sum(outside & left, axis=-1, dtype=np.int32)
 
 
-def silent_directions(monodromy: Float[Array | np.ndarray, "*batch size size"]) -> Any:
+def silent_directions(monodromy: Given[Float[Array, "*batch size size"]]) -> Any:
     """How many linear functions of the state a motion has at its end as at its beginning, whatever the
     state is; of a monodromy matrix in parts of the motion's size."""
     xp = _numpy_of(monodromy)
