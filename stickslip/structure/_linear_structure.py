@@ -12,6 +12,7 @@ from .._argument_checks import OBSERVABLE, check_arguments, parameters
 from .._argument_checks import state as some_state
 from .._types import Given, Numeric, Row, Rows
 from .._validation import as_parameter, check_finite, is_concrete, refusal, shape_refusal
+from ..hybrid import AbstractSmoothSystem
 from ..hybrid.accuracy import ACCURACY as ENGINE
 from ..mechanism import AbstractMechanicalSystem
 from ._jenkins import as_called
@@ -49,7 +50,7 @@ class HarmonicForce(eqx.Module):
         return 1.0 / self.frequency
 
 
-class LinearStructure(AbstractMechanicalSystem):
+class LinearStructure(AbstractSmoothSystem, AbstractMechanicalSystem):
     r"""A linear structure, $M\ddot q + C\dot q + K q = f(t, q, \dot q)$, in arrays.
 
     Its matrices are those of an assembled or reduced model (`craig_bampton`); friction comes from
@@ -81,8 +82,6 @@ class LinearStructure(AbstractMechanicalSystem):
     stiffness: Float[Array, "node node"]
     force: Any
 
-    mode_names: ClassVar = ("motion",)
-    guard_names: ClassVar = ()
     units: ClassVar = {"q": "m", "v": "m/s"}
     parameter_units: ClassVar = {"inverse_mass": "1/kg", "damping": "N s/m", "stiffness": "N/m"}
 
@@ -159,15 +158,6 @@ class LinearStructure(AbstractMechanicalSystem):
 
     def vector_field(self, t, y, mode, args):
         return StructureState(y.v, self.inverse_mass @ self.forces(t, y.q, y.v, args))
-
-    def guards(self, t, y, mode, args):
-        return ()
-
-    def transition(self, t, y, mode, guard, args):
-        return y, mode
-
-    def initial_mode(self, t, y, args):
-        return jnp.zeros((), jnp.int32)
 
     def constraints(self, t, y, mode, args):
         """None of the motion is held."""
