@@ -17,11 +17,11 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ._loop import run_block, running
-from ._loop_state import Lane, Plan, is_accepted, start_lane
+from ._loop_state import Known, Lane, Plan, start_lane
 from ._pullback import Tape, pull, tape_row
 from .accuracy import ACCURACY
 from .executor import time_loop
-from .tree import write_row
+from .tree import select, write_row
 
 
 class Layout(NamedTuple):
@@ -59,15 +59,17 @@ class _Sweep(NamedTuple):
     goal: Any  # segment to walk back through next; beyond all of them until the last one is known
     kept: PyTree  # starts of segments
     bars: PyTree  # cotangents, called bars as in the literature, before what has been walked through
+    met: Any  # whether the whole motion has met what is known of it
 
 
-def adjoint(inputs, fixed, wanted, plan: Plan, cotangents) -> PyTree:
+def adjoint(inputs, fixed, known: Known, wanted, plan: Plan, cotangents) -> PyTree:
     """Cotangents of `inputs = (problem, t0, y0)` for the cotangents of the smooth results.
 
-    `wanted`: a tree of flags like `inputs`; the others get None. A log without cotangents is None.
+    `wanted`: a tree of flags like `inputs`; the others get None. A log without cotangents is None. All
+    are NaN where a log has some and the motion does not meet what is `known` of it.
     """
     # `custom_vmap` takes arrays alone, so the trees are flattened and what is static is closed over.
-    leaves, form = jax.tree.flatten((inputs, fixed, plan, cotangents))
+    leaves, form = jax.tree.flatten((inputs, fixed, known, plan, cotangents))
     dynamic = [eqx.is_array(leaf) for leaf in leaves]
     out_form: Any = None
 
@@ -101,6 +103,7 @@ def adjoint(inputs, fixed, wanted, plan: Plan, cotangents) -> PyTree:
 class _Given(NamedTuple):
     inputs: Any
     fixed: Any
+    known: Any
     plan: Any
     cotangents: Any
 
@@ -123,10 +126,11 @@ def _swept(given: _Given, axes: _Given | None, wanted) -> PyTree:
     )
     pulled = map_lanes_with(lambda given, rows, bars: _pull_block_back(given, wanted, rows, bars), 1, 0)
 
+    is_met = map_lanes_with(lambda given, lane: given.known.is_met(lane), 0)
+
     def begin(given: _Given):
         (_, t0, y0), mode0 = given.inputs, given.fixed[0]
-        lane = start_lane(given.plan, t0, y0, mode0)
-        return lane, None if logs.steps is None else jnp.zeros_like(mode0)
+        return start_lane(given.plan, t0, y0, mode0)
 
     # Cotangents behind the last attempt: those of the end itself, and zero of parameters and of the
     # slope, which no result holds.
@@ -139,18 +143,12 @@ def _swept(given: _Given, axes: _Given | None, wanted) -> PyTree:
         """One segment, put on a tape: where it ends, the tape, number of its rows."""
 
         def body(carry):
-            count, (lane, steps), tape = carry
+            count, lane, tape = carry
             lane, rows = attempted(lane)
-            goes = is_accepted(rows.code)
-            if steps is not None:
-                # The logs of steps number accepted ones only, so a row has to know its own number:
-                # that before it, also where it was rejected and its cotangent is not asked for.
-                done = steps[None] + jnp.cumsum(goes, axis=0, dtype=steps.dtype)
-                rows, steps = rows._replace(step_number=done - goes.astype(steps.dtype)), done[-1]
-            return count + parts.block, (lane, steps), _write_rows(tape, rows, count)
+            return count + parts.block, lane, _write_rows(tape, rows, count)
 
         def goes_on(carry):
-            return (carry[0] < parts.rows) & running(carry[1][0])
+            return (carry[0] < parts.rows) & running(carry[1])
 
         count, begun, tape = jax.lax.while_loop(goes_on, body, (number, begun, empty))
         return begun, tape, count
@@ -171,7 +169,8 @@ def _swept(given: _Given, axes: _Given | None, wanted) -> PyTree:
         begun, tape, count = ahead(begun)
         kept = write_row(now.kept, begun, parts.place(now.number + 1))
         # The last segment is known when it has been run for the first time.
-        found = (now.goal == total) & ~(running(begun[0]) & (now.number < total - 1))
+        found = (now.goal == total) & ~(running(begun) & (now.number < total - 1))
+        met = jnp.where(found, is_met(begun), now.met)
         meets = found | (now.number == now.goal)
         bars = back(jnp.where(meets, count, 0), tape, now.bars)
         goal = jnp.where(meets, now.number - 1, now.goal)
@@ -179,19 +178,21 @@ def _swept(given: _Given, axes: _Given | None, wanted) -> PyTree:
         turned = jnp.where(
             now.number % parts.segments == 0, goal // parts.segments * parts.segments, goal
         )
-        return _Sweep(jnp.where(meets, turned, now.number + 1), goal, kept, bars)
+        return _Sweep(jnp.where(meets, turned, now.number + 1), goal, kept, bars, met)
 
     total = parts.segments * parts.chapters
     begun = map_lanes_with(begin)()
     kept = write_row(_room(begun, parts.places), begun, parts.place(number))
     # The form of a row is known by tracing an attempt only; the loop needs it before the first.
-    rows = jax.eval_shape(attempted, begun[0])[1]
-    if begun[1] is not None:
-        rows = rows._replace(step_number=begun[1][None])
+    rows = jax.eval_shape(attempted, begun)[1]
     empty = jax.tree.map(lambda a: jnp.zeros((parts.rows, *a.shape[1:]), a.dtype), rows)
     # A goal of `total`, a segment that does not exist, says that the last one is not known yet.
-    start = _Sweep(number, number + total, kept, map_lanes_with(ends)())
-    return jax.lax.while_loop(lambda now: now.goal >= 0, body, start).bars[:3]
+    start = _Sweep(number, number + total, kept, map_lanes_with(ends)(), is_met(begun))
+    end = jax.lax.while_loop(lambda now: now.goal >= 0, body, start)
+    if logs.events is None and all(log is None for log in logs.crossings):
+        return end.bars[:3]
+    where_met = map_lanes_with(lambda given, met, bars: select(met, bars, _nans(bars)), 0, 0)
+    return where_met(end.met, end.bars[:3])
 
 
 def _attempt_block(given: _Given, block: int, lane: Lane):
@@ -210,15 +211,19 @@ def _pull_block_back(given: _Given, wanted, rows: Tape, bars):
     varied, held = eqx.partition(given.inputs[0], wanted[0])
 
     @time_loop
-    def sweep(plan, varied, rows, bars, logs, mode0):
+    def sweep(plan, varied, rows, bars, logs, near, mode0):
         def body(bars, row):
             # Systems without guards never leave their mode, and write none on the tape.
             row = row if row.mode is not None else row._replace(mode=mode0)
-            return pull(plan, varied, held, row, bars, logs), None
+            return pull(plan, varied, held, row, bars, logs, near), None
 
         return jax.lax.scan(body, bars, rows, reverse=True)[0]
 
-    return sweep(plan, varied, rows, bars, logs, mode0)
+    return sweep(plan, varied, rows, bars, logs, given.known.near, mode0)
+
+
+def _nans(tree):
+    return jax.tree.map(lambda a: jnp.full_like(a, jnp.nan), tree)
 
 
 def _room(tree, count: int):

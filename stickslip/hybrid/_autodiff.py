@@ -4,6 +4,10 @@ Forward mode differentiates the time loop itself (one pass carries the tangents)
 go through a loop of unknown length; its sweep is written out in `_adjoint.py`. Both are offered by
 one function: its tangent map is a primitive of its own whose transpose is that sweep.
 
+So a derivative is computed by a program of its own, in which the motion is run once more. Its steps end
+elsewhere, because their lengths follow from the last digits of an error. What depends on the steps, and
+not on the motion alone, has no derivative; rows of logs belong to each other where their numbers agree.
+
 Not public in JAX and equinox: `equinox.internal` makes the primitive (`create_vprim`, its
 rules, `nondifferentiable`), `jax.interpreters.ad.UndefinedPrimal` says which tangents are transposed.
 If one of them moves, it is missed at import or as a derivative is traced, before any number.
@@ -20,7 +24,8 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ._adjoint import adjoint
-from ._loop_state import Plan, start_lane
+from ._crossing import crossings, crossings_near
+from ._loop_state import Known, Lane, Plan, start_lane
 from ._record import Capacities, Logs, record
 from ._tolerance import largest_magnitude, sizes, too_loose
 from .status import COARSE, flag, told
@@ -29,6 +34,9 @@ _NO_SECOND = (
     "second derivatives of a simulation (the event times are corrected to first order only); use "
     "Gauss-Newton, or finite differences of the gradient"
 )
+
+
+_NO_STEPS = "derivatives of SaveAt(steps=True): the integrator chose the times; state them as `ts`"
 
 
 class Smooth(NamedTuple):
@@ -57,7 +65,10 @@ class Counts(NamedTuple):
     logs: Logs  # with None for every float
 
 
-def _raw(inputs, fixed, plan: Plan, capacities: Capacities) -> tuple[Smooth, Counts]:
+def _raw(
+    inputs, fixed, plan: Plan, capacities: Capacities, known: Known | None = None
+) -> tuple[Smooth, Counts]:
+    """`known`: what the run has met where it is run for a derivative."""
     problem, t0, y0 = inputs
     mode0, t1, outputs = fixed
     lane = start_lane(plan, t0, y0, mode0)
@@ -66,7 +77,17 @@ def _raw(inputs, fixed, plan: Plan, capacities: Capacities) -> tuple[Smooth, Cou
     def count(value):
         return value.astype(jnp.int32)
 
+    def located(section, starts, number, near=None):
+        if near is None:
+            return crossings(plan, problem, section, starts, count(number))
+        return crossings_near(plan, problem, section, starts, near)
+
+    near = () if known is None else (known.near,)
+    rows = zip(plan.functions.sections, logs.crossings, lane.crossings, *near, strict=True)
+    logs = logs._replace(crossings=tuple(located(*row) for row in rows))
     flags, flagged_at, flagged_guard = told(lane.flags)
+    if known is not None:
+        logs = _where_met(known, lane, logs)
     smooth_logs, integer_logs = eqx.partition(logs, eqx.is_inexact_array)
     return (
         Smooth(lane.t, lane.y, smooth_logs),
@@ -86,6 +107,19 @@ def _raw(inputs, fixed, plan: Plan, capacities: Capacities) -> tuple[Smooth, Cou
             logs=integer_logs,
         ),
     )
+
+
+def _where_met(known: Known, lane: Lane, logs: Logs) -> Logs:
+    """Logs whose slopes are not numbers where they belong to no row: of steps, and of other events."""
+    met = jnp.where(known.is_met(lane), 1.0, jnp.nan)
+
+    def times(factor, log):
+        return jax.tree.map(lambda a: factor * a if eqx.is_inexact_array(a) else a, log)
+
+    return logs._replace(
+        events=times(met, logs.events), crossings=times(met, logs.crossings),
+        steps=times(jnp.nan, logs.steps),
+    )  # fmt: skip
 
 
 def _size(lane, y0):
@@ -111,18 +145,21 @@ def _core_jvp(primals, tangents, *, fixed, plan, capacities):
     # Derivatives exist of `Smooth` alone; what counts is integers, whose tangent is None.
     # The form of the tangents is that of the results; to find it otherwise means tracing all again.
     like = _struct(out[0])
-    t_smooth = eqxi.filter_primitive_bind(_tangent_p, t_inputs, inputs, fixed, plan, capacities, like)
+    known = Known(tuple(log.t for log in out[0].logs.crossings), out[1].crossings, out[1].sequence)
+    t_smooth = eqxi.filter_primitive_bind(
+        _tangent_p, t_inputs, inputs, fixed, known, plan, capacities, like
+    )
     return out, (t_smooth, jax.tree.map(lambda _: None, out[1]))
 
 
-def _tangent(t_inputs, inputs, fixed, plan, capacities, like) -> Smooth:
+def _tangent(t_inputs, inputs, fixed, known, plan, capacities, like) -> Smooth:
     # Only what has a tangent is pushed forward: what is held costs no pass through the loop.
     moving = jax.tree.map(lambda t: t is not None, t_inputs, is_leaf=lambda t: t is None)
     inexact, rest = eqx.partition(inputs, eqx.is_inexact_array)
     varied, held = eqx.partition(inexact, moving)
 
     def run(varied):
-        return _raw(eqx.combine(varied, held, rest), fixed, plan, capacities)[0]
+        return _raw(eqx.combine(varied, held, rest), fixed, plan, capacities, known)[0]
 
     return jax.jvp(run, (varied,), (eqx.filter(t_inputs, moving),))[1]
 
@@ -134,7 +171,7 @@ def _struct(tree):
 
 
 @eqxi.filter_primitive_def
-def _tangent_abstract(t_inputs, inputs, fixed, plan, capacities, like):
+def _tangent_abstract(t_inputs, inputs, fixed, known, plan, capacities, like):
     return jax.tree.map(lambda s: jax.core.ShapedArray(s.shape, s.dtype), like)
 
 
@@ -151,17 +188,19 @@ def _tangent_jvp(primals, tangents):
 
 @eqxi.filter_primitive_transpose
 def _tangent_transpose(operands, cotangents):
-    t_inputs, inputs, fixed, plan, capacities, like = operands
+    t_inputs, inputs, fixed, known, plan, capacities, like = operands
+    if jax.tree.leaves(cotangents.logs.steps):
+        raise NotImplementedError(f"stickslip.simulate does not offer {_NO_STEPS}.")
 
     def is_linear(x):
         return isinstance(x, jax.interpreters.ad.UndefinedPrimal)
 
     wanted = jax.tree.map(is_linear, t_inputs, is_leaf=lambda x: x is None or is_linear(x))
     inputs, fixed = eqxi.nondifferentiable((inputs, fixed), msg=f"stickslip: no {_NO_SECOND}")
-    bars = adjoint(inputs, fixed, wanted, plan, _with_zeros(cotangents, like))
+    bars = adjoint(inputs, fixed, known, wanted, plan, _with_zeros(cotangents, like))
     bars = jax.tree.map(lambda w, b: b if w else None, wanted, bars)
     # A transpose returns a cotangent for every operand, None for those it is not linear in.
-    nones = [jax.tree.map(lambda _: None, x) for x in (inputs, fixed, plan, capacities, like)]
+    nones = [jax.tree.map(lambda _: None, x) for x in (inputs, fixed, known, plan, capacities, like)]
     return (bars, *nones)
 
 
@@ -185,7 +224,7 @@ def _with_zeros(cotangents: Smooth, like: Smooth) -> Smooth:
             events=log(logs.events, forms.events),
             crossings=tuple(map(log, logs.crossings, forms.crossings)),
             outputs=log(logs.outputs, forms.outputs),
-            steps=log(logs.steps, forms.steps),
+            steps=None,
         ),
     )
 

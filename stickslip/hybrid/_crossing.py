@@ -1,13 +1,14 @@
 """Crossings of sections, located after the run: the step they lie in is repeated, shorter.
 
 The length of the shortened step is not differentiated: from where it ends a Newton step leads onto the
-section, whose derivative is that of the crossing.
+section, whose derivative is that of the crossing. A derivative is computed in a run of its own, whose
+steps end elsewhere: rounding chooses them. So it starts from the steps of that run, and is told the
+times of the crossings.
 """
 
 from collections.abc import Callable
 from typing import Any
 
-import equinox as eqx
 import equinox.internal as eqxi
 import jax
 import jax.numpy as jnp
@@ -17,71 +18,70 @@ from jaxtyping import PyTree
 
 from . import _locate
 from ._loop_state import Plan
-from ._record import Starts
+from ._record import Crossed, Starts
 from ._section import Section
 from .accuracy import ACCURACY
 from .event_time import event_delay
 from .executor import piece, time_loop
-from .tree import frozen, select, shift, write_row
+from .tree import select, shift, write_row
 
 
-def crossings(
-    plan: Plan, problem: PyTree, section: Section, rows: Starts, count: Any
-) -> tuple[Any, PyTree, PyTree]:
+def crossings(plan: Plan, problem: PyTree, section: Section, rows: Starts, count: Any) -> Crossed:
     """Times, states and slopes at the crossings in `rows`; the motion itself knows nothing of them.
 
     Rows past the `count` are meaningless.
     """
-    return _crossings((problem, rows, count), plan=plan, section=section)
-
-
-@eqx.filter_custom_jvp
-def _crossings(inputs, *, plan: Plan, section: Section) -> tuple[Any, PyTree, PyTree]:
     if plan.execute.fused:
-        return _repeat_steps(inputs, _lengths(inputs, plan, section), plan, section)
-    problem, rows, count = inputs
+        return crossings_near(
+            plan, problem, section, rows, rows.t + _lengths(plan, problem, section, rows)
+        )
 
     def crossing(row):
         # The search has been where it leads to: repeating that step would double the program.
-        return _land_on_section(problem, section, row, *_search(plan, problem, section, row))
+        return land_on_section(problem, section, row, *_search(plan, problem, section, row))
 
-    return _of_each(crossing, rows, count, (rows.t, rows.y, rows.y))
-
-
-@_crossings.def_jvp
-def _crossings_jvp(primals, tangents, *, plan: Plan, section: Section):
-    (inputs,), (rates,) = primals, tangents
-    h = _lengths(inputs, plan, section)
-    moving = jax.tree.map(lambda rate: rate is not None, rates, is_leaf=lambda rate: rate is None)
-    varied, held = eqx.partition(inputs, moving)
-
-    def run(varied):
-        return _repeat_steps(eqx.combine(varied, held), h, plan, section)
-
-    return jax.jvp(run, (varied,), (rates,))
+    return _of_each(crossing, rows, count, Crossed(rows.t, rows.y, rows.y, rows.mode))
 
 
-def _lengths(inputs, plan: Plan, section: Section) -> Any:
+def crossings_near(plan: Plan, problem: PyTree, section: Section, rows: Starts, near: Any) -> Crossed:
+    """The crossings in `rows` where their times are known to a part of a step; with derivatives."""
+    execute = plan.execute.for_the_ends()
+
+    def land(row, near):
+        field = field_of(problem, row.mode)
+
+        @piece
+        def start(execute, t, y):
+            return field(t, y)
+
+        h = length_of(row, near)
+        dy = start(execute, row.t, row.y)
+        y, dy, _ = plan.stepper.step(field, row.t, row.y, dy, h, execute)
+        return land_on_section(problem, section, row, h, y, dy)
+
+    return jax.vmap(land)(rows, near)
+
+
+def length_of(row: Any, near: Any) -> Any:
+    """Length of the step from a row (it has `t` and `h`) to a time, within that of the row."""
+    return stop_gradient(jnp.clip(near - row.t, 0.0, row.h))
+
+
+def _lengths(plan: Plan, problem: PyTree, section: Section, rows: Starts) -> Any:
     """Lengths of the steps that end on the section, to a part in a million."""
-    inputs = frozen(inputs)
-
-    def length(problem, row):
-        return _search(plan, problem, section, row)[0]
 
     @time_loop
     def whole(plan, problem, rows):
         def in_use(row):
             # One row of all lanes fits the first-level cache, and rows not in use cost nothing.
             return jax.lax.cond(
-                eqxi.unvmap_any(row.h > 0), lambda row: length(problem, row), lambda row: row.h, row
-            )
+                eqxi.unvmap_any(row.h > 0),
+                lambda row: _search(plan, problem, section, row)[0], lambda row: row.h, row,
+            )  # fmt: skip
 
         return jax.lax.map(in_use, rows)
 
-    problem, rows, count = inputs
-    if plan.execute.fused:
-        return whole(plan, problem, rows)
-    return _of_each(lambda row: length(problem, row), rows, count, rows.h)
+    return whole(plan, problem, rows)
 
 
 def _of_each(function: Callable, rows: Starts, count: Any, like: PyTree) -> PyTree:
@@ -97,38 +97,20 @@ def _of_each(function: Callable, rows: Starts, count: Any, like: PyTree) -> PyTr
     return jax.lax.while_loop(lambda carry: carry[0] < most, body, begun)[1]
 
 
-def _repeat_steps(inputs, h, plan: Plan, section: Section) -> tuple[Any, PyTree, PyTree]:
-    """The crossings at the ends of the steps of length `h`, with their derivatives."""
-    problem, rows, _ = inputs
-    execute = plan.execute.for_the_ends()
-
-    def land(row, h):
-        field = _field(problem, row)
-
-        @piece
-        def start(execute, t, y):
-            return field(t, y)
-
-        dy = start(execute, row.t, row.y)
-        y, dy, _ = plan.stepper.step(field, row.t, row.y, dy, h, execute)
-        return _land_on_section(problem, section, row, h, y, dy)
-
-    return jax.vmap(land)(rows, h)
-
-
-def _land_on_section(problem, section: Section, row: Starts, h, y, dy) -> tuple[Any, PyTree, PyTree]:
+def land_on_section(problem, section: Section, row: Any, h, y, dy) -> Crossed:
     """From the end of the shortened step one Newton step onto the section with its exact rate."""
     t, slope = row.t + h, stop_gradient(dy)
     (value, dy), (rate, ddy) = _along(problem, section, row.mode, t, y, slope)
     # A jump over the section is a step of length zero: its time is that of the event.
     usable = (row.h > 0) & (stop_gradient(rate) != 0)
     dt = event_delay(value, stop_gradient(rate), usable)
-    return t + dt, shift(y, slope, dt), shift(dy, stop_gradient(ddy), dt)
+    return Crossed(t + dt, shift(y, slope, dt), shift(dy, stop_gradient(ddy), dt), row.mode)
 
 
-def _field(problem, row: Starts):
+def field_of(problem, mode):
+    """The field of a mode, of time and state."""
     system, args = problem
-    return lambda t, y: system.vector_field(t, y, row.mode, args)
+    return lambda t, y: system.vector_field(t, y, mode, args)
 
 
 def _along(problem, section: Section, mode, t, y, dy):
@@ -148,7 +130,7 @@ def _search(plan: Plan, problem, section: Section, row: Starts) -> tuple[Any, Py
     The first step has length zero and says what the section is at the start, the second is whole.
     """
     execute = plan.execute.for_the_ends()
-    field = _field(problem, row)
+    field = field_of(problem, row.mode)
 
     @piece
     def value_of(execute, t, y, dy):

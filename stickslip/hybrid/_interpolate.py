@@ -25,7 +25,8 @@ def interpolate(
 
     From the last recorded state before each time one Runge-Kutta step of the remaining length is
     taken, so that the accuracy is that of the run and not of a polynomial through it. At the time of
-    an event it is the state after the event.
+    an event it is the state after the event. As steps have none, it has no derivatives by parameters:
+    states at given times that have are those of `SaveAt(ts=...)`.
 
     **Arguments**: `system`, `args`, `integrator` as in `simulate`; `solution`: one lane; `ts`: times
     [s], shape `[n]`. **Returns** states with a leading axis `n`; NaN outside the recorded time.

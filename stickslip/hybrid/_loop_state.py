@@ -73,6 +73,21 @@ class Outcome(NamedTuple):
     dy: PyTree
 
 
+class Known(NamedTuple):
+    """What a run has met, for the runs that its derivatives are computed in."""
+
+    near: tuple  # times of the crossings of each section
+    crossings: tuple  # how many of each
+    sequence: Any  # hash of the events
+
+    def is_met(self, lane: Lane) -> Any:
+        """Whether a lane at its end has met the same, so that rows of both belong to each other."""
+        same = lane.sequence == self.sequence
+        for count, known in zip(lane.crossings, self.crossings, strict=True):
+            same = same & (count.astype(known.dtype) == known)
+        return same
+
+
 class Plan(eqx.Module):
     """Static choices of a run, and its numbers that are not differentiated."""
 

@@ -7,12 +7,15 @@ it started, its length and its mode, and an event by the formula of its time.
 from typing import Any, NamedTuple
 
 import equinox as eqx
+import equinox.internal as eqxi
 import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
+from ._crossing import land_on_section, length_of
 from ._loop_state import EVENT, Lane, Outcome, Plan, is_event, moved_on
 from ._record import Logs
+from ._section import Section
 from .event_time import event_delay
 from .executor import piece
 from .tree import select, shift
@@ -36,13 +39,12 @@ class Tape(NamedTuple):
     fired: tuple
     output_number: Any
     landed: Any
-    step_number: Any
 
 
 def tape_row(plan: Plan, logs: Logs, before: Lane, outcome: Outcome) -> Tape:
     """The row of an attempt, with places in those `logs` that have cotangents.
 
-    Fields that no attempt changes are left out, and the number of the step, which is not counted here.
+    Fields that no attempt changes are left out.
     """
     crossed = [
         (None, None) if log is None else (number, fired.astype(jnp.int32))
@@ -62,7 +64,6 @@ def tape_row(plan: Plan, logs: Logs, before: Lane, outcome: Outcome) -> Tape:
         fired=tuple(fired for _, fired in crossed),
         output_number=before.next_output if outputs else None,
         landed=outcome.landed.astype(jnp.int32) if outputs else None,
-        step_number=None,
     )
 
 
@@ -78,8 +79,13 @@ def _row_bar(log, number, present):
     return jax.tree.map(lambda a: jnp.where(present, a[place], 0.0), log)
 
 
-def pull(plan: Plan, varied: PyTree, held: PyTree, row: Tape, bars: tuple, logs: Logs) -> tuple:
-    """Cotangents of `(problem, t, y, dy)` before one attempt from those after it; `x_bar`: of `x`."""
+def pull(
+    plan: Plan, varied: PyTree, held: PyTree, row: Tape, bars: tuple, logs: Logs, near: tuple
+) -> tuple:
+    """Cotangents of `(problem, t, y, dy)` before one attempt from those after it; `x_bar`: of `x`.
+
+    `near`: times of the crossings of each section.
+    """
     problem_bar, t_bar, y_bar, dy_bar = bars
     event, moved = is_event(row.code), moved_on(row.code)
     logged = event & ~plan.functions.is_bend(row.guard) if plan.functions.num_bends else event
@@ -88,14 +94,10 @@ def pull(plan: Plan, varied: PyTree, held: PyTree, row: Tape, bars: tuple, logs:
     before_bar = jax.tree.map(jnp.zeros_like, y_bar)
     after_bar, time_bar = before_bar, jnp.zeros_like(t_bar)
     used = event | moved
-    for log, number, present in (
-        (logs.outputs, row.output_number, None if row.landed is None else row.landed == 1),
-        (logs.steps, row.step_number, used),
-    ):
-        if log is not None:
-            bar = _row_bar(log, number, present)
-            time_bar = time_bar + bar.t
-            before_bar = _add(before_bar, bar.y)
+    if logs.outputs is not None:
+        bar = _row_bar(logs.outputs, row.output_number, row.landed == 1)
+        time_bar = time_bar + bar.t
+        before_bar = _add(before_bar, bar.y)
     if logs.events is not None:
         bar = _row_bar(logs.events, row.event_number, logged)
         time_bar = time_bar + bar.t
@@ -124,18 +126,54 @@ def pull(plan: Plan, varied: PyTree, held: PyTree, row: Tape, bars: tuple, logs:
     (at_end, end_t_bar), (in_step, step_t, step_y, step_dy) = plan.stepper.vjp(
         field, varied, row.t, row.y, row.dy, row.h, end, plan.execute
     )
-    start_t_bar = jnp.where(used, end_t_bar + step_t, t_bar)
-    start_y_bar = select(used, step_y, y_bar)
-    for log, number, f in zip(logs.crossings, row.crossing_numbers, row.fired, strict=True):
-        if log is not None:
-            bar = _row_bar(log, number, f == 1)
-            start_t_bar, start_y_bar = start_t_bar + bar.t, _add(start_y_bar, bar.y)
-    return (
+    found = (
         jax.tree.map(lambda a, b, c: a + jnp.where(used, b + c, 0.0), problem_bar, at_end, in_step),
-        start_t_bar,
-        start_y_bar,
+        jnp.where(used, end_t_bar + step_t, t_bar),
+        select(used, step_y, y_bar),
         select(moved, step_dy, select(event, _add(dy_bar, step_dy), dy_bar)),
     )
+    sections = plan.functions.sections
+    rows = zip(sections, logs.crossings, row.crossing_numbers, row.fired, near, strict=True)
+    for section, log, *where in rows:
+        if log is not None:
+            inside = _pull_crossing(plan, varied, row, section, log, *where, field=field, held=held)
+            found = _add(found, inside)
+    return found
+
+
+def _pull_crossing(
+    plan: Plan, varied, row: Tape, section: Section, log, number, fired, near, *, field, held
+) -> tuple:  # fmt: skip
+    """Cotangents before an attempt from those of the crossing inside it, zero where there is none."""
+    bar = _row_bar(log, number, fired == 1)
+    h = length_of(row, near[jnp.minimum(number, near.shape[0] - 1).astype(jnp.int32)])
+
+    def end(y1, dy1):
+        at_end, t_bar, y1_bar = _pull_landing(
+            plan, varied, row, h, y1, dy1, bar, section=section, held=held
+        )
+        return (y1_bar, jax.tree.map(jnp.zeros_like, dy1)), (at_end, t_bar)
+
+    def inside(varied, row):
+        (at_end, t_bar), (in_step, step_t, step_y, step_dy) = plan.stepper.vjp(
+            field, varied, row.t, row.y, row.dy, h, end, plan.execute
+        )
+        return _add(at_end, in_step), t_bar + step_t, step_y, step_dy
+
+    def outside(varied, row):
+        return jax.tree.map(jnp.zeros_like, (varied, row.t, row.y, row.dy))
+
+    return jax.lax.cond(eqxi.unvmap_any(fired == 1), inside, outside, varied, row)
+
+
+@piece
+def _pull_landing(plan: Plan, varied, row: Tape, h, y1, dy1, bar, *, section: Section, held):
+    def land(varied, t, y1):
+        problem = eqx.combine(varied, held)
+        found = land_on_section(problem, section, row._replace(t=t), h, y1, dy1)
+        return found.t, found.y, found.dy
+
+    return jax.vjp(land, varied, row.t, y1)[1]((bar.t, bar.y, bar.dy))
 
 
 @piece

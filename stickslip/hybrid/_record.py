@@ -50,6 +50,15 @@ class Starts(NamedTuple):
     h: Any  # length of the step; not differentiated
 
 
+class Crossed(NamedTuple):
+    """Rows of crossings of a section: what is found from their `Starts`; leading axis: row."""
+
+    t: Any
+    y: PyTree
+    dy: PyTree
+    mode: Any
+
+
 class Events(NamedTuple):
     """Rows of events; leading axis: row."""
 
@@ -65,7 +74,7 @@ class Logs(NamedTuple):
     """All logs of one lane; rows past the count are zero."""
 
     events: Events | None
-    crossings: tuple[Starts, ...]
+    crossings: tuple  # of each section its `Starts`, from which its `Crossed` are found
     outputs: States | None
     steps: States | None
 

@@ -14,7 +14,6 @@ from .._validation import check_at_least, check_count, check_flag, check_type, l
 from . import _solution as out
 from ._autodiff import core
 from ._component_kinds import component_kinds, sizes_driven
-from ._crossing import crossings as located
 from ._failure import raise_failures
 from ._loop_state import Plan
 from ._progress import ProgressMeter
@@ -63,7 +62,8 @@ class SaveAt(eqx.Module):
 
     - `ts`: output times [s], increasing, within `[t0, t1]`; the integrator lands on each. They are
       `outputs` of the `Solution`.
-    - `steps`: every accepted step and both sides of every event; at most `max_rows` rows.
+    - `steps`: every accepted step and both sides of every event; at most `max_rows` rows. They have
+      no derivatives: the integrator chose their times.
     - `events`: the log of transitions.
     - `sections`: one or several `Section`s, whose `crossings` are recorded; a terminal one ends the
       motion.
@@ -317,8 +317,8 @@ def _assemble(plan: Plan, problem, t0, t1, start, ts, smooth, counts, capacities
     ):
         size = capacities.crossings[i]
         count = jnp.minimum(count, size)
-        t, y, dy = located(plan, problem, section, rows, count)
-        crossings = (*crossings, _state_log(count, t, y, dy, rows.mode, size))
+        t, y, dy, mode = rows
+        crossings = (*crossings, _state_log(count, t, y, dy, mode, size))
         if section.terminal:
             stopped = (
                 (counts.status == CODE["event_occurred"])

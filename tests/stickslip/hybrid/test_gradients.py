@@ -122,7 +122,7 @@ def everything(q, ts):
     run = ss.simulate(
         StickSlip(v, fs, 0.5), t0, t1, State(x0, v), 0, integrator=fixed(0.3, "tsit5"),
         saveat=ss.SaveAt(
-            ts=ts, steps=True, max_rows=64, max_events=4, max_crossings=4,
+            ts=ts, max_events=4, max_crossings=4,
             sections=(
                 ss.Section(lambda system, t, y, dy, mode, args: y.x - 0.3, "both"),
                 ss.Section(lambda system, t, y, dy, mode, args: dy.v + 0.2, "rising"),
