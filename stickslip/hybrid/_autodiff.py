@@ -5,8 +5,8 @@ go through a loop of unknown length; its sweep is written out in `_adjoint.py`. 
 one function: its tangent map is a primitive of its own whose transpose is that sweep.
 
 So a derivative is computed by a program of its own, in which the motion is run once more. Its steps end
-elsewhere, because their lengths follow from the last digits of an error. What depends on the steps, and
-not on the motion alone, has no derivative; rows of logs belong to each other where their numbers agree.
+elsewhere, because their lengths follow from the last digits of an error. A result of the steps, and
+not of the motion alone, has no derivative; rows of logs belong to each other where their numbers agree.
 
 Not public in JAX and equinox: `equinox.internal` makes the primitive (`create_vprim`, its
 rules, `nondifferentiable`), `jax.interpreters.ad.UndefinedPrimal` says which tangents are transposed.
@@ -77,14 +77,14 @@ def _raw(
     def count(value):
         return value.astype(jnp.int32)
 
-    def located(section, starts, number, near=None):
+    def found_from(section, starts, number, near=None):
         if near is None:
             return crossings(plan, problem, section, starts, count(number))
         return crossings_near(plan, problem, section, starts, near)
 
     near = () if known is None else (known.near,)
     rows = zip(plan.functions.sections, logs.crossings, lane.crossings, *near, strict=True)
-    logs = logs._replace(crossings=tuple(located(*row) for row in rows))
+    logs = logs._replace(crossings=tuple(found_from(*row) for row in rows))
     flags, flagged_at, flagged_guard = told(lane.flags)
     if known is not None:
         logs = _where_met(known, lane, logs)

@@ -74,7 +74,7 @@ class Outcome(NamedTuple):
 
 
 class Known(NamedTuple):
-    """What a run has met, for the runs that its derivatives are computed in."""
+    """Events and crossings of a run, for the runs that its derivatives are computed in."""
 
     near: tuple  # times of the crossings of each section
     crossings: tuple  # how many of each
