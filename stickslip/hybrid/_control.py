@@ -37,12 +37,13 @@ class Next(NamedTuple):
 
 
 def control(
-    plan: Plan, code, lane: Lane, h, search, error, t, y, dy, size, t1, outputs, begins: bool
+    plan: Plan, code, lane: Lane, h, search, known, error, t, y, dy, size, t1, outputs, begins: bool
 ) -> Next:
     """Choice of the next attempt.
 
     `search`: the lengths that an event being located, and a place to look at, ask for; None where no
-    event function interferes. `begins`: whether a lane may just have computed its first slope.
+    event function interferes. `known`: event functions at the start of the next attempt. `begins`:
+    whether a lane may just have computed its first slope.
     """
     rule: Any = plan.step_size
     landed, next_output = code < HOLD, lane.next_output
@@ -56,7 +57,8 @@ def control(
         first = _begun(plan, h_free, h, y, dy, size) if begins else h_free
         h_free = _free(plan, code, h, h_free, first, factors, lane.bracket.tries, landed)
         h_take = h_rejected = h_free
-    h_next = _length(plan, code, h_take, h_rejected, search, next_output, t, t1, outputs)
+    scheduled = plan.functions.until_scheduled(known)
+    h_next = _length(plan, code, h_take, h_rejected, search, scheduled, next_output, t, t1, outputs)
     return Next(h_next, h_free, next_output, landed)
 
 
@@ -107,14 +109,17 @@ def _free(plan: Plan, code, h, h_free, first, factors, tries, landed):
 
 
 @bookkeeping
-def _length(plan: Plan, code, h_take, h_rejected, search, next_output, t, t1, outputs):
-    """Length of the next attempt: to the end or the next output time, unless an event is located."""
+def _length(plan: Plan, code, h_take, h_rejected, search, scheduled, next_output, t, t1, outputs):
+    """Length of the next attempt: to the end, the next output time or known instant, unless an event is
+    located."""
     target = _target(plan, next_output, t1, outputs)[0] if plan.has_outputs else t1
     # A rule that is not adaptive needs no state, and its length is a constant of the program.
     h_take = plan.step_size.initial(None, None, None) if h_take is None else h_take
     # A remainder that is longer by rounding alone is taken whole; else a step of some 1e-16 s would
     # follow, whose scaled error means nothing.
     remaining = target - t
+    if scheduled is not None:
+        remaining = jnp.minimum(remaining, scheduled)
     h_next = jnp.where(remaining <= h_take * (1.0 + 1e-9), jnp.maximum(remaining, 0.0), h_take)
     if search is not None:
         h_located, h_dip = search

@@ -1,0 +1,136 @@
+"""PID control, and what integrators of controllers have in common."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._argument_checks import number, parameters
+from .._types import Given, Numeric
+from .._validation import as_parameter, check_callable, one_number
+
+
+class Integral(NamedTuple):
+    """State of a controller with one integrator: its share of the output [unit of the output]."""
+
+    integral: Any
+
+
+def as_reference(reference: Any) -> Any:
+    """A reference as `reference(t, args) -> (position, velocity)`, of a number too."""
+    if not callable(reference):
+        return SetPoint(reference)
+    check_callable("reference", reference, "reference(t, args) -> (position, velocity)", 0.0, None)
+    return reference if isinstance(reference, eqx.Module) else jax.tree_util.Partial(reference)
+
+
+class SetPoint(eqx.Module):
+    """A reference that rests at a `position`."""
+
+    position: Float[Array, "..."]
+
+    @parameters(position=number())
+    def __init__(self, position: Numeric): ...
+
+    def __call__(self, t: Any, args: Any) -> tuple[Any, Any]:
+        """Position and velocity at time `t` [s]."""
+        return self.position, 0.0
+
+
+class Winding(eqx.Module):
+    """How an integrator grows, and how it is kept from growing where the output is limited.
+
+    Without `tracking_time` it does not grow further into the limit (clamping); with one, the excess of
+    the output takes it back, in this time [s] (back-calculation).
+    """
+
+    period: Float[Array, "..."]
+    limit: Float[Array, "..."] | None = None
+    tracking_time: Float[Array, "..."] | None = None
+
+    def output(self, rest: Any, growth: Any, integral: Any) -> tuple[Any, Any]:
+        """Output and integral; `rest`: the output without the integral, `growth` of it per second."""
+        wound = integral + self.period * growth
+        free = rest + wound
+        if self.limit is None:
+            return free, wound
+        output = jnp.clip(free, -self.limit, self.limit)
+        if self.tracking_time is not None:
+            return output, wound + self.period / self.tracking_time * (output - free)
+        wound = jnp.where((free != output) & (growth * free > 0.0), integral, wound)
+        return jnp.clip(rest + wound, -self.limit, self.limit), wound
+
+
+class PID(eqx.Module):
+    r"""Proportional, integral and derivative action, sampled, with a limit and without winding up.
+
+    At every sample, with $e = r - x$ of the measured pair $(x, v)$:
+
+    $$I \leftarrow I + K_i T_s e, \qquad u = K_p e + I + K_d(\dot r - v)$$
+
+    Where $|u|$ would exceed `limit`, it is the limit, and $I$ does not grow further into it (clamping),
+    or, with a `tracking_time` $T_t$, $I \leftarrow I + (u - u_{free})\,T_s/T_t$ (back-calculation).
+
+    - `kp`, `ki`, `kd`: gains, by units of the output and of $x$; `period` $T_s$ [s].
+    - `reference`: a number, or a function `reference(t, args) -> (position, velocity)`.
+    - `limit`: of the output, positive, in its unit; None: none. `tracking_time` [s], positive.
+
+    `PID.state()`: the integral, 0. **Errors** `ValueError`, `TypeError` naming the argument.
+
+    ??? cite "Reference"
+
+        K. J. Åström and T. Hägglund, *Advanced PID Control*, ISA, 2006, section 3.5.
+    """
+
+    kp: Float[Array, "..."]
+    ki: Float[Array, "..."]
+    kd: Float[Array, "..."]
+    winding: Winding
+    reference: Callable
+
+    @parameters(kp=number(), ki=number(), kd=number())
+    def __init__(
+        self,
+        kp: Numeric,
+        ki: Numeric,
+        kd: Numeric,
+        *,
+        period: Numeric,
+        reference: Any = 0.0,
+        limit: Given[Numeric | None] = None,
+        tracking_time: Given[Numeric | None] = None,
+    ):
+        self.winding = winding(period, limit, tracking_time)
+        self.reference = as_reference(reference)
+
+    @property
+    def period(self) -> Float[Array, "..."]:
+        """The sample time $T_s$ [s]."""
+        return self.winding.period
+
+    @staticmethod
+    def state() -> Integral:
+        """The state before the first sample."""
+        return Integral(0.0)
+
+    def __call__(self, k: Any, t: Any, measured: Any, state: Integral, args: Any) -> tuple:
+        """Output and state at sample `k`."""
+        x, v = measured
+        position, velocity = self.reference(t, args)
+        error = position - x
+        rest = self.kp * error + self.kd * (velocity - v)
+        output, integral = self.winding.output(rest, self.ki * error, state.integral)
+        return output, Integral(integral)
+
+
+def winding(period: Any, limit: Any, tracking_time: Any) -> Winding:
+    """A `Winding` of checked numbers."""
+    given = [("period", period), ("limit", limit), ("tracking_time", tracking_time)]
+    checked = [
+        None if value is None and name != "period" else as_parameter(one_number(name, value, "positive"))
+        for name, value in given
+    ]
+    return Winding(*checked)
