@@ -1,0 +1,100 @@
+"""What is added to a controller's output: the friction to come, and disturbances as observed."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from .._argument_checks import parameters
+from .._types import Given, Numeric
+from .._validation import check_callable
+from ._pid import as_reference
+
+
+class FrictionFeedforward(eqx.Module):
+    r"""A controller and the friction of its motion, $u = u_c + F(w)$.
+
+    - `controller`: a `PID` or the like; the state is its own.
+    - `friction(w)`: force at a speed, such as `Regularised(law, v_reg).mu`.
+    - `reference(t, args) -> (position, velocity)`: $w$ is its velocity. None: $w$ is the second number
+      measured; at rest that pushes nothing.
+    """
+
+    controller: Callable
+    friction: Callable
+    reference: Callable | None
+
+    def __init__(
+        self, controller: Callable, friction: Callable, reference: Given[Callable | None] = None
+    ):
+        call = "controller(k, t, measured, state, args)"
+        self.controller = check_callable("controller", controller, call, *range(5))
+        check_callable("friction", friction, "friction(w)", 0.0)
+        self.friction = friction if isinstance(friction, eqx.Module) else _Function(friction)
+        self.reference = None if reference is None else as_reference(reference)
+
+    @property
+    def period(self) -> Any:
+        """The sample time of the controller [s]; None where it says none."""
+        return getattr(self.controller, "period", None)
+
+    def __call__(self, k: Any, t: Any, measured: Any, state: Any, args: Any) -> tuple:
+        """Output and state at sample `k`."""
+        output, state = self.controller(k, t, measured, state, args)
+        speed = measured[1] if self.reference is None else self.reference(t, args)[1]
+        return output + self.friction(speed), state
+
+
+class _Function(eqx.Module):
+    """A function that has no numbers of its own."""
+
+    function: Callable = eqx.field(static=True)
+
+    def __call__(self, *given: Any) -> Any:
+        return self.function(*given)
+
+
+class Observed(NamedTuple):
+    """State of a `DisturbanceObserver`: that of the controller, the observer's, the last output."""
+
+    controller: Any
+    observer: Any
+    output: Any
+
+
+class DisturbanceObserver(eqx.Module):
+    r"""A controller, less the disturbance that its observer sees: $u = u_c - \hat d$.
+
+    Of a nominal axis $m \dot v = u + d$ with measured $v$, sampled:
+    $p \leftarrow p - T_s L (u + p + L m v)$ and $\hat d = p + L m v$, which follows $d$ at the rate $L$.
+
+    - `controller`: a `PID` or the like; `mass` $m$ [kg], `bandwidth` $L$ [1/s], `period` $T_s$ [s]:
+      positive.
+
+    `state(inner)`: with the state of the controller; the axis is taken to begin at rest.
+    """
+
+    controller: Callable
+    mass: Float[Array, "..."]
+    bandwidth: Float[Array, "..."]
+    period: Float[Array, "..."]
+
+    @parameters(mass="positive", bandwidth="positive", period="positive")
+    def __init__(self, controller: Callable, mass: Numeric, bandwidth: Numeric, *, period: Numeric):
+        call = "controller(k, t, measured, state, args)"
+        self.controller = check_callable("controller", controller, call, *range(5))
+
+    @staticmethod
+    def state(inner: Any) -> Observed:
+        """The state before the first sample."""
+        return Observed(inner, 0.0, 0.0)
+
+    def __call__(self, k: Any, t: Any, measured: Any, state: Observed, args: Any) -> tuple:
+        """Output and state at sample `k`."""
+        momentum = self.bandwidth * self.mass * measured[1]
+        seen = state.observer + momentum
+        output, inner = self.controller(k, t, measured, state.controller, args)
+        output = output - seen
+        observer = state.observer - self.period * self.bandwidth * (output + seen)
+        return output, Observed(inner, observer, output)
