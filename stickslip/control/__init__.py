@@ -7,6 +7,8 @@ from ._additions import DisturbanceObserver as DisturbanceObserver
 from ._additions import FrictionFeedforward as FrictionFeedforward
 from ._additions import Observed as Observed
 from ._cascade import Cascade as Cascade
+from ._hunting import HuntingMap as HuntingMap
+from ._hunting import hunting_map as hunting_map
 from ._pid import PID as PID
 from ._pid import Integral as Integral
 from ._reading import quantised as quantised

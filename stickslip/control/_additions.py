@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
+from jax.tree_util import Partial
 from jaxtyping import Array, Float
 
 from .._argument_checks import parameters
@@ -31,7 +32,7 @@ class FrictionFeedforward(eqx.Module):
         call = "controller(k, t, measured, state, args)"
         self.controller = check_callable("controller", controller, call, *range(5))
         check_callable("friction", friction, "friction(w)", 0.0)
-        self.friction = friction if isinstance(friction, eqx.Module) else _Function(friction)
+        self.friction = friction if isinstance(friction, eqx.Module) else Partial(friction)
         self.reference = None if reference is None else as_reference(reference)
 
     @property
@@ -44,15 +45,6 @@ class FrictionFeedforward(eqx.Module):
         output, state = self.controller(k, t, measured, state, args)
         speed = measured[1] if self.reference is None else self.reference(t, args)[1]
         return output + self.friction(speed), state
-
-
-class _Function(eqx.Module):
-    """A function that has no numbers of its own."""
-
-    function: Callable = eqx.field(static=True)
-
-    def __call__(self, *given: Any) -> Any:
-        return self.function(*given)
 
 
 class Observed(NamedTuple):

@@ -3,15 +3,14 @@
 from collections.abc import Callable
 from typing import Any
 
-import equinox as eqx
 from jaxtyping import Array, Float
 
 from .._argument_checks import number, parameters
 from .._types import Given, Numeric
-from ._pid import Integral, Winding, as_reference, winding
+from ._pid import AbstractIntegrating, Winding, as_reference, winding
 
 
-class Cascade(eqx.Module):
+class Cascade(AbstractIntegrating):
     r"""A proportional position loop around a velocity loop with integral action, of one sample time.
 
     $$w = \dot r + k_x (r - x), \qquad I \leftarrow I + k_i T_s (w - v), \qquad u = k_v (w - v) + I$$
@@ -44,21 +43,6 @@ class Cascade(eqx.Module):
         self.winding = winding(period, limit, tracking_time)
         self.reference = as_reference(reference)
 
-    @property
-    def period(self) -> Float[Array, "..."]:
-        """The sample time $T_s$ [s]."""
-        return self.winding.period
-
-    @staticmethod
-    def state() -> Integral:
-        """The state before the first sample."""
-        return Integral(0.0)
-
-    def __call__(self, k: Any, t: Any, measured: Any, state: Integral, args: Any) -> tuple:
-        """Output and state at sample `k`."""
-        x, v = measured
-        position, velocity = self.reference(t, args)
-        slow = velocity + self.k_position * (position - x) - v
-        rest, growth = self.k_velocity * slow, self.k_integral * slow
-        output, integral = self.winding.output(rest, growth, state.integral)
-        return output, Integral(integral)
+    def parts(self, error, velocity, v):
+        slow = velocity + self.k_position * error - v
+        return self.k_velocity * slow, self.k_integral * slow

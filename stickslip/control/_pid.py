@@ -1,5 +1,6 @@
 """PID control, and what integrators of controllers have in common."""
 
+import abc
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -64,7 +65,36 @@ class Winding(eqx.Module):
         return jnp.clip(rest + wound, -self.limit, self.limit), wound
 
 
-class PID(eqx.Module):
+class AbstractIntegrating(eqx.Module):
+    """A controller with an integrator, of a measured pair of position and velocity."""
+
+    winding: eqx.AbstractVar[Winding]
+    reference: eqx.AbstractVar[Callable]
+
+    @property
+    def period(self) -> Float[Array, "..."]:
+        """The sample time $T_s$ [s]."""
+        return self.winding.period
+
+    @staticmethod
+    def state() -> Integral:
+        """The state before the first sample."""
+        return Integral(0.0)
+
+    @abc.abstractmethod
+    def parts(self, error: Any, velocity: Any, v: Any) -> tuple[Any, Any]:
+        """Output without the integral, and growth of that per second."""
+
+    def __call__(self, k: Any, t: Any, measured: Any, state: Integral, args: Any) -> tuple:
+        """Output and state at sample `k`."""
+        x, v = measured
+        position, velocity = self.reference(t, args)
+        rest, growth = self.parts(position - x, velocity, v)
+        output, integral = self.winding.output(rest, growth, state.integral)
+        return output, Integral(integral)
+
+
+class PID(AbstractIntegrating):
     r"""Proportional, integral and derivative action, sampled, with a limit and without winding up.
 
     At every sample, with $e = r - x$ of the measured pair $(x, v)$:
@@ -106,24 +136,8 @@ class PID(eqx.Module):
         self.winding = winding(period, limit, tracking_time)
         self.reference = as_reference(reference)
 
-    @property
-    def period(self) -> Float[Array, "..."]:
-        """The sample time $T_s$ [s]."""
-        return self.winding.period
-
-    @staticmethod
-    def state() -> Integral:
-        """The state before the first sample."""
-        return Integral(0.0)
-
-    def __call__(self, k: Any, t: Any, measured: Any, state: Integral, args: Any) -> tuple:
-        """Output and state at sample `k`."""
-        x, v = measured
-        position, velocity = self.reference(t, args)
-        error = position - x
-        rest = self.kp * error + self.kd * (velocity - v)
-        output, integral = self.winding.output(rest, self.ki * error, state.integral)
-        return output, Integral(integral)
+    def parts(self, error, velocity, v):
+        return self.kp * error + self.kd * (velocity - v), self.ki * error
 
 
 def winding(period: Any, limit: Any, tracking_time: Any) -> Winding:

@@ -22,10 +22,10 @@ from .._validation import (
     refusal,
 )
 from ..hybrid import AbstractHybridSystem, AbstractSystemWrapper
+from ..hybrid.accuracy import ACCURACY
 from ..hybrid.load_jump import state_after_jump
 from ..hybrid.system import mode_type
 from ..hybrid.tree import select
-from ._accuracy import ACCURACY
 
 
 class Commanded(NamedTuple):
@@ -277,7 +277,7 @@ class WithController(AbstractSystemWrapper):
             raise refusal("the state that update(...) returns", state, f"as it was given, {form}")
         zero = jax.tree.map(lambda a: jnp.zeros(a.shape, jnp.float64), output)
         late = (t - self.offset) / self.period
-        number = jnp.maximum(jnp.ceil(late - ACCURACY.same_sample * (1.0 + jnp.abs(late))), 0.0)
+        number = jnp.maximum(jnp.ceil(late - ACCURACY.some_roundings * (1.0 + jnp.abs(late))), 0.0)
         clock = stop_gradient(jnp.maximum(self._time_of(number) - t, 0.0))
         waits = None if self.latency is None else jnp.zeros(())
         later = self.delay + (self.latency is not None)
@@ -289,7 +289,7 @@ class WithController(AbstractSystemWrapper):
             raise refusal("y0", y, "a Controlled, as `start` makes it", TypeError)
         if is_concrete((self.period, self.offset, t, y.clock)):
             left = float(self._time_of(self._next(t, y)) - t)
-            if left < -ACCURACY.same_sample * (abs(float(t)) + float(self.period)):
+            if left < -ACCURACY.some_roundings * (abs(float(t)) + float(self.period)):
                 allowed = f"with its next sample at {float(t)} s or later: as `start(y, {float(t)})` has"
                 raise refusal("y0.clock", float(y.clock), allowed)
         system, given = self._driven(y.output, args)

@@ -46,9 +46,10 @@ def control(
     whether a lane may just have computed its first slope.
     """
     rule: Any = plan.step_size
+    scheduled = plan.functions.until_scheduled(known)
     landed, next_output = code < HOLD, lane.next_output
     if plan.has_outputs:
-        landed, next_output = _land_on_output(plan, code, next_output, t, t1, outputs)
+        landed, next_output = _land_on_output(plan, code, scheduled, next_output, t, t1, outputs)
     # Three lengths: what the rule would take (`h_free`, which outlives steps that an event or an output
     # time has shortened), what this lane takes next, and what it takes after a rejection.
     h_free, h_take, h_rejected = lane.h_free, None, h
@@ -57,7 +58,6 @@ def control(
         first = _begun(plan, h_free, h, y, dy, size) if begins else h_free
         h_free = _free(plan, code, h, h_free, first, factors, lane.bracket.tries, landed)
         h_take = h_rejected = h_free
-    scheduled = plan.functions.until_scheduled(known)
     h_next = _length(plan, code, h_take, h_rejected, search, scheduled, next_output, t, t1, outputs)
     return Next(h_next, h_free, next_output, landed)
 
@@ -131,9 +131,11 @@ def _length(plan: Plan, code, h_take, h_rejected, search, scheduled, next_output
 
 
 @bookkeeping
-def _land_on_output(plan: Plan, code, next_output, t, t1, outputs):
+def _land_on_output(plan: Plan, code, scheduled, next_output, t, t1, outputs):
     target, is_last = _target(plan, next_output, t1, outputs)
     # An event at an output time comes first; the output is taken by the attempt of length zero after.
     landed = (code == PLAIN) | (code == REFRESH)
     landed = landed & (target - t <= rounding(t, t1)) & ~is_last
+    if scheduled is not None:
+        landed = landed & (scheduled > rounding(t, t1))
     return landed, next_output + jnp.where(landed, 1, 0)
