@@ -16,7 +16,7 @@ from ._pid import as_reference
 class FrictionFeedforward(eqx.Module):
     r"""A controller and the friction of its motion, $u = u_c + F(w)$.
 
-    - `controller`: a `PID` or the like; the state is its own.
+    - `controller`: a `PID` or the like; `state()` is its own.
     - `friction(w)`: force at a speed, such as `Regularised(law, v_reg).mu`.
     - `reference(t, args) -> (position, velocity)`: $w$ is its velocity. None: $w$ is the second number
       measured; at rest that pushes nothing.
@@ -40,6 +40,10 @@ class FrictionFeedforward(eqx.Module):
         """The sample time of the controller [s]; None where it says none."""
         return getattr(self.controller, "period", None)
 
+    def state(self) -> Any:
+        """The state of the controller before the first sample."""
+        return self.controller.state()
+
     def __call__(self, k: Any, t: Any, measured: Any, state: Any, args: Any) -> tuple:
         """Output and state at sample `k`."""
         output, state = self.controller(k, t, measured, state, args)
@@ -59,12 +63,12 @@ class DisturbanceObserver(eqx.Module):
     r"""A controller, less the disturbance that its observer sees: $u = u_c - \hat d$.
 
     Of a nominal axis $m \dot v = u + d$ with measured $v$, sampled:
-    $p \leftarrow p - T_s L (u + p + L m v)$ and $\hat d = p + L m v$, which follows $d$ at the rate $L$.
+    $p \leftarrow p - T_s L (u + p + L m v)$ and $\hat d = p + L m v$, at the rate $L$ behind $d$.
 
     - `controller`: a `PID` or the like; `mass` $m$ [kg], `bandwidth` $L$ [1/s], `period` $T_s$ [s]:
       positive.
 
-    `state(inner)`: with the state of the controller; the axis is taken to begin at rest.
+    `state()`: before the first sample, of an axis at rest; with that of the controller.
     """
 
     controller: Callable
@@ -77,10 +81,9 @@ class DisturbanceObserver(eqx.Module):
         call = "controller(k, t, measured, state, args)"
         self.controller = check_callable("controller", controller, call, *range(5))
 
-    @staticmethod
-    def state(inner: Any) -> Observed:
+    def state(self) -> Observed:
         """The state before the first sample."""
-        return Observed(inner, 0.0, 0.0)
+        return Observed(self.controller.state(), 0.0, 0.0)
 
     def __call__(self, k: Any, t: Any, measured: Any, state: Observed, args: Any) -> tuple:
         """Output and state at sample `k`."""

@@ -19,7 +19,7 @@ class Cascade(AbstractIntegrating):
 
     - `k_position` [1/s], `k_velocity`, `k_integral`: gains; the others as of a `PID`.
 
-    `Cascade.state()`: the integral, 0. **Errors** `ValueError`, `TypeError` naming the argument.
+    `state()`: the integral, 0. **Errors** `ValueError`, `TypeError` naming the argument.
     """
 
     k_position: Float[Array, "..."]
@@ -43,6 +43,6 @@ class Cascade(AbstractIntegrating):
         self.winding = winding(period, limit, tracking_time)
         self.reference = as_reference(reference)
 
-    def parts(self, error, velocity, v):
+    def _parts(self, error, velocity, v):
         slow = velocity + self.k_position * error - v
         return self.k_velocity * slow, self.k_integral * slow

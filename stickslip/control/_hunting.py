@@ -9,7 +9,15 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from .._types import Given, NamedNumbers, Numeric
-from .._validation import check_callable, check_mapping, check_type, numbers, one_number, refusal
+from .._validation import (
+    as_parameter,
+    check_callable,
+    check_mapping,
+    check_type,
+    numbers,
+    one_number,
+    refusal,
+)
 from ..hybrid import AbstractHybridSystem, AbstractSystemWrapper, Integrator, SaveAt, Section, simulate
 from ..hybrid.components import component_list, place_of
 from ..sweep import map_lanes
@@ -85,18 +93,20 @@ def hunting_map(
 
     **Returns** a `HuntingMap`. **Errors** `ValueError`, `TypeError` naming the argument.
     """
-    check_callable("loop", loop, "loop(**point) -> system")
     check_callable("start", start, "start(system) -> y0", None)
     given = check_mapping("values", values, "a mapping from names of parameters to arrays")
-    arrays = {name: jnp.asarray(numbers(f"values[{name!r}]", a)) for name, a in given.items()}
+    arrays = {n: as_parameter(numbers(f"values[{n!r}]", a)) for n, a in given.items()}
     shapes = {a.shape for a in arrays.values()}
     if len(shapes) != 1 or () in shapes or any(0 in shape for shape in shapes):
         raise refusal("values", {n: a.shape for n, a in arrays.items()}, "arrays of one shape")
     one_number("duration", duration, "positive")
     one_number("resolution", resolution, "positive")
-    first = loop(**{name: jnp.ravel(a)[0] for name, a in arrays.items()})
-    check_type("what loop(...) returns", first, AbstractHybridSystem, "an AbstractHybridSystem")
-    y0 = check_type("what start(...) returns", start(first), Controlled, "a Controlled")
+    if integrator is not None:
+        check_type("integrator", integrator, Integrator, "an Integrator or None")
+    point = {name: numbers(name, a).ravel()[0] for name, a in given.items()}
+    first = check_callable("loop", loop, "loop(**point) -> system", **point)(**point)
+    check_type("loop(...)", first, AbstractHybridSystem, "an AbstractHybridSystem")
+    y0 = check_type("start(...)", start(first), Controlled, "a Controlled")
     place = place_of(y0, component) if isinstance(component, str) else None
     if place is None:
         raise refusal("component", component, f"one of {component_list(y0)}")
@@ -110,9 +120,7 @@ def hunting_map(
 
         def run(system, t0, t1, y, mode, **saved):
             keeps = SaveAt(max_events=None, max_crossings=ACCURACY.crossings, **saved)
-            return simulate(
-                system, t0, t1, y, mode, integrator=integrator, saveat=keeps, throw=False
-            )
+            return simulate(system, t0, t1, y, mode, integrator=integrator, saveat=keeps, throw=False)
 
         def look(found):
             x = jax.vmap(place.read)(found.outputs.y)
@@ -121,9 +129,7 @@ def hunting_map(
 
         early = run(system, 0.0, parts[0], start(system), None)
         middle = parts[ACCURACY.samples]
-        third = run(
-            system, parts[0], middle, early.y1, early.mode1, ts=parts[: ACCURACY.samples + 1]
-        )
+        third = run(system, parts[0], middle, early.y1, early.mode1, ts=parts[: ACCURACY.samples + 1])
         high, low, _ = look(third)
         level = _Levelled(system, 0.5 * (high + low))
         fourth = run(
@@ -134,7 +140,7 @@ def hunting_map(
         before, now = high - low, top - bottom
         crossed, count = fourth.crossings[0], fourth.crossings[0].count
         last = crossed.t[jnp.clip(count - 1, 0, ACCURACY.crossings - 1)]
-        period = (last - crossed.t[0]) / jnp.maximum(count - 1, 1)
+        period = (last - crossed.t[0]) / jnp.maximum(count - 1, 1).astype(jnp.float64)
         fine = early.successful & third.successful & fourth.successful & jnp.isfinite(now)
         hunts = (count >= 2) & (now > resolution) & (ACCURACY.changes * now >= before)
         rests = (now <= resolution) & still

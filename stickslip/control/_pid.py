@@ -29,16 +29,16 @@ def as_reference(reference: Any) -> Any:
 
 
 class SetPoint(eqx.Module):
-    """A reference that rests at a `position`."""
+    """A `reference` that is a number: it rests there."""
 
-    position: Float[Array, "..."]
+    reference: Float[Array, "..."]
 
-    @parameters(position=number())
-    def __init__(self, position: Numeric): ...
+    @parameters(reference=number())
+    def __init__(self, reference: Any): ...
 
     def __call__(self, t: Any, args: Any) -> tuple[Any, Any]:
         """Position and velocity at time `t` [s]."""
-        return self.position, 0.0
+        return self.reference, 0.0
 
 
 class Winding(eqx.Module):
@@ -76,20 +76,19 @@ class AbstractIntegrating(eqx.Module):
         """The sample time $T_s$ [s]."""
         return self.winding.period
 
-    @staticmethod
-    def state() -> Integral:
+    def state(self) -> Integral:
         """The state before the first sample."""
         return Integral(0.0)
 
     @abc.abstractmethod
-    def parts(self, error: Any, velocity: Any, v: Any) -> tuple[Any, Any]:
+    def _parts(self, error: Any, velocity: Any, v: Any) -> tuple[Any, Any]:
         """Output without the integral, and growth of that per second."""
 
     def __call__(self, k: Any, t: Any, measured: Any, state: Integral, args: Any) -> tuple:
         """Output and state at sample `k`."""
         x, v = measured
         position, velocity = self.reference(t, args)
-        rest, growth = self.parts(position - x, velocity, v)
+        rest, growth = self._parts(position - x, velocity, v)
         output, integral = self.winding.output(rest, growth, state.integral)
         return output, Integral(integral)
 
@@ -108,7 +107,7 @@ class PID(AbstractIntegrating):
     - `reference`: a number, or a function `reference(t, args) -> (position, velocity)`.
     - `limit`: of the output, positive, in its unit; None: none. `tracking_time` [s], positive.
 
-    `PID.state()`: the integral, 0. **Errors** `ValueError`, `TypeError` naming the argument.
+    `state()`: the integral, 0. **Errors** `ValueError`, `TypeError` naming the argument.
 
     ??? cite "Reference"
 
@@ -136,15 +135,14 @@ class PID(AbstractIntegrating):
         self.winding = winding(period, limit, tracking_time)
         self.reference = as_reference(reference)
 
-    def parts(self, error, velocity, v):
+    def _parts(self, error, velocity, v):
         return self.kp * error + self.kd * (velocity - v), self.ki * error
 
 
 def winding(period: Any, limit: Any, tracking_time: Any) -> Winding:
     """A `Winding` of checked numbers."""
-    given = [("period", period), ("limit", limit), ("tracking_time", tracking_time)]
-    checked = [
-        None if value is None and name != "period" else as_parameter(one_number(name, value, "positive"))
-        for name, value in given
+    optional = [
+        None if value is None else as_parameter(one_number(name, value, "positive"))
+        for name, value in (("limit", limit), ("tracking_time", tracking_time))
     ]
-    return Winding(*checked)
+    return Winding(as_parameter(one_number("period", period, "positive")), *optional)

@@ -24,7 +24,7 @@ class ResetPID(eqx.Module):
 
     Against hunting: what the integral has gathered to break away pushes in the wrong direction behind
     the set point. The factor is -1 by default, which holds the friction on the other side; 0 is Clegg's
-    integrator. `ResetPID.state()`: both 0. **Errors** `ValueError`, `TypeError` naming the argument.
+    integrator. `state()`: both 0. **Errors** `ValueError`, `TypeError` naming the argument.
 
     ??? cite "Reference"
 
@@ -44,8 +44,7 @@ class ResetPID(eqx.Module):
         """The sample time [s]."""
         return self.pid.period
 
-    @staticmethod
-    def state() -> Reset:
+    def state(self) -> Reset:
         """The state before the first sample."""
         return Reset(0.0, 0.0)
 

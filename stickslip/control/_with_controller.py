@@ -1,7 +1,7 @@
 """A system in the loop of a controller that samples it."""
 
 from collections.abc import Callable
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -100,7 +100,8 @@ class WithController(AbstractSystemWrapper):
     ...     def contacts(self, t, q, v, args):
     ...         return {"guide": Contact(Coulomb(1.5, 1.0))}
     >>> def rest(kp):
-    ...     loop = WithController(Axis(), PID(kp, 50.0, 10.0, period=0.01), 0.01, PID.state())
+    ...     pid = PID(kp, 50.0, 10.0, period=0.01)
+    ...     loop = WithController(Axis(), pid, pid.period, pid.state())
     ...     return ss.simulate(loop, 0.0, 10.0, loop.start(Axis().state(x=0.1))).y1.y.x
     >>> print(f"{rest(50.0):.12f} m, {jax.grad(rest)(50.0):.9f} m per N/m")
     0.004581286468 m, 0.000125085 m per N/m
@@ -126,8 +127,8 @@ class WithController(AbstractSystemWrapper):
     the guess from the end of a run, or between two samples. `max_steps` of an `Integrator` bounds the
     attempts, two or more a sample.
 
-    **Errors** `TypeError`, `ValueError` naming the argument; also for an `update` that has a `period` of
-    its own and another one here, and for a state whose next sample is past.
+    **Errors** `TypeError`, `ValueError` naming the argument; also for an `update` with a `period` of its
+    own that is another one, and for a state whose next sample is past.
     """
 
     system: AbstractHybridSystem
@@ -209,9 +210,7 @@ class WithController(AbstractSystemWrapper):
     def vector_field(self, t, y, mode, args):
         system, given = self._driven(y.output, args)
         still = jax.tree.map(jnp.zeros_like, y)
-        return still._replace(
-            y=system.vector_field(t, y.y, mode, given), clock=-jnp.ones_like(y.clock)
-        )
+        return still._replace(y=system.vector_field(t, y.y, mode, given), clock=-jnp.ones_like(y.clock))
 
     def guards(self, t, y, mode, args):
         system, given = self._driven(y.output, args)
@@ -242,12 +241,18 @@ class WithController(AbstractSystemWrapper):
         after, found = system.transition(t, y.y, mode, jnp.minimum(guard, first - 1), given)
         return select(guard < first, (y._replace(y=after), jnp.asarray(found, mode.dtype)), acts)
 
+    def _update(self, number: Any, t: Any, y: PyTree, state: PyTree, args: PyTree) -> tuple:
+        """Output and state of the controller behind a sample."""
+        measured, now = self.measure(t, y, args), self._time_of(number)
+        found = self.update(number.astype(jnp.int32), now, measured, state, args)
+        if not isinstance(found, tuple) or len(found) != 2:
+            raise refusal("update(...)", found, "a pair, (output, state)", TypeError)
+        return jax.tree.map(lambda a: jnp.asarray(a, jnp.float64), found)
+
     def _sampled(self, t: Any, y: Controlled, args: PyTree) -> Controlled:
         """Behind a sample, its output last in the queue, which then is one longer than the delay."""
         number = self._next(t, y)
-        measured, now = self.measure(t, y.y, args), self._time_of(number)
-        found = self.update(number.astype(jnp.int32), now, measured, y.state, args)
-        output, state = jax.tree.map(lambda a: jnp.asarray(a, jnp.float64), found)
+        output, state = self._update(number, t, y.y, y.state, args)
         return y._replace(
             state=state, queue=(*y.queue[: self.delay], output), clock=self._time_of(number + 1.0) - t,
             waits=None if y.waits is None else jnp.ones_like(y.waits),
@@ -265,16 +270,11 @@ class WithController(AbstractSystemWrapper):
         t, y = jnp.asarray(t, jnp.float64), as_float64("y", y)
 
         def sample(t, y, state):
-            measured = self.measure(t, y, args)
-            return self.update(jnp.zeros((), jnp.int32), t, measured, state, args)
+            return state, *self._update(jnp.zeros(()), t, y, state, args)
 
-        found = eqx.filter_eval_shape(sample, t, y, self.initial)
-        if not isinstance(found, tuple) or len(found) != 2:
-            raise refusal("what update(...) returns", found, "a pair, (output, state)", TypeError)
-        output, state = found
-        form = eqx.filter_eval_shape(lambda state: state, self.initial)
-        if not _alike(state, form):
-            raise refusal("the state that update(...) returns", state, f"as it was given, {form}")
+        before, output, state = eqx.filter_eval_shape(sample, t, y, self.initial)
+        if not _alike(state, before):
+            raise refusal("update(...)[1]", state, f"of the form of the state before, {before}")
         zero = jax.tree.map(lambda a: jnp.zeros(a.shape, jnp.float64), output)
         late = (t - self.offset) / self.period
         number = jnp.maximum(jnp.ceil(late - ACCURACY.some_roundings * (1.0 + jnp.abs(late))), 0.0)
@@ -290,7 +290,7 @@ class WithController(AbstractSystemWrapper):
         if is_concrete((self.period, self.offset, t, y.clock)):
             left = float(self._time_of(self._next(t, y)) - t)
             if left < -ACCURACY.some_roundings * (abs(float(t)) + float(self.period)):
-                allowed = f"with its next sample at {float(t)} s or later: as `start(y, {float(t)})` has"
+                allowed = f"that of a sample at {float(t)} s or later, as `start(y, {float(t)})` has it"
                 raise refusal("y0.clock", float(y.clock), allowed)
         system, given = self._driven(y.output, args)
         system.check_start(t, y.y, given)
