@@ -11,7 +11,7 @@ from ._hunting import HuntingMap as HuntingMap
 from ._hunting import hunting_map as hunting_map
 from ._pid import PID as PID
 from ._pid import Integral as Integral
-from ._reading import quantised as quantised
+from ._reading import encoder_reading as encoder_reading
 from ._reading import reading_noise as reading_noise
 from ._reset import Reset as Reset
 from ._reset import ResetPID as ResetPID

@@ -1,16 +1,15 @@
-"""What is added to a controller's output: the friction to come, and disturbances as observed."""
+"""Additions to the output of a controller: friction to come, and disturbances as observed."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
-from jax.tree_util import Partial
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from .._argument_checks import parameters
-from .._types import Given, Numeric
-from .._validation import check_callable
+from .._types import Given, Numeric, Whole
 from ._pid import as_reference
+from ._trees import UPDATE, as_tree
 
 
 class FrictionFeedforward(eqx.Module):
@@ -29,10 +28,8 @@ class FrictionFeedforward(eqx.Module):
     def __init__(
         self, controller: Callable, friction: Callable, reference: Given[Callable | None] = None
     ):
-        call = "controller(k, t, measured, state, args)"
-        self.controller = check_callable("controller", controller, call, *range(5))
-        check_callable("friction", friction, "friction(w)", 0.0)
-        self.friction = friction if isinstance(friction, eqx.Module) else Partial(friction)
+        self.controller = as_tree("controller", controller, UPDATE, *range(5))
+        self.friction = as_tree("friction", friction, "friction(w)", 0.0)
         self.reference = None if reference is None else as_reference(reference)
 
     @property
@@ -44,7 +41,7 @@ class FrictionFeedforward(eqx.Module):
         """The state of the controller before the first sample."""
         return self.controller.state()
 
-    def __call__(self, k: Any, t: Any, measured: Any, state: Any, args: Any) -> tuple:
+    def __call__(self, k: Whole, t: Numeric, measured: PyTree, state: PyTree, args: PyTree) -> tuple:
         """Output and state at sample `k`."""
         output, state = self.controller(k, t, measured, state, args)
         speed = measured[1] if self.reference is None else self.reference(t, args)[1]
@@ -78,14 +75,13 @@ class DisturbanceObserver(eqx.Module):
 
     @parameters(mass="positive", bandwidth="positive", period="positive")
     def __init__(self, controller: Callable, mass: Numeric, bandwidth: Numeric, *, period: Numeric):
-        call = "controller(k, t, measured, state, args)"
-        self.controller = check_callable("controller", controller, call, *range(5))
+        self.controller = as_tree("controller", controller, UPDATE, *range(5))
 
     def state(self) -> Observed:
         """The state before the first sample."""
         return Observed(self.controller.state(), 0.0, 0.0)
 
-    def __call__(self, k: Any, t: Any, measured: Any, state: Observed, args: Any) -> tuple:
+    def __call__(self, k: Whole, t: Numeric, measured: PyTree, state: Observed, args: PyTree) -> tuple:
         """Output and state at sample `k`."""
         momentum = self.bandwidth * self.mass * measured[1]
         seen = state.observer + momentum

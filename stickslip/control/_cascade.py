@@ -1,7 +1,6 @@
 """A position loop around a velocity loop."""
 
 from collections.abc import Callable
-from typing import Any
 
 from jaxtyping import Array, Float
 
@@ -36,7 +35,7 @@ class Cascade(AbstractIntegrating):
         k_integral: Numeric,
         *,
         period: Numeric,
-        reference: Any = 0.0,
+        reference: Given[Numeric | Callable] = 0.0,
         limit: Given[Numeric | None] = None,
         tracking_time: Given[Numeric | None] = None,
     ):

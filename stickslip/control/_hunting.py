@@ -21,7 +21,6 @@ from .._validation import (
 from ..hybrid import AbstractHybridSystem, AbstractSystemWrapper, Integrator, SaveAt, Section, simulate
 from ..hybrid.components import component_list, place_of
 from ..sweep import map_lanes
-from ._accuracy import ACCURACY
 from ._with_controller import Controlled
 
 VERDICTS = ("rests", "hunts", "creeps", "unstable")
@@ -113,13 +112,15 @@ def hunting_map(
     above = Section(
         lambda system, t, y, dy, mode, args: place.read(y) - system.level, "rising", name="middle"
     )
-    parts = jnp.linspace(0.5, 1.0, 2 * ACCURACY.samples + 1) * duration
+    # Of each of the two quarters; as many crossings find room.
+    samples = 256
+    parts = jnp.linspace(0.5, 1.0, 2 * samples + 1) * duration
 
     def one(point: Mapping[str, Any]) -> tuple:
         system = loop(**point)
 
         def run(system, t0, t1, y, mode, **saved):
-            keeps = SaveAt(max_events=None, max_crossings=ACCURACY.crossings, **saved)
+            keeps = SaveAt(max_events=None, max_crossings=samples, **saved)
             return simulate(system, t0, t1, y, mode, integrator=integrator, saveat=keeps, throw=False)
 
         def look(found):
@@ -128,24 +129,24 @@ def hunting_map(
             return jnp.max(x), jnp.min(x), jnp.all(jnp.ptp(u, axis=-1) == 0.0)
 
         early = run(system, 0.0, parts[0], start(system), None)
-        middle = parts[ACCURACY.samples]
-        third = run(system, parts[0], middle, early.y1, early.mode1, ts=parts[: ACCURACY.samples + 1])
+        middle = parts[samples]
+        third = run(system, parts[0], middle, early.y1, early.mode1, ts=parts[: samples + 1])
         high, low, _ = look(third)
         level = _Levelled(system, 0.5 * (high + low))
         fourth = run(
-            level, middle, parts[-1], third.y1, third.mode1, ts=parts[ACCURACY.samples :],
+            level, middle, parts[-1], third.y1, third.mode1, ts=parts[samples :],
             sections=above,
         )  # fmt: skip
         top, bottom, still = look(fourth)
         before, now = high - low, top - bottom
         crossed, count = fourth.crossings[0], fourth.crossings[0].count
-        last = crossed.t[jnp.clip(count - 1, 0, ACCURACY.crossings - 1)]
+        last = crossed.t[jnp.clip(count - 1, 0, samples - 1)]
         period = (last - crossed.t[0]) / jnp.maximum(count - 1, 1).astype(jnp.float64)
         fine = early.successful & third.successful & fourth.successful & jnp.isfinite(now)
-        hunts = (count >= 2) & (now > resolution) & (ACCURACY.changes * now >= before)
+        hunts = (count >= 2) & (now > resolution) & (2.0 * now >= before)
         rests = (now <= resolution) & still
         code = jnp.where(rests, 0, jnp.where(hunts, 1, 2))
-        grown = (now > ACCURACY.changes * before) & (now > resolution)
+        grown = (now > 2.0 * before) & (now > resolution)
         code = jnp.where(fine & ~grown, code, 3)
         return code, 0.5 * now, jnp.where(code == 1, period, jnp.nan)
 

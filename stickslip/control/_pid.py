@@ -5,13 +5,13 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from .._argument_checks import number, parameters
-from .._types import Given, Numeric
-from .._validation import as_parameter, check_callable, one_number
+from .._types import Given, Numeric, Whole
+from .._validation import as_parameter, one_number
+from ._trees import as_tree
 
 
 class Integral(NamedTuple):
@@ -24,8 +24,7 @@ def as_reference(reference: Any) -> Any:
     """A reference as `reference(t, args) -> (position, velocity)`, of a number too."""
     if not callable(reference):
         return SetPoint(reference)
-    check_callable("reference", reference, "reference(t, args) -> (position, velocity)", 0.0, None)
-    return reference if isinstance(reference, eqx.Module) else jax.tree_util.Partial(reference)
+    return as_tree("reference", reference, "reference(t, args) -> (position, velocity)", 0.0, None)
 
 
 class SetPoint(eqx.Module):
@@ -34,9 +33,9 @@ class SetPoint(eqx.Module):
     reference: Float[Array, "..."]
 
     @parameters(reference=number())
-    def __init__(self, reference: Any): ...
+    def __init__(self, reference: Numeric): ...
 
-    def __call__(self, t: Any, args: Any) -> tuple[Any, Any]:
+    def __call__(self, t: Numeric, args: PyTree) -> tuple[Any, Any]:
         """Position and velocity at time `t` [s]."""
         return self.reference, 0.0
 
@@ -84,7 +83,7 @@ class AbstractIntegrating(eqx.Module):
     def _parts(self, error: Any, velocity: Any, v: Any) -> tuple[Any, Any]:
         """Output without the integral, and growth of that per second."""
 
-    def __call__(self, k: Any, t: Any, measured: Any, state: Integral, args: Any) -> tuple:
+    def __call__(self, k: Whole, t: Numeric, measured: PyTree, state: Integral, args: PyTree) -> tuple:
         """Output and state at sample `k`."""
         x, v = measured
         position, velocity = self.reference(t, args)
@@ -128,7 +127,7 @@ class PID(AbstractIntegrating):
         kd: Numeric,
         *,
         period: Numeric,
-        reference: Any = 0.0,
+        reference: Given[Numeric | Callable] = 0.0,
         limit: Given[Numeric | None] = None,
         tracking_time: Given[Numeric | None] = None,
     ):

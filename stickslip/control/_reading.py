@@ -11,11 +11,11 @@ from .._validation import whole_number
 
 
 @check_arguments(x=reals, quantum=number("positive"))
-def quantised(x: Numeric, quantum: Numeric) -> Any:
+def encoder_reading(x: Numeric, quantum: Numeric) -> Any:
     """The whole multiple of `quantum` nearest to `x`, halves upwards, as of an encoder or a converter.
 
     Its derivative by `x` is zero, as it is wherever it exists: derivatives of a loop are those at which
-    no reading changes. For the multiple below take `quantised(x - quantum / 2, quantum)`.
+    no reading changes. For the multiple below take `encoder_reading(x - quantum / 2, quantum)`.
     """
     return jnp.floor(jnp.asarray(x, jnp.float64) / quantum + 0.5) * quantum
 

@@ -4,10 +4,10 @@ from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from .._argument_checks import check_arguments, instance, number
-from .._types import Given, Numeric
+from .._types import Given, Numeric, Whole
 from .._validation import as_parameter
 from ._pid import PID, Integral
 
@@ -48,7 +48,7 @@ class ResetPID(eqx.Module):
         """The state before the first sample."""
         return Reset(0.0, 0.0)
 
-    def __call__(self, k: Any, t: Any, measured: Any, state: Reset, args: Any) -> tuple:
+    def __call__(self, k: Whole, t: Numeric, measured: PyTree, state: Reset, args: PyTree) -> tuple:
         """Output and state at sample `k`."""
         error = self.pid.reference(t, args)[0] - measured[0]
         integral = jnp.where(error * state.error < 0.0, self.factor, 1.0) * state.integral

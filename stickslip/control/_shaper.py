@@ -5,10 +5,10 @@ from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from .._argument_checks import number, parameters
-from .._types import Numeric
+from .._types import Given, Numeric
 from .._validation import check_between
 from ._pid import as_reference
 
@@ -33,11 +33,11 @@ class ZeroVibration(eqx.Module):
     damping: Float[Array, "..."]
 
     @parameters(omega="positive", damping=number("not negative"))
-    def __init__(self, reference: Any, omega: Numeric, damping: Numeric = 0.0):
+    def __init__(self, reference: Given[Numeric | Callable], omega: Numeric, damping: Numeric = 0.0):
         check_between("damping", damping, 0, 0.999999)
         self.reference = as_reference(reference)
 
-    def __call__(self, t: Any, args: Any) -> tuple[Any, Any]:
+    def __call__(self, t: Numeric, args: PyTree) -> tuple[Any, Any]:
         """Position and velocity at time `t` [s]."""
         root = jnp.sqrt(1.0 - self.damping**2)
         part = jnp.exp(-jnp.pi * self.damping / root)

@@ -14,7 +14,6 @@ from .._types import Given, Numeric
 from .._validation import (
     as_float64,
     as_parameter,
-    check_callable,
     check_count,
     check_type,
     is_concrete,
@@ -26,6 +25,7 @@ from ..hybrid.accuracy import ACCURACY
 from ..hybrid.load_jump import state_after_jump
 from ..hybrid.system import mode_type
 from ..hybrid.tree import select
+from ._trees import UPDATE, as_tree
 
 
 class Commanded(NamedTuple):
@@ -53,7 +53,7 @@ class Controlled(NamedTuple):
     held = ("state", "output", "queue", "clock", "waits")
 
 
-def commanded(system: Any, output: PyTree, args: PyTree) -> tuple[Any, PyTree]:
+def under_command(system: Any, output: PyTree, args: PyTree) -> tuple[Any, PyTree]:
     """The system, with its arguments in a `Commanded`."""
     return system, Commanded(output, args)
 
@@ -61,12 +61,6 @@ def commanded(system: Any, output: PyTree, args: PyTree) -> tuple[Any, PyTree]:
 def whole_reading(t: Any, y: PyTree, args: PyTree) -> PyTree:
     """The state itself, as measured."""
     return y
-
-
-def _as_tree(name: str, function: Any, call: str, count: int) -> Any:
-    """A function whose numbers, if it is a module, are parameters."""
-    check_callable(name, function, call, *range(count))
-    return function if isinstance(function, eqx.Module) else jax.tree_util.Partial(function)
 
 
 _controlled = instance(Controlled, "a Controlled, as `start` makes it")
@@ -114,7 +108,7 @@ class WithController(AbstractSystemWrapper):
       gains have derivatives. Its `args` are those of the run. `output` and `state` are pytrees of
       numbers, of the same form at every sample.
     - `period` $T_s$ [s], positive; `state`: that of the controller before its first sample.
-    - `measure(t, y, args)`: by default the state of `system` as it is; see `quantised`.
+    - `measure(t, y, args)`: by default the state of `system` as it is; see `encoder_reading`.
     - `delay` $d$: whole periods, an integer; `latency` $\tau$ [s]: from a sample to what it
       moves, `0 <= latency < period`; left out, there is none, and no step for it.
     - `offset` $t_o$ [s]: time of the first sample.
@@ -127,8 +121,8 @@ class WithController(AbstractSystemWrapper):
     the guess from the end of a run, or between two samples. `max_steps` of an `Integrator` bounds the
     attempts, two or more a sample.
 
-    **Errors** `TypeError`, `ValueError` naming the argument; also for an `update` with a `period` of its
-    own that is another one, and for a state whose next sample is past.
+    **Errors** `TypeError`, `ValueError` naming the argument; also for an `update` with another `period`
+    of its own, and for a state whose next sample is past.
     """
 
     system: AbstractHybridSystem
@@ -152,17 +146,17 @@ class WithController(AbstractSystemWrapper):
         delay: Given[int] = 0,
         latency: Given[Numeric | None] = None,
         offset: Numeric = 0.0,
-        drive: Callable = commanded,
+        drive: Callable = under_command,
     ):
         self.system = check_type("system", system, AbstractHybridSystem, "an AbstractHybridSystem")
-        self.update = _as_tree("update", update, "update(k, t, measured, state, args)", 5)
+        self.update = as_tree("update", update, UPDATE, *range(5))
         self.period = as_parameter(one_number("period", period, "positive"))
         own = getattr(update, "period", None)
         if own is not None and is_concrete((own, self.period)) and float(own) != float(self.period):
             raise refusal("period", float(self.period), f"that of `update`, {float(own)} s")
         self.initial = as_float64("state", state)
-        self.measure = _as_tree("measure", measure, "measure(t, y, args)", 3)
-        self.drive = _as_tree("drive", drive, "drive(system, output, args)", 3)
+        self.measure = as_tree("measure", measure, "measure(t, y, args)", *range(3))
+        self.drive = as_tree("drive", drive, "drive(system, output, args)", *range(3))
         self.delay = check_count("delay", delay, 0)
         self.offset = as_parameter(one_number("offset", offset))
         self.latency = None
@@ -201,19 +195,19 @@ class WithController(AbstractSystemWrapper):
     def _time_of(self, number: Any) -> Any:
         return self.offset + number * self.period
 
-    def _driven(self, output: PyTree, args: PyTree) -> tuple[Any, PyTree]:
+    def _under(self, output: PyTree, args: PyTree) -> tuple[Any, PyTree]:
         return self.drive(self.system, output, args)
 
     def inner(self, y, args):
-        return y.y, self._driven(y.output, args)[1]
+        return y.y, self._under(y.output, args)[1]
 
     def vector_field(self, t, y, mode, args):
-        system, given = self._driven(y.output, args)
+        system, given = self._under(y.output, args)
         still = jax.tree.map(jnp.zeros_like, y)
         return still._replace(y=system.vector_field(t, y.y, mode, given), clock=-jnp.ones_like(y.clock))
 
     def guards(self, t, y, mode, args):
-        system, given = self._driven(y.output, args)
+        system, given = self._under(y.output, args)
         number = self._next(t, y)
         own = (self._time_of(number) - t,)
         if self.latency is not None:
@@ -221,17 +215,17 @@ class WithController(AbstractSystemWrapper):
         return (*system.guards(t, y.y, mode, given), *own)
 
     def transition(self, t, y, mode, guard, args):
-        system, given = self._driven(y.output, args)
+        system, given = self._under(y.output, args)
         first, mode = len(self.system.guard_names), jnp.asarray(mode, mode_type(self))
         guard = jnp.asarray(guard)
-        own = self._sampled(t, y, args)
+        own = self._behind_sample(t, y, args)
         if self.latency is not None:
             own = select(guard == first, own, y)
         acts = own._replace(
             output=own.queue[0], queue=(*own.queue[1:], own.queue[-1])[: len(y.queue)],
             waits=None if y.waits is None else jnp.zeros_like(y.waits),
         )  # fmt: skip
-        behind, new = self._driven(acts.output, args)
+        behind, new = self._under(acts.output, args)
         after, found = state_after_jump(behind, (t, given), t, y.y, mode, new)
         acts = acts._replace(y=after), found
         if self.latency is not None:
@@ -249,7 +243,7 @@ class WithController(AbstractSystemWrapper):
             raise refusal("update(...)", found, "a pair, (output, state)", TypeError)
         return jax.tree.map(lambda a: jnp.asarray(a, jnp.float64), found)
 
-    def _sampled(self, t: Any, y: Controlled, args: PyTree) -> Controlled:
+    def _behind_sample(self, t: Any, y: Controlled, args: PyTree) -> Controlled:
         """Behind a sample, its output last in the queue, which then is one longer than the delay."""
         number = self._next(t, y)
         output, state = self._update(number, t, y.y, y.state, args)
@@ -292,26 +286,26 @@ class WithController(AbstractSystemWrapper):
             if left < -ACCURACY.some_roundings * (abs(float(t)) + float(self.period)):
                 allowed = f"that of a sample at {float(t)} s or later, as `start(y, {float(t)})` has it"
                 raise refusal("y0.clock", float(y.clock), allowed)
-        system, given = self._driven(y.output, args)
+        system, given = self._under(y.output, args)
         system.check_start(t, y.y, given)
 
     @check_arguments(t=reals, y=_controlled)
     def initial_mode(self, t, y, args):
-        system, given = self._driven(y.output, args)
+        system, given = self._under(y.output, args)
         return system.initial_mode(t, y.y, given)
 
     # -- the rest is that of the system, with the output that acts
 
     def check_mode(self, t, y, mode, args):
-        system, given = self._driven(y.output, args)
+        system, given = self._under(y.output, args)
         system.check_mode(t, y.y, mode, given)
 
     def constraints(self, t, y, mode, args):
-        system, given = self._driven(y.output, args)
+        system, given = self._under(y.output, args)
         return system.constraints(t, y.y, mode, given)
 
     def switches_in(self, t, y, mode, args):
-        system, given = self._driven(y.output, args)
+        system, given = self._under(y.output, args)
         return system.switches_in(t, y.y, mode, given)
 
 

@@ -47,7 +47,7 @@ TARGETS = [
             "damping": arg(0.1, "zero", "float32", "row"),
         },
     ),
-    Target(control.quantised, {"x": arg(0.1, "reals"), "quantum": arg(0.1, *ONE)}),
+    Target(control.encoder_reading, {"x": arg(0.1, "reals"), "quantum": arg(0.1, *ONE)}),
     Target(
         control.reading_noise,
         {"seed": arg(1, "count"), "k": arg(2, "count")},

@@ -16,7 +16,7 @@ from stickslip.control import (
     ResetPID,
     WithController,
     ZeroVibration,
-    quantised,
+    encoder_reading,
     reading_noise,
 )
 from stickslip.systems import Motion
@@ -160,8 +160,8 @@ def test_a_shaped_reference_leaves_no_vibration(damping):
 
 
 def test_readings():
-    assert np.allclose(quantised(np.array([0.26, -0.26, 0.25]), 0.5), [0.5, -0.5, 0.5])
-    assert float(jax.grad(lambda x: quantised(x, 0.5))(0.3)) == 0.0
+    assert np.allclose(encoder_reading(np.array([0.26, -0.26, 0.25]), 0.5), [0.5, -0.5, 0.5])
+    assert float(jax.grad(lambda x: encoder_reading(x, 0.5))(0.3)) == 0.0
     noise = np.array([reading_noise(3, k) for k in range(400)])
     assert noise[7] == reading_noise(3, 7)
     assert noise[7] != reading_noise(4, 7)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.control import Commanded, WithController, quantised
+from stickslip.control import Commanded, WithController, encoder_reading
 from tests.stickslip.control._axis import Axis, begin, under_pid
 from tests.stickslip.control._reference import Loop
 
@@ -23,7 +23,7 @@ def drawn(number, seed):
 
 
 def rounded_reading(t, y, quantum):
-    return quantised(y.x, quantum), y.v_x
+    return encoder_reading(y.x, quantum), y.v_x
 
 
 def end_of(row, delay, late, rounds):
