@@ -13,6 +13,6 @@ UPDATE = "update(k, t, measured, state, args)"
 
 def as_tree(name: str, function: Any, call: str, *arguments: Any) -> Callable:
     """A function that is called so, as a pytree: the numbers of a module are parameters."""
-    check_callable(name, function, call, *arguments)
+    function = check_callable(name, function, call, *arguments)
     tree: Any = function if isinstance(function, eqx.Module) else Partial(function)
     return tree
