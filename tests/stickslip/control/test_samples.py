@@ -76,9 +76,9 @@ def test_the_numbers_of_the_closed_form(period, reading, x, total):
 @pytest.mark.parametrize(
     ("delay", "late", "rounds"),
     [
-        (1, True, True),
+        (2, True, True),
         pytest.param(0, False, False, marks=pytest.mark.more),
-        pytest.param(2, True, False, marks=pytest.mark.more),
+        pytest.param(1, True, False, marks=pytest.mark.more),
         pytest.param(1, False, True, marks=pytest.mark.more),
     ],
 )
