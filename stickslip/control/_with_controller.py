@@ -116,11 +116,11 @@ class WithController(AbstractSystemWrapper):
       the system for one.
 
     State `Controlled`; `start(y, t, args)` makes one. A sample at the start of a run belongs to it, and
-    one at its end too. Derivatives go through all samples, by `period`, `latency` and `offset` too. Of
-    readings that are rounded they are zero; so is that by a static friction which an output overcomes: the
-    stick ends with the sample, whatever the friction is. Of a periodic orbit, forced with a period of $n T_s$, take
-    the guess from the end of a run, or between two samples. `max_steps` of an `Integrator` bounds the
-    attempts, two or more a sample.
+    one at its end too. Derivatives go through all samples, by `period`, `latency` and `offset` too. By
+    readings that are rounded they are zero, and by a static friction that the jump of an output
+    overcomes: the stick ends with the sample. Of a periodic orbit, forced with a period of $n T_s$,
+    take the guess from the end of a run, or between two samples. `max_steps` of an `Integrator` bounds
+    the attempts, two or more a sample.
 
     **Errors** `TypeError`, `ValueError` naming the argument; also for an `update` with another `period`
     of its own, and for a state whose next sample is past.

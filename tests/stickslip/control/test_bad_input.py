@@ -51,7 +51,7 @@ def test_updates_that_return_something_else(update, words):
 
 def test_states_that_are_none_of_the_loop():
     loop = under_pid()
-    with pytest.raises(TypeError, match="y0 = .* a Controlled, as `start` makes it"):
+    with pytest.raises(TypeError, match=r"y0 = .* a Controlled, as `start` makes it"):
         ss.simulate(loop, 0.0, 1.0, Axis().state(x=0.1))
     with pytest.raises(ValueError, match=r"y0.clock = 0.0: it must be that of a sample at 0.5037 s or"):
         ss.simulate(loop, 0.5037, 1.0, begin(loop))
