@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from . import analysis as analysis
     from . import contact as contact
     from . import continuation as continuation
+    from . import control as control
     from . import derived as derived
     from . import friction as friction
     from . import identification as identification
@@ -59,8 +60,8 @@ if TYPE_CHECKING:
 
 # They come when they are used, since some import what takes longer than the rest of the package.
 _PACKAGES = (
-    "analysis", "contact", "continuation", "derived", "friction", "identification", "mechanism", "plot",
-    "structure", "systems",
+    "analysis", "contact", "continuation", "control", "derived", "friction", "identification",
+    "mechanism", "plot", "structure", "systems",
 )  # fmt: skip
 
 

@@ -19,6 +19,7 @@ PACKAGES = (
     "stickslip.contact",
     "stickslip.mechanism",
     "stickslip.structure",
+    "stickslip.control",
     "stickslip.systems",
     "stickslip.derived",
     "stickslip.sweep",

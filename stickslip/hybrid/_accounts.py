@@ -53,7 +53,7 @@ def sections_at_zero(plan: Plan, code: Any, lane: Lane, values: Values) -> tuple
     # After one event another may follow at once, and then no step says how well the first was located.
     opened = jnp.where((lane.bracket.tries == 0) & (lane.h > 0), lane.h, lane.full)
     full = jnp.maximum(opened, jnp.where(lane.h > 0, 0.0, lane.h_free))
-    event = is_event(code) | ((code == REFRESH) & (lane.events > 0))
+    event = is_event(code) | ((code == REFRESH) & (lane.accepted > 0))
     return tuple(
         event & _is_zero(lane, values, i, full) for i in range(functions.num_guards, functions.count)
     )
@@ -177,7 +177,7 @@ def accounts(
 def _of_events(plan: Plan, code, lane: Lane, h, t, mode, first: First) -> dict[str, Any]:
     """Counters and flags that only events change."""
     event, moved = is_event(code), moved_on(code)
-    fires = event & ~plan.functions.is_bend(first.index) if plan.functions.num_bends else event
+    fires = event & ~plan.functions.is_silent(first.index) if plan.functions.num_silent else event
     kept = dict(
         fresh=jnp.where(event, 0.0, jnp.where(moved, 1.0, lane.fresh)),
         events=lane.events + jnp.where(fires, 1.0, 0.0),

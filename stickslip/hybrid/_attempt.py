@@ -112,7 +112,7 @@ def _advance(
     # The next length is chosen from the new time: an output or the end may be nearer than the rule's
     # step, and an event has moved the time by `dt`.
     following = control(
-        plan, code, bare, step.h, search, step.error, t, y, dy, lane.size, t1, outputs,
+        plan, code, bare, step.h, search, known, step.error, t, y, dy, lane.size, t1, outputs,
         begins=not judged,
     )  # fmt: skip
     counted = accounts(

@@ -11,9 +11,8 @@ from .._types import Given, Numeric, Row
 from .._validation import as_parameter, check_finite, check_increasing, check_type, shape_refusal
 from ._wrapper import AbstractSystemWrapper
 from .accuracy import ACCURACY
-from .event_functions import guards_over_magnitudes
-from .status import JUMP
-from .system import AbstractHybridSystem, guard_directions, mode_type
+from .load_jump import state_after_jump
+from .system import AbstractHybridSystem, mode_type
 from .tree import select
 
 
@@ -22,6 +21,8 @@ class Pieced(NamedTuple):
 
     y: PyTree
     piece: Any
+
+    held = ("piece",)
 
 
 @jax.custom_jvp
@@ -142,39 +143,10 @@ class WithBreaks(AbstractSystemWrapper):
         mode = jnp.asarray(mode, mode_type(self))
         inside = self._inside(t, y.piece)
         after, new = self.system.transition(inside, y.y, mode, jnp.minimum(guard, number - 1), args)
-        past = state_after_jump(self.system, inside, t, y.y, mode, args)
+        past = state_after_jump(self.system, (inside, args), t, y.y, mode, args)
         state, mode = select(breaks, past, (after, jnp.asarray(new, mode_type(self))))
         return Pieced(state, y.piece + jnp.where(breaks, 1.0, 0.0)), mode
 
     @check_arguments(t=reals, y=_pieced)
     def initial_mode(self, t, y, args):
         return self.system.initial_mode(self._inside(t, y.piece), y.y, args)
-
-
-def state_after_jump(
-    system: AbstractHybridSystem, before: Any, t: Any, y: PyTree, mode: Any, args: PyTree
-) -> tuple[Any, Any]:
-    """State and mode of a system behind a jump of its load, which may violate guards at once.
-
-    `before`, `t`: the last instant before the jump and the first behind it. One that fires both ways
-    has the sign that it had before, until it fires.
-    """
-    if system.answers_jumps:
-        y, mode = system.transition(t, y, mode, JUMP, args)
-        return y, jnp.asarray(mode, mode_type(system))
-    directions = guard_directions(system)
-    signs = jnp.asarray([-1.0 if d == "rising" else 1.0 for d in directions])
-    both = jnp.asarray([d == "both" for d in directions])
-    if "both" in directions:
-        had = jnp.sign(guards_over_magnitudes(system, before, y, mode, args))
-        signs = jnp.where(both, had, signs)
-    for _ in range(ACCURACY.guards_of_one_jump):
-        falls = signs * guards_over_magnitudes(system, t, y, mode, args)
-        lowest = jnp.argmin(falls).astype(jnp.int32)
-        jumped = system.transition(t, y, mode, lowest, args)
-        violated = (falls[lowest] < -ACCURACY.slack) & (mode >= 0)
-        after = jumped[0], jnp.asarray(jumped[1], mode_type(system))
-        y, mode = select(violated, after, (y, jnp.asarray(mode, mode_type(system))))
-        if "both" in directions:
-            signs = jnp.where(both & (jnp.arange(both.size, dtype=jnp.int32) == lowest), 0.0, signs)
-    return y, mode

@@ -7,7 +7,6 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ._breaks import Pieced
 from ._tolerance import COORDINATES, MIXED, STILL, VELOCITIES, generic
 from ._wrapper import AbstractSystemWrapper
 from .components import components_of, per_second
@@ -20,7 +19,7 @@ def component_kinds(system: AbstractHybridSystem, y: PyTree) -> tuple[str, ...]:
     Coordinates and velocities are told by their units; other components with a unit that the system
     states, as those of first order, are of the kind of that unit. A component without one, or of a
     wrapper, as an integral is, is compared with all that moves (`MIXED`). The number of a piece of a
-    load does not move (`STILL`).
+    load, or what a controller holds, does not move (`STILL`).
     """
     while isinstance(system, AbstractSystemWrapper):
         system = system.system
@@ -89,9 +88,19 @@ def sizes_driven(
 
 
 def _counts(y: PyTree) -> PyTree:
-    """Whether the leaves are numbers of pieces."""
+    """Whether the leaves are held between events, as the number of a piece.
+
+    A state of a wrapper names such parts as `held`, a constant of its class.
+    """
 
     def of(node: Any) -> Any:
-        return Pieced(_counts(node.y), True) if isinstance(node, Pieced) else False
+        if not _holds(node):
+            return False
+        parts = zip(node._fields, node, strict=True)
+        return [jax.tree.map(lambda _: True, a) if n in node.held else _counts(a) for n, a in parts]
 
-    return jax.tree.map(of, y, is_leaf=lambda node: isinstance(node, Pieced))
+    return jax.tree.map(of, y, is_leaf=_holds)
+
+
+def _holds(node: Any) -> bool:
+    return isinstance(node, tuple) and isinstance(getattr(type(node), "held", None), tuple)

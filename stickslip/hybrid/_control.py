@@ -37,17 +37,19 @@ class Next(NamedTuple):
 
 
 def control(
-    plan: Plan, code, lane: Lane, h, search, error, t, y, dy, size, t1, outputs, begins: bool
+    plan: Plan, code, lane: Lane, h, search, known, error, t, y, dy, size, t1, outputs, begins: bool
 ) -> Next:
     """Choice of the next attempt.
 
     `search`: the lengths that an event being located, and a place to look at, ask for; None where no
-    event function interferes. `begins`: whether a lane may just have computed its first slope.
+    event function interferes. `known`: event functions at the start of the next attempt. `begins`:
+    whether a lane may just have computed its first slope.
     """
     rule: Any = plan.step_size
+    scheduled = plan.functions.until_scheduled(known)
     landed, next_output = code < HOLD, lane.next_output
     if plan.has_outputs:
-        landed, next_output = _land_on_output(plan, code, next_output, t, t1, outputs)
+        landed, next_output = _land_on_output(plan, code, scheduled, next_output, t, t1, outputs)
     # Three lengths: what the rule would take (`h_free`, which outlives steps that an event or an output
     # time has shortened), what this lane takes next, and what it takes after a rejection.
     h_free, h_take, h_rejected = lane.h_free, None, h
@@ -56,7 +58,7 @@ def control(
         first = _begun(plan, h_free, h, y, dy, size) if begins else h_free
         h_free = _free(plan, code, h, h_free, first, factors, lane.bracket.tries, landed)
         h_take = h_rejected = h_free
-    h_next = _length(plan, code, h_take, h_rejected, search, next_output, t, t1, outputs)
+    h_next = _length(plan, code, h_take, h_rejected, search, scheduled, next_output, t, t1, outputs)
     return Next(h_next, h_free, next_output, landed)
 
 
@@ -107,14 +109,17 @@ def _free(plan: Plan, code, h, h_free, first, factors, tries, landed):
 
 
 @bookkeeping
-def _length(plan: Plan, code, h_take, h_rejected, search, next_output, t, t1, outputs):
-    """Length of the next attempt: to the end or the next output time, unless an event is located."""
+def _length(plan: Plan, code, h_take, h_rejected, search, scheduled, next_output, t, t1, outputs):
+    """Length of the next attempt: to the end, the next output time or known instant, unless an event is
+    located."""
     target = _target(plan, next_output, t1, outputs)[0] if plan.has_outputs else t1
     # A rule that is not adaptive needs no state, and its length is a constant of the program.
     h_take = plan.step_size.initial(None, None, None) if h_take is None else h_take
     # A remainder that is longer by rounding alone is taken whole; else a step of some 1e-16 s would
     # follow, whose scaled error means nothing.
     remaining = target - t
+    if scheduled is not None:
+        remaining = jnp.minimum(remaining, scheduled)
     h_next = jnp.where(remaining <= h_take * (1.0 + 1e-9), jnp.maximum(remaining, 0.0), h_take)
     if search is not None:
         h_located, h_dip = search
@@ -126,9 +131,11 @@ def _length(plan: Plan, code, h_take, h_rejected, search, next_output, t, t1, ou
 
 
 @bookkeeping
-def _land_on_output(plan: Plan, code, next_output, t, t1, outputs):
+def _land_on_output(plan: Plan, code, scheduled, next_output, t, t1, outputs):
     target, is_last = _target(plan, next_output, t1, outputs)
     # An event at an output time comes first; the output is taken by the attempt of length zero after.
     landed = (code == PLAIN) | (code == REFRESH)
     landed = landed & (target - t <= rounding(t, t1)) & ~is_last
+    if scheduled is not None:
+        landed = landed & (scheduled > rounding(t, t1))
     return landed, next_output + jnp.where(landed, 1, 0)

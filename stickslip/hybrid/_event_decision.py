@@ -72,11 +72,14 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
     beside = -ACCURACY.zero * full
     at_start = ~free & (lane.h == 0)
     rounding = -2.0 * ACCURACY.lowest / lane.h
+    arrived = jnp.zeros_like(brushed)
     for i in range(functions.count):
         is_guard = i < functions.num_guards
         acts = functions.acts(i)
         if not acts and not plan.detect_dips:
             continue
+        if i in functions.scheduled:
+            continue  # below, when it is known whether anything else comes before
         side = start_value = lane.values[i]
         # A section or guard that fires both ways and starts at zero has the sign it goes to.
         if not is_guard or functions.directions[i] == "both":
@@ -141,6 +144,16 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         best = best._replace(close=close, **dict(zip(First._fields, chosen, strict=False)))
     if not functions.num_guards:
         return best
+    for i in functions.scheduled:
+        value, rate = values.value[i], stop_gradient(values.rate[i])
+        arrives = stop_gradient(value) <= -rate * _same_time(lane)
+        first = arrives & ~arrived & ~(stop_gradient(best.value) < -ACCURACY.slack)
+        chosen = (jnp.full_like(best.index, i), value, rate, lane.values[i], lane.rates[i])
+        chosen = [jnp.where(first, new, old) for new, old in zip(chosen, best[:5], strict=True)]
+        best = best._replace(**dict(zip(First._fields, chosen, strict=False)))
+        arrived = arrived | arrives
+    if functions.scheduled:
+        best = best._replace(close=best.close + arrived.astype(best.close.dtype))
     # A guard without a value would never fire: the step that ends there is none.
     every = stop_gradient(functools.reduce(operator.add, values.value[: functions.num_guards]))
     best = best._replace(value=jnp.where(jnp.isnan(every), jnp.nan, best.value))
@@ -158,6 +171,11 @@ def lowest(plan: Plan, lane: Lane, values: Values, h_seen: Any, jumps: Any) -> F
         rests = rests & ~bend
     touched = jnp.where(rests, best.index, touched)
     return best._replace(marks=marks | flag(touched >= 0, GRAZING) | of_guard(touched))
+
+
+def _same_time(lane: Lane) -> Any:
+    """Difference of two times that are one by rounding [s]."""
+    return ACCURACY.rounding * (jnp.abs(lane.t) + lane.h)
 
 
 def _turns(rate0: Any, rate: Any, rounding: Any) -> Any:
@@ -264,16 +282,18 @@ def _what_fires(plan: Plan, lane: Lane, h: Any, first: First, code: Any) -> Any:
     hit = first.value < jnp.where(guards, -ACCURACY.slack, 1e-300)
     # A jump through zero ends on its far side, where the new mode is what it will be.
     collapsed = _locate.is_collapsed(b, lane.t, full) & (first.value < 0)
+    arrives = functions.is_scheduled(first.index) & (first.value < ACCURACY.far)
     shrink = fresh & (hit | ~free)
     # An attempt inside a bracket is never accepted for being on the near side of the zero: it goes on
     # until it is near enough for the Newton correction, or the bracket has no width left.
     code = jnp.where(shrink, SHRINK, code)
     code = jnp.where(shrink & collapsed & ~free, jnp.where(guards, COLLAPSED, SECTION), code)
     code = jnp.where(shrink & near, jnp.where(guards, EVENT, SECTION), code)
+    code = jnp.where(fresh & arrives, EVENT, code)
     # A dip of one function may lie before the crossing of another: it is looked at first. And the zero
     # that was located may be the last of several.
     code = jnp.where(fresh & (first.h_dip < ACCURACY.far) & (free | near), DIP, code)
-    return jnp.where(~fresh & hit & guards, VIOLATED, code)
+    return jnp.where(~fresh & hit & guards & ~arrives, VIOLATED, code)
 
 
 def search_bracket(plan: Plan, lane: Lane, code: Any, h: Any, first: First) -> tuple[Bracket, Any, Any]:

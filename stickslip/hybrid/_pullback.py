@@ -88,7 +88,7 @@ def pull(
     """
     problem_bar, t_bar, y_bar, dy_bar = bars
     event, moved = is_event(row.code), moved_on(row.code)
-    logged = event & ~plan.functions.is_bend(row.guard) if plan.functions.num_bends else event
+    logged = event & ~plan.functions.is_silent(row.guard) if plan.functions.num_silent else event
 
     # Cotangents of the rows this attempt wrote into the logs.
     before_bar = jax.tree.map(jnp.zeros_like, y_bar)

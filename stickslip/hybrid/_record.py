@@ -105,8 +105,8 @@ def record(
     logs = _empty(capacities, lane)
 
     guards = plan.functions.num_guards > 0
-    # Bends of a force are guards that are not logged.
-    logged = capacities.events is not None and plan.functions.num_guards > plan.functions.num_bends
+    # Bends of a force, and known instants, are guards that are not logged.
+    logged = capacities.events is not None and plan.functions.num_guards > plan.functions.num_silent
     rowwise = capacities.steps is not None
     starts = bool(capacities.crossings)  # then the rows say where the next attempt starts
     ends = guards and (logged or rowwise or capacities.outputs > 0)

@@ -89,6 +89,11 @@ class AbstractSystemWrapper(AbstractHybridSystem):
         return self.system.continuous_guards
 
     @property
+    def scheduled_guards(self) -> tuple[int, ...]:
+        """Those of `system`."""
+        return self.system.scheduled_guards
+
+    @property
     def answers_jumps(self) -> bool:
         """As `system`; `transition` hands the guard on."""
         return self.system.answers_jumps

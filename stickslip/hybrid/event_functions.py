@@ -1,5 +1,7 @@
 """Values and rates of every event function: the guards of the system, then the sections."""
 
+import functools
+import operator
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -41,6 +43,7 @@ class EventFunctions(eqx.Module):
     straight: tuple = eqx.field(static=True)
     read: tuple = eqx.field(static=True)  # which leaves of the state those depend on
     continuous: tuple[int, ...] = eqx.field(static=True)  # guards whose touch leaves derivatives right
+    scheduled: tuple[int, ...] = eqx.field(static=True)  # guards that are times left to known instants
     # Whether magnitudes of the guards follow the motion, because the system states none.
     learned: bool = eqx.field(static=True)
     stated: tuple[bool, ...] = eqx.field(static=True)  # the magnitudes of which guards are stated
@@ -56,6 +59,24 @@ class EventFunctions(eqx.Module):
     def is_bend(self, index: Any) -> Any:
         """Whether a function, one of the guards, is a bend of a force."""
         return (index >= self.num_guards - self.num_bends) & (index < self.num_guards)
+
+    def is_scheduled(self, index: Any) -> Any:
+        """Whether a function is the time left until a known instant."""
+        return functools.reduce(operator.or_, (index == i for i in self.scheduled), index < -1)
+
+    @property
+    def num_silent(self) -> int:
+        """How many of the guards are no events to the user: bends, and known instants."""
+        return self.num_bends + len(self.scheduled)
+
+    def is_silent(self, index: Any) -> Any:
+        """Whether a function is one of those."""
+        return self.is_bend(index) | self.is_scheduled(index)
+
+    def until_scheduled(self, values: Values) -> Any:
+        """Time left until the next of the known instants [s]; None where there are none."""
+        left = [-values.value[i] / values.rate[i] for i in self.scheduled]
+        return functools.reduce(jnp.minimum, left) if left else None
 
     def acts(self, index: int) -> bool:
         """Whether a crossing ends the step: guards and terminal sections, not recorded sections."""
@@ -212,7 +233,9 @@ def event_functions(
             lambda t, y, dy, s=section: s.function(system, t, y, dy, mode, args), section.name, t, y, dy
         )
     of_slope = tuple(s.uses_slope(system, t, y, dy, mode, args) for s in sections)
-    judged = (True,) * len(names) + tuple(not slope for slope in of_slope)
+    scheduled = system.scheduled_guards
+    judged = (i not in scheduled for i in range(len(names)))
+    judged = (*judged, *(not slope for slope in of_slope))
     scales = (None,) * len(names) if system.guard_scales is None else system.guard_scales
     function = all_values(system, sections, dy, mode, args)
     degree = degrees(function, (t, y), (True, True))
@@ -229,6 +252,7 @@ def event_functions(
         straight=tuple(known and d == AFFINE for known, d in zip(judged, degree, strict=True)),
         read=_read(function, t, y, kept),
         continuous=system.continuous_guards,
+        scheduled=scheduled,
         learned=any(scale is None for scale in scales),
         stated=tuple(scale is not None for scale in scales),
         num_bends=num_bends,

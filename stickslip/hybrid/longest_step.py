@@ -44,7 +44,7 @@ def step_bound(
     longest = jnp.maximum(ACCURACY.of_run * (rule.dtmax.span if whole else span), 1e-300)
     if not rule.adaptive or not (whole or rule.dtmax is None):
         return Bound(rule, (), longest)
-    closed = _motion(system, sections, t0, y0, mode0, args)
+    closed = _motion(system, sections, t0, y0, mode0, args, system.scheduled_guards)
     by_time = _depends_on_time(closed)
     hides = hiding(system, closed, y0)
     bound, watched = jnp.inf, hides.watched
@@ -86,11 +86,12 @@ def _depends_on_time(closed: Any) -> bool:
     return any(degrees_in(closed, [i == 0 for i in range(len(closed.jaxpr.invars))]))
 
 
-def _motion(system, sections, t, y, mode, args) -> Any:
-    """The program of the field and of all event functions, of time and state."""
+def _motion(system, sections, t, y, mode, args, without: tuple[int, ...] = ()) -> Any:
+    """The program of the field and of the event functions, of time and state, `without` some guards."""
 
     def motion(t, y):
-        slope = system.vector_field(t, y, mode, args)
-        return slope, all_values(system, sections, y, mode, args)(t, y)
+        values = all_values(system, sections, y, mode, args)(t, y)
+        kept = [value for i, value in enumerate(values) if i not in without]
+        return system.vector_field(t, y, mode, args), kept
 
     return jax.make_jaxpr(motion)(t, y)

@@ -22,9 +22,9 @@ from .._validation import (
     refusal,
     shape_refusal,
 )
-from ._breaks import state_after_jump
 from ._wrapper import AbstractSystemWrapper
 from .accuracy import ACCURACY
+from .load_jump import state_after_jump
 from .names import MadeNames
 from .system import AbstractHybridSystem, mode_type
 from .tree import select
@@ -179,7 +179,8 @@ class WithPeriodicBreaks(AbstractSystemWrapper):
         breaks = jnp.asarray(guard) == number
         inside = self._inside(t, piece)
         after, new = self.system.transition(inside, y, inner, jnp.minimum(guard, number - 1), args)
-        past = state_after_jump(self.system, inside, self._inside(t, following), y, inner, args)
+        behind = self._inside(t, following)
+        past = state_after_jump(self.system, (inside, args), behind, y, inner, args)
         y, inner = select(breaks, past, (after, jnp.asarray(new, mode_type(self.system))))
         return y, self._mode_of_piece(inner, jnp.where(breaks, following, piece))
 

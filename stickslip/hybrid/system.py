@@ -137,6 +137,14 @@ class AbstractHybridSystem(AbstractShown):
         return ()
 
     @property
+    def scheduled_guards(self) -> tuple[int, ...]:
+        """Guards, by number, that are the time left until an instant that is known [s].
+
+        Steps land on their zeros, which are not searched for, and they are neither logged nor counted.
+        """
+        return ()
+
+    @property
     def answers_jumps(self) -> bool:
         """Whether `transition` takes the constant -1 for a guard: a load has jumped at a declared time.
 

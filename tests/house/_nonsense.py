@@ -36,6 +36,7 @@ from stickslip import _compilation_cache
 from stickslip.analysis import _attractor, _volume
 from stickslip.contact import _dead_zone, _zonotope
 from stickslip.continuation import _continue
+from stickslip.control import _hunting
 from stickslip.friction import _contract
 from stickslip.hybrid import _interpolate, _saltation, _simulate
 from stickslip.identification import (
@@ -53,6 +54,7 @@ from stickslip.sweep import evaluate
 from tests.house import (
     _nonsense_analyses,
     _nonsense_continuation,
+    _nonsense_control,
     _nonsense_engine,
     _nonsense_identification,
     _nonsense_laws,
@@ -77,6 +79,7 @@ TARGETS: list[Target] = [
     *_nonsense_plot.TARGETS,
     *_nonsense_methods.TARGETS,
     *_nonsense_structure.TARGETS,
+    *_nonsense_control.TARGETS,
 ]
 OURS = tuple(str(pathlib.Path(m.__file__).parent) + os.sep for m in (stickslip, corexy_jax))
 LIMIT = 2.0  # s of the processor, so that a busy machine does not count
@@ -84,6 +87,7 @@ COMPILING = "/jax/core/compile/backend_compile_duration"
 BEHIND = (
     (_simulate, "core"),
     (_continue, "begin"),
+    (_hunting, "map_lanes"),
     (evaluate.Evaluate, "program"),
     (_compilation_cache, "_here"),
     (_methods.AbstractIterativeMethod, "solve"),

@@ -13,6 +13,7 @@ import numpy as np
 import corexy_jax as cx
 import stickslip as ss
 from stickslip import derived, friction, identification, systems
+from tests.house._nonsense_control import AXIS, LOOP
 from tests.house._nonsense_engine import OSCILLATOR, START
 from tests.house._nonsense_identification import (
     BEST,
@@ -126,6 +127,8 @@ TARGETS = [
     ),
     *of(DAMPED, y=arg(SLID), start__y=arg(SLID.y), z=arg([0.0], "none"),
         start__t=arg(0.0, "finite", "float32"), t=arg(0.1, "real")),
+    *of(LOOP, y=arg(LOOP.start(AXIS)), start__y=arg(AXIS, STATES),
+        start__t=arg(0.0, "finite", "float32")),
     *of(FITS, path=arg(f"{INSIDE.name}/fit.nc", "path"), robust=arg(False, "flag")),
     *of(PREDICTION),
     *of(PROFILE, name=arg("a")),

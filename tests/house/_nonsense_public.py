@@ -6,7 +6,7 @@ from typing import Any
 
 PACKAGES = (
     "stickslip", "stickslip.friction", "stickslip.contact", "stickslip.systems", "stickslip.sweep",
-    "stickslip.derived", "stickslip.structure",
+    "stickslip.derived", "stickslip.structure", "stickslip.control",
     "stickslip.analysis", "stickslip.continuation", "stickslip.identification", "stickslip.hybrid",
     "stickslip.plot",
     "corexy_jax",
@@ -73,7 +73,9 @@ EXEMPT_METHODS = {
             "vector_field", "guards", "transition", "inner", "time_scale", "check_start",
             "check_mode", "constraints", "mass_matrix", "switches", "switches_in",
             "forces", "contacts", "gaps", "potential_energy", "rates", "HarmonicForce.__call__",
-            "Jenkins.bounds", "LinearStructure.initial_mode",
+            "Jenkins.bounds", "LinearStructure.initial_mode", "AbstractIntegrating.__call__",
+            "ResetPID.__call__", "FrictionFeedforward.__call__", "DisturbanceObserver.__call__",
+            "ZeroVibration.__call__",
         ),
         CALLED_BY_ENGINE,
     ),

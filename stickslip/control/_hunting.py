@@ -1,0 +1,156 @@
+"""Which loops rest, and which hunt: one verdict for each of many controllers."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from .._types import Given, NamedNumbers, Numeric
+from .._validation import (
+    as_parameter,
+    check_callable,
+    check_mapping,
+    check_type,
+    numbers,
+    one_number,
+    refusal,
+)
+from ..hybrid import AbstractHybridSystem, AbstractSystemWrapper, Integrator, SaveAt, Section, simulate
+from ..hybrid.components import component_list, place_of
+from ..sweep import map_lanes
+from ._with_controller import Controlled
+
+VERDICTS = ("rests", "hunts", "creeps", "unstable")
+
+
+class HuntingMap(NamedTuple):
+    """Verdicts on loops; every array has the shape of the `values`.
+
+    - `code`: the place of the verdict in `"rests", "hunts", "creeps", "unstable"`; `verdict`: the word.
+    - `amplitude`: half of the way of the component in the last quarter of the run, in its unit;
+      `period` of hunting [s], NaN where there is none.
+    """
+
+    values: dict[str, Any]
+    code: Int[Array, "..."]
+    amplitude: Float[Array, "..."]
+    period: Float[Array, "..."]
+
+    @property
+    def verdict(self) -> np.ndarray:
+        """The verdicts as words."""
+        return np.array(VERDICTS)[np.asarray(self.code)]
+
+
+class _Levelled(AbstractSystemWrapper):
+    """The same system, with a level of a component to be crossed."""
+
+    system: AbstractHybridSystem
+    level: Any
+
+    def inner(self, y, args):
+        return y, args
+
+    def vector_field(self, t, y, mode, args):
+        return self.system.vector_field(t, y, mode, args)
+
+    def transition(self, t, y, mode, guard, args):
+        return self.system.transition(t, y, mode, guard, args)
+
+
+def hunting_map(
+    loop: Callable[..., AbstractHybridSystem],
+    values: NamedNumbers,
+    start: Callable[[Any], Controlled],
+    duration: Numeric,
+    component: Given[str],
+    *,
+    resolution: Numeric,
+    integrator: Given[Integrator | None] = None,
+) -> HuntingMap:
+    r"""Whether loops come to rest or hunt, over gains, sample times, friction or whatever else.
+
+    Each lane runs for `duration`; the third and the last quarter are compared.
+
+    - `"rests"`: in the last quarter the component moves by `resolution` at most, and the output of the
+      controller does not change. As long as an integrator winds up, a block that sticks is not at rest.
+    - `"hunts"`: it moves to and fro, at least half as far as in the quarter before.
+    - `"creeps"`: neither; it still settles, or has not come back within a quarter.
+    - `"unstable"`: it moves more than twice as far as in the quarter before, or the run has failed.
+
+    **Arguments**
+
+    - `loop(**point) -> WithController`, or a system around one whose state is a `Controlled`;
+      `start(system) -> y0`.
+    - `values`: parameter name to an array of values, all of one shape, as `numpy.meshgrid` makes them.
+    - `duration` [s]: eight periods of the slowest hunting, or more. `component`: name of a number of
+      the state; `resolution` in its unit, positive.
+    - `integrator`: as for `simulate`.
+
+    **Returns** a `HuntingMap`. **Errors** `ValueError`, `TypeError` naming the argument.
+    """
+    check_callable("start", start, "start(system) -> y0", None)
+    given = check_mapping("values", values, "a mapping from names of parameters to arrays")
+    arrays = {n: as_parameter(numbers(f"values[{n!r}]", a)) for n, a in given.items()}
+    shapes = {a.shape for a in arrays.values()}
+    if len(shapes) != 1 or () in shapes or any(0 in shape for shape in shapes):
+        raise refusal("values", {n: a.shape for n, a in arrays.items()}, "arrays of one shape")
+    one_number("duration", duration, "positive")
+    one_number("resolution", resolution, "positive")
+    if integrator is not None:
+        check_type("integrator", integrator, Integrator, "an Integrator or None")
+    point = {name: numbers(name, a).ravel()[0] for name, a in given.items()}
+    first = check_callable("loop", loop, "loop(**point) -> system", **point)(**point)
+    check_type("loop(...)", first, AbstractHybridSystem, "an AbstractHybridSystem")
+    y0 = check_type("start(...)", start(first), Controlled, "a Controlled")
+    place = place_of(y0, component) if isinstance(component, str) else None
+    if place is None:
+        raise refusal("component", component, f"one of {component_list(y0)}")
+    above = Section(
+        lambda system, t, y, dy, mode, args: place.read(y) - system.level, "rising", name="middle"
+    )
+    # Of each of the two quarters; as many crossings find room.
+    samples = 256
+    parts = jnp.linspace(0.5, 1.0, 2 * samples + 1) * duration
+
+    def one(point: Mapping[str, Any]) -> tuple:
+        system = loop(**point)
+
+        def run(system, t0, t1, y, mode, **saved):
+            keeps = SaveAt(max_events=None, max_crossings=samples, **saved)
+            return simulate(system, t0, t1, y, mode, integrator=integrator, saveat=keeps, throw=False)
+
+        def look(found):
+            x = jax.vmap(place.read)(found.outputs.y)
+            u = jnp.stack([jnp.ravel(a) for a in jax.tree.leaves(found.outputs.y.output)])
+            return jnp.max(x), jnp.min(x), jnp.all(jnp.ptp(u, axis=-1) == 0.0)
+
+        early = run(system, 0.0, parts[0], start(system), None)
+        middle = parts[samples]
+        third = run(system, parts[0], middle, early.y1, early.mode1, ts=parts[: samples + 1])
+        high, low, _ = look(third)
+        level = _Levelled(system, 0.5 * (high + low))
+        fourth = run(
+            level, middle, parts[-1], third.y1, third.mode1, ts=parts[samples :],
+            sections=above,
+        )  # fmt: skip
+        top, bottom, still = look(fourth)
+        before, now = high - low, top - bottom
+        crossed, count = fourth.crossings[0], fourth.crossings[0].count
+        last = crossed.t[jnp.clip(count - 1, 0, samples - 1)]
+        period = (last - crossed.t[0]) / jnp.maximum(count - 1, 1).astype(jnp.float64)
+        fine = early.successful & third.successful & fourth.successful & jnp.isfinite(now)
+        hunts = (count >= 2) & (now > resolution) & (2.0 * now >= before)
+        rests = (now <= resolution) & still
+        code = jnp.where(rests, 0, jnp.where(hunts, 1, 2))
+        grown = (now > 2.0 * before) & (now > resolution)
+        code = jnp.where(fine & ~grown, code, 3)
+        return code, 0.5 * now, jnp.where(code == 1, period, jnp.nan)
+
+    lanes = {name: jnp.ravel(a) for name, a in arrays.items()}
+    (shape,) = shapes
+    code, amplitude, period = (jnp.reshape(a, shape) for a in map_lanes(one)(lanes))
+    return HuntingMap(arrays, code, amplitude, period)

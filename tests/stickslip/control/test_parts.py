@@ -1,0 +1,169 @@
+"""Ready controllers against their equations in NumPy, and what they are for."""
+
+from typing import ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import stickslip as ss
+from stickslip.control import (
+    PID,
+    Cascade,
+    DisturbanceObserver,
+    FrictionFeedforward,
+    ResetPID,
+    WithController,
+    ZeroVibration,
+    encoder_reading,
+    reading_noise,
+)
+from stickslip.systems import Motion
+from tests.stickslip.control._axis import Axis, begin, under_pid
+
+READINGS = np.random.default_rng(1).uniform(-1.0, 1.0, (30, 2))
+T = 0.01
+
+
+def outputs_of(controller):
+    found, state = [], controller.state()
+    for k, read in enumerate(READINGS):
+        output, state = controller(k, k * T, read, state, None)
+        found.append(float(output))
+    return np.array(found)
+
+
+@pytest.mark.parametrize("tracking", [None, 0.05])
+def test_pid_with_a_limit(tracking):
+    pid = PID(2.0, 80.0, 0.3, period=T, reference=0.4, limit=1.5, tracking_time=tracking)
+    total, expected = 0.0, []
+    for x, v in READINGS:
+        error = 0.4 - x
+        wound = total + 80.0 * T * error
+        free = 2.0 * error + wound - 0.3 * v
+        u = min(max(free, -1.5), 1.5)
+        if tracking is not None:
+            wound += T / tracking * (u - free)
+        elif u != free and error * free > 0.0:
+            wound = total
+            u = min(max(2.0 * error + wound - 0.3 * v, -1.5), 1.5)
+        total = wound
+        expected.append(u)
+    found = outputs_of(pid)
+    assert np.allclose(found, expected, atol=1e-14)
+    assert np.max(np.abs(found)) == 1.5
+
+
+def test_without_anti_windup_a_limit_would_overshoot():
+    ends = []
+    for tracking_time in (None, 0.1, 1e9):
+        pid = {"limit": 2.0, "tracking_time": tracking_time, "reference": 1.0}
+        loop = under_pid(0.01, 50.0, 50.0, 10.0, 0.0, 0.0, pid)
+        run = ss.simulate(
+            loop, 0.0, 10.0, begin(loop, 0.0), saveat=ss.SaveAt(ts=jnp.linspace(0.0, 10.0, 201))
+        )
+        ends.append(float(jnp.max(run.outputs.y.y.x)) - 1.0)
+    assert max(ends[:2]) < 0.2 * ends[2]
+
+
+def test_cascade():
+    cascade = Cascade(3.0, 2.0, 40.0, period=T, reference=lambda t, args: (jnp.sin(t), jnp.cos(t)))
+    total, expected = 0.0, []
+    for k, (x, v) in enumerate(READINGS):
+        slow = np.cos(k * T) + 3.0 * (np.sin(k * T) - x) - v
+        total += 40.0 * T * slow
+        expected.append(2.0 * slow + total)
+    assert np.allclose(outputs_of(cascade), expected, atol=1e-13)
+
+
+def test_a_reset_integrator_rests_where_a_pid_hunts():
+    pid = PID(50.0, 200.0, 10.0, period=T)
+    moves = []
+    for update in (pid, ResetPID(pid, 0.0)):
+        loop = WithController(Axis(), update, T, update.state())
+        times = jnp.linspace(20.0, 40.0, 401)
+        run = ss.simulate(loop, 0.0, 40.0, begin(loop), saveat=ss.SaveAt(ts=times))
+        moves.append(float(jnp.ptp(run.outputs.y.y.x)))
+    assert moves[1] < 0.5 * moves[0]
+    error, total, expected = 0.0, 0.0, []
+    for x, v in READINGS:
+        total = -0.5 * total if error * (0.1 - x) < 0.0 else total
+        error = 0.1 - x
+        total += 200.0 * T * error
+        expected.append(50.0 * error + total - 10.0 * v)
+    reset = ResetPID(PID(50.0, 200.0, 10.0, period=T, reference=0.1), -0.5)
+    assert np.allclose(outputs_of(reset), expected, atol=1e-13)
+
+
+def test_friction_added_along_the_reference_and_by_the_measured_speed():
+    """Behind the reference the axis has 1 N of friction less to overcome; by its own speed it has no
+    push at rest: 1.2 N of static friction hold it."""
+    w = 0.5
+
+    def reference(t, args):
+        return w * t, w * jnp.ones(())
+
+    def friction(speed):
+        return 1.0 * jnp.tanh(speed / 1e-3)
+
+    lags = []
+    for along in (None, reference, "none"):
+        pid = PID(40.0, 0.0, 10.0, period=T, reference=reference)
+        update = pid if along == "none" else FrictionFeedforward(pid, friction, along)
+        loop = WithController(Axis(1.2, 1.0), update, T, update.state())
+        run = ss.simulate(loop, 0.0, 5.0, begin(loop, 0.0, w))
+        lags.append(w * 5.0 - float(run.y1.y.x))
+    assert lags[2] == pytest.approx(1.0 / 40.0, rel=0.01)
+    assert abs(lags[1]) < 1e-4
+    assert abs(lags[0]) < 1e-4
+    update = FrictionFeedforward(PID(1.0, 0.0, 0.0, period=T, reference=0.5), friction)
+    held = WithController(Axis(1.2, 1.0), update, T, update.state())
+    assert float(ss.simulate(held, 0.0, 1.0, begin(held, 0.0)).y1.y.x) == 0.0
+
+
+def test_a_disturbance_observer_takes_a_force_away():
+    class Pushed(ss.AbstractSmoothSystem):
+        units: ClassVar = {"x": "m", "v": "m/s"}
+
+        def vector_field(self, t, y, mode, args):
+            return Motion(x=y.v, v=(args.output + 3.0) / 2.0)
+
+    pid = PID(80.0, 0.0, 25.0, period=T)
+    ends = []
+    for update in (pid, DisturbanceObserver(pid, 2.0, 20.0, period=T)):
+        loop = WithController(Pushed(), update, T, update.state())
+        ends.append(ss.simulate(loop, 0.0, 5.0, loop.start(Motion(0.0, 0.0))).y1)
+    assert float(ends[0].y.x) == pytest.approx(3.0 / 80.0, rel=1e-4)
+    assert float(ends[1].y.x) == pytest.approx(0.0, abs=1e-7)
+    assert float(ends[1].state.output) == pytest.approx(-3.0, abs=1e-5)
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.2])
+def test_a_shaped_reference_leaves_no_vibration(damping):
+    """A mass behind a spring whose end jumps: at rest for good as soon as the reference is."""
+    omega = 7.0
+    step = ZeroVibration(lambda t, args: (jnp.where(t >= 0.05, 1.0, 0.0), 0.0), omega, damping)
+    half = np.pi / (omega * np.sqrt(1.0 - damping**2))
+
+    class Spring(ss.AbstractSmoothSystem):
+        units: ClassVar = {"x": "m", "v": "m/s"}
+
+        def vector_field(self, t, y, mode, args):
+            pull = omega**2 * (step(t, None)[0] - y.x)
+            return Motion(x=y.v, v=pull - 2.0 * damping * omega * y.v)
+
+    loaded = ss.WithBreaks(Spring(), [0.05, 0.05 + half])
+    run = ss.simulate(loaded, 0.0, 0.05 + half, loaded.start(Motion(0.0, 0.0)))
+    assert float(run.y1.y.x) == pytest.approx(1.0, abs=1e-9)
+    assert float(run.y1.y.v) == pytest.approx(0.0, abs=1e-8)
+
+
+def test_readings():
+    assert np.allclose(encoder_reading(np.array([0.26, -0.26, 0.25]), 0.5), [0.5, -0.5, 0.5])
+    assert float(jax.grad(lambda x: encoder_reading(x, 0.5))(0.3)) == 0.0
+    noise = np.array([reading_noise(3, k) for k in range(400)])
+    assert noise[7] == reading_noise(3, 7)
+    assert noise[7] != reading_noise(4, 7)
+    assert abs(np.mean(noise)) < 0.15
+    assert np.std(noise) == pytest.approx(1.0, abs=0.1)
