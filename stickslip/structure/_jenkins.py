@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float, PyTree
 
 from .._argument_checks import check_arguments, count, number
-from .._types import Given, Numeric
+from .._types import Given, Numeric, Row
 from .._validation import (
     as_parameter,
     check_callable,
@@ -116,9 +116,9 @@ class Jenkins(eqx.Module):
 
     def __init__(
         self,
-        direction: Given[Mapping[str, float] | Callable],
-        stiffness: Numeric,
-        bound: Given[Numeric | Callable],
+        direction: Given[Mapping[str, float] | Row | Callable],
+        stiffness: Numeric | Row,
+        bound: Given[Numeric | Row | Callable],
     ):
         self.direction = _along(direction)
         k = as_parameter(check_positive("stiffness", stiffness))
@@ -165,7 +165,7 @@ class Jenkins(eqx.Module):
     ratio=number("not negative"), sliders=count(2, 10_000),
 )  # fmt: skip
 def iwan(
-    direction: Given[Mapping[str, float] | Callable],
+    direction: Given[Mapping[str, float] | Row | Callable],
     slip_force: Numeric,
     stiffness: Numeric,
     exponent: Numeric,
