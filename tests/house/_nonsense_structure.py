@@ -30,7 +30,7 @@ TARGETS = [
     ),
     Target(
         structure.masing_loop,
-        {"element": arg(ELEMENT), "amplitude": arg(0.3, *NOT_NEGATIVE, "row", "rows")},
+        {"element": arg(ELEMENT), "amplitude": arg(0.3, *NOT_NEGATIVE)},
     ),
     Target(
         structure.HarmonicForce,
