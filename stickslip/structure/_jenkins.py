@@ -63,9 +63,9 @@ def _along(direction: Any) -> Any:
     elif callable(direction):
         return as_called("direction", direction, "direction(q) -> elongation", 0)
     else:
-        row, names = as_parameter(check_finite("direction", direction)), None
-        if row.ndim != 1:
+        if np.ndim(check_finite("direction", direction)) != 1:
             raise shape_refusal("direction", direction, "one row, a number for each coordinate")
+        row, names = as_parameter(direction), None
     if is_concrete(row) and not np.any(np.asarray(row)):
         raise refusal("direction", direction, "numbers of which one at least is not 0")
     return Along(row, names)
