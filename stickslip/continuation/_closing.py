@@ -221,10 +221,10 @@ def extent(
     """How far each component moves along one period, and the states and modes at the knots.
 
     `moves`: the difference between the largest and the smallest value; where a component does not
-    move, its value; where this is 0, the largest of the others with its unit, or 1. `least`: the least absolute value, 0 where the component passes through zero.
-    `turns`: how often each angle goes round: whole ones nearest to what it has `gained` in the period,
-    or, where this is NaN, to what it gains in the simulation. `shifts`: columns that change nothing, in
-    parts of `moves`.
+    move, its value; where this is 0, the largest of the others with its unit, or 1. `least`: the least
+    absolute value, 0 where the component passes through zero. `turns`: how often each angle goes round:
+    whole ones nearest to what it has `gained` in the period, or, where this is NaN, to what it gains in
+    the simulation. `shifts`: columns that change nothing, in parts of `moves`.
     """
     # Knots first, so that none is missed by rounding.
     parts = segments * -(-ACCURACY.samples // segments)
