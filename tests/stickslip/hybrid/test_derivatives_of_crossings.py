@@ -1,6 +1,6 @@
 """Derivatives of crossings between stiff phases, and of what depends on the steps alone.
 
-The derivative is computed in a run of its own. After a stiff phase its steps end elsewhere than those
+The derivative is computed in a run of its own. Its steps after a stiff phase end elsewhere than those
 of the motion: rounding chooses them. Differences of runs know nothing of that.
 """
 
