@@ -12,6 +12,7 @@ from jaxtyping import Array, Float, PyTree
 from .._validation import refusal
 from ..analysis.neutral_directions import neutral_shifts, projection_on
 from ..hybrid import AbstractHybridSystem, Integrator, SaveAt, simulate
+from ..hybrid.components import components_of
 from ..hybrid.longest_step import depends_on_time
 from ._accuracy import ACCURACY
 from ._holding import on_constraints
@@ -220,10 +221,10 @@ def extent(
     """How far each component moves along one period, and the states and modes at the knots.
 
     `moves`: the difference between the largest and the smallest value; where a component does not
-    move, its value, or 1. `least`: the least absolute value, 0 where the component passes through zero.
-    `turns`: how often each angle goes round: whole ones nearest to what it has `gained` in the period,
-    or, where this is NaN, to what it gains in the simulation. `shifts`: columns that change nothing, in
-    parts of `moves`.
+    move, its value; where this is 0, the largest of the others with its unit, or 1. `least`: the least
+    absolute value, 0 where the component passes through zero. `turns`: how often each angle goes round:
+    whole ones nearest to what it has `gained` in the period, or, where this is NaN, to what it gains in
+    the simulation. `shifts`: columns that change nothing, in parts of `moves`.
     """
     # Knots first, so that none is missed by rounding.
     parts = segments * -(-ACCURACY.samples // segments)
@@ -240,7 +241,9 @@ def extent(
     low = jnp.min(jnp.where(finite, flat, jnp.inf), axis=0)
     largest = jnp.maximum(jnp.abs(high), jnp.abs(low))
     span = high - low
-    moves = jnp.where(span > ACCURACY.short * largest, span, jnp.where(largest > 0, largest, 1.0))
+    goes = span > ACCURACY.short * largest
+    rests = jnp.where(largest > 0, largest, _alike(motion.system, y, jnp.where(goes, span, 0.0)))
+    moves = jnp.where(goes, span, rests)
     each = parts // segments
     knots, found = flat[::each], outputs.mode[::each]
     first, unravel = ravel_pytree(y)
@@ -256,6 +259,15 @@ def extent(
     turns = whole_turns(gained, in_units(projection_on(shifts), moves), turn)
     least = jnp.maximum(jnp.maximum(low, -high), 0.0)
     return Extent(moves, least, turns, shifts, knots, modes)
+
+
+def _alike(system: AbstractHybridSystem, y: PyTree, spans: Array) -> Array:
+    """For each component the largest span of those with its unit; 1 where none of them moves."""
+    named = components_of(y).items()
+    units = [system.units.get(name) for name, leaf in named for _ in range(np.size(leaf))]
+    same = np.array([[one is not None and one == other for other in units] for one in units])
+    most = jnp.max(jnp.where(same, spans[None, :], 0.0), axis=1)
+    return jnp.where(most > 0.0, most, 1.0)
 
 
 def _closed_by(shifts: Array, path: Float[Array, "sample size"], goes: Array) -> Array:

@@ -208,6 +208,11 @@ class InOneMode(AbstractSmoothSystem):
     mode: Any
 
     @property
+    def units(self):
+        """Those of `system`."""
+        return self.system.units
+
+    @property
     def periods(self):
         """Those of `system`."""
         return self.system.periods

@@ -9,6 +9,8 @@ from ._jenkins import iwan as iwan
 from ._linear_structure import HarmonicForce as HarmonicForce
 from ._linear_structure import LinearStructure as LinearStructure
 from ._linear_structure import StructureState as StructureState
+from ._masing import HysteresisLoop as HysteresisLoop
+from ._masing import masing_loop as masing_loop
 from ._reduce import Reduction as Reduction
 from ._reduce import craig_bampton as craig_bampton
 from ._reduce import modal_damping as modal_damping

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float, PyTree
 
 from .._argument_checks import check_arguments, count, number
-from .._types import Given, Numeric
+from .._types import Given, Numeric, Row
 from .._validation import (
     as_parameter,
     check_callable,
@@ -63,9 +63,9 @@ def _along(direction: Any) -> Any:
     elif callable(direction):
         return as_called("direction", direction, "direction(q) -> elongation", 0)
     else:
-        row, names = as_parameter(check_finite("direction", direction)), None
-        if row.ndim != 1:
+        if np.ndim(check_finite("direction", direction)) != 1:
             raise shape_refusal("direction", direction, "one row, a number for each coordinate")
+        row, names = as_parameter(direction), None
     if is_concrete(row) and not np.any(np.asarray(row)):
         raise refusal("direction", direction, "numbers of which one at least is not 0")
     return Along(row, names)
@@ -116,9 +116,9 @@ class Jenkins(eqx.Module):
 
     def __init__(
         self,
-        direction: Given[Mapping[str, float] | Callable],
-        stiffness: Numeric,
-        bound: Given[Numeric | Callable],
+        direction: Given[Mapping[str, float] | Row | Callable],
+        stiffness: Numeric | Row,
+        bound: Given[Numeric | Row | Callable],
     ):
         self.direction = _along(direction)
         k = as_parameter(check_positive("stiffness", stiffness))
@@ -165,7 +165,7 @@ class Jenkins(eqx.Module):
     ratio=number("not negative"), sliders=count(2, 10_000),
 )  # fmt: skip
 def iwan(
-    direction: Given[Mapping[str, float] | Callable],
+    direction: Given[Mapping[str, float] | Row | Callable],
     slip_force: Numeric,
     stiffness: Numeric,
     exponent: Numeric,

@@ -29,6 +29,10 @@ TARGETS = [
         },
     ),
     Target(
+        structure.masing_loop,
+        {"element": arg(ELEMENT), "amplitude": arg(0.3, *NOT_NEGATIVE)},
+    ),
+    Target(
         structure.HarmonicForce,
         {
             "amplitude": arg([1.0, 0.0], "row", "batch"), "frequency": arg(1.0, *POSITIVE),

@@ -150,6 +150,17 @@ def test_every_point_is_in_closed_form(jenkins):
     np.testing.assert_allclose(force - dashpot, loop, rtol=1e-3, atol=1e-6)
 
 
+@pytest.mark.parametrize("unit", [1.0, 1e-9])
+def test_a_slider_that_never_moves_has_the_size_of_what_does(unit):
+    """In nanometres as in metres: its place is one multiplier, the others are those of the mass."""
+    found = forced_response(Jenkins(0.8, limit=0.1 * unit, force=0.1 * unit), REST, PUSH)
+    decay = np.exp(-0.02 * 2.0 * np.pi / 0.8)
+    assert float(found.y0.z) == 0.0
+    np.testing.assert_allclose(np.abs(found.multipliers), [1.0, decay, decay], rtol=1e-6)
+    assert (int(found.num_conserved), bool(found.stable)) == (1, True)
+    assert float(found.amplitude["x"]) == pytest.approx(0.116198657201 * unit, rel=1e-9)
+
+
 @pytest.mark.slow
 def test_harmonic_balance_converges_to_it():
     known = float(forced_response(Jenkins(1.1), REST, PUSH).amplitude["x"])
