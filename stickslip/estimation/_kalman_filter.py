@@ -27,7 +27,7 @@ from ..hybrid import RESULTS, AbstractHybridSystem, Integrator, SaveAt, jit_plai
 from ..hybrid.arguments import start_of, the_system, times
 from ..hybrid.longest_step import spanning
 from ..hybrid.tree import with_float_arrays
-from ._gaussian import Gaussian
+from ._gaussian import Gaussian, shapes_of
 from ._mode_after import mode_after
 from ._noise import Noise
 from ._state_estimate import FORM, Observe, StateEstimate
@@ -138,17 +138,16 @@ def kalman_filter(
     t0 = as_parameter(t0)
     mean, mode = start_of(system, t0, start.mean, start.mode, args)
     system.check_start(t0, mean, args)
+    if start.mode is not None:
+        system.check_mode(t0, mean, mode, args)
     found = eqx.filter_eval_shape(measure, system, t0, mean, mode, args)
     named = check_mapping("measure(system, t, y, mode, args)", found)
     if named.keys() != rows.keys() or any(jnp.shape(a) != () for a in named.values()):
         allowed = f"one number for each of {', '.join(rows)}"
         raise refusal("measure(system, t, y, mode, args)", sorted(named), allowed)
-    form = jax.tree.structure(mean)
-    process = noise.process
-    if process is None:
-        process = jax.tree.map(jnp.zeros_like, mean)
-    if [*map(jnp.shape, jax.tree.leaves(process))] != [*map(jnp.shape, jax.tree.leaves(mean))]:
-        raise refusal("noise.process", noise.process, f"a state as that of start, {form}")
+    process = jax.tree.map(jnp.zeros_like, mean) if noise.process is None else noise.process
+    if shapes_of(process) != shapes_of(mean):
+        raise refusal("noise.process", process, "a state with the components of start.mean")
     density = ravel_pytree(process)[0]
     values = jnp.stack([jnp.asarray(rows[name], jnp.float64) for name in rows], axis=1)
     deviations = jnp.stack([noise.measured[name] for name in rows])
@@ -208,8 +207,8 @@ def _filter(system, t0, first, data, measure, args, integrator, names) -> Filter
         narrowed = held @ narrowed @ held.T
         result = RESULTS.where(good & (new_mode < 0), RESULTS.no_admissible_mode, result)
         good = good & (new_mode >= 0)
-        constant = jnp.sum(present) * jnp.log(2.0 * jnp.pi)
-        score = -0.5 * (nis + 2.0 * jnp.sum(jnp.log(jnp.diagonal(lower))) + constant)
+        sizes = 2.0 * jnp.log(jnp.diagonal(lower)) + jnp.where(present, jnp.log(2.0 * jnp.pi), 0.0)
+        score = -0.5 * (nis + jnp.sum(sizes))
         floats = (
             there, before, after, narrowed, jnp.where(present, off, jnp.nan), spread, nis,
             run.y1.transition, slope,
@@ -222,7 +221,8 @@ def _filter(system, t0, first, data, measure, args, integrator, names) -> Filter
         return carry, (floats, run.mode1, new_mode, run.flags, jnp.where(good, score, -jnp.inf))
 
     held = WithSpread(system, density).held(t0, y0, mode0, args)
-    carry = (t0, flat, held @ covariance @ held.T, mode0, mode0 >= 0, RESULTS.successful)
+    result = RESULTS.where(mode0 >= 0, RESULTS.successful, RESULTS.no_admissible_mode)
+    carry = (t0, flat, held @ covariance @ held.T, mode0, mode0 >= 0, result)
     carry, (floats, mode_before, mode, flags, scores) = jax.lax.scan(onwards, carry, (stamps, values))
     there, before, after, narrowed, off, spread, nis, transitions, slopes = floats
     states = jax.vmap(unravel)

@@ -3,7 +3,6 @@
 from typing import NamedTuple
 
 import jax.numpy as jnp
-from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree
 
 from ..analysis.held_directions import held_directions
@@ -70,8 +69,3 @@ class WithSpread(AbstractSystemWrapper):
         saltation = held @ tangent.columns(after)
         noise = saltation @ y.noise @ saltation.T
         return Spread(after.y, saltation @ y.transition, noise, self._intensity(held)), mode
-
-
-def flat_size(y: PyTree) -> int:
-    """How many numbers a state has."""
-    return ravel_pytree(y)[0].size
